@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace angio {
+
+/// Walks over the fields of a settings struct: reading, writing and checking are visitors, so that each field is named once.
+///
+/// A settings struct offers `void visit(SettingsVisitor& v)`, with one line per field:
+///     v.integer("iterations", iterations, 1, 1000);
+/// Keys carry units (`spacing_mm`); the values behind them are in the unit the key names.
+class SettingsVisitor {
+ public:
+  virtual ~SettingsVisitor() = default;
+  virtual void number(const char* key, double& value, double low, double high) = 0;
+  virtual void integer(const char* key, int& value, int low, int high) = 0;
+  virtual void flag(const char* key, bool& value) = 0;
+  /// A list of exactly `count` numbers, each within [low, high].
+  virtual void numbers(const char* key, double* values, int count, double low, double high) = 0;
+  virtual void choiceIndex(const char* key, int& index, const std::vector<std::string>& names) = 0;
+  virtual void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields) = 0;
+
+  /// An enum whose values count from 0, by its names.
+  template <typename Enum>
+  void choice(const char* key, Enum& value, const std::vector<std::string>& names) {
+    int index = static_cast<int>(value);
+    choiceIndex(key, index, names);
+    value = static_cast<Enum>(index);
+  }
+};
+
+/// Throws InputError that names `place`, key, value and rule when a field is out of its range or not finite.
+void checkSettings(const std::string& place, const std::function<void(SettingsVisitor&)>& visit_fields);
+
+/// The same for a struct with `visit`.
+template <typename Settings>
+void checkSettings(const std::string& place, Settings settings) {
+  checkSettings(place, std::function<void(SettingsVisitor&)>([&](SettingsVisitor& v) { settings.visit(v); }));
+}
+
+}  // namespace angio
