@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/geometry/visp.hpp"
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+
+vpHomogeneousMatrix toVisp(const Pose& T) {
+  vpHomogeneousMatrix M;
+  for (unsigned r = 0; r < 3; ++r) {
+    for (unsigned c = 0; c < 4; ++c) M[r][c] = T.matrix()(r, c);
+  }
+  return M;
+}
+
+Pose fromVisp(const vpHomogeneousMatrix& M) {
+  Pose T = Pose::Identity();
+  for (unsigned r = 0; r < 3; ++r) {
+    for (unsigned c = 0; c < 4; ++c) T.matrix()(r, c) = M[r][c];
+  }
+  const double defect = rotationDefect(T.linear());
+  if (!(defect < 1e-4)) throw InputError("vpHomogeneousMatrix", "R^T R - I", shown(defect), "must be a rotation matrix");
+  requireFinite("vpHomogeneousMatrix", "t", T.translation().sum());
+  T.linear() = nearestRotation(T.linear());
+  return T;
+}
+
+vpMatrix toVisp(const Eigen::Ref<const Eigen::MatrixXd>& M) {
+  vpMatrix result(static_cast<unsigned>(M.rows()), static_cast<unsigned>(M.cols()));
+  for (Eigen::Index r = 0; r < M.rows(); ++r) {
+    for (Eigen::Index c = 0; c < M.cols(); ++c) result[static_cast<unsigned>(r)][static_cast<unsigned>(c)] = M(r, c);
+  }
+  return result;
+}
+
+vpCameraParameters toVisp(const XrayCamera& camera) {
+  const auto& p = camera.parameters();
+  return vpCameraParameters(p.fx_px, p.fy_px, p.cx_px, p.cy_px);
+}
+
+XrayCamera fromVisp(const vpCameraParameters& parameters, int width_px, int height_px) {
+  if (parameters.get_projModel() != vpCameraParameters::perspectiveProjWithoutDistortion) {
+    throw InputError("vpCameraParameters", "distortion", "present", "must be corrected in the image first");
+  }
+  XrayCamera::Parameters p;
+  p.width_px = width_px;
+  p.height_px = height_px;
+  p.fx_px = parameters.get_px();
+  p.fy_px = parameters.get_py();
+  p.cx_px = parameters.get_u0();
+  p.cy_px = parameters.get_v0();
+  return XrayCamera(p);
+}
+
+}  // namespace angio
