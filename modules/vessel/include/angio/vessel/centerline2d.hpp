@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace angio {
+
+/// Vessel centreline seen in one X-ray image [px]: what an extractor gives and a registration takes.
+struct Centerline2d {
+  Eigen::Matrix2Xd points_px;   ///< 2 x N.
+  Eigen::VectorXd tangent_rad;  ///< N, undirected: in [-pi/2, pi/2).
+  std::vector<int> branch;      ///< N, or empty when the points have no order. Points of one branch stand together, in order.
+  Eigen::VectorXd radius_px;    ///< N, or empty when unknown.
+
+  int size() const { return static_cast<int>(points_px.cols()); }
+  bool ordered() const { return !branch.empty(); }
+};
+
+/// Builds a centreline and its tangents: along the branch by central differences, or, without branches, along the main
+/// axis of the nine nearest points.
+///
+/// Throws InputError when a coordinate is not finite or sizes differ.
+Centerline2d makeCenterline(Eigen::Matrix2Xd points_px, std::vector<int> branch = {}, Eigen::VectorXd radius_px = {});
+
+/// Puts points between the points of each branch so that none are further apart than `spacing_px`; all points stay.
+/// A centreline without branches, or `spacing_px` = 0, comes back as it is.
+Centerline2d densified(const Centerline2d& centerline, double spacing_px);
+
+/// An undirected angle brought into [-pi/2, pi/2).
+double undirected(double angle_rad);
+
+}  // namespace angio
