@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <variant>
+
+#include "angio/imaging/otsu_settings.hpp"
+#include "angio/vessel/centerline2d.hpp"
+
+namespace angio {
+
+/// Finds vessel centrelines in an X-ray image. One object per stream of images: it keeps its buffers.
+class CenterlineExtractor {
+ public:
+  virtual ~CenterlineExtractor() = default;
+
+  /// Ordered branches with tangents and radii [px]; empty when there is no vessel. `image` is CV_8UC1 or CV_16UC1;
+  /// throws InputError for any other type or an empty image.
+  virtual Centerline2d extract(const cv::Mat& image) = 0;
+};
+
+/// The settings type is the choice of the method.
+using ExtractorSettings = std::variant<OtsuSettings>;
+
+/// Throws InputError when a setting is out of its range.
+std::unique_ptr<CenterlineExtractor> makeExtractor(const ExtractorSettings& settings);
+
+}  // namespace angio

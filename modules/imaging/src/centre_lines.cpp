@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "centre_lines.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <optional>
+
+#include "tube_profile.hpp"
+
+namespace angio {
+namespace {
+
+constexpr float kStairFilter = 2.5f;   // Takes the staircase of the pixel grid out of a line [working px].
+constexpr float kFinalFilter = 2.0f;   // Takes out what noise the profiles leave [working px].
+constexpr float kOffsetFilter = 3.0f;  // Over how far profiles are averaged [working px].
+
+// A background that changes from one side of a line to the other by this much absorption, and by this part of the
+// line's own, is the shadow of a collimator: soft tissue bends slowly. Looked at this far from the line's walls
+// [working px], since the background is known on a coarser grid.
+constexpr float kEdge = 0.5f, kEdgePart = 0.5f, kEdgeReach = 6;
+
+struct Profile {
+  float offset = 0;      // Centre of the vessel along the normal.
+  float half_width = 0;  // Of the part above half of the peak.
+  bool edge = false;     // Whether the background has a step here.
+};
+
+// One branch on its way from pixels to a centre line, in coordinates of the distance image.
+struct Track {
+  Polyline line;
+  std::vector<float> radius;
+  int begin = -1, end = -1;
+  bool closed = false;
+};
+
+class Centring {
+ public:
+  Centring(const SkeletonGraph& graph, const SkeletonImages& images, float blur)
+      : graph_(graph), images_(images), blur_(blur) {}
+
+  std::vector<CentreLine> run() {
+    std::vector<Track> tracks;
+    for (const auto& branch : graph_.branches) {
+      if (!branch.alive || (branch.line.size() < 2 && branch.begin < 0)) continue;
+      if (auto track = recentred(start(branch))) tracks.push_back(std::move(*track));
+    }
+    meet(tracks);
+    std::vector<CentreLine> result;
+    for (Track& track : tracks) {
+      track.line = smoothed(track.line, kFinalFilter, track.closed);
+      if (track.closed) {
+        track.line.push_back(track.line.front());
+        track.radius.push_back(track.radius.front());
+      }
+      clip(track, result);
+    }
+    return result;
+  }
+
+ private:
+  Track start(const SkeletonGraph::Branch& branch) const {
+    Polyline line;
+    if (branch.begin >= 0) line.push_back(graph_.nodes[branch.begin].position);
+    line.insert(line.end(), branch.line.begin(), branch.line.end());
+    if (branch.end >= 0) line.push_back(graph_.nodes[branch.end].position);
+    line = smoothed(line, kStairFilter, branch.closed);
+    Track track{{}, {}, branch.begin, branch.end, branch.closed};
+    for (const float place : equalSteps(line, 1)) track.line.push_back(at(line, place));
+    return track;
+  }
+
+  float distanceAt(const cv::Point2f& p) const {
+    const cv::Mat& d = images_.distance;
+    return d.at<float>(std::clamp(static_cast<int>(p.y + 0.5f), 0, d.rows - 1),
+                       std::clamp(static_cast<int>(p.x + 0.5f), 0, d.cols - 1));
+  }
+
+  // Bilinear; beyond the image its edge goes on.
+  float valueAt(const cv::Mat& a, const cv::Point2f& p) const {
+    const float x = std::clamp(p.x - static_cast<float>(images_.margin), 0.0f, static_cast<float>(a.cols - 1));
+    const float y = std::clamp(p.y - static_cast<float>(images_.margin), 0.0f, static_cast<float>(a.rows - 1));
+    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+    const int x1 = std::min(x0 + 1, a.cols - 1), y1 = std::min(y0 + 1, a.rows - 1);
+    const float u = x - static_cast<float>(x0), v = y - static_cast<float>(y0);
+    const float *upper = a.ptr<float>(y0), *lower = a.ptr<float>(y1);
+    return (1 - v) * ((1 - u) * upper[x0] + u * upper[x1]) + v * ((1 - u) * lower[x0] + u * lower[x1]);
+  }
+
+  // Nothing where the vessel's walls are not both seen, as next to another vessel.
+  std::optional<Profile> profileAt(const cv::Point2f& p, const cv::Point2f& normal) const {
+    const float depth = distanceAt(p);
+    const float step = depth > 4 ? 1.0f : 0.5f;
+    const int reach = static_cast<int>((2 * depth + 2 + 2 * blur_) / step);
+    std::vector<float>& value = profile_;
+    value.resize(2 * static_cast<std::size_t>(reach) + 1);
+    for (int k = -reach; k <= reach; ++k) {
+      value[k + reach] = valueAt(images_.absorption, p + normal * (step * static_cast<float>(k)));
+    }
+    const int near = static_cast<int>((0.7f * depth + 1) / step);
+    const auto peak = std::max_element(value.begin() + std::max(0, reach - near), value.begin() + reach + near + 1);
+    const float level = 0.5f * *peak;
+    if (!(level > 0)) return std::nullopt;
+    int left = static_cast<int>(peak - value.begin()), right = left;
+    while (left > 0 && value[left] > level) --left;
+    while (right < 2 * reach && value[right] > level) ++right;
+    if (value[left] > level || value[right] > level) return std::nullopt;
+    float moment = 0, mass = 0;
+    for (int k = left + 1; k < right; ++k) {
+      moment += (value[k] - level) * static_cast<float>(k - reach);
+      mass += value[k] - level;
+    }
+    const float from = static_cast<float>(left) + (level - value[left]) / (value[left + 1] - value[left]);
+    const float to = static_cast<float>(right) - (level - value[right]) / (value[right - 1] - value[right]);
+    const auto behind = [&](int k, float further) {
+      return valueAt(images_.background, p + normal * (step * static_cast<float>(k - reach) + further));
+    };
+    const float rise = std::abs(behind(left, -kEdgeReach) - behind(right, kEdgeReach));
+    const bool edge = rise > std::max(kEdge, kEdgePart * *peak);
+    return Profile{step * moment / mass, 0.5f * step * (to - from), edge};
+  }
+
+  // Part of the line [points] that belongs to the junction at its end more than to the branch.
+  std::size_t reachOf(int node, std::size_t size) const {
+    if (node < 0) return 0;
+    const auto reach = static_cast<std::size_t>(std::lround(graph_.nodes[node].radius + 1.5f));
+    return std::min(reach, (size - 1) / 2);
+  }
+
+  // Nothing for a line that follows an edge.
+  std::optional<Track> recentred(Track track) const {
+    const std::size_t n = track.line.size();
+    const std::size_t first = reachOf(track.begin, n), last = n - reachOf(track.end, n);
+    std::vector<std::optional<Profile>> profile(n);
+    std::vector<cv::Point2f> normal(n);
+    for (std::size_t i = 0; i < n; ++i) {
+      const cv::Point2f along = directionAt(track.line, i, 2);
+      normal[i] = {-along.y, along.x};
+      if (i >= first && i < last) profile[i] = profileAt(track.line[i], normal[i]);
+    }
+    const auto edges = std::count_if(profile.begin(), profile.end(), [](const auto& p) { return p && p->edge; });
+    const auto seen = std::count_if(profile.begin(), profile.end(), [](const auto& p) { return p.has_value(); });
+    if (2 * edges > seen) return std::nullopt;
+    track.radius.resize(n);
+    const int reach = static_cast<int>(2.5f * kOffsetFilter);
+    for (std::size_t i = 0; i < n; ++i) {
+      float total = 0, offset = 0, width = 0;
+      for (int k = -reach; k <= reach; ++k) {
+        const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + k;
+        if (j < 0 || j >= static_cast<std::ptrdiff_t>(n) || !profile[j]) continue;
+        const float weight = std::exp(-0.5f * static_cast<float>(k * k) / (kOffsetFilter * kOffsetFilter));
+        total += weight;
+        offset += weight * profile[j]->offset;
+        width += weight * profile[j]->half_width;
+      }
+      const float depth = distanceAt(track.line[i]);
+      if (total > 0) track.line[i] += normal[i] * std::clamp(offset / total, -depth, depth);
+      track.radius[i] = total > 0 ? tubeRadius(width / total, blur_) : depth;
+    }
+    return track;
+  }
+
+  // Brings the ends of all branches at a node to the point that is nearest to their extensions.
+  void meet(std::vector<Track>& tracks) const {
+    for (std::size_t n = 0; n < graph_.nodes.size(); ++n) {
+      const int node = static_cast<int>(n);
+      if (graph_.nodes[n].degree < 3) continue;
+      const cv::Point2f old = graph_.nodes[n].position;
+      // The old place counts as well, or two parallel branches would meet anywhere.
+      cv::Matx22f A = 0.1f * cv::Matx22f::eye();
+      cv::Vec2f b = 0.1f * cv::Vec2f(old.x, old.y);
+      const auto extend = [&](const Polyline& line, std::size_t i) {
+        const cv::Point2f along = directionAt(line, i, 3);
+        const cv::Matx22f across(1 - along.x * along.x, -along.x * along.y, -along.x * along.y, 1 - along.y * along.y);
+        A += across;
+        b += across * cv::Vec2f(line[i].x, line[i].y);
+      };
+      for (const Track& track : tracks) {
+        const std::size_t size = track.line.size(), reach = std::min(reachOf(node, size) + 3, (size - 1) / 2);
+        if (track.begin == node) extend(track.line, reach);
+        if (track.end == node) extend(track.line, size - 1 - reach);
+      }
+      const cv::Vec2f best = A.inv() * b;
+      cv::Point2f place(best[0], best[1]);
+      const float moved = static_cast<float>(cv::norm(place - old)), allowed = 1.5f * graph_.nodes[n].radius + 1;
+      if (moved > allowed) place = old + (place - old) * (allowed / moved);
+      for (Track& track : tracks) {
+        if (track.begin == node) straighten(track.line, reachOf(node, track.line.size()), place);
+        if (track.end != node) continue;
+        std::reverse(track.line.begin(), track.line.end());
+        straighten(track.line, reachOf(node, track.line.size()), place);
+        std::reverse(track.line.begin(), track.line.end());
+      }
+    }
+  }
+
+  static void straighten(Polyline& line, std::size_t reach, const cv::Point2f& place) {
+    const cv::Point2f from = line[reach];
+    for (std::size_t i = 0; i < reach; ++i) {
+      const float w = static_cast<float>(i) / static_cast<float>(reach);
+      line[i] = (1 - w) * place + w * from;
+    }
+    if (reach == 0) line.front() = place;
+  }
+
+  void clip(const Track& track, std::vector<CentreLine>& result) const {
+    const float margin = static_cast<float>(images_.margin);
+    const cv::Rect2f inside(-0.5f, -0.5f, static_cast<float>(images_.absorption.cols),
+                            static_cast<float>(images_.absorption.rows));
+    CentreLine piece;
+    for (std::size_t i = 0; i <= track.line.size(); ++i) {
+      const bool last = i == track.line.size();
+      const cv::Point2f p = last ? cv::Point2f() : track.line[i] - cv::Point2f(margin, margin);
+      if (!last && inside.contains(p)) {
+        piece.line.push_back(p);
+        piece.radius.push_back(track.radius[i]);
+      } else if (!piece.line.empty()) {
+        if (piece.line.size() > 1) result.push_back(std::move(piece));
+        piece = CentreLine();
+      }
+    }
+  }
+
+  const SkeletonGraph& graph_;
+  const SkeletonImages& images_;
+  float blur_ = 0;
+  mutable std::vector<float> profile_;
+};
+
+}  // namespace
+
+std::vector<CentreLine> centreLines(const SkeletonGraph& graph, const SkeletonImages& images, float blur) {
+  return Centring(graph, images, blur).run();
+}
+
+}  // namespace angio

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "flatten.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+namespace angio {
+namespace {
+
+// Half of 1024: a vessel of 1 mm is then still three pixels wide, and its centre line is found from its grey values.
+constexpr int kWorkingSide = 512;
+
+// Working pixels per pixel of the background's image: the widest vessel is still several of them.
+constexpr int kCoarse = 4;
+
+// Added to every pixel, as a part of the mean: it keeps the logarithm of black pixels finite, and the noise of a
+// collimator's shadow, or of an image stretched to full black, from being the strongest absorption there is. Vessels
+// lose a little contrast by it where the body is thick, and noise as much.
+constexpr double kDarkLevel = 0.2;
+
+// Noise is measured in blocks of this many working pixels, at every other one of them: in the logarithm it rises where
+// the body is thick, so that one number for the image would find vessels in the noise of its darkest part.
+constexpr int kBlock = 32;
+
+// Quantiles of a block that vessels hardly reach, even where they cover half of it, and where a normal distribution has
+// them in standard deviations.
+constexpr float kLowPart = 0.10f, kHighPart = 0.35f, kLowPlace = -1.2816f, kHighPlace = -0.3853f;
+
+// How much the background may bend, in absorption over half of `background_px`.
+constexpr float kBend = 0.15f;
+
+void raiseTo(float* to, const float* from, int count, float drop) {
+  for (int i = 0; i < count; ++i) to[i] = std::max(to[i], from[i] - drop);
+}
+
+// Greatest value within `reach` pixels less a paraboloid's fall, which is kBend at `reach`: rows first, then columns.
+void parabolicDilation(cv::Mat& image, cv::Mat& rows, int reach) {
+  const auto drop = [reach](int k) { return kBend * static_cast<float>(k * k) / static_cast<float>(reach * reach); };
+  image.copyTo(rows);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int k = 1; k <= reach; ++k) {
+      raiseTo(rows.ptr<float>(y), image.ptr<float>(y) + k, image.cols - k, drop(k));
+      raiseTo(rows.ptr<float>(y) + k, image.ptr<float>(y), image.cols - k, drop(k));
+    }
+  }
+  rows.copyTo(image);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int k = 1; k <= reach; ++k) {
+      if (y >= k) raiseTo(image.ptr<float>(y), rows.ptr<float>(y - k), image.cols, drop(k));
+      if (y + k < image.rows) raiseTo(image.ptr<float>(y), rows.ptr<float>(y + k), image.cols, drop(k));
+    }
+  }
+}
+
+float quantile(std::vector<float>& sample, float part) {
+  const auto place = sample.begin() + static_cast<std::ptrdiff_t>(part * static_cast<float>(sample.size() - 1));
+  std::nth_element(sample.begin(), place, sample.end());
+  return *place;
+}
+
+}  // namespace
+
+WorkingGrid::WorkingGrid(const cv::Size& image, double border_px) {
+  const int shorter = std::min(image.width, image.height);
+  scale = std::max(1, static_cast<int>(std::lround(static_cast<double>(shorter) / kWorkingSide)));
+  const int margin = std::min(static_cast<int>(std::lround(border_px)), (shorter - 1) / 2);
+  size = cv::Size(std::max(1, (image.width - 2 * margin) / scale), std::max(1, (image.height - 2 * margin) / scale));
+  roi =
+      cv::Rect(margin, margin, std::min(size.width * scale, image.width), std::min(size.height * scale, image.height));
+}
+
+cv::Point2f WorkingGrid::toImage(const cv::Point2f& p) const {
+  const float s = static_cast<float>(scale), centre = 0.5f * (s - 1);
+  return {static_cast<float>(roi.x) + s * p.x + centre, static_cast<float>(roi.y) + s * p.y + centre};
+}
+
+Flattened Flattening::operator()(const cv::Mat& image, const WorkingGrid& grid) {
+  cv::resize(image(grid.roi), shrunken_, grid.size, 0, 0, cv::INTER_AREA);
+  // A bright vessel is a picture printed in the negative; undone, it obeys Beer and Lambert like any other.
+  const double full = image.depth() == CV_8U ? 255 : 65535;
+  const bool negative = settings_.polarity == Polarity::kBright;
+  const double mean = cv::mean(shrunken_)[0];
+  const double level = kDarkLevel * (negative ? full - mean : mean) + 1e-3;
+  shrunken_.convertTo(absorption_, CV_32F, negative ? -1 : 1, (negative ? full : 0) + level);
+  cv::log(absorption_, absorption_);
+  estimateBackground(grid);
+  cv::subtract(background_, absorption_, absorption_);
+  const double sigma = settings_.smoothing_px / grid.scale;
+  if (sigma > 0.1) cv::GaussianBlur(absorption_, absorption_, cv::Size(), sigma, sigma, cv::BORDER_REFLECT_101);
+  measureNoise();
+  return {absorption_, noise_, background_};
+}
+
+// The logarithm of the image without vessels. A closing fills dark structures narrower than its element, however much
+// they absorb, where a mean or a wide median would be pulled along by them. The element is a paraboloid: a flat one
+// would cut the tops of the tissue's smooth hills off and leave them standing as vessels.
+void Flattening::estimateBackground(const WorkingGrid& grid) {
+  const cv::Size coarse_size(std::max(1, grid.size.width / kCoarse), std::max(1, grid.size.height / kCoarse));
+  cv::resize(absorption_, coarse_, coarse_size, 0, 0, cv::INTER_AREA);
+  const int reach = std::max(1, static_cast<int>(std::lround(0.5 * settings_.background_px / (grid.scale * kCoarse))));
+  // The edge goes on outside, so that a dark rim of the detector counts as background however narrow it is.
+  cv::copyMakeBorder(coarse_, closed_, 2 * reach, 2 * reach, 2 * reach, 2 * reach, cv::BORDER_REPLICATE);
+  parabolicDilation(closed_, rows_, reach);
+  cv::subtract(0, closed_, closed_);
+  parabolicDilation(closed_, rows_, reach);
+  cv::subtract(0, closed_(cv::Rect(cv::Point(2 * reach, 2 * reach), coarse_size)), coarse_);
+  cv::resize(coarse_, background_, grid.size, 0, 0, cv::INTER_LINEAR);
+}
+
+void Flattening::measureNoise() {
+  const int rows = std::max(1, absorption_.rows / kBlock), cols = std::max(1, absorption_.cols / kBlock);
+  block_level_.create(rows, cols, CV_32F);
+  block_noise_.create(rows, cols, CV_32F);
+  for (int by = 0; by < rows; ++by) {
+    for (int bx = 0; bx < cols; ++bx) {
+      sample_.clear();
+      for (int y = by * absorption_.rows / rows; y < (by + 1) * absorption_.rows / rows; y += 2) {
+        const float* row = absorption_.ptr<float>(y);
+        for (int x = bx * absorption_.cols / cols; x < (bx + 1) * absorption_.cols / cols; x += 2) {
+          sample_.push_back(row[x]);
+        }
+      }
+      const float low = quantile(sample_, kLowPart), high = quantile(sample_, kHighPart);
+      const float sigma = (high - low) / (kHighPlace - kLowPlace);
+      block_noise_.at<float>(by, bx) = sigma;
+      block_level_.at<float>(by, bx) = high - kHighPlace * sigma;
+    }
+  }
+  cv::medianBlur(block_noise_, block_noise_, 3);
+  cv::medianBlur(block_level_, block_level_, 3);
+  cv::resize(block_noise_, noise_, absorption_.size(), 0, 0, cv::INTER_LINEAR);
+  cv::resize(block_level_, level_, absorption_.size(), 0, 0, cv::INTER_LINEAR);
+  // The closing lies above the background by as much as noise does: what is left has its zero at the background again.
+  cv::subtract(absorption_, level_, absorption_);
+  cv::subtract(background_, level_, background_);
+}
+
+}  // namespace angio

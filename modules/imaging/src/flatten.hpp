@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "angio/imaging/otsu_settings.hpp"
+
+namespace angio {
+
+/// The grid on which vessels are sought: a part of the image, shrunken by a whole factor.
+struct WorkingGrid {
+  WorkingGrid(const cv::Size& image, double border_px);
+
+  cv::Rect roi;   ///< Part of the image that is looked at [px].
+  int scale = 1;  ///< Image pixels per working pixel.
+  cv::Size size;  ///< Of the working image.
+
+  /// Image position [px] of a working position.
+  cv::Point2f toImage(const cv::Point2f& p) const;
+};
+
+/// What is left of an image when its background is taken away, and the background. All CV_32FC1 of the working grid's
+/// size.
+struct Flattened {
+  const cv::Mat& absorption;  ///< About 0 outside vessels, positive in them.
+  const cv::Mat& noise;       ///< Standard deviation of the absorption outside vessels, noise and clutter alike.
+  const cv::Mat& background;  ///< Logarithm of the image without vessels.
+};
+
+/// X-ray image -> absorption of the vessels alone: logarithm, background taken away, noise filtered.
+class Flattening {
+ public:
+  explicit Flattening(const OtsuSettings& settings) : settings_(settings) {}
+
+  /// Valid until the next call.
+  Flattened operator()(const cv::Mat& image, const WorkingGrid& grid);
+
+ private:
+  void estimateBackground(const WorkingGrid& grid);
+  void measureNoise();
+
+  OtsuSettings settings_;
+  cv::Mat shrunken_, absorption_, coarse_, closed_, rows_, background_;
+  cv::Mat block_level_, block_noise_, level_, noise_;
+  std::vector<float> sample_;
+};
+
+}  // namespace angio

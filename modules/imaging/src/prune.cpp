@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <algorithm>
+#include <map>
+
+#include "skeleton_graph.hpp"
+
+namespace angio {
+namespace {
+
+using Branch = SkeletonGraph::Branch;
+
+constexpr float kAlone = 2.5f;
+
+float distanceBetween(const cv::Point2f& a, const cv::Point2f& b) { return static_cast<float>(cv::norm(a - b)); }
+
+class Pruning {
+ public:
+  Pruning(SkeletonGraph& graph, const cv::Mat& distance, const PruningRules& rules)
+      : graph_(graph), distance_(distance), rules_(rules) {}
+
+  void run() {
+    dropRings();
+    while (dropSpurs()) joinPassedNodes();
+    joinPassedNodes();
+    while (contractBridges()) {
+      dropRings();
+      joinPassedNodes();
+    }
+    dropStubs();
+  }
+
+ private:
+  void kill(Branch& branch) {
+    branch.alive = false;
+    if (branch.begin >= 0) --graph_.nodes[branch.begin].degree;
+    if (branch.end >= 0) --graph_.nodes[branch.end].degree;
+  }
+
+  float radiusAt(const cv::Point2f& p) const {
+    return distance_.at<float>(static_cast<int>(p.y + 0.5f), static_cast<int>(p.x + 0.5f));
+  }
+
+  // A ring about a hole in the mask no wider than the vessel, and the longer way around such a hole.
+  void dropRings() {
+    std::map<std::pair<int, int>, Branch*> shortest;
+    for (Branch& branch : graph_.branches) {
+      if (!branch.alive) continue;
+      const float length = lengthOf(graph_, branch);
+      if (branch.closed ? length < 4 * rules_.shortest_branch
+                        : branch.begin >= 0 && branch.begin == branch.end &&
+                              length < 2 * (rules_.shortest_branch + graph_.nodes[branch.begin].radius)) {
+        kill(branch);
+        continue;
+      }
+      if (branch.closed || branch.begin < 0 || branch.end < 0 || branch.begin == branch.end) continue;
+      if (length > rules_.shortest_branch + graph_.nodes[branch.begin].radius) continue;
+      Branch*& other = shortest[std::minmax(branch.begin, branch.end)];
+      if (other == nullptr) {
+        other = &branch;
+        continue;
+      }
+      Branch& longer = length < lengthOf(graph_, *other) ? *other : branch;
+      if (&longer == other) other = &branch;
+      kill(longer);
+    }
+  }
+
+  // Shortest first: of a fork at a blunt end one tine goes, and the other is then the vessel's end.
+  bool dropSpurs() {
+    std::vector<std::pair<float, Branch*>> spurs;
+    for (Branch& branch : graph_.branches) {
+      if (!branch.alive || (branch.begin < 0) == (branch.end < 0)) continue;
+      const auto& node = graph_.nodes[std::max(branch.begin, branch.end)];
+      const float length = lengthOf(graph_, branch);
+      if (length - node.radius < rules_.shortest_branch) spurs.emplace_back(length, &branch);
+    }
+    std::stable_sort(spurs.begin(), spurs.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    bool changed = false;
+    for (const auto& [length, branch] : spurs) {
+      if (graph_.nodes[std::max(branch->begin, branch->end)].degree < 3) continue;
+      kill(*branch);
+      changed = true;
+    }
+    return changed;
+  }
+
+  void joinPassedNodes() {
+    std::vector<std::vector<int>> meeting(graph_.nodes.size());
+    for (std::size_t b = 0; b < graph_.branches.size(); ++b) {
+      const Branch& branch = graph_.branches[b];
+      if (!branch.alive) continue;
+      if (branch.begin >= 0) meeting[branch.begin].push_back(static_cast<int>(b));
+      if (branch.end >= 0) meeting[branch.end].push_back(static_cast<int>(b));
+    }
+    for (std::size_t n = 0; n < meeting.size(); ++n) {
+      const int node = static_cast<int>(n);
+      if (meeting[n].size() == 1) release(graph_.branches[meeting[n][0]], node);
+      if (meeting[n].size() != 2) continue;
+      const int first = meeting[n][0], second = meeting[n][1];
+      if (first == second) {
+        closeRing(graph_.branches[first], node);
+        continue;
+      }
+      joinAt(node, graph_.branches[first], graph_.branches[second]);
+      // The second lives on in the first: later nodes must find it there.
+      for (auto& list : meeting) std::replace(list.begin(), list.end(), second, first);
+    }
+  }
+
+  // A node that only one branch still reaches is that branch's free end.
+  void release(Branch& branch, int node) {
+    if (branch.begin == node) {
+      branch.begin = -1;
+      branch.line.insert(branch.line.begin(), graph_.nodes[node].position);
+    } else {
+      branch.end = -1;
+      branch.line.push_back(graph_.nodes[node].position);
+    }
+    graph_.nodes[node].degree = 0;
+  }
+
+  void closeRing(Branch& branch, int node) {
+    branch.line.push_back(graph_.nodes[node].position);
+    branch.begin = branch.end = -1;
+    branch.closed = true;
+    graph_.nodes[node].degree = 0;
+  }
+
+  void joinAt(int node, Branch& first, Branch& second) {
+    if (first.begin == node) reverse(first);
+    if (second.begin != node) reverse(second);
+    first.line.push_back(graph_.nodes[node].position);
+    first.line.insert(first.line.end(), second.line.begin(), second.line.end());
+    first.end = second.end;
+    second.alive = false;
+    graph_.nodes[node].degree = 0;
+  }
+
+  static void reverse(Branch& branch) {
+    std::reverse(branch.line.begin(), branch.line.end());
+    std::swap(branch.begin, branch.end);
+  }
+
+  // Two vessels that cross share their middle for about a radius; the skeleton makes two junctions of it.
+  bool contractBridges() {
+    for (Branch& bridge : graph_.branches) {
+      if (!bridge.alive || bridge.begin < 0 || bridge.end < 0 || bridge.begin == bridge.end) continue;
+      const int kept = bridge.begin, gone = bridge.end;
+      auto &a = graph_.nodes[kept], &b = graph_.nodes[gone];
+      if (a.degree < 3 || b.degree < 3 || lengthOf(graph_, bridge) > 1.5f * std::max(a.radius, b.radius)) continue;
+      kill(bridge);
+      a.position = 0.5f * (a.position + b.position);
+      a.radius = std::max(a.radius, b.radius);
+      a.degree += b.degree;
+      b.degree = 0;
+      for (Branch& branch : graph_.branches) {
+        if (branch.begin == gone) branch.begin = kept;
+        if (branch.end == gone) branch.end = kept;
+      }
+      return true;
+    }
+    return false;
+  }
+
+  // A line that stands alone must be longer than it is wide, and longer than one that a vessel vouches for: blobs and
+  // shreds of ribs are no vessels.
+  void dropStubs() {
+    for (Branch& branch : graph_.branches) {
+      if (!branch.alive || branch.closed || branch.begin >= 0 || branch.end >= 0) continue;
+      const float width = branch.line.empty() ? 0 : 2 * radiusAt(branch.line[branch.line.size() / 2]);
+      if (lengthOf(graph_, branch) < std::max(kAlone * rules_.shortest_branch, width)) kill(branch);
+    }
+  }
+
+  SkeletonGraph& graph_;
+  const cv::Mat& distance_;
+  PruningRules rules_;
+};
+
+}  // namespace
+
+float lengthOf(const SkeletonGraph& graph, const Branch& branch) {
+  float length = 0;
+  for (std::size_t i = 1; i < branch.line.size(); ++i) length += distanceBetween(branch.line[i - 1], branch.line[i]);
+  if (branch.line.empty()) return length;
+  if (branch.begin >= 0) length += distanceBetween(graph.nodes[branch.begin].position, branch.line.front());
+  if (branch.end >= 0) length += distanceBetween(branch.line.back(), graph.nodes[branch.end].position);
+  if (branch.closed) length += distanceBetween(branch.line.back(), branch.line.front());
+  return length;
+}
+
+void prune(SkeletonGraph& graph, const cv::Mat& distance, const PruningRules& rules) {
+  Pruning(graph, distance, rules).run();
+}
+
+}  // namespace angio

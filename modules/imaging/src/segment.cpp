@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "segment.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <opencv2/imgproc.hpp>
+
+namespace angio {
+namespace {
+
+// The histogram of absorption: a bin is a tenth of the faintest vessel, the range covers centimetres of contrast agent.
+constexpr float kBin = 0.002f;
+constexpr int kBins = 2000;
+
+// A pixel that hangs together with a vessel may be this much closer to the noise than the vessel's strongest.
+constexpr float kWeakNoise = 0.7f;
+
+float centreOf(int bin) { return kBin * (static_cast<float>(bin) + 0.5f); }
+
+// Otsu's threshold: the split of the histogram with the largest variance between its two classes.
+float otsuThreshold(const std::vector<int>& histogram) {
+  double count = 0, sum = 0;
+  for (int b = 0; b < kBins; ++b) {
+    count += histogram[b];
+    sum += static_cast<double>(histogram[b]) * centreOf(b);
+  }
+  double best = -1, low_count = 0, low_sum = 0;
+  int split = 0;
+  for (int b = 0; b + 1 < kBins; ++b) {
+    low_count += histogram[b];
+    low_sum += static_cast<double>(histogram[b]) * centreOf(b);
+    const double high_count = count - low_count;
+    if (low_count == 0) continue;
+    if (high_count == 0) break;
+    const double gap = low_sum / low_count - (sum - low_sum) / high_count;
+    const double variance = low_count * high_count * gap * gap;
+    if (variance > best) {
+      best = variance;
+      split = b;
+    }
+  }
+  return kBin * static_cast<float>(split + 1);
+}
+
+constexpr std::uint8_t kStrong = 2, kTaken = 3;
+
+}  // namespace
+
+// Vessels cover a few per cent of the image, and Otsu's threshold of all pixels then splits the background's noise. So
+// it is taken of the pixels that stand out from that noise. False when there are none.
+bool Segmentation::count(const Flattened& image) {
+  histogram_.assign(kBins, 0);
+  const float factor = static_cast<float>(settings_.noise_factor);
+  const float faintest = static_cast<float>(settings_.faintest_absorption);
+  int counted = 0;
+  for (int y = 0; y < image.absorption.rows; ++y) {
+    const float *value = image.absorption.ptr<float>(y), *noise = image.noise.ptr<float>(y);
+    for (int x = 0; x < image.absorption.cols; ++x) {
+      if (value[x] <= faintest || value[x] <= factor * noise[x]) continue;
+      ++histogram_[std::min(static_cast<int>(value[x] / kBin), kBins - 1)];
+      ++counted;
+    }
+  }
+  return counted > 0;
+}
+
+void Segmentation::classify(const Flattened& image, float weakest) {
+  const float strong_factor = static_cast<float>(settings_.noise_factor), weak_factor = kWeakNoise * strong_factor;
+  // A frame of one pixel spares the growing of regions its questions about the image's edge.
+  const int rows = image.absorption.rows, cols = image.absorption.cols;
+  classes_.create(rows + 2, cols + 2, CV_8UC1);
+  classes_.row(0).setTo(0);
+  classes_.row(rows + 1).setTo(0);
+  for (int y = 0; y < rows; ++y) {
+    const float *value = image.absorption.ptr<float>(y), *noise = image.noise.ptr<float>(y);
+    std::uint8_t* to = classes_.ptr(y + 1);
+    to[0] = to[cols + 1] = 0;
+    for (int x = 0; x < cols; ++x) {
+      to[x + 1] = static_cast<std::uint8_t>((value[x] > std::max(weakest, weak_factor * noise[x]) ? 1 : 0) +
+                                            (value[x] > std::max(weakest, strong_factor * noise[x]) ? 1 : 0));
+    }
+  }
+}
+
+const cv::Mat* Segmentation::operator()(const Flattened& image, int scale) {
+  if (!count(image)) return nullptr;
+  classify(image, static_cast<float>(
+                      std::max(settings_.branch_contrast * otsuThreshold(histogram_), settings_.faintest_absorption)));
+  const double area = settings_.smallest_area_px / (scale * scale);
+  keepRegions(static_cast<std::size_t>(std::ceil(area)));
+  closeHoles(static_cast<int>(area));
+  return &mask_;
+}
+
+void Segmentation::keepRegions(std::size_t smallest_area) {
+  mask_.create(classes_.rows - 2, classes_.cols - 2, CV_8UC1);
+  mask_.setTo(0);
+  const int row = classes_.cols;
+  const std::array<int, 8> around{1, 1 - row, -row, -1 - row, -1, row - 1, row, row + 1};
+  std::uint8_t* pixel = classes_.ptr();
+  for (int seed = 0; seed < row * classes_.rows; ++seed) {
+    if (pixel[seed] != kStrong) continue;
+    region_.assign(1, seed);
+    pixel[seed] = kTaken;
+    for (std::size_t next = 0; next < region_.size(); ++next) {
+      for (const int step : around) {
+        const int neighbour = region_[next] + step;
+        if (pixel[neighbour] == 0 || pixel[neighbour] == kTaken) continue;
+        pixel[neighbour] = kTaken;
+        region_.push_back(neighbour);
+      }
+    }
+    if (region_.size() < smallest_area) continue;
+    for (const int p : region_) mask_.at<std::uint8_t>(p / row - 1, p % row - 1) = 255;
+  }
+}
+
+void Segmentation::closeHoles(int largest_area) {
+  cv::bitwise_not(mask_, outside_);
+  const int count = cv::connectedComponentsWithStats(outside_, labels_, stats_, centroids_, 4, CV_32S);
+  for (int label = 1; label < count; ++label) {
+    if (stats_.at<int>(label, cv::CC_STAT_AREA) > largest_area) continue;
+    const cv::Rect box(stats_.at<int>(label, cv::CC_STAT_LEFT), stats_.at<int>(label, cv::CC_STAT_TOP),
+                       stats_.at<int>(label, cv::CC_STAT_WIDTH), stats_.at<int>(label, cv::CC_STAT_HEIGHT));
+    mask_(box).setTo(255, labels_(box) == label);
+  }
+}
+
+}  // namespace angio

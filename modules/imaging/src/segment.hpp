@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "angio/imaging/otsu_settings.hpp"
+#include "flatten.hpp"
+
+namespace angio {
+
+/// Vessel mask from flattened absorption: Otsu's threshold, hysteresis, small regions dropped, small holes closed.
+class Segmentation {
+ public:
+  explicit Segmentation(const OtsuSettings& settings) : settings_(settings) {}
+
+  /// CV_8UC1, 255 in vessels; nothing when no pixel stands out from the background. `scale` is image pixels per
+  /// working pixel. Valid until the next call.
+  const cv::Mat* operator()(const Flattened& image, int scale);
+
+ private:
+  bool count(const Flattened& image);
+  void classify(const Flattened& image, float weakest);
+  void keepRegions(std::size_t smallest_area);
+  void closeHoles(int largest_area);
+
+  OtsuSettings settings_;
+  std::vector<int> histogram_;
+  std::vector<int> region_;
+  cv::Mat mask_, classes_, outside_, labels_, stats_, centroids_;
+};
+
+}  // namespace angio

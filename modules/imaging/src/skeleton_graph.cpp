@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "skeleton_graph.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <unordered_map>
+
+namespace angio {
+namespace {
+
+using Branch = SkeletonGraph::Branch;
+
+constexpr std::uint8_t kLine = 1, kJunction = 2, kWalked = 3;
+
+class Tracer {
+ public:
+  Tracer(const cv::Mat& skeleton, const cv::Mat& distance) : distance_(distance) {
+    cv::copyMakeBorder(skeleton, framed_, 1, 1, 1, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
+    row_ = framed_.cols;
+    // The four straight neighbours come first, so that a walk does not cut the corner of a stair.
+    around_ = {1, -row_, -1, row_, 1 - row_, -1 - row_, row_ - 1, row_ + 1};
+    pixel_ = framed_.ptr();
+    classify();
+  }
+
+  SkeletonGraph trace() {
+    findNodes();
+    for (std::size_t n = 0; n < members_.size(); ++n) {
+      for (const int p : members_[n]) {
+        for (const int step : around_) {
+          if (pixel_[p + step] == kLine) walk(p + step, p, static_cast<int>(n));
+        }
+      }
+    }
+    for (const int p : line_pixels_) {
+      if (pixel_[p] == kLine && neighbours(p) == 1) walk(p, p, -1);
+    }
+    for (const int p : line_pixels_) {
+      if (pixel_[p] != kLine) continue;
+      walk(p, p, -1);
+      graph_.branches.back().closed = true;
+    }
+    return std::move(graph_);
+  }
+
+ private:
+  int neighbours(int p) const {
+    int count = 0;
+    for (const int step : around_) count += pixel_[p + step] != 0 ? 1 : 0;
+    return count;
+  }
+
+  cv::Point2f positionOf(int p) const { return {static_cast<float>(p % row_ - 1), static_cast<float>(p / row_ - 1)}; }
+
+  void classify() {
+    for (int y = 1; y + 1 < framed_.rows; ++y) {
+      for (int x = 1; x + 1 < framed_.cols; ++x) {
+        const int p = y * row_ + x;
+        if (pixel_[p] == 0) continue;
+        pixel_[p] = kLine;
+        const int count = neighbours(p);
+        if (count == 0) pixel_[p] = 0;
+        if (count >= 3) junctions_.push_back(p);
+        if (count == 1 || count == 2) line_pixels_.push_back(p);
+      }
+    }
+    for (const int p : junctions_) pixel_[p] = kJunction;
+  }
+
+  void findNodes() {
+    for (const int seed : junctions_) {
+      if (pixel_[seed] != kJunction || nodeAt(seed) >= 0) continue;
+      std::vector<int> cluster{seed};
+      for (std::size_t next = 0; next < cluster.size(); ++next) {
+        for (const int step : around_) {
+          const int q = cluster[next] + step;
+          if (pixel_[q] == kJunction && std::find(cluster.begin(), cluster.end(), q) == cluster.end()) {
+            cluster.push_back(q);
+          }
+        }
+      }
+      SkeletonGraph::Node node;
+      for (const int p : cluster) {
+        node_of_[p] = static_cast<int>(graph_.nodes.size());
+        node.position += positionOf(p) * (1.0f / static_cast<float>(cluster.size()));
+        node.radius = std::max(node.radius, distance_.at<float>(p / row_ - 1, p % row_ - 1));
+      }
+      graph_.nodes.push_back(node);
+      members_.push_back(std::move(cluster));
+    }
+  }
+
+  int nodeAt(int p) const {
+    const auto found = node_of_.find(p);
+    return found != node_of_.end() ? found->second : -1;
+  }
+
+  // Follows a line from pixel `p`, coming from `before`, to the next node or to its end.
+  void walk(int p, int before, int node) {
+    Branch branch;
+    branch.begin = node;
+    for (int next = p; next >= 0;) {
+      p = next;
+      next = -1;
+      pixel_[p] = kWalked;
+      branch.line.push_back(positionOf(p));
+      for (const int step : around_) {
+        const int q = p + step;
+        if (q == before) continue;
+        if (pixel_[q] == kJunction) {
+          branch.end = nodeAt(q);
+          next = -1;
+          break;
+        }
+        if (pixel_[q] == kLine && next < 0) next = q;
+      }
+      before = p;
+    }
+    if (branch.begin >= 0) ++graph_.nodes[branch.begin].degree;
+    if (branch.end >= 0) ++graph_.nodes[branch.end].degree;
+    graph_.branches.push_back(std::move(branch));
+  }
+
+  const cv::Mat& distance_;
+  cv::Mat framed_;
+  int row_ = 0;
+  std::array<int, 8> around_{};
+  std::uint8_t* pixel_ = nullptr;
+  std::vector<int> line_pixels_, junctions_;
+  std::unordered_map<int, int> node_of_;
+  std::vector<std::vector<int>> members_;
+  SkeletonGraph graph_;
+};
+
+}  // namespace
+
+SkeletonGraph traceSkeleton(const cv::Mat& skeleton, const cv::Mat& distance) {
+  return Tracer(skeleton, distance).trace();
+}
+
+}  // namespace angio
