@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace angio {
+
+/// Carries bytes between programs by named channels. To be used from one thread.
+class Bus {
+ public:
+  /// Is given the message's bytes; they are valid during the call only. A handler may publish, but must not call
+  /// handle().
+  using Handler = std::function<void(const std::uint8_t* data, std::size_t size)>;
+
+  virtual ~Bus() = default;
+
+  /// Sends bytes to every subscriber of the channel. Throws std::runtime_error when they cannot be sent.
+  virtual void publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) = 0;
+
+  /// Calls `handler` for each message on the channel of exactly this name, for as long as the bus lives. Throws
+  /// InputError when the bus cannot receive.
+  virtual void subscribe(const std::string& channel, Handler handler) = 0;
+
+  /// Waits up to `timeout` for a message, hands out all that wait, and returns how many there were; a signal ends the
+  /// wait early. At most 1,000 messages a call, so that a fast sender cannot keep the caller for ever. A log (file://)
+  /// gives one message a call, so that a reader who looks at its mailboxes between calls misses none.
+  ///
+  /// When a handler throws, the first exception comes out here, after all handlers of its message have run; messages
+  /// behind it wait for the next call. Throws std::runtime_error when receiving fails.
+  virtual int handle(std::chrono::milliseconds timeout) = 0;
+
+  /// Whether a log has been read to its end. Never on a live bus.
+  virtual bool ended() const = 0;
+};
+
+/// Opens a bus:
+///   "memq://"                       inside this process, private to the returned object;
+///   "udpm://239.255.76.67:7667?ttl=0"  UDP multicast on this machine (ttl=1: on the local network). Unless the URL
+///   says so itself,
+///                                   its receive buffer is made large enough for 1024 x 1024 images of 16 bit;
+///   "file://name.lcm?speed=0"       a recorded log, as fast as it is read (speed=1: as it was recorded);
+///   "file://name.lcm?mode=w"        records what is published.
+/// Throws InputError that names the URL and the rule when it cannot be opened.
+std::unique_ptr<Bus> openBus(const std::string& url);
+
+}  // namespace angio

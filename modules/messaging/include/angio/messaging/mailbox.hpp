@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "angio/messaging/bus.hpp"
+#include "angio/messaging/codec.hpp"
+
+namespace angio {
+
+/// Encodes and sends one message. Throws as encode() and Bus::publish() do; then nothing was sent.
+template <typename T>
+void publish(Bus& bus, const std::string& channel, const T& message) {
+  bus.publish(channel, encode(message));
+}
+
+/// The number that orders the messages of one sender.
+inline std::int64_t sequenceOf(const XrayFrame& m) { return m.sequence; }
+inline std::int64_t sequenceOf(const CArmState& m) { return m.sequence; }
+inline std::int64_t sequenceOf(const CArmCommand& m) { return m.sequence; }
+inline std::int64_t sequenceOf(const RegistrationMessage& m) { return m.frame_sequence; }
+inline std::int64_t sequenceOf(const ServoStatus& m) { return m.frame_sequence; }
+
+/// Keeps the newest message of a channel; filled by Bus::handle().
+///
+/// Newer is what has a higher sequence. A lower one is newer only if its time is later too: then its sender has started
+/// again, and must not go unheard. Duplicates and late ones are dropped and counted.
+template <typename T>
+class LatestValue {
+ public:
+  /// Throws InputError as Bus::subscribe() does. May end before or after the bus.
+  LatestValue(Bus& bus, const std::string& channel) : box_(std::make_shared<Box>()) {
+    bus.subscribe(channel, [box = box_](const std::uint8_t* data, std::size_t size) { box->put(data, size); });
+  }
+  LatestValue(const LatestValue&) = delete;
+  LatestValue& operator=(const LatestValue&) = delete;
+
+  /// The newest message, or nothing when none has come yet or it was taken.
+  const std::optional<T>& peek() const { return box_->value; }
+
+  /// The same, and leaves the box empty until a newer message comes.
+  std::optional<T> take() { return std::exchange(box_->value, std::nullopt); }
+
+  std::int64_t received() const { return box_->received; }  ///< Messages on the channel, good or not.
+  std::int64_t dropped() const { return box_->dropped; }    ///< Duplicates and late ones among them.
+  std::int64_t refused() const { return box_->refused; }    ///< Those among them that could not be decoded.
+
+  /// Why the last refused message was refused; empty when none was.
+  const std::string& lastError() const { return box_->last_error; }
+
+ private:
+  struct Box {
+    std::optional<T> value;
+    std::optional<std::pair<std::int64_t, std::int64_t>> newest;  // Sequence and time, kept when the value is taken.
+    std::int64_t received = 0, dropped = 0, refused = 0;
+    std::string last_error;
+
+    void put(const std::uint8_t* data, std::size_t size) {
+      ++received;
+      Decoded<T> decoded = decode<T>(data, size);
+      if (!decoded.value) {
+        ++refused;
+        last_error = std::move(decoded.error);
+        return;
+      }
+      const std::pair<std::int64_t, std::int64_t> now(sequenceOf(*decoded.value), decoded.value->time_us);
+      const bool newer =
+          !newest || now.first > newest->first || (now.first < newest->first && now.second > newest->second);
+      if (!newer) {
+        ++dropped;
+        return;
+      }
+      newest = now;
+      value = std::move(decoded.value);
+    }
+  };
+
+  std::shared_ptr<Box> box_;  // Shared with the bus's handler, which may outlive this object.
+};
+
+}  // namespace angio

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/messaging/bus.hpp"
+
+#include <lcm/lcm.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <exception>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+namespace {
+
+constexpr int kLongestDrain = 1000;
+
+constexpr const char* kMulticastRule =
+    "needs a multicast route, on one machine: ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo";
+
+bool startsWith(const std::string& text, const std::string& start) { return text.compare(0, start.size(), start) == 0; }
+
+// LCM reads a channel as a regular expression; ours are names.
+std::string literal(const std::string& channel) {
+  std::string pattern;
+  for (const char c : channel) {
+    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '_') pattern += '\\';
+    pattern += c;
+  }
+  return pattern;
+}
+
+// With LCM's default buffer, nearly every frame of 2 MiB is lost; with 4 MiB none is.
+std::string withReceiveBuffer(const std::string& url) {
+  if (!startsWith(url, "udpm://") || url.find("recv_buf_size=") != std::string::npos) return url;
+  return url + (url.find('?') == std::string::npos ? '?' : '&') + "recv_buf_size=4194304";
+}
+
+std::string ruleFor(const std::string& url) {
+  if (startsWith(url, "udpm://")) {
+    return std::string("cannot be opened: it must name a multicast group and port, and ") + kMulticastRule;
+  }
+  if (startsWith(url, "file://"))
+    return "cannot be opened: must be a readable log, or with ?mode=w a place to write one";
+  return "cannot be opened";
+}
+
+class LcmBus final : public Bus {
+ public:
+  explicit LcmBus(const std::string& url) : url_(url), lcm_(lcm_create(withReceiveBuffer(url).c_str()), lcm_destroy) {
+    if (!lcm_) throw InputError("bus", "url", url, ruleFor(url));
+  }
+
+  void publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) override {
+    if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()) ||
+        lcm_publish(lcm_.get(), channel.c_str(), bytes.data(), static_cast<unsigned>(bytes.size())) != 0) {
+      throw std::runtime_error("bus " + url_ + ": cannot send " + std::to_string(bytes.size()) + " bytes on " +
+                               channel);
+    }
+  }
+
+  void subscribe(const std::string& channel, Handler handler) override {
+    subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
+    if (!lcm_subscribe(lcm_.get(), literal(channel).c_str(), &LcmBus::onMessage, subscriptions_.back().get())) {
+      subscriptions_.pop_back();
+      const bool multicast = startsWith(url_, "udpm://");
+      throw InputError("bus", "url", url_,
+                       "cannot receive on " + channel + (multicast ? std::string(": ") + kMulticastRule : ""));
+    }
+  }
+
+  int handle(std::chrono::milliseconds timeout) override {
+    if (handling_) throw std::logic_error("Bus::handle() was called from within a handler");
+    using Count = std::chrono::milliseconds::rep;
+    int wait_ms = static_cast<int>(std::clamp<Count>(timeout.count(), 0, std::numeric_limits<int>::max()));
+    const int most = startsWith(url_, "file://") ? 1 : kLongestDrain;
+    int handled = 0;
+    while (handled < most && handleOne(wait_ms)) {
+      ++handled;
+      wait_ms = 0;
+    }
+    return handled;
+  }
+
+  bool ended() const override { return ended_; }
+
+ private:
+  struct Subscription {
+    LcmBus* bus;
+    Handler handler;
+  };
+
+  bool handleOne(int wait_ms) {
+    if (ended_) return false;
+    errno = 0;
+    handling_ = true;
+    const int result = lcm_handle_timeout(lcm_.get(), wait_ms);
+    handling_ = false;
+    if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
+    if (result >= 0) return result > 0;
+    if (errno == EINTR) return false;
+    if (!startsWith(url_, "file://")) throw std::runtime_error("bus " + url_ + ": receiving failed");
+    ended_ = true;  // LCM's only sign of a log's end.
+    return false;
+  }
+
+  static void onMessage(const lcm_recv_buf_t* received, const char*, void* user) {
+    auto& subscription = *static_cast<Subscription*>(user);
+    try {  // LCM is C: an exception through it would end the process.
+      subscription.handler(static_cast<const std::uint8_t*>(received->data), received->data_size);
+    } catch (...) {
+      if (!subscription.bus->thrown_) subscription.bus->thrown_ = std::current_exception();
+    }
+  }
+
+  std::string url_;
+  std::vector<std::unique_ptr<Subscription>> subscriptions_;
+  std::exception_ptr thrown_;
+  bool handling_ = false;
+  bool ended_ = false;
+  std::unique_ptr<lcm_t, void (*)(lcm_t*)> lcm_;
+};
+
+}  // namespace
+
+std::unique_ptr<Bus> openBus(const std::string& url) {
+  if (url != "memq://" && !startsWith(url, "udpm://") && !startsWith(url, "file://")) {
+    throw InputError("bus", "url", url, "must be memq://, udpm://group:port or file://path");
+  }
+  return std::make_unique<LcmBus>(url);
+}
+
+}  // namespace angio
