@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <variant>
+
+#include "angio/geometry/xray_camera.hpp"
+#include "angio/registration/iterative_pnp_settings.hpp"
+#include "angio/registration/result.hpp"
+#include "angio/vessel/centerline2d.hpp"
+#include "angio/vessel/vessel_tree.hpp"
+
+namespace angio {
+
+/// What is known of the pose before the image is looked at.
+struct PosePrior {
+  Pose T_camera_model = Pose::Identity();
+
+  /// Covariance of the twist [v (m); w (rad)] about the tree's centroid c, in model axes:
+  /// T_true = T_camera_model Trans(c) exp(xi) Trans(-c). Absent: the method's own prior holds.
+  std::optional<Matrix6d> covariance;
+};
+
+/// Aligns one vessel tree with X-ray images. One object per tree and thread: what depends on the tree only is computed once.
+class Registration {
+ public:
+  virtual ~Registration() = default;
+
+  /// Finds the pose of the tree in the camera frame.
+  ///
+  /// @param start  Where the search begins; the prior's pose unless several starts are tried.
+  ///
+  /// Never throws on a poor image: that is a status in the result.
+  virtual RegistrationResult align(const Centerline2d& centerline, const XrayCamera& camera, const PosePrior& prior,
+                                   const Pose& start) = 0;
+
+  /// Starts at the prior's pose.
+  RegistrationResult align(const Centerline2d& centerline, const XrayCamera& camera, const PosePrior& prior) {
+    return align(centerline, camera, prior, prior.T_camera_model);
+  }
+
+  /// The tree that is aligned.
+  virtual const VesselTree& tree() const = 0;
+};
+
+/// The settings type is the choice of the method: a new method is its settings, its source and one name here.
+using RegistrationSettings = std::variant<IterativePnpSettings>;
+
+/// Throws InputError when a setting is out of its range.
+std::unique_ptr<Registration> makeRegistration(const RegistrationSettings& settings, const VesselTree& tree);
+
+/// Default settings of a method by its name ("iterative_pnp"); throws InputError that lists the names there are.
+RegistrationSettings registrationSettingsNamed(const std::string& name);
+
+/// The name of the method that `settings` choose.
+std::string methodName(const RegistrationSettings& settings);
+
+}  // namespace angio

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "angio/geometry/se3.hpp"
+
+namespace angio {
+
+/// How far a result can be believed. Only kConverged may move a machine.
+enum class RegistrationStatus {
+  kConverged,     ///< The solver came to rest, and image and model explain each other.
+  kAmbiguous,     ///< A fit, but one side is mostly unexplained, or a different pose fits nearly as well.
+  kDiverged,      ///< Neither side is explained, or the solver left its bounds.
+  kTooFewPoints,  ///< Too little in the image, or in view, to fit six unknowns.
+};
+
+/// "converged", "ambiguous", "diverged", "too_few_points".
+std::string statusName(RegistrationStatus status);
+
+/// How well model and image explain each other under a pose. A point is explained when the other side has a vessel within
+/// the gate that runs the same way.
+struct Agreement {
+  double model_explained = 0;   ///< Share of the projected model points on the detector that the image explains.
+  double image_explained = 0;   ///< Share of the image points that the projected model explains.
+  double model_residual_px = 0;  ///< Mean distance from projected model points on the detector to the nearest image point.
+  double image_residual_px = 0;  ///< Mean distance from image points to the nearest projected model edge.
+  double model_rms_px = 0;       ///< Root mean square of the distances behind model_residual_px: the paper's PR, in pixels.
+  int model_points = 0;          ///< Projected model points on the detector.
+
+  /// One figure to compare poses by: the product of both shares, in [0, 1].
+  double score() const { return model_explained * image_explained; }
+};
+
+/// Wall time spent [s].
+struct RegistrationTimes {
+  double prepare_s = 0;   ///< 2D side: densifying, search tree.
+  double rigid_s = 0;
+  double nonrigid_s = 0;
+  double total_s = 0;     ///< Everything, judging the result included.
+};
+
+/// What a registration says. `T_camera_model` is always a rigid transform; whether it means anything is in `status`.
+struct [[nodiscard]] RegistrationResult {
+  RegistrationStatus status = RegistrationStatus::kTooFewPoints;
+  std::string reason;  ///< Why the status is not kConverged, in words; empty when it is.
+  Pose T_camera_model = Pose::Identity();
+
+  /// Displacement of each point of the tree as it was given, 3 x N [m], model axes; empty after a rigid registration.
+  Eigen::Matrix3Xd displacements_m;
+
+  /// Covariance of (translation of T_camera_model [m], rotation in camera axes [rad]): a true pose would be
+  /// R_true = exp(dw) R, t_true = t + dt. From the last Gauss-Newton Hessian and the residual scale, image points taken as
+  /// independent; absent when the solver had no full-rank system.
+  std::optional<Matrix6d> covariance;
+
+  /// Score of the best different pose over the best score, in [0, 1]; absent when only one start was tried.
+  std::optional<double> ambiguity;
+
+  Agreement agreement;
+  double last_step_px = 0;  ///< How far the last rigid step moved the projection, roughly, at most.
+  int rigid_iterations = 0;
+  int nonrigid_iterations = 0;
+  int points_3d = 0;  ///< Model points used.
+  int points_2d = 0;  ///< Image points used.
+  RegistrationTimes times;
+};
+
+}  // namespace angio

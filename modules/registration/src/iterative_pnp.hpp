@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <memory>
+
+#include "angio/registration/registration.hpp"
+
+namespace angio {
+
+/// "Iterative PnP and its application in 3D-2D vascular image registration for robot navigation" (Song et al.):
+/// nearest neighbours on the image side, Gaussian-kernel weights, Levenberg-Marquardt on SE(3), rigid then nonrigid.
+std::unique_ptr<Registration> make(const IterativePnpSettings& settings, const VesselTree& tree);
+
+}  // namespace angio

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "nonrigid_step.hpp"
+
+#include <algorithm>
+#include <map>
+#include <nanoflann.hpp>
+
+namespace angio {
+namespace {
+
+constexpr double kMillimetre = 1e-3;
+
+// Lower half of a 3 x 3 block, in the order of diagonal_block_.
+constexpr int kBlockRow[6] = {0, 1, 2, 1, 2, 2};
+constexpr int kBlockColumn[6] = {0, 0, 0, 1, 1, 2};
+
+// Sum of the weights of |r_i - r_j|^2 by pair, i > j. The paper's sums run over ordered pairs, so a chain edge counts twice.
+std::map<std::pair<int, int>, double> pairWeights(const VesselTree& tree, const IterativePnpSettings& settings) {
+  std::map<std::pair<int, int>, double> weights;
+  const auto add = [&](int i, int j, double weight) {
+    if (i != j && weight > 0) weights[{std::max(i, j), std::min(i, j)}] += weight;
+  };
+  for (int i = 0; i < tree.size(); ++i) {
+    if (tree.parents()[i] >= 0) add(i, tree.parents()[i], 2 * settings.w2);
+  }
+  const Eigen::MatrixX3d rows = tree.points().transpose();
+  const nanoflann::KDTreeEigenMatrixAdaptor<Eigen::MatrixX3d, 3> index(3, rows, 10);
+  const auto wanted = static_cast<std::size_t>(settings.regulariser_neighbours) + 1;  // The point itself comes first.
+  std::vector<Eigen::Index> neighbour(wanted);
+  std::vector<double> distance2(wanted);
+  for (int i = 0; i < tree.size(); ++i) {
+    const Eigen::Vector3d p = tree.points().col(i);
+    const std::size_t found = index.index->knnSearch(p.data(), wanted, neighbour.data(), distance2.data());
+    for (std::size_t k = 0; k < found; ++k) add(i, static_cast<int>(neighbour[k]), settings.w3);
+  }
+  return weights;
+}
+
+}  // namespace
+
+NonrigidStep::NonrigidStep(const VesselTree& tree, const IterativePnpSettings& settings)
+    : points_m_(tree.points()), own_weight_(settings.lambda2 * settings.w1), diagonal_block_(tree.size()) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int i = 0; i < tree.size(); ++i) {
+    for (int e = 0; e < 6; ++e) {
+      entries.emplace_back(3 * i + kBlockRow[e], 3 * i + kBlockColumn[e], kBlockRow[e] == kBlockColumn[e] ? own_weight_ : 0);
+    }
+  }
+  for (const auto& [pair, weight] : pairWeights(tree, settings)) {
+    const auto [i, j] = pair;
+    couplings_.push_back({i, j, settings.lambda2 * weight});
+    for (int k = 0; k < 3; ++k) {
+      entries.emplace_back(3 * i + k, 3 * j + k, -couplings_.back().weight);
+      entries.emplace_back(3 * i + k, 3 * i + k, couplings_.back().weight);
+      entries.emplace_back(3 * j + k, 3 * j + k, couplings_.back().weight);
+    }
+  }
+  system_.resize(3 * tree.size(), 3 * tree.size());
+  system_.setFromTriplets(entries.begin(), entries.end());
+  system_.makeCompressed();
+  cholesky_.analyzePattern(system_);
+  regulariser_values_.assign(system_.valuePtr(), system_.valuePtr() + system_.nonZeros());
+  for (int i = 0; i < tree.size(); ++i) {
+    for (int e = 0; e < 6; ++e) {
+      const double* value = &system_.coeffRef(3 * i + kBlockRow[e], 3 * i + kBlockColumn[e]);
+      diagonal_block_[i][e] = static_cast<int>(value - system_.valuePtr());
+    }
+  }
+}
+
+std::optional<Eigen::Matrix3Xd> NonrigidStep::solve(const XrayCamera& camera, const Pose& T_camera_model,
+                                                    const Pull& pull, const Eigen::Matrix3Xd& displacements_m) {
+  const auto n = points_m_.cols();
+  std::copy(regulariser_values_.begin(), regulariser_values_.end(), system_.valuePtr());
+  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(3 * n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (pull.weight[i] == 0) continue;
+    Eigen::Matrix<double, 2, 3> J_projection;
+    const auto pixel = camera.project(T_camera_model * (points_m_.col(i) + displacements_m.col(i)), &J_projection);
+    if (!pixel) continue;
+    const Eigen::Matrix<double, 2, 3> J = J_projection * T_camera_model.linear() * kMillimetre;  // [px/mm]
+    const Eigen::Matrix3d block = pull.weight[i] * J.transpose() * J;
+    for (int e = 0; e < 6; ++e) {
+      system_.valuePtr()[diagonal_block_[static_cast<std::size_t>(i)][e]] += block(kBlockRow[e], kBlockColumn[e]);
+    }
+    const Eigen::Vector2d wanted = pull.target_px.col(i) - *pixel + J * displacements_m.col(i) / kMillimetre;
+    rhs.segment<3>(3 * i) = pull.weight[i] * J.transpose() * wanted;
+  }
+  cholesky_.factorize(system_);
+  if (cholesky_.info() != Eigen::Success) return std::nullopt;
+  const Eigen::VectorXd solution = cholesky_.solve(rhs);
+  if (!solution.allFinite()) return std::nullopt;
+  return Eigen::Map<const Eigen::Matrix3Xd>(solution.data(), 3, n) * kMillimetre;
+}
+
+double NonrigidStep::regulariser(const Eigen::Matrix3Xd& displacements_m) const {
+  double sum = own_weight_ * displacements_m.squaredNorm();
+  for (const auto& c : couplings_) {
+    sum += c.weight * (displacements_m.col(c.i) - displacements_m.col(c.j)).squaredNorm();
+  }
+  return sum / (kMillimetre * kMillimetre);
+}
+
+}  // namespace angio

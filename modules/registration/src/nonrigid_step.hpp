@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/SparseCholesky>
+#include <array>
+#include <vector>
+
+#include "angio/geometry/se3.hpp"
+#include "angio/geometry/xray_camera.hpp"
+#include "angio/registration/iterative_pnp_settings.hpp"
+#include "angio/vessel/vessel_tree.hpp"
+#include "irls.hpp"
+
+namespace angio {
+
+/// The nonrigid half of the paper's eq. 4 with the pose kept: displacements r_i that minimise
+/// sum_i weight_i |pi(T (p_i + r_i)) - target_i|^2 + lambda2 E_reg(r).
+///
+/// The system is sparse: E_reg couples points along the tree and with their 3D neighbours, the data term fills the 3 x 3
+/// blocks of the diagonal. Its pattern and elimination order depend on the tree only and are found once.
+class NonrigidStep {
+ public:
+  NonrigidStep(const VesselTree& tree, const IterativePnpSettings& settings);
+
+  /// One Gauss-Newton step for fixed weights and targets, linearised at `displacements_m` (3 x N, model axes). Returns the
+  /// new displacements [m], or nothing when the system could not be solved.
+  std::optional<Eigen::Matrix3Xd> solve(const XrayCamera& camera, const Pose& T_camera_model, const Pull& pull,
+                                        const Eigen::Matrix3Xd& displacements_m);
+
+  /// lambda2 * E_reg of displacements [m], in the cost's currency [px^2]; lengths count in mm as in the paper.
+  double regulariser(const Eigen::Matrix3Xd& displacements_m) const;
+
+ private:
+  struct Coupling {
+    int i, j;
+    double weight;
+  };
+
+  Eigen::Matrix3Xd points_m_;
+  double own_weight_;                // lambda2 w1
+  std::vector<Coupling> couplings_;  // lambda2 times the weight of |r_i - r_j|^2
+  Eigen::SparseMatrix<double> system_;
+  std::vector<double> regulariser_values_;          // Values of system_ without data.
+  std::vector<std::array<int, 6>> diagonal_block_;  // Where the lower half of each 3 x 3 block lies among the values.
+  Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> cholesky_;
+};
+
+}  // namespace angio

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "rigid_step.hpp"
+
+#include <cmath>
+
+namespace angio {
+namespace {
+
+constexpr int kMostTries = 6;
+constexpr double kLeastDamping = 1e-9, kMostDamping = 1e6;
+
+}  // namespace
+
+void projectPoints(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera, const Pose& T_camera_centred,
+                   OutsideImage outside, Projected& projected) {
+  for (Eigen::Index i = 0; i < points_centred.cols(); ++i) {
+    const auto pixel = camera.project(T_camera_centred * points_centred.col(i));
+    projected.may_pull[static_cast<std::size_t>(i)] =
+        pixel.has_value() && (outside == OutsideImage::kVote || camera.sees(*pixel));
+    if (pixel) projected.pixel.col(i) = *pixel;
+  }
+}
+
+NormalEquations normalEquations(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera,
+                                const Pose& T_camera_centred, const Pull& pull, const PosePriorTerm& prior) {
+  // The hottest arithmetic of a registration: eight points at a time, one array a quantity, so that it vectorises.
+  constexpr int kLanes = 8;
+  using Lanes = Eigen::Array<double, kLanes, 1>;
+  const Eigen::Matrix3d R = T_camera_centred.linear();
+  const Eigen::Vector3d t = T_camera_centred.translation();
+  const auto& c = camera.parameters();
+  Lanes H[6][6], g[6], cost = Lanes::Zero();
+  for (int i = 0; i < 6; ++i) {
+    g[i].setZero();
+    for (int k = 0; k < 6; ++k) H[i][k].setZero();
+  }
+  for (Eigen::Index first = 0; first < points_centred.cols(); first += kLanes) {
+    const Eigen::Index count = std::min<Eigen::Index>(kLanes, points_centred.cols() - first);
+    Lanes p[3], weight = Lanes::Zero(), target_u = Lanes::Zero(), target_v = Lanes::Zero();
+    for (auto& axis : p) axis.setZero();
+    for (Eigen::Index i = 0; i < count; ++i) {
+      for (int k = 0; k < 3; ++k) p[k][i] = points_centred(k, first + i);
+      weight[i] = pull.weight[first + i];
+      target_u[i] = pull.target_px(0, first + i);
+      target_v[i] = pull.target_px(1, first + i);
+    }
+    const auto row = [&](int r) -> Lanes { return R(r, 0) * p[0] + R(r, 1) * p[1] + R(r, 2) * p[2] + t[r]; };
+    const Lanes depth = row(2);
+    // A point behind the source has no image and no say.
+    weight = (depth > 0).select(weight, 0.0);
+    const Lanes inverse_depth = 1 / (depth > 0).select(depth, 1.0);
+    const Lanes x = row(0) * inverse_depth, y = row(1) * inverse_depth;
+    const Lanes residual_u = c.fx_px * x + c.cx_px - target_u, residual_v = c.fy_px * y + c.cy_px - target_v;
+    // d(T exp(dx) p) = R (v + w x p): a row a of (projection's Jacobian * R) gives [a, p x a].
+    Lanes ju[6], jv[6];
+    const Lanes scale_u = c.fx_px * inverse_depth, scale_v = c.fy_px * inverse_depth;
+    for (int k = 0; k < 3; ++k) {
+      ju[k] = scale_u * (R(0, k) - x * R(2, k));
+      jv[k] = scale_v * (R(1, k) - y * R(2, k));
+    }
+    for (int k = 0; k < 3; ++k) {
+      const int m = (k + 1) % 3, n = (k + 2) % 3;
+      ju[3 + k] = p[m] * ju[n] - p[n] * ju[m];
+      jv[3 + k] = p[m] * jv[n] - p[n] * jv[m];
+    }
+    for (int i = 0; i < 6; ++i) {
+      const Lanes wu = weight * ju[i], wv = weight * jv[i];
+      for (int k = 0; k <= i; ++k) H[i][k] += wu * ju[k] + wv * jv[k];
+      g[i] += wu * residual_u + wv * residual_v;
+    }
+    cost += weight * (residual_u * residual_u + residual_v * residual_v);
+  }
+  NormalEquations n;
+  for (int i = 0; i < 6; ++i) {
+    n.g[i] = g[i].sum();
+    for (int k = 0; k <= i; ++k) n.H_data(i, k) = n.H_data(k, i) = H[i][k].sum();
+  }
+  n.cost_px2 = cost.sum();
+  n.H = n.H_data;
+  prior.add(T_camera_centred, n.H, n.g);
+  n.cost_px2 += prior.cost(T_camera_centred);
+  return n;
+}
+
+double irlsCost(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera, const Pose& T_camera_centred,
+                const Pull& pull, const PosePriorTerm& prior) {
+  double cost = prior.cost(T_camera_centred);
+  for (Eigen::Index i = 0; i < points_centred.cols(); ++i) {
+    if (pull.weight[i] == 0) continue;
+    const auto pixel = camera.project(T_camera_centred * points_centred.col(i));
+    // A step that pushes a matched point behind the source is no step.
+    if (!pixel) return std::numeric_limits<double>::infinity();
+    cost += pull.weight[i] * (*pixel - pull.target_px.col(i)).squaredNorm();
+  }
+  return cost;
+}
+
+LevenbergMarquardt::Step LevenbergMarquardt::step(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera,
+                                                  const Pose& T_camera_centred, const Pull& pull,
+                                                  const PosePriorTerm& prior) {
+  const auto n = normalEquations(points_centred, camera, T_camera_centred, pull, prior);
+  for (int attempt = 0; attempt < kMostTries; ++attempt) {
+    Matrix6d damped = n.H;
+    damped.diagonal() += damping_ * n.H.diagonal() + Vector6d::Constant(1e-12);
+    const Twist dx = -damped.ldlt().solve(n.g);
+    if (dx.allFinite()) {
+      Pose trial = T_camera_centred * expSE3(dx);
+      trial.linear() = nearestRotation(trial.linear());
+      if (irlsCost(points_centred, camera, trial, pull, prior) <= n.cost_px2) {
+        damping_ = std::max(kLeastDamping, damping_ / 5);
+        return {trial, dx, true};
+      }
+    }
+    damping_ = std::min(kMostDamping, damping_ * 10);
+  }
+  return {T_camera_centred, Twist::Zero(), false};
+}
+
+}  // namespace angio
