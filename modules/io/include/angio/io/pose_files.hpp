@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "angio/geometry/se3.hpp"
+
+namespace angio {
+
+/// What a pose file holds.
+struct PoseFile {
+  Pose T_camera_model = Pose::Identity();  ///< Model to camera [m].
+  std::optional<Matrix6d> covariance;      ///< [translation; rotation], metres and radians.
+};
+
+/// Reads a pose from YAML: `rotation` (9 numbers, row-major), `translation_mm`, optional `covariance` (36 numbers, flat
+/// or as six rows), `parent: camera` and `child: model`.
+///
+/// A rotation that is off by rounding (rotationDefect below 1e-3) is made exact. Throws InputError that names file,
+/// line, key, value and rule: no rotation, a translation beyond 100 m, a covariance that is not symmetric and positive
+/// semidefinite, other frames, unknown keys.
+PoseFile readPose(const std::string& path);
+
+/// Writes what readPose reads. Throws InputError when the file cannot be written.
+void writePose(const std::string& path, const PoseFile& pose);
+
+}  // namespace angio

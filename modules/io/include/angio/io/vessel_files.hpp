@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <string>
+
+#include "angio/vessel/vessel_tree.hpp"
+
+namespace angio {
+
+/// Reads a vessel tree; lengths are millimetres in every file. The extension (in any case) is the choice of the format:
+///
+/// - `.csv`: `id,x_mm,y_mm,z_mm,radius_mm,parent`; ids are any integers, parent -1 at a root, radius blank if unknown.
+/// - `.swc`: `id type x y z radius parent`, `#` begins a comment; a radius that is not positive is unknown.
+/// - `.vtp`: VMTK centrelines: polylines from one source to many outlets with MaximumInscribedSphereRadius. The
+///   trunk that the lines repeat, exactly or to a tenth of its radius, becomes one.
+/// - `.txt`: centreline of the HMM catheter project: points with their neighbours, walked from the given root.
+///
+/// Points stand in the order of the file (.vtp: line by line, without repetitions). Throws InputError that names file,
+/// line, field, value and rule.
+VesselTree readVesselTree(const std::string& path);
+
+/// Writes `.csv` or `.swc`, by extension; ids are point indices (from 0; from 1 in .swc). Lengths have as many digits
+/// as it takes to read the same number back. Throws InputError for another extension or when the file cannot be
+/// written.
+void writeVesselTree(const std::string& path, const VesselTree& tree);
+
+}  // namespace angio

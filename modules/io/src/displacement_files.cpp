@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/io/displacement_files.hpp"
+
+#include "angio/base/errors.hpp"
+#include "angio/io/whole_file.hpp"
+#include "table.hpp"
+#include "text.hpp"
+
+namespace angio {
+
+Eigen::Matrix3Xd readDisplacements(const std::string& path, int points) {
+  Eigen::Matrix3Xd result(3, points);
+  int rows = 0;
+  readTable(path, {{"id", "dx_mm", "dy_mm", "dz_mm"}, {}}, [&](const TableRow& row) {
+    const int id = row.integer("id");
+    if (rows == points) {
+      throw InputError(row.place(), "id", std::to_string(id), "must be the last row: the tree has " + std::to_string(points) + " points");
+    }
+    result.col(rows++) << row.number("dx_mm") / 1e3, row.number("dy_mm") / 1e3, row.number("dz_mm") / 1e3;
+  });
+  if (rows != points) {
+    throw InputError(path, "rows", std::to_string(rows), "must be as many as the tree's points, " + std::to_string(points));
+  }
+  return result;
+}
+
+void writeDisplacements(const std::string& path, const Eigen::Matrix3Xd& displacements_m) {
+  std::string content = "id,dx_mm,dy_mm,dz_mm\n";
+  for (Eigen::Index i = 0; i < displacements_m.cols(); ++i) {
+    content += std::to_string(i);
+    for (int k = 0; k < 3; ++k) content += "," + exactMillimetres(displacements_m(k, i));
+    content += "\n";
+  }
+  writeWholeFile(path, content);
+}
+
+}  // namespace angio

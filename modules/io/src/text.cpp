@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "text.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+namespace {
+
+constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+constexpr std::string_view kBlanks = " \t";
+// So that a file that is one endless line costs no more memory than its own size.
+constexpr std::size_t kLongestLine = std::size_t{1} << 20;
+
+template <typename Number>
+bool parsesWhole(std::string_view text, Number& number) {
+  // from_chars knows no leading plus, yet programs write it.
+  if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc() && end == text.data() + text.size();
+}
+
+double parsed(std::string_view text) {
+  double value = 0;
+  std::from_chars(text.data(), text.data() + text.size(), value);
+  return value;
+}
+
+}  // namespace
+
+std::string atLine(const std::string& path, int line) { return path + ":" + std::to_string(line); }
+
+TextLines::TextLines(const std::string& path, std::string_view content) : path_(path), rest_(content) {
+  if (rest_.substr(0, kByteOrderMark.size()) == kByteOrderMark) rest_.remove_prefix(kByteOrderMark.size());
+  const auto last = rest_.find_last_not_of(" \t\r\n");
+  rest_ = last == std::string_view::npos ? std::string_view() : rest_.substr(0, last + 1);
+  count_ = rest_.empty() ? 0 : 1 + static_cast<int>(std::count(rest_.begin(), rest_.end(), '\n'));
+}
+
+bool TextLines::next() {
+  if (number_ == count_) return false;
+  ++number_;
+  const auto end = rest_.find('\n');
+  text_ = rest_.substr(0, end);
+  rest_ = end == std::string_view::npos ? std::string_view() : rest_.substr(end + 1);
+  if (!text_.empty() && text_.back() == '\r') text_.remove_suffix(1);
+  if (text_.size() > kLongestLine) {
+    throw InputError(place(), "length", std::to_string(text_.size()), "a line must not exceed 1 MiB");
+  }
+  const auto bad = std::find_if(text_.begin(), text_.end(), [](char c) {
+    const auto byte = static_cast<unsigned char>(c);
+    return (byte < 0x20 && c != '\t') || byte == 0x7f;
+  });
+  if (bad != text_.end()) {
+    const int byte = static_cast<unsigned char>(*bad);
+    throw InputError(place(), "byte", std::to_string(byte), "must be text, without control characters");
+  }
+  return true;
+}
+
+std::string_view trimmed(std::string_view text) {
+  const auto first = text.find_first_not_of(kBlanks);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
+}
+
+void splitAt(char separator, std::string_view text, std::vector<std::string_view>& parts) {
+  parts.clear();
+  for (;;) {
+    const auto end = text.find(separator);
+    parts.push_back(text.substr(0, end));
+    if (end == std::string_view::npos) return;
+    text.remove_prefix(end + 1);
+  }
+}
+
+void splitAtBlanks(std::string_view text, std::vector<std::string_view>& parts) {
+  parts.clear();
+  for (;;) {
+    const auto first = text.find_first_not_of(kBlanks);
+    if (first == std::string_view::npos) return;
+    text.remove_prefix(first);
+    const auto end = text.find_first_of(kBlanks);
+    parts.push_back(text.substr(0, end));
+    if (end == std::string_view::npos) return;
+    text.remove_prefix(end);
+  }
+}
+
+double parseNumber(const std::string& place, const std::string& field, std::string_view text) {
+  double number = 0;
+  if (text.empty()) throw InputError(place, field, "", "must be a number, found nothing");
+  if (!parsesWhole(text, number)) throw InputError(place, field, std::string(text), "must be a number");
+  if (!std::isfinite(number)) throw InputError(place, field, std::string(text), "must be a finite number");
+  return number;
+}
+
+int parseInteger(const std::string& place, const std::string& field, std::string_view text) {
+  int number = 0;
+  if (text.empty()) throw InputError(place, field, "", "must be an integer, found nothing");
+  if (!parsesWhole(text, number)) throw InputError(place, field, std::string(text), "must be an integer of 32 bits");
+  return number;
+}
+
+std::string exact(double value) {
+  char text[32];
+  return std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
+}
+
+std::string exactMillimetres(double value_m) {
+  const double value_mm = value_m * 1e3;
+  char text[40];
+  // Fifteen digits keep what came from a file as it was: 0.0408 m is 40.8 mm, not 40.800000000000004.
+  const std::string_view rounded(
+      text, static_cast<std::size_t>(
+                std::to_chars(text, text + sizeof text, value_mm, std::chars_format::general, 15).ptr - text));
+  if (parsed(rounded) / 1e3 == value_m) return exact(parsed(rounded));
+  for (const double candidate : {value_mm, std::nextafter(value_mm, -HUGE_VAL), std::nextafter(value_mm, HUGE_VAL)}) {
+    if (candidate / 1e3 == value_m) return exact(candidate);
+  }
+  return exact(value_mm);
+}
+
+}  // namespace angio

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/vessel/vessel_tree.hpp"
+
+namespace angio {
+
+/// Reads the vessel tree of one file format; throws InputError.
+using TreeReader = VesselTree(const std::string& path);
+
+TreeReader readCsvTree, readSwcTree, readVtpTree, readHmmTree;
+
+/// Writes one file format; throws InputError.
+using TreeWriter = void(const std::string& path, const VesselTree& tree);
+
+TreeWriter writeCsvTree, writeSwcTree;
+
+/// One point as it stands in a file.
+struct TreeRow {
+  int line = 0;  ///< From 1; 0 in a binary file.
+  int id = 0;
+  Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
+  std::optional<double> radius_mm;
+  int parent = -1;  ///< An id, or -1 at a root.
+};
+
+/// The tree of all rows, in their order. A defect throws InputError with the line of its row, the field and what the
+/// file says there.
+VesselTree treeOfRows(const std::string& path, const std::vector<TreeRow>& rows);
+
+/// A radius of a format in which numbers that are not positive mean that it is unknown.
+std::optional<double> knownRadius(double radius_mm);
+
+}  // namespace angio

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "trunk_merge.hpp"
+
+#include <algorithm>
+#include <limits>
+
+namespace angio {
+namespace {
+
+constexpr double kToleranceOfRadius = 0.1;
+constexpr double kLeastTolerance = 0.1;  // Well below a pixel of any X-ray system [mm].
+// A step along a line passes a few edges of the tree; this many only in a file made to waste time.
+constexpr int kMostEdges = 256;
+
+}  // namespace
+
+double TrunkMerge::tolerance(int i) const {
+  const auto& radius_mm = rows_[static_cast<std::size_t>(i)].radius_mm;
+  return std::max(kLeastTolerance, radius_mm ? kToleranceOfRadius * *radius_mm : 0.0);
+}
+
+std::optional<TrunkMerge::Position> TrunkMerge::startAt(const Eigen::Vector3d& point_mm) const {
+  for (const int root : roots_) {
+    const double distance = (rows_[static_cast<std::size_t>(root)].point_mm - point_mm).norm();
+    if (distance <= tolerance(root)) return Position{root, root};
+  }
+  const auto same = point_at_.find({point_mm.x(), point_mm.y(), point_mm.z()});
+  if (same != point_at_.end()) return Position{same->second, same->second};
+  return std::nullopt;
+}
+
+std::optional<TrunkMerge::Position> TrunkMerge::follow(int from, const Eigen::Vector3d& point_mm,
+                                                       double step_mm) const {
+  const auto at = [&](int i) -> const Eigen::Vector3d& { return rows_[static_cast<std::size_t>(i)].point_mm; };
+  Position best{from, from};
+  double best_distance = (at(from) - point_mm).norm();
+  double best_tolerance = tolerance(from);
+  int edges = 0;
+  std::vector<std::pair<int, double>> open{{from, 0.0}};  // A point and how far down the tree it is [mm].
+  for (std::size_t visited = 0; visited < open.size(); ++visited) {
+    const auto [a, depth_mm] = open[visited];
+    for (const int b : children_[static_cast<std::size_t>(a)]) {
+      if (++edges > kMostEdges) break;
+      const Eigen::Vector3d edge = at(b) - at(a);
+      const double t = std::clamp(edge.dot(point_mm - at(a)) / edge.squaredNorm(), 0.0, 1.0);
+      const double distance = (at(a) + t * edge - point_mm).norm();
+      if (distance < best_distance) {
+        best = {t < 1 ? a : b, t > 0.5 ? b : a};
+        best_distance = distance;
+        best_tolerance = tolerance(b);
+      }
+      const double next_depth_mm = depth_mm + edge.norm();
+      if (next_depth_mm <= 2 * step_mm + tolerance(b)) open.emplace_back(b, next_depth_mm);
+    }
+  }
+  if (best_distance > best_tolerance) return std::nullopt;
+  return best;
+}
+
+void TrunkMerge::append(int parent, const Eigen::Vector3d& point_mm, std::optional<double> radius_mm) {
+  const int id = static_cast<int>(rows_.size());
+  rows_.push_back({0, id, point_mm, radius_mm, parent});
+  children_.emplace_back();
+  point_at_.emplace(std::array<double, 3>{point_mm.x(), point_mm.y(), point_mm.z()}, id);
+  (parent < 0 ? roots_ : children_[static_cast<std::size_t>(parent)]).push_back(id);
+}
+
+void TrunkMerge::addLine(const std::vector<Eigen::Vector3d>& points_mm,
+                         const std::vector<std::optional<double>>& radii_mm) {
+  if (points_mm.empty()) return;
+  std::size_t k = 1;
+  auto position = startAt(points_mm[0]);
+  if (!position) {
+    append(-1, points_mm[0], radii_mm[0]);
+    position = Position{rows_.back().id, rows_.back().id};
+  } else {
+    for (; k < points_mm.size(); ++k) {
+      const auto next = follow(position->from, points_mm[k], (points_mm[k] - points_mm[k - 1]).norm());
+      if (!next) break;
+      position = next;
+    }
+  }
+  int parent = position->nearest;
+  for (; k < points_mm.size(); ++k) {
+    if (points_mm[k] == rows_[static_cast<std::size_t>(parent)].point_mm) continue;  // No edge without a length.
+    append(parent, points_mm[k], radii_mm[k]);
+    parent = rows_.back().id;
+  }
+}
+
+}  // namespace angio

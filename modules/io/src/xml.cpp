@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "xml.hpp"
+
+#include <vtkCallbackCommand.h>
+#include <vtkNew.h>
+#include <vtkXMLDataParser.h>
+
+#include <algorithm>
+#include <cctype>
+#include <sstream>
+
+#include "angio/base/errors.hpp"
+#include "text.hpp"
+
+namespace angio {
+namespace {
+
+// Elements are taken apart recursively, so that their number bounds the stack; a file of ours has some dozens.
+constexpr int kMostTags = 2000;
+// Expat begins a tag again with every piece of the file it is given, which takes the square of its length.
+constexpr std::size_t kLongestTag = std::size_t{1} << 16;
+constexpr std::string_view kAppendedData = "<AppendedData";
+
+int lineAt(std::string_view content, std::size_t position) {
+  return 1 +
+         static_cast<int>(std::count(content.begin(), content.begin() + static_cast<std::ptrdiff_t>(position), '\n'));
+}
+
+// The length of the tag (or comment) that begins the text.
+std::size_t tagLength(std::string_view text) {
+  const std::pair<std::string_view, std::string_view> brackets[] = {
+      {"<!--", "-->"}, {"<![CDATA[", "]]>"}, {"<?", "?>"}};
+  for (const auto& [begin, end] : brackets) {
+    if (text.substr(0, begin.size()) != begin) continue;
+    const auto at = text.find(end, begin.size());
+    return at == std::string_view::npos ? text.size() : at + end.size();
+  }
+  char quote = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (quote ? text[i] == quote : text[i] == '"' || text[i] == '\'') {
+      quote = quote ? '\0' : text[i];
+    } else if (!quote && text[i] == '>') {
+      return i + 1;
+    }
+  }
+  return text.size();
+}
+
+void requireTame(const std::string& path, std::string_view content) {
+  const std::string_view markup = content.substr(0, content.find(kAppendedData));
+  const auto nul = markup.find('\0');
+  if (nul != std::string_view::npos) {
+    throw InputError(atLine(path, lineAt(content, nul)), "byte", "0", "must be XML text");
+  }
+  for (const std::string_view forbidden : {"<!DOCTYPE", "<!ENTITY"}) {
+    const auto at = markup.find(forbidden);
+    if (at == std::string_view::npos) continue;
+    throw InputError(atLine(path, lineAt(content, at)), "", std::string(forbidden), "must not be used here");
+  }
+  const auto place = [&](std::size_t position) { return atLine(path, lineAt(content, position)); };
+  int tags = 0;
+  for (auto at = markup.find('<'); at != std::string_view::npos;) {
+    const std::size_t length = tagLength(markup.substr(at));
+    if (length > kLongestTag)
+      throw InputError(place(at), "tag", std::to_string(length), "must not exceed 65,536 bytes");
+    if (++tags > kMostTags) throw InputError(place(at), "tags", std::to_string(tags), "must not exceed 2000");
+    at = markup.find('<', at + length);
+  }
+}
+
+// The parser reports to whoever observes it, and only else to the terminal.
+void keepMessage(vtkObject*, unsigned long, void* first_message, void* message) {
+  auto& kept = *static_cast<std::string*>(first_message);
+  if (kept.empty() && message) kept = static_cast<const char*>(message);
+}
+
+InputError brokenXml(const std::string& path, const std::string& message) {
+  // "... Error parsing XML in stream at line 3, column 7, byte index 120: mismatched tag"
+  const auto at = message.find("at line ");
+  const auto reason = message.rfind(": ");
+  std::string line;
+  if (at != std::string::npos) {
+    for (std::size_t i = at + 8; i < message.size() && std::isdigit(static_cast<unsigned char>(message[i])); ++i) {
+      line += message[i];
+    }
+  }
+  std::string why = at != std::string::npos && reason != std::string::npos && reason > at ? message.substr(reason) : "";
+  while (!why.empty() && std::isspace(static_cast<unsigned char>(why.back()))) why.pop_back();
+  return InputError(line.empty() ? path : path + ":" + line, "", "", "is not valid XML" + why);
+}
+
+}  // namespace
+
+XmlDocument::XmlDocument(std::string path, std::string content) : path_(std::move(path)), content_(std::move(content)) {
+  requireTame(path_, content_);
+  std::istringstream stream(content_);
+  std::string message;
+  vtkNew<vtkCallbackCommand> observer;
+  observer->SetCallback(keepMessage);
+  observer->SetClientData(&message);
+  vtkNew<vtkXMLDataParser> parser;
+  parser->AddObserver("ErrorEvent", observer);
+  parser->AddObserver("WarningEvent", observer);
+  parser->SetStream(&stream);
+  parser->SetIgnoreCharacterData(1);  // It would be gathered bit by bit; textOf looks at the file instead.
+  const bool parsed = parser->Parse() != 0;
+  root_ = parser->GetRootElement();
+  if (!parsed || !root_ || !message.empty()) throw brokenXml(path_, message);
+}
+
+int XmlDocument::lineOf(vtkXMLDataElement& element) const {
+  const auto index = std::max<vtkTypeInt64>(element.GetXMLByteIndex(), 0);
+  return lineAt(content_, std::min(static_cast<std::size_t>(index), content_.size()));
+}
+
+std::string XmlDocument::placeOf(vtkXMLDataElement& element) const { return atLine(path_, lineOf(element)); }
+
+std::string_view XmlDocument::textOf(vtkXMLDataElement& element) const {
+  const auto index = std::max<vtkTypeInt64>(element.GetXMLByteIndex(), 0);
+  const std::string_view content = content_;
+  char quote = 0;
+  for (auto i = static_cast<std::size_t>(index); i < content.size(); ++i) {
+    if (quote) {
+      if (content[i] == quote) quote = 0;
+    } else if (content[i] == '"' || content[i] == '\'') {
+      quote = content[i];
+    } else if (content[i] == '>') {
+      if (content[i - 1] == '/') return {};
+      const std::string_view rest = content.substr(i + 1);
+      return rest.substr(0, rest.find('<'));
+    }
+  }
+  return {};
+}
+
+std::optional<std::string_view> XmlDocument::appendedData() const {
+  const std::string_view content = content_;
+  const auto element = content.find(kAppendedData);
+  if (element == std::string_view::npos) return std::nullopt;
+  const auto end = content.find('>', element);
+  if (end == std::string_view::npos) return std::nullopt;
+  const auto first = content.find_first_not_of(" \t\r\n", end + 1);
+  if (first == std::string_view::npos || content[first] != '_') return std::nullopt;
+  return content.substr(first + 1);
+}
+
+std::string XmlDocument::need(vtkXMLDataElement& element, const char* attribute) const {
+  const char* value = element.GetAttribute(attribute);
+  if (!value) {
+    throw InputError(placeOf(element), std::string(element.GetName()) + "." + attribute, "", "is missing");
+  }
+  return value;
+}
+
+}  // namespace angio

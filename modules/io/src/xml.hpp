@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <vtkSmartPointer.h>
+#include <vtkXMLDataElement.h>
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace angio {
+
+/// The elements of an XML document, with VTK's parser. It may end in VTK's <AppendedData>, which is no XML any more.
+class XmlDocument {
+ public:
+  /// Throws InputError "path:line: ..." for broken XML, document types (they can define entities that explode) more
+  /// than 2000 tags and tags beyond 64 KiB.
+  XmlDocument(std::string path, std::string content);
+
+  vtkXMLDataElement& root() const { return *root_; }
+  const std::string& path() const { return path_; }
+  std::string placeOf(vtkXMLDataElement& element) const;  ///< "path:line".
+  int lineOf(vtkXMLDataElement& element) const;
+
+  /// What stands between the start of an element and the next tag.
+  std::string_view textOf(vtkXMLDataElement& element) const;
+
+  /// What stands behind the underscore of <AppendedData>, up to the end of the file.
+  std::optional<std::string_view> appendedData() const;
+
+  /// An attribute; throws InputError when it is missing.
+  std::string need(vtkXMLDataElement& element, const char* attribute) const;
+
+ private:
+  std::string path_;
+  std::string content_;
+  vtkSmartPointer<vtkXMLDataElement> root_;
+};
+
+}  // namespace angio

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace angio {
+
+/// A piece of a YAML document with the line it stands on. Files are data here, so there are no anchors, aliases or
+/// tags.
+struct YamlNode {
+  enum class Kind { kNull, kScalar, kSequence, kMap };
+
+  Kind kind = Kind::kNull;
+  int line = 1;
+  bool quoted = false;
+  std::string scalar;
+  std::vector<std::string> keys;  ///< Of a map: as many as items.
+  std::vector<int> key_lines;
+  std::vector<YamlNode> items;  ///< Of a sequence or a map.
+};
+
+/// Reads one YAML document; an empty file is kNull. Throws InputError "path:line: ..." for broken YAML, repeated keys,
+/// anchors, aliases, tags, a second document, nesting beyond 32, more than a million values and more than 4 MiB.
+YamlNode readYaml(const std::string& path);
+
+/// What a node says, for messages.
+std::string shown(const YamlNode& node);
+
+/// A value under its key, with the place to name when it is wrong. Each reader throws InputError "path:line: key = ...:
+/// rule".
+struct YamlField {
+  std::string path;
+  std::string key;
+  const YamlNode* node;
+
+  std::string place() const;
+  [[noreturn]] void refuse(const std::string& rule) const;
+  double number() const;
+  double positive() const;
+  int integer() const;
+  bool flag() const;
+  const std::string& text() const;
+  std::vector<double> numbers(std::size_t count) const;  ///< A sequence of just so many.
+  YamlField item(std::size_t i) const;                   ///< Of a sequence: its key is "key[i]".
+};
+
+/// Reads the keys of a map; what nobody asked for is refused at the end.
+class YamlMap {
+ public:
+  /// Throws InputError unless the node is a map (or null, which is an empty one). `name` is what it is called in
+  /// messages.
+  YamlMap(std::string path, const YamlNode& node, const std::string& name);
+
+  std::optional<YamlField> find(const std::string& key);
+  YamlField need(const std::string& key);  ///< Throws InputError when the key is missing.
+
+  /// Throws InputError for the first key that was never asked for, and says which there are.
+  void refuseOthers() const;
+
+ private:
+  std::string path_;
+  const YamlNode& node_;
+  std::vector<std::string> asked_;
+};
+
+}  // namespace angio

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/io/case_files.hpp"
+
+#include <gtest/gtest.h>
+
+#include "angio/io/centerline_files.hpp"
+#include "angio/test/phantoms.hpp"
+#include "temporary_folder.hpp"
+
+namespace angio {
+namespace {
+
+using test::messageOf;
+using test::TemporaryFolder;
+
+TEST(CaseFiles, ReadsClinicalExample) {
+  const CaseSet set = readCaseSet(test::exampleData("hepatic-tace/cases.yaml"));
+  EXPECT_TRUE(set.sequence);
+  ASSERT_EQ(set.cases.size(), 37U);
+  EXPECT_EQ(set.cases[3].name, "0003");
+  EXPECT_EQ(set.cases[3].views.at(0).camera.width_px(), 1024);
+  EXPECT_DOUBLE_EQ(set.cases[3].initial_pose.translation().z(), 0.810);
+  EXPECT_FALSE(set.cases[3].truth_pose);
+  EXPECT_FALSE(set.cases[3].views[0].image_path);
+  for (const Case& one : set.cases) EXPECT_GT(readCenterline(*one.views[0].centerline_path).size(), 1) << one.name;
+}
+
+struct CaseFolder : TemporaryFolder {
+  CaseFolder() {
+    for (const char* name : {"tree.csv", "other.csv", "line.csv", "image.png", "moves.csv"}) write(name, "");
+    write("camera.yaml", camera(1000));
+    write("zoom.yaml", camera(2000));
+    write("p.yaml", pose(700));
+    write("q.yaml", pose(800));
+    write("bad.yaml", "rotation: [1]\n");
+  }
+  static std::string camera(int f) {
+    const std::string focal = std::to_string(f);
+    return "{image_size_px: [64, 64], fx_px: " + focal + ", fy_px: " + focal + ", cx_px: 32, cy_px: 32}\n";
+  }
+  static std::string pose(int z) {
+    return "{rotation: [1,0,0,0,1,0,0,0,1], translation_mm: [0, 0, " + std::to_string(z) + "]}\n";
+  }
+};
+
+TEST(CaseFiles, CaseMayBringItsOwnTreeAndCamera) {
+  const CaseFolder folder;
+  const CaseSet set = readCaseSet(folder.write("cases.yaml", R"(tree: tree.csv
+camera: [camera.yaml]
+cases:
+  - {name: 0001, centerline: line.csv, initial_pose: p.yaml}
+  - name: b
+    tree: other.csv
+    camera: zoom.yaml
+    image: [image.png]
+    initial_pose: p.yaml
+    truth_pose: q.yaml
+    truth_displacements: moves.csv
+)"));
+  EXPECT_FALSE(set.sequence);
+  EXPECT_EQ(set.cases[0].name, "0001");
+  EXPECT_EQ(set.cases[0].tree_path, folder.path("tree.csv"));
+  EXPECT_EQ(set.cases[0].views[0].camera.parameters().fx_px, 1000);
+  const Case& b = set.cases[1];
+  EXPECT_EQ(b.tree_path, folder.path("other.csv"));
+  EXPECT_EQ(b.views[0].camera.parameters().fx_px, 2000);
+  EXPECT_EQ(b.views[0].image_path, folder.path("image.png"));
+  EXPECT_DOUBLE_EQ(b.initial_pose.translation().z(), 0.7);
+  EXPECT_DOUBLE_EQ(b.truth_pose->translation().z(), 0.8);
+  EXPECT_EQ(b.truth_displacements_path, folder.path("moves.csv"));
+}
+
+TEST(CaseFiles, ErrorsNameTheCaseFilesLine) {
+  const CaseFolder folder;
+  const std::string head = "tree: tree.csv\ncamera: camera.yaml\ncases:\n";
+  const std::string good = "  - {name: a, centerline: line.csv, initial_pose: p.yaml}\n";
+  const std::pair<std::string, std::string> cases[] = {
+      {"tree: none.csv\ncamera: camera.yaml\ncases:\n" + good,
+       ":1: tree = " + folder.path("none.csv") + ": no such file"},
+      {head + good + good, ":5: name = a: must not be given twice"},
+      {head + "  - {name: a, centerline: line.csv}\n", ":4: initial_pose: is missing"},
+      {head + "  - {centerline: line.csv, initial_pose: p.yaml}\n", ":4: name: is missing"},
+      {head + "  - {name: a, initial_pose: p.yaml}\n", ":4: centerline or image: is missing"},
+      {head + "  - name: a\n    centerline: [line.csv, line.csv]\n    initial_pose: p.yaml\n",
+       ":5: centerline = (list of 2): must be one view"},
+      {"tree: tree.csv\ncamera: [camera.yaml, zoom.yaml]\ncases:\n" + good,
+       ":2: camera = (list of 2): must be one view"},
+      {head + "  - name: a\n    centerline: line.csv\n    initial_pose: bad.yaml\n",
+       "bad.yaml:1: rotation = (list of 1)"},
+      {head + "  - name: a\n    centerline: line.csv\n    initial_pose: bad.yaml\n", "cases.yaml:6: "},
+      {head + "  - name: a\n    centerline: .\n    initial_pose: p.yaml\n", "is not a file"},
+      {head + "  - {name: a, centreline: line.csv, initial_pose: p.yaml}\n", ":4: centreline = line.csv: unknown key"},
+      {"cameras: camera.yaml\n" + head + good, ":1: cameras = camera.yaml: unknown key"},
+      {"camera: camera.yaml\ncases:\n" + good, ":3: tree: is missing"},
+      {head, ": cases = (nothing): must be a list of at least one case"},
+      {"sequence: maybe\n" + head + good, ":1: sequence = maybe: must be true or false"},
+      {"", ":1: cases: is missing"},
+  };
+  for (const auto& [content, expected] : cases) {
+    const std::string path = folder.write("cases.yaml", content);
+    const std::string message = messageOf([&] { readCaseSet(path); });
+    EXPECT_NE(message.find(expected), std::string::npos) << message << "\nexpected: " << expected;
+    EXPECT_EQ(message.find(path), 0U) << message;
+  }
+}
+
+}  // namespace
+}  // namespace angio

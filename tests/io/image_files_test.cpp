@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/io/image_files.hpp"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "angio/io/whole_file.hpp"
+#include "temporary_folder.hpp"
+
+namespace angio {
+namespace {
+
+using test::contentOf;
+using test::messageOf;
+using test::TemporaryFolder;
+
+cv::Mat pattern(int type) {
+  cv::Mat image(19, 23, type);
+  cv::RNG random(5);
+  random.fill(image, cv::RNG::UNIFORM, 0, image.depth() == CV_16U ? 65536 : 256);
+  return image;
+}
+
+void expectSame(const cv::Mat& a, const cv::Mat& b) {
+  ASSERT_EQ(a.type(), b.type());
+  ASSERT_EQ(a.size(), b.size());
+  EXPECT_EQ(cv::norm(a, b, cv::NORM_INF), 0);
+}
+
+TEST(ImageFiles, RoundTripKeepsEveryPixel) {
+  const TemporaryFolder folder;
+  for (const char* name : {"a.png", "a.tif", "a.TIFF"}) {
+    for (const int type : {CV_8UC1, CV_16UC1}) {
+      const cv::Mat image = pattern(type);
+      writeImage(folder.path(name), image);
+      expectSame(readXrayImage(folder.path(name)), image);
+    }
+  }
+}
+
+TEST(ImageFiles, GreyStoredAsColourPassesColourDoesNot) {
+  const TemporaryFolder folder;
+  const cv::Mat grey = pattern(CV_8UC1);
+  cv::Mat colour;
+  cv::merge(std::vector<cv::Mat>{grey, grey, grey}, colour);
+  for (const char* name : {"a.png", "a.tif"}) {
+    writeImage(folder.path(name), colour);
+    expectSame(readXrayImage(folder.path(name)), grey);
+    colour.at<cv::Vec3b>(4, 5)[1] ^= 1;
+    writeImage(folder.path(name), colour);
+    EXPECT_NE(messageOf([&] { readXrayImage(folder.path(name)); }).find("channels = 3"), std::string::npos);
+    colour.at<cv::Vec3b>(4, 5)[1] ^= 1;
+  }
+}
+
+// Little endian, one strip, 2 x 1 pixels 10 and 200; the photometric interpretation is the last byte but 16 of the
+// entries.
+std::string smallTiff(int photometric, const std::string& width = std::string("\2\0\0\0", 4)) {
+  const auto entry = [](char tag_low, const std::string& value) {
+    return std::string{tag_low, 1, 4, 0, 1, 0, 0, 0} + value;
+  };
+  const auto word = [](int value) { return std::string{static_cast<char>(value), 0, 0, 0}; };
+  std::string file("II*\0\x0a\0\0\0\x0a\xc8", 10);
+  file += std::string("\7\0", 2) + entry(0, width) + entry(1, word(1)) + entry(2, word(8)) + entry(3, word(1)) +
+          entry(6, word(photometric)) + entry(17, word(8)) + entry(23, word(2)) + word(0);
+  return file;
+}
+
+TEST(ImageFiles, TiffWhoseZeroIsWhiteIsTurned) {
+  const TemporaryFolder folder;
+  const cv::Mat image = readXrayImage(folder.write("a.tif", smallTiff(1)));
+  EXPECT_EQ(image.at<unsigned char>(0, 0), 10);
+  EXPECT_EQ(image.at<unsigned char>(0, 1), 200);
+  EXPECT_EQ(readXrayImage(folder.write("a.tif", smallTiff(0))).at<unsigned char>(0, 0), 245);
+}
+
+TEST(ImageFiles, HugeSizesAreRefusedBeforeMemoryIsTaken) {
+  const TemporaryFolder folder;
+  const std::string huge("\0\0\0\x40", 4);
+  EXPECT_NE(messageOf([&] { readXrayImage(folder.write("a.tif", smallTiff(1, huge))); }).find("width = 1073741824"),
+            std::string::npos);
+  writeImage(folder.path("a.png"), cv::Mat::zeros(1, 8193, CV_8U));
+  EXPECT_NE(messageOf([&] { readXrayImage(folder.path("a.png")); }).find("not a readable PNG"), std::string::npos);
+  writeImage(folder.path("a.png"), cv::Mat::zeros(1, 8192, CV_8U));
+  EXPECT_EQ(readXrayImage(folder.path("a.png")).cols, 8192);
+}
+
+TEST(ImageFiles, CutOrChangedFilesAreReadOrRefusedInSilence) {
+  const TemporaryFolder folder;
+  int refused = 0;
+  const auto tryTo = [&](const std::string& content) {
+    try {
+      readXrayImage(folder.write("hostile", content));
+    } catch (const InputError&) {
+      ++refused;
+    }
+  };
+  std::vector<std::string> goods{smallTiff(1)};
+  for (const char* name : {"a.png", "a.tif"}) {
+    for (const int type : {CV_8UC1, CV_16UC1, CV_8UC3}) {
+      writeImage(folder.path(name), pattern(type).rowRange(0, 5));
+      goods.push_back(contentOf(folder.path(name)));
+    }
+  }
+  unsigned random = 1;
+  testing::internal::CaptureStderr();
+  testing::internal::CaptureStdout();
+  std::size_t cuts = 0;
+  for (const std::string& good : goods) {
+    for (std::size_t length = 0; length < good.size(); ++length, ++cuts) tryTo(good.substr(0, length));
+    for (int trial = 0; trial < 2000; ++trial) {
+      std::string bad = good;
+      random = random * 1664525U + 1013904223U;
+      bad[(random >> 8) % bad.size()] ^= static_cast<char>(1U << (random >> 5) % 8);
+      tryTo(bad);
+    }
+  }
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+  EXPECT_GT(refused, static_cast<int>(cuts) / 2);
+}
+
+TEST(ImageFiles, OtherFilesAndTypesAreRefused) {
+  const TemporaryFolder folder;
+  const auto says = [&](const std::string& message, const std::string& expected) {
+    EXPECT_NE(message.find(expected), std::string::npos) << message;
+  };
+  says(messageOf([&] { readXrayImage(folder.write("a.png", "")); }), "a.png: must be a PNG or TIFF image");
+  says(messageOf([&] { writeImage(folder.path("a.bmp"), pattern(CV_8UC1)); }), "extension = .bmp");
+  says(messageOf([&] { writeImage(folder.path("a.jpg"), pattern(CV_16UC1)); }), "CV_16UC1");
+  says(messageOf([&] { writeImage(folder.path("a.png"), cv::Mat()); }), "empty");
+  says(messageOf([&] { writeImage(folder.path("none/a.png"), pattern(CV_8UC1)); }), "cannot be written");
+  EXPECT_EQ(folder.files(), 1U);
+}
+
+}  // namespace
+}  // namespace angio
