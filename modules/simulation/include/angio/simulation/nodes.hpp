@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/messaging/mailbox.hpp"
+#include "angio/simulation/fluoroscopy.hpp"
+#include "angio/simulation/simulated_carm.hpp"
+
+namespace angio {
+
+/// The robot's side of a bus: a simulated C-arm that hears CARM_COMMAND and says CARM_STATE. Owns no clock: its caller says
+/// what time it is.
+class SimulatedCArmNode {
+ public:
+  /// Borrows the bus, which must outlive it.
+  SimulatedCArmNode(Bus& bus, const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us);
+
+  /// Obeys the newest command that waits, as one that arrives now.
+  void listen(std::int64_t now_us);
+
+  /// Moves to `now_us` and publishes the state there.
+  void report(std::int64_t now_us);
+
+  const SimulatedCArm& arm() const { return arm_; }
+
+ private:
+  Bus& bus_;
+  LatestValue<CArmCommand> commands_;
+  SimulatedCArm arm_;
+  std::int64_t sequence_ = 0;
+};
+
+/// The X-ray's side of a bus: renders the tree from where the C-arm says it is, and publishes XRAY_FRAME with its camera.
+/// How the patient really lies is its secret.
+class SimulatedXrayNode {
+ public:
+  /// @param T_patient_model  The truth: the model frame in the patient frame. Borrows the bus.
+  SimulatedXrayNode(Bus& bus, const VesselTree& tree, const FluoroscopySettings& settings, const CArmGeometry& carm,
+                    const Pose& T_patient_model);
+
+  /// Renders and publishes one frame; does nothing before a first state has been heard. Returns whether it did.
+  bool expose(std::int64_t now_us);
+
+  /// Pose of the model in the camera with these joints: the truth that a loop must not know.
+  Pose T_camera_model(const CArmJoints& joints) const { return carm_.T_camera_patient(joints) * T_patient_model_; }
+
+ private:
+  Bus& bus_;
+  LatestValue<CArmState> states_;
+  FluoroscopyRenderer renderer_;
+  CArmGeometry carm_;
+  Pose T_patient_model_;
+  std::int64_t sequence_ = 0;
+};
+
+}  // namespace angio

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <cstdint>
+
+#include "angio/messaging/messages.hpp"
+
+namespace angio {
+
+/// How many commands a simulated C-arm did not obey, by the reason; each is counted once, by the first that applies.
+struct IgnoredCommands {
+  std::int64_t not_finite = 0;       ///< A velocity was NaN or infinite.
+  std::int64_t bad_validity = 0;     ///< valid_for_us was not in (0, 1 s].
+  std::int64_t out_of_sequence = 0;  ///< Neither a higher sequence than the last one obeyed, nor a later time.
+
+  std::int64_t total() const { return not_finite + bad_validity + out_of_sequence; }
+};
+
+/// A C-arm whose joints follow commanded velocities within their range, speed and acceleration, and come to rest by
+/// themselves when the last command has run out: silence means stop.
+///
+/// Motion between two times is exact (pieces of constant acceleration), so it does not depend on how often `advance` is
+/// called. Each joint brakes in front of the end of its range, and stops there without passing it.
+class SimulatedCArm {
+ public:
+  /// At rest at `start` at the time `now_us` [us]. Throws InputError when a limit is not finite, a speed or
+  /// acceleration not positive, a range empty, or `start` outside the range.
+  SimulatedCArm(const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us);
+
+  /// Takes a command that arrives at `now_us` [us] and holds for its validity from then on; speeds beyond the limits
+  /// are cut to them. A command that is not finite, not newer than the last one, or whose validity is not in (0, 1 s]
+  /// is ignored, and the one before it stays in force. An arrival before the present time counts as now.
+  void obey(const CArmCommand& command, std::int64_t now_us);
+
+  /// Moves to the time `now_us` [us]; an earlier time than the present is ignored.
+  void advance(std::int64_t now_us);
+
+  /// Joints and velocities at the present time. The sequence number is the sender's to fill in.
+  CArmState state() const;
+
+  const IgnoredCommands& ignored() const { return ignored_; }
+
+ private:
+  bool newer(const CArmCommand& command) const;
+  void move(double duration_s, const CArmJoints& wanted_velocity);
+
+  CArmLimits limits_;
+  CArmState state_;
+  CArmJoints wanted_ = CArmJoints::Zero();
+  std::uint64_t valid_left_us_ = 0;
+  bool commanded_ = false;  // Whether last_sequence_ means anything yet.
+  std::int64_t last_sequence_ = 0;
+  std::int64_t last_command_us_ = 0;
+  IgnoredCommands ignored_;
+};
+
+}  // namespace angio

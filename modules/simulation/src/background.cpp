@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "background.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "noise.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kBodyRadius = 0.15;  // [m] Clouds fill a ball of this size, a little more than a detector sees.
+
+class Uniform {
+ public:
+  explicit Uniform(std::uint64_t seed) : state_(mixed(seed)) {}
+  double operator()(double low, double high) {
+    state_ += 0x9e3779b97f4a7c15ULL;
+    return low + (high - low) * static_cast<double>(mixed(state_) >> 11) * 0x1p-53;
+  }
+
+ private:
+  std::uint64_t state_;
+};
+
+// exp(-d^2 / 2 sigma^2) at grid nodes first..last, d from `centre` [px].
+void bump(double centre, double sigma, int first, int last, std::vector<float>& values) {
+  for (int i = first; i <= last; ++i) {
+    const double d = (i * Background::kCell - centre) / sigma;
+    values[i] = static_cast<float>(std::exp(-0.5 * d * d));
+  }
+}
+
+}  // namespace
+
+Background::Background(const Eigen::Vector3d& centre_model, double strength, double structure_m, std::uint64_t seed)
+    : strength_(strength) {
+  Uniform uniform(seed);
+  struct Level {
+    int count;
+    double size, share;  // Relative to the largest structure; share of the standard deviation.
+  };
+  for (const Level level : {Level{100, 0.5, 0.85}, Level{300, 0.2, 0.45}, Level{600, 0.1, 0.2}}) {
+    for (int i = 0; i < level.count; ++i) {
+      Eigen::Vector3d p;
+      do {
+        p = {uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)};
+      } while (p.squaredNorm() > 1);
+      const double sigma = structure_m * level.size * uniform(0.6, 1.4);
+      // Bumps of random sign, n on a disc of radius R: variance = n / (pi R^2) * peak^2 pi sigma^2. Uniform in (-a, a)
+      // has the variance a^2 / 3.
+      const double a = std::sqrt(3.0) * strength * level.share * kBodyRadius / (sigma * std::sqrt(level.count));
+      clouds_.push_back({centre_model + kBodyRadius * p, sigma, uniform(-a, a)});
+    }
+  }
+  addRibs(centre_model, expSO3(kPi * Eigen::Vector3d(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1))));
+}
+
+void Background::addRibs(const Eigen::Vector3d& centre_model, const Eigen::Matrix3d& axes) {
+  constexpr double kSigma = 4.5e-3, kRing = 0.125, kApart = 0.032;  // [m]
+  const int beads = static_cast<int>(2 * kPi * kRing / kSigma);  // Closer than that, a row of beads looks like a bar.
+  for (int rib = -3; rib <= 3; ++rib) {
+    for (int i = 0; i < beads; ++i) {
+      const double turn = 2 * kPi * i / beads;
+      const Eigen::Vector3d p(kRing * std::cos(turn), 0.8 * kRing * std::sin(turn),
+                              rib * kApart + 0.25 * kRing * std::cos(turn));
+      clouds_.push_back({centre_model + axes * p, kSigma, 0.25 * strength_});
+    }
+  }
+}
+
+void Background::addCloud(const Cloud& cloud, const XrayCamera& camera, const Pose& T_camera_model) {
+  const Eigen::Vector3d centre = T_camera_model * cloud.centre;
+  if (centre.z() < 4 * cloud.sigma_m) return;  // Around the source there is no patient.
+  const auto& K = camera.parameters();
+  const Eigen::Vector2d seen = *camera.project(centre);
+  const int columns = nodesAcross(K.width_px), rows = nodesAcross(K.height_px);
+  const auto span = [](double middle, double sigma, int count) {
+    const double low = (middle - 3 * sigma) / kCell, high = (middle + 3 * sigma) / kCell;
+    return std::pair<int, int>(static_cast<int>(std::ceil(std::clamp(low, 0.0, static_cast<double>(count)))),
+                               static_cast<int>(std::floor(std::clamp(high, -1.0, count - 1.0))));
+  };
+  const double sigma_x = K.fx_px * cloud.sigma_m / centre.z(), sigma_y = K.fy_px * cloud.sigma_m / centre.z();
+  const auto [left, right] = span(seen.x(), sigma_x, columns);
+  const auto [top, bottom] = span(seen.y(), sigma_y, rows);
+  bump(seen.x(), sigma_x, left, right, across_);
+  bump(seen.y(), sigma_y, top, bottom, down_);
+  for (int j = top; j <= bottom; ++j) {
+    const float height = static_cast<float>(cloud.peak) * down_[j];
+    float* row = grid_.data() + static_cast<std::size_t>(j) * columns;
+    for (int i = left; i <= right; ++i) row[i] += height * across_[i];
+  }
+}
+
+const std::vector<float>& Background::transmission(const XrayCamera& camera, const Pose& T_camera_model) {
+  const int columns = nodesAcross(camera.width_px()), rows = nodesAcross(camera.height_px());
+  grid_.resize(static_cast<std::size_t>(columns) * rows);
+  across_.resize(columns);
+  down_.resize(rows);
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      const double x = 2.0 * i / (columns - 1) - 1, y = 2.0 * j / (rows - 1) - 1;
+      // The body is thickest in the middle; across more than along it.
+      grid_[static_cast<std::size_t>(j) * columns + i] =
+          static_cast<float>(strength_ * (0.5 - 1.2 * x * x - 0.4 * y * y));
+    }
+  }
+  for (const Cloud& cloud : clouds_) addCloud(cloud, camera, T_camera_model);
+  for (float& value : grid_) value = std::exp(-value);
+  return grid_;
+}
+
+}  // namespace angio

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/simulation/nodes.hpp"
+
+#include "angio/messaging/channels.hpp"
+
+namespace angio {
+
+SimulatedCArmNode::SimulatedCArmNode(Bus& bus, const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us)
+    : bus_(bus), commands_(bus, kCArmCommandChannel), arm_(limits, start, now_us) {}
+
+void SimulatedCArmNode::listen(std::int64_t now_us) {
+  if (const auto command = commands_.take()) arm_.obey(*command, now_us);
+}
+
+void SimulatedCArmNode::report(std::int64_t now_us) {
+  arm_.advance(now_us);
+  CArmState state = arm_.state();
+  state.sequence = ++sequence_;
+  publish(bus_, kCArmStateChannel, state);
+}
+
+SimulatedXrayNode::SimulatedXrayNode(Bus& bus, const VesselTree& tree, const FluoroscopySettings& settings,
+                                     const CArmGeometry& carm, const Pose& T_patient_model)
+    : bus_(bus),
+      states_(bus, kCArmStateChannel),
+      renderer_(withPlausibleRadii(tree, settings.end_radius_mm * 1e-3), settings),
+      carm_(carm),
+      T_patient_model_(T_patient_model) {
+  carm_.check();
+}
+
+bool SimulatedXrayNode::expose(std::int64_t now_us) {
+  const auto& state = states_.peek();
+  if (!state) return false;
+  XrayFrame frame{now_us, ++sequence_, {}, carm_.camera()};
+  frame.image = renderer_.render(frame.camera, T_camera_model(state->joints), static_cast<std::uint64_t>(sequence_));
+  publish(bus_, kXrayFrameChannel, frame);
+  return true;
+}
+
+}  // namespace angio

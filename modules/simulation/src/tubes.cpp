@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "tubes.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace angio {
+namespace {
+
+constexpr double kRadiusStep = 0.04e-3;  // [m] Takes 0.6 % of the beam at most, half of a pixel's noise.
+constexpr double kLongest = 4e-3;        // [m] Keeps single precision at the tube's scale.
+constexpr double kNearest = 1e-3;        // [m] From the source; the cone of a tube that touches it has no bounds.
+constexpr int kMostPieces = 256;         // Of one edge.
+
+// What all rays of one row share, and how they change from pixel to pixel. A ray is p = o + t d with d = (dx, dy, 1),
+// where o is its point at the depth of the tube's end a, relative to a: small numbers, so that single precision is
+// enough.
+struct Row {
+  float dx, dx_step, dy;
+  float ox, ox_step, oy;
+};
+
+struct Axis {
+  float x, y, z, length, radius;
+};
+
+// Entry and exit of each ray, as depth t from the tube's end a; exit is not above entry where the ray misses.
+//
+// The cylinder around the axis u is met where |(o + t d) x u| = r. Where that is beyond an end, the ray enters or
+// leaves through the sphere at that end, or not at all: a tube is convex, and its sphere fills the cylinder's section
+// at the end.
+void meet(const Axis& u, const Row& row, int count, float* __restrict entry, float* __restrict exit) {
+  const float r2 = u.radius * u.radius;
+  const float wx = u.y - u.z * row.dy;
+  for (int i = 0; i < count; ++i) {
+    const float dx = row.dx + static_cast<float>(i) * row.dx_step;
+    const float ox = row.ox + static_cast<float>(i) * row.ox_step;
+    const float wy = u.z * dx - u.x;  // w = u x d.
+    const float wz = u.x * row.dy - u.y * dx;
+    const float ww = wx * wx + wy * wy + wz * wz;
+    const float a = ww > 1e-12F ? ww : 1e-12F;  // A ray along the axis meets the cylinder far beyond both ends.
+    const float wo = wx * ox + wy * row.oy;
+    const float h = r2 * a - wo * wo;
+    const float dd = dx * dx + row.dy * row.dy + 1.0F;
+    const float oo = ox * ox + row.oy * row.oy;
+    const float d_o = dx * ox + row.dy * row.oy;
+    const float ud = u.x * dx + u.y * row.dy + u.z;
+    const float uo = u.x * ox + u.y * row.oy;
+    const float b = d_o - ud * uo;
+    const float root = std::sqrt(h > 0.0F ? h : 0.0F);
+    const float t0 = (-b - root) / a, t1 = (-b + root) / a;
+    const float s0 = uo + t0 * ud, s1 = uo + t1 * ud;  // Places along the axis.
+
+    const float end0 = s0 < 0.0F ? 0.0F : u.length, end1 = s1 < 0.0F ? 0.0F : u.length;
+    const float b0 = d_o - end0 * ud, b1 = d_o - end1 * ud;
+    const float h0 = b0 * b0 - dd * (oo - 2.0F * end0 * uo + end0 * end0 - r2);
+    const float h1 = b1 * b1 - dd * (oo - 2.0F * end1 * uo + end1 * end1 - r2);
+    const float cap0 = (-b0 - std::sqrt(h0 > 0.0F ? h0 : 0.0F)) / dd;
+    const float cap1 = (-b1 + std::sqrt(h1 > 0.0F ? h1 : 0.0F)) / dd;
+
+    const bool side0 = (s0 >= 0.0F) & (s0 <= u.length), side1 = (s1 >= 0.0F) & (s1 <= u.length);
+    const bool hit = (h > 0.0F) & (side0 | (h0 > 0.0F)) & (side1 | (h1 > 0.0F));
+    const float in = side0 ? t0 : cap0, out = side1 ? t1 : cap1;
+    entry[i] = in;
+    exit[i] = hit ? out : in;
+  }
+}
+
+// The pixels that a tube may cover lie within reach of its projected axis.
+struct Footprint {
+  Eigen::Vector2d a, b;  // [px]
+  double reach;          // [px]
+};
+
+// A point within r of c is seen within f r |c| / (c.z (c.z - r)) of c: Cauchy-Schwarz on the difference of the
+// quotients.
+Footprint footprint(const Tube& tube, const XrayCamera& camera) {
+  const double slant = std::max(tube.a.norm() / tube.a.z(), tube.b.norm() / tube.b.z());
+  const double nearest = std::min(tube.a.z(), tube.b.z()) - tube.radius_m;
+  const double focal = std::max(camera.parameters().fx_px, camera.parameters().fy_px);
+  return {*camera.project(tube.a), *camera.project(tube.b), focal * tube.radius_m * slant / nearest + 1e-3};
+}
+
+// Whole pixels between two positions and on the detector: [first, second).
+std::pair<int, int> pixelsBetween(double low, double high, int size) {
+  return {static_cast<int>(std::ceil(std::clamp(low, 0.0, static_cast<double>(size)))),
+          static_cast<int>(std::floor(std::clamp(high, -1.0, size - 1.0))) + 1};
+}
+
+// Of row y, the pixels between the two lines parallel to the axis at its reach, and within the footprint's box.
+std::pair<int, int> columns(const Footprint& f, int y, int width) {
+  const Eigen::Vector2d along = f.b - f.a;
+  double low = std::min(f.a.x(), f.b.x()) - f.reach, high = std::max(f.a.x(), f.b.x()) + f.reach;
+  if (std::abs(along.y()) > 1e-9) {
+    const double centre = f.a.x() + (y - f.a.y()) * along.x() / along.y();
+    const double half = f.reach * along.norm() / std::abs(along.y());
+    low = std::max(low, centre - half);
+    high = std::min(high, centre + half);
+  }
+  return pixelsBetween(low, high, width);
+}
+
+}  // namespace
+
+std::vector<Tube> tubesOf(const VesselTree& tree) {
+  std::vector<Tube> tubes;
+  for (const auto& chain : tree.branches()) {
+    for (std::size_t k = 1; k < chain.size(); ++k) {
+      const Eigen::Vector3d a = tree.points().col(chain[k - 1]), step = tree.points().col(chain[k]) - a;
+      const double radius = tree.radii()[chain[k - 1]].value(), change = tree.radii()[chain[k]].value() - radius;
+      const double wanted = std::ceil(std::max(std::abs(change) / kRadiusStep, step.norm() / kLongest));
+      const int pieces = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMostPieces)));
+      for (int p = 0; p < pieces; ++p) {
+        tubes.push_back({a + step * p / pieces, a + step * (p + 1) / pieces, radius + change * (p + 0.5) / pieces});
+      }
+    }
+  }
+  return tubes;
+}
+
+void PathLengths::insert(std::int32_t pixel, float z_in, float z_out) {
+  std::int32_t* link = &first_[pixel];
+  std::int32_t grown = -1;
+  while (*link >= 0) {
+    Interval& other = intervals_[*link];
+    if (other.z_in > z_out || z_in > other.z_out) {
+      link = &other.next;
+      continue;
+    }
+    z_in = std::min(z_in, other.z_in);
+    z_out = std::max(z_out, other.z_out);
+    if (grown < 0) {
+      grown = *link;
+      link = &other.next;
+    } else {
+      other.z_out = other.z_in;  // Counts for nothing any more.
+      *link = other.next;
+    }
+  }
+  if (grown >= 0) {
+    intervals_[grown].z_in = z_in;
+    intervals_[grown].z_out = z_out;
+  } else {
+    intervals_.push_back({z_in, z_out, first_[pixel], pixel});
+    first_[pixel] = static_cast<std::int32_t>(intervals_.size()) - 1;
+  }
+}
+
+void PathLengths::add(const Tube& tube, const XrayCamera& camera) {
+  if (std::min(tube.a.z(), tube.b.z()) <= tube.radius_m + kNearest) return;
+  const auto& K = camera.parameters();
+  const Footprint f = footprint(tube, camera);
+  const Eigen::Vector3d along = tube.b - tube.a;
+  const double length = along.norm();
+  const Eigen::Vector3f u = (length > 0 ? Eigen::Vector3d(along / length) : Eigen::Vector3d::UnitX()).cast<float>();
+  const Axis axis{u.x(), u.y(), u.z(), static_cast<float>(length), static_cast<float>(tube.radius_m)};
+  const float depth = static_cast<float>(tube.a.z() - origin_z_);
+
+  const auto [top, bottom] =
+      pixelsBetween(std::min(f.a.y(), f.b.y()) - f.reach, std::max(f.a.y(), f.b.y()) + f.reach, K.height_px);
+  for (int y = top; y < bottom; ++y) {
+    const auto [left, right] = columns(f, y, K.width_px);
+    if (left >= right) continue;
+    Row row;
+    row.dx = static_cast<float>((left - K.cx_px) / K.fx_px);
+    row.dx_step = static_cast<float>(1 / K.fx_px);
+    row.dy = static_cast<float>((y - K.cy_px) / K.fy_px);
+    row.ox = static_cast<float>((left - f.a.x()) * tube.a.z() / K.fx_px);
+    row.ox_step = static_cast<float>(tube.a.z() / K.fx_px);
+    row.oy = static_cast<float>((y - f.a.y()) * tube.a.z() / K.fy_px);
+    meet(axis, row, right - left, z_in_.data(), z_out_.data());
+    for (int i = 0; i < right - left; ++i) {
+      if (z_out_[i] > z_in_[i]) insert(y * K.width_px + left + i, depth + z_in_[i], depth + z_out_[i]);
+    }
+  }
+}
+
+const cv::Mat& PathLengths::compute(const std::vector<Tube>& tubes, const XrayCamera& camera,
+                                    const Pose& T_camera_model) {
+  const auto& K = camera.parameters();
+  first_.assign(static_cast<std::size_t>(K.width_px) * K.height_px, -1);
+  intervals_.clear();
+  z_in_.resize(K.width_px);
+  z_out_.resize(K.width_px);
+  origin_z_ = tubes.empty() ? 0 : (T_camera_model * tubes.front().a).z();
+  for (const Tube& tube : tubes) add({T_camera_model * tube.a, T_camera_model * tube.b, tube.radius_m}, camera);
+
+  result_.create(K.height_px, K.width_px, CV_32FC1);
+  result_.setTo(0);
+  for (const Interval& interval : intervals_) {
+    const double dx = (interval.pixel % K.width_px - K.cx_px) / K.fx_px;
+    const double dy = (interval.pixel / K.width_px - K.cy_px) / K.fy_px;
+    const float slant = static_cast<float>(std::sqrt(dx * dx + dy * dy + 1));
+    result_.ptr<float>()[interval.pixel] += slant * (interval.z_out - interval.z_in);
+  }
+  return result_;
+}
+
+}  // namespace angio
