@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+namespace angio {
+
+/// The version all programs print.
+std::string programVersion();
+
+/// Gives a program --version, and --help that ends with `example`.
+void describeProgram(CLI::App& app, const std::string& example);
+
+/// Accepts a number within [low, high]; CLI::Range would let "nan" pass.
+CLI::Validator between(double low, double high);
+
+/// Parses the command line and runs `work`, which returns the exit code, with one OpenCV thread.
+///
+/// Exit codes: 0 done, --help and --version; 1 wrong input or failed work, with one line on stderr (a result that
+/// stdout does not take is failed work); 2 wrong command line.
+int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& work);
+
+}  // namespace angio

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/evaluation/pose_error.hpp"
+#include "angio/imaging/extractor.hpp"
+#include "angio/io/case_files.hpp"
+#include "angio/registration/starts.hpp"
+
+namespace angio {
+
+/// How cases are run.
+struct CaseRunSettings {
+  RegistrationSettings registration;
+  StartSettings starts;
+  ExtractorSettings extractor;
+};
+
+/// What became of one case.
+struct CaseOutcome {
+  std::string name;
+  RegistrationResult result;
+  double image_s = 0;               ///< Time from image to centreline; 0 when a centreline was given [s].
+  double pixel_at_isocentre_m = 0;  ///< Size of a pixel at the depth of the tree's centroid.
+  std::optional<PoseError> start_error,
+      error;  ///< Of the pose it started from and of the result, when the truth is known.
+};
+
+/// Called after each case with how many are done.
+using CaseProgress = std::function<void(int done)>;
+
+/// Runs every case with one method. Cases of a sequence start from the last converged result. Throws InputError for
+/// files that cannot be read.
+std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings,
+                                  const CaseProgress& progress = {});
+
+/// One method's figures over all cases, as people compare methods.
+nlohmann::ordered_json summaryOf(const std::vector<CaseOutcome>& outcomes);
+
+/// One case as outside tools read it.
+nlohmann::ordered_json caseAsJson(const CaseOutcome& outcome);
+
+/// Processor, cores, compiler, versions: what a time depends on.
+nlohmann::ordered_json machineAsJson();
+
+/// The summaries of several methods as a table for people, Markdown.
+std::string summaryTable(const nlohmann::ordered_json& summary_by_method);
+
+}  // namespace angio

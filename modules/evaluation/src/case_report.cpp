@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <cstdio>
+#include <fstream>
+#include <thread>
+
+#include "angio/evaluation/case_run.hpp"
+#include "angio/evaluation/statistics.hpp"
+
+namespace angio {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Thresholds of the trade: method names them in the keys.
+constexpr double kGrossFailurePx = 5, kSuccessMtre_m = 2e-3, kPoseOk_deg = 0.1, kPoseOk_mm = 1;
+
+std::vector<double> collect(const std::vector<CaseOutcome>& outcomes, double (*figure)(const CaseOutcome&)) {
+  std::vector<double> values;
+  for (const auto& outcome : outcomes) values.push_back(figure(outcome));
+  return values;
+}
+
+double shareOf(const std::vector<CaseOutcome>& outcomes, bool (*holds)(const CaseOutcome&)) {
+  int count = 0;
+  for (const auto& outcome : outcomes) count += holds(outcome);
+  return outcomes.empty() ? 0.0 : 100.0 * count / static_cast<double>(outcomes.size());
+}
+
+Json spread(const std::vector<double>& values) {
+  return {{"mean", mean(values)},
+          {"median", percentile(values, 0.5)},
+          {"p75", percentile(values, 0.75)},
+          {"p95", percentile(values, 0.95)},
+          {"max", percentile(values, 1)}};
+}
+
+bool converged(const CaseOutcome& o) { return o.result.status == RegistrationStatus::kConverged; }
+
+Json timesOf(const CaseOutcome& o) {
+  const auto& t = o.result.times;
+  return {{"image", 1e3 * o.image_s},
+          {"prepare", 1e3 * t.prepare_s},
+          {"rigid", 1e3 * t.rigid_s},
+          {"nonrigid", 1e3 * t.nonrigid_s},
+          {"total", 1e3 * (o.image_s + t.total_s)}};
+}
+
+Json errorAsJson(const PoseError& e) {
+  return {{"mtre_mm", 1e3 * e.mtre_m},
+          {"depth_mm", 1e3 * e.depth_m},
+          {"in_plane_mm", 1e3 * e.in_plane_m},
+          {"mpd_px", e.mpd_px ? Json(*e.mpd_px) : Json(nullptr)},
+          {"mpd_isocentre_mm", e.mpd_isocentre_m ? Json(1e3 * *e.mpd_isocentre_m) : Json(nullptr)},
+          {"rotation_deg", radToDeg(e.rotation_rad)},
+          {"centroid_mm", 1e3 * e.centroid_m}};
+}
+
+std::string cell(const Json& object, const char* key, const char* format) {
+  if (!object.contains(key)) return "-";
+  const Json& value = object[key];
+  char text[32];
+  std::snprintf(text, sizeof text, format, value.is_object() ? value["median"].get<double>() : value.get<double>());
+  return text;
+}
+
+}  // namespace
+
+Json caseAsJson(const CaseOutcome& outcome) {
+  const RegistrationResult& r = outcome.result;
+  Json json;
+  json["status"] = statusName(r.status);
+  json["reason"] = r.reason;
+  for (int i = 0; i < 9; ++i) json["rotation"].push_back(r.T_camera_model.linear()(i / 3, i % 3));
+  for (int i = 0; i < 3; ++i) json["translation_mm"].push_back(1e3 * r.T_camera_model.translation()[i]);
+  json["covariance"] = nullptr;
+  if (r.covariance) {
+    json["covariance"] = Json::array();
+    for (int i = 0; i < 36; ++i) json["covariance"].push_back((*r.covariance)(i / 6, i % 6));
+  }
+  json["ambiguity"] = r.ambiguity ? Json(*r.ambiguity) : Json(nullptr);
+  json["mean_projection_residual_px"] = r.agreement.model_residual_px;
+  json["rms_projection_residual_px"] = r.agreement.model_rms_px;
+  json["mean_image_residual_px"] = r.agreement.image_residual_px;
+  json["model_explained"] = r.agreement.model_explained;
+  json["image_explained"] = r.agreement.image_explained;
+  if (r.displacements_m.cols() > 0) {
+    for (Eigen::Index i = 0; i < r.displacements_m.cols(); ++i) {
+      const Eigen::Vector3d d = 1e3 * r.displacements_m.col(i);
+      json["displacements_mm"].push_back({d.x(), d.y(), d.z()});
+    }
+  }
+  json["points_3d"] = r.points_3d;
+  json["points_2d"] = r.points_2d;
+  json["iterations"] = {{"rigid", r.rigid_iterations}, {"nonrigid", r.nonrigid_iterations}};
+  json["time_ms"] = timesOf(outcome);
+  if (outcome.start_error) json["start_error"] = errorAsJson(*outcome.start_error);
+  if (outcome.error) json["error"] = errorAsJson(*outcome.error);
+  return json;
+}
+
+Json summaryOf(const std::vector<CaseOutcome>& all) {
+  Json summary;
+  summary["cases"] = all.size();
+  for (const auto status : {RegistrationStatus::kConverged, RegistrationStatus::kAmbiguous,
+                            RegistrationStatus::kDiverged, RegistrationStatus::kTooFewPoints}) {
+    int count = 0;
+    for (const auto& o : all) count += o.result.status == status;
+    summary["status"][statusName(status)] = count;
+  }
+  // A case with too few points has no residual.
+  std::vector<CaseOutcome> outcomes;
+  for (const auto& o : all) {
+    if (o.result.status != RegistrationStatus::kTooFewPoints) outcomes.push_back(o);
+  }
+  summary["mean_projection_residual_px"] =
+      spread(collect(outcomes, [](const CaseOutcome& o) { return o.result.agreement.model_residual_px; }));
+  summary["mean_image_residual_px"] =
+      spread(collect(outcomes, [](const CaseOutcome& o) { return o.result.agreement.image_residual_px; }));
+  summary["rms_projection_residual_isocentre_mm"] = spread(collect(
+      outcomes, [](const CaseOutcome& o) { return 1e3 * o.pixel_at_isocentre_m * o.result.agreement.model_rms_px; }));
+  summary["gfr_nearest_5px_percent"] =
+      shareOf(outcomes, [](const CaseOutcome& o) { return o.result.agreement.model_residual_px > kGrossFailurePx; });
+  summary["time_ms"]["rigid"] =
+      spread(collect(outcomes, [](const CaseOutcome& o) { return 1e3 * o.result.times.rigid_s; }));
+  summary["time_ms"]["nonrigid"] =
+      spread(collect(outcomes, [](const CaseOutcome& o) { return 1e3 * o.result.times.nonrigid_s; }));
+  const auto totals =
+      collect(outcomes, [](const CaseOutcome& o) { return 1e3 * (o.image_s + o.result.times.total_s); });
+  summary["time_ms"]["total"] = {
+      {"p50", percentile(totals, 0.5)}, {"p99", percentile(totals, 0.99)}, {"max", percentile(totals, 1)}};
+
+  // Against the truth every case counts: one without an answer has failed, and stands where it began.
+  std::vector<CaseOutcome> known;
+  std::vector<double> mpd_px;
+  for (const auto& o : all) {
+    if (!o.error) continue;
+    known.push_back(o);
+    if (o.error->mpd_px) mpd_px.push_back(*o.error->mpd_px);
+  }
+  if (known.empty()) return summary;
+  summary["cases_with_truth"] = known.size();
+  summary["mtre_mm"] = spread(collect(known, [](const CaseOutcome& o) { return 1e3 * o.error->mtre_m; }));
+  summary["mpd_px"] = spread(mpd_px);
+  summary["rotation_deg"] =
+      spread(collect(known, [](const CaseOutcome& o) { return radToDeg(o.error->rotation_rad); }));
+  summary["centroid_mm"] = spread(collect(known, [](const CaseOutcome& o) { return 1e3 * o.error->centroid_m; }));
+  summary["gfr_true_5px_percent"] =
+      shareOf(known, [](const CaseOutcome& o) { return !(o.error->mpd_px && *o.error->mpd_px <= kGrossFailurePx); });
+  summary["success_mtre_2mm_percent"] =
+      shareOf(known, [](const CaseOutcome& o) { return o.error->mtre_m < kSuccessMtre_m; });
+  summary["pose_ok_percent"] = shareOf(known, [](const CaseOutcome& o) {
+    return radToDeg(o.error->rotation_rad) < kPoseOk_deg && 1e3 * o.error->centroid_m < kPoseOk_mm;
+  });
+  summary["failed_and_noticed_percent"] =
+      shareOf(known, [](const CaseOutcome& o) { return !(o.error->mtre_m < kSuccessMtre_m) && !converged(o); });
+  summary["failed_and_trusted_percent"] =
+      shareOf(known, [](const CaseOutcome& o) { return !(o.error->mtre_m < kSuccessMtre_m) && converged(o); });
+  return summary;
+}
+
+std::string summaryTable(const Json& summary_by_method) {
+  std::string table =
+      "| method | converged | nearest residual: model [px] | image [px] | true projection [px] | pose error | pose ok "
+      "| "
+      "GFR > 5 px (true) | failed unnoticed | ms |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
+  for (const auto& [method, s] : summary_by_method.items()) {
+    table += "| " + method + " | " + std::to_string(s["status"]["converged"].get<int>()) + " of " +
+             std::to_string(s["cases"].get<int>()) + " | " + cell(s, "mean_projection_residual_px", "%.2f") + " | " +
+             cell(s, "mean_image_residual_px", "%.2f") + " | " + cell(s, "mpd_px", "%.3f") + " | " +
+             cell(s, "rotation_deg", "%.3f deg, ") + cell(s, "centroid_mm", "%.3f mm") + " | " +
+             cell(s, "pose_ok_percent", "%.0f %%") + " | " + cell(s, "gfr_true_5px_percent", "%.0f %%") + " | " +
+             cell(s, "failed_and_trusted_percent", "%.0f %%") + " | " + cell(s["time_ms"]["total"], "p50", "%.1f") +
+             " |\n";
+  }
+  return table +
+         "Medians over the cases; \"pose ok\" is within 0.1 deg and 1 mm of the truth at the tree's centroid.\n";
+}
+
+Json machineAsJson() {
+  Json machine;
+  std::ifstream cpuinfo("/proc/cpuinfo");
+  for (std::string line; std::getline(cpuinfo, line);) {
+    if (line.rfind("model name", 0) == 0) {
+      machine["processor"] = line.substr(line.find(':') + 2);
+      break;
+    }
+  }
+  machine["cores"] = std::thread::hardware_concurrency();
+  machine["compiler"] = __VERSION__;
+  return machine;
+}
+
+}  // namespace angio
