@@ -87,7 +87,8 @@ Centerline2d densified(const Centerline2d& centerline, double spacing_px) {
   for (int i = 0; i < centerline.size(); ++i) {
     if (i > 0 && centerline.branch[i] == centerline.branch[i - 1]) {
       const Eigen::Vector2d a = centerline.points_px.col(i - 1), b = centerline.points_px.col(i);
-      const int pieces = static_cast<int>(std::ceil((b - a).norm() / spacing_px - 1e-9));
+      const double step_px = (b - a).norm();
+      const int pieces = step_px > kLongestStep_px ? 1 : static_cast<int>(std::ceil(step_px / spacing_px - 1e-9));
       for (int p = 1; p < pieces; ++p) {
         const double w = static_cast<double>(p) / pieces;
         points.push_back((1 - w) * a + w * b);

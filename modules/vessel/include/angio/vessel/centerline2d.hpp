@@ -24,7 +24,9 @@ struct Centerline2d {
 Centerline2d makeCenterline(Eigen::Matrix2Xd points_px, std::vector<int> branch = {}, Eigen::VectorXd radius_px = {});
 
 /// Puts points between the points of each branch so that none are further apart than `spacing_px`; all points stay.
-/// A centreline without branches, or `spacing_px` = 0, comes back as it is.
+/// A step of more than kLongestStep_px is a gap, not a vessel, and stays one. A centreline without branches, or `spacing_px` = 0,
+/// comes back as it is.
+constexpr double kLongestStep_px = 200;
 Centerline2d densified(const Centerline2d& centerline, double spacing_px);
 
 /// An undirected angle brought into [-pi/2, pi/2).

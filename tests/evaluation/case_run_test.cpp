@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/case_run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+#include "angio/io/camera_files.hpp"
+#include "angio/io/centerline_files.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/pose_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/phantoms.hpp"
+#include "angio/test/temporary_folder.hpp"
+#include "angio/vessel/projection.hpp"
+
+namespace angio {
+namespace {
+
+// Files of one tree, seen from one side.
+class CaseRuns : public testing::Test {
+ protected:
+  CaseRuns() {
+    writeVesselTree(folder_.path("tree.csv"), tree_);
+    writeCamera(folder_.path("camera.yaml"), camera_);
+  }
+
+  void writeView(const std::string& name, const Pose& truth, const Pose& start) {
+    writeCenterline(folder_.path("c" + name + ".csv"), projectedCenterline(tree_, camera_, truth));
+    writePose(folder_.path("t" + name + ".yaml"), {truth, {}});
+    writePose(folder_.path("i" + name + ".yaml"), {start, {}});
+    cases_ += "  - {name: \"" + name + "\", centerline: c" + name + ".csv, initial_pose: i" + name +
+              ".yaml, truth_pose: t" + name + ".yaml}\n";
+  }
+  Pose nearby(const Pose& T) { return test::perturbed(T, tree_, random_.twist(0.002, degToRad(1))); }
+  CaseSet readSet(const std::string& head = "") {
+    return readCaseSet(folder_.write("cases.yaml", head + "tree: tree.csv\ncamera: camera.yaml\ncases:\n" + cases_));
+  }
+
+  test::TemporaryFolder folder_;
+  test::Random random_{11};
+  VesselTree tree_ = test::branchingTree(2);
+  XrayCamera camera_ = test::clinicalCamera();
+  Pose truth_ = test::viewOf(tree_, random_);
+  std::string cases_;
+  CaseRunSettings settings_{IterativePnpSettings{}, {}, OtsuSettings{}};
+};
+
+TEST_F(CaseRuns, CleanViewsAreFoundAndSummedUp) {
+  for (const char* name : {"a", "b", "c"}) {
+    const Pose truth = nearby(truth_);
+    writeView(name, truth, nearby(truth));
+  }
+  int last_done = 0;
+  const auto outcomes = runCases(readSet(), settings_, [&](int done) { last_done = done; });
+  ASSERT_EQ(outcomes.size(), 3u);
+  EXPECT_EQ(last_done, 3);
+  for (const auto& o : outcomes) {
+    ASSERT_EQ(o.result.status, RegistrationStatus::kConverged) << o.name << ": " << o.result.reason;
+    ASSERT_TRUE(o.error && o.start_error);
+    EXPECT_GT(o.start_error->mtre_m, 1e-3);
+    // What the view tells is found; of depth, which it tells least, the paper's prior keeps some of the start's.
+    EXPECT_LT(o.error->in_plane_m, 2e-4) << o.name;
+    EXPECT_LT(radToDeg(o.error->rotation_rad), 0.2) << o.name;
+    EXPECT_LT(o.error->mtre_m, 0.7 * o.start_error->mtre_m) << o.name;
+    EXPECT_NEAR(o.pixel_at_isocentre_m, 0.75 / camera_.parameters().fx_px, 0.01 * o.pixel_at_isocentre_m);
+  }
+  const auto summary = summaryOf(outcomes);
+  EXPECT_EQ(summary["cases"], 3);
+  EXPECT_EQ(summary["status"]["converged"], 3);
+  EXPECT_EQ(summary["cases_with_truth"], 3);
+  EXPECT_EQ(summary["success_mtre_2mm_percent"], 100);
+  EXPECT_EQ(summary["failed_and_trusted_percent"], 0);
+  EXPECT_NE(summaryTable({{"iterative_pnp", summary}}).find("| iterative_pnp | 3 of 3 |"), std::string::npos);
+}
+
+TEST_F(CaseRuns, ASequenceStartsFromTheLastConvergedResult) {
+  const Pose far = test::perturbed(truth_, tree_, random_.twist(0.02, degToRad(60)));
+  writeView("good", truth_, nearby(truth_));
+  writeView("empty", truth_, far);
+  writeView("next", nearby(truth_), far);
+  // Fewer points than can hold a pose: this frame fails, and must not become the start of the next.
+  folder_.write("cempty.csv", "x_px,y_px\n1,1\n2,2\n3,3\n");
+
+  const auto sequence = runCases(readSet("sequence: true\n"), settings_);
+  EXPECT_EQ(sequence[0].result.status, RegistrationStatus::kConverged);
+  EXPECT_EQ(sequence[1].result.status, RegistrationStatus::kTooFewPoints);
+  EXPECT_EQ(sequence[2].result.status, RegistrationStatus::kConverged) << sequence[2].result.reason;
+  EXPECT_LT(sequence[2].start_error->rotation_rad, degToRad(5)) << "the start it had, not the file's";
+
+  const auto single = runCases(readSet(), settings_);
+  EXPECT_NE(single[2].result.status, RegistrationStatus::kConverged);
+}
+
+TEST_F(CaseRuns, AnImageMustBeOfItsCamerasSize) {
+  writeView("a", truth_, truth_);
+  writeImage(folder_.path("small.png"), cv::Mat(64, 64, CV_8UC1, cv::Scalar(128)));
+  cases_ = "  - {name: \"a\", image: small.png, initial_pose: ia.yaml}\n";
+  const CaseSet set = readSet();
+  const std::string line = test::refusalOf([&] { runCases(set, settings_); });
+  EXPECT_NE(line.find("small.png: size = 64 x 64"), std::string::npos) << line;
+}
+
+TEST_F(CaseRuns, ABlankImageIsAStatusWithATime) {
+  writeView("a", truth_, truth_);
+  writeImage(folder_.path("blank.png"), cv::Mat(camera_.height_px(), camera_.width_px(), CV_16UC1, cv::Scalar(30000)));
+  cases_ = "  - {name: \"a\", image: blank.png, initial_pose: ia.yaml}\n";
+  const auto outcomes = runCases(readSet(), settings_);
+  EXPECT_EQ(outcomes[0].result.status, RegistrationStatus::kTooFewPoints);
+  EXPECT_GT(outcomes[0].image_s, 0);
+  EXPECT_FALSE(outcomes[0].error);
+}
+
+}  // namespace
+}  // namespace angio
