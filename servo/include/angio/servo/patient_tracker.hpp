@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/geometry/carm.hpp"
+#include "angio/registration/registration.hpp"
+
+namespace angio {
+
+/// What is believed of T_dsa_cb: the calibration at first, then what registrations of trusted frames say.
+///
+/// The joints say where the camera is, so all that a frame can teach is how the patient lies: one small, slow unknown.
+struct PatientTrackerSettings {
+  double calibration_rotation_std_deg = 2;    ///< Of the calibration, per axis: how far a first registration may look.
+  double calibration_translation_std_mm = 6;  ///< Per axis.
+  double tracking_rotation_std_deg = 0.7;     ///< Between two frames, once a frame has been trusted.
+  double tracking_translation_std_mm = 3;
+  double memory_frames = 8;   ///< Trusted frames that are averaged over; 1: only the newest counts.
+  int frames_until_lost = 3;  ///< Untrusted frames in a row after which the search is wide again.
+
+  void visit(SettingsVisitor& v) {
+    v.number("calibration_rotation_std_deg", calibration_rotation_std_deg, 1e-3, 90);
+    v.number("calibration_translation_std_mm", calibration_translation_std_mm, 1e-3, 1000);
+    v.number("tracking_rotation_std_deg", tracking_rotation_std_deg, 1e-3, 90);
+    v.number("tracking_translation_std_mm", tracking_translation_std_mm, 1e-3, 1000);
+    v.number("memory_frames", memory_frames, 1, 1000);
+    v.integer("frames_until_lost", frames_until_lost, 1, 1000);
+  }
+};
+
+class PatientTracker {
+ public:
+  /// @param T_dsa_cb  Calibrated: the model frame in the patient frame (C-arm frame with the table at zero).
+  PatientTracker(const PatientTrackerSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
+                 const Eigen::Vector3d& centroid_model);
+
+  /// Whether a trusted frame has been seen lately: the search can be narrow.
+  bool tracking() const { return tracking_; }
+
+  /// Where the model should be seen with these joints, and how surely.
+  PosePrior predict(const CArmJoints& joints) const;
+
+  /// A trusted registration of a frame that was taken with these joints.
+  void update(const Pose& T_camera_model, const CArmJoints& joints);
+
+  /// A frame that could not be trusted.
+  void miss();
+
+  const Pose& T_dsa_cb() const { return T_dsa_cb_; }
+
+ private:
+  PatientTrackerSettings settings_;
+  CArmGeometry carm_;
+  Pose T_dsa_cb_;
+  Eigen::Vector3d centroid_;
+  bool tracking_ = false;
+  int trusted_in_a_row_ = 0;
+  int missed_in_a_row_ = 0;
+};
+
+}  // namespace angio

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "angio/geometry/carm.hpp"
+#include "angio/messaging/messages.hpp"
+#include "angio/registration/registration.hpp"
+
+namespace angio {
+
+/// Gates between what is seen and what moves. Every gate that fails ends in a hold.
+struct SupervisorSettings {
+  double most_state_age_ms = 200;   ///< Between the frame and the joints it is read with.
+  double most_correction_deg = 12;  ///< Largest disagreement with the prediction while searching ...
+  double most_correction_mm = 40;
+  double most_jump_deg = 2.5;  ///< ... and while tracking.
+  double most_jump_mm = 10;
+  double most_target_std_mm = 3;  ///< Standard deviation of the target in the camera frame, its worst direction.
+  double command_valid_ms = 200;  ///< How long a command may be obeyed: three frames at 15 a second.
+
+  void visit(SettingsVisitor& v) {
+    v.number("most_state_age_ms", most_state_age_ms, 1, 10000);
+    v.number("most_correction_deg", most_correction_deg, 0.01, 180);
+    v.number("most_correction_mm", most_correction_mm, 0.01, 1000);
+    v.number("most_jump_deg", most_jump_deg, 0.01, 180);
+    v.number("most_jump_mm", most_jump_mm, 0.01, 1000);
+    v.number("most_target_std_mm", most_target_std_mm, 1e-3, 1000);
+    v.number("command_valid_ms", command_valid_ms, 10, 1000);
+  }
+};
+
+class Supervisor {
+ public:
+  /// @param target_model  The point whose place matters [m].
+  Supervisor(const SupervisorSettings& settings, const CArmLimits& limits, const Eigen::Vector3d& target_model);
+
+  /// Why a frame must not be read with these joints; nothing when it may.
+  std::optional<std::string> objection(const XrayFrame& frame, const CArmState& state) const;
+
+  /// Why a registration must not move the machine; nothing when it may.
+  std::optional<std::string> objection(const RegistrationResult& seen, const PosePrior& predicted, bool tracking) const;
+
+  /// A velocity brought within range, speed and acceleration; rest when anything is not finite.
+  ///
+  /// The change is counted from `last_command`: what the encoders say lags behind by the latency of the loop, and an
+  /// acceleration counted from there would be half of what the arm can do.
+  CArmJoints limit(const CArmJoints& wanted, const CArmJoints& last_command, const CArmState& state,
+                   double period_s) const;
+
+  /// How long commands may be obeyed [us].
+  std::int64_t commandValidity_us() const;
+
+ private:
+  SupervisorSettings settings_;
+  CArmLimits limits_;
+  Eigen::Vector3d target_;
+};
+
+}  // namespace angio

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "angio/calibration/carm_calibration.hpp"
+#include "angio/servo/servo_node.hpp"
+#include "angio/simulation/fluoroscopy.hpp"
+
+namespace angio {
+
+/// What a rehearsal is about: where the C-arm starts, what it shall see, and how wrong its calibration is.
+struct RehearsalSettings {
+  double start_primary_deg = 0;       ///< C-arm angles at the start.
+  double start_secondary_deg = 0;
+  double view_primary_deg = 30;       ///< Desired view of the anatomy: LAO positive.
+  double view_secondary_deg = 15;     ///< CRA positive.
+  double patient_turn_deg = 4;        ///< How far the patient lies from straight: known to calibration.
+  double patient_shift_mm = 15;
+  double calibration_error_deg = 3;   ///< How wrong T_dsa_cb is, about an axis across the desired beam: all of it tilts the view.
+  double calibration_error_mm = 10;
+  double duration_s = 10;
+  double frame_rate_hz = 15;
+  double command_latency_ms = 60;     ///< From exposure to the command's arrival, in simulated time; at most a frame's period.
+  int seed = 1;                       ///< Of patient, calibration error, anatomy and noise.
+
+  void visit(SettingsVisitor& v) {
+    v.number("start_primary_deg", start_primary_deg, -110, 110);
+    v.number("start_secondary_deg", start_secondary_deg, -55, 55);
+    v.number("view_primary_deg", view_primary_deg, -110, 110);
+    v.number("view_secondary_deg", view_secondary_deg, -55, 55);
+    v.number("patient_turn_deg", patient_turn_deg, 0, 45);
+    v.number("patient_shift_mm", patient_shift_mm, 0, 200);
+    v.number("calibration_error_deg", calibration_error_deg, 0, 45);
+    v.number("calibration_error_mm", calibration_error_mm, 0, 200);
+    v.number("duration_s", duration_s, 0.1, 3600);
+    v.number("frame_rate_hz", frame_rate_hz, 1, 100);
+    v.number("command_latency_ms", command_latency_ms, 0, 900);
+    v.integer("seed", seed, 0, 2147483647);
+  }
+};
+
+/// One frame as the rehearsal's omniscient observer sees it.
+struct RehearsalFrame {
+  double time_s = 0;
+  CArmJoints joints = CArmJoints::Zero();    ///< True, at the exposure.
+  CArmCommand command;                       ///< What the loop answered.
+  ViewError true_error;                      ///< Of the real view at the exposure.
+  std::optional<ViewError> seen_error;       ///< What the loop believed.
+  std::optional<std::string> held;
+  RegistrationStatus status = RegistrationStatus::kTooFewPoints;
+  double model_residual_px = 0, image_residual_px = 0;
+  int points_2d = 0;
+  double render_s = 0, image_s = 0, registration_s = 0, control_s = 0;  ///< Wall time of the stages [s].
+  double answer_s = 0;  ///< Wall time from the frame's bytes on the bus to the command's bytes on the bus [s].
+};
+
+/// A frame that is kept whole, for the pictures.
+struct RehearsalSnapshot {
+  XrayFrame frame;
+  Centerline2d centerline;
+  Pose predicted_T_camera_model = Pose::Identity();  ///< By joints and calibration alone.
+  RegistrationResult registration;
+};
+
+struct Rehearsal {
+  std::vector<RehearsalFrame> closed;   ///< With feedback from the images.
+  std::vector<RehearsalFrame> open;     ///< The same law on calibration alone; only time, joints, command, true error.
+  ViewError closed_end, open_end;       ///< True view errors at the end.
+  std::optional<RehearsalSnapshot> first, last;
+};
+
+/// Called after each frame with how many of how many are done.
+using RehearsalProgress = std::function<void(int done, int total)>;
+
+/// Runs C-arm, X-ray and loop as three parties on a bus inside the process, in simulated time; then the open loop.
+/// Of `loop` the parts count; C-arm, T_dsa_cb and view are filled in from `truth` and `settings`. The same settings give the same commands, bit for bit. Throws InputError when a setting is out of its range.
+Rehearsal rehearse(const VesselTree& tree, const CArmCalibration& truth, const RehearsalSettings& settings,
+                   const ServoLoopSettings& loop, const FluoroscopySettings& fluoroscopy,
+                   const RehearsalProgress& progress = {});
+
+}  // namespace angio

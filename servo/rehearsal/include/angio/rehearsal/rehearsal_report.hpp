@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "angio/rehearsal/rehearsal.hpp"
+
+namespace angio {
+
+/// Frames, registered, held, final errors of both loops, latency p50/p99/max per stage.
+nlohmann::ordered_json rehearsalSummary(const Rehearsal& rehearsal);
+
+/// The same as a table for people.
+std::string rehearsalTable(const nlohmann::ordered_json& summary);
+
+/// One row per frame of the closed loop, with the open loop's error beside it; header with units.
+std::string rehearsalTrace(const Rehearsal& rehearsal);
+
+/// Writes overlay_first.png, overlay_last.png, plot.png, all three on sheet.jpg, trace.csv and summary.json into `folder`, which is made when it is
+/// missing. `summary` is what summary.json holds. Throws InputError when a file cannot be written.
+void writeRehearsal(const std::string& folder, const Rehearsal& rehearsal, const VesselTree& tree,
+                    const nlohmann::ordered_json& summary);
+
+}  // namespace angio

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/rehearsal/rehearsal_report.hpp"
+
+#include <cstdio>
+#include <filesystem>
+#include <opencv2/imgproc.hpp>
+
+#include "angio/base/errors.hpp"
+#include "angio/evaluation/overlay.hpp"
+#include "angio/evaluation/plot.hpp"
+#include "angio/evaluation/statistics.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/whole_file.hpp"
+
+namespace angio {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json errorAsJson(const ViewError& e) {
+  return {{"view_deg", radToDeg(e.direction_rad)}, {"target_mm", 1e3 * e.target_m}, {"roll_deg", radToDeg(e.roll_rad)}};
+}
+
+Json latencyOf(const std::vector<RehearsalFrame>& frames, double RehearsalFrame::*stage) {
+  std::vector<double> ms;
+  for (const auto& f : frames) ms.push_back(1e3 * f.*stage);
+  return {{"p50", percentile(ms, 0.5)}, {"p99", percentile(ms, 0.99)}, {"max", percentile(ms, 1)}};
+}
+
+template <typename... Values>
+std::string formatted(const char* format, Values... values) {
+  char text[512];
+  std::snprintf(text, sizeof text, format, values...);
+  return text;
+}
+
+cv::Mat overlayOf(const RehearsalSnapshot& snapshot, const VesselTree& tree, const std::string& when) {
+  OverlayScene scene;
+  scene.image = snapshot.frame.image;
+  scene.centerline = &snapshot.centerline;
+  scene.trees.push_back({snapshot.predicted_T_camera_model, {}, kStartColour, "tree where the calibration puts it"});
+  scene.trees.push_back({snapshot.registration.T_camera_model, {}, kModelColour, "tree as registered"});
+  scene.caption = when + formatted(": registration %s, mean residual %.2f px", statusName(snapshot.registration.status).c_str(),
+                                   snapshot.registration.agreement.model_residual_px);
+  return drawOverlay(scene, tree, snapshot.frame.camera);
+}
+
+Series seriesOf(const std::vector<RehearsalFrame>& frames, const std::string& name, int colour,
+                double (*value)(const RehearsalFrame&)) {
+  Series s{name, {}, {}, plotColour(colour)};
+  for (const auto& f : frames) {
+    s.x.push_back(f.time_s);
+    s.y.push_back(value(f));
+  }
+  return s;
+}
+
+cv::Mat plotOf(const Rehearsal& r) {
+  const auto direction = [](const RehearsalFrame& f) { return radToDeg(f.true_error.direction_rad); };
+  const auto target = [](const RehearsalFrame& f) { return 1e3 * f.true_error.target_m; };
+  std::vector<Panel> panels(4);
+  panels[0] = {"True error of the view: direction of the beam", "", "deg", Panel::Scale::kLog,
+               {seriesOf(r.open, "open loop", 1, direction), seriesOf(r.closed, "closed loop", 0, direction)}};
+  panels[1] = {"True error of the view: target from its place", "", "mm", Panel::Scale::kLog,
+               {seriesOf(r.open, "open loop", 1, target), seriesOf(r.closed, "closed loop", 0, target)}};
+  panels[2] = {"Commanded joint velocities, angles", "", "deg/s", Panel::Scale::kLinear,
+               {seriesOf(r.closed, "primary", 0, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[0]); }),
+                seriesOf(r.closed, "secondary", 1, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[1]); })}};
+  panels[3] = {"Commanded joint velocities, table", "time [s]", "mm/s", Panel::Scale::kLinear,
+               {seriesOf(r.closed, "table x (left)", 2, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[2]; }),
+                seriesOf(r.closed, "table y (down)", 3, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[3]; }),
+                seriesOf(r.closed, "table z (head)", 4, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[4]; })}};
+  return drawPlot(panels, 940, 230);
+}
+
+// First frame, last frame and plot on one sheet: what a newcomer sees first.
+cv::Mat sheetOf(const cv::Mat& first, const cv::Mat& last, const cv::Mat& plot) {
+  cv::Mat left, right, below, pictures, sheet;
+  const int half_px = 620;
+  cv::resize(first, left, {half_px, half_px * first.rows / first.cols}, 0, 0, cv::INTER_AREA);
+  cv::resize(last, right, left.size(), 0, 0, cv::INTER_AREA);
+  cv::hconcat(left, right, pictures);
+  cv::resize(plot, below, {2 * half_px, plot.rows * 2 * half_px / plot.cols}, 0, 0, cv::INTER_CUBIC);
+  cv::vconcat(pictures, below, sheet);
+  return sheet;
+}
+
+}  // namespace
+
+Json rehearsalSummary(const Rehearsal& r) {
+  int registered = 0, held = 0;
+  for (const auto& f : r.closed) {
+    registered += f.status == RegistrationStatus::kConverged;
+    held += f.held.has_value();
+  }
+  Json summary;
+  summary["frames"] = r.closed.size();
+  summary["registered"] = registered;
+  summary["held"] = held;
+  summary["final_error"] = {{"closed_loop", errorAsJson(r.closed_end)}, {"open_loop", errorAsJson(r.open_end)}};
+  summary["latency_ms"] = {{"render", latencyOf(r.closed, &RehearsalFrame::render_s)},
+                           {"image_to_centreline", latencyOf(r.closed, &RehearsalFrame::image_s)},
+                           {"registration", latencyOf(r.closed, &RehearsalFrame::registration_s)},
+                           {"control", latencyOf(r.closed, &RehearsalFrame::control_s)},
+                           {"frame_to_command", latencyOf(r.closed, &RehearsalFrame::answer_s)}};
+  return summary;
+}
+
+std::string rehearsalTable(const Json& summary) {
+  std::string table = formatted("%d frames, %d registered, %d held\n\n", summary["frames"].get<int>(),
+                                summary["registered"].get<int>(), summary["held"].get<int>());
+  table += formatted("%-22s %12s %12s %12s\n", "final view error", "view [deg]", "target [mm]", "roll [deg]");
+  for (const auto& [name, key] : {std::pair("closed loop", "closed_loop"), std::pair("open loop", "open_loop")}) {
+    const Json& e = summary["final_error"][key];
+    table += formatted("%-22s %12.3f %12.3f %12.3f\n", name, e["view_deg"].get<double>(), e["target_mm"].get<double>(),
+                       e["roll_deg"].get<double>());
+  }
+  table += formatted("\n%-22s %12s %12s %12s\n", "latency", "p50 [ms]", "p99 [ms]", "max [ms]");
+  for (const auto& [stage, t] : summary["latency_ms"].items()) {
+    table += formatted("%-22s %12.2f %12.2f %12.2f\n", stage.c_str(), t["p50"].get<double>(), t["p99"].get<double>(),
+                       t["max"].get<double>());
+  }
+  return table;
+}
+
+std::string rehearsalTrace(const Rehearsal& r) {
+  std::string trace =
+      "time_s,primary_deg,secondary_deg,table_x_mm,table_y_mm,table_z_mm,primary_deg_per_s,secondary_deg_per_s,"
+      "table_x_mm_per_s,table_y_mm_per_s,table_z_mm_per_s,view_error_deg,target_error_mm,roll_deg,seen_view_error_deg,"
+      "seen_target_error_mm,open_loop_view_error_deg,open_loop_target_error_mm,status,held,model_residual_px,"
+      "image_residual_px,points_2d,image_ms,registration_ms,control_ms,frame_to_command_ms\n";
+  for (std::size_t k = 0; k < r.closed.size(); ++k) {
+    const RehearsalFrame &f = r.closed[k], &o = r.open.at(k);
+    trace += formatted("%.4f", f.time_s);
+    const auto joints = [&](const CArmJoints& q) {
+      for (int i = 0; i < kCArmJointCount; ++i) trace += formatted(",%.6f", i < 2 ? radToDeg(q[i]) : 1e3 * q[i]);
+    };
+    joints(f.joints);
+    joints(f.command.velocity);
+    trace += formatted(",%.5f,%.5f,%.5f", radToDeg(f.true_error.direction_rad), 1e3 * f.true_error.target_m,
+                       radToDeg(f.true_error.roll_rad));
+    trace += f.seen_error ? formatted(",%.5f,%.5f", radToDeg(f.seen_error->direction_rad), 1e3 * f.seen_error->target_m) : ",,";
+    trace += formatted(",%.5f,%.5f,%s,%d,%.4f,%.4f,%d,%.3f,%.3f,%.3f,%.3f\n", radToDeg(o.true_error.direction_rad),
+                       1e3 * o.true_error.target_m, statusName(f.status).c_str(), f.held ? 1 : 0, f.model_residual_px,
+                       f.image_residual_px, f.points_2d, 1e3 * f.image_s, 1e3 * f.registration_s, 1e3 * f.control_s,
+                       1e3 * f.answer_s);
+  }
+  return trace;
+}
+
+void writeRehearsal(const std::string& folder, const Rehearsal& rehearsal, const VesselTree& tree, const Json& summary) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw InputError(folder, "", "", "cannot be made: " + error.message());
+  const std::string base = folder + "/";
+  const cv::Mat first = overlayOf(*rehearsal.first, tree, "first frame");
+  const cv::Mat last = overlayOf(*rehearsal.last, tree, "last frame"), plot = plotOf(rehearsal);
+  writeImage(base + "overlay_first.png", first);
+  writeImage(base + "overlay_last.png", last);
+  writeImage(base + "plot.png", plot);
+  writeImage(base + "sheet.jpg", sheetOf(first, last, plot));
+  writeWholeFile(base + "trace.csv", rehearsalTrace(rehearsal));
+  writeWholeFile(base + "summary.json", summary.dump(2) + "\n");
+}
+
+}  // namespace angio

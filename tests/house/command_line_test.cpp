@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <gtest/gtest.h>
+
+#include "angio/test/program.hpp"
+
+namespace angio {
+namespace {
+
+class CommandLines : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Programs, CommandLines,
+                         testing::Values("angio-register", "angio-evaluate", "angio-servo", "angio-simulate"),
+                         [](const auto& program) { return std::string(program.param).substr(6); });
+
+TEST_P(CommandLines, HelpHasDefaultsAndAnExample) {
+  const auto ended = test::run(GetParam(), {"--help"});
+  EXPECT_EQ(ended.exit_code, 0);
+  EXPECT_EQ(ended.err, "");
+  EXPECT_NE(ended.out.find("Example:\n  " + std::string(GetParam())), std::string::npos) << ended.out;
+}
+
+TEST_P(CommandLines, VersionIsOneLine) {
+  const auto ended = test::run(GetParam(), {"--version"});
+  EXPECT_EQ(ended.exit_code, 0);
+  EXPECT_EQ(ended.err, "");
+  EXPECT_EQ(ended.out.find(std::string(GetParam()) + " "), 0u) << ended.out;
+  EXPECT_EQ(ended.out.find('\n'), ended.out.size() - 1);
+}
+
+TEST_P(CommandLines, AnUnknownOptionIsAWrongCommandLine) {
+  const auto ended = test::run(GetParam(), {"--no-such-option"});
+  EXPECT_EQ(ended.exit_code, 2);
+  EXPECT_EQ(ended.out, "");
+  EXPECT_NE(ended.err, "");
+}
+
+TEST(CommandLine, DefaultsStandInTheHelp) {
+  const std::string help = test::run("angio-servo", {"--help"}).out;
+  for (const char* line : {"--view-primary-deg FLOAT", "--seed", "--duration-s"}) {
+    EXPECT_NE(help.find(line), std::string::npos) << help;
+  }
+  EXPECT_NE(help.find("=30"), std::string::npos) << help;
+  EXPECT_NE(test::run("angio-evaluate", {"cases", "--help"}).out.find("iterative_pnp"), std::string::npos);
+}
+
+TEST(CommandLine, WhatCannotBeMeantIsRefused) {
+  const std::vector<std::pair<const char*, std::vector<std::string>>> lines = {
+      {"angio-register", {}},
+      {"angio-register", {"--tree", "t.csv", "--camera", "c.yaml", "--initial-pose", "p.yaml"}},  // Nothing is seen.
+      {"angio-evaluate", {}},
+      {"angio-evaluate", {"cases"}},
+      {"angio-servo", {"--simulate", "--bus", "memq://"}},
+      {"angio-servo", {"--simulate", "--seed", "-1"}},
+      {"angio-servo", {"--simulate", "--view-primary-deg", "nan"}},
+      {"angio-servo", {"--simulate", "--view-secondary-deg", "56"}},
+      {"angio-servo", {"--duration-s", "inf"}},
+      {"angio-simulate", {"--frame-rate-hz", "nan"}},
+      {"angio-simulate", {"--frame-rate-hz", "0"}},
+      {"angio-simulate", {"--start-primary-deg", "many"}}};
+  for (const auto& [program, arguments] : lines) {
+    const auto ended = test::run(program, arguments);
+    EXPECT_EQ(ended.exit_code, 2) << program << " " << testing::PrintToString(arguments);
+    EXPECT_EQ(ended.out, "");
+    EXPECT_NE(ended.err, "");
+  }
+}
+
+}  // namespace
+}  // namespace angio

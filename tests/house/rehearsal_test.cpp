@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/rehearsal/rehearsal.hpp"
+
+#include <gtest/gtest.h>
+
+#include "angio/rehearsal/rehearsal_report.hpp"
+#include "angio/test/errors.hpp"
+#include "hepatic.hpp"
+
+namespace angio {
+namespace {
+
+Rehearsal rehearseHepatic(const RehearsalSettings& settings) {
+  return rehearse(test::hepaticTree(), test::hepaticCalibration(), settings, {}, {});
+}
+
+void expectWithinLimits(const std::vector<RehearsalFrame>& frames, double period_s) {
+  const CArmLimits limits = CArmLimits::typical();
+  CArmJoints last = CArmJoints::Zero();
+  const double rounding = 1 + 1e-9, whole_us = 1 + 2e-5;  // Frames stand at whole microseconds of 66,667.
+  for (const auto& f : frames) {
+    const CArmJoints& v = f.command.velocity;
+    EXPECT_TRUE((v.cwiseAbs().array() <= limits.velocity.array() * rounding).all()) << v.transpose();
+    // A hold may stop at once; the arm then brakes by itself.
+    const bool gentle = ((v - last).cwiseAbs().array() <= limits.acceleration.array() * period_s * whole_us).all();
+    EXPECT_TRUE(gentle || f.held) << (v - last).transpose();
+    EXPECT_TRUE((f.joints.array() >= limits.lower.array()).all() && (f.joints.array() <= limits.upper.array()).all());
+    last = v;
+  }
+}
+
+TEST(Rehearsals, TheClosedLoopReachesTheViewThatTheOpenLoopMisses) {
+  RehearsalSettings settings;
+  settings.duration_s = test::kSanitized ? 0.4 : 6;
+  const Rehearsal r = rehearseHepatic(settings);
+  expectWithinLimits(r.closed, 1 / settings.frame_rate_hz);
+  expectWithinLimits(r.open, 1 / settings.frame_rate_hz);
+  for (const auto& f : r.closed) {
+    EXPECT_TRUE(!f.held || f.command.velocity.isZero(0));
+    EXPECT_EQ(f.command.frame_sequence, &f - r.closed.data() + 1);
+  }
+  if (test::kSanitized) return;  // Too few frames to arrive.
+  EXPECT_LT(radToDeg(r.closed_end.direction_rad), 0.2);
+  EXPECT_LT(1e3 * r.closed_end.target_m, 1);
+  // All of the calibration's error is left: six seconds are nine time constants.
+  EXPECT_NEAR(radToDeg(r.open_end.direction_rad), settings.calibration_error_deg, 0.05);
+  EXPECT_NEAR(1e3 * r.open_end.target_m, settings.calibration_error_mm, 0.1);
+}
+
+TEST(Rehearsals, TheSameSeedGivesTheSameCommandsBitForBit) {
+  RehearsalSettings settings;
+  settings.duration_s = test::kSanitized ? 0.2 : 1;
+  settings.seed = 5;
+  const Rehearsal a = rehearseHepatic(settings), b = rehearseHepatic(settings);
+  ASSERT_EQ(a.closed.size(), b.closed.size());
+  for (std::size_t k = 0; k < a.closed.size(); ++k) {
+    const CArmCommand &x = a.closed[k].command, &y = b.closed[k].command;
+    EXPECT_EQ(x.velocity, y.velocity) << k;
+    EXPECT_EQ(x.time_us, y.time_us);
+    EXPECT_EQ(x.sequence, y.sequence);
+    EXPECT_EQ(x.frame_sequence, y.frame_sequence);
+    EXPECT_EQ(x.valid_for_us, y.valid_for_us);
+    EXPECT_EQ(a.open[k].command.velocity, b.open[k].command.velocity);
+  }
+  EXPECT_FALSE(a.closed.back().command.velocity.isZero(0)) << "a loop that never moves repeats itself easily";
+}
+
+TEST(Rehearsals, AnotherSeedIsAnotherPatient) {
+  RehearsalSettings settings;
+  settings.duration_s = 0.1;
+  const Rehearsal a = rehearseHepatic(settings);
+  settings.seed = 2;
+  const Rehearsal b = rehearseHepatic(settings);
+  EXPECT_GT((a.closed[0].joints - b.closed[0].joints).norm(), 1e-3) << "the table's start follows the patient's place";
+}
+
+TEST(Rehearsals, RefuseSettingsOutOfRange) {
+  RehearsalSettings settings;
+  settings.frame_rate_hz = 0;
+  EXPECT_NE(test::refusalOf([&] { rehearseHepatic(settings); }).find("frame_rate_hz = 0"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace angio

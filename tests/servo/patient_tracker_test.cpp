@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/servo/patient_tracker.hpp"
+
+#include <gtest/gtest.h>
+
+#include "angio/test/errors.hpp"
+#include "angio/test/random.hpp"
+
+namespace angio {
+namespace {
+
+class PatientTrackers : public testing::Test {
+ protected:
+  CArmJoints anyJoints() {
+    CArmJoints q;
+    q << random_.uniform(-1.5, 1.5), random_.uniform(-0.8, 0.8), random_.vector(0.05);
+    return q;
+  }
+  // What a registration would say of a patient who lies so, with `noise` about the tree's centroid.
+  Pose measured(const Pose& T_dsa_cb, const CArmJoints& q, const Twist& noise = Twist::Zero()) const {
+    const Eigen::Translation3d centre(centroid_);
+    return arm_.T_camera_patient(q) * T_dsa_cb * centre * expSE3(noise) * centre.inverse();
+  }
+  // Of the point that matters, and of the rotation.
+  static double errorMm(const Pose& a, const Pose& b, const Eigen::Vector3d& p) { return 1e3 * (a * p - b * p).norm(); }
+  static double errorDeg(const Pose& a, const Pose& b) {
+    return radToDeg(rotationAngle(a.linear() * b.linear().transpose()));
+  }
+
+  test::Random random_{9};
+  CArmGeometry arm_;
+  PatientTrackerSettings settings_;
+  Eigen::Vector3d centroid_{0.05, -0.08, 0.03};
+  Pose calibrated_ = expSE3(random_.twist(0.05, 0.3));
+  Pose truth_ = calibrated_ * expSE3(random_.twist(0.01, 0.05));
+  PatientTracker tracker_{settings_, arm_, calibrated_, centroid_};
+};
+
+TEST_F(PatientTrackers, BelieveTheCalibrationFirst) {
+  const CArmJoints q = anyJoints();
+  const PosePrior prior = tracker_.predict(q);
+  EXPECT_FALSE(tracker_.tracking());
+  EXPECT_TRUE(prior.T_camera_model.isApprox(arm_.T_camera_patient(q) * calibrated_, 1e-12));
+  ASSERT_TRUE(prior.covariance);
+  const double rotation_std = degToRad(settings_.calibration_rotation_std_deg);
+  EXPECT_DOUBLE_EQ((*prior.covariance)(0, 0), std::pow(settings_.calibration_translation_std_mm * 1e-3, 2));
+  EXPECT_DOUBLE_EQ((*prior.covariance)(5, 5), rotation_std * rotation_std);
+}
+
+TEST_F(PatientTrackers, OnePerfectFrameSaysHowThePatientLies) {
+  const CArmJoints q = anyJoints();
+  tracker_.update(measured(truth_, q), q);
+  EXPECT_TRUE(tracker_.tracking());
+  for (int i = 0; i < 10; ++i) {
+    const CArmJoints other = anyJoints();
+    EXPECT_TRUE(tracker_.predict(other).T_camera_model.isApprox(measured(truth_, other), 1e-9));
+  }
+  EXPECT_LT((*tracker_.predict(q).covariance)(0, 0), std::pow(settings_.calibration_translation_std_mm * 1e-3, 2));
+}
+
+// A mean that forgets with gain g has 1 / (2/g - 1) of the variance: with g = 1/8 a standard deviation of 0.26.
+TEST_F(PatientTrackers, AverageNoiseAway) {
+  double single_mm = 0, tracked_mm = 0, single_deg = 0, tracked_deg = 0;
+  for (int k = 0; k < 300; ++k) {
+    const CArmJoints q = anyJoints();
+    const Pose seen = measured(truth_, q, random_.twist(1e-3, degToRad(0.3)));
+    tracker_.update(seen, q);
+    if (k < 30) continue;
+    const Pose single = arm_.T_camera_patient(q).inverse() * seen;
+    single_mm += errorMm(single, truth_, centroid_);
+    single_deg += errorDeg(single, truth_);
+    tracked_mm += errorMm(tracker_.T_dsa_cb(), truth_, centroid_);
+    tracked_deg += errorDeg(tracker_.T_dsa_cb(), truth_);
+  }
+  // The mean over 270 frames of which every 15 are alike is itself off by some 20 %.
+  EXPECT_NEAR(tracked_mm / single_mm, 0.26, 0.08);
+  EXPECT_NEAR(tracked_deg / single_deg, 0.26, 0.08);
+}
+
+TEST_F(PatientTrackers, AreFastAtFirstAndForgetLater) {
+  const CArmJoints q = anyJoints();
+  for (int k = 0; k < 20; ++k) tracker_.update(measured(truth_, q), q);
+  Twist step = Twist::Zero();
+  step.head<3>() << 2e-3, 0, 0;
+  const Eigen::Translation3d centre(centroid_);
+  const Pose moved = truth_ * centre * expSE3(step) * centre.inverse();
+  for (int k = 0; k < 8; ++k) tracker_.update(measured(moved, q), q);
+  // (1 - 1/8)^8 of 2 mm: a pure shift is averaged exactly.
+  EXPECT_NEAR(errorMm(tracker_.T_dsa_cb(), moved, centroid_), 2 * std::pow(7.0 / 8, 8), 1e-6);
+}
+
+TEST_F(PatientTrackers, LookWideAgainAfterMissesInARow) {
+  const CArmJoints q = anyJoints();
+  const double wide = tracker_.predict(q).covariance->trace();
+  tracker_.update(measured(truth_, q), q);
+  const double narrow = tracker_.predict(q).covariance->trace();
+  EXPECT_LT(narrow, wide);
+  for (int k = 1; k < settings_.frames_until_lost; ++k) tracker_.miss();
+  tracker_.update(measured(truth_, q), q);  // One trusted frame and the count begins again.
+  for (int k = 1; k < settings_.frames_until_lost; ++k) tracker_.miss();
+  EXPECT_TRUE(tracker_.tracking());
+  EXPECT_EQ(tracker_.predict(q).covariance->trace(), narrow);
+  tracker_.miss();
+  EXPECT_FALSE(tracker_.tracking());
+  EXPECT_EQ(tracker_.predict(q).covariance->trace(), wide);
+  // What it found afterwards replaces what it lost.
+  tracker_.update(measured(calibrated_, q), q);
+  EXPECT_TRUE(tracker_.T_dsa_cb().isApprox(calibrated_, 1e-9));
+}
+
+TEST_F(PatientTrackers, RefuseSettingsOutOfRange) {
+  settings_.memory_frames = 0;
+  EXPECT_NE(test::refusalOf([&] { PatientTracker(settings_, arm_, calibrated_, centroid_); }).find("memory_frames = 0"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace angio
