@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The stages of a frame before and after the registration: making it, sending it, finding its centrelines.
+#include <benchmark/benchmark.h>
+
+#include "angio/geometry/visp.hpp"
+#include "angio/imaging/extractor.hpp"
+#include "angio/messaging/codec.hpp"
+#include "angio/servo/servo_loop.hpp"
+#include "angio/simulation/fluoroscopy.hpp"
+#include "scene.hpp"
+
+namespace angio::benchmarks {
+namespace {
+
+void renderFrame(benchmark::State& state) {
+  const Scene scene;
+  FluoroscopyRenderer renderer(scene.tree, FluoroscopySettings());
+  std::uint64_t frame = 0;
+  for (auto _ : state) {
+    const cv::Mat image = renderer.render(scene.camera, scene.truth, frame++);
+    benchmark::DoNotOptimize(image.data);
+  }
+}
+BENCHMARK(renderFrame)->Unit(benchmark::kMillisecond);
+
+void segmentOtsu(benchmark::State& state) {
+  const Scene scene;
+  FluoroscopyRenderer renderer(scene.tree, FluoroscopySettings());
+  const cv::Mat image = renderer.render(scene.camera, scene.truth, 0);
+  const auto extractor = makeExtractor(OtsuSettings());
+  int points = 0;
+  for (auto _ : state) points = extractor->extract(image).size();
+  state.counters["points_2d"] = points;
+}
+BENCHMARK(segmentOtsu)->Unit(benchmark::kMillisecond);
+
+XrayFrame renderedFrame(const Scene& scene) {
+  FluoroscopyRenderer renderer(scene.tree, FluoroscopySettings());
+  return {1000, 1, renderer.render(scene.camera, scene.truth, 0), scene.camera};
+}
+
+void encodeFrame(benchmark::State& state) {
+  const XrayFrame frame = renderedFrame(Scene());
+  for (auto _ : state) benchmark::DoNotOptimize(encode(frame).data());
+}
+BENCHMARK(encodeFrame)->Unit(benchmark::kMillisecond);
+
+void decodeFrame(benchmark::State& state) {
+  const std::vector<std::uint8_t> bytes = encode(renderedFrame(Scene()));
+  for (auto _ : state) {
+    const auto decoded = decode<XrayFrame>(bytes.data(), bytes.size());
+    if (!decoded.value) state.SkipWithError(decoded.error.c_str());
+  }
+}
+BENCHMARK(decodeFrame)->Unit(benchmark::kMillisecond);
+
+void controlLaw(benchmark::State& state) {
+  const Scene scene;
+  const CArmGeometry carm;
+  const DesiredView view{{degToRad(20), degToRad(10)}, scene.tree.centroid(), Eigen::Matrix3d::Identity()};
+  const vpHomogeneousMatrix cdMo = toVisp(desiredPose(view, carm.source_isocentre_distance_m));
+  const vpHomogeneousMatrix cMo = toVisp(scene.truth);
+  const auto law = makeServoLaw(PositionBasedSettings());
+  const Supervisor supervisor(SupervisorSettings(), CArmLimits::typical(), view.target_model);
+  const CArmState joints;
+  for (auto _ : state) {
+    const auto wanted = law->velocity(cMo, cdMo, toVisp(carm.eJe(joints.joints)));
+    if (!wanted) state.SkipWithError("singular");
+    benchmark::DoNotOptimize(supervisor.limit(*wanted, joints.velocity, joints, 1.0 / 15));
+  }
+}
+BENCHMARK(controlLaw)->Unit(benchmark::kMillisecond);
+
+// From the frame to its command, once the tree is tracked.
+void wholeFrame(benchmark::State& state) {
+  const Scene scene;
+  ServoLoopSettings settings;
+  settings.T_dsa_cb = settings.carm.T_camera_patient(CArmJoints::Zero()).inverse() * scene.truth;
+  settings.view = {{degToRad(20), degToRad(10)}, scene.tree.centroid(), Eigen::Matrix3d::Identity()};
+  ServoLoop loop(settings, scene.tree);
+  XrayFrame frame = renderedFrame(scene);
+  CArmState joints;
+  int held = 0;
+  joints.time_us = frame.time_us;
+  if (loop.step(frame, joints).held) state.SkipWithError("the tree was not found");
+  for (auto _ : state) {
+    frame.time_us += 66667;
+    ++frame.sequence;
+    joints.time_us = frame.time_us;
+    held += loop.step(frame, joints).held.has_value();
+  }
+  state.counters["held"] = held;
+}
+BENCHMARK(wholeFrame)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace angio::benchmarks
