@@ -77,6 +77,7 @@ Settings effectiveSettings(const Options& o) {
 }
 
 int simulate(const Options& o, const Settings& settings, const VesselTree& tree, const CArmCalibration& calibration) {
+  makeFolder(o.out);  // Before the work, not after it.
   std::optional<ProgressBar> bar;
   const Rehearsal rehearsal =
       rehearse(tree, calibration, settings.rehearsal, settings.loop(), settings.fluoroscopy, [&](int done, int total) {

@@ -28,7 +28,8 @@ void PatientTracker::update(const Pose& T_camera_model, const CArmJoints& joints
   const Pose seen = carm_.T_camera_patient(joints).inverse() * T_camera_model;
   ++trusted_in_a_row_;
   missed_in_a_row_ = 0;
-  // A plain mean at first, then one that forgets. About the centroid, where translation and rotation are least entangled.
+  // A plain mean at first, then one that forgets. About the centroid, where translation and rotation are least
+  // entangled.
   const double gain = tracking_ ? std::max(1.0 / trusted_in_a_row_, 1.0 / settings_.memory_frames) : 1.0;
   const Eigen::Translation3d to_centroid(centroid_);
   const Twist correction = logSE3(to_centroid.inverse() * T_dsa_cb_.inverse() * seen * to_centroid);

@@ -97,14 +97,15 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, do
 
   began = Clock::now();
   const PosePrior predicted = tracker_.predict(state.joints);
-  report.registration =
-      tracker_.tracking()
-          ? tracking_->align(report.centerline, frame.camera, predicted)
-          : alignFromStarts(*search_, report.centerline, frame.camera, predicted, settings_.search_starts);
+  report.registration = tracker_.tracking() ? tracking_->align(report.centerline, frame.camera, predicted)
+                                            : alignFromStarts(*search_, report.centerline, frame.camera, predicted,
+                                                              settings_.search_starts);
   report.registration_s = secondsSince(began);
 
   began = Clock::now();
-  if ((report.held = supervisor_.objection(report.registration, predicted, tracker_.tracking()))) {
+  if ((report.held = supervisor_.objection(
+           report.registration, settings_.carm.T_camera_patient(state.joints) * settings_.T_dsa_cb,
+           tracker_.tracking() ? std::optional(predicted.T_camera_model) : std::nullopt))) {
     tracker_.miss();
     return report;
   }

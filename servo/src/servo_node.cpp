@@ -8,13 +8,13 @@
 namespace angio {
 
 ServoNode::ServoNode(Bus& bus, const ServoLoopSettings& settings, const VesselTree& tree)
-    : bus_(bus), frames_(bus, kXrayFrameChannel), states_(bus, kCArmStateChannel), loop_(settings, tree) {}
+    : bus_(bus), frames_(bus, kXrayFrameChannel), joints_(bus, kCArmStateChannel), loop_(settings, tree) {}
 
 std::optional<ServoReport> ServoNode::answer() {
-  if (!states_.peek()) return std::nullopt;
+  if (joints_.empty()) return std::nullopt;
   const auto frame = frames_.take();
   if (!frame) return std::nullopt;
-  ServoReport report = loop_.step(*frame, *states_.peek());
+  ServoReport report = loop_.step(*frame, *joints_.at(frame->time_us));
   publish(bus_, kCArmCommandChannel, report.command);
   publish(bus_, kRegistrationChannel, registrationMessage(report));
   publish(bus_, kServoStatusChannel, servoStatus(report));

@@ -19,8 +19,8 @@ double worstTargetStd(const RegistrationResult& seen, const Eigen::Vector3d& tar
   return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues()[2]));
 }
 
-std::string over(const char* what, double value, double most, const char* unit) {
-  return std::string(what) + " " + shown(value) + " " + unit + " exceeds " + shown(most) + " " + unit;
+std::string over(const std::string& what, double value, double most) {
+  return what + " " + shown(value) + " exceeds " + shown(most);
 }
 
 }  // namespace
@@ -39,29 +39,43 @@ std::optional<std::string> Supervisor::objection(const XrayFrame& frame, const C
   }
   if (!state.joints.allFinite() || !state.velocity.allFinite()) return "joints are not finite";
   const double age_ms = std::abs(static_cast<double>(frame.time_us) - static_cast<double>(state.time_us)) * 1e-3;
-  if (!(age_ms <= settings_.most_state_age_ms))
-    return over("age of the joints", age_ms, settings_.most_state_age_ms, "ms");
+  if (!(age_ms <= settings_.most_state_age_ms)) {
+    return over("age of the joints [ms]", age_ms, settings_.most_state_age_ms);
+  }
   return std::nullopt;
 }
 
-std::optional<std::string> Supervisor::objection(const RegistrationResult& seen, const PosePrior& predicted,
-                                                 bool tracking) const {
-  if (seen.status != RegistrationStatus::kConverged)
+std::optional<std::string> Supervisor::objection(const RegistrationResult& seen, const Pose& calibrated,
+                                                 const std::optional<Pose>& predicted) const {
+  if (seen.status != RegistrationStatus::kConverged) {
     return "registration " + statusName(seen.status) + ": " + seen.reason;
+  }
   if (!seen.T_camera_model.matrix().allFinite() || !seen.covariance || !seen.covariance->allFinite()) {
     return "registration is not finite";
   }
-  const double turned_deg =
-      radToDeg(rotationAngle(seen.T_camera_model.linear() * predicted.T_camera_model.linear().transpose()));
-  const double moved_mm = 1e3 * (seen.T_camera_model * target_ - predicted.T_camera_model * target_).norm();
-  const double most_deg = tracking ? settings_.most_jump_deg : settings_.most_correction_deg;
-  const double most_mm = tracking ? settings_.most_jump_mm : settings_.most_correction_mm;
-  if (!(turned_deg <= most_deg)) return over("turn against the prediction", turned_deg, most_deg, "deg");
-  if (!(moved_mm <= most_mm)) return over("shift against the prediction", moved_mm, most_mm, "mm");
+  if (const auto far = tooFar(seen.T_camera_model, calibrated, settings_.most_correction_deg,
+                              settings_.most_correction_mm, "calibration")) {
+    return far;
+  }
+  if (predicted) {
+    if (const auto far =
+            tooFar(seen.T_camera_model, *predicted, settings_.most_jump_deg, settings_.most_jump_mm, "prediction")) {
+      return far;
+    }
+  }
   const double std_mm = 1e3 * worstTargetStd(seen, target_);
   if (!(std_mm <= settings_.most_target_std_mm)) {
-    return over("uncertainty of the target", std_mm, settings_.most_target_std_mm, "mm");
+    return over("uncertainty of the target [mm]", std_mm, settings_.most_target_std_mm);
   }
+  return std::nullopt;
+}
+
+std::optional<std::string> Supervisor::tooFar(const Pose& seen, const Pose& expected, double most_deg, double most_mm,
+                                              const char* what) const {
+  const double turned_deg = radToDeg(rotationAngle(seen.linear() * expected.linear().transpose()));
+  const double moved_mm = 1e3 * (seen * target_ - expected * target_).norm();
+  if (!(turned_deg <= most_deg)) return over(std::string("turn against the ") + what + " [deg]", turned_deg, most_deg);
+  if (!(moved_mm <= most_mm)) return over(std::string("shift against the ") + what + " [mm]", moved_mm, most_mm);
   return std::nullopt;
 }
 

@@ -28,7 +28,9 @@ TEST(CArmLimiter, FastWishesAreShortenedInTheirDirection) {
     const double factor = v.norm() / wanted.norm();
     EXPECT_LE(fastest, 1 + kRounding);
     EXPECT_LT((v - factor * wanted).norm(), kRounding);
-    if (factor < 1 - kRounding) EXPECT_NEAR(fastest, 1, kRounding) << "shortened more than needed";
+    if (factor < 1 - kRounding) {
+      EXPECT_NEAR(fastest, 1, kRounding) << "shortened more than needed";
+    }
   }
   const CArmJoints slow = 0.5 * limits.velocity;
   EXPECT_EQ(withinSpeed(slow, limits), slow);

@@ -50,8 +50,8 @@ Stage setStage(const VesselTree& tree, const CArmCalibration& nominal, const Reh
   const CArmCalibration wrong = miscalibrated(truth, target, axis, degToRad(s.calibration_error_deg),
                                               s.calibration_error_mm * 1e-3 * randomDirection(engine));
   stage.loop.T_dsa_cb = wrong.T_dsa_cb;
-  stage.start = nominal.carm.jointsFor({degToRad(s.start_primary_deg), degToRad(s.start_secondary_deg)},
-                                       wrong.T_dsa_cb * target);
+  stage.start =
+      nominal.carm.jointsFor({degToRad(s.start_primary_deg), degToRad(s.start_secondary_deg)}, wrong.T_dsa_cb * target);
   return stage;
 }
 

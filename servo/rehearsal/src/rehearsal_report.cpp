@@ -40,8 +40,9 @@ cv::Mat overlayOf(const RehearsalSnapshot& snapshot, const VesselTree& tree, con
   scene.centerline = &snapshot.centerline;
   scene.trees.push_back({snapshot.predicted_T_camera_model, {}, kStartColour, "tree where the calibration puts it"});
   scene.trees.push_back({snapshot.registration.T_camera_model, {}, kModelColour, "tree as registered"});
-  scene.caption = when + formatted(": registration %s, mean residual %.2f px", statusName(snapshot.registration.status).c_str(),
-                                   snapshot.registration.agreement.model_residual_px);
+  scene.caption =
+      when + formatted(": registration %s, mean residual %.2f px", statusName(snapshot.registration.status).c_str(),
+                       snapshot.registration.agreement.model_residual_px);
   return drawOverlay(scene, tree, snapshot.frame.camera);
 }
 
@@ -59,17 +60,31 @@ cv::Mat plotOf(const Rehearsal& r) {
   const auto direction = [](const RehearsalFrame& f) { return radToDeg(f.true_error.direction_rad); };
   const auto target = [](const RehearsalFrame& f) { return 1e3 * f.true_error.target_m; };
   std::vector<Panel> panels(4);
-  panels[0] = {"True error of the view: direction of the beam", "", "deg", Panel::Scale::kLog,
+  panels[0] = {"True error of the view: direction of the beam",
+               "",
+               "deg",
+               Panel::Scale::kLog,
                {seriesOf(r.open, "open loop", 1, direction), seriesOf(r.closed, "closed loop", 0, direction)}};
-  panels[1] = {"True error of the view: target from its place", "", "mm", Panel::Scale::kLog,
+  panels[1] = {"True error of the view: target from its place",
+               "",
+               "mm",
+               Panel::Scale::kLog,
                {seriesOf(r.open, "open loop", 1, target), seriesOf(r.closed, "closed loop", 0, target)}};
-  panels[2] = {"Commanded joint velocities, angles", "", "deg/s", Panel::Scale::kLinear,
-               {seriesOf(r.closed, "primary", 0, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[0]); }),
-                seriesOf(r.closed, "secondary", 1, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[1]); })}};
-  panels[3] = {"Commanded joint velocities, table", "time [s]", "mm/s", Panel::Scale::kLinear,
-               {seriesOf(r.closed, "table x (left)", 2, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[2]; }),
-                seriesOf(r.closed, "table y (down)", 3, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[3]; }),
-                seriesOf(r.closed, "table z (head)", 4, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[4]; })}};
+  panels[2] = {
+      "Commanded joint velocities, angles",
+      "",
+      "deg/s",
+      Panel::Scale::kLinear,
+      {seriesOf(r.closed, "primary", 0, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[0]); }),
+       seriesOf(r.closed, "secondary", 1, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[1]); })}};
+  panels[3] = {
+      "Commanded joint velocities, table",
+      "time [s]",
+      "mm/s",
+      Panel::Scale::kLinear,
+      {seriesOf(r.closed, "table x (left)", 2, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[2]; }),
+       seriesOf(r.closed, "table y (down)", 3, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[3]; }),
+       seriesOf(r.closed, "table z (head)", 4, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[4]; })}};
   return drawPlot(panels, 940, 230);
 }
 
@@ -139,7 +154,8 @@ std::string rehearsalTrace(const Rehearsal& r) {
     joints(f.command.velocity);
     trace += formatted(",%.5f,%.5f,%.5f", radToDeg(f.true_error.direction_rad), 1e3 * f.true_error.target_m,
                        radToDeg(f.true_error.roll_rad));
-    trace += f.seen_error ? formatted(",%.5f,%.5f", radToDeg(f.seen_error->direction_rad), 1e3 * f.seen_error->target_m) : ",,";
+    trace += f.seen_error ? formatted(",%.5f,%.5f", radToDeg(f.seen_error->direction_rad), 1e3 * f.seen_error->target_m)
+                          : ",,";
     trace += formatted(",%.5f,%.5f,%s,%d,%.4f,%.4f,%d,%.3f,%.3f,%.3f,%.3f\n", radToDeg(o.true_error.direction_rad),
                        1e3 * o.true_error.target_m, statusName(f.status).c_str(), f.held ? 1 : 0, f.model_residual_px,
                        f.image_residual_px, f.points_2d, 1e3 * f.image_s, 1e3 * f.registration_s, 1e3 * f.control_s,
@@ -148,10 +164,15 @@ std::string rehearsalTrace(const Rehearsal& r) {
   return trace;
 }
 
-void writeRehearsal(const std::string& folder, const Rehearsal& rehearsal, const VesselTree& tree, const Json& summary) {
+void makeFolder(const std::string& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) throw InputError(folder, "", "", "cannot be made: " + error.message());
+}
+
+void writeRehearsal(const std::string& folder, const Rehearsal& rehearsal, const VesselTree& tree,
+                    const Json& summary) {
+  makeFolder(folder);
   const std::string base = folder + "/";
   const cv::Mat first = overlayOf(*rehearsal.first, tree, "first frame");
   const cv::Mat last = overlayOf(*rehearsal.last, tree, "last frame"), plot = plotOf(rehearsal);

@@ -23,7 +23,7 @@ struct ServoLoopSettings {
   DesiredView view;
 
   ExtractorSettings extractor = OtsuSettings{};
-  RegistrationSettings search = searchRegistration();     ///< While nothing is tracked ...
+  RegistrationSettings search = searchRegistration();  ///< While nothing is tracked ...
   StartSettings search_starts = searchStarts();
   RegistrationSettings tracking = trackingRegistration();  ///< ... and from frame to frame.
   PatientTrackerSettings tracker;
@@ -32,7 +32,8 @@ struct ServoLoopSettings {
 
   /// iterative_pnp with the prior that calibration gives.
   static IterativePnpSettings searchRegistration();
-  /// The same from a start that is a few pixels off: small scales only, and an end to its iterations that fits the frame rate.
+  /// The same from a start that is a few pixels off: small scales only, and an end to its iterations that fits the
+  /// frame rate.
   static IterativePnpSettings trackingRegistration();
   static StartSettings searchStarts();
 };

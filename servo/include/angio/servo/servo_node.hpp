@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/messaging/mailbox.hpp"
+#include "angio/servo/joint_history.hpp"
 #include "angio/servo/servo_loop.hpp"
 
 namespace angio {
@@ -16,14 +17,14 @@ class ServoNode {
   std::optional<ServoReport> answer();
 
   /// Frames and states that could not be decoded or came twice or late.
-  std::int64_t refused() const { return frames_.refused() + states_.refused(); }
+  std::int64_t refused() const { return frames_.refused() + joints_.refused(); }
 
   const ServoLoop& loop() const { return loop_; }
 
  private:
   Bus& bus_;
   LatestValue<XrayFrame> frames_;
-  LatestValue<CArmState> states_;
+  JointHistory joints_;
   ServoLoop loop_;
 };
 

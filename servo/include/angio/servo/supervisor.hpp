@@ -13,9 +13,9 @@ namespace angio {
 /// Gates between what is seen and what moves. Every gate that fails ends in a hold.
 struct SupervisorSettings {
   double most_state_age_ms = 200;   ///< Between the frame and the joints it is read with.
-  double most_correction_deg = 12;  ///< Largest disagreement with the prediction while searching ...
+  double most_correction_deg = 12;  ///< Largest disagreement with the calibration: a creeping error ends here.
   double most_correction_mm = 40;
-  double most_jump_deg = 2.5;  ///< ... and while tracking.
+  double most_jump_deg = 2.5;  ///< Largest disagreement with the prediction while tracking.
   double most_jump_mm = 10;
   double most_target_std_mm = 3;  ///< Standard deviation of the target in the camera frame, its worst direction.
   double command_valid_ms = 200;  ///< How long a command may be obeyed: three frames at 15 a second.
@@ -40,7 +40,11 @@ class Supervisor {
   std::optional<std::string> objection(const XrayFrame& frame, const CArmState& state) const;
 
   /// Why a registration must not move the machine; nothing when it may.
-  std::optional<std::string> objection(const RegistrationResult& seen, const PosePrior& predicted, bool tracking) const;
+  ///
+  /// @param calibrated  Pose of the model by joints and calibration alone.
+  /// @param predicted   Pose by joints and what was tracked; nothing while nothing is.
+  std::optional<std::string> objection(const RegistrationResult& seen, const Pose& calibrated,
+                                       const std::optional<Pose>& predicted) const;
 
   /// A velocity brought within range, speed and acceleration; rest when anything is not finite.
   ///
@@ -53,6 +57,9 @@ class Supervisor {
   std::int64_t commandValidity_us() const;
 
  private:
+  std::optional<std::string> tooFar(const Pose& seen, const Pose& expected, double most_deg, double most_mm,
+                                    const char* what) const;
+
   SupervisorSettings settings_;
   CArmLimits limits_;
   Eigen::Vector3d target_;

@@ -17,6 +17,9 @@ std::string rehearsalTable(const nlohmann::ordered_json& summary);
 /// One row per frame of the closed loop, with the open loop's error beside it; header with units.
 std::string rehearsalTrace(const Rehearsal& rehearsal);
 
+/// Makes the folder when it is missing. Throws InputError when that cannot be done.
+void makeFolder(const std::string& folder);
+
 /// Writes overlay_first.png, overlay_last.png, plot.png, all three on sheet.jpg, trace.csv and summary.json into `folder`, which is made when it is
 /// missing. `summary` is what summary.json holds. Throws InputError when a file cannot be written.
 void writeRehearsal(const std::string& folder, const Rehearsal& rehearsal, const VesselTree& tree,

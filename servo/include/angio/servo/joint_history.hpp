@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "angio/messaging/bus.hpp"
+#include "angio/messaging/messages.hpp"
+
+namespace angio {
+
+/// Where the arm was while a frame was exposed. A frame is read with the joints of its own time: at 25 deg/s the newest
+/// ones are degrees away, and a tracker would take that for the patient.
+class JointHistory {
+ public:
+  /// Remembers the states on a channel, filled by Bus::handle(). Throws InputError as Bus::subscribe() does.
+  JointHistory(Bus& bus, const std::string& channel);
+  JointHistory(const JointHistory&) = delete;
+  JointHistory& operator=(const JointHistory&) = delete;
+
+  bool empty() const { return box_->states.empty(); }
+
+  /// The state at a time [us]: linear between two states up to 100 ms apart, else the nearest one, whose own time says
+  /// how far off it is. Nothing when no state has come yet.
+  std::optional<CArmState> at(std::int64_t time_us) const;
+
+  std::int64_t refused() const { return box_->refused; }  ///< Messages that could not be decoded.
+
+ private:
+  struct Box {
+    std::deque<CArmState> states;  // By time, oldest first.
+    std::int64_t refused = 0;
+    void put(const std::uint8_t* data, std::size_t size);
+  };
+  std::shared_ptr<Box> box_;  // Shared with the bus's handler, which may outlive this object.
+};
+
+}  // namespace angio

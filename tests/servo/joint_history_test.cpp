@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/servo/joint_history.hpp"
+
+#include <gtest/gtest.h>
+
+#include "angio/messaging/channels.hpp"
+#include "angio/messaging/mailbox.hpp"
+
+namespace angio {
+namespace {
+
+class JointHistories : public testing::Test {
+ protected:
+  // At t the primary angle is t in seconds.
+  void say(std::int64_t time_us) {
+    CArmState state;
+    state.time_us = time_us;
+    state.sequence = time_us;
+    state.joints[0] = 1e-6 * static_cast<double>(time_us);
+    publish(*bus_, kCArmStateChannel, state);
+    bus_->handle(std::chrono::milliseconds(0));
+  }
+  double primary(std::int64_t time_us) const { return history_.at(time_us)->joints[0]; }
+
+  std::unique_ptr<Bus> bus_ = openBus("memq://");
+  JointHistory history_{*bus_, kCArmStateChannel};
+};
+
+TEST_F(JointHistories, GiveTheJointsOfTheFramesOwnTime) {
+  EXPECT_TRUE(history_.empty());
+  EXPECT_FALSE(history_.at(0));
+  for (const std::int64_t t : {100'000, 150'000, 220'000}) say(t);
+  for (const std::int64_t t : {100'000, 120'000, 150'000, 219'000, 220'000}) {
+    EXPECT_NEAR(primary(t), 1e-6 * static_cast<double>(t), 1e-12);
+    EXPECT_EQ(history_.at(t)->time_us, t);
+  }
+}
+
+TEST_F(JointHistories, OutsideAndInGapsTheNearestSaysHowFarOffItIs) {
+  say(100'000);
+  say(400'000);
+  EXPECT_EQ(history_.at(50'000)->time_us, 100'000);
+  EXPECT_EQ(history_.at(900'000)->time_us, 400'000);
+  EXPECT_EQ(history_.at(200'000)->time_us, 100'000);
+  EXPECT_EQ(history_.at(300'000)->time_us, 400'000);
+}
+
+TEST_F(JointHistories, LateOnesAndDuplicatesChangeNothing) {
+  say(100'000);
+  say(150'000);
+  say(120'000);
+  say(150'000);
+  EXPECT_NEAR(primary(130'000), 0.13, 1e-12);
+}
+
+TEST_F(JointHistories, ForgetWhatIsOld) {
+  for (std::int64_t t = 1; t <= 1000; ++t) say(t * 10'000);
+  EXPECT_GT(history_.at(0)->time_us, 7'000'000) << "256 states are kept";
+  EXPECT_EQ(history_.at(10'000'000)->time_us, 10'000'000);
+}
+
+}  // namespace
+}  // namespace angio
