@@ -4,13 +4,14 @@
 #include <gtest/gtest.h>
 
 #include "angio/io/centerline_files.hpp"
+#include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
-#include "temporary_folder.hpp"
+#include "angio/test/temporary_folder.hpp"
 
 namespace angio {
 namespace {
 
-using test::messageOf;
+using test::refusalOf;
 using test::TemporaryFolder;
 
 TEST(CaseFiles, ReadsClinicalExample) {
@@ -98,7 +99,7 @@ TEST(CaseFiles, ErrorsNameTheCaseFilesLine) {
   };
   for (const auto& [content, expected] : cases) {
     const std::string path = folder.write("cases.yaml", content);
-    const std::string message = messageOf([&] { readCaseSet(path); });
+    const std::string message = refusalOf([&] { readCaseSet(path); });
     EXPECT_NE(message.find(expected), std::string::npos) << message << "\nexpected: " << expected;
     EXPECT_EQ(message.find(path), 0U) << message;
   }

@@ -12,12 +12,13 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
-#include "temporary_folder.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/temporary_folder.hpp"
 
 namespace angio {
 namespace {
 
-using test::messageOf;
+using test::refusalOf;
 using test::TemporaryFolder;
 
 struct Broken {
@@ -199,7 +200,7 @@ TEST(HostileFiles, ErrorsNameFileLineFieldAndRule) {
     EXPECT_NO_THROW(reader.read(folder.write(reader.file, reader.good))) << reader.file;
     for (const Broken& broken : reader.broken) {
       const std::string path = folder.write(reader.file, broken.content);
-      const std::string message = messageOf([&] { reader.read(path); });
+      const std::string message = refusalOf([&] { reader.read(path); });
       EXPECT_NE(message.find(broken.expected), std::string::npos) << message << "\nexpected: " << broken.expected;
       EXPECT_EQ(message.find(path), 0U) << message;
       EXPECT_EQ(message.find('\n'), std::string::npos) << message;
@@ -254,16 +255,16 @@ TEST(HostileFiles, WrongPathsAreRefusedByEveryReader) {
   const TemporaryFolder folder;
   for (const Reader& reader : allReaders()) {
     const std::string path = folder.path(reader.file);
-    EXPECT_EQ(messageOf([&] { reader.read(path); }).find(path), 0U);
+    EXPECT_EQ(refusalOf([&] { reader.read(path); }).find(path), 0U);
     std::filesystem::create_directory(path);
-    EXPECT_EQ(messageOf([&] { reader.read(path); }).find(path), 0U);
+    EXPECT_EQ(refusalOf([&] { reader.read(path); }).find(path), 0U);
     std::filesystem::remove(path);
   }
   EXPECT_NE(
-      messageOf([&] { readVesselTree("tree.stl"); }).find("extension = .stl: must be one of .csv, .swc, .vtp, .txt"),
+      refusalOf([&] { readVesselTree("tree.stl"); }).find("extension = .stl: must be one of .csv, .swc, .vtp, .txt"),
       std::string::npos);
-  EXPECT_NE(messageOf([&] { readVesselTree(""); }).find("must be one of"), std::string::npos);
-  EXPECT_NE(messageOf([&] { readCamera("camera"); }).find("must be one of .yaml, .yml, .xml"), std::string::npos);
+  EXPECT_NE(refusalOf([&] { readVesselTree(""); }).find("must be one of"), std::string::npos);
+  EXPECT_NE(refusalOf([&] { readCamera("camera"); }).find("must be one of .yaml, .yml, .xml"), std::string::npos);
 }
 
 }  // namespace

@@ -7,13 +7,14 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "angio/io/whole_file.hpp"
-#include "temporary_folder.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/temporary_folder.hpp"
 
 namespace angio {
 namespace {
 
 using test::contentOf;
-using test::messageOf;
+using test::refusalOf;
 using test::TemporaryFolder;
 
 cv::Mat pattern(int type) {
@@ -50,7 +51,7 @@ TEST(ImageFiles, GreyStoredAsColourPassesColourDoesNot) {
     expectSame(readXrayImage(folder.path(name)), grey);
     colour.at<cv::Vec3b>(4, 5)[1] ^= 1;
     writeImage(folder.path(name), colour);
-    EXPECT_NE(messageOf([&] { readXrayImage(folder.path(name)); }).find("channels = 3"), std::string::npos);
+    EXPECT_NE(refusalOf([&] { readXrayImage(folder.path(name)); }).find("channels = 3"), std::string::npos);
     colour.at<cv::Vec3b>(4, 5)[1] ^= 1;
   }
 }
@@ -79,10 +80,10 @@ TEST(ImageFiles, TiffWhoseZeroIsWhiteIsTurned) {
 TEST(ImageFiles, HugeSizesAreRefusedBeforeMemoryIsTaken) {
   const TemporaryFolder folder;
   const std::string huge("\0\0\0\x40", 4);
-  EXPECT_NE(messageOf([&] { readXrayImage(folder.write("a.tif", smallTiff(1, huge))); }).find("width = 1073741824"),
+  EXPECT_NE(refusalOf([&] { readXrayImage(folder.write("a.tif", smallTiff(1, huge))); }).find("width = 1073741824"),
             std::string::npos);
   writeImage(folder.path("a.png"), cv::Mat::zeros(1, 8193, CV_8U));
-  EXPECT_NE(messageOf([&] { readXrayImage(folder.path("a.png")); }).find("not a readable PNG"), std::string::npos);
+  EXPECT_NE(refusalOf([&] { readXrayImage(folder.path("a.png")); }).find("not a readable PNG"), std::string::npos);
   writeImage(folder.path("a.png"), cv::Mat::zeros(1, 8192, CV_8U));
   EXPECT_EQ(readXrayImage(folder.path("a.png")).cols, 8192);
 }
@@ -127,11 +128,11 @@ TEST(ImageFiles, OtherFilesAndTypesAreRefused) {
   const auto says = [&](const std::string& message, const std::string& expected) {
     EXPECT_NE(message.find(expected), std::string::npos) << message;
   };
-  says(messageOf([&] { readXrayImage(folder.write("a.png", "")); }), "a.png: must be a PNG or TIFF image");
-  says(messageOf([&] { writeImage(folder.path("a.bmp"), pattern(CV_8UC1)); }), "extension = .bmp");
-  says(messageOf([&] { writeImage(folder.path("a.jpg"), pattern(CV_16UC1)); }), "CV_16UC1");
-  says(messageOf([&] { writeImage(folder.path("a.png"), cv::Mat()); }), "empty");
-  says(messageOf([&] { writeImage(folder.path("none/a.png"), pattern(CV_8UC1)); }), "cannot be written");
+  says(refusalOf([&] { readXrayImage(folder.write("a.png", "")); }), "a.png: must be a PNG or TIFF image");
+  says(refusalOf([&] { writeImage(folder.path("a.bmp"), pattern(CV_8UC1)); }), "extension = .bmp");
+  says(refusalOf([&] { writeImage(folder.path("a.jpg"), pattern(CV_16UC1)); }), "CV_16UC1");
+  says(refusalOf([&] { writeImage(folder.path("a.png"), cv::Mat()); }), "empty");
+  says(refusalOf([&] { writeImage(folder.path("none/a.png"), pattern(CV_8UC1)); }), "cannot be written");
   EXPECT_EQ(folder.files(), 1U);
 }
 

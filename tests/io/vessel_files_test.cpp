@@ -7,13 +7,14 @@
 #include <locale>
 
 #include "angio/io/centerline_files.hpp"
+#include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
-#include "temporary_folder.hpp"
+#include "angio/test/temporary_folder.hpp"
 
 namespace angio {
 namespace {
 
-using test::messageOf;
+using test::refusalOf;
 using test::TemporaryFolder;
 
 TEST(VesselFiles, RoundTripKeepsEveryNumber) {

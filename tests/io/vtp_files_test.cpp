@@ -12,12 +12,13 @@
 #include <cmath>
 
 #include "angio/io/vessel_files.hpp"
-#include "temporary_folder.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/temporary_folder.hpp"
 
 namespace angio {
 namespace {
 
-using test::messageOf;
+using test::refusalOf;
 using test::TemporaryFolder;
 
 struct Line {
@@ -236,15 +237,15 @@ TEST(VtpFiles, ErrorsNameLineFieldAndRule) {
   };
   for (const auto& [content, expected] : cases) {
     const std::string path = folder.write("bad.vtp", content);
-    const std::string message = messageOf([&] { readVesselTree(path); });
+    const std::string message = refusalOf([&] { readVesselTree(path); });
     EXPECT_NE(message.find(expected), std::string::npos) << message << "\nexpected: " << expected;
     EXPECT_EQ(message.compare(0, path.size(), path), 0) << message;
   }
   std::string deep;
   for (int i = 0; i < 100000; ++i) deep += "<a>";
-  EXPECT_NE(messageOf([&] { readVesselTree(folder.write("deep.vtp", deep)); }).find("tags = 2001"), std::string::npos);
+  EXPECT_NE(refusalOf([&] { readVesselTree(folder.write("deep.vtp", deep)); }).find("tags = 2001"), std::string::npos);
   const std::string endless = "<VTKFile a=\"" + std::string(1 << 20, '>') + "\"/>";
-  EXPECT_NE(messageOf([&] { readVesselTree(folder.write("a.vtp", endless)); }).find(":1: tag = "), std::string::npos);
+  EXPECT_NE(refusalOf([&] { readVesselTree(folder.write("a.vtp", endless)); }).find(":1: tag = "), std::string::npos);
 }
 
 }  // namespace

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/whole_file.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/temporary_folder.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
-
-#include "temporary_folder.hpp"
 
 namespace angio {
 namespace {
 
 using test::contentOf;
-using test::messageOf;
+using test::refusalOf;
 using test::TemporaryFolder;
 
 TEST(WholeFile, EveryByteComesBack) {
@@ -30,11 +30,11 @@ TEST(WholeFile, WhatCannotBeReadIsNamed) {
   const std::pair<std::string, std::string> cases[] = {
       {folder.path("none"), "No such file"}, {folder.path(""), "is a folder"}, {pipe, "not a regular file"}};
   for (const auto& [path, expected] : cases) {
-    const std::string message = messageOf([&, p = path] { readWholeFile(p); });
+    const std::string message = refusalOf([&, p = path] { readWholeFile(p); });
     EXPECT_EQ(message.find(path), 0U) << message;
     EXPECT_NE(message.find(expected), std::string::npos) << message;
   }
-  EXPECT_NE(messageOf([&] { readWholeFile(folder.write("b", "12345"), 4); }).find("must not exceed 4 bytes"),
+  EXPECT_NE(refusalOf([&] { readWholeFile(folder.write("b", "12345"), 4); }).find("must not exceed 4 bytes"),
             std::string::npos);
 }
 
@@ -42,12 +42,12 @@ TEST(WholeFile, FailureLeavesNothingBehind) {
   const TemporaryFolder folder;
   const std::string target = folder.path("folder");
   std::filesystem::create_directory(target);
-  EXPECT_NE(messageOf([&] { writeWholeFile(target, "x"); }).find("is a folder"), std::string::npos);
-  EXPECT_NE(messageOf([&] { writeWholeFile(folder.path("none/x"), "x"); }).find("cannot be written"),
+  EXPECT_NE(refusalOf([&] { writeWholeFile(target, "x"); }).find("is a folder"), std::string::npos);
+  EXPECT_NE(refusalOf([&] { writeWholeFile(folder.path("none/x"), "x"); }).find("cannot be written"),
             std::string::npos);
   EXPECT_EQ(folder.files(), 1U);
   if (std::filesystem::exists("/dev/full")) {
-    EXPECT_NE(messageOf([] { writeWholeFile("/dev/full", "x"); }).find("not a regular file"), std::string::npos);
+    EXPECT_NE(refusalOf([] { writeWholeFile("/dev/full", "x"); }).find("not a regular file"), std::string::npos);
   }
 }
 

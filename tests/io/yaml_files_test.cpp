@@ -5,13 +5,14 @@
 #include "angio/io/camera_files.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/settings_files.hpp"
+#include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
-#include "temporary_folder.hpp"
+#include "angio/test/temporary_folder.hpp"
 
 namespace angio {
 namespace {
 
-using test::messageOf;
+using test::refusalOf;
 using test::TemporaryFolder;
 
 TEST(CameraFiles, RoundTripKeepsEveryNumber) {
@@ -140,7 +141,7 @@ TEST(SettingsFiles, ErrorsNameLineKeyValueAndRule) {
   };
   for (const auto& [content, expected] : cases) {
     const std::string path = folder.write("s.yaml", content);
-    const std::string message = messageOf([&] { readSettings(path, Outer{}); });
+    const std::string message = refusalOf([&] { readSettings(path, Outer{}); });
     EXPECT_NE(message.find(expected), std::string::npos) << message << "\nexpected: " << expected;
   }
 }
@@ -172,7 +173,7 @@ TEST(SettingsFiles, MaliciousYamlIsRefusedQuickly) {
   };
   for (const std::string& content : contents) {
     const std::string path = folder.write("s.yaml", content);
-    const std::string message = messageOf([&] { readSettings(path, Outer{}); });
+    const std::string message = refusalOf([&] { readSettings(path, Outer{}); });
     EXPECT_EQ(message.find(path), 0U) << content.substr(0, 40);
   }
 }

@@ -30,8 +30,15 @@ class TemporaryFolder {
 
   /// Writes a file and returns its path.
   std::string write(const std::string& name, const std::string& content) const {
+    // Not in place: cutting a file to write it anew makes some file systems wait for the disk.
+    std::filesystem::remove(path(name));
     std::ofstream(path(name), std::ios::binary) << content;
     return path(name);
+  }
+
+  /// How many entries it holds.
+  std::size_t files() const {
+    return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(path_), {}));
   }
 
  private:
