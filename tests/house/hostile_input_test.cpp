@@ -18,7 +18,7 @@ struct Hostile {
 std::string rubbish() {
   test::Random random(3);
   std::string bytes(2000, ' ');
-  for (auto& byte : bytes) byte = static_cast<char>(random.uniform(0, 256));
+  for (auto& byte : bytes) byte = static_cast<char>(static_cast<unsigned char>(random.uniform(0, 256)));
   return bytes;
 }
 

@@ -12,7 +12,8 @@ VesselTree readCsvTree(const std::string& path) {
     TreeRow row;
     row.line = from.line();
     row.id = from.integer("id");
-    row.point_mm << from.number("x_mm"), from.number("y_mm"), from.number("z_mm");
+    // Braces: read in order, and whole before anything is assigned.
+    row.point_mm = Eigen::Vector3d{from.number("x_mm"), from.number("y_mm"), from.number("z_mm")};
     row.radius_mm = from.numberOrBlank("radius_mm");
     row.parent = from.integer("parent");
     rows.push_back(row);

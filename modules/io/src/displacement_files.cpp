@@ -14,12 +14,15 @@ Eigen::Matrix3Xd readDisplacements(const std::string& path, int points) {
   readTable(path, {{"id", "dx_mm", "dy_mm", "dz_mm"}, {}}, [&](const TableRow& row) {
     const int id = row.integer("id");
     if (rows == points) {
-      throw InputError(row.place(), "id", std::to_string(id), "must be the last row: the tree has " + std::to_string(points) + " points");
+      throw InputError(row.place(), "id", std::to_string(id),
+                       "must be the last row: the tree has " + std::to_string(points) + " points");
     }
-    result.col(rows++) << row.number("dx_mm") / 1e3, row.number("dy_mm") / 1e3, row.number("dz_mm") / 1e3;
+    const Eigen::Vector3d displacement_mm{row.number("dx_mm"), row.number("dy_mm"), row.number("dz_mm")};
+    result.col(rows++) = displacement_mm / 1e3;
   });
   if (rows != points) {
-    throw InputError(path, "rows", std::to_string(rows), "must be as many as the tree's points, " + std::to_string(points));
+    throw InputError(path, "rows", std::to_string(rows),
+                     "must be as many as the tree's points, " + std::to_string(points));
   }
   return result;
 }

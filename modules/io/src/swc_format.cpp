@@ -21,8 +21,9 @@ VesselTree readSwcTree(const std::string& path) {
     row.line = lines.number();
     row.id = parseInteger(place, "id", fields[0]);
     parseInteger(place, "type", fields[1]);
-    row.point_mm << parseNumber(place, "x_mm", fields[2]), parseNumber(place, "y_mm", fields[3]),
-        parseNumber(place, "z_mm", fields[4]);
+    // Braces: read in order, and whole before anything is assigned.
+    row.point_mm = Eigen::Vector3d{parseNumber(place, "x_mm", fields[2]), parseNumber(place, "y_mm", fields[3]),
+                                   parseNumber(place, "z_mm", fields[4])};
     row.radius_mm = knownRadius(parseNumber(place, "radius_mm", fields[5]));
     row.parent = parseInteger(place, "parent", fields[6]);
     rows.push_back(row);

@@ -52,7 +52,8 @@ bool PosePriorCost::Evaluate(double const* const* parameters, double* residuals,
   const Twist error = logSE3(T0_inverse_T_ * expSE3(xi));
   Eigen::Map<Vector6d>(residuals, 6) = sqrt_information_ * error;
   if (jacobians && jacobians[0]) {
-    store<6, 6>(sqrt_information_ * rightJacobianInverseSE3(error) * rightJacobianInverseSE3(xi).inverse(), jacobians[0]);
+    store<6, 6>(sqrt_information_ * rightJacobianInverseSE3(error) * rightJacobianInverseSE3(xi).inverse(),
+                jacobians[0]);
   }
   return true;
 }

@@ -18,6 +18,8 @@ double secondsSince(Clock::time_point start) { return std::chrono::duration<doub
 
 // A step that moves no projected point by more than this is rest [px].
 constexpr double kRestPx = 1e-3;
+// The same for the displacements, rms over the points: a fiftieth of what an image's centreline is known to [px].
+constexpr double kNonrigidRestPx = 0.01;
 
 // The scale l of section III-C: starts at the largest match distance, halves every few iterations, ends at a floor.
 class ScaleSchedule {
@@ -158,7 +160,8 @@ Eigen::Matrix3Xd IterativePnp::alignNonrigid(const ImageSide& image, const XrayC
   Pull pull(model_.tree.size());
   std::optional<ScaleSchedule> schedule;
   while (result.nonrigid_iterations < settings_.nonrigid_iterations) {
-    projectPoints(model_.tree.points() + displacements, camera, result.T_camera_model, settings_.outside_image, projected_);
+    projectPoints(model_.tree.points() + displacements, camera, result.T_camera_model, settings_.outside_image,
+                  projected_);
     matchNearest(projected_, image.matcher, pull);
     if (!schedule) {
       const double first =
@@ -168,11 +171,12 @@ Eigen::Matrix3Xd IterativePnp::alignNonrigid(const ImageSide& image, const XrayC
     weigh(projected_, image.matcher, image.centerline.branch, settings_, schedule->scale_px(), pull);
     const auto solution = nonrigid_->solve(camera, result.T_camera_model, pull, displacements);
     if (!solution) break;
-    const double moved_m = std::sqrt((*solution - displacements).colwise().squaredNorm().maxCoeff());
+    const double moved_m = std::sqrt((*solution - displacements).colwise().squaredNorm().mean());
     displacements = *solution;
     ++result.nonrigid_iterations;
     const double depth = std::max(1e-3, (result.T_camera_model * model_.tree.centroid()).z());
-    if (schedule->atLast() && camera.parameters().fx_px / depth * moved_m < 0.05) break;
+    result.last_step_px = camera.parameters().fx_px / depth * moved_m;
+    if (schedule->atLast() && result.last_step_px < kNonrigidRestPx) break;
     schedule->nextIteration();
   }
   return displacements;

@@ -14,7 +14,8 @@ constexpr double kMillimetre = 1e-3;
 constexpr int kBlockRow[6] = {0, 1, 2, 1, 2, 2};
 constexpr int kBlockColumn[6] = {0, 0, 0, 1, 1, 2};
 
-// Sum of the weights of |r_i - r_j|^2 by pair, i > j. The paper's sums run over ordered pairs, so a chain edge counts twice.
+// Sum of the weights of |r_i - r_j|^2 by pair, i > j. The paper's sums run over ordered pairs, so a chain edge counts
+// twice.
 std::map<std::pair<int, int>, double> pairWeights(const VesselTree& tree, const IterativePnpSettings& settings) {
   std::map<std::pair<int, int>, double> weights;
   const auto add = [&](int i, int j, double weight) {
@@ -43,7 +44,8 @@ NonrigidStep::NonrigidStep(const VesselTree& tree, const IterativePnpSettings& s
   std::vector<Eigen::Triplet<double>> entries;
   for (int i = 0; i < tree.size(); ++i) {
     for (int e = 0; e < 6; ++e) {
-      entries.emplace_back(3 * i + kBlockRow[e], 3 * i + kBlockColumn[e], kBlockRow[e] == kBlockColumn[e] ? own_weight_ : 0);
+      entries.emplace_back(3 * i + kBlockRow[e], 3 * i + kBlockColumn[e],
+                           kBlockRow[e] == kBlockColumn[e] ? own_weight_ : 0);
     }
   }
   for (const auto& [pair, weight] : pairWeights(tree, settings)) {

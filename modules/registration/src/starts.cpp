@@ -17,7 +17,8 @@ constexpr double kAmbiguousShare = 0.9;
 Eigen::Vector3d normal3(std::mt19937_64& engine) {
   Eigen::Vector3d result;
   for (int k = 0; k < 3; ++k) {
-    const double u = (static_cast<double>(engine() >> 11) + 1) * 0x1p-53, v = static_cast<double>(engine() >> 11) * 0x1p-53;
+    const double u = (static_cast<double>(engine() >> 11) + 1) * 0x1p-53,
+                 v = static_cast<double>(engine() >> 11) * 0x1p-53;
     result[k] = std::sqrt(-2 * std::log(u)) * std::cos(2 * kPi * v);
   }
   return result;
@@ -55,9 +56,10 @@ RegistrationResult alignFromStarts(Registration& registration, const Centerline2
   std::size_t best = 0;
   RegistrationTimes times;
   for (int i = 0; i < starts.count; ++i) {
-    const Pose start = i == 0 ? prior.T_camera_model
-                              : drawnPose(prior.T_camera_model, registration.tree().centroid(),
-                                          degToRad(starts.rotation_std_deg), starts.translation_std_mm * 1e-3, starts.seed, i);
+    const Pose start =
+        i == 0 ? prior.T_camera_model
+               : drawnPose(prior.T_camera_model, registration.tree().centroid(), degToRad(starts.rotation_std_deg),
+                           starts.translation_std_mm * 1e-3, starts.seed, i);
     results.push_back(registration.align(centerline, camera, prior, start));
     addTimes(times, results.back().times);
     if (results.back().agreement.score() > results[best].agreement.score()) best = results.size() - 1;

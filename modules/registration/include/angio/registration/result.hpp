@@ -59,7 +59,8 @@ struct [[nodiscard]] RegistrationResult {
   std::optional<double> ambiguity;
 
   Agreement agreement;
-  double last_step_px = 0;  ///< How far the last rigid step moved the projection, roughly, at most.
+  /// How far the last step moved the projection: a rigid one roughly and at most, a nonrigid one rms over the points.
+  double last_step_px = 0;
   int rigid_iterations = 0;
   int nonrigid_iterations = 0;
   int points_3d = 0;  ///< Model points used.

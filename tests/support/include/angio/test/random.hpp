@@ -19,7 +19,11 @@ class Random {
     const double u = 1 - uniform(0, 1), v = uniform(0, 1);
     return std::sqrt(-2 * std::log(u)) * std::cos(2 * kPi * v);
   }
-  Eigen::Vector3d vector(double scale) { return Eigen::Vector3d(normal(), normal(), normal()) * scale; }
+  Eigen::Vector3d vector(double scale) {
+    // Named, as the order in which arguments are evaluated is the compiler's.
+    const double z = normal(), y = normal(), x = normal();
+    return Eigen::Vector3d(x, y, z) * scale;
+  }
   Eigen::Vector3d direction() { return vector(1).normalized(); }
   Twist twist(double translation, double rotation) {
     Twist xi;
