@@ -11,14 +11,16 @@ trap 'rm -rf "$work"' EXIT
 table1() {
   echo "### 100 starts off by 2 deg / 5 mm (std per axis) on the hepatic tree, noise-free, the paper's Table I protocol"
   "$bin"/example-03-write-case-set --out "$work/cases" >/dev/null
-  printf 'iterative_pnp: {neighbours_each_side: 0, prior: covariance}\n' > "$work/covariance.yaml"
-  printf 'iterative_pnp: {neighbours_each_side: 0}\n' > "$work/paper.yaml"
+  printf 'iterative_pnp: {neighbours_each_side: 0, spacing_px: 0, prior: covariance}\n' > "$work/covariance.yaml"
+  printf 'iterative_pnp: {neighbours_each_side: 0, spacing_px: 0}\n' > "$work/paper.yaml"
   for prior in paper covariance; do
     for deformation in "" --nonrigid; do
       echo; echo "iterative_pnp $deformation, prior: $prior"
       "$bin"/angio-evaluate cases "$work/cases/cases.yaml" $deformation --settings "$work/$prior.yaml" --out "$work/$prior$deformation.json"
-      grep -A6 '"rms_projection_residual_isocentre_mm"' "$work/$prior$deformation.json" | tr -d '\n ' ; echo
-      grep -A2 '"gfr_nearest_5px_percent"' "$work/$prior$deformation.json" | head -n 1
+      for figure in rms_projection_residual_isocentre_mm rotation_deg centroid_mm; do
+        echo "$figure: $(sed -n "/^   \"summary\"/,\$p" "$work/$prior$deformation.json" | grep -A6 "\"$figure\"" | grep -E 'mean|median|p75|p95' | tr -d '\n')"
+      done
+      sed -n '/^   "summary"/,$p' "$work/$prior$deformation.json" | grep '"gfr_nearest_5px_percent"'
     done
   done
 }
