@@ -167,7 +167,7 @@ std::string summaryTable(const Json& summary_by_method) {
     table += "| " + method + " | " + std::to_string(s["status"]["converged"].get<int>()) + " of " +
              std::to_string(s["cases"].get<int>()) + " | " + cell(s, "mean_projection_residual_px", "%.2f") + " | " +
              cell(s, "mean_image_residual_px", "%.2f") + " | " + cell(s, "mpd_px", "%.3f") + " | " +
-             cell(s, "rotation_deg", "%.3f deg, ") + cell(s, "centroid_mm", "%.3f mm") + " | " +
+             cell(s, "rotation_deg", "%.3f deg") + ", " + cell(s, "centroid_mm", "%.3f mm") + " | " +
              cell(s, "pose_ok_percent", "%.0f %%") + " | " + cell(s, "gfr_true_5px_percent", "%.0f %%") + " | " +
              cell(s, "failed_and_trusted_percent", "%.0f %%") + " | " + cell(s["time_ms"]["total"], "p50", "%.1f") +
              " |\n";

@@ -70,7 +70,7 @@ cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const Xra
   cv::Mat canvas = asGround(scene.image, camera);
   if (scene.centerline) drawCenterline(canvas, *scene.centerline);
   int line = 32;
-  if (scene.centerline) write(canvas, "extracted centreline", {14, line}, kCenterlineColour), line += 30;
+  if (scene.centerline) write(canvas, "centreline in the image", {14, line}, kCenterlineColour), line += 30;
   for (const auto& what : scene.trees) {
     drawTree(canvas, tree, camera, what);
     write(canvas, what.label, {14, line}, what.colour_bgr);

@@ -46,6 +46,22 @@ cv::Mat overlayOf(const RehearsalSnapshot& snapshot, const VesselTree& tree, con
   return drawOverlay(scene, tree, snapshot.frame.camera);
 }
 
+// FNV-1a over the bits of all commands: two runs with the same one moved the arm alike, bit for bit.
+std::string fingerprintOf(const std::vector<RehearsalFrame>& frames) {
+  std::uint64_t hash = 14695981039346656037ULL;
+  const auto add = [&](const void* data, std::size_t size) {
+    for (std::size_t i = 0; i < size; ++i)
+      hash = (hash ^ static_cast<const unsigned char*>(data)[i]) * 1099511628211ULL;
+  };
+  for (const auto& f : frames) {
+    const CArmCommand& c = f.command;
+    for (const std::int64_t number : {c.time_us, c.sequence, c.frame_sequence, c.valid_for_us})
+      add(&number, sizeof number);
+    add(c.velocity.data(), sizeof(double) * kCArmJointCount);
+  }
+  return formatted("%016llx", static_cast<unsigned long long>(hash));
+}
+
 Series seriesOf(const std::vector<RehearsalFrame>& frames, const std::string& name, int colour,
                 double (*value)(const RehearsalFrame&)) {
   Series s{name, {}, {}, plotColour(colour)};
@@ -112,6 +128,7 @@ Json rehearsalSummary(const Rehearsal& r) {
   summary["frames"] = r.closed.size();
   summary["registered"] = registered;
   summary["held"] = held;
+  summary["commands_fingerprint"] = fingerprintOf(r.closed);
   summary["final_error"] = {{"closed_loop", errorAsJson(r.closed_end)}, {"open_loop", errorAsJson(r.open_end)}};
   summary["latency_ms"] = {{"render", latencyOf(r.closed, &RehearsalFrame::render_s)},
                            {"image_to_centreline", latencyOf(r.closed, &RehearsalFrame::image_s)},
@@ -122,8 +139,9 @@ Json rehearsalSummary(const Rehearsal& r) {
 }
 
 std::string rehearsalTable(const Json& summary) {
-  std::string table = formatted("%d frames, %d registered, %d held\n\n", summary["frames"].get<int>(),
-                                summary["registered"].get<int>(), summary["held"].get<int>());
+  std::string table = formatted("%d frames, %d registered, %d held; commands %s\n\n", summary["frames"].get<int>(),
+                                summary["registered"].get<int>(), summary["held"].get<int>(),
+                                summary["commands_fingerprint"].get<std::string>().c_str());
   table += formatted("%-22s %12s %12s %12s\n", "final view error", "view [deg]", "target [mm]", "roll [deg]");
   for (const auto& [name, key] : {std::pair("closed loop", "closed_loop"), std::pair("open loop", "open_loop")}) {
     const Json& e = summary["final_error"][key];

@@ -8,7 +8,7 @@
 
 namespace angio {
 
-/// Frames, registered, held, final errors of both loops, latency p50/p99/max per stage.
+/// Frames, registered, held, a fingerprint of all commands, final errors of both loops, latency p50/p99/max per stage.
 nlohmann::ordered_json rehearsalSummary(const Rehearsal& rehearsal);
 
 /// The same as a table for people.
@@ -20,8 +20,9 @@ std::string rehearsalTrace(const Rehearsal& rehearsal);
 /// Makes the folder when it is missing. Throws InputError when that cannot be done.
 void makeFolder(const std::string& folder);
 
-/// Writes overlay_first.png, overlay_last.png, plot.png, all three on sheet.jpg, trace.csv and summary.json into `folder`, which is made when it is
-/// missing. `summary` is what summary.json holds. Throws InputError when a file cannot be written.
+/// Writes overlay_first.png, overlay_last.png, plot.png, all three on sheet.jpg, trace.csv and summary.json into
+/// `folder`, which is made when it is missing. `summary` is what summary.json holds. Throws InputError when a file
+/// cannot be written.
 void writeRehearsal(const std::string& folder, const Rehearsal& rehearsal, const VesselTree& tree,
                     const nlohmann::ordered_json& summary);
 
