@@ -254,6 +254,10 @@ TYPED_TEST(RegistrationConformance, SaysWhenThereAreTooFewPoints) {
       EXPECT_EQ(r->T_camera_model.matrix(), s.prior.T_camera_model.matrix()) << "what was known stays what is known";
       expectFinite(*r);
     }
+    if constexpr (HasDeformation<TypeParam>::value) {
+      const int rows = settings.deformation == Deformation::kNonrigid ? s.tree.size() : 0;
+      EXPECT_EQ(empty.displacements_m.cols(), rows) << "one for each point of the tree, also when none was found";
+    }
   }
 }
 

@@ -96,6 +96,7 @@ RegistrationResult IterativePnp::align(const Centerline2d& given_centerline, con
   result.T_camera_model = start;
   result.points_3d = model_.tree.size();
   result.points_2d = given_centerline.size();
+  if (nonrigid_) result.displacements_m.setZero(3, given_.size());
   if (tooFewPoints(result)) return result;
   const ImageSide image(densified(given_centerline, settings_.spacing_px));
   result.points_2d = image.centerline.size();
@@ -113,7 +114,6 @@ RegistrationResult IterativePnp::align(const Centerline2d& given_centerline, con
     const auto nonrigid_began = Clock::now();
     const Eigen::Matrix3Xd displacements = alignNonrigid(image, camera, result);
     points += displacements;
-    result.displacements_m.resize(3, given_.size());
     for (int i = 0; i < given_.size(); ++i) {
       const auto& place = model_.place_of_original[static_cast<std::size_t>(i)];
       result.displacements_m.col(i) =

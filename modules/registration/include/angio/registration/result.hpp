@@ -47,7 +47,8 @@ struct [[nodiscard]] RegistrationResult {
   std::string reason;  ///< Why the status is not kConverged, in words; empty when it is.
   Pose T_camera_model = Pose::Identity();
 
-  /// Displacement of each point of the tree as it was given, 3 x N [m], model axes; empty after a rigid registration.
+  /// Displacement of each point of the tree as it was given, 3 x N [m], model axes; empty after a rigid registration, zero
+  /// when there was nothing to fit.
   Eigen::Matrix3Xd displacements_m;
 
   /// Covariance of (translation of T_camera_model [m], rotation in camera axes [rad]): a true pose would be
