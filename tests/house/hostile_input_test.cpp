@@ -169,7 +169,8 @@ TEST(HostileBus, UrlsAreRefused) {
           test::run(program, {"--bus", url, "--duration-s", "0.1", "--tree", test::exampleData("hepatic-tace/tree.csv"),
                               "--calibration", test::exampleData("hepatic-tace/carm.yaml")});
       EXPECT_EQ(ended.exit_code, 1) << program << " " << url;
-      EXPECT_NE(ended.err.find(std::string(program) + ": bus: url"), std::string::npos) << ended.err;
+      EXPECT_EQ(ended.err.rfind(std::string(program) + ": bus: url", 0), 0U) << ended.err;
+      EXPECT_EQ(std::count(ended.err.begin(), ended.err.end(), '\n'), 1) << ended.err;
       EXPECT_EQ(ended.out, "");
     }
   }

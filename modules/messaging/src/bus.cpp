@@ -7,7 +7,9 @@
 #include <cctype>
 #include <cerrno>
 #include <exception>
+#include <filesystem>
 #include <limits>
+#include <regex>
 #include <stdexcept>
 #include <utility>
 
@@ -46,6 +48,26 @@ std::string ruleFor(const std::string& url) {
   if (startsWith(url, "file://"))
     return "cannot be opened: must be a readable log, or with ?mode=w a place to write one";
   return "cannot be opened";
+}
+
+// What LCM would refuse with a line of its own on stderr is refused here first.
+void requireOpenable(const std::string& url) {
+  const std::size_t scheme_end = url.find("://");
+  const std::string behind = scheme_end == url.npos ? "" : url.substr(scheme_end + 3);
+  const std::string place = behind.substr(0, behind.find('?'));
+  if (startsWith(url, "udpm://")) {
+    static const std::regex kGroupAndPort(R"(((22[4-9]|23\d)(\.\d{1,3}){3})?(:\d{1,5})?)");
+    if (!std::regex_match(place, kGroupAndPort)) {
+      throw InputError("bus", "url", url, "must name a multicast group and port, such as udpm://239.255.76.67:7667");
+    }
+  } else if (startsWith(url, "file://")) {
+    const bool writes = url.find("mode=w") != std::string::npos;
+    const std::filesystem::path path(place), folder = path.has_parent_path() ? path.parent_path() : ".";
+    std::error_code ignored;
+    if (!std::filesystem::exists(writes ? folder : path, ignored)) throw InputError("bus", "url", url, ruleFor(url));
+  } else if (url != "memq://") {
+    throw InputError("bus", "url", url, "must be memq://, udpm://group:port or file://path");
+  }
 }
 
 class LcmBus final : public Bus {
@@ -127,9 +149,7 @@ class LcmBus final : public Bus {
 }  // namespace
 
 std::unique_ptr<Bus> openBus(const std::string& url) {
-  if (url != "memq://" && !startsWith(url, "udpm://") && !startsWith(url, "file://")) {
-    throw InputError("bus", "url", url, "must be memq://, udpm://group:port or file://path");
-  }
+  requireOpenable(url);
   return std::make_unique<LcmBus>(url);
 }
 
