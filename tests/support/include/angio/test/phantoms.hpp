@@ -48,7 +48,8 @@ inline VesselTree branchingTree(unsigned seed, const Eigen::Vector3d& centre_m =
 /// A pose that a C-arm's view would have: any orientation, the tree's centre 750 mm from the source.
 inline Pose viewOf(const VesselTree& tree, Random& random) {
   Pose T = Pose::Identity();
-  T.linear() = expSO3(random.direction() * random.uniform(0, 3));
+  const double angle_rad = random.uniform(0, 3);  // In a statement of its own: so every compiler draws in the same order.
+  T.linear() = expSO3(angle_rad * random.direction());
   T.translation() = Eigen::Vector3d(0, 0, 0.75) - T.linear() * tree.centroid();
   return T;
 }
