@@ -41,6 +41,15 @@ cv::Mat readXrayImage(const std::string& path) {
   return grey;
 }
 
+cv::Mat readXrayImage(const std::string& path, const XrayCamera& camera) {
+  cv::Mat image = readXrayImage(path);
+  if (image.cols != camera.width_px() || image.rows != camera.height_px()) {
+    throw InputError(path, "size", std::to_string(image.cols) + " x " + std::to_string(image.rows),
+                     "must be the camera's image_size_px");
+  }
+  return image;
+}
+
 void writeImage(const std::string& path, const cv::Mat& image) {
   const std::string extension = extensionOf(path);
   const bool jpeg = extension == ".jpg" || extension == ".jpeg";
