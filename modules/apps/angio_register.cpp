@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <iostream>
 
-#include "angio/base/errors.hpp"
+#include "angio/base/stopwatch.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/overlay.hpp"
@@ -19,7 +19,8 @@ namespace angio {
 namespace {
 
 struct Options {
-  std::string tree, camera, centerline, image, initial_pose, method = IterativePnpSettings::kName, settings, out, overlay;
+  std::string tree, camera, centerline, image, initial_pose, method = IterativePnpSettings::kName, settings, out,
+                                                             overlay;
   std::string polarity = "dark";
   int starts = 0;
   bool nonrigid = false;
@@ -28,8 +29,9 @@ struct Options {
 std::string captionOf(const CaseOutcome& outcome) {
   const RegistrationResult& r = outcome.result;
   char text[200];
-  std::snprintf(text, sizeof text, "%s   model to image %.2f px, image to model %.2f px   %.1f ms", statusName(r.status).c_str(),
-                r.agreement.model_residual_px, r.agreement.image_residual_px, 1e3 * (outcome.image_s + r.times.total_s));
+  std::snprintf(text, sizeof text, "%s   model to image %.2f px, image to model %.2f px   %.1f ms",
+                statusName(r.status).c_str(), r.agreement.model_residual_px, r.agreement.image_residual_px,
+                1e3 * (outcome.image_s + r.times.total_s));
   return text;
 }
 
@@ -47,18 +49,12 @@ int registerOne(const Options& o) {
   outcome.name = o.tree;
   cv::Mat image;
   Centerline2d centerline;
-  if (!o.image.empty()) {
-    image = readXrayImage(o.image);
-    if (image.cols != camera.width_px() || image.rows != camera.height_px()) {
-      throw InputError(o.image, "size", std::to_string(image.cols) + " x " + std::to_string(image.rows),
-                       "must be image_size_px of " + o.camera);
-    }
-  }
+  if (!o.image.empty()) image = readXrayImage(o.image, camera);
   if (o.centerline.empty()) {
     const auto extractor = makeExtractor(settings.otsu);
-    const auto began = std::chrono::steady_clock::now();
+    const Stopwatch stage;
     centerline = extractor->extract(image);
-    outcome.image_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    outcome.image_s = stage.seconds();
   } else {
     centerline = readCenterline(o.centerline);
   }
@@ -77,7 +73,8 @@ int registerOne(const Options& o) {
     scene.image = image;
     scene.centerline = &centerline;
     scene.trees.push_back({initial, {}, kStartColour, "tree at the initial pose"});
-    scene.trees.push_back({outcome.result.T_camera_model, outcome.result.displacements_m, kModelColour, "tree as registered"});
+    scene.trees.push_back(
+        {outcome.result.T_camera_model, outcome.result.displacements_m, kModelColour, "tree as registered"});
     scene.caption = captionOf(outcome);
     writeImage(o.overlay, drawOverlay(scene, tree, camera));
   }
@@ -95,9 +92,10 @@ int registerOne(const Options& o) {
 
 int main(int argc, char** argv) {
   CLI::App app("Finds the pose of a pre-operative vessel tree in one X-ray image.", "angio-register");
-  angio::describeProgram(app,
-                         "angio-register --tree tree.csv --camera camera.yaml --image frame.png --initial-pose start.yaml "
-                         "--out result.json --overlay picture.png");
+  angio::describeProgram(
+      app,
+      "angio-register --tree tree.csv --camera camera.yaml --image frame.png --initial-pose start.yaml "
+      "--out result.json --overlay picture.png");
   angio::Options o;
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)")->required();
   app.add_option("--camera", o.camera, "X-ray camera (.yaml, ViSP .xml)")->required();
@@ -110,7 +108,8 @@ int main(int argc, char** argv) {
   app.add_flag("--nonrigid", o.nonrigid, "Let the tree deform after the rigid registration");
   app.add_option("--starts", o.starts, "Starts drawn around the initial pose; 0 takes the settings' count")
       ->check(CLI::Range(0, 10000));
-  app.add_option("--polarity", o.polarity, "How vessels stand out of the image")->check(CLI::IsMember({"dark", "bright"}));
+  app.add_option("--polarity", o.polarity, "How vessels stand out of the image")
+      ->check(CLI::IsMember({"dark", "bright"}));
   app.add_option("--settings", o.settings, "Settings (.yaml), sections by method, starts, otsu");
   app.add_option("--out", o.out, "Result (.json); stdout when not given");
   app.add_option("--overlay", o.overlay, "Picture of the result (.png, .jpg)");

@@ -2,17 +2,13 @@
 #include "angio/servo/servo_loop.hpp"
 
 #include <algorithm>
-#include <chrono>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/stopwatch.hpp"
 #include "angio/geometry/visp.hpp"
 
 namespace angio {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double secondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 // Frames further apart than this do not belong to one motion; a longer step must not allow a harder one.
 constexpr double kLongestPeriod_s = 0.2;
@@ -91,18 +87,18 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, do
   ServoReport report;
   if ((report.held = supervisor_.objection(frame, state))) return report;
 
-  auto began = Clock::now();
+  Stopwatch stage;
   report.centerline = extractor_->extract(frame.image);
-  report.image_s = secondsSince(began);
+  report.image_s = stage.seconds();
 
-  began = Clock::now();
+  stage = Stopwatch();
   const PosePrior predicted = tracker_.predict(state.joints);
   report.registration = tracker_.tracking() ? tracking_->align(report.centerline, frame.camera, predicted)
                                             : alignFromStarts(*search_, report.centerline, frame.camera, predicted,
                                                               settings_.search_starts);
-  report.registration_s = secondsSince(began);
+  report.registration_s = stage.seconds();
 
-  began = Clock::now();
+  stage = Stopwatch();
   if ((report.held = supervisor_.objection(
            report.registration, settings_.carm.T_camera_patient(state.joints) * settings_.T_dsa_cb,
            tracker_.tracking() ? std::optional(predicted.T_camera_model) : std::nullopt))) {
@@ -119,7 +115,7 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, do
     return report;
   }
   report.command.velocity = supervisor_.limit(*wanted, last_command_.velocity, state, period_s);
-  report.control_s = secondsSince(began);
+  report.control_s = stage.seconds();
   return report;
 }
 

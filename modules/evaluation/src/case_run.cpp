@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/case_run.hpp"
 
-#include <chrono>
 #include <map>
 #include <memory>
 
-#include "angio/base/errors.hpp"
+#include "angio/base/stopwatch.hpp"
 #include "angio/io/centerline_files.hpp"
 #include "angio/io/displacement_files.hpp"
 #include "angio/io/image_files.hpp"
@@ -32,14 +31,10 @@ class Registrations {
 
 Centerline2d seenIn(const View& view, CenterlineExtractor& extractor, CaseOutcome& outcome) {
   if (view.centerline_path) return readCenterline(*view.centerline_path);
-  const cv::Mat image = readXrayImage(*view.image_path);
-  if (image.cols != view.camera.width_px() || image.rows != view.camera.height_px()) {
-    throw InputError(*view.image_path, "size", std::to_string(image.cols) + " x " + std::to_string(image.rows),
-                     "must be the camera's image_size_px");
-  }
-  const auto began = std::chrono::steady_clock::now();
+  const cv::Mat image = readXrayImage(*view.image_path, view.camera);
+  const Stopwatch stage;
   Centerline2d centerline = extractor.extract(image);
-  outcome.image_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  outcome.image_s = stage.seconds();
   return centerline;
 }
 

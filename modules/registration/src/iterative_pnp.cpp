@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "iterative_pnp.hpp"
 
-#include <chrono>
-
+#include "angio/base/stopwatch.hpp"
 #include "angio/registration/agreement.hpp"
 #include "angio/vessel/resample.hpp"
 #include "judgement.hpp"
@@ -11,10 +10,6 @@
 
 namespace angio {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double secondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 // A step that moves no projected point by more than this is rest [px].
 constexpr double kRestPx = 1e-3;
@@ -91,7 +86,7 @@ class IterativePnp final : public Registration {
 
 RegistrationResult IterativePnp::align(const Centerline2d& given_centerline, const XrayCamera& camera,
                                        const PosePrior& prior, const Pose& start) {
-  const auto began = Clock::now();
+  const Stopwatch began;
   RegistrationResult result;
   result.T_camera_model = start;
   result.points_3d = model_.tree.size();
@@ -100,18 +95,18 @@ RegistrationResult IterativePnp::align(const Centerline2d& given_centerline, con
   if (tooFewPoints(result)) return result;
   const ImageSide image(densified(given_centerline, settings_.spacing_px));
   result.points_2d = image.centerline.size();
-  result.times.prepare_s = secondsSince(began);
+  result.times.prepare_s = began.seconds();
 
   const Eigen::Translation3d to_centre(model_.tree.centroid());
   Pose T_camera_centred = start * to_centre;
-  const auto rigid_began = Clock::now();
+  const Stopwatch rigid_began;
   alignRigid(image, camera, priorTerm(settings_, prior, model_.tree.centroid()), T_camera_centred, result);
   result.T_camera_model = T_camera_centred * to_centre.inverse();
-  result.times.rigid_s = secondsSince(rigid_began);
+  result.times.rigid_s = rigid_began.seconds();
 
   Eigen::Matrix3Xd points = model_.tree.points();
   if (nonrigid_) {
-    const auto nonrigid_began = Clock::now();
+    const Stopwatch nonrigid_began;
     const Eigen::Matrix3Xd displacements = alignNonrigid(image, camera, result);
     points += displacements;
     for (int i = 0; i < given_.size(); ++i) {
@@ -119,11 +114,11 @@ RegistrationResult IterativePnp::align(const Centerline2d& given_centerline, con
       result.displacements_m.col(i) =
           (1 - place.weight) * displacements.col(place.a) + place.weight * displacements.col(place.b);
     }
-    result.times.nonrigid_s = secondsSince(nonrigid_began);
+    result.times.nonrigid_s = nonrigid_began.seconds();
   }
   result.agreement = agreementOf(model_.tree, points, image.centerline, camera, result.T_camera_model);
   judge(result);
-  result.times.total_s = secondsSince(began);
+  result.times.total_s = began.seconds();
   return result;
 }
 
