@@ -55,7 +55,7 @@ int simulate(const Options& o) {
     while (!(heard.peek() && heard.peek()->time_us == exposure_us) && Clock::now() < patience && !stopped) {
       bus->handle(std::chrono::milliseconds(5));
     }
-    if (heard.peek() && heard.peek()->time_us == exposure_us) frames += xray.expose(exposure_us);
+    if (heard.peek() && heard.peek()->time_us == exposure_us) frames += xray.expose(exposure_us).has_value();
     next += period;
     // Commands are obeyed as they arrive, not once a frame.
     for (auto left = next - Clock::now(); left > Clock::duration::zero() && !stopped; left = next - Clock::now()) {

@@ -29,13 +29,13 @@ SimulatedXrayNode::SimulatedXrayNode(Bus& bus, const VesselTree& tree, const Flu
   carm_.check();
 }
 
-bool SimulatedXrayNode::expose(std::int64_t now_us) {
+std::optional<XrayFrame> SimulatedXrayNode::expose(std::int64_t now_us) {
   const auto& state = states_.peek();
-  if (!state) return false;
+  if (!state) return std::nullopt;
   XrayFrame frame{now_us, ++sequence_, {}, carm_.camera()};
   frame.image = renderer_.render(frame.camera, T_camera_model(state->joints), static_cast<std::uint64_t>(sequence_));
   publish(bus_, kXrayFrameChannel, frame);
-  return true;
+  return frame;
 }
 
 }  // namespace angio

@@ -5,15 +5,12 @@
 #include <cmath>
 #include <random>
 
+#include "angio/base/stopwatch.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/simulation/nodes.hpp"
 
 namespace angio {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double secondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 // Uniform on the sphere, the same on every machine.
 Eigen::Vector3d randomDirection(std::mt19937_64& engine) {
@@ -96,7 +93,6 @@ void runClosed(const VesselTree& tree, const Stage& stage, const Times& times, c
   SimulatedCArmNode arm(*bus, stage.loop.limits, stage.start, 0);
   SimulatedXrayNode xray(*bus, tree, fluoroscopy, stage.loop.carm, stage.T_patient_model);
   ServoNode servo(*bus, stage.loop, tree);
-  LatestValue<XrayFrame> seen_frames(*bus, kXrayFrameChannel);  // For the pictures.
   const auto trueError = [&](const CArmJoints& joints) {
     return viewError(xray.T_camera_model(joints), stage.desired_T_camera_model, stage.loop.view.target_model);
   };
@@ -104,17 +100,17 @@ void runClosed(const VesselTree& tree, const Stage& stage, const Times& times, c
   for (int k = 0; k < times.frames(); ++k) {
     arm.report(times.exposure_us(k));
     bus->handle(kNoWait);
-    auto began = Clock::now();
-    xray.expose(times.exposure_us(k));
-    const double render_s = secondsSince(began);
+    Stopwatch watch;
+    const std::optional<XrayFrame> frame = xray.expose(times.exposure_us(k));
+    const double render_s = watch.seconds();
     const CArmJoints joints = arm.arm().state().joints;
 
-    began = Clock::now();
+    watch = Stopwatch();
     bus->handle(kNoWait);
     const auto report = servo.answer();
     if (!report) throw std::runtime_error("the loop did not answer a frame");
     RehearsalFrame row = describe(*report);
-    row.answer_s = secondsSince(began);
+    row.answer_s = watch.seconds();
     row.render_s = render_s;
     row.time_s = 1e-6 * static_cast<double>(times.exposure_us(k));
     row.joints = joints;
@@ -122,7 +118,7 @@ void runClosed(const VesselTree& tree, const Stage& stage, const Times& times, c
     result.closed.push_back(row);
 
     if (k == 0 || k + 1 == times.frames()) {
-      RehearsalSnapshot snapshot{*seen_frames.peek(), report->centerline,
+      RehearsalSnapshot snapshot{*frame, report->centerline,
                                  stage.loop.carm.T_camera_patient(joints) * stage.loop.T_dsa_cb, report->registration};
       (k == 0 ? result.first : result.last) = snapshot;
       if (times.frames() == 1) result.last = snapshot;

@@ -37,8 +37,8 @@ class SimulatedXrayNode {
   SimulatedXrayNode(Bus& bus, const VesselTree& tree, const FluoroscopySettings& settings, const CArmGeometry& carm,
                     const Pose& T_patient_model);
 
-  /// Renders and publishes one frame; does nothing before a first state has been heard. Returns whether it did.
-  bool expose(std::int64_t now_us);
+  /// Renders and publishes one frame. Returns it, or nothing when no state has been heard yet.
+  std::optional<XrayFrame> expose(std::int64_t now_us);
 
   /// Pose of the model in the camera with these joints: the truth that a loop must not know.
   Pose T_camera_model(const CArmJoints& joints) const { return carm_.T_camera_patient(joints) * T_patient_model_; }
