@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Measures every figure of the README and prints it as the README shows it. Build first (./test.sh or ./demo.sh).
+# Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
 #   examples/figures.sh [table1] [clinical] [seeds] [speed]      (all by default)
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -11,7 +11,7 @@ constexpr int kFewestPoints = 12;
 
 // Right poses of fully visible trees, from rendered X-ray images with the tangles and stubs an extractor misses,
 // explain 73 % or more of the model and 85 % of the image (score 0.62); wrong poses, noise images and other patients'
-// trees stay below 0.59 and 0.58, and below a score of 0.43 (tests/registration holds them to it).
+// trees stay below 0.59 and 0.58, and below a score of 0.43 (tests/registration: none of them converges).
 constexpr double kConvergedShare = 0.6;
 constexpr double kConvergedScore = 0.5;
 constexpr double kDivergedShare = 0.35;
