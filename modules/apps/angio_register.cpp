@@ -60,7 +60,7 @@ int registerOne(const Options& o) {
   }
 
   const auto registration = makeRegistration(method, tree);
-  outcome.result = alignFromStarts(*registration, centerline, camera, {initial, {}}, settings.starts);
+  outcome.result = registration->search(centerline, camera, {initial, {}}, settings.starts);
 
   nlohmann::ordered_json json = {{"method", o.method}};
   json.update(caseAsJson(outcome));

@@ -94,7 +94,7 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, do
   stage = Stopwatch();
   const PosePrior predicted = tracker_.predict(state.joints);
   report.registration = tracker_.tracking() ? tracking_->align(report.centerline, frame.camera, predicted)
-                                            : alignFromStarts(*search_, report.centerline, frame.camera, predicted,
+                                            : search_->search(report.centerline, frame.camera, predicted,
                                                               settings_.search_starts);
   report.registration_s = stage.seconds();
 

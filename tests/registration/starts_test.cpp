@@ -35,7 +35,7 @@ struct Scene {
   }
 };
 
-TEST(AlignFromStarts, FindsThePoseWhereTheFirstStartFails) {
+TEST(Search, FindsThePoseWhereTheFirstStartFails) {
   int rescued = 0;
   for (unsigned seed = 0; seed < 12 && rescued == 0; ++seed) {  // About one start in five fails.
     Scene s(seed);
@@ -48,7 +48,7 @@ TEST(AlignFromStarts, FindsThePoseWhereTheFirstStartFails) {
     starts.count = 12;
     starts.rotation_std_deg = 8;
     starts.translation_std_mm = 8;
-    const auto many = alignFromStarts(*registration, s.image, s.camera, s.prior, starts);
+    const auto many = registration->search(s.image, s.camera, s.prior, starts);
     // A clean image, a weak prior: what is left is depth, where half a millimetre moves no point by a tenth of a pixel.
     EXPECT_LT(meanDistance(s.tree, many.T_camera_model, s.truth), 0.5e-3);
     ASSERT_TRUE(many.ambiguity);
@@ -61,15 +61,15 @@ TEST(AlignFromStarts, FindsThePoseWhereTheFirstStartFails) {
   EXPECT_EQ(rescued, 1) << "no start failed, nothing was tested";
 }
 
-TEST(AlignFromStarts, OneStartIsPlainAlignmentWithoutAmbiguity) {
+TEST(Search, OneStartIsPlainAlignmentWithoutAmbiguity) {
   Scene s(0);
   const auto registration = makeRegistration(s.settings, s.tree);
-  const auto one = alignFromStarts(*registration, s.image, s.camera, s.prior, StartSettings());
+  const auto one = registration->search(s.image, s.camera, s.prior, StartSettings());
   EXPECT_FALSE(one.ambiguity);
   EXPECT_EQ(one.T_camera_model.matrix(), registration->align(s.image, s.camera, s.prior).T_camera_model.matrix());
 }
 
-TEST(AlignFromStarts, APoseThatFitsAsWellAsAnotherIsAmbiguous) {
+TEST(Search, APoseThatFitsAsWellAsAnotherIsAmbiguous) {
   // A straight vessel may turn about itself, or slide along a longer one in the image: many poses fit it equally.
   Eigen::Matrix3Xd points = Eigen::Matrix3Xd::Zero(3, 61);
   std::vector<int> parents;
@@ -94,20 +94,20 @@ TEST(AlignFromStarts, APoseThatFitsAsWellAsAnotherIsAmbiguous) {
       branch.push_back(k);
     }
   }
-  const auto result = alignFromStarts(*registration, makeCenterline(pixels, branch), camera, {T, std::nullopt}, starts);
+  const auto result = registration->search(makeCenterline(pixels, branch), camera, {T, std::nullopt}, starts);
   ASSERT_TRUE(result.ambiguity);
   EXPECT_GT(*result.ambiguity, 0.9);
   EXPECT_LE(*result.ambiguity, 1);
   EXPECT_NE(result.status, RegistrationStatus::kConverged);
 }
 
-TEST(AlignFromStarts, RefusesStartsThatAreNone) {
+TEST(Search, RefusesStartsThatAreNone) {
   Scene s(0);
   StartSettings starts;
-  starts.count = 0;
+  starts.count = -1;
   const auto registration = makeRegistration(s.settings, s.tree);
-  EXPECT_THAT(test::refusalOf([&] { (void)alignFromStarts(*registration, s.image, s.camera, s.prior, starts); }),
-              testing::HasSubstr("count = 0"));
+  EXPECT_THAT(test::refusalOf([&] { (void)registration->search(s.image, s.camera, s.prior, starts); }),
+              testing::HasSubstr("count = -1"));
 }
 
 TEST(DrawnPose, HasTheSpreadThatIsAskedForAboutTheCentre) {

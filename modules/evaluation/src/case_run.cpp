@@ -54,7 +54,7 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
     const Centerline2d centerline = seenIn(view, *extractor, outcome);
     PosePrior prior;
     prior.T_camera_model = set.sequence && last_converged ? *last_converged : one.initial_pose;
-    outcome.result = alignFromStarts(registration, centerline, view.camera, prior, settings.starts);
+    outcome.result = registration.search(centerline, view.camera, prior, settings.starts);
     outcome.pixel_at_isocentre_m =
         (outcome.result.T_camera_model * tree.centroid()).z() / view.camera.parameters().fx_px;
     if (one.truth_pose) {

@@ -60,8 +60,7 @@ class IterativePnp final : public Registration {
   }
 
   using Registration::align;
-  RegistrationResult align(const Centerline2d& centerline, const XrayCamera& camera, const PosePrior& prior,
-                           const Pose& start) override;
+  RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override;
   const VesselTree& tree() const override { return given_; }
 
  private:
@@ -84,8 +83,9 @@ class IterativePnp final : public Registration {
   std::optional<NonrigidStep> nonrigid_;
 };
 
-RegistrationResult IterativePnp::align(const Centerline2d& given_centerline, const XrayCamera& camera,
-                                       const PosePrior& prior, const Pose& start) {
+RegistrationResult IterativePnp::align(const XrayViews& views, const PosePrior& prior, const Pose& start) {
+  const Centerline2d& given_centerline = views.front().centerline;
+  const XrayCamera& camera = views.front().camera;
   const Stopwatch began;
   RegistrationResult result;
   result.T_camera_model = start;

@@ -37,40 +37,74 @@ void addTimes(RegistrationTimes& sum, const RegistrationTimes& more) {
 
 }  // namespace
 
-Pose drawnPose(const Pose& T_camera_model, const Eigen::Vector3d& centre_model, double rotation_std_rad,
-               double translation_std_m, int seed, int index) {
+namespace {
+
+std::mt19937_64 engineFor(int seed, int index) {
   std::seed_seq sequence{seed, index};
-  std::mt19937_64 engine(sequence);
-  const Eigen::Vector3d w = rotation_std_rad * normal3(engine);
-  const Eigen::Vector3d shift = translation_std_m * normal3(engine);
-  Pose turn = Pose::Identity();
-  turn.linear() = expSO3(w);
-  const Eigen::Translation3d to_centre(centre_model);
-  return T_camera_model * to_centre * Eigen::Translation3d(shift) * turn * to_centre.inverse();
+  return std::mt19937_64(sequence);
 }
 
-RegistrationResult alignFromStarts(Registration& registration, const Centerline2d& centerline, const XrayCamera& camera,
-                                   const PosePrior& prior, const StartSettings& starts) {
+Pose offsetAbout(const Pose& T_camera_model, const Eigen::Vector3d& centre_model, const Eigen::Vector3d& shift_m,
+                 const Eigen::Vector3d& rotation_rad) {
+  Pose turn = Pose::Identity();
+  turn.linear() = expSO3(rotation_rad);
+  const Eigen::Translation3d to_centre(centre_model);
+  return T_camera_model * to_centre * Eigen::Translation3d(shift_m) * turn * to_centre.inverse();
+}
+
+}  // namespace
+
+Pose drawnPose(const Pose& T_camera_model, const Eigen::Vector3d& centre_model, double rotation_std_rad,
+               double translation_std_m, int seed, int index) {
+  std::mt19937_64 engine = engineFor(seed, index);
+  const Eigen::Vector3d w = rotation_std_rad * normal3(engine);
+  const Eigen::Vector3d shift = translation_std_m * normal3(engine);
+  return offsetAbout(T_camera_model, centre_model, shift, w);
+}
+
+Pose drawnStart(const PosePrior& prior, const Eigen::Vector3d& centre_model, const StartSettings& starts, int index) {
+  std::mt19937_64 engine = engineFor(starts.seed, index);
+  if (starts.box()) {
+    const auto uniform3 = [&] {
+      Eigen::Vector3d result;
+      for (int k = 0; k < 3; ++k) result[k] = static_cast<double>(engine() >> 11) * 0x1p-52 - 1;
+      return result;
+    };
+    const Eigen::Vector3d w = degToRad(starts.box_rotation_deg) * uniform3();
+    const Eigen::Vector3d shift = 1e-3 * starts.box_translation_mm * uniform3();
+    return offsetAbout(prior.T_camera_model, centre_model, shift, w);
+  }
+  if (!prior.covariance) {
+    return drawnPose(prior.T_camera_model, centre_model, degToRad(starts.rotation_std_deg), starts.translation_std_mm * 1e-3,
+                     starts.seed, index);
+  }
+  Vector6d z;
+  z.tail<3>() = normal3(engine);
+  z.head<3>() = normal3(engine);
+  const Vector6d xi = prior.covariance->llt().matrixL() * z;
+  return offsetAbout(prior.T_camera_model, centre_model, xi.head<3>(), xi.tail<3>());
+}
+
+RegistrationResult Registration::search(const XrayViews& views, const PosePrior& prior, const StartSettings& starts,
+                                        const SearchProgress& progress) {
   checkSettings("starts", starts);
+  const int count = std::max(1, starts.count);
   std::vector<RegistrationResult> results;
   std::size_t best = 0;
   RegistrationTimes times;
-  for (int i = 0; i < starts.count; ++i) {
-    const Pose start =
-        i == 0 ? prior.T_camera_model
-               : drawnPose(prior.T_camera_model, registration.tree().centroid(), degToRad(starts.rotation_std_deg),
-                           starts.translation_std_mm * 1e-3, starts.seed, i);
-    results.push_back(registration.align(centerline, camera, prior, start));
+  for (int i = 0; i < count; ++i) {
+    results.push_back(align(views, prior, i == 0 ? prior.T_camera_model : drawnStart(prior, tree().centroid(), starts, i)));
     addTimes(times, results.back().times);
     if (results.back().agreement.score() > results[best].agreement.score()) best = results.size() - 1;
+    if (progress) progress((i + 1.0) / count);
   }
   RegistrationResult result = results[best];
   result.times = times;
-  if (starts.count == 1) return result;
+  if (count == 1) return result;
 
   double other = 0;
   for (const auto& r : results) {
-    if (meanDistance(registration.tree(), r.T_camera_model, result.T_camera_model) > kDifferentPose_m) {
+    if (meanDistance(tree(), r.T_camera_model, result.T_camera_model) > kDifferentPose_m) {
       other = std::max(other, r.agreement.score());
     }
   }

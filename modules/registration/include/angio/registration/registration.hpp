@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <variant>
 
-#include "angio/geometry/xray_camera.hpp"
 #include "angio/registration/iterative_pnp_settings.hpp"
 #include "angio/registration/result.hpp"
-#include "angio/vessel/centerline2d.hpp"
+#include "angio/registration/start_settings.hpp"
+#include "angio/registration/xray_view.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio {
@@ -22,22 +23,39 @@ struct PosePrior {
   std::optional<Matrix6d> covariance;
 };
 
+/// Called now and then during long work with the share that is done, 0 to 1.
+using SearchProgress = std::function<void(double share_done)>;
+
 /// Aligns one vessel tree with X-ray images. One object per tree and thread: what depends on the tree only is computed once.
 class Registration {
  public:
   virtual ~Registration() = default;
 
-  /// Finds the pose of the tree in the camera frame.
+  /// Finds the pose of the tree in the first view's camera frame.
   ///
-  /// @param start  Where the search begins; the prior's pose unless several starts are tried.
+  /// @param start  Where the solver begins: there is one answer near it.
   ///
   /// Never throws on a poor image: that is a status in the result.
-  virtual RegistrationResult align(const Centerline2d& centerline, const XrayCamera& camera, const PosePrior& prior,
-                                   const Pose& start) = 0;
+  virtual RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) = 0;
 
-  /// Starts at the prior's pose.
+  /// Finds the pose from several starts, or in a box of poses, and says how much better it is than the best different one.
+  ///
+  /// What every method can do, and does unless it knows better: aligns from each start and returns the best by
+  /// Agreement::score. Throws InputError when a setting is out of its range.
+  virtual RegistrationResult search(const XrayViews& views, const PosePrior& prior, const StartSettings& starts,
+                                    const SearchProgress& progress = {});
+
+  /// One view.
+  RegistrationResult align(const Centerline2d& centerline, const XrayCamera& camera, const PosePrior& prior,
+                           const Pose& start) {
+    return align({XrayView{centerline, camera}}, prior, start);
+  }
   RegistrationResult align(const Centerline2d& centerline, const XrayCamera& camera, const PosePrior& prior) {
     return align(centerline, camera, prior, prior.T_camera_model);
+  }
+  RegistrationResult search(const Centerline2d& centerline, const XrayCamera& camera, const PosePrior& prior,
+                            const StartSettings& starts) {
+    return search({XrayView{centerline, camera}}, prior, starts);
   }
 
   /// The tree that is aligned.
