@@ -42,13 +42,22 @@ Eigen::VectorXd tangentsOfCloud(const Eigen::Matrix2Xd& points) {
   return tangent;
 }
 
+// A chord this long is turned by a few degrees only when a pixel of noise shifts its ends; a shorter one shows the noise.
+constexpr double kChord_px = 12;
+constexpr int kMostSteps = 12;  // On each side of a point.
+
 Eigen::VectorXd tangentsAlongBranches(const Eigen::Matrix2Xd& points, const std::vector<int>& branch) {
   const Eigen::Index n = points.cols();
   Eigen::VectorXd tangent(n);
+  const auto joined = [&](Eigen::Index i, Eigen::Index k) { return k >= 0 && k < n && branch[k] == branch[i]; };
   for (Eigen::Index i = 0; i < n; ++i) {
-    const bool has_before = i > 0 && branch[i - 1] == branch[i];
-    const bool has_after = i + 1 < n && branch[i + 1] == branch[i];
-    const Eigen::Vector2d chord = points.col(has_after ? i + 1 : i) - points.col(has_before ? i - 1 : i);
+    Eigen::Index a = i, b = i;
+    for (int step = 0; step < kMostSteps; ++step) {
+      if (joined(i, a - 1)) --a;
+      if (joined(i, b + 1)) ++b;
+      if ((points.col(b) - points.col(a)).squaredNorm() >= kChord_px * kChord_px) break;
+    }
+    const Eigen::Vector2d chord = points.col(b) - points.col(a);
     tangent[i] = undirected(std::atan2(chord.y(), chord.x()));
   }
   return tangent;

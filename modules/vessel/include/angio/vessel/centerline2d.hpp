@@ -17,7 +17,8 @@ struct Centerline2d {
   bool ordered() const { return !branch.empty(); }
 };
 
-/// Builds a centreline and its tangents: along the branch by central differences, or, without branches, along the main
+/// Builds a centreline and its tangents: along the branch by a chord of some pixels
+/// that noise cannot turn, or, without branches, along the main
 /// axis of the nine nearest points.
 ///
 /// Throws InputError when a coordinate is not finite or sizes differ.
