@@ -37,6 +37,9 @@ const std::string kHeader = "id,x_mm,y_mm,z_mm,radius_mm,parent\n";
 const std::string kHmmRest = ";0;0;0;2.5;0;0;0;0;0;0;0;0;0;\n";
 const std::string kHmmGood = "3\n0\n1;0;0" + kHmmRest + "1;\n2;0;0" + kHmmRest + "0;2;\n3;0;0" + kHmmRest + "1;\n";
 const std::string kHmmLoop = "3\n0\n1;0;0" + kHmmRest + "1;2;\n2;0;0" + kHmmRest + "0;2;\n3;0;0" + kHmmRest + "0;1;\n";
+const std::string kVtk =
+    "# vtk DataFile Version 2.0\ntitle\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 float\n0 0 0 1 0 0\n2 0 0\n"
+    "2 1 0\n2 0 1\nCELLS 3 10\n3 0 1 2\n2 2 3\n2 2 4\nCELL_TYPES 3\n4\n4\n3\n";
 const std::string kCamera =
     "image_size_px: [64, 48]\nfx_px: 1000\nfy_px: 1000\ncx_px: 32\ncy_px: 24\npixel_spacing_mm: 0.3\n"
     "source_detector_distance_mm: 1200\ndistortion: [0, 0]\n";
@@ -136,6 +139,34 @@ std::vector<Reader> allReaders() {
         {kHmmLoop, "the tree must not have a loop"},
         {"4\n0\n1;0;0" + kHmmRest + "1;\n2;0;0" + kHmmRest + "0;\n3;0;0" + kHmmRest + "3;\n4;0;0" + kHmmRest + "2;\n",
          ":8: neighbours of point = 2: no way leads here from the root"}}},
+      {"t.vtk",
+       tree,
+       kVtk,
+       {{"", ":1: version: is missing"},
+        {with(kVtk, "# vtk DataFile", "# VTK file"),
+         ":1: first line = # VTK file Version 2.0: must begin # vtk DataFile Version"},
+        {with(kVtk, "2.0", "5.1"), ":1: version = 5.1: must lie between 1 and 4.99"},
+        {with(kVtk, "ASCII", "BINARY"), ":3: coding = BINARY: must be ASCII"},
+        {with(kVtk, "UNSTRUCTURED_GRID", "STRUCTURED_POINTS"),
+         ":4: dataset = DATASET STRUCTURED_POINTS: must be DATASET"},
+        {with(kVtk, "UNSTRUCTURED_GRID", "POLYDATA"), ":10: keyword = CELLS: must be LINES"},
+        {with(kVtk, "POINTS", "POINT"), ":5: keyword = POINT: must be POINTS"},
+        {with(kVtk, "POINTS 5", "POINTS 2000000"), ":10: x_mm = CELLS: must be a number"},
+        {with(kVtk, "POINTS 5", "POINTS 2000001"), ":5: points = 2000001: must lie between"},
+        {with(kVtk, "2 1 0\n", "2 nan 0\n"), ":8: y_mm = nan: must be a finite number"},
+        {with(kVtk, "2 1 0\n", "2 1e5 0\n"), ":8: y_mm = 100000: must lie between"},
+        {with(kVtk, "CELLS 3", "CELLS 99999"), ":10: lines = 99999: must lie between"},
+        {with(kVtk, "CELLS 3 10", "CELLS 3 9"), ":13: size: the lines hold more than it says"},
+        {with(kVtk, "CELLS 3 10", "CELLS 3 11"), ":13: size: the lines hold less than it says"},
+        {with(kVtk, "2 2 4\n", "1 4\n"), ":13: points of a line = 1: must lie between"},
+        {with(kVtk, "2 2 4\n", "2 2 5\n"), ":13: point = 5: must lie between 0 and 4"},
+        {with(kVtk, "2 2 4\n", "2 4 4\n"), ":13: point = 4: must not be named twice by one line"},
+        {with(kVtk, "2 2 4\n", "2 3 0\n"), ":13: line: the tree must not have a loop"},
+        {with(kVtk, "2 2 4\n", "2 0 1\n"), ":13: line: the tree must not have a loop"},
+        {with(with(kVtk, "POINTS 5", "POINTS 6"), "2 0 1\n", "2 0 1\n9 9 9\n"), "point = 5: is on no line"},
+        {with(kVtk, "4\n4\n3\n", "4\n4\n5\n"), ":17: type: 3 is a line, 4 a polyline = 5"},
+        {with(kVtk, "4\n4\n3\n", "4\n4\n"), ":17: type: 3 is a line, 4 a polyline: is missing"},
+        {kVtk + "CELLS\n", ":18: keyword = CELLS: must be POINT_DATA"}}},
       {"c.csv",
        line,
        "x_px,y_px,branch,tangent_rad,radius_px\n1,2,0,0.5,3\n2,3,0,0.5,3\n3,3,1,0.5,3\n",
@@ -260,9 +291,9 @@ TEST(HostileFiles, WrongPathsAreRefusedByEveryReader) {
     EXPECT_EQ(refusalOf([&] { reader.read(path); }).find(path), 0U);
     std::filesystem::remove(path);
   }
-  EXPECT_NE(
-      refusalOf([&] { readVesselTree("tree.stl"); }).find("extension = .stl: must be one of .csv, .swc, .vtp, .txt"),
-      std::string::npos);
+  EXPECT_NE(refusalOf([&] { readVesselTree("tree.stl"); })
+                .find("extension = .stl: must be one of .csv, .swc, .vtp, .vtk, .txt"),
+            std::string::npos);
   EXPECT_NE(refusalOf([&] { readVesselTree(""); }).find("must be one of"), std::string::npos);
   EXPECT_NE(refusalOf([&] { readCamera("camera"); }).find("must be one of .yaml, .yml, .xml"), std::string::npos);
 }

@@ -13,7 +13,7 @@ namespace angio {
 /// Reads the vessel tree of one file format; throws InputError.
 using TreeReader = VesselTree(const std::string& path);
 
-TreeReader readCsvTree, readSwcTree, readVtpTree, readHmmTree;
+TreeReader readCsvTree, readSwcTree, readVtpTree, readVtkTree, readHmmTree;
 
 /// Writes one file format; throws InputError.
 using TreeWriter = void(const std::string& path, const VesselTree& tree);

@@ -18,6 +18,7 @@ constexpr TreeFormat kFormats[] = {
     {".csv", readCsvTree, writeCsvTree},
     {".swc", readSwcTree, writeSwcTree},
     {".vtp", readVtpTree, nullptr},
+    {".vtk", readVtkTree, nullptr},
     {".txt", readHmmTree, nullptr},
 };
 

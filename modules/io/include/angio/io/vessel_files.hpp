@@ -13,10 +13,12 @@ namespace angio {
 /// - `.swc`: `id type x y z radius parent`, `#` begins a comment; a radius that is not positive is unknown.
 /// - `.vtp`: VMTK centrelines: polylines from one source to many outlets with MaximumInscribedSphereRadius. The
 ///   trunk that the lines repeat, exactly or to a tenth of its radius, becomes one.
+/// - `.vtk`: lines of VTK's legacy text (versions 1 to 4; an unstructured grid's cells or poly data's lines), in any
+///   order and direction; where ends coincide they are joined, and the first begins at the inlet. Radii are not read.
 /// - `.txt`: centreline of the HMM catheter project: points with their neighbours, walked from the given root.
 ///
-/// Points stand in the order of the file (.vtp: line by line, without repetitions). Throws InputError that names file,
-/// line, field, value and rule.
+/// Points stand in the order of the file (.vtp and .vtk: line by line, without repetitions). Throws InputError that
+/// names file, line, field, value and rule.
 VesselTree readVesselTree(const std::string& path);
 
 /// Writes `.csv` or `.swc`, by extension; ids are point indices (from 0; from 1 in .swc). Lengths have as many digits
