@@ -53,8 +53,9 @@ TEST(Agreement, IsCompleteAtTheTruePoseOfACleanPhantom) {
     const XrayCamera camera = test::clinicalCamera();
     const Pose T = test::viewOf(tree, random);
     const Agreement a = agreementOf(tree, tree.points(), projectedCenterline(tree, camera, T), camera, T);
-    EXPECT_NEAR(a.model_explained, 1, 1e-9);
-    EXPECT_NEAR(a.image_explained, 1, 1e-9);
+    // The image's tangents are those of chords: at a sharp bend a point or two in a thousand run another way.
+    EXPECT_GT(a.model_explained, 0.995);
+    EXPECT_GT(a.image_explained, 0.995);
     EXPECT_NEAR(a.model_residual_px, 0, 1e-9);
     EXPECT_NEAR(a.image_residual_px, 0, 1e-9);
     EXPECT_NEAR(a.model_rms_px, 0, 1e-9);
@@ -119,6 +120,56 @@ TEST(Agreement, CountsOnlyTheModelOnTheDetector) {
   const Agreement a = agreementOf(tree, tree.points(), line({5, 100}, {45, 100}, 41), plainCamera(), T);
   EXPECT_EQ(a.model_points, 5);
   EXPECT_NEAR(a.score(), 1, 1e-12);
+}
+
+TEST(Agreement, CountsOnlyTheModelInsideTheCollimator) {
+  const VesselTree tree = straightVessel();
+  const Centerline2d image = line({50, 100}, {95, 100}, 46);
+  const XrayCamera camera = plainCamera();
+  // Open from 40 to 95 px: the first 5 of 11 points.
+  const XrayViews views{{image, camera, Pose::Identity(), {{40, 40}, {95, 40}, {95, 160}, {40, 160}}}};
+  const Agreement a = agreementOf(tree, tree.points(), views, oneMetreAway());
+  EXPECT_EQ(a.model_points, 5);
+  EXPECT_NEAR(a.model_explained, 1, 1e-12);
+}
+
+// Views to the left and right of the first one, by shifts that put the vessel elsewhere on the detector or beside it.
+XrayView shifted(const Centerline2d& image, const XrayCamera& camera, double by_m) {
+  XrayView view{image, camera};
+  view.T_view_first.translation().x() = by_m;
+  return view;
+}
+
+TEST(Agreement, WeighsViewsByTheirPoints) {
+  const VesselTree tree = straightVessel();
+  const XrayCamera camera = plainCamera();
+  // 11 model points and 101 image points 2 px apart; and 10 mm to the right the same 11 and 51 of their left half.
+  const Centerline2d whole = line({50, 102}, {150, 102}, 101), half = line({60, 100}, {110, 100}, 51);
+  const Agreement a =
+      agreementOf(tree, tree.points(), {shifted(whole, camera, 0), shifted(half, camera, 0.01)}, oneMetreAway());
+  EXPECT_EQ(a.model_points, 22);
+  EXPECT_NEAR(a.model_explained, (11 + 6) / 22.0, 1e-12);
+  EXPECT_NEAR(a.image_explained, 1, 1e-12);
+  EXPECT_NEAR(a.model_residual_px, (11 * 2 + 10 + 20 + 30 + 40 + 50) / 22.0, 1e-9);
+  EXPECT_NEAR(a.image_residual_px, 101 * 2 / 152.0, 1e-9);
+}
+
+TEST(Agreement, AViewThatShowsWhatTheModelDoesNotIsUnexplained) {
+  const VesselTree tree = straightVessel();
+  const XrayCamera camera = plainCamera();
+  const Centerline2d right = line({50, 100}, {150, 100}, 101), nothing = makeCenterline(Eigen::Matrix2Xd(2, 0));
+  // Half a metre away the model is off the detector, and the image there is of something else.
+  const Agreement beside =
+      agreementOf(tree, tree.points(), {shifted(right, camera, 0), shifted(right, camera, 0.5)}, oneMetreAway());
+  EXPECT_EQ(beside.model_points, 11);
+  EXPECT_NEAR(beside.model_explained, 1, 1e-12);
+  EXPECT_NEAR(beside.image_explained, 0.5, 1e-12);
+  // And a model in view where the image shows nothing.
+  const Agreement blank =
+      agreementOf(tree, tree.points(), {shifted(right, camera, 0), shifted(nothing, camera, 0)}, oneMetreAway());
+  EXPECT_NEAR(blank.model_explained, 0.5, 1e-12);
+  EXPECT_NEAR(blank.image_explained, 1, 1e-12);
+  EXPECT_NEAR(blank.model_residual_px, 0, 1e-9);
 }
 
 TEST(Agreement, IsNothingWithoutAnImageOrAModelInView) {

@@ -113,10 +113,15 @@ TEST(ProjectPoints, WhoMayPull) {
       0, 0, 0,          //
       1, 1, -1;         // In view, beside the detector, behind the source.
   Projected projected(3);
-  projectPoints(points, camera, Pose::Identity(), OutsideImage::kVote, projected);
+  const Centerline2d none;
+  XrayView view{none, camera};
+  projectPoints(points, view, Pose::Identity(), OutsideImage::kVote, projected);
   EXPECT_EQ(projected.may_pull, (std::vector<char>{1, 1, 0}));
-  projectPoints(points, camera, Pose::Identity(), OutsideImage::kIgnore, projected);
+  projectPoints(points, view, Pose::Identity(), OutsideImage::kIgnore, projected);
   EXPECT_EQ(projected.may_pull, (std::vector<char>{1, 0, 0}));
+  view.collimator_px = {{0, 0}, {400, 0}, {400, 400}, {0, 400}};  // The image's middle is covered.
+  projectPoints(points, view, Pose::Identity(), OutsideImage::kIgnore, projected);
+  EXPECT_EQ(projected.may_pull, (std::vector<char>{0, 0, 0}));
 }
 
 // With weights exp(-d^2/2l^2) taken as constants, the weighted squares majorise -2 l^2 sum exp(-d^2/2l^2): a step that
@@ -124,6 +129,8 @@ TEST(ProjectPoints, WhoMayPull) {
 TEST(Irls, AStepThatLowersTheWeightedSquaresNeverLowersTheKernelSum) {
   test::Random random(5);
   const XrayCamera camera = test::clinicalCamera();
+  const Centerline2d none;
+  const XrayViews views{{none, camera}};
   const int n = 30;
   int lowered = 0;
   for (int trial = 0; trial < 200; ++trial) {
@@ -147,7 +154,7 @@ TEST(Irls, AStepThatLowersTheWeightedSquaresNeverLowersTheKernelSum) {
           *camera.project(T * points.col(i)) + Eigen::Vector2d(random.normal(), random.normal()) * spread;
     }
     pull.weight = (-distances2(T) / (2 * scale * scale)).exp();
-    const auto step = LevenbergMarquardt().step(points, camera, T, pull, prior);
+    const auto step = LevenbergMarquardt().step(points, views, T, {pull}, prior);
     if (!step.lowered) continue;
     ++lowered;
     const auto objective = [&](const Pose& pose) {
@@ -162,6 +169,8 @@ TEST(Irls, AStepThatLowersTheWeightedSquaresNeverLowersTheKernelSum) {
 TEST(LevenbergMarquardt, FindsTheOneMinimumOfExactMatches) {
   test::Random random(6);
   const XrayCamera camera = test::clinicalCamera();
+  const Centerline2d none;
+  const XrayViews views{{none, camera}};
   const int n = 40;
   const Eigen::Matrix3Xd points = Eigen::Matrix3Xd::NullaryExpr(3, n, [&] { return 0.03 * random.normal(); });
   for (int trial = 0; trial < 10; ++trial) {
@@ -173,7 +182,7 @@ TEST(LevenbergMarquardt, FindsTheOneMinimumOfExactMatches) {
     for (int i = 0; i < n; ++i) pull.target_px.col(i) = *camera.project(truth * points.col(i));
     Pose T = truth * expSE3(random.twist(10e-3, 0.1));
     LevenbergMarquardt solver;
-    for (int k = 0; k < 20; ++k) T = solver.step(points, camera, T, pull, PosePriorTerm()).T_camera_centred;
+    for (int k = 0; k < 20; ++k) T = solver.step(points, views, T, {pull}, PosePriorTerm()).T_camera_centred;
     // The residual is zero at the solution, so convergence is quadratic down to the rounding of pixels, 1e-12 of 0.75
     // m.
     EXPECT_LT(logSE3(truth.inverse() * T).norm(), 1e-9);

@@ -11,6 +11,7 @@
 #include "angio/registration/ceres_costs.hpp"
 #include "angio/test/differences.hpp"
 #include "angio/test/phantoms.hpp"
+#include "biplane.hpp"
 #include "rigid_step.hpp"
 
 namespace angio {
@@ -199,28 +200,33 @@ TEST(PosePriorCost, JacobiansAgreeThreeWays) {
 TEST(NormalEquations, GradientIsThatOfTheCost) {
   test::Random random(3);
   const VesselTree tree = test::branchingTree(1);
-  const XrayCamera camera = test::clinicalCamera();
+  const XrayCamera camera = test::clinicalCamera(), other = XrayCamera::centred(800, 600, 0.4e-3, 1);
+  const Centerline2d none;
+  const XrayViews views{{none, camera}, {none, other, test::fromTheSide()}};
   const Eigen::Matrix3Xd points = (tree.points().colwise() - tree.centroid()).leftCols(60);
   for (int trial = 0; trial < 10; ++trial) {
     Pose T = Pose::Identity();
     T.linear() = expSO3(random.vector(1));
     T.translation() = Eigen::Vector3d(0, 0, 0.75);
-    Pull pull(60);
-    for (int i = 0; i < 60; ++i) {
-      pull.weight[i] = i % 7 == 0 ? 0 : random.uniform(0, 1);
-      pull.target_px.col(i) << random.uniform(0, 1024), random.uniform(0, 1024);
+    std::vector<Pull> pulls(2, Pull(60));
+    for (Pull& pull : pulls) {
+      for (int i = 0; i < 60; ++i) {
+        pull.weight[i] = i % 7 == 0 ? 0 : random.uniform(0, 1);
+        const double x = random.uniform(0, 1024), y = random.uniform(0, 1024);
+        pull.target_px.col(i) << x, y;
+      }
     }
     PosePriorTerm prior;
     prior.T0_camera_centred = T * expSE3(random.twist(5e-3, 0.1));
     prior.information.diagonal() << 1e8, 2e8, 3e8, 1e5, 2e5, 3e5;
     const auto cost = [&](const Eigen::VectorXd& dx) -> Eigen::VectorXd {
-      return Eigen::VectorXd::Constant(1, irlsCost(points, camera, T * expSE3(dx), pull, prior));
+      return Eigen::VectorXd::Constant(1, irlsCost(points, views, T * expSE3(dx), pulls, prior));
     };
-    const NormalEquations n = normalEquations(points, camera, T, pull, prior);
+    const NormalEquations n = normalEquations(points, views, T, pulls, prior);
     const Eigen::VectorXd gradient = test::centralDifferences(cost, Twist::Zero(), 1e-5).transpose();
     // Differences of a cost near 1e7 with third derivatives near 1e11 keep six digits at this step.
     EXPECT_LT((2 * n.g - gradient).norm(), 2e-6 * gradient.norm());
-    EXPECT_NEAR(n.cost_px2, irlsCost(points, camera, T, pull, prior), 1e-9 * n.cost_px2);
+    EXPECT_NEAR(n.cost_px2, irlsCost(points, views, T, pulls, prior), 1e-9 * n.cost_px2);
     EXPECT_LT((n.H - n.H.transpose()).norm(), 1e-12 * n.H.norm());
   }
 }
@@ -228,7 +234,9 @@ TEST(NormalEquations, GradientIsThatOfTheCost) {
 // The Hessian from an independent side: the sum of J^T J of the costs made for Ceres.
 TEST(NormalEquations, HessianIsThatOfTheCeresCosts) {
   test::Random random(4);
-  const XrayCamera camera = test::clinicalCamera();
+  const XrayCamera camera = test::clinicalCamera(), other = XrayCamera::centred(800, 600, 0.4e-3, 1);
+  const Centerline2d none;
+  const XrayViews views{{none, camera}, {none, other, test::fromTheSide()}};
   const Eigen::Matrix3Xd points = Eigen::Matrix3Xd::NullaryExpr(3, 20, [&] { return 0.03 * random.normal(); });
   Pose T = Pose::Identity();
   T.linear() = expSO3(random.vector(1));
@@ -236,7 +244,7 @@ TEST(NormalEquations, HessianIsThatOfTheCeresCosts) {
   PosePriorTerm prior;
   prior.T0_camera_centred = T * expSE3(random.twist(5e-3, 0.1));
   prior.information.diagonal() << 1e8, 2e8, 3e8, 1e5, 2e5, 3e5;
-  Pull pull(20);
+  std::vector<Pull> pulls(2, Pull(20));
   Matrix6d H = Matrix6d::Zero();
   const Twist xi = Twist::Zero();
   const Eigen::Vector3d r = Eigen::Vector3d::Zero();
@@ -248,12 +256,17 @@ TEST(NormalEquations, HessianIsThatOfTheCeresCosts) {
     ASSERT_TRUE(cost.Evaluate(parameters, residual.data(), jacobians));
     H += J.transpose() * J;
   };
-  for (int i = 0; i < 20; ++i) {
-    pull.weight[i] = random.uniform(0, 1);
-    pull.target_px.col(i) << random.uniform(0, 1024), random.uniform(0, 1024);
-    add(ProjectionCost(camera, T, points.col(i), pull.target_px.col(i), pull.weight[i]));
+  for (std::size_t v = 0; v < 2; ++v) {
+    Pull& pull = pulls[v];
+    for (int i = 0; i < 20; ++i) {
+      pull.weight[i] = random.uniform(0, 1);
+      const double x = random.uniform(0, 1024), y = random.uniform(0, 1024);
+      pull.target_px.col(i) << x, y;
+      add(ProjectionCost(views[v].camera, views[v].T_view_first * T, points.col(i), pull.target_px.col(i),
+                         pull.weight[i]));
+    }
   }
-  const NormalEquations n = normalEquations(points, camera, T, pull, prior);
+  const NormalEquations n = normalEquations(points, views, T, pulls, prior);
   EXPECT_LT((n.H_data - H).norm(), 1e-12 * H.norm());
   add(PosePriorCost(prior.T0_camera_centred, T, prior.information));
   EXPECT_LT((n.H - H).norm(), 1e-10 * H.norm());

@@ -10,6 +10,7 @@
 
 #include "angio/registration/ceres_costs.hpp"
 #include "angio/test/phantoms.hpp"
+#include "biplane.hpp"
 
 namespace angio {
 namespace {
@@ -49,22 +50,32 @@ std::vector<PairWeight> paperPairs(const VesselTree& tree, const IterativePnpSet
   return pairs;
 }
 
+// Seen from the front and from the side.
 struct Scene {
   test::Random random{11};
   VesselTree tree = smallTree(random);
   XrayCamera camera = test::clinicalCamera();
   Pose T = test::viewOf(tree, random);
+  Centerline2d none;
+  XrayViews views{{none, camera}, {none, camera, test::fromTheSide()}};
   IterativePnpSettings settings;
-  Pull pull{tree.size()};
+  std::vector<Pull> pulls{2, Pull(tree.size())};
 
   Scene() {
     settings.lambda2 = 1.5;
     settings.regulariser_neighbours = 3;
-    for (int i = 0; i < tree.size(); ++i) {
-      pull.weight[i] = i % 6 == 0 ? 0 : random.uniform(0.1, 1);
-      pull.target_px.col(i) =
-          *camera.project(T * tree.points().col(i)) + 5 * Eigen::Vector2d(random.normal(), random.normal());
+    for (std::size_t v = 0; v < 2; ++v) {
+      for (int i = 0; i < tree.size(); ++i) {
+        pulls[v].weight[i] = i % 6 == 0 ? 0 : random.uniform(0.1, 1);
+        const double x = 5 * random.normal(), y = 5 * random.normal();
+        pulls[v].target_px.col(i) = pixel(v, tree.points().col(i)) + Eigen::Vector2d(x, y);
+      }
     }
+  }
+
+  Pose T_view_model(std::size_t v) const { return views[v].T_view_first * T; }
+  Eigen::Vector2d pixel(std::size_t v, const Eigen::Vector3d& p, Eigen::Matrix<double, 2, 3>* J = nullptr) const {
+    return *camera.project(T_view_model(v) * p, J);
   }
 };
 
@@ -82,15 +93,18 @@ TEST(NonrigidStep, SolvesTheDenseNormalEquations) {
     A.block<3, 3>(3 * i, 3 * j) -= s.settings.lambda2 * w * I;
     A.block<3, 3>(3 * j, 3 * i) -= s.settings.lambda2 * w * I;
   }
-  for (int i = 0; i < n; ++i) {
-    Eigen::Matrix<double, 2, 3> J;
-    const Eigen::Vector2d u = *s.camera.project(s.T * (s.tree.points().col(i) + at.col(i)), &J);
-    J = J * s.T.linear() * 1e-3;
-    A.block<3, 3>(3 * i, 3 * i) += s.pull.weight[i] * J.transpose() * J;
-    b.segment<3>(3 * i) = s.pull.weight[i] * J.transpose() * (s.pull.target_px.col(i) - u + J * at.col(i) * 1e3);
+  for (std::size_t v = 0; v < 2; ++v) {
+    const Pull& pull = s.pulls[v];
+    for (int i = 0; i < n; ++i) {
+      Eigen::Matrix<double, 2, 3> J;
+      const Eigen::Vector2d u = s.pixel(v, s.tree.points().col(i) + at.col(i), &J);
+      J = J * s.T_view_model(v).linear() * 1e-3;
+      A.block<3, 3>(3 * i, 3 * i) += pull.weight[i] * J.transpose() * J;
+      b.segment<3>(3 * i) += pull.weight[i] * J.transpose() * (pull.target_px.col(i) - u + J * at.col(i) * 1e3);
+    }
   }
   const Eigen::VectorXd dense = A.llt().solve(b);
-  const auto solved = NonrigidStep(s.tree, s.settings).solve(s.camera, s.T, s.pull, at);
+  const auto solved = NonrigidStep(s.tree, s.settings).solve(s.views, s.T, s.pulls, at);
   ASSERT_TRUE(solved);
   // Millimetres; the system's condition number is near 1e4.
   EXPECT_LT((Eigen::Map<const Eigen::VectorXd>(solved->data(), 3 * n) * 1e3 - dense).cwiseAbs().maxCoeff(), 1e-10);
@@ -124,10 +138,13 @@ TEST(NonrigidStep, ComesToRestWhereCeresDoes) {
   for (int i = 0; i < n; ++i) {
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Size, 3, 3>(new Size{s.settings.lambda2 * s.settings.w1}),
                              nullptr, reference.col(i).data());
-    if (s.pull.weight[i] == 0) continue;
-    problem.AddResidualBlock(
-        new ProjectionCost(s.camera, s.T, s.tree.points().col(i), s.pull.target_px.col(i), s.pull.weight[i]), nullptr,
-        xi.data(), reference.col(i).data());
+    for (std::size_t v = 0; v < 2; ++v) {
+      const Pull& pull = s.pulls[v];
+      if (pull.weight[i] == 0) continue;
+      problem.AddResidualBlock(new ProjectionCost(s.camera, s.T_view_model(v), s.tree.points().col(i),
+                                                  pull.target_px.col(i), pull.weight[i]),
+                               nullptr, xi.data(), reference.col(i).data());
+    }
   }
   problem.SetParameterBlockConstant(xi.data());
   for (const auto& [i, j, w] : paperPairs(s.tree, s.settings)) {
@@ -144,7 +161,7 @@ TEST(NonrigidStep, ComesToRestWhereCeresDoes) {
   NonrigidStep step(s.tree, s.settings);
   Eigen::Matrix3Xd displacements = Eigen::Matrix3Xd::Zero(3, n);
   for (int k = 0; k < 10; ++k) {
-    const auto solved = step.solve(s.camera, s.T, s.pull, displacements);
+    const auto solved = step.solve(s.views, s.T, s.pulls, displacements);
     ASSERT_TRUE(solved);
     displacements = *solved;
   }
@@ -152,21 +169,25 @@ TEST(NonrigidStep, ComesToRestWhereCeresDoes) {
   EXPECT_LT((displacements - reference).cwiseAbs().maxCoeff(), 1e-9);
   // Both name the same cost: Ceres counts half of it.
   double cost = step.regulariser(displacements);
-  for (int i = 0; i < n; ++i) {
-    const Eigen::Vector2d u = *s.camera.project(s.T * (s.tree.points().col(i) + displacements.col(i)));
-    cost += s.pull.weight[i] * (u - s.pull.target_px.col(i)).squaredNorm();
+  for (std::size_t v = 0; v < 2; ++v) {
+    for (int i = 0; i < n; ++i) {
+      const Eigen::Vector2d u = s.pixel(v, s.tree.points().col(i) + displacements.col(i));
+      cost += s.pulls[v].weight[i] * (u - s.pulls[v].target_px.col(i)).squaredNorm();
+    }
   }
   EXPECT_NEAR(cost, 2 * summary.final_cost, 1e-9 * cost);
 }
 
 TEST(NonrigidStep, ReturnsToRestWhenTheImageIsTheProjectionItself) {
   Scene s;
-  s.pull.weight.setOnes();
-  for (int i = 0; i < s.tree.size(); ++i) s.pull.target_px.col(i) = *s.camera.project(s.T * s.tree.points().col(i));
+  for (std::size_t v = 0; v < 2; ++v) {
+    s.pulls[v].weight.setOnes();
+    for (int i = 0; i < s.tree.size(); ++i) s.pulls[v].target_px.col(i) = s.pixel(v, s.tree.points().col(i));
+  }
   NonrigidStep step(s.tree, s.settings);
   Eigen::Matrix3Xd displacements =
       Eigen::Matrix3Xd::NullaryExpr(3, s.tree.size(), [&] { return 1e-3 * s.random.normal(); });
-  for (int k = 0; k < 5; ++k) displacements = *step.solve(s.camera, s.T, s.pull, displacements);
+  for (int k = 0; k < 5; ++k) displacements = *step.solve(s.views, s.T, s.pulls, displacements);
   EXPECT_LT(displacements.cwiseAbs().maxCoeff(), 1e-12);  // Rounding of pixels near 500, in metres.
 }
 

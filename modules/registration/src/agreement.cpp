@@ -1,101 +1,173 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/registration/agreement.hpp"
 
+#include <algorithm>
 #include <cmath>
 
-#include "point_matcher.hpp"
+#include "bucket_grid.hpp"
 
 namespace angio {
 namespace {
 
-double angleBetween(double a_rad, double b_rad) { return std::abs(undirected(a_rad - b_rad)); }
+// One side's points, counted over all views.
+struct Tally {
+  int points = 0, explained = 0, measured = 0;
+  double distances_px = 0, squares_px2 = 0;
 
-// The model's points on the detector, with the direction of their vessel and the ends of their edges.
-struct Silhouette {
-  Eigen::Matrix2Xd pixel;       // 2 x M.
-  std::vector<int> point;       // M: index in the tree.
-  std::vector<int> silhouette;  // N: index here, or -1.
+  void measure(double distance_px, bool is_explained) {
+    ++measured;
+    distances_px += distance_px;
+    squares_px2 += distance_px * distance_px;
+    explained += is_explained ? 1 : 0;
+  }
+  double share() const { return points > 0 ? static_cast<double>(explained) / points : 0; }
+  double mean_px() const { return measured > 0 ? distances_px / measured : 0; }
+  double rms_px() const { return measured > 0 ? std::sqrt(squares_px2 / measured) : 0; }
 };
 
-Silhouette silhouetteOf(const Eigen::Matrix3Xd& points, const XrayCamera& camera, const Pose& T_camera_model) {
+// The model's points that a view sees, and the edges between them.
+struct Silhouette {
+  // An edge from one of its ends [px].
+  struct Edge {
+    Eigen::Vector2d to_other;
+    double length2, inverse_length2;
+  };
+  Eigen::Matrix2Xd pixel;       // 2 x M.
+  std::vector<int> first_edge;  // M + 1: where the edges of each point begin.
+  std::vector<Edge> edges;      // Each twice.
+
+  int size() const { return static_cast<int>(pixel.cols()); }
+};
+
+// `pairs` are the ends of the edges.
+void addEdges(const std::vector<std::pair<int, int>>& pairs, Silhouette& s) {
+  s.first_edge.assign(static_cast<std::size_t>(s.size()) + 1, 0);
+  for (const auto& [a, b] : pairs) {
+    ++s.first_edge[static_cast<std::size_t>(a)];
+    ++s.first_edge[static_cast<std::size_t>(b)];
+  }
+  for (std::size_t k = 1; k < s.first_edge.size(); ++k) s.first_edge[k] += s.first_edge[k - 1];
+  s.edges.resize(2 * pairs.size());
+  for (const auto& [a, b] : pairs) {  // Places are given out from the last to the first of a point.
+    const Eigen::Vector2d d = s.pixel.col(b) - s.pixel.col(a);
+    const double length2 = d.squaredNorm(), inverse = length2 > 0 ? 1 / length2 : 0;
+    s.edges[static_cast<std::size_t>(--s.first_edge[static_cast<std::size_t>(a)])] = {d, length2, inverse};
+    s.edges[static_cast<std::size_t>(--s.first_edge[static_cast<std::size_t>(b)])] = {-d, length2, inverse};
+  }
+}
+
+Silhouette silhouetteOf(const VesselTree& tree, const Eigen::Matrix3Xd& points, const XrayView& view,
+                        const Pose& T_camera_model) {
+  const Pose T_view_model = view.T_view_first * T_camera_model;
   Silhouette s;
   s.pixel.resize(2, points.cols());
-  s.silhouette.assign(static_cast<std::size_t>(points.cols()), -1);
+  std::vector<int> place(static_cast<std::size_t>(points.cols()), -1);  // In the silhouette.
+  int seen = 0;
   for (Eigen::Index i = 0; i < points.cols(); ++i) {
-    const auto pixel = camera.project(T_camera_model * points.col(i));
-    if (!pixel || !camera.sees(*pixel)) continue;
-    const int k = static_cast<int>(s.point.size());
-    s.pixel.col(k) = *pixel;
-    s.silhouette[static_cast<std::size_t>(i)] = k;
-    s.point.push_back(static_cast<int>(i));
+    const auto pixel = view.camera.project(T_view_model * points.col(i));
+    if (!pixel || !view.sees(*pixel)) continue;
+    s.pixel.col(seen) = *pixel;
+    place[static_cast<std::size_t>(i)] = seen++;
   }
-  s.pixel.conservativeResize(2, static_cast<Eigen::Index>(s.point.size()));
+  s.pixel.conservativeResize(2, seen);
+  std::vector<std::pair<int, int>> pairs;
+  pairs.reserve(place.size());
+  for (std::size_t i = 0; i < place.size(); ++i) {
+    const int parent = tree.parents()[i];
+    if (parent < 0 || place[i] < 0 || place[static_cast<std::size_t>(parent)] < 0) continue;
+    pairs.emplace_back(place[i], place[static_cast<std::size_t>(parent)]);
+  }
+  addEdges(pairs, s);
   return s;
 }
 
-double distanceToSegment(const Eigen::Vector2d& q, const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-  const Eigen::Vector2d d = b - a;
-  const double length2 = d.squaredNorm();
-  const double s = length2 > 0 ? std::clamp((q - a).dot(d) / length2, 0.0, 1.0) : 0.0;
-  return (q - a - s * d).norm();
-}
+// Model and image of one view, each in a grid.
+class Comparison {
+ public:
+  Comparison(const Centerline2d& image, const Silhouette& model, const AgreementGate& gate)
+      : image_(image), model_(model), gate_px_(gate.distance_px) {
+    image_grid_.build(image.points_px);
+    model_grid_.build(model.pixel);
+    direction_.resize(2, image.size());
+    for (int j = 0; j < image.size(); ++j) {
+      direction_.col(j) << std::cos(image.tangent_rad[j]), std::sin(image.tangent_rad[j]);
+    }
+    // Undirected tangents are never more than a right angle apart.
+    const double cosine = std::cos(gate.angle_rad);
+    least_cos2_ = gate.angle_rad > kPi / 2 ? -1 : cosine * cosine;
+  }
+
+  void measureModel(Tally& tally) const {
+    for (int k = 0; k < model_.size(); ++k) {
+      const auto found = image_grid_.nearest(model_.pixel.col(k));
+      const double distance = std::sqrt(found.distance2_px2);
+      bool along = false;
+      edgesOf(k, [&](const auto& edge) { along |= runsAlong(edge, found.index); });
+      tally.measure(distance, (distance < gate_px_) & along);
+    }
+  }
+
+  void measureImage(Tally& tally) const {
+    for (int j = 0; j < image_.size(); ++j) {
+      const Eigen::Vector2d q = image_.points_px.col(j);
+      const auto found = model_grid_.nearest(q);
+      const Eigen::Vector2d from_model = q - model_.pixel.col(found.index);
+      double distance2 = found.distance2_px2;
+      bool along = false;
+      edgesOf(found.index, [&](const auto& edge) {
+        const double share = std::clamp(from_model.dot(edge.to_other) * edge.inverse_length2, 0.0, 1.0);
+        distance2 = std::min(distance2, (from_model - share * edge.to_other).squaredNorm());
+        along |= runsAlong(edge, j);
+      });
+      const double distance = std::sqrt(distance2);
+      tally.measure(distance, (distance < gate_px_) & along);
+    }
+  }
+
+ private:
+  template <typename Visit>
+  void edgesOf(int k, const Visit& visit) const {
+    const auto end = static_cast<std::size_t>(model_.first_edge[static_cast<std::size_t>(k) + 1]);
+    for (auto e = static_cast<std::size_t>(model_.first_edge[static_cast<std::size_t>(k)]); e < end; ++e) {
+      visit(model_.edges[e]);
+    }
+  }
+
+  // Whether an edge runs along the image's tangent at j. One seen end-on has no direction to disagree with.
+  bool runsAlong(const Silhouette::Edge& edge, int j) const {
+    const double together = edge.to_other.dot(direction_.col(j));
+    // No branches here and above: what they would decide on cannot be foretold.
+    return (edge.length2 < 1) | (together * together > least_cos2_ * edge.length2);
+  }
+
+  const Centerline2d& image_;
+  const Silhouette& model_;
+  double gate_px_, least_cos2_;
+  BucketGrid image_grid_, model_grid_;
+  Eigen::Matrix2Xd direction_;  // 2 x image points: unit tangents.
+};
 
 }  // namespace
 
-Agreement agreementOf(const VesselTree& tree, const Eigen::Matrix3Xd& points_model, const Centerline2d& centerline,
-                      const XrayCamera& camera, const Pose& T_camera_model, const AgreementGate& gate) {
+Agreement agreementOf(const VesselTree& tree, const Eigen::Matrix3Xd& points_model, const XrayViews& views,
+                      const Pose& T_camera_model, const AgreementGate& gate) {
+  Tally model, image;
+  for (const XrayView& view : views) {
+    const Silhouette seen = silhouetteOf(tree, points_model, view, T_camera_model);
+    model.points += seen.size();
+    image.points += view.centerline.size();
+    if (seen.size() == 0 || view.centerline.size() == 0) continue;
+    const Comparison comparison(view.centerline, seen, gate);
+    comparison.measureModel(model);
+    comparison.measureImage(image);
+  }
   Agreement result;
-  const Silhouette seen = silhouetteOf(points_model, camera, T_camera_model);
-  result.model_points = static_cast<int>(seen.point.size());
-  if (result.model_points == 0 || centerline.size() == 0) return result;
-
-  const PointMatcher image(centerline.points_px), model(seen.pixel);
-  const auto edgesOf = [&](int k, const auto& visit) {  // Edges on the detector that meet silhouette point k.
-    const int i = seen.point[static_cast<std::size_t>(k)];
-    const int parent = tree.parents()[i];
-    if (parent >= 0 && seen.silhouette[parent] >= 0) visit(seen.silhouette[parent]);
-    for (const int child : tree.children()[i]) {
-      if (seen.silhouette[child] >= 0) visit(seen.silhouette[child]);
-    }
-  };
-  const auto runsAlong = [&](int k, double tangent_rad) {  // Whether an edge at k runs along an image tangent.
-    bool along = false;
-    edgesOf(k, [&](int other) {
-      const Eigen::Vector2d d = seen.pixel.col(other) - seen.pixel.col(k);
-      // An edge seen end-on has no direction to disagree with.
-      along = along || d.norm() < 1 || angleBetween(std::atan2(d.y(), d.x()), tangent_rad) < gate.angle_rad;
-    });
-    return along;
-  };
-
-  int match = -1;
-  double squares = 0;
-  for (int k = 0; k < result.model_points; ++k) {
-    const auto found = image.nearest(seen.pixel.col(k), match);
-    match = found.index;
-    const double distance = std::sqrt(found.distance2_px2);
-    result.model_residual_px += distance / result.model_points;
-    squares += found.distance2_px2 / result.model_points;
-    if (distance < gate.distance_px && runsAlong(k, centerline.tangent_rad[match])) {
-      result.model_explained += 1.0 / result.model_points;
-    }
-  }
-  result.model_rms_px = std::sqrt(squares);
-
-  match = -1;
-  for (int j = 0; j < centerline.size(); ++j) {
-    const Eigen::Vector2d q = centerline.points_px.col(j);
-    const auto found = model.nearest(q, match);
-    match = found.index;
-    double distance = std::sqrt(found.distance2_px2);
-    edgesOf(match, [&](int other) {
-      distance = std::min(distance, distanceToSegment(q, seen.pixel.col(match), seen.pixel.col(other)));
-    });
-    result.image_residual_px += distance / centerline.size();
-    if (distance < gate.distance_px && runsAlong(match, centerline.tangent_rad[j])) {
-      result.image_explained += 1.0 / centerline.size();
-    }
-  }
+  result.model_points = model.points;
+  result.model_explained = model.share();
+  result.model_residual_px = model.mean_px();
+  result.model_rms_px = model.rms_px();
+  result.image_explained = image.share();
+  result.image_residual_px = image.mean_px();
   return result;
 }
 

@@ -27,7 +27,7 @@ void matchNearest(const Projected& projected, const PointMatcher& image, Pull& p
   double largest2 = 0;
   for (std::size_t i = 0; i < pull.nearest.size(); ++i) {
     const auto k = static_cast<Eigen::Index>(i);
-    if (!projected.may_pull[i]) {
+    if (!projected.may_pull[i] || image.size() == 0) {
       pull.weight[k] = 0;
       pull.nearest[i] = -1;
       continue;

@@ -31,7 +31,8 @@ struct Projected {
   explicit Projected(int size) : pixel(Eigen::Matrix2Xd::Zero(2, size)), may_pull(size, 0) {}
 };
 
-/// Matches every projected point with the image (fills nearest, target and largest distance; weights are set to 1).
+/// Matches every projected point with the image (fills nearest, target and largest distance; weights are set to 1). An
+/// image without points matches none.
 void matchNearest(const Projected& projected, const PointMatcher& image, Pull& pull);
 
 /// Sets weights and targets for the kernel at scale l [px]. `branch` are the image points' branches, or empty: then Delta(i)

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "iterative_pnp.hpp"
 
+#include <deque>
+
 #include "angio/base/stopwatch.hpp"
 #include "angio/registration/agreement.hpp"
 #include "angio/vessel/resample.hpp"
@@ -39,13 +41,40 @@ class ScaleSchedule {
   int at_this_scale_ = 0;
 };
 
-// What depends on the frame only.
-struct ImageSide {
-  explicit ImageSide(Centerline2d seen) : centerline(std::move(seen)), matcher(centerline.points_px) {}
+// What depends on the frame only: the views with their points put in equal steps.
+class Frame {
+ public:
+  Frame(const XrayViews& given, double spacing_px) {
+    for (const XrayView& view : given) {
+      images_.emplace_back(densified(view.centerline, spacing_px));
+      views_.push_back({images_.back().centerline, view.camera, view.T_view_first, view.collimator_px});
+    }
+  }
+  Frame(const Frame&) = delete;
+  Frame& operator=(const Frame&) = delete;
 
-  Centerline2d centerline;
-  PointMatcher matcher;
+  const XrayViews& views() const { return views_; }
+  std::size_t size() const { return views_.size(); }
+  const PointMatcher& matcher(std::size_t view) const { return images_[view].matcher; }
+  const std::vector<int>& branch(std::size_t view) const { return images_[view].centerline.branch; }
+
+ private:
+  struct Image {
+    explicit Image(Centerline2d seen) : centerline(std::move(seen)), matcher(centerline.points_px) {}
+
+    Centerline2d centerline;
+    PointMatcher matcher;
+  };
+
+  std::deque<Image> images_;  // A deque's elements stay where they are.
+  XrayViews views_;           // Borrows from images_.
 };
+
+int pointsIn(const XrayViews& views) {
+  int points = 0;
+  for (const XrayView& view : views) points += view.centerline.size();
+  return points;
+}
 
 class IterativePnp final : public Registration {
  public:
@@ -53,8 +82,7 @@ class IterativePnp final : public Registration {
       : settings_(settings),
         given_(tree),
         model_(resampled(tree, settings.spacing_mm * 1e-3, settings.most_points_3d)),
-        points_centred_(model_.tree.points().colwise() - model_.tree.centroid()),
-        projected_(model_.tree.size()) {
+        points_centred_(model_.tree.points().colwise() - model_.tree.centroid()) {
     radius_m_ = std::sqrt(points_centred_.colwise().squaredNorm().maxCoeff());
     if (settings_.deformation == Deformation::kNonrigid) nonrigid_.emplace(model_.tree, settings_);
   }
@@ -64,50 +92,54 @@ class IterativePnp final : public Registration {
   const VesselTree& tree() const override { return given_; }
 
  private:
-  void alignRigid(const ImageSide& image, const XrayCamera& camera, const PosePriorTerm& prior, Pose& T_camera_centred,
-                  RegistrationResult& result);
-  Eigen::Matrix3Xd alignNonrigid(const ImageSide& image, const XrayCamera& camera, RegistrationResult& result);
-
-  // How far a step moves the projection at most, roughly [px].
-  double motionPx(const Twist& dx, const XrayCamera& camera, const Pose& T_camera_centred) const {
-    const double depth = std::max(1e-3, T_camera_centred.translation().z());
-    return camera.parameters().fx_px / depth * (dx.head<3>().norm() + radius_m_ * dx.tail<3>().norm());
-  }
+  void alignRigid(const Frame& frame, const PosePriorTerm& prior, Pose& T_camera_centred, RegistrationResult& result);
+  Eigen::Matrix3Xd alignNonrigid(const Frame& frame, RegistrationResult& result);
+  double match(const Frame& frame, const Eigen::Matrix3Xd& points, const Pose& T_camera_points);
+  void weighAll(const Frame& frame, double scale_px);
 
   IterativePnpSettings settings_;
   VesselTree given_;
   ResampledTree model_;
   Eigen::Matrix3Xd points_centred_;
   double radius_m_ = 0;
-  Projected projected_;
+  std::vector<Projected> projected_;  // One for each view.
+  std::vector<Pull> pulls_;           // The same.
   std::optional<NonrigidStep> nonrigid_;
 };
 
+// How many pixels a metre at a point of the first camera's frame is long, in the view that shows it longest.
+double pixelsPerMetre(const XrayViews& views, const Eigen::Vector3d& p_camera) {
+  double most = 0;
+  for (const XrayView& view : views) {
+    const double depth = std::max(1e-3, (view.T_view_first * p_camera).z());
+    most = std::max(most, view.camera.parameters().fx_px / depth);
+  }
+  return most;
+}
+
 RegistrationResult IterativePnp::align(const XrayViews& views, const PosePrior& prior, const Pose& start) {
-  const Centerline2d& given_centerline = views.front().centerline;
-  const XrayCamera& camera = views.front().camera;
   const Stopwatch began;
   RegistrationResult result;
   result.T_camera_model = start;
   result.points_3d = model_.tree.size();
-  result.points_2d = given_centerline.size();
+  result.points_2d = pointsIn(views);
   if (nonrigid_) result.displacements_m.setZero(3, given_.size());
   if (tooFewPoints(result)) return result;
-  const ImageSide image(densified(given_centerline, settings_.spacing_px));
-  result.points_2d = image.centerline.size();
+  const Frame frame(views, settings_.spacing_px);
+  result.points_2d = pointsIn(frame.views());
   result.times.prepare_s = began.seconds();
 
   const Eigen::Translation3d to_centre(model_.tree.centroid());
   Pose T_camera_centred = start * to_centre;
   const Stopwatch rigid_began;
-  alignRigid(image, camera, priorTerm(settings_, prior, model_.tree.centroid()), T_camera_centred, result);
+  alignRigid(frame, priorTerm(settings_, prior, model_.tree.centroid()), T_camera_centred, result);
   result.T_camera_model = T_camera_centred * to_centre.inverse();
   result.times.rigid_s = rigid_began.seconds();
 
   Eigen::Matrix3Xd points = model_.tree.points();
   if (nonrigid_) {
     const Stopwatch nonrigid_began;
-    const Eigen::Matrix3Xd displacements = alignNonrigid(image, camera, result);
+    const Eigen::Matrix3Xd displacements = alignNonrigid(frame, result);
     points += displacements;
     for (int i = 0; i < given_.size(); ++i) {
       const auto& place = model_.place_of_original[static_cast<std::size_t>(i)];
@@ -116,61 +148,75 @@ RegistrationResult IterativePnp::align(const XrayViews& views, const PosePrior& 
     }
     result.times.nonrigid_s = nonrigid_began.seconds();
   }
-  result.agreement = agreementOf(model_.tree, points, image.centerline, camera, result.T_camera_model);
+  result.agreement = agreementOf(model_.tree, points, frame.views(), result.T_camera_model);
   judge(result);
   result.times.total_s = began.seconds();
   return result;
 }
 
-void IterativePnp::alignRigid(const ImageSide& image, const XrayCamera& camera, const PosePriorTerm& prior,
-                              Pose& T_camera_centred, RegistrationResult& result) {
-  Pull pull(model_.tree.size());
+// Projects the points into every view and matches them there; returns the largest match distance [px].
+double IterativePnp::match(const Frame& frame, const Eigen::Matrix3Xd& points, const Pose& T_camera_points) {
+  double largest_px = 0;
+  for (std::size_t v = 0; v < frame.size(); ++v) {
+    projectPoints(points, frame.views()[v], T_camera_points, settings_.outside_image, projected_[v]);
+    matchNearest(projected_[v], frame.matcher(v), pulls_[v]);
+    largest_px = std::max(largest_px, pulls_[v].largest_distance_px);
+  }
+  return largest_px;
+}
+
+void IterativePnp::weighAll(const Frame& frame, double scale_px) {
+  for (std::size_t v = 0; v < frame.size(); ++v) {
+    weigh(projected_[v], frame.matcher(v), frame.branch(v), settings_, scale_px, pulls_[v]);
+  }
+}
+
+void IterativePnp::alignRigid(const Frame& frame, const PosePriorTerm& prior, Pose& T_camera_centred,
+                              RegistrationResult& result) {
+  projected_.assign(frame.size(), Projected(model_.tree.size()));
+  pulls_.assign(frame.size(), Pull(model_.tree.size()));
   LevenbergMarquardt solver;
   std::optional<ScaleSchedule> schedule;
   while (result.rigid_iterations < settings_.most_iterations) {
-    projectPoints(points_centred_, camera, T_camera_centred, settings_.outside_image, projected_);
-    matchNearest(projected_, image.matcher, pull);
+    const double largest_px = match(frame, points_centred_, T_camera_centred);
     if (!schedule) {
-      const double first = settings_.first_scale_px > 0 ? settings_.first_scale_px : pull.largest_distance_px;
+      const double first = settings_.first_scale_px > 0 ? settings_.first_scale_px : largest_px;
       schedule.emplace(first, settings_.last_scale_px, settings_.halve_every);
     }
-    weigh(projected_, image.matcher, image.centerline.branch, settings_, schedule->scale_px(), pull);
-    const auto step = solver.step(points_centred_, camera, T_camera_centred, pull, prior);
+    weighAll(frame, schedule->scale_px());
+    const auto step = solver.step(points_centred_, frame.views(), T_camera_centred, pulls_, prior);
     T_camera_centred = step.T_camera_centred;
     ++result.rigid_iterations;
-    result.last_step_px = motionPx(step.dx, camera, T_camera_centred);
+    // How far the step moves the projection at most, roughly.
+    result.last_step_px = pixelsPerMetre(frame.views(), T_camera_centred.translation()) *
+                          (step.dx.head<3>().norm() + radius_m_ * step.dx.tail<3>().norm());
     const bool at_rest = !step.lowered || result.last_step_px < kRestPx;
     if (at_rest && schedule->atLast()) break;
     // L2 and Huber know no scale: only rest ends them.
     if (settings_.kernel != Kernel::kGaussian && at_rest) break;
     at_rest ? schedule->halve() : schedule->nextIteration();
   }
-  result.covariance = covarianceOf(normalEquations(points_centred_, camera, T_camera_centred, pull, prior), pull,
-                                   T_camera_centred, model_.tree.centroid());
+  result.covariance = covarianceOf(normalEquations(points_centred_, frame.views(), T_camera_centred, pulls_, prior),
+                                   pulls_, T_camera_centred, model_.tree.centroid());
 }
 
-Eigen::Matrix3Xd IterativePnp::alignNonrigid(const ImageSide& image, const XrayCamera& camera,
-                                             RegistrationResult& result) {
+Eigen::Matrix3Xd IterativePnp::alignNonrigid(const Frame& frame, RegistrationResult& result) {
   Eigen::Matrix3Xd displacements = Eigen::Matrix3Xd::Zero(3, model_.tree.size());
-  Pull pull(model_.tree.size());
+  pulls_.assign(frame.size(), Pull(model_.tree.size()));
   std::optional<ScaleSchedule> schedule;
   while (result.nonrigid_iterations < settings_.nonrigid_iterations) {
-    projectPoints(model_.tree.points() + displacements, camera, result.T_camera_model, settings_.outside_image,
-                  projected_);
-    matchNearest(projected_, image.matcher, pull);
+    const double largest_px = match(frame, model_.tree.points() + displacements, result.T_camera_model);
     if (!schedule) {
-      const double first =
-          settings_.nonrigid_first_scale_px > 0 ? settings_.nonrigid_first_scale_px : pull.largest_distance_px;
+      const double first = settings_.nonrigid_first_scale_px > 0 ? settings_.nonrigid_first_scale_px : largest_px;
       schedule.emplace(first, settings_.last_scale_px, settings_.halve_every);
     }
-    weigh(projected_, image.matcher, image.centerline.branch, settings_, schedule->scale_px(), pull);
-    const auto solution = nonrigid_->solve(camera, result.T_camera_model, pull, displacements);
+    weighAll(frame, schedule->scale_px());
+    const auto solution = nonrigid_->solve(frame.views(), result.T_camera_model, pulls_, displacements);
     if (!solution) break;
     const double moved_m = std::sqrt((*solution - displacements).colwise().squaredNorm().mean());
     displacements = *solution;
     ++result.nonrigid_iterations;
-    const double depth = std::max(1e-3, (result.T_camera_model * model_.tree.centroid()).z());
-    result.last_step_px = camera.parameters().fx_px / depth * moved_m;
+    result.last_step_px = pixelsPerMetre(frame.views(), result.T_camera_model * model_.tree.centroid()) * moved_m;
     if (schedule->atLast() && result.last_step_px < kNonrigidRestPx) break;
     schedule->nextIteration();
   }

@@ -70,24 +70,32 @@ NonrigidStep::NonrigidStep(const VesselTree& tree, const IterativePnpSettings& s
   }
 }
 
-std::optional<Eigen::Matrix3Xd> NonrigidStep::solve(const XrayCamera& camera, const Pose& T_camera_model,
-                                                    const Pull& pull, const Eigen::Matrix3Xd& displacements_m) {
-  const auto n = points_m_.cols();
-  std::copy(regulariser_values_.begin(), regulariser_values_.end(), system_.valuePtr());
-  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(3 * n);
-  for (Eigen::Index i = 0; i < n; ++i) {
+// One view's share of the data term.
+void NonrigidStep::addView(const XrayView& view, const Pose& T_camera_model, const Pull& pull,
+                           const Eigen::Matrix3Xd& displacements_m, Eigen::VectorXd& rhs) {
+  const Pose T_view_model = view.T_view_first * T_camera_model;
+  for (Eigen::Index i = 0; i < points_m_.cols(); ++i) {
     if (pull.weight[i] == 0) continue;
     Eigen::Matrix<double, 2, 3> J_projection;
-    const auto pixel = camera.project(T_camera_model * (points_m_.col(i) + displacements_m.col(i)), &J_projection);
+    const auto pixel = view.camera.project(T_view_model * (points_m_.col(i) + displacements_m.col(i)), &J_projection);
     if (!pixel) continue;
-    const Eigen::Matrix<double, 2, 3> J = J_projection * T_camera_model.linear() * kMillimetre;  // [px/mm]
+    const Eigen::Matrix<double, 2, 3> J = J_projection * T_view_model.linear() * kMillimetre;  // [px/mm]
     const Eigen::Matrix3d block = pull.weight[i] * J.transpose() * J;
     for (int e = 0; e < 6; ++e) {
       system_.valuePtr()[diagonal_block_[static_cast<std::size_t>(i)][e]] += block(kBlockRow[e], kBlockColumn[e]);
     }
     const Eigen::Vector2d wanted = pull.target_px.col(i) - *pixel + J * displacements_m.col(i) / kMillimetre;
-    rhs.segment<3>(3 * i) = pull.weight[i] * J.transpose() * wanted;
+    rhs.segment<3>(3 * i) += pull.weight[i] * J.transpose() * wanted;
   }
+}
+
+std::optional<Eigen::Matrix3Xd> NonrigidStep::solve(const XrayViews& views, const Pose& T_camera_model,
+                                                    const std::vector<Pull>& pulls,
+                                                    const Eigen::Matrix3Xd& displacements_m) {
+  const auto n = points_m_.cols();
+  std::copy(regulariser_values_.begin(), regulariser_values_.end(), system_.valuePtr());
+  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(3 * n);
+  for (std::size_t v = 0; v < views.size(); ++v) addView(views[v], T_camera_model, pulls[v], displacements_m, rhs);
   cholesky_.factorize(system_);
   if (cholesky_.info() != Eigen::Success) return std::nullopt;
   const Eigen::VectorXd solution = cholesky_.solve(rhs);

@@ -6,26 +6,26 @@
 #include <vector>
 
 #include "angio/geometry/se3.hpp"
-#include "angio/geometry/xray_camera.hpp"
 #include "angio/registration/iterative_pnp_settings.hpp"
+#include "angio/registration/xray_view.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 #include "irls.hpp"
 
 namespace angio {
 
 /// The nonrigid half of the paper's eq. 4 with the pose kept: displacements r_i that minimise
-/// sum_i weight_i |pi(T (p_i + r_i)) - target_i|^2 + lambda2 E_reg(r).
+/// sum_v sum_i weight_vi |pi_v(T_v_first T (p_i + r_i)) - target_vi|^2 + lambda2 E_reg(r), over all views v.
 ///
-/// The system is sparse: E_reg couples points along the tree and with their 3D neighbours, the data term fills the 3 x 3
-/// blocks of the diagonal. Its pattern and elimination order depend on the tree only and are found once.
+/// The system is sparse: E_reg couples points along the tree and with their 3D neighbours, the data term fills the 3 x
+/// 3 blocks of the diagonal. Its pattern and elimination order depend on the tree only and are found once.
 class NonrigidStep {
  public:
   NonrigidStep(const VesselTree& tree, const IterativePnpSettings& settings);
 
-  /// One Gauss-Newton step for fixed weights and targets, linearised at `displacements_m` (3 x N, model axes). Returns the
-  /// new displacements [m], or nothing when the system could not be solved.
-  std::optional<Eigen::Matrix3Xd> solve(const XrayCamera& camera, const Pose& T_camera_model, const Pull& pull,
-                                        const Eigen::Matrix3Xd& displacements_m);
+  /// One Gauss-Newton step for fixed weights and targets, one pull for each view, linearised at `displacements_m` (3 x
+  /// N, model axes). Returns the new displacements [m], or nothing when the system could not be solved.
+  std::optional<Eigen::Matrix3Xd> solve(const XrayViews& views, const Pose& T_camera_model,
+                                        const std::vector<Pull>& pulls, const Eigen::Matrix3Xd& displacements_m);
 
   /// lambda2 * E_reg of displacements [m], in the cost's currency [px^2]; lengths count in mm as in the paper.
   double regulariser(const Eigen::Matrix3Xd& displacements_m) const;
@@ -35,6 +35,9 @@ class NonrigidStep {
     int i, j;
     double weight;
   };
+
+  void addView(const XrayView& view, const Pose& T_camera_model, const Pull& pull,
+               const Eigen::Matrix3Xd& displacements_m, Eigen::VectorXd& rhs);
 
   Eigen::Matrix3Xd points_m_;
   double own_weight_;                // lambda2 w1

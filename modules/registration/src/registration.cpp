@@ -3,6 +3,7 @@
 
 #include "angio/base/errors.hpp"
 #include "iterative_pnp.hpp"
+#include "oriented_kernel.hpp"
 
 namespace angio {
 namespace {

@@ -9,25 +9,14 @@ namespace {
 constexpr int kMostTries = 6;
 constexpr double kLeastDamping = 1e-9, kMostDamping = 1e6;
 
-}  // namespace
-
-void projectPoints(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera, const Pose& T_camera_centred,
-                   OutsideImage outside, Projected& projected) {
-  for (Eigen::Index i = 0; i < points_centred.cols(); ++i) {
-    const auto pixel = camera.project(T_camera_centred * points_centred.col(i));
-    projected.may_pull[static_cast<std::size_t>(i)] =
-        pixel.has_value() && (outside == OutsideImage::kVote || camera.sees(*pixel));
-    if (pixel) projected.pixel.col(i) = *pixel;
-  }
-}
-
-NormalEquations normalEquations(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera,
-                                const Pose& T_camera_centred, const Pull& pull, const PosePriorTerm& prior) {
+// One view's share of the data term.
+void addView(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera, const Pose& T_view_centred,
+             const Pull& pull, NormalEquations& sum) {
   // The hottest arithmetic of a registration: eight points at a time, one array a quantity, so that it vectorises.
   constexpr int kLanes = 8;
   using Lanes = Eigen::Array<double, kLanes, 1>;
-  const Eigen::Matrix3d R = T_camera_centred.linear();
-  const Eigen::Vector3d t = T_camera_centred.translation();
+  const Eigen::Matrix3d R = T_view_centred.linear();
+  const Eigen::Vector3d t = T_view_centred.translation();
   const auto& c = camera.parameters();
   Lanes H[6][6], g[6], cost = Lanes::Zero();
   for (int i = 0; i < 6; ++i) {
@@ -70,35 +59,60 @@ NormalEquations normalEquations(const Eigen::Matrix3Xd& points_centred, const Xr
     }
     cost += weight * (residual_u * residual_u + residual_v * residual_v);
   }
-  NormalEquations n;
   for (int i = 0; i < 6; ++i) {
-    n.g[i] = g[i].sum();
-    for (int k = 0; k <= i; ++k) n.H_data(i, k) = n.H_data(k, i) = H[i][k].sum();
+    sum.g[i] += g[i].sum();
+    for (int k = 0; k <= i; ++k) sum.H_data(k, i) = sum.H_data(i, k) += H[i][k].sum();
   }
-  n.cost_px2 = cost.sum();
+  sum.cost_px2 += cost.sum();
+}
+
+}  // namespace
+
+void projectPoints(const Eigen::Matrix3Xd& points_centred, const XrayView& view, const Pose& T_camera_centred,
+                   OutsideImage outside, Projected& projected) {
+  const Pose T_view_centred = view.T_view_first * T_camera_centred;
+  for (Eigen::Index i = 0; i < points_centred.cols(); ++i) {
+    const auto pixel = view.camera.project(T_view_centred * points_centred.col(i));
+    projected.may_pull[static_cast<std::size_t>(i)] =
+        pixel.has_value() && (outside == OutsideImage::kVote || view.sees(*pixel));
+    if (pixel) projected.pixel.col(i) = *pixel;
+  }
+}
+
+NormalEquations normalEquations(const Eigen::Matrix3Xd& points_centred, const XrayViews& views,
+                                const Pose& T_camera_centred, const std::vector<Pull>& pulls,
+                                const PosePriorTerm& prior) {
+  NormalEquations n;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    addView(points_centred, views[v].camera, views[v].T_view_first * T_camera_centred, pulls[v], n);
+  }
   n.H = n.H_data;
   prior.add(T_camera_centred, n.H, n.g);
   n.cost_px2 += prior.cost(T_camera_centred);
   return n;
 }
 
-double irlsCost(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera, const Pose& T_camera_centred,
-                const Pull& pull, const PosePriorTerm& prior) {
+double irlsCost(const Eigen::Matrix3Xd& points_centred, const XrayViews& views, const Pose& T_camera_centred,
+                const std::vector<Pull>& pulls, const PosePriorTerm& prior) {
   double cost = prior.cost(T_camera_centred);
-  for (Eigen::Index i = 0; i < points_centred.cols(); ++i) {
-    if (pull.weight[i] == 0) continue;
-    const auto pixel = camera.project(T_camera_centred * points_centred.col(i));
-    // A step that pushes a matched point behind the source is no step.
-    if (!pixel) return std::numeric_limits<double>::infinity();
-    cost += pull.weight[i] * (*pixel - pull.target_px.col(i)).squaredNorm();
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const Pose T_view_centred = views[v].T_view_first * T_camera_centred;
+    const Pull& pull = pulls[v];
+    for (Eigen::Index i = 0; i < points_centred.cols(); ++i) {
+      if (pull.weight[i] == 0) continue;
+      const auto pixel = views[v].camera.project(T_view_centred * points_centred.col(i));
+      // A step that pushes a matched point behind the source is no step.
+      if (!pixel) return std::numeric_limits<double>::infinity();
+      cost += pull.weight[i] * (*pixel - pull.target_px.col(i)).squaredNorm();
+    }
   }
   return cost;
 }
 
-LevenbergMarquardt::Step LevenbergMarquardt::step(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera,
-                                                  const Pose& T_camera_centred, const Pull& pull,
+LevenbergMarquardt::Step LevenbergMarquardt::step(const Eigen::Matrix3Xd& points_centred, const XrayViews& views,
+                                                  const Pose& T_camera_centred, const std::vector<Pull>& pulls,
                                                   const PosePriorTerm& prior) {
-  const auto n = normalEquations(points_centred, camera, T_camera_centred, pull, prior);
+  const auto n = normalEquations(points_centred, views, T_camera_centred, pulls, prior);
   for (int attempt = 0; attempt < kMostTries; ++attempt) {
     Matrix6d damped = n.H;
     damped.diagonal() += damping_ * n.H.diagonal() + Vector6d::Constant(1e-12);
@@ -106,7 +120,7 @@ LevenbergMarquardt::Step LevenbergMarquardt::step(const Eigen::Matrix3Xd& points
     if (dx.allFinite()) {
       Pose trial = T_camera_centred * expSE3(dx);
       trial.linear() = nearestRotation(trial.linear());
-      if (irlsCost(points_centred, camera, trial, pull, prior) <= n.cost_px2) {
+      if (irlsCost(points_centred, views, trial, pulls, prior) <= n.cost_px2) {
         damping_ = std::max(kLeastDamping, damping_ / 5);
         return {trial, dx, true};
       }

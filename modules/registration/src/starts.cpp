@@ -62,6 +62,14 @@ Pose drawnPose(const Pose& T_camera_model, const Eigen::Vector3d& centre_model, 
   return offsetAbout(T_camera_model, centre_model, shift, w);
 }
 
+Vector6d unitDraw(int seed, int index) {
+  std::mt19937_64 engine = engineFor(seed, index);
+  Vector6d z;
+  z.tail<3>() = normal3(engine);
+  z.head<3>() = normal3(engine);
+  return z;
+}
+
 Pose drawnStart(const PosePrior& prior, const Eigen::Vector3d& centre_model, const StartSettings& starts, int index) {
   std::mt19937_64 engine = engineFor(starts.seed, index);
   if (starts.box()) {
@@ -78,10 +86,7 @@ Pose drawnStart(const PosePrior& prior, const Eigen::Vector3d& centre_model, con
     return drawnPose(prior.T_camera_model, centre_model, degToRad(starts.rotation_std_deg), starts.translation_std_mm * 1e-3,
                      starts.seed, index);
   }
-  Vector6d z;
-  z.tail<3>() = normal3(engine);
-  z.head<3>() = normal3(engine);
-  const Vector6d xi = prior.covariance->llt().matrixL() * z;
+  const Vector6d xi = prior.covariance->llt().matrixL() * unitDraw(starts.seed, index);
   return offsetAbout(prior.T_camera_model, centre_model, xi.head<3>(), xi.tail<3>());
 }
 

@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "angio/registration/iterative_pnp_settings.hpp"
+#include "angio/registration/oriented_kernel_settings.hpp"
 #include "angio/registration/result.hpp"
 #include "angio/registration/start_settings.hpp"
 #include "angio/registration/xray_view.hpp"
@@ -63,7 +64,7 @@ class Registration {
 };
 
 /// The settings type is the choice of the method: a new method is its settings, its source and one name here.
-using RegistrationSettings = std::variant<IterativePnpSettings>;
+using RegistrationSettings = std::variant<IterativePnpSettings, OrientedKernelSettings>;
 
 /// Throws InputError when a setting is out of its range.
 std::unique_ptr<Registration> makeRegistration(const RegistrationSettings& settings, const VesselTree& tree);

@@ -10,6 +10,9 @@ namespace angio {
 Pose drawnPose(const Pose& T_camera_model, const Eigen::Vector3d& centre_model, double rotation_std_rad,
                double translation_std_m, int seed, int index);
 
+/// Six independent standard normal numbers, the same on every machine for one `seed` and `index`.
+Vector6d unitDraw(int seed, int index);
+
 /// One start of a search: drawn from the prior's covariance, or without one from the settings' spread, or anywhere in the
 /// settings' box. The same for one seed and `index`.
 Pose drawnStart(const PosePrior& prior, const Eigen::Vector3d& centre_model, const StartSettings& starts, int index);

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/base/settings.hpp"
+#include "angio/registration/deformation_settings.hpp"
+#include "angio/registration/iterative_pnp_settings.hpp"
+
+namespace angio {
+
+/// Which side looks for its match on the other while the pose is searched.
+enum class Direction {
+  kAuto,          ///< The data decide: image to model when the image shows little of what the model should.
+  kModelToImage,  ///< Kernel fields of the image, read at the projected model.
+  kImageToModel,  ///< Each image point to its nearest oriented edge of the projected model.
+};
+
+/// Registration by oriented kernel fields: many starts, coarse to fine, then a point-to-line polish from image to model.
+struct OrientedKernelSettings {
+  static constexpr const char* kName = "oriented_kernel";
+
+  Deformation deformation = Deformation::kRigid;
+  Direction direction = Direction::kAuto;
+
+  // What is known of the start when the prior brings no covariance of its own; per axis.
+  double prior_rotation_std_deg = 5;
+  double prior_translation_std_mm = 10;
+
+  int starts = 256;             ///< Of a search that does not say how many.
+  double outlier_mass = 0.5;    ///< Kernel sum at which a model point is as likely stray as matched; a single vessel has 1.
+  double along_stiffness = 0.2; ///< Stiffness along a vessel relative to across it; 1 never lowers the objective.
+
+  double spacing_mm = 1;   ///< Longest edge of the model; 0 keeps the points as they are.
+  double spacing_px = 2;   ///< Longest step of the image's centreline.
+  int most_points_3d = 15000;
+  int most_points_2d = 4000;  ///< More are thinned evenly.
+
+  DeformationSettings nonrigid;
+
+  void visit(SettingsVisitor& v) {
+    v.choice("deformation", deformation, {"rigid", "nonrigid"});
+    v.choice("direction", direction, {"auto", "model_to_image", "image_to_model"});
+    v.number("prior_rotation_std_deg", prior_rotation_std_deg, 1e-3, 180);
+    v.number("prior_translation_std_mm", prior_translation_std_mm, 1e-3, 1e4);
+    v.integer("starts", starts, 1, 100000);
+    v.number("outlier_mass", outlier_mass, 1e-3, 1e3);
+    v.number("along_stiffness", along_stiffness, 0.01, 1);
+    v.number("spacing_mm", spacing_mm, 0, 100);
+    v.number("spacing_px", spacing_px, 0.1, 100);
+    v.integer("most_points_3d", most_points_3d, 10, 100000);
+    v.integer("most_points_2d", most_points_2d, 10, 100000);
+    v.section("nonrigid", [&](SettingsVisitor& inner) { nonrigid.visit(inner); });
+  }
+};
+
+}  // namespace angio

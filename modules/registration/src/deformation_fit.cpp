@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "deformation_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "oriented_image.hpp"
+
+namespace angio {
+namespace {
+
+// On the fields: scales of 16 and 8 px, few points and the longest modes. An expectation-maximisation step goes too
+// short; a step that extrapolates by less than two gets there in half as many (measured).
+constexpr int kFirstScale = 1, kStepsPerScale = 6, kFieldPoints = 600;
+constexpr Eigen::Index kFieldModes[kFieldScales] = {16, 16, 24};
+constexpr double kOutlierMass = 0.5, kAlong = 0.1, kFieldExtrapolation = 1.8, kFieldRest = 0.03;
+
+// On the lines: rounds of matching and one step. The least tolerance is a share of the least gate.
+constexpr int kSmoothRounds = 6, kLocalRounds = 2, kLinesAloneRounds = 16, kLinesAloneLocalRounds = 5;
+constexpr double kLinesAloneLocal = 4;  // Times the correction that is expected otherwise.
+constexpr double kFirstGate_px = 12, kGateOverNoise = 6, kToleranceOverNoise = 3;
+constexpr double kLeastGate_px = 1, kLinesAloneGate_px = 24, kLinesAloneLeastGate_px = 10, kLeastTolerance = 0.3,
+                 kLeastCos2 = 0.5;
+constexpr double kLineExtrapolation = 1.5, kRest_px = 0.02;
+constexpr double kWideGate_px = 5;  // While matches are this uncertain, fewer points are enough.
+constexpr int kWidePoints = 1000, kNarrowPoints = 1300;
+
+// What the model itself leaves unexplained, and the length of vessel over which that stays the same: the smooth modes
+// are no better than a pixel, and the pose must not bend to make up for it.
+struct Misfit {
+  double least_noise_px, together_px;
+};
+constexpr Misfit kSmoothMisfit = {1, 15}, kLocalMisfit = {0.3, 4};
+constexpr Misfit kLinesAloneMisfit = {0.5, 4};  // One curve in a large tree: every bend of it counts.
+
+// When the image has less than this of the length of model in view, most vessels have no image and must not be pulled
+// to one.
+constexpr double kShareShown = 0.25;
+
+// The noise behind a weighted mean square: a Gaussian weight of width tau hides a part of it.
+double noiseBehind(double weighted_square, double tau) {
+  const double inverse = 1 / std::max(1e-12, weighted_square) - 1 / (tau * tau);
+  return inverse > 0.1 / (tau * tau) ? std::sqrt(1 / inverse) : std::sqrt(10.0) * tau;
+}
+
+}  // namespace
+
+// One fit: the unknowns, and the steps that change them.
+template <int D>
+class DeformationFit::Run {
+ public:
+  using Field = Eigen::Matrix<double, D, Eigen::Dynamic>;
+  using Directions = Eigen::Matrix<double, 3, D>;
+
+  Run(DeformationFit& fit, OrientedFrame& frame, const PoseBelief& belief, const Pose& T, const Directions& directions)
+      : fit_(fit),
+        frame_(frame),
+        belief_(belief),
+        directions_(directions),
+        T_(T),
+        w_(Field::Zero(D, fit.modes_.cols())),
+        e_(Field::Zero(D, fit.nodes_.size())),
+        displaced_(fit.model_.points) {}
+
+  Result operator()() {
+    const bool full = fit_.settings_.detail == DeformationDetail::kFull;
+    const bool lines_alone = shareShown() < kShareShown;
+    if (lines_alone) {
+      gate_px_ = kLinesAloneGate_px;
+      tolerance_px_ = gate_px_ / 2;
+      least_gate_px_ = kLinesAloneLeastGate_px;
+    } else {
+      for (int scale = kFirstScale; scale < kFieldScales; ++scale) climb(scale);
+    }
+    followLines(lines_alone ? kLinesAloneRounds : kSmoothRounds, lines_alone ? kLinesAloneMisfit : kSmoothMisfit,
+                false);
+    alone_ = lines_alone;
+    if (full) followLines(lines_alone ? kLinesAloneLocalRounds : kLocalRounds, kLocalMisfit, true);
+    result_.T_camera_centred = T_;
+    result_.T_camera_centred.linear() = nearestRotation(T_.linear());
+    result_.displacements_m = displaced_ - fit_.model_.points;
+    result_.noise_px = noise_px_;
+    return result_;
+  }
+
+ private:
+  DeformedView viewOf(std::size_t v) const {
+    return {frame_.views()[v].camera, frame_.views()[v].T_view_first * T_, displaced_};
+  }
+  double pixelsPerMetre(std::size_t v) const {
+    const Pose T = frame_.views()[v].T_view_first * T_;
+    return frame_.views()[v].camera.parameters().fx_px / std::max(0.05, T.translation().z());
+  }
+  double shareShown();
+  void climb(int scale);
+  void followLines(int rounds, const Misfit& misfit, bool local);
+  int match(bool local);
+  void stepModes(Eigen::Index most_modes, double extrapolation);
+  void stepLocal();
+  void moved(const Eigen::Matrix3Xd& before);
+
+  DeformationFit& fit_;
+  OrientedFrame& frame_;
+  const PoseBelief& belief_;
+  const Directions directions_;
+  Pose T_;
+  Field w_, e_;  // Weights of the modes, and corrections of the nodes [m].
+  Eigen::Matrix3Xd displaced_;
+  DeformationEquations<D> data_;
+  double gate_px_ = kFirstGate_px, tolerance_px_ = kFirstGate_px / 2, noise_px_ = kFirstGate_px / 4;
+  double least_gate_px_ = kLeastGate_px;
+  bool alone_ = false;
+  Result result_;
+};
+
+template <int D>
+double DeformationFit::Run<D>::shareShown() {
+  double model_px = 0;
+  for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+    const DeformedView view = viewOf(v);
+    fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centred);
+    model_px += fit_.projected_.length_px();
+  }
+  return frame_.length_px() / std::max(1.0, model_px);
+}
+
+template <int D>
+void DeformationFit::Run<D>::climb(int scale) {
+  const double scale_px = kFieldScales_px[static_cast<std::size_t>(scale)];
+  const int stride = std::max(1, fit_.model_.size() / kFieldPoints);
+  PullWeight pull;
+  pull.outlier_mass = static_cast<float>(kOutlierMass);
+  pull.along = static_cast<float>(kAlong);
+  for (int step = 0; step < kStepsPerScale; ++step) {
+    data_.clear(fit_.nodes_);
+    for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+      // Points nearer to each other than the kernel is wide say the same thing: they count as one.
+      const double independent = std::min(1.0, pixelsPerMetre(v) * fit_.model_.spacing_m * stride / scale_px);
+      addFieldPull<D>(viewOf(v), fit_.model_, fit_.nodes_, directions_, frame_.field(v, scale), frame_.fieldOfView(v),
+                      pull, stride, independent, data_);
+    }
+    stepModes(kFieldModes[scale], kFieldExtrapolation);
+    if (result_.last_step_px < kFieldRest * scale_px) break;
+  }
+}
+
+// Matches image points of all views; returns how many stand for one.
+template <int D>
+int DeformationFit::Run<D>::match(bool local) {
+  const int wanted = gate_px_ > kWideGate_px ? kWidePoints : kNarrowPoints;
+  const int stride = local ? 1 : std::max(1, (frame_.pointCount() + wanted - 1) / wanted);
+  for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+    const DeformedView view = viewOf(v);
+    fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centred);
+    thinned(frame_.points(v), stride, fit_.chosen_[v]);
+    matchLines(fit_.chosen_[v], fit_.projected_, gate_px_, kLeastCos2, fit_.matches_[v]);
+  }
+  return stride;
+}
+
+template <int D>
+void DeformationFit::Run<D>::followLines(int rounds, const Misfit& misfit, bool local) {
+  if (fit_.matches_.size() < frame_.viewCount()) fit_.matches_.resize(frame_.viewCount());
+  if (fit_.chosen_.size() < frame_.viewCount()) fit_.chosen_.resize(frame_.viewCount());
+  for (int round = 0; round < rounds; ++round) {
+    const double point_px = frame_.length_px() / std::max(1, frame_.pointCount()) * match(local);
+    const double noise_px = std::max(noise_px_, misfit.least_noise_px);
+    const double weight = std::min(1.0, point_px / misfit.together_px) / (noise_px * noise_px);
+    data_.clear(fit_.nodes_);
+    for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+      addLinePull<D>(viewOf(v), fit_.model_, fit_.nodes_, directions_, fit_.chosen_[v], fit_.matches_[v], tolerance_px_,
+                     weight, data_);
+    }
+    if (!(data_.weight > 0)) return;
+    noise_px_ = noiseBehind(data_.squares_px2 / data_.weight, tolerance_px_);
+    if (local)
+      stepLocal();
+    else
+      stepModes(w_.cols(), kLineExtrapolation);
+    gate_px_ = std::clamp(kGateOverNoise * noise_px_, least_gate_px_, gate_px_);
+    tolerance_px_ = std::clamp(kToleranceOverNoise * noise_px_, least_gate_px_ * kLeastTolerance, tolerance_px_);
+    if (round >= 2 && result_.last_step_px < kRest_px) return;
+  }
+}
+
+template <int D>
+void DeformationFit::Run<D>::stepModes(Eigen::Index most_modes, double extrapolation) {
+  Matrix6d H = data_.H;
+  Vector6d g = data_.g;
+  belief_.add(T_, H, g);
+  const Eigen::Index count = std::min(most_modes, w_.cols());
+  const auto step = solveModes<D>(data_, fit_.nodes_, fit_.modes_, w_.leftCols(count), H, g);
+  if (!step) return;
+  const Eigen::Matrix3Xd before = T_ * displaced_;
+  result_.pose_covariance = step->pose_covariance;
+  T_ = T_ * expSE3(extrapolation * step->dx);
+  w_.leftCols(count) += extrapolation * step->change;
+  moved(before);
+}
+
+template <int D>
+void DeformationFit::Run<D>::stepLocal() {
+  const Eigen::Matrix3Xd before = T_ * displaced_;
+  e_ += solveChain<D>(data_, fit_.nodes_, alone_ ? fit_.local_alone_ : fit_.local_, e_).change;
+  moved(before);
+}
+
+template <int D>
+void DeformationFit::Run<D>::moved(const Eigen::Matrix3Xd& before) {
+  const Field at_nodes = w_ * fit_.modes_.transpose() + e_;
+  displaced_ = fit_.model_.points + fit_.nodes_.atPoints(directions_ * at_nodes);
+  const Eigen::Matrix3Xd change = T_ * displaced_ - before;
+  const double rms_m = std::sqrt(change.topRows<2>().squaredNorm() / static_cast<double>(change.cols()));
+  result_.last_step_px = pixelsPerMetre(0) * rms_m;
+  ++result_.iterations;
+}
+
+DeformationFit::DeformationFit(const OrientedModel& model, const DeformationSettings& settings)
+    : model_(model),
+      settings_((checkSettings("nonrigid", settings), settings)),
+      nodes_(model, 1e-3 * settings.node_mm),
+      modes_(smoothModes(nodes_.points, 1e-3 * settings.std_mm, 1e-3 * settings.length_mm, settings.most_modes)),
+      local_(nodes_, 1e-3 * settings.local_std_mm, 1e-3 * settings.local_length_mm),
+      local_alone_(nodes_, kLinesAloneLocal * 1e-3 * settings.local_std_mm, 1e-3 * settings.local_length_mm) {}
+
+DeformationFit::Result DeformationFit::fit(OrientedFrame& frame, const PoseBelief& belief, const Pose& T_rigid) {
+  if (frame.viewCount() > 1) return Run<3>(*this, frame, belief, T_rigid, Eigen::Matrix3d::Identity())();
+  const Eigen::Matrix3d R = (frame.views().front().T_view_first * T_rigid).linear();
+  return Run<2>(*this, frame, belief, T_rigid, R.topRows<2>().transpose())();
+}
+
+}  // namespace angio

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "deformation_solver.hpp"
+#include "pose_belief.hpp"
+
+namespace angio {
+
+/// Pose and smooth deformation of a tree together, from a rigid pose near by.
+///
+/// First from model to image on the kernel fields, coarse to fine (left out when the image shows little of the model,
+/// as a catheter in a tree: most vessels then have no image to be pulled to), then from image to model, line by line.
+/// Both alternate looks and exact joint steps of pose and modes; with DeformationDetail::kFull a correction of each
+/// stretch of vessel comes last. What the image does not reach follows the prior.
+///
+/// One view says nothing about displacement along its beam: displacements are then parallel to its detector. Several
+/// views give all three directions.
+class DeformationFit {
+ public:
+  /// Does all that depends on the tree only. Borrows the model. Throws InputError when a setting is out of its range.
+  DeformationFit(const OrientedModel& model, const DeformationSettings& settings);
+
+  struct Result {
+    Pose T_camera_centred = Pose::Identity();
+    Eigen::Matrix3Xd displacements_m;  ///< Of the model's points, 3 x N, model axes.
+    int iterations = 0;
+    double last_step_px = 0;  ///< Root mean square over the points; steps that extrapolate count as taken.
+    Matrix6d pose_covariance =
+        Matrix6d::Identity();  ///< Of the twist about the centroid, model axes, whatever the deformation is.
+    double noise_px = 0;       ///< Standard deviation of the matched image points across their edges.
+  };
+  /// `frame` and `belief` are those of the rigid search. The same input gives the same result.
+  Result fit(OrientedFrame& frame, const PoseBelief& belief, const Pose& T_rigid_camera_centred);
+
+  const DeformationNodes& nodes() const { return nodes_; }
+  const Eigen::MatrixXd& modes() const { return modes_; }  ///< M x K, see smoothModes.
+
+ private:
+  template <int D>
+  class Run;
+
+  const OrientedModel& model_;
+  DeformationSettings settings_;
+  DeformationNodes nodes_;
+  Eigen::MatrixXd modes_;
+  ChainPrior local_, local_alone_;  // The second when a few lines are all there is: they may be followed more closely.
+  ProjectedEdges projected_;
+  std::vector<LineMatches> matches_;
+  std::vector<OrientedPoints> chosen_;
+};
+
+}  // namespace angio

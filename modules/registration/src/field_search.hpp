@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "oriented_frame.hpp"
+#include "oriented_model.hpp"
+#include "pose_belief.hpp"
+
+namespace angio {
+
+/// A pose under trial.
+struct PoseCandidate {
+  Pose T_camera_centred = Pose::Identity();
+  double score = 0;  ///< In [0, 1]; comparable among candidates of one rung only.
+};
+
+/// Ascends the kernel fields from model to image, one candidate or many.
+class FieldSearch {
+ public:
+  FieldSearch(const OrientedModel& model, const OrientedKernelSettings& settings)
+      : model_(model), settings_(settings) {}
+
+  /// Takes up to `most_steps` steps at a scale (index into kFieldScales_px) on a part of the model, or until a step
+  /// moves the projection by less than a twentieth of the scale; then scores. Returns the steps taken.
+  int ascend(OrientedFrame& frame, const PoseBelief& belief, const ModelPoints& points, int scale, int most_steps,
+             PoseCandidate& candidate) const;
+
+  /// Successive halving: all candidates a few steps at the coarsest scale on few points, the best of them at the next
+  /// scale on more points, and so on. What is left is sorted, best first. Returns the steps taken.
+  int halve(OrientedFrame& frame, const PoseBelief& belief, std::vector<PoseCandidate>& candidates,
+            std::size_t keep) const;
+
+  /// Every shift in the image plane on a grid, for each hypothesis of rotation and depth, by one look at the coarsest
+  /// field for each; the best come back, at most `keep`.
+  std::vector<PoseCandidate> everyShift(OrientedFrame& frame, const std::vector<Pose>& hypotheses, double reach_m,
+                                        std::size_t keep, const SearchProgress& progress) const;
+
+ private:
+  const OrientedModel& model_;
+  const OrientedKernelSettings& settings_;
+};
+
+}  // namespace angio

@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "field_step.hpp"
+
+#include <cmath>
+#include <cstddef>
+
+// Compiled once for every vector target by the include below; lookAtField chooses at run time.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "field_step.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#ifndef ANGIO_FIELD_STEP_RAW
+#define ANGIO_FIELD_STEP_RAW
+namespace angio {
+// Plain numbers in and out of the vector code.
+struct RawFieldLook {
+  const float *x, *y, *z, *tx, *ty, *tz, *weight;
+  int count;
+  const float* cells;
+  int columns, rows;
+  float u_origin_px, v_origin_px, inverse_cell, inverse_scale2;
+  float R[9], t[3], fx, fy, cx, cy;
+  const HalfPlane* planes;
+  int plane_count;
+  float outlier_mass, along;
+  bool kernel_only;
+};
+struct RawFieldSums {
+  double H[21], g[6], objective, fit, seen;
+};
+}  // namespace angio
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace angio {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// log(1 + x) for x >= 0 to 1e-4: enough to compare poses by; exponent and a polynomial in the mantissa.
+template <class D, class V>
+V logOnePlus(D d, V x) {
+  const hn::RebindToSigned<D> di;
+  const V y = hn::Add(x, hn::Set(d, 1.0f));
+  const auto bits = hn::BitCast(di, y);
+  const auto exponent = hn::Sub(hn::ShiftRight<23>(bits), hn::Set(di, 127));
+  const V m = hn::BitCast(d, hn::Or(hn::And(bits, hn::Set(di, 0x007fffff)), hn::Set(di, 0x3f800000)));  // [1, 2)
+  // log(m) = 2 atanh(s), s = (m - 1) / (m + 1) <= 1/3.
+  const V s = hn::Div(hn::Sub(m, hn::Set(d, 1.0f)), hn::Add(m, hn::Set(d, 1.0f)));
+  const V s2 = hn::Mul(s, s);
+  V series = hn::MulAdd(s2, hn::Set(d, 1.0f / 7), hn::Set(d, 1.0f / 5));
+  series = hn::MulAdd(s2, series, hn::Set(d, 1.0f / 3));
+  series = hn::MulAdd(s2, series, hn::Set(d, 1.0f));
+  return hn::MulAdd(hn::ConvertTo(d, exponent), hn::Set(d, 0.69314718f), hn::Mul(hn::Add(s, s), series));
+}
+
+void look(const RawFieldLook& in, RawFieldSums& out) {
+  const hn::ScalableTag<float> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  using V = decltype(hn::Zero(d));
+  const auto set = [&](float value) { return hn::Set(d, value); };
+  const V zero = hn::Zero(d), one = set(1), half = set(0.5f);
+  V H[21], g[6], objective = zero, fit = zero, seen = zero;
+  for (auto& h : H) h = zero;
+  for (auto& v : g) v = zero;
+
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int first = 0; first < in.count; first += lanes) {
+    const V p[3] = {hn::LoadU(d, in.x + first), hn::LoadU(d, in.y + first), hn::LoadU(d, in.z + first)};
+    const V q[3] = {hn::LoadU(d, in.tx + first), hn::LoadU(d, in.ty + first), hn::LoadU(d, in.tz + first)};
+    V weight = hn::LoadU(d, in.weight + first);
+    const auto row = [&](int r, const V* a) {
+      return hn::MulAdd(set(in.R[3 * r]), a[0],
+                        hn::MulAdd(set(in.R[3 * r + 1]), a[1], hn::Mul(set(in.R[3 * r + 2]), a[2])));
+    };
+    const V depth = hn::Add(row(2, p), set(in.t[2]));
+    // Behind the source, or so near to it that a pixel loses its meaning, a point has no image.
+    auto visible = hn::Gt(depth, set(1e-3f));
+    const V inverse_depth = hn::Div(one, hn::IfThenElse(visible, depth, one));
+    const V X = hn::Mul(hn::Add(row(0, p), set(in.t[0])), inverse_depth);
+    const V Y = hn::Mul(hn::Add(row(1, p), set(in.t[1])), inverse_depth);
+    const V u = hn::MulAdd(set(in.fx), X, set(in.cx)), v = hn::MulAdd(set(in.fy), Y, set(in.cy));
+    for (int k = 0; k < in.plane_count; ++k) {
+      const V side = hn::MulAdd(set(in.planes[k].n_u), u, hn::MulAdd(set(in.planes[k].n_v), v, set(in.planes[k].d)));
+      visible = hn::And(visible, hn::Ge(side, zero));
+    }
+
+    // Direction of the projected tangent, and how much of its length is left: a vessel seen end-on has none.
+    const V qz = row(2, q);
+    const V du = hn::NegMulAdd(X, qz, row(0, q)), dv = hn::NegMulAdd(Y, qz, row(1, q));
+    const V length2 = hn::MulAdd(du, du, hn::Mul(dv, dv));
+    const V inverse_length2 = hn::Div(one, hn::Max(length2, set(1e-12f)));
+    const V length = hn::Min(hn::Sqrt(length2), one);
+    const V cos2 = hn::Mul(hn::Mul(hn::MulSub(du, du, hn::Mul(dv, dv)), inverse_length2), length);
+    const V sin2 = hn::Mul(hn::Mul(hn::Mul(hn::Add(du, du), dv), inverse_length2), length);
+    weight = hn::IfThenElseZero(visible, hn::Mul(weight, length));
+    seen = hn::Add(seen, weight);
+
+    // Bilinear look-up. Points out of view read the first cell and weigh nothing.
+    const V column = hn::IfThenElseZero(visible, hn::Mul(hn::Sub(u, set(in.u_origin_px)), set(in.inverse_cell)));
+    const V line = hn::IfThenElseZero(visible, hn::Mul(hn::Sub(v, set(in.v_origin_px)), set(in.inverse_cell)));
+    const V column0 = hn::Floor(column), line0 = hn::Floor(line);
+    const V a = hn::Sub(column, column0), b = hn::Sub(line, line0);
+    const auto index = hn::ShiftLeft<2>(
+        hn::Add(hn::Mul(hn::ConvertTo(di, line0), hn::Set(di, in.columns)), hn::ConvertTo(di, column0)));
+    const auto corner = [&](int offset) {
+      const auto at = hn::Add(index, hn::Set(di, 4 * offset));
+      const V G0 = hn::GatherIndex(d, in.cells, at);
+      const V Gc = hn::GatherIndex(d, in.cells + 1, at);
+      const V Gs = hn::GatherIndex(d, in.cells + 2, at);
+      return hn::Mul(half, hn::MulAdd(cos2, Gc, hn::MulAdd(sin2, Gs, G0)));
+    };
+    const V F00 = corner(0), F10 = corner(1), F01 = corner(in.columns), F11 = corner(in.columns + 1);
+    const V along_top = hn::Sub(F10, F00), along_bottom = hn::Sub(F11, F01);
+    const V F_top = hn::MulAdd(a, along_top, F00), F_bottom = hn::MulAdd(a, along_bottom, F01);
+    const V F = hn::Max(zero, hn::MulAdd(b, hn::Sub(F_bottom, F_top), F_top));
+    const V scale = set(in.inverse_cell);
+    const V gradient_u = hn::Mul(scale, hn::MulAdd(b, hn::Sub(along_bottom, along_top), along_top));
+    const V gradient_v = hn::Mul(scale, hn::Sub(F_bottom, F_top));
+
+    const V inverse_mass = hn::Div(one, hn::Add(F, set(in.outlier_mass)));
+    const V found = hn::Mul(weight, hn::Mul(F, inverse_mass));
+    fit = hn::Add(fit, found);
+    V pull, stiffness;  // Of the gradient, and of the Hessian.
+    if (in.kernel_only) {
+      objective = hn::MulAdd(weight, F, objective);
+      pull = weight;
+      stiffness = hn::Mul(hn::Mul(weight, F), set(in.inverse_scale2));
+    } else {
+      objective = hn::MulAdd(weight, logOnePlus(d, hn::Mul(F, set(1 / in.outlier_mass))), objective);
+      pull = hn::Mul(weight, inverse_mass);
+      stiffness = hn::Mul(found, set(in.inverse_scale2));
+    }
+
+    // d(T exp(dx) p) = R (v + w x p): a row r of (projection's Jacobian * R) gives [r, p x r].
+    V ju[6], jv[6];
+    const V scale_u = hn::Mul(set(in.fx), inverse_depth), scale_v = hn::Mul(set(in.fy), inverse_depth);
+    for (int k = 0; k < 3; ++k) {
+      ju[k] = hn::Mul(scale_u, hn::NegMulAdd(X, set(in.R[6 + k]), set(in.R[k])));
+      jv[k] = hn::Mul(scale_v, hn::NegMulAdd(Y, set(in.R[6 + k]), set(in.R[3 + k])));
+    }
+    for (int k = 0; k < 3; ++k) {
+      const int m = (k + 1) % 3, n = (k + 2) % 3;
+      ju[3 + k] = hn::MulSub(p[m], ju[n], hn::Mul(p[n], ju[m]));
+      jv[3 + k] = hn::MulSub(p[m], jv[n], hn::Mul(p[n], jv[m]));
+    }
+    // Stiffness is full across the vessel and a part of it along: the 2 x 2 weight matrix, from the tangent's double
+    // angle.
+    const V isotropic = hn::Mul(stiffness, set(0.5f * (1 + in.along)));
+    const V deviator = hn::Mul(stiffness, set(0.5f * (1 - in.along)));
+    const V Wuu = hn::NegMulAdd(deviator, cos2, isotropic), Wvv = hn::MulAdd(deviator, cos2, isotropic);
+    const V Wuv = hn::Neg(hn::Mul(deviator, sin2));
+    const V pull_u = hn::Mul(pull, gradient_u), pull_v = hn::Mul(pull, gradient_v);
+    int entry = 0;
+    for (int i = 0; i < 6; ++i) {
+      const V wu = hn::MulAdd(Wuu, ju[i], hn::Mul(Wuv, jv[i])), wv = hn::MulAdd(Wuv, ju[i], hn::Mul(Wvv, jv[i]));
+      for (int k = 0; k <= i; ++k, ++entry) H[entry] = hn::MulAdd(wu, ju[k], hn::MulAdd(wv, jv[k], H[entry]));
+      g[i] = hn::MulAdd(pull_u, ju[i], hn::MulAdd(pull_v, jv[i], g[i]));
+    }
+  }
+  const auto sum = [&](V value) { return static_cast<double>(hn::GetLane(hn::SumOfLanes(d, value))); };
+  for (int k = 0; k < 21; ++k) out.H[k] = sum(H[k]);
+  for (int k = 0; k < 6; ++k) out.g[k] = sum(g[k]);
+  out.objective = sum(objective);
+  out.fit = sum(fit);
+  out.seen = sum(seen);
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace angio
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace angio {
+HWY_EXPORT(look);
+
+ModelPoints ModelPoints::of(const Eigen::Matrix3Xd& points_centred, const Eigen::Matrix3Xd& tangents,
+                            const Eigen::VectorXd& weights, int stride) {
+  ModelPoints m;
+  const Eigen::Index n = points_centred.cols();
+  for (Eigen::Index i = (stride - 1) / 2; i < n; i += stride) {
+    const auto push = [](std::vector<float>& to, double value) { to.push_back(static_cast<float>(value)); };
+    push(m.x, points_centred(0, i));
+    push(m.y, points_centred(1, i));
+    push(m.z, points_centred(2, i));
+    push(m.tx, tangents(0, i));
+    push(m.ty, tangents(1, i));
+    push(m.tz, tangents(2, i));
+    push(m.weight, weights[i]);
+    ++m.count;
+  }
+  for (auto* values : {&m.x, &m.y, &m.z, &m.tx, &m.ty, &m.tz, &m.weight}) {
+    values->resize(static_cast<std::size_t>(m.count + kPadding), 0.0f);
+  }
+  return m;
+}
+
+void fieldOfView(const XrayView& view, std::vector<HalfPlane>& planes) {
+  const float w = static_cast<float>(view.camera.width_px()) - 0.5f,
+              h = static_cast<float>(view.camera.height_px()) - 0.5f;
+  planes = {{1, 0, 0.5f}, {-1, 0, w}, {0, 1, 0.5f}, {0, -1, h}};
+  const auto& corners = view.collimator_px;
+  double area = 0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Eigen::Vector2d a = corners[i], b = corners[(i + 1) % corners.size()];
+    area += a.x() * b.y() - a.y() * b.x();
+  }
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Eigen::Vector2d a = corners[i], edge = corners[(i + 1) % corners.size()] - a;
+    const Eigen::Vector2d inwards = (area >= 0 ? 1 : -1) * Eigen::Vector2d(-edge.y(), edge.x());
+    planes.push_back(
+        {static_cast<float>(inwards.x()), static_cast<float>(inwards.y()), static_cast<float>(-inwards.dot(a))});
+  }
+}
+
+FieldSums lookAtField(const ModelPoints& model, const KernelField& field, const XrayCamera& camera,
+                      const std::vector<HalfPlane>& field_of_view, const Pose& T_view_centred,
+                      const PullWeight& weight) {
+  RawFieldLook in;
+  in.x = model.x.data();
+  in.y = model.y.data();
+  in.z = model.z.data();
+  in.tx = model.tx.data();
+  in.ty = model.ty.data();
+  in.tz = model.tz.data();
+  in.weight = model.weight.data();
+  in.count = model.count;
+  in.cells = field.cells();
+  in.columns = field.columns();
+  in.rows = field.rows();
+  in.u_origin_px = field.u_origin_px();
+  in.v_origin_px = field.v_origin_px();
+  in.inverse_cell = 1 / field.cell_px();
+  in.inverse_scale2 = 1 / (field.scale_px() * field.scale_px());
+  for (int i = 0; i < 9; ++i) in.R[i] = static_cast<float>(T_view_centred.linear()(i / 3, i % 3));
+  for (int i = 0; i < 3; ++i) in.t[i] = static_cast<float>(T_view_centred.translation()[i]);
+  in.fx = static_cast<float>(camera.parameters().fx_px);
+  in.fy = static_cast<float>(camera.parameters().fy_px);
+  in.cx = static_cast<float>(camera.parameters().cx_px);
+  in.cy = static_cast<float>(camera.parameters().cy_px);
+  in.planes = field_of_view.data();
+  in.plane_count = static_cast<int>(field_of_view.size());
+  in.outlier_mass = weight.outlier_mass;
+  in.along = weight.along;
+  in.kernel_only = weight.kernel_only;
+
+  RawFieldSums raw;
+  HWY_DYNAMIC_DISPATCH(look)(in, raw);
+  FieldSums sums;
+  for (int i = 0, entry = 0; i < 6; ++i) {
+    sums.g[i] = raw.g[i];
+    for (int k = 0; k <= i; ++k, ++entry) sums.H(i, k) = sums.H(k, i) = raw.H[entry];
+  }
+  sums.objective = raw.objective;
+  sums.fit = raw.fit;
+  sums.seen = raw.seen;
+  return sums;
+}
+
+std::vector<std::int64_t> fieldStepTargets() { return hwy::SupportedAndGeneratedTargets(); }
+
+void useFieldStepTarget(std::int64_t target) { hwy::SetSupportedTargetsForTest(static_cast<std::uint32_t>(target)); }
+
+}  // namespace angio
+#endif

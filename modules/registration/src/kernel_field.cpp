@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "kernel_field.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+// Compiled once for every vector target by the include below; build chooses at run time.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernel_field.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace angio {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// cell[k] += weight[r] * row[k] for each of `rows` lines of cells; `count` is a multiple of 4.
+void addStamp(const float* row, int count, const float* weight, int rows, float* cell, std::ptrdiff_t line_stride) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const hn::CappedTag<float, 4> d4;
+  for (int r = 0; r < rows; ++r, cell += line_stride) {
+    const auto w = hn::Set(d, weight[r]);
+    int k = 0;
+    for (; k + lanes <= count; k += lanes) {
+      hn::StoreU(hn::MulAdd(w, hn::LoadU(d, row + k), hn::LoadU(d, cell + k)), d, cell + k);
+    }
+    for (; k < count; k += 4) {
+      hn::StoreU(hn::MulAdd(hn::Set(d4, weight[r]), hn::LoadU(d4, row + k), hn::LoadU(d4, cell + k)), d4, cell + k);
+    }
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace angio
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace angio {
+HWY_EXPORT(addStamp);
+namespace {
+
+constexpr float kCellsPerScale = 2;
+constexpr float kReach = 3;  // Scales after which a kernel ends: it has fallen to 1 %.
+constexpr int kMargin = 1;   // Cells around the detector, for the bilinear neighbours.
+
+// exp(-(x0 + k h)^2 / 2 l^2) for k = 0, 1, ..., by two multiplications each: neighbours differ by a factor that is
+// itself geometric.
+void gaussianRow(float x0, float h, float l, int count, float* row) {
+  const float inverse = 1 / (2 * l * l);
+  float value = std::exp(-x0 * x0 * inverse);
+  float ratio = std::exp(-(2 * x0 * h + h * h) * inverse);
+  const float ratio_of_ratios = std::exp(-2 * h * h * inverse);
+  for (int k = 0; k < count; ++k) {
+    row[k] = value;
+    value *= ratio;
+    ratio *= ratio_of_ratios;
+  }
+}
+
+}  // namespace
+
+void OrientedPoints::clear() {
+  for (auto* values : {&u, &v, &cos2, &sin2, &mass_px}) values->clear();
+  begin.clear();
+}
+
+void OrientedPoints::pad() {
+  constexpr std::size_t kLanes = 16;  // Of the widest target.
+  for (auto* values : {&u, &v}) values->resize(mass_px.size() + kLanes, 0.0f);
+}
+
+void OrientedPoints::add(float u_px, float v_px, float cos2_phi, float sin2_phi, float mass) {
+  u.push_back(u_px);
+  v.push_back(v_px);
+  cos2.push_back(cos2_phi);
+  sin2.push_back(sin2_phi);
+  mass_px.push_back(mass);
+}
+
+void KernelField::build(const OrientedPoints& points, double scale_px, const Region& region) {
+  scale_px_ = static_cast<float>(scale_px);
+  cell_px_ = scale_px_ / kCellsPerScale;
+  u_origin_px_ = static_cast<float>(region.u_first) - kMargin * cell_px_;
+  v_origin_px_ = static_cast<float>(region.v_first) - kMargin * cell_px_;
+  columns_ = static_cast<int>(std::ceil(static_cast<float>(region.width) / cell_px_)) + 2 * kMargin + 1;
+  rows_ = static_cast<int>(std::ceil(static_cast<float>(region.height) / cell_px_)) + 2 * kMargin + 1;
+  cells_.assign(4 * static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_), 0.0f);
+
+  const int reach = static_cast<int>(kReach * kCellsPerScale);
+  const int widest = 2 * reach + 1;
+  row_.resize(static_cast<std::size_t>(6 * widest));
+  float* const across = row_.data();
+  float* const down = across + widest;
+  float* const line = down + widest;
+  const auto add_stamp = HWY_DYNAMIC_DISPATCH(addStamp);
+  const float norm = 1 / (scale_px_ * std::sqrt(2 * static_cast<float>(M_PI)));
+  for (int j = 0; j < points.size(); ++j) {
+    const float x = (points.u[j] - u_origin_px_) / cell_px_, y = (points.v[j] - v_origin_px_) / cell_px_;
+    // Far outside the detector a point reaches no cell, and its index may not fit an integer.
+    if (!(x > -reach - 1 && y > -reach - 1 && x < columns_ + reach && y < rows_ + reach)) continue;
+    const int x_mid = static_cast<int>(std::lround(x)), y_mid = static_cast<int>(std::lround(y));
+    const int x_first = std::max(0, x_mid - reach), x_last = std::min(columns_ - 1, x_mid + reach);
+    const int y_first = std::max(0, y_mid - reach), y_last = std::min(rows_ - 1, y_mid + reach);
+    if (x_first > x_last || y_first > y_last) continue;
+    gaussianRow((x_first - x) * cell_px_, cell_px_, scale_px_, x_last - x_first + 1, across);
+    gaussianRow((y_first - y) * cell_px_, cell_px_, scale_px_, y_last - y_first + 1, down);
+    const float mass = norm * points.mass_px[j];
+    const float stamp[4] = {mass, mass * points.cos2[j], mass * points.sin2[j], 0};
+    const int width = x_last - x_first + 1;
+    for (int c = 0; c < width; ++c) {
+      for (int k = 0; k < 4; ++k) line[4 * c + k] = across[c] * stamp[k];
+    }
+    add_stamp(line, 4 * width, down, y_last - y_first + 1,
+              &cells_[4 * (static_cast<std::size_t>(y_first) * columns_ + x_first)],
+              4 * static_cast<std::ptrdiff_t>(columns_));
+  }
+}
+
+KernelField::Value KernelField::at(const Eigen::Vector2d& pixel, double cos2_phi, double sin2_phi) const {
+  const double x = (pixel.x() - u_origin_px_) / cell_px_, y = (pixel.y() - v_origin_px_) / cell_px_;
+  if (!(x >= 0 && y >= 0 && x < columns_ - 1 && y < rows_ - 1)) return {};
+  const int c = static_cast<int>(x), r = static_cast<int>(y);
+  const double a = x - c, b = y - r;
+  const auto F = [&](int column, int row) {
+    const float* cell = &cells_[4 * (static_cast<std::size_t>(row) * columns_ + column)];
+    return 0.5 * (cell[0] + cos2_phi * cell[1] + sin2_phi * cell[2]);
+  };
+  const double F00 = F(c, r), F10 = F(c + 1, r), F01 = F(c, r + 1), F11 = F(c + 1, r + 1);
+  Value value;
+  value.F = (1 - b) * ((1 - a) * F00 + a * F10) + b * ((1 - a) * F01 + a * F11);
+  value.gradient << ((1 - b) * (F10 - F00) + b * (F11 - F01)) / cell_px_,
+      ((1 - a) * (F01 - F00) + a * (F11 - F10)) / cell_px_;
+  return value;
+}
+
+}  // namespace angio
+#endif

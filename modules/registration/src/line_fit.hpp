@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "line_step.hpp"
+#include "oriented_frame.hpp"
+#include "oriented_model.hpp"
+#include "pose_belief.hpp"
+
+namespace angio {
+
+/// How a line fit goes.
+struct LineFitPlan {
+  double gate_px = 8;        ///< Image points further than this from every edge have no match, to begin with.
+  int first_points = 500;    ///< About so many image points, evenly chosen, take part in the first rounds ...
+  int most_points = 100000;  ///< ... and so many in the others.
+  int most_rounds = 8;       ///< Of matching anew; each has two steps.
+  double rest = 0.1;         ///< A round that moves the projection by less than this share of the noise is the last.
+};
+
+/// Where a line fit came to rest.
+struct LineFitResult {
+  Pose T_camera_centred = Pose::Identity();
+  Matrix6d information = Matrix6d::Zero();  ///< Of the twist about the centroid, model axes, prior included; see below.
+  double noise_px = 0;                      ///< Standard deviation of the matched points across their edges.
+  double matched = 0;                       ///< Share of the points used that have a match.
+  double last_step_px = 0;
+  int steps = 0;
+};
+
+/// Point-to-line fit from image to model: every image point pulls the nearest oriented edge of the projected model onto
+/// itself, across the edge only. The noise is in the image, so this is the direction in which residuals are independent
+/// and their sum of squares is the likelihood.
+///
+/// Matches and weights (Gaussian in the distance) follow the noise that is found. The information counts each image
+/// point once with that noise, corrected for the weights' loss of efficiency, and for residuals that go together along
+/// a branch, as those of a deformed vessel do: neighbours that say the same count as one.
+class LineFit {
+ public:
+  explicit LineFit(const OrientedModel& model) : model_(model) {}
+
+  LineFitResult fit(const OrientedFrame& frame, const PoseBelief& belief, const Pose& T_camera_centred,
+                    const LineFitPlan& plan);
+
+  /// Mean over the image points of exp(-d^2 / 2 scale^2), d their distance to the nearest edge that runs along: how
+  /// much of the image the model explains, in [0, 1].
+  double explained(const OrientedFrame& frame, const Pose& T_camera_centred, double scale_px, int most_points);
+
+ private:
+  const OrientedPoints& chosen(const OrientedFrame& frame, std::size_t view, int most_points);
+
+  const OrientedModel& model_;
+  ProjectedEdges projected_;
+  std::vector<LineMatches> matches_;
+  std::vector<OrientedPoints> chosen_;
+  std::vector<const OrientedPoints*> used_;
+};
+
+}  // namespace angio

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "oriented_frame.hpp"
+
+#include <algorithm>
+
+#include "oriented_image.hpp"
+
+namespace angio {
+namespace {
+
+// A row of Gaussians three quarters of their width apart is smooth to one part in 10^15: more points add nothing but
+// time.
+constexpr double kPointsPerScale = 4.0 / 3;
+
+}  // namespace
+
+void OrientedFrame::begin(const XrayViews& views, const OrientedKernelSettings& settings) {
+  views_ = &views;
+  if (images_.size() < views.size()) images_.resize(views.size());
+  spacing_px_ = settings.spacing_px;
+  point_count_ = 0;
+  length_px_ = 0;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    Image& image = images_[v];
+    orientedPoints(views[v].centerline, settings.spacing_px, settings.most_points_2d, image.points);
+    angio::fieldOfView(views[v], image.field_of_view);
+    image.built.fill(false);
+    point_count_ += image.points.size();
+    for (const float mass : image.points.mass_px) length_px_ += mass;
+  }
+}
+
+const KernelField& OrientedFrame::field(std::size_t view, int scale) {
+  Image& image = images_[view];
+  const auto k = static_cast<std::size_t>(scale);
+  if (!image.built[k]) {
+    // As many pixels of line a point as the image has on average: a dense centreline is thinned more.
+    const double point_px = length_px_ / std::max(1, point_count_);
+    const int stride = std::max(1, static_cast<int>(kFieldScales_px[k] / kPointsPerScale / std::max(0.1, point_px)));
+    thinned(image.points, stride, image.thin);
+    const XrayCamera& camera = (*views_)[view].camera;
+    image.field[k].build(image.thin, kFieldScales_px[k],
+                         KernelField::Region::detector(camera.width_px(), camera.height_px()));
+    image.built[k] = true;
+  }
+  return image.field[k];
+}
+
+}  // namespace angio

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "oriented_image.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace angio {
+namespace {
+
+constexpr double kLargest_px = 8192;  // No detector is larger: what lies beyond does not count.
+
+Eigen::Vector2f doubleAngle(double tangent_rad) {
+  const auto twice = static_cast<float>(2 * tangent_rad);
+  return {std::cos(twice), std::sin(twice)};
+}
+
+// A branch: points between its own where they stand far apart, each with the length of line it stands for.
+void addBranch(const Centerline2d& c, Eigen::Index first, Eigen::Index last, double spacing_px, OrientedPoints& to) {
+  const auto& p = c.points_px;
+  Eigen::Vector2f before = doubleAngle(c.tangent_rad[first]);
+  const int began = to.size();
+  to.begin.push_back(began);
+  to.add(static_cast<float>(p(0, first)), static_cast<float>(p(1, first)), before.x(), before.y(), 0);
+  for (Eigen::Index i = first + 1; i <= last; ++i) {
+    const Eigen::Vector2f here = doubleAngle(c.tangent_rad[i]);
+    const Eigen::Vector2d a = p.col(i - 1), step = p.col(i) - a;
+    const double length = step.norm();
+    const bool gap = length > kLongestStep_px;
+    const int pieces = gap ? 1 : std::max(1, static_cast<int>(std::ceil(length / spacing_px - 1e-9)));
+    const float half_mass = gap ? 0 : static_cast<float>(0.5 * length / pieces);
+    for (int k = 1; k <= pieces; ++k) {
+      const double w = static_cast<double>(k) / pieces;
+      const Eigen::Vector2d at = a + w * step;
+      const Eigen::Vector2f along = k == pieces ? here : doubleAngle(std::atan2(step.y(), step.x()));
+      to.mass_px.back() += half_mass;
+      to.add(static_cast<float>(at.x()), static_cast<float>(at.y()), along.x(), along.y(), half_mass);
+    }
+  }
+  if (to.size() == began + 1) to.mass_px.back() = static_cast<float>(spacing_px);  // A branch of one point.
+}
+
+// Without order nobody knows how much line a point stands for; but a line's own kernel sum is 1 when its masses are
+// right.
+void massFromDensity(OrientedPoints& points) {
+  constexpr double kScale_px = 8;
+  KernelField field;
+  const auto [u_least, u_most] = std::minmax_element(points.u.begin(), points.u.end());
+  const auto [v_least, v_most] = std::minmax_element(points.v.begin(), points.v.end());
+  const Eigen::Vector2d least = Eigen::Vector2d(*u_least, *v_least).cwiseMax(-kLargest_px);
+  const Eigen::Vector2d size = (Eigen::Vector2d(*u_most, *v_most) - least).cwiseMin(kLargest_px).cwiseMax(1.0);
+  field.build(points, kScale_px, {least.x(), least.y(), size.x(), size.y()});
+  std::vector<double> sums;
+  for (int i = 0; i < points.size(); ++i)
+    sums.push_back(field.at({points.u[i], points.v[i]}, points.cos2[i], points.sin2[i]).F);
+  const auto middle = sums.begin() + static_cast<std::ptrdiff_t>(sums.size() / 2);
+  std::nth_element(sums.begin(), middle, sums.end());
+  const auto mass = static_cast<float>(1 / std::max(0.05, *middle));
+  for (auto& m : points.mass_px) m = mass;
+}
+
+}  // namespace
+
+void thinned(const OrientedPoints& points, int stride, OrientedPoints& to) {
+  to.clear();
+  for (std::size_t b = 0; b < points.begin.size(); ++b) {
+    const int branch_end = b + 1 < points.begin.size() ? points.begin[b + 1] : points.size();
+    to.begin.push_back(to.size());
+    for (int begin = points.begin[b]; begin < branch_end; begin += stride) {
+      const int end = std::min(branch_end, begin + stride), middle = (begin + end) / 2;
+      float mass = 0;
+      for (int i = begin; i < end; ++i) mass += points.mass_px[i];
+      to.add(points.u[middle], points.v[middle], points.cos2[middle], points.sin2[middle], mass);
+    }
+  }
+  to.pad();
+}
+
+void orientedPoints(const Centerline2d& c, double spacing_px, int most_points, OrientedPoints& to) {
+  to.clear();
+  // Branches, or points without order, in the order of where they are: whoever wrote them in another order gets the
+  // same sums, to the last bit.
+  thread_local std::vector<std::pair<Eigen::Index, Eigen::Index>> runs;
+  runs.clear();
+  for (Eigen::Index first = 0; first < c.points_px.cols();) {
+    Eigen::Index last = first;
+    while (c.ordered() && last + 1 < c.points_px.cols() && c.branch[last + 1] == c.branch[first]) ++last;
+    runs.emplace_back(first, last);
+    first = last + 1;
+  }
+  const auto key = [&](const std::pair<Eigen::Index, Eigen::Index>& run) {
+    return std::make_tuple(c.points_px(1, run.first), c.points_px(0, run.first), c.points_px(1, run.second),
+                           c.points_px(0, run.second));
+  };
+  std::sort(runs.begin(), runs.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+  if (c.ordered()) {
+    for (const auto& [first, last] : runs) addBranch(c, first, last, spacing_px, to);
+  } else {
+    if (!runs.empty()) to.begin.push_back(0);
+    for (const auto& run : runs) {
+      const Eigen::Index i = run.first;
+      const Eigen::Vector2f along = doubleAngle(c.tangent_rad[i]);
+      to.add(static_cast<float>(c.points_px(0, i)), static_cast<float>(c.points_px(1, i)), along.x(), along.y(), 1);
+    }
+    if (to.size() > 0) massFromDensity(to);
+  }
+  if (to.size() > most_points) {
+    const OrientedPoints all = to;
+    thinned(all, (all.size() + most_points - 1) / most_points, to);
+  }
+  to.pad();
+}
+
+}  // namespace angio

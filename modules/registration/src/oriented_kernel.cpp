@@ -1,0 +1,426 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "oriented_kernel.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/stopwatch.hpp"
+#include "angio/registration/agreement.hpp"
+#include "angio/registration/motion_filter.hpp"
+#include "angio/registration/starts.hpp"
+#include "deformation_fit.hpp"
+#include "field_search.hpp"
+#include "judgement.hpp"
+#include "line_fit.hpp"
+#include "shift_search.hpp"
+
+namespace angio {
+namespace {
+
+// An image that shows less than this share of what the model should show is fitted from its own side: most of the model
+// has no part in it, and would pull to whatever is near.
+constexpr double kSmallImage = 0.25;
+
+// Shifts of a small image reach so many standard deviations of the belief: a start may be off by more than it says.
+constexpr double kShiftReach = 4;
+
+// The last gate of the fields' accuracy: half the finest scale or so [px].
+constexpr double kAfterFields_px = 8;
+constexpr LineFitPlan kFull{kAfterFields_px, 500, 100000, 8, 0.1};
+// A candidate among others is fitted on part of the image, and no further than it takes to compare it.
+constexpr LineFitPlan kQuick{kAfterFields_px, 300, 300, 3, 0.1};
+constexpr double kCompared_px = 3;
+// A small image is all that there is: a candidate is fitted from further away, and the best again.
+constexpr LineFitPlan kSmallQuick{32, 500, 500, 5, 0.1};
+constexpr double kSmallGate_px = 12, kSmallTracked_px = 24;
+// Rotations and depths that are tried for it, and places that are compared: in a search, and near a start.
+struct ShiftPlan {
+  int hypotheses;
+  std::size_t places;
+};
+constexpr ShiftPlan kAnywhere{48, 32}, kNearby{8, 8};
+
+// Poses whose points lie further apart than this (rms, about) are different answers.
+constexpr double kDifferentPose_m = 3e-3;
+// A different pose is compared where it matters: at the distance that a right fit leaves.
+constexpr double kRival_px = 2;
+// A rival with less than this share of the rigid score is none, also when it may be deformed.
+constexpr double kWorthDeforming = 0.5;
+// What fits to the wrong tree reach: below that score, with a rival that does nearly as well, nothing has been found.
+constexpr double kChanceScore = 0.12, kChanceRival = 0.5;
+// What the belief finds less likely than this (chi-square of 6, one in a million) is no rival.
+constexpr double kBelievable = 38;
+
+// The belief with its translations as uncertain as far as shifts are searched.
+PoseBelief shiftsFreed(PoseBelief belief) {
+  Vector6d scale = Vector6d::Ones();
+  scale.head<3>().setConstant(1 / kShiftReach);
+  belief.information = (scale.asDiagonal() * belief.information * scale.asDiagonal()).eval();
+  return belief;
+}
+
+class OrientedKernel final : public Registration {
+ public:
+  OrientedKernel(const OrientedKernelSettings& settings, const VesselTree& tree)
+      : settings_(settings), given_(tree), model_(tree, settings), fields_(model_, settings_), lines_(model_) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(model_.points * model_.points.transpose());
+    flat_axis_ = axes.eigenvectors().col(0);
+    if (settings_.deformation == Deformation::kNonrigid) deformation_.emplace(model_, settings_.nonrigid);
+  }
+
+  using Registration::align;
+  using Registration::search;
+  RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override;
+  RegistrationResult search(const XrayViews& views, const PosePrior& prior, const StartSettings& starts,
+                            const SearchProgress& progress) override;
+  const VesselTree& tree() const override { return given_; }
+
+ private:
+  /// What all registrations of a frame begin with; nothing when there are too few points.
+  std::optional<PoseBelief> begin(const XrayViews& views, const PosePrior& prior, const Pose& start,
+                                  RegistrationResult& result);
+  bool imageIsSmall(const Pose& T_camera_centred) const;
+  double spread_px(const PoseBelief& belief, const Pose& T_camera_centred) const;
+
+  std::vector<PoseCandidate> draws(const PoseBelief& belief, const StartSettings& starts, double widened, int count);
+  std::vector<PoseCandidate> candidatesByFields(const PoseBelief& belief, const StartSettings& starts, double widened,
+                                                const SearchProgress& progress);
+  std::vector<PoseCandidate> candidatesByShifts(const PoseBelief& belief, const StartSettings& starts, double widened,
+                                                const ShiftPlan& plan);
+  void compare(const PoseBelief& belief, std::vector<PoseCandidate>& candidates, const LineFitPlan& plan);
+  double scoreOf(const PoseBelief& belief, const Pose& T_camera_centred);
+  Pose depthMirrored(const Pose& T_camera_centred) const;
+  PoseCandidate bestRival(const PoseBelief& belief, const Pose& T_camera_centred,
+                          const std::vector<PoseCandidate>& others);
+  void judgeRivals(const PoseBelief& belief, const Pose& T_rigid, const std::vector<PoseCandidate>& others,
+                   RegistrationResult& result);
+  void finish(const PoseBelief& belief, const Pose& T_camera_centred, const LineFitPlan& plan,
+              RegistrationResult& result);
+  void deform(const PoseBelief& belief, RegistrationResult& result);
+
+  OrientedKernelSettings settings_;
+  VesselTree given_;
+  OrientedModel model_;
+  FieldSearch fields_;
+  LineFit lines_;
+  std::optional<DeformationFit> deformation_;
+  OrientedFrame frame_;
+  Eigen::Vector3d flat_axis_;  // Along which the tree is thinnest, model axes.
+  bool small_ = false;
+  std::vector<Vector6d> unit_draws_;  // Drawn once: seeding an engine costs more than a step.
+  int seed_ = 0;
+};
+
+std::optional<PoseBelief> OrientedKernel::begin(const XrayViews& views, const PosePrior& prior, const Pose& start,
+                                                RegistrationResult& result) {
+  const Stopwatch stage;
+  result.T_camera_model = start;
+  result.points_3d = model_.size();
+  if (deformation_) result.displacements_m.setZero(3, given_.size());
+  frame_.begin(views, settings_);
+  result.points_2d = frame_.pointCount();
+  result.times.prepare_s = stage.seconds();
+  if (tooFewPoints(result)) return std::nullopt;
+  const PoseBelief belief = beliefOf(prior, settings_, model_.centroid);
+  small_ = settings_.direction == Direction::kImageToModel ||
+           (settings_.direction == Direction::kAuto && imageIsSmall(start * Eigen::Translation3d(model_.centroid)));
+  return belief;
+}
+
+bool OrientedKernel::imageIsSmall(const Pose& T_camera_centred) const {
+  const ModelPoints& points = model_.subsets.back();
+  double length_px = 0;
+  for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+    const XrayView& view = frame_.views()[v];
+    const Pose T = view.T_view_first * T_camera_centred;
+    for (int i = 0; i < points.count; ++i) {
+      const Eigen::Vector3d p = T * Eigen::Vector3d(points.x[i], points.y[i], points.z[i]);
+      const auto pixel = view.camera.project(p);
+      if (!pixel || !view.camera.sees(*pixel)) continue;
+      const Eigen::Vector3d t = T.linear() * Eigen::Vector3d(points.tx[i], points.ty[i], points.tz[i]);
+      const Eigen::Vector2d d = (t.head<2>() - p.head<2>() * (t.z() / p.z())) / p.z();
+      length_px += view.camera.parameters().fx_px * d.norm() * points.weight[i] * model_.spacing_m;
+    }
+  }
+  length_px *= static_cast<double>(model_.size()) / points.count;
+  return frame_.length_px() < kSmallImage * length_px;
+}
+
+// How far the belief lets the projection be off, rms.
+double OrientedKernel::spread_px(const PoseBelief& belief, const Pose& T_camera_centred) const {
+  const Matrix6d covariance = belief.information.inverse();
+  const double pixels_per_metre =
+      frame_.views().front().camera.parameters().fx_px / std::max(0.05, T_camera_centred.translation().z());
+  return pixels_per_metre *
+         std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3 +
+                   model_.radius_m * model_.radius_m * covariance.bottomRightCorner<3, 3>().trace() / 3);
+}
+
+// The belief's pose and draws around it: normal with the belief's covariance, or even in the box that is to be
+// searched.
+std::vector<PoseCandidate> OrientedKernel::draws(const PoseBelief& belief, const StartSettings& starts, double widened,
+                                                 int count) {
+  if (starts.seed != seed_) unit_draws_.clear();
+  seed_ = starts.seed;
+  while (static_cast<int>(unit_draws_.size()) < count) {
+    unit_draws_.push_back(unitDraw(seed_, static_cast<int>(unit_draws_.size())));
+  }
+  const Matrix6d L = widened * belief.information.inverse().llt().matrixL().toDenseMatrix();
+  Vector6d half_box;
+  half_box << Eigen::Vector3d::Constant(1e-3 * starts.box_translation_mm),
+      Eigen::Vector3d::Constant(degToRad(starts.box_rotation_deg));
+  std::vector<PoseCandidate> candidates(static_cast<std::size_t>(count));
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    const Vector6d& z = unit_draws_[i];
+    const Twist xi =
+        i == 0 ? Twist(Twist::Zero())
+        : starts.box()
+            ? Twist(half_box.cwiseProduct(z.unaryExpr([](double x) { return std::erf(x / std::sqrt(2.0)); })))
+            : Twist(L * z);
+    Pose offset = Pose::Identity();
+    offset.linear() = expSO3(xi.tail<3>());
+    offset.translation() = xi.head<3>();
+    candidates[i].T_camera_centred = belief.T0_camera_centred * offset;
+  }
+  return candidates;
+}
+
+// For all of the tree in view: starts on the fields.
+std::vector<PoseCandidate> OrientedKernel::candidatesByFields(const PoseBelief& belief, const StartSettings& starts,
+                                                              double widened, const SearchProgress& progress) {
+  const int count = starts.count > 0 ? starts.count : settings_.starts;
+  PoseBelief wide = belief;
+  wide.information /= widened * widened;
+  std::vector<PoseCandidate> candidates;
+  if (frame_.viewCount() == 1 && (widened > 2 || starts.box())) {
+    // Too wide for draws to hit every basin: all shifts for each draw of rotation and depth.
+    std::vector<Pose> hypotheses;
+    for (const auto& draw : draws(belief, starts, widened, 1500)) {
+      Pose T = draw.T_camera_centred;
+      T.translation().head<2>() = belief.T0_camera_centred.translation().head<2>();
+      hypotheses.push_back(T);
+    }
+    const double reach_m =
+        starts.box() ? 1e-3 * starts.box_translation_mm
+                     : 2.5 * widened * std::sqrt(belief.information.inverse().topLeftCorner<3, 3>().trace() / 3);
+    candidates = fields_.everyShift(frame_, hypotheses, reach_m, 512, progress);
+  } else {
+    const double more = starts.box() ? 32 : widened > 2 ? 16 : widened > 1 ? 4 : 1;
+    candidates = draws(belief, starts, widened, static_cast<int>(more * count));
+  }
+  fields_.halve(frame_, wide, candidates, 4);
+  return candidates;
+}
+
+// For a small image: shifts of rotations and depths.
+std::vector<PoseCandidate> OrientedKernel::candidatesByShifts(const PoseBelief& belief, const StartSettings& starts,
+                                                              double widened, const ShiftPlan& plan) {
+  std::vector<Pose> hypotheses;
+  for (const auto& draw : draws(belief, starts, widened, plan.hypotheses)) {
+    Pose T = draw.T_camera_centred;
+    T.translation().head<2>() = belief.T0_camera_centred.translation().head<2>();
+    hypotheses.push_back(T);
+  }
+  const double reach_m =
+      starts.box() ? 1e-3 * starts.box_translation_mm
+                   : kShiftReach * widened * std::sqrt(belief.information.inverse().topLeftCorner<3, 3>().trace() / 3);
+  return searchShifts(model_, frame_, hypotheses, reach_m, plan.places);
+}
+
+// Fits each candidate a little and scores what it explains: of the image, and (unless the image is small) of the model.
+void OrientedKernel::compare(const PoseBelief& belief, std::vector<PoseCandidate>& candidates,
+                             const LineFitPlan& plan) {
+  for (auto& candidate : candidates) {
+    candidate.T_camera_centred = lines_.fit(frame_, belief, candidate.T_camera_centred, plan).T_camera_centred;
+    if (!small_) fields_.ascend(frame_, belief, model_.subsets.back(), kFieldScales - 1, 0, candidate);
+    const double image = lines_.explained(frame_, candidate.T_camera_centred, kCompared_px, plan.most_points);
+    candidate.score = small_ ? image : candidate.score * image;
+  }
+  std::sort(candidates.begin(), candidates.end(),
+            [](const PoseCandidate& a, const PoseCandidate& b) { return a.score > b.score; });
+}
+
+double OrientedKernel::scoreOf(const PoseBelief& belief, const Pose& T_camera_centred) {
+  PoseCandidate candidate{T_camera_centred, 1};
+  if (!small_) fields_.ascend(frame_, belief, model_.subsets.back(), kFieldScales - 1, 0, candidate);
+  return candidate.score * lines_.explained(frame_, T_camera_centred, kRival_px, kQuick.most_points);
+}
+
+// The best different pose. The depth-mirrored one is always asked: what is flat or far looks the same from both sides,
+// and no number of draws need come upon it.
+PoseCandidate OrientedKernel::bestRival(const PoseBelief& belief, const Pose& T_camera_centred,
+                                        const std::vector<PoseCandidate>& others) {
+  const auto different = [&](const Pose& T) {
+    const Pose between = T_camera_centred.inverse() * T;
+    const double turn_m = model_.radius_m * rotationAngle(between.linear());
+    return std::hypot(between.translation().norm(), turn_m) > kDifferentPose_m;
+  };
+  PoseCandidate best{T_camera_centred, 0};
+  const auto ask = [&](const Pose& T) {
+    if (!different(T)) return;
+    const double score = scoreOf(belief, T);
+    if (score > best.score) best = {T, score};
+  };
+  for (const auto& other : others) ask(other.T_camera_centred);
+  PoseCandidate mirrored{depthMirrored(T_camera_centred), 0};
+  if (!small_ && frame_.viewCount() == 1 && belief.squaredMahalanobis(mirrored.T_camera_centred) < kBelievable) {
+    // Fitted as if it had been believed: else the belief, which may be in the wrong one of the two, draws it back.
+    PoseBelief there = belief;
+    there.T0_camera_centred = mirrored.T_camera_centred;
+    for (int scale = 1; scale < kFieldScales; ++scale) {
+      fields_.ascend(frame_, there, model_.subsets[static_cast<std::size_t>(scale)], scale, 6, mirrored);
+    }
+    ask(lines_.fit(frame_, there, mirrored.T_camera_centred, kQuick).T_camera_centred);
+  }
+  return best;
+}
+
+// Compares the result with its best rival. `T_rigid` is its pose before it was deformed.
+void OrientedKernel::judgeRivals(const PoseBelief& belief, const Pose& T_rigid,
+                                 const std::vector<PoseCandidate>& others, RegistrationResult& result) {
+  const PoseCandidate rival = bestRival(belief, T_rigid, others);
+  const double own = scoreOf(belief, T_rigid);
+  double share = own > 0 ? std::min(1.0, rival.score / own) : 1.0;
+  if (deformation_ && rival.score > 0 && share > kWorthDeforming) {
+    // Before it is deformed the right pose fits little better than a wrong one.
+    RegistrationResult deformed = result;
+    deformed.T_camera_model = rival.T_camera_centred * Eigen::Translation3d(-model_.centroid);
+    PoseBelief there = belief;
+    there.T0_camera_centred = rival.T_camera_centred;
+    deform(there, deformed);
+    result.times.nonrigid_s += deformed.times.nonrigid_s;
+    const double score = result.agreement.score();
+    share = score > 0 ? std::min(1.0, deformed.agreement.score() / score) : 1.0;
+  }
+  judgeAgainst(share, result);
+}
+
+// Seen from afar, a shape and its mirror image in depth look alike; and a flat shape is its own mirror image in its
+// plane. Both mirrors make a turn: where a flat tree would be if near and far were exchanged.
+Pose OrientedKernel::depthMirrored(const Pose& T_camera_centred) const {
+  const Pose T_view = T_camera_centred;
+  // Across the beam to the centroid, not across the optical axis: a tree at the detector's edge is seen at a slant.
+  const Eigen::Vector3d beam = T_view.translation().normalized();
+  const Eigen::Matrix3d S = Eigen::Matrix3d::Identity() - 2 * beam * beam.transpose();
+  const Eigen::Matrix3d P = Eigen::Matrix3d::Identity() - 2 * flat_axis_ * flat_axis_.transpose();
+  Pose mirrored = T_camera_centred;
+  mirrored.linear() = S * T_camera_centred.linear() * P;
+  return mirrored;
+}
+
+void OrientedKernel::finish(const PoseBelief& belief, const Pose& T_camera_centred, const LineFitPlan& plan,
+                            RegistrationResult& result) {
+  const LineFitResult fit = lines_.fit(frame_, belief, T_camera_centred, plan);
+  result.T_camera_model = fit.T_camera_centred * Eigen::Translation3d(-model_.centroid);
+  result.rigid_iterations += fit.steps;
+  result.last_step_px = fit.last_step_px;
+  if (fit.information.allFinite() && fit.information.diagonal().minCoeff() > 0) {
+    result.covariance = covarianceOfResult(fit.information.inverse(), result.T_camera_model, model_.centroid);
+  }
+}
+
+// Deforms the tree if it may, and judges what has become of it.
+void OrientedKernel::deform(const PoseBelief& belief, RegistrationResult& result) {
+  const VesselTree& tree = model_.resampled.tree;
+  if (!deformation_) {
+    result.agreement = agreementOf(tree, tree.points(), frame_.views(), result.T_camera_model);
+    judge(result);
+    return;
+  }
+  const Stopwatch stage;
+  const auto fit = deformation_->fit(frame_, belief, result.T_camera_model * Eigen::Translation3d(model_.centroid));
+  result.T_camera_model = fit.T_camera_centred * Eigen::Translation3d(-model_.centroid);
+  for (int i = 0; i < given_.size(); ++i) {
+    const auto& place = model_.resampled.place_of_original[static_cast<std::size_t>(i)];
+    result.displacements_m.col(i) =
+        (1 - place.weight) * fit.displacements_m.col(place.a) + place.weight * fit.displacements_m.col(place.b);
+  }
+  result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);
+  result.nonrigid_iterations = fit.iterations;
+  result.last_step_px = fit.last_step_px;
+  result.times.nonrigid_s = stage.seconds();
+  result.agreement = agreementOf(tree, tree.points() + fit.displacements_m, frame_.views(), result.T_camera_model);
+  judge(result);
+}
+
+RegistrationResult OrientedKernel::align(const XrayViews& views, const PosePrior& prior, const Pose& start) {
+  const Stopwatch began;
+  RegistrationResult result;
+  auto belief = begin(views, prior, start, result);
+  if (!belief) return result;
+  PoseCandidate candidate{start * Eigen::Translation3d(model_.centroid), 0};
+  LineFitPlan plan = kFull;
+  if (small_) {
+    // One curve says little, and must not be outweighed by a start that is off.
+    belief = shiftsFreed(*belief);
+    plan = {kSmallTracked_px, 500, 100000, 12, 0.1};
+  } else {
+    const double off_px = spread_px(*belief, candidate.T_camera_centred);
+    int scale = 0;
+    while (scale + 1 < kFieldScales && kFieldScales_px[static_cast<std::size_t>(scale) + 1] >= off_px) ++scale;
+    for (; scale < kFieldScales; ++scale) {
+      const auto& points = model_.subsets[static_cast<std::size_t>(scale) + 1];
+      result.rigid_iterations += fields_.ascend(frame_, *belief, points, scale, 6, candidate);
+    }
+  }
+  finish(*belief, candidate.T_camera_centred, plan, result);
+  result.times.rigid_s = began.seconds() - result.times.prepare_s;
+  const Pose rigid = result.T_camera_model * Eigen::Translation3d(model_.centroid);
+  deform(*belief, result);
+  if (result.status == RegistrationStatus::kConverged &&
+      belief->squaredMahalanobis(depthMirrored(rigid)) < kBelievable) {
+    judgeRivals(*belief, rigid, {}, result);
+  }
+  result.times.total_s = began.seconds();
+  return result;
+}
+
+RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrior& prior, const StartSettings& starts,
+                                          const SearchProgress& progress) {
+  const Stopwatch began;
+  checkSettings("starts", starts);
+  if (starts.count == 1 && !starts.box()) return align(views, prior, prior.T_camera_model);
+  RegistrationResult result;
+  const auto belief = begin(views, prior, prior.T_camera_model, result);
+  if (!belief) return result;
+  const LineFitPlan quick = small_ ? kSmallQuick : kQuick;
+  for (const double widened : {1.0, 1.8, 3.0}) {
+    if (widened > 1 && (starts.box() || small_ || prior.covariance)) break;
+    auto candidates = small_ ? candidatesByShifts(*belief, starts, widened, kAnywhere)
+                             : candidatesByFields(*belief, starts, widened, widened > 1 ? SearchProgress() : progress);
+    if (candidates.empty()) break;
+    // A small image says little about where it may be: what it does say must not be outweighed by a start that is far
+    // off.
+    PoseBelief wide = small_ ? shiftsFreed(*belief) : *belief;
+    wide.information /= widened * widened;
+    compare(wide, candidates, quick);
+    RegistrationResult found = result;
+    LineFitPlan plan = kFull;
+    if (small_) plan.gate_px = kSmallGate_px;
+    finish(wide, candidates.front().T_camera_centred, plan, found);
+    found.times.rigid_s = began.seconds() - result.times.prepare_s;
+    const Pose rigid = found.T_camera_model * Eigen::Translation3d(model_.centroid);
+    deform(wide, found);
+    judgeRivals(wide, rigid, candidates, found);
+    const bool first = widened == 1.0;
+    if (first || found.agreement.score() * (1 - *found.ambiguity) > result.agreement.score() * (1 - *result.ambiguity))
+      result = found;
+    // In doubt a little wider; far wider only when nothing has been found.
+    const bool chance = result.agreement.score() < kChanceScore;
+    if (small_ || result.status == RegistrationStatus::kConverged || *result.ambiguity < kChanceRival) break;
+    if (widened > 1 && !chance) break;
+  }
+  if (progress) progress(1);
+  result.times.total_s = began.seconds();
+  return result;
+}
+
+}  // namespace
+
+std::unique_ptr<Registration> make(const OrientedKernelSettings& settings, const VesselTree& tree) {
+  checkSettings(OrientedKernelSettings::kName, settings);
+  return std::make_unique<OrientedKernel>(settings, tree);
+}
+
+}  // namespace angio

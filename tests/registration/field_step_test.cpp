@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "field_step.hpp"
+
+#include <gtest/gtest.h>
+
+#include "angio/test/phantoms.hpp"
+#include "angio/vessel/projection.hpp"
+#include "field_search.hpp"
+#include "oriented_image.hpp"
+
+namespace angio {
+namespace {
+
+// A tree, an image of it, and a pose that is off by some pixels.
+struct Scene {
+  OrientedKernelSettings settings;
+  VesselTree tree;
+  XrayCamera camera = test::clinicalCamera();
+  Pose truth, off;
+  Centerline2d image;
+  OrientedModel model;
+
+  explicit Scene(unsigned seed) : tree(test::branchingTree(seed)), model(tree, settings) {
+    test::Random random(seed + 60);
+    truth = test::viewOf(tree, random);
+    Twist by;
+    by << 1.5e-3 * random.direction(), degToRad(0.7) * random.direction();
+    off = test::perturbed(truth, tree, by) * Eigen::Translation3d(tree.centroid());
+    image = projectedCenterline(tree, camera, truth);
+  }
+
+  FieldSums look(const KernelField& field, const Pose& T, const PullWeight& weight) const {
+    std::vector<HalfPlane> view;
+    fieldOfView(XrayView{image, camera}, view);
+    return lookAtField(model.all, field, camera, view, T, weight);
+  }
+};
+
+KernelField fieldOf(const Scene& s, double scale) {
+  OrientedPoints points;
+  orientedPoints(s.image, 2, 10000, points);
+  KernelField field;
+  field.build(points, scale, KernelField::Region::detector(s.camera.width_px(), s.camera.height_px()));
+  return field;
+}
+
+TEST(FieldStep, GradientIsThatOfTheObjective) {
+  for (const bool kernel_only : {false, true}) {
+    const Scene s(1);
+    const KernelField field = fieldOf(s, 32);
+    PullWeight weight;
+    weight.kernel_only = kernel_only;
+    // A step is linear in how the points move, their directions held: so do these. Half a pixel is beyond single
+    // precision and short of a cell, whose edges the numeric derivative sees.
+    const auto objectiveMovedBy = [&](const Twist& by) {
+      const Eigen::Matrix3Xd moved = expSE3(by) * s.model.points;
+      const ModelPoints points =
+          ModelPoints::of(moved, s.model.resampled.tree.tangents(), Eigen::VectorXd::Ones(moved.cols()), 1);
+      std::vector<HalfPlane> view;
+      fieldOfView(XrayView{s.image, s.camera}, view);
+      return lookAtField(points, field, s.camera, view, s.off, weight);
+    };
+    const Vector6d g = objectiveMovedBy(Twist::Zero()).g;
+    for (int k = 0; k < 6; ++k) {
+      const double h = k < 3 ? 1e-4 : 2e-3;
+      Twist by = Twist::Zero();
+      by[k] = h;
+      const double numeric = (objectiveMovedBy(by).objective - objectiveMovedBy(-by).objective) / (2 * h);
+      const double unit = k < 3 ? g.head<3>().norm() : g.tail<3>().norm();
+      EXPECT_NEAR(numeric, g[k], 0.05 * unit) << k << (kernel_only ? " kernel" : " likelihood");
+    }
+  }
+}
+
+// With the majoriser's full stiffness a step is the exact all-pairs re-weighted one: none may lower the objective.
+TEST(FieldStep, StepsNeverLowerTheObjective) {
+  for (const bool kernel_only : {false, true}) {
+    for (unsigned seed = 0; seed < 4; ++seed) {
+      const Scene s(seed);
+      for (const double scale : {32.0, 16.0, 8.0}) {
+        const KernelField field = fieldOf(s, scale);
+        PullWeight weight;
+        weight.kernel_only = kernel_only;
+        Pose T = s.off;
+        FieldSums sums = s.look(field, T, weight);
+        const double first = sums.objective;
+        for (int step = 0; step < 8; ++step) {
+          T = T * expSE3(sums.H.ldlt().solve(sums.g));
+          const double before = sums.objective;
+          sums = s.look(field, T, weight);
+          // Bilinear cells are not Gaussians to the last digit: at rest the objective may waver by a thousandth.
+          EXPECT_GT(sums.objective, before - 1e-3 * std::abs(before)) << scale << " px, step " << step;
+        }
+        EXPECT_GT(sums.objective, first);
+      }
+    }
+  }
+}
+
+TEST(FieldStep, IsTheSameOnEveryVectorTarget) {
+  const Scene s(2);
+  const KernelField field = fieldOf(s, 16);
+  const FieldSums widest = s.look(field, s.off, {});
+  const auto targets = fieldStepTargets();
+  ASSERT_GE(targets.size(), 1u);
+  for (const auto target : targets) {
+    useFieldStepTarget(target);
+    const FieldSums sums = s.look(field, s.off, {});
+    // Single precision, and sums of some hundred points in another order.
+    EXPECT_LT((sums.H - widest.H).norm(), 1e-4 * widest.H.norm());
+    EXPECT_LT((sums.g - widest.g).norm(), 1e-4 * widest.g.norm() + 1e-6 * widest.H.norm());
+    EXPECT_NEAR(sums.fit, widest.fit, 1e-4 * widest.fit);
+    EXPECT_NEAR(sums.seen, widest.seen, 1e-4 * widest.seen);
+  }
+  useFieldStepTarget(0);
+}
+
+TEST(FieldStep, WhatIsOutOfTheFieldOfViewHasNoVote) {
+  Scene s(3);
+  const KernelField field = fieldOf(s, 16);
+  const double all = s.look(field, s.off, {}).seen;
+  std::vector<HalfPlane> left_half;
+  XrayView view{s.image, s.camera};
+  view.collimator_px = {{0, 0}, {511, 0}, {511, 1023}, {0, 1023}};
+  fieldOfView(view, left_half);
+  const double left = lookAtField(s.model.all, field, s.camera, left_half, s.off, {}).seen;
+  view.collimator_px = {{0, 1023}, {511, 1023}, {511, 0}, {0, 0}};  // The other way round.
+  fieldOfView(view, left_half);
+  EXPECT_NEAR(lookAtField(s.model.all, field, s.camera, left_half, s.off, {}).seen, left, 1e-3);
+  EXPECT_LT(left, 0.9 * all);
+  EXPECT_GT(left, 0.1 * all);
+  Pose behind = s.off;
+  behind.translation().z() = -0.5;
+  EXPECT_EQ(s.look(field, behind, {}).seen, 0);
+}
+
+}  // namespace
+}  // namespace angio

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "line_step.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "angio/test/phantoms.hpp"
+#include "angio/vessel/projection.hpp"
+#include "oriented_image.hpp"
+#include "oriented_model.hpp"
+
+namespace angio {
+namespace {
+
+struct Scene {
+  VesselTree tree;
+  XrayCamera camera = test::clinicalCamera();
+  OrientedModel model;
+  Pose T;  // T_camera_centred
+  OrientedPoints image;
+  ProjectedEdges edges;
+
+  explicit Scene(unsigned seed) : tree(test::branchingTree(seed)), model(tree, {}) {
+    test::Random random(seed + 40);
+    const Pose truth = test::viewOf(tree, random);
+    T = truth * Eigen::Translation3d(tree.centroid());
+    orientedPoints(projectedCenterline(tree, camera, truth), 2, 10000, image);
+    edges.project(model.points, model.edges, camera, T);
+  }
+};
+
+TEST(ProjectedEdges, FindTheNearestEdgeThatRunsAlong) {
+  const Scene s(1);
+  test::Random random(5);
+  int found = 0;
+  for (int i = 0; i < 3000; ++i) {
+    // Around the vessels, and now and then anywhere.
+    const auto j = static_cast<std::size_t>(random.uniform(0, s.image.size() - 1));
+    const double spread = i % 10 == 0 ? 500 : 6;
+    const auto u = static_cast<float>(s.image.u[j] + spread * random.normal());
+    const auto v = static_cast<float>(s.image.v[j] + spread * random.normal());
+    const double phi = random.uniform(-kPi, kPi), gate = i % 2 ? 40 : 5;
+    const auto cos2 = static_cast<float>(std::cos(2 * phi)), sin2 = static_cast<float>(std::sin(2 * phi));
+    const auto near = s.edges.nearest(u, v, cos2, sin2, static_cast<float>(gate), 0.5f);
+    double best = gate;
+    for (const auto& [parent, child] : s.model.edges) {
+      const Eigen::Vector2d a = *s.camera.project(s.T * s.model.points.col(parent));
+      const Eigen::Vector2d d = *s.camera.project(s.T * s.model.points.col(child)) - a, q(u, v);
+      const double angle = std::atan2(d.y(), d.x());
+      if (d.norm() < 0.05 || std::cos(2 * (angle - phi)) < 0.5) continue;
+      const double along = std::clamp((q - a).dot(d) / d.squaredNorm(), 0.0, 1.0);
+      best = std::min(best, (q - a - along * d).norm());
+    }
+    if (near.edge < 0) {
+      EXPECT_GT(best, gate - 1e-3);
+      continue;
+    }
+    ++found;
+    EXPECT_NEAR(std::sqrt(near.distance2_px2), best, 1e-3);  // Single precision on a thousand pixels.
+    EXPECT_NEAR(std::hypot(near.normal_u, near.normal_v), 1, 1e-4);
+  }
+  EXPECT_GT(found, 300);
+}
+
+// The residual of each match against its own numeric derivative, through the sums that the vector code makes.
+TEST(LineEquations, GradientAndHessianAreThoseOfTheSum) {
+  Scene s(2);
+  Twist by;
+  by << 0.4e-3, -0.3e-3, 0.5e-3, 2e-3, -1e-3, 1.5e-3;
+  const Pose T = s.T * expSE3(by);
+  s.edges.project(s.model.points, s.model.edges, s.camera, T);
+  LineMatches matches;
+  matchLines(s.image, s.edges, 8, 0.5, matches);
+  resolveMatches(s.model.points, s.model.edges, matches);
+  ASSERT_GT(matches.matched, s.image.size() / 2);
+  const double wide = 1e4;  // Weights of one: the sum is one of squares.
+  const auto sumsAt = [&](const Pose& pose) {
+    LineSums sums;
+    addLineEquations(s.image, matches, s.camera, pose, wide, sums);
+    return sums;
+  };
+  const LineSums sums = sumsAt(T);
+  EXPECT_NEAR(sums.weight, matches.matched, 1e-3 * matches.matched);
+  for (int k = 0; k < 6; ++k) {
+    const double h = k < 3 ? 2e-5 : 4e-4;  // About a tenth of a pixel.
+    Twist step = Twist::Zero();
+    step[k] = h;
+    const LineSums plus = sumsAt(T * expSE3(step)), minus = sumsAt(T * expSE3(-step));
+    const double unit = k < 3 ? sums.g.head<3>().norm() : sums.g.tail<3>().norm();
+    EXPECT_NEAR((plus.squares_px2 - minus.squares_px2) / (4 * h), sums.g[k], 1e-2 * unit) << k;  // Half the gradient.
+    // Residuals are a tenth of what a Gauss-Newton Hessian leaves out here: a hundredth.
+    EXPECT_NEAR((plus.g[k] - minus.g[k]) / (2 * h), sums.H(k, k), 0.02 * sums.H(k, k)) << k;
+  }
+}
+
+TEST(LineEquations, NeighboursThatSayTheSameCountAsOne) {
+  LineSums independent, together;
+  test::Random random(3);
+  std::vector<double> white, smooth;
+  double state = 0;
+  for (int j = 0; j < 4000; ++j) {
+    const double z = random.normal();
+    white.push_back(z);
+    state = 0.9 * state + std::sqrt(1 - 0.81) * z;  // Autocorrelation 0.9^lag: 1 + 2 sum = 19.
+    smooth.push_back(state);
+  }
+  const auto fill = [](const std::vector<double>& r, LineSums& sums) {
+    for (const double x : r) sums.squares_px2 += x * x;
+    for (int k = 0; k < LineSums::kLags; ++k) {
+      for (std::size_t j = 0; j + (1u << k) < r.size(); ++j)
+        sums.lagged_px2[static_cast<std::size_t>(k)] += r[j] * r[j + (1u << k)];
+    }
+  };
+  fill(white, independent);
+  fill(smooth, together);
+  EXPECT_EQ(independent.togetherness(4000), 1);
+  EXPECT_NEAR(together.togetherness(4000), 19, 6);  // From seven lags of one sample.
+}
+
+}  // namespace
+}  // namespace angio
