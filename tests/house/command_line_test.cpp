@@ -46,6 +46,12 @@ TEST(CommandLine, WhatCannotBeMeantIsRefused) {
   const std::vector<std::pair<const char*, std::vector<std::string>>> lines = {
       {"angio-register", {}},
       {"angio-register", {"--tree", "t.csv", "--camera", "c.yaml", "--initial-pose", "p.yaml"}},  // Nothing is seen.
+      {"angio-register",
+       {"--tree", "t.csv", "--camera", "c.yaml", "--centerline", "l.csv", "--initial-pose", "p.yaml",
+        "--search-rotation-deg", "181"}},
+      {"angio-register",
+       {"--tree", "t.csv", "--camera", "c.yaml", "--centerline", "l.csv", "--initial-pose", "p.yaml",
+        "--search-translation-mm", "nan"}},
       {"angio-evaluate", {}},
       {"angio-evaluate", {"cases"}},
       {"angio-servo", {"--simulate", "--bus", "memq://"}},
@@ -61,6 +67,23 @@ TEST(CommandLine, WhatCannotBeMeantIsRefused) {
     EXPECT_EQ(ended.exit_code, 2) << program << " " << testing::PrintToString(arguments);
     EXPECT_EQ(ended.out, "");
     EXPECT_NE(ended.err, "");
+  }
+}
+
+TEST(CommandLine, ViewsAreAsManyOfEachKind) {
+  const std::vector<std::string> two = {"--tree",   "t.csv", "--initial-pose", "p.yaml",
+                                        "--camera", "a",     "--camera",       "b"};
+  const std::pair<const char*, std::vector<std::string>> lines[] = {
+      {"--centerline: 1 given, must be 2", {"--centerline", "a", "--view-pose", "v"}},
+      {"--image: 3 given, must be 2", {"--image", "a", "--image", "b", "--image", "c", "--view-pose", "v"}},
+      {"--image: 1 given, must be 2", {"--centerline", "a", "--centerline", "b", "--image", "a", "--view-pose", "v"}},
+      {"--view-pose: 0 given, must be 1", {"--image", "a", "--image", "b"}}};
+  for (const auto& [words, more] : lines) {
+    auto arguments = two;
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto ended = test::run("angio-register", arguments);
+    EXPECT_EQ(ended.exit_code, 2);
+    EXPECT_NE(ended.err.find(words), std::string::npos) << ended.err;
   }
 }
 

@@ -93,6 +93,14 @@ TEST_F(HostileInput, PosesAreRefused) {
                  registering());
 }
 
+TEST_F(HostileInput, PosesOfViewsAreRefused) {
+  expectRefusals(
+      "view.yaml",
+      {kEmpty, kRubbish, {"a mirror", "rotation: [1, 0, 0, 0, 1, 0, 0, 0, -1]\ntranslation_mm: [0, 0, 0]\n"}},
+      registering({"--camera", folder_.path("camera.yaml"), "--centerline", folder_.path("centerline.csv"),
+                   "--view-pose", folder_.path("view.yaml")}));
+}
+
 TEST_F(HostileInput, CentrelinesAndImagesAreRefused) {
   expectRefusals(
       "centerline.csv",

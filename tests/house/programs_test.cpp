@@ -56,6 +56,41 @@ TEST_F(Programs, RegisterPrintsTheResultWhenNoFileIsNamed) {
   expectTruth(Json::parse(ended.out));
 }
 
+TEST_F(Programs, RegisterTakesSeveralViews) {
+  const Eigen::Translation3d to_centre(0, 0, 0.75);
+  const Pose T_side_first = to_centre * expSE3((Twist() << 0, 0, 0, 0, kPi / 2, 0).finished()) * to_centre.inverse();
+  const XrayCamera side = XrayCamera::centred(800, 700, 0.4e-3, 1.2);
+  writeCamera(folder_.path("side.yaml"), side);
+  writePose(folder_.path("view.yaml"), {T_side_first, {}});
+  writeCenterline(folder_.path("side.csv"), projectedCenterline(tree_, side, T_side_first * truth_));
+  auto arguments = registerArguments();
+  arguments.insert(arguments.end(), {"--camera", folder_.path("side.yaml"), "--centerline", folder_.path("side.csv"),
+                                     "--view-pose", folder_.path("view.yaml")});
+  const auto ended = test::run("angio-register", arguments);
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const Json result = Json::parse(test::contentOf(folder_.path("result.json")));
+  expectTruth(result);
+  const Eigen::Matrix3Xd off = poseOf(result) * tree_.points() - truth_ * tree_.points();
+  EXPECT_LT(off.row(2).cwiseAbs().mean(), 1e-4) << "depth, as seen from the side";
+  const cv::Mat overlay = cv::imread(folder_.path("overlay.png"), cv::IMREAD_UNCHANGED);
+  EXPECT_EQ(overlay.size(), cv::Size(camera_.width_px() + 800, camera_.height_px())) << "both views, side by side";
+}
+
+TEST_F(Programs, RegisterSearchesABoxWhenAsked) {
+  // Turned further than one start can come back from.
+  const Twist off = (Twist() << 0.004, 0, 0, 0, 0, degToRad(25)).finished();
+  writePose(folder_.path("start.yaml"), {test::perturbed(truth_, tree_, off), {}});
+  auto arguments = registerArguments();
+  arguments.insert(arguments.end(), {"--search-rotation-deg", "30", "--search-translation-mm", "5", "--starts", "64"});
+  const auto ended = test::run("angio-register", arguments);
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_EQ(ended.err, "") << "no bar where no terminal is";
+  const Json result = Json::parse(test::contentOf(folder_.path("result.json")));
+  EXPECT_EQ(result["settings"]["starts"]["box_rotation_deg"], 30);
+  EXPECT_EQ(result["settings"]["starts"]["box_translation_mm"], 5);
+  EXPECT_LT(radToDeg(rotationAngle(poseOf(result).linear() * truth_.linear().transpose())), 5);
+}
+
 TEST_F(Programs, RegisterDeformsWhenAsked) {
   auto arguments = registerArguments();
   arguments.push_back("--nonrigid");

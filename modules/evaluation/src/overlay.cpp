@@ -9,6 +9,7 @@ namespace angio {
 namespace {
 
 constexpr int kSubpixelBits = 4;
+const cv::Scalar kGround(24, 20, 18);
 
 cv::Point subpixel(const Eigen::Vector2d& p) {
   const double scale = 1 << kSubpixelBits;
@@ -20,7 +21,7 @@ cv::Point subpixel(const Eigen::Vector2d& p) {
 // The darkest and brightest half per cent do not count: a few hot pixels must not make the image grey.
 cv::Mat asGround(const cv::Mat& image, const XrayCamera& camera) {
   cv::Mat colour;
-  if (image.empty()) return cv::Mat(camera.height_px(), camera.width_px(), CV_8UC3, cv::Scalar(24, 20, 18));
+  if (image.empty()) return cv::Mat(camera.height_px(), camera.width_px(), CV_8UC3, kGround);
   cv::Mat values = image.clone().reshape(1, 1);  // Cloned first: a window into a larger image is no single row.
   cv::sort(values, values, cv::SORT_EVERY_ROW | cv::SORT_ASCENDING);
   values.convertTo(values, CV_32F);
@@ -78,6 +79,21 @@ cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const Xra
   }
   if (!scene.caption.empty()) write(canvas, scene.caption, {14, canvas.rows - 14}, cv::Scalar(255, 255, 255));
   return canvas;
+}
+
+cv::Mat sideBySide(const std::vector<cv::Mat>& pictures) {
+  int height = 0, width = 0;
+  for (const cv::Mat& picture : pictures) {
+    height = std::max(height, picture.rows);
+    width += picture.cols;
+  }
+  cv::Mat row(height, width, pictures.front().type(), kGround);
+  int left = 0;
+  for (const cv::Mat& picture : pictures) {
+    picture.copyTo(row(cv::Rect(left, 0, picture.cols, picture.rows)));
+    left += picture.cols;
+  }
+  return row;
 }
 
 }  // namespace angio

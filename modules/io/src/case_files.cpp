@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/case_files.hpp"
 
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -13,6 +14,49 @@
 namespace angio {
 namespace {
 
+// A rounded identity in a file is one.
+constexpr double kSamePlace = 1e-6;
+constexpr double kFarthest_mm = 100e3;
+
+// What stands in a list, or, for one, in its place.
+std::vector<YamlField> entriesOf(const YamlField& field) {
+  if (field.node->kind != YamlNode::Kind::kSequence) return {field};
+  std::vector<YamlField> entries;
+  for (std::size_t i = 0; i < field.node->items.size(); ++i) entries.push_back(field.item(i));
+  return entries;
+}
+
+// As many entries as there are views.
+std::vector<YamlField> entriesOf(const YamlField& field, std::size_t views) {
+  auto entries = entriesOf(field);
+  if (entries.size() != views) {
+    field.refuse(views == 1 ? "must be one: there is one camera"
+                            : "must be a list of " + std::to_string(views) + ", one for each camera");
+  }
+  return entries;
+}
+
+std::vector<Eigen::Vector2d> cornersIn(const YamlField& field) {
+  std::vector<Eigen::Vector2d> corners;
+  for (const YamlField& entry : entriesOf(field)) {
+    const auto xy = entry.numbers(2);
+    corners.emplace_back(xy[0], xy[1]);
+  }
+  // Around a convex polygon one turns once, always to the same side.
+  const std::size_t n = corners.size();
+  double turned = 0, turned_either_way = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const Eigen::Vector2d a = corners[(i + 1) % n] - corners[i], b = corners[(i + 2) % n] - corners[(i + 1) % n];
+    const double turn = std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b));
+    turned += turn;
+    turned_either_way += std::abs(turn);
+  }
+  if (n < 3 || std::abs(std::abs(turned) - 2 * kPi) > 1e-6 || turned_either_way > std::abs(turned) + 1e-6) {
+    field.refuse("must be the corners of a convex polygon, in order");
+  }
+  return corners;
+}
+
 // One set is read by one of these, which remembers the cameras and poses that many cases share.
 class CaseReader {
  public:
@@ -23,7 +67,7 @@ class CaseReader {
     YamlMap map(path_, root, "case set");
     const auto sequence = map.find("sequence");
     const auto tree = map.find("tree");
-    const auto camera = map.find("camera");
+    const auto camera = map.find("camera"), T_view_first = map.find("T_view_first");
     const YamlField cases = map.need("cases");
     map.refuseOthers();
     CaseSet result;
@@ -32,34 +76,45 @@ class CaseReader {
       cases.refuse("must be a list of at least one case");
     }
     for (std::size_t i = 0; i < cases.node->items.size(); ++i) {
-      result.cases.push_back(readCase(*cases.item(i).node, tree, camera));
+      result.cases.push_back(readCase(*cases.item(i).node, tree, {camera, T_view_first}));
     }
     return result;
   }
 
  private:
-  Case readCase(const YamlNode& node, const std::optional<YamlField>& set_tree,
-                const std::optional<YamlField>& set_camera) {
+  // What is said of the cameras in one place, the set's or a case's.
+  struct Cameras {
+    std::optional<YamlField> camera, T_view_first;
+  };
+
+  Case readCase(const YamlNode& node, const std::optional<YamlField>& set_tree, const Cameras& set_cameras) {
     YamlMap map(path_, node, "case");
     Case result;
     const YamlField name = map.need("name");
     result.name = name.text();
     if (!names_.insert(result.name).second) name.refuse("must not be given twice");
-    const auto own_tree = map.find("tree"), own_camera = map.find("camera");
+    const auto own_tree = map.find("tree");
+    const Cameras own{map.find("camera"), map.find("T_view_first")};
     const auto centerline = map.find("centerline"), image = map.find("image");
     const YamlField initial_pose = map.need("initial_pose");
     const auto truth_pose = map.find("truth_pose"), truth_displacements = map.find("truth_displacements");
     map.refuseOthers();
 
-    const auto tree = own_tree ? own_tree : set_tree, camera = own_camera ? own_camera : set_camera;
+    const auto tree = own_tree ? own_tree : set_tree, camera = own.camera ? own.camera : set_cameras.camera;
     if (!tree) throw missing(node, "tree");
     if (!camera) throw missing(node, "camera");
     if (!centerline && !image) throw missing(node, "centerline or image");
     result.tree_path = existingFile(*tree);
-    View view{readShared(*camera, cameras_, readCamera), std::nullopt, std::nullopt};
-    if (centerline) view.centerline_path = existingFile(oneView(*centerline));
-    if (image) view.image_path = existingFile(oneView(*image));
-    result.views.push_back(std::move(view));
+    auto T_view_first = own.T_view_first;
+    // The set's poses are of several views: a case's one camera of its own has none.
+    if (!T_view_first && !(own.camera && entriesOf(*own.camera).size() == 1)) T_view_first = set_cameras.T_view_first;
+    result.views = readViews(*camera, T_view_first);
+    const auto setPaths = [&](const YamlField& field, std::optional<std::string> View::*path) {
+      const auto entries = entriesOf(field, result.views.size());
+      for (std::size_t v = 0; v < entries.size(); ++v) result.views[v].*path = existingFile(entries[v]);
+    };
+    if (centerline) setPaths(*centerline, &View::centerline_path);
+    if (image) setPaths(*image, &View::image_path);
     result.initial_pose = readShared(initial_pose, poses_, readPose).T_camera_model;
     if (truth_pose) result.truth_pose = readShared(*truth_pose, poses_, readPose).T_camera_model;
     if (truth_displacements) result.truth_displacements_path = existingFile(*truth_displacements);
@@ -70,11 +125,47 @@ class CaseReader {
     return InputError(path_ + ":" + std::to_string(node.line), key, "", "is missing");
   }
 
-  // The views of a case are a list, or, for one view, what would stand in it.
-  static YamlField oneView(const YamlField& field) {
-    if (field.node->kind != YamlNode::Kind::kSequence) return field;
-    if (field.node->items.size() != 1) field.refuse("must be one view; cases with several views cannot be run yet");
-    return field.item(0);
+  // The views with their cameras and where these stand; what was seen comes later.
+  std::vector<View> readViews(const YamlField& camera, const std::optional<YamlField>& T_view_first) {
+    const auto cameras = entriesOf(camera);
+    if (cameras.empty()) camera.refuse("must be at least one camera");
+    std::vector<std::optional<YamlField>> poses(cameras.size());
+    if (T_view_first) {
+      const auto listed = entriesOf(*T_view_first);
+      if (listed.size() != cameras.size() && listed.size() + 1 != cameras.size()) {
+        T_view_first->refuse("must be a list of " + std::to_string(cameras.size()) +
+                             ", one for each camera, or without the first");
+      }
+      std::copy(listed.rbegin(), listed.rend(), poses.rbegin());
+    }
+    std::vector<View> views;
+    for (std::size_t v = 0; v < cameras.size(); ++v) {
+      if (cameras[v].node->kind == YamlNode::Kind::kMap) {
+        YamlMap map(path_, *cameras[v].node, cameras[v].key);
+        views.push_back({readShared(map.need("camera"), cameras_, readCamera), {}, {}, {}, {}});
+        const auto own = map.find("T_view_first"), corners = map.find("collimator_px");
+        map.refuseOthers();
+        if (own) poses[v] = own;
+        if (corners) views.back().collimator_px = cornersIn(*corners);
+      } else {
+        views.push_back({readShared(cameras[v], cameras_, readCamera), {}, {}, {}, {}});
+      }
+      views.back().T_view_first = placeOf(v, cameras[v], poses[v]);
+    }
+    return views;
+  }
+
+  Pose placeOf(std::size_t view, const YamlField& camera, const std::optional<YamlField>& pose) {
+    if (!pose) {
+      if (view == 0) return Pose::Identity();
+      throw InputError(camera.place(), "T_view_first", "", "is missing: where does " + camera.key + " stand");
+    }
+    const Pose& T = readShared(*pose, view_poses_, readViewPose);
+    if (view > 0) return T;
+    if (!T.matrix().isApprox(Pose::Identity().matrix(), kSamePlace)) {
+      pose->refuse("must be the identity: it is where the first view stands");
+    }
+    return Pose::Identity();
   }
 
   std::string existingFile(const YamlField& field) const {
@@ -90,14 +181,13 @@ class CaseReader {
   template <typename Value>
   const Value& readShared(const YamlField& field, std::map<std::string, Value>& known,
                           Value (*read_file)(const std::string& path)) const {
-    const YamlField one = oneView(field);
-    const std::string file = existingFile(one);
+    const std::string file = existingFile(field);
     const auto at = known.find(file);
     if (at != known.end()) return at->second;
     try {
       return known.emplace(file, read_file(file)).first->second;
     } catch (const InputError& error) {
-      throw error.within(one.place());
+      throw error.within(field.place());
     }
   }
 
@@ -106,9 +196,29 @@ class CaseReader {
   std::set<std::string> names_;
   std::map<std::string, XrayCamera> cameras_;
   std::map<std::string, PoseFile> poses_;
+  std::map<std::string, Pose> view_poses_;
 };
 
 }  // namespace
+
+Pose readViewPose(const std::string& path) {
+  const YamlNode root = readYaml(path);
+  YamlMap map(path, root, "pose");
+  const YamlField rotation = map.need("rotation"), translation = map.need("translation_mm");
+  for (const char* key : {"covariance", "parent", "child"}) map.find(key);  // As in other poses; here they say nothing.
+  map.refuseOthers();
+  const auto entries = rotation.numbers(9), t_mm = translation.numbers(3);
+  const Eigen::Matrix3d R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(entries.data());
+  if (!(rotationDefect(R) < 1e-3)) rotation.refuse("must be a rotation matrix");
+  Pose T = Pose::Identity();
+  T.linear() = nearestRotation(R);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const YamlField item = translation.item(k);
+    requireBetween(item.place(), item.key, t_mm[k], -kFarthest_mm, kFarthest_mm);
+    T.translation()[static_cast<Eigen::Index>(k)] = t_mm[k] / 1e3;
+  }
+  return T;
+}
 
 CaseSet readCaseSet(const std::string& path) { return CaseReader(path).read(); }
 

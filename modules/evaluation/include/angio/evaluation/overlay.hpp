@@ -34,4 +34,7 @@ extern const cv::Scalar kStartColour, kModelColour, kCenterlineColour;  ///< Blu
 /// Draws the X-ray with the extracted centreline and projected trees, CV_8UC3 of the camera's size.
 cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const XrayCamera& camera);
 
+/// Pictures of one type from left to right, at least one; lower ones have a dark ground below.
+cv::Mat sideBySide(const std::vector<cv::Mat>& pictures);
+
 }  // namespace angio

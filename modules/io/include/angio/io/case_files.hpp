@@ -16,15 +16,17 @@ struct View {
   XrayCamera camera;
   std::optional<std::string> centerline_path;
   std::optional<std::string> image_path;
+  Pose T_view_first = Pose::Identity();        ///< Camera frame of the first view in this one's [m].
+  std::vector<Eigen::Vector2d> collimator_px;  ///< Corners of the open field, convex, in order; empty: all is open.
 };
 
 /// One registration to run.
 struct Case {
   std::string name;
   std::string tree_path;
-  std::vector<View> views;               ///< Exactly one.
-  Pose initial_pose = Pose::Identity();  ///< T_camera_model [m].
-  std::optional<Pose> truth_pose;        ///< T_camera_model [m].
+  std::vector<View> views;               ///< At least one; of one moment.
+  Pose initial_pose = Pose::Identity();  ///< T_camera_model of the first view [m].
+  std::optional<Pose> truth_pose;        ///< The same [m].
   std::optional<std::string> truth_displacements_path;
 };
 
@@ -39,8 +41,18 @@ struct CaseSet {
 /// start at the case file's folder. Cameras and poses are read at once; of the other files only their existence is
 /// checked.
 ///
-/// Throws InputError that begins with the case file and line: missing files, repeated names, unknown keys, more than
-/// one view, no case.
+/// Several views of one moment are lists: `camera`, and in each case `centerline` and `image` with as many entries in
+/// the same order. Where the other cameras stand is said by `T_view_first`, beside `camera` in the set or in a case: a
+/// list of pose files (readViewPose), one for each view; the first is the identity and may be left out. A camera may
+/// also be a map of `camera`, its own `T_view_first`, which comes before the list's, and `collimator_px`: [[x, y],
+/// ...].
+///
+/// Throws InputError that begins with the case file and line: missing files, repeated names, unknown keys, lists that
+/// do not match, no case.
 CaseSet readCaseSet(const std::string& path);
+
+/// Reads where another view's camera stands: T_view_first [m], from a file as readPose takes it, whatever frames it
+/// names. Throws InputError as readPose.
+Pose readViewPose(const std::string& path);
 
 }  // namespace angio
