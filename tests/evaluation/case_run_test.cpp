@@ -75,6 +75,24 @@ TEST_F(CaseRuns, CleanViewsAreFoundAndSummedUp) {
   EXPECT_NE(summaryTable({{"iterative_pnp", summary}}).find("| iterative_pnp | 3 of 3 |"), std::string::npos);
 }
 
+TEST_F(CaseRuns, ASecondViewIsUsed) {
+  const Eigen::Translation3d to_centre(0, 0, 0.75);
+  const Pose T_side_first = to_centre * expSE3((Twist() << 0, 0, 0, 0, kPi / 2, 0).finished()) * to_centre.inverse();
+  writePose(folder_.path("side.yaml"), {T_side_first, {}});
+  writeView("a", truth_, nearby(truth_));
+  writeCenterline(folder_.path("sa.csv"), projectedCenterline(tree_, camera_, T_side_first * truth_));
+  cases_ =
+      "  - {name: one, centerline: ca.csv, initial_pose: ia.yaml, truth_pose: ta.yaml}\n"
+      "  - {name: two, camera: [camera.yaml, camera.yaml], T_view_first: side.yaml, centerline: [ca.csv, sa.csv],\n"
+      "     initial_pose: ia.yaml, truth_pose: ta.yaml}\n";
+  const auto outcomes = runCases(readSet(), settings_);
+  ASSERT_EQ(outcomes[1].result.status, RegistrationStatus::kConverged) << outcomes[1].result.reason;
+  EXPECT_GT(outcomes[1].result.points_2d, 1.8 * outcomes[0].result.points_2d);
+  // From the side, depth is what an image shows best.
+  EXPECT_LT(outcomes[1].error->depth_m, 0.1 * outcomes[0].error->depth_m);
+  EXPECT_LT(outcomes[1].error->mtre_m, 1e-4);
+}
+
 TEST_F(CaseRuns, ASequenceStartsFromTheLastConvergedResult) {
   const Pose far = test::perturbed(truth_, tree_, random_.twist(0.02, degToRad(60)));
   writeView("good", truth_, nearby(truth_));

@@ -9,9 +9,13 @@
 #include "angio/io/displacement_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/registration/sequence_tracker.hpp"
 
 namespace angio {
 namespace {
+
+// Consecutive frames of a case set have no times; fluoroscopy runs at 15 frames a second.
+constexpr double kFramePeriod_s = 1.0 / 15;
 
 // Trees and what depends on them only, shared by the cases that name the same file.
 class Registrations {
@@ -34,7 +38,7 @@ Centerline2d seenIn(const View& view, CenterlineExtractor& extractor, CaseOutcom
   const cv::Mat image = readXrayImage(*view.image_path, view.camera);
   const Stopwatch stage;
   Centerline2d centerline = extractor.extract(image);
-  outcome.image_s = stage.seconds();
+  outcome.image_s += stage.seconds();
   return centerline;
 }
 
@@ -44,28 +48,43 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
   Registrations registrations(settings.registration);
   const auto extractor = makeExtractor(settings.extractor);
   std::vector<CaseOutcome> outcomes;
-  std::optional<Pose> last_converged;
+  std::map<const Registration*, SequenceTracker> trackers;  // Of a sequence: one for each tree.
   for (const auto& one : set.cases) {
     Registration& registration = registrations.of(one.tree_path);
     const VesselTree& tree = registration.tree();
-    const View& view = one.views.front();
+    const XrayCamera& camera = one.views.front().camera;
     CaseOutcome outcome;
     outcome.name = one.name;
-    const Centerline2d centerline = seenIn(view, *extractor, outcome);
+    std::vector<Centerline2d> centerlines;
+    for (const View& view : one.views) centerlines.push_back(seenIn(view, *extractor, outcome));
+    XrayViews views;
+    for (std::size_t v = 0; v < one.views.size(); ++v) {
+      const View& view = one.views[v];
+      views.push_back({centerlines[v], view.camera, view.T_view_first, view.collimator_px});
+    }
     PosePrior prior;
-    prior.T_camera_model = set.sequence && last_converged ? *last_converged : one.initial_pose;
-    outcome.result = registration.search(centerline, view.camera, prior, settings.starts);
-    outcome.pixel_at_isocentre_m =
-        (outcome.result.T_camera_model * tree.centroid()).z() / view.camera.parameters().fx_px;
+    prior.T_camera_model = one.initial_pose;
+    if (set.sequence) {
+      // What is ambiguous, as a catheter in a tree, is not followed: each frame's initial pose anchors it better than
+      // the last frame.
+      SequenceTrackerSettings follow;
+      follow.follow_ambiguous = false;
+      auto& tracker = trackers.try_emplace(&registration, registration, follow, settings.starts).first->second;
+      const TrackedFrame frame = tracker.step(views, static_cast<double>(outcomes.size()) * kFramePeriod_s, prior);
+      if (frame.prediction) prior.T_camera_model = frame.prediction->T_camera_model;
+      outcome.result = frame.result;
+      outcome.followed = frame.followed;
+    } else {
+      outcome.result = registration.search(views, prior, settings.starts);
+    }
+    outcome.pixel_at_isocentre_m = (outcome.result.T_camera_model * tree.centroid()).z() / camera.parameters().fx_px;
     if (one.truth_pose) {
       const PlacedTree truth{*one.truth_pose, one.truth_displacements_path
                                                   ? readDisplacements(*one.truth_displacements_path, tree.size())
                                                   : Eigen::Matrix3Xd()};
-      outcome.start_error = poseError(tree, view.camera, {prior.T_camera_model, {}}, truth);
-      outcome.error =
-          poseError(tree, view.camera, {outcome.result.T_camera_model, outcome.result.displacements_m}, truth);
+      outcome.start_error = poseError(tree, camera, {prior.T_camera_model, {}}, truth);
+      outcome.error = poseError(tree, camera, {outcome.result.T_camera_model, outcome.result.displacements_m}, truth);
     }
-    if (outcome.result.status == RegistrationStatus::kConverged) last_converged = outcome.result.T_camera_model;
     outcomes.push_back(std::move(outcome));
     if (progress) progress(static_cast<int>(outcomes.size()));
   }

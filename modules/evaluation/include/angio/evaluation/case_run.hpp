@@ -25,16 +25,17 @@ struct CaseRunSettings {
 struct CaseOutcome {
   std::string name;
   RegistrationResult result;
-  double image_s = 0;               ///< Time from image to centreline; 0 when a centreline was given [s].
-  double pixel_at_isocentre_m = 0;  ///< Size of a pixel at the depth of the tree's centroid.
+  double image_s = 0;               ///< Time from images to centrelines; 0 when centrelines were given [s].
+  double pixel_at_isocentre_m = 0;  ///< Size of the first view's pixel at the depth of the tree's centroid.
+  std::optional<bool> followed;     ///< Of a frame of a sequence: whether the track went on with it.
   std::optional<PoseError> start_error,
-      error;  ///< Of the pose it started from and of the result, when the truth is known.
+      error;  ///< Of the pose it started from and of the result, when the truth is known; in the first view.
 };
 
 /// Called after each case with how many are done.
 using CaseProgress = std::function<void(int done)>;
 
-/// Runs every case with one method. Cases of a sequence start from the last converged result. Throws InputError for
+/// Runs every case with one method. Cases of a sequence are followed from frame to frame (SequenceTracker), at 15 a second. Throws InputError for
 /// files that cannot be read.
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings,
                                   const CaseProgress& progress = {});

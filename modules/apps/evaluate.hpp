@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/evaluation/simulation_run.hpp"
+#include "program_settings.hpp"
+
+namespace angio {
+
+/// A sub-command's work; returns the exit code.
+using Work = std::function<int()>;
+
+// Each adds its sub-command to the program, and becomes its work when the command line chooses it.
+void addEvaluateCases(CLI::App& app, Work& work);
+void addEvaluateSimulation(CLI::App& app, Work& work);
+void addEvaluatePaper(CLI::App& app, Work& work);
+
+/// What all of them ask of methods.
+struct MethodOptions {
+  std::vector<std::string> methods = {IterativePnpSettings::kName};
+  std::string settings;
+  int starts = 0;
+  bool nonrigid = false;
+
+  void addTo(CLI::App& command);
+
+  /// Each method with its settings. Throws InputError for a name that is not there or is there twice.
+  std::vector<Entrant> entrants(const ProgramSettings& of_file) const;
+};
+
+/// The option --model-axes; `axes` is its default.
+CLI::Option* addModelAxes(CLI::App& command, ModelAxes& axes);
+
+/// Throws InputError when a file cannot come to be there: better before hours of work than after. An empty path is
+/// none.
+void requireFolderOf(const std::string& path);
+
+/// One run as other programs read it: {"methods": {M: {"cases": ..., "summary": ...}}}. Without displacements, which
+/// have no place without their trees.
+nlohmann::ordered_json runsAsJson(const std::vector<EntrantRun>& runs, const nlohmann::ordered_json& summaries);
+
+/// The entrants' effective settings by their names.
+nlohmann::ordered_json entrantsAsJson(const std::vector<Entrant>& entrants);
+
+}  // namespace angio

@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-evaluate simulation: trials with known truth.
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include "angio/cli/program.hpp"
+#include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/simulation_report.hpp"
+#include "angio/io/camera_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/io/whole_file.hpp"
+#include "evaluate.hpp"
+
+namespace angio {
+namespace {
+
+struct SimulationOptions {
+  MethodOptions method;
+  std::vector<std::string> trees;
+  std::string camera, sweep, out, report;
+  ModelAxes model_axes = SimulationSettings().model_axes;
+
+  // Those that are given come before the settings file's.
+  std::vector<std::function<void(SimulationSettings&)>> given;
+};
+
+// The settings file of this command: the methods' sections and `simulation`.
+struct SimulationFile {
+  ProgramSettings methods;
+  SimulationSettings simulation;
+
+  void visit(SettingsVisitor& v) {
+    methods.visit(v);
+    v.section("simulation", [&](SettingsVisitor& inner) { simulation.visit(inner); });
+  }
+};
+
+int evaluateSimulation(const SimulationOptions& o) {
+  SimulationFile file;
+  for (const auto& path : {o.out, o.report}) requireFolderOf(path);
+  if (!o.method.settings.empty()) file = readSettings(o.method.settings, file);
+  for (const auto& set : o.given) set(file.simulation);
+  const SimulationSettings& settings = file.simulation;
+  checkSettings("simulation", settings);
+
+  SimulationSetup setup;
+  setup.entrants = o.method.entrants(file.methods);
+  std::vector<std::string> tree_names;
+  for (const auto& path : o.trees) {
+    setup.trees.push_back(readVesselTree(path));
+    tree_names.push_back(std::filesystem::path(path).filename().string());
+  }
+  if (!o.camera.empty()) setup.camera = readCamera(o.camera);
+  const std::vector<Sweep> sweeps = o.sweep.empty() ? std::vector<Sweep>() : sweepsNamed(o.sweep, settings);
+
+  const int run_size = settings.trials * static_cast<int>(setup.entrants.size());
+  int total = run_size, done_before = 0;
+  for (const auto& sweep : sweeps) total += run_size * static_cast<int>(sweep.points.size());
+  ProgressBar bar("registering", total);
+  const auto runs = runSimulation(setup, settings, [&](int done) { bar.show(done); });
+  const auto spacing_m = setup.camera.value_or(simulatedCamera()).parameters().pixel_spacing_m;
+  const auto summaries = simulationSummaries(runs, spacing_m);
+  done_before = run_size;
+  std::vector<SweepResult> swept;
+  for (const auto& sweep : sweeps) {
+    swept.push_back(runSweep(setup, sweep, [&](int done) { bar.show(done_before + done, sweep.name); }));
+    done_before += run_size * static_cast<int>(sweep.points.size());
+  }
+
+  auto json = runsAsJson(runs, summaries);
+  for (const auto& result : swept) json["sweeps"][result.sweep.name] = sweepAsJson(result);
+  json["settings"] = entrantsAsJson(setup.entrants);
+  json["settings"]["simulation"] = settingsAsJson(settings);
+  json["settings"]["simulation"]["trees"] = tree_names;
+  json["machine"] = machineAsJson();
+  if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
+  if (!o.report.empty()) {
+    writeWholeFile(o.report,
+                   simulationReportHtml({setup, settings, runs, summaries, swept, json["settings"], tree_names}));
+  }
+  std::cout << simulationTable(summaries);
+  for (const auto& result : swept) std::cout << "\n" << sweepTable(result);
+  return 0;
+}
+
+// The range of one field, by its key.
+class RangeOf final : public SettingsVisitor {
+ public:
+  explicit RangeOf(const std::string& key) : key_(key) { SimulationSettings().visit(*this); }
+
+  CLI::Validator validator() const { return between(low_, high_); }
+
+  void number(const char* key, double&, double low, double high) override { found(key, low, high); }
+  void integer(const char* key, int&, int low, int high) override { found(key, low, high); }
+  void flag(const char*, bool&) override {}
+  void numbers(const char*, double*, int, double, double) override {}
+  void choiceIndex(const char*, int&, const std::vector<std::string>&) override {}
+  void section(const char*, const std::function<void(SettingsVisitor&)>&) override {}
+
+ private:
+  void found(const char* key, double low, double high) {
+    if (key_ == key) low_ = low, high_ = high;
+  }
+
+  std::string key_;
+  double low_ = 0, high_ = 0;
+};
+
+// Options that set one field when they are given. "--noise-px" is the key noise_px, whose range holds here as well.
+class GivenFields {
+ public:
+  GivenFields(CLI::App& command, std::shared_ptr<SimulationOptions> o) : command_(command), o_(std::move(o)) {}
+
+  template <typename Value>
+  void add(const std::string& name, Value SimulationSettings::*field, const std::string& help) {
+    std::string key = name.substr(2);
+    std::replace(key.begin(), key.end(), '-', '_');
+    const auto set = [o = o_, field](const Value& value) {
+      o->given.push_back([field, value](SimulationSettings& s) { s.*field = value; });
+    };
+    command_.add_option_function<Value>(name, set, help)
+        ->default_str(CLI::detail::to_string(SimulationSettings{}.*field))
+        ->check(RangeOf(key).validator());
+  }
+
+ private:
+  CLI::App& command_;
+  std::shared_ptr<SimulationOptions> o_;
+};
+
+void addFields(CLI::App& command, const std::shared_ptr<SimulationOptions>& o) {
+  using S = SimulationSettings;
+  GivenFields fields(command, o);
+  fields.add("--trials", &S::trials, "Number of trials, split over the trees");
+  fields.add("--seed", &S::seed, "Seed of all draws");
+  fields.add("--rotation-std-deg", &S::rotation_std_deg, "Spread of the starts per axis");
+  fields.add("--translation-std-mm", &S::translation_std_mm, "Spread of the starts per axis");
+  fields.add("--even-starts-mm", &S::even_starts_mm, "Starts spread evenly from 0 to this mTRE, for the capture range");
+  fields.add("--views", &S::views, "1 or 2, the second about 90 deg from the first");
+  fields.add("--visible-fraction", &S::visible_fraction, "Share of the tree in the field of view");
+  fields.add("--missing", &S::missing, "Share of the tree without contrast agent, whole branches");
+  fields.add("--spurious", &S::spurious, "Curves per view that are no vessel");
+  fields.add("--noise-px", &S::noise_px, "Noise of each image coordinate");
+  fields.add("--deformation-rms-mm", &S::deformation_rms_mm, "Smooth deformation of the tree");
+  fields.add("--focal-error-percent", &S::focal_error_percent, "Error of the focal length the method is told");
+  fields.add("--calibration-rotation-error-deg", &S::calibration_rotation_error_deg,
+             "Error of the second view against the first, about the isocentre");
+  fields.add("--calibration-translation-error-mm", &S::calibration_translation_error_mm, "The same");
+}
+
+}  // namespace
+
+void addEvaluateSimulation(CLI::App& app, Work& work) {
+  const auto o = std::make_shared<SimulationOptions>();
+  auto* command = app.add_subcommand("simulation", "Run simulated trials with known truth");
+  command->option_defaults()->always_capture_default();
+  command->footer(
+      "Example:\n  angio-evaluate simulation --tree a.swc --tree b.swc --trials 200 --visible-fraction 0.5 "
+      "--noise-px 1 --spurious 5 --sweep noise --report report.html\n\nAll fields of the simulation, also "
+      "views, model axes and spacings, can be set in the section `simulation` of --settings.");
+  command->add_option("--tree", o->trees, "Vessel tree (.csv, .swc, .vtp, HMM .txt); may be repeated")
+      ->required()
+      ->take_all();
+  command->add_option(
+      "--camera", o->camera,
+      "X-ray camera (.yaml, ViSP .xml); when not given 1024 x 1024 pixels of 0.308 mm, 1195 mm from the source");
+  o->method.addTo(*command);
+  command->add_flag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
+  addFields(*command, o);
+  auto* axes = addModelAxes(*command, o->model_axes);
+  std::string names;
+  for (const auto& name : sweepNames()) names += name + ", ";
+  command->add_option("--sweep", o->sweep, "Besides, over a range of: " + names + "or all");
+  command->add_option("--out", o->out, "All results (.json)");
+  command->add_option("--report", o->report, "Report with curves and pictures (.html)");
+  command->callback([o, axes, &work] {
+    if (axes->count() > 0) o->given.push_back([o](SimulationSettings& s) { s.model_axes = o->model_axes; });
+    work = [o] { return evaluateSimulation(*o); };
+  });
+}
+
+}  // namespace angio

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "angio/base/settings.hpp"
+#include "angio/geometry/se3.hpp"
+#include "angio/geometry/xray_camera.hpp"
+#include "angio/registration/xray_view.hpp"
+#include "angio/vessel/vessel_tree.hpp"
+
+namespace angio {
+
+/// Where the axes x, y, z of a tree's file point in the patient: L(eft), R(ight), A(nterior), P(osterior), S(uperior),
+/// I(nferior).
+enum class ModelAxes { kLps, kRas, kLip };
+
+/// Simulated registration trials with known truth: how a tree is seen, and what is wrong with the image, the
+/// calibration and the start.
+struct SimulationSettings {
+  int trials = 100;
+  int seed = 1;
+
+  // Starts: normal draws about the truth, per axis, about the tree's centroid.
+  double rotation_std_deg = 2;
+  double translation_std_mm = 5;
+  double even_starts_mm = 0;  ///< Not 0: each draw is scaled so that its mTRE is uniform between 0 and this.
+
+  // View: the beam is uniform in these ranges of DICOM's angles, the roll of the image in its own.
+  int views = 1;  ///< 2: a second plane, its beam 70 to 110 deg from the first one's, about the isocentre.
+  ModelAxes model_axes = ModelAxes::kLps;
+  double primary_deg = 0, secondary_deg = 0;                                      ///< Middle.
+  double primary_range_deg = 60, secondary_range_deg = 35, roll_range_deg = 180;  ///< +- so much.
+  double source_isocentre_mm = 750;  ///< The tree's centroid stands at the isocentre.
+
+  // Image.
+  double visible_fraction = 1;   ///< Share of the tree's projected length inside the field of view.
+  double missing = 0;            ///< Share of the tree's length, whole branches, that no view shows: no contrast agent.
+  int spurious = 0;              ///< Curves per view that are no vessel, 60 to 250 px long.
+  double noise_px = 0;           ///< Of each coordinate, independent. Tangents are estimated from the noisy points.
+  double tangent_noise_deg = 0;  ///< On top of that.
+  double spacing_px = 1.5;       ///< Between points of the centreline; 0: one per point of the projected tree.
+  double tree_spacing_mm = 0.25;  ///< Longest edge of the projected tree; 0: the tree's own points.
+
+  /// Of a smooth deformation, rms of |d| over the tree's points: four plane waves with random directions, phases and
+  /// wavelengths of 1 to 3 times the tree's extent, less their rigid part (mean shift and small rotation about the
+  /// centroid, least squares), which would be a pose.
+  double deformation_rms_mm = 0;
+
+  // What a method is told differs from what is true by this much, in a random direction.
+  double focal_error_percent = 0;
+  double principal_point_error_px = 0;
+  double calibration_rotation_error_deg = 0;    ///< Of the second view against the first, about the isocentre.
+  double calibration_translation_error_mm = 0;  ///< The same.
+
+  void visit(SettingsVisitor& v) {
+    v.integer("trials", trials, 1, 100000);
+    v.integer("seed", seed, 0, 2147483647);
+    v.number("rotation_std_deg", rotation_std_deg, 0, 180);
+    v.number("translation_std_mm", translation_std_mm, 0, 1000);
+    v.number("even_starts_mm", even_starts_mm, 0, 1000);
+    v.integer("views", views, 1, 2);
+    v.choice("model_axes", model_axes, {"lps", "ras", "lip"});
+    v.number("primary_deg", primary_deg, -180, 180);
+    v.number("secondary_deg", secondary_deg, -90, 90);
+    v.number("primary_range_deg", primary_range_deg, 0, 180);
+    v.number("secondary_range_deg", secondary_range_deg, 0, 90);
+    v.number("roll_range_deg", roll_range_deg, 0, 180);
+    v.number("source_isocentre_mm", source_isocentre_mm, 10, 10000);
+    v.number("visible_fraction", visible_fraction, 0.02, 1);
+    v.number("missing", missing, 0, 0.98);
+    v.integer("spurious", spurious, 0, 1000);
+    v.number("noise_px", noise_px, 0, 100);
+    v.number("tangent_noise_deg", tangent_noise_deg, 0, 90);
+    v.number("spacing_px", spacing_px, 0, 100);
+    v.number("tree_spacing_mm", tree_spacing_mm, 0, 100);
+    v.number("deformation_rms_mm", deformation_rms_mm, 0, 1000);
+    v.number("focal_error_percent", focal_error_percent, 0, 50);
+    v.number("principal_point_error_px", principal_point_error_px, 0, 1000);
+    v.number("calibration_rotation_error_deg", calibration_rotation_error_deg, 0, 90);
+    v.number("calibration_translation_error_mm", calibration_translation_error_mm, 0, 1000);
+  }
+};
+
+/// One trial: what a method is given, and the truth.
+struct SimulatedTrial {
+  std::vector<XrayCamera> cameras;        ///< As the method is told, calibration errors included.
+  std::vector<Centerline2d> centerlines;  ///< One per camera.
+  std::vector<Pose> T_view_first;         ///< As the method is told; the identity for the first view.
+  Pose truth = Pose::Identity();          ///< T_camera_model of the first view.
+  Pose start = Pose::Identity();
+  Eigen::Matrix3Xd displacements_m;  ///< True, of the tree's points, model axes; empty without deformation.
+
+  /// Borrows the trial, which must outlive it.
+  XrayViews views() const;
+};
+
+/// The detector of the simulated C-arm: 1024 x 1024 pixels of 0.308 mm, 1195 mm from the source.
+XrayCamera simulatedCamera();
+
+/// Makes one trial. The same for one seed and `index` on every machine; what one setting draws does not depend on the
+/// others, so that a sweep over noise, say, sees the same views and starts.
+///
+/// With `visible_fraction` f below 1 the detector is cropped to a window about a random place of the tree that shows f
+/// of the projected length of the whole tree, to within 0.02 where whole pixels and the tree allow it. A tree that the
+/// detector itself cuts more than that is cut by the detector. Throws InputError when a setting is out of its range.
+SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
+                              const SimulationSettings& settings, int index);
+
+}  // namespace angio

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "angio/evaluation/report_html.hpp"
+#include "angio/evaluation/simulation_sweep.hpp"
+
+namespace angio {
+
+/// What a report on one simulation shows.
+struct SimulationReport {
+  const SimulationSetup& setup;
+  const SimulationSettings& settings;
+  const std::vector<EntrantRun>& runs;
+  const nlohmann::ordered_json& summaries;  ///< Of the runs, by method.
+  const std::vector<SweepResult>& sweeps;
+  nlohmann::ordered_json settings_shown;  ///< All effective settings, by section.
+  std::vector<std::string> tree_names;
+};
+
+/// One self-contained HTML page: figures of merit, success over start, errors, times, sweeps, the best, median and
+/// worst trial as pictures, settings and machine.
+std::string simulationReportHtml(const SimulationReport& report);
+
+/// The curves of several runs, for other reports as well.
+namespace html {
+
+std::string captureFigure(const std::vector<EntrantRun>& runs);
+std::string errorFigure(const std::vector<EntrantRun>& runs);
+std::string startAndEndFigure(const std::vector<EntrantRun>& runs);
+std::string timeFigure(const std::vector<EntrantRun>& runs);
+std::string sweepFigure(const SweepResult& result);
+
+/// Processor, cores and compiler as one line.
+std::string machineLine();
+
+}  // namespace html
+}  // namespace angio

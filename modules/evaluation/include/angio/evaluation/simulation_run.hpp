@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/evaluation/case_run.hpp"
+#include "angio/evaluation/simulation.hpp"
+
+namespace angio {
+
+/// A method as it takes part, under the name it has in results ("iterative_pnp").
+struct Entrant {
+  std::string name;
+  RegistrationSettings registration;
+  StartSettings starts;
+};
+
+/// What the trials are made of, and who takes part.
+struct SimulationSetup {
+  std::vector<VesselTree> trees;     ///< At least one. Trial i has tree i modulo their number.
+  std::optional<XrayCamera> camera;  ///< Absent: simulatedCamera().
+  std::vector<Entrant> entrants;
+};
+
+/// One entrant's outcomes, trial by trial.
+struct EntrantRun {
+  std::string name;
+  std::vector<CaseOutcome> outcomes;
+};
+
+/// Runs every entrant on every trial. All see the same trials, one trial after the other, and take turns at being the
+/// first on a trial: times of one run can be compared. `progress` counts registrations, of all entrants.
+///
+/// Throws InputError for settings out of their range.
+std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const SimulationSettings& settings,
+                                      const CaseProgress& progress = {});
+
+/// Success over the distance at which the trials start.
+struct CaptureBins {
+  static constexpr int kBins = 20;          ///< Of 1 mm mTRE at the start, from 0.
+  static constexpr int kFewestTrials = 10;  ///< A bin with fewer says nothing.
+  static constexpr double kSuccess = 0.95;
+
+  std::vector<int> trials = std::vector<int>(kBins, 0), successes = std::vector<int>(kBins, 0);
+
+  /// Upper edge of the farthest bin with success in 95 % or more of its trials [mm]; nothing when no bin has that, or
+  /// none has enough trials.
+  std::optional<double> range_mm() const;
+
+  /// The same, of the farthest such bin with no worse bin before it: one that luck does not carry.
+  std::optional<double> unbroken_range_mm() const;
+};
+
+CaptureBins captureBins(const std::vector<CaseOutcome>& outcomes);
+
+/// mTRE below this is a success [m].
+constexpr double kSuccessMtre_m = 2e-3;
+
+/// Bounds of a share with 95 % confidence (Wilson 1927), for `successes` of `trials`; 0 to 1 for no trials.
+struct ShareBounds {
+  double low = 0, high = 1;
+};
+ShareBounds shareBounds(int successes, int trials);
+
+/// What summaryOf says, and what only trials with truth can say: start errors, projection errors in mm, depth and
+/// in-plane parts, failure rates in px and mm, capture range, success with its bounds.
+///
+/// @param pixel_spacing_m  At the detector, when known.
+nlohmann::ordered_json simulationSummary(const std::vector<CaseOutcome>& outcomes,
+                                         std::optional<double> pixel_spacing_m);
+
+/// The summaries of one run by method; each has the ratio of its median time to that of the first entrant named
+/// `reference` (or of the first entrant).
+nlohmann::ordered_json simulationSummaries(const std::vector<EntrantRun>& runs, std::optional<double> pixel_spacing_m,
+                                           const std::string& reference = "iterative_pnp");
+
+/// The summaries as tables for people, Markdown.
+std::string simulationTable(const nlohmann::ordered_json& summary_by_method);
+
+}  // namespace angio

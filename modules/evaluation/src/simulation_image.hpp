@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "angio/evaluation/simulation.hpp"
+
+namespace angio {
+
+/// Points in order, in one image [px].
+using Curve = std::vector<Eigen::Vector2d>;
+
+/// What one view of a trial shows, and the camera that shows just that field.
+struct SimulatedView {
+  XrayCamera camera;
+  Centerline2d centerline;
+};
+
+/// One view of a tree.
+///
+/// @param branches_px  The whole tree's branches on the detector's plane, finely sampled, also what the detector does
+///                     not see.
+/// @param shown        Which of them contrast agent fills.
+/// @param trial, view  Numbers that choose the draws.
+SimulatedView simulatedView(const std::vector<Curve>& branches_px, const std::vector<bool>& shown,
+                            const XrayCamera& camera, const SimulationSettings& settings, int trial, int view);
+
+}  // namespace angio

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/simulation_run.hpp"
+
+#include <cstdio>
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+namespace {
+
+std::string numbered(int index) {
+  char name[16];
+  std::snprintf(name, sizeof name, "%04d", index);
+  return name;
+}
+
+CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, const StartSettings& starts) {
+  const VesselTree& tree = registration.tree();
+  CaseOutcome outcome;
+  outcome.result = registration.search(trial.views(), {trial.start, {}}, starts);
+  const PlacedTree truth{trial.truth, trial.displacements_m};
+  const XrayCamera& camera = trial.cameras.front();
+  outcome.pixel_at_isocentre_m = (trial.truth * tree.centroid()).z() / camera.parameters().fx_px;
+  outcome.start_error = poseError(tree, camera, {trial.start, {}}, truth);
+  outcome.error = poseError(tree, camera, {outcome.result.T_camera_model, outcome.result.displacements_m}, truth);
+  return outcome;
+}
+
+}  // namespace
+
+std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const SimulationSettings& settings,
+                                      const CaseProgress& progress) {
+  checkSettings("simulation", settings);
+  if (setup.trees.empty()) throw InputError("simulation", "trees", "0", "must be at least one");
+  const std::size_t entrants = setup.entrants.size(), trees = setup.trees.size();
+  std::vector<EntrantRun> runs;
+  std::vector<std::vector<std::unique_ptr<Registration>>> registrations(entrants);
+  for (std::size_t m = 0; m < entrants; ++m) {
+    runs.push_back({setup.entrants[m].name, {}});
+    for (const auto& tree : setup.trees) {
+      registrations[m].push_back(makeRegistration(setup.entrants[m].registration, tree));
+    }
+  }
+  int done = 0;
+  for (int i = 0; i < settings.trials; ++i) {
+    const std::size_t t = static_cast<std::size_t>(i) % trees;
+    const SimulatedTrial trial = simulatedTrial(setup.trees[t], setup.camera, settings, i);
+    for (std::size_t turn = 0; turn < entrants; ++turn) {
+      const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants;
+      runs[m].outcomes.push_back(outcomeOf(*registrations[m][t], trial, setup.entrants[m].starts));
+      runs[m].outcomes.back().name = numbered(i);
+      if (progress) progress(++done);
+    }
+  }
+  return runs;
+}
+
+}  // namespace angio

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/simulation_sweep.hpp"
+
+#include <cstdio>
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Range {
+  const char *name, *axis, *unit;
+  std::vector<double> values;
+  void (*set)(SimulationSettings&, double);
+};
+
+const std::vector<Range>& ranges() {
+  using S = SimulationSettings;
+  static const std::vector<Range> kRanges = {
+      {"visible-fraction",
+       "share of the tree in the field of view",
+       "",
+       {1, 0.9, 0.75, 0.6, 0.5, 0.4, 0.3, 0.2},
+       [](S& s, double x) { s.visible_fraction = x; }},
+      {"noise",
+       "noise of each image coordinate [px]",
+       "px",
+       {0, 0.5, 1, 1.5, 2, 3},
+       [](S& s, double x) { s.noise_px = x; }},
+      {"spurious",
+       "spurious curves per view",
+       "",
+       {0, 2, 5, 10, 20, 40},
+       [](S& s, double x) { s.spurious = static_cast<int>(x); }},
+      {"missing",
+       "share of the tree's branches not in the image",
+       "",
+       {0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
+       [](S& s, double x) { s.missing = x; }},
+      {"start",
+       "spread of the starts per axis [mm, with the rotations of the table]",
+       "mm",
+       {1, 3, 5, 8, 10, 15},
+       [](S& s, double x) {
+         // The paper's pairs, and one beyond.
+         s.rotation_std_deg = x <= 1 ? 0.5 : x <= 3 ? 1 : x <= 5 ? 2 : x <= 8 ? 3 : x <= 10 ? 5 : 8;
+         s.translation_std_mm = x;
+       }},
+      {"focal",
+       "error of the focal length [%]",
+       "%",
+       {0, 0.1, 0.25, 0.5, 1, 2},
+       [](S& s, double x) { s.focal_error_percent = x; }},
+      {"calibration",
+       "error between the two views [deg, and twice as many mm]",
+       "deg",
+       {0, 0.1, 0.25, 0.5, 1, 2},
+       [](S& s, double x) {
+         s.views = 2;
+         s.calibration_rotation_error_deg = x;
+         s.calibration_translation_error_mm = 2 * x;
+       }},
+      {"deformation", "rms deformation of the tree [mm]", "mm", {0, 0.25, 0.5, 1, 2, 4, 8}, [](S& s, double x) {
+         s.deformation_rms_mm = x;
+       }}};
+  return kRanges;
+}
+
+std::string shownAs(double value, const std::string& unit) {
+  return shown(value) + (unit.empty() ? "" : unit == "%" ? " %" : " " + unit);
+}
+
+Sweep sweepOver(const Range& range, const SimulationSettings& base) {
+  Sweep sweep{range.name, range.axis, {}};
+  for (const double value : range.values) {
+    Sweep::Point point{value, shownAs(value, range.unit), base};
+    range.set(point.settings, value);
+    if (sweep.name == "start") point.label = shown(point.settings.rotation_std_deg) + " deg, " + point.label;
+    if (sweep.name == "calibration") point.label += ", " + shown(2 * value) + " mm";
+    sweep.points.push_back(point);
+  }
+  return sweep;
+}
+
+}  // namespace
+
+std::vector<std::string> sweepNames() {
+  std::vector<std::string> names;
+  for (const auto& range : ranges()) names.push_back(range.name);
+  return names;
+}
+
+std::vector<Sweep> sweepsNamed(const std::string& name, const SimulationSettings& base) {
+  std::vector<Sweep> sweeps;
+  std::string known = "all";
+  for (const auto& range : ranges()) {
+    if (name == range.name || name == "all") sweeps.push_back(sweepOver(range, base));
+    known += std::string(", ") + range.name;
+  }
+  if (sweeps.empty()) throw InputError("", "sweep", name, "must be one of: " + known);
+  return sweeps;
+}
+
+SweepResult runSweep(const SimulationSetup& setup, const Sweep& sweep, const CaseProgress& progress) {
+  SweepResult result{sweep, {}};
+  const auto spacing_m = setup.camera.value_or(simulatedCamera()).parameters().pixel_spacing_m;
+  int done = 0;
+  for (const auto& point : sweep.points) {
+    const auto runs = runSimulation(setup, point.settings, [&](int) {
+      ++done;
+      if (progress) progress(done);
+    });
+    result.summaries.push_back(simulationSummaries(runs, spacing_m));
+  }
+  return result;
+}
+
+Json sweepAsJson(const SweepResult& result) {
+  Json json = {{"quantity", result.sweep.axis}, {"points", Json::array()}};
+  for (std::size_t i = 0; i < result.summaries.size(); ++i) {
+    json["points"].push_back({{"value", result.sweep.points[i].value},
+                              {"label", result.sweep.points[i].label},
+                              {"summaries", result.summaries[i]}});
+  }
+  return json;
+}
+
+std::string sweepTable(const SweepResult& result) {
+  std::string table =
+      "Sweep: " + result.sweep.axis + "\n\n| " + result.sweep.name +
+      " | method | success, mTRE < 2 mm | 95 % bounds | in-plane < 2 mm | pose ok | GFR > 5 px (true) | "
+      "failed, trusted | mTRE | in-plane | ms p50 |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
+  for (std::size_t i = 0; i < result.summaries.size(); ++i) {
+    for (const auto& [method, s] : result.summaries[i].items()) {
+      const auto number = [&s = s](const char* path) { return s[Json::json_pointer(path)].template get<double>(); };
+      char line[256];
+      std::snprintf(
+          line, sizeof line,
+          " | %.0f %% | %.0f to %.0f %% | %.0f %% | %.0f %% | %.0f %% | %.0f %% | %.3f mm | %.3f mm | %.1f |\n",
+          number("/success_mtre_2mm_percent"), number("/success_mtre_2mm_bounds_percent/0"),
+          number("/success_mtre_2mm_bounds_percent/1"), number("/in_plane_below_2mm_percent"),
+          number("/pose_ok_percent"), number("/gfr_true_5px_percent"), number("/failed_and_trusted_percent"),
+          number("/mtre_mm/median"), number("/in_plane_mm/median"), number("/time_ms/total/p50"));
+      table += "| " + result.sweep.points[i].label + " | " + method + line;
+    }
+  }
+  return table;
+}
+
+}  // namespace angio

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/simulation.hpp"
+#include "angio/geometry/carm.hpp"
+#include "angio/registration/starts.hpp"
+#include "angio/vessel/resample.hpp"
+#include "simulation_image.hpp"
+#include "simulation_random.hpp"
+
+namespace angio {
+namespace {
+
+constexpr int kMostFinePoints = 200000;
+// Numbers of drawnPose's draws that no method's own starts have: a method must not draw the trial's offset again.
+constexpr int kFirstStartIndex = 1000000;
+
+Eigen::Matrix3d lpsOf(ModelAxes axes) {
+  Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();
+  if (axes == ModelAxes::kRas) R_lps_model.diagonal() << -1, -1, 1;
+  if (axes == ModelAxes::kLip) R_lps_model << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+  return R_lps_model;
+}
+
+Pose drawnView(const VesselTree& tree, const SimulationSettings& s, int index) {
+  SimulationRandom random(s.seed, index, DrawFor::kView);
+  ViewAngles angles;
+  angles.primary_rad = degToRad(s.primary_deg + s.primary_range_deg * random.uniform(-1, 1));
+  angles.secondary_rad = degToRad(s.secondary_deg + s.secondary_range_deg * random.uniform(-1, 1));
+  const double roll_rad = degToRad(s.roll_range_deg) * random.uniform(-1, 1);
+  Pose T = Pose::Identity();
+  T.linear() = expSO3({0, 0, roll_rad}) * viewRotation(angles) * lpsOf(s.model_axes);
+  T.translation() = Eigen::Vector3d(0, 0, 1e-3 * s.source_isocentre_mm) - T.linear() * tree.centroid();
+  return T;
+}
+
+// A turn about a point of the camera's axis, and a shift.
+Pose turnedAbout(double depth_m, const Eigen::Vector3d& rotation_rad,
+                 const Eigen::Vector3d& shift_m = Eigen::Vector3d::Zero()) {
+  const Eigen::Translation3d to_centre(0, 0, depth_m);
+  Pose turn = Pose::Identity();
+  turn.linear() = expSO3(rotation_rad);
+  return to_centre * Eigen::Translation3d(shift_m) * turn * to_centre.inverse();
+}
+
+// The second plane: about an axis across the beam.
+Pose secondPlane(const SimulationSettings& s, int index) {
+  SimulationRandom random(s.seed, index, DrawFor::kView, 1);
+  const double angle_rad = degToRad(random.uniform(70, 110));
+  const Eigen::Vector2d axis = random.direction<2>();
+  return turnedAbout(1e-3 * s.source_isocentre_mm, angle_rad * Eigen::Vector3d(axis.x(), axis.y(), 0));
+}
+
+// The best small rigid motion [v; w] through the displacements, about the centroid.
+Twist rigidPartOf(const Eigen::Matrix3Xd& displacements, const Eigen::Matrix3Xd& centred) {
+  Matrix6d normal = Matrix6d::Zero();
+  Vector6d right = Vector6d::Zero();
+  Eigen::Matrix<double, 3, 6> J;
+  J.leftCols<3>().setIdentity();
+  for (Eigen::Index i = 0; i < centred.cols(); ++i) {
+    J.rightCols<3>() = -skew(centred.col(i));
+    normal += J.transpose() * J;
+    right += J.transpose() * displacements.col(i);
+  }
+  return normal.completeOrthogonalDecomposition().solve(right);  // A straight vessel has no roll.
+}
+
+// A smooth field, as the settings describe it, at any points.
+class DeformationField {
+ public:
+  DeformationField(const VesselTree& tree, const SimulationSettings& s, int index) : centroid_(tree.centroid()) {
+    SimulationRandom random(s.seed, index, DrawFor::kDeformation);
+    const Eigen::Matrix3Xd& p = tree.points();
+    const double extent_m = (p.rowwise().maxCoeff() - p.rowwise().minCoeff()).maxCoeff();
+    for (int k = 0; k < 4; ++k) {
+      Wave wave;
+      const double wavelength_m = extent_m * random.uniform(1, 3);
+      wave.wave_vector = 2 * kPi / wavelength_m * random.direction<3>();
+      wave.amplitude = random.normals<3>();
+      wave.phase = random.uniform(0, 2 * kPi);
+      waves_.push_back(wave);
+    }
+    rigid_ = rigidPartOf(wavesAt(p), p.colwise() - centroid_);
+    const double rms = std::sqrt(at(p).squaredNorm() / static_cast<double>(p.cols()));
+    scale_ = 1e-3 * s.deformation_rms_mm / std::max(rms, 1e-12);
+  }
+
+  Eigen::Matrix3Xd at(const Eigen::Matrix3Xd& points) const {
+    Eigen::Matrix3Xd d = wavesAt(points);
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+      d.col(i) -= rigid_.head<3>() + rigid_.tail<3>().cross(points.col(i) - centroid_);
+    }
+    return scale_ * d;
+  }
+
+ private:
+  struct Wave {
+    Eigen::Vector3d wave_vector, amplitude;
+    double phase = 0;
+  };
+
+  Eigen::Matrix3Xd wavesAt(const Eigen::Matrix3Xd& points) const {
+    Eigen::Matrix3Xd d = Eigen::Matrix3Xd::Zero(3, points.cols());
+    for (const auto& wave : waves_) {
+      for (Eigen::Index i = 0; i < points.cols(); ++i) {
+        d.col(i) += wave.amplitude * std::sin(wave.wave_vector.dot(points.col(i) - centroid_) + wave.phase);
+      }
+    }
+    return d;
+  }
+
+  Eigen::Vector3d centroid_;
+  std::vector<Wave> waves_;
+  Twist rigid_ = Twist::Zero();
+  double scale_ = 1;
+};
+
+// Which branches are filled: dropped in random order until the dropped length is as near to the share as whole branches
+// come.
+std::vector<bool> filledBranches(const VesselTree& tree, const SimulationSettings& s, int index) {
+  SimulationRandom random(s.seed, index, DrawFor::kMissing);
+  std::vector<bool> filled(tree.branches().size(), true);
+  double dropped_m = 0;
+  for (const int b : random.order(static_cast<int>(filled.size()))) {
+    const auto& chain = tree.branches()[static_cast<std::size_t>(b)];
+    double length_m = 0;
+    for (std::size_t k = 1; k < chain.size(); ++k) {
+      length_m += (tree.points().col(chain[k]) - tree.points().col(chain[k - 1])).norm();
+    }
+    if (dropped_m + 0.5 * length_m > s.missing * tree.length()) continue;
+    dropped_m += length_m;
+    filled[static_cast<std::size_t>(b)] = false;
+  }
+  return filled;
+}
+
+std::vector<Curve> projectedBranches(const VesselTree& tree, const Eigen::Matrix3Xd& points_camera,
+                                     const XrayCamera& camera) {
+  std::vector<Curve> curves;
+  for (const auto& chain : tree.branches()) {
+    Curve curve;
+    for (const int i : chain) {
+      if (const auto pixel = camera.project(points_camera.col(i))) curve.push_back(*pixel);
+    }
+    curves.push_back(std::move(curve));
+  }
+  return curves;
+}
+
+// What a method is told of a camera.
+XrayCamera miscalibrated(const XrayCamera& camera, const SimulationSettings& s, int index, int view) {
+  SimulationRandom random(s.seed, index, DrawFor::kCalibration, view);
+  const double sign = random.uniform() < 0.5 ? -1 : 1;
+  const Eigen::Vector2d shift_px = s.principal_point_error_px * random.direction<2>();
+  const double factor = 1 + sign * s.focal_error_percent / 100;
+  XrayCamera::Parameters p = camera.parameters();
+  p.fx_px *= factor;
+  p.fy_px *= factor;
+  p.cx_px += shift_px.x();
+  p.cy_px += shift_px.y();
+  if (p.source_detector_distance_m) *p.source_detector_distance_m *= factor;
+  return XrayCamera(p);
+}
+
+Pose miscalibratedPlane(const Pose& T_view_first, const SimulationSettings& s, int index) {
+  SimulationRandom random(s.seed, index, DrawFor::kCalibration, -1);
+  const Eigen::Vector3d turn_rad = degToRad(s.calibration_rotation_error_deg) * random.direction<3>();
+  const Eigen::Vector3d shift_m = 1e-3 * s.calibration_translation_error_mm * random.direction<3>();
+  return turnedAbout(1e-3 * s.source_isocentre_mm, turn_rad, shift_m) * T_view_first;
+}
+
+Pose drawnTrialStart(const VesselTree& tree, const Pose& truth, const SimulationSettings& s, int index) {
+  const auto scaled = [&](double factor) {
+    return drawnPose(truth, tree.centroid(), factor * degToRad(s.rotation_std_deg),
+                     factor * 1e-3 * s.translation_std_mm, s.seed, kFirstStartIndex + index);
+  };
+  if (!(s.even_starts_mm > 0)) return scaled(1);
+  SimulationRandom random(s.seed, index, DrawFor::kStart);
+  const double wanted_m = 1e-3 * s.even_starts_mm * random.uniform();
+  double factor = 1;
+  for (int i = 0; i < 8; ++i) {  // The distance is nearly linear in the factor.
+    const double mtre_m = ((scaled(factor) * tree.points()) - (truth * tree.points())).colwise().norm().mean();
+    if (!(mtre_m > 0)) break;
+    factor *= wanted_m / mtre_m;
+  }
+  return scaled(factor);
+}
+
+}  // namespace
+
+XrayViews SimulatedTrial::views() const {
+  XrayViews result;
+  for (std::size_t v = 0; v < cameras.size(); ++v) {
+    result.push_back(XrayView{centerlines[v], cameras[v], T_view_first[v], {}});
+  }
+  return result;
+}
+
+XrayCamera simulatedCamera() { return XrayCamera::centred(1024, 1024, 0.308e-3, 1.195); }
+
+SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
+                              const SimulationSettings& settings, int index) {
+  checkSettings("simulation", settings);
+  SimulatedTrial trial;
+  trial.truth = drawnView(tree, settings, index);
+  trial.start = drawnTrialStart(tree, trial.truth, settings, index);
+  const XrayCamera detector = camera.value_or(simulatedCamera());
+  const VesselTree fine = resampled(tree, 1e-3 * settings.tree_spacing_mm, kMostFinePoints).tree;
+  Eigen::Matrix3Xd points = fine.points();
+  if (settings.deformation_rms_mm > 0) {
+    const DeformationField field(tree, settings, index);
+    trial.displacements_m = field.at(tree.points());
+    points += field.at(fine.points());
+  }
+  const std::vector<bool> filled = filledBranches(fine, settings, index);
+  for (int v = 0; v < settings.views; ++v) {
+    const Pose T_view_first = v == 0 ? Pose::Identity() : secondPlane(settings, index);
+    const auto branches = projectedBranches(fine, T_view_first * trial.truth * points, detector);
+    SimulatedView view = simulatedView(branches, filled, detector, settings, index, v);
+    trial.cameras.push_back(miscalibrated(view.camera, settings, index, v));
+    trial.centerlines.push_back(std::move(view.centerline));
+    trial.T_view_first.push_back(v == 0 ? T_view_first : miscalibratedPlane(T_view_first, settings, index));
+  }
+  return trial;
+}
+
+}  // namespace angio

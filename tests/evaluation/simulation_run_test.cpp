@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/simulation_run.hpp"
+
+#include <gtest/gtest.h>
+
+#include "angio/evaluation/paper.hpp"
+#include "angio/evaluation/simulation_report.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/phantoms.hpp"
+
+namespace angio {
+namespace {
+
+CaseOutcome outcomeOf(double start_mm, double end_mm, RegistrationStatus status = RegistrationStatus::kConverged) {
+  CaseOutcome o;
+  o.result.status = status;
+  o.start_error = PoseError{};
+  o.start_error->mtre_m = 1e-3 * start_mm;
+  o.error = PoseError{};
+  o.error->mtre_m = 1e-3 * end_mm;
+  o.error->mpd_px = 10 * end_mm;
+  o.error->mpd_isocentre_m = 2e-3 * end_mm;
+  return o;
+}
+
+std::vector<CaseOutcome> inBin(int bin, int good, int bad) {
+  std::vector<CaseOutcome> outcomes;
+  for (int i = 0; i < good; ++i) outcomes.push_back(outcomeOf(bin + 0.5, 0.1));
+  for (int i = 0; i < bad; ++i) outcomes.push_back(outcomeOf(bin + 0.5, 5));
+  return outcomes;
+}
+
+TEST(CaptureRange, IsTheFarthestBinThatSucceeds) {
+  std::vector<CaseOutcome> all;
+  const auto add = [&](const std::vector<CaseOutcome>& more) { all.insert(all.end(), more.begin(), more.end()); };
+  add(inBin(0, 20, 0));
+  add(inBin(3, 19, 1));  // 95 %.
+  add(inBin(5, 18, 2));  // 90 %: the first that does not.
+  add(inBin(7, 40, 1));
+  add(inBin(9, 9, 0));    // Too few to say anything.
+  add(inBin(25, 50, 0));  // Beyond what the figure covers.
+  const CaptureBins bins = captureBins(all);
+  EXPECT_EQ(bins.trials[3], 20);
+  EXPECT_EQ(bins.successes[5], 18);
+  EXPECT_EQ(bins.range_mm(), 8);
+  EXPECT_EQ(bins.unbroken_range_mm(), 4);
+  EXPECT_FALSE(captureBins({}).range_mm());
+  EXPECT_FALSE(captureBins(inBin(0, 5, 20)).range_mm());
+}
+
+// Brown, Cai and DasGupta (2001) and any table: 8 of 10 has 49.0 to 94.3 %.
+TEST(ShareBound, IsWilsons) {
+  const ShareBounds bounds = shareBounds(8, 10);
+  EXPECT_NEAR(bounds.low, 0.4902, 1e-4);
+  EXPECT_NEAR(bounds.high, 0.9433, 1e-4);
+  EXPECT_NEAR(shareBounds(0, 10).low, 0, 1e-12);
+  EXPECT_GT(shareBounds(0, 10).high, 0.2);
+  EXPECT_EQ(shareBounds(0, 0).high, 1);
+}
+
+TEST(SimulationSummary, HasEveryFigureOfTheTrade) {
+  const auto s = simulationSummary(
+      {outcomeOf(5, 0.1), outcomeOf(5, 1), outcomeOf(5, 4), outcomeOf(5, 9, RegistrationStatus::kDiverged)}, 0.3e-3);
+  EXPECT_EQ(s["success_mtre_2mm_percent"], 50);
+  EXPECT_EQ(s["failed_and_trusted_percent"], 25);
+  EXPECT_EQ(s["failed_and_noticed_percent"], 25);
+  EXPECT_EQ(s["gfr_true_5px_percent"], 75);            // 1, 10, 40 and 90 px.
+  EXPECT_EQ(s["gfr_true_isocentre_5mm_percent"], 50);  // 0.2, 2, 8 and 18 mm.
+  EXPECT_NEAR(s["mpd_detector_mm"]["max"], 27, 1e-9);  // 90 px of 0.3 mm.
+  EXPECT_NEAR(s["mpd_isocentre_mm"]["max"], 18, 1e-9);
+  EXPECT_TRUE(s["capture_range_mm"].is_null());
+  EXPECT_FALSE(simulationSummary({outcomeOf(5, 0.1)}, {}).contains("mpd_detector_mm"));
+}
+
+class SimulationRuns : public testing::Test {
+ protected:
+  SimulationRuns() {
+    settings_.trials = 4;
+    settings_.rotation_std_deg = 0.5;
+    settings_.translation_std_mm = 1;
+    IterativePnpSettings prior;
+    prior.prior = PriorForm::kCovariance;
+    setup_.trees = {test::branchingTree(2), test::branchingTree(9, {0.01, 0.02, 0})};
+    setup_.entrants = {{"iterative_pnp", prior, {}}, {"again", prior, {}}};
+  }
+
+  SimulationSettings settings_;
+  SimulationSetup setup_;
+};
+
+TEST_F(SimulationRuns, AllEntrantsSeeTheSameTrials) {
+  int done = 0;
+  const auto runs = runSimulation(setup_, settings_, [&](int now) { done = now; });
+  EXPECT_EQ(done, 8);
+  ASSERT_EQ(runs.size(), 2u);
+  EXPECT_EQ(runs[1].name, "again");
+  for (std::size_t i = 0; i < 4; ++i) {
+    const CaseOutcome &a = runs[0].outcomes[i], &b = runs[1].outcomes[i];
+    EXPECT_EQ(a.name, b.name);
+    EXPECT_EQ(a.start_error->mtre_m, b.start_error->mtre_m);
+    EXPECT_EQ(a.result.T_camera_model.matrix(), b.result.T_camera_model.matrix());
+    // From a millimetre or two, clean views: either tree is found at its own truth.
+    EXPECT_LT(a.error->mtre_m, kSuccessMtre_m) << i;
+  }
+  const auto summaries = simulationSummaries(runs, 0.3e-3);
+  EXPECT_EQ(summaries["again"]["time_p50_relative"]["to"], "iterative_pnp");
+  EXPECT_EQ(summaries["iterative_pnp"]["time_p50_relative"]["ratio"], 1);
+  EXPECT_NE(simulationTable(summaries).find("| again | 100 %"), std::string::npos) << simulationTable(summaries);
+}
+
+TEST_F(SimulationRuns, NoTreeIsRefused) {
+  setup_.trees.clear();
+  EXPECT_NE(test::refusalOf([&] { runSimulation(setup_, settings_); }).find("trees"), std::string::npos);
+}
+
+TEST_F(SimulationRuns, EverySweepChangesWhatItSays) {
+  const auto sweeps = sweepsNamed("all", settings_);
+  ASSERT_EQ(sweeps.size(), sweepNames().size());
+  for (const auto& sweep : sweeps) {
+    ASSERT_GE(sweep.points.size(), 5u) << sweep.name;
+    for (std::size_t i = 1; i < sweep.points.size(); ++i) {
+      const SimulatedTrial a = simulatedTrial(setup_.trees[0], {}, sweep.points[i - 1].settings, 0);
+      const SimulatedTrial b = simulatedTrial(setup_.trees[0], {}, sweep.points[i].settings, 0);
+      EXPECT_EQ(a.truth.matrix(), b.truth.matrix());
+      const bool same_image = a.centerlines[0].points_px.cols() == b.centerlines[0].points_px.cols() &&
+                              a.centerlines[0].points_px == b.centerlines[0].points_px;
+      EXPECT_FALSE(same_image && a.start.isApprox(b.start) &&
+                   a.cameras[0].parameters().fx_px == b.cameras[0].parameters().fx_px &&
+                   a.T_view_first.back().isApprox(b.T_view_first.back(), 1e-9))
+          << sweep.name << ", " << sweep.points[i].label;
+    }
+  }
+  EXPECT_NE(test::refusalOf([&] { sweepsNamed("luck", settings_); }).find("visible-fraction"), std::string::npos);
+}
+
+TEST_F(SimulationRuns, TheReportStandsAlone) {
+  settings_.trials = 2;
+  setup_.entrants[1].name = "<b> & co";
+  const auto runs = runSimulation(setup_, settings_);
+  const auto summaries = simulationSummaries(runs, {});
+  Sweep sweep = sweepsNamed("noise", settings_)[0];
+  sweep.points.resize(2);
+  const std::vector<SweepResult> swept = {runSweep(setup_, sweep)};
+  const std::string page =
+      simulationReportHtml({setup_, settings_, runs, summaries, swept, {{"simulation", {{"x", 1}}}}, {"a"}});
+  EXPECT_EQ(page.find("<!DOCTYPE html>"), 0u);
+  EXPECT_EQ(page.find("http"), std::string::npos) << "nothing from outside";
+  EXPECT_EQ(page.find("<script"), std::string::npos);
+  EXPECT_EQ(page.find("<b>"), std::string::npos);
+  EXPECT_NE(page.find("&lt;b&gt; &amp; co"), std::string::npos);
+  EXPECT_NE(page.find("data:image/png;base64,iVBORw0KGgo"), std::string::npos);
+  EXPECT_EQ(page.find("nan"), page.find("nance")) << "no figure that is not a number";
+  for (const char* tag : {"svg", "figure", "section", "table", "div"}) {
+    const auto count = [&](const std::string& what) {
+      std::size_t n = 0;
+      for (std::size_t at = page.find(what); at != std::string::npos; at = page.find(what, at + 1)) ++n;
+      return n;
+    };
+    EXPECT_EQ(count(std::string("<") + tag + " ") + count(std::string("<") + tag + ">"),
+              count(std::string("</") + tag + ">"))
+        << tag;
+  }
+}
+
+TEST(Paper, ATrialWithoutAnAnswerIsAFailure) {
+  EntrantRun run{"m", {outcomeOf(5, 0.1), outcomeOf(5, 9, RegistrationStatus::kTooFewPoints)}};
+  run.outcomes[0].result.agreement.model_rms_px = 2;
+  const PaperFigures f = paperFigures(run);
+  EXPECT_EQ(f.gfr_percent, 50);
+  EXPECT_NEAR(f.mean_pr_mm, 0.6, 1e-12);  // 2 px of 0.30 mm.
+  const std::string table = paperTable1({run});
+  EXPECT_NE(table.find("| paper: Iterative PnP, rigid | 4 % | 0.39 | 0.84 | 0.56 | 16.9 | 0.46 deg, 7.09 mm |"),
+            std::string::npos)
+      << table;
+  EXPECT_NE(table.find("| m | 50 % | 0.60 |"), std::string::npos) << table;
+}
+
+TEST(SvgPlots, SurviveSeriesWithNothingToShow) {
+  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  for (const bool log : {false, true}) {
+    for (const auto& values :
+         std::vector<std::vector<double>>{{}, {3}, {0}, {nan}, {-1, -1}, {inf, nan, 2}, {5e-324, 1}, {1e-300, 1e300}}) {
+      SvgPlot plot;
+      plot.log_x = plot.log_y = log;
+      plot.series.push_back({"s", values, values, {}, {}});
+      const std::string svg = svgPlot(plot);
+      EXPECT_EQ(svg.find("nan"), std::string::npos) << svg;
+      EXPECT_EQ(svg.find("inf"), std::string::npos) << svg;
+      EXPECT_LT(svg.size(), 100000u);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace angio
