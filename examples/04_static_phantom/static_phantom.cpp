@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// How does a method do on real frames, and when it is wrong, does it know? Four runs of a static phantom, each from
+// many starts around a reference pose.
+//
+// There is no truth, but there are the C-arm's angles: the phantom did not turn, so two runs' poses must differ by the
+// rotation between their views, and that is how their nominal poses differ. Each run is registered without knowledge of
+// the others.
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+
+#include "angio/base/errors.hpp"
+#include "angio/cli/data_folder.hpp"
+#include "angio/cli/program.hpp"
+#include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/statistics.hpp"
+#include "angio/imaging/extractor.hpp"
+#include "angio/io/case_files.hpp"
+#include "angio/io/centerline_files.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/registration/starts.hpp"
+#include "angio/vessel/projection.hpp"
+#include "angio/vessel/resample.hpp"
+#include "program_settings.hpp"
+
+namespace {
+
+// The angles hold to about a degree between the runs, and a pose that is reversed in depth is 3 deg off and more.
+constexpr double kRight_deg = 2, kWrong_deg = 3, kGoodResidual_px = 2;
+
+struct Options {
+  std::string cases = angio::exampleDataFile("static-phantom/cases.yaml");
+  std::string method = angio::IterativePnpSettings::kName, settings;
+  int starts = 20, seed = 7;
+  double rotation_deg = 10, translation_mm = 20;
+  bool image = false;
+};
+
+// One run, and what was found in it from one start.
+struct Run {
+  angio::Case setup;
+  angio::Centerline2d centerline;
+  angio::VesselTree tree, fine_tree;  // As it is, and with points so near each other that the nearest one will do.
+  double reference_residual_px = 0;
+};
+
+struct Found {
+  angio::RegistrationStatus status;
+  angio::Pose T_camera_model;
+  double residual_px;  // Median, from image points to the projected tree.
+  double off_deg;      // From the reference pose.
+  double time_s;
+
+  bool trusted() const { return status == angio::RegistrationStatus::kConverged; }
+};
+
+double angleDegrees(const angio::Pose& a, const angio::Pose& b) {
+  return angio::radToDeg(angio::rotationAngle(a.linear() * b.linear().transpose()));
+}
+
+// The rotation from one view to the other, as the poses have it.
+angio::Pose between(const angio::Pose& T_a_model, const angio::Pose& T_b_model) {
+  return T_b_model * T_a_model.inverse();
+}
+
+double median(const std::vector<double>& values) { return angio::percentile(values, 0.5); }
+double worst(const std::vector<double>& values) { return angio::percentile(values, 1); }
+
+double medianResidual(const Run& run, const angio::Pose& T_camera_model) {
+  const auto projected = angio::projectedCenterline(run.fine_tree, run.setup.views[0].camera, T_camera_model);
+  if (projected.size() == 0) return std::numeric_limits<double>::infinity();
+  std::vector<double> distances;
+  for (int j = 0; j < run.centerline.size(); ++j) {
+    const Eigen::Vector2d q = run.centerline.points_px.col(j);
+    distances.push_back(std::sqrt((projected.points_px.colwise() - q).colwise().squaredNorm().minCoeff()));
+  }
+  return distances.empty() ? std::numeric_limits<double>::infinity() : median(distances);
+}
+
+// What is known of a start that is anywhere in the box: the spread of a uniform distribution.
+angio::Matrix6d covarianceOfBox(const Options& o) {
+  angio::Vector6d variance;
+  variance.head<3>().setConstant(std::pow(o.translation_mm * 1e-3, 2) / 3);
+  variance.tail<3>().setConstant(std::pow(angio::degToRad(o.rotation_deg), 2) / 3);
+  return variance.asDiagonal();
+}
+
+std::vector<Run> readRuns(const Options& o, const angio::OtsuSettings& otsu) {
+  std::vector<Run> runs;
+  for (angio::Case& setup : angio::readCaseSet(o.cases).cases) {
+    if (!setup.truth_pose) throw angio::InputError(o.cases, "truth_pose", "", "every case must have a reference");
+    const angio::View& view = setup.views[0];
+    const auto& path = o.image ? view.image_path : view.centerline_path;
+    if (!path) throw angio::InputError(o.cases, o.image ? "image" : "centerline", "", "is missing in " + setup.name);
+    auto seen = o.image ? angio::makeExtractor(otsu)->extract(angio::readXrayImage(*path, view.camera))
+                        : angio::readCenterline(*path);
+    angio::VesselTree tree = angio::readVesselTree(setup.tree_path);
+    angio::VesselTree fine_tree = angio::resampled(tree, 0.5e-3, 100000).tree;
+    Run& run = runs.emplace_back(Run{std::move(setup), std::move(seen), std::move(tree), std::move(fine_tree)});
+    run.reference_residual_px = medianResidual(run, *run.setup.truth_pose);
+  }
+  return runs;
+}
+
+// Rows are runs, columns are starts.
+std::vector<std::vector<Found>> findAll(const Options& o, const angio::ProgramSettings& settings,
+                                        const std::vector<Run>& runs) {
+  angio::StartSettings box = settings.starts;
+  box.box_rotation_deg = o.rotation_deg;
+  box.box_translation_mm = o.translation_mm;
+  angio::StartSettings draws = box;
+  draws.seed = o.seed;  // Not the search's own draws.
+  angio::ProgressBar bar("registering", static_cast<int>(runs.size()) * o.starts);
+  std::vector<std::vector<Found>> found;
+  for (const Run& run : runs) {
+    const auto registration = angio::makeRegistration(settings.of(o.method, std::nullopt), run.tree);
+    auto& row = found.emplace_back();
+    for (int i = 0; i < o.starts; ++i) {
+      const int index = static_cast<int>(found.size() - 1) * o.starts + i;
+      const angio::Pose start = angio::drawnStart({*run.setup.truth_pose, {}}, run.tree.centroid(), draws, index);
+      const auto r = registration->search(run.centerline, run.setup.views[0].camera, {start, covarianceOfBox(o)}, box);
+      row.push_back({r.status, r.T_camera_model, medianResidual(run, r.T_camera_model),
+                     angleDegrees(r.T_camera_model, *run.setup.truth_pose), r.times.total_s});
+      bar.show(index + 1);
+    }
+  }
+  return found;
+}
+
+void printRuns(const std::vector<Run>& runs, const std::vector<std::vector<Found>>& found) {
+  std::printf(
+      "| run | right | converged | ambiguous | diverged | trusted and wrong | wrong below %g px | residual [px], "
+      "median "
+      "(worst) | the reference's | from reference [deg], median (worst) | ms, median |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+      kGoodResidual_px);
+  for (std::size_t k = 0; k < runs.size(); ++k) {
+    int right = 0, by_status[4] = {}, false_trust = 0, trap = 0;
+    std::vector<double> residual_px, off_deg, time_ms;
+    for (const Found& f : found[k]) {
+      const bool good = f.residual_px<kGoodResidual_px, wrong = f.off_deg> kWrong_deg;
+      right += good && f.off_deg <= kRight_deg;
+      ++by_status[static_cast<int>(f.status)];
+      false_trust += f.trusted() && wrong;
+      trap += good && wrong;
+      residual_px.push_back(f.residual_px);
+      off_deg.push_back(f.off_deg);
+      time_ms.push_back(1e3 * f.time_s);
+    }
+    std::printf("| %s | %d of %zu | %d | %d | %d | %d | %d | %.2f (%.2f) | %.2f | %.2f (%.1f) | %.0f |\n",
+                runs[k].setup.name.c_str(), right, found[k].size(), by_status[0], by_status[1],
+                by_status[2] + by_status[3], false_trust, trap, median(residual_px), worst(residual_px),
+                runs[k].reference_residual_px, median(off_deg), worst(off_deg), median(time_ms));
+  }
+}
+
+void printPairs(const std::vector<Run>& runs, const std::vector<std::vector<Found>>& found) {
+  std::printf(
+      "\n| pair | angle by the C-arm [deg] | references off [deg] | found off [deg], median (worst) | within %g deg | "
+      "both "
+      "trusted | of those within %g deg |\n| --- | --- | --- | --- | --- | --- | --- |\n",
+      kRight_deg, kRight_deg);
+  for (std::size_t a = 0; a < runs.size(); ++a) {
+    for (std::size_t b = a + 1; b < runs.size(); ++b) {
+      const angio::Pose nominal = between(runs[a].setup.initial_pose, runs[b].setup.initial_pose);
+      const double reference_deg = angleDegrees(between(*runs[a].setup.truth_pose, *runs[b].setup.truth_pose), nominal);
+      int within = 0, trusted = 0, trusted_within = 0;
+      std::vector<double> off_deg;
+      for (std::size_t i = 0; i < found[a].size(); ++i) {
+        off_deg.push_back(angleDegrees(between(found[a][i].T_camera_model, found[b][i].T_camera_model), nominal));
+        const bool near = off_deg.back() <= kRight_deg, both = found[a][i].trusted() && found[b][i].trusted();
+        within += near;
+        trusted += both;
+        trusted_within += near && both;
+      }
+      std::printf("| %s, %s | %.1f | %.2f | %.2f (%.1f) | %d of %zu | %d | %d |\n", runs[a].setup.name.c_str(),
+                  runs[b].setup.name.c_str(), angleDegrees(nominal, angio::Pose::Identity()), reference_deg,
+                  median(off_deg), worst(off_deg), within, off_deg.size(), trusted, trusted_within);
+    }
+  }
+}
+
+int measure(const Options& o) {
+  angio::ProgramSettings settings;
+  const auto data_settings = std::filesystem::path(o.cases).parent_path() / "settings.yaml";  // What suits the frames.
+  if (std::filesystem::exists(data_settings)) settings = angio::readSettings(data_settings.string(), settings);
+  if (!o.settings.empty()) settings = angio::readSettings(o.settings, settings);
+  const std::vector<Run> runs = readRuns(o, settings.otsu);
+  const auto found = findAll(o, settings, runs);
+  std::printf("%s, %d starts a run, uniform in +-%g deg and +-%g mm about and along each axis\n\n", o.method.c_str(),
+              o.starts, o.rotation_deg, o.translation_mm);
+  printRuns(runs, found);
+  printPairs(runs, found);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Measures a method on the four runs of the static phantom.", "example-04-static-phantom");
+  angio::describeProgram(app, "example-04-static-phantom --method iterative_pnp --starts 20");
+  Options o;
+  app.add_option("--cases", o.cases,
+                 "Case set whose nominal poses differ as the C-arm's angles do, with reference poses");
+  app.add_option("--method", o.method, "Registration method");
+  app.add_option("--settings", o.settings, "Settings (.yaml) over those beside the case set");
+  app.add_option("--starts", o.starts, "Starts a run")->check(CLI::Range(1, 10000));
+  app.add_option("--seed", o.seed, "Seed of the starts")->check(CLI::Range(0, 2147483647));
+  app.add_option("--rotation-deg", o.rotation_deg, "Starts lie so far from the reference, per axis")
+      ->check(angio::between(0, 180));
+  app.add_option("--translation-mm", o.translation_mm, "Starts lie so far from the reference, per axis")
+      ->check(angio::between(0, 1000));
+  app.add_flag("--image", o.image, "Extract the centrelines from the frames");
+  return angio::runProgram(app, argc, argv, [&] { return measure(o); });
+}
