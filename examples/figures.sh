@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [table1] [clinical] [seeds] [speed]      (all by default)
+#   examples/figures.sh [rows] [paper] [table1] [clinical] [phantom] [seeds] [speed]      (all by default)
+# With ANGIO_SHARED_DATA naming a folder that holds brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=build/bin
@@ -25,9 +26,50 @@ table1() {
   done
 }
 
+rows() {
+  local trees=(--tree examples/data/hepatic-tace/tree.csv --tree examples/data/static-phantom/tree.csv) one
+  for one in BG0002 BG18 BH0006 BH0014; do
+    [ -f "${ANGIO_SHARED_DATA:-}/brava/$one.swc" ] && trees+=(--tree "$ANGIO_SHARED_DATA/brava/$one.swc")
+  done
+  local simulate=("$bin"/angio-evaluate simulation "${trees[@]}" --method iterative_pnp,oriented_kernel --trials "${TRIALS:-100}" --seed 11)
+  echo "### Registration on simulated views, both methods on the same trials: ${#trees[@]} / 2 trees"
+  echo; echo "noise-free, 2 deg / 5 mm"; "${simulate[@]}"
+  echo; echo "noise-free, 5 deg / 10 mm"; "${simulate[@]}" --rotation-std-deg 5 --translation-std-mm 10
+  echo; echo "half of the tree in view, 1 px noise, 5 spurious curves, 2 deg / 5 mm"
+  "${simulate[@]}" --visible-fraction 0.5 --noise-px 1 --spurious 5
+  echo; echo "the same, two views, 5 deg / 10 mm"
+  "${simulate[@]}" --visible-fraction 0.5 --noise-px 1 --spurious 5 --views 2 --rotation-std-deg 5 --translation-std-mm 10
+  for one in 3 5; do
+    echo; echo "smooth deformation of $one mm rms, nonrigid, 2 deg / 5 mm"
+    "${simulate[@]}" --deformation-rms-mm "$one" --nonrigid
+  done
+  clinical
+  phantom
+}
+
+paper() {
+  echo; echo "### The paper's Tables I and III"
+  "$bin"/angio-evaluate paper --trials "${TRIALS:-100}" --method iterative_pnp,oriented_kernel
+}
+
 clinical() {
+  local deformation
   echo; echo "### 37 clinical catheter frames (hepatic-tace), no ground truth"
-  "$bin"/angio-evaluate cases examples/data/hepatic-tace/cases.yaml
+  for deformation in "" --nonrigid; do
+    echo; echo "$deformation"
+    "$bin"/angio-evaluate cases examples/data/hepatic-tace/cases.yaml --method iterative_pnp,oriented_kernel $deformation --out "$work/clinical.json"
+    for figure in mean_image_residual_px; do
+      grep -A6 "\"$figure\": {" "$work/clinical.json" | grep '"mean"' | sed "s/^ */$figure, mean over frames: /"
+    done
+  done
+}
+
+phantom() {
+  local method
+  echo; echo "### Four runs of a static phantom, ${STARTS:-50} starts each within +-10 deg / +-20 mm"
+  for method in iterative_pnp oriented_kernel; do
+    echo; "$bin"/example-04-static-phantom --method "$method" --starts "${STARTS:-50}"
+  done
 }
 
 seeds() {
@@ -44,6 +86,6 @@ speed() {
   "$bin"/angio-benchmark --benchmark_min_time=0.5 2>/dev/null
 }
 
-for part in "${@:-table1 clinical seeds speed}"; do
+for part in "${@:-rows paper table1 seeds speed}"; do
   for one in $part; do "$one"; done
 done

@@ -21,7 +21,7 @@ namespace angio {
 namespace {
 
 struct Options {
-  std::string tree, initial_pose, method = IterativePnpSettings::kName, settings, out, overlay;
+  std::string tree, initial_pose, method = OrientedKernelSettings::kName, settings, out, overlay;
   std::vector<std::string> cameras, view_poses, centerlines, images;  // In the order of the views.
   std::string polarity = "dark";
   int starts = 0;

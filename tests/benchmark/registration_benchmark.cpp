@@ -3,6 +3,9 @@
 
 #include "angio/registration/agreement.hpp"
 #include "angio/registration/registration.hpp"
+#include "field_step.hpp"
+#include "oriented_image.hpp"
+#include "oriented_model.hpp"
 #include "point_matcher.hpp"
 #include "scene.hpp"
 
@@ -53,7 +56,7 @@ void sweepNearest(benchmark::State& state) {
 }
 BENCHMARK(sweepNearest)->Unit(benchmark::kMicrosecond);
 
-void align(benchmark::State& state, const IterativePnpSettings& settings, double rotation_deg, double translation_mm,
+void align(benchmark::State& state, const RegistrationSettings& settings, double rotation_deg, double translation_mm,
            int points_3d) {
   const Scene scene;
   const VesselTree tree = scene.treeOf(points_3d);
@@ -93,6 +96,89 @@ void rigidByModelSize(benchmark::State& state) {
   state.SetComplexityN(state.range(0));
 }
 BENCHMARK(rigidByModelSize)->RangeMultiplier(2)->Range(500, 8000)->Unit(benchmark::kMillisecond)->Complexity();
+
+// The points as they are, and the covariance that a tracker knows its prediction to: 1 deg, 3 mm.
+OrientedKernelSettings oriented(Deformation deformation) {
+  OrientedKernelSettings settings;
+  settings.spacing_mm = 0;
+  settings.most_points_3d = 100000;
+  settings.prior_rotation_std_deg = 1;
+  settings.prior_translation_std_mm = 3;
+  settings.deformation = deformation;
+  return settings;
+}
+
+BENCHMARK_CAPTURE(align, oriented_tracking_1deg_3mm, oriented(Deformation::kRigid), 1, 3, kPoints)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(align, oriented_nonrigid_1deg_3mm, oriented(Deformation::kNonrigid), 1, 3, kPoints)
+    ->Unit(benchmark::kMillisecond);
+
+void searchOriented(benchmark::State& state) {
+  const Scene scene;
+  const VesselTree tree = scene.treeOf(kPoints);
+  const Centerline2d image = scene.imageOf(kPoints);
+  OrientedKernelSettings settings = oriented(Deformation::kRigid);
+  settings.prior_rotation_std_deg = 5;
+  settings.prior_translation_std_mm = 10;
+  settings.starts = static_cast<int>(state.range(0));
+  const auto registration = makeRegistration(settings, tree);
+  const PosePrior prior{scene.start(5, 10), std::nullopt};
+  RegistrationResult result;
+  for (auto _ : state) result = registration->search(image, scene.camera, prior, {});
+  count(state, tree, image);
+  state.counters["ambiguity"] = result.ambiguity.value_or(1);
+  state.SetLabel(statusName(result.status));
+}
+BENCHMARK(searchOriented)->Arg(64)->Arg(256)->Unit(benchmark::kMillisecond);
+
+void boxOriented(benchmark::State& state) {
+  const Scene scene;
+  const VesselTree tree = scene.treeOf(kPoints);
+  const Centerline2d image = scene.imageOf(kPoints);
+  const auto registration = makeRegistration(oriented(Deformation::kRigid), tree);
+  StartSettings box;
+  box.box_rotation_deg = 45;
+  box.box_translation_mm = 60;
+  RegistrationResult result;
+  for (auto _ : state) result = registration->search(image, scene.camera, {scene.start(30, 40), {}}, box);
+  count(state, tree, image);
+  state.SetLabel(statusName(result.status));
+}
+BENCHMARK(boxOriented)->Unit(benchmark::kMillisecond);
+
+void buildField(benchmark::State& state) {
+  const Scene scene;
+  OrientedPoints points, thin;
+  orientedPoints(scene.imageOf(kPoints), 2, 100000, points);
+  const double scale = static_cast<double>(state.range(0));
+  KernelField field;
+  for (auto _ : state) {
+    thinned(points, std::max(1, static_cast<int>(0.75 * scale / 2)), thin);
+    field.build(thin, scale, KernelField::Region::detector(scene.camera.width_px(), scene.camera.height_px()));
+    benchmark::DoNotOptimize(field.cells());
+  }
+}
+BENCHMARK(buildField)->Arg(32)->Arg(16)->Arg(8)->Unit(benchmark::kMicrosecond);
+
+// One look of all points at a field: linear in the 3D points, whatever the 2D points are.
+void lookAtFieldBySize(benchmark::State& state) {
+  const Scene scene;
+  const VesselTree tree = scene.treeOf(static_cast<int>(state.range(0)));
+  const OrientedModel model(tree, oriented(Deformation::kRigid));
+  const Centerline2d image = scene.imageOf(kPoints);
+  OrientedPoints points;
+  orientedPoints(image, 2, 100000, points);
+  KernelField field;
+  field.build(points, 8, KernelField::Region::detector(scene.camera.width_px(), scene.camera.height_px()));
+  std::vector<HalfPlane> view;
+  fieldOfView(XrayView{image, scene.camera}, view);
+  const Pose T = scene.start(1, 3) * Eigen::Translation3d(model.centroid);
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(lookAtField(model.all, field, scene.camera, view, T, {}).objective);
+  }
+  state.SetComplexityN(state.range(0));
+}
+BENCHMARK(lookAtFieldBySize)->RangeMultiplier(2)->Range(500, 16000)->Unit(benchmark::kMicrosecond)->Complexity();
 
 void agreement(benchmark::State& state) {
   const Scene scene;

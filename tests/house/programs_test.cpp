@@ -40,8 +40,8 @@ TEST_F(Programs, RegisterFindsThePoseAndDrawsIt) {
   EXPECT_EQ(ended.err, "");
   const Json result = Json::parse(test::contentOf(folder_.path("result.json")));
   expectTruth(result);
-  EXPECT_EQ(result["method"], "iterative_pnp");
-  EXPECT_TRUE(result["settings"].contains("iterative_pnp") && result["settings"].contains("starts"));
+  EXPECT_EQ(result["method"], "oriented_kernel");
+  EXPECT_TRUE(result["settings"].contains("oriented_kernel") && result["settings"].contains("starts"));
   EXPECT_TRUE(result.contains("machine"));
   const cv::Mat overlay = cv::imread(folder_.path("overlay.png"), cv::IMREAD_UNCHANGED);
   EXPECT_EQ(overlay.size(), cv::Size(camera_.width_px(), camera_.height_px()));

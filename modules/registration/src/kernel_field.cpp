@@ -41,23 +41,33 @@ namespace angio {
 HWY_EXPORT(addStamp);
 namespace {
 
-constexpr float kCellsPerScale = 2;
-constexpr float kReach = 3;  // Scales after which a kernel ends: it has fallen to 1 %.
-constexpr int kMargin = 1;   // Cells around the detector, for the bilinear neighbours.
+constexpr int kCellsPerScale = 2;
+constexpr int kReach = 3;   // Scales after which a kernel ends: it has fallen to 1 %.
+constexpr int kMargin = 1;  // Cells around the detector, for the bilinear neighbours.
 
-// exp(-(x0 + k h)^2 / 2 l^2) for k = 0, 1, ..., by two multiplications each: neighbours differ by a factor that is
-// itself geometric.
-void gaussianRow(float x0, float h, float l, int count, float* row) {
-  const float inverse = 1 / (2 * l * l);
-  float value = std::exp(-x0 * x0 * inverse);
-  float ratio = std::exp(-(2 * x0 * h + h * h) * inverse);
-  const float ratio_of_ratios = std::exp(-2 * h * h * inverse);
-  for (int k = 0; k < count; ++k) {
-    row[k] = value;
-    value *= ratio;
-    ratio *= ratio_of_ratios;
+constexpr int kReachCells = static_cast<int>(kReach * kCellsPerScale), kWidest = 2 * kReachCells + 1;
+
+// The kernel across a stamp, for where in its middle cell a point lies: in steps of a 64th of a cell, which shifts a
+// kernel by a 256th of its scale at most.
+class StampRows {
+ public:
+  static constexpr int kSteps = 64;
+  StampRows() {
+    for (int step = 0; step <= kSteps; ++step) {
+      const double offset = static_cast<double>(step) / kSteps - 0.5;  // Of the point from the cell's centre [cells].
+      for (int k = 0; k < kWidest; ++k) {
+        const double scales = (k - kReachCells - offset) / kCellsPerScale;
+        rows_[step][k] = static_cast<float>(std::exp(-0.5 * scales * scales));
+      }
+    }
   }
-}
+  const float* at(float offset_cells) const {
+    return rows_[std::clamp(static_cast<int>((offset_cells + 0.5f) * kSteps + 0.5f), 0, kSteps)];
+  }
+
+ private:
+  float rows_[kSteps + 1][kWidest];
+};
 
 }  // namespace
 
@@ -88,30 +98,26 @@ void KernelField::build(const OrientedPoints& points, double scale_px, const Reg
   rows_ = static_cast<int>(std::ceil(static_cast<float>(region.height) / cell_px_)) + 2 * kMargin + 1;
   cells_.assign(4 * static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_), 0.0f);
 
-  const int reach = static_cast<int>(kReach * kCellsPerScale);
-  const int widest = 2 * reach + 1;
-  row_.resize(static_cast<std::size_t>(6 * widest));
-  float* const across = row_.data();
-  float* const down = across + widest;
-  float* const line = down + widest;
-  const auto add_stamp = HWY_DYNAMIC_DISPATCH(addStamp);
+  static const StampRows rows;
   const float norm = 1 / (scale_px_ * std::sqrt(2 * static_cast<float>(M_PI)));
+  const float inverse_cell = 1 / cell_px_;
+  const auto add_stamp = HWY_DYNAMIC_DISPATCH(addStamp);
   for (int j = 0; j < points.size(); ++j) {
-    const float x = (points.u[j] - u_origin_px_) / cell_px_, y = (points.v[j] - v_origin_px_) / cell_px_;
+    const float x = (points.u[j] - u_origin_px_) * inverse_cell, y = (points.v[j] - v_origin_px_) * inverse_cell;
     // Far outside the detector a point reaches no cell, and its index may not fit an integer.
-    if (!(x > -reach - 1 && y > -reach - 1 && x < columns_ + reach && y < rows_ + reach)) continue;
-    const int x_mid = static_cast<int>(std::lround(x)), y_mid = static_cast<int>(std::lround(y));
-    const int x_first = std::max(0, x_mid - reach), x_last = std::min(columns_ - 1, x_mid + reach);
-    const int y_first = std::max(0, y_mid - reach), y_last = std::min(rows_ - 1, y_mid + reach);
+    const float before = -kReachCells - 1;
+    if (!(x > before && y > before && x < columns_ + kReachCells && y < rows_ + kReachCells)) continue;
+    const int x_mid = static_cast<int>(std::floor(x + 0.5f)), y_mid = static_cast<int>(std::floor(y + 0.5f));
+    const int x_first = std::max(0, x_mid - kReachCells), x_last = std::min(columns_ - 1, x_mid + kReachCells);
+    const int y_first = std::max(0, y_mid - kReachCells), y_last = std::min(rows_ - 1, y_mid + kReachCells);
     if (x_first > x_last || y_first > y_last) continue;
-    gaussianRow((x_first - x) * cell_px_, cell_px_, scale_px_, x_last - x_first + 1, across);
-    gaussianRow((y_first - y) * cell_px_, cell_px_, scale_px_, y_last - y_first + 1, down);
+    const float* const across = rows.at(x - static_cast<float>(x_mid)) + (x_first - (x_mid - kReachCells));
+    const float* const down = rows.at(y - static_cast<float>(y_mid)) + (y_first - (y_mid - kReachCells));
     const float mass = norm * points.mass_px[j];
-    const float stamp[4] = {mass, mass * points.cos2[j], mass * points.sin2[j], 0};
+    const Eigen::Array4f stamp(mass, mass * points.cos2[j], mass * points.sin2[j], 0);
     const int width = x_last - x_first + 1;
-    for (int c = 0; c < width; ++c) {
-      for (int k = 0; k < 4; ++k) line[4 * c + k] = across[c] * stamp[k];
-    }
+    float line[4 * kWidest];
+    for (int c = 0; c < width; ++c) Eigen::Map<Eigen::Array4f>(line + 4 * c) = across[c] * stamp;
     add_stamp(line, 4 * width, down, y_last - y_first + 1,
               &cells_[4 * (static_cast<std::size_t>(y_first) * columns_ + x_first)],
               4 * static_cast<std::ptrdiff_t>(columns_));

@@ -64,7 +64,6 @@ class KernelField {
 
  private:
   std::vector<float> cells_;
-  std::vector<float> row_;  // Kernel values across one stamp.
   int columns_ = 0, rows_ = 0;
   float cell_px_ = 1, scale_px_ = 1, u_origin_px_ = 0, v_origin_px_ = 0;
 };

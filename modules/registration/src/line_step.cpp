@@ -148,7 +148,7 @@ namespace {
 
 constexpr std::size_t kPadding = 16;  // Lanes of the widest target.
 constexpr int kMostRows = 64;
-constexpr float kCell_px = 8;
+constexpr float kCell_px = 16;
 constexpr float kShortest_px = 0.05f;  // An edge seen shorter than this has no direction.
 
 }  // namespace
