@@ -45,6 +45,8 @@ constexpr ShiftPlan kAnywhere{48, 32}, kNearby{8, 8};
 constexpr double kDifferentPose_m = 3e-3;
 // A different pose is compared where it matters: at the distance that a right fit leaves.
 constexpr double kRival_px = 2;
+// A deformation that explains no more than this share more, and brings the image no nearer than this, is none.
+constexpr double kSameScore = 0.02, kSameResidual_px = 0.05;
 // A rival with less than this share of the rigid score is none, also when it may be deformed.
 constexpr double kWorthDeforming = 0.5;
 // What fits to the wrong tree reach: below that score, with a rival that does nearly as well, nothing has been found.
@@ -320,27 +322,37 @@ void OrientedKernel::finish(const PoseBelief& belief, const Pose& T_camera_centr
   }
 }
 
-// Deforms the tree if it may, and judges what has become of it.
+// Deforms the tree if it may and if that explains what the rigid pose does not, and judges what has become of it.
 void OrientedKernel::deform(const PoseBelief& belief, RegistrationResult& result) {
   const VesselTree& tree = model_.resampled.tree;
+  result.agreement = agreementOf(tree, tree.points(), frame_.views(), result.T_camera_model);
   if (!deformation_) {
-    result.agreement = agreementOf(tree, tree.points(), frame_.views(), result.T_camera_model);
     judge(result);
     return;
   }
   const Stopwatch stage;
   const auto fit = deformation_->fit(frame_, belief, result.T_camera_model * Eigen::Translation3d(model_.centroid));
-  result.T_camera_model = fit.T_camera_centred * Eigen::Translation3d(-model_.centroid);
-  for (int i = 0; i < given_.size(); ++i) {
-    const auto& place = model_.resampled.place_of_original[static_cast<std::size_t>(i)];
-    result.displacements_m.col(i) =
-        (1 - place.weight) * fit.displacements_m.col(place.a) + place.weight * fit.displacements_m.col(place.b);
+  const Pose deformed_pose = fit.T_camera_centred * Eigen::Translation3d(-model_.centroid);
+  const Agreement deformed = agreementOf(tree, tree.points() + fit.displacements_m, frame_.views(), deformed_pose);
+  // Pose and deformation share what one view cannot tell apart: an image that the rigid tree explains as well must not
+  // move it.
+  const Agreement& rigid = result.agreement;
+  const bool needed = rigid.score() < deformed.score() - kSameScore ||
+                      rigid.image_residual_px > 1.1 * deformed.image_residual_px + kSameResidual_px;
+  result.displacements_m.setZero(3, given_.size());
+  if (needed) {
+    result.T_camera_model = deformed_pose;
+    for (int i = 0; i < given_.size(); ++i) {
+      const auto& place = model_.resampled.place_of_original[static_cast<std::size_t>(i)];
+      result.displacements_m.col(i) =
+          (1 - place.weight) * fit.displacements_m.col(place.a) + place.weight * fit.displacements_m.col(place.b);
+    }
+    result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);
+    result.last_step_px = fit.last_step_px;
+    result.agreement = deformed;
   }
-  result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);
   result.nonrigid_iterations = fit.iterations;
-  result.last_step_px = fit.last_step_px;
   result.times.nonrigid_s = stage.seconds();
-  result.agreement = agreementOf(tree, tree.points() + fit.displacements_m, frame_.views(), result.T_camera_model);
   judge(result);
 }
 
