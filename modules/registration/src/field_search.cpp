@@ -10,6 +10,8 @@ namespace {
 // A pose that leaves less than this share of the model in view scores in proportion: few points fit anywhere.
 constexpr double kLeastInView = 0.2;
 
+constexpr double kFarthest_px = 1e6;
+
 // Shifts are tried in steps of one scale: the steps that follow bridge half of that.
 constexpr int kShiftCells = 2;
 
@@ -85,6 +87,11 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
   const XrayView& view = frame.views().front();
   const KernelField& field = frame.field(0, 0);
   const float step_px = field.cell_px();
+  // The detector in cells of the field, which may cover less.
+  const int column_least = static_cast<int>(std::floor(-field.u_origin_px() / step_px)),
+            row_least = static_cast<int>(std::floor(-field.v_origin_px() / step_px));
+  const int column_most = column_least + static_cast<int>(view.camera.width_px() / step_px),
+            row_most = row_least + static_cast<int>(view.camera.height_px() / step_px);
   std::vector<int> column, row;
   std::vector<float> cos2, sin2, weight;
   std::vector<PoseCandidate> found;
@@ -93,7 +100,10 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
     if (progress && h % 64 == 0) progress(0.9 * static_cast<double>(h) / static_cast<double>(hypotheses.size()));
     const Pose T = view.T_view_first * hypothesis;
     const double metres_per_pixel = std::max(0.05, T.translation().z()) / view.camera.parameters().fx_px;
-    const int reach = static_cast<int>(std::ceil(reach_m / metres_per_pixel / step_px));
+    // Further than across the detector nothing is seen.
+    const double reach_px =
+        std::min(reach_m / metres_per_pixel, std::hypot(view.camera.width_px(), view.camera.height_px()));
+    const int reach = static_cast<int>(std::ceil(reach_px / step_px));
     column.clear();
     row.clear();
     cos2.clear();
@@ -106,8 +116,10 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
       if (!pixel) continue;
       const double du = t.x() - p.x() / p.z() * t.z(), dv = t.y() - p.y() / p.z() * t.z();
       const double length2 = std::max(1e-12, du * du + dv * dv), length = std::min(1.0, std::sqrt(length2));
-      column.push_back(static_cast<int>(std::lround((pixel->x() - field.u_origin_px()) / step_px)));
-      row.push_back(static_cast<int>(std::lround((pixel->y() - field.v_origin_px()) / step_px)));
+      // Next to the source a pixel may be anywhere.
+      const Eigen::Vector2d at = pixel->cwiseMax(-kFarthest_px).cwiseMin(kFarthest_px);
+      column.push_back(static_cast<int>(std::lround((at.x() - field.u_origin_px()) / step_px)));
+      row.push_back(static_cast<int>(std::lround((at.y() - field.v_origin_px()) / step_px)));
       cos2.push_back(static_cast<float>((du * du - dv * dv) / length2 * length));
       sin2.push_back(static_cast<float>(2 * du * dv / length2 * length));
       weight.push_back(points.weight[i] * static_cast<float>(length));
@@ -120,11 +132,12 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
         float fit = 0, seen = 0;
         for (std::size_t i = 0; i < column.size(); ++i) {
           const int c = column[i] + du, r = row[i] + dv;
+          if (c < column_least || r < row_least || c > column_most || r > row_most) continue;
+          seen += weight[i];
           if (c < 0 || r < 0 || c >= field.columns() || r >= field.rows()) continue;
           const float* cell = field.cells() + 4 * (static_cast<std::size_t>(r) * field.columns() + c);
           const float F = std::max(0.0f, 0.5f * (cell[0] + cos2[i] * cell[1] + sin2[i] * cell[2]));
           fit += weight[i] * F / (F + outlier_mass);
-          seen += weight[i];
         }
         PoseCandidate candidate;
         candidate.score = fit / std::max({1e-9f, seen, static_cast<float>(kLeastInView) * all});

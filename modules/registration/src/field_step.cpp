@@ -96,9 +96,14 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
     weight = hn::IfThenElseZero(visible, hn::Mul(weight, length));
     seen = hn::Add(seen, weight);
 
-    // Bilinear look-up. Points out of view read the first cell and weigh nothing.
-    const V column = hn::IfThenElseZero(visible, hn::Mul(hn::Sub(u, set(in.u_origin_px)), set(in.inverse_cell)));
-    const V line = hn::IfThenElseZero(visible, hn::Mul(hn::Sub(v, set(in.v_origin_px)), set(in.inverse_cell)));
+    // Bilinear look-up. Points beyond the field read its first cell; they are in view, but nothing pulls them.
+    const V column_at = hn::Mul(hn::Sub(u, set(in.u_origin_px)), set(in.inverse_cell));
+    const V line_at = hn::Mul(hn::Sub(v, set(in.v_origin_px)), set(in.inverse_cell));
+    const auto on_columns =
+        hn::And(hn::Ge(column_at, zero), hn::Lt(column_at, set(static_cast<float>(in.columns - 1))));
+    const auto on_rows = hn::And(hn::Ge(line_at, zero), hn::Lt(line_at, set(static_cast<float>(in.rows - 1))));
+    const auto in_field = hn::And(visible, hn::And(on_columns, on_rows));
+    const V column = hn::IfThenElseZero(in_field, column_at), line = hn::IfThenElseZero(in_field, line_at);
     const V column0 = hn::Floor(column), line0 = hn::Floor(line);
     const V a = hn::Sub(column, column0), b = hn::Sub(line, line0);
     const auto index = hn::ShiftLeft<2>(
@@ -113,10 +118,11 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
     const V F00 = corner(0), F10 = corner(1), F01 = corner(in.columns), F11 = corner(in.columns + 1);
     const V along_top = hn::Sub(F10, F00), along_bottom = hn::Sub(F11, F01);
     const V F_top = hn::MulAdd(a, along_top, F00), F_bottom = hn::MulAdd(a, along_bottom, F01);
-    const V F = hn::Max(zero, hn::MulAdd(b, hn::Sub(F_bottom, F_top), F_top));
+    const V F = hn::IfThenElseZero(in_field, hn::Max(zero, hn::MulAdd(b, hn::Sub(F_bottom, F_top), F_top)));
     const V scale = set(in.inverse_cell);
-    const V gradient_u = hn::Mul(scale, hn::MulAdd(b, hn::Sub(along_bottom, along_top), along_top));
-    const V gradient_v = hn::Mul(scale, hn::Sub(F_bottom, F_top));
+    const V gradient_u =
+        hn::IfThenElseZero(in_field, hn::Mul(scale, hn::MulAdd(b, hn::Sub(along_bottom, along_top), along_top)));
+    const V gradient_v = hn::IfThenElseZero(in_field, hn::Mul(scale, hn::Sub(F_bottom, F_top)));
 
     const V inverse_mass = hn::Div(one, hn::Add(F, set(in.outlier_mass)));
     const V found = hn::Mul(weight, hn::Mul(F, inverse_mass));

@@ -12,6 +12,24 @@ namespace {
 // time.
 constexpr double kPointsPerScale = 4.0 / 3;
 
+// The part of the detector where points within three scales can pull: elsewhere the field is nothing, and costs
+// nothing.
+KernelField::Region reachOf(const OrientedPoints& points, double scale_px, const XrayCamera& camera) {
+  const double most_u = camera.width_px() - 0.5, most_v = camera.height_px() - 0.5;
+  double u_first = most_u, u_last = -0.5, v_first = most_v, v_last = -0.5;
+  for (int j = 0; j < points.size(); ++j) {
+    u_first = std::min(u_first, points.u[j] - 3 * scale_px);
+    u_last = std::max(u_last, points.u[j] + 3 * scale_px);
+    v_first = std::min(v_first, points.v[j] - 3 * scale_px);
+    v_last = std::max(v_last, points.v[j] + 3 * scale_px);
+  }
+  u_first = std::clamp(u_first, -0.5, most_u);
+  v_first = std::clamp(v_first, -0.5, most_v);
+  u_last = std::clamp(u_last, u_first, most_u);
+  v_last = std::clamp(v_last, v_first, most_v);
+  return {u_first, v_first, u_last - u_first, v_last - v_first};
+}
+
 }  // namespace
 
 void OrientedFrame::begin(const XrayViews& views, const OrientedKernelSettings& settings) {
@@ -39,8 +57,7 @@ const KernelField& OrientedFrame::field(std::size_t view, int scale) {
     const int stride = std::max(1, static_cast<int>(kFieldScales_px[k] / kPointsPerScale / std::max(0.1, point_px)));
     thinned(image.points, stride, image.thin);
     const XrayCamera& camera = (*views_)[view].camera;
-    image.field[k].build(image.thin, kFieldScales_px[k],
-                         KernelField::Region::detector(camera.width_px(), camera.height_px()));
+    image.field[k].build(image.thin, kFieldScales_px[k], reachOf(image.thin, kFieldScales_px[k], camera));
     image.built[k] = true;
   }
   return image.field[k];

@@ -34,12 +34,9 @@ constexpr double kCompared_px = 3;
 // A small image is all that there is: a candidate is fitted from further away, and the best again.
 constexpr LineFitPlan kSmallQuick{32, 500, 500, 5, 0.1};
 constexpr double kSmallGate_px = 12, kSmallTracked_px = 24;
-// Rotations and depths that are tried for it, and places that are compared: in a search, and near a start.
-struct ShiftPlan {
-  int hypotheses;
-  std::size_t places;
-};
-constexpr ShiftPlan kAnywhere{48, 32}, kNearby{8, 8};
+// Rotations and depths that are tried for it, and places that are compared.
+constexpr int kShiftHypotheses = 48;
+constexpr std::size_t kShiftPlaces = 32;
 
 // Poses whose points lie further apart than this (rms, about) are different answers.
 constexpr double kDifferentPose_m = 3e-3;
@@ -88,8 +85,7 @@ class OrientedKernel final : public Registration {
   std::vector<PoseCandidate> draws(const PoseBelief& belief, const StartSettings& starts, double widened, int count);
   std::vector<PoseCandidate> candidatesByFields(const PoseBelief& belief, const StartSettings& starts, double widened,
                                                 const SearchProgress& progress);
-  std::vector<PoseCandidate> candidatesByShifts(const PoseBelief& belief, const StartSettings& starts, double widened,
-                                                const ShiftPlan& plan);
+  std::vector<PoseCandidate> candidatesByShifts(const PoseBelief& belief, const StartSettings& starts);
   void compare(const PoseBelief& belief, std::vector<PoseCandidate>& candidates, const LineFitPlan& plan);
   double scoreOf(const PoseBelief& belief, const Pose& T_camera_centred);
   Pose depthMirrored(const Pose& T_camera_centred) const;
@@ -216,18 +212,17 @@ std::vector<PoseCandidate> OrientedKernel::candidatesByFields(const PoseBelief& 
 }
 
 // For a small image: shifts of rotations and depths.
-std::vector<PoseCandidate> OrientedKernel::candidatesByShifts(const PoseBelief& belief, const StartSettings& starts,
-                                                              double widened, const ShiftPlan& plan) {
+std::vector<PoseCandidate> OrientedKernel::candidatesByShifts(const PoseBelief& belief, const StartSettings& starts) {
   std::vector<Pose> hypotheses;
-  for (const auto& draw : draws(belief, starts, widened, plan.hypotheses)) {
+  for (const auto& draw : draws(belief, starts, 1, kShiftHypotheses)) {
     Pose T = draw.T_camera_centred;
     T.translation().head<2>() = belief.T0_camera_centred.translation().head<2>();
     hypotheses.push_back(T);
   }
-  const double reach_m =
-      starts.box() ? 1e-3 * starts.box_translation_mm
-                   : kShiftReach * widened * std::sqrt(belief.information.inverse().topLeftCorner<3, 3>().trace() / 3);
-  return searchShifts(model_, frame_, hypotheses, reach_m, plan.places);
+  const double reach_m = starts.box()
+                             ? 1e-3 * starts.box_translation_mm
+                             : kShiftReach * std::sqrt(belief.information.inverse().topLeftCorner<3, 3>().trace() / 3);
+  return searchShifts(model_, frame_, hypotheses, reach_m, kShiftPlaces);
 }
 
 // Fits each candidate a little and scores what it explains: of the image, and (unless the image is small) of the model.
@@ -399,7 +394,7 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
   const LineFitPlan quick = small_ ? kSmallQuick : kQuick;
   for (const double widened : {1.0, 1.8, 3.0}) {
     if (widened > 1 && (starts.box() || small_ || prior.covariance)) break;
-    auto candidates = small_ ? candidatesByShifts(*belief, starts, widened, kAnywhere)
+    auto candidates = small_ ? candidatesByShifts(*belief, starts)
                              : candidatesByFields(*belief, starts, widened, widened > 1 ? SearchProgress() : progress);
     if (candidates.empty()) break;
     // A small image says little about where it may be: what it does say must not be outweighed by a start that is far

@@ -52,9 +52,14 @@ void projectedPoints(const OrientedModel& model, const XrayView& view, const Pos
 std::vector<PoseCandidate> searchShifts(const OrientedModel& model, const OrientedFrame& frame,
                                         const std::vector<Pose>& hypotheses, double reach_m, std::size_t keep) {
   const XrayView& view = frame.views().front();
-  OrientedPoints image, lines;
+  OrientedPoints image, given, lines;
   const double point_px = frame.length_px() / std::max(1, frame.pointCount());
-  thinned(frame.points(0), std::max(1, static_cast<int>(kImageSpacing_px / std::max(0.1, point_px))), image);
+  thinned(frame.points(0), std::max(1, static_cast<int>(kImageSpacing_px / std::max(0.1, point_px))), given);
+  image.begin.push_back(0);
+  for (int j = 0; j < given.size(); ++j) {
+    if (!view.camera.sees({given.u[j], given.v[j]})) continue;  // A file may hold anything.
+    image.add(given.u[j], given.v[j], given.cos2[j], given.sin2[j], given.mass_px[j]);
+  }
   std::vector<PoseCandidate> found, kept;
   if (image.size() == 0) return kept;
   float total = 0;
@@ -64,7 +69,9 @@ std::vector<PoseCandidate> searchShifts(const OrientedModel& model, const Orient
   for (const Pose& hypothesis : hypotheses) {
     const Pose T = view.T_view_first * hypothesis;
     const double metres_per_pixel = std::max(0.05, T.translation().z()) / view.camera.parameters().fx_px;
-    const double reach_px = reach_m / metres_per_pixel;
+    // Further than across the detector nothing is seen.
+    const double reach_px =
+        std::min(reach_m / metres_per_pixel, std::hypot(view.camera.width_px(), view.camera.height_px()));
     projectedPoints(model, view, hypothesis, kModelSpacing_px, lines);
     field.build(lines, kScale_px, around(image, reach_px + kScale_px));
     const double step_px = field.cell_px();
