@@ -129,7 +129,7 @@ void searchOriented(benchmark::State& state) {
   state.counters["ambiguity"] = result.ambiguity.value_or(1);
   state.SetLabel(statusName(result.status));
 }
-BENCHMARK(searchOriented)->Arg(64)->Arg(256)->Unit(benchmark::kMillisecond);
+BENCHMARK(searchOriented)->Arg(64)->Arg(128)->Arg(256)->Unit(benchmark::kMillisecond);
 
 void boxOriented(benchmark::State& state) {
   const Scene scene;
