@@ -7,6 +7,7 @@
 
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
+#include "field_step.hpp"
 #include "oriented_image.hpp"
 #include "oriented_model.hpp"
 
@@ -92,6 +93,30 @@ TEST(LineEquations, GradientAndHessianAreThoseOfTheSum) {
     // Residuals are a tenth of what a Gauss-Newton Hessian leaves out here: a hundredth.
     EXPECT_NEAR((plus.g[k] - minus.g[k]) / (2 * h), sums.H(k, k), 0.02 * sums.H(k, k)) << k;
   }
+}
+
+TEST(LineEquations, AreTheSameOnEveryVectorTarget) {
+  Scene s(4);
+  const Pose T = s.T * expSE3((Twist() << 0.3e-3, -0.2e-3, 0.4e-3, 1e-3, -1e-3, 2e-3).finished());
+  s.edges.project(s.model.points, s.model.edges, s.camera, T);
+  const auto sumsHere = [&] {
+    LineMatches matches;
+    matchLines(s.image, s.edges, 8, 0.5, matches);
+    resolveMatches(s.model.points, s.model.edges, matches);
+    LineSums sums;
+    addLineEquations(s.image, matches, s.camera, T, 2, sums);
+    return sums;
+  };
+  const LineSums widest = sumsHere();
+  for (const auto target : fieldStepTargets()) {
+    useFieldStepTarget(target);
+    const LineSums sums = sumsHere();
+    // Single precision, in another order; of two edges as near as each other another one may be taken.
+    EXPECT_LT((sums.H - widest.H).norm(), 1e-3 * widest.H.norm());
+    EXPECT_LT((sums.g - widest.g).norm(), 1e-3 * widest.g.norm());
+    EXPECT_NEAR(sums.squares_px2, widest.squares_px2, 1e-3 * widest.squares_px2);
+  }
+  useFieldStepTarget(0);
 }
 
 TEST(LineEquations, NeighboursThatSayTheSameCountAsOne) {
