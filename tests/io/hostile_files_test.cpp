@@ -177,6 +177,8 @@ std::vector<Reader> allReaders() {
         {"x_px,y_px\n1,2e9\n", ":2: y_px = 2e+09: must lie between"},
         {"x_px,y_px,branch\n1,2,a\n", ":2: branch = a: must be an integer"},
         {"x_px,y_px,radius_px\n1,2,0\n", ":2: radius_px = 0: must be a positive number"},
+        {"x_px,y_px,kind\n1,2,wire\n", ":2: kind = wire: must be vessel or device"},
+        {"x_px,y_px,sigma_px\n1,2,-1\n", ":2: sigma_px = -1: must be a positive number"},
         {"x_px,y_px,tangent_rad\n1,2,nan\n", ":2: tangent_rad = nan"}}},
       {"c.yaml",
        camera,

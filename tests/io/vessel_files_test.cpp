@@ -101,12 +101,18 @@ TEST(CenterlineFiles, RoundTripKeepsEveryNumber) {
   points_px << 1.1, 2.2, 3.3, 100, 101, 5, 5.5, 6.125, 1.0 / 3, 0;
   Centerline2d line = makeCenterline(points_px, {7, 7, 7, 2, 2}, Eigen::VectorXd::LinSpaced(5, 1, 2));
   line.tangent_rad[1] = 0.125;  // Not what would be estimated: the file's own must come back.
+  line.sigma_px = Eigen::VectorXd::LinSpaced(5, 0.1, 0.7);
+  line.contrast = Eigen::VectorXd::LinSpaced(5, -0.1, 0.3);
+  line.kind = {CurveKind::kVessel, CurveKind::kVessel, CurveKind::kVessel, CurveKind::kDevice, CurveKind::kDevice};
   writeCenterline(folder.path("c.csv"), line);
   const Centerline2d back = readCenterline(folder.path("c.csv"));
   EXPECT_EQ(back.points_px, line.points_px);
   EXPECT_EQ(back.branch, line.branch);
   EXPECT_EQ(back.tangent_rad, line.tangent_rad);
   EXPECT_EQ(back.radius_px, line.radius_px);
+  EXPECT_EQ(back.sigma_px, line.sigma_px);
+  EXPECT_EQ(back.contrast, line.contrast);
+  EXPECT_EQ(back.kind, line.kind);
 }
 
 TEST(CenterlineFiles, ColumnsInAnyOrderAndBranchesBroughtTogether) {

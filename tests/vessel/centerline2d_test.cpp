@@ -104,6 +104,22 @@ TEST(Densified, KeepsEveryPointAndFillsGapsWithinBranchesOnly) {
   EXPECT_NEAR(dense.tangent_rad[6], std::atan2(4, 3), 1e-12);
 }
 
+TEST(OfKind, KeepsWhatIsKnownOfThePointsOfThatKind) {
+  Centerline2d line = makeCenterline(circle(6), {0, 0, 0, 1, 1, 1}, Eigen::VectorXd::LinSpaced(6, 1, 6));
+  EXPECT_EQ(ofKind(line, CurveKind::kVessel).size(), 6) << "without kinds all are vessels";
+  EXPECT_EQ(ofKind(line, CurveKind::kDevice).size(), 0);
+  line.sigma_px = Eigen::VectorXd::LinSpaced(6, 0.1, 0.6);
+  line.kind = {CurveKind::kVessel, CurveKind::kVessel, CurveKind::kVessel,
+               CurveKind::kDevice, CurveKind::kDevice, CurveKind::kDevice};
+  const Centerline2d device = ofKind(line, CurveKind::kDevice);
+  EXPECT_EQ(device.points_px, line.points_px.rightCols(3));
+  EXPECT_EQ(device.tangent_rad, line.tangent_rad.tail(3));
+  EXPECT_EQ(device.branch, (std::vector<int>{1, 1, 1}));
+  EXPECT_EQ(device.radius_px, line.radius_px.tail(3));
+  EXPECT_EQ(device.sigma_px, line.sigma_px.tail(3));
+  EXPECT_EQ(densified(line, 20).sigma_px.size(), densified(line, 20).size());
+}
+
 TEST(Densified, LeavesAloneWhatHasNoOrderAndWhatIsDenseEnough) {
   const Centerline2d cloud = makeCenterline(circle(20));
   EXPECT_EQ(densified(cloud, 1).points_px, cloud.points_px);

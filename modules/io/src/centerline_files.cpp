@@ -2,6 +2,7 @@
 #include "angio/io/centerline_files.hpp"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 #include <unordered_map>
 
@@ -16,11 +17,43 @@ namespace {
 // Twice the widest detector in each direction; beyond it a number is a mistake, not a pixel.
 constexpr double kLargestPixel = 65536;
 
+// Columns of numbers that a centreline may have beside points and branches.
+struct NumberColumn {
+  const char* name;
+  Eigen::VectorXd Centerline2d::*values;
+  double (*checked)(const std::string& place, const std::string& name, double value);
+};
+
+double anyLength(const std::string& place, const std::string& name, double value) {
+  return requirePositive(place, name, value);
+}
+
+double modest(const std::string& place, const std::string& name, double value) {
+  return requireBetween(place, name, value, -1e3, 1e3);
+}
+
+const NumberColumn kNumberColumns[] = {
+    {"tangent_rad", &Centerline2d::tangent_rad, modest},
+    {"radius_px", &Centerline2d::radius_px, anyLength},
+    {"sigma_px", &Centerline2d::sigma_px, anyLength},
+    {"contrast", &Centerline2d::contrast, modest},
+};
+constexpr std::size_t kNumberColumnCount = std::size(kNumberColumns);
+constexpr const char* kKindNames[] = {"vessel", "device"};
+
 struct CenterlineRow {
   double x_px = 0, y_px = 0;
   int branch = 0;
-  double tangent_rad = 0, radius_px = 0;
+  CurveKind kind = CurveKind::kVessel;
+  std::array<double, kNumberColumnCount> numbers{};
 };
+
+CurveKind kindIn(const TableRow& from) {
+  const std::string_view text = from.text("kind");
+  if (text == kKindNames[0]) return CurveKind::kVessel;
+  if (text == kKindNames[1]) return CurveKind::kDevice;
+  throw InputError(from.place(), "kind", std::string(text), "must be vessel or device");
+}
 
 // Brings the points of each branch together, branches in the order in which they first appear.
 void groupByBranch(std::vector<CenterlineRow>& rows) {
@@ -35,52 +68,67 @@ void groupByBranch(std::vector<CenterlineRow>& rows) {
 
 Centerline2d readCenterline(const std::string& path) {
   std::vector<CenterlineRow> rows;
-  bool has_branch = false, has_tangent = false, has_radius = false;
-  readTable(path, {{"x_px", "y_px"}, {"branch", "tangent_rad", "radius_px"}}, [&](const TableRow& from) {
+  bool has_branch = false, has_kind = false;
+  std::array<bool, kNumberColumnCount> has{};
+  TableColumns columns{{"x_px", "y_px"}, {"branch", "kind"}};
+  for (const NumberColumn& column : kNumberColumns) columns.optional.push_back(column.name);
+  readTable(path, columns, [&](const TableRow& from) {
     has_branch = from.has("branch");
-    has_tangent = from.has("tangent_rad");
-    has_radius = from.has("radius_px");
+    has_kind = from.has("kind");
     CenterlineRow row;
     row.x_px = requireBetween(from.place(), "x_px", from.number("x_px"), -kLargestPixel, kLargestPixel);
     row.y_px = requireBetween(from.place(), "y_px", from.number("y_px"), -kLargestPixel, kLargestPixel);
     if (has_branch) row.branch = from.integer("branch");
-    if (has_tangent)
-      row.tangent_rad = requireBetween(from.place(), "tangent_rad", from.number("tangent_rad"), -1e3, 1e3);
-    if (has_radius) row.radius_px = requirePositive(from.place(), "radius_px", from.number("radius_px"));
+    if (has_kind) row.kind = kindIn(from);
+    for (std::size_t c = 0; c < kNumberColumnCount; ++c) {
+      const NumberColumn& column = kNumberColumns[c];
+      has[c] = from.has(column.name);
+      if (has[c]) row.numbers[c] = column.checked(from.place(), column.name, from.number(column.name));
+    }
     rows.push_back(row);
   });
   if (has_branch) groupByBranch(rows);
 
   const auto n = static_cast<Eigen::Index>(rows.size());
   Eigen::Matrix2Xd points_px(2, n);
-  Eigen::VectorXd tangent_rad(has_tangent ? n : 0), radius_px(has_radius ? n : 0);
   std::vector<int> branch;
+  std::vector<CurveKind> kind;
+  std::array<Eigen::VectorXd, kNumberColumnCount> numbers;
+  for (std::size_t c = 0; c < kNumberColumnCount; ++c) numbers[c].resize(has[c] ? n : 0);
   for (Eigen::Index i = 0; i < n; ++i) {
     const CenterlineRow& row = rows[static_cast<std::size_t>(i)];
     points_px.col(i) << row.x_px, row.y_px;
     if (has_branch) branch.push_back(row.branch);
-    if (has_tangent) tangent_rad[i] = undirected(row.tangent_rad);
-    if (has_radius) radius_px[i] = row.radius_px;
+    if (has_kind) kind.push_back(row.kind);
+    for (std::size_t c = 0; c < kNumberColumnCount; ++c) {
+      if (has[c]) numbers[c][i] = row.numbers[c];
+    }
   }
-  Centerline2d result = makeCenterline(std::move(points_px), std::move(branch), std::move(radius_px));
-  if (has_tangent) result.tangent_rad = std::move(tangent_rad);
+  Centerline2d result = makeCenterline(std::move(points_px), std::move(branch));
+  result.kind = std::move(kind);
+  for (std::size_t c = 0; c < kNumberColumnCount; ++c) {
+    if (has[c]) result.*kNumberColumns[c].values = std::move(numbers[c]);
+  }
+  result.tangent_rad = result.tangent_rad.unaryExpr(&undirected);
   return result;
 }
 
 void writeCenterline(const std::string& path, const Centerline2d& centerline) {
   if (centerline.size() == 0) throw InputError(path, "points", "0", "a centreline file has at least one");
-  const bool has_tangent = centerline.tangent_rad.size() == centerline.size();
-  const bool has_radius = centerline.radius_px.size() == centerline.size();
+  std::vector<const NumberColumn*> numbers;
+  for (const NumberColumn& column : kNumberColumns) {
+    if ((centerline.*column.values).size() == centerline.size()) numbers.push_back(&column);
+  }
   std::string content = "x_px,y_px";
   content += centerline.ordered() ? ",branch" : "";
-  content += has_tangent ? ",tangent_rad" : "";
-  content += has_radius ? ",radius_px" : "";
-  content += "\n";
+  for (const NumberColumn* column : numbers) content += std::string(",") + column->name;
+  content += centerline.kind.empty() ? "\n" : ",kind\n";
   for (int i = 0; i < centerline.size(); ++i) {
+    const auto at = static_cast<std::size_t>(i);
     content += exact(centerline.points_px(0, i)) + "," + exact(centerline.points_px(1, i));
-    if (centerline.ordered()) content += "," + std::to_string(centerline.branch[static_cast<std::size_t>(i)]);
-    if (has_tangent) content += "," + exact(centerline.tangent_rad[i]);
-    if (has_radius) content += "," + exact(centerline.radius_px[i]);
+    if (centerline.ordered()) content += "," + std::to_string(centerline.branch[at]);
+    for (const NumberColumn* column : numbers) content += "," + exact((centerline.*column->values)[i]);
+    if (!centerline.kind.empty()) content += std::string(",") + kKindNames[static_cast<int>(centerline.kind[at])];
     content += "\n";
   }
   writeWholeFile(path, content);

@@ -42,7 +42,8 @@ Eigen::VectorXd tangentsOfCloud(const Eigen::Matrix2Xd& points) {
   return tangent;
 }
 
-// A chord this long is turned by a few degrees only when a pixel of noise shifts its ends; a shorter one shows the noise.
+// A chord this long is turned by a few degrees only when a pixel of noise shifts its ends; a shorter one shows the
+// noise.
 constexpr double kChord_px = 12;
 constexpr int kMostSteps = 12;  // On each side of a point.
 
@@ -80,43 +81,78 @@ Centerline2d makeCenterline(Eigen::Matrix2Xd points_px, std::vector<int> branch,
     requireFinite("centreline, point " + std::to_string(i), "y_px", points_px(1, i));
   }
   Centerline2d result;
-  if (n > 0) result.tangent_rad = branch.empty() ? tangentsOfCloud(points_px) : tangentsAlongBranches(points_px, branch);
+  if (n > 0)
+    result.tangent_rad = branch.empty() ? tangentsOfCloud(points_px) : tangentsAlongBranches(points_px, branch);
   result.points_px = std::move(points_px);
   result.branch = std::move(branch);
   result.radius_px = std::move(radius_px);
   return result;
 }
 
+namespace {
+
+// Where a point of a new centreline comes from: between two points of the old one.
+struct Between {
+  int a = 0, b = 0;
+  double weight_of_b = 0;
+};
+
+Eigen::VectorXd mixed(const Eigen::VectorXd& values, const std::vector<Between>& places) {
+  if (values.size() == 0) return {};
+  Eigen::VectorXd result(static_cast<Eigen::Index>(places.size()));
+  Eigen::Index n = 0;
+  for (const Between& p : places) result[n++] = (1 - p.weight_of_b) * values[p.a] + p.weight_of_b * values[p.b];
+  return result;
+}
+
+// All but the tangents, which have no mean between two.
+Centerline2d resampledAt(const Centerline2d& line, const std::vector<Between>& places) {
+  Centerline2d result;
+  result.points_px.resize(2, static_cast<Eigen::Index>(places.size()));
+  Eigen::Index n = 0;
+  for (const Between& p : places) {
+    result.points_px.col(n++) = (1 - p.weight_of_b) * line.points_px.col(p.a) + p.weight_of_b * line.points_px.col(p.b);
+    if (line.ordered()) result.branch.push_back(line.branch[p.a]);
+    if (!line.kind.empty()) result.kind.push_back(line.kind[p.a]);
+  }
+  result.radius_px = mixed(line.radius_px, places);
+  result.sigma_px = mixed(line.sigma_px, places);
+  result.contrast = mixed(line.contrast, places);
+  return result;
+}
+
+}  // namespace
+
+Centerline2d ofKind(const Centerline2d& centerline, CurveKind kind) {
+  if (centerline.kind.empty() && kind == CurveKind::kVessel) return centerline;
+  std::vector<Between> places;
+  for (int i = 0; i < centerline.size(); ++i) {
+    if (!centerline.kind.empty() && centerline.kind[i] == kind) places.push_back({i, i, 0});
+  }
+  Centerline2d result = resampledAt(centerline, places);
+  result.tangent_rad = mixed(centerline.tangent_rad, places);
+  return result;
+}
+
 Centerline2d densified(const Centerline2d& centerline, double spacing_px) {
   if (!centerline.ordered() || !(spacing_px > 0)) return centerline;
-  const bool has_radius = centerline.radius_px.size() > 0;
-  std::vector<Eigen::Vector2d> points;
-  std::vector<int> branch;
-  std::vector<double> radius, tangent;
+  std::vector<Between> places;
+  std::vector<double> tangent;
   for (int i = 0; i < centerline.size(); ++i) {
     if (i > 0 && centerline.branch[i] == centerline.branch[i - 1]) {
-      const Eigen::Vector2d a = centerline.points_px.col(i - 1), b = centerline.points_px.col(i);
-      const double step_px = (b - a).norm();
+      const Eigen::Vector2d step = centerline.points_px.col(i) - centerline.points_px.col(i - 1);
+      const double step_px = step.norm();
       const int pieces = step_px > kLongestStep_px ? 1 : static_cast<int>(std::ceil(step_px / spacing_px - 1e-9));
       for (int p = 1; p < pieces; ++p) {
-        const double w = static_cast<double>(p) / pieces;
-        points.push_back((1 - w) * a + w * b);
-        branch.push_back(centerline.branch[i]);
-        tangent.push_back(undirected(std::atan2(b.y() - a.y(), b.x() - a.x())));
-        if (has_radius) radius.push_back((1 - w) * centerline.radius_px[i - 1] + w * centerline.radius_px[i]);
+        places.push_back({i - 1, i, static_cast<double>(p) / pieces});
+        tangent.push_back(undirected(std::atan2(step.y(), step.x())));
       }
     }
-    points.push_back(centerline.points_px.col(i));
-    branch.push_back(centerline.branch[i]);
+    places.push_back({i, i, 0});
     tangent.push_back(centerline.tangent_rad[i]);
-    if (has_radius) radius.push_back(centerline.radius_px[i]);
   }
-  Centerline2d result;
-  result.points_px.resize(2, static_cast<Eigen::Index>(points.size()));
-  for (std::size_t i = 0; i < points.size(); ++i) result.points_px.col(static_cast<Eigen::Index>(i)) = points[i];
-  result.branch = std::move(branch);
+  Centerline2d result = resampledAt(centerline, places);
   result.tangent_rad = Eigen::Map<Eigen::VectorXd>(tangent.data(), static_cast<Eigen::Index>(tangent.size()));
-  if (has_radius) result.radius_px = Eigen::Map<Eigen::VectorXd>(radius.data(), static_cast<Eigen::Index>(radius.size()));
   return result;
 }
 

@@ -7,9 +7,10 @@
 
 namespace angio {
 
-/// Reads a 2D centreline from CSV with a header: `x_px,y_px` and optionally `branch`, `tangent_rad`, `radius_px`, in
-/// any order. At least one point. Points of one branch need not stand together in the file: they are brought together
-/// in their order. Tangents that are not given are estimated as in makeCenterline.
+/// Reads a 2D centreline from CSV with a header: `x_px,y_px` and optionally `branch`, `tangent_rad`, `radius_px`,
+/// `sigma_px`, `contrast` and `kind` (vessel or device), in any order. At least one point. Points of one branch need
+/// not stand together in the file: they are brought together in their order. Tangents that are not given are estimated
+/// as in makeCenterline.
 ///
 /// Throws InputError that names file, line, field, value and rule; a column of another name is refused.
 Centerline2d readCenterline(const std::string& path);

@@ -6,27 +6,36 @@
 
 namespace angio {
 
+/// What a curve in an X-ray image is: a vessel with contrast agent in it, or a catheter or guidewire.
+enum class CurveKind { kVessel, kDevice };
+
 /// Vessel centreline seen in one X-ray image [px]: what an extractor gives and a registration takes.
 struct Centerline2d {
   Eigen::Matrix2Xd points_px;   ///< 2 x N.
   Eigen::VectorXd tangent_rad;  ///< N, undirected: in [-pi/2, pi/2).
-  std::vector<int> branch;      ///< N, or empty when the points have no order. Points of one branch stand together, in order.
+  std::vector<int> branch;      ///< N, or empty without an order. Points of one branch stand together, in order.
   Eigen::VectorXd radius_px;    ///< N, or empty when unknown.
+  Eigen::VectorXd sigma_px;     ///< N, standard deviation of the position across the curve; empty when unknown.
+  Eigen::VectorXd contrast;     ///< N, how much the curve weakens the beam (natural logarithm); empty when unknown.
+  std::vector<CurveKind> kind;  ///< N, or empty: all are vessels.
 
   int size() const { return static_cast<int>(points_px.cols()); }
   bool ordered() const { return !branch.empty(); }
 };
 
-/// Builds a centreline and its tangents: along the branch by a chord of some pixels
-/// that noise cannot turn, or, without branches, along the main
-/// axis of the nine nearest points.
+/// Builds a centreline and its tangents: along the branch by a chord of some pixels that noise cannot turn, or, without
+/// branches, along the main axis of the nine nearest points.
 ///
 /// Throws InputError when a coordinate is not finite or sizes differ.
 Centerline2d makeCenterline(Eigen::Matrix2Xd points_px, std::vector<int> branch = {}, Eigen::VectorXd radius_px = {});
 
+/// The points of one kind, in their order, with all that is known of them.
+Centerline2d ofKind(const Centerline2d& centerline, CurveKind kind);
+
 /// Puts points between the points of each branch so that none are further apart than `spacing_px`; all points stay.
-/// A step of more than kLongestStep_px is a gap, not a vessel, and stays one. A centreline without branches, or `spacing_px` = 0,
-/// comes back as it is.
+/// A step of more than kLongestStep_px is a gap, not a vessel, and stays one. A centreline without branches, or
+/// `spacing_px` = 0, comes back as it is. A new point's radius, uncertainty and contrast lie between its neighbours',
+/// and it is of their branch's kind.
 constexpr double kLongestStep_px = 200;
 Centerline2d densified(const Centerline2d& centerline, double spacing_px);
 
