@@ -22,13 +22,6 @@ int rank(const RegistrationResult& result) {
   return converged(result) ? 2 : result.status == RegistrationStatus::kAmbiguous ? 1 : 0;
 }
 
-void addTimes(RegistrationTimes& sum, const RegistrationTimes& more) {
-  sum.prepare_s += more.prepare_s;
-  sum.rigid_s += more.rigid_s;
-  sum.nonrigid_s += more.nonrigid_s;
-  sum.total_s += more.total_s;
-}
-
 }  // namespace
 
 SequenceTracker::SequenceTracker(Registration& registration, const SequenceTrackerSettings& settings,
@@ -119,7 +112,7 @@ void SequenceTracker::follow(const XrayViews& views, double time_s, const PosePr
 
 RegistrationResult SequenceTracker::search(const XrayViews& views, const PosePrior& prior, RegistrationTimes& times) {
   RegistrationResult result = registration_.search(views, prior, starts_);
-  addTimes(times, result.times);
+  times += result.times;
   return result;
 }
 

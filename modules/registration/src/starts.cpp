@@ -28,13 +28,6 @@ double meanDistance(const VesselTree& tree, const Pose& a, const Pose& b) {
   return ((a * tree.points()) - (b * tree.points())).colwise().norm().mean();
 }
 
-void addTimes(RegistrationTimes& sum, const RegistrationTimes& more) {
-  sum.prepare_s += more.prepare_s;
-  sum.rigid_s += more.rigid_s;
-  sum.nonrigid_s += more.nonrigid_s;
-  sum.total_s += more.total_s;
-}
-
 }  // namespace
 
 namespace {
@@ -99,7 +92,7 @@ RegistrationResult Registration::search(const XrayViews& views, const PosePrior&
   RegistrationTimes times;
   for (int i = 0; i < count; ++i) {
     results.push_back(align(views, prior, i == 0 ? prior.T_camera_model : drawnStart(prior, tree().centroid(), starts, i)));
-    addTimes(times, results.back().times);
+    times += results.back().times;
     if (results.back().agreement.score() > results[best].agreement.score()) best = results.size() - 1;
     if (progress) progress((i + 1.0) / count);
   }

@@ -39,6 +39,14 @@ struct RegistrationTimes {
   double rigid_s = 0;
   double nonrigid_s = 0;
   double total_s = 0;     ///< Everything, judging the result included.
+
+  RegistrationTimes& operator+=(const RegistrationTimes& more) {
+    prepare_s += more.prepare_s;
+    rigid_s += more.rigid_s;
+    nonrigid_s += more.nonrigid_s;
+    total_s += more.total_s;
+    return *this;
+  }
 };
 
 /// What a registration says. `T_camera_model` is always a rigid transform; whether it means anything is in `status`.
