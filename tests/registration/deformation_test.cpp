@@ -62,7 +62,7 @@ struct Scene {
     frame.begin(views, settings);
   }
 
-  PoseBelief belief() const { return beliefOf({T, {}}, settings, model.centroid); }
+  PosePriorTerm belief() const { return beliefOf({T, {}}, settings, model.centroid); }
 
   Eigen::Matrix3Xd ofGivenPoints(const Eigen::Matrix3Xd& of_model) const {
     Eigen::Matrix3Xd result(3, tree.size());

@@ -45,54 +45,48 @@ KernelField fieldOf(const Scene& s, double scale) {
 }
 
 TEST(FieldStep, GradientIsThatOfTheObjective) {
-  for (const bool kernel_only : {false, true}) {
-    const Scene s(1);
-    const KernelField field = fieldOf(s, 32);
-    PullWeight weight;
-    weight.kernel_only = kernel_only;
-    // A step is linear in how the points move, their directions held: so do these. Half a pixel is beyond single
-    // precision and short of a cell, whose edges the numeric derivative sees.
-    const auto objectiveMovedBy = [&](const Twist& by) {
-      const Eigen::Matrix3Xd moved = expSE3(by) * s.model.points;
-      const ModelPoints points =
-          ModelPoints::of(moved, s.model.resampled.tree.tangents(), Eigen::VectorXd::Ones(moved.cols()), 1);
-      std::vector<HalfPlane> view;
-      fieldOfView(XrayView{s.image, s.camera}, view);
-      return lookAtField(points, field, s.camera, view, s.off, weight);
-    };
-    const Vector6d g = objectiveMovedBy(Twist::Zero()).g;
-    for (int k = 0; k < 6; ++k) {
-      const double h = k < 3 ? 1e-4 : 2e-3;
-      Twist by = Twist::Zero();
-      by[k] = h;
-      const double numeric = (objectiveMovedBy(by).objective - objectiveMovedBy(-by).objective) / (2 * h);
-      const double unit = k < 3 ? g.head<3>().norm() : g.tail<3>().norm();
-      EXPECT_NEAR(numeric, g[k], 0.05 * unit) << k << (kernel_only ? " kernel" : " likelihood");
-    }
+  const Scene s(1);
+  const KernelField field = fieldOf(s, 32);
+  PullWeight weight;
+  // A step is linear in how the points move, their directions held: so do these. Half a pixel is beyond single
+  // precision and short of a cell, whose edges the numeric derivative sees.
+  const auto objectiveMovedBy = [&](const Twist& by) {
+    const Eigen::Matrix3Xd moved = expSE3(by) * s.model.points;
+    const ModelPoints points =
+        ModelPoints::of(moved, s.model.resampled.tree.tangents(), Eigen::VectorXd::Ones(moved.cols()), 1);
+    std::vector<HalfPlane> view;
+    fieldOfView(XrayView{s.image, s.camera}, view);
+    return lookAtField(points, field, s.camera, view, s.off, weight);
+  };
+  const Vector6d g = objectiveMovedBy(Twist::Zero()).g;
+  for (int k = 0; k < 6; ++k) {
+    const double h = k < 3 ? 1e-4 : 2e-3;
+    Twist by = Twist::Zero();
+    by[k] = h;
+    const double numeric = (objectiveMovedBy(by).objective - objectiveMovedBy(-by).objective) / (2 * h);
+    const double unit = k < 3 ? g.head<3>().norm() : g.tail<3>().norm();
+    EXPECT_NEAR(numeric, g[k], 0.05 * unit) << k;
   }
 }
 
 // With the majoriser's full stiffness a step is the exact all-pairs re-weighted one: none may lower the objective.
 TEST(FieldStep, StepsNeverLowerTheObjective) {
-  for (const bool kernel_only : {false, true}) {
-    for (unsigned seed = 0; seed < 4; ++seed) {
-      const Scene s(seed);
-      for (const double scale : {32.0, 16.0, 8.0}) {
-        const KernelField field = fieldOf(s, scale);
-        PullWeight weight;
-        weight.kernel_only = kernel_only;
-        Pose T = s.off;
-        FieldSums sums = s.look(field, T, weight);
-        const double first = sums.objective;
-        for (int step = 0; step < 8; ++step) {
-          T = T * expSE3(sums.H.ldlt().solve(sums.g));
-          const double before = sums.objective;
-          sums = s.look(field, T, weight);
-          // Bilinear cells are not Gaussians to the last digit: at rest the objective may waver by a thousandth.
-          EXPECT_GT(sums.objective, before - 1e-3 * std::abs(before)) << scale << " px, step " << step;
-        }
-        EXPECT_GT(sums.objective, first);
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    const Scene s(seed);
+    for (const double scale : {32.0, 16.0, 8.0}) {
+      const KernelField field = fieldOf(s, scale);
+      PullWeight weight;
+      Pose T = s.off;
+      FieldSums sums = s.look(field, T, weight);
+      const double first = sums.objective;
+      for (int step = 0; step < 8; ++step) {
+        T = T * expSE3(sums.H.ldlt().solve(sums.g));
+        const double before = sums.objective;
+        sums = s.look(field, T, weight);
+        // Bilinear cells are not Gaussians to the last digit: at rest the objective may waver by a thousandth.
+        EXPECT_GT(sums.objective, before - 1e-3 * std::abs(before)) << scale << " px, step " << step;
       }
+      EXPECT_GT(sums.objective, first);
     }
   }
 }

@@ -69,10 +69,9 @@ void addFieldPull(const DeformedView& view, const OrientedModel& model, const De
     const KernelField::Value value = field.at(*pixel, cos2, sin2);
     const double F = std::max(0.0, value.F);
     const double w = weight * model.all.weight[k] * length;
-    const double found = pull.kernel_only ? F : F / (F + pull.outlier_mass);
-    const double stiffness = w * found * inverse_scale2;
+    const double stiffness = w * F / (F + pull.outlier_mass) * inverse_scale2;
     if (!(stiffness > 1e-9 * inverse_scale2)) continue;
-    const Eigen::Vector2d gradient = (pull.kernel_only ? w : w / (F + pull.outlier_mass)) * value.gradient;
+    const Eigen::Vector2d gradient = w / (F + pull.outlier_mass) * value.gradient;
     // Two residuals, across the vessel and along it, whose squares have the majoriser's gradient and Hessian.
     const Eigen::Vector2d forwards = tangent / std::sqrt(length2), across(-forwards.y(), forwards.x());
     const double isotropic = 1 - length;  // A vessel seen end-on is stiff both ways.

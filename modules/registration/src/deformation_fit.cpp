@@ -52,7 +52,7 @@ class DeformationFit::Run {
   using Field = Eigen::Matrix<double, D, Eigen::Dynamic>;
   using Directions = Eigen::Matrix<double, 3, D>;
 
-  Run(DeformationFit& fit, OrientedFrame& frame, const PoseBelief& belief, const Pose& T, const Directions& directions)
+  Run(DeformationFit& fit, OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T, const Directions& directions)
       : fit_(fit),
         frame_(frame),
         belief_(belief),
@@ -101,7 +101,7 @@ class DeformationFit::Run {
 
   DeformationFit& fit_;
   OrientedFrame& frame_;
-  const PoseBelief& belief_;
+  const PosePriorTerm& belief_;
   const Directions directions_;
   Pose T_;
   Field w_, e_;  // Weights of the modes, and corrections of the nodes [m].
@@ -223,7 +223,7 @@ DeformationFit::DeformationFit(const OrientedModel& model, const DeformationSett
       local_(nodes_, 1e-3 * settings.local_std_mm, 1e-3 * settings.local_length_mm),
       local_alone_(nodes_, kLinesAloneLocal * 1e-3 * settings.local_std_mm, 1e-3 * settings.local_length_mm) {}
 
-DeformationFit::Result DeformationFit::fit(OrientedFrame& frame, const PoseBelief& belief, const Pose& T_rigid) {
+DeformationFit::Result DeformationFit::fit(OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_rigid) {
   if (frame.viewCount() > 1) return Run<3>(*this, frame, belief, T_rigid, Eigen::Matrix3d::Identity())();
   const Eigen::Matrix3d R = (frame.views().front().T_view_first * T_rigid).linear();
   return Run<2>(*this, frame, belief, T_rigid, R.topRows<2>().transpose())();

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "deformation_solver.hpp"
-#include "pose_belief.hpp"
+#include "pose_prior_term.hpp"
 
 namespace angio {
 
@@ -30,7 +30,7 @@ class DeformationFit {
     double noise_px = 0;       ///< Standard deviation of the matched image points across their edges.
   };
   /// `frame` and `belief` are those of the rigid search. The same input gives the same result.
-  Result fit(OrientedFrame& frame, const PoseBelief& belief, const Pose& T_rigid_camera_centred);
+  Result fit(OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_rigid_camera_centred);
 
   const DeformationNodes& nodes() const { return nodes_; }
   const Eigen::MatrixXd& modes() const { return modes_; }  ///< M x K, see smoothModes.

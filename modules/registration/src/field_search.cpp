@@ -26,7 +26,7 @@ void keepBest(std::vector<PoseCandidate>& candidates, std::size_t keep) {
 
 }  // namespace
 
-int FieldSearch::ascend(OrientedFrame& frame, const PoseBelief& belief, const ModelPoints& points, int scale,
+int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const ModelPoints& points, int scale,
                         int most_steps, PoseCandidate& candidate) const {
   PullWeight weight;
   weight.outlier_mass = static_cast<float>(settings_.outlier_mass);
@@ -62,7 +62,7 @@ int FieldSearch::ascend(OrientedFrame& frame, const PoseBelief& belief, const Mo
   }
 }
 
-int FieldSearch::halve(OrientedFrame& frame, const PoseBelief& belief, std::vector<PoseCandidate>& candidates,
+int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, std::vector<PoseCandidate>& candidates,
                        std::size_t keep) const {
   struct Rung {
     int subset, scale, steps;

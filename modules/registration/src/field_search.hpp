@@ -5,7 +5,7 @@
 
 #include "oriented_frame.hpp"
 #include "oriented_model.hpp"
-#include "pose_belief.hpp"
+#include "pose_prior_term.hpp"
 
 namespace angio {
 
@@ -23,12 +23,12 @@ class FieldSearch {
 
   /// Takes up to `most_steps` steps at a scale (index into kFieldScales_px) on a part of the model, or until a step
   /// moves the projection by less than a twentieth of the scale; then scores. Returns the steps taken.
-  int ascend(OrientedFrame& frame, const PoseBelief& belief, const ModelPoints& points, int scale, int most_steps,
+  int ascend(OrientedFrame& frame, const PosePriorTerm& belief, const ModelPoints& points, int scale, int most_steps,
              PoseCandidate& candidate) const;
 
   /// Successive halving: all candidates a few steps at the coarsest scale on few points, the best of them at the next
   /// scale on more points, and so on. What is left is sorted, best first. Returns the steps taken.
-  int halve(OrientedFrame& frame, const PoseBelief& belief, std::vector<PoseCandidate>& candidates,
+  int halve(OrientedFrame& frame, const PosePriorTerm& belief, std::vector<PoseCandidate>& candidates,
             std::size_t keep) const;
 
   /// Every shift in the image plane on a grid, for each hypothesis of rotation and depth, by one look at the coarsest

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "raw_view.hpp"
+
 // Compiled once for every vector target by the include below; lookAtField chooses at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "field_step.cpp"
@@ -20,14 +22,14 @@ struct RawFieldLook {
   const float* cells;
   int columns, rows;
   float u_origin_px, v_origin_px, inverse_cell, inverse_scale2;
-  float R[9], t[3], fx, fy, cx, cy;
+  RawView view;
   const HalfPlane* planes;
   int plane_count;
   float outlier_mass, along;
-  bool kernel_only;
 };
 struct RawFieldSums {
-  double H[21], g[6], objective, fit, seen;
+  RawNormalEquations equations;
+  double objective, fit, seen;
 };
 }  // namespace angio
 #endif
@@ -70,16 +72,16 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
     const V q[3] = {hn::LoadU(d, in.tx + first), hn::LoadU(d, in.ty + first), hn::LoadU(d, in.tz + first)};
     V weight = hn::LoadU(d, in.weight + first);
     const auto row = [&](int r, const V* a) {
-      return hn::MulAdd(set(in.R[3 * r]), a[0],
-                        hn::MulAdd(set(in.R[3 * r + 1]), a[1], hn::Mul(set(in.R[3 * r + 2]), a[2])));
+      return hn::MulAdd(set(in.view.R[3 * r]), a[0],
+                        hn::MulAdd(set(in.view.R[3 * r + 1]), a[1], hn::Mul(set(in.view.R[3 * r + 2]), a[2])));
     };
-    const V depth = hn::Add(row(2, p), set(in.t[2]));
+    const V depth = hn::Add(row(2, p), set(in.view.t[2]));
     // Behind the source, or so near to it that a pixel loses its meaning, a point has no image.
     auto visible = hn::Gt(depth, set(1e-3f));
     const V inverse_depth = hn::Div(one, hn::IfThenElse(visible, depth, one));
-    const V X = hn::Mul(hn::Add(row(0, p), set(in.t[0])), inverse_depth);
-    const V Y = hn::Mul(hn::Add(row(1, p), set(in.t[1])), inverse_depth);
-    const V u = hn::MulAdd(set(in.fx), X, set(in.cx)), v = hn::MulAdd(set(in.fy), Y, set(in.cy));
+    const V X = hn::Mul(hn::Add(row(0, p), set(in.view.t[0])), inverse_depth);
+    const V Y = hn::Mul(hn::Add(row(1, p), set(in.view.t[1])), inverse_depth);
+    const V u = hn::MulAdd(set(in.view.fx), X, set(in.view.cx)), v = hn::MulAdd(set(in.view.fy), Y, set(in.view.cy));
     for (int k = 0; k < in.plane_count; ++k) {
       const V side = hn::MulAdd(set(in.planes[k].n_u), u, hn::MulAdd(set(in.planes[k].n_v), v, set(in.planes[k].d)));
       visible = hn::And(visible, hn::Ge(side, zero));
@@ -127,23 +129,16 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
     const V inverse_mass = hn::Div(one, hn::Add(F, set(in.outlier_mass)));
     const V found = hn::Mul(weight, hn::Mul(F, inverse_mass));
     fit = hn::Add(fit, found);
-    V pull, stiffness;  // Of the gradient, and of the Hessian.
-    if (in.kernel_only) {
-      objective = hn::MulAdd(weight, F, objective);
-      pull = weight;
-      stiffness = hn::Mul(hn::Mul(weight, F), set(in.inverse_scale2));
-    } else {
-      objective = hn::MulAdd(weight, logOnePlus(d, hn::Mul(F, set(1 / in.outlier_mass))), objective);
-      pull = hn::Mul(weight, inverse_mass);
-      stiffness = hn::Mul(found, set(in.inverse_scale2));
-    }
+    objective = hn::MulAdd(weight, logOnePlus(d, hn::Mul(F, set(1 / in.outlier_mass))), objective);
+    const V pull = hn::Mul(weight, inverse_mass);                // Of the gradient,
+    const V stiffness = hn::Mul(found, set(in.inverse_scale2));  // and of the Hessian.
 
     // d(T exp(dx) p) = R (v + w x p): a row r of (projection's Jacobian * R) gives [r, p x r].
     V ju[6], jv[6];
-    const V scale_u = hn::Mul(set(in.fx), inverse_depth), scale_v = hn::Mul(set(in.fy), inverse_depth);
+    const V scale_u = hn::Mul(set(in.view.fx), inverse_depth), scale_v = hn::Mul(set(in.view.fy), inverse_depth);
     for (int k = 0; k < 3; ++k) {
-      ju[k] = hn::Mul(scale_u, hn::NegMulAdd(X, set(in.R[6 + k]), set(in.R[k])));
-      jv[k] = hn::Mul(scale_v, hn::NegMulAdd(Y, set(in.R[6 + k]), set(in.R[3 + k])));
+      ju[k] = hn::Mul(scale_u, hn::NegMulAdd(X, set(in.view.R[6 + k]), set(in.view.R[k])));
+      jv[k] = hn::Mul(scale_v, hn::NegMulAdd(Y, set(in.view.R[6 + k]), set(in.view.R[3 + k])));
     }
     for (int k = 0; k < 3; ++k) {
       const int m = (k + 1) % 3, n = (k + 2) % 3;
@@ -165,8 +160,8 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
     }
   }
   const auto sum = [&](V value) { return static_cast<double>(hn::GetLane(hn::SumOfLanes(d, value))); };
-  for (int k = 0; k < 21; ++k) out.H[k] = sum(H[k]);
-  for (int k = 0; k < 6; ++k) out.g[k] = sum(g[k]);
+  for (int k = 0; k < 21; ++k) out.equations.H[k] = sum(H[k]);
+  for (int k = 0; k < 6; ++k) out.equations.g[k] = sum(g[k]);
   out.objective = sum(objective);
   out.fit = sum(fit);
   out.seen = sum(seen);
@@ -196,7 +191,7 @@ ModelPoints ModelPoints::of(const Eigen::Matrix3Xd& points_centred, const Eigen:
     ++m.count;
   }
   for (auto* values : {&m.x, &m.y, &m.z, &m.tx, &m.ty, &m.tz, &m.weight}) {
-    values->resize(static_cast<std::size_t>(m.count + kPadding), 0.0f);
+    values->resize(static_cast<std::size_t>(m.count) + kPadding, 0.0f);
   }
   return m;
 }
@@ -238,25 +233,16 @@ FieldSums lookAtField(const ModelPoints& model, const KernelField& field, const 
   in.v_origin_px = field.v_origin_px();
   in.inverse_cell = 1 / field.cell_px();
   in.inverse_scale2 = 1 / (field.scale_px() * field.scale_px());
-  for (int i = 0; i < 9; ++i) in.R[i] = static_cast<float>(T_view_centred.linear()(i / 3, i % 3));
-  for (int i = 0; i < 3; ++i) in.t[i] = static_cast<float>(T_view_centred.translation()[i]);
-  in.fx = static_cast<float>(camera.parameters().fx_px);
-  in.fy = static_cast<float>(camera.parameters().fy_px);
-  in.cx = static_cast<float>(camera.parameters().cx_px);
-  in.cy = static_cast<float>(camera.parameters().cy_px);
+  in.view = rawView(camera, T_view_centred);
   in.planes = field_of_view.data();
   in.plane_count = static_cast<int>(field_of_view.size());
   in.outlier_mass = weight.outlier_mass;
   in.along = weight.along;
-  in.kernel_only = weight.kernel_only;
 
   RawFieldSums raw;
   HWY_DYNAMIC_DISPATCH(look)(in, raw);
   FieldSums sums;
-  for (int i = 0, entry = 0; i < 6; ++i) {
-    sums.g[i] = raw.g[i];
-    for (int k = 0; k <= i; ++k, ++entry) sums.H(i, k) = sums.H(k, i) = raw.H[entry];
-  }
+  raw.equations.addTo(sums.H, sums.g);
   sums.objective = raw.objective;
   sums.fit = raw.fit;
   sums.seen = raw.seen;

@@ -14,8 +14,6 @@ namespace angio {
 /// Points of the centred model with the direction of their vessel, in single precision, one array a quantity, padded so
 /// that any vector width may read past the end. Padding has no weight.
 struct ModelPoints {
-  static constexpr int kPadding = 16;  ///< Lanes of the widest target.
-
   std::vector<float> x, y, z;     ///< About the tree's centroid [m].
   std::vector<float> tx, ty, tz;  ///< Unit tangents.
   std::vector<float> weight;      ///< Length of vessel that the point stands for, in units of the model's spacing.
@@ -36,20 +34,19 @@ void fieldOfView(const XrayView& view, std::vector<HalfPlane>& to);
 /// How much an image pull counts, of a point at which the field is F.
 struct PullWeight {
   /// Mass of what is no vessel of the model: a point weighs 1 / (F + outlier_mass), so that dense places do not draw
-  /// the model together (expectation-maximisation). Infinite in effect when `kernel_only`: a point weighs 1 (RKHS).
+  /// the model together (expectation-maximisation).
   float outlier_mass = 0.5f;
-  bool kernel_only = false;
   /// Stiffness along the vessel relative to across it, in the approximate Hessian: 1 is the majoriser, whose steps
   /// never lower the objective; less lets the model slide along itself faster.
   float along = 1;
 };
 
 /// What one look at the field says: gradient and approximate (negative) Hessian of the sum of the points'
-/// log-likelihoods (or of the kernels themselves), for T exp(dx), and how well the points fit.
+/// log-likelihoods, for T exp(dx), and how well the points fit.
 struct FieldSums {
   Matrix6d H = Matrix6d::Zero();
   Vector6d g = Vector6d::Zero();  ///< Gradient: the step is (H + prior)^-1 (g - prior).
-  double objective = 0;           ///< Sum of weight * log(F + outlier mass) (relative to no vessel), or of weight * F.
+  double objective = 0;           ///< Sum of weight * log(F + outlier mass), relative to no vessel.
   double fit = 0;                 ///< Sum of weight * F / (F + outlier mass): points that have found a vessel.
   double seen = 0;                ///< Sum of the weights of points in view.
 };

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "raw_view.hpp"
+
 // Compiled once for every vector target by the include below; build chooses at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernel_field.cpp"
@@ -77,8 +79,7 @@ void OrientedPoints::clear() {
 }
 
 void OrientedPoints::pad() {
-  constexpr std::size_t kLanes = 16;  // Of the widest target.
-  for (auto* values : {&u, &v}) values->resize(mass_px.size() + kLanes, 0.0f);
+  for (auto* values : {&u, &v}) values->resize(mass_px.size() + kPadding, 0.0f);
 }
 
 void OrientedPoints::add(float u_px, float v_px, float cos2_phi, float sin2_phi, float mass) {

@@ -14,7 +14,7 @@ struct OrientedPoints {
   std::vector<float> u, v;        ///< [px]
   std::vector<float> cos2, sin2;  ///< Of twice the tangent's angle: undirected.
   std::vector<float> mass_px;
-  std::vector<int> begin;  ///< First point of each branch.
+  std::vector<int> begin;        ///< First point of each branch.
 
   int size() const { return static_cast<int>(mass_px.size()); }
   void clear();

@@ -52,7 +52,7 @@ double LineFit::explained(const OrientedFrame& frame, const Pose& T_camera_centr
   return total > 0 ? sum / total : 0;
 }
 
-LineFitResult LineFit::fit(const OrientedFrame& frame, const PoseBelief& belief, const Pose& T_start,
+LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_start,
                            const LineFitPlan& plan) {
   LineFitResult result;
   result.T_camera_centred = T_start;

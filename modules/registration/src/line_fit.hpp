@@ -7,7 +7,7 @@
 #include "line_step.hpp"
 #include "oriented_frame.hpp"
 #include "oriented_model.hpp"
-#include "pose_belief.hpp"
+#include "pose_prior_term.hpp"
 
 namespace angio {
 
@@ -19,6 +19,12 @@ struct LineFitPlan {
   int most_rounds = 8;       ///< Of matching anew; each has two steps.
   double rest = 0.1;         ///< A round that moves the projection by less than this share of the noise is the last.
 };
+
+/// After the fields, whose last gate is half the finest scale or so: all of the image, to rest; and, for one candidate
+/// among others, a part of it, no further than it takes to compare.
+constexpr double kAfterFields_px = 8;
+constexpr LineFitPlan kFull{kAfterFields_px, 500, 100000, 8, 0.1};
+constexpr LineFitPlan kQuick{kAfterFields_px, 300, 300, 3, 0.1};
 
 /// Where a line fit came to rest.
 struct LineFitResult {
@@ -41,7 +47,7 @@ class LineFit {
  public:
   explicit LineFit(const OrientedModel& model) : model_(model) {}
 
-  LineFitResult fit(const OrientedFrame& frame, const PoseBelief& belief, const Pose& T_camera_centred,
+  LineFitResult fit(const OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_camera_centred,
                     const LineFitPlan& plan);
 
   /// Mean over the image points of exp(-d^2 / 2 scale^2), d their distance to the nearest edge that runs along: how

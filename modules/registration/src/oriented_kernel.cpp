@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "oriented_kernel.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "angio/base/stopwatch.hpp"
 #include "angio/registration/agreement.hpp"
 #include "angio/registration/motion_filter.hpp"
-#include "angio/registration/starts.hpp"
 #include "deformation_fit.hpp"
 #include "field_search.hpp"
 #include "judgement.hpp"
 #include "line_fit.hpp"
+#include "pose_comparison.hpp"
 #include "shift_search.hpp"
+#include "start_draws.hpp"
 
 namespace angio {
 namespace {
@@ -25,12 +25,6 @@ constexpr double kSmallImage = 0.25;
 // Shifts of a small image reach so many standard deviations of the belief: a start may be off by more than it says.
 constexpr double kShiftReach = 4;
 
-// The last gate of the fields' accuracy: half the finest scale or so [px].
-constexpr double kAfterFields_px = 8;
-constexpr LineFitPlan kFull{kAfterFields_px, 500, 100000, 8, 0.1};
-// A candidate among others is fitted on part of the image, and no further than it takes to compare it.
-constexpr LineFitPlan kQuick{kAfterFields_px, 300, 300, 3, 0.1};
-constexpr double kCompared_px = 3;
 // A small image is all that there is: a candidate is fitted from further away, and the best again.
 constexpr LineFitPlan kSmallQuick{32, 500, 500, 5, 0.1};
 constexpr double kSmallGate_px = 12, kSmallTracked_px = 24;
@@ -38,21 +32,14 @@ constexpr double kSmallGate_px = 12, kSmallTracked_px = 24;
 constexpr int kShiftHypotheses = 48;
 constexpr std::size_t kShiftPlaces = 32;
 
-// Poses whose points lie further apart than this (rms, about) are different answers.
-constexpr double kDifferentPose_m = 3e-3;
-// A different pose is compared where it matters: at the distance that a right fit leaves.
-constexpr double kRival_px = 2;
 // A deformation that explains no more than this share more, and brings the image no nearer than this, is none.
 constexpr double kSameScore = 0.02, kSameResidual_px = 0.05;
 // A rival with less than this share of the rigid score is none, also when it may be deformed.
 constexpr double kWorthDeforming = 0.5;
 // What fits to the wrong tree reach: below that score, with a rival that does nearly as well, nothing has been found.
 constexpr double kChanceScore = 0.12, kChanceRival = 0.5;
-// What the belief finds less likely than this (chi-square of 6, one in a million) is no rival.
-constexpr double kBelievable = 38;
-
 // The belief with its translations as uncertain as far as shifts are searched.
-PoseBelief shiftsFreed(PoseBelief belief) {
+PosePriorTerm shiftsFreed(PosePriorTerm belief) {
   Vector6d scale = Vector6d::Ones();
   scale.head<3>().setConstant(1 / kShiftReach);
   belief.information = (scale.asDiagonal() * belief.information * scale.asDiagonal()).eval();
@@ -62,9 +49,12 @@ PoseBelief shiftsFreed(PoseBelief belief) {
 class OrientedKernel final : public Registration {
  public:
   OrientedKernel(const OrientedKernelSettings& settings, const VesselTree& tree)
-      : settings_(settings), given_(tree), model_(tree, settings), fields_(model_, settings_), lines_(model_) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(model_.points * model_.points.transpose());
-    flat_axis_ = axes.eigenvectors().col(0);
+      : settings_(settings),
+        given_(tree),
+        model_(tree, settings),
+        fields_(model_, settings_),
+        lines_(model_),
+        comparison_(model_, fields_, lines_) {
     if (settings_.deformation == Deformation::kNonrigid) deformation_.emplace(model_, settings_.nonrigid);
   }
 
@@ -77,25 +67,19 @@ class OrientedKernel final : public Registration {
 
  private:
   /// What all registrations of a frame begin with; nothing when there are too few points.
-  std::optional<PoseBelief> begin(const XrayViews& views, const PosePrior& prior, const Pose& start,
-                                  RegistrationResult& result);
+  std::optional<PosePriorTerm> begin(const XrayViews& views, const PosePrior& prior, const Pose& start,
+                                     RegistrationResult& result);
   bool imageIsSmall(const Pose& T_camera_centred) const;
-  double spread_px(const PoseBelief& belief, const Pose& T_camera_centred) const;
+  double spread_px(const PosePriorTerm& belief, const Pose& T_camera_centred) const;
 
-  std::vector<PoseCandidate> draws(const PoseBelief& belief, const StartSettings& starts, double widened, int count);
-  std::vector<PoseCandidate> candidatesByFields(const PoseBelief& belief, const StartSettings& starts, double widened,
-                                                const SearchProgress& progress);
-  std::vector<PoseCandidate> candidatesByShifts(const PoseBelief& belief, const StartSettings& starts);
-  void compare(const PoseBelief& belief, std::vector<PoseCandidate>& candidates, const LineFitPlan& plan);
-  double scoreOf(const PoseBelief& belief, const Pose& T_camera_centred);
-  Pose depthMirrored(const Pose& T_camera_centred) const;
-  PoseCandidate bestRival(const PoseBelief& belief, const Pose& T_camera_centred,
-                          const std::vector<PoseCandidate>& others);
-  void judgeRivals(const PoseBelief& belief, const Pose& T_rigid, const std::vector<PoseCandidate>& others,
+  std::vector<PoseCandidate> candidatesByFields(const PosePriorTerm& belief, const StartSettings& starts,
+                                                double widened, const SearchProgress& progress);
+  std::vector<PoseCandidate> candidatesByShifts(const PosePriorTerm& belief, const StartSettings& starts);
+  void judgeRivals(const PosePriorTerm& belief, const Pose& T_rigid, const std::vector<PoseCandidate>& others,
                    RegistrationResult& result);
-  void finish(const PoseBelief& belief, const Pose& T_camera_centred, const LineFitPlan& plan,
+  void finish(const PosePriorTerm& belief, const Pose& T_camera_centred, const LineFitPlan& plan,
               RegistrationResult& result);
-  void deform(const PoseBelief& belief, RegistrationResult& result);
+  void deform(const PosePriorTerm& belief, RegistrationResult& result);
 
   OrientedKernelSettings settings_;
   VesselTree given_;
@@ -104,14 +88,13 @@ class OrientedKernel final : public Registration {
   LineFit lines_;
   std::optional<DeformationFit> deformation_;
   OrientedFrame frame_;
-  Eigen::Vector3d flat_axis_;  // Along which the tree is thinnest, model axes.
+  PoseComparison comparison_;
+  StartDraws draws_;
   bool small_ = false;
-  std::vector<Vector6d> unit_draws_;  // Drawn once: seeding an engine costs more than a step.
-  int seed_ = 0;
 };
 
-std::optional<PoseBelief> OrientedKernel::begin(const XrayViews& views, const PosePrior& prior, const Pose& start,
-                                                RegistrationResult& result) {
+std::optional<PosePriorTerm> OrientedKernel::begin(const XrayViews& views, const PosePrior& prior, const Pose& start,
+                                                   RegistrationResult& result) {
   const Stopwatch stage;
   result.T_camera_model = start;
   result.points_3d = model_.size();
@@ -120,9 +103,10 @@ std::optional<PoseBelief> OrientedKernel::begin(const XrayViews& views, const Po
   result.points_2d = frame_.pointCount();
   result.times.prepare_s = stage.seconds();
   if (tooFewPoints(result)) return std::nullopt;
-  const PoseBelief belief = beliefOf(prior, settings_, model_.centroid);
+  const PosePriorTerm belief = beliefOf(prior, settings_, model_.centroid);
   small_ = settings_.direction == Direction::kImageToModel ||
            (settings_.direction == Direction::kAuto && imageIsSmall(start * Eigen::Translation3d(model_.centroid)));
+  comparison_.begin(frame_, small_);
   return belief;
 }
 
@@ -146,7 +130,7 @@ bool OrientedKernel::imageIsSmall(const Pose& T_camera_centred) const {
 }
 
 // How far the belief lets the projection be off, rms.
-double OrientedKernel::spread_px(const PoseBelief& belief, const Pose& T_camera_centred) const {
+double OrientedKernel::spread_px(const PosePriorTerm& belief, const Pose& T_camera_centred) const {
   const Matrix6d covariance = belief.information.inverse();
   const double pixels_per_metre =
       frame_.views().front().camera.parameters().fx_px / std::max(0.05, T_camera_centred.translation().z());
@@ -155,135 +139,41 @@ double OrientedKernel::spread_px(const PoseBelief& belief, const Pose& T_camera_
                    model_.radius_m * model_.radius_m * covariance.bottomRightCorner<3, 3>().trace() / 3);
 }
 
-// The belief's pose and draws around it: normal with the belief's covariance, or even in the box that is to be
-// searched.
-std::vector<PoseCandidate> OrientedKernel::draws(const PoseBelief& belief, const StartSettings& starts, double widened,
-                                                 int count) {
-  if (starts.seed != seed_) unit_draws_.clear();
-  seed_ = starts.seed;
-  while (static_cast<int>(unit_draws_.size()) < count) {
-    unit_draws_.push_back(unitDraw(seed_, static_cast<int>(unit_draws_.size())));
-  }
-  const Matrix6d L = widened * belief.information.inverse().llt().matrixL().toDenseMatrix();
-  Vector6d half_box;
-  half_box << Eigen::Vector3d::Constant(1e-3 * starts.box_translation_mm),
-      Eigen::Vector3d::Constant(degToRad(starts.box_rotation_deg));
-  std::vector<PoseCandidate> candidates(static_cast<std::size_t>(count));
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    const Vector6d& z = unit_draws_[i];
-    const Twist xi =
-        i == 0 ? Twist(Twist::Zero())
-        : starts.box()
-            ? Twist(half_box.cwiseProduct(z.unaryExpr([](double x) { return std::erf(x / std::sqrt(2.0)); })))
-            : Twist(L * z);
-    Pose offset = Pose::Identity();
-    offset.linear() = expSO3(xi.tail<3>());
-    offset.translation() = xi.head<3>();
-    candidates[i].T_camera_centred = belief.T0_camera_centred * offset;
-  }
-  return candidates;
-}
-
-// For all of the tree in view: starts on the fields.
-std::vector<PoseCandidate> OrientedKernel::candidatesByFields(const PoseBelief& belief, const StartSettings& starts,
+// For all of the tree in view: starts on the fields. `belief` has been widened so many times.
+std::vector<PoseCandidate> OrientedKernel::candidatesByFields(const PosePriorTerm& belief, const StartSettings& starts,
                                                               double widened, const SearchProgress& progress) {
-  const int count = starts.count > 0 ? starts.count : settings_.starts;
-  PoseBelief wide = belief;
-  wide.information /= widened * widened;
   std::vector<PoseCandidate> candidates;
   if (frame_.viewCount() == 1 && (widened > 2 || starts.box())) {
     // Too wide for draws to hit every basin: all shifts for each draw of rotation and depth.
-    std::vector<Pose> hypotheses;
-    for (const auto& draw : draws(belief, starts, widened, 1500)) {
-      Pose T = draw.T_camera_centred;
-      T.translation().head<2>() = belief.T0_camera_centred.translation().head<2>();
-      hypotheses.push_back(T);
-    }
-    const double reach_m =
-        starts.box() ? 1e-3 * starts.box_translation_mm
-                     : 2.5 * widened * std::sqrt(belief.information.inverse().topLeftCorner<3, 3>().trace() / 3);
-    candidates = fields_.everyShift(frame_, hypotheses, reach_m, 512, progress);
+    candidates = fields_.everyShift(frame_, draws_.withoutShift(belief, starts, 1500),
+                                    shiftReach_m(belief, starts, 2.5), 512, progress);
   } else {
-    const double more = starts.box() ? 32 : widened > 2 ? 16 : widened > 1 ? 4 : 1;
-    candidates = draws(belief, starts, widened, static_cast<int>(more * count));
+    const int count = starts.count > 0 ? starts.count : settings_.starts;
+    const int more = starts.box() ? 32 : widened > 2 ? 16 : widened > 1 ? 4 : 1;
+    for (const Pose& T : draws_.poses(belief, starts, more * count)) candidates.push_back({T, 0});
   }
-  fields_.halve(frame_, wide, candidates, 4);
+  fields_.halve(frame_, belief, candidates, 4);
   return candidates;
 }
 
 // For a small image: shifts of rotations and depths.
-std::vector<PoseCandidate> OrientedKernel::candidatesByShifts(const PoseBelief& belief, const StartSettings& starts) {
-  std::vector<Pose> hypotheses;
-  for (const auto& draw : draws(belief, starts, 1, kShiftHypotheses)) {
-    Pose T = draw.T_camera_centred;
-    T.translation().head<2>() = belief.T0_camera_centred.translation().head<2>();
-    hypotheses.push_back(T);
-  }
-  const double reach_m = starts.box()
-                             ? 1e-3 * starts.box_translation_mm
-                             : kShiftReach * std::sqrt(belief.information.inverse().topLeftCorner<3, 3>().trace() / 3);
-  return searchShifts(model_, frame_, hypotheses, reach_m, kShiftPlaces);
-}
-
-// Fits each candidate a little and scores what it explains: of the image, and (unless the image is small) of the model.
-void OrientedKernel::compare(const PoseBelief& belief, std::vector<PoseCandidate>& candidates,
-                             const LineFitPlan& plan) {
-  for (auto& candidate : candidates) {
-    candidate.T_camera_centred = lines_.fit(frame_, belief, candidate.T_camera_centred, plan).T_camera_centred;
-    if (!small_) fields_.ascend(frame_, belief, model_.subsets.back(), kFieldScales - 1, 0, candidate);
-    const double image = lines_.explained(frame_, candidate.T_camera_centred, kCompared_px, plan.most_points);
-    candidate.score = small_ ? image : candidate.score * image;
-  }
-  std::sort(candidates.begin(), candidates.end(),
-            [](const PoseCandidate& a, const PoseCandidate& b) { return a.score > b.score; });
-}
-
-double OrientedKernel::scoreOf(const PoseBelief& belief, const Pose& T_camera_centred) {
-  PoseCandidate candidate{T_camera_centred, 1};
-  if (!small_) fields_.ascend(frame_, belief, model_.subsets.back(), kFieldScales - 1, 0, candidate);
-  return candidate.score * lines_.explained(frame_, T_camera_centred, kRival_px, kQuick.most_points);
-}
-
-// The best different pose. The depth-mirrored one is always asked: what is flat or far looks the same from both sides,
-// and no number of draws need come upon it.
-PoseCandidate OrientedKernel::bestRival(const PoseBelief& belief, const Pose& T_camera_centred,
-                                        const std::vector<PoseCandidate>& others) {
-  const auto different = [&](const Pose& T) {
-    const Pose between = T_camera_centred.inverse() * T;
-    const double turn_m = model_.radius_m * rotationAngle(between.linear());
-    return std::hypot(between.translation().norm(), turn_m) > kDifferentPose_m;
-  };
-  PoseCandidate best{T_camera_centred, 0};
-  const auto ask = [&](const Pose& T) {
-    if (!different(T)) return;
-    const double score = scoreOf(belief, T);
-    if (score > best.score) best = {T, score};
-  };
-  for (const auto& other : others) ask(other.T_camera_centred);
-  PoseCandidate mirrored{depthMirrored(T_camera_centred), 0};
-  if (!small_ && frame_.viewCount() == 1 && belief.squaredMahalanobis(mirrored.T_camera_centred) < kBelievable) {
-    // Fitted as if it had been believed: else the belief, which may be in the wrong one of the two, draws it back.
-    PoseBelief there = belief;
-    there.T0_camera_centred = mirrored.T_camera_centred;
-    for (int scale = 1; scale < kFieldScales; ++scale) {
-      fields_.ascend(frame_, there, model_.subsets[static_cast<std::size_t>(scale)], scale, 6, mirrored);
-    }
-    ask(lines_.fit(frame_, there, mirrored.T_camera_centred, kQuick).T_camera_centred);
-  }
-  return best;
+std::vector<PoseCandidate> OrientedKernel::candidatesByShifts(const PosePriorTerm& belief,
+                                                              const StartSettings& starts) {
+  return searchShifts(model_, frame_, draws_.withoutShift(belief, starts, kShiftHypotheses),
+                      shiftReach_m(belief, starts, kShiftReach), kShiftPlaces);
 }
 
 // Compares the result with its best rival. `T_rigid` is its pose before it was deformed.
-void OrientedKernel::judgeRivals(const PoseBelief& belief, const Pose& T_rigid,
+void OrientedKernel::judgeRivals(const PosePriorTerm& belief, const Pose& T_rigid,
                                  const std::vector<PoseCandidate>& others, RegistrationResult& result) {
-  const PoseCandidate rival = bestRival(belief, T_rigid, others);
-  const double own = scoreOf(belief, T_rigid);
+  const PoseCandidate rival = comparison_.bestRival(belief, T_rigid, others);
+  const double own = comparison_.score(belief, T_rigid);
   double share = own > 0 ? std::min(1.0, rival.score / own) : 1.0;
   if (deformation_ && rival.score > 0 && share > kWorthDeforming) {
     // Before it is deformed the right pose fits little better than a wrong one.
     RegistrationResult deformed = result;
     deformed.T_camera_model = rival.T_camera_centred * Eigen::Translation3d(-model_.centroid);
-    PoseBelief there = belief;
+    PosePriorTerm there = belief;
     there.T0_camera_centred = rival.T_camera_centred;
     deform(there, deformed);
     result.times.nonrigid_s += deformed.times.nonrigid_s;
@@ -293,20 +183,7 @@ void OrientedKernel::judgeRivals(const PoseBelief& belief, const Pose& T_rigid,
   judgeAgainst(share, result);
 }
 
-// Seen from afar, a shape and its mirror image in depth look alike; and a flat shape is its own mirror image in its
-// plane. Both mirrors make a turn: where a flat tree would be if near and far were exchanged.
-Pose OrientedKernel::depthMirrored(const Pose& T_camera_centred) const {
-  const Pose T_view = T_camera_centred;
-  // Across the beam to the centroid, not across the optical axis: a tree at the detector's edge is seen at a slant.
-  const Eigen::Vector3d beam = T_view.translation().normalized();
-  const Eigen::Matrix3d S = Eigen::Matrix3d::Identity() - 2 * beam * beam.transpose();
-  const Eigen::Matrix3d P = Eigen::Matrix3d::Identity() - 2 * flat_axis_ * flat_axis_.transpose();
-  Pose mirrored = T_camera_centred;
-  mirrored.linear() = S * T_camera_centred.linear() * P;
-  return mirrored;
-}
-
-void OrientedKernel::finish(const PoseBelief& belief, const Pose& T_camera_centred, const LineFitPlan& plan,
+void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_centred, const LineFitPlan& plan,
                             RegistrationResult& result) {
   const LineFitResult fit = lines_.fit(frame_, belief, T_camera_centred, plan);
   result.T_camera_model = fit.T_camera_centred * Eigen::Translation3d(-model_.centroid);
@@ -318,7 +195,7 @@ void OrientedKernel::finish(const PoseBelief& belief, const Pose& T_camera_centr
 }
 
 // Deforms the tree if it may and if that explains what the rigid pose does not, and judges what has become of it.
-void OrientedKernel::deform(const PoseBelief& belief, RegistrationResult& result) {
+void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& result) {
   const VesselTree& tree = model_.resampled.tree;
   result.agreement = agreementOf(tree, tree.points(), frame_.views(), result.T_camera_model);
   if (!deformation_) {
@@ -375,8 +252,7 @@ RegistrationResult OrientedKernel::align(const XrayViews& views, const PosePrior
   result.times.rigid_s = began.seconds() - result.times.prepare_s;
   const Pose rigid = result.T_camera_model * Eigen::Translation3d(model_.centroid);
   deform(*belief, result);
-  if (result.status == RegistrationStatus::kConverged &&
-      belief->squaredMahalanobis(depthMirrored(rigid)) < kBelievable) {
+  if (result.status == RegistrationStatus::kConverged && comparison_.mirrorIsOpen(*belief, rigid)) {
     judgeRivals(*belief, rigid, {}, result);
   }
   result.times.total_s = began.seconds();
@@ -394,14 +270,15 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
   const LineFitPlan quick = small_ ? kSmallQuick : kQuick;
   for (const double widened : {1.0, 1.8, 3.0}) {
     if (widened > 1 && (starts.box() || small_ || prior.covariance)) break;
-    auto candidates = small_ ? candidatesByShifts(*belief, starts)
-                             : candidatesByFields(*belief, starts, widened, widened > 1 ? SearchProgress() : progress);
+    PosePriorTerm wide = *belief;
+    wide.information /= widened * widened;
+    auto candidates = small_ ? candidatesByShifts(wide, starts)
+                             : candidatesByFields(wide, starts, widened, widened > 1 ? SearchProgress() : progress);
     if (candidates.empty()) break;
     // A small image says little about where it may be: what it does say must not be outweighed by a start that is far
     // off.
-    PoseBelief wide = small_ ? shiftsFreed(*belief) : *belief;
-    wide.information /= widened * widened;
-    compare(wide, candidates, quick);
+    if (small_) wide = shiftsFreed(wide);
+    comparison_.rank(wide, candidates, quick);
     RegistrationResult found = result;
     LineFitPlan plan = kFull;
     if (small_) plan.gate_px = kSmallGate_px;

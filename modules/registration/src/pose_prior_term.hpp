@@ -1,18 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/registration/iterative_pnp_settings.hpp"
+#include "angio/registration/oriented_kernel_settings.hpp"
 #include "angio/registration/registration.hpp"
 
 namespace angio {
 
-/// E_init of the paper's eq. 4 as a quadratic form: xi^T information xi with xi = log(T0^-1 T), for the pose of the centred
-/// tree (rotation about the centroid, paper eq. 3).
+/// What is known of the pose before the image is looked at, as a quadratic form: xi^T information xi with
+/// xi = log(T0^-1 T), for the pose of the centred tree (rotation about the centroid, paper eq. 3). It is E_init of the
+/// paper's eq. 4, and with the inverse of a covariance the squared Mahalanobis distance.
 ///
-/// The paper's T acts on the points after T_dsa_cb and the shift by -c. Here T0 holds both, which leaves |log(T0^-1 T)| as
-/// it is up to a rotation of the axes.
+/// The paper's T acts on the points after T_dsa_cb and the shift by -c. Here T0 holds both, which leaves
+/// |log(T0^-1 T)| as it is up to a rotation of the axes.
 struct PosePriorTerm {
   Pose T0_camera_centred = Pose::Identity();
-  Matrix6d information = Matrix6d::Zero();  ///< [px^2 per m^2, rad^2].
+  Matrix6d information = Matrix6d::Zero();  ///< Per m^2 and rad^2, in the unit that the data term counts in.
 
   double cost(const Pose& T_camera_centred) const;
 
@@ -20,7 +23,10 @@ struct PosePriorTerm {
   void add(const Pose& T_camera_centred, Matrix6d& H, Vector6d& g) const;
 };
 
-/// The term that settings and prior ask for.
+/// The term that settings and prior ask for, in square pixels as the paper's data term.
 PosePriorTerm priorTerm(const IterativePnpSettings& settings, const PosePrior& prior, const Eigen::Vector3d& centroid);
+
+/// The prior's own covariance, or the settings' standard deviations; in units of a negative log-likelihood (twice).
+PosePriorTerm beliefOf(const PosePrior& prior, const OrientedKernelSettings& settings, const Eigen::Vector3d& centroid);
 
 }  // namespace angio

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "pose_comparison.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace angio {
+namespace {
+
+constexpr double kCompared_px = 3;
+// A different pose is compared where it matters: at the distance that a right fit leaves.
+constexpr double kRival_px = 2;
+// Poses whose points lie further apart than this (rms, about) are different answers.
+constexpr double kDifferentPose_m = 3e-3;
+// What the belief finds less likely than this (chi-square of 6, one in a million) is no rival.
+constexpr double kBelievable = 38;
+
+}  // namespace
+
+PoseComparison::PoseComparison(const OrientedModel& model, FieldSearch& fields, LineFit& lines)
+    : model_(model), fields_(fields), lines_(lines) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(model.points * model.points.transpose());
+  flat_axis_ = axes.eigenvectors().col(0);
+}
+
+// Share of the model's points in view that have found a vessel; 1 where it does not count.
+double PoseComparison::modelShare(const PosePriorTerm& belief, PoseCandidate& candidate) const {
+  if (small_) return 1;
+  fields_.ascend(*frame_, belief, model_.subsets.back(), kFieldScales - 1, 0, candidate);
+  return candidate.score;
+}
+
+void PoseComparison::rank(const PosePriorTerm& belief, std::vector<PoseCandidate>& candidates,
+                          const LineFitPlan& plan) {
+  for (auto& candidate : candidates) {
+    candidate.T_camera_centred = lines_.fit(*frame_, belief, candidate.T_camera_centred, plan).T_camera_centred;
+    const double model = modelShare(belief, candidate);
+    candidate.score = model * lines_.explained(*frame_, candidate.T_camera_centred, kCompared_px, plan.most_points);
+  }
+  std::sort(candidates.begin(), candidates.end(),
+            [](const PoseCandidate& a, const PoseCandidate& b) { return a.score > b.score; });
+}
+
+double PoseComparison::score(const PosePriorTerm& belief, const Pose& T_camera_centred) const {
+  PoseCandidate candidate{T_camera_centred, 1};
+  return modelShare(belief, candidate) * lines_.explained(*frame_, T_camera_centred, kRival_px, kQuick.most_points);
+}
+
+PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const Pose& T_camera_centred,
+                                        const std::vector<PoseCandidate>& others) const {
+  const auto different = [&](const Pose& T) {
+    const Pose between = T_camera_centred.inverse() * T;
+    const double turn_m = model_.radius_m * rotationAngle(between.linear());
+    return std::hypot(between.translation().norm(), turn_m) > kDifferentPose_m;
+  };
+  PoseCandidate best{T_camera_centred, 0};
+  const auto ask = [&](const Pose& T) {
+    if (!different(T)) return;
+    const double its_score = score(belief, T);
+    if (its_score > best.score) best = {T, its_score};
+  };
+  for (const auto& other : others) ask(other.T_camera_centred);
+  // Always asked: what is flat or far looks the same from both sides, and no number of draws need come upon it.
+  if (mirrorIsOpen(belief, T_camera_centred)) {
+    PoseCandidate mirrored{depthMirrored(T_camera_centred), 0};
+    // Fitted as if it had been believed: else the belief, which may be in the wrong one of the two, draws it back.
+    PosePriorTerm there = belief;
+    there.T0_camera_centred = mirrored.T_camera_centred;
+    for (int scale = 1; scale < kFieldScales; ++scale) {
+      fields_.ascend(*frame_, there, model_.subsets[static_cast<std::size_t>(scale)], scale, 6, mirrored);
+    }
+    ask(lines_.fit(*frame_, there, mirrored.T_camera_centred, kQuick).T_camera_centred);
+  }
+  return best;
+}
+
+bool PoseComparison::mirrorIsOpen(const PosePriorTerm& belief, const Pose& T_camera_centred) const {
+  return !small_ && frame_->viewCount() == 1 && belief.cost(depthMirrored(T_camera_centred)) < kBelievable;
+}
+
+// Seen from afar, a shape and its mirror image in depth look alike; and a flat shape is its own mirror image in its
+// plane. Both mirrors make a turn: where a flat tree would be if near and far were exchanged.
+Pose PoseComparison::depthMirrored(const Pose& T_camera_centred) const {
+  // Across the beam to the centroid, not across the optical axis: a tree at the detector's edge is seen at a slant.
+  const Eigen::Vector3d beam = T_camera_centred.translation().normalized();
+  const Eigen::Matrix3d S = Eigen::Matrix3d::Identity() - 2 * beam * beam.transpose();
+  const Eigen::Matrix3d P = Eigen::Matrix3d::Identity() - 2 * flat_axis_ * flat_axis_.transpose();
+  Pose mirrored = T_camera_centred;
+  mirrored.linear() = S * T_camera_centred.linear() * P;
+  return mirrored;
+}
+
+}  // namespace angio
