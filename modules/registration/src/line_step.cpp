@@ -54,7 +54,7 @@ void lineSums(const RawLineLook& in, RawLineSums& out) {
           hn::MulAdd(set(in.view.R[3 * r + 1]), p[1], hn::MulAdd(set(in.view.R[3 * r + 2]), p[2], set(in.view.t[r]))));
     };
     const V depth = row(2);
-    const auto visible = hn::And(hn::Gt(depth, set(1e-3f)), hn::Gt(hn::MulAdd(nu, nu, hn::Mul(nv, nv)), set(0.5f)));
+    const auto visible = hn::And(hn::Gt(depth, set(1e-3f)), hn::Gt(hn::MulAdd(nu, nu, hn::Mul(nv, nv)), set(1e-3f)));
     const V inverse_depth = hn::Div(one, hn::IfThenElse(visible, depth, one));
     const V X = hn::Mul(row(0), inverse_depth), Y = hn::Mul(row(1), inverse_depth);
     const V ru = hn::Sub(hn::MulAdd(set(in.view.fx), X, set(in.view.cx)), hn::LoadU(d, in.u + first));
@@ -107,6 +107,10 @@ void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double
                 LineMatches& matches) {
   matches.matched =
       edges.nearestOfEach(image, static_cast<float>(gate_px), static_cast<float>(least_cos2), matches.of_point);
+  for (std::size_t j = 0; j < matches.of_point.size(); ++j) {
+    matches.of_point[j].normal_u *= image.certainty[j];
+    matches.of_point[j].normal_v *= image.certainty[j];
+  }
 }
 
 double LineSums::togetherness(int points) const {

@@ -19,6 +19,8 @@ struct LineMatches {
   std::vector<float> x, y, z, normal_u, normal_v, weighted_residual;
 };
 
+/// Matches every image point. Normals are lengthened by the point's certainty, and with them every residual: what is
+/// counted in the sums is pixels of a point of middling certainty.
 void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double gate_px, double least_cos2,
                 LineMatches& matches);
 

@@ -15,13 +15,37 @@ Eigen::Vector2f doubleAngle(double tangent_rad) {
   return {std::cos(twice), std::sin(twice)};
 }
 
+// How certain a point is beside the image's middling one. Bounded: a curve that an extractor is very sure of is still
+// one curve among others, and may be the wrong one.
+class Certainty {
+ public:
+  explicit Certainty(const Centerline2d& c) : sigma_px_(c.sigma_px) {
+    if (sigma_px_.size() == 0) return;
+    Eigen::VectorXd sorted = sigma_px_;
+    const auto middle = sorted.data() + sorted.size() / 2;
+    std::nth_element(sorted.data(), middle, sorted.data() + sorted.size());
+    middle_px_ = *middle;
+  }
+  float between(Eigen::Index a, Eigen::Index b, double weight_of_b) const {
+    if (sigma_px_.size() == 0) return 1;
+    const double sigma_px = (1 - weight_of_b) * sigma_px_[a] + weight_of_b * sigma_px_[b];
+    return static_cast<float>(std::clamp(middle_px_ / sigma_px, 0.25, 2.0));
+  }
+
+ private:
+  const Eigen::VectorXd& sigma_px_;
+  double middle_px_ = 1;
+};
+
 // A branch: points between its own where they stand far apart, each with the length of line it stands for.
-void addBranch(const Centerline2d& c, Eigen::Index first, Eigen::Index last, double spacing_px, OrientedPoints& to) {
+void addBranch(const Centerline2d& c, const Certainty& certainty, Eigen::Index first, Eigen::Index last,
+               double spacing_px, OrientedPoints& to) {
   const auto& p = c.points_px;
   Eigen::Vector2f before = doubleAngle(c.tangent_rad[first]);
   const int began = to.size();
   to.begin.push_back(began);
-  to.add(static_cast<float>(p(0, first)), static_cast<float>(p(1, first)), before.x(), before.y(), 0);
+  to.add(static_cast<float>(p(0, first)), static_cast<float>(p(1, first)), before.x(), before.y(), 0,
+         certainty.between(first, first, 0));
   for (Eigen::Index i = first + 1; i <= last; ++i) {
     const Eigen::Vector2f here = doubleAngle(c.tangent_rad[i]);
     const Eigen::Vector2d a = p.col(i - 1), step = p.col(i) - a;
@@ -34,7 +58,8 @@ void addBranch(const Centerline2d& c, Eigen::Index first, Eigen::Index last, dou
       const Eigen::Vector2d at = a + w * step;
       const Eigen::Vector2f along = k == pieces ? here : doubleAngle(std::atan2(step.y(), step.x()));
       to.mass_px.back() += half_mass;
-      to.add(static_cast<float>(at.x()), static_cast<float>(at.y()), along.x(), along.y(), half_mass);
+      to.add(static_cast<float>(at.x()), static_cast<float>(at.y()), along.x(), along.y(), half_mass,
+             certainty.between(i - 1, i, w));
     }
   }
   if (to.size() == began + 1) to.mass_px.back() = static_cast<float>(spacing_px);  // A branch of one point.
@@ -70,7 +95,8 @@ void thinned(const OrientedPoints& points, int stride, OrientedPoints& to) {
       const int end = std::min(branch_end, begin + stride), middle = (begin + end) / 2;
       float mass = 0;
       for (int i = begin; i < end; ++i) mass += points.mass_px[i];
-      to.add(points.u[middle], points.v[middle], points.cos2[middle], points.sin2[middle], mass);
+      to.add(points.u[middle], points.v[middle], points.cos2[middle], points.sin2[middle], mass,
+             points.certainty[middle]);
     }
   }
   to.pad();
@@ -78,6 +104,7 @@ void thinned(const OrientedPoints& points, int stride, OrientedPoints& to) {
 
 void orientedPoints(const Centerline2d& c, double spacing_px, int most_points, OrientedPoints& to) {
   to.clear();
+  const Certainty certainty(c);
   // Branches, or points without order, in the order of where they are: whoever wrote them in another order gets the
   // same sums, to the last bit.
   thread_local std::vector<std::pair<Eigen::Index, Eigen::Index>> runs;
@@ -94,13 +121,14 @@ void orientedPoints(const Centerline2d& c, double spacing_px, int most_points, O
   };
   std::sort(runs.begin(), runs.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
   if (c.ordered()) {
-    for (const auto& [first, last] : runs) addBranch(c, first, last, spacing_px, to);
+    for (const auto& [first, last] : runs) addBranch(c, certainty, first, last, spacing_px, to);
   } else {
     if (!runs.empty()) to.begin.push_back(0);
     for (const auto& run : runs) {
       const Eigen::Index i = run.first;
       const Eigen::Vector2f along = doubleAngle(c.tangent_rad[i]);
-      to.add(static_cast<float>(c.points_px(0, i)), static_cast<float>(c.points_px(1, i)), along.x(), along.y(), 1);
+      to.add(static_cast<float>(c.points_px(0, i)), static_cast<float>(c.points_px(1, i)), along.x(), along.y(), 1,
+             certainty.between(i, i, 0));
     }
     if (to.size() > 0) massFromDensity(to);
   }
