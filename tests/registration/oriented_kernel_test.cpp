@@ -303,7 +303,7 @@ TEST(OrientedKernel, ABoxOfPosesIsSearchedToItsCorners) {
     EXPECT_EQ(last, 1);
     found += meanDistance(s.tree, result.T_camera_model, s.truth) < 0.5e-3;
   }
-  EXPECT_GE(found, 4);
+  EXPECT_EQ(found, 5);
 }
 
 }  // namespace

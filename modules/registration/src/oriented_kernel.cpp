@@ -46,6 +46,16 @@ PosePriorTerm shiftsFreed(PosePriorTerm belief) {
   return belief;
 }
 
+// A search through a box knows no more of the pose than that it is in it: the box's own spread.
+PosePrior beforeSearch(PosePrior prior, const StartSettings& starts) {
+  if (!starts.box() || prior.covariance) return prior;
+  prior.covariance = Matrix6d::Zero();
+  prior.covariance->diagonal() << Eigen::Vector3d::Constant(1e-3 * starts.box_translation_mm),
+      Eigen::Vector3d::Constant(degToRad(starts.box_rotation_deg));
+  prior.covariance->diagonal() = (prior.covariance->diagonal().array().square() / 3).matrix().eval();
+  return prior;
+}
+
 class OrientedKernel final : public Registration {
  public:
   OrientedKernel(const OrientedKernelSettings& settings, const VesselTree& tree)
@@ -265,7 +275,7 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
   checkSettings("starts", starts);
   if (starts.count == 1 && !starts.box()) return align(views, prior, prior.T_camera_model);
   RegistrationResult result;
-  const auto belief = begin(views, prior, prior.T_camera_model, result);
+  const auto belief = begin(views, beforeSearch(prior, starts), prior.T_camera_model, result);
   if (!belief) return result;
   const LineFitPlan quick = small_ ? kSmallQuick : kQuick;
   for (const double widened : {1.0, 1.8, 3.0}) {
