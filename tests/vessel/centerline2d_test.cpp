@@ -114,10 +114,17 @@ TEST(OfKind, KeepsWhatIsKnownOfThePointsOfThatKind) {
   const Centerline2d device = ofKind(line, CurveKind::kDevice);
   EXPECT_EQ(device.points_px, line.points_px.rightCols(3));
   EXPECT_EQ(device.tangent_rad, line.tangent_rad.tail(3));
-  EXPECT_EQ(device.branch, (std::vector<int>{1, 1, 1}));
+  EXPECT_EQ(device.branch, (std::vector<int>{0, 0, 0}));
   EXPECT_EQ(device.radius_px, line.radius_px.tail(3));
   EXPECT_EQ(device.sigma_px, line.sigma_px.tail(3));
   EXPECT_EQ(densified(line, 20).sigma_px.size(), densified(line, 20).size());
+}
+
+TEST(PointsWhere, AGapIsNoVessel) {
+  const Centerline2d line = makeCenterline(circle(8), {5, 5, 5, 5, 5, 2, 2, 2});
+  const Centerline2d kept = pointsWhere(line, {true, true, false, true, true, true, false, false});
+  EXPECT_EQ(kept.branch, (std::vector<int>{0, 0, 1, 1, 2}));
+  EXPECT_EQ(kept.points_px.col(2), line.points_px.col(3));
 }
 
 TEST(Densified, LeavesAloneWhatHasNoOrderAndWhatIsDenseEnough) {

@@ -123,15 +123,26 @@ Centerline2d resampledAt(const Centerline2d& line, const std::vector<Between>& p
 
 }  // namespace
 
-Centerline2d ofKind(const Centerline2d& centerline, CurveKind kind) {
-  if (centerline.kind.empty() && kind == CurveKind::kVessel) return centerline;
+Centerline2d pointsWhere(const Centerline2d& centerline, const std::vector<bool>& keep) {
   std::vector<Between> places;
   for (int i = 0; i < centerline.size(); ++i) {
-    if (!centerline.kind.empty() && centerline.kind[i] == kind) places.push_back({i, i, 0});
+    if (keep[i]) places.push_back({i, i, 0});
   }
   Centerline2d result = resampledAt(centerline, places);
   result.tangent_rad = mixed(centerline.tangent_rad, places);
+  for (std::size_t k = 0, number = 0; k < result.branch.size(); ++k) {
+    const bool goes_on = k > 0 && places[k].a == places[k - 1].a + 1 &&
+                         centerline.branch[places[k].a] == centerline.branch[places[k - 1].a];
+    if (k > 0 && !goes_on) ++number;
+    result.branch[k] = static_cast<int>(number);
+  }
   return result;
+}
+
+Centerline2d ofKind(const Centerline2d& centerline, CurveKind kind) {
+  std::vector<bool> keep(static_cast<std::size_t>(centerline.size()), kind == CurveKind::kVessel);
+  for (std::size_t i = 0; i < centerline.kind.size(); ++i) keep[i] = centerline.kind[i] == kind;
+  return pointsWhere(centerline, keep);
 }
 
 Centerline2d densified(const Centerline2d& centerline, double spacing_px) {

@@ -29,7 +29,11 @@ struct Centerline2d {
 /// Throws InputError when a coordinate is not finite or sizes differ.
 Centerline2d makeCenterline(Eigen::Matrix2Xd points_px, std::vector<int> branch = {}, Eigen::VectorXd radius_px = {});
 
-/// The points of one kind, in their order, with all that is known of them.
+/// The points that are to be kept (one flag a point), in their order, with all that is known of them. Branches are
+/// numbered anew: one that loses points in its middle becomes two.
+Centerline2d pointsWhere(const Centerline2d& centerline, const std::vector<bool>& keep);
+
+/// The points of one kind.
 Centerline2d ofKind(const Centerline2d& centerline, CurveKind kind);
 
 /// Puts points between the points of each branch so that none are further apart than `spacing_px`; all points stay.
