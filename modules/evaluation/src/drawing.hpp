@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <string>
+
+#include "angio/vessel/centerline2d.hpp"
+
+namespace angio {
+
+extern const cv::Scalar kGroundColour;  ///< Dark, behind everything.
+
+/// Bits of a pixel's fraction in the points that subpixel makes.
+constexpr int kSubpixelBits = 4;
+
+/// A pixel position for OpenCV's drawing functions.
+cv::Point subpixel(const Eigen::Vector2d& p);
+
+/// An X-ray (CV_8UC1 or CV_16UC1, not empty) as CV_8UC3, its grey levels spread over the range.
+cv::Mat greyPicture(const cv::Mat& image);
+
+/// Points of a branch are joined; points without order stay points.
+void drawCurve(cv::Mat& canvas, const Centerline2d& centerline, const cv::Scalar& colour_bgr, int width_px);
+
+/// A line of text with a dark rim.
+void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, const cv::Scalar& colour_bgr);
+
+}  // namespace angio

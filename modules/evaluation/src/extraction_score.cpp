@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/extraction_score.hpp"
+
+#include <cmath>
+#include <limits>
+#include <nanoflann.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "angio/evaluation/statistics.hpp"
+#include "angio/geometry/se3.hpp"
+#include "angio/imaging/thinning.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kStep_px = 1;
+
+// The nearest place on a centreline, exact on its segments.
+class NearestOnCurve {
+ public:
+  struct Place {
+    double distance_px = std::numeric_limits<double>::infinity();
+    double tangent_rad = 0;
+  };
+
+  explicit NearestOnCurve(const Centerline2d& curve)
+      : curve_(densified(curve, kStep_px)), rows_(curve_.points_px.transpose()), tree_(2, std::cref(rows_), 10) {}
+
+  Place operator()(const Eigen::Vector2d& q) const {
+    Place best;
+    if (curve_.size() == 0) return best;
+    // The nearest segment ends at one of the nearest points: its points stand a pixel apart.
+    constexpr int kNearest = 4;
+    Eigen::Index index[kNearest];
+    double distance2[kNearest];
+    const std::size_t found = tree_.index->knnSearch(q.data(), kNearest, index, distance2);
+    for (std::size_t k = 0; k < found; ++k) {
+      offer(q, index[k], index[k], best);
+      if (joined(index[k] - 1, index[k])) offer(q, index[k] - 1, index[k], best);
+      if (joined(index[k], index[k] + 1)) offer(q, index[k], index[k] + 1, best);
+    }
+    return best;
+  }
+
+ private:
+  bool joined(Eigen::Index a, Eigen::Index b) const {
+    return curve_.ordered() && a >= 0 && b < curve_.size() &&
+           curve_.branch[static_cast<std::size_t>(a)] == curve_.branch[static_cast<std::size_t>(b)];
+  }
+
+  void offer(const Eigen::Vector2d& q, Eigen::Index a, Eigen::Index b, Place& best) const {
+    const Eigen::Vector2d from = curve_.points_px.col(a), along = curve_.points_px.col(b) - from;
+    const double length2 = along.squaredNorm();
+    const double t = length2 > 0 ? std::clamp((q - from).dot(along) / length2, 0.0, 1.0) : 0;
+    const double distance_px = (from + t * along - q).norm();
+    if (distance_px < best.distance_px) {
+      best = {distance_px, length2 > 0 ? std::atan2(along.y(), along.x()) : curve_.tangent_rad[a]};
+    }
+  }
+
+  using Tree = nanoflann::KDTreeEigenMatrixAdaptor<Eigen::MatrixX2d, 2>;
+  Centerline2d curve_;
+  Eigen::MatrixX2d rows_;
+  Tree tree_;
+};
+
+Centerline2d pointsOf(const cv::Mat& mask) {
+  std::vector<cv::Point> pixels;
+  cv::findNonZero(mask, pixels);
+  Eigen::Matrix2Xd points(2, static_cast<Eigen::Index>(pixels.size()));
+  for (std::size_t i = 0; i < pixels.size(); ++i) points.col(static_cast<Eigen::Index>(i)) << pixels[i].x, pixels[i].y;
+  return makeCenterline(points);
+}
+
+}  // namespace
+
+void ExtractionScore::add(const Centerline2d& found, const Centerline2d& required, const Centerline2d& allowed) {
+  const Centerline2d line = densified(found, kStep_px), wanted = densified(required, kStep_px);
+  const NearestOnCurve nearest_found(line), nearest_true(allowed);
+  for (int i = 0; i < wanted.size(); ++i) {
+    covered_ += nearest_found(wanted.points_px.col(i)).distance_px <= tolerance_px_;
+  }
+  required_ += wanted.size();
+  for (int i = 0; i < line.size(); ++i) {
+    const double distance_px = nearest_true(line.points_px.col(i)).distance_px;
+    distances_px_.push_back(distance_px);
+    correct_ += distance_px <= tolerance_px_;
+  }
+  found_ += line.size();
+  for (int i = 0; i < found.size(); ++i) {  // The points themselves: between them a line knows nothing of its own.
+    const auto place = nearest_true(found.points_px.col(i));
+    if (place.distance_px > tolerance_px_) continue;
+    errors_px_.push_back(place.distance_px);
+    tangent_errors_rad_.push_back(std::abs(undirected(found.tangent_rad[i] - place.tangent_rad)));
+    if (found.sigma_px.size() > 0) {
+      squared_ratios_ += std::pow(place.distance_px / found.sigma_px[i], 2);
+      ++ratios_;
+    }
+  }
+}
+
+void ExtractionScore::addMask(const Centerline2d& found, const cv::Mat& mask) {
+  const Centerline2d line = densified(found, kStep_px);
+  cv::Mat outside, distance;
+  cv::compare(mask, 0, outside, cv::CMP_EQ);
+  cv::distanceTransform(outside, distance, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  const auto outsideBy_px = [&](const Eigen::Vector2d& p) {
+    const cv::Point pixel(static_cast<int>(std::lround(p.x())), static_cast<int>(std::lround(p.y())));
+    return cv::Rect({}, distance.size()).contains(pixel) ? distance.at<float>(pixel)
+                                                         : std::numeric_limits<float>::infinity();
+  };
+  for (int i = 0; i < line.size(); ++i) {
+    const double distance_px = outsideBy_px(line.points_px.col(i));
+    distances_px_.push_back(distance_px);
+    correct_ += distance_px <= tolerance_px_;
+  }
+  found_ += line.size();
+
+  cv::Mat lines = mask != 0;
+  thin(lines);
+  const Centerline2d wanted = pointsOf(lines);
+  const NearestOnCurve nearest_found(line);
+  for (int i = 0; i < wanted.size(); ++i) {
+    covered_ += nearest_found(wanted.points_px.col(i)).distance_px <= tolerance_px_;
+  }
+  required_ += wanted.size();
+}
+
+double ExtractionScore::medianError_px() const { return percentile(errors_px_, 0.5); }
+
+double ExtractionScore::medianTangentError_deg() const { return radToDeg(percentile(tangent_errors_rad_, 0.5)); }
+
+double ExtractionScore::medianDistance_px() const { return percentile(distances_px_, 0.5); }
+
+std::optional<double> ExtractionScore::errorOverSigma() const {
+  if (ratios_ == 0) return std::nullopt;
+  return std::sqrt(squared_ratios_ / ratios_);
+}
+
+nlohmann::ordered_json ExtractionScore::asJson() const {
+  nlohmann::ordered_json json = {{"tolerance_px", tolerance_px_},
+                                 {"covered", covered()},
+                                 {"correct", correct()},
+                                 {"median_distance_px", medianDistance_px()}};
+  if (!errors_px_.empty()) {
+    json["median_error_px"] = medianError_px();
+    json["median_tangent_error_deg"] = medianTangentError_deg();
+  }
+  if (const auto ratio = errorOverSigma()) json["error_over_sigma"] = *ratio;
+  return json;
+}
+
+Centerline2d shownIn(const cv::Mat& image, const Centerline2d& projected, double radius_px, double contrast) {
+  cv::Mat values, log_image;
+  image.convertTo(values, CV_32F, 1, 1);  // One above nothing: black has a logarithm too.
+  cv::log(values, log_image);
+  const auto at = [&](const Eigen::Vector2d& p) -> std::optional<double> {
+    const int x = static_cast<int>(std::floor(p.x())), y = static_cast<int>(std::floor(p.y()));
+    if (x < 0 || y < 0 || x + 1 >= log_image.cols || y + 1 >= log_image.rows) return std::nullopt;
+    const double a = p.x() - x, b = p.y() - y;
+    const float *top = log_image.ptr<float>(y) + x, *bottom = log_image.ptr<float>(y + 1) + x;
+    return (1 - b) * ((1 - a) * top[0] + a * top[1]) + b * ((1 - a) * bottom[0] + a * bottom[1]);
+  };
+  // Mean over a piece of the vessel's length, so that noise is no vessel.
+  constexpr int kHalfLength_px = 4;
+  const auto meanAlong = [&](const Eigen::Vector2d& p, const Eigen::Vector2d& along) -> std::optional<double> {
+    double sum = 0;
+    for (int k = -kHalfLength_px; k <= kHalfLength_px; ++k) {
+      const auto value = at(p + k * along);
+      if (!value) return std::nullopt;
+      sum += *value;
+    }
+    return sum / (2 * kHalfLength_px + 1);
+  };
+  const auto shown = [&](int i) {
+    const Eigen::Vector2d p = projected.points_px.col(i);
+    const Eigen::Vector2d along(std::cos(projected.tangent_rad[i]), std::sin(projected.tangent_rad[i]));
+    const Eigen::Vector2d across(-along.y(), along.x());
+    for (double offset = -radius_px; offset <= radius_px; offset += 1) {
+      const auto middle = meanAlong(p + offset * across, along);
+      const auto left = meanAlong(p + (offset - 2.5 * radius_px) * across, along);
+      const auto right = meanAlong(p + (offset + 2.5 * radius_px) * across, along);
+      if (middle && left && right && std::min(*left, *right) - *middle >= contrast) return true;
+    }
+    return false;
+  };
+  std::vector<bool> keep(static_cast<std::size_t>(projected.size()));
+  for (int i = 0; i < projected.size(); ++i) keep[static_cast<std::size_t>(i)] = shown(i);
+  return pointsWhere(projected, keep);
+}
+
+}  // namespace angio

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/extraction_score.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "angio/geometry/se3.hpp"
+
+namespace angio {
+namespace {
+
+// A straight branch from one point to another, a point every `step_px`.
+Eigen::Matrix2Xd straight(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double step_px) {
+  const int pieces = static_cast<int>(std::lround((to - from).norm() / step_px));
+  Eigen::Matrix2Xd points(2, pieces + 1);
+  for (int i = 0; i <= pieces; ++i) points.col(i) = from + (to - from) * i / pieces;
+  return points;
+}
+
+Centerline2d curve(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double step_px = 2) {
+  Eigen::Matrix2Xd points = straight(from, to, step_px);
+  std::vector<int> branch(static_cast<std::size_t>(points.cols()), 0);
+  return makeCenterline(std::move(points), std::move(branch));
+}
+
+TEST(ExtractionScore, CountsLengthNotPoints) {
+  // The truth is 100 px long. Found are its first 60 px, half a pixel off, and 20 px that are nowhere near; densely.
+  const Centerline2d truth = curve({100, 100}, {200, 100}, 10);
+  Eigen::Matrix2Xd points(2, 0);
+  std::vector<int> branch;
+  int number = 0;
+  for (const auto& piece : {straight({100, 100.5}, {160, 100.5}, 0.5), straight({100, 300}, {120, 300}, 5)}) {
+    Eigen::Matrix2Xd all(2, points.cols() + piece.cols());
+    all << points, piece;
+    points = all;
+    branch.insert(branch.end(), static_cast<std::size_t>(piece.cols()), number++);
+  }
+  ExtractionScore score(1.5);
+  score.add(makeCenterline(points, branch), truth);
+  EXPECT_NEAR(score.covered(), 0.61, 0.02);  // The tolerance reaches a pixel further.
+  EXPECT_NEAR(score.medianError_px(), 0.5, 1e-9);
+  EXPECT_NEAR(score.medianTangentError_deg(), 0, 1e-9);
+  EXPECT_FALSE(score.errorOverSigma());
+
+  // Points twice as dense as a pixel stay as they are: 121 right ones, 21 wrong.
+  EXPECT_NEAR(score.correct(), 121.0 / 142, 1e-9);
+}
+
+TEST(ExtractionScore, KnowsTurnedLinesAndClaimedUncertainty) {
+  const Centerline2d truth = curve({0, 50}, {200, 50});
+  Centerline2d found = curve({20, 50.4}, {180, 50.4});
+  found.tangent_rad.array() += degToRad(7);
+  found.sigma_px = Eigen::VectorXd::Constant(found.size(), 0.2);
+  ExtractionScore score(1.5);
+  score.add(found, truth);
+  EXPECT_NEAR(*score.errorOverSigma(), 2, 1e-6);
+  EXPECT_NEAR(score.medianTangentError_deg(), 7, 1e-9);
+  EXPECT_EQ(score.correct(), 1);
+}
+
+TEST(ExtractionScore, WhatMayBeFoundIsNotWhatMust) {
+  const Centerline2d shown = curve({0, 50}, {100, 50}), all = curve({0, 50}, {200, 50});
+  ExtractionScore score(1.5);
+  score.add(all, shown, all);
+  EXPECT_EQ(score.covered(), 1);
+  EXPECT_EQ(score.correct(), 1);
+  ExtractionScore strict(1.5);
+  strict.add(all, shown);
+  EXPECT_NEAR(strict.correct(), 0.51, 0.01);
+}
+
+TEST(ExtractionScore, NothingFoundIsNothingCoveredAndNothingWrong) {
+  ExtractionScore score(1.5);
+  score.add({}, curve({0, 0}, {50, 0}));
+  EXPECT_EQ(score.covered(), 0);
+  EXPECT_EQ(score.correct(), 0);
+}
+
+TEST(ExtractionScore, MasksAreRightToTheirRimAndWantedAlongTheirMiddle) {
+  cv::Mat mask = cv::Mat::zeros(200, 300, CV_8U);
+  cv::rectangle(mask, {50, 95}, {249, 105}, 255, cv::FILLED);
+  ExtractionScore score(3);
+  score.addMask(curve({50, 107.5}, {248, 107.5}), mask);  // Half-way between rim and tolerance, not on the middle.
+  EXPECT_EQ(score.correct(), 1);
+  EXPECT_LT(score.covered(), 0.1);
+  ExtractionScore middle(3);
+  middle.addMask(curve({50, 101}, {150, 101}), mask);
+  EXPECT_NEAR(middle.covered(), 0.5, 0.05);
+}
+
+TEST(ShownIn, FindsWhatTheImageShowsThroughARampAndNoise) {
+  cv::Mat image(200, 400, CV_16UC1);
+  cv::RNG random(5);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      const double vessel = x < 200 ? 0.15 * std::exp(-0.5 * std::pow((y - 100) / 2.0, 2)) : 0;
+      image.at<ushort>(y, x) = static_cast<ushort>(20000 * std::exp(0.002 * y - vessel) + random.gaussian(200));
+    }
+  }
+  const Centerline2d projected = curve({20, 102}, {380, 102});
+  const Centerline2d shown = shownIn(image, projected, 4, 0.05);
+  EXPECT_NEAR(shown.size(), 90, 5);  // Of 181 points, those left of the middle; the last few lie beside its end.
+  EXPECT_LT(shown.points_px.row(0).maxCoeff(), 206);
+}
+
+}  // namespace
+}  // namespace angio
