@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 
+#include <array>
+
 #include "angio/test/differences.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
@@ -112,6 +114,102 @@ TEST(CArm, CheckNamesTheBadLength) {
   geometry = CArmGeometry();
   geometry.pixel_spacing_m = 0;
   EXPECT_THAT(test::refusalOf([&] { geometry.check(); }), testing::HasSubstr("pixel_spacing_mm"));
+}
+
+IsocentreAngles randomIsocentreAngles(test::Random& random) {
+  const ViewAngles beam = randomAngles(random);
+  return {beam.primary_rad, beam.secondary_rad, random.uniform(-degToRad(170), degToRad(170))};
+}
+
+constexpr PatientPosition kPositions[] = {
+    PatientPosition::kHeadFirstSupine,        PatientPosition::kHeadFirstProne,
+    PatientPosition::kHeadFirstDecubitusLeft, PatientPosition::kHeadFirstDecubitusRight,
+    PatientPosition::kFeetFirstSupine,        PatientPosition::kFeetFirstProne,
+    PatientPosition::kFeetFirstDecubitusLeft, PatientPosition::kFeetFirstDecubitusRight};
+
+// The matrices as DICOM writes them (PS3.17 Z.2-3 to Z.2-5), which no line of the code does.
+TEST(IsocentreAngles, DetectorRotationIsThatOfTheStandard) {
+  test::Random random(5);
+  for (int i = 0; i < 100; ++i) {
+    const IsocentreAngles a = randomIsocentreAngles(random);
+    const double c1 = std::cos(a.primary_rad), s1 = std::sin(a.primary_rad), c2 = std::cos(a.secondary_rad),
+                 s2 = std::sin(a.secondary_rad), c3 = std::cos(a.detector_rotation_rad),
+                 s3 = std::sin(a.detector_rotation_rad);
+    Eigen::Matrix3d R1, R2, R3, camera_positioner;
+    R1 << c1, s1, 0, -s1, c1, 0, 0, 0, 1;
+    R2 << 1, 0, 0, 0, c2, -s2, 0, s2, c2;
+    R3 << c3, 0, -s3, 0, 1, 0, s3, 0, c3;
+    // The positioner's x is right as seen from the detector, y is to the source, z is up.
+    camera_positioner << -1, 0, 0, 0, 0, -1, 0, -1, 0;
+    EXPECT_LT((detectorRotation(a) - camera_positioner * R3 * R2 * R1).norm(), 1e-14);
+  }
+}
+
+TEST(IsocentreAngles, BothConventionsAreOneForAPatientHeadFirstSupineOnALevelTable) {
+  test::Random random(6);
+  const Eigen::Matrix3d R = patientRotation(PatientPosition::kHeadFirstSupine);
+  EXPECT_LT((R - Eigen::Matrix3d::Identity()).norm(), 1e-15);
+  for (int i = 0; i < 100; ++i) {
+    const ViewAngles angles = randomAngles(random);
+    const IsocentreAngles same = isocentreAnglesOf(angles, R);
+    EXPECT_NEAR(same.primary_rad, angles.primary_rad, 1e-12);
+    EXPECT_NEAR(same.secondary_rad, angles.secondary_rad, 1e-12);
+    EXPECT_NEAR(same.detector_rotation_rad, 0, 1e-12);
+    EXPECT_LT((detectorRotation(same) - viewRotation(angles)).norm(), 1e-12);
+  }
+}
+
+TEST(IsocentreAngles, PositionsPutLeftPosteriorAndHeadWhereTheyLie) {
+  // Of the table: x is left, y down, z its head. Which side of the patient is down, and where the head is.
+  const std::array<Eigen::Vector3d, 8> down = {kPosterior, -kPosterior, kLeft, -kLeft,
+                                               kPosterior, -kPosterior, kLeft, -kLeft};
+  for (std::size_t i = 0; i < down.size(); ++i) {
+    const Eigen::Matrix3d R = patientRotation(kPositions[i]);
+    EXPECT_LT(rotationDefect(R), 1e-15) << i;
+    EXPECT_LT((R * down[i] - Eigen::Vector3d::UnitY()).norm(), 1e-15) << i;
+    EXPECT_LT((R * kHead - (i < 4 ? 1 : -1) * Eigen::Vector3d::UnitZ()).norm(), 1e-15) << i;
+  }
+}
+
+TEST(IsocentreAngles, TableAnglesTurnWhatTheStandardSays) {
+  const auto turned = [](const TableAngles& table) {
+    return patientRotation(PatientPosition::kHeadFirstSupine, table);
+  };
+  EXPECT_GT((turned({0.1, 0, 0}) * kHead).x(), 0) << "the table's head goes towards X";
+  EXPECT_LT((turned({0, 0.1, 0}) * kHead).y(), 0) << "the head goes up";
+  EXPECT_LT((turned({0, 0, 0.1}) * kLeft).y(), 0) << "the left goes up";
+  // In this order: the table's head stands in the same direction whatever the cradle does.
+  EXPECT_LT((turned({0.4, 0.2, 0.3}) * kHead - turned({0.4, 0.2, 0}) * kHead).norm(), 1e-15);
+  EXPECT_NEAR((turned({0.4, 0.2, 0.3}) * kHead).y(), -std::sin(0.2), 1e-15);
+}
+
+TEST(IsocentreAngles, ThereAndBackIsTheSameBeamWithTheHeadUp) {
+  test::Random random(7);
+  for (const PatientPosition position : kPositions) {
+    const TableAngles table{random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3)};
+    const Eigen::Matrix3d R = patientRotation(position, table);
+    for (int i = 0; i < 20; ++i) {
+      const ViewAngles angles = randomAngles(random);
+      const IsocentreAngles isocentre = isocentreAnglesOf(angles, R);
+      EXPECT_LT((detectorRotation(isocentre) * R - viewRotation(angles)).norm(), 1e-12);
+      const ViewAngles back = viewAnglesOf(isocentre, R);
+      EXPECT_NEAR(back.primary_rad, angles.primary_rad, 1e-11);  // cos 85 deg twice.
+      EXPECT_NEAR(back.secondary_rad, angles.secondary_rad, 1e-11);
+    }
+  }
+}
+
+// By hand: feet first supine turns the patient about the vertical by 180 deg, so the arm that is over the table's left
+// and head is over the patient's right and feet; the picture is upside down unless the detector turns by 180 deg.
+TEST(IsocentreAngles, AWorkedExampleFeetFirst) {
+  const Eigen::Matrix3d R = patientRotation(PatientPosition::kFeetFirstSupine);
+  const ViewAngles seen = viewAnglesOf({degToRad(30), degToRad(20), 0}, R);
+  EXPECT_NEAR(radToDeg(seen.primary_rad), -30, 1e-12);
+  EXPECT_NEAR(radToDeg(seen.secondary_rad), -20, 1e-12);
+  const IsocentreAngles upright = isocentreAnglesOf(seen, R);
+  EXPECT_NEAR(radToDeg(upright.primary_rad), 30, 1e-12);
+  EXPECT_NEAR(radToDeg(upright.secondary_rad), 20, 1e-12);
+  EXPECT_NEAR(std::abs(radToDeg(upright.detector_rotation_rad)), 180, 1e-12);
 }
 
 }  // namespace

@@ -20,16 +20,62 @@ struct ViewAngles {
 /// Direction from source to detector, in axes L, P, S (x left, y posterior, z towards the head).
 Eigen::Vector3d beamDirection(const ViewAngles& angles);
 
-/// The inverse of beamDirection, for a direction of any length. At secondary = +-90 deg the primary angle is 0 by choice.
+/// The inverse of beamDirection, for a direction of any length. At secondary = +-90 deg the primary angle is 0 by
+/// choice.
 ViewAngles viewAnglesOf(const Eigen::Vector3d& beam_direction);
 
 /// Camera axes in L, P, S axes for a view: rows are the image's right, the image's down, and the beam. Head is up.
 Eigen::Matrix3d viewRotation(const ViewAngles& angles);
 
+/// Beam and detector angles in the isocentre-based convention of DICOM (0018,9463), (0018,9464) and (0018,9465):
+/// against the equipment, whatever the patient's position.
+///
+/// Axes X, Y, Z of the equipment are the table's left, down and head with all table angles zero. Primary + turns the
+/// detector from above towards X, secondary + towards Z, and the detector + turns clockwise as one sees it who looks
+/// along it to the source. Source: DICOM PS3.3 C.8.19.6.13.1, PS3.17 Z.2.
+struct IsocentreAngles {
+  double primary_rad = 0;
+  double secondary_rad = 0;
+  double detector_rotation_rad = 0;
+};
+
+/// How the patient lies on the table, DICOM (0018,5100); the sides of a decubitus position are those that are down.
+enum class PatientPosition {
+  kHeadFirstSupine,
+  kHeadFirstProne,
+  kHeadFirstDecubitusLeft,
+  kHeadFirstDecubitusRight,
+  kFeetFirstSupine,
+  kFeetFirstProne,
+  kFeetFirstDecubitusLeft,
+  kFeetFirstDecubitusRight
+};
+
+/// Angles of the table: (0018,9469) + turns its head towards X, (0018,9470) + lifts its head, (0018,9471) + lifts its
+/// left. Source: DICOM PS3.3 C.8.19.6.13.1.3, PS3.17 Z.3.
+struct TableAngles {
+  double horizontal_rotation_rad = 0;
+  double head_tilt_rad = 0;
+  double cradle_tilt_rad = 0;
+};
+
+/// Camera axes in the equipment's axes X, Y, Z: rows are the detector's image's right, its down, and the beam.
+Eigen::Matrix3d detectorRotation(const IsocentreAngles& angles);
+
+/// The patient's axes L, P, S in the equipment's axes X, Y, Z: R_isocentre_patient.
+Eigen::Matrix3d patientRotation(PatientPosition position, const TableAngles& table = {});
+
+/// The patient-based angles of the same beam; the detector's rotation is not part of them.
+ViewAngles viewAnglesOf(const IsocentreAngles& angles, const Eigen::Matrix3d& R_isocentre_patient);
+
+/// The isocentre-based angles of the same beam, with the detector rotated so that the patient's head is up in the
+/// image: detectorRotation(result) * R_isocentre_patient = viewRotation(angles).
+IsocentreAngles isocentreAnglesOf(const ViewAngles& angles, const Eigen::Matrix3d& R_isocentre_patient);
+
 /// Geometry of an isocentric C-arm without detector rotation.
 ///
-/// Frame `iso`: origin at the isocentre, axes L, P, S of a patient who lies straight on the table. The patient lies on the
-/// table, so the table's position moves the patient: p_iso = table + p_iso(table at zero).
+/// Frame `iso`: origin at the isocentre, axes L, P, S of a patient who lies straight on the table. The patient lies on
+/// the table, so the table's position moves the patient: p_iso = table + p_iso(table at zero).
 struct CArmGeometry {
   double source_isocentre_distance_m = 0.810;
   double source_detector_distance_m = 1.113;
