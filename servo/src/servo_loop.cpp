@@ -88,7 +88,7 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, do
   if ((report.held = supervisor_.objection(frame, state))) return report;
 
   Stopwatch stage;
-  report.centerline = extractor_->extract(frame.image);
+  report.centerline = vesselsToMatch(extractor_->extract(frame.image));
   report.image_s = stage.seconds();
 
   stage = Stopwatch();

@@ -120,6 +120,16 @@ TEST(OfKind, KeepsWhatIsKnownOfThePointsOfThatKind) {
   EXPECT_EQ(densified(line, 20).sigma_px.size(), densified(line, 20).size());
 }
 
+TEST(VesselsToMatch, LeavesDevicesOutUnlessTheyAreMostOfAll) {
+  Centerline2d line = makeCenterline(circle(5), {0, 0, 0, 1, 1});
+  EXPECT_EQ(vesselsToMatch(line).size(), 5);
+  const auto vessel = CurveKind::kVessel, device = CurveKind::kDevice;
+  line.kind = {vessel, vessel, vessel, device, device};
+  EXPECT_EQ(vesselsToMatch(line).size(), 3);
+  line.kind = {device, device, device, vessel, vessel};
+  EXPECT_EQ(vesselsToMatch(line).size(), 5);
+}
+
 TEST(PointsWhere, AGapIsNoVessel) {
   const Centerline2d line = makeCenterline(circle(8), {5, 5, 5, 5, 5, 2, 2, 2});
   const Centerline2d kept = pointsWhere(line, {true, true, false, true, true, true, false, false});

@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
+#include "tracks.hpp"
 #include "tube_profile.hpp"
 
 namespace angio {
@@ -26,14 +27,6 @@ struct Profile {
   bool edge = false;     // Whether the background has a step here.
 };
 
-// One branch on its way from pixels to a centre line, in coordinates of the distance image.
-struct Track {
-  Polyline line;
-  std::vector<float> radius;
-  int begin = -1, end = -1;
-  bool closed = false;
-};
-
 class Centring {
  public:
   Centring(const SkeletonGraph& graph, const SkeletonImages& images, float blur)
@@ -43,9 +36,9 @@ class Centring {
     std::vector<Track> tracks;
     for (const auto& branch : graph_.branches) {
       if (!branch.alive || (branch.line.size() < 2 && branch.begin < 0)) continue;
-      if (auto track = recentred(start(branch))) tracks.push_back(std::move(*track));
+      if (auto track = recentred(trackOf(graph_, branch, kStairFilter))) tracks.push_back(std::move(*track));
     }
-    meet(tracks);
+    meet(graph_, tracks);
     std::vector<CentreLine> result;
     for (Track& track : tracks) {
       track.line = smoothed(track.line, kFinalFilter, track.closed);
@@ -59,17 +52,6 @@ class Centring {
   }
 
  private:
-  Track start(const SkeletonGraph::Branch& branch) const {
-    Polyline line;
-    if (branch.begin >= 0) line.push_back(graph_.nodes[branch.begin].position);
-    line.insert(line.end(), branch.line.begin(), branch.line.end());
-    if (branch.end >= 0) line.push_back(graph_.nodes[branch.end].position);
-    line = smoothed(line, kStairFilter, branch.closed);
-    Track track{{}, {}, branch.begin, branch.end, branch.closed};
-    for (const float place : equalSteps(line, 1)) track.line.push_back(at(line, place));
-    return track;
-  }
-
   float distanceAt(const cv::Point2f& p) const {
     const cv::Mat& d = images_.distance;
     return d.at<float>(std::clamp(static_cast<int>(p.y + 0.5f), 0, d.rows - 1),
@@ -120,17 +102,10 @@ class Centring {
     return Profile{step * moment / mass, 0.5f * step * (to - from), edge};
   }
 
-  // Part of the line [points] that belongs to the junction at its end more than to the branch.
-  std::size_t reachOf(int node, std::size_t size) const {
-    if (node < 0) return 0;
-    const auto reach = static_cast<std::size_t>(std::lround(graph_.nodes[node].radius + 1.5f));
-    return std::min(reach, (size - 1) / 2);
-  }
-
   // Nothing for a line that follows an edge.
   std::optional<Track> recentred(Track track) const {
     const std::size_t n = track.line.size();
-    const std::size_t first = reachOf(track.begin, n), last = n - reachOf(track.end, n);
+    const std::size_t first = track.begin_reach, last = n - track.end_reach;
     std::vector<std::optional<Profile>> profile(n);
     std::vector<cv::Point2f> normal(n);
     for (std::size_t i = 0; i < n; ++i) {
@@ -158,49 +133,6 @@ class Centring {
       track.radius[i] = total > 0 ? tubeRadius(width / total, blur_) : depth;
     }
     return track;
-  }
-
-  // Brings the ends of all branches at a node to the point that is nearest to their extensions.
-  void meet(std::vector<Track>& tracks) const {
-    for (std::size_t n = 0; n < graph_.nodes.size(); ++n) {
-      const int node = static_cast<int>(n);
-      if (graph_.nodes[n].degree < 3) continue;
-      const cv::Point2f old = graph_.nodes[n].position;
-      // The old place counts as well, or two parallel branches would meet anywhere.
-      cv::Matx22f A = 0.1f * cv::Matx22f::eye();
-      cv::Vec2f b = 0.1f * cv::Vec2f(old.x, old.y);
-      const auto extend = [&](const Polyline& line, std::size_t i) {
-        const cv::Point2f along = directionAt(line, i, 3);
-        const cv::Matx22f across(1 - along.x * along.x, -along.x * along.y, -along.x * along.y, 1 - along.y * along.y);
-        A += across;
-        b += across * cv::Vec2f(line[i].x, line[i].y);
-      };
-      for (const Track& track : tracks) {
-        const std::size_t size = track.line.size(), reach = std::min(reachOf(node, size) + 3, (size - 1) / 2);
-        if (track.begin == node) extend(track.line, reach);
-        if (track.end == node) extend(track.line, size - 1 - reach);
-      }
-      const cv::Vec2f best = A.inv() * b;
-      cv::Point2f place(best[0], best[1]);
-      const float moved = static_cast<float>(cv::norm(place - old)), allowed = 1.5f * graph_.nodes[n].radius + 1;
-      if (moved > allowed) place = old + (place - old) * (allowed / moved);
-      for (Track& track : tracks) {
-        if (track.begin == node) straighten(track.line, reachOf(node, track.line.size()), place);
-        if (track.end != node) continue;
-        std::reverse(track.line.begin(), track.line.end());
-        straighten(track.line, reachOf(node, track.line.size()), place);
-        std::reverse(track.line.begin(), track.line.end());
-      }
-    }
-  }
-
-  static void straighten(Polyline& line, std::size_t reach, const cv::Point2f& place) {
-    const cv::Point2f from = line[reach];
-    for (std::size_t i = 0; i < reach; ++i) {
-      const float w = static_cast<float>(i) / static_cast<float>(reach);
-      line[i] = (1 - w) * place + w * from;
-    }
-    if (reach == 0) line.front() = place;
   }
 
   void clip(const Track& track, std::vector<CentreLine>& result) const {

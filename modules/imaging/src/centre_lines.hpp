@@ -4,6 +4,7 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
+#include "angio/vessel/centerline2d.hpp"
 #include "flatten.hpp"
 #include "polyline.hpp"
 #include "skeleton_graph.hpp"
@@ -23,6 +24,8 @@ struct SkeletonImages {
 struct CentreLine {
   Polyline line;
   std::vector<float> radius;
+  std::vector<float> sigma, contrast;  ///< Of each point, or empty where the method does not measure them.
+  CurveKind kind = CurveKind::kVessel;
 };
 
 /// Moves the graph's branches from pixel centres onto the vessels' centre lines. A line crosses the vessel's profile

@@ -75,6 +75,18 @@ cv::Point2f WorkingGrid::toImage(const cv::Point2f& p) const {
   return {static_cast<float>(roi.x) + s * p.x + centre, static_cast<float>(roi.y) + s * p.y + centre};
 }
 
+cv::Point2f WorkingGrid::toWorking(const cv::Point2f& p) const {
+  const float s = static_cast<float>(scale), centre = 0.5f * (s - 1);
+  return {(p.x - centre - static_cast<float>(roi.x)) / s, (p.y - centre - static_cast<float>(roi.y)) / s};
+}
+
+std::vector<RowRange> openRows(const cv::Mat& image, const WorkingGrid& grid, float inset) {
+  std::vector<cv::Point2f> outline = outlineOfField(image);
+  for (cv::Point2f& p : outline) p = grid.toWorking(p);
+  if (outline.empty()) return std::vector<RowRange>(static_cast<std::size_t>(grid.size.height), {0, grid.size.width});
+  return rowsInside(outline, grid.size, inset);
+}
+
 Flattened Flattening::operator()(const cv::Mat& image, const WorkingGrid& grid) {
   cv::resize(image(grid.roi), shrunken_, grid.size, 0, 0, cv::INTER_AREA);
   // A bright vessel is a picture printed in the negative; undone, it obeys Beer and Lambert like any other.

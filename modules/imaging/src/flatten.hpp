@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "angio/imaging/otsu_settings.hpp"
+#include "field_outline.hpp"
 
 namespace angio {
 
@@ -18,7 +19,14 @@ struct WorkingGrid {
 
   /// Image position [px] of a working position.
   cv::Point2f toImage(const cv::Point2f& p) const;
+
+  /// And the reverse.
+  cv::Point2f toWorking(const cv::Point2f& p) const;
 };
+
+/// What the collimator leaves of each row of the grid, `inset` working pixels inside of its border. All of it without
+/// one.
+std::vector<RowRange> openRows(const cv::Mat& image, const WorkingGrid& grid, float inset);
 
 /// What is left of an image when its background is taken away, and the background. All CV_32FC1 of the working grid's
 /// size.

@@ -5,51 +5,16 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "angio/base/errors.hpp"
 #include "angio/imaging/thinning.hpp"
 #include "centre_lines.hpp"
 #include "flatten.hpp"
+#include "sampled_lines.hpp"
 #include "segment.hpp"
 #include "skeleton_graph.hpp"
+#include "xray_image.hpp"
 
 namespace angio {
 namespace {
-
-void requireXray(const cv::Mat& image) {
-  if (image.empty()) throw InputError("image", "size", "0 x 0", "must have pixels");
-  if (image.type() == CV_8UC1 || image.type() == CV_16UC1) return;
-  throw InputError("image", "type", cv::typeToString(image.type()), "must be CV_8UC1 or CV_16UC1");
-}
-
-// Lines in working pixels -> points of the image at equal distances, with the tangents of the lines.
-Centerline2d sampled(const std::vector<CentreLine>& lines, const WorkingGrid& grid, double spacing_px) {
-  const float scale = static_cast<float>(grid.scale);
-  std::vector<std::vector<float>> places;
-  Eigen::Index count = 0;
-  for (const CentreLine& centre : lines) {
-    places.push_back(equalSteps(centre.line, static_cast<float>(spacing_px) / scale));
-    count += static_cast<Eigen::Index>(places.back().size());
-  }
-  Centerline2d result;
-  result.points_px.resize(2, count);
-  result.tangent_rad.resize(count);
-  result.radius_px.resize(count);
-  result.branch.reserve(static_cast<std::size_t>(count));
-  Eigen::Index point = 0;
-  for (std::size_t b = 0; b < lines.size(); ++b) {
-    for (const float place : places[b]) {
-      const CentreLine& centre = lines[b];
-      const std::size_t i = std::min(static_cast<std::size_t>(place + 0.5f), centre.line.size() - 1);
-      const cv::Point2f p = grid.toImage(at(centre.line, place)), along = directionAt(centre.line, i, 2);
-      result.points_px.col(point) << p.x, p.y;
-      result.tangent_rad[point] = undirected(std::atan2(along.y, along.x));
-      result.radius_px[point] = scale * centre.radius[i];
-      result.branch.push_back(static_cast<int>(b));
-      ++point;
-    }
-  }
-  return result;
-}
 
 class OtsuExtractor final : public CenterlineExtractor {
  public:
@@ -60,7 +25,8 @@ class OtsuExtractor final : public CenterlineExtractor {
     requireXray(image);
     const WorkingGrid grid(image.size(), settings_.border_px);
     const Flattened flat = flattening_(image, grid);
-    const cv::Mat* mask = segmentation_(flat, grid.scale);
+    const float border = static_cast<float>(settings_.border_px) / static_cast<float>(grid.scale);
+    const cv::Mat* mask = segmentation_(flat, grid.scale, openRows(image, grid, border));
     if (mask == nullptr) return {};
 
     // A vessel cut off by the image's edge goes on beyond it; its skeleton then reaches the edge, and has no fork

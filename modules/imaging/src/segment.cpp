@@ -50,14 +50,14 @@ constexpr std::uint8_t kStrong = 2, kTaken = 3;
 
 // Vessels cover a few per cent of the image, and Otsu's threshold of all pixels then splits the background's noise. So
 // it is taken of the pixels that stand out from that noise. False when there are none.
-bool Segmentation::count(const Flattened& image) {
+bool Segmentation::count(const Flattened& image, const std::vector<RowRange>& open) {
   histogram_.assign(kBins, 0);
   const float factor = static_cast<float>(settings_.noise_factor);
   const float faintest = static_cast<float>(settings_.faintest_absorption);
   int counted = 0;
   for (int y = 0; y < image.absorption.rows; ++y) {
     const float *value = image.absorption.ptr<float>(y), *noise = image.noise.ptr<float>(y);
-    for (int x = 0; x < image.absorption.cols; ++x) {
+    for (int x = open[y].begin; x < open[y].end; ++x) {
       if (value[x] <= faintest || value[x] <= factor * noise[x]) continue;
       ++histogram_[std::min(static_cast<int>(value[x] / kBin), kBins - 1)];
       ++counted;
@@ -66,7 +66,7 @@ bool Segmentation::count(const Flattened& image) {
   return counted > 0;
 }
 
-void Segmentation::classify(const Flattened& image, float weakest) {
+void Segmentation::classify(const Flattened& image, const std::vector<RowRange>& open, float weakest) {
   const float strong_factor = static_cast<float>(settings_.noise_factor), weak_factor = kWeakNoise * strong_factor;
   // A frame of one pixel spares the growing of regions its questions about the image's edge.
   const int rows = image.absorption.rows, cols = image.absorption.cols;
@@ -76,18 +76,19 @@ void Segmentation::classify(const Flattened& image, float weakest) {
   for (int y = 0; y < rows; ++y) {
     const float *value = image.absorption.ptr<float>(y), *noise = image.noise.ptr<float>(y);
     std::uint8_t* to = classes_.ptr(y + 1);
-    to[0] = to[cols + 1] = 0;
-    for (int x = 0; x < cols; ++x) {
+    std::fill(to, to + cols + 2, std::uint8_t{0});
+    for (int x = open[y].begin; x < open[y].end; ++x) {
       to[x + 1] = static_cast<std::uint8_t>((value[x] > std::max(weakest, weak_factor * noise[x]) ? 1 : 0) +
                                             (value[x] > std::max(weakest, strong_factor * noise[x]) ? 1 : 0));
     }
   }
 }
 
-const cv::Mat* Segmentation::operator()(const Flattened& image, int scale) {
-  if (!count(image)) return nullptr;
-  classify(image, static_cast<float>(
-                      std::max(settings_.branch_contrast * otsuThreshold(histogram_), settings_.faintest_absorption)));
+const cv::Mat* Segmentation::operator()(const Flattened& image, int scale, const std::vector<RowRange>& open) {
+  if (!count(image, open)) return nullptr;
+  classify(image, open,
+           static_cast<float>(
+               std::max(settings_.branch_contrast * otsuThreshold(histogram_), settings_.faintest_absorption)));
   const double area = settings_.smallest_area_px / (scale * scale);
   keepRegions(static_cast<std::size_t>(std::ceil(area)));
   closeHoles(static_cast<int>(area));

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "angio/imaging/otsu_settings.hpp"
+#include "field_outline.hpp"
 #include "flatten.hpp"
 
 namespace angio {
@@ -15,12 +16,12 @@ class Segmentation {
   explicit Segmentation(const OtsuSettings& settings) : settings_(settings) {}
 
   /// CV_8UC1, 255 in vessels; nothing when no pixel stands out from the background. `scale` is image pixels per
-  /// working pixel. Valid until the next call.
-  const cv::Mat* operator()(const Flattened& image, int scale);
+  /// working pixel, and `open` what the collimator leaves of each row. Valid until the next call.
+  const cv::Mat* operator()(const Flattened& image, int scale, const std::vector<RowRange>& open);
 
  private:
-  bool count(const Flattened& image);
-  void classify(const Flattened& image, float weakest);
+  bool count(const Flattened& image, const std::vector<RowRange>& open);
+  void classify(const Flattened& image, const std::vector<RowRange>& open, float weakest);
   void keepRegions(std::size_t smallest_area);
   void closeHoles(int largest_area);
 

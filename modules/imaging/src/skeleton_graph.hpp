@@ -12,6 +12,7 @@ struct SkeletonGraph {
     cv::Point2f position;
     float radius = 0;  ///< Largest distance to the mask's edge within the junction.
     int degree = 0;    ///< Branch ends that meet here.
+    int through = -1;  ///< Branch that passes here without an end, or -1.
   };
   struct Branch {
     std::vector<cv::Point2f> line;  ///< In order; the position of a node it ends in is not part of it.
@@ -20,8 +21,14 @@ struct SkeletonGraph {
     bool closed = false;  ///< A ring without any node.
     bool alive = true;    ///< False once the branch was pruned or became part of another.
   };
+  /// A place where one vessel passes over another, and how far the two cannot be told apart around it.
+  struct Crossing {
+    cv::Point2f position;
+    float radius = 0;
+  };
   std::vector<Node> nodes;
   std::vector<Branch> branches;
+  std::vector<Crossing> crossings;
 };
 
 /// What stays in the graph, in working pixels.
@@ -36,6 +43,29 @@ SkeletonGraph traceSkeleton(const cv::Mat& skeleton, const cv::Mat& distance);
 /// Takes away what thinning adds to a vessel: spurs, tiny rings, and the short bridge that makes two junctions of one
 /// crossing. Branches that are left alone at a node become one. Removed branches are no longer `alive`.
 void prune(SkeletonGraph& graph, const cv::Mat& distance, const PruningRules& rules);
+
+/// Joins free ends that look at each other along one line over a gap of at most `longest_gap`, and a free end with the
+/// side of a branch that it points at. `radius` (CV_32FC1) is the vessels' at each pixel. `scratch` is memory that may
+/// be kept between calls.
+void closeGaps(SkeletonGraph& graph, const cv::Mat& radius, float longest_gap, cv::Mat& scratch);
+
+/// Gives each node the radius of the widest of its branches a little away from it: within a junction all scales of a
+/// scale space answer.
+void settleRadii(SkeletonGraph& graph, const cv::Mat& radius);
+
+/// Makes one branch of two that go on straight where branches meet: a parent past its child, which then begins at its
+/// side, and both of two vessels that cross, also where they share a stretch. `radius` as above.
+void passJunctions(SkeletonGraph& graph, const cv::Mat& radius);
+
+/// What a line must show to stay, together with the lines that it is connected with.
+struct EvidenceRules {
+  float evidence = 0;       ///< Mean salience times the square root of the length in vessel radii.
+  float shortest_line = 0;  ///< [working px]
+};
+
+/// Drops connected parts of the graph that are too short or too faint for their length. `salience` and `radius`
+/// (CV_32FC1) are those of each pixel.
+void dropWeak(SkeletonGraph& graph, const cv::Mat& salience, const cv::Mat& radius, const EvidenceRules& rules);
 
 /// Length of a branch from node to node or free end.
 float lengthOf(const SkeletonGraph& graph, const SkeletonGraph::Branch& branch);

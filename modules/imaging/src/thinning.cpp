@@ -11,7 +11,7 @@
 namespace angio {
 namespace {
 
-constexpr std::uint8_t kInside = 255;
+constexpr std::uint8_t kInside = 255, kTouched = 254;
 
 // Bit k of a neighbourhood is the neighbour in direction k, counter-clockwise from east: E, NE, N, NW, W, SW, S, SE.
 constexpr int kNorth = 2, kSouth = 6, kEast = 0, kWest = 4;
@@ -58,9 +58,10 @@ std::vector<std::uint8_t*> foreground(cv::Mat& image) {
 void thinFramed(cv::Mat& framed) {
   static const std::array<bool, 256> kRemovable = removableTable();
   const Neighbourhood neighbours(static_cast<std::ptrdiff_t>(framed.step));
-  std::vector<std::uint8_t*> active = foreground(framed), side;
-  for (bool changed = true; changed;) {
-    changed = false;
+  // A pixel is looked at again only when a neighbour has gone since: what stays is soon a small part of the region.
+  std::vector<std::uint8_t*> active = foreground(framed), next, side;
+  while (!active.empty()) {
+    next.clear();
     for (const int direction : {kNorth, kSouth, kEast, kWest}) {
       // The side is fixed before it is peeled: one layer goes, not the whole region.
       side.clear();
@@ -72,14 +73,19 @@ void thinFramed(cv::Mat& framed) {
       for (std::uint8_t* p : side) {
         if (!kRemovable[neighbours.of(p)]) continue;
         *p = 0;
-        changed = true;
+        for (const std::ptrdiff_t offset : neighbours.offset) {
+          if (p[offset] != kInside) continue;
+          p[offset] = kTouched;
+          next.push_back(p + offset);
+        }
       }
     }
-    std::size_t kept = 0;
-    for (std::uint8_t* p : active) {
-      if (*p != 0) active[kept++] = p;
+    active.clear();
+    for (std::uint8_t* p : next) {
+      if (*p == 0) continue;
+      *p = kInside;
+      active.push_back(p);
     }
-    active.resize(kept);
   }
 }
 

@@ -145,6 +145,11 @@ Centerline2d ofKind(const Centerline2d& centerline, CurveKind kind) {
   return pointsWhere(centerline, keep);
 }
 
+Centerline2d vesselsToMatch(Centerline2d seen) {
+  const auto devices = std::count(seen.kind.begin(), seen.kind.end(), CurveKind::kDevice);
+  return devices == 0 || 2 * devices > seen.size() ? std::move(seen) : ofKind(seen, CurveKind::kVessel);
+}
+
 Centerline2d densified(const Centerline2d& centerline, double spacing_px) {
   if (!centerline.ordered() || !(spacing_px > 0)) return centerline;
   std::vector<Between> places;

@@ -3,9 +3,12 @@
 
 #include <memory>
 #include <opencv2/core/mat.hpp>
+#include <string>
 #include <variant>
+#include <vector>
 
 #include "angio/imaging/otsu_settings.hpp"
+#include "angio/imaging/ridge_settings.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
 namespace angio {
@@ -21,9 +24,18 @@ class CenterlineExtractor {
 };
 
 /// The settings type is the choice of the method.
-using ExtractorSettings = std::variant<OtsuSettings>;
+using ExtractorSettings = std::variant<OtsuSettings, RidgeSettings>;
 
 /// Throws InputError when a setting is out of its range.
 std::unique_ptr<CenterlineExtractor> makeExtractor(const ExtractorSettings& settings);
+
+/// Names of the methods ("otsu"), in the variant's order.
+std::vector<std::string> extractorNames();
+
+/// Default settings of a method by its name; throws InputError that lists the names there are.
+ExtractorSettings extractorSettingsNamed(const std::string& name);
+
+/// The name of the method that `settings` choose.
+std::string extractorName(const ExtractorSettings& settings);
 
 }  // namespace angio

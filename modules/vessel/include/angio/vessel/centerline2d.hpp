@@ -36,6 +36,10 @@ Centerline2d pointsWhere(const Centerline2d& centerline, const std::vector<bool>
 /// The points of one kind.
 Centerline2d ofKind(const Centerline2d& centerline, CurveKind kind);
 
+/// What a registration of vessels goes by: the vessels; or everything, where devices are most of what there is: a
+/// catheter lies in a vessel.
+Centerline2d vesselsToMatch(Centerline2d seen);
+
 /// Puts points between the points of each branch so that none are further apart than `spacing_px`; all points stay.
 /// A step of more than kLongestStep_px is a gap, not a vessel, and stays one. A centreline without branches, or
 /// `spacing_px` = 0, comes back as it is. A new point's radius, uncertainty and contrast lie between its neighbours',

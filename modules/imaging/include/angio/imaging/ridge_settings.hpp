@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/base/settings.hpp"
+#include "angio/imaging/otsu_settings.hpp"
+
+namespace angio {
+
+/// Vessels as dark ridges of the logarithm of the image, sought at several scales at once.
+///
+/// Second derivatives of a Gaussian scale space find lines by their bend, whatever the slope they lie on, and both of
+/// their flanks have to rise, which the edges of ribs, organs and collimators do not. Thresholds are multiples of the
+/// noise that each part of the image shows at each scale, so that they follow the dose. Each line is then fitted, all
+/// along, with the shadow of a tube: position, radius, contrast, and how sure the position is.
+///
+/// Catheters and guidewires that come in at the border are told from vessels (Centerline2d::kind), when both are there:
+/// they keep their width and contrast, and nothing branches off them. An unbranched vessel of even width from the
+/// border on looks the same, and a device that does not reach the border is taken for a vessel; withDevicesOf knows
+/// more.
+///
+/// Lengths are in pixels of the image. Absorption is the natural logarithm of how much a vessel weakens the beam: 0.1
+/// is a vessel 10 % darker than its surroundings. Sources: Steger, An unbiased detector of curvilinear structures, PAMI
+/// 20 (1998); Lindeberg, Edge detection and ridge detection with automatic scale selection, IJCV 30 (1998).
+struct RidgeSettings {
+  static constexpr const char* kName = "ridge";
+
+  Polarity polarity = Polarity::kDark;
+  double largest_radius_px = 20;  ///< Of a vessel; with the image's size it says how coarse the coarsest scale is [px].
+  double noise_factor = 3;        ///< A line's pixels stand out from the noise by this factor.
+  double line_factor = 4;         ///< A whole line stands out by this one at least, on average.
+  double evidence = 25;  ///< Least mean salience times square root of the length in radii, of what hangs together.
+  double faintest_absorption = 0.015;  ///< Weaker contrast is never a vessel, however little noise there is.
+  double relative_contrast = 0.1;      ///< Nor is one that is weaker than this part of the image's strong vessels.
+  double shortest_branch_px = 8;  ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
+  double shortest_line_px = 40;   ///< Shorter lines that stand alone are dropped [px].
+  double longest_gap_px = 24;     ///< Wider gaps between two ends of one line stay open [px].
+  double border_px = 4;           ///< Margin of the detector, and of the collimator's opening, not looked at [px].
+  double spacing_px = 2;          ///< Distance between points of the result [px].
+
+  void visit(SettingsVisitor& v) {
+    v.choice("polarity", polarity, {"dark", "bright"});
+    v.number("largest_radius_px", largest_radius_px, 1, 500);
+    v.number("noise_factor", noise_factor, 1, 100);
+    v.number("line_factor", line_factor, 1, 100);
+    v.number("evidence", evidence, 0, 1000);
+    v.number("faintest_absorption", faintest_absorption, 1e-4, 10);
+    v.number("relative_contrast", relative_contrast, 0, 1);
+    v.number("shortest_branch_px", shortest_branch_px, 0, 1000);
+    v.number("shortest_line_px", shortest_line_px, 0, 1000);
+    v.number("longest_gap_px", longest_gap_px, 0, 1000);
+    v.number("border_px", border_px, 0, 1000);
+    v.number("spacing_px", spacing_px, 0.5, 50);
+  }
+};
+
+}  // namespace angio

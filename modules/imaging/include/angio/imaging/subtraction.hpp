@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+
+#include "angio/base/settings.hpp"
+
+namespace angio {
+
+/// How a mask frame is laid over a live one before it is subtracted.
+struct SubtractionSettings {
+  double largest_shift_px = 16;  ///< The patient has breathed by less; 0 takes the mask as it is [px].
+
+  void visit(SettingsVisitor& v) { v.number("largest_shift_px", largest_shift_px, 0, 1000); }
+};
+
+/// The shift that moves `mask` onto `live` [px], as far as one shift can: live(p) looks like mask(p - shift).
+///
+/// Found from the logarithms of both, by the phase of their spectra and then by least squares that take what only one
+/// of them shows, contrast agent, for outliers. Zero when the two have nothing in common within `largest_shift_px`.
+/// Images are CV_8UC1 or CV_16UC1 of one size; throws InputError otherwise.
+Eigen::Vector2d maskShift(const cv::Mat& live, const cv::Mat& mask, double largest_shift_px);
+
+/// Digital subtraction: what `live` shows and `mask`, a frame without contrast agent, does not.
+///
+/// CV_16UC1, kSubtractedLevel where nothing changed and less by the factor exp(-absorption) under contrast agent, so
+/// that every extractor takes it like an X-ray image. Bright vessels in both images come out bright. Throws InputError
+/// as maskShift does, and when a setting is out of its range.
+cv::Mat subtracted(const cv::Mat& live, const cv::Mat& mask, const SubtractionSettings& settings = {});
+
+constexpr double kSubtractedLevel = 30000;  ///< Grey value of no change.
+
+}  // namespace angio

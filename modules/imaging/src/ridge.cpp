@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "ridge.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "angio/imaging/thinning.hpp"
+#include "field_outline.hpp"
+#include "flatten.hpp"
+#include "line_kinds.hpp"
+#include "ridge_lines.hpp"
+#include "ridge_mask.hpp"
+#include "ridge_scales.hpp"
+#include "sampled_lines.hpp"
+#include "skeleton_graph.hpp"
+#include "xray_image.hpp"
+
+namespace angio {
+namespace {
+
+// Added to every pixel, as a part of the mean: it keeps the logarithm of black pixels finite.
+constexpr float kDarkLevel = 0.05f;
+
+// Smaller images hold no line with a background on both sides.
+constexpr int kSmallestSide = 24;
+
+// Strength of a line at its own scale, in its contrast.
+constexpr float kStrengthPerContrast = 0.4f;
+
+// Part of salient ridge pixels that are weaker than what counts as the image's strong vessels.
+constexpr float kStrongPart = 0.9f;
+
+// Ridge pixels above `line_factor` that a region must have to be looked at.
+constexpr int kSeeds = 6;
+
+// The collimator is far from the detector: its edge is blurred over some pixels [working px].
+constexpr float kBlurredEdge = 3;
+
+// Pixels at the border of the open field whose mean goes on beyond it.
+constexpr int kEdgeMean = 4;
+
+// Length of a catheter that is told from a vessel, in the image's shorter side.
+constexpr float kShortestDevice = 0.12f;
+
+class RidgeExtractor final : public CenterlineExtractor {
+ public:
+  explicit RidgeExtractor(const RidgeSettings& settings) : settings_(settings) {}
+
+  Centerline2d extract(const cv::Mat& image) override {
+    requireXray(image);
+    const WorkingGrid grid(image.size(), settings_.border_px);
+    if (std::min(grid.size.width, grid.size.height) < kSmallestSide) return {};
+    prepareFor(grid.scale);
+    absorb(image, grid);
+    coverShadow(image, grid);
+    const float faintest = kStrengthPerContrast * static_cast<float>(settings_.faintest_absorption);
+    scales_->analyse(absorption_, {static_cast<float>(settings_.noise_factor), faintest});
+    const float weakest = static_cast<float>(settings_.relative_contrast) * strongVessels();
+    cv::Mat& mask = mask_(open_, scales_->strength(), scales_->salience(), std::max(weakest, 1e-9f),
+                          static_cast<float>(settings_.line_factor), kSeeds);
+    thin(mask);
+    SkeletonGraph graph = traceSkeleton(mask, scales_->radiusMat());
+    clean(graph, static_cast<float>(grid.scale));
+    std::vector<CentreLine> lines = (*fitting_)(graph, *scales_);
+    dropAlongBorder(lines, open_);
+    tellDevices(lines, open_, kShortestDevice * static_cast<float>(std::min(grid.size.width, grid.size.height)));
+    return sampled(lines, grid, settings_.spacing_px);
+  }
+
+ private:
+  // Scales follow the size of the working pixel, which a stream of images rarely changes.
+  void prepareFor(int scale) {
+    if (scales_ && scale == scale_) return;
+    const float largest = static_cast<float>(settings_.largest_radius_px) / static_cast<float>(scale);
+    scales_.emplace(largest);
+    fitting_.emplace(largest, *scales_);
+    scale_ = scale;
+  }
+
+  // Beer and Lambert: the logarithm is linear in what the beam has passed.
+  void absorb(const cv::Mat& image, const WorkingGrid& grid) {
+    absorption_.resize(grid.size.width, grid.size.height);
+    cv::Mat working = absorption_.mat();
+    const cv::Mat seen = image(grid.roi);
+    if (grid.scale == 1) {
+      seen.convertTo(working, CV_32F);
+    } else {
+      seen.convertTo(full_, CV_32F);
+      cv::resize(full_, working, grid.size, 0, 0, cv::INTER_AREA);
+    }
+    const bool negative = settings_.polarity == Polarity::kBright;
+    // A bright vessel is a picture printed in the negative; undone, it obeys Beer and Lambert like any other.
+    if (negative) cv::subtract(image.depth() == CV_8U ? 255 : 65535, working, working);
+    const float mean = static_cast<float>(cv::mean(working)[0]);
+    toAbsorption(absorption_, kDarkLevel * mean + 1e-3f, 0);
+  }
+
+  // Puts what is at the border of the open field in the place of the collimator's shadow: there is then no edge to
+  // answer to, and no noise of the dark.
+  void coverShadow(const cv::Mat& image, const WorkingGrid& grid) {
+    const float scale = static_cast<float>(grid.scale), border = static_cast<float>(settings_.border_px) / scale;
+    std::vector<cv::Point2f> outline = outlineOfField(image);
+    for (cv::Point2f& p : outline) p = grid.toWorking(p);
+    if (outline.empty()) {
+      open_.assign(static_cast<std::size_t>(grid.size.height), {0, grid.size.width});
+      return;
+    }
+    const std::vector<RowRange> seen = rowsInside(outline, grid.size, border + kBlurredEdge);
+    const auto lit = [](const RowRange& row) { return row.end - row.begin > 2 * kEdgeMean; };
+    const auto top = std::find_if(seen.begin(), seen.end(), lit);
+    const auto bottom = std::find_if(seen.rbegin(), seen.rend(), lit);
+    open_ = rowsInside(outline, grid.size, border + 2 * kBlurredEdge);
+    if (top == seen.end()) return;
+    const int first = static_cast<int>(top - seen.begin()), last = static_cast<int>(seen.rend() - bottom) - 1;
+    for (int y = first; y <= last; ++y) {
+      if (!lit(seen[y])) continue;
+      float* row = absorption_.row(y);
+      const int begin = seen[y].begin, end = seen[y].end;
+      std::fill(row, row + begin, std::accumulate(row + begin, row + begin + kEdgeMean, 0.0f) / kEdgeMean);
+      std::fill(row + end, row + grid.size.width, std::accumulate(row + end - kEdgeMean, row + end, 0.0f) / kEdgeMean);
+    }
+    for (int y = 0; y < first; ++y) std::copy_n(absorption_.row(first), grid.size.width, absorption_.row(y));
+    for (int y = last + 1; y < grid.size.height; ++y) {
+      std::copy_n(absorption_.row(last), grid.size.width, absorption_.row(y));
+    }
+  }
+
+  // Ridge strength of the image's strong vessels, 0 where there is none.
+  float strongVessels() {
+    sample_.clear();
+    const Plane &strength = scales_->strength(), &salience = scales_->salience();
+    for (int y = 0; y < strength.height(); y += 2) {
+      const float *value = strength.row(y), *stands_out = salience.row(y);
+      for (int x = 0; x < strength.width(); ++x) {
+        if (stands_out[x] > static_cast<float>(settings_.line_factor)) sample_.push_back(value[x]);
+      }
+    }
+    if (sample_.empty()) return 0;
+    const auto place =
+        sample_.begin() + static_cast<std::ptrdiff_t>(kStrongPart * static_cast<float>(sample_.size() - 1));
+    std::nth_element(sample_.begin(), place, sample_.end());
+    return *place;
+  }
+
+  void clean(SkeletonGraph& graph, float scale) {
+    const cv::Mat radius = scales_->radiusMat();
+    settleRadii(graph, radius);
+    closeGaps(graph, radius, static_cast<float>(settings_.longest_gap_px) / scale, owner_);
+    prune(graph, radius, {static_cast<float>(settings_.shortest_branch_px) / scale});
+    // Tips are clean only now: what forked off there pointed elsewhere.
+    closeGaps(graph, radius, static_cast<float>(settings_.longest_gap_px) / scale, owner_);
+    dropWeak(graph, scales_->salienceMat(), radius,
+             {static_cast<float>(settings_.evidence), static_cast<float>(settings_.shortest_line_px) / scale});
+    settleRadii(graph, radius);
+    passJunctions(graph, radius);
+  }
+
+  RidgeSettings settings_;
+  int scale_ = 0;
+  std::optional<RidgeScales> scales_;
+  std::optional<RidgeFitting> fitting_;
+  RidgeMask mask_;
+  Plane absorption_;
+  cv::Mat full_, owner_;
+  std::vector<RowRange> open_;
+  std::vector<float> sample_;
+};
+
+}  // namespace
+
+std::unique_ptr<CenterlineExtractor> make(const RidgeSettings& settings) {
+  return std::make_unique<RidgeExtractor>(settings);
+}
+
+}  // namespace angio

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <memory>
+
+#include "angio/imaging/extractor.hpp"
+
+namespace angio {
+
+std::unique_ptr<CenterlineExtractor> make(const RidgeSettings& settings);
+
+}  // namespace angio

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "ridge_filters.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+// Compiled once for every vector target by the include below; the best one is chosen at run time.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "ridge_filters.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+// After highway.h.
+#include <hwy/contrib/math/math-inl.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace angio {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+void absorptionRow(float* values, int count, float offset, float level) {
+  const hn::CappedTag<float, Plane::kSlack / 2> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto plus = hn::Set(d, offset), top = hn::Set(d, level);
+  for (int i = 0; i < count; i += lanes) {
+    hn::StoreU(hn::Sub(top, hn::Log(d, hn::Add(hn::LoadU(d, values + i), plus))), d, values + i);
+  }
+}
+
+// Symmetric sum of rows: weight[0] * rows[0] + sum over k of weight[k] * (rows[2 k - 1] + rows[2 k]).
+void sumRows(const float* const* rows, const float* weight, int reach, int count, float* to) {
+  const hn::CappedTag<float, Plane::kSlack / 2> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < count; i += lanes) {
+    auto sum = hn::Mul(hn::Set(d, weight[0]), hn::LoadU(d, rows[0] + i));
+    for (int k = 1; k <= reach; ++k) {
+      const auto pair = hn::Add(hn::LoadU(d, rows[2 * k - 1] + i), hn::LoadU(d, rows[2 * k] + i));
+      sum = hn::MulAdd(hn::Set(d, weight[k]), pair, sum);
+    }
+    hn::StoreU(sum, d, to + i);
+  }
+}
+
+// The same along a row, whose `reach` neighbours to both sides can be read.
+void sumAlong(const float* from, const float* weight, int reach, int count, float* to) {
+  const hn::CappedTag<float, Plane::kSlack / 2> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < count; i += lanes) {
+    auto sum = hn::Mul(hn::Set(d, weight[0]), hn::LoadU(d, from + i));
+    for (int k = 1; k <= reach; ++k) {
+      sum = hn::MulAdd(hn::Set(d, weight[k]), hn::Add(hn::LoadU(d, from + i - k), hn::LoadU(d, from + i + k)), sum);
+    }
+    hn::StoreU(sum, d, to + i);
+  }
+}
+
+// Pixels 1 to width - 2 of a row; `rows` are the row above, this one and the one below.
+void strengthRow(const float* const* rows, const float* least, int width, float sigma, float reach, float* to) {
+  const hn::CappedTag<float, Plane::kSlack / 2> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto half = hn::Set(d, 0.5f), quarter = hn::Set(d, 0.25f), zero = hn::Zero(d), one = hn::Set(d, 1.0f);
+  const auto sigma2 = hn::Set(d, sigma * sigma), far = hn::Set(d, reach);
+  const float *above = rows[0], *here = rows[1], *below = rows[2];
+  const auto at = [&](const float* row, int i) { return hn::LoadU(d, row + i); };
+  // The last vector is moved back onto the row instead of running past it.
+  for (int first = 1; first < width - 1; first += lanes) {
+    const int i = std::max(1, std::min(first, width - 1 - lanes));
+    const auto middle = at(here, i), left = at(here, i - 1), right = at(here, i + 1);
+    const auto up = at(above, i), down = at(below, i);
+    const auto twice = hn::Add(middle, middle);
+    const auto xx = hn::Sub(hn::Add(left, right), twice), yy = hn::Sub(hn::Add(up, down), twice);
+    const auto xy = hn::Mul(
+        quarter, hn::Sub(hn::Add(at(above, i - 1), at(below, i + 1)), hn::Add(at(above, i + 1), at(below, i - 1))));
+    const auto gx = hn::Mul(half, hn::Sub(right, left)), gy = hn::Mul(half, hn::Sub(down, up));
+    const auto mean = hn::Mul(half, hn::Add(xx, yy)), difference = hn::Mul(half, hn::Sub(xx, yy));
+    const auto root = hn::Sqrt(hn::MulAdd(difference, difference, hn::Mul(xy, xy)));
+    const auto across = hn::Sub(root, mean);          // Minus the eigenvalue across the line.
+    const auto along = hn::Neg(hn::Add(root, mean));  // Minus the one along it.
+    // (g . n)^2 = (g^2 + cos 2a (gx^2 - gy^2) + 2 sin 2a gx gy) / 2 with a the direction across.
+    const auto inverse = hn::Div(one, hn::Max(root, hn::Set(d, 1e-20f)));
+    const auto gx2 = hn::Mul(gx, gx), gy2 = hn::Mul(gy, gy);
+    const auto turned = hn::MulAdd(difference, hn::Sub(gx2, gy2), hn::Mul(hn::Add(xy, xy), hn::Mul(gx, gy)));
+    const auto slope2 = hn::Mul(half, hn::NegMulAdd(turned, inverse, hn::Add(gx2, gy2)));
+    const auto allowed = hn::Mul(far, across);
+    const auto strength = hn::Mul(sigma2, hn::NegMulAdd(half, hn::Max(along, zero), across));
+    const auto line = hn::And(hn::Gt(strength, at(least, i)), hn::Lt(slope2, hn::Mul(allowed, allowed)));
+    hn::StoreU(hn::IfThenElseZero(line, strength), d, to + i);
+  }
+}
+
+// Two rows of a level, one above the other or the same, to one of the next finer level.
+void doubleRow(const float* a, const float* b, int width, float* to) {
+  const hn::CappedTag<float, Plane::kSlack / 2> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto half = hn::Set(d, 0.5f);
+  for (int i = 0; 2 * i < width; i += lanes) {
+    const auto here = hn::Mul(half, hn::Add(hn::LoadU(d, a + i), hn::LoadU(d, b + i)));
+    const auto next = hn::Mul(half, hn::Add(hn::LoadU(d, a + i + 1), hn::LoadU(d, b + i + 1)));
+    hn::StoreInterleaved2(here, hn::Mul(half, hn::Add(here, next)), d, to + 2 * i);
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace angio
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace angio {
+namespace {
+
+HWY_EXPORT(absorptionRow);
+HWY_EXPORT(sumRows);
+HWY_EXPORT(sumAlong);
+HWY_EXPORT(strengthRow);
+HWY_EXPORT(doubleRow);
+
+constexpr int kMostReach = 32;
+
+// A row with its edges repeated to both sides; the middle begins at `margin`.
+void repeatEdges(std::vector<float>& row, int margin, int width) {
+  std::fill(row.begin(), row.begin() + margin, row[margin]);
+  std::fill(row.begin() + margin + width, row.begin() + 2 * margin + width + Plane::kSlack, row[margin + width - 1]);
+}
+
+void filterRow(const Plane& from, int y, const std::vector<float>& weight, std::vector<float>& row, float* to) {
+  const int reach = static_cast<int>(weight.size()) - 1, width = from.width(), last = from.height() - 1;
+  const float* rows[2 * kMostReach + 1];
+  rows[0] = from.row(y);
+  for (int k = 1; k <= reach; ++k) {
+    rows[2 * k - 1] = from.row(std::max(0, y - k));
+    rows[2 * k] = from.row(std::min(last, y + k));
+  }
+  HWY_DYNAMIC_DISPATCH(sumRows)(rows, weight.data(), reach, width, row.data() + reach);
+  repeatEdges(row, reach, width);
+  HWY_DYNAMIC_DISPATCH(sumAlong)(row.data() + reach, weight.data(), reach, width, to);
+}
+
+void makeRoom(std::vector<float>& row, int width, std::size_t reach) {
+  const std::size_t wanted = static_cast<std::size_t>(width) + 2 * reach + 2 * Plane::kSlack;
+  if (row.size() < wanted) row.resize(wanted);
+}
+
+}  // namespace
+
+void toAbsorption(Plane& values, float offset, float level) {
+  for (int y = 0; y < values.height(); ++y) {
+    HWY_DYNAMIC_DISPATCH(absorptionRow)(values.row(y), values.width(), offset, level);
+  }
+}
+
+GaussianFilter::GaussianFilter(float sigma) {
+  const int reach = std::clamp(static_cast<int>(std::ceil(3 * sigma)), 1, kMostReach);
+  float total = 0;
+  for (int k = 0; k <= reach; ++k) {
+    weight_.push_back(std::exp(-0.5f * static_cast<float>(k * k) / std::max(sigma * sigma, 1e-4f)));
+    total += (k == 0 ? 1 : 2) * weight_.back();
+  }
+  for (float& w : weight_) w /= total;
+}
+
+void GaussianFilter::operator()(const Plane& from, Plane& to) const {
+  to.resize(from.width(), from.height());
+  makeRoom(row_, from.width(), weight_.size());
+  for (int y = 0; y < from.height(); ++y) filterRow(from, y, weight_, row_, to.row(y));
+}
+
+void halve(const Plane& from, Plane& to, Plane& buffer) {
+  static const std::vector<float> kBinomial{6.0f / 16, 4.0f / 16, 1.0f / 16};
+  std::vector<float> row;
+  makeRoom(row, from.width(), kBinomial.size());
+  buffer.resize(from.width(), 1);
+  to.resize((from.width() + 1) / 2, (from.height() + 1) / 2);
+  for (int y = 0; y < to.height(); ++y) {
+    filterRow(from, 2 * y, kBinomial, row, buffer.row(0));
+    const float* filtered = buffer.row(0);
+    float* out = to.row(y);
+    for (int x = 0; x < to.width(); ++x) out[x] = filtered[2 * x];
+  }
+}
+
+void ridgeStrength(const Plane& smoothed, float sigma, float reach, const cv::Mat& least, Plane& strength) {
+  const int width = smoothed.width(), height = smoothed.height();
+  strength.resize(width, height);
+  std::fill(strength.row(0), strength.row(0) + width, 0.0f);
+  std::fill(strength.row(height - 1), strength.row(height - 1) + width, 0.0f);
+  std::vector<float> threshold(static_cast<std::size_t>(width) + Plane::kSlack);
+  int block = -1;
+  for (int y = 1; y + 1 < height; ++y) {
+    if (y * least.rows / height != block) {
+      block = y * least.rows / height;
+      for (int x = 0; x < width; ++x) threshold[x] = least.at<float>(block, x * least.cols / width);
+    }
+    const float* rows[] = {smoothed.row(y - 1), smoothed.row(y), smoothed.row(y + 1)};
+    HWY_DYNAMIC_DISPATCH(strengthRow)(rows, threshold.data(), width, sigma, reach, strength.row(y));
+    strength.row(y)[0] = strength.row(y)[width - 1] = 0;
+  }
+}
+
+cv::Point2f acrossRidge(const Plane& smoothed, int x, int y) {
+  const float *above = smoothed.row(y - 1) + x, *here = smoothed.row(y) + x, *below = smoothed.row(y + 1) + x;
+  const float xx = here[-1] + here[1] - 2 * here[0], yy = above[0] + below[0] - 2 * here[0];
+  const float xy = 0.25f * (above[-1] + below[1] - above[1] - below[-1]);
+  const float difference = 0.5f * (xx - yy), root = std::sqrt(difference * difference + xy * xy);
+  if (!(root > 0)) return {1, 0};
+  const float c = -difference / root;  // Of the doubled angle.
+  const float nx = std::sqrt(std::max(0.0f, 0.5f * (1 + c))), ny = std::sqrt(std::max(0.0f, 0.5f * (1 - c)));
+  return {nx, xy > 0 ? -ny : ny};
+}
+
+void doubled(const Plane& coarse, Plane& fine) {
+  // Rows have room past their ends; the last odd pixel's right neighbour is its left one.
+  const int last = coarse.width() - 1;
+  for (int y = 0; y < fine.height(); ++y) {
+    const float *a = coarse.row(y / 2), *b = coarse.row(std::min((y + 1) / 2, coarse.height() - 1));
+    float* to = fine.row(y);
+    HWY_DYNAMIC_DISPATCH(doubleRow)(a, b, fine.width(), to);
+    if (fine.width() % 2 == 0) to[fine.width() - 1] = 0.5f * (a[last] + b[last]);
+  }
+}
+
+}  // namespace angio
+#endif

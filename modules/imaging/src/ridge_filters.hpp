@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "plane.hpp"
+
+namespace angio {
+
+/// `to` = level - ln(values + offset), in place.
+void toAbsorption(Plane& values, float offset, float level);
+
+/// Gaussian filter, separable; the edges go on outside. `to` may not be `from`.
+class GaussianFilter {
+ public:
+  /// Of this standard deviation [px]; cut off at three of them.
+  explicit GaussianFilter(float sigma);
+
+  void operator()(const Plane& from, Plane& to) const;
+
+ private:
+  std::vector<float> weight_;  ///< From the middle outwards.
+  mutable std::vector<float> row_;
+};
+
+/// Every other pixel of every other row after a binomial filter of variance 1: pixel i of `to` lies on pixel 2 i.
+void halve(const Plane& from, Plane& to, Plane& buffer);
+
+/// The second derivatives' answer to "is this the middle of a dark line?", sigma^2 times the curvature across it [ln].
+///
+/// Zero where the image does not bend down across the line, and where the slope across it says that the line's middle
+/// is further off than `reach` pixels: on the flank of a step edge the slope is as large as the bend, in the middle of
+/// a line it is nothing. A blob bends along as well as across, and half of that is taken off. Borders are zero, and so
+/// is what does not exceed `least` (CV_32FC1, positive, a value for each block of the image).
+void ridgeStrength(const Plane& smoothed, float sigma, float reach, const cv::Mat& least, Plane& strength);
+
+/// Direction across a ridge at a pixel of the smoothed image, which must have eight neighbours. Length one.
+cv::Point2f acrossRidge(const Plane& smoothed, int x, int y);
+
+/// The next finer level's pixels from those of a halved one: the same where they lie on each other, else between.
+void doubled(const Plane& coarse, Plane& fine);
+
+}  // namespace angio

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "ridge_mask.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace angio {
+namespace {
+
+constexpr std::uint8_t kWeak = 1, kStrong = 2;
+
+}  // namespace
+
+cv::Mat& RidgeMask::operator()(const std::vector<RowRange>& open, const Plane& strength, const Plane& salience,
+                               float weakest, float strong, int seeds) {
+  const int width = strength.width(), height = strength.height(), row = width + 2;
+  // A frame of one pixel spares the growing of regions its questions about the image's edge.
+  classes_.create(height + 2, row, CV_8UC1);
+  classes_.row(0).setTo(0);
+  classes_.row(height + 1).setTo(0);
+  for (int y = 0; y < height; ++y) {
+    const float *value = strength.row(y), *stands_out = salience.row(y);
+    std::uint8_t* to = classes_.ptr(y + 1);
+    std::fill(to, to + row, std::uint8_t{0});
+    for (int x = open[y].begin; x < open[y].end; ++x) {
+      const int weak = value[x] > weakest ? 1 : 0;
+      to[x + 1] = static_cast<std::uint8_t>(weak + (weak & (stands_out[x] > strong ? 1 : 0)));
+    }
+  }
+  mask_.create(height, width, CV_8UC1);
+  mask_.setTo(0);
+  const std::array<int, 8> around{1, 1 - row, -row, -1 - row, -1, row - 1, row, row + 1};
+  std::uint8_t* pixel = classes_.ptr();
+  for (int seed = 0; seed < row * (height + 2); ++seed) {
+    if (pixel[seed] != kStrong) continue;
+    region_.assign(1, seed);
+    pixel[seed] = 0;
+    int found = 1;
+    for (std::size_t next = 0; next < region_.size(); ++next) {
+      for (const int step : around) {
+        const int neighbour = region_[next] + step;
+        if (pixel[neighbour] < kWeak) continue;
+        found += pixel[neighbour] == kStrong ? 1 : 0;
+        pixel[neighbour] = 0;
+        region_.push_back(neighbour);
+      }
+    }
+    if (found < seeds) continue;
+    for (const int p : region_) mask_.at<std::uint8_t>(p / row - 1, p % row - 1) = 255;
+  }
+  return mask_;
+}
+
+}  // namespace angio

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "ridge_scales.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+namespace angio {
+namespace {
+
+// Scales are this far apart: a vessel between two of them answers with 95 % at least of what it would at its own.
+constexpr float kStep = 1.6f;
+
+// Gaussians below one pixel are not sampled well enough for second derivatives.
+constexpr float kFinest = 1.0f;
+
+// A tube's shadow answers most at this part of its radius.
+constexpr float kScaleOfRadius = 0.72f;
+
+// A level is halved once its pixels are this fine for the scale.
+constexpr float kFinestOfLevel = 1.25f;
+
+// How far from a line's middle its pixels reach, in standard deviations of the scale. At a step edge the bend is
+// greatest one standard deviation off, where the slope is as large.
+// One pixel of a thin line has its centre within 0.7 of the line.
+constexpr float kReach = 0.5f, kLeastReach = 0.75f;
+
+// Where the flanks of a line are looked at, in standard deviations of its scale, and how far the smaller fall from the
+// middle must come up to the larger.
+constexpr float kFlank = 2.2f, kSymmetry = 0.35f;
+
+// A sharper filter is this many scales away, and looks this many standard deviations beside the middle.
+constexpr std::size_t kSharper = 2;
+constexpr float kBeside[] = {0.8f, 1.4f};
+
+// A line of such a finer scale takes the place of a wide one within this many of the latter's standard deviations, if
+// it is so strong in comparison: two vessels that cross or part are not one.
+constexpr float kNearFiner = 1.2f, kFinerPart = 0.9f;
+
+// Noise is measured in blocks of this many pixels of the level at least, at some of them, by a quantile that
+// vessels do not reach unless they cover half of the block. The two deviators of the second derivatives are independent
+// and normal in noise, so that their length is Rayleigh's.
+constexpr int kBlock = 32, kEvery = 3, kSparseBlock = 64, kSparse = 5;  // The finest level has many pixels.
+constexpr float kQuantile = 0.4f, kRayleigh = 1.0108f;
+constexpr float kBendPerDeviator = 1.7320508f;  // Standard deviation of the bend across, in the deviators'.
+
+// Standard deviation of white noise under a Gaussian filter, in that of its bend times the filter's variance.
+constexpr float kValuePerBend = 1.1547005f;
+
+}  // namespace
+
+RidgeScales::RidgeScales(float largest_radius) {
+  // Variance that the halvings have left in a level [pixels of the level, squared].
+  float blurred = 0;
+  int level = 0;
+  for (float sigma = kFinest;; sigma *= kStep) {
+    while (sigma / static_cast<float>(2 << level) >= kFinestOfLevel) {
+      blurred = 0.25f * (blurred + 1);
+      ++level;
+    }
+    const float own = sigma / static_cast<float>(1 << level);
+    scales_.push_back({level, sigma, own, GaussianFilter(std::sqrt(own * own - blurred)), {}, {}, {}, {}});
+    if (sigma >= kScaleOfRadius * largest_radius) break;
+  }
+  levels_.resize(static_cast<std::size_t>(level) + 1);
+  finer_.resize(levels_.size());
+  near_finer_.resize(levels_.size());
+  strongest_.resize(levels_.size());
+  widest_.resize(levels_.size());
+  salience_.resize(levels_.size());
+}
+
+void RidgeScales::analyse(const Plane& absorption, const RidgeThresholds& thresholds) {
+  for (std::size_t l = 1; l < levels_.size(); ++l) halve(l == 1 ? absorption : levels_[l - 1], levels_[l], buffer_);
+  for (std::size_t k = 0; k < scales_.size(); ++k) {
+    Scale& scale = scales_[k];
+    const Plane& level = scale.level == 0 ? absorption : levels_[scale.level];
+    scale.filter(level, scale.smoothed);
+    measureNoise(scale);
+    scale.least = cv::max(thresholds.noise_factor * scale.noise, thresholds.faintest);
+    const float reach = std::max(kLeastReach, kReach * scale.level_sigma);
+    ridgeStrength(scale.smoothed, scale.level_sigma, reach, scale.least, scale.strength);
+    gatherFiner(static_cast<int>(k));
+    keepLines(scale, k < kSharper ? nullptr : &scales_[k - kSharper]);
+  }
+  for (int level = static_cast<int>(levels_.size()) - 1; level >= 0; --level) {
+    const Plane& size = level == 0 ? absorption : levels_[level];
+    for (auto* planes : {&strongest_, &widest_, &salience_}) (*planes)[level].resize(size.width(), size.height());
+    gather(level);
+    for (const Scale& scale : scales_) {
+      if (scale.level == level) select(scale);
+    }
+  }
+}
+
+// Brings the strongest lines of much finer scales to this scale's level, as wide as its filter.
+void RidgeScales::gatherFiner(int index) {
+  if (index < static_cast<int>(kSharper)) return;
+  const Scale& scale = scales_[index];
+  const Scale& next = scales_[index - kSharper];
+  cv::Mat& gathered = finer_[next.level];
+  if (index == static_cast<int>(kSharper)) {
+    next.strength.mat().copyTo(gathered);
+  } else {
+    const int level = scales_[index - kSharper - 1].level;  // Of what was gathered for the scale before.
+    for (int l = level; l < next.level; ++l) pool(finer_[l], finer_[l + 1]);
+    cv::max(gathered, next.strength.mat(), gathered);
+  }
+  // Coarser levels hold nothing of their own yet.
+  for (int l = next.level; l < scale.level; ++l) pool(finer_[l], finer_[l + 1]);
+  const int reach = static_cast<int>(std::lround(kNearFiner * scale.level_sigma));
+  cv::dilate(finer_[scale.level], near_finer_[scale.level], cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
+}
+
+// The largest of a pixel's neighbours at every other pixel of every other row.
+void RidgeScales::pool(const cv::Mat& from, cv::Mat& to) {
+  pooled_.resize(static_cast<std::size_t>(from.cols));
+  to.create((from.rows + 1) / 2, (from.cols + 1) / 2, CV_32F);
+  for (int y = 0; y < to.rows; ++y) {
+    const float *above = from.ptr<float>(std::max(0, 2 * y - 1)), *here = from.ptr<float>(2 * y);
+    const float* below = from.ptr<float>(std::min(from.rows - 1, 2 * y + 1));
+    for (int x = 0; x < from.cols; ++x) pooled_[x] = std::max(here[x], std::max(above[x], below[x]));
+    float* out = to.ptr<float>(y);
+    for (int x = 0; x < to.cols; ++x) {
+      const int left = std::max(0, 2 * x - 1), right = std::min(from.cols - 1, 2 * x + 1);
+      out[x] = std::max(pooled_[2 * x], std::max(pooled_[left], pooled_[right]));
+    }
+  }
+}
+
+ScaleImage RidgeScales::imageUpTo(float sigma) const {
+  std::size_t chosen = 0;
+  while (chosen + 1 < scales_.size() && scales_[chosen + 1].sigma <= sigma) ++chosen;
+  const Scale& scale = scales_[chosen];
+  return {&scale.smoothed, 1.0f / static_cast<float>(1 << scale.level), scale.sigma, static_cast<int>(chosen)};
+}
+
+float RidgeScales::noiseAt(const ScaleImage& image, const cv::Point2f& p) const {
+  const Scale& scale = scales_[image.scale];
+  const float x = image.per_pixel * p.x / static_cast<float>(scale.smoothed.width());
+  const float y = image.per_pixel * p.y / static_cast<float>(scale.smoothed.height());
+  const int column = std::clamp(static_cast<int>(x * static_cast<float>(scale.noise.cols)), 0, scale.noise.cols - 1);
+  const int row = std::clamp(static_cast<int>(y * static_cast<float>(scale.noise.rows)), 0, scale.noise.rows - 1);
+  return kValuePerBend * scale.noise.at<float>(row, column);
+}
+
+// Begins a level with what the next coarser one found.
+void RidgeScales::gather(int level) {
+  const auto begin = [&](std::vector<Plane>& planes) {
+    Plane& fine = planes[level];
+    if (level + 1 < static_cast<int>(planes.size())) {
+      doubled(planes[level + 1], fine);
+    } else {
+      for (int y = 0; y < fine.height(); ++y) std::fill(fine.row(y), fine.row(y) + fine.width(), 0.0f);
+    }
+  };
+  begin(strongest_);
+  begin(widest_);
+  begin(salience_);
+}
+
+void RidgeScales::measureNoise(Scale& scale) {
+  const Plane& image = scale.smoothed;
+  const int block = scale.level == 0 ? kSparseBlock : kBlock, every = scale.level == 0 ? kSparse : kEvery;
+  const int rows = std::max(1, image.height() / block), cols = std::max(1, image.width() / block);
+  const float sigma2 = scale.level_sigma * scale.level_sigma;
+  scale.noise.create(rows, cols, CV_32F);
+  for (int by = 0; by < rows; ++by) {
+    for (int bx = 0; bx < cols; ++bx) {
+      sample_.clear();
+      const int x0 = std::max(1, bx * image.width() / cols),
+                x1 = std::min(image.width() - 1, (bx + 1) * image.width() / cols);
+      const int y1 = std::min(image.height() - 1, (by + 1) * image.height() / rows);
+      for (int y = std::max(1, by * image.height() / rows); y < y1; y += every) {
+        const float *above = image.row(y - 1), *here = image.row(y), *below = image.row(y + 1);
+        for (int x = x0; x < x1; x += every) {
+          const float difference = 0.5f * (here[x - 1] + here[x + 1] - above[x] - below[x]);
+          const float xy = 0.25f * (above[x - 1] + below[x + 1] - above[x + 1] - below[x - 1]);
+          sample_.push_back(difference * difference + xy * xy);
+        }
+      }
+      const auto place = sample_.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<float>(sample_.size()));
+      std::nth_element(sample_.begin(), place, sample_.end());
+      scale.noise.at<float>(by, bx) = kBendPerDeviator * sigma2 * std::sqrt(*place) / kRayleigh;
+    }
+  }
+  cv::medianBlur(scale.noise, scale.noise, 3);
+}
+
+// Two vessels side by side are one wide line to a coarse filter. A sharper one sees that what lies beside the middle is
+// darker than the middle.
+bool RidgeScales::isDarkest(const Scale& scale, const Scale& finer, int x, int y, const cv::Point2f& normal,
+                            float allowed) {
+  const float ratio = static_cast<float>(1 << scale.level) / static_cast<float>(1 << finer.level);
+  const float fx = ratio * static_cast<float>(x), fy = ratio * static_cast<float>(y);
+  const float middle = finer.smoothed.at(fx, fy) + allowed;
+  for (const float part : kBeside) {
+    const cv::Point2f n = (part * scale.level_sigma * ratio) * normal;
+    if (finer.smoothed.at(fx - n.x, fy - n.y) > middle || finer.smoothed.at(fx + n.x, fy + n.y) > middle) return false;
+  }
+  return true;
+}
+
+// Leaves in the scale's strength only what is a line by its flanks, and no more than one.
+void RidgeScales::keepLines(Scale& scale, const Scale* finer) {
+  const Plane& image = scale.smoothed;
+  const float flank = kFlank * scale.level_sigma;
+  for (int y = 1; y + 1 < image.height(); ++y) {
+    float* strength = scale.strength.row(y);
+    const float* near = finer != nullptr ? near_finer_[scale.level].ptr<float>(y) : nullptr;
+    for (int x = 1; x + 1 < image.width(); ++x) {
+      if (!(strength[x] > 0)) continue;
+      if (near != nullptr && near[x] > kFinerPart * strength[x]) {
+        strength[x] = 0;
+        continue;
+      }
+      const cv::Point2f n = flank * acrossRidge(image, x, y);
+      const float fx = static_cast<float>(x), fy = static_cast<float>(y), middle = image.row(y)[x];
+      const float left = middle - image.at(fx - n.x, fy - n.y), right = middle - image.at(fx + n.x, fy + n.y);
+      const float allowed = kSymmetry * std::max(left, right);
+      if (std::min(left, right) >= allowed &&
+          (finer == nullptr || isDarkest(scale, *finer, x, y, (1 / flank) * n, allowed))) {
+        continue;
+      }
+      strength[x] = 0;
+    }
+  }
+}
+
+// Puts the scale's lines into its level where they are stronger than what is there.
+void RidgeScales::select(const Scale& scale) {
+  Plane &strongest = strongest_[scale.level], &widest = widest_[scale.level], &salience = salience_[scale.level];
+  const float radius = scale.sigma / kScaleOfRadius;
+  const int width = strongest.width(), height = strongest.height(), rows = scale.noise.rows, cols = scale.noise.cols;
+  for (int y = 0; y < height; ++y) {
+    const float *strength = scale.strength.row(y), *noise = scale.noise.ptr<float>(y * rows / height);
+    float* best = strongest.row(y);
+    for (int x = 0; x < width; ++x) {
+      if (strength[x] <= best[x]) continue;
+      best[x] = strength[x];
+      widest.row(y)[x] = radius;
+      salience.row(y)[x] = strength[x] / std::max(noise[x * cols / width], 1e-6f);
+    }
+  }
+}
+
+}  // namespace angio

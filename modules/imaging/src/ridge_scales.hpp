@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "ridge_filters.hpp"
+
+namespace angio {
+
+/// What a pixel must show to be part of a line.
+struct RidgeThresholds {
+  float noise_factor = 3;
+  float faintest = 0.006f;  ///< Ridge strength below which there is no line, however little noise there is.
+};
+
+/// An absorption image under a Gaussian filter.
+struct ScaleImage {
+  const Plane* smoothed = nullptr;
+  float per_pixel = 1;  ///< Pixels of this image per working pixel.
+  float sigma = 1;      ///< Of the filter [working px].
+  int scale = 0;
+};
+
+/// Ridge strength over all scales: where lines are, and how wide. All in working pixels.
+class RidgeScales {
+ public:
+  /// For vessels up to this radius.
+  explicit RidgeScales(float largest_radius);
+
+  /// Analyses an absorption image. What it gives is valid until the next call.
+  void analyse(const Plane& absorption, const RidgeThresholds& thresholds);
+
+  const Plane& strength() const { return strongest_[0]; }  ///< sigma^2 times the curvature; 0 where there is no line.
+  const Plane& radius() const { return widest_[0]; }       ///< Of a vessel that answers most at the scale that won.
+  cv::Mat radiusMat() { return widest_[0].mat(); }
+  cv::Mat salienceMat() { return salience_[0].mat(); }
+  const Plane& salience() const { return salience_[0]; }  ///< Strength as a multiple of the noise at its scale.
+
+  /// The coarsest image whose filter is not wider than `sigma`, or the finest.
+  ScaleImage imageUpTo(float sigma) const;
+  float sigmaUpTo(float sigma) const { return imageUpTo(sigma).sigma; }
+
+  /// Standard deviation of such an image's values at a working pixel, noise and clutter alike.
+  float noiseAt(const ScaleImage& image, const cv::Point2f& p) const;
+
+ private:
+  struct Scale {
+    int level = 0;          // Halvings of the image.
+    float sigma = 1;        // [working px]
+    float level_sigma = 1;  // [pixels of the level]
+    GaussianFilter filter;
+    Plane smoothed, strength;
+    cv::Mat noise, least;  // CV_32FC1, a value a block.
+  };
+
+  void measureNoise(Scale& scale);
+  static bool isDarkest(const Scale& scale, const Scale& finer, int x, int y, const cv::Point2f& normal, float allowed);
+  void gatherFiner(int index);
+  void pool(const cv::Mat& from, cv::Mat& to);
+  void keepLines(Scale& scale, const Scale* finer);
+  void select(const Scale& scale);
+  void gather(int level);
+
+  std::vector<Scale> scales_;
+  std::vector<Plane> levels_, strongest_, widest_, salience_;
+  Plane buffer_, up_strength_, up_radius_, up_salience_;
+  std::vector<cv::Mat> finer_, near_finer_;  // By level.
+  std::vector<float> sample_, pooled_;
+};
+
+}  // namespace angio

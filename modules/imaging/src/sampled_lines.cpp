@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "sampled_lines.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace angio {
+
+Centerline2d sampled(const std::vector<CentreLine>& lines, const WorkingGrid& grid, double spacing_px) {
+  const float scale = static_cast<float>(grid.scale);
+  std::vector<std::vector<float>> places;
+  Eigen::Index count = 0;
+  bool measured = !lines.empty();
+  for (const CentreLine& centre : lines) {
+    places.push_back(equalSteps(centre.line, static_cast<float>(spacing_px) / scale));
+    count += static_cast<Eigen::Index>(places.back().size());
+    measured = measured && !centre.sigma.empty();
+  }
+  Centerline2d result;
+  result.points_px.resize(2, count);
+  result.tangent_rad.resize(count);
+  result.radius_px.resize(count);
+  result.branch.reserve(static_cast<std::size_t>(count));
+  if (measured) {
+    result.sigma_px.resize(count);
+    result.contrast.resize(count);
+    result.kind.reserve(static_cast<std::size_t>(count));
+  }
+  Eigen::Index point = 0;
+  for (std::size_t b = 0; b < lines.size(); ++b) {
+    const CentreLine& centre = lines[b];
+    for (const float place : places[b]) {
+      const std::size_t i = std::min(static_cast<std::size_t>(place + 0.5f), centre.line.size() - 1);
+      const cv::Point2f p = grid.toImage(at(centre.line, place)), along = directionAt(centre.line, i, 2);
+      result.points_px.col(point) << p.x, p.y;
+      result.tangent_rad[point] = undirected(std::atan2(along.y, along.x));
+      result.radius_px[point] = scale * centre.radius[i];
+      result.branch.push_back(static_cast<int>(b));
+      if (measured) {
+        result.sigma_px[point] = scale * centre.sigma[i];
+        result.contrast[point] = centre.contrast[i];
+        result.kind.push_back(centre.kind);
+      }
+      ++point;
+    }
+  }
+  return result;
+}
+
+}  // namespace angio

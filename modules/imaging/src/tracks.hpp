@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "polyline.hpp"
+#include "skeleton_graph.hpp"
+
+namespace angio {
+
+/// One branch on its way from pixels to a centre line.
+struct Track {
+  Polyline line;
+  std::vector<float> radius;
+  int begin = -1, end = -1;  ///< Nodes of the graph, -1 at a free end.
+  bool closed = false;
+  int branch = -1;  ///< Of the graph.
+
+  /// Points at each end whose place says more of the junction there than of the branch.
+  std::size_t begin_reach = 0, end_reach = 0;
+};
+
+/// A branch with its nodes' positions, smoothed over `sigma` points and with points one pixel apart.
+Track trackOf(const SkeletonGraph& graph, const SkeletonGraph::Branch& branch, float sigma);
+
+/// How far the vessels at a node reach into a line of `size` points that ends there [points].
+std::size_t reachOf(const SkeletonGraph& graph, int node, std::size_t size);
+
+/// Brings the ends of all tracks at a node to the point that is nearest to their extensions; where another track passes
+/// through, an end goes on straight to it.
+void meet(const SkeletonGraph& graph, std::vector<Track>& tracks);
+
+}  // namespace angio

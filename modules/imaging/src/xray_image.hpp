@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+
+namespace angio {
+
+/// Throws InputError unless the image has pixels and is CV_8UC1 or CV_16UC1.
+void requireXray(const cv::Mat& image);
+
+}  // namespace angio
