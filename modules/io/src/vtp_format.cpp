@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/surface_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "text.hpp"
 #include "tree_formats.hpp"
@@ -16,6 +17,7 @@ namespace {
 constexpr std::size_t kLargestVtpFile = std::size_t{64} << 20;
 // Outlets of a vessel tree are some dozens; comparing the beginnings of lines is quadratic in their number.
 constexpr int kMostLines = 10'000;
+constexpr int kMostPolygons = 4'000'000;
 constexpr const char* kRadiusName = "MaximumInscribedSphereRadius";
 
 vtkXMLDataElement& child(const XmlDocument& document, vtkXMLDataElement& parent, const char* name) {
@@ -43,7 +45,7 @@ vtkXMLDataElement& needArray(const XmlDocument& document, vtkXMLDataElement& par
 // What a file may still hold: many pieces can name the same few bytes.
 struct Budget {
   int points = kMostPoints;
-  int lines = kMostLines;
+  int cells = kMostLines;
   int indices = kMostPoints;
 };
 
@@ -54,12 +56,12 @@ int readCount(const XmlDocument& document, vtkXMLDataElement& piece, const char*
   return count;
 }
 
-// Connectivity and offsets of a piece's polylines, held against the number of points.
-std::vector<std::vector<std::size_t>> readLines(const XmlDocument& document, vtkXMLDataElement& piece, int points,
-                                                Budget& budget) {
-  const int count = readCount(document, piece, "NumberOfLines", budget.lines);
+// Connectivity and offsets of a piece's cells ("Lines", "Polys", "Strips"), held against the number of points.
+std::vector<std::vector<std::size_t>> readCells(const XmlDocument& document, vtkXMLDataElement& piece,
+                                                const std::string& kind, int points, Budget& budget) {
+  const int count = readCount(document, piece, ("NumberOf" + kind).c_str(), budget.cells);
   if (count == 0) return {};
-  vtkXMLDataElement& lines = child(document, piece, "Lines");
+  vtkXMLDataElement& lines = child(document, piece, kind.c_str());
   vtkXMLDataElement& offsets_array = needArray(document, lines, "offsets");
   const auto offsets = readVtkArray(document, offsets_array, static_cast<std::size_t>(count));
   double before = 0;
@@ -88,66 +90,144 @@ std::vector<std::vector<std::size_t>> readLines(const XmlDocument& document, vtk
   return result;
 }
 
-struct PiecePoints {
-  std::vector<Eigen::Vector3d> points_mm;
-  std::vector<std::optional<double>> radii_mm;
-};
-
-PiecePoints readPoints(const XmlDocument& document, vtkXMLDataElement& piece, int count) {
-  const auto n = static_cast<std::size_t>(count);
+std::vector<Eigen::Vector3d> readPoints(const XmlDocument& document, vtkXMLDataElement& piece, int count) {
   vtkXMLDataElement& points_array = child(document, child(document, piece, "Points"), "DataArray");
-  const auto numbers = readVtkArray(document, points_array, 3 * n);
+  const auto numbers = readVtkArray(document, points_array, 3 * static_cast<std::size_t>(count));
+  std::vector<Eigen::Vector3d> points_mm;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+    const Eigen::Vector3d& point_mm = points_mm.emplace_back(numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]);
+    if ((point_mm.array().abs() <= 1e4).all()) continue;  // The line of an error is looked for only when there is one.
+    static const char* const kAxis[3] = {"x_mm", "y_mm", "z_mm"};
+    for (int k = 0; k < 3; ++k) {
+      requireBetween(document.placeOf(points_array), "point " + std::to_string(i) + ", " + kAxis[k], point_mm[k], -1e4,
+                     1e4);
+    }
+  }
+  return points_mm;
+}
+
+std::vector<std::optional<double>> readRadii(const XmlDocument& document, vtkXMLDataElement& piece, int count) {
+  std::vector<std::optional<double>> radii_mm(static_cast<std::size_t>(count));
   vtkXMLDataElement* const point_data = piece.FindNestedElementWithName("PointData");
   vtkXMLDataElement* const radius_array = point_data ? findArray(*point_data, kRadiusName) : nullptr;
-  const auto radii = radius_array ? readVtkArray(document, *radius_array, n) : std::vector<double>(n, 0.0);
-  PiecePoints result;
-  for (std::size_t i = 0; i < n; ++i) {
-    static const char* const kAxis[3] = {"x_mm", "y_mm", "z_mm"};
-    const std::string field = "point " + std::to_string(i) + ", ";
-    for (std::size_t k = 0; k < 3; ++k) {
-      requireBetween(document.placeOf(points_array), field + kAxis[k], numbers[3 * i + k], -1e4, 1e4);
+  if (!radius_array) return radii_mm;
+  const auto numbers = readVtkArray(document, *radius_array, radii_mm.size());
+  for (std::size_t i = 0; i < radii_mm.size(); ++i) {
+    if (!(numbers[i] >= 0 && numbers[i] <= 999)) {
+      requireBetween(document.placeOf(*radius_array), "point " + std::to_string(i) + ", " + kRadiusName, numbers[i], 0,
+                     999);
     }
-    if (radius_array) requireBetween(document.placeOf(*radius_array), field + kRadiusName, radii[i], 0, 999);
-    result.points_mm.emplace_back(numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]);
-    result.radii_mm.push_back(knownRadius(radii[i]));
+    radii_mm[i] = knownRadius(numbers[i]);
   }
-  return result;
+  return radii_mm;
 }
 
 void addPiece(const XmlDocument& document, vtkXMLDataElement& piece, Budget& budget, TrunkMerge& tree) {
   const int count = readCount(document, piece, "NumberOfPoints", budget.points);
   if (count == 0) return;
-  const PiecePoints points = readPoints(document, piece, count);
-  for (const auto& indices : readLines(document, piece, count, budget)) {
+  const auto points_mm = readPoints(document, piece, count);
+  const auto radii_mm = readRadii(document, piece, count);
+  for (const auto& indices : readCells(document, piece, "Lines", count, budget)) {
     std::vector<Eigen::Vector3d> line_mm;
-    std::vector<std::optional<double>> radii_mm;
+    std::vector<std::optional<double>> line_radii_mm;
     for (const std::size_t i : indices) {
-      line_mm.push_back(points.points_mm[i]);
-      radii_mm.push_back(points.radii_mm[i]);
+      line_mm.push_back(points_mm[i]);
+      line_radii_mm.push_back(radii_mm[i]);
     }
-    tree.addLine(line_mm, radii_mm);
+    tree.addLine(line_mm, line_radii_mm);
   }
+}
+
+// The element that holds the pieces.
+vtkXMLDataElement& polyDataIn(const XmlDocument& document) {
+  vtkXMLDataElement& root = document.root();
+  if (std::strcmp(root.GetName(), "VTKFile") != 0 || document.need(root, "type") != "PolyData") {
+    throw InputError(document.placeOf(root), "", root.GetName(), "must be a VTKFile of type PolyData");
+  }
+  return child(document, root, "PolyData");
+}
+
+std::vector<vtkXMLDataElement*> piecesOf(vtkXMLDataElement& data) {
+  std::vector<vtkXMLDataElement*> pieces;
+  for (int i = 0; i < data.GetNumberOfNestedElements(); ++i) {
+    if (std::strcmp(data.GetNestedElement(i)->GetName(), "Piece") == 0) pieces.push_back(data.GetNestedElement(i));
+  }
+  return pieces;
 }
 
 }  // namespace
 
 VesselTree readVtpTree(const std::string& path) {
   const XmlDocument document(path, readWholeFile(path, kLargestVtpFile));
-  vtkXMLDataElement& root = document.root();
-  if (std::strcmp(root.GetName(), "VTKFile") != 0 || document.need(root, "type") != "PolyData") {
-    throw InputError(document.placeOf(root), "", root.GetName(), "must be a VTKFile of type PolyData");
-  }
-  vtkXMLDataElement& data = child(document, root, "PolyData");
+  vtkXMLDataElement& data = polyDataIn(document);
   Budget budget;
   TrunkMerge tree;
-  for (int i = 0; i < data.GetNumberOfNestedElements(); ++i) {
-    vtkXMLDataElement* const piece = data.GetNestedElement(i);
-    if (std::strcmp(piece->GetName(), "Piece") == 0) addPiece(document, *piece, budget, tree);
-  }
+  for (vtkXMLDataElement* piece : piecesOf(data)) addPiece(document, *piece, budget, tree);
   if (tree.rows().size() < 2) {
     throw InputError(document.placeOf(data), "Lines", "", "must hold a line of at least two different points");
   }
   return treeOfRows(path, tree.rows());
+}
+
+Surface readVtpSurface(const std::string& path) {
+  const XmlDocument document(path, readWholeFile(path, kLargestVtpFile));
+  Budget budget{kMostPoints, kMostPolygons, 4 * kMostPolygons};
+  std::vector<Eigen::Vector3d> points_mm;
+  Surface surface;
+  for (vtkXMLDataElement* piece : piecesOf(polyDataIn(document))) {
+    const int count = readCount(document, *piece, "NumberOfPoints", budget.points);
+    if (count == 0) continue;
+    const std::size_t first = points_mm.size();
+    const auto its_points_mm = readPoints(document, *piece, count);
+    points_mm.insert(points_mm.end(), its_points_mm.begin(), its_points_mm.end());
+    const auto add = [&](const auto from, const auto to) {
+      std::vector<int>& polygon = surface.polygons.emplace_back();
+      for (auto i = from; i != to; ++i) polygon.push_back(static_cast<int>(first + *i));
+    };
+    for (const auto& corners : readCells(document, *piece, "Polys", count, budget)) {
+      if (corners.size() >= 3) add(corners.begin(), corners.end());
+    }
+    for (const auto& strip : readCells(document, *piece, "Strips", count, budget)) {
+      for (std::size_t i = 0; i + 3 <= strip.size(); ++i) add(&strip[i], &strip[i] + 3);
+    }
+  }
+  surface.points_mm.resize(3, static_cast<Eigen::Index>(points_mm.size()));
+  for (std::size_t i = 0; i < points_mm.size(); ++i) surface.points_mm.col(static_cast<Eigen::Index>(i)) = points_mm[i];
+  return surface;
+}
+
+void writeVtpTree(const std::string& path, const VesselTree& tree) {
+  // Points stand once; lines that share a trunk name them again, as VMTK's copy them.
+  std::string points, radii, connectivity, offsets;
+  std::size_t indices = 0, lines = 0;
+  for (int i = 0; i < tree.size(); ++i) {
+    for (int k = 0; k < 3; ++k) points += exactMillimetres(tree.points()(k, i)) + (k < 2 ? " " : "\n");
+    const auto& radius = tree.radii()[static_cast<std::size_t>(i)];
+    radii += (radius ? exactMillimetres(*radius) : "0") + "\n";
+    if (!tree.children()[static_cast<std::size_t>(i)].empty() || tree.parents()[static_cast<std::size_t>(i)] < 0)
+      continue;
+    std::vector<int> line;
+    for (int at = i; at >= 0; at = tree.parents()[static_cast<std::size_t>(at)]) line.push_back(at);
+    indices += line.size();
+    if (indices > static_cast<std::size_t>(kMostPoints) || ++lines > static_cast<std::size_t>(kMostLines)) {
+      throw InputError(path, "lines", "", "from the root to " + std::to_string(lines) + " ends are too many for .vtp");
+    }
+    for (std::size_t k = line.size(); k-- > 0;) connectivity += std::to_string(line[k]) + (k > 0 ? " " : "\n");
+    offsets += std::to_string(indices) + "\n";
+  }
+  const auto array = [](const std::string& attributes, const std::string& numbers) {
+    return "<DataArray " + attributes + " format=\"ascii\">\n" + numbers + "</DataArray>\n";
+  };
+  writeWholeFile(
+      path,
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\">\n"
+      "<PolyData>\n<Piece NumberOfPoints=\"" +
+          std::to_string(tree.size()) + "\" NumberOfVerts=\"0\" NumberOfLines=\"" + std::to_string(lines) +
+          "\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n<PointData Scalars=\"" + kRadiusName + "\">\n" +
+          array("type=\"Float64\" Name=\"" + std::string(kRadiusName) + "\"", radii) + "</PointData>\n<Points>\n" +
+          array("type=\"Float64\" Name=\"Points\" NumberOfComponents=\"3\"", points) + "</Points>\n<Lines>\n" +
+          array("type=\"Int64\" Name=\"connectivity\"", connectivity) +
+          array("type=\"Int64\" Name=\"offsets\"", offsets) + "</Lines>\n</Piece>\n</PolyData>\n</VTKFile>\n");
 }
 
 }  // namespace angio

@@ -15,15 +15,29 @@ namespace angio {
 ///   trunk that the lines repeat, exactly or to a tenth of its radius, becomes one.
 /// - `.vtk`: lines of VTK's legacy text (versions 1 to 4; an unstructured grid's cells or poly data's lines), in any
 ///   order and direction; where ends coincide they are joined, and the first begins at the inlet. Radii are not read.
+/// - `.mrk.json`: 3D Slicer's markups: open curves in any order and direction, joined where their ends coincide; the
+///   first begins at the inlet. Radii are those of a measurement "Radius". Curves that say RAS are turned to LPS.
+/// - `.tre`: tubes of ITK's spatial objects (TubeTK) as text, each with its own place, linked by ParentID and
+///   ParentPoint. A radius that is not positive is unknown.
 /// - `.txt`: centreline of the HMM catheter project: points with their neighbours, walked from the given root.
 ///
 /// Points stand in the order of the file (.vtp and .vtk: line by line, without repetitions). Throws InputError that
 /// names file, line, field, value and rule.
 VesselTree readVesselTree(const std::string& path);
 
-/// Writes `.csv` or `.swc`, by extension; ids are point indices (from 0; from 1 in .swc). Lengths have as many digits
-/// as it takes to read the same number back. Throws InputError for another extension or when the file cannot be
-/// written.
-void writeVesselTree(const std::string& path, const VesselTree& tree);
+/// Patient axes of a file: x to the left and y to the back (DICOM, ITK), or to the right and front (VMTK, 3D Slicer's
+/// scene). z is to the head in both.
+enum class PatientFrame { kLps, kRas };
+
+/// A tree with x and y turned around: LPS as RAS, and RAS as LPS.
+VesselTree withOtherFrame(const VesselTree& tree);
+
+/// Writes `.csv`, `.swc`, `.vtp` (lines from root to end, as VMTK's; radius 0 is unknown), `.mrk.json` (a curve a
+/// branch) or `.tre` (a tube a branch), by extension. Ids are point indices (from 0; from 1 in .swc). Lengths have as
+/// many digits as it takes to read the same number back.
+///
+/// A tree in LPS is written in `frame`; only .mrk.json can say which one it is. Throws InputError for another extension
+/// or when the file cannot be written.
+void writeVesselTree(const std::string& path, const VesselTree& tree, PatientFrame frame = PatientFrame::kLps);
 
 }  // namespace angio
