@@ -9,7 +9,8 @@ packages=(
   libopencv-dev libeigen3-dev libceres-dev libnanoflann-dev libhwy-dev
   liblcm-dev liblcm-bin
   libyaml-cpp-dev nlohmann-json3-dev libcli11-dev
-  libvtk9-dev libpng-dev libtiff-dev zlib1g-dev
+  libvtk9-dev libdcmtk-dev libpng-dev libtiff-dev zlib1g-dev
+  libinsighttoolkit5-dev
   libgtest-dev libgmock-dev libbenchmark-dev
 )
 

@@ -93,7 +93,8 @@ TEST(ImageFiles, CutOrChangedFilesAreReadOrRefusedInSilence) {
   int refused = 0;
   const auto tryTo = [&](const std::string& content) {
     try {
-      readXrayImage(folder.write("hostile", content));
+      const XrayFrames frames(folder.write("hostile", content));
+      frames.frame(frames.count() - 1);
     } catch (const InputError&) {
       ++refused;
     }
@@ -105,6 +106,8 @@ TEST(ImageFiles, CutOrChangedFilesAreReadOrRefusedInSilence) {
       goods.push_back(contentOf(folder.path(name)));
     }
   }
+  writeImageSequence(folder.path("a.tif"), std::vector<cv::Mat>(2, pattern(CV_16UC1).rowRange(0, 5)));
+  goods.push_back(contentOf(folder.path("a.tif")));
   unsigned random = 1;
   testing::internal::CaptureStderr();
   testing::internal::CaptureStdout();
@@ -123,12 +126,56 @@ TEST(ImageFiles, CutOrChangedFilesAreReadOrRefusedInSilence) {
   EXPECT_GT(refused, static_cast<int>(cuts) / 2);
 }
 
+TEST(ImageFiles, SequencesRoundTripFrameByFrame) {
+  const TemporaryFolder folder;
+  for (const int type : {CV_8UC1, CV_16UC1}) {
+    for (const cv::Size& size : {cv::Size(23, 19), cv::Size(700, 900)}) {  // One strip, and several.
+      std::vector<cv::Mat> frames(3);
+      cv::RNG random(6);
+      for (cv::Mat& frame : frames) {
+        frame.create(size, type);
+        random.fill(frame, cv::RNG::UNIFORM, 0, type == CV_16UC1 ? 65536 : 256);
+      }
+      const cv::Mat cut = cv::Mat(frames[1], cv::Rect(0, 0, size.width, size.height));
+      writeImageSequence(folder.path("a.tif"), {frames[0], cut, frames[2]});
+      const XrayFrames read(folder.path("a.tif"));
+      ASSERT_EQ(read.count(), 3);
+      for (const int f : {2, 0, 1}) expectSame(read.frame(f), frames[static_cast<std::size_t>(f)]);
+      expectSame(readXrayImage(folder.path("a.tif")), frames[0]);
+      EXPECT_NE(refusalOf([&] { read.frame(3); }).find("a.tif: frame = 3: must lie between 0 and 2"),
+                std::string::npos);
+    }
+  }
+  EXPECT_EQ(folder.files(), 1U);
+}
+
+TEST(ImageFiles, SequencesOfOtherThingsAreRefused) {
+  const TemporaryFolder folder;
+  const cv::Mat good = pattern(CV_8UC1);
+  const auto refused = [&](const char* name, const std::vector<cv::Mat>& frames) {
+    return refusalOf([&] { writeImageSequence(folder.path(name), frames); });
+  };
+  EXPECT_NE(refused("a.png", {good}).find("extension = .png"), std::string::npos);
+  EXPECT_NE(refused("a.tif", {}).find("frames = 0"), std::string::npos);
+  EXPECT_NE(refused("a.tif", {good, pattern(CV_16UC1)}).find("frame = 1"), std::string::npos);
+  EXPECT_NE(refused("a.tif", {good, good.rowRange(0, 5)}).find("frame = 1"), std::string::npos);
+  EXPECT_NE(refused("a.tif", {pattern(CV_8UC3)}).find("frame = 0"), std::string::npos);
+  EXPECT_EQ(folder.files(), 0U);
+}
+
+TEST(ImageFiles, PagesThatGoRoundInACircleAreRefused) {
+  const TemporaryFolder folder;
+  std::string circle = smallTiff(1);
+  circle[circle.size() - 4] = 10;  // The next directory is the first one, at byte 10.
+  EXPECT_NE(refusalOf([&] { XrayFrames(folder.write("a.tif", circle)); }).find("a.tif: "), std::string::npos);
+}
+
 TEST(ImageFiles, OtherFilesAndTypesAreRefused) {
   const TemporaryFolder folder;
   const auto says = [&](const std::string& message, const std::string& expected) {
     EXPECT_NE(message.find(expected), std::string::npos) << message;
   };
-  says(refusalOf([&] { readXrayImage(folder.write("a.png", "")); }), "a.png: must be a PNG or TIFF image");
+  says(refusalOf([&] { readXrayImage(folder.write("a.png", "")); }), "a.png: must be a PNG, TIFF or DICOM image");
   says(refusalOf([&] { writeImage(folder.path("a.bmp"), pattern(CV_8UC1)); }), "extension = .bmp");
   says(refusalOf([&] { writeImage(folder.path("a.jpg"), pattern(CV_16UC1)); }), "CV_16UC1");
   says(refusalOf([&] { writeImage(folder.path("a.png"), cv::Mat()); }), "empty");

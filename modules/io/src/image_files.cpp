@@ -3,32 +3,32 @@
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 
 #include "angio/base/errors.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/io/xa_files.hpp"
+#include "dicom_structure.hpp"
 #include "extension.hpp"
 #include "image_formats.hpp"
 
 namespace angio {
 namespace {
 
-bool startsWith(const std::string& content, std::string_view start) {
-  return content.compare(0, start.size(), start) == 0;
-}
+enum class Kind { kPng, kTiff, kDicom };
 
-cv::Mat decode(const std::string& path, const std::string& content) {
+Kind kindOf(const std::string& path, const std::string& content) {
   using namespace std::string_view_literals;
-  if (startsWith(content, "\x89PNG\r\n\x1a\n"sv)) return decodePng(path, content);
+  const auto starts = [&](std::string_view start) { return content.compare(0, start.size(), start) == 0; };
+  if (starts("\x89PNG\r\n\x1a\n"sv)) return Kind::kPng;
   for (const auto start : {"II*\0"sv, "MM\0*"sv, "II+\0"sv, "MM\0+"sv}) {
-    if (startsWith(content, start)) return decodeTiff(path, content);
+    if (starts(start)) return Kind::kTiff;
   }
-  throw InputError(path, "", "", "must be a PNG or TIFF image");
+  if (startsAsDicom(content)) return Kind::kDicom;
+  throw InputError(path, "", "", "must be a PNG, TIFF or DICOM image");
 }
 
-}  // namespace
-
-cv::Mat readXrayImage(const std::string& path) {
-  cv::Mat image = decode(path, readWholeFile(path));
+cv::Mat asGrey(const std::string& path, const cv::Mat& image) {
   if (image.channels() == 1) return image;
   cv::Mat grey, other;
   cv::extractChannel(image, grey, 0);
@@ -41,8 +41,58 @@ cv::Mat readXrayImage(const std::string& path) {
   return grey;
 }
 
-cv::Mat readXrayImage(const std::string& path, const XrayCamera& camera) {
-  cv::Mat image = readXrayImage(path);
+}  // namespace
+
+struct XrayFrames::Source {
+  explicit Source(const std::string& file) : path(file), content(readWholeFile(file)), kind(kindOf(path, content)) {
+    if (kind == Kind::kDicom) {
+      run.emplace(path, std::move(content));
+      count = run->frames();
+    } else if (kind == Kind::kTiff) {
+      count = countTiffPages(path, content);
+    }
+  }
+
+  std::string path;
+  std::string content;
+  Kind kind;
+  std::optional<XaRun> run;  // Instead of the content.
+  int count = 1;
+};
+
+XrayFrames::XrayFrames(const std::string& path) : source_(std::make_unique<Source>(path)) {}
+XrayFrames::XrayFrames(XrayFrames&&) noexcept = default;
+XrayFrames& XrayFrames::operator=(XrayFrames&&) noexcept = default;
+XrayFrames::~XrayFrames() = default;
+
+int XrayFrames::count() const { return source_->count; }
+
+cv::Mat XrayFrames::frame(int number) const {
+  const Source& s = *source_;
+  if (number < 0 || number >= s.count) {
+    throw InputError(s.path, "frame", std::to_string(number), "must lie between 0 and " + std::to_string(s.count - 1));
+  }
+  switch (s.kind) {
+    case Kind::kPng:
+      return asGrey(s.path, decodePng(s.path, s.content));
+    case Kind::kTiff:
+      return asGrey(s.path, decodeTiff(s.path, s.content, number));
+    case Kind::kDicom:
+      break;
+  }
+  // Image methods take a type's full range for granted where they turn bright vessels dark.
+  const XaHeader& header = s.run->header();
+  cv::Mat image = s.run->image(number);
+  if (header.bits_stored < header.bits_allocated) {
+    image *= static_cast<double>(1 << (header.bits_allocated - header.bits_stored));
+  }
+  return image;
+}
+
+cv::Mat readXrayImage(const std::string& path, int frame) { return XrayFrames(path).frame(frame); }
+
+cv::Mat readXrayImage(const std::string& path, const XrayCamera& camera, int frame) {
+  cv::Mat image = readXrayImage(path, frame);
   if (image.cols != camera.width_px() || image.rows != camera.height_px()) {
     throw InputError(path, "size", std::to_string(image.cols) + " x " + std::to_string(image.rows),
                      "must be the camera's image_size_px");
@@ -70,6 +120,24 @@ void writeImage(const std::string& path, const cv::Mat& image) {
   }
   if (!encoded) throw InputError(path, "", "", "the image cannot be encoded");
   writeWholeFile(path, std::string(bytes.begin(), bytes.end()));
+}
+
+void writeImageSequence(const std::string& path, const std::vector<cv::Mat>& frames) {
+  const std::string extension = extensionOf(path);
+  if (extension != ".tif" && extension != ".tiff") {
+    throw InputError(path, "extension", extension, "must be .tif or .tiff");
+  }
+  if (frames.empty() || frames.size() > static_cast<std::size_t>(kMostPages)) {
+    throw InputError(path, "frames", std::to_string(frames.size()), "must be 1 to " + std::to_string(kMostPages));
+  }
+  for (const cv::Mat& frame : frames) {
+    const bool grey = !frame.empty() && (frame.type() == CV_8UC1 || frame.type() == CV_16UC1);
+    if (!grey || frame.type() != frames.front().type() || frame.size() != frames.front().size()) {
+      throw InputError(path, "frame", std::to_string(&frame - frames.data()),
+                       "must be CV_8UC1 or CV_16UC1, and of the type and size of the first");
+    }
+  }
+  writeWholeFile(path, encodeTiff(path, frames, kLargestFile));
 }
 
 }  // namespace angio

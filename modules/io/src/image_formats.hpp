@@ -3,15 +3,26 @@
 
 #include <opencv2/core/mat.hpp>
 #include <string>
+#include <vector>
 
 namespace angio {
 
 /// The largest image that is read, in each direction [px].
 constexpr unsigned kLargestSide = 8192;
 
-/// Decode a PNG or a TIFF file: CV_8UC1, CV_16UC1, CV_8UC3 or CV_16UC3. OpenCV's own readers and the libraries' default
-/// error handlers write to the terminal, so both are called with handlers of ours. Throw InputError that names `path`.
+/// The longest sequence in one TIFF: libtiff takes quadratic time for its pages.
+constexpr int kMostPages = 10'000;
+
+/// Decode a PNG file or a page of a TIFF file, from 0: CV_8UC1, CV_16UC1, CV_8UC3 or CV_16UC3. OpenCV's own readers and
+/// the libraries' default error handlers write to the terminal, so both are called with handlers of ours. Throw
+/// InputError that names `path`.
 cv::Mat decodePng(const std::string& path, const std::string& content);
-cv::Mat decodeTiff(const std::string& path, const std::string& content);
+cv::Mat decodeTiff(const std::string& path, const std::string& content, int page);
+
+/// How many pages a TIFF has. Throws InputError when one cannot be found or there are more than kMostPages.
+int countTiffPages(const std::string& path, const std::string& content);
+
+/// A TIFF of grey pages of one size and type. Throws InputError when it cannot be encoded or exceeds `largest_bytes`.
+std::string encodeTiff(const std::string& path, const std::vector<cv::Mat>& pages, std::size_t largest_bytes);
 
 }  // namespace angio

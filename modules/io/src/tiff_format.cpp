@@ -131,25 +131,38 @@ bool readBlocks(TIFF* tiff, const TiffLayout& layout, cv::Mat& image) {
   return true;
 }
 
+InputError broken(const std::string& path, const TiffReading& reading) {
+  return InputError(
+      path, "", "",
+      "is not a readable TIFF image: " + (reading.message.empty() ? std::string("broken data") : reading.message));
+}
+
 }  // namespace
 
-cv::Mat decodeTiff(const std::string& path, const std::string& content) {
+cv::Mat decodeTiff(const std::string& path, const std::string& content, int page) {
   TiffReading reading{content, 0, {}};
-  const auto broken = [&] {
-    return InputError(
-        path, "", "",
-        "is not a readable TIFF image: " + (reading.message.empty() ? std::string("broken data") : reading.message));
-  };
   const TiffPointer tiff = open(reading);
-  if (!tiff) throw broken();
+  if (!tiff || (page > 0 && !TIFFSetDirectory(tiff.get(), static_cast<tdir_t>(page)))) throw broken(path, reading);
   const TiffLayout layout = readLayout(path, tiff.get());
   cv::Mat image(static_cast<int>(layout.height), static_cast<int>(layout.width),
                 CV_MAKETYPE(layout.bits == 16 ? CV_16U : CV_8U, layout.channels));
-  if (!readBlocks(tiff.get(), layout, image)) throw broken();
+  if (!readBlocks(tiff.get(), layout, image)) throw broken(path, reading);
   if (layout.photometric == PHOTOMETRIC_MINISWHITE) {
     cv::subtract(cv::Scalar::all(layout.bits == 16 ? 65535 : 255), image, image);
   }
   return image;
+}
+
+int countTiffPages(const std::string& path, const std::string& content) {
+  TiffReading reading{content, 0, {}};
+  const TiffPointer tiff = open(reading);
+  if (!tiff) throw broken(path, reading);
+  int pages = 1;
+  for (; !TIFFLastDirectory(tiff.get()); ++pages) {
+    if (pages == kMostPages) throw InputError(path, "pages", "", "must not be more than " + std::to_string(kMostPages));
+    if (!TIFFReadDirectory(tiff.get())) throw broken(path, reading);
+  }
+  return pages;
 }
 
 }  // namespace angio

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "xa_camera.hpp"
+
+#include <algorithm>
+
+#include "xa_tags.hpp"
+
+namespace angio {
+namespace {
+
+using Lines = std::vector<std::string>;
+
+// Metres; from a tenth of a C-arm to ten of them.
+std::optional<double> distance(const DicomFile& file, const DicomTag& tag, int frame) {
+  const auto distance_mm = file.number(tag, frame);
+  if (!distance_mm || *distance_mm == 0) return std::nullopt;  // Zero is how machines say that they do not know.
+  return 1e-3 * requireBetween(file.path(), tag.label(), *distance_mm, 100, 10000);
+}
+
+std::optional<double> magnificationOf(const DicomFile& file, int frame) {
+  const auto factor = file.number(tag::kMagnification, frame);
+  if (!factor || *factor == 0) return std::nullopt;
+  return requireBetween(file.path(), tag::kMagnification.label(), *factor, 1, 10);
+}
+
+struct Distances {
+  double detector_m = 0;
+  std::optional<double> isocentre_m;
+};
+
+Distances readDistances(const DicomFile& file, int frame, Lines& assumed) {
+  auto detector_m = distance(file, tag::kSourceDetector, frame);
+  auto isocentre_m = distance(file, tag::kSourcePatient, frame);
+  if (!isocentre_m) {
+    isocentre_m = distance(file, tag::kSourceIsocentre, frame);
+    if (isocentre_m) assumed.push_back(missing(tag::kSourcePatient, tag::kSourceIsocentre.label() + " stands for it"));
+  }
+  const auto factor = magnificationOf(file, frame);
+  if (!detector_m) {
+    if (!factor || !isocentre_m) {
+      throw file.refusal(tag::kSourceDetector, "",
+                         "is missing, and with it the camera: " + tag::kMagnification.label() + " and " +
+                             tag::kSourcePatient.label() + " do not replace it");
+    }
+    detector_m = *isocentre_m * *factor;
+    assumed.push_back(missing(tag::kSourceDetector, shown(*detector_m * 1e3) + " mm by the magnification factor and " +
+                                                        tag::kSourcePatient.label()));
+  } else if (!isocentre_m && factor) {
+    isocentre_m = *detector_m / *factor;
+    assumed.push_back(
+        missing(tag::kSourcePatient, shown(*isocentre_m * 1e3) + " mm by " + tag::kMagnification.label()));
+  } else if (!isocentre_m) {
+    assumed.push_back(missing(tag::kSourcePatient, "no pose by the angles, no magnification"));
+  } else if (factor && std::abs(*factor * *isocentre_m / *detector_m - 1) > 0.01) {
+    assumed.push_back(tag::kMagnification.label() + " = " + shown(*factor) + " is not used: the distances say " +
+                      shown(*detector_m / *isocentre_m));
+  }
+  if (isocentre_m && *isocentre_m > *detector_m) {
+    throw file.refusal(tag::kSourcePatient, shown(*isocentre_m * 1e3),
+                       "must not exceed " + tag::kSourceDetector.label() + " = " + shown(*detector_m * 1e3));
+  }
+  return {*detector_m, isocentre_m};
+}
+
+// At the detector, between rows and between columns [m].
+struct Spacing {
+  double rows_m = 0, columns_m = 0;
+  DicomTag from;
+};
+
+// Two positive numbers, the first again for the second when there is one only; nothing when missing or zero.
+std::optional<Eigen::Vector2d> pairOf(const DicomFile& file, const DicomTag& tag, int frame, double largest) {
+  const auto values = file.numbers(tag, frame);
+  if (values.empty() || values.front() == 0) return std::nullopt;
+  const Eigen::Vector2d pair(values[0], values.size() > 1 ? values[1] : values[0]);
+  for (const double value : pair) requireBetween(file.path(), tag.label(), value, 1e-3, largest);
+  return pair;
+}
+
+Spacing readSpacing(const DicomFile& file, const DicomPixelLayout& layout, const Distances& distances, int frame,
+                    Lines& assumed) {
+  constexpr double kWidestPixel_mm = 10, kWidestField_mm = 2000;
+  const auto spacing = [](const Eigen::Vector2d& mm, const DicomTag& from) {
+    return Spacing{mm[0] * 1e-3, mm[1] * 1e-3, from};
+  };
+  const auto assume = [&](const Eigen::Vector2d& mm, const std::string& how) {
+    assumed.push_back(missing(tag::kImagerSpacing, shown(mm[0]) + " x " + shown(mm[1]) + " mm by " + how));
+  };
+  if (const auto mm = pairOf(file, tag::kImagerSpacing, frame, kWidestPixel_mm))
+    return spacing(*mm, tag::kImagerSpacing);
+
+  const auto in_patient = pairOf(file, tag::kPixelSpacing, frame, kWidestPixel_mm);
+  if (in_patient && distances.isocentre_m) {
+    const Eigen::Vector2d mm = *in_patient * distances.detector_m / *distances.isocentre_m;
+    assume(mm, tag::kPixelSpacing.label() + ", calibrated by " +
+                   file.text(tag::kCalibrationType, frame).value_or("an unknown way") + ", taken at the isocentre");
+    return spacing(mm, tag::kPixelSpacing);
+  }
+  const Eigen::Vector2d size_px(layout.height_px, layout.width_px);
+  if (const auto field_mm = pairOf(file, tag::kFieldDimensions, frame, kWidestField_mm)) {
+    const Eigen::Vector2d mm = field_mm->cwiseQuotient(size_px);
+    assume(mm, tag::kFieldDimensions.label() + " on the whole image");
+    return spacing(mm, tag::kFieldDimensions);
+  }
+  if (const auto size_mm = pairOf(file, tag::kIntensifierSize, frame, kWidestField_mm)) {
+    const Eigen::Vector2d mm = Eigen::Vector2d::Constant((*size_mm)[0] / size_px.maxCoeff());
+    assume(mm, tag::kIntensifierSize.label() + " on the whole image");
+    return spacing(mm, tag::kIntensifierSize);
+  }
+  throw file.refusal(tag::kImagerSpacing, "",
+                     "is missing, and with it the camera: no " + tag::kFieldDimensions.label() + ", " +
+                         tag::kIntensifierSize.label() + ", or " + tag::kPixelSpacing.label() + " with " +
+                         tag::kSourcePatient.label() + " replaces it");
+}
+
+}  // namespace
+
+std::string missing(const DicomTag& tag, const std::string& instead) { return tag.label() + " is missing: " + instead; }
+
+XaGeometry readXaCamera(const DicomFile& file, const DicomPixelLayout& layout, int frame) {
+  Lines assumed;
+  const Distances distances = readDistances(file, frame, assumed);
+  const Spacing spacing = readSpacing(file, layout, distances, frame, assumed);
+  assumed.push_back("the principal point is taken at the image's centre: no attribute says it");
+  XrayCamera::Parameters p;
+  p.width_px = layout.width_px;
+  p.height_px = layout.height_px;
+  p.fx_px = distances.detector_m / spacing.columns_m;
+  p.fy_px = distances.detector_m / spacing.rows_m;
+  p.cx_px = 0.5 * (layout.width_px - 1);
+  p.cy_px = 0.5 * (layout.height_px - 1);
+  if (spacing.columns_m == spacing.rows_m) p.pixel_spacing_m = spacing.rows_m;
+  p.source_detector_distance_m = distances.detector_m;
+  XaGeometry geometry{XrayCamera(p)};
+  geometry.source_detector_distance_m = distances.detector_m;
+  geometry.source_isocentre_distance_m = distances.isocentre_m;
+  geometry.spacing_from = spacing.from.label();
+  geometry.assumed = std::move(assumed);
+  return geometry;
+}
+
+}  // namespace angio

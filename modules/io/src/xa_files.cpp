@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/io/xa_files.hpp"
+
+#include <algorithm>
+#include <array>
+#include <numeric>
+#include <opencv2/core.hpp>
+
+#include "angio/io/whole_file.hpp"
+#include "xa_geometry.hpp"
+#include "xa_tags.hpp"
+
+namespace angio {
+
+struct XaRun::Contents {
+  Contents(const std::string& path, std::string content)
+      : file(path, std::move(content)),
+        layout(readPixelLayout(file)),
+        increments(readXaIncrements(file, layout.frames)) {}
+
+  DicomFile file;
+  DicomPixelLayout layout;
+  XaIncrements increments;
+};
+
+namespace {
+
+void checkKind(const DicomFile& file) {
+  constexpr std::array<const char*, 3> kKinds = {"XA", "RF", "DX"};
+  const auto modality = file.text(tag::kModality);
+  if (!modality || std::find(kKinds.begin(), kKinds.end(), *modality) == kKinds.end()) {
+    throw file.refusal(tag::kModality, modality.value_or(""), "must be XA, RF or DX: a projection of X-rays");
+  }
+}
+
+std::optional<double> frameRate(const std::vector<double>& times_ms) {
+  const auto first = times_ms.begin() + (times_ms.size() > 1 ? 1 : 0);  // A list begins with the first frame's zero.
+  const double total_ms = std::accumulate(first, times_ms.end(), 0.0);
+  if (!(total_ms > 0)) return std::nullopt;
+  return 1e3 * static_cast<double>(times_ms.end() - first) / total_ms;
+}
+
+XaHeader readHeader(const DicomFile& file, const DicomPixelLayout& layout, const XaIncrements& increments) {
+  XaHeader header;
+  const auto text = [&](const DicomTag& tag) { return file.text(tag).value_or(""); };
+  header.modality = text(tag::kModality);
+  header.manufacturer = text(tag::kManufacturer);
+  header.model = text(tag::kModel);
+  header.transfer_syntax = file.syntax().name;
+  header.photometric = layout.photometric;
+  header.intensity_relationship = text(tag::kIntensityRelationship);
+  header.frames = layout.frames;
+  header.width_px = layout.width_px;
+  header.height_px = layout.height_px;
+  header.bits_allocated = layout.bits_allocated;
+  header.bits_stored = layout.bits_stored;
+  header.high_bit = layout.high_bit;
+  header.is_signed = layout.is_signed;
+  header.patient_position = text(tag::kPatientPosition);
+  header.positioner_motion = text(tag::kPositionerMotion);
+  header.table_motion = text(tag::kTableMotion);
+  header.frame_rate_hz = frameRate(increments.frame_times_ms);
+  header.magnification = file.number(tag::kMagnification);
+  return header;
+}
+
+// Frame numbers count from 1 in a file.
+std::vector<int> frameNumbers(const DicomFile& file, const DicomTag& tag, DcmItem& item, int frames) {
+  std::vector<int> numbers;
+  for (const double number : file.numbers(tag, item)) {
+    requireBetween(file.path(), tag.label(), number, 1, frames);
+    numbers.push_back(static_cast<int>(number) - 1);
+  }
+  return numbers;
+}
+
+XaMask readMask(const DicomFile& file, DcmItem& item, int frames) {
+  XaMask mask;
+  mask.operation = file.text(tag::kMaskOperation, item).value_or("NONE");
+  mask.mask_frames = frameNumbers(file, tag::kMaskFrames, item, frames);
+  const auto ranges = frameNumbers(file, tag::kMaskRanges, item, frames);
+  if (ranges.size() % 2 != 0) {
+    throw file.refusal(tag::kMaskRanges, std::to_string(ranges.size()) + " values", "must be pairs of frames");
+  }
+  for (std::size_t i = 0; i < ranges.size(); i += 2) mask.frame_ranges.emplace_back(ranges[i], ranges[i + 1]);
+  const auto averaged = file.numbers(tag::kContrastAveraging, item);
+  if (!averaged.empty()) {
+    mask.contrast_averaging =
+        static_cast<int>(requireBetween(file.path(), tag::kContrastAveraging.label(), averaged.front(), 1, frames));
+  }
+  const auto shift = file.numbers(tag::kMaskShift, item);
+  if (shift.size() == 2) mask.shift_px = {shift[0], shift[1]};
+  return mask;
+}
+
+}  // namespace
+
+bool isDicom(const std::string& path) { return startsAsDicom(readWholeFile(path)); }
+
+XaRun::XaRun(const std::string& path) : XaRun(path, readWholeFile(path)) {}
+
+XaRun::XaRun(const std::string& path, std::string content)
+    : contents_(std::make_unique<Contents>(path, std::move(content))) {
+  const DicomFile& file = contents_->file;
+  checkKind(file);
+  header_ = readHeader(file, contents_->layout, contents_->increments);
+  constexpr DicomTag kMaskSequence{0x0028, 0x6100, "Mask Subtraction Sequence"};
+  for (DcmItem* item : file.items(kMaskSequence)) masks_.push_back(readMask(file, *item, header_.frames));
+  geometry(0);  // A run without a camera is refused here and not at its first frame.
+}
+
+XaRun::XaRun(XaRun&&) noexcept = default;
+XaRun& XaRun::operator=(XaRun&&) noexcept = default;
+XaRun::~XaRun() = default;
+
+XaGeometry XaRun::geometry(int frame) const {
+  if (frame < 0 || frame >= frames()) {
+    throw InputError(contents_->file.path(), "frame", std::to_string(frame),
+                     "must lie between 0 and " + std::to_string(frames() - 1));
+  }
+  return readXaGeometry(contents_->file, contents_->layout, contents_->increments, frame);
+}
+
+cv::Mat XaRun::storedImage(int frame) const { return decodeDicomFrame(contents_->file, contents_->layout, frame); }
+
+cv::Mat XaRun::image(int frame) const {
+  const bool mirrored = geometry(frame).stored_mirrored;
+  cv::Mat stored = storedImage(frame);
+  if (!mirrored) return stored;
+  cv::Mat image;
+  cv::flip(stored, image, 1);
+  return image;
+}
+
+}  // namespace angio
