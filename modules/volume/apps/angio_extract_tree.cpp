@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-extract-tree: from a volume, a mask or a mesh to a vessel tree.
+#include <cstdio>
+#include <iostream>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/stopwatch.hpp"
+#include "angio/cli/program.hpp"
+#include "angio/cli/progress_bar.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/settings_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/volume/coverage.hpp"
+#include "angio/volume/extract_tree.hpp"
+#include "angio/volume/mesh_files.hpp"
+#include "angio/volume/projections.hpp"
+#include "angio/volume/shape.hpp"
+#include "angio/volume/volume_files.hpp"
+
+namespace angio {
+namespace {
+
+struct Options {
+  std::string volume, mask, out, settings, picture, compare;
+  std::string frame = "LPS", compare_frame = "LPS", mesh_frame = "LPS", inside = "above";
+  double mesh_voxel_mm = 0.5;
+  std::vector<std::string> box;
+  std::vector<int> labels;
+  std::optional<double> threshold;
+  std::vector<std::string> seeds;
+  std::string root, ends;
+  std::vector<Eigen::Vector3d> seeds_m, box_m;  // The texts, read.
+  std::optional<Eigen::Vector3d> root_m;
+  std::optional<double> compare_mm;
+};
+
+// The settings file of this program: a section per stage.
+struct ExtractionSettings {
+  VesselnessSettings vesselness;
+  SelectionSettings selection;
+  CentrelineSettings centreline;
+
+  void visit(SettingsVisitor& v) {
+    v.section(VesselnessSettings::kName, [&](SettingsVisitor& inner) { vesselness.visit(inner); });
+    v.section(SelectionSettings::kName, [&](SettingsVisitor& inner) { selection.visit(inner); });
+    v.section(CentrelineSettings::kName, [&](SettingsVisitor& inner) { centreline.visit(inner); });
+  }
+};
+
+PatientFrame frameNamed(const std::string& name) { return name == "RAS" ? PatientFrame::kRas : PatientFrame::kLps; }
+
+// "x,y,z" in millimetres of the frame, as a point in the patient's L, P, S.
+Eigen::Vector3d pointOf(const std::string& text, const std::string& frame) {
+  double x = 0, y = 0, z = 0;
+  char rest = 0;
+  if (std::sscanf(text.c_str(), "%lf,%lf,%lf%c", &x, &y, &z, &rest) != 3) {
+    throw CLI::ValidationError(text, "must be x,y,z in millimetres");
+  }
+  const Eigen::Vector3d point_mm(x, y, z);
+  if (!(point_mm.cwiseAbs().maxCoeff() < 1e4)) throw CLI::ValidationError(text, "must lie within 10,000 mm");
+  return (frame == "RAS" ? Eigen::Vector3d(-1, -1, 1) : Eigen::Vector3d(1, 1, 1)).cwiseProduct(point_mm / 1e3);
+}
+
+std::vector<Eigen::Vector3d> pointsOf(const std::vector<std::string>& texts, const std::string& frame) {
+  std::vector<Eigen::Vector3d> points_m;
+  for (const std::string& text : texts) points_m.push_back(pointOf(text, frame));
+  return points_m;
+}
+
+void readPoints(Options& o) {
+  o.seeds_m = pointsOf(o.seeds, o.frame);
+  o.box_m = pointsOf(o.box, o.frame);
+  if (!o.root.empty()) o.root_m = pointOf(o.root, o.frame);
+}
+
+ShapeSettings shapeOf(const Options& o, const ExtractionSettings& settings) {
+  if (!o.mask.empty() || !o.labels.empty()) return LabelSettings{o.labels};
+  if (o.threshold) return ThresholdSettings{*o.threshold, o.inside == "below" ? Inside::kBelow : Inside::kAbove};
+  return settings.vesselness;
+}
+
+void printCoverage(const char* what, const Coverage& coverage, double distance_m) {
+  std::printf("%s: %.1f %% within %.3g mm (median %.2f mm, worst %.2f mm)\n", what, 100 * coverage.share,
+              1e3 * distance_m, 1e3 * coverage.median_m, 1e3 * coverage.worst_m);
+}
+
+void compare(const Options& o, const VesselTree& tree, const VoxelGrid& grid) {
+  VesselTree reference = readVesselTree(o.compare);
+  if (o.compare_frame == "RAS") reference = withOtherFrame(reference);
+  const double distance_m = o.compare_mm ? *o.compare_mm / 1e3 : grid.spacing_m.minCoeff();
+  printCoverage("reference near tree", coverage(reference, tree, distance_m), distance_m);
+  printCoverage("tree near reference", coverage(tree, reference, distance_m), distance_m);
+  printCoverage("tree within the reference's vessels, near reference",
+                coverage(tree, reference, distance_m, CoverageScope::kInsideOther), distance_m);
+}
+
+// What the files show: a volume to look at, and where the vessels are in it when that is known.
+struct Seen {
+  Volume volume;
+  std::optional<Volume> labels;
+  std::optional<VoxelMask> mask;
+};
+
+Volume boxOf(const Volume& volume, const Options& o) {
+  if (o.box_m.empty()) return volume;
+  const Eigen::Vector3d a_m = o.box_m[0], b_m = o.box_m[1];
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(1e9), high = -low;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Eigen::Vector3d point_m(corner & 1 ? a_m.x() : b_m.x(), corner & 2 ? a_m.y() : b_m.y(),
+                                  corner & 4 ? a_m.z() : b_m.z());
+    low = low.cwiseMin(volume.grid.indexAt(point_m));
+    high = high.cwiseMax(volume.grid.indexAt(point_m));
+  }
+  const Eigen::Vector3d last = volume.grid.size.cast<double>().array() - 1;
+  low = low.cwiseMax(0).array().round();
+  high = high.cwiseMin(last).array().round();
+  if ((low.array() > high.array()).any())
+    throw InputError(o.volume, "--box", o.box[0] + " " + o.box[1], "must meet the volume");
+  return cropped(volume, low.cast<int>(), high.cast<int>(), 0, 0);
+}
+
+Seen readSeen(const Options& o, const ExtractionSettings& settings) {
+  Seen seen;
+  if (isMesh(o.volume)) {
+    const double voxel_mm = settings.centreline.voxel_mm > 0 ? settings.centreline.voxel_mm : o.mesh_voxel_mm;
+    seen.mask = readMesh(o.volume, voxel_mm / 1e3, frameNamed(o.mesh_frame));
+    seen.volume.grid = seen.mask->grid;
+    seen.volume.values.assign(seen.mask->inside.begin(), seen.mask->inside.end());
+    return seen;
+  }
+  seen.volume = boxOf(readVolume(o.volume), o);
+  if (!o.mask.empty()) seen.labels = boxOf(readVolume(o.mask), o);
+  return seen;
+}
+
+int extract(const Options& o) {
+  ExtractionSettings settings;
+  if (!o.settings.empty()) settings = readSettings(o.settings, settings);
+  if (!o.ends.empty()) settings.centreline.ends = o.ends == "sphere" ? CentrelineEnd::kSphere : CentrelineEnd::kWall;
+  const Stopwatch watch;
+  ProgressBar bar("extracting", kExtractionStages + 2);
+  bar.show(0, "reading");
+  const Seen seen = readSeen(o, settings);
+  bar.show(1, "vessels");
+  const Volume shape = seen.mask ? vesselShape(*seen.mask, settings.selection, o.seeds_m)
+                                 : vesselShape(seen.labels ? *seen.labels : seen.volume, shapeOf(o, settings),
+                                               settings.selection, o.seeds_m);
+  const ExtractedTree result = extractTree(shape, settings.centreline, o.root_m,
+                                           [&](int done, const char* stage) { bar.show(2 + done, stage); });
+  const VesselTree& tree = result.tree;
+  if (!o.picture.empty()) writeImage(o.picture, drawProjections(seen.volume, tree));
+  writeVesselTree(o.out, tree, frameNamed(o.frame));
+  int roots = 0, ends = 0;
+  for (int i = 0; i < tree.size(); ++i) {
+    roots += tree.parents()[static_cast<std::size_t>(i)] < 0;
+    ends += tree.children()[static_cast<std::size_t>(i)].empty();
+  }
+  std::printf("%d trees, %zu branches, %d ends, %.1f mm, %d cycles cut, %d small trees dropped, %.1f s\n", roots,
+              tree.branches().size(), ends, 1e3 * tree.length(), result.cycles_cut, result.trees_dropped,
+              watch.seconds());
+  if (!o.compare.empty()) compare(o, tree, seen.volume.grid);
+  return 0;
+}
+
+}  // namespace
+}  // namespace angio
+
+int main(int argc, char** argv) {
+  CLI::App app("Extracts a vessel tree from a volume.", "angio-extract-tree");
+  angio::describeProgram(
+      app, "angio-extract-tree aorta.mha --threshold 1000 --seed 20,30,40 --out tree.csv --picture tree.png");
+  angio::Options o;
+  app.add_option(
+         "volume", o.volume,
+         "Volume (.mha, .mhd, .nii, .nii.gz, .nrrd, .nhdr), folder of a DICOM series, or surface (.stl, .vtp, .vtk)")
+      ->required();
+  app.add_option("--out", o.out, "Vessel tree (.csv, .swc, .vtp, .mrk.json, .tre)")->required();
+  app.add_option("--mask", o.mask, "Label volume of the vessels; the volume itself is only shown");
+  app.add_option("--label", o.labels, "Label of vessels in the mask or volume; may be given again")
+      ->allow_extra_args(false);
+  app.add_option("--threshold", o.threshold, "Vessels are above this value; without it, what looks like a tube");
+  app.add_option("--inside", o.inside, "Side of the threshold")->check(CLI::IsMember({"above", "below"}));
+  app.add_option("--seed", o.seeds, "x,y,z [mm] in a vessel: only what is connected; may be given again")
+      ->allow_extra_args(false);
+  app.add_option("--root", o.root, "x,y,z [mm]: the tree begins at the end nearest to it");
+  app.add_option("--ends", o.ends, "Where lines end: at the wall, or in the last sphere that fits, as VMTK's")
+      ->check(CLI::IsMember({"wall", "sphere"}));
+  app.add_option("--frame", o.frame, "Axes of the result, of seeds and of the root")
+      ->check(CLI::IsMember({"LPS", "RAS"}));
+  app.add_option("--box", o.box, "Two corners x,y,z [mm]: only what lies between them")->expected(2);
+  app.add_option("--mesh-frame", o.mesh_frame, "Axes of a mesh")->check(CLI::IsMember({"LPS", "RAS"}));
+  app.add_option("--mesh-voxel-mm", o.mesh_voxel_mm, "Voxels that a mesh is filled with [mm]")
+      ->check(angio::between(0.01, 20));
+  app.add_option("--settings", o.settings, "Settings (.yaml): vesselness, selection, centreline");
+  app.add_option("--picture", o.picture, "Projections of the volume with the tree (.png, .jpg)");
+  app.add_option("--compare", o.compare, "Another tree: prints how much of each lies near the other");
+  app.add_option("--compare-frame", o.compare_frame, "Its axes")->check(CLI::IsMember({"LPS", "RAS"}));
+  app.add_option("--compare-mm", o.compare_mm, "What is near; default: the volume's smallest spacing")
+      ->check(angio::between(1e-3, 1e3));
+  app.parse_complete_callback([&] { angio::readPoints(o); });
+  return angio::runProgram(app, argc, argv, [&] { return angio::extract(o); });
+}

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/base/settings.hpp"
+
+namespace angio {
+
+/// Where centrelines end: at the wall, or in the middle of the last sphere that fits into the vessel, as VMTK's do.
+enum class CentrelineEnd { kWall, kSphere };
+
+/// From a vessel's shape to its centrelines. Lengths are in the patient [mm].
+struct CentrelineSettings {
+  static constexpr const char* kName = "centreline";
+
+  double voxel_mm = 0;  ///< Equal voxels that the shape is thinned on; 0 takes the volume's smallest spacing [mm].
+  double shortest_branch_mm = 3;     ///< Side branches that reach less out of their parent are spurs [mm].
+  double shortest_branch_radii = 0.5;  ///< The same, in radii of the parent.
+  double smallest_tree_mm = 10;      ///< Trees of less length in all are dropped [mm].
+  double smoothing_mm = 5;           ///< Shorter waves of a centreline are noise [mm].
+  double smoothing_radii = 4;        ///< The same, in radii of the vessel; the larger counts.
+  CentrelineEnd ends = CentrelineEnd::kWall;
+  double spacing_mm = 1;  ///< Distance between points of the result [mm].
+
+  void visit(SettingsVisitor& v) {
+    v.number("voxel_mm", voxel_mm, 0, 20);
+    v.number("shortest_branch_mm", shortest_branch_mm, 0, 1000);
+    v.number("shortest_branch_radii", shortest_branch_radii, 0, 100);
+    v.number("smallest_tree_mm", smallest_tree_mm, 0, 1e4);
+    v.number("smoothing_mm", smoothing_mm, 0, 1000);
+    v.number("smoothing_radii", smoothing_radii, 0, 100);
+    v.choice("ends", ends, {"wall", "sphere"});
+    v.number("spacing_mm", spacing_mm, 0.05, 100);
+  }
+};
+
+}  // namespace angio

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace angio {
+
+/// No volume has more voxels: one of floats is a gibibyte.
+constexpr std::size_t kMostVoxels = std::size_t{1} << 28;
+
+/// Where the voxels of a volume lie in the patient: DICOM's axes (L, P, S) [m], as ITK keeps them. The first index runs
+/// fastest in memory.
+struct VoxelGrid {
+  Eigen::Vector3i size = Eigen::Vector3i::Zero();           ///< Voxels along each axis.
+  Eigen::Vector3d spacing_m = Eigen::Vector3d::Ones();      ///< Distance between their centres [m].
+  Eigen::Matrix3d direction = Eigen::Matrix3d::Identity();  ///< Columns: unit vectors of the axes in the patient.
+  Eigen::Vector3d origin_m = Eigen::Vector3d::Zero();       ///< Centre of voxel (0, 0, 0) [m].
+
+  std::size_t count() const {
+    return static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(size.z());
+  }
+
+  /// Place of a voxel in memory.
+  std::size_t offset(const Eigen::Vector3i& v) const {
+    return static_cast<std::size_t>(v.x()) +
+           static_cast<std::size_t>(size.x()) *
+               (static_cast<std::size_t>(v.y()) + static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(v.z()));
+  }
+
+  bool holds(const Eigen::Vector3i& v) const { return (v.array() >= 0).all() && (v.array() < size.array()).all(); }
+
+  /// Position of an index, whole or not, in the patient [m], and back.
+  Eigen::Vector3d pointAt(const Eigen::Vector3d& index) const {
+    return origin_m + direction * spacing_m.cwiseProduct(index);
+  }
+  Eigen::Vector3d indexAt(const Eigen::Vector3d& point_m) const {
+    return (direction.transpose() * (point_m - origin_m)).cwiseQuotient(spacing_m);
+  }
+};
+
+/// A number per voxel.
+struct Volume {
+  VoxelGrid grid;
+  std::vector<float> values;
+};
+
+/// What belongs to the vessels: 1 inside, 0 outside.
+struct VoxelMask {
+  VoxelGrid grid;
+  std::vector<std::uint8_t> inside;
+};
+
+/// The box of voxels `low` to `high`, both included, widened by `margin` on all sides. Where it reaches out of the
+/// volume, values are `outside`.
+Volume cropped(const Volume& volume, const Eigen::Vector3i& low, const Eigen::Vector3i& high, int margin,
+               float outside);
+
+}  // namespace angio

@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/volume/extract_tree.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "angio/volume/distance_map.hpp"
+#include "angio/volume/thinning.hpp"
+#include "centring.hpp"
+#include "nearest_point.hpp"
+#include "pieces.hpp"
+
+namespace angio {
+namespace {
+
+// Points of the result as they are found [index of the volume].
+struct Points {
+  std::vector<Eigen::Vector3d> at;
+  std::vector<int> parents;
+  std::vector<double> radii;
+
+  int add(const Eigen::Vector3d& point, int parent) {
+    at.push_back(point);
+    parents.push_back(parent);
+    return static_cast<int>(at.size()) - 1;
+  }
+};
+
+// Equal steps of about `spacing` from one place of a path to another, behind the point `last`; the points' numbers.
+std::vector<int> addSteps(const std::vector<Eigen::Vector3d>& path, std::size_t from, std::size_t to, double spacing,
+                          int last, Points& points) {
+  double length = 0;
+  for (std::size_t i = from; i < to; ++i) length += (path[i + 1] - path[i]).norm();
+  const int steps = std::max(1, static_cast<int>(std::lround(length / spacing)));
+  std::vector<int> added;
+  double behind = 0;  // Length up to path[i].
+  std::size_t i = from;
+  for (int k = 1; k <= steps; ++k) {
+    const double wanted = length * k / steps;
+    double edge = (path[i + 1] - path[i]).norm();
+    while (i + 1 < to && behind + edge < wanted) {
+      behind += edge;
+      ++i;
+      edge = (path[i + 1] - path[i]).norm();
+    }
+    const double share = k == steps ? 1 : std::min(1.0, (wanted - behind) / std::max(edge, 1e-12));
+    last = points.add(path[i] + share * (path[i + 1] - path[i]), last);
+    added.push_back(last);
+  }
+  return added;
+}
+
+// A path's points between forks, each fork being a point. Two forks in one place stay one.
+void addPath(const std::vector<CentredPath>& paths, std::size_t p, const std::vector<std::vector<int>>& forks,
+             double spacing, std::vector<std::vector<int>>& point_at, Points& points) {
+  const CentredPath& path = paths[p];
+  auto& mine = point_at[p];
+  mine.assign(path.points.size(), -1);
+  mine[0] = path.parent < 0
+                ? points.add(path.points[0], -1)
+                : point_at[static_cast<std::size_t>(path.parent)][static_cast<std::size_t>(path.parent_place)];
+  std::size_t from = 0;
+  for (const int place : forks[p]) {
+    const auto to = static_cast<std::size_t>(place);
+    if (to == from) continue;
+    const auto added = addSteps(path.points, from, to, spacing, mine[from], points);
+    mine[to] = added.back();
+    from = to;
+  }
+}
+
+// The places of each path where it is cut to segments: forks and its end, rising.
+std::vector<std::vector<int>> cutsOf(const std::vector<CentredPath>& paths) {
+  std::vector<std::vector<int>> cuts(paths.size());
+  for (const CentredPath& path : paths) {
+    if (path.parent >= 0) cuts[static_cast<std::size_t>(path.parent)].push_back(path.parent_place);
+  }
+  for (std::size_t p = 0; p < paths.size(); ++p) {
+    cuts[p].push_back(static_cast<int>(paths[p].points.size()) - 1);
+    std::sort(cuts[p].begin(), cuts[p].end());
+  }
+  return cuts;
+}
+
+std::vector<std::vector<int>> linksOf(const Points& points) {
+  std::vector<std::vector<int>> links(points.at.size());
+  for (std::size_t i = 0; i < points.at.size(); ++i) {
+    const int parent = points.parents[i];
+    if (parent < 0) continue;
+    links[i].push_back(parent);
+    links[static_cast<std::size_t>(parent)].push_back(static_cast<int>(i));
+  }
+  return links;
+}
+
+// From an end on to the first point whose sphere touches the vessel's sides and no longer the end's wall: from there on
+// it does not grow like the way. No further than to a fork.
+std::vector<std::size_t> chainFromEnd(const Points& points, const std::vector<std::vector<int>>& links,
+                                      const std::vector<double>& spheres, std::size_t end) {
+  constexpr double kGrowth = 0.4;  // Of a flat end it is the cosine of its tilt, of a tapering vessel far less.
+  std::vector<std::size_t> chain = {end};
+  for (;;) {
+    const std::size_t at = chain.back();
+    if (chain.size() > 1 && links[at].size() != 2) break;
+    const bool came_by_first = chain.size() > 1 && links[at][0] == static_cast<int>(chain[chain.size() - 2]);
+    const auto next = static_cast<std::size_t>(links[at][came_by_first ? 1 : 0]);
+    if (spheres[next] - spheres[at] < kGrowth * (points.at[next] - points.at[at]).norm()) break;
+    chain.push_back(next);
+  }
+  return chain;
+}
+
+// The largest spheres. At a wall there is none: up to a radius from an end, the radius is the one further in.
+void setRadii(const std::vector<double>& spheres, Points& points) {
+  const auto links = linksOf(points);
+  points.radii = spheres;
+  for (std::size_t end = 0; end < links.size(); ++end) {
+    if (links[end].size() != 1) continue;
+    const auto chain = chainFromEnd(points, links, spheres, end);
+    double radius = spheres[chain.back()];
+    for (const int next : links[chain.back()]) radius = std::max(radius, spheres[static_cast<std::size_t>(next)]);
+    for (const std::size_t i : chain) points.radii[i] = std::max(points.radii[i], radius);
+  }
+}
+
+// Ends the lines where the sphere touches the end's wall.
+Points withoutCaps(const Points& points, const std::vector<double>& spheres) {
+  const auto links = linksOf(points);
+  std::vector<bool> keep(points.at.size(), true);
+  std::vector<int> parents = points.parents;
+  for (std::size_t end = 0; end < links.size(); ++end) {
+    if (links[end].size() != 1) continue;
+    const auto chain = chainFromEnd(points, links, spheres, end);
+    if (links[chain.back()].size() != 2) continue;  // A fork within a radius: the branch would be gone.
+    for (std::size_t i = 0; i + 1 < chain.size(); ++i) keep[chain[i]] = false;
+    if (points.parents[end] < 0) parents[chain.back()] = -1;
+  }
+  Points result;
+  std::vector<int> now(points.at.size(), -1);
+  for (std::size_t i = 0; i < points.at.size(); ++i) {  // Parents stand before their children.
+    if (!keep[i]) continue;
+    now[i] = result.add(points.at[i], parents[i] < 0 ? -1 : now[static_cast<std::size_t>(parents[i])]);
+    result.radii.push_back(points.radii[i]);
+  }
+  return result;
+}
+
+VesselTree treeOf(const Points& points, const VoxelGrid& grid) {
+  Eigen::Matrix3Xd points_m(3, static_cast<Eigen::Index>(points.at.size()));
+  std::vector<std::optional<double>> radii_m;
+  for (std::size_t i = 0; i < points.at.size(); ++i) {
+    points_m.col(static_cast<Eigen::Index>(i)) = grid.pointAt(points.at[i]);
+    radii_m.emplace_back(points.radii[i] * grid.spacing_m.x());
+  }
+  return {std::move(points_m), points.parents, std::move(radii_m)};
+}
+
+}  // namespace
+
+ExtractedTree extractTree(const Volume& shape, const CentrelineSettings& settings,
+                          const std::optional<Eigen::Vector3d>& root_m, const ExtractionProgress& progress) {
+  checkSettings("centreline", settings);
+  const auto begin = [&](int stage, const char* name) {
+    if (progress) progress(stage, name);
+  };
+  begin(0, "equal voxels");
+  const double voxel_m = settings.voxel_mm > 0 ? settings.voxel_mm / 1e3 : shape.grid.spacing_m.minCoeff();
+  const double voxel_mm = 1e3 * voxel_m;
+  const Volume fine = isotropic(shape, voxel_m);
+  VoxelMask mask{fine.grid, std::vector<std::uint8_t>(fine.values.size())};
+  for (std::size_t i = 0; i < fine.values.size(); ++i) mask.inside[i] = fine.values[i] > 0 ? 1 : 0;
+  fillHoles(mask);
+
+  begin(1, "distance to the wall");
+  const std::vector<float> depth_m = distanceMap(mask, 0);
+  begin(2, "thinning");
+  const LevelField level(fine);
+  const NearestPoint wall(level.wallPoints());
+  SkeletonForest forest = linked(thinned(mask, depth_m), wall);
+  int trees_dropped = 0;
+  forest = withoutSpurs(forest, settings.shortest_branch_mm / voxel_mm, settings.shortest_branch_radii);
+  forest = withoutSmallTrees(forest, settings.smallest_tree_mm / voxel_mm, trees_dropped);
+  if (forest.nodes.empty()) {
+    throw InputError("volume", "smallest_tree_mm", shown(settings.smallest_tree_mm), "no tree is that long");
+  }
+
+  begin(3, "centring");
+  const std::optional<Eigen::Vector3d> root =
+      root_m ? std::optional<Eigen::Vector3d>(fine.grid.indexAt(*root_m)) : std::nullopt;
+  const auto paths =
+      centred(level, forest, pathsOf(forest, root), {settings.smoothing_mm / voxel_mm, settings.smoothing_radii});
+  begin(4, "points and radii");
+  Points points;
+  const auto cuts = cutsOf(paths);
+  std::vector<std::vector<int>> point_at(paths.size());
+  for (std::size_t p = 0; p < paths.size(); ++p) {
+    addPath(paths, p, cuts, settings.spacing_mm / voxel_mm, point_at, points);
+  }
+  constexpr double kLeast = 0.5;  // No vessel that voxels show is narrower than one [voxels].
+  std::vector<double> spheres;
+  for (const auto& point : points.at) spheres.push_back(std::max(kLeast, wall.distance(point)));
+  setRadii(spheres, points);
+  if (settings.ends == CentrelineEnd::kSphere) points = withoutCaps(points, spheres);
+  return {treeOf(points, fine.grid), forest.cycles_cut, trees_dropped};
+}
+
+}  // namespace angio

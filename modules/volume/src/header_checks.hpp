@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace angio {
+
+/// The beginning of a regular file, at most `most_bytes` of it. Throws InputError.
+std::string beginningOf(const std::string& path, std::size_t most_bytes);
+
+/// Bytes of a regular file.
+std::uintmax_t sizeOf(const std::string& path);
+
+/// The numbers between blanks (and `also_blank` characters), as many as `count` says and all finite.
+std::vector<double> numbersIn(const std::string& path, const std::string& field, std::string_view text,
+                              std::size_t count, std::string_view also_blank = "");
+
+/// Voxels of a volume with these sizes, each 1 to 65535, kMostVoxels in all.
+std::size_t voxelsOf(const std::string& path, const std::string& field, const double* sizes);
+
+/// A data file that a header names: a plain name, of a regular file in the header's folder. Returns its path.
+std::string dataFileBeside(const std::string& path, const std::string& field, std::string_view name);
+
+/// Throws unless the bytes of a file behind `first`, unpacked (zlib or gzip) when `packed`, are those of the voxels:
+/// exactly when packed, at least when not.
+enum class Packing { kNone, kDeflate };
+void checkData(const std::string& path, std::uintmax_t first, std::uintmax_t wanted, Packing packing);
+
+}  // namespace angio

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/volume/level_field.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "angio/volume/distance_map.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kOutside = -1;
+constexpr std::size_t kMostEqualVoxels = std::size_t{1} << 27;
+
+// Neighbours of positions along one axis, and how much of the second one counts.
+struct Between {
+  std::vector<int> first;
+  std::vector<float> share;
+};
+
+Between betweens(int size, int from_size, double ratio) {
+  Between result;
+  for (int i = 0; i < size; ++i) {
+    const double at = std::min(i * ratio, from_size - 1.0);
+    const int first = std::min(static_cast<int>(at), std::max(from_size - 2, 0));
+    result.first.push_back(first);
+    result.share.push_back(static_cast<float>(at - first));
+  }
+  return result;
+}
+
+// Linear interpolation along one axis.
+Volume stretched(const Volume& from, int axis, double spacing_m) {
+  Volume to;
+  to.grid = from.grid;
+  const double ratio = spacing_m / from.grid.spacing_m[axis];
+  to.grid.size[axis] = static_cast<int>(std::ceil((from.grid.size[axis] - 1) / ratio - 1e-9)) + 1;
+  to.grid.spacing_m[axis] = spacing_m;
+  if (to.grid.count() > kMostEqualVoxels) {
+    throw InputError(
+        "volume", "voxel_mm", shown(spacing_m * 1e3),
+        "would make more than " + std::to_string(kMostEqualVoxels) + " voxels of the vessels' box: choose larger ones");
+  }
+  to.values.resize(to.grid.count());
+  const Between between = betweens(to.grid.size[axis], from.grid.size[axis], ratio);
+  const std::size_t step =
+      axis == 0   ? 1
+      : axis == 1 ? static_cast<std::size_t>(from.grid.size.x())
+                  : static_cast<std::size_t>(from.grid.size.x()) * static_cast<std::size_t>(from.grid.size.y());
+  const std::size_t second = from.grid.size[axis] > 1 ? step : 0;
+  std::size_t out = 0;
+  Eigen::Vector3i v;
+  for (v.z() = 0; v.z() < to.grid.size.z(); ++v.z()) {
+    for (v.y() = 0; v.y() < to.grid.size.y(); ++v.y()) {
+      for (v.x() = 0; v.x() < to.grid.size.x(); ++v.x(), ++out) {
+        Eigen::Vector3i u = v;
+        const auto i = static_cast<std::size_t>(v[axis]);
+        u[axis] = between.first[i];
+        const float* const a = &from.values[from.grid.offset(u)];
+        to.values[out] = a[0] + between.share[i] * (a[second] - a[0]);
+      }
+    }
+  }
+  return to;
+}
+
+}  // namespace
+
+Volume signedDistance(const VoxelMask& mask) {
+  Volume level{mask.grid, distanceMap(mask, 0)};
+  const std::vector<float> outside = distanceMap(mask, 1);
+  for (std::size_t i = 0; i < outside.size(); ++i) level.values[i] -= outside[i];
+  return level;
+}
+
+Volume isotropic(const Volume& volume, double spacing_m) {
+  // The axis that gains least first, so that the steps in between are small.
+  int axes[3] = {0, 1, 2};
+  std::sort(axes, axes + 3, [&](int a, int b) { return volume.grid.spacing_m[a] < volume.grid.spacing_m[b]; });
+  Volume result = volume;
+  for (const int axis : axes) {
+    if (std::abs(result.grid.spacing_m[axis] / spacing_m - 1) > 1e-6) result = stretched(result, axis, spacing_m);
+  }
+  return result;
+}
+
+double LevelField::at(const Eigen::Vector3d& index) const {
+  const Eigen::Vector3i& size = level_.grid.size;
+  if (!((index.array() >= 0).all() && (index.array() <= size.cast<double>().array() - 1).all())) return kOutside;
+  const Eigen::Vector3i v = index.cast<int>().cwiseMin((size.array() - 2).matrix()).cwiseMax(0);
+  const Eigen::Vector3d t = index - v.cast<double>();
+  const std::size_t dx = size.x() > 1 ? 1 : 0, dy = size.y() > 1 ? static_cast<std::size_t>(size.x()) : 0;
+  const std::size_t dz = size.z() > 1 ? static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()) : 0;
+  const float* const a = &level_.values[level_.grid.offset(v)];
+  const auto row = [&](const float* p) { return p[0] + t.x() * (p[dx] - p[0]); };
+  const auto layer = [&](const float* p) { return row(p) + t.y() * (row(p + dy) - row(p)); };
+  return layer(a) + t.z() * (layer(a + dz) - layer(a));
+}
+
+double LevelField::wallDistance(const Eigen::Vector3d& index, const Eigen::Vector3d& direction, double farthest) const {
+  constexpr double kStep = 0.5;  // No vessel's wall is crossed twice in half a voxel.
+  double before = at(index);
+  if (before <= 0) return 0;
+  for (double s = kStep; s < farthest + kStep; s += kStep) {
+    const double here = at(index + s * direction);
+    if (here <= 0) return std::min(farthest, s - kStep * (here / (here - before)));
+    before = here;
+  }
+  return farthest;
+}
+
+Eigen::Matrix3Xd LevelField::wallPoints() const {
+  std::vector<Eigen::Vector3d> points;
+  const Eigen::Vector3i& size = level_.grid.size;
+  std::size_t at = 0;
+  Eigen::Vector3i v;
+  for (v.z() = 0; v.z() < size.z(); ++v.z()) {
+    for (v.y() = 0; v.y() < size.y(); ++v.y()) {
+      for (v.x() = 0; v.x() < size.x(); ++v.x(), ++at) {
+        const double here = level_.values[at];
+        if (!(here > 0)) continue;
+        for (int k = 0; k < 6; ++k) {
+          Eigen::Vector3i u = v;
+          u[k / 2] += k % 2 ? 1 : -1;
+          const double there = level_.grid.holds(u) ? level_.values[level_.grid.offset(u)] : -here;
+          if (there <= 0) points.push_back(v.cast<double>() + here / (here - there) * (u - v).cast<double>());
+        }
+      }
+    }
+  }
+  Eigen::Matrix3Xd result(3, static_cast<Eigen::Index>(points.size()));
+  for (std::size_t i = 0; i < points.size(); ++i) result.col(static_cast<Eigen::Index>(i)) = points[i];
+  return result;
+}
+
+}  // namespace angio

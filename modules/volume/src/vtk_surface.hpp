@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/io/surface_files.hpp"
+
+namespace angio {
+
+/// Reads the polygons and triangle strips of VTK's legacy poly data (.vtk, versions 1 to 5), text or binary; vertices
+/// and lines are passed over, and the data of points and cells, which stand last, are not looked at. VTK's own reader
+/// believes what a file says of itself, and falls over it. Throws InputError as readVtpSurface.
+Surface readVtkSurface(const std::string& path);
+
+}  // namespace angio
