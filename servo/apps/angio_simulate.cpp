@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// angio-simulate: X-ray frames and robot states on the bus, in real time; obeys velocity commands.
+// angio-simulate: X-ray frames and robot states on the bus, in real time; obeys velocity commands. Or, with --out, a
+// run in files with its truth.
 #include <csignal>
 #include <iostream>
 #include <thread>
@@ -7,10 +8,12 @@
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
+#include "angio/cli/progress_bar.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/simulation/nodes.hpp"
+#include "run_files.hpp"
 
 namespace angio {
 namespace {
@@ -21,7 +24,36 @@ struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
   std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings;
   double start_primary_deg = 0, start_secondary_deg = 0, frame_rate_hz = 15, duration_s = 0;
+  std::optional<double> end_primary_deg, end_secondary_deg;
+  std::optional<int> seed;
+  RunOptions run;  // Without a folder: on the bus.
 };
+
+SimulatedPatientSettings effectiveSettings(const Options& o) {
+  SimulatedPatientSettings settings;
+  if (!o.settings.empty()) settings = readSettings(o.settings, settings);
+  settings.fluoroscopy.seed = o.seed.value_or(settings.fluoroscopy.seed);
+  return settings;
+}
+
+ViewAngles anglesOf(double primary_deg, double secondary_deg) {
+  return {degToRad(primary_deg), degToRad(secondary_deg)};
+}
+
+int writeFiles(const Options& o) {
+  const SimulatedPatientSettings settings = effectiveSettings(o);
+  const VesselTree tree = readVesselTree(o.tree);
+  const CArmCalibration calibration = readCArmCalibration(o.calibration);
+  RunOptions run = o.run;
+  run.frame_rate_hz = o.frame_rate_hz;
+  run.from = anglesOf(o.start_primary_deg, o.start_secondary_deg);
+  run.to =
+      anglesOf(o.end_primary_deg.value_or(o.start_primary_deg), o.end_secondary_deg.value_or(o.start_secondary_deg));
+  ProgressBar bar("rendering", run.frames);
+  writeRun(tree, calibration, settings, run, [&](int done) { bar.show(done); });
+  std::cout << run.frames << " frames and their truth are in " << run.folder << "/\n";
+  return 0;
+}
 
 volatile std::sig_atomic_t stopped = 0;
 
@@ -30,15 +62,14 @@ std::int64_t now_us() {
 }
 
 int simulate(const Options& o) {
-  FluoroscopySettings fluoroscopy;
-  if (!o.settings.empty()) fluoroscopy = readSettings(o.settings, fluoroscopy);
+  const SimulatedPatientSettings settings = effectiveSettings(o);
   const VesselTree tree = readVesselTree(o.tree);
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
   const auto bus = openBus(o.bus);
-  const CArmJoints start = calibration.carm.jointsFor({degToRad(o.start_primary_deg), degToRad(o.start_secondary_deg)},
+  const CArmJoints start = calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
                                                       calibration.T_dsa_cb * tree.centroid());
   SimulatedCArmNode arm(*bus, CArmLimits::typical(), start, now_us());
-  SimulatedXrayNode xray(*bus, tree, fluoroscopy, calibration.carm, calibration.T_dsa_cb);
+  SimulatedXrayNode xray(*bus, tree, settings, calibration.carm, calibration.T_dsa_cb);
   const LatestValue<CArmState> heard(*bus, kCArmStateChannel);
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
@@ -74,9 +105,11 @@ int simulate(const Options& o) {
 }  // namespace angio
 
 int main(int argc, char** argv) {
-  CLI::App app("Simulated X-ray and C-arm: publishes frames and joint states, obeys velocity commands.",
-               "angio-simulate");
-  angio::describeProgram(app, "angio-simulate --bus 'udpm://239.255.76.67:7667?ttl=0' --duration-s 60");
+  CLI::App app(
+      "Simulated X-ray and C-arm: publishes frames and joint states, obeys velocity commands. With --out: writes a run "
+      "of frames with its truth, for angio-evaluate cases.",
+      "angio-simulate");
+  angio::describeProgram(app, "angio-simulate --out run --frames 60 --start-primary-deg 30 --settings scene.yaml");
   using angio::between;
   angio::Options o;
   app.add_option("--bus", o.bus, "Bus (LCM URL)");
@@ -86,6 +119,29 @@ int main(int argc, char** argv) {
   app.add_option("--start-secondary-deg", o.start_secondary_deg, "C-arm angle at the start")->check(between(-55, 55));
   app.add_option("--frame-rate-hz", o.frame_rate_hz, "Frames a second")->check(between(0.1, 100));
   app.add_option("--duration-s", o.duration_s, "How long; 0: until stopped")->check(between(0, 86400));
-  app.add_option("--settings", o.settings, "Settings of the X-ray (.yaml)");
-  return angio::runProgram(app, argc, argv, [&] { return angio::simulate(o); });
+  app.add_option("--settings", o.settings, "Settings of the X-ray, contrast agent, motion and device (.yaml)");
+  app.add_option("--seed", o.seed, "Seed of anatomy, noise, motion and starts; before the settings file's")
+      ->check(CLI::Range(0, 2147483647));
+  auto* out = app.add_option("--out", o.run.folder, "Folder for a run in files, without a bus");
+  const std::map<std::string, angio::FrameFormat> formats{
+      {"png", angio::FrameFormat::kPng}, {"tif", angio::FrameFormat::kTiff}, {"run", angio::FrameFormat::kRun}};
+  app.add_option("--frames", o.run.frames, "Frames of the run")->check(CLI::Range(1, 9999))->needs(out);
+  app.add_option("--format", o.run.format, "png or tif: a file a frame; run: all in one TIFF")
+      ->transform(CLI::CheckedTransformer(formats))
+      ->default_str("png")
+      ->needs(out);
+  app.add_option("--end-primary-deg", o.end_primary_deg, "C-arm angle at the last frame")
+      ->check(between(-110, 110))
+      ->needs(out);
+  app.add_option("--end-secondary-deg", o.end_secondary_deg, "C-arm angle at the last frame")
+      ->check(between(-55, 55))
+      ->needs(out);
+  app.add_option("--start-rotation-deg", o.run.start_rotation_deg, "Spread of the initial poses, per axis")
+      ->check(between(0, 180))
+      ->needs(out);
+  app.add_option("--start-translation-mm", o.run.start_translation_mm, "Spread of the initial poses, per axis")
+      ->check(between(0, 1000))
+      ->needs(out);
+  return angio::runProgram(app, argc, argv,
+                           [&] { return o.run.folder.empty() ? angio::simulate(o) : angio::writeFiles(o); });
 }

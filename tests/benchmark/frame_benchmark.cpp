@@ -6,7 +6,7 @@
 #include "angio/imaging/extractor.hpp"
 #include "angio/messaging/codec.hpp"
 #include "angio/servo/servo_loop.hpp"
-#include "angio/simulation/fluoroscopy.hpp"
+#include "angio/simulation/simulated_patient.hpp"
 #include "scene.hpp"
 
 namespace angio::benchmarks {
@@ -22,6 +22,77 @@ void renderFrame(benchmark::State& state) {
   }
 }
 BENCHMARK(renderFrame)->Unit(benchmark::kMillisecond);
+
+// Everything that a simulated patient can have.
+SimulatedPatientSettings everything(int threads) {
+  SimulatedPatientSettings settings;
+  settings.fluoroscopy.threads = threads;
+  settings.fluoroscopy.dose = Dose::kCine;
+  settings.fluoroscopy.detector.lag = 0.1;
+  settings.fluoroscopy.collimator.shutter = Shutter::kOctagon;
+  settings.fluoroscopy.intensifier.pincushion = 0.05;
+  settings.fluoroscopy.intensifier.s_distortion_deg = 2;
+  settings.bolus.enabled = true;
+  settings.motion.breathing.amplitude_mm = 15;
+  settings.motion.heartbeat.amplitude_mm = 3;
+  settings.device.kind = DeviceKind::kCatheter;
+  return settings;
+}
+
+// Of a patient who breathes; with `turning` 1 the C-arm turns too, so that the anatomy is cast anew for each frame.
+void renderEverything(benchmark::State& state) {
+  const Scene scene;
+  SimulatedPatient patient(scene.tree, everything(static_cast<int>(state.range(0))));
+  std::uint64_t frame = 0;
+  Pose T = scene.truth;
+  for (auto _ : state) {
+    const double time_s = 2 + static_cast<double>(frame) / 15;
+    if (state.range(1) == 1)
+      T = scene.truth * Eigen::AngleAxisd(1e-3 * static_cast<double>(frame % 100), Eigen::Vector3d::UnitY());
+    const cv::Mat image = patient.render(scene.camera, patient.scene(T, time_s), frame++);
+    benchmark::DoNotOptimize(image.data);
+  }
+}
+BENCHMARK(renderEverything)
+    ->ArgNames({"threads", "turning"})
+    ->ArgsProduct({{1, 2}, {0, 1}})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+
+// What each part of a frame adds: a row without it.
+void renderWithout(benchmark::State& state, void (*leave_out)(SimulatedPatientSettings&)) {
+  const Scene scene;
+  SimulatedPatientSettings settings = everything(1);
+  leave_out(settings);
+  SimulatedPatient patient(scene.tree, settings);
+  std::uint64_t frame = 0;
+  for (auto _ : state) {
+    const cv::Mat image = patient.render(scene.camera, patient.scene(scene.truth, 3), frame++);
+    benchmark::DoNotOptimize(image.data);
+  }
+}
+BENCHMARK_CAPTURE(renderWithout, nothing, [](SimulatedPatientSettings&) {})->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(renderWithout, device, [](SimulatedPatientSettings& s) {
+  s.device.kind = DeviceKind::kNone;
+})->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(renderWithout, scatter, [](SimulatedPatientSettings& s) {
+  s.fluoroscopy.detector.scatter_to_primary = 0;
+})->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(renderWithout, focal_spot, [](SimulatedPatientSettings& s) {
+  s.fluoroscopy.detector.focal_spot_mm = 0;
+})->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(renderWithout, light_spread, [](SimulatedPatientSettings& s) {
+  s.fluoroscopy.detector.psf_sigma_mm = 0;
+})->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(renderWithout, distortion, [](SimulatedPatientSettings& s) {
+  s.fluoroscopy.intensifier = {};
+})->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(renderWithout, electronic_noise, [](SimulatedPatientSettings& s) {
+  s.fluoroscopy.electronic_noise_photons = 0;
+})->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(renderWithout, shutter, [](SimulatedPatientSettings& s) {
+  s.fluoroscopy.collimator = {};
+})->Unit(benchmark::kMillisecond);
 
 void segmentOtsu(benchmark::State& state) {
   const Scene scene;

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "angio/io/centerline_files.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
@@ -108,6 +110,58 @@ cases:
   EXPECT_EQ(maps.at(1).T_view_first.matrix(), list[1].T_view_first.matrix());
   EXPECT_TRUE(maps[1].collimator_px.empty());
   EXPECT_EQ(set.cases[3].views.size(), 1U);
+}
+
+TEST(CaseFiles, WhatIsWrittenReadsBackTheSame) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder.path("run"));
+  const std::string tree = folder.write("run/tree.csv", ""), apart = folder.write("apart.csv", "");
+  const std::string line = folder.write("run/line \"1\".csv", ""), image = folder.write("run/image.png", "");
+  Pose side = Pose::Identity();
+  side.linear() = expSO3({0.3, -1, 0.2});
+  side.translation() << -0.7, 0.1, 0.6;
+  const XrayCamera wide = XrayCamera::centred(640, 480, 0.3e-3, 1.1), narrow = XrayCamera::centred(64, 48, 0.2e-3, 1.2);
+  CaseSet set;
+  set.sequence = true;
+  set.cases.push_back({"0: first", tree, {{wide, line, image, Pose::Identity(), {}}}, side, {}, {}});
+  set.cases.push_back(
+      {"second",
+       apart,
+       {{wide, line, {}, Pose::Identity(), {{1, 2}, {60.5, 2}, {60, 50}}}, {narrow, line, {}, side, {}}},
+       side.inverse(),
+       side,
+       apart});
+  writeCaseSet(folder.path("run/cases.yaml"), set);
+
+  const CaseSet back = readCaseSet(folder.path("run/cases.yaml"));
+  EXPECT_TRUE(back.sequence);
+  ASSERT_EQ(back.cases.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Case &a = set.cases[i], &b = back.cases[i];
+    EXPECT_EQ(b.name, a.name);
+    EXPECT_EQ(b.tree_path, a.tree_path);
+    EXPECT_EQ(b.truth_displacements_path, a.truth_displacements_path);
+    // Rotations are made exact again when they are read.
+    EXPECT_TRUE(b.initial_pose.isApprox(a.initial_pose, 1e-14));
+    ASSERT_EQ(b.truth_pose.has_value(), a.truth_pose.has_value());
+    if (a.truth_pose) {
+      EXPECT_TRUE(b.truth_pose->isApprox(*a.truth_pose, 1e-14));
+    }
+    ASSERT_EQ(b.views.size(), a.views.size());
+    for (std::size_t v = 0; v < a.views.size(); ++v) {
+      EXPECT_EQ(b.views[v].centerline_path, a.views[v].centerline_path);
+      EXPECT_EQ(b.views[v].image_path, a.views[v].image_path);
+      EXPECT_EQ(b.views[v].camera.parameters().fx_px, a.views[v].camera.parameters().fx_px);
+      EXPECT_EQ(b.views[v].camera.parameters().pixel_spacing_m, a.views[v].camera.parameters().pixel_spacing_m);
+      EXPECT_EQ(b.views[v].collimator_px, a.views[v].collimator_px);
+      EXPECT_TRUE(b.views[v].T_view_first.isApprox(a.views[v].T_view_first, 1e-14));
+    }
+  }
+
+  set.cases[1].name = set.cases[0].name;
+  EXPECT_NE(refusalOf([&] { writeCaseSet(folder.path("again.yaml"), set); }).find("must not be given twice"),
+            std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(folder.path("again.yaml")));
 }
 
 TEST(CaseFiles, ViewsThatDoNotFitTogetherAreRefused) {

@@ -4,24 +4,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "noise.hpp"
+#include "uniform.hpp"
 
 namespace angio {
 namespace {
 
 constexpr double kBodyRadius = 0.15;  // [m] Clouds fill a ball of this size, a little more than a detector sees.
-
-class Uniform {
- public:
-  explicit Uniform(std::uint64_t seed) : state_(mixed(seed)) {}
-  double operator()(double low, double high) {
-    state_ += 0x9e3779b97f4a7c15ULL;
-    return low + (high - low) * static_cast<double>(mixed(state_) >> 11) * 0x1p-53;
-  }
-
- private:
-  std::uint64_t state_;
-};
 
 // exp(-d^2 / 2 sigma^2) at grid nodes first..last, d from `centre` [px].
 void bump(double centre, double sigma, int first, int last, std::vector<float>& values) {
@@ -33,8 +21,7 @@ void bump(double centre, double sigma, int first, int last, std::vector<float>& 
 
 }  // namespace
 
-Background::Background(const Eigen::Vector3d& centre_model, double strength, double structure_m, std::uint64_t seed)
-    : strength_(strength) {
+Background::Background(const Eigen::Vector3d& centre_model, double strength, double structure_m, std::uint64_t seed) {
   Uniform uniform(seed);
   struct Level {
     int count;
@@ -51,20 +38,6 @@ Background::Background(const Eigen::Vector3d& centre_model, double strength, dou
       // has the variance a^2 / 3.
       const double a = std::sqrt(3.0) * strength * level.share * kBodyRadius / (sigma * std::sqrt(level.count));
       clouds_.push_back({centre_model + kBodyRadius * p, sigma, uniform(-a, a)});
-    }
-  }
-  addRibs(centre_model, expSO3(kPi * Eigen::Vector3d(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1))));
-}
-
-void Background::addRibs(const Eigen::Vector3d& centre_model, const Eigen::Matrix3d& axes) {
-  constexpr double kSigma = 4.5e-3, kRing = 0.125, kApart = 0.032;  // [m]
-  const int beads = static_cast<int>(2 * kPi * kRing / kSigma);  // Closer than that, a row of beads looks like a bar.
-  for (int rib = -3; rib <= 3; ++rib) {
-    for (int i = 0; i < beads; ++i) {
-      const double turn = 2 * kPi * i / beads;
-      const Eigen::Vector3d p(kRing * std::cos(turn), 0.8 * kRing * std::sin(turn),
-                              rib * kApart + 0.25 * kRing * std::cos(turn));
-      clouds_.push_back({centre_model + axes * p, kSigma, 0.25 * strength_});
     }
   }
 }
@@ -92,21 +65,12 @@ void Background::addCloud(const Cloud& cloud, const XrayCamera& camera, const Po
   }
 }
 
-const std::vector<float>& Background::transmission(const XrayCamera& camera, const Pose& T_camera_model) {
+const std::vector<float>& Background::logAttenuation(const XrayCamera& camera, const Pose& T_camera_model) {
   const int columns = nodesAcross(camera.width_px()), rows = nodesAcross(camera.height_px());
-  grid_.resize(static_cast<std::size_t>(columns) * rows);
+  grid_.assign(static_cast<std::size_t>(columns) * rows, 0.0F);
   across_.resize(columns);
   down_.resize(rows);
-  for (int j = 0; j < rows; ++j) {
-    for (int i = 0; i < columns; ++i) {
-      const double x = 2.0 * i / (columns - 1) - 1, y = 2.0 * j / (rows - 1) - 1;
-      // The body is thickest in the middle; across more than along it.
-      grid_[static_cast<std::size_t>(j) * columns + i] =
-          static_cast<float>(strength_ * (0.5 - 1.2 * x * x - 0.4 * y * y));
-    }
-  }
   for (const Cloud& cloud : clouds_) addCloud(cloud, camera, T_camera_model);
-  for (float& value : grid_) value = std::exp(-value);
   return grid_;
 }
 

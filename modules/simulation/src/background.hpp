@@ -10,17 +10,17 @@
 
 namespace angio {
 
-/// Smooth anatomy around a point of the model: round clouds of denser and thinner tissue that move with the model, and
-/// the body's overall roundness, which stays with the beam. The ray's integral over a normal cloud is a normal bump.
+/// Soft tissue around a point of the model: round clouds of denser and thinner tissue that move with the model. The
+/// ray's integral over a normal cloud is a normal bump.
 class Background {
  public:
   /// @param strength     Standard deviation of the log-attenuation.
   /// @param structure_m  Width of the largest clouds [m].
   Background(const Eigen::Vector3d& centre_model, double strength, double structure_m, std::uint64_t seed);
 
-  /// Share of the beam that passes, relative to average anatomy, on a grid: nodes every kCell pixels from pixel (0, 0)
-  /// on, row by row, columns(camera) to a row, up to the detector's far edges or beyond. Valid until the next call.
-  const std::vector<float>& transmission(const XrayCamera& camera, const Pose& T_camera_model);
+  /// Log-attenuation on a grid: nodes every kCell pixels from pixel (0, 0) on, row by row, nodesAcross(width) to a row,
+  /// up to the detector's far edges or beyond. Valid until the next call.
+  const std::vector<float>& logAttenuation(const XrayCamera& camera, const Pose& T_camera_model);
 
   static constexpr int kCell = 8;  // [px]
   static int nodesAcross(int size_px) { return (size_px - 1) / kCell + 2; }
@@ -31,10 +31,8 @@ class Background {
     double sigma_m;
     double peak;  // Log-attenuation.
   };
-  void addRibs(const Eigen::Vector3d& centre_model, const Eigen::Matrix3d& axes);
   void addCloud(const Cloud& cloud, const XrayCamera& camera, const Pose& T_camera_model);
 
-  double strength_;
   std::vector<Cloud> clouds_;
   std::vector<float> grid_, across_, down_;
 };

@@ -3,19 +3,34 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/core.hpp>
 #include <vector>
 
 #include "angio/base/errors.hpp"
-#include "background.hpp"
-#include "noise.hpp"
-#include "tubes.hpp"
+#include "angio/simulation/collimator.hpp"
+#include "renderer_parts.hpp"
 
 namespace angio {
 namespace {
 
-// One row of the background's grid, blended from the two grid rows around image row y and spread to pixels.
+constexpr double kUsualDetectorDistance = 1.1;  // [m]
+constexpr double kSigmaOfWidth = 0.4247;        // Standard deviation of a normal curve of full width 1 at half height.
+
+void requireFinitePose(const Pose& T) {
+  if (!T.matrix().allFinite()) throw InputError("pose", "T_camera_model", "", "must be finite");
+}
+
+// The renderer's first argument; settings are checked before they are used.
+VesselTree withRadii(const VesselTree& tree, const FluoroscopySettings& settings) {
+  checkSettings("fluoroscopy settings", settings);
+  const auto unknown = [](const std::optional<double>& radius) { return !radius; };
+  if (std::none_of(tree.radii().begin(), tree.radii().end(), unknown)) return tree;
+  return withPlausibleRadii(tree, settings.end_radius_mm * 1e-3);
+}
+
+// One row of the anatomy's grid, blended from the two grid rows around image row y and spread to pixels.
 void spread(const std::vector<float>& grid, int columns, int y, float scale, int width, float* __restrict out) {
-  constexpr int kCell = Background::kCell;
+  constexpr int kCell = Anatomy::kCell;
   const float* above = grid.data() + static_cast<std::size_t>(y / kCell) * columns;
   const float* below = above + columns;
   const float down = static_cast<float>(y % kCell) / kCell;
@@ -27,78 +42,137 @@ void spread(const std::vector<float>& grid, int columns, int y, float scale, int
   }
 }
 
-// Grey values of a row: mean and noise of the photons, by gain, rounded and cut to 16 bits.
-void expose(const float* __restrict photons, const float* __restrict deviates, float electronic_variance, float gain,
-            int width, std::uint16_t* __restrict out) {
-  for (int x = 0; x < width; ++x) {
-    const float grey = gain * (photons[x] + std::sqrt(photons[x] + electronic_variance) * deviates[x]) + 0.5F;
-    const float cut = grey < 0.0F ? 0.0F : grey > 65535.0F ? 65535.0F : grey;
-    out[x] = static_cast<std::uint16_t>(static_cast<std::int32_t>(cut));
-  }
-}
-
-void requireFinitePose(const Pose& T) {
-  if (!T.matrix().allFinite()) throw InputError("fluoroscopy", "T_camera_model", "", "must have finite numbers");
-}
-
-FluoroscopySettings checked(const FluoroscopySettings& settings) {
-  checkSettings("fluoroscopy", settings);
-  return settings;
-}
+double airKerma_ngy(Dose dose) { return dose == Dose::kFluoroscopy ? 30 : dose == Dose::kCine ? 170 : 3000; }
 
 }  // namespace
 
-struct FluoroscopyRenderer::Parts {
-  Parts(const VesselTree& tree, const FluoroscopySettings& s)
-      : settings(checked(s)),
-        tubes(tubesOf(withPlausibleRadii(tree, s.end_radius_mm * 1e-3))),
-        background(tree.centroid(), s.background_strength, s.background_structure_mm * 1e-3,
-                   static_cast<std::uint64_t>(s.seed)) {}
+double pixelSpacing(const XrayCamera& camera) {
+  const auto& K = camera.parameters();
+  return K.pixel_spacing_m.value_or(K.source_detector_distance_m.value_or(kUsualDetectorDistance) / K.fx_px);
+}
 
-  FluoroscopySettings settings;
+std::vector<Tube> tubesOf(const Device& device) {
   std::vector<Tube> tubes;
-  Background background;
-  NormalDeviates normal;
-  PathLengths path_lengths;
-  std::vector<float> photons, deviates;
-};
+  double to_tip = 0;
+  for (Eigen::Index k = device.points.cols() - 1; k > 0; --k) {
+    const Eigen::Vector3d tip = device.points.col(k), back = device.points.col(k - 1);
+    const double length = (tip - back).norm(), radius = 0.5 * device.diameter_m;
+    const double marked = std::clamp((device.marker_length_m - to_tip) / std::max(length, 1e-12), 0.0, 1.0);
+    const Eigen::Vector3d border = tip + marked * (back - tip);
+    if (marked > 0) tubes.push_back({border, tip, radius, device.marker_attenuation_per_m});
+    if (marked < 1) tubes.push_back({back, border, radius, device.attenuation_per_m});
+    to_tip += length;
+  }
+  return tubes;
+}
 
-FluoroscopyRenderer::FluoroscopyRenderer(const VesselTree& tree_with_radii, const FluoroscopySettings& settings)
-    : parts_(std::make_unique<Parts>(tree_with_radii, settings)) {}
+FluoroscopyRenderer::Parts::Parts(const VesselTree& tree_with_radii, const FluoroscopySettings& s,
+                                  const Surroundings& surroundings)
+    : settings(s),
+      tree(withRadii(tree_with_radii, s)),
+      vessels(tree),
+      contrast(s.contrast_attenuation_per_mm * 1e3, s.beam_hardening),
+      anatomy(tree.centroid(), surroundings.R_lps_model, s, surroundings.volume),
+      detector(s) {}
+
+void FluoroscopyRenderer::Parts::check(const XrayScene& scene) const {
+  requireFinitePose(scene.T_camera_model);
+  const std::string rule = "must be one for each of the tree's " + std::to_string(tree.size()) + " points, finite";
+  if (scene.displacements_m && (scene.displacements_m->cols() != tree.size() || !scene.displacements_m->allFinite())) {
+    throw InputError("X-ray scene", "displacements_m", std::to_string(scene.displacements_m->cols()), rule);
+  }
+  if (scene.densities && (scene.densities->size() != tree.size() || !scene.densities->allFinite())) {
+    throw InputError("X-ray scene", "densities", std::to_string(scene.densities->size()), rule);
+  }
+  for (const Device& device : scene.devices) device.check();
+}
+
+Eigen::Matrix3Xd FluoroscopyRenderer::Parts::pointsOf(const XrayScene& scene) const {
+  return scene.displacements_m ? Eigen::Matrix3Xd(tree.points() + *scene.displacements_m) : tree.points();
+}
+
+const cv::Mat& FluoroscopyRenderer::Parts::devicesOf(const XrayScene& scene, const XrayCamera& camera) {
+  opacity.create(camera.height_px(), camera.width_px(), CV_32FC1);
+  opacity.setTo(0);
+  for (const Device& device : scene.devices) {
+    cv::add(opacity, device_lengths.compute(tubesOf(device), camera, scene.T_camera_model, settings.threads), opacity);
+  }
+  return opacity;
+}
+
+double FluoroscopyRenderer::Parts::photons(const XrayCamera& camera) const {
+  if (settings.dose == Dose::kPhotons) return settings.photons_per_pixel;
+  return photonsPerPixel(airKerma_ngy(settings.dose), pixelSpacing(camera));
+}
+
+const cv::Mat& FluoroscopyRenderer::Parts::shutters(const XrayCamera& camera) {
+  if (shutters_.cols != camera.width_px() || shutters_.rows != camera.height_px()) {
+    shutters_ = shutterTransmission(settings.collimator, camera.width_px(), camera.height_px());
+  }
+  return shutters_;
+}
+
+void FluoroscopyRenderer::Parts::shine(const XrayCamera& camera, const XrayScene& scene) {
+  const int width = camera.width_px();
+  const cv::Mat& path_m =
+      path_lengths.compute(vessels.tubes(pointsOf(scene), scene.densities.value_or(Eigen::VectorXd())), camera,
+                           scene.T_camera_model, settings.threads);
+  const cv::Mat* metal = scene.devices.empty() ? nullptr : &devicesOf(scene, camera);
+  const std::vector<float>& passed = anatomy.transmission(camera, scene.T_camera_model, settings.threads);
+  const cv::Mat* shutter = settings.collimator.shutter == Shutter::kOpen ? nullptr : &shutters(camera);
+  const float primary = static_cast<float>(photons(camera) / (1 + settings.detector.scatter_to_primary));
+  quanta.create(camera.height_px(), width, CV_32FC1);
+  forBands(settings.threads, quanta.rows, [&](const RowBand& band) {
+    for (int y = band.top; y < band.bottom; ++y) {
+      float* row = quanta.ptr<float>(y);
+      spread(passed, Anatomy::nodesAcross(width), y, primary, width, row);
+      const float* path = path_m.ptr<float>(y);
+      for (int x = 0; x < width; ++x) {
+        if (path[x] > 0.0F) row[x] *= contrast.transmission(path[x]);
+      }
+      const float* attenuation = metal ? metal->ptr<float>(y) : nullptr;
+      for (int x = 0; attenuation && x < width; ++x) {
+        if (attenuation[x] > 0.0F) row[x] *= std::exp(-attenuation[x]);
+      }
+      const float* open = shutter ? shutter->ptr<float>(y) : nullptr;
+      for (int x = 0; open && x < width; ++x) row[x] *= open[x];
+    }
+  });
+  Scatter(settings.detector.scatter_to_primary, settings.detector.scatter_sigma_mm * 1e-3 / pixelSpacing(camera))
+      .add(quanta, settings.threads);
+}
+
+FluoroscopyRenderer::FluoroscopyRenderer(const VesselTree& tree_with_radii, const FluoroscopySettings& settings,
+                                         const Surroundings& surroundings)
+    : parts_(std::make_unique<Parts>(tree_with_radii, settings, surroundings)) {}
 FluoroscopyRenderer::~FluoroscopyRenderer() = default;
 FluoroscopyRenderer::FluoroscopyRenderer(FluoroscopyRenderer&&) noexcept = default;
 FluoroscopyRenderer& FluoroscopyRenderer::operator=(FluoroscopyRenderer&&) noexcept = default;
 
 cv::Mat FluoroscopyRenderer::pathLength(const XrayCamera& camera, const Pose& T_camera_model) const {
   requireFinitePose(T_camera_model);
-  return PathLengths().compute(parts_->tubes, camera, T_camera_model);
+  return PathLengths().compute(TubeTree(parts_->vessels).tubes(parts_->tree.points(), {}), camera, T_camera_model);
+}
+
+cv::Mat FluoroscopyRenderer::render(const XrayCamera& camera, const XrayScene& scene, std::uint64_t frame) {
+  Parts& p = *parts_;
+  p.check(scene);
+  p.shine(camera, scene);
+  const double spacing_m = pixelSpacing(camera), photons = p.photons(camera);
+  const double depth = (scene.T_camera_model * p.tree.centroid()).z();
+  const double detector_m = spacing_m * camera.parameters().fx_px;
+  // The spot's shadow at the detector, as large as the part of the beam behind the patient is to that before it.
+  const double behind = depth > 0 ? std::clamp(detector_m / depth - 1, 0.0, 4.0) : 0.0;
+  const Optics optics{p.settings.background_level / photons,
+                      kSigmaOfWidth * p.settings.detector.focal_spot_mm * 1e-3 * behind / spacing_m,
+                      p.settings.detector.psf_sigma_mm * 1e-3 / spacing_m};
+  return p.detector.expose(p.quanta, optics, mixed(mixed(static_cast<std::uint64_t>(p.settings.seed) + 1) + frame));
 }
 
 cv::Mat FluoroscopyRenderer::render(const XrayCamera& camera, const Pose& T_camera_model, std::uint64_t frame) {
-  requireFinitePose(T_camera_model);
-  const FluoroscopySettings& s = parts_->settings;
-  const int width = camera.width_px();
-  const cv::Mat& path_m = parts_->path_lengths.compute(parts_->tubes, camera, T_camera_model);
-  const std::vector<float>& passed = parts_->background.transmission(camera, T_camera_model);
-  std::vector<float>&photons = parts_->photons, &deviates = parts_->deviates;
-  photons.resize(width);
-  deviates.resize(width);
-
-  const float attenuation_per_m = static_cast<float>(s.contrast_attenuation_per_mm * 1e3);
-  const float electronic_variance = static_cast<float>(s.electronic_noise_photons * s.electronic_noise_photons);
-  const float gain = static_cast<float>(s.background_level / s.photons_per_pixel);
-  const std::uint64_t stream = mixed(mixed(static_cast<std::uint64_t>(s.seed) + 1) + frame);
-  cv::Mat image(camera.height_px(), width, CV_16UC1);
-  for (int y = 0; y < image.rows; ++y) {
-    spread(passed, Background::nodesAcross(width), y, static_cast<float>(s.photons_per_pixel), width, photons.data());
-    const float* path = path_m.ptr<float>(y);
-    for (int x = 0; x < width; ++x) {
-      if (path[x] > 0.0F) photons[x] *= std::exp(-attenuation_per_m * path[x]);
-    }
-    parts_->normal.fill(stream + static_cast<std::uint64_t>(y), width, deviates.data());
-    expose(photons.data(), deviates.data(), electronic_variance, gain, width, image.ptr<std::uint16_t>(y));
-  }
-  return image;
+  XrayScene scene;
+  scene.T_camera_model = T_camera_model;
+  return render(camera, scene, frame);
 }
 
 }  // namespace angio

@@ -19,11 +19,11 @@ void SimulatedCArmNode::report(std::int64_t now_us) {
   publish(bus_, kCArmStateChannel, state);
 }
 
-SimulatedXrayNode::SimulatedXrayNode(Bus& bus, const VesselTree& tree, const FluoroscopySettings& settings,
+SimulatedXrayNode::SimulatedXrayNode(Bus& bus, const VesselTree& tree, const SimulatedPatientSettings& settings,
                                      const CArmGeometry& carm, const Pose& T_patient_model)
     : bus_(bus),
       states_(bus, kCArmStateChannel),
-      renderer_(withPlausibleRadii(tree, settings.end_radius_mm * 1e-3), settings),
+      patient_(tree, settings, {T_patient_model.linear(), {}}),  // The patient frame has the axes L, P, S.
       carm_(carm),
       T_patient_model_(T_patient_model) {
   carm_.check();
@@ -32,8 +32,11 @@ SimulatedXrayNode::SimulatedXrayNode(Bus& bus, const VesselTree& tree, const Flu
 std::optional<XrayFrame> SimulatedXrayNode::expose(std::int64_t now_us) {
   const auto& state = states_.peek();
   if (!state) return std::nullopt;
+  if (!first_us_) first_us_ = now_us;
   XrayFrame frame{now_us, ++sequence_, {}, carm_.camera()};
-  frame.image = renderer_.render(frame.camera, T_camera_model(state->joints), static_cast<std::uint64_t>(sequence_));
+  const double time_s = 1e-6 * static_cast<double>(now_us - *first_us_);
+  const XrayScene scene = patient_.scene(T_camera_model(state->joints), time_s);
+  frame.image = patient_.render(frame.camera, scene, static_cast<std::uint64_t>(sequence_));
   publish(bus_, kXrayFrameChannel, frame);
   return frame;
 }

@@ -108,10 +108,10 @@ void SimulatedCArm::obey(const CArmCommand& command, std::int64_t now_us) {
   }
 }
 
-// A lower sequence is newer only with a later time: then its sender has started again, and must not go unheard for ever.
+// A lower sequence is newer only with a later time: then its sender has started again, and must not go unheard for
+// ever.
 bool SimulatedCArm::newer(const CArmCommand& command) const {
-  return command.sequence > last_sequence_ ||
-         (command.sequence < last_sequence_ && command.time_us > last_command_us_);
+  return command.sequence > last_sequence_ || (command.sequence < last_sequence_ && command.time_us > last_command_us_);
 }
 
 void SimulatedCArm::advance(std::int64_t now_us) {

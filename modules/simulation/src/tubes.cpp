@@ -11,6 +11,7 @@ constexpr double kRadiusStep = 0.04e-3;  // [m] Takes 0.6 % of the beam at most,
 constexpr double kLongest = 4e-3;        // [m] Keeps single precision at the tube's scale.
 constexpr double kNearest = 1e-3;        // [m] From the source; the cone of a tube that touches it has no bounds.
 constexpr int kMostPieces = 256;         // Of one edge.
+constexpr double kEmpty = 1e-3;          // Density; takes nothing from the beam that a pixel could show.
 
 // What all rays of one row share, and how they change from pixel to pixel. A ray is p = o + t d with d = (dx, dy, 1),
 // where o is its point at the depth of the tube's end a, relative to a: small numbers, so that single precision is
@@ -102,33 +103,50 @@ std::pair<int, int> columns(const Footprint& f, int y, int width) {
 
 }  // namespace
 
-std::vector<Tube> tubesOf(const VesselTree& tree) {
-  std::vector<Tube> tubes;
+TubeTree::TubeTree(const VesselTree& tree) {
   for (const auto& chain : tree.branches()) {
     for (std::size_t k = 1; k < chain.size(); ++k) {
-      const Eigen::Vector3d a = tree.points().col(chain[k - 1]), step = tree.points().col(chain[k]) - a;
-      const double radius = tree.radii()[chain[k - 1]].value(), change = tree.radii()[chain[k]].value() - radius;
-      const double wanted = std::ceil(std::max(std::abs(change) / kRadiusStep, step.norm() / kLongest));
-      const int pieces = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMostPieces)));
-      for (int p = 0; p < pieces; ++p) {
-        tubes.push_back({a + step * p / pieces, a + step * (p + 1) / pieces, radius + change * (p + 0.5) / pieces});
+      const int from = chain[k - 1], to = chain[k];
+      const double length = (tree.points().col(to) - tree.points().col(from)).norm();
+      const double radius = tree.radii()[from].value(), change = tree.radii()[to].value() - radius;
+      const double wanted = std::ceil(std::max(std::abs(change) / kRadiusStep, length / kLongest));
+      const int count = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMostPieces)));
+      for (int p = 0; p < count; ++p) {
+        pieces_.push_back({from, to, static_cast<double>(p) / count, static_cast<double>(p + 1) / count,
+                           radius + change * (p + 0.5) / count});
       }
     }
   }
-  return tubes;
 }
 
-void PathLengths::insert(std::int32_t pixel, float z_in, float z_out) {
-  std::int32_t* link = &first_[pixel];
+const std::vector<Tube>& TubeTree::tubes(const Eigen::Matrix3Xd& points, const Eigen::VectorXd& densities) const {
+  tubes_.clear();
+  for (const Piece& piece : pieces_) {
+    double density = 1;
+    if (densities.size() > 0) {
+      const double middle = 0.5 * (piece.begin + piece.end);
+      density = (1 - middle) * densities[piece.from] + middle * densities[piece.to];
+      if (density < kEmpty) continue;
+    }
+    const Eigen::Vector3d a = points.col(piece.from), step = points.col(piece.to) - a;
+    tubes_.push_back({a + piece.begin * step, a + piece.end * step, piece.radius_m, density});
+  }
+  return tubes_;
+}
+
+void PathLengths::insert(Band& band, Interval added) {
+  std::int32_t* link = &first_[added.pixel];
   std::int32_t grown = -1;
   while (*link >= 0) {
-    Interval& other = intervals_[*link];
-    if (other.z_in > z_out || z_in > other.z_out) {
+    Interval& other = band.intervals[*link];
+    if (other.z_in > added.z_out || added.z_in > other.z_out) {
       link = &other.next;
       continue;
     }
-    z_in = std::min(z_in, other.z_in);
-    z_out = std::max(z_out, other.z_out);
+    const float length = added.z_out - added.z_in, other_length = other.z_out - other.z_in;
+    added.density = (length * added.density + other_length * other.density) / (length + other_length);
+    added.z_in = std::min(added.z_in, other.z_in);
+    added.z_out = std::max(added.z_out, other.z_out);
     if (grown < 0) {
       grown = *link;
       link = &other.next;
@@ -138,26 +156,31 @@ void PathLengths::insert(std::int32_t pixel, float z_in, float z_out) {
     }
   }
   if (grown >= 0) {
-    intervals_[grown].z_in = z_in;
-    intervals_[grown].z_out = z_out;
+    Interval& interval = band.intervals[grown];
+    interval.z_in = added.z_in;
+    interval.z_out = added.z_out;
+    interval.density = added.density;
   } else {
-    intervals_.push_back({z_in, z_out, first_[pixel], pixel});
-    first_[pixel] = static_cast<std::int32_t>(intervals_.size()) - 1;
+    added.next = first_[added.pixel];
+    first_[added.pixel] = static_cast<std::int32_t>(band.intervals.size());
+    band.intervals.push_back(added);
   }
 }
 
-void PathLengths::add(const Tube& tube, const XrayCamera& camera) {
+void PathLengths::add(const Tube& tube, const XrayCamera& camera, Band& band) {
   if (std::min(tube.a.z(), tube.b.z()) <= tube.radius_m + kNearest) return;
   const auto& K = camera.parameters();
   const Footprint f = footprint(tube, camera);
+  const auto [first, last] =
+      pixelsBetween(std::min(f.a.y(), f.b.y()) - f.reach, std::max(f.a.y(), f.b.y()) + f.reach, K.height_px);
+  const int top = std::max(first, band.top), bottom = std::min(last, band.bottom);
+  if (top >= bottom) return;
   const Eigen::Vector3d along = tube.b - tube.a;
   const double length = along.norm();
   const Eigen::Vector3f u = (length > 0 ? Eigen::Vector3d(along / length) : Eigen::Vector3d::UnitX()).cast<float>();
   const Axis axis{u.x(), u.y(), u.z(), static_cast<float>(length), static_cast<float>(tube.radius_m)};
-  const float depth = static_cast<float>(tube.a.z() - origin_z_);
+  const float depth = static_cast<float>(tube.a.z() - origin_z_), density = static_cast<float>(tube.density);
 
-  const auto [top, bottom] =
-      pixelsBetween(std::min(f.a.y(), f.b.y()) - f.reach, std::max(f.a.y(), f.b.y()) + f.reach, K.height_px);
   for (int y = top; y < bottom; ++y) {
     const auto [left, right] = columns(f, y, K.width_px);
     if (left >= right) continue;
@@ -168,31 +191,51 @@ void PathLengths::add(const Tube& tube, const XrayCamera& camera) {
     row.ox = static_cast<float>((left - f.a.x()) * tube.a.z() / K.fx_px);
     row.ox_step = static_cast<float>(tube.a.z() / K.fx_px);
     row.oy = static_cast<float>((y - f.a.y()) * tube.a.z() / K.fy_px);
-    meet(axis, row, right - left, z_in_.data(), z_out_.data());
+    const float *z_in = band.z_in.data(), *z_out = band.z_out.data();
+    meet(axis, row, right - left, band.z_in.data(), band.z_out.data());
     for (int i = 0; i < right - left; ++i) {
-      if (z_out_[i] > z_in_[i]) insert(y * K.width_px + left + i, depth + z_in_[i], depth + z_out_[i]);
+      if (z_out[i] > z_in[i]) {
+        insert(band, {depth + z_in[i], depth + z_out[i], density, -1, y * K.width_px + left + i});
+      }
     }
   }
 }
 
-const cv::Mat& PathLengths::compute(const std::vector<Tube>& tubes, const XrayCamera& camera,
-                                    const Pose& T_camera_model) {
+void PathLengths::computeBand(const std::vector<Tube>& tubes, const XrayCamera& camera, const Pose& T_camera_model,
+                              Band& band) {
   const auto& K = camera.parameters();
-  first_.assign(static_cast<std::size_t>(K.width_px) * K.height_px, -1);
-  intervals_.clear();
-  z_in_.resize(K.width_px);
-  z_out_.resize(K.width_px);
-  origin_z_ = tubes.empty() ? 0 : (T_camera_model * tubes.front().a).z();
-  for (const Tube& tube : tubes) add({T_camera_model * tube.a, T_camera_model * tube.b, tube.radius_m}, camera);
-
-  result_.create(K.height_px, K.width_px, CV_32FC1);
-  result_.setTo(0);
-  for (const Interval& interval : intervals_) {
+  const std::size_t begin = static_cast<std::size_t>(band.top) * K.width_px;
+  const std::size_t end = static_cast<std::size_t>(band.bottom) * K.width_px;
+  std::fill(first_.begin() + begin, first_.begin() + end, -1);
+  float* result = result_.ptr<float>();
+  std::fill(result + begin, result + end, 0.0F);
+  band.intervals.clear();
+  band.z_in.resize(K.width_px);
+  band.z_out.resize(K.width_px);
+  for (const Tube& tube : tubes) {
+    add({T_camera_model * tube.a, T_camera_model * tube.b, tube.radius_m, tube.density}, camera, band);
+  }
+  for (const Interval& interval : band.intervals) {
     const double dx = (interval.pixel % K.width_px - K.cx_px) / K.fx_px;
     const double dy = (interval.pixel / K.width_px - K.cy_px) / K.fy_px;
     const float slant = static_cast<float>(std::sqrt(dx * dx + dy * dy + 1));
-    result_.ptr<float>()[interval.pixel] += slant * (interval.z_out - interval.z_in);
+    result[interval.pixel] += slant * (interval.z_out - interval.z_in) * interval.density;
   }
+}
+
+const cv::Mat& PathLengths::compute(const std::vector<Tube>& tubes, const XrayCamera& camera,
+                                    const Pose& T_camera_model, int threads) {
+  const auto& K = camera.parameters();
+  first_.resize(static_cast<std::size_t>(K.width_px) * K.height_px);
+  result_.create(K.height_px, K.width_px, CV_32FC1);
+  origin_z_ = tubes.empty() ? 0 : (T_camera_model * tubes.front().a).z();
+  bands_.resize(std::max<std::size_t>(bands_.size(), threads));
+  forBands(threads, K.height_px, [&](const RowBand& rows) {
+    Band& band = bands_[rows.index];
+    band.top = rows.top;
+    band.bottom = rows.bottom;
+    computeBand(tubes, camera, T_camera_model, band);
+  });
   return result_;
 }
 

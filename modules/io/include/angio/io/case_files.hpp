@@ -51,6 +51,12 @@ struct CaseSet {
 /// do not match, no case.
 CaseSet readCaseSet(const std::string& path);
 
+/// Writes what readCaseSet reads, with camera and pose files of its own beside it (`camera.yaml`, `view.yaml`,
+/// `initial_0001.yaml`, `truth_0001.yaml`...); files of those names are replaced. The set's other paths are written
+/// relative to the case file's folder where they lie in it. Throws InputError for a set that readCaseSet would refuse
+/// for its cases (none, names given twice, no tree, view or image) and when a file cannot be written.
+void writeCaseSet(const std::string& path, const CaseSet& set);
+
 /// Reads where another view's camera stands: T_view_first [m], from a file as readPose takes it, whatever frames it
 /// names. Throws InputError as readPose.
 Pose readViewPose(const std::string& path);

@@ -4,37 +4,18 @@
 #include <cstdint>
 #include <memory>
 #include <opencv2/core/mat.hpp>
+#include <optional>
+#include <vector>
 
-#include "angio/base/settings.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/simulation/attenuation_volume.hpp"
+#include "angio/simulation/device.hpp"
+#include "angio/simulation/fluoroscopy_settings.hpp"
+#include "angio/simulation/frame_truth.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio {
-
-/// How the simulated X-ray looks. The defaults are those of an arteriogram with iodine: a vessel of 4 mm takes a
-/// quarter of the beam, one of 1 mm a fifteenth, and a pixel's noise is a little above one per cent.
-struct FluoroscopySettings {
-  double contrast_attenuation_per_mm = 0.07;  ///< Linear attenuation of the contrast agent above that of blood [1/mm].
-  double photons_per_pixel = 7000;            ///< Photons expected in a pixel behind average anatomy.
-  double electronic_noise_photons = 12;       ///< Standard deviation of the detector's own noise [photons].
-  double background_strength = 0.08;          ///< Standard deviation of the anatomy's log-attenuation over the image.
-  double background_structure_mm = 45;        ///< Size of the largest structures of the anatomy, in the patient [mm].
-  double background_level = 45000;            ///< Grey value behind average anatomy, of 65535.
-  double end_radius_mm = 0.65;                ///< Radius of vessel ends where the tree knows none [mm].
-  int seed = 1;                               ///< Of the anatomy and of the noise.
-
-  void visit(SettingsVisitor& v) {
-    v.number("contrast_attenuation_per_mm", contrast_attenuation_per_mm, 0, 10);
-    v.number("photons_per_pixel", photons_per_pixel, 1, 1e9);
-    v.number("electronic_noise_photons", electronic_noise_photons, 0, 1e6);
-    v.number("background_strength", background_strength, 0, 2);
-    v.number("background_structure_mm", background_structure_mm, 20, 1000);
-    v.number("background_level", background_level, 1, 65535);
-    v.number("end_radius_mm", end_radius_mm, 0.01, 10);
-    v.integer("seed", seed, 0, 2147483647);
-  }
-};
 
 /// The tree with every radius known: those it has are kept, the others follow Murray's law.
 ///
@@ -44,15 +25,31 @@ struct FluoroscopySettings {
 /// is positive. Source: Murray, The physiological principle of minimum work, PNAS 12 (1926).
 VesselTree withPlausibleRadii(const VesselTree& tree, double end_radius_m);
 
-/// Makes X-ray images of a vessel tree full of contrast agent, in front of a patient's anatomy, with quantum noise.
+/// What is in front of the detector when a frame is taken.
+struct XrayScene {
+  Pose T_camera_model = Pose::Identity();  ///< [m]
+  std::optional<Eigen::Matrix3Xd>
+      displacements_m;                       ///< Of the tree's points, model axes, 3 x N [m]; absent: none moved.
+  std::optional<Eigen::VectorXd> densities;  ///< Of contrast agent at the tree's points, N, 0..1; absent: 1 everywhere.
+  std::vector<Device> devices;               ///< Where they are now.
+};
+
+/// What stands around the tree.
+struct Surroundings {
+  Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();  ///< The patient's axes L, P, S from the model's.
+  std::optional<AttenuationVolume> volume;                    ///< The body; absent: the one that the settings describe.
+};
+
+/// Makes X-ray images of a vessel tree with contrast agent, devices and a patient's anatomy.
 ///
-/// One object per stream of images: it keeps its buffers. It uses one thread. Throws InputError for a pose that is not
-/// finite.
+/// One object per stream of images: it keeps its buffers. Throws InputError for a pose that is not finite, for a scene
+/// that does not fit the tree, and for a device that cannot be.
 class FluoroscopyRenderer {
  public:
   /// Radii that `tree_with_radii` does not know are filled in by withPlausibleRadii. Throws InputError when a setting
-  /// is out of its range.
-  FluoroscopyRenderer(const VesselTree& tree_with_radii, const FluoroscopySettings& settings);
+  /// is out of its range or the volume cannot be.
+  FluoroscopyRenderer(const VesselTree& tree_with_radii, const FluoroscopySettings& settings,
+                      const Surroundings& surroundings = {});
   ~FluoroscopyRenderer();
   FluoroscopyRenderer(FluoroscopyRenderer&&) noexcept;
   FluoroscopyRenderer& operator=(FluoroscopyRenderer&&) noexcept;
@@ -64,12 +61,20 @@ class FluoroscopyRenderer {
   /// in radius. A tube that reaches the source, or lies behind it, casts no shadow.
   cv::Mat pathLength(const XrayCamera& camera, const Pose& T_camera_model) const;
 
-  /// The X-ray image, CV_16UC1 of the detector's size, vessels dark.
+  /// The X-ray image, CV_16UC1 or CV_8UC1 of the detector's size, vessels dark.
   ///
-  /// Photons per pixel: mean N = N0 exp(-contrast * path - anatomy), variance N + electronic noise squared, normal. The
-  /// anatomy moves with the model. The same seed, frame, camera and pose give the same image; noise differs between
-  /// frames.
+  /// Quanta in a pixel: those that pass vessels, devices, anatomy and shutters, and those scattered; blurred by the
+  /// focal spot, bent by an intensifier, counted with normal noise of their own variance, blurred with it by the
+  /// detector; then the electronics' noise and gain. The anatomy moves with the model. The same seed, frame, camera and
+  /// scene give the same image, with any number of threads, unless the detector has an afterglow of the frames before;
+  /// noise differs between frames.
+  cv::Mat render(const XrayCamera& camera, const XrayScene& scene, std::uint64_t frame);
+
+  /// The same of a tree at rest that is full of contrast agent.
   cv::Mat render(const XrayCamera& camera, const Pose& T_camera_model, std::uint64_t frame);
+
+  /// What is to be seen in that image.
+  FrameTruth truth(const XrayCamera& camera, const XrayScene& scene, const TruthSettings& settings = {});
 
  private:
   struct Parts;

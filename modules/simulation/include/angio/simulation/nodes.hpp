@@ -2,13 +2,13 @@
 #pragma once
 
 #include "angio/messaging/mailbox.hpp"
-#include "angio/simulation/fluoroscopy.hpp"
 #include "angio/simulation/simulated_carm.hpp"
+#include "angio/simulation/simulated_patient.hpp"
 
 namespace angio {
 
-/// The robot's side of a bus: a simulated C-arm that hears CARM_COMMAND and says CARM_STATE. Owns no clock: its caller says
-/// what time it is.
+/// The robot's side of a bus: a simulated C-arm that hears CARM_COMMAND and says CARM_STATE. Owns no clock: its caller
+/// says what time it is.
 class SimulatedCArmNode {
  public:
   /// Borrows the bus, which must outlive it.
@@ -29,26 +29,28 @@ class SimulatedCArmNode {
   std::int64_t sequence_ = 0;
 };
 
-/// The X-ray's side of a bus: renders the tree from where the C-arm says it is, and publishes XRAY_FRAME with its camera.
-/// How the patient really lies is its secret.
+/// The X-ray's side of a bus: renders the tree from where the C-arm says it is, and publishes XRAY_FRAME with its
+/// camera. How the patient really lies is its secret.
 class SimulatedXrayNode {
  public:
   /// @param T_patient_model  The truth: the model frame in the patient frame. Borrows the bus.
-  SimulatedXrayNode(Bus& bus, const VesselTree& tree, const FluoroscopySettings& settings, const CArmGeometry& carm,
-                    const Pose& T_patient_model);
+  SimulatedXrayNode(Bus& bus, const VesselTree& tree, const SimulatedPatientSettings& settings,
+                    const CArmGeometry& carm, const Pose& T_patient_model);
 
-  /// Renders and publishes one frame. Returns it, or nothing when no state has been heard yet.
+  /// Renders and publishes one frame; the first one's time is the patient's time 0. Returns it, or nothing when no
+  /// state has been heard yet.
   std::optional<XrayFrame> expose(std::int64_t now_us);
 
-  /// Pose of the model in the camera with these joints: the truth that a loop must not know.
+  /// Pose of the model in the camera with these joints, before the patient shifts: the truth that a loop must not know.
   Pose T_camera_model(const CArmJoints& joints) const { return carm_.T_camera_patient(joints) * T_patient_model_; }
 
  private:
   Bus& bus_;
   LatestValue<CArmState> states_;
-  FluoroscopyRenderer renderer_;
+  SimulatedPatient patient_;
   CArmGeometry carm_;
   Pose T_patient_model_;
+  std::optional<std::int64_t> first_us_;
   std::int64_t sequence_ = 0;
 };
 

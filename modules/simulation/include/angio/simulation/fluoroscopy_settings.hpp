@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "angio/base/settings.hpp"
+
+namespace angio {
+
+/// How much radiation a frame takes: a number of photons, or a typical air kerma at the detector's entrance.
+///
+/// Fluoroscopy 30 nGy, cardiac cine 170 nGy, digital subtraction 3000 nGy a frame: round numbers of the order that
+/// interventional systems are set to; they differ between makers and fields of view by a factor of two and more.
+enum class Dose { kPhotons, kFluoroscopy, kCine, kSubtraction };
+
+enum class PixelDepth { k8, k16 };  ///< Bits of a grey value.
+
+/// From the beam's quanta to grey values. The defaults are those of a flat panel of caesium iodide behind a grid.
+struct DetectorSettings {
+  double psf_sigma_mm = 0.16;  ///< Spread of the light of a quantum on the detector: MTF 0.6 at 1 line pair per mm.
+  double focal_spot_mm = 0.5;  ///< Width of the focal spot; it blurs the shadow, not the noise.
+  double scatter_to_primary = 0.25;   ///< Scattered over unscattered quanta in the open field, behind the grid.
+  double scatter_sigma_mm = 30;       ///< How far scatter strays on the detector.
+  double lag = 0;                     ///< Part of the signal that is left from the frame before, as an afterglow.
+  PixelDepth bits = PixelDepth::k16;  ///< Of the image. Grey levels count from 0 to 65535 (255) either way.
+
+  void visit(SettingsVisitor& v) {
+    v.number("psf_sigma_mm", psf_sigma_mm, 0, 2);
+    v.number("focal_spot_mm", focal_spot_mm, 0, 3);
+    v.number("scatter_to_primary", scatter_to_primary, 0, 10);
+    v.number("scatter_sigma_mm", scatter_sigma_mm, 5, 200);
+    v.number("lag", lag, 0, 0.9);
+    v.choice("bits", bits, {"8", "16"});
+  }
+};
+
+/// Where in the body the tree lies: what stands around its centroid.
+enum class Region { kNone, kLiver, kHeart };
+
+/// Bones, lungs, diaphragm and bowel gas around the tree, in a body of average size.
+struct AnatomySettings {
+  Region region = Region::kLiver;
+  double contrast = 0.15;  ///< Of the body's log-attenuation, the part that is shown; 1: all. Systems compress it.
+  double gas = 1;          ///< Bubbles of bowel gas: share of the usual number.
+
+  void visit(SettingsVisitor& v) {
+    v.choice("region", region, {"none", "liver", "heart"});
+    v.number("contrast", contrast, 0, 1);
+    v.number("gas", gas, 0, 5);
+  }
+};
+
+/// Shutters between source and patient.
+enum class Shutter { kOpen, kRectangle, kOctagon, kCircle };
+
+/// The open field, in parts of the detector: 1 is its width (height), 0 its middle.
+struct CollimatorSettings {
+  Shutter shutter = Shutter::kOpen;
+  double width = 0.9;
+  double height = 0.9;
+  double centre_x = 0;  ///< Of the open field, from the detector's centre.
+  double centre_y = 0;
+  double turn_deg = 0;    ///< Of the open field, clockwise in the image.
+  double edge_px = 2;     ///< Softness of its edge: standard deviation [px].
+  double leakage = 0.01;  ///< Part of the beam that passes the shutters.
+
+  void visit(SettingsVisitor& v) {
+    v.choice("shutter", shutter, {"open", "rectangle", "octagon", "circle"});
+    v.number("width", width, 0.05, 2);
+    v.number("height", height, 0.05, 2);
+    v.number("centre_x", centre_x, -0.5, 0.5);
+    v.number("centre_y", centre_y, -0.5, 0.5);
+    v.number("turn_deg", turn_deg, -180, 180);
+    v.number("edge_px", edge_px, 0, 50);
+    v.number("leakage", leakage, 0, 1);
+  }
+};
+
+/// An image intensifier's distortion. A flat panel has none: both are zero.
+///
+/// With r the distance from the detector's centre over half its width: out by the factor 1 + pincushion r^2, then
+/// turned by s_distortion r^2. Intensifiers have a few per cent and a few degrees at the edge.
+struct IntensifierSettings {
+  double pincushion = 0;        ///< Relative, at the edge.
+  double s_distortion_deg = 0;  ///< Clockwise in the image, at the edge.
+
+  void visit(SettingsVisitor& v) {
+    v.number("pincushion", pincushion, 0, 0.2);
+    v.number("s_distortion_deg", s_distortion_deg, -10, 10);
+  }
+};
+
+/// How the simulated X-ray looks. The defaults are those of an arteriogram of the liver with iodine on a flat panel: a
+/// vessel of 4 mm takes a fifth of the beam, one of 1 mm a twentieth, and a pixel's noise is about one per cent.
+struct FluoroscopySettings {
+  double contrast_attenuation_per_mm = 0.07;  ///< Linear attenuation of the contrast agent above that of blood [1/mm].
+  double beam_hardening = 1;  ///< 1: the spectrum behind 20 cm of water; 0: one energy, and Beer-Lambert's law.
+  Dose dose = Dose::kPhotons;
+  double photons_per_pixel = 2500;      ///< With dose `photons`: expected in a pixel behind average anatomy.
+  double electronic_noise_photons = 5;  ///< Standard deviation of the detector's own noise [photons].
+  double background_strength = 0.08;    ///< Standard deviation of soft tissue's log-attenuation over the image.
+  double background_structure_mm = 45;  ///< Size of the largest structures of soft tissue, in the patient [mm].
+  double background_level = 27000;      ///< Grey value behind average anatomy, of 65535.
+  double end_radius_mm = 0.65;          ///< Radius of vessel ends where the tree knows none [mm].
+  int seed = 1;                         ///< Of the anatomy and of the noise.
+  int threads = 1;                      ///< The image is the same with any number.
+  DetectorSettings detector;
+  AnatomySettings anatomy;
+  CollimatorSettings collimator;
+  IntensifierSettings intensifier;
+
+  void visit(SettingsVisitor& v) {
+    v.number("contrast_attenuation_per_mm", contrast_attenuation_per_mm, 0, 10);
+    v.number("beam_hardening", beam_hardening, 0, 1);
+    v.choice("dose", dose, {"photons", "fluoroscopy", "cine", "subtraction"});
+    v.number("photons_per_pixel", photons_per_pixel, 1, 1e9);
+    v.number("electronic_noise_photons", electronic_noise_photons, 0, 1e6);
+    v.number("background_strength", background_strength, 0, 2);
+    v.number("background_structure_mm", background_structure_mm, 20, 1000);
+    v.number("background_level", background_level, 1, 65535);
+    v.number("end_radius_mm", end_radius_mm, 0.01, 10);
+    v.integer("seed", seed, 0, 2147483647);
+    v.integer("threads", threads, 1, 256);
+    v.section("detector", [this](SettingsVisitor& s) { detector.visit(s); });
+    v.section("anatomy", [this](SettingsVisitor& s) { anatomy.visit(s); });
+    v.section("collimator", [this](SettingsVisitor& s) { collimator.visit(s); });
+    v.section("intensifier", [this](SettingsVisitor& s) { intensifier.visit(s); });
+  }
+};
+
+/// Quanta that a detector of caesium iodide counts in a pixel at an air kerma: 30.2 per mm^2 and nGy (beam RQA5 of IEC
+/// 62220-1), of which 70 % count (detective quantum efficiency).
+/// @param air_kerma_ngy  At the detector's entrance [nGy]. @param pixel_spacing_m  At the detector [m].
+double photonsPerPixel(double air_kerma_ngy, double pixel_spacing_m);
+
+}  // namespace angio

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/simulation/bolus.hpp"
+#include "angio/simulation/fluoroscopy.hpp"
+#include "angio/simulation/patient_motion.hpp"
+
+namespace angio {
+
+/// All that a simulated X-ray run can be told: how it looks, what is injected, what moves, and what is pushed in.
+struct SimulatedPatientSettings {
+  FluoroscopySettings fluoroscopy;
+  BolusSettings bolus;
+  MotionSettings motion;
+  DeviceSettings device;
+  TruthSettings truth;
+
+  SimulatedPatientSettings() = default;
+
+  /// The X-ray alone, by conversion: a tree at rest that is full of contrast agent.
+  SimulatedPatientSettings(const FluoroscopySettings& look) : fluoroscopy(look) {}
+
+  /// The X-ray's own keys stand at the top, the others in sections.
+  void visit(SettingsVisitor& v) {
+    fluoroscopy.visit(v);
+    v.section("bolus", [this](SettingsVisitor& s) { bolus.visit(s); });
+    v.section("motion", [this](SettingsVisitor& s) { motion.visit(s); });
+    v.section("device", [this](SettingsVisitor& s) { device.visit(s); });
+    v.section("truth", [this](SettingsVisitor& s) { truth.visit(s); });
+  }
+};
+
+/// A patient over time: vessels, contrast agent, motion and a device, and X-ray images of them.
+class SimulatedPatient {
+ public:
+  /// Radii that `tree` does not know are filled in by withPlausibleRadii. Throws InputError when a setting is out of
+  /// its range, the device's end is none of the tree's, or the volume cannot be.
+  SimulatedPatient(const VesselTree& tree, const SimulatedPatientSettings& settings,
+                   const Surroundings& surroundings = {});
+
+  /// The tree at rest, all radii known.
+  const VesselTree& tree() const { return tree_; }
+
+  /// What there is in front of a camera at a time [s] from the first frame on.
+  /// @param T_camera_rest  The model frame in the camera as it would be if the patient had not shifted.
+  XrayScene scene(const Pose& T_camera_rest, double time_s) const;
+
+  /// As FluoroscopyRenderer's.
+  cv::Mat render(const XrayCamera& camera, const XrayScene& scene, std::uint64_t frame) {
+    return renderer_.render(camera, scene, frame);
+  }
+  FrameTruth truth(const XrayCamera& camera, const XrayScene& scene) {
+    return renderer_.truth(camera, scene, settings_.truth);
+  }
+
+ private:
+  SimulatedPatientSettings settings_;
+  VesselTree tree_;
+  FluoroscopyRenderer renderer_;
+  Bolus bolus_;
+  PatientMotion motion_;
+  std::vector<int> device_path_;  // Points of the tree from its root to where the device goes.
+};
+
+}  // namespace angio

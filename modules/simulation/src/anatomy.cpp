@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "anatomy.hpp"
+
+#include <cmath>
+
+#include "volume_rays.hpp"
+
+namespace angio {
+namespace {
+
+constexpr float kRange = 0.85F;  // Of the log-attenuation that is shown, to both sides of the mean.
+
+// A camera whose pixels are the grid's nodes.
+XrayCamera nodeCamera(const XrayCamera& camera) {
+  XrayCamera::Parameters p = camera.parameters();
+  p.width_px = Anatomy::nodesAcross(p.width_px);
+  p.height_px = Anatomy::nodesAcross(p.height_px);
+  for (double* length_px : {&p.fx_px, &p.fy_px, &p.cx_px, &p.cy_px}) *length_px /= Anatomy::kCell;
+  return XrayCamera(p);
+}
+
+bool same(const XrayCamera::Parameters& a, const XrayCamera::Parameters& b) {
+  return a.width_px == b.width_px && a.height_px == b.height_px && a.fx_px == b.fx_px && a.fy_px == b.fy_px &&
+         a.cx_px == b.cx_px && a.cy_px == b.cy_px;
+}
+
+// The part of a grid that may see a shape: [left, right) x [top, bottom).
+struct Box {
+  int left, right, top, bottom;
+};
+
+Box boxOf(const ShapeInView& shape, const XrayCamera& nodes, const RowBand& rows) {
+  const auto& K = nodes.parameters();
+  const Eigen::Vector3d& c = shape.centre();
+  const double nearest = c.z() - shape.reach_m();
+  if (c.z() + shape.reach_m() <= 0) return {0, 0, 0, 0};
+  if (nearest <= 0.1) return {0, K.width_px, rows.top, rows.bottom};
+  const auto span = [&](double x, double f, double centre, int low, int high) {
+    // The ball's edge, seen from the source: no further than by the reach at its nearest point.
+    const double a = centre + f * std::min((x - shape.reach_m()) / nearest, (x - shape.reach_m()) / c.z());
+    const double b = centre + f * std::max((x + shape.reach_m()) / nearest, (x + shape.reach_m()) / c.z());
+    const int first = static_cast<int>(std::clamp(std::ceil(a), static_cast<double>(low), static_cast<double>(high)));
+    const int last =
+        static_cast<int>(std::clamp(std::floor(b) + 1, static_cast<double>(low), static_cast<double>(high)));
+    return std::pair<int, int>(first, last);
+  };
+  const auto [left, right] = span(c.x(), K.fx_px, K.cx_px, 0, K.width_px);
+  const auto [top, bottom] = span(c.y(), K.fy_px, K.cy_px, rows.top, rows.bottom);
+  return {left, right, top, bottom};
+}
+
+// Length of a span that lies in none of others.
+double lengthWithout(const ShapeInView::Span& span, const std::vector<ShapeInView>& others, double dx, double dy) {
+  double left = span.out - span.in, covered_to = span.in;
+  // Spans are few: the one that begins first is looked for anew each time.
+  for (std::size_t n = 0; n < others.size(); ++n) {
+    std::optional<ShapeInView::Span> next;
+    for (const ShapeInView& other : others) {
+      const auto met = other.meet(dx, dy);
+      if (met && met->out > covered_to && met->in < span.out && (!next || met->in < next->in)) next = met;
+    }
+    if (!next) break;
+    const double to = std::min(next->out, span.out);
+    left -= to - std::max(next->in, covered_to);
+    covered_to = to;
+  }
+  return left;
+}
+
+}  // namespace
+
+Anatomy::Anatomy(const Eigen::Vector3d& centre_model, const Eigen::Matrix3d& R_lps_model,
+                 const FluoroscopySettings& settings, std::optional<AttenuationVolume> volume)
+    : body_(volume ? Body{} : bodyAround(settings.anatomy, static_cast<std::uint64_t>(settings.seed))),
+      contrast_(settings.anatomy.contrast),
+      soft_tissue_(centre_model, settings.background_strength, settings.background_structure_mm * 1e-3,
+                   static_cast<std::uint64_t>(settings.seed)),
+      volume_(std::move(volume)) {
+  T_model_body_.setIdentity();
+  T_model_body_.linear() = R_lps_model.transpose();
+  T_model_body_.translation() = centre_model;
+  if (volume_) volume_->check();
+}
+
+void Anatomy::addTissues(const RowBand& rows, const XrayCamera& nodes, const Pose& T_camera_body) {
+  const auto& K = nodes.parameters();
+  for (const Tissue& tissue : body_.tissues) {
+    const ShapeInView shape(tissue.shape, T_camera_body);
+    std::vector<ShapeInView> without;
+    for (const Shape& other : tissue.without) without.emplace_back(other, T_camera_body);
+    const Box box = boxOf(shape, nodes, rows);
+    for (int j = box.top; j < box.bottom; ++j) {
+      const double dy = (j - K.cy_px) / K.fy_px;
+      float* row = grid_.data() + static_cast<std::size_t>(j) * K.width_px;
+      for (int i = box.left; i < box.right; ++i) {
+        const double dx = (i - K.cx_px) / K.fx_px;
+        const auto span = shape.meet(dx, dy);
+        if (!span) continue;
+        const double depth = without.empty() ? span->out - span->in : lengthWithout(*span, without, dx, dy);
+        row[i] += static_cast<float>(tissue.attenuation_per_m * depth * std::sqrt(dx * dx + dy * dy + 1));
+      }
+    }
+  }
+}
+
+void Anatomy::addBones(const XrayCamera& nodes, const Pose& T_camera_body, int threads) {
+  if (body_.bones.bone.empty()) return;
+  const float* bone = bone_.compute(body_.bones.bone, nodes, T_camera_body, threads).ptr<float>();
+  const float* marrow = marrow_.compute(body_.bones.marrow, nodes, T_camera_body, threads).ptr<float>();
+  constexpr float kBone = static_cast<float>(kBoneAttenuation_per_m);
+  constexpr float kMarrow = static_cast<float>(kMarrowOverBone * kBoneAttenuation_per_m);
+  for (std::size_t i = 0; i < grid_.size(); ++i) grid_[i] += kBone * bone[i] + kMarrow * marrow[i];
+}
+
+const std::vector<float>& Anatomy::transmission(const XrayCamera& camera, const Pose& T_camera_model, int threads) {
+  if (seen_ && same(seen_->camera, camera.parameters()) && seen_->T_camera_model == T_camera_model.matrix()) {
+    return grid_;
+  }
+  const XrayCamera nodes = nodeCamera(camera);
+  const auto& K = nodes.parameters();
+  const Pose T_camera_body = T_camera_model * T_model_body_;
+  grid_.assign(static_cast<std::size_t>(K.width_px) * K.height_px, 0.0F);
+  std::optional<VolumeRays> rays;
+  if (volume_) rays.emplace(*volume_, T_camera_model);
+  forBands(threads, K.height_px, [&](const RowBand& rows) {
+    addTissues(rows, nodes, T_camera_body);
+    for (int j = rays ? rows.top : rows.bottom; j < rows.bottom; ++j) {
+      for (int i = 0; i < K.width_px; ++i) {
+        grid_[static_cast<std::size_t>(j) * K.width_px + i] +=
+            rays->logAttenuation((i - K.cx_px) / K.fx_px, (j - K.cy_px) / K.fy_px);
+      }
+    }
+  });
+  addBones(nodes, T_camera_body, threads);
+
+  const std::vector<float>& soft = soft_tissue_.logAttenuation(camera, T_camera_model);
+  const int soft_columns = Background::nodesAcross(camera.width_px());
+  const float shown = static_cast<float>(contrast_);
+  double sum = 0;
+  for (int j = 0; j < K.height_px; ++j) {
+    // Every second node is one of the soft tissue's grid; the others lie between two.
+    static_assert(Background::kCell == 2 * kCell);
+    const float* above = soft.data() + static_cast<std::size_t>(j / 2) * soft_columns;
+    const float* below = j % 2 ? above + soft_columns : above;
+    float* row = grid_.data() + static_cast<std::size_t>(j) * K.width_px;
+    for (int i = 0; i < K.width_px; ++i) {
+      const int k = i / 2, next = k + i % 2;
+      row[i] = shown * row[i] + 0.25F * (above[k] + above[next] + below[k] + below[next]);
+      sum += row[i];
+    }
+  }
+  // Automatic exposure: the mean of what comes through is what the settings ask for. Lungs do not dazzle: systems
+  // compress what is far from it.
+  const float mean = static_cast<float>(sum / static_cast<double>(grid_.size()));
+  for (float& value : grid_) value = std::exp(kRange * std::tanh((mean - value) / kRange));
+  seen_ = View{camera.parameters(), T_camera_model.matrix()};
+  return grid_;
+}
+
+}  // namespace angio

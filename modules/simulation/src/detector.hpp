@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "angio/simulation/fluoroscopy_settings.hpp"
+#include "angio/simulation/intensifier.hpp"
+#include "blur.hpp"
+#include "noise.hpp"
+
+namespace angio {
+
+/// What depends on the camera and on where the patient is.
+struct Optics {
+  double gain;            ///< Grey values, of 65535, for a quantum.
+  double focal_sigma_px;  ///< Blur before the quanta are counted.
+  double psf_sigma_px;    ///< Blur after it.
+};
+
+/// Quanta that arrive at a detector, to grey values: focal spot, the intensifier's optics, quantum noise, the spread of
+/// light, afterglow, electronic noise, gain and rounding.
+class Detector {
+ public:
+  explicit Detector(const FluoroscopySettings& settings);
+
+  /// @param quanta  Expected in each pixel, CV_32FC1; used up. @param stream  Of the noise: each frame has its own.
+  cv::Mat expose(cv::Mat& quanta, const Optics& optics, std::uint64_t stream);
+
+ private:
+  void distort(const cv::Mat& in, cv::Mat& out);
+  void count(cv::Mat& quanta, std::uint64_t stream) const;
+  void glow(cv::Mat& signal);
+  cv::Mat digitise(const cv::Mat& signal, float gain, std::uint64_t stream) const;
+
+  DetectorSettings settings_;
+  IntensifierSettings intensifier_;
+  int threads_;
+  float electronic_noise_;
+  NormalDeviates normal_;
+  cv::Mat spare_, before_;
+  cv::Mat ideal_px_;  // Of each pixel, where the flat image has what is seen there; CV_32FC2.
+};
+
+}  // namespace angio
