@@ -87,14 +87,14 @@ angio::Matrix6d covarianceOfBox(const Options& o) {
   return variance.asDiagonal();
 }
 
-std::vector<Run> readRuns(const Options& o, const angio::OtsuSettings& otsu) {
+std::vector<Run> readRuns(const Options& o, const angio::ExtractorSettings& extractor) {
   std::vector<Run> runs;
   for (angio::Case& setup : angio::readCaseSet(o.cases).cases) {
     if (!setup.truth_pose) throw angio::InputError(o.cases, "truth_pose", "", "every case must have a reference");
     const angio::View& view = setup.views[0];
     const auto& path = o.image ? view.image_path : view.centerline_path;
     if (!path) throw angio::InputError(o.cases, o.image ? "image" : "centerline", "", "is missing in " + setup.name);
-    auto seen = o.image ? angio::makeExtractor(otsu)->extract(angio::readXrayImage(*path, view.camera))
+    auto seen = o.image ? angio::makeExtractor(extractor)->extract(angio::readXrayImage(*path, view.camera))
                         : angio::readCenterline(*path);
     angio::VesselTree tree = angio::readVesselTree(setup.tree_path);
     angio::VesselTree fine_tree = angio::resampled(tree, 0.5e-3, 100000).tree;
@@ -187,7 +187,7 @@ int measure(const Options& o) {
   const auto data_settings = std::filesystem::path(o.cases).parent_path() / "settings.yaml";  // What suits the frames.
   if (std::filesystem::exists(data_settings)) settings = angio::readSettings(data_settings.string(), settings);
   if (!o.settings.empty()) settings = angio::readSettings(o.settings, settings);
-  const std::vector<Run> runs = readRuns(o, settings.otsu);
+  const std::vector<Run> runs = readRuns(o, settings.extractors.chosen());
   const auto found = findAll(o, settings, runs);
   std::printf("%s, %d starts a run, uniform in +-%g deg and +-%g mm about and along each axis\n\n", o.method.c_str(),
               o.starts, o.rotation_deg, o.translation_mm);

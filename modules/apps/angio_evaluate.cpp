@@ -13,7 +13,9 @@ void MethodOptions::addTo(CLI::App& command) {
   command.add_option("--method", methods, "Methods, separated by commas")->delimiter(',');
   command.add_option("--starts", starts, "Starts drawn around the initial pose; 0 takes the settings' count")
       ->check(CLI::Range(0, 10000));
-  command.add_option("--settings", settings, "Settings (.yaml), sections by method, starts, otsu");
+  command.add_option("--extractor", extractor,
+                     "Centrelines of images: " + listOfExtractors() + "; the settings' choice when not given");
+  command.add_option("--settings", settings, "Settings (.yaml), sections by method, starts, extractors");
 }
 
 std::vector<Entrant> MethodOptions::entrants(const ProgramSettings& of_file) const {
@@ -80,11 +82,13 @@ int main(int argc, char** argv) {
   angio::describeProgram(app,
                          "angio-evaluate cases cases.yaml --method iterative_pnp --out results.json\n"
                          "  angio-evaluate simulation --tree tree.csv --trials 200 --report report.html\n"
-                         "  angio-evaluate paper --report paper.html");
+                         "  angio-evaluate paper --report paper.html\n"
+                         "  angio-evaluate extraction --tree tree.csv --extractor ridge,otsu --sheet sheet.png");
   app.require_subcommand(1);
   angio::Work work;
   angio::addEvaluateCases(app, work);
   angio::addEvaluateSimulation(app, work);
   angio::addEvaluatePaper(app, work);
+  angio::addEvaluateExtraction(app, work);
   return angio::runProgram(app, argc, argv, [&] { return work(); });
 }

@@ -19,10 +19,12 @@ using Work = std::function<int()>;
 void addEvaluateCases(CLI::App& app, Work& work);
 void addEvaluateSimulation(CLI::App& app, Work& work);
 void addEvaluatePaper(CLI::App& app, Work& work);
+void addEvaluateExtraction(CLI::App& app, Work& work);
 
 /// What all of them ask of methods.
 struct MethodOptions {
   std::vector<std::string> methods = {IterativePnpSettings::kName};
+  std::string extractor;  ///< Empty: the settings' choice.
   std::string settings;
   int starts = 0;
   bool nonrigid = false;

@@ -20,13 +20,14 @@ int evaluateCases(const CasesOptions& o) {
   ProgramSettings settings;
   if (!o.method.settings.empty()) settings = readSettings(o.method.settings, settings);
   const std::vector<Entrant> entrants = o.method.entrants(settings);
+  const ExtractorSettings extractor = chosenExtractor(settings, o.method.extractor);
   const CaseSet set = readCaseSet(o.cases);
 
   nlohmann::ordered_json json, summaries;
   ProgressBar bar("registering", static_cast<int>(set.cases.size() * entrants.size()));
   int done_before = 0;
   for (const auto& entrant : entrants) {
-    const auto outcomes = runCases(set, {entrant.registration, entrant.starts, settings.otsu},
+    const auto outcomes = runCases(set, {entrant.registration, entrant.starts, extractor},
                                    [&](int done) { bar.show(done_before + done, entrant.name); });
     done_before += static_cast<int>(outcomes.size());
     auto& entry = json["methods"][entrant.name];
@@ -34,7 +35,7 @@ int evaluateCases(const CasesOptions& o) {
     entry["summary"] = summaries[entrant.name] = summaryOf(outcomes);
   }
   json["settings"] = entrantsAsJson(entrants);
-  json["settings"][OtsuSettings::kName] = settingsAsJson(settings.otsu);
+  json["settings"].update(extractorAsJson(extractor));
   json["machine"] = machineAsJson();
   if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
   std::cout << summaryTable(summaries);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <map>
 #include <memory>
 
 #include "angio/cli/program.hpp"
@@ -21,6 +22,7 @@ struct SimulationOptions {
   std::vector<std::string> trees;
   std::string camera, sweep, out, report;
   ModelAxes model_axes = SimulationSettings().model_axes;
+  TrialSource from = SimulationSettings().from;
 
   // Those that are given come before the settings file's.
   std::vector<std::function<void(SimulationSettings&)>> given;
@@ -47,6 +49,7 @@ int evaluateSimulation(const SimulationOptions& o) {
 
   SimulationSetup setup;
   setup.entrants = o.method.entrants(file.methods);
+  setup.extractor = chosenExtractor(file.methods, o.method.extractor);
   std::vector<std::string> tree_names;
   for (const auto& path : o.trees) {
     setup.trees.push_back(readVesselTree(path));
@@ -72,6 +75,7 @@ int evaluateSimulation(const SimulationOptions& o) {
   auto json = runsAsJson(runs, summaries);
   for (const auto& result : swept) json["sweeps"][result.sweep.name] = sweepAsJson(result);
   json["settings"] = entrantsAsJson(setup.entrants);
+  if (settings.from == TrialSource::kImages) json["settings"].update(extractorAsJson(setup.extractor));
   json["settings"]["simulation"] = settingsAsJson(settings);
   json["settings"]["simulation"]["trees"] = tree_names;
   json["machine"] = machineAsJson();
@@ -169,13 +173,23 @@ void addEvaluateSimulation(CLI::App& app, Work& work) {
   o->method.addTo(*command);
   command->add_flag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
   addFields(*command, o);
+  auto* from =
+      command
+          ->add_option("--from", o->from,
+                       "What methods are given: projected centerlines, or what the extractor finds in X-ray images")
+          ->transform(
+              CLI::CheckedTransformer(std::map<std::string, TrialSource>{{"centerlines", TrialSource::kCenterlines},
+                                                                         {"images", TrialSource::kImages}})
+                  .description("{centerlines,images}"))
+          ->default_str("centerlines");
   auto* axes = addModelAxes(*command, o->model_axes);
   std::string names;
   for (const auto& name : sweepNames()) names += name + ", ";
   command->add_option("--sweep", o->sweep, "Besides, over a range of: " + names + "or all");
   command->add_option("--out", o->out, "All results (.json)");
   command->add_option("--report", o->report, "Report with curves and pictures (.html)");
-  command->callback([o, axes, &work] {
+  command->callback([o, axes, from, &work] {
+    if (from->count() > 0) o->given.push_back([o](SimulationSettings& s) { s.from = o->from; });
     if (axes->count() > 0) o->given.push_back([o](SimulationSettings& s) { s.model_axes = o->model_axes; });
     work = [o] { return evaluateSimulation(*o); };
   });

@@ -5,31 +5,34 @@
 #include <string>
 #include <tuple>
 
-#include "angio/imaging/extractor.hpp"
+#include "angio/imaging/extractor_sections.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/registration/starts.hpp"
 
 namespace angio {
 
-/// The settings file of the registration programs: one section per method, whatever methods there are.
+/// The settings file of the registration programs: one section per method of registration and of extraction, whatever
+/// methods there are.
 class ProgramSettings {
  public:
   StartSettings starts;
-  OtsuSettings otsu;
+  ExtractorSections extractors;
 
   void visit(SettingsVisitor& v) {
     std::apply([&](auto&... method) { (visitSection(v, method.kName, method), ...); }, methods_);
     visitSection(v, "starts", starts);
-    visitSection(v, OtsuSettings::kName, otsu);
+    extractors.visit(v);
   }
 
   /// The settings of one method; `nonrigid` asks for a deformation whatever the file says.
   RegistrationSettings of(const std::string& name, std::optional<Deformation> deformation) const {
     RegistrationSettings chosen = registrationSettingsNamed(name);
-    std::visit([&](auto& s) {
-      s = std::get<std::decay_t<decltype(s)>>(methods_);
-      if (deformation) s.deformation = *deformation;
-    }, chosen);
+    std::visit(
+        [&](auto& s) {
+          s = std::get<std::decay_t<decltype(s)>>(methods_);
+          if (deformation) s.deformation = *deformation;
+        },
+        chosen);
     return chosen;
   }
 
@@ -51,6 +54,23 @@ class ProgramSettings {
 /// The method's effective settings under its name, for the result file.
 inline nlohmann::ordered_json methodAsJson(const RegistrationSettings& method) {
   return {{methodName(method), std::visit([](const auto& s) { return settingsAsJson(s); }, method)}};
+}
+
+/// The extractor that an option names, or else the file's choice.
+inline ExtractorSettings chosenExtractor(const ProgramSettings& settings, const std::string& option) {
+  return option.empty() ? settings.extractors.chosen() : settings.extractors.named(option);
+}
+
+/// The names of extractors, for the help of options.
+inline std::string listOfExtractors() {
+  std::string list;
+  for (const auto& name : extractorNames()) list += (list.empty() ? "" : " or ") + name;
+  return list;
+}
+
+/// An extractor's effective settings under its name.
+inline nlohmann::ordered_json extractorAsJson(const ExtractorSettings& extractor) {
+  return {{extractorName(extractor), std::visit([](const auto& s) { return settingsAsJson(s); }, extractor)}};
 }
 
 }  // namespace angio

@@ -9,6 +9,7 @@
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
+#include "angio/imaging/extractor_sections.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/rehearsal/rehearsal_report.hpp"
@@ -29,7 +30,7 @@ struct Options {
 struct Settings {
   RehearsalSettings rehearsal;
   FluoroscopySettings fluoroscopy;
-  OtsuSettings otsu;
+  ExtractorSections extractors{ServoLoopSettings().extractor};
   IterativePnpSettings search = ServoLoopSettings::searchRegistration();
   StartSettings search_starts = ServoLoopSettings::searchStarts();
   IterativePnpSettings tracking = ServoLoopSettings::trackingRegistration();
@@ -43,7 +44,7 @@ struct Settings {
     };
     section("rehearsal", rehearsal);
     section("fluoroscopy", fluoroscopy);
-    section(OtsuSettings::kName, otsu);
+    extractors.visit(v);
     section("search", search);
     section("search_starts", search_starts);
     section("tracking", tracking);
@@ -54,7 +55,7 @@ struct Settings {
 
   ServoLoopSettings loop() const {
     ServoLoopSettings loop;
-    loop.extractor = otsu;
+    loop.extractor = extractors.chosen();
     loop.search = search;
     loop.search_starts = search_starts;
     loop.tracking = tracking;

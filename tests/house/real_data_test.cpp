@@ -14,6 +14,7 @@
 #include "angio/evaluation/statistics.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/imaging/extractor.hpp"
+#include "angio/imaging/extractor_sections.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"
 #include "angio/io/image_files.hpp"
@@ -86,11 +87,8 @@ TEST(StaticPhantom, PosesFollowTheCArmsAnglesAndExplainWhatTheFramesShow) {
 }
 
 TEST(StaticPhantom, StoredCentrelinesAreWhatTheExtractorFindsInTheFrames) {
-  OtsuSettings otsu;
-  readSettings(test::exampleData("static-phantom/settings.yaml"), [&](SettingsVisitor& v) {
-    v.section(OtsuSettings::kName, [&](SettingsVisitor& inner) { otsu.visit(inner); });
-  });
-  const auto extractor = makeExtractor(otsu);
+  const auto settings = readSettings(test::exampleData("static-phantom/settings.yaml"), ExtractorSections());
+  const auto extractor = makeExtractor(settings.named(OtsuSettings::kName));
   for (const Case& run : phantom().cases) {
     const Centerline2d stored = readCenterline(*run.views[0].centerline_path);
     const Centerline2d found = extractor->extract(readXrayImage(*run.views[0].image_path, run.views[0].camera));

@@ -37,7 +37,7 @@ Centerline2d seenIn(const View& view, CenterlineExtractor& extractor, CaseOutcom
   if (view.centerline_path) return readCenterline(*view.centerline_path);
   const cv::Mat image = readXrayImage(*view.image_path, view.camera);
   const Stopwatch stage;
-  Centerline2d centerline = extractor.extract(image);
+  Centerline2d centerline = vesselsToMatch(extractor.extract(image));
   outcome.image_s += stage.seconds();
   return centerline;
 }

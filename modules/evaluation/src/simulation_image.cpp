@@ -182,8 +182,10 @@ SimulatedView simulatedView(const std::vector<Curve>& branches_px, const std::ve
   }
   SimulationRandom random(settings.seed, trial, DrawFor::kSpurious, view);
   const double spacing_px = settings.spacing_px > 0 ? settings.spacing_px : kDefaultSpacing_px;
-  for (int i = 0; i < settings.spurious; ++i) curves.push_back(spuriousCurve(cropped, spacing_px, random));
-  return {cropped, asCenterline(curves, cropped, settings, trial, view)};
+  std::vector<Curve> spurious;
+  for (int i = 0; i < settings.spurious; ++i) spurious.push_back(spuriousCurve(cropped, spacing_px, random));
+  curves.insert(curves.end(), spurious.begin(), spurious.end());
+  return {cropped, asCenterline(curves, cropped, settings, trial, view), std::move(spurious)};
 }
 
 }  // namespace angio

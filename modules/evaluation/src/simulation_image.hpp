@@ -7,13 +7,11 @@
 
 namespace angio {
 
-/// Points in order, in one image [px].
-using Curve = std::vector<Eigen::Vector2d>;
-
 /// What one view of a trial shows, and the camera that shows just that field.
 struct SimulatedView {
   XrayCamera camera;
   Centerline2d centerline;
+  std::vector<Curve> spurious_px;  ///< Those of its curves that are no vessel.
 };
 
 /// One view of a tree.

@@ -4,6 +4,8 @@
 #include <cstdio>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/stopwatch.hpp"
+#include "angio/evaluation/trial_images.hpp"
 
 namespace angio {
 namespace {
@@ -41,14 +43,25 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
       registrations[m].push_back(makeRegistration(setup.entrants[m].registration, tree));
     }
   }
+  std::optional<TrialImages> images;
+  if (settings.from == TrialSource::kImages) images.emplace(setup.trees, settings);
+  const auto extractor = makeExtractor(setup.extractor);
   int done = 0;
   for (int i = 0; i < settings.trials; ++i) {
     const std::size_t t = static_cast<std::size_t>(i) % trees;
-    const SimulatedTrial trial = simulatedTrial(setup.trees[t], setup.camera, settings, i);
+    SimulatedTrial trial = simulatedTrial(setup.trees[t], setup.camera, settings, i);
+    double image_s = 0;
+    for (std::size_t v = 0; images && v < trial.cameras.size(); ++v) {
+      const cv::Mat image = images->render(trial, t, v, i).image;
+      const Stopwatch stage;
+      trial.centerlines[v] = vesselsToMatch(extractor->extract(image));
+      image_s += stage.seconds();
+    }
     for (std::size_t turn = 0; turn < entrants; ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants;
       runs[m].outcomes.push_back(outcomeOf(*registrations[m][t], trial, setup.entrants[m].starts));
       runs[m].outcomes.back().name = numbered(i);
+      runs[m].outcomes.back().image_s = image_s;
       if (progress) progress(++done);
     }
   }

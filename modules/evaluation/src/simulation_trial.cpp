@@ -13,13 +13,6 @@ constexpr int kMostFinePoints = 200000;
 // Numbers of drawnPose's draws that no method's own starts have: a method must not draw the trial's offset again.
 constexpr int kFirstStartIndex = 1000000;
 
-Eigen::Matrix3d lpsOf(ModelAxes axes) {
-  Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();
-  if (axes == ModelAxes::kRas) R_lps_model.diagonal() << -1, -1, 1;
-  if (axes == ModelAxes::kLip) R_lps_model << 1, 0, 0, 0, 0, 1, 0, -1, 0;
-  return R_lps_model;
-}
-
 Pose drawnView(const VesselTree& tree, const SimulationSettings& s, int index) {
   SimulationRandom random(s.seed, index, DrawFor::kView);
   ViewAngles angles;
@@ -132,6 +125,16 @@ std::vector<bool> filledBranches(const VesselTree& tree, const SimulationSetting
   return filled;
 }
 
+// Splitting edges leaves the branches as they are: those of the fine tree are those of the tree.
+Eigen::VectorXd filledPoints(const VesselTree& tree, const std::vector<bool>& filled_branches) {
+  Eigen::VectorXd filled = Eigen::VectorXd::Zero(tree.size());
+  for (std::size_t b = 0; b < filled_branches.size(); ++b) {
+    if (!filled_branches[b]) continue;
+    for (const int i : tree.branches()[b]) filled[i] = 1;
+  }
+  return filled;
+}
+
 std::vector<Curve> projectedBranches(const VesselTree& tree, const Eigen::Matrix3Xd& points_camera,
                                      const XrayCamera& camera) {
   std::vector<Curve> curves;
@@ -194,6 +197,13 @@ XrayViews SimulatedTrial::views() const {
   return result;
 }
 
+Eigen::Matrix3d lpsOf(ModelAxes axes) {
+  Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();
+  if (axes == ModelAxes::kRas) R_lps_model.diagonal() << -1, -1, 1;
+  if (axes == ModelAxes::kLip) R_lps_model << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+  return R_lps_model;
+}
+
 XrayCamera simulatedCamera() { return XrayCamera::centred(1024, 1024, 0.308e-3, 1.195); }
 
 SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
@@ -211,10 +221,12 @@ SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCa
     points += field.at(fine.points());
   }
   const std::vector<bool> filled = filledBranches(fine, settings, index);
+  trial.filled = filledPoints(tree, filled);
   for (int v = 0; v < settings.views; ++v) {
     const Pose T_view_first = v == 0 ? Pose::Identity() : secondPlane(settings, index);
     const auto branches = projectedBranches(fine, T_view_first * trial.truth * points, detector);
     SimulatedView view = simulatedView(branches, filled, detector, settings, index, v);
+    trial.true_views.push_back({view.camera, T_view_first, std::move(view.spurious_px)});
     trial.cameras.push_back(miscalibrated(view.camera, settings, index, v));
     trial.centerlines.push_back(std::move(view.centerline));
     trial.T_view_first.push_back(v == 0 ? T_view_first : miscalibratedPlane(T_view_first, settings, index));

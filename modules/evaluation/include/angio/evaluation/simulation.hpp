@@ -8,9 +8,14 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/registration/xray_view.hpp"
+#include "angio/simulation/fluoroscopy_settings.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio {
+
+/// What a method is given of a simulated view: the centreline as it projects, with noise, or what an extractor finds in
+/// a rendered X-ray image.
+enum class TrialSource { kCenterlines, kImages };
 
 /// Where the axes x, y, z of a tree's file point in the patient: L(eft), R(ight), A(nterior), P(osterior), S(uperior),
 /// I(nferior).
@@ -21,6 +26,7 @@ enum class ModelAxes { kLps, kRas, kLip };
 struct SimulationSettings {
   int trials = 100;
   int seed = 1;
+  TrialSource from = TrialSource::kCenterlines;
 
   // Starts: normal draws about the truth, per axis, about the tree's centroid.
   double rotation_std_deg = 2;
@@ -54,7 +60,13 @@ struct SimulationSettings {
   double calibration_rotation_error_deg = 0;    ///< Of the second view against the first, about the isocentre.
   double calibration_translation_error_mm = 0;  ///< The same.
 
+  /// How images look, when they are made. Their noise is that of the dose: noise_px and tangent_noise_deg have no part
+  /// in them; spurious curves are steel wires in the plane of the isocentre.
+  FluoroscopySettings fluoroscopy;
+
   void visit(SettingsVisitor& v) {
+    v.choice("from", from, {"centerlines", "images"});
+    v.section("fluoroscopy", [this](SettingsVisitor& inner) { fluoroscopy.visit(inner); });
     v.integer("trials", trials, 1, 100000);
     v.integer("seed", seed, 0, 2147483647);
     v.number("rotation_std_deg", rotation_std_deg, 0, 180);
@@ -83,18 +95,33 @@ struct SimulationSettings {
   }
 };
 
+/// Points in order, in one image [px].
+using Curve = std::vector<Eigen::Vector2d>;
+
 /// One trial: what a method is given, and the truth.
 struct SimulatedTrial {
+  /// How a view really is.
+  struct TrueView {
+    XrayCamera camera;
+    Pose T_view_first = Pose::Identity();
+    std::vector<Curve> spurious_px;  ///< Curves that are no vessel.
+  };
+
   std::vector<XrayCamera> cameras;        ///< As the method is told, calibration errors included.
   std::vector<Centerline2d> centerlines;  ///< One per camera.
   std::vector<Pose> T_view_first;         ///< As the method is told; the identity for the first view.
   Pose truth = Pose::Identity();          ///< T_camera_model of the first view.
   Pose start = Pose::Identity();
   Eigen::Matrix3Xd displacements_m;  ///< True, of the tree's points, model axes; empty without deformation.
+  std::vector<TrueView> true_views;  ///< One per camera.
+  Eigen::VectorXd filled;            ///< 1 at the tree's points on branches with contrast agent, 0 at the others.
 
   /// Borrows the trial, which must outlive it.
   XrayViews views() const;
 };
+
+/// Patient axes L, P, S from the axes of a tree's file.
+Eigen::Matrix3d lpsOf(ModelAxes axes);
 
 /// The detector of the simulated C-arm: 1024 x 1024 pixels of 0.308 mm, 1195 mm from the source.
 XrayCamera simulatedCamera();

@@ -22,6 +22,7 @@ struct SimulationSetup {
   std::vector<VesselTree> trees;     ///< At least one. Trial i has tree i modulo their number.
   std::optional<XrayCamera> camera;  ///< Absent: simulatedCamera().
   std::vector<Entrant> entrants;
+  ExtractorSettings extractor = RidgeSettings{};  ///< Of trials from images.
 };
 
 /// One entrant's outcomes, trial by trial.
@@ -31,7 +32,8 @@ struct EntrantRun {
 };
 
 /// Runs every entrant on every trial. All see the same trials, one trial after the other, and take turns at being the
-/// first on a trial: times of one run can be compared. `progress` counts registrations, of all entrants.
+/// first on a trial: times of one run can be compared. `progress` counts registrations, of all entrants. Of trials
+/// from images the centrelines are extracted once, and the time counts for every entrant.
 ///
 /// Throws InputError for settings out of their range.
 std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const SimulationSettings& settings,

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-evaluate extraction: how well centrelines are found in X-ray images.
+#include <iostream>
+#include <memory>
+
+#include "angio/base/errors.hpp"
+#include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/extraction_run.hpp"
+#include "angio/io/camera_files.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/io/whole_file.hpp"
+#include "evaluate.hpp"
+
+namespace angio {
+namespace {
+
+struct ExtractionOptions {
+  std::vector<std::string> extractors = {RidgeSettings::kName, OtsuSettings::kName};
+  std::vector<std::string> trees, images;
+  std::string cases, annotations, camera, settings, out, sheet;
+  int trials = 20, seed = 1;
+  double tolerance_px = 0;
+  double thinnest_mm = 1, thickest_mm = 6;
+  double radius_px = 4, shown_contrast = 0.05;
+  int columns = 5, side_px = 480;
+  ModelAxes model_axes = SimulationSettings().model_axes;
+};
+
+// The settings file of this command: the extractors' sections, and `fluoroscopy` of simulated images.
+struct ExtractionFile {
+  ProgramSettings methods;
+  FluoroscopySettings fluoroscopy;
+
+  void visit(SettingsVisitor& v) {
+    methods.visit(v);
+    v.section("fluoroscopy", [&](SettingsVisitor& inner) { fluoroscopy.visit(inner); });
+  }
+};
+
+// Images of one kind, which one table is about.
+struct Source {
+  std::string name;
+  ExtractionSamples samples;
+  double usual_tolerance_px;  // A pixel and a half where the truth is exact, three where people or a fit have drawn it.
+};
+
+ExtractionSamples simulatedSamplesOf(const ExtractionOptions& o, const FluoroscopySettings& fluoroscopy) {
+  std::vector<VesselTree> trees;
+  for (const auto& path : o.trees) trees.push_back(readVesselTree(path));
+  SimulationSettings settings;
+  settings.trials = o.trials;
+  settings.seed = o.seed;
+  settings.model_axes = o.model_axes;
+  settings.from = TrialSource::kImages;
+  settings.fluoroscopy = fluoroscopy;
+  return simulatedSamples(trees, o.camera.empty() ? std::optional<XrayCamera>() : readCamera(o.camera), settings,
+                          o.thinnest_mm, o.thickest_mm);
+}
+
+std::vector<Source> sourcesOf(const ExtractionOptions& o, const ExtractionFile& file) {
+  std::vector<Source> sources;
+  if (!o.cases.empty()) {
+    sources.push_back({"cases", caseSamples(readCaseSet(o.cases), o.radius_px, o.shown_contrast), 3});
+  }
+  if (!o.annotations.empty()) {
+    sources.push_back({"annotations", annotatedSamples(readCocoPolygons(o.annotations)), 3});
+  }
+  if (!o.images.empty()) sources.push_back({"images", imageSamples(o.images), 3});
+  if (!o.trees.empty()) sources.push_back({"simulated", simulatedSamplesOf(o, file.fluoroscopy), 1.5});
+  return sources;
+}
+
+int evaluateExtraction(const ExtractionOptions& o) {
+  for (const auto& path : {o.out, o.sheet}) requireFolderOf(path);
+  ExtractionFile file;
+  if (!o.settings.empty()) file = readSettings(o.settings, file);
+  std::vector<ExtractionEntrant> entrants;
+  nlohmann::ordered_json json;
+  for (const auto& name : o.extractors) {
+    if (json["settings"].contains(name)) throw InputError("", "extractor", name, "must be named once");
+    entrants.push_back({name, file.methods.extractors.named(name)});
+    json["settings"].update(extractorAsJson(entrants.back().settings));
+  }
+  const std::vector<Source> sources = sourcesOf(o, file);
+  int total = 0, done_before = 0;
+  for (const auto& source : sources) total += source.samples.count * static_cast<int>(entrants.size());
+  ProgressBar bar("extracting", total);
+  std::vector<SheetPicture> pictures;
+  std::string tables;
+  for (const auto& source : sources) {
+    const double tolerance_px = o.tolerance_px > 0 ? o.tolerance_px : source.usual_tolerance_px;
+    const auto runs =
+        runExtraction(source.samples, entrants, tolerance_px, o.sheet.empty() ? Pictures::kNone : Pictures::kKeep,
+                      [&](int done) { bar.show(done_before + done, source.name); });
+    done_before += source.samples.count * static_cast<int>(entrants.size());
+    pictures.insert(pictures.end(), runs.front().pictures.begin(), runs.front().pictures.end());
+    json["sources"][source.name] = extractionSummaries(runs);
+    tables += (tables.empty() ? "" : "\n") + source.name + "\n\n" + extractionTable(json["sources"][source.name]);
+  }
+  json["machine"] = machineAsJson();
+  if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
+  if (!o.sheet.empty()) writeImage(o.sheet, contactSheet(pictures, o.columns, o.side_px));
+  std::cout << tables;
+  return 0;
+}
+
+}  // namespace
+
+void addEvaluateExtraction(CLI::App& app, Work& work) {
+  const auto o = std::make_shared<ExtractionOptions>();
+  auto* command = app.add_subcommand("extraction", "Compare extracted centrelines with what X-ray images show");
+  command->option_defaults()->always_capture_default();
+  command->footer(
+      "Examples:\n  angio-evaluate extraction --tree a.swc --trials 50 --sheet sheet.png\n  angio-evaluate extraction "
+      "--cases cases.yaml\n  angio-evaluate extraction --annotations annotations.json");
+  auto* images = command->add_option_group("Images", "At least one of them; a table each")->require_option(1, 4);
+  images->option_defaults()->always_capture_default();
+  images->add_option("--tree", o->trees, "Simulated views of a vessel tree; may be repeated")->take_all();
+  images->add_option("--cases", o->cases, "Case set (.yaml) whose cases have images and true poses");
+  images->add_option("--annotations", o->annotations, "Images with polygons drawn by people (COCO, .json)");
+  images->add_option("--image", o->images, "Images without a truth: for their times and the sheet")->take_all();
+  command->add_option("--extractor", o->extractors, "Extractors, separated by commas: " + listOfExtractors())
+      ->delimiter(',');
+  command
+      ->add_option("--tolerance-px", o->tolerance_px,
+                   "Lines within this of each other are the same; 0: 1.5 of simulated images, 3 of others")
+      ->check(CLI::Range(0.0, 100.0));
+  command->add_option("--trials", o->trials, "Number of simulated images, split over the trees")
+      ->check(CLI::Range(1, 100000));
+  command->add_option("--seed", o->seed, "Seed of all draws")->check(CLI::Range(0, 2147483647));
+  command->add_option("--camera", o->camera, "Camera of simulated images (.yaml, ViSP .xml)");
+  addModelAxes(*command, o->model_axes);
+  command->add_option("--thinnest-mm", o->thinnest_mm, "Simulated vessels from this width on must be found")
+      ->check(CLI::Range(0.0, 100.0));
+  command->add_option("--thickest-mm", o->thickest_mm, "and to this one")->check(CLI::Range(0.0, 100.0));
+  command->add_option("--radius-px", o->radius_px, "Of the vessels of a case set: what an image shows of its tree")
+      ->check(CLI::Range(1.0, 100.0));
+  command->add_option("--shown-contrast", o->shown_contrast, "is this much darker than its sides (natural logarithm)")
+      ->check(CLI::Range(0.001, 10.0));
+  command->add_option("--settings", o->settings, "Settings (.yaml), sections by extractor, and fluoroscopy");
+  command->add_option("--out", o->out, "Scores (.json)");
+  command->add_option("--sheet", o->sheet, "Picture of what the first extractor found in each image (.png, .jpg)");
+  command->add_option("--columns", o->columns, "Of the sheet")->check(CLI::Range(1, 100));
+  command->add_option("--side-px", o->side_px, "Of each picture on it")->check(CLI::Range(50, 2000));
+  command->callback([o, &work] { work = [o] { return evaluateExtraction(*o); }; });
+}
+
+}  // namespace angio

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "register_views.hpp"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/stopwatch.hpp"
+#include "angio/io/camera_files.hpp"
+#include "angio/io/case_files.hpp"
+#include "angio/io/centerline_files.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/pose_files.hpp"
+#include "angio/io/xa_files.hpp"
+
+namespace angio {
+namespace {
+
+// Files of these kinds have no camera of their own; one without a name's ending may be a DICOM run.
+bool isPlainPicture(const std::string& path) {
+  const std::string extension = std::filesystem::path(path).extension().string();
+  return extension == ".png" || extension == ".tif" || extension == ".tiff" || extension == ".PNG" ||
+         extension == ".TIF" || extension == ".TIFF";
+}
+
+int frameOf(const ViewFiles& files, std::size_t view) {
+  if (files.frames.empty()) return 0;
+  return files.frames[std::min(view, files.frames.size() - 1)];
+}
+
+// The run's geometry at a view's frame, where something is asked of it that no other file says.
+std::optional<XaGeometry> geometryOf(const ViewFiles& files, std::size_t view) {
+  if (!files.cameras.empty() && !(view == 0 && files.initial_pose.empty())) return std::nullopt;
+  return XaRun(files.images[view]).geometry(frameOf(files, view));
+}
+
+const Pose& poseByAngles(const std::optional<XaGeometry>& geometry, const std::string& image, const char* option) {
+  if (geometry && geometry->T_camera_patient) return *geometry->T_camera_patient;
+  throw InputError(image.empty() ? option : image, "pose", "",
+                   std::string(option) + " is needed: there is no image with angles and a distance to the isocentre");
+}
+
+// Where the tree lies in the patient's axes, with the isocentre as origin.
+Pose treeInPatient(const ViewFiles& files, const VesselTree& tree, std::vector<std::string>& assumed) {
+  if (!files.t_dsa_cb.empty()) return readViewPose(files.t_dsa_cb);
+  assumed.push_back("the tree's axes are taken as the patient's L, P, S, and its centroid at the isocentre");
+  Pose T = Pose::Identity();
+  T.translation() = -tree.centroid();
+  return T;
+}
+
+cv::Mat imageOf(const ViewFiles& files, std::size_t view, const XrayCamera& camera) {
+  return files.images.empty() ? cv::Mat() : readXrayImage(files.images[view], camera, frameOf(files, view));
+}
+
+}  // namespace
+
+void ViewFiles::check() const {
+  const std::size_t views = cameras.empty() ? images.size() : cameras.size();
+  const auto check = [](const char* option, std::size_t given, std::size_t wanted, const char* rule) {
+    if (given == wanted) return;
+    throw CLI::ValidationError(option,
+                               std::to_string(given) + " given, must be " + std::to_string(wanted) + ": " + rule);
+  };
+  const bool plain = images.empty() || std::any_of(images.begin(), images.end(), isPlainPicture);
+  if (cameras.empty() && plain) throw CLI::ValidationError("--camera", "is needed: only DICOM runs bring theirs");
+  if (initial_pose.empty() && (images.empty() || isPlainPicture(images.front()))) {
+    throw CLI::ValidationError("--initial-pose", "is needed: only DICOM runs have angles");
+  }
+  if (!initial_pose.empty() && !t_dsa_cb.empty()) {
+    throw CLI::ValidationError("--t-dsa-cb", "must not stand beside --initial-pose, which it is there to find");
+  }
+  if (!centerlines.empty()) check("--centerline", centerlines.size(), views, "one for each camera");
+  if (!images.empty()) check("--image", images.size(), views, "one for each camera");
+  if (frames.size() > 1) check("--frame", frames.size(), views, "one for all images, or one for each");
+  if (!view_poses.empty() || !cameras.empty()) {
+    check("--view-pose", view_poses.size(), views - 1, "one for each camera but the first");
+  }
+}
+
+SeenViews readViews(const ViewFiles& files, const VesselTree& tree, CenterlineExtractor& extractor) {
+  SeenViews seen;
+  std::optional<Pose> T_first_patient;
+  const std::size_t count = files.cameras.empty() ? files.images.size() : files.cameras.size();
+  for (std::size_t v = 0; v < count; ++v) {
+    const auto geometry = geometryOf(files, v);
+    const std::string image = files.images.empty() ? "" : files.images[v];
+    SeenView view{files.cameras.empty() ? geometry->camera : readCamera(files.cameras[v]), Pose::Identity(), {}, {}};
+    if (v == 0 && geometry) T_first_patient = geometry->T_camera_patient;
+    if (v == 0) {
+      seen.T_camera_model = files.initial_pose.empty() ? poseByAngles(geometry, image, "--initial-pose") *
+                                                             treeInPatient(files, tree, seen.assumed)
+                                                       : readPose(files.initial_pose).T_camera_model;
+    } else if (!files.view_poses.empty()) {
+      view.T_view_first = readViewPose(files.view_poses[v - 1]);
+    } else {
+      if (!T_first_patient) poseByAngles(std::nullopt, files.images.front(), "--view-pose");
+      view.T_view_first = poseByAngles(geometry, image, "--view-pose") * T_first_patient->inverse();
+      seen.assumed.push_back(image + ": stands against the first view by the angles, with one isocentre for both");
+    }
+    view.image = imageOf(files, v, view.camera);
+    if (files.centerlines.empty()) {
+      const Stopwatch stage;
+      view.centerline = vesselsToMatch(extractor.extract(view.image));
+      seen.image_s += stage.seconds();
+    } else {
+      view.centerline = readCenterline(files.centerlines[v]);
+    }
+    if (geometry) {
+      for (const std::string& line : geometry->assumed) seen.assumed.push_back(image + ": " + line);
+    }
+    seen.views.push_back(std::move(view));
+  }
+  return seen;
+}
+
+}  // namespace angio

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/geometry/se3.hpp"
+#include "angio/geometry/xray_camera.hpp"
+#include "angio/imaging/extractor.hpp"
+#include "angio/vessel/vessel_tree.hpp"
+
+namespace angio {
+
+/// The files of angio-register's views, in their order; each list has one entry for each view or is empty.
+struct ViewFiles {
+  std::vector<std::string> cameras, view_poses, centerlines, images;
+  std::vector<int> frames;  ///< Of the images; one is for all of them.
+  std::string initial_pose, t_dsa_cb;
+
+  /// Throws CLI::ValidationError for what the command line can say wrongly of the views.
+  void check() const;
+};
+
+/// One view as its files say it.
+struct SeenView {
+  XrayCamera camera;
+  Pose T_view_first = Pose::Identity();
+  cv::Mat image;  ///< Empty when none is given.
+  Centerline2d centerline;
+};
+
+/// All views and where the tree is thought to be.
+struct SeenViews {
+  std::vector<SeenView> views;
+  Pose T_camera_model = Pose::Identity();  ///< In the first view, to start from.
+  double image_s = 0;                      ///< Time from images to centrelines [s].
+  std::vector<std::string> assumed;        ///< What no file said, one sentence each.
+};
+
+/// Reads the views. Without cameras the images are DICOM runs, which bring theirs; without an initial pose the first
+/// one's angles give it, and without view poses each one's. Throws InputError for files that cannot be read or that do
+/// not say what is needed.
+SeenViews readViews(const ViewFiles& files, const VesselTree& tree, CenterlineExtractor& extractor);
+
+}  // namespace angio

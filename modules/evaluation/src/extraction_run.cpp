@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/extraction_run.hpp"
+
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <opencv2/imgproc.hpp>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/stopwatch.hpp"
+#include "angio/evaluation/statistics.hpp"
+#include "angio/evaluation/trial_images.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/vessel/projection.hpp"
+#include "angio/vessel/resample.hpp"
+
+namespace angio {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Edges of a tree that is drawn into an image are no longer than this: a pixel or so.
+constexpr double kDrawnEdge_m = 0.25e-3;
+constexpr int kMostDrawnPoints = 200000;
+
+std::string printed(const char* format, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+cv::Mat maskOf(const AnnotatedImage& annotated) {
+  cv::Mat mask = cv::Mat::zeros(annotated.height_px, annotated.width_px, CV_8U);
+  for (const auto& polygon : annotated.polygons_px) {
+    std::vector<cv::Point> corners;
+    for (const auto& p : polygon) corners.emplace_back(cvRound(p.x()), cvRound(p.y()));
+    cv::fillPoly(mask, std::vector<std::vector<cv::Point>>{corners}, 255);
+  }
+  return mask;
+}
+
+// Whether a point lies in the shadow of a wider vessel, as a branch does before it leaves its trunk: there is no line
+// of its own to be seen there.
+bool lostInAWider(const Centerline2d& vessels, int point) {
+  const double radius_px = vessels.radius_px[point];
+  for (int other = 0; other < vessels.size(); ++other) {
+    if (vessels.branch[other] == vessels.branch[point] || vessels.radius_px[other] <= radius_px) continue;
+    const Eigen::Vector2d between = vessels.points_px.col(other) - vessels.points_px.col(point);
+    if (between.squaredNorm() < vessels.radius_px[other] * vessels.radius_px[other]) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const std::optional<XrayCamera>& camera,
+                                   const SimulationSettings& settings, double thinnest_mm, double thickest_mm) {
+  if (trees.empty()) throw InputError("simulation", "trees", "0", "must be at least one");
+  const auto images = std::make_shared<TrialImages>(trees, settings);
+  const auto one = [=](int i) {
+    const std::size_t t = static_cast<std::size_t>(i) % trees.size();
+    const SimulatedTrial trial = simulatedTrial(trees[t], camera, settings, i);
+    TrialImage made = images->render(trial, t, 0, i);
+    const double mm_per_px = settings.source_isocentre_mm / trial.true_views.front().camera.parameters().fx_px;
+    const Centerline2d vessels = ofKind(made.visible, CurveKind::kVessel);
+    std::vector<bool> wanted;
+    for (int k = 0; k < vessels.size(); ++k) {
+      const double diameter_mm = 2 * mm_per_px * vessels.radius_px[k];
+      wanted.push_back(diameter_mm >= thinnest_mm && diameter_mm <= thickest_mm && !lostInAWider(vessels, k));
+    }
+    return ExtractionSample{
+        "simulated " + std::to_string(i), made.image, pointsWhere(vessels, wanted), std::move(made.all), {}};
+  };
+  return {settings.trials, one};
+}
+
+ExtractionSamples caseSamples(const CaseSet& set, double radius_px, double contrast) {
+  for (const Case& one : set.cases) {
+    if (!one.views.front().image_path) throw InputError("case " + one.name, "image", "", "is missing");
+    if (!one.truth_pose) throw InputError("case " + one.name, "truth_pose", "", "is missing");
+  }
+  const auto sample = [=](int i) {
+    const Case& one = set.cases[static_cast<std::size_t>(i)];
+    const View& view = one.views.front();
+    const VesselTree tree = resampled(readVesselTree(one.tree_path), kDrawnEdge_m, kMostDrawnPoints).tree;
+    ExtractionSample result;
+    result.name = one.name;
+    result.image = readXrayImage(*view.image_path, view.camera);
+    result.allowed = projectedCenterline(tree, view.camera, *one.truth_pose);
+    result.required = shownIn(result.image, result.allowed, radius_px, contrast);
+    return result;
+  };
+  return {static_cast<int>(set.cases.size()), sample};
+}
+
+ExtractionSamples annotatedSamples(const std::vector<AnnotatedImage>& images) {
+  const auto sample = [=](int i) {
+    const AnnotatedImage& annotated = images[static_cast<std::size_t>(i)];
+    ExtractionSample result;
+    result.name = std::filesystem::path(annotated.image_path).stem().string();
+    result.image = readXrayImage(annotated.image_path);
+    result.mask = maskOf(annotated);
+    if (result.image.size() != result.mask.size()) {
+      throw InputError(annotated.image_path, "size",
+                       std::to_string(result.image.cols) + " x " + std::to_string(result.image.rows),
+                       "must be that of the annotations");
+    }
+    return result;
+  };
+  return {static_cast<int>(images.size()), sample};
+}
+
+ExtractionSamples imageSamples(const std::vector<std::string>& paths) {
+  const auto sample = [=](int i) {
+    const std::string& path = paths[static_cast<std::size_t>(i)];
+    return ExtractionSample{std::filesystem::path(path).stem().string(), readXrayImage(path), {}, {}, {}};
+  };
+  return {static_cast<int>(paths.size()), sample};
+}
+
+std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
+                                         const std::vector<ExtractionEntrant>& entrants, double tolerance_px,
+                                         Pictures pictures, const std::function<void(int done)>& progress) {
+  std::vector<ExtractionRun> runs;
+  std::vector<std::unique_ptr<CenterlineExtractor>> extractors;
+  for (const auto& entrant : entrants) {
+    runs.push_back({entrant.name, ExtractionScore(tolerance_px), {}, {}});
+    extractors.push_back(makeExtractor(entrant.settings));
+  }
+  int done = 0;
+  for (int i = 0; i < samples.count; ++i) {
+    const ExtractionSample sample = samples.at(i);
+    for (std::size_t turn = 0; turn < entrants.size(); ++turn) {
+      const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants.size();
+      const Stopwatch stage;
+      const Centerline2d found = extractors[m]->extract(sample.image);
+      runs[m].times_s.push_back(stage.seconds());
+      if (sample.mask.empty()) {
+        runs[m].score.add(found, sample.required, sample.allowed);
+      } else {
+        runs[m].score.addMask(found, sample.mask);
+      }
+      if (pictures == Pictures::kKeep) runs[m].pictures.push_back({sample.image, found, sample.name});
+      if (progress) progress(++done);
+    }
+  }
+  return runs;
+}
+
+Json extractionSummaries(const std::vector<ExtractionRun>& runs) {
+  Json json;
+  for (const auto& run : runs) {
+    json[run.name] = run.score.asJson();
+    json[run.name]["images"] = run.times_s.size();
+    json[run.name]["time_ms"] = {{"p50", 1e3 * percentile(run.times_s, 0.5)},
+                                 {"p99", 1e3 * percentile(run.times_s, 0.99)}};
+  }
+  return json;
+}
+
+std::string extractionTable(const Json& summaries) {
+  std::string table =
+      "| extractor | images | truth covered | found is right | median error | tangent | error / sigma | all points, "
+      "median | ms p50 | p99 |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
+  const auto cell = [](const Json& s, const char* key, const char* format, double factor = 1) {
+    return s.contains(key) ? printed(format, factor * s[key].get<double>()) : std::string("-");
+  };
+  for (const auto& [name, s] : summaries.items()) {
+    table += "| " + name + " | " + std::to_string(s["images"].get<int>()) + " | " + cell(s, "covered", "%.1f %%", 100) +
+             " | " + cell(s, "correct", "%.1f %%", 100) + " | " + cell(s, "median_error_px", "%.2f px") + " | " +
+             cell(s, "median_tangent_error_deg", "%.1f deg") + " | " + cell(s, "error_over_sigma", "%.2f") + " | " +
+             cell(s, "median_distance_px", "%.2f px") + " | " + cell(s["time_ms"], "p50", "%.1f") + " | " +
+             cell(s["time_ms"], "p99", "%.1f") + " |\n";
+  }
+  return table;
+}
+
+}  // namespace angio
