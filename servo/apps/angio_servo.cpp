@@ -26,14 +26,19 @@ struct Options {
   bool simulate = false;
 };
 
+enum class LoopMethod { kOrientedKernel, kIterativePnp };
+
 // The loop's parts as the settings file may change them.
 struct Settings {
   RehearsalSettings rehearsal;
   FluoroscopySettings fluoroscopy;
   ExtractorSections extractors{ServoLoopSettings().extractor};
-  IterativePnpSettings search = ServoLoopSettings::searchRegistration();
-  StartSettings search_starts = ServoLoopSettings::searchStarts();
-  IterativePnpSettings tracking = ServoLoopSettings::trackingRegistration();
+  LoopMethod method = LoopMethod::kOrientedKernel;
+  OrientedKernelSettings oriented_kernel;
+  IterativePnpSettings search =
+      ServoLoopSettings::iterativePnpForSearch();  // Of iterative_pnp, while nothing is tracked,
+  IterativePnpSettings tracking = ServoLoopSettings::iterativePnpForTracking();  // and from frame to frame.
+  int starts = 0;
   PatientTrackerSettings tracker;
   PositionBasedSettings position_based;
   SupervisorSettings supervisor;
@@ -45,9 +50,13 @@ struct Settings {
     section("rehearsal", rehearsal);
     section("fluoroscopy", fluoroscopy);
     extractors.visit(v);
-    section("search", search);
-    section("search_starts", search_starts);
-    section("tracking", tracking);
+    v.choice("method", method, {OrientedKernelSettings::kName, IterativePnpSettings::kName});
+    v.integer("starts", starts, 0, 100000);
+    section(OrientedKernelSettings::kName, oriented_kernel);
+    v.section(IterativePnpSettings::kName, [&](SettingsVisitor& inner) {
+      inner.section("search", [&](SettingsVisitor& s) { search.visit(s); });
+      inner.section("tracking", [&](SettingsVisitor& s) { tracking.visit(s); });
+    });
     section("tracker", tracker);
     section(PositionBasedSettings::kName, position_based);
     section("supervisor", supervisor);
@@ -56,9 +65,13 @@ struct Settings {
   ServoLoopSettings loop() const {
     ServoLoopSettings loop;
     loop.extractor = extractors.chosen();
-    loop.search = search;
-    loop.search_starts = search_starts;
-    loop.tracking = tracking;
+    loop.search = loop.tracking = oriented_kernel;
+    if (method == LoopMethod::kIterativePnp) {
+      loop.useIterativePnp();
+      loop.search = search;
+      loop.tracking = tracking;
+    }
+    if (starts > 0) loop.search_starts.count = starts;
     loop.tracker = tracker;
     loop.law = position_based;
     loop.supervisor = supervisor;

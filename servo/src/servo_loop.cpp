@@ -34,7 +34,7 @@ const ServoLoopSettings& checked(const ServoLoopSettings& settings) {
 
 }  // namespace
 
-IterativePnpSettings ServoLoopSettings::searchRegistration() {
+IterativePnpSettings ServoLoopSettings::iterativePnpForSearch() {
   IterativePnpSettings settings;
   settings.prior = PriorForm::kCovariance;
   settings.outside_image = OutsideImage::kIgnore;
@@ -42,19 +42,19 @@ IterativePnpSettings ServoLoopSettings::searchRegistration() {
   return settings;
 }
 
-IterativePnpSettings ServoLoopSettings::trackingRegistration() {
-  IterativePnpSettings settings = searchRegistration();
+IterativePnpSettings ServoLoopSettings::iterativePnpForTracking() {
+  IterativePnpSettings settings = iterativePnpForSearch();
   settings.first_scale_px = 6;
   settings.most_iterations = 20;
   return settings;
 }
 
-StartSettings ServoLoopSettings::searchStarts() {
-  StartSettings starts;
-  starts.count = 12;
-  starts.rotation_std_deg = 2;
-  starts.translation_std_mm = 6;
-  return starts;
+void ServoLoopSettings::useIterativePnp() {
+  search = iterativePnpForSearch();
+  tracking = iterativePnpForTracking();
+  search_starts.count = 12;
+  search_starts.rotation_std_deg = 2;
+  search_starts.translation_std_mm = 6;
 }
 
 ServoLoop::ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree)

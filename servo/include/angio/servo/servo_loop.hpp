@@ -22,20 +22,20 @@ struct ServoLoopSettings {
   Pose T_dsa_cb = Pose::Identity();  ///< Calibrated: model frame in the patient frame.
   DesiredView view;
 
-  ExtractorSettings extractor = OtsuSettings{};
-  RegistrationSettings search = searchRegistration();  ///< While nothing is tracked ...
-  StartSettings search_starts = searchStarts();
-  RegistrationSettings tracking = trackingRegistration();  ///< ... and from frame to frame.
+  ExtractorSettings extractor = RidgeSettings{};
+  RegistrationSettings search = OrientedKernelSettings{};  ///< While nothing is tracked ...
+  StartSettings search_starts;
+  RegistrationSettings tracking = OrientedKernelSettings{};  ///< ... and from frame to frame.
   PatientTrackerSettings tracker;
   ServoLawSettings law = PositionBasedSettings{};
   SupervisorSettings supervisor;
 
-  /// iterative_pnp with the prior that calibration gives.
-  static IterativePnpSettings searchRegistration();
-  /// The same from a start that is a few pixels off: small scales only, and an end to its iterations that fits the
+  /// With the paper's method in place of the default: iterative_pnp with the prior that calibration gives, from a dozen
+  /// starts; and from a start that is a few pixels off small scales only, and an end to its iterations that fits the
   /// frame rate.
-  static IterativePnpSettings trackingRegistration();
-  static StartSettings searchStarts();
+  void useIterativePnp();
+  static IterativePnpSettings iterativePnpForSearch();
+  static IterativePnpSettings iterativePnpForTracking();
 };
 
 /// What the loop made of one frame.
