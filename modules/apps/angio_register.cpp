@@ -54,7 +54,8 @@ cv::Mat pictureOf(const std::vector<SeenView>& views, const VesselTree& tree, co
 RegistrationResult searched(Registration& registration, const std::vector<SeenView>& seen, const Pose& initial,
                             const StartSettings& starts) {
   XrayViews views;
-  for (const SeenView& view : seen) views.push_back({view.centerline, view.camera, view.T_view_first});
+  for (const SeenView& view : seen)
+    views.push_back({view.centerline, view.camera, view.T_view_first, view.collimator_px});
   constexpr int kSteps = 1000;
   ProgressBar bar("searching", kSteps);
   return registration.search(views, {initial, {}}, starts,
@@ -120,6 +121,10 @@ int main(int argc, char** argv) {
            "2D centreline (.csv) of each view; with --image the image is only shown");
   addViews(*seen, "--image", o.files.images, "X-ray image (.png, .tif) or DICOM run (.dcm) of each view");
   app.add_option("--frame", o.files.frames, "Frame of a run or of a TIFF, from 0; once for all images or for each")
+      ->allow_extra_args(false)
+      ->check(CLI::Range(0, 1000000));
+  app.add_option("--mask-frame", o.files.mask_frames,
+                 "Frame of the same file without contrast agent, which is subtracted; once for all images or for each")
       ->allow_extra_args(false)
       ->check(CLI::Range(0, 1000000));
   app.add_option("--initial-pose", o.files.initial_pose,

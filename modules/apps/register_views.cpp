@@ -6,6 +6,8 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
+#include "angio/imaging/open_field.hpp"
+#include "angio/imaging/subtraction.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"
@@ -23,15 +25,14 @@ bool isPlainPicture(const std::string& path) {
          extension == ".TIF" || extension == ".TIFF";
 }
 
-int frameOf(const ViewFiles& files, std::size_t view) {
-  if (files.frames.empty()) return 0;
-  return files.frames[std::min(view, files.frames.size() - 1)];
+int frameOf(const std::vector<int>& frames, std::size_t view) {
+  return frames.empty() ? 0 : frames[std::min(view, frames.size() - 1)];
 }
 
 // The run's geometry at a view's frame, where something is asked of it that no other file says.
 std::optional<XaGeometry> geometryOf(const ViewFiles& files, std::size_t view) {
   if (!files.cameras.empty() && !(view == 0 && files.initial_pose.empty())) return std::nullopt;
-  return XaRun(files.images[view]).geometry(frameOf(files, view));
+  return XaRun(files.images[view]).geometry(frameOf(files.frames, view));
 }
 
 const Pose& poseByAngles(const std::optional<XaGeometry>& geometry, const std::string& image, const char* option) {
@@ -50,7 +51,19 @@ Pose treeInPatient(const ViewFiles& files, const VesselTree& tree, std::vector<s
 }
 
 cv::Mat imageOf(const ViewFiles& files, std::size_t view, const XrayCamera& camera) {
-  return files.images.empty() ? cv::Mat() : readXrayImage(files.images[view], camera, frameOf(files, view));
+  if (files.images.empty()) return {};
+  const cv::Mat image = readXrayImage(files.images[view], camera, frameOf(files.frames, view));
+  if (files.mask_frames.empty()) return image;
+  return subtracted(image, readXrayImage(files.images[view], camera, frameOf(files.mask_frames, view)));
+}
+
+// The centreline and the open field of an image; the shutters are where they are, also when a mask was subtracted.
+void look(const ViewFiles& files, std::size_t index, CenterlineExtractor& extractor, SeenView& view) {
+  view.centerline = vesselsToMatch(extractor.extract(view.image));
+  const bool whole = files.mask_frames.empty();
+  const cv::Mat plain =
+      whole ? view.image : readXrayImage(files.images[index], view.camera, frameOf(files.frames, index));
+  view.collimator_px = findOpenField(plain).polygon_px;
 }
 
 }  // namespace
@@ -73,6 +86,8 @@ void ViewFiles::check() const {
   if (!centerlines.empty()) check("--centerline", centerlines.size(), views, "one for each camera");
   if (!images.empty()) check("--image", images.size(), views, "one for each camera");
   if (frames.size() > 1) check("--frame", frames.size(), views, "one for all images, or one for each");
+  if (mask_frames.size() > 1) check("--mask-frame", mask_frames.size(), views, "one for all images, or one for each");
+  if (!mask_frames.empty() && images.empty()) throw CLI::ValidationError("--mask-frame", "is of --image");
   if (!view_poses.empty() || !cameras.empty()) {
     check("--view-pose", view_poses.size(), views - 1, "one for each camera but the first");
   }
@@ -85,7 +100,8 @@ SeenViews readViews(const ViewFiles& files, const VesselTree& tree, CenterlineEx
   for (std::size_t v = 0; v < count; ++v) {
     const auto geometry = geometryOf(files, v);
     const std::string image = files.images.empty() ? "" : files.images[v];
-    SeenView view{files.cameras.empty() ? geometry->camera : readCamera(files.cameras[v]), Pose::Identity(), {}, {}};
+    SeenView view{
+        files.cameras.empty() ? geometry->camera : readCamera(files.cameras[v]), Pose::Identity(), {}, {}, {}};
     if (v == 0 && geometry) T_first_patient = geometry->T_camera_patient;
     if (v == 0) {
       seen.T_camera_model = files.initial_pose.empty() ? poseByAngles(geometry, image, "--initial-pose") *
@@ -101,7 +117,7 @@ SeenViews readViews(const ViewFiles& files, const VesselTree& tree, CenterlineEx
     view.image = imageOf(files, v, view.camera);
     if (files.centerlines.empty()) {
       const Stopwatch stage;
-      view.centerline = vesselsToMatch(extractor.extract(view.image));
+      look(files, v, extractor, view);
       seen.image_s += stage.seconds();
     } else {
       view.centerline = readCenterline(files.centerlines[v]);

@@ -17,7 +17,8 @@ namespace angio {
 /// The files of angio-register's views, in their order; each list has one entry for each view or is empty.
 struct ViewFiles {
   std::vector<std::string> cameras, view_poses, centerlines, images;
-  std::vector<int> frames;  ///< Of the images; one is for all of them.
+  std::vector<int> frames;       ///< Of the images; one is for all of them.
+  std::vector<int> mask_frames;  ///< Without contrast agent, to be subtracted; one is for all images, none for none.
   std::string initial_pose, t_dsa_cb;
 
   /// Throws CLI::ValidationError for what the command line can say wrongly of the views.
@@ -30,6 +31,7 @@ struct SeenView {
   Pose T_view_first = Pose::Identity();
   cv::Mat image;  ///< Empty when none is given.
   Centerline2d centerline;
+  std::vector<Eigen::Vector2d> collimator_px;  ///< The open field that the image shows; empty: all is open.
 };
 
 /// All views and where the tree is thought to be.

@@ -113,6 +113,11 @@ TEST(Inspect, TwoRunsStandByTheirAngles) {
   EXPECT_EQ(json["assumed"].size(), 5U) << json["assumed"];
 }
 
+TEST(Inspect, AMaskFrameIsSubtracted) {
+  // A frame less itself shows nothing.
+  EXPECT_EQ(registered({"--frame", "2", "--mask-frame", "2"})["status"], "too_few_points");
+}
+
 TEST(Inspect, RegistrationRefusesWhatSaysTooLittle) {
   const std::vector<std::string> tree = {"--tree", phantom("tree.csv")};
   const auto ended = [&](std::vector<std::string> arguments) {
@@ -124,6 +129,8 @@ TEST(Inspect, RegistrationRefusesWhatSaysTooLittle) {
   EXPECT_EQ(ended({"--image", png, "--camera", phantom("im5_camera.yaml")}).exit_code, 2);
   EXPECT_EQ(ended({"--image", kRun, "--initial-pose", pose, "--t-dsa-cb", pose}).exit_code, 2);
   EXPECT_EQ(ended({"--image", kRun, "--frame", "0", "--frame", "1"}).exit_code, 2);
+  EXPECT_EQ(ended({"--image", kRun, "--mask-frame", "0", "--mask-frame", "1"}).exit_code, 2);
+  EXPECT_EQ(ended({"--image", kRun, "--mask-frame", "3"}).exit_code, 1);
   const auto far = ended({"--image", kRun, "--frame", "3"});
   EXPECT_EQ(far.exit_code, 1);
   EXPECT_THAT(far.err, HasSubstr("im5.dcm: frame = 3: must lie between 0 and 2"));
