@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [paper] [table1] [clinical] [phantom] [seeds] [speed]      (all by default)
-# With ANGIO_SHARED_DATA naming a folder that holds brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer.
+#   examples/figures.sh [rows] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [speed] [sheet]
+# Without a name: rows, seeing, paper, table1, seeds and speed. With ANGIO_SHARED_DATA naming a folder that holds
+# brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=build/bin
@@ -72,6 +73,47 @@ phantom() {
   done
 }
 
+# From X-ray images: how well centrelines are found, and what becomes of the registration.
+seeing() {
+  local shared="${ANGIO_SHARED_DATA:-}" tree_of
+  local liver=(--tree examples/data/hepatic-tace/tree.csv --model-axes lip) coronary=(--tree examples/data/static-phantom/tree.csv)
+  echo; echo "### Centrelines in simulated angiograms, vessels of 1-6 mm: liver, then coronary arteries"
+  "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7
+  echo; "$bin"/angio-evaluate extraction "${coronary[@]}" --trials "${TRIALS:-40}" --seed 7
+  echo; echo "### Centrelines in real frames: static phantom against the fitted tree, ARCADE against polygons"
+  "$bin"/angio-evaluate extraction --cases examples/data/static-phantom/cases.yaml
+  if [ -d "$shared/arcade-sample" ]; then
+    echo; "$bin"/angio-evaluate extraction --annotations "$shared/arcade-sample/annotations.json"
+  fi
+  echo; echo "### Registration from images (the rows of registration: 1 px of noise is the dose's here, curves are wires)"
+  for tree_of in liver coronary; do
+    local -n chosen=$tree_of
+    local simulate=("$bin"/angio-evaluate simulation "${chosen[@]}" --from images --method oriented_kernel --trials "${TRIALS:-40}" --seed 11)
+    echo; echo "$tree_of, 2 deg / 5 mm"; "${simulate[@]}"
+    echo; echo "$tree_of, 5 deg / 10 mm"; "${simulate[@]}" --rotation-std-deg 5 --translation-std-mm 10
+    echo; echo "$tree_of, half in view, 5 wires, 2 deg / 5 mm"; "${simulate[@]}" --visible-fraction 0.5 --spurious 5
+    echo; echo "$tree_of, the same, two views, 5 deg / 10 mm"
+    "${simulate[@]}" --visible-fraction 0.5 --spurious 5 --views 2 --rotation-std-deg 5 --translation-std-mm 10
+  done
+  echo; echo "### The whole chain on a run of 150 frames, tracked: image to pose"
+  "$bin"/angio-simulate --out "$work/run" --frames 150 --start-primary-deg 10 --end-primary-deg 30 --start-rotation-deg 1 --start-translation-mm 3
+  "$bin"/angio-evaluate cases "$work/run/cases.yaml" --method oriented_kernel --out "$work/run.json"
+  grep -A4 '"total": {' "$work/run.json" | tail -5
+}
+
+# Needs ITK, and VMTK's data and liver masks under ANGIO_SHARED_DATA.
+volumes() {
+  local shared="${ANGIO_SHARED_DATA:?names the folder with vmtk-aorta and msd-hepatic-masks}" mask timed=()
+  [ -x /usr/bin/time ] && timed=(/usr/bin/time -f "%e s, %M KiB at most")
+  echo; echo "### Vessel trees from volumes: aorta against VMTK's centrelines, then masks of liver vessels"
+  "$bin"/angio-extract-tree "$shared/vmtk-aorta/aorta-final-levelset.mha" --threshold 0 --inside below --ends sphere \
+    --out "$work/aorta.csv" --compare "$shared/vmtk-aorta/aorta-centerline.vtp" --compare-frame RAS
+  for mask in 002 008 010; do
+    echo; "${timed[@]}" "$bin"/angio-extract-tree "$shared/msd-hepatic-masks/hepaticvessel_${mask}_vsnet.nii.gz" \
+      --label 1 --label 2 --out "$work/liver$mask.csv"
+  done
+}
+
 seeds() {
   echo; echo "### Closed and open loop, final error by seed"
   printf '| seed | closed loop: view [deg] | target [mm] | open loop: view [deg] | target [mm] |\n| --- | --- | --- | --- | --- |\n'
@@ -81,11 +123,19 @@ seeds() {
   done
 }
 
+# What extractors see in the real images, and in simulated ones: a picture to look at.
+sheet() {
+  local images=(--image examples/data/fevar-aaa-phantom/image.png --cases examples/data/static-phantom/cases.yaml)
+  [ -d "${ANGIO_SHARED_DATA:-}/arcade-sample" ] && images+=(--annotations "$ANGIO_SHARED_DATA/arcade-sample/annotations.json")
+  "$bin"/angio-evaluate extraction "${images[@]}" --tree examples/data/hepatic-tace/tree.csv --model-axes lip --trials 5 \
+    --extractor ridge --sheet "${SHEET:-seeing.jpg}" --columns 5 --side-px 400
+}
+
 speed() {
   echo; echo "### Time per stage, one thread"
   "$bin"/angio-benchmark --benchmark_min_time=0.5 2>/dev/null
 }
 
-for part in "${@:-rows paper table1 seeds speed}"; do
+for part in "${@:-rows seeing paper table1 seeds speed}"; do
   for one in $part; do "$one"; done
 done
