@@ -43,7 +43,10 @@ std::uintmax_t unpackedBytes(const std::string& path, std::uintmax_t first, std:
 }  // namespace
 
 std::string beginningOf(const std::string& path, std::size_t most_bytes) {
-  if (!std::filesystem::is_regular_file(path)) throw InputError(path, "", "", "must be a file that can be read");
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) {
+    throw InputError(path, "", "", "must be a file that can be read");
+  }
   std::ifstream file(path, std::ios::binary);
   std::string bytes(most_bytes, '\0');
   file.read(bytes.data(), static_cast<std::streamsize>(most_bytes));
@@ -101,7 +104,8 @@ std::string dataFileBeside(const std::string& path, const std::string& field, st
     throw InputError(path, field, std::string(name.substr(0, 40)),
                      "must be the plain name of one file in the same folder");
   const auto data = std::filesystem::path(path).parent_path() / std::string(name);
-  if (!std::filesystem::is_regular_file(data)) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(data, ignored)) {
     throw InputError(path, field, std::string(name), "must be a file in the same folder");
   }
   return data.string();

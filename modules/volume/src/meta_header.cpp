@@ -18,9 +18,9 @@ struct MetaHeader {
 };
 
 std::string_view trimmed(std::string_view text) {
-  const auto first = text.find_first_not_of(" \t\r");
+  const auto first = text.find_first_not_of(" \t");
   if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+  return text.substr(first, text.find_last_not_of(" \t") - first + 1);
 }
 
 MetaHeader parseHeader(const std::string& path) {
@@ -32,9 +32,10 @@ MetaHeader parseHeader(const std::string& path) {
     const std::size_t end = text.find('\n', at);
     if (end == std::string::npos || end - at > kLongestLine)
       throw InputError(place, "", "", "the header's line is cut or too long");
-    const std::string_view line = std::string_view(text).substr(at, end - at);
+    std::string_view line = std::string_view(text).substr(at, end - at);
     at = end + 1;
-    if (std::any_of(line.begin(), line.end(), [](unsigned char c) { return c < 32 && c != '\t' && c != '\r'; })) {
+    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+    if (std::any_of(line.begin(), line.end(), [](unsigned char c) { return c < 32 && c != '\t'; })) {
       throw InputError(place, "", "", "the header must be text");
     }
     const auto equals = line.find('=');
@@ -97,7 +98,12 @@ void checkMetaHeader(const std::string& path) {
   }
   if (!find("HeaderSize").empty() && find("HeaderSize") != "0")
     throw InputError(path, "HeaderSize", find("HeaderSize"), "must be 0");
-  if (find("BinaryData") == "False") throw InputError(path, "BinaryData", "False", "must be True");
+  if (!find("BinaryData").empty() && find("BinaryData") != "True") {
+    throw InputError(path, "BinaryData", find("BinaryData").substr(0, 40), "must be True");
+  }
+  if (!find("CompressedData").empty() && find("CompressedData") != "True" && find("CompressedData") != "False") {
+    throw InputError(path, "CompressedData", find("CompressedData").substr(0, 40), "must be True or False");
+  }
   const std::uintmax_t wanted = voxels * bytesOfType(path, need("ElementType"));
   const std::string& data_name = need("ElementDataFile");
   const bool local = data_name == "LOCAL" || data_name == "Local" || data_name == "local";

@@ -44,7 +44,8 @@ const VolumeFormat kFormats[] = {
 }  // namespace
 
 Volume readVolume(const std::string& path) {
-  if (std::filesystem::is_directory(path)) return readDicomSeries(path);
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return readDicomSeries(path);
   const std::string name = inSmallLetters(path);
   std::string known;
   for (const VolumeFormat& format : kFormats) {

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
+#include <cstdint>
 #include <cstring>
 
 #include "angio/base/errors.hpp"
@@ -92,7 +94,11 @@ class LegacyText {
     return value;
   }
 
-  int count(const std::string& field) { return static_cast<int>(number(field, 0, kMostNumbers)); }
+  std::size_t count(const std::string& field) {
+    const double value = number(field, 0, kMostNumbers);
+    if (value != std::floor(value)) refuse(field, shown(value), "must be an integer");
+    return static_cast<std::size_t>(value);
+  }
 
   // The numbers behind a keyword's line, each within [low, high].
   std::vector<double> numbers(const std::string& field, std::size_t count, std::string_view type, double low,
@@ -126,7 +132,7 @@ class LegacyText {
 };
 
 std::vector<std::vector<int>> readCells(LegacyText& text, std::size_t points) {
-  const int first = text.count("cells"), second = text.count("size");
+  const std::size_t first = text.count("cells"), second = text.count("size");
   const double last_point = static_cast<double>(points) - 1;
   std::vector<std::vector<int>> cells;
   const auto add = [&](const std::vector<double>& numbers, std::size_t from, std::size_t to) {
@@ -134,16 +140,16 @@ std::vector<std::vector<int>> readCells(LegacyText& text, std::size_t points) {
       text.refuse("cell", std::to_string(cells.size()), "must not fall or end beyond all");
     auto& cell = cells.emplace_back();
     for (std::size_t i = from; i < to; ++i) {
-      if (!(numbers[i] >= 0 && numbers[i] <= last_point)) {
+      if (!(numbers[i] >= 0 && numbers[i] <= last_point && numbers[i] == std::floor(numbers[i]))) {
         text.refuse("point of cell " + std::to_string(cells.size() - 1), shown(numbers[i]), "must be one of the file");
       }
       cell.push_back(static_cast<int>(numbers[i]));
     }
   };
   if (text.version() < 5) {
-    const auto numbers = text.numbers("cells", static_cast<std::size_t>(second), "int", 0, kMostNumbers);
+    const auto numbers = text.numbers("cells", second, "int", 0, kMostNumbers);
     std::size_t at = 0;
-    for (int i = 0; i < first; ++i) {
+    for (std::size_t i = 0; i < first; ++i) {
       if (at == numbers.size()) text.refuse("cells", std::to_string(i), "must be " + std::to_string(first));
       const auto corners = static_cast<std::size_t>(numbers[at]);
       add(numbers, at + 1, at + 1 + corners);
@@ -152,9 +158,9 @@ std::vector<std::vector<int>> readCells(LegacyText& text, std::size_t points) {
     return cells;
   }
   if (text.word() != "OFFSETS") text.refuse("keyword", "", "must be OFFSETS");
-  const auto offsets = text.numbers("offsets", static_cast<std::size_t>(first), text.word(), 0, kMostNumbers);
+  const auto offsets = text.numbers("offsets", first, text.word(), 0, kMostNumbers);
   if (text.word() != "CONNECTIVITY") text.refuse("keyword", "", "must be CONNECTIVITY");
-  const auto corners = text.numbers("connectivity", static_cast<std::size_t>(second), text.word(), 0, kMostNumbers);
+  const auto corners = text.numbers("connectivity", second, text.word(), 0, kMostNumbers);
   for (std::size_t i = 1; i < offsets.size(); ++i) {
     add(corners, static_cast<std::size_t>(offsets[i - 1]), static_cast<std::size_t>(offsets[i]));
   }
@@ -168,12 +174,13 @@ Surface readVtkSurface(const std::string& path) {
   LegacyText text(path, content);
   Surface surface;
   for (std::string_view key = text.word(); !key.empty(); key = text.word()) {
-    if (key == "POINT_DATA" || key == "CELL_DATA" || key == "FIELD") break;
+    if (key == "POINT_DATA" || key == "CELL_DATA") break;
     if (key == "METADATA") {
       text.line();
       while (!text.line().empty()) continue;  // Ends with a blank line.
     } else if (key == "POINTS") {
-      const auto count = static_cast<std::size_t>(text.count("points"));
+      if (surface.points_mm.cols() > 0) text.refuse("POINTS", "", "must not be given twice");
+      const std::size_t count = text.count("points");
       const auto numbers = text.numbers("position_mm", 3 * count, text.word(), -1e4, 1e4);
       surface.points_mm = Eigen::Map<const Eigen::Matrix3Xd>(numbers.data(), 3, static_cast<Eigen::Index>(count));
     } else if (key == "VERTICES" || key == "LINES" || key == "POLYGONS" || key == "TRIANGLE_STRIPS") {
