@@ -39,7 +39,8 @@ double finiteOr(const DicomFile& file, const DicomTag& tag, double otherwise) {
 }  // namespace
 
 bool isDicomFile(const std::string& path) {
-  if (!std::filesystem::is_regular_file(path)) return false;
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return false;
   std::string beginning(132, '\0');
   std::ifstream(path, std::ios::binary).read(beginning.data(), static_cast<std::streamsize>(beginning.size()));
   return startsAsDicom(beginning);

@@ -16,6 +16,8 @@ namespace angio {
 namespace {
 
 constexpr tmsize_t kLargestBlock = tmsize_t{1} << 29;  // 8192 x 8192 x 3 channels of 16 bits fit.
+// Deflate, the closest of the usual ways to pack, makes a thousand bytes of one.
+constexpr tmsize_t kLargestFromNothing = tmsize_t{1} << 24, kMostUnpacked = 4096;
 
 struct TiffReading {
   const std::string& content;
@@ -102,7 +104,7 @@ TiffLayout readLayout(const std::string& path, TIFF* tiff) {
 }
 
 // A strip is a tile as wide as the image.
-bool readBlocks(TIFF* tiff, const TiffLayout& layout, cv::Mat& image) {
+bool readBlocks(TIFF* tiff, const TiffLayout& layout, std::size_t file_bytes, cv::Mat& image) {
   const bool tiled = TIFFIsTiled(tiff) != 0;
   std::uint32_t block_width = layout.width, block_height = layout.height;
   if (tiled) {
@@ -114,6 +116,8 @@ bool readBlocks(TIFF* tiff, const TiffLayout& layout, cv::Mat& image) {
   }
   const tmsize_t size = tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff);
   if (block_width == 0 || block_height == 0 || size <= 0 || size > kLargestBlock) return false;
+  // Memory is not given for pixels that the file has no room for.
+  if (size > kLargestFromNothing && size / kMostUnpacked > static_cast<tmsize_t>(file_bytes)) return false;
   const std::size_t pixel = image.elemSize(), stride = block_width * pixel;
   std::vector<unsigned char> block(static_cast<std::size_t>(size));
   for (std::uint32_t y = 0; y < layout.height; y += block_height) {
@@ -146,7 +150,7 @@ cv::Mat decodeTiff(const std::string& path, const std::string& content, int page
   const TiffLayout layout = readLayout(path, tiff.get());
   cv::Mat image(static_cast<int>(layout.height), static_cast<int>(layout.width),
                 CV_MAKETYPE(layout.bits == 16 ? CV_16U : CV_8U, layout.channels));
-  if (!readBlocks(tiff.get(), layout, image)) throw broken(path, reading);
+  if (!readBlocks(tiff.get(), layout, content.size(), image)) throw broken(path, reading);
   if (layout.photometric == PHOTOMETRIC_MINISWHITE) {
     cv::subtract(cv::Scalar::all(layout.bits == 16 ? 65535 : 255), image, image);
   }
