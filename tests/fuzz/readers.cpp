@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "readers.hpp"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <opencv2/core.hpp>
+#include <stdexcept>
+
+#include "angio/base/errors.hpp"
+#include "angio/calibration/carm_calibration.hpp"
+#include "angio/imaging/extractor_sections.hpp"
+#include "angio/io/camera_files.hpp"
+#include "angio/io/case_files.hpp"
+#include "angio/io/centerline_files.hpp"
+#include "angio/io/dicom_slices.hpp"
+#include "angio/io/displacement_files.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/polygon_files.hpp"
+#include "angio/io/pose_files.hpp"
+#include "angio/io/settings_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/io/xa_files.hpp"
+#include "value_checks.hpp"
+
+namespace angio::test {
+namespace {
+
+constexpr int kPoints = 4;  // Of the tree that the corpus's displacements are for.
+
+void readTree(const std::string& path) { checkTree(readVesselTree(path)); }
+
+void readLine(const std::string& path) { checkCenterline(readCenterline(path)); }
+
+void readShifts(const std::string& path) {
+  const Eigen::Matrix3Xd shifts = readDisplacements(path, kPoints);
+  promised(shifts.cols() == kPoints && shifts.allFinite(), "each point is displaced");
+}
+
+void readImage(const std::string& path) {
+  const XrayFrames frames(path);
+  promised(frames.count() >= 1, "a file has a frame");
+  for (int i = 0; i < std::min(frames.count(), 3); ++i) checkFrame(frames.frame(i));
+}
+
+void readRun(const std::string& path) {
+  const XaRun run(path);
+  promised(run.frames() >= 1, "a run has a frame");
+  for (const XaMask& mask : run.masks()) {
+    for (const int frame : mask.mask_frames) promised(frame >= 0 && frame < run.frames(), "masks are frames");
+  }
+  for (int frame = 0; frame < std::min(run.frames(), 3); ++frame) {
+    const XaGeometry geometry = run.geometry(frame);
+    checkCamera(geometry.camera);
+    promised(geometry.table_shift_m.allFinite(), "the table stands somewhere");
+    if (geometry.T_camera_patient) checkPose(*geometry.T_camera_patient);
+    checkFrame(run.image(frame));
+  }
+}
+
+void readSlice(const std::string& path) {
+  const DicomSlice slice = readDicomSlice(path);
+  promised(slice.first_pixel_mm.allFinite() && (slice.spacing_mm.array() > 0).all(), "a slice has its place");
+  promised(slice.values.type() == CV_32FC1 && cv::checkRange(slice.values), "values are finite");
+}
+
+void readACamera(const std::string& path) { checkCamera(readCamera(path)); }
+
+void readAPose(const std::string& path) {
+  const PoseFile pose = readPose(path);
+  checkPose(pose.T_camera_model);
+  if (pose.covariance) promised(pose.covariance->allFinite(), "a covariance is finite");
+}
+
+void readSomeSettings(const std::string& path) {
+  ExtractorSections settings = readSettings(path, ExtractorSections{});
+  checkSettings("settings", settings);
+  promised(!settingsAsJson(settings).dump().empty(), "settings can be written");
+}
+
+void readCases(const std::string& path) {
+  const CaseSet set = readCaseSet(path);
+  promised(!set.cases.empty(), "a set has a case");
+  for (const Case& one : set.cases) {
+    promised(!one.name.empty() && !one.tree_path.empty() && !one.views.empty(), "a case has a name, a tree, a view");
+    checkPose(one.initial_pose);
+    for (const View& view : one.views) {
+      checkCamera(view.camera);
+      checkPose(view.T_view_first);
+      promised(view.centerline_path || view.image_path, "a view shows something");
+    }
+  }
+}
+
+void readPolygons(const std::string& path) {
+  for (const AnnotatedImage& image : readCocoPolygons(path)) {
+    promised(image.width_px > 0 && image.height_px > 0 && !image.polygons_px.empty(), "an image has polygons");
+    for (const auto& polygon : image.polygons_px) {
+      promised(polygon.size() >= 3, "a polygon has three corners");
+      for (const auto& corner : polygon) promised(corner.allFinite(), "corners are finite");
+    }
+  }
+}
+
+void readCArm(const std::string& path) { readCArmCalibration(path).check(path); }
+
+std::uint32_t bigEndian(const std::string& bytes, std::size_t at) {
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
+  return value;
+}
+
+// With the checksums of a PNG's chunks as they should be.
+std::string withChecksums(std::string png) {
+  for (std::size_t at = 8; at + 12 <= png.size();) {
+    const std::size_t length = bigEndian(png, at);
+    if (length > png.size() - at - 12) break;
+    const auto sum = crc32(0, reinterpret_cast<const Bytef*>(&png[at + 4]), static_cast<uInt>(length + 4));
+    for (std::size_t i = 0; i < 4; ++i) png[at + 8 + length + i] = static_cast<char>(sum >> (24 - 8 * i));
+    at += length + 12;
+  }
+  return png;
+}
+
+std::vector<FileReader> listedReaders() {
+  std::vector<FileReader> readers = {
+      {"tree_csv", "input.csv", readTree},
+      {"tree_swc", "input.swc", readTree},
+      {"tree_vtp", "input.vtp", readTree},
+      {"tree_vtk", "input.vtk", readTree},
+      {"tree_mrk_json", "input.mrk.json", readTree},
+      {"tree_tre", "input.tre", readTree},
+      {"tree_hmm", "input.txt", readTree},
+      {"centerline", "input.csv", readLine},
+      {"displacements", "input.csv", readShifts},
+      {"image_png", "input.png", readImage, {}, withChecksums},
+      {"image_tiff", "input.tif", readImage},
+      {"image_dicom", "input.dcm", readImage},
+      {"xa_run", "input.dcm", readRun},
+      {"dicom_slice", "input.dcm", readSlice},
+      {"camera_yaml", "input.yaml", readACamera},
+      {"camera_xml", "input.xml", readACamera},
+      {"pose", "input.yaml", readAPose},
+      {"settings", "input.yaml", readSomeSettings},
+      {"case_set", "input.yaml", readCases, {"camera.yaml", "pose.yaml", "tree.csv", "line.csv"}},
+      {"coco_polygons", "input.json", readPolygons},
+      {"carm_calibration", "input.yaml", readCArm},
+  };
+#ifdef ANGIO_HAVE_VOLUMES
+  for (FileReader& reader : volumeReaders()) readers.push_back(std::move(reader));
+#endif
+  return readers;
+}
+
+}  // namespace
+
+const std::vector<FileReader>& fileReaders() {
+  static const std::vector<FileReader> readers = listedReaders();
+  return readers;
+}
+
+std::string corpusOf(const std::string& reader) { return std::string(ANGIO_FUZZ_CORPUS) + "/" + reader; }
+
+std::string placeIn(const std::string& folder, const FileReader& reader) {
+  for (const std::string& name : reader.beside) {
+    std::filesystem::copy_file(corpusOf("beside") + "/" + name, folder + "/" + name,
+                               std::filesystem::copy_options::overwrite_existing);
+  }
+  return folder + "/" + reader.file;
+}
+
+bool isRefused(const FileReader& reader, const std::string& path) {
+  try {
+    reader.read(path);
+    return false;
+  } catch (const InputError& error) {
+    const std::string line = error.what();
+    const std::string folder = std::filesystem::path(path).parent_path().string();
+    promised(line.compare(0, folder.size(), folder) == 0, "a refusal begins with the place");
+    promised(std::none_of(line.begin(), line.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }),
+             "a refusal is one line of text");
+    promised(line.size() < folder.size() + 2000, "a refusal is short enough to be read");
+    return true;
+  }
+}
+
+void promised(bool holds, const char* what) {
+  if (!holds) throw std::logic_error(std::string("promised, and not so: ") + what);
+}
+
+}  // namespace angio::test
