@@ -100,6 +100,61 @@ TEST(RidgeExtractor, StepIsNoVessel) {
   }
 }
 
+// A rib: a tube of 24 px that absorbs 5 % beside vessels of 6 px that absorb 12 %. Over its width that is a tenth of
+// what the vessels hold, and far above the noise.
+TEST(RidgeExtractor, WideFaintShadowBesideVesselsIsNoVessel) {
+  Scene scene;
+  scene.vessels = {{test::straightTube({60, 100}, {450, 130}, 3)}, {test::straightTube({80, 420}, {420, 380}, 3)}};
+  cv::Mat image = test::render(scene);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      const double off = (y - 250.0 - 0.1 * x) / 12;
+      if (std::abs(off) >= 1) continue;
+      auto& value = image.at<std::uint16_t>(y, x);
+      value = static_cast<std::uint16_t>(value * std::exp(-0.05 * std::sqrt(1 - off * off)));
+    }
+  }
+  const Centerline2d found = extract(image);
+  EXPECT_GT(test::coverage(scene, found, 1.5), 0.95);
+  EXPECT_GT(test::precision(scene, found, 3), 0.98);
+  RidgeSettings anything;
+  anything.relative_density = 0;
+  EXPECT_LT(test::precision(scene, extract(image, anything), 3), 0.9);  // It is a line by all else.
+}
+
+// Round tips are 60 % as dark as the tube 0.8 radii beyond their centre; half of a radius and a pixel of noise is what
+// a line may overshoot it.
+TEST(RidgeExtractor, LinesEndWhereTheirVesselsEnd) {
+  for (const double radius : {4.0, 8.0}) {
+    const Scene scene = clinicalScene({{test::straightTube({250, 300}, {760, 640}, radius)}});
+    const Centerline2d found = extract(test::render(scene));
+    ASSERT_EQ(test::branches(found), 1u) << radius;
+    for (const int end : {0, found.size() - 1}) {
+      EXPECT_LT(test::distanceToLines(scene, found.points_px.col(end)), 0.5 * radius + 1) << radius;
+    }
+    EXPECT_GT(test::coverage(scene, found, 3), 0.99) << radius;
+  }
+}
+
+// A thin vessel on a wide one's flank pulls at its fit, or hides it: points there must not claim what they have
+// elsewhere.
+TEST(RidgeExtractor, SigmaGrowsWhereVesselsOverlap) {
+  const Eigen::Vector2d from(100, 500), to(900, 500);
+  const Scene scene =
+      clinicalScene({{test::straightTube(from, to, 12)}, {test::straightTube({400, 513}, {600, 513}, 4)}});
+  const Centerline2d found = extract(test::render(scene));
+  std::vector<double> alone, beside;
+  for (int i = 0; i < found.size(); ++i) {
+    const Eigen::Vector2d p = found.points_px.col(i);
+    if (std::abs(p.y() - 500) > 8) continue;
+    if (p.x() > 430 && p.x() < 570) beside.push_back(found.sigma_px[i]);
+    if (p.x() < 330 || p.x() > 670) alone.push_back(found.sigma_px[i]);
+  }
+  ASSERT_GT(alone.size(), 50u);
+  ASSERT_GT(beside.size(), 20u);
+  EXPECT_GT(test::median(beside), 3 * test::median(alone));
+}
+
 // A slope of the background moves the darkest place of a vessel, but not its middle.
 TEST(RidgeExtractor, SlopeOfTheBackgroundDoesNotMoveTheLine) {
   const Eigen::Vector2d from(256.4, 40), to(256.4, 470);

@@ -21,6 +21,12 @@ constexpr std::size_t kWindow = 24;
 // One line may end at a device, which touches the wall somewhere.
 constexpr int kMostBranches = 1;
 
+// Edges and overlaps of bones and organs absorb less than this; a line that absorbs more is a vessel, however dilute.
+constexpr float kBone = 0.15f;
+
+// Radius of the thinnest vessel that can be seen [working px].
+constexpr float kThinnest = 0.5f;
+
 // What is left of a line after its device is a vessel if it is so long, else it belongs to the device.
 constexpr std::size_t kRest = 16;
 
@@ -109,6 +115,27 @@ void dropAlongBorder(std::vector<CentreLine>& lines, const std::vector<RowRange>
     return 2 * static_cast<std::size_t>(near) > line.line.size();
   };
   lines.erase(std::remove_if(lines.begin(), lines.end(), follows), lines.end());
+}
+
+void dropDilute(std::vector<CentreLine>& lines, float least) {
+  std::vector<float> densities, all, own;
+  for (const CentreLine& line : lines) {
+    own.clear();
+    for (std::size_t i = 0; i < line.line.size(); ++i)
+      own.push_back(line.contrast[i] / std::max(line.radius[i], kThinnest));
+    all.insert(all.end(), own.begin(), own.end());
+    densities.push_back(medianOf(own, 0, own.size()));
+  }
+  if (all.empty()) return;
+  const float needed = least * medianOf(all, 0, all.size());
+  std::size_t kept = 0;
+  for (std::size_t l = 0; l < lines.size(); ++l) {
+    const std::vector<float>& contrast = lines[l].contrast;
+    if (densities[l] < needed && medianOf(contrast, 0, contrast.size()) < kBone) continue;
+    if (kept != l) lines[kept] = std::move(lines[l]);
+    ++kept;
+  }
+  lines.resize(kept);
 }
 
 void tellDevices(std::vector<CentreLine>& lines, const std::vector<RowRange>& open, float shortest) {

@@ -11,6 +11,12 @@ namespace angio {
 /// Drops lines that follow the border of the open part: what is left of its shadow's edge.
 void dropAlongBorder(std::vector<CentreLine>& lines, const std::vector<RowRange>& open);
 
+/// Drops faint lines that are too wide for their contrast: ribs, vertebrae and the edges of organs.
+///
+/// Contrast over diameter is what a vessel's content absorbs per length, which is alike wherever contrast agent has
+/// come. A line goes when its own (median) is below `least` times that of all lines' points, unless no bone is so dark.
+void dropDilute(std::vector<CentreLine>& lines, float least);
+
 /// Finds catheters and guidewires among the lines of one image and sets their kind; a line that is a device first and a
 /// vessel then is cut in two.
 ///

@@ -66,6 +66,7 @@ class RidgeExtractor final : public CenterlineExtractor {
     clean(graph, static_cast<float>(grid.scale));
     std::vector<CentreLine> lines = (*fitting_)(graph, *scales_);
     dropAlongBorder(lines, open_);
+    dropDilute(lines, static_cast<float>(settings_.relative_density));
     tellDevices(lines, open_, kShortestDevice * static_cast<float>(std::min(grid.size.width, grid.size.height)));
     return sampled(lines, grid, settings_.spacing_px);
   }

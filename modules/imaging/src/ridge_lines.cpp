@@ -9,13 +9,20 @@ namespace angio {
 namespace {
 
 constexpr float kStairFilter = 2.5f;   // Takes the staircase of the pixel grid out of a line [working px].
-constexpr float kOffsetFilter = 3.0f;  // Over how far fits are averaged [working px], or over 0.5 radii.
+constexpr float kOffsetFilter = 1.5f;  // Over how far fits are averaged [working px], or over 0.5 radii.
 constexpr int kSteps = 2;              // Of Gauss and Newton at each point.
 constexpr float kThinnest = 0.5f;      // Radius [working px].
 constexpr int kFitEvery = 2;           // Fits are made at every other point: nearer ones share their noise.
 
 // What no noise explains: vessels bend, taper and are not round [working px].
-constexpr float kModelSigma = 0.04f;
+constexpr float kModelSigma = 0.025f;
+
+// What else than noise a fit leaves, in its contrast, moves the middle by so many radii: another vessel or a bone's
+// edge on its flank. Squared misfits of up to this many times the noise's are chance.
+constexpr float kBias = 2, kChance = 2;
+
+// Where vessels meet, a line's way is a guess, and is wrong by this part of the junction's radius.
+constexpr float kGuess = 0.3f;
 
 // Noise of an image under a Gaussian filter is the same over 2 sqrt(pi) of its standard deviations.
 constexpr float kCorrelation = 3.5449f;
@@ -23,9 +30,11 @@ constexpr float kCorrelation = 3.5449f;
 // A tube leaves less than this part of its contrast where it is alone.
 constexpr float kWorstMisfit = 0.2f;
 
-// Tails of lines are fainter than this part of them, and not longer than this many radii.
-constexpr float kTailContrast = 0.35f, kTailRadii = 3;
+// A vessel ends where it is fainter than this part of what it is over the fits next to its end. What is taken off is
+// not longer than this many radii.
+constexpr float kTailContrast = 0.6f, kTailRadii = 3;
 constexpr std::size_t kFewFits = 6;
+constexpr std::size_t kTipFits = 16;
 
 // Templates are thinner than this many radii of the image's own blur.
 constexpr float kBlurPart = 0.35f;
@@ -63,7 +72,9 @@ RidgeFitting::Point RidgeFitting::fitAt(const RidgeScales& scales, const cv::Poi
         std::clamp(tube.radius + std::clamp(fit.growth, -0.3f * tube.radius, 0.4f * tube.radius), kThinnest, largest_);
     const float noise = scales.noiseAt(image, p);
     const float correlated = std::sqrt(std::max(1.0f, kCorrelation * image.sigma / tube.step));
-    point.sigma = std::max(noise * correlated, point.misfit) * tube.shift_noise / fit.contrast;
+    const float excess = std::sqrt(std::max(0.0f, point.misfit * point.misfit - kChance * noise * noise));
+    point.sigma = noise * correlated * tube.shift_noise / fit.contrast;
+    point.bias = kBias * excess / fit.contrast * point.radius;
     point.valid = std::abs(point.offset) < std::max(1.5f, 0.8f * point.radius) &&
                   fit.contrast > 2 * noise * tube.contrast_noise && point.misfit < kWorstMisfit * fit.contrast + noise;
   }
@@ -99,28 +110,30 @@ std::vector<RidgeFitting::Point> RidgeFitting::fitAlong(const SkeletonGraph& gra
 }
 
 // Takes off what thinning leaves at blunt tips, and what runs on into the background: there no tube fits, or one that
-// is much fainter than the rest of the line.
+// is much fainter than the line next to it.
 void RidgeFitting::trim(Track& track, std::vector<Point>& points) {
-  std::vector<float> contrasts;
-  for (const Point& p : points) {
-    if (p.valid) contrasts.push_back(p.contrast);
-  }
-  if (track.closed || contrasts.size() < kFewFits) return;
-  const auto middle = contrasts.begin() + static_cast<std::ptrdiff_t>(contrasts.size() / 2);
-  std::nth_element(contrasts.begin(), middle, contrasts.end());
+  if (track.closed) return;
   const auto n = static_cast<std::ptrdiff_t>(points.size());
-  const auto fits = [&](std::ptrdiff_t i) {
-    const Point& p = points[i - i % kFitEvery];
-    return p.valid && p.contrast > kTailContrast * *middle;
+  const auto taken = [&](const auto& place, float radius) {
+    std::vector<float> contrasts;
+    for (std::ptrdiff_t i = 0; i < n && contrasts.size() < kTipFits; ++i) {
+      if (points[place(i)].valid) contrasts.push_back(points[place(i)].contrast);
+    }
+    if (contrasts.size() < kFewFits) return std::ptrdiff_t{0};
+    const auto middle = contrasts.begin() + static_cast<std::ptrdiff_t>(contrasts.size() / 2);
+    std::nth_element(contrasts.begin(), middle, contrasts.end());
+    const auto fits = [&](std::ptrdiff_t i) {
+      const Point& p = points[place(i) - place(i) % kFitEvery];
+      return p.valid && p.contrast > kTailContrast * *middle;
+    };
+    const auto most = std::min<std::ptrdiff_t>(n / 3, std::lround(kTailRadii * radius + 4));
+    std::ptrdiff_t count = 0;
+    while (count < most && !fits(count)) ++count;
+    return count;
   };
-  const auto most = [&](float radius) { return std::min<std::ptrdiff_t>(n / 3, std::lround(kTailRadii * radius + 4)); };
   std::ptrdiff_t first = 0, last = n;
-  if (track.begin < 0) {
-    while (first < most(track.radius.front()) && !fits(first)) ++first;
-  }
-  if (track.end < 0) {
-    while (n - last < most(track.radius.back()) && !fits(last - 1)) --last;
-  }
+  if (track.begin < 0) first = taken([](std::ptrdiff_t i) { return i; }, track.radius.front());
+  if (track.end < 0) last = n - taken([n](std::ptrdiff_t i) { return n - 1 - i; }, track.radius.back());
   first -= first % kFitEvery;
   const auto keep = [&](auto& values) {
     values.erase(values.begin() + last, values.end());
@@ -147,9 +160,10 @@ void RidgeFitting::recentre(Track& track, std::vector<Point>& points, float filt
         const Point& p = points[j];
         if (!p.valid) continue;
         const float d = static_cast<float>(j - i) / (sigma * widening), near = std::exp(-0.5f * d * d);
-        const float sure = near / (p.sigma * p.sigma + kModelSigma * kModelSigma);
+        const float sure = near / (p.sigma * p.sigma + p.bias * p.bias + kModelSigma * kModelSigma);
         total += sure;
         offset += sure * p.offset;
+        mean.bias += near * p.bias;
         variance += sure * p.sigma * p.sigma;
         weights += near;
         weights2 += near * near;
@@ -164,9 +178,10 @@ void RidgeFitting::recentre(Track& track, std::vector<Point>& points, float filt
       to.radius = (mean.radius - 1) / weights;
       to.contrast = mean.contrast / weights;
       to.misfit = mean.misfit / weights;
+      to.bias = mean.bias / weights;
       // Noise is the same over some pixels along the line as well: averaging gains less than the number of fits.
       const float independent = std::max(1.0f, weights * weights / weights2 * kFitEvery / kCorrelation);
-      to.sigma = widening * std::sqrt(variance / total / independent + kModelSigma * kModelSigma);
+      to.sigma = std::hypot(widening * std::sqrt(variance / total / independent + kModelSigma * kModelSigma), to.bias);
       const cv::Point2f along = directionAt(track.line, static_cast<std::size_t>(i), 3);
       moved[i] += to.offset * cv::Point2f(-along.y, along.x);
       break;
@@ -179,13 +194,21 @@ void RidgeFitting::recentre(Track& track, std::vector<Point>& points, float filt
   points = std::move(averaged);
 }
 
-CentreLine RidgeFitting::finished(const Track& track, const std::vector<Point>& points) const {
+CentreLine RidgeFitting::finished(const SkeletonGraph& graph, const Track& track,
+                                  const std::vector<Point>& points) const {
   CentreLine result;
   result.line = track.line;
   for (const Point& p : points) {
     result.radius.push_back(p.radius);
     result.sigma.push_back(p.sigma);
     result.contrast.push_back(p.contrast);
+  }
+  const std::size_t n = points.size();
+  for (std::size_t i = 0; i < track.begin_reach && i < n; ++i) {
+    result.sigma[i] = std::max(result.sigma[i], kGuess * graph.nodes[track.begin].radius);
+  }
+  for (std::size_t i = 0; i < track.end_reach && i < n; ++i) {
+    result.sigma[n - 1 - i] = std::max(result.sigma[n - 1 - i], kGuess * graph.nodes[track.end].radius);
   }
   if (track.closed) {
     result.line.push_back(result.line.front());
@@ -225,7 +248,7 @@ std::vector<CentreLine> RidgeFitting::operator()(const SkeletonGraph& graph, con
   }
   meet(graph, tracks);
   std::vector<CentreLine> lines;
-  for (std::size_t t = 0; t < tracks.size(); ++t) lines.push_back(finished(tracks[t], fits[t]));
+  for (std::size_t t = 0; t < tracks.size(); ++t) lines.push_back(finished(graph, tracks[t], fits[t]));
   return lines;
 }
 

@@ -21,7 +21,7 @@ class RidgeFitting {
 
  private:
   struct Point {
-    float offset = 0, radius = 1, sigma = 0, contrast = 0, misfit = 0;
+    float offset = 0, radius = 1, sigma = 0, contrast = 0, misfit = 0, bias = 0;
     bool valid = false;
   };
 
@@ -29,7 +29,7 @@ class RidgeFitting {
   std::vector<Point> fitAlong(const SkeletonGraph& graph, const RidgeScales& scales, Track& track) const;
   static void trim(Track& track, std::vector<Point>& points);
   void recentre(Track& track, std::vector<Point>& points, float filter) const;
-  CentreLine finished(const Track& track, const std::vector<Point>& points) const;
+  CentreLine finished(const SkeletonGraph& graph, const Track& track, const std::vector<Point>& points) const;
 
   TubeTemplates templates_;
   float largest_ = 20;

@@ -31,6 +31,7 @@ struct RidgeSettings {
   double evidence = 25;  ///< Least mean salience times square root of the length in radii, of what hangs together.
   double faintest_absorption = 0.015;  ///< Weaker contrast is never a vessel, however little noise there is.
   double relative_contrast = 0.1;      ///< Nor is one that is weaker than this part of the image's strong vessels.
+  double relative_density = 0.4;  ///< Nor a faint line whose contrast over width is below this part of what is usual.
   double shortest_branch_px = 8;  ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
   double shortest_line_px = 40;   ///< Shorter lines that stand alone are dropped [px].
   double longest_gap_px = 24;     ///< Wider gaps between two ends of one line stay open [px].
@@ -45,6 +46,7 @@ struct RidgeSettings {
     v.number("evidence", evidence, 0, 1000);
     v.number("faintest_absorption", faintest_absorption, 1e-4, 10);
     v.number("relative_contrast", relative_contrast, 0, 1);
+    v.number("relative_density", relative_density, 0, 1);
     v.number("shortest_branch_px", shortest_branch_px, 0, 1000);
     v.number("shortest_line_px", shortest_line_px, 0, 1000);
     v.number("longest_gap_px", longest_gap_px, 0, 1000);
