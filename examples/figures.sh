@@ -128,7 +128,7 @@ sheet() {
   local images=(--image examples/data/fevar-aaa-phantom/image.png --cases examples/data/static-phantom/cases.yaml)
   [ -d "${ANGIO_SHARED_DATA:-}/arcade-sample" ] && images+=(--annotations "$ANGIO_SHARED_DATA/arcade-sample/annotations.json")
   "$bin"/angio-evaluate extraction "${images[@]}" --tree examples/data/hepatic-tace/tree.csv --model-axes lip --trials 5 \
-    --extractor ridge --sheet "${SHEET:-seeing.jpg}" --columns 5 --side-px 400
+    --extractor ridge --sheet "${SHEET:-seeing.jpg}" --columns 5 --side-px 300
 }
 
 speed() {

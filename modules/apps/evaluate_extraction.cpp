@@ -22,7 +22,7 @@ struct ExtractionOptions {
   int trials = 20, seed = 1;
   double tolerance_px = 0;
   double thinnest_mm = 1, thickest_mm = 6;
-  double radius_px = 4, shown_contrast = 0.05;
+  double radius_px = 4, shown_contrast = 0.15;
   int columns = 5, side_px = 480;
   ModelAxes model_axes = SimulationSettings().model_axes;
 };

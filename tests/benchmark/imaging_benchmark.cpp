@@ -89,8 +89,8 @@ void extractLines(benchmark::State& state) {
 BENCHMARK_TEMPLATE(extractLines, RidgeSettings)->Arg(512)->Arg(1024)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(extractLines, OtsuSettings)->Arg(512)->Arg(1024)->Unit(benchmark::kMillisecond);
 
-// Flattened by a wide blur, smoothed by a narrow one, thresholded by Otsu, thinned. The widths are those that cover the
-// most of these frames' vessels; regions too small to be vessels go.
+// Flattened by a wide blur, smoothed by a narrow one, thresholded by Otsu, thinned; regions too small to be vessels go.
+// The widths were chosen by eye for these frames, and not searched for.
 void extractWithOpenCv(benchmark::State& state) {
   cv::setNumThreads(1);
   const int side_px = static_cast<int>(state.range(0));
