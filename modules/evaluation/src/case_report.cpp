@@ -12,7 +12,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 // Thresholds of the trade: method names them in the keys.
-constexpr double kGrossFailurePx = 5, kSuccessMtre_m = 2e-3, kPoseOk_deg = 0.1, kPoseOk_mm = 1;
+constexpr double kGrossFailurePx = 5, kPoseOk_deg = 0.1, kPoseOk_mm = 1;
 
 std::vector<double> collect(const std::vector<CaseOutcome>& outcomes, double (*figure)(const CaseOutcome&)) {
   std::vector<double> values;

@@ -9,6 +9,9 @@
 
 namespace angio {
 
+/// mTRE below this is a success [m].
+constexpr double kSuccessMtre_m = 2e-3;
+
 /// How far an estimate is from the truth, on the points of the tree. Displacements are 3 x N [m] in model axes, or
 /// empty for none.
 struct PoseError {

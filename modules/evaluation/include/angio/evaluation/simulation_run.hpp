@@ -57,9 +57,6 @@ struct CaptureBins {
 
 CaptureBins captureBins(const std::vector<CaseOutcome>& outcomes);
 
-/// mTRE below this is a success [m].
-constexpr double kSuccessMtre_m = 2e-3;
-
 /// Bounds of a share with 95 % confidence (Wilson 1927), for `successes` of `trials`; 0 to 1 for no trials.
 struct ShareBounds {
   double low = 0, high = 1;
