@@ -37,12 +37,6 @@ constexpr Misfit kLinesAloneMisfit = {0.5, 4};  // One curve in a large tree: ev
 // to one.
 constexpr double kShareShown = 0.25;
 
-// The noise behind a weighted mean square: a Gaussian weight of width tau hides a part of it.
-double noiseBehind(double weighted_square, double tau) {
-  const double inverse = 1 / std::max(1e-12, weighted_square) - 1 / (tau * tau);
-  return inverse > 0.1 / (tau * tau) ? std::sqrt(1 / inverse) : std::sqrt(10.0) * tau;
-}
-
 }  // namespace
 
 // One fit: the unknowns, and the steps that change them.

@@ -19,12 +19,6 @@ constexpr double kLeastNoise_px = 0.05;
 constexpr double kToleranceOverNoise = 3, kGateOverNoise = 4.5;
 constexpr double kLeastTolerance_px = 0.3, kLeastGate_px = 1;
 
-// The noise behind a weighted mean square: a Gaussian weight of width tau hides a part of it.
-double noiseBehind(double weighted_square, double tau) {
-  const double inverse = 1 / std::max(1e-12, weighted_square) - 1 / (tau * tau);
-  return inverse > 0.1 / (tau * tau) ? std::sqrt(1 / inverse) : std::sqrt(10.0) * tau;
-}
-
 }  // namespace
 
 const OrientedPoints& LineFit::chosen(const OrientedFrame& frame, std::size_t view, int most_points) {

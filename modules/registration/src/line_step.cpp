@@ -127,6 +127,11 @@ double LineSums::togetherness(int points) const {
   return together;
 }
 
+double noiseBehind(double weighted_square, double tau) {
+  const double inverse = 1 / std::max(1e-12, weighted_square) - 1 / (tau * tau);
+  return inverse > 0.1 / (tau * tau) ? std::sqrt(1 / inverse) : std::sqrt(10.0) * tau;
+}
+
 void resolveMatches(const Eigen::Matrix3Xd& points_centred, const std::vector<std::pair<int, int>>& edges,
                     LineMatches& matches) {
   const std::size_t n = matches.of_point.size();

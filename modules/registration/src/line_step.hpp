@@ -40,6 +40,10 @@ struct LineSums {
   double togetherness(int points) const;
 };
 
+/// The standard deviation behind a weighted mean square of residuals: a Gaussian weight of width `tau` hides a part of
+/// it. At most sqrt(10) tau.
+double noiseBehind(double weighted_square, double tau);
+
 /// Puts the matched places on the model into the arrays that addLineEquations reads. `points_centred` are the points
 /// that were projected, or displaced ones.
 void resolveMatches(const Eigen::Matrix3Xd& points_centred, const std::vector<std::pair<int, int>>& edges,
