@@ -2,8 +2,6 @@
 #include "angio/io/dicom_slices.hpp"
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 
 #include "angio/base/errors.hpp"
 #include "angio/io/whole_file.hpp"
@@ -37,14 +35,6 @@ double finiteOr(const DicomFile& file, const DicomTag& tag, double otherwise) {
 }
 
 }  // namespace
-
-bool isDicomFile(const std::string& path) {
-  std::error_code ignored;
-  if (!std::filesystem::is_regular_file(path, ignored)) return false;
-  std::string beginning(132, '\0');
-  std::ifstream(path, std::ios::binary).read(beginning.data(), static_cast<std::streamsize>(beginning.size()));
-  return startsAsDicom(beginning);
-}
 
 DicomSlice readDicomSlice(const std::string& path) {
   const DicomFile file(path, readWholeFile(path, kLargestSlice));

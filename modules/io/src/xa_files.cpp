@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
+#include <fstream>
 #include <numeric>
 #include <opencv2/core.hpp>
 
@@ -95,7 +97,13 @@ XaMask readMask(const DicomFile& file, DcmItem& item, int frames) {
 
 }  // namespace
 
-bool isDicom(const std::string& path) { return startsAsDicom(readWholeFile(path)); }
+bool isDicom(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return false;
+  std::string beginning(132, '\0');
+  std::ifstream(path, std::ios::binary).read(beginning.data(), static_cast<std::streamsize>(beginning.size()));
+  return startsAsDicom(beginning);
+}
 
 XaRun::XaRun(const std::string& path) : XaRun(path, readWholeFile(path)) {}
 

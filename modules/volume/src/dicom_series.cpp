@@ -9,6 +9,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/io/dicom_slices.hpp"
+#include "angio/io/xa_files.hpp"
 
 namespace angio {
 namespace {
@@ -28,7 +29,7 @@ std::vector<Placed> readSlices(const std::string& folder) {
   std::set<std::string> series;
   std::size_t voxels = 0;
   for (const std::string& path : paths) {
-    if (!isDicomFile(path)) continue;
+    if (!isDicom(path)) continue;
     slices.push_back({readDicomSlice(path), 0});
     series.insert(slices.back().slice.series_uid);
     voxels += slices.back().slice.values.total();

@@ -18,9 +18,6 @@ struct DicomSlice {
   cv::Mat values;                                            ///< CV_32FC1, rescaled to the series' unit.
 };
 
-/// Whether a file begins as DICOM files do.
-bool isDicomFile(const std::string& path);
-
 /// Reads a DICOM file with one grey frame and its place in the patient. Throws InputError that names file, attribute,
 /// value and rule.
 DicomSlice readDicomSlice(const std::string& path);

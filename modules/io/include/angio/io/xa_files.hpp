@@ -61,7 +61,7 @@ struct XaGeometry {
   std::vector<std::string> assumed;
 };
 
-/// Whether a file begins as a DICOM file does. Throws InputError when it cannot be read.
+/// Whether there is a file and it begins as DICOM files do: runs, slices, and all others.
 bool isDicom(const std::string& path);
 
 /// A run of X-ray frames from a DICOM file: XA or RF, of the multi-frame or the enhanced kind.
