@@ -43,6 +43,17 @@ TEST(VesselTree, TakesAForestWhoseParentsStandAnywhere) {
   EXPECT_LT((tree.centroid() - d.points.rowwise().mean()).norm(), 1e-15);
 }
 
+TEST(VesselTree, ParentsFirstHoldsEveryPointOnceAfterItsParent) {
+  const Draft d = forest();
+  const std::vector<int> order = VesselTree(d.points, d.parents).parentsFirst();
+  std::set<int> seen{-1};
+  for (const int i : order) {
+    EXPECT_TRUE(seen.count(d.parents[i])) << i;
+    EXPECT_TRUE(seen.insert(i).second) << i;
+  }
+  EXPECT_EQ(order.size(), d.parents.size());
+}
+
 TEST(VesselTree, FindsTheDefectAndItsPoint) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   struct Case {

@@ -24,18 +24,11 @@ Bolus::Bolus(const VesselTree& tree, const BolusSettings& settings)
     if (!tree.radii()[i]) throw InputError("vessel tree", "radius of point " + std::to_string(i), "", "must be known");
     return *tree.radii()[i];
   };
-  std::vector<int> open;
-  for (int i = 0; i < tree.size(); ++i) {
-    if (tree.parents()[i] < 0) open.push_back(i);
-  }
-  while (!open.empty()) {
-    const int at = open.back();
-    open.pop_back();
-    for (const int child : tree.children()[at]) {
-      const double speed = settings.speed_m_per_s * 0.5 * (radius(at) + radius(child)) / kReferenceRadius;
-      arrival_s_[child] = arrival_s_[at] + (tree.points().col(child) - tree.points().col(at)).norm() / speed;
-      open.push_back(child);
-    }
+  for (const int i : tree.parentsFirst()) {
+    const int from = tree.parents()[i];
+    if (from < 0) continue;
+    const double speed = settings.speed_m_per_s * 0.5 * (radius(from) + radius(i)) / kReferenceRadius;
+    arrival_s_[i] = arrival_s_[from] + (tree.points().col(i) - tree.points().col(from)).norm() / speed;
   }
 }
 

@@ -13,17 +13,9 @@ constexpr double kWidest = 4e-3;  // [m]
 
 // How far from a root each point is, in edges.
 std::vector<int> depths(const VesselTree& tree) {
-  std::vector<int> depth(tree.size(), 0), open;
-  for (int i = 0; i < tree.size(); ++i) {
-    if (tree.parents()[i] < 0) open.push_back(i);
-  }
-  while (!open.empty()) {
-    const int at = open.back();
-    open.pop_back();
-    for (const int child : tree.children()[at]) {
-      depth[child] = depth[at] + 1;
-      open.push_back(child);
-    }
+  std::vector<int> depth(tree.size(), 0);
+  for (const int i : tree.parentsFirst()) {
+    if (tree.parents()[i] >= 0) depth[i] = depth[tree.parents()[i]] + 1;
   }
   return depth;
 }

@@ -94,6 +94,18 @@ VesselTree::VesselTree(Eigen::Matrix3Xd points_m, std::vector<int> parents, std:
   }
 }
 
+std::vector<int> VesselTree::parentsFirst() const {
+  std::vector<int> order;
+  for (int i = 0; i < size(); ++i) {
+    if (parents_[i] < 0) order.push_back(i);
+  }
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    const std::vector<int>& next = children_[order[k]];
+    order.insert(order.end(), next.begin(), next.end());
+  }
+  return order;
+}
+
 Eigen::Matrix3Xd VesselTree::tangents() const {
   Eigen::Matrix3Xd result(3, size());
   for (int i = 0; i < size(); ++i) {
