@@ -60,7 +60,6 @@ TEST_F(Evaluate, TheCommandLineComesBeforeTheSettingsFile) {
 }
 
 TEST_F(Evaluate, ASweepHasATableAndItsPoints) {
-  if (test::kSanitized) GTEST_SKIP() << "fourteen registrations";
   const auto ended = test::run("angio-evaluate", simulation({"--sweep", "noise", "--out", folder_.path("r.json")}));
   ASSERT_EQ(ended.exit_code, 0) << ended.err;
   EXPECT_NE(ended.out.find("| 1.5 px | iterative_pnp |"), std::string::npos) << ended.out;
