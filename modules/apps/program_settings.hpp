@@ -5,6 +5,7 @@
 #include <string>
 #include <tuple>
 
+#include "angio/base/variant_tuple.hpp"
 #include "angio/imaging/extractor_sections.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/registration/starts.hpp"
@@ -42,13 +43,7 @@ class ProgramSettings {
     v.section(key, [&](SettingsVisitor& inner) { settings.visit(inner); });
   }
 
-  template <typename Variant>
-  struct TupleOf;
-  template <typename... Settings>
-  struct TupleOf<std::variant<Settings...>> {
-    using type = std::tuple<Settings...>;
-  };
-  TupleOf<RegistrationSettings>::type methods_;
+  OneOfEach<RegistrationSettings> methods_;
 };
 
 /// The method's effective settings under its name, for the result file.

@@ -4,6 +4,7 @@
 #include <string>
 #include <tuple>
 
+#include "angio/base/variant_tuple.hpp"
 #include "angio/imaging/extractor.hpp"
 
 namespace angio {
@@ -37,13 +38,7 @@ class ExtractorSections {
     v.section(Settings::kName, [&](SettingsVisitor& inner) { settings.visit(inner); });
   }
 
-  template <typename Variant>
-  struct TupleOf;
-  template <typename... Settings>
-  struct TupleOf<std::variant<Settings...>> {
-    using type = std::tuple<Settings...>;
-  };
-  TupleOf<ExtractorSettings>::type settings_;
+  OneOfEach<ExtractorSettings> settings_;
   int index_;
 };
 
