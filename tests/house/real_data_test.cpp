@@ -23,22 +23,13 @@
 #include "angio/registration/ceres_costs.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/test/shared_data.hpp"
 #include "angio/vessel/projection.hpp"
 #include "angio/vessel/prune.hpp"
 #include "angio/vessel/resample.hpp"
 
 namespace angio {
 namespace {
-
-std::string sharedData(const std::string& name) {
-  const char* const folder = std::getenv("ANGIO_SHARED_DATA");
-  return std::string(folder ? folder : "") + "/" + name;
-}
-
-#define NEED_SHARED_DATA(name)                                                                \
-  if (!std::getenv("ANGIO_SHARED_DATA") || !std::filesystem::exists(sharedData(name))) {      \
-    GTEST_SKIP() << name << " is not there: ANGIO_SHARED_DATA must name the folder it is in"; \
-  }
 
 CaseSet phantom() { return readCaseSet(test::exampleData("static-phantom/cases.yaml")); }
 
@@ -122,7 +113,7 @@ TEST(StaticPhantom, NoMethodTrustsAWrongPoseAndOneFindsEveryRun) {
 
 TEST(StaticPhantom, PublishedCentrelineIsTheTreeOfTheExample) {
   NEED_SHARED_DATA("static-phantom/Centerlines.vtk");
-  const VesselTree published = readVesselTree(sharedData("static-phantom/Centerlines.vtk"));
+  const VesselTree published = readVesselTree(test::sharedData("static-phantom/Centerlines.vtk"));
   const VesselTree tree = readVesselTree(phantom().cases[0].tree_path);
   EXPECT_EQ(published.parents(), tree.parents());
   EXPECT_LT((published.points() - tree.points()).cwiseAbs().maxCoeff(), 1e-15);
@@ -171,8 +162,8 @@ TEST(XcatCoronary, OurCameraExplainsTheExactMatches) {
   const double spacing_mm = 0.184;
   const XrayCamera camera({960, 960, 1194 / spacing_mm, 1194 / spacing_mm, 480, 480, spacing_mm * 1e-3, 1.194});
   for (const std::string frame : {"1", "2"}) {
-    const auto p = rowsOf(sharedData("xcat-coronary/frame" + frame + "_3d.txt"), 3);
-    const auto q = rowsOf(sharedData("xcat-coronary/frame" + frame + "_2d.txt"), 2);
+    const auto p = rowsOf(test::sharedData("xcat-coronary/frame" + frame + "_3d.txt"), 3);
+    const auto q = rowsOf(test::sharedData("xcat-coronary/frame" + frame + "_2d.txt"), 2);
     ASSERT_EQ(p.size(), 27U);
     ASSERT_EQ(q.size(), 27U);
     Eigen::Matrix3Xd points(3, 27);
@@ -197,7 +188,7 @@ TEST(XcatCoronary, OurCameraExplainsTheExactMatches) {
 TEST(Brava, TreesAreReadAndTakenApartWhereTheyAreJoined) {
   NEED_SHARED_DATA("brava/BG0002.swc");
   int trees = 0;
-  for (const auto& file : std::filesystem::directory_iterator(sharedData("brava"))) {
+  for (const auto& file : std::filesystem::directory_iterator(test::sharedData("brava"))) {
     if (file.path().extension() != ".swc") continue;
     ++trees;
     const VesselTree tree = readVesselTree(file.path().string());

@@ -15,6 +15,7 @@
 #include "angio/io/pose_files.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/test/shared_data.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "dicom_bytes.hpp"
 
@@ -113,11 +114,9 @@ class WholeXaRun : public testing::TestWithParam<WholeRun> {};
 
 TEST_P(WholeXaRun, HasTheGeometryWorkedOutByHand) {
   const WholeRun& expected = GetParam();
-  const char* const folder = std::getenv("ANGIO_SHARED_DATA");
-  const std::string path = std::string(folder ? folder : "") + "/static-phantom/dicom/" + expected.name + ".dcm";
-  if (!folder || !std::filesystem::exists(path)) {
-    GTEST_SKIP() << path << " is not there: ANGIO_SHARED_DATA must name the folder it is in";
-  }
+  const std::string name = std::string("static-phantom/dicom/") + expected.name + ".dcm";
+  NEED_SHARED_DATA(name);
+  const std::string path = test::sharedData(name);
   const XaRun run(path);
   EXPECT_EQ(run.frames(), expected.frames);
   EXPECT_NEAR(*run.header().frame_rate_hz, 15, 1e-4);

@@ -3,10 +3,8 @@
 // matrix says LPS with two axes turned: whoever ignores either misses the vessel by decimetres.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <filesystem>
-
 #include "angio/io/vessel_files.hpp"
+#include "angio/test/shared_data.hpp"
 #include "angio/volume/coverage.hpp"
 #include "angio/volume/extract_tree.hpp"
 #include "angio/volume/mesh_files.hpp"
@@ -18,37 +16,31 @@ namespace {
 
 constexpr double kVoxel = 0.878906e-3;  // The volume's smallest spacing.
 
-std::string sharedFile(const std::string& name) {
-  const char* const folder = std::getenv("ANGIO_SHARED_DATA");
-  const std::string path = folder ? std::string(folder) + "/" + name : "";
-  return std::filesystem::exists(path) ? path : "";
-}
-
 void expectReference(const Volume& shape) {
   CentrelineSettings settings;
   settings.ends = CentrelineEnd::kSphere;  // As VMTK's lines end.
   const VesselTree tree = extractTree(shape, settings).tree;
-  const VesselTree reference = withOtherFrame(readVesselTree(sharedFile("vmtk-aorta/aorta-centerline.vtp")));
+  const VesselTree reference = withOtherFrame(readVesselTree(test::sharedData("vmtk-aorta/aorta-centerline.vtp")));
   EXPECT_GE(coverage(reference, tree, kVoxel).share, 0.95);
   EXPECT_GE(coverage(tree, reference, kVoxel).share, 0.95);
   EXPECT_EQ(tree.branches().size(), 3U);
 }
 
 TEST(Reference, AortaFromVmtksLevelSet) {
-  const std::string path = sharedFile("vmtk-aorta/aorta-final-levelset.mha");
-  if (path.empty()) GTEST_SKIP() << "vmtk-aorta is not in ANGIO_SHARED_DATA";
+  NEED_SHARED_DATA("vmtk-aorta/aorta-final-levelset.mha");
+  const std::string path = test::sharedData("vmtk-aorta/aorta-final-levelset.mha");
   expectReference(vesselShape(readVolume(path), ThresholdSettings{0, Inside::kBelow}, {}, {}));
 }
 
 TEST(Reference, AortaFromVmtksSurface) {
-  const std::string path = sharedFile("vmtk-aorta/aorta-surface.vtp");
-  if (path.empty()) GTEST_SKIP() << "vmtk-aorta is not in ANGIO_SHARED_DATA";
+  NEED_SHARED_DATA("vmtk-aorta/aorta-surface.vtp");
+  const std::string path = test::sharedData("vmtk-aorta/aorta-surface.vtp");
   expectReference(vesselShape(readMesh(path, kVoxel, PatientFrame::kRas), {}, {}));
 }
 
 TEST(Reference, HepaticMaskBecomesATree) {
-  const std::string path = sharedFile("msd-hepatic-masks/hepaticvessel_002_vsnet.nii.gz");
-  if (path.empty()) GTEST_SKIP() << "msd-hepatic-masks is not in ANGIO_SHARED_DATA";
+  NEED_SHARED_DATA("msd-hepatic-masks/hepaticvessel_002_vsnet.nii.gz");
+  const std::string path = test::sharedData("msd-hepatic-masks/hepaticvessel_002_vsnet.nii.gz");
   const Volume volume = readVolume(path);
   EXPECT_EQ(volume.grid.size, Eigen::Vector3i(512, 512, 66));
   const ExtractedTree found = extractTree(vesselShape(volume, LabelSettings{{1}}, {}, {}), {});
