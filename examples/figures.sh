@@ -108,6 +108,9 @@ volumes() {
   echo; echo "### Vessel trees from volumes: aorta against VMTK's centrelines, then masks of liver vessels"
   "$bin"/angio-extract-tree "$shared/vmtk-aorta/aorta-final-levelset.mha" --threshold 0 --inside below --ends sphere \
     --out "$work/aorta.csv" --compare "$shared/vmtk-aorta/aorta-centerline.vtp" --compare-frame RAS
+  echo; echo "the same from the MR image, which shows other vessels too"
+  "$bin"/angio-extract-tree "$shared/vmtk-aorta/aorta.mha" --threshold 900 --seed=-230.75,-117.22,25.42 \
+    --out "$work/image.csv" --compare "$shared/vmtk-aorta/aorta-centerline.vtp" --compare-frame RAS
   for mask in 002 008 010; do
     echo; "${timed[@]}" "$bin"/angio-extract-tree "$shared/msd-hepatic-masks/hepaticvessel_${mask}_vsnet.nii.gz" \
       --label 1 --label 2 --out "$work/liver$mask.csv"
