@@ -62,16 +62,19 @@ ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const s
   const auto one = [=](int i) {
     const std::size_t t = static_cast<std::size_t>(i) % trees.size();
     const SimulatedTrial trial = simulatedTrial(trees[t], camera, settings, i);
-    TrialImage made = images->render(trial, t, 0, i);
+    TrialTruth truth = images->truth(trial, t, 0);
     const double mm_per_px = settings.source_isocentre_mm / trial.true_views.front().camera.parameters().fx_px;
-    const Centerline2d vessels = ofKind(made.visible, CurveKind::kVessel);
+    const Centerline2d vessels = ofKind(truth.visible, CurveKind::kVessel);
     std::vector<bool> wanted;
     for (int k = 0; k < vessels.size(); ++k) {
       const double diameter_mm = 2 * mm_per_px * vessels.radius_px[k];
       wanted.push_back(diameter_mm >= thinnest_mm && diameter_mm <= thickest_mm && !lostInAWider(vessels, k));
     }
-    return ExtractionSample{
-        "simulated " + std::to_string(i), made.image, pointsWhere(vessels, wanted), std::move(made.all), {}};
+    return ExtractionSample{"simulated " + std::to_string(i),
+                            images->render(trial, t, 0, i),
+                            pointsWhere(vessels, wanted),
+                            std::move(truth.all),
+                            {}};
   };
   return {settings.trials, one};
 }

@@ -52,7 +52,7 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
     SimulatedTrial trial = simulatedTrial(setup.trees[t], setup.camera, settings, i);
     double image_s = 0;
     for (std::size_t v = 0; images && v < trial.cameras.size(); ++v) {
-      const cv::Mat image = images->render(trial, t, v, i).image;
+      const cv::Mat image = images->render(trial, t, v, i);
       const Stopwatch stage;
       trial.centerlines[v] = vesselsToMatch(extractor->extract(image));
       image_s += stage.seconds();

@@ -41,7 +41,7 @@ TrialImages::TrialImages(const std::vector<VesselTree>& trees, const SimulationS
 
 TrialImages::~TrialImages() = default;
 
-TrialImage TrialImages::render(const SimulatedTrial& trial, std::size_t tree, std::size_t view, int index) {
+XrayScene TrialImages::sceneOf(const SimulatedTrial& trial, std::size_t view) const {
   const SimulatedTrial::TrueView& seen = trial.true_views[view];
   XrayScene scene;
   scene.T_camera_model = seen.T_view_first * trial.truth;
@@ -51,15 +51,22 @@ TrialImage TrialImages::render(const SimulatedTrial& trial, std::size_t tree, st
     if (curve.size() < 2) continue;
     scene.devices.push_back(wireAlong(curve, seen.camera, scene.T_camera_model, 1e-3 * settings_.source_isocentre_mm));
   }
-  FluoroscopyRenderer& renderer = *renderers_[tree];
-  TrialImage made;
-  made.image = renderer.render(seen.camera, scene, static_cast<std::uint64_t>(2 * index) + view);
-  made.visible = renderer.truth(seen.camera, scene).centerline;
+  return scene;
+}
+
+cv::Mat TrialImages::render(const SimulatedTrial& trial, std::size_t tree, std::size_t view, int index) {
+  return renderers_[tree]->render(trial.true_views[view].camera, sceneOf(trial, view),
+                                  static_cast<std::uint64_t>(2 * index) + view);
+}
+
+TrialTruth TrialImages::truth(const SimulatedTrial& trial, std::size_t tree, std::size_t view) {
+  const XrayScene scene = sceneOf(trial, view);
+  const XrayCamera& camera = trial.true_views[view].camera;
   TruthSettings everything;
   everything.least_contrast_to_noise = 0;
   everything.shortest_px = 0;
-  made.all = renderer.truth(seen.camera, scene, everything).centerline;
-  return made;
+  FluoroscopyRenderer& renderer = *renderers_[tree];
+  return {renderer.truth(camera, scene).centerline, renderer.truth(camera, scene, everything).centerline};
 }
 
 }  // namespace angio

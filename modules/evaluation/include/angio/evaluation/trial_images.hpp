@@ -9,9 +9,8 @@
 
 namespace angio {
 
-/// An X-ray image of a trial, and what it shows.
-struct TrialImage {
-  cv::Mat image;
+/// What an X-ray image of a trial shows.
+struct TrialTruth {
   Centerline2d visible;  ///< Vessels that can be seen at the dose, and devices.
   Centerline2d all;      ///< Those that cannot be seen as well.
 };
@@ -26,9 +25,14 @@ class TrialImages {
   ~TrialImages();
 
   /// One view of a trial of one of the trees. Noise is that of the trial's `index` and view.
-  TrialImage render(const SimulatedTrial& trial, std::size_t tree, std::size_t view, int index);
+  cv::Mat render(const SimulatedTrial& trial, std::size_t tree, std::size_t view, int index);
+
+  /// What that image shows.
+  TrialTruth truth(const SimulatedTrial& trial, std::size_t tree, std::size_t view);
 
  private:
+  XrayScene sceneOf(const SimulatedTrial& trial, std::size_t view) const;
+
   SimulationSettings settings_;
   std::vector<std::unique_ptr<FluoroscopyRenderer>> renderers_;  // By tree.
 };
