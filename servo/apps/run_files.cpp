@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "run_files.hpp"
 
-#include <cstdio>
-
+#include "angio/base/formatted.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"
@@ -18,9 +17,7 @@ namespace angio {
 namespace {
 
 std::string numbered(const char* name, int frame, const char* extension) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%s%04d%s", name, frame, extension);
-  return text;
+  return formatted("%s%04d%s", name, frame, extension);
 }
 
 // Writes the frames of a run one after the other, and remembers their cases.
@@ -66,10 +63,8 @@ class RunWriter {
     }
     writeFrame(i, scene, one);
     writeCenterlines(i, truth, one);
-    char line[160];
-    std::snprintf(line, sizeof line, "%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", i, time_s, radToDeg(joints[0]),
-                  radToDeg(joints[1]), 1e3 * joints[2], 1e3 * joints[3], 1e3 * joints[4]);
-    table_ += line;
+    table_ += formatted("%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", i, time_s, radToDeg(joints[0]), radToDeg(joints[1]),
+                        1e3 * joints[2], 1e3 * joints[3], 1e3 * joints[4]);
   }
 
   void finish(const SimulatedPatientSettings& settings) {

@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/evaluation/statistics.hpp"
 #include "angio/evaluation/trial_images.hpp"
@@ -24,12 +25,6 @@ using Json = nlohmann::ordered_json;
 // Edges of a tree that is drawn into an image are no longer than this: a pixel or so.
 constexpr double kDrawnEdge_m = 0.25e-3;
 constexpr int kMostDrawnPoints = 200000;
-
-std::string printed(const char* format, double value) {
-  char text[64];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
 
 cv::Mat maskOf(const AnnotatedImage& annotated) {
   cv::Mat mask = cv::Mat::zeros(annotated.height_px, annotated.width_px, CV_8U);
@@ -168,7 +163,7 @@ std::string extractionTable(const Json& summaries) {
       "| extractor | images | truth covered | found is right | median error | tangent | error / sigma | all points, "
       "median | ms p50 | p99 |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
   const auto cell = [](const Json& s, const char* key, const char* format, double factor = 1) {
-    return s.contains(key) ? printed(format, factor * s[key].get<double>()) : std::string("-");
+    return s.contains(key) ? formatted(format, factor * s[key].get<double>()) : std::string("-");
   };
   for (const auto& [name, s] : summaries.items()) {
     table += "| " + name + " | " + std::to_string(s["images"].get<int>()) + " | " + cell(s, "covered", "%.1f %%", 100) +

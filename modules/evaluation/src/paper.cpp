@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/evaluation/simulation_report.hpp"
 #include "angio/evaluation/statistics.hpp"
 
@@ -33,15 +34,8 @@ const std::vector<PrintedRow>& printedTable1() {
   return kRows;
 }
 
-template <typename... Values>
-std::string printed(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
-
 // Fewest digits that tell small errors from none.
-std::string small(double value) { return printed(value != 0 && value < 0.01 ? "%.4f" : "%.2f", value); }
+std::string small(double value) { return formatted(value != 0 && value < 0.01 ? "%.4f" : "%.2f", value); }
 
 SvgSeries seriesOf(const std::string& name, int colour) {
   SvgSeries s;
@@ -150,17 +144,17 @@ std::string paperTable1(const std::vector<EntrantRun>& runs) {
       "| method | GFR, PR > 5 px | mean PR [mm] | 95 % | 75 % | ms | pose error, mean | median | pose ok |\n"
       "| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
   for (const auto& row : printedTable1()) {
-    table +=
-        printed("| paper: %s | %.0f %% | %.2f | %.2f | %.2f | %s | %s | - | - |\n", row.name, row.gfr_percent,
-                row.mean_pr_mm, row.p95_pr_mm, row.p75_pr_mm, row.time_ms ? printed("%.1f", *row.time_ms).c_str() : "-",
-                std::string(row.name) == "Iterative PnP, rigid" ? "0.46 deg, 7.09 mm" : "-");
+    table += formatted("| paper: %s | %.0f %% | %.2f | %.2f | %.2f | %s | %s | - | - |\n", row.name, row.gfr_percent,
+                       row.mean_pr_mm, row.p95_pr_mm, row.p75_pr_mm,
+                       row.time_ms ? formatted("%.1f", *row.time_ms).c_str() : "-",
+                       std::string(row.name) == "Iterative PnP, rigid" ? "0.46 deg, 7.09 mm" : "-");
   }
   for (const auto& run : runs) {
     const PaperFigures f = paperFigures(run);
-    table += "| " + f.name + printed(" | %.0f %% | ", f.gfr_percent) + small(f.mean_pr_mm) + " | " +
-             small(f.p95_pr_mm) + " | " + small(f.p75_pr_mm) + printed(" | %.1f | ", f.time_ms) +
+    table += "| " + f.name + formatted(" | %.0f %% | ", f.gfr_percent) + small(f.mean_pr_mm) + " | " +
+             small(f.p95_pr_mm) + " | " + small(f.p75_pr_mm) + formatted(" | %.1f | ", f.time_ms) +
              small(f.rotation_deg) + " deg, " + small(f.centroid_mm) + " mm | " + small(f.median_rotation_deg) +
-             " deg, " + small(f.median_centroid_mm) + printed(" mm | %.0f %% |\n", f.pose_ok_percent);
+             " deg, " + small(f.median_centroid_mm) + formatted(" mm | %.0f %% |\n", f.pose_ok_percent);
   }
   return table +
          "PR: rms distance to the nearest image point, 1 px = 0.30 mm as in the paper; it is small for a wrong pose, "
@@ -175,15 +169,15 @@ std::string paperTable3(const std::vector<PaperLevel>& levels) {
       "| --- | --- | --- | --- | --- | --- | --- |\n";
   for (const auto& level : levels) {
     const PaperStart& p = level.start;
-    const std::string start = printed("%g deg, %g mm", p.rotation_std_deg, p.translation_std_mm);
+    const std::string start = formatted("%g deg, %g mm", p.rotation_std_deg, p.translation_std_mm);
     table += "| " + start +
-             printed(" | paper: Iterative PnP | %.2f | %.0f %% | %.2f deg, %.2f mm | - | - |\n", p.mean_pr_mm,
-                     p.gfr_percent, p.rotation_deg, p.translation_mm);
+             formatted(" | paper: Iterative PnP | %.2f | %.0f %% | %.2f deg, %.2f mm | - | - |\n", p.mean_pr_mm,
+                       p.gfr_percent, p.rotation_deg, p.translation_mm);
     for (const auto& run : level.runs) {
       const PaperFigures f = paperFigures(run);
-      table += "| " + start + " | " + f.name + " | " + small(f.mean_pr_mm) + printed(" | %.0f %% | ", f.gfr_percent) +
+      table += "| " + start + " | " + f.name + " | " + small(f.mean_pr_mm) + formatted(" | %.0f %% | ", f.gfr_percent) +
                small(f.rotation_deg) + " deg, " + small(f.centroid_mm) + " mm | " + small(f.median_rotation_deg) +
-               " deg, " + small(f.median_centroid_mm) + printed(" mm | %.0f %% |\n", f.pose_ok_percent);
+               " deg, " + small(f.median_centroid_mm) + formatted(" mm | %.0f %% |\n", f.pose_ok_percent);
     }
   }
   return table;

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <opencv2/imgproc.hpp>
 
+#include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
 
 namespace angio {
@@ -14,12 +15,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr int kDrawnWidth_px = 1024, kPictureWidth_px = 640;
-
-std::string formatted(const char* format, double value) {
-  char text[64];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
 
 std::string cards(const Json& summaries) {
   std::vector<std::string> cards;

@@ -1,20 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/simulation_run.hpp"
 
-#include <cstdio>
-
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/evaluation/trial_images.hpp"
 
 namespace angio {
 namespace {
-
-std::string numbered(int index) {
-  char name[16];
-  std::snprintf(name, sizeof name, "%04d", index);
-  return name;
-}
 
 CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, const StartSettings& starts) {
   const VesselTree& tree = registration.tree();
@@ -60,7 +53,7 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
     for (std::size_t turn = 0; turn < entrants; ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants;
       runs[m].outcomes.push_back(outcomeOf(*registrations[m][t], trial, setup.entrants[m].starts));
-      runs[m].outcomes.back().name = numbered(i);
+      runs[m].outcomes.back().name = formatted("%04d", i);
       runs[m].outcomes.back().image_s = image_s;
       if (progress) progress(++done);
     }

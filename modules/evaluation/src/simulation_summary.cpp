@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "angio/base/formatted.hpp"
 #include "angio/evaluation/simulation_run.hpp"
 #include "angio/evaluation/statistics.hpp"
 
@@ -46,12 +47,6 @@ std::optional<double> farthest(const CaptureBins& bins, bool unbroken) {
 }
 
 Json orNull(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
-
-std::string formatted(const char* format, double value) {
-  char text[48];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
 
 // A figure of a summary, by its path ("mtre_mm/median"); "-" where there is none.
 std::string cell(const Json& summary, const char* path, const char* format) {

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/plot.hpp"
 #include "angio/evaluation/statistics.hpp"
@@ -25,13 +26,6 @@ Json latencyOf(const std::vector<RehearsalFrame>& frames, double RehearsalFrame:
   std::vector<double> ms;
   for (const auto& f : frames) ms.push_back(1e3 * f.*stage);
   return {{"p50", percentile(ms, 0.5)}, {"p99", percentile(ms, 0.99)}, {"max", percentile(ms, 1)}};
-}
-
-template <typename... Values>
-std::string formatted(const char* format, Values... values) {
-  char text[512];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
 }
 
 cv::Mat overlayOf(const RehearsalSnapshot& snapshot, const VesselTree& tree, const std::string& when) {
