@@ -2,11 +2,11 @@
 #include "angio/io/camera_files.hpp"
 
 #include "angio/base/errors.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/io/yaml.hpp"
 #include "camera_formats.hpp"
 #include "extension.hpp"
-#include "text.hpp"
-#include "yaml.hpp"
 
 namespace angio {
 namespace {

@@ -10,9 +10,9 @@
 #include "angio/base/errors.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/pose_files.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "text.hpp"
-#include "yaml.hpp"
+#include "angio/io/yaml.hpp"
 
 namespace angio {
 namespace {

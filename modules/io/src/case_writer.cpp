@@ -9,8 +9,8 @@
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/pose_files.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "text.hpp"
 
 namespace angio {
 namespace {

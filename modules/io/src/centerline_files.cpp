@@ -7,9 +7,9 @@
 #include <unordered_map>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/table.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "table.hpp"
-#include "text.hpp"
 
 namespace angio {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/io/table.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "table.hpp"
-#include "text.hpp"
 #include "tree_formats.hpp"
 
 namespace angio {

@@ -10,7 +10,7 @@
 
 #include <cstdio>
 
-#include "text.hpp"
+#include "angio/io/text.hpp"
 
 namespace angio {
 namespace {

@@ -2,9 +2,9 @@
 #include "angio/io/displacement_files.hpp"
 
 #include "angio/base/errors.hpp"
+#include "angio/io/table.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "table.hpp"
-#include "text.hpp"
 
 namespace angio {
 

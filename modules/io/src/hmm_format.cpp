@@ -2,8 +2,8 @@
 #include <algorithm>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "text.hpp"
 #include "tree_formats.hpp"
 
 // Centreline text of the HMM catheter tracking project (Ambrosini et al., IEEE TMI 36(3), 2017): the number of points,

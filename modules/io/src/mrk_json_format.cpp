@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "text.hpp"
 #include "tree_formats.hpp"
 
 namespace angio {

@@ -4,9 +4,9 @@
 #include <Eigen/Eigenvalues>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "text.hpp"
-#include "yaml.hpp"
+#include "angio/io/yaml.hpp"
 
 namespace angio {
 namespace {

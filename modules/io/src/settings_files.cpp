@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "angio/base/errors.hpp"
-#include "yaml.hpp"
+#include "angio/io/yaml.hpp"
 
 namespace angio {
 namespace {

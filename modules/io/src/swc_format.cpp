@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/base/errors.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "text.hpp"
 #include "tree_formats.hpp"
 
 namespace angio {

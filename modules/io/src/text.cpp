@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "text.hpp"
+#include "angio/io/text.hpp"
 
 #include <algorithm>
 #include <charconv>

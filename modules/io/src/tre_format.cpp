@@ -4,8 +4,8 @@
 #include <map>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "text.hpp"
 #include "tree_formats.hpp"
 
 namespace angio {

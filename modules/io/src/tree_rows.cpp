@@ -2,7 +2,7 @@
 #include <unordered_map>
 
 #include "angio/base/errors.hpp"
-#include "text.hpp"
+#include "angio/io/text.hpp"
 #include "tree_formats.hpp"
 
 namespace angio {

@@ -3,9 +3,9 @@
 #include <vector>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 #include "camera_formats.hpp"
-#include "text.hpp"
 #include "xml.hpp"
 
 // vpXmlParserCamera needs to be told the camera's name, takes 0 for what it cannot read and reports on the terminal, so

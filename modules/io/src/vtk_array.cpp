@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "angio/base/errors.hpp"
-#include "text.hpp"
+#include "angio/io/text.hpp"
 
 namespace angio {
 namespace {

@@ -5,8 +5,8 @@
 #include <set>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "text.hpp"
 #include "tree_formats.hpp"
 #include "trunk_merge.hpp"
 

@@ -4,8 +4,8 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/io/surface_files.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "text.hpp"
 #include "tree_formats.hpp"
 #include "trunk_merge.hpp"
 #include "vtk_array.hpp"

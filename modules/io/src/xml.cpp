@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "angio/base/errors.hpp"
-#include "text.hpp"
+#include "angio/io/text.hpp"
 
 namespace angio {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "yaml.hpp"
+#include "angio/io/yaml.hpp"
 
 #include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/exceptions.h>
@@ -10,8 +10,8 @@
 #include <sstream>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "text.hpp"
 
 namespace angio {
 namespace {
