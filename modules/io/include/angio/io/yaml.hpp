@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -65,5 +66,10 @@ class YamlMap {
   const YamlNode& node_;
   std::vector<std::string> asked_;
 };
+
+/// A document as YAML text, for readYaml to read back: maps in blocks, lists of numbers on one line, lists of lists of
+/// numbers a row a line, numbers in their shortest form that reads back the same. Throws InputError for a number that is
+/// not finite: it has no place in a file.
+std::string asYaml(const nlohmann::ordered_json& document);
 
 }  // namespace angio
