@@ -155,6 +155,33 @@ TEST(RidgeExtractor, SigmaGrowsWhereVesselsOverlap) {
   EXPECT_GT(test::median(beside), 3 * test::median(alone));
 }
 
+// Two vessels whose shadows overlap along a stretch: each pulls at the other's fit, by 0.7 px,
+// unless both are known.
+TEST(RidgeExtractor, VesselsSideBySideDoNotPullAtEachOther) {
+  const Scene scene = clinicalScene(
+      {{test::straightTube({100, 500}, {900, 500}, 10)}, {test::straightTube({200, 519}, {800, 519}, 7)}});
+  const Centerline2d found = extract(test::render(scene));
+  std::vector<double> errors;
+  for (int i = 0; i < found.size(); ++i) {
+    const Eigen::Vector2d p = found.points_px.col(i);
+    if (p.x() > 300 && p.x() < 700) errors.push_back(test::distanceToLines(scene, p));
+  }
+  ASSERT_GT(errors.size(), 350u);
+  EXPECT_LT(test::median(errors), 0.5);
+}
+
+// Neither grid nor its rounding moves a line: images whose sides the working grid does not divide.
+TEST(RidgeExtractor, LineIsInPlaceAtAnySize) {
+  for (const int side : {704, 760, 997}) {
+    Scene scene;
+    scene.width_px = scene.height_px = side;
+    scene.vessels = {{test::straightTube({60, 0.93 * side}, {0.95 * side, 0.9 * side}, 4)}};
+    const Centerline2d found = extract(test::render(scene));
+    ASSERT_GT(found.size(), 100) << side;
+    EXPECT_LT(test::medianDistance(found, scene), 0.2) << side;
+  }
+}
+
 // A slope of the background moves the darkest place of a vessel, but not its middle.
 TEST(RidgeExtractor, SlopeOfTheBackgroundDoesNotMoveTheLine) {
   const Eigen::Vector2d from(256.4, 40), to(256.4, 470);

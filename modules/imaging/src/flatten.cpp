@@ -8,9 +8,6 @@
 namespace angio {
 namespace {
 
-// Half of 1024: a vessel of 1 mm is then still three pixels wide, and its centre line is found from its grey values.
-constexpr int kWorkingSide = 512;
-
 // Working pixels per pixel of the background's image: the widest vessel is still several of them.
 constexpr int kCoarse = 4;
 
@@ -61,23 +58,27 @@ float quantile(std::vector<float>& sample, float part) {
 
 }  // namespace
 
-WorkingGrid::WorkingGrid(const cv::Size& image, double border_px) {
+WorkingGrid::WorkingGrid(const cv::Size& image, double border_px, int working_side) {
   const int shorter = std::min(image.width, image.height);
-  scale = std::max(1, static_cast<int>(std::lround(static_cast<double>(shorter) / kWorkingSide)));
   const int margin = std::min(static_cast<int>(std::lround(border_px)), (shorter - 1) / 2);
-  size = cv::Size(std::max(1, (image.width - 2 * margin) / scale), std::max(1, (image.height - 2 * margin) / scale));
-  roi =
-      cv::Rect(margin, margin, std::min(size.width * scale, image.width), std::min(size.height * scale, image.height));
+  roi = cv::Rect(margin, margin, image.width - 2 * margin, image.height - 2 * margin);
+  const double shrunken = std::max(1.0, static_cast<double>(shorter) / working_side);
+  scale = static_cast<float>(shrunken);
+  size = cv::Size(std::max(1, static_cast<int>(roi.width / shrunken)),
+                  std::max(1, static_cast<int>(roi.height / shrunken)));
+  // Whole pixels on both sides: the two axes' steps differ by less than a pixel over the image.
+  step_ = {static_cast<float>(roi.width) / static_cast<float>(size.width),
+           static_cast<float>(roi.height) / static_cast<float>(size.height)};
 }
 
 cv::Point2f WorkingGrid::toImage(const cv::Point2f& p) const {
-  const float s = static_cast<float>(scale), centre = 0.5f * (s - 1);
-  return {static_cast<float>(roi.x) + s * p.x + centre, static_cast<float>(roi.y) + s * p.y + centre};
+  return {static_cast<float>(roi.x) + step_.x * (p.x + 0.5f) - 0.5f,
+          static_cast<float>(roi.y) + step_.y * (p.y + 0.5f) - 0.5f};
 }
 
 cv::Point2f WorkingGrid::toWorking(const cv::Point2f& p) const {
-  const float s = static_cast<float>(scale), centre = 0.5f * (s - 1);
-  return {(p.x - centre - static_cast<float>(roi.x)) / s, (p.y - centre - static_cast<float>(roi.y)) / s};
+  return {(p.x - static_cast<float>(roi.x) + 0.5f) / step_.x - 0.5f,
+          (p.y - static_cast<float>(roi.y) + 0.5f) / step_.y - 0.5f};
 }
 
 std::vector<RowRange> openRows(const cv::Mat& image, const WorkingGrid& grid, float inset) {

@@ -9,19 +9,24 @@
 
 namespace angio {
 
-/// The grid on which vessels are sought: a part of the image, shrunken by a whole factor.
-struct WorkingGrid {
-  WorkingGrid(const cv::Size& image, double border_px);
+/// The grid on which vessels are sought: a part of the image, shrunken where it is larger than need be.
+class WorkingGrid {
+ public:
+  /// Leaves out a margin of `border_px`, and shrinks an image whose shorter side is longer than `working_side` to that.
+  WorkingGrid(const cv::Size& image, double border_px, int working_side);
 
-  cv::Rect roi;   ///< Part of the image that is looked at [px].
-  int scale = 1;  ///< Image pixels per working pixel.
-  cv::Size size;  ///< Of the working image.
+  cv::Rect roi;     ///< Part of the image that is looked at [px].
+  float scale = 1;  ///< Image pixels per working pixel.
+  cv::Size size;    ///< Of the working image.
 
   /// Image position [px] of a working position.
   cv::Point2f toImage(const cv::Point2f& p) const;
 
   /// And the reverse.
   cv::Point2f toWorking(const cv::Point2f& p) const;
+
+ private:
+  cv::Point2f step_;  // Of the image per working pixel.
 };
 
 /// What the collimator leaves of each row of the grid, `inset` working pixels inside of its border. All of it without

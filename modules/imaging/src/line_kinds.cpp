@@ -9,14 +9,14 @@ namespace angio {
 namespace {
 
 // A line begins at the border when its end is so near to it [working px].
-constexpr float kAtBorder = 6;
+constexpr float kAtBorder = 9;
 
 // Radius and contrast of a device stay within this part of their own median; the contrast changes with the background's
 // scatter and with what crosses.
 constexpr float kEvenRadius = 0.2f, kEvenContrast = 0.4f;
 
 // Values are medians over so many points, so that a crossing vessel does not end a catheter.
-constexpr std::size_t kWindow = 24;
+constexpr std::size_t kWindow = 33;
 
 // One line may end at a device, which touches the wall somewhere.
 constexpr int kMostBranches = 1;
@@ -28,7 +28,7 @@ constexpr float kBone = 0.15f;
 constexpr float kThinnest = 0.5f;
 
 // What is left of a line after its device is a vessel if it is so long, else it belongs to the device.
-constexpr std::size_t kRest = 16;
+constexpr std::size_t kRest = 22;
 
 // Metal, or contrast agent before the blood dilutes it, is not fainter than this part of what is usual in the image.
 constexpr float kFaint = 0.7f;

@@ -16,6 +16,9 @@
 namespace angio {
 namespace {
 
+// Half of 1024: a vessel of 1 mm is then still three pixels wide, and its centre line is found from its grey values.
+constexpr int kWorkingSide = 512;
+
 class OtsuExtractor final : public CenterlineExtractor {
  public:
   explicit OtsuExtractor(const OtsuSettings& settings)
@@ -23,15 +26,15 @@ class OtsuExtractor final : public CenterlineExtractor {
 
   Centerline2d extract(const cv::Mat& image) override {
     requireXray(image);
-    const WorkingGrid grid(image.size(), settings_.border_px);
+    const WorkingGrid grid(image.size(), settings_.border_px, kWorkingSide);
     const Flattened flat = flattening_(image, grid);
-    const float border = static_cast<float>(settings_.border_px) / static_cast<float>(grid.scale);
+    const float border = static_cast<float>(settings_.border_px) / grid.scale;
     const cv::Mat* mask = segmentation_(flat, grid.scale, openRows(image, grid, border));
     if (mask == nullptr) return {};
 
     // A vessel cut off by the image's edge goes on beyond it; its skeleton then reaches the edge, and has no fork
     // there.
-    const float scale = static_cast<float>(grid.scale), widest = static_cast<float>(settings_.background_px) / 2;
+    const float scale = grid.scale, widest = static_cast<float>(settings_.background_px) / 2;
     const int margin = static_cast<int>(std::ceil(widest / scale)) + 2;
     cv::copyMakeBorder(*mask, skeleton_, margin, margin, margin, margin, cv::BORDER_REPLICATE);
     cv::distanceTransform(skeleton_, distance_, cv::DIST_L2, cv::DIST_MASK_3);

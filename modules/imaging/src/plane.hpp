@@ -44,6 +44,18 @@ class Plane {
     return (1 - v) * ((1 - u) * upper[0] + u * upper[right]) + v * ((1 - u) * lower[0] + u * lower[right]);
   }
 
+  /// The same where `x` and `y` are at least 0 and less than the last column and row.
+  float within(float x, float y) const {
+    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+    const float *upper = row(y0) + x0, *lower = upper + stride_;
+    const float u = x - static_cast<float>(x0), v = y - static_cast<float>(y0);
+    return (1 - v) * ((1 - u) * upper[0] + u * upper[1]) + v * ((1 - u) * lower[0] + u * lower[1]);
+  }
+
+  bool contains(float x, float y) const {
+    return x >= 0 && y >= 0 && x < static_cast<float>(width_ - 1) && y < static_cast<float>(height_ - 1);
+  }
+
  private:
   std::vector<float> values_;
   int width_ = 0, height_ = 0, stride_ = 0;

@@ -24,6 +24,9 @@ namespace {
 // Added to every pixel, as a part of the mean: it keeps the logarithm of black pixels finite.
 constexpr float kDarkLevel = 0.05f;
 
+// Of the shorter side of a larger image's working grid: finer ones tell no more vessels from their neighbours.
+constexpr int kWorkingSide = 704;
+
 // Smaller images hold no line with a background on both sides.
 constexpr int kSmallestSide = 24;
 
@@ -51,7 +54,7 @@ class RidgeExtractor final : public CenterlineExtractor {
 
   Centerline2d extract(const cv::Mat& image) override {
     requireXray(image);
-    const WorkingGrid grid(image.size(), settings_.border_px);
+    const WorkingGrid grid(image.size(), settings_.border_px, kWorkingSide);
     if (std::min(grid.size.width, grid.size.height) < kSmallestSide) return {};
     prepareFor(grid.scale);
     absorb(image, grid);
@@ -63,7 +66,7 @@ class RidgeExtractor final : public CenterlineExtractor {
                           static_cast<float>(settings_.line_factor), kSeeds);
     thin(mask);
     SkeletonGraph graph = traceSkeleton(mask, scales_->radiusMat());
-    clean(graph, static_cast<float>(grid.scale));
+    clean(graph, grid.scale);
     std::vector<CentreLine> lines = (*fitting_)(graph, *scales_);
     dropAlongBorder(lines, open_);
     dropDilute(lines, static_cast<float>(settings_.relative_density));
@@ -73,9 +76,9 @@ class RidgeExtractor final : public CenterlineExtractor {
 
  private:
   // Scales follow the size of the working pixel, which a stream of images rarely changes.
-  void prepareFor(int scale) {
+  void prepareFor(float scale) {
     if (scales_ && scale == scale_) return;
-    const float largest = static_cast<float>(settings_.largest_radius_px) / static_cast<float>(scale);
+    const float largest = static_cast<float>(settings_.largest_radius_px) / scale;
     scales_.emplace(largest);
     fitting_.emplace(largest, *scales_);
     scale_ = scale;
@@ -86,7 +89,7 @@ class RidgeExtractor final : public CenterlineExtractor {
     absorption_.resize(grid.size.width, grid.size.height);
     cv::Mat working = absorption_.mat();
     const cv::Mat seen = image(grid.roi);
-    if (grid.scale == 1) {
+    if (grid.size == grid.roi.size()) {
       seen.convertTo(working, CV_32F);
     } else {
       seen.convertTo(full_, CV_32F);
@@ -102,7 +105,7 @@ class RidgeExtractor final : public CenterlineExtractor {
   // Puts what is at the border of the open field in the place of the collimator's shadow: there is then no edge to
   // answer to, and no noise of the dark.
   void coverShadow(const cv::Mat& image, const WorkingGrid& grid) {
-    const float scale = static_cast<float>(grid.scale), border = static_cast<float>(settings_.border_px) / scale;
+    const float scale = grid.scale, border = static_cast<float>(settings_.border_px) / scale;
     std::vector<cv::Point2f> outline = outlineOfField(image);
     for (cv::Point2f& p : outline) p = grid.toWorking(p);
     if (outline.empty()) {
@@ -133,7 +136,7 @@ class RidgeExtractor final : public CenterlineExtractor {
   float strongVessels() {
     sample_.clear();
     const Plane &strength = scales_->strength(), &salience = scales_->salience();
-    for (int y = 0; y < strength.height(); y += 2) {
+    for (int y = 0; y < strength.height(); y += 4) {
       const float *value = strength.row(y), *stands_out = salience.row(y);
       for (int x = 0; x < strength.width(); ++x) {
         if (stands_out[x] > static_cast<float>(settings_.line_factor)) sample_.push_back(value[x]);
@@ -160,7 +163,7 @@ class RidgeExtractor final : public CenterlineExtractor {
   }
 
   RidgeSettings settings_;
-  int scale_ = 0;
+  float scale_ = 0;
   std::optional<RidgeScales> scales_;
   std::optional<RidgeFitting> fitting_;
   RidgeMask mask_;

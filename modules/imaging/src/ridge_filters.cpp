@@ -87,18 +87,6 @@ void strengthRow(const float* const* rows, const float* least, int width, float 
   }
 }
 
-// Two rows of a level, one above the other or the same, to one of the next finer level.
-void doubleRow(const float* a, const float* b, int width, float* to) {
-  const hn::CappedTag<float, Plane::kSlack / 2> d;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  const auto half = hn::Set(d, 0.5f);
-  for (int i = 0; 2 * i < width; i += lanes) {
-    const auto here = hn::Mul(half, hn::Add(hn::LoadU(d, a + i), hn::LoadU(d, b + i)));
-    const auto next = hn::Mul(half, hn::Add(hn::LoadU(d, a + i + 1), hn::LoadU(d, b + i + 1)));
-    hn::StoreInterleaved2(here, hn::Mul(half, hn::Add(here, next)), d, to + 2 * i);
-  }
-}
-
 }  // namespace HWY_NAMESPACE
 }  // namespace angio
 HWY_AFTER_NAMESPACE();
@@ -111,7 +99,6 @@ HWY_EXPORT(absorptionRow);
 HWY_EXPORT(sumRows);
 HWY_EXPORT(sumAlong);
 HWY_EXPORT(strengthRow);
-HWY_EXPORT(doubleRow);
 
 constexpr int kMostReach = 32;
 
@@ -204,17 +191,6 @@ cv::Point2f acrossRidge(const Plane& smoothed, int x, int y) {
   const float c = -difference / root;  // Of the doubled angle.
   const float nx = std::sqrt(std::max(0.0f, 0.5f * (1 + c))), ny = std::sqrt(std::max(0.0f, 0.5f * (1 - c)));
   return {nx, xy > 0 ? -ny : ny};
-}
-
-void doubled(const Plane& coarse, Plane& fine) {
-  // Rows have room past their ends; the last odd pixel's right neighbour is its left one.
-  const int last = coarse.width() - 1;
-  for (int y = 0; y < fine.height(); ++y) {
-    const float *a = coarse.row(y / 2), *b = coarse.row(std::min((y + 1) / 2, coarse.height() - 1));
-    float* to = fine.row(y);
-    HWY_DYNAMIC_DISPATCH(doubleRow)(a, b, fine.width(), to);
-    if (fine.width() % 2 == 0) to[fine.width() - 1] = 0.5f * (a[last] + b[last]);
-  }
 }
 
 }  // namespace angio

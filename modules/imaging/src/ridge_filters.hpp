@@ -38,7 +38,4 @@ void ridgeStrength(const Plane& smoothed, float sigma, float reach, const cv::Ma
 /// Direction across a ridge at a pixel of the smoothed image, which must have eight neighbours. Length one.
 cv::Point2f acrossRidge(const Plane& smoothed, int x, int y);
 
-/// The next finer level's pixels from those of a halved one: the same where they lie on each other, else between.
-void doubled(const Plane& coarse, Plane& fine);
-
 }  // namespace angio

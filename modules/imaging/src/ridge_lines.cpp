@@ -10,156 +10,66 @@ namespace {
 
 constexpr float kStairFilter = 2.5f;   // Takes the staircase of the pixel grid out of a line [working px].
 constexpr float kOffsetFilter = 1.5f;  // Over how far fits are averaged [working px], or over 0.5 radii.
-constexpr int kSteps = 2;              // Of Gauss and Newton at each point.
-constexpr float kThinnest = 0.5f;      // Radius [working px].
-constexpr int kFitEvery = 2;           // Fits are made at every other point: nearer ones share their noise.
 
 // What no noise explains: vessels bend, taper and are not round [working px].
 constexpr float kModelSigma = 0.025f;
 
-// What else than noise a fit leaves, in its contrast, moves the middle by so many radii: another vessel or a bone's
-// edge on its flank. Squared misfits of up to this many times the noise's are chance.
-constexpr float kBias = 2, kChance = 2;
-
 // Where vessels meet, a line's way is a guess, and is wrong by this part of the junction's radius.
 constexpr float kGuess = 0.3f;
 
-// Noise of an image under a Gaussian filter is the same over 2 sqrt(pi) of its standard deviations.
-constexpr float kCorrelation = 3.5449f;
+// The normal distribution's bell, 1 at its top, out to kReach standard deviations; in steps of which the largest is a
+// hundredth.
+class Bell {
+ public:
+  static constexpr float kReach = 2.5f;
 
-// A tube leaves less than this part of its contrast where it is alone.
-constexpr float kWorstMisfit = 0.2f;
+  Bell() {
+    for (std::size_t i = 0; i < value_.size(); ++i) {
+      const float x = (static_cast<float>(i) + 0.5f) / kPerSigma;
+      value_[i] = std::exp(-0.5f * x * x);
+    }
+  }
+  float operator()(float x) const {
+    return value_[std::min(static_cast<std::size_t>(kPerSigma * x), value_.size() - 1)];
+  }
 
-// A vessel ends where it is fainter than this part of what it is over the fits next to its end. What is taken off is
-// not longer than this many radii.
-constexpr float kTailContrast = 0.6f, kTailRadii = 3;
-constexpr std::size_t kFewFits = 6;
-constexpr std::size_t kTipFits = 16;
+ private:
+  static constexpr int kPerSigma = 64;
+  std::array<float, 161> value_{};
+};
 
-// Templates are thinner than this many radii of the image's own blur.
-constexpr float kBlurPart = 0.35f;
+// A ring that is no longer than so many radii lies within its vessel.
+constexpr float kRingRadii = 4;
+
+// Whether no tube fits anywhere.
+template <typename Points>
+bool noneValid(const Points& points) {
+  return std::none_of(points.begin(), points.end(), [](const auto& p) { return p.valid; });
+}
 
 }  // namespace
 
-RidgeFitting::RidgeFitting(float largest_radius, const RidgeScales& scales)
-    : templates_(kThinnest, 1.6f * largest_radius,
-                 [&](float radius) {
-                   const float sigma = scales.sigmaUpTo(kBlurPart * radius);
-                   // A pixel averages over its own square, and so does the interpolation between two of them.
-                   return std::sqrt(sigma * sigma + 1.0f / 6);
-                 }),
-      largest_(1.6f * largest_radius) {}
-
-RidgeFitting::Point RidgeFitting::fitAt(const RidgeScales& scales, const cv::Point2f& p, const cv::Point2f& along,
-                                        float radius) const {
-  const cv::Point2f normal(-along.y, along.x);
-  Point point;
-  point.radius = std::clamp(radius, kThinnest, largest_);
-  std::array<float, TubeTemplates::kSamples> samples;
-  for (int step = 0; step < kSteps; ++step) {
-    const TubeTemplates::Template& tube = templates_.nearest(point.radius);
-    const ScaleImage image = scales.imageUpTo(kBlurPart * tube.radius);
-    for (int i = 0; i < TubeTemplates::kSamples; ++i) {
-      const float at = point.offset + tube.step * static_cast<float>(i - TubeTemplates::kSamples / 2);
-      samples[i] = image.smoothed->at(image.per_pixel * (p.x + at * normal.x), image.per_pixel * (p.y + at * normal.y));
-    }
-    const TubeTemplates::Fit fit = tube.fit(samples);
-    if (!(fit.contrast > 0)) return point;
-    point.contrast = fit.contrast;
-    point.misfit = fit.misfit;
-    point.offset += std::clamp(fit.shift, -0.5f * tube.radius, 0.5f * tube.radius);
-    point.radius =
-        std::clamp(tube.radius + std::clamp(fit.growth, -0.3f * tube.radius, 0.4f * tube.radius), kThinnest, largest_);
-    const float noise = scales.noiseAt(image, p);
-    const float correlated = std::sqrt(std::max(1.0f, kCorrelation * image.sigma / tube.step));
-    const float excess = std::sqrt(std::max(0.0f, point.misfit * point.misfit - kChance * noise * noise));
-    point.sigma = noise * correlated * tube.shift_noise / fit.contrast;
-    point.bias = kBias * excess / fit.contrast * point.radius;
-    point.valid = std::abs(point.offset) < std::max(1.5f, 0.8f * point.radius) &&
-                  fit.contrast > 2 * noise * tube.contrast_noise && point.misfit < kWorstMisfit * fit.contrast + noise;
-  }
-  return point;
-}
-
-// Also finds how far the junctions at the track's ends reach: to where tubes begin to fit.
-std::vector<RidgeFitting::Point> RidgeFitting::fitAlong(const SkeletonGraph& graph, const RidgeScales& scales,
-                                                        Track& track) const {
-  const std::size_t n = track.line.size();
-  const auto crosses = [&](const cv::Point2f& p) {
-    return std::any_of(graph.crossings.begin(), graph.crossings.end(),
-                       [&](const auto& c) { return cv::norm(p - c.position) < c.radius; });
-  };
-  std::vector<Point> points(n);
-  for (std::size_t i = 0; i < n; i += kFitEvery) {
-    if (crosses(track.line[i])) continue;
-    const auto reach = static_cast<std::size_t>(std::max(3.0f, 0.7f * track.radius[i]));
-    points[i] = fitAt(scales, track.line[i], directionAt(track.line, i, reach), track.radius[i]);
-  }
-  const auto fits = [&](std::size_t i) { return i >= n || points[i - i % kFitEvery].valid; };
-  const auto reachFrom = [&](int node, const auto& place) {
-    const std::size_t most = reachOf(graph, node, n);
-    std::size_t reach = 0;
-    while (reach < most && !(fits(place(reach)) && fits(place(reach + 2)) && fits(place(reach + 4)))) ++reach;
-    return reach;
-  };
-  track.begin_reach = reachFrom(track.begin, [](std::size_t i) { return i; });
-  track.end_reach = reachFrom(track.end, [n](std::size_t i) { return i < n ? n - 1 - i : n; });
-  for (std::size_t i = 0; i < track.begin_reach; ++i) points[i].valid = false;
-  for (std::size_t i = n - track.end_reach; i < n; ++i) points[i].valid = false;
-  return points;
-}
-
-// Takes off what thinning leaves at blunt tips, and what runs on into the background: there no tube fits, or one that
-// is much fainter than the line next to it.
-void RidgeFitting::trim(Track& track, std::vector<Point>& points) {
-  if (track.closed) return;
-  const auto n = static_cast<std::ptrdiff_t>(points.size());
-  const auto taken = [&](const auto& place, float radius) {
-    std::vector<float> contrasts;
-    for (std::ptrdiff_t i = 0; i < n && contrasts.size() < kTipFits; ++i) {
-      if (points[place(i)].valid) contrasts.push_back(points[place(i)].contrast);
-    }
-    if (contrasts.size() < kFewFits) return std::ptrdiff_t{0};
-    const auto middle = contrasts.begin() + static_cast<std::ptrdiff_t>(contrasts.size() / 2);
-    std::nth_element(contrasts.begin(), middle, contrasts.end());
-    const auto fits = [&](std::ptrdiff_t i) {
-      const Point& p = points[place(i) - place(i) % kFitEvery];
-      return p.valid && p.contrast > kTailContrast * *middle;
-    };
-    const auto most = std::min<std::ptrdiff_t>(n / 3, std::lround(kTailRadii * radius + 4));
-    std::ptrdiff_t count = 0;
-    while (count < most && !fits(count)) ++count;
-    return count;
-  };
-  std::ptrdiff_t first = 0, last = n;
-  if (track.begin < 0) first = taken([](std::ptrdiff_t i) { return i; }, track.radius.front());
-  if (track.end < 0) last = n - taken([n](std::ptrdiff_t i) { return n - 1 - i; }, track.radius.back());
-  first -= first % kFitEvery;
-  const auto keep = [&](auto& values) {
-    values.erase(values.begin() + last, values.end());
-    values.erase(values.begin(), values.begin() + first);
-  };
-  keep(track.line);
-  keep(track.radius);
-  keep(points);
-}
-
 // Averages the fits along the line and moves it; every point then has all values.
-void RidgeFitting::recentre(Track& track, std::vector<Point>& points, float filter) const {
+void RidgeFitting::recentre(Fitted& line, float filter) {
+  Track& track = line.track;
+  const std::vector<Point>& points = line.fits;
   const auto n = static_cast<std::ptrdiff_t>(points.size());
   std::vector<Point> averaged(points.size());
   Polyline moved = track.line;
+  static const Bell bell;
   for (std::ptrdiff_t i = 0; i < n; ++i) {
     const float sigma = std::max(filter, 0.5f * track.radius[i]);
     averaged[i].radius = averaged[i].sigma = track.radius[i];  // Far from every fit nothing better is known.
     for (float widening = 1; widening < 20; widening *= 2) {
-      const auto reach = static_cast<std::ptrdiff_t>(2.5f * sigma * widening);
+      const auto reach = static_cast<std::ptrdiff_t>(Bell::kReach * sigma * widening);
       float total = 0, weights = 0, weights2 = 0, offset = 0, variance = 0;
       Point mean;
-      for (std::ptrdiff_t j = std::max<std::ptrdiff_t>(0, i - reach); j <= std::min(n - 1, i + reach); ++j) {
+      const float per_point = 1 / (sigma * widening);
+      const std::ptrdiff_t begin = std::max<std::ptrdiff_t>(0, i - reach), end = std::min(n - 1, i + reach);
+      for (std::ptrdiff_t j = (begin + kFitEvery - 1) / kFitEvery * kFitEvery; j <= end; j += kFitEvery) {
         const Point& p = points[j];
         if (!p.valid) continue;
-        const float d = static_cast<float>(j - i) / (sigma * widening), near = std::exp(-0.5f * d * d);
+        const float near = bell(static_cast<float>(std::abs(j - i)) * per_point);
         const float sure = near / (p.sigma * p.sigma + p.bias * p.bias + kModelSigma * kModelSigma);
         total += sure;
         offset += sure * p.offset;
@@ -191,11 +101,12 @@ void RidgeFitting::recentre(Track& track, std::vector<Point>& points, float filt
     if (averaged[i].valid) track.radius[i] = averaged[i].radius;
   }
   track.line = std::move(moved);
-  points = std::move(averaged);
+  line.points = std::move(averaged);
 }
 
-CentreLine RidgeFitting::finished(const SkeletonGraph& graph, const Track& track,
-                                  const std::vector<Point>& points) const {
+CentreLine RidgeFitting::finished(const SkeletonGraph& graph, const Fitted& fitted) const {
+  const Track& track = fitted.track;
+  const std::vector<Point>& points = fitted.points;
   CentreLine result;
   result.line = track.line;
   for (const Point& p : points) {
@@ -217,39 +128,96 @@ CentreLine RidgeFitting::finished(const SkeletonGraph& graph, const Track& track
   return result;
 }
 
-std::vector<CentreLine> RidgeFitting::operator()(const SkeletonGraph& graph, const RidgeScales& scales) const {
-  std::vector<Track> tracks;
-  std::vector<std::vector<Point>> fits;
+// With the radii that the scales say.
+Track RidgeFitting::trackOn(const SkeletonGraph& graph, std::size_t index, const RidgeScales& scales) const {
+  const SkeletonGraph::Branch& branch = graph.branches[index];
+  float radius = 0;
+  for (const cv::Point2f& p : branch.line) radius += scales.radius().at(p.x, p.y);
+  radius /= static_cast<float>(branch.line.size() + 1);
+  const float stair =
+      std::min(std::max(kStairFilter, 0.7f * radius), 0.2f * static_cast<float>(branch.line.size()) + 1);
+  Track track = trackOf(graph, branch, stair);
+  track.branch = static_cast<int>(index);
+  float last = std::max(radius, kThinnest);
+  for (const cv::Point2f& p : track.line) {
+    const float here = scales.radius().at(p.x, p.y);
+    if (here > 0) last = here;
+    track.radius.push_back(last);
+  }
+  return track;
+}
+
+std::vector<RidgeFitting::Fitted> RidgeFitting::fittedAlone(const SkeletonGraph& graph, const RidgeScales& scales) {
+  std::vector<Fitted> lines;
   for (std::size_t b = 0; b < graph.branches.size(); ++b) {
     const auto& branch = graph.branches[b];
     if (!branch.alive || (branch.line.size() < 2 && branch.begin < 0)) continue;
-    float radius = 0;
-    for (const cv::Point2f& p : branch.line) radius += scales.radius().at(p.x, p.y);
-    radius /= static_cast<float>(branch.line.size() + 1);
-    const float stair =
-        std::min(std::max(kStairFilter, 0.7f * radius), 0.2f * static_cast<float>(branch.line.size()) + 1);
-    Track track = trackOf(graph, branch, stair);
-    track.branch = static_cast<int>(b);
-    float last = std::max(radius, kThinnest);
-    for (const cv::Point2f& p : track.line) {
-      const float here = scales.radius().at(p.x, p.y);
-      if (here > 0) last = here;
-      track.radius.push_back(last);
+    Fitted line{trackOn(graph, b, scales), {}, {}};
+    fitAlong(graph, scales, line, 0, Others::kStay);
+    if (noneValid(line.fits)) continue;
+    recentre(line, kOffsetFilter);
+    lines.push_back(std::move(line));
+  }
+  return lines;
+}
+
+// Within a junction nothing is known of a tube: what vessels share there is no sum.
+std::vector<TubeShadows::Piece> RidgeFitting::piecesOf(const Fitted& line) {
+  const Track& track = line.track;
+  const std::size_t n = track.line.size();
+  std::vector<TubeShadows::Piece> pieces(n);
+  for (std::size_t i = track.begin_reach; i + track.end_reach < n; ++i) {
+    if (!line.points[i].valid) continue;
+    pieces[i] = {track.line[i], directionAt(track.line, i, 3), line.points[i].radius, line.points[i].contrast};
+  }
+  return pieces;
+}
+
+void RidgeFitting::fitTogether(const SkeletonGraph& graph, const RidgeScales& scales, std::vector<Fitted>& lines) {
+  for (std::size_t t = 0; t < lines.size(); ++t) {
+    Fitted& line = lines[t];
+    const int tube = static_cast<int>(t);
+    if (line.points.empty()) continue;
+    fitAlong(graph, scales, line, tube, Others::kTakenAway);
+    if (noneValid(line.fits)) {
+      shadows_.replace(tube, std::vector<TubeShadows::Piece>(line.points.size()));
+      line.points.clear();
+      continue;
     }
-    auto points = fitAlong(graph, scales, track);
-    if (std::none_of(points.begin(), points.end(), [](const Point& p) { return p.valid; })) continue;
-    recentre(track, points, kOffsetFilter);
-    points = fitAlong(graph, scales, track);
-    if (std::none_of(points.begin(), points.end(), [](const Point& p) { return p.valid; })) continue;
-    trim(track, points);
-    recentre(track, points, kOffsetFilter);
-    tracks.push_back(std::move(track));
-    fits.push_back(std::move(points));
+    findEnds(line);
+    recentre(line, kOffsetFilter);
+    shadows_.replace(tube, piecesOf(line));
+  }
+}
+
+// Whether no tube fits a line, or it does not leave the vessel that it begins in: a fork or a ring at a blunt tip.
+bool RidgeFitting::isNothing(const Fitted& line) {
+  if (line.points.empty()) return true;
+  const Track& track = line.track;
+  const float length = static_cast<float>(line.last - line.first), radius = std::max(track.radius.front(), 2.0f);
+  if (track.begin >= 0 && track.begin == track.end) return length < kRingRadii * radius;
+  return !track.closed && (track.begin < 0 || track.end < 0) && length < radius;
+}
+
+std::vector<CentreLine> RidgeFitting::operator()(const SkeletonGraph& graph, const RidgeScales& scales) {
+  std::vector<Fitted> lines = fittedAlone(graph, scales);
+  std::vector<std::vector<TubeShadows::Piece>> tubes;
+  for (const Fitted& line : lines) tubes.push_back(piecesOf(line));
+  shadows_.set({scales.strength().width(), scales.strength().height()}, std::move(tubes));
+  fitTogether(graph, scales, lines);
+  lines.erase(std::remove_if(lines.begin(), lines.end(), isNothing), lines.end());
+  std::vector<Track> tracks;
+  for (Fitted& line : lines) {
+    trim(line);
+    tracks.push_back(line.track);
   }
   meet(graph, tracks);
-  std::vector<CentreLine> lines;
-  for (std::size_t t = 0; t < tracks.size(); ++t) lines.push_back(finished(graph, tracks[t], fits[t]));
-  return lines;
+  std::vector<CentreLine> result;
+  for (std::size_t t = 0; t < lines.size(); ++t) {
+    lines[t].track.line = std::move(tracks[t].line);
+    result.push_back(finished(graph, lines[t]));
+  }
+  return result;
 }
 
 }  // namespace angio

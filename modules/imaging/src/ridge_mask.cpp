@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 
 namespace angio {
 namespace {
@@ -31,8 +32,12 @@ cv::Mat& RidgeMask::operator()(const std::vector<RowRange>& open, const Plane& s
   mask_.setTo(0);
   const std::array<int, 8> around{1, 1 - row, -row, -1 - row, -1, row - 1, row, row + 1};
   std::uint8_t* pixel = classes_.ptr();
-  for (int seed = 0; seed < row * (height + 2); ++seed) {
-    if (pixel[seed] != kStrong) continue;
+  const std::uint8_t* end = pixel + static_cast<std::ptrdiff_t>(row) * (height + 2);
+  for (const std::uint8_t* next_seed = pixel;; ++next_seed) {
+    next_seed =
+        static_cast<const std::uint8_t*>(std::memchr(next_seed, kStrong, static_cast<std::size_t>(end - next_seed)));
+    if (next_seed == nullptr) break;
+    const int seed = static_cast<int>(next_seed - pixel);
     region_.assign(1, seed);
     pixel[seed] = 0;
     int found = 1;

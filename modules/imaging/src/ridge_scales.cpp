@@ -40,12 +40,16 @@ constexpr float kNearFiner = 1.2f, kFinerPart = 0.9f;
 // Noise is measured in blocks of this many pixels of the level at least, at some of them, by a quantile that
 // vessels do not reach unless they cover half of the block. The two deviators of the second derivatives are independent
 // and normal in noise, so that their length is Rayleigh's.
-constexpr int kBlock = 32, kEvery = 3, kSparseBlock = 64, kSparse = 5;  // The finest level has many pixels.
+constexpr int kBlock = 32, kEvery = 3, kSparseBlock = 64, kSparse = 6;  // The finest level has many pixels.
 constexpr float kQuantile = 0.4f, kRayleigh = 1.0108f;
 constexpr float kBendPerDeviator = 1.7320508f;  // Standard deviation of the bend across, in the deviators'.
 
 // Standard deviation of white noise under a Gaussian filter, in that of its bend times the filter's variance.
 constexpr float kValuePerBend = 1.1547005f;
+
+float valueAt(const Plane& image, float x, float y) {
+  return image.contains(x, y) ? image.within(x, y) : image.at(x, y);
+}
 
 }  // namespace
 
@@ -65,6 +69,7 @@ RidgeScales::RidgeScales(float largest_radius) {
   levels_.resize(static_cast<std::size_t>(level) + 1);
   finer_.resize(levels_.size());
   near_finer_.resize(levels_.size());
+  pooled_.resize(levels_.size());
   strongest_.resize(levels_.size());
   widest_.resize(levels_.size());
   salience_.resize(levels_.size());
@@ -98,34 +103,19 @@ void RidgeScales::gatherFiner(int index) {
   if (index < static_cast<int>(kSharper)) return;
   const Scale& scale = scales_[index];
   const Scale& next = scales_[index - kSharper];
-  cv::Mat& gathered = finer_[next.level];
+  for (int l = next.level; l < scale.level; ++l) {
+    halveToLargest(l == next.level ? next.strength.mat() : pooled_[l], pooled_[l + 1], scratch_);
+  }
+  const cv::Mat fresh = next.level < scale.level ? pooled_[scale.level] : next.strength.mat();
+  cv::Mat& gathered = finer_[scale.level];
   if (index == static_cast<int>(kSharper)) {
-    next.strength.mat().copyTo(gathered);
+    fresh.copyTo(gathered);
   } else {
-    const int level = scales_[index - kSharper - 1].level;  // Of what was gathered for the scale before.
-    for (int l = level; l < next.level; ++l) pool(finer_[l], finer_[l + 1]);
-    cv::max(gathered, next.strength.mat(), gathered);
+    for (int l = scales_[index - 1].level; l < scale.level; ++l) halveToLargest(finer_[l], finer_[l + 1], scratch_);
+    cv::max(gathered, fresh, gathered);
   }
-  // Coarser levels hold nothing of their own yet.
-  for (int l = next.level; l < scale.level; ++l) pool(finer_[l], finer_[l + 1]);
   const int reach = static_cast<int>(std::lround(kNearFiner * scale.level_sigma));
-  cv::dilate(finer_[scale.level], near_finer_[scale.level], cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
-}
-
-// The largest of a pixel's neighbours at every other pixel of every other row.
-void RidgeScales::pool(const cv::Mat& from, cv::Mat& to) {
-  pooled_.resize(static_cast<std::size_t>(from.cols));
-  to.create((from.rows + 1) / 2, (from.cols + 1) / 2, CV_32F);
-  for (int y = 0; y < to.rows; ++y) {
-    const float *above = from.ptr<float>(std::max(0, 2 * y - 1)), *here = from.ptr<float>(2 * y);
-    const float* below = from.ptr<float>(std::min(from.rows - 1, 2 * y + 1));
-    for (int x = 0; x < from.cols; ++x) pooled_[x] = std::max(here[x], std::max(above[x], below[x]));
-    float* out = to.ptr<float>(y);
-    for (int x = 0; x < to.cols; ++x) {
-      const int left = std::max(0, 2 * x - 1), right = std::min(from.cols - 1, 2 * x + 1);
-      out[x] = std::max(pooled_[2 * x], std::max(pooled_[left], pooled_[right]));
-    }
-  }
+  cv::dilate(gathered, near_finer_[scale.level], cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
 }
 
 ScaleImage RidgeScales::imageUpTo(float sigma) const {
@@ -146,17 +136,14 @@ float RidgeScales::noiseAt(const ScaleImage& image, const cv::Point2f& p) const 
 
 // Begins a level with what the next coarser one found.
 void RidgeScales::gather(int level) {
-  const auto begin = [&](std::vector<Plane>& planes) {
-    Plane& fine = planes[level];
-    if (level + 1 < static_cast<int>(planes.size())) {
-      doubled(planes[level + 1], fine);
-    } else {
-      for (int y = 0; y < fine.height(); ++y) std::fill(fine.row(y), fine.row(y) + fine.width(), 0.0f);
-    }
-  };
-  begin(strongest_);
-  begin(widest_);
-  begin(salience_);
+  if (level + 1 < static_cast<int>(levels_.size())) {
+    doubled(linesOf(level + 1), linesOf(level));
+    return;
+  }
+  for (auto* planes : {&strongest_, &widest_, &salience_}) {
+    Plane& plane = (*planes)[level];
+    for (int y = 0; y < plane.height(); ++y) std::fill(plane.row(y), plane.row(y) + plane.width(), 0.0f);
+  }
 }
 
 void RidgeScales::measureNoise(Scale& scale) {
@@ -196,7 +183,9 @@ bool RidgeScales::isDarkest(const Scale& scale, const Scale& finer, int x, int y
   const float middle = finer.smoothed.at(fx, fy) + allowed;
   for (const float part : kBeside) {
     const cv::Point2f n = (part * scale.level_sigma * ratio) * normal;
-    if (finer.smoothed.at(fx - n.x, fy - n.y) > middle || finer.smoothed.at(fx + n.x, fy + n.y) > middle) return false;
+    if (std::max(valueAt(finer.smoothed, fx - n.x, fy - n.y), valueAt(finer.smoothed, fx + n.x, fy + n.y)) > middle) {
+      return false;
+    }
   }
   return true;
 }
@@ -216,7 +205,8 @@ void RidgeScales::keepLines(Scale& scale, const Scale* finer) {
       }
       const cv::Point2f n = flank * acrossRidge(image, x, y);
       const float fx = static_cast<float>(x), fy = static_cast<float>(y), middle = image.row(y)[x];
-      const float left = middle - image.at(fx - n.x, fy - n.y), right = middle - image.at(fx + n.x, fy + n.y);
+      const float left = middle - valueAt(image, fx - n.x, fy - n.y);
+      const float right = middle - valueAt(image, fx + n.x, fy + n.y);
       const float allowed = kSymmetry * std::max(left, right);
       if (std::min(left, right) >= allowed &&
           (finer == nullptr || isDarkest(scale, *finer, x, y, (1 / flank) * n, allowed))) {
@@ -229,19 +219,7 @@ void RidgeScales::keepLines(Scale& scale, const Scale* finer) {
 
 // Puts the scale's lines into its level where they are stronger than what is there.
 void RidgeScales::select(const Scale& scale) {
-  Plane &strongest = strongest_[scale.level], &widest = widest_[scale.level], &salience = salience_[scale.level];
-  const float radius = scale.sigma / kScaleOfRadius;
-  const int width = strongest.width(), height = strongest.height(), rows = scale.noise.rows, cols = scale.noise.cols;
-  for (int y = 0; y < height; ++y) {
-    const float *strength = scale.strength.row(y), *noise = scale.noise.ptr<float>(y * rows / height);
-    float* best = strongest.row(y);
-    for (int x = 0; x < width; ++x) {
-      if (strength[x] <= best[x]) continue;
-      best[x] = strength[x];
-      widest.row(y)[x] = radius;
-      salience.row(y)[x] = strength[x] / std::max(noise[x * cols / width], 1e-6f);
-    }
-  }
+  takeStronger(scale.strength, scale.noise, scale.sigma / kScaleOfRadius, linesOf(scale.level));
 }
 
 }  // namespace angio

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "ridge_filters.hpp"
+#include "ridge_levels.hpp"
 
 namespace angio {
 
@@ -56,16 +57,16 @@ class RidgeScales {
   void measureNoise(Scale& scale);
   static bool isDarkest(const Scale& scale, const Scale& finer, int x, int y, const cv::Point2f& normal, float allowed);
   void gatherFiner(int index);
-  void pool(const cv::Mat& from, cv::Mat& to);
   void keepLines(Scale& scale, const Scale* finer);
   void select(const Scale& scale);
   void gather(int level);
+  StrongestLines linesOf(int level) { return {strongest_[level], widest_[level], salience_[level]}; }
 
   std::vector<Scale> scales_;
   std::vector<Plane> levels_, strongest_, widest_, salience_;
-  Plane buffer_, up_strength_, up_radius_, up_salience_;
-  std::vector<cv::Mat> finer_, near_finer_;  // By level.
-  std::vector<float> sample_, pooled_;
+  Plane buffer_;
+  std::vector<cv::Mat> finer_, near_finer_, pooled_;  // By level.
+  std::vector<float> sample_, scratch_;
 };
 
 }  // namespace angio

@@ -5,9 +5,14 @@
 #include <cmath>
 
 namespace angio {
+namespace {
+
+constexpr float kTangentRadii = 0.4f;  // Half of the length that a tangent is taken over.
+
+}  // namespace
 
 Centerline2d sampled(const std::vector<CentreLine>& lines, const WorkingGrid& grid, double spacing_px) {
-  const float scale = static_cast<float>(grid.scale);
+  const float scale = grid.scale;
   std::vector<std::vector<float>> places;
   Eigen::Index count = 0;
   bool measured = !lines.empty();
@@ -31,7 +36,9 @@ Centerline2d sampled(const std::vector<CentreLine>& lines, const WorkingGrid& gr
     const CentreLine& centre = lines[b];
     for (const float place : places[b]) {
       const std::size_t i = std::min(static_cast<std::size_t>(place + 0.5f), centre.line.size() - 1);
-      const cv::Point2f p = grid.toImage(at(centre.line, place)), along = directionAt(centre.line, i, 2);
+      // A wide vessel's line bends less than its noise does.
+      const auto reach = static_cast<std::size_t>(std::max(2.0f, kTangentRadii * centre.radius[i]));
+      const cv::Point2f p = grid.toImage(at(centre.line, place)), along = directionAt(centre.line, i, reach);
       result.points_px.col(point) << p.x, p.y;
       result.tangent_rad[point] = undirected(std::atan2(along.y, along.x));
       result.radius_px[point] = scale * centre.radius[i];

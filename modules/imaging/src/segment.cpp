@@ -84,7 +84,7 @@ void Segmentation::classify(const Flattened& image, const std::vector<RowRange>&
   }
 }
 
-const cv::Mat* Segmentation::operator()(const Flattened& image, int scale, const std::vector<RowRange>& open) {
+const cv::Mat* Segmentation::operator()(const Flattened& image, float scale, const std::vector<RowRange>& open) {
   if (!count(image, open)) return nullptr;
   classify(image, open,
            static_cast<float>(

@@ -17,7 +17,7 @@ class Segmentation {
 
   /// CV_8UC1, 255 in vessels; nothing when no pixel stands out from the background. `scale` is image pixels per
   /// working pixel, and `open` what the collimator leaves of each row. Valid until the next call.
-  const cv::Mat* operator()(const Flattened& image, int scale, const std::vector<RowRange>& open);
+  const cv::Mat* operator()(const Flattened& image, float scale, const std::vector<RowRange>& open);
 
  private:
   bool count(const Flattened& image, const std::vector<RowRange>& open);

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tube_chord.hpp"
+
 namespace angio {
 namespace {
 
@@ -13,23 +15,12 @@ namespace {
 constexpr double kReachRadii = 1.5, kReachBlurs = 2.2;
 constexpr double kWeightEdge = 0.35;
 
-// Chord of a circle, 1 in its middle, averaged over a normal distribution about x.
-double blurredChord(double radius, double blur, double x) {
-  // With u = r sin(t) the chord's steep ends are sampled as finely as they fall.
-  constexpr int kSteps = 96;
-  double sum = 0;
-  for (int i = 0; i < kSteps; ++i) {
-    const double t = M_PI * ((i + 0.5) / kSteps - 0.5), d = (x - radius * std::sin(t)) / blur;
-    sum += std::cos(t) * std::cos(t) * std::exp(-0.5 * d * d);
-  }
-  return sum * (M_PI / kSteps) * radius / (blur * std::sqrt(2 * M_PI));
-}
-
 }  // namespace
 
 void TubeTemplates::add(float radius, float blur) {
   Template t;
   t.radius = radius;
+  t.blur = blur;
   const double r = radius, s = blur, reach = kReachRadii * r + kReachBlurs * s, step = reach / (kSamples / 2);
   t.step = static_cast<float>(step);
   Eigen::Matrix<double, kSamples, 5> J;
@@ -55,7 +46,7 @@ void TubeTemplates::add(float radius, float blur) {
   t.shift_noise = static_cast<float>(std::sqrt(covariance(1, 1)));
   for (int k = 0; k < 5; ++k) {
     for (int i = 0; i < kSamples; ++i) {
-      t.solution[k][i] = static_cast<float>(solution(k, i));
+      t.solution[i][k] = static_cast<float>(solution(k, i));
       t.model[k][i] = static_cast<float>(J(i, k));
     }
   }
@@ -63,18 +54,19 @@ void TubeTemplates::add(float radius, float blur) {
 }
 
 TubeTemplates::Fit TubeTemplates::Template::fit(const std::array<float, kSamples>& samples) const {
-  std::array<float, 5> p{};
-  for (int k = 0; k < 5; ++k) {
-    for (int i = 0; i < kSamples; ++i) p[k] += solution[k][i] * samples[i];
+  // Sums run side by side, not one after the other: all parameters at once, then all samples.
+  std::array<float, kPadded> p{};
+  for (int i = 0; i < kSamples; ++i) {
+    for (int k = 0; k < kPadded; ++k) p[k] += solution[i][k] * samples[i];
   }
+  std::array<float, kSamples> left = samples;
+  for (int k = 0; k < 5; ++k) {
+    for (int i = 0; i < kSamples; ++i) left[i] -= p[k] * model[k][i];
+  }
+  float squares = 0;
+  for (const float rest : left) squares += rest * rest;
   Fit fit;
   fit.contrast = p[0];
-  float squares = 0;
-  for (int i = 0; i < kSamples; ++i) {
-    float left = samples[i];
-    for (int k = 0; k < 5; ++k) left -= p[k] * model[k][i];
-    squares += left * left;
-  }
   fit.misfit = std::sqrt(squares / (kSamples - 5));
   if (!(p[0] > 0)) return fit;
   fit.shift = p[1] / p[0];

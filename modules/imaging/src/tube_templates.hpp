@@ -15,6 +15,7 @@ namespace angio {
 class TubeTemplates {
  public:
   static constexpr int kSamples = 17;
+  static constexpr int kPadded = 8;  ///< Parameters, and zeros up to whole vectors.
 
   /// What one step finds.
   struct Fit {
@@ -29,7 +30,9 @@ class TubeTemplates {
     float step = 0.5f;         ///< Between samples; the middle one is number kSamples / 2.
     float shift_noise = 0;     ///< Standard deviation of the shift for white noise of one per sample and contrast 1.
     float contrast_noise = 0;  ///< And of the contrast.
-    std::array<std::array<float, kSamples>, 5> solution{}, model{};
+    float blur = 1;            ///< Standard deviation of the image's filter that it is for.
+    std::array<std::array<float, kPadded>, kSamples> solution{};
+    std::array<std::array<float, kSamples>, 5> model{};
 
     Fit fit(const std::array<float, kSamples>& samples) const;
   };

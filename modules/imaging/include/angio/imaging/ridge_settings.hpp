@@ -11,7 +11,8 @@ namespace angio {
 /// Second derivatives of a Gaussian scale space find lines by their bend, whatever the slope they lie on, and both of
 /// their flanks have to rise, which the edges of ribs, organs and collimators do not. Thresholds are multiples of the
 /// noise that each part of the image shows at each scale, so that they follow the dose. Each line is then fitted, all
-/// along, with the shadow of a tube: position, radius, contrast, and how sure the position is.
+/// along, with the shadow of a tube: position, radius, contrast, and how sure the position is; then once more without
+/// the shadows of the others, for in the logarithm the image is their sum.
 ///
 /// Catheters and guidewires that come in at the border are told from vessels (Centerline2d::kind), when both are there:
 /// they keep their width and contrast, and nothing branches off them. An unbranched vessel of even width from the
