@@ -246,27 +246,5 @@ TEST(RidgeExtractor, ParallelVesselsStayTwo) {
   EXPECT_GT(test::coverage(scene, found, 1.5), 0.97);
 }
 
-TEST(RidgeExtractor, CatheterIsADeviceAndTheTreeIsNot) {
-  Scene scene = clinicalScene({test::randomTree(2, 1024, 1024)});
-  const test::Vessel catheter{test::arcTube({-100, 1100}, 600, -1.45, -0.1, 5)};
-  scene.vessels.push_back(catheter);
-  const Centerline2d found = extract(test::render(scene));
-  Scene device_only = scene;
-  device_only.vessels = {catheter};
-  int right = 0, devices = 0, on_catheter = 0;
-  for (int i = 0; i < found.size(); ++i) {
-    const bool on = test::distanceToLines(device_only, found.points_px.col(i)) < 3;
-    const bool device = found.kind[i] == CurveKind::kDevice;
-    devices += device ? 1 : 0;
-    on_catheter += on ? 1 : 0;
-    right += on && device ? 1 : 0;
-  }
-  EXPECT_GT(right, 0.8 * on_catheter);
-  // It goes on into the vessel that lies in line with its tip.
-  EXPECT_GT(right, 0.85 * devices);
-  // Alone, a vessel and a catheter look the same: then it is a vessel.
-  EXPECT_EQ(ofKind(extract(test::render(device_only)), CurveKind::kDevice).size(), 0);
-}
-
 }  // namespace
 }  // namespace angio

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "angio/imaging/thinning.hpp"
+#include "device_lines.hpp"
 #include "field_outline.hpp"
 #include "flatten.hpp"
 #include "line_kinds.hpp"
@@ -69,8 +70,8 @@ class RidgeExtractor final : public CenterlineExtractor {
     clean(graph, grid.scale);
     std::vector<CentreLine> lines = (*fitting_)(graph, *scales_);
     dropAlongBorder(lines, open_);
-    dropDilute(lines, static_cast<float>(settings_.relative_density));
     tellDevices(lines, open_, kShortestDevice * static_cast<float>(std::min(grid.size.width, grid.size.height)));
+    dropDilute(lines, static_cast<float>(settings_.relative_density));
     return sampled(lines, grid, settings_.spacing_px);
   }
 

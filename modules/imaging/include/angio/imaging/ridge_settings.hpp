@@ -14,10 +14,9 @@ namespace angio {
 /// along, with the shadow of a tube: position, radius, contrast, and how sure the position is; then once more without
 /// the shadows of the others, for in the logarithm the image is their sum.
 ///
-/// Catheters and guidewires that come in at the border are told from vessels (Centerline2d::kind), when both are there:
-/// they keep their width and contrast, and nothing branches off them. An unbranched vessel of even width from the
-/// border on looks the same, and a device that does not reach the border is taken for a vessel; withDevicesOf knows
-/// more.
+/// Catheters and guidewires are told from vessels (Centerline2d::kind) by what they absorb per length, when both are
+/// there: guidewires wherever they are, catheters where they come in at the border. What could be either, such as a
+/// catheter no denser than the vessels beside it, is taken for a vessel; withDevicesOf knows more.
 ///
 /// Lengths are in pixels of the image. Absorption is the natural logarithm of how much a vessel weakens the beam: 0.1
 /// is a vessel 10 % darker than its surroundings. Sources: Steger, An unbiased detector of curvilinear structures, PAMI

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "angio/imaging/extractor.hpp"
+#include "line_metrics.hpp"
+
+namespace angio {
+namespace {
+
+using test::clinicalScene;
+using test::Scene;
+using test::Vessel;
+
+Centerline2d extract(const Scene& scene) { return makeExtractor(RidgeSettings{})->extract(test::render(scene)); }
+
+// Absorptions of vessels behind each other add.
+void addDense(Scene& scene, const Vessel& vessel, int times) {
+  for (int k = 0; k < times; ++k) scene.vessels.push_back(vessel);
+}
+
+// Parts of what is found on and off the lines of a scene's devices that is a device.
+struct Told {
+  double of_devices = 0, of_others = 0;
+};
+
+Told told(const Centerline2d& found, const std::vector<Vessel>& devices) {
+  Scene lines;
+  lines.vessels = devices;
+  int on = 0, off = 0, right = 0, wrong = 0;
+  for (int i = 0; i < found.size(); ++i) {
+    const bool device = found.kind[i] == CurveKind::kDevice;
+    const bool is_one = test::distanceToLines(lines, found.points_px.col(i)) < 3;
+    (is_one ? on : off) += 1;
+    (is_one ? right : wrong) += device ? 1 : 0;
+  }
+  return {static_cast<double>(right) / std::max(1, on), static_cast<double>(wrong) / std::max(1, off)};
+}
+
+// Guidewires of 0.36 mm at 5 px a millimetre; steel absorbs as much as seven times the scene's contrast agent.
+const std::vector<Vessel> kWires = {{test::straightTube({60, 120}, {230, 160}, 0.9)},
+                                    {test::arcTube({160, 360}, 90, 0.3, 2.6, 0.9)},
+                                    {test::arcTube({400, 130}, 70, 2.0, 4.6, 0.9)},
+                                    {test::straightTube({330, 420}, {470, 300}, 0.9)}};
+constexpr int kSteel = 7;
+
+TEST(Devices, DenseCatheterFromTheBorderIsADeviceAndTheTreeIsNot) {
+  Scene scene = clinicalScene({test::randomTree(2, 1024, 1024)});
+  const Vessel catheter{test::arcTube({-100, 1100}, 600, -1.45, -0.1, 5)};
+  addDense(scene, catheter, 2);
+  const Told what = told(extract(scene), {catheter});
+  EXPECT_GT(what.of_devices, 0.8);
+  EXPECT_LT(what.of_others, 0.05);  // It goes on into the vessel that lies in line with its tip.
+}
+
+TEST(Devices, CatheterAloneOrNoDenserThanTheVesselsIsTakenForAVessel) {
+  const Vessel catheter{test::arcTube({-100, 1100}, 600, -1.45, -0.1, 5)};
+  Scene alone = clinicalScene({});
+  addDense(alone, catheter, 2);
+  EXPECT_EQ(ofKind(extract(alone), CurveKind::kDevice).size(), 0);
+  EXPECT_EQ(ofKind(extract(clinicalScene({test::randomTree(2, 1024, 1024), catheter})), CurveKind::kDevice).size(), 0);
+}
+
+// A field of view inside of a tree: vessels of even width from border to border, without branches.
+TEST(Devices, VesselsThatCrossTheFieldOfViewStayVessels) {
+  Scene scene;
+  scene.vessels = {{test::straightTube({0, 100}, {511, 180}, 3.5)},
+                   {test::straightTube({150, 0}, {220, 511}, 3)},
+                   {test::arcTube({520, 520}, 330, 3.17, 4.68, 4)},
+                   {test::straightTube({0, 430}, {300, 511}, 2.5)}};
+  const Centerline2d found = extract(scene);
+  EXPECT_GT(test::coverage(scene, found, 1.5), 0.9);
+  EXPECT_EQ(ofKind(found, CurveKind::kDevice).size(), 0);
+}
+
+TEST(Devices, WiresInsideTheImageAreDevicesAndTheTreeIsNot) {
+  for (const unsigned seed : {2u, 5u}) {
+    Scene scene;
+    scene.vessels = {test::randomTree(seed, 512, 512)};
+    for (const Vessel& wire : kWires) addDense(scene, wire, kSteel);
+    const Told what = told(extract(scene), kWires);
+    EXPECT_GT(what.of_devices, 0.7) << seed;  // One of the four may be joined to a vessel that it ends at.
+    EXPECT_LT(what.of_others, 0.02) << seed;
+  }
+}
+
+// More wire than vessel: what is usual in the image is steel, and the vessels are no bones beside it.
+TEST(Devices, VesselsAmongManyWiresAreNotTakenForBones) {
+  Scene vessels;
+  vessels.vessels = {{test::straightTube({40, 260}, {470, 235}, 3.5)}, {test::straightTube({280, 30}, {300, 480}, 3)}};
+  Scene scene = vessels;
+  for (const Vessel& wire : kWires) addDense(scene, wire, kSteel);
+  const Centerline2d found = extract(scene);
+  EXPECT_GT(test::coverage(vessels, ofKind(found, CurveKind::kVessel), 1.5), 0.95);
+  EXPECT_GT(told(found, kWires).of_devices, 0.9);
+}
+
+}  // namespace
+}  // namespace angio
