@@ -143,5 +143,34 @@ TEST(LineEquations, NeighboursThatSayTheSameCountAsOne) {
   EXPECT_NEAR(together.togetherness(4000), 19, 6);  // From seven lags of one sample.
 }
 
+// An image line between two vessels that lie 6 px apart in projection: it is theirs together when it is wide enough to be
+// both.
+TEST(SoftenShared, PointsThatMayBeTwoVesselsCountLittle) {
+  const XrayCamera camera = test::clinicalCamera();
+  const double depth_m = 0.75, apart_m = 6 * depth_m / camera.parameters().fy_px;
+  Eigen::Matrix3Xd points(3, 4);
+  points << -0.03, 0.03, -0.03, 0.03, 0, 0, apart_m, apart_m, 0, 0, 0, 0;
+  const std::vector<std::pair<int, int>> both = {{0, 1}, {2, 3}}, one = {{0, 1}};
+  Pose T = Pose::Identity();
+  T.translation().z() = depth_m;
+  const auto lengthOfNormal = [&](const std::vector<std::pair<int, int>>& model_edges, float radius_px) {
+    const Eigen::Vector2d on = *camera.project(Eigen::Vector3d(0, 0.5 * apart_m, depth_m));
+    OrientedPoints image;
+    image.begin.push_back(0);
+    image.add(static_cast<float>(on.x()), static_cast<float>(on.y()), 1, 0, 2, 1, radius_px);
+    image.pad();
+    ProjectedEdges edges;
+    edges.project(points, model_edges, camera, T);
+    LineMatches matches;
+    matchLines(image, edges, 8, 0.5, matches);
+    softenShared(image, edges, 0.5, matches);
+    return std::hypot(matches.of_point[0].normal_u, matches.of_point[0].normal_v);
+  };
+  EXPECT_LT(lengthOfNormal(both, 5), 0.5);
+  EXPECT_FLOAT_EQ(lengthOfNormal(both, 1.5f), 1) << "two thin vessels so far apart are seen as two";
+  EXPECT_FLOAT_EQ(lengthOfNormal(both, 0), 1) << "nothing is known of how wide it is";
+  EXPECT_FLOAT_EQ(lengthOfNormal(one, 5), 1);
+}
+
 }  // namespace
 }  // namespace angio

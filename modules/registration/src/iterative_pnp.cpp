@@ -149,7 +149,7 @@ RegistrationResult IterativePnp::align(const XrayViews& views, const PosePrior& 
     result.times.nonrigid_s = nonrigid_began.seconds();
   }
   result.agreement = agreementOf(model_.tree, points, frame.views(), result.T_camera_model);
-  judge(result);
+  judge(tree(), result);
   result.times.total_s = began.seconds();
   return result;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/registration/result.hpp"
+#include "angio/vessel/vessel_tree.hpp"
 #include "rigid_step.hpp"
 
 namespace angio {
@@ -9,16 +10,21 @@ namespace angio {
 /// Fewer points than this on either side cannot hold six unknowns against noise: sets the status and says so.
 bool tooFewPoints(RegistrationResult& result);
 
-/// Sets status and reason from the agreement of model and image.
-void judge(RegistrationResult& result);
+/// How uncertain the covariance leaves the places of the tree's points: standard deviation of their distance, rms over
+/// the points [m].
+double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const VesselTree& tree);
 
-/// The same when it is known how well the best different pose does (score over this pose's, 0 to 1): one that fits nearly as well
-/// makes a fit ambiguous; and a fit without a rival is believed when less of the image, or of the model, is explained, as when
-/// contrast fills half of the tree.
-void judgeAgainst(double rival_share, RegistrationResult& result);
+/// Sets status and reason from the agreement of model and image, and from how well the image holds a rigid tree: depth
+/// under deformation is open in one view, and its covariance says so to those who need it.
+void judge(const VesselTree& tree, RegistrationResult& result);
 
-/// Covariance as RegistrationResult defines it, from the system at the solution and the pulls of all views; nothing when it is
-/// not of full rank.
+/// The same when it is known how well the best different pose does (score over this pose's, 0 to 1): one that fits
+/// nearly as well makes a fit ambiguous; and a fit without a rival is believed when less of the image, or of the model,
+/// is explained, as when contrast fills half of the tree, if the image holds it three times as well.
+void judgeAgainst(double rival_share, const VesselTree& tree, RegistrationResult& result);
+
+/// Covariance as RegistrationResult defines it, from the system at the solution and the pulls of all views; nothing
+/// when it is not of full rank.
 std::optional<Matrix6d> covarianceOf(const NormalEquations& at_solution, const std::vector<Pull>& pulls,
                                      const Pose& T_camera_centred, const Eigen::Vector3d& centroid);
 

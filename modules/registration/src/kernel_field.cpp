@@ -74,7 +74,7 @@ class StampRows {
 }  // namespace
 
 void OrientedPoints::clear() {
-  for (auto* values : {&u, &v, &cos2, &sin2, &mass_px, &certainty}) values->clear();
+  for (auto* values : {&u, &v, &cos2, &sin2, &mass_px, &certainty, &radius_px}) values->clear();
   begin.clear();
 }
 
@@ -82,13 +82,15 @@ void OrientedPoints::pad() {
   for (auto* values : {&u, &v}) values->resize(mass_px.size() + kPadding, 0.0f);
 }
 
-void OrientedPoints::add(float u_px, float v_px, float cos2_phi, float sin2_phi, float mass, float how_certain) {
+void OrientedPoints::add(float u_px, float v_px, float cos2_phi, float sin2_phi, float mass, float how_certain,
+                         float radius) {
   u.push_back(u_px);
   v.push_back(v_px);
   cos2.push_back(cos2_phi);
   sin2.push_back(sin2_phi);
   mass_px.push_back(mass);
   certainty.push_back(how_certain);
+  radius_px.push_back(radius);
 }
 
 void KernelField::build(const OrientedPoints& points, double scale_px, const Region& region) {

@@ -15,13 +15,14 @@ struct OrientedPoints {
   std::vector<float> cos2, sin2;  ///< Of twice the tangent's angle: undirected.
   std::vector<float> mass_px;
   std::vector<float> certainty;  ///< The image's middling standard deviation over this point's; 1 when unknown.
+  std::vector<float> radius_px;  ///< Of the vessel; 0 when unknown.
   std::vector<int> begin;        ///< First point of each branch.
 
   int size() const { return static_cast<int>(mass_px.size()); }
   void clear();
   /// Lets vectors of any width read `u` and `v` past the last point.
   void pad();
-  void add(float u_px, float v_px, float cos2_phi, float sin2_phi, float mass, float how_certain = 1);
+  void add(float u_px, float v_px, float cos2_phi, float sin2_phi, float mass, float how_certain = 1, float radius = 0);
 };
 
 /// The sum of the oriented Gaussian kernels of all image points at one scale l, as three images:

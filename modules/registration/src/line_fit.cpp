@@ -63,6 +63,7 @@ LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& beli
       used_[v] = &image;
       projected_.project(model_.points, model_.edges, view.camera, view.T_view_first * result.T_camera_centred);
       matchLines(image, projected_, gate, kLeastCos2, matches_[v]);
+      if (round >= kFirstRounds) softenShared(image, projected_, kLeastCos2, matches_[v]);
       resolveMatches(model_.points, model_.edges, matches_[v]);
       points += image.size();
       matched += matches_[v].matched;

@@ -102,6 +102,16 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace angio {
 HWY_EXPORT(lineSums);
+namespace {
+
+// Two tubes are seen as one line when their centres are nearer to each other than this many radii of what is seen.
+constexpr float kMergedRadii = 1.3f;
+// Edges nearer than this to each other say the same, as those of one vessel do.
+constexpr float kApart_px = 0.5f;
+// What is left of such a point: it still holds the pose across the line, to some pixels.
+constexpr float kSharedCertainty = 0.2f;
+
+}  // namespace
 
 void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double gate_px, double least_cos2,
                 LineMatches& matches) {
@@ -110,6 +120,27 @@ void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double
   for (std::size_t j = 0; j < matches.of_point.size(); ++j) {
     matches.of_point[j].normal_u *= image.certainty[j];
     matches.of_point[j].normal_v *= image.certainty[j];
+  }
+}
+
+void softenShared(const OrientedPoints& image, const ProjectedEdges& edges, double least_cos2, LineMatches& matches) {
+  for (std::size_t j = 0; j < matches.of_point.size(); ++j) {
+    auto& match = matches.of_point[j];
+    const float half_reach = 0.5f * kMergedRadii * image.radius_px[j];
+    if (match.edge < 0 || !(half_reach > 0)) continue;
+    const float length = std::hypot(match.normal_u, match.normal_v);
+    const float n_u = match.normal_u / length, n_v = match.normal_v / length;
+    for (const float side : {-half_reach, half_reach}) {
+      const auto other = edges.nearest(image.u[j] + side * n_u, image.v[j] + side * n_v, image.cos2[j], image.sin2[j],
+                                       half_reach, static_cast<float>(least_cos2));
+      if (other.edge < 0) continue;
+      // Where both edges cross the normal, from the image's point on.
+      const float alike = other.normal_u * n_u + other.normal_v * n_v;
+      if (std::abs(side - other.offset_px * alike + match.offset_px) < kApart_px) continue;
+      match.normal_u *= kSharedCertainty;
+      match.normal_v *= kSharedCertainty;
+      break;
+    }
   }
 }
 

@@ -24,6 +24,11 @@ struct LineMatches {
 void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double gate_px, double least_cos2,
                 LineMatches& matches);
 
+/// Makes points count little that may show two vessels as one: where a second edge runs alike within the vessel's
+/// radius or so, the image's line lies somewhere between both, and pulls either one to where it is not. Images without
+/// radii are left as they are.
+void softenShared(const OrientedPoints& image, const ProjectedEdges& edges, double least_cos2, LineMatches& matches);
+
 /// Normal equations of sum_j w(r_j) r_j^2, r_j the distance of image point j from its edge's line [px], for T exp(dx).
 struct LineSums {
   Matrix6d H = Matrix6d::Zero();

@@ -16,7 +16,7 @@ Eigen::Vector2f doubleAngle(double tangent_rad) {
 }
 
 // How certain a point is beside the image's middling one. Bounded: a curve that an extractor is very sure of is still
-// one curve among others, and may be the wrong one.
+// one curve among others, may be the wrong one, and shares with them what an extractor does not know of.
 class Certainty {
  public:
   explicit Certainty(const Centerline2d& c) : sigma_px_(c.sigma_px) {
@@ -29,13 +29,18 @@ class Certainty {
   float between(Eigen::Index a, Eigen::Index b, double weight_of_b) const {
     if (sigma_px_.size() == 0) return 1;
     const double sigma_px = (1 - weight_of_b) * sigma_px_[a] + weight_of_b * sigma_px_[b];
-    return static_cast<float>(std::clamp(middle_px_ / sigma_px, 0.25, 2.0));
+    return static_cast<float>(std::clamp(middle_px_ / sigma_px, 0.25, 1.0));
   }
 
  private:
   const Eigen::VectorXd& sigma_px_;
   double middle_px_ = 1;
 };
+
+float radiusBetween(const Centerline2d& c, Eigen::Index a, Eigen::Index b, double weight_of_b) {
+  if (c.radius_px.size() == 0) return 0;
+  return static_cast<float>((1 - weight_of_b) * c.radius_px[a] + weight_of_b * c.radius_px[b]);
+}
 
 // A branch: points between its own where they stand far apart, each with the length of line it stands for.
 void addBranch(const Centerline2d& c, const Certainty& certainty, Eigen::Index first, Eigen::Index last,
@@ -45,7 +50,7 @@ void addBranch(const Centerline2d& c, const Certainty& certainty, Eigen::Index f
   const int began = to.size();
   to.begin.push_back(began);
   to.add(static_cast<float>(p(0, first)), static_cast<float>(p(1, first)), before.x(), before.y(), 0,
-         certainty.between(first, first, 0));
+         certainty.between(first, first, 0), radiusBetween(c, first, first, 0));
   for (Eigen::Index i = first + 1; i <= last; ++i) {
     const Eigen::Vector2f here = doubleAngle(c.tangent_rad[i]);
     const Eigen::Vector2d a = p.col(i - 1), step = p.col(i) - a;
@@ -59,7 +64,7 @@ void addBranch(const Centerline2d& c, const Certainty& certainty, Eigen::Index f
       const Eigen::Vector2f along = k == pieces ? here : doubleAngle(std::atan2(step.y(), step.x()));
       to.mass_px.back() += half_mass;
       to.add(static_cast<float>(at.x()), static_cast<float>(at.y()), along.x(), along.y(), half_mass,
-             certainty.between(i - 1, i, w));
+             certainty.between(i - 1, i, w), radiusBetween(c, i - 1, i, w));
     }
   }
   if (to.size() == began + 1) to.mass_px.back() = static_cast<float>(spacing_px);  // A branch of one point.
@@ -96,7 +101,7 @@ void thinned(const OrientedPoints& points, int stride, OrientedPoints& to) {
       float mass = 0;
       for (int i = begin; i < end; ++i) mass += points.mass_px[i];
       to.add(points.u[middle], points.v[middle], points.cos2[middle], points.sin2[middle], mass,
-             points.certainty[middle]);
+             points.certainty[middle], points.radius_px[middle]);
     }
   }
   to.pad();
@@ -128,7 +133,7 @@ void orientedPoints(const Centerline2d& c, double spacing_px, int most_points, O
       const Eigen::Index i = run.first;
       const Eigen::Vector2f along = doubleAngle(c.tangent_rad[i]);
       to.add(static_cast<float>(c.points_px(0, i)), static_cast<float>(c.points_px(1, i)), along.x(), along.y(), 1,
-             certainty.between(i, i, 0));
+             certainty.between(i, i, 0), radiusBetween(c, i, i, 0));
     }
     if (to.size() > 0) massFromDensity(to);
   }

@@ -190,7 +190,7 @@ void OrientedKernel::judgeRivals(const PosePriorTerm& belief, const Pose& T_rigi
     const double score = result.agreement.score();
     share = score > 0 ? std::min(1.0, deformed.agreement.score() / score) : 1.0;
   }
-  judgeAgainst(share, result);
+  judgeAgainst(share, model_.resampled.tree, result);
 }
 
 void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_centred, const LineFitPlan& plan,
@@ -209,7 +209,7 @@ void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& res
   const VesselTree& tree = model_.resampled.tree;
   result.agreement = agreementOf(tree, tree.points(), frame_.views(), result.T_camera_model);
   if (!deformation_) {
-    judge(result);
+    judge(tree, result);
     return;
   }
   const Stopwatch stage;
@@ -235,7 +235,7 @@ void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& res
   }
   result.nonrigid_iterations = fit.iterations;
   result.times.nonrigid_s = stage.seconds();
-  judge(result);
+  judge(tree, result);
 }
 
 RegistrationResult OrientedKernel::align(const XrayViews& views, const PosePrior& prior, const Pose& start) {

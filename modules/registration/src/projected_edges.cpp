@@ -199,6 +199,7 @@ ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry,
   best.normal_u = -entries_.dv[k] * inverse_length;
   best.normal_v = entries_.du[k] * inverse_length;
   best.distance2_px2 = found.distance2;
+  best.offset_px = best.normal_u * (u - entries_.u[k]) + best.normal_v * (v - entries_.v[k]);
   return best;
 }
 

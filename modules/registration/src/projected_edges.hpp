@@ -27,6 +27,7 @@ class ProjectedEdges {
     float along = 0;                   ///< Where on it, 0 to 1.
     float normal_u = 0, normal_v = 0;  ///< Unit, across the edge.
     float distance2_px2 = 0;           ///< To the edge itself: larger beyond its ends.
+    float offset_px = 0;               ///< Of the point from the edge's line, along the normal.
   };
 
   /// The nearest edge within `gate_px` that runs along the direction (cosine of twice the angle between at least
