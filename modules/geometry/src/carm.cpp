@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "angio/base/errors.hpp"
-
 namespace angio {
 
 Eigen::Vector3d beamDirection(const ViewAngles& angles) {
@@ -87,51 +85,6 @@ IsocentreAngles isocentreAnglesOf(const ViewAngles& angles, const Eigen::Matrix3
   const ViewAngles beam = viewAnglesOf(Eigen::Vector3d(R_camera_isocentre.row(2).transpose()));
   const Eigen::Matrix3d turn = R_camera_isocentre * viewRotation(beam).transpose();
   return {beam.primary_rad, beam.secondary_rad, std::atan2(turn(1, 0), turn(0, 0))};
-}
-
-void CArmGeometry::check() const {
-  const std::string place = "c-arm";
-  requirePositive(place, "source_isocentre_distance_mm", source_isocentre_distance_m * 1e3);
-  requirePositive(place, "source_detector_distance_mm", source_detector_distance_m * 1e3);
-  if (source_detector_distance_m <= source_isocentre_distance_m) {
-    throw InputError(place, "source_detector_distance_mm", shown(source_detector_distance_m * 1e3),
-                     "must exceed source_isocentre_distance_mm");
-  }
-  camera();
-}
-
-XrayCamera CArmGeometry::camera() const {
-  return XrayCamera::centred(image_width_px, image_height_px, pixel_spacing_m, source_detector_distance_m);
-}
-
-Pose CArmGeometry::T_camera_patient(const CArmJoints& joints) const {
-  const Eigen::Matrix3d R = viewRotation({joints[0], joints[1]});
-  Pose T = Pose::Identity();
-  T.linear() = R;
-  T.translation() = Eigen::Vector3d(0, 0, source_isocentre_distance_m) + R * joints.tail<3>();
-  return T;
-}
-
-Eigen::Matrix<double, 6, 5> CArmGeometry::eJe(const CArmJoints& joints) const {
-  const Eigen::Matrix3d R = viewRotation({joints[0], joints[1]});
-  const double ca = std::cos(joints[0]), sa = std::sin(joints[0]);
-  // Primary turns the arm about the patient's long axis; secondary about the axis that primary has turned.
-  const Eigen::Vector3d axes_iso[2] = {Eigen::Vector3d::UnitZ(), Eigen::Vector3d(-ca, -sa, 0)};
-  const Eigen::Vector3d source_from_isocentre(0, 0, -source_isocentre_distance_m);
-  Eigen::Matrix<double, 6, 5> J = Eigen::Matrix<double, 6, 5>::Zero();
-  for (int i = 0; i < 2; ++i) {
-    const Eigen::Vector3d w = R * axes_iso[i];
-    J.block<3, 1>(0, i) = w.cross(source_from_isocentre);
-    J.block<3, 1>(3, i) = w;
-  }
-  J.block<3, 3>(0, 2) = -R;  // The table moves the patient; the camera moves the other way relative to the patient.
-  return J;
-}
-
-CArmJoints CArmGeometry::jointsFor(const ViewAngles& angles, const Eigen::Vector3d& target_patient) const {
-  CArmJoints joints;
-  joints << angles.primary_rad, angles.secondary_rad, -target_patient;
-  return joints;
 }
 
 CArmLimits CArmLimits::typical() {

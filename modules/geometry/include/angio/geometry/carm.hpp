@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/geometry/carm_deviations.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 
@@ -72,33 +73,50 @@ ViewAngles viewAnglesOf(const IsocentreAngles& angles, const Eigen::Matrix3d& R_
 /// image: detectorRotation(result) * R_isocentre_patient = viewRotation(angles).
 IsocentreAngles isocentreAnglesOf(const ViewAngles& angles, const Eigen::Matrix3d& R_isocentre_patient);
 
-/// Geometry of an isocentric C-arm without detector rotation.
+/// Derivatives of the camera's place by kCArmPoseParameterNames: twists of the camera relative to the patient, in the
+/// camera frame, by radian, metre or one.
+using CArmPoseJacobian = Eigen::Matrix<double, 6, kCArmPoseParameters>;
+
+/// Geometry of an isocentric C-arm without detector rotation: an ideal one, and how the real one deviates from it.
 ///
 /// Frame `iso`: origin at the isocentre, axes L, P, S of a patient who lies straight on the table. The patient lies on
 /// the table, so the table's position moves the patient: p_iso = table + p_iso(table at zero).
 struct CArmGeometry {
   double source_isocentre_distance_m = 0.810;
-  double source_detector_distance_m = 1.113;
+  double source_detector_distance_m = 1.113;  ///< By the encoder.
   double pixel_spacing_m = 0.25355859375e-3;
   int image_width_px = 1024;
   int image_height_px = 1024;
+  CArmDeviations deviations;
 
-  /// Throws InputError that names the field when a length or size is not positive, or the detector is nearer than the
-  /// isocentre.
+  /// Throws InputError that names the field when a length or size is not positive, the detector is nearer than the
+  /// isocentre, or a deviation not finite or too large to be one.
   void check() const;
 
   /// The camera at this source-detector distance.
-  XrayCamera camera() const;
+  XrayCamera camera() const { return camera(source_detector_distance_m); }
+
+  /// The camera at another one [m], by the encoder.
+  XrayCamera camera(double encoder_distance_m) const;
 
   /// Pose of the patient frame (iso with the table at zero) in the camera: T_camera_iso(angles) * Trans(table).
   Pose T_camera_patient(const CArmJoints& joints) const;
+
+  /// The same, and how it changes with the numbers that a calibration estimates.
+  Pose T_camera_patient(const CArmJoints& joints, CArmPoseJacobian* J) const;
 
   /// Jacobian of the camera's velocity relative to the patient, in the camera frame, by joint velocity:
   /// [v; w] = eJe * qdot. ViSP's eJe with the camera as end-effector.
   Eigen::Matrix<double, 6, 5> eJe(const CArmJoints& joints) const;
 
-  /// Joints at which the camera sees along `angles` and `target_patient` (patient frame [m]) lies at the isocentre.
+  /// Joints at which the camera sees along `angles`, in the patient's axes, and `target_patient` (patient frame [m])
+  /// lies on the beam at the isocentre's distance from the source. A C-arm that deviates gets there by Newton's steps;
+  /// nothing that a C-arm can be is too far for them.
   CArmJoints jointsFor(const ViewAngles& angles, const Eigen::Vector3d& target_patient) const;
+
+  /// The numbers of kCArmPoseParameterNames [rad, m, 1].
+  Eigen::Matrix<double, kCArmPoseParameters, 1> poseParameters() const;
+  void setPoseParameters(const Eigen::Matrix<double, kCArmPoseParameters, 1>& values);
 };
 
 /// Range, speed and acceleration of each joint, in the order and units of CArmJoints.

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "angio/base/errors.hpp"
+#include "angio/geometry/carm.hpp"
+
+namespace angio {
+namespace {
+
+// Row and column of the table's parameters.
+constexpr int kTableEntries[8][2] = {{0, 0}, {2, 0}, {0, 1}, {1, 1}, {2, 1}, {0, 2}, {1, 2}, {2, 2}};
+
+// A line that the camera can turn about, camera axes: how fast it moves then.
+Twist turnAbout(const Eigen::Vector3d& axis, const Eigen::Vector3d& point) {
+  Twist twist;
+  twist << -axis.cross(point), axis;
+  return twist;
+}
+
+Twist shiftAlong(const Eigen::Vector3d& direction) {
+  Twist twist;
+  twist << direction, Eigen::Vector3d::Zero();
+  return twist;
+}
+
+// The arm of a C-arm that deviates, before it bends.
+struct RigidArm {
+  Eigen::Matrix3d R_iso_primary;   // The frame that primary turns.
+  Eigen::Vector3d gap_point;       // Where the common perpendicular meets the secondary axis, iso.
+  Eigen::Vector3d secondary_axis;  // Iso.
+  Eigen::Matrix3d R_camera_ideal;  // The mount's turns.
+  Pose T_camera_iso;
+};
+
+RigidArm rigidArm(const CArmGeometry& carm, const CArmJoints& joints) {
+  const CArmDeviations& d = carm.deviations;
+  RigidArm arm;
+  arm.R_iso_primary = Eigen::AngleAxisd(joints[0] + d.primary_offset_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  arm.gap_point = arm.R_iso_primary.col(1) * d.axis_gap_m;
+  const Eigen::Matrix3d R_iso_skewed =
+      arm.R_iso_primary * Eigen::AngleAxisd(d.axis_skew_rad, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  arm.secondary_axis = -R_iso_skewed.col(0);
+  const Eigen::Matrix3d R_iso_arm =
+      R_iso_skewed *
+      Eigen::AngleAxisd(joints[1] + d.secondary_offset_rad, -Eigen::Vector3d::UnitX()).toRotationMatrix();
+  arm.R_camera_ideal = (Eigen::AngleAxisd(-d.detector_roll_rad, Eigen::Vector3d::UnitZ()) *
+                        Eigen::AngleAxisd(-d.detector_turn_rad, Eigen::Vector3d::UnitY()))
+                           .toRotationMatrix();
+  arm.T_camera_iso.linear() = arm.R_camera_ideal * viewRotation({}) * R_iso_arm.transpose();
+  arm.T_camera_iso.translation() =
+      arm.R_camera_ideal * Eigen::Vector3d(-d.source_right_m, -d.source_down_m, carm.source_isocentre_distance_m) -
+      arm.T_camera_iso.linear() * arm.gap_point;
+  arm.T_camera_iso.makeAffine();
+  return arm;
+}
+
+Pose bend(const CArmDeviations& d, const CArmJoints& joints) {
+  return d.flex.count == 0 ? Pose::Identity() : expSE3(-d.flex.at(joints[0], joints[1]));
+}
+
+void requireSmall(const char* field, double value, double largest) {
+  requireBetween("c-arm", field, value, -largest, largest);
+}
+
+}  // namespace
+
+void CArmGeometry::check() const {
+  const std::string place = "c-arm";
+  requirePositive(place, "source_isocentre_distance_mm", source_isocentre_distance_m * 1e3);
+  requirePositive(place, "source_detector_distance_mm", source_detector_distance_m * 1e3);
+  if (source_detector_distance_m <= source_isocentre_distance_m) {
+    throw InputError(place, "source_detector_distance_mm", shown(source_detector_distance_m * 1e3),
+                     "must exceed source_isocentre_distance_mm");
+  }
+  const CArmDeviations& d = deviations;
+  requireSmall("deviations.primary_offset_deg", radToDeg(d.primary_offset_rad), 20);
+  requireSmall("deviations.secondary_offset_deg", radToDeg(d.secondary_offset_rad), 20);
+  requireSmall("deviations.axis_skew_deg", radToDeg(d.axis_skew_rad), 20);
+  requireSmall("deviations.axis_gap_mm", d.axis_gap_m * 1e3, 200);
+  requireSmall("deviations.source_right_mm", d.source_right_m * 1e3, 200);
+  requireSmall("deviations.source_down_mm", d.source_down_m * 1e3, 200);
+  requireSmall("deviations.detector_turn_deg", radToDeg(d.detector_turn_rad), 20);
+  requireSmall("deviations.detector_roll_deg", radToDeg(d.detector_roll_rad), 20);
+  for (const double x : (d.table - Eigen::Matrix3d::Identity()).reshaped()) requireSmall("deviations.table", x, 0.5);
+  requireBetween(place, "deviations.table[3]", d.table(1, 0), 0, 0);
+  requireSmall("deviations.source_detector_offset_mm", d.source_detector_offset_m * 1e3, 200);
+  requireSmall("deviations.pixel_aspect", d.pixel_aspect, 0.2);
+  for (const double x : d.principal_point_px) requireSmall("deviations.principal_point_px", x, 1000);
+  for (const double x : d.principal_point_slope_px_per_m) {
+    requireSmall("deviations.principal_point_slope_px_per_mm", 1e-3 * x, 10);
+  }
+  for (int i = 0; i < d.flex.count; ++i) {
+    const CArmFlexTerm& term = d.flex.terms[static_cast<std::size_t>(i)];
+    for (int k = 0; k < 6; ++k) {
+      requireSmall("deviations.flex", k < 3 ? term.twist[k] * 1e3 : radToDeg(term.twist[k]), k < 3 ? 50 : 5);
+    }
+    requireSmall("deviations.flex", term.frequency_primary, 8);
+    requireSmall("deviations.flex", term.frequency_secondary, 8);
+    requireSmall("deviations.flex", radToDeg(term.phase_rad), 360);
+  }
+  camera();
+}
+
+XrayCamera CArmGeometry::camera(double encoder_distance_m) const {
+  const CArmDeviations& d = deviations;
+  const XrayCamera ideal = XrayCamera::centred(image_width_px, image_height_px, pixel_spacing_m,
+                                               encoder_distance_m + d.source_detector_offset_m);
+  XrayCamera::Parameters p = ideal.parameters();
+  const Eigen::Vector2d shift_px =
+      d.principal_point_px + d.principal_point_slope_px_per_m * (encoder_distance_m - source_detector_distance_m);
+  p.fy_px *= 1 + d.pixel_aspect;
+  p.cx_px += shift_px.x();
+  p.cy_px += shift_px.y();
+  return XrayCamera(p);
+}
+
+Pose CArmGeometry::T_camera_patient(const CArmJoints& joints) const {
+  if (!deviations.movesCamera()) {
+    const Eigen::Matrix3d R = viewRotation({joints[0], joints[1]});
+    Pose T = Pose::Identity();
+    T.linear() = R;
+    T.translation() = Eigen::Vector3d(0, 0, source_isocentre_distance_m) + R * joints.tail<3>();
+    return T;
+  }
+  Pose T = bend(deviations, joints) * rigidArm(*this, joints).T_camera_iso;
+  T.translation() += T.linear() * (deviations.table * joints.tail<3>());
+  return T;
+}
+
+Pose CArmGeometry::T_camera_patient(const CArmJoints& joints, CArmPoseJacobian* J) const {
+  const RigidArm arm = rigidArm(*this, joints);
+  const Pose T_bent_camera = bend(deviations, joints);
+  Pose T = T_bent_camera * arm.T_camera_iso;
+  T.translation() += T.linear() * (deviations.table * joints.tail<3>());
+  if (!J) return T;
+
+  const Pose& T_camera_iso = arm.T_camera_iso;
+  const Eigen::Matrix3d& R = T_camera_iso.linear();
+  const Eigen::Vector3d knee = T_camera_iso * arm.gap_point, perpendicular = R * arm.R_iso_primary.col(1);
+  J->col(0) = turnAbout(R.col(2), T_camera_iso.translation());
+  J->col(1) = turnAbout(R * arm.secondary_axis, knee);
+  J->col(2) = turnAbout(perpendicular, knee);
+  J->col(3) = shiftAlong(perpendicular);
+  J->col(4) = shiftAlong(arm.R_camera_ideal.col(0));
+  J->col(5) = shiftAlong(arm.R_camera_ideal.col(1));
+  J->col(6) = shiftAlong(-arm.R_camera_ideal.col(2));
+  const Eigen::AngleAxisd unroll(-deviations.detector_roll_rad, Eigen::Vector3d::UnitZ());
+  J->col(7) = turnAbout(unroll * Eigen::Vector3d::UnitY(), Eigen::Vector3d::Zero());
+  J->col(8) = turnAbout(Eigen::Vector3d::UnitZ(), Eigen::Vector3d::Zero());
+  J->leftCols<kFirstTableParameter>() = (adjointSE3(T_bent_camera) * J->leftCols<kFirstTableParameter>()).eval();
+  for (int k = 0; k < 8; ++k) {
+    J->col(kFirstTableParameter + k) =
+        shiftAlong(-T.linear().col(kTableEntries[k][0]) * joints[2 + kTableEntries[k][1]]);
+  }
+  return T;
+}
+
+Eigen::Matrix<double, 6, 5> CArmGeometry::eJe(const CArmJoints& joints) const {
+  Eigen::Matrix<double, 6, 5> J = Eigen::Matrix<double, 6, 5>::Zero();
+  if (!deviations.movesCamera()) {
+    const Eigen::Matrix3d R = viewRotation({joints[0], joints[1]});
+    const double ca = std::cos(joints[0]), sa = std::sin(joints[0]);
+    // Primary turns the arm about the patient's long axis; secondary about the axis that primary has turned.
+    const Eigen::Vector3d axes_iso[2] = {Eigen::Vector3d::UnitZ(), Eigen::Vector3d(-ca, -sa, 0)};
+    const Eigen::Vector3d source_from_isocentre(0, 0, -source_isocentre_distance_m);
+    for (int i = 0; i < 2; ++i) {
+      const Eigen::Vector3d w = R * axes_iso[i];
+      J.block<3, 1>(0, i) = w.cross(source_from_isocentre);
+      J.block<3, 1>(3, i) = w;
+    }
+    J.block<3, 3>(0, 2) = -R;  // The table moves the patient; the camera moves the other way relative to the patient.
+    return J;
+  }
+  CArmPoseJacobian by_parameters;
+  const Pose T = T_camera_patient(joints, &by_parameters);
+  J.leftCols<2>() = by_parameters.leftCols<2>();  // An angle and its offset do the same, but for the bending.
+  if (deviations.flex.count != 0) {
+    const Twist bent = deviations.flex.at(joints[0], joints[1]);
+    J.leftCols<2>() += rightJacobianInverseSE3(bent).inverse() * deviations.flex.derivatives(joints[0], joints[1]);
+  }
+  J.block<3, 3>(0, 2) = -T.linear() * deviations.table;
+  return J;
+}
+
+CArmJoints CArmGeometry::jointsFor(const ViewAngles& angles, const Eigen::Vector3d& target_patient) const {
+  CArmJoints joints;
+  joints << angles.primary_rad, angles.secondary_rad, -target_patient;
+  if (!deviations.movesCamera()) return joints;
+  joints[0] -= deviations.primary_offset_rad;
+  joints[1] -= deviations.secondary_offset_rad;
+  const Eigen::Vector3d beam = beamDirection(angles), goal(0, 0, source_isocentre_distance_m);
+  double last_error = std::numeric_limits<double>::infinity();
+  CArmJoints best = joints;
+  for (int step = 0; step < 30; ++step) {
+    const Pose T = T_camera_patient(joints);
+    const Eigen::Vector3d beam_camera = T.linear() * beam, target = T * target_patient;
+    Eigen::Matrix<double, 5, 1> error;
+    error << beam_camera.head<2>(), target - goal;
+    if (!(error.norm() < last_error)) break;
+    last_error = error.norm();
+    best = joints;
+    // A turn w of the camera moves the beam's image by w x z, a move v and a turn w the target by -v - w x target.
+    const auto J = eJe(joints);
+    Eigen::Matrix<double, 5, 5> A;
+    A.row(0) = J.row(4);
+    A.row(1) = -J.row(3);
+    A.bottomRows<3>() = J.topRows<3>() - skew(target) * J.bottomRows<3>();
+    joints += A.fullPivLu().solve(error);
+  }
+  return best;
+}
+
+Eigen::Matrix<double, kCArmPoseParameters, 1> CArmGeometry::poseParameters() const {
+  const CArmDeviations& d = deviations;
+  Eigen::Matrix<double, kCArmPoseParameters, 1> values;
+  values.head<kFirstTableParameter>() << d.primary_offset_rad, d.secondary_offset_rad, d.axis_skew_rad, d.axis_gap_m,
+      d.source_right_m, d.source_down_m, source_isocentre_distance_m, d.detector_turn_rad, d.detector_roll_rad;
+  for (int k = 0; k < 8; ++k) values[kFirstTableParameter + k] = d.table(kTableEntries[k][0], kTableEntries[k][1]);
+  return values;
+}
+
+void CArmGeometry::setPoseParameters(const Eigen::Matrix<double, kCArmPoseParameters, 1>& values) {
+  CArmDeviations& d = deviations;
+  int i = 0;
+  for (double* field :
+       {&d.primary_offset_rad, &d.secondary_offset_rad, &d.axis_skew_rad, &d.axis_gap_m, &d.source_right_m,
+        &d.source_down_m, &source_isocentre_distance_m, &d.detector_turn_rad, &d.detector_roll_rad}) {
+    *field = values[i++];
+  }
+  for (const auto& entry : kTableEntries) d.table(entry[0], entry[1]) = values[i++];
+}
+
+}  // namespace angio
