@@ -5,6 +5,15 @@
 
 namespace angio {
 
+namespace {
+
+const CArmGeometry& checked(const CArmGeometry& carm) {
+  carm.check();
+  return carm;
+}
+
+}  // namespace
+
 SimulatedCArmNode::SimulatedCArmNode(Bus& bus, const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us)
     : bus_(bus), commands_(bus, kCArmCommandChannel), arm_(limits, start, now_us) {}
 
@@ -20,23 +29,24 @@ void SimulatedCArmNode::report(std::int64_t now_us) {
 }
 
 SimulatedXrayNode::SimulatedXrayNode(Bus& bus, const VesselTree& tree, const SimulatedPatientSettings& settings,
-                                     const CArmGeometry& carm, const Pose& T_patient_model)
+                                     const CArmGeometry& carm, const Pose& T_patient_model,
+                                     const std::optional<XrayCamera>& claimed_camera)
     : bus_(bus),
       states_(bus, kCArmStateChannel),
       patient_(tree, settings, {T_patient_model.linear(), {}}),  // The patient frame has the axes L, P, S.
-      carm_(carm),
-      T_patient_model_(T_patient_model) {
-  carm_.check();
-}
+      carm_(checked(carm)),
+      T_patient_model_(T_patient_model),
+      camera_(carm_.camera()),
+      claimed_camera_(claimed_camera.value_or(camera_)) {}
 
 std::optional<XrayFrame> SimulatedXrayNode::expose(std::int64_t now_us) {
   const auto& state = states_.peek();
   if (!state) return std::nullopt;
   if (!first_us_) first_us_ = now_us;
-  XrayFrame frame{now_us, ++sequence_, {}, carm_.camera()};
+  XrayFrame frame{now_us, ++sequence_, {}, claimed_camera_};
   const double time_s = 1e-6 * static_cast<double>(now_us - *first_us_);
   const XrayScene scene = patient_.scene(T_camera_model(state->joints), time_s);
-  frame.image = patient_.render(frame.camera, scene, static_cast<std::uint64_t>(sequence_));
+  frame.image = patient_.render(camera_, scene, static_cast<std::uint64_t>(sequence_));
   publish(bus_, kXrayFrameChannel, frame);
   return frame;
 }

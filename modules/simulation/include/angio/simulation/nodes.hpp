@@ -34,8 +34,10 @@ class SimulatedCArmNode {
 class SimulatedXrayNode {
  public:
   /// @param T_patient_model  The truth: the model frame in the patient frame. Borrows the bus.
+  /// @param claimed_camera   What frames say of their camera, by some calibration; nothing: the true one.
   SimulatedXrayNode(Bus& bus, const VesselTree& tree, const SimulatedPatientSettings& settings,
-                    const CArmGeometry& carm, const Pose& T_patient_model);
+                    const CArmGeometry& carm, const Pose& T_patient_model,
+                    const std::optional<XrayCamera>& claimed_camera = std::nullopt);
 
   /// Renders and publishes one frame; the first one's time is the patient's time 0. Returns it, or nothing when no
   /// state has been heard yet.
@@ -50,6 +52,7 @@ class SimulatedXrayNode {
   SimulatedPatient patient_;
   CArmGeometry carm_;
   Pose T_patient_model_;
+  XrayCamera camera_, claimed_camera_;
   std::optional<std::int64_t> first_us_;
   std::int64_t sequence_ = 0;
 };
