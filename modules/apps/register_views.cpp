@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
@@ -14,6 +15,7 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/xa_files.hpp"
+#include "angio/vessel/undistort.hpp"
 
 namespace angio {
 namespace {
@@ -66,6 +68,32 @@ void look(const ViewFiles& files, std::size_t index, CenterlineExtractor& extrac
   view.collimator_px = findOpenField(plain).polygon_px;
 }
 
+// The image as the pinhole camera would have shown it; black where the detector did not reach.
+cv::Mat undistorted(const cv::Mat& image, const DetectorDistortion& distortion) {
+  if (image.empty()) return image;
+  cv::Mat_<cv::Vec2f> from(image.size());
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      const Eigen::Vector2f at = distortion.distorted(Eigen::Vector2d(x, y)).cast<float>();
+      from(y, x) = {at.x(), at.y()};
+    }
+  }
+  cv::Mat result;
+  cv::remap(image, result, from, cv::noArray(), cv::INTER_LINEAR);
+  return result;
+}
+
+// What was seen, moved to where the view's pinhole camera sees it: all that a registration takes.
+void undistort(SeenView& view, const DetectorDistortion& distortion) {
+  view.centerline = undistorted(view.centerline, distortion);
+  view.image = undistorted(view.image, distortion);
+  std::vector<Eigen::Vector2d> corners;
+  for (const auto& corner : view.collimator_px) {
+    if (const auto moved = distortion.undistorted(corner)) corners.push_back(*moved);
+  }
+  view.collimator_px = std::move(corners);
+}
+
 }  // namespace
 
 void ViewFiles::check() const {
@@ -100,8 +128,9 @@ SeenViews readViews(const ViewFiles& files, const VesselTree& tree, CenterlineEx
   for (std::size_t v = 0; v < count; ++v) {
     const auto geometry = geometryOf(files, v);
     const std::string image = files.images.empty() ? "" : files.images[v];
-    SeenView view{
-        files.cameras.empty() ? geometry->camera : readCamera(files.cameras[v]), Pose::Identity(), {}, {}, {}};
+    const CameraFile camera =
+        files.cameras.empty() ? CameraFile{geometry->camera, {}, {}} : readCameraFile(files.cameras[v]);
+    SeenView view{camera.camera, Pose::Identity(), {}, {}, {}};
     if (v == 0 && geometry) T_first_patient = geometry->T_camera_patient;
     if (v == 0) {
       seen.T_camera_model = files.initial_pose.empty() ? poseByAngles(geometry, image, "--initial-pose") *
@@ -122,6 +151,7 @@ SeenViews readViews(const ViewFiles& files, const VesselTree& tree, CenterlineEx
     } else {
       view.centerline = readCenterline(files.centerlines[v]);
     }
+    if (camera.distortion) undistort(view, *camera.distortion);
     if (geometry) {
       for (const std::string& line : geometry->assumed) seen.assumed.push_back(image + ": " + line);
     }

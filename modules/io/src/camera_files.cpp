@@ -2,6 +2,7 @@
 #include "angio/io/camera_files.hpp"
 
 #include "angio/base/errors.hpp"
+#include "angio/geometry/se3.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
@@ -11,18 +12,68 @@
 namespace angio {
 namespace {
 
-void refuseDistortion(const YamlField& distortion) {
-  if (distortion.node->kind != YamlNode::Kind::kSequence) {
-    if (distortion.number() != 0) distortion.refuse("must be zero: correct the distortion in the image first");
-    return;
-  }
-  for (std::size_t i = 0; i < distortion.node->items.size(); ++i) {
-    const YamlField item = distortion.item(i);
-    if (item.number() != 0) item.refuse("must be zero: correct the distortion in the image first");
-  }
+constexpr double kLargestOffset_mm = 1000;  // Of an encoder; beyond it the file is in other units.
+
+bool isZero(const YamlField& field) {
+  return field.node->kind == YamlNode::Kind::kScalar && field.node->scalar != "none" && field.number() == 0;
 }
 
-XrayCamera readYamlCamera(const std::string& path) {
+// The old forms, which all say that there is none.
+bool isNoDistortion(const YamlField& distortion) {
+  if (distortion.node->kind == YamlNode::Kind::kScalar) {
+    if (distortion.node->scalar == "none" || isZero(distortion)) return true;
+    distortion.refuse("must be zero, or a map with a model");
+  }
+  if (distortion.node->kind != YamlNode::Kind::kSequence) return false;
+  for (std::size_t i = 0; i < distortion.node->items.size(); ++i) {
+    const YamlField item = distortion.item(i);
+    if (item.number() != 0) item.refuse("must be zero: a distortion is a map with a model");
+  }
+  return true;
+}
+
+std::optional<DetectorDistortion> distortionIn(const YamlField& field, const XrayCamera& camera) {
+  if (isNoDistortion(field)) return std::nullopt;
+  YamlMap map(field.path, *field.node, field.key);
+  const YamlField model = map.need("model");
+  const bool radial = model.text() == "radial";
+  if (!radial && model.text() != "intensifier") model.refuse("must be one of radial, intensifier");
+  const auto number = [&](const char* key) {
+    const auto found = map.find(key);
+    return found ? found->number() : 0;
+  };
+  const double k1 = number("k1"), k2 = number("k2");
+  DetectorDistortion distortion = DetectorDistortion::radial(camera, k1, k2);
+  if (radial) {
+    distortion.skew_px = number("skew_px");
+  } else {
+    const double s1_rad = degToRad(number("s1_deg")), s2_rad = degToRad(number("s2_deg"));
+    distortion = DetectorDistortion::intensifier(camera, {k1, k2, s1_rad, s2_rad});
+    if (const auto centre = map.find("centre_px")) {
+      const auto numbers = centre->numbers(2);
+      distortion.centre_px = {numbers[0], numbers[1]};
+    }
+  }
+  map.refuseOthers();
+  distortion.check(field.place(), camera.width_px(), camera.height_px());
+  return distortion;
+}
+
+CameraDistanceLaw distanceLawIn(const YamlField& field) {
+  YamlMap map(field.path, *field.node, field.key);
+  CameraDistanceLaw law;
+  const YamlField offset = map.need("offset_mm");
+  law.offset_m =
+      1e-3 * requireBetween(offset.place(), offset.key, offset.number(), -kLargestOffset_mm, kLargestOffset_mm);
+  if (const auto slope = map.find("principal_point_slope_px_per_mm")) {
+    const auto numbers = slope->numbers(2);
+    law.principal_point_slope_px_per_m = 1e3 * Eigen::Vector2d(numbers[0], numbers[1]);
+  }
+  map.refuseOthers();
+  return law;
+}
+
+CameraFile readYamlCamera(const std::string& path) {
   const YamlNode root = readYaml(path);
   YamlMap map(path, root, "camera");
   XrayCamera::Parameters p;
@@ -42,29 +93,63 @@ XrayCamera readYamlCamera(const std::string& path) {
   if (const auto distance = map.find("source_detector_distance_mm")) {
     p.source_detector_distance_m = distance->positive() / 1e3;
   }
-  if (const auto distortion = map.find("distortion")) refuseDistortion(*distortion);
+  const auto distortion = map.find("distortion"), law = map.find("source_detector_distance");
+  map.find("calibration");
   map.refuseOthers();
   try {
-    return XrayCamera(p);
+    CameraFile file{XrayCamera(p), {}, {}};
+    if (distortion) file.distortion = distortionIn(*distortion, file.camera);
+    if (law) {
+      if (!p.source_detector_distance_m) law->refuse("must stand beside source_detector_distance_mm");
+      file.distance_law = distanceLawIn(*law);
+      if (!(*p.source_detector_distance_m + file.distance_law->offset_m > 0)) {
+        law->refuse("must leave the detector in front of the source");
+      }
+    }
+    return file;
   } catch (const InputError& error) {
+    if (std::string(error.what()).rfind(path, 0) == 0) throw;
     throw error.within(path);
   }
 }
 
+CameraFile readXmlCamera(const std::string& path) { return {readVispCamera(path), {}, {}}; }
+
 struct CameraFormat {
   const char* extension;
-  XrayCamera (*read)(const std::string& path);
+  CameraFile (*read)(const std::string& path);
 };
 
 constexpr CameraFormat kFormats[] = {
     {".yaml", readYamlCamera},
     {".yml", readYamlCamera},
-    {".xml", readVispCamera},
+    {".xml", readXmlCamera},
 };
 
 }  // namespace
 
-XrayCamera readCamera(const std::string& path) {
+CameraFile CameraFile::at(double source_detector_distance_m) const {
+  XrayCamera::Parameters p = camera.parameters();
+  if (!distance_law || !p.source_detector_distance_m) {
+    throw InputError("camera", "source_detector_distance", "", "is missing: K is known at one distance only");
+  }
+  requirePositive("camera", "source_detector_distance_mm", 1e3 * source_detector_distance_m);
+  const double step_m = source_detector_distance_m - *p.source_detector_distance_m;
+  const double stretch = 1 + step_m / (*p.source_detector_distance_m + distance_law->offset_m);
+  p.fx_px *= stretch;
+  p.fy_px *= stretch;
+  p.cx_px += step_m * distance_law->principal_point_slope_px_per_m.x();
+  p.cy_px += step_m * distance_law->principal_point_slope_px_per_m.y();
+  p.source_detector_distance_m = source_detector_distance_m;
+  CameraFile moved{XrayCamera(p), distortion, distance_law};
+  if (distortion && distortion->model == DetectorDistortion::Model::kRadial) {
+    moved.distortion =
+        DetectorDistortion::radial(moved.camera, distortion->bend.k1, distortion->bend.k2, distortion->skew_px);
+  }
+  return moved;
+}
+
+CameraFile readCameraFile(const std::string& path) {
   const std::string extension = extensionOf(path);
   std::string known;
   for (const CameraFormat& format : kFormats) {
@@ -74,16 +159,44 @@ XrayCamera readCamera(const std::string& path) {
   throw InputError(path, "extension", extension, "must be one of " + known);
 }
 
-void writeCamera(const std::string& path, const XrayCamera& camera) {
-  const auto& p = camera.parameters();
-  std::string content = "image_size_px: [" + std::to_string(p.width_px) + ", " + std::to_string(p.height_px) + "]\n" +
-                        "fx_px: " + exact(p.fx_px) + "\nfy_px: " + exact(p.fy_px) + "\ncx_px: " + exact(p.cx_px) +
-                        "\ncy_px: " + exact(p.cy_px) + "\n";
-  if (p.pixel_spacing_m) content += "pixel_spacing_mm: " + exactMillimetres(*p.pixel_spacing_m) + "\n";
-  if (p.source_detector_distance_m) {
-    content += "source_detector_distance_mm: " + exactMillimetres(*p.source_detector_distance_m) + "\n";
+XrayCamera readCamera(const std::string& path) {
+  const CameraFile file = readCameraFile(path);
+  if (!file.distortion) return file.camera;
+  throw InputError(path, "distortion", "", "must be none here: correct the distortion in the image first");
+}
+
+nlohmann::ordered_json cameraAsJson(const CameraFile& file) {
+  const auto& p = file.camera.parameters();
+  const auto millimetres = [](double value_m) { return std::stod(exactMillimetres(value_m)); };
+  nlohmann::ordered_json json = {{"image_size_px", {p.width_px, p.height_px}},
+                                 {"fx_px", p.fx_px},
+                                 {"fy_px", p.fy_px},
+                                 {"cx_px", p.cx_px},
+                                 {"cy_px", p.cy_px}};
+  if (p.pixel_spacing_m) json["pixel_spacing_mm"] = millimetres(*p.pixel_spacing_m);
+  if (p.source_detector_distance_m) json["source_detector_distance_mm"] = millimetres(*p.source_detector_distance_m);
+  if (const auto& d = file.distortion) {
+    auto& map = json["distortion"];
+    const bool radial = d->model == DetectorDistortion::Model::kRadial;
+    map = {{"model", radial ? "radial" : "intensifier"}, {"k1", d->bend.k1}, {"k2", d->bend.k2}};
+    if (radial) {
+      map["skew_px"] = d->skew_px;
+    } else {
+      map["s1_deg"] = radToDeg(d->bend.s1_rad);
+      map["s2_deg"] = radToDeg(d->bend.s2_rad);
+      map["centre_px"] = {d->centre_px.x(), d->centre_px.y()};
+    }
   }
-  writeWholeFile(path, content);
+  if (const auto& law = file.distance_law) {
+    const Eigen::Vector2d slope = 1e-3 * law->principal_point_slope_px_per_m;
+    json["source_detector_distance"] = {{"offset_mm", 1e3 * law->offset_m},
+                                        {"principal_point_slope_px_per_mm", {slope.x(), slope.y()}}};
+  }
+  return json;
+}
+
+void writeCamera(const std::string& path, const XrayCamera& camera) {
+  writeWholeFile(path, asYaml(cameraAsJson({camera, {}, {}})));
 }
 
 }  // namespace angio
