@@ -5,11 +5,11 @@ set -euo pipefail
 
 packages=(
   g++ cmake ninja-build pkg-config
-  libvisp-core-dev libvisp-visual-features-dev libvisp-vs-dev libvisp-robot-dev
+  libvisp-core-dev libvisp-visual-features-dev libvisp-vs-dev libvisp-robot-dev libvisp-vision-dev
   libopencv-dev libeigen3-dev libceres-dev libnanoflann-dev libhwy-dev
   liblcm-dev liblcm-bin
   libyaml-cpp-dev nlohmann-json3-dev libcli11-dev
-  libvtk9-dev libdcmtk-dev libpng-dev libtiff-dev zlib1g-dev
+  libvtk9-dev libdcmtk-dev libpng-dev libtiff-dev zlib1g-dev libssl-dev
   libinsighttoolkit5-dev
   libgtest-dev libgmock-dev libbenchmark-dev
 )

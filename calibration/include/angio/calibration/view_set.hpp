@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/calibration/record.hpp"
+#include "angio/geometry/carm.hpp"
+
+namespace angio {
+
+/// One X-ray view of a calibration phantom, with what the machine said when it was taken.
+struct PhantomView {
+  std::string name;
+  std::string path;                                  ///< From where the program runs.
+  bool is_table = false;                             ///< A table of beads (.csv); otherwise an X-ray image.
+  std::optional<CArmJoints> joints;                  ///< By the encoders [rad, m].
+  std::optional<double> source_detector_distance_m;  ///< By the encoder.
+  bool held_out = false;                             ///< Takes no part in the estimate; its error is reported.
+  std::string machine;                               ///< Empty when the view does not say.
+};
+
+/// Views of one phantom by one machine.
+struct ViewSet {
+  std::string path;     ///< The file itself, for messages.
+  std::string machine;  ///< Empty when the file does not say.
+  std::string phantom_path;
+  int image_width_px = 0, image_height_px = 0;  ///< Zero when images tell.
+  std::optional<double> pixel_spacing_m;
+  std::vector<PhantomView> views;
+};
+
+/// Reads a view set:
+///
+///     machine: lab-1                     # optional; a view may name its own
+///     phantom: phantom.yaml
+///     image_size_px: [1024, 1024]        # needed where views are tables of beads
+///     pixel_spacing_mm: 0.25             # optional
+///     views:
+///       - name: "0001"
+///         image: v0001.png               # or beads: v0001.csv
+///         primary_deg: 30                # optional, both angles together
+///         secondary_deg: 15
+///         table_mm: [0, 0, 0]            # optional
+///         source_detector_distance_mm: 1113   # optional
+///         held_out: true                 # optional
+///
+/// Paths count from the file's folder. Throws InputError that names file, line, key, value and rule: unknown or missing
+/// keys, a name that stands twice, a path that stands twice, views of different machines (which are named).
+ViewSet readViewSet(const std::string& path);
+
+/// The hashes of the views' files, in their order. Throws InputError that names both views when one file is a copy of
+/// another: noise that is counted twice makes every covariance too small.
+std::vector<CalibrationInput> hashedViews(const ViewSet& set);
+
+}  // namespace angio
