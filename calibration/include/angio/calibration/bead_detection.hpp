@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <vector>
+
+#include "angio/base/settings.hpp"
+
+namespace angio {
+
+/// A ball's shadow in an X-ray image.
+struct BeadDetection {
+  Eigen::Vector2d centre_px{0, 0};
+  double sigma_px = 1;              ///< Standard deviation of the centre, per axis.
+  std::optional<double> radius_px;  ///< Of the shadow, without the image's blur.
+  std::optional<double> contrast;   ///< How much its middle weakens the beam (natural logarithm).
+  std::optional<int> bead;          ///< Which one it is, when somebody said.
+};
+
+/// How beads are found.
+struct BeadDetectionSettings {
+  double smallest_radius_px = 2.5;
+  double largest_radius_px = 14;
+  double least_contrast = 0.1;    ///< Natural logarithm, in the shadow's middle.
+  double least_significance = 8;  ///< The contrast over its noise in an area of the bead's size.
+  double border_px = 1;           ///< A centre nearer to the image's edge is not looked for.
+  double largest_misfit = 3;      ///< Residual of the profile over the image's noise; more is no ball.
+  double largest_stretch = 0;     ///< Of round shadows, of their squared radius: 0.15 for an image intensifier.
+
+  void visit(SettingsVisitor& v) {
+    v.number("smallest_radius_px", smallest_radius_px, 1.5, 100);
+    v.number("largest_radius_px", largest_radius_px, 2, 200);
+    v.number("least_contrast", least_contrast, 0.001, 10);
+    v.number("least_significance", least_significance, 1, 1000);
+    v.number("border_px", border_px, 0, 1000);
+    v.number("largest_misfit", largest_misfit, 1, 100);
+    v.number("largest_stretch", largest_stretch, 0, 0.5);
+  }
+};
+
+/// Finds dark discs, the shadows of balls, on uneven ground, and fits to each the projected profile of a ball, jointly
+/// where shadows overlap; pixels in a collimator's shadow are not looked at.
+///
+/// A ball off the beam's axis has an elliptic shadow whose centre is not the projected centre of the ball: for a ball
+/// of radius r at distance z, seen d px from the principal point, they are d (r/z)^2 apart, 0.003 px for 3.2 mm at 0.8
+/// m in a detector's corner. That is not corrected.
+///
+/// `image` is CV_8UC1 or CV_16UC1; throws InputError for another type, an empty image and settings out of range.
+std::vector<BeadDetection> detectBeads(const cv::Mat& image, const BeadDetectionSettings& settings = {});
+
+}  // namespace angio

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "angio/base/settings.hpp"
+
+namespace angio {
+
+/// One radio-opaque ball, or a mark without a size: a corner of a grid.
+struct Bead {
+  Eigen::Vector3d position_m;  ///< Centre, phantom frame.
+  double radius_m = 0;         ///< 0: a mark, which only a table can name.
+};
+
+/// Balls in a radiolucent body, arranged and sized so that a view tells which is which and whether it is mirrored; or a
+/// grid of marks, whose views are tables that number them.
+struct BeadPhantom {
+  std::string name;
+  std::vector<Bead> beads;  ///< Their place in this list is their number.
+
+  /// Whether its views may be images: all are balls.
+  bool isCoded() const { return !beads.empty() && beads.front().radius_m > 0; }
+  /// Whether all lie in one plane, to a thousandth of the phantom's size.
+  bool isPlanar() const;
+  Eigen::Vector3d centre_m() const;  ///< Mean of the beads.
+  Eigen::Matrix3Xd positions_m() const;
+};
+
+/// Reads a phantom (YAML): `name`, and `beads: [[x_mm, y_mm, z_mm, diameter_mm], ...]` or, for a grid of marks,
+/// `points: [[x_mm, y_mm, z_mm], ...]`. Throws InputError that names file, line, field, value and rule: fewer than 8
+/// beads or 4 points, beads that touch, points that coincide, sizes beyond 0.2-20 mm, positions beyond 1 m (a file in
+/// micrometres), all within 10 mm (a file in metres), and beads that lie in a plane, or whose arrangement is its own
+/// mirror image or turned image to half a millimetre, so that no view can tell them apart.
+BeadPhantom readBeadPhantom(const std::string& path);
+
+/// Writes what readBeadPhantom reads. Throws InputError when the file cannot be written.
+void writeBeadPhantom(const std::string& path, const BeadPhantom& phantom);
+
+constexpr int kMostHelixBeads = 108;  ///< As long as the code.
+
+/// A helix of small and large beads in a coded order, as C-arm phantoms have it: every run of 8 along the helix occurs
+/// once, and in neither direction twice.
+struct HelixPhantomSettings {
+  double radius_mm = 45;
+  double height_mm = 130;
+  double turns = 4;
+  int beads = kMostHelixBeads;
+  double small_diameter_mm = 1.6;
+  double large_diameter_mm = 3.2;
+
+  void visit(SettingsVisitor& v) {
+    v.number("radius_mm", radius_mm, 10, 500);
+    v.number("height_mm", height_mm, 10, 1000);
+    v.number("turns", turns, 0.5, 20);
+    v.integer("beads", beads, 12, kMostHelixBeads);
+    v.number("small_diameter_mm", small_diameter_mm, 0.2, 20);
+    v.number("large_diameter_mm", large_diameter_mm, 0.2, 20);
+  }
+};
+BeadPhantom helixPhantom(const HelixPhantomSettings& settings = {});
+
+/// Two parallel plates of beads, one over the gaps of the other, large and small in an order without a pattern: a flat
+/// phantom that still shows depth and handedness.
+struct PlatePhantomSettings {
+  double width_mm = 120;    ///< Along x and y.
+  double distance_mm = 60;  ///< Between the plates, along z.
+  int beads_per_side = 7;   ///< Of the lower plate; the upper one has one less.
+  double small_diameter_mm = 1.6;
+  double large_diameter_mm = 3.2;
+
+  void visit(SettingsVisitor& v) {
+    v.number("width_mm", width_mm, 20, 1000);
+    v.number("distance_mm", distance_mm, 5, 500);
+    v.integer("beads_per_side", beads_per_side, 3, 20);
+    v.number("small_diameter_mm", small_diameter_mm, 0.2, 20);
+    v.number("large_diameter_mm", large_diameter_mm, 0.2, 20);
+  }
+};
+BeadPhantom platePhantom(const PlatePhantomSettings& settings = {});
+
+}  // namespace angio

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/base/settings.hpp"
+#include "angio/calibration/bead_phantom.hpp"
+#include "angio/calibration/record.hpp"
+#include "angio/geometry/se3.hpp"
+#include "angio/io/camera_files.hpp"
+
+namespace angio {
+
+/// A bead in a view, and which one it is.
+struct SeenBead {
+  int bead = 0;                     ///< Its number in the phantom.
+  Eigen::Vector2d centre_px{0, 0};  ///< Of the image, distortion and all.
+  double sigma_px = 1;              ///< Per axis, against the others'.
+};
+
+/// One view of the phantom.
+struct BeadView {
+  std::string name;
+  std::vector<SeenBead> beads;
+  std::optional<double> source_detector_distance_m;  ///< By the encoder.
+  bool held_out = false;                             ///< Takes no part; its error is reported.
+};
+
+enum class LensKind { kNone, kRadial, kIntensifier };
+
+/// How a camera is calibrated.
+struct CameraCalibrationSettings {
+  LensKind distortion = LensKind::kNone;
+  bool square_pixels = false;  ///< One focal length for both axes.
+  bool skew = false;           ///< Columns may lean (not with an intensifier).
+  double noise_px = 0;         ///< Standard deviation of a bead's centre per axis; 0: measured by the residuals.
+  double outlier_sigmas = 6;   ///< A bead farther off, in robust standard deviations, is left out and named.
+  double largest_outlier_share = 0.25;  ///< Of views, and of a view's beads; beyond it the data are refused.
+  double largest_focal_sigma = 0.02;    ///< Relative; predicted for the worst noise to be expected, before solving.
+  int max_iterations = 100;
+
+  void visit(SettingsVisitor& v) {
+    v.choice("distortion", distortion, {"none", "radial", "intensifier"});
+    v.flag("square_pixels", square_pixels);
+    v.flag("skew", skew);
+    v.number("noise_px", noise_px, 0, 100);
+    v.number("outlier_sigmas", outlier_sigmas, 3, 100);
+    v.number("largest_outlier_share", largest_outlier_share, 0, 0.5);
+    v.number("largest_focal_sigma", largest_focal_sigma, 1e-6, 1);
+    v.integer("max_iterations", max_iterations, 1, 10000);
+  }
+};
+
+/// One view as calibrated.
+struct CalibratedView {
+  std::string name;
+  Pose T_camera_phantom = Pose::Identity();
+  Matrix6d covariance = Matrix6d::Zero();  ///< Of v [m], w [rad]: R -> exp(w) R, t -> t + v.
+  Eigen::MatrixXd cross_covariance;        ///< 6 x n, with the parameters; empty for a view that took no part.
+  std::vector<SeenBead> beads;
+  Eigen::Matrix2Xd residuals_px;  ///< Projected less seen, one column a bead.
+  std::vector<bool> is_outlier;   ///< One a bead.
+  double rms_px = 0;              ///< Of both axes together, over the beads that are no outliers.
+  bool held_out = false;
+  bool left_out = false;  ///< It does not agree with the others.
+};
+
+/// K with its uncertainty, and where the phantom stood.
+struct CameraCalibration {
+  CameraFile camera;         ///< At the most used source-detector distance.
+  CalibrationRecord record;  ///< Kind "camera"; without inputs, machine and date, which the library does not know.
+  std::vector<CalibratedView> views;  ///< In the order they were given.
+  double noise_px = 0;                ///< Standard deviation of a bead's centre per axis, as measured.
+};
+
+/// The detector that took the views. Where spacing and distance are known, a focal length that is off them by more than
+/// a factor of two is refused: the units are wrong.
+struct DetectorOfViews {
+  int width_px = 0, height_px = 0;
+  std::optional<double> pixel_spacing_m;
+};
+
+/// Calibrates a camera from views of one phantom: K, distortion if asked for, K's change with the source-detector
+/// distance where views have several, and each view's pose, by bundle adjustment from a closed-form start.
+///
+/// Throws InputError that names view, bead, value and rule, before solving, for what leaves the answer open or cannot
+/// be: too few views or beads, a plane seen at one tilt only, too little depth to tell focal length from depth, views
+/// that are mirrored against the phantom, beads that are swapped or do not fit any projection, a bead named twice or
+/// not in the phantom, centres off the detector, and, after solving, views that do not share one camera.
+CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfViews& detector,
+                                  const std::vector<BeadView>& views, const CameraCalibrationSettings& settings = {});
+
+}  // namespace angio

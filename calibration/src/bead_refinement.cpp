@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "bead_refinement.hpp"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+
+#include "angio/calibration/direct_linear.hpp"
+
+namespace angio {
+namespace {
+
+constexpr int kFewest = 10, kFewestForBend = 40;
+constexpr int kCubic = 10;  // Monomials of two variables up to the third degree.
+
+using Pairs = std::vector<std::pair<Eigen::Index, Eigen::Index>>;  // Bead, detection.
+
+class Refiner {
+ public:
+  Refiner(const BeadPhantom& phantom, const std::vector<BeadDetection>& detections, const BeadScale& scale)
+      : points_m_(phantom.positions_m().colwise() - phantom.centre_m()), scale_(scale), seen_px_(2, detections.size()) {
+    for (std::size_t i = 0; i < detections.size(); ++i)
+      seen_px_.col(static_cast<Eigen::Index>(i)) = detections[i].centre_px;
+  }
+
+  Eigen::Index detections() const { return seen_px_.cols(); }
+
+  Eigen::Matrix2Xd start(const OrientationVote& vote) const {
+    return (scale_.px_per_m * vote.R_camera_phantom.topRows<2>() * points_m_).colwise() + vote.centre_px;
+  }
+
+  // Beads and detections of one size that are each other's nearest.
+  Pairs pairs(const Eigen::Matrix2Xd& thought_px, double tolerance_px) const {
+    const Eigen::Index beads = thought_px.cols();
+    std::vector<Eigen::Index> nearest_bead(static_cast<std::size_t>(detections()), -1);
+    std::vector<double> distance(static_cast<std::size_t>(detections()), tolerance_px * tolerance_px);
+    std::vector<Eigen::Index> nearest_seen(static_cast<std::size_t>(beads), -1);
+    for (Eigen::Index b = 0; b < beads; ++b) {
+      double least = tolerance_px * tolerance_px;
+      for (Eigen::Index d = 0; d < detections(); ++d) {
+        const auto seen = static_cast<std::size_t>(d);
+        if (scale_.bead_size[static_cast<std::size_t>(b)] != scale_.detection_size[seen]) continue;
+        const double now = (thought_px.col(b) - seen_px_.col(d)).squaredNorm();
+        if (now < least) {
+          least = now;
+          nearest_seen[static_cast<std::size_t>(b)] = d;
+        }
+        if (now < distance[seen]) {
+          distance[seen] = now;
+          nearest_bead[seen] = b;
+        }
+      }
+    }
+    Pairs found;
+    for (Eigen::Index b = 0; b < beads; ++b) {
+      const Eigen::Index d = nearest_seen[static_cast<std::size_t>(b)];
+      if (d >= 0 && nearest_bead[static_cast<std::size_t>(d)] == b) found.emplace_back(b, d);
+    }
+    return found;
+  }
+
+  std::optional<Matrix34d> affine(const Pairs& matched) const {
+    const auto [points, pixels] = columns(matched);
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(points.colwise().homogeneous().transpose());
+    if (qr.rank() < 4) return std::nullopt;
+    Matrix34d P = Matrix34d::Zero();
+    P.topRows<2>() = qr.solve(pixels.transpose()).transpose();
+    P(2, 3) = 1;
+    return P;
+  }
+
+  std::optional<Matrix34d> perspective(const Pairs& matched) const {
+    const auto [points, pixels] = columns(matched);
+    return directLinearTransform(points, pixels);
+  }
+
+  Eigen::Matrix2Xd projected(const Matrix34d& P) const { return projectedBy(P, points_m_); }
+
+  // Thought places moved by a cubic polynomial of place that explains what is off.
+  Eigen::Matrix2Xd bent(const Eigen::Matrix2Xd& thought_px, const Pairs& matched) const {
+    const Eigen::Vector2d mean = seen_px_.rowwise().mean();
+    const double unit = (seen_px_.colwise() - mean).colwise().norm().maxCoeff();
+    const auto monomials = [&](const Eigen::Vector2d& px) {
+      const double x = (px.x() - mean.x()) / unit, y = (px.y() - mean.y()) / unit;
+      return (Eigen::Matrix<double, 1, kCubic>() << 1, x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y,
+              y * y * y)
+          .finished();
+    };
+    Eigen::MatrixXd A(matched.size(), kCubic), b(matched.size(), 2);
+    for (std::size_t k = 0; k < matched.size(); ++k) {
+      const auto row = static_cast<Eigen::Index>(k);
+      A.row(row) = monomials(thought_px.col(matched[k].first));
+      b.row(row) = (seen_px_.col(matched[k].second) - thought_px.col(matched[k].first)).transpose();
+    }
+    const Eigen::MatrixXd c = A.colPivHouseholderQr().solve(b);
+    Eigen::Matrix2Xd moved = thought_px;
+    for (Eigen::Index i = 0; i < moved.cols(); ++i) moved.col(i) += (monomials(thought_px.col(i)) * c).transpose();
+    return moved;
+  }
+
+  // Beads that lie where something was seen: all around them, not beyond what the image shows.
+  int expected(const Eigen::Matrix2Xd& thought_px) const {
+    const Eigen::Vector2d low = seen_px_.rowwise().minCoeff(), high = seen_px_.rowwise().maxCoeff();
+    int count = 0;
+    for (Eigen::Index i = 0; i < thought_px.cols(); ++i) {
+      count += (thought_px.col(i).array() >= low.array()).all() && (thought_px.col(i).array() <= high.array()).all();
+    }
+    return count;
+  }
+
+ private:
+  std::pair<Eigen::Matrix3Xd, Eigen::Matrix2Xd> columns(const Pairs& matched) const {
+    std::pair<Eigen::Matrix3Xd, Eigen::Matrix2Xd> both{Eigen::Matrix3Xd(3, matched.size()),
+                                                       Eigen::Matrix2Xd(2, matched.size())};
+    for (std::size_t k = 0; k < matched.size(); ++k) {
+      both.first.col(static_cast<Eigen::Index>(k)) = points_m_.col(matched[k].first);
+      both.second.col(static_cast<Eigen::Index>(k)) = seen_px_.col(matched[k].second);
+    }
+    return both;
+  }
+
+  Eigen::Matrix3Xd points_m_;
+  const BeadScale& scale_;
+  Eigen::Matrix2Xd seen_px_;
+};
+
+}  // namespace
+
+Refinement refinedMatch(const BeadPhantom& phantom, const std::vector<BeadDetection>& detections,
+                        const BeadScale& scale, const OrientationVote& start, double bin_px, double tolerance_px) {
+  const Refiner refiner(phantom, detections, scale);
+  Refinement result;
+  result.bead.assign(detections.size(), std::nullopt);
+  result.R_camera_phantom = start.R_camera_phantom;
+  Eigen::Matrix2Xd thought_px = refiner.start(start);
+  for (const double tolerance : {1.5 * bin_px, 1.2 * bin_px, bin_px, 0.8 * bin_px, 0.6 * bin_px}) {
+    const Pairs matched = refiner.pairs(thought_px, tolerance);
+    if (static_cast<int>(matched.size()) < kFewest) return result;
+    const auto P = refiner.affine(matched);
+    if (!P) return result;
+    thought_px = refiner.projected(*P);
+  }
+  Eigen::Matrix2Xd projected_px = thought_px;
+  for (const double tolerance : {0.6 * bin_px, 0.5 * bin_px, 0.4 * bin_px, 0.3 * bin_px, tolerance_px, tolerance_px}) {
+    const Pairs matched = refiner.pairs(thought_px, std::max(tolerance, tolerance_px));
+    if (static_cast<int>(matched.size()) < kFewest) return result;
+    const auto P = refiner.perspective(matched);
+    if (!P) return result;
+    projected_px = refiner.projected(*P);
+    thought_px = static_cast<int>(matched.size()) < kFewestForBend ? projected_px : refiner.bent(projected_px, matched);
+  }
+  const Pairs matched = refiner.pairs(thought_px, tolerance_px);
+  for (const auto& [bead, seen] : matched) result.bead[static_cast<std::size_t>(seen)] = static_cast<int>(bead);
+  result.matched = static_cast<int>(matched.size());
+  const auto of = [&](double all) { return result.matched / std::max(1.0, all); };
+  result.share = std::min(of(static_cast<double>(detections.size())), of(refiner.expected(thought_px)));
+  return result;
+}
+
+}  // namespace angio

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/calibration/camera_calibration.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
+#include "camera_agreement.hpp"
+#include "camera_bundle.hpp"
+#include "camera_start.hpp"
+
+namespace angio {
+namespace {
+
+// Everything that the record's covariance is made of.
+struct JointCovariance {
+  Eigen::MatrixXd lens;
+  std::vector<Matrix6d> poses;
+  std::vector<Eigen::MatrixXd> crosses;  // 6 x n.
+  Eigen::RowVectorXd mean_depth;         // With the lens, then its own variance.
+};
+
+// Of K, all poses and the phantom's mean depth, from the normal equations in blocks: Cov(K) is the inverse of the
+// Schur complement S, Cov(pose) = P^-1 + G S^-1 G^T with G = P^-1 C^T, and Cov(pose, K) = -G S^-1.
+JointCovariance covarianceOf(const CameraBundle& bundle, const Eigen::Vector3d& centre_m, double variance) {
+  const Eigen::Index n = bundle.values.size();
+  std::vector<ViewInformation> all;
+  Eigen::MatrixXd S = Eigen::MatrixXd::Zero(n, n);
+  for (const BundleView& view : bundle.views) {
+    all.push_back(informationOf(bundle, view));
+    S += all.back().reducedLens();
+  }
+  const Eigen::VectorXd scale = S.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd unit = scale.asDiagonal() * S * scale.asDiagonal();
+  JointCovariance joint;
+  joint.lens =
+      variance * (scale.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal());
+  Eigen::RowVectorXd depth_by_lens = Eigen::RowVectorXd::Zero(n);
+  double own = 0;
+  for (std::size_t v = 0; v < bundle.views.size(); ++v) {
+    const Matrix6d P_inverse = all[v].pose.ldlt().solve(Matrix6d::Identity());
+    const Eigen::MatrixXd G = P_inverse * all[v].cross.transpose();
+    joint.poses.push_back(variance * P_inverse + G * joint.lens * G.transpose());
+    joint.crosses.push_back(-G * joint.lens);
+    Vector6d depth;  // d(centre's z) / d(pose).
+    depth << 0, 0, 1, -skew(bundle.views[v].T_camera_phantom.linear() * centre_m).row(2).transpose();
+    depth_by_lens -= depth.transpose() * G;
+    own += variance * depth.dot(P_inverse * depth);
+  }
+  const auto count = static_cast<double>(bundle.views.size());
+  depth_by_lens /= count;
+  joint.mean_depth.resize(n + 1);
+  joint.mean_depth.head(n) = depth_by_lens * joint.lens;
+  joint.mean_depth[n] = own / (count * count) + depth_by_lens * joint.lens * depth_by_lens.transpose();
+  return joint;
+}
+
+// Errors of a pose fitted to every other bead, at the beads between: what K does for beads it has not seen.
+double heldOutSquared(const CameraBundle& bundle, BundleView view, int& points) {
+  const std::vector<bool> use = view.use;
+  for (std::size_t i = 1; i < use.size(); i += 2) view.use[i] = false;
+  view.T_camera_phantom = fittedPose(bundle, view);
+  const Eigen::Matrix2Xd r = bundle.residualsOf(view);
+  double squared = 0;
+  for (std::size_t i = 1; i < use.size(); i += 2) {
+    if (!use[i]) continue;
+    squared += r.col(static_cast<Eigen::Index>(i)).squaredNorm();
+    ++points;
+  }
+  return squared;
+}
+
+CalibratedView calibratedView(const BeadView& given, const CameraBundle& bundle, const BundleView& view) {
+  CalibratedView result;
+  result.name = given.name;
+  result.T_camera_phantom = view.T_camera_phantom;
+  result.beads = given.beads;
+  result.residuals_px = bundle.residualsOf(view);
+  result.held_out = given.held_out;
+  int points = 0;
+  for (std::size_t i = 0; i < view.use.size(); ++i) {
+    result.is_outlier.push_back(!view.use[i]);
+    if (!view.use[i]) continue;
+    result.rms_px += result.residuals_px.col(static_cast<Eigen::Index>(i)).squaredNorm();
+    ++points;
+  }
+  result.rms_px = points > 0 ? std::sqrt(result.rms_px / points) : 0;
+  return result;
+}
+
+CameraFile cameraOf(const CameraBundle& bundle, const DetectorOfViews& detector, const std::vector<BeadView>& views) {
+  const LensNumbers lens = bundle.lens();
+  XrayCamera::Parameters p;
+  p.width_px = detector.width_px;
+  p.height_px = detector.height_px;
+  p.fx_px = lens[kFx];
+  p.fy_px = lens[kFy];
+  p.cx_px = lens[kCx];
+  p.cy_px = lens[kCy];
+  p.pixel_spacing_m = detector.pixel_spacing_m;
+  if (std::any_of(views.begin(), views.end(), [](const BeadView& v) { return v.source_detector_distance_m; })) {
+    p.source_detector_distance_m = bundle.model.reference_distance_m;
+  }
+  CameraFile file{XrayCamera(p), {}, {}};
+  if (bundle.model.kind == LensKind::kIntensifier) {
+    file.distortion = DetectorDistortion::intensifier(file.camera, {lens[kK1], lens[kK2], lens[kS1], lens[kS2]});
+  } else if (bundle.model.kind == LensKind::kRadial || lens[kSkew] != 0) {
+    file.distortion = DetectorDistortion::radial(file.camera, lens[kK1], lens[kK2], lens[kSkew]);
+  }
+  if (file.distortion) file.distortion->check("camera", p.width_px, p.height_px);
+  const auto& names = bundle.parameters.names;
+  if (std::find(names.begin(), names.end(), "source_detector_offset_mm") != names.end()) {
+    file.distance_law = CameraDistanceLaw{lens[kOffset], lens.segment<2>(kSlopeX)};
+  }
+  return file;
+}
+
+// K with the mean depth of the phantom beside it: f and depth are nearly one direction, and this says how nearly.
+void recordParameters(const CameraBundle& bundle, const JointCovariance& joint, double mean_depth_m,
+                      CalibrationRecord& record) {
+  const Eigen::Index n = bundle.values.size();
+  record.parameters = bundle.parameters.names;
+  record.parameters.push_back("mean_depth_mm");
+  record.values.resize(n + 1);
+  record.values << bundle.values, 1e3 * mean_depth_m;
+  record.covariance.resize(n + 1, n + 1);
+  record.covariance.topLeftCorner(n, n) = 0.5 * (joint.lens + joint.lens.transpose());
+  record.covariance.row(n).head(n) = 1e3 * joint.mean_depth.head(n);
+  record.covariance.col(n).head(n) = 1e3 * joint.mean_depth.head(n).transpose();
+  record.covariance(n, n) = 1e6 * joint.mean_depth[n];
+  const Observability seen = observability(record.parameters, record.covariance);
+  record.condition = seen.condition;
+  record.weak_directions = seen.weak_directions;
+}
+
+}  // namespace
+
+CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfViews& detector,
+                                  const std::vector<BeadView>& views, const CameraCalibrationSettings& settings) {
+  checkViews(phantom, detector, views, settings);
+  CameraBundle all = startOf(phantom, detector, views, settings);
+  requireObservable(all, phantom, views, settings);
+  CameraBundle bundle = all;
+  bundle.views.clear();
+  for (const BundleView& view : all.views) {
+    if (!views[view.index].held_out) bundle.views.push_back(view);
+  }
+  const std::vector<std::size_t> left_out = solveRobustly(bundle, views, settings);
+
+  CameraCalibration result{cameraOf(bundle, detector, views), {}, {}, 0};
+  double squared = 0, weighted = 0, mean_depth_m = 0;
+  int points = 0;
+  for (const BundleView& view : bundle.views) {
+    const ViewInformation at = informationOf(bundle, view);
+    weighted += at.squared;
+    points += at.residuals / 2;
+    mean_depth_m += (view.T_camera_phantom * phantom.centre_m()).z() / static_cast<double>(bundle.views.size());
+    const Eigen::Matrix2Xd r = bundle.residualsOf(view);
+    for (Eigen::Index i = 0; i < r.cols(); ++i) {
+      if (view.use[static_cast<std::size_t>(i)]) squared += r.col(i).squaredNorm();
+    }
+  }
+  const double freedom = 2.0 * points - static_cast<double>(bundle.values.size() + 6 * bundle.views.size());
+  const double measured = weighted / std::max(1.0, freedom);
+  result.noise_px = std::sqrt(squared / std::max(1.0, freedom));
+  const JointCovariance joint = covarianceOf(bundle, phantom.centre_m(),
+                                             settings.noise_px > 0 ? settings.noise_px * settings.noise_px : measured);
+
+  CalibrationRecord& record = result.record;
+  record.kind = "camera";
+  recordParameters(bundle, joint, mean_depth_m, record);
+  record.residual_unit = "px";
+  record.residual_rms = std::sqrt(squared / points);
+  double held_out_squared = 0;
+  int held_out_points = 0;
+  for (BundleView& view : all.views) {
+    const auto used = std::find_if(bundle.views.begin(), bundle.views.end(),
+                                   [&](const BundleView& other) { return other.index == view.index; });
+    const bool took_part = used != bundle.views.end();
+    all.values = bundle.values;
+    if (!took_part) view.T_camera_phantom = fittedPose(all, view);
+    result.views.push_back(calibratedView(views[view.index], bundle, took_part ? *used : view));
+    CalibratedView& calibrated = result.views.back();
+    calibrated.left_out = std::count(left_out.begin(), left_out.end(), view.index) > 0;
+    if (took_part) {
+      const auto place = static_cast<std::size_t>(used - bundle.views.begin());
+      calibrated.covariance = joint.poses[place];
+      calibrated.cross_covariance = joint.crosses[place];
+    }
+    if (calibrated.held_out) held_out_squared += heldOutSquared(all, view, held_out_points);
+    record.views.push_back(
+        {calibrated.name, static_cast<int>(calibrated.beads.size()), calibrated.rms_px, calibrated.left_out});
+  }
+  if (held_out_points > 0) record.held_out_rms = std::sqrt(held_out_squared / held_out_points);
+  return result;
+}
+
+}  // namespace angio

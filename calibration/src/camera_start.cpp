@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "camera_start.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
+#include "view_projection.hpp"
+
+namespace angio {
+namespace {
+
+constexpr std::size_t kFewestBeads = 8, kFewestMarks = 5;
+constexpr double kWorstNoise_px = 0.5;    // Of beads found by any means; settings may know better.
+constexpr double kLeastTilt_rad = 0.035;  // Between two tilts of a plane: 2 deg.
+constexpr double kSameDistance_m = 5e-3;
+constexpr double kNearest_m = 0.1, kFarthest_m = 5;  // From the source to a phantom.
+
+double medianOf(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// The distance that most views have; 1 m when they do not say, which is then nothing but a unit.
+double mostUsedDistance_m(const std::vector<BeadView>& views) {
+  std::map<double, int> counts;
+  for (const BeadView& view : views) {
+    if (view.source_detector_distance_m) ++counts[*view.source_detector_distance_m];
+  }
+  double best = 1;
+  int most = 0;
+  for (const auto& [distance_m, count] : counts) {
+    if (count > most) best = distance_m;
+    most = std::max(most, count);
+  }
+  return best;
+}
+
+// The frame of a flat phantom: its own axes where its points already have z = 0.
+Pose planeFrame(const BeadPhantom& phantom) {
+  Pose T = Pose::Identity();
+  const Eigen::Matrix3Xd points = phantom.positions_m();
+  if (points.row(2).cwiseAbs().maxCoeff() == 0) return T;
+  const Eigen::Matrix3Xd centred = points.colwise() - phantom.centre_m();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(centred * centred.transpose());
+  Eigen::Matrix3d axes;
+  axes << spread.eigenvectors().col(2), spread.eigenvectors().col(1), Eigen::Vector3d::Zero();
+  axes.col(2) = axes.col(0).cross(axes.col(1));
+  T.linear() = axes.transpose();
+  T.translation() = -axes.transpose() * phantom.centre_m();
+  return T;
+}
+
+void refuseMirrored(const std::vector<BeadView>& views, const std::vector<ViewProjection>& projections) {
+  std::string names;
+  std::size_t mirrored = 0;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    if (projections[v].P.leftCols<3>().determinant() > 0) continue;
+    if (++mirrored <= 5) names += (names.empty() ? "" : ", ") + views[v].name;
+  }
+  if (mirrored == 0) return;
+  if (mirrored > 5) names += ", ...";
+  throw InputError(
+      names, "beads", std::to_string(mirrored) + " of " + std::to_string(views.size()),
+      "views are mirrored against the phantom: turn the images, or the phantom's file, the right way round");
+}
+
+// Planes at one tilt have one vanishing line: its distance in units of the focal length is the tilt.
+void requireTilts(const std::vector<ViewProjection>& projections, const std::vector<bool>& used,
+                  const DetectorOfViews& detector) {
+  const Eigen::Vector2d middle_px(0.5 * (detector.width_px - 1), 0.5 * (detector.height_px - 1));
+  // No tilt is known before the focal length is; detectors are narrower than a fifth of it, or, of a lens, about as
+  // wide as it. Taking the smaller makes tilts look smaller.
+  const double unit_px = detector.width_px;
+  double widest = 0;
+  std::vector<Eigen::Vector3d> lines;
+  for (std::size_t v = 0; v < projections.size(); ++v) {
+    if (!used[v]) continue;
+    Eigen::Matrix3d N = Eigen::Matrix3d::Identity();
+    N.topLeftCorner<2, 2>() /= unit_px;
+    N.topRightCorner<2, 1>() = -middle_px / unit_px;
+    const Eigen::Matrix3d H = N * projections[v].H;
+    lines.push_back(H.col(0).cross(H.col(1)).normalized());  // The image of the plane's points at infinity.
+    for (const auto& other : lines) widest = std::max(widest, lines.back().cross(other).norm());
+  }
+  if (widest > kLeastTilt_rad) return;
+  throw InputError("views", "tilt", formatted("%.2f deg", radToDeg(std::asin(widest))),
+                   "the phantom is flat and all views are parallel to one: tilt it by some tens of degrees between "
+                   "views, about two axes");
+}
+
+Eigen::Matrix3d planarStart(const std::vector<ViewProjection>& projections, const std::vector<bool>& used,
+                            const DetectorOfViews& detector) {
+  const Eigen::Vector2d middle_px(0.5 * (detector.width_px - 1), 0.5 * (detector.height_px - 1));
+  std::vector<Eigen::Matrix3d> homographies;
+  for (std::size_t v = 0; v < projections.size(); ++v) {
+    if (used[v]) homographies.push_back(projections[v].H);
+  }
+  for (const auto assumption : {PlanarAssumption::kNone, PlanarAssumption::kNoSkew, PlanarAssumption::kCentred}) {
+    const auto K = planarIntrinsics(homographies, middle_px, assumption);
+    if (K && (*K)(0, 0) < 100 * middle_px.norm() && (*K)(1, 1) < 100 * middle_px.norm()) return *K;
+  }
+  throw InputError("views", "tilt", "",
+                   "no camera explains the views of a flat phantom: tilt it by more between views");
+}
+
+Eigen::Matrix3d solidStart(const std::vector<ViewProjection>& projections, const std::vector<bool>& used,
+                           const std::vector<double>& stretches) {
+  std::vector<double> fx, fy, cx, cy;
+  for (std::size_t v = 0; v < projections.size(); ++v) {
+    if (!used[v]) continue;
+    const Eigen::Matrix3d K = decomposed(projections[v].P).K;
+    fx.push_back(K(0, 0) / stretches[v]);
+    fy.push_back(K(1, 1) / stretches[v]);
+    cx.push_back(K(0, 2));
+    cy.push_back(K(1, 2));
+  }
+  Eigen::Matrix3d K = Eigen::Matrix3d::Identity();
+  K(0, 0) = medianOf(fx);
+  K(1, 1) = medianOf(fy);
+  K(0, 2) = medianOf(cx);
+  K(1, 2) = medianOf(cy);
+  return K;
+}
+
+void requireUnits(const CameraBundle& bundle, const DetectorOfViews& detector, const std::vector<BeadView>& views,
+                  const Eigen::Vector3d& centre_m) {
+  const double f_px = bundle.lens()[kFx], distance_m = bundle.model.reference_distance_m;
+  const bool says =
+      std::any_of(views.begin(), views.end(), [](const BeadView& v) { return v.source_detector_distance_m; });
+  if (says && detector.pixel_spacing_m) {
+    const double expected_px = distance_m / *detector.pixel_spacing_m;
+    if (!(f_px > 0.5 * expected_px && f_px < 2 * expected_px)) {
+      throw InputError("views", "focal length", formatted("%.6g px", f_px),
+                       formatted("must be near source_detector_distance_mm / pixel_spacing_mm = %.6g px: are the units "
+                                 "right?",
+                                 expected_px));
+    }
+  }
+  for (const BundleView& view : bundle.views) {
+    const double depth_m = (view.T_camera_phantom * centre_m).z();
+    if (depth_m > kNearest_m && depth_m < kFarthest_m) continue;
+    throw InputError(views[view.index].name, "depth", formatted("%.6g mm", 1e3 * depth_m),
+                     "the phantom must be 100 to 5000 mm from the source: are the phantom's millimetres right?");
+  }
+}
+
+}  // namespace
+
+void checkViews(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
+                const CameraCalibrationSettings& settings) {
+  checkSettings("camera calibration", settings);
+  const bool flat = phantom.isPlanar();
+  const std::size_t fewest_beads = flat ? kFewestMarks : kFewestBeads, fewest_views = flat ? 3 : 1;
+  std::size_t used = 0;
+  for (const BeadView& view : views) {
+    used += !view.held_out;
+    std::set<int> named;
+    for (const SeenBead& seen : view.beads) {
+      const std::string number = std::to_string(seen.bead);
+      if (seen.bead < 0 || seen.bead >= static_cast<int>(phantom.beads.size())) {
+        throw InputError(view.name, "bead", number,
+                         "must be 0 to " + std::to_string(phantom.beads.size() - 1) + ": the phantom has no other");
+      }
+      if (!named.insert(seen.bead).second) throw InputError(view.name, "bead", number, "must not be named twice");
+      const Eigen::Vector2d& px = seen.centre_px;
+      if (!(px.x() >= -0.5 && px.y() >= -0.5 && px.x() <= detector.width_px - 0.5 &&
+            px.y() <= detector.height_px - 0.5)) {
+        throw InputError(view.name + ": bead " + number, "x_px, y_px", shown(px.x()) + ", " + shown(px.y()),
+                         "must lie on the detector, " + std::to_string(detector.width_px) + " x " +
+                             std::to_string(detector.height_px) + " px");
+      }
+      requirePositive(view.name + ": bead " + number, "sigma_px", seen.sigma_px);
+    }
+    if (view.beads.size() < fewest_beads) {
+      throw InputError(view.name, "beads", std::to_string(view.beads.size()),
+                       "must be at least " + std::to_string(fewest_beads));
+    }
+  }
+  if (used < fewest_views) {
+    throw InputError("views", "count", std::to_string(used),
+                     "must be at least " + std::to_string(fewest_views) + " that are not held out" +
+                         (flat ? ", of a flat phantom" : ""));
+  }
+}
+
+CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
+                     const CameraCalibrationSettings& settings) {
+  const bool flat = phantom.isPlanar();
+  const std::optional<Pose> T_plane_phantom = flat ? std::optional(planeFrame(phantom)) : std::nullopt;
+  std::vector<ViewProjection> projections;
+  std::vector<bool> used;
+  std::vector<double> stretches;
+  CameraBundle bundle;
+  bundle.model.kind = settings.distortion;
+  bundle.model.middle_px = {0.5 * (detector.width_px - 1), 0.5 * (detector.height_px - 1)};
+  bundle.model.half_width_px = 0.5 * detector.width_px;
+  bundle.model.reference_distance_m = mostUsedDistance_m(views);
+  double nearest_m = bundle.model.reference_distance_m, farthest_m = nearest_m;
+  for (const BeadView& view : views) {
+    projections.push_back(
+        projectionOf(phantom, view, detector.width_px, 1 - settings.largest_outlier_share, T_plane_phantom));
+    used.push_back(!view.held_out);
+    const double distance_m = view.source_detector_distance_m.value_or(bundle.model.reference_distance_m);
+    if (used.back()) nearest_m = std::min(nearest_m, distance_m);
+    if (used.back()) farthest_m = std::max(farthest_m, distance_m);
+    stretches.push_back(distance_m / bundle.model.reference_distance_m);
+  }
+  if (!flat) refuseMirrored(views, projections);
+  if (flat) requireTilts(projections, used, detector);
+  const Eigen::Matrix3d K = flat ? planarStart(projections, used, detector) : solidStart(projections, used, stretches);
+  bundle.parameters = freeParameters(settings, farthest_m - nearest_m > kSameDistance_m);
+  bundle.values = Eigen::VectorXd::Zero(bundle.parameters.map.cols());
+  for (Eigen::Index k = 0; k < bundle.values.size(); ++k) {
+    const std::string& name = bundle.parameters.names[static_cast<std::size_t>(k)];
+    if (name == "f_px") bundle.values[k] = std::sqrt(K(0, 0) * K(1, 1));
+    if (name == "fx_px") bundle.values[k] = K(0, 0);
+    if (name == "fy_px") bundle.values[k] = K(1, 1);
+    if (name == "cx_px") bundle.values[k] = K(0, 2);
+    if (name == "cy_px") bundle.values[k] = K(1, 2);
+  }
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    BundleView view;
+    view.index = v;
+    view.distance_m = stretches[v] * bundle.model.reference_distance_m;
+    const auto count = static_cast<Eigen::Index>(views[v].beads.size());
+    view.points_m.resize(3, count);
+    view.seen_px.resize(2, count);
+    view.sigmas_px.resize(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const SeenBead& seen = views[v].beads[static_cast<std::size_t>(i)];
+      view.points_m.col(i) = phantom.beads[static_cast<std::size_t>(seen.bead)].position_m;
+      view.seen_px.col(i) = seen.centre_px;
+      view.sigmas_px[i] = seen.sigma_px;
+    }
+    view.use = projections[v].fits;
+    Eigen::Matrix3d K_view = K;
+    K_view.topLeftCorner<2, 2>() *= stretches[v];
+    if (flat) {
+      view.T_camera_phantom = planarPose(projections[v].H, K_view) * *T_plane_phantom;
+    } else {
+      const ProjectionParts parts = decomposed(projections[v].P);
+      view.T_camera_phantom = parts.T_camera_model;
+      // The same place in the image and the same size with the common K.
+      Eigen::Vector3d centre_m = parts.T_camera_model * phantom.centre_m();
+      const Eigen::Vector2d px = (parts.K * centre_m).hnormalized();
+      const double depth_m = centre_m.z() * K_view(0, 0) / parts.K(0, 0);
+      centre_m = depth_m * Eigen::Vector3d(K_view.inverse() * px.homogeneous());
+      view.T_camera_phantom.translation() = centre_m - parts.T_camera_model.linear() * phantom.centre_m();
+    }
+    view.T_camera_phantom = fittedPose(bundle, view);
+    bundle.views.push_back(std::move(view));
+  }
+  requireUnits(bundle, detector, views, phantom.centre_m());
+  return bundle;
+}
+
+void requireObservable(const CameraBundle& start, const BeadPhantom& phantom, const std::vector<BeadView>& views,
+                       const CameraCalibrationSettings& settings) {
+  const Eigen::Index n = start.values.size();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  double deepest_m = 0;
+  for (const BundleView& view : start.views) {
+    if (views[view.index].held_out) continue;
+    information += informationOf(start, view).reducedLens();
+    const Eigen::RowVectorXd depths = (view.T_camera_phantom * view.points_m).row(2);
+    deepest_m = std::max(deepest_m, depths.maxCoeff() - depths.minCoeff());
+  }
+  // Scaled to a unit diagonal, and with a floor: what cannot be known gets a large variance, not an infinite one.
+  const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  scaled.diagonal().array() += 1e-14;
+  const Eigen::MatrixXd covariance =
+      scale.asDiagonal() * scaled.ldlt().solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal();
+  const double noise_px = settings.noise_px > 0 ? settings.noise_px : kWorstNoise_px;
+  const double sigma = noise_px * std::sqrt(std::abs(covariance(0, 0))) / start.values[0];
+  if (sigma <= settings.largest_focal_sigma) return;
+  throw InputError("views", start.parameters.names[0], formatted("%.4g +- %.2g %%", start.values[0], 100 * sigma),
+                   formatted("focal length and depth cannot be told apart: beads of %s are %.3g mm deep at most, "
+                             "for errors of %.2g px",
+                             phantom.name.c_str(), 1e3 * deepest_m, noise_px));
+}
+
+}  // namespace angio
