@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "angio/calibration/hand_eye.hpp"
+
+namespace angio {
+
+/// Simulated poses of a C-arm that goes through LAO/RAO with no CRA/CAU, and then through CRA/CAU: as an operator does,
+/// about two axes only. A model of known place is seen with noise.
+struct OrbitSettings {
+  int poses = 15;
+  double largest_primary_deg = 45;    ///< LAO and RAO.
+  double largest_secondary_deg = 30;  ///< CRA and CAU; 0: a single axis.
+  double camera_noise_deg = 0.1;      ///< Of T_camera_object, per axis.
+  double camera_noise_mm = 0.3;
+  double hand_noise_deg = 0;  ///< Of the C-arm's own pose: turns about its isocentre.
+  double hand_noise_mm = 0;
+  double mount_deg =
+      1;  ///< How the camera sits off where the C-arm's geometry has it, per axis; 0 with mount_mm 0: exactly.
+  double mount_mm = 5;
+
+  void visit(SettingsVisitor& v) {
+    v.integer("poses", poses, 1, 10000);
+    v.number("largest_primary_deg", largest_primary_deg, 0, 120);
+    v.number("largest_secondary_deg", largest_secondary_deg, 0, 60);
+    v.number("camera_noise_deg", camera_noise_deg, 0, 45);
+    v.number("camera_noise_mm", camera_noise_mm, 0, 1000);
+    v.number("hand_noise_deg", hand_noise_deg, 0, 45);
+    v.number("hand_noise_mm", hand_noise_mm, 0, 1000);
+    v.number("mount_deg", mount_deg, 0, 45);
+    v.number("mount_mm", mount_mm, 0, 1000);
+  }
+};
+
+/// A pose set and what is true of it.
+struct SimulatedPoseSet {
+  PoseSet set;  ///< Says its noise.
+  HandEyeTransforms truth;
+};
+
+/// One draw: the same for one seed on every machine. The model lies 30 mm (standard deviation per axis) from the
+/// isocentre, turned in any way.
+SimulatedPoseSet simulatedOrbit(const CArmGeometry& carm, const OrbitSettings& settings, int seed);
+
+/// What calibration makes of one draw.
+struct HandEyeTrial {
+  double X_rad = 0, X_m = 0;  ///< Error of X.
+  double Z_rad = 0, Z_m = 0;  ///< Error of Z, which is T_dsa_cb.
+  double nees = 0;            ///< Squared error of all free parameters by the covariance; its mean is their number.
+};
+
+/// Trials with seeds from `first_seed` on. `tell` is called after each with how many are done.
+std::vector<HandEyeTrial> handEyeTrials(const CArmGeometry& carm, const OrbitSettings& orbit,
+                                        const HandEyeSettings& settings, int trials, int first_seed,
+                                        const std::function<void(int done)>& tell = {});
+
+/// Errors of a solution: [dt; dw] of X and Z.
+Eigen::Matrix<double, 12, 1> errorOf(const HandEyeTransforms& found, const HandEyeTransforms& truth);
+
+}  // namespace angio

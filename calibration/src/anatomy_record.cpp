@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <cmath>
+
+#include "angio/calibration/anatomy_registration.hpp"
+
+namespace angio {
+
+CalibrationRecord anatomyRecord(const AnatomyResult& result, const std::string& machine,
+                                const std::vector<std::string>& input_paths) {
+  CalibrationRecord record;
+  record.kind = "registration";
+  record.machine = machine;
+  record.date = dateNow();
+  for (const std::string& path : input_paths) record.inputs.push_back(hashedInput(path));
+  Vector6d units;
+  units << 1e3, 1e3, 1e3, radToDeg(1), radToDeg(1), radToDeg(1);
+  for (const char* axis : {"x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg"}) {
+    record.parameters.push_back(std::string("T_dsa_cb_") + axis);
+  }
+  Vector6d values;
+  values << result.T_dsa_cb.translation(), logSO3(result.T_dsa_cb.linear());
+  record.values = units.cwiseProduct(values);
+  record.covariance = units.asDiagonal() * result.covariance * units.asDiagonal();
+  const Observability seen = observability(record.parameters, record.covariance);
+  record.condition = seen.condition;
+  record.weak_directions = seen.weak_directions;
+  record.residual_unit = "deg";
+  double squares = 0, used = 0;
+  for (const AnatomyViewFit& view : result.views) {
+    record.views.push_back({view.name, 1, radToDeg(view.rotation_rad), view.outlier});
+    if (view.outlier) continue;
+    squares += std::pow(radToDeg(view.rotation_rad), 2);
+    ++used;
+  }
+  record.residual_rms = std::sqrt(squares / std::max(1.0, used));
+  if (result.held_out_rotation_rms_rad) record.held_out_rms = radToDeg(*result.held_out_rotation_rms_rad);
+  return record;
+}
+
+}  // namespace angio

@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/calibration/anatomy_registration.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "anatomy_problem.hpp"
+#include "angio/base/errors.hpp"
+
+namespace angio {
+namespace {
+
+constexpr int kIterations = 30;
+constexpr double kLeastShift_m = 1e-6;  // What a shift that is none may be.
+constexpr double kRobustScale = 3;      // Sigma of a six-dimensional residual at which views lose weight.
+
+using Choice = std::vector<bool>;
+
+// What is between a registered pose and its prediction: [dt at the model's centre; dw], camera axes. A turn about the
+// model's far origin would show as a translation.
+Vector6d residualOf(const Pose& seen, const Pose& predicted, const Eigen::Vector3d& centre) {
+  Vector6d r;
+  r << seen * centre - predicted * centre, logSO3(seen.linear() * predicted.linear().transpose());
+  return r;
+}
+
+class AnatomyProblem {
+ public:
+  AnatomyProblem(const std::vector<AnatomyView>& views, const Eigen::Vector3d& centre, const AnatomySettings& settings)
+      : views_(views), runs_(views), centre_(centre), settings_(settings) {}
+
+  const AnatomyRuns& runs() const { return runs_; }
+
+  AnatomyState from(std::size_t view) const {
+    AnatomyState state;
+    state.T_dsa_cb = views_[view].T_camera_patient.inverse() * views_[view].T_camera_model;
+    state.shifts_m.assign(runs_.names.size(), Eigen::Vector3d::Zero());
+    return state;
+  }
+
+  Vector6d residual(std::size_t i, const AnatomyState& state) const {
+    return residualOf(views_[i].T_camera_model, state.predicted(views_[i], runs_.of_view[i]), centre_);
+  }
+
+  // The registration's, moved to the model's centre, and that of the angles, which turn about the isocentre.
+  Matrix6d covariance(std::size_t i, const AnatomyState& state) const {
+    const AnatomyView& view = views_[i];
+    Matrix6d to_centre = Matrix6d::Identity();
+    to_centre.topRightCorner<3, 3>() = -skew(view.T_camera_model.linear() * centre_);
+    const Eigen::Vector3d from_isocentre = state.predicted(view, runs_.of_view[i]) * centre_ - view.isocentre_camera_m;
+    Eigen::Matrix<double, 6, 3> turn;
+    turn << -skew(from_isocentre), Eigen::Matrix3d::Identity();
+    const double angle = degToRad(settings_.angle_sigma_deg);
+    return to_centre * view.covariance * to_centre.transpose() + angle * angle * turn * turn.transpose();
+  }
+
+  double sigmas(std::size_t i, const AnatomyState& state) const {
+    const Vector6d r = residual(i, state);
+    return std::sqrt(r.dot(covariance(i, state).ldlt().solve(r)));
+  }
+
+  // Gauss-Newton over [dt; dw] of T_dsa_cb and the shifts, the weights anew in each step.
+  Eigen::MatrixXd solve(AnatomyState& state, const Choice& chosen, bool robust) const {
+    const auto size = static_cast<Eigen::Index>(6 + 3 * runs_.names.size());
+    Eigen::MatrixXd A(size, size);
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
+      A.setZero();
+      Eigen::VectorXd b = Eigen::VectorXd::Zero(size);
+      for (std::size_t i = 0; i < views_.size(); ++i) {
+        if (chosen[i]) addView(i, state, robust, A, b);
+      }
+      addShiftPriors(state, A, b);
+      const Eigen::VectorXd step = A.ldlt().solve(b);
+      state.T_dsa_cb.translation() += step.head<3>();
+      state.T_dsa_cb.linear() = expSO3(step.segment<3>(3)) * state.T_dsa_cb.linear();
+      for (std::size_t r = 0; r < state.shifts_m.size(); ++r) {
+        state.shifts_m[r] += step.segment<3>(static_cast<Eigen::Index>(6 + 3 * r));
+      }
+      if (step.norm() < 1e-12) break;
+    }
+    return A.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  }
+
+  // The views that agree best, whatever the others are: half of them, by what is between their rotations.
+  double disagreement(const AnatomyState& state) const {
+    std::vector<double> angles;
+    for (std::size_t i = 0; i < views_.size(); ++i) angles.push_back(residual(i, state).tail<3>().norm());
+    std::sort(angles.begin(), angles.end());
+    double sum = 0;
+    for (std::size_t i = 0; i < angles.size() / 2 + 1; ++i) sum += angles[i];
+    return sum;
+  }
+
+  AnatomyState start(const Choice& chosen) const {
+    AnatomyState best;
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < views_.size(); ++i) {
+      if (!chosen[i]) continue;
+      const AnatomyState candidate = from(i);
+      const double here = disagreement(candidate);
+      if (!(here < least)) continue;
+      least = here;
+      best = candidate;
+    }
+    return best;
+  }
+
+ private:
+  const std::vector<AnatomyView>& views_;
+  AnatomyRuns runs_;
+  Eigen::Vector3d centre_;
+  const AnatomySettings& settings_;
+
+  void addView(std::size_t i, const AnatomyState& state, bool robust, Eigen::MatrixXd& A, Eigen::VectorXd& b) const {
+    const Eigen::Matrix3d R = views_[i].T_camera_patient.linear();
+    const auto at = static_cast<Eigen::Index>(6 + 3 * runs_.of_view[i]);
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(6, A.cols());
+    J.block<3, 3>(0, 0) = R;
+    J.block<3, 3>(0, 3) = -R * skew(state.T_dsa_cb.linear() * centre_);
+    J.block<3, 3>(0, at) = R;
+    J.block<3, 3>(3, 3) = R;
+    const Vector6d r = residual(i, state);
+    const Matrix6d information = covariance(i, state).ldlt().solve(Matrix6d::Identity());
+    const double squares = r.dot(information * r);
+    const double weight = robust ? 1 / (1 + squares / (kRobustScale * kRobustScale)) : 1;
+    A += weight * J.transpose() * information * J;
+    b += weight * J.transpose() * information * r;
+  }
+
+  void addShiftPriors(const AnatomyState& state, Eigen::MatrixXd& A, Eigen::VectorXd& b) const {
+    const double sigma_m = std::max(kLeastShift_m, 1e-3 * settings_.shift_sigma_mm);
+    for (std::size_t r = 0; r < state.shifts_m.size(); ++r) {
+      const auto at = static_cast<Eigen::Index>(6 + 3 * r);
+      A.diagonal().segment<3>(at).array() += 1 / (sigma_m * sigma_m);
+      b.segment<3>(at) -= state.shifts_m[r] / (sigma_m * sigma_m);
+    }
+  }
+};
+
+void requireViews(const std::vector<AnatomyView>& views) {
+  if (views.empty()) throw InputError("registration", "views", "", "must be at least one");
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      if (views[i].name == views[k].name)
+        throw InputError("registration", "views", views[i].name, "must be given once");
+      if (views[i].T_camera_model.isApprox(views[k].T_camera_model, 1e-12)) {
+        throw InputError("registration", "views", views[i].name, "is a copy of " + views[k].name);
+      }
+    }
+    const Eigen::LLT<Matrix6d> llt(views[i].covariance);
+    if (llt.info() != Eigen::Success) {
+      throw InputError("registration", "covariance", views[i].name, "must be positive definite");
+    }
+  }
+}
+
+std::size_t count(const Choice& chosen) {
+  return static_cast<std::size_t>(std::count(chosen.begin(), chosen.end(), true));
+}
+
+// The other views' prediction of each view's rotation.
+void predictEach(const AnatomyProblem& problem, const AnatomyState& state, const Choice& used, AnatomyResult& result) {
+  if (count(used) < 3) return;
+  double squares = 0;
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    if (!used[i]) continue;
+    Choice others = used;
+    others[i] = false;
+    AnatomyState without = state;
+    problem.solve(without, others, false);
+    const double angle = problem.residual(i, without).tail<3>().norm();
+    result.views[i].held_out_rotation_rad = angle;
+    squares += angle * angle;
+  }
+  result.held_out_rotation_rms_rad = std::sqrt(squares / static_cast<double>(count(used)));
+}
+
+}  // namespace
+
+AnatomyRuns::AnatomyRuns(const std::vector<AnatomyView>& views) {
+  for (const AnatomyView& view : views) {
+    const auto at = std::find(names.begin(), names.end(), view.run);
+    of_view.push_back(static_cast<std::size_t>(at - names.begin()));
+    if (at == names.end()) names.push_back(view.run);
+  }
+}
+
+AnatomyResult anatomyResult(const AnatomyState& state, const AnatomyRuns& runs, const Eigen::MatrixXd& covariance) {
+  AnatomyResult result;
+  result.T_dsa_cb = state.T_dsa_cb;
+  result.covariance = covariance.topLeftCorner<6, 6>();
+  for (std::size_t r = 0; r < runs.names.size(); ++r) {
+    const auto at = static_cast<Eigen::Index>(6 + 3 * r);
+    result.runs.push_back({runs.names[r], state.shifts_m[r], covariance.block<3, 3>(at, at)});
+  }
+  return result;
+}
+
+int AnatomyResult::outliers() const {
+  return static_cast<int>(std::count_if(views.begin(), views.end(), [](const auto& view) { return view.outlier; }));
+}
+
+AnatomyResult registerAnatomy(const std::vector<AnatomyView>& views, const Eigen::Vector3d& centre_model,
+                              const AnatomySettings& settings) {
+  checkSettings("registration", settings);
+  requireViews(views);
+  const AnatomyProblem problem(views, centre_model, settings);
+  const Choice all(views.size(), true);
+  AnatomyState state = problem.start(all);
+  problem.solve(state, all, true);
+  Choice used = all;
+  Eigen::MatrixXd covariance;
+  for (int round = 0; round < kIterations; ++round) {
+    const Choice before = used;
+    for (std::size_t i = 0; i < views.size(); ++i) used[i] = problem.sigmas(i, state) < settings.outlier_gate;
+    if (2 * count(used) <= views.size() && views.size() > 1) {
+      throw InputError("registration", "views",
+                       std::to_string(count(used)) + " of " + std::to_string(views.size()) + " agree on one T_dsa_cb",
+                       "more than half must: are the angles those of the views, and the registrations right?");
+    }
+    if (round > 0 && before == used) break;
+    covariance = problem.solve(state, used, false);
+  }
+  AnatomyResult result = anatomyResult(state, problem.runs(), covariance);
+  double chi2 = 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Vector6d r = problem.residual(i, state);
+    const double sigmas = problem.sigmas(i, state);
+    result.views.push_back({views[i].name, r.tail<3>().norm(), r.head<3>().norm(), sigmas, !used[i], std::nullopt});
+    if (used[i]) chi2 += sigmas * sigmas;
+  }
+  // A shift that is free takes up its run's translations.
+  const auto free = 6.0 * static_cast<double>(count(used)) - 6 -
+                    (settings.shift_sigma_mm > 0 ? 3.0 * (static_cast<double>(problem.runs().names.size()) - 1) : 0);
+  result.chi2_per_freedom = chi2 / std::max(1.0, free);
+  predictEach(problem, state, used, result);
+  return result;
+}
+
+}  // namespace angio

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/calibration/hand_eye.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
+#include "hand_eye_estimate.hpp"
+
+namespace angio {
+namespace {
+
+constexpr std::size_t kLeastOther = 4;  // Poses that make a second transform believable,
+constexpr double kOtherShare = 0.75;    // and their share of what the first one does not explain.
+constexpr std::size_t kMostFolds = 40;
+constexpr double kMostScatter = 10;         // Times the noise that is said: more is no noise but another set-up.
+const double kMostNoise_rad = degToRad(5);  // And where nothing is said;
+constexpr double kMostOfTurns = 0.2;        // nor may it be more of the turns between the poses.
+constexpr double kNoiseOff = 5;             // Standard deviations of chi^2 from which on noise is worth a warning,
+constexpr double kScaleOff = 5;             // and of a scale.
+
+std::string namesOf(const PoseSet& set, const PoseChoice& chosen) {
+  constexpr int kShown = 8;
+  std::string names;
+  int shown_names = 0;
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    if (!chosen[i]) continue;
+    if (++shown_names > kShown) return names + ", ...";
+    names += (names.empty() ? "" : ", ") + set.poses[i].name;
+  }
+  return names;
+}
+
+HandEyeEquations equationsOf(const HandEyeEquations& all, const PoseChoice& chosen) {
+  HandEyeEquations some;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (chosen[i]) some.add(all.hands[i], all.cameras[i]);
+  }
+  return some;
+}
+
+// Poses that one transform does not explain may agree on another one: a second machine, or a camera that was moved.
+void refuseTwoMachines(const PoseSet& set, const HandEyeProblem& problem, const HandEyeSettings& settings,
+                       const HandEyeEstimate& first) {
+  PoseChoice others(first.used);
+  others.flip();
+  if (count(others) < kLeastOther) return;
+  if (settings.mount == HandEyeMount::kUnknown &&
+      motionSpread(equationsOf(problem.equations(), others)).across_rad < degToRad(settings.least_turn_deg)) {
+    return;
+  }
+  const HandEyeTransforms start = robustStart(problem, others, settings);
+  const std::vector<Matrix6d> covariances = problem.covariances(start, first.noise);
+  const HandEyeTransforms second = problem.solved(start, others, covariances, HandEyeProblem::Loss::kRobust);
+  PoseChoice agree(others.size(), false), agree_first = first.used;
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    // Its noise is the other one's: twice the gate.
+    agree[i] = others[i] &&
+               std::sqrt(squaredDistance(problem.residual(i, second), covariances[i])) < 2 * settings.outlier_gate;
+    agree_first[i] = !agree[i] && first.sigmas(i) < 2 * settings.outlier_gate;
+  }
+  if (static_cast<double>(count(agree)) < kOtherShare * static_cast<double>(count(others))) return;
+  throw InputError(set.path, "poses", "two machines, or a camera or object that was moved in between",
+                   namesOf(set, agree) + " fit one transform and " + namesOf(set, agree_first) +
+                       " another: all must be of one set-up");
+}
+
+void requireAgreement(const PoseSet& set, const HandEyeProblem& problem, const HandEyeSettings& settings,
+                      const HandEyeEstimate& estimate) {
+  refuseTwoMachines(set, problem, settings, estimate);
+  const std::size_t used = count(estimate.used);
+  if (static_cast<double>(used) < settings.least_share * static_cast<double>(set.poses.size()) ||
+      used < estimate.leastPoses()) {
+    throw InputError(
+        set.path, "poses", std::to_string(used) + " of " + std::to_string(set.poses.size()) + " fit one transform",
+        formatted("at least %g %% must: are hands and images of the same moments?", 100 * settings.least_share));
+  }
+  if (problem.noiseGiven() && estimate.chi2PerFreedom() > kMostScatter * kMostScatter) {
+    throw InputError(set.path, "poses",
+                     formatted("%.0f", std::sqrt(estimate.chi2PerFreedom())) + " times their noise off",
+                     "no transform explains them" + std::string(settings.mount == HandEyeMount::kIdentity
+                                                                    ? ": is the camera where the C-arm file has it?"
+                                                                    : ": are hands and images of the same moments?"));
+  }
+  const bool known = settings.mount == HandEyeMount::kIdentity;
+  const double turns = known ? kMostNoise_rad / kMostOfTurns : motionSpread(problem.equations()).along_rad;
+  if (estimate.noise.rotation_rad > std::min(kMostNoise_rad, kMostOfTurns * turns)) {
+    throw InputError(set.path, "poses", formatted("%.2g deg off, per axis", radToDeg(estimate.noise.rotation_rad)),
+                     "no transform explains them: are hands and images of the same moments?");
+  }
+  if (known) return;
+  const std::string place = used == set.poses.size() ? set.path : set.path + ": without outliers";
+  requireMotions(place, set.setup, motionSpread(equationsOf(problem.equations(), estimate.used)), used,
+                 degToRad(settings.least_turn_deg));
+}
+
+// Each pose predicted from the others (from those of the other folds, when there are many).
+std::optional<HandEyeResiduals> heldOut(const HandEyeProblem& problem, const HandEyeSettings& settings,
+                                        const HandEyeEstimate& estimate) {
+  const std::size_t used = count(estimate.used);
+  if (used <= estimate.leastPoses()) return std::nullopt;
+  const std::size_t folds = std::min(used, kMostFolds);
+  double turns = 0, shifts = 0, predicted = 0;
+  for (std::size_t fold = 0; fold < folds; ++fold) {
+    PoseChoice others = estimate.used, out(others.size(), false);
+    std::size_t at = 0;
+    for (std::size_t i = 0; i < others.size(); ++i) {
+      if (!estimate.used[i] || at++ % folds != fold) continue;
+      others[i] = false;
+      out[i] = true;
+    }
+    if (settings.mount == HandEyeMount::kUnknown &&
+        motionSpread(equationsOf(problem.equations(), others)).across_rad < degToRad(settings.least_turn_deg)) {
+      continue;  // The others alone could not tell.
+    }
+    const HandEyeTransforms t =
+        problem.solved(estimate.transforms, others, estimate.covariances, HandEyeProblem::Loss::kSquares);
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      if (!out[i]) continue;
+      const Vector6d r = problem.residual(i, t);
+      shifts += r.head<3>().squaredNorm();
+      turns += r.tail<3>().squaredNorm();
+      ++predicted;
+    }
+  }
+  if (predicted == 0) return std::nullopt;
+  return HandEyeResiduals{std::sqrt(turns / predicted), std::sqrt(shifts / predicted)};
+}
+
+// What each pose says of the estimate, and all together.
+void fillResiduals(const PoseSet& set, const HandEyeProblem& problem, const HandEyeEstimate& estimate,
+                   HandEyeResult& result) {
+  double turns = 0, shifts = 0;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    const Vector6d r = problem.residual(i, estimate.transforms);
+    result.poses.push_back({set.poses[i].name, r.tail<3>().norm(), r.head<3>().norm(), estimate.sigmas(i),
+                            !estimate.used[i], reprojectionError(set, problem.equations(), estimate.transforms, i)});
+    if (!estimate.used[i]) continue;
+    turns += r.tail<3>().squaredNorm();
+    shifts += r.head<3>().squaredNorm();
+  }
+  const auto used = static_cast<double>(count(estimate.used));
+  result.residuals = {std::sqrt(turns / used), std::sqrt(shifts / used)};
+  result.noise = {std::sqrt(turns / estimate.freedom(3)), std::sqrt(shifts / estimate.freedom(3))};
+  result.noise_given = problem.noiseGiven();
+  result.chi2_per_freedom = estimate.chi2PerFreedom();
+}
+
+// Widens the covariance where the given noise is not what the poses show.
+void warnOfNoise(const HandEyeEstimate& estimate, HandEyeResult& result) {
+  const double too_much = 1 + kNoiseOff * std::sqrt(2 / estimate.freedom(6));
+  if (!result.noise_given || result.chi2_per_freedom <= too_much) return;
+  result.covariance *= result.chi2_per_freedom;
+  result.warnings.push_back(
+      formatted("the poses scatter %.2g times as much as their noise is said to be; the covariance is widened by that",
+                std::sqrt(result.chi2_per_freedom)));
+}
+
+void warnOfScale(const HandEyeEquations& used, HandEyeResult& result) {
+  result.scale = translationScale(used);
+  if (!result.scale || std::abs(result.scale->value - 1) <= std::max(0.01, kScaleOff * result.scale->sigma)) return;
+  result.warnings.push_back(
+      formatted("the camera's translations fit the hands' better when multiplied by %.4f +- %.4f: "
+                "is the object's size right, and the focal length?",
+                result.scale->value, result.scale->sigma));
+}
+
+}  // namespace
+
+int HandEyeResult::outliers() const {
+  return static_cast<int>(std::count_if(poses.begin(), poses.end(), [](const auto& pose) { return pose.outlier; }));
+}
+
+HandEyeResult calibrateHandEye(const PoseSet& set, const HandEyeSettings& settings) {
+  checkSettings("hand_eye", settings);
+  checkPoseSet(set);
+  const HandEyeProblem problem(set, settings.mount);
+  const HandEyeEquations& equations = problem.equations();
+  if (settings.mount == HandEyeMount::kUnknown) {
+    requireMotions(set.path, set.setup, motionSpread(equations), equations.size(), degToRad(settings.least_turn_deg));
+    requireConventions(set.path, set.setup, equations);
+  }
+  HandEyeEstimate estimate(problem, settings, PoseChoice(equations.size(), true));
+  requireAgreement(set, problem, settings, estimate);
+
+  HandEyeResult result;
+  if (settings.residual == HandEyeResidual::kReprojection) {
+    const ReprojectionFit fit = solvedByReprojection(set, problem, estimate.transforms, estimate.used,
+                                                     problem.handCovariances(estimate.transforms, estimate.noise));
+    estimate.transforms = fit.transforms;
+    result.covariance = fit.covariance;
+  } else {
+    result.covariance = problem.covarianceOf(estimate.transforms, estimate.used, estimate.covariances);
+  }
+  result.transforms = estimate.transforms;
+  fillResiduals(set, problem, estimate, result);
+  result.held_out = heldOut(problem, settings, estimate);
+  warnOfNoise(estimate, result);
+  if (settings.mount == HandEyeMount::kUnknown) warnOfScale(equationsOf(equations, estimate.used), result);
+  return result;
+}
+
+}  // namespace angio

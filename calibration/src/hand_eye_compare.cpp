@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <visp3/vision/vpHandEyeCalibration.h>
+
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+
+#include "angio/calibration/hand_eye_solvers.hpp"
+#include "angio/geometry/visp.hpp"
+#include "silence.hpp"
+
+namespace angio {
+namespace {
+
+struct CvPoses {
+  std::vector<cv::Mat> R, t;
+
+  explicit CvPoses(const std::vector<Pose>& poses) {
+    for (const Pose& T : poses) {
+      cv::Mat rotation(3, 3, CV_64F), translation(3, 1, CV_64F);
+      for (int r = 0; r < 3; ++r) {
+        for (int c = 0; c < 3; ++c) rotation.at<double>(r, c) = T.linear()(r, c);
+        translation.at<double>(r) = T.translation()[r];
+      }
+      R.push_back(rotation);
+      t.push_back(translation);
+    }
+  }
+};
+
+// What a solver left in its outputs; it may be anything.
+std::optional<Pose> poseOf(const cv::Mat& R, const cv::Mat& t) {
+  if (R.total() != 9 || t.total() != 3) return std::nullopt;
+  const cv::Mat_<double> rotation = R, translation = t;
+  Pose T = Pose::Identity();
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) T.linear()(r, c) = rotation(r, c);
+    T.translation()[r] = translation(r);
+  }
+  if (!T.matrix().allFinite() || rotationDefect(T.linear()) > 1e-3) return std::nullopt;
+  return T;
+}
+
+Pose meanZ(const HandEyeEquations& e, const Pose& X) {
+  Eigen::Matrix3d R = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d t = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < e.size(); ++i) {
+    const Pose Z = e.hands[i] * X * e.cameras[i];
+    R += Z.linear();
+    t += Z.translation() / static_cast<double>(e.size());
+  }
+  Pose mean = Pose::Identity();
+  mean.linear() = nearestRotation(R);
+  mean.translation() = t;
+  return mean;
+}
+
+// Runs a solver that gives X and perhaps Z; what it throws is its failure.
+template <typename Solver>
+ComparedSolver tried(const std::string& name, const HandEyeEquations& e, const Solver& solver) {
+  ComparedSolver compared;
+  compared.name = name;
+  try {
+    std::optional<Pose> X, Z;
+    solver(X, Z);
+    if (X) {
+      compared.transforms = HandEyeTransforms{*X, Z ? *Z : meanZ(e, *X)};
+    } else {
+      compared.failure = "gives no rotation";
+    }
+  } catch (const std::exception&) {
+    compared.failure = "throws";
+  }
+  return compared;
+}
+
+void compareOpenCv(const HandEyeEquations& e, std::vector<ComparedSolver>& all) {
+  const CvPoses hands(e.hands), cameras(e.cameras);
+  const std::pair<const char*, cv::HandEyeCalibrationMethod> methods[] = {
+      {"OpenCV Tsai", cv::CALIB_HAND_EYE_TSAI},
+      {"OpenCV Park", cv::CALIB_HAND_EYE_PARK},
+      {"OpenCV Horaud", cv::CALIB_HAND_EYE_HORAUD},
+      {"OpenCV Andreff", cv::CALIB_HAND_EYE_ANDREFF},
+      {"OpenCV Daniilidis", cv::CALIB_HAND_EYE_DANIILIDIS}};
+  for (const auto& [name, method] : methods) {
+    all.push_back(tried(name, e, [&, chosen = method](std::optional<Pose>& X, std::optional<Pose>&) {
+      cv::Mat R, t;
+      cv::calibrateHandEye(hands.R, hands.t, cameras.R, cameras.t, R, t, chosen);
+      X = poseOf(R, t);
+    }));
+  }
+  // Its world is our object and its base ours: it takes T_camera_world and T_gripper_base.
+  std::vector<Pose> inverse;
+  for (const Pose& hand : e.hands) inverse.push_back(hand.inverse());
+  const CvPoses gripper_base(inverse);
+  const std::pair<const char*, cv::RobotWorldHandEyeCalibrationMethod> world_methods[] = {
+      {"OpenCV Shah", cv::CALIB_ROBOT_WORLD_HAND_EYE_SHAH}, {"OpenCV Li", cv::CALIB_ROBOT_WORLD_HAND_EYE_LI}};
+  for (const auto& [name, method] : world_methods) {
+    all.push_back(tried(name, e, [&, chosen = method](std::optional<Pose>& X, std::optional<Pose>& Z) {
+      cv::Mat R_base_world, t_base_world, R_gripper_cam, t_gripper_cam;
+      cv::calibrateRobotWorldHandEye(cameras.R, cameras.t, gripper_base.R, gripper_base.t, R_base_world, t_base_world,
+                                     R_gripper_cam, t_gripper_cam, chosen);
+      const auto world = poseOf(R_base_world, t_base_world), camera = poseOf(R_gripper_cam, t_gripper_cam);
+      if (!world || !camera) return;
+      Z = world->inverse();
+      X = camera->inverse();
+    }));
+  }
+}
+
+constexpr std::size_t kMostForViSP = 40;
+
+void compareViSP(const HandEyeEquations& e, std::vector<ComparedSolver>& all) {
+  if (e.size() > kMostForViSP) {
+    all.push_back({"ViSP", std::nullopt, "was not asked: more than 40 poses"});
+    return;
+  }
+  all.push_back(tried("ViSP", e, [&](std::optional<Pose>& X, std::optional<Pose>&) {
+    std::vector<vpHomogeneousMatrix> cMo, rMe;
+    for (std::size_t i = 0; i < e.size(); ++i) {
+      cMo.push_back(toVisp(e.cameras[i]));
+      rMe.push_back(toVisp(e.hands[i]));
+    }
+    vpHomogeneousMatrix eMc;
+    const Silence silence;
+    if (vpHandEyeCalibration::calibrate(cMo, rMe, eMc) != 0) return;
+    X = fromVisp(eMc);
+  }));
+}
+
+}  // namespace
+
+std::vector<ComparedSolver> compareSolvers(const HandEyeEquations& equations) {
+  std::vector<ComparedSolver> all;
+  compareOpenCv(equations, all);
+  compareViSP(equations, all);
+  return all;
+}
+
+}  // namespace angio

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "hand_eye_problem.hpp"
+
+#include <ceres/autodiff_cost_function.h>
+#include <ceres/loss_function.h>
+#include <ceres/problem.h>
+#include <ceres/solver.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "hand_eye_twist.hpp"
+
+namespace angio {
+namespace {
+
+constexpr int kRelinearisations = 3;
+// What stands in for no noise at all: far below any measurement, far above rounding [m, rad].
+constexpr double kLeastSigma = 1e-8;
+constexpr double kRobustScale = 3;  // Sigma of a six-dimensional residual at which the robust loss lets go.
+
+struct HandEyeCost {
+  Pose hand_inverse, camera;
+  HandEyeTransforms around;
+  Matrix6d whitening;
+
+  template <typename T>
+  bool operator()(const T* x, const T* z, T* residual) const {
+    const Moved<T> X(around.X, x), Z(around.Z, z);
+    const Matrix3<T> R_h = hand_inverse.linear().cast<T>();
+    const Matrix3<T> R = X.R.transpose() * R_h * Z.R;
+    const Vector3<T> t = X.R.transpose() * (R_h * Z.t + hand_inverse.translation().cast<T>() - X.t);
+    const Matrix3<T> turn = camera.linear().cast<T>() * R.transpose();
+    Eigen::Matrix<T, 6, 1> raw;
+    raw.template head<3>() = camera.translation().cast<T>() - t;
+    ceres::RotationMatrixToAngleAxis(turn.data(), raw.data() + 3);
+    Eigen::Map<Eigen::Matrix<T, 6, 1>> whitened(residual);
+    whitened = whitening.cast<T>() * raw;
+    return true;
+  }
+};
+
+Matrix6d isotropic(const PoseSigma& sigma) {
+  Vector6d variances;
+  variances.head<3>().setConstant(sigma.translation_m * sigma.translation_m);
+  variances.tail<3>().setConstant(sigma.rotation_rad * sigma.rotation_rad);
+  return variances.asDiagonal();
+}
+
+struct Blocks {
+  Vector6d x = Vector6d::Zero(), z = Vector6d::Zero();
+};
+
+void addPoses(ceres::Problem& problem, Blocks& blocks, const HandEyeProblem& from, const HandEyeTransforms& around,
+              const PoseChoice& chosen, const std::vector<Matrix6d>& covariances, ceres::LossFunction* loss) {
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    if (!chosen[i]) continue;
+    auto* cost = new HandEyeCost{from.equations().hands[i].inverse(), from.equations().cameras[i], around,
+                                 whiteningOf(covariances[i])};
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<HandEyeCost, 6, 6, 6>(cost), loss, blocks.x.data(),
+                             blocks.z.data());
+  }
+  if (from.mount() == HandEyeMount::kIdentity) problem.SetParameterBlockConstant(blocks.x.data());
+}
+
+ceres::Problem::Options sharedLoss() {
+  ceres::Problem::Options options;
+  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  return options;
+}
+
+}  // namespace
+
+double squaredDistance(const Vector6d& residual, const Matrix6d& covariance) {
+  return residual.dot(covariance.ldlt().solve(residual));
+}
+
+HandEyeProblem::HandEyeProblem(const PoseSet& set, HandEyeMount mount)
+    : equations_(handEyeEquations(set)), mount_(mount), setup_(set.setup), hand_sigma_(set.hand_sigma) {
+  bool camera_known = true, from_points = false;
+  about_isocentre_ = true;
+  for (const HandEyePose& pose : set.poses) {
+    about_isocentre_ = about_isocentre_ && pose.joints.has_value();
+    from_points = from_points || pose.points_px.cols() > 0;
+    camera_known = camera_known && (pose.covariance || set.camera_sigma);
+    camera_covariances_.push_back(pose.covariance    ? *pose.covariance
+                                  : set.camera_sigma ? isotropic(*set.camera_sigma)
+                                                     : Matrix6d(Matrix6d::Zero()));
+  }
+  // Scatter of points in one image says nothing of the machine between the images.
+  noise_given_ = camera_known && (!from_points || hand_sigma_);
+}
+
+Vector6d HandEyeProblem::residual(std::size_t i, const HandEyeTransforms& t) const {
+  const Pose predicted = HandEyeEquations::predicted(equations_.hands[i], t.X, t.Z);
+  Vector6d r;
+  r << equations_.cameras[i].translation() - predicted.translation(),
+      logSO3(equations_.cameras[i].linear() * predicted.linear().transpose());
+  return r;
+}
+
+Matrix6d HandEyeProblem::handCovariance(std::size_t i, const HandEyeTransforms& t) const {
+  if (!hand_sigma_) return Matrix6d::Zero();
+  constexpr double kStep = 1e-6;
+  Matrix6d J;  // Of the prediction by a twist of T_base_hand.
+  for (int k = 0; k < 6; ++k) {
+    Pose ends[2];
+    for (int side = 0; side < 2; ++side) {
+      const Vector6d twist = (side == 0 ? kStep : -kStep) * Vector6d::Unit(k);
+      const bool in_hand = setup_ == HandEyeSetup::kEyeInHand;
+      const Pose T_base_hand = in_hand ? equations_.hands[i] : Pose(equations_.hands[i].inverse());
+      const Pose moved =
+          about_isocentre_ ? Pose(movedBy(Pose::Identity(), twist) * T_base_hand) : movedBy(T_base_hand, twist);
+      ends[side] = HandEyeEquations::predicted(in_hand ? moved : Pose(moved.inverse()), t.X, t.Z);
+    }
+    J.col(k) << ends[0].translation() - ends[1].translation(), logSO3(ends[0].linear() * ends[1].linear().transpose());
+  }
+  J /= 2 * kStep;
+  return J * isotropic(*hand_sigma_) * J.transpose();
+}
+
+std::vector<Matrix6d> HandEyeProblem::covariances(const HandEyeTransforms& t, const PoseSigma& more) const {
+  std::vector<Matrix6d> all;
+  for (std::size_t i = 0; i < size(); ++i) {
+    all.push_back(camera_covariances_[i] + handCovariance(i, t) + isotropic(more) +
+                  kLeastSigma * kLeastSigma * Matrix6d::Identity());
+  }
+  return all;
+}
+
+std::vector<Matrix6d> HandEyeProblem::handCovariances(const HandEyeTransforms& t, const PoseSigma& more) const {
+  std::vector<Matrix6d> all;
+  for (std::size_t i = 0; i < size(); ++i) {
+    all.push_back(handCovariance(i, t) + isotropic(more) + kLeastSigma * kLeastSigma * Matrix6d::Identity());
+  }
+  return all;
+}
+
+HandEyeTransforms HandEyeProblem::solved(const HandEyeTransforms& start, const PoseChoice& chosen,
+                                         const std::vector<Matrix6d>& covariances, Loss loss) const {
+  HandEyeTransforms now = start;
+  ceres::CauchyLoss robust(kRobustScale);
+  for (int round = 0; round < kRelinearisations; ++round) {
+    ceres::Problem problem(sharedLoss());
+    Blocks blocks;
+    addPoses(problem, blocks, *this, now, chosen, covariances, loss == Loss::kRobust ? &robust : nullptr);
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::DENSE_QR;
+    options.logging_type = ceres::SILENT;
+    options.function_tolerance = 1e-12;  // Closer, steps that rounding makes fail would be told on stderr.
+    options.parameter_tolerance = 1e-12;
+    options.max_num_iterations = 50;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+    now.X = movedBy(now.X, blocks.x);
+    now.Z = movedBy(now.Z, blocks.z);
+    if (blocks.x.norm() + blocks.z.norm() < 1e-9) break;
+  }
+  return now;
+}
+
+Eigen::MatrixXd HandEyeProblem::covarianceOf(const HandEyeTransforms& t, const PoseChoice& chosen,
+                                             const std::vector<Matrix6d>& covariances) const {
+  ceres::Problem problem(sharedLoss());
+  Blocks blocks;
+  addPoses(problem, blocks, *this, t, chosen, covariances, nullptr);
+  ceres::Problem::EvaluateOptions options;
+  if (mount_ == HandEyeMount::kUnknown) options.parameter_blocks.push_back(blocks.x.data());
+  options.parameter_blocks.push_back(blocks.z.data());
+  ceres::CRSMatrix J;
+  problem.Evaluate(options, nullptr, nullptr, nullptr, &J);
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(J.num_cols, J.num_cols);
+  for (int row = 0; row < J.num_rows; ++row) {
+    for (int a = J.rows[row]; a < J.rows[row + 1]; ++a) {
+      for (int b = J.rows[row]; b < J.rows[row + 1]; ++b) A(J.cols[a], J.cols[b]) += J.values[a] * J.values[b];
+    }
+  }
+  return A.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols()));
+}
+
+}  // namespace angio

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "pose_fields.hpp"
+
+#include <Eigen/Eigenvalues>
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+namespace {
+
+using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+using RowMajor6d = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+
+constexpr double kFarthest_mm = 100e3;
+constexpr double kRounded = 1e-6;  // Of the largest entry: what six digits leave.
+
+Eigen::Matrix3d readRotation(const YamlField& field) {
+  const std::vector<double> entries = field.numbers(9);
+  const Eigen::Matrix3d R = Eigen::Map<const RowMajor3d>(entries.data());
+  if (R.allFinite() && R.determinant() < 0 && rotationDefect(-R) < 1e-3) {
+    field.refuse("must be a rotation matrix; this one mirrors (its determinant is -1)");
+  }
+  const double defect = rotationDefect(R);
+  if (!(defect < 1e-3)) {
+    field.refuse("must be a rotation matrix; R^T R differs from the identity by " + shown(defect));
+  }
+  return nearestRotation(R);
+}
+
+Matrix6d readCovariance(const YamlField& field) {
+  const std::vector<double> entries = field.numbers(36);
+  const Matrix6d C = Eigen::Map<const RowMajor6d>(entries.data());
+  const double scale = C.diagonal().cwiseAbs().maxCoeff();
+  if (!((C - C.transpose()).cwiseAbs().maxCoeff() <= kRounded * scale)) field.refuse("must be symmetric");
+  const Matrix6d symmetric = 0.5 * (C + C.transpose());
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(symmetric, Eigen::EigenvaluesOnly);
+  if (!(solver.eigenvalues().minCoeff() > 0)) field.refuse("must be positive definite");
+  return symmetric;
+}
+
+}  // namespace
+
+Pose readPoseField(const std::string& path, const YamlField& field, std::optional<Matrix6d>* covariance) {
+  YamlMap map(path, *field.node, field.key);
+  Pose T = Pose::Identity();
+  T.linear() = readRotation(map.need("rotation"));
+  const YamlField translation = map.need("translation_mm");
+  const std::vector<double> t_mm = translation.numbers(3);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const YamlField item = translation.item(k);
+    T.translation()[static_cast<Eigen::Index>(k)] =
+        1e-3 * requireBetween(item.place(), item.key, t_mm[k], -kFarthest_mm, kFarthest_mm);
+  }
+  if (covariance) {
+    if (const auto given = map.find("covariance")) *covariance = readCovariance(*given);
+  }
+  map.refuseOthers();
+  return T;
+}
+
+CArmJoints readJoints(YamlMap& map) {
+  CArmJoints joints = CArmJoints::Zero();
+  const YamlField primary = map.need("primary_deg"), secondary = map.need("secondary_deg");
+  joints[0] = degToRad(requireBetween(primary.place(), primary.key, primary.number(), -180, 180));
+  joints[1] = degToRad(requireBetween(secondary.place(), secondary.key, secondary.number(), -90, 90));
+  if (const auto table = map.find("table_mm")) {
+    const std::vector<double> t_mm = table->numbers(3);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const YamlField item = table->item(k);
+      joints[static_cast<Eigen::Index>(2 + k)] = 1e-3 * requireBetween(item.place(), item.key, t_mm[k], -1e4, 1e4);
+    }
+  }
+  return joints;
+}
+
+nlohmann::ordered_json matrixAsJson(const Eigen::Ref<const Eigen::MatrixXd>& M) {
+  auto list = nlohmann::ordered_json::array();
+  for (Eigen::Index r = 0; r < M.rows(); ++r) {
+    for (Eigen::Index c = 0; c < M.cols(); ++c) list.push_back(M(r, c));
+  }
+  return list;
+}
+
+nlohmann::ordered_json poseAsJson(const Pose& T) {
+  return {{"rotation", matrixAsJson(T.linear())}, {"translation_mm", matrixAsJson(1e3 * T.translation())}};
+}
+
+}  // namespace angio

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "angio/geometry/carm.hpp"
+#include "angio/io/yaml.hpp"
+
+namespace angio {
+
+/// Reads {rotation, translation_mm} [m], and covariance where the caller takes one. Throws InputError that names file,
+/// line, key, value and rule: no rotation, a mirrored one, a translation beyond 100 m, a covariance that is none.
+Pose readPoseField(const std::string& path, const YamlField& field, std::optional<Matrix6d>* covariance);
+
+/// Reads primary_deg, secondary_deg and, when it is there, table_mm. Throws InputError that names file, line, key,
+/// value and rule.
+CArmJoints readJoints(YamlMap& map);
+
+/// A pose as it stands in a file: {rotation, translation_mm}.
+nlohmann::ordered_json poseAsJson(const Pose& T);
+
+/// A matrix as a flat list of numbers, row by row.
+nlohmann::ordered_json matrixAsJson(const Eigen::Ref<const Eigen::MatrixXd>& M);
+
+}  // namespace angio
