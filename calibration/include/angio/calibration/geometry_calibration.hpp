@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/base/settings.hpp"
+#include "angio/calibration/bead_phantom.hpp"
+#include "angio/calibration/record.hpp"
+#include "angio/geometry/carm.hpp"
+
+namespace angio {
+
+/// A bead and where it was seen in a pinhole image: distortion is taken out before.
+struct BeadSighting {
+  int bead = 0;  ///< Its place in BeadPhantom::beads.
+  Eigen::Vector2d pixel_px;
+};
+
+/// A view of the phantom with what the encoders said.
+struct GeometryView {
+  std::string name;
+  CArmJoints joints = CArmJoints::Zero();  ///< By the encoders [rad, m].
+  double source_detector_distance_m = 0;   ///< The same.
+  std::vector<BeadSighting> beads;
+  bool held_out = false;
+};
+
+/// What is known of the camera before: its values at one source-detector distance, and how surely.
+struct GeometryCamera {
+  int width_px = 0, height_px = 0;
+  double pixel_spacing_m = 0;
+  double source_detector_distance_m = 0;  ///< By the encoder, where the values hold.
+  double fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
+  std::optional<Eigen::Matrix4d> covariance;  ///< Of the four [px^2]; absent: they are held.
+  Eigen::Vector2d principal_point_slope_px_per_m = Eigen::Vector2d::Zero();  ///< By the distance; known beforehand.
+};
+
+/// Whether the bending of the arm is estimated.
+enum class FlexModel { kNone, kLowOrder };
+
+struct GeometrySettings {
+  FlexModel flex = FlexModel::kLowOrder;
+  double flex_std_mm = 0.3;  ///< How much an arm bends: where the search for it starts.
+  double flex_std_deg = 0.03;
+  double source_isocentre_distance_mm = 780;  ///< Where the search starts.
+  double pose_scatter_mm = 0.3;               ///< Where the search for what joints do not explain starts, each axis.
+  double pose_scatter_deg = 0.03;
+  double outlier_sigma = 4;        ///< Beads further off than this do not count.
+  double outlier_view_factor = 4;  ///< Views that are worse than the usual by this do not count.
+  double largest_offset_deg = 3;   ///< How far a C-arm may be from ideal before it is doubted, each angle,
+  double largest_offset_mm = 15;   ///< and each length.
+
+  void visit(SettingsVisitor& v) {
+    v.choice("flex", flex, {"none", "low_order"});
+    v.number("flex_std_mm", flex_std_mm, 1e-3, 20);
+    v.number("flex_std_deg", flex_std_deg, 1e-4, 2);
+    v.number("source_isocentre_distance_mm", source_isocentre_distance_mm, 100, 5000);
+    v.number("pose_scatter_mm", pose_scatter_mm, 1e-4, 20);
+    v.number("pose_scatter_deg", pose_scatter_deg, 1e-5, 5);
+    v.number("outlier_sigma", outlier_sigma, 2, 100);
+    v.number("outlier_view_factor", outlier_view_factor, 2, 100);
+    v.number("largest_offset_deg", largest_offset_deg, 0.1, 20);
+    v.number("largest_offset_mm", largest_offset_mm, 0.1, 200);
+  }
+};
+
+/// A C-arm's geometry from views of a phantom that lies on its table.
+struct GeometryCalibration {
+  CArmGeometry carm;
+  Pose T_patient_phantom = Pose::Identity();        ///< Where it lay, table at zero.
+  CalibrationRecord record;                         ///< Kind "geometry"; machine, date and inputs are the caller's.
+  std::vector<std::string> kept;                    ///< What the views cannot tell and stays as it was, in words.
+  double bead_sigma_px = 0;                         ///< Measured: of a bead about its own view's best pose.
+  double pose_scatter_m = 0, pose_scatter_rad = 0;  ///< What joints do not explain of a view's pose, each axis.
+  double rms_without_flex_px = 0;                   ///< Residual over all used views of the rigid arm alone.
+  std::vector<std::string> doubts;  ///< What a user should know: views left out, beads that lie elsewhere.
+};
+
+/// Calibrates how a C-arm moves its camera.
+///
+/// Each view is condensed first: the pose of the phantom that explains its beads best by robust least squares, with the
+/// information about it and its coupling to the camera's four numbers, which is exact to second order in the pose's
+/// error. Over these the deviations, the camera (by its prior), the phantom's place and the bending (by its ridge) are
+/// solved for with Cauchy's loss, and again without views that it leaves out. What joints do not explain scatters the
+/// poses; its two standard deviations, of translation and rotation, and the bending's two, are found by restricted
+/// maximum likelihood, so that the bending is as strong as the views say and the covariance covers encoder noise and
+/// bending that the model does not have.
+///
+/// Throws InputError, named `place`, before anything is solved: fewer than 6 different positions, angles that span too
+/// little for the primary axis, a view with fewer than 8 beads, beads that no pose explains (mirrored phantom, wrong
+/// units, labels that are swapped, which are named), or, after the first fit, views of which a quarter or more are of
+/// another C-arm (which are named). What the positions cannot tell is kept and listed in `kept`.
+GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhantom& phantom,
+                                      const GeometryCamera& camera, const std::vector<GeometryView>& views,
+                                      const GeometrySettings& settings = {});
+
+}  // namespace angio

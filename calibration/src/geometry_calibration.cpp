@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/calibration/geometry_calibration.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
+#include "angio/evaluation/statistics.hpp"
+#include "geometry_gates.hpp"
+#include "geometry_record.hpp"
+
+namespace angio {
+namespace {
+
+// Beyond this no arm scatters by itself: then views of several machines are looked for.
+constexpr double kDoubtful_m = 2e-3, kDoubtful_rad = degToRad(0.2);
+
+GeometryModel priorModel(const GeometryCamera& camera, const GeometrySettings& settings) {
+  GeometryModel model;
+  CArmGeometry& carm = model.carm;
+  carm.image_width_px = camera.width_px;
+  carm.image_height_px = camera.height_px;
+  carm.pixel_spacing_m = camera.pixel_spacing_m;
+  carm.source_isocentre_distance_m = settings.source_isocentre_distance_mm * 1e-3;
+  carm.source_detector_distance_m = camera.source_detector_distance_m;
+  CArmDeviations& d = carm.deviations;
+  d.source_detector_offset_m = camera.fx_px * camera.pixel_spacing_m - camera.source_detector_distance_m;
+  d.pixel_aspect = camera.fy_px / camera.fx_px - 1;
+  d.principal_point_px = {camera.cx_px - 0.5 * (camera.width_px - 1), camera.cy_px - 0.5 * (camera.height_px - 1)};
+  d.principal_point_slope_px_per_m = camera.principal_point_slope_px_per_m;
+  return model;
+}
+
+// Each view alone says where the phantom lies; the start is the one that the others are nearest to.
+Pose phantomStart(const std::vector<ViewObservation>& views, const CArmGeometry& carm, const Eigen::Vector3d& middle) {
+  std::vector<Pose> says;
+  for (const auto& view : views) {
+    if (!view.held_out) says.push_back(carm.T_camera_patient(view.joints).inverse() * view.T_camera_phantom);
+  }
+  std::vector<double> far(says.size());
+  for (std::size_t i = 0; i < says.size(); ++i) {
+    std::vector<double> distances;
+    for (const Pose& other : says) {
+      distances.push_back((says[i] * middle - other * middle).norm() +
+                          0.1 * rotationAngle(says[i].linear().transpose() * other.linear()));
+    }
+    far[i] = percentile(distances, 0.5);
+  }
+  return says[static_cast<std::size_t>(std::min_element(far.begin(), far.end()) - far.begin())];
+}
+
+double pooledSigma_px(const std::vector<ViewObservation>& views) {
+  double sum = 0, freedom = 0;
+  for (const auto& view : views) {
+    if (view.held_out) continue;
+    sum += view.unexplained_px2;
+    freedom += 2 * view.beads - kViewChanges;
+  }
+  return std::max(std::sqrt(sum / freedom), 1e-3);
+}
+
+// Which views count: those that are not much worse than the usual one.
+std::vector<bool> soundViews(const GeometryProblem& problem, const GeometryModel& model, double factor) {
+  const auto& views = problem.views();
+  std::vector<double> surprises;
+  for (const auto& view : views) {
+    if (!view.held_out) surprises.push_back(problem.surprise(view, model));
+  }
+  const double limit = factor * std::max(percentile(surprises, 0.5), 0.1);
+  std::vector<bool> sound(views.size());
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    sound[i] = !views[i].held_out && problem.surprise(views[i], model) < limit;
+  }
+  return sound;
+}
+
+// Solves robustly, leaves out what that left out, and finds what joints do not explain.
+GeometryModel refined(GeometryProblem& problem, const GeometryModel& start, const GeometrySettings& settings) {
+  std::vector<bool> all(problem.views().size());
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = !problem.views()[i].held_out;
+  problem.used = all;
+  GeometryModel model = problem.solve(start, GeometryProblem::Loss::kCauchy);
+  for (int round = 0; round < 4; ++round) {
+    problem.used = soundViews(problem, model, settings.outlier_view_factor);
+    const PoseScatter before = problem.scatter;
+    problem.scatter = problem.likeliestScatter(model, round == 0 ? 4 : 1.5);
+    model = problem.solve(model, GeometryProblem::Loss::kSquared);
+    const double change = std::abs(std::log(problem.scatter.translation_m / before.translation_m)) +
+                          std::abs(std::log(problem.scatter.rotation_rad / before.rotation_rad));
+    if (change < 0.1) break;
+  }
+  return model;
+}
+
+void requireCamera(const std::string& place, const GeometryCamera& camera) {
+  requirePositive(place, "pixel_spacing_mm", camera.pixel_spacing_m * 1e3);
+  requirePositive(place, "source_detector_distance_mm", camera.source_detector_distance_m * 1e3);
+  requirePositive(place, "fx_px", camera.fx_px);
+  requirePositive(place, "fy_px", camera.fy_px);
+  const double offset_mm = 1e3 * (camera.fx_px * camera.pixel_spacing_m - camera.source_detector_distance_m);
+  if (std::abs(offset_mm) > 200) {
+    throw InputError(
+        place, "fx_px", shown(camera.fx_px),
+        formatted("makes the source-detector distance %.4g mm more than the encoder's: pixel_spacing_mm or "
+                  "the camera is another one's",
+                  offset_mm));
+  }
+}
+
+}  // namespace
+
+GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhantom& phantom,
+                                      const GeometryCamera& camera, const std::vector<GeometryView>& views,
+                                      const GeometrySettings& settings) {
+  checkSettings("geometry", settings);
+  requireCamera(place, camera);
+  requirePositions(place, views);
+  GeometryModel start = priorModel(camera, settings);
+  const auto observed = [&](const CArmGeometry& carm) {
+    std::vector<ViewObservation> seen;
+    for (const auto& view : views) {
+      const XrayCamera at_distance = carm.camera(view.source_detector_distance_m);
+      seen.push_back(observeView(place, phantom, at_distance, view, settings.outlier_sigma));
+    }
+    return seen;
+  };
+  const std::vector<ViewObservation> seen = observed(start.carm);
+  requireSoundBeads(place, phantom, views, seen);
+
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const Bead& bead : phantom.beads) middle += bead.position_m / static_cast<double>(phantom.beads.size());
+  start.T_patient_phantom = phantomStart(seen, start.carm, middle);
+  GeometryProblem problem(seen, start, camera, settings, middle, pooledSigma_px(seen));
+  GeometryCalibration result;
+  result.bead_sigma_px = pooledSigma_px(seen);
+  result.kept = freeObservable(problem, start, camera.covariance.has_value());
+  GeometryModel model = refined(problem, start, settings);
+
+  const auto left_out =
+      static_cast<std::size_t>(std::count_if(seen.begin(), seen.end(), [](const auto& v) { return !v.held_out; }) -
+                               std::count(problem.used.begin(), problem.used.end(), true));
+  if (problem.scatter.translation_m > kDoubtful_m || problem.scatter.rotation_rad > kDoubtful_rad ||
+      4 * left_out >= seen.size()) {
+    requireOneMachine(place, problem, start);
+  }
+  // Condensed about the camera as it is now known: a wrong one's second order is larger than what many views average
+  // to.
+  problem.replace(observed(model.carm));
+  model = refined(problem, model, settings);
+  result.rms_without_flex_px = problem.rms_px(model, problem.used);
+  if (settings.flex == FlexModel::kLowOrder) {
+    model.carm.deviations.flex = CArmFlex::lowOrder();
+    std::fill_n(problem.free.begin() + kFirstFlexNumber, kFlexNumbers, true);
+    model = refined(problem, model, settings);
+  }
+  try {
+    model.carm.check();
+  } catch (const InputError& error) {
+    throw error.within(place);
+  }
+  result.carm = model.carm;
+  result.T_patient_phantom = model.T_patient_phantom;
+  result.pose_scatter_m = problem.scatter.translation_m;
+  result.pose_scatter_rad = problem.scatter.rotation_rad;
+  result.record = geometryRecord(problem, model);
+  result.doubts = geometryDoubts(problem, views);
+  return result;
+}
+
+}  // namespace angio

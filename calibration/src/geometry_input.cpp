@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/calibration/geometry_input.hpp"
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+
+#include "angio/base/errors.hpp"
+#include "angio/calibration/camera_views.hpp"
+#include "angio/calibration/view_set.hpp"
+#include "angio/io/camera_files.hpp"
+
+namespace angio {
+namespace {
+
+std::vector<CalibrationRecord> recordsOf(const std::string& path) {
+  if (std::filesystem::path(path).extension() == ".xml") return {};
+  const YamlNode root = readYaml(path);
+  YamlMap map(path, root, "camera");
+  const auto field = map.find("calibration");
+  return field ? readRecords(*field) : std::vector<CalibrationRecord>{};
+}
+
+// Of fx, fy, cx, cy; a camera with square pixels has one focal length for both.
+std::optional<Eigen::Matrix4d> covarianceOf(const std::vector<CalibrationRecord>& records) {
+  for (const auto& record : records) {
+    if (record.kind != "camera") continue;
+    const auto placeOf = [&](const std::string& name) {
+      const auto at = std::find(record.parameters.begin(), record.parameters.end(), name);
+      return at == record.parameters.end() ? -1 : static_cast<int>(at - record.parameters.begin());
+    };
+    const int f = placeOf("f_px");
+    const std::vector<int> places{f >= 0 ? f : placeOf("fx_px"), f >= 0 ? f : placeOf("fy_px"), placeOf("cx_px"),
+                                  placeOf("cy_px")};
+    if (*std::min_element(places.begin(), places.end()) < 0) continue;
+    Eigen::Matrix4d covariance = record.covariance(places, places);
+    // One focal length leaves the difference of two no variance, and a prior needs some.
+    covariance.diagonal() *= 1 + 1e-6;
+    return covariance;
+  }
+  return std::nullopt;
+}
+
+// The distance by the encoder that the camera's values hold at.
+double distanceOf(const std::string& path, const XrayCamera::Parameters& camera, const ViewSet& set) {
+  if (camera.source_detector_distance_m) return *camera.source_detector_distance_m;
+  std::map<double, int> distances;
+  for (const auto& view : set.views) {
+    if (view.source_detector_distance_m) ++distances[*view.source_detector_distance_m];
+  }
+  if (distances.size() == 1) return distances.begin()->first;
+  throw InputError(path, "source_detector_distance_mm", "", "is missing: the arm's lengths need it");
+}
+
+GeometryCamera cameraOf(const std::string& path, const CameraFile& file, const ViewSet& set,
+                        const DetectorOfViews& detector) {
+  const auto& p = file.camera.parameters();
+  if (p.width_px != detector.width_px || p.height_px != detector.height_px) {
+    throw InputError(
+        path, "image_size_px", std::to_string(p.width_px) + " x " + std::to_string(p.height_px),
+        "must be that of the views, " + std::to_string(detector.width_px) + " x " + std::to_string(detector.height_px));
+  }
+  const auto spacing = p.pixel_spacing_m ? p.pixel_spacing_m : set.pixel_spacing_m;
+  if (!spacing) throw InputError(path, "pixel_spacing_mm", "", "is missing: the arm's lengths need it");
+  GeometryCamera camera;
+  camera.width_px = p.width_px;
+  camera.height_px = p.height_px;
+  camera.pixel_spacing_m = *spacing;
+  camera.source_detector_distance_m = distanceOf(path, p, set);
+  camera.fx_px = p.fx_px;
+  camera.fy_px = p.fy_px;
+  camera.cx_px = p.cx_px;
+  camera.cy_px = p.cy_px;
+  if (file.distance_law) camera.principal_point_slope_px_per_m = file.distance_law->principal_point_slope_px_per_m;
+  return camera;
+}
+
+}  // namespace
+
+GeometryInput readGeometryInput(const std::string& views_path, const std::string& camera_path,
+                                const BeadDetectionSettings& detection, const std::function<void(int done)>& tell) {
+  const ViewSet set = readViewSet(views_path);
+  for (const auto& view : set.views) {
+    if (!view.joints) {
+      throw InputError(views_path, view.name + ".primary_deg", "",
+                       "is missing: the geometry needs every view's angles");
+    }
+  }
+  GeometryInput input;
+  input.machine = set.machine;
+  input.phantom = readBeadPhantom(set.phantom_path);
+  const CameraFile file = readCameraFile(camera_path);
+  input.records = recordsOf(camera_path);
+  const SeenViewSet seen = seenViews(set, input.phantom, detection, tell);
+  input.camera = cameraOf(camera_path, file, set, seen.detector);
+  input.camera.covariance = covarianceOf(input.records);
+  for (const std::string& path : {views_path, set.phantom_path, camera_path}) input.inputs.push_back(hashedInput(path));
+  input.inputs.insert(input.inputs.end(), seen.inputs.begin(), seen.inputs.end());
+  for (std::size_t i = 0; i < set.views.size(); ++i) {
+    const PhantomView& view = set.views[i];
+    GeometryView& taken = input.views.emplace_back();
+    taken.name = view.name;
+    taken.joints = *view.joints;
+    taken.source_detector_distance_m =
+        view.source_detector_distance_m.value_or(input.camera.source_detector_distance_m);
+    taken.held_out = view.held_out;
+    const bool follows = file.distortion && file.distance_law && view.source_detector_distance_m &&
+                         file.camera.parameters().source_detector_distance_m;
+    const auto distortion = follows ? file.at(taken.source_detector_distance_m).distortion : file.distortion;
+    for (const SeenBead& bead : seen.views[i].beads) {
+      const auto pinhole_px = distortion ? distortion->undistorted(bead.centre_px) : std::optional(bead.centre_px);
+      if (pinhole_px) taken.beads.push_back({bead.bead, *pinhole_px});
+    }
+  }
+  return input;
+}
+
+}  // namespace angio

@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "geometry_observation.hpp"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <map>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
+#include "angio/calibration/direct_linear.hpp"
+#include "angio/evaluation/statistics.hpp"
+
+namespace angio {
+namespace {
+
+constexpr int kFewestBeads = 8;
+constexpr double kLeastSigma_px = 0.02;  // Beads are never seen better than that: rounding is no outlier.
+constexpr double kLargestMedian_px = 5;  // A pose that explains beads no better explains nothing.
+
+struct Sightings {
+  Eigen::Matrix3Xd points_m;
+  Eigen::Matrix2Xd pixels_px;
+};
+
+Sightings sightingsOf(const std::string& place, const BeadPhantom& phantom, const GeometryView& view) {
+  const auto count = static_cast<Eigen::Index>(view.beads.size());
+  if (count < kFewestBeads) {
+    throw InputError(place, view.name, std::to_string(count) + " beads",
+                     "there must be at least " + std::to_string(kFewestBeads));
+  }
+  Sightings s{Eigen::Matrix3Xd(3, count), Eigen::Matrix2Xd(2, count)};
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const BeadSighting& bead = view.beads[static_cast<std::size_t>(i)];
+    if (bead.bead < 0 || bead.bead >= static_cast<int>(phantom.beads.size())) {
+      throw InputError(place, view.name + ".id", std::to_string(bead.bead),
+                       "must be a bead of the phantom, 0 to " + std::to_string(phantom.beads.size() - 1));
+    }
+    s.points_m.col(i) = phantom.beads[static_cast<std::size_t>(bead.bead)].position_m;
+    s.pixels_px.col(i) = bead.pixel_px;
+  }
+  return s;
+}
+
+// The projection of most beads: those that a first solution, which a few wrong labels can spoil, is far from are left
+// out of the next ones.
+std::optional<Matrix34d> projectionOfMost(const Sightings& s) {
+  constexpr int kRounds = 4;
+  constexpr double kFar = 4;  // Medians.
+  std::optional<Matrix34d> P = directLinearTransform(s.points_m, s.pixels_px);
+  for (int round = 0; P && round < kRounds; ++round) {
+    const Eigen::VectorXd far_px = (projectedBy(*P, s.points_m) - s.pixels_px).colwise().norm();
+    const double limit_px =
+        kFar * std::max(percentile({far_px.data(), far_px.data() + far_px.size()}, 0.5), kLeastSigma_px);
+    std::vector<Eigen::Index> near;
+    for (Eigen::Index i = 0; i < far_px.size(); ++i) {
+      if (far_px[i] < limit_px) near.push_back(i);
+    }
+    const auto better = directLinearTransform(s.points_m(Eigen::all, near), s.pixels_px(Eigen::all, near));
+    if (!better) break;
+    P = better;
+  }
+  return P;
+}
+
+// Without a start. The linear solution takes any K; its depth is then corrected to the one that is known.
+Pose startOf(const std::string& place, const GeometryView& view, const XrayCamera& camera, const Sightings& s) {
+  const auto P = projectionOfMost(s);
+  if (!P) throw InputError(place, view.name, "", "no camera sees the phantom's beads like this");
+  ProjectionParts parts = decomposed(*P);
+  if (parts.mirrored) {
+    throw InputError(place, view.name, "",
+                     "beads are seen mirrored against the phantom: the phantom's file or the "
+                     "image is mirrored");
+  }
+  const double focal_px = std::sqrt(camera.parameters().fx_px * camera.parameters().fy_px);
+  Pose T = parts.T_camera_model;
+  const Eigen::Vector3d centre_m = s.points_m.rowwise().mean();
+  const Eigen::Vector2d middle_px = s.pixels_px.rowwise().mean();
+  const double depth_m = (T * centre_m).z() * focal_px / std::sqrt(parts.K(0, 0) * parts.K(1, 1));
+  T.translation() = depth_m * camera.ray(middle_px) - T.linear() * centre_m;
+  return T;
+}
+
+// Residuals [px] of all beads and their derivatives by a view's changes.
+struct Linearised {
+  Eigen::VectorXd residual_px;
+  Eigen::Matrix<double, Eigen::Dynamic, kViewChanges> J;
+};
+
+Linearised linearised(const Sightings& s, const XrayCamera& camera, const Pose& T) {
+  const Eigen::Index count = s.points_m.cols();
+  Linearised l{Eigen::VectorXd(2 * count),
+               Eigen::Matrix<double, Eigen::Dynamic, kViewChanges>(2 * count, kViewChanges)};
+  for (Eigen::Index i = 0; i < count; ++i) {
+    // A start may be so wrong that a bead lies behind the source: kept in front of it, where it is far off anyhow.
+    Eigen::Vector3d p = T * s.points_m.col(i);
+    p.z() = std::max(p.z(), 1e-3);
+    Eigen::Matrix<double, 2, 3> by_point;
+    l.residual_px.segment<2>(2 * i) = *camera.project(p, &by_point) - s.pixels_px.col(i);
+    auto J = l.J.middleRows<2>(2 * i);
+    J.leftCols<3>() = by_point;
+    J.middleCols<3>(3) = -by_point * skew(p);
+    J.rightCols<4>() << p.x() / p.z(), 0, 1, 0, 0, p.y() / p.z(), 0, 1;
+  }
+  return l;
+}
+
+double sigmaOf(const Eigen::VectorXd& residual_px) {
+  std::vector<double> sizes(residual_px.size());
+  for (Eigen::Index i = 0; i < residual_px.size(); ++i) sizes[static_cast<std::size_t>(i)] = std::abs(residual_px[i]);
+  // The median of |x| of a normal distribution is 0.6745 of its standard deviation.
+  return std::max(percentile(sizes, 0.5) / 0.6745, kLeastSigma_px);
+}
+
+// Gauss-Newton with Cauchy's weights, whose width follows the median.
+Pose bestPose(const Sightings& s, const XrayCamera& camera, Pose T, double outlier_sigma) {
+  for (int step = 0; step < 40; ++step) {
+    const Linearised l = linearised(s, camera, T);
+    const double width_px = outlier_sigma * sigmaOf(l.residual_px) / 2;
+    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
+    Vector6d g = Vector6d::Zero();
+    for (Eigen::Index i = 0; i < s.points_m.cols(); ++i) {
+      const auto r = l.residual_px.segment<2>(2 * i);
+      const auto J = l.J.block<2, 6>(2 * i, 0);
+      const double weight = 1 / (1 + r.squaredNorm() / (width_px * width_px));
+      H += weight * J.transpose() * J;
+      g += weight * J.transpose() * r;
+    }
+    const Twist change = -H.ldlt().solve(g);
+    T = expSE3(change) * T;
+    T.linear() = nearestRotation(T.linear());
+    if (change.head<3>().norm() < 1e-11 && change.tail<3>().norm() < 1e-11) break;
+  }
+  return T;
+}
+
+}  // namespace
+
+ViewObservation observeView(const std::string& place, const BeadPhantom& phantom, const XrayCamera& camera,
+                            const GeometryView& view, double outlier_sigma) {
+  const Sightings all = sightingsOf(place, phantom, view);
+  ViewObservation seen;
+  seen.name = view.name;
+  seen.joints = view.joints;
+  seen.source_detector_distance_m = view.source_detector_distance_m;
+  seen.held_out = view.held_out;
+  const auto& K = camera.parameters();
+  seen.camera_px << K.fx_px, K.fy_px, K.cx_px, K.cy_px;
+  seen.T_camera_phantom = bestPose(all, camera, startOf(place, view, camera, all), outlier_sigma);
+  const Linearised first = linearised(all, camera, seen.T_camera_phantom);
+  const double sigma_px = sigmaOf(first.residual_px);
+  if (!(0.6745 * sigma_px < kLargestMedian_px)) {
+    throw InputError(place, view.name, formatted("%.3g px", 0.6745 * sigma_px),
+                     "no pose of the phantom explains its beads better than that in the median; labels, the phantom's "
+                     "units and the camera must be this view's");
+  }
+  Sightings used;
+  std::vector<Eigen::Index> near;
+  for (Eigen::Index i = 0; i < all.points_m.cols(); ++i) {
+    if (first.residual_px.segment<2>(2 * i).norm() < outlier_sigma * sigma_px) {
+      near.push_back(i);
+    } else {
+      seen.far_beads.push_back(view.beads[static_cast<std::size_t>(i)].bead);
+    }
+  }
+  if (near.size() < kFewestBeads) {
+    throw InputError(place, view.name, std::to_string(near.size()) + " beads agree with each other",
+                     "there must be at least " + std::to_string(kFewestBeads));
+  }
+  used.points_m = all.points_m(Eigen::all, near);
+  used.pixels_px = all.pixels_px(Eigen::all, near);
+  // All alike now: Cauchy's weights fade.
+  seen.T_camera_phantom = bestPose(used, camera, seen.T_camera_phantom, 1e6);
+  seen.beads = static_cast<int>(near.size());
+
+  const Linearised l = linearised(used, camera, seen.T_camera_phantom);
+  Eigen::MatrixXd system(l.J.rows(), kViewChanges + 1);
+  system << l.J, l.residual_px;
+  const Eigen::MatrixXd R = Eigen::HouseholderQR<Eigen::MatrixXd>(system).matrixQR().topRows(kViewChanges + 1);
+  seen.upper = R.topLeftCorner<kViewChanges, kViewChanges>().triangularView<Eigen::Upper>();
+  seen.offset = R.topRightCorner<kViewChanges, 1>();
+  seen.unexplained_px2 = R(kViewChanges, kViewChanges) * R(kViewChanges, kViewChanges);
+  return seen;
+}
+
+void requireSoundBeads(const std::string& place, const BeadPhantom& phantom, const std::vector<GeometryView>& views,
+                       const std::vector<ViewObservation>& seen) {
+  std::map<int, int> shown_in, far_in;
+  for (const GeometryView& view : views) {
+    for (const BeadSighting& bead : view.beads) ++shown_in[bead.bead];
+  }
+  for (const ViewObservation& view : seen) {
+    for (const int bead : view.far_beads) ++far_in[bead];
+  }
+  std::string named;
+  int count = 0;
+  for (const auto& [bead, far] : far_in) {
+    if (far < 3 || 2 * far < shown_in[bead]) continue;
+    if (++count <= 6) named += (named.empty() ? "" : ", ") + std::to_string(bead);
+  }
+  if (count == 0) return;
+  throw InputError(place, "beads", named + (count > 6 ? ", ..." : ""),
+                   formatted("%d of %d beads lie elsewhere than %s has them in half of their views or more: labels are "
+                             "swapped, or it is another phantom",
+                             count, static_cast<int>(phantom.beads.size()),
+                             phantom.name.empty() ? "the phantom's file" : phantom.name.c_str()));
+}
+
+}  // namespace angio

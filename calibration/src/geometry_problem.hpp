@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "geometry_numbers.hpp"
+#include "geometry_observation.hpp"
+
+namespace angio {
+
+/// What the views shall explain.
+struct GeometryModel {
+  CArmGeometry carm;
+  Pose T_patient_phantom = Pose::Identity();
+};
+
+/// The model with its numbers (geometry_numbers.hpp) changed by `change`, kModelNumbers of them.
+GeometryModel changed(const GeometryModel& model, const Eigen::VectorXd& change);
+
+/// Standard deviations of what is random here.
+struct PoseScatter {
+  double translation_m = 0;  ///< What joints do not explain of a view's pose, about the phantom's middle, each axis.
+  double rotation_rad = 0;
+  double flex_m = 0;  ///< A term of the bending, each axis, for a wave of one turn; it falls with the waves' number.
+  double flex_rad = 0;
+};
+
+/// Least squares over condensed views.
+class GeometryProblem {
+ public:
+  /// @param prior  What is believed of the arm before.
+  GeometryProblem(std::vector<ViewObservation> views, const GeometryModel& prior, const GeometryCamera& camera,
+                  const GeometrySettings& settings, const Eigen::Vector3d& phantom_centre_m, double bead_sigma_px);
+
+  const std::vector<ViewObservation>& views() const { return views_; }
+
+  /// The same views condensed about another camera.
+  void replace(std::vector<ViewObservation> views) { views_ = std::move(views); }
+
+  std::vector<bool> used;  ///< Of the views; held out ones are not.
+  std::vector<bool> free;  ///< Of the kModelNumbers.
+  PoseScatter scatter;
+
+  /// The best model from a start, over all free numbers.
+  enum class Loss { kSquared, kCauchy };
+  GeometryModel solve(const GeometryModel& start, Loss loss) const;
+
+  /// Places of the free numbers.
+  std::vector<int> freePlaces() const;
+
+  /// A view's change by this model [px], and its derivatives by the model's numbers.
+  ViewChange residual(const ViewObservation& view, const GeometryModel& model,
+                      Eigen::Matrix<double, kViewChanges, kModelNumbers>* J = nullptr) const;
+
+  /// Variance of that change: bead noise and scatter [px^2].
+  Eigen::Matrix<double, kViewChanges, kViewChanges> variance(const ViewObservation& view,
+                                                             const PoseScatter& scatter) const;
+
+  /// Square of a view's pose error over what is expected, per degree of freedom, as a standard deviation: about 1.
+  double surprise(const ViewObservation& view, const GeometryModel& model) const;
+
+  /// Root mean square distance of beads from where the model sees them [px], over the used beads of the chosen views.
+  double rms_px(const GeometryModel& model, const std::vector<bool>& chosen) const;
+
+  /// The scatter of greatest restricted likelihood at this model, looked for from the present one by factors of `reach`
+  /// and less. Source: Patterson and Thompson, Recovery of
+  /// inter-block information when block sizes are unequal, Biometrika 58 (1971).
+  PoseScatter likeliestScatter(const GeometryModel& model, double reach) const;
+
+  /// Information about the free numbers [their units], of views and prior, in the order of freePlaces().
+  Eigen::MatrixXd information(const GeometryModel& model) const;
+
+  /// What is believed of camera (4 rows), bending (by `scatter`) and arm, whitened; derivatives by all numbers. Of the
+  /// arm only that it is one: far wider than any data, so that few views give no nonsense.
+  static constexpr int kPriorRows = 4 + kFlexNumbers + kCArmPoseParameters;
+  Eigen::VectorXd priorResidual(const GeometryModel& model, Eigen::MatrixXd* J) const;
+
+ private:
+  struct Linear;
+  Linear linear(const GeometryModel& model) const;
+  double unlikelihood(const Linear& linear, const Eigen::VectorXd& scale, const PoseScatter& scatter) const;
+
+  std::vector<ViewObservation> views_;
+  GeometryModel prior_;
+  GeometryCamera camera_;
+  Eigen::Vector3d phantom_centre_m_;
+  double bead_sigma_px_;
+  double view_loss_;
+  Eigen::Matrix<double, kCArmPoseParameters, 1> arm_std_;
+};
+
+}  // namespace angio

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "geometry_record.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/formatted.hpp"
+
+namespace angio {
+namespace {
+
+// The model's numbers as they stand in its fields; the phantom's place has none.
+Eigen::VectorXd numbersOf(const CArmGeometry& carm) {
+  const CArmDeviations& d = carm.deviations;
+  Eigen::VectorXd numbers = Eigen::VectorXd::Zero(kModelNumbers);
+  numbers.segment<kCArmPoseParameters>(kFirstArmNumber) = carm.poseParameters();
+  numbers.segment<kCameraNumbers>(kFirstCameraNumber) << d.source_detector_offset_m, d.pixel_aspect,
+      d.principal_point_px, d.principal_point_slope_px_per_m;
+  for (int i = 0; i < d.flex.count; ++i) {
+    numbers.segment<6>(kFirstFlexNumber + 6 * i) = d.flex.terms[static_cast<std::size_t>(i)].twist;
+  }
+  return numbers;
+}
+
+void addViews(const GeometryProblem& problem, const GeometryModel& model, CalibrationRecord& record) {
+  const auto& views = problem.views();
+  std::vector<bool> held_out(views.size());
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    held_out[i] = views[i].held_out;
+    std::vector<bool> only(views.size(), false);
+    only[i] = true;
+    record.views.push_back(
+        {views[i].name, views[i].beads, problem.rms_px(model, only), !views[i].held_out && !problem.used[i]});
+  }
+  record.residual_unit = "px";
+  record.residual_rms = problem.rms_px(model, problem.used);
+  if (std::count(held_out.begin(), held_out.end(), true) > 0) record.held_out_rms = problem.rms_px(model, held_out);
+}
+
+}  // namespace
+
+CalibrationRecord geometryRecord(const GeometryProblem& problem, const GeometryModel& model) {
+  CalibrationRecord record;
+  record.kind = "geometry";
+  const Eigen::MatrixXd H = problem.information(model);
+  const Eigen::VectorXd scale = H.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd covariance = scale.asDiagonal() *
+                                     Eigen::MatrixXd(scale.asDiagonal() * H * scale.asDiagonal())
+                                         .ldlt()
+                                         .solve(Eigen::MatrixXd::Identity(H.rows(), H.cols())) *
+                                     scale.asDiagonal();
+  // The phantom's place is nobody's concern afterwards.
+  const std::vector<int> places = problem.freePlaces();
+  const Eigen::VectorXd numbers = numbersOf(model.carm);
+  const auto count = static_cast<Eigen::Index>(places.size()) - kPhantomNumbers;
+  const int used = static_cast<int>(std::count(problem.used.begin(), problem.used.end(), true));
+  record.values.resize(count + 2);
+  record.covariance = Eigen::MatrixXd::Zero(count + 2, count + 2);
+  Eigen::VectorXd per_unit(count);
+  Eigen::Index rigid = 0;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const int place = places[static_cast<std::size_t>(i + kPhantomNumbers)];
+    record.parameters.push_back(geometryNumberName(place));
+    per_unit[i] = 1 / geometryNumberUnit(place);
+    record.values[i] = numbers[place] * per_unit[i];
+    if (place < kFirstFlexNumber) rigid = i + 1;
+  }
+  const Eigen::MatrixXd block =
+      per_unit.asDiagonal() * covariance.bottomRightCorner(count, count) * per_unit.asDiagonal();
+  record.covariance.topLeftCorner(count, count) = 0.5 * (block + block.transpose());
+  // Standard deviations of a normal scatter from three axes of each view.
+  const double relative = 1 / std::sqrt(6.0 * std::max(used, 1));
+  const double scatter[2] = {problem.scatter.translation_m * 1e3, radToDeg(problem.scatter.rotation_rad)};
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    record.parameters.push_back(i == 0 ? "pose_scatter_mm" : "pose_scatter_deg");
+    record.values[count + i] = scatter[i];
+    record.covariance(count + i, count + i) = std::pow(relative * scatter[i], 2);
+  }
+  const Observability seen = observability({record.parameters.begin(), record.parameters.begin() + rigid},
+                                           record.covariance.topLeftCorner(rigid, rigid));
+  record.condition = seen.condition;
+  record.weak_directions = seen.weak_directions;
+  addViews(problem, model, record);
+  return record;
+}
+
+std::vector<std::string> geometryDoubts(const GeometryProblem& problem, const std::vector<GeometryView>& views) {
+  std::vector<std::string> doubts;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const ViewObservation& seen = problem.views()[i];
+    if (!seen.held_out && !problem.used[i]) {
+      doubts.push_back("view " + seen.name + " is left out: the others do not fit it");
+    }
+    if (!seen.far_beads.empty()) {
+      doubts.push_back(formatted("view %s: %zu of %zu beads lie elsewhere and are left out", seen.name.c_str(),
+                                 seen.far_beads.size(), views[i].beads.size()));
+    }
+  }
+  return doubts;
+}
+
+}  // namespace angio
