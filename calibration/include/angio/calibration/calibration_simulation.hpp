@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/base/settings.hpp"
+#include "angio/calibration/bead_phantom.hpp"
+#include "angio/calibration/carm_calibration.hpp"
+#include "angio/geometry/distortion.hpp"
+
+namespace angio {
+
+/// What a simulated detector does to its image.
+enum class SimulatedDistortion { kNone, kRadial, kIntensifier };
+
+/// Data that a tool must refuse, each by its name.
+enum class HostileData { kNone, kDuplicatePoses, kSwappedBeads, kWrongUnits, kMirroredPhantom, kOtherMachine };
+
+/// How a set of calibration data is simulated. Standard deviations are of normal draws.
+struct CalibrationSimulationSettings {
+  int seed = 1;
+  int camera_views = 20;
+  int geometry_views = 48;
+  int hand_eye_poses = 15;
+  int held_out_every = 6;            ///< Of camera and geometry views; 0: none.
+  double bead_noise_px = 0.1;        ///< Of a bead's place in a table, each axis.
+  double missing_beads = 0.03;       ///< Share that is not in an image or table.
+  double encoder_noise_deg = 0.005;  ///< Of the angles that a view's file says.
+  double encoder_noise_mm = 0.05;    ///< The same of table positions.
+  double pose_noise_deg = 0.1;       ///< Of the anatomy's registered poses, each axis.
+  double pose_noise_mm = 0.3;
+  double offset_deg = 0.4;        ///< How far the machine is from ideal, each angle,
+  double offset_mm = 3;           ///< each length,
+  double table_scale = 0.004;     ///< each entry of the table's axes,
+  double principal_point_px = 8;  ///< and each coordinate of the principal point.
+  double flex_mm = 0.12;          ///< How far it bends, each of 6 terms whose waves no model has,
+  double flex_deg = 0.012;        ///< and each angle.
+  double patient_turn_deg = 4;    ///< How far the patient lies from straight,
+  double patient_shift_mm = 15;   ///< and from the middle.
+  SimulatedDistortion distortion = SimulatedDistortion::kNone;
+  HostileData hostile = HostileData::kNone;
+
+  void visit(SettingsVisitor& v) {
+    v.integer("seed", seed, 0, 2147483647);
+    v.integer("camera_views", camera_views, 1, 1000);
+    v.integer("geometry_views", geometry_views, 1, 1000);
+    v.integer("hand_eye_poses", hand_eye_poses, 1, 1000);
+    v.integer("held_out_every", held_out_every, 0, 1000);
+    v.number("bead_noise_px", bead_noise_px, 0, 10);
+    v.number("missing_beads", missing_beads, 0, 0.8);
+    v.number("encoder_noise_deg", encoder_noise_deg, 0, 5);
+    v.number("encoder_noise_mm", encoder_noise_mm, 0, 20);
+    v.number("pose_noise_deg", pose_noise_deg, 0, 10);
+    v.number("pose_noise_mm", pose_noise_mm, 0, 50);
+    v.number("offset_deg", offset_deg, 0, 5);
+    v.number("offset_mm", offset_mm, 0, 30);
+    v.number("table_scale", table_scale, 0, 0.1);
+    v.number("principal_point_px", principal_point_px, 0, 100);
+    v.number("flex_mm", flex_mm, 0, 5);
+    v.number("flex_deg", flex_deg, 0, 0.5);
+    v.number("patient_turn_deg", patient_turn_deg, 0, 45);
+    v.number("patient_shift_mm", patient_shift_mm, 0, 200);
+    v.choice("distortion", distortion, {"none", "radial", "intensifier"});
+    v.choice("hostile", hostile,
+             {"none", "duplicate-poses", "swapped-beads", "wrong-units", "mirrored-phantom", "other-machine"});
+  }
+};
+
+/// A machine that was never ideal, and where a patient lies under it.
+struct SimulatedMachine {
+  CArmCalibration truth;
+  std::optional<DetectorDistortion> distortion;  ///< Of its images.
+  Pose T_patient_phantom = Pose::Identity();     ///< Where a phantom is put on its table.
+};
+
+/// Draws a machine around `nominal`, named "simulated-<seed>". The patient of `nominal` is turned and shifted about
+/// `centre_model`.
+SimulatedMachine simulatedMachine(const CArmCalibration& nominal, const Eigen::Vector3d& centre_model,
+                                  const CalibrationSimulationSettings& settings);
+
+/// One view: what the machine did, what its encoders said, and where beads are in the image.
+struct SimulatedView {
+  CArmJoints joints = CArmJoints::Zero();    ///< True: where it stands.
+  CArmJoints said = CArmJoints::Zero();      ///< By the encoders.
+  double source_detector_distance_m = 0;     ///< By the encoder.
+  Pose T_camera_phantom = Pose::Identity();  ///< True.
+  std::vector<int> shown;                    ///< Beads that are not missing and lie on the detector.
+  Eigen::Matrix2Xd pixels_px;                ///< True pinhole pixels of those.
+  bool held_out = false;
+};
+
+/// Views for the camera: the phantom near the isocentre, shifted over the detector, from many sides.
+std::vector<SimulatedView> simulatedCameraViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
+                                                const CalibrationSimulationSettings& settings);
+
+/// Views for the geometry: over the whole range of both angles, a third of them with the table moved.
+std::vector<SimulatedView> simulatedGeometryViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
+                                                  const CalibrationSimulationSettings& settings);
+
+/// Which of the views are X-ray images; the others are tables of beads.
+enum class SimulatedImages { kNone, kCamera, kAll };
+
+/// Writes truth/carm.yaml, truth.json, phantom.yaml (a helix), camera/views.yaml, geometry/views.yaml and
+/// hand-eye/poses.yaml with all that they name into a folder, which is made when it is missing. Images are rendered
+/// with scatter, noise and beads that overlap. `tell` is called after each view with how many of how many are done.
+/// Throws InputError when a setting is out of its range or a file cannot be written.
+void writeCalibrationData(const std::string& folder, const CArmCalibration& nominal,
+                          const Eigen::Vector3d& centre_model, const CalibrationSimulationSettings& settings,
+                          SimulatedImages images, const std::function<void(int done, int total)>& tell = {});
+
+}  // namespace angio

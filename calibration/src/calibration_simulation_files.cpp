@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
+#include "angio/calibration/bead_tables.hpp"
+#include "angio/calibration/calibration_simulation.hpp"
+#include "angio/calibration/pose_set.hpp"
+#include "angio/io/camera_files.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/settings_files.hpp"
+#include "angio/io/whole_file.hpp"
+#include "calibration_simulation_draws.hpp"
+#include "calibration_simulation_other.hpp"
+#include "phantom_images.hpp"
+
+namespace angio {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+void makeFolder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw InputError(folder, "", "", "cannot be made: " + error.message());
+}
+
+// Labels of two beads, one for the other: as a slip in a table has them.
+int labelOf(int bead, HostileData hostile) {
+  constexpr int kFirst = 20, kSecond = 61;
+  if (hostile != HostileData::kSwappedBeads) return bead;
+  return bead == kFirst ? kSecond : bead == kSecond ? kFirst : bead;
+}
+
+std::vector<BeadDetection> tableOf(const SimulatedView& view, const SimulatedMachine& machine,
+                                   const CalibrationSimulationSettings& s, Draws& draws) {
+  std::vector<BeadDetection> table;
+  for (std::size_t i = 0; i < view.shown.size(); ++i) {
+    const Eigen::Vector2d pixel = view.pixels_px.col(static_cast<Eigen::Index>(i));
+    BeadDetection bead;
+    bead.centre_px = machine.distortion ? machine.distortion->distorted(pixel) : pixel;
+    bead.centre_px += s.bead_noise_px * draws.vector(1).head<2>();
+    bead.sigma_px = std::max(s.bead_noise_px, 1e-3);
+    bead.bead = labelOf(view.shown[i], s.hostile);
+    table.push_back(bead);
+  }
+  return table;
+}
+
+struct ViewFolder {
+  std::string folder;
+  bool images;
+  bool has_joints;
+};
+
+// Writes one set of views, each by the machine that took it.
+class ViewWriter {
+ public:
+  ViewWriter(const ViewFolder& to, const BeadPhantom& phantom, const CalibrationSimulationSettings& settings)
+      : to_(to),
+        settings_(settings),
+        renderer_(to.images ? std::optional<PhantomRenderer>(std::in_place, phantom, settings.seed) : std::nullopt),
+        draws_(static_cast<std::uint64_t>(settings.seed) * 7919 + (to.has_joints ? 1 : 0)) {
+    makeFolder(to.folder);
+  }
+
+  void write(const SimulatedMachine& machine, const SimulatedView& view) {
+    const int index = static_cast<int>(views_.size()) + 1;
+    const std::string name = formatted("%04d", index);
+    Json entry{{"name", name}};
+    if (to_.images) {
+      const XrayCamera camera = machine.truth.carm.camera(view.source_detector_distance_m);
+      writeImage(to_.folder + "/v" + name + ".png",
+                 renderer_->render(camera, view.T_camera_phantom, view.shown, machine.distortion,
+                                   static_cast<std::uint64_t>(index)));
+      entry["image"] = "v" + name + ".png";
+    } else {
+      writeBeadTable(to_.folder + "/v" + name + ".csv", tableOf(view, machine, settings_, draws_));
+      entry["beads"] = "v" + name + ".csv";
+    }
+    entry["source_detector_distance_mm"] = 1e3 * view.source_detector_distance_m;
+    if (to_.has_joints) {
+      entry["primary_deg"] = radToDeg(view.said[0]);
+      entry["secondary_deg"] = radToDeg(view.said[1]);
+      entry["table_mm"] = {1e3 * view.said[2], 1e3 * view.said[3], 1e3 * view.said[4]};
+    }
+    if (view.held_out) entry["held_out"] = true;
+    views_.push_back(entry);
+  }
+
+  void finish(const CArmCalibration& truth) const {
+    const CArmGeometry& carm = truth.carm;
+    const Json set{{"machine", truth.machine},
+                   {"phantom", "../phantom.yaml"},
+                   {"image_size_px", {carm.image_width_px, carm.image_height_px}},
+                   {"pixel_spacing_mm", 1e3 * carm.pixel_spacing_m},
+                   {"views", views_}};
+    writeWholeFile(to_.folder + "/views.yaml", asYaml(set));
+  }
+
+ private:
+  ViewFolder to_;
+  const CalibrationSimulationSettings& settings_;
+  std::optional<PhantomRenderer> renderer_;
+  Draws draws_;
+  Json views_ = Json::array();
+};
+
+// The phantom's file as a user might have it: right, in micrometres, or with x the other way.
+BeadPhantom filed(BeadPhantom phantom, HostileData hostile) {
+  for (Bead& bead : phantom.beads) {
+    if (hostile == HostileData::kWrongUnits) {
+      bead.position_m *= 1000;
+      bead.radius_m *= 1000;
+    }
+    if (hostile == HostileData::kMirroredPhantom) bead.position_m.x() *= -1;
+  }
+  return phantom;
+}
+
+PoseSet posesOf(const SimulatedMachine& machine, const SimulatedMachine& other,
+                const CalibrationSimulationSettings& s) {
+  Draws draws(static_cast<std::uint64_t>(s.seed) * 7919 + 2);
+  PoseSet set;
+  set.machine = machine.truth.machine;
+  set.camera_sigma = PoseSigma{degToRad(s.pose_noise_deg), 1e-3 * s.pose_noise_mm};
+  for (int i = 0; i < s.hand_eye_poses; ++i) {
+    const int half = (s.hand_eye_poses + 1) / 2, place = i % half;
+    const double part = half > 1 ? 2.0 * place / (half - 1) - 1 : 0;
+    CArmJoints joints = CArmJoints::Zero();
+    // LAO to RAO, then CRA to CAU, as an operator turns the arm.
+    joints[0] = i < half ? degToRad(45) * part : degToRad(10);
+    joints[1] = i < half ? 0 : degToRad(30) * part;
+    const bool copies = s.hostile == HostileData::kDuplicatePoses;
+    if (copies) joints << degToRad(20), degToRad(10), 0, 0, 0;
+    const SimulatedMachine& at = s.hostile == HostileData::kOtherMachine && i % 2 == 1 ? other : machine;
+    HandEyePose pose;
+    pose.name = formatted("%04d", i + 1);
+    pose.joints = joints;
+    pose.T_camera_object = at.truth.carm.T_camera_patient(joints) * at.truth.T_dsa_cb;
+    if (!copies) {
+      const Twist noise = draws.twist(1e-3 * s.pose_noise_mm, degToRad(s.pose_noise_deg));
+      pose.T_camera_object.translation() += noise.head<3>();
+      pose.T_camera_object.linear() = expSO3(noise.tail<3>()) * pose.T_camera_object.linear();
+    }
+    if (s.hostile == HostileData::kWrongUnits) pose.T_camera_object.translation() *= 1e-3;
+    if (s.hostile == HostileData::kMirroredPhantom) pose.T_camera_object.linear().col(0) *= -1;
+    set.poses.push_back(pose);
+  }
+  return set;
+}
+
+Json truthOf(const SimulatedMachine& machine, const CalibrationSimulationSettings& settings) {
+  const auto camera = machine.truth.carm.camera().parameters();
+  Json json{
+      {"machine", machine.truth.machine},
+      {"camera", {{"fx_px", camera.fx_px}, {"fy_px", camera.fy_px}, {"cx_px", camera.cx_px}, {"cy_px", camera.cy_px}}}};
+  if (machine.distortion) {
+    const DetectorDistortion& d = *machine.distortion;
+    json["camera"]["distortion"] = {{"model", d.model == DetectorDistortion::Model::kRadial ? "radial" : "intensifier"},
+                                    {"k1", d.bend.k1},
+                                    {"k2", d.bend.k2},
+                                    {"s1_deg", radToDeg(d.bend.s1_rad)},
+                                    {"s2_deg", radToDeg(d.bend.s2_rad)}};
+  }
+  const auto numbers = machine.truth.carm.poseParameters();
+  for (std::size_t k = 0; k < kCArmPoseParameters; ++k) {
+    const CArmParameter& parameter = kCArmPoseParameterNames[k];
+    json["geometry"][parameter.name] = numbers[static_cast<Eigen::Index>(k)] / parameter.unit;
+  }
+  json["settings"] = settingsAsJson(settings);
+  return json;
+}
+
+void duplicate(std::vector<SimulatedView>& views) {
+  for (SimulatedView& view : views) {
+    const bool held_out = view.held_out;
+    view = views.front();
+    view.held_out = held_out;
+  }
+}
+
+}  // namespace
+
+void writeCalibrationData(const std::string& folder, const CArmCalibration& nominal,
+                          const Eigen::Vector3d& centre_model, const CalibrationSimulationSettings& s,
+                          SimulatedImages images, const std::function<void(int done, int total)>& tell) {
+  const SimulatedMachine machine = simulatedMachine(nominal, centre_model, s), other = otherMachine(machine, s);
+  const BeadPhantom phantom = helixPhantom();
+  std::vector<SimulatedView> camera_views = simulatedCameraViews(machine, phantom, s),
+                             geometry_views = simulatedGeometryViews(machine, phantom, s);
+  const bool two = s.hostile == HostileData::kOtherMachine;
+  const std::vector<SimulatedView> others_camera = simulatedCameraViews(other, phantom, s),
+                                   others_geometry = simulatedGeometryViews(other, phantom, s);
+  if (s.hostile == HostileData::kDuplicatePoses) {
+    duplicate(camera_views);
+    duplicate(geometry_views);
+  }
+  // A slip in labels needs labels.
+  const bool labelled = s.hostile == HostileData::kSwappedBeads;
+
+  makeFolder(folder + "/truth");
+  makeFolder(folder + "/hand-eye");
+  writeBeadPhantom(folder + "/phantom.yaml", filed(phantom, s.hostile));
+  writeCArmCalibration(folder + "/truth/carm.yaml", machine.truth);
+  writeWholeFile(folder + "/truth.json", truthOf(machine, s).dump(2) + "\n");
+  const int total = static_cast<int>(camera_views.size() + geometry_views.size());
+  int done = 0;
+  const auto writeViews = [&](const ViewFolder& to, const std::vector<SimulatedView>& views,
+                              const std::vector<SimulatedView>& others) {
+    ViewWriter writer(to, phantom, s);
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      const bool foreign = two && i % 2 == 1;
+      writer.write(foreign ? other : machine, foreign ? others[i] : views[i]);
+      if (tell) tell(++done, total);
+    }
+    writer.finish(machine.truth);
+  };
+  writeViews({folder + "/camera", images != SimulatedImages::kNone && !labelled, false}, camera_views, others_camera);
+  writeViews({folder + "/geometry", images == SimulatedImages::kAll && !labelled, true}, geometry_views,
+             others_geometry);
+  writePoseSet(folder + "/hand-eye/poses.yaml", posesOf(machine, other, s));
+}
+
+}  // namespace angio
