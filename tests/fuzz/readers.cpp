@@ -10,7 +10,12 @@
 #include <stdexcept>
 
 #include "angio/base/errors.hpp"
+#include "angio/calibration/anatomy_angles.hpp"
+#include "angio/calibration/bead_phantom.hpp"
+#include "angio/calibration/bead_tables.hpp"
 #include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration/pose_set_import.hpp"
+#include "angio/calibration/view_set.hpp"
 #include "angio/imaging/extractor_sections.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
@@ -66,7 +71,7 @@ void readSlice(const std::string& path) {
   promised(slice.values.type() == CV_32FC1 && cv::checkRange(slice.values), "values are finite");
 }
 
-void readACamera(const std::string& path) { checkCamera(readCamera(path)); }
+void readACamera(const std::string& path) { checkCamera(readCameraFile(path).camera); }
 
 void readAPose(const std::string& path) {
   const PoseFile pose = readPose(path);
@@ -104,7 +109,50 @@ void readPolygons(const std::string& path) {
   }
 }
 
+void readPhantom(const std::string& path) {
+  const BeadPhantom phantom = readBeadPhantom(path);
+  promised(phantom.beads.size() >= 4 && phantom.positions_m().allFinite(), "a phantom has beads that stand somewhere");
+}
+
+void readBeads(const std::string& path) {
+  for (const BeadDetection& bead : readBeadTable(path)) {
+    promised(bead.centre_px.allFinite() && bead.sigma_px > 0, "a bead is somewhere");
+  }
+}
+
+void readViews(const std::string& path) {
+  for (const PhantomView& view : readViewSet(path).views) {
+    promised(!view.name.empty() && !view.path.empty(), "a view has a name and a file");
+    promised(!view.joints || view.joints->allFinite(), "joints are finite");
+  }
+}
+
+void readSomeRecords(const std::string& path) {
+  const YamlNode root = readYaml(path);
+  for (const CalibrationRecord& record : readRecords({path, "calibration", &root})) {
+    promised(record.covariance.rows() == record.values.size() && record.covariance.allFinite(), "a covariance fits");
+    promised(!asYaml(recordAsJson(record)).empty(), "records can be written");
+  }
+}
+
 void readCArm(const std::string& path) { readCArmCalibration(path).check(path); }
+
+void readPoses(const std::string& path) {
+  const CArmGeometry carm;
+  for (const HandEyePose& pose : readPoseSet(path, &carm).poses) {
+    checkPose(pose.T_base_hand);
+    checkPose(pose.T_camera_object);
+  }
+}
+
+void readSamples(const std::string& path) {
+  for (const HandEyePose& pose : readMoveItSamples(path, HandEyeSetup::kEyeToHand).poses) checkPose(pose.T_base_hand);
+}
+
+void readAngles(const std::string& path) {
+  for (const AnatomyAngles& view : readAnatomyAngles(path).views)
+    promised(view.joints.allFinite(), "angles are finite");
+}
 
 std::uint32_t bigEndian(const std::string& bytes, std::size_t at) {
   std::uint32_t value = 0;
@@ -147,6 +195,13 @@ std::vector<FileReader> listedReaders() {
       {"case_set", "input.yaml", readCases, {"camera.yaml", "pose.yaml", "tree.csv", "line.csv"}},
       {"coco_polygons", "input.json", readPolygons},
       {"carm_calibration", "input.yaml", readCArm},
+      {"calibration_records", "input.yaml", readSomeRecords},
+      {"view_set", "input.yaml", readViews},
+      {"pose_set", "input.yaml", readPoses, {"camera.yaml", "points.csv"}},
+      {"moveit_samples", "input.json", readSamples},
+      {"anatomy_angles", "input.yaml", readAngles},
+      {"bead_phantom", "input.yaml", readPhantom},
+      {"bead_table", "input.csv", readBeads},
   };
 #ifdef ANGIO_HAVE_VOLUMES
   for (FileReader& reader : volumeReaders()) readers.push_back(std::move(reader));

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace angio {
+
+/// What the chosen sub-command does; returns the exit code.
+using Work = std::function<int()>;
+
+/// Each adds its sub-command, which sets `work` when it is chosen.
+void addCalibrateCamera(CLI::App& app, Work& work);
+void addCalibrateGeometry(CLI::App& app, Work& work);
+void addCalibrateHandEye(CLI::App& app, Work& work);
+void addCalibrateRegistration(CLI::App& app, Work& work);
+void addCalibrateSimulate(CLI::App& app, Work& work);
+
+}  // namespace angio

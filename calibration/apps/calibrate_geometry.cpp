@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-calibrate geometry: how a C-arm's joints really move its camera.
+#include <iostream>
+#include <memory>
+
+#include "angio/base/formatted.hpp"
+#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration/geometry_input.hpp"
+#include "angio/cli/program.hpp"
+#include "angio/cli/progress_bar.hpp"
+#include "angio/io/settings_files.hpp"
+#include "calibrate.hpp"
+
+namespace angio {
+namespace {
+
+struct GeometryOptions {
+  std::string views, camera, out, settings, machine;
+  std::optional<FlexModel> flex;
+  double largest_age_days = RecordGate().largest_age_days;
+};
+
+struct Settings {
+  BeadDetectionSettings detection;
+  GeometrySettings geometry;
+
+  void visit(SettingsVisitor& v) {
+    v.section("detection", [this](SettingsVisitor& s) { detection.visit(s); });
+    v.section("geometry", [this](SettingsVisitor& s) { geometry.visit(s); });
+  }
+};
+
+std::string tableOf(const GeometryCalibration& found) {
+  const CalibrationRecord& record = found.record;
+  std::string table = formatted("%-36s %14s %12s\n", "", "value", "sigma");
+  for (std::size_t i = 0; i < record.parameters.size(); ++i) {
+    if (record.parameters[i].rfind("flex_", 0) == 0) continue;  // Many, and none means anything alone.
+    const auto k = static_cast<Eigen::Index>(i);
+    table += formatted("%-36s %14.5f %12.5f\n", record.parameters[i].c_str(), record.values[k],
+                       std::sqrt(record.covariance(k, k)));
+  }
+  int used = 0;
+  for (const auto& view : record.views) used += !view.outlier;
+  table +=
+      formatted("\nviews %zu, used or held out %d; beads +-%.3f px\n", record.views.size(), used, found.bead_sigma_px);
+  table += formatted("residual rms %.3f px (rigid arm alone %.3f px)", record.residual_rms, found.rms_without_flex_px);
+  if (record.held_out_rms) table += formatted(", held out %.3f px", *record.held_out_rms);
+  table += formatted("\nnot explained by the joints: %.3f mm, %.4f deg a view, each axis\n", 1e3 * found.pose_scatter_m,
+                     radToDeg(found.pose_scatter_rad));
+  table += formatted("condition %.3g\n", record.condition);
+  for (const auto& weak : record.weak_directions) {
+    table += formatted("weak: %s (+-%.3g %s)\n", weak.name.c_str(), weak.sigma, weak.unit.c_str());
+  }
+  for (const auto& kept : found.kept) table += "kept: " + kept + "\n";
+  for (const auto& doubt : found.doubts) table += doubt + "\n";
+  return table;
+}
+
+int calibrate(const GeometryOptions& o) {
+  Settings settings;
+  if (!o.settings.empty()) settings = readSettings(o.settings, settings);
+  settings.geometry.flex = o.flex.value_or(settings.geometry.flex);
+  ProgressBar bar("looking at views", 1);
+  const GeometryInput input = readGeometryInput(o.views, o.camera, settings.detection);
+  const std::string machine = o.machine.empty() ? input.machine : o.machine;
+  for (const auto& warning : checkRecords(o.camera, input.records, {machine, o.largest_age_days})) {
+    std::cerr << warning << "\n";
+  }
+  GeometryCalibration found = calibrateGeometry(o.views, input.phantom, input.camera, input.views, settings.geometry);
+  found.record.machine = machine;
+  found.record.date = dateNow();
+  found.record.inputs = input.inputs;
+  CArmFile file;
+  file.carm = found.carm;
+  file.machine = machine;
+  file.records = input.records;
+  file.records.push_back(found.record);
+  writeCArmFile(o.out, file);
+  std::cout << tableOf(found);
+  return 0;
+}
+
+}  // namespace
+
+void addCalibrateGeometry(CLI::App& app, Work& work) {
+  const auto o = std::make_shared<GeometryOptions>();
+  auto* command = app.add_subcommand("geometry", "How a C-arm's joints move its camera, from views of a bead phantom");
+  command->option_defaults()->always_capture_default();
+  command->footer(
+      "Example:\n  angio-calibrate geometry calibration/geometry/views.yaml --camera camera.yaml --out carm.yaml\n\n"
+      "Views: over the range of both angles, some with the table moved along each axis, the phantom at rest on it; "
+      "some with other source-detector distances; some held out.");
+  command->add_option("views", o->views, "Views with their angles (.yaml)")->required();
+  command->add_option("--camera", o->camera, "Camera, of angio-calibrate camera (.yaml)")->required();
+  command->add_option("--out", o->out, "C-arm file (.yaml); T_dsa_cb is for hand-eye or registration to add")
+      ->required();
+  const std::map<std::string, FlexModel> flex{{"none", FlexModel::kNone}, {"low_order", FlexModel::kLowOrder}};
+  command->add_option("--flex", o->flex, "Bending of the arm: none, low_order")
+      ->transform(CLI::CheckedTransformer(flex))
+      ->default_str("low_order");
+  command->add_option("--machine", o->machine, "Whose C-arm it is; the view set's when not given");
+  command->add_option("--largest-calibration-age-days", o->largest_age_days, "An older camera is warned of")
+      ->check(between(0, 1e6));
+  command->add_option("--settings", o->settings, "Settings (.yaml), sections detection and geometry");
+  command->callback([o, &work] { work = [o] { return calibrate(*o); }; });
+}
+
+}  // namespace angio

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-calibrate hand-eye: where the camera sits on the machine, and the object (or the patient's model) in its frame.
+#include <Eigen/Cholesky>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
+#include "angio/calibration/carm_calibration.hpp"
+#include "angio/cli/program.hpp"
+#include "calibrate.hpp"
+#include "hand_eye_output.hpp"
+
+namespace angio {
+namespace {
+
+struct HandEyeOptions {
+  std::string poses, carm, out, moveit, visp, setup = "eye_in_hand", board = "9x6", write_poses, reference;
+  double square_mm = 23.6;
+  bool known_mount = false, compare = false, reprojection = false;
+  HandEyeSettings settings;
+  int trials = 0, seed = 1;
+  OrbitSettings orbit;
+};
+
+Chessboard boardOf(const HandEyeOptions& o) {
+  Chessboard board;
+  char end = 0;
+  if (std::sscanf(o.board.c_str(), "%dx%d%c", &board.columns, &board.rows, &end) != 2 || board.columns < 3 ||
+      board.rows < 3 || board.columns > 100 || board.rows > 100) {
+    throw InputError("", "board", o.board, "must be inner corners in a row x in a column, each 3 to 100: 9x6");
+  }
+  board.square_m = 1e-3 * o.square_mm;
+  return board;
+}
+
+PoseSet posesOf(const HandEyeOptions& o, const std::optional<CArmFile>& carm) {
+  if (!o.moveit.empty()) {
+    return readMoveItSamples(o.moveit, o.setup == "eye_to_hand" ? HandEyeSetup::kEyeToHand : HandEyeSetup::kEyeInHand);
+  }
+  if (!o.visp.empty()) return readVispFolder(o.visp, boardOf(o));
+  if (o.poses.empty())
+    throw InputError("", "POSES", "", "is missing: a pose set, --moveit, --visp or --simulate-trials");
+  return readPoseSet(o.poses, carm ? &carm->carm : nullptr);
+}
+
+void requireMachine(const std::string& path, const CArmFile& carm, const PoseSet& set) {
+  if (carm.machine.empty() || set.machine.empty() || carm.machine == set.machine) return;
+  throw InputError(path, "machine", carm.machine, "must be the poses' machine, " + set.machine);
+}
+
+void writeResult(const HandEyeOptions& o, std::optional<CArmFile> carm, const PoseSet& set,
+                 const HandEyeResult& result) {
+  CalibrationRecord record = handEyeRecord(set, o.settings, result);
+  if (!carm) {
+    writeHandEyeFile(o.out, set, o.settings, result, record);
+    return;
+  }
+  record.inputs.push_back(hashedInput(o.carm));
+  carm->T_dsa_cb = result.transforms.Z;
+  if (carm->machine.empty()) carm->machine = set.machine;
+  replaceRecord(carm->records, record);
+  writeCArmFile(o.out, *carm);
+}
+
+// T_dsa_cb goes with the camera's place on the C-arm: a file whose geometry has it elsewhere would use it wrongly.
+std::optional<std::string> doubtOfMount(const HandEyeResult& result) {
+  if (result.covariance.rows() != 12) return std::nullopt;
+  constexpr double kCertain = 35;  // Chi^2 of six dimensions, beyond any doubt.
+  Vector6d off;
+  off << result.transforms.X.translation(), logSO3(result.transforms.X.linear());
+  if (off.dot(result.covariance.topLeftCorner<6, 6>().ldlt().solve(off)) < kCertain) return std::nullopt;
+  return formatted("the camera sits %.2f deg and %.1f mm off where the C-arm file has it: calibrate the geometry first",
+                   radToDeg(off.tail<3>().norm()), 1e3 * off.head<3>().norm());
+}
+
+int simulate(const HandEyeOptions& o, const std::optional<CArmFile>& carm) {
+  std::cout << trialsTable(carm ? carm->carm : CArmGeometry(), o.orbit, o.settings, o.trials, o.seed, o.compare);
+  return 0;
+}
+
+int calibrate(HandEyeOptions o) {
+  if (o.known_mount) o.settings.mount = HandEyeMount::kIdentity;
+  if (o.reprojection) o.settings.residual = HandEyeResidual::kReprojection;
+  std::optional<CArmFile> carm;
+  if (!o.carm.empty()) carm = readCArmFile(o.carm);
+  if (o.trials > 0) return simulate(o, carm);
+  const PoseSet set = posesOf(o, carm);
+  if (carm) requireMachine(o.carm, *carm, set);
+  if (carm && set.setup != HandEyeSetup::kEyeInHand)
+    throw InputError(set.path, "setup", "eye_to_hand", "must be eye_in_hand with --carm");
+  if (!o.write_poses.empty()) writePoseSet(o.write_poses, set);
+  HandEyeResult result = calibrateHandEye(set, o.settings);
+  if (const auto doubt = carm ? doubtOfMount(result) : std::nullopt) result.warnings.push_back(*doubt);
+  if (!o.out.empty()) writeResult(o, carm, set, result);
+  std::cout << handEyeTable(set, o.settings, result, carm.has_value());
+  if (!o.reference.empty()) std::cout << referenceTable(o.reference, set.setup, result);
+  if (o.compare) std::cout << comparisonTable(set, result);
+  for (const std::string& warning : result.warnings)
+    std::cerr << "angio-calibrate: warning: " << set.path << ": " << warning << "\n";
+  return 0;
+}
+
+void addSimulation(CLI::App& command, HandEyeOptions& o) {
+  auto* group = command.add_option_group("Simulation", "Instead of poses: a C-arm's orbit LAO/RAO + CRA/CAU");
+  group->option_defaults()->always_capture_default();
+  group->add_option("--simulate-trials", o.trials, "So many simulated sets; prints errors against the truth")
+      ->check(CLI::Range(0, 100000));
+  group->add_option("--simulate-poses", o.orbit.poses, "Poses of each")->check(CLI::Range(1, 1000));
+  group->add_option("--noise-deg", o.orbit.camera_noise_deg, "Of the camera's poses, per axis")->check(between(0, 45));
+  group->add_option("--noise-mm", o.orbit.camera_noise_mm, "Of the camera's poses, per axis")->check(between(0, 1000));
+  group->add_option("--hand-noise-deg", o.orbit.hand_noise_deg, "Of the C-arm's angles")->check(between(0, 45));
+  group->add_option("--hand-noise-mm", o.orbit.hand_noise_mm, "Of the C-arm's place")->check(between(0, 1000));
+  group->add_option("--lao-deg", o.orbit.largest_primary_deg, "The orbit goes to LAO and RAO of this")
+      ->check(between(0, 120));
+  group->add_option("--cra-deg", o.orbit.largest_secondary_deg, "and to CRA and CAU of this; 0: a single axis")
+      ->check(between(0, 60));
+}
+
+}  // namespace
+
+void addCalibrateHandEye(CLI::App& app, Work& work) {
+  const auto o = std::make_shared<HandEyeOptions>();
+  auto* command =
+      app.add_subcommand("hand-eye", "Where the camera sits on the machine, and the model in the patient's frame");
+  command->option_defaults()->always_capture_default();
+  command->footer(
+      "Examples:\n  angio-calibrate hand-eye poses.yaml --carm carm.yaml --out lab.yaml\n"
+      "  angio-calibrate hand-eye poses.yaml --compare\n"
+      "  angio-calibrate hand-eye --simulate-trials 200");
+  command->add_option("poses", o->poses, "Pose set (poses.yaml)");
+  command->add_option("--carm", o->carm,
+                      "C-arm file (.yaml): hands may be angles, and the result is this file with T_dsa_cb");
+  command->add_option("--out", o->out, "Result (.yaml)");
+  command->add_flag("--known-mount", o->known_mount,
+                    "The hand is the camera, as the C-arm file has it: one pose is enough");
+  command->add_flag("--reprojection", o->reprojection, "Refine on the object's points in the images");
+  command->add_flag("--compare", o->compare, "Also what OpenCV's and ViSP's solvers say of the same poses");
+  command->add_option("--reference", o->reference,
+                      "Pose (.yaml: rotation, translation_mm) to compare the camera's place with");
+  command
+      ->add_option("--least-turn-deg", o->settings.least_turn_deg,
+                   "Turns about a second axis (rms) below this are none")
+      ->check(between(1e-6, 90));
+  command->add_option("--outlier-gate", o->settings.outlier_gate, "Poses further off than so many sigma are left out")
+      ->check(between(2, 100));
+  command->add_option("--seed", o->seed, "Of all draws")->check(CLI::Range(0, 1000000000));
+  auto* imports =
+      command->add_option_group("Imports", "Poses of other programs; --write-poses makes a pose set of them");
+  imports->option_defaults()->always_capture_default();
+  imports->add_option("--moveit", o->moveit, "Samples of MoveIt's calibration (.json)");
+  imports->add_option("--setup", o->setup, "of these: eye_in_hand or eye_to_hand")
+      ->check(CLI::IsMember({"eye_in_hand", "eye_to_hand"}));
+  imports->add_option("--visp", o->visp, "Folder of ViSP's eye-in-hand data: franka_image-1.png, ...");
+  imports->add_option("--board", o->board, "Inner corners of its chessboard");
+  imports->add_option("--square-mm", o->square_mm, "Side of its squares")->check(between(0.01, 1000));
+  imports->add_option("--write-poses", o->write_poses, "Pose set (.yaml) of what was read");
+  addSimulation(*command, *o);
+  command->callback([o, &work] {
+    o->settings.seed = o->seed;
+    work = [o] { return calibrate(*o); };
+  });
+}
+
+}  // namespace angio
