@@ -23,6 +23,8 @@ struct Options {
   std::optional<double> view_primary_deg, view_secondary_deg,
       duration_s;  // Given ones come before the settings file's.
   std::optional<int> seed;
+  std::string truth, machine;
+  double largest_age_days = RecordGate().largest_age_days;
   bool simulate = false;
 };
 
@@ -90,11 +92,40 @@ Settings effectiveSettings(const Options& o) {
   return settings;
 }
 
+// Takes a calibration only from the machine that is to be moved, and says when it is old.
+CArmCalibration readCalibration(const Options& o) {
+  const CArmCalibration calibration = readCArmCalibration(o.calibration);
+  const std::string machine = o.truth.empty() ? o.machine : readCArmFile(o.truth).machine;
+  for (const auto& warning : checkRecords(o.calibration, calibration.records, {machine, o.largest_age_days})) {
+    std::cerr << "angio-servo: " << warning << "\n";
+  }
+  if (!machine.empty() && !calibration.machine.empty() && calibration.machine != machine) {
+    throw InputError(o.calibration, "machine", calibration.machine, "must be the one that is to be moved, " + machine);
+  }
+  return calibration;
+}
+
+// With a truth, nothing is made up: what would is refused.
+RehearsalWorld worldOf(const Options& o, const RehearsalSettings& rehearsal, const VesselTree& tree,
+                       const CArmCalibration& calibration) {
+  if (o.truth.empty()) return madeUpWorld(tree, calibration, rehearsal);
+  const RehearsalSettings usual;
+  for (double RehearsalSettings::*made_up :
+       {&RehearsalSettings::patient_turn_deg, &RehearsalSettings::patient_shift_mm,
+        &RehearsalSettings::calibration_error_deg, &RehearsalSettings::calibration_error_mm}) {
+    if (rehearsal.*made_up == usual.*made_up) continue;
+    throw InputError(o.settings, "rehearsal", "",
+                     "patient_* and calibration_error_* must not be given with --truth, which has both");
+  }
+  return {readCArmCalibration(o.truth), calibration};
+}
+
 int simulate(const Options& o, const Settings& settings, const VesselTree& tree, const CArmCalibration& calibration) {
+  const RehearsalWorld world = worldOf(o, settings.rehearsal, tree, calibration);
   makeFolder(o.out);  // Before the work, not after it.
   std::optional<ProgressBar> bar;
   const Rehearsal rehearsal =
-      rehearse(tree, calibration, settings.rehearsal, settings.loop(), settings.fluoroscopy, [&](int done, int total) {
+      rehearse(tree, world, settings.rehearsal, settings.loop(), settings.fluoroscopy, [&](int done, int total) {
         if (!bar) bar.emplace("servoing", total);
         bar->show(done);
       });
@@ -150,7 +181,15 @@ int main(int argc, char** argv) {
       app.add_flag("--simulate", o.simulate, "Simulated X-ray, C-arm and loop in one process, in simulated time");
   app.add_option("--bus", o.bus, "Bus to listen on (LCM URL) when not simulating")->excludes(simulated);
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
-  app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml); the truth when simulating");
+  app.add_option("--calibration", o.calibration,
+                 "C-arm geometry and T_dsa_cb (.yaml); when simulating without --truth, what is made wrong");
+  app.add_option(
+         "--truth", o.truth,
+         "The simulated C-arm and patient (.yaml), of angio-calibrate simulate; --calibration is what is believed")
+      ->needs(simulated);
+  app.add_option("--machine", o.machine, "The C-arm that is to be moved: a calibration of another one is refused");
+  app.add_option("--largest-calibration-age-days", o.largest_age_days, "An older calibration is warned of")
+      ->check(between(0, 1e6));
   app.add_option("--view-primary-deg", o.view_primary_deg, "Desired view of the anatomy: LAO positive, RAO negative")
       ->check(between(-110, 110))
       ->default_str(shown(defaults.view_primary_deg));
@@ -169,7 +208,7 @@ int main(int argc, char** argv) {
   return angio::runProgram(app, argc, argv, [&] {
     const angio::Settings settings = angio::effectiveSettings(o);
     const angio::VesselTree tree = angio::readVesselTree(o.tree);
-    const angio::CArmCalibration calibration = angio::readCArmCalibration(o.calibration);
+    const angio::CArmCalibration calibration = angio::readCalibration(o);
     return o.simulate ? angio::simulate(o, settings, tree, calibration) : angio::serve(o, settings, tree, calibration);
   });
 }

@@ -11,7 +11,8 @@ namespace angio {
 namespace {
 
 Rehearsal rehearseHepatic(const RehearsalSettings& settings) {
-  return rehearse(test::hepaticTree(), test::hepaticCalibration(), settings, {}, {});
+  const VesselTree tree = test::hepaticTree();
+  return rehearse(tree, madeUpWorld(tree, test::hepaticCalibration(), settings), settings, {}, {});
 }
 
 void expectWithinLimits(const std::vector<RehearsalFrame>& frames, double period_s) {
@@ -72,6 +73,42 @@ TEST(Rehearsals, AnotherSeedIsAnotherPatient) {
   settings.seed = 2;
   const Rehearsal b = rehearseHepatic(settings);
   EXPECT_GT((a.closed[0].joints - b.closed[0].joints).norm(), 1e-3) << "the table's start follows the patient's place";
+}
+
+// A crooked arm with another camera and a patient off the middle: who knows them gets there without eyes, and who
+// believes in the ideal arm needs them.
+TEST(Rehearsals, ACalibratedArmNeedsNoEyesAndAnIdealOneDoes) {
+  const VesselTree tree = test::hepaticTree();
+  RehearsalWorld world;
+  world.truth = test::hepaticCalibration();
+  world.truth.T_dsa_cb.translation() += Eigen::Vector3d(8e-3, -5e-3, 6e-3);
+  CArmDeviations& d = world.truth.carm.deviations;
+  d.secondary_offset_rad = degToRad(0.6);
+  d.axis_gap_m = 3e-3;
+  d.source_right_m = -2e-3;
+  d.table(0, 0) = 1.01;
+  d.principal_point_px = {6, -4};
+  d.flex = CArmFlex::lowOrder();
+  d.flex.terms[2].twist << 0, 1e-3, 0, degToRad(0.1), 0, 0;
+  RehearsalSettings settings;
+  settings.start_primary_deg = 29;
+  settings.start_secondary_deg = 14.5;
+  settings.duration_s = test::kSanitized ? 0.2 : 4;
+  world.believed = world.truth;
+  const Rehearsal known = rehearse(tree, world, settings, {}, {});
+  world.believed.carm.deviations = {};
+  world.believed.carm.deviations.principal_point_px = d.principal_point_px;
+  const Rehearsal ideal = rehearse(tree, world, settings, {}, {});
+  if (test::kSanitized) return;
+  // What is left after 4 s at a gain of 1.5 per second: 2 deg exp(-6) = 0.005 deg.
+  EXPECT_LT(radToDeg(known.open_end.direction_rad), 0.03);
+  EXPECT_LT(1e3 * known.open_end.target_m, 0.05);
+  EXPECT_LT(radToDeg(known.closed_end.direction_rad), 0.06);
+  EXPECT_LT(1e3 * known.closed_end.target_m, 0.15);
+  EXPECT_GT(radToDeg(ideal.open_end.direction_rad), 0.4);
+  EXPECT_GT(1e3 * ideal.open_end.target_m, 2);
+  EXPECT_LT(radToDeg(ideal.closed_end.direction_rad), 0.06);
+  EXPECT_LT(1e3 * ideal.closed_end.target_m, 0.15);
 }
 
 TEST(Rehearsals, RefuseSettingsOutOfRange) {

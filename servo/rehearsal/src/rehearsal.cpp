@@ -21,34 +21,29 @@ Eigen::Vector3d randomDirection(std::mt19937_64& engine) {
 
 // The truth of one rehearsal, and what the loop is told of it.
 struct Stage {
-  Pose T_patient_model;
+  CArmCalibration truth;
   ServoLoopSettings loop;
   CArmJoints start;
   Pose desired_T_camera_model;
+
+  Pose T_camera_model(const CArmJoints& joints) const { return truth.carm.T_camera_patient(joints) * truth.T_dsa_cb; }
 };
 
-Stage setStage(const VesselTree& tree, const CArmCalibration& nominal, const RehearsalSettings& s,
-               const ServoLoopSettings& parts) {
-  std::mt19937_64 engine(static_cast<std::uint64_t>(s.seed));
-  const Eigen::Vector3d target = tree.centroid();
-  const CArmCalibration truth = miscalibrated(nominal, target, randomDirection(engine), degToRad(s.patient_turn_deg),
-                                              s.patient_shift_mm * 1e-3 * randomDirection(engine));
-  Stage stage;
-  stage.T_patient_model = truth.T_dsa_cb;
-  stage.loop = parts;
-  stage.loop.carm = nominal.carm;
-  stage.loop.view = {{degToRad(s.view_primary_deg), degToRad(s.view_secondary_deg)}, target, nominal.R_lps_model};
-  stage.desired_T_camera_model = desiredPose(stage.loop.view, nominal.carm.source_isocentre_distance_m);
+DesiredView viewOf(const VesselTree& tree, const Eigen::Matrix3d& R_lps_model, const RehearsalSettings& s) {
+  return {{degToRad(s.view_primary_deg), degToRad(s.view_secondary_deg)}, tree.centroid(), R_lps_model};
+}
 
-  // An error about the beam would only turn the picture, which no joint answers for: the axis lies across the beam.
-  const Eigen::Vector3d beam_patient =
-      truth.T_dsa_cb.linear() * stage.desired_T_camera_model.linear().row(2).transpose();
-  const Eigen::Vector3d axis = beam_patient.cross(randomDirection(engine)).normalized();
-  const CArmCalibration wrong = miscalibrated(truth, target, axis, degToRad(s.calibration_error_deg),
-                                              s.calibration_error_mm * 1e-3 * randomDirection(engine));
-  stage.loop.T_dsa_cb = wrong.T_dsa_cb;
-  stage.start =
-      nominal.carm.jointsFor({degToRad(s.start_primary_deg), degToRad(s.start_secondary_deg)}, wrong.T_dsa_cb * target);
+Stage setStage(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& s,
+               const ServoLoopSettings& parts) {
+  Stage stage;
+  stage.truth = world.truth;
+  stage.loop = parts;
+  stage.loop.carm = world.believed.carm;
+  stage.loop.T_dsa_cb = world.believed.T_dsa_cb;
+  stage.loop.view = viewOf(tree, world.truth.R_lps_model, s);
+  stage.desired_T_camera_model = desiredPose(stage.loop.view, stage.loop.carm.source_isocentre_distance_m);
+  stage.start = stage.loop.carm.jointsFor({degToRad(s.start_primary_deg), degToRad(s.start_secondary_deg)},
+                                          stage.loop.T_dsa_cb * tree.centroid());
   return stage;
 }
 
@@ -91,10 +86,10 @@ void runClosed(const VesselTree& tree, const Stage& stage, const Times& times, c
                const RehearsalProgress& progress, Rehearsal& result) {
   const auto bus = openBus("memq://");
   SimulatedCArmNode arm(*bus, stage.loop.limits, stage.start, 0);
-  SimulatedXrayNode xray(*bus, tree, fluoroscopy, stage.loop.carm, stage.T_patient_model);
+  SimulatedXrayNode xray(*bus, tree, fluoroscopy, stage.truth.carm, stage.truth.T_dsa_cb, stage.loop.carm.camera());
   ServoNode servo(*bus, stage.loop, tree);
   const auto trueError = [&](const CArmJoints& joints) {
-    return viewError(xray.T_camera_model(joints), stage.desired_T_camera_model, stage.loop.view.target_model);
+    return viewError(stage.T_camera_model(joints), stage.desired_T_camera_model, stage.loop.view.target_model);
   };
 
   for (int k = 0; k < times.frames(); ++k) {
@@ -137,8 +132,7 @@ void runOpen(const Stage& stage, const Times& times, Rehearsal& result) {
   LatestValue<CArmState> states(*bus, kCArmStateChannel);
   OpenLoop loop(stage.loop);
   const auto trueError = [&](const CArmJoints& joints) {
-    return viewError(stage.loop.carm.T_camera_patient(joints) * stage.T_patient_model, stage.desired_T_camera_model,
-                     stage.loop.view.target_model);
+    return viewError(stage.T_camera_model(joints), stage.desired_T_camera_model, stage.loop.view.target_model);
   };
   for (int k = 0; k < times.frames(); ++k) {
     arm.report(times.exposure_us(k));
@@ -160,18 +154,38 @@ void runOpen(const Stage& stage, const Times& times, Rehearsal& result) {
 
 }  // namespace
 
-Rehearsal rehearse(const VesselTree& tree, const CArmCalibration& truth, const RehearsalSettings& settings,
+RehearsalWorld madeUpWorld(const VesselTree& tree, const CArmCalibration& nominal, const RehearsalSettings& s) {
+  checkSettings("rehearsal", s);
+  nominal.check("calibration");
+  std::mt19937_64 engine(static_cast<std::uint64_t>(s.seed));
+  const Eigen::Vector3d target = tree.centroid();
+  RehearsalWorld world;
+  world.truth = miscalibrated(nominal, target, randomDirection(engine), degToRad(s.patient_turn_deg),
+                              s.patient_shift_mm * 1e-3 * randomDirection(engine));
+  // An error about the beam would only turn the picture, which no joint answers for: the axis lies across the beam.
+  const Pose desired = desiredPose(viewOf(tree, nominal.R_lps_model, s), nominal.carm.source_isocentre_distance_m);
+  const Eigen::Vector3d beam_patient = world.truth.T_dsa_cb.linear() * desired.linear().row(2).transpose();
+  const Eigen::Vector3d axis = beam_patient.cross(randomDirection(engine)).normalized();
+  world.believed = miscalibrated(world.truth, target, axis, degToRad(s.calibration_error_deg),
+                                 s.calibration_error_mm * 1e-3 * randomDirection(engine));
+  world.believed.records.clear();  // They say how sure one may be of what was right.
+  return world;
+}
+
+Rehearsal rehearse(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& settings,
                    const ServoLoopSettings& loop, const FluoroscopySettings& fluoroscopy,
                    const RehearsalProgress& progress) {
   checkSettings("rehearsal", settings);
-  truth.check("calibration");
-  const Stage stage = setStage(tree, truth, settings, loop);
+  world.truth.check("truth");
+  world.believed.check("calibration");
+  const Stage stage = setStage(tree, world, settings, loop);
   const Times times(settings);
   FluoroscopySettings seeded = fluoroscopy;
   seeded.seed = settings.seed;
   Rehearsal result;
   runClosed(tree, stage, times, seeded, progress, result);
   runOpen(stage, times, result);
+  result.predicted = viewUncertainty(world.believed, result.open.back().joints, tree.centroid());
   return result;
 }
 

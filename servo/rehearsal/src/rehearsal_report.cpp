@@ -124,6 +124,10 @@ Json rehearsalSummary(const Rehearsal& r) {
   summary["held"] = held;
   summary["commands_fingerprint"] = fingerprintOf(r.closed);
   summary["final_error"] = {{"closed_loop", errorAsJson(r.closed_end)}, {"open_loop", errorAsJson(r.open_end)}};
+  if (r.predicted) {
+    summary["predicted_uncertainty"] = {{"view_deg", radToDeg(r.predicted->direction_rad)},
+                                        {"target_mm", 1e3 * r.predicted->target_m}};
+  }
   summary["latency_ms"] = {{"render", latencyOf(r.closed, &RehearsalFrame::render_s)},
                            {"image_to_centreline", latencyOf(r.closed, &RehearsalFrame::image_s)},
                            {"registration", latencyOf(r.closed, &RehearsalFrame::registration_s)},
@@ -141,6 +145,11 @@ std::string rehearsalTable(const Json& summary) {
     const Json& e = summary["final_error"][key];
     table += formatted("%-22s %12.3f %12.3f %12.3f\n", name, e["view_deg"].get<double>(), e["target_mm"].get<double>(),
                        e["roll_deg"].get<double>());
+  }
+  if (summary.contains("predicted_uncertainty")) {
+    const Json& e = summary["predicted_uncertainty"];
+    table += formatted("%-22s %12.3f %12.3f\n", "calibration's sigma", e["view_deg"].get<double>(),
+                       e["target_mm"].get<double>());
   }
   table += formatted("\n%-22s %12s %12s %12s\n", "latency", "p50 [ms]", "p99 [ms]", "max [ms]");
   for (const auto& [stage, t] : summary["latency_ms"].items()) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration/view_uncertainty.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 
@@ -13,18 +14,20 @@ namespace angio {
 
 /// What a rehearsal is about: where the C-arm starts, what it shall see, and how wrong its calibration is.
 struct RehearsalSettings {
-  double start_primary_deg = 0;       ///< C-arm angles at the start.
+  double start_primary_deg = 0;  ///< C-arm angles at the start.
   double start_secondary_deg = 0;
-  double view_primary_deg = 30;       ///< Desired view of the anatomy: LAO positive.
-  double view_secondary_deg = 15;     ///< CRA positive.
-  double patient_turn_deg = 4;        ///< How far the patient lies from straight: known to calibration.
+  double view_primary_deg = 30;    ///< Desired view of the anatomy: LAO positive.
+  double view_secondary_deg = 15;  ///< CRA positive.
+  double patient_turn_deg = 4;     ///< How far the patient lies from straight: known to calibration.
   double patient_shift_mm = 15;
-  double calibration_error_deg = 3;   ///< How wrong T_dsa_cb is, about an axis across the desired beam: all of it tilts the view.
+  double calibration_error_deg =
+      3;  ///< How wrong T_dsa_cb is, about an axis across the desired beam: all of it tilts the view.
   double calibration_error_mm = 10;
   double duration_s = 10;
   double frame_rate_hz = 15;
-  double command_latency_ms = 60;     ///< From exposure to the command's arrival, in simulated time; at most a frame's period.
-  int seed = 1;                       ///< Of patient, calibration error, anatomy and noise.
+  double command_latency_ms =
+      60;        ///< From exposure to the command's arrival, in simulated time; at most a frame's period.
+  int seed = 1;  ///< Of patient, calibration error, anatomy and noise.
 
   void visit(SettingsVisitor& v) {
     v.number("start_primary_deg", start_primary_deg, -110, 110);
@@ -42,13 +45,23 @@ struct RehearsalSettings {
   }
 };
 
+/// What really stands there, and what the loop is told of it.
+struct RehearsalWorld {
+  CArmCalibration truth;     ///< C-arm, X-ray camera and patient.
+  CArmCalibration believed;  ///< A calibration's result. Which way the model's axes lie is the model's: the truth's.
+};
+
+/// The world that a rehearsal makes up: the patient of `nominal` turned and shifted, the calibration wrong by what the
+/// settings say.
+RehearsalWorld madeUpWorld(const VesselTree& tree, const CArmCalibration& nominal, const RehearsalSettings& settings);
+
 /// One frame as the rehearsal's omniscient observer sees it.
 struct RehearsalFrame {
   double time_s = 0;
-  CArmJoints joints = CArmJoints::Zero();    ///< True, at the exposure.
-  CArmCommand command;                       ///< What the loop answered.
-  ViewError true_error;                      ///< Of the real view at the exposure.
-  std::optional<ViewError> seen_error;       ///< What the loop believed.
+  CArmJoints joints = CArmJoints::Zero();  ///< True, at the exposure.
+  CArmCommand command;                     ///< What the loop answered.
+  ViewError true_error;                    ///< Of the real view at the exposure.
+  std::optional<ViewError> seen_error;     ///< What the loop believed.
   std::optional<std::string> held;
   RegistrationStatus status = RegistrationStatus::kTooFewPoints;
   double model_residual_px = 0, image_residual_px = 0;
@@ -66,9 +79,10 @@ struct RehearsalSnapshot {
 };
 
 struct Rehearsal {
-  std::vector<RehearsalFrame> closed;   ///< With feedback from the images.
-  std::vector<RehearsalFrame> open;     ///< The same law on calibration alone; only time, joints, command, true error.
-  ViewError closed_end, open_end;       ///< True view errors at the end.
+  std::vector<RehearsalFrame> closed;  ///< With feedback from the images.
+  std::vector<RehearsalFrame> open;    ///< The same law on calibration alone; only time, joints, command, true error.
+  ViewError closed_end, open_end;      ///< True view errors at the end.
+  std::optional<ViewUncertainty> predicted;  ///< Of the open loop's end, by the calibration's own records.
   std::optional<RehearsalSnapshot> first, last;
 };
 
@@ -76,8 +90,10 @@ struct Rehearsal {
 using RehearsalProgress = std::function<void(int done, int total)>;
 
 /// Runs C-arm, X-ray and loop as three parties on a bus inside the process, in simulated time; then the open loop.
-/// Of `loop` the parts count; C-arm, T_dsa_cb and view are filled in from `truth` and `settings`. The same settings give the same commands, bit for bit. Throws InputError when a setting is out of its range.
-Rehearsal rehearse(const VesselTree& tree, const CArmCalibration& truth, const RehearsalSettings& settings,
+/// Of `loop` the parts count; C-arm, T_dsa_cb and view are filled in from `world` and `settings`, of which patient and
+/// calibration error are the world's. The X-ray's frames say the camera of the believed C-arm. The same settings give
+/// the same commands, bit for bit. Throws InputError when a setting is out of its range.
+Rehearsal rehearse(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& settings,
                    const ServoLoopSettings& loop, const FluoroscopySettings& fluoroscopy,
                    const RehearsalProgress& progress = {});
 
