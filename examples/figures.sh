@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [speed] [sheet]
-# Without a name: rows, seeing, paper, table1, seeds and speed. With ANGIO_SHARED_DATA naming a folder that holds
+#   examples/figures.sh [rows] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [speed] [sheet]
+# Without a name: rows, seeing, paper, table1, seeds, calibration and speed. With ANGIO_SHARED_DATA naming a folder that holds
 # brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -126,6 +126,36 @@ seeds() {
   done
 }
 
+calibration() {
+  local data=examples/data calibrate="$bin/angio-calibrate" set
+  echo; echo "### K from 20 views of a bead phantom, 0.1 px of noise a bead, against the truth"
+  "$calibrate" simulate --study camera --trials "${TRIALS:-200}"
+  echo; echo "### The arm's geometry against the truth: with flex, then a rigid arm"
+  "$calibrate" simulate --study geometry --trials 40
+  "$calibrate" simulate --study geometry --trials 40 --flex-mm 0
+  echo; echo "### Time of 120 views"
+  "$calibrate" simulate --study timing
+  echo; echo "### Zhang's own planar data (published: 832.5, 832.53, 303.959, 206.585, k1 -0.228601, k2 0.190353)"
+  "$calibrate" camera "$data/calib-zhang/views.yaml" --distortion radial --skew
+  echo; echo "### T_dsa_cb from 15 poses of a LAO/RAO and CRA/CAU orbit, 0.1 deg / 0.3 mm; about one axis alone"
+  "$calibrate" hand-eye --simulate-trials "${TRIALS:-200}"
+  "$calibrate" hand-eye --simulate-trials 5 --cra-deg 0 || true
+  echo; echo "### A real robot's 50 poses against the published transform; ViSP's tutorial against its answer"
+  "$calibrate" hand-eye --moveit "$data/calib-moveit-handeye/pose_samples.json" --setup eye_to_hand \
+    --reference "$data/calib-moveit-handeye/published.yaml"
+  "$calibrate" hand-eye "$data/visp-handeye/poses.yaml" --reference "$data/visp-handeye/tutorial.yaml" --compare
+  echo; echo "### Static phantom: T_dsa_cb from three runs predicts the fourth"
+  "$calibrate" registration "$data/static-phantom/cases.yaml" --leave-one-out
+  echo; echo "### What must be refused"
+  for set in duplicate-poses swapped-beads wrong-units mirrored-phantom other-machine; do
+    "$calibrate" simulate --out "$work/$set" --images none --hostile "$set" >/dev/null
+    echo "$set:"
+    "$calibrate" camera "$work/$set/camera/views.yaml" --out "$work/camera.yaml" 2>&1 >/dev/null | sed "s#$work/##g" || true
+    "$calibrate" hand-eye "$work/$set/hand-eye/poses.yaml" --carm "$work/$set/truth/carm.yaml" --out "$work/lab.yaml" 2>&1 >/dev/null | sed "s#$work/##g" || true
+  done
+  examples/05_calibrate/calibrate.sh "$work/story"
+}
+
 # What extractors see in the real images, and in simulated ones: a picture to look at.
 sheet() {
   local images=(--image examples/data/fevar-aaa-phantom/image.png --cases examples/data/static-phantom/cases.yaml)
@@ -139,6 +169,6 @@ speed() {
   "$bin"/angio-benchmark --benchmark_min_time=0.5 2>/dev/null
 }
 
-for part in "${@:-rows seeing paper table1 seeds speed}"; do
+for part in "${@:-rows seeing paper table1 seeds calibration speed}"; do
   for one in $part; do "$one"; done
 done
