@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <opencv2/imgproc.hpp>
 #include <system_error>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/camera_pictures.hpp"
+#include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/report_html.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
@@ -68,6 +70,14 @@ std::string viewsTable(const CameraCalibration& result) {
 // The image behind a view's overlay; nothing for a table.
 cv::Mat imageBehind(const PhantomView& view) { return view.is_table ? cv::Mat() : readXrayImage(view.path); }
 
+cv::Mat scaled(const cv::Mat& picture) {
+  constexpr double kHeight_px = 480;
+  const double scale = kHeight_px / picture.rows;
+  cv::Mat result;
+  cv::resize(picture, result, {}, scale, scale, cv::INTER_AREA);
+  return result;
+}
+
 }  // namespace
 
 std::string cameraTable(const CameraCalibration& result) {
@@ -111,6 +121,8 @@ void writeCameraReport(const std::string& folder, const CameraCalibration& resul
   const cv::Mat coverage = coverageMap(result);
   writeImage(file("residuals.png"), field.picture);
   writeImage(file("coverage.png"), coverage);
+  writeImage(file("overview.jpg"), sideBySide({scaled(viewOverlay(result, 0, imageBehind(set.views[0]))),
+                                               scaled(field.picture), scaled(coverage)}));
   const std::string maps =
       html::grid({html::picture(field.picture, formatted("Residuals of all views, %.0f times as long: what points one "
                                                          "way over a part of the detector is no noise",

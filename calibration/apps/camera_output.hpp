@@ -17,8 +17,8 @@ void writeCalibratedCamera(const std::string& path, const CameraCalibration& res
                            const std::vector<CalibrationInput>& views);
 
 /// Pictures and a page (index.html) of them: each view's beads as seen and as projected, the residuals over the
-/// detector, enlarged, and where on the detector beads were seen. Makes the folder. Throws InputError when it cannot be
-/// written.
+/// detector, enlarged, and where on the detector beads were seen; overview.jpg shows one of each. Makes the folder.
+/// Throws InputError when it cannot be written.
 void writeCameraReport(const std::string& folder, const CameraCalibration& result, const ViewSet& set);
 
 }  // namespace angio
