@@ -130,13 +130,24 @@ calibration() {
   local data=examples/data calibrate="$bin/angio-calibrate" set
   echo; echo "### K from 20 views of a bead phantom, 0.1 px of noise a bead, against the truth"
   "$calibrate" simulate --study camera --trials "${TRIALS:-200}"
-  echo; echo "### The arm's geometry against the truth: with flex, then a rigid arm"
+  echo; echo "### The arm's geometry against the truth"
   "$calibrate" simulate --study geometry --trials 40
-  "$calibrate" simulate --study geometry --trials 40 --flex-mm 0
   echo; echo "### Time of 120 views"
   "$calibrate" simulate --study timing
   echo; echo "### Zhang's own planar data (published: 832.5, 832.53, 303.959, 206.585, k1 -0.228601, k2 0.190353)"
   "$calibrate" camera "$data/calib-zhang/views.yaml" --distortion radial --skew
+  local xcat="${ANGIO_SHARED_DATA:-}/xcat-coronary" frame
+  if [ -d "$xcat" ]; then
+    echo; echo "### 27 exact correspondences in two coronary angiograms (true f: 1194 / 0.184 = 6489.130 px, centre 480, 480)"
+    awk 'BEGIN {print "name: xcat\npoints:"} NF == 3 {print "  - ["$1", "$2", "$3"]"}' "$xcat/frame1_3d.txt" > "$work/xcat.yaml"
+    { echo "phantom: xcat.yaml"; echo "image_size_px: [960, 960]"; echo "pixel_spacing_mm: 0.184"; echo "views:"; } > "$work/xcat_views.yaml"
+    for frame in 1 2; do
+      awk 'BEGIN {print "bead,x_px,y_px"} NF == 2 {printf "%d,%.12f,%.12f\n", n++, 480 + $1 / 0.184, 480 + $2 / 0.184}' \
+        "$xcat/frame${frame}_2d.txt" > "$work/xcat$frame.csv"
+      echo "  - {name: frame$frame, beads: xcat$frame.csv, source_detector_distance_mm: 1194}" >> "$work/xcat_views.yaml"
+    done
+    "$calibrate" camera "$work/xcat_views.yaml" --noise-px 1e-6
+  fi
   echo; echo "### T_dsa_cb from 15 poses of a LAO/RAO and CRA/CAU orbit, 0.1 deg / 0.3 mm; about one axis alone"
   "$calibrate" hand-eye --simulate-trials "${TRIALS:-200}"
   "$calibrate" hand-eye --simulate-trials 5 --cra-deg 0 || true
