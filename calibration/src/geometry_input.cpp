@@ -2,7 +2,6 @@
 #include "angio/calibration/geometry_input.hpp"
 
 #include <algorithm>
-#include <filesystem>
 #include <map>
 
 #include "angio/base/errors.hpp"
@@ -12,14 +11,6 @@
 
 namespace angio {
 namespace {
-
-std::vector<CalibrationRecord> recordsOf(const std::string& path) {
-  if (std::filesystem::path(path).extension() == ".xml") return {};
-  const YamlNode root = readYaml(path);
-  YamlMap map(path, root, "camera");
-  const auto field = map.find("calibration");
-  return field ? readRecords(*field) : std::vector<CalibrationRecord>{};
-}
 
 // Of fx, fy, cx, cy; a camera with square pixels has one focal length for both.
 std::optional<Eigen::Matrix4d> covarianceOf(const std::vector<CalibrationRecord>& records) {
@@ -90,7 +81,7 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
   input.machine = set.machine;
   input.phantom = readBeadPhantom(set.phantom_path);
   const CameraFile file = readCameraFile(camera_path);
-  input.records = recordsOf(camera_path);
+  input.records = readRecords(camera_path);
   const SeenViewSet seen = seenViews(set, input.phantom, detection, tell);
   input.camera = cameraOf(camera_path, file, set, seen.detector);
   input.camera.covariance = covarianceOf(input.records);

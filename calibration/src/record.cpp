@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <filesystem>
 #include <set>
 
 #include "angio/base/errors.hpp"
@@ -183,6 +184,14 @@ std::vector<CalibrationRecord> readRecords(const YamlField& calibration) {
   }
   map.refuseOthers();
   return records;
+}
+
+std::vector<CalibrationRecord> readRecords(const std::string& path) {
+  const std::string extension = std::filesystem::path(path).extension().string();
+  if (extension != ".yaml" && extension != ".yml") return {};
+  const YamlNode root = readYaml(path);
+  const auto calibration = YamlMap(path, root, "file").find("calibration");
+  return calibration ? readRecords(*calibration) : std::vector<CalibrationRecord>{};
 }
 
 CalibrationInput hashedInput(const std::string& path) {

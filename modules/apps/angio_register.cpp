@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <iostream>
 
+#include "angio/calibration/record.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
@@ -22,6 +23,7 @@ struct Options {
   std::string extractor, polarity = "dark";
   int starts = 0;
   double search_rotation_deg = 0, search_translation_mm = 0;
+  double largest_age_days = RecordGate{}.largest_age_days;
   bool nonrigid = false;
 };
 
@@ -62,6 +64,15 @@ RegistrationResult searched(Registration& registration, const std::vector<SeenVi
                              [&](double share_done) { bar.show(static_cast<int>(kSteps * share_done)); });
 }
 
+// Cameras whose calibration is old may still be right, and whoever asks should know.
+void warnOfOldCameras(const Options& o) {
+  for (const std::string& camera : o.files.cameras) {
+    for (const auto& warning : checkRecords(camera, readRecords(camera), {"", o.largest_age_days})) {
+      std::cerr << "angio-register: " << warning << "\n";
+    }
+  }
+}
+
 int registerOne(const Options& o) {
   ProgramSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
@@ -74,6 +85,7 @@ int registerOne(const Options& o) {
 
   const VesselTree tree = readVesselTree(o.tree);
   const auto [views, initial, image_s, assumed] = readViews(o.files, tree, *makeExtractor(extractor));
+  warnOfOldCameras(o);
   CaseOutcome outcome;
   outcome.name = o.tree;
   outcome.image_s = image_s;
@@ -145,6 +157,8 @@ int main(int argc, char** argv) {
       ->check(angio::between(0, 1000));
   app.add_option("--polarity", o.polarity, "How vessels stand out of the image")
       ->check(CLI::IsMember({"dark", "bright"}));
+  app.add_option("--largest-calibration-age-days", o.largest_age_days, "A camera's older calibration is warned of")
+      ->check(angio::between(0, 1e6));
   app.add_option("--settings", o.settings, "Settings (.yaml), sections by method, starts, extractors");
   app.add_option("--out", o.out, "Result (.json); stdout when not given");
   app.add_option("--overlay", o.overlay, "Picture of the result (.png, .jpg)");

@@ -56,6 +56,21 @@ TEST_F(Programs, RegisterPrintsTheResultWhenNoFileIsNamed) {
   expectTruth(Json::parse(ended.out));
 }
 
+TEST_F(Programs, RegisterWarnsOfAnOldCalibration) {
+  auto arguments = registerArguments();
+  const auto camera = std::find(arguments.begin(), arguments.end(), "--camera") + 1;
+  *camera =
+      folder_.write("old.yaml", test::contentOf(*camera) +
+                                    "calibration:\n  camera: {date: 2020-02-29T00:00:00Z, parameters: [], values: [], "
+                                    "covariance: [], condition: 1, residual_unit: px, residual_rms: 0.1}\n");
+  const auto ended = test::run("angio-register", arguments);
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_NE(ended.err.find("old.yaml: calibration.camera: is "), std::string::npos) << ended.err;
+  expectTruth(Json::parse(test::contentOf(folder_.path("result.json"))));
+  arguments.insert(arguments.end(), {"--largest-calibration-age-days", "100000"});
+  EXPECT_EQ(test::run("angio-register", arguments).err, "");
+}
+
 TEST_F(Programs, RegisterTakesSeveralViews) {
   const Eigen::Translation3d to_centre(0, 0, 0.75);
   const Pose T_side_first = to_centre * expSE3((Twist() << 0, 0, 0, 0, kPi / 2, 0).finished()) * to_centre.inverse();

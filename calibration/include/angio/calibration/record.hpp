@@ -62,6 +62,9 @@ nlohmann::ordered_json recordAsJson(const CalibrationRecord& record);
 /// and rule: a date that is none, a covariance of another size, not symmetric or not positive semidefinite.
 std::vector<CalibrationRecord> readRecords(const YamlField& calibration);
 
+/// The records of a file of YAML; none of one without such a section, nor of another kind of file.
+std::vector<CalibrationRecord> readRecords(const std::string& path);
+
 /// The hash of a file's bytes. Throws InputError when it cannot be read.
 CalibrationInput hashedInput(const std::string& path);
 
