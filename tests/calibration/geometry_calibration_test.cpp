@@ -139,7 +139,6 @@ TEST(GeometryCalibration, AWrongViewIsNamedAndLeftOut) {
 
 TEST(GeometryCalibration, WhatPositionsCannotTellIsKeptAndNamed) {
   Scene scene = sceneOf(rigid(5));
-  CalibrationSimulationSettings still = rigid(5);
   std::vector<GeometryView> views;
   for (const auto& view : scene.views) {
     if (view.joints.tail<3>().norm() < 1e-3) views.push_back(view);

@@ -26,7 +26,7 @@ TEST(CameraFiles, DistortionAndDistanceLawComeBack) {
     file.distortion = distortion;
     const CameraFile back = writtenAndRead(file);
     ASSERT_TRUE(back.distortion && back.distance_law);
-    for (const Eigen::Vector2d px : {Eigen::Vector2d(0, 0), Eigen::Vector2d(900, 300)}) {
+    for (const Eigen::Vector2d& px : {Eigen::Vector2d(0, 0), Eigen::Vector2d(900, 300)}) {
       // Degrees in the file lose a bit of the last digit.
       EXPECT_LT((back.distortion->distorted(px) - distortion.distorted(px)).norm(), 1e-11);
     }
