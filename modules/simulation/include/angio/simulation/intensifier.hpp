@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 
+#include "angio/geometry/distortion.hpp"
 #include "angio/simulation/fluoroscopy_settings.hpp"
 
 namespace angio {
@@ -12,7 +13,7 @@ class ImageIntensifier {
  public:
   ImageIntensifier(const IntensifierSettings& settings, int width_px, int height_px);
 
-  bool distorts() const { return pincushion_ != 0 || turn_rad_ != 0; }
+  bool distorts() const { return map_.bend.k1 != 0 || map_.bend.s1_rad != 0; }
 
   /// From the pixel of the pinhole camera to the one of the image: what truth has to go through.
   Eigen::Vector2d distorted(const Eigen::Vector2d& ideal_px) const;
@@ -21,9 +22,7 @@ class ImageIntensifier {
   Eigen::Vector2d ideal(const Eigen::Vector2d& distorted_px) const;
 
  private:
-  Eigen::Vector2d centre_px_;
-  double unit_px_;  // Half the detector's width.
-  double pincushion_, turn_rad_;
+  DetectorDistortion map_;
 };
 
 }  // namespace angio
