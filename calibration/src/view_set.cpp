@@ -6,6 +6,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/io/yaml.hpp"
+#include "pose_fields.hpp"
 
 namespace angio {
 namespace {
@@ -16,21 +17,9 @@ std::string besideFile(const std::string& file, const YamlField& field) {
   return (std::filesystem::path(file).parent_path() / field.text()).lexically_normal().string();
 }
 
-double angleIn(const YamlField& field) {
-  return degToRad(requireBetween(field.place(), field.key, field.number(), -180, 180));
-}
-
 std::optional<CArmJoints> joints(YamlMap& map) {
-  const auto primary = map.find("primary_deg"), secondary = map.find("secondary_deg"), table = map.find("table_mm");
-  if (!primary && !secondary && !table) return std::nullopt;
-  CArmJoints joints = CArmJoints::Zero();
-  joints[0] = angleIn(map.need("primary_deg"));
-  joints[1] = angleIn(map.need("secondary_deg"));
-  if (table) {
-    const std::vector<double> mm = table->numbers(3);
-    for (int i = 0; i < 3; ++i) joints[2 + i] = 1e-3 * requireBetween(table->place(), table->key, mm[i], -5000, 5000);
-  }
-  return joints;
+  if (!map.find("primary_deg") && !map.find("secondary_deg") && !map.find("table_mm")) return std::nullopt;
+  return readJoints(map);
 }
 
 PhantomView readView(const std::string& path, const YamlField& field) {
