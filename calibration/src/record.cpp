@@ -139,11 +139,16 @@ CalibrationRecord readRecord(const std::string& path, const std::string& kind, c
 
 }  // namespace
 
-double CalibrationRecord::sigma(const std::string& parameter) const {
+std::optional<Eigen::Index> CalibrationRecord::placeOf(const std::string& parameter) const {
   const auto found = std::find(parameters.begin(), parameters.end(), parameter);
-  if (found == parameters.end()) throw InputError("calibration." + kind, parameter, "", "is no parameter of it");
-  const auto i = found - parameters.begin();
-  return std::sqrt(covariance(i, i));
+  if (found == parameters.end()) return std::nullopt;
+  return found - parameters.begin();
+}
+
+double CalibrationRecord::sigma(const std::string& parameter) const {
+  const auto place = placeOf(parameter);
+  if (!place) throw InputError("calibration." + kind, parameter, "", "is no parameter of it");
+  return std::sqrt(covariance(*place, *place));
 }
 
 Json recordAsJson(const CalibrationRecord& record) {

@@ -34,7 +34,7 @@ double squaredByCovariance(const CalibrationRecord& record, const std::vector<st
   std::vector<int> places;
   Eigen::VectorXd error(static_cast<Eigen::Index>(names.size()));
   for (std::size_t k = 0; k < names.size(); ++k) {
-    const auto at = std::find(record.parameters.begin(), record.parameters.end(), names[k]) - record.parameters.begin();
+    const Eigen::Index at = record.placeOf(names[k]).value();
     places.push_back(static_cast<int>(at));
     error[static_cast<Eigen::Index>(k)] = record.values[at] - truth[k];
   }

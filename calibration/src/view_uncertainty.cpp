@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/view_uncertainty.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include "geometry_numbers.hpp"
@@ -25,8 +24,7 @@ std::optional<Matrix6d> modelCovariance(const CArmCalibration& calibration) {
     for (const char* name : {"T_dsa_cb", "T_base_object"}) {
       std::vector<int> places;
       for (const char* axis : {"_x_mm", "_y_mm", "_z_mm", "_turn_x_deg", "_turn_y_deg", "_turn_z_deg"}) {
-        const auto at = std::find(record->parameters.begin(), record->parameters.end(), std::string(name) + axis);
-        if (at != record->parameters.end()) places.push_back(static_cast<int>(at - record->parameters.begin()));
+        if (const auto at = record->placeOf(std::string(name) + axis)) places.push_back(static_cast<int>(*at));
       }
       if (places.size() != 6) continue;
       Vector6d units;
@@ -56,8 +54,8 @@ Matrix6d cameraCovariance(const CArmCalibration& calibration, const CalibrationR
 }
 
 double valueOf(const CalibrationRecord& record, const std::string& name) {
-  const auto at = std::find(record.parameters.begin(), record.parameters.end(), name);
-  return at == record.parameters.end() ? 0 : record.values[at - record.parameters.begin()];
+  const auto at = record.placeOf(name);
+  return at ? record.values[*at] : 0;
 }
 
 }  // namespace

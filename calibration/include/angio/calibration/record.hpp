@@ -51,6 +51,9 @@ struct CalibrationRecord {
   std::optional<double> held_out_rms;  ///< Of views that took no part in the estimate.
   std::vector<ViewResidual> views;
 
+  /// Where a parameter stands in values and covariance; nothing when there is none of that name.
+  std::optional<Eigen::Index> placeOf(const std::string& parameter) const;
+
   /// Standard deviation of a parameter by its name. Throws InputError when there is none of that name.
   double sigma(const std::string& parameter) const;
 };
