@@ -144,10 +144,10 @@ std::string anatomyTable(const AnatomyResult& result, const std::vector<CaseOutc
 }
 
 // For each view: T_dsa_cb made of the others alone, and what it says of this one.
-std::string leaveOneOutTable(const std::vector<AnatomyView>& views, const std::vector<SeenAnatomy>& seen,
-                             const VesselTree& tree, const RegistrationOptions& o) {
+std::string leaveOneOutTable(const AnatomyResult& all, const std::vector<AnatomyView>& views,
+                             const std::vector<SeenAnatomy>& seen, const VesselTree& tree,
+                             const RegistrationOptions& o) {
   std::string table = "\nleft out    predicted rotation off [deg]   T_dsa_cb of the others moves by [deg]\n";
-  const AnatomyResult all = registerAnatomy(views, tree.centroid(), o.settings);
   for (std::size_t i = 0; i < views.size(); ++i) {
     std::vector<AnatomyView> others = views;
     std::vector<SeenAnatomy> others_seen = seen;
@@ -211,7 +211,7 @@ int calibrate(const RegistrationOptions& o) {
   if (o.refine) result = refineAnatomy(result, views, seen, tree, o.settings);
   if (!o.out.empty()) writeAnatomy(o, cases, result);
   std::cout << anatomyTable(result, outcomes, left_out);
-  if (o.leave_one_out) std::cout << leaveOneOutTable(views, seen, tree, o);
+  if (o.leave_one_out) std::cout << leaveOneOutTable(result, views, seen, tree, o);
   return 0;
 }
 
