@@ -18,8 +18,6 @@
 namespace angio {
 namespace {
 
-constexpr double kIntensifierStretch = 0.15;  // Of shadows at the edge, by a pincushion of 8 per cent.
-
 struct CameraOptions {
   std::string views, settings, out, report, distortion;
   bool square_pixels = false, skew = false;
@@ -43,8 +41,7 @@ CameraSections settingsOf(const CameraOptions& o) {
   if (o.distortion == "none") camera.distortion = LensKind::kNone;
   if (o.distortion == "radial") camera.distortion = LensKind::kRadial;
   if (o.distortion == "intensifier") camera.distortion = LensKind::kIntensifier;
-  double& stretch = sections.detection.largest_stretch;
-  if (camera.distortion == LensKind::kIntensifier && stretch == 0) stretch = kIntensifierStretch;
+  if (camera.distortion == LensKind::kIntensifier) sections.detection = sections.detection.throughIntensifier();
   camera.square_pixels |= o.square_pixels;
   camera.skew |= o.skew;
   if (o.noise_px > 0) camera.noise_px = o.noise_px;

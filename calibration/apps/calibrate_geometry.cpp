@@ -2,6 +2,7 @@
 // angio-calibrate geometry: how a C-arm's joints really move its camera.
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/carm_calibration.hpp"
@@ -60,11 +61,15 @@ int calibrate(const GeometryOptions& o) {
   Settings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   settings.geometry.flex = o.flex.value_or(settings.geometry.flex);
-  ProgressBar bar("looking at views", 1);
-  const GeometryInput input = readGeometryInput(o.views, o.camera, settings.detection);
+  std::optional<ProgressBar> bar;
+  const GeometryInput input = readGeometryInput(o.views, o.camera, settings.detection, [&](int done, int total) {
+    if (!bar) bar.emplace("finding beads", total);
+    bar->show(done);
+  });
+  bar.reset();
   const std::string machine = o.machine.empty() ? input.machine : o.machine;
   for (const auto& warning : checkRecords(o.camera, input.records, {machine, o.largest_age_days})) {
-    std::cerr << warning << "\n";
+    std::cerr << "angio-calibrate: " << warning << "\n";
   }
   GeometryCalibration found = calibrateGeometry(o.views, input.phantom, input.camera, input.views, settings.geometry);
   found.record.machine = machine;

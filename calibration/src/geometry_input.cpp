@@ -16,10 +16,7 @@ namespace {
 std::optional<Eigen::Matrix4d> covarianceOf(const std::vector<CalibrationRecord>& records) {
   for (const auto& record : records) {
     if (record.kind != "camera") continue;
-    const auto placeOf = [&](const std::string& name) {
-      const auto at = std::find(record.parameters.begin(), record.parameters.end(), name);
-      return at == record.parameters.end() ? -1 : static_cast<int>(at - record.parameters.begin());
-    };
+    const auto placeOf = [&](const char* name) { return static_cast<int>(record.placeOf(name).value_or(-1)); };
     const int f = placeOf("f_px");
     const std::vector<int> places{f >= 0 ? f : placeOf("fx_px"), f >= 0 ? f : placeOf("fy_px"), placeOf("cx_px"),
                                   placeOf("cy_px")};
@@ -69,7 +66,8 @@ GeometryCamera cameraOf(const std::string& path, const CameraFile& file, const V
 }  // namespace
 
 GeometryInput readGeometryInput(const std::string& views_path, const std::string& camera_path,
-                                const BeadDetectionSettings& detection, const std::function<void(int done)>& tell) {
+                                const BeadDetectionSettings& detection,
+                                const std::function<void(int done, int total)>& tell) {
   const ViewSet set = readViewSet(views_path);
   for (const auto& view : set.views) {
     if (!view.joints) {
@@ -82,7 +80,11 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
   input.phantom = readBeadPhantom(set.phantom_path);
   const CameraFile file = readCameraFile(camera_path);
   input.records = readRecords(camera_path);
-  const SeenViewSet seen = seenViews(set, input.phantom, detection, tell);
+  const bool stretched = file.distortion && file.distortion->model == DetectorDistortion::Model::kIntensifier;
+  const BeadDetectionSettings shadows = stretched ? detection.throughIntensifier() : detection;
+  const SeenViewSet seen = seenViews(set, input.phantom, shadows, [&](int done) {
+    if (tell) tell(done, static_cast<int>(set.views.size()));
+  });
   input.camera = cameraOf(camera_path, file, set, seen.detector);
   input.camera.covariance = covarianceOf(input.records);
   for (const std::string& path : {views_path, set.phantom_path, camera_path}) input.inputs.push_back(hashedInput(path));

@@ -27,7 +27,7 @@ struct BeadDetectionSettings {
   double least_significance = 8;  ///< The contrast over its noise in an area of the bead's size.
   double border_px = 1;           ///< A centre nearer to the image's edge is not looked for.
   double largest_misfit = 3;      ///< Residual of the profile over the image's noise; more is no ball.
-  double largest_stretch = 0;     ///< Of round shadows, of their squared radius: 0.15 for an image intensifier.
+  double largest_stretch = 0;     ///< Of round shadows, of their squared radius: see throughIntensifier.
 
   void visit(SettingsVisitor& v) {
     v.number("smallest_radius_px", smallest_radius_px, 1.5, 100);
@@ -37,6 +37,14 @@ struct BeadDetectionSettings {
     v.number("border_px", border_px, 0, 1000);
     v.number("largest_misfit", largest_misfit, 1, 100);
     v.number("largest_stretch", largest_stretch, 0, 0.5);
+  }
+
+  /// The same for an image intensifier, whose pincushion of 8 per cent stretches shadows at its edge; a stretch that
+  /// somebody has chosen stays.
+  BeadDetectionSettings throughIntensifier() const {
+    BeadDetectionSettings settings = *this;
+    if (settings.largest_stretch == 0) settings.largest_stretch = 0.15;
+    return settings;
   }
 };
 
