@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/settings.hpp"
+#include "angio/base/variant_tuple.hpp"
+
+namespace angio {
+
+/// All settings that a variant of settings can hold, a section each by its kName, and which one is chosen: for settings
+/// files.
+template <typename Variant>
+class VariantSections {
+ public:
+  /// @param key  What the choice is called in a settings file: "task".
+  VariantSections(const char* key, const Variant& chosen) : key_(key), index_(static_cast<int>(chosen.index())) {
+    std::visit([this](const auto& s) { std::get<std::decay_t<decltype(s)>>(settings_) = s; }, chosen);
+  }
+
+  static std::vector<std::string> names() { return namesOf(std::make_index_sequence<std::variant_size_v<Variant>>()); }
+
+  void visit(SettingsVisitor& v) {
+    v.choiceIndex(key_, index_, names());
+    std::apply([&](auto&... each) { (visitSection(v, each), ...); }, settings_);
+  }
+
+  /// Throws InputError that lists the names there are.
+  void choose(const std::string& name) {
+    std::string all;
+    const std::vector<std::string> known = names();
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      if (known[i] == name) {
+        index_ = static_cast<int>(i);
+        return;
+      }
+      all += (i ? ", " : "") + known[i];
+    }
+    throw InputError("settings", key_, name, "must be one of " + all);
+  }
+
+  Variant chosen() const { return chosenOf(std::make_index_sequence<std::variant_size_v<Variant>>()); }
+
+  /// One alternative's settings, chosen or not.
+  template <typename Settings>
+  Settings& of() {
+    return std::get<Settings>(settings_);
+  }
+  template <typename Settings>
+  const Settings& of() const {
+    return std::get<Settings>(settings_);
+  }
+
+ private:
+  template <std::size_t... I>
+  static std::vector<std::string> namesOf(std::index_sequence<I...>) {
+    return {std::variant_alternative_t<I, Variant>::kName...};
+  }
+
+  template <std::size_t... I>
+  Variant chosenOf(std::index_sequence<I...>) const {
+    Variant result;
+    ((static_cast<int>(I) == index_ ? void(result = std::get<I>(settings_)) : void()), ...);
+    return result;
+  }
+
+  template <typename Settings>
+  static void visitSection(SettingsVisitor& v, Settings& settings) {
+    v.section(Settings::kName, [&](SettingsVisitor& inner) { settings.visit(inner); });
+  }
+
+  const char* key_;
+  int index_;
+  OneOfEach<Variant> settings_;
+};
+
+}  // namespace angio
