@@ -87,13 +87,4 @@ IsocentreAngles isocentreAnglesOf(const ViewAngles& angles, const Eigen::Matrix3
   return {beam.primary_rad, beam.secondary_rad, std::atan2(turn(1, 0), turn(0, 0))};
 }
 
-CArmLimits CArmLimits::typical() {
-  CArmLimits limits;
-  limits.upper << degToRad(120), degToRad(60), 0.3, 0.3, 0.3;
-  limits.lower = -limits.upper;
-  limits.velocity << degToRad(25), degToRad(25), 0.1, 0.1, 0.1;
-  limits.acceleration << degToRad(40), degToRad(40), 0.2, 0.2, 0.2;
-  return limits;
-}
-
 }  // namespace angio

@@ -56,6 +56,11 @@ RigidArm rigidArm(const CArmGeometry& carm, const CArmJoints& joints) {
   return arm;
 }
 
+// The frame that the L-arm has turned: its axes are the arm's, its origin the isocentre.
+Eigen::Matrix3d R_gantry_iso(double l_arm_rad) {
+  return Eigen::AngleAxisd(-l_arm_rad, Eigen::Vector3d::UnitY()).toRotationMatrix();
+}
+
 Pose bend(const CArmDeviations& d, const CArmJoints& joints) {
   return d.flex.count == 0 ? Pose::Identity() : expSE3(-d.flex.at(joints[0], joints[1]));
 }
@@ -74,6 +79,7 @@ void CArmGeometry::check() const {
     throw InputError(place, "source_detector_distance_mm", shown(source_detector_distance_m * 1e3),
                      "must exceed source_isocentre_distance_mm");
   }
+  requireSmall("l_arm_deg", radToDeg(l_arm_rad), 180);
   const CArmDeviations& d = deviations;
   requireSmall("deviations.primary_offset_deg", radToDeg(d.primary_offset_rad), 20);
   requireSmall("deviations.secondary_offset_deg", radToDeg(d.secondary_offset_rad), 20);
@@ -118,13 +124,15 @@ XrayCamera CArmGeometry::camera(double encoder_distance_m) const {
 
 Pose CArmGeometry::T_camera_patient(const CArmJoints& joints) const {
   if (!deviations.movesCamera()) {
-    const Eigen::Matrix3d R = viewRotation({joints[0], joints[1]});
+    Eigen::Matrix3d R = viewRotation({joints[0], joints[1]});
+    if (l_arm_rad != 0) R = R * R_gantry_iso(l_arm_rad);
     Pose T = Pose::Identity();
     T.linear() = R;
     T.translation() = Eigen::Vector3d(0, 0, source_isocentre_distance_m) + R * joints.tail<3>();
     return T;
   }
   Pose T = bend(deviations, joints) * rigidArm(*this, joints).T_camera_iso;
+  if (l_arm_rad != 0) T.linear() = T.linear() * R_gantry_iso(l_arm_rad);
   T.translation() += T.linear() * (deviations.table * joints.tail<3>());
   return T;
 }
@@ -133,6 +141,7 @@ Pose CArmGeometry::T_camera_patient(const CArmJoints& joints, CArmPoseJacobian* 
   const RigidArm arm = rigidArm(*this, joints);
   const Pose T_bent_camera = bend(deviations, joints);
   Pose T = T_bent_camera * arm.T_camera_iso;
+  if (l_arm_rad != 0) T.linear() = T.linear() * R_gantry_iso(l_arm_rad);
   T.translation() += T.linear() * (deviations.table * joints.tail<3>());
   if (!J) return T;
 
@@ -160,7 +169,7 @@ Pose CArmGeometry::T_camera_patient(const CArmJoints& joints, CArmPoseJacobian* 
 Eigen::Matrix<double, 6, 5> CArmGeometry::eJe(const CArmJoints& joints) const {
   Eigen::Matrix<double, 6, 5> J = Eigen::Matrix<double, 6, 5>::Zero();
   if (!deviations.movesCamera()) {
-    const Eigen::Matrix3d R = viewRotation({joints[0], joints[1]});
+    Eigen::Matrix3d R = viewRotation({joints[0], joints[1]});
     const double ca = std::cos(joints[0]), sa = std::sin(joints[0]);
     // Primary turns the arm about the patient's long axis; secondary about the axis that primary has turned.
     const Eigen::Vector3d axes_iso[2] = {Eigen::Vector3d::UnitZ(), Eigen::Vector3d(-ca, -sa, 0)};
@@ -170,6 +179,7 @@ Eigen::Matrix<double, 6, 5> CArmGeometry::eJe(const CArmJoints& joints) const {
       J.block<3, 1>(0, i) = w.cross(source_from_isocentre);
       J.block<3, 1>(3, i) = w;
     }
+    if (l_arm_rad != 0) R = R * R_gantry_iso(l_arm_rad);
     J.block<3, 3>(0, 2) = -R;  // The table moves the patient; the camera moves the other way relative to the patient.
     return J;
   }
@@ -182,34 +192,6 @@ Eigen::Matrix<double, 6, 5> CArmGeometry::eJe(const CArmJoints& joints) const {
   }
   J.block<3, 3>(0, 2) = -T.linear() * deviations.table;
   return J;
-}
-
-CArmJoints CArmGeometry::jointsFor(const ViewAngles& angles, const Eigen::Vector3d& target_patient) const {
-  CArmJoints joints;
-  joints << angles.primary_rad, angles.secondary_rad, -target_patient;
-  if (!deviations.movesCamera()) return joints;
-  joints[0] -= deviations.primary_offset_rad;
-  joints[1] -= deviations.secondary_offset_rad;
-  const Eigen::Vector3d beam = beamDirection(angles), goal(0, 0, source_isocentre_distance_m);
-  double last_error = std::numeric_limits<double>::infinity();
-  CArmJoints best = joints;
-  for (int step = 0; step < 30; ++step) {
-    const Pose T = T_camera_patient(joints);
-    const Eigen::Vector3d beam_camera = T.linear() * beam, target = T * target_patient;
-    Eigen::Matrix<double, 5, 1> error;
-    error << beam_camera.head<2>(), target - goal;
-    if (!(error.norm() < last_error)) break;
-    last_error = error.norm();
-    best = joints;
-    // A turn w of the camera moves the beam's image by w x z, a move v and a turn w the target by -v - w x target.
-    const auto J = eJe(joints);
-    Eigen::Matrix<double, 5, 5> A;
-    A.row(0) = J.row(4);
-    A.row(1) = -J.row(3);
-    A.bottomRows<3>() = J.topRows<3>() - skew(target) * J.bottomRows<3>();
-    joints += A.fullPivLu().solve(error);
-  }
-  return best;
 }
 
 Eigen::Matrix<double, kCArmPoseParameters, 1> CArmGeometry::poseParameters() const {

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <optional>
+#include <vector>
+
 #include "angio/geometry/carm_deviations.hpp"
+#include "angio/geometry/carm_limits.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 
 namespace angio {
-
-/// Joints of a C-arm with its table: primary and secondary angle [rad], table x, y, z [m]; velocities in rad/s, m/s.
-using CArmJoints = Eigen::Matrix<double, 5, 1>;
-constexpr int kCArmJointCount = 5;
 
 /// Beam angles in the patient-based convention of DICOM (0018,1510) and (0018,1511), for a patient head first supine:
 /// primary + is LAO (detector towards the patient's left), secondary + is CRA (detector towards the head).
@@ -87,6 +87,10 @@ struct CArmGeometry {
   double pixel_spacing_m = 0.25355859375e-3;
   int image_width_px = 1024;
   int image_height_px = 1024;
+
+  /// Angle of the gantry's base about the table's vertical axis (an L-arm), fixed while the arm is used: both axes turn
+  /// with it. + turns the base's head end towards the patient's left. The patient's axes and the table stay.
+  double l_arm_rad = 0;
   CArmDeviations deviations;
 
   /// Throws InputError that names the field when a length or size is not positive, the detector is nearer than the
@@ -114,17 +118,22 @@ struct CArmGeometry {
   /// nothing that a C-arm can be is too far for them.
   CArmJoints jointsFor(const ViewAngles& angles, const Eigen::Vector3d& target_patient) const;
 
+  /// All joints that do the same, but for whole turns: the above, and the arm brought over the head or the feet to the
+  /// other side, primary + 180 deg and 180 deg - secondary, whose image stands on its head.
+  std::vector<CArmJoints> allJointsFor(const ViewAngles& angles, const Eigen::Vector3d& target_patient) const;
+
+  /// Of all these, whole turns included, the joints within range and envelope that are nearest to `near` in time (the
+  /// slowest joint's share of its speed); of equals the one with the head up. Nothing when no joints are.
+  std::optional<CArmJoints> reachable(const ViewAngles& angles, const Eigen::Vector3d& target_patient,
+                                      const CArmLimits& limits, const CArmEnvelope& envelope,
+                                      const CArmJoints& near) const;
+
   /// The numbers of kCArmPoseParameterNames [rad, m, 1].
   Eigen::Matrix<double, kCArmPoseParameters, 1> poseParameters() const;
   void setPoseParameters(const Eigen::Matrix<double, kCArmPoseParameters, 1>& values);
-};
 
-/// Range, speed and acceleration of each joint, in the order and units of CArmJoints.
-struct CArmLimits {
-  CArmJoints lower, upper, velocity, acceleration;
-
-  /// A fast floor-mounted C-arm: +-120 deg / +-60 deg, 25 deg/s and 40 deg/s^2; table +-0.3 m, 0.1 m/s and 0.2 m/s^2.
-  static CArmLimits typical();
+ private:
+  CArmJoints refined(CArmJoints joints, const Eigen::Vector3d& beam, const Eigen::Vector3d& target_patient) const;
 };
 
 }  // namespace angio
