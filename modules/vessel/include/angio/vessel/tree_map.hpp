@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "angio/vessel/vessel_tree.hpp"
+
+namespace angio {
+
+/// A place on a tree.
+struct TreePlace {
+  int chain = 0;     ///< Index of VesselTree::branches().
+  double arc_m = 0;  ///< From the chain's start, along the vessel.
+};
+
+/// A place between two of the tree's points: at (1 - weight) a + weight b, wherever these have gone.
+struct TreeSpot {
+  int a = 0;
+  int b = 0;
+  double weight = 0;
+};
+
+/// Directions at a place of a vessel: along it, and two across it that turn no more than the vessel does.
+///
+/// `across` and `aside` complete `along` to a right-handed frame, carried from the root without twist: what is pushed
+/// along the vessels from there keeps its roll against them.
+struct TreeFrame {
+  Eigen::Vector3d along = Eigen::Vector3d::UnitZ();
+  Eigen::Vector3d across = Eigen::Vector3d::UnitX();
+  Eigen::Vector3d aside = Eigen::Vector3d::UnitY();
+};
+
+/// A tree as one who travels in it needs it: lengths, frames, and ways from one branch to another.
+///
+/// Chains are those of VesselTree::branches(); a chain's parent is the one that ends where it starts. Arc lengths are
+/// clamped to their chain's length. Throws std::out_of_range for a chain that is not there.
+class TreeMap {
+ public:
+  explicit TreeMap(const VesselTree& tree);
+
+  int chains() const { return static_cast<int>(lines_.size()); }
+  double length_m(int chain) const { return lines_.at(chain).arc_m.back(); }  ///< Of a chain.
+  double start_m(int chain) const { return lines_.at(chain).start_m; }        ///< From its root to its start.
+  const std::vector<int>& children(int chain) const { return lines_.at(chain).children; }
+  std::optional<int> parent(int chain) const { return lines_.at(chain).parent; }       ///< None where a root is.
+  const std::vector<int>& points(int chain) const { return lines_.at(chain).points; }  ///< Indices, root side first.
+
+  /// The chains from the root to `chain`, both included.
+  std::vector<int> pathTo(int chain) const;
+
+  /// Whether the way from the root to `chain` leads through `other`, itself included.
+  bool passes(int chain, int other) const;
+
+  TreeSpot spot(const TreePlace& place) const;
+  Eigen::Vector3d point(const TreePlace& place) const;  ///< Model frame [m].
+  TreeFrame frame(const TreePlace& place) const;        ///< Directions are means over some 2 mm to either side.
+
+  /// The place `back_m` [m] nearer to the root along the vessels; the root where there is no more.
+  TreePlace before(const TreePlace& place, double back_m) const;
+
+  /// How far the vessel has turned from the root to here, all its bends added up [rad].
+  double turned_rad(const TreePlace& place) const;
+
+  /// Direction in which a chain leaves its start, as the chord of its first `lever_m` [m] or of all of it.
+  Eigen::Vector3d leaving(int chain, double lever_m) const;
+
+ private:
+  struct Line {
+    std::vector<int> points;
+    std::vector<double> arc_m, turned_rad;  // At each of the points.
+    std::vector<Eigen::Vector3d> place, along, across;
+    double start_m = 0;
+    std::optional<int> parent;
+    std::vector<int> children;
+  };
+  void layFrames(int chain);
+
+  std::vector<Line> lines_;
+};
+
+}  // namespace angio
