@@ -5,6 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "area_shrink.hpp"
 #include "field_outline.hpp"
 #include "xray_image.hpp"
 
@@ -159,11 +160,12 @@ std::vector<cv::Point2f> outlineOfField(const cv::Mat& image) {
   const int shorter = std::min(image.cols, image.rows);
   if (shorter < kSmallestSide) return {};
   const float factor = std::max(1.0f, static_cast<float>(shorter) / kSmallSide);
-  cv::Mat small;
+  AreaShrink shrink;
+  Plane plane;
   const cv::Size size(static_cast<int>(static_cast<float>(image.cols) / factor),
                       static_cast<int>(static_cast<float>(image.rows) / factor));
-  cv::resize(image, small, size, 0, 0, cv::INTER_AREA);
-  small.convertTo(small, CV_32F);
+  shrink(image, size, plane);
+  cv::Mat small = plane.mat();
   const double mean = cv::mean(small)[0];
   if (!(mean > 0)) return {};
   cv::log(small + 0.02 * mean, small);

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "angio/imaging/thinning.hpp"
+#include "area_shrink.hpp"
 #include "device_lines.hpp"
 #include "field_outline.hpp"
 #include "flatten.hpp"
@@ -93,8 +94,7 @@ class RidgeExtractor final : public CenterlineExtractor {
     if (grid.size == grid.roi.size()) {
       seen.convertTo(working, CV_32F);
     } else {
-      seen.convertTo(full_, CV_32F);
-      cv::resize(full_, working, grid.size, 0, 0, cv::INTER_AREA);
+      shrink_(seen, grid.size, absorption_);
     }
     const bool negative = settings_.polarity == Polarity::kBright;
     // A bright vessel is a picture printed in the negative; undone, it obeys Beer and Lambert like any other.
@@ -169,7 +169,8 @@ class RidgeExtractor final : public CenterlineExtractor {
   std::optional<RidgeFitting> fitting_;
   RidgeMask mask_;
   Plane absorption_;
-  cv::Mat full_, owner_;
+  AreaShrink shrink_;
+  cv::Mat owner_;
   std::vector<RowRange> open_;
   std::vector<float> sample_;
 };

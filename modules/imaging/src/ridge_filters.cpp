@@ -58,7 +58,7 @@ void strengthRow(const float* const* rows, const float* least, int width, float 
   const hn::CappedTag<float, Plane::kSlack / 2> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto half = hn::Set(d, 0.5f), quarter = hn::Set(d, 0.25f), zero = hn::Zero(d), one = hn::Set(d, 1.0f);
-  const auto sigma2 = hn::Set(d, sigma * sigma), far = hn::Set(d, reach);
+  const auto sigma2 = hn::Set(d, sigma * sigma), per_sigma2 = hn::Set(d, 1 / (sigma * sigma)), far = hn::Set(d, reach);
   const float *above = rows[0], *here = rows[1], *below = rows[2];
   const auto at = [&](const float* row, int i) { return hn::LoadU(d, row + i); };
   // The last vector is moved back onto the row instead of running past it.
@@ -70,9 +70,16 @@ void strengthRow(const float* const* rows, const float* least, int width, float 
     const auto xx = hn::Sub(hn::Add(left, right), twice), yy = hn::Sub(hn::Add(up, down), twice);
     const auto xy = hn::Mul(
         quarter, hn::Sub(hn::Add(at(above, i - 1), at(below, i + 1)), hn::Add(at(above, i + 1), at(below, i - 1))));
-    const auto gx = hn::Mul(half, hn::Sub(right, left)), gy = hn::Mul(half, hn::Sub(down, up));
     const auto mean = hn::Mul(half, hn::Add(xx, yy)), difference = hn::Mul(half, hn::Sub(xx, yy));
-    const auto root = hn::Sqrt(hn::MulAdd(difference, difference, hn::Mul(xy, xy)));
+    const auto root2 = hn::MulAdd(difference, difference, hn::Mul(xy, xy));
+    // Most of an image bends too little: that needs no root.
+    const auto needed = hn::MulAdd(at(least, i), per_sigma2, mean);
+    if (hn::AllFalse(d, hn::Or(hn::Lt(needed, zero), hn::Gt(root2, hn::Mul(needed, needed))))) {
+      hn::StoreU(zero, d, to + i);
+      continue;
+    }
+    const auto root = hn::Sqrt(root2);
+    const auto gx = hn::Mul(half, hn::Sub(right, left)), gy = hn::Mul(half, hn::Sub(down, up));
     const auto across = hn::Sub(root, mean);          // Minus the eigenvalue across the line.
     const auto along = hn::Neg(hn::Add(root, mean));  // Minus the one along it.
     // (g . n)^2 = (g^2 + cos 2a (gx^2 - gy^2) + 2 sin 2a gx gy) / 2 with a the direction across.
@@ -180,17 +187,6 @@ void ridgeStrength(const Plane& smoothed, float sigma, float reach, const cv::Ma
     HWY_DYNAMIC_DISPATCH(strengthRow)(rows, threshold.data(), width, sigma, reach, strength.row(y));
     strength.row(y)[0] = strength.row(y)[width - 1] = 0;
   }
-}
-
-cv::Point2f acrossRidge(const Plane& smoothed, int x, int y) {
-  const float *above = smoothed.row(y - 1) + x, *here = smoothed.row(y) + x, *below = smoothed.row(y + 1) + x;
-  const float xx = here[-1] + here[1] - 2 * here[0], yy = above[0] + below[0] - 2 * here[0];
-  const float xy = 0.25f * (above[-1] + below[1] - above[1] - below[-1]);
-  const float difference = 0.5f * (xx - yy), root = std::sqrt(difference * difference + xy * xy);
-  if (!(root > 0)) return {1, 0};
-  const float c = -difference / root;  // Of the doubled angle.
-  const float nx = std::sqrt(std::max(0.0f, 0.5f * (1 + c))), ny = std::sqrt(std::max(0.0f, 0.5f * (1 - c)));
-  return {nx, xy > 0 ? -ny : ny};
 }
 
 }  // namespace angio

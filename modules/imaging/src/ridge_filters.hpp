@@ -35,7 +35,4 @@ void halve(const Plane& from, Plane& to, Plane& buffer);
 /// is what does not exceed `least` (CV_32FC1, positive, a value for each block of the image).
 void ridgeStrength(const Plane& smoothed, float sigma, float reach, const cv::Mat& least, Plane& strength);
 
-/// Direction across a ridge at a pixel of the smoothed image, which must have eight neighbours. Length one.
-cv::Point2f acrossRidge(const Plane& smoothed, int x, int y);
-
 }  // namespace angio

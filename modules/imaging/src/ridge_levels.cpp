@@ -77,25 +77,21 @@ HWY_EXPORT(doubleRow);
 HWY_EXPORT(poolRow);
 HWY_EXPORT(strongerRow);
 
-}  // namespace
-
-void doubled(const StrongestLines& coarse, const StrongestLines& fine) {
+// A row of a level from the next coarser one.
+void doubledRow(const StrongestLines& coarse, int y, int width, float* const* to) {
   const Plane* from[] = {&coarse.strength, &coarse.radius, &coarse.salience};
-  Plane* to[] = {&fine.strength, &fine.radius, &fine.salience};
-  const int width = fine.strength.width(), height = fine.strength.height();
+  const int upper = y / 2, lower = std::min((y + 1) / 2, coarse.strength.height() - 1);
+  const float* a[] = {from[0]->row(upper), from[1]->row(upper), from[2]->row(upper)};
+  const float* b[] = {from[0]->row(lower), from[1]->row(lower), from[2]->row(lower)};
+  HWY_DYNAMIC_DISPATCH(doubleRow)(a, b, width, to);
   // Rows have room past their ends; the last odd pixel's right neighbour is its left one.
   const int last = coarse.strength.width() - 1;
-  for (int y = 0; y < height; ++y) {
-    const int upper = y / 2, lower = std::min((y + 1) / 2, coarse.strength.height() - 1);
-    const float* a[] = {from[0]->row(upper), from[1]->row(upper), from[2]->row(upper)};
-    const float* b[] = {from[0]->row(lower), from[1]->row(lower), from[2]->row(lower)};
-    float* out[] = {to[0]->row(y), to[1]->row(y), to[2]->row(y)};
-    HWY_DYNAMIC_DISPATCH(doubleRow)(a, b, width, out);
-    for (int plane = 0; plane < 3 && width % 2 == 0; ++plane) {
-      out[plane][width - 1] = 0.5f * (a[plane][last] + b[plane][last]);
-    }
+  for (int plane = 0; plane < 3 && width % 2 == 0; ++plane) {
+    to[plane][width - 1] = 0.5f * (a[plane][last] + b[plane][last]);
   }
 }
+
+}  // namespace
 
 void halveToLargest(const cv::Mat& from, cv::Mat& to, std::vector<float>& scratch) {
   const int cols = from.cols, half = (cols + 1) / 2;
@@ -113,18 +109,31 @@ void halveToLargest(const cv::Mat& from, cv::Mat& to, std::vector<float>& scratc
   }
 }
 
-void takeStronger(const Plane& strength, const cv::Mat& noise, float radius, const StrongestLines& best) {
-  const int width = strength.width(), height = strength.height();
-  std::vector<float> per_noise(static_cast<std::size_t>(width) + Plane::kSlack);
-  int block = -1;
+// Row after row, so that each is still at hand for the next scale.
+void takeStronger(const StrongestLines* coarser, const std::vector<ScaleLines>& scales, const StrongestLines& best) {
+  const int width = best.strength.width(), height = best.strength.height();
+  const std::size_t stride = static_cast<std::size_t>(width) + Plane::kSlack;
+  std::vector<float> per_noise(scales.size() * stride);
+  std::vector<int> blocks(scales.size(), -1);
   for (int y = 0; y < height; ++y) {
-    if (y * noise.rows / height != block) {
-      block = y * noise.rows / height;
-      for (int x = 0; x < width; ++x)
-        per_noise[x] = 1 / std::max(noise.at<float>(block, x * noise.cols / width), 1e-6f);
-    }
     float* rows[] = {best.strength.row(y), best.radius.row(y), best.salience.row(y)};
-    HWY_DYNAMIC_DISPATCH(strongerRow)(strength.row(y), per_noise.data(), radius, width, rows);
+    if (coarser != nullptr) {
+      doubledRow(*coarser, y, width, rows);
+    } else {
+      for (float* row : rows) std::fill(row, row + width, 0.0f);
+    }
+    for (std::size_t k = 0; k < scales.size(); ++k) {
+      const cv::Mat& noise = scales[k].noise;
+      float* inverse = per_noise.data() + k * stride;
+      const int block = y * noise.rows / height;
+      if (block != blocks[k]) {
+        blocks[k] = block;
+        for (int x = 0; x < width; ++x) {
+          inverse[x] = 1 / std::max(noise.at<float>(block, x * noise.cols / width), 1e-6f);
+        }
+      }
+      HWY_DYNAMIC_DISPATCH(strongerRow)(scales[k].strength.row(y), inverse, scales[k].radius, width, rows);
+    }
   }
 }
 

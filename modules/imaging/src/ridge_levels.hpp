@@ -16,10 +16,16 @@ struct StrongestLines {
   Plane &strength, &radius, &salience;
 };
 
-/// The next finer level's pixels from those of a halved one: the same where they lie on each other, else between.
-void doubled(const StrongestLines& coarse, const StrongestLines& fine);
+/// A scale's lines: their strength, its noise (CV_32FC1, a value for each block of the image), and the radius of a
+/// vessel that answers most to it.
+struct ScaleLines {
+  const Plane& strength;
+  const cv::Mat& noise;
+  float radius = 1;
+};
 
-/// Puts a scale's lines into `best` where they are stronger. `noise` (CV_32FC1) is a value for each block of the image.
-void takeStronger(const Plane& strength, const cv::Mat& noise, float radius, const StrongestLines& best);
+/// The strongest lines of a level: those of the next coarser one (null: there is none), the same where its pixels lie
+/// on this one's, else between, and the level's own `scales` where they are stronger.
+void takeStronger(const StrongestLines* coarser, const std::vector<ScaleLines>& scales, const StrongestLines& best);
 
 }  // namespace angio

@@ -28,8 +28,10 @@ cv::Mat& RidgeMask::operator()(const std::vector<RowRange>& open, const Plane& s
       to[x + 1] = static_cast<std::uint8_t>(weak + (weak & (stands_out[x] > strong ? 1 : 0)));
     }
   }
-  mask_.create(height, width, CV_8UC1);
-  mask_.setTo(0);
+  // Of the same shape, so that a pixel has the same place in both.
+  framed_.create(height + 2, row, CV_8UC1);
+  framed_.setTo(0);
+  std::uint8_t* mask = framed_.ptr();
   const std::array<int, 8> around{1, 1 - row, -row, -1 - row, -1, row - 1, row, row + 1};
   std::uint8_t* pixel = classes_.ptr();
   const std::uint8_t* end = pixel + static_cast<std::ptrdiff_t>(row) * (height + 2);
@@ -51,8 +53,9 @@ cv::Mat& RidgeMask::operator()(const std::vector<RowRange>& open, const Plane& s
       }
     }
     if (found < seeds) continue;
-    for (const int p : region_) mask_.at<std::uint8_t>(p / row - 1, p % row - 1) = 255;
+    for (const int p : region_) mask[p] = 255;
   }
+  mask_ = framed_(cv::Rect(1, 1, width, height));
   return mask_;
 }
 

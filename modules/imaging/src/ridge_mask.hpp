@@ -19,7 +19,7 @@ class RidgeMask {
                       float strong, int seeds);
 
  private:
-  cv::Mat mask_, classes_;
+  cv::Mat framed_, mask_, classes_;
   std::vector<int> region_;
 };
 

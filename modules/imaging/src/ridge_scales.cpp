@@ -25,17 +25,10 @@ constexpr float kFinestOfLevel = 1.25f;
 // One pixel of a thin line has its centre within 0.7 of the line.
 constexpr float kReach = 0.5f, kLeastReach = 0.75f;
 
-// Where the flanks of a line are looked at, in standard deviations of its scale, and how far the smaller fall from the
-// middle must come up to the larger.
-constexpr float kFlank = 2.2f, kSymmetry = 0.35f;
-
-// A sharper filter is this many scales away, and looks this many standard deviations beside the middle.
+// A sharper filter is this many scales away, and its lines are near within so many of the coarser one's standard
+// deviations.
 constexpr std::size_t kSharper = 2;
-constexpr float kBeside[] = {0.8f, 1.4f};
-
-// A line of such a finer scale takes the place of a wide one within this many of the latter's standard deviations, if
-// it is so strong in comparison: two vessels that cross or part are not one.
-constexpr float kNearFiner = 1.2f, kFinerPart = 0.9f;
+constexpr float kNearFiner = 1.2f;
 
 // Noise is measured in blocks of this many pixels of the level at least, at some of them, by a quantile that
 // vessels do not reach unless they cover half of the block. The two deviators of the second derivatives are independent
@@ -46,10 +39,6 @@ constexpr float kBendPerDeviator = 1.7320508f;  // Standard deviation of the ben
 
 // Standard deviation of white noise under a Gaussian filter, in that of its bend times the filter's variance.
 constexpr float kValuePerBend = 1.1547005f;
-
-float valueAt(const Plane& image, float x, float y) {
-  return image.contains(x, y) ? image.within(x, y) : image.at(x, y);
-}
 
 }  // namespace
 
@@ -86,15 +75,12 @@ void RidgeScales::analyse(const Plane& absorption, const RidgeThresholds& thresh
     const float reach = std::max(kLeastReach, kReach * scale.level_sigma);
     ridgeStrength(scale.smoothed, scale.level_sigma, reach, scale.least, scale.strength);
     gatherFiner(static_cast<int>(k));
-    keepLines(scale, k < kSharper ? nullptr : &scales_[k - kSharper]);
+    keepLines(static_cast<int>(k));
   }
   for (int level = static_cast<int>(levels_.size()) - 1; level >= 0; --level) {
     const Plane& size = level == 0 ? absorption : levels_[level];
     for (auto* planes : {&strongest_, &widest_, &salience_}) (*planes)[level].resize(size.width(), size.height());
     gather(level);
-    for (const Scale& scale : scales_) {
-      if (scale.level == level) select(scale);
-    }
   }
 }
 
@@ -134,15 +120,17 @@ float RidgeScales::noiseAt(const ScaleImage& image, const cv::Point2f& p) const 
   return kValuePerBend * scale.noise.at<float>(row, column);
 }
 
-// Begins a level with what the next coarser one found.
+// What the next coarser level found, and the level's own scales where they are stronger.
 void RidgeScales::gather(int level) {
-  if (level + 1 < static_cast<int>(levels_.size())) {
-    doubled(linesOf(level + 1), linesOf(level));
-    return;
+  std::vector<ScaleLines> own;
+  for (const Scale& scale : scales_) {
+    if (scale.level == level) own.push_back({scale.strength, scale.noise, scale.sigma / kScaleOfRadius});
   }
-  for (auto* planes : {&strongest_, &widest_, &salience_}) {
-    Plane& plane = (*planes)[level];
-    for (int y = 0; y < plane.height(); ++y) std::fill(plane.row(y), plane.row(y) + plane.width(), 0.0f);
+  if (level + 1 < static_cast<int>(levels_.size())) {
+    const StrongestLines coarser = linesOf(level + 1);
+    takeStronger(&coarser, own, linesOf(level));
+  } else {
+    takeStronger(nullptr, own, linesOf(level));
   }
 }
 
@@ -174,52 +162,14 @@ void RidgeScales::measureNoise(Scale& scale) {
   cv::medianBlur(scale.noise, scale.noise, 3);
 }
 
-// Two vessels side by side are one wide line to a coarse filter. A sharper one sees that what lies beside the middle is
-// darker than the middle.
-bool RidgeScales::isDarkest(const Scale& scale, const Scale& finer, int x, int y, const cv::Point2f& normal,
-                            float allowed) {
-  const float ratio = static_cast<float>(1 << scale.level) / static_cast<float>(1 << finer.level);
-  const float fx = ratio * static_cast<float>(x), fy = ratio * static_cast<float>(y);
-  const float middle = finer.smoothed.at(fx, fy) + allowed;
-  for (const float part : kBeside) {
-    const cv::Point2f n = (part * scale.level_sigma * ratio) * normal;
-    if (std::max(valueAt(finer.smoothed, fx - n.x, fy - n.y), valueAt(finer.smoothed, fx + n.x, fy + n.y)) > middle) {
-      return false;
-    }
-  }
-  return true;
-}
-
-// Leaves in the scale's strength only what is a line by its flanks, and no more than one.
-void RidgeScales::keepLines(Scale& scale, const Scale* finer) {
-  const Plane& image = scale.smoothed;
-  const float flank = kFlank * scale.level_sigma;
-  for (int y = 1; y + 1 < image.height(); ++y) {
-    float* strength = scale.strength.row(y);
-    const float* near = finer != nullptr ? near_finer_[scale.level].ptr<float>(y) : nullptr;
-    for (int x = 1; x + 1 < image.width(); ++x) {
-      if (!(strength[x] > 0)) continue;
-      if (near != nullptr && near[x] > kFinerPart * strength[x]) {
-        strength[x] = 0;
-        continue;
-      }
-      const cv::Point2f n = flank * acrossRidge(image, x, y);
-      const float fx = static_cast<float>(x), fy = static_cast<float>(y), middle = image.row(y)[x];
-      const float left = middle - valueAt(image, fx - n.x, fy - n.y);
-      const float right = middle - valueAt(image, fx + n.x, fy + n.y);
-      const float allowed = kSymmetry * std::max(left, right);
-      if (std::min(left, right) >= allowed &&
-          (finer == nullptr || isDarkest(scale, *finer, x, y, (1 / flank) * n, allowed))) {
-        continue;
-      }
-      strength[x] = 0;
-    }
-  }
-}
-
-// Puts the scale's lines into its level where they are stronger than what is there.
-void RidgeScales::select(const Scale& scale) {
-  takeStronger(scale.strength, scale.noise, scale.sigma / kScaleOfRadius, linesOf(scale.level));
+void RidgeScales::keepLines(int index) {
+  Scale& scale = scales_[index];
+  const SmoothedImage image{scale.smoothed, scale.level_sigma};
+  if (index < static_cast<int>(kSharper)) return flanks_(image, nullptr, scale.strength);
+  const Scale& finer = scales_[index - kSharper];
+  const float per_pixel = static_cast<float>(1 << scale.level) / static_cast<float>(1 << finer.level);
+  const FinerImages images{finer.smoothed, per_pixel, near_finer_[scale.level]};
+  flanks_(image, &images, scale.strength);
 }
 
 }  // namespace angio

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "ridge_filters.hpp"
+#include "ridge_flanks.hpp"
 #include "ridge_levels.hpp"
 
 namespace angio {
@@ -55,14 +56,13 @@ class RidgeScales {
   };
 
   void measureNoise(Scale& scale);
-  static bool isDarkest(const Scale& scale, const Scale& finer, int x, int y, const cv::Point2f& normal, float allowed);
   void gatherFiner(int index);
-  void keepLines(Scale& scale, const Scale* finer);
-  void select(const Scale& scale);
+  void keepLines(int index);
   void gather(int level);
   StrongestLines linesOf(int level) { return {strongest_[level], widest_[level], salience_[level]}; }
 
   std::vector<Scale> scales_;
+  RidgeFlanks flanks_;
   std::vector<Plane> levels_, strongest_, widest_, salience_;
   Plane buffer_;
   std::vector<cv::Mat> finer_, near_finer_, pooled_;  // By level.
