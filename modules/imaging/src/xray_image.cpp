@@ -4,6 +4,7 @@
 #include <opencv2/core.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/imaging/xray_frame.hpp"
 
 namespace angio {
 
@@ -11,6 +12,24 @@ void requireXray(const cv::Mat& image) {
   if (image.empty()) throw InputError("image", "size", "0 x 0", "must have pixels");
   if (image.type() == CV_8UC1 || image.type() == CV_16UC1) return;
   throw InputError("image", "type", cv::typeToString(image.type()), "must be CV_8UC1 or CV_16UC1");
+}
+
+XrayFrame cropped(const XrayFrame& frame, const cv::Rect& window) {
+  const bool inside = window.x >= 0 && window.y >= 0 && window.width > 0 && window.height > 0 &&
+                      window.width <= frame.image.cols - window.x && window.height <= frame.image.rows - window.y;
+  if (!inside) {
+    const auto size = [](int width, int height) { return std::to_string(width) + " x " + std::to_string(height); };
+    throw InputError(
+        "image", "window",
+        size(window.width, window.height) + " at " + std::to_string(window.x) + ", " + std::to_string(window.y),
+        "must lie within the " + size(frame.image.cols, frame.image.rows) + " of the image");
+  }
+  XrayCamera::Parameters camera = frame.camera.parameters();
+  camera.width_px = window.width;
+  camera.height_px = window.height;
+  camera.cx_px -= window.x;
+  camera.cy_px -= window.y;
+  return {frame.time_us, frame.sequence, frame.image(window), XrayCamera(camera)};
 }
 
 }  // namespace angio

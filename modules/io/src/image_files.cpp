@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "angio/base/errors.hpp"
+#include "angio/imaging/png.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/xa_files.hpp"
 #include "dicom_structure.hpp"

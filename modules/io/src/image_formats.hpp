@@ -13,10 +13,9 @@ constexpr unsigned kLargestSide = 8192;
 /// The longest sequence in one TIFF: libtiff takes quadratic time for its pages.
 constexpr int kMostPages = 10'000;
 
-/// Decode a PNG file or a page of a TIFF file, from 0: CV_8UC1, CV_16UC1, CV_8UC3 or CV_16UC3. OpenCV's own readers and
-/// the libraries' default error handlers write to the terminal, so both are called with handlers of ours. Throw
-/// InputError that names `path`.
-cv::Mat decodePng(const std::string& path, const std::string& content);
+/// Decodes a page of a TIFF file, from 0: CV_8UC1, CV_16UC1, CV_8UC3 or CV_16UC3. OpenCV's own reader and libtiff's
+/// default error handlers write to the terminal, so libtiff is called with handlers of ours. Throws InputError that
+/// names `path`.
 cv::Mat decodeTiff(const std::string& path, const std::string& content, int page);
 
 /// How many pages a TIFF has. Throws InputError when one cannot be found or there are more than kMostPages.

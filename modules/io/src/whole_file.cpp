@@ -128,4 +128,10 @@ void writeWholeFile(const std::string& path, const std::string& content) {
   temporary.kept = true;
 }
 
+void requireFolderOf(const std::string& path) {
+  if (path.empty()) return;
+  const auto folder = std::filesystem::absolute(path).parent_path();
+  if (!std::filesystem::is_directory(folder)) throw InputError(path, "", "", "its folder must exist");
+}
+
 }  // namespace angio

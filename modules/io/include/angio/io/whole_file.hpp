@@ -18,4 +18,8 @@ std::string readWholeFile(const std::string& path, std::size_t largest_bytes = k
 /// target. Throws InputError with path and reason, and leaves nothing behind.
 void writeWholeFile(const std::string& path, const std::string& content);
 
+/// Throws InputError when a file cannot come to be there: better before hours of work than after. An empty path is
+/// none.
+void requireFolderOf(const std::string& path);
+
 }  // namespace angio

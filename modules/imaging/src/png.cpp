@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/imaging/png.hpp"
+
+#include <png.h>
+#include <zlib.h>
+
+#include <csetjmp>
+#include <cstring>
+#include <stdexcept>
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+namespace {
+
+// Everything libpng works on lives here, outside the functions that it may leave with longjmp: no destructor is
+// skipped.
+struct PngReading {
+  std::string_view content;
+  std::size_t done = 0;
+  std::string message;
+  png_structp png = nullptr;
+  png_infop info = nullptr;
+  std::jmp_buf at_error;
+  cv::Mat image;
+  std::vector<png_bytep> rows;
+
+  explicit PngReading(std::string_view bytes) : content(bytes) {}
+  PngReading(const PngReading&) = delete;
+  PngReading& operator=(const PngReading&) = delete;
+  ~PngReading() { png_destroy_read_struct(&png, &info, nullptr); }
+};
+
+// The same for writing.
+struct PngWriting {
+  std::vector<std::uint8_t> content;
+  png_structp png = nullptr;
+  png_infop info = nullptr;
+  std::jmp_buf at_error;
+  std::vector<png_bytep> rows;
+
+  PngWriting() = default;
+  PngWriting(const PngWriting&) = delete;
+  PngWriting& operator=(const PngWriting&) = delete;
+  ~PngWriting() { png_destroy_write_struct(&png, &info); }
+};
+
+[[noreturn]] void onError(png_structp png, png_const_charp message) {
+  auto& reading = *static_cast<PngReading*>(png_get_error_ptr(png));
+  reading.message = message;
+  std::longjmp(reading.at_error, 1);
+}
+
+[[noreturn]] void onWriteError(png_structp png, png_const_charp) {
+  std::longjmp(static_cast<PngWriting*>(png_get_error_ptr(png))->at_error, 1);
+}
+
+void onWarning(png_structp, png_const_charp) {}
+
+void readBytes(png_structp png, png_bytep to, std::size_t count) {
+  auto& reading = *static_cast<PngReading*>(png_get_io_ptr(png));
+  if (count > reading.content.size() - reading.done) png_error(png, "the file ends too early");
+  std::memcpy(to, reading.content.data() + reading.done, count);
+  reading.done += count;
+}
+
+// Holds no object with a destructor while libpng runs.
+bool readHeader(PngReading& reading) {
+  if (setjmp(reading.at_error)) return false;
+  png_set_user_limits(reading.png, kLargestPngSide, kLargestPngSide);
+  png_set_chunk_malloc_max(reading.png, 1 << 20);
+  png_set_read_fn(reading.png, &reading, readBytes);
+  png_read_info(reading.png, reading.info);
+  png_set_expand(reading.png);  // Palettes and less than eight bits.
+  png_set_swap(reading.png);    // Sixteen bits stand in network order.
+  png_set_interlace_handling(reading.png);
+  png_read_update_info(reading.png, reading.info);
+  return true;
+}
+
+bool readPixels(PngReading& reading) {
+  if (setjmp(reading.at_error)) return false;
+  png_read_image(reading.png, reading.rows.data());
+  png_read_end(reading.png, nullptr);
+  return true;
+}
+
+void appendBytes(png_structp png, png_bytep from, std::size_t count) {
+  bool appended = true;
+  try {
+    auto& content = static_cast<PngWriting*>(png_get_io_ptr(png))->content;
+    content.insert(content.end(), from, from + count);
+  } catch (const std::bad_alloc&) {  // Not through C.
+    appended = false;
+  }
+  if (!appended) png_error(png, "no memory");
+}
+
+void flushNothing(png_structp) {}
+
+bool writePixels(PngWriting& writing, unsigned width, unsigned height, int bits) {
+  if (setjmp(writing.at_error)) return false;
+  png_set_write_fn(writing.png, &writing, appendBytes, flushNothing);
+  png_set_IHDR(writing.png, writing.info, width, height, bits, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  // What the noise of an X-ray leaves to compress is in the differences' histogram: looking for repetitions takes four
+  // times as long and saves no more.
+  png_set_filter(writing.png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
+  png_set_compression_level(writing.png, 1);
+  png_set_compression_strategy(writing.png, Z_HUFFMAN_ONLY);
+  png_write_info(writing.png, writing.info);
+  if (bits == 16) png_set_swap(writing.png);
+  png_write_image(writing.png, writing.rows.data());
+  png_write_end(writing.png, nullptr);
+  return true;
+}
+
+std::uint32_t bigEndian(std::string_view bytes) {
+  std::uint32_t number = 0;
+  for (const char byte : bytes.substr(0, 4)) number = number << 8 | static_cast<unsigned char>(byte);
+  return number;
+}
+
+}  // namespace
+
+std::optional<PngHeader> pngHeader(std::string_view content) {
+  // Signature, and a first chunk IHDR of 13 bytes: width, height, bits, colour type, and three more, interlacing last.
+  constexpr std::string_view kStart("\x89PNG\r\n\x1a\n\0\0\0\rIHDR", 16);
+  if (content.size() < kStart.size() + 13 || content.substr(0, kStart.size()) != kStart) return std::nullopt;
+  return PngHeader{bigEndian(content.substr(16)), bigEndian(content.substr(20)), content[24],
+                   content[25] == PNG_COLOR_TYPE_GRAY && content[28] == PNG_INTERLACE_NONE};
+}
+
+std::vector<std::uint8_t> encodePng(const cv::Mat& image) {
+  if (image.empty() || (image.type() != CV_8UC1 && image.type() != CV_16UC1)) {
+    throw std::invalid_argument("image: must be of type CV_8UC1 or CV_16UC1");
+  }
+  PngWriting writing;
+  writing.content.reserve(image.total() * image.elemSize());
+  for (int r = 0; r < image.rows; ++r) writing.rows.push_back(const_cast<png_bytep>(image.ptr(r)));
+  writing.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &writing, onWriteError, onWarning);
+  if (writing.png) writing.info = png_create_info_struct(writing.png);
+  if (!writing.info || !writePixels(writing, static_cast<unsigned>(image.cols), static_cast<unsigned>(image.rows),
+                                    image.depth() == CV_8U ? 8 : 16)) {
+    throw std::runtime_error("an image cannot be written as PNG");
+  }
+  return std::move(writing.content);
+}
+
+cv::Mat decodePng(const std::string& place, std::string_view content) {
+  PngReading reading(content);
+  const auto broken = [&] { return InputError(place, "", "", "is not a readable PNG image: " + reading.message); };
+  reading.png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &reading, onError, onWarning);
+  if (reading.png) reading.info = png_create_info_struct(reading.png);
+  if (!reading.info) throw InputError(place, "", "", "cannot be read: libpng does not start");
+  if (!readHeader(reading)) throw broken();
+
+  const int width = static_cast<int>(png_get_image_width(reading.png, reading.info));
+  const int height = static_cast<int>(png_get_image_height(reading.png, reading.info));
+  const int channels = png_get_channels(reading.png, reading.info);
+  const int bits = png_get_bit_depth(reading.png, reading.info);
+  if (channels != 1 && channels != 3) {
+    throw InputError(place, "channels", std::to_string(channels), "must be 1, or 3 that are equal; no transparency");
+  }
+  reading.image.create(height, width, CV_MAKETYPE(bits == 16 ? CV_16U : CV_8U, channels));
+  for (int r = 0; r < height; ++r) reading.rows.push_back(reading.image.ptr(r));
+  if (!readPixels(reading)) throw broken();
+  return reading.image;
+}
+
+}  // namespace angio
