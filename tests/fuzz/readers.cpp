@@ -28,6 +28,8 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/xa_files.hpp"
+#include "angio/messaging/bus_monitor.hpp"
+#include "angio/messaging/log_reader.hpp"
 #include "value_checks.hpp"
 
 namespace angio::test {
@@ -42,6 +44,20 @@ void readLine(const std::string& path) { checkCenterline(readCenterline(path)); 
 void readShifts(const std::string& path) {
   const Eigen::Matrix3Xd shifts = readDisplacements(path, kPoints);
   promised(shifts.cols() == kPoints && shifts.allFinite(), "each point is displaced");
+}
+
+void readLog(const std::string& path) {
+  LogReader log(path);
+  BusMonitor monitor;
+  std::int64_t messages = 0, now_us = 0;
+  for (auto event = log.next(); event; event = log.next(), ++messages) {
+    monitor.hear(event->channel, event->bytes.data(), event->bytes.size(), event->time_us);
+    now_us = event->time_us;
+  }
+  promised(log.position_bytes() == log.size_bytes() && log.skipped_bytes() <= log.size_bytes(), "a log ends");
+  std::int64_t counted = 0;
+  for (const ChannelReport& channel : monitor.report(now_us)) counted += channel.messages;
+  promised(counted == messages, "each message is counted");
 }
 
 void readImage(const std::string& path) {
@@ -202,6 +218,7 @@ std::vector<FileReader> listedReaders() {
       {"anatomy_angles", "input.yaml", readAngles},
       {"bead_phantom", "input.yaml", readPhantom},
       {"bead_table", "input.csv", readBeads},
+      {"bus_log", "input.lcm", readLog},
   };
 #ifdef ANGIO_HAVE_VOLUMES
   for (FileReader& reader : volumeReaders()) readers.push_back(std::move(reader));

@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 
+#include "angio/base/errors.hpp"
 #include "random_messages.hpp"
 
 namespace angio {
@@ -21,6 +22,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 // Sound by our own account, not by the codec's rules.
 void expectSound(const CArmState& m) { EXPECT_TRUE(m.joints.allFinite() && m.velocity.allFinite()); }
+void expectSound(const ServoInput& m) { expectSound(m.state); }
 void expectSound(const CArmCommand& m) {
   EXPECT_TRUE(m.velocity.allFinite());
   EXPECT_GE(m.valid_for_us, 0);
@@ -33,7 +35,30 @@ void expectSound(const RegistrationMessage& m) {
 }
 void expectSound(const ServoStatus& m) {
   EXPECT_TRUE(std::isfinite(m.view_error_rad) && std::isfinite(m.target_error_m));
-  EXPECT_TRUE(m.state == ServoState::kHold || m.state == ServoState::kServo);
+  EXPECT_TRUE(static_cast<int>(m.state) >= 0 && static_cast<int>(m.state) <= 5);
+  EXPECT_TRUE(static_cast<int>(m.cause) >= 0 && static_cast<int>(m.cause) <= 15);
+  EXPECT_GE(m.transitions, 0);
+}
+void expectSound(const ServoRequest& m) {
+  EXPECT_TRUE(static_cast<int>(m.request) >= 0 && static_cast<int>(m.request) <= 4);
+  EXPECT_GE(m.transitions, 0);
+}
+void expectSound(const CatheterState& m) {
+  EXPECT_TRUE(std::isfinite(m.insertion_m) && std::isfinite(m.roll_rad) && std::isfinite(m.bend_rad));
+  EXPECT_TRUE(std::isfinite(m.insertion_speed_mps) && std::isfinite(m.roll_speed_radps));
+  EXPECT_TRUE(std::isfinite(m.bend_speed_radps) && std::isfinite(m.insertion_force_n));
+  EXPECT_GE(m.bend_rad, 0);
+}
+void expectSound(const CatheterCommand& m) {
+  EXPECT_TRUE(std::isfinite(m.insertion_speed_mps) && std::isfinite(m.roll_speed_radps));
+  EXPECT_TRUE(std::isfinite(m.bend_speed_radps));
+  EXPECT_GE(m.valid_for_us, 0);
+}
+void expectSound(const CatheterTip& m) {
+  EXPECT_TRUE(m.tip_model.allFinite() && m.covariance.allFinite() && std::isfinite(m.arc_length_m));
+  EXPECT_TRUE(m.probability >= 0 && m.probability <= 1 && m.branch >= 0 && m.tree_point >= 0 && m.arc_length_m >= 0);
+  EXPECT_TRUE(m.status == CatheterTipStatus::kLost || m.status == CatheterTipStatus::kAmbiguous ||
+              m.status == CatheterTipStatus::kLocated);
 }
 void expectSound(const XrayFrame& m) {
   const auto& p = m.camera.parameters();
@@ -46,6 +71,12 @@ void expectEqual(const CArmState& a, const CArmState& b) {
   EXPECT_EQ(a.sequence, b.sequence);
   EXPECT_EQ(a.joints, b.joints);
   EXPECT_EQ(a.velocity, b.velocity);
+}
+void expectEqual(const ServoInput& a, const ServoInput& b) {
+  EXPECT_EQ(a.time_us, b.time_us);
+  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
+  expectEqual(a.state, b.state);
+  EXPECT_EQ(a.verdict, b.verdict);
 }
 void expectEqual(const CArmCommand& a, const CArmCommand& b) {
   EXPECT_EQ(a.time_us, b.time_us);
@@ -75,6 +106,48 @@ void expectEqual(const ServoStatus& a, const ServoStatus& b) {
   EXPECT_EQ(a.image_us, b.image_us);
   EXPECT_EQ(a.registration_us, b.registration_us);
   EXPECT_EQ(a.control_us, b.control_us);
+  EXPECT_EQ(a.transitions, b.transitions);
+  EXPECT_EQ(a.transition_time_us, b.transition_time_us);
+  EXPECT_EQ(a.cause, b.cause);
+}
+void expectEqual(const ServoRequest& a, const ServoRequest& b) {
+  EXPECT_EQ(a.time_us, b.time_us);
+  EXPECT_EQ(a.sequence, b.sequence);
+  EXPECT_EQ(a.status_time_us, b.status_time_us);
+  EXPECT_EQ(a.transitions, b.transitions);
+  EXPECT_EQ(a.request, b.request);
+}
+void expectEqual(const CatheterState& a, const CatheterState& b) {
+  EXPECT_EQ(a.time_us, b.time_us);
+  EXPECT_EQ(a.sequence, b.sequence);
+  EXPECT_EQ(a.insertion_m, b.insertion_m);
+  EXPECT_EQ(a.roll_rad, b.roll_rad);
+  EXPECT_EQ(a.bend_rad, b.bend_rad);
+  EXPECT_EQ(a.insertion_speed_mps, b.insertion_speed_mps);
+  EXPECT_EQ(a.roll_speed_radps, b.roll_speed_radps);
+  EXPECT_EQ(a.bend_speed_radps, b.bend_speed_radps);
+  EXPECT_EQ(a.insertion_force_n, b.insertion_force_n);
+}
+void expectEqual(const CatheterCommand& a, const CatheterCommand& b) {
+  EXPECT_EQ(a.time_us, b.time_us);
+  EXPECT_EQ(a.sequence, b.sequence);
+  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
+  EXPECT_EQ(a.valid_for_us, b.valid_for_us);
+  EXPECT_EQ(a.insertion_speed_mps, b.insertion_speed_mps);
+  EXPECT_EQ(a.roll_speed_radps, b.roll_speed_radps);
+  EXPECT_EQ(a.bend_speed_radps, b.bend_speed_radps);
+}
+void expectEqual(const CatheterTip& a, const CatheterTip& b) {
+  EXPECT_EQ(a.time_us, b.time_us);
+  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
+  EXPECT_EQ(a.status, b.status);
+  EXPECT_EQ(a.tip_model, b.tip_model);
+  EXPECT_EQ(a.covariance, b.covariance);
+  EXPECT_EQ(a.branch, b.branch);
+  EXPECT_EQ(a.tree_point, b.tree_point);
+  EXPECT_EQ(a.arc_length_m, b.arc_length_m);
+  EXPECT_EQ(a.probability, b.probability);
+  EXPECT_EQ(a.reason, b.reason);
 }
 void expectEqual(const XrayFrame& a, const XrayFrame& b) {
   EXPECT_EQ(a.time_us, b.time_us);
@@ -113,11 +186,14 @@ void expectRefused(const Bytes& bytes) {
 
 template <typename T>
 struct EveryMessage : testing::Test {};
-using Messages = testing::Types<XrayFrame, CArmState, CArmCommand, RegistrationMessage, ServoStatus>;
+using Messages = testing::Types<XrayFrame, CArmState, CArmCommand, RegistrationMessage, ServoStatus, ServoRequest,
+                                CatheterState, CatheterCommand, CatheterTip, ServoInput>;
 struct MessageNames {
   template <typename T>
   static std::string GetName(int i) {
-    static const char* const kNames[] = {"XrayFrame", "CArmState", "CArmCommand", "Registration", "ServoStatus"};
+    static const char* const kNames[] = {"XrayFrame",   "CArmState",    "CArmCommand",   "Registration",
+                                         "ServoStatus", "ServoRequest", "CatheterState", "CatheterCommand",
+                                         "CatheterTip", "ServoInput"};
     return kNames[i];
   }
 };
@@ -185,9 +261,11 @@ TYPED_TEST(EveryMessage, AcceptsNothingUnsoundWhateverIntegerOrDoubleStandsAnywh
 TYPED_TEST(EveryMessage, RefusesEveryOtherType) {
   test::Random random(5);
   const Bytes foreign[] = {
-      encode(test::randomMessage<XrayFrame>(random)), encode(test::randomMessage<CArmState>(random)),
-      encode(test::randomMessage<CArmCommand>(random)), encode(test::randomMessage<RegistrationMessage>(random)),
-      encode(test::randomMessage<ServoStatus>(random))};
+      encode(test::randomMessage<XrayFrame>(random)),     encode(test::randomMessage<CArmState>(random)),
+      encode(test::randomMessage<CArmCommand>(random)),   encode(test::randomMessage<RegistrationMessage>(random)),
+      encode(test::randomMessage<ServoStatus>(random)),   encode(test::randomMessage<ServoRequest>(random)),
+      encode(test::randomMessage<CatheterState>(random)), encode(test::randomMessage<CatheterCommand>(random)),
+      encode(test::randomMessage<CatheterTip>(random)),   encode(test::randomMessage<ServoInput>(random))};
   int accepted = 0;
   for (const Bytes& bytes : foreign) accepted += decodeExactly<TypeParam>(bytes).value.has_value();
   EXPECT_EQ(accepted, 1);
@@ -266,8 +344,14 @@ TEST(Encode, RefusesWhatMustNotGoOnTheWire) {
   registration.status_text = std::string("a\0b", 3);
   EXPECT_THROW(encode(registration), std::invalid_argument);
   ServoStatus status;
-  status.state = static_cast<ServoState>(2);
+  status.state = static_cast<ServoState>(6);
   EXPECT_THROW(encode(status), std::invalid_argument);
+  status = ServoStatus();
+  status.cause = static_cast<ServoCause>(-1);
+  EXPECT_THROW(encode(status), std::invalid_argument);
+  ServoRequest request;
+  request.request = static_cast<ServoRequestKind>(5);
+  EXPECT_THROW(encode(request), std::invalid_argument);
   XrayFrame frame = test::randomMessage<XrayFrame>(random);
   frame.image = frame.image.rowRange(0, 3);
   EXPECT_THROW(encode(frame), std::invalid_argument);
@@ -275,6 +359,70 @@ TEST(Encode, RefusesWhatMustNotGoOnTheWire) {
   EXPECT_THROW(encode(frame), std::invalid_argument);
   frame.image = cv::Mat::zeros(5, 7, CV_32FC1);
   EXPECT_THROW(encode(frame), std::invalid_argument);
+}
+
+// Noise, so that nothing compresses; and 8 and 16 bit, odd sizes, windows of larger images.
+TEST(XrayFramePng, GivesTheSamePixelsAsRaw) {
+  test::Random random(11);
+  for (const int type : {CV_8UC1, CV_16UC1}) {
+    XrayFrame frame = test::randomFrame(random, 67, 41, type);
+    const auto raw = decodeExactly<XrayFrame>(encode(frame));
+    const auto png = decodeExactly<XrayFrame>(encode(frame, ImageEncoding::kPng));
+    ASSERT_TRUE(raw.value && png.value) << png.error;
+    expectEqual(*raw.value, *png.value);
+    const XrayFrame window = cropped(frame, {11, 7, 40, 30});
+    EXPECT_EQ(window.camera.parameters().cx_px, frame.camera.parameters().cx_px - 11);
+    const auto sent = decodeExactly<XrayFrame>(encode(window, ImageEncoding::kPng));
+    ASSERT_TRUE(sent.value) << sent.error;
+    expectEqual(window, *sent.value);
+  }
+}
+
+TEST(XrayFramePng, SurvivesEveryCutAndAnyChange) {
+  test::Random random(12);
+  const Bytes bytes = encode(test::randomFrame(random, 9, 8, CV_16UC1), ImageEncoding::kPng);
+  for (std::size_t size = 0; size < bytes.size(); ++size) {
+    expectRefused<XrayFrame>(Bytes(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size)));
+  }
+  for (int i = 0; i < 3000; ++i) {
+    Bytes changed = bytes;
+    for (int k = 0; k < 1 + i % 4; ++k) {
+      changed[static_cast<std::size_t>(random.uniform(0, 1) * changed.size())] =
+          static_cast<std::uint8_t>(random.uniform(0, 256));
+    }
+    const auto decoded = decodeExactly<XrayFrame>(changed);
+    if (decoded.value) expectSound(*decoded.value);
+  }
+}
+
+// Both the message and the PNG inside it claim 8192 x 8192 pixels, and hold a few bytes.
+TEST(XrayFramePng, AFewBytesDoNotClaimAHugeImage) {
+  const cv::Mat image(1, 1, CV_16UC1, cv::Scalar(5));
+  Bytes bytes = encode(XrayFrame{0, 0, image, XrayCamera::centred(1, 1, 1e-3, 1)}, ImageEncoding::kPng);
+  const auto set = [&](std::size_t at, std::uint32_t number) {
+    for (int i = 0; i < 4; ++i)
+      bytes[at + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(number >> (24 - 8 * i));
+  };
+  const std::string ihdr = "IHDR";
+  const auto header = std::search(bytes.begin(), bytes.end(), ihdr.begin(), ihdr.end());
+  ASSERT_NE(header, bytes.end());
+  set(24, 8192);  // Behind the fingerprint, time and sequence.
+  set(28, 8192);
+  expectRefused<XrayFrame>(bytes);
+  set(static_cast<std::size_t>(header - bytes.begin()) + 4, 8192);
+  set(static_cast<std::size_t>(header - bytes.begin()) + 8, 8192);
+  const auto decoded = decodeExactly<XrayFrame>(bytes);
+  EXPECT_FALSE(decoded.value);
+  EXPECT_THAT(decoded.error, testing::HasSubstr("too small"));
+}
+
+TEST(XrayFrame, AWindowMustLieWithinTheImage) {
+  test::Random random(13);
+  const XrayFrame frame = test::randomFrame(random, 20, 10, CV_8UC1);
+  for (const cv::Rect& wrong : {cv::Rect(0, 0, 21, 10), cv::Rect(-1, 0, 5, 5), cv::Rect(0, 0, 0, 5),
+                                cv::Rect(19, 0, 2, 1), cv::Rect(2147483647, 0, 2147483647, 1)}) {
+    EXPECT_THROW(cropped(frame, wrong), InputError);
+  }
 }
 
 }  // namespace

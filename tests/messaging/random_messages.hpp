@@ -21,6 +21,12 @@ inline CArmState randomMessage(Random& random) {
 }
 
 template <>
+inline ServoInput randomMessage(Random& random) {
+  return {randomInt64(random), randomInt64(random), randomMessage<CArmState>(random),
+          static_cast<ServoVerdict>(static_cast<int>(random.uniform(0, 3)))};
+}
+
+template <>
 inline CArmCommand randomMessage(Random& random) {
   return {randomInt64(random), randomInt64(random), randomInt64(random),
           static_cast<std::int64_t>(random.uniform(0, 9e18)), randomJoints(random)};
@@ -48,7 +54,10 @@ inline ServoStatus randomMessage(Random& random) {
   ServoStatus m;
   m.time_us = randomInt64(random);
   m.frame_sequence = randomInt64(random);
-  m.state = random.uniform(0, 1) < 0.5 ? ServoState::kHold : ServoState::kServo;
+  m.state = static_cast<ServoState>(random.uniform(0, 6));
+  m.cause = static_cast<ServoCause>(random.uniform(0, 16));
+  m.transitions = static_cast<std::int64_t>(random.uniform(0, 9e18));
+  m.transition_time_us = randomInt64(random);
   m.reason = std::string(static_cast<std::size_t>(random.uniform(0, 20)), 'r');
   m.view_error_rad = random.normal();
   m.target_error_m = random.normal();
@@ -56,6 +65,42 @@ inline ServoStatus randomMessage(Random& random) {
   m.registration_us = randomInt64(random);
   m.control_us = randomInt64(random);
   return m;
+}
+
+template <>
+inline CatheterState randomMessage(Random& random) {
+  return {randomInt64(random), randomInt64(random), random.normal(), random.normal(), std::abs(random.normal()),
+          random.normal(),     random.normal(),     random.normal(), random.normal()};
+}
+
+template <>
+inline CatheterCommand randomMessage(Random& random) {
+  return {
+      randomInt64(random), randomInt64(random), randomInt64(random), static_cast<std::int64_t>(random.uniform(0, 9e18)),
+      random.normal(),     random.normal(),     random.normal()};
+}
+
+template <>
+inline CatheterTip randomMessage(Random& random) {
+  CatheterTip m;
+  m.time_us = randomInt64(random);
+  m.frame_sequence = randomInt64(random);
+  m.status = static_cast<CatheterTipStatus>(random.uniform(0, 3));
+  m.tip_model = Eigen::Vector3d::NullaryExpr([&](Eigen::Index) { return random.normal(); });
+  m.covariance = Eigen::Matrix3d::NullaryExpr([&](Eigen::Index, Eigen::Index) { return random.normal(); });
+  m.covariance.diagonal() = m.covariance.diagonal().cwiseAbs().eval();
+  m.branch = static_cast<std::int32_t>(random.uniform(0, 2e9));
+  m.tree_point = static_cast<std::int32_t>(random.uniform(0, 2e9));
+  m.arc_length_m = random.uniform(0, 1);
+  m.probability = random.uniform(0, 1);
+  m.reason = std::string(static_cast<std::size_t>(random.uniform(0, 20)), 'r');
+  return m;
+}
+
+template <>
+inline ServoRequest randomMessage(Random& random) {
+  return {randomInt64(random), randomInt64(random), randomInt64(random),
+          static_cast<std::int64_t>(random.uniform(0, 9e18)), static_cast<ServoRequestKind>(random.uniform(0, 5))};
 }
 
 inline XrayFrame randomFrame(Random& random, int width, int height, int type) {

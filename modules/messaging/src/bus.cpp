@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <exception>
 #include <filesystem>
+#include <fstream>
 #include <limits>
 #include <regex>
 #include <stdexcept>
@@ -19,6 +20,12 @@ namespace angio {
 namespace {
 
 constexpr int kLongestDrain = 1000;
+
+// Messages that wait for the next handle(), on one channel (LCM's own number) and on all together; more are dropped.
+constexpr int kMostWaiting = 30, kMostWaitingOfAll = 100;
+
+// What LCM says to itself when a program begins to listen; others on the network hear it.
+constexpr const char* kSelfTestChannel = "LCM_SELF_TEST";
 
 constexpr const char* kMulticastRule =
     "needs a multicast route, on one machine: ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo";
@@ -36,9 +43,12 @@ std::string literal(const std::string& channel) {
 }
 
 // With LCM's default buffer, nearly every frame of 2 MiB is lost; with 4 MiB none is.
+constexpr long kReceiveBuffer_bytes = 4194304;
+
 std::string withReceiveBuffer(const std::string& url) {
   if (!startsWith(url, "udpm://") || url.find("recv_buf_size=") != std::string::npos) return url;
-  return url + (url.find('?') == std::string::npos ? '?' : '&') + "recv_buf_size=4194304";
+  return url + (url.find('?') == std::string::npos ? '?' : '&') +
+         "recv_buf_size=" + std::to_string(kReceiveBuffer_bytes);
 }
 
 std::string ruleFor(const std::string& url) {
@@ -85,13 +95,17 @@ class LcmBus final : public Bus {
   }
 
   void subscribe(const std::string& channel, Handler handler) override {
-    subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
-    if (!lcm_subscribe(lcm_.get(), literal(channel).c_str(), &LcmBus::onMessage, subscriptions_.back().get())) {
-      subscriptions_.pop_back();
-      const bool multicast = startsWith(url_, "udpm://");
-      throw InputError("bus", "url", url_,
-                       "cannot receive on " + channel + (multicast ? std::string(": ") + kMulticastRule : ""));
-    }
+    listen(channel, literal(channel), kMostWaiting,
+           [handler = std::move(handler)](const std::string&, const std::uint8_t* data, std::size_t size) {
+             handler(data, size);
+           });
+  }
+
+  void subscribeAll(Listener listener) override {
+    listen("all channels", ".*", kMostWaitingOfAll,
+           [listener = std::move(listener)](const std::string& channel, const std::uint8_t* data, std::size_t size) {
+             if (channel != kSelfTestChannel) listener(channel, data, size);
+           });
   }
 
   int handle(std::chrono::milliseconds timeout) override {
@@ -112,8 +126,21 @@ class LcmBus final : public Bus {
  private:
   struct Subscription {
     LcmBus* bus;
-    Handler handler;
+    Listener listener;
   };
+
+  void listen(const std::string& channels, const std::string& pattern, int most_waiting, Listener listener) {
+    subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(listener)}));
+    lcm_subscription_t* made =
+        lcm_subscribe(lcm_.get(), pattern.c_str(), &LcmBus::onMessage, subscriptions_.back().get());
+    if (!made) {
+      subscriptions_.pop_back();
+      const bool multicast = startsWith(url_, "udpm://");
+      throw InputError("bus", "url", url_,
+                       "cannot receive on " + channels + (multicast ? std::string(": ") + kMulticastRule : ""));
+    }
+    lcm_subscription_set_queue_capacity(made, most_waiting);
+  }
 
   bool handleOne(int wait_ms) {
     if (ended_) return false;
@@ -129,10 +156,10 @@ class LcmBus final : public Bus {
     return false;
   }
 
-  static void onMessage(const lcm_recv_buf_t* received, const char*, void* user) {
+  static void onMessage(const lcm_recv_buf_t* received, const char* channel, void* user) {
     auto& subscription = *static_cast<Subscription*>(user);
     try {  // LCM is C: an exception through it would end the process.
-      subscription.handler(static_cast<const std::uint8_t*>(received->data), received->data_size);
+      subscription.listener(channel, static_cast<const std::uint8_t*>(received->data), received->data_size);
     } catch (...) {
       if (!subscription.bus->thrown_) subscription.bus->thrown_ = std::current_exception();
     }
@@ -147,6 +174,16 @@ class LcmBus final : public Bus {
 };
 
 }  // namespace
+
+std::optional<std::string> receiveBufferWarning(const std::string& url) {
+  if (!startsWith(url, "udpm://")) return std::nullopt;
+  std::ifstream file("/proc/sys/net/core/rmem_max");
+  long allowed = 0;
+  if (!(file >> allowed) || allowed >= kReceiveBuffer_bytes) return std::nullopt;
+  return "receive buffers are limited to " + std::to_string(allowed) +
+         " bytes, so frames of 1024 x 1024 pixels may be lost: sysctl -w net.core.rmem_max=" +
+         std::to_string(kReceiveBuffer_bytes);
+}
 
 std::unique_ptr<Bus> openBus(const std::string& url) {
   requireOpenable(url);

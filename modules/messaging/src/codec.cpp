@@ -3,13 +3,19 @@
 
 #include <angio_lcm/carm_command_t.hpp>
 #include <angio_lcm/carm_state_t.hpp>
+#include <angio_lcm/catheter_command_t.hpp>
+#include <angio_lcm/catheter_state_t.hpp>
+#include <angio_lcm/catheter_tip_t.hpp>
 #include <angio_lcm/registration_t.hpp>
+#include <angio_lcm/servo_input_t.hpp>
+#include <angio_lcm/servo_request_t.hpp>
 #include <angio_lcm/servo_status_t.hpp>
 #include <angio_lcm/xray_frame_t.hpp>
 #include <cstring>
 #include <stdexcept>
 
 #include "angio/base/errors.hpp"
+#include "angio/imaging/png.hpp"
 #include "rules.hpp"
 
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
@@ -99,7 +105,45 @@ Decoded<T> decodeAs(Tail tail, const std::uint8_t* data, std::size_t size, Conve
   return result;
 }
 
+// A byte of deflate gives at most 1032.
+constexpr std::int64_t kMostDeflated = 1032;
+
 std::optional<double> known(double value) { return value == 0 ? std::nullopt : std::optional<double>(value); }
+
+std::vector<std::uint8_t> rawPixels(const cv::Mat& image) {
+  std::vector<std::uint8_t> pixels;
+  const std::size_t row_bytes = static_cast<std::size_t>(image.cols) * image.elemSize();
+  pixels.reserve(row_bytes * static_cast<std::size_t>(image.rows));
+  for (int y = 0; y < image.rows; ++y) {  // Row by row: an image may be a window into a larger one.
+    pixels.insert(pixels.end(), image.ptr(y), image.ptr(y) + row_bytes);
+  }
+  return pixels;
+}
+
+cv::Mat rawImage(const angio_lcm::xray_frame_t& wire) {
+  if (std::int64_t{wire.width} * wire.height * (wire.bits / 8) != wire.size) {
+    throw InputError("", "size", shown(wire.size), "must be width * height * bits / 8");
+  }
+  cv::Mat image(wire.height, wire.width, wire.bits == 8 ? CV_8UC1 : CV_16UC1);
+  std::memcpy(image.data, wire.pixels.data(), wire.pixels.size());
+  return image;
+}
+
+// The image must be what the message's own fields say before memory is taken for it: a few bytes can claim a large one.
+cv::Mat pngImage(const angio_lcm::xray_frame_t& wire) {
+  const std::string_view content(reinterpret_cast<const char*>(wire.pixels.data()), wire.pixels.size());
+  const auto header = pngHeader(content);
+  const bool as_said = header && header->width_px == static_cast<std::uint32_t>(wire.width) &&
+                       header->height_px == static_cast<std::uint32_t>(wire.height) && header->bits == wire.bits &&
+                       header->grey;
+  if (!as_said) throw InputError("", "pixels", "", "must be a grey PNG of the message's width, height and bits");
+  if (std::int64_t{wire.width} * wire.height * (wire.bits / 8) > kMostDeflated * wire.size) {
+    throw InputError("", "size", shown(wire.size), "is too small for the image it promises");
+  }
+  cv::Mat image = decodePng("pixels", content);
+  if (image.type() != (wire.bits == 8 ? CV_8UC1 : CV_16UC1)) throw InputError("", "pixels", "", "must be grey");
+  return image;
+}
 
 XrayFrame frameOf(const angio_lcm::xray_frame_t& wire) {
   if (wire.bits != 8 && wire.bits != 16) throw InputError("", "bits", shown(wire.bits), "must be 8 or 16");
@@ -113,17 +157,18 @@ XrayFrame frameOf(const angio_lcm::xray_frame_t& wire) {
   p.pixel_spacing_m = known(wire.pixel_spacing);
   p.source_detector_distance_m = known(wire.source_detector_distance);
   const XrayCamera camera(p);  // Refuses sizes that are not positive, before they are multiplied.
-  if (std::int64_t{wire.width} * wire.height * (wire.bits / 8) != wire.size) {
-    throw InputError("", "size", shown(wire.size), "must be width * height * bits / 8");
+  switch (wire.encoding) {
+    case angio_lcm::xray_frame_t::RAW:
+      return {wire.utime, wire.sequence, rawImage(wire), camera};
+    case angio_lcm::xray_frame_t::PNG:
+      return {wire.utime, wire.sequence, pngImage(wire), camera};
   }
-  cv::Mat image(wire.height, wire.width, wire.bits == 8 ? CV_8UC1 : CV_16UC1);
-  std::memcpy(image.data, wire.pixels.data(), wire.pixels.size());
-  return {wire.utime, wire.sequence, image, camera};
+  throw InputError("", "encoding", shown(wire.encoding), "must be RAW (0) or PNG (1)");
 }
 
 }  // namespace
 
-std::vector<std::uint8_t> encode(const XrayFrame& frame) {
+std::vector<std::uint8_t> encode(const XrayFrame& frame, ImageEncoding encoding) {
   requireSound<angio_lcm::xray_frame_t>(frame);
   const auto& p = frame.camera.parameters();
   angio_lcm::xray_frame_t wire{};
@@ -138,11 +183,8 @@ std::vector<std::uint8_t> encode(const XrayFrame& frame) {
   wire.cy = p.cy_px;
   wire.pixel_spacing = p.pixel_spacing_m.value_or(0);
   wire.source_detector_distance = p.source_detector_distance_m.value_or(0);
-  const std::size_t row_bytes = static_cast<std::size_t>(frame.image.cols) * frame.image.elemSize();
-  wire.pixels.reserve(row_bytes * static_cast<std::size_t>(frame.image.rows));
-  for (int y = 0; y < frame.image.rows; ++y) {  // Row by row: an image may be a window into a larger one.
-    wire.pixels.insert(wire.pixels.end(), frame.image.ptr(y), frame.image.ptr(y) + row_bytes);
-  }
+  wire.encoding = static_cast<std::int8_t>(encoding);
+  wire.pixels = encoding == ImageEncoding::kPng ? encodePng(frame.image) : rawPixels(frame.image);
   wire.size = static_cast<std::int32_t>(wire.pixels.size());
   return bytesOf(wire);
 }
@@ -154,6 +196,19 @@ std::vector<std::uint8_t> encode(const CArmState& state) {
   wire.sequence = state.sequence;
   CArmJoints::Map(wire.joint_position) = state.joints;
   CArmJoints::Map(wire.joint_velocity) = state.velocity;
+  return bytesOf(wire);
+}
+
+std::vector<std::uint8_t> encode(const ServoInput& input) {
+  requireSound<angio_lcm::servo_input_t>(input);
+  angio_lcm::servo_input_t wire{};
+  wire.utime = input.time_us;
+  wire.frame_sequence = input.frame_sequence;
+  wire.state_utime = input.state.time_us;
+  wire.state_sequence = input.state.sequence;
+  CArmJoints::Map(wire.joint_position) = input.state.joints;
+  CArmJoints::Map(wire.joint_velocity) = input.state.velocity;
+  wire.verdict = static_cast<std::int8_t>(input.verdict);
   return bytesOf(wire);
 }
 
@@ -196,6 +251,64 @@ std::vector<std::uint8_t> encode(const ServoStatus& status) {
   wire.registration_us = status.registration_us;
   wire.control_us = status.control_us;
   wire.reason = status.reason;
+  wire.transitions = status.transitions;
+  wire.transition_utime = status.transition_time_us;
+  wire.cause = static_cast<std::int8_t>(status.cause);
+  return bytesOf(wire);
+}
+
+std::vector<std::uint8_t> encode(const ServoRequest& request) {
+  requireSound<angio_lcm::servo_request_t>(request);
+  angio_lcm::servo_request_t wire{};
+  wire.utime = request.time_us;
+  wire.sequence = request.sequence;
+  wire.status_utime = request.status_time_us;
+  wire.transitions = request.transitions;
+  wire.request = static_cast<std::int8_t>(request.request);
+  return bytesOf(wire);
+}
+
+std::vector<std::uint8_t> encode(const CatheterState& state) {
+  requireSound<angio_lcm::catheter_state_t>(state);
+  angio_lcm::catheter_state_t wire{};
+  wire.utime = state.time_us;
+  wire.sequence = state.sequence;
+  wire.insertion = state.insertion_m;
+  wire.roll = state.roll_rad;
+  wire.bend = state.bend_rad;
+  wire.insertion_speed = state.insertion_speed_mps;
+  wire.roll_speed = state.roll_speed_radps;
+  wire.bend_speed = state.bend_speed_radps;
+  wire.insertion_force = state.insertion_force_n;
+  return bytesOf(wire);
+}
+
+std::vector<std::uint8_t> encode(const CatheterCommand& command) {
+  requireSound<angio_lcm::catheter_command_t>(command);
+  angio_lcm::catheter_command_t wire{};
+  wire.utime = command.time_us;
+  wire.sequence = command.sequence;
+  wire.frame_sequence = command.frame_sequence;
+  wire.valid_for_us = command.valid_for_us;
+  wire.insertion_speed = command.insertion_speed_mps;
+  wire.roll_speed = command.roll_speed_radps;
+  wire.bend_speed = command.bend_speed_radps;
+  return bytesOf(wire);
+}
+
+std::vector<std::uint8_t> encode(const CatheterTip& tip) {
+  requireSound<angio_lcm::catheter_tip_t>(tip);
+  angio_lcm::catheter_tip_t wire{};
+  wire.utime = tip.time_us;
+  wire.frame_sequence = tip.frame_sequence;
+  wire.status = static_cast<std::int8_t>(tip.status);
+  Eigen::Vector3d::Map(wire.tip) = tip.tip_model;
+  RowMajor3::Map(wire.covariance) = tip.covariance;
+  wire.branch = tip.branch;
+  wire.tree_point = tip.tree_point;
+  wire.arc_length = tip.arc_length_m;
+  wire.probability = tip.probability;
+  wire.reason = tip.reason;
   return bytesOf(wire);
 }
 
@@ -213,6 +326,21 @@ Decoded<CArmState> decode(const std::uint8_t* data, std::size_t size) {
     state.joints = CArmJoints::Map(wire.joint_position);
     state.velocity = CArmJoints::Map(wire.joint_velocity);
     return state;
+  });
+}
+
+template <>
+Decoded<ServoInput> decode(const std::uint8_t* data, std::size_t size) {
+  return decodeAs<ServoInput, angio_lcm::servo_input_t>(Tail::kNone, data, size, [](const auto& wire) {
+    ServoInput input;
+    input.time_us = wire.utime;
+    input.frame_sequence = wire.frame_sequence;
+    input.state.time_us = wire.state_utime;
+    input.state.sequence = wire.state_sequence;
+    input.state.joints = CArmJoints::Map(wire.joint_position);
+    input.state.velocity = CArmJoints::Map(wire.joint_velocity);
+    input.verdict = static_cast<ServoVerdict>(wire.verdict);
+    return input;
   });
 }
 
@@ -248,6 +376,19 @@ Decoded<RegistrationMessage> decode(const std::uint8_t* data, std::size_t size) 
 }
 
 template <>
+Decoded<ServoRequest> decode(const std::uint8_t* data, std::size_t size) {
+  return decodeAs<ServoRequest, angio_lcm::servo_request_t>(Tail::kNone, data, size, [](const auto& wire) {
+    ServoRequest request;
+    request.time_us = wire.utime;
+    request.sequence = wire.sequence;
+    request.status_time_us = wire.status_utime;
+    request.transitions = wire.transitions;
+    request.request = static_cast<ServoRequestKind>(wire.request);
+    return request;
+  });
+}
+
+template <>
 Decoded<ServoStatus> decode(const std::uint8_t* data, std::size_t size) {
   return decodeAs<ServoStatus, angio_lcm::servo_status_t>(Tail::kText, data, size, [](const auto& wire) {
     ServoStatus status;
@@ -255,12 +396,65 @@ Decoded<ServoStatus> decode(const std::uint8_t* data, std::size_t size) {
     status.frame_sequence = wire.frame_sequence;
     status.state = static_cast<ServoState>(wire.state);
     status.reason = wire.reason;
+    status.transitions = wire.transitions;
+    status.transition_time_us = wire.transition_utime;
+    status.cause = static_cast<ServoCause>(wire.cause);
     status.view_error_rad = wire.view_error;
     status.target_error_m = wire.target_error;
     status.image_us = wire.image_us;
     status.registration_us = wire.registration_us;
     status.control_us = wire.control_us;
     return status;
+  });
+}
+
+template <>
+Decoded<CatheterState> decode(const std::uint8_t* data, std::size_t size) {
+  return decodeAs<CatheterState, angio_lcm::catheter_state_t>(Tail::kNone, data, size, [](const auto& wire) {
+    CatheterState state;
+    state.time_us = wire.utime;
+    state.sequence = wire.sequence;
+    state.insertion_m = wire.insertion;
+    state.roll_rad = wire.roll;
+    state.bend_rad = wire.bend;
+    state.insertion_speed_mps = wire.insertion_speed;
+    state.roll_speed_radps = wire.roll_speed;
+    state.bend_speed_radps = wire.bend_speed;
+    state.insertion_force_n = wire.insertion_force;
+    return state;
+  });
+}
+
+template <>
+Decoded<CatheterCommand> decode(const std::uint8_t* data, std::size_t size) {
+  return decodeAs<CatheterCommand, angio_lcm::catheter_command_t>(Tail::kNone, data, size, [](const auto& wire) {
+    CatheterCommand command;
+    command.time_us = wire.utime;
+    command.sequence = wire.sequence;
+    command.frame_sequence = wire.frame_sequence;
+    command.valid_for_us = wire.valid_for_us;
+    command.insertion_speed_mps = wire.insertion_speed;
+    command.roll_speed_radps = wire.roll_speed;
+    command.bend_speed_radps = wire.bend_speed;
+    return command;
+  });
+}
+
+template <>
+Decoded<CatheterTip> decode(const std::uint8_t* data, std::size_t size) {
+  return decodeAs<CatheterTip, angio_lcm::catheter_tip_t>(Tail::kText, data, size, [](const auto& wire) {
+    CatheterTip tip;
+    tip.time_us = wire.utime;
+    tip.frame_sequence = wire.frame_sequence;
+    tip.status = static_cast<CatheterTipStatus>(wire.status);
+    tip.tip_model = Eigen::Vector3d::Map(wire.tip);
+    tip.covariance = RowMajor3::Map(wire.covariance);
+    tip.branch = wire.branch;
+    tip.tree_point = wire.tree_point;
+    tip.arc_length_m = wire.arc_length;
+    tip.probability = wire.probability;
+    tip.reason = wire.reason;
+    return tip;
   });
 }
 

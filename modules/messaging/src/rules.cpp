@@ -33,6 +33,13 @@ Broken negative(const char* name, Number value) {
   return std::nullopt;
 }
 
+template <typename Enum>
+Broken unknownNumber(const char* name, Enum value, int count) {
+  const int number = static_cast<int>(value);
+  if (number >= 0 && number < count) return std::nullopt;
+  return std::string(name) + " = " + std::to_string(number) + ": must be in [0, " + std::to_string(count - 1) + "]";
+}
+
 Broken brokenText(const char* name, const std::string& text) {
   if (text.find('\0') != std::string::npos) return std::string(name) + ": must not contain a NUL";
   if (static_cast<std::int64_t>(text.size()) > kLongestMessage) return std::string(name) + ": is too long";
@@ -61,6 +68,14 @@ Broken broken(const CArmState& state) {
   return brokenVector("joint_velocity", state.velocity);
 }
 
+Broken broken(const ServoInput& input) {
+  const auto verdict = static_cast<int>(input.verdict);
+  if (verdict < 0 || verdict > static_cast<int>(ServoVerdict::kRefused)) {
+    return "verdict = " + std::to_string(verdict) + ": must be PERMITTED, TAKEN_BACK or REFUSED";
+  }
+  return broken(input.state);
+}
+
 Broken broken(const CArmCommand& command) {
   if (auto b = negative("valid_for_us", command.valid_for_us)) return b;
   return brokenVector("joint_velocity", command.velocity);
@@ -83,12 +98,57 @@ Broken broken(const RegistrationMessage& registration) {
 }
 
 Broken broken(const ServoStatus& status) {
-  if (status.state != ServoState::kHold && status.state != ServoState::kServo) {
-    return "state = " + std::to_string(static_cast<int>(status.state)) + ": must be HOLD (0) or SERVO (1)";
-  }
+  if (auto b = unknownNumber("state", status.state, kServoStateCount)) return b;
+  if (auto b = unknownNumber("cause", status.cause, kServoCauseCount)) return b;
+  if (auto b = negative("transitions", status.transitions)) return b;
   if (auto b = brokenNumber("view_error", status.view_error_rad)) return b;
   if (auto b = brokenNumber("target_error", status.target_error_m)) return b;
   return brokenText("reason", status.reason);
+}
+
+Broken broken(const ServoRequest& request) {
+  if (auto b = unknownNumber("request", request.request, kServoRequestKindCount)) return b;
+  return negative("transitions", request.transitions);
+}
+
+Broken broken(const CatheterState& state) {
+  for (const auto& [name, value] : {std::pair<const char*, double>{"insertion", state.insertion_m},
+                                    {"roll", state.roll_rad},
+                                    {"bend", state.bend_rad},
+                                    {"insertion_speed", state.insertion_speed_mps},
+                                    {"roll_speed", state.roll_speed_radps},
+                                    {"bend_speed", state.bend_speed_radps},
+                                    {"insertion_force", state.insertion_force_n}}) {
+    if (auto b = brokenNumber(name, value)) return b;
+  }
+  return negative("bend", state.bend_rad);
+}
+
+Broken broken(const CatheterCommand& command) {
+  if (auto b = negative("valid_for_us", command.valid_for_us)) return b;
+  if (auto b = brokenNumber("insertion_speed", command.insertion_speed_mps)) return b;
+  if (auto b = brokenNumber("roll_speed", command.roll_speed_radps)) return b;
+  return brokenNumber("bend_speed", command.bend_speed_radps);
+}
+
+Broken broken(const CatheterTip& tip) {
+  if (tip.status < CatheterTipStatus::kLost || tip.status > CatheterTipStatus::kLocated) {
+    return "status = " + std::to_string(static_cast<int>(tip.status)) +
+           ": must be lost (0), ambiguous (1) or located (2)";
+  }
+  if (auto b = brokenVector("tip", tip.tip_model)) return b;
+  if (auto b = brokenVector("covariance", tip.covariance.reshaped<Eigen::RowMajor>())) return b;
+  for (int i = 0; i < 3; ++i) {
+    if (auto b = negative("covariance's diagonal", tip.covariance(i, i))) return b;
+  }
+  if (auto b = negative("branch", tip.branch)) return b;
+  if (auto b = negative("tree_point", tip.tree_point)) return b;
+  if (auto b = brokenNumber("arc_length", tip.arc_length_m)) return b;
+  if (auto b = negative("arc_length", tip.arc_length_m)) return b;
+  if (!(tip.probability >= 0 && tip.probability <= 1)) {
+    return "probability = " + shown(tip.probability) + ": must be within 0 and 1";
+  }
+  return brokenText("reason", tip.reason);
 }
 
 }  // namespace angio::rules

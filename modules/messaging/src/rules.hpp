@@ -12,9 +12,14 @@ namespace angio::rules {
 /// ask the same, so that whatever is decoded could have been encoded.
 std::optional<std::string> broken(const XrayFrame& frame);
 std::optional<std::string> broken(const CArmState& state);
+std::optional<std::string> broken(const ServoInput& input);
 std::optional<std::string> broken(const CArmCommand& command);
 std::optional<std::string> broken(const RegistrationMessage& registration);
 std::optional<std::string> broken(const ServoStatus& status);
+std::optional<std::string> broken(const ServoRequest& request);
+std::optional<std::string> broken(const CatheterState& state);
+std::optional<std::string> broken(const CatheterCommand& command);
+std::optional<std::string> broken(const CatheterTip& tip);
 
 /// Longest message [bytes]: LCM counts in int, and its headers need room.
 constexpr std::int64_t kLongestMessage = 2'000'000'000;

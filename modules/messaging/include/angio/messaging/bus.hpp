@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,9 @@ class Bus {
   /// handle().
   using Handler = std::function<void(const std::uint8_t* data, std::size_t size)>;
 
+  /// The same for whatever comes, with the name of its channel.
+  using Listener = std::function<void(const std::string& channel, const std::uint8_t* data, std::size_t size)>;
+
   virtual ~Bus() = default;
 
   /// Sends bytes to every subscriber of the channel. Throws std::runtime_error when they cannot be sent.
@@ -26,6 +30,9 @@ class Bus {
   /// Calls `handler` for each message on the channel of exactly this name, for as long as the bus lives. Throws
   /// InputError when the bus cannot receive.
   virtual void subscribe(const std::string& channel, Handler handler) = 0;
+
+  /// Calls `listener` for each message on any channel, for as long as the bus lives. Throws as subscribe() does.
+  virtual void subscribeAll(Listener listener) = 0;
 
   /// Waits up to `timeout` for a message, hands out all that wait, and returns how many there were; a signal ends the
   /// wait early. At most 1,000 messages a call, so that a fast sender cannot keep the caller for ever. A log (file://)
@@ -48,5 +55,9 @@ class Bus {
 ///   "file://name.lcm?mode=w"        records what is published.
 /// Throws InputError that names the URL and the rule when it cannot be opened.
 std::unique_ptr<Bus> openBus(const std::string& url);
+
+/// Why large messages may be lost on a bus that has been opened: the system allows smaller receive buffers than a frame
+/// of 1024 x 1024 pixels needs. Nothing when it allows enough, or does not say.
+std::optional<std::string> receiveBufferWarning(const std::string& url);
 
 }  // namespace angio

@@ -9,5 +9,10 @@ constexpr const char* kCArmStateChannel = "CARM_STATE";
 constexpr const char* kCArmCommandChannel = "CARM_COMMAND";
 constexpr const char* kRegistrationChannel = "REGISTRATION";
 constexpr const char* kServoStatusChannel = "SERVO_STATUS";
+constexpr const char* kServoInputChannel = "SERVO_INPUT";
+constexpr const char* kServoRequestChannel = "SERVO_REQUEST";
+constexpr const char* kCatheterStateChannel = "CATHETER_STATE";
+constexpr const char* kCatheterCommandChannel = "CATHETER_COMMAND";
+constexpr const char* kCatheterTipChannel = "CATHETER_TIP";
 
 }  // namespace angio

@@ -22,7 +22,12 @@ inline std::int64_t sequenceOf(const XrayFrame& m) { return m.sequence; }
 inline std::int64_t sequenceOf(const CArmState& m) { return m.sequence; }
 inline std::int64_t sequenceOf(const CArmCommand& m) { return m.sequence; }
 inline std::int64_t sequenceOf(const RegistrationMessage& m) { return m.frame_sequence; }
+inline std::int64_t sequenceOf(const ServoInput& m) { return m.frame_sequence; }
 inline std::int64_t sequenceOf(const ServoStatus& m) { return m.frame_sequence; }
+inline std::int64_t sequenceOf(const ServoRequest& m) { return m.sequence; }
+inline std::int64_t sequenceOf(const CatheterState& m) { return m.sequence; }
+inline std::int64_t sequenceOf(const CatheterCommand& m) { return m.sequence; }
+inline std::int64_t sequenceOf(const CatheterTip& m) { return m.frame_sequence; }
 
 /// Keeps the newest message of a channel; filled by Bus::handle().
 ///

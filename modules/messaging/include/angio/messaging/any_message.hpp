@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <variant>
+
+#include "angio/messaging/codec.hpp"
+
+namespace angio {
+
+/// Any of the bus's messages.
+using AnyMessage = std::variant<XrayFrame, CArmState, ServoInput, CArmCommand, RegistrationMessage, ServoStatus,
+                                ServoRequest, CatheterState, CatheterCommand, CatheterTip>;
+
+/// The name of the .lcm type whose fingerprint these bytes begin with; nothing when it is none of ours.
+std::optional<std::string> messageType(const std::uint8_t* data, std::size_t size);
+
+/// Reads one message of whatever type its fingerprint says, from bytes that may come from anywhere, as decode() does.
+Decoded<AnyMessage> decodeAny(const std::uint8_t* data, std::size_t size);
+
+/// When the message was made or its frame exposed, by its sender's clock [us].
+std::int64_t timeOf(const AnyMessage& message);
+
+/// The number that orders the messages of one sender.
+std::int64_t sequenceOf(const AnyMessage& message);
+
+/// The message in one line for people: degrees, millimetres and milliseconds; what came as text is shortened, and shown
+/// without control characters.
+std::string describe(const AnyMessage& message);
+
+}  // namespace angio

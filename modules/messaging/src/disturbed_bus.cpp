@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/messaging/disturbed_bus.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace angio {
+namespace {
+
+// FNV-1a: the same on every machine, unlike std::hash.
+std::uint64_t hashOf(const std::string& text) {
+  std::uint64_t hash = 0xcbf29ce484222325u;
+  for (const char c : text) hash = (hash ^ static_cast<std::uint8_t>(c)) * 0x100000001b3u;
+  return hash;
+}
+
+std::int64_t after_us(std::int64_t time_us, double delay_ms) {
+  const std::int64_t delay_us = std::llround(delay_ms * 1e3), last_us = std::numeric_limits<std::int64_t>::max();
+  return time_us > last_us - delay_us ? last_us : time_us + delay_us;
+}
+
+}  // namespace
+
+bool DisturbedBus::Link::loses() {
+  const bool burst = in_burst || happens(settings.burst_probability);
+  in_burst = burst && !happens(1 / settings.burst_messages);
+  return burst || happens(settings.loss_probability);
+}
+
+DisturbedBus::DisturbedBus(Bus& bus, const DisturbanceSettings& everywhere, std::uint64_t seed)
+    : bus_(bus), everywhere_(everywhere), seed_(seed) {
+  checkSettings("disturbance", everywhere);
+}
+
+DisturbedBus::Link& DisturbedBus::link(const std::string& channel) {
+  const auto found = links_.find(channel);
+  if (found != links_.end()) return found->second;
+  Link made;
+  made.settings = everywhere_;
+  made.engine.seed(seed_ ^ hashOf(channel));
+  return links_.emplace(channel, std::move(made)).first->second;
+}
+
+void DisturbedBus::disturb(const std::string& channel, const DisturbanceSettings& settings) {
+  checkSettings("disturbance of " + channel, settings);
+  Link& disturbed = link(channel);
+  disturbed.settings = settings;
+  if (settings.burst_probability == 0) disturbed.in_burst = false;
+  if (settings.stalled) return;
+  for (auto& bytes : std::exchange(disturbed.stalled, {})) sendOnItsWay(disturbed, {channel, std::move(bytes)});
+}
+
+void DisturbedBus::publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) {
+  ++counts_.published;
+  Link& link = this->link(channel);
+  if (link.loses()) {
+    ++counts_.lost;
+    return;
+  }
+  Message message{channel, bytes};
+  if (!bytes.empty() && link.happens(link.settings.corruption_probability)) {
+    ++counts_.corrupted;
+    for (std::uint64_t left = 1 + link.engine() % 4; left > 0; --left) {
+      const auto change = static_cast<std::uint8_t>(1 + link.engine() % 255);
+      message.bytes[link.engine() % bytes.size()] ^= change;
+    }
+  }
+  if (link.settings.stalled) {
+    link.stalled.push_back(std::move(message.bytes));
+    return;
+  }
+  if (link.happens(link.settings.duplicate_probability)) {
+    ++counts_.duplicated;
+    sendOnItsWay(link, message);
+    const double after_ms = link.uniform() * link.settings.reorder_delay_ms;
+    under_way_.emplace(after_us(std::max(link.last_due_us, now_us_), after_ms), std::move(message));
+  } else {
+    sendOnItsWay(link, std::move(message));
+  }
+}
+
+void DisturbedBus::sendOnItsWay(Link& link, Message message) {
+  std::int64_t due_us = after_us(now_us_, link.settings.delay_ms + link.uniform() * link.settings.jitter_ms);
+  if (link.happens(link.settings.reorder_probability)) {
+    ++counts_.overtaken;
+    due_us = after_us(due_us, link.uniform() * link.settings.reorder_delay_ms);
+  } else {
+    due_us = link.last_due_us = std::max(link.last_due_us, due_us);
+  }
+  send(std::move(message), due_us);
+}
+
+void DisturbedBus::send(Message message, std::int64_t due_us) {
+  if (due_us <= now_us_) {
+    bus_.publish(message.channel, message.bytes);
+  } else {
+    under_way_.emplace(due_us, std::move(message));
+  }
+}
+
+void DisturbedBus::advance(std::int64_t now_us) {
+  now_us_ = std::max(now_us_, now_us);
+  while (!under_way_.empty() && under_way_.begin()->first <= now_us_) {
+    const Message message = std::move(under_way_.begin()->second);
+    under_way_.erase(under_way_.begin());  // First: one that cannot be sent must not come again.
+    bus_.publish(message.channel, message.bytes);
+  }
+}
+
+std::optional<std::int64_t> DisturbedBus::nextDue_us() const {
+  return under_way_.empty() ? std::nullopt : std::optional(under_way_.begin()->first);
+}
+
+}  // namespace angio

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/messaging/recording_bus.hpp"
+
+#include <filesystem>
+#include <utility>
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+namespace {
+
+std::unique_ptr<Bus> newLog(const std::string& path) {
+  std::error_code error;
+  if (std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error)) {
+    throw InputError(path, "", "", "must be a regular file, or none yet");
+  }
+  return openBus("file://" + path + "?mode=w");
+}
+
+}  // namespace
+
+void RecordingBus::Record::write(const std::string& channel, const std::uint8_t* data, std::size_t size) {
+  if (log) log->publish(channel, std::vector<std::uint8_t>(data, data + size));
+}
+
+RecordingBus::RecordingBus(Bus& bus, const std::string& path) : bus_(bus), record_(std::make_shared<Record>()) {
+  record_->log = newLog(path);
+}
+
+void RecordingBus::publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) {
+  record_->log->publish(channel, bytes);
+  bus_.publish(channel, bytes);
+}
+
+void RecordingBus::subscribe(const std::string& channel, Handler handler) {
+  if (!record_->all && record_->channels.insert(channel).second) {
+    bus_.subscribe(channel, [record = record_, channel](const std::uint8_t* data, std::size_t size) {
+      record->write(channel, data, size);
+    });
+  }
+  bus_.subscribe(channel, std::move(handler));
+}
+
+void RecordingBus::subscribeAll(Listener listener) {
+  if (!std::exchange(record_->all, true)) {
+    bus_.subscribeAll([record = record_](const std::string& channel, const std::uint8_t* data, std::size_t size) {
+      if (record->channels.count(channel) == 0) record->write(channel, data, size);
+    });
+  }
+  bus_.subscribeAll(std::move(listener));
+}
+
+}  // namespace angio
