@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "braking.hpp"
+
 namespace angio {
 namespace {
 
@@ -15,18 +17,6 @@ double shortening(const CArmJoints& v, const CArmJoints& bound) {
     if (std::abs(v[i]) > most) factor = std::min(factor, most / std::abs(v[i]));
   }
   return factor;
-}
-
-// The highest speed from which a joint stops within `distance` when each step of dt may take a dt off its speed. In
-// units of a dt and a dt^2: from speed v it takes n = ceil(v) steps, v + (v - 1) + ... = n v - n (n - 1) / 2 long. The
-// continuous sqrt(2 a d) alone would step over the end.
-double brakingSpeed(double distance, double acceleration, double dt_s) {
-  if (distance <= 0 || acceleration <= 0) return 0;
-  const double d = distance / (acceleration * dt_s * dt_s);
-  const double n = std::max(1.0, std::ceil(0.5 * (std::sqrt(1 + 8 * d) - 1)));
-  const double in_steps = acceleration * dt_s * (d / n + 0.5 * (n - 1));
-  return std::min(std::sqrt(2 * acceleration * distance),
-                  in_steps);  // In this order: steps too short to count give NaN.
 }
 
 bool finite(const CArmLimits& limits) {
@@ -49,8 +39,8 @@ CArmJoints limited(const CArmJoints& wanted, const CArmJoints& current_velocity,
   const CArmJoints change = withinSpeed(wanted, limits) - current_velocity;
   CArmJoints v = current_velocity + shortening(change, limits.acceleration * dt_s) * change;
   for (int i = 0; i < kCArmJointCount; ++i) {
-    v[i] = std::min(v[i], brakingSpeed(limits.upper[i] - joints[i], limits.acceleration[i], dt_s));
-    v[i] = std::max(v[i], -brakingSpeed(joints[i] - limits.lower[i], limits.acceleration[i], dt_s));
+    v[i] = std::min(v[i], fallingRate(limits.upper[i] - joints[i], limits.acceleration[i], dt_s));
+    v[i] = std::max(v[i], -fallingRate(joints[i] - limits.lower[i], limits.acceleration[i], dt_s));
   }
   return v;
 }

@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/robot/carm_motion_limiter.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "angio/base/errors.hpp"
+#include "angio/robot/carm_limiter.hpp"
+#include "angio/robot/nearest_in_polytope.hpp"
+#include "carm_path.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kShortestStep_s = 0.02;  // Of plans: a fast caller's are not made of thousands of steps.
+constexpr double kLongestStep_s = 0.1;    // After frames that were missing: the next will come in time.
+constexpr int kMostPlanSteps = 400;
+constexpr double kRemembered_s = 2;
+constexpr double kRounding = 1e-9;  // Of positions [rad, m].
+constexpr double kReserve = 1e-4;  // To a face [rad, m]: what watching ramps at quarters may overlook, five times over.
+constexpr int kHalvings = 12;      // A 4000th of a speed is nothing.
+constexpr int kMostEasings = 4;    // Towards room enough to slide.
+
+void check(const CArmLimits& limits, const CArmEnvelope& envelope, double command_validity_s) {
+  for (int i = 0; i < kCArmJointCount; ++i) {
+    const std::string joint = "[" + std::to_string(i) + "]";
+    requireFinite("c-arm limits", "lower" + joint, limits.lower[i]);
+    requireFinite("c-arm limits", "upper" + joint, limits.upper[i]);
+    requirePositive("c-arm limits", "velocity" + joint, limits.velocity[i]);
+    requirePositive("c-arm limits", "acceleration" + joint, limits.acceleration[i]);
+    requirePositive("c-arm limits", "jerk" + joint, limits.jerk[i]);
+    if (limits.lower[i] > limits.upper[i]) {
+      throw InputError("c-arm limits", "lower" + joint, shown(limits.lower[i]), "must not exceed upper" + joint);
+    }
+  }
+  for (const CArmEnvelope::Face& face : envelope.faces) {
+    requireFinite("c-arm envelope", face.name, face.bound);
+    for (const double x : face.normal) requireFinite("c-arm envelope", face.name, x);
+    requirePositive("c-arm envelope", face.name + ": length of the normal", face.normal.norm());
+  }
+  const int most = CArmMotionLimiter::kMostFaces;
+  if (static_cast<int>(envelope.faces.size()) > most) {
+    throw InputError("c-arm envelope", "faces", std::to_string(envelope.faces.size()),
+                     "must be " + std::to_string(most) + " at most");
+  }
+  requirePositive("c-arm", "command_validity_s", command_validity_s);
+}
+
+}  // namespace
+
+CArmMotionLimiter::CArmMotionLimiter(const CArmLimits& limits, const CArmEnvelope& envelope, double command_validity_s)
+    : limits_(limits), envelope_(envelope), command_validity_s_(command_validity_s) {
+  check(limits_, envelope_, command_validity_s_);
+  for (CArmEnvelope::Face& face : envelope_.faces) {
+    face.bound /= face.normal.norm();
+    face.normal.normalize();
+  }
+}
+
+CArmJoints CArmMotionLimiter::limit(const CArmJoints& wanted, const CArmJoints& measured, double age_s,
+                                    double period_s) {
+  const bool sound = wanted.allFinite() && measured.allFinite() && std::isfinite(age_s) && age_s >= 0 &&
+                     std::isfinite(period_s) && period_s > 0;
+  if (!sound) return rest(std::isfinite(period_s) ? period_s : 0);
+  advance(period_s);
+  const CArmJoints joints = predicted(measured, age_s);
+  const double dt_s = std::min({period_s, command_validity_s_, kLongestStep_s});
+  const CArmJoints slow_enough = withinSpeed(wanted, limits_);
+  CArmJoints aim, low, high, braking;
+  for (int i = 0; i < kCArmJointCount; ++i) {
+    const auto towards = [&](double goal) {
+      const double v =
+          stepTowards(velocity_[i], acceleration_[i], goal, limits_.acceleration[i], limits_.jerk[i], dt_s);
+      // After a step that was shorter than planned speed comes before jerk.
+      return std::clamp(v, -limits_.velocity[i], limits_.velocity[i]);
+    };
+    aim[i] = towards(slow_enough[i]);
+    low[i] = towards(-limits_.velocity[i]);
+    high[i] = towards(limits_.velocity[i]);
+    braking[i] = std::clamp(towards(0), low[i], high[i]);
+  }
+  keepToRange(joints, braking, dt_s, low, high);
+  FaceVector eased = FaceVector::Zero(static_cast<Eigen::Index>(envelope_.faces.size()));
+  CArmJoints command = braking;
+  FaceVector missing = eased;
+  for (int k = 0; k < kMostEasings; ++k) {
+    command = slid(joints, aim.cwiseMax(low).cwiseMin(high), low, high, braking, eased);
+    missing = missingRoom(joints, command, dt_s);
+    if ((missing.array() <= 0).all()) return command_ = command;
+    eased += missing.cwiseMax(0) / command_validity_s_;
+  }
+  // What was certified a step ago may miss by the rounding of a time.
+  if ((missingRoom(joints, braking, dt_s).array() > 0.5 * kReserve).any()) return command_ = CArmJoints::Zero();
+  CArmJoints good = braking;
+  for (int k = 0; k < kHalvings; ++k) {
+    const CArmJoints middle = 0.5 * (good + command);
+    ((missingRoom(joints, middle, dt_s).array() <= 0).all() ? good : command) = middle;
+  }
+  return command_ = good;
+}
+
+CArmJoints CArmMotionLimiter::rest(double period_s) {
+  if (period_s > 0) advance(period_s);
+  return command_ = CArmJoints::Zero();
+}
+
+void CArmMotionLimiter::advance(double period_s) {
+  const CArmJoints before = velocity_;
+  const double obeyed_s = std::min(period_s, command_validity_s_);
+  remember(obeyed_s, command_);
+  if (period_s > obeyed_s) remember(std::min(period_s - obeyed_s, kRemembered_s), CArmJoints::Zero());
+  acceleration_ = (velocity_ - before) / period_s;
+  double known_s = 0;
+  for (const Piece& piece : past_) known_s += piece.duration_s;
+  while (past_.size() > 1 && known_s - past_.front().duration_s > kRemembered_s) {
+    known_s -= past_.front().duration_s;
+    past_.pop_front();
+  }
+}
+
+void CArmMotionLimiter::remember(double duration_s, const CArmJoints& commanded) {
+  past_.push_back({duration_s, velocity_, commanded});
+  for (int i = 0; i < kCArmJointCount; ++i) {
+    velocity_[i] = velocityAfter(velocity_[i], commanded[i], limits_.acceleration[i], duration_s);
+  }
+}
+
+CArmJoints CArmMotionLimiter::predicted(const CArmJoints& joints, double age_s) const {
+  CArmJoints now = joints;
+  for (auto piece = past_.rbegin(); piece != past_.rend() && age_s > 0; ++piece) {
+    const double from_s = std::max(0.0, piece->duration_s - age_s);
+    for (int i = 0; i < kCArmJointCount; ++i) {
+      const auto way = [&](double t) {
+        return wayAfter(piece->start[i], piece->commanded[i], limits_.acceleration[i], t);
+      };
+      now[i] += way(piece->duration_s) - way(from_s);
+    }
+    age_s -= piece->duration_s;
+  }
+  return now;
+}
+
+bool CArmMotionLimiter::stopsInside(int i, double q, double command, double lower, double upper, double dt_s) const {
+  double u = velocity_[i], a = acceleration_[i], step_s = dt_s;
+  for (int k = 0; k < kMostPlanSteps; ++k) {
+    q += wayAfter(u, command, limits_.acceleration[i], step_s);
+    if (q > upper + kRounding || q < lower - kRounding) return false;
+    a = (command - u) / step_s;
+    u = command;
+    if (u == 0 && a == 0) return true;
+    step_s = std::max(dt_s, kShortestStep_s);
+    command = stepTowards(u, a, 0, limits_.acceleration[i], limits_.jerk[i], step_s);
+    if (std::abs(command) < kRounding) command = 0;
+  }
+  return true;
+}
+
+void CArmMotionLimiter::keepToRange(const CArmJoints& joints, const CArmJoints& braking, double dt_s, CArmJoints& low,
+                                    CArmJoints& high) const {
+  for (int i = 0; i < kCArmJointCount; ++i) {
+    const double lower = std::min(limits_.lower[i], joints[i]), upper = std::max(limits_.upper[i], joints[i]);
+    for (double* end : {&low[i], &high[i]}) {
+      if (stopsInside(i, joints[i], *end, lower, upper, dt_s)) continue;
+      double good = braking[i];
+      for (int k = 0; k < kHalvings; ++k) {
+        const double middle = 0.5 * (good + *end);
+        (stopsInside(i, joints[i], middle, lower, upper, dt_s) ? good : *end) = middle;
+      }
+      *end = good;
+    }
+  }
+}
+
+CArmJoints CArmMotionLimiter::slid(const CArmJoints& joints, const CArmJoints& aim, const CArmJoints& low,
+                                   const CArmJoints& high, const CArmJoints& braking, const FaceVector& eased) const {
+  Polytope allowed;
+  const int faces = static_cast<int>(envelope_.faces.size()), rows = faces + 2 * kCArmJointCount;
+  allowed.normals.setZero(rows, kCArmJointCount);
+  allowed.bounds.resize(rows);
+  // In units of the joints' speeds, so that radians and metres count alike.
+  const CArmJoints& unit = limits_.velocity;
+  for (int i = 0; i < kCArmJointCount; ++i) {
+    allowed.normals(2 * i, i) = 1;
+    allowed.bounds[2 * i] = high[i] / unit[i];
+    allowed.normals(2 * i + 1, i) = -1;
+    allowed.bounds[2 * i + 1] = -low[i] / unit[i];
+  }
+  for (int k = 0; k < faces; ++k) {
+    const CArmEnvelope::Face& face = envelope_.faces[static_cast<std::size_t>(k)];
+    double slowest = std::numeric_limits<double>::infinity();  // Of the decelerations that a joint adds.
+    for (int i = 0; i < kCArmJointCount; ++i) {
+      if (face.normal[i] != 0) slowest = std::min(slowest, std::abs(face.normal[i]) * limits_.acceleration[i]);
+    }
+    // v validity + v^2 / 2a = room.
+    const double v = slowest * command_validity_s_, room = std::max(0.0, face.room(joints) - kReserve);
+    const double speed = std::sqrt(v * v + 2 * slowest * room) - v;
+    const int row = 2 * kCArmJointCount + k;
+    const double length = face.normal.cwiseProduct(unit).norm();
+    allowed.normals.row(row) = face.normal.cwiseProduct(unit).transpose() / length;
+    allowed.bounds[row] = std::max(speed - eased[k], face.normal.dot(braking)) / length;  // Braking is always allowed.
+  }
+  return nearestInPolytope(aim.cwiseQuotient(unit), allowed, braking.cwiseQuotient(unit)).cwiseProduct(unit);
+}
+
+// Silence may come at any time: the arm keeps the command for its validity, and brakes then; a command that stands
+// still may come sooner. The joints' ramps are watched at quarters of a step: where one is still on its way out and
+// another no longer on its way in, the furthest point lies in between.
+CArmMotionLimiter::FaceVector CArmMotionLimiter::missingRoom(const CArmJoints& joints, const CArmJoints& first,
+                                                             double dt_s) const {
+  const auto faces = static_cast<Eigen::Index>(envelope_.faces.size());
+  FaceVector missing = FaceVector::Constant(faces, -std::numeric_limits<double>::infinity());
+  // Faces that the arm cannot get to before it stands are most of them, most of the time.
+  // While its acceleration is taken back a joint gains a^2 / 2j.
+  const CArmJoints gain = limits_.acceleration.cwiseAbs2().cwiseQuotient(2 * limits_.jerk);
+  const CArmJoints speed = velocity_.cwiseAbs().cwiseMax(first.cwiseAbs()) + gain;
+  const CArmJoints longest_s = speed.cwiseQuotient(limits_.acceleration) +
+                               limits_.acceleration.cwiseQuotient(limits_.jerk) +
+                               CArmJoints::Constant(command_validity_s_ + dt_s);
+  std::array<Eigen::Index, kMostFaces> near;
+  std::size_t near_count = 0;
+  for (Eigen::Index f = 0; f < faces; ++f) {
+    const CArmEnvelope::Face& face = envelope_.faces[static_cast<std::size_t>(f)];
+    const double way = face.normal.cwiseAbs().dot(speed.cwiseProduct(longest_s));
+    if (!(face.room(joints) > way + kReserve)) near[near_count++] = f;
+  }
+  CArmJoints q = joints, u = velocity_, command = first;
+  double step_s = dt_s;
+  for (int k = 0; k < kMostPlanSteps && near_count > 0; ++k) {
+    const auto stopped = [&](double after_s) {
+      CArmJoints position = q, velocity;
+      for (int i = 0; i < kCArmJointCount; ++i) {
+        position[i] += wayAfter(u[i], command[i], limits_.acceleration[i], after_s);
+        velocity[i] = velocityAfter(u[i], command[i], limits_.acceleration[i], after_s);
+      }
+      for (std::size_t n = 0; n < near_count; ++n) {
+        const Eigen::Index f = near[n];
+        const CArmEnvelope::Face& face = envelope_.faces[static_cast<std::size_t>(f)];
+        // From outside a face: no further out than now.
+        const double bound = std::max(face.bound - kReserve, face.normal.dot(joints) + kRounding);
+        const double out = face.normal.dot(position) + furthest(face.normal, velocity, limits_.acceleration);
+        missing[f] = std::max(missing[f], out - bound);
+      }
+      return position;
+    };
+    for (const double part : {0.25, 0.5, 0.75}) stopped(part * step_s);
+    stopped(std::max(step_s, command_validity_s_));
+    q = stopped(step_s);
+    if (command.isZero(0)) return missing;
+    for (int i = 0; i < kCArmJointCount; ++i) {
+      const double a = (command[i] - u[i]) / step_s;
+      u[i] = command[i];
+      command[i] = stepTowards(u[i], a, 0, limits_.acceleration[i], limits_.jerk[i], std::max(dt_s, kShortestStep_s));
+      if (std::abs(command[i]) < kRounding) command[i] = 0;
+    }
+    step_s = std::max(dt_s, kShortestStep_s);
+  }
+  return missing;
+}
+
+}  // namespace angio

@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/robot/carm_motion_limiter.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "angio/geometry/se3.hpp"
+#include "angio/simulation/simulated_carm.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/random.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kDt = 0.066667, kLatency_s = 0.08, kValid_s = 0.2;
+const CArmLimits kLimits = CArmLimits::typical();
+const CArmEnvelope kEnvelope = CArmEnvelope::typical(0.303);
+
+CArmJoints randomWithin(test::Random& random, const CArmJoints& bound) {
+  return CArmJoints::NullaryExpr([&](Eigen::Index i) { return random.uniform(-bound[i], bound[i]); });
+}
+
+// A limiter and the arm that its commands reach after the latency, watched millisecond by millisecond.
+class Room {
+ public:
+  explicit Room(const CArmJoints& start) : arm_(kLimits, start, 0) {}
+
+  CArmMotionLimiter limiter{kLimits, kEnvelope, kValid_s};
+  double least_room = std::numeric_limits<double>::infinity();  // To a face of the envelope, [rad] or [m].
+  double fastest = 0, hardest = 0;                              // Shares of the arm's limits.
+  double jerkiest = 0;                                          // Share of the command's.
+  double furthest = 0;                                          // Share of the range.
+  double modelled = 0;                                          // Between the arm as it is and as it was predicted.
+
+  CArmState state() const { return arm_.state(); }
+
+  /// One frame and the time until the next: the joints now, and the command for `wanted`, which arrives after the
+  /// latency unless it is lost.
+  CArmJoints frame(const CArmJoints& wanted, double period_s, bool holds = false, bool lost = false) {
+    const CArmJoints joints = arm_.state().joints;
+    const CArmJoints command = holds ? limiter.rest(since_s_) : limiter.limit(wanted, joints, kLatency_s, since_s_);
+    const CArmJoints a = (command - last_) / since_s_;
+    if (!holds && !held_) {
+      jerkiest = std::max(jerkiest, (a - last_a_).cwiseAbs().cwiseQuotient(kLimits.jerk * since_s_).maxCoeff());
+    }
+    since_s_ = period_s;
+    held_ = holds;
+    last_a_ = a;
+    last_ = command;
+    const std::int64_t arrives_us = now_us_ + std::llround(kLatency_s * 1e6);
+    CArmCommand message;
+    message.time_us = now_us_;
+    message.sequence = ++sequence_;
+    message.time_us = now_us_;
+    message.valid_for_us = std::llround(kValid_s * 1e6);
+    message.velocity = command;
+    if (!lost) under_way_.push_back({arrives_us, message, limiter.predicted(joints, kLatency_s)});
+    run(period_s);
+    return command;
+  }
+
+  /// Watches the arm for a time.
+  void run(double duration_s) {
+    for (const std::int64_t end_us = now_us_ + std::llround(duration_s * 1e6); now_us_ < end_us;) {
+      const CArmState before = arm_.state();
+      std::int64_t next_us = std::min(now_us_ + 1000, end_us);
+      if (!under_way_.empty()) next_us = std::min(next_us, under_way_.front().arrives_us);
+      now_us_ = next_us;
+      arm_.advance(now_us_);
+      if (!under_way_.empty() && under_way_.front().arrives_us == now_us_) {
+        const CArmJoints missed = arm_.state().joints - under_way_.front().predicted;
+        modelled = std::max(modelled, missed.cwiseAbs().maxCoeff());
+        arm_.obey(under_way_.front().command, now_us_);
+        under_way_.pop_front();
+      }
+      const CArmState after = arm_.state();
+      const double dt_s = 1e-6 * static_cast<double>(after.time_us - before.time_us);
+      if (dt_s <= 0) continue;
+      for (const CArmEnvelope::Face& face : kEnvelope.faces) {
+        least_room = std::min(least_room, face.room(after.joints) / face.normal.norm());
+      }
+      fastest = std::max(fastest, after.velocity.cwiseAbs().cwiseQuotient(kLimits.velocity).maxCoeff());
+      const CArmJoints change = after.velocity - before.velocity;
+      hardest = std::max(hardest, change.cwiseAbs().cwiseQuotient(kLimits.acceleration * dt_s).maxCoeff());
+      furthest = std::max(furthest, after.joints.cwiseAbs().cwiseQuotient(kLimits.upper).maxCoeff());
+    }
+  }
+
+ private:
+  struct UnderWay {
+    std::int64_t arrives_us;
+    CArmCommand command;
+    CArmJoints predicted;
+  };
+  SimulatedCArm arm_;
+  std::deque<UnderWay> under_way_;
+  std::int64_t now_us_ = 0, sequence_ = 0;
+  CArmJoints last_ = CArmJoints::Zero(), last_a_ = CArmJoints::Zero();
+  double since_s_ = kDt;
+  bool held_ = false;
+};
+
+void expectWithinLimits(const Room& room, double least_room) {
+  EXPECT_GE(room.least_room, least_room);
+  EXPECT_LE(room.fastest, 1 + 1e-9);
+  EXPECT_LE(room.hardest, 1 + 1e-6);  // Of differences of a millisecond.
+  EXPECT_LE(room.furthest, 1 + 1e-9);
+}
+
+TEST(CArmMotionLimiter, KeepsEveryLimitWhateverIsWanted) {
+  test::Random random(1);
+  Room room(CArmJoints::Zero());
+  CArmJoints wanted = CArmJoints::Zero();
+  for (int i = 0; i < 15000; ++i) {
+    if (i % 60 == 0 || random.uniform(0, 1) < 0.02) wanted = randomWithin(random, 3 * kLimits.velocity);
+    room.frame(wanted, kDt);
+  }
+  expectWithinLimits(room, -1e-6);  // Commands arrive on whole microseconds.
+  EXPECT_LE(room.jerkiest, 1 + 1e-6);
+  EXPECT_LT(room.modelled, 1e-7) << "the arm is not where the limiter thinks";
+  EXPECT_GT(room.furthest, 0.999) << "the range's end was never reached, so nothing was tested";
+  EXPECT_LT(room.least_room, 0.01) << "nor the envelope";
+}
+
+TEST(CArmMotionLimiter, KeepsEveryLimitWithFramesMissingHoldsAndSilence) {
+  test::Random random(2);
+  Room room(CArmJoints::Zero());
+  CArmJoints wanted = CArmJoints::Zero();
+  for (int i = 0; i < 15000; ++i) {
+    if (i % 60 == 0) wanted = randomWithin(random, 3 * kLimits.velocity);
+    const double event = random.uniform(0, 1);
+    const double period_s = event < 0.1 ? kDt * std::ceil(random.uniform(1, 6)) : kDt;
+    room.frame(wanted, period_s, event > 0.95);
+  }
+  expectWithinLimits(room, -1e-6);  // Commands arrive on whole microseconds.
+  EXPECT_GT(room.furthest, 0.999);
+}
+
+TEST(CArmMotionLimiter, LostCommandsCostLittleRoom) {
+  test::Random random(3);
+  Room room(CArmJoints::Zero());
+  CArmJoints wanted = CArmJoints::Zero();
+  for (int i = 0; i < 15000; ++i) {
+    if (i % 60 == 0) wanted = randomWithin(random, 3 * kLimits.velocity);
+    room.frame(wanted, kDt, false, random.uniform(0, 1) < 0.2);
+  }
+  // What is lost was counted on: a frame's change of speed over the frames until the encoders tell, a dt^2 each.
+  expectWithinLimits(room, -degToRad(1));
+}
+
+TEST(CArmMotionLimiter, ABlockedJointLetsTheOthersGoOn) {
+  CArmJoints start = CArmJoints::Zero();
+  start[0] = kLimits.upper[0] - degToRad(3);
+  start[2] = -0.2;  // The table's side out of the way.
+  Room room(start);
+  const CArmJoints wanted = 0.8 * kLimits.velocity;
+  CArmJoints command;
+  for (int i = 0; i < 30; ++i) command = room.frame(wanted, kDt);
+  EXPECT_NEAR(room.state().joints[0], kLimits.upper[0], degToRad(0.05));
+  // Secondary is held by the corner of the envelope; the table's x by its side; the others reach their speed.
+  EXPECT_NEAR(command[3], wanted[3], 1e-9);
+  EXPECT_NEAR(command[4], wanted[4], 1e-9);
+  EXPECT_GE(room.least_room, 0);
+}
+
+TEST(CArmMotionLimiter, SlidesAlongAFaceTowardsWhatIsWanted) {
+  CArmJoints start = CArmJoints::Zero();
+  start.head<2>() << degToRad(60), degToRad(45);
+  Room room(start);
+  // Straight at the corner |p| + 2 |s| = 180 deg, and along it towards less secondary.
+  CArmJoints wanted = CArmJoints::Zero();
+  wanted.head<2>() << degToRad(20), degToRad(5);
+  double most_secondary = 0;
+  for (int i = 0; i < 150; ++i) {
+    room.frame(wanted, kDt);
+    most_secondary = std::max(most_secondary, room.state().joints[1]);
+  }
+  const CArmJoints end = room.state().joints;
+  EXPECT_GT(end[0], start[0] + degToRad(20)) << "stuck at the face";
+  EXPECT_LT(end[1], most_secondary - degToRad(2)) << "did not give way";
+  EXPECT_GE(room.least_room, 0);
+}
+
+TEST(CArmMotionLimiter, ComesToAWishWithoutShootingOver) {
+  Room room(CArmJoints::Zero());
+  const CArmJoints wanted = 0.5 * kLimits.velocity;
+  double highest = 0;
+  CArmJoints command;
+  for (int i = 0; i < 25; ++i) {
+    command = room.frame(wanted, kDt);
+    highest = std::max(highest, command.cwiseQuotient(wanted).maxCoeff());
+  }
+  EXPECT_LE(highest, 1 + 1e-9);
+  EXPECT_LT((command - wanted).norm(), 1e-9);
+}
+
+TEST(CArmMotionLimiter, FromOutsideTheEnvelopeThereIsOnlyTheWayBack) {
+  CArmJoints outside = CArmJoints::Zero();
+  outside.head<2>() << degToRad(110), degToRad(40);
+  ASSERT_TRUE(kEnvelope.violated(outside));
+  Room room(outside);
+  for (int i = 0; i < 30; ++i) room.frame(outside, kDt);
+  const CArmEnvelope::Face& face = *kEnvelope.violated(outside);
+  EXPECT_GT(face.room(room.state().joints), face.room(outside) - 1e-6);
+  CArmJoints back = CArmJoints::Zero();
+  back.head<2>() = -outside.head<2>();
+  for (int i = 0; i < 45; ++i) room.frame(back, kDt);
+  EXPECT_FALSE(kEnvelope.violated(room.state().joints));
+}
+
+TEST(CArmMotionLimiter, WhatIsNotANumberStandsStill) {
+  const CArmJoints ok = 0.1 * kLimits.velocity;
+  for (const double wrong : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    CArmMotionLimiter limiter(kLimits, kEnvelope, kValid_s);
+    CArmJoints bad = ok;
+    bad[3] = wrong;
+    EXPECT_TRUE(limiter.limit(bad, ok, kLatency_s, kDt).isZero(0));
+    EXPECT_TRUE(limiter.limit(ok, bad, kLatency_s, kDt).isZero(0));
+    EXPECT_TRUE(limiter.limit(ok, ok, wrong, kDt).isZero(0));
+    EXPECT_TRUE(limiter.limit(ok, ok, kLatency_s, wrong).isZero(0));
+    EXPECT_TRUE(limiter.limit(ok, ok, kLatency_s, -kDt).isZero(0));
+    EXPECT_TRUE(limiter.limit(ok, ok, -kLatency_s, kDt).isZero(0));
+    // And the next sound wish is answered as if nothing had been.
+    EXPECT_EQ(limiter.limit(ok, ok, kLatency_s, kDt),
+              CArmMotionLimiter(kLimits, kEnvelope, kValid_s).limit(ok, ok, kLatency_s, kDt));
+  }
+}
+
+TEST(CArmMotionLimiter, RefusesLimitsThatAreNone) {
+  CArmLimits limits = kLimits;
+  limits.jerk[2] = 0;
+  EXPECT_EQ(test::refusalOf([&] { CArmMotionLimiter(limits, {}, kValid_s); }),
+            "c-arm limits: jerk[2] = 0: must be a positive number");
+  CArmEnvelope envelope;
+  envelope.faces.push_back({"wall", CArmJoints::Zero(), 1});
+  EXPECT_EQ(test::refusalOf([&] { CArmMotionLimiter(kLimits, envelope, kValid_s); }),
+            "c-arm envelope: wall: length of the normal = 0: must be a positive number");
+}
+
+}  // namespace
+}  // namespace angio
