@@ -14,8 +14,10 @@ namespace {
 
 constexpr double kRounding = 1e-9;  // Times are whole microseconds in double; far below what an encoder resolves.
 
-CArmCommand command(std::int64_t sequence, const CArmJoints& velocity, std::int64_t valid_for_us = 1'000'000) {
+CArmCommand command(std::int64_t sequence, const CArmJoints& velocity, std::int64_t valid_for_us = 1'000'000,
+                    std::int64_t frame_us = 0) {
   CArmCommand result;
+  result.time_us = frame_us;
   result.sequence = sequence;
   result.valid_for_us = valid_for_us;
   result.velocity = velocity;
@@ -49,7 +51,7 @@ TEST(SimulatedCArm, StaysWithinItsLimitsWhateverItIsTold) {
     CArmJoints wanted;
     for (int k = 0; k < kCArmJointCount; ++k) wanted[k] = random.uniform(-3, 3) * limits.velocity[k];
     if (i % 7 < 3) wanted = 5 * limits.velocity;  // Long enough against one end.
-    carm.obey(command(i, wanted, 1 + static_cast<std::int64_t>(random.uniform(0, 300'000))), now_us);
+    carm.obey(command(i, wanted, 1 + static_cast<std::int64_t>(random.uniform(0, 300'000)), now_us), now_us);
     const CArmState before = carm.state();
     const auto step_us = 1 + static_cast<std::int64_t>(random.uniform(0, i % 2 ? 5'000 : 400'000));
     carm.advance(now_us += step_us);
@@ -130,7 +132,7 @@ TEST(SimulatedCArm, IgnoresCommandsItMustNotObeyAndSaysWhy) {
 
 TEST(SimulatedCArm, TimeDoesNotRunBackwards) {
   SimulatedCArm carm(CArmLimits::typical(), CArmJoints::Zero(), 1'000'000);
-  carm.obey(command(1, CArmLimits::typical().velocity), 1'000'000);
+  carm.obey(command(1, CArmLimits::typical().velocity, 1'000'000, 1'000'000), 1'000'000);
   carm.advance(1'200'000);
   const CArmState state = carm.state();
   carm.advance(500'000);
@@ -139,6 +141,45 @@ TEST(SimulatedCArm, TimeDoesNotRunBackwards) {
   EXPECT_EQ(carm.state().joints, state.joints);
   carm.advance(std::numeric_limits<std::int64_t>::max());
   EXPECT_EQ(carm.state().velocity, CArmJoints::Zero());
+}
+
+TEST(SimulatedCArm, IgnoresMotionByAFrameOfAnotherTime) {
+  const CArmLimits limits = CArmLimits::typical();
+  const ReceiverSettings receiver;
+  const std::int64_t now_us = 10'000'000, oldest_us = now_us - std::llround(1e3 * receiver.most_command_age_ms),
+                     newest_us = now_us + std::llround(1e3 * receiver.most_command_lead_ms);
+  SimulatedCArm carm(limits, CArmJoints::Zero(), now_us);
+  std::int64_t sequence = 0;
+  for (const std::int64_t frame_us : {oldest_us - 1, newest_us + 1, std::numeric_limits<std::int64_t>::min(),
+                                      std::numeric_limits<std::int64_t>::max()}) {
+    carm.obey(command(++sequence, limits.velocity, 1'000'000, frame_us), now_us);
+  }
+  EXPECT_EQ(carm.ignored().too_old, 4);
+  carm.advance(now_us + 100'000);
+  EXPECT_EQ(carm.state().velocity, CArmJoints::Zero());
+  for (const std::int64_t frame_us : {oldest_us + 100'000, newest_us + 100'000}) {
+    carm.obey(command(++sequence, 0.1 * limits.velocity, 1'000'000, frame_us), now_us + 100'000);
+  }
+  EXPECT_EQ(carm.ignored().total(), 4);
+  carm.obey(command(++sequence, CArmJoints::Zero(), 1'000'000, oldest_us), now_us + 200'000);
+  EXPECT_EQ(carm.ignored().total(), 4) << "a command to stand still is never too old";
+}
+
+TEST(SimulatedCArm, TakesSpeedsFarBeyondItsLimitsForWrongUnits) {
+  const CArmLimits limits = CArmLimits::typical();
+  SimulatedCArm carm(limits, CArmJoints::Zero(), 0);
+  CArmJoints wanted = 0.5 * limits.velocity;
+  wanted[0] *= 180 / kPi;  // Degrees for radians.
+  carm.obey(command(1, wanted), 0);
+  wanted = 0.5 * limits.velocity;
+  wanted[4] *= -1000;  // Millimetres for metres.
+  carm.obey(command(2, wanted), 0);
+  EXPECT_EQ(carm.ignored().wrong_unit, 2);
+  carm.advance(200'000);
+  EXPECT_EQ(carm.state().joints, CArmJoints::Zero());
+  carm.obey(command(3, 5 * limits.velocity), 200'000);  // Too fast, in the right unit: cut to the limits.
+  carm.advance(1'100'000);
+  EXPECT_EQ(carm.state().velocity, limits.velocity);
 }
 
 TEST(SimulatedCArm, RefusesAnImpossibleSetUp) {

@@ -42,13 +42,34 @@ SimulatedXrayNode::SimulatedXrayNode(Bus& bus, const VesselTree& tree, const Sim
 std::optional<XrayFrame> SimulatedXrayNode::expose(std::int64_t now_us) {
   const auto& state = states_.peek();
   if (!state) return std::nullopt;
-  if (!first_us_) first_us_ = now_us;
-  XrayFrame frame{now_us, ++sequence_, {}, claimed_camera_};
-  const double time_s = 1e-6 * static_cast<double>(now_us - *first_us_);
-  const XrayScene scene = patient_.scene(T_camera_model(state->joints), time_s);
-  frame.image = patient_.render(camera_, scene, static_cast<std::uint64_t>(sequence_));
+  return expose(now_us, state->joints);
+}
+
+XrayFrame SimulatedXrayNode::expose(std::int64_t now_us, const CArmJoints& joints) {
+  XrayFrame frame = render(now_us, joints);
   publish(bus_, kXrayFrameChannel, frame);
   return frame;
+}
+
+XrayFrame SimulatedXrayNode::blank(std::int64_t now_us) {
+  if (!first_us_) first_us_ = now_us;
+  return {now_us, ++sequence_, {}, claimed_camera_};
+}
+
+XrayFrame SimulatedXrayNode::render(std::int64_t now_us, const CArmJoints& joints) {
+  XrayFrame frame = blank(now_us);
+  const XrayScene scene = patient_.scene(T_camera_model(joints), patientTime_s(now_us));
+  frame.image = patient_.render(camera_, scene, static_cast<std::uint64_t>(sequence_));
+  return frame;
+}
+
+Eigen::Vector3d SimulatedXrayNode::inCamera(const Eigen::Vector3d& p_model, const CArmJoints& joints,
+                                            std::int64_t now_us) const {
+  return T_camera_model(joints) * patient_.moved(p_model, patientTime_s(now_us));
+}
+
+double SimulatedXrayNode::patientTime_s(std::int64_t now_us) const {
+  return 1e-6 * static_cast<double>(now_us - first_us_.value_or(now_us));
 }
 
 }  // namespace angio

@@ -85,8 +85,11 @@ void check(const CArmLimits& limits, const CArmJoints& start) {
 
 }  // namespace
 
-SimulatedCArm::SimulatedCArm(const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us) : limits_(limits) {
+SimulatedCArm::SimulatedCArm(const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us,
+                             const ReceiverSettings& receiver)
+    : limits_(limits), receiver_(receiver) {
   check(limits, start);
+  checkSettings("c-arm receiver", receiver);
   state_.time_us = now_us;
   state_.joints = start;
 }
@@ -99,6 +102,10 @@ void SimulatedCArm::obey(const CArmCommand& command, std::int64_t now_us) {
     ++ignored_.bad_validity;
   } else if (commanded_ && !newer(command)) {
     ++ignored_.out_of_sequence;
+  } else if (!ofNow(command)) {
+    ++ignored_.too_old;
+  } else if ((command.velocity.cwiseAbs().array() > receiver_.most_overspeed * limits_.velocity.array()).any()) {
+    ++ignored_.wrong_unit;  // Cut to the limits it would be full speed, in a direction that nobody meant.
   } else {
     commanded_ = true;
     last_sequence_ = command.sequence;
@@ -112,6 +119,13 @@ void SimulatedCArm::obey(const CArmCommand& command, std::int64_t now_us) {
 // ever.
 bool SimulatedCArm::newer(const CArmCommand& command) const {
   return command.sequence > last_sequence_ || (command.sequence < last_sequence_ && command.time_us > last_command_us_);
+}
+
+// A command to stand still is welcome whenever it comes.
+bool SimulatedCArm::ofNow(const CArmCommand& command) const {
+  if (command.velocity.isZero(0)) return true;
+  const double age_ms = 1e-3 * (static_cast<double>(state_.time_us) - static_cast<double>(command.time_us));
+  return age_ms <= receiver_.most_command_age_ms && age_ms >= -receiver_.most_command_lead_ms;
 }
 
 void SimulatedCArm::advance(std::int64_t now_us) {

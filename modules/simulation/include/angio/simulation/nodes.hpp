@@ -43,10 +43,25 @@ class SimulatedXrayNode {
   /// state has been heard yet.
   std::optional<XrayFrame> expose(std::int64_t now_us);
 
+  /// The same from joints that are known without the bus.
+  XrayFrame expose(std::int64_t now_us, const CArmJoints& joints);
+
+  /// Renders without publishing.
+  XrayFrame render(std::int64_t now_us, const CArmJoints& joints);
+
+  /// A frame without an image; time runs for the patient all the same.
+  XrayFrame blank(std::int64_t now_us);
+
+  /// Where a point of the model [m] really is in the camera with these joints: breathing, heartbeat and shift have
+  /// moved it. The truth that a loop must not know.
+  Eigen::Vector3d inCamera(const Eigen::Vector3d& p_model, const CArmJoints& joints, std::int64_t now_us) const;
+
   /// Pose of the model in the camera with these joints, before the patient shifts: the truth that a loop must not know.
   Pose T_camera_model(const CArmJoints& joints) const { return carm_.T_camera_patient(joints) * T_patient_model_; }
 
  private:
+  double patientTime_s(std::int64_t now_us) const;
+
   Bus& bus_;
   LatestValue<CArmState> states_;
   SimulatedPatient patient_;

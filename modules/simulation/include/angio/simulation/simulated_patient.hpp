@@ -45,6 +45,11 @@ class SimulatedPatient {
   /// @param T_camera_rest  The model frame in the camera as it would be if the patient had not shifted.
   XrayScene scene(const Pose& T_camera_rest, double time_s) const;
 
+  /// Where a point of the model at rest [m] has gone by then: model frame of the patient who has not shifted [m].
+  Eigen::Vector3d moved(const Eigen::Vector3d& p_model, double time_s) const {
+    return motion_.shift(time_s) * (p_model + motion_.displacement(p_model, time_s));
+  }
+
   /// As FluoroscopyRenderer's.
   cv::Mat render(const XrayCamera& camera, const XrayScene& scene, std::uint64_t frame) {
     return renderer_.render(camera, scene, frame);

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/base/settings.hpp"
+
+namespace angio {
+
+/// What a simulated catheter is like. The defaults are plausible for a steerable microcatheter of 2.1 French; they are
+/// nobody's measurement.
+struct CatheterSettings {
+  double diameter_mm = 0.7;
+  double attenuation_per_m = 300;  ///< Linear, above blood's: a braid and a filled wall.
+  double marker_length_mm = 1.5;   ///< Of platinum, at the tip.
+  double tip_length_mm = 6;        ///< From its bend to its end.
+  double tip_angle_deg = 25;       ///< As it was shaped.
+  double largest_bend_deg = 90;    ///< That steering adds; 0: it cannot be steered.
+  double roll_zero_deg = 0;        ///< Where the bend points when the drive's roll is 0: nobody tells the loop.
+  double length_mm = 1500;         ///< That the drive can push in.
+
+  double insertion_backlash_mm = 0.6;
+  double roll_backlash_deg = 6;
+  double bend_backlash_deg = 2;
+  double slack_mm_per_rad = 0.1;          ///< Between the inner and the outer wall, for each radian of bends.
+  double friction = 0.02;                 ///< Coulomb's, between catheter and wall.
+  double drag_n_per_m = 0.5;              ///< Of a straight catheter.
+  double wind_up_deg_per_m = 60;          ///< Of the shaft, before the tip turns; it grows with bends as friction does.
+  double unwind_mm = 20;                  ///< Sliding that lets two thirds of the wind-up out.
+  double stiffness_n_per_m = 400;         ///< Of the catheter in compression.
+  double buckling_force_n = 1;            ///< More than that cannot be pushed through it.
+  double tip_stiffness_n_per_rad = 0.05;  ///< Of the tip against its bend.
+  double contact_force_n = 0.05;          ///< At the tip, from where it counts as a contact.
+  double cone_deg = 70;                   ///< A tip that points further beside a branch's lumen does not enter it.
+
+  double largest_insertion_speed_mm_s = 30;
+  double largest_roll_speed_deg_s = 360;
+  double largest_bend_speed_deg_s = 90;
+
+  void visit(SettingsVisitor& v) {
+    v.number("diameter_mm", diameter_mm, 0.1, 5);
+    v.number("attenuation_per_m", attenuation_per_m, 0, 1e4);
+    v.number("marker_length_mm", marker_length_mm, 0, 50);
+    v.number("tip_length_mm", tip_length_mm, 1, 50);
+    v.number("tip_angle_deg", tip_angle_deg, 0, 120);
+    v.number("largest_bend_deg", largest_bend_deg, 0, 120);
+    v.number("roll_zero_deg", roll_zero_deg, -360, 360);
+    v.number("length_mm", length_mm, 10, 5000);
+    v.number("insertion_backlash_mm", insertion_backlash_mm, 0, 20);
+    v.number("roll_backlash_deg", roll_backlash_deg, 0, 180);
+    v.number("bend_backlash_deg", bend_backlash_deg, 0, 60);
+    v.number("slack_mm_per_rad", slack_mm_per_rad, 0, 10);
+    v.number("friction", friction, 0, 0.5);
+    v.number("drag_n_per_m", drag_n_per_m, 0, 20);
+    v.number("wind_up_deg_per_m", wind_up_deg_per_m, 0, 1000);
+    v.number("unwind_mm", unwind_mm, 0.1, 1000);
+    v.number("stiffness_n_per_m", stiffness_n_per_m, 1, 1e5);
+    v.number("buckling_force_n", buckling_force_n, 0.01, 100);
+    v.number("tip_stiffness_n_per_rad", tip_stiffness_n_per_rad, 0, 10);
+    v.number("contact_force_n", contact_force_n, 0.001, 10);
+    v.number("cone_deg", cone_deg, 1, 180);
+    v.number("largest_insertion_speed_mm_s", largest_insertion_speed_mm_s, 0.1, 200);
+    v.number("largest_roll_speed_deg_s", largest_roll_speed_deg_s, 1, 3600);
+    v.number("largest_bend_speed_deg_s", largest_bend_speed_deg_s, 1, 720);
+  }
+};
+
+}  // namespace angio

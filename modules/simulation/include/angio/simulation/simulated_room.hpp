@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "angio/messaging/disturbed_bus.hpp"
+#include "angio/simulation/nodes.hpp"
+
+namespace angio {
+
+/// How a simulated room keeps time.
+struct RoomSettings {
+  double frame_rate_hz = 15;
+  double state_rate_hz = 100;      ///< Of the encoders' messages, beside one at each exposure.
+  double command_latency_ms = 80;  ///< From an exposure until the command that answers it reaches its machine.
+  bool images = true;              ///< Whether frames are rendered and sent; without, an exposure's image is empty.
+
+  void visit(SettingsVisitor& v) {
+    v.number("frame_rate_hz", frame_rate_hz, 1, 100);
+    v.number("state_rate_hz", state_rate_hz, 1, 1000);
+    v.number("command_latency_ms", command_latency_ms, 0, 2000);
+    v.flag("images", images);
+  }
+};
+
+/// Who stands in the room, and how.
+struct RoomWorld {
+  CArmGeometry carm;  ///< The real one.
+  CArmLimits limits = CArmLimits::typical();
+  Pose T_patient_model = Pose::Identity();  ///< How the patient really lies.
+  CArmJoints start = CArmJoints::Zero();
+  std::optional<XrayCamera> claimed_camera;  ///< What frames say of their camera; nothing: the true one.
+};
+
+/// What the room's omniscient observer keeps of one exposure.
+struct Exposure {
+  XrayFrame frame;
+  CArmState state;  ///< True joints.
+};
+
+/// A C-arm, its X-ray and a patient on one bus inside the process, in simulated time. A loop joins by loopSide() and
+/// answers whenever advance() comes back; its commands are on their way for as long as the latency says, and the
+/// machine moves meanwhile. The same calls give the same messages, bit for bit.
+class SimulatedRoom {
+ public:
+  /// Throws InputError when a setting is out of its range.
+  SimulatedRoom(const VesselTree& tree, const SimulatedPatientSettings& patient, const RoomWorld& world,
+                const RoomSettings& settings);
+  SimulatedRoom(const SimulatedRoom&) = delete;  // Its parties know its buses by address.
+  SimulatedRoom& operator=(const SimulatedRoom&) = delete;
+
+  /// The bus as a loop has it. Borrowed: ends with the room.
+  Bus& loopSide() { return from_loop_; }
+
+  /// What happens to messages on their way to the loop, and from it. The latency is a delay of the loop's commands.
+  DisturbedBus& fromMachines() { return from_machines_; }
+  DisturbedBus& fromLoop() { return from_loop_; }
+
+  /// Lets time run to the next event: a message arrives, the encoders report, or a frame is exposed. Comes back with
+  /// the exposure, if it was one.
+  std::optional<Exposure> advance();
+
+  std::int64_t now_us() const { return now_us_; }
+  double now_s() const { return 1e-6 * static_cast<double>(now_us_); }
+  double period_s() const { return period_us_ * 1e-6; }
+
+  const SimulatedCArm& arm() const { return arm_.arm(); }
+  const SimulatedXrayNode& xray() const { return xray_; }
+
+  /// Where a point of the model really is in the camera now [m].
+  Eigen::Vector3d inCamera(const Eigen::Vector3d& p_model) const {
+    return xray_.inCamera(p_model, arm().state().joints, now_us_);
+  }
+
+  /// Changes each frame before it is sent: another patient's, a frozen one, a wrong clock.
+  void tamperWithFrames(std::function<void(XrayFrame&)> tamper) { tamper_ = std::move(tamper); }
+
+ private:
+  void moveTo(std::int64_t time_us);
+  std::int64_t exposure_us(std::int64_t k) const;
+  std::int64_t report_us(std::int64_t k) const;
+
+  double period_us_, report_period_us_;
+  bool images_;
+  std::unique_ptr<Bus> bus_;
+  DisturbedBus from_machines_, from_loop_;
+  SimulatedCArmNode arm_;
+  SimulatedXrayNode xray_;
+  std::int64_t now_us_ = 0, exposures_ = 0, reports_ = 0;
+  std::function<void(XrayFrame&)> tamper_;
+};
+
+}  // namespace angio

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/simulation/simulated_catheter.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "angio/simulation/fluoroscopy.hpp"
+#include "catheter_shape.hpp"
+
+namespace angio {
+namespace {
+
+constexpr std::int64_t kStepUs = 5'000;
+constexpr std::int64_t kLongestValidityUs = 1'000'000;
+constexpr double kLongestSlide_m = 0.5e-3;  // In one step: what springs forward passes its forks one by one.
+constexpr double kRest_m = 1e-9;            // Less than that is no motion.
+constexpr double kPlausibleEnd_m = 0.6e-3;  // Radius where the tree ends, if it does not say: the renderer's default.
+
+CatheterSettings checked(const CatheterSettings& settings) {
+  checkSettings("catheter", settings);
+  return settings;
+}
+
+// A play operator: what follows `input` with a dead band of `half_width` to either side.
+double followed(double output, double input, double half_width) {
+  return std::clamp(output, input - half_width, input + half_width);
+}
+
+}  // namespace
+
+SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings, const TreePlace& start,
+                                     std::int64_t now_us)
+    : settings_(checked(settings)),
+      tree_(withPlausibleRadii(tree, kPlausibleEnd_m)),
+      map_(tree_),
+      now_us_(now_us),
+      settled_us_(now_us - now_us % kStepUs),
+      stop_us_(now_us) {
+  if (start.chain < 0 || start.chain >= map_.chains()) {
+    throw InputError("catheter start", "chain", std::to_string(start.chain),
+                     "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
+  }
+  requireBetween("catheter start", "arc_m", start.arc_m, 0, map_.length_m(start.chain));
+  path_ = map_.pathTo(start.chain);
+  tip_m_ = map_.start_m(start.chain) + start.arc_m;
+  requireBetween("catheter start", "path_m", tip_m_, 0, 1e-3 * settings_.length_mm);
+  roll_rad_ = 0;
+  origin_ = settled_ = {tip_m_, 0, 0};
+  feel(tip_m_);
+}
+
+void SimulatedCatheter::obey(const CatheterCommand& command, std::int64_t now_us) {
+  advance(now_us);
+  const bool newer = command.sequence > command_.sequence ||
+                     (command.sequence < command_.sequence && command.time_us > command_.time_us);
+  if (!std::isfinite(command.insertion_speed_mps) || !std::isfinite(command.roll_speed_radps) ||
+      !std::isfinite(command.bend_speed_radps)) {
+    ++ignored_.not_finite;
+  } else if (command.valid_for_us <= 0 || command.valid_for_us > kLongestValidityUs) {
+    ++ignored_.bad_validity;
+  } else if (commanded_ && !newer) {
+    ++ignored_.out_of_sequence;
+  } else {
+    origin_ = baseAt(now_us_);
+    command_us_ = now_us_;
+    stop_us_ = now_us_ + command.valid_for_us;
+    const auto cut = [](double value, double largest) { return std::clamp(value, -largest, largest); };
+    command_ = command;
+    command_.insertion_speed_mps = cut(command.insertion_speed_mps, 1e-3 * settings_.largest_insertion_speed_mm_s);
+    command_.roll_speed_radps = cut(command.roll_speed_radps, degToRad(settings_.largest_roll_speed_deg_s));
+    command_.bend_speed_radps = cut(command.bend_speed_radps, degToRad(settings_.largest_bend_speed_deg_s));
+    commanded_ = true;
+  }
+}
+
+void SimulatedCatheter::advance(std::int64_t now_us) {
+  if (now_us <= now_us_) return;
+  while (now_us - settled_us_ >= kStepUs) {
+    settled_us_ += kStepUs;
+    const Base base = baseAt(settled_us_);
+    const double tip_m = tip_m_;
+    const bool still = base.insertion_m == settled_.insertion_m && base.roll_rad == settled_.roll_rad &&
+                       base.bend_rad == settled_.bend_rad;
+    settle(base);
+    // Nothing moves and nothing will: the rest of the time passes at once.
+    if (still && std::abs(tip_m_ - tip_m) < kRest_m && settled_us_ >= stop_us_) {
+      settled_us_ = now_us - now_us % kStepUs;
+    }
+  }
+  now_us_ = now_us;
+}
+
+SimulatedCatheter::Base SimulatedCatheter::baseAt(std::int64_t time_us) const {
+  if (!commanded_) return origin_;
+  const double passed_s = 1e-6 * static_cast<double>(std::min(time_us, stop_us_) - command_us_);
+  return {
+      std::clamp(origin_.insertion_m + command_.insertion_speed_mps * passed_s, 0.0, 1e-3 * settings_.length_mm),
+      origin_.roll_rad + command_.roll_speed_radps * passed_s,
+      std::clamp(origin_.bend_rad + command_.bend_speed_radps * passed_s, 0.0, degToRad(settings_.largest_bend_deg))};
+}
+
+CatheterState SimulatedCatheter::state() const {
+  CatheterState state;
+  state.time_us = now_us_;
+  const Base base = baseAt(now_us_);
+  state.insertion_m = base.insertion_m;
+  state.roll_rad = base.roll_rad;
+  state.bend_rad = base.bend_rad;
+  if (commanded_ && now_us_ < stop_us_) {
+    const auto moving = [](double v, double at, double low, double high) {
+      return (v > 0 && at >= high) || (v < 0 && at <= low) ? 0.0 : v;
+    };
+    state.insertion_speed_mps = moving(command_.insertion_speed_mps, base.insertion_m, 0.0, 1e-3 * settings_.length_mm);
+    state.roll_speed_radps = command_.roll_speed_radps;
+    state.bend_speed_radps =
+        moving(command_.bend_speed_radps, base.bend_rad, 0.0, degToRad(settings_.largest_bend_deg));
+  }
+  state.insertion_force_n = force_n_;
+  return state;
+}
+
+CatheterTruth SimulatedCatheter::truth() const {
+  CatheterTruth truth;
+  truth.tip = placeAt(tip_m_);
+  truth.path_m = tip_m_;
+  truth.tip_model = device(tree_.points()).points.rightCols<1>();
+  truth.direction_model = heldDirection();
+  truth.roll_rad = roll_rad_ + degToRad(settings_.roll_zero_deg);
+  truth.bend_rad = degToRad(settings_.tip_angle_deg) + bend_rad_;
+  truth.tip_force_n = tip_force_n_;
+  truth.touches_wall = touches_;
+  truth.buckled = buckled_;
+  truth.wall_contacts = contacts_;
+  return truth;
+}
+
+Device SimulatedCatheter::device(const Eigen::Matrix3Xd& points) const {
+  Device device;
+  device.diameter_m = 1e-3 * settings_.diameter_mm;
+  device.attenuation_per_m = settings_.attenuation_per_m;
+  device.marker_length_m = 1e-3 * settings_.marker_length_mm;
+  device.marker_attenuation_per_m = settings_.marker_length_mm > 0 ? 4000 : 0;
+  const double tip_length_m = 1e-3 * settings_.tip_length_mm, lumen = leaning(placeAt(tip_m_));
+  const TreeFrame frame = map_.frame(placeAt(tip_m_));
+  const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
+  const Eigen::Vector3d sideways = std::cos(roll) * frame.across + std::sin(roll) * frame.aside;
+  device.points =
+      catheterShape(map_, tree_, points, path_, tip_m_, 0.5 * device.diameter_m, tip_length_m, lumen * sideways);
+  return device;
+}
+
+void SimulatedCatheter::settle(const Base& base) {
+  settled_ = base;
+  const double bends = std::exp(settings_.friction * map_.turned_rad(placeAt(tip_m_)));
+  const double wind_up = degToRad(settings_.wind_up_deg_per_m) * tip_m_ * bends;
+  roll_rad_ = followed(roll_rad_, base.roll_rad, 0.5 * degToRad(settings_.roll_backlash_deg) + wind_up);
+  bend_rad_ = followed(bend_rad_, base.bend_rad, 0.5 * degToRad(settings_.bend_backlash_deg));
+  const double before_m = tip_m_;
+  slide(base.insertion_m);
+  // A shaft that slides has its friction along itself and none about itself: what was wound up comes out at the tip.
+  const double let_out = 1 - std::exp(-std::abs(tip_m_ - before_m) / (1e-3 * settings_.unwind_mm));
+  const double lag = base.roll_rad - roll_rad_, play = 0.5 * degToRad(settings_.roll_backlash_deg);
+  roll_rad_ += let_out * (lag - std::clamp(lag, -play, play));
+  feel(base.insertion_m);
+}
+
+double SimulatedCatheter::freePlay() const {
+  return 0.5e-3 * settings_.insertion_backlash_mm +
+         1e-3 * settings_.slack_mm_per_rad * map_.turned_rad(placeAt(tip_m_));
+}
+
+double SimulatedCatheter::slidingForce() const {
+  return settings_.drag_n_per_m * tip_m_ * std::exp(settings_.friction * map_.turned_rad(placeAt(tip_m_)));
+}
+
+void SimulatedCatheter::slide(double insertion_m) {
+  const double pushed = insertion_m - tip_m_;
+  const double held = freePlay() + slidingForce() / settings_.stiffness_n_per_m;
+  blocked_ = false;
+  if (pushed > held + kRest_m) {
+    const bool buckles = slidingForce() >= settings_.buckling_force_n;
+    blocked_ = buckles || !advanceTip(std::min(pushed - held, kLongestSlide_m));
+  } else if (pushed < -held - kRest_m) {
+    retractTip(std::min(-pushed - held, kLongestSlide_m));
+  }
+}
+
+bool SimulatedCatheter::advanceTip(double step_m) {
+  const int chain = path_.back();
+  const double left_m = map_.start_m(chain) + map_.length_m(chain) - tip_m_;
+  if (step_m < left_m) {
+    const TreePlace ahead = placeAt(tip_m_ + step_m);
+    if (radius(ahead) < 0.5e-3 * settings_.diameter_mm) return false;
+    tip_m_ += step_m;
+    return true;
+  }
+  if (map_.children(chain).empty()) return false;
+  double beside = 0;
+  const int child = choose(map_.children(chain), &beside);
+  if (beside > degToRad(settings_.cone_deg)) return false;
+  path_.push_back(child);
+  tip_m_ += left_m;
+  return true;
+}
+
+void SimulatedCatheter::retractTip(double step_m) {
+  tip_m_ = std::max(tip_m_ - step_m, 0.0);
+  while (path_.size() > 1 && tip_m_ < map_.start_m(path_.back())) path_.pop_back();
+}
+
+// The child whose lumen the free tip points least beside, and how far beside.
+int SimulatedCatheter::choose(const std::vector<int>& children, double* worst) const {
+  const Eigen::Vector3d tip = freeDirection();
+  const double lever_m = std::clamp(2 * radius(placeAt(tip_m_)), 3e-3, 8e-3);
+  int best = children.front();
+  double least = 1e9;
+  for (const int child : children) {
+    const double angle = std::acos(std::clamp(tip.dot(map_.leaving(child, lever_m)), -1.0, 1.0));
+    const double lumen = std::atan2(radius({child, lever_m}), lever_m);
+    if (angle - lumen < least) least = angle - lumen, best = child;
+  }
+  *worst = least;
+  return best;
+}
+
+void SimulatedCatheter::feel(double insertion_m) {
+  const double pushed = insertion_m - tip_m_, taut = std::max(std::abs(pushed) - freePlay(), 0.0);
+  const double wanted = settings_.stiffness_n_per_m * taut;
+  buckled_ = blocked_ && wanted > settings_.buckling_force_n;
+  force_n_ = std::copysign(std::min(wanted, settings_.buckling_force_n), pushed);
+  const Eigen::Vector3d free = freeDirection(), held = heldDirection();
+  tip_force_n_ = settings_.tip_stiffness_n_per_rad * std::acos(std::clamp(free.dot(held), -1.0, 1.0));
+  if (blocked_) {
+    const double lost = std::exp(-settings_.friction * map_.turned_rad(placeAt(tip_m_)));
+    tip_force_n_ += std::max(force_n_ - slidingForce(), 0.0) * lost;
+  }
+  // Counted anew only after the tip has come half free, or one that trembles would be many.
+  const bool touches = tip_force_n_ > (touches_ ? 0.5 : 1.0) * settings_.contact_force_n;
+  contacts_ += touches && !touches_;
+  touches_ = touches;
+}
+
+double SimulatedCatheter::radius(const TreePlace& place) const {
+  const TreeSpot at = map_.spot(place);
+  return (1 - at.weight) * *tree_.radii()[at.a] + at.weight * *tree_.radii()[at.b];
+}
+
+TreePlace SimulatedCatheter::placeAt(double path_m) const {
+  auto chain = path_.rbegin();
+  while (chain + 1 != path_.rend() && path_m < map_.start_m(*chain)) ++chain;
+  return {*chain, path_m - map_.start_m(*chain)};
+}
+
+// How far the tip's end stands beside the centreline [m]: as its bend has it, or as far as the lumen lets it.
+double SimulatedCatheter::leaning(const TreePlace& place) const {
+  const double bend = std::min(degToRad(settings_.tip_angle_deg) + bend_rad_, 0.5 * kPi);
+  return std::min(1e-3 * settings_.tip_length_mm * std::sin(bend),
+                  std::max(radius(place) - 0.5e-3 * settings_.diameter_mm, 0.0));
+}
+
+Eigen::Vector3d SimulatedCatheter::freeDirection() const {
+  const TreeFrame frame = map_.frame(placeAt(tip_m_));
+  const double bend = degToRad(settings_.tip_angle_deg) + bend_rad_;
+  const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
+  return std::cos(bend) * frame.along + std::sin(bend) * (std::cos(roll) * frame.across + std::sin(roll) * frame.aside);
+}
+
+Eigen::Vector3d SimulatedCatheter::heldDirection() const {
+  const TreePlace tip = placeAt(tip_m_);
+  const TreeFrame frame = map_.frame(tip);
+  const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
+  // The deflection grows as the square of the way from the bend: at its end it rises twice as steeply as on average.
+  const double slope = 2 * leaning(tip) / (1e-3 * settings_.tip_length_mm);
+  return (frame.along + slope * (std::cos(roll) * frame.across + std::sin(roll) * frame.aside)).normalized();
+}
+
+}  // namespace angio

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/simulation/simulated_catheter.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "angio/geometry/se3.hpp"
+#include "angio/messaging/channels.hpp"
+#include "angio/simulation/catheter_node.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/phantoms.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// A straight vessel of 100 mm along z that splits into two of 60 mm, 30 deg to +x and to -x.
+VesselTree fork(double radius_m = 2e-3) {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<int> parents;
+  const auto grow = [&](int parent, Eigen::Vector3d from, const Eigen::Vector3d& step, int count) {
+    for (int i = 1; i <= count; ++i) {
+      points.push_back(from + i * step);
+      parents.push_back(parent);
+      parent = static_cast<int>(points.size()) - 1;
+    }
+    return parent;
+  };
+  points.emplace_back(0, 0, 0);
+  parents.push_back(-1);
+  const int split = grow(0, points.front(), {0, 0, 1e-3}, 100);
+  const double s = 1e-3 * std::sin(degToRad(30)), c = 1e-3 * std::cos(degToRad(30));
+  grow(split, {0, 0, 0.1}, {s, 0, c}, 60);
+  grow(split, {0, 0, 0.1}, {-s, 0, c}, 60);
+  Eigen::Matrix3Xd matrix(3, points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) matrix.col(static_cast<Eigen::Index>(i)) = points[i];
+  return VesselTree(matrix, parents, std::vector<std::optional<double>>(points.size(), radius_m));
+}
+
+CatheterCommand command(std::int64_t sequence, double insertion_mps, double roll_radps = 0, double bend_radps = 0) {
+  CatheterCommand c;
+  c.sequence = sequence;
+  c.valid_for_us = 1'000'000;
+  c.insertion_speed_mps = insertion_mps;
+  c.roll_speed_radps = roll_radps;
+  c.bend_speed_radps = bend_radps;
+  return c;
+}
+
+// Sends one command for as long as it takes, a second at a time.
+void drive(SimulatedCatheter& catheter, double duration_s, double insertion_mps, double roll_radps = 0,
+           double bend_radps = 0) {
+  std::int64_t now_us = catheter.state().time_us;
+  for (double left_s = duration_s; left_s > 1e-9; left_s -= 0.5) {
+    catheter.obey(command(now_us + 1, insertion_mps, roll_radps, bend_radps), now_us);
+    now_us += std::llround(1e6 * std::min(left_s, 0.5));
+    catheter.advance(now_us);
+    CatheterCommand rest = command(now_us, 0);
+    catheter.obey(rest, now_us);
+  }
+}
+
+TEST(SimulatedCatheter, StandsStillWithoutCommandsAndWhenTheyRunOut) {
+  SimulatedCatheter catheter(fork(), {}, {0, 0.03}, 0);
+  catheter.advance(5'000'000);
+  EXPECT_EQ(catheter.truth().path_m, 0.03);
+  CatheterCommand c = command(1, 0.01);
+  c.valid_for_us = 200'000;
+  catheter.obey(c, 5'000'000);
+  catheter.advance(60'000'000);
+  EXPECT_NEAR(catheter.state().insertion_m, 0.03 + 0.002, 1e-12);
+  EXPECT_EQ(catheter.state().insertion_speed_mps, 0);
+}
+
+TEST(SimulatedCatheter, IgnoresWhatMustNotMoveIt) {
+  SimulatedCatheter catheter(fork(), {}, {0, 0.03}, 0);
+  catheter.obey(command(1, kNan), 0);
+  catheter.obey(command(2, 0, kNan), 0);
+  catheter.obey(command(3, 0, 0, std::numeric_limits<double>::infinity()), 0);
+  CatheterCommand c = command(4, 0.01);
+  for (const std::int64_t validity : {std::int64_t{0}, std::int64_t{-5}, std::int64_t{1'000'001}}) {
+    c.valid_for_us = validity;
+    catheter.obey(c, 0);
+  }
+  catheter.advance(1'000'000);
+  EXPECT_EQ(catheter.state().insertion_m, 0.03);
+  EXPECT_EQ(catheter.ignored().not_finite, 3);
+  EXPECT_EQ(catheter.ignored().bad_validity, 3);
+  catheter.obey(command(9, 0.01), 1'000'000);
+  catheter.obey(command(9, -0.01), 1'000'000);
+  catheter.obey(command(8, -0.01), 1'000'000);
+  EXPECT_EQ(catheter.ignored().out_of_sequence, 2);
+  catheter.advance(1'500'000);
+  EXPECT_GT(catheter.state().insertion_m, 0.03);
+}
+
+TEST(SimulatedCatheter, MovesTheSameHoweverOftenItIsAsked) {
+  const VesselTree tree = test::branchingTree(3);
+  SimulatedCatheter often(tree, {}, {0, 0.02}, 0), seldom(tree, {}, {0, 0.02}, 0);
+  test::Random random(5);
+  std::int64_t now_us = 0;
+  for (int i = 1; i < 60; ++i) {
+    const CatheterCommand c = command(i, random.uniform(-0.01, 0.03), random.uniform(-3, 3), random.uniform(-1, 1));
+    often.obey(c, now_us);
+    seldom.obey(c, now_us);
+    const std::int64_t next_us = now_us + static_cast<std::int64_t>(random.uniform(1, 1'200'000));
+    while (now_us < next_us)
+      often.advance(now_us = std::min(next_us, now_us + 1 + static_cast<std::int64_t>(random.uniform(0, 20'000))));
+    seldom.advance(next_us);
+    ASSERT_EQ(often.truth().path_m, seldom.truth().path_m);
+    ASSERT_EQ(often.truth().roll_rad, seldom.truth().roll_rad);
+    ASSERT_EQ(often.state().insertion_force_n, seldom.state().insertion_force_n);
+  }
+}
+
+TEST(SimulatedCatheter, EntersTheBranchThatItsTipPointsTo) {
+  const VesselTree tree = fork();
+  const TreeMap map(tree);
+  const TreeFrame frame = map.frame({0, 0.1});
+  int tried = 0;
+  for (int k = 0; k < 12; ++k) {
+    CatheterSettings settings;
+    settings.roll_zero_deg = 30.0 * k + 10;
+    const double roll = degToRad(settings.roll_zero_deg);
+    const double towards_x = (std::cos(roll) * frame.across + std::sin(roll) * frame.aside).x();
+    SimulatedCatheter catheter(tree, settings, {0, 0.08}, 0);
+    drive(catheter, 4, 0.01);
+    const int chain = catheter.truth().tip.chain;
+    ASSERT_NE(chain, 0);
+    EXPECT_GT(map.leaving(chain, 5e-3).x() * towards_x, 0) << "roll " << settings.roll_zero_deg;
+    // Pulled back in front of the fork and turned by half a turn, it takes the other one; but across the fork's plane
+    // the wind-up, some 15 deg, decides.
+    if (std::abs(towards_x) < 0.6) continue;
+    drive(catheter, 5, -0.01);
+    ASSERT_EQ(catheter.truth().tip.chain, 0);
+    drive(catheter, 2, 0, kPi / 2);
+    drive(catheter, 2, 0, 0.25);  // What backlash and wind-up keep back.
+    drive(catheter, 5, 0.01);
+    EXPECT_NE(catheter.truth().tip.chain, chain);
+    ++tried;
+  }
+  EXPECT_GE(tried, 6);
+}
+
+TEST(SimulatedCatheter, LosesBacklashSlackAndFrictionWhenItTurnsBack) {
+  CatheterSettings settings;
+  settings.insertion_backlash_mm = 1;
+  SimulatedCatheter catheter(fork(), settings, {0, 0.03}, 0);
+  drive(catheter, 2, 0.01);
+  const double pushed = catheter.state().insertion_m - catheter.truth().path_m;
+  EXPECT_GE(pushed, 0.5e-3);  // Half of the backlash, then friction.
+  EXPECT_GT(catheter.state().insertion_force_n, 0);
+  drive(catheter, 2, -0.01);
+  EXPECT_LE(catheter.state().insertion_m - catheter.truth().path_m, -0.5e-3);
+  EXPECT_LT(catheter.state().insertion_force_n, 0);
+}
+
+TEST(SimulatedCatheter, BucklesAgainstTheEndAndSaysSo) {
+  SimulatedCatheter catheter(fork(), {}, {1, 0.055}, 0);
+  drive(catheter, 3, 0.02);
+  const CatheterTruth truth = catheter.truth();
+  EXPECT_NEAR(truth.tip.arc_m, 0.06, 1e-3);
+  EXPECT_TRUE(truth.buckled);
+  EXPECT_TRUE(truth.touches_wall);
+  EXPECT_GE(truth.wall_contacts, 1);
+  EXPECT_EQ(catheter.state().insertion_force_n, CatheterSettings().buckling_force_n);
+}
+
+TEST(SimulatedCatheter, GoesNoFurtherThanTheLumenIsWide) {
+  SimulatedCatheter catheter(fork(0.3e-3), {}, {0, 0.03}, 0);  // Narrower than its own 0.35 mm.
+  drive(catheter, 2, 0.01);
+  EXPECT_EQ(catheter.truth().path_m, 0.03);
+}
+
+TEST(SimulatedCatheter, ItsShapeStaysInTheLumenAndMovesWithTheTissue) {
+  const VesselTree tree = fork();
+  SimulatedCatheter catheter(tree, {}, {0, 0.09}, 0);
+  drive(catheter, 4, 0.01);
+  const Device device = catheter.device(tree.points());
+  device.check();
+  for (Eigen::Index i = 0; i < device.points.cols(); ++i) {
+    const double off = (tree.points().colwise() - device.points.col(i)).colwise().norm().minCoeff();
+    EXPECT_LE(off, std::hypot(2e-3 - 0.35e-3, 0.5e-3) + 1e-9);  // Tree points are 1 mm apart.
+  }
+  const Eigen::Vector3d shift(1e-3, 2e-3, 3e-3);
+  const Device moved = catheter.device(tree.points().colwise() + shift);
+  EXPECT_LT(((moved.points - device.points).colwise() - shift).norm(), 1e-12);
+  EXPECT_LT((catheter.truth().tip_model - device.points.rightCols<1>()).norm(), 1e-12);
+}
+
+TEST(SimulatedCatheter, RefusesAStartThatIsNoPlaceOfTheTree) {
+  EXPECT_NE(test::refusalOf([] { SimulatedCatheter(fork(), {}, {7, 0}, 0); }).find("chain"), std::string::npos);
+  EXPECT_NE(test::refusalOf([] { SimulatedCatheter(fork(), {}, {0, 0.2}, 0); }).find("arc_m"), std::string::npos);
+}
+
+TEST(SimulatedCatheterNode, ObeysAndReportsOnTheBus) {
+  const auto bus = openBus("memq://");
+  SimulatedCatheterNode node(*bus, fork(), {}, {0, 0.03}, 0);
+  LatestValue<CatheterState> states(*bus, kCatheterStateChannel);
+  publish(*bus, kCatheterCommandChannel, command(1, 0.01));
+  bus->handle(std::chrono::milliseconds(0));
+  node.listen(0);
+  node.report(500'000);
+  bus->handle(std::chrono::milliseconds(0));
+  ASSERT_TRUE(states.peek());
+  EXPECT_EQ(states.peek()->sequence, 1);
+  EXPECT_NEAR(states.peek()->insertion_m, 0.035, 1e-12);
+}
+
+}  // namespace
+}  // namespace angio
