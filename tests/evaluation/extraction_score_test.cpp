@@ -71,6 +71,39 @@ TEST(ExtractionScore, WhatMayBeFoundIsNotWhatMust) {
   EXPECT_NEAR(strict.correct(), 0.51, 0.01);
 }
 
+// Two vessels run as one line for 50 px, then part. An extractor that finds one line there, and both beyond, has all
+// that is to be had; the plain figures count the second vessel as missed.
+TEST(ExtractionScore, CountsWhatHasALineOfItsOwnApartAndHidesNothing) {
+  Eigen::Matrix2Xd points(2, 202);
+  std::vector<int> branch(202, 0);
+  std::vector<bool> own(202, true);
+  for (int i = 0; i <= 100; ++i) {
+    points.col(i) << i, 50;
+    points.col(101 + i) << i, i < 50 ? 53 : 60;
+    branch[static_cast<std::size_t>(101 + i)] = 1;
+    own[static_cast<std::size_t>(101 + i)] = i >= 50;
+  }
+  const Centerline2d truth = makeCenterline(points, branch, Eigen::VectorXd::Constant(202, 3));
+  std::vector<bool> seen(202, true);
+  for (int i = 0; i < 50; ++i) seen[static_cast<std::size_t>(101 + i)] = false;
+  ExtractionScore score(1.5);
+  score.add(pointsWhere(truth, seen), truth, truth, own);
+  EXPECT_NEAR(score.covered(), 0.75, 0.03);
+  EXPECT_NEAR(score.ownLineCovered(), 1, 0.03);  // The step of 7 px between the second vessel's two parts is not found.
+  EXPECT_NEAR(score.ownLinePart(), 0.75, 0.03);
+  EXPECT_EQ(score.ownLineCorrect(), 1);
+
+  // A line between the two is wrong by the plain count, and nobody's by the other; one outside both is wrong by both.
+  ExtractionScore between(1.5);
+  between.add(curve({5, 51.6}, {45, 51.6}), truth, truth, own);
+  EXPECT_NEAR(between.correct(), 1, 1e-9);
+  ExtractionScore outside(1.5);
+  outside.add(curve({5, 57}, {45, 57}), truth, truth, own);
+  EXPECT_EQ(outside.correct(), 0);
+  EXPECT_EQ(outside.ownLineCorrect(), 0);
+  EXPECT_TRUE(outside.asJson().contains("own_line_part"));
+}
+
 TEST(ExtractionScore, NothingFoundIsNothingCoveredAndNothingWrong) {
   ExtractionScore score(1.5);
   score.add({}, curve({0, 0}, {50, 0}));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/extraction_run.hpp"
 
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -10,6 +11,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
+#include "angio/evaluation/resolved.hpp"
 #include "angio/evaluation/statistics.hpp"
 #include "angio/evaluation/trial_images.hpp"
 #include "angio/io/image_files.hpp"
@@ -48,6 +50,21 @@ bool lostInAWider(const Centerline2d& vessels, int point) {
   return false;
 }
 
+// Standard deviation of a simulated image's blur about the isocentre: the detector's light, the focal spot behind the
+// patient, and a pixel's own square [px].
+double blurOf_px(const SimulationSettings& settings, const XrayCamera& camera) {
+  constexpr double kSigmaOfWidth = 0.4247;          // Of a normal curve of full width 1 at half height.
+  constexpr double kUsualDetectorDistance_m = 1.1;  // As the renderer takes it.
+  const DetectorSettings& detector = settings.fluoroscopy.detector;
+  const XrayCamera::Parameters& p = camera.parameters();
+  const double spacing_mm =
+      1e3 * p.pixel_spacing_m.value_or(p.source_detector_distance_m.value_or(kUsualDetectorDistance_m) / p.fx_px);
+  const double behind = std::max(0.0, spacing_mm * p.fx_px / settings.source_isocentre_mm - 1);
+  const double light_px = detector.psf_sigma_mm / spacing_mm;
+  const double spot_px = kSigmaOfWidth * detector.focal_spot_mm * behind / spacing_mm;
+  return std::sqrt(light_px * light_px + spot_px * spot_px + 1.0 / 12);
+}
+
 }  // namespace
 
 ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const std::optional<XrayCamera>& camera,
@@ -65,11 +82,13 @@ ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const s
       const double diameter_mm = 2 * mm_per_px * vessels.radius_px[k];
       wanted.push_back(diameter_mm >= thinnest_mm && diameter_mm <= thickest_mm && !lostInAWider(vessels, k));
     }
+    std::vector<bool> own_line = haveOwnLine(truth.all, blurOf_px(settings, trial.true_views.front().camera));
     return ExtractionSample{"simulated " + std::to_string(i),
                             images->render(trial, t, 0, i),
                             pointsWhere(vessels, wanted),
                             std::move(truth.all),
-                            {}};
+                            {},
+                            std::move(own_line)};
   };
   return {settings.trials, one};
 }
@@ -113,7 +132,7 @@ ExtractionSamples annotatedSamples(const std::vector<AnnotatedImage>& images) {
 ExtractionSamples imageSamples(const std::vector<std::string>& paths) {
   const auto sample = [=](int i) {
     const std::string& path = paths[static_cast<std::size_t>(i)];
-    return ExtractionSample{std::filesystem::path(path).stem().string(), readXrayImage(path), {}, {}, {}};
+    return ExtractionSample{std::filesystem::path(path).stem().string(), readXrayImage(path), {}, {}, {}, {}};
   };
   return {static_cast<int>(paths.size()), sample};
 }
@@ -136,7 +155,7 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
       const Centerline2d found = extractors[m]->extract(sample.image);
       runs[m].times_s.push_back(stage.seconds());
       if (sample.mask.empty()) {
-        runs[m].score.add(found, sample.required, sample.allowed);
+        runs[m].score.add(found, sample.required, sample.allowed, sample.own_line);
       } else {
         runs[m].score.addMask(found, sample.mask);
       }
@@ -160,17 +179,19 @@ Json extractionSummaries(const std::vector<ExtractionRun>& runs) {
 
 std::string extractionTable(const Json& summaries) {
   std::string table =
-      "| extractor | images | truth covered | found is right | median error | tangent | error / sigma | all points, "
-      "median | ms p50 | p99 |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
+      "| extractor | images | truth covered | found is right | truth with a line of its own | covered | right | median "
+      "error | tangent | error / sigma | all points, "
+      "median | ms p50 | p99 |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
   const auto cell = [](const Json& s, const char* key, const char* format, double factor = 1) {
     return s.contains(key) ? formatted(format, factor * s[key].get<double>()) : std::string("-");
   };
   for (const auto& [name, s] : summaries.items()) {
     table += "| " + name + " | " + std::to_string(s["images"].get<int>()) + " | " + cell(s, "covered", "%.1f %%", 100) +
-             " | " + cell(s, "correct", "%.1f %%", 100) + " | " + cell(s, "median_error_px", "%.2f px") + " | " +
-             cell(s, "median_tangent_error_deg", "%.1f deg") + " | " + cell(s, "error_over_sigma", "%.2f") + " | " +
-             cell(s, "median_distance_px", "%.2f px") + " | " + cell(s["time_ms"], "p50", "%.1f") + " | " +
-             cell(s["time_ms"], "p99", "%.1f") + " |\n";
+             " | " + cell(s, "correct", "%.1f %%", 100) + " | " + cell(s, "own_line_part", "%.1f %%", 100) + " | " +
+             cell(s, "own_line_covered", "%.1f %%", 100) + " | " + cell(s, "own_line_correct", "%.1f %%", 100) + " | " +
+             cell(s, "median_error_px", "%.2f px") + " | " + cell(s, "median_tangent_error_deg", "%.1f deg") + " | " +
+             cell(s, "error_over_sigma", "%.2f") + " | " + cell(s, "median_distance_px", "%.2f px") + " | " +
+             cell(s["time_ms"], "p50", "%.1f") + " | " + cell(s["time_ms"], "p99", "%.1f") + " |\n";
   }
   return table;
 }

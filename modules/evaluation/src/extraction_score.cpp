@@ -21,7 +21,7 @@ class NearestOnCurve {
  public:
   struct Place {
     double distance_px = std::numeric_limits<double>::infinity();
-    double tangent_rad = 0;
+    double tangent_rad = 0, radius_px = 0;
   };
 
   explicit NearestOnCurve(const Centerline2d& curve)
@@ -55,7 +55,8 @@ class NearestOnCurve {
     const double t = length2 > 0 ? std::clamp((q - from).dot(along) / length2, 0.0, 1.0) : 0;
     const double distance_px = (from + t * along - q).norm();
     if (distance_px < best.distance_px) {
-      best = {distance_px, length2 > 0 ? std::atan2(along.y(), along.x()) : curve_.tangent_rad[a]};
+      best = {distance_px, length2 > 0 ? std::atan2(along.y(), along.x()) : curve_.tangent_rad[a],
+              curve_.radius_px.size() > 0 ? curve_.radius_px[a] : 0};
     }
   }
 
@@ -63,6 +64,28 @@ class NearestOnCurve {
   Centerline2d curve_;
   Eigen::MatrixX2d rows_;
   Tree tree_;
+};
+
+// What of a truth has a line of its own, and what shares another's.
+class OwnLines {
+ public:
+  OwnLines(const Centerline2d& truth, const std::vector<bool>& own)
+      : own_(own.empty() ? Centerline2d() : pointsWhere(truth, own)),
+        shared_(own.empty() ? Centerline2d() : pointsWhere(truth, opposite(own))) {}
+
+  // Whether the truth nearest to a place shares its line, and the place is within that vessel.
+  bool shared(const Eigen::Vector2d& p) const {
+    const auto place = shared_(p);
+    return place.distance_px < own_(p).distance_px && place.distance_px <= place.radius_px;
+  }
+
+ private:
+  static std::vector<bool> opposite(std::vector<bool> flags) {
+    flags.flip();
+    return flags;
+  }
+
+  NearestOnCurve own_, shared_;
 };
 
 Centerline2d pointsOf(const cv::Mat& mask) {
@@ -75,17 +98,30 @@ Centerline2d pointsOf(const cv::Mat& mask) {
 
 }  // namespace
 
-void ExtractionScore::add(const Centerline2d& found, const Centerline2d& required, const Centerline2d& allowed) {
+void ExtractionScore::add(const Centerline2d& found, const Centerline2d& required, const Centerline2d& allowed,
+                          const std::vector<bool>& own_line) {
   const Centerline2d line = densified(found, kStep_px), wanted = densified(required, kStep_px);
   const NearestOnCurve nearest_found(line), nearest_true(allowed);
+  const OwnLines own(allowed, own_line);
   for (int i = 0; i < wanted.size(); ++i) {
-    covered_ += nearest_found(wanted.points_px.col(i)).distance_px <= tolerance_px_;
+    const Eigen::Vector2d p = wanted.points_px.col(i);
+    const bool covered = nearest_found(p).distance_px <= tolerance_px_;
+    covered_ += covered;
+    if (own_line.empty()) continue;
+    ++judged_required_;
+    if (own.shared(p)) continue;
+    ++own_required_;
+    own_covered_ += covered;
   }
   required_ += wanted.size();
   for (int i = 0; i < line.size(); ++i) {
-    const double distance_px = nearest_true(line.points_px.col(i)).distance_px;
+    const Eigen::Vector2d p = line.points_px.col(i);
+    const double distance_px = nearest_true(p).distance_px;
     distances_px_.push_back(distance_px);
     correct_ += distance_px <= tolerance_px_;
+    if (own_line.empty() || own.shared(p)) continue;
+    ++own_found_;
+    own_correct_ += distance_px <= tolerance_px_;
   }
   found_ += line.size();
   for (int i = 0; i < found.size(); ++i) {  // The points themselves: between them a line knows nothing of its own.
@@ -146,6 +182,11 @@ nlohmann::ordered_json ExtractionScore::asJson() const {
   if (!errors_px_.empty()) {
     json["median_error_px"] = medianError_px();
     json["median_tangent_error_deg"] = medianTangentError_deg();
+  }
+  if (own_required_ > 0) {
+    json["own_line_part"] = ownLinePart();
+    json["own_line_covered"] = ownLineCovered();
+    json["own_line_correct"] = ownLineCorrect();
   }
   if (const auto ratio = errorOverSigma()) json["error_over_sigma"] = *ratio;
   return json;

@@ -18,9 +18,10 @@ namespace angio {
 struct ExtractionSample {
   std::string name;
   cv::Mat image;
-  Centerline2d required;  ///< What must be found,
-  Centerline2d allowed;   ///< and what may be; or, in their place:
-  cv::Mat mask;           ///< the regions that people have drawn, CV_8UC1; empty when there are none.
+  Centerline2d required;       ///< What must be found,
+  Centerline2d allowed;        ///< and what may be; or, in their place:
+  cv::Mat mask;                ///< the regions that people have drawn, CV_8UC1; empty when there are none.
+  std::vector<bool> own_line;  ///< Of what may be: whether it has a line of its own (haveOwnLine); empty: not known.
 };
 
 /// Images that are made or read when they are asked for.

@@ -18,8 +18,10 @@ class ExtractionScore {
   explicit ExtractionScore(double tolerance_px) : tolerance_px_(tolerance_px) {}
 
   /// Adds an image. What must be found may be less than what may be: `required` is what the image shows, `allowed` all
-  /// that is there.
-  void add(const Centerline2d& found, const Centerline2d& required, const Centerline2d& allowed);
+  /// that is there. `own_line` (a flag for each allowed point, or empty) says which of that has a line of its own
+  /// (haveOwnLine): it is counted apart as well.
+  void add(const Centerline2d& found, const Centerline2d& required, const Centerline2d& allowed,
+           const std::vector<bool>& own_line = {});
   void add(const Centerline2d& found, const Centerline2d& truth) { add(found, truth, truth); }
 
   /// Adds an image whose truth is a mask (CV_8UC1, zero is background): what lies within the tolerance of it is right,
@@ -28,6 +30,14 @@ class ExtractionScore {
 
   double covered() const { return share(covered_, required_); }  ///< Of what must be found, how much is.
   double correct() const { return share(correct_, found_); }     ///< Of what was found, how much may be.
+
+  /// The same without what two vessels that run as one line cast: required points without a line of their own, and
+  /// found ones that lie nearest to such a truth and within its vessel. Of images whose own lines are known.
+  double ownLineCovered() const { return share(own_covered_, own_required_); }
+  double ownLineCorrect() const { return share(own_correct_, own_found_); }
+
+  /// Of what must be found, how much has a line of its own.
+  double ownLinePart() const { return share(own_required_, judged_required_); }
 
   /// Of the extracted points within the tolerance: distance to the true line, and angle between the two.
   double medianError_px() const;
@@ -47,6 +57,7 @@ class ExtractionScore {
 
   double tolerance_px_;
   double covered_ = 0, required_ = 0, correct_ = 0, found_ = 0;
+  double own_covered_ = 0, own_required_ = 0, own_correct_ = 0, own_found_ = 0, judged_required_ = 0;
   std::vector<double> errors_px_, tangent_errors_rad_, distances_px_;
   double squared_ratios_ = 0;
   int ratios_ = 0;
