@@ -4,7 +4,7 @@
 # The list is included by the installed package as well, so that a build and its users find the same things.
 find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
-find_package(OpenCV 4.5 REQUIRED COMPONENTS core imgproc imgcodecs ximgproc calib3d)
+find_package(OpenCV 4.5 REQUIRED COMPONENTS core imgproc imgcodecs ximgproc calib3d videoio)
 find_package(Ceres 2.1 REQUIRED)
 find_package(nanoflann REQUIRED)
 find_package(hwy REQUIRED CONFIG)

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <string>
+
+namespace angio {
+
+class FilmOutput;
+
+/// Writes pictures one after the other: "film.mp4" as a film, or "frames/%04d.png" (.jpg) as numbered files, from 0.
+class FilmWriter {
+ public:
+  /// Throws InputError when `path` is neither, or its folder does not exist.
+  FilmWriter(const std::string& path, double frame_rate_hz);
+  FilmWriter(FilmWriter&&) noexcept;
+  FilmWriter& operator=(FilmWriter&&) noexcept;
+  ~FilmWriter();  ///< A film that was not finished is thrown away.
+
+  /// The next picture, CV_8UC3. All of a film have the size of the first, of an even number of pixels. Throws
+  /// InputError when it cannot be written or has another size.
+  void write(const cv::Mat& picture);
+
+  /// The film is complete: it appears under its name. Throws InputError when it cannot; a film without pictures cannot.
+  void finish();
+
+  int pictures() const;  ///< Written so far.
+
+ private:
+  std::unique_ptr<FilmOutput> output_;
+};
+
+}  // namespace angio

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <deque>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+
+#include "angio/messaging/messages.hpp"
+#include "angio/vessel/vessel_tree.hpp"
+
+namespace angio {
+
+/// One frame and what the bus says of it.
+struct LiveScene {
+  XrayFrame frame;
+  std::optional<RegistrationMessage> registration;  ///< Of this frame.
+  std::optional<ServoStatus> status;                ///< Of this frame.
+  std::optional<CatheterTip> tip;                   ///< Of this frame.
+  std::optional<CArmState> state;                   ///< The newest joints.
+  std::optional<Eigen::Vector3d> target_model;      ///< A point of the model to mark [m].
+  std::string title;                                ///< First line; may be empty.
+};
+
+/// Pictures of a running loop, for a window or a film: the X-ray with the tree where it was registered, target and
+/// catheter tip, and below it the loop's state, its errors, the residual, the joints, and a bar of the last states.
+class LiveOverlay {
+ public:
+  /// @param width_px  Of the pictures, >= 320; the X-ray is scaled to it. Borrows the tree.
+  explicit LiveOverlay(const VesselTree& tree, int width_px = 768);
+
+  /// CV_8UC3; pictures of frames of one size have one size. The tree is green while the loop servoes by it or nobody
+  /// says whether one does, orange while the loop holds, and is not drawn when the registration did not converge.
+  cv::Mat draw(const LiveScene& scene);
+
+ private:
+  void drawXray(cv::Mat& canvas, const LiveScene& scene) const;
+  void drawPanel(cv::Mat panel, const LiveScene& scene) const;
+
+  const VesselTree& tree_;
+  int width_px_;
+  std::deque<cv::Scalar> bar_;  // Colours of the last frames' states, oldest first.
+};
+
+/// The colour in which a state of the loop is shown, BGR: green where it moves, orange where it stands and waits, red
+/// where it stands until somebody acts.
+cv::Scalar stateColour(ServoState state);
+
+}  // namespace angio

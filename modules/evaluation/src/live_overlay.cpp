@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/live_overlay.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "angio/base/formatted.hpp"
+#include "drawing.hpp"
+
+namespace angio {
+namespace {
+
+constexpr int kPanelHeight_px = 116;
+constexpr std::size_t kBarFrames = 256;
+constexpr int kNarrowest_px = 320;
+const cv::Scalar kGreen(80, 235, 60), kOrange(40, 165, 255), kRed(60, 60, 240), kGrey(150, 150, 150),
+    kWhite(240, 240, 240), kTipColour(255, 220, 60), kTargetColour(250, 120, 255);
+
+// Small text: the picture is smaller than an X-ray.
+void text(cv::Mat& canvas, const std::string& line, const cv::Point& at, const cv::Scalar& colour) {
+  cv::putText(canvas, line, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(0, 0, 0), 3, cv::LINE_AA);
+  cv::putText(canvas, line, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, colour, 1, cv::LINE_AA);
+}
+
+bool converged(const RegistrationMessage& registration) { return registration.status_text == "converged"; }
+
+}  // namespace
+
+cv::Scalar stateColour(ServoState state) {
+  switch (state) {
+    case ServoState::kServo:
+      return kGreen;
+    case ServoState::kFault:
+    case ServoState::kEmergencyStop:
+      return kRed;
+    case ServoState::kIdle:
+      return kGrey;
+    case ServoState::kHold:
+    case ServoState::kArmed:
+      break;
+  }
+  return kOrange;
+}
+
+LiveOverlay::LiveOverlay(const VesselTree& tree, int width_px)
+    : tree_(tree), width_px_(std::max(width_px, kNarrowest_px)) {}
+
+cv::Mat LiveOverlay::draw(const LiveScene& scene) {
+  bar_.push_back(scene.status ? stateColour(scene.status->state) : kGroundColour);
+  if (bar_.size() > kBarFrames) bar_.pop_front();
+  const double scale = static_cast<double>(width_px_) / scene.frame.image.cols;
+  const int height = std::max(1, static_cast<int>(std::lround(scale * scene.frame.image.rows)));
+  // Even numbers of pixels: the common film formats take no others.
+  cv::Mat canvas((height + kPanelHeight_px + 1) / 2 * 2, (width_px_ + 1) / 2 * 2, CV_8UC3, kGroundColour);
+  cv::Mat xray = canvas(cv::Rect(0, 0, width_px_, height));
+  cv::resize(greyPicture(scene.frame.image), xray, xray.size(), 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
+  drawXray(xray, scene);
+  drawPanel(canvas(cv::Rect(0, height, width_px_, kPanelHeight_px)), scene);
+  return canvas;
+}
+
+void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
+  if (!scene.title.empty()) text(canvas, scene.title, {10, 20}, kWhite);
+  if (!scene.registration || !converged(*scene.registration)) return;
+  const Pose& T_camera_model = scene.registration->T_camera_model;
+  const double scale = static_cast<double>(canvas.cols) / scene.frame.image.cols;
+  const auto pixel = [&](const Eigen::Vector3d& p_model) -> std::optional<cv::Point> {
+    const auto p = scene.frame.camera.project(T_camera_model * p_model);
+    if (!p) return std::nullopt;
+    return subpixel(scale * (*p + Eigen::Vector2d(0.5, 0.5)) - Eigen::Vector2d(0.5, 0.5));
+  };
+  const cv::Scalar colour = scene.status ? stateColour(scene.status->state) : kGreen;
+  std::vector<std::optional<cv::Point>> points;
+  for (const auto& p : tree_.points().colwise()) points.push_back(pixel(p));
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const int parent = tree_.parents()[i];
+    if (parent < 0 || !points[i] || !points[static_cast<std::size_t>(parent)]) continue;
+    cv::line(canvas, *points[i], *points[static_cast<std::size_t>(parent)], colour, 2, cv::LINE_AA, kSubpixelBits);
+  }
+  const int unit = 1 << kSubpixelBits;
+  if (const auto target = scene.target_model ? pixel(*scene.target_model) : std::nullopt) {
+    for (const cv::Point& arm : {cv::Point(12 * unit, 0), cv::Point(0, 12 * unit)}) {
+      cv::line(canvas, *target - arm, *target + arm, kTargetColour, 2, cv::LINE_AA, kSubpixelBits);
+    }
+  }
+  if (!scene.tip || scene.tip->status == CatheterTipStatus::kLost) return;
+  if (const auto tip = pixel(scene.tip->tip_model)) {
+    cv::circle(canvas, *tip, 7 * unit, kTipColour, 2, cv::LINE_AA, kSubpixelBits);
+  }
+}
+
+void LiveOverlay::drawPanel(cv::Mat panel, const LiveScene& scene) const {
+  const auto line = [&](int row, const std::string& words, const cv::Scalar& colour) {
+    text(panel, words, {10, 20 + 22 * row}, colour);
+  };
+  const std::string frame = formatted("frame %lld, %.2f s   ", static_cast<long long>(scene.frame.sequence),
+                                      1e-6 * static_cast<double>(scene.frame.time_us));
+  if (const auto& s = scene.status) {
+    line(0, frame + nameOf(s->state) + (s->reason.empty() ? "" : ": " + s->reason), stateColour(s->state));
+    line(1,
+         formatted("from the wanted view %.3f deg, %.2f mm   %.0f ms", radToDeg(s->view_error_rad),
+                   1e3 * s->target_error_m,
+                   1e-3 * static_cast<double>(s->image_us + s->registration_us + s->control_us)),
+         kWhite);
+  } else {
+    line(0, frame, kWhite);
+  }
+  if (const auto& r = scene.registration) {
+    line(2, formatted("registration %.60s, residual %.2f px", r->status_text.c_str(), r->mean_residual_px), kWhite);
+  }
+  std::string machine;
+  if (const auto& q = scene.state) {
+    machine = formatted("C-arm %+.2f %+.2f deg, table %+.1f %+.1f %+.1f mm", radToDeg(q->joints[0]),
+                        radToDeg(q->joints[1]), 1e3 * q->joints[2], 1e3 * q->joints[3], 1e3 * q->joints[4]);
+  }
+  if (scene.tip && scene.tip->status != CatheterTipStatus::kLost) {
+    machine += formatted("   tip in branch %d at %.1f mm", scene.tip->branch, 1e3 * scene.tip->arc_length_m);
+  }
+  line(3, machine, kWhite);
+  const int top = panel.rows - 14;
+  for (std::size_t i = 0; i < bar_.size(); ++i) {
+    const auto edge = [&](std::size_t k) {
+      return static_cast<int>(k * static_cast<std::size_t>(panel.cols) / kBarFrames);
+    };
+    cv::rectangle(panel, {edge(i), top}, {std::max(edge(i), edge(i + 1) - 1), panel.rows - 4}, bar_[i], cv::FILLED);
+  }
+}
+
+}  // namespace angio

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <gmock/gmock.h>
+
+#include <opencv2/core.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "angio/base/errors.hpp"
+#include "angio/evaluation/film_writer.hpp"
+#include "angio/evaluation/live_feed.hpp"
+#include "angio/test/phantoms.hpp"
+#include "angio/test/temporary_folder.hpp"
+
+namespace angio {
+namespace {
+
+const XrayCamera kCamera = XrayCamera::centred(256, 200, 1e-3, 1);
+
+XrayFrame frameNumber(std::int64_t sequence) {
+  return {1000 * sequence, sequence, cv::Mat(200, 256, CV_16UC1, cv::Scalar(30000)), kCamera};
+}
+
+RegistrationMessage registrationOf(std::int64_t sequence, const Pose& T_camera_model) {
+  RegistrationMessage m;
+  m.frame_sequence = sequence;
+  m.time_us = 1000 * sequence;
+  m.T_camera_model = T_camera_model;
+  m.status_text = "converged";
+  return m;
+}
+
+ServoStatus statusOf(std::int64_t sequence, ServoState state) {
+  ServoStatus m;
+  m.frame_sequence = sequence;
+  m.time_us = 1000 * sequence;
+  m.state = state;
+  return m;
+}
+
+// Smoothed lines are of a colour only almost.
+int pixelsOf(const cv::Mat& picture, const cv::Scalar& colour, const cv::Rect& where) {
+  const cv::Scalar tolerance(40, 40, 40);
+  cv::Mat found;
+  cv::inRange(picture(where), colour - tolerance, colour + tolerance, found);
+  return cv::countNonZero(found);
+}
+
+TEST(LiveOverlay, ShowsTheTreeInTheColourOfTheLoopsState) {
+  const VesselTree tree = test::branchingTree(3);
+  Pose T = Pose::Identity();
+  T.translation() = Eigen::Vector3d(0, 0, 0.8) - tree.centroid();
+  LiveOverlay overlay(tree, 512);
+  LiveScene scene{frameNumber(1), registrationOf(1, T), statusOf(1, ServoState::kServo), {}, {}, {}, ""};
+  const cv::Rect xray(0, 0, 512, 400);
+  const cv::Mat moving = overlay.draw(scene);
+  EXPECT_EQ(moving.cols, 512);
+  EXPECT_EQ(moving.rows % 2, 0);
+  EXPECT_GT(pixelsOf(moving, stateColour(ServoState::kServo), xray), 50);
+
+  scene.status->state = ServoState::kHold;
+  const cv::Mat held = overlay.draw(scene);
+  EXPECT_EQ(held.size(), moving.size());
+  EXPECT_GT(pixelsOf(held, stateColour(ServoState::kHold), xray), 50);
+  EXPECT_EQ(pixelsOf(held, stateColour(ServoState::kServo), xray), 0);
+  const cv::Rect bar(0, held.rows - 12, 512, 6);
+  EXPECT_GT(pixelsOf(held, stateColour(ServoState::kServo), bar), 0) << "the bar remembers";
+
+  scene.registration->status_text = "too_few_points";
+  EXPECT_EQ(pixelsOf(overlay.draw(scene), stateColour(ServoState::kHold), xray), 0) << "a pose nobody believes";
+}
+
+TEST(LiveFeed, JoinsWhatBelongsToOneFrame) {
+  LiveFeed feed;
+  std::int64_t now_us = 0;
+  const auto hear = [&](AnyMessage message) { return feed.hear(std::move(message), now_us += 20'000); };
+  EXPECT_TRUE(hear(frameNumber(1))) << "nobody answers: frames as they are";
+  EXPECT_FALSE(hear(statusOf(1, ServoState::kHold))) << "shown already";
+  // The loop is busy: 3 comes while it works on 2, and is never answered.
+  EXPECT_FALSE(hear(frameNumber(2)));
+  EXPECT_FALSE(hear(frameNumber(3)));
+  EXPECT_FALSE(hear(registrationOf(2, Pose::Identity())));
+  const auto scene = hear(statusOf(2, ServoState::kServo));
+  ASSERT_TRUE(scene);
+  EXPECT_EQ(scene->frame.sequence, 2);
+  EXPECT_TRUE(scene->registration && scene->status);
+  // The loop falls silent: after a second, frames are shown with what there is.
+  now_us += 2'000'000;
+  EXPECT_TRUE(hear(frameNumber(4)));
+  EXPECT_FALSE(hear(statusOf(9, ServoState::kServo))) << "of a frame that was never seen";
+}
+
+TEST(FilmWriter, AFilmHasItsPicturesAndAppearsWhole) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path("film.mp4");
+  {
+    FilmWriter film(path, 15);
+    for (int i = 0; i < 12; ++i) film.write(cv::Mat(120, 160, CV_8UC3, cv::Scalar(20 * i, 100, 50)));
+    EXPECT_FALSE(std::filesystem::exists(path));
+    EXPECT_THROW(film.write(cv::Mat(100, 160, CV_8UC3)), InputError);
+    film.finish();
+  }
+  cv::VideoCapture reader(path);
+  cv::Mat picture;
+  int pictures = 0;
+  while (reader.read(picture)) ++pictures;
+  EXPECT_EQ(pictures, 12);
+  { FilmWriter(folder.path("other.mp4"), 15).write(picture.empty() ? cv::Mat(120, 160, CV_8UC3) : picture); }
+  EXPECT_EQ(folder.files(), 1u) << "a film that was not finished leaves nothing";
+}
+
+TEST(FilmWriter, NumbersPictures) {
+  const test::TemporaryFolder folder;
+  FilmWriter film(folder.path("p%03d.png"), 15);
+  for (int i = 0; i < 2; ++i) film.write(cv::Mat(8, 8, CV_8UC3, cv::Scalar(0, 0, 0)));
+  film.finish();
+  EXPECT_TRUE(std::filesystem::exists(folder.path("p001.png")));
+  EXPECT_EQ(folder.files(), 2u);
+}
+
+TEST(FilmWriter, RefusesOtherNames) {
+  for (const std::string path :
+       {"film.avi", "p%s.png", "p%d%d.png", "p.png", "%n.mp4", "/no/such/folder/film.mp4", ""}) {
+    EXPECT_THROW(FilmWriter(path, 15), InputError) << path;
+  }
+}
+
+}  // namespace
+}  // namespace angio
