@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "angio/localisation/catheter_localiser.hpp"
+
+namespace angio {
+
+/// One frame of a recorded sequence.
+struct SequenceFrame {
+  SeenCatheter seen;
+  SeenPose pose;          ///< As far as it is known; its covariance adds to what the whole sequence shares.
+  CatheterMotion motion;  ///< Since the frame before.
+};
+
+/// Settings of localiseSequence.
+struct SequenceSettings {
+  LocaliserSettings localiser;
+
+  // How wrong the frames' poses may be, all in the same way; per axis.
+  double pose_translation_std_mm = 40;
+  double pose_rotation_std_deg = 3;
+
+  // How far the vessels are from where the tree has them, the same in all frames: a catheter bends what it lies in.
+  double deformation_std_mm = 2;      ///< Per axis; 0: the tree is rigid.
+  double deformation_length_mm = 40;  ///< Along the vessel, over which it is about the same.
+
+  int rounds = 20;  ///< Of finding the path and then the pose, at most.
+
+  void visit(SettingsVisitor& v) {
+    v.section("localiser", [&](SettingsVisitor& inner) { localiser.visit(inner); });
+    v.number("pose_translation_std_mm", pose_translation_std_mm, 0.01, 1000);
+    v.number("pose_rotation_std_deg", pose_rotation_std_deg, 0.001, 90);
+    v.number("deformation_std_mm", deformation_std_mm, 0, 100);
+    v.number("deformation_length_mm", deformation_length_mm, 1, 10000);
+    v.integer("rounds", rounds, 1, 1000);
+  }
+};
+
+/// What a whole sequence says.
+struct SequenceResult {
+  /// What all poses lacked, about the tree's centroid in model axes: T_camera_model of a frame is its given one times
+  /// this.
+  Pose correction = Pose::Identity();
+
+  /// Of the tree's points, the same in all frames, model axes: 3 x N [m]; 0 where no catheter comes near.
+  Eigen::Matrix3Xd displacements_m;
+
+  std::vector<TipBelief> beliefs;  ///< One a frame, by all frames (forward and backward).
+  std::vector<TipPlace> path;      ///< One a frame: the most probable way of the tip as a whole (Viterbi).
+  double residual_px = 0;          ///< Mean of the frames'.
+  bool converged = false;          ///< The way and the residual have come to rest.
+};
+
+/// Localises a catheter in all frames at once: finds what the poses lack in common, each frame's own shift, and the
+/// tip's way through the tree. Coarse to fine: the tree's path is looked for under a large shift first.
+///
+/// `progress` is called after each round. Throws InputError when a setting is out of its range or there is no frame.
+SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const VesselTree& tree,
+                                const SequenceSettings& settings = {},
+                                const std::function<void(int rounds_done)>& progress = {});
+
+}  // namespace angio

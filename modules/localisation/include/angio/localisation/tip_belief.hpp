@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace angio {
+
+/// One place of a catheter's tip on the tree.
+struct TipPlace {
+  int chain = 0;           ///< Index into VesselTree::branches().
+  double arc_m = 0;        ///< From the chain's start, along the vessel [m].
+  double path_m = 0;       ///< From the root, along the vessel [m].
+  double sigma_m = 0;      ///< Standard deviation of the tip's place along the vessel, given this chain [m].
+  double probability = 0;  ///< That the tip is in this chain.
+  Eigen::Vector3d tip_model = Eigen::Vector3d::Zero();         ///< Of the place, model frame [m].
+  Eigen::Vector3d direction_model = Eigen::Vector3d::UnitX();  ///< Along the vessel, away from the root.
+};
+
+/// What a belief rests on.
+enum class BeliefStatus {
+  kUnknown,    ///< Nothing has been seen since the reset: `tip` is only the most probable start.
+  kSeen,       ///< This frame's curve, and all before it.
+  kPredicted,  ///< Frames before this one; `why` says what was wrong with this one.
+  kLost,       ///< No place on the tree explains the curve well enough; `why` says how badly.
+};
+
+/// Where a catheter's tip is, as a probability over the tree.
+struct TipBelief {
+  BeliefStatus status = BeliefStatus::kUnknown;
+  std::string why;                     ///< What was wrong with the frame, or empty.
+  TipPlace tip;                        ///< The most probable chain, and the place in it.
+  std::vector<TipPlace> alternatives;  ///< Other chains of more than 1 %, most probable first.
+  std::optional<double> residual_px;  ///< Mean distance of the curve from the projected path to `tip`; kSeen and kLost.
+  Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();  ///< What the image was found shifted by against the pose [px].
+};
+
+/// The name of a status, as tables show it.
+inline const char* statusName(BeliefStatus status) {
+  switch (status) {
+    case BeliefStatus::kUnknown:
+      return "unknown";
+    case BeliefStatus::kSeen:
+      return "seen";
+    case BeliefStatus::kPredicted:
+      return "predicted";
+    default:
+      return "lost";
+  }
+}
+
+}  // namespace angio

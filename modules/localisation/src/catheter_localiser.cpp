@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/localisation/catheter_localiser.hpp"
+
+#include "tip_filter.hpp"
+
+namespace angio {
+
+class CatheterLocaliser::Filter {
+ public:
+  Filter(const LocaliserSettings& settings, const VesselTree& tree)
+      : forward_(settings, makePlaceGrid(tree, 1e-3 * settings.spacing_mm), tree.centroid()) {
+    forget();
+  }
+
+  void forget() {
+    seen_before_ = false;
+    belief_ = forward_.summarised(forward_.probability());
+  }
+
+  const TipBelief& update(const SeenCatheter& seen, const SeenPose& pose, const CatheterMotion& motion) {
+    forward_.predict(motion);
+    const FrameOutcome outcome = forward_.observe(seen, pose);
+    belief_ = forward_.summarised(forward_.probability());
+    belief_.why = outcome.why;
+    belief_.residual_px = outcome.residual_px;
+    belief_.shift_px = outcome.shift_px;
+    seen_before_ = seen_before_ || outcome.used;
+    belief_.status = outcome.used          ? BeliefStatus::kSeen
+                     : outcome.residual_px ? BeliefStatus::kLost
+                     : seen_before_        ? BeliefStatus::kPredicted
+                                           : BeliefStatus::kUnknown;
+    return belief_;
+  }
+
+  const TipBelief& predict(const CatheterMotion& motion) {
+    forward_.predict(motion);
+    belief_ = forward_.summarised(forward_.probability());
+    belief_.status = seen_before_ ? BeliefStatus::kPredicted : BeliefStatus::kUnknown;
+    belief_.why = "no catheter is seen";
+    return belief_;
+  }
+
+  TipFilter& forward() { return forward_; }
+  const TipBelief& belief() const { return belief_; }
+
+ private:
+  TipFilter forward_;
+  TipBelief belief_;
+  bool seen_before_ = false;
+};
+
+CatheterLocaliser::CatheterLocaliser(const LocaliserSettings& settings, const VesselTree& tree) {
+  checkSettings("catheter localiser", settings);
+  filter_ = std::make_unique<Filter>(settings, tree);
+}
+CatheterLocaliser::~CatheterLocaliser() = default;
+CatheterLocaliser::CatheterLocaliser(CatheterLocaliser&&) noexcept = default;
+CatheterLocaliser& CatheterLocaliser::operator=(CatheterLocaliser&&) noexcept = default;
+
+TipBelief CatheterLocaliser::update(const SeenCatheter& seen, const SeenPose& pose, const CatheterMotion& motion) {
+  return filter_->update(seen, pose, motion);
+}
+
+TipBelief CatheterLocaliser::predict(const CatheterMotion& motion) { return filter_->predict(motion); }
+
+void CatheterLocaliser::reset() {
+  filter_->forward().reset();
+  filter_->forget();
+}
+
+void CatheterLocaliser::reset(int chain, double arc_m, double sigma_m) {
+  filter_->forward().reset(chain, arc_m, sigma_m);
+  filter_->forget();
+}
+
+const TipBelief& CatheterLocaliser::belief() const { return filter_->belief(); }
+
+}  // namespace angio

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/localisation/sequence_localiser.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "sequence_fit.hpp"
+#include "tip_smoother.hpp"
+
+namespace angio {
+namespace {
+
+constexpr int kRigidRounds = 4;  // Before the vessels may bend: the path must be found first.
+constexpr double kSameResidual_px = 0.05;
+
+// The settings of one round: the first looks for the tree under a shift as large as the pose's own doubt, with matches
+// as loose; each later one is half as loose, down to what was asked for.
+LocaliserSettings settingsOfRound(const SequenceSettings& settings, int round) {
+  LocaliserSettings s = settings.localiser;
+  const double loose = std::pow(0.5, round);
+  const auto atLeast = [&](double& value, double coarse) { value = std::max(value, coarse * loose); };
+  if (round == 0) s.shift_time_s = 1000;  // The same in all frames.
+  atLeast(s.shift_std_mm, settings.pose_translation_std_mm);
+  atLeast(s.model_std_px, 10);
+  atLeast(s.outlier_px, 50);
+  atLeast(s.lost_px, 100);
+  atLeast(s.scale_std_percent, 4);
+  atLeast(s.roll_std_deg, settings.pose_rotation_std_deg);
+  return s;
+}
+
+std::vector<SequenceFrame> corrected(std::vector<SequenceFrame> frames, const Pose& correction) {
+  for (SequenceFrame& frame : frames) frame.pose.T_camera_model = frame.pose.T_camera_model * correction;
+  return frames;
+}
+
+// The grid with its vessels displaced; lengths stay those of the tree.
+PlaceGrid displaced(PlaceGrid grid, const Eigen::Matrix3Xd& displacements_m) {
+  if (displacements_m.cols() == grid.size()) grid.points_m += displacements_m;
+  return grid;
+}
+
+Eigen::Matrix2Xd projectionOf(const PlaceGrid& grid, const SeenPose& pose) {
+  Eigen::Matrix2Xd result(2, grid.size());
+  for (int i = 0; i < grid.size(); ++i) {
+    // The filter has seen the frame, so that all of the tree is in front of the source.
+    result.col(i) = *pose.camera.project(pose.T_camera_model * grid.points_m.col(i));
+  }
+  return result;
+}
+
+// What one frame's curve says of the pose when its tip is at a candidate's place.
+PosedFrame posed(const SequenceFrame& frame, const SeenPose& corrected_pose, const TipFilter& filter,
+                 const Candidate& chosen) {
+  const LocaliserSettings& s = filter.settings();
+  PosedFrame result{frame.pose, chosen.match.misfit.head<2>(), {}};
+  const CurveSamples curve = samplesOf(frame.seen, s.step_px, chosen.tip_is_last);
+  const Eigen::Matrix2Xd projected = projectionOf(filter.grid(), corrected_pose);
+  PathMatcher matcher(s, filter.grid());
+  matcher.look(projected, curve, 1);
+  MisfitPrior found;
+  found.mean = chosen.match.misfit;
+  found.information = 1e6 * Eigen::Matrix4d::Identity();
+  matcher.match(chosen.place, found, 0);
+  const double sigma_px = std::hypot(s.model_std_px, curve.sigma_px);
+  const double share = std::min(1.0, curve.step_px / s.correlation_px) / (sigma_px * sigma_px);
+  for (const SampleMatch& m : matcher.lastMatches()) {
+    result.points.push_back(
+        {curve.points_px[m.sample], m.place, m.weight, share * m.trust * m.normal * m.normal.transpose()});
+  }
+  const double tip_variance = s.tip_std_px * s.tip_std_px + sigma_px * sigma_px;
+  result.points.push_back({curve.points_px.front(), chosen.place, 0, Eigen::Matrix2d::Identity() / tip_variance});
+  return result;
+}
+
+// The candidate of a place, or nothing when the frame did not look there.
+const Candidate* candidateAt(const ForwardFrame& frame, int place) {
+  const Candidate* best = nullptr;
+  for (const Candidate& one : frame.candidates) {
+    if (one.place == place && (!best || one.match.log_evidence > best->match.log_evidence)) best = &one;
+  }
+  return best;
+}
+
+std::vector<double> certain(int place, int places) {
+  std::vector<double> result(places, 0.0);
+  result[place] = 1;
+  return result;
+}
+
+// The answer of the last round.
+void conclude(SequenceResult& result, const TipFilter& filter, const std::vector<ForwardFrame>& forward,
+              const std::vector<int>& way) {
+  const auto probability = smoothed(filter, forward);
+  double residual_sum_px = 0;
+  int used = 0;
+  for (std::size_t t = 0; t < forward.size(); ++t) {
+    TipBelief belief = filter.summarised(probability[t]);
+    belief.why = forward[t].outcome.why;
+    belief.status = forward[t].outcome.used ? BeliefStatus::kSeen
+                    : used                  ? BeliefStatus::kPredicted
+                                            : BeliefStatus::kUnknown;
+    if (const Candidate* chosen = candidateAt(forward[t], way[t])) {
+      belief.residual_px = chosen->match.residual_px;
+      belief.shift_px = chosen->match.misfit.head<2>();
+      residual_sum_px += chosen->match.residual_px;
+      ++used;
+    }
+    result.beliefs.push_back(std::move(belief));
+    result.path.push_back(filter.summarised(certain(way[t], filter.grid().size())).tip);
+  }
+  result.residual_px = used > 0 ? residual_sum_px / used : 0;
+}
+
+// What of a round must stay the same for the rounds to end.
+struct RoundOutcome {
+  std::vector<int> way;
+  double residual_px = 0;
+};
+
+RoundOutcome outcomeOf(const std::vector<ForwardFrame>& forward, const std::vector<int>& way) {
+  RoundOutcome outcome{way, 0};
+  int used = 0;
+  for (std::size_t t = 0; t < forward.size(); ++t) {
+    if (const Candidate* chosen = candidateAt(forward[t], way[t]))
+      outcome.residual_px += chosen->match.residual_px, ++used;
+  }
+  outcome.residual_px /= std::max(used, 1);
+  return outcome;
+}
+
+// Whether neither the way, but for a place here and there, nor the residual has changed. The correction itself may
+// still creep where one view does not hold it: in depth, and along the vessels.
+bool atRest(const RoundOutcome& before, const RoundOutcome& now, const PlaceGrid& grid) {
+  if (before.way.size() != now.way.size()) return false;
+  for (std::size_t t = 0; t < now.way.size(); ++t) {
+    const int a = before.way[t], b = now.way[t];
+    if (a != b && grid.parent[a] != b && grid.parent[b] != a) return false;
+  }
+  return std::abs(now.residual_px - before.residual_px) < kSameResidual_px;
+}
+
+// Displacements of the tree's points from those of the places.
+Eigen::Matrix3Xd ofTreePoints(const VesselTree& tree, const PlaceGrid& grid, const Eigen::Matrix3Xd& of_places_m) {
+  Eigen::Matrix3Xd result = Eigen::Matrix3Xd::Zero(3, tree.size());
+  if (of_places_m.cols() != grid.size()) return result;
+  for (std::size_t c = 0; c < tree.branches().size(); ++c) {
+    const std::vector<int>& points = tree.branches()[c];
+    double arc_m = 0;
+    for (std::size_t k = 1; k < points.size(); ++k) {
+      arc_m += (tree.points().col(points[k]) - tree.points().col(points[k - 1])).norm();
+      result.col(points[k]) = of_places_m.col(placeAt(grid, static_cast<int>(c), arc_m));
+    }
+    int first = grid.last_of_chain[c];
+    while (grid.parent[first] >= 0) first = grid.parent[first];
+    if (tree.parents()[points.front()] < 0) result.col(points.front()) = of_places_m.col(first);
+  }
+  return result;
+}
+
+}  // namespace
+
+SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const VesselTree& tree,
+                                const SequenceSettings& settings,
+                                const std::function<void(int rounds_done)>& progress) {
+  checkSettings("sequence localiser", settings);
+  if (frames.empty()) throw InputError("sequence localiser", "frames", "0", "there must be one");
+  SequenceResult result;
+  SharedFit shared;
+  RoundOutcome before;
+  const PlaceGrid grid = makePlaceGrid(tree, 1e-3 * settings.localiser.spacing_mm);
+  for (int round = 0;; ++round) {
+    TipFilter filter(settingsOfRound(settings, round), displaced(grid, shared.displacements_m), tree.centroid());
+    const auto now = corrected(frames, shared.correction);
+    const auto forward = forwardPass(filter, now);
+    const auto way = mostProbableWay(filter, forward);
+    if (progress) progress(round + 1);
+    const RoundOutcome outcome = outcomeOf(forward, way);
+    result.converged = round > kRigidRounds + 1 && atRest(before, outcome, grid);
+    before = outcome;
+    if (result.converged || round >= settings.rounds) {
+      conclude(result, filter, forward, way);
+      result.correction = shared.correction;
+      result.displacements_m = ofTreePoints(tree, grid, shared.displacements_m);
+      return result;
+    }
+    std::vector<PosedFrame> posed_frames;
+    std::vector<int> tips;
+    for (std::size_t t = 0; t < frames.size(); ++t) {
+      if (const Candidate* chosen = candidateAt(forward[t], way[t])) {
+        posed_frames.push_back(posed(frames[t], now[t].pose, filter, *chosen));
+        tips.push_back(way[t]);
+      }
+    }
+    if (tips.empty()) continue;  // No frame says anything: there is nothing to correct.
+    SequenceSettings of_round = settings;
+    if (round < kRigidRounds) of_round.deformation_std_mm = 0;
+    fitShared(posed_frames, tips, grid, tree.centroid(), of_round, shared);
+  }
+}
+
+}  // namespace angio

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/localisation/catheter_localiser.hpp"
+#include "path_match.hpp"
+#include "place_grid.hpp"
+#include "tip_motion.hpp"
+
+namespace angio {
+
+/// How the curve of one frame looks from one place.
+struct Candidate {
+  int place = 0;
+  bool tip_is_last = true;
+  PathMatch match;
+};
+
+/// What became of one frame.
+struct FrameOutcome {
+  bool used = false;                  ///< Its curve has changed the probabilities.
+  std::string why;                    ///< What was wrong with it, or empty.
+  std::optional<double> residual_px;  ///< Of the most probable place, where the curve could be compared at all.
+  Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();
+};
+
+/// The forward pass over places: a probability and the image's shift for each.
+class TipFilter {
+ public:
+  /// `centroid_m`: where in the model pixels per metre are taken.
+  TipFilter(const LocaliserSettings& settings, PlaceGrid grid, const Eigen::Vector3d& centroid_m);
+
+  void reset();
+  void reset(int chain, double arc_m, double sigma_m);
+
+  /// Time passes; the tip and the shift move.
+  void predict(const CatheterMotion& motion);
+
+  /// One frame is seen, after predict().
+  FrameOutcome observe(const SeenCatheter& seen, const SeenPose& pose);
+
+  /// A belief over places whose probabilities add up to 1.
+  TipBelief summarised(const std::vector<double>& probability) const;
+  const std::vector<double>& probability() const { return probability_; }
+
+  /// Of the last frame that said something; empty before.
+  const std::vector<Candidate>& candidates() const { return candidates_; }
+  const PlaceGrid& grid() const { return grid_; }
+  const LocaliserSettings& settings() const { return settings_; }
+
+ private:
+  // The image's shift with the patient, without the registration's error [px].
+  struct Shift {
+    Eigen::Vector2d mean_px = Eigen::Vector2d::Zero();
+    Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+  };
+  // What is known of a place's misfit before a frame is looked at.
+  struct Expected {
+    MisfitPrior prior;
+    Eigen::Matrix2d total;  // Covariance of the shift, the registration's error included.
+  };
+
+  static void carry(Shift& to, double weight, const Shift& from);
+  std::optional<std::string> project(const SeenPose& pose);
+  void rescale(double px_per_m);
+  Expected expected(int place, const SeenPose& pose) const;
+  void collect(const SeenCatheter& seen, const SeenPose& pose, bool tip_is_last);
+  void weigh(const SeenPose& pose);
+  Eigen::Matrix2d stationary() const;
+
+  LocaliserSettings settings_;
+  PlaceGrid grid_;
+  PathMatcher matcher_;
+  Eigen::Vector3d centroid_m_;
+  std::vector<double> chain_length_m_;
+
+  std::vector<double> probability_, next_probability_;
+  std::vector<Shift> shift_, next_shift_;
+  double px_per_m_ = 0;  // Of the last frame, about the tree's middle; 0 before the first.
+  Eigen::Matrix2Xd projected_px_;
+  Eigen::Matrix3Xd in_camera_m_;
+  std::vector<Candidate> candidates_, collected_;
+};
+
+}  // namespace angio

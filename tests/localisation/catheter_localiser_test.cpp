@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/localisation/catheter_localiser.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "angio/base/errors.hpp"
+#include "drawn_catheter.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kDepth_m = 0.8;
+const double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// Straight down the image, seen face on; the model's origin in the middle of the detector.
+SeenPose faceOn() {
+  Pose T = Pose::Identity();
+  T.translation().z() = kDepth_m;
+  return {XrayCamera::centred(1024, 1024, 0.00025, 1.0), T, Matrix6d::Zero()};
+}
+
+// A trunk and two branches. The second lies exactly behind the first, on the same rays, for `hidden_m`; then it turns
+// away.
+VesselTree fork(double hidden_m) {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<int> parents;
+  const auto add = [&](const Eigen::Vector3d& p, int parent) {
+    points.push_back(p);
+    parents.push_back(parent);
+    return static_cast<int>(points.size()) - 1;
+  };
+  int at = -1;
+  for (int k = 0; k <= 30; ++k) at = add({0.02 * std::sin(0.15 * k), -0.06 + 2e-3 * k, 0}, at);
+  const int split = at;
+  const Eigen::Vector3d start = points[split];
+  for (int k = 1; k <= 30; ++k) at = add(start + Eigen::Vector3d(1e-3 * k, 1e-3 * k, 0), at);
+  at = split;
+  for (int k = 1; k <= 30; ++k) {
+    const double beyond_m = std::max(0.0, 1e-3 * k * std::sqrt(2.0) - hidden_m);
+    Eigen::Vector3d p = start + Eigen::Vector3d(1e-3 * k + 0.7 * beyond_m, 1e-3 * k - 0.7 * beyond_m, 0);
+    const double deeper = 1 + 0.02 * std::min(1.0, k / 5.0);  // Away from the source along its own ray.
+    p = deeper * (p + Eigen::Vector3d(0, 0, kDepth_m)) - Eigen::Vector3d(0, 0, kDepth_m);
+    at = add(p, at);
+  }
+  Eigen::Matrix3Xd matrix(3, static_cast<Eigen::Index>(points.size()));
+  for (std::size_t i = 0; i < points.size(); ++i) matrix.col(static_cast<Eigen::Index>(i)) = points[i];
+  return VesselTree(matrix, parents);
+}
+
+// The branch that turns away: of the two, the one whose end is further to the right.
+int turningBranch(const TreeMap& map) {
+  return map.point({1, map.length_m(1)}).x() > map.point({2, map.length_m(2)}).x() ? 1 : 2;
+}
+
+TEST(CatheterLocaliser, FindsAnExactTipWithoutAStart) {
+  const VesselTree tree = fork(0);
+  const TreeMap map(tree);
+  for (const TreePlace tip : {TreePlace{0, 0.05}, TreePlace{1, 0.02}, TreePlace{2, 0.025}}) {
+    CatheterLocaliser localiser({}, tree);
+    const TipBelief belief = localiser.update(test::drawnCatheter(map, tip, faceOn()), faceOn(), {});
+    EXPECT_EQ(belief.status, BeliefStatus::kSeen) << belief.why;
+    EXPECT_EQ(belief.tip.chain, tip.chain);
+    EXPECT_GT(belief.tip.probability, 0.95);
+    // Half of the grid's step, and what the shift's prior leaves open along a vessel that hardly bends.
+    EXPECT_NEAR(belief.tip.arc_m, tip.arc_m, 1e-3);
+    EXPECT_LT((belief.tip.tip_model - map.point(tip)).norm(), 1e-3);
+    EXPECT_GT(belief.tip.direction_model.dot(map.frame(tip).along), 0.98);
+    EXPECT_NEAR(belief.tip.path_m, map.start_m(tip.chain) + belief.tip.arc_m, 1e-9);
+    EXPECT_LT(*belief.residual_px, 1);
+  }
+}
+
+TEST(CatheterLocaliser, FindsTheTipAtWhicheverEnd) {
+  const VesselTree tree = fork(0);
+  const TreeMap map(tree);
+  SeenCatheter seen = test::drawnCatheter(map, {1, 0.02}, faceOn());
+  seen.points_px = seen.points_px.rowwise().reverse().eval();
+  seen.tip_end = TipEnd::kUnknown;
+  CatheterLocaliser localiser({}, tree);
+  const TipBelief belief = localiser.update(seen, faceOn(), {});
+  EXPECT_EQ(belief.tip.chain, 1);
+  EXPECT_NEAR(belief.tip.arc_m, 0.02, 1e-3);
+}
+
+TEST(CatheterLocaliser, KeepsBothBranchesUntilTheyPart) {
+  const VesselTree tree = fork(0.02);
+  const TreeMap map(tree);
+  const int truth = turningBranch(map);
+  CatheterLocaliser localiser({}, tree);
+  TipBelief belief;
+  for (double arc_m = 0.005; arc_m < 0.016; arc_m += 1e-3) {
+    belief = localiser.update(test::drawnCatheter(map, {truth, arc_m}, faceOn()), faceOn(), {});
+  }
+  ASSERT_FALSE(belief.alternatives.empty());
+  EXPECT_LT(belief.tip.probability, 0.8);
+  EXPECT_GT(belief.alternatives.front().probability, 0.2);
+  for (double arc_m = 0.016; arc_m < 0.035; arc_m += 1e-3) {
+    belief = localiser.update(test::drawnCatheter(map, {truth, arc_m}, faceOn()), faceOn(), {});
+  }
+  EXPECT_EQ(belief.tip.chain, truth);
+  EXPECT_GT(belief.tip.probability, 0.95);
+}
+
+TEST(CatheterLocaliser, TakesAShiftOfTheImageForWhatItIs) {
+  const VesselTree tree = fork(0);
+  const TreeMap map(tree);
+  CatheterLocaliser localiser({}, tree);
+  const Eigen::Vector2d shift(6, -9);
+  TipBelief belief;
+  for (int frame = 0; frame < 5; ++frame) {
+    belief = localiser.update(test::drawnCatheter(map, {1, 0.02}, faceOn(), shift), faceOn(), {});
+  }
+  EXPECT_NEAR(belief.tip.arc_m, 0.02, 1e-3);
+  EXPECT_LT((belief.shift_px - shift).norm(), 3);
+}
+
+TEST(CatheterLocaliser, IsNotPulledAwayByAWrongFrame) {
+  const VesselTree tree = fork(0);
+  const TreeMap map(tree);
+  CatheterLocaliser localiser({}, tree);
+  for (int frame = 0; frame < 5; ++frame) {
+    (void)localiser.update(test::drawnCatheter(map, {1, 0.02}, faceOn()), faceOn(), {});
+  }
+  // The other branch, for one frame: a curve of contrast agent, say.
+  TipBelief belief = localiser.update(test::drawnCatheter(map, {2, 0.03}, faceOn()), faceOn(), {});
+  belief = localiser.update(test::drawnCatheter(map, {1, 0.02}, faceOn()), faceOn(), {});
+  EXPECT_EQ(belief.tip.chain, 1);
+  EXPECT_NEAR(belief.tip.arc_m, 0.02, 1.5e-3);
+  // A line that is nowhere near the tree.
+  SeenCatheter stray;
+  stray.points_px = (Eigen::Matrix2Xd(2, 3) << 20, 300, 700, 900, 950, 1000).finished();
+  belief = localiser.update(stray, faceOn(), {});
+  EXPECT_NE(belief.status, BeliefStatus::kSeen);
+  EXPECT_FALSE(belief.why.empty());
+  EXPECT_EQ(belief.tip.chain, 1);
+}
+
+TEST(CatheterLocaliser, PredictsByThePushAndGrowsUnsure) {
+  const VesselTree tree = fork(0);
+  const TreeMap map(tree);
+  CatheterLocaliser localiser({}, tree);
+  const TipBelief before = localiser.update(test::drawnCatheter(map, {0, 0.03}, faceOn()), faceOn(), {});
+  TipBelief after;
+  for (int frame = 0; frame < 10; ++frame) after = localiser.predict({1.0 / 15, 1e-3});
+  EXPECT_EQ(after.status, BeliefStatus::kPredicted);
+  EXPECT_NEAR(after.tip.path_m, before.tip.path_m + 0.01, 2e-3);
+  EXPECT_GT(after.tip.sigma_m, before.tip.sigma_m);
+}
+
+TEST(CatheterLocaliser, WhatSaysNothingOnlyPredicts) {
+  const VesselTree tree = fork(0);
+  const TreeMap map(tree);
+  const SeenCatheter good = test::drawnCatheter(map, {1, 0.02}, faceOn());
+  std::vector<std::pair<SeenCatheter, SeenPose>> bad(8, {good, faceOn()});
+  bad[0].first.points_px(1, 3) = kNan;
+  bad[1].first.points_px.resize(2, 0);
+  bad[2].first.points_px = good.points_px.leftCols(1).eval();
+  bad[3].first.sigma_px = kNan;
+  bad[4].second.T_camera_model.translation().z() = 0;  // The tree stands in the source.
+  bad[5].second.T_camera_model.matrix()(0, 0) = kNan;
+  bad[6].second.T_camera_model.linear() *= 1.5;
+  bad[7].second.covariance(2, 2) = kNan;
+  CatheterLocaliser localiser({}, tree);
+  (void)localiser.update(good, faceOn(), {});
+  for (const auto& [seen, pose] : bad) {
+    const TipBelief belief = localiser.update(seen, pose, {kNan, std::numeric_limits<double>::infinity()});
+    EXPECT_EQ(belief.status, BeliefStatus::kPredicted);
+    EXPECT_FALSE(belief.why.empty());
+    EXPECT_TRUE(belief.tip.tip_model.allFinite());
+    EXPECT_TRUE(std::isfinite(belief.tip.probability) && belief.tip.probability > 0);
+  }
+  const TipBelief again = localiser.update(good, faceOn(), {});
+  EXPECT_EQ(again.tip.chain, 1);
+  EXPECT_NEAR(again.tip.arc_m, 0.02, 1.5e-3);
+}
+
+TEST(CatheterLocaliser, StartsWhereItIsTold) {
+  const VesselTree tree = fork(0.02);
+  CatheterLocaliser localiser({}, tree);
+  EXPECT_EQ(localiser.belief().status, BeliefStatus::kUnknown);
+  localiser.reset(2, 0.01, 1e-3);
+  EXPECT_EQ(localiser.belief().tip.chain, 2);
+  EXPECT_NEAR(localiser.belief().tip.arc_m, 0.01, 1e-3);
+  EXPECT_THROW(localiser.reset(3, 0.01, 1e-3), InputError);
+  EXPECT_THROW(localiser.reset(0, 1.0, 1e-3), InputError);
+  EXPECT_THROW(localiser.reset(0, 0.01, kNan), InputError);
+  LocaliserSettings settings;
+  settings.spacing_mm = 0;
+  EXPECT_THROW(CatheterLocaliser(settings, tree), InputError);
+}
+
+// The covariance of a pose widens what is looked for: a tip 30 px off is found by a pose that admits it, and only by
+// that.
+TEST(CatheterLocaliser, LooksAsFarAsThePoseIsUnsure) {
+  const VesselTree tree = fork(0);
+  const TreeMap map(tree);
+  LocaliserSettings settings;
+  settings.shift_std_mm = 0.5;
+  const auto seen = test::drawnCatheter(map, {1, 0.02}, faceOn(), {30, 30});
+  CatheterLocaliser exact(settings, tree);
+  EXPECT_NE(exact.update(seen, faceOn(), {}).status, BeliefStatus::kSeen);
+  SeenPose unsure = faceOn();
+  unsure.covariance.diagonal() << 1e-4, 1e-4, 1e-4, 1e-8, 1e-8, 1e-8;  // 10 mm.
+  CatheterLocaliser wide(settings, tree);
+  const TipBelief belief = wide.update(seen, unsure, {});
+  EXPECT_EQ(belief.tip.chain, 1);
+  EXPECT_LT((belief.shift_px - Eigen::Vector2d(30, 30)).norm(), 15);
+}
+
+}  // namespace
+}  // namespace angio
