@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-evaluate: many registrations, and what they amount to.
-#include <filesystem>
 #include <map>
 
 #include "angio/base/errors.hpp"
@@ -46,12 +45,6 @@ CLI::Option* addModelAxes(CLI::App& command, ModelAxes& axes) {
       ->default_str(standard);
 }
 
-void requireFolderOf(const std::string& path) {
-  if (path.empty()) return;
-  const auto folder = std::filesystem::absolute(path).parent_path();
-  if (!std::filesystem::is_directory(folder)) throw InputError(path, "", "", "its folder must exist");
-}
-
 nlohmann::ordered_json runsAsJson(const std::vector<EntrantRun>& runs, const nlohmann::ordered_json& summaries) {
   nlohmann::ordered_json json;
   for (const auto& run : runs) {
@@ -83,12 +76,14 @@ int main(int argc, char** argv) {
                          "angio-evaluate cases cases.yaml --method iterative_pnp --out results.json\n"
                          "  angio-evaluate simulation --tree tree.csv --trials 200 --report report.html\n"
                          "  angio-evaluate paper --report paper.html\n"
-                         "  angio-evaluate extraction --tree tree.csv --extractor ridge,otsu --sheet sheet.png");
+                         "  angio-evaluate extraction --tree tree.csv --extractor ridge,otsu --sheet sheet.png\n"
+                         "  angio-evaluate catheter examples/data/hepatic-tace/cases.yaml --sheet sheet.png");
   app.require_subcommand(1);
   angio::Work work;
   angio::addEvaluateCases(app, work);
   angio::addEvaluateSimulation(app, work);
   angio::addEvaluatePaper(app, work);
   angio::addEvaluateExtraction(app, work);
+  angio::addEvaluateCatheter(app, work);
   return angio::runProgram(app, argc, argv, [&] { return work(); });
 }

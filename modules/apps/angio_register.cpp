@@ -12,6 +12,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "program_settings.hpp"
+#include "register_bus.hpp"
 #include "register_views.hpp"
 
 namespace angio {
@@ -25,6 +26,17 @@ struct Options {
   double search_rotation_deg = 0, search_translation_mm = 0;
   double largest_age_days = RecordGate{}.largest_age_days;
   bool nonrigid = false;
+  BusOptions live;  // Used when it names a bus.
+
+  void checkLive() const {
+    if (live.calibration.empty()) throw CLI::RequiredError("--calibration with --bus");
+    if (!files.cameras.empty() || !files.centerlines.empty() || !files.images.empty()) {
+      throw CLI::ExcludesError("--bus", "files of a camera, a centreline or an image");
+    }
+    if (!settings.empty() || !out.empty() || !overlay.empty() || nonrigid) {
+      throw CLI::ExcludesError("--bus", "--settings, --nonrigid, --out and --overlay");
+    }
+  }
 };
 
 std::string captionOf(const CaseOutcome& outcome) {
@@ -162,6 +174,15 @@ int main(int argc, char** argv) {
   app.add_option("--settings", o.settings, "Settings (.yaml), sections by method, starts, extractors");
   app.add_option("--out", o.out, "Result (.json); stdout when not given");
   app.add_option("--overlay", o.overlay, "Picture of the result (.png, .jpg)");
-  app.parse_complete_callback([&] { o.files.check(); });
-  return angio::runProgram(app, argc, argv, [&] { return angio::registerOne(o); });
+  auto* bus = seen->add_option("--bus", o.live.bus, "Register the frames of a bus (LCM URL) and say so there");
+  app.add_option("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")->needs(bus);
+  app.add_option("--duration-s", o.live.duration_s, "With --bus: how long; 0: until stopped")
+      ->check(angio::between(0, 86400))
+      ->needs(bus);
+  app.parse_complete_callback([&] { o.live.bus.empty() ? o.files.check() : o.checkLive(); });
+  return angio::runProgram(app, argc, argv, [&] {
+    o.live.tree = o.tree;
+    o.live.method = o.method;
+    return o.live.bus.empty() ? angio::registerOne(o) : angio::registerOnBus(o.live);
+  });
 }

@@ -20,6 +20,7 @@ void addEvaluateCases(CLI::App& app, Work& work);
 void addEvaluateSimulation(CLI::App& app, Work& work);
 void addEvaluatePaper(CLI::App& app, Work& work);
 void addEvaluateExtraction(CLI::App& app, Work& work);
+void addEvaluateCatheter(CLI::App& app, Work& work);
 
 /// What all of them ask of methods.
 struct MethodOptions {
@@ -37,10 +38,6 @@ struct MethodOptions {
 
 /// The option --model-axes; `axes` is its default.
 CLI::Option* addModelAxes(CLI::App& command, ModelAxes& axes);
-
-/// Throws InputError when a file cannot come to be there: better before hours of work than after. An empty path is
-/// none.
-void requireFolderOf(const std::string& path);
 
 /// One run as other programs read it: {"methods": {M: {"cases": ..., "summary": ...}}}. Without displacements, which
 /// have no place without their trees.

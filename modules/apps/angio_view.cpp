@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-view: the running loop's overlay, in a window or as a film.
+#include <visp3/core/vpImage.h>
+#include <visp3/core/vpImageConvert.h>
+#include <visp3/gui/vpDisplayX.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <iostream>
+
+#include "angio/base/errors.hpp"
+#include "angio/cli/data_folder.hpp"
+#include "angio/cli/program.hpp"
+#include "angio/evaluation/film_writer.hpp"
+#include "angio/evaluation/live_feed.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/messaging/bus.hpp"
+#include "angio/messaging/log_reader.hpp"
+
+namespace angio {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", tree = exampleDataFile("hepatic-tace/tree.csv"), out, title;
+  double duration_s = 0, film_rate_hz = 15;
+  int width_px = 768;
+};
+
+volatile std::sig_atomic_t stopped = 0;
+
+std::int64_t now_us() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
+}
+
+// Where pictures go: ViSP's window or a film.
+class Screen {
+ public:
+  explicit Screen(const Options& o) {
+    if (!o.out.empty()) {
+      film_.emplace(o.out, o.film_rate_hz);
+    } else if (!std::getenv("DISPLAY")) {  // ViSP's own message names neither cause nor cure.
+      throw std::runtime_error("there is no display: set DISPLAY, or write a film with --out");
+    }
+  }
+
+  void show(const cv::Mat& picture) {
+    if (film_) {
+      film_->write(picture);
+      return;
+    }
+    vpImageConvert::convert(picture, image_);
+    if (!window_) window_ = open();
+    vpDisplay::display(image_);
+    vpDisplay::flush(image_);
+    if (vpDisplay::getClick(image_, false)) stopped = 1;
+  }
+
+  int finish() {
+    if (film_) film_->finish();
+    return film_ ? film_->pictures() : 0;
+  }
+
+ private:
+  std::unique_ptr<vpDisplayX> open() {
+    try {
+      return std::make_unique<vpDisplayX>(image_, 40, 40, "AngioServo (click to end)");
+    } catch (const vpException& error) {
+      throw std::runtime_error(std::string("no window can be opened: ") + error.getMessage());
+    }
+  }
+
+  std::optional<FilmWriter> film_;
+  vpImage<vpRGBa> image_;  // Before its window, which draws from it.
+  std::unique_ptr<vpDisplayX> window_;
+};
+
+class Viewer {
+ public:
+  Viewer(const Options& o, const VesselTree& tree)
+      : title_(o.title), target_model_(tree.centroid()), overlay_(tree, o.width_px), screen_(o) {}
+
+  void hear(const std::uint8_t* data, std::size_t size, std::int64_t arrival_us) {
+    auto decoded = decodeAny(data, size);
+    if (!decoded.value) return;  // angio-spy tells what is wrong with a bus.
+    auto scene = feed_.hear(std::move(*decoded.value), arrival_us);
+    if (!scene) return;
+    scene->title = title_;
+    scene->target_model = target_model_;
+    newest_ = std::move(scene);
+    ++scenes_;
+  }
+
+  /// Draws the newest scene, if it was not drawn yet.
+  void draw() {
+    if (!newest_) return;
+    screen_.show(overlay_.draw(*newest_));
+    newest_.reset();
+    ++drawn_;
+  }
+
+  int finish() {
+    if (drawn_ == 0) throw std::runtime_error("no X-ray frame has come");
+    const int pictures = screen_.finish();
+    std::cout << drawn_ << " of " << scenes_ << " frames drawn" << (pictures > 0 ? " and written" : "") << "\n";
+    return 0;
+  }
+
+ private:
+  std::string title_;
+  Eigen::Vector3d target_model_;
+  LiveFeed feed_;
+  LiveOverlay overlay_;
+  Screen screen_;
+  std::optional<LiveScene> newest_;
+  long drawn_ = 0, scenes_ = 0;
+};
+
+int viewLog(const std::string& path, const Options& o, const VesselTree& tree) {
+  LogReader log(path);
+  Viewer viewer(o, tree);
+  for (auto event = log.next(); event && !stopped; event = log.next()) {
+    viewer.hear(event->bytes.data(), event->bytes.size(), event->time_us);
+    viewer.draw();
+  }
+  return viewer.finish();
+}
+
+int viewBus(const Options& o, const VesselTree& tree) {
+  const auto bus = openBus(o.bus);
+  if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-view: " << *warning << "\n";
+  Viewer viewer(o, tree);
+  bus->subscribeAll(
+      [&](const std::string&, const std::uint8_t* data, std::size_t size) { viewer.hear(data, size, now_us()); });
+  const auto end = Clock::now() + std::chrono::duration<double>(o.duration_s);
+  while (!stopped && !bus->ended() && (o.duration_s <= 0 || Clock::now() < end)) {
+    bus->handle(std::chrono::milliseconds(50));
+    viewer.draw();  // Once for all that came: a slow screen drops frames and does not fall behind.
+  }
+  return viewer.finish();
+}
+
+int view(const Options& o) {
+  const VesselTree tree = readVesselTree(o.tree);
+  std::signal(SIGINT, [](int) { stopped = 1; });
+  std::signal(SIGTERM, [](int) { stopped = 1; });
+  const auto log = logFileOf(o.bus);
+  return log ? viewLog(*log, o, tree) : viewBus(o, tree);
+}
+
+}  // namespace
+}  // namespace angio
+
+int main(int argc, char** argv) {
+  CLI::App app("Shows the X-ray with the registered tree and the loop's state, from a bus or a log.", "angio-view");
+  angio::describeProgram(app, "angio-view --bus 'file://run.lcm?speed=0' --out run.mp4");
+  using angio::between;
+  angio::Options o;
+  app.add_option("--bus", o.bus, "Bus to listen on (LCM URL); file://name.lcm?speed=0 shows each frame of a log");
+  app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  app.add_option("--out", o.out, "Film (.mp4) or numbered pictures (frames/%04d.png) in place of a window");
+  app.add_option("--film-rate-hz", o.film_rate_hz, "Pictures of a film a second")->check(between(0.1, 1000));
+  app.add_option("--width-px", o.width_px, "Of the picture")->check(CLI::Range(320, 4096));
+  app.add_option("--title", o.title, "First line in the picture");
+  app.add_option("--duration-s", o.duration_s, "How long; 0: until stopped")->check(between(0, 86400));
+  return angio::runProgram(app, argc, argv, [&] { return angio::view(o); });
+}

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "register_bus.hpp"
+
+#include <chrono>
+#include <csignal>
+#include <iostream>
+
+#include "angio/base/errors.hpp"
+#include "angio/calibration/carm_calibration.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/servo/perception_node.hpp"
+
+namespace angio {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+volatile std::sig_atomic_t stopped = 0;
+
+ServoLoopSettings settingsOf(const BusOptions& o) {
+  ServoLoopSettings loop;
+  if (o.method == IterativePnpSettings::kName) {
+    loop.perception.useIterativePnp();
+  } else if (o.method != OrientedKernelSettings::kName) {
+    throw InputError(
+        "angio-register", "--method", o.method,
+        std::string("must be ") + OrientedKernelSettings::kName + " or " + IterativePnpSettings::kName + " on a bus");
+  }
+  const CArmCalibration calibration = readCArmCalibration(o.calibration);
+  loop.carm = calibration.carm;
+  loop.T_dsa_cb = calibration.T_dsa_cb;
+  loop.R_lps_model = calibration.R_lps_model;
+  return loop;
+}
+
+}  // namespace
+
+int registerOnBus(const BusOptions& o) {
+  const ServoLoopSettings settings = settingsOf(o);
+  const VesselTree tree = readVesselTree(o.tree);
+  const auto bus = openBus(o.bus);
+  if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-register: " << *warning << "\n";
+  PerceptionNode node(*bus, settings, tree);
+  std::signal(SIGINT, [](int) { stopped = 1; });
+  std::signal(SIGTERM, [](int) { stopped = 1; });
+  const auto end = Clock::now() + std::chrono::duration<double>(o.duration_s);
+  long frames = 0, doubted = 0;
+  while (!stopped && !bus->ended() && (o.duration_s <= 0 || Clock::now() < end)) {
+    bus->handle(std::chrono::milliseconds(100));
+    const auto report = node.look();
+    if (!report) continue;
+    ++frames;
+    doubted += report->doubted.has_value();
+    if (report->doubted) {
+      std::cerr << "frame " << report->message.frame_sequence << " doubted: " << *report->doubted << "\n";
+    }
+  }
+  std::cout << frames << " frames registered, " << doubted << " doubted, " << node.refused() << " messages refused\n";
+  return 0;
+}
+
+}  // namespace angio
