@@ -10,6 +10,12 @@ PatientTracker::PatientTracker(const PatientTrackerSettings& settings, const CAr
     : settings_(settings), carm_(carm), T_dsa_cb_(T_dsa_cb), centroid_(centroid_model) {
   checkSettings("tracker", settings_);
   carm_.check();
+  if (settings_.follow_motion) motion_.emplace(settings_.motion);
+}
+
+// The difference of times that may be anything: a clock that jumps is refused by the predictor.
+double PatientTracker::sinceFirst_s(std::int64_t time_us) const {
+  return 1e-6 * (static_cast<double>(time_us) - static_cast<double>(first_us_.value_or(time_us)));
 }
 
 PosePrior PatientTracker::predict(const CArmJoints& joints) const {
@@ -22,6 +28,33 @@ PosePrior PatientTracker::predict(const CArmJoints& joints) const {
   prior.T_camera_model = carm_.T_camera_patient(joints) * T_dsa_cb_;
   prior.covariance = Matrix6d(std_deviation.cwiseAbs2().asDiagonal());
   return prior;
+}
+
+PosePrior PatientTracker::predict(const CArmState& state) const {
+  PosePrior prior = predict(state.joints);
+  if (!motion_ || !tracking_) return prior;
+  const auto centroid = motion_->predict(sinceFirst_s(state.time_us));
+  if (!centroid) return prior;
+  Pose T_dsa_cb = T_dsa_cb_;
+  T_dsa_cb.translation() = centroid->position - T_dsa_cb.linear() * centroid_;
+  prior.T_camera_model = carm_.T_camera_patient(state.joints) * T_dsa_cb;
+  return prior;
+}
+
+void PatientTracker::update(const Pose& T_camera_model, const CArmState& state,
+                            const std::optional<Matrix6d>& covariance) {
+  update(T_camera_model, state.joints);
+  if (!motion_) return;
+  if (!first_us_) first_us_ = state.time_us;
+  const Pose T_patient_camera = carm_.T_camera_patient(state.joints).inverse();
+  const Eigen::Matrix3d R = T_patient_camera.linear();
+  Eigen::Matrix<double, 3, 6> J;  // Of the centroid in the patient frame by the pose.
+  J << R, -R * skew(T_camera_model.linear() * centroid_);
+  const Eigen::Matrix3d spread = covariance ? Eigen::Matrix3d(J * *covariance * J.transpose())
+                                            : Eigen::Matrix3d(1e-6 * Eigen::Matrix3d::Identity());
+  // What the predictor leaves out or refuses it predicts without: a trusted frame is one all the same.
+  static_cast<void>(
+      motion_->update(sinceFirst_s(state.time_us), T_patient_camera * (T_camera_model * centroid_), spread));
 }
 
 void PatientTracker::update(const Pose& T_camera_model, const CArmJoints& joints) {

@@ -3,60 +3,45 @@
 
 #include <visp3/visual_features/vpFeatureThetaU.h>
 #include <visp3/visual_features/vpFeatureTranslation.h>
-#include <visp3/vs/vpServo.h>
 
-#include <cmath>
+#include "angio/geometry/visp.hpp"
+#include "law_task.hpp"
 
 namespace angio {
 namespace {
 
 class PositionBased final : public ServoLaw {
  public:
-  explicit PositionBased(const PositionBasedSettings& settings)
+  PositionBased(const PositionBasedSettings& settings, const LawModel& model)
       : translation_(vpFeatureTranslation::cdMc),
         desired_translation_(vpFeatureTranslation::cdMc),
         theta_u_(vpFeatureThetaU::cdRc),
-        desired_theta_u_(vpFeatureThetaU::cdRc) {
-    task_.setServo(vpServo::EYEINHAND_L_cVe_eJe);
-    task_.setInteractionMatrixType(vpServo::CURRENT, vpServo::PSEUDO_INVERSE);
-    task_.setLambda(settings.lambda_per_s);
-    task_.set_cVe(vpVelocityTwistMatrix());  // The camera is the end-effector.
-    task_.addFeature(translation_, desired_translation_);
-    task_.addFeature(theta_u_, desired_theta_u_, vpFeatureThetaU::selectTUx() | vpFeatureThetaU::selectTUy());
+        desired_theta_u_(vpFeatureThetaU::cdRc),
+        task_(settings, model.target) {
+    task_.servo().addFeature(translation_, desired_translation_);
+    task_.servo().addFeature(theta_u_, desired_theta_u_, vpFeatureThetaU::selectTUx() | vpFeatureThetaU::selectTUy());
   }
-  // vpServo holds the features by address.
-  PositionBased(const PositionBased&) = delete;
-  PositionBased& operator=(const PositionBased&) = delete;
-  ~PositionBased() override { task_.kill(); }
 
-  std::optional<CArmJoints> velocity(const vpHomogeneousMatrix& cMo, const vpHomogeneousMatrix& cdMo,
-                                     const vpMatrix& eJe) override {
-    const vpHomogeneousMatrix cdMc = cdMo * cMo.inverse();
-    for (unsigned i = 0; i < cdMc.size(); ++i) {
-      if (!std::isfinite(cdMc.data[i])) return std::nullopt;
-    }
+  std::optional<CArmJoints> velocity(const LawInput& input) override {
+    const auto goal = task_.goal(input);
+    if (!goal) return std::nullopt;
+    const vpHomogeneousMatrix cdMc = toVisp(Pose(*goal * task_.T_camera_model().inverse()));
     translation_.buildFrom(cdMc);
     theta_u_.buildFrom(cdMc);
-    task_.set_eJe(eJe);
-    const vpColVector qdot = task_.computeControlLaw();
-    if (task_.getTaskRank() != kCArmJointCount || qdot.size() != kCArmJointCount) return std::nullopt;
-    CArmJoints result;
-    for (int i = 0; i < kCArmJointCount; ++i) result[i] = qdot[static_cast<unsigned>(i)];
-    if (!result.allFinite()) return std::nullopt;
-    return result;
+    return task_.velocity(input);
   }
 
  private:
   vpFeatureTranslation translation_, desired_translation_;
   vpFeatureThetaU theta_u_, desired_theta_u_;
-  vpServo task_;
+  LawTask task_;  // Last: goes before the features that it holds.
 };
 
 }  // namespace
 
-std::unique_ptr<ServoLaw> make(const PositionBasedSettings& settings) {
+std::unique_ptr<ServoLaw> make(const PositionBasedSettings& settings, const LawModel& model) {
   checkSettings(PositionBasedSettings::kName, settings);
-  return std::make_unique<PositionBased>(settings);
+  return std::make_unique<PositionBased>(settings, model);
 }
 
 }  // namespace angio

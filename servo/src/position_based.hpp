@@ -7,8 +7,8 @@ namespace angio {
 
 /// PBVS with ViSP's vpServo on vpFeatureTranslation (cdMc) and vpFeatureThetaU (cdRc).
 ///
-/// A C-arm without detector rotation cannot turn its image about the beam, so the third component of theta u is left out:
-/// five features for five joints.
-std::unique_ptr<ServoLaw> make(const PositionBasedSettings& settings);
+/// A C-arm without detector rotation cannot turn its image about the beam, so the third component of theta u is left
+/// out: five features for five joints.
+std::unique_ptr<ServoLaw> make(const PositionBasedSettings& settings, const LawModel& model);
 
 }  // namespace angio

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "angio/messaging/channels.hpp"
+#include "angio/servo/perception_node.hpp"
 
 namespace angio {
 
@@ -14,7 +15,9 @@ std::optional<ServoReport> ServoNode::answer() {
   if (joints_.empty()) return std::nullopt;
   const auto frame = frames_.take();
   if (!frame) return std::nullopt;
-  ServoReport report = loop_.step(*frame, *joints_.at(frame->time_us));
+  const CArmState state = *joints_.at(frame->time_us);
+  publish(bus_, kServoInputChannel, ServoInput{frame->time_us, frame->sequence, state});
+  ServoReport report = loop_.step(*frame, state);
   publish(bus_, kCArmCommandChannel, report.command);
   publish(bus_, kRegistrationChannel, registrationMessage(report));
   publish(bus_, kServoStatusChannel, servoStatus(report));
@@ -22,22 +25,7 @@ std::optional<ServoReport> ServoNode::answer() {
 }
 
 RegistrationMessage registrationMessage(const ServoReport& report) {
-  const RegistrationResult& seen = report.registration;
-  RegistrationMessage message;
-  message.time_us = report.command.time_us;
-  message.frame_sequence = report.command.frame_sequence;
-  message.status = static_cast<std::int8_t>(seen.status);
-  message.status_text = statusName(seen.status);
-  // What cannot go on the wire stays at rest: a poor image must not end the loop that reports it, and the status says
-  // that the pose means nothing.
-  if (seen.T_camera_model.matrix().allFinite()) message.T_camera_model = seen.T_camera_model;
-  if (seen.covariance && seen.covariance->allFinite() && seen.covariance->diagonal().minCoeff() >= 0) {
-    message.covariance = *seen.covariance;
-  }
-  if (std::isfinite(seen.agreement.model_residual_px)) message.mean_residual_px = seen.agreement.model_residual_px;
-  message.points_3d = seen.points_3d;
-  message.points_2d = seen.points_2d;
-  return message;
+  return registrationMessage(report.sight.registration, report.command.time_us, report.command.frame_sequence);
 }
 
 ServoStatus servoStatus(const ServoReport& report) {
@@ -47,12 +35,12 @@ ServoStatus servoStatus(const ServoReport& report) {
   status.frame_sequence = report.command.frame_sequence;
   status.state = report.held ? ServoState::kHold : ServoState::kServo;
   status.reason = report.held.value_or("");
-  if (report.view_error) {
-    status.view_error_rad = report.view_error->direction_rad;
-    status.target_error_m = report.view_error->target_m;
+  if (report.task.view_error) {
+    status.view_error_rad = report.task.view_error->direction_rad;
+    status.target_error_m = report.task.view_error->target_m;
   }
-  status.image_us = microseconds(report.image_s);
-  status.registration_us = microseconds(report.registration_s);
+  status.image_us = microseconds(report.sight.image_s);
+  status.registration_us = microseconds(report.sight.registration_s);
   status.control_us = microseconds(report.control_s);
   return status;
 }

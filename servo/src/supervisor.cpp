@@ -54,12 +54,12 @@ std::optional<std::string> Supervisor::objection(const RegistrationResult& seen,
     return "registration is not finite";
   }
   if (const auto far = tooFar(seen.T_camera_model, calibrated, settings_.most_correction_deg,
-                              settings_.most_correction_mm, "calibration")) {
+                              settings_.most_correction_mm, settings_.most_correction_mm, "calibration")) {
     return far;
   }
   if (predicted) {
-    if (const auto far =
-            tooFar(seen.T_camera_model, *predicted, settings_.most_jump_deg, settings_.most_jump_mm, "prediction")) {
+    if (const auto far = tooFar(seen.T_camera_model, *predicted, settings_.most_jump_deg, settings_.most_jump_mm,
+                                settings_.most_jump_depth_mm, "prediction")) {
       return far;
     }
   }
@@ -71,11 +71,15 @@ std::optional<std::string> Supervisor::objection(const RegistrationResult& seen,
 }
 
 std::optional<std::string> Supervisor::tooFar(const Pose& seen, const Pose& expected, double most_deg, double most_mm,
-                                              const char* what) const {
+                                              double most_depth_mm, const char* what) const {
   const double turned_deg = radToDeg(rotationAngle(seen.linear() * expected.linear().transpose()));
-  const double moved_mm = 1e3 * (seen * target_ - expected * target_).norm();
+  const Eigen::Vector3d moved_mm = 1e3 * (seen * target_ - expected * target_);
+  const double across_mm = moved_mm.head<2>().norm(), along_mm = std::abs(moved_mm.z());
   if (!(turned_deg <= most_deg)) return over(std::string("turn against the ") + what + " [deg]", turned_deg, most_deg);
-  if (!(moved_mm <= most_mm)) return over(std::string("shift against the ") + what + " [mm]", moved_mm, most_mm);
+  if (!(across_mm <= most_mm)) return over(std::string("shift against the ") + what + " [mm]", across_mm, most_mm);
+  if (!(along_mm <= most_depth_mm)) {
+    return over(std::string("depth against the ") + what + " [mm]", along_mm, most_depth_mm);
+  }
   return std::nullopt;
 }
 

@@ -19,7 +19,7 @@ class ServoLoops : public testing::Test {
     ASSERT_TRUE(report.held);
     EXPECT_NE(report.held->find(words), std::string::npos) << *report.held;
     EXPECT_TRUE(report.command.velocity.isZero(0));
-    EXPECT_FALSE(report.view_error);
+    EXPECT_FALSE(report.task.view_error);
     EXPECT_GT(report.command.valid_for_us, 0) << "a hold is a command as well";
   }
 
@@ -30,10 +30,10 @@ class ServoLoops : public testing::Test {
 TEST_F(ServoLoops, MoveWhenTheyTrustWhatTheySee) {
   const ServoReport report = loop_.step(stage_.frame(1), stage_.state(1));
   ASSERT_FALSE(report.held) << *report.held;
-  ASSERT_TRUE(report.view_error);
+  ASSERT_TRUE(report.task.view_error);
   // From straight through to LAO 20, CRA 10: cos = cos 20 cos 10. The loop sees the real view; its noise is far below
   // 0.3 deg.
-  EXPECT_NEAR(radToDeg(report.view_error->direction_rad),
+  EXPECT_NEAR(radToDeg(report.task.view_error->direction_rad),
               radToDeg(std::acos(std::cos(degToRad(20)) * std::cos(degToRad(10)))), 0.3);
   EXPECT_GT(report.command.velocity[0], 0) << "towards LAO";
   EXPECT_GT(report.command.velocity[1], 0) << "towards CRA";
@@ -108,21 +108,25 @@ TEST_F(ServoLoops, RefuseASetUpThatCannotWork) {
     change(wrong);
     return test::refusalOf([&] { ServoLoop(wrong, stage_.tree); });
   };
-  EXPECT_NE(refusal([](auto& s) { s.view.angles.primary_rad = kNan; }).find("view.primary_deg = nan"),
+  EXPECT_NE(refusal([](auto& s) { std::get<ViewTaskSettings>(s.task).primary_deg = kNan; }).find("primary_deg = nan"),
+            std::string::npos);
+  EXPECT_NE(refusal([](auto& s) { s.target_model = Eigen::Vector3d(0, kNan, 0); }).find("target_model"),
             std::string::npos);
   EXPECT_NE(refusal([](auto& s) { s.T_dsa_cb.linear() *= 1.1; }).find("T_dsa_cb.rotation"), std::string::npos);
-  EXPECT_NE(refusal([](auto& s) { s.view.R_lps_model.setZero(); }).find("R_lps_model"), std::string::npos);
+  EXPECT_NE(refusal([](auto& s) { s.R_lps_model.setZero(); }).find("R_lps_model"), std::string::npos);
   EXPECT_NE(refusal([](auto& s) { s.carm.pixel_spacing_m = 0; }), "");
 }
 
 TEST(OpenLoops, GoWhereTheCalibrationPointsToAndNoFurther) {
   const test::Stage stage;
-  OpenLoop loop(stage.settings);
+  OpenLoop loop(stage.settings, stage.tree);
   CArmState state = stage.state(1);
   for (int k = 0; k < 150; ++k) state.joints += loop.step(state, 1.0 / 15).velocity / 15;
   const Pose believed = stage.settings.carm.T_camera_patient(state.joints) * stage.settings.T_dsa_cb;
-  const Pose desired = desiredPose(stage.settings.view, stage.settings.carm.source_isocentre_distance_m);
-  const ViewError left = viewError(believed, desired, stage.settings.view.target_model);
+  const Eigen::Vector3d target = stage.tree.centroid();
+  const Pose desired = desiredPose({{degToRad(20), degToRad(10)}, target, Eigen::Matrix3d::Identity()},
+                                   stage.settings.carm.source_isocentre_distance_m);
+  const ViewError left = viewError(believed, desired, target);
   // Ten seconds are fifteen time constants, less the time under limits: exp(-12) of half a radian.
   EXPECT_LT(left.direction_rad, 1e-5);
   EXPECT_LT(left.target_m, 1e-5);

@@ -40,10 +40,10 @@ TEST_F(ServoNodes, AnswerWhenFrameAndJointsHaveCome) {
   EXPECT_EQ(commands_.peek()->velocity, report->command.velocity);
   EXPECT_FALSE(commands_.peek()->velocity.isZero(0));
   EXPECT_EQ(registrations_.peek()->status_text, "converged");
-  EXPECT_TRUE(registrations_.peek()->T_camera_model.isApprox(report->registration.T_camera_model, 1e-12));
+  EXPECT_TRUE(registrations_.peek()->T_camera_model.isApprox(report->sight.registration.T_camera_model, 1e-12));
   EXPECT_EQ(statuses_.peek()->state, ServoState::kServo);
   EXPECT_EQ(statuses_.peek()->reason, "");
-  EXPECT_DOUBLE_EQ(statuses_.peek()->view_error_rad, report->view_error->direction_rad);
+  EXPECT_DOUBLE_EQ(statuses_.peek()->view_error_rad, report->task.view_error->direction_rad);
 }
 
 TEST_F(ServoNodes, SayThatAndWhyTheyHold) {
@@ -101,10 +101,10 @@ TEST_F(ServoNodes, SurviveGarbageOnTheirChannels) {
 TEST(ServoMessages, AResultWithoutNumbersCanBeSent) {
   ServoReport report;
   report.held = "registration diverged";
-  report.registration.status = RegistrationStatus::kDiverged;
-  report.registration.T_camera_model.matrix().setConstant(std::numeric_limits<double>::quiet_NaN());
-  report.registration.covariance = Matrix6d(-Matrix6d::Identity());
-  report.registration.agreement.model_residual_px = std::numeric_limits<double>::infinity();
+  report.sight.registration.status = RegistrationStatus::kDiverged;
+  report.sight.registration.T_camera_model.matrix().setConstant(std::numeric_limits<double>::quiet_NaN());
+  report.sight.registration.covariance = Matrix6d(-Matrix6d::Identity());
+  report.sight.registration.agreement.model_residual_px = std::numeric_limits<double>::infinity();
   const RegistrationMessage message = registrationMessage(report);
   EXPECT_NO_THROW(encode(message));
   EXPECT_EQ(message.status_text, "diverged");

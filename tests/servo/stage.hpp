@@ -18,8 +18,11 @@ class Stage {
     s.carm.image_width_px = s.carm.image_height_px = 448;
     s.T_dsa_cb.linear() = expSO3(Eigen::Vector3d(0, degToRad(0.6), degToRad(0.8)));
     s.T_dsa_cb.translation() = tree.centroid() + Eigen::Vector3d(2e-3, 0, 0) - s.T_dsa_cb.linear() * tree.centroid();
-    s.view = {{degToRad(20), degToRad(10)}, tree.centroid(), Eigen::Matrix3d::Identity()};
-    s.search_starts.count = 3;  // The calibration is near enough.
+    ViewTaskSettings view;
+    view.primary_deg = 20;
+    view.secondary_deg = 10;
+    s.task = view;
+    s.perception.search_starts.count = 3;  // The calibration is near enough.
     return s;
   }();
   CArmJoints joints = settings.carm.jointsFor({0, 0}, tree.centroid());

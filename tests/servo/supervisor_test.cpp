@@ -86,7 +86,7 @@ TEST_F(Supervisors, ATurnMayBeLargeOnlyWhileSearching) {
 
 TEST_F(Supervisors, AShiftMayBeLargeOnlyWhileSearching) {
   const auto shift = [&](double mm) {
-    seen_.T_camera_model.translation() = predicted_.translation() + Eigen::Vector3d(0, 0, 1e-3 * mm);
+    seen_.T_camera_model.translation() = predicted_.translation() + Eigen::Vector3d(0, 1e-3 * mm, 0);
   };
   shift(settings_.most_jump_mm - 0.01);
   EXPECT_EQ(objection(true), "");
@@ -95,6 +95,19 @@ TEST_F(Supervisors, AShiftMayBeLargeOnlyWhileSearching) {
   EXPECT_EQ(objection(false), "");
   shift(settings_.most_correction_mm + 0.01);
   EXPECT_NE(objection(false).find("shift against the calibration"), std::string::npos);
+}
+
+// One view sees depth poorly: a tree that breathes jumps along the beam by what must not happen across it.
+TEST_F(Supervisors, AJumpMayBeLargerAlongTheBeam) {
+  const auto shift = [&](double mm) {
+    seen_.T_camera_model.translation() = predicted_.translation() + Eigen::Vector3d(0, 0, 1e-3 * mm);
+  };
+  shift(settings_.most_jump_depth_mm - 0.01);
+  EXPECT_EQ(objection(true), "");
+  shift(settings_.most_jump_depth_mm + 0.01);
+  EXPECT_NE(objection(true).find("depth against the prediction"), std::string::npos);
+  shift(settings_.most_correction_mm + 0.01);
+  EXPECT_NE(objection(false).find("depth against the calibration"), std::string::npos);
 }
 
 TEST_F(Supervisors, ACreepingErrorEndsAtTheCalibration) {

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <optional>
+
 #include "angio/geometry/carm.hpp"
+#include "angio/messaging/messages.hpp"
+#include "angio/motion/motion_predictor.hpp"
 #include "angio/registration/registration.hpp"
 
 namespace angio {
@@ -9,6 +13,7 @@ namespace angio {
 /// What is believed of T_dsa_cb: the calibration at first, then what registrations of trusted frames say.
 ///
 /// The joints say where the camera is, so all that a frame can teach is how the patient lies: one small, slow unknown.
+/// With `follow_motion` the place of the tree's centroid is a quick one as well, which breathes.
 struct PatientTrackerSettings {
   double calibration_rotation_std_deg = 2;    ///< Of the calibration, per axis: how far a first registration may look.
   double calibration_translation_std_mm = 6;  ///< Per axis.
@@ -17,6 +22,11 @@ struct PatientTrackerSettings {
   double memory_frames = 8;   ///< Trusted frames that are averaged over; 1: only the newest counts.
   int frames_until_lost = 3;  ///< Untrusted frames in a row after which the search is wide again.
 
+  /// Whether the next frame is looked for where the centroid's motion is predicted to be, and not where it has been on
+  /// average. `memory_frames` is of the rotation then. Tasks for a patient who moves, centre and hold, want it.
+  bool follow_motion = false;
+  MotionPredictorSettings motion;
+
   void visit(SettingsVisitor& v) {
     v.number("calibration_rotation_std_deg", calibration_rotation_std_deg, 1e-3, 90);
     v.number("calibration_translation_std_mm", calibration_translation_std_mm, 1e-3, 1000);
@@ -24,6 +34,8 @@ struct PatientTrackerSettings {
     v.number("tracking_translation_std_mm", tracking_translation_std_mm, 1e-3, 1000);
     v.number("memory_frames", memory_frames, 1, 1000);
     v.integer("frames_until_lost", frames_until_lost, 1, 1000);
+    v.flag("follow_motion", follow_motion);
+    v.section("motion", [this](SettingsVisitor& fields) { motion.visit(fields); });
   }
 };
 
@@ -39,8 +51,17 @@ class PatientTracker {
   /// Where the model should be seen with these joints, and how surely.
   PosePrior predict(const CArmJoints& joints) const;
 
+  /// The same at the time of a frame, whose joints these are: with `follow_motion` at the place that is predicted for
+  /// then.
+  PosePrior predict(const CArmState& state) const;
+
   /// A trusted registration of a frame that was taken with these joints.
   void update(const Pose& T_camera_model, const CArmJoints& joints);
+
+  /// The same at the frame's time.
+  ///
+  /// @param covariance  Of the pose, as RegistrationResult has it; nothing: taken for 1 mm.
+  void update(const Pose& T_camera_model, const CArmState& state, const std::optional<Matrix6d>& covariance);
 
   /// A frame that could not be trusted.
   void miss();
@@ -48,6 +69,8 @@ class PatientTracker {
   const Pose& T_dsa_cb() const { return T_dsa_cb_; }
 
  private:
+  double sinceFirst_s(std::int64_t time_us) const;
+
   PatientTrackerSettings settings_;
   CArmGeometry carm_;
   Pose T_dsa_cb_;
@@ -55,6 +78,8 @@ class PatientTracker {
   bool tracking_ = false;
   int trusted_in_a_row_ = 0;
   int missed_in_a_row_ = 0;
+  std::optional<MotionPredictor> motion_;  // Of the centroid in the patient frame, seconds from `first_us_`.
+  std::optional<std::int64_t> first_us_;
 };
 
 }  // namespace angio

@@ -5,13 +5,9 @@
 #include <optional>
 #include <string>
 
-#include "angio/imaging/extractor.hpp"
-#include "angio/messaging/messages.hpp"
-#include "angio/registration/starts.hpp"
-#include "angio/servo/desired_view.hpp"
-#include "angio/servo/patient_tracker.hpp"
-#include "angio/servo/servo_law.hpp"
+#include "angio/servo/perception.hpp"
 #include "angio/servo/supervisor.hpp"
+#include "angio/servo/tasks.hpp"
 
 namespace angio {
 
@@ -19,33 +15,24 @@ namespace angio {
 struct ServoLoopSettings {
   CArmGeometry carm;
   CArmLimits limits = CArmLimits::typical();
-  Pose T_dsa_cb = Pose::Identity();  ///< Calibrated: model frame in the patient frame.
-  DesiredView view;
+  Pose T_dsa_cb = Pose::Identity();                           ///< Calibrated: model frame in the patient frame.
+  Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();  ///< Patient axes L, P, S from the model's axes.
+  std::optional<Eigen::Vector3d> target_model;                ///< The point that matters [m]; the tree's centroid.
 
-  ExtractorSettings extractor = RidgeSettings{};
-  RegistrationSettings search = OrientedKernelSettings{};  ///< While nothing is tracked ...
-  StartSettings search_starts;
-  RegistrationSettings tracking = OrientedKernelSettings{};  ///< ... and from frame to frame.
-  PatientTrackerSettings tracker;
+  TaskSettings task = ViewTaskSettings{};
   ServoLawSettings law = PositionBasedSettings{};
+  PerceptionSettings perception;
   SupervisorSettings supervisor;
-
-  /// With the paper's method in place of the default: iterative_pnp with the prior that calibration gives, from a dozen
-  /// starts; and from a start that is a few pixels off small scales only, and an end to its iterations that fits the
-  /// frame rate.
-  void useIterativePnp();
-  static IterativePnpSettings iterativePnpForSearch();
-  static IterativePnpSettings iterativePnpForTracking();
+  double latency_s = 0.08;  ///< From an exposure until its command moves the machine: what tasks look ahead.
 };
 
 /// What the loop made of one frame.
 struct ServoReport {
   CArmCommand command;              ///< Stands still unless the frame was trusted.
   std::optional<std::string> held;  ///< Why it holds; nothing while it servoes.
-  Centerline2d centerline;
-  RegistrationResult registration;
-  std::optional<ViewError> view_error;                    ///< As the loop sees it; nothing while it holds.
-  double image_s = 0, registration_s = 0, control_s = 0;  ///< Wall time of the stages [s].
+  Sight sight;                      ///< Empty when the frame was not even looked at.
+  TaskAnswer task;                  ///< At rest while it holds.
+  double control_s = 0;             ///< Wall time of task, law and limits [s].
 };
 
 /// One X-ray frame becomes one robot command. Knows neither clock nor bus: the same frames and joints give the same
@@ -58,33 +45,40 @@ class ServoLoop {
   /// Answers one frame that was exposed while the joints were as in `state`.
   ServoReport step(const XrayFrame& frame, const CArmState& state);
 
-  const Pose& desired_T_camera_model() const { return desired_; }
+  /// Answers a frame that must not be looked at: the machine stands still.
+  ServoReport refuse(const XrayFrame& frame, const std::string& why);
+
+  /// Takes the motion of the last answer back before it goes out: the machine stands still, and the next command begins
+  /// from rest.
+  void takeBack(ServoReport& last_answer, const std::string& why);
+
+  const Task& task() const { return *task_; }
 
  private:
+  void number(CArmCommand& command, const XrayFrame& frame);
   ServoReport answer(const XrayFrame& frame, const CArmState& state, double period_s);
 
   ServoLoopSettings settings_;
-  std::unique_ptr<CenterlineExtractor> extractor_;
-  std::unique_ptr<Registration> search_, tracking_;
-  PatientTracker tracker_;
-  std::unique_ptr<ServoLaw> law_;
+  Perception perception_;
+  std::unique_ptr<Task> task_;
   Supervisor supervisor_;
-  Pose desired_;
   CArmCommand last_command_;
   std::optional<std::int64_t> last_frame_us_;
 };
 
-/// The same law without eyes: the camera is where joints and calibration say. What the loop is compared with.
+/// The same task without eyes: the camera is where joints and calibration say. What the loop is compared with.
 class OpenLoop {
  public:
   /// Throws InputError as ServoLoop does.
-  explicit OpenLoop(const ServoLoopSettings& settings);
+  OpenLoop(const ServoLoopSettings& settings, const VesselTree& tree);
 
   CArmCommand step(const CArmState& state, double period_s);
 
+  const Task& task() const { return *task_; }
+
  private:
   ServoLoopSettings settings_;
-  std::unique_ptr<ServoLaw> law_;
+  std::unique_ptr<Task> task_;
   Supervisor supervisor_;
   CArmCommand last_command_;
 };

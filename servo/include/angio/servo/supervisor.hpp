@@ -15,10 +15,11 @@ struct SupervisorSettings {
   double most_state_age_ms = 200;   ///< Between the frame and the joints it is read with.
   double most_correction_deg = 12;  ///< Largest disagreement with the calibration: a creeping error ends here.
   double most_correction_mm = 40;
-  double most_jump_deg = 2.5;  ///< Largest disagreement with the prediction while tracking.
-  double most_jump_mm = 10;
-  double most_target_std_mm = 3;  ///< Standard deviation of the target in the camera frame, its worst direction.
-  double command_valid_ms = 200;  ///< How long a command may be obeyed: three frames at 15 a second.
+  double most_jump_deg = 2.5;      ///< Largest disagreement with the prediction while tracking.
+  double most_jump_mm = 10;        ///< Across the beam.
+  double most_jump_depth_mm = 30;  ///< Along it: one view sees depth poorly, above all of a tree that bends.
+  double most_target_std_mm = 3;   ///< Standard deviation of the target in the camera frame, its worst direction.
+  double command_valid_ms = 200;   ///< How long a command may be obeyed: three frames at 15 a second.
 
   void visit(SettingsVisitor& v) {
     v.number("most_state_age_ms", most_state_age_ms, 1, 10000);
@@ -26,6 +27,7 @@ struct SupervisorSettings {
     v.number("most_correction_mm", most_correction_mm, 0.01, 1000);
     v.number("most_jump_deg", most_jump_deg, 0.01, 180);
     v.number("most_jump_mm", most_jump_mm, 0.01, 1000);
+    v.number("most_jump_depth_mm", most_jump_depth_mm, 0.01, 1000);
     v.number("most_target_std_mm", most_target_std_mm, 1e-3, 1000);
     v.number("command_valid_ms", command_valid_ms, 10, 1000);
   }
@@ -58,7 +60,7 @@ class Supervisor {
 
  private:
   std::optional<std::string> tooFar(const Pose& seen, const Pose& expected, double most_deg, double most_mm,
-                                    const char* what) const;
+                                    double most_depth_mm, const char* what) const;
 
   SupervisorSettings settings_;
   CArmLimits limits_;

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/motion/motion_predictor_settings.hpp"
+
+namespace angio {
+
+/// Keep the target at a pixel by the table alone, while the patient breathes, the heart beats and both drift.
+///
+/// The depth along the beam is not followed. A table of 0.2 m/s^2 can follow breathing: Lujan's sin^4 of 15 mm in 4 s
+/// has a largest speed of 15 mm/s and a largest acceleration of 37 mm/s^2, half as much again in a deep breath. It can
+/// not follow a heartbeat of some millimetres, whose systole alone asks for 200 mm/s^2 a millimetre: commands are
+/// planned so that the table goes through the middle of it.
+struct CentreTaskSettings {
+  static constexpr const char* kName = "centre";
+
+  bool predict = true;              ///< Not: the target is taken to stay where it was seen last.
+  double offset_px[2] = {0, 0};     ///< The wanted pixel, from the principal point: right, down.
+  int periods_ahead = 8;            ///< Over which a command is planned, as far as the motion is predicted at all.
+  double acceleration_share = 0.9;  ///< Of the table's acceleration, that plans use.
+  double effort = 0.3;              ///< Weight of changes of velocity against distances: against following noise.
+  double reached_mm = 1;            ///< At the target: the target is centred when its image is as near as this.
+  double most_std_mm = 8;           ///< Of the predicted place across the beam: beyond it the task holds.
+
+  /// How far around the target the image is looked at for how the place itself lies, where a tree that bends is
+  /// registered as a rigid one; 0: not at all. And how far off it may lie, as a standard deviation.
+  double near_mm = 15;
+  double near_std_mm = 2;
+
+  MotionPredictorSettings motion;
+
+  void visit(SettingsVisitor& v) {
+    v.flag("predict", predict);
+    v.numbers("offset_px", offset_px, 2, -1e4, 1e4);
+    v.integer("periods_ahead", periods_ahead, 1, 16);
+    v.number("acceleration_share", acceleration_share, 0.01, 1);
+    v.number("effort", effort, 1e-3, 1e3);
+    v.number("reached_mm", reached_mm, 1e-3, 100);
+    v.number("most_std_mm", most_std_mm, 1e-3, 1000);
+    v.number("near_mm", near_mm, 0, 200);
+    v.number("near_std_mm", near_std_mm, 1e-3, 100);
+    v.section("motion", [this](SettingsVisitor& fields) { motion.visit(fields); });
+  }
+};
+
+}  // namespace angio

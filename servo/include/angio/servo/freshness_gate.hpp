@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "angio/base/settings.hpp"
+#include "angio/messaging/messages.hpp"
+
+namespace angio {
+
+struct FreshnessSettings {
+  double most_frame_age_ms = 300;    ///< Later than the quickest frames, or than the newest joints.
+  double most_clock_jump_ms = 1000;  ///< That a sender's clock may gain on ours between two messages.
+  double clock_drift_ppm = 200;      ///< That it may lose for ever: what is called the quickest frame follows.
+  double limit_margin_deg = 0.5;     ///< Beyond the end of a range, for encoders.
+  double limit_margin_mm = 2;
+
+  void visit(SettingsVisitor& v) {
+    v.number("most_frame_age_ms", most_frame_age_ms, 1, 10e3);
+    v.number("most_clock_jump_ms", most_clock_jump_ms, 1, 600e3);
+    v.number("clock_drift_ppm", clock_drift_ppm, 0, 10e3);
+    v.number("limit_margin_deg", limit_margin_deg, 0, 10);
+    v.number("limit_margin_mm", limit_margin_mm, 0, 100);
+  }
+};
+
+/// What speaks against a message. A cause other than kFrameDoubted is a fault.
+struct Objection {
+  ServoCause cause = ServoCause::kFrameDoubted;
+  std::string reason;
+};
+
+/// Whether frames and joints are of now, in order, moving on, and in the units they should be in.
+///
+/// Senders' clocks need not be ours. How late a message is counts from the quickest one so far, so a delay that never
+/// changes is not seen against our clock; against the newest joints, whose sender's clock is the frames', it is.
+class FreshnessGate {
+ public:
+  /// Throws InputError when a setting is out of its range.
+  FreshnessGate(const FreshnessSettings& settings, const CArmLimits& limits);
+
+  /// What speaks against a frame that is read at `now_us`, our clock [us]. Keeps its image until the next one: pixels
+  /// that are the same under a new sequence number are no new look.
+  std::optional<Objection> objection(const XrayFrame& frame, std::int64_t now_us);
+
+  /// What speaks against the newest joints. Joints far out of their range or speed are in wrong units.
+  std::optional<Objection> objection(const CArmState& state, std::int64_t now_us);
+
+  /// Time of the newest frame, its sender's clock [us]; 0 when none has come.
+  std::int64_t newestFrame_us() const { return frame_ ? frame_->time_us : 0; }
+
+  /// Forgets all senders, for a start anew.
+  void forget();
+
+ private:
+  struct Arrival {
+    std::int64_t now_us, time_us, sequence;
+    double least_lag_us;  // Our clock less the sender's, of the quickest message.
+  };
+
+  std::optional<Objection> follow(std::optional<Arrival>& last, std::int64_t now_us, std::int64_t time_us,
+                                  std::int64_t sequence, const char* what) const;
+  std::optional<Objection> implausible(const CArmState& state) const;
+
+  FreshnessSettings settings_;
+  CArmLimits limits_;
+  std::optional<Arrival> frame_, joints_;
+  std::optional<CArmState> last_state_;
+  cv::Mat last_image_;
+};
+
+}  // namespace angio

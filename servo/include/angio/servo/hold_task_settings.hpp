@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/motion/motion_predictor_settings.hpp"
+
+namespace angio {
+
+/// Keep the view as it was when the task began: angles and table go along with the patient.
+struct HoldTaskSettings {
+  static constexpr const char* kName = "hold";
+
+  bool predict = true;       ///< Not: the patient is taken to stay as seen last.
+  double reached_deg = 0.2;  ///< The view is kept while the beam is as near as this ...
+  double reached_mm = 1;     ///< ... and the target.
+  double most_std_mm = 8;    ///< Of the target's predicted place, its worst direction: beyond it the task holds.
+  double most_std_deg = 3;   ///< Of the predicted rotation.
+  MotionPredictorSettings motion;
+
+  void visit(SettingsVisitor& v) {
+    v.flag("predict", predict);
+    v.number("reached_deg", reached_deg, 1e-4, 10);
+    v.number("reached_mm", reached_mm, 1e-3, 100);
+    v.number("most_std_mm", most_std_mm, 1e-3, 1000);
+    v.number("most_std_deg", most_std_deg, 1e-3, 90);
+    v.section("motion", [this](SettingsVisitor& fields) { motion.visit(fields); });
+  }
+};
+
+}  // namespace angio

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <memory>
+
+#include "angio/imaging/extractor.hpp"
+#include "angio/messaging/messages.hpp"
+#include "angio/registration/starts.hpp"
+#include "angio/servo/patient_tracker.hpp"
+
+namespace angio {
+
+/// How frames are looked at. The parts are chosen by the type of their settings.
+struct PerceptionSettings {
+  ExtractorSettings extractor = RidgeSettings{};
+  RegistrationSettings search = OrientedKernelSettings{};  ///< While nothing is tracked ...
+  StartSettings search_starts;
+  RegistrationSettings tracking = OrientedKernelSettings{};  ///< ... and from frame to frame.
+  PatientTrackerSettings tracker;
+
+  /// With the paper's method in place of the default: iterative_pnp with the prior that calibration gives, from a dozen
+  /// starts; and from a start that is a few pixels off small scales only, and an end to its iterations that fits the
+  /// frame rate.
+  void useIterativePnp();
+  static IterativePnpSettings iterativePnpForSearch();
+  static IterativePnpSettings iterativePnpForTracking();
+};
+
+/// What one frame shows of where the model is. Whether it may be believed is for others to say.
+struct Sight {
+  Centerline2d curves;      ///< All that was found, devices too.
+  Centerline2d centerline;  ///< What the registration went by.
+  PosePrior predicted;      ///< Where the model was looked for.
+  bool tracked = false;     ///< Whether that was what trusted frames before had said, or calibration alone.
+  RegistrationResult registration;
+  double image_s = 0, registration_s = 0;  ///< Wall time of the stages [s].
+};
+
+/// Eyes and memory: from a frame and the joints of its exposure to where the model is. The same frames, joints and
+/// judgements give the same sights, bit for bit.
+class Perception {
+ public:
+  /// @param T_dsa_cb  Calibrated: the model frame in the patient frame (C-arm frame with the table at zero).
+  /// Throws InputError when a setting is out of its range.
+  Perception(const PerceptionSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
+             const VesselTree& tree);
+
+  /// Looks at one frame of 8 or 16 bit that was exposed while the joints were as in `state`. Changes nothing that is
+  /// believed: trust() or doubt() does.
+  Sight look(const XrayFrame& frame, const CArmState& state);
+
+  /// Believes a sight: the patient lies where it says.
+  void trust(const Sight& sight, const CArmState& state);
+
+  /// A frame that could not be believed.
+  void doubt();
+
+  /// Where the model is with these joints: by calibration alone ...
+  Pose calibrated_T_camera_model(const CArmJoints& joints) const;
+  /// ... and by all frames that were trusted.
+  Pose tracked_T_camera_model(const CArmJoints& joints) const;
+
+ private:
+  CArmGeometry carm_;
+  Pose T_dsa_cb_;
+  StartSettings search_starts_;
+  std::unique_ptr<CenterlineExtractor> extractor_;
+  std::unique_ptr<Registration> search_, tracking_;
+  PatientTracker tracker_;
+};
+
+}  // namespace angio

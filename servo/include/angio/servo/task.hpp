@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "angio/messaging/messages.hpp"
+#include "angio/servo/desired_view.hpp"
+#include "angio/vessel/centerline2d.hpp"
+
+namespace angio {
+
+/// What one trusted frame says, as a task is told it.
+struct TaskInput {
+  std::int64_t time_us = 0;  ///< Of the exposure, sender's monotonic clock.
+  XrayCamera camera;
+  Pose T_camera_model = Pose::Identity();          ///< This frame's own registration.
+  Matrix6d covariance = Matrix6d::Zero();          ///< Of it, [translation; rotation], m and rad.
+  Pose T_camera_model_tracked = Pose::Identity();  ///< Averaged over trusted frames: the patient as a slow one.
+  CArmState state;                                 ///< Joints at the exposure.
+  CArmJoints last_velocity = CArmJoints::Zero();   ///< Of the last command [rad/s, m/s].
+  double period_s = 0;                             ///< Since the frame before.
+  double latency_s = 0;                            ///< From an exposure until its command moves the machine.
+  const Centerline2d* centerline = nullptr;        ///< What the frame shows; borrowed for the call.
+
+  /// Where the target is in this frame, model frame [m], when it moves within the model, as a catheter's tip does;
+  /// nothing: the task's own target.
+  std::optional<Eigen::Vector3d> target_model = std::nullopt;
+};
+
+/// What a task wants. The default stands still.
+struct TaskAnswer {
+  std::optional<CArmJoints> velocity;          ///< Before any limit [rad/s, m/s]; nothing: hold.
+  std::optional<std::string> held;             ///< Why it holds; nothing while it has a velocity.
+  std::optional<ViewError> view_error;         ///< From the desired view, where the task has one.
+  std::optional<Eigen::Vector2d> pixel_error;  ///< From the target's desired pixel, where the task has one.
+  bool reached = false;                        ///< The task's end is reached; it goes on keeping it.
+};
+
+/// What the C-arm is to do with what is seen: `view`, `centre`, `hold`. Knows neither clock nor bus; the same inputs
+/// give the same answers.
+class Task {
+ public:
+  virtual ~Task() = default;
+
+  /// Answers one trusted frame.
+  virtual TaskAnswer answer(const TaskInput& input) = 0;
+
+  /// A frame could not be trusted: what was derived from consecutive frames must not be carried over it.
+  virtual void interrupt() = 0;
+
+  /// The desired pose of the model in the camera, where the task has one.
+  virtual std::optional<Pose> desired_T_camera_model() const = 0;
+};
+
+}  // namespace angio

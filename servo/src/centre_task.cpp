@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "centre_task.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "angio/motion/motion_predictor.hpp"
+#include "commands_in_flight.hpp"
+#include "followed_path.hpp"
+#include "local_shift.hpp"
+
+namespace angio {
+namespace {
+
+using Matrix23d = Eigen::Matrix<double, 2, 3>;
+
+// A point with the covariance of its error.
+struct SeenPoint {
+  Eigen::Vector3d position;
+  Eigen::Matrix3d covariance;
+};
+
+// Of the two directions across the beam, what of the table's three moves the image hardly at all.
+constexpr double kLeastShare = 0.05;
+// Where a predicted place begins to be unsure.
+constexpr double kSure_m = 0.5e-3;
+
+class CentreTask final : public Task {
+ public:
+  CentreTask(const CentreTaskSettings& settings, const TaskContext& context)
+      : settings_(settings),
+        carm_(context.carm),
+        limits_(context.limits),
+        target_(context.target_model),
+        predictor_(settings.motion),
+        in_flight_(context.limits) {
+    if (settings.near_mm > 0) {
+      near_.emplace(context.tree, target_, 1e-3 * settings.near_mm, 1e-3 * settings.near_std_mm);
+    }
+  }
+
+  TaskAnswer answer(const TaskInput& input) override;
+
+  void interrupt() override { in_flight_.interrupt(); }  // The predictor knows the time, and may miss frames.
+
+  std::optional<Pose> desired_T_camera_model() const override { return std::nullopt; }
+
+ private:
+  SeenPoint seen(const TaskInput& input) const;
+  std::optional<MotionPrediction> expected(double time_s) const;
+  std::optional<CArmJoints> velocity(const CArmState& then, const Matrix23d& across, double arrival_s,
+                                     double period_s) const;
+
+  CentreTaskSettings settings_;
+  CArmGeometry carm_;
+  CArmLimits limits_;
+  Eigen::Vector3d target_;
+  std::optional<LocalShift> near_;
+  MotionPredictor predictor_;
+  CommandsInFlight in_flight_;
+  std::optional<std::int64_t> first_us_;
+};
+
+// The target in the camera frame: by the registration, and across the beam by what is seen around it.
+SeenPoint CentreTask::seen(const TaskInput& input) const {
+  const Pose& T = input.T_camera_model;
+  const Eigen::Vector3d target = input.target_model.value_or(target_);
+  SeenPoint point;
+  point.position = T * target;
+  Eigen::Matrix<double, 3, 6> J;
+  J << Eigen::Matrix3d::Identity(), -skew(T.linear() * target);
+  point.covariance = J * input.covariance * J.transpose();
+  // The neighbourhood is that of the task's own target.
+  if (!near_ || !input.centerline || input.target_model) return point;
+  const auto local = near_->look(*input.centerline, input.camera, T);
+  if (!local) return point;
+  const double depth = point.position.z();
+  const Eigen::Vector2d m_per_px(depth / input.camera.parameters().fx_px, depth / input.camera.parameters().fy_px);
+  point.position.head<2>() += m_per_px.cwiseProduct(local->shift_px);
+  // Depth by the registration, along the ray; the rest by the image.
+  const Eigen::Vector3d ray = point.position / depth;
+  const double depth_variance = point.covariance(2, 2);
+  point.covariance = depth_variance * ray * ray.transpose();
+  point.covariance.topLeftCorner<2, 2>() += m_per_px.asDiagonal() * local->covariance_px * m_per_px.asDiagonal();
+  return point;
+}
+
+std::optional<MotionPrediction> CentreTask::expected(double time_s) const {
+  return settings_.predict ? predictor_.predict(time_s) : predictor_.predict(time_s, MotionModel::kHeld);
+}
+
+// The table's velocities with which the target's image goes to the wanted ray and stays there, as well as they can.
+std::optional<CArmJoints> CentreTask::velocity(const CArmState& then, const Matrix23d& across, double arrival_s,
+                                               double period_s) const {
+  const Pose T_camera_patient = carm_.T_camera_patient(then.joints);
+  const Matrix23d by_patient = across * T_camera_patient.linear();
+  const Matrix23d by_table = -across * carm_.eJe(then.joints).block<3, 3>(0, 2);
+  const Eigen::Vector2d singular = by_table.jacobiSvd().singularValues();
+  if (!(singular[1] > kLeastShare * singular[0])) return std::nullopt;
+  const Eigen::Matrix<double, 3, 2> inverse = by_table.transpose() * (by_table * by_table.transpose()).inverse();
+  std::array<std::vector<PathPoint>, 3> paths;
+  for (int k = 1; k <= settings_.periods_ahead; ++k) {
+    const auto point = expected(arrival_s + k * period_s);
+    if (!point || (point->beyond_horizon && k > 1)) break;
+    const Eigen::Vector3d place = -inverse * (across * (T_camera_patient * point->position));
+    // What is less sure matters less.
+    const double variance = 0.5 * (by_patient * point->covariance * by_patient.transpose()).trace();
+    for (std::size_t i = 0; i < 3; ++i) {
+      paths[i].push_back({place[static_cast<Eigen::Index>(i)], 1 / (1 + variance / (kSure_m * kSure_m))});
+    }
+  }
+  CArmJoints result = CArmJoints::Zero();
+  for (int i = 2; i < kCArmJointCount; ++i) {
+    result[i] = followingVelocity(paths[static_cast<std::size_t>(i - 2)], then.velocity[i], period_s,
+                                  settings_.acceleration_share * limits_.acceleration[i] * period_s, settings_.effort);
+  }
+  if (!result.allFinite()) return std::nullopt;
+  return result;
+}
+
+TaskAnswer CentreTask::answer(const TaskInput& input) {
+  TaskAnswer answer;
+  const auto hold = [&](const std::string& why) {
+    answer.velocity.reset();
+    answer.held = why;
+    in_flight_.interrupt();
+    return answer;
+  };
+  if (!first_us_) first_us_ = input.time_us;
+  const double time_s = 1e-6 * (static_cast<double>(input.time_us) - static_cast<double>(*first_us_));
+  const CArmState then = in_flight_.atArrival(input);
+
+  const SeenPoint point = seen(input);
+  const auto pixel = input.camera.project(point.position);
+  if (!pixel) return hold("the target is not in front of the source");
+  const XrayCamera::Parameters& k = input.camera.parameters();
+  const Eigen::Vector2d wanted_px =
+      Eigen::Vector2d(k.cx_px, k.cy_px) + Eigen::Map<const Eigen::Vector2d>(settings_.offset_px);
+  answer.pixel_error = *pixel - wanted_px;
+
+  const Pose T_patient_camera = carm_.T_camera_patient(input.state.joints).inverse();
+  const Eigen::Matrix3d R = T_patient_camera.linear();
+  const MotionUpdate update =
+      predictor_.update(time_s, T_patient_camera * point.position, R * point.covariance * R.transpose());
+  if (update.status == MotionStatus::kRefused) return hold(update.reason);
+  const double arrival_s = time_s + input.latency_s;
+  const auto at_arrival = expected(arrival_s);
+  if (!at_arrival || !(input.period_s > 0)) return hold("the target's motion is not known");
+
+  // How far the target is from the wanted ray, across the beam and at its own depth: what the table has to mend.
+  const Eigen::Vector3d ray = input.camera.ray(wanted_px);
+  Matrix23d across;
+  across << 1, 0, -ray.x(), 0, 1, -ray.y();
+  const Matrix23d by_patient = across * carm_.T_camera_patient(then.joints).linear();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> spread(by_patient * at_arrival->covariance *
+                                                              by_patient.transpose());
+  const double std_mm = 1e3 * std::sqrt(std::max(0.0, spread.eigenvalues()[1]));
+  if (!(std_mm <= settings_.most_std_mm)) return hold("the target's motion is too unsure");
+
+  const auto wanted = velocity(then, across, arrival_s, input.period_s);
+  if (!wanted) return hold("the table does not move the image");
+  answer.velocity = wanted;
+  answer.reached = (across * point.position).norm() <= 1e-3 * settings_.reached_mm;
+  return answer;
+}
+
+}  // namespace
+
+std::unique_ptr<Task> make(const CentreTaskSettings& settings, const TaskContext& context) {
+  checkSettings(CentreTaskSettings::kName, settings);
+  return std::make_unique<CentreTask>(settings, context);
+}
+
+}  // namespace angio

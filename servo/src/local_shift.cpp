@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "local_shift.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace angio {
+namespace {
+
+constexpr double kSpacing_m = 0.5e-3;
+constexpr double kLargestTurn_rad = 0.5;  // Between a vessel and what may be it.
+constexpr double kFirstGate = 2.5;        // Of the prior's standard deviation.
+constexpr double kScale_px = 3;           // Residuals beyond it count less and less, in the end.
+constexpr double kCorrelated_px = 8;      // Neighbouring points of a seen vessel err alike.
+constexpr double kFloor_px = 0.3;         // What a curve is off as a whole: radius, overlap, contrast.
+constexpr int kIterations = 8;
+
+// What may be matched: the seen points around the target.
+struct Seen {
+  Eigen::Matrix2Xd points, normals;
+  Eigen::VectorXd tangent, variance;
+};
+
+Seen around(const Centerline2d& line, const Eigen::Vector2d& centre, double reach_px) {
+  std::vector<Eigen::Index> kept;
+  for (Eigen::Index i = 0; i < line.points_px.cols(); ++i) {
+    if ((line.points_px.col(i) - centre).squaredNorm() < reach_px * reach_px) kept.push_back(i);
+  }
+  const auto n = static_cast<Eigen::Index>(kept.size());
+  Seen seen{Eigen::Matrix2Xd(2, n), Eigen::Matrix2Xd(2, n), Eigen::VectorXd(n), Eigen::VectorXd(n)};
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const Eigen::Index i = kept[static_cast<std::size_t>(k)];
+    seen.points.col(k) = line.points_px.col(i);
+    seen.tangent[k] = line.tangent_rad[i];
+    seen.normals.col(k) << -std::sin(seen.tangent[k]), std::cos(seen.tangent[k]);
+    const double sigma = line.sigma_px.size() > 0 ? std::max(line.sigma_px[i], 0.1) : 1.0;
+    seen.variance[k] = sigma * sigma;
+  }
+  return seen;
+}
+
+// The nearest one that runs the same way; -1: none within the gate.
+Eigen::Index match(const Seen& seen, const Eigen::Vector2d& at, double tangent_rad, double gate_px) {
+  Eigen::Index best = -1;
+  double best_squared = gate_px * gate_px;
+  for (Eigen::Index k = 0; k < seen.points.cols(); ++k) {
+    const double squared = (seen.points.col(k) - at).squaredNorm();
+    if (squared >= best_squared || std::abs(undirected(seen.tangent[k] - tangent_rad)) > kLargestTurn_rad) continue;
+    best = k;
+    best_squared = squared;
+  }
+  return best;
+}
+
+}  // namespace
+
+LocalShift::LocalShift(const VesselTree& tree, const Eigen::Vector3d& target_model, double near_m, double prior_std_m)
+    : target_(target_model), prior_std_m_(prior_std_m) {
+  std::vector<Eigen::Vector3d> points, tangents;
+  for (int i = 0; i < tree.size(); ++i) {
+    const int parent = tree.parents()[static_cast<std::size_t>(i)];
+    if (parent < 0) continue;
+    const Eigen::Vector3d a = tree.points().col(parent), step = tree.points().col(i) - a;
+    const int pieces = std::max(1, static_cast<int>(std::ceil(step.norm() / kSpacing_m)));
+    for (int k = 1; k <= pieces; ++k) {
+      const Eigen::Vector3d p = a + step * k / pieces;
+      if ((p - target_).norm() > near_m || !(step.norm() > 0)) continue;
+      points.push_back(p);
+      tangents.push_back(step.normalized());
+    }
+  }
+  const auto n = static_cast<Eigen::Index>(points.size());
+  points_.resize(3, n);
+  tangents_.resize(3, n);
+  weight_.resize(n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    points_.col(k) = points[static_cast<std::size_t>(k)];
+    tangents_.col(k) = tangents[static_cast<std::size_t>(k)];
+    weight_[k] = std::exp(-2 * (points_.col(k) - target_).squaredNorm() / (near_m * near_m));
+  }
+}
+
+std::optional<LocalShift::Result> LocalShift::look(const Centerline2d& centerline, const XrayCamera& camera,
+                                                   const Pose& T_camera_model) const {
+  const Eigen::Vector3d target_camera = T_camera_model * target_;
+  const auto target_px = camera.project(target_camera);
+  if (!target_px || points_.cols() == 0 || centerline.size() == 0) return std::nullopt;
+  const double px_per_m = camera.parameters().fx_px / target_camera.z();
+  const double prior_px = prior_std_m_ * px_per_m, first_gate_px = kFirstGate * prior_px;
+
+  Eigen::Matrix2Xd model(2, points_.cols());
+  Eigen::VectorXd tangent(points_.cols()), weight = weight_;
+  double reach_px = 0;
+  for (Eigen::Index k = 0; k < points_.cols(); ++k) {
+    Eigen::Matrix<double, 2, 3> J;
+    const auto pixel = camera.project(T_camera_model * points_.col(k), &J);
+    if (!pixel) return std::nullopt;
+    const Eigen::Vector2d along = J * (T_camera_model.linear() * tangents_.col(k));
+    model.col(k) = *pixel;
+    tangent[k] = std::atan2(along.y(), along.x());
+    // A vessel that points along the beam has no direction in the image and few pixels.
+    weight[k] *= std::min(1.0, along.norm() / px_per_m) * kSpacing_m * px_per_m / kCorrelated_px;
+    reach_px = std::max(reach_px, (*pixel - *target_px).norm());
+  }
+  const Seen seen = around(centerline, *target_px, reach_px + first_gate_px);
+
+  const Eigen::Matrix2d prior = Eigen::Matrix2d::Identity() / (prior_px * prior_px);
+  Eigen::Vector2d shift = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d information = prior;
+  double matched = 0;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    // From the whole of what may be meant to what is meant.
+    const double scale_px = std::max(kScale_px, first_gate_px * std::pow(0.5, iteration + 1));
+    information = prior;
+    Eigen::Vector2d pull = Eigen::Vector2d::Zero();
+    matched = 0;
+    for (Eigen::Index k = 0; k < model.cols(); ++k) {
+      const Eigen::Index i = match(seen, model.col(k) + shift, tangent[k], std::max(2 * scale_px, kScale_px));
+      if (i < 0) continue;
+      const Eigen::Vector2d normal = seen.normals.col(i);
+      const double off = normal.dot(seen.points.col(i) - model.col(k));
+      const double residual = (off - normal.dot(shift)) / scale_px, kept = 1 / (1 + residual * residual);
+      const double w = weight[k] * kept * kept / (seen.variance[i] + kFloor_px * kFloor_px);
+      information += w * normal * normal.transpose();
+      pull += w * off * normal;
+      matched += weight[k];
+    }
+    shift = information.inverse() * pull;
+  }
+  if (matched <= 0 || !shift.allFinite()) return std::nullopt;
+  return Result{shift, information.inverse() + kFloor_px * kFloor_px * Eigen::Matrix2d::Identity()};
+}
+
+}  // namespace angio

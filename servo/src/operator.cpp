@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/servo/operator.hpp"
+
+namespace angio {
+namespace {
+
+constexpr std::int64_t kPatience_us = 150'000;  // Two frames: so long an answer may take.
+
+}  // namespace
+
+void Operator::ask(ServoRequestKind kind, std::int64_t now_us) {
+  ServoRequest request;
+  request.request = kind;
+  request.time_us = now_us;
+  request.sequence = ++sequence_;
+  if (status()) {
+    request.status_time_us = status()->time_us;
+    request.transitions = status()->transitions;
+  }
+  publish(bus_, kServoRequestChannel, request);
+  asked_us_ = now_us;
+}
+
+void Operator::start(std::int64_t now_us) {
+  if (started_ || (asked_us_ && now_us - *asked_us_ < kPatience_us)) return;
+  const ServoState state = status() ? status()->state : ServoState::kIdle;
+  if (state == ServoState::kIdle) return ask(ServoRequestKind::kArm, now_us);
+  if (state == ServoState::kArmed) ask(ServoRequestKind::kStart, now_us);
+  started_ = true;
+}
+
+}  // namespace angio

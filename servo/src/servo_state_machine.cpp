@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/servo/servo_state_machine.hpp"
+
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+namespace {
+
+constexpr std::size_t kLongestLog = 256;
+
+double between_ms(std::int64_t from_us, std::int64_t to_us) {
+  return 1e-3 * (static_cast<double>(to_us) - static_cast<double>(from_us));  // The difference may not fit an integer.
+}
+
+ServoEvent eventOf(ServoRequestKind request) {
+  switch (request) {
+    case ServoRequestKind::kArm:
+      return ServoEvent::kArm;
+    case ServoRequestKind::kStart:
+      return ServoEvent::kStart;
+    case ServoRequestKind::kReset:
+      return ServoEvent::kReset;
+    case ServoRequestKind::kEmergencyStop:
+      return ServoEvent::kEmergencyStop;
+    case ServoRequestKind::kStop:
+      break;
+  }
+  return ServoEvent::kStop;  // An unknown number stops, too.
+}
+
+ServoCause causeOf(ServoEvent request) {
+  switch (request) {
+    case ServoEvent::kArm:
+      return ServoCause::kArmRequested;
+    case ServoEvent::kStart:
+      return ServoCause::kStartRequested;
+    case ServoEvent::kReset:
+      return ServoCause::kResetRequested;
+    case ServoEvent::kEmergencyStop:
+      return ServoCause::kEmergencyStopRequested;
+    default:
+      return ServoCause::kStopRequested;
+  }
+}
+
+}  // namespace
+
+ServoState stateAfter(ServoState state, ServoEvent event) {
+  using State = ServoState;
+  const bool latched = state == State::kFault || state == State::kEmergencyStop;
+  const bool active = state == State::kArmed || state == State::kHold || state == State::kServo;
+  switch (event) {
+    case ServoEvent::kEmergencyStop:
+      return State::kEmergencyStop;
+    case ServoEvent::kReset:
+      return latched ? State::kIdle : state;
+    case ServoEvent::kStop:
+      return active ? State::kIdle : state;
+    case ServoEvent::kArm:
+      return state == State::kIdle ? State::kArmed : state;
+    case ServoEvent::kStart:
+      return state == State::kArmed ? State::kHold : state;
+    case ServoEvent::kTrusted:
+      return state == State::kHold ? State::kServo : state;
+    case ServoEvent::kDoubt:
+      return state == State::kServo ? State::kHold : state;
+    case ServoEvent::kFault:
+      return active ? State::kFault : state;
+  }
+  return State::kFault;
+}
+
+ServoStateMachine::ServoStateMachine(const ServoStateSettings& settings) : settings_(settings) {
+  checkSettings("servo states", settings_);
+}
+
+bool ServoStateMachine::active() const { return stateAfter(state_, ServoEvent::kFault) != state_; }
+
+// Times are compared in every call, so that no timeout can be set back.
+bool ServoStateMachine::clockRuns(std::int64_t now_us) {
+  const bool back = now_us_ && now_us < *now_us_;
+  if (back) {
+    const double by_ms = between_ms(now_us, *now_us_);
+    last_frame_us_.reset();
+    contradicted_since_us_.reset();
+    now_us_ = now_us;
+    fault(ServoCause::kClockJumped, "the loop's clock ran back by " + shown(by_ms) + " ms", now_us);
+  }
+  now_us_ = now_us;
+  return !back;
+}
+
+void ServoStateMachine::change(ServoEvent event, ServoCause cause, const std::string& reason, std::int64_t now_us) {
+  const ServoState next = stateAfter(state_, event);
+  if (next == ServoState::kHold && event == ServoEvent::kDoubt) reason_ = reason;
+  if (next == state_) return;
+  log_.push_back({state_, next, cause, now_us, reason});
+  if (log_.size() > kLongestLog) log_.pop_front();
+  ++transitions_;
+  state_ = next;
+  reason_ = next == ServoState::kServo ? "" : reason;
+  if (next == ServoState::kArmed || next == ServoState::kIdle) {  // Both begin afresh.
+    trusted_in_a_row_ = 0;
+    has_moved_ = false;
+    last_frame_us_.reset();
+    contradicted_since_us_.reset();
+  }
+  if (next == ServoState::kServo) has_moved_ = true;
+  if (event == ServoEvent::kStart && !last_frame_us_) last_frame_us_ = now_us;  // Frames are due from now on.
+}
+
+std::optional<std::string> ServoStateMachine::refusal(const ServoRequest& request, std::int64_t newest_frame_us) const {
+  if (last_request_ && request.sequence <= last_request_->sequence &&
+      !(request.sequence < last_request_->sequence && request.time_us > last_request_->time_us)) {
+    return "the request came twice or late";
+  }
+  if (request.transitions != transitions_) return "the request answers another state than the present one";
+  const double age_ms = newest_frame_us == 0 ? 0 : std::abs(between_ms(request.status_time_us, newest_frame_us));
+  if (!(age_ms <= settings_.most_request_age_ms)) {
+    return "the request answers a status " + shown(age_ms) + " ms from now: at most " +
+           shown(settings_.most_request_age_ms);
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> ServoStateMachine::request(const ServoRequest& request, std::int64_t newest_frame_us,
+                                                      std::int64_t now_us) {
+  clockRuns(now_us);
+  const ServoEvent event = eventOf(request.request);
+  // What stops is never too late.
+  const bool stops = event == ServoEvent::kStop || event == ServoEvent::kEmergencyStop;
+  const auto refused = stops ? std::nullopt : refusal(request, newest_frame_us);
+  if (!last_request_ || request.time_us > last_request_->time_us) last_request_ = request;
+  if (refused) return refused;
+  const ServoCause cause = causeOf(event);
+  const ServoState before = state_;
+  change(event, cause, nameOf(cause), now_us);
+  if (state_ == before && !stops && stateAfter(before, event) == before) {
+    return std::string("the request means nothing in state ") + nameOf(before);
+  }
+  return std::nullopt;
+}
+
+void ServoStateMachine::trusted(std::int64_t now_us) {
+  if (!clockRuns(now_us)) return;
+  wait(now_us);  // One frame after a long silence does not undo it.
+  last_frame_us_ = now_us;
+  contradicted_since_us_.reset();
+  const int wanted = has_moved_ ? settings_.frames_to_resume : settings_.frames_to_start;
+  if (trusted_in_a_row_ < wanted) ++trusted_in_a_row_;
+  if (trusted_in_a_row_ >= wanted) {
+    change(ServoEvent::kTrusted, ServoCause::kFramesTrusted, nameOf(ServoCause::kFramesTrusted), now_us);
+  } else if (state_ == ServoState::kHold) {
+    reason_ = std::to_string(trusted_in_a_row_) + " of " + std::to_string(wanted) + " trusted frames in a row";
+  }
+}
+
+void ServoStateMachine::doubted(Doubt kind, const std::string& reason, std::int64_t now_us) {
+  if (!clockRuns(now_us)) return;
+  last_frame_us_ = now_us;
+  trusted_in_a_row_ = 0;
+  change(ServoEvent::kDoubt, ServoCause::kFrameDoubted, reason, now_us);
+  if (kind != Doubt::kContradiction) return;  // Seeing nothing for a while does not make a contradiction go away.
+  if (!contradicted_since_us_) contradicted_since_us_ = now_us;
+  if (between_ms(*contradicted_since_us_, now_us) > settings_.most_contradiction_ms) {
+    fault(ServoCause::kViewDisagrees, reason, now_us);
+  }
+}
+
+void ServoStateMachine::fault(ServoCause cause, const std::string& reason, std::int64_t now_us) {
+  trusted_in_a_row_ = 0;
+  change(ServoEvent::kFault, cause, std::string(nameOf(cause)) + ": " + reason, now_us);
+}
+
+void ServoStateMachine::wait(std::int64_t now_us) {
+  if (!clockRuns(now_us) || !last_frame_us_) return;
+  const double gap_ms = between_ms(*last_frame_us_, now_us);
+  if (gap_ms <= settings_.most_frame_gap_ms) return;
+  const std::string reason = "no frame for " + shown(gap_ms) + " ms";
+  trusted_in_a_row_ = 0;
+  change(ServoEvent::kDoubt, ServoCause::kFramesLate, reason, now_us);
+  if (gap_ms > settings_.frames_gone_ms) fault(ServoCause::kFramesGone, reason, now_us);
+}
+
+}  // namespace angio

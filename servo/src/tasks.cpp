@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/servo/tasks.hpp"
+
+#include "centre_task.hpp"
+#include "hold_task.hpp"
+#include "view_task.hpp"
+
+namespace angio {
+
+std::string nameOf(const TaskSettings& settings) {
+  return std::visit([](const auto& chosen) { return std::string(chosen.kName); }, settings);
+}
+
+std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context) {
+  return std::visit([&](const auto& chosen) { return make(chosen, context); }, settings);
+}
+
+}  // namespace angio

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "view_task.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "angio/geometry/visp.hpp"
+#include "commands_in_flight.hpp"
+
+namespace angio {
+namespace {
+
+constexpr int kMostAveraged = 15;           // Frames that a mean which forgets over eight is worth.
+constexpr double kAskew_rad = degToRad(5);  // What a patient may lie askew and a best view still be in reach.
+
+// A view as the task works with it.
+struct Goal {
+  Pose T_camera_model;
+  Eigen::Vector3d target_model;  // At the isocentre's distance on the beam.
+};
+
+Goal goalOf(const DesiredView& view, double source_isocentre_distance_m) {
+  return {desiredPose(view, source_isocentre_distance_m), view.target_model};
+}
+
+Goal bestViewGoal(const ViewTaskSettings& settings, const TaskContext& context) {
+  const TreeSegment segment = settings.segment_first < 0 && settings.segment_last < 0
+                                  ? segmentOfBranch(context.tree, settings.branch)
+                                  : segmentBetween(context.tree, settings.segment_first, settings.segment_last);
+  BestViewScene scene;
+  scene.R_lps_model = context.R_lps_model;
+  scene.source_isocentre_distance_m = context.carm.source_isocentre_distance_m;
+  scene.reachable = [&](const ViewAngles& angles) {
+    const Eigen::Array2d joints = context.carm.jointsFor(angles, Eigen::Vector3d::Zero()).head<2>().array();
+    return (joints >= context.limits.lower.head<2>().array() + kAskew_rad).all() &&
+           (joints <= context.limits.upper.head<2>().array() - kAskew_rad).all();
+  };
+  const BestView best = bestView(context.tree, segment, scene, settings.best_view);
+  return goalOf({best.angles, best.target_model, context.R_lps_model}, scene.source_isocentre_distance_m);
+}
+
+Goal poseGoal(const Pose& T, double source_isocentre_distance_m) {
+  if (!T.matrix().allFinite() || !(rotationDefect(T.linear()) < 1e-6)) {
+    throw InputError(ViewTaskSettings::kName, "T_camera_model", "", "must be a pose");
+  }
+  return {T, T.inverse() * Eigen::Vector3d(0, 0, source_isocentre_distance_m)};
+}
+
+Goal goalOf(const ViewTaskSettings& settings, const TaskContext& context) {
+  const double distance_m = context.carm.source_isocentre_distance_m;
+  switch (settings.goal) {
+    case ViewGoal::kBestView:
+      return bestViewGoal(settings, context);
+    case ViewGoal::kPose:
+      return poseGoal(settings.T_camera_model, distance_m);
+    case ViewGoal::kAngles:
+      break;
+  }
+  const ViewAngles angles{degToRad(settings.primary_deg), degToRad(settings.secondary_deg)};
+  return goalOf({angles, context.target_model, context.R_lps_model}, distance_m);
+}
+
+class ViewTask final : public Task {
+ public:
+  ViewTask(const ViewTaskSettings& settings, const TaskContext& context)
+      : settings_(settings),
+        carm_(context.carm),
+        limits_(context.limits),
+        goal_(goalOf(settings, context)),
+        law_(makeServoLaw(context.law, {&context.tree, goal_.target_model})),
+        in_flight_(context.limits) {}
+
+  TaskAnswer answer(const TaskInput& input) override;
+
+  void interrupt() override {
+    in_flight_.interrupt();
+    frames_inside_ = 0;
+  }
+
+  std::optional<Pose> desired_T_camera_model() const override { return goal_.T_camera_model; }
+
+ private:
+  bool staysInside(const ViewError& error, const TaskInput& input);
+  CArmJoints brakable(CArmJoints velocity, const CArmJoints& left, double period_s) const;
+
+  ViewTaskSettings settings_;
+  CArmGeometry carm_;
+  CArmLimits limits_;
+  Goal goal_;
+  std::unique_ptr<ServoLaw> law_;
+  CommandsInFlight in_flight_;
+  int frames_inside_ = 0;
+};
+
+TaskAnswer ViewTask::answer(const TaskInput& input) {
+  // The patient lies still, so the average of many frames is the better sight.
+  const Pose& seen = input.T_camera_model_tracked;
+  TaskAnswer answer;
+  answer.view_error = viewError(seen, goal_.T_camera_model, goal_.target_model);
+  answer.reached = staysInside(*answer.view_error, input);
+  // The law answers to where the arm will be when its command arrives.
+  const CArmJoints then = in_flight_.atArrival(input).joints;
+  const Pose T_patient_model = carm_.T_camera_patient(input.state.joints).inverse() * seen;
+  const Pose cMo = carm_.T_camera_patient(then) * T_patient_model;
+  const Eigen::Vector3d beam_model = goal_.T_camera_model.linear().row(2);
+  const auto end = carm_.reachable(viewAnglesOf(Eigen::Vector3d(T_patient_model.linear() * beam_model)),
+                                   T_patient_model * goal_.target_model, limits_, {}, then);
+  if (!end) {
+    answer.held = "the view is out of the arm's reach";
+    return answer;
+  }
+  const auto wanted =
+      law_->velocity({toVisp(cMo), toVisp(goal_.T_camera_model), toVisp(carm_.eJe(then)), &input.camera});
+  if (!wanted) {
+    answer.held = "the control law is singular";
+    return answer;
+  }
+  answer.velocity = brakable(*wanted, *end - then, input.period_s);
+  return answer;
+}
+
+// No joint comes in faster than it can brake. Each by itself: one that is there already must not stop the others.
+CArmJoints ViewTask::brakable(CArmJoints velocity, const CArmJoints& left, double period_s) const {
+  for (int i = 0; i < kCArmJointCount; ++i) {
+    if (!(velocity[i] * left[i] > 0)) continue;
+    // v delay + v^2 / 2a = left: half the time that the acceleration takes to come, and a frame.
+    const double a = settings_.braking_share * limits_.acceleration[i];
+    const double delay_s = 0.5 * a / limits_.jerk[i] + period_s;
+    const double most = std::sqrt(a * a * delay_s * delay_s + 2 * a * std::abs(left[i])) - a * delay_s;
+    velocity[i] = std::clamp(velocity[i], -most, most);
+  }
+  return velocity;
+}
+
+bool ViewTask::staysInside(const ViewError& error, const TaskInput& input) {
+  const Pose& T = input.T_camera_model;
+  Eigen::Matrix<double, 3, 6> J;
+  J << Eigen::Matrix3d::Identity(), -skew(T.linear() * goal_.target_model);
+  const Eigen::Matrix3d place = J * input.covariance * J.transpose();
+  const double place_variance = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(place).eigenvalues()[2];
+  const double direction_variance = input.covariance(3, 3) + input.covariance(4, 4);
+  const double averaged = std::min(frames_inside_ + 1, kMostAveraged);
+  const auto within = [&](double size, double variance, double most) {
+    return size + std::sqrt(std::max(0.0, variance) / averaged) <= most;
+  };
+  const double most_rad = degToRad(settings_.reached_deg), most_m = 1e-3 * settings_.reached_mm;
+  const bool inside = error.direction_rad <= most_rad && error.target_m <= most_m;
+  frames_inside_ = inside ? frames_inside_ + 1 : 0;
+  return frames_inside_ >= settings_.reached_frames && within(error.direction_rad, direction_variance, most_rad) &&
+         within(error.target_m, place_variance, most_m);
+}
+
+}  // namespace
+
+std::unique_ptr<Task> make(const ViewTaskSettings& settings, const TaskContext& context) {
+  checkSettings(ViewTaskSettings::kName, settings);
+  return std::make_unique<ViewTask>(settings, context);
+}
+
+}  // namespace angio

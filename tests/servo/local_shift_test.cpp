@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "local_shift.hpp"
+
+#include <gtest/gtest.h>
+
+#include "angio/simulation/simulated_carm.hpp"
+#include "angio/test/phantoms.hpp"
+#include "angio/vessel/projection.hpp"
+#include "commands_in_flight.hpp"
+
+namespace angio {
+namespace {
+
+class LocalShifts : public testing::Test {
+ protected:
+  const VesselTree tree_ = test::branchingTree(6);
+  const XrayCamera camera_ = test::clinicalCamera();
+  test::Random random_{4};
+  const Pose T_ = test::viewOf(tree_, random_);
+  const Eigen::Vector3d target_ = tree_.points().col(39);  // The first bifurcation: vessels run several ways.
+  const double px_per_m_ = camera_.parameters().fx_px / (T_ * target_).z();
+};
+
+TEST_F(LocalShifts, FindWhereTheImageShowsThePlace) {
+  const LocalShift near(tree_, target_, 15e-3, 2e-3);
+  for (int k = 0; k < 10; ++k) {
+    const Eigen::Vector2d shift_px = 5 * Eigen::Vector2d(random_.normal(), random_.normal());
+    Centerline2d seen = projectedCenterline(tree_, camera_, T_);
+    seen.points_px.colwise() += shift_px;
+    const auto found = near.look(seen, camera_, T_);
+    ASSERT_TRUE(found);
+    // The prior of 2 mm pulls by some percent of 5 px.
+    EXPECT_LT((found->shift_px - shift_px).norm(), 1) << shift_px.transpose();
+    const Eigen::Vector2d error = found->shift_px - shift_px;
+    EXPECT_LT(error.dot(found->covariance_px.inverse() * error), 9.2) << "99 % of two numbers";
+  }
+}
+
+TEST_F(LocalShifts, SayNothingAboutADirectionThatIsNotSeen) {
+  // One straight vessel across the image, through the target.
+  Eigen::Matrix3Xd points(3, 60);
+  std::vector<int> parents;
+  for (int i = 0; i < 60; ++i) {
+    points.col(i) << (i - 30) * 1e-3, 0, 0;
+    parents.push_back(i - 1);
+  }
+  const VesselTree line(points, parents);
+  Pose T = Pose::Identity();
+  T.translation().z() = 0.75;
+  Centerline2d seen = projectedCenterline(line, camera_, T);
+  seen.points_px.row(1).array() += 4;
+  const auto found = LocalShift(line, Eigen::Vector3d::Zero(), 15e-3, 2e-3).look(seen, camera_, T);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->shift_px.y(), 4, 0.2);
+  EXPECT_NEAR(found->shift_px.x(), 0, 0.01);
+  const double prior_px = 2e-3 * camera_.parameters().fx_px / 0.75;
+  EXPECT_NEAR(std::sqrt(found->covariance_px(0, 0)), prior_px, 0.05 * prior_px);
+  EXPECT_LT(std::sqrt(found->covariance_px(1, 1)), 0.2 * prior_px);
+}
+
+TEST_F(LocalShifts, NothingNearIsNothing) {
+  const LocalShift near(tree_, target_, 15e-3, 2e-3);
+  EXPECT_FALSE(near.look(Centerline2d{}, camera_, T_));
+  Pose behind = T_;
+  behind.translation().z() -= 2;
+  EXPECT_FALSE(near.look(projectedCenterline(tree_, camera_, T_), camera_, behind));
+  Centerline2d far = projectedCenterline(tree_, camera_, T_);
+  far.points_px.row(0).array() += 300;
+  EXPECT_FALSE(near.look(far, camera_, T_));
+}
+
+// What a loop expects of commands under way is what the arm does with them.
+TEST(CommandsInFlight, AreWhatTheArmWillHaveDone) {
+  const CArmLimits limits = CArmLimits::typical();
+  constexpr std::int64_t kPeriod_us = 66'000, kLatency_us = 80'000;
+  test::Random random(5);
+  SimulatedCArm arm(limits, CArmJoints::Zero(), 0);
+  CommandsInFlight in_flight(limits);
+  std::deque<std::pair<std::int64_t, CArmCommand>> under_way;
+  const auto advance = [&](std::int64_t until_us) {
+    while (!under_way.empty() && under_way.front().first <= until_us) {
+      arm.obey(under_way.front().second, under_way.front().first);
+      under_way.pop_front();
+    }
+    arm.advance(until_us);
+  };
+  CArmCommand last;
+  for (int k = 0; k < 60; ++k) {
+    const std::int64_t frame_us = k * kPeriod_us;
+    advance(frame_us);
+    TaskInput input{frame_us, test::clinicalCamera(), {}, {}, {}, arm.state()};
+    input.last_velocity = last.velocity;
+    input.period_s = 1e-6 * kPeriod_us;
+    input.latency_s = 1e-6 * kLatency_us;
+    const CArmState expected = in_flight.atArrival(input);
+    SimulatedCArm copy = arm;
+    for (const auto& [at_us, command] : under_way) {
+      if (at_us > frame_us + kLatency_us) break;
+      copy.advance(at_us);
+      copy.obey(command, at_us);
+    }
+    copy.advance(frame_us + kLatency_us);
+    EXPECT_LT((copy.state().joints - expected.joints).norm(), 1e-9) << k;
+    for (int i = 0; i < kCArmJointCount; ++i) last.velocity[i] = 0.02 * random.normal();
+    last.time_us = frame_us;
+    ++last.sequence;
+    last.valid_for_us = 500'000;
+    under_way.emplace_back(frame_us + kLatency_us, last);
+  }
+}
+
+}  // namespace
+}  // namespace angio

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <gtest/gtest.h>
+
+#include <deque>
+
+#include "angio/robot/carm_motion_limiter.hpp"
+#include "angio/robot/motion_time.hpp"
+#include "angio/servo/tasks.hpp"
+#include "angio/simulation/simulated_carm.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/phantoms.hpp"
+
+namespace angio {
+namespace {
+
+constexpr std::int64_t kPeriod_us = 66'667, kLatency_us = 80'000;
+
+// The task, the limiter and an arm whose commands come late; what is seen is the truth.
+class Room {
+ public:
+  Room(const ViewTaskSettings& settings, const ServoLawSettings& law = PositionBasedSettings{})
+      : task(makeTask(settings, {carm, limits, tree, tree.centroid(), Eigen::Matrix3d::Identity(), law})) {
+    Twist askew;
+    askew << 0.01, -0.02, 0.005, 0.03, -0.05, 0.04;
+    T_patient_model = expSE3(askew);
+    arm = std::make_unique<SimulatedCArm>(limits, start, 0);
+  }
+
+  TaskAnswer frame() {
+    const CArmState state = arm->state();
+    const Pose seen = carm.T_camera_patient(state.joints) * T_patient_model;
+    TaskInput input{now_us, carm.camera(), seen, covariance, seen, state};
+    input.last_velocity = last;
+    input.period_s = 1e-6 * kPeriod_us;
+    input.latency_s = 1e-6 * kLatency_us;
+    const TaskAnswer answer = task->answer(input);
+    last = answer.velocity ? limiter.limit(*answer.velocity, state.joints, input.latency_s, input.period_s)
+                           : limiter.rest(input.period_s);
+    CArmCommand command;
+    command.sequence = ++sequence;
+    command.time_us = now_us;
+    command.valid_for_us = 200'000;
+    command.velocity = last;
+    under_way.push_back({now_us + kLatency_us, command});
+    for (const std::int64_t end_us = now_us + kPeriod_us; now_us < end_us;) {
+      const bool arrives = !under_way.empty() && under_way.front().first <= end_us;
+      now_us = arrives ? under_way.front().first : end_us;
+      arm->advance(now_us);
+      if (!arrives) continue;
+      arm->obey(under_way.front().second, now_us);
+      under_way.pop_front();
+    }
+    return answer;
+  }
+
+  // Until it says that it is there, at most 20 s; when it came within the bounds to stay, by the truth.
+  std::optional<double> settled_s() {
+    const Pose desired = *task->desired_T_camera_model();
+    const Eigen::Vector3d target = desired.inverse() * Eigen::Vector3d(0, 0, carm.source_isocentre_distance_m);
+    std::optional<double> since_s;
+    for (int i = 0; i < 300; ++i) {
+      const bool reached = frame().reached;
+      error = viewError(carm.T_camera_patient(arm->state().joints) * T_patient_model, desired, target);
+      const bool inside = radToDeg(error.direction_rad) <= 0.1 && 1e3 * error.target_m <= 0.5;
+      if (!inside) since_s.reset();
+      if (inside && !since_s) since_s = 1e-6 * static_cast<double>(now_us);
+      if (reached) return since_s;
+    }
+    return std::nullopt;
+  }
+
+  CArmGeometry carm;
+  CArmLimits limits = CArmLimits::typical();
+  VesselTree tree = test::branchingTree(6);
+  CArmJoints start = (CArmJoints() << degToRad(-20), degToRad(10), 0.03, -0.02, 0.05).finished();
+  Matrix6d covariance = Matrix6d::Identity() * 1e-9;
+  Pose T_patient_model;
+  CArmMotionLimiter limiter{limits, CArmEnvelope::typical(0.303), 0.2};
+  std::unique_ptr<Task> task;
+  std::unique_ptr<SimulatedCArm> arm;
+  CArmJoints last = CArmJoints::Zero();
+  std::deque<std::pair<std::int64_t, CArmCommand>> under_way;
+  std::int64_t now_us = 0, sequence = 0;
+  ViewError error;
+};
+
+TEST(ViewTask, ReachesEachKindOfGoalByEachLaw) {
+  for (const ServoLawSettings& law : {ServoLawSettings(PositionBasedSettings{}), ServoLawSettings(ImageBasedSettings{}),
+                                      ServoLawSettings(HybridSettings{})}) {
+    for (const ViewGoal goal : {ViewGoal::kAngles, ViewGoal::kBestView, ViewGoal::kPose}) {
+      ViewTaskSettings settings;
+      settings.goal = goal;
+      settings.branch = 2;
+      settings.best_view.step_deg = 5;
+      settings.T_camera_model = desiredPose({{degToRad(-45), degToRad(20)}, {0.01, 0, 0}, Eigen::Matrix3d::Identity()},
+                                            CArmGeometry().source_isocentre_distance_m);
+      // As another arm has seen it, one that had turned its detector.
+      settings.T_camera_model = Pose(Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ())) * settings.T_camera_model;
+      Room room(settings, law);
+      EXPECT_TRUE(room.settled_s()) << law.index() << " " << static_cast<int>(goal);
+    }
+  }
+}
+
+TEST(ViewTask, ComesInNotMuchSlowerThanAnyMachineCould) {
+  test::Random random(1);
+  double worst = 0;
+  for (int i = 0; i < 10; ++i) {
+    ViewTaskSettings settings;
+    settings.primary_deg = random.uniform(-60, 60);
+    settings.secondary_deg = random.uniform(-30, 30);
+    Room room(settings);
+    const auto settled_s = room.settled_s();
+    ASSERT_TRUE(settled_s) << i;
+    const double shortest_s = shortestTime_s(room.start, room.arm->state().joints, room.limits);
+    worst = std::max(worst, *settled_s - shortest_s);
+  }
+  // The latency, and the last degree that the law takes exponentially: ln(1 / 0.1) / 3.
+  EXPECT_LT(worst, 2.0);
+}
+
+TEST(ViewTask, IsNotReachedWhileItIsNotSure) {
+  ViewTaskSettings settings;
+  Room room(settings);
+  room.covariance = Matrix6d::Identity() * 4e-6;  // 2 mm, and more than 0.1 deg, also as a mean.
+  EXPECT_FALSE(room.settled_s());
+  EXPECT_LT(radToDeg(room.error.direction_rad), 0.1) << "it is there, only not sure";
+}
+
+TEST(ViewTask, HoldsBeforeAViewThatIsOutOfReach) {
+  ViewTaskSettings settings;
+  settings.primary_deg = 150;
+  Room room(settings);
+  const TaskAnswer answer = room.frame();
+  EXPECT_FALSE(answer.velocity);
+  EXPECT_EQ(answer.held.value_or(""), "the view is out of the arm's reach");
+}
+
+TEST(ViewTask, RefusesAGoalThatIsNone) {
+  ViewTaskSettings settings;
+  settings.goal = ViewGoal::kPose;
+  settings.T_camera_model.matrix()(0, 0) = 2;
+  EXPECT_EQ(test::refusalOf([&] { Room room(settings); }), "view: T_camera_model: must be a pose");
+  settings.goal = ViewGoal::kBestView;
+  settings.branch = 1000;
+  EXPECT_NE(test::refusalOf([&] { Room room(settings); }).find("branch = 1000"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace angio
