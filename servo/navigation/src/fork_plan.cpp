@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "fork_plan.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "angio/geometry/se3.hpp"
+
+namespace angio {
+namespace {
+
+constexpr int kAngles = 72;
+constexpr int kBends = 13;
+constexpr double kCloser = 0.03;  // [rad] A larger bend must earn its contact with the wall by this for each step.
+
+// Frame of the vessel that ends at the fork in front of `child`.
+TreeFrame forkFrame(const TreeMap& map, int child) {
+  const auto parent = map.parent(child);
+  return parent ? map.frame({*parent, map.length_m(*parent)}) : map.frame({child, 0});
+}
+
+double angleBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::acos(std::clamp(a.dot(b), -1.0, 1.0));
+}
+
+struct Fork {
+  TreeFrame frame;
+  Eigen::Vector3d goal;
+  std::vector<Eigen::Vector3d> others;
+};
+
+Fork forkAt(const TreeMap& map, int wanted, double lever_m) {
+  Fork fork{forkFrame(map, wanted), map.leaving(wanted, lever_m), {}};
+  if (const auto parent = map.parent(wanted)) {
+    for (const int child : map.children(*parent)) {
+      if (child != wanted) fork.others.push_back(map.leaving(child, lever_m));
+    }
+  }
+  return fork;
+}
+
+// How much nearer to the goal the tip points than to any other way.
+double marginOf(const Fork& fork, double angle, double bend) {
+  const TreeFrame& f = fork.frame;
+  const Eigen::Vector3d tip =
+      std::cos(bend) * f.along + std::sin(bend) * (std::cos(angle) * f.across + std::sin(angle) * f.aside);
+  double nearest = kPi;
+  for (const Eigen::Vector3d& other : fork.others) nearest = std::min(nearest, angleBetween(tip, other));
+  return nearest - angleBetween(tip, fork.goal);
+}
+
+}  // namespace
+
+Eigen::Vector2d sidewaysOf(const TreeMap& map, int child, double lever_m) {
+  const TreeFrame f = forkFrame(map, child);
+  const Eigen::Vector3d direction = map.leaving(child, lever_m);
+  return {direction.dot(f.across), direction.dot(f.aside)};
+}
+
+ForkPlan planForks(const TreeMap& map, const std::vector<int>& wanted, const TipRange& range, double sigma_rad,
+                   double lever_m) {
+  std::vector<Fork> forks;
+  for (const int chain : wanted) forks.push_back(forkAt(map, chain, lever_m));
+  const auto margin = [&](double angle, double bend) {
+    double least = kPi;
+    for (const Fork& fork : forks) least = std::min(least, marginOf(fork, angle, bend));
+    return least;
+  };
+  ForkPlan best{0, range.least_bend_rad, -10};
+  for (int b = 0; b < kBends; ++b) {
+    const double bend = range.least_bend_rad + b * (range.largest_bend_rad - range.least_bend_rad) / (kBends - 1);
+    for (int a = 0; a < kAngles; ++a) {
+      const double angle = 2 * kPi * a / kAngles;
+      const double worst =
+          std::min({margin(angle, bend), margin(angle - sigma_rad, bend), margin(angle + sigma_rad, bend)});
+      if (worst - kCloser * b > best.margin_rad) best = {angle, bend, worst - kCloser * b};
+    }
+  }
+  return best;
+}
+
+}  // namespace angio

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "angio/vessel/tree_map.hpp"
+
+namespace angio {
+
+/// How a tip is to point in front of a fork.
+struct ForkPlan {
+  double angle_rad = 0;  ///< Of the tip in the vessel's frame at the fork, from `across` to `aside`.
+  double bend_rad = 0;   ///< Between the tip and the vessel.
+  double margin_rad =
+      0;  ///< By how much it then points nearer to the wanted branch than to any other; may be negative.
+};
+
+/// What tips a catheter can make [rad].
+struct TipRange {
+  double least_bend_rad = 0;
+  double largest_bend_rad = 0;
+};
+
+/// The tip that points nearer to the wanted child than to its siblings by the widest margin, when its angle is only
+/// known to `sigma_rad`; with several wanted chains, of forks that follow each other closely, the least of their
+/// margins counts: a tip that only slides keeps its angle in the vessel's frame. Children leave a fork as the chords of
+/// their first `lever_m` [m].
+ForkPlan planForks(const TreeMap& map, const std::vector<int>& wanted, const TipRange& range, double sigma_rad,
+                   double lever_m);
+
+/// Direction in which a child leaves its parent, in the parent's frame at the fork: across, aside; sine of the angle
+/// long.
+Eigen::Vector2d sidewaysOf(const TreeMap& map, int child, double lever_m);
+
+}  // namespace angio

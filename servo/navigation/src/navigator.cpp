@@ -1,0 +1,344 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/navigation/navigator.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "angio/geometry/se3.hpp"
+#include "fork_plan.hpp"
+#include "route_view.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kNear_m = 4e-3;         // Places closer than that are one for the question where to go.
+constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
+constexpr double kBendGain_per_s = 3;
+constexpr double kLongestAim_s = 8;
+constexpr double kFullLook_rad = 2.2 * kPi;
+constexpr double kFirmSlide_m = 1.5e-3;   // The tip has moved.
+constexpr double kJump_m = 6e-3;          // Between two frames: more than any command does.
+constexpr int kSteadyFrames = 3;          // What only fewer frames say may be one bad frame.
+constexpr double kSure = 0.9;             // Probability of a wrong branch that is worth a way back at once.
+constexpr double kLeastMargin_rad = 0.1;  // For one aim to serve several forks.
+constexpr int kTriesInAll = 6;            // At all forks, times those at one.
+
+// Where further tries at a fork aim beside the plan [rad]: a wrong idea of the tip's angle is wrong again.
+constexpr double kBeside_rad[] = {0, 0, 1.05, -1.05, 2.1, -2.1, 3.14, 0.5, -0.5, 1.6};
+
+NavigatorSettings checked(const NavigatorSettings& settings) {
+  checkSettings("navigator", settings);
+  return settings;
+}
+
+bool sound(const NavigationInput& input) {
+  const CatheterState& d = input.drive;
+  return std::isfinite(d.insertion_m) && std::isfinite(d.roll_rad) && std::isfinite(d.bend_rad) &&
+         std::isfinite(d.roll_speed_radps) && std::isfinite(d.insertion_force_n) && std::isfinite(input.period_s) &&
+         std::isfinite(input.latency_s);
+}
+
+bool sound(const TipPlace& tip, const TreeMap& map) {
+  return tip.chain >= 0 && tip.chain < map.chains() && std::isfinite(tip.arc_m) && std::isfinite(tip.sigma_m) &&
+         std::isfinite(tip.probability);
+}
+
+bool sound(const TipBelief& belief, const TreeMap& map) {
+  if (!sound(belief.tip, map)) return false;
+  return std::all_of(belief.alternatives.begin(), belief.alternatives.end(),
+                     [&](const TipPlace& place) { return sound(place, map); });
+}
+
+}  // namespace
+
+const char* stateName(NavigationState state) {
+  switch (state) {
+    case NavigationState::kWaiting:
+      return "waiting";
+    case NavigationState::kFollowing:
+      return "following";
+    case NavigationState::kLooking:
+      return "looking";
+    case NavigationState::kAiming:
+      return "aiming";
+    case NavigationState::kCrossing:
+      return "crossing";
+    case NavigationState::kBackingOff:
+      return "backing off";
+    case NavigationState::kArrived:
+      return "arrived";
+    default:
+      return "given up";
+  }
+}
+
+Navigator::Navigator(const VesselTree& tree, const TreePlace& target, const NavigatorSettings& settings)
+    : settings_(checked(settings)),
+      map_(tree),
+      target_(target),
+      roll_(0.5 * std::sin(degToRad(std::max(settings.tip_angle_deg, 10.0))), degToRad(settings.dead_band_deg)) {
+  if (target.chain < 0 || target.chain >= map_.chains()) {
+    throw InputError("navigator", "target", std::to_string(target.chain),
+                     "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
+  }
+  requireBetween("navigator", "target arc_m", target.arc_m, 0, map_.length_m(target.chain));
+}
+
+NavigationAnswer Navigator::step(const NavigationInput& input) {
+  NavigationAnswer answer = sound(input)
+                                ? decide(input)
+                                : NavigationAnswer{{}, NavigationState::kWaiting, "the drive's state is not a number"};
+  answer.command.time_us = input.time_us;
+  answer.command.frame_sequence = input.frame_sequence;
+  answer.command.sequence = ++sequence_;
+  answer.command.valid_for_us = std::llround(1e3 * settings_.valid_for_ms);
+  return answer;
+}
+
+Eigen::Vector3d Navigator::tip_model(const TipPlace& tip) const {
+  const TreePlace place{tip.chain, tip.arc_m};
+  const TreeFrame frame = map_.frame(place);
+  const Eigen::Vector2d lean = 1e-3 * settings_.tip_length_mm * roll_.lean();
+  return map_.point(place) + lean.x() * frame.across + lean.y() * frame.aside;
+}
+
+NavigationAnswer Navigator::decide(const NavigationInput& input) {
+  if (state_ == NavigationState::kArrived || state_ == NavigationState::kGivenUp) return {{}, state_, why_};
+  const bool believed = input.belief && sound(*input.belief, map_) && input.belief->status == BeliefStatus::kSeen;
+  if (!believed) {
+    roll_.move(input.drive.roll_rad, 0);
+    return doubt(input, input.belief && !input.belief->why.empty() ? input.belief->why : "the tip is not seen");
+  }
+  const TipPlace& tip = input.belief->tip;
+  const double path_m = map_.start_m(tip.chain) + tip.arc_m;
+  if (last_path_m_ && std::abs(path_m - *last_path_m_) > kJump_m && ++jumped_ < kSteadyFrames) {
+    roll_.move(input.drive.roll_rad, 0);
+    return doubt(input, "the tip seems to have jumped");
+  }
+  jumped_ = 0;
+  roll_.move(input.drive.roll_rad, last_path_m_ ? path_m - *last_path_m_ : 0.0);
+  last_path_m_ = path_m;
+  if (input.deflection) roll_.see(*input.deflection);
+
+  const auto view = viewRoute(map_, target_.chain, *input.belief, kNear_m);
+  if (!view) return doubt(input, "no vessel leads from where the tip seems to be to the target");
+  if (!(view->probability >= settings_.least_probability)) return doubt(input, "the tip's branch is not sure");
+  if (!(tip.sigma_m <= 1e-3 * settings_.largest_sigma_mm)) return doubt(input, "the tip's place is not sure");
+  doubtful_s_ = retreated_m_ = 0;
+  beside_frames_ = view->on_route ? 0 : beside_frames_ + 1;
+
+  const bool there = tip.chain == target_.chain && tip.arc_m >= target_.arc_m;
+  there_frames_ = there ? there_frames_ + 1 : 0;
+  if (there) {
+    if (there_frames_ < kSteadyFrames) return {{}, state_, "is this the target?"};
+    state_ = NavigationState::kArrived;
+    return {{}, state_, ""};
+  }
+  if (const auto resisted = resistance(input, path_m)) return miss(input, *view, *resisted);
+  switch (state_) {
+    case NavigationState::kLooking:
+      return look(input);
+    case NavigationState::kAiming:
+      return aim(input);
+    case NavigationState::kCrossing:
+      return cross(input, *view);
+    case NavigationState::kBackingOff:
+      return backOff(input, *view);
+    default:
+      return follow(input, *view);
+  }
+}
+
+// Stands still, and after a while goes back to where it was surer, for as far as it may.
+NavigationAnswer Navigator::doubt(const NavigationInput& input, const std::string& why) {
+  doubtful_s_ += input.period_s;
+  since_.reset();
+  if (doubtful_s_ < settings_.patience_s || retreated_m_ >= 1e-3 * settings_.retreat_mm) {
+    return {{}, NavigationState::kWaiting, why};
+  }
+  const double speed = 1e-3 * settings_.fork_speed_mm_s;
+  retreated_m_ += speed * input.period_s;
+  state_ = NavigationState::kFollowing;
+  NavigationAnswer answer = go(input, -speed, 0, 0);
+  answer.state = NavigationState::kBackingOff;
+  answer.why = why;
+  return answer;
+}
+
+// What holds the catheter, or nothing.
+std::optional<std::string> Navigator::resistance(const NavigationInput& input, double path_m) {
+  const bool pushing = state_ == NavigationState::kFollowing || state_ == NavigationState::kCrossing;
+  if (!pushing) since_.reset();
+  if (pushing && input.drive.insertion_force_n > settings_.largest_force_n) {
+    since_.reset();
+    return "the drive pushes too hard";
+  }
+  if (!pushing) return std::nullopt;
+  if (!since_ || std::abs(path_m - since_->second) > kFirmSlide_m) since_ = {input.drive.insertion_m, path_m};
+  if (input.drive.insertion_m - since_->first < 1e-3 * settings_.stall_mm) return std::nullopt;
+  since_.reset();
+  return "the tip does not follow the drive";
+}
+
+NavigationAnswer Navigator::follow(const NavigationInput& input, const RouteView& view) {
+  state_ = NavigationState::kFollowing;
+  if (!view.on_route) {
+    if (beside_frames_ < kSteadyFrames) return {{}, state_, "is the tip beside the route?"};
+    if (sureOf(view)) return miss(input, view, "the tip is beside the route");
+    return go(input, 1e-3 * settings_.fork_speed_mm_s, 0, 0);  // Branches part further on.
+  }
+  if (!view.next) {  // In the target's branch.
+    const double left_m = target_.arc_m - input.belief->tip.arc_m;
+    return go(input, 1e-3 * (left_m < 1e-3 * settings_.slow_mm ? settings_.fork_speed_mm_s : settings_.speed_mm_s), 0,
+              0);
+  }
+  const double aim_m = 1e-3 * settings_.aim_mm;
+  if (view.to_fork_m <= aim_m) return atFork(input, view);
+  const bool slow = view.to_fork_m < 1e-3 * settings_.slow_mm;
+  return go(input, 1e-3 * (slow ? settings_.fork_speed_mm_s : settings_.speed_mm_s), 0, 0);
+}
+
+// Starts to look or to aim.
+NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView& view) {
+  if (!looked_ && roll_.sigma_rad() > degToRad(settings_.look_sigma_deg)) {
+    state_ = NavigationState::kLooking;
+    looked_rad_ = 0;
+    last_roll_rad_ = input.drive.roll_rad;
+    return look(input);
+  }
+  state_ = NavigationState::kAiming;
+  aimed_s_ = 0;
+  planNext(*view.next);
+  return aim(input);
+}
+
+// The chains of the route from `next` on that begin at a fork which there is no room to aim in front of.
+std::vector<int> Navigator::closeForks(int next) const {
+  const std::vector<int> route = map_.pathTo(target_.chain);
+  auto at = std::find(route.begin(), route.end(), next);
+  std::vector<int> chains{next};
+  while (at + 1 < route.end() && map_.length_m(*at) < 1e-3 * settings_.short_mm) chains.push_back(*++at);
+  return chains;
+}
+
+void Navigator::planNext(int next) {
+  const TipRange range{degToRad(settings_.tip_angle_deg),
+                       degToRad(settings_.tip_angle_deg + settings_.largest_bend_deg)};
+  const double sigma = std::clamp(roll_.sigma_rad(), degToRad(15), degToRad(60)), lever_m = 1e-3 * settings_.lever_mm;
+  // As many of the forks ahead with one aim as one aim can serve.
+  std::vector<int> chains = closeForks(next);
+  ForkPlan plan = planForks(map_, chains, range, sigma, lever_m);
+  while (chains.size() > 1 && plan.margin_rad < kLeastMargin_rad) {
+    chains.pop_back();
+    plan = planForks(map_, chains, range, sigma, lever_m);
+  }
+  const auto tried = static_cast<std::size_t>(tries_[*map_.parent(next)]);
+  planned_ = chains.back();
+  aim_angle_rad_ = plan.angle_rad + kBeside_rad[tried % std::size(kBeside_rad)];
+  aim_bend_rad_ = plan.bend_rad - degToRad(settings_.tip_angle_deg);
+}
+
+// One turn, always the same way round: backlash and wind-up then stay on one side.
+NavigationAnswer Navigator::look(const NavigationInput& input) {
+  looked_rad_ += std::abs(input.drive.roll_rad - last_roll_rad_);
+  last_roll_rad_ = input.drive.roll_rad;
+  if (looked_rad_ >= kFullLook_rad) {
+    looked_ = true;
+    state_ = NavigationState::kFollowing;
+    return go(input, 0, 0, 0);
+  }
+  return go(input, 0, degToRad(settings_.roll_speed_deg_s), 0);
+}
+
+NavigationAnswer Navigator::aim(const NavigationInput& input) {
+  aimed_s_ += input.period_s;
+  const double close = degToRad(settings_.angle_deg);
+  // Forwards all the way, unless it is just a little too far.
+  double left =
+      std::remainder(aim_angle_rad_ - roll_.angle_rad() - input.drive.roll_speed_radps * input.latency_s, 2 * kPi);
+  const bool turned = std::abs(left) < close;
+  if (left < -close) left += 2 * kPi;
+  const bool bent = std::abs(aim_bend_rad_ - input.drive.bend_rad) < close;
+  if ((turned && bent) || aimed_s_ > kLongestAim_s) {
+    state_ = NavigationState::kCrossing;
+    since_.reset();
+    return go(input, 0, 0, aim_bend_rad_);
+  }
+  const double fastest = degToRad(settings_.roll_speed_deg_s);
+  return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
+}
+
+// Whether a belief beside the route is worth a way back.
+bool Navigator::sureOf(const RouteView& view) const {
+  const double beyond_m = -view.to_fork_m;
+  return beyond_m >= 1e-3 * settings_.sure_mm ||
+         (beyond_m >= 1e-3 * settings_.confirm_mm && view.beside_probability >= kSure);
+}
+
+NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView& view) {
+  const TipPlace& tip = input.belief->tip;
+  const double lever_m = 1e-3 * settings_.lever_mm;
+  const double beyond_m = map_.start_m(tip.chain) + tip.arc_m - map_.start_m(*planned_);
+  if (map_.passes(tip.chain, *planned_) &&
+      beyond_m >= std::min(1e-3 * settings_.confirm_mm, 0.4 * map_.length_m(*planned_))) {
+    roll_.entered(sidewaysOf(map_, *planned_, lever_m));
+    looked_ = false;
+    return follow(input, view);
+  }
+  if (view.entered && beside_frames_ >= kSteadyFrames && sureOf(view)) {
+    roll_.entered(sidewaysOf(map_, *view.entered, lever_m));
+    return miss(input, view, "the tip has entered another branch");
+  }
+  // Back in front of all that was planned, as a catheter that sprang back is.
+  const double far_m = 2e-3 * (settings_.aim_mm + settings_.back_mm);
+  if (view.on_route && view.next && view.to_fork_m > far_m && !map_.passes(view.chain, *planned_))
+    return follow(input, view);
+  const bool short_ahead = map_.length_m(*planned_) < 1e-3 * settings_.short_mm;
+  return go(input, (short_ahead ? 0.5e-3 : 1e-3) * settings_.fork_speed_mm_s, 0, aim_bend_rad_);
+}
+
+// Pulls back to in front of the fork that was missed, or from a wall; then tries again, for as often as it may.
+NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& view, const std::string& why) {
+  ++misses_;
+  int& tries = tries_[view.chain];
+  if (++tries > settings_.tries || misses_ > kTriesInAll * settings_.tries) {
+    state_ = NavigationState::kGivenUp;
+    why_ = why + ", " + std::to_string(misses_) + " times";
+    return {{}, state_, why_};
+  }
+  looked_ = false;
+  why_ = why;
+  state_ = NavigationState::kBackingOff;
+  const double start_m = map_.start_m(view.chain), fork_m = start_m + map_.length_m(view.chain);
+  const double path_m = map_.start_m(input.belief->tip.chain) + input.belief->tip.arc_m;
+  // Elsewhere each time: in a short chain, where exactly the tip stands decides what it can still be aimed for.
+  const double back_m = 1e-3 * (settings_.back_mm + 0.7 * tries);
+  const double least_m = start_m + std::min(2e-3, (0.2 + 0.15 * (tries % 5)) * map_.length_m(view.chain));
+  back_to_m_ = std::max(std::min(fork_m, path_m) - back_m, least_m);
+  return backOff(input, view);
+}
+
+NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteView& view) {
+  const double path_m = map_.start_m(input.belief->tip.chain) + input.belief->tip.arc_m;
+  if (path_m <= back_to_m_ && view.on_route) return follow(input, view);
+  if (path_m <= 1e-3) return follow(input, view);
+  NavigationAnswer answer = go(input, -1e-3 * settings_.back_speed_mm_s, 0, 0);
+  answer.why = why_;
+  return answer;
+}
+
+NavigationAnswer Navigator::go(const NavigationInput& input, double insertion_mps, double roll_radps,
+                               double bend_rad) const {
+  NavigationAnswer answer;
+  answer.state = state_;
+  answer.command.insertion_speed_mps = insertion_mps;
+  answer.command.roll_speed_radps = roll_radps;
+  const double fastest = degToRad(settings_.bend_speed_deg_s);
+  const double bend = std::clamp(bend_rad, 0.0, degToRad(settings_.largest_bend_deg));
+  const double now = input.drive.bend_rad + input.drive.bend_speed_radps * input.latency_s;
+  answer.command.bend_speed_radps = std::clamp(kBendGain_per_s * (bend - now), -fastest, fastest);
+  return answer;
+}
+
+}  // namespace angio

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/navigation/navigator.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "angio/test/errors.hpp"
+#include "angio/test/phantoms.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+NavigationInput inputAt(const TreeMap& map, const TreePlace& place) {
+  NavigationInput input;
+  input.period_s = 1.0 / 15;
+  input.latency_s = 0.08;
+  TipBelief belief;
+  belief.status = BeliefStatus::kSeen;
+  belief.tip.chain = place.chain;
+  belief.tip.arc_m = place.arc_m;
+  belief.tip.path_m = map.start_m(place.chain) + place.arc_m;
+  belief.tip.sigma_m = 1e-3;
+  belief.tip.probability = 0.98;
+  belief.tip.tip_model = map.point(place);
+  input.belief = belief;
+  return input;
+}
+
+bool rests(const CatheterCommand& c) {
+  return c.insertion_speed_mps == 0 && c.roll_speed_radps == 0 && c.bend_speed_radps == 0;
+}
+
+struct NavigatorTest : testing::Test {
+  VesselTree tree = test::branchingTree(4);
+  TreeMap map{tree};
+  int target = map.chains() - 1;
+  Navigator navigator{tree, {target, 3e-3}, {}};
+};
+
+TEST_F(NavigatorTest, PushesAlongTheRouteAndAnswersTheFrame) {
+  NavigationInput input = inputAt(map, {map.pathTo(target).front(), 10e-3});
+  input.time_us = 7;
+  input.frame_sequence = 5;
+  const NavigationAnswer answer = navigator.step(input);
+  EXPECT_GT(answer.command.insertion_speed_mps, 0);
+  EXPECT_EQ(answer.command.time_us, 7);
+  EXPECT_EQ(answer.command.frame_sequence, 5);
+  EXPECT_GT(answer.command.valid_for_us, 0);
+}
+
+TEST_F(NavigatorTest, EveryDoubtStandsStillAndSaysWhy) {
+  const NavigationInput good = inputAt(map, {map.pathTo(target).front(), 10e-3});
+  NavigationInput unseen = good, lost = good, unsure = good, vague = good, wrong = good, sick = good, numb = good;
+  unseen.belief.reset();
+  lost.belief->status = BeliefStatus::kLost;
+  unsure.belief->tip.probability = 0.3;
+  vague.belief->tip.sigma_m = 0.05;
+  wrong.belief->tip.chain = 100000;
+  sick.belief->tip.arc_m = kNan;
+  numb.drive.insertion_m = kNan;
+  for (const NavigationInput& input : {unseen, lost, unsure, vague, wrong, sick, numb}) {
+    const NavigationAnswer answer = Navigator(tree, {target, 3e-3}, {}).step(input);
+    EXPECT_TRUE(rests(answer.command));
+    EXPECT_EQ(answer.state, NavigationState::kWaiting);
+    EXPECT_FALSE(answer.why.empty());
+  }
+}
+
+TEST_F(NavigatorTest, StopsWhereItWasToGo) {
+  NavigationAnswer answer;
+  for (int i = 0; i < 3; ++i) answer = navigator.step(inputAt(map, {target, 4e-3}));
+  EXPECT_EQ(answer.state, NavigationState::kArrived);
+  EXPECT_TRUE(rests(answer.command));
+}
+
+TEST_F(NavigatorTest, PullsBackFromForce) {
+  NavigationInput input = inputAt(map, {map.pathTo(target).front(), 10e-3});
+  input.drive.insertion_force_n = 2;
+  const NavigationAnswer answer = navigator.step(input);
+  EXPECT_LT(answer.command.insertion_speed_mps, 0);
+  EXPECT_EQ(answer.why, "the drive pushes too hard");
+}
+
+TEST_F(NavigatorTest, RefusesATargetThatIsNoPlaceOfTheTree) {
+  EXPECT_NE(test::refusalOf([&] { Navigator(tree, {map.chains(), 0}, {}); }).find("target"), std::string::npos);
+  EXPECT_NE(test::refusalOf([&] { Navigator(tree, {0, 9.0}, {}); }).find("arc_m"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace angio
