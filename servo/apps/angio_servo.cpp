@@ -9,86 +9,39 @@
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
-#include "angio/imaging/extractor_sections.hpp"
+#include "angio/evaluation/film_writer.hpp"
+#include "angio/evaluation/live_overlay.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/messaging/recording_bus.hpp"
 #include "angio/rehearsal/rehearsal_report.hpp"
+#include "angio/servo/operator.hpp"
+#include "angio/servo/supervised_node.hpp"
+#include "disturbance.hpp"
+#include "servo_settings.hpp"
 
 namespace angio {
 namespace {
 
 struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, out = "demo-output";
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", task, settings, out = "demo-output";
   std::optional<double> view_primary_deg, view_secondary_deg,
       duration_s;  // Given ones come before the settings file's.
   std::optional<int> seed;
-  std::string truth, machine;
+  std::string film, truth, machine, record, disturb;
   double largest_age_days = RecordGate().largest_age_days;
-  bool simulate = false;
+  bool simulate = false, wait_for_operator = false;
 };
 
-enum class LoopMethod { kOrientedKernel, kIterativePnp };
-
-// The loop's parts as the settings file may change them.
-struct Settings {
-  RehearsalSettings rehearsal;
-  FluoroscopySettings fluoroscopy;
-  ExtractorSections extractors{ServoLoopSettings().extractor};
-  LoopMethod method = LoopMethod::kOrientedKernel;
-  OrientedKernelSettings oriented_kernel;
-  IterativePnpSettings search =
-      ServoLoopSettings::iterativePnpForSearch();  // Of iterative_pnp, while nothing is tracked,
-  IterativePnpSettings tracking = ServoLoopSettings::iterativePnpForTracking();  // and from frame to frame.
-  int starts = 0;
-  PatientTrackerSettings tracker;
-  PositionBasedSettings position_based;
-  SupervisorSettings supervisor;
-
-  void visit(SettingsVisitor& v) {
-    const auto section = [&v](const char* key, auto& settings) {
-      v.section(key, [&](SettingsVisitor& inner) { settings.visit(inner); });
-    };
-    section("rehearsal", rehearsal);
-    section("fluoroscopy", fluoroscopy);
-    extractors.visit(v);
-    v.choice("method", method, {OrientedKernelSettings::kName, IterativePnpSettings::kName});
-    v.integer("starts", starts, 0, 100000);
-    section(OrientedKernelSettings::kName, oriented_kernel);
-    v.section(IterativePnpSettings::kName, [&](SettingsVisitor& inner) {
-      inner.section("search", [&](SettingsVisitor& s) { search.visit(s); });
-      inner.section("tracking", [&](SettingsVisitor& s) { tracking.visit(s); });
-    });
-    section("tracker", tracker);
-    section(PositionBasedSettings::kName, position_based);
-    section("supervisor", supervisor);
-  }
-
-  ServoLoopSettings loop() const {
-    ServoLoopSettings loop;
-    loop.extractor = extractors.chosen();
-    loop.search = loop.tracking = oriented_kernel;
-    if (method == LoopMethod::kIterativePnp) {
-      loop.useIterativePnp();
-      loop.search = search;
-      loop.tracking = tracking;
-    }
-    if (starts > 0) loop.search_starts.count = starts;
-    loop.tracker = tracker;
-    loop.law = position_based;
-    loop.supervisor = supervisor;
-    return loop;
-  }
-};
-
-Settings effectiveSettings(const Options& o) {
-  Settings settings;
-  if (!o.settings.empty()) settings = readSettings(o.settings, settings);
-  RehearsalSettings& r = settings.rehearsal;
-  r.seed = o.seed.value_or(r.seed);
-  r.view_primary_deg = o.view_primary_deg.value_or(r.view_primary_deg);
-  r.view_secondary_deg = o.view_secondary_deg.value_or(r.view_secondary_deg);
-  if (o.duration_s.value_or(0) > 0) r.duration_s = *o.duration_s;
+ServoSettings effectiveSettings(const Options& o) {
+  ServoSettings settings = readServoSettings(o.settings);
+  if (!o.task.empty()) settings.tasks.choose(o.task);
+  settings.rehearsal.seed = o.seed.value_or(settings.rehearsal.seed);
+  ViewTaskSettings& view = settings.tasks.of<ViewTaskSettings>();
+  view.primary_deg = o.view_primary_deg.value_or(view.primary_deg);
+  view.secondary_deg = o.view_secondary_deg.value_or(view.secondary_deg);
+  if (o.duration_s.value_or(0) > 0) settings.rehearsal.duration_s = *o.duration_s;
   return settings;
 }
 
@@ -106,9 +59,18 @@ CArmCalibration readCalibration(const Options& o) {
 }
 
 // With a truth, nothing is made up: what would is refused.
-RehearsalWorld worldOf(const Options& o, const RehearsalSettings& rehearsal, const VesselTree& tree,
+RehearsalWorld worldOf(const Options& o, const ServoSettings& settings, const VesselTree& tree,
                        const CArmCalibration& calibration) {
-  if (o.truth.empty()) return madeUpWorld(tree, calibration, rehearsal);
+  const RehearsalSettings& rehearsal = settings.rehearsal;
+  if (o.truth.empty()) {
+    // A calibration error is worst where it tilts the view that is to be reached, or else the one that is kept.
+    ViewAngles beam{degToRad(rehearsal.start_primary_deg), degToRad(rehearsal.start_secondary_deg)};
+    const TaskSettings task = settings.tasks.chosen();
+    if (const auto* view = std::get_if<ViewTaskSettings>(&task)) {
+      beam = {degToRad(view->primary_deg), degToRad(view->secondary_deg)};
+    }
+    return madeUpWorld(tree, calibration, rehearsal, beam);
+  }
   const RehearsalSettings usual;
   for (double RehearsalSettings::*made_up :
        {&RehearsalSettings::patient_turn_deg, &RehearsalSettings::patient_shift_mm,
@@ -120,16 +82,28 @@ RehearsalWorld worldOf(const Options& o, const RehearsalSettings& rehearsal, con
   return {readCArmCalibration(o.truth), calibration};
 }
 
-int simulate(const Options& o, const Settings& settings, const VesselTree& tree, const CArmCalibration& calibration) {
-  const RehearsalWorld world = worldOf(o, settings.rehearsal, tree, calibration);
+int simulate(const Options& o, const ServoSettings& settings, const VesselTree& tree,
+             const CArmCalibration& calibration) {
+  const RehearsalWorld world = worldOf(o, settings, tree, calibration);
   makeFolder(o.out);  // Before the work, not after it.
   std::optional<ProgressBar> bar;
+  std::optional<FilmWriter> film;
+  if (!o.film.empty()) film.emplace(o.film, settings.rehearsal.room.frame_rate_hz);
+  LiveOverlay overlay(tree);
+  const ServoLoopSettings loop = settings.loop();
+  int done = 0;
   const Rehearsal rehearsal =
-      rehearse(tree, world, settings.rehearsal, settings.loop(), settings.fluoroscopy, [&](int done, int total) {
-        if (!bar) bar.emplace("servoing", total);
-        bar->show(done);
-      });
+      rehearse(tree, world, settings.rehearsal, loop, settings.patient,
+               [&](const Exposure& exposure, const ServoReport& report, const RehearsalFrame&) {
+                 if (!bar) bar.emplace("servoing", framesOf(settings.rehearsal));
+                 bar->show(++done);
+                 if (!film) return;
+                 film->write(overlay.draw({exposure.frame, registrationMessage(report), servoStatus(report),
+                                           std::nullopt, exposure.state, loop.target_model.value_or(tree.centroid()),
+                                           "task " + nameOf(loop.task)}));
+               });
   bar.reset();
+  if (film) film->finish();
   auto summary = rehearsalSummary(rehearsal);
   summary["seed"] = settings.rehearsal.seed;
   summary["settings"] = settingsAsJson(settings);
@@ -142,23 +116,33 @@ int simulate(const Options& o, const Settings& settings, const VesselTree& tree,
 volatile std::sig_atomic_t stopped = 0;
 
 // Listens until it is stopped; the arm's side stops by itself when no more commands come.
-int serve(const Options& o, const Settings& settings, const VesselTree& tree, const CArmCalibration& calibration) {
+int serve(const Options& o, const ServoSettings& settings, const VesselTree& tree, const CArmCalibration& calibration) {
   ServoLoopSettings loop = settings.loop();
   loop.carm = calibration.carm;
   loop.T_dsa_cb = calibration.T_dsa_cb;
-  loop.view = {{degToRad(settings.rehearsal.view_primary_deg), degToRad(settings.rehearsal.view_secondary_deg)},
-               tree.centroid(),
-               calibration.R_lps_model};
-  const auto bus = openBus(o.bus);
-  ServoNode node(*bus, loop, tree);
+  loop.R_lps_model = calibration.R_lps_model;
+  const auto network = openBus(o.bus);
+  std::unique_ptr<BadNetwork> bad;
+  if (!o.disturb.empty()) bad = std::make_unique<BadNetwork>(*network, o.disturb);
+  Bus* const bus = bad ? bad.get() : network.get();
+  if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-servo: " << *warning << "\n";
+  std::optional<RecordingBus> recorded;
+  if (!o.record.empty()) recorded.emplace(*bus, o.record);
+  Bus& heard = recorded ? static_cast<Bus&>(*recorded) : *bus;
+  SupervisedServoNode node(heard, loop, settings.safety, tree);
+  Operator starter(heard);
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
   const double duration_s = o.duration_s.value_or(0);
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(duration_s);
   std::int64_t frames = 0, held = 0;
   while (!stopped && (duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
-    bus->handle(std::chrono::milliseconds(100));
-    const auto report = node.answer();
+    bus->handle(std::chrono::milliseconds(20));
+    const std::int64_t now_us =
+        std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now().time_since_epoch())
+            .count();
+    if (!o.wait_for_operator) starter.start(now_us);
+    const auto report = node.answer(now_us);
     if (!report) continue;
     ++frames;
     held += report->held.has_value();
@@ -175,11 +159,17 @@ int main(int argc, char** argv) {
   CLI::App app("Drives a C-arm to a view of the anatomy by what its X-ray images show.", "angio-servo");
   angio::describeProgram(app, "angio-servo --simulate --seed 3 --out demo-output");
   using angio::between, angio::shown;
-  const angio::RehearsalSettings defaults;
+  const angio::ServoSettings defaults;
+  const auto& usual_view = defaults.tasks.of<angio::ViewTaskSettings>();
   angio::Options o;
   auto* simulated =
       app.add_flag("--simulate", o.simulate, "Simulated X-ray, C-arm and loop in one process, in simulated time");
   app.add_option("--bus", o.bus, "Bus to listen on (LCM URL) when not simulating")->excludes(simulated);
+  app.add_flag("--wait-for-operator", o.wait_for_operator,
+               "Stand still until SERVO_REQUEST arms and starts (angio-operator); else armed and started at once")
+      ->excludes(simulated);
+  app.add_option("--record", o.record, "Log of all that is heard and said (.lcm), for angio-replay")
+      ->excludes(simulated);
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration,
                  "C-arm geometry and T_dsa_cb (.yaml); when simulating without --truth, what is made wrong");
@@ -190,23 +180,30 @@ int main(int argc, char** argv) {
   app.add_option("--machine", o.machine, "The C-arm that is to be moved: a calibration of another one is refused");
   app.add_option("--largest-calibration-age-days", o.largest_age_days, "An older calibration is warned of")
       ->check(between(0, 1e6));
+  app.add_option("--disturb", o.disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...")
+      ->excludes(simulated);
+  app.add_option("--task", o.task, "What to do")
+      ->check(CLI::IsMember(angio::VariantSections<angio::TaskSettings>::names()))
+      ->default_str("view");
   app.add_option("--view-primary-deg", o.view_primary_deg, "Desired view of the anatomy: LAO positive, RAO negative")
       ->check(between(-110, 110))
-      ->default_str(shown(defaults.view_primary_deg));
+      ->default_str(shown(usual_view.primary_deg));
   app.add_option("--view-secondary-deg", o.view_secondary_deg,
                  "Desired view of the anatomy: CRA positive, CAU negative")
       ->check(between(-55, 55))
-      ->default_str(shown(defaults.view_secondary_deg));
+      ->default_str(shown(usual_view.secondary_deg));
   app.add_option("--duration-s", o.duration_s, "How long; 0: the settings' time when simulating, else until stopped")
       ->check(between(0, 86400))
       ->default_str("0");
   app.add_option("--seed", o.seed, "Seed of the simulation")
       ->check(CLI::Range(0, 2147483647))
-      ->default_str(std::to_string(defaults.seed));
+      ->default_str(std::to_string(defaults.rehearsal.seed));
   app.add_option("--settings", o.settings, "Settings (.yaml), sections by part");
+  app.add_option("--film", o.film, "Film of a simulation (.mp4, or numbered pictures, frames/%04d.png)")
+      ->needs(simulated);
   app.add_option("--out", o.out, "Folder for pictures, trace.csv and summary.json of a simulation");
   return angio::runProgram(app, argc, argv, [&] {
-    const angio::Settings settings = angio::effectiveSettings(o);
+    const angio::ServoSettings settings = angio::effectiveSettings(o);
     const angio::VesselTree tree = angio::readVesselTree(o.tree);
     const angio::CArmCalibration calibration = angio::readCalibration(o);
     return o.simulate ? angio::simulate(o, settings, tree, calibration) : angio::serve(o, settings, tree, calibration);

@@ -13,6 +13,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/simulation/nodes.hpp"
+#include "disturbance.hpp"
 #include "run_files.hpp"
 
 namespace angio {
@@ -22,11 +23,13 @@ using Clock = std::chrono::steady_clock;
 
 struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings;
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, disturb;
   double start_primary_deg = 0, start_secondary_deg = 0, frame_rate_hz = 15, duration_s = 0;
   std::optional<double> end_primary_deg, end_secondary_deg;
   std::optional<int> seed;
-  RunOptions run;  // Without a folder: on the bus.
+  ImageEncoding encoding = ImageEncoding::kRaw;
+  std::vector<int> region;  // x, y, width, height [px]; empty: the whole detector.
+  RunOptions run;           // Without a folder: on the bus.
 };
 
 SimulatedPatientSettings effectiveSettings(const Options& o) {
@@ -61,11 +64,19 @@ std::int64_t now_us() {
   return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
 }
 
+void send(Bus& bus, const XrayFrame& frame, const Options& o) {
+  const auto& r = o.region;
+  bus.publish(kXrayFrameChannel, encode(r.empty() ? frame : cropped(frame, {r[0], r[1], r[2], r[3]}), o.encoding));
+}
+
 int simulate(const Options& o) {
   const SimulatedPatientSettings settings = effectiveSettings(o);
   const VesselTree tree = readVesselTree(o.tree);
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
-  const auto bus = openBus(o.bus);
+  const auto network = openBus(o.bus);
+  std::unique_ptr<BadNetwork> bad;
+  if (!o.disturb.empty()) bad = std::make_unique<BadNetwork>(*network, o.disturb);
+  Bus* const bus = bad ? bad.get() : network.get();
   const CArmJoints start = calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
                                                       calibration.T_dsa_cb * tree.centroid());
   SimulatedCArmNode arm(*bus, CArmLimits::typical(), start, now_us());
@@ -86,7 +97,10 @@ int simulate(const Options& o) {
     while (!(heard.peek() && heard.peek()->time_us == exposure_us) && Clock::now() < patience && !stopped) {
       bus->handle(std::chrono::milliseconds(5));
     }
-    if (heard.peek() && heard.peek()->time_us == exposure_us) frames += xray.expose(exposure_us).has_value();
+    if (heard.peek() && heard.peek()->time_us == exposure_us) {
+      send(*bus, xray.render(exposure_us, heard.peek()->joints), o);
+      ++frames;
+    }
     next += period;
     // Commands are obeyed as they arrive, not once a frame.
     for (auto left = next - Clock::now(); left > Clock::duration::zero() && !stopped; left = next - Clock::now()) {
@@ -119,6 +133,15 @@ int main(int argc, char** argv) {
   app.add_option("--start-secondary-deg", o.start_secondary_deg, "C-arm angle at the start")->check(between(-55, 55));
   app.add_option("--frame-rate-hz", o.frame_rate_hz, "Frames a second")->check(between(0.1, 100));
   app.add_option("--duration-s", o.duration_s, "How long; 0: until stopped")->check(between(0, 86400));
+  const std::map<std::string, angio::ImageEncoding> encodings{{"raw", angio::ImageEncoding::kRaw},
+                                                              {"png", angio::ImageEncoding::kPng}};
+  app.add_option("--transport", o.encoding, "How pixels travel: raw, or png without loss and with half the bytes")
+      ->transform(CLI::CheckedTransformer(encodings))
+      ->default_str("raw");
+  app.add_option("--region", o.region, "Only this window of the detector is sent: x,y,width,height [px]")
+      ->delimiter(',')
+      ->expected(4);
+  app.add_option("--disturb", o.disturb, "What happens to messages on their way (.yaml): loss, delay, jitter, ...");
   app.add_option("--settings", o.settings, "Settings of the X-ray, contrast agent, motion and device (.yaml)");
   app.add_option("--seed", o.seed, "Seed of anatomy, noise, motion and starts; before the settings file's")
       ->check(CLI::Range(0, 2147483647));

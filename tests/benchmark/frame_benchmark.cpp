@@ -135,7 +135,7 @@ void controlLaw(benchmark::State& state) {
   const Supervisor supervisor(SupervisorSettings(), CArmLimits::typical(), view.target_model);
   const CArmState joints;
   for (auto _ : state) {
-    const auto wanted = law->velocity(cMo, cdMo, toVisp(carm.eJe(joints.joints)));
+    const auto wanted = law->velocity({cMo, cdMo, toVisp(carm.eJe(joints.joints))});
     if (!wanted) state.SkipWithError("singular");
     benchmark::DoNotOptimize(supervisor.limit(*wanted, joints.velocity, joints, 1.0 / 15));
   }
@@ -147,7 +147,6 @@ void wholeFrame(benchmark::State& state) {
   const Scene scene;
   ServoLoopSettings settings;
   settings.T_dsa_cb = settings.carm.T_camera_patient(CArmJoints::Zero()).inverse() * scene.truth;
-  settings.view = {{degToRad(20), degToRad(10)}, scene.tree.centroid(), Eigen::Matrix3d::Identity()};
   ServoLoop loop(settings, scene.tree);
   XrayFrame frame = renderedFrame(scene);
   CArmState joints;

@@ -188,13 +188,13 @@ TEST_F(ServoProgram, ARehearsalLeavesFiveFiles) {
 
 TEST_F(ServoProgram, TheCommandLineComesBeforeTheSettingsFile) {
   const std::string settings =
-      folder_.write("settings.yaml", "rehearsal: {view_primary_deg: 12, view_secondary_deg: 7, seed: 4}\n");
+      folder_.write("settings.yaml", "view: {primary_deg: 12, secondary_deg: 7}\nrehearsal: {seed: 4}\n");
   auto words = arguments("0.1");
   words.insert(words.end(), {"--settings", settings, "--view-secondary-deg", "-8"});
   ASSERT_EQ(test::run("angio-servo", words).exit_code, 0);
   const Json s = summary();
-  EXPECT_EQ(s["settings"]["rehearsal"]["view_primary_deg"], 12);
-  EXPECT_EQ(s["settings"]["rehearsal"]["view_secondary_deg"], -8);
+  EXPECT_EQ(s["settings"]["view"]["primary_deg"], 12);
+  EXPECT_EQ(s["settings"]["view"]["secondary_deg"], -8);
   EXPECT_EQ(s["settings"]["rehearsal"]["seed"], 4);
   EXPECT_EQ(s["settings"]["rehearsal"]["duration_s"], 0.1);
 }

@@ -41,7 +41,7 @@ void expectRest(const VesselTree& loops, const VesselTree& patients, const std::
   ServoLoopSettings settings;
   settings.carm = calibration.carm;
   settings.T_dsa_cb = calibration.T_dsa_cb;
-  settings.view = {{degToRad(30), degToRad(15)}, target, calibration.R_lps_model};
+  settings.R_lps_model = calibration.R_lps_model;
   const auto bus = openBus("memq://");
   const CArmJoints start = settings.carm.jointsFor({0, 0}, settings.T_dsa_cb * target);
   SimulatedCArmNode arm(*bus, settings.limits, start, 0);
@@ -55,7 +55,7 @@ void expectRest(const VesselTree& loops, const VesselTree& patients, const std::
     bus->handle(kNoWait);
     const auto report = servo.answer();
     ASSERT_TRUE(report);
-    EXPECT_TRUE(report->held) << what << ": registration " << statusName(report->registration.status);
+    EXPECT_TRUE(report->held) << what << ": registration " << statusName(report->sight.registration.status);
     bus->handle(kNoWait);
     arm.listen(k * 66'667 + 50'000);
   }

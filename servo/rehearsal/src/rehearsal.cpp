@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/rehearsal/rehearsal.hpp"
 
-#include <chrono>
 #include <cmath>
 #include <random>
 
 #include "angio/base/stopwatch.hpp"
 #include "angio/messaging/channels.hpp"
-#include "angio/simulation/nodes.hpp"
 
 namespace angio {
 namespace {
@@ -19,142 +17,132 @@ Eigen::Vector3d randomDirection(std::mt19937_64& engine) {
   return {r * std::cos(angle), r * std::sin(angle), z};
 }
 
-// The truth of one rehearsal, and what the loop is told of it.
-struct Stage {
-  CArmCalibration truth;
-  ServoLoopSettings loop;
-  CArmJoints start;
-  Pose desired_T_camera_model;
-
-  Pose T_camera_model(const CArmJoints& joints) const { return truth.carm.T_camera_patient(joints) * truth.T_dsa_cb; }
-};
-
-DesiredView viewOf(const VesselTree& tree, const Eigen::Matrix3d& R_lps_model, const RehearsalSettings& s) {
-  return {{degToRad(s.view_primary_deg), degToRad(s.view_secondary_deg)}, tree.centroid(), R_lps_model};
+ViewAngles startOf(const RehearsalSettings& s) {
+  return {degToRad(s.start_primary_deg), degToRad(s.start_secondary_deg)};
 }
 
-Stage setStage(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& s,
-               const ServoLoopSettings& parts) {
-  Stage stage;
-  stage.truth = world.truth;
-  stage.loop = parts;
-  stage.loop.carm = world.believed.carm;
-  stage.loop.T_dsa_cb = world.believed.T_dsa_cb;
-  stage.loop.view = viewOf(tree, world.truth.R_lps_model, s);
-  stage.desired_T_camera_model = desiredPose(stage.loop.view, stage.loop.carm.source_isocentre_distance_m);
-  stage.start = stage.loop.carm.jointsFor({degToRad(s.start_primary_deg), degToRad(s.start_secondary_deg)},
-                                          stage.loop.T_dsa_cb * tree.centroid());
-  return stage;
+Eigen::Vector3d targetOf(const VesselTree& tree, const ServoLoopSettings& loop) {
+  return loop.target_model.value_or(tree.centroid());
 }
 
-class Times {
+// Where the image of a target is wanted [rays with z = 1]: at the principal point, beside it, or where it was at first.
+std::optional<Eigen::Vector2d> wantedRay(const ServoLoopSettings& loop) {
+  if (std::holds_alternative<HoldTaskSettings>(loop.task)) return std::nullopt;
+  const auto* centre = std::get_if<CentreTaskSettings>(&loop.task);
+  if (!centre) return Eigen::Vector2d::Zero();
+  const auto camera = loop.carm.camera().parameters();
+  return Eigen::Vector2d(centre->offset_px[0] / camera.fx_px, centre->offset_px[1] / camera.fy_px);
+}
+
+// How far the real view is from the wanted one, for a task that has one, and the target's image from its place.
+class Observer {
  public:
-  explicit Times(const RehearsalSettings& s)
-      : period_us_(1e6 / s.frame_rate_hz),
-        latency_us_(std::min(std::llround(s.command_latency_ms * 1e3), std::llround(period_us_))),
-        frames_(static_cast<int>(std::ceil(s.duration_s * s.frame_rate_hz))) {}
+  Observer(const RehearsalWorld& world, const Task& task, const ServoLoopSettings& loop, const VesselTree& tree)
+      : truth_(world.truth),
+        desired_(task.desired_T_camera_model()),
+        target_(targetOf(tree, loop)),
+        wanted_(wantedRay(loop)) {}
 
-  int frames() const { return frames_; }
-  std::int64_t exposure_us(int k) const { return std::llround((k + 1) * period_us_); }
-  std::int64_t arrival_us(int k) const { return exposure_us(k) + latency_us_; }
-  double period_s() const { return period_us_ * 1e-6; }
+  bool hasView() const { return desired_.has_value(); }
+
+  void observe(const SimulatedRoom& room, RehearsalFrame& row) {
+    row.time_s = room.now_s();
+    row.true_error = error(row.joints);
+    row.target_camera = room.inCamera(target_);
+    const Eigen::Vector2d ray = row.target_camera.hnormalized();
+    if (!wanted_) wanted_ = ray;
+    row.target_off_m = truth_.carm.source_isocentre_distance_m * (ray - *wanted_).norm();
+  }
+
+  ViewError error(const CArmJoints& joints) const {
+    if (!desired_) return {};
+    return viewError(truth_.carm.T_camera_patient(joints) * truth_.T_dsa_cb, *desired_, target_);
+  }
 
  private:
-  double period_us_;
-  std::int64_t latency_us_;
-  int frames_;
+  CArmCalibration truth_;
+  std::optional<Pose> desired_;
+  Eigen::Vector3d target_;
+  std::optional<Eigen::Vector2d> wanted_;
 };
-
-constexpr std::chrono::milliseconds kNoWait(0);
 
 RehearsalFrame describe(const ServoReport& report) {
   RehearsalFrame row;
   row.command = report.command;
-  row.seen_error = report.view_error;
+  row.task = report.task;
   row.held = report.held;
-  row.status = report.registration.status;
-  row.model_residual_px = report.registration.agreement.model_residual_px;
-  row.image_residual_px = report.registration.agreement.image_residual_px;
-  row.points_2d = report.centerline.size();
-  row.image_s = report.image_s;
-  row.registration_s = report.registration_s;
+  const Sight& sight = report.sight;
+  row.status = sight.registration.status;
+  row.model_residual_px = sight.registration.agreement.model_residual_px;
+  row.image_residual_px = sight.registration.agreement.image_residual_px;
+  row.points_2d = sight.centerline.size();
+  row.image_s = sight.image_s;
+  row.registration_s = sight.registration_s;
   row.control_s = report.control_s;
   return row;
 }
 
-void runClosed(const VesselTree& tree, const Stage& stage, const Times& times, const FluoroscopySettings& fluoroscopy,
-               const RehearsalProgress& progress, Rehearsal& result) {
-  const auto bus = openBus("memq://");
-  SimulatedCArmNode arm(*bus, stage.loop.limits, stage.start, 0);
-  SimulatedXrayNode xray(*bus, tree, fluoroscopy, stage.truth.carm, stage.truth.T_dsa_cb, stage.loop.carm.camera());
-  ServoNode servo(*bus, stage.loop, tree);
-  const auto trueError = [&](const CArmJoints& joints) {
-    return viewError(stage.T_camera_model(joints), stage.desired_T_camera_model, stage.loop.view.target_model);
-  };
-
-  for (int k = 0; k < times.frames(); ++k) {
-    arm.report(times.exposure_us(k));
-    bus->handle(kNoWait);
+void runClosed(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& s,
+               const ServoLoopSettings& loop, const SimulatedPatientSettings& patient, const RehearsalWatcher& watcher,
+               const ArmWatcher& arm_watcher, Rehearsal& result) {
+  SimulatedRoom room = roomOf(tree, world, s, loop, patient);
+  ServoNode servo(room.loopSide(), loop, tree);
+  Observer observer(world, servo.loop().task(), loop, tree);
+  result.has_view = observer.hasView();
+  const int frames = framesOf(s);
+  while (static_cast<int>(result.closed.size()) < frames) {
     Stopwatch watch;
-    const std::optional<XrayFrame> frame = xray.expose(times.exposure_us(k));
+    const std::optional<Exposure> exposure = room.advance();
+    if (arm_watcher) arm_watcher(room.arm().state());
+    if (!exposure) continue;
     const double render_s = watch.seconds();
-    const CArmJoints joints = arm.arm().state().joints;
-
     watch = Stopwatch();
-    bus->handle(kNoWait);
     const auto report = servo.answer();
     if (!report) throw std::runtime_error("the loop did not answer a frame");
     RehearsalFrame row = describe(*report);
     row.answer_s = watch.seconds();
     row.render_s = render_s;
-    row.time_s = 1e-6 * static_cast<double>(times.exposure_us(k));
-    row.joints = joints;
-    row.true_error = trueError(joints);
+    row.joints = exposure->state.joints;
+    observer.observe(room, row);
     result.closed.push_back(row);
-
-    if (k == 0 || k + 1 == times.frames()) {
-      RehearsalSnapshot snapshot{*frame, report->centerline,
-                                 stage.loop.carm.T_camera_patient(joints) * stage.loop.T_dsa_cb, report->registration};
-      (k == 0 ? result.first : result.last) = snapshot;
-      if (times.frames() == 1) result.last = snapshot;
+    if (watcher) watcher(*exposure, *report, row);
+    if (result.closed.size() == 1 || static_cast<int>(result.closed.size()) == frames) {
+      result.last =
+          RehearsalSnapshot{exposure->frame, report->sight.centerline,
+                            loop.carm.T_camera_patient(row.joints) * loop.T_dsa_cb, report->sight.registration};
+      if (!result.first) result.first = result.last;
     }
-    bus->handle(kNoWait);
-    arm.listen(times.arrival_us(k));
-    if (progress) progress(k + 1, times.frames());
   }
-  arm.report(times.exposure_us(times.frames()));
-  result.closed_end = trueError(arm.arm().state().joints);
+  while (!room.advance()) continue;  // What the last command still does.
+  result.closed_end = observer.error(room.arm().state().joints);
 }
 
-void runOpen(const Stage& stage, const Times& times, Rehearsal& result) {
-  const auto bus = openBus("memq://");
-  SimulatedCArmNode arm(*bus, stage.loop.limits, stage.start, 0);
-  LatestValue<CArmState> states(*bus, kCArmStateChannel);
-  OpenLoop loop(stage.loop);
-  const auto trueError = [&](const CArmJoints& joints) {
-    return viewError(stage.T_camera_model(joints), stage.desired_T_camera_model, stage.loop.view.target_model);
-  };
-  for (int k = 0; k < times.frames(); ++k) {
-    arm.report(times.exposure_us(k));
-    bus->handle(kNoWait);
-    const CArmState state = *states.take();
+void runOpen(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& s,
+             const ServoLoopSettings& loop, const SimulatedPatientSettings& patient, Rehearsal& result) {
+  RehearsalSettings blind = s;
+  blind.room.images = false;
+  SimulatedRoom room = roomOf(tree, world, blind, loop, patient);
+  OpenLoop servo(loop, tree);
+  Observer observer(world, servo.task(), loop, tree);
+  const int frames = framesOf(s);
+  while (static_cast<int>(result.open.size()) < frames) {
+    const std::optional<Exposure> exposure = room.advance();
+    if (!exposure) continue;
     RehearsalFrame row;
-    row.command = loop.step(state, times.period_s());
-    row.time_s = 1e-6 * static_cast<double>(times.exposure_us(k));
-    row.joints = state.joints;
-    row.true_error = trueError(state.joints);
+    row.command = servo.step(exposure->state, room.period_s());
+    publish(room.loopSide(), kCArmCommandChannel, row.command);
+    row.joints = exposure->state.joints;
+    observer.observe(room, row);
     result.open.push_back(row);
-    publish(*bus, kCArmCommandChannel, row.command);
-    bus->handle(kNoWait);
-    arm.listen(times.arrival_us(k));
   }
-  arm.report(times.exposure_us(times.frames()));
-  result.open_end = trueError(arm.arm().state().joints);
+  while (!room.advance()) continue;
+  result.open_end = observer.error(room.arm().state().joints);
 }
 
 }  // namespace
 
-RehearsalWorld madeUpWorld(const VesselTree& tree, const CArmCalibration& nominal, const RehearsalSettings& s) {
+RehearsalWorld madeUpWorld(const VesselTree& tree, const CArmCalibration& nominal, const RehearsalSettings& s,
+                           const ViewAngles& beam) {
   checkSettings("rehearsal", s);
   nominal.check("calibration");
   std::mt19937_64 engine(static_cast<std::uint64_t>(s.seed));
@@ -163,7 +151,7 @@ RehearsalWorld madeUpWorld(const VesselTree& tree, const CArmCalibration& nomina
   world.truth = miscalibrated(nominal, target, randomDirection(engine), degToRad(s.patient_turn_deg),
                               s.patient_shift_mm * 1e-3 * randomDirection(engine));
   // An error about the beam would only turn the picture, which no joint answers for: the axis lies across the beam.
-  const Pose desired = desiredPose(viewOf(tree, nominal.R_lps_model, s), nominal.carm.source_isocentre_distance_m);
+  const Pose desired = desiredPose({beam, target, nominal.R_lps_model}, nominal.carm.source_isocentre_distance_m);
   const Eigen::Vector3d beam_patient = world.truth.T_dsa_cb.linear() * desired.linear().row(2).transpose();
   const Eigen::Vector3d axis = beam_patient.cross(randomDirection(engine)).normalized();
   world.believed = miscalibrated(world.truth, target, axis, degToRad(s.calibration_error_deg),
@@ -172,21 +160,43 @@ RehearsalWorld madeUpWorld(const VesselTree& tree, const CArmCalibration& nomina
   return world;
 }
 
+ServoLoopSettings loopIn(const RehearsalWorld& world, const ServoLoopSettings& parts) {
+  ServoLoopSettings loop = parts;
+  loop.carm = world.believed.carm;
+  loop.T_dsa_cb = world.believed.T_dsa_cb;
+  loop.R_lps_model = world.truth.R_lps_model;
+  return loop;
+}
+
+SimulatedRoom roomOf(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& settings,
+                     const ServoLoopSettings& loop, const SimulatedPatientSettings& patient) {
+  RoomWorld room;
+  room.carm = world.truth.carm;
+  room.limits = loop.limits;
+  room.T_patient_model = world.truth.T_dsa_cb;
+  room.start = loop.carm.jointsFor(startOf(settings), loop.T_dsa_cb * targetOf(tree, loop));
+  room.claimed_camera = loop.carm.camera();
+  SimulatedPatientSettings seeded = patient;
+  seeded.fluoroscopy.seed = settings.seed;
+  return SimulatedRoom(tree, seeded, room, settings.room);
+}
+
 Rehearsal rehearse(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& settings,
-                   const ServoLoopSettings& loop, const FluoroscopySettings& fluoroscopy,
-                   const RehearsalProgress& progress) {
+                   const ServoLoopSettings& parts, const SimulatedPatientSettings& patient,
+                   const RehearsalWatcher& watcher, const ArmWatcher& arm_watcher) {
   checkSettings("rehearsal", settings);
   world.truth.check("truth");
   world.believed.check("calibration");
-  const Stage stage = setStage(tree, world, settings, loop);
-  const Times times(settings);
-  FluoroscopySettings seeded = fluoroscopy;
-  seeded.seed = settings.seed;
+  const ServoLoopSettings loop = loopIn(world, parts);
   Rehearsal result;
-  runClosed(tree, stage, times, seeded, progress, result);
-  runOpen(stage, times, result);
+  runClosed(tree, world, settings, loop, patient, watcher, arm_watcher, result);
+  runOpen(tree, world, settings, loop, patient, result);
   result.predicted = viewUncertainty(world.believed, result.open.back().joints, tree.centroid());
   return result;
+}
+
+int framesOf(const RehearsalSettings& settings) {
+  return static_cast<int>(std::ceil(settings.duration_s * settings.room.frame_rate_hz));
 }
 
 }  // namespace angio

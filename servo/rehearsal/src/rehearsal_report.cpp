@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/rehearsal/rehearsal_report.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
@@ -66,35 +68,53 @@ Series seriesOf(const std::vector<RehearsalFrame>& frames, const std::string& na
   return s;
 }
 
+// Errors of a task without a view to reach: the target's image from its place.
+Json offAsJson(const std::vector<RehearsalFrame>& frames) {
+  double sum = 0, worst = 0;
+  const std::size_t from = frames.size() / 2;  // What came before was still learnt from.
+  for (std::size_t k = from; k < frames.size(); ++k) {
+    sum += frames[k].target_off_m * frames[k].target_off_m;
+    worst = std::max(worst, frames[k].target_off_m);
+  }
+  return {{"rms_mm", 1e3 * std::sqrt(sum / static_cast<double>(frames.size() - from))}, {"worst_mm", 1e3 * worst}};
+}
+
+// What the task is about, open against closed.
+std::vector<Panel> errorPanels(const Rehearsal& r) {
+  const auto panel = [&](const char* title, const char* unit, double (*value)(const RehearsalFrame&)) {
+    return Panel{title,
+                 "",
+                 unit,
+                 Panel::Scale::kLog,
+                 {seriesOf(r.open, "open loop", 1, value), seriesOf(r.closed, "closed loop", 0, value)}};
+  };
+  if (!r.has_view) {
+    return {panel("True distance of the target's image from its place, at the isocentre", "mm",
+                  [](const RehearsalFrame& f) { return 1e3 * f.target_off_m; })};
+  }
+  return {panel("True error of the view: direction of the beam", "deg",
+                [](const RehearsalFrame& f) { return radToDeg(f.true_error.direction_rad); }),
+          panel("True error of the view: target from its place", "mm",
+                [](const RehearsalFrame& f) { return 1e3 * f.true_error.target_m; })};
+}
+
 cv::Mat plotOf(const Rehearsal& r) {
-  const auto direction = [](const RehearsalFrame& f) { return radToDeg(f.true_error.direction_rad); };
-  const auto target = [](const RehearsalFrame& f) { return 1e3 * f.true_error.target_m; };
-  std::vector<Panel> panels(4);
-  panels[0] = {"True error of the view: direction of the beam",
-               "",
-               "deg",
-               Panel::Scale::kLog,
-               {seriesOf(r.open, "open loop", 1, direction), seriesOf(r.closed, "closed loop", 0, direction)}};
-  panels[1] = {"True error of the view: target from its place",
-               "",
-               "mm",
-               Panel::Scale::kLog,
-               {seriesOf(r.open, "open loop", 1, target), seriesOf(r.closed, "closed loop", 0, target)}};
-  panels[2] = {
-      "Commanded joint velocities, angles",
-      "",
-      "deg/s",
-      Panel::Scale::kLinear,
-      {seriesOf(r.closed, "primary", 0, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[0]); }),
-       seriesOf(r.closed, "secondary", 1, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[1]); })}};
-  panels[3] = {
-      "Commanded joint velocities, table",
-      "time [s]",
-      "mm/s",
-      Panel::Scale::kLinear,
-      {seriesOf(r.closed, "table x (left)", 2, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[2]; }),
-       seriesOf(r.closed, "table y (down)", 3, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[3]; }),
-       seriesOf(r.closed, "table z (head)", 4, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[4]; })}};
+  std::vector<Panel> panels = errorPanels(r);
+  panels.push_back(
+      {"Commanded joint velocities, angles",
+       "",
+       "deg/s",
+       Panel::Scale::kLinear,
+       {seriesOf(r.closed, "primary", 0, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[0]); }),
+        seriesOf(r.closed, "secondary", 1, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[1]); })}});
+  panels.push_back(
+      {"Commanded joint velocities, table",
+       "time [s]",
+       "mm/s",
+       Panel::Scale::kLinear,
+       {seriesOf(r.closed, "table x (left)", 2, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[2]; }),
+        seriesOf(r.closed, "table y (down)", 3, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[3]; }),
+        seriesOf(r.closed, "table z (head)", 4, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[4]; })}});
   return drawPlot(panels, 940, 230);
 }
 
@@ -123,7 +143,11 @@ Json rehearsalSummary(const Rehearsal& r) {
   summary["registered"] = registered;
   summary["held"] = held;
   summary["commands_fingerprint"] = fingerprintOf(r.closed);
-  summary["final_error"] = {{"closed_loop", errorAsJson(r.closed_end)}, {"open_loop", errorAsJson(r.open_end)}};
+  if (r.has_view) {
+    summary["final_error"] = {{"closed_loop", errorAsJson(r.closed_end)}, {"open_loop", errorAsJson(r.open_end)}};
+  } else {
+    summary["target_off"] = {{"closed_loop", offAsJson(r.closed)}, {"open_loop", offAsJson(r.open)}};
+  }
   if (r.predicted) {
     summary["predicted_uncertainty"] = {{"view_deg", radToDeg(r.predicted->direction_rad)},
                                         {"target_mm", 1e3 * r.predicted->target_m}};
@@ -136,16 +160,35 @@ Json rehearsalSummary(const Rehearsal& r) {
   return summary;
 }
 
-std::string rehearsalTable(const Json& summary) {
-  std::string table = formatted("%d frames, %d registered, %d held; commands %s\n\n", summary["frames"].get<int>(),
-                                summary["registered"].get<int>(), summary["held"].get<int>(),
-                                summary["commands_fingerprint"].get<std::string>().c_str());
+namespace {
+
+std::string errorTable(const Json& summary) {
+  constexpr std::pair<const char*, const char*> kLoops[] = {{"closed loop", "closed_loop"}, {"open loop", "open_loop"}};
+  std::string table;
+  if (summary.contains("target_off")) {
+    table += formatted("%-22s %12s %12s\n", "target off its place", "rms [mm]", "worst [mm]");
+    for (const auto& [name, key] : kLoops) {
+      const Json& e = summary["target_off"][key];
+      table += formatted("%-22s %12.3f %12.3f\n", name, e["rms_mm"].get<double>(), e["worst_mm"].get<double>());
+    }
+    return table + "(the second half of the run, seen from the source at the isocentre's distance)\n";
+  }
   table += formatted("%-22s %12s %12s %12s\n", "final view error", "view [deg]", "target [mm]", "roll [deg]");
-  for (const auto& [name, key] : {std::pair("closed loop", "closed_loop"), std::pair("open loop", "open_loop")}) {
+  for (const auto& [name, key] : kLoops) {
     const Json& e = summary["final_error"][key];
     table += formatted("%-22s %12.3f %12.3f %12.3f\n", name, e["view_deg"].get<double>(), e["target_mm"].get<double>(),
                        e["roll_deg"].get<double>());
   }
+  return table;
+}
+
+}  // namespace
+
+std::string rehearsalTable(const Json& summary) {
+  std::string table = formatted("%d frames, %d registered, %d held; commands %s\n\n", summary["frames"].get<int>(),
+                                summary["registered"].get<int>(), summary["held"].get<int>(),
+                                summary["commands_fingerprint"].get<std::string>().c_str());
+  table += errorTable(summary);
   if (summary.contains("predicted_uncertainty")) {
     const Json& e = summary["predicted_uncertainty"];
     table += formatted("%-22s %12.3f %12.3f\n", "calibration's sigma", e["view_deg"].get<double>(),
@@ -159,12 +202,25 @@ std::string rehearsalTable(const Json& summary) {
   return table;
 }
 
+namespace {
+
+// In a column of its own: without what parts columns.
+std::string quotable(const std::optional<std::string>& reason) {
+  std::string text = reason.value_or("");
+  std::replace(text.begin(), text.end(), ',', ';');
+  std::replace(text.begin(), text.end(), '"', '\'');
+  return text;
+}
+
+}  // namespace
+
 std::string rehearsalTrace(const Rehearsal& r) {
   std::string trace =
       "time_s,primary_deg,secondary_deg,table_x_mm,table_y_mm,table_z_mm,primary_deg_per_s,secondary_deg_per_s,"
       "table_x_mm_per_s,table_y_mm_per_s,table_z_mm_per_s,view_error_deg,target_error_mm,roll_deg,seen_view_error_deg,"
-      "seen_target_error_mm,open_loop_view_error_deg,open_loop_target_error_mm,status,held,model_residual_px,"
-      "image_residual_px,points_2d,image_ms,registration_ms,control_ms,frame_to_command_ms\n";
+      "seen_target_error_mm,open_loop_view_error_deg,open_loop_target_error_mm,target_off_mm,open_loop_target_off_mm,"
+      "status,held,model_residual_px,"
+      "image_residual_px,points_2d,image_ms,registration_ms,control_ms,frame_to_command_ms,held_because\n";
   for (std::size_t k = 0; k < r.closed.size(); ++k) {
     const RehearsalFrame &f = r.closed[k], &o = r.open.at(k);
     trace += formatted("%.4f", f.time_s);
@@ -175,12 +231,14 @@ std::string rehearsalTrace(const Rehearsal& r) {
     joints(f.command.velocity);
     trace += formatted(",%.5f,%.5f,%.5f", radToDeg(f.true_error.direction_rad), 1e3 * f.true_error.target_m,
                        radToDeg(f.true_error.roll_rad));
-    trace += f.seen_error ? formatted(",%.5f,%.5f", radToDeg(f.seen_error->direction_rad), 1e3 * f.seen_error->target_m)
-                          : ",,";
-    trace += formatted(",%.5f,%.5f,%s,%d,%.4f,%.4f,%d,%.3f,%.3f,%.3f,%.3f\n", radToDeg(o.true_error.direction_rad),
-                       1e3 * o.true_error.target_m, statusName(f.status).c_str(), f.held ? 1 : 0, f.model_residual_px,
+    trace += f.task.view_error ? formatted(",%.5f,%.5f", radToDeg(f.task.view_error->direction_rad),
+                                           1e3 * f.task.view_error->target_m)
+                               : ",,";
+    trace += formatted(",%.5f,%.5f,%.4f,%.4f,%s,%d,%.4f,%.4f,%d,%.3f,%.3f,%.3f,%.3f,\"%s\"\n",
+                       radToDeg(o.true_error.direction_rad), 1e3 * o.true_error.target_m, 1e3 * f.target_off_m,
+                       1e3 * o.target_off_m, statusName(f.status).c_str(), f.held ? 1 : 0, f.model_residual_px,
                        f.image_residual_px, f.points_2d, 1e3 * f.image_s, 1e3 * f.registration_s, 1e3 * f.control_s,
-                       1e3 * f.answer_s);
+                       1e3 * f.answer_s, quotable(f.held).c_str());
   }
   return trace;
 }

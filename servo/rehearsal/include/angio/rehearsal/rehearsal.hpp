@@ -8,39 +8,32 @@
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/calibration/view_uncertainty.hpp"
 #include "angio/servo/servo_node.hpp"
-#include "angio/simulation/fluoroscopy.hpp"
+#include "angio/simulation/simulated_room.hpp"
 
 namespace angio {
 
-/// What a rehearsal is about: where the C-arm starts, what it shall see, and how wrong its calibration is.
+/// What a rehearsal is about: where the C-arm starts, how wrong its calibration is, and how long it takes.
 struct RehearsalSettings {
   double start_primary_deg = 0;  ///< C-arm angles at the start.
   double start_secondary_deg = 0;
-  double view_primary_deg = 30;    ///< Desired view of the anatomy: LAO positive.
-  double view_secondary_deg = 15;  ///< CRA positive.
-  double patient_turn_deg = 4;     ///< How far the patient lies from straight: known to calibration.
+  double patient_turn_deg = 4;  ///< How far the patient lies from straight: known to calibration.
   double patient_shift_mm = 15;
   double calibration_error_deg =
-      3;  ///< How wrong T_dsa_cb is, about an axis across the desired beam: all of it tilts the view.
+      3;  ///< How wrong T_dsa_cb is, about an axis across the beam: all of it tilts the view.
   double calibration_error_mm = 10;
   double duration_s = 10;
-  double frame_rate_hz = 15;
-  double command_latency_ms =
-      60;        ///< From exposure to the command's arrival, in simulated time; at most a frame's period.
+  RoomSettings room;
   int seed = 1;  ///< Of patient, calibration error, anatomy and noise.
 
   void visit(SettingsVisitor& v) {
     v.number("start_primary_deg", start_primary_deg, -110, 110);
     v.number("start_secondary_deg", start_secondary_deg, -55, 55);
-    v.number("view_primary_deg", view_primary_deg, -110, 110);
-    v.number("view_secondary_deg", view_secondary_deg, -55, 55);
     v.number("patient_turn_deg", patient_turn_deg, 0, 45);
     v.number("patient_shift_mm", patient_shift_mm, 0, 200);
     v.number("calibration_error_deg", calibration_error_deg, 0, 45);
     v.number("calibration_error_mm", calibration_error_mm, 0, 200);
     v.number("duration_s", duration_s, 0.1, 3600);
-    v.number("frame_rate_hz", frame_rate_hz, 1, 100);
-    v.number("command_latency_ms", command_latency_ms, 0, 900);
+    v.section("room", [this](SettingsVisitor& inner) { room.visit(inner); });
     v.integer("seed", seed, 0, 2147483647);
   }
 };
@@ -52,16 +45,27 @@ struct RehearsalWorld {
 };
 
 /// The world that a rehearsal makes up: the patient of `nominal` turned and shifted, the calibration wrong by what the
-/// settings say.
-RehearsalWorld madeUpWorld(const VesselTree& tree, const CArmCalibration& nominal, const RehearsalSettings& settings);
+/// settings say, so that it tilts the view along `beam` [anatomy].
+RehearsalWorld madeUpWorld(const VesselTree& tree, const CArmCalibration& nominal, const RehearsalSettings& settings,
+                           const ViewAngles& beam);
+
+/// The loop's settings with what the world and its calibration say filled in.
+ServoLoopSettings loopIn(const RehearsalWorld& world, const ServoLoopSettings& parts);
+
+/// The room of a world: the C-arm stands where its calibration sees the target along the start's angles. `patient`
+/// gets the rehearsal's seed; frames say the camera of the believed C-arm.
+SimulatedRoom roomOf(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& settings,
+                     const ServoLoopSettings& loop, const SimulatedPatientSettings& patient);
 
 /// One frame as the rehearsal's omniscient observer sees it.
 struct RehearsalFrame {
   double time_s = 0;
   CArmJoints joints = CArmJoints::Zero();  ///< True, at the exposure.
   CArmCommand command;                     ///< What the loop answered.
-  ViewError true_error;                    ///< Of the real view at the exposure.
-  std::optional<ViewError> seen_error;     ///< What the loop believed.
+  ViewError true_error;                    ///< Of the real view at the exposure; zero for a task without a view.
+  Eigen::Vector3d target_camera = Eigen::Vector3d::Zero();  ///< Where the target really was in the camera then [m].
+  double target_off_m = 0;  ///< Its image from where the task wants it, as a distance at the isocentre.
+  TaskAnswer task;          ///< What the loop believed.
   std::optional<std::string> held;
   RegistrationStatus status = RegistrationStatus::kTooFewPoints;
   double model_residual_px = 0, image_residual_px = 0;
@@ -80,21 +84,27 @@ struct RehearsalSnapshot {
 
 struct Rehearsal {
   std::vector<RehearsalFrame> closed;  ///< With feedback from the images.
-  std::vector<RehearsalFrame> open;    ///< The same law on calibration alone; only time, joints, command, true error.
+  std::vector<RehearsalFrame> open;    ///< The same task on calibration alone; only time, joints, command, true error.
   ViewError closed_end, open_end;      ///< True view errors at the end.
+  bool has_view = false;               ///< Whether the task has a view to reach; else target_off_m is what counts.
   std::optional<ViewUncertainty> predicted;  ///< Of the open loop's end, by the calibration's own records.
   std::optional<RehearsalSnapshot> first, last;
 };
 
-/// Called after each frame with how many of how many are done.
-using RehearsalProgress = std::function<void(int done, int total)>;
+/// Called after each frame of the closed loop with the exposure and what the loop made of it.
+using RehearsalWatcher = std::function<void(const Exposure&, const ServoReport&, const RehearsalFrame&)>;
 
-/// Runs C-arm, X-ray and loop as three parties on a bus inside the process, in simulated time; then the open loop.
-/// Of `loop` the parts count; C-arm, T_dsa_cb and view are filled in from `world` and `settings`, of which patient and
-/// calibration error are the world's. The X-ray's frames say the camera of the believed C-arm. The same settings give
-/// the same commands, bit for bit. Throws InputError when a setting is out of its range.
+/// Called with the arm's true state after each event of the closed loop.
+using ArmWatcher = std::function<void(const CArmState&)>;
+
+/// Runs C-arm, X-ray and loop as parties on a bus inside the process, in simulated time; then the same task on
+/// calibration alone. The same settings give the same commands, bit for bit. Throws InputError when a setting is out of
+/// its range.
 Rehearsal rehearse(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& settings,
-                   const ServoLoopSettings& loop, const FluoroscopySettings& fluoroscopy,
-                   const RehearsalProgress& progress = {});
+                   const ServoLoopSettings& parts, const SimulatedPatientSettings& patient,
+                   const RehearsalWatcher& watcher = {}, const ArmWatcher& arm_watcher = {});
+
+/// How many frames that will be.
+int framesOf(const RehearsalSettings& settings);
 
 }  // namespace angio

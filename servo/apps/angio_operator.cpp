@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-operator: arms, starts and stops a servo loop on the bus, and waits for its answer.
+#include <chrono>
+#include <iostream>
+#include <map>
+
+#include "angio/base/errors.hpp"
+#include "angio/cli/program.hpp"
+#include "angio/servo/operator.hpp"
+#include "angio/servo/servo_state_machine.hpp"
+
+namespace angio {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+  std::string request, bus = "udpm://239.255.76.67:7667?ttl=0";
+  double timeout_s = 3;
+};
+
+const std::map<std::string, ServoRequestKind> kRequests{{"arm", ServoRequestKind::kArm},
+                                                        {"start", ServoRequestKind::kStart},
+                                                        {"stop", ServoRequestKind::kStop},
+                                                        {"emergency-stop", ServoRequestKind::kEmergencyStop},
+                                                        {"reset", ServoRequestKind::kReset}};
+
+// Whether the loop's state is what the request was about.
+bool answers(ServoRequestKind request, ServoState state) {
+  switch (request) {
+    case ServoRequestKind::kArm:
+      return state == ServoState::kArmed;
+    case ServoRequestKind::kStart:
+      return state == ServoState::kServo || state == ServoState::kHold;
+    case ServoRequestKind::kStop:
+    case ServoRequestKind::kReset:
+      return state == ServoState::kIdle;
+    case ServoRequestKind::kEmergencyStop:
+      return state == ServoState::kEmergencyStop;
+  }
+  return false;
+}
+
+int ask(const Options& o) {
+  const ServoRequestKind kind = kRequests.at(o.request);
+  const auto bus = openBus(o.bus);
+  Operator person(*bus);
+  const auto now_us = [] {
+    return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
+  };
+  const auto end = Clock::now() + std::chrono::duration<double>(o.timeout_s);
+  // A stop does not wait to be told how things stand.
+  bool asked = kind == ServoRequestKind::kStop || kind == ServoRequestKind::kEmergencyStop;
+  if (asked) person.ask(kind, now_us());
+  while (Clock::now() < end) {
+    bus->handle(std::chrono::milliseconds(20));
+    if (!person.status()) continue;
+    if (asked && answers(kind, person.status()->state)) {
+      std::cout << nameOf(person.status()->state) << "\n";
+      return 0;
+    }
+    if (!asked) person.ask(kind, now_us());
+    asked = true;
+  }
+  throw InputError(o.bus, "request", o.request,
+                   person.status() ? std::string("was not obeyed: the loop is in ") + nameOf(person.status()->state) +
+                                         (person.status()->reason.empty() ? "" : ", " + person.status()->reason)
+                                   : "was not answered: no loop says how it stands");
+}
+
+}  // namespace
+}  // namespace angio
+
+int main(int argc, char** argv) {
+  CLI::App app("Arms, starts and stops a servo loop on the bus, and waits for its answer.", "angio-operator");
+  angio::describeProgram(app, "angio-operator arm && angio-operator start; angio-operator emergency-stop");
+  angio::Options o;
+  std::vector<std::string> names;
+  for (const auto& [name, kind] : angio::kRequests) names.push_back(name);
+  app.add_option("request", o.request, "What is asked for")->required()->check(CLI::IsMember(names));
+  app.add_option("--bus", o.bus, "Bus (LCM URL)");
+  app.add_option("--timeout-s", o.timeout_s, "How long to wait for the answer")->check(angio::between(0.1, 3600));
+  return angio::runProgram(app, argc, argv, [&] { return angio::ask(o); });
+}

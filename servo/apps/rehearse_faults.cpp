@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-rehearse faults: networks, clocks, images and programs that fail while the loop moves the machine.
+#include <memory>
+
+#include "angio/cli/progress_bar.hpp"
+#include "angio/io/whole_file.hpp"
+#include "angio/rehearsal/fault_campaign.hpp"
+#include "angio/rehearsal/seeds.hpp"
+#include "rehearse.hpp"
+
+namespace angio {
+namespace {
+
+int rehearseFaults(const StudyOptions& o) {
+  requireFolderOf(o.out);
+  const ServoSettings settings = o.readSettings();
+  const VesselTree tree = o.readTree();
+  const CArmCalibration nominal = o.readCalibration();
+  std::vector<FaultRow> rows(static_cast<std::size_t>(o.runs));
+  ProgressBar bar("failing safely", o.runs);
+  forEachInParallel(
+      o.runs, o.threads,
+      [&](int k) {
+        RehearsalSettings rehearsal = settings.rehearsal;
+        rehearsal.seed = o.first_seed + k;
+        const auto kind = static_cast<FaultKind>(rehearsal.seed % kFaultKindCount);
+        rows[static_cast<std::size_t>(k)] =
+            runFault(tree, nominal, {}, kind, rehearsal, settings.loop(), settings.safety, settings.patient);
+      },
+      [&](int done) { bar.show(done); });
+  const auto json = faultCampaignAsJson(rows);
+  o.write(json, faultCampaignTable(json), settings);
+  return json["all"]["unsafe"].get<int>() == 0 ? 0 : 1;
+}
+
+}  // namespace
+
+void addRehearseFaults(CLI::App& app, Work& work) {
+  const auto o = std::make_shared<StudyOptions>();
+  o->runs = 1000;
+  CLI::App* command = app.add_subcommand(
+      "faults",
+      "Faults of network, clocks, images and programs: unsafe motions, recovery; exit code 1 on any unsafe one");
+  o->add(*command);
+  command->callback([o, &work] { work = [o] { return rehearseFaults(*o); }; });
+}
+
+}  // namespace angio

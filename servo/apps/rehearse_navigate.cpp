@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-rehearse navigate: a simulated catheter's journeys to many branches of a tree, images and registration in the
+// loop.
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include "angio/cli/data_folder.hpp"
+#include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/case_run.hpp"
+#include "angio/io/settings_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/io/whole_file.hpp"
+#include "angio/rehearsal/navigate_study.hpp"
+#include "angio/rehearsal/seeds.hpp"
+#include "angio/vessel/prune.hpp"
+#include "rehearse.hpp"
+
+namespace angio {
+namespace {
+
+struct NavigateOptions {
+  std::vector<std::string> trees;
+  std::string settings, out;
+  int targets = 20, first_seed = 1, threads = 1;
+  double longest_edge_mm = 10;
+  bool without_images = false;
+};
+
+/// All that the settings file may say.
+struct NavigateSettings {
+  NavigateStudySettings study;
+  NavigateParts parts;
+
+  void visit(SettingsVisitor& v) {
+    v.section("study", [this](SettingsVisitor& s) { study.visit(s); });
+    parts.visit(v);
+  }
+};
+
+nlohmann::ordered_json rehearseTree(const std::string& file, const NavigateOptions& o, const NavigateSettings& s) {
+  const VesselTree tree = withoutLongEdges(readVesselTree(file), 1e-3 * o.longest_edge_mm);
+  const std::vector<TreePlace> targets = navigateTargets(tree, s.study, o.targets);
+  if (targets.empty()) throw InputError(file, "", "", "has no branch that is wide and far enough to go to");
+  std::vector<NavigateRow> rows(targets.size());
+  const std::string name = std::filesystem::path(file).filename().string();
+  ProgressBar bar("navigating " + name, static_cast<int>(targets.size()));
+  forEachInParallel(
+      static_cast<int>(targets.size()), o.threads,
+      [&](int k) {
+        const auto i = static_cast<std::size_t>(k);
+        rows[i] = studyNavigation(tree, targets[i], s.study, s.parts, static_cast<std::uint64_t>(o.first_seed + k));
+      },
+      [&](int done) { bar.show(done); });
+  return navigateStudyAsJson(name, rows);
+}
+
+int rehearseNavigation(const NavigateOptions& o) {
+  requireFolderOf(o.out);
+  NavigateSettings settings;
+  if (!o.settings.empty()) settings = readSettings(o.settings, settings);
+  if (o.without_images) settings.study.images = false;
+  nlohmann::ordered_json json;
+  for (const std::string& file : o.trees) json["trees"].push_back(rehearseTree(file, o, settings));
+  std::cout << navigateStudyTable(json["trees"]);
+  if (o.out.empty()) return 0;
+  json["settings"] = settingsAsJson(settings);
+  json["machine"] = machineAsJson();
+  writeWholeFile(o.out, json.dump(2) + "\n");
+  return 0;
+}
+
+}  // namespace
+
+void addRehearseNavigate(CLI::App& app, Work& work) {
+  const auto o = std::make_shared<NavigateOptions>();
+  o->trees = {exampleDataFile("hepatic-tace/tree.csv")};
+  CLI::App* command =
+      app.add_subcommand("navigate", "Bring a catheter to branches: reached, wall contacts, tip errors");
+  command->add_option("--tree", o->trees, "Vessel trees; their own row each");
+  command->add_option("--longest-edge-mm", o->longest_edge_mm, "Longer edges join what no vessel joins")
+      ->check(CLI::Range(0.1, 1e4));
+  command->add_option("--targets", o->targets, "Branches of each tree to go to")->check(CLI::Range(1, 100000));
+  command->add_option("--first-seed", o->first_seed, "Seed of the first journey")->check(CLI::Range(0, 2147000000));
+  command->add_option("--threads", o->threads, "Journeys at a time")->check(CLI::Range(1, 256));
+  command->add_flag("--without-images", o->without_images, "The catheter's line as projected and disturbed, no X-ray");
+  command->add_option("--settings", o->settings, "Settings (.yaml)");
+  command->add_option("--out", o->out, "All journeys and the settings (.json)");
+  command->callback([o, &work] { work = [o] { return rehearseNavigation(*o); }; });
+}
+
+}  // namespace angio

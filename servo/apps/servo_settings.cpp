@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "servo_settings.hpp"
+
+#include "angio/io/settings_files.hpp"
+
+namespace angio {
+
+void ServoSettings::visit(SettingsVisitor& v) {
+  const auto section = [&v](const char* key, auto& settings) {
+    v.section(key, [&](SettingsVisitor& inner) { settings.visit(inner); });
+  };
+  section("rehearsal", rehearsal);
+  section("fluoroscopy", patient);
+  tasks.visit(v);
+  laws.visit(v);
+  v.number("latency_ms", latency_ms, 0, 2000);
+  extractors.visit(v);
+  v.choice("method", method, {OrientedKernelSettings::kName, IterativePnpSettings::kName});
+  v.integer("starts", starts, 0, 100000);
+  section(OrientedKernelSettings::kName, oriented_kernel);
+  v.section(IterativePnpSettings::kName, [&](SettingsVisitor& inner) {
+    inner.section("search", [&](SettingsVisitor& s) { search.visit(s); });
+    inner.section("tracking", [&](SettingsVisitor& s) { tracking.visit(s); });
+  });
+  section("tracker", tracker);
+  section("supervisor", supervisor);
+  section("safety", safety);
+}
+
+ServoLoopSettings ServoSettings::loop() const {
+  ServoLoopSettings loop;
+  loop.task = tasks.chosen();
+  loop.law = laws.chosen();
+  loop.latency_s = 1e-3 * latency_ms;
+  loop.perception.extractor = extractors.chosen();
+  loop.perception.search = loop.perception.tracking = oriented_kernel;
+  if (method == Method::kIterativePnp) {
+    loop.perception.useIterativePnp();
+    loop.perception.search = search;
+    loop.perception.tracking = tracking;
+  }
+  if (starts > 0) loop.perception.search_starts.count = starts;
+  loop.perception.tracker = tracker;
+  loop.perception.tracker.follow_motion |= !std::holds_alternative<ViewTaskSettings>(loop.task);
+  loop.supervisor = supervisor;
+  return loop;
+}
+
+ServoSettings readServoSettings(const std::string& path) {
+  ServoSettings settings;
+  return path.empty() ? settings : readSettings(path, settings);
+}
+
+}  // namespace angio

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/base/variant_sections.hpp"
+#include "angio/imaging/extractor_sections.hpp"
+#include "angio/rehearsal/rehearsal.hpp"
+#include "angio/servo/safety_supervisor.hpp"
+
+namespace angio {
+
+/// What a settings file may say of a loop and of its rehearsal, a section each.
+struct ServoSettings {
+  RehearsalSettings rehearsal;
+  SimulatedPatientSettings patient;
+  VariantSections<TaskSettings> tasks{"task", ServoLoopSettings().task};
+  VariantSections<ServoLawSettings> laws{"law", ServoLoopSettings().law};
+  double latency_ms = 1e3 * ServoLoopSettings().latency_s;
+  ExtractorSections extractors{PerceptionSettings().extractor};
+  enum class Method { kOrientedKernel, kIterativePnp } method = Method::kOrientedKernel;
+  OrientedKernelSettings oriented_kernel;
+  IterativePnpSettings search = PerceptionSettings::iterativePnpForSearch();      // Of iterative_pnp, while nothing is
+  IterativePnpSettings tracking = PerceptionSettings::iterativePnpForTracking();  // tracked, and from frame to frame.
+  int starts = 0;  ///< Of a search; 0: as many as the method needs.
+  PatientTrackerSettings tracker;
+  SupervisorSettings supervisor;
+  SafetySettings safety;
+
+  void visit(SettingsVisitor& v);
+
+  /// The loop's parts; C-arm and T_dsa_cb are for a calibration to fill in.
+  ServoLoopSettings loop() const;
+};
+
+/// A settings file's, or the default ones when `path` is empty.
+ServoSettings readServoSettings(const std::string& path);
+
+}  // namespace angio

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/rehearsal/limit_observer.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/formatted.hpp"
+
+namespace angio {
+namespace {
+
+// Rounding of positions that are integrated over minutes; a thousandth of a limit is no excess to speak of.
+constexpr double kRounding = 1e-9;
+
+}  // namespace
+
+void LimitObserver::see(const CArmState& state) {
+  const auto note = [&](int joint, const char* what, double value, double most) {
+    if (!breach_) breach_ = formatted("joint %d: %s %.6g exceeds %.6g", joint, what, value, most);
+  };
+  const double dt_s = last_ ? 1e-6 * static_cast<double>(state.time_us - last_->time_us) : 0;
+  for (int i = 0; i < kCArmJointCount; ++i) {
+    const double q = state.joints[i], v = state.velocity[i];
+    if (!std::isfinite(q) || !std::isfinite(v)) note(i, "state", q, limits_.upper[i]);
+    if (!(q <= limits_.upper[i] + kRounding)) note(i, "position", q, limits_.upper[i]);
+    if (!(q >= limits_.lower[i] - kRounding)) note(i, "position below", q, limits_.lower[i]);
+    speed_share_ = std::max(speed_share_, std::abs(v) / limits_.velocity[i]);
+    if (!(std::abs(v) <= limits_.velocity[i] + kRounding)) note(i, "speed", std::abs(v), limits_.velocity[i]);
+    if (!(dt_s > 0)) continue;
+    // The mean over the interval: never more than the largest within it.
+    const double a = std::abs(v - last_->velocity[i]) / dt_s;
+    acceleration_share_ = std::max(acceleration_share_, a / limits_.acceleration[i]);
+    if (!(a <= limits_.acceleration[i] * (1 + 1e-6) + kRounding)) note(i, "acceleration", a, limits_.acceleration[i]);
+  }
+  last_ = state;
+}
+
+}  // namespace angio
