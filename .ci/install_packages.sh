@@ -5,7 +5,7 @@ set -euo pipefail
 
 packages=(
   g++ cmake ninja-build pkg-config
-  libvisp-core-dev libvisp-visual-features-dev libvisp-vs-dev libvisp-robot-dev libvisp-vision-dev
+  libvisp-core-dev libvisp-visual-features-dev libvisp-vs-dev libvisp-robot-dev libvisp-vision-dev libvisp-gui-dev
   libopencv-dev libeigen3-dev libceres-dev libnanoflann-dev libhwy-dev
   liblcm-dev liblcm-bin
   libyaml-cpp-dev nlohmann-json3-dev libcli11-dev
