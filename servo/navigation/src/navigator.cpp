@@ -96,13 +96,6 @@ NavigationAnswer Navigator::step(const NavigationInput& input) {
   return answer;
 }
 
-Eigen::Vector3d Navigator::tip_model(const TipPlace& tip) const {
-  const TreePlace place{tip.chain, tip.arc_m};
-  const TreeFrame frame = map_.frame(place);
-  const Eigen::Vector2d lean = 1e-3 * settings_.tip_length_mm * roll_.lean();
-  return map_.point(place) + lean.x() * frame.across + lean.y() * frame.aside;
-}
-
 NavigationAnswer Navigator::decide(const NavigationInput& input) {
   if (state_ == NavigationState::kArrived || state_ == NavigationState::kGivenUp) return {{}, state_, why_};
   const bool believed = input.belief && sound(*input.belief, map_) && input.belief->status == BeliefStatus::kSeen;

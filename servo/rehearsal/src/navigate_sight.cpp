@@ -8,7 +8,8 @@ namespace angio {
 namespace {
 
 constexpr double kDetector_m = 0.315, kDetectorDistance_m = 1.2, kSourceDistance_m = 0.75;
-constexpr double kLookAhead_m = 3e-3;  // Between the places of the way that a view is judged by.
+constexpr double kLookAhead_m = 3e-3;     // Between the places of the way that a view is judged by.
+constexpr double kWidestVessel_m = 3e-3;  // Half of it: how far from the axis a catheter lies.
 constexpr int kSearchStarts = 64;
 
 // The view along whose beam as little runs as possible of the way and of what leaves it at its forks: one place that is
@@ -32,6 +33,19 @@ ViewAngles bestView(const TreeMap& map, const TreePlace& target) {
     }
   }
   return best;
+}
+
+// Points of the way and of the vessels that leave it: where a catheter may be.
+Eigen::Matrix3Xd wayPoints(const TreeMap& map, const TreePlace& target) {
+  std::vector<int> chains = map.pathTo(target.chain);
+  for (const int chain : map.pathTo(target.chain)) {
+    chains.insert(chains.end(), map.children(chain).begin(), map.children(chain).end());
+  }
+  std::vector<Eigen::Vector3d> points;
+  for (const int chain : chains) {
+    for (double s = 0; s < map.length_m(chain); s += kLookAhead_m) points.push_back(map.point({chain, s}));
+  }
+  return Eigen::Map<const Eigen::Matrix3Xd>(points.front().data(), 3, static_cast<Eigen::Index>(points.size()));
 }
 
 // The middle of the box around the way: what the table brings to the isocentre.
@@ -69,6 +83,7 @@ NavigateSight::NavigateSight(const VesselTree& tree, const TreeMap& map, const T
                              std::uint64_t seed)
     : tree_(tree),
       study_(study),
+      way_(wayPoints(map, target)),
       T_camera_model_(poseOf(bestView(map, target), middleOf(map, target))),
       pose_{XrayCamera::centred(study.detector_px, study.detector_px, kDetector_m / study.detector_px,
                                 kDetectorDistance_m),
@@ -146,7 +161,27 @@ std::optional<SeenCatheter> NavigateSight::extracted(const SimulatedCatheter& ca
   }
   std::optional<CatheterHint> hint;
   if (const auto pixel = pose_.camera.project(pose_.T_camera_model * expected_tip)) hint = CatheterHint{*pixel};
-  return seenCatheter(curves, pose_.camera, {}, hint);
+  return seenCatheter(onRoadmap(curves), pose_.camera, study_.pieces, hint);
+}
+
+// Without contrast agent in them, vessels are not seen: what lies along the roadmap is the catheter, whatever the
+// extractor takes it for.
+Centerline2d NavigateSight::onRoadmap(const Centerline2d& seen) const {
+  std::vector<Eigen::Vector2d> road;
+  for (Eigen::Index i = 0; i < way_.cols(); ++i) {
+    if (const auto pixel = pose_.camera.project(pose_.T_camera_model * way_.col(i))) road.push_back(*pixel);
+  }
+  // Half the distance between its points, and what a vessel is wide, at the detector.
+  const double within_px = (0.5 * kLookAhead_m + kWidestVessel_m) * pose_.camera.parameters().fx_px / kSourceDistance_m;
+  std::vector<bool> near(static_cast<std::size_t>(seen.size()));
+  for (int i = 0; i < seen.size(); ++i) {
+    near[static_cast<std::size_t>(i)] = std::any_of(road.begin(), road.end(), [&](const Eigen::Vector2d& pixel) {
+      return (pixel - seen.points_px.col(i)).squaredNorm() < within_px * within_px;
+    });
+  }
+  Centerline2d device = pointsWhere(seen, near);
+  device.kind.assign(static_cast<std::size_t>(device.size()), CurveKind::kDevice);
+  return device;
 }
 
 // Believes a registration that converged; another leaves what was known.

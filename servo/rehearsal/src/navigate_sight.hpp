@@ -33,10 +33,12 @@ class NavigateSight {
   std::optional<SeenCatheter> extracted(const SimulatedCatheter& catheter, const Eigen::Vector3d& expected_tip,
                                         std::int64_t k, double time_s);
   void registerRoadmap(const Centerline2d& seen);
+  Centerline2d onRoadmap(const Centerline2d& seen) const;
 
   const VesselTree& tree_;
   NavigateStudySettings study_;
-  Pose T_camera_model_;  // The truth.
+  Eigen::Matrix3Xd way_;  // Points of the way and of what leaves it, model frame [m].
+  Pose T_camera_model_;   // The truth.
   SeenPose pose_;
   std::mt19937_64 random_;
   std::unique_ptr<SimulatedPatient> patient_;  // The rest with images only.

@@ -8,6 +8,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/statistics.hpp"
 #include "angio/localisation/catheter_localiser.hpp"
+#include "angio/localisation/tip_on_ray.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "navigate_sight.hpp"
 
@@ -53,9 +54,10 @@ class CommandLine {
   std::deque<std::pair<std::int64_t, CatheterCommand>> waiting_;
 };
 
-void judge(const TipBelief& belief, const CatheterTruth& truth, const Navigator& navigator, NavigateRow& row) {
-  if (belief.status != BeliefStatus::kSeen) return;
-  const double error_m = (navigator.tip_model(belief.tip) - truth.tip_model).norm();
+void judge(const TipBelief& belief, const std::optional<SeenCatheter>& seen, const SeenPose& pose,
+           const CatheterTruth& truth, NavigateRow& row) {
+  if (belief.status != BeliefStatus::kSeen || !seen) return;
+  const double error_m = (tipOnRay(belief.tip, *seen, pose) - truth.tip_model).norm();
   row.errors_m.push_back(error_m);
   if (belief.tip.chain == truth.tip.chain) {
     row.arc_errors_m.push_back(std::abs(belief.tip.arc_m - truth.tip.arc_m));
@@ -132,7 +134,7 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
     line.send(answer.command, now_us);
 
     const CatheterTruth truth = catheter.truth();
-    judge(*input.belief, truth, navigator, row);
+    judge(*input.belief, seen, sight.pose(), truth, row);
     ++row.frames;
     row.waited += answer.state == NavigationState::kWaiting;
     row.largest_force_n = std::max(row.largest_force_n, std::abs(input.drive.insertion_force_n));

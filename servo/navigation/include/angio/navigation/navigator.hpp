@@ -64,9 +64,6 @@ class Navigator {
 
   NavigationAnswer step(const NavigationInput& input);
 
-  /// The tip's end in 3D [m]: the believed place on the centreline, and what the tip is found to lean out of it.
-  Eigen::Vector3d tip_model(const TipPlace& tip) const;
-
   const TreeMap& map() const { return map_; }
   const TipRoll& roll() const { return roll_; }
   int misses() const { return misses_; }  ///< Wrong branches entered, and walls met.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "angio/localisation/localiser_settings.hpp"
+#include "angio/localisation/seen_catheter.hpp"
 #include "angio/navigation/navigator.hpp"
 #include "angio/simulation/simulated_catheter.hpp"
 #include "angio/simulation/simulated_patient.hpp"
@@ -19,6 +20,14 @@ namespace angio {
 /// between roadmaps there is no contrast agent, and the catheter is what the extractor sees. Without images, the
 /// catheter's line is projected and disturbed instead.
 struct NavigateStudySettings {
+  /// What lies along a roadmap is hardly anything else, so that short pieces and sharp turns may be a catheter's too.
+  static SeenCatheterSettings alongRoadmap() {
+    SeenCatheterSettings pieces;
+    pieces.largest_turn_deg = 120;
+    pieces.shortest_piece_px = 6;
+    return pieces;
+  }
+
   bool images = true;
   double frame_rate_hz = 15;
   double latency_ms = 80;            ///< From an exposure until the command that answers it reaches the drive.
@@ -29,8 +38,9 @@ struct NavigateStudySettings {
   double into_branch_mm = 10;        ///< The target in its branch, or four fifths of a shorter one.
   double calibration_error_deg = 1;  ///< Of the start of the first registration.
   double calibration_error_mm = 3;
-  int detector_px = 1024;       ///< Width and height of a detector of 315 mm.
-  double noise_px = 0.7;        ///< Without images: of points of the catheter's line ...
+  int detector_px = 1024;  ///< Width and height of a detector of 315 mm.
+  double noise_px = 0.7;   ///< Without images: of points of the catheter's line ...
+  SeenCatheterSettings pieces = alongRoadmap();
   double outlier_share = 0.03;  ///< ... and how many frames show another line.
 
   void visit(SettingsVisitor& v) {
@@ -46,6 +56,7 @@ struct NavigateStudySettings {
     v.number("calibration_error_mm", calibration_error_mm, 0, 50);
     v.integer("detector_px", detector_px, 256, 2048);
     v.number("noise_px", noise_px, 0, 20);
+    v.section("pieces", [this](SettingsVisitor& s) { pieces.visit(s); });
     v.number("outlier_share", outlier_share, 0, 1);
   }
 };
