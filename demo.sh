@@ -1,8 +1,20 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Installs, builds, and drives a simulated C-arm to a view of a real liver's arteries by what its X-ray images show.
-# Options are passed on: ./demo.sh --seed 3 --view-primary-deg -20
+# Installs, builds, and shows the three tasks on a real liver's arteries, one after another: a C-arm reaches a view, its
+# table keeps a breathing target in the middle, a catheter goes to a branch; all by what simulated X-ray images show.
+# Options are passed on to the first: ./demo.sh --seed 3 --view-primary-deg -20
 set -euo pipefail
 cd "$(dirname "$0")"
 .ci/build.sh
-exec build/bin/angio-servo --simulate --out demo-output "$@"
+out=demo-output
+
+printf '\n== view: from straight through to LAO 30, CRA 15, with a calibration that is wrong by 3 deg and 10 mm\n\n'
+build/bin/angio-servo --simulate --out "$out" --film "$out/view.mp4" "$@"
+
+printf '\n== centre: a breath of 15 mm and a heartbeat, held in the middle by the table alone\n\n'
+build/bin/angio-servo --simulate --task centre --settings examples/08_tasks/centre.yaml --out "$out/centre" \
+  --film "$out/centre.mp4"
+
+printf '\n== navigate: a catheter to a branch of the tree, contrast agent in a roadmap at the start only\n\n'
+build/bin/angio-rehearse navigate --targets 1 --out "$out/navigate.json"
+printf '\nFilms: %s/view.mp4, %s/centre.mp4\n' "$out" "$out"
