@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [speed] [sheet]
-# Without a name: rows, seeing, paper, table1, seeds, calibration and speed. With ANGIO_SHARED_DATA naming a folder that holds
+#   examples/figures.sh [rows] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [speed] [sheet]
+# Without a name: rows, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
 # brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -63,6 +63,8 @@ clinical() {
       grep -A6 "\"$figure\": {" "$work/clinical.json" | grep '"mean"' | sed "s/^ */$figure, mean over frames: /"
     done
   done
+  echo; echo "the catheter's tip in the tree: all frames at once, frame by frame, and what the published programs reached"
+  "$bin"/angio-evaluate catheter examples/data/hepatic-tace/cases.yaml
 }
 
 phantom() {
@@ -167,6 +169,23 @@ calibration() {
   examples/05_calibrate/calibrate.sh "$work/story"
 }
 
+# Images and registration in the loop, calibration wrong by 1 deg / 3 mm, 80 ms of latency, 15 frames a second.
+servoing() {
+  local shared="${ANGIO_SHARED_DATA:-}" one trees=(--tree examples/data/hepatic-tace/tree.csv)
+  local rehearse="$bin/angio-rehearse" threads="${THREADS:-1}"
+  echo; echo "### view: from any start to any view"
+  "$rehearse" view --runs "${RUNS:-100}" --threads "$threads"
+  echo; echo "### centre: 15 mm of breathing and a heartbeat, with prediction and without"
+  "$rehearse" centre --runs "${RUNS:-100}" --threads "$threads"
+  echo; echo "### navigate: a catheter to ${TARGETS:-20} branches of each tree"
+  for one in BG0002 BG18 BH0006 BH0014 BG05; do
+    [ -f "$shared/brava/$one.swc" ] && trees+=(--tree "$shared/brava/$one.swc")
+  done
+  "$rehearse" navigate "${trees[@]}" --targets "${TARGETS:-20}" --threads "$threads"
+  echo; echo "### faults: each run is disturbed for a while"
+  "$rehearse" faults --runs "${FAULTS:-1000}" --threads "$threads"
+}
+
 # What extractors see in the real images, and in simulated ones: a picture to look at.
 sheet() {
   local images=(--image examples/data/fevar-aaa-phantom/image.png --cases examples/data/static-phantom/cases.yaml)
@@ -180,6 +199,6 @@ speed() {
   "$bin"/angio-benchmark --benchmark_min_time=0.5 2>/dev/null
 }
 
-for part in "${@:-rows seeing paper table1 seeds calibration speed}"; do
+for part in "${@:-rows seeing paper table1 seeds calibration servoing speed}"; do
   for one in $part; do "$one"; done
 done
