@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/operator.hpp"
 
+#include <algorithm>
+
 namespace angio {
 namespace {
 
@@ -12,7 +14,8 @@ void Operator::ask(ServoRequestKind kind, std::int64_t now_us) {
   ServoRequest request;
   request.request = kind;
   request.time_us = now_us;
-  request.sequence = ++sequence_;
+  // By the clock, so that the next program that asks does not begin again below the last one.
+  request.sequence = sequence_ = std::max(sequence_ + 1, now_us);
   if (status()) {
     request.status_time_us = status()->time_us;
     request.transitions = status()->transitions;
