@@ -7,16 +7,19 @@
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/calibration/geometry_input.hpp"
+#include "angio/calibration/geometry_pictures.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/report_html.hpp"
 #include "angio/io/settings_files.hpp"
 #include "calibrate.hpp"
+#include "report_folder.hpp"
 
 namespace angio {
 namespace {
 
 struct GeometryOptions {
-  std::string views, camera, out, settings, machine;
+  std::string views, camera, out, settings, machine, report;
   std::optional<FlexModel> flex;
   double largest_age_days = RecordGate().largest_age_days;
 };
@@ -42,10 +45,12 @@ std::string tableOf(const GeometryCalibration& found) {
   }
   int used = 0;
   for (const auto& view : record.views) used += !view.outlier;
-  table +=
-      formatted("\nviews %zu, used or held out %d; beads +-%.3f px\n", record.views.size(), used, found.bead_sigma_px);
-  table += formatted("residual rms %.3f px (rigid arm alone %.3f px)", record.residual_rms, found.rms_without_flex_px);
-  if (record.held_out_rms) table += formatted(", held out %.3f px", *record.held_out_rms);
+  table += formatted("\nviews %zu, used or held out %d", record.views.size(), used);
+  if (found.bead_sigma_px) table += formatted("; beads +-%.3f px", *found.bead_sigma_px);
+  const char* unit = record.residual_unit.c_str();
+  table += formatted("\nresidual rms %.3f %s (rigid arm alone %.3f %s)", record.residual_rms, unit,
+                     found.rms_without_flex, unit);
+  if (record.held_out_rms) table += formatted(", held out %.3f %s", *record.held_out_rms, unit);
   table += formatted("\nnot explained by the joints: %.3f mm, %.4f deg a view, each axis\n", 1e3 * found.pose_scatter_m,
                      radToDeg(found.pose_scatter_rad));
   table += formatted("condition %.3g\n", record.condition);
@@ -55,6 +60,26 @@ std::string tableOf(const GeometryCalibration& found) {
   for (const auto& kept : found.kept) table += "kept: " + kept + "\n";
   for (const auto& doubt : found.doubts) table += doubt + "\n";
   return table;
+}
+
+void writeReport(const std::string& folder, const std::string& views, const GeometryCalibration& found) {
+  const ReportFolder report(folder);
+  const cv::Mat residuals = residualsByAngle(found), axes = axesSketch(found);
+  report.picture("residuals.png", residuals);
+  report.picture("axes.png", axes);
+  std::vector<cv::Mat> overview{residuals, axes};
+  std::vector<std::string> pictures{
+      html::picture(residuals, "What joints do not explain of each view: the larger the ring, the larger the residual"),
+      html::picture(axes, "The axes near the isocentre, true to scale; an ideal arm's all go through its middle")};
+  if (found.carm.deviations.flex.count > 0) {
+    const cv::Mat flex = flexCurves(found);
+    report.picture("flex.png", flex);
+    overview.push_back(flex);
+    pictures.push_back(html::picture(flex, "How the arm bends, camera axes, over one angle while the other is zero"));
+  }
+  report.overview(overview);
+  report.page("Geometry of the C-arm", views,
+              {html::section("Pictures", html::grid(pictures)), html::section("Numbers", printed(tableOf(found)))});
 }
 
 int calibrate(const GeometryOptions& o) {
@@ -71,7 +96,7 @@ int calibrate(const GeometryOptions& o) {
   for (const auto& warning : checkRecords(o.camera, input.records, {machine, o.largest_age_days})) {
     std::cerr << "angio-calibrate: " << warning << "\n";
   }
-  GeometryCalibration found = calibrateGeometry(o.views, input.phantom, input.camera, input.views, settings.geometry);
+  GeometryCalibration found = calibrateGeometry(input, settings.geometry);
   found.record.machine = machine;
   found.record.date = dateNow();
   found.record.inputs = input.inputs;
@@ -81,6 +106,7 @@ int calibrate(const GeometryOptions& o) {
   file.records = input.records;
   file.records.push_back(found.record);
   writeCArmFile(o.out, file);
+  if (!o.report.empty()) writeReport(o.report, o.views, found);
   std::cout << tableOf(found);
   return 0;
 }
@@ -89,13 +115,15 @@ int calibrate(const GeometryOptions& o) {
 
 void addCalibrateGeometry(CLI::App& app, Work& work) {
   const auto o = std::make_shared<GeometryOptions>();
-  auto* command = app.add_subcommand("geometry", "How a C-arm's joints move its camera, from views of a bead phantom");
+  auto* command = app.add_subcommand(
+      "geometry", "How a C-arm's joints move its camera, from views of a bead phantom or registered poses");
   command->option_defaults()->always_capture_default();
   command->footer(
       "Example:\n  angio-calibrate geometry calibration/geometry/views.yaml --camera camera.yaml --out carm.yaml\n\n"
       "Views: over the range of both angles, some with the table moved along each axis, the phantom at rest on it; "
-      "some with other source-detector distances; some held out.");
-  command->add_option("views", o->views, "Views with their angles (.yaml)")->required();
+      "some with other source-detector distances; some held out. Or poses as hand-eye reads them, with their angles.");
+  command->add_option("views", o->views, "Views of a phantom, or registered poses, with their angles (.yaml)")
+      ->required();
   command->add_option("--camera", o->camera, "Camera, of angio-calibrate camera (.yaml)")->required();
   command->add_option("--out", o->out, "C-arm file (.yaml); T_dsa_cb is for hand-eye or registration to add")
       ->required();
@@ -107,6 +135,7 @@ void addCalibrateGeometry(CLI::App& app, Work& work) {
   command->add_option("--largest-calibration-age-days", o->largest_age_days, "An older camera is warned of")
       ->check(between(0, 1e6));
   command->add_option("--settings", o->settings, "Settings (.yaml), sections detection and geometry");
+  command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
   command->callback([o, &work] { work = [o] { return calibrate(*o); }; });
 }
 

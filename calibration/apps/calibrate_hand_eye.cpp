@@ -16,7 +16,7 @@ namespace angio {
 namespace {
 
 struct HandEyeOptions {
-  std::string poses, carm, out, moveit, visp, setup = "eye_in_hand", board = "9x6", write_poses, reference;
+  std::string poses, carm, out, moveit, visp, setup = "eye_in_hand", board = "9x6", write_poses, reference, report;
   double square_mm = 23.6;
   bool known_mount = false, compare = false, reprojection = false;
   HandEyeSettings settings;
@@ -94,7 +94,9 @@ int calibrate(HandEyeOptions o) {
   HandEyeResult result = calibrateHandEye(set, o.settings);
   if (const auto doubt = carm ? doubtOfMount(result) : std::nullopt) result.warnings.push_back(*doubt);
   if (!o.out.empty()) writeResult(o, carm, set, result);
-  std::cout << handEyeTable(set, o.settings, result, carm.has_value());
+  const std::string table = handEyeTable(set, o.settings, result, carm.has_value());
+  if (!o.report.empty()) writeHandEyeReport(o.report, set, result, table);
+  std::cout << table;
   if (!o.reference.empty()) std::cout << referenceTable(o.reference, set.setup, result);
   if (o.compare) std::cout << comparisonTable(set, result);
   for (const std::string& warning : result.warnings)
@@ -133,6 +135,7 @@ void addCalibrateHandEye(CLI::App& app, Work& work) {
   command->add_option("--carm", o->carm,
                       "C-arm file (.yaml): hands may be angles, and the result is this file with T_dsa_cb");
   command->add_option("--out", o->out, "Result (.yaml)");
+  command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
   command->add_flag("--known-mount", o->known_mount,
                     "The hand is the camera, as the C-arm file has it: one pose is enough");
   command->add_flag("--reprojection", o->reprojection, "Refine on the object's points in the images");

@@ -21,12 +21,13 @@
 #include "angio/io/xa_files.hpp"
 #include "calibrate.hpp"
 #include "hand_eye_output.hpp"
+#include "registration_output.hpp"
 
 namespace angio {
 namespace {
 
 struct RegistrationOptions {
-  std::string cases, angles, carm, out, run, method = OrientedKernelSettings::kName;
+  std::string cases, angles, carm, out, run, report, method = OrientedKernelSettings::kName;
   double search_rotation_deg = 10, search_translation_mm = 30;
   bool leave_one_out = false, refine = true;
   AnatomySettings settings;
@@ -109,40 +110,6 @@ SeenAnatomy seenIn(const View& view) {
   return {vesselsToMatch(makeExtractor(ExtractorSettings())->extract(image)), view.camera};
 }
 
-std::string anatomyTable(const AnatomyResult& result, const std::vector<CaseOutcome>& outcomes,
-                         const std::string& left_out) {
-  const Vector6d sigma = result.covariance.diagonal().cwiseSqrt();
-  const Eigen::Vector3d t = 1e3 * result.T_dsa_cb.translation(), w = radToDeg(1) * logSO3(result.T_dsa_cb.linear());
-  std::string table = "T_dsa_cb       ";
-  for (int k = 0; k < 3; ++k) table += formatted("  %9.3f +- %-7.3f", t[k], 1e3 * sigma[k]);
-  table += " mm\n" + std::string(15, ' ');
-  for (int k = 0; k < 3; ++k) table += formatted("  %9.4f +- %-7.4f", w[k], radToDeg(sigma[3 + k]));
-  table += " deg (rotation vector; sigma of turns about the patient's axes)\n";
-  for (const RunShift& run : result.runs) {
-    const Eigen::Vector3d s = run.covariance.diagonal().cwiseSqrt();
-    table += formatted("shift of %-6s", run.run.c_str());
-    for (int k = 0; k < 3; ++k) table += formatted("  %9.3f +- %-7.3f", 1e3 * run.shift_m[k], 1e3 * s[k]);
-    table += " mm\n";
-  }
-  table += "\nview        registered   by the angles off [deg]  [mm]     sigmas   by the other views off [deg]\n";
-  for (const AnatomyViewFit& view : result.views) {
-    const auto outcome =
-        std::find_if(outcomes.begin(), outcomes.end(), [&](const auto& o) { return o.name == view.name; });
-    table += formatted("%-10s  %-10s  %22.3f  %8.3f  %5.2f   ", view.name.c_str(),
-                       statusName(outcome->result.status).c_str(), radToDeg(view.rotation_rad),
-                       1e3 * view.translation_m, view.sigmas);
-    table += view.outlier                 ? "outlier"
-             : view.held_out_rotation_rad ? formatted("%.3f", radToDeg(*view.held_out_rotation_rad))
-                                          : "-";
-    table += "\n";
-  }
-  if (!left_out.empty()) table += "left out        " + left_out + "\n";
-  if (result.held_out_rotation_rms_rad) {
-    table += formatted("held out, rms   %.3f deg\n", radToDeg(*result.held_out_rotation_rms_rad));
-  }
-  return table + formatted("chi2 per degree of freedom %.2f\n", result.chi2_per_freedom);
-}
-
 // For each view: T_dsa_cb made of the others alone, and what it says of this one.
 std::string leaveOneOutTable(const AnatomyResult& all, const std::vector<AnatomyView>& views,
                              const std::vector<SeenAnatomy>& seen, const VesselTree& tree,
@@ -197,6 +164,7 @@ int calibrate(const RegistrationOptions& o) {
   const auto outcomes = runCases(cases.set, how, [&](int done) { bar.show(done); });
   std::vector<AnatomyView> views;
   std::vector<SeenAnatomy> seen;
+  std::vector<std::optional<std::string>> images;
   std::string left_out;
   for (std::size_t i = 0; i < outcomes.size(); ++i) {
     if (!outcomes[i].result.covariance || outcomes[i].result.status == RegistrationStatus::kDiverged) {
@@ -205,12 +173,15 @@ int calibrate(const RegistrationOptions& o) {
     }
     views.push_back(viewOf(cases, outcomes[i]));
     seen.push_back(seenIn(cases.set.cases[i].views.front()));
+    images.push_back(cases.set.cases[i].views.front().image_path);
   }
   const VesselTree tree = readVesselTree(cases.set.cases.front().tree_path);
   AnatomyResult result = registerAnatomy(views, tree.centroid(), o.settings);
   if (o.refine) result = refineAnatomy(result, views, seen, tree, o.settings);
   if (!o.out.empty()) writeAnatomy(o, cases, result);
-  std::cout << anatomyTable(result, outcomes, left_out);
+  const std::string table = anatomyTable(result, outcomes, left_out);
+  if (!o.report.empty()) writeAnatomyReport(o.report, o.cases, result, {views, seen, images, tree}, table);
+  std::cout << table;
   if (o.leave_one_out) std::cout << leaveOneOutTable(result, views, seen, tree, o);
   return 0;
 }
@@ -232,6 +203,7 @@ void addCalibrateRegistration(CLI::App& app, Work& work) {
       "The C-arm's angles (.yaml); otherwise angles.yaml beside the case set, or those of DICOM images");
   command->add_option("--carm", o->carm, "C-arm file (.yaml): the result is this file with T_dsa_cb");
   command->add_option("--out", o->out, "Result (.yaml)");
+  command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
   command->add_option("--run", o->run, "T_dsa_cb of this run, its shift included, instead of the runs' mean");
   command->add_option("--method", o->method, "Registration method");
   command

@@ -3,17 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <opencv2/imgproc.hpp>
-#include <system_error>
 
-#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/camera_pictures.hpp"
-#include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/report_html.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "report_folder.hpp"
 
 namespace angio {
 namespace {
@@ -70,14 +66,6 @@ std::string viewsTable(const CameraCalibration& result) {
 // The image behind a view's overlay; nothing for a table.
 cv::Mat imageBehind(const PhantomView& view) { return view.is_table ? cv::Mat() : readXrayImage(view.path); }
 
-cv::Mat scaled(const cv::Mat& picture) {
-  constexpr double kHeight_px = 480;
-  const double scale = kHeight_px / picture.rows;
-  cv::Mat result;
-  cv::resize(picture, result, {}, scale, scale, cv::INTER_AREA);
-  return result;
-}
-
 }  // namespace
 
 std::string cameraTable(const CameraCalibration& result) {
@@ -106,33 +94,27 @@ void writeCalibratedCamera(const std::string& path, const CameraCalibration& res
 }
 
 void writeCameraReport(const std::string& folder, const CameraCalibration& result, const ViewSet& set) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) throw InputError(folder, "report", "", "cannot be made: " + error.message());
-  const auto file = [&](const std::string& name) { return (std::filesystem::path(folder) / name).string(); };
+  const ReportFolder report(folder);
   std::vector<std::string> overlays;
   for (std::size_t v = 0; v < result.views.size(); ++v) {
     const cv::Mat picture = viewOverlay(result, v, imageBehind(set.views[v]));
-    writeImage(file(formatted("view-%03zu.png", v + 1)), picture);
+    report.picture(formatted("view-%03zu.png", v + 1), picture);
     overlays.push_back(
         html::picture(picture, result.views[v].name + formatted(": rms %.3f px", result.views[v].rms_px)));
   }
   const ResidualField field = residualField(result);
   const cv::Mat coverage = coverageMap(result);
-  writeImage(file("residuals.png"), field.picture);
-  writeImage(file("coverage.png"), coverage);
-  writeImage(file("overview.jpg"), sideBySide({scaled(viewOverlay(result, 0, imageBehind(set.views[0]))),
-                                               scaled(field.picture), scaled(coverage)}));
+  report.picture("residuals.png", field.picture);
+  report.picture("coverage.png", coverage);
+  report.overview({viewOverlay(result, 0, imageBehind(set.views[0])), field.picture, coverage});
   const std::string maps =
       html::grid({html::picture(field.picture, formatted("Residuals of all views, %.0f times as long: what points one "
                                                          "way over a part of the detector is no noise",
                                                          field.enlargement)),
                   html::picture(coverage, "Beads seen in each part of the detector")});
-  const std::string page =
-      html::page("Camera calibration", set.path,
-                 {html::section("Camera", html::fromMarkdown(cameraTable(result))), html::section("Detector", maps),
-                  html::section("Views", html::fromMarkdown(viewsTable(result)) + html::grid(overlays))});
-  writeWholeFile(file("index.html"), page);
+  report.page("Camera calibration", set.path,
+              {html::section("Camera", html::fromMarkdown(cameraTable(result))), html::section("Detector", maps),
+               html::section("Views", html::fromMarkdown(viewsTable(result)) + html::grid(overlays))});
 }
 
 }  // namespace angio

@@ -5,24 +5,18 @@
 #include <cmath>
 
 #include "angio/base/formatted.hpp"
+#include "angio/calibration/hand_eye_pictures.hpp"
+#include "angio/calibration/pose_fields.hpp"
+#include "angio/evaluation/report_html.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
+#include "report_folder.hpp"
 
 namespace angio {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-std::string transformRow(const std::string& name, const Pose& T, const Eigen::MatrixXd& covariance) {
-  const Eigen::VectorXd sigma = covariance.diagonal().cwiseSqrt();
-  const Eigen::Vector3d t = 1e3 * T.translation(), w = radToDeg(1) * logSO3(T.linear());
-  std::string row = formatted("%-15s", name.c_str());
-  for (int k = 0; k < 3; ++k) row += formatted("  %9.3f +- %-7.3f", t[k], 1e3 * sigma[k]);
-  row += " mm\n" + std::string(15, ' ');
-  for (int k = 0; k < 3; ++k) row += formatted("  %9.4f +- %-7.4f", w[k], radToDeg(sigma[3 + k]));
-  return row + " deg (rotation vector; sigma of turns about the parent's axes)\n";
-}
 
 std::string residualsText(const HandEyeResiduals& r) {
   return formatted("%.4f deg, %.3f mm", radToDeg(r.rotation_rad), 1e3 * r.translation_m);
@@ -39,18 +33,6 @@ std::string reprojectionText(const HandEyeResult& result) {
   return poses > 0 ? formatted(", %.2f px", std::sqrt(squares / poses)) : "";
 }
 
-Json transformAsJson(const Pose& T, const Eigen::MatrixXd& covariance) {
-  Json rotation = Json::array(), list = Json::array(), translation = Json::array();
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) rotation.push_back(T.linear()(r, c));
-    translation.push_back(1e3 * T.translation()[r]);
-  }
-  for (int r = 0; r < 6; ++r) {
-    for (int c = 0; c < 6; ++c) list.push_back(covariance(r, c));
-  }
-  return {{"rotation", rotation}, {"translation_mm", translation}, {"covariance", list}};
-}
-
 // How far two poses are apart.
 struct Apart {
   double rotation_deg, translation_mm;
@@ -61,6 +43,16 @@ Apart apart(const Pose& a, const Pose& b) {
 }
 
 }  // namespace
+
+std::string transformRow(const std::string& name, const Pose& T, const Eigen::MatrixXd& covariance) {
+  const Eigen::VectorXd sigma = covariance.diagonal().cwiseSqrt();
+  const Eigen::Vector3d t = 1e3 * T.translation(), w = radToDeg(1) * logSO3(T.linear());
+  std::string row = formatted("%-15s", name.c_str());
+  for (int k = 0; k < 3; ++k) row += formatted("  %9.3f +- %-7.3f", t[k], 1e3 * sigma[k]);
+  row += " mm\n" + std::string(15, ' ');
+  for (int k = 0; k < 3; ++k) row += formatted("  %9.4f +- %-7.4f", w[k], radToDeg(sigma[3 + k]));
+  return row + " deg (rotation vector; sigma of turns about the parent's axes)\n";
+}
 
 std::string handEyeTable(const PoseSet& set, const HandEyeSettings& settings, const HandEyeResult& result,
                          bool patient) {
@@ -132,13 +124,12 @@ std::string comparisonTable(const PoseSet& set, const HandEyeResult& result) {
 void writeHandEyeFile(const std::string& path, const PoseSet& set, const HandEyeSettings& settings,
                       const HandEyeResult& result, const CalibrationRecord& record) {
   const auto [X, Z] = transformNames(set.setup);
-  const Eigen::Index size = result.covariance.rows();
   Json file = {{"setup", setupName(set.setup)}};
   if (!set.machine.empty()) file["machine"] = set.machine;
   if (settings.mount == HandEyeMount::kUnknown) {
-    file[X] = transformAsJson(result.transforms.X, result.covariance.topLeftCorner<6, 6>());
+    file[X] = poseAsJson(result.transforms.X, Matrix6d(result.covariance.topLeftCorner<6, 6>()));
   }
-  file[Z] = transformAsJson(result.transforms.Z, result.covariance.block(size - 6, size - 6, 6, 6));
+  file[Z] = poseAsJson(result.transforms.Z, Matrix6d(result.covariance.bottomRightCorner<6, 6>()));
   file["calibration"][record.kind] = recordAsJson(record);
   writeWholeFile(path, asYaml(file));
 }
@@ -147,7 +138,7 @@ void writePatientFile(const std::string& path, const Pose& T_dsa_cb, const Anato
                       const CalibrationRecord& record) {
   Json file;
   if (!record.machine.empty()) file["machine"] = record.machine;
-  file["T_dsa_cb"] = transformAsJson(T_dsa_cb, result.covariance);
+  file["T_dsa_cb"] = poseAsJson(T_dsa_cb, result.covariance);
   for (const RunShift& run : result.runs) {
     Json shift = Json::array(), sigma = Json::array();
     for (int k = 0; k < 3; ++k) {
@@ -158,6 +149,25 @@ void writePatientFile(const std::string& path, const Pose& T_dsa_cb, const Anato
   }
   file["calibration"][record.kind] = recordAsJson(record);
   writeWholeFile(path, asYaml(file));
+}
+
+void writeHandEyeReport(const std::string& folder, const PoseSet& set, const HandEyeResult& result,
+                        const std::string& table) {
+  const ReportFolder report(folder);
+  const cv::Mat residuals = poseResiduals(result), axes = turnAxes(set), sigmas = covarianceBars(set, result);
+  report.picture("residuals.png", residuals);
+  report.picture("axes.png", axes);
+  report.picture("covariance.png", sigmas);
+  report.overview({residuals, axes, sigmas});
+  report.page("Hand-eye calibration", set.path,
+              {html::section("Pictures", html::grid({html::picture(residuals, "Each pose against its prediction"),
+                                                     html::picture(axes,
+                                                                   "Axes that the hand turned about between any "
+                                                                   "two poses: a calibration wants them spread"),
+                                                     html::picture(sigmas,
+                                                                   "Axes of the covariance's ellipsoids and "
+                                                                   "their directions in the parent frame")})),
+               html::section("Numbers", printed(table))});
 }
 
 void replaceRecord(std::vector<CalibrationRecord>& records, const CalibrationRecord& record) {

@@ -10,6 +10,9 @@
 
 namespace angio {
 
+/// A transform for a person, two lines: translation and rotation vector, each number with its sigma.
+std::string transformRow(const std::string& name, const Pose& T, const Eigen::MatrixXd& covariance);
+
 /// The result for a person: values with sigmas, residuals, condition, weak directions, outliers.
 std::string handEyeTable(const PoseSet& set, const HandEyeSettings& settings, const HandEyeResult& result,
                          bool patient);
@@ -23,6 +26,11 @@ std::string comparisonTable(const PoseSet& set, const HandEyeResult& result);
 /// Errors over simulated trials, and with `compare` those of the other solvers.
 std::string trialsTable(const CArmGeometry& carm, const OrbitSettings& orbit, const HandEyeSettings& settings,
                         int trials, int seed, bool compare);
+
+/// Residuals of the poses, the axes that the hand turned about, and the covariance, as pictures and a page with
+/// `table`.
+void writeHandEyeReport(const std::string& folder, const PoseSet& set, const HandEyeResult& result,
+                        const std::string& table);
 
 /// Both transforms and the record, for set-ups that are no C-arm.
 void writeHandEyeFile(const std::string& path, const PoseSet& set, const HandEyeSettings& settings,

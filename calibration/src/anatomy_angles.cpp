@@ -4,9 +4,9 @@
 #include <set>
 
 #include "angio/base/errors.hpp"
+#include "angio/calibration/pose_fields.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/io/yaml.hpp"
-#include "pose_fields.hpp"
 
 namespace angio {
 

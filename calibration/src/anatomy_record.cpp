@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "angio/calibration/anatomy_registration.hpp"
+#include "transform_numbers.hpp"
 
 namespace angio {
 
@@ -12,15 +13,10 @@ CalibrationRecord anatomyRecord(const AnatomyResult& result, const std::string& 
   record.machine = machine;
   record.date = dateNow();
   for (const std::string& path : input_paths) record.inputs.push_back(hashedInput(path));
-  Vector6d units;
-  units << 1e3, 1e3, 1e3, radToDeg(1), radToDeg(1), radToDeg(1);
-  for (const char* axis : {"x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg"}) {
-    record.parameters.push_back(std::string("T_dsa_cb_") + axis);
-  }
-  Vector6d values;
-  values << result.T_dsa_cb.translation(), logSO3(result.T_dsa_cb.linear());
-  record.values = units.cwiseProduct(values);
-  record.covariance = units.asDiagonal() * result.covariance * units.asDiagonal();
+  record.parameters = transformNumberNames("T_dsa_cb");
+  record.values = transformNumbers(result.T_dsa_cb);
+  const Vector6d per_unit = transformNumberUnits().cwiseInverse();
+  record.covariance = per_unit.asDiagonal() * result.covariance * per_unit.asDiagonal();
   const Observability seen = observability(record.parameters, record.covariance);
   record.condition = seen.condition;
   record.weak_directions = seen.weak_directions;

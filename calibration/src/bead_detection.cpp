@@ -94,6 +94,12 @@ bool isNear(const BallShadow& a, const BallShadow& b, double radii) {
   return (a.centre_px - b.centre_px).norm() < radii * std::max(a.radius_px, b.radius_px);
 }
 
+bool areSame(const std::vector<BallShadow>& a, const std::vector<BallShadow>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const BallShadow& one, const BallShadow& other) {
+    return one.centre_px == other.centre_px && one.radius_px == other.radius_px;
+  });
+}
+
 // Groups of shadows that touch, by first ball.
 std::vector<std::vector<BallShadow>> touching(const std::vector<BallShadow>& balls) {
   std::vector<std::size_t> group(balls.size());
@@ -136,14 +142,14 @@ class BeadFinder {
 
   std::vector<BeadDetection> find() {
     std::vector<BallShadow> balls = apart(blobs(above_ground_, mask_, settings_, leastResponse()), {});
-    std::vector<ShadowGroup> groups = fitted(balls);
+    std::vector<ShadowGroup> groups = fitted(balls, {});
     // Balls that others hide show in what the others leave over.
     balls.clear();
     for (const ShadowGroup& group : groups) balls.insert(balls.end(), group.balls.begin(), group.balls.end());
     const auto hidden = apart(blobs(leftOver(groups), mask_, settings_, leastResponse()), balls);
     if (!hidden.empty()) {
       balls.insert(balls.end(), hidden.begin(), hidden.end());
-      groups = fitted(balls);
+      groups = fitted(balls, groups);
     }
     std::vector<BeadDetection> found;
     for (const ShadowGroup& group : groups) {
@@ -234,10 +240,16 @@ class BeadFinder {
     return best;
   }
 
-  // Group by group; one that is not explained is tried with a ball more.
-  std::vector<ShadowGroup> fitted(const std::vector<BallShadow>& balls) const {
+  // Group by group; one that is not explained is tried with a ball more, and one that was explained before stays.
+  std::vector<ShadowGroup> fitted(const std::vector<BallShadow>& balls, const std::vector<ShadowGroup>& before) const {
     std::vector<ShadowGroup> groups;
     for (auto& members : touching(balls)) {
+      const auto same = std::find_if(before.begin(), before.end(),
+                                     [&](const ShadowGroup& group) { return areSame(group.balls, members); });
+      if (same != before.end()) {
+        groups.push_back(*same);
+        continue;
+      }
       ShadowGroup start;
       start.balls = std::move(members);
       start.largest_stretch = settings_.largest_stretch;

@@ -69,8 +69,12 @@ class Refiner {
     return P;
   }
 
-  std::optional<Matrix34d> perspective(const Pairs& matched) const {
-    const auto [points, pixels] = columns(matched);
+  // Of beads as they would be seen without the bend, which moves each by so much.
+  std::optional<Matrix34d> perspective(const Pairs& matched, const Eigen::Matrix2Xd& bend_px) const {
+    auto [points, pixels] = columns(matched);
+    for (std::size_t k = 0; k < matched.size(); ++k) {
+      pixels.col(static_cast<Eigen::Index>(k)) -= bend_px.col(matched[k].first);
+    }
     return directLinearTransform(points, pixels);
   }
 
@@ -141,10 +145,11 @@ Refinement refinedMatch(const BeadPhantom& phantom, const std::vector<BeadDetect
     thought_px = refiner.projected(*P);
   }
   Eigen::Matrix2Xd projected_px = thought_px;
-  for (const double tolerance : {0.6 * bin_px, 0.5 * bin_px, 0.4 * bin_px, 0.3 * bin_px, tolerance_px, tolerance_px}) {
-    const Pairs matched = refiner.pairs(thought_px, std::max(tolerance, tolerance_px));
+  // By and by: how a detector bends the image at its edge shows only when the beads on the way there are matched.
+  for (const double share : {0.6, 0.6, 0.5, 0.5, 0.4, 0.4, 0.3, 0.3, 0.2, 0.2, 0.1, 0.1, 0.0, 0.0}) {
+    const Pairs matched = refiner.pairs(thought_px, std::max(share * bin_px, tolerance_px));
     if (static_cast<int>(matched.size()) < kFewest) return result;
-    const auto P = refiner.perspective(matched);
+    const auto P = refiner.perspective(matched, thought_px - projected_px);
     if (!P) return result;
     projected_px = refiner.projected(*P);
     thought_px = static_cast<int>(matched.size()) < kFewestForBend ? projected_px : refiner.bent(projected_px, matched);

@@ -136,8 +136,9 @@ std::vector<SimulatedView> simulatedCameraViews(const SimulatedMachine& machine,
   std::vector<SimulatedView> views;
   for (int i = 0; i < s.camera_views; ++i) {
     CArmJoints joints;
-    joints << kRightAngle * (2 * evenly(i, 2) - 1), 1.5 * (evenly(i, 3) - 0.5), 0.06 * (evenly(i, 5) - 0.5),
-        0.1 * (evenly(i, 7) - 0.5), 0.06 * (evenly(i, 11) - 0.5);
+    // Tilted and shifted so far that most beads stay on the detector: those at its edge tell most.
+    joints << kRightAngle * (2 * evenly(i, 2) - 1), degToRad(60) * (evenly(i, 3) - 0.5), 0.02 * (evenly(i, 5) - 0.5),
+        0.02 * (evenly(i, 7) - 0.5), 0.02 * (evenly(i, 11) - 0.5);
     views.push_back(viewAt(machine, phantom, s, joints, usual_m, draws));
     views.back().held_out = heldOut(i, s);
   }

@@ -77,6 +77,20 @@ std::optional<std::size_t> mostForeign(const CameraBundle& bundle) {
   return beyond_chance && beyond_matter ? std::optional(foreign) : std::nullopt;
 }
 
+double usedShare(const BundleView& view) {
+  return static_cast<double>(std::count(view.use.begin(), view.use.end(), true)) / static_cast<double>(view.use.size());
+}
+
+// Place of the view of which fewest beads fit the camera, if those are less than half of its own: what is left of such
+// a view fits any camera.
+std::optional<std::size_t> mostlyUnused(const CameraBundle& bundle) {
+  if (bundle.views.size() < 2) return std::nullopt;
+  const auto least = std::min_element(bundle.views.begin(), bundle.views.end(),
+                                      [](const auto& a, const auto& b) { return usedShare(a) < usedShare(b); });
+  if (usedShare(*least) >= 0.5) return std::nullopt;
+  return static_cast<std::size_t>(least - bundle.views.begin());
+}
+
 }  // namespace
 
 std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<BeadView>& views,
@@ -90,7 +104,7 @@ std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<B
     require(bundle.solve(kRobustScale * robustNoise(bundle), settings.max_iterations));
     chooseBeads(bundle, settings.outlier_sigmas * robustNoise(bundle));
     require(bundle.solve(kRobustScale * robustNoise(bundle), settings.max_iterations));
-    const auto foreign = mostForeign(bundle);
+    const auto unused = mostlyUnused(bundle), foreign = unused ? unused : mostForeign(bundle);
     if (foreign) {
       left_out.push_back(bundle.views[*foreign].index);
       if (static_cast<double>(left_out.size()) > settings.largest_outlier_share * static_cast<double>(given)) {
@@ -110,10 +124,9 @@ std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<B
     break;
   }
   for (const BundleView& view : bundle.views) {
-    const auto used = static_cast<double>(std::count(view.use.begin(), view.use.end(), true));
-    const auto all = static_cast<double>(view.use.size());
-    if (used >= (1 - settings.largest_outlier_share) * all) continue;
-    throw InputError(views[view.index].name, "beads", formatted("%.0f of %.0f", all - used, all),
+    if (usedShare(view) >= 1 - settings.largest_outlier_share) continue;
+    const auto unused = std::count(view.use.begin(), view.use.end(), false);
+    throw InputError(views[view.index].name, "beads", formatted("%td of %zu", unused, view.use.size()),
                      "are too many that do not fit the camera");
   }
   return left_out;

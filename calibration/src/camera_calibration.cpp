@@ -9,6 +9,7 @@
 #include "angio/base/formatted.hpp"
 #include "camera_agreement.hpp"
 #include "camera_bundle.hpp"
+#include "camera_gates.hpp"
 #include "camera_start.hpp"
 
 namespace angio {

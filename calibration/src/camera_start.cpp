@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
@@ -15,7 +14,6 @@
 namespace angio {
 namespace {
 
-constexpr std::size_t kFewestBeads = 8, kFewestMarks = 5;
 constexpr double kWorstNoise_px = 0.5;    // Of beads found by any means; settings may know better.
 constexpr double kLeastTilt_rad = 0.035;  // Between two tilts of a plane: 2 deg.
 constexpr double kSameDistance_m = 5e-3;
@@ -152,43 +150,6 @@ void requireUnits(const CameraBundle& bundle, const DetectorOfViews& detector, c
 }
 
 }  // namespace
-
-void checkViews(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
-                const CameraCalibrationSettings& settings) {
-  checkSettings("camera calibration", settings);
-  const bool flat = phantom.isPlanar();
-  const std::size_t fewest_beads = flat ? kFewestMarks : kFewestBeads, fewest_views = flat ? 3 : 1;
-  std::size_t used = 0;
-  for (const BeadView& view : views) {
-    used += !view.held_out;
-    std::set<int> named;
-    for (const SeenBead& seen : view.beads) {
-      const std::string number = std::to_string(seen.bead);
-      if (seen.bead < 0 || seen.bead >= static_cast<int>(phantom.beads.size())) {
-        throw InputError(view.name, "bead", number,
-                         "must be 0 to " + std::to_string(phantom.beads.size() - 1) + ": the phantom has no other");
-      }
-      if (!named.insert(seen.bead).second) throw InputError(view.name, "bead", number, "must not be named twice");
-      const Eigen::Vector2d& px = seen.centre_px;
-      if (!(px.x() >= -0.5 && px.y() >= -0.5 && px.x() <= detector.width_px - 0.5 &&
-            px.y() <= detector.height_px - 0.5)) {
-        throw InputError(view.name + ": bead " + number, "x_px, y_px", shown(px.x()) + ", " + shown(px.y()),
-                         "must lie on the detector, " + std::to_string(detector.width_px) + " x " +
-                             std::to_string(detector.height_px) + " px");
-      }
-      requirePositive(view.name + ": bead " + number, "sigma_px", seen.sigma_px);
-    }
-    if (view.beads.size() < fewest_beads) {
-      throw InputError(view.name, "beads", std::to_string(view.beads.size()),
-                       "must be at least " + std::to_string(fewest_beads));
-    }
-  }
-  if (used < fewest_views) {
-    throw InputError("views", "count", std::to_string(used),
-                     "must be at least " + std::to_string(fewest_views) + " that are not held out" +
-                         (flat ? ", of a flat phantom" : ""));
-  }
-}
 
 CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
                      const CameraCalibrationSettings& settings) {

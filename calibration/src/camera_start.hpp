@@ -7,11 +7,6 @@
 
 namespace angio {
 
-/// Throws InputError that names view, bead and rule for views that cannot be what they say: beads the phantom has not,
-/// a bead twice, centres off the detector, too few beads, too few views.
-void checkViews(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
-                const CameraCalibrationSettings& settings);
-
 /// A closed-form start of the bundle, with all views in it (held-out ones too), each bead that fits no projection out
 /// of use. Throws InputError by name for swapped beads, mirrored views, a plane seen at one tilt, and views that fit no
 /// projection.

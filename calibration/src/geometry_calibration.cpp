@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
@@ -13,8 +14,9 @@
 namespace angio {
 namespace {
 
-// Beyond this no arm scatters by itself: then views of several machines are looked for.
-constexpr double kDoubtful_m = 2e-3, kDoubtful_rad = degToRad(0.2);
+// An arm that scatters more than this by itself, or whose registered poses do, is none: then views of several machines
+// are looked for.
+constexpr PoseScatter kWidestBeads{1.5e-3, degToRad(0.15), 0, 0}, kWidestPoses{2e-3, degToRad(0.3), 0, 0};
 
 GeometryModel priorModel(const GeometryCamera& camera, const GeometrySettings& settings) {
   GeometryModel model;
@@ -108,47 +110,57 @@ void requireCamera(const std::string& place, const GeometryCamera& camera) {
   }
 }
 
-}  // namespace
-
-GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhantom& phantom,
-                                      const GeometryCamera& camera, const std::vector<GeometryView>& views,
-                                      const GeometrySettings& settings) {
-  checkSettings("geometry", settings);
-  requireCamera(place, camera);
-  requirePositions(place, views);
-  GeometryModel start = priorModel(camera, settings);
-  const auto observed = [&](const CArmGeometry& carm) {
-    std::vector<ViewObservation> seen;
-    for (const auto& view : views) {
-      const XrayCamera at_distance = carm.camera(view.source_detector_distance_m);
-      seen.push_back(observeView(place, phantom, at_distance, view, settings.outlier_sigma));
+// Residual of each sixth of the views by an arm from the other five.
+double foldedRms(GeometryProblem problem, const GeometryModel& model) {
+  constexpr std::size_t kFolds = 6;
+  const std::vector<bool> all = problem.used;
+  double sum = 0, views = 0;
+  for (std::size_t fold = 0; fold < kFolds; ++fold) {
+    std::vector<bool> left_out(all.size(), false);
+    for (std::size_t i = fold; i < all.size(); i += kFolds) {
+      left_out[i] = all[i];
+      problem.used[i] = false;
     }
-    return seen;
-  };
-  const std::vector<ViewObservation> seen = observed(start.carm);
-  requireSoundBeads(place, phantom, views, seen);
-
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const Bead& bead : phantom.beads) middle += bead.position_m / static_cast<double>(phantom.beads.size());
-  start.T_patient_phantom = phantomStart(seen, start.carm, middle);
-  GeometryProblem problem(seen, start, camera, settings, middle, pooledSigma_px(seen));
-  GeometryCalibration result;
-  result.bead_sigma_px = pooledSigma_px(seen);
-  result.kept = freeObservable(problem, start, camera.covariance.has_value());
-  GeometryModel model = refined(problem, start, settings);
-
-  const auto left_out =
-      static_cast<std::size_t>(std::count_if(seen.begin(), seen.end(), [](const auto& v) { return !v.held_out; }) -
-                               std::count(problem.used.begin(), problem.used.end(), true));
-  if (problem.scatter.translation_m > kDoubtful_m || problem.scatter.rotation_rad > kDoubtful_rad ||
-      4 * left_out >= seen.size()) {
-    requireOneMachine(place, problem, start);
+    const GeometryModel other = problem.solve(model, GeometryProblem::Loss::kSquared);
+    const auto count = static_cast<double>(std::count(left_out.begin(), left_out.end(), true));
+    sum += count * std::pow(problem.residualRms(other, left_out), 2);
+    views += count;
+    problem.used = all;
   }
-  // Condensed about the camera as it is now known: a wrong one's second order is larger than what many views average
-  // to.
-  problem.replace(observed(model.carm));
-  model = refined(problem, model, settings);
-  result.rms_without_flex_px = problem.rms_px(model, problem.used);
+  return std::sqrt(sum / views);
+}
+
+std::vector<CArmJoints> positionsOf(const std::vector<ViewObservation>& views) {
+  std::vector<CArmJoints> positions;
+  for (const auto& view : views) {
+    if (!view.held_out) positions.push_back(view.joints);
+  }
+  return positions;
+}
+
+// Views condensed again about the camera as it is now known.
+using Condense = std::function<std::vector<ViewObservation>(const CArmGeometry&)>;
+
+GeometryCalibration solved(const std::string& place, GeometryProblem problem, const GeometryModel& start,
+                           bool refines_camera, const Condense& condensed, const GeometrySettings& settings) {
+  GeometryCalibration result;
+  result.kept = freeObservable(problem, start, refines_camera);
+  GeometryModel model = refined(problem, start, settings);
+  const std::size_t views = problem.views().size();
+  const auto left_out = positionsOf(problem.views()).size() -
+                        static_cast<std::size_t>(std::count(problem.used.begin(), problem.used.end(), true));
+  const PoseScatter& widest = problem.registered() ? kWidestPoses : kWidestBeads;
+  constexpr double kDoubtful = 4.0 / 3;
+  if (problem.scatter.translation_m > kDoubtful * widest.translation_m ||
+      problem.scatter.rotation_rad > kDoubtful * widest.rotation_rad || 4 * left_out >= views) {
+    requireOneMachine(place, problem, start, widest);
+  }
+  if (condensed) {
+    // A wrong camera's second order is larger than what many views average to.
+    problem.replace(condensed(model.carm));
+    model = refined(problem, model, settings);
+  }
+  result.rms_without_flex = problem.residualRms(model, problem.used);
   if (settings.flex == FlexModel::kLowOrder) {
     model.carm.deviations.flex = CArmFlex::lowOrder();
     std::fill_n(problem.free.begin() + kFirstFlexNumber, kFlexNumbers, true);
@@ -164,7 +176,80 @@ GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhanto
   result.pose_scatter_m = problem.scatter.translation_m;
   result.pose_scatter_rad = problem.scatter.rotation_rad;
   result.record = geometryRecord(problem, model);
-  result.doubts = geometryDoubts(problem, views);
+  if (problem.registered()) result.record.held_out_rms = foldedRms(problem, model);
+  result.views = geometryFits(problem, model);
+  result.doubts = geometryDoubts(problem);
+  return result;
+}
+
+// The isocentre in the model, as most poses have it with an ideal arm.
+Eigen::Vector3d middleOf(const std::vector<ViewObservation>& views, const CArmGeometry& carm) {
+  Eigen::Vector3d middle;
+  for (Eigen::Index k = 0; k < 3; ++k) {
+    std::vector<double> says;
+    for (const auto& view : views) {
+      says.push_back(
+          (view.T_camera_phantom.inverse() * (carm.source_isocentre_distance_m * Eigen::Vector3d::UnitZ()))[k]);
+    }
+    middle[k] = percentile(says, 0.5);
+  }
+  return middle;
+}
+
+}  // namespace
+
+GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhantom& phantom,
+                                      const GeometryCamera& camera, const std::vector<GeometryView>& views,
+                                      const GeometrySettings& settings) {
+  checkSettings("geometry", settings);
+  requireCamera(place, camera);
+  std::vector<CArmJoints> positions;
+  for (const auto& view : views) {
+    if (!view.held_out) positions.push_back(view.joints);
+  }
+  requirePositions(place, positions);
+  GeometryModel start = priorModel(camera, settings);
+  const Condense condensed = [&](const CArmGeometry& carm) {
+    std::vector<ViewObservation> seen;
+    for (const auto& view : views) {
+      const XrayCamera at_distance = carm.camera(view.source_detector_distance_m);
+      seen.push_back(observeView(place, phantom, at_distance, view, settings.outlier_sigma));
+    }
+    return seen;
+  };
+  const std::vector<ViewObservation> seen = condensed(start.carm);
+  requireSoundBeads(place, phantom, views, seen);
+  start.T_patient_phantom = phantomStart(seen, start.carm, phantom.centre_m());
+  const double bead_sigma_px = pooledSigma_px(seen);
+  GeometryCalibration result =
+      solved(place, GeometryProblem(seen, start, camera, settings, phantom.centre_m(), bead_sigma_px), start,
+             camera.covariance.has_value(), condensed, settings);
+  result.bead_sigma_px = bead_sigma_px;
+  return result;
+}
+
+GeometryCalibration calibrateGeometry(const PoseSet& set, const GeometryCamera& camera,
+                                      const GeometrySettings& settings) {
+  checkSettings("geometry", settings);
+  requireCamera(set.path, camera);
+  checkPoseSet(set);
+  std::vector<ViewObservation> seen;
+  for (const HandEyePose& pose : set.poses) {
+    if (!pose.joints) {
+      throw InputError(set.path, pose.name + ".primary_deg", "", "is missing: the geometry needs every pose's angles");
+    }
+    seen.push_back(observePose(pose, set.camera_sigma));
+    seen.back().source_detector_distance_m = camera.source_detector_distance_m;
+  }
+  requirePositions(set.path, positionsOf(seen));
+  GeometryModel start = priorModel(camera, settings);
+  const Eigen::Vector3d middle = middleOf(seen, start.carm);
+  start.T_patient_phantom = phantomStart(seen, start.carm, middle);
+  GeometryCalibration result = solved(set.path, GeometryProblem(seen, start, camera, settings, middle, std::nullopt),
+                                      start, false, nullptr, settings);
+  result.kept.insert(result.kept.begin(),
+                     "the camera (source_detector_offset_mm, pixel_aspect, principal point) is kept: poses do not tell "
+                     "of it");
   return result;
 }
 

@@ -45,22 +45,19 @@ int tableJointOf(int parameter) {
 
 }  // namespace
 
-void requirePositions(const std::string& place, const std::vector<GeometryView>& views) {
-  std::vector<const GeometryView*> different;
+void requirePositions(const std::string& place, const std::vector<CArmJoints>& positions) {
+  std::vector<CArmJoints> different;
   double low = kPi, high = -kPi;
-  std::size_t used = 0;
-  for (const auto& view : views) {
-    if (view.held_out) continue;
-    ++used;
-    low = std::min(low, view.joints[0]);
-    high = std::max(high, view.joints[0]);
+  for (const CArmJoints& joints : positions) {
+    low = std::min(low, joints[0]);
+    high = std::max(high, joints[0]);
     if (std::none_of(different.begin(), different.end(),
-                     [&](const GeometryView* other) { return samePosition(view.joints, other->joints); })) {
-      different.push_back(&view);
+                     [&](const CArmJoints& other) { return samePosition(joints, other); })) {
+      different.push_back(joints);
     }
   }
   if (different.size() < kFewestPositions) {
-    throw InputError(place, "views", formatted("%zu at %zu different positions", used, different.size()),
+    throw InputError(place, "views", formatted("%zu at %zu different positions", positions.size(), different.size()),
                      "there must be at least 6 positions that differ by 0.5 deg or 5 mm: neither axis can be known");
   }
   if (high - low < kLeastPrimaryRange_rad) {
@@ -82,14 +79,16 @@ std::vector<std::string> freeObservable(GeometryProblem& problem, const Geometry
     std::fill_n(problem.free.begin() + kFirstCameraNumber, zooms ? kCameraNumbers : kCameraNumbers - 2, true);
   }
   std::vector<std::string> kept;
-  for (int k = 0; k < kCArmPoseParameters; ++k) {
-    const int joint = tableJointOf(k);
-    if (joint < 0) continue;
+  for (int joint = 0; joint < 3; ++joint) {
     const double range_m = rangeOf(views, 2 + joint);
     if (range_m >= kSmallRange_m) continue;
-    problem.free[static_cast<std::size_t>(kFirstArmNumber + k)] = false;
-    kept.push_back(formatted("%s is kept: the table's %c moves by only %.3g mm",
-                             kCArmPoseParameterNames[static_cast<std::size_t>(k)].name, "xyz"[joint], 1e3 * range_m));
+    std::string names;
+    for (int k = 0; k < kCArmPoseParameters; ++k) {
+      if (tableJointOf(k) != joint) continue;
+      problem.free[static_cast<std::size_t>(kFirstArmNumber + k)] = false;
+      names += (names.empty() ? "" : ", ") + std::string(kCArmPoseParameterNames[static_cast<std::size_t>(k)].name);
+    }
+    kept.push_back(names + formatted(": kept, as the table's %c moves by only %.3g mm", "xyz"[joint], 1e3 * range_m));
   }
 
   // Standard deviations before solving: by the positions alone.
@@ -119,8 +118,19 @@ constexpr int kDraws = 80;
 constexpr std::size_t kViewsOfADraw = 5;
 constexpr double kAgrees = 3;  // Standard deviations of a wide scatter.
 
+bool isArm(const CArmGeometry& carm) {
+  try {
+    carm.check();
+    return true;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+// With an arm whose axes are turned about, angles of the wrong sign agree as well: none agree with what is no arm.
 std::vector<bool> agreeing(const GeometryProblem& problem, const GeometryModel& model, const std::vector<bool>& among) {
   std::vector<bool> agree(among.size(), false);
+  if (!isArm(model.carm)) return agree;
   for (std::size_t i = 0; i < among.size(); ++i) {
     agree[i] = among[i] && problem.surprise(problem.views()[i], model) < kAgrees;
   }
@@ -163,10 +173,11 @@ std::string namesOf(const std::vector<ViewObservation>& views, const std::vector
 
 }  // namespace
 
-void requireOneMachine(const std::string& place, const GeometryProblem& problem, const GeometryModel& start) {
+void requireOneMachine(const std::string& place, const GeometryProblem& problem, const GeometryModel& start,
+                       const PoseScatter& scatter) {
   GeometryProblem wide = problem;
-  wide.scatter.translation_m = 1.5e-3;
-  wide.scatter.rotation_rad = degToRad(0.15);
+  wide.scatter.translation_m = scatter.translation_m;
+  wide.scatter.rotation_rad = scatter.rotation_rad;
   std::vector<bool> all(problem.views().size());
   for (std::size_t i = 0; i < all.size(); ++i) all[i] = !problem.views()[i].held_out;
   const std::vector<bool> first = consensus(wide, start, all);
@@ -177,15 +188,15 @@ void requireOneMachine(const std::string& place, const GeometryProblem& problem,
   if (4 * countOf(second) >= views) {
     throw InputError(
         place, "views", namesOf(problem.views(), second),
-        formatted("%d of %d views fit one another but not the other %d: they are of another C-arm, or the "
-                  "phantom has moved",
+        formatted("%d of %d views fit one another but not the other %d: they are of another C-arm, or what "
+                  "they show has moved",
                   static_cast<int>(countOf(second)), static_cast<int>(views), static_cast<int>(countOf(first))));
   }
   if (3 * countOf(first) < 2 * views) {
     throw InputError(place, "joints",
                      formatted("%d of %d views agree", static_cast<int>(countOf(first)), static_cast<int>(views)),
                      "no C-arm explains the others: angles of another sign or unit, table positions in other units, or "
-                     "a phantom that moved");
+                     "a phantom or patient that moved");
   }
 }
 

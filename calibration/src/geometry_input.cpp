@@ -2,12 +2,13 @@
 #include "angio/calibration/geometry_input.hpp"
 
 #include <algorithm>
-#include <map>
+#include <set>
 
 #include "angio/base/errors.hpp"
 #include "angio/calibration/camera_views.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "angio/io/camera_files.hpp"
+#include "angio/io/yaml.hpp"
 
 namespace angio {
 namespace {
@@ -29,32 +30,36 @@ std::optional<Eigen::Matrix4d> covarianceOf(const std::vector<CalibrationRecord>
   return std::nullopt;
 }
 
-// The distance by the encoder that the camera's values hold at.
-double distanceOf(const std::string& path, const XrayCamera::Parameters& camera, const ViewSet& set) {
-  if (camera.source_detector_distance_m) return *camera.source_detector_distance_m;
-  std::map<double, int> distances;
+// What views say beside the camera's file.
+struct ViewsOfCamera {
+  std::optional<double> pixel_spacing_m;
+  std::optional<double> only_distance_m;  // The one that all were taken at.
+};
+
+ViewsOfCamera cameraInViews(const ViewSet& set) {
+  ViewsOfCamera says{set.pixel_spacing_m, std::nullopt};
+  std::set<double> distances;
   for (const auto& view : set.views) {
-    if (view.source_detector_distance_m) ++distances[*view.source_detector_distance_m];
+    if (view.source_detector_distance_m) distances.insert(*view.source_detector_distance_m);
   }
-  if (distances.size() == 1) return distances.begin()->first;
-  throw InputError(path, "source_detector_distance_mm", "", "is missing: the arm's lengths need it");
+  if (distances.size() == 1) says.only_distance_m = *distances.begin();
+  return says;
 }
 
-GeometryCamera cameraOf(const std::string& path, const CameraFile& file, const ViewSet& set,
-                        const DetectorOfViews& detector) {
+GeometryCamera cameraOf(const std::string& path, const CameraFile& file, const ViewsOfCamera& views) {
   const auto& p = file.camera.parameters();
-  if (p.width_px != detector.width_px || p.height_px != detector.height_px) {
-    throw InputError(
-        path, "image_size_px", std::to_string(p.width_px) + " x " + std::to_string(p.height_px),
-        "must be that of the views, " + std::to_string(detector.width_px) + " x " + std::to_string(detector.height_px));
-  }
-  const auto spacing = p.pixel_spacing_m ? p.pixel_spacing_m : set.pixel_spacing_m;
+  const auto spacing = p.pixel_spacing_m ? p.pixel_spacing_m : views.pixel_spacing_m;
   if (!spacing) throw InputError(path, "pixel_spacing_mm", "", "is missing: the arm's lengths need it");
+  // The distance by the encoder that the camera's values hold at.
+  const auto distance = p.source_detector_distance_m ? p.source_detector_distance_m : views.only_distance_m;
+  if (!distance) {
+    throw InputError(path, "source_detector_distance_mm", "", "is missing: the arm's lengths need it");
+  }
   GeometryCamera camera;
   camera.width_px = p.width_px;
   camera.height_px = p.height_px;
   camera.pixel_spacing_m = *spacing;
-  camera.source_detector_distance_m = distanceOf(path, p, set);
+  camera.source_detector_distance_m = *distance;
   camera.fx_px = p.fx_px;
   camera.fy_px = p.fy_px;
   camera.cx_px = p.cx_px;
@@ -63,11 +68,40 @@ GeometryCamera cameraOf(const std::string& path, const CameraFile& file, const V
   return camera;
 }
 
+void requireImageSize(const std::string& path, const CameraFile& file, const DetectorOfViews& detector) {
+  const auto& p = file.camera.parameters();
+  if (p.width_px == detector.width_px && p.height_px == detector.height_px) return;
+  throw InputError(
+      path, "image_size_px", std::to_string(p.width_px) + " x " + std::to_string(p.height_px),
+      "must be that of the views, " + std::to_string(detector.width_px) + " x " + std::to_string(detector.height_px));
+}
+
+bool holdsPoses(const std::string& path) {
+  const YamlNode root = readYaml(path);
+  YamlMap map(path, root, "views or poses");
+  return map.find("poses") && !map.find("views");
+}
+
+GeometryInput readPoses(const std::string& path, const std::string& camera_path) {
+  const CameraFile file = readCameraFile(camera_path);
+  GeometryInput input;
+  input.path = path;
+  input.records = readRecords(camera_path);
+  input.camera = cameraOf(camera_path, file, {});
+  const CArmGeometry any;  // Angles are all that is wanted of the hands.
+  input.poses = readPoseSet(path, &any);
+  input.machine = input.poses->machine;
+  for (const std::string& read : input.poses->input_paths) input.inputs.push_back(hashedInput(read));
+  input.inputs.push_back(hashedInput(camera_path));
+  return input;
+}
+
 }  // namespace
 
 GeometryInput readGeometryInput(const std::string& views_path, const std::string& camera_path,
                                 const BeadDetectionSettings& detection,
                                 const std::function<void(int done, int total)>& tell) {
+  if (holdsPoses(views_path)) return readPoses(views_path, camera_path);
   const ViewSet set = readViewSet(views_path);
   for (const auto& view : set.views) {
     if (!view.joints) {
@@ -76,6 +110,7 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
     }
   }
   GeometryInput input;
+  input.path = views_path;
   input.machine = set.machine;
   input.phantom = readBeadPhantom(set.phantom_path);
   const CameraFile file = readCameraFile(camera_path);
@@ -85,7 +120,8 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
   const SeenViewSet seen = seenViews(set, input.phantom, shadows, [&](int done) {
     if (tell) tell(done, static_cast<int>(set.views.size()));
   });
-  input.camera = cameraOf(camera_path, file, set, seen.detector);
+  requireImageSize(camera_path, file, seen.detector);
+  input.camera = cameraOf(camera_path, file, cameraInViews(set));
   input.camera.covariance = covarianceOf(input.records);
   for (const std::string& path : {views_path, set.phantom_path, camera_path}) input.inputs.push_back(hashedInput(path));
   input.inputs.insert(input.inputs.end(), seen.inputs.begin(), seen.inputs.end());
@@ -106,6 +142,11 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
     }
   }
   return input;
+}
+
+GeometryCalibration calibrateGeometry(const GeometryInput& input, const GeometrySettings& settings) {
+  if (input.poses) return calibrateGeometry(*input.poses, input.camera, settings);
+  return calibrateGeometry(input.path, input.phantom, input.camera, input.views, settings);
 }
 
 }  // namespace angio

@@ -126,7 +126,7 @@ GeometryModel changed(const GeometryModel& model, const Eigen::VectorXd& change)
 
 GeometryProblem::GeometryProblem(std::vector<ViewObservation> views, const GeometryModel& prior,
                                  const GeometryCamera& camera, const GeometrySettings& settings,
-                                 const Eigen::Vector3d& phantom_centre_m, double bead_sigma_px)
+                                 const Eigen::Vector3d& phantom_centre_m, std::optional<double> bead_sigma_px)
     : used(views.size(), true),
       free(kModelNumbers, false),
       scatter{settings.pose_scatter_mm * 1e-3, degToRad(settings.pose_scatter_deg), settings.flex_std_mm * 1e-3,

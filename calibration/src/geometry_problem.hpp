@@ -27,8 +27,10 @@ struct PoseScatter {
 class GeometryProblem {
  public:
   /// @param prior  What is believed of the arm before.
+  /// @param bead_sigma_px  None: the views are registered poses.
   GeometryProblem(std::vector<ViewObservation> views, const GeometryModel& prior, const GeometryCamera& camera,
-                  const GeometrySettings& settings, const Eigen::Vector3d& phantom_centre_m, double bead_sigma_px);
+                  const GeometrySettings& settings, const Eigen::Vector3d& phantom_centre_m,
+                  std::optional<double> bead_sigma_px);
 
   const std::vector<ViewObservation>& views() const { return views_; }
 
@@ -46,19 +48,27 @@ class GeometryProblem {
   /// Places of the free numbers.
   std::vector<int> freePlaces() const;
 
-  /// A view's change by this model [px], and its derivatives by the model's numbers.
+  /// A view's change by this model, whitened by what was seen but not by scatter, and its derivatives by the model's
+  /// numbers.
   ViewChange residual(const ViewObservation& view, const GeometryModel& model,
                       Eigen::Matrix<double, kViewChanges, kModelNumbers>* J = nullptr) const;
 
-  /// Variance of that change: bead noise and scatter [px^2].
+  /// Variance of that change: noise and scatter.
   Eigen::Matrix<double, kViewChanges, kViewChanges> variance(const ViewObservation& view,
                                                              const PoseScatter& scatter) const;
 
   /// Square of a view's pose error over what is expected, per degree of freedom, as a standard deviation: about 1.
   double surprise(const ViewObservation& view, const GeometryModel& model) const;
 
-  /// Root mean square distance of beads from where the model sees them [px], over the used beads of the chosen views.
-  double rms_px(const GeometryModel& model, const std::vector<bool>& chosen) const;
+  /// Whether views are registered poses, not beads.
+  bool registered() const { return !bead_sigma_px_; }
+
+  /// How far the model has the phantom from where a view saw it: its middle [m] and its turn [rad], camera axes.
+  Twist miss(const ViewObservation& view, const GeometryModel& model) const;
+
+  /// Root mean square over the chosen views: distance of used beads from where the model sees them [px], or of the
+  /// object's middle when poses are registered [mm].
+  double residualRms(const GeometryModel& model, const std::vector<bool>& chosen) const;
 
   /// The scatter of greatest restricted likelihood at this model, looked for from the present one by factors of `reach`
   /// and less. Source: Patterson and Thompson, Recovery of
@@ -82,7 +92,7 @@ class GeometryProblem {
   GeometryModel prior_;
   GeometryCamera camera_;
   Eigen::Vector3d phantom_centre_m_;
-  double bead_sigma_px_;
+  std::optional<double> bead_sigma_px_;
   double view_loss_;
   Eigen::Matrix<double, kCArmPoseParameters, 1> arm_std_;
 };

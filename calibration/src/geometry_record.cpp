@@ -24,17 +24,17 @@ Eigen::VectorXd numbersOf(const CArmGeometry& carm) {
 
 void addViews(const GeometryProblem& problem, const GeometryModel& model, CalibrationRecord& record) {
   const auto& views = problem.views();
+  const std::vector<GeometryViewFit> fits = geometryFits(problem, model);
   std::vector<bool> held_out(views.size());
   for (std::size_t i = 0; i < views.size(); ++i) {
     held_out[i] = views[i].held_out;
-    std::vector<bool> only(views.size(), false);
-    only[i] = true;
-    record.views.push_back(
-        {views[i].name, views[i].beads, problem.rms_px(model, only), !views[i].held_out && !problem.used[i]});
+    record.views.push_back({views[i].name, std::max(views[i].beads, 1), fits[i].residual, fits[i].left_out});
   }
-  record.residual_unit = "px";
-  record.residual_rms = problem.rms_px(model, problem.used);
-  if (std::count(held_out.begin(), held_out.end(), true) > 0) record.held_out_rms = problem.rms_px(model, held_out);
+  record.residual_unit = problem.registered() ? "mm" : "px";
+  record.residual_rms = problem.residualRms(model, problem.used);
+  if (std::count(held_out.begin(), held_out.end(), true) > 0) {
+    record.held_out_rms = problem.residualRms(model, held_out);
+  }
 }
 
 }  // namespace
@@ -84,16 +84,29 @@ CalibrationRecord geometryRecord(const GeometryProblem& problem, const GeometryM
   return record;
 }
 
-std::vector<std::string> geometryDoubts(const GeometryProblem& problem, const std::vector<GeometryView>& views) {
+std::vector<GeometryViewFit> geometryFits(const GeometryProblem& problem, const GeometryModel& model) {
+  std::vector<GeometryViewFit> fits;
+  for (std::size_t i = 0; i < problem.views().size(); ++i) {
+    const ViewObservation& view = problem.views()[i];
+    std::vector<bool> only(problem.views().size(), false);
+    only[i] = true;
+    fits.push_back({view.name, view.joints, problem.residualRms(model, only), problem.miss(view, model), view.held_out,
+                    !view.held_out && !problem.used[i]});
+  }
+  return fits;
+}
+
+std::vector<std::string> geometryDoubts(const GeometryProblem& problem) {
   std::vector<std::string> doubts;
-  for (std::size_t i = 0; i < views.size(); ++i) {
+  for (std::size_t i = 0; i < problem.views().size(); ++i) {
     const ViewObservation& seen = problem.views()[i];
     if (!seen.held_out && !problem.used[i]) {
       doubts.push_back("view " + seen.name + " is left out: the others do not fit it");
     }
     if (!seen.far_beads.empty()) {
-      doubts.push_back(formatted("view %s: %zu of %zu beads lie elsewhere and are left out", seen.name.c_str(),
-                                 seen.far_beads.size(), views[i].beads.size()));
+      const std::size_t far = seen.far_beads.size();
+      doubts.push_back(formatted("view %s: %zu of %zu beads lie elsewhere and are left out", seen.name.c_str(), far,
+                                 far + static_cast<std::size_t>(seen.beads)));
     }
   }
   return doubts;

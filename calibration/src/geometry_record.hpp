@@ -8,7 +8,10 @@ namespace angio {
 /// Values, covariance, residuals and weak directions of a solved geometry.
 CalibrationRecord geometryRecord(const GeometryProblem& problem, const GeometryModel& model);
 
+/// Each view against the model.
+std::vector<GeometryViewFit> geometryFits(const GeometryProblem& problem, const GeometryModel& model);
+
 /// Views that were left out and beads that lie elsewhere, a line each.
-std::vector<std::string> geometryDoubts(const GeometryProblem& problem, const std::vector<GeometryView>& views);
+std::vector<std::string> geometryDoubts(const GeometryProblem& problem);
 
 }  // namespace angio

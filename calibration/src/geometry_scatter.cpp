@@ -50,7 +50,7 @@ ViewMatrix GeometryProblem::variance(const ViewObservation& view, const PoseScat
   Vector6d variances;
   variances << Eigen::Vector3d::Constant(s.translation_m * s.translation_m),
       Eigen::Vector3d::Constant(s.rotation_rad * s.rotation_rad);
-  ViewMatrix V = ViewMatrix::Identity() * (bead_sigma_px_ * bead_sigma_px_);
+  ViewMatrix V = ViewMatrix::Identity() * std::pow(bead_sigma_px_.value_or(1), 2);
   V.topLeftCorner<6, 6>() += by_scatter * variances.asDiagonal() * by_scatter.transpose();
   return V;
 }
@@ -62,15 +62,24 @@ double GeometryProblem::surprise(const ViewObservation& view, const GeometryMode
   return std::sqrt(r.head<6>().dot(V.llt().solve(r.head<6>())) / 6);
 }
 
-double GeometryProblem::rms_px(const GeometryModel& model, const std::vector<bool>& chosen) const {
+Twist GeometryProblem::miss(const ViewObservation& view, const GeometryModel& model) const {
+  const Pose predicted = model.carm.T_camera_patient(view.joints) * model.T_patient_phantom;
+  Twist miss;
+  miss << predicted * phantom_centre_m_ - view.T_camera_phantom * phantom_centre_m_,
+      logSO3(predicted.linear() * view.T_camera_phantom.linear().transpose());
+  return miss;
+}
+
+double GeometryProblem::residualRms(const GeometryModel& model, const std::vector<bool>& chosen) const {
   double sum = 0;
-  int beads = 0;
+  int counted = 0;
   for (std::size_t i = 0; i < views_.size(); ++i) {
     if (!chosen[i]) continue;
-    sum += residual(views_[i], model).squaredNorm() + views_[i].unexplained_px2;
-    beads += views_[i].beads;
+    sum += registered() ? 1e6 * miss(views_[i], model).head<3>().squaredNorm()
+                        : residual(views_[i], model).squaredNorm() + views_[i].unexplained_px2;
+    counted += registered() ? 1 : views_[i].beads;
   }
-  return beads == 0 ? 0 : std::sqrt(sum / beads);
+  return counted == 0 ? 0 : std::sqrt(sum / counted);
 }
 
 Eigen::MatrixXd GeometryProblem::information(const GeometryModel& model) const {

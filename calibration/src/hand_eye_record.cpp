@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include <cmath>
-
 #include "angio/calibration/hand_eye.hpp"
+#include "transform_numbers.hpp"
 
 namespace angio {
 
@@ -23,17 +22,16 @@ CalibrationRecord handEyeRecord(const PoseSet& set, const HandEyeSettings& setti
   transforms.emplace_back(Z, result.transforms.Z);
   const auto size = static_cast<Eigen::Index>(6 * transforms.size());
   record.values.resize(size);
-  Eigen::VectorXd units(size);
+  Eigen::VectorXd per_unit(size);
   for (std::size_t k = 0; k < transforms.size(); ++k) {
     const auto& [name, T] = transforms[k];
-    for (const char* axis : {"x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg"}) {
-      record.parameters.push_back(name + "_" + axis);
-    }
+    const std::vector<std::string> names = transformNumberNames(name);
+    record.parameters.insert(record.parameters.end(), names.begin(), names.end());
     const auto at = static_cast<Eigen::Index>(6 * k);
-    record.values.segment<6>(at) << 1e3 * T.translation(), radToDeg(1) * logSO3(T.linear());
-    units.segment<6>(at) << 1e3, 1e3, 1e3, radToDeg(1), radToDeg(1), radToDeg(1);
+    record.values.segment<6>(at) = transformNumbers(T);
+    per_unit.segment<6>(at) = transformNumberUnits().cwiseInverse();
   }
-  record.covariance = units.asDiagonal() * result.covariance * units.asDiagonal();
+  record.covariance = per_unit.asDiagonal() * result.covariance * per_unit.asDiagonal();
   const Observability seen = observability(record.parameters, record.covariance);
   record.condition = seen.condition;
   record.weak_directions = seen.weak_directions;

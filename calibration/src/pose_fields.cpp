@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "pose_fields.hpp"
-
-#include <Eigen/Eigenvalues>
+#include "angio/calibration/pose_fields.hpp"
 
 #include "angio/base/errors.hpp"
+#include "covariance_field.hpp"
 
 namespace angio {
 namespace {
@@ -12,7 +11,6 @@ using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using RowMajor6d = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 
 constexpr double kFarthest_mm = 100e3;
-constexpr double kRounded = 1e-6;  // Of the largest entry: what six digits leave.
 
 Eigen::Matrix3d readRotation(const YamlField& field) {
   const std::vector<double> entries = field.numbers(9);
@@ -29,13 +27,7 @@ Eigen::Matrix3d readRotation(const YamlField& field) {
 
 Matrix6d readCovariance(const YamlField& field) {
   const std::vector<double> entries = field.numbers(36);
-  const Matrix6d C = Eigen::Map<const RowMajor6d>(entries.data());
-  const double scale = C.diagonal().cwiseAbs().maxCoeff();
-  if (!((C - C.transpose()).cwiseAbs().maxCoeff() <= kRounded * scale)) field.refuse("must be symmetric");
-  const Matrix6d symmetric = 0.5 * (C + C.transpose());
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(symmetric, Eigen::EigenvaluesOnly);
-  if (!(solver.eigenvalues().minCoeff() > 0)) field.refuse("must be positive definite");
-  return symmetric;
+  return requireCovariance(field, Eigen::Map<const RowMajor6d>(entries.data()), Definiteness::kPositive);
 }
 
 }  // namespace
@@ -81,8 +73,11 @@ nlohmann::ordered_json matrixAsJson(const Eigen::Ref<const Eigen::MatrixXd>& M) 
   return list;
 }
 
-nlohmann::ordered_json poseAsJson(const Pose& T) {
-  return {{"rotation", matrixAsJson(T.linear())}, {"translation_mm", matrixAsJson(1e3 * T.translation())}};
+nlohmann::ordered_json poseAsJson(const Pose& T, const std::optional<Matrix6d>& covariance) {
+  nlohmann::ordered_json json = {{"rotation", matrixAsJson(T.linear())},
+                                 {"translation_mm", matrixAsJson(1e3 * T.translation())}};
+  if (covariance) json["covariance"] = matrixAsJson(*covariance);
+  return json;
 }
 
 }  // namespace angio

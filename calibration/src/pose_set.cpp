@@ -6,10 +6,10 @@
 #include <set>
 
 #include "angio/base/errors.hpp"
+#include "angio/calibration/pose_fields.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/table.hpp"
 #include "angio/io/yaml.hpp"
-#include "pose_fields.hpp"
 
 namespace angio {
 namespace {

@@ -2,11 +2,11 @@
 #include <filesystem>
 
 #include "angio/base/formatted.hpp"
+#include "angio/calibration/pose_fields.hpp"
 #include "angio/calibration/pose_set.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "pose_fields.hpp"
 
 namespace angio {
 namespace {
@@ -54,8 +54,7 @@ void writePoseSet(const std::string& path, const PoseSet& set) {
       entry["points"] = "points_" + pose.name + ".csv";
       writeWholeFile((folder / entry["points"].get<std::string>()).string(), tableOf(pose));
     } else {
-      entry["T_camera_object"] = poseAsJson(pose.T_camera_object);
-      if (pose.covariance) entry["T_camera_object"]["covariance"] = matrixAsJson(*pose.covariance);
+      entry["T_camera_object"] = poseAsJson(pose.T_camera_object, pose.covariance);
     }
     file["poses"].push_back(entry);
   }

@@ -3,7 +3,6 @@
 
 #include <openssl/evp.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -14,6 +13,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/io/whole_file.hpp"
+#include "covariance_field.hpp"
 
 namespace angio {
 namespace {
@@ -66,15 +66,7 @@ Eigen::MatrixXd readCovariance(const YamlField& field, std::size_t size) {
     const std::vector<double> row = field.item(r).numbers(size);
     covariance.row(static_cast<Eigen::Index>(r)) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), row.size());
   }
-  if (size == 0) return covariance;
-  // In units of each parameter's own deviation, so that a small one counts as much as a large one.
-  if (!(covariance.diagonal().array() >= 0).all()) field.refuse("must be positive semidefinite");
-  const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().unaryExpr([](double s) { return s > 0 ? 1 / s : 1; });
-  const Eigen::MatrixXd scaled = scale.asDiagonal() * covariance * scale.asDiagonal();
-  if (!((scaled - scaled.transpose()).cwiseAbs().maxCoeff() <= 1e-6)) field.refuse("must be symmetric");
-  const Eigen::MatrixXd lifted = scaled + 1e-6 * Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols());  // Rounding.
-  if (lifted.llt().info() != Eigen::Success) field.refuse("must be positive semidefinite");
-  return 0.5 * (covariance + covariance.transpose());
+  return requireCovariance(field, covariance, Definiteness::kSemi);
 }
 
 CalibrationInput readInput(const YamlField& field) {

@@ -142,7 +142,7 @@ std::vector<GeometryTrial> geometryStudy(const CArmCalibration& nominal, const C
         "study", phantom, camera, geometryViews(simulatedGeometryViews(machine, phantom, s), s.bead_noise_px, draws));
     GeometryTrial& trial = study.emplace_back();
     trial.rms_px = found.record.residual_rms;
-    trial.rms_rigid_px = found.rms_without_flex_px;
+    trial.rms_rigid_px = found.rms_without_flex;
     std::vector<std::string> names;
     std::vector<double> truth;
     const auto numbers = carm.poseParameters();

@@ -5,8 +5,8 @@
 #include <map>
 
 #include "angio/base/errors.hpp"
+#include "angio/calibration/pose_fields.hpp"
 #include "angio/io/yaml.hpp"
-#include "pose_fields.hpp"
 
 namespace angio {
 namespace {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "geometry_numbers.hpp"
+#include "transform_numbers.hpp"
 
 namespace angio {
 namespace {
@@ -23,12 +24,11 @@ std::optional<Matrix6d> modelCovariance(const CArmCalibration& calibration) {
     if (!record) continue;
     for (const char* name : {"T_dsa_cb", "T_base_object"}) {
       std::vector<int> places;
-      for (const char* axis : {"_x_mm", "_y_mm", "_z_mm", "_turn_x_deg", "_turn_y_deg", "_turn_z_deg"}) {
-        if (const auto at = record->placeOf(std::string(name) + axis)) places.push_back(static_cast<int>(*at));
+      for (const std::string& number : transformNumberNames(name)) {
+        if (const auto at = record->placeOf(number)) places.push_back(static_cast<int>(*at));
       }
       if (places.size() != 6) continue;
-      Vector6d units;
-      units << Eigen::Vector3d::Constant(1e-3), Eigen::Vector3d::Constant(degToRad(1));
+      const Vector6d units = transformNumberUnits();
       return Matrix6d(units.asDiagonal() * record->covariance(places, places) * units.asDiagonal());
     }
   }

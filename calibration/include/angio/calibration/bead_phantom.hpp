@@ -43,9 +43,13 @@ constexpr int kMostHelixBeads = 108;  ///< As long as the code.
 
 /// A helix of small and large beads in a coded order, as C-arm phantoms have it: every run of 8 along the helix occurs
 /// once, and in neither direction twice.
+///
+/// The usual one nearly fills what a detector of 260 mm sees at the isocentre, 190 mm: focal length and depth are told
+/// apart by how much more the front of the phantom is enlarged than its back, by the product of its depth and its size
+/// in the image.
 struct HelixPhantomSettings {
-  double radius_mm = 45;
-  double height_mm = 130;
+  double radius_mm = 85;
+  double height_mm = 150;
   double turns = 4;
   int beads = kMostHelixBeads;
   double small_diameter_mm = 1.6;

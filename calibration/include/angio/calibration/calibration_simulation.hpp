@@ -25,7 +25,7 @@ struct CalibrationSimulationSettings {
   int camera_views = 20;
   int geometry_views = 48;
   int hand_eye_poses = 15;
-  int held_out_every = 6;            ///< Of camera and geometry views; 0: none.
+  int held_out_every = 7;            ///< Of camera and geometry views; 0: none. Not by 2 or 3, which place the angles.
   double bead_noise_px = 0.1;        ///< Of a bead's place in a table, each axis.
   double missing_beads = 0.03;       ///< Share that is not in an image or table.
   double encoder_noise_deg = 0.005;  ///< Of the angles that a view's file says.

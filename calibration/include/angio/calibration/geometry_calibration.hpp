@@ -7,6 +7,7 @@
 
 #include "angio/base/settings.hpp"
 #include "angio/calibration/bead_phantom.hpp"
+#include "angio/calibration/pose_set.hpp"
 #include "angio/calibration/record.hpp"
 #include "angio/geometry/carm.hpp"
 
@@ -66,15 +67,27 @@ struct GeometrySettings {
   }
 };
 
-/// A C-arm's geometry from views of a phantom that lies on its table.
+/// One view against the calibrated arm.
+struct GeometryViewFit {
+  std::string name;
+  CArmJoints joints = CArmJoints::Zero();  ///< By the encoders [rad, m].
+  double residual = 0;                     ///< In the record's residual_unit.
+  Twist miss = Twist::Zero();  ///< Where the arm has the phantom's middle less where it was seen [m], and its turn
+                               ///< [rad], camera axes.
+  bool held_out = false;
+  bool left_out = false;  ///< It does not agree with the others.
+};
+
+/// A C-arm's geometry from views of what lies on its table: a phantom, or a patient.
 struct GeometryCalibration {
   CArmGeometry carm;
   Pose T_patient_phantom = Pose::Identity();        ///< Where it lay, table at zero.
   CalibrationRecord record;                         ///< Kind "geometry"; machine, date and inputs are the caller's.
+  std::vector<GeometryViewFit> views;               ///< In the order they were given.
   std::vector<std::string> kept;                    ///< What the views cannot tell and stays as it was, in words.
-  double bead_sigma_px = 0;                         ///< Measured: of a bead about its own view's best pose.
+  std::optional<double> bead_sigma_px;              ///< Measured: of a bead about its own view's best pose.
   double pose_scatter_m = 0, pose_scatter_rad = 0;  ///< What joints do not explain of a view's pose, each axis.
-  double rms_without_flex_px = 0;                   ///< Residual over all used views of the rigid arm alone.
+  double rms_without_flex = 0;                      ///< Residual over all used views of the rigid arm alone.
   std::vector<std::string> doubts;  ///< What a user should know: views left out, beads that lie elsewhere.
 };
 
@@ -94,6 +107,16 @@ struct GeometryCalibration {
 /// another C-arm (which are named). What the positions cannot tell is kept and listed in `kept`.
 GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhantom& phantom,
                                       const GeometryCamera& camera, const std::vector<GeometryView>& views,
+                                      const GeometrySettings& settings = {});
+
+/// The same from registered views: poses of one model, the patient's or a phantom's, with the angles they were taken
+/// at. They enter by their covariances (the set's camera_sigma where there is none, or their own scatter where neither
+/// is given); its record's residuals are those of the model's middle [mm], and held out ones those of each sixth of the
+/// views by the other five. What poses cannot tell, the camera and its source-detector distance, is kept from `camera`,
+/// and listed. T_base_hand is not used.
+///
+/// Throws InputError, named by the set's file: a pose without angles, what checkPoseSet refuses, and as above.
+GeometryCalibration calibrateGeometry(const PoseSet& set, const GeometryCamera& camera,
                                       const GeometrySettings& settings = {});
 
 }  // namespace angio

@@ -18,8 +18,8 @@ Pose readPoseField(const std::string& path, const YamlField& field, std::optiona
 /// value and rule.
 CArmJoints readJoints(YamlMap& map);
 
-/// A pose as it stands in a file: {rotation, translation_mm}.
-nlohmann::ordered_json poseAsJson(const Pose& T);
+/// A pose as it stands in a file: {rotation, translation_mm}, and covariance where there is one.
+nlohmann::ordered_json poseAsJson(const Pose& T, const std::optional<Matrix6d>& covariance = std::nullopt);
 
 /// A matrix as a flat list of numbers, row by row.
 nlohmann::ordered_json matrixAsJson(const Eigen::Ref<const Eigen::MatrixXd>& M);

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "camera_gates.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+namespace {
+
+constexpr std::size_t kFewestBeads = 8, kFewestMarks = 5;
+constexpr double kSame_px = 2;  // Root mean square: nobody moves a phantom so little on purpose.
+
+// Whether two views show their common beads in one place.
+bool sameView(const BeadView& a, const BeadView& b) {
+  std::map<int, Eigen::Vector2d> places;
+  for (const SeenBead& seen : a.beads) places[seen.bead] = seen.centre_px;
+  double squares = 0;
+  int common = 0;
+  for (const SeenBead& seen : b.beads) {
+    const auto place = places.find(seen.bead);
+    if (place == places.end()) continue;
+    squares += (place->second - seen.centre_px).squaredNorm();
+    ++common;
+  }
+  return common > 0 && std::sqrt(squares / common) < kSame_px;
+}
+
+// Copies average noise and hide everything else.
+void requireDifferentViews(const std::vector<BeadView>& views) {
+  std::vector<const BeadView*> used;
+  for (const BeadView& view : views) {
+    if (!view.held_out) used.push_back(&view);
+  }
+  if (used.size() < 2) return;
+  if (!std::all_of(used.begin() + 1, used.end(), [&](const BeadView* view) { return sameView(*used[0], *view); })) {
+    return;
+  }
+  throw InputError("views", "beads", std::to_string(used.size()) + " views that show them in one place",
+                   "must show the phantom from different sides: all are copies of " + used[0]->name);
+}
+
+}  // namespace
+
+void checkViews(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
+                const CameraCalibrationSettings& settings) {
+  checkSettings("camera calibration", settings);
+  const bool flat = phantom.isPlanar();
+  const std::size_t fewest_beads = flat ? kFewestMarks : kFewestBeads, fewest_views = flat ? 3 : 1;
+  std::size_t used = 0;
+  for (const BeadView& view : views) {
+    used += !view.held_out;
+    std::set<int> named;
+    for (const SeenBead& seen : view.beads) {
+      const std::string number = std::to_string(seen.bead);
+      if (seen.bead < 0 || seen.bead >= static_cast<int>(phantom.beads.size())) {
+        throw InputError(view.name, "bead", number,
+                         "must be 0 to " + std::to_string(phantom.beads.size() - 1) + ": the phantom has no other");
+      }
+      if (!named.insert(seen.bead).second) throw InputError(view.name, "bead", number, "must not be named twice");
+      const Eigen::Vector2d& px = seen.centre_px;
+      if (!(px.x() >= -0.5 && px.y() >= -0.5 && px.x() <= detector.width_px - 0.5 &&
+            px.y() <= detector.height_px - 0.5)) {
+        throw InputError(view.name + ": bead " + number, "x_px, y_px", shown(px.x()) + ", " + shown(px.y()),
+                         "must lie on the detector, " + std::to_string(detector.width_px) + " x " +
+                             std::to_string(detector.height_px) + " px");
+      }
+      requirePositive(view.name + ": bead " + number, "sigma_px", seen.sigma_px);
+    }
+    if (view.beads.size() < fewest_beads) {
+      throw InputError(view.name, "beads", std::to_string(view.beads.size()),
+                       "must be at least " + std::to_string(fewest_beads));
+    }
+  }
+  if (used < fewest_views) {
+    throw InputError("views", "count", std::to_string(used),
+                     "must be at least " + std::to_string(fewest_views) + " that are not held out" +
+                         (flat ? ", of a flat phantom" : ""));
+  }
+  requireDifferentViews(views);
+}
+
+}  // namespace angio
