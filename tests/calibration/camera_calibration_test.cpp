@@ -196,6 +196,15 @@ TEST_F(CameraRefusal, MirroredViews) {
   expect("mirrored against the phantom", phantom_);
 }
 
+TEST_F(CameraRefusal, OneViewOverAndOver) {
+  const BeadView first = views_[0];
+  for (BeadView& view : views_) {
+    view.beads = first.beads;
+    for (SeenBead& seen : view.beads) seen.centre_px += 0.1 * random_.vector(1).head<2>();
+  }
+  expect("6 views that show them in one place", phantom_);
+}
+
 TEST_F(CameraRefusal, MirroredPhantom) {
   for (Bead& bead : phantom_.beads) bead.position_m.y() *= -1;
   expect("mirrored against the phantom", phantom_);
