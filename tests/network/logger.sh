@@ -27,7 +27,7 @@ wait "$servo"
 kill -INT "$logger"
 wait "$logger" || true
 cat "$folder/servo.out"
-# A log is of a whole session, or a loop cannot be compared with it: it must hold the first command.
+# A log is of a whole run, or a loop cannot be compared with it: it must hold the first command.
 "$programs/angio-replay" "$folder/run.lcm" --tree "$data/tree.csv" --calibration "$data/carm.yaml" --compare \
   --out "$folder/commands.csv"
 [ "$(wc -l <"$folder/commands.csv")" -gt 3 ]
