@@ -3,7 +3,6 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "angio/motion/motion_predictor.hpp"
@@ -100,22 +99,19 @@ std::optional<CArmJoints> CentreTask::velocity(const CArmState& then, const Matr
   const Eigen::Vector2d singular = by_table.jacobiSvd().singularValues();
   if (!(singular[1] > kLeastShare * singular[0])) return std::nullopt;
   const Eigen::Matrix<double, 3, 2> inverse = by_table.transpose() * (by_table * by_table.transpose()).inverse();
-  std::array<std::vector<PathPoint>, 3> paths;
-  for (int k = 1; k <= settings_.periods_ahead; ++k) {
+  JointPaths paths;
+  for (int k = 1; k <= settings_.plan.periods_ahead; ++k) {
     const auto point = expected(arrival_s + k * period_s);
     if (!point || (point->beyond_horizon && k > 1)) break;
-    const Eigen::Vector3d place = -inverse * (across * (T_camera_patient * point->position));
+    CArmJoints places = CArmJoints::Zero();
+    places.tail<3>() = -inverse * (across * (T_camera_patient * point->position));
     // What is less sure matters less.
     const double variance = 0.5 * (by_patient * point->covariance * by_patient.transpose()).trace();
-    for (std::size_t i = 0; i < 3; ++i) {
-      paths[i].push_back({place[static_cast<Eigen::Index>(i)], 1 / (1 + variance / (kSure_m * kSure_m))});
-    }
+    paths.add(places, 1 / (1 + variance / (kSure_m * kSure_m)));
   }
-  CArmJoints result = CArmJoints::Zero();
-  for (int i = 2; i < kCArmJointCount; ++i) {
-    result[i] = followingVelocity(paths[static_cast<std::size_t>(i - 2)], then.velocity[i], period_s,
-                                  settings_.acceleration_share * limits_.acceleration[i] * period_s, settings_.effort);
-  }
+  CArmJoints result =
+      followingVelocity(paths, {then.velocity, in_flight_.lastChange()}, limits_, settings_.plan, period_s);
+  result.head<2>().setZero();  // By the table alone: angles that still turn come to rest.
   if (!result.allFinite()) return std::nullopt;
   return result;
 }

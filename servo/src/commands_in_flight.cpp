@@ -24,6 +24,8 @@ CArmState CommandsInFlight::atArrival(const TaskInput& input) {
   const double now_s = 1e-6 * static_cast<double>(input.time_us), from_s = now_s;
   if (interrupted_) commands_.push_back({last_frame_s_ + 1e-6, CArmJoints::Zero()});
   interrupted_ = false;
+  last_change_ = input.last_velocity - last_velocity_;
+  last_velocity_ = input.last_velocity;
   // A clock that was set back leaves commands of a time to come.
   while (!commands_.empty() && commands_.back().frame_time_s >= now_s) commands_.pop_back();
   commands_.push_back({now_s - input.period_s, input.last_velocity});

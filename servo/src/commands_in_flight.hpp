@@ -19,8 +19,14 @@ class CommandsInFlight {
   /// acceleration.
   CArmState atArrival(const TaskInput& input);
 
+  /// How the last command's velocity differed from the one before it; zero after a hold.
+  const CArmJoints& lastChange() const { return last_change_; }
+
   /// A frame was answered by a hold.
-  void interrupt() { interrupted_ = true; }
+  void interrupt() {
+    interrupted_ = true;
+    last_velocity_.setZero();
+  }
 
  private:
   struct Command {
@@ -29,6 +35,7 @@ class CommandsInFlight {
   };
   CArmLimits limits_;
   std::deque<Command> commands_;  // Oldest first.
+  CArmJoints last_velocity_ = CArmJoints::Zero(), last_change_ = CArmJoints::Zero();
   double last_frame_s_ = 0;
   bool interrupted_ = false;
 };

@@ -3,45 +3,148 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 
 namespace angio {
 namespace {
 
-constexpr int kMostPoints = 16;
-constexpr int kSweeps = 60;  // Of eight unknowns: to a thousandth of a period's way.
+constexpr int kMostPoints = JointPaths::kMostPoints;
+constexpr int kMostSweeps = 30;
+constexpr double kSettled = 1e-3;  // Of the largest change: what a sweep that moves less is not worth.
+
+using Changes = Eigen::Matrix<double, kMostPoints, 1>;
+using Hessian = Eigen::Matrix<double, kMostPoints, kMostPoints>;
+
+// How one joint moves, and what it can: changes are of its velocity from one period to the next.
+struct JointMotion {
+  double velocity;     // Now.
+  double last_change;  // How it came about.
+  double most_change;  // Acceleration times period.
+  double most_bend;    // Between one change and the next: jerk times the period's square.
+};
+
+// The changes of velocity c_1 ... c_n of a plan, all within their bounds from the first one on.
+class Plan {
+ public:
+  Plan(const JointPaths& paths, int which, const JointMotion& joint, double period_s, double effort)
+      : n_(paths.size()), joint_(joint) {
+    joint_.last_change = std::clamp(joint.last_change, -joint.most_change, joint.most_change);
+    // place_k = period (k v + sum over i <= k of (k - i + 1) c_i).
+    H_.setZero();
+    left_.setZero();
+    for (int i = 0; i < n_; ++i) {
+      H_(i, i) = effort;
+      for (int k = i; k < n_; ++k) {
+        const double share = paths.weight(k) * (k - i + 1);
+        left_[i] += share * (paths.place(which, k) / period_s - (k + 1) * joint.velocity);
+        for (int j = 0; j <= k; ++j) H_(i, j) += share * (k - j + 1);
+      }
+    }
+    along_.setZero();
+    for (int i = 0; i < n_; ++i) along_.col(i) = H_.middleCols(i, n_ - i).rowwise().sum();
+    changes_.setZero();
+    // What changed goes out as fast as it may.
+    Changes out = Changes::Zero();
+    double change = joint_.last_change;
+    for (int i = 0; i < n_; ++i) {
+      change -= std::clamp(change, -joint_.most_bend, joint_.most_bend);
+      out[i] = change;
+    }
+    changes_ = out;
+    left_ -= H_ * out;
+  }
+
+  double first() {
+    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+      double moved = 0;
+      for (int i = 0; i < n_; ++i) moved = std::max({moved, bendFrom(i), changeOne(i)});
+      if (moved <= kSettled * joint_.most_change) break;
+    }
+    return changes_[0];
+  }
+
+ private:
+  double before(int i) const { return i > 0 ? changes_[i - 1] : joint_.last_change; }
+
+  // One change alone.
+  double changeOne(int i) {
+    double low = std::max(-joint_.most_change, before(i) - joint_.most_bend);
+    double high = std::min(joint_.most_change, before(i) + joint_.most_bend);
+    if (i + 1 < n_) {
+      low = std::max(low, changes_[i + 1] - joint_.most_bend);
+      high = std::min(high, changes_[i + 1] + joint_.most_bend);
+    }
+    const double step = stepWithin(left_[i], H_(i, i), low - changes_[i], high - changes_[i]);
+    changes_[i] += step;
+    left_ -= step * H_.col(i);
+    return std::abs(step);
+  }
+
+  // All changes from one on, by as much.
+  double bendFrom(int i) {
+    const double bend = changes_[i] - before(i);
+    double low = -joint_.most_bend - bend, high = joint_.most_bend - bend, gain = 0, cost = 0;
+    for (int k = i; k < n_; ++k) {
+      low = std::max(low, -joint_.most_change - changes_[k]);
+      high = std::min(high, joint_.most_change - changes_[k]);
+      gain += left_[k];
+      cost += along_(k, i);
+    }
+    const double step = stepWithin(gain, cost, low, high);
+    for (int k = i; k < n_; ++k) changes_[k] += step;
+    left_ -= step * along_.col(i);
+    return std::abs(step);
+  }
+
+  // Rounding may leave bounds that cross: then there is no room.
+  static double stepWithin(double gain, double cost, double low, double high) {
+    if (!(low <= high) || !(cost > 0)) return 0;
+    return std::clamp(gain / cost, low, high);
+  }
+
+  int n_;
+  JointMotion joint_;
+  Hessian H_, along_;  // along_.col(i) = the sum of H's columns from i on.
+  Changes changes_;
+  Changes left_;  // g - H c: the descent that is left.
+};
+
+// The highest speed from which a joint that comes closer by `left` a period at most stands there: v delay + v^2 / 2a =
+// left, with half the time that the acceleration takes to come, and a period, for the delay. All in ways of a period.
+double brakable(double left, const JointMotion& joint) {
+  const double a = joint.most_change, delay = 0.5 * a / joint.most_bend + 1;
+  return std::sqrt(a * a * delay * delay + 2 * a * left) - a * delay;
+}
+
+double followingVelocity(const JointPaths& paths, int which, const JointMotion& joint, double period_s, double effort) {
+  const double velocity = joint.velocity + Plan(paths, which, joint, period_s, effort).first();
+  const double along = paths.size() > 1 ? (paths.place(which, 1) - paths.place(which, 0)) / period_s : 0;
+  const double left = paths.place(which, 0) - along * period_s, nearing = velocity - along;
+  // What a joint at rest gets to, and stands there, within the horizon is the plan's.
+  const double near = joint.most_change * paths.size() * paths.size() / 8;
+  if (!(nearing * left > 0) || !(std::abs(left) > near * period_s)) return velocity;
+  return along + std::copysign(std::min(std::abs(nearing), brakable(std::abs(left) / period_s, joint)), left);
+}
 
 }  // namespace
 
-double followingVelocity(const std::vector<PathPoint>& path, double velocity, double period_s, double most_change,
-                         double effort) {
-  const int n = std::min(static_cast<int>(path.size()), kMostPoints);
-  if (n == 0) return 0;
-  // Of the changes c_i at the begin of each period: place_k = period (k v + sum over i <= k of (k - i + 1) c_i).
-  Eigen::Matrix<double, kMostPoints, kMostPoints> H;
-  Eigen::Matrix<double, kMostPoints, 1> g, change;
-  change.setZero();
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) {
-      H(i, j) = i == j ? effort : 0;
-      for (int k = std::max(i, j); k < n; ++k)
-        H(i, j) += path[static_cast<std::size_t>(k)].weight * (k - i + 1) * (k - j + 1);
-    }
-    g[i] = 0;
-    for (int k = i; k < n; ++k) {
-      const PathPoint& point = path[static_cast<std::size_t>(k)];
-      g[i] += point.weight * (k - i + 1) * (point.place / period_s - (k + 1) * velocity);
-    }
+void JointPaths::add(const CArmJoints& places, double weight) {
+  if (size_ == kMostPoints) return;
+  places_[static_cast<std::size_t>(size_)] = places;
+  weights_[static_cast<std::size_t>(size_++)] = weight;
+}
+
+CArmJoints followingVelocity(const JointPaths& paths, const JointsMotion& motion, const CArmLimits& limits,
+                             const PathPlanSettings& settings, double period_s) {
+  CArmJoints result = CArmJoints::Zero();
+  if (paths.size() == 0) return result;
+  const double change = settings.acceleration_share * period_s, bend = change * period_s;
+  for (int i = 0; i < kCArmJointCount; ++i) {
+    const JointMotion joint{motion.velocity[i], motion.last_change[i], change * limits.acceleration[i],
+                            bend * limits.jerk[i]};
+    result[i] = followingVelocity(paths, i, joint, period_s, settings.effort);
   }
-  for (int sweep = 0; sweep < kSweeps; ++sweep) {
-    for (int i = 0; i < n; ++i) {
-      double left = g[i];
-      for (int j = 0; j < n; ++j) {
-        if (j != i) left -= H(i, j) * change[j];
-      }
-      change[i] = H(i, i) > 0 ? std::clamp(left / H(i, i), -most_change, most_change) : 0;
-    }
-  }
-  return velocity + change[0];
+  return result;
 }
 
 }  // namespace angio

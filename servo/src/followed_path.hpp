@@ -1,23 +1,46 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <vector>
+#include <array>
+
+#include "angio/geometry/carm_limits.hpp"
+#include "angio/servo/path_plan_settings.hpp"
 
 namespace angio {
 
-/// Where a joint should be after one more period of commands, and how much that matters.
-struct PathPoint {
-  double place;  ///< From where the joint is now [m or rad].
-  double weight;
+/// Where joints should be after each of the next periods.
+class JointPaths {
+ public:
+  static constexpr int kMostPoints = 16;
+
+  /// @param places  After one more period, from where the joints are now [rad, m].
+  /// @param weight  How much that matters.
+  void add(const CArmJoints& places, double weight);
+
+  int size() const { return size_; }
+  double place(int joint, int k) const { return places_[static_cast<std::size_t>(k)][joint]; }
+  double weight(int k) const { return weights_[static_cast<std::size_t>(k)]; }
+
+ private:
+  std::array<CArmJoints, kMostPoints> places_;
+  std::array<double, kMostPoints> weights_;
+  int size_ = 0;
 };
 
-/// The velocity of a joint over the next period with which it follows a path best over all its points, changing its
-/// velocity by no more than `most_change` a period: what it can not follow it goes through the middle of, and a far
-/// point it comes to rest at. Box-constrained least squares by coordinate descent, the first step of a receding
-/// horizon.
+/// How joints move now [rad/s, m/s].
+struct JointsMotion {
+  CArmJoints velocity;
+  CArmJoints last_change;  ///< Of the velocity from the last period to this one.
+};
+
+/// The joints' velocities over the next period with which they follow their paths best over all their points, within
+/// acceleration and jerk: what they can not follow they go through the middle of, and a far point they come to rest at.
+/// Each joint by itself; zero without points.
 ///
-/// @param effort  Weight of squared changes, as the ways they make in a period, against squared distances.
-double followingVelocity(const std::vector<PathPoint>& path, double velocity, double period_s, double most_change,
-                         double effort);
+/// Constrained least squares by descent along single changes of velocity and along all changes from one on, the first
+/// step of a receding horizon. A sum of squares would shoot over what lies further off than its horizon: a joint comes
+/// in no faster, against the path's own speed, than it can brake.
+CArmJoints followingVelocity(const JointPaths& paths, const JointsMotion& motion, const CArmLimits& limits,
+                             const PathPlanSettings& settings, double period_s);
 
 }  // namespace angio

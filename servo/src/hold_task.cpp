@@ -5,15 +5,17 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "angio/geometry/visp.hpp"
 #include "angio/motion/motion_predictor.hpp"
 #include "commands_in_flight.hpp"
+#include "followed_path.hpp"
 
 namespace angio {
 namespace {
 
 // A rotation is predicted as the way of a point so far from its axis: the predictor's settings are lengths.
 constexpr double kLever_m = 0.1;
+// A place whose standard deviation is less than this counts almost fully.
+constexpr double kSure_m = 0.5e-3;
 // Below this the arm's two angles turn it about one axis.
 constexpr double kLeastReciprocalCondition = 1e-4;
 
@@ -27,7 +29,7 @@ class HoldTask final : public Task {
       : settings_(settings),
         carm_(context.carm),
         target_(context.target_model),
-        law_(makeServoLaw(context.law, {&context.tree, context.target_model})),
+        limits_(context.limits),
         place_(settings.motion),
         rotation_(settings.motion),
         in_flight_(context.limits) {}
@@ -43,15 +45,16 @@ class HoldTask final : public Task {
   struct Expected {
     Pose T_patient_model;
     double place_std_m, rotation_std_rad;
+    bool beyond_horizon;
   };
   std::optional<std::string> take(const TaskInput& input, double time_s);
   std::optional<Expected> expected(double time_s) const;
-  std::optional<CArmJoints> along(const Pose& now, const Pose& then, double dt_s, const CArmJoints& joints) const;
+  class Keeping;
 
   HoldTaskSettings settings_;
   CArmGeometry carm_;
   Eigen::Vector3d target_;
-  std::unique_ptr<ServoLaw> law_;
+  CArmLimits limits_;
   MotionPredictor place_, rotation_;
   CommandsInFlight in_flight_;
   std::optional<std::int64_t> first_us_;
@@ -87,30 +90,40 @@ std::optional<HoldTask::Expected> HoldTask::expected(double time_s) const {
   };
   const auto place = at(place_), rotation = at(rotation_);
   if (!place || !rotation) return std::nullopt;
-  Expected result{Pose::Identity(), worstStd(place->covariance), worstStd(rotation->covariance) / kLever_m};
+  Expected result{Pose::Identity(), worstStd(place->covariance), worstStd(rotation->covariance) / kLever_m,
+                  place->beyond_horizon || rotation->beyond_horizon};
   result.T_patient_model.linear() = expSO3(rotation->position / kLever_m) * first_R_patient_model_;
   result.T_patient_model.translation() = place->position - result.T_patient_model.linear() * target_;
   return result;
 }
 
-// Joint velocities with which the camera goes along with the model: the target keeps its place in the camera, and the
-// beam its direction.
-std::optional<CArmJoints> HoldTask::along(const Pose& now, const Pose& then, double dt_s,
-                                          const CArmJoints& joints) const {
-  const Pose T_camera_patient = carm_.T_camera_patient(joints);
-  const Eigen::Vector3d target = T_camera_patient * (now * target_);
-  const Eigen::Vector3d v = T_camera_patient.linear() * (then * target_ - now * target_) / dt_s;
-  const Eigen::Vector3d w = T_camera_patient.linear() * logSO3(then.linear() * now.linear().transpose()) / dt_s;
-  const auto J = carm_.eJe(joints);
-  Eigen::Matrix<double, 5, 5> A;
-  A.topRows<3>() = J.topRows<3>() - skew(target) * J.bottomRows<3>();
-  A.bottomRows<2>() = J.middleRows<2>(3);
-  Eigen::Matrix<double, 5, 1> b;
-  b << v, w.head<2>();
-  const Eigen::FullPivLU<Eigen::Matrix<double, 5, 5>> solver(A);
-  if (!(solver.rcond() > kLeastReciprocalCondition)) return std::nullopt;
-  return CArmJoints(solver.solve(b));
-}
+// The joints' ways, from `joints`, by which the target comes to its place in the camera and the beam to its direction
+// when the patient is as expected: for small ways, which are all that a breath asks for.
+class HoldTask::Keeping {
+ public:
+  Keeping(const CArmGeometry& carm, const CArmJoints& joints, const Pose& desired, const Eigen::Vector3d& target_model)
+      : T_camera_patient_(carm.T_camera_patient(joints)), desired_(desired), target_(target_model) {
+    const auto J = carm.eJe(joints);
+    Eigen::Matrix<double, 5, 5> A;
+    A.topRows<3>() = J.topRows<3>() - skew(desired_ * target_) * J.bottomRows<3>();
+    A.bottomRows<2>() = J.middleRows<2>(3);
+    solver_.compute(A);
+  }
+
+  bool possible() const { return solver_.rcond() > kLeastReciprocalCondition; }
+
+  CArmJoints ways(const Pose& T_patient_model) const {
+    const Pose cMo = T_camera_patient_ * T_patient_model;
+    Eigen::Matrix<double, 5, 1> b;
+    b << cMo * target_ - desired_ * target_, logSO3(cMo.linear() * desired_.linear().transpose()).head<2>();
+    return solver_.solve(b);
+  }
+
+ private:
+  Pose T_camera_patient_, desired_;
+  Eigen::Vector3d target_;
+  Eigen::FullPivLU<Eigen::Matrix<double, 5, 5>> solver_;
+};
 
 TaskAnswer HoldTask::answer(const TaskInput& input) {
   TaskAnswer answer;
@@ -126,18 +139,24 @@ TaskAnswer HoldTask::answer(const TaskInput& input) {
   answer.view_error = viewError(input.T_camera_model, *desired_, target_);
 
   const double arrival_s = time_s + input.latency_s;
-  const auto at_arrival = expected(arrival_s), at_end = expected(arrival_s + input.period_s);
-  if (!at_arrival || !at_end || !(input.period_s > 0)) return hold("the patient's motion is not known");
+  const auto at_arrival = expected(arrival_s);
+  if (!at_arrival || !(input.period_s > 0)) return hold("the patient's motion is not known");
   if (!(1e3 * at_arrival->place_std_m <= settings_.most_std_mm) ||
       !(radToDeg(at_arrival->rotation_std_rad) <= settings_.most_std_deg)) {
     return hold("the patient's motion is too unsure");
   }
-  const Pose cMo = carm_.T_camera_patient(then.joints) * at_arrival->T_patient_model;
-  const auto back = law_->velocity({toVisp(cMo), toVisp(*desired_), toVisp(carm_.eJe(then.joints)), &input.camera});
-  const auto feed_forward = along(at_arrival->T_patient_model, at_end->T_patient_model, input.period_s, then.joints);
-  if (!back || !feed_forward) return hold("the control law is singular");
-  const CArmJoints wanted = *back + *feed_forward;
-  if (!wanted.allFinite()) return hold("the control law is singular");
+  const Keeping keeping(carm_, then.joints, *desired_, target_);
+  if (!keeping.possible()) return hold("the arm's angles turn it about one axis");
+  JointPaths paths;
+  for (int k = 1; k <= settings_.plan.periods_ahead; ++k) {
+    const auto then_expected = expected(arrival_s + k * input.period_s);
+    if (!then_expected || (then_expected->beyond_horizon && k > 1)) break;
+    const double unsure = then_expected->place_std_m / kSure_m;
+    paths.add(keeping.ways(then_expected->T_patient_model), 1 / (1 + unsure * unsure));
+  }
+  const CArmJoints wanted =
+      followingVelocity(paths, {then.velocity, in_flight_.lastChange()}, limits_, settings_.plan, input.period_s);
+  if (!wanted.allFinite()) return hold("the patient's motion is not finite");
   answer.velocity = wanted;
   answer.reached = radToDeg(answer.view_error->direction_rad) <= settings_.reached_deg &&
                    1e3 * answer.view_error->target_m <= settings_.reached_mm;

@@ -9,7 +9,7 @@
 namespace angio {
 namespace {
 
-// Frames further apart than this do not belong to one motion; a longer step must not allow a harder one.
+// Frames further apart than this do not belong to one motion.
 constexpr double kLongestPeriod_s = 0.2;
 constexpr double kFirstPeriod_s = 1.0 / 15;
 
@@ -32,6 +32,11 @@ const ServoLoopSettings& checked(const ServoLoopSettings& settings) {
   return settings;
 }
 
+// From when the joints were read until the command that answers a frame moves them.
+double ageAtArrival_s(std::int64_t frame_us, const CArmState& state, double latency_s) {
+  return std::max(0.0, latency_s + 1e-6 * (static_cast<double>(frame_us) - static_cast<double>(state.time_us)));
+}
+
 Eigen::Vector3d targetOf(const ServoLoopSettings& settings, const VesselTree& tree) {
   return settings.target_model.value_or(tree.centroid());
 }
@@ -50,20 +55,28 @@ ServoLoop::ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree)
       supervisor_(settings.supervisor, settings.limits, targetOf(settings, tree)) {}
 
 ServoReport ServoLoop::step(const XrayFrame& frame, const CArmState& state) {
-  const double period_s =
-      last_frame_us_ ? std::clamp(1e-6 * (static_cast<double>(frame.time_us) - static_cast<double>(*last_frame_us_)),
-                                  0.0, kLongestPeriod_s)
-                     : kFirstPeriod_s;
-  last_frame_us_ = frame.time_us;
+  const double period_s = periodUntil(frame);
   ServoReport report = answer(frame, state, period_s);
+  if (report.held) supervisor_.rest(period_s);
   number(report.command, frame);
   return report;
+}
+
+// Zero when time stood still or went back.
+double ServoLoop::periodUntil(const XrayFrame& frame) {
+  const double now_us = static_cast<double>(frame.time_us);
+  const double period_s =
+      last_frame_us_ ? std::max(0.0, 1e-6 * (now_us - static_cast<double>(*last_frame_us_))) : kFirstPeriod_s;
+  last_frame_us_ = frame.time_us;
+  return period_s;
 }
 
 ServoReport ServoLoop::refuse(const XrayFrame& frame, const std::string& why) {
   ServoReport report;
   report.held = why;
   task_->interrupt();
+  // Its time may be what is wrong with it: no period is taken from there.
+  supervisor_.rest(0);
   number(report.command, frame);
   return report;
 }
@@ -72,6 +85,7 @@ void ServoLoop::takeBack(ServoReport& last_answer, const std::string& why) {
   last_answer.command.velocity.setZero();
   last_answer.task = {};
   last_answer.held = why;
+  supervisor_.takeBack();
   last_command_ = last_answer.command;
 }
 
@@ -109,7 +123,7 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, do
                         perception_.tracked_T_camera_model(state.joints),
                         state,
                         last_command_.velocity,
-                        period_s,
+                        std::min(period_s, kLongestPeriod_s),
                         settings_.latency_s,
                         &sight.centerline};
   const TaskAnswer answer = task_->answer(input);
@@ -118,7 +132,8 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, do
     return report;
   }
   report.task = answer;
-  report.command.velocity = supervisor_.limit(*answer.velocity, last_command_.velocity, state, period_s);
+  report.command.velocity =
+      supervisor_.limit(*answer.velocity, state, ageAtArrival_s(frame.time_us, state, settings_.latency_s), period_s);
   report.control_s = control.seconds();
   return report;
 }
@@ -138,7 +153,9 @@ CArmCommand OpenLoop::step(const CArmState& state, double period_s) {
                         state,         last_command_.velocity,  period_s, settings_.latency_s, nullptr};
   const TaskAnswer answer = task_->answer(input);
   if (answer.velocity) {
-    command.velocity = supervisor_.limit(*answer.velocity, last_command_.velocity, state, period_s);
+    command.velocity = supervisor_.limit(*answer.velocity, state, settings_.latency_s, period_s);
+  } else {
+    supervisor_.rest(period_s);
   }
   last_command_ = command;
   return command;

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "angio/base/errors.hpp"
-#include "angio/robot/carm_limiter.hpp"
 
 namespace angio {
 namespace {
@@ -19,6 +18,11 @@ double worstTargetStd(const RegistrationResult& seen, const Eigen::Vector3d& tar
   return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues()[2]));
 }
 
+const SupervisorSettings& checked(const SupervisorSettings& settings) {
+  checkSettings("supervisor", settings);
+  return settings;
+}
+
 std::string over(const std::string& what, double value, double most) {
   return what + " " + shown(value) + " exceeds " + shown(most);
 }
@@ -27,9 +31,7 @@ std::string over(const std::string& what, double value, double most) {
 
 Supervisor::Supervisor(const SupervisorSettings& settings, const CArmLimits& limits,
                        const Eigen::Vector3d& target_model)
-    : settings_(settings), limits_(limits), target_(target_model) {
-  checkSettings("supervisor", settings_);
-}
+    : settings_(checked(settings)), target_(target_model), limiter_(limits, 1e-3 * settings.command_valid_ms) {}
 
 std::optional<std::string> Supervisor::objection(const XrayFrame& frame, const CArmState& state) const {
   const int type = frame.image.type();
@@ -81,11 +83,6 @@ std::optional<std::string> Supervisor::tooFar(const Pose& seen, const Pose& expe
     return over(std::string("depth against the ") + what + " [mm]", along_mm, most_depth_mm);
   }
   return std::nullopt;
-}
-
-CArmJoints Supervisor::limit(const CArmJoints& wanted, const CArmJoints& last_command, const CArmState& state,
-                             double period_s) const {
-  return limited(wanted, last_command, state.joints, limits_, period_s);
 }
 
 std::int64_t Supervisor::commandValidity_us() const { return std::llround(settings_.command_valid_ms * 1e3); }

@@ -106,7 +106,7 @@ TaskAnswer ViewTask::answer(const TaskInput& input) {
   const Pose cMo = carm_.T_camera_patient(then) * T_patient_model;
   const Eigen::Vector3d beam_model = goal_.T_camera_model.linear().row(2);
   const auto end = carm_.reachable(viewAnglesOf(Eigen::Vector3d(T_patient_model.linear() * beam_model)),
-                                   T_patient_model * goal_.target_model, limits_, {}, then);
+                                   T_patient_model * goal_.target_model, limits_, then);
   if (!end) {
     answer.held = "the view is out of the arm's reach";
     return answer;

@@ -51,7 +51,7 @@ TEST(CArmKinematics, JointsComeBackFromWhatTheCameraSees) {
         const Pose T = arm.T_camera_patient(joints);
         // Newton's steps end at the rounding of a metre; cos 60 deg doubles it.
         EXPECT_LT((arm.jointsFor(anglesSeen(T), targetSeen(arm, T)) - joints).norm(), 1e-11) << l_arm_deg << deviating;
-        const auto nearest = arm.reachable(anglesSeen(T), targetSeen(arm, T), limits, {}, joints);
+        const auto nearest = arm.reachable(anglesSeen(T), targetSeen(arm, T), limits, joints);
         // At the very end of the range rounding may put the joints outside.
         if (nearest) {
           EXPECT_LT((*nearest - joints).norm(), 1e-11);
@@ -86,9 +86,9 @@ TEST(CArmKinematics, TheNearestJointsWithinRangeAndEnvelopeAreChosen) {
   const CArmGeometry arm;
   CArmLimits limits = CArmLimits::typical();
   const ViewAngles view{degToRad(170), degToRad(20)};
-  EXPECT_FALSE(arm.reachable(view, {0, 0, 0}, limits, {}, CArmJoints::Zero())) << "primary ends at 120 deg";
+  EXPECT_FALSE(arm.reachable(view, {0, 0, 0}, limits, CArmJoints::Zero())) << "primary ends at 120 deg";
   limits.upper[1] = degToRad(170);
-  const auto over_the_head = arm.reachable(view, {0, 0, 0}, limits, {}, CArmJoints::Zero());
+  const auto over_the_head = arm.reachable(view, {0, 0, 0}, limits, CArmJoints::Zero());
   ASSERT_TRUE(over_the_head);
   EXPECT_NEAR(radToDeg((*over_the_head)[0]), -10, 1e-9);
   EXPECT_NEAR(radToDeg((*over_the_head)[1]), 160, 1e-9);
@@ -97,12 +97,11 @@ TEST(CArmKinematics, TheNearestJointsWithinRangeAndEnvelopeAreChosen) {
   limits.lower = -limits.upper;
   CArmJoints near = CArmJoints::Zero();
   near[0] = degToRad(-150);
-  EXPECT_NEAR(radToDeg((*arm.reachable(view, {0, 0, 0}, limits, {}, near))[0]), -190, 1e-9);
-  CArmEnvelope envelope;
+  EXPECT_NEAR(radToDeg((*arm.reachable(view, {0, 0, 0}, limits, near))[0]), -190, 1e-9);
   CArmJoints normal = CArmJoints::Zero();
   normal[0] = -1;
-  envelope.faces.push_back({"wall", normal, degToRad(100)});
-  EXPECT_NEAR(radToDeg((*arm.reachable(view, {0, 0, 0}, limits, envelope, near))[0]), -10, 1e-9)
+  limits.envelope.faces.push_back({"wall", normal, degToRad(100)});
+  EXPECT_NEAR(radToDeg((*arm.reachable(view, {0, 0, 0}, limits, near))[0]), -10, 1e-9)
       << "neither -190 deg nor the way that is nearest then";
 }
 

@@ -14,8 +14,8 @@ namespace angio {
 namespace {
 
 constexpr double kDt = 0.066667, kLatency_s = 0.08, kValid_s = 0.2;
-const CArmLimits kLimits = CArmLimits::typical();
-const CArmEnvelope kEnvelope = CArmEnvelope::typical(0.303);
+const CArmLimits kLimits = CArmLimits::typical(0.303);
+const CArmEnvelope& kEnvelope = kLimits.envelope;
 
 CArmJoints randomWithin(test::Random& random, const CArmJoints& bound) {
   return CArmJoints::NullaryExpr([&](Eigen::Index i) { return random.uniform(-bound[i], bound[i]); });
@@ -26,7 +26,7 @@ class Room {
  public:
   explicit Room(const CArmJoints& start) : arm_(kLimits, start, 0) {}
 
-  CArmMotionLimiter limiter{kLimits, kEnvelope, kValid_s};
+  CArmMotionLimiter limiter{kLimits, kValid_s};
   double least_room = std::numeric_limits<double>::infinity();  // To a face of the envelope, [rad] or [m].
   double fastest = 0, hardest = 0;                              // Shares of the arm's limits.
   double jerkiest = 0;                                          // Share of the command's.
@@ -212,7 +212,7 @@ TEST(CArmMotionLimiter, FromOutsideTheEnvelopeThereIsOnlyTheWayBack) {
 TEST(CArmMotionLimiter, WhatIsNotANumberStandsStill) {
   const CArmJoints ok = 0.1 * kLimits.velocity;
   for (const double wrong : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
-    CArmMotionLimiter limiter(kLimits, kEnvelope, kValid_s);
+    CArmMotionLimiter limiter(kLimits, kValid_s);
     CArmJoints bad = ok;
     bad[3] = wrong;
     EXPECT_TRUE(limiter.limit(bad, ok, kLatency_s, kDt).isZero(0));
@@ -223,18 +223,18 @@ TEST(CArmMotionLimiter, WhatIsNotANumberStandsStill) {
     EXPECT_TRUE(limiter.limit(ok, ok, -kLatency_s, kDt).isZero(0));
     // And the next sound wish is answered as if nothing had been.
     EXPECT_EQ(limiter.limit(ok, ok, kLatency_s, kDt),
-              CArmMotionLimiter(kLimits, kEnvelope, kValid_s).limit(ok, ok, kLatency_s, kDt));
+              CArmMotionLimiter(kLimits, kValid_s).limit(ok, ok, kLatency_s, kDt));
   }
 }
 
 TEST(CArmMotionLimiter, RefusesLimitsThatAreNone) {
   CArmLimits limits = kLimits;
   limits.jerk[2] = 0;
-  EXPECT_EQ(test::refusalOf([&] { CArmMotionLimiter(limits, {}, kValid_s); }),
+  EXPECT_EQ(test::refusalOf([&] { CArmMotionLimiter(limits, kValid_s); }),
             "c-arm limits: jerk[2] = 0: must be a positive number");
-  CArmEnvelope envelope;
-  envelope.faces.push_back({"wall", CArmJoints::Zero(), 1});
-  EXPECT_EQ(test::refusalOf([&] { CArmMotionLimiter(kLimits, envelope, kValid_s); }),
+  limits = kLimits;
+  limits.envelope.faces.push_back({"wall", CArmJoints::Zero(), 1});
+  EXPECT_EQ(test::refusalOf([&] { CArmMotionLimiter(limits, kValid_s); }),
             "c-arm envelope: wall: length of the normal = 0: must be a positive number");
 }
 

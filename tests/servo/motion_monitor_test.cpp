@@ -6,7 +6,7 @@
 #include <cmath>
 #include <functional>
 
-#include "angio/robot/carm_limiter.hpp"
+#include "angio/robot/carm_motion_limiter.hpp"
 #include "angio/simulation/simulated_carm.hpp"
 #include "angio/test/random.hpp"
 
@@ -25,6 +25,7 @@ CArmCommand command(std::int64_t sequence, std::int64_t time_us, const CArmJoint
 struct Watched {
   CArmLimits limits = CArmLimits::typical();
   SimulatedCArm arm{limits, CArmJoints::Zero(), 0};
+  CArmMotionLimiter limiter{limits, 0.2};
   MotionMonitor monitor{MotionMonitorSettings(), limits};
   test::Random random{7};
   std::int64_t now_us = 0, frame = 0;
@@ -33,7 +34,7 @@ struct Watched {
   // One frame: the wish is limited as the loop does it. `between` sees what the encoders say before the monitor does.
   std::optional<std::string> step(const CArmJoints& wanted, std::int64_t latency_us,
                                   const std::function<void(CArmState&)>& between = {}, bool lost = false) {
-    last = limited(wanted, last, arm.state().joints, limits, 1e-6 * kFrame_us);
+    last = limiter.limit(wanted, arm.state().joints, 1e-6 * static_cast<double>(latency_us), 1e-6 * kFrame_us);
     const CArmCommand sent = command(++frame, now_us, last);
     monitor.commanded(sent);
     arm.advance(now_us + latency_us);

@@ -3,7 +3,7 @@
 
 #include <deque>
 
-#include "angio/robot/carm_limiter.hpp"
+#include "angio/robot/carm_motion_limiter.hpp"
 #include "angio/servo/tasks.hpp"
 #include "angio/simulation/patient_motion.hpp"
 #include "angio/simulation/simulated_carm.hpp"
@@ -90,6 +90,7 @@ inline MovingPatient::Errors MovingPatient::run(Task& task, double duration_s, d
   CArmJoints joints = carm.jointsFor({degToRad(20), degToRad(10)}, target);
   joints[2] += first_offset_m;
   SimulatedCArm arm(limits, joints, 0);
+  CArmMotionLimiter limiter(limits, 0.2);
   std::deque<std::pair<std::int64_t, CArmCommand>> under_way;  // By arrival.
   CArmCommand last;
   Errors errors;
@@ -134,8 +135,8 @@ inline MovingPatient::Errors MovingPatient::run(Task& task, double duration_s, d
                     last.velocity, period_s,      latency_s};
     const TaskAnswer answer = task.answer(input);
     if (!answer.velocity) ++errors.held;
-    last.velocity = answer.velocity ? limited(*answer.velocity, last.velocity, at_frame.joints, limits, period_s)
-                                    : CArmJoints(CArmJoints::Zero());
+    last.velocity = answer.velocity ? limiter.limit(*answer.velocity, at_frame.joints, latency_s, period_s)
+                                    : limiter.rest(period_s);
     last.time_us = frame_us;
     ++last.sequence;
     last.valid_for_us = 200'000;

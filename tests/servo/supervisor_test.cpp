@@ -164,25 +164,24 @@ TEST_F(Supervisors, AFrameMustHaveAnImageOfItsCamera) {
   EXPECT_EQ(frameObjection(), "");
 }
 
-TEST_F(Supervisors, LimitsKeepSpeedAndAccelerationAndRestOnNan) {
-  const double period_s = 1.0 / 15;
-  CArmJoints last = CArmJoints::Zero();
+// What the limiter keeps is tested where it is; here, that it is asked, and hears of what did not go out.
+TEST_F(Supervisors, LimitsCountFromWhatWentOut) {
+  const double period_s = 1.0 / 15, latency_s = 0.08;
   const CArmJoints wanted = 100 * CArmJoints::Ones();
-  for (int k = 0; k < 30; ++k) {
-    const CArmJoints v = supervisor_.limit(wanted, last, state_, period_s);
-    EXPECT_TRUE(((v - last).cwiseAbs().array() <= limits_.acceleration.array() * period_s * (1 + 1e-12)).all());
-    EXPECT_TRUE((v.cwiseAbs().array() <= limits_.velocity.array() * (1 + 1e-12)).all());
+  CArmJoints last = CArmJoints::Zero();
+  for (int k = 0; k < 10; ++k) {
+    const CArmJoints v = supervisor_.limit(wanted, state_, latency_s, period_s);
+    EXPECT_LE((v - last).cwiseAbs().cwiseQuotient(limits_.acceleration * period_s).maxCoeff(), 1 + 1e-12);
+    EXPECT_LE(v.cwiseAbs().cwiseQuotient(limits_.velocity).maxCoeff(), 1 + 1e-12);
+    EXPECT_GT(v.minCoeff(), last.minCoeff());
     last = v;
+    state_.joints += period_s * v;
   }
-  EXPECT_GT(last.norm(), 0);
-  CArmJoints nan = wanted;
-  nan[2] = kNan;
-  EXPECT_TRUE(supervisor_.limit(nan, last, state_, period_s).isZero(0));
-  EXPECT_TRUE(supervisor_.limit(wanted, nan, state_, period_s).isZero(0));
-  EXPECT_TRUE(supervisor_.limit(wanted, last, state_, kNan).isZero(0));
-  EXPECT_TRUE(supervisor_.limit(wanted, last, state_, 0).isZero(0));
+  supervisor_.takeBack();
+  const CArmJoints after = supervisor_.limit(wanted, state_, latency_s, period_s);
+  EXPECT_LT(after[0], last[0]) << "as if the command that was taken back had moved the arm";
   state_.joints[0] = kNan;
-  EXPECT_TRUE(supervisor_.limit(wanted, last, state_, period_s).isZero(0));
+  EXPECT_TRUE(supervisor_.limit(wanted, state_, latency_s, period_s).isZero(0));
 }
 
 TEST_F(Supervisors, RefuseSettingsOutOfRange) {

@@ -70,12 +70,12 @@ class Room {
   }
 
   CArmGeometry carm;
-  CArmLimits limits = CArmLimits::typical();
+  CArmLimits limits = CArmLimits::typical(0.303);
   VesselTree tree = test::branchingTree(6);
   CArmJoints start = (CArmJoints() << degToRad(-20), degToRad(10), 0.03, -0.02, 0.05).finished();
   Matrix6d covariance = Matrix6d::Identity() * 1e-9;
   Pose T_patient_model;
-  CArmMotionLimiter limiter{limits, CArmEnvelope::typical(0.303), 0.2};
+  CArmMotionLimiter limiter{limits, 0.2};
   std::unique_ptr<Task> task;
   std::unique_ptr<SimulatedCArm> arm;
   CArmJoints last = CArmJoints::Zero();

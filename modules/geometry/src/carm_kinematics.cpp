@@ -42,8 +42,7 @@ std::vector<CArmJoints> CArmGeometry::allJointsFor(const ViewAngles& angles,
 }
 
 std::optional<CArmJoints> CArmGeometry::reachable(const ViewAngles& angles, const Eigen::Vector3d& target_patient,
-                                                  const CArmLimits& limits, const CArmEnvelope& envelope,
-                                                  const CArmJoints& near) const {
+                                                  const CArmLimits& limits, const CArmJoints& near) const {
   std::optional<CArmJoints> best;
   double best_s = std::numeric_limits<double>::infinity(), extra_s = 0;
   for (const CArmJoints& solution : allJointsFor(angles, target_patient)) {
@@ -53,7 +52,7 @@ std::optional<CArmJoints> CArmGeometry::reachable(const ViewAngles& angles, cons
         joints[0] += primary_turns * 2 * kPi;
         joints[1] += secondary_turns * 2 * kPi;
         const bool within = (joints.array() >= limits.lower.array()).all() &&
-                            (joints.array() <= limits.upper.array()).all() && !envelope.violated(joints);
+                            (joints.array() <= limits.upper.array()).all() && !limits.envelope.violated(joints);
         const double time_s = timeBetween(joints, near, limits) + extra_s;
         if (!within || !(time_s < best_s)) continue;
         best = joints;

@@ -16,6 +16,12 @@ CArmLimits CArmLimits::typical() {
   return limits;
 }
 
+CArmLimits CArmLimits::typical(double isocentre_detector_m) {
+  CArmLimits limits = typical();
+  limits.envelope = CArmEnvelope::typical(isocentre_detector_m);
+  return limits;
+}
+
 const CArmEnvelope::Face* CArmEnvelope::violated(const CArmJoints& joints) const {
   const Face* worst = nullptr;
   for (const Face& face : faces) {

@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "angio/base/errors.hpp"
-#include "angio/robot/carm_limiter.hpp"
 #include "angio/robot/nearest_in_polytope.hpp"
+#include "angio/robot/within_speed.hpp"
 #include "carm_path.hpp"
 
 namespace angio {
@@ -23,7 +23,7 @@ constexpr double kReserve = 1e-4;  // To a face [rad, m]: what watching ramps at
 constexpr int kHalvings = 12;      // A 4000th of a speed is nothing.
 constexpr int kMostEasings = 4;    // Towards room enough to slide.
 
-void check(const CArmLimits& limits, const CArmEnvelope& envelope, double command_validity_s) {
+void check(const CArmLimits& limits, double command_validity_s) {
   for (int i = 0; i < kCArmJointCount; ++i) {
     const std::string joint = "[" + std::to_string(i) + "]";
     requireFinite("c-arm limits", "lower" + joint, limits.lower[i]);
@@ -35,14 +35,14 @@ void check(const CArmLimits& limits, const CArmEnvelope& envelope, double comman
       throw InputError("c-arm limits", "lower" + joint, shown(limits.lower[i]), "must not exceed upper" + joint);
     }
   }
-  for (const CArmEnvelope::Face& face : envelope.faces) {
+  for (const CArmEnvelope::Face& face : limits.envelope.faces) {
     requireFinite("c-arm envelope", face.name, face.bound);
     for (const double x : face.normal) requireFinite("c-arm envelope", face.name, x);
     requirePositive("c-arm envelope", face.name + ": length of the normal", face.normal.norm());
   }
   const int most = CArmMotionLimiter::kMostFaces;
-  if (static_cast<int>(envelope.faces.size()) > most) {
-    throw InputError("c-arm envelope", "faces", std::to_string(envelope.faces.size()),
+  if (static_cast<int>(limits.envelope.faces.size()) > most) {
+    throw InputError("c-arm envelope", "faces", std::to_string(limits.envelope.faces.size()),
                      "must be " + std::to_string(most) + " at most");
   }
   requirePositive("c-arm", "command_validity_s", command_validity_s);
@@ -50,10 +50,10 @@ void check(const CArmLimits& limits, const CArmEnvelope& envelope, double comman
 
 }  // namespace
 
-CArmMotionLimiter::CArmMotionLimiter(const CArmLimits& limits, const CArmEnvelope& envelope, double command_validity_s)
-    : limits_(limits), envelope_(envelope), command_validity_s_(command_validity_s) {
-  check(limits_, envelope_, command_validity_s_);
-  for (CArmEnvelope::Face& face : envelope_.faces) {
+CArmMotionLimiter::CArmMotionLimiter(const CArmLimits& limits, double command_validity_s)
+    : limits_(limits), command_validity_s_(command_validity_s) {
+  check(limits_, command_validity_s_);
+  for (CArmEnvelope::Face& face : limits_.envelope.faces) {
     face.bound /= face.normal.norm();
     face.normal.normalize();
   }
@@ -82,7 +82,7 @@ CArmJoints CArmMotionLimiter::limit(const CArmJoints& wanted, const CArmJoints& 
     braking[i] = std::clamp(towards(0), low[i], high[i]);
   }
   keepToRange(joints, braking, dt_s, low, high);
-  FaceVector eased = FaceVector::Zero(static_cast<Eigen::Index>(envelope_.faces.size()));
+  FaceVector eased = FaceVector::Zero(static_cast<Eigen::Index>(limits_.envelope.faces.size()));
   CArmJoints command = braking;
   FaceVector missing = eased;
   for (int k = 0; k < kMostEasings; ++k) {
@@ -176,7 +176,7 @@ void CArmMotionLimiter::keepToRange(const CArmJoints& joints, const CArmJoints& 
 CArmJoints CArmMotionLimiter::slid(const CArmJoints& joints, const CArmJoints& aim, const CArmJoints& low,
                                    const CArmJoints& high, const CArmJoints& braking, const FaceVector& eased) const {
   Polytope allowed;
-  const int faces = static_cast<int>(envelope_.faces.size()), rows = faces + 2 * kCArmJointCount;
+  const int faces = static_cast<int>(limits_.envelope.faces.size()), rows = faces + 2 * kCArmJointCount;
   allowed.normals.setZero(rows, kCArmJointCount);
   allowed.bounds.resize(rows);
   // In units of the joints' speeds, so that radians and metres count alike.
@@ -188,7 +188,7 @@ CArmJoints CArmMotionLimiter::slid(const CArmJoints& joints, const CArmJoints& a
     allowed.bounds[2 * i + 1] = -low[i] / unit[i];
   }
   for (int k = 0; k < faces; ++k) {
-    const CArmEnvelope::Face& face = envelope_.faces[static_cast<std::size_t>(k)];
+    const CArmEnvelope::Face& face = limits_.envelope.faces[static_cast<std::size_t>(k)];
     double slowest = std::numeric_limits<double>::infinity();  // Of the decelerations that a joint adds.
     for (int i = 0; i < kCArmJointCount; ++i) {
       if (face.normal[i] != 0) slowest = std::min(slowest, std::abs(face.normal[i]) * limits_.acceleration[i]);
@@ -209,7 +209,7 @@ CArmJoints CArmMotionLimiter::slid(const CArmJoints& joints, const CArmJoints& a
 // another no longer on its way in, the furthest point lies in between.
 CArmMotionLimiter::FaceVector CArmMotionLimiter::missingRoom(const CArmJoints& joints, const CArmJoints& first,
                                                              double dt_s) const {
-  const auto faces = static_cast<Eigen::Index>(envelope_.faces.size());
+  const auto faces = static_cast<Eigen::Index>(limits_.envelope.faces.size());
   FaceVector missing = FaceVector::Constant(faces, -std::numeric_limits<double>::infinity());
   // Faces that the arm cannot get to before it stands are most of them, most of the time.
   // While its acceleration is taken back a joint gains a^2 / 2j.
@@ -221,7 +221,7 @@ CArmMotionLimiter::FaceVector CArmMotionLimiter::missingRoom(const CArmJoints& j
   std::array<Eigen::Index, kMostFaces> near;
   std::size_t near_count = 0;
   for (Eigen::Index f = 0; f < faces; ++f) {
-    const CArmEnvelope::Face& face = envelope_.faces[static_cast<std::size_t>(f)];
+    const CArmEnvelope::Face& face = limits_.envelope.faces[static_cast<std::size_t>(f)];
     const double way = face.normal.cwiseAbs().dot(speed.cwiseProduct(longest_s));
     if (!(face.room(joints) > way + kReserve)) near[near_count++] = f;
   }
@@ -236,7 +236,7 @@ CArmMotionLimiter::FaceVector CArmMotionLimiter::missingRoom(const CArmJoints& j
       }
       for (std::size_t n = 0; n < near_count; ++n) {
         const Eigen::Index f = near[n];
-        const CArmEnvelope::Face& face = envelope_.faces[static_cast<std::size_t>(f)];
+        const CArmEnvelope::Face& face = limits_.envelope.faces[static_cast<std::size_t>(f)];
         // From outside a face: no further out than now.
         const double bound = std::max(face.bound - kReserve, face.normal.dot(joints) + kRounding);
         const double out = face.normal.dot(position) + furthest(face.normal, velocity, limits_.acceleration);

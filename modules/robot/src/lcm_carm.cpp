@@ -12,7 +12,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/geometry/visp.hpp"
 #include "angio/messaging/channels.hpp"
-#include "angio/robot/carm_limiter.hpp"
+#include "angio/robot/within_speed.hpp"
 
 namespace angio {
 namespace {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/motion/motion_predictor_settings.hpp"
+#include "angio/servo/path_plan_settings.hpp"
 
 namespace angio {
 
@@ -14,13 +15,11 @@ namespace angio {
 struct CentreTaskSettings {
   static constexpr const char* kName = "centre";
 
-  bool predict = true;              ///< Not: the target is taken to stay where it was seen last.
-  double offset_px[2] = {0, 0};     ///< The wanted pixel, from the principal point: right, down.
-  int periods_ahead = 8;            ///< Over which a command is planned, as far as the motion is predicted at all.
-  double acceleration_share = 0.9;  ///< Of the table's acceleration, that plans use.
-  double effort = 0.3;              ///< Weight of changes of velocity against distances: against following noise.
-  double reached_mm = 1;            ///< At the target: the target is centred when its image is as near as this.
-  double most_std_mm = 8;           ///< Of the predicted place across the beam: beyond it the task holds.
+  bool predict = true;           ///< Not: the target is taken to stay where it was seen last.
+  double offset_px[2] = {0, 0};  ///< The wanted pixel, from the principal point: right, down.
+  PathPlanSettings plan;
+  double reached_mm = 1;   ///< At the target: the target is centred when its image is as near as this.
+  double most_std_mm = 8;  ///< Of the predicted place across the beam: beyond it the task holds.
 
   /// How far around the target the image is looked at for how the place itself lies, where a tree that bends is
   /// registered as a rigid one; 0: not at all. And how far off it may lie, as a standard deviation.
@@ -32,9 +31,7 @@ struct CentreTaskSettings {
   void visit(SettingsVisitor& v) {
     v.flag("predict", predict);
     v.numbers("offset_px", offset_px, 2, -1e4, 1e4);
-    v.integer("periods_ahead", periods_ahead, 1, 16);
-    v.number("acceleration_share", acceleration_share, 0.01, 1);
-    v.number("effort", effort, 1e-3, 1e3);
+    plan.visit(v);
     v.number("reached_mm", reached_mm, 1e-3, 100);
     v.number("most_std_mm", most_std_mm, 1e-3, 1000);
     v.number("near_mm", near_mm, 0, 200);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/motion/motion_predictor_settings.hpp"
+#include "angio/servo/path_plan_settings.hpp"
 
 namespace angio {
 
@@ -14,6 +15,7 @@ struct HoldTaskSettings {
   double reached_mm = 1;     ///< ... and the target.
   double most_std_mm = 8;    ///< Of the target's predicted place, its worst direction: beyond it the task holds.
   double most_std_deg = 3;   ///< Of the predicted rotation.
+  PathPlanSettings plan;
   MotionPredictorSettings motion;
 
   void visit(SettingsVisitor& v) {
@@ -22,6 +24,7 @@ struct HoldTaskSettings {
     v.number("reached_mm", reached_mm, 1e-3, 100);
     v.number("most_std_mm", most_std_mm, 1e-3, 1000);
     v.number("most_std_deg", most_std_deg, 1e-3, 90);
+    plan.visit(v);
     v.section("motion", [this](SettingsVisitor& fields) { motion.visit(fields); });
   }
 };

@@ -55,6 +55,7 @@ class ServoLoop {
   const Task& task() const { return *task_; }
 
  private:
+  double periodUntil(const XrayFrame& frame);
   void number(CArmCommand& command, const XrayFrame& frame);
   ServoReport answer(const XrayFrame& frame, const CArmState& state, double period_s);
 

@@ -7,6 +7,7 @@
 #include "angio/geometry/carm.hpp"
 #include "angio/messaging/messages.hpp"
 #include "angio/registration/registration.hpp"
+#include "angio/robot/carm_motion_limiter.hpp"
 
 namespace angio {
 
@@ -33,6 +34,7 @@ struct SupervisorSettings {
   }
 };
 
+/// The gates of one loop and the limits of its machine. Has to hear of every frame, once: limit() or rest().
 class Supervisor {
  public:
   /// @param target_model  The point whose place matters [m].
@@ -48,12 +50,20 @@ class Supervisor {
   std::optional<std::string> objection(const RegistrationResult& seen, const Pose& calibrated,
                                        const std::optional<Pose>& predicted) const;
 
-  /// A velocity brought within range, speed and acceleration; rest when anything is not finite.
+  /// The velocity to command [rad/s, m/s]: within speed, acceleration and jerk, and so that the arm stays within its
+  /// range and envelope, whether or not a next command comes (CArmMotionLimiter). Zero when anything is not finite.
   ///
-  /// The change is counted from `last_command`: what the encoders say lags behind by the latency of the loop, and an
-  /// acceleration counted from there would be half of what the arm can do.
-  CArmJoints limit(const CArmJoints& wanted, const CArmJoints& last_command, const CArmState& state,
-                   double period_s) const;
+  /// @param age_s     From when the joints were as in `state` until this command moves the arm.
+  /// @param period_s  Since the frame before; zero or less stands still.
+  CArmJoints limit(const CArmJoints& wanted, const CArmState& state, double age_s, double period_s) {
+    return limiter_.limit(wanted, state.joints, age_s, period_s);
+  }
+
+  /// The frame holds: the arm brakes.
+  void rest(double period_s) { limiter_.rest(period_s); }
+
+  /// The last velocity did not go out; a command to stand still did.
+  void takeBack() { limiter_.takeBack(); }
 
   /// How long commands may be obeyed [us].
   std::int64_t commandValidity_us() const;
@@ -63,8 +73,8 @@ class Supervisor {
                                     double most_depth_mm, const char* what) const;
 
   SupervisorSettings settings_;
-  CArmLimits limits_;
   Eigen::Vector3d target_;
+  CArmMotionLimiter limiter_;
 };
 
 }  // namespace angio

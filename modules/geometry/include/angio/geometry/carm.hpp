@@ -125,8 +125,7 @@ struct CArmGeometry {
   /// Of all these, whole turns included, the joints within range and envelope that are nearest to `near` in time (the
   /// slowest joint's share of its speed); of equals the one with the head up. Nothing when no joints are.
   std::optional<CArmJoints> reachable(const ViewAngles& angles, const Eigen::Vector3d& target_patient,
-                                      const CArmLimits& limits, const CArmEnvelope& envelope,
-                                      const CArmJoints& near) const;
+                                      const CArmLimits& limits, const CArmJoints& near) const;
 
   /// The numbers of kCArmPoseParameterNames [rad, m, 1].
   Eigen::Matrix<double, kCArmPoseParameters, 1> poseParameters() const;

@@ -11,19 +11,6 @@ namespace angio {
 using CArmJoints = Eigen::Matrix<double, 5, 1>;
 constexpr int kCArmJointCount = 5;
 
-/// Range, speed, acceleration and jerk of each joint, in the order and units of CArmJoints.
-struct CArmLimits {
-  CArmJoints lower, upper, velocity, acceleration;
-  CArmJoints jerk = CArmJoints::Constant(1e3);  ///< Of what is commanded [rad/s^3, m/s^3].
-
-  /// A fast floor-mounted C-arm: +-120 deg / +-60 deg, 25 deg/s, 40 deg/s^2 and 160 deg/s^3; table +-0.3 m, 0.1 m/s,
-  /// 0.2 m/s^2 and 0.8 m/s^3.
-  ///
-  /// Ranges and speeds are of the size that makers' data sheets give. They give no jerk: full acceleration within a
-  /// quarter of a second is what a gantry of half a tonne does without being heard.
-  static CArmLimits typical();
-};
-
 /// Where the arm may be beyond the range of each single joint, so that detector, table and patient do not touch: a
 /// convex region of joint space, cut out by faces `normal . joints <= bound`. Without faces all is free.
 struct CArmEnvelope {
@@ -51,6 +38,24 @@ struct CArmEnvelope {
   /// Numbers of a plausible machine, not of one that exists: measure your own. Throws InputError when the distance is
   /// not positive.
   static CArmEnvelope typical(double isocentre_detector_m);
+};
+
+/// Where a C-arm may be and how it may move: range, speed, acceleration and jerk of each joint, in the order and units
+/// of CArmJoints, and the envelope of all.
+struct CArmLimits {
+  CArmJoints lower, upper, velocity, acceleration;
+  CArmJoints jerk = CArmJoints::Constant(1e3);  ///< Of what is commanded [rad/s^3, m/s^3].
+  CArmEnvelope envelope;
+
+  /// A fast floor-mounted C-arm: +-120 deg / +-60 deg, 25 deg/s, 40 deg/s^2 and 160 deg/s^3; table +-0.3 m, 0.1 m/s,
+  /// 0.2 m/s^2 and 0.8 m/s^3. No envelope: it depends on where the detector is.
+  ///
+  /// Ranges and speeds are of the size that makers' data sheets give. They give no jerk: full acceleration within a
+  /// quarter of a second is what a gantry of half a tonne does without being heard.
+  static CArmLimits typical();
+
+  /// The same within CArmEnvelope::typical(), for a detector whose front is so far from the isocentre [m].
+  static CArmLimits typical(double isocentre_detector_m);
 };
 
 }  // namespace angio

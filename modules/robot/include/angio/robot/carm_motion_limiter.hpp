@@ -32,7 +32,7 @@ class CArmMotionLimiter {
 
   /// For an arm at rest. Throws InputError when a limit is not finite or not positive, a range is empty, a face not
   /// finite, or the validity [s] not positive.
-  CArmMotionLimiter(const CArmLimits& limits, const CArmEnvelope& envelope, double command_validity_s);
+  CArmMotionLimiter(const CArmLimits& limits, double command_validity_s);
 
   /// The velocity to command [rad/s, m/s]; zero when a number is not finite.
   ///
@@ -45,6 +45,9 @@ class CArmMotionLimiter {
 
   /// Stands still: the arm brakes as hard as it can, its jerk aside. To be called for every frame that holds.
   CArmJoints rest(double period_s);
+
+  /// The last command did not go out; one that stands still did.
+  void takeBack() { command_.setZero(); }
 
   /// Where the arm is when the command takes effect, by joints that were measured `age_s` before.
   CArmJoints predicted(const CArmJoints& joints, double age_s) const;
@@ -65,7 +68,6 @@ class CArmMotionLimiter {
   FaceVector missingRoom(const CArmJoints& joints, const CArmJoints& command, double dt_s) const;
 
   CArmLimits limits_;
-  CArmEnvelope envelope_;
   double command_validity_s_;
   CArmJoints velocity_ = CArmJoints::Zero();      // Of the arm, now, as modelled.
   CArmJoints acceleration_ = CArmJoints::Zero();  // Its mean over the last period.

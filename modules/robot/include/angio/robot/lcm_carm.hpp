@@ -54,7 +54,7 @@ class LcmCArm : public vpRobot {
   /// frame [m/s, rad/s] (6), met by the joints in the least squares sense, since five joints cannot turn the image
   /// about the beam. Throws vpRobotException for other frames, a wrong length, a number that is not finite, and when no
   /// state has come yet (all after sending a command that stands still), and outside STATE_VELOCITY_CONTROL (nothing is
-  /// sent). The ends of the joints' ranges are for the caller to keep: see limited().
+  /// sent). The ends of the joints' ranges are for the caller to keep: see CArmMotionLimiter.
   void setVelocity(vpControlFrameType frame, const vpColVector& velocity) override;
 
   /// STATE_STOP sends a command that stands still. States other than STATE_STOP and STATE_VELOCITY_CONTROL throw, after
