@@ -31,12 +31,7 @@ ServoLoopSettings loopOf(const Options& o) {
   ViewTaskSettings& view = settings.tasks.of<ViewTaskSettings>();
   view.primary_deg = o.view_primary_deg.value_or(view.primary_deg);
   view.secondary_deg = o.view_secondary_deg.value_or(view.secondary_deg);
-  const CArmCalibration calibration = readCArmCalibration(o.calibration);
-  ServoLoopSettings loop = settings.loop();
-  loop.carm = calibration.carm;
-  loop.T_dsa_cb = calibration.T_dsa_cb;
-  loop.R_lps_model = calibration.R_lps_model;
-  return loop;
+  return settings.loop(readCArmCalibration(o.calibration));
 }
 
 // Numbers with all their digits: read again, they are the same bits.

@@ -90,7 +90,7 @@ int simulate(const Options& o, const ServoSettings& settings, const VesselTree& 
   std::optional<FilmWriter> film;
   if (!o.film.empty()) film.emplace(o.film, settings.rehearsal.room.frame_rate_hz);
   LiveOverlay overlay(tree);
-  const ServoLoopSettings loop = settings.loop();
+  const ServoLoopSettings loop = settings.loop(calibration);
   int done = 0;
   const Rehearsal rehearsal =
       rehearse(tree, world, settings.rehearsal, loop, settings.patient,
@@ -117,10 +117,7 @@ volatile std::sig_atomic_t stopped = 0;
 
 // Listens until it is stopped; the arm's side stops by itself when no more commands come.
 int serve(const Options& o, const ServoSettings& settings, const VesselTree& tree, const CArmCalibration& calibration) {
-  ServoLoopSettings loop = settings.loop();
-  loop.carm = calibration.carm;
-  loop.T_dsa_cb = calibration.T_dsa_cb;
-  loop.R_lps_model = calibration.R_lps_model;
+  const ServoLoopSettings loop = settings.loop(calibration);
   const auto network = openBus(o.bus);
   std::unique_ptr<BadNetwork> bad;
   if (!o.disturb.empty()) bad = std::make_unique<BadNetwork>(*network, o.disturb);

@@ -26,7 +26,7 @@ int rehearseCentre(const StudyOptions& o, const CentreStudySettings& study, doub
         RehearsalSettings rehearsal = settings.rehearsal;
         rehearsal.seed = o.first_seed + k;
         rows[static_cast<std::size_t>(k)] =
-            studyCentre(tree, nominal, study, rehearsal, settings.loop(), centre, settings.patient);
+            studyCentre(tree, nominal, study, rehearsal, settings.loop(nominal), centre, settings.patient);
       },
       [&](int done) { bar.show(done); });
   const auto json = centreStudyAsJson(rows, study);

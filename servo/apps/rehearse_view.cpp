@@ -25,7 +25,7 @@ int rehearseViews(const StudyOptions& o) {
         RehearsalSettings rehearsal = settings.rehearsal;
         rehearsal.seed = o.first_seed + k;
         rows[static_cast<std::size_t>(k)] =
-            studyView(tree, nominal, study, rehearsal, settings.loop(), settings.patient);
+            studyView(tree, nominal, study, rehearsal, settings.loop(nominal), settings.patient);
       },
       [&](int done) { bar.show(done); });
   const auto json = viewStudyAsJson(rows, study);

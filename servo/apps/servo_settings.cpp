@@ -23,12 +23,18 @@ void ServoSettings::visit(SettingsVisitor& v) {
     inner.section("tracking", [&](SettingsVisitor& s) { tracking.visit(s); });
   });
   section("tracker", tracker);
+  section("limits", limits);
   section("supervisor", supervisor);
   section("safety", safety);
 }
 
-ServoLoopSettings ServoSettings::loop() const {
+ServoLoopSettings ServoSettings::loop(const CArmCalibration& believed) const {
+  const CArmGeometry& carm = believed.carm;
   ServoLoopSettings loop;
+  loop.carm = carm;
+  loop.T_dsa_cb = believed.T_dsa_cb;
+  loop.R_lps_model = believed.R_lps_model;
+  loop.limits = limits.limits(carm.source_detector_distance_m - carm.source_isocentre_distance_m);
   loop.task = tasks.chosen();
   loop.law = laws.chosen();
   loop.latency_s = 1e-3 * latency_ms;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/base/variant_sections.hpp"
+#include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/imaging/extractor_sections.hpp"
 #include "angio/rehearsal/rehearsal.hpp"
 #include "angio/servo/safety_supervisor.hpp"
@@ -22,13 +23,14 @@ struct ServoSettings {
   IterativePnpSettings tracking = PerceptionSettings::iterativePnpForTracking();  // tracked, and from frame to frame.
   int starts = 0;  ///< Of a search; 0: as many as the method needs.
   PatientTrackerSettings tracker;
+  CArmLimitsSettings limits;
   SupervisorSettings supervisor;
   SafetySettings safety;
 
   void visit(SettingsVisitor& v);
 
-  /// The loop's parts; C-arm and T_dsa_cb are for a calibration to fill in.
-  ServoLoopSettings loop() const;
+  /// The loop of a machine that is as its calibration says.
+  ServoLoopSettings loop(const CArmCalibration& believed) const;
 };
 
 /// A settings file's, or the default ones when `path` is empty.

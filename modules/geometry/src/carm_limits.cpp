@@ -2,24 +2,19 @@
 #include "angio/geometry/carm_limits.hpp"
 
 #include "angio/base/errors.hpp"
+#include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/geometry/se3.hpp"
 
 namespace angio {
 
 CArmLimits CArmLimits::typical() {
-  CArmLimits limits;
-  limits.upper << degToRad(120), degToRad(60), 0.3, 0.3, 0.3;
-  limits.lower = -limits.upper;
-  limits.velocity << degToRad(25), degToRad(25), 0.1, 0.1, 0.1;
-  limits.acceleration << degToRad(40), degToRad(40), 0.2, 0.2, 0.2;
-  limits.jerk << degToRad(160), degToRad(160), 0.8, 0.8, 0.8;
-  return limits;
+  CArmLimitsSettings settings;
+  settings.envelope = CArmLimitsSettings::Envelope::kNone;
+  return settings.limits(0);
 }
 
 CArmLimits CArmLimits::typical(double isocentre_detector_m) {
-  CArmLimits limits = typical();
-  limits.envelope = CArmEnvelope::typical(isocentre_detector_m);
-  return limits;
+  return CArmLimitsSettings().limits(isocentre_detector_m);
 }
 
 const CArmEnvelope::Face* CArmEnvelope::violated(const CArmJoints& joints) const {

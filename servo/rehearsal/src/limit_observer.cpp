@@ -11,6 +11,8 @@ namespace {
 
 // Rounding of positions that are integrated over minutes; a thousandth of a limit is no excess to speak of.
 constexpr double kRounding = 1e-9;
+// Commands arrive on whole microseconds, a limiter reckons in real ones.
+constexpr double kEnvelopeRounding = 1e-6;
 
 }  // namespace
 
@@ -18,6 +20,11 @@ void LimitObserver::see(const CArmState& state) {
   const auto note = [&](int joint, const char* what, double value, double most) {
     if (!breach_) breach_ = formatted("joint %d: %s %.6g exceeds %.6g", joint, what, value, most);
   };
+  if (const auto* face = limits_.envelope.violated(state.joints)) {
+    if (!(face->room(state.joints) >= -kEnvelopeRounding * face->normal.norm()) && !breach_) {
+      breach_ = formatted("envelope: %s, by %.6g", face->name.c_str(), -face->room(state.joints));
+    }
+  }
   const double dt_s = last_ ? 1e-6 * static_cast<double>(state.time_us - last_->time_us) : 0;
   for (int i = 0; i < kCArmJointCount; ++i) {
     const double q = state.joints[i], v = state.velocity[i];

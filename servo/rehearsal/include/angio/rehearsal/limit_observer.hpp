@@ -8,8 +8,9 @@
 
 namespace angio {
 
-/// Watches a C-arm's true motion for what it must never do: leave a joint's range, exceed its speed or its
-/// acceleration. Judges by the states alone, not by the code that is to keep the limits.
+/// Watches a C-arm's true motion for what it must never do: leave a joint's range or the
+/// envelope, exceed its speed or its acceleration. Judges by the states alone, not by the code that is to keep the
+/// limits.
 class LimitObserver {
  public:
   explicit LimitObserver(const CArmLimits& limits) : limits_(limits) {}
