@@ -26,7 +26,10 @@ SupervisedServoNode::SupervisedServoNode(Bus& bus, const ServoLoopSettings& sett
 
 void SupervisedServoNode::hear(std::int64_t now_us) {
   if (const auto state = newest_joints_.take()) safety_.observe(*state, now_us);
-  for (const ServoRequest& request : std::exchange(*requests_, {})) safety_.request(request, now_us);
+  for (const ServoRequest& request : std::exchange(*requests_, {})) {
+    const bool refused = safety_.request(request, now_us).has_value();
+    if (!refused && request.request == ServoRequestKind::kReset) joints_.forget();
+  }
   safety_.wait(now_us);
 }
 

@@ -45,6 +45,16 @@ TEST_F(JointHistories, OutsideAndInGapsTheNearestSaysHowFarOffItIs) {
   EXPECT_EQ(history_.at(300'000)->time_us, 400'000);
 }
 
+// After a reset an arm whose clock was set back must not go unheard.
+TEST_F(JointHistories, BeginAgainWithAnEarlierTimeWhenTheyForget) {
+  say(900'000);
+  history_.forget();
+  EXPECT_TRUE(history_.empty());
+  say(100'000);
+  ASSERT_FALSE(history_.empty());
+  EXPECT_EQ(history_.at(900'000)->time_us, 100'000);
+}
+
 TEST_F(JointHistories, LateOnesAndDuplicatesChangeNothing) {
   say(100'000);
   say(150'000);

@@ -26,6 +26,9 @@ class JointHistory {
   /// how far off it is. Nothing when no state has come yet.
   std::optional<CArmState> at(std::int64_t time_us) const;
 
+  /// Begins again, with whatever comes next: the arm's clock may have been set back.
+  void forget() { box_->states.clear(); }
+
   std::int64_t refused() const { return box_->refused; }  ///< Messages that could not be decoded.
 
  private:
