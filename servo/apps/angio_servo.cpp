@@ -16,7 +16,7 @@
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/rehearsal/rehearsal_report.hpp"
 #include "angio/servo/operator.hpp"
-#include "angio/servo/supervised_node.hpp"
+#include "angio/servo/servo_node.hpp"
 #include "disturbance.hpp"
 #include "servo_settings.hpp"
 
@@ -126,7 +126,7 @@ int serve(const Options& o, const ServoSettings& settings, const VesselTree& tre
   std::optional<RecordingBus> recorded;
   if (!o.record.empty()) recorded.emplace(*bus, o.record);
   Bus& heard = recorded ? static_cast<Bus&>(*recorded) : *bus;
-  SupervisedServoNode node(heard, loop, settings.safety, tree);
+  ServoNode node(heard, loop, tree);
   Operator starter(heard);
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });

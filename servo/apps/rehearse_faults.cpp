@@ -25,7 +25,7 @@ int rehearseFaults(const StudyOptions& o) {
         rehearsal.seed = o.first_seed + k;
         const auto kind = static_cast<FaultKind>(rehearsal.seed % kFaultKindCount);
         rows[static_cast<std::size_t>(k)] =
-            runFault(tree, nominal, {}, kind, rehearsal, settings.loop(nominal), settings.safety, settings.patient);
+            runFault(tree, nominal, {}, kind, rehearsal, settings.loop(nominal), settings.patient);
       },
       [&](int done) { bar.show(done); });
   const auto json = faultCampaignAsJson(rows);

@@ -49,6 +49,7 @@ ServoLoopSettings ServoSettings::loop(const CArmCalibration& believed) const {
   loop.perception.tracker = tracker;
   loop.perception.tracker.follow_motion |= !std::holds_alternative<ViewTaskSettings>(loop.task);
   loop.supervisor = supervisor;
+  loop.safety = safety;
   return loop;
 }
 

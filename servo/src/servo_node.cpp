@@ -2,6 +2,7 @@
 #include "angio/servo/servo_node.hpp"
 
 #include <cmath>
+#include <utility>
 
 #include "angio/messaging/channels.hpp"
 #include "angio/servo/perception_node.hpp"
@@ -9,18 +10,78 @@
 namespace angio {
 
 ServoNode::ServoNode(Bus& bus, const ServoLoopSettings& settings, const VesselTree& tree)
-    : bus_(bus), frames_(bus, kXrayFrameChannel), joints_(bus, kCArmStateChannel), loop_(settings, tree) {}
+    : bus_(bus),
+      carm_(settings.carm),
+      frames_(bus, kXrayFrameChannel),
+      newest_joints_(bus, kCArmStateChannel),
+      requests_(std::make_shared<std::vector<ServoRequest>>()),
+      joints_(bus, kCArmStateChannel),
+      loop_(settings, tree),
+      safety_(settings.safety, settings.limits, settings.target_model.value_or(tree.centroid())) {
+  // All of them, in the order of their arrival: a mailbox would lose an emergency stop behind what came after it.
+  bus.subscribe(kServoRequestChannel, [requests = requests_](const std::uint8_t* data, std::size_t size) {
+    const auto decoded = decode<ServoRequest>(data, size);
+    if (decoded.value) requests->push_back(*decoded.value);
+  });
+}
 
-std::optional<ServoReport> ServoNode::answer() {
-  if (joints_.empty()) return std::nullopt;
-  const auto frame = frames_.take();
-  if (!frame) return std::nullopt;
+void ServoNode::hear(std::int64_t now_us) {
+  if (const auto state = newest_joints_.take()) safety_.observe(*state, now_us);
+  for (const ServoRequest& request : std::exchange(*requests_, {})) {
+    const bool refused = safety_.request(request, now_us).has_value();
+    if (!refused && request.request == ServoRequestKind::kReset) joints_.forget();
+  }
+  safety_.wait(now_us);
+}
+
+void ServoNode::judge(const ServoReport& report, const CArmState& state, std::int64_t now_us) {
+  const RegistrationResult& seen = report.sight.registration;
+  if (!report.held) {
+    safety_.trust(carm_.T_camera_patient(state.joints).inverse() * seen.T_camera_model, now_us);
+  } else {
+    const bool converged = seen.status == RegistrationStatus::kConverged;
+    safety_.doubt(converged ? SafetySupervisor::Doubt::kContradiction : SafetySupervisor::Doubt::kUnseen, *report.held,
+                  now_us);
+  }
+}
+
+void ServoNode::say(ServoStatus status) {
+  safety_.describe(status);
+  publish(bus_, kServoStatusChannel, status);
+  said_transitions_ = status.transitions;
+  last_status_ = std::move(status);
+}
+
+// Says on the way what a replay needs to know.
+ServoReport ServoNode::answerOf(const XrayFrame& frame, const CArmState& state, std::int64_t now_us) {
+  const auto note = [&](ServoVerdict verdict) {
+    publish(bus_, kServoInputChannel, ServoInput{frame.time_us, frame.sequence, state, verdict});
+  };
+  if (const auto objection = safety_.begin(frame, now_us)) {
+    note(ServoVerdict::kRefused);
+    return loop_.refuse(frame, *objection);
+  }
+  ServoReport report = loop_.step(frame, state);
+  judge(report, state, now_us);
+  const bool may = safety_.moves() && safety_.permitted(report.command.velocity) == report.command.velocity;
+  note(may ? ServoVerdict::kPermitted : ServoVerdict::kTakenBack);
+  if (!may) loop_.takeBack(report, report.held.value_or(safety_.states().reason()));
+  return report;
+}
+
+std::optional<ServoReport> ServoNode::answer(std::int64_t now_us) {
+  hear(now_us);
+  const auto frame = joints_.empty() ? std::nullopt : frames_.take();
+  if (!frame) {
+    if (safety_.states().transitions() != said_transitions_) say(last_status_);
+    return std::nullopt;
+  }
   const CArmState state = *joints_.at(frame->time_us);
-  publish(bus_, kServoInputChannel, ServoInput{frame->time_us, frame->sequence, state});
-  ServoReport report = loop_.step(*frame, state);
+  const ServoReport report = answerOf(*frame, state, now_us);
+  safety_.commanded(report.command);
   publish(bus_, kCArmCommandChannel, report.command);
   publish(bus_, kRegistrationChannel, registrationMessage(report));
-  publish(bus_, kServoStatusChannel, servoStatus(report));
+  say(servoStatus(report));
   return report;
 }
 

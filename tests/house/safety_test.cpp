@@ -2,7 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "angio/messaging/channels.hpp"
-#include "angio/servo/servo_node.hpp"
+#include "angio/messaging/mailbox.hpp"
+#include "angio/servo/servo_loop.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "hepatic.hpp"
 
@@ -46,16 +47,19 @@ void expectRest(const VesselTree& loops, const VesselTree& patients, const std::
   const CArmJoints start = settings.carm.jointsFor({0, 0}, settings.T_dsa_cb * target);
   SimulatedCArmNode arm(*bus, settings.limits, start, 0);
   SimulatedXrayNode xray(*bus, patients, {}, settings.carm, settings.T_dsa_cb);
-  ServoNode servo(*bus, settings, loops);
+  LatestValue<XrayFrame> shown(*bus, kXrayFrameChannel);
+  ServoLoop servo(settings, loops);  // Started, so to speak: nobody but itself holds it.
   const int frames = test::kSanitized ? 1 : 3;
   for (int k = 1; k <= frames; ++k) {
     arm.report(k * 66'667);
     bus->handle(kNoWait);
     xray.expose(k * 66'667);
     bus->handle(kNoWait);
-    const auto report = servo.answer();
-    ASSERT_TRUE(report);
-    EXPECT_TRUE(report->held) << what << ": registration " << statusName(report->sight.registration.status);
+    const auto frame = shown.take();
+    ASSERT_TRUE(frame);
+    const ServoReport report = servo.step(*frame, arm.arm().state());
+    EXPECT_TRUE(report.held) << what << ": registration " << statusName(report.sight.registration.status);
+    publish(*bus, kCArmCommandChannel, report.command);
     bus->handle(kNoWait);
     arm.listen(k * 66'667 + 50'000);
   }

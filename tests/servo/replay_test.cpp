@@ -21,7 +21,8 @@ struct LiveRun : testing::Test {
   void SetUp() override {
     const auto bus = openBus("memq://");
     RecordingBus recorded(*bus, log);
-    ServoNode node(recorded, stage.settings, stage.tree);
+    ServoNode node(recorded, test::moving(stage.settings), stage.tree);
+    test::start(*bus, node);
     CArmState turning = stage.state(1);
     const auto say = [&](std::int64_t time_us) {  // Not at the frames' own times, so that joints are interpolated.
       turning.time_us = time_us;
@@ -35,7 +36,7 @@ struct LiveRun : testing::Test {
       if (frame % 2 == 1) say(frame * 66'667 + 20'000);
       if (frame == 2 || frame == 4) continue;  // Still at work: the next one comes on top of it.
       while (bus->handle(kNoWait) > 0) continue;
-      ASSERT_TRUE(node.answer());
+      ASSERT_TRUE(node.answer(frame * 66'667));
     }
   }
 

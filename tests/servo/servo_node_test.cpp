@@ -6,6 +6,9 @@
 #include <limits>
 
 #include "angio/messaging/channels.hpp"
+#include "angio/messaging/recording_bus.hpp"
+#include "angio/servo/replay.hpp"
+#include "angio/test/temporary_folder.hpp"
 #include "stage.hpp"
 
 namespace angio {
@@ -13,6 +16,8 @@ namespace {
 
 class ServoNodes : public testing::Test {
  protected:
+  void SetUp() override { test::start(*bus_, node_); }
+  std::optional<ServoReport> answer() { return node_.answer(now_us_ += 66'667); }
   void say(const XrayFrame& frame) { publish(*bus_, kXrayFrameChannel, frame); }
   void say(const CArmState& state) { publish(*bus_, kCArmStateChannel, state); }
   void handle() { bus_->handle(std::chrono::milliseconds(0)); }
@@ -22,19 +27,20 @@ class ServoNodes : public testing::Test {
   LatestValue<CArmCommand> commands_{*bus_, kCArmCommandChannel};
   LatestValue<RegistrationMessage> registrations_{*bus_, kRegistrationChannel};
   LatestValue<ServoStatus> statuses_{*bus_, kServoStatusChannel};
-  ServoNode node_{*bus_, stage_.settings, stage_.tree};
+  ServoNode node_{*bus_, test::moving(stage_.settings), stage_.tree};
+  std::int64_t now_us_ = 2;
 };
 
 TEST_F(ServoNodes, AnswerWhenFrameAndJointsHaveCome) {
-  EXPECT_FALSE(node_.answer());
+  EXPECT_FALSE(answer());
   say(stage_.frame(1));
   handle();
-  EXPECT_FALSE(node_.answer()) << "where the arm is has not been said";
+  EXPECT_FALSE(answer()) << "where the arm is has not been said";
   say(stage_.state(1));
   handle();
-  const auto report = node_.answer();
+  const auto report = answer();
   ASSERT_TRUE(report);
-  EXPECT_FALSE(node_.answer()) << "one answer a frame";
+  EXPECT_FALSE(answer()) << "one answer a frame";
   handle();
   ASSERT_TRUE(commands_.peek() && registrations_.peek() && statuses_.peek());
   EXPECT_EQ(commands_.peek()->velocity, report->command.velocity);
@@ -52,7 +58,7 @@ TEST_F(ServoNodes, SayThatAndWhyTheyHold) {
   flat.image.setTo(30000);
   say(flat);
   handle();
-  ASSERT_TRUE(node_.answer());
+  ASSERT_TRUE(answer());
   handle();
   ASSERT_TRUE(commands_.peek() && registrations_.peek() && statuses_.peek());
   EXPECT_TRUE(commands_.peek()->velocity.isZero(0));
@@ -79,23 +85,31 @@ TEST_F(ServoNodes, SurviveGarbageOnTheirChannels) {
   cut.resize(cut.size() / 2);
   bus_->publish(kXrayFrameChannel, cut);
   handle();
-  EXPECT_FALSE(node_.answer());
+  EXPECT_FALSE(answer());
   EXPECT_EQ(node_.refused(), 12);
-  // Joints that are numbers, but of no arm.
+  say(stage_.state(1));
+  say(stage_.frame(1));
+  handle();
+  const auto report = answer();
+  ASSERT_TRUE(report);
+  EXPECT_FALSE(report->held) << *report->held;
+}
+
+// What no noise makes of joints is an arm, or a sender, that a person has to look at.
+TEST_F(ServoNodes, JointsOfNoArmAreAFault) {
   CArmState wild = stage_.state(1);
   wild.joints.setConstant(1e300);
   say(wild);
   say(stage_.frame(1));
-  handle();
-  const auto held = node_.answer();
-  ASSERT_TRUE(held);
-  EXPECT_TRUE(held->held && held->command.velocity.isZero(0));
-  say(stage_.state(2));
-  say(stage_.frame(2));
-  handle();
-  const auto report = node_.answer();
-  ASSERT_TRUE(report);
-  EXPECT_FALSE(report->held) << *report->held;
+  for (const std::int64_t next : {2, 3}) {
+    handle();
+    const auto report = answer();
+    ASSERT_TRUE(report);
+    EXPECT_TRUE(report->held && report->command.velocity.isZero(0));
+    EXPECT_EQ(node_.safety().states().state(), ServoState::kFault);
+    say(stage_.state(next));
+    say(stage_.frame(next));
+  }
 }
 
 TEST(ServoMessages, AResultWithoutNumbersCanBeSent) {
@@ -109,6 +123,74 @@ TEST(ServoMessages, AResultWithoutNumbersCanBeSent) {
   EXPECT_NO_THROW(encode(message));
   EXPECT_EQ(message.status_text, "diverged");
   EXPECT_NO_THROW(encode(servoStatus(report)));
+}
+
+constexpr std::int64_t kPeriod_us = 66'667;
+
+// A loop under its supervisor, whose arm does what it is told.
+struct SupervisedRun : testing::Test {
+  // One frame of the arm where it is; returns the command that answers it.
+  CArmCommand frame() {
+    ++k;
+    publish(*bus, kCArmStateChannel, CArmState{k * kPeriod_us, k, stage.joints, last.velocity});
+    publish(*bus, kXrayFrameChannel, stage.frame(k));
+    while (bus->handle(std::chrono::milliseconds(0)) > 0) continue;
+    const auto report = node.answer(k * kPeriod_us);
+    EXPECT_TRUE(report);
+    if (report) last = report->command;
+    while (bus->handle(std::chrono::milliseconds(0)) > 0) continue;
+    stage.joints += last.velocity * 1e-6 * kPeriod_us;
+    return last;
+  }
+  void ask(ServoRequestKind kind) {
+    // Each time another person, who has seen one status.
+    Operator person(recorded);
+    frame();
+    person.ask(kind, k * kPeriod_us + 1000);
+  }
+  bool still(int frames) {
+    bool all = true;
+    for (int i = 0; i < frames; ++i) all = frame().velocity.isZero(0) && all;
+    return all;
+  }
+
+  test::Stage stage;
+  test::TemporaryFolder folder;
+  std::string log = folder.path("run.lcm");
+  std::unique_ptr<Bus> bus = openBus("memq://");
+  RecordingBus recorded{*bus, log};
+  ServoNode node{recorded, stage.settings, stage.tree};
+  CArmCommand last;
+  std::int64_t k = 0;
+};
+
+TEST_F(SupervisedRun, MovesOnlyBetweenStartAndEmergencyStop) {
+  EXPECT_TRUE(still(3));
+  ask(ServoRequestKind::kArm);
+  EXPECT_TRUE(still(2));
+  EXPECT_EQ(node.safety().states().state(), ServoState::kArmed);
+  ask(ServoRequestKind::kStart);
+  EXPECT_FALSE(still(8));
+  EXPECT_EQ(node.safety().states().state(), ServoState::kServo);
+  ask(ServoRequestKind::kEmergencyStop);
+  EXPECT_TRUE(still(3));
+  ask(ServoRequestKind::kStart);
+  EXPECT_TRUE(still(3)) << "only a reset and arming anew lead out of it";
+  EXPECT_EQ(node.safety().states().state(), ServoState::kEmergencyStop);
+}
+
+TEST_F(SupervisedRun, IsReplayedBitForBitWithWhatItsSupervisorTookBack) {
+  ask(ServoRequestKind::kArm);
+  ask(ServoRequestKind::kStart);
+  for (int i = 0; i < 6; ++i) frame();
+  ask(ServoRequestKind::kStop);
+  for (int i = 0; i < 2; ++i) frame();
+  const test::Stage fresh;
+  const ReplaySummary found = replay(log, fresh.settings, fresh.tree);
+  EXPECT_EQ(found.first_difference.value_or(""), "");
+  EXPECT_EQ(found.equal, found.commands);
+  EXPECT_GT(found.held, 2);
+  EXPECT_LT(found.held, found.answered);
 }
 
 }  // namespace

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include "angio/servo/servo_loop.hpp"
+#include "angio/servo/operator.hpp"
+#include "angio/servo/servo_node.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/test/phantoms.hpp"
 
@@ -39,5 +40,23 @@ class Stage {
 
   CArmState state(std::int64_t sequence) const { return {sequence * 66'667, sequence, joints, CArmJoints::Zero()}; }
 };
+
+/// The same loop's settings, which move with the first frame that is trusted.
+inline ServoLoopSettings moving(ServoLoopSettings settings) {
+  settings.safety.states.frames_to_start = 1;
+  return settings;
+}
+
+/// Arms and starts a node before its first frame.
+inline void start(Bus& bus, ServoNode& node) {
+  Operator person(bus);
+  std::int64_t now_us = 0;
+  for (const auto request : {ServoRequestKind::kArm, ServoRequestKind::kStart}) {
+    person.ask(request, ++now_us);
+    while (bus.handle(std::chrono::milliseconds(0)) > 0) continue;
+    node.answer(now_us);  // Says its new state, which the next request has to have seen.
+    while (bus.handle(std::chrono::milliseconds(0)) > 0) continue;
+  }
+}
 
 }  // namespace angio::test

@@ -8,7 +8,7 @@
 #include "angio/rehearsal/command_observer.hpp"
 #include "angio/rehearsal/limit_observer.hpp"
 #include "angio/servo/operator.hpp"
-#include "angio/servo/supervised_node.hpp"
+#include "angio/servo/servo_node.hpp"
 #include "injected_fault.hpp"
 
 namespace angio {
@@ -48,11 +48,10 @@ VesselTree otherPatient(const VesselTree& tree) {
 class Run {
  public:
   Run(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& rehearsal,
-      const ServoLoopSettings& loop, const SafetySettings& safety, const SimulatedPatientSettings& patient,
-      const FaultCampaignSettings& campaign, FaultKind kind)
+      const ServoLoopSettings& loop, const SimulatedPatientSettings& patient, const FaultCampaignSettings& campaign,
+      FaultKind kind)
       : tree_(tree),
         loop_(loop),
-        safety_(safety),
         truth_(world.truth),
         target_(loop.target_model.value_or(tree.centroid())),
         room_(roomOf(tree, world, rehearsal, loop, patient)),
@@ -70,7 +69,7 @@ class Run {
     startNode();
   }
 
-  void startNode() { node_.emplace(room_.loopSide(), loop_, safety_, tree_); }
+  void startNode() { node_.emplace(room_.loopSide(), loop_, tree_); }
   void killNode() { node_.reset(); }
 
   // One event in the room, and what everybody makes of it.
@@ -121,7 +120,6 @@ class Run {
  private:
   const VesselTree& tree_;
   ServoLoopSettings loop_;
-  SafetySettings safety_;
   CArmCalibration truth_;
   Eigen::Vector3d target_;
   SimulatedRoom room_;
@@ -131,7 +129,7 @@ class Run {
   LimitObserver limits_;
   CommandObserver commands_;
   FaultOperator operator_;
-  std::optional<SupervisedServoNode> node_;
+  std::optional<ServoNode> node_;
   std::optional<std::string> spoilt_;
   std::optional<std::int64_t> servoes_since_us_;
 };
@@ -141,7 +139,7 @@ double symmetric(std::mt19937_64& engine) { return 2 * static_cast<double>(engin
 }  // namespace
 
 FaultRow runFault(const VesselTree& tree, const CArmCalibration& nominal, const FaultCampaignSettings& campaign,
-                  FaultKind kind, RehearsalSettings rehearsal, ServoLoopSettings parts, const SafetySettings& safety,
+                  FaultKind kind, RehearsalSettings rehearsal, ServoLoopSettings parts,
                   const SimulatedPatientSettings& patient) {
   checkSettings("fault campaign", campaign);
   std::mt19937_64 engine(static_cast<std::uint64_t>(rehearsal.seed) ^ 0x63616d70);
@@ -160,7 +158,7 @@ FaultRow runFault(const VesselTree& tree, const CArmCalibration& nominal, const 
   small.carm.pixel_spacing_m *= static_cast<double>(small.carm.image_width_px) / campaign.image_px;
   small.carm.image_width_px = small.carm.image_height_px = campaign.image_px;
   const RehearsalWorld world = madeUpWorld(tree, small, rehearsal, goal);
-  Run run(tree, world, rehearsal, loopIn(world, parts), safety, patient, campaign, kind);
+  Run run(tree, world, rehearsal, loopIn(world, parts), patient, campaign, kind);
 
   FaultRow row;
   row.seed = rehearsal.seed;

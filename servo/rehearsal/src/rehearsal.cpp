@@ -6,6 +6,7 @@
 
 #include "angio/base/stopwatch.hpp"
 #include "angio/messaging/channels.hpp"
+#include "angio/servo/operator.hpp"
 
 namespace angio {
 namespace {
@@ -87,6 +88,7 @@ void runClosed(const VesselTree& tree, const RehearsalWorld& world, const Rehear
                const ArmWatcher& arm_watcher, Rehearsal& result) {
   SimulatedRoom room = roomOf(tree, world, s, loop, patient);
   ServoNode servo(room.loopSide(), loop, tree);
+  Operator person(room.fromMachines());
   Observer observer(world, servo.loop().task(), loop, tree);
   result.has_view = observer.hasView();
   const int frames = framesOf(s);
@@ -94,10 +96,11 @@ void runClosed(const VesselTree& tree, const RehearsalWorld& world, const Rehear
     Stopwatch watch;
     const std::optional<Exposure> exposure = room.advance();
     if (arm_watcher) arm_watcher(room.arm().state());
-    if (!exposure) continue;
     const double render_s = watch.seconds();
     watch = Stopwatch();
-    const auto report = servo.answer();
+    person.start(room.now_us());
+    const auto report = servo.answer(room.now_us());
+    if (!exposure) continue;
     if (!report) throw std::runtime_error("the loop did not answer a frame");
     RehearsalFrame row = describe(*report);
     row.answer_s = watch.seconds();

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "angio/servo/perception.hpp"
+#include "angio/servo/safety_supervisor.hpp"
 #include "angio/servo/supervisor.hpp"
 #include "angio/servo/tasks.hpp"
 
@@ -23,6 +24,7 @@ struct ServoLoopSettings {
   ServoLawSettings law = PositionBasedSettings{};
   PerceptionSettings perception;
   SupervisorSettings supervisor;
+  SafetySettings safety;    ///< Of the machine's permission to move: for a node, the loop itself knows no states.
   double latency_s = 0.08;  ///< From an exposure until its command moves the machine: what tasks look ahead.
 };
 

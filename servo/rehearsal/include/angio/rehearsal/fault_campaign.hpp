@@ -65,7 +65,7 @@ struct FaultRow {
 /// One run with one fault: begins sound, is disturbed for a while, and goes on without the fault. The operator resets
 /// and arms again when the fault is over. Judged by observers that know the truth and hear the wire.
 FaultRow runFault(const VesselTree& tree, const CArmCalibration& nominal, const FaultCampaignSettings& campaign,
-                  FaultKind kind, RehearsalSettings rehearsal, ServoLoopSettings parts, const SafetySettings& safety,
+                  FaultKind kind, RehearsalSettings rehearsal, ServoLoopSettings parts,
                   const SimulatedPatientSettings& patient);
 
 nlohmann::ordered_json faultCampaignAsJson(const std::vector<FaultRow>& rows);
