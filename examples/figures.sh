@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [speed] [sheet]
+#   examples/figures.sh [rows] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [soak] [speed] [sheet]
 # Without a name: rows, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
 # brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer.
 set -euo pipefail
@@ -184,6 +184,29 @@ servoing() {
   "$rehearse" navigate "${trees[@]}" --targets "${TARGETS:-20}" --threads "$threads"
   echo; echo "### faults: each run is disturbed for a while"
   "$rehearse" faults --runs "${FAULTS:-1000}" --threads "$threads"
+}
+
+# Two programs on a bus, in real time, for MINUTES: a patient who breathes, kept centred. Memory of both after the first
+# minute and at the end, and whether commands ever ran out.
+soak() {
+  local bus='udpm://239.255.76.67:7679?ttl=0' seconds=$((${MINUTES:-30} * 60)) pids sample began
+  printf 'motion:\n  breathing: {amplitude_mm: 15, diaphragm_mm: 0}\n  heartbeat: {amplitude_mm: 2}\n' > "$work/patient.yaml"
+  echo; echo "### ${MINUTES:-30} minutes of centre, angio-simulate and angio-servo on a bus, in real time"
+  "$bin"/angio-simulate --bus "$bus" --settings "$work/patient.yaml" --duration-s "$seconds" > "$work/simulate.txt" &
+  pids=($!)
+  "$bin"/angio-servo --bus "$bus" --task centre --duration-s "$((seconds + 1))" > "$work/servo.txt" 2> "$work/held.txt" &
+  pids+=($!)
+  began=$SECONDS
+  while sleep 5 && kill -0 "${pids[0]}" 2>/dev/null && kill -0 "${pids[1]}" 2>/dev/null; do
+    sample="$((SECONDS - began))"
+    for one in "${pids[@]}"; do sample="$sample $(awk '/^VmRSS/ {print $2}' "/proc/$one/status" 2>/dev/null)"; done
+    echo "$sample" >> "$work/memory.txt"
+  done
+  wait "${pids[@]}"
+  cat "$work/simulate.txt" "$work/servo.txt"
+  sed 's/^frame [0-9]* held: //; s/[0-9.e-]*[0-9]/N/g' "$work/held.txt" | sort | uniq -c | sort -rn | head -5
+  awk 'NF == 3 && $1 > 60 {if (!n++) {s = $2; v = $3} if ($2 > ms) ms = $2; if ($3 > mv) mv = $3; es = $2; ev = $3}
+       END {printf "memory [KiB] after a minute, at the end, at most: angio-simulate %d %d %d, angio-servo %d %d %d\n", s, es, ms, v, ev, mv}' "$work/memory.txt"
 }
 
 # What extractors see in the real images, and in simulated ones: a picture to look at.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-simulate: X-ray frames and robot states on the bus, in real time; obeys velocity commands. Or, with --out, a
 // run in files with its truth.
+#include <algorithm>
 #include <csignal>
 #include <iostream>
 #include <thread>
@@ -58,6 +59,8 @@ int writeFiles(const Options& o) {
   return 0;
 }
 
+constexpr auto kReportPeriod = std::chrono::milliseconds(10);
+
 volatile std::sig_atomic_t stopped = 0;
 
 std::int64_t now_us() {
@@ -102,16 +105,22 @@ int simulate(const Options& o) {
       ++frames;
     }
     next += period;
-    // Commands are obeyed as they arrive, not once a frame.
+    // Commands are obeyed as they arrive, and the encoders report, not once a frame.
+    auto report = Clock::now() + kReportPeriod;
     for (auto left = next - Clock::now(); left > Clock::duration::zero() && !stopped; left = next - Clock::now()) {
-      bus->handle(std::chrono::ceil<std::chrono::milliseconds>(left));
+      const auto wait = std::clamp(report - Clock::now(), Clock::duration::zero(), left);
+      bus->handle(std::chrono::ceil<std::chrono::milliseconds>(wait));
       arm.listen(now_us());
+      if (Clock::now() < report) continue;
+      arm.report(now_us());
+      report += kReportPeriod;
     }
     arm.listen(now_us());
     if (Clock::now() > next + period)
       next = Clock::now();  // A slow machine drops frames; it does not catch up in a burst.
   }
-  std::cout << frames << " frames shown\n";
+  std::cout << frames << " frames shown; " << arm.arm().ignored().total()
+            << " commands refused; commands ran out before the next came: " << arm.arm().ranOut() << "\n";
   return 0;
 }
 

@@ -96,12 +96,14 @@ TEST(SimulatedCArm, SilenceStopsIt) {
   carm.obey(command(1, limits.velocity, 800'000), 0);
   carm.advance(800'000);
   EXPECT_EQ(carm.state().velocity, limits.velocity);
+  EXPECT_EQ(carm.ranOut(), 0);
   const double brake_s = (limits.velocity.array() / limits.acceleration.array()).maxCoeff();
   carm.advance(800'000 + static_cast<std::int64_t>(std::ceil(brake_s * 1e6)));
   EXPECT_EQ(carm.state().velocity, CArmJoints::Zero());
   const CArmJoints rest = carm.state().joints;
   carm.advance(60'000'000);
   EXPECT_EQ(carm.state().joints, rest);
+  EXPECT_EQ(carm.ranOut(), 1);
 }
 
 TEST(SimulatedCArm, IgnoresCommandsItMustNotObeyAndSaysWhy) {

@@ -112,6 +112,7 @@ void SimulatedCArm::obey(const CArmCommand& command, std::int64_t now_us) {
     last_command_us_ = command.time_us;
     wanted_ = command.velocity.cwiseMax(-limits_.velocity).cwiseMin(limits_.velocity);
     valid_left_us_ = static_cast<std::uint64_t>(command.valid_for_us);
+    in_force_ = true;
   }
 }
 
@@ -135,6 +136,10 @@ void SimulatedCArm::advance(std::int64_t now_us) {
   const std::uint64_t obeyed_us = std::min(passed_us, valid_left_us_);
   move(static_cast<double>(obeyed_us) * 1e-6, wanted_);
   move(static_cast<double>(passed_us - obeyed_us) * 1e-6, CArmJoints::Zero());
+  if (in_force_ && passed_us > valid_left_us_) {
+    in_force_ = false;
+    ++ran_out_;
+  }
   valid_left_us_ -= obeyed_us;
   state_.time_us = now_us;
 }

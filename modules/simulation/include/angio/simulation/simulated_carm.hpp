@@ -58,6 +58,9 @@ class SimulatedCArm {
 
   const IgnoredCommands& ignored() const { return ignored_; }
 
+  /// How often the last command ran out before another came: the watchdog's stops.
+  std::int64_t ranOut() const { return ran_out_; }
+
  private:
   bool newer(const CArmCommand& command) const;
   bool ofNow(const CArmCommand& command) const;
@@ -68,10 +71,12 @@ class SimulatedCArm {
   CArmState state_;
   CArmJoints wanted_ = CArmJoints::Zero();
   std::uint64_t valid_left_us_ = 0;
+  bool in_force_ = false;   // Whether a command has not run out yet.
   bool commanded_ = false;  // Whether last_sequence_ means anything yet.
   std::int64_t last_sequence_ = 0;
   std::int64_t last_command_us_ = 0;
   IgnoredCommands ignored_;
+  std::int64_t ran_out_ = 0;
 };
 
 }  // namespace angio
