@@ -2,7 +2,6 @@
 // The stages of a frame before and after the registration: making it, sending it, finding its centrelines.
 #include <benchmark/benchmark.h>
 
-#include "angio/geometry/visp.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/messaging/codec.hpp"
 #include "angio/servo/servo_loop.hpp"
@@ -126,23 +125,6 @@ void decodeFrame(benchmark::State& state) {
   }
 }
 BENCHMARK(decodeFrame)->Unit(benchmark::kMillisecond);
-
-void controlLaw(benchmark::State& state) {
-  const Scene scene;
-  const CArmGeometry carm;
-  const DesiredView view{{degToRad(20), degToRad(10)}, scene.tree.centroid(), Eigen::Matrix3d::Identity()};
-  const vpHomogeneousMatrix cdMo = toVisp(desiredPose(view, carm.source_isocentre_distance_m));
-  const vpHomogeneousMatrix cMo = toVisp(scene.truth);
-  const auto law = makeServoLaw(PositionBasedSettings());
-  const Supervisor supervisor(SupervisorSettings(), CArmLimits::typical(), view.target_model);
-  const CArmState joints;
-  for (auto _ : state) {
-    const auto wanted = law->velocity({cMo, cdMo, toVisp(carm.eJe(joints.joints))});
-    if (!wanted) state.SkipWithError("singular");
-    benchmark::DoNotOptimize(supervisor.limit(*wanted, joints.velocity, joints, 1.0 / 15));
-  }
-}
-BENCHMARK(controlLaw)->Unit(benchmark::kMillisecond);
 
 // From the frame to its command, once the tree is tracked.
 void wholeFrame(benchmark::State& state) {
