@@ -80,6 +80,7 @@ CArmFile readCArmFile(const std::string& path) {
   const auto sizes = size.numbers(2);
   carm.image_width_px = readSize(size, sizes[0]);
   carm.image_height_px = readSize(size, sizes[1]);
+  if (const auto field = map.find("l_arm_deg")) carm.l_arm_rad = degToRad(field->number());
   if (const auto field = map.find("T_dsa_cb")) file.T_dsa_cb = readPatient(*field);
   if (const auto field = map.find("R_lps_model")) file.R_lps_model = readRotation(*field, "R_lps_model");
   if (const auto field = map.find("machine")) file.machine = field->text();
@@ -101,6 +102,7 @@ void writeCArmFile(const std::string& path, const CArmFile& file) {
   json["source_detector_distance_mm"] = file.carm.source_detector_distance_m * 1e3;
   json["pixel_spacing_mm"] = file.carm.pixel_spacing_m * 1e3;
   json["image_size_px"] = {file.carm.image_width_px, file.carm.image_height_px};
+  if (file.carm.l_arm_rad != 0) json["l_arm_deg"] = radToDeg(file.carm.l_arm_rad);
   const Json deviations = carmDeviationsAsJson(file.carm.deviations);
   if (!deviations.empty()) json["deviations"] = deviations;
   if (file.T_dsa_cb) {

@@ -19,6 +19,7 @@ CArmFile crookedFile() {
     values[static_cast<Eigen::Index>(k)] += 3 * kCArmPoseParameterNames[k].unit * 0.01 * random.normal();
   }
   file.carm.setPoseParameters(values);
+  file.carm.l_arm_rad = degToRad(12.5);
   CArmDeviations& d = file.carm.deviations;
   d.source_detector_offset_m = 2e-3;
   d.pixel_aspect = 1e-4;
@@ -85,6 +86,7 @@ TEST_F(CArmFiles, BadDeviationsAreNamed) {
   EXPECT_THAT(refusal("deviations:\n  secondary_offset: 1\n"), HasSubstr("carm.yaml:6: secondary_offset = 1: unknown"));
   EXPECT_THAT(refusal("deviations:\n  secondary_offset_deg: 90\n"), HasSubstr("secondary_offset_deg = 90"));
   EXPECT_THAT(refusal("deviations:\n  table: [1, 0, 0, 0.01, 1, 0, 0, 0, 1]\n"), HasSubstr("deviations.table[3]"));
+  EXPECT_THAT(refusal("l_arm_deg: 181\n"), HasSubstr("l_arm_deg = 181"));
   EXPECT_THAT(refusal("deviations:\n  flex:\n    - [0, 0, 0, 0, 0, 0, 1, 0]\n"), HasSubstr("flex[0]"));
   EXPECT_THAT(refusal("deviations:\n  flex:\n    - [99, 0, 0, 0, 0, 0, 1, 0, 0]\n"), HasSubstr("deviations.flex"));
 }
