@@ -3,12 +3,14 @@
 #include <cstdio>
 #include <iostream>
 
+#include "angio/base/errors.hpp"
 #include "angio/calibration/record.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/io/image_files.hpp"
+#include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "program_settings.hpp"
@@ -19,7 +21,7 @@ namespace angio {
 namespace {
 
 struct Options {
-  std::string tree, method = OrientedKernelSettings::kName, settings, out, overlay;
+  std::string tree, method = OrientedKernelSettings::kName, settings, out, out_pose, overlay;
   ViewFiles files;
   std::string extractor, polarity = "dark";
   int starts = 0;
@@ -33,11 +35,19 @@ struct Options {
     if (!files.cameras.empty() || !files.centerlines.empty() || !files.images.empty()) {
       throw CLI::ExcludesError("--bus", "files of a camera, a centreline or an image");
     }
-    if (!settings.empty() || !out.empty() || !overlay.empty() || nonrigid) {
-      throw CLI::ExcludesError("--bus", "--settings, --nonrigid, --out and --overlay");
+    if (!settings.empty() || !out.empty() || !out_pose.empty() || !overlay.empty() || nonrigid) {
+      throw CLI::ExcludesError("--bus", "--settings, --nonrigid, --out, --out-pose and --overlay");
     }
   }
 };
+
+// A pose that nobody should trust is not written: a file does not say how it came about.
+void writeConverged(const std::string& path, const RegistrationResult& result) {
+  if (result.status != RegistrationStatus::kConverged) {
+    throw InputError(path, "pose", statusName(result.status), "is only written when the registration converged");
+  }
+  writePose(path, {result.T_camera_model, result.covariance});
+}
 
 std::string captionOf(const CaseOutcome& outcome) {
   const RegistrationResult& r = outcome.result;
@@ -110,6 +120,7 @@ int registerOne(const Options& o) {
   json["settings"]["starts"] = settingsAsJson(settings.starts);
   json["settings"].update(extractorAsJson(extractor));
   json["machine"] = machineAsJson();
+  if (!o.out_pose.empty()) writeConverged(o.out_pose, outcome.result);
   if (!o.overlay.empty()) writeImage(o.overlay, pictureOf(views, tree, initial, outcome));
   if (o.out.empty()) {
     std::cout << json.dump(2) << "\n";
@@ -173,6 +184,7 @@ int main(int argc, char** argv) {
       ->check(angio::between(0, 1e6));
   app.add_option("--settings", o.settings, "Settings (.yaml), sections by method, starts, extractors");
   app.add_option("--out", o.out, "Result (.json); stdout when not given");
+  app.add_option("--out-pose", o.out_pose, "Pose of the model in the camera (.yaml), of a result that converged");
   app.add_option("--overlay", o.overlay, "Picture of the result (.png, .jpg)");
   auto* bus = seen->add_option("--bus", o.live.bus, "Register the frames of a bus (LCM URL) and say so there");
   app.add_option("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")->needs(bus);

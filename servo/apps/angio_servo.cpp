@@ -11,6 +11,7 @@
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_overlay.hpp"
+#include "angio/io/pose_files.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/recording_bus.hpp"
@@ -29,7 +30,7 @@ struct Options {
   std::optional<double> view_primary_deg, view_secondary_deg,
       duration_s;  // Given ones come before the settings file's.
   std::optional<int> seed;
-  std::string film, truth, machine, record, disturb;
+  std::string film, truth, machine, record, disturb, view_pose;
   double largest_age_days = RecordGate().largest_age_days;
   bool simulate = false, wait_for_operator = false;
 };
@@ -41,6 +42,12 @@ ServoSettings effectiveSettings(const Options& o) {
   ViewTaskSettings& view = settings.tasks.of<ViewTaskSettings>();
   view.primary_deg = o.view_primary_deg.value_or(view.primary_deg);
   view.secondary_deg = o.view_secondary_deg.value_or(view.secondary_deg);
+  if (!o.view_pose.empty()) {
+    view.goal = ViewGoal::kPose;
+    view.T_camera_model = readPose(o.view_pose).T_camera_model;
+  } else if (view.goal == ViewGoal::kPose) {
+    throw InputError(o.settings, "view.goal", "pose", "needs --view-pose");
+  }
   if (o.duration_s.value_or(0) > 0) settings.rehearsal.duration_s = *o.duration_s;
   return settings;
 }
@@ -68,6 +75,9 @@ RehearsalWorld worldOf(const Options& o, const ServoSettings& settings, const Ve
     const TaskSettings task = settings.tasks.chosen();
     if (const auto* view = std::get_if<ViewTaskSettings>(&task)) {
       beam = {degToRad(view->primary_deg), degToRad(view->secondary_deg)};
+      if (view->goal == ViewGoal::kPose) {
+        beam = viewAnglesOf(calibration.R_lps_model * view->T_camera_model.linear().row(2).transpose());
+      }
     }
     return madeUpWorld(tree, calibration, rehearsal, beam);
   }
@@ -189,6 +199,10 @@ int main(int argc, char** argv) {
                  "Desired view of the anatomy: CRA positive, CAU negative")
       ->check(between(-55, 55))
       ->default_str(shown(usual_view.secondary_deg));
+  app.add_option("--view-pose", o.view_pose,
+                 "Desired view: as in a registered pose (.yaml), of angio-register --out-pose")
+      ->excludes("--view-primary-deg")
+      ->excludes("--view-secondary-deg");
   app.add_option("--duration-s", o.duration_s, "How long; 0: the settings' time when simulating, else until stopped")
       ->check(between(0, 86400))
       ->default_str("0");

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "angio/io/pose_files.hpp"
 #include "case_folder.hpp"
 #include "hepatic.hpp"
 
@@ -46,6 +47,27 @@ TEST_F(Programs, RegisterFindsThePoseAndDrawsIt) {
   const cv::Mat overlay = cv::imread(folder_.path("overlay.png"), cv::IMREAD_UNCHANGED);
   EXPECT_EQ(overlay.size(), cv::Size(camera_.width_px(), camera_.height_px()));
   EXPECT_EQ(overlay.type(), CV_8UC3);
+}
+
+// What registration finds in one image is what a C-arm can be sent to.
+TEST_F(Programs, ARegisteredPoseIsAViewToServoTo) {
+  auto arguments = registerArguments();
+  const std::string pose = folder_.path("pose.yaml");
+  arguments.insert(arguments.end(), {"--out-pose", pose});
+  ASSERT_EQ(test::run("angio-register", arguments).exit_code, 0);
+  EXPECT_LT((readPose(pose).T_camera_model.matrix() -
+             poseOf(Json::parse(test::contentOf(folder_.path("result.json")))).matrix())
+                .norm(),
+            1e-9);
+  const auto ended = test::run(
+      "angio-servo", {"--simulate", "--view-pose", pose, "--duration-s", "0.1", "--out", folder_.path("out")});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const Json summary = Json::parse(test::contentOf(folder_.path("out/summary.json")));
+  EXPECT_EQ(summary["settings"]["view"]["goal"], "pose");
+  const std::string settings = folder_.write("settings.yaml", "view: {goal: pose}\n");
+  const auto refused = test::run("angio-servo", {"--simulate", "--settings", settings, "--out", folder_.path("out")});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_NE(refused.err.find("settings.yaml: view.goal = pose: needs --view-pose"), std::string::npos) << refused.err;
 }
 
 TEST_F(Programs, RegisterPrintsTheResultWhenNoFileIsNamed) {
