@@ -98,10 +98,12 @@ void LiveOverlay::drawPanel(cv::Mat panel, const LiveScene& scene) const {
                                       1e-6 * static_cast<double>(scene.frame.time_us));
   if (const auto& s = scene.status) {
     line(0, frame + nameOf(s->state) + (s->reason.empty() ? "" : ": " + s->reason), stateColour(s->state));
-    line(1,
-         formatted("from the wanted view %.3f deg, %.2f mm   %.0f ms", radToDeg(s->view_error_rad),
-                   1e3 * s->target_error_m,
-                   1e-3 * static_cast<double>(s->image_us + s->registration_us + s->control_us)),
+    // Both are exactly zero for a task without a view, and while nothing is seen.
+    const bool has_view = s->view_error_rad != 0 || s->target_error_m != 0;
+    const std::string view = has_view ? formatted("from the wanted view %.3f deg, %.2f mm   ",
+                                                  radToDeg(s->view_error_rad), 1e3 * s->target_error_m)
+                                      : "";
+    line(1, view + formatted("%.0f ms", 1e-3 * static_cast<double>(s->image_us + s->registration_us + s->control_us)),
          kWhite);
   } else {
     line(0, frame, kWhite);
