@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "angio/base/formatted.hpp"
 #include "angio/evaluation/paper.hpp"
 #include "angio/evaluation/simulation_report.hpp"
 #include "angio/test/errors.hpp"
@@ -149,6 +150,9 @@ TEST_F(SimulationRuns, TheReportStandsAlone) {
   EXPECT_EQ(page.find("<b>"), std::string::npos);
   EXPECT_NE(page.find("&lt;b&gt; &amp; co"), std::string::npos);
   EXPECT_NE(page.find("data:image/png;base64,iVBORw0KGgo"), std::string::npos);
+  const auto& time = summaries.begin().value()["time_ms"]["total"];
+  EXPECT_NE(page.find(formatted("%.1f ms median, %.1f ms p99", time["p50"].get<double>(), time["p99"].get<double>())),
+            std::string::npos);
   EXPECT_EQ(page.find("nan"), page.find("nance")) << "no figure that is not a number";
   for (const char* tag : {"svg", "figure", "section", "table", "div"}) {
     const auto count = [&](const std::string& what) {

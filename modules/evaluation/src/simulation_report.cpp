@@ -16,18 +16,23 @@ using Json = nlohmann::ordered_json;
 
 constexpr int kDrawnWidth_px = 1024, kPictureWidth_px = 640;
 
+// A dash where there is no number: of no successes there is no median.
+std::string figure(const char* format, const Json& number) {
+  return number.is_number() ? formatted(format, number.get<double>()) : "-";
+}
+
 std::string cards(const Json& summaries) {
   std::vector<std::string> cards;
   int colour = 0;
   for (const auto& [method, s] : summaries.items()) {
     const auto& bounds = s["success_mtre_2mm_bounds_percent"];
+    const auto& total = s["time_ms"]["total"];
     cards.push_back(
-        html::card(method, formatted("%.0f %%", s["success_mtre_2mm_percent"]),
-                   {"success, mTRE < 2 mm (" + formatted("%.0f", bounds[0]) + " to " + formatted("%.0f %%)", bounds[1]),
-                    formatted("%.0f %% failed and trusted", s["failed_and_trusted_percent"]),
-                    formatted("%.3f mm median mTRE", s["mtre_mm"]["median"]),
-                    formatted("%.1f ms median", s["time_ms"]["total"]["p50"]) +
-                        formatted(", %.1f ms p99", s["time_ms"]["total"]["p99"])},
+        html::card(method, figure("%.0f %%", s["success_mtre_2mm_percent"]),
+                   {"success, mTRE < 2 mm (" + figure("%.0f", bounds[0]) + " to " + figure("%.0f %%", bounds[1]) + ")",
+                    figure("%.0f %%", s["failed_and_trusted_percent"]) + " failed and trusted",
+                    figure("%.3f mm", s["mtre_mm"]["median"]) + " median mTRE",
+                    figure("%.1f ms", total["p50"]) + " median, " + figure("%.1f ms", total["p99"]) + " p99"},
                    colour++));
   }
   return html::grid(cards, true);
