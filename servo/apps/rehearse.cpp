@@ -33,8 +33,7 @@ ServoSettings StudyOptions::readSettings() const {
   ServoSettings read;
   read.rehearsal.calibration_error_deg = 1;
   read.rehearsal.calibration_error_mm = 3;
-  if (!settings.empty()) read = angio::readSettings(settings, read);
-  return read;
+  return readServoSettings(settings, read);
 }
 
 void StudyOptions::write(nlohmann::ordered_json json, const std::string& table, const ServoSettings& effective) const {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "servo_settings.hpp"
 
+#include "angio/base/errors.hpp"
 #include "angio/io/settings_files.hpp"
 
 namespace angio {
@@ -53,9 +54,15 @@ ServoLoopSettings ServoSettings::loop(const CArmCalibration& believed) const {
   return loop;
 }
 
-ServoSettings readServoSettings(const std::string& path) {
-  ServoSettings settings;
-  return path.empty() ? settings : readSettings(path, settings);
+ServoSettings readServoSettings(const std::string& path, ServoSettings usual) {
+  if (path.empty()) return usual;
+  const ServoSettings settings = readSettings(path, usual);
+  try {
+    settings.limits.limits(1);  // Ranges that no field by itself shows to be none.
+  } catch (const InputError& error) {
+    throw error.within(path);
+  }
+  return settings;
 }
 
 }  // namespace angio

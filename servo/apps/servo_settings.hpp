@@ -33,7 +33,7 @@ struct ServoSettings {
   ServoLoopSettings loop(const CArmCalibration& believed) const;
 };
 
-/// A settings file's, or the default ones when `path` is empty.
-ServoSettings readServoSettings(const std::string& path);
+/// A settings file's, or `usual` where it says nothing, or when `path` is empty. Throws InputError that names the file.
+ServoSettings readServoSettings(const std::string& path, ServoSettings usual = {});
 
 }  // namespace angio

@@ -221,5 +221,20 @@ TEST_F(ServoProgram, TheCommandLineComesBeforeTheSettingsFile) {
   EXPECT_EQ(s["settings"]["rehearsal"]["duration_s"], 0.1);
 }
 
+TEST_F(ServoProgram, TheExamplesSettingsAreRead) {
+  auto words = arguments("0.1");
+  words.insert(words.end(), {"--settings", test::exampleData("../06_own_robot/first_motion.yaml")});
+  const auto ended = test::run("angio-servo", words);
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const Json s = summary();
+  EXPECT_EQ(s["settings"]["limits"]["angle_speeds_deg_s"], Json({2.5, 2.5}));
+  EXPECT_EQ(s["settings"]["limits"]["envelope"], "typical");
+  words.back() = folder_.write("lab.yaml", "limits:\n  primary_deg: [100, -100]\n");
+  const auto refused = test::run("angio-servo", words);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_EQ(refused.err, "angio-servo: " + words.back() +
+                             ": limits: primary_deg = 100, -100: must go up from the least to the most\n");
+}
+
 }  // namespace
 }  // namespace angio
