@@ -46,9 +46,10 @@ std::optional<Pose> LawTask::goal(const LawInput& input) {
 }
 
 std::optional<CArmJoints> LawTask::velocity(const LawInput& input) {
+  // Before the copy: ViSP's of an empty matrix is undefined.
+  if (input.eJe.getRows() != 6 || input.eJe.getCols() != kCArmJointCount) return std::nullopt;
   // The goal turns with the camera about the beam, so that a turn about it changes no error.
   vpMatrix eJe = input.eJe;
-  if (eJe.getRows() != 6 || eJe.getCols() != kCArmJointCount) return std::nullopt;
   for (unsigned i = 0; i < eJe.size(); ++i) {
     if (!std::isfinite(eJe.data[i])) return std::nullopt;
   }
