@@ -14,8 +14,25 @@ constexpr float kAtBorder = 9;
 // Edges and overlaps of bones and organs absorb less than this; a line that absorbs more is a vessel, however dilute.
 constexpr float kBone = 0.15f;
 
+// A line that stands alone must have this many times the density that the others must.
+constexpr float kAloneFactor = 1.37f;
+
+// An end so near to another line [working px] is a branch's.
+constexpr float kHeld = 2;
+
 // The image resolves no radius below this one [working px]: blur takes what is missing from the contrast.
 constexpr float kThinnest = 0.5f;
+
+// Whether an end of one of the lines is at another one.
+bool isBranch(const CentreLine& line, const std::vector<CentreLine>& lines) {
+  const auto touches = [&](const CentreLine& other) {
+    if (&other == &line) return false;
+    return std::any_of(other.line.begin(), other.line.end(), [&](const cv::Point2f& p) {
+      return cv::norm(p - line.line.front()) < kHeld || cv::norm(p - line.line.back()) < kHeld;
+    });
+  };
+  return std::any_of(lines.begin(), lines.end(), touches);
+}
 
 }  // namespace
 
@@ -59,11 +76,17 @@ void dropDilute(std::vector<CentreLine>& lines, float least) {
     of_vessels.insert(of_vessels.end(), own.begin(), own.end());
   }
   if (of_vessels.empty()) return;
-  const float needed = least * medianOf(std::move(of_vessels));
+  const float usual = medianOf(std::move(of_vessels));
   const auto dilute = [&](const CentreLine& line) {
-    return medianOf(densitiesOf(line, line.line.size())) < needed && medianOf(line.contrast) < kBone;
+    if (medianOf(line.contrast) >= kBone) return false;
+    const float density = medianOf(densitiesOf(line, line.line.size()));
+    return density < least * usual || (density < kAloneFactor * least * usual && !isBranch(line, lines));
   };
-  lines.erase(std::remove_if(lines.begin(), lines.end(), dilute), lines.end());
+  std::vector<CentreLine> kept;
+  for (CentreLine& line : lines) {
+    if (!dilute(line)) kept.push_back(line);
+  }
+  lines = std::move(kept);
 }
 
 }  // namespace angio

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <utility>
 
 #include "ridge_lines.hpp"
 
@@ -26,6 +27,10 @@ constexpr float kWorstMisfit = 0.2f;
 constexpr float kTailContrast = 0.6f, kTailRadii = 3;
 constexpr std::size_t kFewFits = 6;
 constexpr std::size_t kTipFits = 16;
+
+// A fit whose middle is so near to the line [working px] is as good as one from there. A profile's samples reach so
+// far.
+constexpr float kOnLine = 0.3f, kProfileRadii = 2;
 
 // Templates are thinner than this many radii of the image's own blur.
 constexpr float kBlurPart = 0.35f;
@@ -96,8 +101,15 @@ void RidgeFitting::fitAlong(const SkeletonGraph& graph, const RidgeScales& scale
     return others == Others::kStay && std::any_of(graph.crossings.begin(), graph.crossings.end(),
                                                   [&](const auto& c) { return cv::norm(p - c.position) < c.radius; });
   };
-  line.fits.assign(n, {});
+  line.fits.resize(n);
   for (std::size_t i = 0; i < n; i += kFitEvery) {
+    const Point before = std::exchange(line.fits[i], {});
+    // Where a vessel is alone, it was fitted alone.
+    if (others == Others::kTakenAway && before.valid && std::abs(before.offset) < kOnLine &&
+        !shadows_.othersNear(tube, track.line[i], kProfileRadii * track.radius[i])) {
+      line.fits[i] = before;
+      continue;
+    }
     if (hidden(track.line[i])) continue;
     const auto reach = static_cast<std::size_t>(std::max(3.0f, 0.7f * track.radius[i]));
     line.fits[i] = fitAt(scales, {tube, track.line[i], directionAt(track.line, i, reach), track.radius[i]}, others);

@@ -8,35 +8,11 @@
 namespace angio {
 namespace {
 
-constexpr float kStairFilter = 2.5f;   // Takes the staircase of the pixel grid out of a line [working px].
-constexpr float kOffsetFilter = 1.5f;  // Over how far fits are averaged [working px], or over 0.5 radii.
-
-// What no noise explains: vessels bend, taper and are not round [working px].
-constexpr float kModelSigma = 0.025f;
+// Takes the staircase of the pixel grid out of a line [working px], and [radii]. More would cut corners.
+constexpr float kStairFilter = 1.5f, kStairRadii = 0.4f;
 
 // Where vessels meet, a line's way is a guess, and is wrong by this part of the junction's radius.
 constexpr float kGuess = 0.3f;
-
-// The normal distribution's bell, 1 at its top, out to kReach standard deviations; in steps of which the largest is a
-// hundredth.
-class Bell {
- public:
-  static constexpr float kReach = 2.5f;
-
-  Bell() {
-    for (std::size_t i = 0; i < value_.size(); ++i) {
-      const float x = (static_cast<float>(i) + 0.5f) / kPerSigma;
-      value_[i] = std::exp(-0.5f * x * x);
-    }
-  }
-  float operator()(float x) const {
-    return value_[std::min(static_cast<std::size_t>(kPerSigma * x), value_.size() - 1)];
-  }
-
- private:
-  static constexpr int kPerSigma = 64;
-  std::array<float, 161> value_{};
-};
 
 // A ring that is no longer than so many radii lies within its vessel.
 constexpr float kRingRadii = 4;
@@ -48,61 +24,6 @@ bool noneValid(const Points& points) {
 }
 
 }  // namespace
-
-// Averages the fits along the line and moves it; every point then has all values.
-void RidgeFitting::recentre(Fitted& line, float filter) {
-  Track& track = line.track;
-  const std::vector<Point>& points = line.fits;
-  const auto n = static_cast<std::ptrdiff_t>(points.size());
-  std::vector<Point> averaged(points.size());
-  Polyline moved = track.line;
-  static const Bell bell;
-  for (std::ptrdiff_t i = 0; i < n; ++i) {
-    const float sigma = std::max(filter, 0.5f * track.radius[i]);
-    averaged[i].radius = averaged[i].sigma = track.radius[i];  // Far from every fit nothing better is known.
-    for (float widening = 1; widening < 20; widening *= 2) {
-      const auto reach = static_cast<std::ptrdiff_t>(Bell::kReach * sigma * widening);
-      float total = 0, weights = 0, weights2 = 0, offset = 0, variance = 0;
-      Point mean;
-      const float per_point = 1 / (sigma * widening);
-      const std::ptrdiff_t begin = std::max<std::ptrdiff_t>(0, i - reach), end = std::min(n - 1, i + reach);
-      for (std::ptrdiff_t j = (begin + kFitEvery - 1) / kFitEvery * kFitEvery; j <= end; j += kFitEvery) {
-        const Point& p = points[j];
-        if (!p.valid) continue;
-        const float near = bell(static_cast<float>(std::abs(j - i)) * per_point);
-        const float sure = near / (p.sigma * p.sigma + p.bias * p.bias + kModelSigma * kModelSigma);
-        total += sure;
-        offset += sure * p.offset;
-        mean.bias += near * p.bias;
-        variance += sure * p.sigma * p.sigma;
-        weights += near;
-        weights2 += near * near;
-        mean.radius += near * p.radius;
-        mean.contrast += near * p.contrast;
-        mean.misfit += near * p.misfit;
-      }
-      if (!(weights > 0.1f)) continue;
-      Point& to = averaged[i];
-      to.valid = true;
-      to.offset = offset / total;
-      to.radius = (mean.radius - 1) / weights;
-      to.contrast = mean.contrast / weights;
-      to.misfit = mean.misfit / weights;
-      to.bias = mean.bias / weights;
-      // Noise is the same over some pixels along the line as well: averaging gains less than the number of fits.
-      const float independent = std::max(1.0f, weights * weights / weights2 * kFitEvery / kCorrelation);
-      to.sigma = std::hypot(widening * std::sqrt(variance / total / independent + kModelSigma * kModelSigma), to.bias);
-      const cv::Point2f along = directionAt(track.line, static_cast<std::size_t>(i), 3);
-      moved[i] += to.offset * cv::Point2f(-along.y, along.x);
-      break;
-    }
-  }
-  for (std::ptrdiff_t i = 0; i < n; ++i) {
-    if (averaged[i].valid) track.radius[i] = averaged[i].radius;
-  }
-  track.line = std::move(moved);
-  line.points = std::move(averaged);
-}
 
 CentreLine RidgeFitting::finished(const SkeletonGraph& graph, const Fitted& fitted) const {
   const Track& track = fitted.track;
@@ -135,7 +56,7 @@ Track RidgeFitting::trackOn(const SkeletonGraph& graph, std::size_t index, const
   for (const cv::Point2f& p : branch.line) radius += scales.radius().at(p.x, p.y);
   radius /= static_cast<float>(branch.line.size() + 1);
   const float stair =
-      std::min(std::max(kStairFilter, 0.7f * radius), 0.2f * static_cast<float>(branch.line.size()) + 1);
+      std::min(std::max(kStairFilter, kStairRadii * radius), 0.2f * static_cast<float>(branch.line.size()) + 1);
   Track track = trackOf(graph, branch, stair);
   track.branch = static_cast<int>(index);
   float last = std::max(radius, kThinnest);
@@ -152,10 +73,12 @@ std::vector<RidgeFitting::Fitted> RidgeFitting::fittedAlone(const SkeletonGraph&
   for (std::size_t b = 0; b < graph.branches.size(); ++b) {
     const auto& branch = graph.branches[b];
     if (!branch.alive || (branch.line.size() < 2 && branch.begin < 0)) continue;
-    Fitted line{trackOn(graph, b, scales), {}, {}};
+    Fitted line;
+    line.track = trackOn(graph, b, scales);
     fitAlong(graph, scales, line, 0, Others::kStay);
     if (noneValid(line.fits)) continue;
-    recentre(line, kOffsetFilter);
+    recentre(line);
+    average(line);
     lines.push_back(std::move(line));
   }
   return lines;
@@ -185,7 +108,8 @@ void RidgeFitting::fitTogether(const SkeletonGraph& graph, const RidgeScales& sc
       continue;
     }
     findEnds(line);
-    recentre(line, kOffsetFilter);
+    recentre(line);
+    average(line);
     shadows_.replace(tube, piecesOf(line));
   }
 }

@@ -13,8 +13,11 @@
 namespace angio {
 
 /// Fits tubes along the branches of a graph: moves lines onto the vessels' middles, measures them. Each vessel is
-/// fitted first to all that the image shows, then to what is left of it without the shadows of the others.
+/// fitted first to all that the image shows, then, where others are near, to what is left of it without their shadows.
 class RidgeFitting {
+  // What no noise explains: vessels bend, taper and are not round [working px].
+  static constexpr float kModelSigma = 0.025f;
+
  public:
   RidgeFitting(float largest_radius, const RidgeScales& scales);
 
@@ -25,6 +28,9 @@ class RidgeFitting {
   struct Point {
     float offset = 0, radius = 1, sigma = 0, contrast = 0, misfit = 0, bias = 0;
     bool valid = false;
+
+    // Of the offset.
+    float weight() const { return 1 / (sigma * sigma + bias * bias + kModelSigma * kModelSigma); }
   };
   struct Fitted {
     Track track;
@@ -51,7 +57,8 @@ class RidgeFitting {
   static void findEnds(Fitted& line);
   static bool isNothing(const Fitted& line);
   static void trim(Fitted& line);
-  static void recentre(Fitted& line, float filter);
+  static void average(Fitted& line);
+  static void recentre(Fitted& line);
   CentreLine finished(const SkeletonGraph& graph, const Fitted& line) const;
 
   static constexpr float kThinnest = 0.5f;        // Radius [working px].

@@ -18,6 +18,9 @@ constexpr int kAtOnce = 4;
 // The nearest piece is sought among some first [px].
 constexpr int kStride = 8;
 
+// How far a shadow's blur reaches beyond its tube [px].
+constexpr float kBlurred = 3;
+
 }  // namespace
 
 void TubeShadows::set(const cv::Size& image, std::vector<std::vector<Piece>> tubes) {
@@ -95,6 +98,22 @@ void TubeShadows::subtract(const Piece& piece, bool first, bool last, const Prof
     if (last) shadow *= std::clamp(0.5f - fade * along, 0.0f, 1.0f);
     samples[k] -= shadow;
   }
+}
+
+bool TubeShadows::othersNear(int own, const cv::Point2f& place, float reach) const {
+  const int x = std::clamp(static_cast<int>(place.x) / kCell, 0, columns_ - 1);
+  const int y = std::clamp(static_cast<int>(place.y) / kCell, 0, rows_ - 1);
+  for (const Run& run : cells_[static_cast<std::size_t>(y) * columns_ + x]) {
+    if (run.tube == own) continue;
+    for (int i = run.first; i <= run.last; i += 2) {  // Pieces stand a pixel apart.
+      const Piece& piece = tubes_[run.tube][i];
+      if (!(piece.contrast > 0)) continue;
+      const cv::Point2f to = piece.position - place;
+      const float most = reach + piece.radius + kBlurred;
+      if (to.dot(to) < most * most) return true;
+    }
+  }
+  return false;
 }
 
 void TubeShadows::subtractOthers(int own, const Profile& profile, float* samples) const {

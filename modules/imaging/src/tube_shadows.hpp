@@ -33,6 +33,9 @@ class TubeShadows {
   /// Puts a tube in the place of what is known of it: as many pieces, about where they were.
   void replace(int tube, std::vector<Piece> pieces) { tubes_[tube] = std::move(pieces); }
 
+  /// Whether the shadow of a tube other than `own` may come within `reach` of a place.
+  bool othersNear(int own, const cv::Point2f& place, float reach) const;
+
   /// Takes what all tubes but `own` cast from the profile's samples.
   void subtractOthers(int own, const Profile& profile, float* samples) const;
 
