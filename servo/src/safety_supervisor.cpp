@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/safety_supervisor.hpp"
 
+#include <cmath>
 #include <utility>
 
 #include "angio/base/errors.hpp"
@@ -53,14 +54,17 @@ std::optional<std::string> SafetySupervisor::begin(const XrayFrame& frame, std::
   return raise(*wrong, now_us);
 }
 
-void SafetySupervisor::trust(const Pose& T_patient_model, std::int64_t now_us) {
+void SafetySupervisor::trust(const Pose& T_patient_model, const Eigen::Vector3d& beam_patient, std::int64_t now_us) {
   const auto last = std::exchange(last_T_patient_model_, T_patient_model);
   if (last && !states_.moves()) {  // The start guard: frames that are right one by one must be right together.
     const double turned_deg = radToDeg(rotationAngle(T_patient_model.linear() * last->linear().transpose()));
-    const double moved_mm = 1e3 * (T_patient_model * target_ - *last * target_).norm();
-    if (!(turned_deg <= settings_.most_start_spread_deg) || !(moved_mm <= settings_.most_start_spread_mm)) {
+    const Eigen::Vector3d moved = T_patient_model * target_ - *last * target_;
+    const double depth_mm = 1e3 * std::abs(moved.dot(beam_patient)), moved_mm = 1e3 * moved.cross(beam_patient).norm();
+    if (!(turned_deg <= settings_.most_start_spread_deg) || !(moved_mm <= settings_.most_start_spread_mm) ||
+        !(depth_mm <= settings_.most_start_spread_depth_mm)) {
       states_.doubted(Doubt::kContradiction,
-                      "consecutive frames disagree by " + shown(turned_deg) + " deg, " + shown(moved_mm) + " mm",
+                      "consecutive frames disagree by " + shown(turned_deg) + " deg, " + shown(moved_mm) +
+                          " mm, in depth " + shown(depth_mm) + " mm",
                       now_us);
       return;
     }

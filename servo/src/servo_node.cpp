@@ -37,7 +37,8 @@ void ServoNode::hear(std::int64_t now_us) {
 void ServoNode::judge(const ServoReport& report, const CArmState& state, std::int64_t now_us) {
   const RegistrationResult& seen = report.sight.registration;
   if (!report.held) {
-    safety_.trust(carm_.T_camera_patient(state.joints).inverse() * seen.T_camera_model, now_us);
+    const Pose T_patient_camera = carm_.T_camera_patient(state.joints).inverse();
+    safety_.trust(T_patient_camera * seen.T_camera_model, T_patient_camera.linear().col(2), now_us);
   } else {
     const bool converged = seen.status == RegistrationStatus::kConverged;
     safety_.doubt(converged ? SafetySupervisor::Doubt::kContradiction : SafetySupervisor::Doubt::kUnseen, *report.held,

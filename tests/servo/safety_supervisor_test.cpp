@@ -36,7 +36,7 @@ class Safety : public testing::Test {
     XrayFrame f{now_us_, k_, cv::Mat(4, 4, CV_8UC1), XrayCamera::centred(4, 4, 1e-3, 1)};
     f.image.setTo(static_cast<double>(k_ % 251));
     const auto wrong = safety_.begin(f, now_us_);
-    if (!wrong) safety_.trust(seen, now_us_);
+    if (!wrong) safety_.trust(seen, Eigen::Vector3d::UnitY(), now_us_);
     safety_.commanded({now_us_, k_, k_, 200'000, safety_.permitted(wanted_)});
     return wrong.value_or("");
   }
@@ -76,6 +76,20 @@ TEST_F(Safety, TheGuardWantsFramesThatAgree) {
   }
   for (int i = 0; i < 4; ++i) frame();
   EXPECT_TRUE(safety_.moves());
+}
+
+// The beam runs along y: one view sees poorly how far away the patient is.
+TEST_F(Safety, TheGuardAllowsMoreInDepth) {
+  ask(ServoRequestKind::kArm);
+  ask(ServoRequestKind::kStart);
+  const auto leap = [](double mm, int i) { return Pose(Eigen::Translation3d(0, i % 2 == 0 ? 0.0 : 1e-3 * mm, 0)); };
+  const double most_mm = SafetySettings().most_start_spread_depth_mm;
+  for (int i = 0; i < 20; ++i) {
+    frame(leap(most_mm + 0.1, i));
+    EXPECT_FALSE(safety_.moves());
+  }
+  for (int i = 0; i < SafetySettings().states.frames_to_start + 1; ++i) frame(leap(most_mm - 0.1, i));
+  EXPECT_TRUE(safety_.moves()) << safety_.states().reason();
 }
 
 TEST_F(Safety, AJointThatMovesByItselfIsAFaultUntilResetAndArmed) {

@@ -15,7 +15,8 @@ struct SafetySettings {
   FreshnessSettings freshness;
   MotionMonitorSettings motion;
   double most_start_spread_deg = 1;  ///< Between the patient's poses in consecutive frames, until the machine moves.
-  double most_start_spread_mm = 5;   ///< Of the target.
+  double most_start_spread_mm = 5;   ///< Of the target, across the beam.
+  double most_start_spread_depth_mm = 30;  ///< Along it: one view sees depth poorly, above all of a tree that bends.
 
   void visit(SettingsVisitor& v) {
     v.section("states", [this](SettingsVisitor& inner) { states.visit(inner); });
@@ -23,6 +24,7 @@ struct SafetySettings {
     v.section("motion", [this](SettingsVisitor& inner) { motion.visit(inner); });
     v.number("most_start_spread_deg", most_start_spread_deg, 0.01, 180);
     v.number("most_start_spread_mm", most_start_spread_mm, 0.01, 1000);
+    v.number("most_start_spread_depth_mm", most_start_spread_depth_mm, 0.01, 1000);
   }
 };
 
@@ -53,7 +55,8 @@ class SafetySupervisor {
   std::optional<std::string> begin(const XrayFrame& frame, std::int64_t now_us);
 
   /// @param T_patient_model  The model in the patient frame, as this frame's registration and its joints say.
-  void trust(const Pose& T_patient_model, std::int64_t now_us);
+  /// @param beam_patient     The beam's direction there, a unit vector.
+  void trust(const Pose& T_patient_model, const Eigen::Vector3d& beam_patient, std::int64_t now_us);
   void doubt(Doubt kind, const std::string& reason, std::int64_t now_us);
   void wait(std::int64_t now_us);
 
