@@ -14,6 +14,7 @@ namespace {
 
 const std::string kPlace = "best view";
 constexpr double kFinestStep_rad = degToRad(0.05);
+constexpr double kAskew_rad = degToRad(5);  // What a patient may lie askew and a best view still be in reach.
 
 void check(const VesselTree& tree, const TreeSegment& segment, const BestViewScene& scene) {
   if (segment.size() < 2) throw InputError(kPlace, "segment", "", "must have two points at least");
@@ -103,6 +104,19 @@ TreeSegment segmentBetween(const VesselTree& tree, int first, int last) {
   }
   std::reverse(segment.begin(), segment.end());
   return segment;
+}
+
+BestViewScene bestViewScene(const CArmGeometry& carm, const CArmLimits& limits, const Eigen::Matrix3d& R_lps_model) {
+  BestViewScene scene;
+  scene.R_lps_model = R_lps_model;
+  scene.source_isocentre_distance_m = carm.source_isocentre_distance_m;
+  scene.reachable = [carm, limits](const ViewAngles& angles) {
+    const CArmJoints joints = carm.jointsFor(angles, Eigen::Vector3d::Zero());
+    const Eigen::Array2d turned = joints.head<2>().array();
+    return (turned >= limits.lower.head<2>().array() + kAskew_rad).all() &&
+           (turned <= limits.upper.head<2>().array() - kAskew_rad).all() && !limits.envelope.violated(joints);
+  };
+  return scene;
 }
 
 BestView bestView(const VesselTree& tree, const TreeSegment& segment, const BestViewScene& scene,

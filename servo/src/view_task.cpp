@@ -12,8 +12,7 @@
 namespace angio {
 namespace {
 
-constexpr int kMostAveraged = 15;           // Frames that a mean which forgets over eight is worth.
-constexpr double kAskew_rad = degToRad(5);  // What a patient may lie askew and a best view still be in reach.
+constexpr int kMostAveraged = 15;  // Frames that a mean which forgets over eight is worth.
 
 // A view as the task works with it.
 struct Goal {
@@ -29,14 +28,7 @@ Goal bestViewGoal(const ViewTaskSettings& settings, const TaskContext& context) 
   const TreeSegment segment = settings.segment_first < 0 && settings.segment_last < 0
                                   ? segmentOfBranch(context.tree, settings.branch)
                                   : segmentBetween(context.tree, settings.segment_first, settings.segment_last);
-  BestViewScene scene;
-  scene.R_lps_model = context.R_lps_model;
-  scene.source_isocentre_distance_m = context.carm.source_isocentre_distance_m;
-  scene.reachable = [&](const ViewAngles& angles) {
-    const Eigen::Array2d joints = context.carm.jointsFor(angles, Eigen::Vector3d::Zero()).head<2>().array();
-    return (joints >= context.limits.lower.head<2>().array() + kAskew_rad).all() &&
-           (joints <= context.limits.upper.head<2>().array() - kAskew_rad).all();
-  };
+  const BestViewScene scene = bestViewScene(context.carm, context.limits, context.R_lps_model);
   const BestView best = bestView(context.tree, segment, scene, settings.best_view);
   return goalOf({best.angles, best.target_model, context.R_lps_model}, scene.source_isocentre_distance_m);
 }

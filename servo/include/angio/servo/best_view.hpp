@@ -73,6 +73,12 @@ struct BestViewScene {
   std::function<bool(const ViewAngles&)> reachable;  ///< Empty: all within the settings' range are.
 };
 
+/// The scene of an arm: views are reachable within the ranges of its angles and its envelope, and some degrees inside
+/// them, for a patient who lies askew.
+///
+/// @param R_lps_model  Patient axes L, P, S from the model's axes.
+BestViewScene bestViewScene(const CArmGeometry& carm, const CArmLimits& limits, const Eigen::Matrix3d& R_lps_model);
+
 /// The view of least foreshortening of the segment and least overlap with the rest of the tree, its vessels being
 /// tubes.
 ///
