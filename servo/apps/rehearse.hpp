@@ -4,7 +4,10 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <vector>
 
+#include "angio/cli/progress_bar.hpp"
+#include "angio/rehearsal/seeds.hpp"
 #include "servo_settings.hpp"
 
 namespace angio {
@@ -25,6 +28,23 @@ struct StudyOptions {
 
   /// The settings file; without one, the studies' own calibration error of 1 deg and 3 mm.
   ServoSettings readSettings() const;
+
+  /// One row a run, in the order of their seeds. `one` makes it of a rehearsal with its seed; `what` they do is shown
+  /// while they do it.
+  template <typename Row, typename One>
+  std::vector<Row> runSeeds(const char* what, const RehearsalSettings& rehearsal, const One& one) const {
+    std::vector<Row> rows(static_cast<std::size_t>(runs));
+    ProgressBar bar(what, runs);
+    forEachInParallel(
+        runs, threads,
+        [&](int k) {
+          RehearsalSettings seeded = rehearsal;
+          seeded.seed = first_seed + k;
+          rows[static_cast<std::size_t>(k)] = one(seeded);
+        },
+        [&](int done) { bar.show(done); });
+    return rows;
+  }
 
   /// Prints a table, and writes the whole as JSON when --out was given.
   void write(nlohmann::ordered_json json, const std::string& table, const ServoSettings& settings) const;

@@ -2,10 +2,8 @@
 // angio-rehearse centre: a target in a breathing patient kept in the middle, images and registration in the loop.
 #include <memory>
 
-#include "angio/cli/progress_bar.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/rehearsal/centre_study.hpp"
-#include "angio/rehearsal/seeds.hpp"
 #include "rehearse.hpp"
 
 namespace angio {
@@ -18,17 +16,10 @@ int rehearseCentre(const StudyOptions& o, const CentreStudySettings& study, doub
   const VesselTree tree = o.readTree();
   const CArmCalibration nominal = o.readCalibration();
   const auto& centre = settings.tasks.of<CentreTaskSettings>();
-  std::vector<CentreStudyRow> rows(static_cast<std::size_t>(o.runs));
-  ProgressBar bar("keeping targets centred", o.runs);
-  forEachInParallel(
-      o.runs, o.threads,
-      [&](int k) {
-        RehearsalSettings rehearsal = settings.rehearsal;
-        rehearsal.seed = o.first_seed + k;
-        rows[static_cast<std::size_t>(k)] =
-            studyCentre(tree, nominal, study, rehearsal, settings.loop(nominal), centre, settings.patient);
-      },
-      [&](int done) { bar.show(done); });
+  const auto rows =
+      o.runSeeds<CentreStudyRow>("keeping targets centred", settings.rehearsal, [&](const RehearsalSettings& seeded) {
+        return studyCentre(tree, nominal, study, seeded, settings.loop(nominal), centre, settings.patient);
+      });
   const auto json = centreStudyAsJson(rows, study);
   o.write(json, centreStudyTable(json), settings);
   return 0;

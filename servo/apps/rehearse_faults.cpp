@@ -2,10 +2,8 @@
 // angio-rehearse faults: networks, clocks, images and programs that fail while the loop moves the machine.
 #include <memory>
 
-#include "angio/cli/progress_bar.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/rehearsal/fault_campaign.hpp"
-#include "angio/rehearsal/seeds.hpp"
 #include "rehearse.hpp"
 
 namespace angio {
@@ -16,18 +14,10 @@ int rehearseFaults(const StudyOptions& o) {
   const ServoSettings settings = o.readSettings();
   const VesselTree tree = o.readTree();
   const CArmCalibration nominal = o.readCalibration();
-  std::vector<FaultRow> rows(static_cast<std::size_t>(o.runs));
-  ProgressBar bar("failing safely", o.runs);
-  forEachInParallel(
-      o.runs, o.threads,
-      [&](int k) {
-        RehearsalSettings rehearsal = settings.rehearsal;
-        rehearsal.seed = o.first_seed + k;
-        const auto kind = static_cast<FaultKind>(rehearsal.seed % kFaultKindCount);
-        rows[static_cast<std::size_t>(k)] =
-            runFault(tree, nominal, {}, kind, rehearsal, settings.loop(nominal), settings.patient);
-      },
-      [&](int done) { bar.show(done); });
+  const auto rows = o.runSeeds<FaultRow>("failing safely", settings.rehearsal, [&](const RehearsalSettings& seeded) {
+    const auto kind = static_cast<FaultKind>(seeded.seed % kFaultKindCount);
+    return runFault(tree, nominal, {}, kind, seeded, settings.loop(nominal), settings.patient);
+  });
   const auto json = faultCampaignAsJson(rows);
   o.write(json, faultCampaignTable(json), settings);
   return json["all"]["unsafe"].get<int>() == 0 ? 0 : 1;

@@ -2,9 +2,7 @@
 // angio-rehearse view: from many starts to many views, images and registration in the loop.
 #include <memory>
 
-#include "angio/cli/progress_bar.hpp"
 #include "angio/io/whole_file.hpp"
-#include "angio/rehearsal/seeds.hpp"
 #include "angio/rehearsal/view_study.hpp"
 #include "rehearse.hpp"
 
@@ -17,17 +15,10 @@ int rehearseViews(const StudyOptions& o) {
   const VesselTree tree = o.readTree();
   const CArmCalibration nominal = o.readCalibration();
   const ViewStudySettings study;
-  std::vector<ViewStudyRow> rows(static_cast<std::size_t>(o.runs));
-  ProgressBar bar("reaching views", o.runs);
-  forEachInParallel(
-      o.runs, o.threads,
-      [&](int k) {
-        RehearsalSettings rehearsal = settings.rehearsal;
-        rehearsal.seed = o.first_seed + k;
-        rows[static_cast<std::size_t>(k)] =
-            studyView(tree, nominal, study, rehearsal, settings.loop(nominal), settings.patient);
-      },
-      [&](int done) { bar.show(done); });
+  const auto rows =
+      o.runSeeds<ViewStudyRow>("reaching views", settings.rehearsal, [&](const RehearsalSettings& seeded) {
+        return studyView(tree, nominal, study, seeded, settings.loop(nominal), settings.patient);
+      });
   const auto json = viewStudyAsJson(rows, study);
   o.write(json, viewStudyTable(json), settings);
   return 0;
