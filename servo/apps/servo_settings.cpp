@@ -48,7 +48,6 @@ ServoLoopSettings ServoSettings::loop(const CArmCalibration& believed) const {
   }
   if (starts > 0) loop.perception.search_starts.count = starts;
   loop.perception.tracker = tracker;
-  loop.perception.tracker.follow_motion |= !std::holds_alternative<ViewTaskSettings>(loop.task);
   loop.supervisor = supervisor;
   loop.safety = safety;
   return loop;

@@ -64,8 +64,14 @@ class CentreTask final : public Task {
 
 // The target in the camera frame: by the registration, and across the beam by what is seen around it.
 SeenPoint CentreTask::seen(const TaskInput& input) const {
-  const Pose& T = input.T_camera_model;
   const Eigen::Vector3d target = input.target_model.value_or(target_);
+  // A tree that is seen bent lies, around the target, as a rigid one that has been shifted. How far along the beam, one
+  // view does not tell: there the rigid one stays.
+  Pose T = input.T_camera_model;
+  if (!input.target_model) {
+    const Eigen::Vector3d rigid = T * target, bent = T * (target + input.target_shift_model);
+    T.pretranslate(bent * (rigid.z() / bent.z()) - rigid);
+  }
   SeenPoint point;
   point.position = T * target;
   Eigen::Matrix<double, 3, 6> J;

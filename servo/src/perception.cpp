@@ -1,9 +1,32 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/perception.hpp"
 
+#include <cmath>
+
 #include "angio/base/stopwatch.hpp"
 
 namespace angio {
+namespace {
+
+std::unique_ptr<Registration> bendingOf(const PerceptionSettings& settings, const VesselTree& tree) {
+  if (!settings.tracker.follow_motion || !(settings.tracker.most_bend_mm > 0)) return nullptr;
+  RegistrationSettings bending = settings.tracking;
+  std::visit([](auto& chosen) { chosen.deformation = Deformation::kNonrigid; }, bending);
+  return makeRegistration(bending, tree);
+}
+
+double rms(const Eigen::Matrix3Xd& displacements_m) {
+  return std::sqrt(displacements_m.squaredNorm() / static_cast<double>(displacements_m.cols()));
+}
+
+// What a bent tree's displacements are when they are counted from a rigid pose.
+Eigen::Matrix3Xd countedFrom(const Pose& T_camera_model, const RegistrationResult& bent, const VesselTree& tree) {
+  const Eigen::Matrix3Xd& points = tree.points();
+  const Pose between = T_camera_model.inverse() * bent.T_camera_model;
+  return ((between.linear() * (points + bent.displacements_m)).colwise() + between.translation()) - points;
+}
+
+}  // namespace
 
 IterativePnpSettings PerceptionSettings::iterativePnpForSearch() {
   IterativePnpSettings settings;
@@ -33,9 +56,11 @@ Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& c
     : carm_(carm),
       T_dsa_cb_(T_dsa_cb),
       search_starts_(settings.search_starts),
+      most_bend_m_(1e-3 * settings.tracker.most_bend_mm),
       extractor_(makeExtractor(settings.extractor)),
       search_(makeRegistration(settings.search, tree)),
       tracking_(makeRegistration(settings.tracking, tree)),
+      bending_(bendingOf(settings, tree)),
       tracker_(settings.tracker, carm, T_dsa_cb, tree.centroid()) {}
 
 Sight Perception::look(const XrayFrame& frame, const CArmState& state) {
@@ -50,8 +75,28 @@ Sight Perception::look(const XrayFrame& frame, const CArmState& state) {
   sight.tracked = tracker_.tracking();
   sight.registration = sight.tracked ? tracking_->align(sight.centerline, frame.camera, sight.predicted)
                                      : search_->search(sight.centerline, frame.camera, sight.predicted, search_starts_);
+  if (sight.tracked) bend(frame.camera, sight);
   sight.registration_s = stage.seconds();
   return sight;
+}
+
+// A tree that bends with breath is explained in part by a rigid one, and called ambiguous. Bending it decides: what is
+// another tree, or none, needs more than a breath does. Where tracking has been lost nothing is bent: then a rigid pose
+// has to stand against its rivals first.
+void Perception::bend(const XrayCamera& camera, Sight& sight) {
+  RegistrationResult& rigid = sight.registration;
+  if (!bending_ || rigid.status != RegistrationStatus::kAmbiguous || !rigid.covariance) return;
+  const RegistrationResult bent = bending_->align(sight.centerline, camera, sight.predicted, rigid.T_camera_model);
+  if (bent.status != RegistrationStatus::kConverged || bent.displacements_m.cols() != bending_->tree().size() ||
+      !(rms(bent.displacements_m) <= most_bend_m_)) {
+    return;
+  }
+  rigid.displacements_m = countedFrom(rigid.T_camera_model, bent, bending_->tree());
+  rigid.agreement = bent.agreement;
+  rigid.status = bent.status;
+  rigid.reason.clear();
+  rigid.nonrigid_iterations = bent.nonrigid_iterations;
+  rigid.times += bent.times;
 }
 
 void Perception::trust(const Sight& sight, const CArmState& state) {

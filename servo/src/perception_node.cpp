@@ -11,7 +11,7 @@ PerceptionNode::PerceptionNode(Bus& bus, const ServoLoopSettings& settings, cons
     : bus_(bus),
       frames_(bus, kXrayFrameChannel),
       joints_(bus, kCArmStateChannel),
-      perception_(settings.perception, settings.carm, settings.T_dsa_cb, tree),
+      perception_(settings.perceptionForTask(), settings.carm, settings.T_dsa_cb, tree),
       supervisor_(settings.supervisor, settings.limits, settings.target_model.value_or(tree.centroid())) {}
 
 std::optional<PerceptionReport> PerceptionNode::look() {

@@ -41,6 +41,12 @@ Eigen::Vector3d targetOf(const ServoLoopSettings& settings, const VesselTree& tr
   return settings.target_model.value_or(tree.centroid());
 }
 
+Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& target) {
+  Eigen::Index nearest = 0;
+  (tree.points().colwise() - target).colwise().squaredNorm().minCoeff(&nearest);
+  return nearest;
+}
+
 std::unique_ptr<Task> taskOf(const ServoLoopSettings& settings, const VesselTree& tree) {
   return makeTask(settings.task,
                   {settings.carm, settings.limits, tree, targetOf(settings, tree), settings.R_lps_model, settings.law});
@@ -48,11 +54,18 @@ std::unique_ptr<Task> taskOf(const ServoLoopSettings& settings, const VesselTree
 
 }  // namespace
 
+PerceptionSettings ServoLoopSettings::perceptionForTask() const {
+  PerceptionSettings settings = perception;
+  settings.tracker.follow_motion |= patientMoves(task);
+  return settings;
+}
+
 ServoLoop::ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree)
     : settings_(checked(settings)),
-      perception_(settings.perception, settings.carm, settings.T_dsa_cb, tree),
+      perception_(settings.perceptionForTask(), settings.carm, settings.T_dsa_cb, tree),
       task_(taskOf(settings, tree)),
-      supervisor_(settings.supervisor, settings.limits, targetOf(settings, tree)) {}
+      supervisor_(settings.supervisor, settings.limits, targetOf(settings, tree)),
+      target_point_(nearestPoint(tree, targetOf(settings, tree))) {}
 
 ServoReport ServoLoop::step(const XrayFrame& frame, const CArmState& state) {
   const double period_s = periodUntil(frame);
@@ -116,16 +129,19 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, do
     return report;
   }
   perception_.trust(sight, state);
-  const TaskInput input{frame.time_us,
-                        frame.camera,
-                        sight.registration.T_camera_model,
-                        *sight.registration.covariance,
-                        perception_.tracked_T_camera_model(state.joints),
-                        state,
-                        last_command_.velocity,
-                        std::min(period_s, kLongestPeriod_s),
-                        settings_.latency_s,
-                        &sight.centerline};
+  TaskInput input{frame.time_us,
+                  frame.camera,
+                  sight.registration.T_camera_model,
+                  *sight.registration.covariance,
+                  perception_.tracked_T_camera_model(state.joints),
+                  state,
+                  last_command_.velocity,
+                  std::min(period_s, kLongestPeriod_s),
+                  settings_.latency_s,
+                  &sight.centerline};
+  if (sight.registration.displacements_m.cols() > target_point_) {
+    input.target_shift_model = sight.registration.displacements_m.col(target_point_);
+  }
   const TaskAnswer answer = task_->answer(input);
   if (!answer.velocity) {
     report.held = answer.held.value_or("the task asks for no motion");

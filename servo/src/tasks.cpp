@@ -11,6 +11,10 @@ std::string nameOf(const TaskSettings& settings) {
   return std::visit([](const auto& chosen) { return std::string(chosen.kName); }, settings);
 }
 
+bool patientMoves(const TaskSettings& settings) {
+  return std::visit([](const auto& chosen) { return chosen.kPatientMoves; }, settings);
+}
+
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context) {
   return std::visit([&](const auto& chosen) { return make(chosen, context); }, settings);
 }

@@ -125,7 +125,6 @@ TEST(Rehearsals, ABreathingTargetIsKeptInTheMiddle) {
   settings.duration_s = test::kSanitized ? 0.2 : 14;
   ServoLoopSettings parts;
   parts.task = CentreTaskSettings{};
-  parts.perception.tracker.follow_motion = true;
   SimulatedPatientSettings patient;
   patient.motion.breathing.amplitude_mm = 15;
   patient.motion.breathing.diaphragm_mm = 0;  // At the target.

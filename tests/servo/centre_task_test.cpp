@@ -108,6 +108,17 @@ TEST_F(CentreInputs, AMovingTargetIsFollowedWhereItIs) {
   EXPECT_NEAR(task_->answer(in).pixel_error->x(), px, 1e-6);
 }
 
+TEST_F(CentreInputs, ABentTreesTargetIsFollowedWhereItIsSeen) {
+  TaskInput in = input(0);
+  in.target_shift_model = Eigen::Vector3d(5e-3, 10e-3, 0);  // Across the beam, and along it.
+  const auto seen = in.camera.project(in.T_camera_model * (patient_.target + in.target_shift_model));
+  const auto rigid = in.camera.project(in.T_camera_model * patient_.target);
+  CentreTaskSettings settings;
+  settings.near_mm = 0;
+  const auto task = makeTask(settings, patient_.context());
+  EXPECT_LT((*task->answer(in).pixel_error - (*seen - *rigid)).norm(), 1e-6);
+}
+
 TEST(HoldTask, KeepsTheViewOfABreathingPatient) {
   double predicted_mm = 0, held_mm = 0;
   for (unsigned seed = 1; seed <= 2; ++seed) {

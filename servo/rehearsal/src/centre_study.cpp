@@ -27,7 +27,7 @@ MotionSettings motionOf(const CentreStudySettings& study, MotionSettings motion,
   return motion;
 }
 
-CentreErrors errorsOf(const Rehearsal& run, const LimitObserver& limits, double isocentre_m, double learn_s) {
+CentreErrors errorsOf(const Rehearsal& run, const LimitObserver& limits, double learn_s) {
   CentreErrors errors;
   double sum = 0;
   int counted = 0;
@@ -37,7 +37,7 @@ CentreErrors errorsOf(const Rehearsal& run, const LimitObserver& limits, double 
     errors.held += frame.held.has_value();
     answer_s.push_back(frame.answer_s);
     if (frame.time_s - run.closed.front().time_s < learn_s) continue;
-    const double off_mm = 1e3 * isocentre_m * frame.target_camera.head<2>().norm() / frame.target_camera.z();
+    const double off_mm = 1e3 * frame.target_off_m;
     sum += off_mm * off_mm;
     errors.worst_mm = std::max(errors.worst_mm, off_mm);
     ++counted;
@@ -99,7 +99,6 @@ CentreStudyRow studyCentre(const VesselTree& tree, const CArmCalibration& nomina
   row.view = {degToRad(rehearsal.start_primary_deg), degToRad(rehearsal.start_secondary_deg)};
   row.target_model = tree.points().col(static_cast<Eigen::Index>(engine() % static_cast<std::uint64_t>(tree.size())));
   parts.target_model = row.target_model;
-  parts.perception.tracker.follow_motion = true;
   patient.motion = motionOf(study, patient.motion, tree, nominal.R_lps_model, row.target_model);
 
   const RehearsalWorld world = madeUpWorld(tree, nominal, rehearsal, row.view);
@@ -109,7 +108,7 @@ CentreStudyRow studyCentre(const VesselTree& tree, const CArmCalibration& nomina
     LimitObserver limits(parts.limits);
     const Rehearsal result =
         rehearse(tree, world, rehearsal, parts, patient, {}, [&](const CArmState& s) { limits.see(s); });
-    return errorsOf(result, limits, world.truth.carm.source_isocentre_distance_m, study.learn_s);
+    return errorsOf(result, limits, study.learn_s);
   };
   row.predicted = run(true);
   row.last_value = run(false);

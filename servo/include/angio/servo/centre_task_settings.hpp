@@ -14,6 +14,7 @@ namespace angio {
 /// planned so that the table goes through the middle of it.
 struct CentreTaskSettings {
   static constexpr const char* kName = "centre";
+  static constexpr bool kPatientMoves = true;  ///< Frames are looked for where the motion is predicted to be.
 
   bool predict = true;           ///< Not: the target is taken to stay where it was seen last.
   double offset_px[2] = {0, 0};  ///< The wanted pixel, from the principal point: right, down.

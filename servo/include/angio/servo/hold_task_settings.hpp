@@ -9,6 +9,7 @@ namespace angio {
 /// Keep the view as it was when the task began: angles and table go along with the patient.
 struct HoldTaskSettings {
   static constexpr const char* kName = "hold";
+  static constexpr bool kPatientMoves = true;  ///< Frames are looked for where the motion is predicted to be.
 
   bool predict = true;       ///< Not: the patient is taken to stay as seen last.
   double reached_deg = 0.2;  ///< The view is kept while the beam is as near as this ...

@@ -27,6 +27,10 @@ struct PatientTrackerSettings {
   bool follow_motion = false;
   MotionPredictorSettings motion;
 
+  /// With `follow_motion`: a tracked frame that the rigid tree explains only in part is asked once more with the tree
+  /// bent, and trusted when that explains it and bends it by no more than this (rms over the tree); 0: not asked.
+  double most_bend_mm = 4;
+
   void visit(SettingsVisitor& v) {
     v.number("calibration_rotation_std_deg", calibration_rotation_std_deg, 1e-3, 90);
     v.number("calibration_translation_std_mm", calibration_translation_std_mm, 1e-3, 1000);
@@ -36,6 +40,7 @@ struct PatientTrackerSettings {
     v.integer("frames_until_lost", frames_until_lost, 1, 1000);
     v.flag("follow_motion", follow_motion);
     v.section("motion", [this](SettingsVisitor& fields) { motion.visit(fields); });
+    v.number("most_bend_mm", most_bend_mm, 0, 100);
   }
 };
 

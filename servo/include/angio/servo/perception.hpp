@@ -32,6 +32,9 @@ struct Sight {
   Centerline2d centerline;  ///< What the registration went by.
   PosePrior predicted;      ///< Where the model was looked for.
   bool tracked = false;     ///< Whether that was what trusted frames before had said, or calibration alone.
+
+  /// Of a frame that only a bent tree explains: pose and covariance of the rigid tree, which is the nearest one to it
+  /// as a whole; agreement and displacements, counted from that pose, of the bent one.
   RegistrationResult registration;
   double image_s = 0, registration_s = 0;  ///< Wall time of the stages [s].
 };
@@ -61,11 +64,15 @@ class Perception {
   Pose tracked_T_camera_model(const CArmJoints& joints) const;
 
  private:
+  void bend(const XrayCamera& camera, Sight& sight);
+
   CArmGeometry carm_;
   Pose T_dsa_cb_;
   StartSettings search_starts_;
+  double most_bend_m_;
   std::unique_ptr<CenterlineExtractor> extractor_;
   std::unique_ptr<Registration> search_, tracking_;
+  std::unique_ptr<Registration> bending_;  // Nothing for a patient who does not move.
   PatientTracker tracker_;
 };
 

@@ -26,6 +26,10 @@ struct ServoLoopSettings {
   SupervisorSettings supervisor;
   SafetySettings safety;    ///< Of the machine's permission to move: for a node, the loop itself knows no states.
   double latency_s = 0.08;  ///< From an exposure until its command moves the machine: what tasks look ahead.
+
+  /// What frames are looked at with: `perception`, which follows the patient's motion where the task is for a patient
+  /// who moves.
+  PerceptionSettings perceptionForTask() const;
 };
 
 /// What the loop made of one frame.
@@ -65,6 +69,7 @@ class ServoLoop {
   Perception perception_;
   std::unique_ptr<Task> task_;
   Supervisor supervisor_;
+  Eigen::Index target_point_;  // The tree's point that is nearest to the target.
   CArmCommand last_command_;
   std::optional<std::int64_t> last_frame_us_;
 };

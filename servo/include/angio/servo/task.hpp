@@ -27,6 +27,10 @@ struct TaskInput {
   /// Where the target is in this frame, model frame [m], when it moves within the model, as a catheter's tip does;
   /// nothing: the task's own target.
   std::optional<Eigen::Vector3d> target_model = std::nullopt;
+
+  /// How far the task's own target lies from its place in the model where this frame shows the tree bent, model axes
+  /// [m].
+  Eigen::Vector3d target_shift_model = Eigen::Vector3d::Zero();
 };
 
 /// What a task wants. The default stands still.

@@ -30,6 +30,9 @@ using TaskSettings = std::variant<ViewTaskSettings, CentreTaskSettings, HoldTask
 /// The name of the task that settings choose: "view".
 std::string nameOf(const TaskSettings& settings);
 
+/// Whether a task is for a patient who moves under it.
+bool patientMoves(const TaskSettings& settings);
+
 /// Throws InputError when a setting is out of its range or of no use with this tree.
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context);
 

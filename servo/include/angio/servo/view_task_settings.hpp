@@ -15,6 +15,7 @@ enum class ViewGoal {
 /// Reach a view of the anatomy and keep it.
 struct ViewTaskSettings {
   static constexpr const char* kName = "view";
+  static constexpr bool kPatientMoves = false;
 
   ViewGoal goal = ViewGoal::kAngles;
   double primary_deg = 30;    ///< LAO positive. For kAngles.
