@@ -16,7 +16,7 @@ constexpr double kCorrelated_px = 8;      // Neighbouring points of a seen vesse
 constexpr double kFloor_px = 0.3;         // What a curve is off as a whole: radius, overlap, contrast.
 constexpr int kIterations = 8;
 
-// What may be matched: the seen points around the target.
+// What may be matched: the seen points around the target, from left to right.
 struct Seen {
   Eigen::Matrix2Xd points, normals;
   Eigen::VectorXd tangent, variance;
@@ -27,6 +27,8 @@ Seen around(const Centerline2d& line, const Eigen::Vector2d& centre, double reac
   for (Eigen::Index i = 0; i < line.points_px.cols(); ++i) {
     if ((line.points_px.col(i) - centre).squaredNorm() < reach_px * reach_px) kept.push_back(i);
   }
+  std::sort(kept.begin(), kept.end(),
+            [&](Eigen::Index a, Eigen::Index b) { return line.points_px(0, a) < line.points_px(0, b); });
   const auto n = static_cast<Eigen::Index>(kept.size());
   Seen seen{Eigen::Matrix2Xd(2, n), Eigen::Matrix2Xd(2, n), Eigen::VectorXd(n), Eigen::VectorXd(n)};
   for (Eigen::Index k = 0; k < n; ++k) {
@@ -42,9 +44,15 @@ Seen around(const Centerline2d& line, const Eigen::Vector2d& centre, double reac
 
 // The nearest one that runs the same way; -1: none within the gate.
 Eigen::Index match(const Seen& seen, const Eigen::Vector2d& at, double tangent_rad, double gate_px) {
-  Eigen::Index best = -1;
+  Eigen::Index best = -1, first = 0;
+  for (Eigen::Index count = seen.points.cols(); count > 0;) {  // The first one that is not too far to the left.
+    const Eigen::Index half = count / 2;
+    const bool left = seen.points(0, first + half) < at.x() - gate_px;
+    if (left) first += half + 1;
+    count = left ? count - half - 1 : half;
+  }
   double best_squared = gate_px * gate_px;
-  for (Eigen::Index k = 0; k < seen.points.cols(); ++k) {
+  for (Eigen::Index k = first; k < seen.points.cols() && seen.points(0, k) <= at.x() + gate_px; ++k) {
     const double squared = (seen.points.col(k) - at).squaredNorm();
     if (squared >= best_squared || std::abs(undirected(seen.tangent[k] - tangent_rad)) > kLargestTurn_rad) continue;
     best = k;
