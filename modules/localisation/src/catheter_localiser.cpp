@@ -19,17 +19,12 @@ class CatheterLocaliser::Filter {
 
   const TipBelief& update(const SeenCatheter& seen, const SeenPose& pose, const CatheterMotion& motion) {
     forward_.predict(motion);
-    const FrameOutcome outcome = forward_.observe(seen, pose);
-    belief_ = forward_.summarised(forward_.probability());
-    belief_.why = outcome.why;
-    belief_.residual_px = outcome.residual_px;
-    belief_.shift_px = outcome.shift_px;
-    seen_before_ = seen_before_ || outcome.used;
-    belief_.status = outcome.used          ? BeliefStatus::kSeen
-                     : outcome.residual_px ? BeliefStatus::kLost
-                     : seen_before_        ? BeliefStatus::kPredicted
-                                           : BeliefStatus::kUnknown;
-    return belief_;
+    return believed(forward_.observe(seen, pose));
+  }
+
+  const TipBelief& update(const TipEvidence& evidence, const CatheterMotion& motion) {
+    forward_.predict(motion);
+    return believed(forward_.observe(evidence));
   }
 
   const TipBelief& predict(const CatheterMotion& motion) {
@@ -44,6 +39,19 @@ class CatheterLocaliser::Filter {
   const TipBelief& belief() const { return belief_; }
 
  private:
+  const TipBelief& believed(const FrameOutcome& outcome) {
+    belief_ = forward_.summarised(forward_.probability());
+    belief_.why = outcome.why;
+    belief_.residual_px = outcome.residual_px;
+    belief_.shift_px = outcome.shift_px;
+    seen_before_ = seen_before_ || outcome.used;
+    belief_.status = outcome.used          ? BeliefStatus::kSeen
+                     : outcome.residual_px ? BeliefStatus::kLost
+                     : seen_before_        ? BeliefStatus::kPredicted
+                                           : BeliefStatus::kUnknown;
+    return belief_;
+  }
+
   TipFilter forward_;
   TipBelief belief_;
   bool seen_before_ = false;
@@ -56,6 +64,10 @@ CatheterLocaliser::CatheterLocaliser(const LocaliserSettings& settings, const Ve
 CatheterLocaliser::~CatheterLocaliser() = default;
 CatheterLocaliser::CatheterLocaliser(CatheterLocaliser&&) noexcept = default;
 CatheterLocaliser& CatheterLocaliser::operator=(CatheterLocaliser&&) noexcept = default;
+
+TipBelief CatheterLocaliser::update(const TipEvidence& evidence, const CatheterMotion& motion) {
+  return filter_->update(evidence, motion);
+}
 
 TipBelief CatheterLocaliser::update(const SeenCatheter& seen, const SeenPose& pose, const CatheterMotion& motion) {
   return filter_->update(seen, pose, motion);

@@ -42,6 +42,9 @@ class TipFilter {
   /// One frame is seen, after predict().
   FrameOutcome observe(const SeenCatheter& seen, const SeenPose& pose);
 
+  /// The same by evidence that is there already.
+  FrameOutcome observe(const TipEvidence& evidence);
+
   /// A belief over places whose probabilities add up to 1.
   TipBelief summarised(const std::vector<double>& probability) const;
   const std::vector<double>& probability() const { return probability_; }

@@ -9,6 +9,7 @@
 #include "angio/localisation/localiser_settings.hpp"
 #include "angio/localisation/seen_catheter.hpp"
 #include "angio/localisation/tip_belief.hpp"
+#include "angio/localisation/tip_evidence.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio {
@@ -46,6 +47,10 @@ class CatheterLocaliser {
 
   /// Takes one frame's curve. A curve or pose that says nothing (too short, not finite) only predicts.
   [[nodiscard]] TipBelief update(const SeenCatheter& seen, const SeenPose& pose, const CatheterMotion& motion);
+
+  /// The same, by what somebody else has found each place to be worth; the image's shift is not looked at. Evidence
+  /// that is empty or not finite, or is of chains that are not there, only predicts.
+  [[nodiscard]] TipBelief update(const TipEvidence& evidence, const CatheterMotion& motion);
 
   /// A frame without a catheter in it: time passes, the tip moves.
   [[nodiscard]] TipBelief predict(const CatheterMotion& motion);
