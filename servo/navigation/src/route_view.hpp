@@ -8,6 +8,8 @@
 
 namespace angio {
 
+constexpr int kSteadyFrames = 3;  ///< What only fewer frames say may be one bad frame.
+
 /// A belief about a tip as one sees it who has a way to go.
 struct RouteView {
   bool on_route = false;          ///< The tip's chain leads to the target, or is its own.

@@ -4,48 +4,28 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/servo/best_view.hpp"
+
 namespace angio {
 namespace {
 
 constexpr double kDetector_m = 0.315, kDetectorDistance_m = 1.2, kSourceDistance_m = 0.75;
-constexpr double kLookAhead_m = 3e-3;     // Between the places of the way that a view is judged by.
-constexpr double kWidestVessel_m = 3e-3;  // Half of it: how far from the axis a catheter lies.
+constexpr double kLookAhead_m = 3e-3;  // Between the places of the way that a view is judged by.
+constexpr double kViewStep_deg = 7.5;
+constexpr double kBeforeFork_m = 20e-3;
 constexpr int kSearchStarts = 64;
 
-// The view along whose beam as little runs as possible of the way and of what leaves it at its forks: one place that is
-// seen along itself is worse than many that are somewhat short.
-ViewAngles bestView(const TreeMap& map, const TreePlace& target) {
-  std::vector<Eigen::Vector3d> directions;
-  for (const int chain : map.pathTo(target.chain)) {
-    const double end_m = chain == target.chain ? target.arc_m : map.length_m(chain);
-    for (double s = 0; s < end_m; s += kLookAhead_m) directions.push_back(map.frame({chain, s}).along);
-    for (const int child : map.children(chain)) directions.push_back(map.leaving(child, kLookAhead_m));
-  }
-  ViewAngles best;
-  double most = -1e300;
-  for (int primary = -45; primary <= 45; primary += 15) {
-    for (int secondary = -30; secondary <= 30; secondary += 15) {
-      const ViewAngles view{degToRad(primary), degToRad(secondary)};
-      const Eigen::Vector3d beam = beamDirection(view);
-      double sum = 0;
-      for (const Eigen::Vector3d& d : directions) sum -= 1 / (0.05 + d.cross(beam).squaredNorm());
-      if (sum > most) most = sum, best = view;
-    }
-  }
-  return best;
-}
-
-// Points of the way and of the vessels that leave it: where a catheter may be.
-Eigen::Matrix3Xd wayPoints(const TreeMap& map, const TreePlace& target) {
-  std::vector<int> chains = map.pathTo(target.chain);
-  for (const int chain : map.pathTo(target.chain)) {
-    chains.insert(chains.end(), map.children(chain).begin(), map.children(chain).end());
-  }
-  std::vector<Eigen::Vector3d> points;
-  for (const int chain : chains) {
-    for (double s = 0; s < map.length_m(chain); s += kLookAhead_m) points.push_back(map.point({chain, s}));
-  }
-  return Eigen::Map<const Eigen::Matrix3Xd>(points.front().data(), 3, static_cast<Eigen::Index>(points.size()));
+// The view that shows the way from its first fork on least foreshortened and least covered by other vessels: before it
+// there is nothing to decide.
+ViewAngles viewOf(const VesselTree& tree, const TreeMap& map, const TreePlace& target) {
+  BestViewSettings settings;
+  settings.step_deg = kViewStep_deg;
+  settings.most_primary_deg = 45;
+  settings.most_secondary_deg = 30;
+  const int trunk = map.pathTo(target.chain).front();
+  const double from_m = target.chain == trunk ? 0 : std::max(0.0, map.length_m(trunk) - kBeforeFork_m);
+  const TreeSpot first = map.spot({trunk, from_m}), last = map.spot(target);
+  return bestView(tree, segmentBetween(tree, first.a, last.b), {}, settings).angles;
 }
 
 // The middle of the box around the way: what the table brings to the isocentre.
@@ -79,12 +59,10 @@ Matrix6d calibrationCovariance(const NavigateStudySettings& study) {
 }  // namespace
 
 NavigateSight::NavigateSight(const VesselTree& tree, const TreeMap& map, const TreePlace& target,
-                             const NavigateStudySettings& study, const SimulatedPatientSettings& patient,
-                             std::uint64_t seed)
+                             const NavigateStudySettings& study, const NavigateParts& parts, std::uint64_t seed)
     : tree_(tree),
       study_(study),
-      way_(wayPoints(map, target)),
-      T_camera_model_(poseOf(bestView(map, target), middleOf(map, target))),
+      T_camera_model_(poseOf(viewOf(tree, map, target), middleOf(map, target))),
       pose_{XrayCamera::centred(study.detector_px, study.detector_px, kDetector_m / study.detector_px,
                                 kDetectorDistance_m),
             T_camera_model_, Matrix6d::Zero()},
@@ -100,12 +78,13 @@ NavigateSight::NavigateSight(const VesselTree& tree, const TreeMap& map, const T
     pose_.covariance = Vector6d(Vector6d::Constant(1e-8)).asDiagonal();
     return;
   }
-  SimulatedPatientSettings look = patient;
+  SimulatedPatientSettings look = parts.patient;
   look.device.kind = DeviceKind::kNone;
   look.bolus.enabled = false;
   look.fluoroscopy.seed = static_cast<int>(seed % 1'000'000);
   patient_ = std::make_unique<SimulatedPatient>(tree, look);
   extractor_ = makeExtractor(RidgeSettings{});
+  tracer_ = std::make_unique<CatheterTracer>(patient_->tree(), parts.tracer);
   registration_ = makeRegistration(OrientedKernelSettings{}, tree);
 }
 
@@ -118,14 +97,15 @@ double NavigateSight::normal() {
   return std::sqrt(-2 * std::log(u)) * std::cos(2 * kPi * v);
 }
 
-std::optional<SeenCatheter> NavigateSight::look(const SimulatedCatheter& catheter, const Eigen::Vector3d& expected_tip,
-                                                std::int64_t k, double time_s) {
-  return study_.images ? extracted(catheter, expected_tip, k, time_s) : projected(catheter);
+std::optional<CatheterTrace> NavigateSight::look(const SimulatedCatheter& catheter, const TipBelief& expected,
+                                                 const TipOffset& offset, std::int64_t k, double time_s) {
+  return study_.images ? traced(catheter, expected, offset, k, time_s) : projected(catheter);
 }
 
-std::optional<SeenCatheter> NavigateSight::projected(const SimulatedCatheter& catheter) {
+std::optional<CatheterTrace> NavigateSight::projected(const SimulatedCatheter& catheter) {
   const Eigen::Matrix3Xd points = catheter.device(tree_.points()).points;
-  SeenCatheter seen;
+  CatheterTrace trace;
+  SeenCatheter& seen = trace.seen;
   seen.points_px.resize(2, points.cols());
   seen.sigma_px = std::max(study_.noise_px, 0.1);
   Eigen::Index n = 0;
@@ -141,47 +121,24 @@ std::optional<SeenCatheter> NavigateSight::projected(const SimulatedCatheter& ca
   }
   seen.points_px.conservativeResize(2, n);
   if (n < 2) return std::nullopt;
-  return seen;
+  return trace;
 }
 
-std::optional<SeenCatheter> NavigateSight::extracted(const SimulatedCatheter& catheter,
-                                                     const Eigen::Vector3d& expected_tip, std::int64_t k,
-                                                     double time_s) {
+std::optional<CatheterTrace> NavigateSight::traced(const SimulatedCatheter& catheter, const TipBelief& expected,
+                                                   const TipOffset& offset, std::int64_t k, double time_s) {
   XrayScene scene = patient_->scene(T_camera_model_, time_s);
   const bool roadmap = !roadmap_at_s_ || time_s - *roadmap_at_s_ >= study_.roadmap_s;
   if (!roadmap) scene.densities = Eigen::VectorXd::Zero(tree_.size());
   const Eigen::Matrix3Xd points =
       scene.displacements_m ? Eigen::Matrix3Xd(tree_.points() + *scene.displacements_m) : tree_.points();
   scene.devices.push_back(catheter.device(points));
-  const Centerline2d curves = extractor_->extract(patient_->render(pose_.camera, scene, static_cast<std::uint64_t>(k)));
+  image_ = patient_->render(pose_.camera, scene, static_cast<std::uint64_t>(k));
   if (roadmap) {
-    registerRoadmap(vesselsToMatch(curves));
+    registerRoadmap(vesselsToMatch(extractor_->extract(image_)));
     roadmap_at_s_ = time_s;
     return std::nullopt;
   }
-  std::optional<CatheterHint> hint;
-  if (const auto pixel = pose_.camera.project(pose_.T_camera_model * expected_tip)) hint = CatheterHint{*pixel};
-  return seenCatheter(onRoadmap(curves), pose_.camera, study_.pieces, hint);
-}
-
-// Without contrast agent in them, vessels are not seen: what lies along the roadmap is the catheter, whatever the
-// extractor takes it for.
-Centerline2d NavigateSight::onRoadmap(const Centerline2d& seen) const {
-  std::vector<Eigen::Vector2d> road;
-  for (Eigen::Index i = 0; i < way_.cols(); ++i) {
-    if (const auto pixel = pose_.camera.project(pose_.T_camera_model * way_.col(i))) road.push_back(*pixel);
-  }
-  // Half the distance between its points, and what a vessel is wide, at the detector.
-  const double within_px = (0.5 * kLookAhead_m + kWidestVessel_m) * pose_.camera.parameters().fx_px / kSourceDistance_m;
-  std::vector<bool> near(static_cast<std::size_t>(seen.size()));
-  for (int i = 0; i < seen.size(); ++i) {
-    near[static_cast<std::size_t>(i)] = std::any_of(road.begin(), road.end(), [&](const Eigen::Vector2d& pixel) {
-      return (pixel - seen.points_px.col(i)).squaredNorm() < within_px * within_px;
-    });
-  }
-  Centerline2d device = pointsWhere(seen, near);
-  device.kind.assign(static_cast<std::size_t>(device.size()), CurveKind::kDevice);
-  return device;
+  return tracer_->trace(image_, pose_, expected, offset);
 }
 
 // Believes a registration that converged; another leaves what was known.

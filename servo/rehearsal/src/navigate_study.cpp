@@ -54,10 +54,16 @@ class CommandLine {
   std::deque<std::pair<std::int64_t, CatheterCommand>> waiting_;
 };
 
-void judge(const TipBelief& belief, const std::optional<SeenCatheter>& seen, const SeenPose& pose,
+// What the navigator believes of how its tip leans, as a length.
+TipOffset offsetOf(const TipRoll& roll, double tip_length_m) {
+  return {tip_length_m * roll.lean(), tip_length_m * tip_length_m * roll.leanCovariance()};
+}
+
+void judge(const TipBelief& belief, const std::optional<CatheterTrace>& trace, const SeenPose& pose,
            const CatheterTruth& truth, NavigateRow& row) {
-  if (belief.status != BeliefStatus::kSeen || !seen) return;
-  const double error_m = (tipOnRay(belief.tip, *seen, pose) - truth.tip_model).norm();
+  if (belief.status != BeliefStatus::kSeen || !trace) return;
+  const auto end = tipEnd(trace->evidence, belief.tip);
+  const double error_m = (end.value_or(tipOnRay(belief.tip, trace->seen, pose)) - truth.tip_model).norm();
   row.errors_m.push_back(error_m);
   if (belief.tip.chain == truth.tip.chain) {
     row.arc_errors_m.push_back(std::abs(belief.tip.arc_m - truth.tip.arc_m));
@@ -89,7 +95,7 @@ std::vector<TreePlace> navigateTargets(const VesselTree& tree, const NavigateStu
 }
 
 NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, const NavigateStudySettings& study,
-                            const NavigateParts& parts, std::uint64_t seed) {
+                            const NavigateParts& parts, std::uint64_t seed, const NavigateObserver& look_on) {
   checkSettings("navigate", study);
   const VesselTree full = withPlausibleRadii(tree, 1e-3 * parts.patient.fluoroscopy.end_radius_mm);
   Navigator navigator(full, target, parts.navigator);
@@ -100,7 +106,7 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
   SimulatedCatheter catheter(full, made, start, 0);
   CatheterLocaliser localiser(parts.localiser, full);
   localiser.reset(start.chain, start.arc_m, 5e-3);
-  NavigateSight sight(full, map, target, study, parts.patient, seed);
+  NavigateSight sight(full, map, target, study, parts, seed);
 
   NavigateRow row;
   row.target = target;
@@ -113,8 +119,9 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
   for (std::int64_t k = 1; static_cast<double>(k) * period_s < study.longest_s; ++k) {
     const std::int64_t now_us = std::llround(1e6 * static_cast<double>(k) * period_s);
     line.deliver(catheter, now_us);
-    const auto seen = sight.look(catheter, map.point({localiser.belief().tip.chain, localiser.belief().tip.arc_m}), k,
-                                 static_cast<double>(k) * period_s);
+    const auto trace =
+        sight.look(catheter, localiser.belief(), offsetOf(navigator.roll(), 1e-3 * parts.navigator.tip_length_mm), k,
+                   static_cast<double>(k) * period_s);
 
     NavigationInput input;
     input.time_us = now_us;
@@ -124,7 +131,10 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
     input.latency_s = 1e-3 * study.latency_ms;
     const CatheterMotion motion{period_s, input.drive.insertion_m - last_insertion_m};
     last_insertion_m = input.drive.insertion_m;
-    input.belief = seen ? localiser.update(*seen, sight.pose(), motion) : localiser.predict(motion);
+    const auto seen = trace ? std::make_optional(trace->seen) : std::nullopt;
+    input.belief = !trace                           ? localiser.predict(motion)
+                   : trace->evidence.places.empty() ? localiser.update(trace->seen, sight.pose(), motion)
+                                                    : localiser.update(trace->evidence, motion);
     if (seen) {
       const TipPlace& tip = input.belief->tip;
       input.deflection = seenDeflection(*seen, sight.pose().camera, sight.pose().T_camera_model, map,
@@ -134,7 +144,9 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
     line.send(answer.command, now_us);
 
     const CatheterTruth truth = catheter.truth();
-    judge(*input.belief, seen, sight.pose(), truth, row);
+    judge(*input.belief, trace, sight.pose(), truth, row);
+    if (look_on)
+      look_on({1e-6 * static_cast<double>(now_us), sight.image(), sight.pose(), trace, input, answer, truth});
     ++row.frames;
     row.waited += answer.state == NavigationState::kWaiting;
     row.largest_force_n = std::max(row.largest_force_n, std::abs(input.drive.insertion_force_n));

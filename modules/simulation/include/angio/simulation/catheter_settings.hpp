@@ -6,7 +6,8 @@
 namespace angio {
 
 /// What a simulated catheter is like. The defaults are plausible for a steerable microcatheter of 2.1 French; they are
-/// nobody's measurement.
+/// nobody's measurement. Bands of platinum and iridium, or of gold, are what marks catheters' tips under fluoroscopy
+/// (Medical Design Briefs, The benefits of embedding marker bands vs. swaging); the band's length and opacity are ours.
 struct CatheterSettings {
   double diameter_mm = 0.7;
   double attenuation_per_m = 300;  ///< Linear, above blood's: a braid and a filled wall.

@@ -36,9 +36,8 @@ struct CatheterTruth {
 /// The base follows commands exactly, the rest is computed every 5 ms of its own time: it does not depend on how often
 /// `advance` is called. When the last command has run out the drive stands still: silence means stop.
 ///
-/// Sources of the parts: capstan friction of catheters in bends and wind-up (dead band) of a shaft in torsion, as
-/// reviewed by Rafii-Tari et al., Current and emerging robot-assisted endovascular catheterization technologies, Ann
-/// Biomed Eng 42 (2014); the magnitudes are plausible ones for a microcatheter, nobody's measurement.
+/// The parts and their magnitudes are our own assumptions, plausible for a microcatheter and nobody's measurement:
+/// friction by Euler's and Eytelwein's capstan equation, wind-up of the shaft as a play operator.
 class SimulatedCatheter {
  public:
   /// With its tip at `start` at the time `now_us` [us], nothing wound up. Radii that the tree does not know are filled

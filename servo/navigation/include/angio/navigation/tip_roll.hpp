@@ -37,6 +37,9 @@ class TipRoll {
   /// How the tip leans in the vessel's frame: across, aside; sideways way for each metre of its length.
   Eigen::Vector2d lean() const { return turn() * state_.head<2>(); }
 
+  /// Covariance of lean().
+  Eigen::Matrix2d leanCovariance() const { return turn() * P_.topLeftCorner<2, 2>() * turn().transpose(); }
+
   /// Slope of the image's deflection by the drive's roll, d y / d roll, for a sight.
   double imageJacobian(const Eigen::Vector2d& sight) const;
 

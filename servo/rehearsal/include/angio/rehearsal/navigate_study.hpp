@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "angio/localisation/localiser_settings.hpp"
 #include "angio/localisation/seen_catheter.hpp"
+#include "angio/navigation/catheter_tracer.hpp"
 #include "angio/navigation/navigator.hpp"
 #include "angio/simulation/simulated_catheter.hpp"
 #include "angio/simulation/simulated_patient.hpp"
@@ -17,17 +19,9 @@ namespace angio {
 ///
 /// With images, the C-arm stands in a view along whose beam as little of the way runs as possible. A roadmap begins the
 /// journey and is renewed: one frame with the vessels full of contrast agent, from which the tree is registered;
-/// between roadmaps there is no contrast agent, and the catheter is what the extractor sees. Without images, the
-/// catheter's line is projected and disturbed instead.
+/// between roadmaps there is no contrast agent, and the catheter is what CatheterTracer finds along the registered
+/// tree. Without images, the catheter's line is projected and disturbed instead.
 struct NavigateStudySettings {
-  /// What lies along a roadmap is hardly anything else, so that short pieces and sharp turns may be a catheter's too.
-  static SeenCatheterSettings alongRoadmap() {
-    SeenCatheterSettings pieces;
-    pieces.largest_turn_deg = 120;
-    pieces.shortest_piece_px = 6;
-    return pieces;
-  }
-
   bool images = true;
   double frame_rate_hz = 15;
   double latency_ms = 80;            ///< From an exposure until the command that answers it reaches the drive.
@@ -38,9 +32,8 @@ struct NavigateStudySettings {
   double into_branch_mm = 10;        ///< The target in its branch, or four fifths of a shorter one.
   double calibration_error_deg = 1;  ///< Of the start of the first registration.
   double calibration_error_mm = 3;
-  int detector_px = 1024;  ///< Width and height of a detector of 315 mm.
-  double noise_px = 0.7;   ///< Without images: of points of the catheter's line ...
-  SeenCatheterSettings pieces = alongRoadmap();
+  int detector_px = 512;  ///< Width and height of a detector of 315 mm: fluoroscopy reads its pixels out in fours.
+  double noise_px = 0.7;  ///< Without images: of points of the catheter's line ...
   double outlier_share = 0.03;  ///< ... and how many frames show another line.
 
   void visit(SettingsVisitor& v) {
@@ -56,7 +49,6 @@ struct NavigateStudySettings {
     v.number("calibration_error_mm", calibration_error_mm, 0, 50);
     v.integer("detector_px", detector_px, 256, 2048);
     v.number("noise_px", noise_px, 0, 20);
-    v.section("pieces", [this](SettingsVisitor& s) { pieces.visit(s); });
     v.number("outlier_share", outlier_share, 0, 1);
   }
 };
@@ -64,13 +56,23 @@ struct NavigateStudySettings {
 /// Who is on the way: all that a journey is made of.
 struct NavigateParts {
   CatheterSettings catheter;
+  /// The drive says how far it has pushed: the tip hardly moves otherwise.
+  static LocaliserSettings besideDrive() {
+    LocaliserSettings localiser;
+    localiser.spacing_mm = 0.5;
+    localiser.backlash_mm = 0.2;
+    return localiser;
+  }
+
   NavigatorSettings navigator;
-  LocaliserSettings localiser;
+  CatheterTracerSettings tracer;
+  LocaliserSettings localiser = besideDrive();
   SimulatedPatientSettings patient;  ///< The X-ray and the body's motion; its own device and bolus are not used.
 
   void visit(SettingsVisitor& v) {
     v.section("catheter", [this](SettingsVisitor& s) { catheter.visit(s); });
     v.section("navigator", [this](SettingsVisitor& s) { navigator.visit(s); });
+    v.section("tracer", [this](SettingsVisitor& s) { tracer.visit(s); });
     v.section("localiser", [this](SettingsVisitor& s) { localiser.visit(s); });
     v.section("patient", [this](SettingsVisitor& s) { patient.visit(s); });
   }
@@ -96,9 +98,21 @@ struct NavigateRow {
 /// Where journeys of a tree go: `count` branches, spread over all that qualify; fewer when there are fewer.
 std::vector<TreePlace> navigateTargets(const VesselTree& tree, const NavigateStudySettings& study, int count);
 
-/// One journey.
+/// One frame of a journey, for those who look on. Borrowed while they do.
+struct NavigateMoment {
+  double time_s = 0;
+  const cv::Mat& image;  ///< Empty without images.
+  const SeenPose& pose;
+  const std::optional<CatheterTrace>& trace;
+  const NavigationInput& input;
+  const NavigationAnswer& answer;
+  const CatheterTruth& truth;
+};
+using NavigateObserver = std::function<void(const NavigateMoment&)>;
+
+/// One journey. `look_on` is called with each frame.
 NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, const NavigateStudySettings& study,
-                            const NavigateParts& parts, std::uint64_t seed);
+                            const NavigateParts& parts, std::uint64_t seed, const NavigateObserver& look_on = {});
 
 /// Rows of one tree, as JSON and as a table for people.
 nlohmann::ordered_json navigateStudyAsJson(const std::string& tree_name, const std::vector<NavigateRow>& rows);

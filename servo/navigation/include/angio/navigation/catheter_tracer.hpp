@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+
+#include "angio/base/settings.hpp"
+#include "angio/localisation/catheter_localiser.hpp"
+
+namespace angio {
+
+/// What the tracer knows of the catheter, and how far it looks.
+struct CatheterTracerSettings {
+  double diameter_mm = 0.7;       ///< Of the catheter.
+  double marker_length_mm = 1.5;  ///< Of the radio-opaque band at its tip.
+  double behind_mm = 80;          ///< Of the believed tip, the trace begins.
+  double ahead_mm = 30;           ///< Of it, along any vessel, a tip is looked for.
+  double slack_mm = 0.8;          ///< The image may show vessels beside where the pose has them.
+  double along_std_mm = 0.6;      ///< Of a tip beside the cross-section that its place stands for.
+  double marker_ratio = 2;        ///< The band is more than so many times as dark as the catheter.
+
+  void visit(SettingsVisitor& v) {
+    v.number("diameter_mm", diameter_mm, 0.1, 5);
+    v.number("marker_length_mm", marker_length_mm, 0.1, 20);
+    v.number("behind_mm", behind_mm, 20, 500);
+    v.number("ahead_mm", ahead_mm, 5, 200);
+    v.number("slack_mm", slack_mm, 0, 10);
+    v.number("along_std_mm", along_std_mm, 0.05, 10);
+    v.number("marker_ratio", marker_ratio, 1.1, 20);
+  }
+};
+
+/// How far a tip's end stands beside its vessel's axis, in the vessel's frame: across, aside [m].
+struct TipOffset {
+  Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity() * 1e-6;
+};
+
+/// A catheter found in a frame.
+struct CatheterTrace {
+  SeenCatheter seen;        ///< From behind the believed tip to the tip's end.
+  TipEvidence evidence;     ///< Of the places where its tip may be.
+  double marker = 0;        ///< Contrast of the tip's band over the catheter's.
+  double unseen_share = 0;  ///< Part of the trace with less than half of the catheter's contrast.
+};
+
+/// Traces a catheter in frames without contrast agent: the dark line along one of the projected vessels that ends at
+/// its radio-opaque tip.
+///
+/// Every way through the tree near the believed tip is followed at once: a place of a vessel and a displacement of the
+/// image there (the catheter leans on walls and cuts bends) score by the darkness of the line up to there, by its
+/// smoothness, and by the band at its end (Viterbi's algorithm over the tree). The best end wins, so that a gap or a
+/// crossing does not end the trace and a branch without a line in it is not entered.
+class CatheterTracer {
+ public:
+  /// Throws InputError when a setting is out of its range.
+  CatheterTracer(const VesselTree& tree, const CatheterTracerSettings& settings);
+  ~CatheterTracer();
+
+  /// Nothing comes back when no end has the band, or no part of the tree near `expected` is in the image. Throws
+  /// InputError for an image that is neither CV_8UC1 nor CV_16UC1.
+  std::optional<CatheterTrace> trace(const cv::Mat& image, const SeenPose& pose, const TipBelief& expected,
+                                     const TipOffset& offset = {});
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace angio

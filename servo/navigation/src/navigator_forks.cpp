@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The navigator in front of a fork and across it: looks, aims, crosses, and sees which branch was entered.
+#include <algorithm>
+#include <cmath>
+
+#include "angio/geometry/se3.hpp"
+#include "angio/navigation/navigator.hpp"
+#include "fork_plan.hpp"
+#include "route_view.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
+constexpr double kLongestAim_s = 8;
+constexpr double kFullLook_rad = 2.2 * kPi;
+constexpr double kSure = 0.9;             // Probability of a wrong branch that is worth a way back at once.
+constexpr double kLeastMargin_rad = 0.1;  // For one aim to serve several forks.
+
+// Where further tries at a fork aim beside the plan [rad]: a wrong idea of the tip's angle is wrong again.
+constexpr double kBeside_rad[] = {0, 0, 1.05, -1.05, 2.1, -2.1, 3.14, 0.5, -0.5, 1.6};
+
+}  // namespace
+
+// Starts to look or to aim.
+NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView& view) {
+  if (!looked_ && roll_.sigma_rad() > degToRad(settings_.look_sigma_deg)) {
+    state_ = NavigationState::kLooking;
+    looked_rad_ = 0;
+    last_roll_rad_ = input.drive.roll_rad;
+    return look(input);
+  }
+  state_ = NavigationState::kAiming;
+  aimed_s_ = 0;
+  planNext(*view.next);
+  return aim(input);
+}
+
+// The chains of the route from `next` on that begin at a fork which there is no room to aim in front of.
+std::vector<int> Navigator::closeForks(int next) const {
+  const std::vector<int> route = map_.pathTo(target_.chain);
+  auto at = std::find(route.begin(), route.end(), next);
+  std::vector<int> chains{next};
+  while (at + 1 < route.end() && map_.length_m(*at) < 1e-3 * settings_.short_mm) chains.push_back(*++at);
+  return chains;
+}
+
+void Navigator::planNext(int next) {
+  const TipRange range{degToRad(settings_.tip_angle_deg),
+                       degToRad(settings_.tip_angle_deg + settings_.largest_bend_deg)};
+  const double sigma = std::clamp(roll_.sigma_rad(), degToRad(15), degToRad(60)), lever_m = 1e-3 * settings_.lever_mm;
+  // As many of the forks ahead with one aim as one aim can serve.
+  std::vector<int> chains = closeForks(next);
+  ForkPlan plan = planForks(map_, chains, range, sigma, lever_m);
+  while (chains.size() > 1 && plan.margin_rad < kLeastMargin_rad) {
+    chains.pop_back();
+    plan = planForks(map_, chains, range, sigma, lever_m);
+  }
+  const auto tried = static_cast<std::size_t>(tries_[*map_.parent(next)]);
+  planned_ = chains.back();
+  aim_angle_rad_ = plan.angle_rad + kBeside_rad[tried % std::size(kBeside_rad)];
+  aim_bend_rad_ = plan.bend_rad - degToRad(settings_.tip_angle_deg);
+}
+
+// One turn, always the same way round: backlash and wind-up then stay on one side.
+NavigationAnswer Navigator::look(const NavigationInput& input) {
+  looked_rad_ += std::abs(input.drive.roll_rad - last_roll_rad_);
+  last_roll_rad_ = input.drive.roll_rad;
+  if (looked_rad_ >= kFullLook_rad) {
+    looked_ = true;
+    state_ = NavigationState::kFollowing;
+    return go(input, 0, 0, 0);
+  }
+  return go(input, 0, degToRad(settings_.roll_speed_deg_s), 0);
+}
+
+NavigationAnswer Navigator::aim(const NavigationInput& input) {
+  aimed_s_ += input.period_s;
+  const double close = degToRad(settings_.angle_deg);
+  // Forwards all the way, unless it is just a little too far.
+  double left =
+      std::remainder(aim_angle_rad_ - roll_.angle_rad() - input.drive.roll_speed_radps * input.latency_s, 2 * kPi);
+  const bool turned = std::abs(left) < close;
+  if (left < -close) left += 2 * kPi;
+  const bool bent = std::abs(aim_bend_rad_ - input.drive.bend_rad) < close;
+  if ((turned && bent) || aimed_s_ > kLongestAim_s) {
+    state_ = NavigationState::kCrossing;
+    since_.reset();
+    return go(input, 0, 0, aim_bend_rad_);
+  }
+  const double fastest = degToRad(settings_.roll_speed_deg_s);
+  return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
+}
+
+// Whether a belief beside the route is worth a way back.
+bool Navigator::sureOf(const RouteView& view) const {
+  const double beyond_m = -view.to_fork_m;
+  return beyond_m >= 1e-3 * settings_.sure_mm ||
+         (beyond_m >= 1e-3 * settings_.confirm_mm && view.beside_probability >= kSure);
+}
+
+NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView& view) {
+  const TipPlace& tip = input.belief->tip;
+  const double lever_m = 1e-3 * settings_.lever_mm;
+  const double beyond_m = map_.start_m(tip.chain) + tip.arc_m - map_.start_m(*planned_);
+  if (map_.passes(tip.chain, *planned_) &&
+      beyond_m >= std::min(1e-3 * settings_.confirm_mm, 0.4 * map_.length_m(*planned_))) {
+    roll_.entered(sidewaysOf(map_, *planned_, lever_m));
+    looked_ = false;
+    return follow(input, view);
+  }
+  if (view.entered && beside_frames_ >= kSteadyFrames && sureOf(view)) {
+    roll_.entered(sidewaysOf(map_, *view.entered, lever_m));
+    return miss(input, view, "the tip has entered another branch");
+  }
+  // Back in front of all that was planned, as a catheter that sprang back is.
+  const double far_m = 2e-3 * (settings_.aim_mm + settings_.back_mm);
+  if (view.on_route && view.next && view.to_fork_m > far_m && !map_.passes(view.chain, *planned_))
+    return follow(input, view);
+  const bool short_ahead = map_.length_m(*planned_) < 1e-3 * settings_.short_mm;
+  return go(input, (short_ahead ? 0.5e-3 : 1e-3) * settings_.fork_speed_mm_s, 0, aim_bend_rad_);
+}
+
+}  // namespace angio

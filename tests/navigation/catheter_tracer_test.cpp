@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/navigation/catheter_tracer.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/core.hpp>
+
+#include "angio/simulation/fluoroscopy.hpp"
+#include "angio/simulation/simulated_catheter.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/phantoms.hpp"
+#include "angio/vessel/tree_map.hpp"
+
+namespace angio {
+namespace {
+
+// A catheter in a made-up tree without contrast agent, in an X-ray image with anatomy and noise.
+struct CatheterTracerTest : testing::Test {
+  VesselTree tree = withPlausibleRadii(test::branchingTree(4), 0.6e-3);
+  TreeMap map{tree};
+  SeenPose pose{XrayCamera::centred(512, 512, 0.315 / 512, 1.2), Pose::Identity(), Matrix6d::Zero()};
+  CatheterTracer tracer{tree, {}};
+
+  void SetUp() override { pose.T_camera_model.translation() = Eigen::Vector3d(0, 0, 0.75) - tree.centroid(); }
+
+  cv::Mat shown(const std::vector<Device>& devices) const {
+    XrayScene scene;
+    scene.T_camera_model = pose.T_camera_model;
+    scene.densities = Eigen::VectorXd::Zero(tree.size());
+    scene.devices = devices;
+    return FluoroscopyRenderer(tree, {}).render(pose.camera, scene, 1);
+  }
+
+  TipBelief beliefAt(const TreePlace& place) const {
+    TipBelief belief;
+    belief.tip.chain = place.chain;
+    belief.tip.arc_m = place.arc_m;
+    belief.tip.tip_model = map.point(place);
+    return belief;
+  }
+};
+
+// In every branch, though it is believed 8 mm further back, most often in another branch.
+TEST_F(CatheterTracerTest, FindsTheTipInTheBranchThatItIsIn) {
+  int tried = 0;
+  for (int chain = 1; chain < map.chains(); ++chain) {
+    const TreePlace tip{chain, 0.6 * map.length_m(chain)};
+    const SimulatedCatheter catheter(tree, {}, tip, 0);
+    const Eigen::Vector3d end = catheter.truth().tip_model;
+    const auto pixel = pose.camera.project(pose.T_camera_model * end);
+    if (!pixel || !pose.camera.sees(*pixel)) continue;
+    ++tried;
+    const TreeFrame frame = map.frame(tip);
+    const Eigen::Vector3d beside = end - map.point(tip);
+    const TipOffset offset{{beside.dot(frame.across), beside.dot(frame.aside)}, Eigen::Matrix2d::Identity() * 1e-6};
+    const auto trace = CatheterTracer(tree, {}).trace(shown({catheter.device(tree.points())}), pose,
+                                                      beliefAt(map.before(tip, 8e-3)), offset);
+    ASSERT_TRUE(trace) << chain;
+    // A pixel is 0.4 mm at the tip; its band is 1.5 mm long.
+    EXPECT_LT((trace->seen.points_px.rightCols<1>() - *pixel).norm(), 2) << chain;
+    // Where the vessel runs along the beam, other places may do as well; its own must always do.
+    double own = -100;
+    for (const PlaceEvidence& one : trace->evidence.places) {
+      if (one.chain == chain && std::abs(one.arc_m - tip.arc_m) < 1.5e-3) own = std::max(own, one.log_evidence);
+    }
+    EXPECT_GT(own, -1) << chain;
+    TipPlace place;
+    place.chain = chain;
+    place.arc_m = tip.arc_m;
+    const auto found = tipEnd(trace->evidence, place);
+    ASSERT_TRUE(found) << chain;
+    EXPECT_LT((*found - end).norm(), 1.5e-3) << chain;
+  }
+  EXPECT_GE(tried, 3);
+}
+
+TEST_F(CatheterTracerTest, FindsNoneWhereNoneIs) {
+  const TipBelief belief = beliefAt({map.chains() - 1, 5e-3});
+  EXPECT_FALSE(tracer.trace(shown({}), pose, belief));
+  EXPECT_FALSE(tracer.trace(cv::Mat(512, 512, CV_16UC1, cv::Scalar(20000)), pose, belief));
+  SeenPose behind = pose;
+  behind.T_camera_model.translation().z() = -1;
+  EXPECT_FALSE(tracer.trace(shown({}), behind, belief));
+}
+
+TEST_F(CatheterTracerTest, RefusesWhatIsNoXray) {
+  const TipBelief belief = beliefAt({1, 5e-3});
+  EXPECT_NE(test::refusalOf([&] { (void)tracer.trace(cv::Mat(512, 512, CV_32FC1), pose, belief); }).find("image"),
+            std::string::npos);
+  CatheterTracerSettings settings;
+  settings.ahead_mm = -1;
+  EXPECT_NE(test::refusalOf([&] { CatheterTracer(tree, settings); }).find("ahead_mm"), std::string::npos);
+}
+
+// Evidence that is no number, or of a branch that is not there, changes nothing but time.
+TEST_F(CatheterTracerTest, NoNumbersAreNoEvidence) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const PlaceEvidence& bad :
+       {PlaceEvidence{1, nan, 0, {}}, PlaceEvidence{1, 1e-3, nan, {}}, PlaceEvidence{999, 0, 0, {}}}) {
+    CatheterLocaliser told({}, tree), untold({}, tree);
+    TipEvidence evidence;
+    evidence.places = {bad};
+    const TipBelief belief = told.update(evidence, {});
+    EXPECT_NE(belief.status, BeliefStatus::kSeen);
+    EXPECT_FALSE(belief.why.empty());
+    EXPECT_EQ(belief.tip.arc_m, untold.predict({}).tip.arc_m);
+  }
+}
+
+}  // namespace
+}  // namespace angio
