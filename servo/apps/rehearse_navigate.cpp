@@ -14,6 +14,7 @@
 #include "angio/rehearsal/navigate_study.hpp"
 #include "angio/rehearsal/seeds.hpp"
 #include "angio/vessel/prune.hpp"
+#include "navigate_film.hpp"
 #include "rehearse.hpp"
 
 namespace angio {
@@ -21,7 +22,7 @@ namespace {
 
 struct NavigateOptions {
   std::vector<std::string> trees;
-  std::string settings, out;
+  std::string settings, out, film;  // The film is of the first journey.
   int targets = 20, first_seed = 1, threads = 1;
   double longest_edge_mm = 10;
   bool without_images = false;
@@ -43,20 +44,27 @@ nlohmann::ordered_json rehearseTree(const std::string& file, const NavigateOptio
   const std::vector<TreePlace> targets = navigateTargets(tree, s.study, o.targets);
   if (targets.empty()) throw InputError(file, "", "", "has no branch that is wide and far enough to go to");
   std::vector<NavigateRow> rows(targets.size());
+  std::optional<NavigateFilm> film;
+  if (!o.film.empty()) film.emplace(o.film, tree, targets.front(), s.study.frame_rate_hz);
   const std::string name = std::filesystem::path(file).filename().string();
   ProgressBar bar("navigating " + name, static_cast<int>(targets.size()));
   forEachInParallel(
       static_cast<int>(targets.size()), o.threads,
       [&](int k) {
         const auto i = static_cast<std::size_t>(k);
-        rows[i] = studyNavigation(tree, targets[i], s.study, s.parts, static_cast<std::uint64_t>(o.first_seed + k));
+        const NavigateObserver look_on =
+            film && k == 0 ? [&](const NavigateMoment& m) { film->show(m); } : NavigateObserver();
+        rows[i] =
+            studyNavigation(tree, targets[i], s.study, s.parts, static_cast<std::uint64_t>(o.first_seed + k), look_on);
       },
       [&](int done) { bar.show(done); });
+  if (film) film->finish();
   return navigateStudyAsJson(name, rows);
 }
 
 int rehearseNavigation(const NavigateOptions& o) {
   requireFolderOf(o.out);
+  if (!o.film.empty() && o.trees.size() > 1) throw InputError("--film", "", o.film, "is of one tree's first journey");
   NavigateSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   if (o.without_images) settings.study.images = false;
@@ -84,6 +92,8 @@ void addRehearseNavigate(CLI::App& app, Work& work) {
   command->add_option("--first-seed", o->first_seed, "Seed of the first journey")->check(CLI::Range(0, 2147000000));
   command->add_option("--threads", o->threads, "Journeys at a time")->check(CLI::Range(1, 256));
   command->add_flag("--without-images", o->without_images, "The catheter's line as projected and disturbed, no X-ray");
+  command->add_option("--film", o->film, "Film of the first journey (.mp4, or numbered pictures), of one tree")
+      ->excludes("--without-images");
   command->add_option("--settings", o->settings, "Settings (.yaml)");
   command->add_option("--out", o->out, "All journeys and the settings (.json)");
   command->callback([o, &work] { work = [o] { return rehearseNavigation(*o); }; });

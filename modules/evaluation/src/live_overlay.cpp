@@ -65,10 +65,13 @@ void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
   if (!scene.registration || !converged(*scene.registration)) return;
   const Pose& T_camera_model = scene.registration->T_camera_model;
   const double scale = static_cast<double>(canvas.cols) / scene.frame.image.cols;
+  const auto onCanvas = [&](const Eigen::Vector2d& p_px) {
+    return subpixel(scale * (p_px + Eigen::Vector2d(0.5, 0.5)) - Eigen::Vector2d(0.5, 0.5));
+  };
   const auto pixel = [&](const Eigen::Vector3d& p_model) -> std::optional<cv::Point> {
     const auto p = scene.frame.camera.project(T_camera_model * p_model);
     if (!p) return std::nullopt;
-    return subpixel(scale * (*p + Eigen::Vector2d(0.5, 0.5)) - Eigen::Vector2d(0.5, 0.5));
+    return onCanvas(*p);
   };
   const cv::Scalar colour = scene.status ? stateColour(scene.status->state) : kGreen;
   std::vector<std::optional<cv::Point>> points;
@@ -77,6 +80,10 @@ void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
     const int parent = tree_.parents()[i];
     if (parent < 0 || !points[i] || !points[static_cast<std::size_t>(parent)]) continue;
     cv::line(canvas, *points[i], *points[static_cast<std::size_t>(parent)], colour, 2, cv::LINE_AA, kSubpixelBits);
+  }
+  for (Eigen::Index i = 1; i < scene.device_px.cols(); ++i) {
+    cv::line(canvas, onCanvas(scene.device_px.col(i - 1)), onCanvas(scene.device_px.col(i)), kTipColour, 2, cv::LINE_AA,
+             kSubpixelBits);
   }
   const int unit = 1 << kSubpixelBits;
   if (const auto target = scene.target_model ? pixel(*scene.target_model) : std::nullopt) {
@@ -103,13 +110,16 @@ void LiveOverlay::drawPanel(cv::Mat panel, const LiveScene& scene) const {
     const std::string view = has_view ? formatted("from the wanted view %.3f deg, %.2f mm   ",
                                                   radToDeg(s->view_error_rad), 1e3 * s->target_error_m)
                                       : "";
-    line(1, view + formatted("%.0f ms", 1e-3 * static_cast<double>(s->image_us + s->registration_us + s->control_us)),
-         kWhite);
+    const double spent_ms = 1e-3 * static_cast<double>(s->image_us + s->registration_us + s->control_us);
+    line(1, view + (spent_ms > 0 ? formatted("%.0f ms", spent_ms) : ""), kWhite);
   } else {
     line(0, frame, kWhite);
   }
   if (const auto& r = scene.registration) {
-    line(2, formatted("registration %.60s, residual %.2f px", r->status_text.c_str(), r->mean_residual_px), kWhite);
+    line(2,
+         "registration " + r->status_text.substr(0, 60) +
+             (r->mean_residual_px > 0 ? formatted(", residual %.2f px", r->mean_residual_px) : ""),
+         kWhite);
   }
   std::string machine;
   if (const auto& q = scene.state) {
@@ -117,7 +127,8 @@ void LiveOverlay::drawPanel(cv::Mat panel, const LiveScene& scene) const {
                         radToDeg(q->joints[1]), 1e3 * q->joints[2], 1e3 * q->joints[3], 1e3 * q->joints[4]);
   }
   if (scene.tip && scene.tip->status != CatheterTipStatus::kLost) {
-    machine += formatted("   tip in branch %d at %.1f mm", scene.tip->branch, 1e3 * scene.tip->arc_length_m);
+    machine += (machine.empty() ? "" : "   ") +
+               formatted("tip in branch %d at %.1f mm", scene.tip->branch, 1e3 * scene.tip->arc_length_m);
   }
   line(3, machine, kWhite);
   const int top = panel.rows - 14;

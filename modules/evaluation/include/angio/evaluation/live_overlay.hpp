@@ -19,6 +19,7 @@ struct LiveScene {
   std::optional<CArmState> state;                   ///< The newest joints.
   std::optional<Eigen::Vector3d> target_model;      ///< A point of the model to mark [m].
   std::string title;                                ///< First line; may be empty.
+  Eigen::Matrix2Xd device_px = {};                  ///< What is seen of a catheter [px], in order; may be empty.
 };
 
 /// Pictures of a running loop, for a window or a film: the X-ray with the tree where it was registered, target and
