@@ -25,11 +25,13 @@ void Operator::ask(ServoRequestKind kind, std::int64_t now_us) {
 }
 
 void Operator::start(std::int64_t now_us) {
-  if (started_ || (asked_us_ && now_us - *asked_us_ < kPatience_us)) return;
+  if (done_ || (asked_us_ && now_us - *asked_us_ < kPatience_us)) return;
   const ServoState state = status() ? status()->state : ServoState::kIdle;
-  if (state == ServoState::kIdle) return ask(ServoRequestKind::kArm, now_us);
-  if (state == ServoState::kArmed) ask(ServoRequestKind::kStart, now_us);
-  started_ = true;
+  done_ = state == ServoState::kIdle ? armed_ : state != ServoState::kArmed;
+  if (done_) return;
+  armed_ = state == ServoState::kArmed;
+  // Again, when it was refused: the status it answered may have been from before the first frame.
+  ask(armed_ ? ServoRequestKind::kStart : ServoRequestKind::kArm, now_us);
 }
 
 }  // namespace angio

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "angio/messaging/channels.hpp"
+#include "angio/messaging/disturbed_bus.hpp"
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/servo/replay.hpp"
 #include "angio/test/temporary_folder.hpp"
@@ -191,6 +192,34 @@ TEST_F(SupervisedRun, IsReplayedBitForBitWithWhatItsSupervisorTookBack) {
   EXPECT_EQ(found.equal, found.commands);
   EXPECT_GT(found.held, 2);
   EXPECT_LT(found.held, found.answered);
+}
+
+// What programs do that are told to begin at once: a start that is lost, or refused because it answers a status from
+// before the first frame, must not be the last one.
+TEST_F(SupervisedRun, BeginsEvenWhereTheFirstStartComesToNothing) {
+  DisturbedBus network(recorded, {}, 1);
+  Operator starter(network);
+  const auto frames = [&](int count) {
+    for (int i = 0; i < count; ++i) {
+      frame();
+      starter.start(k * kPeriod_us + 1);
+    }
+  };
+  frames(3);
+  ASSERT_EQ(node.safety().states().state(), ServoState::kArmed);
+  DisturbanceSettings deaf;
+  deaf.loss_probability = 1;
+  network.disturb(kServoRequestChannel, deaf);
+  frames(5);
+  ASSERT_EQ(node.safety().states().state(), ServoState::kArmed);
+  network.disturb(kServoRequestChannel, {});
+  frames(8);
+  EXPECT_EQ(node.safety().states().state(), ServoState::kServo);
+  Operator person(recorded);
+  frame();
+  person.ask(ServoRequestKind::kEmergencyStop, k * kPeriod_us + 2);
+  frames(8);
+  EXPECT_EQ(node.safety().states().state(), ServoState::kEmergencyStop) << "whatever stopped it, a person did";
 }
 
 }  // namespace

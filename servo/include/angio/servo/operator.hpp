@@ -21,8 +21,9 @@ class Operator {
   /// Makes a request. @param now_us  The operator's clock [us].
   void ask(ServoRequestKind kind, std::int64_t now_us);
 
-  /// Arms and starts the loop, step by step with each call, waiting for an answer in between. Once it has started, or
-  /// has been stopped on the way, no call does anything more: a fault is for a person to look at.
+  /// Arms and starts the loop, step by step with each call, waiting for an answer in between, and asking again where
+  /// none comes. Once it has started, or has been stopped on the way, no call does anything more: a fault is for a
+  /// person to look at.
   void start(std::int64_t now_us);
 
  private:
@@ -30,7 +31,7 @@ class Operator {
   LatestValue<ServoStatus> statuses_;
   std::int64_t sequence_ = 0;
   std::optional<std::int64_t> asked_us_;
-  bool started_ = false;
+  bool armed_ = false, done_ = false;  // Of start().
 };
 
 }  // namespace angio
