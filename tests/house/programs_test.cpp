@@ -236,5 +236,39 @@ TEST_F(ServoProgram, TheExamplesSettingsAreRead) {
                              ": limits: primary_deg = 100, -100: must go up from the least to the most\n");
 }
 
+using StudyPrograms = ServoProgram;
+
+TEST_F(StudyPrograms, TheBestViewIsTheBestOfItsMap) {
+  const auto ended = test::run(
+      "angio-best-view", {"--branch", "13", "--picture", folder_.path("map.png"), "--out", folder_.path("map.json")});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_FALSE(cv::imread(folder_.path("map.png")).empty());
+  const Json best = Json::parse(test::contentOf(folder_.path("map.json")));
+  const double cost = best["foreshortening"].get<double>() + best["overlap"].get<double>();
+  double least = 2;
+  int reachable = 0;
+  const auto& f = best["map"]["foreshortening"];
+  for (std::size_t i = 0; i < f.size(); ++i) {
+    for (std::size_t j = 0; j < f[i].size(); ++j) {
+      if (f[i][j].is_null()) continue;
+      ++reachable;
+      least = std::min(least, f[i][j].get<double>() + best["map"]["overlap"][i][j].get<double>());
+    }
+  }
+  EXPECT_GT(reachable, 1000);
+  EXPECT_LE(cost, least + 1e-9) << "it is refined from the map's best";
+  const auto refused = test::run("angio-best-view", {"--branch", "999"});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_EQ(refused.err, "angio-best-view: best view: branch = 999: must be below 103\n");
+}
+
+TEST_F(StudyPrograms, AJourneyIsFilmed) {
+  const std::string settings = folder_.write("short.yaml", "study: {longest_s: 1}\n");
+  const auto ended = test::run(
+      "angio-rehearse", {"navigate", "--targets", "1", "--settings", settings, "--film", folder_.path("journey.mp4")});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_GT(std::filesystem::file_size(folder_.path("journey.mp4")), 1000u);
+}
+
 }  // namespace
 }  // namespace angio
