@@ -12,8 +12,6 @@
 namespace angio {
 namespace {
 
-using Score = Eigen::Matrix<float, TreeWalk::kSide, TreeWalk::kSide>;
-
 constexpr double kMarkerWeight = 2;  // Nats for each time that a band is as dark as the catheter, beyond its ratio ...
 constexpr double kMostMarker = 12;   // ... up to this: what is darker still is no better.
 constexpr double kExpectedStd_m = 8e-3;  // How far from the believed tip a tip is no surprise.
@@ -95,9 +93,9 @@ class CatheterTracer::Impl {
     for (std::size_t k = 0; k < area.places.size(); ++k) {
       if (area.from_tip_m[k] > 1e-3 * settings_.ahead_mm) continue;
       const double off = area.from_tip_m[k] / kExpectedStd_m, surprise = std::min(0.5 * off * off, kMostSurprise);
-      const Score& score = walk.score(static_cast<int>(k));
-      const Score& dark = walk.dark(static_cast<int>(k));
-      for (int u = 0; u < Score::SizeAtCompileTime; ++u) {
+      const TreeWalk::Scores& score = walk.score(static_cast<int>(k));
+      const TreeWalk::Scores& dark = walk.dark(static_cast<int>(k));
+      for (int u = 0; u < score.size(); ++u) {
         const double ratio = dark.data()[u] / level;
         if (ratio < settings_.marker_ratio) continue;
         const double value =
