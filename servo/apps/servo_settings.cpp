@@ -57,7 +57,7 @@ ServoSettings readServoSettings(const std::string& path, ServoSettings usual) {
   if (path.empty()) return usual;
   const ServoSettings settings = readSettings(path, usual);
   try {
-    settings.limits.limits(1);  // Ranges that no field by itself shows to be none.
+    settings.limits.check();
   } catch (const InputError& error) {
     throw error.within(path);
   }

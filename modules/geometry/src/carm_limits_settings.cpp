@@ -21,7 +21,7 @@ void CArmLimitsSettings::visit(SettingsVisitor& v) {
   v.choice("envelope", envelope, {"none", "typical"});
 }
 
-CArmLimits CArmLimitsSettings::limits(double isocentre_detector_m) const {
+void CArmLimitsSettings::check() const {
   const auto range = [](const char* key, const double(&ends)[2]) {
     if (!(ends[0] < ends[1])) {
       throw InputError("limits", key, shown(ends[0]) + ", " + shown(ends[1]), "must go up from the least to the most");
@@ -32,6 +32,10 @@ CArmLimits CArmLimitsSettings::limits(double isocentre_detector_m) const {
   range("table_x_mm", table_x_mm);
   range("table_y_mm", table_y_mm);
   range("table_z_mm", table_z_mm);
+}
+
+CArmLimits CArmLimitsSettings::limits(double isocentre_detector_m) const {
+  check();
   CArmLimits result;
   const auto joints = [](const double(&angles_deg)[2], const double(&table_mm)[3]) {
     CArmJoints values;

@@ -20,8 +20,11 @@ struct CArmLimitsSettings {
 
   void visit(SettingsVisitor& v);
 
-  /// In rad and m. @param isocentre_detector_m  Of the C-arm: where its detector's front is. Throws InputError when it
-  /// is not positive and the envelope asks for it, or a range is empty.
+  /// Throws InputError when a range is empty: what no field shows by itself.
+  void check() const;
+
+  /// In rad and m. @param isocentre_detector_m  Of the C-arm: where its detector's front is. Throws InputError as
+  /// check() does, and when the distance is not positive and the envelope asks for it.
   CArmLimits limits(double isocentre_detector_m) const;
 };
 
