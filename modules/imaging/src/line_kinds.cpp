@@ -23,7 +23,7 @@ constexpr float kHeld = 2;
 // The image resolves no radius below this one [working px]: blur takes what is missing from the contrast.
 constexpr float kThinnest = 0.5f;
 
-// Whether an end of one of the lines is at another one.
+// Whether an end of a line is at another one.
 bool isBranch(const CentreLine& line, const std::vector<CentreLine>& lines) {
   const auto touches = [&](const CentreLine& other) {
     if (&other == &line) return false;

@@ -26,8 +26,8 @@ void dropAlongBorder(std::vector<CentreLine>& lines, const std::vector<RowRange>
 ///
 /// Density is alike wherever contrast agent has come. A line goes when its own (median) is below `least` times that of
 /// all points of vessels, unless no bone is so dark. One with neither end at another line must be denser: nothing else
-/// says that it is a vessel. Devices, where they have been told, have no part in it: beside
-/// steel all vessels would be dilute.
+/// says that it is a vessel. Devices, where they have been told, have no part in it: beside steel all vessels would be
+/// dilute.
 void dropDilute(std::vector<CentreLine>& lines, float least);
 
 }  // namespace angio
