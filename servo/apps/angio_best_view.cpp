@@ -11,6 +11,7 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "servo_settings.hpp"
 #include "view_map_picture.hpp"
 
 namespace angio {
@@ -75,12 +76,11 @@ int showBestView(const Options& o) {
     listBranches(tree);
     return 0;
   }
-  BestViewSettings settings;
-  if (!o.settings.empty()) settings = readSettings(o.settings, settings);
+  const ServoSettings lab = readServoSettings(o.settings);
+  const BestViewSettings& settings = lab.tasks.of<ViewTaskSettings>().best_view;
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
-  const CArmGeometry& carm = calibration.carm;
-  const auto limits = CArmLimits::typical(carm.source_detector_distance_m - carm.source_isocentre_distance_m);
-  const BestViewScene scene = bestViewScene(carm, limits, calibration.R_lps_model);
+  const ServoLoopSettings loop = lab.loop(calibration);
+  const BestViewScene scene = bestViewScene(loop.carm, loop.limits, loop.R_lps_model);
   const TreeSegment segment = o.branch >= 0 ? segmentOfBranch(tree, o.branch) : segmentBetween(tree, o.from, o.to);
   const BestView best = bestView(tree, segment, scene, settings);
   std::cout << formatted("best view       %s\nforeshortening  %.1f %%\noverlap         %.1f %%\n",
@@ -111,7 +111,7 @@ int main(int argc, char** argv) {
   auto* to = app.add_option("--to-point", o.to, "... downstream to this one")->check(CLI::Range(0, 1000000000));
   from->needs(to)->excludes(branch);
   to->needs(from);
-  app.add_option("--settings", o.settings, "Settings of the search (.yaml)");
+  app.add_option("--settings", o.settings, "Settings (.yaml), as angio-servo's: limits, and view's best_view");
   app.add_option("--picture", o.picture, "The map, drawn (.png, .jpg)");
   app.add_option("--out", o.out, "The map, in numbers (.json)");
   return angio::runProgram(app, argc, argv, [&] { return angio::showBestView(o); });
