@@ -76,6 +76,37 @@ TEST_F(NavigatorTest, StopsWhereItWasToGo) {
   EXPECT_TRUE(rests(answer.command));
 }
 
+// Another branch may be as probable: being there is not knowing it. It asks for another view, and does not say that it
+// has arrived for as long as it likes.
+TEST_F(NavigatorTest, DoesNotArriveInABranchThatItIsNotSureOf) {
+  NavigationInput input = inputAt(map, {target, 4e-3});
+  input.belief->tip.probability = 0.6;
+  int other = -1;
+  for (const int child : map.children(*map.parent(target))) {
+    if (child != target) other = child;
+  }
+  ASSERT_GE(other, 0);
+  TipPlace beside = input.belief->tip;
+  beside.chain = other;
+  beside.probability = 0.38;
+  beside.tip_model = map.point({other, 4e-3});
+  ASSERT_GT((beside.tip_model - input.belief->tip.tip_model).norm(), 2e-3);
+  input.belief->alternatives = {beside};
+  int asked = 0;
+  for (int k = 0; k < 100; ++k) {
+    const NavigationAnswer answer = navigator.step(input);
+    ASSERT_NE(answer.state, NavigationState::kArrived);
+    ASSERT_LE(answer.command.insertion_speed_mps, 0);
+    asked += answer.another_view;
+  }
+  EXPECT_EQ(asked, 1);
+  input.belief->tip.probability = 0.98;
+  input.belief->alternatives.clear();
+  NavigationState last{};
+  for (int k = 0; k < 5; ++k) last = navigator.step(input).state;
+  EXPECT_EQ(last, NavigationState::kArrived);
+}
+
 TEST_F(NavigatorTest, PullsBackFromForce) {
   NavigationInput input = inputAt(map, {map.pathTo(target).front(), 10e-3});
   input.drive.insertion_force_n = 2;

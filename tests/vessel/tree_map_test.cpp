@@ -40,6 +40,50 @@ TEST(TreeMap, PathsLengthsAndPlacesAreTheTrees) {
   EXPECT_THROW(static_cast<void>(map.point({map.chains(), 0})), std::out_of_range);
 }
 
+// A trunk along z and two branches whose lines are one and the same for the first 4 mm; then one goes straight on, the
+// other to +x. The first ends there: what goes straight on is a child of its own, as in trees that were thinned.
+TEST(TreeMap, WaysPartWhereTheyLeaveEachOthersLumens) {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<int> parents;
+  const auto add = [&](int parent, double x_mm, double z_mm) {
+    points.emplace_back(1e-3 * x_mm, 0, 1e-3 * z_mm);
+    parents.push_back(parent);
+    return static_cast<int>(points.size()) - 1;
+  };
+  int trunk = add(-1, 0, 0);
+  for (int k = 1; k <= 30; ++k) trunk = add(trunk, 0, k);
+  int beside = trunk, ahead = trunk;
+  for (int k = 1; k <= 4; ++k) beside = add(beside, 0, 30 + k), ahead = add(ahead, 0, 30 + k);
+  const int second = ahead;
+  for (int k = 1; k <= 20; ++k) beside = add(beside, k, 34);
+  for (int k = 1; k <= 20; ++k) ahead = add(ahead, 0, 34 + k);
+  int aside = second;
+  for (int k = 1; k <= 20; ++k) aside = add(aside, -k, 34);
+  Eigen::Matrix3Xd matrix(3, points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) matrix.col(static_cast<Eigen::Index>(i)) = points[i];
+  const TreeMap map(VesselTree(matrix, parents, std::vector<std::optional<double>>(points.size(), 1.5e-3)));
+  ASSERT_EQ(map.children(0).size(), 2u);
+
+  // 4 mm together, then apart by the square root of 2 for each step: 1.5 mm after 1.5 mm at most.
+  EXPECT_NEAR(map.parting_m(0), 5.5e-3, 1e-3);
+  EXPECT_EQ(map.parting_m(0, 3e-3), 3e-3);
+  EXPECT_EQ(map.parting_m(map.children(0).front()) > 0, !map.children(map.children(0).front()).empty());
+
+  const std::vector<TreeWay> together = map.waysFrom(0, 4e-3), parted = map.waysFrom(0, 14e-3);
+  ASSERT_EQ(together.size(), 2u);
+  EXPECT_LT((together[0].direction - together[1].direction).norm(), kRounding);
+  ASSERT_EQ(parted.size(), 3u);
+  int straight = 0;
+  for (const TreeWay& way : parted) {
+    EXPECT_TRUE(map.passes(way.last, way.child));
+    EXPECT_EQ(*map.parent(way.child), 0);
+    EXPECT_NEAR(way.radius_m, 1.5e-3, kRounding);
+    straight += way.direction.z() > 0.999;
+    EXPECT_TRUE(way.direction.z() > 0.999 || std::abs(std::abs(way.direction.x()) - 10 / std::hypot(10, 4)) < 1e-9);
+  }
+  EXPECT_EQ(straight, 1);
+}
+
 TEST(TreeMap, FramesAreRightHandedAlongTheVesselAndGoOnIntoTheChildren) {
   const TreeMap map(test::branchingTree(2));
   for (int c = 0; c < map.chains(); ++c) {

@@ -15,6 +15,7 @@ constexpr std::int64_t kStepUs = 5'000;
 constexpr std::int64_t kLongestValidityUs = 1'000'000;
 constexpr double kLongestSlide_m = 0.5e-3;  // In one step: what springs forward passes its forks one by one.
 constexpr double kRest_m = 1e-9;            // Less than that is no motion.
+constexpr double kParted_m = 1e-3;          // Beyond where ways part, they have directions of their own.
 constexpr double kPlausibleEnd_m = 0.6e-3;  // Radius where the tree ends, if it does not say: the renderer's default.
 
 CatheterSettings checked(const CatheterSettings& settings) {
@@ -197,7 +198,7 @@ bool SimulatedCatheter::advanceTip(double step_m) {
   }
   if (map_.children(chain).empty()) return false;
   double beside = 0;
-  const int child = choose(map_.children(chain), &beside);
+  const int child = choose(chain, &beside);
   if (beside > degToRad(settings_.cone_deg)) return false;
   path_.push_back(child);
   tip_m_ += left_m;
@@ -209,16 +210,18 @@ void SimulatedCatheter::retractTip(double step_m) {
   while (path_.size() > 1 && tip_m_ < map_.start_m(path_.back())) path_.pop_back();
 }
 
-// The child whose lumen the free tip points least beside, and how far beside.
-int SimulatedCatheter::choose(const std::vector<int>& children, double* worst) const {
+// The child through which that way leads whose lumen the free tip points least beside, and how far beside. The tip
+// decides where the ways part, before which all of them are one lumen, and by where they have got to along its own
+// length: it is too stiff for what turns back and forth in less.
+int SimulatedCatheter::choose(int chain, double* worst) const {
   const Eigen::Vector3d tip = freeDirection();
-  const double lever_m = std::clamp(2 * radius(placeAt(tip_m_)), 3e-3, 8e-3);
-  int best = children.front();
+  const double lever_m = std::max(1e-3 * settings_.tip_length_mm, map_.parting_m(chain) + kParted_m);
+  int best = map_.children(chain).front();
   double least = 1e9;
-  for (const int child : children) {
-    const double angle = std::acos(std::clamp(tip.dot(map_.leaving(child, lever_m)), -1.0, 1.0));
-    const double lumen = std::atan2(radius({child, lever_m}), lever_m);
-    if (angle - lumen < least) least = angle - lumen, best = child;
+  for (const TreeWay& way : map_.waysFrom(chain, lever_m)) {
+    const double angle = std::acos(std::clamp(tip.dot(way.direction), -1.0, 1.0));
+    const double lumen = std::atan2(way.radius_m, lever_m);
+    if (angle - lumen < least) least = angle - lumen, best = way.child;
   }
   *worst = least;
   return best;

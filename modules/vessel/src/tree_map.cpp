@@ -11,6 +11,8 @@ namespace {
 
 // Centrelines zigzag from point to point; over this length to either side they do what the vessel does.
 constexpr double kChord_m = 2e-3;
+constexpr double kUnknownRadius_m = 1e-3;
+constexpr double kPartingStep_m = 0.5e-3;
 
 struct Spot {
   std::size_t below = 0;
@@ -52,6 +54,7 @@ TreeMap::TreeMap(const VesselTree& tree) : lines_(tree.branches().size()) {
       const Eigen::Vector3d p = tree.points().col(i);
       line.arc_m.push_back(line.place.empty() ? 0.0 : line.arc_m.back() + (p - line.place.back()).norm());
       line.place.push_back(p);
+      line.radius_m.push_back(tree.radii()[i].value_or(kUnknownRadius_m));
     }
   }
   for (int c = 0; c < chains(); ++c) {
@@ -158,9 +161,54 @@ double TreeMap::turned_rad(const TreePlace& place) const {
   return between(line.turned_rad, spotAt(line.arc_m, place.arc_m));
 }
 
-Eigen::Vector3d TreeMap::leaving(int chain, double lever_m) const {
-  const Eigen::Vector3d chord = point({chain, lever_m}) - lines_.at(chain).place.front();
-  return chord.norm() > 0 ? Eigen::Vector3d(chord.normalized()) : frame({chain, 0}).along;
+double TreeMap::radius_m(const TreePlace& place) const {
+  const Line& line = lines_.at(place.chain);
+  return between(line.radius_m, spotAt(line.arc_m, place.arc_m));
+}
+
+std::vector<TreeWay> TreeMap::waysFrom(int chain, double length_m) const {
+  std::vector<TreeWay> ways;
+  const Eigen::Vector3d from = lines_.at(chain).place.back();
+  for (const int child : lines_[chain].children) addWays(child, child, length_m, from, ways);
+  return ways;
+}
+
+void TreeMap::addWays(int child, int chain, double left_m, const Eigen::Vector3d& from,
+                      std::vector<TreeWay>& ways) const {
+  const Line& line = lines_[chain];
+  if (left_m > length_m(chain) && !line.children.empty()) {
+    for (const int next : line.children) addWays(child, next, left_m - length_m(chain), from, ways);
+    return;
+  }
+  const TreePlace end{chain, left_m};
+  const Eigen::Vector3d chord = point(end) - from;
+  ways.push_back(
+      {child, chain, radius_m(end), chord.norm() > 0 ? Eigen::Vector3d(chord.normalized()) : frame({child, 0}).along});
+}
+
+double TreeMap::parting_m(int chain, double most_m) const {
+  const std::vector<TreeWay> ways = waysFrom(chain, most_m);
+  const double fork_m = start_m(chain) + length_m(chain);
+  const auto along = [&](const TreeWay& way, double s) {
+    int at = way.last;
+    while (at != way.child && start_m(at) > fork_m + s) at = *lines_[at].parent;
+    return TreePlace{at, fork_m + s - start_m(at)};
+  };
+  const auto length = [&](const TreeWay& way) { return start_m(way.last) + length_m(way.last) - fork_m; };
+  double parted_m = 0;
+  for (std::size_t a = 0; a < ways.size(); ++a) {
+    for (std::size_t b = a + 1; b < ways.size(); ++b) {
+      if (ways[a].child == ways[b].child) continue;
+      const double shorter_m = std::min({most_m, length(ways[a]), length(ways[b])});
+      double s = 0;
+      for (; s < shorter_m; s += kPartingStep_m) {
+        const TreePlace p = along(ways[a], s), q = along(ways[b], s);
+        if ((point(p) - point(q)).norm() > std::max(radius_m(p), radius_m(q))) break;
+      }
+      parted_m = std::max(parted_m, std::min(s, shorter_m));
+    }
+  }
+  return parted_m;
 }
 
 }  // namespace angio

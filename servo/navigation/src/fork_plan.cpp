@@ -12,6 +12,7 @@ namespace {
 
 constexpr int kAngles = 72;
 constexpr int kBends = 13;
+constexpr double kLevers[] = {0.7, 1.3};  // How far ahead a tip feels its way, nobody knows well.
 constexpr double kCloser = 0.03;  // [rad] A larger bend must earn its contact with the wall by this for each step.
 
 // Frame of the vessel that ends at the fork in front of `child`.
@@ -30,11 +31,19 @@ struct Fork {
   std::vector<Eigen::Vector3d> others;
 };
 
-Fork forkAt(const TreeMap& map, int wanted, double lever_m) {
-  Fork fork{forkFrame(map, wanted), map.leaving(wanted, lever_m), {}};
-  if (const auto parent = map.parent(wanted)) {
-    for (const int child : map.children(*parent)) {
-      if (child != wanted) fork.others.push_back(map.leaving(child, lever_m));
+Fork forkAt(const TreeMap& map, int wanted, int towards, double lever_m) {
+  const auto parent = map.parent(wanted);
+  Fork fork{forkFrame(map, wanted), Eigen::Vector3d::UnitZ(), {}};
+  fork.goal = fork.frame.along;
+  if (!parent) return fork;
+  bool leads = false;
+  const double parted_m = map.parting_m(*parent) + 0.5 * lever_m;
+  for (const TreeWay& way : map.waysFrom(*parent, std::max(lever_m, parted_m))) {
+    if (way.child != wanted) {
+      fork.others.push_back(way.direction);
+    } else if (!leads) {
+      fork.goal = way.direction;
+      leads = map.passes(towards, way.last) || map.passes(way.last, towards);
     }
   }
   return fork;
@@ -52,16 +61,17 @@ double marginOf(const Fork& fork, double angle, double bend) {
 
 }  // namespace
 
-Eigen::Vector2d sidewaysOf(const TreeMap& map, int child, double lever_m) {
-  const TreeFrame f = forkFrame(map, child);
-  const Eigen::Vector3d direction = map.leaving(child, lever_m);
-  return {direction.dot(f.across), direction.dot(f.aside)};
+Eigen::Vector2d sidewaysOf(const TreeMap& map, int child, int towards, double lever_m) {
+  const Fork fork = forkAt(map, child, towards, lever_m);
+  return {fork.goal.dot(fork.frame.across), fork.goal.dot(fork.frame.aside)};
 }
 
-ForkPlan planForks(const TreeMap& map, const std::vector<int>& wanted, const TipRange& range, double sigma_rad,
-                   double lever_m) {
+ForkPlan planForks(const TreeMap& map, const std::vector<int>& wanted, int target, const TipRange& range,
+                   double sigma_rad, double lever_m) {
   std::vector<Fork> forks;
-  for (const int chain : wanted) forks.push_back(forkAt(map, chain, lever_m));
+  for (const int chain : wanted) {
+    for (const double part : kLevers) forks.push_back(forkAt(map, chain, target, part * lever_m));
+  }
   const auto margin = [&](double angle, double bend) {
     double least = kPi;
     for (const Fork& fork : forks) least = std::min(least, marginOf(fork, angle, bend));

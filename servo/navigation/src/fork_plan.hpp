@@ -24,13 +24,15 @@ struct TipRange {
 
 /// The tip that points nearer to the wanted child than to its siblings by the widest margin, when its angle is only
 /// known to `sigma_rad`; with several wanted chains, of forks that follow each other closely, the least of their
-/// margins counts: a tip that only slides keeps its angle in the vessel's frame. Children leave a fork as the chords of
-/// their first `lever_m` [m].
-ForkPlan planForks(const TreeMap& map, const std::vector<int>& wanted, const TipRange& range, double sigma_rad,
-                   double lever_m);
+/// margins counts: a tip that only slides keeps its angle in the vessel's frame.
+///
+/// Children leave a fork as the chords of the first `lever_m` [m] of their ways, or more until those have parted: one
+/// that is short goes on as its own children do, and the wanted ones towards `target`.
+ForkPlan planForks(const TreeMap& map, const std::vector<int>& wanted, int target, const TipRange& range,
+                   double sigma_rad, double lever_m);
 
-/// Direction in which a child leaves its parent, in the parent's frame at the fork: across, aside; sine of the angle
-/// long.
-Eigen::Vector2d sidewaysOf(const TreeMap& map, int child, double lever_m);
+/// Direction in which a way through a child leaves its parent, in the parent's frame at the fork: across, aside; sine
+/// of the angle long. The way towards `towards`, where several lead through the child.
+Eigen::Vector2d sidewaysOf(const TreeMap& map, int child, int towards, double lever_m);
 
 }  // namespace angio

@@ -11,7 +11,9 @@
 namespace angio {
 namespace {
 
-constexpr double kNear_m = 4e-3;  // Places closer than that are one for the question where to go.
+constexpr double kNear_m = 4e-3;  // Places closer than that are one for the question where to go ...
+constexpr double kSame_m = 2e-3;  // ... and these for the question where it has arrived.
+constexpr double kSure = 0.9;     // Probability of the target's branch.
 constexpr double kBendGain_per_s = 3;
 constexpr double kFirmSlide_m = 1.5e-3;  // The tip has moved.
 constexpr double kJump_m = 6e-3;         // Between two frames: more than any command does.
@@ -108,10 +110,13 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
   if (!view) return doubt(input, "no vessel leads from where the tip seems to be to the target");
   if (!(view->probability >= settings_.least_probability)) return doubt(input, "the tip's branch is not sure");
   if (!(tip.sigma_m <= 1e-3 * settings_.largest_sigma_mm)) return doubt(input, "the tip's place is not sure");
-  doubtful_s_ = retreated_m_ = 0;
-  beside_frames_ = view->on_route ? 0 : beside_frames_ + 1;
-
   const bool there = tip.chain == target_.chain && tip.arc_m >= target_.arc_m;
+  if (there && throughProbability(map_, target_.chain, *input.belief, kSame_m) < kSure) {
+    return doubt(input, "is this the target's branch?");
+  }
+  doubtful_s_ = retreated_m_ = 0;
+  asked_ = false;
+  beside_frames_ = view->on_route ? 0 : beside_frames_ + 1;
   there_frames_ = there ? there_frames_ + 1 : 0;
   if (there) {
     if (there_frames_ < kSteadyFrames) return {{}, state_, "is this the target?"};
@@ -137,6 +142,11 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
 NavigationAnswer Navigator::doubt(const NavigationInput& input, const std::string& why) {
   doubtful_s_ += input.period_s;
   since_.reset();
+  if (doubtful_s_ >= settings_.patience_s && !asked_) {
+    asked_ = true;
+    doubtful_s_ = 0;
+    return {{}, NavigationState::kWaiting, why, true};
+  }
   if (doubtful_s_ < settings_.patience_s || retreated_m_ >= 1e-3 * settings_.retreat_mm) {
     return {{}, NavigationState::kWaiting, why};
   }
@@ -204,7 +214,9 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
   const double back_m = 1e-3 * (settings_.back_mm + 0.7 * tries);
   const double least_m = start_m + std::min(2e-3, (0.2 + 0.15 * (tries % 5)) * map_.length_m(chain));
   back_to_m_ = std::max(std::min(fork_m, path_m) - back_m, least_m);
-  return backOff(input, view);
+  NavigationAnswer answer = backOff(input, view);
+  answer.another_view = tries % 2 == 0;
+  return answer;
 }
 
 NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteView& view) {

@@ -15,6 +15,7 @@ constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swingi
 constexpr double kLongestAim_s = 8;
 constexpr double kFullLook_rad = 2.2 * kPi;
 constexpr double kSure = 0.9;             // Probability of a wrong branch that is worth a way back at once.
+constexpr double kEntered = 0.8;          // Probability of the wanted branch that is enough to go on.
 constexpr double kLeastMargin_rad = 0.1;  // For one aim to serve several forks.
 
 // Where further tries at a fork aim beside the plan [rad]: a wrong idea of the tip's angle is wrong again.
@@ -51,10 +52,10 @@ void Navigator::planNext(int next) {
   const double sigma = std::clamp(roll_.sigma_rad(), degToRad(15), degToRad(60)), lever_m = 1e-3 * settings_.lever_mm;
   // As many of the forks ahead with one aim as one aim can serve.
   std::vector<int> chains = closeForks(next);
-  ForkPlan plan = planForks(map_, chains, range, sigma, lever_m);
+  ForkPlan plan = planForks(map_, chains, target_.chain, range, sigma, lever_m);
   while (chains.size() > 1 && plan.margin_rad < kLeastMargin_rad) {
     chains.pop_back();
-    plan = planForks(map_, chains, range, sigma, lever_m);
+    plan = planForks(map_, chains, target_.chain, range, sigma, lever_m);
   }
   const auto tried = static_cast<std::size_t>(tries_[*map_.parent(next)]);
   planned_ = chains.back();
@@ -85,6 +86,7 @@ NavigationAnswer Navigator::aim(const NavigationInput& input) {
   const bool bent = std::abs(aim_bend_rad_ - input.drive.bend_rad) < close;
   if ((turned && bent) || aimed_s_ > kLongestAim_s) {
     state_ = NavigationState::kCrossing;
+    asked_ahead_ = false;
     since_.reset();
     return go(input, 0, 0, aim_bend_rad_);
   }
@@ -94,31 +96,39 @@ NavigationAnswer Navigator::aim(const NavigationInput& input) {
 
 // Whether a belief beside the route is worth a way back.
 bool Navigator::sureOf(const RouteView& view) const {
-  const double beyond_m = -view.to_fork_m;
-  return beyond_m >= 1e-3 * settings_.sure_mm ||
-         (beyond_m >= 1e-3 * settings_.confirm_mm && view.beside_probability >= kSure);
+  const double beyond_m = -view.to_fork_m, parted_m = map_.parting_m(view.chain);
+  return beyond_m >= parted_m + 1e-3 * settings_.sure_mm ||
+         (beyond_m >= parted_m + 1e-3 * settings_.confirm_mm && view.beside_probability >= kSure);
 }
 
 NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView& view) {
   const TipPlace& tip = input.belief->tip;
   const double lever_m = 1e-3 * settings_.lever_mm;
   const double beyond_m = map_.start_m(tip.chain) + tip.arc_m - map_.start_m(*planned_);
+  const double parted_m = map_.parting_m(*map_.parent(*planned_));
+  const double through = throughProbability(map_, *planned_, *input.belief, 0);
   if (map_.passes(tip.chain, *planned_) &&
-      beyond_m >= std::min(1e-3 * settings_.confirm_mm, 0.4 * map_.length_m(*planned_))) {
-    roll_.entered(sidewaysOf(map_, *planned_, lever_m));
+      beyond_m >= std::max(std::min(1e-3 * settings_.confirm_mm, 0.4 * map_.length_m(*planned_)), parted_m) &&
+      (through >= kEntered || beyond_m >= parted_m + 1e-3 * settings_.sure_mm)) {
+    roll_.entered(sidewaysOf(map_, *planned_, target_.chain, lever_m));
     looked_ = false;
     return follow(input, view);
   }
   if (view.entered && beside_frames_ >= kSteadyFrames && sureOf(view)) {
-    roll_.entered(sidewaysOf(map_, *view.entered, lever_m));
+    roll_.entered(sidewaysOf(map_, *view.entered, tip.chain, lever_m));
     return miss(input, view, "the tip has entered another branch");
   }
   // Back in front of all that was planned, as a catheter that sprang back is.
   const double far_m = 2e-3 * (settings_.aim_mm + settings_.back_mm);
   if (view.on_route && view.next && view.to_fork_m > far_m && !map_.passes(view.chain, *planned_))
     return follow(input, view);
+  // Neither branch is sure where they have long parted: this view does not tell them apart.
+  const bool in_doubt = !asked_ahead_ && beyond_m >= parted_m + 2e-3 * settings_.confirm_mm;
+  asked_ahead_ = asked_ahead_ || in_doubt;
   const bool short_ahead = map_.length_m(*planned_) < 1e-3 * settings_.short_mm;
-  return go(input, (short_ahead ? 0.5e-3 : 1e-3) * settings_.fork_speed_mm_s, 0, aim_bend_rad_);
+  NavigationAnswer answer = go(input, (short_ahead ? 0.5e-3 : 1e-3) * settings_.fork_speed_mm_s, 0, aim_bend_rad_);
+  answer.another_view = in_doubt;
+  return answer;
 }
 
 }  // namespace angio

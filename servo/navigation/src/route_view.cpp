@@ -31,4 +31,14 @@ std::optional<RouteView> viewRoute(const TreeMap& map, int target_chain, const T
   return view;
 }
 
+double throughProbability(const TreeMap& map, int chain, const TipBelief& belief, double near_m) {
+  const bool through = map.passes(belief.tip.chain, chain);
+  double probability = through ? belief.tip.probability : 0.0;
+  for (const TipPlace& other : belief.alternatives) {
+    const bool same = through && (other.tip_model - belief.tip.tip_model).norm() < near_m;
+    if (same || map.passes(other.chain, chain)) probability += other.probability;
+  }
+  return std::min(probability, 1.0);
+}
+
 }  // namespace angio

@@ -25,4 +25,8 @@ struct RouteView {
 /// [m] or in the same branch of the fork agree with it.
 std::optional<RouteView> viewRoute(const TreeMap& map, int target_chain, const TipBelief& belief, double near_m);
 
+/// Probability that the tip has come through a chain, or is in it. Alternatives nearer to the believed place than
+/// `near_m` [m] are it.
+double throughProbability(const TreeMap& map, int chain, const TipBelief& belief, double near_m);
+
 }  // namespace angio

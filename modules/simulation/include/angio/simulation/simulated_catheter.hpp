@@ -30,8 +30,8 @@ struct CatheterTruth {
 ///
 /// Its body follows the vessels. Between base and tip lie backlash, slack in bends, friction that grows with all bends
 /// passed (capstan), wind-up of the shaft, which sliding lets out again, and buckling. At a fork it enters the branch
-/// that its free tip points to best; where it points into none, it stands against the wall. A tip goes no further than
-/// the tree or where the lumen is narrower than itself.
+/// that its free tip points to best, where the branches' lumens part; where it points into none, it stands against the
+/// wall. A tip goes no further than the tree or where the lumen is narrower than itself.
 ///
 /// The base follows commands exactly, the rest is computed every 5 ms of its own time: it does not depend on how often
 /// `advance` is called. When the last command has run out the drive stands still: silence means stop.
@@ -72,7 +72,7 @@ class SimulatedCatheter {
   void slide(double insertion_m);
   bool advanceTip(double step_m);
   void retractTip(double step_m);
-  int choose(const std::vector<int>& children, double* worst) const;
+  int choose(int chain, double* worst) const;
   void feel(double insertion_m);
   double freePlay() const;
   double slidingForce() const;

@@ -32,6 +32,14 @@ struct TreeFrame {
   Eigen::Vector3d aside = Eigen::Vector3d::UnitY();
 };
 
+/// A way on from the end of a chain.
+struct TreeWay {
+  int child = 0;                                         ///< The chain that it begins with ...
+  int last = 0;                                          ///< ... and the one in which it ends.
+  double radius_m = 0;                                   ///< Of the vessel there.
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< From the fork to its end; length 1.
+};
+
 /// A tree as one who travels in it needs it: lengths, frames, and ways from one branch to another.
 ///
 /// Chains are those of VesselTree::branches(); a chain's parent is the one that ends where it starts. Arc lengths are
@@ -63,19 +71,26 @@ class TreeMap {
   /// How far the vessel has turned from the root to here, all its bends added up [rad].
   double turned_rad(const TreePlace& place) const;
 
-  /// Direction in which a chain leaves its start, as the chord of its first `lever_m` [m] or of all of it.
-  Eigen::Vector3d leaving(int chain, double lever_m) const;
+  /// All ways on from the end of a chain, `length_m` [m] long, or shorter where the tree ends.
+  std::vector<TreeWay> waysFrom(int chain, double length_m) const;
+
+  /// How far beyond the end of a chain the ways through its children still run inside each other's lumens [m]: up to
+  /// there, what is in one of them is in the others, and forks of short chains are one. At most `most_m`; radii that
+  /// the tree does not know count as 1 mm.
+  double parting_m(int chain, double most_m = 12e-3) const;
 
  private:
   struct Line {
     std::vector<int> points;
-    std::vector<double> arc_m, turned_rad;  // At each of the points.
+    std::vector<double> arc_m, turned_rad, radius_m;  // At each of the points.
     std::vector<Eigen::Vector3d> place, along, across;
     double start_m = 0;
     std::optional<int> parent;
     std::vector<int> children;
   };
   void layFrames(int chain);
+  void addWays(int child, int chain, double left_m, const Eigen::Vector3d& from, std::vector<TreeWay>& ways) const;
+  double radius_m(const TreePlace& place) const;
 
   std::vector<Line> lines_;
 };

@@ -43,7 +43,8 @@ const char* stateName(NavigationState state);
 struct NavigationAnswer {
   CatheterCommand command;
   NavigationState state = NavigationState::kWaiting;
-  std::string why;  ///< Why it stands still or goes back; empty when all is well.
+  std::string why;            ///< Why it stands still or goes back; empty when all is well.
+  bool another_view = false;  ///< Another view would help: doubt has lasted, or a fork has been missed again.
 };
 
 struct RouteView;
@@ -95,6 +96,7 @@ class Navigator {
   std::optional<double> last_path_m_;               // Of the tip, when it was last believed.
   std::optional<std::pair<double, double>> since_;  // Drive and tip when both last moved together.
   double doubtful_s_ = 0, retreated_m_ = 0;
+  bool asked_ = false, asked_ahead_ = false;  // For another view, in this doubt; behind this fork.
   int jumped_ = 0, beside_frames_ = 0, there_frames_ = 0;
   std::map<int, int> tries_;  // At each fork, by the chain that ends there.
   int misses_ = 0;

@@ -24,12 +24,12 @@ struct NavigatorSettings {
   // Forks.
   double slow_mm = 12;
   double aim_mm = 4;      ///< Before a fork, the tip is aimed.
-  double confirm_mm = 3;  ///< Beyond it, the branch counts as entered.
-  double sure_mm = 12;    ///< Beyond it, even a doubtful belief of a wrong branch counts.
-  double short_mm = 9;   ///< Forks that follow each other closer than that are aimed for together where one aim serves.
-  double back_mm = 6;    ///< Before it, another try begins.
-  double lever_mm = 4;   ///< Along which a branch's direction is taken.
-  double angle_deg = 8;  ///< Of the tip, good enough.
+  double confirm_mm = 2;  ///< Beyond where its branches part, one of them counts as entered.
+  double sure_mm = 10;    ///< Beyond there, even a doubtful belief of a wrong branch counts.
+  double short_mm = 9;  ///< Forks that follow each other closer than that are aimed for together where one aim serves.
+  double back_mm = 6;   ///< Before it, another try begins.
+  double lever_mm = 5.5;       ///< Along which a branch's direction is taken, give or take a third.
+  double angle_deg = 8;        ///< Of the tip, good enough.
   double look_sigma_deg = 35;  ///< Less sure of the tip's angle than that, it is turned once around to be seen.
   int tries = 10;              ///< At one fork.
 
