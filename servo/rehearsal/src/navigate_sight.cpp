@@ -10,38 +10,14 @@ namespace angio {
 namespace {
 
 constexpr double kDetector_m = 0.315, kDetectorDistance_m = 1.2, kSourceDistance_m = 0.75;
-constexpr double kLookAhead_m = 3e-3;  // Between the places of the way that a view is judged by.
-constexpr double kViewStep_deg = 7.5;
-constexpr double kBeforeFork_m = 20e-3;
+constexpr double kTurn_radps = degToRad(20);
+constexpr double kRetry_s = 1;  // After a roadmap that could not be registered.
 constexpr int kSearchStarts = 64;
 
-// The view that shows the way from its first fork on least foreshortened and least covered by other vessels: before it
-// there is nothing to decide.
-ViewAngles viewOf(const VesselTree& tree, const TreeMap& map, const TreePlace& target) {
-  BestViewSettings settings;
-  settings.step_deg = kViewStep_deg;
-  settings.most_primary_deg = 45;
-  settings.most_secondary_deg = 30;
-  const int trunk = map.pathTo(target.chain).front();
-  const double from_m = target.chain == trunk ? 0 : std::max(0.0, map.length_m(trunk) - kBeforeFork_m);
-  const TreeSpot first = map.spot({trunk, from_m}), last = map.spot(target);
-  return bestView(tree, segmentBetween(tree, first.a, last.b), {}, settings).angles;
-}
-
-// The middle of the box around the way: what the table brings to the isocentre.
-Eigen::Vector3d middleOf(const TreeMap& map, const TreePlace& target) {
-  Eigen::AlignedBox3d box;
-  for (const int chain : map.pathTo(target.chain)) {
-    const double end_m = chain == target.chain ? target.arc_m : map.length_m(chain);
-    for (double s = 0; s < end_m; s += kLookAhead_m) box.extend(map.point({chain, s}));
-  }
-  return box.center();
-}
-
-Pose poseOf(const ViewAngles& view, const Eigen::Vector3d& middle_m) {
+Pose poseOf(const WayViewAnswer& view) {
   Pose T = Pose::Identity();
-  T.linear() = viewRotation(view);
-  T.translation() = Eigen::Vector3d(0, 0, kSourceDistance_m) - T.linear() * middle_m;
+  T.linear() = viewRotation(view.angles);
+  T.translation() = Eigen::Vector3d(0, 0, kSourceDistance_m) - T.linear() * view.middle_model;
   return T;
 }
 
@@ -58,26 +34,16 @@ Matrix6d calibrationCovariance(const NavigateStudySettings& study) {
 
 }  // namespace
 
-NavigateSight::NavigateSight(const VesselTree& tree, const TreeMap& map, const TreePlace& target,
-                             const NavigateStudySettings& study, const NavigateParts& parts, std::uint64_t seed)
+NavigateSight::NavigateSight(const VesselTree& tree, const NavigateStudySettings& study, const NavigateParts& parts,
+                             std::uint64_t seed)
     : tree_(tree),
       study_(study),
-      T_camera_model_(poseOf(viewOf(tree, map, target), middleOf(map, target))),
+      seed_(seed),
       pose_{XrayCamera::centred(study.detector_px, study.detector_px, kDetector_m / study.detector_px,
                                 kDetectorDistance_m),
-            T_camera_model_, Matrix6d::Zero()},
+            Pose::Identity(), Matrix6d::Zero()},
       random_(seed) {
-  // What calibration says before anything is seen.
-  pose_.T_camera_model =
-      drawnPose(T_camera_model_, tree.centroid(), degToRad(study.calibration_error_deg) / std::sqrt(3.0),
-                1e-3 * study.calibration_error_mm / std::sqrt(3.0), static_cast<int>(seed), 0);
-  pose_.covariance = calibrationCovariance(study);
-  if (!study.images) {  // As a registration of it would be.
-    pose_.T_camera_model =
-        drawnPose(T_camera_model_, tree.centroid(), degToRad(0.05), 0.2e-3, static_cast<int>(seed), 0);
-    pose_.covariance = Vector6d(Vector6d::Constant(1e-8)).asDiagonal();
-    return;
-  }
+  if (!study.images) return;
   SimulatedPatientSettings look = parts.patient;
   look.device.kind = DeviceKind::kNone;
   look.bolus.enabled = false;
@@ -86,6 +52,29 @@ NavigateSight::NavigateSight(const VesselTree& tree, const TreeMap& map, const T
   extractor_ = makeExtractor(RidgeSettings{});
   tracer_ = std::make_unique<CatheterTracer>(patient_->tree(), parts.tracer);
   registration_ = makeRegistration(OrientedKernelSettings{}, tree);
+}
+
+BestViewScene NavigateSight::reachable() {
+  CArmGeometry carm;
+  carm.source_detector_distance_m = kDetectorDistance_m;
+  carm.source_isocentre_distance_m = kSourceDistance_m;
+  return bestViewScene(carm, CArmLimits::typical(kDetectorDistance_m - kSourceDistance_m), Eigen::Matrix3d::Identity());
+}
+
+double NavigateSight::turnTo(const WayViewAnswer& view) {
+  const double turned = std::acos(std::clamp(beamDirection(view.angles).dot(beamDirection(view_)), -1.0, 1.0));
+  const double takes_s = views_ == 0 ? 0 : turned / kTurn_radps;
+  view_ = view.angles;
+  T_camera_model_ = poseOf(view);
+  // Without images as a registration would have it; with them, what calibration says before anything is seen.
+  const double error_deg = study_.images ? study_.calibration_error_deg / std::sqrt(3.0) : 0.05;
+  const double error_m = study_.images ? 1e-3 * study_.calibration_error_mm / std::sqrt(3.0) : 0.2e-3;
+  pose_.T_camera_model =
+      drawnPose(T_camera_model_, tree_.centroid(), degToRad(error_deg), error_m, static_cast<int>(seed_), views_++);
+  pose_.covariance = study_.images ? calibrationCovariance(study_) : Vector6d(Vector6d::Constant(1e-8)).asDiagonal();
+  registered_ = !study_.images;
+  roadmap_at_s_.reset();
+  return takes_s;
 }
 
 NavigateSight::~NavigateSight() = default;
@@ -127,7 +116,8 @@ std::optional<CatheterTrace> NavigateSight::projected(const SimulatedCatheter& c
 std::optional<CatheterTrace> NavigateSight::traced(const SimulatedCatheter& catheter, const TipBelief& expected,
                                                    const TipOffset& offset, std::int64_t k, double time_s) {
   XrayScene scene = patient_->scene(T_camera_model_, time_s);
-  const bool roadmap = !roadmap_at_s_ || time_s - *roadmap_at_s_ >= study_.roadmap_s;
+  const double lasts_s = registered_ ? study_.roadmap_s : std::min(kRetry_s, study_.roadmap_s);
+  const bool roadmap = !roadmap_at_s_ || time_s - *roadmap_at_s_ >= lasts_s;
   if (!roadmap) scene.densities = Eigen::VectorXd::Zero(tree_.size());
   const Eigen::Matrix3Xd points =
       scene.displacements_m ? Eigen::Matrix3Xd(tree_.points() + *scene.displacements_m) : tree_.points();
@@ -148,6 +138,7 @@ void NavigateSight::registerRoadmap(const Centerline2d& seen) {
   starts.count = kSearchStarts;
   const RegistrationResult result = registration_->search(seen, pose_.camera, prior, starts);
   if (result.status != RegistrationStatus::kConverged) return;
+  registered_ = true;
   pose_.T_camera_model = result.T_camera_model;
   pose_.covariance = result.covariance.value_or(prior.covariance.value());
 }

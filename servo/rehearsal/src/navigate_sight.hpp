@@ -8,6 +8,7 @@
 #include "angio/imaging/extractor.hpp"
 #include "angio/localisation/catheter_localiser.hpp"
 #include "angio/navigation/catheter_tracer.hpp"
+#include "angio/navigation/way_view.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/rehearsal/navigate_study.hpp"
 
@@ -16,9 +17,17 @@ namespace angio {
 /// The X-ray of a journey: where the C-arm stands, and what a frame shows of catheter and vessels.
 class NavigateSight {
  public:
-  NavigateSight(const VesselTree& tree, const TreeMap& map, const TreePlace& target, const NavigateStudySettings& study,
-                const NavigateParts& parts, std::uint64_t seed);
+  /// Stands nowhere before the first turnTo().
+  NavigateSight(const VesselTree& tree, const NavigateStudySettings& study, const NavigateParts& parts,
+                std::uint64_t seed);
   ~NavigateSight();
+
+  /// Views that the C-arm can reach.
+  static BestViewScene reachable();
+
+  /// Turns the C-arm, and the table with it; until the next roadmap only calibration says where the model is.
+  /// @return  How long that takes [s].
+  double turnTo(const WayViewAnswer& view);
 
   /// The catheter in frame `k` at a time [s]; nothing when it is not seen, as on a roadmap. `expected` is where its tip
   /// is believed to be.
@@ -40,7 +49,10 @@ class NavigateSight {
 
   const VesselTree& tree_;
   NavigateStudySettings study_;
-  Pose T_camera_model_;  // The truth.
+  std::uint64_t seed_;
+  int views_ = 0;
+  ViewAngles view_;
+  Pose T_camera_model_ = Pose::Identity();  // The truth.
   SeenPose pose_;
   std::mt19937_64 random_;
   std::unique_ptr<SimulatedPatient> patient_;  // The rest with images only.
@@ -49,6 +61,7 @@ class NavigateSight {
   std::unique_ptr<CatheterTracer> tracer_;
   cv::Mat image_;
   std::optional<double> roadmap_at_s_;
+  bool registered_ = false;
 };
 
 }  // namespace angio

@@ -106,7 +106,10 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
   SimulatedCatheter catheter(full, made, start, 0);
   CatheterLocaliser localiser(parts.localiser, full);
   localiser.reset(start.chain, start.arc_m, 5e-3);
-  NavigateSight sight(full, map, target, study, parts, seed);
+  NavigateSight sight(full, study, parts, seed);
+  WayView way_view(full, target, NavigateSight::reachable(), parts.view);
+  double turning_until_s = 0;
+  bool in_doubt = false;
 
   NavigateRow row;
   row.target = target;
@@ -119,6 +122,14 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
   for (std::int64_t k = 1; static_cast<double>(k) * period_s < study.longest_s; ++k) {
     const std::int64_t now_us = std::llround(1e6 * static_cast<double>(k) * period_s);
     line.deliver(catheter, now_us);
+    const double now_s = 1e-6 * static_cast<double>(now_us);
+    if (now_s < turning_until_s) continue;
+    if (const auto view = way_view.next({localiser.belief().tip.chain, localiser.belief().tip.arc_m}, in_doubt)) {
+      ++row.views;
+      turning_until_s = now_s + sight.turnTo(*view);
+      in_doubt = false;
+      if (now_s < turning_until_s) continue;  // The drive stands still meanwhile: silence means stop.
+    }
     const auto trace =
         sight.look(catheter, localiser.belief(), offsetOf(navigator.roll(), 1e-3 * parts.navigator.tip_length_mm), k,
                    static_cast<double>(k) * period_s);
@@ -142,16 +153,16 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
     }
     const NavigationAnswer answer = navigator.step(input);
     line.send(answer.command, now_us);
+    in_doubt = answer.another_view;
 
     const CatheterTruth truth = catheter.truth();
     judge(*input.belief, trace, sight.pose(), truth, row);
-    if (look_on)
-      look_on({1e-6 * static_cast<double>(now_us), sight.image(), sight.pose(), trace, input, answer, truth});
+    if (look_on) look_on({now_s, sight.image(), sight.pose(), trace, input, answer, navigator, truth});
     ++row.frames;
     row.waited += answer.state == NavigationState::kWaiting;
     row.largest_force_n = std::max(row.largest_force_n, std::abs(input.drive.insertion_force_n));
     row.wall_contacts = truth.wall_contacts;
-    row.time_s = 1e-6 * static_cast<double>(now_us);
+    row.time_s = now_s;
     if (answer.state == NavigationState::kArrived || answer.state == NavigationState::kGivenUp) {
       row.reached = answer.state == NavigationState::kArrived && truth.tip.chain == target.chain;
       row.ended = stateName(answer.state) + (answer.why.empty() ? "" : ": " + answer.why);
@@ -165,7 +176,7 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
 Json navigateStudyAsJson(const std::string& tree_name, const std::vector<NavigateRow>& rows) {
   Json json;
   std::vector<double> errors_mm, arcs_mm, times, contacts;
-  int reached = 0, misses = 0, frames = 0, waited = 0, wrong = 0, believed = 0, near = 0, forks = 0;
+  int reached = 0, misses = 0, frames = 0, waited = 0, wrong = 0, believed = 0, near = 0, forks = 0, views = 0;
   double force = 0;
   Json each = Json::array();
   for (const NavigateRow& row : rows) {
@@ -175,6 +186,7 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
     waited += row.waited;
     wrong += row.wrong_chain;
     forks += row.forks;
+    views += row.views;
     believed += static_cast<int>(row.errors_m.size());
     force = std::max(force, row.largest_force_n);
     contacts.push_back(row.wall_contacts);
@@ -189,6 +201,7 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
                     {"way_mm", 1e3 * row.way_m},
                     {"forks", row.forks},
                     {"misses", row.misses},
+                    {"views", row.views},
                     {"wall_contacts", row.wall_contacts}});
   }
   json["tree"] = tree_name;
@@ -196,6 +209,7 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
   json["reached"] = reached;
   json["forks"] = forks;
   json["misses"] = misses;
+  json["views"] = views;
   json["wall_contacts"] = {{"median", percentile(contacts, 0.5)}, {"max", percentile(contacts, 1)}};
   json["largest_force_n"] = force;
   json["time_s"] = {{"median", percentile(times, 0.5)}, {"max", percentile(times, 1)}};
@@ -212,19 +226,21 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
 }
 
 std::string navigateStudyTable(const Json& trees) {
-  std::string table = formatted("%-24s %9s %7s %7s %16s %9s %20s %10s %8s %14s\n", "navigate", "reached", "forks",
-                                "misses", "wall contacts", "force", "tip error mm", "within", "waited", "time s");
-  table += formatted("%-24s %9s %7s %7s %16s %9s %20s %10s %8s %14s\n", "", "", "", "", "median (most)", "most N",
-                     "median (95 %)", "1.5 mm", "frames", "median (most)");
+  std::string table =
+      formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %8s %14s\n", "navigate", "reached", "forks", "misses",
+                "views", "wall contacts", "force", "tip error mm", "within", "waited", "time s");
+  table += formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %8s %14s\n", "", "", "", "", "", "median (most)",
+                     "most N", "median (95 %)", "1.5 mm", "frames", "median (most)");
   for (const Json& j : trees) {
-    table += formatted("%-24s %4d / %2d %7d %7d %10.0f (%3.0f) %9.2f %12.2f (%5.2f) %8.1f %% %6.1f %% %7.0f (%4.0f)\n",
-                       j["tree"].get<std::string>().c_str(), j["reached"].get<int>(), j["targets"].get<int>(),
-                       j["forks"].get<int>(), j["misses"].get<int>(), j["wall_contacts"]["median"].get<double>(),
-                       j["wall_contacts"]["max"].get<double>(), j["largest_force_n"].get<double>(),
-                       j["tip_error_mm"]["median"].get<double>(), j["tip_error_mm"]["p95"].get<double>(),
-                       100 * j["tip_error_mm"]["within_1.5"].get<double>(),
-                       100.0 * j["waited"].get<int>() / std::max(1, j["frames"].get<int>()),
-                       j["time_s"]["median"].get<double>(), j["time_s"]["max"].get<double>());
+    table +=
+        formatted("%-24s %4d / %2d %7d %7d %7d %10.0f (%3.0f) %9.2f %12.2f (%5.2f) %8.1f %% %6.1f %% %7.0f (%4.0f)\n",
+                  j["tree"].get<std::string>().c_str(), j["reached"].get<int>(), j["targets"].get<int>(),
+                  j["forks"].get<int>(), j["misses"].get<int>(), j["views"].get<int>(),
+                  j["wall_contacts"]["median"].get<double>(), j["wall_contacts"]["max"].get<double>(),
+                  j["largest_force_n"].get<double>(), j["tip_error_mm"]["median"].get<double>(),
+                  j["tip_error_mm"]["p95"].get<double>(), 100 * j["tip_error_mm"]["within_1.5"].get<double>(),
+                  100.0 * j["waited"].get<int>() / std::max(1, j["frames"].get<int>()),
+                  j["time_s"]["median"].get<double>(), j["time_s"]["max"].get<double>());
   }
   return table;
 }

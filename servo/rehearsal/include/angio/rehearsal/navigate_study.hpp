@@ -10,6 +10,7 @@
 #include "angio/localisation/seen_catheter.hpp"
 #include "angio/navigation/catheter_tracer.hpp"
 #include "angio/navigation/navigator.hpp"
+#include "angio/navigation/way_view.hpp"
 #include "angio/simulation/simulated_catheter.hpp"
 #include "angio/simulation/simulated_patient.hpp"
 
@@ -17,10 +18,11 @@ namespace angio {
 
 /// Many journeys of a simulated catheter, each to another branch of a tree.
 ///
-/// With images, the C-arm stands in a view along whose beam as little of the way runs as possible. A roadmap begins the
-/// journey and is renewed: one frame with the vessels full of contrast agent, from which the tree is registered;
-/// between roadmaps there is no contrast agent, and the catheter is what CatheterTracer finds along the registered
-/// tree. Without images, the catheter's line is projected and disturbed instead.
+/// The C-arm looks at the stretch around the tip from its best view, and from another when that one ends or leaves doubt
+/// (WayView); while it turns, the drive stands still. With images, a roadmap begins each view and is renewed: one frame
+/// with the vessels full of contrast agent, from which the tree is registered; between roadmaps there is no contrast
+/// agent, and the catheter is what CatheterTracer finds along the registered tree. Without images, the catheter's line
+/// is projected and disturbed instead.
 struct NavigateStudySettings {
   bool images = true;
   double frame_rate_hz = 15;
@@ -30,7 +32,7 @@ struct NavigateStudySettings {
   double least_radius_mm = 0.4;      ///< Targets are branches that no narrower vessel leads to.
   double least_way_mm = 60;          ///< From the root to the target.
   double into_branch_mm = 10;        ///< The target in its branch, or four fifths of a shorter one.
-  double calibration_error_deg = 1;  ///< Of the start of the first registration.
+  double calibration_error_deg = 1;  ///< Of the start of each view's first registration.
   double calibration_error_mm = 3;
   int detector_px = 512;  ///< Width and height of a detector of 315 mm: fluoroscopy reads its pixels out in fours.
   double noise_px = 0.7;  ///< Without images: of points of the catheter's line ...
@@ -67,6 +69,7 @@ struct NavigateParts {
   NavigatorSettings navigator;
   CatheterTracerSettings tracer;
   LocaliserSettings localiser = besideDrive();
+  WayViewSettings view;
   SimulatedPatientSettings patient;  ///< The X-ray and the body's motion; its own device and bolus are not used.
 
   void visit(SettingsVisitor& v) {
@@ -74,6 +77,7 @@ struct NavigateParts {
     v.section("navigator", [this](SettingsVisitor& s) { navigator.visit(s); });
     v.section("tracer", [this](SettingsVisitor& s) { tracer.visit(s); });
     v.section("localiser", [this](SettingsVisitor& s) { localiser.visit(s); });
+    v.section("view", [this](SettingsVisitor& s) { view.visit(s); });
     v.section("patient", [this](SettingsVisitor& s) { patient.visit(s); });
   }
 };
@@ -86,6 +90,7 @@ struct NavigateRow {
   double time_s = 0;                 ///< Simulated.
   double way_m = 0;                  ///< From start to target along the vessels.
   int forks = 0;                     ///< On the way.
+  int views = 0;                     ///< That the C-arm took.
   int misses = 0;                    ///< Wrong branches and walls that the navigator noticed.
   int wall_contacts = 0;             ///< True ones.
   double largest_force_n = 0;        ///< At the drive.
@@ -106,6 +111,7 @@ struct NavigateMoment {
   const std::optional<CatheterTrace>& trace;
   const NavigationInput& input;
   const NavigationAnswer& answer;
+  const Navigator& navigator;
   const CatheterTruth& truth;
 };
 using NavigateObserver = std::function<void(const NavigateMoment&)>;

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+
+#include "angio/base/settings.hpp"
+#include "angio/servo/best_view.hpp"
+#include "angio/vessel/tree_map.hpp"
+
+namespace angio {
+
+/// How much of a catheter's way one view must show.
+struct WayViewSettings {
+  double behind_mm = 20;  ///< Of the tip: there the stretch begins that a view is chosen for ...
+  double ahead_mm = 60;   ///< ... and there it ends, or at the target.
+  double renew_mm = 15;   ///< Before its end, it is time for the next.
+  double other_deg = 30;  ///< A view that doubt asks for lies at least so far from the one that raised it.
+  double most_primary_deg = 90;
+  double most_secondary_deg = 45;
+  double step_deg = 7.5;  ///< Between the views that are compared.
+
+  void visit(SettingsVisitor& v) {
+    v.number("behind_mm", behind_mm, 0, 1000);
+    v.number("ahead_mm", ahead_mm, 10, 1000);
+    v.number("renew_mm", renew_mm, 0, 1000);
+    v.number("other_deg", other_deg, 0, 90);
+    v.number("most_primary_deg", most_primary_deg, 1, 110);
+    v.number("most_secondary_deg", most_secondary_deg, 1, 55);
+    v.number("step_deg", step_deg, 0.5, 15);
+  }
+};
+
+/// A view, and the place of the model that belongs at the isocentre in it.
+struct WayViewAnswer {
+  ViewAngles angles;
+  Eigen::Vector3d middle_model = Eigen::Vector3d::Zero();  ///< [m]
+};
+
+/// From where a C-arm looks at a catheter on its way: the best view (bestView) of the stretch around its tip.
+///
+/// One view serves for as long as the tip stays in its stretch. One that leaves doubt is exchanged for the best of
+/// those that lie well beside it: what runs along one beam, or hides behind another vessel, does not in the other.
+class WayView {
+ public:
+  /// Throws InputError when a setting is out of its range or the target is none of the tree's places.
+  WayView(const VesselTree& tree, const TreePlace& target, const BestViewScene& scene, const WayViewSettings& settings);
+
+  /// Where to look from next, with the tip believed to be at `tip`; nothing while the present view serves, or when
+  /// doubt asks for another and none is in reach. The first call always answers. Throws InputError as bestView() does.
+  ///
+  /// @param in_doubt  The present view does not tell what must be known.
+  std::optional<WayViewAnswer> next(const TreePlace& tip, bool in_doubt);
+
+ private:
+  double onRoute(const TreePlace& tip) const;
+
+  const VesselTree& tree_;
+  TreeMap map_;
+  TreePlace target_;
+  double target_path_m_;
+  BestViewScene scene_;
+  WayViewSettings settings_;
+  std::optional<std::pair<double, double>> stretch_m_;  // Path lengths along the route that the present view is for.
+};
+
+}  // namespace angio

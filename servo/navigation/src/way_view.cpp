@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/navigation/way_view.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "angio/geometry/se3.hpp"
+
+namespace angio {
+namespace {
+
+constexpr double kShortest_m = 10e-3;  // A stretch that a view can be chosen for.
+
+BestViewSettings searchOf(const WayViewSettings& settings) {
+  BestViewSettings search;
+  search.step_deg = settings.step_deg;
+  search.most_primary_deg = settings.most_primary_deg;
+  search.most_secondary_deg = settings.most_secondary_deg;
+  return search;
+}
+
+bool anyReachable(const BestViewScene& scene, const WayViewSettings& settings) {
+  for (double p = -settings.most_primary_deg; p <= settings.most_primary_deg; p += settings.step_deg) {
+    for (double s = -settings.most_secondary_deg; s <= settings.most_secondary_deg; s += settings.step_deg) {
+      if (scene.reachable({degToRad(p), degToRad(s)})) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+WayView::WayView(const VesselTree& tree, const TreePlace& target, const BestViewScene& scene,
+                 const WayViewSettings& settings)
+    : tree_(tree), map_(tree), target_(target), scene_(scene), settings_(settings) {
+  checkSettings("way view", settings);
+  if (target.chain < 0 || target.chain >= map_.chains()) {
+    throw InputError("way view", "target", std::to_string(target.chain),
+                     "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
+  }
+  target_path_m_ = map_.start_m(target.chain) + target.arc_m;
+}
+
+// Path length of the tip, or of the fork where it has left the route.
+double WayView::onRoute(const TreePlace& tip) const {
+  int chain = tip.chain;
+  double path_m = map_.start_m(chain) + tip.arc_m;
+  while (!map_.passes(target_.chain, chain)) {
+    path_m = map_.start_m(chain);
+    const auto parent = map_.parent(chain);
+    if (!parent) return 0;
+    chain = *parent;
+  }
+  return std::min(path_m, target_path_m_);
+}
+
+std::optional<WayViewAnswer> WayView::next(const TreePlace& tip, bool in_doubt) {
+  const double path_m = onRoute(tip), behind_m = 1e-3 * settings_.behind_mm;
+  const bool passed =
+      stretch_m_ && stretch_m_->second < target_path_m_ && path_m > stretch_m_->second - 1e-3 * settings_.renew_mm;
+  const bool behind = stretch_m_ && path_m < stretch_m_->first;
+  if (stretch_m_ && !passed && !behind && !in_doubt) return std::nullopt;
+  const double to_m = std::min(path_m + 1e-3 * settings_.ahead_mm, target_path_m_);
+  const double from_m = std::max(0.0, std::min(path_m - behind_m, to_m - kShortest_m));
+  const TreeSpot first = map_.spot(map_.before(target_, target_path_m_ - from_m));
+  const TreeSpot last = map_.spot(map_.before(target_, target_path_m_ - to_m));
+  BestViewScene scene = scene_;
+  if (in_doubt && stretch_m_) {
+    const double closest = std::cos(degToRad(settings_.other_deg));
+    scene.reachable = [this, closest](const ViewAngles& angles) {
+      // Seen from opposite sides, all is as it was.
+      return std::abs(beamDirection(angles).dot(beamDirection(scene_.near))) < closest &&
+             (!scene_.reachable || scene_.reachable(angles));
+    };
+    if (!anyReachable(scene, settings_)) return std::nullopt;
+  }
+  const BestView best = bestView(tree_, segmentBetween(tree_, first.a, last.b), scene, searchOf(settings_));
+  scene_.near = best.angles;
+  stretch_m_ = {from_m, to_m};
+  return WayViewAnswer{best.angles, best.target_model};
+}
+
+}  // namespace angio

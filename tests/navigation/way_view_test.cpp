@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/navigation/way_view.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "angio/geometry/se3.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/phantoms.hpp"
+
+namespace angio {
+namespace {
+
+// 100 mm along +P (the beam of the frontal view), then 100 mm along +S.
+VesselTree corner() {
+  constexpr int kHalf = 50;
+  Eigen::Matrix3Xd points(3, 2 * kHalf + 1);
+  std::vector<int> parents;
+  for (int i = 0; i <= 2 * kHalf; ++i) {
+    points.col(i) << 0, 2e-3 * std::min(i, kHalf), 2e-3 * std::max(i - kHalf, 0);
+    parents.push_back(i - 1);
+  }
+  return VesselTree(points, parents);
+}
+
+struct WayViewTest : testing::Test {
+  VesselTree tree = corner();
+  WayView view{tree, {0, 0.2}, {}, {}};
+};
+
+double alongBeam(const WayViewAnswer& answer, const Eigen::Vector3d& direction) {
+  return std::abs(beamDirection(answer.angles).dot(direction));
+}
+
+TEST_F(WayViewTest, LooksAcrossTheStretchAheadAndAgainWhenThatEnds) {
+  const auto first = view.next({0, 0.01}, false);
+  ASSERT_TRUE(first);
+  // The best of all sees the stretch in its full length; nodes are 7.5 deg apart, and the last search refines them.
+  EXPECT_LT(alongBeam(*first, Eigen::Vector3d::UnitY()), std::sin(degToRad(10)));
+  EXPECT_LT((first->middle_model - Eigen::Vector3d(0, 0.035, 0)).norm(), 5e-3);
+  EXPECT_FALSE(view.next({0, 0.03}, false));
+  EXPECT_FALSE(view.next({0, 0.054}, false));
+  EXPECT_TRUE(view.next({0, 0.06}, false));
+  // Back to before what the present view was chosen for.
+  EXPECT_TRUE(view.next({0, 0.01}, false));
+  // To the end of the way one view serves.
+  ASSERT_TRUE(view.next({0, 0.15}, false));
+  EXPECT_FALSE(view.next({0, 0.199}, false));
+}
+
+TEST_F(WayViewTest, DoubtAsksForAViewFromElsewhere) {
+  const auto first = view.next({0, 0.01}, false);
+  const auto second = view.next({0, 0.01}, true);
+  ASSERT_TRUE(first && second);
+  const double cosine = std::abs(beamDirection(first->angles).dot(beamDirection(second->angles)));
+  EXPECT_GE(radToDeg(std::acos(cosine)), WayViewSettings().other_deg - 1e-6);
+  EXPECT_LT(alongBeam(*second, Eigen::Vector3d::UnitY()), std::sin(degToRad(10)));
+}
+
+TEST(WayView, KeepsAViewThatNoOtherInReachCouldReplace) {
+  const VesselTree tree = corner();
+  BestViewScene scene;
+  scene.reachable = [](const ViewAngles& angles) {
+    return std::hypot(angles.primary_rad, angles.secondary_rad) < degToRad(12);
+  };
+  WayView view(tree, {0, 0.2}, scene, {});
+  ASSERT_TRUE(view.next({0, 0.01}, false));
+  EXPECT_FALSE(view.next({0, 0.01}, true));
+}
+
+TEST(WayView, KnowsWhereARouteWasLeft) {
+  const VesselTree made = test::branchingTree(4);
+  const TreeMap map(made);
+  const int target = map.chains() - 1, trunk = map.pathTo(target).front();
+  WayViewSettings settings;
+  settings.behind_mm = 5;
+  settings.ahead_mm = 10;
+  settings.renew_mm = 0;
+  WayView view(made, {target, map.length_m(target)}, {}, settings);
+  const TreePlace fork{trunk, map.length_m(trunk)};
+  const auto here = view.next(fork, false);
+  ASSERT_TRUE(here);
+  for (const int child : map.children(trunk)) {
+    if (map.passes(target, child)) continue;
+    EXPECT_FALSE(view.next({child, map.length_m(child)}, false));
+  }
+}
+
+TEST(WayView, RefusesATargetThatIsNoPlaceOfTheTree) {
+  const VesselTree tree = corner();
+  EXPECT_EQ(test::refusalOf([&] {
+              WayView(tree, {7, 0}, {}, {});
+            }),
+            "way view: target = 7: must be one of the tree's 1 branches");
+}
+
+}  // namespace
+}  // namespace angio
