@@ -83,13 +83,4 @@ CArmJoints SafetySupervisor::permitted(const CArmJoints& velocity) const {
   return states_.moves() && velocity.allFinite() ? velocity : CArmJoints::Zero();
 }
 
-void SafetySupervisor::describe(ServoStatus& status) const {
-  status.state = states_.state();
-  status.reason = states_.reason();
-  status.transitions = states_.transitions();
-  if (states_.log().empty()) return;
-  status.transition_time_us = states_.log().back().time_us;
-  status.cause = states_.log().back().cause;
-}
-
 }  // namespace angio

@@ -184,4 +184,13 @@ void ServoStateMachine::wait(std::int64_t now_us) {
   if (gap_ms > settings_.frames_gone_ms) fault(ServoCause::kFramesGone, reason, now_us);
 }
 
+void ServoStateMachine::describe(ServoStatus& status) const {
+  status.state = state_;
+  status.reason = reason_;
+  status.transitions = transitions_;
+  if (log_.empty()) return;
+  status.transition_time_us = log_.back().time_us;
+  status.cause = log_.back().cause;
+}
+
 }  // namespace angio

@@ -70,7 +70,7 @@ class SafetySupervisor {
   bool moves() const { return states_.moves(); }
 
   /// Fills in state, its reason, and how and when it came about.
-  void describe(ServoStatus& status) const;
+  void describe(ServoStatus& status) const { states_.describe(status); }
 
  private:
   std::optional<std::string> raise(const Objection& objection, std::int64_t now_us);

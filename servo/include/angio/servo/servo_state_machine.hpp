@@ -83,6 +83,9 @@ class ServoStateMachine {
 
   std::int64_t transitions() const { return transitions_; }
 
+  /// Fills in state, its reason, and how and when it came about.
+  void describe(ServoStatus& status) const;
+
   /// The last changes of state, oldest first: 256 at most.
   const std::deque<ServoTransition>& log() const { return log_; }
 
