@@ -50,7 +50,6 @@ NavigateSight::NavigateSight(const VesselTree& tree, const NavigateStudySettings
   look.fluoroscopy.seed = static_cast<int>(seed % 1'000'000);
   patient_ = std::make_unique<SimulatedPatient>(tree, look);
   extractor_ = makeExtractor(RidgeSettings{});
-  tracer_ = std::make_unique<CatheterTracer>(patient_->tree(), parts.tracer);
   registration_ = makeRegistration(OrientedKernelSettings{}, tree);
 }
 
@@ -86,9 +85,9 @@ double NavigateSight::normal() {
   return std::sqrt(-2 * std::log(u)) * std::cos(2 * kPi * v);
 }
 
-std::optional<CatheterTrace> NavigateSight::look(const SimulatedCatheter& catheter, const TipBelief& expected,
-                                                 const TipOffset& offset, std::int64_t k, double time_s) {
-  return study_.images ? traced(catheter, expected, offset, k, time_s) : projected(catheter);
+std::optional<CatheterTrace> NavigateSight::look(const SimulatedCatheter& catheter, CatheterLoop& loop, std::int64_t k,
+                                                 double time_s) {
+  return study_.images ? traced(catheter, loop, k, time_s) : projected(catheter);
 }
 
 std::optional<CatheterTrace> NavigateSight::projected(const SimulatedCatheter& catheter) {
@@ -113,8 +112,8 @@ std::optional<CatheterTrace> NavigateSight::projected(const SimulatedCatheter& c
   return trace;
 }
 
-std::optional<CatheterTrace> NavigateSight::traced(const SimulatedCatheter& catheter, const TipBelief& expected,
-                                                   const TipOffset& offset, std::int64_t k, double time_s) {
+std::optional<CatheterTrace> NavigateSight::traced(const SimulatedCatheter& catheter, CatheterLoop& loop,
+                                                   std::int64_t k, double time_s) {
   XrayScene scene = patient_->scene(T_camera_model_, time_s);
   const double lasts_s = registered_ ? study_.roadmap_s : std::min(kRetry_s, study_.roadmap_s);
   const bool roadmap = !roadmap_at_s_ || time_s - *roadmap_at_s_ >= lasts_s;
@@ -128,7 +127,7 @@ std::optional<CatheterTrace> NavigateSight::traced(const SimulatedCatheter& cath
     roadmap_at_s_ = time_s;
     return std::nullopt;
   }
-  return tracer_->trace(image_, pose_, expected, offset);
+  return loop.look(image_, pose_);
 }
 
 // Believes a registration that converged; another leaves what was known.

@@ -6,8 +6,7 @@
 #include <random>
 
 #include "angio/imaging/extractor.hpp"
-#include "angio/localisation/catheter_localiser.hpp"
-#include "angio/navigation/catheter_tracer.hpp"
+#include "angio/navigation/catheter_loop.hpp"
 #include "angio/navigation/way_view.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/rehearsal/navigate_study.hpp"
@@ -29,10 +28,9 @@ class NavigateSight {
   /// @return  How long that takes [s].
   double turnTo(const WayViewAnswer& view);
 
-  /// The catheter in frame `k` at a time [s]; nothing when it is not seen, as on a roadmap. `expected` is where its tip
-  /// is believed to be.
-  std::optional<CatheterTrace> look(const SimulatedCatheter& catheter, const TipBelief& expected,
-                                    const TipOffset& offset, std::int64_t k, double time_s);
+  /// The catheter in frame `k` at a time [s], as `loop` sees it; nothing when it is not seen, as on a roadmap.
+  std::optional<CatheterTrace> look(const SimulatedCatheter& catheter, CatheterLoop& loop, std::int64_t k,
+                                    double time_s);
 
   /// The last frame; empty without images.
   const cv::Mat& image() const { return image_; }
@@ -43,8 +41,8 @@ class NavigateSight {
  private:
   double normal();
   std::optional<CatheterTrace> projected(const SimulatedCatheter& catheter);
-  std::optional<CatheterTrace> traced(const SimulatedCatheter& catheter, const TipBelief& expected,
-                                      const TipOffset& offset, std::int64_t k, double time_s);
+  std::optional<CatheterTrace> traced(const SimulatedCatheter& catheter, CatheterLoop& loop, std::int64_t k,
+                                      double time_s);
   void registerRoadmap(const Centerline2d& seen);
 
   const VesselTree& tree_;
@@ -58,7 +56,6 @@ class NavigateSight {
   std::unique_ptr<SimulatedPatient> patient_;  // The rest with images only.
   std::unique_ptr<CenterlineExtractor> extractor_;
   std::unique_ptr<Registration> registration_;
-  std::unique_ptr<CatheterTracer> tracer_;
   cv::Mat image_;
   std::optional<double> roadmap_at_s_;
   bool registered_ = false;

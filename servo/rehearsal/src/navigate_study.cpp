@@ -7,7 +7,6 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/statistics.hpp"
-#include "angio/localisation/catheter_localiser.hpp"
 #include "angio/localisation/tip_on_ray.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "navigate_sight.hpp"
@@ -54,11 +53,6 @@ class CommandLine {
   std::deque<std::pair<std::int64_t, CatheterCommand>> waiting_;
 };
 
-// What the navigator believes of how its tip leans, as a length.
-TipOffset offsetOf(const TipRoll& roll, double tip_length_m) {
-  return {tip_length_m * roll.lean(), tip_length_m * tip_length_m * roll.leanCovariance()};
-}
-
 void judge(const TipBelief& belief, const std::optional<CatheterTrace>& trace, const SeenPose& pose,
            const CatheterTruth& truth, NavigateRow& row) {
   if (belief.status != BeliefStatus::kSeen || !trace) return;
@@ -98,14 +92,12 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
                             const NavigateParts& parts, std::uint64_t seed, const NavigateObserver& look_on) {
   checkSettings("navigate", study);
   const VesselTree full = withPlausibleRadii(tree, 1e-3 * parts.patient.fluoroscopy.end_radius_mm);
-  Navigator navigator(full, target, parts.navigator);
-  const TreeMap& map = navigator.map();
+  const TreeMap map(full);
   const TreePlace start = startOf(map, target);
   CatheterSettings made = parts.catheter;
   made.roll_zero_deg = static_cast<double>(seed * 7919 % 360);
   SimulatedCatheter catheter(full, made, start, 0);
-  CatheterLocaliser localiser(parts.localiser, full);
-  localiser.reset(start.chain, start.arc_m, 5e-3);
+  CatheterLoop loop(full, start, target, parts.loop);
   NavigateSight sight(full, study, parts, seed);
   WayView way_view(full, target, NavigateSight::reachable(), parts.view);
   double turning_until_s = 0;
@@ -116,48 +108,27 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
   row.way_m = map.start_m(target.chain) + target.arc_m - map.start_m(start.chain) - start.arc_m;
   row.forks = static_cast<int>(map.pathTo(target.chain).size()) - 1;
   row.ended = "too long";
-  CommandLine line(study.latency_ms);
+  CommandLine line(parts.loop.latency_ms);
   const double period_s = 1 / study.frame_rate_hz;
-  double last_insertion_m = catheter.state().insertion_m;
   for (std::int64_t k = 1; static_cast<double>(k) * period_s < study.longest_s; ++k) {
     const std::int64_t now_us = std::llround(1e6 * static_cast<double>(k) * period_s);
     line.deliver(catheter, now_us);
     const double now_s = 1e-6 * static_cast<double>(now_us);
     if (now_s < turning_until_s) continue;
-    if (const auto view = way_view.next({localiser.belief().tip.chain, localiser.belief().tip.arc_m}, in_doubt)) {
+    if (const auto view = way_view.next({loop.belief().tip.chain, loop.belief().tip.arc_m}, in_doubt)) {
       ++row.views;
       turning_until_s = now_s + sight.turnTo(*view);
       in_doubt = false;
       if (now_s < turning_until_s) continue;  // The drive stands still meanwhile: silence means stop.
     }
-    const auto trace =
-        sight.look(catheter, localiser.belief(), offsetOf(navigator.roll(), 1e-3 * parts.navigator.tip_length_mm), k,
-                   static_cast<double>(k) * period_s);
-
-    NavigationInput input;
-    input.time_us = now_us;
-    input.frame_sequence = k;
-    input.drive = catheter.state();
-    input.period_s = period_s;
-    input.latency_s = 1e-3 * study.latency_ms;
-    const CatheterMotion motion{period_s, input.drive.insertion_m - last_insertion_m};
-    last_insertion_m = input.drive.insertion_m;
-    const auto seen = trace ? std::make_optional(trace->seen) : std::nullopt;
-    input.belief = !trace                           ? localiser.predict(motion)
-                   : trace->evidence.places.empty() ? localiser.update(trace->seen, sight.pose(), motion)
-                                                    : localiser.update(trace->evidence, motion);
-    if (seen) {
-      const TipPlace& tip = input.belief->tip;
-      input.deflection = seenDeflection(*seen, sight.pose().camera, sight.pose().T_camera_model, map,
-                                        {tip.chain, tip.arc_m}, 1e-3 * parts.navigator.tip_length_mm);
-    }
-    const NavigationAnswer answer = navigator.step(input);
+    const auto trace = sight.look(catheter, loop, k, now_s);
+    const auto [seen, input, answer] = loop.step({now_us, k, sight.pose(), catheter.state()}, trace);
     line.send(answer.command, now_us);
     in_doubt = answer.another_view;
 
     const CatheterTruth truth = catheter.truth();
     judge(*input.belief, trace, sight.pose(), truth, row);
-    if (look_on) look_on({now_s, sight.image(), sight.pose(), trace, input, answer, navigator, truth});
+    if (look_on) look_on({now_s, sight.image(), sight.pose(), trace, input, answer, loop.navigator(), truth});
     ++row.frames;
     row.waited += answer.state == NavigationState::kWaiting;
     row.largest_force_n = std::max(row.largest_force_n, std::abs(input.drive.insertion_force_n));
@@ -169,7 +140,7 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
       break;
     }
   }
-  row.misses = navigator.misses();
+  row.misses = loop.navigator().misses();
   return row;
 }
 

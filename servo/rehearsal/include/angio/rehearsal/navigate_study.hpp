@@ -6,10 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "angio/localisation/localiser_settings.hpp"
-#include "angio/localisation/seen_catheter.hpp"
-#include "angio/navigation/catheter_tracer.hpp"
-#include "angio/navigation/navigator.hpp"
+#include "angio/navigation/catheter_loop.hpp"
 #include "angio/navigation/way_view.hpp"
 #include "angio/simulation/simulated_catheter.hpp"
 #include "angio/simulation/simulated_patient.hpp"
@@ -26,7 +23,6 @@ namespace angio {
 struct NavigateStudySettings {
   bool images = true;
   double frame_rate_hz = 15;
-  double latency_ms = 80;            ///< From an exposure until the command that answers it reaches the drive.
   double roadmap_s = 15;             ///< Between two roadmaps.
   double longest_s = 240;            ///< A journey that takes longer has failed.
   double least_radius_mm = 0.4;      ///< Targets are branches that no narrower vessel leads to.
@@ -41,7 +37,6 @@ struct NavigateStudySettings {
   void visit(SettingsVisitor& v) {
     v.flag("images", images);
     v.number("frame_rate_hz", frame_rate_hz, 1, 60);
-    v.number("latency_ms", latency_ms, 0, 1000);
     v.number("roadmap_s", roadmap_s, 0.1, 1e4);
     v.number("longest_s", longest_s, 1, 1e4);
     v.number("least_radius_mm", least_radius_mm, 0, 10);
@@ -58,25 +53,13 @@ struct NavigateStudySettings {
 /// Who is on the way: all that a journey is made of.
 struct NavigateParts {
   CatheterSettings catheter;
-  /// The drive says how far it has pushed: the tip hardly moves otherwise.
-  static LocaliserSettings besideDrive() {
-    LocaliserSettings localiser;
-    localiser.spacing_mm = 0.5;
-    localiser.backlash_mm = 0.2;
-    return localiser;
-  }
-
-  NavigatorSettings navigator;
-  CatheterTracerSettings tracer;
-  LocaliserSettings localiser = besideDrive();
+  CatheterLoopSettings loop;
   WayViewSettings view;
   SimulatedPatientSettings patient;  ///< The X-ray and the body's motion; its own device and bolus are not used.
 
   void visit(SettingsVisitor& v) {
     v.section("catheter", [this](SettingsVisitor& s) { catheter.visit(s); });
-    v.section("navigator", [this](SettingsVisitor& s) { navigator.visit(s); });
-    v.section("tracer", [this](SettingsVisitor& s) { tracer.visit(s); });
-    v.section("localiser", [this](SettingsVisitor& s) { localiser.visit(s); });
+    loop.visit(v);
     v.section("view", [this](SettingsVisitor& s) { view.visit(s); });
     v.section("patient", [this](SettingsVisitor& s) { patient.visit(s); });
   }

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/navigation/catheter_loop.hpp"
+
+#include <algorithm>
+
+namespace angio {
+namespace {
+
+constexpr double kUsualPeriod_s = 1.0 / 15;
+constexpr double kLongestPeriod_s = 0.2;  // A longer gap is no time in which doubt could have been cleared up.
+
+CatheterLoopSettings checked(const CatheterLoopSettings& settings) {
+  checkSettings("catheter loop", settings);
+  return settings;
+}
+
+// What the navigator believes of how its tip leans, as a length.
+TipOffset offsetOf(const TipRoll& roll, double tip_length_m) {
+  return {tip_length_m * roll.lean(), tip_length_m * tip_length_m * roll.leanCovariance()};
+}
+
+}  // namespace
+
+CatheterLoop::CatheterLoop(const VesselTree& tree, const TreePlace& start, const TreePlace& target,
+                           const CatheterLoopSettings& settings)
+    : settings_(checked(settings)),
+      navigator_(tree, target, settings.navigator),
+      tracer_(tree, settings.tracer),
+      localiser_(settings.localiser, tree) {
+  localiser_.reset(start.chain, start.arc_m, 1e-3 * settings.start_std_mm);
+}
+
+std::optional<CatheterTrace> CatheterLoop::look(const cv::Mat& image, const SeenPose& pose) {
+  return tracer_.trace(image, pose, belief(), offsetOf(navigator_.roll(), 1e-3 * settings_.navigator.tip_length_mm));
+}
+
+CatheterReport CatheterLoop::step(const CatheterFrame& frame, const std::optional<CatheterTrace>& trace) {
+  CatheterReport report;
+  report.trace = trace;
+  NavigationInput& input = report.input;
+  input.time_us = frame.time_us;
+  input.frame_sequence = frame.sequence;
+  input.drive = frame.drive;
+  const double passed_s = last_us_ ? 1e-6 * static_cast<double>(frame.time_us - *last_us_) : kUsualPeriod_s;
+  input.period_s = std::clamp(passed_s, 0.0, kLongestPeriod_s);
+  input.latency_s = 1e-3 * settings_.latency_ms;
+  const CatheterMotion motion{input.period_s,
+                              frame.drive.insertion_m - last_insertion_m_.value_or(frame.drive.insertion_m)};
+  last_us_ = frame.time_us;
+  last_insertion_m_ = frame.drive.insertion_m;
+  input.belief = !trace                           ? localiser_.predict(motion)
+                 : trace->evidence.places.empty() ? localiser_.update(trace->seen, frame.pose, motion)
+                                                  : localiser_.update(trace->evidence, motion);
+  if (trace) {
+    const TipPlace& tip = input.belief->tip;
+    input.deflection = seenDeflection(trace->seen, frame.pose.camera, frame.pose.T_camera_model, navigator_.map(),
+                                      {tip.chain, tip.arc_m}, 1e-3 * settings_.navigator.tip_length_mm);
+  }
+  report.answer = navigator_.step(input);
+  return report;
+}
+
+}  // namespace angio
