@@ -6,6 +6,7 @@
 #include <iostream>
 #include <thread>
 
+#include "angio/base/formatted.hpp"
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
@@ -13,8 +14,10 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
+#include "angio/simulation/catheter_node.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "disturbance.hpp"
+#include "place_option.hpp"
 #include "run_files.hpp"
 
 namespace angio {
@@ -29,14 +32,27 @@ struct Options {
   std::optional<double> end_primary_deg, end_secondary_deg;
   std::optional<int> seed;
   ImageEncoding encoding = ImageEncoding::kRaw;
-  std::vector<int> region;  // x, y, width, height [px]; empty: the whole detector.
-  RunOptions run;           // Without a folder: on the bus.
+  std::vector<int> region;             // x, y, width, height [px]; empty: the whole detector.
+  std::optional<int> catheter_branch;  // With a catheter, its tip there.
+  double catheter_mm = 30;
+  RunOptions run;  // Without a folder: on the bus.
 };
 
-SimulatedPatientSettings effectiveSettings(const Options& o) {
-  SimulatedPatientSettings settings;
+/// What the settings file may say: the patient's keys at the top, and a section of the catheter's.
+struct SimulateSettings {
+  SimulatedPatientSettings patient;
+  CatheterSettings catheter;
+
+  void visit(SettingsVisitor& v) {
+    patient.visit(v);
+    v.section("catheter", [this](SettingsVisitor& s) { catheter.visit(s); });
+  }
+};
+
+SimulateSettings effectiveSettings(const Options& o) {
+  SimulateSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
-  settings.fluoroscopy.seed = o.seed.value_or(settings.fluoroscopy.seed);
+  settings.patient.fluoroscopy.seed = o.seed.value_or(settings.patient.fluoroscopy.seed);
   return settings;
 }
 
@@ -45,7 +61,7 @@ ViewAngles anglesOf(double primary_deg, double secondary_deg) {
 }
 
 int writeFiles(const Options& o) {
-  const SimulatedPatientSettings settings = effectiveSettings(o);
+  const SimulatedPatientSettings settings = effectiveSettings(o).patient;
   const VesselTree tree = readVesselTree(o.tree);
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
   RunOptions run = o.run;
@@ -73,7 +89,7 @@ void send(Bus& bus, const XrayFrame& frame, const Options& o) {
 }
 
 int simulate(const Options& o) {
-  const SimulatedPatientSettings settings = effectiveSettings(o);
+  const SimulateSettings settings = effectiveSettings(o);
   const VesselTree tree = readVesselTree(o.tree);
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
   const auto network = openBus(o.bus);
@@ -83,7 +99,21 @@ int simulate(const Options& o) {
   const CArmJoints start = calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
                                                       calibration.T_dsa_cb * tree.centroid());
   SimulatedCArmNode arm(*bus, CArmLimits::typical(), start, now_us());
-  SimulatedXrayNode xray(*bus, tree, settings, calibration.carm, calibration.T_dsa_cb);
+  SimulatedXrayNode xray(*bus, tree, settings.patient, calibration.carm, calibration.T_dsa_cb);
+  std::optional<SimulatedCatheterNode> catheter;
+  if (o.catheter_branch) {
+    catheter.emplace(*bus, tree, settings.catheter,
+                     placeOf(TreeMap(tree), "catheter", *o.catheter_branch, o.catheter_mm), now_us());
+    xray.show([&](const Eigen::Matrix3Xd& points) { return catheter->catheter().device(points); });
+  }
+  const auto listen = [&] {
+    arm.listen(now_us());
+    if (catheter) catheter->listen(now_us());
+  };
+  const auto report = [&] {
+    arm.report(now_us());
+    if (catheter) catheter->report(now_us());
+  };
   const LatestValue<CArmState> heard(*bus, kCArmStateChannel);
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
@@ -93,7 +123,7 @@ int simulate(const Options& o) {
   auto next = began;
   std::int64_t frames = 0;
   while (!stopped && (o.duration_s <= 0 || Clock::now() - began < std::chrono::duration<double>(o.duration_s))) {
-    arm.report(now_us());
+    report();
     const std::int64_t exposure_us = arm.arm().state().time_us;
     // The X-ray looks from where the bus says the arm is: the state of this exposure has to have come round.
     const auto patience = Clock::now() + period;
@@ -106,21 +136,26 @@ int simulate(const Options& o) {
     }
     next += period;
     // Commands are obeyed as they arrive, and the encoders report, not once a frame.
-    auto report = Clock::now() + kReportPeriod;
+    auto due = Clock::now() + kReportPeriod;
     for (auto left = next - Clock::now(); left > Clock::duration::zero() && !stopped; left = next - Clock::now()) {
-      const auto wait = std::clamp(report - Clock::now(), Clock::duration::zero(), left);
+      const auto wait = std::clamp(due - Clock::now(), Clock::duration::zero(), left);
       bus->handle(std::chrono::ceil<std::chrono::milliseconds>(wait));
-      arm.listen(now_us());
-      if (Clock::now() < report) continue;
-      arm.report(now_us());
-      report += kReportPeriod;
+      listen();
+      if (Clock::now() < due) continue;
+      report();
+      due += kReportPeriod;
     }
-    arm.listen(now_us());
+    listen();
     if (Clock::now() > next + period)
       next = Clock::now();  // A slow machine drops frames; it does not catch up in a burst.
   }
   std::cout << frames << " frames shown; " << arm.arm().ignored().total()
             << " commands refused; commands ran out before the next came: " << arm.arm().ranOut() << "\n";
+  if (catheter) {
+    const CatheterTruth truth = catheter->catheter().truth();
+    std::cout << formatted("the catheter's tip is in branch %d, %.1f mm into it; it touched a wall %d times\n",
+                           truth.tip.chain, 1e3 * truth.tip.arc_m, truth.wall_contacts);
+  }
   return 0;
 }
 
@@ -150,11 +185,16 @@ int main(int argc, char** argv) {
   app.add_option("--region", o.region, "Only this window of the detector is sent: x,y,width,height [px]")
       ->delimiter(',')
       ->expected(4);
+  auto* catheter = app.add_option("--catheter-branch", o.catheter_branch,
+                                  "With a catheter and its drive: the branch of the tree that its tip begins in")
+                       ->check(CLI::Range(0, 1000000));
+  app.add_option("--catheter-mm", o.catheter_mm, "How far into that branch")->check(between(0, 1500))->needs(catheter);
   app.add_option("--disturb", o.disturb, "What happens to messages on their way (.yaml): loss, delay, jitter, ...");
-  app.add_option("--settings", o.settings, "Settings of the X-ray, contrast agent, motion and device (.yaml)");
+  app.add_option("--settings", o.settings,
+                 "Settings of the X-ray, contrast agent, motion, device and catheter (.yaml)");
   app.add_option("--seed", o.seed, "Seed of anatomy, noise, motion and starts; before the settings file's")
       ->check(CLI::Range(0, 2147483647));
-  auto* out = app.add_option("--out", o.run.folder, "Folder for a run in files, without a bus");
+  auto* out = app.add_option("--out", o.run.folder, "Folder for a run in files, without a bus")->excludes(catheter);
   const std::map<std::string, angio::FrameFormat> formats{
       {"png", angio::FrameFormat::kPng}, {"tif", angio::FrameFormat::kTiff}, {"run", angio::FrameFormat::kRun}};
   app.add_option("--frames", o.run.frames, "Frames of the run")->check(CLI::Range(1, 9999))->needs(out);

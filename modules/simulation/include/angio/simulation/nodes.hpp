@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <functional>
+
 #include "angio/messaging/mailbox.hpp"
 #include "angio/simulation/simulated_carm.hpp"
 #include "angio/simulation/simulated_patient.hpp"
@@ -49,6 +51,10 @@ class SimulatedXrayNode {
   /// Renders without publishing.
   XrayFrame render(std::int64_t now_us, const CArmJoints& joints);
 
+  /// Shows a device in all frames from now on, where the vessels stand at 3 x N points [m] (as
+  /// SimulatedCatheter::device). Borrows what the function borrows.
+  void show(std::function<Device(const Eigen::Matrix3Xd& points)> device) { device_ = std::move(device); }
+
   /// A frame without an image; time runs for the patient all the same.
   XrayFrame blank(std::int64_t now_us);
 
@@ -68,6 +74,7 @@ class SimulatedXrayNode {
   CArmGeometry carm_;
   Pose T_patient_model_;
   XrayCamera camera_, claimed_camera_;
+  std::function<Device(const Eigen::Matrix3Xd& points)> device_;
   std::optional<std::int64_t> first_us_;
   std::int64_t sequence_ = 0;
 };
