@@ -8,7 +8,8 @@ namespace {
 
 class CommandLines : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Programs, CommandLines,
-                         testing::Values("angio-register", "angio-evaluate", "angio-servo", "angio-simulate"),
+                         testing::Values("angio-register", "angio-evaluate", "angio-servo", "angio-simulate",
+                                         "angio-navigate"),
                          [](const auto& program) { return std::string(program.param).substr(6); });
 
 TEST_P(CommandLines, HelpHasDefaultsAndAnExample) {
@@ -55,6 +56,8 @@ TEST(CommandLine, WhatCannotBeMeantIsRefused) {
       {"angio-evaluate", {}},
       {"angio-evaluate", {"cases"}},
       {"angio-servo", {"--simulate", "--bus", "memq://"}},
+      {"angio-navigate", {}},
+      {"angio-navigate", {"--to-branch", "13", "--to-mm", "-1"}},
       {"angio-servo", {"--simulate", "--seed", "-1"}},
       {"angio-servo", {"--simulate", "--view-primary-deg", "nan"}},
       {"angio-servo", {"--simulate", "--view-secondary-deg", "56"}},

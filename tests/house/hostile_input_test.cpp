@@ -119,10 +119,11 @@ TEST_F(HostileInput, SettingsAreRefused) {
   const std::vector<Hostile> contents = {
       kRubbish, {"an unknown key", "starts: {cuont: 3}\n"}, {"an unknown section", "no_such_part: {}\n"}};
   expectRefusals("settings.yaml", contents, registering({"--settings", folder_.path("settings.yaml")}));
-  for (const char* program : {"angio-servo", "angio-simulate"}) {
+  for (const char* program : {"angio-servo", "angio-simulate", "angio-navigate"}) {
     std::vector<std::string> arguments = {"--settings", folder_.path("settings.yaml"), "--duration-s", "0.1"};
     if (std::string(program) == "angio-servo")
       arguments.insert(arguments.end(), {"--simulate", "--out", folder_.path("results")});
+    if (std::string(program) == "angio-navigate") arguments.insert(arguments.end(), {"--to-branch", "13"});
     expectRefusals("settings.yaml", contents, [=] { return test::run(program, arguments); });
   }
 }
@@ -168,6 +169,24 @@ TEST_F(HostileInput, ResultsThatCannotBeWrittenAreFailures) {
   EXPECT_FALSE(std::filesystem::exists(folder_.path("result.json")));
   arguments.resize(8);  // To stdout, which is full.
   one_line(test::RunningProgram("angio-register", arguments, "/dev/full").end(), "stdout");
+}
+
+TEST(HostilePlaces, OfACatheterAreRefused) {
+  const std::vector<std::pair<std::vector<std::string>, std::string>> lines = {
+      {{"angio-navigate", "--to-branch", "103"},
+       "--to-branch: '103': must be one of the tree's 103 branches, from 0 on"},
+      {{"angio-navigate", "--to-branch", "13", "--from-mm", "200"},
+       "--from-mm: of branch 0 = 200: must lie between 0 and 144.983434"},
+      {{"angio-simulate", "--catheter-branch", "0", "--catheter-mm", "200"},
+       "--catheter-mm: of branch 0 = 200: must lie between 0 and 144.983434"}};
+  for (const auto& [words, refusal] : lines) {
+    std::vector<std::string> arguments(words.begin() + 1, words.end());
+    arguments.insert(arguments.end(), {"--bus", "memq://", "--duration-s", "0.1"});
+    const auto ended = test::run(words.front(), arguments);
+    EXPECT_EQ(ended.exit_code, 1);
+    EXPECT_EQ(ended.err, words.front() + ": " + refusal + "\n");
+    EXPECT_EQ(ended.out, "");
+  }
 }
 
 TEST(HostileBus, UrlsAreRefused) {

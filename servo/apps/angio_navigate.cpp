@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-navigate: steers a catheter to a branch of the tree by what X-ray images show, over a bus.
+#include <cctype>
+#include <csignal>
+#include <iostream>
+#include <optional>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
+#include "angio/calibration/carm_calibration.hpp"
+#include "angio/cli/data_folder.hpp"
+#include "angio/cli/program.hpp"
+#include "angio/geometry/carm_limits_settings.hpp"
+#include "angio/io/settings_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/messaging/recording_bus.hpp"
+#include "angio/navigation/catheter_node.hpp"
+#include "angio/servo/operator.hpp"
+#include "disturbance.hpp"
+#include "place_option.hpp"
+
+namespace angio {
+namespace {
+
+struct Options {
+  std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, record, disturb;
+  int from_branch = 0, to_branch = 0;
+  double from_mm = 30, to_mm = 10, duration_s = 0;
+  bool wait_for_operator = false;
+};
+
+/// What the settings file may say: the node's keys at the top, and the C-arm's limits.
+struct NavigateSettings {
+  CatheterNodeSettings node;
+  CArmLimitsSettings limits;
+
+  void visit(SettingsVisitor& v) {
+    node.visit(v);
+    v.section("limits", [this](SettingsVisitor& s) { limits.visit(s); });
+  }
+};
+
+NavigateSettings effectiveSettings(const Options& o) {
+  NavigateSettings settings;
+  if (o.settings.empty()) return settings;
+  settings = readSettings(o.settings, settings);
+  try {
+    settings.limits.check();
+  } catch (const InputError& error) {
+    throw error.within(o.settings);
+  }
+  return settings;
+}
+
+// Two lines that differ in numbers only say the same.
+std::string withoutNumbers(const std::string& line) {
+  std::string words;
+  for (const char c : line) {
+    if (std::isdigit(static_cast<unsigned char>(c)) == 0) words += c;
+  }
+  return words;
+}
+
+volatile std::sig_atomic_t stopped = 0;
+
+int navigate(const Options& o) {
+  const NavigateSettings settings = effectiveSettings(o);
+  const VesselTree tree = readVesselTree(o.tree);
+  const TreeMap map(tree);
+  const TreePlace start = placeOf(map, "from", o.from_branch, o.from_mm);
+  const TreePlace target = placeOf(map, "to", o.to_branch, o.to_mm);
+  const CArmCalibration calibration = readCArmCalibration(o.calibration);
+  const CArmGeometry& carm = calibration.carm;
+  const CatheterStage stage{carm,
+                            settings.limits.limits(carm.source_detector_distance_m - carm.source_isocentre_distance_m),
+                            calibration.T_dsa_cb};
+  const auto network = openBus(o.bus);
+  std::unique_ptr<BadNetwork> bad;
+  if (!o.disturb.empty()) bad = std::make_unique<BadNetwork>(*network, o.disturb);
+  Bus* const bus = bad ? bad.get() : network.get();
+  if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";
+  std::optional<RecordingBus> recorded;
+  if (!o.record.empty()) recorded.emplace(*bus, o.record);
+  Bus& heard = recorded ? static_cast<Bus&>(*recorded) : *bus;
+  CatheterNode node(heard, stage, tree, start, target, settings.node);
+  Operator starter(heard);
+  std::signal(SIGINT, [](int) { stopped = 1; });
+  std::signal(SIGTERM, [](int) { stopped = 1; });
+  const auto began = std::chrono::steady_clock::now();
+  const auto end = began + std::chrono::duration<double>(o.duration_s);
+  std::int64_t frames = 0, held = 0;
+  std::string said;
+  while (!stopped && (o.duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
+    bus->handle(std::chrono::milliseconds(20));
+    const auto now = std::chrono::steady_clock::now();
+    const std::int64_t now_us = std::chrono::duration_cast<std::chrono::microseconds>(now.time_since_epoch()).count();
+    if (!o.wait_for_operator) starter.start(now_us);
+    const auto report = node.answer(now_us);
+    if (!report) continue;
+    ++frames;
+    held += report->held.has_value();
+    // A line for each change: held and why, or what it does, and where.
+    const NavigationAnswer& answer = report->loop.answer;
+    const std::string does = stateName(answer.state) + (answer.why.empty() ? "" : ": " + answer.why);
+    const std::string line = report->held ? "held: " + *report->held : does;
+    if (withoutNumbers(line) != said) {
+      const auto& belief = report->loop.input.belief;
+      const std::string where =
+          belief ? formatted(" (branch %d, %.1f mm into it)", belief->tip.chain, 1e3 * belief->tip.arc_m) : "";
+      std::cerr << formatted("%7.2f s  ", std::chrono::duration<double>(now - began).count()) << line << where << "\n";
+      said = withoutNumbers(line);
+    }
+    const bool over = node.navigation() == NavigationState::kArrived || node.navigation() == NavigationState::kGivenUp;
+    if (over) break;
+  }
+  std::cout << stateName(node.navigation()) << "; " << frames << " frames answered, " << held << " held, "
+            << node.refused() << " messages refused\n";
+  return node.navigation() == NavigationState::kGivenUp ? 1 : 0;
+}
+
+}  // namespace
+}  // namespace angio
+
+int main(int argc, char** argv) {
+  CLI::App app("Steers a catheter to a branch of the tree by what X-ray images show.", "angio-navigate");
+  angio::describeProgram(app, "angio-navigate --from-branch 0 --to-branch 13");
+  using angio::between;
+  angio::Options o;
+  app.add_option("--bus", o.bus, "Bus to listen on (LCM URL)");
+  app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
+  app.add_option("--from-branch", o.from_branch, "The branch that the tip is in now")->check(CLI::Range(0, 1000000));
+  app.add_option("--from-mm", o.from_mm, "How far into it, to a few millimetres")->check(between(0, 1500));
+  app.add_option("--to-branch", o.to_branch, "The branch to go to")->check(CLI::Range(0, 1000000))->required();
+  app.add_option("--to-mm", o.to_mm, "How far into it")->check(between(0, 1500));
+  app.add_option("--duration-s", o.duration_s, "How long at most; 0: until it has arrived or is stopped")
+      ->check(between(0, 86400));
+  app.add_flag("--wait-for-operator", o.wait_for_operator,
+               "Stand still until SERVO_REQUEST arms and starts (angio-operator); else armed and started at once");
+  app.add_option("--record", o.record, "Log of all that is heard and said (.lcm)");
+  app.add_option("--disturb", o.disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...");
+  app.add_option("--settings", o.settings,
+                 "Settings (.yaml): navigator, tracer, localiser, supervisor, states, freshness, limits, ...");
+  return angio::runProgram(app, argc, argv, [&] { return angio::navigate(o); });
+}

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The whole way over a bus, in simulated time: X-ray, C-arm, drive, and the node that steers.
+#include "angio/navigation/catheter_node.hpp"
+
+#include <gtest/gtest.h>
+
+#include "angio/calibration/carm_calibration.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/servo/operator.hpp"
+#include "angio/simulation/catheter_node.hpp"
+#include "angio/simulation/nodes.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/phantoms.hpp"
+
+namespace angio {
+namespace {
+
+constexpr TreePlace kStart{0, 30e-3};
+
+// A liver's tree, and a C-arm whose detector has a quarter of the pixels; contrast agent at the beginning.
+struct CatheterNodeTest : testing::Test {
+  CatheterNodeTest() {
+    CArmGeometry& carm = stage.carm;
+    carm = calibration.carm;
+    carm.image_width_px = carm.image_height_px = 512;
+    carm.pixel_spacing_m *= 2;
+    stage.T_dsa_cb = calibration.T_dsa_cb;
+    SimulatedPatientSettings patient;
+    patient.bolus.enabled = true;
+    bus = openBus("memq://");
+    const CArmJoints joints = carm.jointsFor({}, stage.T_dsa_cb * tree.centroid());
+    arm = std::make_unique<SimulatedCArmNode>(*bus, stage.limits, joints, 0);
+    xray = std::make_unique<SimulatedXrayNode>(*bus, tree, patient, carm, stage.T_dsa_cb);
+    drive = std::make_unique<SimulatedCatheterNode>(*bus, tree, CatheterSettings(), kStart, 0);
+    xray->show([this](const Eigen::Matrix3Xd& points) { return drive->catheter().device(points); });
+    person = std::make_unique<Operator>(*bus);
+  }
+
+  std::unique_ptr<CatheterNode> nodeTo(const TreePlace& target) {
+    return std::make_unique<CatheterNode>(*bus, stage, tree, kStart, target, settings);
+  }
+
+  // One frame, and the answer to it; the command is there a frame later.
+  std::optional<CatheterNodeReport> frame(CatheterNode& node) {
+    now_us += 66'667;
+    bus->handle(std::chrono::milliseconds(0));
+    drive->listen(now_us);
+    arm->report(now_us);
+    drive->report(now_us);
+    bus->handle(std::chrono::milliseconds(0));
+    xray->expose(now_us, arm->arm().state().joints);
+    bus->handle(std::chrono::milliseconds(0));
+    if (started) person->start(now_us);
+    bus->handle(std::chrono::milliseconds(0));
+    return node.answer(now_us);
+  }
+
+  VesselTree tree = readVesselTree(test::exampleData("hepatic-tace/tree.csv"));
+  CArmCalibration calibration = readCArmCalibration(test::exampleData("hepatic-tace/carm.yaml"));
+  CatheterStage stage;
+  CatheterNodeSettings settings;
+  std::unique_ptr<Bus> bus;
+  std::unique_ptr<SimulatedCArmNode> arm;
+  std::unique_ptr<SimulatedXrayNode> xray;
+  std::unique_ptr<SimulatedCatheterNode> drive;
+  std::unique_ptr<Operator> person;
+  std::int64_t now_us = 0;
+  bool started = true;
+};
+
+TEST_F(CatheterNodeTest, MakesARoadmapAndPushesOnOnceTheVesselsHaveWashedOut) {
+  const TreeMap map(tree);
+  const auto node = nodeTo({map.children(0).front(), 8e-3});
+  const LatestValue<CatheterTip> tips(*bus, kCatheterTipChannel);
+  bool mapped = false, navigated = false;
+  for (int k = 0; k < 240; ++k) {
+    const auto report = frame(*node);
+    ASSERT_TRUE(report);
+    if (report->roadmap) {
+      mapped = true;
+      EXPECT_TRUE(report->held);
+      EXPECT_EQ(report->command.insertion_speed_mps, 0);
+    }
+    navigated = navigated || !report->held;
+  }
+  EXPECT_TRUE(mapped);
+  EXPECT_TRUE(navigated);
+  bus->handle(std::chrono::milliseconds(0));
+  const CatheterTruth truth = drive->catheter().truth();
+  EXPECT_GT(truth.path_m, kStart.arc_m + 5e-3);
+  ASSERT_TRUE(tips.peek());
+  EXPECT_NE(tips.peek()->status, CatheterTipStatus::kLost) << tips.peek()->reason;
+  EXPECT_NEAR(tips.peek()->arc_length_m, truth.path_m, 3e-3);
+
+  // The C-arm turns: what the roadmap said is over, and the drive rests for as long as there is no other.
+  CArmCommand turn;
+  turn.time_us = now_us;
+  turn.sequence = 1;
+  turn.valid_for_us = 1'000'000;
+  turn.velocity[0] = 0.1;
+  publish(*bus, kCArmCommandChannel, turn);
+  bus->handle(std::chrono::milliseconds(0));
+  arm->listen(now_us);
+  const double before_m = truth.path_m;
+  for (int k = 0; k < 15; ++k) {
+    const auto report = frame(*node);
+    ASSERT_TRUE(report);
+    EXPECT_TRUE(k <= 3 || report->held) << k;
+  }
+  EXPECT_LT(drive->catheter().truth().path_m - before_m, 4e-3);
+}
+
+TEST_F(CatheterNodeTest, StandsStillUntilItIsStartedAndWhenItIsStopped) {
+  started = false;
+  const TreeMap map(tree);
+  const auto node = nodeTo({map.children(0).front(), 8e-3});
+  for (int k = 0; k < 100; ++k) {
+    const auto report = frame(*node);
+    ASSERT_TRUE(report);
+    ASSERT_TRUE(report->held);
+    ASSERT_EQ(report->command.insertion_speed_mps, 0);
+  }
+  EXPECT_EQ(drive->catheter().truth().path_m, kStart.arc_m);
+  started = true;
+  bool moved = false;
+  for (int k = 0; k < 30; ++k) moved = !frame(*node)->held || moved;
+  EXPECT_TRUE(moved);
+  person->ask(ServoRequestKind::kEmergencyStop, now_us);
+  for (int k = 0; k < 5; ++k) {
+    const auto report = frame(*node);
+    EXPECT_TRUE(report->held);
+    EXPECT_EQ(report->command.insertion_speed_mps, 0);
+  }
+  EXPECT_EQ(node->states().state(), ServoState::kEmergencyStop);
+}
+
+TEST_F(CatheterNodeTest, RefusesPlacesThatTheTreeDoesNotHave) {
+  EXPECT_NE(test::refusalOf([&] { nodeTo({1000, 0}); }).find("target = 1000"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace angio
