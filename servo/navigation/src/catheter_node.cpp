@@ -27,6 +27,11 @@ CatheterCommand atRest(const XrayFrame& frame) {
   return command;
 }
 
+bool finite(const CatheterCommand& command) {
+  return std::isfinite(command.insertion_speed_mps) && std::isfinite(command.roll_speed_radps) &&
+         std::isfinite(command.bend_speed_radps);
+}
+
 CatheterTip tipMessage(const CatheterNodeReport& report, const TreeMap& map) {
   CatheterTip message;
   message.time_us = report.command.time_us;
@@ -124,7 +129,9 @@ CatheterNodeReport CatheterNode::answerOf(const XrayFrame& frame, const CArmStat
     states_.trusted(now_us);
     if (!states_.moves()) report.held = states_.reason();
   }
-  if (!report.held) report.command = report.loop.answer.command;
+  const CatheterCommand& wanted = report.loop.answer.command;
+  if (!report.held && !finite(wanted)) report.held = "the command is not a number";
+  if (!report.held) report.command = wanted;
   return report;
 }
 
