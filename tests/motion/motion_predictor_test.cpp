@@ -119,6 +119,28 @@ TEST(MotionPredictor, PredictsBreathingWithAHeartbeatAndKnowsHowWell) {
   EXPECT_LT(nees, 4.5);
 }
 
+// What is seen badly along a direction that is no axis does not hide what is seen well across it.
+TEST(MotionPredictor, FindsPeriodsAcrossAnObliqueBeam) {
+  const Eigen::Vector3d beam = Eigen::Vector3d(0.4, 0.87, 0.3).normalized();
+  const Eigen::Matrix3d R = diagonal(0.2, 0.2, 0.2) + 400e-6 * beam * beam.transpose();
+  const Motion motion = patient(1);
+  MotionPredictor predictor;
+  test::Random random(1);
+  double across2 = 0;
+  int judged = 0;
+  for (double t = 0; t < 40; t += kPeriod_s) {
+    const Eigen::Vector3d seen = motion(t) + random.vector(0.2e-3) + 20e-3 * random.normal() * beam;
+    ASSERT_NE(predictor.update(t, seen, R).status, MotionStatus::kRefused);
+    if (t < 20) continue;
+    const auto ahead = predictor.predict(t + kHorizon_s);
+    EXPECT_EQ(ahead->model, MotionModel::kHarmonic) << t;
+    across2 += (ahead->position - motion(t + kHorizon_s)).cross(beam).squaredNorm();
+    ++judged;
+  }
+  EXPECT_NEAR(*predictor.breathing_hz(), 0.25, 0.01);
+  EXPECT_LT(1e3 * std::sqrt(across2 / judged), 0.75);
+}
+
 TEST(MotionPredictor, FindsOtherPeriodsToo) {
   for (const double period_s : {2.5, 3.3, 5.5}) {
     Course course;

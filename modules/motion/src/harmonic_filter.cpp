@@ -56,6 +56,17 @@ HarmonicFilter::Turn HarmonicFilter::turn(const Part& part, int harmonic, double
   return {std::cos(angle), std::sin(angle)};
 }
 
+// Of a position ahead.
+Eigen::Vector3d HarmonicFilter::byFrequency(const Part& part, double horizon_s) const {
+  Eigen::Vector3d by = Eigen::Vector3d::Zero();
+  for (int h = 0; h < part.harmonics; ++h) {
+    const Turn t = turn(part, h, horizon_s);
+    const int at_c = 3 * (part.first + 2 * h);
+    by -= (h + 1) * horizon_s * (t.s * x_.segment<3>(at_c) + t.c * x_.segment<3>(at_c + 3));
+  }
+  return by;
+}
+
 // P <- P F^T, with `before` the state that the motion began in.
 void HarmonicFilter::timesTransposed(double dt_s, const Vector& before) {
   P_.middleCols<3>(0) += dt_s * P_.middleCols<3>(kDrift);
@@ -104,24 +115,32 @@ void HarmonicFilter::advance(double dt_s) {
 
 PositionEstimate HarmonicFilter::ahead(double horizon_s) const {
   const double kept = damping(horizon_s), renewed = 1 - kept * kept;
-  Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMostStates> G(3, x_.size());  // d position / d state.
-  G.setZero();
-  G.leftCols<3>().diagonal().setOnes();
-  G.middleCols<3>(kDrift).diagonal().setConstant(horizon_s);
+  // The position's derivative by the state, G, is a multiple of the identity for every component, and a column for
+  // every frequency: G P G^T by those.
+  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMostStates, 3> PGt =
+      P_.leftCols<3>() + horizon_s * P_.middleCols<3>(kDrift);
   PositionEstimate estimate{x_.head<3>() + horizon_s * x_.segment<3>(kDrift), Eigen::Matrix3d::Zero()};
   Eigen::Vector3d grown = Eigen::Vector3d::Constant(noise_.offset_walk_m * noise_.offset_walk_m * horizon_s);
   for (const Part& part : parts_) {
     for (int h = 0; h < part.harmonics; ++h) {
       const Turn t = turn(part, h, horizon_s);
       const int at_c = 3 * (part.first + 2 * h), at_s = at_c + 3;
-      G.middleCols<3>(at_c).diagonal().setConstant(t.c);
-      G.middleCols<3>(at_s).diagonal().setConstant(-t.s);
+      PGt += t.c * P_.middleCols<3>(at_c) - t.s * P_.middleCols<3>(at_s);
       estimate.position += t.c * x_.segment<3>(at_c) - t.s * x_.segment<3>(at_s);
-      G.col(part.frequency) -= (h + 1) * horizon_s * (t.s * x_.segment<3>(at_c) + t.c * x_.segment<3>(at_s));
       grown += renewed * part.variance.col(h);
     }
+    PGt += P_.col(part.frequency) * byFrequency(part, horizon_s).transpose();
   }
-  estimate.covariance = G * P_ * G.transpose();
+  estimate.covariance = PGt.topRows<3>() + horizon_s * PGt.middleRows<3>(kDrift);
+  for (const Part& part : parts_) {
+    for (int h = 0; h < part.harmonics; ++h) {
+      const Turn t = turn(part, h, horizon_s);
+      const int at_c = 3 * (part.first + 2 * h);
+      estimate.covariance += t.c * PGt.middleRows<3>(at_c) - t.s * PGt.middleRows<3>(at_c + 3);
+    }
+    estimate.covariance += byFrequency(part, horizon_s) * PGt.row(part.frequency);
+  }
+  estimate.covariance = (0.5 * (estimate.covariance + estimate.covariance.transpose())).eval();
   estimate.covariance.diagonal() += grown;
   return estimate;
 }

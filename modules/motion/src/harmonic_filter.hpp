@@ -66,6 +66,7 @@ class HarmonicFilter {
   };
   Turn turn(const Part& part, int harmonic, double dt_s) const;
   double damping(double dt_s) const;
+  Eigen::Vector3d byFrequency(const Part& part, double horizon_s) const;
   void timesTransposed(double dt_s, const Vector& before);
   void keepFrequencies();
 

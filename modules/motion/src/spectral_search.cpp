@@ -10,10 +10,11 @@ namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
 constexpr double kNearlyAsGood = 1.15;  // Of what the best leaves unexplained.
+// Squared Mahalanobis distance of a sample from what is slow, on average, up to which nothing moves: noise has 3.
+constexpr double kStill = 1;
 
 // Cosine and sine of f, 2 f ...: N x 2 harmonics.
-Eigen::MatrixXd waves(const Eigen::VectorXd& t, double frequency_hz, int harmonics) {
-  Eigen::MatrixXd A(t.size(), 2 * harmonics);
+void writeWaves(const Eigen::VectorXd& t, double frequency_hz, int harmonics, Eigen::Ref<Eigen::MatrixXd> A) {
   for (Eigen::Index i = 0; i < t.size(); ++i) {
     const double angle = kTwoPi * frequency_hz * t[i], c = std::cos(angle), s = std::sin(angle);
     double ch = c, sh = s;
@@ -25,22 +26,14 @@ Eigen::MatrixXd waves(const Eigen::VectorXd& t, double frequency_hz, int harmoni
       ch = next;
     }
   }
-  return A;
-}
-
-// Normal equations with a touch of damping: a wave that the known ones hold already must not blow up.
-Eigen::MatrixXd fitted(const Eigen::MatrixXd& A, const Eigen::MatrixXd& Y) {
-  Eigen::MatrixXd N = A.transpose() * A;
-  N.diagonal().array() += 1e-4 * static_cast<double>(A.rows());
-  return N.ldlt().solve(A.transpose() * Y);
 }
 
 // What is not slow, with an orthonormal basis of what is.
 struct Residual {
   Eigen::VectorXd t;
   Eigen::MatrixXd slow;  // N x k, orthonormal.
-  Eigen::MatrixXd Y;     // N x 3, each axis in units of its noise.
-  Eigen::Vector3d noise_m;
+  Eigen::MatrixXd Y;     // N x 3, in units of the noise: L^-1 of each position.
+  Eigen::Matrix3d L_m;   // Root of the mean covariance: what is seen well and what is not need not be axes.
 };
 
 Residual withoutSlow(const std::deque<MotionSample>& samples, double from_s, const PeriodSearch& search) {
@@ -50,15 +43,15 @@ Residual withoutSlow(const std::deque<MotionSample>& samples, double from_s, con
   Residual r;
   r.t.resize(n);
   r.Y.resize(n, 3);
-  Eigen::Vector3d variance = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   for (Eigen::Index i = 0; i < n; ++i) {
     const MotionSample& sample = first[i];
     r.t[i] = sample.time_s - first->time_s;
     r.Y.row(i) = (sample.position - first->position).transpose();
-    variance += sample.covariance.diagonal();
+    covariance += sample.covariance / static_cast<double>(n);
   }
-  r.noise_m = (variance / static_cast<double>(std::max<Eigen::Index>(n, 1))).cwiseSqrt();
-  r.Y = (r.Y * r.noise_m.cwiseInverse().asDiagonal()).eval();
+  r.L_m = covariance.llt().matrixL();
+  r.Y = r.L_m.triangularView<Eigen::Lower>().solve(r.Y.transpose()).transpose().eval();
 
   const Eigen::Index known = static_cast<Eigen::Index>(search.known_hz.size());
   r.slow.resize(n, 3 + 2 * known);
@@ -67,7 +60,7 @@ Residual withoutSlow(const std::deque<MotionSample>& samples, double from_s, con
   r.slow.col(1) = u;
   r.slow.col(2) = u.square();
   for (Eigen::Index k = 0; k < known; ++k) {
-    r.slow.middleCols<2>(3 + 2 * k) = waves(r.t, search.known_hz[static_cast<std::size_t>(k)], 1);
+    writeWaves(r.t, search.known_hz[static_cast<std::size_t>(k)], 1, r.slow.middleCols<2>(3 + 2 * k));
   }
   // Gram and Schmidt, twice for accuracy; a column that has nothing of its own is let go.
   Eigen::Index kept = 0;
@@ -84,6 +77,55 @@ Residual withoutSlow(const std::deque<MotionSample>& samples, double from_s, con
   return r;
 }
 
+// The waves of one frequency after the other, fitted to a residual.
+class WaveFit {
+ public:
+  WaveFit(const Residual& r, int harmonics)
+      : fixed_(r.slow.cols() + 3),
+        harmonics_(harmonics),
+        t_(r.t),
+        whole_(r.Y.squaredNorm()),
+        columns_(r.t.size(), fixed_ + 2 * harmonics),
+        products_(columns_.cols(), 2 * harmonics) {
+    columns_ << r.slow, r.Y, Eigen::MatrixXd::Zero(t_.size(), 2 * harmonics);
+  }
+
+  // What the waves leave of Y, which has nothing slow, when what they have slow themselves is let go: with A without
+  // its slow part, |Y - A c|^2 of normal equations that are damped by d is |Y|^2 - c.(A^T Y) - d |c|^2.
+  double left(double frequency_hz) {
+    fit(frequency_hz);
+    return whole_ - coefficients_.cwiseProduct(right_).sum() - damping() * coefficients_.squaredNorm();
+  }
+
+  // 2 harmonics x 3.
+  const Eigen::MatrixXd& coefficients(double frequency_hz) {
+    fit(frequency_hz);
+    return coefficients_;
+  }
+
+ private:
+  // A wave that the known ones hold already must not blow up.
+  double damping() const { return 1e-4 * static_cast<double>(t_.size()); }
+
+  void fit(double frequency_hz) {
+    writeWaves(t_, frequency_hz, harmonics_, columns_.rightCols(2 * harmonics_));
+    products_.noalias() = columns_.transpose() * columns_.rightCols(2 * harmonics_);
+    const auto slow = products_.topRows(fixed_ - 3);
+    Eigen::MatrixXd N = products_.bottomRows(2 * harmonics_) - slow.transpose() * slow;
+    N.diagonal().array() += damping();
+    right_ = products_.middleRows(fixed_ - 3, 3).transpose();
+    coefficients_ = N.ldlt().solve(right_);
+  }
+
+  Eigen::Index fixed_;
+  int harmonics_;
+  Eigen::VectorXd t_;
+  double whole_;
+  Eigen::MatrixXd columns_;   // Slow, Y, waves.
+  Eigen::MatrixXd products_;  // Of all of them with the waves.
+  Eigen::MatrixXd right_, coefficients_;
+};
+
 }  // namespace
 
 std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, double from_s,
@@ -95,15 +137,15 @@ std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, d
   if (static_cast<std::size_t>(samples.end() - first) < enough) return std::nullopt;
   const Residual r = withoutSlow(samples, from_s, search);
   const double whole = r.Y.squaredNorm();
+  if (!(whole > kStill * static_cast<double>(r.t.size()))) return std::nullopt;
+  WaveFit fit(r, search.harmonics);
   const auto steps = static_cast<int>(std::floor((search.high_hz - search.low_hz) / search.step_hz)) + 1;
   std::vector<double> left(static_cast<std::size_t>(steps));
   for (int k = 0; k < steps; ++k) {
-    Eigen::MatrixXd A = waves(r.t, search.low_hz + k * search.step_hz, search.harmonics);
-    A -= r.slow * (r.slow.transpose() * A);
-    left[static_cast<std::size_t>(k)] = (r.Y - A * fitted(A, r.Y)).squaredNorm();
+    left[static_cast<std::size_t>(k)] = fit.left(search.low_hz + k * search.step_hz);
   }
   const double best = *std::min_element(left.begin(), left.end());
-  if (!(whole > 0) || !(best <= (1 - search.least_share) * whole)) return std::nullopt;
+  if (!(best <= (1 - search.least_share) * whole)) return std::nullopt;
   // A best that lies at the slow end is the flank of something slower.
   if (left.front() <= best) return std::nullopt;
   // The shortest period among the minima that leave hardly more, rounding of exact fits included.
@@ -119,9 +161,7 @@ std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, d
   FoundPeriod found;
   found.frequency_hz = search.low_hz + chosen * search.step_hz;
   found.share = 1 - left[static_cast<std::size_t>(chosen)] / whole;
-  Eigen::MatrixXd A = waves(r.t, found.frequency_hz, search.harmonics);
-  A -= r.slow * (r.slow.transpose() * A);
-  const Eigen::MatrixXd coefficients = fitted(A, r.Y) * r.noise_m.asDiagonal();
+  const Eigen::MatrixXd coefficients = fit.coefficients(found.frequency_hz) * r.L_m.transpose();
   found.amplitude_m.resize(3, search.harmonics);
   for (int h = 0; h < search.harmonics; ++h) {
     found.amplitude_m.col(h) = coefficients.middleRows<2>(2 * h).colwise().norm().transpose();

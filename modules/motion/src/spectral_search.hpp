@@ -32,8 +32,8 @@ struct FoundPeriod {
   double share;                  ///< Of the variance that it explains.
 };
 
-/// The period that explains the samples best by least squares, axes weighed by their noise; of those that do nearly as
-/// well the shortest, since twice a period explains what the period does. Nothing when none explains enough.
+/// The period that explains the samples best by least squares, weighed by their mean covariance; of those that do
+/// nearly as well the shortest, since twice a period explains what the period does. Nothing when none explains enough.
 std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, double from_s,
                                       const PeriodSearch& search);
 
