@@ -8,7 +8,6 @@
 #include "angio/motion/motion_predictor.hpp"
 #include "commands_in_flight.hpp"
 #include "followed_path.hpp"
-#include "local_shift.hpp"
 
 namespace angio {
 namespace {
@@ -34,10 +33,10 @@ class CentreTask final : public Task {
         limits_(context.limits),
         target_(context.target_model),
         predictor_(settings.motion),
-        in_flight_(context.limits) {
-    if (settings.near_mm > 0) {
-      near_.emplace(context.tree, target_, 1e-3 * settings.near_mm, 1e-3 * settings.near_std_mm);
-    }
+        in_flight_(context.limits) {}
+
+  std::optional<WatchedPlace> place() const override {
+    return WatchedPlace{target_, 1e-3 * settings_.near_mm, 1e-3 * settings_.near_std_mm};
   }
 
   TaskAnswer answer(const TaskInput& input) override;
@@ -56,7 +55,6 @@ class CentreTask final : public Task {
   CArmGeometry carm_;
   CArmLimits limits_;
   Eigen::Vector3d target_;
-  std::optional<LocalShift> near_;
   MotionPredictor predictor_;
   CommandsInFlight in_flight_;
   std::optional<std::int64_t> first_us_;
@@ -65,30 +63,28 @@ class CentreTask final : public Task {
 // The target in the camera frame: by the registration, and across the beam by what is seen around it.
 SeenPoint CentreTask::seen(const TaskInput& input) const {
   const Eigen::Vector3d target = input.target_model.value_or(target_);
-  // A tree that is seen bent lies, around the target, as a rigid one that has been shifted. How far along the beam, one
-  // view does not tell: there the rigid one stays.
-  Pose T = input.T_camera_model;
-  if (!input.target_model) {
-    const Eigen::Vector3d rigid = T * target, bent = T * (target + input.target_shift_model);
-    T.pretranslate(bent * (rigid.z() / bent.z()) - rigid);
-  }
+  // The place that is watched is that of the task's own target.
+  const PlaceSight* place = input.place && !input.target_model ? &*input.place : nullptr;
+  const Pose& T = place ? place->T_camera_model : input.T_camera_model;
   SeenPoint point;
   point.position = T * target;
   Eigen::Matrix<double, 3, 6> J;
   J << Eigen::Matrix3d::Identity(), -skew(T.linear() * target);
   point.covariance = J * input.covariance * J.transpose();
-  // The neighbourhood is that of the task's own target.
-  if (!near_ || !input.centerline || input.target_model) return point;
-  const auto local = near_->look(*input.centerline, input.camera, T);
-  if (!local) return point;
+  // A bend that stretches the tree's image passes for a nearer tree, of which the rigid one's covariance knows nothing.
+  Eigen::Vector3d ray = point.position / point.position.z();
+  const double depth_std_m = 1e-3 * settings_.depth_std_mm;
+  point.covariance += depth_std_m * depth_std_m * ray * ray.transpose();
+  if (!place || !place->image_shift) return point;
+  const ImageShift& local = *place->image_shift;
   const double depth = point.position.z();
   const Eigen::Vector2d m_per_px(depth / input.camera.parameters().fx_px, depth / input.camera.parameters().fy_px);
-  point.position.head<2>() += m_per_px.cwiseProduct(local->shift_px);
+  point.position.head<2>() += m_per_px.cwiseProduct(local.shift_px);
   // Depth by the registration, along the ray; the rest by the image.
-  const Eigen::Vector3d ray = point.position / depth;
+  ray = point.position / depth;
   const double depth_variance = point.covariance(2, 2);
   point.covariance = depth_variance * ray * ray.transpose();
-  point.covariance.topLeftCorner<2, 2>() += m_per_px.asDiagonal() * local->covariance_px * m_per_px.asDiagonal();
+  point.covariance.topLeftCorner<2, 2>() += m_per_px.asDiagonal() * local.covariance_px * m_per_px.asDiagonal();
   return point;
 }
 

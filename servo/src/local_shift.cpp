@@ -63,8 +63,8 @@ Eigen::Index match(const Seen& seen, const Eigen::Vector2d& at, double tangent_r
 
 }  // namespace
 
-LocalShift::LocalShift(const VesselTree& tree, const Eigen::Vector3d& target_model, double near_m, double prior_std_m)
-    : target_(target_model), prior_std_m_(prior_std_m) {
+LocalShift::LocalShift(const VesselTree& tree, const WatchedPlace& place) : place_(place) {
+  const double near_m = place.near_m;
   std::vector<Eigen::Vector3d> points, tangents;
   for (int i = 0; i < tree.size(); ++i) {
     const int parent = tree.parents()[static_cast<std::size_t>(i)];
@@ -73,7 +73,7 @@ LocalShift::LocalShift(const VesselTree& tree, const Eigen::Vector3d& target_mod
     const int pieces = std::max(1, static_cast<int>(std::ceil(step.norm() / kSpacing_m)));
     for (int k = 1; k <= pieces; ++k) {
       const Eigen::Vector3d p = a + step * k / pieces;
-      if ((p - target_).norm() > near_m || !(step.norm() > 0)) continue;
+      if ((p - place_.model).norm() > near_m || !(step.norm() > 0)) continue;
       points.push_back(p);
       tangents.push_back(step.normalized());
     }
@@ -85,17 +85,17 @@ LocalShift::LocalShift(const VesselTree& tree, const Eigen::Vector3d& target_mod
   for (Eigen::Index k = 0; k < n; ++k) {
     points_.col(k) = points[static_cast<std::size_t>(k)];
     tangents_.col(k) = tangents[static_cast<std::size_t>(k)];
-    weight_[k] = std::exp(-2 * (points_.col(k) - target_).squaredNorm() / (near_m * near_m));
+    weight_[k] = std::exp(-2 * (points_.col(k) - place_.model).squaredNorm() / (near_m * near_m));
   }
 }
 
-std::optional<LocalShift::Result> LocalShift::look(const Centerline2d& centerline, const XrayCamera& camera,
-                                                   const Pose& T_camera_model) const {
-  const Eigen::Vector3d target_camera = T_camera_model * target_;
+std::optional<ImageShift> LocalShift::look(const Centerline2d& centerline, const XrayCamera& camera,
+                                           const Pose& T_camera_model) const {
+  const Eigen::Vector3d target_camera = T_camera_model * place_.model;
   const auto target_px = camera.project(target_camera);
   if (!target_px || points_.cols() == 0 || centerline.size() == 0) return std::nullopt;
   const double px_per_m = camera.parameters().fx_px / target_camera.z();
-  const double prior_px = prior_std_m_ * px_per_m, first_gate_px = kFirstGate * prior_px;
+  const double prior_px = place_.std_m * px_per_m, first_gate_px = kFirstGate * prior_px;
 
   Eigen::Matrix2Xd model(2, points_.cols());
   Eigen::VectorXd tangent(points_.cols()), weight = weight_;
@@ -137,7 +137,7 @@ std::optional<LocalShift::Result> LocalShift::look(const Centerline2d& centerlin
     shift = information.inverse() * pull;
   }
   if (matched <= 0 || !shift.allFinite()) return std::nullopt;
-  return Result{shift, information.inverse() + kFloor_px * kFloor_px * Eigen::Matrix2d::Identity()};
+  return ImageShift{shift, information.inverse() + kFloor_px * kFloor_px * Eigen::Matrix2d::Identity()};
 }
 
 }  // namespace angio

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "angio/base/stopwatch.hpp"
+#include "local_shift.hpp"
 
 namespace angio {
 namespace {
@@ -24,6 +25,12 @@ Eigen::Matrix3Xd countedFrom(const Pose& T_camera_model, const RegistrationResul
   const Eigen::Matrix3Xd& points = tree.points();
   const Pose between = T_camera_model.inverse() * bent.T_camera_model;
   return ((between.linear() * (points + bent.displacements_m)).colwise() + between.translation()) - points;
+}
+
+Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& place) {
+  Eigen::Index nearest = 0;
+  (tree.points().colwise() - place).colwise().squaredNorm().minCoeff(&nearest);
+  return nearest;
 }
 
 }  // namespace
@@ -52,7 +59,7 @@ void PerceptionSettings::useIterativePnp() {
 }
 
 Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
-                       const VesselTree& tree)
+                       const VesselTree& tree, const std::optional<WatchedPlace>& place)
     : carm_(carm),
       T_dsa_cb_(T_dsa_cb),
       search_starts_(settings.search_starts),
@@ -61,7 +68,16 @@ Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& c
       search_(makeRegistration(settings.search, tree)),
       tracking_(makeRegistration(settings.tracking, tree)),
       bending_(bendingOf(settings, tree)),
-      tracker_(settings.tracker, carm, T_dsa_cb, tree.centroid()) {}
+      tracker_(settings.tracker, carm, T_dsa_cb, tree.centroid()),
+      place_(place) {
+  if (!place_) return;
+  place_point_ = nearestPoint(tree, place_->model);
+  if (place_->near_m > 0) nearby_ = std::make_unique<LocalShift>(tree, *place_);
+}
+
+Perception::Perception(Perception&&) noexcept = default;
+Perception& Perception::operator=(Perception&&) noexcept = default;
+Perception::~Perception() = default;
 
 Sight Perception::look(const XrayFrame& frame, const CArmState& state) {
   Sight sight;
@@ -76,6 +92,9 @@ Sight Perception::look(const XrayFrame& frame, const CArmState& state) {
   sight.registration = sight.tracked ? tracking_->align(sight.centerline, frame.camera, sight.predicted)
                                      : search_->search(sight.centerline, frame.camera, sight.predicted, search_starts_);
   if (sight.tracked) bend(frame.camera, sight);
+  if (place_ && sight.registration.status == RegistrationStatus::kConverged) {
+    sight.place = seen(*place_, frame.camera, sight);
+  }
   sight.registration_s = stage.seconds();
   return sight;
 }
@@ -97,6 +116,19 @@ void Perception::bend(const XrayCamera& camera, Sight& sight) {
   rigid.reason.clear();
   rigid.nonrigid_iterations = bent.nonrigid_iterations;
   rigid.times += bent.times;
+}
+
+PlaceSight Perception::seen(const WatchedPlace& place, const XrayCamera& camera, const Sight& sight) const {
+  PlaceSight result{sight.registration.T_camera_model, std::nullopt};
+  const Eigen::Matrix3Xd& displacements_m = sight.registration.displacements_m;
+  // A tree that is seen bent lies, around a place, as a rigid one that has been shifted.
+  if (displacements_m.cols() > place_point_) {
+    const Eigen::Vector3d rigid = result.T_camera_model * place.model;
+    const Eigen::Vector3d bent = result.T_camera_model * (place.model + displacements_m.col(place_point_));
+    result.T_camera_model.pretranslate(bent * (rigid.z() / bent.z()) - rigid);
+  }
+  if (nearby_) result.image_shift = nearby_->look(sight.centerline, camera, result.T_camera_model);
+  return result;
 }
 
 void Perception::trust(const Sight& sight, const CArmState& state) {

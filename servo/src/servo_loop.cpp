@@ -41,12 +41,6 @@ Eigen::Vector3d targetOf(const ServoLoopSettings& settings, const VesselTree& tr
   return settings.target_model.value_or(tree.centroid());
 }
 
-Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& target) {
-  Eigen::Index nearest = 0;
-  (tree.points().colwise() - target).colwise().squaredNorm().minCoeff(&nearest);
-  return nearest;
-}
-
 std::unique_ptr<Task> taskOf(const ServoLoopSettings& settings, const VesselTree& tree) {
   return makeTask(settings.task,
                   {settings.carm, settings.limits, tree, targetOf(settings, tree), settings.R_lps_model, settings.law});
@@ -62,10 +56,9 @@ PerceptionSettings ServoLoopSettings::perceptionForTask() const {
 
 ServoLoop::ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree)
     : settings_(checked(settings)),
-      perception_(settings.perceptionForTask(), settings.carm, settings.T_dsa_cb, tree),
       task_(taskOf(settings, tree)),
-      supervisor_(settings.supervisor, settings.limits, targetOf(settings, tree)),
-      target_point_(nearestPoint(tree, targetOf(settings, tree))) {}
+      perception_(settings.perceptionForTask(), settings.carm, settings.T_dsa_cb, tree, task_->place()),
+      supervisor_(settings.supervisor, settings.limits, targetOf(settings, tree)) {}
 
 ServoReport ServoLoop::step(const XrayFrame& frame, const CArmState& state) {
   const double period_s = periodUntil(frame);
@@ -137,11 +130,8 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, do
                   state,
                   last_command_.velocity,
                   std::min(period_s, kLongestPeriod_s),
-                  settings_.latency_s,
-                  &sight.centerline};
-  if (sight.registration.displacements_m.cols() > target_point_) {
-    input.target_shift_model = sight.registration.displacements_m.col(target_point_);
-  }
+                  settings_.latency_s};
+  input.place = sight.place;
   const TaskAnswer answer = task_->answer(input);
   if (!answer.velocity) {
     report.held = answer.held.value_or("the task asks for no motion");
@@ -165,8 +155,8 @@ CArmCommand OpenLoop::step(const CArmState& state, double period_s) {
   command.sequence = last_command_.sequence + 1;
   command.valid_for_us = supervisor_.commandValidity_us();
   const Pose believed = settings_.carm.T_camera_patient(state.joints) * settings_.T_dsa_cb;
-  const TaskInput input{state.time_us, settings_.carm.camera(), believed, Matrix6d::Zero(),    believed,
-                        state,         last_command_.velocity,  period_s, settings_.latency_s, nullptr};
+  const TaskInput input{state.time_us, settings_.carm.camera(), believed, Matrix6d::Zero(),   believed,
+                        state,         last_command_.velocity,  period_s, settings_.latency_s};
   const TaskAnswer answer = task_->answer(input);
   if (answer.velocity) {
     command.velocity = supervisor_.limit(*answer.velocity, state, settings_.latency_s, period_s);

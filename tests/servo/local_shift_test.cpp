@@ -22,7 +22,7 @@ class LocalShifts : public testing::Test {
 };
 
 TEST_F(LocalShifts, FindWhereTheImageShowsThePlace) {
-  const LocalShift near(tree_, target_, 15e-3, 2e-3);
+  const LocalShift near(tree_, {target_, 15e-3, 2e-3});
   for (int k = 0; k < 10; ++k) {
     const Eigen::Vector2d shift_px = 5 * Eigen::Vector2d(random_.normal(), random_.normal());
     Centerline2d seen = projectedCenterline(tree_, camera_, T_);
@@ -49,7 +49,7 @@ TEST_F(LocalShifts, SayNothingAboutADirectionThatIsNotSeen) {
   T.translation().z() = 0.75;
   Centerline2d seen = projectedCenterline(line, camera_, T);
   seen.points_px.row(1).array() += 4;
-  const auto found = LocalShift(line, Eigen::Vector3d::Zero(), 15e-3, 2e-3).look(seen, camera_, T);
+  const auto found = LocalShift(line, {Eigen::Vector3d::Zero(), 15e-3, 2e-3}).look(seen, camera_, T);
   ASSERT_TRUE(found);
   EXPECT_NEAR(found->shift_px.y(), 4, 0.2);
   EXPECT_NEAR(found->shift_px.x(), 0, 0.01);
@@ -59,7 +59,7 @@ TEST_F(LocalShifts, SayNothingAboutADirectionThatIsNotSeen) {
 }
 
 TEST_F(LocalShifts, NothingNearIsNothing) {
-  const LocalShift near(tree_, target_, 15e-3, 2e-3);
+  const LocalShift near(tree_, {target_, 15e-3, 2e-3});
   EXPECT_FALSE(near.look(Centerline2d{}, camera_, T_));
   Pose behind = T_;
   behind.translation().z() -= 2;

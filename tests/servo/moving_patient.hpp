@@ -45,6 +45,7 @@ class MovingPatient {
   double first_offset_m = 0.01;  ///< Of the target, sideways.
   double turn_deg = 0;           ///< Of the model with each 10 mm of displacement, about the patient's left.
   double latency_s = 0.08;
+  double false_depth_m = 0;  ///< Of a third of the registrations, which do not know of it.
   double lateral_noise_m = 0.2e-3, depth_noise_m = 2e-3, turn_noise_rad = degToRad(0.1);
 
   TaskContext context() const {
@@ -67,6 +68,9 @@ class MovingPatient {
     noisy.translation() =
         at + Eigen::Vector3d(lateral_noise_m * shift.x(), lateral_noise_m * shift.y(), depth_noise_m * shift.z()) -
         noisy.linear() * target;
+    if (false_depth_m > 0 && random_.uniform(0, 1) < 1.0 / 3) {
+      noisy.pretranslate(false_depth_m / at.z() * (noisy * target));
+    }
     return noisy;
   }
   // Of translation and rotation as `seen` makes it: turns are about the target, which translation pays for.

@@ -21,11 +21,11 @@ class PatientsWhoBend : public testing::Test {
     const double off = (p.y() - 0.06) / kReach_m;
     return by_m * std::exp(-0.5 * off * off) * Eigen::Vector3d(0.8, 0.6, 0);
   }
-  Perception perception(double most_bend_mm) const {
+  Perception perception(double most_bend_mm, const std::optional<WatchedPlace>& place = std::nullopt) const {
     PerceptionSettings settings = stage_.settings.perception;
     settings.tracker.follow_motion = true;
     settings.tracker.most_bend_mm = most_bend_mm;
-    return Perception(settings, stage_.settings.carm, stage_.settings.T_dsa_cb, stage_.tree);
+    return Perception(settings, stage_.settings.carm, stage_.settings.T_dsa_cb, stage_.tree, place);
   }
   // What a perception that has seen the patient before makes of the tree as it is now.
   Sight look(Perception perception, const VesselTree& now) const {
@@ -61,6 +61,28 @@ TEST_F(PatientsWhoBend, AreSeenWhereTheyAre) {
   RecordProperty("bent_px", std::to_string(bent_px));
   EXPECT_LT(bent_px, 1);
   EXPECT_GT(rigid_px, 2 * bent_px);
+}
+
+// A watched place is seen where it is, by what bends the tree and by the image around it.
+TEST_F(PatientsWhoBend, AreSeenWhereTheyAreWatched) {
+  const VesselTree now = bent(0.02);
+  const Pose truth = stage_.settings.carm.T_camera_patient(stage_.joints);
+  int places = 0;
+  for (int i = 20; i < now.size(); i += now.size() / 8) {
+    const Eigen::Vector3d p = stage_.tree.points().col(i);
+    const Sight sight = look(perception(10, WatchedPlace{p, 15e-3, 2e-3}), now);
+    ASSERT_TRUE(sight.place);
+    const Eigen::Vector2d at = pixel(truth, now.points().col(i));
+    const Eigen::Vector2d nearby_px =
+        sight.place->image_shift ? sight.place->image_shift->shift_px : Eigen::Vector2d::Zero();
+    const double rigid_px = (pixel(sight.registration.T_camera_model, p) - at).norm();
+    if (rigid_px < 3) continue;
+    EXPECT_LT((pixel(sight.place->T_camera_model, p) + nearby_px - at).norm(), 0.5 * rigid_px) << i;
+    ++places;
+  }
+  EXPECT_GE(places, 2);
+  EXPECT_FALSE(look(perception(10), now).place);
+  EXPECT_FALSE(look(perception(0, WatchedPlace{now.points().col(0), 15e-3, 2e-3}), now).place) << "ambiguous";
 }
 
 // What a breath does not do is not a breath.

@@ -7,8 +7,11 @@
 #include "angio/messaging/messages.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/servo/patient_tracker.hpp"
+#include "angio/servo/watched_place.hpp"
 
 namespace angio {
+
+class LocalShift;
 
 /// How frames are looked at. The parts are chosen by the type of their settings.
 struct PerceptionSettings {
@@ -36,6 +39,7 @@ struct Sight {
   /// Of a frame that only a bent tree explains: pose and covariance of the rigid tree, which is the nearest one to it
   /// as a whole; agreement and displacements, counted from that pose, of the bent one.
   RegistrationResult registration;
+  std::optional<PlaceSight> place;         ///< The watched place, in a frame whose registration has converged.
   double image_s = 0, registration_s = 0;  ///< Wall time of the stages [s].
 };
 
@@ -44,9 +48,13 @@ struct Sight {
 class Perception {
  public:
   /// @param T_dsa_cb  Calibrated: the model frame in the patient frame (C-arm frame with the table at zero).
+  /// @param place     What is seen for itself besides the tree.
   /// Throws InputError when a setting is out of its range.
-  Perception(const PerceptionSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
-             const VesselTree& tree);
+  Perception(const PerceptionSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb, const VesselTree& tree,
+             const std::optional<WatchedPlace>& place = std::nullopt);
+  Perception(Perception&&) noexcept;
+  Perception& operator=(Perception&&) noexcept;
+  ~Perception();
 
   /// Looks at one frame of 8 or 16 bit that was exposed while the joints were as in `state`. Changes nothing that is
   /// believed: trust() or doubt() does.
@@ -65,6 +73,7 @@ class Perception {
 
  private:
   void bend(const XrayCamera& camera, Sight& sight);
+  PlaceSight seen(const WatchedPlace& place, const XrayCamera& camera, const Sight& sight) const;
 
   CArmGeometry carm_;
   Pose T_dsa_cb_;
@@ -74,6 +83,9 @@ class Perception {
   std::unique_ptr<Registration> search_, tracking_;
   std::unique_ptr<Registration> bending_;  // Nothing for a patient who does not move.
   PatientTracker tracker_;
+  std::optional<WatchedPlace> place_;
+  Eigen::Index place_point_ = 0;        // The tree's point that is nearest to the place.
+  std::unique_ptr<LocalShift> nearby_;  // Nothing where the image around the place is not asked.
 };
 
 }  // namespace angio

@@ -66,10 +66,9 @@ class ServoLoop {
   ServoReport answer(const XrayFrame& frame, const CArmState& state, double period_s);
 
   ServoLoopSettings settings_;
-  Perception perception_;
   std::unique_ptr<Task> task_;
+  Perception perception_;  // Watches what the task wants to have seen.
   Supervisor supervisor_;
-  Eigen::Index target_point_;  // The tree's point that is nearest to the target.
   CArmCommand last_command_;
   std::optional<std::int64_t> last_frame_us_;
 };

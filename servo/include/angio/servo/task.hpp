@@ -7,7 +7,7 @@
 
 #include "angio/messaging/messages.hpp"
 #include "angio/servo/desired_view.hpp"
-#include "angio/vessel/centerline2d.hpp"
+#include "angio/servo/watched_place.hpp"
 
 namespace angio {
 
@@ -22,15 +22,13 @@ struct TaskInput {
   CArmJoints last_velocity = CArmJoints::Zero();   ///< Of the last command [rad/s, m/s].
   double period_s = 0;                             ///< Since the frame before.
   double latency_s = 0;                            ///< From an exposure until its command moves the machine.
-  const Centerline2d* centerline = nullptr;        ///< What the frame shows; borrowed for the call.
 
   /// Where the target is in this frame, model frame [m], when it moves within the model, as a catheter's tip does;
   /// nothing: the task's own target.
   std::optional<Eigen::Vector3d> target_model = std::nullopt;
 
-  /// How far the task's own target lies from its place in the model where this frame shows the tree bent, model axes
-  /// [m].
-  Eigen::Vector3d target_shift_model = Eigen::Vector3d::Zero();
+  /// What the frame shows of the place that the task watches; nothing: only what the registration says.
+  std::optional<PlaceSight> place = std::nullopt;
 };
 
 /// What a task wants. The default stands still.
@@ -47,6 +45,9 @@ struct TaskAnswer {
 class Task {
  public:
   virtual ~Task() = default;
+
+  /// What it wants to have seen for itself; asked once, before the first frame.
+  virtual std::optional<WatchedPlace> place() const { return std::nullopt; }
 
   /// Answers one trusted frame.
   virtual TaskAnswer answer(const TaskInput& input) = 0;
