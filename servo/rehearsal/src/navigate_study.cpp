@@ -128,7 +128,7 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
 
     const CatheterTruth truth = catheter.truth();
     judge(*input.belief, trace, sight.pose(), truth, row);
-    if (look_on) look_on({now_s, sight.image(), sight.pose(), trace, input, answer, loop.navigator(), truth});
+    if (look_on) look_on({now_s, sight.image(), sight.pose(), trace, input, answer, truth});
     ++row.frames;
     row.waited += answer.state == NavigationState::kWaiting;
     row.largest_force_n = std::max(row.largest_force_n, std::abs(input.drive.insertion_force_n));

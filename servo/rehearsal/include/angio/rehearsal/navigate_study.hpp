@@ -94,7 +94,6 @@ struct NavigateMoment {
   const std::optional<CatheterTrace>& trace;
   const NavigationInput& input;
   const NavigationAnswer& answer;
-  const Navigator& navigator;
   const CatheterTruth& truth;
 };
 using NavigateObserver = std::function<void(const NavigateMoment&)>;
