@@ -14,20 +14,14 @@ ServoNode::ServoNode(Bus& bus, const ServoLoopSettings& settings, const VesselTr
       carm_(settings.carm),
       frames_(bus, kXrayFrameChannel),
       newest_joints_(bus, kCArmStateChannel),
-      requests_(std::make_shared<std::vector<ServoRequest>>()),
+      requests_(bus, kServoRequestChannel),
       joints_(bus, kCArmStateChannel),
       loop_(settings, tree),
-      safety_(settings.safety, settings.limits, settings.target_model.value_or(tree.centroid())) {
-  // All of them, in the order of their arrival: a mailbox would lose an emergency stop behind what came after it.
-  bus.subscribe(kServoRequestChannel, [requests = requests_](const std::uint8_t* data, std::size_t size) {
-    const auto decoded = decode<ServoRequest>(data, size);
-    if (decoded.value) requests->push_back(*decoded.value);
-  });
-}
+      safety_(settings.safety, settings.limits, settings.target_model.value_or(tree.centroid())) {}
 
 void ServoNode::hear(std::int64_t now_us) {
   if (const auto state = newest_joints_.take()) safety_.observe(*state, now_us);
-  for (const ServoRequest& request : std::exchange(*requests_, {})) {
+  for (const ServoRequest& request : requests_.take()) {
     const bool refused = safety_.request(request, now_us).has_value();
     if (!refused && request.request == ServoRequestKind::kReset) joints_.forget();
   }

@@ -116,6 +116,18 @@ TEST(LatestValue, KeepsTheNewestAndDropsDuplicatesAndLateOnes) {
   EXPECT_FALSE(states.take()) << "a duplicate of a taken message came back";
 }
 
+TEST(EveryValue, KeepsWhatArrivesInItsOrderUntilItIsTaken) {
+  const auto bus = openBus("memq://");
+  EveryValue<CArmState> states(*bus, kCArmStateChannel);
+  for (const int sequence : {5, 7, 6, 7}) publish(*bus, kCArmStateChannel, stateNumber(sequence, 100 * sequence));
+  bus->publish(kCArmStateChannel, {1, 2, 3});
+  bus->handle(0ms);
+  std::vector<std::int64_t> taken;
+  for (const CArmState& state : states.take()) taken.push_back(state.sequence);
+  EXPECT_EQ(taken, (std::vector<std::int64_t>{5, 7, 6, 7}));
+  EXPECT_TRUE(states.take().empty());
+}
+
 TEST(LatestValue, HearsASenderThatStartedAgain) {
   const auto bus = openBus("memq://");
   LatestValue<CArmState> states(*bus, kCArmStateChannel);

@@ -67,21 +67,15 @@ CatheterNode::CatheterNode(Bus& bus, const CatheterStage& stage, const VesselTre
       frames_(bus, kXrayFrameChannel),
       drive_(bus, kCatheterStateChannel),
       joints_(bus, kCArmStateChannel),
-      requests_(std::make_shared<std::vector<ServoRequest>>()),
+      requests_(bus, kServoRequestChannel),
       perception_(settings.perception, stage.carm, stage.T_dsa_cb, tree),
       gates_(settings.supervisor, stage.limits, tree.centroid()),
       states_(settings.states),
       freshness_(settings.freshness, stage.limits),
-      loop_(tree, start, target, settings.loop) {
-  // All of them, in the order of their arrival: a mailbox would lose an emergency stop behind what came after it.
-  bus.subscribe(kServoRequestChannel, [requests = requests_](const std::uint8_t* data, std::size_t size) {
-    const auto decoded = decode<ServoRequest>(data, size);
-    if (decoded.value) requests->push_back(*decoded.value);
-  });
-}
+      loop_(tree, start, target, settings.loop) {}
 
 void CatheterNode::hear(std::int64_t now_us) {
-  for (const ServoRequest& request : std::exchange(*requests_, {})) {
+  for (const ServoRequest& request : requests_.take()) {
     const bool refused = states_.request(request, freshness_.newestFrame_us(), now_us).has_value();
     if (refused || request.request != ServoRequestKind::kReset) continue;
     freshness_.forget();

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <memory>
-#include <vector>
-
 #include "angio/messaging/mailbox.hpp"
 #include "angio/servo/joint_history.hpp"
 #include "angio/servo/servo_loop.hpp"
@@ -39,8 +36,7 @@ class ServoNode {
   CArmGeometry carm_;
   LatestValue<XrayFrame> frames_;
   LatestValue<CArmState> newest_joints_;
-  std::shared_ptr<std::vector<ServoRequest>>
-      requests_;  // Shared with the bus's handler, which may outlive this object.
+  EveryValue<ServoRequest> requests_;
   JointHistory joints_;
   ServoLoop loop_;
   SafetySupervisor safety_;

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/codec.hpp"
@@ -84,6 +85,28 @@ class LatestValue {
   };
 
   std::shared_ptr<Box> box_;  // Shared with the bus's handler, which may outlive this object.
+};
+
+/// Keeps all messages of a channel that can be decoded, in the order of their arrival, until they are taken:
+/// LatestValue would lose an emergency stop behind what came after it.
+template <typename T>
+class EveryValue {
+ public:
+  /// Throws InputError as Bus::subscribe() does. May end before or after the bus.
+  EveryValue(Bus& bus, const std::string& channel) : values_(std::make_shared<std::vector<T>>()) {
+    bus.subscribe(channel, [values = values_](const std::uint8_t* data, std::size_t size) {
+      Decoded<T> decoded = decode<T>(data, size);
+      if (decoded.value) values->push_back(std::move(*decoded.value));
+    });
+  }
+  EveryValue(const EveryValue&) = delete;
+  EveryValue& operator=(const EveryValue&) = delete;
+
+  /// What has come since the last call.
+  std::vector<T> take() { return std::exchange(*values_, {}); }
+
+ private:
+  std::shared_ptr<std::vector<T>> values_;  // Shared with the bus's handler, which may outlive this object.
 };
 
 }  // namespace angio

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <memory>
-#include <vector>
-
 #include "angio/messaging/mailbox.hpp"
 #include "angio/navigation/catheter_loop.hpp"
 #include "angio/servo/freshness_gate.hpp"
@@ -96,8 +93,7 @@ class CatheterNode {
   LatestValue<XrayFrame> frames_;
   LatestValue<CatheterState> drive_;
   JointHistory joints_;
-  std::shared_ptr<std::vector<ServoRequest>>
-      requests_;  // Shared with the bus's handler, which may outlive this object.
+  EveryValue<ServoRequest> requests_;
   Perception perception_;
   Supervisor gates_;
   ServoStateMachine states_;
