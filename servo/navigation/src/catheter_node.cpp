@@ -63,7 +63,6 @@ CatheterNode::CatheterNode(Bus& bus, const CatheterStage& stage, const VesselTre
     : bus_(bus),
       settings_(checked(settings)),
       stage_(stage),
-      map_(tree),
       frames_(bus, kXrayFrameChannel),
       drive_(bus, kCatheterStateChannel),
       joints_(bus, kCArmStateChannel),
@@ -94,7 +93,7 @@ std::optional<CatheterNodeReport> CatheterNode::answer(std::int64_t now_us) {
   CatheterNodeReport report = answerOf(*frame, *joints_.at(frame->time_us), now_us);
   report.command.sequence = ++sequence_;
   publish(bus_, kCatheterCommandChannel, report.command);
-  publish(bus_, kCatheterTipChannel, tipMessage(report, map_));
+  publish(bus_, kCatheterTipChannel, tipMessage(report, loop_.navigator().map()));
   ServoStatus status;
   status.time_us = frame->time_us;
   status.frame_sequence = frame->sequence;

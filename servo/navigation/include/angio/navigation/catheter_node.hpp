@@ -89,7 +89,6 @@ class CatheterNode {
   Bus& bus_;
   CatheterNodeSettings settings_;
   CatheterStage stage_;
-  TreeMap map_;
   LatestValue<XrayFrame> frames_;
   LatestValue<CatheterState> drive_;
   JointHistory joints_;
