@@ -12,7 +12,7 @@ namespace {
 // Centrelines zigzag from point to point; over this length to either side they do what the vessel does.
 constexpr double kChord_m = 2e-3;
 constexpr double kUnknownRadius_m = 1e-3;
-constexpr double kPartingStep_m = 0.5e-3;
+constexpr double kPartingStep_m = 0.5e-3, kMostParting_m = 12e-3;
 
 struct Spot {
   std::size_t below = 0;
@@ -76,6 +76,7 @@ TreeMap::TreeMap(const VesselTree& tree) : lines_(tree.branches().size()) {
       open.push_back(child);
     }
   }
+  for (int c = 0; c < chains(); ++c) lines_[c].parting_m = findParting(c);
 }
 
 TreePlace TreeMap::before(const TreePlace& place, double back_m) const {
@@ -186,8 +187,8 @@ void TreeMap::addWays(int child, int chain, double left_m, const Eigen::Vector3d
       {child, chain, radius_m(end), chord.norm() > 0 ? Eigen::Vector3d(chord.normalized()) : frame({child, 0}).along});
 }
 
-double TreeMap::parting_m(int chain, double most_m) const {
-  const std::vector<TreeWay> ways = waysFrom(chain, most_m);
+double TreeMap::findParting(int chain) const {
+  const std::vector<TreeWay> ways = waysFrom(chain, kMostParting_m);
   const double fork_m = start_m(chain) + length_m(chain);
   const auto along = [&](const TreeWay& way, double s) {
     int at = way.last;
@@ -199,7 +200,7 @@ double TreeMap::parting_m(int chain, double most_m) const {
   for (std::size_t a = 0; a < ways.size(); ++a) {
     for (std::size_t b = a + 1; b < ways.size(); ++b) {
       if (ways[a].child == ways[b].child) continue;
-      const double shorter_m = std::min({most_m, length(ways[a]), length(ways[b])});
+      const double shorter_m = std::min({kMostParting_m, length(ways[a]), length(ways[b])});
       double s = 0;
       for (; s < shorter_m; s += kPartingStep_m) {
         const TreePlace p = along(ways[a], s), q = along(ways[b], s);

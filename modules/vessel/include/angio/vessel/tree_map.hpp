@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <optional>
 #include <vector>
 
@@ -75,22 +76,23 @@ class TreeMap {
   std::vector<TreeWay> waysFrom(int chain, double length_m) const;
 
   /// How far beyond the end of a chain the ways through its children still run inside each other's lumens [m]: up to
-  /// there, what is in one of them is in the others, and forks of short chains are one. At most `most_m`; radii that
-  /// the tree does not know count as 1 mm.
-  double parting_m(int chain, double most_m = 12e-3) const;
+  /// there, what is in one of them is in the others, and forks of short chains are one. At most `most_m` and 12 mm;
+  /// radii that the tree does not know count as 1 mm.
+  double parting_m(int chain, double most_m = 12e-3) const { return std::min(lines_.at(chain).parting_m, most_m); }
 
  private:
   struct Line {
     std::vector<int> points;
     std::vector<double> arc_m, turned_rad, radius_m;  // At each of the points.
     std::vector<Eigen::Vector3d> place, along, across;
-    double start_m = 0;
+    double start_m = 0, parting_m = 0;
     std::optional<int> parent;
     std::vector<int> children;
   };
   void layFrames(int chain);
   void addWays(int child, int chain, double left_m, const Eigen::Vector3d& from, std::vector<TreeWay>& ways) const;
   double radius_m(const TreePlace& place) const;
+  double findParting(int chain) const;
 
   std::vector<Line> lines_;
 };
