@@ -87,10 +87,6 @@ void FluoroscopyRenderer::Parts::check(const XrayScene& scene) const {
   for (const Device& device : scene.devices) device.check();
 }
 
-Eigen::Matrix3Xd FluoroscopyRenderer::Parts::pointsOf(const XrayScene& scene) const {
-  return scene.displacements_m ? Eigen::Matrix3Xd(tree.points() + *scene.displacements_m) : tree.points();
-}
-
 const cv::Mat& FluoroscopyRenderer::Parts::devicesOf(const XrayScene& scene, const XrayCamera& camera) {
   opacity.create(camera.height_px(), camera.width_px(), CV_32FC1);
   opacity.setTo(0);
@@ -115,7 +111,7 @@ const cv::Mat& FluoroscopyRenderer::Parts::shutters(const XrayCamera& camera) {
 void FluoroscopyRenderer::Parts::shine(const XrayCamera& camera, const XrayScene& scene) {
   const int width = camera.width_px();
   const cv::Mat& path_m =
-      path_lengths.compute(vessels.tubes(pointsOf(scene), scene.densities.value_or(Eigen::VectorXd())), camera,
+      path_lengths.compute(vessels.tubes(scene.pointsOf(tree), scene.densities.value_or(Eigen::VectorXd())), camera,
                            scene.T_camera_model, settings.threads);
   const cv::Mat* metal = scene.devices.empty() ? nullptr : &devicesOf(scene, camera);
   const std::vector<float>& passed = anatomy.transmission(camera, scene.T_camera_model, settings.threads);

@@ -152,7 +152,7 @@ FrameTruth FluoroscopyRenderer::truth(const XrayCamera& camera, const XrayScene&
                               parts.photons(camera), settings.least_contrast_to_noise);
   Branches branches(settings.shortest_px);
 
-  const Eigen::Matrix3Xd points = scene.T_camera_model * parts.pointsOf(scene);
+  const Eigen::Matrix3Xd points = scene.T_camera_model * scene.pointsOf(parts.tree);
   const auto density = [&](int i) { return scene.densities ? (*scene.densities)[i] : 1.0; };
   for (const auto& chain : parts.tree.branches()) {
     for (std::size_t k = 1; k < chain.size(); ++k) {

@@ -59,10 +59,7 @@ XrayFrame SimulatedXrayNode::blank(std::int64_t now_us) {
 XrayFrame SimulatedXrayNode::render(std::int64_t now_us, const CArmJoints& joints) {
   XrayFrame frame = blank(now_us);
   XrayScene scene = patient_.scene(T_camera_model(joints), patientTime_s(now_us));
-  if (device_) {
-    const Eigen::Matrix3Xd& rest = patient_.tree().points();
-    scene.devices.push_back(device_(scene.displacements_m ? Eigen::Matrix3Xd(rest + *scene.displacements_m) : rest));
-  }
+  if (device_) scene.devices.push_back(device_(scene.pointsOf(patient_.tree())));
   frame.image = patient_.render(camera_, scene, static_cast<std::uint64_t>(sequence_));
   return frame;
 }

@@ -17,9 +17,6 @@ struct FluoroscopyRenderer::Parts {
   /// Throws InputError for a scene that cannot be.
   void check(const XrayScene& scene) const;
 
-  /// Where the tree's points are, 3 x N [m].
-  Eigen::Matrix3Xd pointsOf(const XrayScene& scene) const;
-
   /// Log-attenuation of all devices, CV_32FC1.
   const cv::Mat& devicesOf(const XrayScene& scene, const XrayCamera& camera);
 

@@ -40,9 +40,8 @@ XrayScene SimulatedPatient::scene(const Pose& T_camera_rest, double time_s) cons
   if (settings_.bolus.enabled) scene.densities = bolus_.densities(time_s);
   if (device_path_.empty()) return scene;
   const DeviceSettings& d = settings_.device;
-  const Eigen::Matrix3Xd points =
-      scene.displacements_m ? Eigen::Matrix3Xd(tree_.points() + *scene.displacements_m) : tree_.points();
-  scene.devices = deviceInTree(d, points, device_path_, 1e-3 * (d.inserted_mm + d.speed_mm_per_s * time_s));
+  scene.devices =
+      deviceInTree(d, scene.pointsOf(tree_), device_path_, 1e-3 * (d.inserted_mm + d.speed_mm_per_s * time_s));
   return scene;
 }
 

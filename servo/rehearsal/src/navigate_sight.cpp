@@ -118,9 +118,7 @@ std::optional<CatheterTrace> NavigateSight::traced(const SimulatedCatheter& cath
   const double lasts_s = registered_ ? study_.roadmap_s : std::min(kRetry_s, study_.roadmap_s);
   const bool roadmap = !roadmap_at_s_ || time_s - *roadmap_at_s_ >= lasts_s;
   if (!roadmap) scene.densities = Eigen::VectorXd::Zero(tree_.size());
-  const Eigen::Matrix3Xd points =
-      scene.displacements_m ? Eigen::Matrix3Xd(tree_.points() + *scene.displacements_m) : tree_.points();
-  scene.devices.push_back(catheter.device(points));
+  scene.devices.push_back(catheter.device(scene.pointsOf(tree_)));
   image_ = patient_->render(pose_.camera, scene, static_cast<std::uint64_t>(k));
   if (roadmap) {
     registerRoadmap(vesselsToMatch(extractor_->extract(image_)));

@@ -32,6 +32,11 @@ struct XrayScene {
       displacements_m;                       ///< Of the tree's points, model axes, 3 x N [m]; absent: none moved.
   std::optional<Eigen::VectorXd> densities;  ///< Of contrast agent at the tree's points, N, 0..1; absent: 1 everywhere.
   std::vector<Device> devices;               ///< Where they are now.
+
+  /// Where the points of its tree stand, 3 x N [m].
+  Eigen::Matrix3Xd pointsOf(const VesselTree& tree) const {
+    return displacements_m ? Eigen::Matrix3Xd(tree.points() + *displacements_m) : tree.points();
+  }
 };
 
 /// What stands around the tree.
