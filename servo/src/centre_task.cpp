@@ -43,6 +43,8 @@ class CentreTask final : public Task {
 
   void interrupt() override { in_flight_.interrupt(); }  // The predictor knows the time, and may miss frames.
 
+  void learn() override { predictor_.learn(); }
+
   std::optional<Pose> desired_T_camera_model() const override { return std::nullopt; }
 
  private:

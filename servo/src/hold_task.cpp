@@ -38,6 +38,11 @@ class HoldTask final : public Task {
 
   void interrupt() override { in_flight_.interrupt(); }  // The predictors know the time, and may miss frames.
 
+  void learn() override {
+    place_.learn();
+    rotation_.learn();
+  }
+
   std::optional<Pose> desired_T_camera_model() const override { return desired_; }
 
  private:

@@ -77,4 +77,8 @@ void PatientTracker::miss() {
   trusted_in_a_row_ = 0;
 }
 
+void PatientTracker::learn() {
+  if (motion_) motion_->learn();
+}
+
 }  // namespace angio

@@ -137,6 +137,8 @@ void Perception::trust(const Sight& sight, const CArmState& state) {
 
 void Perception::doubt() { tracker_.miss(); }
 
+void Perception::learn() { tracker_.learn(); }
+
 Pose Perception::calibrated_T_camera_model(const CArmJoints& joints) const {
   return carm_.T_camera_patient(joints) * T_dsa_cb_;
 }

@@ -35,6 +35,7 @@ std::optional<PerceptionReport> PerceptionNode::look() {
   }
   report.message = registrationMessage(report.sight.registration, frame->time_us, frame->sequence);
   publish(bus_, kRegistrationChannel, report.message);
+  perception_.learn();
   return report;
 }
 

@@ -118,6 +118,7 @@ class Pass {
     if (!loop_ || (logged && logged->sequence == 1)) loop_ = std::make_unique<ServoLoop>(settings_, tree_);
     const XrayFrame frame = frameAt(log_, place->second);
     const ServoReport report = answerAsThen(frame, input);
+    loop_->learn();
     ++summary.answered;
     summary.held += report.held.has_value();
     if (logged) {

@@ -95,6 +95,11 @@ void ServoLoop::takeBack(ServoReport& last_answer, const std::string& why) {
   last_command_ = last_answer.command;
 }
 
+void ServoLoop::learn() {
+  perception_.learn();
+  task_->learn();
+}
+
 void ServoLoop::number(CArmCommand& command, const XrayFrame& frame) {
   command.time_us = frame.time_us;
   command.frame_sequence = frame.sequence;

@@ -77,6 +77,7 @@ std::optional<ServoReport> ServoNode::answer(std::int64_t now_us) {
   publish(bus_, kCArmCommandChannel, report.command);
   publish(bus_, kRegistrationChannel, registrationMessage(report));
   say(servoStatus(report));
+  loop_.learn();  // With the command on its way.
   return report;
 }
 

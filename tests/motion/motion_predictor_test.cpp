@@ -55,9 +55,10 @@ struct Course {
       changes += update.status == MotionStatus::kChanged;
       suspects += update.status == MotionStatus::kSuspect;
       ASSERT_NE(update.status, MotionStatus::kRefused) << update.reason;
-      if (t < judge_from_s) continue;
       const auto ahead = predictor.predict(t + kHorizon_s);
       ASSERT_TRUE(ahead);
+      predictor.learn();
+      if (t < judge_from_s) continue;
       const Eigen::Vector3d truth = motion(t + kHorizon_s), error = ahead->position - truth;
       error2 += error.squaredNorm();
       held2 += (seen - truth).squaredNorm();
@@ -89,6 +90,7 @@ TEST(MotionPredictor, IsExactOnASumOfHarmonics) {
     t += kPeriod_s * random.uniform(0.6, 1.4) * (random.uniform(0, 1) < 0.15 ? 2 : 1);
     const MotionUpdate update = predictor.update(t, motion(t), diagonal(0.05, 0.05, 0.05));
     ASSERT_TRUE(update.status == MotionStatus::kTaken || t < 30) << t << " " << update.reason;
+    predictor.learn();
     if (t < 30) continue;
     const auto ahead = predictor.predict(t + kHorizon_s);
     EXPECT_EQ(ahead->model, MotionModel::kHarmonic);
@@ -131,6 +133,7 @@ TEST(MotionPredictor, FindsPeriodsAcrossAnObliqueBeam) {
   for (double t = 0; t < 40; t += kPeriod_s) {
     const Eigen::Vector3d seen = motion(t) + random.vector(0.2e-3) + 20e-3 * random.normal() * beam;
     ASSERT_NE(predictor.update(t, seen, R).status, MotionStatus::kRefused);
+    predictor.learn();
     if (t < 20) continue;
     const auto ahead = predictor.predict(t + kHorizon_s);
     EXPECT_EQ(ahead->model, MotionModel::kHarmonic) << t;
@@ -169,6 +172,7 @@ TEST(MotionPredictor, BeforeTwoBreathsItTakesNothingForPeriodic) {
   for (double t = 0; t < 7.5; t += kPeriod_s) {
     const MotionUpdate update = course.predictor.update(t, motion(t), diagonal(0.2, 0.2, 0.2));
     ASSERT_NE(update.status, MotionStatus::kRefused);
+    course.predictor.learn();
     const auto ahead = course.predictor.predict(t + kHorizon_s);
     ASSERT_TRUE(ahead);
     EXPECT_NE(ahead->model, MotionModel::kHarmonic) << t;
@@ -282,6 +286,20 @@ TEST(MotionPredictor, AClockThatWasSetBackIsBelievedInTheEnd) {
   EXPECT_EQ(refused, 3);
   EXPECT_EQ(update.status, MotionStatus::kTaken);
   EXPECT_TRUE(course.predictor.predict(3.5));
+}
+
+// A prediction that somebody waits for does not wait for the search.
+TEST(MotionPredictor, LooksForPeriodsOnlyWhenItIsTold) {
+  const Motion motion = patient(1);
+  MotionPredictor predictor;
+  predictor.learn();  // Nothing from nothing.
+  for (int k = 0; k * kPeriod_s < 20; ++k) {
+    ASSERT_NE(predictor.update(k * kPeriod_s, motion(k * kPeriod_s), diagonal(0.2, 0.2, 0.2)).status,
+              MotionStatus::kRefused);
+  }
+  EXPECT_FALSE(predictor.breathing_hz());
+  predictor.learn();
+  EXPECT_NEAR(predictor.breathing_hz().value_or(0), 0.25, 0.01);
 }
 
 TEST(MotionPredictor, RepeatsItself) {

@@ -138,6 +138,7 @@ inline MovingPatient::Errors MovingPatient::run(Task& task, double duration_s, d
     TaskInput input{frame_us,      carm.camera(), seen(truth), Matrix6d(covariance(truth)), truth, at_frame,
                     last.velocity, period_s,      latency_s};
     const TaskAnswer answer = task.answer(input);
+    task.learn();
     if (!answer.velocity) ++errors.held;
     last.velocity = answer.velocity ? limiter.limit(*answer.velocity, at_frame.joints, latency_s, period_s)
                                     : limiter.rest(period_s);

@@ -241,8 +241,11 @@ MotionUpdate MotionPredictor::update(double time_s, const Eigen::Vector3d& posit
   s.suspects = 0;
   s.take(sample);
   if (s.lose()) result = {MotionStatus::kChanged, "the motion is no longer periodic as it was"};
-  s.search();
   return result;
+}
+
+void MotionPredictor::learn() {
+  if (state_->trend) state_->search();
 }
 
 std::optional<MotionPrediction> MotionPredictor::predict(double time_s) const {

@@ -71,6 +71,9 @@ class PatientTracker {
   /// A frame that could not be trusted.
   void miss();
 
+  /// Learns how the patient moves, from what it was told: MotionPredictor::learn().
+  void learn();
+
   const Pose& T_dsa_cb() const { return T_dsa_cb_; }
 
  private:

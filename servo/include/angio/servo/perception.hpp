@@ -66,6 +66,9 @@ class Perception {
   /// A frame that could not be believed.
   void doubt();
 
+  /// Learns how the patient moves, from the sights that were believed: when what a frame was wanted for is out.
+  void learn();
+
   /// Where the model is with these joints: by calibration alone ...
   Pose calibrated_T_camera_model(const CArmJoints& joints) const;
   /// ... and by all frames that were trusted.

@@ -58,6 +58,10 @@ class ServoLoop {
   /// from rest.
   void takeBack(ServoReport& last_answer, const std::string& why);
 
+  /// What a frame's answer need not wait for: learns from the frames how the patient moves. To be called after each
+  /// frame, when its answer is out; takes some milliseconds now and then.
+  void learn();
+
   const Task& task() const { return *task_; }
 
  private:

@@ -55,6 +55,9 @@ class Task {
   /// A frame could not be trusted: what was derived from consecutive frames must not be carried over it.
   virtual void interrupt() = 0;
 
+  /// Learns from the frames it has answered, where it has something to learn: what need not be done before an answer.
+  virtual void learn() {}
+
   /// The desired pose of the model in the camera, where the task has one.
   virtual std::optional<Pose> desired_T_camera_model() const = 0;
 };

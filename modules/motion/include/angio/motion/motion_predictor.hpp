@@ -66,6 +66,11 @@ class MotionPredictor {
   /// @param position_m  In a frame that is not accelerated itself. @param covariance_m2  Of its error.
   MotionUpdate update(double time_s, const Eigen::Vector3d& position_m, const Eigen::Matrix3d& covariance_m2);
 
+  /// Looks for periods in what has been measured, where some are missing and it is time to: at most once a second of
+  /// the measurements, some milliseconds then. Without it nothing is ever predicted to oscillate. Apart from update()
+  /// because a prediction that somebody waits for need not wait for this: call it when that is out.
+  void learn();
+
   /// Where the point will be at a time from the last measurement on; nothing before the first measurement, for an
   /// earlier time, or for one that is no number.
   std::optional<MotionPrediction> predict(double time_s) const;
