@@ -23,26 +23,39 @@ struct JointMotion {
   double most_bend;    // Between one change and the next: jerk times the period's square.
 };
 
+// What changes of velocity c_1 ... c_n cost, the same for all joints: c . H c / 2 - c . g.
+struct Cost {
+  Cost(const JointPaths& paths, double effort) {
+    const int n = paths.size();
+    H.setZero();
+    for (int i = 0; i < n; ++i) {
+      H(i, i) = effort;
+      for (int k = i; k < n; ++k) {
+        const double share = paths.weight(k) * (k - i + 1);
+        for (int j = 0; j <= k; ++j) H(i, j) += share * (k - j + 1);
+      }
+    }
+    along.setZero();
+    for (int i = 0; i < n; ++i) along.col(i) = H.middleCols(i, n - i).rowwise().sum();
+  }
+  Hessian H, along;  // along.col(i) = the sum of H's columns from i on.
+};
+
 // The changes of velocity c_1 ... c_n of a plan, all within their bounds from the first one on.
 class Plan {
  public:
-  Plan(const JointPaths& paths, int which, const JointMotion& joint, double period_s, double effort)
-      : n_(paths.size()), joint_(joint) {
+  // Borrows the cost.
+  Plan(const JointPaths& paths, int which, const JointMotion& joint, const Cost& cost, double period_s)
+      : n_(paths.size()), joint_(joint), H_(cost.H), along_(cost.along) {
     joint_.last_change = std::clamp(joint.last_change, -joint.most_change, joint.most_change);
     // place_k = period (k v + sum over i <= k of (k - i + 1) c_i).
-    H_.setZero();
     left_.setZero();
     for (int i = 0; i < n_; ++i) {
-      H_(i, i) = effort;
       for (int k = i; k < n_; ++k) {
         const double share = paths.weight(k) * (k - i + 1);
         left_[i] += share * (paths.place(which, k) / period_s - (k + 1) * joint.velocity);
-        for (int j = 0; j <= k; ++j) H_(i, j) += share * (k - j + 1);
       }
     }
-    along_.setZero();
-    for (int i = 0; i < n_; ++i) along_.col(i) = H_.middleCols(i, n_ - i).rowwise().sum();
-    changes_.setZero();
     // What changed goes out as fast as it may.
     Changes out = Changes::Zero();
     double change = joint_.last_change;
@@ -104,7 +117,7 @@ class Plan {
 
   int n_;
   JointMotion joint_;
-  Hessian H_, along_;  // along_.col(i) = the sum of H's columns from i on.
+  const Hessian &H_, &along_;
   Changes changes_;
   Changes left_;  // g - H c: the descent that is left.
 };
@@ -116,8 +129,9 @@ double brakable(double left, const JointMotion& joint) {
   return std::sqrt(a * a * delay * delay + 2 * a * left) - a * delay;
 }
 
-double followingVelocity(const JointPaths& paths, int which, const JointMotion& joint, double period_s, double effort) {
-  const double velocity = joint.velocity + Plan(paths, which, joint, period_s, effort).first();
+double followingVelocity(const JointPaths& paths, int which, const JointMotion& joint, const Cost& cost,
+                         double period_s) {
+  const double velocity = joint.velocity + Plan(paths, which, joint, cost, period_s).first();
   const double along = paths.size() > 1 ? (paths.place(which, 1) - paths.place(which, 0)) / period_s : 0;
   const double left = paths.place(which, 0) - along * period_s, nearing = velocity - along;
   // What a joint at rest gets to, and stands there, within the horizon is the plan's.
@@ -139,10 +153,11 @@ CArmJoints followingVelocity(const JointPaths& paths, const JointsMotion& motion
   CArmJoints result = CArmJoints::Zero();
   if (paths.size() == 0) return result;
   const double change = settings.acceleration_share * period_s, bend = change * period_s;
+  const Cost cost(paths, settings.effort);
   for (int i = 0; i < kCArmJointCount; ++i) {
     const JointMotion joint{motion.velocity[i], motion.last_change[i], change * limits.acceleration[i],
                             bend * limits.jerk[i]};
-    result[i] = followingVelocity(paths, i, joint, period_s, settings.effort);
+    result[i] = followingVelocity(paths, i, joint, cost, period_s);
   }
   return result;
 }

@@ -20,7 +20,9 @@ constexpr double kSure_m = 0.5e-3;
 constexpr double kLeastReciprocalCondition = 1e-4;
 
 double worstStd(const Eigen::Matrix3d& covariance) {
-  return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues()[2]));
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+  solver.computeDirect(covariance, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues()[2]));
 }
 
 class HoldTask final : public Task {

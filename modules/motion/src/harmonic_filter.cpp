@@ -19,6 +19,7 @@ HarmonicFilter::HarmonicFilter(const std::vector<Oscillator>& oscillators, const
   for (const Oscillator& oscillator : oscillators) {
     Part part;
     part.first = components_;
+    part.turn = components_ / 2 - 1;  // Behind offset and drift, two components a harmonic.
     part.harmonics = static_cast<int>(oscillator.amplitude_m.cols());
     part.low_hz = oscillator.low_hz;
     part.high_hz = oscillator.high_hz;
@@ -51,16 +52,22 @@ double HarmonicFilter::frequency_hz(int oscillator) const {
 
 double HarmonicFilter::damping(double dt_s) const { return std::exp(-dt_s / noise_.amplitude_memory_s); }
 
-HarmonicFilter::Turn HarmonicFilter::turn(const Part& part, int harmonic, double dt_s) const {
-  const double angle = (harmonic + 1) * x_[part.frequency] * dt_s;
-  return {std::cos(angle), std::sin(angle)};
+HarmonicFilter::Turns HarmonicFilter::turnsIn(double dt_s) const {
+  Turns turns;
+  for (const Part& part : parts_) {
+    for (int h = 0; h < part.harmonics; ++h) {
+      const double angle = (h + 1) * x_[part.frequency] * dt_s;
+      turns[part.turn + h] = {std::cos(angle), std::sin(angle)};
+    }
+  }
+  return turns;
 }
 
 // Of a position ahead.
-Eigen::Vector3d HarmonicFilter::byFrequency(const Part& part, double horizon_s) const {
+Eigen::Vector3d HarmonicFilter::byFrequency(const Part& part, const Turns& turns, double horizon_s) const {
   Eigen::Vector3d by = Eigen::Vector3d::Zero();
   for (int h = 0; h < part.harmonics; ++h) {
-    const Turn t = turn(part, h, horizon_s);
+    const Turn t = turns[part.turn + h];
     const int at_c = 3 * (part.first + 2 * h);
     by -= (h + 1) * horizon_s * (t.s * x_.segment<3>(at_c) + t.c * x_.segment<3>(at_c + 3));
   }
@@ -68,12 +75,12 @@ Eigen::Vector3d HarmonicFilter::byFrequency(const Part& part, double horizon_s) 
 }
 
 // P <- P F^T, with `before` the state that the motion began in.
-void HarmonicFilter::timesTransposed(double dt_s, const Vector& before) {
+void HarmonicFilter::timesTransposed(double dt_s, const Turns& turns, const Vector& before) {
   P_.middleCols<3>(0) += dt_s * P_.middleCols<3>(kDrift);
   P_.middleCols<3>(kDrift) *= damping(dt_s);
   for (const Part& part : parts_) {
     for (int h = 0; h < part.harmonics; ++h) {
-      const Turn t = turn(part, h, dt_s);
+      const Turn t = turns[part.turn + h];
       const int at_c = 3 * (part.first + 2 * h), at_s = at_c + 3;
       for (int axis = 0; axis < 3; ++axis) {
         const double c = before[at_c + axis], s = before[at_s + axis], by = (h + 1) * dt_s;
@@ -88,11 +95,12 @@ void HarmonicFilter::timesTransposed(double dt_s, const Vector& before) {
 
 void HarmonicFilter::advance(double dt_s) {
   const Vector before = x_;
+  const Turns turns = turnsIn(dt_s);
   const double kept = damping(dt_s), renewed = 1 - kept * kept;
   // F P F^T of a symmetric P.
-  timesTransposed(dt_s, before);
+  timesTransposed(dt_s, turns, before);
   P_.transposeInPlace();
-  timesTransposed(dt_s, before);
+  timesTransposed(dt_s, turns, before);
 
   P_.diagonal().head<3>().array() += noise_.offset_walk_m * noise_.offset_walk_m * dt_s;
   P_.diagonal().segment<3>(kDrift).array() += renewed * noise_.drift_std_m_s * noise_.drift_std_m_s;
@@ -102,7 +110,7 @@ void HarmonicFilter::advance(double dt_s) {
     // A frequency wanders by its first deviation within the same time.
     P_(part.frequency, part.frequency) += renewed * part.frequency_variance;
     for (int h = 0; h < part.harmonics; ++h) {
-      const Turn t = turn(part, h, dt_s);
+      const Turn t = turns[part.turn + h];
       const int at_c = 3 * (part.first + 2 * h), at_s = at_c + 3;
       const Eigen::Vector3d c = before.segment<3>(at_c), s = before.segment<3>(at_s);
       x_.segment<3>(at_c) = t.c * c - t.s * s;
@@ -114,6 +122,7 @@ void HarmonicFilter::advance(double dt_s) {
 }
 
 PositionEstimate HarmonicFilter::ahead(double horizon_s) const {
+  const Turns turns = turnsIn(horizon_s);
   const double kept = damping(horizon_s), renewed = 1 - kept * kept;
   // The position's derivative by the state, G, is a multiple of the identity for every component, and a column for
   // every frequency: G P G^T by those.
@@ -123,22 +132,22 @@ PositionEstimate HarmonicFilter::ahead(double horizon_s) const {
   Eigen::Vector3d grown = Eigen::Vector3d::Constant(noise_.offset_walk_m * noise_.offset_walk_m * horizon_s);
   for (const Part& part : parts_) {
     for (int h = 0; h < part.harmonics; ++h) {
-      const Turn t = turn(part, h, horizon_s);
+      const Turn t = turns[part.turn + h];
       const int at_c = 3 * (part.first + 2 * h), at_s = at_c + 3;
       PGt += t.c * P_.middleCols<3>(at_c) - t.s * P_.middleCols<3>(at_s);
       estimate.position += t.c * x_.segment<3>(at_c) - t.s * x_.segment<3>(at_s);
       grown += renewed * part.variance.col(h);
     }
-    PGt += P_.col(part.frequency) * byFrequency(part, horizon_s).transpose();
+    PGt += P_.col(part.frequency) * byFrequency(part, turns, horizon_s).transpose();
   }
   estimate.covariance = PGt.topRows<3>() + horizon_s * PGt.middleRows<3>(kDrift);
   for (const Part& part : parts_) {
     for (int h = 0; h < part.harmonics; ++h) {
-      const Turn t = turn(part, h, horizon_s);
+      const Turn t = turns[part.turn + h];
       const int at_c = 3 * (part.first + 2 * h);
       estimate.covariance += t.c * PGt.middleRows<3>(at_c) - t.s * PGt.middleRows<3>(at_c + 3);
     }
-    estimate.covariance += byFrequency(part, horizon_s) * PGt.row(part.frequency);
+    estimate.covariance += byFrequency(part, turns, horizon_s) * PGt.row(part.frequency);
   }
   estimate.covariance = (0.5 * (estimate.covariance + estimate.covariance.transpose())).eval();
   estimate.covariance.diagonal() += grown;

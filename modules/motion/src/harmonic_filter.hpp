@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 #include "trend_filter.hpp"
@@ -54,6 +55,7 @@ class HarmonicFilter {
  private:
   struct Part {
     int first = 0;  // Component of the first harmonic's c; s and the next harmonics follow.
+    int turn = 0;   // Of the first harmonic, among the turns of all.
     int harmonics = 0;
     int frequency = 0;  // Index in the state.
     double low_hz = 0, high_hz = 0, frequency_variance = 0;
@@ -64,10 +66,11 @@ class HarmonicFilter {
   struct Turn {
     double c, s;  // Cosine and sine.
   };
-  Turn turn(const Part& part, int harmonic, double dt_s) const;
+  using Turns = std::array<Turn, kMostStates / 6>;  // Of all harmonics of all parts.
+  Turns turnsIn(double dt_s) const;
   double damping(double dt_s) const;
-  Eigen::Vector3d byFrequency(const Part& part, double horizon_s) const;
-  void timesTransposed(double dt_s, const Vector& before);
+  Eigen::Vector3d byFrequency(const Part& part, const Turns& turns, double horizon_s) const;
+  void timesTransposed(double dt_s, const Turns& turns, const Vector& before);
   void keepFrequencies();
 
   std::vector<Part> parts_;

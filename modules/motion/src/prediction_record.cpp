@@ -18,6 +18,9 @@ constexpr double kLeastShare = 0.22;  // Of a covariance that is left when predi
 
 // P + E, in no direction less than kLeastShare of P.
 Eigen::Matrix3d sum(const Eigen::Matrix3d& P, const Eigen::Matrix3d& E) {
+  // Mostly there is nothing to keep it from.
+  const Eigen::Matrix3d above = (1 - kLeastShare) * P + E;
+  if (above.llt().info() == Eigen::Success) return P + E;
   const Eigen::LLT<Eigen::Matrix3d> root(P);
   if (root.info() != Eigen::Success) return P;
   const Eigen::Matrix3d L = root.matrixL();
