@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <array>
-#include <cstdint>
-#include <deque>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "angio/base/settings.hpp"
 #include "angio/messaging/messages.hpp"
+#include "angio/servo/axis_monitor.hpp"
 
 namespace angio {
 
@@ -32,13 +31,7 @@ struct MotionMonitorSettings {
   }
 };
 
-/// Compares the way that each joint makes with the ways that the commands of the last `most_latency_ms` allow.
-///
-/// Between two states a joint may go as fast as the fastest of those commands (rest is always one of them) or as it
-/// still brakes; it must go as fast as the slowest of them, once it could have accelerated, and not at the end of its
-/// range. What is beyond is summed up (Page's CUSUM, Biometrika 41, 1954): a joint that moves by itself or the wrong
-/// way is found within most_stray / its speed, one that stands still within most_latency_ms, the time to accelerate and
-/// most_lag / the commanded speed. Commands and states are of one clock: a command's time is its frame's.
+/// Compares the way that each joint of the C-arm makes with its commands, see AxisMonitor.
 class MotionMonitor {
  public:
   /// Throws InputError when a setting is out of its range.
@@ -55,28 +48,7 @@ class MotionMonitor {
   void forget();
 
  private:
-  struct Envelope {                 // Of one joint's velocity [rad/s, m/s]:
-    double most = 0, least = 0;     // it may be between these,
-    double floor = 0, ceiling = 0;  // and must be at least, and at most, this.
-  };
-  struct Astray {  // Ways beyond the envelope [rad, m].
-    double up = 0, down = 0, lag_up = 0, lag_down = 0;
-  };
-  struct Sent {
-    std::int64_t time_us, valid_for_us;
-    CArmJoints velocity;
-  };
-
-  Envelope target(int joint, std::int64_t time_us) const;
-  Envelope explainedWay(int joint, const CArmState& state);
-  std::optional<std::string> judge(int joint, double way, const Envelope& explained, double duration_s);
-
-  MotionMonitorSettings settings_;
-  CArmLimits limits_;
-  std::deque<Sent> sent_;
-  std::optional<CArmState> last_;
-  std::array<Envelope, kCArmJointCount> envelopes_{};
-  std::array<Astray, kCArmJointCount> astray_{};
+  std::vector<AxisMonitor> joints_;
 };
 
 }  // namespace angio
