@@ -44,7 +44,7 @@ struct CatheterNodeTest : testing::Test {
   std::optional<CatheterNodeReport> frame(CatheterNode& node) {
     now_us += 66'667;
     bus->handle(std::chrono::milliseconds(0));
-    drive->listen(now_us);
+    if (!deaf) drive->listen(now_us);
     arm->report(now_us);
     drive->report(now_us);
     bus->handle(std::chrono::milliseconds(0));
@@ -65,7 +65,7 @@ struct CatheterNodeTest : testing::Test {
   std::unique_ptr<SimulatedCatheterNode> drive;
   std::unique_ptr<Operator> person;
   std::int64_t now_us = 0;
-  bool started = true;
+  bool started = true, deaf = false;
 };
 
 TEST_F(CatheterNodeTest, MakesARoadmapAndPushesOnOnceTheVesselsHaveWashedOut) {
@@ -132,6 +132,30 @@ TEST_F(CatheterNodeTest, StandsStillUntilItIsStartedAndWhenItIsStopped) {
     EXPECT_EQ(report->command.insertion_speed_mps, 0);
   }
   EXPECT_EQ(node->states().state(), ServoState::kEmergencyStop);
+}
+
+TEST_F(CatheterNodeTest, CallsADriveThatDoesNotObeyAFault) {
+  const TreeMap map(tree);
+  const auto node = nodeTo({map.children(0).front(), 8e-3});
+  double pushed_m = 0;
+  for (int k = 0; k < 200 && pushed_m < 1e-3; ++k) {
+    frame(*node);
+    pushed_m = drive->catheter().state().insertion_m - kStart.arc_m;
+  }
+  ASSERT_EQ(node->states().state(), ServoState::kServo);
+  deaf = true;
+  int frames = 0;
+  for (; frames < 90 && node->states().state() != ServoState::kFault; ++frames) frame(*node);
+  ASSERT_EQ(node->states().state(), ServoState::kFault) << node->states().reason();
+  EXPECT_NE(node->states().reason().find("insertion lags behind its commands"), std::string::npos)
+      << node->states().reason();
+  // A command stays possibly in force for 0.5 s; then 10 mm at 4 to 12 mm/s.
+  EXPECT_GE(frames, 15);
+  for (int k = 0; k < 3; ++k) {
+    const auto report = frame(*node);
+    EXPECT_TRUE(report->held);
+    EXPECT_EQ(report->command.insertion_speed_mps, 0);
+  }
 }
 
 TEST_F(CatheterNodeTest, RefusesPlacesThatTheTreeDoesNotHave) {

@@ -71,14 +71,22 @@ CatheterNode::CatheterNode(Bus& bus, const CatheterStage& stage, const VesselTre
       gates_(settings.supervisor, stage.limits, tree.centroid()),
       states_(settings.states),
       freshness_(settings.freshness, stage.limits),
+      motion_(settings.drive, degToRad(settings.loop.navigator.largest_bend_deg)),
       loop_(tree, start, target, settings.loop) {}
 
 void CatheterNode::hear(std::int64_t now_us) {
+  if (const auto& drive = drive_.peek()) {
+    if (const auto astray = motion_.measured(*drive)) states_.fault(ServoCause::kMotionDisagrees, *astray, now_us);
+  }
   for (const ServoRequest& request : requests_.take()) {
+    const ServoState before = states_.state();
     const bool refused = states_.request(request, freshness_.newestFrame_us(), now_us).has_value();
+    // A drive that was moved by hand is no fault of what comes next.
+    if (before != states_.state() && states_.state() == ServoState::kArmed) motion_.forget();
     if (refused || request.request != ServoRequestKind::kReset) continue;
     freshness_.forget();
     joints_.forget();
+    motion_.forget();
   }
   states_.wait(now_us);
 }
@@ -92,6 +100,7 @@ std::optional<CatheterNodeReport> CatheterNode::answer(std::int64_t now_us) {
   }
   CatheterNodeReport report = answerOf(*frame, *joints_.at(frame->time_us), now_us);
   report.command.sequence = ++sequence_;
+  motion_.commanded(report.command);
   publish(bus_, kCatheterCommandChannel, report.command);
   publish(bus_, kCatheterTipChannel, tipMessage(report, loop_.navigator().map()));
   ServoStatus status;

@@ -3,6 +3,7 @@
 
 #include "angio/messaging/mailbox.hpp"
 #include "angio/navigation/catheter_loop.hpp"
+#include "angio/navigation/drive_monitor.hpp"
 #include "angio/servo/freshness_gate.hpp"
 #include "angio/servo/joint_history.hpp"
 #include "angio/servo/perception.hpp"
@@ -18,17 +19,19 @@ struct CatheterNodeSettings {
   SupervisorSettings supervisor;  ///< The same: which registrations are believed.
   ServoStateSettings states;
   FreshnessSettings freshness;
-  int roadmap_frames = 3;          ///< Believed registrations in a row that make a roadmap ...
-  int washed_out_frames = 3;       ///< ... and frames in a row without one, before the catheter alone is looked for.
-  double most_drive_age_ms = 150;  ///< Between a frame and the drive's state that it is read with.
-  double most_turn_deg = 0.3;      ///< Of the C-arm since the roadmap; more, and another one is needed.
-  double most_shift_mm = 1;        ///< The same, of the table.
+  DriveMonitorSettings drive;
+  int roadmap_frames = 3;            ///< Believed registrations in a row that make a roadmap ...
+  int washed_out_frames = 3;         ///< ... and frames in a row without one, before the catheter alone is looked for.
+  double most_drive_age_ms = 150;    ///< Between a frame and the drive's state that it is read with.
+  double most_turn_deg = 0.3;        ///< Of the C-arm since the roadmap; more, and another one is needed.
+  double most_shift_mm = 1;          ///< The same, of the table.
 
   void visit(SettingsVisitor& v) {
     loop.visit(v);
     v.section("supervisor", [this](SettingsVisitor& s) { supervisor.visit(s); });
     v.section("states", [this](SettingsVisitor& s) { states.visit(s); });
     v.section("freshness", [this](SettingsVisitor& s) { freshness.visit(s); });
+    v.section("drive", [this](SettingsVisitor& s) { drive.visit(s); });
     v.integer("roadmap_frames", roadmap_frames, 1, 1000);
     v.integer("washed_out_frames", washed_out_frames, 1, 1000);
     v.number("most_drive_age_ms", most_drive_age_ms, 1, 10e3);
@@ -53,7 +56,8 @@ struct CatheterNodeReport {
 };
 
 /// The catheter's side of a bus: hears XRAY_FRAME, CARM_STATE, CATHETER_STATE and SERVO_REQUEST, says CATHETER_COMMAND,
-/// CATHETER_TIP, REGISTRATION and SERVO_STATUS. The drive stands still until an operator has armed and started it.
+/// CATHETER_TIP, REGISTRATION and SERVO_STATUS. The drive stands still until an operator has armed and started it, and
+/// is at fault when it does not do what it is told.
 ///
 /// A roadmap comes first: frames with contrast agent, from which the tree is registered, until the agent has washed
 /// out. Then each frame is looked at for the catheter along the registered tree. When the C-arm or the table has moved,
@@ -97,6 +101,7 @@ class CatheterNode {
   Supervisor gates_;
   ServoStateMachine states_;
   FreshnessGate freshness_;
+  DriveMonitor motion_;
   CatheterLoop loop_;
 
   struct Roadmap {
