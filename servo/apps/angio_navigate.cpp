@@ -84,7 +84,7 @@ int navigate(const Options& o) {
   if (!o.record.empty()) recorded.emplace(*bus, o.record);
   Bus& heard = recorded ? static_cast<Bus&>(*recorded) : *bus;
   CatheterNode node(heard, stage, tree, start, target, settings.node);
-  Operator starter(heard);
+  Operator starter(heard, OperatedMachine::kCatheter);
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
   const auto began = std::chrono::steady_clock::now();
@@ -136,8 +136,9 @@ int main(int argc, char** argv) {
   app.add_option("--to-mm", o.to_mm, "How far into it")->check(between(0, 1500));
   app.add_option("--duration-s", o.duration_s, "How long at most; 0: until it has arrived or is stopped")
       ->check(between(0, 86400));
-  app.add_flag("--wait-for-operator", o.wait_for_operator,
-               "Stand still until SERVO_REQUEST arms and starts (angio-operator); else armed and started at once");
+  app.add_flag(
+      "--wait-for-operator", o.wait_for_operator,
+      "Stand still until CATHETER_REQUEST arms and starts (angio-operator --machine catheter); else started at once");
   app.add_option("--record", o.record, "Log of all that is heard and said (.lcm)");
   app.add_option("--disturb", o.disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...");
   app.add_option("--settings", o.settings,

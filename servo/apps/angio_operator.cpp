@@ -15,6 +15,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct Options {
+  OperatedMachine machine = OperatedMachine::kCArm;
   std::string request, bus = "udpm://239.255.76.67:7667?ttl=0";
   double timeout_s = 3;
 };
@@ -44,7 +45,7 @@ bool answers(ServoRequestKind request, ServoState state) {
 int ask(const Options& o) {
   const ServoRequestKind kind = kRequests.at(o.request);
   const auto bus = openBus(o.bus);
-  Operator person(*bus);
+  Operator person(*bus, o.machine);
   const auto now_us = [] {
     return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
   };
@@ -78,6 +79,11 @@ int main(int argc, char** argv) {
   std::vector<std::string> names;
   for (const auto& [name, kind] : angio::kRequests) names.push_back(name);
   app.add_option("request", o.request, "What is asked for")->required()->check(CLI::IsMember(names));
+  const std::map<std::string, angio::OperatedMachine> machines{{"c-arm", angio::OperatedMachine::kCArm},
+                                                               {"catheter", angio::OperatedMachine::kCatheter}};
+  app.add_option("--machine", o.machine, "Whose loop is asked; an emergency stop stops both")
+      ->transform(CLI::CheckedTransformer(machines))
+      ->default_str("c-arm");
   app.add_option("--bus", o.bus, "Bus (LCM URL)");
   app.add_option("--timeout-s", o.timeout_s, "How long to wait for the answer")->check(angio::between(0.1, 3600));
   return angio::runProgram(app, argc, argv, [&] { return angio::ask(o); });

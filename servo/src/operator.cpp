@@ -10,6 +10,19 @@ constexpr std::int64_t kPatience_us = 150'000;  // Two frames: so long an answer
 
 }  // namespace
 
+HeardRequests::HeardRequests(Bus& bus, OperatedMachine machine)
+    : own_(bus, machine == OperatedMachine::kCArm ? kServoRequestChannel : kCatheterRequestChannel),
+      others_(bus, machine == OperatedMachine::kCArm ? kCatheterRequestChannel : kServoRequestChannel) {}
+
+std::vector<ServoRequest> HeardRequests::take() {
+  std::vector<ServoRequest> requests = own_.take();
+  // Behind its own: an arming that came with a stop must not outlast it.
+  for (const ServoRequest& request : others_.take()) {
+    if (request.request == ServoRequestKind::kEmergencyStop) requests.push_back(request);
+  }
+  return requests;
+}
+
 void Operator::ask(ServoRequestKind kind, std::int64_t now_us) {
   ServoRequest request;
   request.request = kind;
@@ -20,7 +33,7 @@ void Operator::ask(ServoRequestKind kind, std::int64_t now_us) {
     request.status_time_us = status()->time_us;
     request.transitions = status()->transitions;
   }
-  publish(bus_, kServoRequestChannel, request);
+  publish(bus_, requests_, request);
   asked_us_ = now_us;
 }
 

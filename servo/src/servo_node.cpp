@@ -14,7 +14,7 @@ ServoNode::ServoNode(Bus& bus, const ServoLoopSettings& settings, const VesselTr
       carm_(settings.carm),
       frames_(bus, kXrayFrameChannel),
       newest_joints_(bus, kCArmStateChannel),
-      requests_(bus, kServoRequestChannel),
+      requests_(bus, OperatedMachine::kCArm),
       joints_(bus, kCArmStateChannel),
       loop_(settings, tree),
       safety_(settings.safety, settings.limits, settings.target_model.value_or(tree.centroid())) {}

@@ -33,7 +33,7 @@ struct CatheterNodeTest : testing::Test {
     xray = std::make_unique<SimulatedXrayNode>(*bus, tree, patient, carm, stage.T_dsa_cb);
     drive = std::make_unique<SimulatedCatheterNode>(*bus, tree, CatheterSettings(), kStart, 0);
     xray->show([this](const Eigen::Matrix3Xd& points) { return drive->catheter().device(points); });
-    person = std::make_unique<Operator>(*bus);
+    person = std::make_unique<Operator>(*bus, OperatedMachine::kCatheter);
   }
 
   std::unique_ptr<CatheterNode> nodeTo(const TreePlace& target) {
@@ -125,7 +125,10 @@ TEST_F(CatheterNodeTest, StandsStillUntilItIsStartedAndWhenItIsStopped) {
   bool moved = false;
   for (int k = 0; k < 30; ++k) moved = !frame(*node)->held || moved;
   EXPECT_TRUE(moved);
-  person->ask(ServoRequestKind::kEmergencyStop, now_us);
+  Operator(*bus).ask(ServoRequestKind::kStop, now_us);
+  frame(*node);
+  EXPECT_NE(node->states().state(), ServoState::kIdle) << "that was for the C-arm";
+  Operator(*bus).ask(ServoRequestKind::kEmergencyStop, now_us);  // One is for all.
   for (int k = 0; k < 5; ++k) {
     const auto report = frame(*node);
     EXPECT_TRUE(report->held);

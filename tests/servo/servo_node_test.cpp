@@ -180,6 +180,19 @@ TEST_F(SupervisedRun, MovesOnlyBetweenStartAndEmergencyStop) {
   EXPECT_EQ(node.safety().states().state(), ServoState::kEmergencyStop);
 }
 
+TEST_F(SupervisedRun, StopsWithTheCathetersEmergencyStopAlone) {
+  ask(ServoRequestKind::kArm);
+  ask(ServoRequestKind::kStart);
+  EXPECT_FALSE(still(8));
+  Operator other(recorded, OperatedMachine::kCatheter);
+  other.ask(ServoRequestKind::kStop, k * kPeriod_us + 1000);
+  frame();
+  EXPECT_EQ(node.safety().states().state(), ServoState::kServo);
+  other.ask(ServoRequestKind::kEmergencyStop, k * kPeriod_us + 2000);
+  EXPECT_TRUE(still(3));
+  EXPECT_EQ(node.safety().states().state(), ServoState::kEmergencyStop);
+}
+
 TEST_F(SupervisedRun, IsReplayedBitForBitWithWhatItsSupervisorTookBack) {
   ask(ServoRequestKind::kArm);
   ask(ServoRequestKind::kStart);

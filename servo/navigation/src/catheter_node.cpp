@@ -66,7 +66,7 @@ CatheterNode::CatheterNode(Bus& bus, const CatheterStage& stage, const VesselTre
       frames_(bus, kXrayFrameChannel),
       drive_(bus, kCatheterStateChannel),
       joints_(bus, kCArmStateChannel),
-      requests_(bus, kServoRequestChannel),
+      requests_(bus, OperatedMachine::kCatheter),
       perception_(settings.perception, stage.carm, stage.T_dsa_cb, tree),
       gates_(settings.supervisor, stage.limits, tree.centroid()),
       states_(settings.states),
@@ -193,7 +193,7 @@ void CatheterNode::navigate(const XrayFrame& frame, const CArmState& arm, Cathet
 
 void CatheterNode::say(ServoStatus status) {
   states_.describe(status);
-  publish(bus_, kServoStatusChannel, status);
+  publish(bus_, kCatheterStatusChannel, status);
   said_transitions_ = status.transitions;
   last_status_ = std::move(status);
 }

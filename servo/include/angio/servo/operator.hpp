@@ -2,18 +2,27 @@
 #pragma once
 
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 
 namespace angio {
 
-/// A person's side of a bus: hears SERVO_STATUS and says SERVO_REQUEST, each request with the status that was seen when
-/// it was made.
+/// Whose loop is operated.
+enum class OperatedMachine { kCArm, kCatheter };
+
+/// A person's side of a bus: hears a loop's status, SERVO_STATUS or CATHETER_STATUS, and says SERVO_REQUEST or
+/// CATHETER_REQUEST, each request with the status that was seen when it was made. An emergency stop is for every loop
+/// that hears either.
 class Operator {
  public:
   /// Borrows the bus, which must outlive it.
-  explicit Operator(Bus& bus) : bus_(bus), statuses_(bus, kServoStatusChannel) {}
+  explicit Operator(Bus& bus, OperatedMachine machine = OperatedMachine::kCArm)
+      : bus_(bus),
+        requests_(machine == OperatedMachine::kCArm ? kServoRequestChannel : kCatheterRequestChannel),
+        statuses_(bus, machine == OperatedMachine::kCArm ? kServoStatusChannel : kCatheterStatusChannel) {}
 
   /// The newest status; nothing when none has come yet.
   const std::optional<ServoStatus>& status() const { return statuses_.peek(); }
@@ -28,10 +37,24 @@ class Operator {
 
  private:
   Bus& bus_;
+  std::string requests_;  // The channel's name.
   LatestValue<ServoStatus> statuses_;
   std::int64_t sequence_ = 0;
   std::optional<std::int64_t> asked_us_;
   bool armed_ = false, done_ = false;  // Of start().
+};
+
+/// A loop's ear for its operators: all requests of its own channel, and of the other machine's the emergency stops.
+class HeardRequests {
+ public:
+  /// Throws InputError as Bus::subscribe() does.
+  HeardRequests(Bus& bus, OperatedMachine machine);
+
+  /// What has come since the last call, in its order.
+  std::vector<ServoRequest> take();
+
+ private:
+  EveryValue<ServoRequest> own_, others_;
 };
 
 }  // namespace angio

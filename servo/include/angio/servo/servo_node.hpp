@@ -3,6 +3,7 @@
 
 #include "angio/messaging/mailbox.hpp"
 #include "angio/servo/joint_history.hpp"
+#include "angio/servo/operator.hpp"
 #include "angio/servo/servo_loop.hpp"
 
 namespace angio {
@@ -36,7 +37,7 @@ class ServoNode {
   CArmGeometry carm_;
   LatestValue<XrayFrame> frames_;
   LatestValue<CArmState> newest_joints_;
-  EveryValue<ServoRequest> requests_;
+  HeardRequests requests_;
   JointHistory joints_;
   ServoLoop loop_;
   SafetySupervisor safety_;

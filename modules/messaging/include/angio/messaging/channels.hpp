@@ -3,7 +3,7 @@
 
 namespace angio {
 
-/// Names of the bus's channels, one for each type of message.
+/// Names of the bus's channels.
 constexpr const char* kXrayFrameChannel = "XRAY_FRAME";
 constexpr const char* kCArmStateChannel = "CARM_STATE";
 constexpr const char* kCArmCommandChannel = "CARM_COMMAND";
@@ -14,5 +14,7 @@ constexpr const char* kServoRequestChannel = "SERVO_REQUEST";
 constexpr const char* kCatheterStateChannel = "CATHETER_STATE";
 constexpr const char* kCatheterCommandChannel = "CATHETER_COMMAND";
 constexpr const char* kCatheterTipChannel = "CATHETER_TIP";
+constexpr const char* kCatheterStatusChannel = "CATHETER_STATUS";    ///< A servo_status_t, of the catheter's loop.
+constexpr const char* kCatheterRequestChannel = "CATHETER_REQUEST";  ///< A servo_request_t, for it.
 
 }  // namespace angio

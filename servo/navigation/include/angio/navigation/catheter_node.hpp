@@ -6,6 +6,7 @@
 #include "angio/navigation/drive_monitor.hpp"
 #include "angio/servo/freshness_gate.hpp"
 #include "angio/servo/joint_history.hpp"
+#include "angio/servo/operator.hpp"
 #include "angio/servo/perception.hpp"
 #include "angio/servo/servo_state_machine.hpp"
 #include "angio/servo/supervisor.hpp"
@@ -55,9 +56,9 @@ struct CatheterNodeReport {
   bool roadmap = false;             ///< The frame was looked at for vessels.
 };
 
-/// The catheter's side of a bus: hears XRAY_FRAME, CARM_STATE, CATHETER_STATE and SERVO_REQUEST, says CATHETER_COMMAND,
-/// CATHETER_TIP, REGISTRATION and SERVO_STATUS. The drive stands still until an operator has armed and started it, and
-/// is at fault when it does not do what it is told.
+/// The catheter's side of a bus: hears XRAY_FRAME, CARM_STATE, CATHETER_STATE and CATHETER_REQUEST, says
+/// CATHETER_COMMAND, CATHETER_TIP, CATHETER_STATUS and REGISTRATION. The drive stands still until an operator has armed
+/// and started it, and is at fault when it does not do what it is told.
 ///
 /// A roadmap comes first: frames with contrast agent, from which the tree is registered, until the agent has washed
 /// out. Then each frame is looked at for the catheter along the registered tree. When the C-arm or the table has moved,
@@ -96,7 +97,7 @@ class CatheterNode {
   LatestValue<XrayFrame> frames_;
   LatestValue<CatheterState> drive_;
   JointHistory joints_;
-  EveryValue<ServoRequest> requests_;
+  HeardRequests requests_;
   Perception perception_;
   Supervisor gates_;
   ServoStateMachine states_;
