@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "angio/base/stopwatch.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/servo/perception_node.hpp"
 
@@ -72,12 +73,14 @@ std::optional<ServoReport> ServoNode::answer(std::int64_t now_us) {
     return std::nullopt;
   }
   const CArmState state = *joints_.at(frame->time_us);
-  const ServoReport report = answerOf(*frame, state, now_us);
+  ServoReport report = answerOf(*frame, state, now_us);
   safety_.commanded(report.command);
   publish(bus_, kCArmCommandChannel, report.command);
   publish(bus_, kRegistrationChannel, registrationMessage(report));
   say(servoStatus(report));
+  const Stopwatch learning;
   loop_.learn();  // With the command on its way.
+  report.learning_s = learning.seconds();
   return report;
 }
 

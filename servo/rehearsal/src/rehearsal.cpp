@@ -103,7 +103,7 @@ void runClosed(const VesselTree& tree, const RehearsalWorld& world, const Rehear
     if (!exposure) continue;
     if (!report) throw std::runtime_error("the loop did not answer a frame");
     RehearsalFrame row = describe(*report);
-    row.answer_s = watch.seconds();
+    row.answer_s = watch.seconds() - report->learning_s;
     row.render_s = render_s;
     row.joints = exposure->state.joints;
     observer.observe(room, row);

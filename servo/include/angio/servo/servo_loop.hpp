@@ -39,6 +39,7 @@ struct ServoReport {
   Sight sight;                      ///< Empty when the frame was not even looked at.
   TaskAnswer task;                  ///< At rest while it holds.
   double control_s = 0;             ///< Wall time of task, law and limits [s].
+  double learning_s = 0;            ///< Wall time of what a node learnt when its command was out [s].
 };
 
 /// One X-ray frame becomes one robot command. Knows neither clock nor bus: the same frames and joints give the same
