@@ -12,7 +12,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/servo/replay.hpp"
-#include "servo_settings.hpp"
+#include "loop_options.hpp"
 
 namespace angio {
 namespace {
@@ -20,17 +20,14 @@ namespace {
 struct Options {
   std::string log, tree = exampleDataFile("hepatic-tace/tree.csv"),
                    calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string settings, task, out;
-  std::optional<double> view_primary_deg, view_secondary_deg;
+  std::string settings, out;
+  LoopOptions loop;
   bool compare = false;
 };
 
 ServoLoopSettings loopOf(const Options& o) {
   ServoSettings settings = readServoSettings(o.settings);
-  if (!o.task.empty()) settings.tasks.choose(o.task);
-  ViewTaskSettings& view = settings.tasks.of<ViewTaskSettings>();
-  view.primary_deg = o.view_primary_deg.value_or(view.primary_deg);
-  view.secondary_deg = o.view_secondary_deg.value_or(view.secondary_deg);
+  o.loop.applyTo(settings);
   return settings.loop(readCArmCalibration(o.calibration));
 }
 
@@ -82,16 +79,12 @@ int main(int argc, char** argv) {
       "calibration and settings, the commands are the same, bit for bit.",
       "angio-replay");
   angio::describeProgram(app, "angio-replay run.lcm --compare --out commands.csv");
-  using angio::between;
   angio::Options o;
   app.add_option("log", o.log, "Log of the bus")->required();
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
   app.add_option("--settings", o.settings, "Settings (.yaml), as for angio-servo");
-  app.add_option("--task", o.task, "Task, as for angio-servo; before the settings file's")
-      ->check(CLI::IsMember(angio::ServoSettings().tasks.names()));
-  app.add_option("--view-primary-deg", o.view_primary_deg, "As for angio-servo")->check(between(-110, 110));
-  app.add_option("--view-secondary-deg", o.view_secondary_deg, "As for angio-servo")->check(between(-55, 55));
+  o.loop.addTo(app);
   app.add_option("--out", o.out, "File for the commands (.csv)");
   app.add_flag("--compare", o.compare, "Fail at the first command that is not the logged one");
   return angio::runProgram(app, argc, argv, [&] { return angio::replayLog(o); });

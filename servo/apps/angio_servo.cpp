@@ -19,16 +19,16 @@
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "disturbance.hpp"
-#include "servo_settings.hpp"
+#include "loop_options.hpp"
 
 namespace angio {
 namespace {
 
 struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", task, settings, out = "demo-output";
-  std::optional<double> view_primary_deg, view_secondary_deg,
-      duration_s;  // Given ones come before the settings file's.
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, out = "demo-output";
+  LoopOptions loop;
+  std::optional<double> duration_s;  // Given, it comes before the settings file's.
   std::optional<int> seed;
   std::string film, truth, machine, record, disturb, view_pose;
   double largest_age_days = RecordGate().largest_age_days;
@@ -37,11 +37,9 @@ struct Options {
 
 ServoSettings effectiveSettings(const Options& o) {
   ServoSettings settings = readServoSettings(o.settings);
-  if (!o.task.empty()) settings.tasks.choose(o.task);
+  o.loop.applyTo(settings);
   settings.rehearsal.seed = o.seed.value_or(settings.rehearsal.seed);
   ViewTaskSettings& view = settings.tasks.of<ViewTaskSettings>();
-  view.primary_deg = o.view_primary_deg.value_or(view.primary_deg);
-  view.secondary_deg = o.view_secondary_deg.value_or(view.secondary_deg);
   if (!o.view_pose.empty()) {
     view.goal = ViewGoal::kPose;
     view.T_camera_model = readPose(o.view_pose).T_camera_model;
@@ -165,9 +163,8 @@ int serve(const Options& o, const ServoSettings& settings, const VesselTree& tre
 int main(int argc, char** argv) {
   CLI::App app("Drives a C-arm to a view of the anatomy by what its X-ray images show.", "angio-servo");
   angio::describeProgram(app, "angio-servo --simulate --seed 3 --out demo-output");
-  using angio::between, angio::shown;
+  using angio::between;
   const angio::ServoSettings defaults;
-  const auto& usual_view = defaults.tasks.of<angio::ViewTaskSettings>();
   angio::Options o;
   auto* simulated =
       app.add_flag("--simulate", o.simulate, "Simulated X-ray, C-arm and loop in one process, in simulated time");
@@ -189,16 +186,7 @@ int main(int argc, char** argv) {
       ->check(between(0, 1e6));
   app.add_option("--disturb", o.disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...")
       ->excludes(simulated);
-  app.add_option("--task", o.task, "What to do")
-      ->check(CLI::IsMember(angio::VariantSections<angio::TaskSettings>::names()))
-      ->default_str("view");
-  app.add_option("--view-primary-deg", o.view_primary_deg, "Desired view of the anatomy: LAO positive, RAO negative")
-      ->check(between(-110, 110))
-      ->default_str(shown(usual_view.primary_deg));
-  app.add_option("--view-secondary-deg", o.view_secondary_deg,
-                 "Desired view of the anatomy: CRA positive, CAU negative")
-      ->check(between(-55, 55))
-      ->default_str(shown(usual_view.secondary_deg));
+  o.loop.addTo(app);
   app.add_option("--view-pose", o.view_pose,
                  "Desired view: as in a registered pose (.yaml), of angio-register --out-pose")
       ->excludes("--view-primary-deg")

@@ -17,6 +17,7 @@ void ServoSettings::visit(SettingsVisitor& v) {
   v.number("latency_ms", latency_ms, 0, 2000);
   extractors.visit(v);
   v.choice("method", method, {OrientedKernelSettings::kName, IterativePnpSettings::kName});
+  v.choice("perception", perception, {"own", "bus"});
   v.integer("starts", starts, 0, 100000);
   section(OrientedKernelSettings::kName, oriented_kernel);
   v.section(IterativePnpSettings::kName, [&](SettingsVisitor& inner) {
@@ -39,6 +40,7 @@ ServoLoopSettings ServoSettings::loop(const CArmCalibration& believed) const {
   loop.task = tasks.chosen();
   loop.law = laws.chosen();
   loop.latency_s = 1e-3 * latency_ms;
+  loop.registered_elsewhere = perception == Perceiver::kBus;
   loop.perception.extractor = extractors.chosen();
   loop.perception.search = loop.perception.tracking = oriented_kernel;
   if (method == Method::kIterativePnp) {

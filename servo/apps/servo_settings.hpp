@@ -21,7 +21,8 @@ struct ServoSettings {
   OrientedKernelSettings oriented_kernel;
   IterativePnpSettings search = PerceptionSettings::iterativePnpForSearch();      // Of iterative_pnp, while nothing is
   IterativePnpSettings tracking = PerceptionSettings::iterativePnpForTracking();  // tracked, and from frame to frame.
-  int starts = 0;  ///< Of a search; 0: as many as the method needs.
+  enum class Perceiver { kOwn, kBus } perception = Perceiver::kOwn;  ///< Bus: another program's REGISTRATION.
+  int starts = 0;                                                    ///< Of a search; 0: as many as the method needs.
   PatientTrackerSettings tracker;
   CArmLimitsSettings limits;
   SupervisorSettings supervisor;

@@ -36,8 +36,11 @@ class CentreTask final : public Task {
         in_flight_(context.limits) {}
 
   std::optional<WatchedPlace> place() const override {
+    if (followsTip()) return std::nullopt;
     return WatchedPlace{target_, 1e-3 * settings_.near_mm, 1e-3 * settings_.near_std_mm};
   }
+
+  bool followsTip() const override { return settings_.on == CentreOn::kCatheterTip; }
 
   TaskAnswer answer(const TaskInput& input) override;
 
@@ -72,7 +75,8 @@ SeenPoint CentreTask::seen(const TaskInput& input) const {
   point.position = T * target;
   Eigen::Matrix<double, 3, 6> J;
   J << Eigen::Matrix3d::Identity(), -skew(T.linear() * target);
-  point.covariance = J * input.covariance * J.transpose();
+  point.covariance =
+      J * input.covariance * J.transpose() + T.linear() * input.target_covariance * T.linear().transpose();
   // A bend that stretches the tree's image passes for a nearer tree, of which the rigid one's covariance knows nothing.
   Eigen::Vector3d ray = point.position / point.position.z();
   const double depth_std_m = 1e-3 * settings_.depth_std_mm;
@@ -132,6 +136,7 @@ TaskAnswer CentreTask::answer(const TaskInput& input) {
   const double time_s = 1e-6 * (static_cast<double>(input.time_us) - static_cast<double>(*first_us_));
   const CArmState then = in_flight_.atArrival(input);
 
+  if (followsTip() && !input.target_model) return hold("where the catheter's tip is, is not known");
   const SeenPoint point = seen(input);
   const auto pixel = input.camera.project(point.position);
   if (!pixel) return hold("the target is not in front of the source");

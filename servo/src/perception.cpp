@@ -99,6 +99,14 @@ Sight Perception::look(const XrayFrame& frame, const CArmState& state) {
   return sight;
 }
 
+Sight Perception::take(const RegistrationResult& registration, const CArmState& state) const {
+  Sight sight;
+  sight.predicted = tracker_.predict(state);
+  sight.tracked = tracker_.tracking();
+  sight.registration = registration;
+  return sight;
+}
+
 // A tree that bends with breath is explained in part by a rigid one, and called ambiguous. Bending it decides: what is
 // another tree, or none, needs more than a breath does. Where tracking has been lost nothing is bent: then a rigid pose
 // has to stand against its rivals first.

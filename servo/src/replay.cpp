@@ -26,6 +26,8 @@ struct Contents {
   std::map<FrameKey, std::int64_t> place;                 // The same by name.
   std::vector<ServoInput> inputs;
   std::vector<CArmCommand> commands;
+  std::map<FrameKey, RegistrationMessage> registrations;  // The first of each frame.
+  std::map<FrameKey, CatheterTip> tips;
   std::vector<std::pair<std::int64_t, std::vector<std::uint8_t>>> states;  // Places and bytes.
   std::int64_t skipped_bytes = 0;
 };
@@ -46,6 +48,12 @@ Contents readContents(LogReader& log) {
     } else if (event->channel == kCArmCommandChannel) {
       const auto command = decode<CArmCommand>(data, size);
       if (command.value) c.commands.push_back(*command.value);
+    } else if (event->channel == kRegistrationChannel) {
+      const auto seen = decode<RegistrationMessage>(data, size);
+      if (seen.value) c.registrations.emplace(FrameKey(seen.value->frame_sequence, seen.value->time_us), *seen.value);
+    } else if (event->channel == kCatheterTipChannel) {
+      const auto tip = decode<CatheterTip>(data, size);
+      if (tip.value) c.tips.emplace(FrameKey(tip.value->frame_sequence, tip.value->time_us), *tip.value);
     } else if (event->channel == kCArmStateChannel) {
       c.states.emplace_back(event->position_bytes, event->bytes);
     }
@@ -139,11 +147,22 @@ class Pass {
  private:
   ServoReport answerAsThen(const XrayFrame& frame, const ServoInput& input) {
     if (input.verdict == ServoVerdict::kRefused) return loop_->refuse(frame, "refused by the supervisor");
-    ServoReport report = loop_->step(frame, input.state);
+    ServoReport report = loop_->step(frame, input.state, seenOf(input));
     if (input.verdict == ServoVerdict::kTakenBack) {
       loop_->takeBack(report, report.held.value_or("taken back by the supervisor"));
     }
     return report;
+  }
+
+  // What other programs said of a frame.
+  SeenElsewhere seenOf(const ServoInput& input) const {
+    const FrameKey key(input.frame_sequence, input.time_us);
+    SeenElsewhere seen;
+    if (const auto found = contents_.registrations.find(key); found != contents_.registrations.end()) {
+      seen.registration = found->second;
+    }
+    if (const auto found = contents_.tips.find(key); found != contents_.tips.end()) seen.tip = found->second;
+    return seen;
   }
 
   LogReader& log_;

@@ -46,6 +46,20 @@ std::unique_ptr<Task> taskOf(const ServoLoopSettings& settings, const VesselTree
                   {settings.carm, settings.limits, tree, targetOf(settings, tree), settings.R_lps_model, settings.law});
 }
 
+// What a message says, as far as it goes.
+RegistrationResult resultOf(const RegistrationMessage& message) {
+  RegistrationResult result;
+  result.status = static_cast<RegistrationStatus>(message.status);
+  if (result.status != RegistrationStatus::kConverged) result.reason = "as another program says";
+  result.T_camera_model = message.T_camera_model;
+  // Zero is what a message says that knows none.
+  if (message.covariance.diagonal().minCoeff() > 0) result.covariance = message.covariance;
+  result.agreement.model_residual_px = message.mean_residual_px;
+  result.points_3d = message.points_3d;
+  result.points_2d = message.points_2d;
+  return result;
+}
+
 }  // namespace
 
 PerceptionSettings ServoLoopSettings::perceptionForTask() const {
@@ -54,15 +68,20 @@ PerceptionSettings ServoLoopSettings::perceptionForTask() const {
   return settings;
 }
 
+ToldOfFrames ServoLoopSettings::toldOfFrames() const {
+  const auto* centre = std::get_if<CentreTaskSettings>(&task);
+  return {registered_elsewhere, centre != nullptr && centre->on == CentreOn::kCatheterTip};
+}
+
 ServoLoop::ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree)
     : settings_(checked(settings)),
       task_(taskOf(settings, tree)),
       perception_(settings.perceptionForTask(), settings.carm, settings.T_dsa_cb, tree, task_->place()),
       supervisor_(settings.supervisor, settings.limits, targetOf(settings, tree)) {}
 
-ServoReport ServoLoop::step(const XrayFrame& frame, const CArmState& state) {
+ServoReport ServoLoop::step(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen) {
   const double period_s = periodUntil(frame);
-  ServoReport report = answer(frame, state, period_s);
+  ServoReport report = answer(frame, state, seen, period_s);
   if (report.held) supervisor_.rest(period_s);
   number(report.command, frame);
   return report;
@@ -109,13 +128,19 @@ void ServoLoop::number(CArmCommand& command, const XrayFrame& frame) {
 }
 
 // The command's velocity is zero unless the last line is reached.
-ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, double period_s) {
+ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen,
+                              double period_s) {
   ServoReport report;
-  if ((report.held = supervisor_.objection(frame, state))) {
+  report.held = supervisor_.objection(frame, state);
+  if (!report.held && settings_.registered_elsewhere && !seen.registration) {
+    report.held = "nobody has registered the frame";
+  }
+  if (report.held) {
     task_->interrupt();
     return report;
   }
-  report.sight = perception_.look(frame, state);
+  report.sight = settings_.registered_elsewhere ? perception_.take(resultOf(*seen.registration), state)
+                                                : perception_.look(frame, state);
 
   const Stopwatch control;
   const Sight& sight = report.sight;
@@ -137,6 +162,16 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, do
                   std::min(period_s, kLongestPeriod_s),
                   settings_.latency_s};
   input.place = sight.place;
+  if (task_->followsTip()) {
+    if (!seen.tip || seen.tip->status != CatheterTipStatus::kLocated) {
+      report.held = "the catheter's tip is not located" + (seen.tip ? ": " + seen.tip->reason : "");
+      report.tip_unknown = true;
+      task_->interrupt();
+      return report;
+    }
+    input.target_model = seen.tip->tip_model;
+    input.target_covariance = seen.tip->covariance;
+  }
   const TaskAnswer answer = task_->answer(input);
   if (!answer.velocity) {
     report.held = answer.held.value_or("the task asks for no motion");

@@ -13,7 +13,7 @@ namespace angio {
 ServoNode::ServoNode(Bus& bus, const ServoLoopSettings& settings, const VesselTree& tree)
     : bus_(bus),
       carm_(settings.carm),
-      frames_(bus, kXrayFrameChannel),
+      frames_(bus, settings.toldOfFrames()),
       newest_joints_(bus, kCArmStateChannel),
       requests_(bus, OperatedMachine::kCArm),
       joints_(bus, kCArmStateChannel),
@@ -35,8 +35,8 @@ void ServoNode::judge(const ServoReport& report, const CArmState& state, std::in
     const Pose T_patient_camera = carm_.T_camera_patient(state.joints).inverse();
     safety_.trust(T_patient_camera * seen.T_camera_model, T_patient_camera.linear().col(2), now_us);
   } else {
-    const bool converged = seen.status == RegistrationStatus::kConverged;
-    safety_.doubt(converged ? SafetySupervisor::Doubt::kContradiction : SafetySupervisor::Doubt::kUnseen, *report.held,
+    const bool contradicts = seen.status == RegistrationStatus::kConverged && !report.tip_unknown;
+    safety_.doubt(contradicts ? SafetySupervisor::Doubt::kContradiction : SafetySupervisor::Doubt::kUnseen, *report.held,
                   now_us);
   }
 }
@@ -49,7 +49,8 @@ void ServoNode::say(ServoStatus status) {
 }
 
 // Says on the way what a replay needs to know.
-ServoReport ServoNode::answerOf(const XrayFrame& frame, const CArmState& state, std::int64_t now_us) {
+ServoReport ServoNode::answerOf(const ToldFrame& told, const CArmState& state, std::int64_t now_us) {
+  const XrayFrame& frame = told.frame;
   const auto note = [&](ServoVerdict verdict) {
     publish(bus_, kServoInputChannel, ServoInput{frame.time_us, frame.sequence, state, verdict});
   };
@@ -57,7 +58,7 @@ ServoReport ServoNode::answerOf(const XrayFrame& frame, const CArmState& state, 
     note(ServoVerdict::kRefused);
     return loop_.refuse(frame, *objection);
   }
-  ServoReport report = loop_.step(frame, state);
+  ServoReport report = loop_.step(frame, state, told.seen);
   judge(report, state, now_us);
   const bool may = safety_.moves() && safety_.permitted(report.command.velocity) == report.command.velocity;
   note(may ? ServoVerdict::kPermitted : ServoVerdict::kTakenBack);
@@ -67,16 +68,16 @@ ServoReport ServoNode::answerOf(const XrayFrame& frame, const CArmState& state, 
 
 std::optional<ServoReport> ServoNode::answer(std::int64_t now_us) {
   hear(now_us);
-  const auto frame = joints_.empty() ? std::nullopt : frames_.take();
-  if (!frame) {
+  const auto told = joints_.empty() ? std::nullopt : frames_.take();
+  if (!told) {
     if (safety_.states().transitions() != said_transitions_) say(last_status_);
     return std::nullopt;
   }
-  const CArmState state = *joints_.at(frame->time_us);
-  ServoReport report = answerOf(*frame, state, now_us);
+  const CArmState state = *joints_.at(told->frame.time_us);
+  ServoReport report = answerOf(*told, state, now_us);
   safety_.commanded(report.command);
   publish(bus_, kCArmCommandChannel, report.command);
-  publish(bus_, kRegistrationChannel, registrationMessage(report));
+  if (!told->seen.registration) publish(bus_, kRegistrationChannel, registrationMessage(report));
   say(servoStatus(report));
   const Stopwatch learning;
   loop_.learn();  // With the command on its way.

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <optional>
 
 #include "angio/base/errors.hpp"
 #include "angio/messaging/channels.hpp"
@@ -27,9 +28,9 @@ struct TwoPrograms : testing::Test {
   }
   virtual void listen() = 0;
 
-  // The simulator at a few frames a second, and another one; both end by themselves.
-  void run(const std::string& program, const std::vector<std::string>& its,
-           const std::vector<std::string>& simulators) {
+  // The simulator at a few frames a second, another one, and one that helps it, if any; all end by themselves.
+  void run(const std::string& program, const std::vector<std::string>& its, const std::vector<std::string>& simulators,
+           const std::string& helper = "") {
     const std::vector<std::string> shared = {"--bus",         url,
                                              "--duration-s",  kSeconds,
                                              "--tree",        test::exampleData("hepatic-tace/tree.csv"),
@@ -38,11 +39,17 @@ struct TwoPrograms : testing::Test {
     answering.insert(answering.end(), its.begin(), its.end());
     simulating.insert(simulating.end(), {"--frame-rate-hz", test::kSanitized ? "1" : "5"});
     simulating.insert(simulating.end(), simulators.begin(), simulators.end());
+    std::optional<test::RunningProgram> third;
+    if (!helper.empty()) third.emplace(helper, shared);
     test::RunningProgram first(program, answering), simulator("angio-simulate", simulating);
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(std::stoi(kSeconds));
     while (std::chrono::steady_clock::now() < end) bus->handle(std::chrono::milliseconds(100));
     shown = simulator.end();
     answered = first.end();
+    if (third) {
+      const test::Ended helped = third->end();
+      ASSERT_EQ(helped.exit_code, 0) << helped.err;
+    }
     ASSERT_EQ(shown.exit_code, 0) << shown.err;
     ASSERT_EQ(answered.exit_code, 0) << answered.err;
   }
@@ -68,6 +75,16 @@ TEST_F(ServoAndSimulator, TheLoopAnswersTheFramesOfTheSimulator) {
   EXPECT_GT(frames, 0) << shown.out;
   EXPECT_LT(held, frames) << answered.err;
   EXPECT_GT(commands->received(), 0);
+  ASSERT_TRUE(states->peek());
+  EXPECT_GT(states->peek()->joints[0], 0) << "the arm has begun to turn towards LAO";
+}
+
+TEST_F(ServoAndSimulator, TheLoopAnswersWhatAnotherProgramRegisters) {
+  run("angio-servo", {"--perception", "bus"}, {}, "angio-register");
+  long frames = 0, held = 0;
+  ASSERT_EQ(std::sscanf(answered.out.c_str(), "%ld frames answered, %ld held", &frames, &held), 2) << answered.out;
+  EXPECT_GT(frames, 0) << shown.out;
+  EXPECT_LT(held, frames) << answered.err;
   ASSERT_TRUE(states->peek());
   EXPECT_GT(states->peek()->joints[0], 0) << "the arm has begun to turn towards LAO";
 }

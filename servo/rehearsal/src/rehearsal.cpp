@@ -4,6 +4,7 @@
 #include <cmath>
 #include <random>
 
+#include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/servo/operator.hpp"
@@ -164,6 +165,9 @@ RehearsalWorld madeUpWorld(const VesselTree& tree, const CArmCalibration& nomina
 }
 
 ServoLoopSettings loopIn(const RehearsalWorld& world, const ServoLoopSettings& parts) {
+  const ToldOfFrames told = parts.toldOfFrames();
+  if (told.registration) throw InputError("rehearsal", "perception", "bus", "needs a bus with a perception node on it");
+  if (told.tip) throw InputError("rehearsal", "centre.on", "catheter_tip", "needs a bus with a catheter's loop on it");
   ServoLoopSettings loop = parts;
   loop.carm = world.believed.carm;
   loop.T_dsa_cb = world.believed.T_dsa_cb;

@@ -6,6 +6,9 @@
 
 namespace angio {
 
+/// What is kept: a point of the tree, or the tip of a catheter, wherever that goes.
+enum class CentreOn { kTarget, kCatheterTip };
+
 /// Keep the target at a pixel by the table alone, while the patient breathes, the heart beats and both drift.
 ///
 /// The depth along the beam is not followed. A table of 0.2 m/s^2 can follow breathing: Lujan's sin^4 of 15 mm in 4 s
@@ -16,6 +19,7 @@ struct CentreTaskSettings {
   static constexpr const char* kName = "centre";
   static constexpr bool kPatientMoves = true;  ///< Frames are looked for where the motion is predicted to be.
 
+  CentreOn on = CentreOn::kTarget;
   bool predict = true;           ///< Not: the target is taken to stay where it was seen last.
   double offset_px[2] = {0, 0};  ///< The wanted pixel, from the principal point: right, down.
   PathPlanSettings plan;
@@ -34,6 +38,7 @@ struct CentreTaskSettings {
   MotionPredictorSettings motion;
 
   void visit(SettingsVisitor& v) {
+    v.choice("on", on, {"target", "catheter_tip"});
     v.flag("predict", predict);
     v.numbers("offset_px", offset_px, 2, -1e4, 1e4);
     plan.visit(v);

@@ -60,6 +60,9 @@ class Perception {
   /// believed: trust() or doubt() does.
   Sight look(const XrayFrame& frame, const CArmState& state);
 
+  /// The sight of somebody else, who has registered the frame: no curves, and no watched place. Changes nothing either.
+  Sight take(const RegistrationResult& registration, const CArmState& state) const;
+
   /// Believes a sight: the patient lies where it says.
   void trust(const Sight& sight, const CArmState& state);
 

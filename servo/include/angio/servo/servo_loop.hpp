@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "angio/servo/frame_mailbox.hpp"
 #include "angio/servo/perception.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 #include "angio/servo/supervisor.hpp"
@@ -27,6 +28,12 @@ struct ServoLoopSettings {
   SafetySettings safety;    ///< Of the machine's permission to move: for a node, the loop itself knows no states.
   double latency_s = 0.08;  ///< From an exposure until its command moves the machine: what tasks look ahead.
 
+  /// Whether frames are registered by another program: then a loop does not look at them itself.
+  bool registered_elsewhere = false;
+
+  /// What has to be told of each frame, for these settings.
+  ToldOfFrames toldOfFrames() const;
+
   /// What frames are looked at with: `perception`, which follows the patient's motion where the task is for a patient
   /// who moves.
   PerceptionSettings perceptionForTask() const;
@@ -36,6 +43,7 @@ struct ServoLoopSettings {
 struct ServoReport {
   CArmCommand command;              ///< Stands still unless the frame was trusted.
   std::optional<std::string> held;  ///< Why it holds; nothing while it servoes.
+  bool tip_unknown = false;         ///< It holds for want of the catheter's tip, of a frame that is sound.
   Sight sight;                      ///< Empty when the frame was not even looked at.
   TaskAnswer task;                  ///< At rest while it holds.
   double control_s = 0;             ///< Wall time of task, law and limits [s].
@@ -50,7 +58,9 @@ class ServoLoop {
   ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree);
 
   /// Answers one frame that was exposed while the joints were as in `state`.
-  ServoReport step(const XrayFrame& frame, const CArmState& state);
+  ///
+  /// @param seen  What ServoLoopSettings::toldOfFrames() asks for; a frame of which that is missing is held.
+  ServoReport step(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen = {});
 
   /// Answers a frame that must not be looked at: the machine stands still.
   ServoReport refuse(const XrayFrame& frame, const std::string& why);
@@ -68,7 +78,7 @@ class ServoLoop {
  private:
   double periodUntil(const XrayFrame& frame);
   void number(CArmCommand& command, const XrayFrame& frame);
-  ServoReport answer(const XrayFrame& frame, const CArmState& state, double period_s);
+  ServoReport answer(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen, double period_s);
 
   ServoLoopSettings settings_;
   std::unique_ptr<Task> task_;

@@ -9,7 +9,8 @@
 namespace angio {
 
 /// The loop's side of a bus under a safety supervisor: hears XRAY_FRAME, CARM_STATE and SERVO_REQUEST, says
-/// CARM_COMMAND, SERVO_INPUT, REGISTRATION and SERVO_STATUS. Stands still until an operator has armed and started it.
+/// CARM_COMMAND, SERVO_INPUT, REGISTRATION and SERVO_STATUS. Stands still until an operator has armed and started it. As
+/// its settings say, it hears REGISTRATION, and does not say it then, and CATHETER_TIP.
 class ServoNode {
  public:
   /// Borrows the bus, which must outlive it. Throws InputError when a setting is out of its range.
@@ -30,12 +31,12 @@ class ServoNode {
  private:
   void hear(std::int64_t now_us);
   void judge(const ServoReport& report, const CArmState& state, std::int64_t now_us);
-  ServoReport answerOf(const XrayFrame& frame, const CArmState& state, std::int64_t now_us);
+  ServoReport answerOf(const ToldFrame& told, const CArmState& state, std::int64_t now_us);
   void say(ServoStatus status);
 
   Bus& bus_;
   CArmGeometry carm_;
-  LatestValue<XrayFrame> frames_;
+  FrameMailbox frames_;
   LatestValue<CArmState> newest_joints_;
   HeardRequests requests_;
   JointHistory joints_;

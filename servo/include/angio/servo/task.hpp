@@ -26,6 +26,7 @@ struct TaskInput {
   /// Where the target is in this frame, model frame [m], when it moves within the model, as a catheter's tip does;
   /// nothing: the task's own target.
   std::optional<Eigen::Vector3d> target_model = std::nullopt;
+  Eigen::Matrix3d target_covariance = Eigen::Matrix3d::Zero();  ///< Of it, model axes [m^2].
 
   /// What the frame shows of the place that the task watches; nothing: only what the registration says.
   std::optional<PlaceSight> place = std::nullopt;
@@ -48,6 +49,9 @@ class Task {
 
   /// What it wants to have seen for itself; asked once, before the first frame.
   virtual std::optional<WatchedPlace> place() const { return std::nullopt; }
+
+  /// Whether its target is a catheter's tip: then every input has to say where that is.
+  virtual bool followsTip() const { return false; }
 
   /// Answers one trusted frame.
   virtual TaskAnswer answer(const TaskInput& input) = 0;

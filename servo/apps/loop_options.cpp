@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "loop_options.hpp"
+
+#include "angio/base/errors.hpp"
+
+namespace angio {
+
+void LoopOptions::addTo(CLI::App& app) {
+  const ServoSettings usual;
+  const auto& view = usual.tasks.of<ViewTaskSettings>();
+  app.add_option("--task", task, "What to do")->check(CLI::IsMember(usual.tasks.names()))->default_str("view");
+  app.add_option("--view-primary-deg", view_primary_deg, "Desired view of the anatomy: LAO positive, RAO negative")
+      ->check(between(-110, 110))
+      ->default_str(shown(view.primary_deg));
+  app.add_option("--view-secondary-deg", view_secondary_deg, "Desired view of the anatomy: CRA positive, CAU negative")
+      ->check(between(-55, 55))
+      ->default_str(shown(view.secondary_deg));
+  app.add_option("--perception", perception,
+                 "Who registers frames: own, or bus: another program says REGISTRATION of each (angio-register --bus)")
+      ->check(CLI::IsMember({"own", "bus"}))
+      ->default_str("own");
+  app.add_option(
+         "--centre-on", centre_on,
+         "What centre keeps: target, a point of the tree, or catheter_tip, of which angio-navigate says where it is")
+      ->check(CLI::IsMember({"target", "catheter_tip"}))
+      ->default_str("target");
+}
+
+void LoopOptions::applyTo(ServoSettings& settings) const {
+  if (!task.empty()) settings.tasks.choose(task);
+  ViewTaskSettings& view = settings.tasks.of<ViewTaskSettings>();
+  view.primary_deg = view_primary_deg.value_or(view.primary_deg);
+  view.secondary_deg = view_secondary_deg.value_or(view.secondary_deg);
+  if (!perception.empty()) {
+    settings.perception = perception == "bus" ? ServoSettings::Perceiver::kBus : ServoSettings::Perceiver::kOwn;
+  }
+  if (!centre_on.empty()) {
+    const TaskSettings chosen = settings.tasks.chosen();
+    if (!std::holds_alternative<CentreTaskSettings>(chosen)) {
+      throw InputError("command line", "--centre-on", centre_on, "needs the task centre, and not " + nameOf(chosen));
+    }
+    settings.tasks.of<CentreTaskSettings>().on =
+        centre_on == "catheter_tip" ? CentreOn::kCatheterTip : CentreOn::kTarget;
+  }
+}
+
+}  // namespace angio

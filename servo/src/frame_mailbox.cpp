@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/servo/frame_mailbox.hpp"
+
+#include <algorithm>
+
+#include "angio/messaging/channels.hpp"
+
+namespace angio {
+namespace {
+
+// Of what waits: half a second of frames, and what may be said of them ahead of time.
+constexpr std::size_t kMostFrames = 8, kMostMessages = 32;
+
+template <typename T>
+void keep(std::deque<T>& kept, std::vector<T> heard) {
+  for (T& message : heard) kept.push_back(std::move(message));
+  while (kept.size() > kMostMessages) kept.pop_front();
+}
+
+template <typename T>
+std::optional<T> of(const XrayFrame& frame, const std::deque<T>& kept) {
+  const auto found = std::find_if(kept.begin(), kept.end(), [&](const T& message) {
+    return message.frame_sequence == frame.sequence && message.time_us == frame.time_us;
+  });
+  return found == kept.end() ? std::nullopt : std::optional(*found);
+}
+
+}  // namespace
+
+FrameMailbox::FrameMailbox(Bus& bus, const ToldOfFrames& told) : told_(told), frames_(bus, kXrayFrameChannel) {
+  if (told.registration) {
+    registrations_ = std::make_unique<EveryValue<RegistrationMessage>>(bus, kRegistrationChannel);
+  }
+  if (told.tip) tips_ = std::make_unique<EveryValue<CatheterTip>>(bus, kCatheterTipChannel);
+}
+
+std::optional<ToldFrame> FrameMailbox::take() {
+  if (auto frame = frames_.take()) waiting_.push_back(std::move(*frame));
+  if (waiting_.size() > kMostFrames) waiting_.pop_front();
+  if (registrations_) keep(heard_registrations_, registrations_->take());
+  if (tips_) keep(heard_tips_, tips_->take());
+  for (auto frame = waiting_.rbegin(); frame != waiting_.rend(); ++frame) {
+    SeenElsewhere seen{of(*frame, heard_registrations_), of(*frame, heard_tips_)};
+    if ((told_.registration && !seen.registration) || (told_.tip && !seen.tip)) continue;
+    ToldFrame told{std::move(*frame), std::move(seen)};
+    waiting_.erase(waiting_.begin(), frame.base());
+    return told;
+  }
+  return std::nullopt;
+}
+
+}  // namespace angio

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// A loop that is told by other programs what its frames show.
+#include <gtest/gtest.h>
+
+#include "angio/messaging/recording_bus.hpp"
+#include "angio/servo/perception_node.hpp"
+#include "angio/servo/replay.hpp"
+#include "angio/servo/servo_node.hpp"
+#include "angio/test/temporary_folder.hpp"
+#include "stage.hpp"
+
+namespace angio {
+namespace {
+
+constexpr std::int64_t kPeriod_us = 66'667;
+
+// A perception node and a loop on one bus, before an arm that stands where it is.
+struct ToldLoop : testing::Test {
+  void expose(std::int64_t k, bool seen = true) {
+    publish(*bus, kCArmStateChannel, stage.state(k));
+    publish(*bus, kXrayFrameChannel, stage.frame(k));
+    handle();
+    if (seen) eyes.look();
+    handle();
+  }
+  void handle() {
+    while (bus->handle(std::chrono::milliseconds(0)) > 0) continue;
+  }
+  static ServoLoopSettings told(ServoLoopSettings settings) {
+    settings.registered_elsewhere = true;
+    return settings;
+  }
+
+  test::Stage stage;
+  test::TemporaryFolder folder;
+  std::string log = folder.path("told.lcm");
+  std::unique_ptr<Bus> bus = openBus("memq://");
+  PerceptionNode eyes{*bus, stage.settings, stage.tree};
+};
+
+TEST_F(ToldLoop, DoesAsOneThatLooksItselfAndIsReplayed) {
+  ServoLoopSettings settings = test::moving(stage.settings);
+  const auto other_bus = openBus("memq://");
+  ServoNode looking(*other_bus, settings, stage.tree);
+  test::start(*other_bus, looking);
+  {
+    RecordingBus recorded(*bus, log);  // Whole when it ends.
+    ServoNode node(recorded, told(settings), stage.tree);
+    const LatestValue<RegistrationMessage> said(*bus, kRegistrationChannel);
+    test::start(*bus, node);
+    for (std::int64_t k = 1; k <= 4; ++k) {
+      expose(k);
+      const auto report = node.answer(k * kPeriod_us);
+      ASSERT_TRUE(report);
+      EXPECT_FALSE(report->held) << *report->held;
+      publish(*other_bus, kCArmStateChannel, stage.state(k));
+      publish(*other_bus, kXrayFrameChannel, stage.frame(k));
+      while (other_bus->handle(std::chrono::milliseconds(0)) > 0) continue;
+      const auto expected = looking.answer(k * kPeriod_us);
+      EXPECT_FALSE(report->command.velocity.isZero(0));
+      EXPECT_TRUE(report->command.velocity.isApprox(expected->command.velocity, 1e-9));
+      handle();
+      EXPECT_EQ(said.received(), k) << "the loop does not repeat what it was told";
+    }
+  }
+  const ReplaySummary again = replay(log, told(settings), stage.tree);
+  EXPECT_EQ(again.answered, 4);
+  EXPECT_EQ(again.equal, 4) << again.first_difference.value_or("");
+}
+
+TEST_F(ToldLoop, StandsStillWhereNobodySaysAnything) {
+  ServoNode node(*bus, told(test::moving(stage.settings)), stage.tree);
+  test::start(*bus, node);
+  expose(1);
+  ASSERT_TRUE(node.answer(kPeriod_us));
+  ASSERT_EQ(node.safety().states().state(), ServoState::kServo);
+  std::int64_t k = 2;
+  for (; k < 12; ++k) {
+    expose(k, false);
+    EXPECT_FALSE(node.answer(k * kPeriod_us));
+  }
+  EXPECT_EQ(node.safety().states().state(), ServoState::kHold) << node.safety().states().reason();
+  for (; k < 60; ++k) {
+    expose(k, false);
+    node.answer(k * kPeriod_us);
+  }
+  EXPECT_EQ(node.safety().states().state(), ServoState::kFault);
+}
+
+TEST_F(ToldLoop, BelievesNoRegistrationWithoutACovariance) {
+  ServoLoop loop(told(stage.settings), stage.tree);
+  SeenElsewhere seen;
+  seen.registration.emplace();
+  seen.registration->T_camera_model = stage.settings.carm.T_camera_patient(stage.joints);
+  const ServoReport report = loop.step(stage.frame(1), stage.state(1), seen);
+  EXPECT_EQ(report.held.value_or(""), "registration is not finite");
+  EXPECT_EQ(loop.step(stage.frame(2), stage.state(2)).held.value_or(""), "nobody has registered the frame");
+}
+
+// The table goes where the tip is, and rests where nobody knows.
+TEST_F(ToldLoop, CentresACathetersTip) {
+  ServoLoopSettings settings = stage.settings;
+  CentreTaskSettings centre;
+  centre.on = CentreOn::kCatheterTip;
+  settings.task = centre;
+  EXPECT_TRUE(settings.toldOfFrames().tip);
+  const Pose truth = settings.carm.T_camera_patient(stage.joints);
+  for (const double side : {-1.0, 1.0}) {
+    ServoLoop loop(settings, stage.tree);
+    SeenElsewhere seen;
+    seen.tip.emplace();
+    seen.tip->reason = "it is behind a rib";
+    ServoReport report = loop.step(stage.frame(1), stage.state(1), seen);
+    EXPECT_EQ(report.held.value_or(""), "the catheter's tip is not located: it is behind a rib");
+    EXPECT_TRUE(report.tip_unknown);
+    EXPECT_TRUE(report.command.velocity.isZero(0));
+    // To the right in the image, or to the left: the patient has to go the other way.
+    seen.tip->status = CatheterTipStatus::kLocated;
+    seen.tip->tip_model = truth.inverse() * (truth * stage.tree.centroid() + Eigen::Vector3d(side * 0.02, 0, 0));
+    seen.tip->covariance = 1e-6 * Eigen::Matrix3d::Identity();
+    for (std::int64_t k = 2; k <= 6; ++k) {
+      report = loop.step(stage.frame(k), stage.state(k), seen);
+      ASSERT_FALSE(report.held) << *report.held;
+    }
+    EXPECT_NEAR(report.task.pixel_error->x(),
+                side * 0.02 * settings.carm.camera().parameters().fx_px / (truth * stage.tree.centroid()).z(), 2);
+    EXPECT_TRUE(report.command.velocity.head<2>().isZero(0));
+    const Eigen::Vector3d table = report.command.velocity.tail<3>();
+    const Eigen::Vector3d moves = settings.carm.eJe(stage.joints).block<3, 3>(0, 2) * table;
+    EXPECT_GT(side * moves.x(), 1e-3) << "the camera against the patient";
+  }
+}
+
+}  // namespace
+}  // namespace angio
