@@ -7,6 +7,7 @@
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/servo/operator.hpp"
+#include "angio/servo/servo_node.hpp"
 #include "angio/simulation/catheter_node.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "angio/test/errors.hpp"
@@ -52,7 +53,39 @@ struct CatheterNodeTest : testing::Test {
     bus->handle(std::chrono::milliseconds(0));
     if (started) person->start(now_us);
     bus->handle(std::chrono::milliseconds(0));
-    return node.answer(now_us);
+    auto report = node.answer(now_us);
+    if (table) {
+      bus->handle(std::chrono::milliseconds(0));
+      table_person->start(now_us);
+      bus->handle(std::chrono::milliseconds(0));
+      table->answer(now_us);
+      bus->handle(std::chrono::milliseconds(0));
+      arm->listen(now_us + 60'000);
+    }
+    return report;
+  }
+
+  // The C-arm's loop, which keeps the tip in the middle by the table, and does not look at frames itself.
+  void centreTheTip() {
+    ServoLoopSettings loop;
+    loop.carm = stage.carm;
+    loop.limits = stage.limits;
+    loop.T_dsa_cb = stage.T_dsa_cb;
+    loop.registered_elsewhere = true;
+    loop.latency_s = 0.06;
+    CentreTaskSettings centre;
+    centre.on = CentreOn::kCatheterTip;
+    loop.task = centre;
+    table = std::make_unique<ServoNode>(*bus, loop, tree);
+    table_person = std::make_unique<Operator>(*bus);
+  }
+
+  // How far the true tip is from the middle of the image, at the isocentre.
+  double offMiddle_m() const {
+    const Device device = drive->catheter().device(tree.points());
+    const Eigen::Vector3d tip = stage.carm.T_camera_patient(arm->arm().state().joints) *
+                                (stage.T_dsa_cb * Eigen::Vector3d(device.points.rightCols<1>()));
+    return tip.head<2>().norm() * stage.carm.source_isocentre_distance_m / tip.z();
   }
 
   VesselTree tree = readVesselTree(test::exampleData("hepatic-tace/tree.csv"));
@@ -63,7 +96,8 @@ struct CatheterNodeTest : testing::Test {
   std::unique_ptr<SimulatedCArmNode> arm;
   std::unique_ptr<SimulatedXrayNode> xray;
   std::unique_ptr<SimulatedCatheterNode> drive;
-  std::unique_ptr<Operator> person;
+  std::unique_ptr<Operator> person, table_person;
+  std::unique_ptr<ServoNode> table;
   std::int64_t now_us = 0;
   bool started = true, deaf = false;
 };
@@ -135,6 +169,31 @@ TEST_F(CatheterNodeTest, StandsStillUntilItIsStartedAndWhenItIsStopped) {
     EXPECT_EQ(report->command.insertion_speed_mps, 0);
   }
   EXPECT_EQ(node->states().state(), ServoState::kEmergencyStop);
+}
+
+TEST_F(CatheterNodeTest, TheTableKeepsTheTipInTheMiddleOnItsWay) {
+  const TreeMap map(tree);
+  const auto node = nodeTo({map.children(0).front(), 8e-3});
+  centreTheTip();
+  const CArmJoints before = arm->arm().state().joints;
+  double worst_m = 0, sum2 = 0;
+  int counted = 0, steered = 0;
+  for (int k = 0; k < 300; ++k) {
+    const auto report = frame(*node);
+    if (report && !report->held) ++steered;
+    if (steered < 60) continue;  // Until then it has come there from the side.
+    const double off_m = offMiddle_m();
+    worst_m = std::max(worst_m, off_m);
+    sum2 += off_m * off_m;
+    ++counted;
+  }
+  ASSERT_GT(counted, 60);
+  EXPECT_EQ(table->safety().states().state(), ServoState::kServo) << table->safety().states().reason();
+  EXPECT_GT((arm->arm().state().joints - before).tail<3>().norm(), 20e-3);
+  EXPECT_EQ((arm->arm().state().joints - before).head<2>().norm(), 0);
+  EXPECT_LT(std::sqrt(sum2 / counted), 2e-3);
+  EXPECT_LT(worst_m, 5e-3);
+  EXPECT_GT(drive->catheter().truth().path_m, kStart.arc_m + 5e-3) << "and the catheter goes on";
 }
 
 TEST_F(CatheterNodeTest, CallsADriveThatDoesNotObeyAFault) {

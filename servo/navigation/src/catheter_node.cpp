@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/navigation/catheter_node.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -63,6 +64,7 @@ CatheterNode::CatheterNode(Bus& bus, const CatheterStage& stage, const VesselTre
     : bus_(bus),
       settings_(checked(settings)),
       stage_(stage),
+      centroid_(tree.centroid()),
       frames_(bus, kXrayFrameChannel),
       drive_(bus, kCatheterStateChannel),
       joints_(bus, kCArmStateChannel),
@@ -155,8 +157,9 @@ std::optional<std::string> CatheterNode::objection(const XrayFrame& frame, const
 
 bool CatheterNode::armHasMoved(const CArmState& arm) const {
   const CArmJoints moved = (arm.joints - roadmap_->joints).cwiseAbs();
+  // What is taken to be nearer than it is seems to go further when the table does.
   return moved.head<2>().maxCoeff() > degToRad(settings_.most_turn_deg) ||
-         moved.tail<3>().maxCoeff() > 1e-3 * settings_.most_shift_mm;
+         moved.tail<3>().norm() * roadmap_->depth_error > 1e-3 * settings_.most_shift_error_mm;
 }
 
 void CatheterNode::lookForVessels(const XrayFrame& frame, const CArmState& arm, CatheterNodeReport& report) {
@@ -178,8 +181,12 @@ void CatheterNode::lookForVessels(const XrayFrame& frame, const CArmState& arm, 
   report.held = "looks at the roadmap";
   if (++believed_ < settings_.roadmap_frames) return;
   const Pose& T = sight.registration.T_camera_model;
-  roadmap_ = Roadmap{arm.joints, stage_.carm.T_camera_patient(arm.joints).inverse() * T,
-                     sight.registration.covariance.value_or(Matrix6d(Matrix6d::Zero()))};
+  const Matrix6d& covariance = *sight.registration.covariance;  // Believed without one is none.
+  Eigen::Matrix<double, 1, 6> J;                                // Of the tree's depth by the pose.
+  J << Eigen::RowVector3d::UnitZ(), -skew(T.linear() * centroid_).row(2);
+  const double depth_std_m = std::sqrt(std::max(0.0, (J * covariance * J.transpose()).value()));
+  roadmap_ = Roadmap{arm.joints, stage_.carm.T_camera_patient(arm.joints).inverse() * T, covariance,
+                     depth_std_m / (T * centroid_).z()};
 }
 
 void CatheterNode::navigate(const XrayFrame& frame, const CArmState& arm, CatheterNodeReport& report) {
@@ -188,7 +195,13 @@ void CatheterNode::navigate(const XrayFrame& frame, const CArmState& arm, Cathet
   report.loop = loop_.step({frame.time_us, frame.sequence, pose, *drive_.peek()}, loop_.look(frame.image, pose));
   navigation_ = report.loop.answer.state;
   const auto& belief = report.loop.input.belief;
-  if (belief->status != BeliefStatus::kSeen) report.held = belief->why.empty() ? "the tip is not seen" : belief->why;
+  const bool seen = belief->status == BeliefStatus::kSeen;
+  if (!seen) report.held = belief->why.empty() ? "the tip is not seen" : belief->why;
+  RegistrationResult here;  // The roadmap, as long as the catheter is found along it.
+  here.status = seen ? RegistrationStatus::kConverged : RegistrationStatus::kTooFewPoints;
+  here.T_camera_model = pose.T_camera_model;
+  here.covariance = pose.covariance;
+  publish(bus_, kRegistrationChannel, registrationMessage(here, frame.time_us, frame.sequence));
 }
 
 void CatheterNode::say(ServoStatus status) {

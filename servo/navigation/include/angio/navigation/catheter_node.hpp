@@ -25,7 +25,7 @@ struct CatheterNodeSettings {
   int washed_out_frames = 3;         ///< ... and frames in a row without one, before the catheter alone is looked for.
   double most_drive_age_ms = 150;    ///< Between a frame and the drive's state that it is read with.
   double most_turn_deg = 0.3;        ///< Of the C-arm since the roadmap; more, and another one is needed.
-  double most_shift_mm = 1;          ///< The same, of the table.
+  double most_shift_error_mm = 0.5;  ///< The same, of the table: what the roadmap's unsure depth makes of its way.
 
   void visit(SettingsVisitor& v) {
     loop.visit(v);
@@ -37,7 +37,7 @@ struct CatheterNodeSettings {
     v.integer("washed_out_frames", washed_out_frames, 1, 1000);
     v.number("most_drive_age_ms", most_drive_age_ms, 1, 10e3);
     v.number("most_turn_deg", most_turn_deg, 0.01, 30);
-    v.number("most_shift_mm", most_shift_mm, 0.01, 100);
+    v.number("most_shift_error_mm", most_shift_error_mm, 0.01, 100);
   }
 };
 
@@ -61,8 +61,8 @@ struct CatheterNodeReport {
 /// and started it, and is at fault when it does not do what it is told.
 ///
 /// A roadmap comes first: frames with contrast agent, from which the tree is registered, until the agent has washed
-/// out. Then each frame is looked at for the catheter along the registered tree. When the C-arm or the table has moved,
-/// the next roadmap is waited for.
+/// out. Then each frame is looked at for the catheter along the registered tree, and REGISTRATION says where that tree
+/// is. When the C-arm has turned, or the table has gone far, the next roadmap is waited for.
 class CatheterNode {
  public:
   /// Borrows the bus, which must outlive it. Throws InputError when a setting is out of its range, or a place is none
@@ -94,6 +94,7 @@ class CatheterNode {
   Bus& bus_;
   CatheterNodeSettings settings_;
   CatheterStage stage_;
+  Eigen::Vector3d centroid_;
   LatestValue<XrayFrame> frames_;
   LatestValue<CatheterState> drive_;
   JointHistory joints_;
@@ -109,6 +110,7 @@ class CatheterNode {
     CArmJoints joints;
     Pose T_patient_model;
     Matrix6d covariance;
+    double depth_error;  // Standard deviation of the tree's depth, as a share of it.
   };
   std::optional<Roadmap> roadmap_;
   int believed_ = 0, unseen_ = 0;  // Frames in a row, of a roadmap that is being made.
