@@ -43,6 +43,21 @@ TEST(CommandLine, DefaultsStandInTheHelp) {
   EXPECT_NE(test::run("angio-evaluate", {"cases", "--help"}).out.find("iterative_pnp"), std::string::npos);
 }
 
+// What others would have to say of frames, in a simulation that has nobody else.
+TEST(CommandLine, ARehearsalHasNobodyToTellItWhatItsFramesShow) {
+  const auto refusal = [](std::vector<std::string> words) {
+    const auto ended = test::run("angio-servo", words);
+    EXPECT_EQ(ended.exit_code, 1);
+    return ended.err;
+  };
+  EXPECT_EQ(refusal({"--simulate", "--perception", "bus"}),
+            "angio-servo: rehearsal: perception = bus: needs a bus with a perception node on it\n");
+  EXPECT_EQ(refusal({"--simulate", "--task", "centre", "--centre-on", "catheter_tip"}),
+            "angio-servo: rehearsal: centre.on = catheter_tip: needs a bus with a catheter's loop on it\n");
+  EXPECT_EQ(refusal({"--task", "hold", "--centre-on", "catheter_tip"}),
+            "angio-servo: command line: --centre-on = catheter_tip: needs the task centre, and not hold\n");
+}
+
 TEST(CommandLine, WhatCannotBeMeantIsRefused) {
   const std::vector<std::pair<const char*, std::vector<std::string>>> lines = {
       {"angio-register", {}},
