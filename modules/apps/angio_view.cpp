@@ -82,10 +82,10 @@ class Viewer {
   Viewer(const Options& o, const VesselTree& tree)
       : title_(o.title), target_model_(tree.centroid()), overlay_(tree, o.width_px), screen_(o) {}
 
-  void hear(const std::uint8_t* data, std::size_t size, std::int64_t arrival_us) {
+  void hear(const std::string& channel, const std::uint8_t* data, std::size_t size, std::int64_t arrival_us) {
     auto decoded = decodeAny(data, size);
     if (!decoded.value) return;  // angio-spy tells what is wrong with a bus.
-    auto scene = feed_.hear(std::move(*decoded.value), arrival_us);
+    auto scene = feed_.hear(channel, std::move(*decoded.value), arrival_us);
     if (!scene) return;
     scene->title = title_;
     scene->target_model = target_model_;
@@ -122,7 +122,7 @@ int viewLog(const std::string& path, const Options& o, const VesselTree& tree) {
   LogReader log(path);
   Viewer viewer(o, tree);
   for (auto event = log.next(); event && !stopped; event = log.next()) {
-    viewer.hear(event->bytes.data(), event->bytes.size(), event->time_us);
+    viewer.hear(event->channel, event->bytes.data(), event->bytes.size(), event->time_us);
     viewer.draw();
   }
   return viewer.finish();
@@ -132,8 +132,9 @@ int viewBus(const Options& o, const VesselTree& tree) {
   const auto bus = openBus(o.bus);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-view: " << *warning << "\n";
   Viewer viewer(o, tree);
-  bus->subscribeAll(
-      [&](const std::string&, const std::uint8_t* data, std::size_t size) { viewer.hear(data, size, now_us()); });
+  bus->subscribeAll([&](const std::string& channel, const std::uint8_t* data, std::size_t size) {
+    viewer.hear(channel, data, size, now_us());
+  });
   const auto end = Clock::now() + std::chrono::duration<double>(o.duration_s);
   while (!stopped && !bus->ended() && (o.duration_s <= 0 || Clock::now() < end)) {
     bus->handle(std::chrono::milliseconds(50));

@@ -7,6 +7,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_feed.hpp"
+#include "angio/messaging/channels.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 
@@ -71,7 +72,9 @@ TEST(LiveOverlay, ShowsTheTreeInTheColourOfTheLoopsState) {
 TEST(LiveFeed, JoinsWhatBelongsToOneFrame) {
   LiveFeed feed;
   std::int64_t now_us = 0;
-  const auto hear = [&](AnyMessage message) { return feed.hear(std::move(message), now_us += 20'000); };
+  const auto hear = [&](AnyMessage message) {
+    return feed.hear(kServoStatusChannel, std::move(message), now_us += 20'000);
+  };
   EXPECT_TRUE(hear(frameNumber(1))) << "nobody answers: frames as they are";
   EXPECT_FALSE(hear(statusOf(1, ServoState::kHold))) << "shown already";
   // The loop is busy: 3 comes while it works on 2, and is never answered.
@@ -86,6 +89,29 @@ TEST(LiveFeed, JoinsWhatBelongsToOneFrame) {
   now_us += 2'000'000;
   EXPECT_TRUE(hear(frameNumber(4)));
   EXPECT_FALSE(hear(statusOf(9, ServoState::kServo))) << "of a frame that was never seen";
+}
+
+// With both loops on one bus, the picture's colour is that of the machine that the picture comes from.
+TEST(LiveFeed, ShowsTheCathetersStateOnlyWhereNoCArmsLoopReports) {
+  LiveFeed feed;
+  std::int64_t now_us = 0;
+  const auto hear = [&](const char* channel, AnyMessage message) {
+    return feed.hear(channel, std::move(message), now_us += 20'000);
+  };
+  EXPECT_FALSE(hear(kCatheterStatusChannel, statusOf(0, ServoState::kServo)));
+  EXPECT_FALSE(hear(kXrayFrameChannel, frameNumber(1)));
+  EXPECT_TRUE(hear(kCatheterStatusChannel, statusOf(1, ServoState::kServo)));
+  EXPECT_FALSE(hear(kServoStatusChannel, statusOf(1, ServoState::kHold)));
+  EXPECT_FALSE(hear(kXrayFrameChannel, frameNumber(2)));
+  EXPECT_FALSE(hear(kCatheterStatusChannel, statusOf(2, ServoState::kServo)));
+  const auto scene = hear(kServoStatusChannel, statusOf(2, ServoState::kHold));
+  ASSERT_TRUE(scene && scene->status);
+  EXPECT_EQ(scene->status->state, ServoState::kHold);
+  // The C-arm's loop falls silent, the catheter's goes on.
+  now_us += 2'000'000;
+  EXPECT_FALSE(hear(kCatheterStatusChannel, statusOf(2, ServoState::kServo)));
+  EXPECT_FALSE(hear(kXrayFrameChannel, frameNumber(3)));
+  EXPECT_TRUE(hear(kCatheterStatusChannel, statusOf(3, ServoState::kServo)));
 }
 
 TEST(FilmWriter, AFilmHasItsPicturesAndAppearsWhole) {

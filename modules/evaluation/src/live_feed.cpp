@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "angio/messaging/channels.hpp"
+
 namespace angio {
 namespace {
 
@@ -32,7 +34,7 @@ std::optional<LiveScene> LiveFeed::take(LiveScene* scene) {
   return taken;
 }
 
-std::optional<LiveScene> LiveFeed::hear(AnyMessage message, std::int64_t arrival_us) {
+std::optional<LiveScene> LiveFeed::hear(const std::string& channel, AnyMessage message, std::int64_t arrival_us) {
   if (auto* frame = std::get_if<XrayFrame>(&message)) {
     LiveScene scene{std::move(*frame), {}, {}, {}, {}, {}, {}};
     waiting_.push_back(std::move(scene));
@@ -50,6 +52,9 @@ std::optional<LiveScene> LiveFeed::hear(AnyMessage message, std::int64_t arrival
     if (scene) scene->registration = *registration;
     if (silent(last_status_us_, arrival_us)) return take(scene);
   } else if (const auto* status = std::get_if<ServoStatus>(&message)) {
+    const bool catheters = channel == kCatheterStatusChannel;
+    if (catheters && !silent(last_carm_status_us_, arrival_us)) return std::nullopt;
+    if (!catheters) last_carm_status_us_ = arrival_us;
     last_status_us_ = arrival_us;
     LiveScene* scene = sceneOf(status->frame_sequence, status->time_us);
     if (scene) scene->status = *status;
