@@ -58,4 +58,17 @@ RegistrationMessage registrationMessage(const RegistrationResult& seen, std::int
   return message;
 }
 
+RegistrationResult registrationResult(const RegistrationMessage& message) {
+  RegistrationResult result;
+  result.status = static_cast<RegistrationStatus>(message.status);
+  if (result.status != RegistrationStatus::kConverged) result.reason = "as another program says";
+  result.T_camera_model = message.T_camera_model;
+  // Zero is what a message says that knows none.
+  if (message.covariance.diagonal().minCoeff() > 0) result.covariance = message.covariance;
+  result.agreement.model_residual_px = message.mean_residual_px;
+  result.points_3d = message.points_3d;
+  result.points_2d = message.points_2d;
+  return result;
+}
+
 }  // namespace angio

@@ -5,6 +5,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
+#include "angio/servo/perception_node.hpp"
 
 namespace angio {
 namespace {
@@ -44,20 +45,6 @@ Eigen::Vector3d targetOf(const ServoLoopSettings& settings, const VesselTree& tr
 std::unique_ptr<Task> taskOf(const ServoLoopSettings& settings, const VesselTree& tree) {
   return makeTask(settings.task,
                   {settings.carm, settings.limits, tree, targetOf(settings, tree), settings.R_lps_model, settings.law});
-}
-
-// What a message says, as far as it goes.
-RegistrationResult resultOf(const RegistrationMessage& message) {
-  RegistrationResult result;
-  result.status = static_cast<RegistrationStatus>(message.status);
-  if (result.status != RegistrationStatus::kConverged) result.reason = "as another program says";
-  result.T_camera_model = message.T_camera_model;
-  // Zero is what a message says that knows none.
-  if (message.covariance.diagonal().minCoeff() > 0) result.covariance = message.covariance;
-  result.agreement.model_residual_px = message.mean_residual_px;
-  result.points_3d = message.points_3d;
-  result.points_2d = message.points_2d;
-  return result;
 }
 
 }  // namespace
@@ -139,7 +126,7 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, co
     task_->interrupt();
     return report;
   }
-  report.sight = settings_.registered_elsewhere ? perception_.take(resultOf(*seen.registration), state)
+  report.sight = settings_.registered_elsewhere ? perception_.take(registrationResult(*seen.registration), state)
                                                 : perception_.look(frame, state);
 
   const Stopwatch control;

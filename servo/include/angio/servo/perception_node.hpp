@@ -41,4 +41,8 @@ class PerceptionNode {
 RegistrationMessage registrationMessage(const RegistrationResult& seen, std::int64_t frame_time_us,
                                         std::int64_t frame_sequence);
 
+/// The way back, as far as a message goes: without agreement, ambiguity and displacements; without a covariance where
+/// the message has zero for it.
+RegistrationResult registrationResult(const RegistrationMessage& message);
+
 }  // namespace angio
