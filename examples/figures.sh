@@ -190,7 +190,7 @@ servoing() {
 # minute and at the end, and whether commands ever ran out.
 soak() {
   local bus='udpm://239.255.76.67:7679?ttl=0' seconds=$((${MINUTES:-30} * 60)) pids sample began
-  printf 'motion:\n  breathing: {amplitude_mm: 15, diaphragm_mm: 0}\n  heartbeat: {amplitude_mm: 2}\n' > "$work/patient.yaml"
+  printf 'threads: 2\nmotion:\n  breathing: {amplitude_mm: 15, diaphragm_mm: 0}\n  heartbeat: {amplitude_mm: 2}\n' > "$work/patient.yaml"
   echo; echo "### ${MINUTES:-30} minutes of centre, angio-simulate and angio-servo on a bus, in real time"
   "$bin"/angio-simulate --bus "$bus" --settings "$work/patient.yaml" --duration-s "$seconds" > "$work/simulate.txt" &
   pids=($!)

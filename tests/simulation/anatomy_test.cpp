@@ -13,6 +13,17 @@
 namespace angio {
 namespace {
 
+struct Span {
+  double in, out;
+  double length() const { return out - in; }
+};
+
+Span meet(const ShapeInView& shape, double dx, double dy) {
+  Span span{};
+  shape.meet({dx, 0, dy, 1}, &span.in, &span.out);
+  return span;
+}
+
 TEST(Shapes, AreMetAlongTheirChords) {
   Pose T = test::inView();
   T.linear() = expSO3({0.4, -0.2, 0.7});
@@ -22,22 +33,46 @@ TEST(Shapes, AreMetAlongTheirChords) {
   for (const Eigen::Vector2d& off : {Eigen::Vector2d(0, 0), Eigen::Vector2d(0.01, 0.005), Eigen::Vector2d(0.03, 0)}) {
     const Eigen::Vector3d d(at.x() / at.z() + off.x(), at.y() / at.z() + off.y(), 1);
     const double miss = at.cross(d.normalized()).norm();
-    const auto span = seen.meet(d.x(), d.y());
-    ASSERT_EQ(span.has_value(), miss < 0.02);
-    if (span) {
-      EXPECT_NEAR((span->out - span->in) * d.norm(), 2 * std::sqrt(0.0004 - miss * miss), 1e-12);
-    }
+    const double chord = miss < 0.02 ? 2 * std::sqrt(0.0004 - miss * miss) : 0;
+    EXPECT_NEAR(meet(seen, d.x(), d.y()).length() * d.norm(), chord, 1e-12);
   }
   // Along a cylinder's axis, and across it.
   const Shape drum{Shape::Kind::kCylinder, {0, 0, 0}, {0.02, 0.01, 0.05}, Eigen::Matrix3d::Identity()};
-  const auto along = ShapeInView(drum, test::inView()).meet(0, 0);
-  ASSERT_TRUE(along);
-  EXPECT_NEAR(along->out - along->in, 0.1, 1e-12);
+  EXPECT_NEAR(meet(ShapeInView(drum, test::inView()), 0, 0).length(), 0.1, 1e-12);
   Pose lying = test::inView();
   lying.linear() = expSO3({kPi / 2, 0, 0});
-  const auto across = ShapeInView(drum, lying).meet(0, 0);
-  ASSERT_TRUE(across);
-  EXPECT_NEAR(across->out - across->in, 0.02, 1e-12);
+  EXPECT_NEAR(meet(ShapeInView(drum, lying), 0, 0).length(), 0.02, 1e-12);
+}
+
+// Points along each ray are inside, by the definition of the shape, between `in` and `out` and nowhere else; 37 rays
+// fill no whole number of vectors.
+TEST(Shapes, AreMetByRows) {
+  Pose T = test::inView();
+  T.linear() = expSO3({0.9, -0.4, 0.2});
+  constexpr int kRays = 37;
+  for (const Shape::Kind kind : {Shape::Kind::kEllipsoid, Shape::Kind::kCylinder}) {
+    const Shape shape{kind, {0.01, 0, -0.01}, {0.03, 0.015, 0.02}, expSO3({0.3, 0.2, 0.1})};
+    const Eigen::Vector3d at = T * shape.centre;
+    const auto inside = [&](const Eigen::Vector3d& p) {
+      const Eigen::Vector3d u =
+          (shape.axes.transpose() * (T.inverse() * p - shape.centre)).cwiseQuotient(shape.half_axes);
+      return kind == Shape::Kind::kEllipsoid ? u.norm() < 1 : u.head<2>().norm() < 1 && std::abs(u.z()) < 1;
+    };
+    const RayRow row{at.x() / at.z() - 0.05, 0.1 / kRays, at.y() / at.z() + 0.003, kRays};
+    std::vector<double> in(kRays), out(kRays);
+    ShapeInView(shape, T).meet(row, in.data(), out.data());
+    int met = 0;
+    for (int i = 0; i < kRays; ++i) {
+      const Eigen::Vector3d d(row.dx + i * row.step, row.dy, 1);
+      met += out[i] > in[i];
+      for (double t = at.z() - 0.05; t < at.z() + 0.05; t += 0.0007) {
+        if (std::min(std::abs(t - in[i]), std::abs(t - out[i])) < 1e-9) continue;
+        ASSERT_EQ(inside(t * d), t > in[i] && t < out[i]) << "ray " << i << " at " << t;
+      }
+    }
+    EXPECT_GT(met, 5);
+    EXPECT_LT(met, kRays - 5);
+  }
 }
 
 TEST(AttenuationVolumes, AddUpAlongARay) {

@@ -49,19 +49,30 @@ Box boxOf(const ShapeInView& shape, const XrayCamera& nodes, const RowBand& rows
   return {left, right, top, bottom};
 }
 
-// Length of a span that lies in none of others.
-double lengthWithout(const ShapeInView::Span& span, const std::vector<ShapeInView>& others, double dx, double dy) {
-  double left = span.out - span.in, covered_to = span.in;
+// Depths from `in` to `out` of each ray of a row.
+struct Spans {
+  std::vector<double> in, out;
+
+  void meet(const ShapeInView& shape, const RayRow& rays) {
+    in.resize(rays.count);
+    out.resize(rays.count);
+    shape.meet(rays, in.data(), out.data());
+  }
+};
+
+// Length of span i that lies in none of others.
+double lengthWithout(const Spans& spans, const std::vector<Spans>& others, int i) {
+  const double end = spans.out[i];
+  double left = end - spans.in[i], covered_to = spans.in[i];
   // Spans are few: the one that begins first is looked for anew each time.
   for (std::size_t n = 0; n < others.size(); ++n) {
-    std::optional<ShapeInView::Span> next;
-    for (const ShapeInView& other : others) {
-      const auto met = other.meet(dx, dy);
-      if (met && met->out > covered_to && met->in < span.out && (!next || met->in < next->in)) next = met;
+    const Spans* next = nullptr;
+    for (const Spans& other : others) {
+      if (other.out[i] > covered_to && other.in[i] < end && (!next || other.in[i] < next->in[i])) next = &other;
     }
     if (!next) break;
-    const double to = std::min(next->out, span.out);
-    left -= to - std::max(next->in, covered_to);
+    const double to = std::min(next->out[i], end);
+    left -= to - std::max(next->in[i], covered_to);
     covered_to = to;
   }
   return left;
@@ -84,21 +95,33 @@ Anatomy::Anatomy(const Eigen::Vector3d& centre_model, const Eigen::Matrix3d& R_l
 
 void Anatomy::addTissues(const RowBand& rows, const XrayCamera& nodes, const Pose& T_camera_body) {
   const auto& K = nodes.parameters();
+  Spans spans;
+  std::vector<Spans> others;
   for (const Tissue& tissue : body_.tissues) {
     const ShapeInView shape(tissue.shape, T_camera_body);
     std::vector<ShapeInView> without;
     for (const Shape& other : tissue.without) without.emplace_back(other, T_camera_body);
+    others.resize(without.size());
     const Box box = boxOf(shape, nodes, rows);
+    RayRow rays{(box.left - K.cx_px) / K.fx_px, 1 / K.fx_px, 0, box.right - box.left};
     for (int j = box.top; j < box.bottom; ++j) {
-      const double dy = (j - K.cy_px) / K.fy_px;
-      float* row = grid_.data() + static_cast<std::size_t>(j) * K.width_px;
-      for (int i = box.left; i < box.right; ++i) {
-        const double dx = (i - K.cx_px) / K.fx_px;
-        const auto span = shape.meet(dx, dy);
-        if (!span) continue;
-        const double depth = without.empty() ? span->out - span->in : lengthWithout(*span, without, dx, dy);
-        row[i] += static_cast<float>(tissue.attenuation_per_m * depth * std::sqrt(dx * dx + dy * dy + 1));
+      rays.dy = (j - K.cy_px) / K.fy_px;
+      spans.meet(shape, rays);
+      for (std::size_t n = 0; n < without.size(); ++n) others[n].meet(without[n], rays);
+      float* row = grid_.data() + static_cast<std::size_t>(j) * K.width_px + box.left;
+      for (int i = 0; i < rays.count; ++i) {
+        const double depth = others.empty() ? spans.out[i] - spans.in[i] : lengthWithout(spans, others, i);
+        row[i] += static_cast<float>(tissue.attenuation_per_m * depth);
       }
+    }
+  }
+  // From depths to lengths along the rays.
+  for (int j = rows.top; j < rows.bottom; ++j) {
+    const double dy = (j - K.cy_px) / K.fy_px;
+    float* row = grid_.data() + static_cast<std::size_t>(j) * K.width_px;
+    for (int i = 0; i < K.width_px; ++i) {
+      const double dx = (i - K.cx_px) / K.fx_px;
+      row[i] *= static_cast<float>(std::sqrt(dx * dx + dy * dy + 1));
     }
   }
 }

@@ -6,9 +6,17 @@
 
 #include "bands.hpp"
 
-namespace angio {
-namespace {
+// Compiled once for every vector target by the include below, which is chosen from at run time.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "blur.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
 
+HWY_BEFORE_NAMESPACE();
+namespace angio {
+namespace HWY_NAMESPACE {
+
+// The compiler makes vectors of both.
 void scale(const float* __restrict in, float weight, int count, float* __restrict out) {
   for (int i = 0; i < count; ++i) out[i] = weight * in[i];
 }
@@ -16,6 +24,17 @@ void scale(const float* __restrict in, float weight, int count, float* __restric
 void addBoth(const float* a, const float* b, float weight, int count, float* __restrict out) {
   for (int i = 0; i < count; ++i) out[i] += weight * (a[i] + b[i]);
 }
+
+}  // namespace HWY_NAMESPACE
+}  // namespace angio
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace angio {
+namespace {
+
+HWY_EXPORT(scale);
+HWY_EXPORT(addBoth);
 
 }  // namespace
 
@@ -41,18 +60,19 @@ void Blur::apply(const cv::Mat& in, cv::Mat& out, int threads) {
     row.resize(width + 2 * reach);
     float* middle = row.data() + reach;
     for (int y = band.top; y < band.bottom; ++y) {
-      scale(in.ptr<float>(y), half_[0], width, middle);
+      HWY_DYNAMIC_DISPATCH(scale)(in.ptr<float>(y), half_[0], width, middle);
       for (int k = 1; k <= reach; ++k) {
-        addBoth(in.ptr<float>(std::max(y - k, 0)), in.ptr<float>(std::min(y + k, in.rows - 1)), half_[k], width,
-                middle);
+        HWY_DYNAMIC_DISPATCH(addBoth)
+        (in.ptr<float>(std::max(y - k, 0)), in.ptr<float>(std::min(y + k, in.rows - 1)), half_[k], width, middle);
       }
       std::fill(row.data(), middle, middle[0]);
       std::fill(middle + width, middle + width + reach, middle[width - 1]);
       float* result = out.ptr<float>(y);
-      scale(middle, half_[0], width, result);
-      for (int k = 1; k <= reach; ++k) addBoth(middle - k, middle + k, half_[k], width, result);
+      HWY_DYNAMIC_DISPATCH(scale)(middle, half_[0], width, result);
+      for (int k = 1; k <= reach; ++k) HWY_DYNAMIC_DISPATCH(addBoth)(middle - k, middle + k, half_[k], width, result);
     }
   });
 }
 
 }  // namespace angio
+#endif  // HWY_ONCE

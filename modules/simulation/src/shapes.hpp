@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
 #include <vector>
 
 #include "angio/geometry/se3.hpp"
@@ -25,16 +24,19 @@ struct Tissue {
   std::vector<Shape> without;
 };
 
-/// A shape as the rays of a camera pose meet it. Rays are t (dx, dy, 1) in the camera frame, t > 0.
+/// A row of rays t (dx + i step, dy, 1) in the camera frame, t > 0, i from 0 on.
+struct RayRow {
+  double dx, step, dy;
+  int count;
+};
+
+/// A shape as the rays of a camera pose meet it.
 class ShapeInView {
  public:
   ShapeInView(const Shape& shape, const Pose& T_camera_body);
 
-  struct Span {
-    double in, out;  ///< Depths t [m].
-  };
-  /// Where a ray is inside, or nothing.
-  std::optional<Span> meet(double dx, double dy) const;
+  /// Where each ray is inside: from depth `in` to depth `out` [m], `rays.count` of both; from 0 to 0 where it misses.
+  void meet(const RayRow& rays, double* in, double* out) const;
 
   /// A ball around the shape, camera frame [m].
   const Eigen::Vector3d& centre() const { return centre_; }

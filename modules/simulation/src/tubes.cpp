@@ -4,33 +4,39 @@
 #include <algorithm>
 #include <cmath>
 
+// Compiled once for every vector target by the include below, which is chosen from at run time.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "tubes.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#ifndef ANGIO_TUBES_RAW
+#define ANGIO_TUBES_RAW
 namespace angio {
-namespace {
-
-constexpr double kRadiusStep = 0.04e-3;  // [m] Takes 0.6 % of the beam at most, half of a pixel's noise.
-constexpr double kLongest = 4e-3;        // [m] Keeps single precision at the tube's scale.
-constexpr double kNearest = 1e-3;        // [m] From the source; the cone of a tube that touches it has no bounds.
-constexpr int kMostPieces = 256;         // Of one edge.
-constexpr double kEmpty = 1e-3;          // Density; takes nothing from the beam that a pixel could show.
-
 // What all rays of one row share, and how they change from pixel to pixel. A ray is p = o + t d with d = (dx, dy, 1),
 // where o is its point at the depth of the tube's end a, relative to a: small numbers, so that single precision is
 // enough.
-struct Row {
+struct TubeRow {
   float dx, dx_step, dy;
   float ox, ox_step, oy;
 };
 
-struct Axis {
+struct TubeAxis {
   float x, y, z, length, radius;
 };
+}  // namespace angio
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace angio {
+namespace HWY_NAMESPACE {
 
 // Entry and exit of each ray, as depth t from the tube's end a; exit is not above entry where the ray misses.
 //
 // The cylinder around the axis u is met where |(o + t d) x u| = r. Where that is beyond an end, the ray enters or
 // leaves through the sphere at that end, or not at all: a tube is convex, and its sphere fills the cylinder's section
-// at the end.
-void meet(const Axis& u, const Row& row, int count, float* __restrict entry, float* __restrict exit) {
+// at the end. No branches: the compiler makes vectors of it.
+void meetTube(const TubeAxis& u, const TubeRow& row, int count, float* __restrict entry, float* __restrict exit) {
   const float r2 = u.radius * u.radius;
   const float wx = u.y - u.z * row.dy;
   for (int i = 0; i < count; ++i) {
@@ -66,6 +72,22 @@ void meet(const Axis& u, const Row& row, int count, float* __restrict entry, flo
     exit[i] = hit ? out : in;
   }
 }
+
+}  // namespace HWY_NAMESPACE
+}  // namespace angio
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace angio {
+namespace {
+
+HWY_EXPORT(meetTube);
+
+constexpr double kRadiusStep = 0.04e-3;  // [m] Takes 0.6 % of the beam at most, half of a pixel's noise.
+constexpr double kLongest = 4e-3;        // [m] Keeps single precision at the tube's scale.
+constexpr double kNearest = 1e-3;        // [m] From the source; the cone of a tube that touches it has no bounds.
+constexpr int kMostPieces = 256;         // Of one edge.
+constexpr double kEmpty = 1e-3;          // Density; takes nothing from the beam that a pixel could show.
 
 // The pixels that a tube may cover lie within reach of its projected axis.
 struct Footprint {
@@ -178,13 +200,13 @@ void PathLengths::add(const Tube& tube, const XrayCamera& camera, Band& band) {
   const Eigen::Vector3d along = tube.b - tube.a;
   const double length = along.norm();
   const Eigen::Vector3f u = (length > 0 ? Eigen::Vector3d(along / length) : Eigen::Vector3d::UnitX()).cast<float>();
-  const Axis axis{u.x(), u.y(), u.z(), static_cast<float>(length), static_cast<float>(tube.radius_m)};
+  const TubeAxis axis{u.x(), u.y(), u.z(), static_cast<float>(length), static_cast<float>(tube.radius_m)};
   const float depth = static_cast<float>(tube.a.z() - origin_z_), density = static_cast<float>(tube.density);
 
   for (int y = top; y < bottom; ++y) {
     const auto [left, right] = columns(f, y, K.width_px);
     if (left >= right) continue;
-    Row row;
+    TubeRow row;
     row.dx = static_cast<float>((left - K.cx_px) / K.fx_px);
     row.dx_step = static_cast<float>(1 / K.fx_px);
     row.dy = static_cast<float>((y - K.cy_px) / K.fy_px);
@@ -192,7 +214,7 @@ void PathLengths::add(const Tube& tube, const XrayCamera& camera, Band& band) {
     row.ox_step = static_cast<float>(tube.a.z() / K.fx_px);
     row.oy = static_cast<float>((y - f.a.y()) * tube.a.z() / K.fy_px);
     const float *z_in = band.z_in.data(), *z_out = band.z_out.data();
-    meet(axis, row, right - left, band.z_in.data(), band.z_out.data());
+    HWY_DYNAMIC_DISPATCH(meetTube)(axis, row, right - left, band.z_in.data(), band.z_out.data());
     for (int i = 0; i < right - left; ++i) {
       if (z_out[i] > z_in[i]) {
         insert(band, {depth + z_in[i], depth + z_out[i], density, -1, y * K.width_px + left + i});
@@ -240,3 +262,4 @@ const cv::Mat& PathLengths::compute(const std::vector<Tube>& tubes, const XrayCa
 }
 
 }  // namespace angio
+#endif  // HWY_ONCE
