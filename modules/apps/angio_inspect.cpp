@@ -10,6 +10,7 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/xa_files.hpp"
+#include "angio/vessel/model_id.hpp"
 #include "inspect.hpp"
 
 namespace angio {
@@ -46,6 +47,8 @@ std::vector<Finding> inspectTree(const std::string& path) {
       {"branches", std::to_string(tree.branches().size()), "branches", tree.branches().size()},
       {"length", inWords(1e3 * tree.length(), "mm"), "length_mm", 1e3 * tree.length()},
       {"radii", std::to_string(known) + " known", "known_radii", known}};
+  const auto id = static_cast<std::int64_t>(modelId(tree));
+  found.push_back({"model id", std::to_string(id) + " in messages", "model_id", id});
   for (const int axis : {0, 1, 2}) {
     const std::string name(1, "xyz"[axis]);
     found.push_back({name,

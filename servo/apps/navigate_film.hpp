@@ -19,6 +19,7 @@ class NavigateFilm {
 
  private:
   FilmWriter film_;
+  ModelId model_id_;
   LiveOverlay overlay_;
   Eigen::Vector3d target_;
   int frames_ = 0;

@@ -60,7 +60,8 @@ void PerceptionSettings::useIterativePnp() {
 
 Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
                        const VesselTree& tree, const std::optional<WatchedPlace>& place)
-    : carm_(carm),
+    : model_id_(angio::modelId(tree)),
+      carm_(carm),
       T_dsa_cb_(T_dsa_cb),
       search_starts_(settings.search_starts),
       most_bend_m_(1e-3 * settings.tracker.most_bend_mm),
@@ -81,6 +82,7 @@ Perception::~Perception() = default;
 
 Sight Perception::look(const XrayFrame& frame, const CArmState& state) {
   Sight sight;
+  sight.model_id = model_id_;
   Stopwatch stage;
   sight.curves = extractor_->extract(frame.image);
   sight.centerline = vesselsToMatch(sight.curves);
@@ -101,6 +103,7 @@ Sight Perception::look(const XrayFrame& frame, const CArmState& state) {
 
 Sight Perception::take(const RegistrationResult& registration, const CArmState& state) const {
   Sight sight;
+  sight.model_id = model_id_;
   sight.predicted = tracker_.predict(state);
   sight.tracked = tracker_.tracking();
   sight.registration = registration;

@@ -33,17 +33,19 @@ std::optional<PerceptionReport> PerceptionNode::look() {
       perception_.trust(sight, state);
     }
   }
-  report.message = registrationMessage(report.sight.registration, frame->time_us, frame->sequence);
+  report.message =
+      registrationMessage(report.sight.registration, report.sight.model_id, frame->time_us, frame->sequence);
   publish(bus_, kRegistrationChannel, report.message);
   perception_.learn();
   return report;
 }
 
-RegistrationMessage registrationMessage(const RegistrationResult& seen, std::int64_t frame_time_us,
+RegistrationMessage registrationMessage(const RegistrationResult& seen, ModelId model_id, std::int64_t frame_time_us,
                                         std::int64_t frame_sequence) {
   RegistrationMessage message;
   message.time_us = frame_time_us;
   message.frame_sequence = frame_sequence;
+  message.model_id = model_id;
   message.status = static_cast<std::int8_t>(seen.status);
   message.status_text = statusName(seen.status);
   // What cannot go on the wire stays at rest: a poor image must not end the loop that reports it, and the status says

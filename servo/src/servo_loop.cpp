@@ -114,14 +114,29 @@ void ServoLoop::number(CArmCommand& command, const XrayFrame& frame) {
   last_command_ = command;
 }
 
+std::optional<std::string> ServoLoop::objection(const SeenElsewhere& seen) const {
+  if (!settings_.registered_elsewhere) return std::nullopt;
+  if (!seen.registration) return "nobody has registered the frame";
+  const bool converged = seen.registration->status == static_cast<std::int8_t>(RegistrationStatus::kConverged);
+  if (converged && seen.registration->model_id != perception_.modelId()) {
+    return "what was registered is another vessel tree";
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> ServoLoop::objectionToTip(const SeenElsewhere& seen) const {
+  if (!seen.tip) return "the catheter's tip is not located";
+  if (seen.tip->status != CatheterTipStatus::kLocated) return "the catheter's tip is not located: " + seen.tip->reason;
+  if (seen.tip->model_id != perception_.modelId()) return "the catheter's tip was located in another vessel tree";
+  return std::nullopt;
+}
+
 // The command's velocity is zero unless the last line is reached.
 ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen,
                               double period_s) {
   ServoReport report;
   report.held = supervisor_.objection(frame, state);
-  if (!report.held && settings_.registered_elsewhere && !seen.registration) {
-    report.held = "nobody has registered the frame";
-  }
+  if (!report.held) report.held = objection(seen);
   if (report.held) {
     task_->interrupt();
     return report;
@@ -150,8 +165,8 @@ ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, co
                   settings_.latency_s};
   input.place = sight.place;
   if (task_->followsTip()) {
-    if (!seen.tip || seen.tip->status != CatheterTipStatus::kLocated) {
-      report.held = "the catheter's tip is not located" + (seen.tip ? ": " + seen.tip->reason : "");
+    report.held = objectionToTip(seen);
+    if (report.held) {
       report.tip_unknown = true;
       task_->interrupt();
       return report;

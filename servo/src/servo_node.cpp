@@ -36,8 +36,8 @@ void ServoNode::judge(const ServoReport& report, const CArmState& state, std::in
     safety_.trust(T_patient_camera * seen.T_camera_model, T_patient_camera.linear().col(2), now_us);
   } else {
     const bool contradicts = seen.status == RegistrationStatus::kConverged && !report.tip_unknown;
-    safety_.doubt(contradicts ? SafetySupervisor::Doubt::kContradiction : SafetySupervisor::Doubt::kUnseen, *report.held,
-                  now_us);
+    safety_.doubt(contradicts ? SafetySupervisor::Doubt::kContradiction : SafetySupervisor::Doubt::kUnseen,
+                  *report.held, now_us);
   }
 }
 
@@ -86,7 +86,8 @@ std::optional<ServoReport> ServoNode::answer(std::int64_t now_us) {
 }
 
 RegistrationMessage registrationMessage(const ServoReport& report) {
-  return registrationMessage(report.sight.registration, report.command.time_us, report.command.frame_sequence);
+  return registrationMessage(report.sight.registration, report.sight.model_id, report.command.time_us,
+                             report.command.frame_sequence);
 }
 
 ServoStatus servoStatus(const ServoReport& report) {

@@ -51,6 +51,7 @@ TEST(LiveOverlay, ShowsTheTreeInTheColourOfTheLoopsState) {
   T.translation() = Eigen::Vector3d(0, 0, 0.8) - tree.centroid();
   LiveOverlay overlay(tree, 512);
   LiveScene scene{frameNumber(1), registrationOf(1, T), statusOf(1, ServoState::kServo), {}, {}, {}, ""};
+  scene.registration->model_id = modelId(tree);
   const cv::Rect xray(0, 0, 512, 400);
   const cv::Mat moving = overlay.draw(scene);
   EXPECT_EQ(moving.cols, 512);
@@ -65,6 +66,10 @@ TEST(LiveOverlay, ShowsTheTreeInTheColourOfTheLoopsState) {
   const cv::Rect bar(0, held.rows - 12, 512, 6);
   EXPECT_GT(pixelsOf(held, stateColour(ServoState::kServo), bar), 0) << "the bar remembers";
 
+  scene.registration->model_id = modelId(test::branchingTree(4));
+  EXPECT_EQ(pixelsOf(overlay.draw(scene), stateColour(ServoState::kHold), xray), 0) << "a pose of another tree";
+  scene.registration->model_id = modelId(tree);
+  EXPECT_GT(pixelsOf(overlay.draw(scene), stateColour(ServoState::kHold), xray), 50);
   scene.registration->status_text = "too_few_points";
   EXPECT_EQ(pixelsOf(overlay.draw(scene), stateColour(ServoState::kHold), xray), 0) << "a pose nobody believes";
 }

@@ -9,7 +9,10 @@
 #include <filesystem>
 #include <fstream>
 #include <random>
+#include <set>
 
+#include "angio/messaging/any_message.hpp"
+#include "angio/messaging/log_reader.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "readers.hpp"
 
@@ -169,6 +172,17 @@ TEST(AllFileReaders, RefuseNestingThatWouldExhaustTheStack) {
       EXPECT_TRUE(reader.name != name || isRefused(reader, folder.write(reader.file, content))) << name;
     }
   }
+}
+
+// A type that has changed would else be no more than bytes to the fuzzer.
+TEST(Corpus, HasALogOfAllMessagesAsTheyAreToday) {
+  LogReader log(corpusOf("bus_log") + "/valid.lcm");
+  std::set<std::size_t> types;
+  for (auto event = log.next(); event; event = log.next()) {
+    const auto decoded = decodeAny(event->bytes.data(), event->bytes.size());
+    if (decoded.value) types.insert(decoded.value->index());
+  }
+  EXPECT_EQ(types.size(), std::variant_size_v<AnyMessage>);
 }
 
 }  // namespace

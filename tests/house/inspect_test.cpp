@@ -13,6 +13,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/program.hpp"
+#include "angio/vessel/model_id.hpp"
 
 namespace angio {
 namespace {
@@ -53,6 +54,8 @@ TEST(Inspect, JsonAndPictureAreOfTheFrame) {
 
 TEST(Inspect, OtherFilesAreToldToo) {
   EXPECT_THAT(test::run("angio-inspect", {phantom("tree.csv")}).out, HasSubstr("807.06"));
+  const auto tree = nlohmann::json::parse(test::run("angio-inspect", {phantom("tree.csv"), "--json"}).out);
+  EXPECT_EQ(tree["model_id"], static_cast<std::int64_t>(modelId(readVesselTree(phantom("tree.csv")))));
   EXPECT_THAT(test::run("angio-inspect", {phantom("im5_camera.yaml")}).out, HasSubstr("2383.36 px"));
   EXPECT_THAT(test::run("angio-inspect", {phantom("frames/im5.png")}).out, HasSubstr("512 x 512 px"));
 }

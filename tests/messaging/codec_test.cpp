@@ -88,6 +88,7 @@ void expectEqual(const CArmCommand& a, const CArmCommand& b) {
 void expectEqual(const RegistrationMessage& a, const RegistrationMessage& b) {
   EXPECT_EQ(a.time_us, b.time_us);
   EXPECT_EQ(a.frame_sequence, b.frame_sequence);
+  EXPECT_EQ(a.model_id, b.model_id);
   EXPECT_EQ(a.status, b.status);
   EXPECT_EQ(a.status_text, b.status_text);
   EXPECT_EQ(a.T_camera_model.matrix(), b.T_camera_model.matrix());
@@ -140,6 +141,7 @@ void expectEqual(const CatheterCommand& a, const CatheterCommand& b) {
 void expectEqual(const CatheterTip& a, const CatheterTip& b) {
   EXPECT_EQ(a.time_us, b.time_us);
   EXPECT_EQ(a.frame_sequence, b.frame_sequence);
+  EXPECT_EQ(a.model_id, b.model_id);
   EXPECT_EQ(a.status, b.status);
   EXPECT_EQ(a.tip_model, b.tip_model);
   EXPECT_EQ(a.covariance, b.covariance);

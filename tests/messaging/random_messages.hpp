@@ -37,6 +37,7 @@ inline RegistrationMessage randomMessage(Random& random) {
   RegistrationMessage m;
   m.time_us = randomInt64(random);
   m.frame_sequence = randomInt64(random);
+  m.model_id = static_cast<ModelId>(randomInt64(random));
   m.status = static_cast<std::int8_t>(random.uniform(0, 128));
   m.status_text = std::string(static_cast<std::size_t>(random.uniform(0, 20)), 'x') + "\xc3\xa4\n";
   m.T_camera_model = expSE3(random.twist(1, 1));
@@ -85,6 +86,7 @@ inline CatheterTip randomMessage(Random& random) {
   CatheterTip m;
   m.time_us = randomInt64(random);
   m.frame_sequence = randomInt64(random);
+  m.model_id = static_cast<ModelId>(randomInt64(random));
   m.status = static_cast<CatheterTipStatus>(random.uniform(0, 3));
   m.tip_model = Eigen::Vector3d::NullaryExpr([&](Eigen::Index) { return random.normal(); });
   m.covariance = Eigen::Matrix3d::NullaryExpr([&](Eigen::Index, Eigen::Index) { return random.normal(); });

@@ -91,10 +91,34 @@ TEST_F(ToldLoop, BelievesNoRegistrationWithoutACovariance) {
   ServoLoop loop(told(stage.settings), stage.tree);
   SeenElsewhere seen;
   seen.registration.emplace();
+  seen.registration->model_id = modelId(stage.tree);
   seen.registration->T_camera_model = stage.settings.carm.T_camera_patient(stage.joints);
   const ServoReport report = loop.step(stage.frame(1), stage.state(1), seen);
   EXPECT_EQ(report.held.value_or(""), "registration is not finite");
   EXPECT_EQ(loop.step(stage.frame(2), stage.state(2)).held.value_or(""), "nobody has registered the frame");
+}
+
+// A perception node that was started with another patient's tree, and finds that.
+TEST_F(ToldLoop, DoesNotGoByAnotherTree) {
+  Eigen::Matrix3Xd points = stage.tree.points();
+  points(1, 3) += 1e-5;
+  const VesselTree other(points, stage.tree.parents(), stage.tree.radii());
+  PerceptionNode others_eyes(*bus, stage.settings, other);
+  const LatestValue<RegistrationMessage> said(*bus, kRegistrationChannel);
+  ServoNode node(*bus, told(test::moving(stage.settings)), stage.tree);
+  test::start(*bus, node);
+  expose(1, false);
+  const auto seen = others_eyes.look();
+  ASSERT_TRUE(seen && !seen->doubted);
+  handle();
+  const auto report = node.answer(kPeriod_us);
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->held.value_or(""), "what was registered is another vessel tree");
+  EXPECT_TRUE(report->command.velocity.isZero(0));
+  expose(2);
+  const auto own = node.answer(2 * kPeriod_us);
+  ASSERT_TRUE(own);
+  EXPECT_FALSE(own->held) << *own->held;
 }
 
 // The table goes where the tip is, and rests where nobody knows.
@@ -116,6 +140,9 @@ TEST_F(ToldLoop, CentresACathetersTip) {
     EXPECT_TRUE(report.command.velocity.isZero(0));
     // To the right in the image, or to the left: the patient has to go the other way.
     seen.tip->status = CatheterTipStatus::kLocated;
+    report = loop.step(stage.frame(1), stage.state(1), seen);
+    EXPECT_EQ(report.held.value_or(""), "the catheter's tip was located in another vessel tree");
+    seen.tip->model_id = modelId(stage.tree);
     seen.tip->tip_model = truth.inverse() * (truth * stage.tree.centroid() + Eigen::Vector3d(side * 0.02, 0, 0));
     seen.tip->covariance = 1e-6 * Eigen::Matrix3d::Identity();
     for (std::int64_t k = 2; k <= 6; ++k) {

@@ -44,7 +44,7 @@ cv::Scalar stateColour(ServoState state) {
 }
 
 LiveOverlay::LiveOverlay(const VesselTree& tree, int width_px)
-    : tree_(tree), width_px_(std::max(width_px, kNarrowest_px)) {}
+    : tree_(tree), model_id_(modelId(tree)), width_px_(std::max(width_px, kNarrowest_px)) {}
 
 cv::Mat LiveOverlay::draw(const LiveScene& scene) {
   bar_.push_back(scene.status ? stateColour(scene.status->state) : kGroundColour);
@@ -62,7 +62,7 @@ cv::Mat LiveOverlay::draw(const LiveScene& scene) {
 
 void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
   if (!scene.title.empty()) text(canvas, scene.title, {10, 20}, kWhite);
-  if (!scene.registration || !converged(*scene.registration)) return;
+  if (!scene.registration || !converged(*scene.registration) || scene.registration->model_id != model_id_) return;
   const Pose& T_camera_model = scene.registration->T_camera_model;
   const double scale = static_cast<double>(canvas.cols) / scene.frame.image.cols;
   const auto onCanvas = [&](const Eigen::Vector2d& p_px) {
@@ -91,7 +91,7 @@ void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
       cv::line(canvas, *target - arm, *target + arm, kTargetColour, 2, cv::LINE_AA, kSubpixelBits);
     }
   }
-  if (!scene.tip || scene.tip->status == CatheterTipStatus::kLost) return;
+  if (!scene.tip || scene.tip->status == CatheterTipStatus::kLost || scene.tip->model_id != model_id_) return;
   if (const auto tip = pixel(scene.tip->tip_model)) {
     cv::circle(canvas, *tip, 7 * unit, kTipColour, 2, cv::LINE_AA, kSubpixelBits);
   }
@@ -116,17 +116,19 @@ void LiveOverlay::drawPanel(cv::Mat panel, const LiveScene& scene) const {
     line(0, frame, kWhite);
   }
   if (const auto& r = scene.registration) {
+    const bool other = converged(*r) && r->model_id != model_id_;
     line(2,
          "registration " + r->status_text.substr(0, 60) +
-             (r->mean_residual_px > 0 ? formatted(", residual %.2f px", r->mean_residual_px) : ""),
-         kWhite);
+             (r->mean_residual_px > 0 ? formatted(", residual %.2f px", r->mean_residual_px) : "") +
+             (other ? ", of another vessel tree" : ""),
+         other ? kOrange : kWhite);
   }
   std::string machine;
   if (const auto& q = scene.state) {
     machine = formatted("C-arm %+.2f %+.2f deg, table %+.1f %+.1f %+.1f mm", radToDeg(q->joints[0]),
                         radToDeg(q->joints[1]), 1e3 * q->joints[2], 1e3 * q->joints[3], 1e3 * q->joints[4]);
   }
-  if (scene.tip && scene.tip->status != CatheterTipStatus::kLost) {
+  if (scene.tip && scene.tip->status != CatheterTipStatus::kLost && scene.tip->model_id == model_id_) {
     machine += (machine.empty() ? "" : "   ") +
                formatted("tip in branch %d at %.1f mm", scene.tip->branch, 1e3 * scene.tip->arc_length_m);
   }

@@ -43,6 +43,7 @@ std::vector<std::uint8_t> encode(const RegistrationMessage& registration) {
   angio_lcm::registration_t wire{};
   wire.utime = registration.time_us;
   wire.frame_sequence = registration.frame_sequence;
+  wire.model_id = static_cast<std::int64_t>(registration.model_id);
   wire.status = registration.status;
   codec::RowMajor3::Map(wire.rotation) = registration.T_camera_model.linear();
   Eigen::Vector3d::Map(wire.translation) = registration.T_camera_model.translation();
@@ -61,6 +62,7 @@ Decoded<RegistrationMessage> decode(const std::uint8_t* data, std::size_t size) 
         RegistrationMessage registration;
         registration.time_us = wire.utime;
         registration.frame_sequence = wire.frame_sequence;
+        registration.model_id = static_cast<ModelId>(wire.model_id);
         registration.status = wire.status;
         registration.status_text = wire.status_text;
         registration.T_camera_model.linear() = codec::RowMajor3::Map(wire.rotation);
@@ -141,6 +143,7 @@ std::vector<std::uint8_t> encode(const CatheterTip& tip) {
   angio_lcm::catheter_tip_t wire{};
   wire.utime = tip.time_us;
   wire.frame_sequence = tip.frame_sequence;
+  wire.model_id = static_cast<std::int64_t>(tip.model_id);
   wire.status = static_cast<std::int8_t>(tip.status);
   Eigen::Vector3d::Map(wire.tip) = tip.tip_model;
   codec::RowMajor3::Map(wire.covariance) = tip.covariance;
@@ -158,6 +161,7 @@ Decoded<CatheterTip> decode(const std::uint8_t* data, std::size_t size) {
     CatheterTip tip;
     tip.time_us = wire.utime;
     tip.frame_sequence = wire.frame_sequence;
+    tip.model_id = static_cast<ModelId>(wire.model_id);
     tip.status = static_cast<CatheterTipStatus>(wire.status);
     tip.tip_model = Eigen::Vector3d::Map(wire.tip);
     tip.covariance = codec::RowMajor3::Map(wire.covariance);

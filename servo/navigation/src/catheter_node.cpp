@@ -33,8 +33,9 @@ bool finite(const CatheterCommand& command) {
          std::isfinite(command.bend_speed_radps);
 }
 
-CatheterTip tipMessage(const CatheterNodeReport& report, const TreeMap& map) {
+CatheterTip tipMessage(const CatheterNodeReport& report, const TreeMap& map, ModelId model_id) {
   CatheterTip message;
+  message.model_id = model_id;
   message.time_us = report.command.time_us;
   message.frame_sequence = report.command.frame_sequence;
   const auto& belief = report.loop.input.belief;
@@ -104,7 +105,7 @@ std::optional<CatheterNodeReport> CatheterNode::answer(std::int64_t now_us) {
   report.command.sequence = ++sequence_;
   motion_.commanded(report.command);
   publish(bus_, kCatheterCommandChannel, report.command);
-  publish(bus_, kCatheterTipChannel, tipMessage(report, loop_.navigator().map()));
+  publish(bus_, kCatheterTipChannel, tipMessage(report, loop_.navigator().map(), perception_.modelId()));
   ServoStatus status;
   status.time_us = frame->time_us;
   status.frame_sequence = frame->sequence;
@@ -165,7 +166,8 @@ bool CatheterNode::armHasMoved(const CArmState& arm) const {
 void CatheterNode::lookForVessels(const XrayFrame& frame, const CArmState& arm, CatheterNodeReport& report) {
   report.roadmap = true;
   const Sight sight = perception_.look(frame, arm);
-  publish(bus_, kRegistrationChannel, registrationMessage(sight.registration, frame.time_us, frame.sequence));
+  publish(bus_, kRegistrationChannel,
+          registrationMessage(sight.registration, sight.model_id, frame.time_us, frame.sequence));
   const auto doubt = gates_.objection(sight.registration, perception_.calibrated_T_camera_model(arm.joints),
                                       sight.tracked ? std::optional(sight.predicted.T_camera_model) : std::nullopt);
   if (doubt) {
@@ -201,7 +203,7 @@ void CatheterNode::navigate(const XrayFrame& frame, const CArmState& arm, Cathet
   here.status = seen ? RegistrationStatus::kConverged : RegistrationStatus::kTooFewPoints;
   here.T_camera_model = pose.T_camera_model;
   here.covariance = pose.covariance;
-  publish(bus_, kRegistrationChannel, registrationMessage(here, frame.time_us, frame.sequence));
+  publish(bus_, kRegistrationChannel, registrationMessage(here, perception_.modelId(), frame.time_us, frame.sequence));
 }
 
 void CatheterNode::say(ServoStatus status) {

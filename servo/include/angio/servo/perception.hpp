@@ -35,6 +35,7 @@ struct Sight {
   Centerline2d centerline;  ///< What the registration went by.
   PosePrior predicted;      ///< Where the model was looked for.
   bool tracked = false;     ///< Whether that was what trusted frames before had said, or calibration alone.
+  ModelId model_id = ModelId::kUnknown;  ///< The tree that was looked for.
 
   /// Of a frame that only a bent tree explains: pose and covariance of the rigid tree, which is the nearest one to it
   /// as a whole; agreement and displacements, counted from that pose, of the bent one.
@@ -72,6 +73,9 @@ class Perception {
   /// Learns how the patient moves, from the sights that were believed: when what a frame was wanted for is out.
   void learn();
 
+  /// The tree that is looked for.
+  ModelId modelId() const { return model_id_; }
+
   /// Where the model is with these joints: by calibration alone ...
   Pose calibrated_T_camera_model(const CArmJoints& joints) const;
   /// ... and by all frames that were trusted.
@@ -81,6 +85,7 @@ class Perception {
   void bend(const XrayCamera& camera, Sight& sight);
   PlaceSight seen(const WatchedPlace& place, const XrayCamera& camera, const Sight& sight) const;
 
+  ModelId model_id_;
   CArmGeometry carm_;
   Pose T_dsa_cb_;
   StartSettings search_starts_;

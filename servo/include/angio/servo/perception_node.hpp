@@ -38,7 +38,7 @@ class PerceptionNode {
 
 /// What a registration says of a frame, for the bus. A pose, covariance or residual that is not finite is left at
 /// identity and zero; its status is then not "converged".
-RegistrationMessage registrationMessage(const RegistrationResult& seen, std::int64_t frame_time_us,
+RegistrationMessage registrationMessage(const RegistrationResult& seen, ModelId model_id, std::int64_t frame_time_us,
                                         std::int64_t frame_sequence);
 
 /// The way back, as far as a message goes: without agreement, ambiguity and displacements; without a covariance where

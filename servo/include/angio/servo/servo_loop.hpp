@@ -78,6 +78,8 @@ class ServoLoop {
  private:
   double periodUntil(const XrayFrame& frame);
   void number(CArmCommand& command, const XrayFrame& frame);
+  std::optional<std::string> objection(const SeenElsewhere& seen) const;
+  std::optional<std::string> objectionToTip(const SeenElsewhere& seen) const;
   ServoReport answer(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen, double period_s);
 
   ServoLoopSettings settings_;

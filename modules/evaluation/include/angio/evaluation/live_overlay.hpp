@@ -30,7 +30,8 @@ class LiveOverlay {
   explicit LiveOverlay(const VesselTree& tree, int width_px = 768);
 
   /// CV_8UC3; pictures of frames of one size have one size. The tree is green while the loop servoes by it or nobody
-  /// says whether one does, orange while the loop holds, and is not drawn when the registration did not converge.
+  /// says whether one does, orange while the loop holds, and is not drawn when the registration did not converge or is
+  /// that of another tree.
   cv::Mat draw(const LiveScene& scene);
 
  private:
@@ -38,6 +39,7 @@ class LiveOverlay {
   void drawPanel(cv::Mat panel, const LiveScene& scene) const;
 
   const VesselTree& tree_;
+  ModelId model_id_;
   int width_px_;
   std::deque<cv::Scalar> bar_;  // Colours of the last frames' states, oldest first.
 };

@@ -6,6 +6,7 @@
 
 #include "angio/geometry/carm.hpp"
 #include "angio/imaging/xray_frame.hpp"
+#include "angio/vessel/model_id.hpp"
 
 namespace angio {
 
@@ -46,6 +47,7 @@ struct CArmCommand {
 struct RegistrationMessage {
   std::int64_t time_us = 0;
   std::int64_t frame_sequence = 0;
+  ModelId model_id = ModelId::kUnknown;  ///< Of the tree that was registered.
   std::int8_t status = 0;
   std::string status_text;
   Pose T_camera_model = Pose::Identity();
@@ -147,8 +149,9 @@ enum class CatheterTipStatus : std::int8_t { kLost = 0, kAmbiguous = 1, kLocated
 
 /// Where a catheter's tip was seen in one frame. When it is lost, nothing but the reason counts.
 struct CatheterTip {
-  std::int64_t time_us = 0;         ///< Exposure time of the frame [us].
-  std::int64_t frame_sequence = 0;  ///< The frame.
+  std::int64_t time_us = 0;              ///< Exposure time of the frame [us].
+  std::int64_t frame_sequence = 0;       ///< The frame.
+  ModelId model_id = ModelId::kUnknown;  ///< Of the tree that holds it.
   CatheterTipStatus status = CatheterTipStatus::kLost;
   Eigen::Vector3d tip_model = Eigen::Vector3d::Zero();   ///< In the model frame [m].
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< Of the tip, model axes [m^2].
