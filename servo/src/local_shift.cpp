@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace angio {
 namespace {
@@ -14,7 +15,22 @@ constexpr double kFirstGate = 2.5;        // Of the prior's standard deviation.
 constexpr double kScale_px = 3;           // Residuals beyond it count less and less, in the end.
 constexpr double kCorrelated_px = 8;      // Neighbouring points of a seen vessel err alike.
 constexpr double kFloor_px = 0.3;         // What a curve is off as a whole: radius, overlap, contrast.
-constexpr int kIterations = 8;
+constexpr int kIterations = 8, kNarrowIterations = 5;
+constexpr double kUsualError_px = 1;  // Of a curve that has been matched rightly.
+
+// The place's vessels in the image.
+struct Vessels {
+  Eigen::Matrix2Xd points;
+  Eigen::VectorXd tangent, weight;
+};
+
+// One way to lay them on what is seen.
+struct Laid {
+  Eigen::Vector2d shift = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d information;
+  double matched = 0;  // Weight of the points that found something.
+  double cost = 0;     // Twice the negative logarithm of how likely it is, up to a constant.
+};
 
 // What may be matched: the seen points around the target, from left to right.
 struct Seen {
@@ -61,6 +77,46 @@ Eigen::Index match(const Seen& seen, const Eigen::Vector2d& at, double tangent_r
   return best;
 }
 
+// From where the registration puts them to the nearest way that they lie on what is seen: looked for at a scale that
+// is halved from step to step, from the whole of what may be meant to what is meant.
+Laid laidFrom(const Vessels& vessels, const Seen& seen, double prior_px, double first_scale_px, int iterations) {
+  const Eigen::Matrix2d prior = Eigen::Matrix2d::Identity() / (prior_px * prior_px);
+  Laid laid;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    const double scale_px = std::max(kScale_px, first_scale_px * std::pow(0.5, iteration));
+    laid.information = prior;
+    laid.matched = 0;
+    Eigen::Vector2d pull = Eigen::Vector2d::Zero();
+    for (Eigen::Index k = 0; k < vessels.points.cols(); ++k) {
+      const Eigen::Index i = match(seen, vessels.points.col(k) + laid.shift, vessels.tangent[k], 2 * scale_px);
+      if (i < 0) continue;
+      const Eigen::Vector2d normal = seen.normals.col(i);
+      const double off = normal.dot(seen.points.col(i) - vessels.points.col(k));
+      const double residual = (off - normal.dot(laid.shift)) / scale_px, kept = 1 / (1 + residual * residual);
+      const double w = vessels.weight[k] * kept * kept / (seen.variance[i] + kFloor_px * kFloor_px);
+      laid.information += w * normal * normal.transpose();
+      pull += w * off * normal;
+      laid.matched += vessels.weight[k];
+    }
+    laid.shift = laid.information.inverse() * pull;
+  }
+  return laid;
+}
+
+// How badly they lie: Geman and McClure's cost of the distances, which no point exceeds that finds nothing, and the
+// prior's. How sure each seen point is does not count: a sure neighbour is no better a match than an unsure vessel.
+double costOf(const Laid& laid, const Vessels& vessels, const Seen& seen, double prior_px) {
+  constexpr double kMost = kScale_px * kScale_px / (kUsualError_px * kUsualError_px);
+  double cost = laid.shift.squaredNorm() / (prior_px * prior_px);
+  for (Eigen::Index k = 0; k < vessels.points.cols(); ++k) {
+    const Eigen::Vector2d at = vessels.points.col(k) + laid.shift;
+    const Eigen::Index i = match(seen, at, vessels.tangent[k], 2 * kScale_px);
+    const double residual = i < 0 ? 0 : seen.normals.col(i).dot(seen.points.col(i) - at) / kScale_px;
+    cost += kMost * vessels.weight[k] * (i < 0 ? 1 : residual * residual / (1 + residual * residual));
+  }
+  return cost;
+}
+
 }  // namespace
 
 LocalShift::LocalShift(const VesselTree& tree, const WatchedPlace& place) : place_(place) {
@@ -97,47 +153,36 @@ std::optional<ImageShift> LocalShift::look(const Centerline2d& centerline, const
   const double px_per_m = camera.parameters().fx_px / target_camera.z();
   const double prior_px = place_.std_m * px_per_m, first_gate_px = kFirstGate * prior_px;
 
-  Eigen::Matrix2Xd model(2, points_.cols());
-  Eigen::VectorXd tangent(points_.cols()), weight = weight_;
+  Vessels vessels{Eigen::Matrix2Xd(2, points_.cols()), Eigen::VectorXd(points_.cols()), weight_};
   double reach_px = 0;
   for (Eigen::Index k = 0; k < points_.cols(); ++k) {
     Eigen::Matrix<double, 2, 3> J;
     const auto pixel = camera.project(T_camera_model * points_.col(k), &J);
     if (!pixel) return std::nullopt;
     const Eigen::Vector2d along = J * (T_camera_model.linear() * tangents_.col(k));
-    model.col(k) = *pixel;
-    tangent[k] = std::atan2(along.y(), along.x());
+    vessels.points.col(k) = *pixel;
+    vessels.tangent[k] = std::atan2(along.y(), along.x());
     // A vessel that points along the beam has no direction in the image and few pixels.
-    weight[k] *= std::min(1.0, along.norm() / px_per_m) * kSpacing_m * px_per_m / kCorrelated_px;
+    vessels.weight[k] *= std::min(1.0, along.norm() / px_per_m) * kSpacing_m * px_per_m / kCorrelated_px;
     reach_px = std::max(reach_px, (*pixel - *target_px).norm());
   }
   const Seen seen = around(centerline, *target_px, reach_px + first_gate_px);
 
-  const Eigen::Matrix2d prior = Eigen::Matrix2d::Identity() / (prior_px * prior_px);
-  Eigen::Vector2d shift = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d information = prior;
-  double matched = 0;
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    // From the whole of what may be meant to what is meant.
-    const double scale_px = std::max(kScale_px, first_gate_px * std::pow(0.5, iteration + 1));
-    information = prior;
-    Eigen::Vector2d pull = Eigen::Vector2d::Zero();
-    matched = 0;
-    for (Eigen::Index k = 0; k < model.cols(); ++k) {
-      const Eigen::Index i = match(seen, model.col(k) + shift, tangent[k], std::max(2 * scale_px, kScale_px));
-      if (i < 0) continue;
-      const Eigen::Vector2d normal = seen.normals.col(i);
-      const double off = normal.dot(seen.points.col(i) - model.col(k));
-      const double residual = (off - normal.dot(shift)) / scale_px, kept = 1 / (1 + residual * residual);
-      const double w = weight[k] * kept * kept / (seen.variance[i] + kFloor_px * kFloor_px);
-      information += w * normal * normal.transpose();
-      pull += w * off * normal;
-      matched += weight[k];
-    }
-    shift = information.inverse() * pull;
+  // What is wide of the place draws to a neighbour now and then; what is narrow misses a place that is far off.
+  Laid best = laidFrom(vessels, seen, prior_px, 0.5 * first_gate_px, kIterations);
+  Laid other = laidFrom(vessels, seen, prior_px, kScale_px, kNarrowIterations);
+  for (Laid* laid : {&best, &other}) {
+    if (!laid->shift.allFinite()) return std::nullopt;
+    laid->cost = costOf(*laid, vessels, seen, prior_px);
   }
-  if (matched <= 0 || !shift.allFinite()) return std::nullopt;
-  return ImageShift{shift, information.inverse() + kFloor_px * kFloor_px * Eigen::Matrix2d::Identity()};
+  if (other.cost < best.cost) std::swap(best, other);
+  if (best.matched <= 0) return std::nullopt;
+  ImageShift result{best.shift, best.information.inverse() + kFloor_px * kFloor_px * Eigen::Matrix2d::Identity()};
+  // Where it might as well be the other one, that is said.
+  const double others = 1 / (1 + std::exp(0.5 * (other.cost - best.cost)));
+  const Eigen::Vector2d apart = other.shift - best.shift;
+  result.covariance_px += others * apart * apart.transpose();
+  return result;
 }
 
 }  // namespace angio

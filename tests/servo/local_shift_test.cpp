@@ -36,6 +36,28 @@ TEST_F(LocalShifts, FindWhereTheImageShowsThePlace) {
   }
 }
 
+// Of the place's vessels most are seen, unsurely, where they are, and beside the others there is something sure.
+TEST_F(LocalShifts, AreNotDrawnToANeighbour) {
+  const LocalShift near(tree_, {target_, 15e-3, 2e-3});
+  const Centerline2d all = projectedCenterline(tree_, camera_, T_);
+  // Along the vessel that the place is on, nothing would tell the two apart.
+  for (const double across_deg : {60.0, 90.0, 120.0, 240.0, 270.0, 300.0}) {
+    const double angle_rad = all.tangent_rad[39] + degToRad(across_deg);
+    const Eigen::Vector2d aside = 2.5e-3 * px_per_m_ * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad));
+    Centerline2d seen = all;
+    seen.sigma_px = Eigen::VectorXd::Constant(all.size(), 2);
+    for (int i = 0; i < all.size(); ++i) {
+      if (i / 4 % 4 != 0) continue;
+      seen.points_px.col(i) += aside;
+      seen.sigma_px[i] = 0.2;
+    }
+    const auto found = near.look(seen, camera_, T_);
+    ASSERT_TRUE(found);
+    EXPECT_LT(found->shift_px.norm(), 0.3 * aside.norm())
+        << aside.transpose() << " gives " << found->shift_px.transpose();
+  }
+}
+
 TEST_F(LocalShifts, SayNothingAboutADirectionThatIsNotSeen) {
   // One straight vessel across the image, through the target.
   Eigen::Matrix3Xd points(3, 60);
