@@ -37,12 +37,8 @@ void spread(const std::vector<float>& grid, int columns, int y, float scale, int
   const auto node = [&](int i) { return scale * (above[i] + down * (below[i] - above[i])); };
   for (int i = 0; i * kCell < width; ++i) {
     const float left = node(i), step = (node(i + 1) - left) / kCell;
-    float* pixels = out + i * kCell;
-    if ((i + 1) * kCell <= width) {
-      for (int k = 0; k < kCell; ++k) pixels[k] = left + static_cast<float>(k) * step;
-    } else {
-      for (int k = 0; k < width - i * kCell; ++k) pixels[k] = left + static_cast<float>(k) * step;
-    }
+    const int count = std::min(kCell, width - i * kCell);
+    for (int k = 0; k < count; ++k) out[i * kCell + k] = left + static_cast<float>(k) * step;
   }
 }
 
