@@ -5,14 +5,15 @@
 #include <cmath>
 #include <utility>
 
+#include "angio/base/fnv1a.hpp"
+
 namespace angio {
 namespace {
 
-// FNV-1a: the same on every machine, unlike std::hash.
 std::uint64_t hashOf(const std::string& text) {
-  std::uint64_t hash = 0xcbf29ce484222325u;
-  for (const char c : text) hash = (hash ^ static_cast<std::uint8_t>(c)) * 0x100000001b3u;
-  return hash;
+  Fnv1a hash;
+  hash.add(text.data(), text.size());
+  return hash.value();
 }
 
 std::int64_t after_us(std::int64_t time_us, double delay_ms) {

@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/fnv1a.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/plot.hpp"
@@ -42,20 +43,15 @@ cv::Mat overlayOf(const RehearsalSnapshot& snapshot, const VesselTree& tree, con
   return drawOverlay(scene, tree, snapshot.frame.camera);
 }
 
-// FNV-1a over the bits of all commands: two runs with the same one moved the arm alike, bit for bit.
+// Of the bits of all commands: two runs with the same one moved the arm alike, bit for bit.
 std::string fingerprintOf(const std::vector<RehearsalFrame>& frames) {
-  std::uint64_t hash = 14695981039346656037ULL;
-  const auto add = [&](const void* data, std::size_t size) {
-    for (std::size_t i = 0; i < size; ++i)
-      hash = (hash ^ static_cast<const unsigned char*>(data)[i]) * 1099511628211ULL;
-  };
+  Fnv1a hash;
   for (const auto& f : frames) {
     const CArmCommand& c = f.command;
-    for (const std::int64_t number : {c.time_us, c.sequence, c.frame_sequence, c.valid_for_us})
-      add(&number, sizeof number);
-    add(c.velocity.data(), sizeof(double) * kCArmJointCount);
+    for (const std::int64_t number : {c.time_us, c.sequence, c.frame_sequence, c.valid_for_us}) hash.add(number);
+    hash.add(c.velocity.data(), sizeof(double) * kCArmJointCount);
   }
-  return formatted("%016llx", static_cast<unsigned long long>(hash));
+  return formatted("%016llx", static_cast<unsigned long long>(hash.value()));
 }
 
 Series seriesOf(const std::vector<RehearsalFrame>& frames, const std::string& name, int colour,
