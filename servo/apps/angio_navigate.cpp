@@ -75,10 +75,7 @@ int navigate(const Options& o) {
   const CatheterStage stage{carm,
                             settings.limits.limits(carm.source_detector_distance_m - carm.source_isocentre_distance_m),
                             calibration.T_dsa_cb};
-  const auto network = openBus(o.bus);
-  std::unique_ptr<BadNetwork> bad;
-  if (!o.disturb.empty()) bad = std::make_unique<BadNetwork>(*network, o.disturb);
-  Bus* const bus = bad ? bad.get() : network.get();
+  const auto bus = openBus(o.bus, o.disturb);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";
   std::optional<RecordingBus> recorded;
   if (!o.record.empty()) recorded.emplace(*bus, o.record);

@@ -126,10 +126,7 @@ volatile std::sig_atomic_t stopped = 0;
 // Listens until it is stopped; the arm's side stops by itself when no more commands come.
 int serve(const Options& o, const ServoSettings& settings, const VesselTree& tree, const CArmCalibration& calibration) {
   const ServoLoopSettings loop = settings.loop(calibration);
-  const auto network = openBus(o.bus);
-  std::unique_ptr<BadNetwork> bad;
-  if (!o.disturb.empty()) bad = std::make_unique<BadNetwork>(*network, o.disturb);
-  Bus* const bus = bad ? bad.get() : network.get();
+  const auto bus = openBus(o.bus, o.disturb);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-servo: " << *warning << "\n";
   std::optional<RecordingBus> recorded;
   if (!o.record.empty()) recorded.emplace(*bus, o.record);

@@ -92,10 +92,7 @@ int simulate(const Options& o) {
   const SimulateSettings settings = effectiveSettings(o);
   const VesselTree tree = readVesselTree(o.tree);
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
-  const auto network = openBus(o.bus);
-  std::unique_ptr<BadNetwork> bad;
-  if (!o.disturb.empty()) bad = std::make_unique<BadNetwork>(*network, o.disturb);
-  Bus* const bus = bad ? bad.get() : network.get();
+  const auto bus = openBus(o.bus, o.disturb);
   const CArmJoints start = calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
                                                       calibration.T_dsa_cb * tree.centroid());
   SimulatedCArmNode arm(*bus, CArmLimits::typical(), start, now_us());

@@ -2,8 +2,11 @@
 #include "disturbance.hpp"
 
 #include <algorithm>
+#include <chrono>
+#include <utility>
 
 #include "angio/io/settings_files.hpp"
+#include "angio/messaging/disturbed_bus.hpp"
 
 namespace angio {
 namespace {
@@ -14,27 +17,46 @@ std::int64_t now_us() {
   return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
 }
 
+class BadNetwork final : public Bus {
+ public:
+  BadNetwork(std::unique_ptr<Bus> bus, const DisturbanceSettings& settings)
+      : bus_(std::move(bus)), disturbed_(*bus_, settings, 1) {
+    disturbed_.advance(now_us());
+  }
+
+  void publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) override {
+    disturbed_.advance(now_us());
+    disturbed_.publish(channel, bytes);
+  }
+
+  void subscribe(const std::string& channel, Handler handler) override { bus_->subscribe(channel, std::move(handler)); }
+  void subscribeAll(Listener listener) override { bus_->subscribeAll(std::move(listener)); }
+
+  // Sends what is due meanwhile, to the millisecond.
+  int handle(std::chrono::milliseconds timeout) override {
+    const auto end = Clock::now() + timeout;
+    for (;;) {
+      disturbed_.advance(now_us());
+      const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
+      const std::chrono::milliseconds most(disturbed_.nextDue_us() ? 1 : 1000);
+      const int handled = bus_->handle(std::clamp(left, std::chrono::milliseconds(0), most));
+      if (handled > 0 || Clock::now() >= end || bus_->ended()) return handled;
+    }
+  }
+
+  bool ended() const override { return bus_->ended(); }
+
+ private:
+  std::unique_ptr<Bus> bus_;
+  DisturbedBus disturbed_;
+};
+
 }  // namespace
 
-BadNetwork::BadNetwork(Bus& bus, const std::string& settings_path)
-    : bus_(bus), disturbed_(bus, readSettings(settings_path, DisturbanceSettings()), 1) {
-  disturbed_.advance(now_us());
-}
-
-void BadNetwork::publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) {
-  disturbed_.advance(now_us());
-  disturbed_.publish(channel, bytes);
-}
-
-int BadNetwork::handle(std::chrono::milliseconds timeout) {
-  const auto end = Clock::now() + timeout;
-  for (;;) {
-    disturbed_.advance(now_us());
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
-    const std::chrono::milliseconds most(disturbed_.nextDue_us() ? 1 : 1000);
-    const int handled = bus_.handle(std::clamp(left, std::chrono::milliseconds(0), most));
-    if (handled > 0 || Clock::now() >= end || bus_.ended()) return handled;
-  }
+std::unique_ptr<Bus> openBus(const std::string& url, const std::string& settings_path) {
+  if (settings_path.empty()) return openBus(url);
+  const auto settings = readSettings(settings_path, DisturbanceSettings());
+  return std::make_unique<BadNetwork>(openBus(url), settings);
 }
 
 }  // namespace angio
