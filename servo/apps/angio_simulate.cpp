@@ -2,9 +2,9 @@
 // angio-simulate: X-ray frames and robot states on the bus, in real time; obeys velocity commands. Or, with --out, a
 // run in files with its truth.
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <iostream>
-#include <thread>
 
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/carm_calibration.hpp"
@@ -14,11 +14,10 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
-#include "angio/simulation/catheter_node.hpp"
-#include "angio/simulation/nodes.hpp"
 #include "disturbance.hpp"
 #include "place_option.hpp"
 #include "run_files.hpp"
+#include "simulated_machines.hpp"
 
 namespace angio {
 namespace {
@@ -75,12 +74,12 @@ int writeFiles(const Options& o) {
   return 0;
 }
 
-constexpr auto kReportPeriod = std::chrono::milliseconds(10);
+constexpr double kReports_hz = 100;
 
 volatile std::sig_atomic_t stopped = 0;
 
-std::int64_t now_us() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
+std::int64_t microseconds(Clock::time_point time) {
+  return std::chrono::duration_cast<std::chrono::microseconds>(time.time_since_epoch()).count();
 }
 
 void send(Bus& bus, const XrayFrame& frame, const Options& o) {
@@ -93,63 +92,49 @@ int simulate(const Options& o) {
   const VesselTree tree = readVesselTree(o.tree);
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
   const auto bus = openBus(o.bus, o.disturb);
-  const CArmJoints start = calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
-                                                      calibration.T_dsa_cb * tree.centroid());
-  SimulatedCArmNode arm(*bus, CArmLimits::typical(), start, now_us());
-  SimulatedXrayNode xray(*bus, tree, settings.patient, calibration.carm, calibration.T_dsa_cb);
-  std::optional<SimulatedCatheterNode> catheter;
+  std::optional<SimulatedMachines::Catheter> catheter;
   if (o.catheter_branch) {
-    catheter.emplace(*bus, tree, settings.catheter,
-                     placeOf(TreeMap(tree), "catheter", *o.catheter_branch, o.catheter_mm), now_us());
-    xray.show([&](const Eigen::Matrix3Xd& points) { return catheter->catheter().device(points); });
+    catheter.emplace(SimulatedMachines::Catheter{
+        tree, settings.catheter, placeOf(TreeMap(tree), "catheter", *o.catheter_branch, o.catheter_mm)});
   }
-  const auto listen = [&] {
-    arm.listen(now_us());
-    if (catheter) catheter->listen(now_us());
-  };
-  const auto report = [&] {
-    arm.report(now_us());
-    if (catheter) catheter->report(now_us());
-  };
+  SimulatedMachines machines(openBus(o.bus, o.disturb), CArmLimits::typical(),
+                             calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
+                                                        calibration.T_dsa_cb * tree.centroid()),
+                             catheter);
+  SimulatedXrayNode xray(*bus, tree, settings.patient, calibration.carm, calibration.T_dsa_cb);
+  if (catheter) xray.show([&](const Eigen::Matrix3Xd& points) { return machines.device(points); });
   const LatestValue<CArmState> heard(*bus, kCArmStateChannel);
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
 
-  const auto period = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / o.frame_rate_hz));
+  // A report comes with every exposure.
+  const double reports = std::max(1.0, std::round(kReports_hz / o.frame_rate_hz));
+  const auto report_period =
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / (o.frame_rate_hz * reports)));
+  const auto period = report_period * std::llround(reports);
   const auto began = Clock::now();
-  auto next = began;
+  const auto goesOn = [&] {
+    const bool over = o.duration_s > 0 && Clock::now() - began >= std::chrono::duration<double>(o.duration_s);
+    return !over && !stopped && !machines.failed();
+  };
+  machines.start(began, report_period);
   std::int64_t frames = 0;
-  while (!stopped && (o.duration_s <= 0 || Clock::now() - began < std::chrono::duration<double>(o.duration_s))) {
-    report();
-    const std::int64_t exposure_us = arm.arm().state().time_us;
-    // The X-ray looks from where the bus says the arm is: the state of this exposure has to have come round.
-    const auto patience = Clock::now() + period;
-    while (!(heard.peek() && heard.peek()->time_us == exposure_us) && Clock::now() < patience && !stopped) {
-      bus->handle(std::chrono::milliseconds(5));
-    }
-    if (heard.peek() && heard.peek()->time_us == exposure_us) {
-      send(*bus, xray.render(exposure_us, heard.peek()->joints), o);
+  for (auto next = began; goesOn();) {
+    // The X-ray looks from where the bus says the arm is: what it says of this exposure has to have come round.
+    const auto has_come = [&] { return heard.peek() && heard.peek()->time_us >= microseconds(next); };
+    while (!has_come() && Clock::now() < next + period && goesOn()) bus->handle(std::chrono::milliseconds(5));
+    if (has_come()) {
+      send(*bus, xray.render(heard.peek()->time_us, heard.peek()->joints), o);
       ++frames;
     }
     next += period;
-    // Commands are obeyed as they arrive, and the encoders report, not once a frame.
-    auto due = Clock::now() + kReportPeriod;
-    for (auto left = next - Clock::now(); left > Clock::duration::zero() && !stopped; left = next - Clock::now()) {
-      const auto wait = std::clamp(due - Clock::now(), Clock::duration::zero(), left);
-      bus->handle(std::chrono::ceil<std::chrono::milliseconds>(wait));
-      listen();
-      if (Clock::now() < due) continue;
-      report();
-      due += kReportPeriod;
-    }
-    listen();
-    if (Clock::now() > next + period)
-      next = Clock::now();  // A slow machine drops frames; it does not catch up in a burst.
+    if (Clock::now() > next + period) next = Clock::now();  // A slow machine drops frames, and makes no burst of them.
   }
-  std::cout << frames << " frames shown; " << arm.arm().ignored().total()
-            << " commands refused; commands ran out before the next came: " << arm.arm().ranOut() << "\n";
+  machines.stop();
+  std::cout << frames << " frames shown; " << machines.arm().ignored().total()
+            << " commands refused; commands ran out before the next came: " << machines.arm().ranOut() << "\n";
   if (catheter) {
-    const CatheterTruth truth = catheter->catheter().truth();
+    const CatheterTruth truth = machines.catheter()->catheter().truth();
     std::cout << formatted("the catheter's tip is in branch %d, %.1f mm into it; it touched a wall %d times\n",
                            truth.tip.chain, 1e3 * truth.tip.arc_m, truth.wall_contacts);
   }

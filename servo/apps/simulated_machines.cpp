@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "simulated_machines.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace angio {
+namespace {
+
+// So long it may take until they stop.
+constexpr std::chrono::milliseconds kLongestWait(100);
+
+std::int64_t now_us() {
+  using namespace std::chrono;
+  return duration_cast<microseconds>(SimulatedMachines::Clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+SimulatedMachines::SimulatedMachines(std::unique_ptr<Bus> bus, const CArmLimits& limits, const CArmJoints& start,
+                                     const std::optional<Catheter>& catheter)
+    : bus_(std::move(bus)), arm_(*bus_, limits, start, now_us()) {
+  if (catheter) catheter_.emplace(*bus_, catheter->tree, catheter->settings, catheter->start, now_us());
+}
+
+SimulatedMachines::~SimulatedMachines() {
+  stopped_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+void SimulatedMachines::start(Clock::time_point first, Clock::duration period) {
+  thread_ = std::thread([this, first, period] {
+    try {
+      run(first, period);
+    } catch (...) {
+      thrown_ = std::current_exception();
+      failed_ = true;
+    }
+  });
+}
+
+void SimulatedMachines::stop() {
+  stopped_ = true;
+  if (thread_.joinable()) thread_.join();
+  if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
+}
+
+Device SimulatedMachines::device(const Eigen::Matrix3Xd& points) const {
+  const std::lock_guard<std::mutex> lock(moving_);
+  return catheter_->catheter().device(points);
+}
+
+void SimulatedMachines::run(Clock::time_point first, Clock::duration period) {
+  for (auto due = first; !stopped_;) {
+    const auto left = std::clamp<Clock::duration>(due - Clock::now(), Clock::duration::zero(), kLongestWait);
+    bus_->handle(std::chrono::floor<std::chrono::milliseconds>(left));
+    listen();
+    // A wait in whole milliseconds ends too early or too late.
+    if (const auto rest = due - Clock::now(); rest > Clock::duration::zero()) {
+      if (rest < std::chrono::milliseconds(1))
+        std::this_thread::sleep_until(due);
+      else
+        continue;
+    }
+    report();
+    due += period * ((Clock::now() - due) / period + 1);  // What was missed is not made up for in a burst.
+  }
+}
+
+void SimulatedMachines::listen() {
+  const std::lock_guard<std::mutex> lock(moving_);
+  arm_.listen(now_us());
+  if (catheter_) catheter_->listen(now_us());
+}
+
+void SimulatedMachines::report() {
+  const std::lock_guard<std::mutex> lock(moving_);
+  arm_.report(now_us());
+  if (catheter_) catheter_->report(now_us());
+}
+
+}  // namespace angio
