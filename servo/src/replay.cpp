@@ -2,7 +2,6 @@
 #include "angio/servo/replay.hpp"
 
 #include <cstring>
-#include <map>
 #include <memory>
 #include <vector>
 
@@ -10,24 +9,21 @@
 #include "angio/base/formatted.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/codec.hpp"
-#include "angio/messaging/log_reader.hpp"
+#include "angio/messaging/logged_frames.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/servo/joint_history.hpp"
 
 namespace angio {
 namespace {
 
-// A frame's number alone does not name it: a sender that starts again counts from one.
-using FrameKey = std::pair<std::int64_t, std::int64_t>;  // Sequence and time [us].
-
 // What a log holds, its images left where they are.
 struct Contents {
-  std::vector<std::pair<FrameKey, std::int64_t>> frames;  // In the log's order, with their places in the file.
-  std::map<FrameKey, std::int64_t> place;                 // The same by name.
+  LoggedFrames frames;
   std::vector<ServoInput> inputs;
   std::vector<CArmCommand> commands;
-  std::map<FrameKey, RegistrationMessage> registrations;  // The first of each frame.
-  std::map<FrameKey, CatheterTip> tips;
+  ByFrame<CArmCommand> answers;                                            // The first of each frame.
+  ByFrame<RegistrationMessage> registrations;                              // The same.
+  ByFrame<CatheterTip> tips;                                               // The same.
   std::vector<std::pair<std::int64_t, std::vector<std::uint8_t>>> states;  // Places and bytes.
   std::int64_t skipped_bytes = 0;
 };
@@ -37,23 +33,21 @@ Contents readContents(LogReader& log) {
   for (auto event = log.next(); event; event = log.next()) {
     const std::uint8_t* data = event->bytes.data();
     const std::size_t size = event->bytes.size();
-    if (event->channel == kXrayFrameChannel) {
-      const auto frame = decode<XrayFrame>(data, size);
-      if (!frame.value) continue;
-      const FrameKey key(frame.value->sequence, frame.value->time_us);
-      if (c.place.emplace(key, event->position_bytes).second) c.frames.emplace_back(key, event->position_bytes);
-    } else if (event->channel == kServoInputChannel) {
+    c.frames.enter(*event);
+    if (event->channel == kServoInputChannel) {
       const auto input = decode<ServoInput>(data, size);
       if (input.value) c.inputs.push_back(*input.value);
     } else if (event->channel == kCArmCommandChannel) {
       const auto command = decode<CArmCommand>(data, size);
-      if (command.value) c.commands.push_back(*command.value);
+      if (!command.value) continue;
+      c.commands.push_back(*command.value);
+      c.answers.emplace(frameOf(*command.value), *command.value);
     } else if (event->channel == kRegistrationChannel) {
       const auto seen = decode<RegistrationMessage>(data, size);
-      if (seen.value) c.registrations.emplace(FrameKey(seen.value->frame_sequence, seen.value->time_us), *seen.value);
+      if (seen.value) c.registrations.emplace(frameOf(*seen.value), *seen.value);
     } else if (event->channel == kCatheterTipChannel) {
       const auto tip = decode<CatheterTip>(data, size);
-      if (tip.value) c.tips.emplace(FrameKey(tip.value->frame_sequence, tip.value->time_us), *tip.value);
+      if (tip.value) c.tips.emplace(frameOf(*tip.value), *tip.value);
     } else if (event->channel == kCArmStateChannel) {
       c.states.emplace_back(event->position_bytes, event->bytes);
     }
@@ -64,55 +58,31 @@ Contents readContents(LogReader& log) {
 
 // The inputs of a log that does not name them.
 std::vector<ServoInput> guessedInputs(const Contents& c) {
-  std::vector<std::pair<FrameKey, std::int64_t>> frames;
+  std::vector<LoggedFrames::Entry> frames;
   for (const CArmCommand& command : c.commands) {
-    const auto found = c.place.find({command.frame_sequence, command.time_us});
-    if (found != c.place.end()) frames.emplace_back(found->first, found->second);
+    if (const auto place = c.frames.position_bytes(frameOf(command))) frames.push_back({frameOf(command), *place});
   }
-  if (frames.empty()) frames = c.frames;
+  if (frames.empty()) frames = c.frames.all();
   const auto bus = openBus("memq://");
   const JointHistory joints(*bus, kCArmStateChannel);
   std::vector<ServoInput> inputs;
   auto state = c.states.begin();
-  for (const auto& [key, place] : frames) {
+  for (const auto& [name, place] : frames) {
     for (; state != c.states.end() && state->first < place; ++state) {
       bus->publish(kCArmStateChannel, state->second);
       bus->handle(std::chrono::milliseconds(0));
     }
-    if (const auto at = joints.at(key.second)) inputs.push_back({key.second, key.first, *at});
+    if (const auto at = joints.at(name.second)) inputs.push_back({name.second, name.first, *at});
   }
   return inputs;
 }
-
-XrayFrame frameAt(LogReader& log, std::int64_t place) {
-  log.seek(place);
-  const auto event = log.next();
-  auto frame = event ? decode<XrayFrame>(event->bytes.data(), event->bytes.size()) : Decoded<XrayFrame>();
-  if (!frame.value) throw std::runtime_error("the log has changed while it was read");
-  return std::move(*frame.value);
-}
-
-// The commands of a log by the frames they answer.
-class LoggedCommands {
- public:
-  explicit LoggedCommands(const std::vector<CArmCommand>& commands) {
-    for (const CArmCommand& c : commands) by_frame_.emplace(FrameKey(c.frame_sequence, c.time_us), c);
-  }
-  std::optional<CArmCommand> answering(const ServoInput& input) const {
-    const auto found = by_frame_.find({input.frame_sequence, input.time_us});
-    return found == by_frame_.end() ? std::nullopt : std::optional(found->second);
-  }
-
- private:
-  std::map<FrameKey, CArmCommand> by_frame_;
-};
 
 // One way through the frames of a log.
 class Pass {
  public:
   Pass(LogReader& log, const Contents& contents, const ServoLoopSettings& settings, const VesselTree& tree)
-      : log_(log), contents_(contents), commands_(contents.commands), settings_(settings), tree_(tree) {
-    summary.frames = static_cast<std::int64_t>(contents.frames.size());
+      : log_(log), contents_(contents), settings_(settings), tree_(tree) {
+    summary.frames = static_cast<std::int64_t>(contents.frames.all().size());
     summary.commands = static_cast<std::int64_t>(contents.commands.size());
     summary.skipped_bytes = contents.skipped_bytes;
     summary.knew_inputs = !contents.inputs.empty();
@@ -120,26 +90,17 @@ class Pass {
 
   void answer(const ServoInput& input, double part, const ReplayWatcher& watcher) {
     const std::string name = "frame " + std::to_string(input.frame_sequence);
-    const auto place = contents_.place.find({input.frame_sequence, input.time_us});
-    if (place == contents_.place.end()) return differs(name + " was answered, and is not in the log");
-    const auto logged = commands_.answering(input);
+    const auto place = contents_.frames.position_bytes(frameOf(input));
+    if (!place) return summary.differs(name + " was answered, and is not in the log");
+    const auto logged = of(frameOf(input), contents_.answers);
     if (!loop_ || (logged && logged->sequence == 1)) loop_ = std::make_unique<ServoLoop>(settings_, tree_);
-    const XrayFrame frame = frameAt(log_, place->second);
+    const XrayFrame frame = LoggedFrames::readAt(log_, *place);
     const ServoReport report = answerAsThen(frame, input);
     loop_->learn();
     ++summary.answered;
     summary.held += report.held.has_value();
-    if (logged) {
-      ++summary.compared;
-      const auto how = difference(report.command, *logged);
-      summary.equal += !how;
-      if (how) differs(name + ": " + *how);
-    }
+    if (logged) summary.compare(name, difference(report.command, *logged));
     if (watcher) watcher({frame, report, logged, part});
-  }
-
-  void differs(const std::string& how) {
-    if (!summary.first_difference) summary.first_difference = how;
   }
 
   ReplaySummary summary;
@@ -156,18 +117,11 @@ class Pass {
 
   // What other programs said of a frame.
   SeenElsewhere seenOf(const ServoInput& input) const {
-    const FrameKey key(input.frame_sequence, input.time_us);
-    SeenElsewhere seen;
-    if (const auto found = contents_.registrations.find(key); found != contents_.registrations.end()) {
-      seen.registration = found->second;
-    }
-    if (const auto found = contents_.tips.find(key); found != contents_.tips.end()) seen.tip = found->second;
-    return seen;
+    return {of(frameOf(input), contents_.registrations), of(frameOf(input), contents_.tips)};
   }
 
   LogReader& log_;
   const Contents& contents_;
-  LoggedCommands commands_;
   const ServoLoopSettings& settings_;
   const VesselTree& tree_;
   std::unique_ptr<ServoLoop> loop_;
@@ -175,21 +129,36 @@ class Pass {
 
 }  // namespace
 
+void ReplaySummary::differs(const std::string& how) {
+  if (!first_difference) first_difference = how;
+}
+
+void ReplaySummary::compare(const std::string& frame, const std::optional<std::string>& difference) {
+  ++compared;
+  equal += !difference;
+  if (difference) differs(frame + ": " + *difference);
+}
+
+void ReplaySummary::finish() {
+  if (compared >= commands) return;
+  differs(std::to_string(commands - compared) + " commands cannot be compared: what they answer is not in the log");
+}
+
+std::optional<std::string> difference(const std::string& field, std::int64_t replayed, std::int64_t logged) {
+  if (replayed == logged) return std::nullopt;
+  return field + " = " + std::to_string(replayed) + " replayed, " + std::to_string(logged) + " logged";
+}
+
+std::optional<std::string> difference(const std::string& field, double replayed, double logged) {
+  if (std::memcmp(&replayed, &logged, sizeof(double)) == 0) return std::nullopt;
+  return field + formatted(" = %.17g replayed, %.17g logged", replayed, logged);
+}
+
 std::optional<std::string> difference(const CArmCommand& replayed, const CArmCommand& logged) {
-  const auto number = [](const char* field, std::int64_t a, std::int64_t b) -> std::optional<std::string> {
-    if (a == b) return std::nullopt;
-    return std::string(field) + " = " + std::to_string(a) + " replayed, " + std::to_string(b) + " logged";
-  };
-  if (auto d = number("utime", replayed.time_us, logged.time_us)) return d;
-  if (auto d = number("frame_sequence", replayed.frame_sequence, logged.frame_sequence)) return d;
-  if (auto d = number("sequence", replayed.sequence, logged.sequence)) return d;
-  if (auto d = number("valid_for_us", replayed.valid_for_us, logged.valid_for_us)) return d;
+  if (auto d = differenceInName(replayed, logged)) return d;
   for (int i = 0; i < kCArmJointCount; ++i) {
-    // By bits: -0 is another number than 0 here.
-    if (std::memcmp(&replayed.velocity[i], &logged.velocity[i], sizeof(double)) != 0) {
-      return formatted("joint_velocity[%d] = %.17g replayed, %.17g logged", i, replayed.velocity[i],
-                       logged.velocity[i]);
-    }
+    const std::string field = "joint_velocity[" + std::to_string(i) + "]";
+    if (auto d = difference(field, replayed.velocity[i], logged.velocity[i])) return d;
   }
   return std::nullopt;
 }
@@ -202,17 +171,13 @@ ReplaySummary replay(const std::string& log_path, const ServoLoopSettings& setti
   Pass pass(log, contents, settings, tree);
   double done = 0;
   for (const ServoInput& input : inputs) pass.answer(input, ++done / static_cast<double>(inputs.size()), watcher);
-  const ReplaySummary& found = pass.summary;
-  if (found.compared < found.commands) {
-    pass.differs(std::to_string(found.commands - found.compared) +
-                 " commands cannot be compared: what they answer is not in the log");
-  }
-  if (found.answered == 0) {
+  pass.summary.finish();
+  if (pass.summary.answered == 0) {
     throw InputError(log_path, "", "",
                      "holds no X-ray frame with joints: needs " + std::string(kXrayFrameChannel) + " and " +
                          kCArmStateChannel + " or " + kServoInputChannel);
   }
-  return found;
+  return pass.summary;
 }
 
 }  // namespace angio

@@ -30,6 +30,15 @@ struct ReplaySummary {
   std::int64_t skipped_bytes = 0;  ///< Of the file, that were no messages.
   /// What first went another way than in the log: frame, field and both values, or what the log lacks.
   std::optional<std::string> first_difference;
+
+  /// Counts one command of both, and how they differ, if they do.
+  void compare(const std::string& frame, const std::optional<std::string>& difference);
+
+  /// Notes what went another way, if nothing did before.
+  void differs(const std::string& how);
+
+  /// After all frames: notes logged commands that were left over.
+  void finish();
 };
 
 /// Sends a log (of lcm-logger, or of a RecordingBus) through the loop again.
@@ -43,7 +52,20 @@ struct ReplaySummary {
 ReplaySummary replay(const std::string& log_path, const ServoLoopSettings& settings, const VesselTree& tree,
                      const ReplayWatcher& watcher = {});
 
-/// The first field in which two commands differ, in words with both values; nothing when all bits are equal.
+/// How a field differs, in words with both values; nothing when all bits are equal: -0 is another number than 0 here.
+std::optional<std::string> difference(const std::string& field, std::int64_t replayed, std::int64_t logged);
+std::optional<std::string> difference(const std::string& field, double replayed, double logged);
+
+/// The first field in which two commands differ.
 std::optional<std::string> difference(const CArmCommand& replayed, const CArmCommand& logged);
+
+/// The same, of what every machine's command has.
+template <typename Command>
+std::optional<std::string> differenceInName(const Command& replayed, const Command& logged) {
+  if (auto d = difference("utime", replayed.time_us, logged.time_us)) return d;
+  if (auto d = difference("frame_sequence", replayed.frame_sequence, logged.frame_sequence)) return d;
+  if (auto d = difference("sequence", replayed.sequence, logged.sequence)) return d;
+  return difference("valid_for_us", replayed.valid_for_us, logged.valid_for_us);
+}
 
 }  // namespace angio
