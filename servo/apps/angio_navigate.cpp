@@ -5,19 +5,15 @@
 #include <iostream>
 #include <optional>
 
-#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
-#include "angio/geometry/carm_limits_settings.hpp"
-#include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/recording_bus.hpp"
-#include "angio/navigation/catheter_node.hpp"
 #include "angio/servo/operator.hpp"
 #include "disturbance.hpp"
-#include "place_option.hpp"
+#include "navigate_options.hpp"
 
 namespace angio {
 namespace {
@@ -25,33 +21,10 @@ namespace {
 struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
   std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, record, disturb;
-  int from_branch = 0, to_branch = 0;
-  double from_mm = 30, to_mm = 10, duration_s = 0;
+  WayOptions way;
+  double duration_s = 0;
   bool wait_for_operator = false;
 };
-
-/// What the settings file may say: the node's keys at the top, and the C-arm's limits.
-struct NavigateSettings {
-  CatheterNodeSettings node;
-  CArmLimitsSettings limits;
-
-  void visit(SettingsVisitor& v) {
-    node.visit(v);
-    v.section("limits", [this](SettingsVisitor& s) { limits.visit(s); });
-  }
-};
-
-NavigateSettings effectiveSettings(const Options& o) {
-  NavigateSettings settings;
-  if (o.settings.empty()) return settings;
-  settings = readSettings(o.settings, settings);
-  try {
-    settings.limits.check();
-  } catch (const InputError& error) {
-    throw error.within(o.settings);
-  }
-  return settings;
-}
 
 // Two lines that differ in numbers only say the same.
 std::string withoutNumbers(const std::string& line) {
@@ -65,16 +38,11 @@ std::string withoutNumbers(const std::string& line) {
 volatile std::sig_atomic_t stopped = 0;
 
 int navigate(const Options& o) {
-  const NavigateSettings settings = effectiveSettings(o);
+  const NavigateSettings settings = readNavigateSettings(o.settings);
   const VesselTree tree = readVesselTree(o.tree);
   const TreeMap map(tree);
-  const TreePlace start = placeOf(map, "from", o.from_branch, o.from_mm);
-  const TreePlace target = placeOf(map, "to", o.to_branch, o.to_mm);
-  const CArmCalibration calibration = readCArmCalibration(o.calibration);
-  const CArmGeometry& carm = calibration.carm;
-  const CatheterStage stage{carm,
-                            settings.limits.limits(carm.source_detector_distance_m - carm.source_isocentre_distance_m),
-                            calibration.T_dsa_cb};
+  const TreePlace start = o.way.start(map), target = o.way.target(map);
+  const CatheterStage stage = settings.stage(readCArmCalibration(o.calibration));
   const auto bus = openBus(o.bus, o.disturb);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";
   std::optional<RecordingBus> recorded;
@@ -127,10 +95,7 @@ int main(int argc, char** argv) {
   app.add_option("--bus", o.bus, "Bus to listen on (LCM URL)");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
-  app.add_option("--from-branch", o.from_branch, "The branch that the tip is in now")->check(CLI::Range(0, 1000000));
-  app.add_option("--from-mm", o.from_mm, "How far into it, to a few millimetres")->check(between(0, 1500));
-  app.add_option("--to-branch", o.to_branch, "The branch to go to")->check(CLI::Range(0, 1000000))->required();
-  app.add_option("--to-mm", o.to_mm, "How far into it")->check(between(0, 1500));
+  o.way.addTo(app)->required();
   app.add_option("--duration-s", o.duration_s, "How long at most; 0: until it has arrived or is stopped")
       ->check(between(0, 86400));
   app.add_flag(

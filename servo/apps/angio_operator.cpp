@@ -8,6 +8,7 @@
 #include "angio/cli/program.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_state_machine.hpp"
+#include "operated_machines.hpp"
 
 namespace angio {
 namespace {
@@ -79,11 +80,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> names;
   for (const auto& [name, kind] : angio::kRequests) names.push_back(name);
   app.add_option("request", o.request, "What is asked for")->required()->check(CLI::IsMember(names));
-  const std::map<std::string, angio::OperatedMachine> machines{{"c-arm", angio::OperatedMachine::kCArm},
-                                                               {"catheter", angio::OperatedMachine::kCatheter}};
-  app.add_option("--machine", o.machine, "Whose loop is asked; an emergency stop stops both")
-      ->transform(CLI::CheckedTransformer(machines))
-      ->default_str("c-arm");
+  angio::addMachineOption(app, o.machine, "Whose loop is asked; an emergency stop stops both");
   app.add_option("--bus", o.bus, "Bus (LCM URL)");
   app.add_option("--timeout-s", o.timeout_s, "How long to wait for the answer")->check(angio::between(0.1, 3600));
   return angio::runProgram(app, argc, argv, [&] { return angio::ask(o); });

@@ -2,6 +2,7 @@
 // angio-replay: a log of the bus through the same loop again.
 #include <iostream>
 #include <optional>
+#include <vector>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
@@ -11,62 +12,103 @@
 #include "angio/cli/progress_bar.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
-#include "angio/servo/replay.hpp"
+#include "angio/navigation/catheter_replay.hpp"
+#include "angio/servo/operator.hpp"
 #include "loop_options.hpp"
+#include "navigate_options.hpp"
+#include "operated_machines.hpp"
 
 namespace angio {
 namespace {
+
+constexpr int kBarSteps = 1000;
 
 struct Options {
   std::string log, tree = exampleDataFile("hepatic-tace/tree.csv"),
                    calibration = exampleDataFile("hepatic-tace/carm.yaml");
   std::string settings, out;
+  OperatedMachine machine = OperatedMachine::kCArm;
   LoopOptions loop;
+  WayOptions way;
   bool compare = false;
 };
 
-ServoLoopSettings loopOf(const Options& o) {
-  ServoSettings settings = readServoSettings(o.settings);
-  o.loop.applyTo(settings);
-  return settings.loop(readCArmCalibration(o.calibration));
-}
+// What a replay gives: a row for each command, and what became of all.
+struct Replayed {
+  std::string table;
+  ReplaySummary summary;
+};
 
 // Numbers with all their digits: read again, they are the same bits.
-std::string row(const ReplayedFrame& f) {
-  const CArmCommand& c = f.report.command;
+template <typename Command>
+std::string row(const Command& c, const std::vector<double>& velocity, bool held,
+                const std::optional<Command>& logged) {
   std::string text =
       formatted("%lld,%lld,%lld,%lld", static_cast<long long>(c.frame_sequence), static_cast<long long>(c.time_us),
                 static_cast<long long>(c.sequence), static_cast<long long>(c.valid_for_us));
-  for (const double v : c.velocity) text += formatted(",%.17g", v);
-  const std::optional<std::string> differs = f.logged ? difference(c, *f.logged) : std::nullopt;
-  return text + (f.report.held ? ",1" : ",0") + (!f.logged ? "," : differs ? ",0" : ",1") + "\n";
+  for (const double v : velocity) text += formatted(",%.17g", v);
+  return text + (held ? ",1" : ",0") + (!logged ? "," : difference(c, *logged) ? ",0" : ",1") + "\n";
+}
+
+Replayed replayCArm(const Options& o, ProgressBar& bar) {
+  ServoSettings settings = readServoSettings(o.settings);
+  o.loop.applyTo(settings);
+  const ServoLoopSettings loop = settings.loop(readCArmCalibration(o.calibration));
+  Replayed result{
+      "frame_sequence,utime_us,sequence,valid_for_us,primary_rad_per_s,secondary_rad_per_s,table_x_m_per_s,"
+      "table_y_m_per_s,table_z_m_per_s,held,as_logged\n",
+      {}};
+  result.summary = replay(o.log, loop, readVesselTree(o.tree), [&](const ReplayedFrame& f) {
+    const CArmCommand& c = f.report.command;
+    result.table += row(c, {c.velocity.begin(), c.velocity.end()}, f.report.held.has_value(), f.logged);
+    bar.show(static_cast<int>(kBarSteps * f.part));
+  });
+  return result;
+}
+
+Replayed replayDrive(const Options& o, ProgressBar& bar) {
+  const NavigateSettings settings = readNavigateSettings(o.settings);
+  const VesselTree tree = readVesselTree(o.tree);
+  const TreeMap map(tree);
+  const CatheterStage stage = settings.stage(readCArmCalibration(o.calibration));
+  Replayed result{
+      "frame_sequence,utime_us,sequence,valid_for_us,insertion_m_per_s,roll_rad_per_s,bend_rad_per_s,held,as_logged\n",
+      {}};
+  result.summary = replayCatheter(o.log, stage, tree, o.way.start(map), o.way.target(map), settings.node.guide,
+                                  [&](const ReplayedCatheterFrame& f) {
+                                    const CatheterCommand& c = f.report.command;
+                                    result.table +=
+                                        row(c, {c.insertion_speed_mps, c.roll_speed_radps, c.bend_speed_radps},
+                                            f.report.held.has_value(), f.logged);
+                                    bar.show(static_cast<int>(kBarSteps * f.part));
+                                  });
+  return result;
+}
+
+Replayed replayMachine(const Options& o) {
+  const bool drive = o.machine == OperatedMachine::kCatheter;
+  if (!drive && o.way.to_branch) {
+    throw InputError("command line", "--to-branch", std::to_string(*o.way.to_branch), "needs --machine catheter");
+  }
+  if (drive && o.loop.given()) throw InputError("command line", "--machine", "catheter", "has no task of a C-arm");
+  ProgressBar bar("replaying", kBarSteps);
+  return drive ? replayDrive(o, bar) : replayCArm(o, bar);
 }
 
 int replayLog(const Options& o) {
-  const ServoLoopSettings loop = loopOf(o);
-  const VesselTree tree = readVesselTree(o.tree);
-  std::string table =
-      "frame_sequence,utime_us,sequence,valid_for_us,primary_rad_per_s,secondary_rad_per_s,table_x_m_per_s,"
-      "table_y_m_per_s,table_z_m_per_s,held,as_logged\n";
-  std::optional<ReplaySummary> summary;
-  {
-    ProgressBar bar("replaying", 1000);
-    summary = replay(o.log, loop, tree, [&](const ReplayedFrame& f) {
-      table += row(f);
-      bar.show(static_cast<int>(1000 * f.part));
-    });
+  const Replayed replayed = replayMachine(o);
+  const ReplaySummary& summary = replayed.summary;
+  if (!o.out.empty()) writeWholeFile(o.out, replayed.table);
+  if (summary.skipped_bytes > 0) {
+    std::cerr << "angio-replay: " << o.log << ": " << summary.skipped_bytes << " bytes are no messages\n";
   }
-  if (!o.out.empty()) writeWholeFile(o.out, table);
-  if (summary->skipped_bytes > 0) {
-    std::cerr << "angio-replay: " << o.log << ": " << summary->skipped_bytes << " bytes are no messages\n";
-  }
-  if (!summary->knew_inputs) {
+  if (!summary.knew_inputs) {
     std::cerr << "angio-replay: " << o.log << ": no SERVO_INPUT: joints are those heard before each frame\n";
   }
-  std::cout << summary->answered << " of " << summary->frames << " frames answered, " << summary->held << " held; "
-            << summary->equal << " of " << summary->commands << " logged commands are the same\n";
-  if (o.compare && summary->commands == 0) throw InputError(o.log, "", "", "holds no command to compare with");
-  if (o.compare && summary->first_difference) throw InputError(o.log, "", "", *summary->first_difference);
+  std::cout << summary.answered << " of " << summary.frames << " frames answered, " << summary.held << " held; "
+            << summary.equal << " of " << summary.commands << " logged commands are the same\n";
+  if (o.compare && summary.commands == 0) throw InputError(o.log, "", "", "holds no command to compare with");
+  if (o.compare && summary.first_difference) throw InputError(o.log, "", "", *summary.first_difference);
   return 0;
 }
 
@@ -75,7 +117,8 @@ int replayLog(const Options& o) {
 
 int main(int argc, char** argv) {
   CLI::App app(
-      "Sends a log of the bus (lcm-logger, angio-servo --record) through the loop again. Given the same tree, "
+      "Sends a log of the bus (lcm-logger, or --record of angio-servo or angio-navigate) through the loop again. Given "
+      "the same tree, "
       "calibration and settings, the commands are the same, bit for bit.",
       "angio-replay");
   angio::describeProgram(app, "angio-replay run.lcm --compare --out commands.csv");
@@ -83,8 +126,10 @@ int main(int argc, char** argv) {
   app.add_option("log", o.log, "Log of the bus")->required();
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
-  app.add_option("--settings", o.settings, "Settings (.yaml), as for angio-servo");
+  app.add_option("--settings", o.settings, "Settings (.yaml), as for angio-servo or angio-navigate");
+  angio::addMachineOption(app, o.machine, "Whose loop: angio-servo's, or with --to-branch angio-navigate's");
   o.loop.addTo(app);
+  o.way.addTo(app);
   app.add_option("--out", o.out, "File for the commands (.csv)");
   app.add_flag("--compare", o.compare, "Fail at the first command that is not the logged one");
   return angio::runProgram(app, argc, argv, [&] { return angio::replayLog(o); });

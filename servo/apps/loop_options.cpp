@@ -26,6 +26,10 @@ void LoopOptions::addTo(CLI::App& app) {
       ->default_str("target");
 }
 
+bool LoopOptions::given() const {
+  return !(task.empty() && perception.empty() && centre_on.empty()) || view_primary_deg || view_secondary_deg;
+}
+
 void LoopOptions::applyTo(ServoSettings& settings) const {
   if (!task.empty()) settings.tasks.choose(task);
   ViewTaskSettings& view = settings.tasks.of<ViewTaskSettings>();

@@ -15,6 +15,7 @@ struct LoopOptions {
   std::optional<double> view_primary_deg, view_secondary_deg;
 
   void addTo(CLI::App& app);
+  bool given() const;
   void applyTo(ServoSettings& settings) const;
 };
 

@@ -85,6 +85,9 @@ TEST_F(BusPrograms, SayInOneLineWhatIsWrong) {
   EXPECT_EQ(no_joints.exit_code, 1);
   EXPECT_THAT(no_joints.err, HasSubstr("run.lcm: holds no X-ray frame with joints"));
   expectOneLine(test::run("angio-replay", {}), 2, "log");
+  expectOneLine(test::run("angio-replay", {log_, "--machine", "catheter"}), 1, "--to-branch");
+  expectOneLine(test::run("angio-replay", {log_, "--to-branch", "13"}), 1, "needs --machine catheter");
+  expectOneLine(test::run("angio-replay", {log_, "--machine", "catheter", "--to-branch", "13"}), 1, "CATHETER_INPUT");
   auto live = loop;
   live.insert(live.end(), {"--bus", "carrier-pigeon"});
   expectOneLine(test::run("angio-register", live), 1, "url = carrier-pigeon");

@@ -9,6 +9,7 @@
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/test/program.hpp"
+#include "angio/test/temporary_folder.hpp"
 #include "hepatic.hpp"
 
 namespace angio {
@@ -102,7 +103,9 @@ struct NavigatorAndSimulator : TwoPrograms {
 
 // It is the wiring that is looked at: journeys are looked at in simulated time.
 TEST_F(NavigatorAndSimulator, TheDriveIsSteeredByTheFramesOfTheSimulator) {
-  run("angio-navigate", {"--to-branch", "13"}, {"--catheter-branch", "0"});
+  const test::TemporaryFolder folder;
+  const std::string log = folder.path("run.lcm");
+  run("angio-navigate", {"--to-branch", "13", "--record", log}, {"--catheter-branch", "0"});
   EXPECT_NE(shown.out.find("the catheter's tip is in branch 0, 30.0 mm into it"), std::string::npos) << shown.out;
   long frames = 0, held = 0;
   ASSERT_EQ(std::sscanf(answered.out.c_str(), "waiting; %ld frames answered, %ld held", &frames, &held), 2)
@@ -113,6 +116,11 @@ TEST_F(NavigatorAndSimulator, TheDriveIsSteeredByTheFramesOfTheSimulator) {
   EXPECT_EQ(tips->received(), commands->received());
   ASSERT_TRUE(states->peek());
   EXPECT_NEAR(states->peek()->insertion_m, 30e-3, 1e-9);
+  const auto replayed = test::run(
+      "angio-replay", {log, "--machine", "catheter", "--to-branch", "13", "--compare", "--tree",
+                       test::exampleData("hepatic-tace/tree.csv"), "--calibration",
+                       test::exampleData("hepatic-tace/carm.yaml")});
+  EXPECT_EQ(replayed.exit_code, 0) << replayed.err;
 }
 
 }  // namespace

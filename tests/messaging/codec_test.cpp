@@ -60,6 +60,11 @@ void expectSound(const CatheterTip& m) {
   EXPECT_TRUE(m.status == CatheterTipStatus::kLost || m.status == CatheterTipStatus::kAmbiguous ||
               m.status == CatheterTipStatus::kLocated);
 }
+void expectSound(const CatheterInput& m) {
+  expectSound(m.arm);
+  expectSound(m.drive);
+  EXPECT_TRUE(static_cast<int>(m.verdict) >= 0 && static_cast<int>(m.verdict) <= 2);
+}
 void expectSound(const XrayFrame& m) {
   const auto& p = m.camera.parameters();
   EXPECT_TRUE(p.fx_px > 0 && p.fy_px > 0 && std::isfinite(p.fx_px + p.fy_px + p.cx_px + p.cy_px));
@@ -151,6 +156,13 @@ void expectEqual(const CatheterTip& a, const CatheterTip& b) {
   EXPECT_EQ(a.probability, b.probability);
   EXPECT_EQ(a.reason, b.reason);
 }
+void expectEqual(const CatheterInput& a, const CatheterInput& b) {
+  EXPECT_EQ(a.time_us, b.time_us);
+  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
+  EXPECT_EQ(a.verdict, b.verdict);
+  expectEqual(a.arm, b.arm);
+  expectEqual(a.drive, b.drive);
+}
 void expectEqual(const XrayFrame& a, const XrayFrame& b) {
   EXPECT_EQ(a.time_us, b.time_us);
   EXPECT_EQ(a.sequence, b.sequence);
@@ -189,13 +201,13 @@ void expectRefused(const Bytes& bytes) {
 template <typename T>
 struct EveryMessage : testing::Test {};
 using Messages = testing::Types<XrayFrame, CArmState, CArmCommand, RegistrationMessage, ServoStatus, ServoRequest,
-                                CatheterState, CatheterCommand, CatheterTip, ServoInput>;
+                                CatheterState, CatheterCommand, CatheterTip, ServoInput, CatheterInput>;
 struct MessageNames {
   template <typename T>
   static std::string GetName(int i) {
     static const char* const kNames[] = {"XrayFrame",   "CArmState",    "CArmCommand",   "Registration",
                                          "ServoStatus", "ServoRequest", "CatheterState", "CatheterCommand",
-                                         "CatheterTip", "ServoInput"};
+                                         "CatheterTip", "ServoInput",   "CatheterInput"};
     return kNames[i];
   }
 };
@@ -267,7 +279,8 @@ TYPED_TEST(EveryMessage, RefusesEveryOtherType) {
       encode(test::randomMessage<CArmCommand>(random)),   encode(test::randomMessage<RegistrationMessage>(random)),
       encode(test::randomMessage<ServoStatus>(random)),   encode(test::randomMessage<ServoRequest>(random)),
       encode(test::randomMessage<CatheterState>(random)), encode(test::randomMessage<CatheterCommand>(random)),
-      encode(test::randomMessage<CatheterTip>(random)),   encode(test::randomMessage<ServoInput>(random))};
+      encode(test::randomMessage<CatheterTip>(random)),   encode(test::randomMessage<ServoInput>(random)),
+      encode(test::randomMessage<CatheterInput>(random))};
   int accepted = 0;
   for (const Bytes& bytes : foreign) accepted += decodeExactly<TypeParam>(bytes).value.has_value();
   EXPECT_EQ(accepted, 1);

@@ -105,6 +105,12 @@ inline ServoRequest randomMessage(Random& random) {
           static_cast<std::int64_t>(random.uniform(0, 9e18)), static_cast<ServoRequestKind>(random.uniform(0, 5))};
 }
 
+template <>
+inline CatheterInput randomMessage(Random& random) {
+  return {randomInt64(random), randomInt64(random), static_cast<ServoVerdict>(static_cast<int>(random.uniform(0, 3))),
+          randomMessage<CArmState>(random), randomMessage<CatheterState>(random)};
+}
+
 inline XrayFrame randomFrame(Random& random, int width, int height, int type) {
   XrayCamera::Parameters p;
   p.width_px = width;

@@ -6,12 +6,17 @@
 
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/messaging/channels.hpp"
+#include "angio/messaging/log_reader.hpp"
+#include "angio/messaging/recording_bus.hpp"
+#include "angio/navigation/catheter_replay.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/catheter_node.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/test/temporary_folder.hpp"
 
 namespace angio {
 namespace {
@@ -42,7 +47,7 @@ struct CatheterNodeTest : testing::Test {
   }
 
   // One frame, and the answer to it; the command is there a frame later.
-  std::optional<CatheterNodeReport> frame(CatheterNode& node) {
+  std::optional<CatheterGuideReport> frame(CatheterNode& node) {
     now_us += 66'667;
     bus->handle(std::chrono::milliseconds(0));
     if (!deaf) drive->listen(now_us);
@@ -194,6 +199,49 @@ TEST_F(CatheterNodeTest, TheTableKeepsTheTipInTheMiddleOnItsWay) {
   EXPECT_LT(std::sqrt(sum2 / counted), 2e-3);
   EXPECT_LT(worst_m, 5e-3);
   EXPECT_GT(drive->catheter().truth().path_m, kStart.arc_m + 5e-3) << "and the catheter goes on";
+}
+
+// With frames that were looked at and answered, and others whose answers were not let out.
+TEST_F(CatheterNodeTest, IsReplayedBitForBit) {
+  const test::TemporaryFolder folder;
+  const std::string log = folder.path("run.lcm");
+  const TreeMap map(tree);
+  const TreePlace target{map.children(0).front(), 8e-3};
+  {
+    RecordingBus recorded(*bus, log);
+    CatheterNode node(recorded, stage, tree, kStart, target, settings);
+    started = false;
+    for (int k = 0; k < 85; ++k) frame(node);
+    started = true;
+    for (int k = 0; k < 30; ++k) frame(node);
+    Operator(*bus, OperatedMachine::kCatheter).ask(ServoRequestKind::kEmergencyStop, now_us);
+    for (int k = 0; k < 5; ++k) frame(node);
+  }
+  int moving = 0;
+  const auto count = [&](const ReplayedCatheterFrame& f) { moving += f.report.command.insertion_speed_mps != 0; };
+  const ReplaySummary same = replayCatheter(log, stage, tree, kStart, target, settings.guide, count);
+  EXPECT_EQ(same.answered, 120);
+  EXPECT_EQ(same.commands, 120);
+  EXPECT_EQ(same.equal, 120) << same.first_difference.value_or("");
+  EXPECT_FALSE(same.first_difference);
+  EXPECT_GT(moving, 10);
+  EXPECT_GT(same.held, 85);
+
+  settings.guide.loop.navigator.speed_mm_s *= 0.5;
+  const ReplaySummary slower = replayCatheter(log, stage, tree, kStart, target, settings.guide);
+  ASSERT_TRUE(slower.first_difference);
+  EXPECT_NE(slower.first_difference->find("insertion_speed = "), std::string::npos) << *slower.first_difference;
+
+  const std::string other = folder.path("other.lcm");
+  {
+    const auto out = openBus("file://" + other + "?mode=w");
+    LogReader in(log);
+    for (auto event = in.next(); event; event = in.next()) {
+      if (event->channel != kCatheterInputChannel) out->publish(event->channel, event->bytes);
+    }
+  }
+  const auto refused = test::refusalOf([&] { replayCatheter(other, stage, tree, kStart, target, settings.guide); });
+  EXPECT_NE(refused.find("CATHETER_INPUT"), std::string::npos) << refused;
 }
 
 TEST_F(CatheterNodeTest, CallsADriveThatDoesNotObeyAFault) {

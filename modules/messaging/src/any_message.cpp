@@ -4,6 +4,7 @@
 #include <angio_lcm/carm_command_t.hpp>
 #include <angio_lcm/carm_state_t.hpp>
 #include <angio_lcm/catheter_command_t.hpp>
+#include <angio_lcm/catheter_input_t.hpp>
 #include <angio_lcm/catheter_state_t.hpp>
 #include <angio_lcm/catheter_tip_t.hpp>
 #include <angio_lcm/registration_t.hpp>
@@ -45,7 +46,8 @@ const Entry* find(const std::uint8_t* data, std::size_t size) {
                                    entry<ServoRequest, angio_lcm::servo_request_t>(),
                                    entry<CatheterState, angio_lcm::catheter_state_t>(),
                                    entry<CatheterCommand, angio_lcm::catheter_command_t>(),
-                                   entry<CatheterTip, angio_lcm::catheter_tip_t>()};
+                                   entry<CatheterTip, angio_lcm::catheter_tip_t>(),
+                                   entry<CatheterInput, angio_lcm::catheter_input_t>()};
   static_assert(std::size(kEntries) == std::variant_size_v<AnyMessage>, "a message is missing");
   if (size < 8) return nullptr;
   std::uint64_t fingerprint = 0;

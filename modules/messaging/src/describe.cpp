@@ -31,11 +31,13 @@ std::string line(const XrayFrame& m) {
 
 std::string line(const CArmState& m) { return joints(m.joints, ""); }
 
-std::string line(const ServoInput& m) {
-  constexpr const char* kVerdicts[] = {"", ", taken back", ", refused"};
-  return formatted("frame %lld%s with ", count(m.frame_sequence), kVerdicts[static_cast<int>(m.verdict)]) +
-         joints(m.state.joints, "");
+template <typename Input>
+std::string judged(const Input& m) {
+  constexpr const char* kVerdicts[kServoVerdictCount] = {"", ", taken back", ", refused"};
+  return formatted("frame %lld%s with ", count(m.frame_sequence), kVerdicts[static_cast<int>(m.verdict)]);
 }
+
+std::string line(const ServoInput& m) { return judged(m) + joints(m.state.joints, ""); }
 
 std::string line(const CArmCommand& m) {
   return formatted("frame %lld, for %.0f ms: ", count(m.frame_sequence), 1e-3 * static_cast<double>(m.valid_for_us)) +
@@ -80,6 +82,8 @@ std::string line(const CatheterTip& m) {
                    m.status == CatheterTipStatus::kLocated ? "located" : "ambiguous", m.branch, 1e3 * m.arc_length_m,
                    100 * m.probability, 1e3 * m.tip_model.x(), 1e3 * m.tip_model.y(), 1e3 * m.tip_model.z());
 }
+
+std::string line(const CatheterInput& m) { return judged(m) + joints(m.arm.joints, "") + ", " + line(m.drive); }
 
 }  // namespace
 

@@ -69,10 +69,7 @@ Broken broken(const CArmState& state) {
 }
 
 Broken broken(const ServoInput& input) {
-  const auto verdict = static_cast<int>(input.verdict);
-  if (verdict < 0 || verdict > static_cast<int>(ServoVerdict::kRefused)) {
-    return "verdict = " + std::to_string(verdict) + ": must be PERMITTED, TAKEN_BACK or REFUSED";
-  }
+  if (auto b = unknownNumber("verdict", input.verdict, kServoVerdictCount)) return b;
   return broken(input.state);
 }
 
@@ -149,6 +146,12 @@ Broken broken(const CatheterTip& tip) {
     return "probability = " + shown(tip.probability) + ": must be within 0 and 1";
   }
   return brokenText("reason", tip.reason);
+}
+
+Broken broken(const CatheterInput& input) {
+  if (auto b = unknownNumber("verdict", input.verdict, kServoVerdictCount)) return b;
+  if (auto b = broken(input.arm)) return b;
+  return broken(input.drive);
 }
 
 }  // namespace angio::rules

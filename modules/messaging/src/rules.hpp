@@ -20,6 +20,7 @@ std::optional<std::string> broken(const ServoRequest& request);
 std::optional<std::string> broken(const CatheterState& state);
 std::optional<std::string> broken(const CatheterCommand& command);
 std::optional<std::string> broken(const CatheterTip& tip);
+std::optional<std::string> broken(const CatheterInput& input);
 
 /// Longest message [bytes]: LCM counts in int, and its headers need room.
 constexpr std::int64_t kLongestMessage = 2'000'000'000;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/navigation/catheter_node.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -19,21 +18,7 @@ CatheterNodeSettings checked(const CatheterNodeSettings& settings) {
   return settings;
 }
 
-// Stands still, and says which frame it answers.
-CatheterCommand atRest(const XrayFrame& frame) {
-  CatheterCommand command;
-  command.time_us = frame.time_us;
-  command.frame_sequence = frame.sequence;
-  command.valid_for_us = 1;
-  return command;
-}
-
-bool finite(const CatheterCommand& command) {
-  return std::isfinite(command.insertion_speed_mps) && std::isfinite(command.roll_speed_radps) &&
-         std::isfinite(command.bend_speed_radps);
-}
-
-CatheterTip tipMessage(const CatheterNodeReport& report, const TreeMap& map, ModelId model_id) {
+CatheterTip tipMessage(const CatheterGuideReport& report, const TreeMap& map, ModelId model_id) {
   CatheterTip message;
   message.model_id = model_id;
   message.time_us = report.command.time_us;
@@ -64,18 +49,14 @@ CatheterNode::CatheterNode(Bus& bus, const CatheterStage& stage, const VesselTre
                            const TreePlace& target, const CatheterNodeSettings& settings)
     : bus_(bus),
       settings_(checked(settings)),
-      stage_(stage),
-      centroid_(tree.centroid()),
       frames_(bus, kXrayFrameChannel),
       drive_(bus, kCatheterStateChannel),
       joints_(bus, kCArmStateChannel),
       requests_(bus, OperatedMachine::kCatheter),
-      perception_(settings.perception, stage.carm, stage.T_dsa_cb, tree),
-      gates_(settings.supervisor, stage.limits, tree.centroid()),
       states_(settings.states),
       freshness_(settings.freshness, stage.limits),
-      motion_(settings.drive, degToRad(settings.loop.navigator.largest_bend_deg)),
-      loop_(tree, start, target, settings.loop) {}
+      motion_(settings.drive, degToRad(settings.guide.loop.navigator.largest_bend_deg)),
+      guide_(stage, tree, start, target, settings.guide) {}
 
 void CatheterNode::hear(std::int64_t now_us) {
   if (const auto& drive = drive_.peek()) {
@@ -94,18 +75,21 @@ void CatheterNode::hear(std::int64_t now_us) {
   states_.wait(now_us);
 }
 
-std::optional<CatheterNodeReport> CatheterNode::answer(std::int64_t now_us) {
+std::optional<CatheterGuideReport> CatheterNode::answer(std::int64_t now_us) {
   hear(now_us);
   const auto frame = joints_.empty() ? std::nullopt : frames_.take();
   if (!frame) {
     if (states_.transitions() != said_transitions_) say(last_status_);
     return std::nullopt;
   }
-  CatheterNodeReport report = answerOf(*frame, *joints_.at(frame->time_us), now_us);
-  report.command.sequence = ++sequence_;
+  CatheterGuideReport report = answerOf(*frame, *joints_.at(frame->time_us), now_us);
   motion_.commanded(report.command);
+  if (report.registration) {
+    publish(bus_, kRegistrationChannel,
+            registrationMessage(*report.registration, guide_.modelId(), frame->time_us, frame->sequence));
+  }
   publish(bus_, kCatheterCommandChannel, report.command);
-  publish(bus_, kCatheterTipChannel, tipMessage(report, loop_.navigator().map(), perception_.modelId()));
+  publish(bus_, kCatheterTipChannel, tipMessage(report, guide_.map(), guide_.modelId()));
   ServoStatus status;
   status.time_us = frame->time_us;
   status.frame_sequence = frame->sequence;
@@ -113,30 +97,25 @@ std::optional<CatheterNodeReport> CatheterNode::answer(std::int64_t now_us) {
   return report;
 }
 
-CatheterNodeReport CatheterNode::answerOf(const XrayFrame& frame, const CArmState& arm, std::int64_t now_us) {
-  CatheterNodeReport report;
-  report.command = atRest(frame);
-  report.held = objection(frame, arm, now_us);
-  if (report.held) return report;
-  if (roadmap_ && armHasMoved(arm)) {
-    roadmap_.reset();
-    believed_ = unseen_ = 0;
-    washed_out_ = false;
+// Says on the way what a replay needs to know.
+CatheterGuideReport CatheterNode::answerOf(const XrayFrame& frame, const CArmState& arm, std::int64_t now_us) {
+  const CatheterState drive = drive_.peek().value_or(CatheterState());
+  const auto note = [&](ServoVerdict verdict) {
+    publish(bus_, kCatheterInputChannel, CatheterInput{frame.time_us, frame.sequence, verdict, arm, drive});
+  };
+  if (const auto why = objection(frame, arm, now_us)) {
+    note(ServoVerdict::kRefused);
+    return guide_.refuse(frame, *why);
   }
-  if (washed_out_) {
-    navigate(frame, arm, report);
-  } else {
-    lookForVessels(frame, arm, report);
-  }
+  CatheterGuideReport report = guide_.step(frame, arm, drive);
   if (report.held) {
     states_.doubted(ServoStateMachine::Doubt::kUnseen, *report.held, now_us);
   } else {
     states_.trusted(now_us);
-    if (!states_.moves()) report.held = states_.reason();
   }
-  const CatheterCommand& wanted = report.loop.answer.command;
-  if (!report.held && !finite(wanted)) report.held = "the command is not a number";
-  if (!report.held) report.command = wanted;
+  const bool may = report.held || states_.moves();
+  note(may ? ServoVerdict::kPermitted : ServoVerdict::kTakenBack);
+  if (!may) CatheterGuide::takeBack(report, states_.reason());
   return report;
 }
 
@@ -147,63 +126,13 @@ std::optional<std::string> CatheterNode::objection(const XrayFrame& frame, const
     states_.fault(wrong->cause, wrong->reason, now_us);
     return wrong->reason;
   }
-  auto why = wrong ? std::optional(wrong->reason) : gates_.objection(frame, arm);
+  auto why = wrong ? std::optional(wrong->reason) : guide_.objection(frame, arm);
   const auto& drive = drive_.peek();
   const auto age_us = drive ? std::abs(static_cast<double>(frame.time_us - drive->time_us)) : 0.0;
   if (!why && !drive) why = "the drive has not been heard";
   if (!why && age_us > 1e3 * settings_.most_drive_age_ms) why = "the drive's state is not of the frame's time";
   if (why) states_.doubted(ServoStateMachine::Doubt::kUnseen, *why, now_us);
   return why;
-}
-
-bool CatheterNode::armHasMoved(const CArmState& arm) const {
-  const CArmJoints moved = (arm.joints - roadmap_->joints).cwiseAbs();
-  // What is taken to be nearer than it is seems to go further when the table does.
-  return moved.head<2>().maxCoeff() > degToRad(settings_.most_turn_deg) ||
-         moved.tail<3>().norm() * roadmap_->depth_error > 1e-3 * settings_.most_shift_error_mm;
-}
-
-void CatheterNode::lookForVessels(const XrayFrame& frame, const CArmState& arm, CatheterNodeReport& report) {
-  report.roadmap = true;
-  const Sight sight = perception_.look(frame, arm);
-  publish(bus_, kRegistrationChannel,
-          registrationMessage(sight.registration, sight.model_id, frame.time_us, frame.sequence));
-  const auto doubt = gates_.objection(sight.registration, perception_.calibrated_T_camera_model(arm.joints),
-                                      sight.tracked ? std::optional(sight.predicted.T_camera_model) : std::nullopt);
-  if (doubt) {
-    perception_.doubt();
-    // Vessels that have been seen and are seen no more have washed out; ones that never were are still awaited.
-    washed_out_ = roadmap_ && ++unseen_ >= settings_.washed_out_frames;
-    if (!roadmap_) believed_ = 0;
-    report.held = roadmap_ ? "waits for the contrast agent to wash out" : "waits for a roadmap: " + *doubt;
-    return;
-  }
-  perception_.trust(sight, arm);
-  unseen_ = 0;
-  report.held = "looks at the roadmap";
-  if (++believed_ < settings_.roadmap_frames) return;
-  const Pose& T = sight.registration.T_camera_model;
-  const Matrix6d& covariance = *sight.registration.covariance;  // Believed without one is none.
-  Eigen::Matrix<double, 1, 6> J;                                // Of the tree's depth by the pose.
-  J << Eigen::RowVector3d::UnitZ(), -skew(T.linear() * centroid_).row(2);
-  const double depth_std_m = std::sqrt(std::max(0.0, (J * covariance * J.transpose()).value()));
-  roadmap_ = Roadmap{arm.joints, stage_.carm.T_camera_patient(arm.joints).inverse() * T, covariance,
-                     depth_std_m / (T * centroid_).z()};
-}
-
-void CatheterNode::navigate(const XrayFrame& frame, const CArmState& arm, CatheterNodeReport& report) {
-  const SeenPose pose{frame.camera, stage_.carm.T_camera_patient(arm.joints) * roadmap_->T_patient_model,
-                      roadmap_->covariance};
-  report.loop = loop_.step({frame.time_us, frame.sequence, pose, *drive_.peek()}, loop_.look(frame.image, pose));
-  navigation_ = report.loop.answer.state;
-  const auto& belief = report.loop.input.belief;
-  const bool seen = belief->status == BeliefStatus::kSeen;
-  if (!seen) report.held = belief->why.empty() ? "the tip is not seen" : belief->why;
-  RegistrationResult here;  // The roadmap, as long as the catheter is found along it.
-  here.status = seen ? RegistrationStatus::kConverged : RegistrationStatus::kTooFewPoints;
-  here.T_camera_model = pose.T_camera_model;
-  here.covariance = pose.covariance;
-  publish(bus_, kRegistrationChannel, registrationMessage(here, perception_.modelId(), frame.time_us, frame.sequence));
 }
 
 void CatheterNode::say(ServoStatus status) {

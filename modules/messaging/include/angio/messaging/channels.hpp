@@ -14,6 +14,7 @@ constexpr const char* kServoRequestChannel = "SERVO_REQUEST";
 constexpr const char* kCatheterStateChannel = "CATHETER_STATE";
 constexpr const char* kCatheterCommandChannel = "CATHETER_COMMAND";
 constexpr const char* kCatheterTipChannel = "CATHETER_TIP";
+constexpr const char* kCatheterInputChannel = "CATHETER_INPUT";
 constexpr const char* kCatheterStatusChannel = "CATHETER_STATUS";    ///< A servo_status_t, of the catheter's loop.
 constexpr const char* kCatheterRequestChannel = "CATHETER_REQUEST";  ///< A servo_request_t, for it.
 

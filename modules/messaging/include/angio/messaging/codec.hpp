@@ -36,6 +36,7 @@ std::vector<std::uint8_t> encode(const ServoRequest& request);
 std::vector<std::uint8_t> encode(const CatheterState& state);
 std::vector<std::uint8_t> encode(const CatheterCommand& command);
 std::vector<std::uint8_t> encode(const CatheterTip& tip);
+std::vector<std::uint8_t> encode(const CatheterInput& input);
 
 /// Reads one message from exactly `size` bytes that may come from anywhere. Never throws on their content and never
 /// reads beyond them: gives a value that encode() would accept, or the reason why not (another type's fingerprint, too
@@ -62,5 +63,7 @@ template <>
 Decoded<CatheterCommand> decode(const std::uint8_t* data, std::size_t size);
 template <>
 Decoded<CatheterTip> decode(const std::uint8_t* data, std::size_t size);
+template <>
+Decoded<CatheterInput> decode(const std::uint8_t* data, std::size_t size);
 
 }  // namespace angio

@@ -29,6 +29,7 @@ inline std::int64_t sequenceOf(const ServoRequest& m) { return m.sequence; }
 inline std::int64_t sequenceOf(const CatheterState& m) { return m.sequence; }
 inline std::int64_t sequenceOf(const CatheterCommand& m) { return m.sequence; }
 inline std::int64_t sequenceOf(const CatheterTip& m) { return m.frame_sequence; }
+inline std::int64_t sequenceOf(const CatheterInput& m) { return m.frame_sequence; }
 
 /// Keeps the newest message of a channel; filled by Bus::handle().
 ///

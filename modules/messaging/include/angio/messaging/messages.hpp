@@ -24,6 +24,7 @@ struct CArmState {
 /// What a supervisor made of a frame and its answer. REFUSED: the frame was not even looked at; TAKEN_BACK: it was, but
 /// no motion went out.
 enum class ServoVerdict : std::int8_t { kPermitted = 0, kTakenBack = 1, kRefused = 2 };
+constexpr int kServoVerdictCount = 3;
 
 /// What the loop was given with one frame: a replay of a log asks for it.
 struct ServoInput {
@@ -143,6 +144,15 @@ struct CatheterCommand {
   double insertion_speed_mps = 0;   ///< + pushes in [m/s].
   double roll_speed_radps = 0;      ///< + clockwise as seen from the base towards the tip [rad/s].
   double bend_speed_radps = 0;      ///< + bends a steerable tip further [rad/s].
+};
+
+/// What a catheter's loop was given with one frame: a replay of a log asks for it.
+struct CatheterInput {
+  std::int64_t time_us = 0;         ///< Exposure time of the frame [us].
+  std::int64_t frame_sequence = 0;  ///< The frame.
+  ServoVerdict verdict = ServoVerdict::kPermitted;
+  CArmState arm;        ///< The joints as the loop believed them to be at the exposure.
+  CatheterState drive;  ///< The newest that had been heard of the drive.
 };
 
 enum class CatheterTipStatus : std::int8_t { kLost = 0, kAmbiguous = 1, kLocated = 2 };

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "navigate_options.hpp"
+
+#include "angio/base/errors.hpp"
+#include "angio/io/settings_files.hpp"
+#include "place_option.hpp"
+
+namespace angio {
+
+void NavigateSettings::visit(SettingsVisitor& v) {
+  node.visit(v);
+  v.section("limits", [this](SettingsVisitor& s) { limits.visit(s); });
+}
+
+CatheterStage NavigateSettings::stage(const CArmCalibration& calibration) const {
+  const CArmGeometry& carm = calibration.carm;
+  return {carm, limits.limits(carm.source_detector_distance_m - carm.source_isocentre_distance_m),
+          calibration.T_dsa_cb};
+}
+
+NavigateSettings readNavigateSettings(const std::string& path) {
+  NavigateSettings settings;
+  if (path.empty()) return settings;
+  settings = readSettings(path, settings);
+  try {
+    settings.limits.check();
+  } catch (const InputError& error) {
+    throw error.within(path);
+  }
+  return settings;
+}
+
+CLI::Option* WayOptions::addTo(CLI::App& app) {
+  app.add_option("--from-branch", from_branch, "The branch that the catheter's tip is in at first")
+      ->check(CLI::Range(0, 1000000));
+  app.add_option("--from-mm", from_mm, "How far into it, to a few millimetres")->check(between(0, 1500));
+  app.add_option("--to-mm", to_mm, "How far into the branch to go to")->check(between(0, 1500));
+  return app.add_option("--to-branch", to_branch, "The branch to go to")->check(CLI::Range(0, 1000000));
+}
+
+TreePlace WayOptions::start(const TreeMap& map) const { return placeOf(map, "from", from_branch, from_mm); }
+
+TreePlace WayOptions::target(const TreeMap& map) const {
+  if (!to_branch) throw InputError("command line", "--to-branch", "", "is needed");
+  return placeOf(map, "to", *to_branch, to_mm);
+}
+
+}  // namespace angio

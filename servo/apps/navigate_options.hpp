@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "angio/calibration/carm_calibration.hpp"
+#include "angio/cli/program.hpp"
+#include "angio/geometry/carm_limits_settings.hpp"
+#include "angio/navigation/catheter_node.hpp"
+
+namespace angio {
+
+/// What a settings file may say: the node's keys at the top, and the C-arm's limits.
+struct NavigateSettings {
+  CatheterNodeSettings node;
+  CArmLimitsSettings limits;
+
+  void visit(SettingsVisitor& v);
+
+  CatheterStage stage(const CArmCalibration& calibration) const;
+};
+
+/// A settings file's, or the usual ones when `path` is empty. Throws InputError that names the file.
+NavigateSettings readNavigateSettings(const std::string& path);
+
+/// What a command line says of a catheter's way.
+struct WayOptions {
+  int from_branch = 0;
+  std::optional<int> to_branch;
+  double from_mm = 30, to_mm = 10;
+
+  /// Returns the option without which there is no way.
+  CLI::Option* addTo(CLI::App& app);
+
+  /// Throw InputError that names the option when the tree has no such place, or the way has no end.
+  TreePlace start(const TreeMap& map) const;
+  TreePlace target(const TreeMap& map) const;
+};
+
+}  // namespace angio
