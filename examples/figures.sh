@@ -202,16 +202,21 @@ standstills() {
   echo "a program that only waits was late by $((worst / 1000)) ms at most, $long times by more than 100 ms"
 }
 
-# Two programs on a bus, in real time, for MINUTES: a patient who breathes, kept centred. Memory of both after the first
-# minute and at the end, and whether commands ever ran out; and whether the machine itself stood still, as one that shares
-# its processors does. The loop is what is tried: its patient has no bones, which would cost more to show than to see.
+# Two programs on a bus, in real time, for MINUTES: a patient who breathes, kept centred on images of SIDE_PX. Memory of
+# both after the first minute and at the end, and whether commands ever ran out; and whether the machine itself stood
+# still, or others had its processors. The loop is what is tried: its patient has no bones, which cost more to show than
+# to see.
 soak() {
-  local bus='udpm://239.255.76.67:7679?ttl=0' seconds=$((${MINUTES:-30} * 60)) pids sample began
-  printf 'threads: 2\nanatomy: {region: none}\nmotion:\n  breathing: {amplitude_mm: 15, diaphragm_mm: 0}\n  heartbeat: {amplitude_mm: 2}\n' > "$work/patient.yaml"
-  echo; echo "### ${MINUTES:-30} minutes of centre, angio-simulate and angio-servo on a bus, in real time"
-  "$bin"/angio-simulate --bus "$bus" --settings "$work/patient.yaml" --duration-s "$seconds" > "$work/simulate.txt" &
+  local bus='udpm://239.255.76.67:7679?ttl=0' seconds=$((${MINUTES:-30} * 60)) side=${SIDE_PX:-512} pids sample began
+  printf 'anatomy: {region: none}\nmotion:\n  breathing: {amplitude_mm: 15, diaphragm_mm: 0}\n  heartbeat: {amplitude_mm: 2}\n' > "$work/patient.yaml"
+  awk -v side="$side" '/^image_size_px:/ {print "image_size_px: [" side ", " side "]"; next}
+       /^pixel_spacing_mm:/ {printf "pixel_spacing_mm: %.12g\n", $2 * 1024 / side; next} {print}' \
+    examples/data/hepatic-tace/carm.yaml > "$work/carm.yaml"
+  echo; echo "### ${MINUTES:-30} minutes of centre, angio-simulate and angio-servo on a bus, in real time, $side x $side"
+  local before=($(head -1 /proc/stat))
+  "$bin"/angio-simulate --bus "$bus" --calibration "$work/carm.yaml" --settings "$work/patient.yaml" --duration-s "$seconds" > "$work/simulate.txt" &
   pids=($!)
-  "$bin"/angio-servo --bus "$bus" --task centre --duration-s "$((seconds + 1))" > "$work/servo.txt" 2> "$work/held.txt" &
+  "$bin"/angio-servo --bus "$bus" --calibration "$work/carm.yaml" --task centre --duration-s "$((seconds + 1))" > "$work/servo.txt" 2> "$work/held.txt" &
   pids+=($!)
   standstills "${pids[0]}" > "$work/standstills.txt" &
   local witness=$!
@@ -223,6 +228,9 @@ soak() {
   done
   wait "${pids[@]}" "$witness"
   cat "$work/simulate.txt" "$work/servo.txt" "$work/standstills.txt"
+  local after=($(head -1 /proc/stat))
+  awk -v used=$((after[1] - before[1] + after[3] - before[3])) -v stolen=$((after[8] - before[8])) \
+    'BEGIN {printf "of the processor time asked for, the host gave %.1f %% to others\n", 100 * stolen / (used + stolen)}'
   sed 's/^frame [0-9]* held: //; s/[0-9.e-]*[0-9]/N/g' "$work/held.txt" | sort | uniq -c | sort -rn | head -5
   awk 'NF == 3 && $1 > 60 {if (!n++) {s = $2; v = $3} if ($2 > ms) ms = $2; if ($3 > mv) mv = $3; es = $2; ev = $3}
        END {printf "memory [KiB] after a minute, at the end, at most: angio-simulate %d %d %d, angio-servo %d %d %d\n", s, es, ms, v, ev, mv}' "$work/memory.txt"

@@ -55,13 +55,8 @@ void SimulatedMachines::run(Clock::time_point first, Clock::duration period) {
     const auto left = std::clamp<Clock::duration>(due - Clock::now(), Clock::duration::zero(), kLongestWait);
     bus_->handle(std::chrono::floor<std::chrono::milliseconds>(left));
     listen();
-    // A wait in whole milliseconds ends too early or too late.
-    if (const auto rest = due - Clock::now(); rest > Clock::duration::zero()) {
-      if (rest < std::chrono::milliseconds(1))
-        std::this_thread::sleep_until(due);
-      else
-        continue;
-    }
+    if (due - Clock::now() >= std::chrono::milliseconds(1)) continue;  // A message came first.
+    std::this_thread::sleep_until(due);                                // What a wait in milliseconds left.
     report();
     due += period * ((Clock::now() - due) / period + 1);  // What was missed is not made up for in a burst.
   }
