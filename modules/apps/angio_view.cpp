@@ -129,7 +129,7 @@ int viewLog(const std::string& path, const Options& o, const VesselTree& tree) {
 }
 
 int viewBus(const Options& o, const VesselTree& tree) {
-  const auto bus = openBus(o.bus);
+  const auto bus = openSharedBus(o.bus);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-view: " << *warning << "\n";
   Viewer viewer(o, tree);
   bus->subscribeAll([&](const std::string& channel, const std::uint8_t* data, std::size_t size) {

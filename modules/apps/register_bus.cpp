@@ -38,7 +38,7 @@ ServoLoopSettings settingsOf(const BusOptions& o) {
 int registerOnBus(const BusOptions& o) {
   const ServoLoopSettings settings = settingsOf(o);
   const VesselTree tree = readVesselTree(o.tree);
-  const auto bus = openBus(o.bus);
+  const auto bus = openSharedBus(o.bus);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-register: " << *warning << "\n";
   PerceptionNode node(*bus, settings, tree);
   std::signal(SIGINT, [](int) { stopped = 1; });

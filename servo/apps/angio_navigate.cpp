@@ -43,7 +43,7 @@ int navigate(const Options& o) {
   const TreeMap map(tree);
   const TreePlace start = o.way.start(map), target = o.way.target(map);
   const CatheterStage stage = settings.stage(readCArmCalibration(o.calibration));
-  const auto bus = openBus(o.bus, o.disturb);
+  const auto bus = openSharedBus(o.bus, o.disturb);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";
   std::optional<RecordingBus> recorded;
   if (!o.record.empty()) recorded.emplace(*bus, o.record);

@@ -45,7 +45,7 @@ bool answers(ServoRequestKind request, ServoState state) {
 
 int ask(const Options& o) {
   const ServoRequestKind kind = kRequests.at(o.request);
-  const auto bus = openBus(o.bus);
+  const auto bus = openSharedBus(o.bus);
   Operator person(*bus, o.machine);
   const auto now_us = [] {
     return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();

@@ -126,7 +126,7 @@ volatile std::sig_atomic_t stopped = 0;
 // Listens until it is stopped; the arm's side stops by itself when no more commands come.
 int serve(const Options& o, const ServoSettings& settings, const VesselTree& tree, const CArmCalibration& calibration) {
   const ServoLoopSettings loop = settings.loop(calibration);
-  const auto bus = openBus(o.bus, o.disturb);
+  const auto bus = openSharedBus(o.bus, o.disturb);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-servo: " << *warning << "\n";
   std::optional<RecordingBus> recorded;
   if (!o.record.empty()) recorded.emplace(*bus, o.record);

@@ -91,13 +91,13 @@ int simulate(const Options& o) {
   const SimulateSettings settings = effectiveSettings(o);
   const VesselTree tree = readVesselTree(o.tree);
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
-  const auto bus = openBus(o.bus, o.disturb);
   std::optional<SimulatedMachines::Catheter> catheter;
   if (o.catheter_branch) {
     catheter.emplace(SimulatedMachines::Catheter{
         tree, settings.catheter, placeOf(TreeMap(tree), "catheter", *o.catheter_branch, o.catheter_mm)});
   }
-  SimulatedMachines machines(openBus(o.bus, o.disturb), CArmLimits::typical(),
+  const auto bus = openSharedBus(o.bus, o.disturb);
+  SimulatedMachines machines(openSharedBus(o.bus, o.disturb), CArmLimits::typical(),
                              calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
                                                         calibration.T_dsa_cb * tree.centroid()),
                              catheter);

@@ -53,10 +53,10 @@ class BadNetwork final : public Bus {
 
 }  // namespace
 
-std::unique_ptr<Bus> openBus(const std::string& url, const std::string& settings_path) {
-  if (settings_path.empty()) return openBus(url);
+std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& settings_path) {
+  if (settings_path.empty()) return openSharedBus(url);
   const auto settings = readSettings(settings_path, DisturbanceSettings());
-  return std::make_unique<BadNetwork>(openBus(url), settings);
+  return std::make_unique<BadNetwork>(openSharedBus(url), settings);
 }
 
 }  // namespace angio

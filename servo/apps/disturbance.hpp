@@ -9,10 +9,10 @@
 namespace angio {
 
 /// The bus of a program, to which bad things may be done on purpose: for trying a set-up before it is trusted.
-/// @param url            LCM URL, as openBus() takes it.
+/// @param url            LCM URL, as openSharedBus() takes it.
 /// @param settings_path  What happens to all that this program says (.yaml, DisturbanceSettings), in real time; empty:
 ///                       nothing.
-/// Throws InputError as openBus() does, and when the file cannot be read.
-std::unique_ptr<Bus> openBus(const std::string& url, const std::string& settings_path);
+/// Throws InputError as openSharedBus() does, and when the file cannot be read.
+std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& settings_path);
 
 }  // namespace angio

@@ -190,7 +190,7 @@ TEST(HostilePlaces, OfACatheterAreRefused) {
 }
 
 TEST(HostileBus, UrlsAreRefused) {
-  for (const char* url : {"", "carrier-pigeon://", "udpm://nowhere", "file:///no/such/log.lcm"}) {
+  for (const char* url : {"", "carrier-pigeon://", "udpm://nowhere", "file:///no/such/log.lcm", "memq://"}) {
     for (const char* program : {"angio-servo", "angio-simulate"}) {
       const auto ended =
           test::run(program, {"--bus", url, "--duration-s", "0.1", "--tree", test::exampleData("hepatic-tace/tree.csv"),

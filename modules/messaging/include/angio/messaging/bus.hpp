@@ -56,6 +56,9 @@ class Bus {
 /// Throws InputError that names the URL and the rule when it cannot be opened.
 std::unique_ptr<Bus> openBus(const std::string& url);
 
+/// The same for a program that talks with others: a bus that is private to one is refused.
+std::unique_ptr<Bus> openSharedBus(const std::string& url);
+
 /// Why large messages may be lost on a bus that has been opened: the system allows smaller receive buffers than a frame
 /// of 1024 x 1024 pixels needs. Nothing when it allows enough, or does not say.
 std::optional<std::string> receiveBufferWarning(const std::string& url);
