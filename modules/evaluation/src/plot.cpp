@@ -59,7 +59,8 @@ Axis axisOf(const Panel& panel, bool vertical) {
     low = std::pow(10, std::max(-300.0, std::floor(std::log10(low))));  // Never zero, which no factor of ten leaves.
     high = std::max(low * 10, std::pow(10, std::ceil(std::log10(high))));
   } else if (vertical) {
-    const double margin = std::max(0.05 * (high - low), 1e-9 + 1e-3 * std::abs(high));
+    const double flat = high == 0 ? 1 : 0.1 * std::abs(high);  // What stands still is not looked at under a lens.
+    const double margin = high > low ? std::max(0.05 * (high - low), 1e-9 + 1e-3 * std::abs(high)) : flat;
     low -= margin, high += margin;
   } else if (!(high > low)) {
     high = low + 1;
