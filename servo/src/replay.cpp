@@ -11,7 +11,7 @@
 #include "angio/messaging/codec.hpp"
 #include "angio/messaging/logged_frames.hpp"
 #include "angio/messaging/mailbox.hpp"
-#include "angio/servo/joint_history.hpp"
+#include "angio/servo/state_history.hpp"
 
 namespace angio {
 namespace {

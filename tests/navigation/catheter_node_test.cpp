@@ -50,9 +50,9 @@ struct CatheterNodeTest : testing::Test {
   std::optional<CatheterGuideReport> frame(CatheterNode& node) {
     now_us += 66'667;
     bus->handle(std::chrono::milliseconds(0));
-    if (!deaf) drive->listen(now_us);
+    if (!deaf) drive->listen(now_us + ahead_us);
     arm->report(now_us);
-    drive->report(now_us);
+    drive->report(now_us + ahead_us);
     bus->handle(std::chrono::milliseconds(0));
     xray->expose(now_us, arm->arm().state().joints);
     bus->handle(std::chrono::milliseconds(0));
@@ -103,7 +103,7 @@ struct CatheterNodeTest : testing::Test {
   std::unique_ptr<SimulatedCatheterNode> drive;
   std::unique_ptr<Operator> person, table_person;
   std::unique_ptr<ServoNode> table;
-  std::int64_t now_us = 0;
+  std::int64_t now_us = 0, ahead_us = 0;
   bool started = true, deaf = false;
 };
 
@@ -266,6 +266,26 @@ TEST_F(CatheterNodeTest, CallsADriveThatDoesNotObeyAFault) {
     EXPECT_TRUE(report->held);
     EXPECT_EQ(report->command.insertion_speed_mps, 0);
   }
+}
+
+// Frames are on their way for longer than the drive takes between two reports.
+TEST_F(CatheterNodeTest, ReadsAFrameWithTheDriveOfItsOwnTime) {
+  const TreeMap map(tree);
+  const auto node = nodeTo({map.children(0).front(), 8e-3});
+  const LatestValue<CatheterInput> inputs(*bus, kCatheterInputChannel);
+  ahead_us = 200'000;
+  int answered = 0;
+  for (int k = 0; k < 110; ++k) {
+    const auto report = frame(*node);
+    ASSERT_TRUE(report);
+    bus->handle(std::chrono::milliseconds(0));
+    ASSERT_TRUE(inputs.peek());
+    answered += !report->held;
+    if (k > 3) {  // The drive has been heard from before the frame on.
+      EXPECT_EQ(inputs.peek()->drive.time_us, now_us);
+    }
+  }
+  EXPECT_GT(answered, 5);
 }
 
 TEST_F(CatheterNodeTest, RefusesPlacesThatTheTreeDoesNotHave) {

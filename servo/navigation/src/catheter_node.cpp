@@ -59,7 +59,7 @@ CatheterNode::CatheterNode(Bus& bus, const CatheterStage& stage, const VesselTre
       guide_(stage, tree, start, target, settings.guide) {}
 
 void CatheterNode::hear(std::int64_t now_us) {
-  if (const auto& drive = drive_.peek()) {
+  if (const auto drive = drive_.newest()) {
     if (const auto astray = motion_.measured(*drive)) states_.fault(ServoCause::kMotionDisagrees, *astray, now_us);
   }
   for (const ServoRequest& request : requests_.take()) {
@@ -70,6 +70,7 @@ void CatheterNode::hear(std::int64_t now_us) {
     if (refused || request.request != ServoRequestKind::kReset) continue;
     freshness_.forget();
     joints_.forget();
+    drive_.forget();
     motion_.forget();
   }
   states_.wait(now_us);
@@ -99,11 +100,12 @@ std::optional<CatheterGuideReport> CatheterNode::answer(std::int64_t now_us) {
 
 // Says on the way what a replay needs to know.
 CatheterGuideReport CatheterNode::answerOf(const XrayFrame& frame, const CArmState& arm, std::int64_t now_us) {
-  const CatheterState drive = drive_.peek().value_or(CatheterState());
+  const std::optional<CatheterState> heard = drive_.at(frame.time_us);
+  const CatheterState drive = heard.value_or(CatheterState());
   const auto note = [&](ServoVerdict verdict) {
     publish(bus_, kCatheterInputChannel, CatheterInput{frame.time_us, frame.sequence, verdict, arm, drive});
   };
-  if (const auto why = objection(frame, arm, now_us)) {
+  if (const auto why = objection(frame, arm, heard, now_us)) {
     note(ServoVerdict::kRefused);
     return guide_.refuse(frame, *why);
   }
@@ -120,14 +122,14 @@ CatheterGuideReport CatheterNode::answerOf(const XrayFrame& frame, const CArmSta
 }
 
 // Why a frame must not be used. What is worse than a doubt is a fault, and said here.
-std::optional<std::string> CatheterNode::objection(const XrayFrame& frame, const CArmState& arm, std::int64_t now_us) {
+std::optional<std::string> CatheterNode::objection(const XrayFrame& frame, const CArmState& arm,
+                                                   const std::optional<CatheterState>& drive, std::int64_t now_us) {
   const auto wrong = freshness_.objection(frame, now_us);
   if (wrong && wrong->cause != ServoCause::kFrameDoubted) {
     states_.fault(wrong->cause, wrong->reason, now_us);
     return wrong->reason;
   }
   auto why = wrong ? std::optional(wrong->reason) : guide_.objection(frame, arm);
-  const auto& drive = drive_.peek();
   const auto age_us = drive ? std::abs(static_cast<double>(frame.time_us - drive->time_us)) : 0.0;
   if (!why && !drive) why = "the drive has not been heard";
   if (!why && age_us > 1e3 * settings_.most_drive_age_ms) why = "the drive's state is not of the frame's time";

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "angio/messaging/mailbox.hpp"
-#include "angio/servo/joint_history.hpp"
+#include "angio/servo/state_history.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_loop.hpp"
 

@@ -152,7 +152,7 @@ struct CatheterInput {
   std::int64_t frame_sequence = 0;  ///< The frame.
   ServoVerdict verdict = ServoVerdict::kPermitted;
   CArmState arm;        ///< The joints as the loop believed them to be at the exposure.
-  CatheterState drive;  ///< The newest that had been heard of the drive.
+  CatheterState drive;  ///< The drive as it was then.
 };
 
 enum class CatheterTipStatus : std::int8_t { kLost = 0, kAmbiguous = 1, kLocated = 2 };

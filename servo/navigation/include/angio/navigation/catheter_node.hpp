@@ -5,9 +5,9 @@
 #include "angio/navigation/catheter_guide.hpp"
 #include "angio/navigation/drive_monitor.hpp"
 #include "angio/servo/freshness_gate.hpp"
-#include "angio/servo/joint_history.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_state_machine.hpp"
+#include "angio/servo/state_history.hpp"
 
 namespace angio {
 
@@ -54,13 +54,14 @@ class CatheterNode {
  private:
   void hear(std::int64_t now_us);
   CatheterGuideReport answerOf(const XrayFrame& frame, const CArmState& arm, std::int64_t now_us);
-  std::optional<std::string> objection(const XrayFrame& frame, const CArmState& arm, std::int64_t now_us);
+  std::optional<std::string> objection(const XrayFrame& frame, const CArmState& arm,
+                                       const std::optional<CatheterState>& drive, std::int64_t now_us);
   void say(ServoStatus status);
 
   Bus& bus_;
   CatheterNodeSettings settings_;
   LatestValue<XrayFrame> frames_;
-  LatestValue<CatheterState> drive_;
+  DriveHistory drive_;
   JointHistory joints_;
   HeardRequests requests_;
   ServoStateMachine states_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/joint_history.hpp"
+#include "angio/servo/state_history.hpp"
 
 #include <gtest/gtest.h>
 
@@ -67,6 +67,22 @@ TEST_F(JointHistories, ForgetWhatIsOld) {
   for (std::int64_t t = 1; t <= 1000; ++t) say(t * 10'000);
   EXPECT_GT(history_.at(0)->time_us, 7'000'000) << "256 states are kept";
   EXPECT_EQ(history_.at(10'000'000)->time_us, 10'000'000);
+}
+
+TEST(DriveHistories, GiveAllThatTheDriveReadAtTheFramesOwnTime) {
+  const auto bus = openBus("memq://");
+  const DriveHistory history(*bus, kCatheterStateChannel);
+  publish(*bus, kCatheterStateChannel, CatheterState{100'000, 1, 1, 2, 3, 4, 5, 6, 7});
+  publish(*bus, kCatheterStateChannel, CatheterState{110'000, 2, 2, 4, 6, 8, 10, 12, 14});
+  bus->handle(std::chrono::milliseconds(0));
+  const auto half = history.at(105'000);
+  ASSERT_TRUE(half);
+  EXPECT_EQ(half->time_us, 105'000);
+  const double read[] = {half->insertion_m,         half->roll_rad,         half->bend_rad,
+                         half->insertion_speed_mps, half->roll_speed_radps, half->bend_speed_radps,
+                         half->insertion_force_n};
+  for (int i = 0; i < 7; ++i) EXPECT_NEAR(read[i], 1.5 * (i + 1), 1e-12) << i;
+  EXPECT_EQ(history.newest()->time_us, 110'000);
 }
 
 }  // namespace
