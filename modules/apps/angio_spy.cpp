@@ -7,6 +7,7 @@
 #include <iostream>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/messaging/bus.hpp"
@@ -29,10 +30,6 @@ constexpr std::chrono::milliseconds kRefresh(500);
 
 volatile std::sig_atomic_t stopped = 0;
 
-std::int64_t now_us() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
-}
-
 // Over the last picture: lines that have become shorter, and what is below, are cleared.
 void redraw(const std::string& url, const std::string& table) {
   std::string screen = "\033[H" + url + "\n\n" + table;
@@ -47,7 +44,7 @@ std::vector<ChannelReport> listen(const Options& o) {
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-spy: " << *warning << "\n";
   BusMonitor monitor;
   bus->subscribeAll([&](const std::string& channel, const std::uint8_t* data, std::size_t size) {
-    monitor.hear(channel, data, size, now_us());
+    monitor.hear(channel, data, size, monotonic_us());
   });
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
@@ -60,12 +57,12 @@ std::vector<ChannelReport> listen(const Options& o) {
          (duration_s <= 0 || Clock::now() - began < std::chrono::duration<double>(duration_s))) {
     bus->handle(std::chrono::milliseconds(50));
     if (live && Clock::now() >= next) {
-      redraw(o.bus, monitorTable(monitor.report(now_us())));
+      redraw(o.bus, monitorTable(monitor.report(monotonic_us())));
       next = Clock::now() + kRefresh;
     }
   }
   if (live) std::cout << "\033[H\033[J";
-  return monitor.report(now_us());
+  return monitor.report(monotonic_us());
 }
 
 // A log tells its own time, so its rates are those of the recording.

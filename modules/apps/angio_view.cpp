@@ -10,6 +10,7 @@
 #include <iostream>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/evaluation/film_writer.hpp"
@@ -30,10 +31,6 @@ struct Options {
 };
 
 volatile std::sig_atomic_t stopped = 0;
-
-std::int64_t now_us() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
-}
 
 // Where pictures go: ViSP's window or a film.
 class Screen {
@@ -133,7 +130,7 @@ int viewBus(const Options& o, const VesselTree& tree) {
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-view: " << *warning << "\n";
   Viewer viewer(o, tree);
   bus->subscribeAll([&](const std::string& channel, const std::uint8_t* data, std::size_t size) {
-    viewer.hear(channel, data, size, now_us());
+    viewer.hear(channel, data, size, monotonic_us());
   });
   const auto end = Clock::now() + std::chrono::duration<double>(o.duration_s);
   while (!stopped && !bus->ended() && (o.duration_s <= 0 || Clock::now() < end)) {

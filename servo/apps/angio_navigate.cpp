@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "angio/base/formatted.hpp"
+#include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
@@ -59,7 +60,7 @@ int navigate(const Options& o) {
   while (!stopped && (o.duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
     bus->handle(std::chrono::milliseconds(20));
     const auto now = std::chrono::steady_clock::now();
-    const std::int64_t now_us = std::chrono::duration_cast<std::chrono::microseconds>(now.time_since_epoch()).count();
+    const std::int64_t now_us = monotonic_us(now);
     if (!o.wait_for_operator) starter.start(now_us);
     const auto report = node.answer(now_us);
     if (!report) continue;

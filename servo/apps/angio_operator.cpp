@@ -5,6 +5,7 @@
 #include <map>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_state_machine.hpp"
@@ -47,13 +48,10 @@ int ask(const Options& o) {
   const ServoRequestKind kind = kRequests.at(o.request);
   const auto bus = openSharedBus(o.bus);
   Operator person(*bus, o.machine);
-  const auto now_us = [] {
-    return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
-  };
   const auto end = Clock::now() + std::chrono::duration<double>(o.timeout_s);
   // A stop does not wait to be told how things stand.
   bool asked = kind == ServoRequestKind::kStop || kind == ServoRequestKind::kEmergencyStop;
-  if (asked) person.ask(kind, now_us());
+  if (asked) person.ask(kind, monotonic_us());
   while (Clock::now() < end) {
     bus->handle(std::chrono::milliseconds(20));
     if (!person.status()) continue;
@@ -61,7 +59,7 @@ int ask(const Options& o) {
       std::cout << nameOf(person.status()->state) << "\n";
       return 0;
     }
-    if (!asked) person.ask(kind, now_us());
+    if (!asked) person.ask(kind, monotonic_us());
     asked = true;
   }
   throw InputError(o.bus, "request", o.request,

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
@@ -140,9 +141,7 @@ int serve(const Options& o, const ServoSettings& settings, const VesselTree& tre
   std::int64_t frames = 0, held = 0;
   while (!stopped && (duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
     bus->handle(std::chrono::milliseconds(20));
-    const std::int64_t now_us =
-        std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now().time_since_epoch())
-            .count();
+    const std::int64_t now_us = monotonic_us();
     if (!o.wait_for_operator) starter.start(now_us);
     const auto report = node.answer(now_us);
     if (!report) continue;

@@ -7,6 +7,7 @@
 #include <iostream>
 
 #include "angio/base/formatted.hpp"
+#include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
@@ -78,10 +79,6 @@ constexpr double kReports_hz = 100;
 
 volatile std::sig_atomic_t stopped = 0;
 
-std::int64_t microseconds(Clock::time_point time) {
-  return std::chrono::duration_cast<std::chrono::microseconds>(time.time_since_epoch()).count();
-}
-
 void send(Bus& bus, const XrayFrame& frame, const Options& o) {
   const auto& r = o.region;
   bus.publish(kXrayFrameChannel, encode(r.empty() ? frame : cropped(frame, {r[0], r[1], r[2], r[3]}), o.encoding));
@@ -121,7 +118,7 @@ int simulate(const Options& o) {
   std::int64_t frames = 0;
   for (auto next = began; goesOn();) {
     // The X-ray looks from where the bus says the arm is: what it says of this exposure has to have come round.
-    const auto has_come = [&] { return heard.peek() && heard.peek()->time_us >= microseconds(next); };
+    const auto has_come = [&] { return heard.peek() && heard.peek()->time_us >= monotonic_us(next); };
     while (!has_come() && Clock::now() < next + period && goesOn()) bus->handle(std::chrono::milliseconds(5));
     if (has_come()) {
       send(*bus, xray.render(heard.peek()->time_us, heard.peek()->joints), o);

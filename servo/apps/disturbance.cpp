@@ -5,6 +5,7 @@
 #include <chrono>
 #include <utility>
 
+#include "angio/base/monotonic_clock.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/messaging/disturbed_bus.hpp"
 
@@ -13,19 +14,15 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-std::int64_t now_us() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
-}
-
 class BadNetwork final : public Bus {
  public:
   BadNetwork(std::unique_ptr<Bus> bus, const DisturbanceSettings& settings)
       : bus_(std::move(bus)), disturbed_(*bus_, settings, 1) {
-    disturbed_.advance(now_us());
+    disturbed_.advance(monotonic_us());
   }
 
   void publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) override {
-    disturbed_.advance(now_us());
+    disturbed_.advance(monotonic_us());
     disturbed_.publish(channel, bytes);
   }
 
@@ -36,7 +33,7 @@ class BadNetwork final : public Bus {
   int handle(std::chrono::milliseconds timeout) override {
     const auto end = Clock::now() + timeout;
     for (;;) {
-      disturbed_.advance(now_us());
+      disturbed_.advance(monotonic_us());
       const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
       const std::chrono::milliseconds most(disturbed_.nextDue_us() ? 1 : 1000);
       const int handled = bus_->handle(std::clamp(left, std::chrono::milliseconds(0), most));

@@ -4,29 +4,23 @@
 #include <algorithm>
 #include <utility>
 
+#include "angio/base/monotonic_clock.hpp"
+
 namespace angio {
 namespace {
 
 // So long it may take until they stop.
 constexpr std::chrono::milliseconds kLongestWait(100);
 
-std::int64_t now_us() {
-  using namespace std::chrono;
-  return duration_cast<microseconds>(SimulatedMachines::Clock::now().time_since_epoch()).count();
-}
-
 }  // namespace
 
 SimulatedMachines::SimulatedMachines(std::unique_ptr<Bus> bus, const CArmLimits& limits, const CArmJoints& start,
                                      const std::optional<Catheter>& catheter)
-    : bus_(std::move(bus)), arm_(*bus_, limits, start, now_us()) {
-  if (catheter) catheter_.emplace(*bus_, catheter->tree, catheter->settings, catheter->start, now_us());
+    : bus_(std::move(bus)), arm_(*bus_, limits, start, monotonic_us()) {
+  if (catheter) catheter_.emplace(*bus_, catheter->tree, catheter->settings, catheter->start, monotonic_us());
 }
 
-SimulatedMachines::~SimulatedMachines() {
-  stopped_ = true;
-  if (thread_.joinable()) thread_.join();
-}
+SimulatedMachines::~SimulatedMachines() { end(); }
 
 void SimulatedMachines::start(Clock::time_point first, Clock::duration period) {
   thread_ = std::thread([this, first, period] {
@@ -39,9 +33,13 @@ void SimulatedMachines::start(Clock::time_point first, Clock::duration period) {
   });
 }
 
-void SimulatedMachines::stop() {
+void SimulatedMachines::end() {
   stopped_ = true;
   if (thread_.joinable()) thread_.join();
+}
+
+void SimulatedMachines::stop() {
+  end();
   if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
 }
 
@@ -64,14 +62,14 @@ void SimulatedMachines::run(Clock::time_point first, Clock::duration period) {
 
 void SimulatedMachines::listen() {
   const std::lock_guard<std::mutex> lock(moving_);
-  arm_.listen(now_us());
-  if (catheter_) catheter_->listen(now_us());
+  arm_.listen(monotonic_us());
+  if (catheter_) catheter_->listen(monotonic_us());
 }
 
 void SimulatedMachines::report() {
   const std::lock_guard<std::mutex> lock(moving_);
-  arm_.report(now_us());
-  if (catheter_) catheter_->report(now_us());
+  arm_.report(monotonic_us());
+  if (catheter_) catheter_->report(monotonic_us());
 }
 
 }  // namespace angio

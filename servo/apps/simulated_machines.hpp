@@ -53,6 +53,7 @@ class SimulatedMachines {
   void run(Clock::time_point first, Clock::duration period);
   void listen();
   void report();
+  void end();
 
   std::unique_ptr<Bus> bus_;
   SimulatedCArmNode arm_;
