@@ -116,10 +116,9 @@ TEST_F(NavigatorAndSimulator, TheDriveIsSteeredByTheFramesOfTheSimulator) {
   EXPECT_EQ(tips->received(), commands->received());
   ASSERT_TRUE(states->peek());
   EXPECT_NEAR(states->peek()->insertion_m, 30e-3, 1e-9);
-  const auto replayed = test::run(
-      "angio-replay", {log, "--machine", "catheter", "--to-branch", "13", "--compare", "--tree",
-                       test::exampleData("hepatic-tace/tree.csv"), "--calibration",
-                       test::exampleData("hepatic-tace/carm.yaml")});
+  const auto replayed = test::run("angio-replay", {log, "--machine", "catheter", "--to-branch", "13", "--compare",
+                                                   "--tree", test::exampleData("hepatic-tace/tree.csv"),
+                                                   "--calibration", test::exampleData("hepatic-tace/carm.yaml")});
   EXPECT_EQ(replayed.exit_code, 0) << replayed.err;
 }
 

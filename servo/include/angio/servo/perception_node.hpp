@@ -2,8 +2,8 @@
 #pragma once
 
 #include "angio/messaging/mailbox.hpp"
-#include "angio/servo/state_history.hpp"
 #include "angio/servo/servo_loop.hpp"
+#include "angio/servo/state_history.hpp"
 
 namespace angio {
 

@@ -2,15 +2,15 @@
 #pragma once
 
 #include "angio/messaging/mailbox.hpp"
-#include "angio/servo/state_history.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_loop.hpp"
+#include "angio/servo/state_history.hpp"
 
 namespace angio {
 
 /// The loop's side of a bus under a safety supervisor: hears XRAY_FRAME, CARM_STATE and SERVO_REQUEST, says
-/// CARM_COMMAND, SERVO_INPUT, REGISTRATION and SERVO_STATUS. Stands still until an operator has armed and started it. As
-/// its settings say, it hears REGISTRATION, and does not say it then, and CATHETER_TIP.
+/// CARM_COMMAND, SERVO_INPUT, REGISTRATION and SERVO_STATUS. Stands still until an operator has armed and started it.
+/// As its settings say, it hears REGISTRATION, and does not say it then, and CATHETER_TIP.
 class ServoNode {
  public:
   /// Borrows the bus, which must outlive it. Throws InputError when a setting is out of its range.
