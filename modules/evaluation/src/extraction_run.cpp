@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/extraction_run.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <nanoflann.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
@@ -38,16 +40,27 @@ cv::Mat maskOf(const AnnotatedImage& annotated) {
   return mask;
 }
 
-// Whether a point lies in the shadow of a wider vessel, as a branch does before it leaves its trunk: there is no line
-// of its own to be seen there.
-bool lostInAWider(const Centerline2d& vessels, int point) {
-  const double radius_px = vessels.radius_px[point];
-  for (int other = 0; other < vessels.size(); ++other) {
-    if (vessels.branch[other] == vessels.branch[point] || vessels.radius_px[other] <= radius_px) continue;
-    const Eigen::Vector2d between = vessels.points_px.col(other) - vessels.points_px.col(point);
-    if (between.squaredNorm() < vessels.radius_px[other] * vessels.radius_px[other]) return true;
+// Which points lie in the shadow of a wider vessel, as a branch does before it leaves its trunk: there is no line of
+// their own to be seen there.
+std::vector<bool> lostInAWider(const Centerline2d& vessels) {
+  const int count = vessels.size();
+  std::vector<bool> lost(static_cast<std::size_t>(count), false);
+  if (count == 0) return lost;
+  const Eigen::MatrixX2d rows = vessels.points_px.transpose();
+  const nanoflann::KDTreeEigenMatrixAdaptor<Eigen::MatrixX2d, 2> tree(2, std::cref(rows), 10);
+  const double widest_px = vessels.radius_px.maxCoeff();
+  const nanoflann::SearchParams unsorted(32, 0, false);
+  std::vector<std::pair<Eigen::Index, double>> near;
+  for (int i = 0; i < count; ++i) {
+    const Eigen::Vector2d p = vessels.points_px.col(i);
+    tree.index->radiusSearch(p.data(), widest_px * widest_px, near, unsorted);
+    lost[static_cast<std::size_t>(i)] = std::any_of(near.begin(), near.end(), [&](const auto& found) {
+      const auto& [j, distance2] = found;
+      return vessels.branch[static_cast<std::size_t>(j)] != vessels.branch[static_cast<std::size_t>(i)] &&
+             vessels.radius_px[j] > vessels.radius_px[i] && distance2 < vessels.radius_px[j] * vessels.radius_px[j];
+    });
   }
-  return false;
+  return lost;
 }
 
 // Standard deviation of a simulated image's blur about the isocentre: the detector's light, the focal spot behind the
@@ -77,10 +90,11 @@ ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const s
     TrialTruth truth = images->truth(trial, t, 0);
     const double mm_per_px = settings.source_isocentre_mm / trial.true_views.front().camera.parameters().fx_px;
     const Centerline2d vessels = ofKind(truth.visible, CurveKind::kVessel);
+    const std::vector<bool> lost = lostInAWider(vessels);
     std::vector<bool> wanted;
     for (int k = 0; k < vessels.size(); ++k) {
       const double diameter_mm = 2 * mm_per_px * vessels.radius_px[k];
-      wanted.push_back(diameter_mm >= thinnest_mm && diameter_mm <= thickest_mm && !lostInAWider(vessels, k));
+      wanted.push_back(diameter_mm >= thinnest_mm && diameter_mm <= thickest_mm && !lost[static_cast<std::size_t>(k)]);
     }
     std::vector<bool> own_line = haveOwnLine(truth.all, blurOf_px(settings, trial.true_views.front().camera));
     return ExtractionSample{"simulated " + std::to_string(i),
