@@ -237,9 +237,13 @@ TEST(RidgeExtractor, ClosesAGapAndLeavesOutASpur) {
   gap.vessels = {{test::straightTube({60, 256}, {246, 256}, 3)}, {test::straightTube({262, 256}, {450, 256}, 3)}};
   const Centerline2d closed = extract(test::render(gap));
   EXPECT_EQ(test::branches(closed), 1u);
-  Scene spur;
-  spur.vessels = {{test::straightTube({60, 256}, {450, 256}, 4), test::straightTube({250, 256}, {250, 247}, 3)}};
-  EXPECT_EQ(test::branches(extract(test::render(spur))), 1u);
+  const auto withStumpUpTo = [](double y_px) {
+    Scene spur;
+    spur.vessels = {{test::straightTube({60, 256}, {450, 256}, 4), test::straightTube({250, 256}, {250, y_px}, 3)}};
+    return test::branches(extract(test::render(spur)));
+  };
+  EXPECT_EQ(withStumpUpTo(250), 1u);  // Its axis ends 2 px from the wall: a spur.
+  EXPECT_GT(withStumpUpTo(240), 1u);  // 12 px: a short branch.
 }
 
 TEST(RidgeExtractor, ParallelVesselsStayTwo) {

@@ -26,13 +26,13 @@ struct RidgeSettings {
 
   Polarity polarity = Polarity::kDark;
   double largest_radius_px = 20;  ///< Of a vessel; with the image's size it says how coarse the coarsest scale is [px].
-  double noise_factor = 2.5;      ///< A line's pixels stand out from the noise by this factor.
+  double noise_factor = 1.7;      ///< A line's pixels stand out from the noise by this factor.
   double line_factor = 4;         ///< A whole line stands out by this one at least, on average.
   double evidence = 25;  ///< Least mean salience times square root of the length in radii, of what hangs together.
   double faintest_absorption = 0.015;  ///< Weaker contrast is never a vessel, however little noise there is.
   double relative_contrast = 0.1;      ///< Nor is one that is weaker than this part of the image's strong vessels.
   double relative_density = 0.6;  ///< Nor a faint line whose contrast over width is below this part of what is usual.
-  double shortest_branch_px = 8;  ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
+  double shortest_branch_px = 4;  ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
   double shortest_line_px = 40;   ///< Shorter lines that stand alone are dropped [px].
   double longest_gap_px = 24;     ///< Wider gaps between two ends of one line stay open [px].
   double border_px = 4;           ///< Margin of the detector, and of the collimator's opening, not looked at [px].
