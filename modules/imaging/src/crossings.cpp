@@ -33,7 +33,13 @@ struct End {
 
 class Passing {
  public:
-  Passing(SkeletonGraph& graph, const cv::Mat& radius) : graph_(graph), radius_(radius) {}
+  Passing(SkeletonGraph& graph, const cv::Mat& radius) : graph_(graph), radius_(radius), at_(graph.nodes.size()) {
+    for (std::size_t b = 0; b < graph.branches.size(); ++b) {
+      const Branch& branch = graph.branches[b];
+      if (branch.begin >= 0) at_[branch.begin].push_back(static_cast<int>(b));
+      if (branch.end >= 0 && branch.end != branch.begin) at_[branch.end].push_back(static_cast<int>(b));
+    }
+  }
 
   void bridges() {
     for (std::size_t b = 0; b < graph_.branches.size(); ++b) {
@@ -55,13 +61,13 @@ class Passing {
  private:
   std::vector<End> endsAt(int node, int bridge) const {
     std::vector<End> ends;
-    for (std::size_t b = 0; b < graph_.branches.size(); ++b) {
+    for (const int b : at_[node]) {
       const Branch& branch = graph_.branches[b];
-      if (!branch.alive || branch.line.empty() || static_cast<int>(b) == bridge) continue;
+      if (!branch.alive || branch.line.empty() || b == bridge) continue;
       if (branch.begin == node)
-        ends.push_back({static_cast<int>(b), true, directionOf(branch, node, true), radiusOf(branch, node, true)});
+        ends.push_back({b, true, directionOf(branch, node, true), radiusOf(branch, node, true)});
       if (branch.end == node)
-        ends.push_back({static_cast<int>(b), false, directionOf(branch, node, false), radiusOf(branch, node, false)});
+        ends.push_back({b, false, directionOf(branch, node, false), radiusOf(branch, node, false)});
     }
     return ends;
   }
@@ -183,6 +189,11 @@ class Passing {
     first.line.insert(first.line.end(), second.line.begin(), second.line.end());
     first.end = second.end;
     second.alive = false;
+    if (first.end >= 0) {
+      std::vector<int>& there = at_[first.end];
+      const auto place = std::lower_bound(there.begin(), there.end(), pair.first.branch);
+      if (place == there.end() || *place != pair.first.branch) there.insert(place, pair.first.branch);
+    }
     for (SkeletonGraph::Node& node : graph_.nodes) {
       if (node.through == pair.second.branch) node.through = pair.first.branch;
     }
@@ -196,6 +207,7 @@ class Passing {
 
   SkeletonGraph& graph_;
   const cv::Mat& radius_;
+  std::vector<std::vector<int>> at_;  // By node, in ascending order: branches that end there, or did.
 };
 
 }  // namespace

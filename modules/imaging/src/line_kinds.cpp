@@ -24,14 +24,27 @@ constexpr float kHeld = 2;
 constexpr float kThinnest = 0.5f;
 
 // Whether an end of a line is at another one.
-bool isBranch(const CentreLine& line, const std::vector<CentreLine>& lines) {
-  const auto touches = [&](const CentreLine& other) {
-    if (&other == &line) return false;
-    return std::any_of(other.line.begin(), other.line.end(), [&](const cv::Point2f& p) {
-      return cv::norm(p - line.line.front()) < kHeld || cv::norm(p - line.line.back()) < kHeld;
-    });
+bool isBranch(const CentreLine& line, const std::vector<CentreLine>& lines, const std::vector<cv::Rect2f>& around) {
+  const auto touches = [&](const cv::Point2f& end) {
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      if (&lines[i] == &line || !around[i].contains(end)) continue;
+      const auto near = [&](const cv::Point2f& p) { return cv::norm(p - end) < kHeld; };
+      if (std::any_of(lines[i].line.begin(), lines[i].line.end(), near)) return true;
+    }
+    return false;
   };
-  return std::any_of(lines.begin(), lines.end(), touches);
+  return touches(line.line.front()) || touches(line.line.back());
+}
+
+// Where something that touches a line can be.
+cv::Rect2f around(const CentreLine& line) {
+  cv::Point2f least = line.line.front(), most = least;
+  for (const cv::Point2f& p : line.line) {
+    least = {std::min(least.x, p.x), std::min(least.y, p.y)};
+    most = {std::max(most.x, p.x), std::max(most.y, p.y)};
+  }
+  const cv::Point2f margin(kHeld, kHeld);
+  return {least - margin, most + margin};
 }
 
 }  // namespace
@@ -77,10 +90,12 @@ void dropDilute(std::vector<CentreLine>& lines, float least) {
   }
   if (of_vessels.empty()) return;
   const float usual = medianOf(std::move(of_vessels));
+  std::vector<cv::Rect2f> places;
+  for (const CentreLine& line : lines) places.push_back(around(line));
   const auto dilute = [&](const CentreLine& line) {
     if (medianOf(line.contrast) >= kBone) return false;
     const float density = medianOf(densitiesOf(line, line.line.size()));
-    return density < least * usual || (density < kAloneFactor * least * usual && !isBranch(line, lines));
+    return density < least * usual || (density < kAloneFactor * least * usual && !isBranch(line, lines, places));
   };
   std::vector<CentreLine> kept;
   for (CentreLine& line : lines) {

@@ -16,7 +16,7 @@ float distanceBetween(const cv::Point2f& a, const cv::Point2f& b) { return stati
 class Pruning {
  public:
   Pruning(SkeletonGraph& graph, const cv::Mat& distance, const PruningRules& rules)
-      : graph_(graph), distance_(distance), rules_(rules) {}
+      : graph_(graph), distance_(distance), rules_(rules), lengths_(graph.branches.size(), kUnknown) {}
 
   void run() {
     dropRings();
@@ -36,6 +36,17 @@ class Pruning {
     if (branch.end >= 0) --graph_.nodes[branch.end].degree;
   }
 
+  // Lengths are asked for again and again, and few change between.
+  float lengthOf(const Branch& branch) {
+    float& length = lengths_[static_cast<std::size_t>(&branch - graph_.branches.data())];
+    if (length == kUnknown) length = angio::lengthOf(graph_, branch);
+    return length;
+  }
+
+  void forgetLength(const Branch& branch) {
+    lengths_[static_cast<std::size_t>(&branch - graph_.branches.data())] = kUnknown;
+  }
+
   float radiusAt(const cv::Point2f& p) const {
     return distance_.at<float>(static_cast<int>(p.y + 0.5f), static_cast<int>(p.x + 0.5f));
   }
@@ -45,7 +56,7 @@ class Pruning {
     std::map<std::pair<int, int>, Branch*> shortest;
     for (Branch& branch : graph_.branches) {
       if (!branch.alive) continue;
-      const float length = lengthOf(graph_, branch);
+      const float length = lengthOf(branch);
       if (branch.closed ? length < 4 * rules_.shortest_branch
                         : branch.begin >= 0 && branch.begin == branch.end &&
                               length < 2 * (rules_.shortest_branch + graph_.nodes[branch.begin].radius)) {
@@ -59,7 +70,7 @@ class Pruning {
         other = &branch;
         continue;
       }
-      Branch& longer = length < lengthOf(graph_, *other) ? *other : branch;
+      Branch& longer = length < lengthOf(*other) ? *other : branch;
       if (&longer == other) other = &branch;
       kill(longer);
     }
@@ -71,7 +82,7 @@ class Pruning {
     for (Branch& branch : graph_.branches) {
       if (!branch.alive || (branch.begin < 0) == (branch.end < 0)) continue;
       const auto& node = graph_.nodes[std::max(branch.begin, branch.end)];
-      const float length = lengthOf(graph_, branch);
+      const float length = lengthOf(branch);
       if (length - node.radius < rules_.shortest_branch) spurs.emplace_back(length, &branch);
     }
     std::stable_sort(spurs.begin(), spurs.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -85,25 +96,26 @@ class Pruning {
   }
 
   void joinPassedNodes() {
-    std::vector<std::vector<int>> meeting(graph_.nodes.size());
+    meetings_.assign(graph_.nodes.size(), {});
     for (std::size_t b = 0; b < graph_.branches.size(); ++b) {
       const Branch& branch = graph_.branches[b];
       if (!branch.alive) continue;
-      if (branch.begin >= 0) meeting[branch.begin].push_back(static_cast<int>(b));
-      if (branch.end >= 0) meeting[branch.end].push_back(static_cast<int>(b));
+      if (branch.begin >= 0) meetings_[branch.begin].add(static_cast<int>(b));
+      if (branch.end >= 0) meetings_[branch.end].add(static_cast<int>(b));
     }
-    for (std::size_t n = 0; n < meeting.size(); ++n) {
+    for (std::size_t n = 0; n < meetings_.size(); ++n) {
       const int node = static_cast<int>(n);
-      if (meeting[n].size() == 1) release(graph_.branches[meeting[n][0]], node);
-      if (meeting[n].size() != 2) continue;
-      const int first = meeting[n][0], second = meeting[n][1];
+      const auto [count, first, second] = meetings_[n];
+      if (count == 1) release(graph_.branches[first], node);
+      if (count != 2) continue;
       if (first == second) {
         closeRing(graph_.branches[first], node);
         continue;
       }
       joinAt(node, graph_.branches[first], graph_.branches[second]);
-      // The second lives on in the first: later nodes must find it there.
-      for (auto& list : meeting) std::replace(list.begin(), list.end(), second, first);
+      // The second lives on in the first: where it ends, later, it must be found there.
+      const int end = graph_.branches[first].end;
+      if (end >= 0) meetings_[end].replace(second, first);
     }
   }
 
@@ -117,6 +129,7 @@ class Pruning {
       branch.line.push_back(graph_.nodes[node].position);
     }
     graph_.nodes[node].degree = 0;
+    forgetLength(branch);
   }
 
   void closeRing(Branch& branch, int node) {
@@ -124,6 +137,7 @@ class Pruning {
     branch.begin = branch.end = -1;
     branch.closed = true;
     graph_.nodes[node].degree = 0;
+    forgetLength(branch);
   }
 
   void joinAt(int node, Branch& first, Branch& second) {
@@ -134,6 +148,7 @@ class Pruning {
     first.end = second.end;
     second.alive = false;
     graph_.nodes[node].degree = 0;
+    forgetLength(first);
   }
 
   static void reverse(Branch& branch) {
@@ -147,7 +162,7 @@ class Pruning {
       if (!bridge.alive || bridge.begin < 0 || bridge.end < 0 || bridge.begin == bridge.end) continue;
       const int kept = bridge.begin, gone = bridge.end;
       auto &a = graph_.nodes[kept], &b = graph_.nodes[gone];
-      if (a.degree < 3 || b.degree < 3 || lengthOf(graph_, bridge) > 1.5f * std::max(a.radius, b.radius)) continue;
+      if (a.degree < 3 || b.degree < 3 || lengthOf(bridge) > 1.5f * std::max(a.radius, b.radius)) continue;
       kill(bridge);
       a.position = 0.5f * (a.position + b.position);
       a.radius = std::max(a.radius, b.radius);
@@ -156,6 +171,7 @@ class Pruning {
       for (Branch& branch : graph_.branches) {
         if (branch.begin == gone) branch.begin = kept;
         if (branch.end == gone) branch.end = kept;
+        if (branch.begin == kept || branch.end == kept) forgetLength(branch);
       }
       return true;
     }
@@ -168,13 +184,30 @@ class Pruning {
     for (Branch& branch : graph_.branches) {
       if (!branch.alive || branch.closed || branch.begin >= 0 || branch.end >= 0) continue;
       const float width = branch.line.empty() ? 0 : 2 * radiusAt(branch.line[branch.line.size() / 2]);
-      if (lengthOf(graph_, branch) < std::max(kAlone * rules_.shortest_branch, width)) kill(branch);
+      if (lengthOf(branch) < std::max(kAlone * rules_.shortest_branch, width)) kill(branch);
     }
   }
+
+  // Branches that end at a node: how many, and which if they are one or two.
+  struct Meeting {
+    int count = 0, first = -1, second = -1;
+
+    void add(int branch) {
+      (count == 0 ? first : second) = branch;
+      ++count;
+    }
+    void replace(int gone, int by) {
+      if (first == gone) first = by;
+      if (second == gone) second = by;
+    }
+  };
+  static constexpr float kUnknown = -1;
 
   SkeletonGraph& graph_;
   const cv::Mat& distance_;
   PruningRules rules_;
+  std::vector<float> lengths_;  // Of the branches, as far as they are known.
+  std::vector<Meeting> meetings_;
 };
 
 }  // namespace
