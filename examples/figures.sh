@@ -10,6 +10,12 @@ bin=build/bin
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
+# Arteries of brains that ANGIO_SHARED_DATA may have.
+brains=()
+for one in BG0002 BG18 BH0006 BH0014; do
+  [ -f "${ANGIO_SHARED_DATA:-}/brava/$one.swc" ] && brains+=(--tree "$ANGIO_SHARED_DATA/brava/$one.swc")
+done
+
 table1() {
   echo "### 100 starts off by 2 deg / 5 mm (std per axis) on the hepatic tree, noise-free, the paper's Table I protocol"
   "$bin"/example-03-write-case-set --out "$work/cases" >/dev/null
@@ -28,10 +34,7 @@ table1() {
 }
 
 rows() {
-  local trees=(--tree examples/data/hepatic-tace/tree.csv --tree examples/data/static-phantom/tree.csv) one
-  for one in BG0002 BG18 BH0006 BH0014; do
-    [ -f "${ANGIO_SHARED_DATA:-}/brava/$one.swc" ] && trees+=(--tree "$ANGIO_SHARED_DATA/brava/$one.swc")
-  done
+  local trees=(--tree examples/data/hepatic-tace/tree.csv --tree examples/data/static-phantom/tree.csv "${brains[@]}")
   local simulate=("$bin"/angio-evaluate simulation "${trees[@]}" --method iterative_pnp,oriented_kernel --trials "${TRIALS:-100}" --seed 11)
   echo "### Registration on simulated views, both methods on the same trials: ${#trees[@]} / 2 trees"
   echo; echo "noise-free, 2 deg / 5 mm"; "${simulate[@]}"
@@ -82,13 +85,20 @@ seeing() {
   echo; echo "### Centrelines in simulated angiograms, vessels of 1-6 mm: liver, then coronary arteries"
   "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7
   echo; "$bin"/angio-evaluate extraction "${coronary[@]}" --trials "${TRIALS:-40}" --seed 7
+  if [ ${#brains[@]} -gt 0 ]; then
+    local brain_images=("$bin"/angio-evaluate extraction "${brains[@]}" --trials "${TRIALS:-40}" --seed 7)
+    echo; echo "arteries of brains, then the same on a grid as fine as the image"
+    "${brain_images[@]}"
+    echo "ridge: {working_side_px: 1024}" > "$work/finer.yaml"
+    "${brain_images[@]}" --extractor ridge --settings "$work/finer.yaml"
+  fi
   echo; echo "### Centrelines in real frames: static phantom against the fitted tree, ARCADE against polygons"
   "$bin"/angio-evaluate extraction --cases examples/data/static-phantom/cases.yaml
   if [ -d "$shared/arcade-sample" ]; then
     echo; "$bin"/angio-evaluate extraction --annotations "$shared/arcade-sample/annotations.json"
   fi
   echo; echo "### Registration from images (the rows of registration: 1 px of noise is the dose's here, curves are wires)"
-  for tree_of in liver coronary; do
+  for tree_of in liver coronary ${brains:+brains}; do
     local -n chosen=$tree_of
     local simulate=("$bin"/angio-evaluate simulation "${chosen[@]}" --from images --method oriented_kernel --trials "${TRIALS:-40}" --seed 11)
     echo; echo "$tree_of, 2 deg / 5 mm"; "${simulate[@]}"
@@ -171,16 +181,15 @@ calibration() {
 
 # Images and registration in the loop, calibration wrong by 1 deg / 3 mm, 80 ms of latency, 15 frames a second.
 servoing() {
-  local shared="${ANGIO_SHARED_DATA:-}" one trees=(--tree examples/data/hepatic-tace/tree.csv)
+  local shared="${ANGIO_SHARED_DATA:-}" trees=(--tree examples/data/hepatic-tace/tree.csv)
   local rehearse="$bin/angio-rehearse" threads="${THREADS:-1}"
   echo; echo "### view: from any start to any view"
   "$rehearse" view --runs "${RUNS:-100}" --threads "$threads"
   echo; echo "### centre: 15 mm of breathing and a heartbeat, with prediction and without"
   "$rehearse" centre --runs "${RUNS:-100}" --threads "$threads"
   echo; echo "### navigate: a catheter to ${TARGETS:-20} branches of each tree"
-  for one in BG0002 BG18 BH0006 BH0014 BG05; do
-    [ -f "$shared/brava/$one.swc" ] && trees+=(--tree "$shared/brava/$one.swc")
-  done
+  trees+=("${brains[@]}")
+  [ -f "$shared/brava/BG05.swc" ] && trees+=(--tree "$shared/brava/BG05.swc")
   "$rehearse" navigate "${trees[@]}" --targets "${TARGETS:-20}" --threads "$threads"
   echo; echo "### faults: each run is disturbed for a while"
   "$rehearse" faults --runs "${FAULTS:-1000}" --threads "$threads"

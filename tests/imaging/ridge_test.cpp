@@ -254,5 +254,15 @@ TEST(RidgeExtractor, ParallelVesselsStayTwo) {
   EXPECT_GT(test::coverage(scene, found, 1.5), 0.97);
 }
 
+TEST(RidgeExtractor, AFinerGridTellsThinVesselsFromTheirNeighbours) {
+  const Scene scene = clinicalScene(
+      {{test::straightTube({100, 500}, {900, 500}, 1.5)}, {test::straightTube({100, 505.5}, {900, 505.5}, 1.5)}});
+  const cv::Mat image = test::render(scene);
+  RidgeSettings settings;
+  EXPECT_LT(test::coverage(scene, extract(image, settings), 1), 0.8);
+  settings.working_side_px = 1024;
+  EXPECT_GT(test::coverage(scene, extract(image, settings), 1), 0.95);
+}
+
 }  // namespace
 }  // namespace angio

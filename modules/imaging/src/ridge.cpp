@@ -26,9 +26,6 @@ namespace {
 // Added to every pixel, as a part of the mean: it keeps the logarithm of black pixels finite.
 constexpr float kDarkLevel = 0.05f;
 
-// Of the shorter side of a larger image's working grid: finer ones tell no more vessels from their neighbours.
-constexpr int kWorkingSide = 704;
-
 // Smaller images hold no line with a background on both sides.
 constexpr int kSmallestSide = 24;
 
@@ -56,7 +53,7 @@ class RidgeExtractor final : public CenterlineExtractor {
 
   Centerline2d extract(const cv::Mat& image) override {
     requireXray(image);
-    const WorkingGrid grid(image.size(), settings_.border_px, kWorkingSide);
+    const WorkingGrid grid(image.size(), settings_.border_px, settings_.working_side_px);
     if (std::min(grid.size.width, grid.size.height) < kSmallestSide) return {};
     prepareFor(grid.scale);
     absorb(image, grid);
