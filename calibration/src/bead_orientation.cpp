@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -89,61 +90,81 @@ std::vector<Eigen::Matrix3d> orientationGrid(double step_rad) {
 
 OrientationVotes::OrientationVotes(const BeadPhantom& phantom, const std::vector<BeadDetection>& detections,
                                    const BeadScale& scale, double step_rad)
-    : points_px_(scale.px_per_m * (phantom.positions_m().colwise() - phantom.centre_m())),
-      detections_px_(2, detections.size()) {
-  for (std::size_t i = 0; i < detections.size(); ++i) {
-    detections_px_.col(static_cast<Eigen::Index>(i)) = detections[i].centre_px;
-  }
-  const auto bySize = [](const std::vector<int>& sizes) {
-    std::vector<std::vector<Eigen::Index>> lists(1 + *std::max_element(sizes.begin(), sizes.end()));
-    for (std::size_t i = 0; i < sizes.size(); ++i) lists[sizes[i]].push_back(static_cast<Eigen::Index>(i));
-    return lists;
-  };
-  beads_of_size_ = bySize(scale.bead_size);
-  detections_of_size_ = bySize(scale.detection_size);
+    : points_px_(scale.px_per_m * (phantom.positions_m().colwise() - phantom.centre_m())) {
   const auto beads = static_cast<double>(points_px_.cols());
   const double spread_px = std::sqrt(points_px_.squaredNorm() / beads);
   bin_px_ = 0.5 * step_rad * spread_px;
   const double reach_px = points_px_.colwise().norm().maxCoeff() + bin_px_;
-  low_px_ = detections_px_.rowwise().minCoeff().array() - reach_px;
-  const Eigen::Vector2d extent_px = detections_px_.rowwise().maxCoeff().array() + reach_px - low_px_.array();
+  Eigen::Matrix2Xd detections_px(2, detections.size());
+  for (std::size_t i = 0; i < detections.size(); ++i) {
+    detections_px.col(static_cast<Eigen::Index>(i)) = detections[i].centre_px;
+  }
+  low_px_ = detections_px.rowwise().minCoeff().array() - reach_px;
+  const Eigen::Vector2d extent_px = detections_px.rowwise().maxCoeff().array() + reach_px - low_px_.array();
   columns_ = static_cast<int>(extent_px.x() / bin_px_) + 2;
   rows_ = static_cast<int>(extent_px.y() / bin_px_) + 2;
+  const auto sizes = static_cast<std::size_t>(
+      1 + std::min(*std::max_element(scale.bead_size.begin(), scale.bead_size.end()),
+                   *std::max_element(scale.detection_size.begin(), scale.detection_size.end())));
+  sizes_.resize(sizes);
+  for (std::size_t i = 0; i < detections.size(); ++i) {
+    const auto size = static_cast<std::size_t>(scale.detection_size[i]);
+    if (size >= sizes) continue;
+    const Eigen::Vector2d at = (detections[i].centre_px - low_px_) / bin_px_;
+    sizes_[size].x.push_back(static_cast<float>(at.x()));
+    sizes_[size].y.push_back(static_cast<float>(at.y()));
+  }
+  for (std::size_t b = 0; b < scale.bead_size.size(); ++b) {
+    const auto size = static_cast<std::size_t>(scale.bead_size[b]);
+    if (size < sizes) sizes_[size].beads.push_back(static_cast<Eigen::Index>(b));
+  }
 }
 
-OrientationVote OrientationVotes::vote(const Eigen::Matrix3d& R, std::vector<unsigned short>& bins) const {
+OrientationVote OrientationVotes::vote(const Eigen::Matrix3d& R, Votes& bins) const {
   std::fill(bins.begin(), bins.end(), 0);
-  const Eigen::Matrix2Xf seen = ((R.topRows<2>() * points_px_).colwise() + low_px_).cast<float>();
-  const auto inverse = static_cast<float>(1 / bin_px_);
-  for (std::size_t size = 0; size < std::min(beads_of_size_.size(), detections_of_size_.size()); ++size) {
-    for (const Eigen::Index d : detections_of_size_[size]) {
-      const Eigen::Vector2f at = detections_px_.col(d).cast<float>();
-      for (const Eigen::Index b : beads_of_size_[size]) {
-        const int x = static_cast<int>((at.x() - seen(0, b)) * inverse),
-                  y = static_cast<int>((at.y() - seen(1, b)) * inverse);
-        ++bins[static_cast<std::size_t>(y * columns_ + x)];
+  const Eigen::Matrix2Xf seen = (R.topRows<2>() / bin_px_ * points_px_).cast<float>();
+  std::array<int, 64> index;
+  for (const Size& size : sizes_) {
+    const std::size_t count = size.x.size();
+    for (const Eigen::Index b : size.beads) {
+      const float x = seen(0, b), y = seen(1, b);
+      // Where to first, then the votes: the former are then reckoned some at a time.
+      for (std::size_t first = 0; first < count; first += index.size()) {
+        const std::size_t some = std::min(index.size(), count - first);
+        const float *at_x = size.x.data() + first, *at_y = size.y.data() + first;
+        for (std::size_t k = 0; k < some; ++k) {
+          index[k] = static_cast<int>(at_y[k] - y) * columns_ + static_cast<int>(at_x[k] - x);
+        }
+        for (std::size_t k = 0; k < some; ++k) ++bins[static_cast<std::size_t>(index[k])];
       }
     }
   }
-  // Four neighbours count as one: a peak may lie on a corner.
-  OrientationVote best;
+  OrientationVote best = mostIn(bins);
   best.R_camera_phantom = R;
+  return best;
+}
+
+// Four neighbours count as one: a peak may lie on a corner.
+OrientationVote OrientationVotes::mostIn(const Votes& bins) const {
+  OrientationVote best;
   for (int y = 0; y + 1 < rows_; ++y) {
-    const unsigned short* const row = &bins[static_cast<std::size_t>(y * columns_)];
-    const unsigned short* const below = row + columns_;
-    for (int x = 0; x + 1 < columns_; ++x) {
-      const int votes = row[x] + row[x + 1] + below[x] + below[x + 1];
-      if (votes <= best.votes) continue;
-      best.votes = votes;
-      best.centre_px = low_px_ + bin_px_ * Eigen::Vector2d(x + 1, y + 1);
-    }
+    const short* const row = &bins[static_cast<std::size_t>(y * columns_)];
+    const short* const below = row + columns_;
+    const auto votes = [&](int x) { return static_cast<short>(row[x] + row[x + 1] + below[x] + below[x + 1]); };
+    short most = 0;
+    for (int x = 0; x + 1 < columns_; ++x) most = std::max(most, votes(x));
+    if (most <= best.votes) continue;
+    best.votes = most;
+    int x = 0;
+    while (votes(x) != most) ++x;
+    best.centre_px = low_px_ + bin_px_ * Eigen::Vector2d(x + 1, y + 1);
   }
   return best;
 }
 
 std::vector<OrientationVote> OrientationVotes::best(const std::vector<Eigen::Matrix3d>& orientations,
                                                     std::size_t count) const {
-  std::vector<unsigned short> bins(static_cast<std::size_t>(columns_ * rows_));
+  Votes bins(static_cast<std::size_t>(columns_ * rows_));
   std::vector<OrientationVote> votes;
   votes.reserve(orientations.size());
   for (const auto& R : orientations) votes.push_back(vote(R, bins));

@@ -41,11 +41,18 @@ class OrientationVotes {
   std::vector<OrientationVote> best(const std::vector<Eigen::Matrix3d>& orientations, std::size_t count) const;
 
  private:
-  OrientationVote vote(const Eigen::Matrix3d& R, std::vector<unsigned short>& bins) const;
+  using Votes = std::vector<short>;  // By bin, row after row.
+  // Detections of one size [bins], and which beads have that size.
+  struct Size {
+    std::vector<float> x, y;
+    std::vector<Eigen::Index> beads;
+  };
+
+  OrientationVote vote(const Eigen::Matrix3d& R, Votes& bins) const;
+  OrientationVote mostIn(const Votes& bins) const;
 
   Eigen::Matrix3Xd points_px_;  // About the centre, times the scale.
-  Eigen::Matrix2Xd detections_px_;
-  std::vector<std::vector<Eigen::Index>> beads_of_size_, detections_of_size_;
+  std::vector<Size> sizes_;
   double bin_px_;
   Eigen::Vector2d low_px_;
   int columns_, rows_;
