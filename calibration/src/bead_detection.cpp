@@ -18,7 +18,6 @@ constexpr double kScaleStep = 1.25;     // Between the radii that are looked for
 constexpr double kBlobOfRadius = 0.58;  // Standard deviation of the blob that answers a ball's shadow best, in radii.
 constexpr double kApart = 0.5;          // Centres of two balls, in radii of the larger one, at least.
 constexpr int kMargin_px = 2;           // Of the open field, where its edge is soft.
-constexpr std::size_t kLargestGroup = 6;
 
 struct Candidate {
   BallShadow ball;
@@ -110,7 +109,7 @@ std::vector<std::vector<BallShadow>> touching(const std::vector<BallShadow>& bal
       const double reach = 1.15 * (balls[i].radius_px + balls[j].radius_px) + 2;
       if (group[i] == group[j] || (balls[i].centre_px - balls[j].centre_px).norm() > reach) continue;
       const std::size_t from = std::max(group[i], group[j]), to = std::min(group[i], group[j]);
-      if (sizes[from] + sizes[to] > kLargestGroup) continue;
+      if (sizes[from] + sizes[to] > kMostBalls) continue;
       sizes[to] += sizes[from];
       std::replace(group.begin(), group.end(), from, to);
     }
@@ -254,7 +253,7 @@ class BeadFinder {
       start.balls = std::move(members);
       start.largest_stretch = settings_.largest_stretch;
       ShadowGroup group = cleaned(start);
-      if (!fits(group) && start.balls.size() < kLargestGroup) group = split(start);
+      if (!fits(group) && start.balls.size() < kMostBalls) group = split(start);
       if (fits(group)) groups.push_back(std::move(group));
     }
     return groups;

@@ -3,7 +3,9 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <utility>
 
 namespace angio {
 namespace {
@@ -59,7 +61,8 @@ double softThickness(const ShadowGroup& group, const BallShadow& ball, const Eig
     if (J) J->setZero();
     return 0;
   }
-  const double plus = z > 30 ? z : std::log1p(std::exp(z)), slope = 1 / (1 + std::exp(-z));
+  const double tail = std::exp(-std::abs(z));
+  const double plus = std::max(z, 0.0) + std::log1p(tail), slope = (z > 0 ? 1 : tail) / (1 + tail);
   const double g = std::sqrt(e * plus);
   if (J) {
     const double by_w = slope / (2 * g), by_e = (plus - z * slope) / (2 * g), by_d2 = -by_w / (r * r);
@@ -72,15 +75,25 @@ double softThickness(const ShadowGroup& group, const BallShadow& ball, const Eig
   return g;
 }
 
+// Of a group of so many balls: matrices of a size that is known are summed without a call for each pixel.
+template <int kBalls>
 class GroupFit {
  public:
+  static constexpr int kSize = kShared + kOfBall * kBalls;
+  using Vector = Eigen::Matrix<double, kSize, 1>;
+  using Matrix = Eigen::Matrix<double, kSize, kSize>;
+
+  // Sum of squares, and its normal equations.
+  struct Sums {
+    double squares = 0;
+    Matrix H = Matrix::Zero();
+    Vector gradient = Vector::Zero();
+  };
+
   GroupFit(std::vector<Pixel> pixels, const ShadowGroup& start)
-      : pixels_(std::move(pixels)),
-        origin_px_(start.balls.front().centre_px),
-        size_(kShared + kOfBall * static_cast<Eigen::Index>(start.balls.size())) {}
+      : pixels_(std::move(pixels)), origin_px_(start.balls.front().centre_px) {}
 
   std::size_t pixels() const { return pixels_.size(); }
-  Eigen::Index size() const { return size_; }
 
   // The ground and depths to start from: the brighter half of what is seen is ground.
   void startIn(ShadowGroup& group) const {
@@ -91,66 +104,50 @@ class GroupFit {
     group.ground = {*bright, 0, 0};
   }
 
-  // Sum of squares; normal equations when asked for.
-  double squares(const ShadowGroup& group, Eigen::MatrixXd* H, Eigen::VectorXd* gradient) const {
-    double sum = 0;
-    if (H) *H = Eigen::MatrixXd::Zero(size_, size_);
-    if (H) *gradient = Eigen::VectorXd::Zero(size_);
-    Eigen::VectorXd J(size_);
-    std::vector<ShapeJacobian> shapes(group.balls.size());
-    std::vector<double> thickness(group.balls.size());
+  Sums sums(const ShadowGroup& group) const {
+    Sums sums;
+    std::array<ShapeJacobian, kBalls> shapes;
+    std::array<double, kBalls> thickness;
     for (const Pixel& pixel : pixels_) {
       double depth = 0;
-      for (std::size_t k = 0; k < group.balls.size(); ++k) {
-        thickness[k] = softThickness(group, group.balls[k], pixel.at_px, H ? &shapes[k] : nullptr);
+      for (std::size_t k = 0; k < kBalls; ++k) {
+        thickness[k] = softThickness(group, group.balls[k], pixel.at_px, &shapes[k]);
         depth += group.balls[k].depth * thickness[k];
       }
       const Eigen::Vector3d place(1, pixel.at_px.x() - origin_px_.x(), pixel.at_px.y() - origin_px_.y());
       const double ground = group.ground.dot(place), passed = std::exp(-depth);
       const double left = group.scatter + (1 - group.scatter) * passed;
       const double r = pixel.weight * (ground * left - pixel.value);
-      sum += r * r;
-      if (!H) continue;
-      J.head<3>() = left * place;
+      sums.squares += r * r;
+      Vector J;
+      J.template head<3>() = left * place;
       J[3] = ground * (1 - passed);
-      J.segment<3>(4).setZero();
+      J.template segment<3>(4).setZero();
       const double by_depth = -ground * (1 - group.scatter) * passed;
-      for (std::size_t k = 0; k < group.balls.size(); ++k) {
+      for (std::size_t k = 0; k < kBalls; ++k) {
         const auto at = kShared + kOfBall * static_cast<Eigen::Index>(k);
-        J.segment<3>(at) = by_depth * group.balls[k].depth * shapes[k].head<3>();
+        J.template segment<3>(at) = by_depth * group.balls[k].depth * shapes[k].template head<3>();
         J[at + 3] = by_depth * thickness[k];
-        J.segment<3>(4) += by_depth * group.balls[k].depth * shapes[k].tail<3>();
+        J.template segment<3>(4) += by_depth * group.balls[k].depth * shapes[k].template tail<3>();
       }
       J *= pixel.weight;
-      H->selfadjointView<Eigen::Lower>().rankUpdate(J);
-      *gradient += r * J;
+      sums.H.noalias() += J * J.transpose();
+      sums.gradient += r * J;
     }
-    // Priors in units of the noise: of one per cent at ten thousand quanta, which is the order of an X-ray's.
-    const double strength = std::max(1e-12, sum / static_cast<double>(pixels_.size()));
-    const double ds = (group.scatter - kUsualScatter) / kScatterSpread,
-                 db = (group.blur_px - kUsualBlur_px) / kBlurSpread_px;
-    if (H) {
-      (*H)(3, 3) += strength / (kScatterSpread * kScatterSpread);
-      (*H)(4, 4) += strength / (kBlurSpread_px * kBlurSpread_px);
-      (*gradient)[3] += strength * ds / kScatterSpread;
-      (*gradient)[4] += strength * db / kBlurSpread_px;
-      H->diagonal().segment<2>(5).array() += strength / (kStretchSpread * kStretchSpread);
-      gradient->segment<2>(5) += strength / (kStretchSpread * kStretchSpread) * group.stretch;
-      H->triangularView<Eigen::StrictlyUpper>() = H->transpose();
-    }
-    return sum;
+    addPriors(group, sums);
+    return sums;
   }
 
-  static ShadowGroup moved(ShadowGroup group, const Eigen::VectorXd& step) {
-    group.ground += step.head<3>();
+  static ShadowGroup moved(ShadowGroup group, const Vector& step) {
+    group.ground += step.template head<3>();
     group.scatter = std::clamp(group.scatter + step[3], 0.0, 0.6);
     group.blur_px = std::clamp(group.blur_px + step[4], 0.2, 3.0);
     group.stretch =
-        (group.stretch + step.segment<2>(5)).cwiseMax(-group.largest_stretch).cwiseMin(group.largest_stretch);
+        (group.stretch + step.template segment<2>(5)).cwiseMax(-group.largest_stretch).cwiseMin(group.largest_stretch);
     for (std::size_t k = 0; k < group.balls.size(); ++k) {
       const auto at = kShared + kOfBall * static_cast<Eigen::Index>(k);
       BallShadow& ball = group.balls[k];
-      ball.centre_px += step.segment<2>(at);
+      ball.centre_px += step.template segment<2>(at);
       ball.radius_px *= std::exp(std::clamp(step[at + 2] / ball.radius_px, -0.3, 0.3));
       ball.depth = std::clamp(ball.depth + step[at + 3], 1e-3, 20.0);
     }
@@ -158,10 +155,77 @@ class GroupFit {
   }
 
  private:
+  // In units of the noise: of one per cent at ten thousand quanta, which is the order of an X-ray's.
+  void addPriors(const ShadowGroup& group, Sums& sums) const {
+    const double strength = std::max(1e-12, sums.squares / static_cast<double>(pixels_.size()));
+    const double ds = (group.scatter - kUsualScatter) / kScatterSpread,
+                 db = (group.blur_px - kUsualBlur_px) / kBlurSpread_px;
+    sums.H(3, 3) += strength / (kScatterSpread * kScatterSpread);
+    sums.H(4, 4) += strength / (kBlurSpread_px * kBlurSpread_px);
+    sums.gradient[3] += strength * ds / kScatterSpread;
+    sums.gradient[4] += strength * db / kBlurSpread_px;
+    sums.H.diagonal().template segment<2>(5).array() += strength / (kStretchSpread * kStretchSpread);
+    sums.gradient.template segment<2>(5) += strength / (kStretchSpread * kStretchSpread) * group.stretch;
+  }
+
   std::vector<Pixel> pixels_;
   Eigen::Vector2d origin_px_;
-  Eigen::Index size_;
 };
+
+template <int kBalls>
+ShadowGroup fittedTo(std::vector<Pixel> pixels, ShadowGroup group) {
+  using Fit = GroupFit<kBalls>;
+  const Fit fit(std::move(pixels), group);
+  if (fit.pixels() < 3 * static_cast<std::size_t>(Fit::kSize)) return group;
+  fit.startIn(group);
+  typename Fit::Sums sums = fit.sums(group);
+  double damping = 1e-3;
+  for (int i = 0; i < 40; ++i) {
+    typename Fit::Matrix damped = sums.H;
+    damped.diagonal() *= 1 + damping;
+    const typename Fit::Vector step = -damped.ldlt().solve(sums.gradient);
+    if (!step.allFinite()) return group;
+    const ShadowGroup next = Fit::moved(group, step);
+    const typename Fit::Sums now = fit.sums(next);
+    if (now.squares < sums.squares) {
+      double largest = 0;
+      for (std::size_t k = 0; k < kBalls; ++k) {
+        largest = std::max(largest, (next.balls[k].centre_px - group.balls[k].centre_px).norm());
+      }
+      const bool still = sums.squares - now.squares < 1e-6 * sums.squares && largest < 1e-4;
+      group = next;
+      sums = now;
+      damping = std::max(1e-7, 0.2 * damping);
+      if (still) break;
+    } else if ((damping *= 8) > 1e8) {
+      break;
+    }
+  }
+  const double variance = sums.squares / static_cast<double>(fit.pixels() - static_cast<std::size_t>(Fit::kSize));
+  const typename Fit::Vector scale = sums.H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  typename Fit::Matrix scaled = scale.asDiagonal() * sums.H * scale.asDiagonal();
+  scaled.diagonal().array() += 1e-10;
+  const typename Fit::Matrix covariance = scaled.ldlt().solve(Fit::Matrix::Identity());
+  group.sigmas_px.clear();
+  for (std::size_t k = 0; k < kBalls; ++k) {
+    const auto at = kShared + kOfBall * static_cast<Eigen::Index>(k);
+    const double x = covariance(at, at) * scale[at] * scale[at];
+    const double y = covariance(at + 1, at + 1) * scale[at + 1] * scale[at + 1];
+    group.sigmas_px.push_back(std::sqrt(std::max(0.0, 0.5 * variance * (x + y))));
+  }
+  group.noise = std::sqrt(variance);
+  group.fitted = group.ground[0] > 0;
+  return group;
+}
+
+template <std::size_t... kLess>
+ShadowGroup fittedOf(const cv::Mat& image, const cv::Mat& mask, ShadowGroup group, std::index_sequence<kLess...>) {
+  using Fitting = ShadowGroup (*)(std::vector<Pixel>, ShadowGroup);
+  static constexpr std::array<Fitting, sizeof...(kLess)> kFittings{fittedTo<static_cast<int>(kLess) + 1>...};
+  group.fitted = false;
+  std::vector<Pixel> pixels = pixelsOf(image, mask, group);
+  return kFittings.at(group.balls.size() - 1)(std::move(pixels), std::move(group));
+}
 
 }  // namespace
 
@@ -175,50 +239,7 @@ double ShadowGroup::contrast(std::size_t ball) const {
 }
 
 ShadowGroup fittedGroup(const cv::Mat& image, const cv::Mat& mask, ShadowGroup group) {
-  group.fitted = false;
-  const GroupFit fit(pixelsOf(image, mask, group), group);
-  if (static_cast<Eigen::Index>(fit.pixels()) < 3 * fit.size()) return group;
-  fit.startIn(group);
-  Eigen::MatrixXd H;
-  Eigen::VectorXd gradient;
-  double squares = fit.squares(group, &H, &gradient), damping = 1e-3;
-  for (int i = 0; i < 40; ++i) {
-    Eigen::MatrixXd damped = H;
-    damped.diagonal() *= 1 + damping;
-    const Eigen::VectorXd step = -damped.ldlt().solve(gradient);
-    if (!step.allFinite()) return group;
-    const ShadowGroup next = GroupFit::moved(group, step);
-    const double now = fit.squares(next, nullptr, nullptr);
-    if (now < squares) {
-      double largest = 0;
-      for (std::size_t k = 0; k < group.balls.size(); ++k) {
-        largest = std::max(largest, (next.balls[k].centre_px - group.balls[k].centre_px).norm());
-      }
-      const bool still = squares - now < 1e-6 * squares && largest < 1e-4;
-      group = next;
-      squares = fit.squares(group, &H, &gradient);
-      damping = std::max(1e-7, 0.2 * damping);
-      if (still) break;
-    } else if ((damping *= 8) > 1e8) {
-      break;
-    }
-  }
-  const double variance = squares / static_cast<double>(static_cast<Eigen::Index>(fit.pixels()) - fit.size());
-  Eigen::MatrixXd scaled = H;
-  const Eigen::VectorXd scale = H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  scaled = scale.asDiagonal() * H * scale.asDiagonal();
-  scaled.diagonal().array() += 1e-10;
-  const Eigen::MatrixXd covariance = scaled.ldlt().solve(Eigen::MatrixXd::Identity(fit.size(), fit.size()));
-  group.sigmas_px.clear();
-  for (std::size_t k = 0; k < group.balls.size(); ++k) {
-    const auto at = kShared + kOfBall * static_cast<Eigen::Index>(k);
-    const double x = covariance(at, at) * scale[at] * scale[at];
-    const double y = covariance(at + 1, at + 1) * scale[at + 1] * scale[at + 1];
-    group.sigmas_px.push_back(std::sqrt(std::max(0.0, 0.5 * variance * (x + y))));
-  }
-  group.noise = std::sqrt(variance);
-  group.fitted = group.ground[0] > 0;
-  return group;
+  return fittedOf(image, mask, std::move(group), std::make_index_sequence<kMostBalls>());
 }
 
 }  // namespace angio

@@ -34,8 +34,12 @@ struct ShadowGroup {
   double contrast(std::size_t ball) const;
 };
 
-/// Fits a group to the grey values (CV_32FC1) around its balls, where `mask` (CV_8UC1) is not zero, by
-/// Levenberg-Marquardt with the weights of counted quanta. `fitted` is false when it has too few pixels or runs away.
+/// A group has no more balls than this.
+constexpr std::size_t kMostBalls = 6;
+
+/// Fits a group of 1 to kMostBalls balls to the grey values (CV_32FC1) around its balls, where `mask` (CV_8UC1) is not
+/// zero, by Levenberg-Marquardt with the weights of counted quanta. `fitted` is false when it has too few pixels or
+/// runs away.
 ShadowGroup fittedGroup(const cv::Mat& image, const cv::Mat& mask, ShadowGroup start);
 
 }  // namespace angio
