@@ -28,7 +28,7 @@ struct RidgeSettings {
   double largest_radius_px = 20;  ///< Of a vessel; with the image's size it says how coarse the coarsest scale is [px].
   double noise_factor = 1.7;      ///< A line's pixels stand out from the noise by this factor.
   double line_factor = 4;         ///< A whole line stands out by this one at least, on average.
-  double evidence = 25;  ///< Least mean salience times square root of the length in radii, of what hangs together.
+  double evidence = 30;  ///< Least mean salience times square root of the length in radii, of what hangs together.
   double faintest_absorption = 0.015;  ///< Weaker contrast is never a vessel, however little noise there is.
   double relative_contrast = 0.1;      ///< Nor is one that is weaker than this part of the image's strong vessels.
   double relative_density = 0.6;  ///< Nor a faint line whose contrast over width is below this part of what is usual.
