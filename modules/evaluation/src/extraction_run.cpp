@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <nanoflann.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
@@ -20,6 +19,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/vessel/projection.hpp"
 #include "angio/vessel/resample.hpp"
+#include "near_places.hpp"
 
 namespace angio {
 namespace {
@@ -46,14 +46,10 @@ std::vector<bool> lostInAWider(const Centerline2d& vessels) {
   const int count = vessels.size();
   std::vector<bool> lost(static_cast<std::size_t>(count), false);
   if (count == 0) return lost;
-  const Eigen::MatrixX2d rows = vessels.points_px.transpose();
-  const nanoflann::KDTreeEigenMatrixAdaptor<Eigen::MatrixX2d, 2> tree(2, std::cref(rows), 10);
+  NearPlaces places(vessels.points_px);
   const double widest_px = vessels.radius_px.maxCoeff();
-  const nanoflann::SearchParams unsorted(32, 0, false);
-  std::vector<std::pair<Eigen::Index, double>> near;
   for (int i = 0; i < count; ++i) {
-    const Eigen::Vector2d p = vessels.points_px.col(i);
-    tree.index->radiusSearch(p.data(), widest_px * widest_px, near, unsorted);
+    const auto& near = places.within(vessels.points_px.col(i), widest_px);
     lost[static_cast<std::size_t>(i)] = std::any_of(near.begin(), near.end(), [&](const auto& found) {
       const auto& [j, distance2] = found;
       return vessels.branch[static_cast<std::size_t>(j)] != vessels.branch[static_cast<std::size_t>(i)] &&

@@ -5,10 +5,10 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <nanoflann.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
+#include "near_places.hpp"
 
 namespace angio {
 namespace {
@@ -98,18 +98,14 @@ std::vector<bool> haveOwnLine(const Centerline2d& vessels, double blur_px) {
   }
   std::vector<bool> own(static_cast<std::size_t>(count), true);
   if (count == 0) return own;
-  const Eigen::MatrixX2d rows = vessels.points_px.transpose();
-  const nanoflann::KDTreeEigenMatrixAdaptor<Eigen::MatrixX2d, 2> tree(2, std::cref(rows), 10);
+  NearPlaces places(vessels.points_px);
   const double widest_px = vessels.radius_px.maxCoeff();
-  const nanoflann::SearchParams unsorted(32, 0, false);
-  std::vector<std::pair<Eigen::Index, double>> near;
   for (int i = 0; i < count; ++i) {
     const Eigen::Vector2d p = vessels.points_px.col(i);
     const Eigen::Vector2d along(std::cos(vessels.tangent_rad[i]), std::sin(vessels.tangent_rad[i]));
     const double radius_px = vessels.radius_px[i], most_px = radius_px + widest_px + kReachBlurs * blur_px;
-    tree.index->radiusSearch(p.data(), most_px * most_px, near, unsorted);
     std::map<int, std::pair<double, Eigen::Index>> beside;  // By branch: how far to the side, and which point.
-    for (const auto& [j, distance2] : near) {
+    for (const auto& [j, distance2] : places.within(p, most_px)) {
       const int branch = vessels.branch[static_cast<std::size_t>(j)];
       if (branch == vessels.branch[static_cast<std::size_t>(i)]) continue;
       const Eigen::Vector2d to = vessels.points_px.col(j) - p;
