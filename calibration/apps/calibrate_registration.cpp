@@ -30,7 +30,7 @@ struct RegistrationOptions {
   std::string cases, angles, carm, out, run, report, method = OrientedKernelSettings::kName;
   double search_rotation_deg = 10, search_translation_mm = 30;
   bool leave_one_out = false, refine = true;
-  AnatomySettings settings;
+  AnatomyRegistrationSettings settings;
 };
 
 // A case set with what the C-arm said of its views.

@@ -68,7 +68,7 @@ std::vector<Match> matches(const ModelPoints& model, const SeenAnatomy& seen, co
 class Refinement {
  public:
   Refinement(const AnatomyResult& from, const std::vector<AnatomyView>& views, const std::vector<SeenAnatomy>& seen,
-             const VesselTree& tree, const AnatomySettings& settings)
+             const VesselTree& tree, const AnatomyRegistrationSettings& settings)
       : runs_(views),
         model_(resampled(tree, kSpacing_m, 20000).tree),
         views_(views),
@@ -108,7 +108,7 @@ class Refinement {
   const std::vector<AnatomyView>& views_;
   const std::vector<SeenAnatomy>& seen_;
   const AnatomyResult& from_;
-  const AnatomySettings& settings_;
+  const AnatomyRegistrationSettings& settings_;
   AnatomyState state_;
   std::vector<Eigen::Matrix3d> turns_;  // The angles' errors: turns about the isocentre, camera axes.
 
@@ -194,7 +194,7 @@ class Refinement {
 
 AnatomyResult refineAnatomy(const AnatomyResult& result, const std::vector<AnatomyView>& views,
                             const std::vector<SeenAnatomy>& seen, const VesselTree& tree,
-                            const AnatomySettings& settings) {
+                            const AnatomyRegistrationSettings& settings) {
   if (views.size() != seen.size() || views.size() != result.views.size()) {
     throw InputError("registration", "views", std::to_string(seen.size()), "must each have a centreline");
   }

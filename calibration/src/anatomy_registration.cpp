@@ -28,7 +28,8 @@ Vector6d residualOf(const Pose& seen, const Pose& predicted, const Eigen::Vector
 
 class AnatomyProblem {
  public:
-  AnatomyProblem(const std::vector<AnatomyView>& views, const Eigen::Vector3d& centre, const AnatomySettings& settings)
+  AnatomyProblem(const std::vector<AnatomyView>& views, const Eigen::Vector3d& centre,
+                 const AnatomyRegistrationSettings& settings)
       : views_(views), runs_(views), centre_(centre), settings_(settings) {}
 
   const AnatomyRuns& runs() const { return runs_; }
@@ -111,7 +112,7 @@ class AnatomyProblem {
   const std::vector<AnatomyView>& views_;
   AnatomyRuns runs_;
   Eigen::Vector3d centre_;
-  const AnatomySettings& settings_;
+  const AnatomyRegistrationSettings& settings_;
 
   void addView(std::size_t i, const AnatomyState& state, bool robust, Eigen::MatrixXd& A, Eigen::VectorXd& b) const {
     const Eigen::Matrix3d R = views_[i].T_camera_patient.linear();
@@ -203,7 +204,7 @@ int AnatomyResult::outliers() const {
 }
 
 AnatomyResult registerAnatomy(const std::vector<AnatomyView>& views, const Eigen::Vector3d& centre_model,
-                              const AnatomySettings& settings) {
+                              const AnatomyRegistrationSettings& settings) {
   checkSettings("registration", settings);
   requireViews(views);
   const AnatomyProblem problem(views, centre_model, settings);

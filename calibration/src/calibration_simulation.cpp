@@ -56,10 +56,10 @@ std::optional<DetectorDistortion> drawnDistortion(const CArmGeometry& carm, Simu
 // A bead that the detector's edge cuts is not measured.
 const Eigen::Vector2d kBorder(10, 10);
 
-SimulatedView viewAt(const SimulatedMachine& machine, const BeadPhantom& phantom,
-                     const CalibrationSimulationSettings& s, const CArmJoints& joints, double distance_m,
-                     Draws& draws) {
-  SimulatedView view;
+SimulatedBeadView viewAt(const SimulatedMachine& machine, const BeadPhantom& phantom,
+                         const CalibrationSimulationSettings& s, const CArmJoints& joints, double distance_m,
+                         Draws& draws) {
+  SimulatedBeadView view;
   view.joints = view.said = joints;
   for (int k = 0; k < kCArmJointCount; ++k) {
     view.said[k] += (k < 2 ? degToRad(s.encoder_noise_deg) : 1e-3 * s.encoder_noise_mm) * draws.normal();
@@ -129,11 +129,11 @@ SimulatedMachine otherMachine(const SimulatedMachine& machine, const Calibration
   return other;
 }
 
-std::vector<SimulatedView> simulatedCameraViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
-                                                const CalibrationSimulationSettings& s) {
+std::vector<SimulatedBeadView> simulatedCameraViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
+                                                    const CalibrationSimulationSettings& s) {
   Draws draws = drawsFor(s, Stream::kCameraViews);
   const double usual_m = machine.truth.carm.source_detector_distance_m;
-  std::vector<SimulatedView> views;
+  std::vector<SimulatedBeadView> views;
   for (int i = 0; i < s.camera_views; ++i) {
     CArmJoints joints;
     // Tilted and shifted so far that most beads stay on the detector: those at its edge tell most.
@@ -145,11 +145,11 @@ std::vector<SimulatedView> simulatedCameraViews(const SimulatedMachine& machine,
   return views;
 }
 
-std::vector<SimulatedView> simulatedGeometryViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
-                                                  const CalibrationSimulationSettings& s) {
+std::vector<SimulatedBeadView> simulatedGeometryViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
+                                                      const CalibrationSimulationSettings& s) {
   Draws draws = drawsFor(s, Stream::kGeometryViews);
   const double usual_m = machine.truth.carm.source_detector_distance_m;
-  std::vector<SimulatedView> views;
+  std::vector<SimulatedBeadView> views;
   for (int i = 0; i < s.geometry_views; ++i) {
     CArmJoints joints = CArmJoints::Zero();
     joints[0] = degToRad(100) * (2 * evenly(i, 2) - 1);

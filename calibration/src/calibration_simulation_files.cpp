@@ -34,7 +34,7 @@ int labelOf(int bead, HostileData hostile) {
   return bead == kFirst ? kSecond : bead == kSecond ? kFirst : bead;
 }
 
-std::vector<BeadDetection> tableOf(const SimulatedView& view, const SimulatedMachine& machine,
+std::vector<BeadDetection> tableOf(const SimulatedBeadView& view, const SimulatedMachine& machine,
                                    const CalibrationSimulationSettings& s, Draws& draws) {
   std::vector<BeadDetection> table;
   for (std::size_t i = 0; i < view.shown.size(); ++i) {
@@ -66,7 +66,7 @@ class ViewWriter {
     makeFolder(to.folder);
   }
 
-  void write(const SimulatedMachine& machine, const SimulatedView& view) {
+  void write(const SimulatedMachine& machine, const SimulatedBeadView& view) {
     const int index = static_cast<int>(views_.size()) + 1;
     const std::string name = formatted("%04d", index);
     Json entry{{"name", name}};
@@ -174,8 +174,8 @@ Json truthOf(const SimulatedMachine& machine, const CalibrationSimulationSetting
   return json;
 }
 
-void duplicate(std::vector<SimulatedView>& views) {
-  for (SimulatedView& view : views) {
+void duplicate(std::vector<SimulatedBeadView>& views) {
+  for (SimulatedBeadView& view : views) {
     const bool held_out = view.held_out;
     view = views.front();
     view.held_out = held_out;
@@ -189,11 +189,11 @@ void writeCalibrationData(const std::string& folder, const CArmCalibration& nomi
                           SimulatedImages images, const std::function<void(int done, int total)>& tell) {
   const SimulatedMachine machine = simulatedMachine(nominal, centre_model, s), other = otherMachine(machine, s);
   const BeadPhantom phantom = helixPhantom();
-  std::vector<SimulatedView> camera_views = simulatedCameraViews(machine, phantom, s),
-                             geometry_views = simulatedGeometryViews(machine, phantom, s);
+  std::vector<SimulatedBeadView> camera_views = simulatedCameraViews(machine, phantom, s),
+                                 geometry_views = simulatedGeometryViews(machine, phantom, s);
   const bool two = s.hostile == HostileData::kOtherMachine;
-  const std::vector<SimulatedView> others_camera = simulatedCameraViews(other, phantom, s),
-                                   others_geometry = simulatedGeometryViews(other, phantom, s);
+  const std::vector<SimulatedBeadView> others_camera = simulatedCameraViews(other, phantom, s),
+                                       others_geometry = simulatedGeometryViews(other, phantom, s);
   if (s.hostile == HostileData::kDuplicatePoses) {
     duplicate(camera_views);
     duplicate(geometry_views);
@@ -208,8 +208,8 @@ void writeCalibrationData(const std::string& folder, const CArmCalibration& nomi
   writeWholeFile(folder + "/truth.json", truthOf(machine, s).dump(2) + "\n");
   const int total = static_cast<int>(camera_views.size() + geometry_views.size());
   int done = 0;
-  const auto writeViews = [&](const ViewFolder& to, const std::vector<SimulatedView>& views,
-                              const std::vector<SimulatedView>& others) {
+  const auto writeViews = [&](const ViewFolder& to, const std::vector<SimulatedBeadView>& views,
+                              const std::vector<SimulatedBeadView>& others) {
     ViewWriter writer(to, phantom, s);
     for (std::size_t i = 0; i < views.size(); ++i) {
       const bool foreign = two && i % 2 == 1;

@@ -42,9 +42,9 @@ double squaredByCovariance(const CalibrationRecord& record, const std::vector<st
   return error.dot(covariance.ldlt().solve(error));
 }
 
-std::vector<BeadView> beadViews(const std::vector<SimulatedView>& views, double noise_px, Draws& draws) {
+std::vector<BeadView> beadViews(const std::vector<SimulatedBeadView>& views, double noise_px, Draws& draws) {
   std::vector<BeadView> seen;
-  for (const SimulatedView& view : views) {
+  for (const SimulatedBeadView& view : views) {
     BeadView& bead_view = seen.emplace_back();
     bead_view.name = std::to_string(seen.size());
     bead_view.source_detector_distance_m = view.source_detector_distance_m;
@@ -56,9 +56,9 @@ std::vector<BeadView> beadViews(const std::vector<SimulatedView>& views, double 
   return seen;
 }
 
-std::vector<GeometryView> geometryViews(const std::vector<SimulatedView>& views, double noise_px, Draws& draws) {
+std::vector<GeometryView> geometryViews(const std::vector<SimulatedBeadView>& views, double noise_px, Draws& draws) {
   std::vector<GeometryView> seen;
-  for (const SimulatedView& view : views) {
+  for (const SimulatedBeadView& view : views) {
     GeometryView& geometry_view = seen.emplace_back();
     geometry_view.name = std::to_string(seen.size());
     geometry_view.joints = view.said;
@@ -103,7 +103,7 @@ std::vector<CameraTrial> cameraStudy(const CArmCalibration& nominal, const Calib
   for (int i = 0; i < trials; ++i) {
     const CalibrationSimulationSettings s = withoutHeldOut(ofTrial(settings, i));
     const SimulatedMachine machine = simulatedMachine(nominal, kNoOffset, s);
-    const std::vector<SimulatedView> views = simulatedCameraViews(machine, phantom, s);
+    const std::vector<SimulatedBeadView> views = simulatedCameraViews(machine, phantom, s);
     Draws draws = noiseOf(s);
     const CArmGeometry& carm = machine.truth.carm;
     const CameraCalibration found =

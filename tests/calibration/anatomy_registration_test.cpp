@@ -27,7 +27,7 @@ struct Anatomy {
 };
 
 // Views at random angles, a run each, with the errors that the settings speak of.
-Anatomy simulated(test::Random& random, int views, const AnatomySettings& settings, double noise) {
+Anatomy simulated(test::Random& random, int views, const AnatomyRegistrationSettings& settings, double noise) {
   Anatomy anatomy;
   anatomy.T_dsa_cb = expSE3(random.twist(0, 1));
   anatomy.T_dsa_cb.translation() = random.vector(0.02) - anatomy.T_dsa_cb.linear() * kCentre;
@@ -70,7 +70,7 @@ Vector6d errorOf(const Pose& found, const Pose& truth) {
 
 TEST(AnatomyRegistration, IsExactWithoutErrors) {
   test::Random random(1);
-  const AnatomySettings settings;
+  const AnatomyRegistrationSettings settings;
   for (const int views : {1, 2, 5}) {
     const Anatomy anatomy = simulated(random, views, settings, 0);
     const AnatomyResult result = registerAnatomy(anatomy.views, kCentre, settings);
@@ -80,7 +80,7 @@ TEST(AnatomyRegistration, IsExactWithoutErrors) {
 }
 
 TEST(AnatomyRegistration, CovarianceIsRight) {
-  const AnatomySettings settings;
+  const AnatomyRegistrationSettings settings;
   test::Random random(2);
   const int trials = 200;
   double nees = 0;
@@ -95,7 +95,7 @@ TEST(AnatomyRegistration, CovarianceIsRight) {
 }
 
 TEST(AnatomyRegistration, AViewReversedInDepthIsNamedAndLeftOut) {
-  const AnatomySettings settings;
+  const AnatomyRegistrationSettings settings;
   test::Random random(3);
   Anatomy anatomy = simulated(random, 5, settings, 1);
   Pose& wrong = anatomy.views[2].T_camera_model;
@@ -108,7 +108,7 @@ TEST(AnatomyRegistration, AViewReversedInDepthIsNamedAndLeftOut) {
 }
 
 TEST(AnatomyRegistration, WhatCannotBeIsRefused) {
-  const AnatomySettings settings;
+  const AnatomyRegistrationSettings settings;
   test::Random random(4);
   Anatomy anatomy = simulated(random, 4, settings, 1);
   const auto refusal = [&](const std::vector<AnatomyView>& views) {

@@ -35,9 +35,9 @@ struct Scene {
   std::vector<GeometryView> views;
 };
 
-std::vector<GeometryView> seen(const std::vector<SimulatedView>& views, test::Random& random) {
+std::vector<GeometryView> seen(const std::vector<SimulatedBeadView>& views, test::Random& random) {
   std::vector<GeometryView> result;
-  for (const SimulatedView& view : views) {
+  for (const SimulatedBeadView& view : views) {
     GeometryView& taken = result.emplace_back();
     taken.name = "v" + std::to_string(result.size());
     taken.joints = view.said;

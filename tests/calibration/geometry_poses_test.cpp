@@ -43,7 +43,7 @@ Scene sceneOf(int seed) {
   const CArmGeometry& carm = scene.machine.truth.carm;
   scene.set.path = "poses.yaml";
   const BeadPhantom phantom = helixPhantom();
-  for (const SimulatedView& view : simulatedGeometryViews(scene.machine, phantom, settings)) {
+  for (const SimulatedBeadView& view : simulatedGeometryViews(scene.machine, phantom, settings)) {
     HandEyePose& pose = scene.set.poses.emplace_back();
     pose.name = "p" + std::to_string(scene.set.poses.size());
     pose.joints = view.said;

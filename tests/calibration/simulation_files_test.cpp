@@ -65,7 +65,7 @@ TEST(SimulatedCalibrationData, ImagesShowBeadsWhereTheTruthHasThem) {
   writeCalibrationData(folder.path("set"), nominal(), Eigen::Vector3d::Zero(), settings, SimulatedImages::kCamera);
   const BeadPhantom phantom = readBeadPhantom(folder.path("set/phantom.yaml"));
   const SimulatedMachine machine = simulatedMachine(nominal(), Eigen::Vector3d::Zero(), settings);
-  const SimulatedView truth = simulatedCameraViews(machine, phantom, settings)[0];
+  const SimulatedBeadView truth = simulatedCameraViews(machine, phantom, settings)[0];
   const auto found = detectBeads(readXrayImage(folder.path("set/camera/v0001.png")));
   int near = 0;
   for (Eigen::Index i = 0; i < truth.pixels_px.cols(); ++i) {

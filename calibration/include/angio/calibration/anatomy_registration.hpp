@@ -24,7 +24,7 @@ struct AnatomyView {
   Matrix6d covariance = Matrix6d::Zero();                        ///< Of it, as RegistrationResult has it.
 };
 
-struct AnatomySettings {
+struct AnatomyRegistrationSettings {
   double angle_sigma_deg = 0.5;  ///< Of the C-arm's angles, per axis: C-arms hold about a degree.
   double shift_sigma_mm = 30;    ///< Of the isocentre from run to run, per axis; 0: it stays.
   double outlier_gate = 4.5;     ///< A view further off than so many sigma (of six dimensions) is an outlier.
@@ -72,7 +72,7 @@ struct AnatomyResult {
 /// depth, say) are outliers. Each view is also predicted from the others where there are three or more. Throws
 /// InputError for no view, names that stand twice, copies of a view, and when less than half of the views agree.
 AnatomyResult registerAnatomy(const std::vector<AnatomyView>& views, const Eigen::Vector3d& centre_model,
-                              const AnatomySettings& settings = {});
+                              const AnatomyRegistrationSettings& settings = {});
 
 /// A view as it was seen, for refineAnatomy.
 struct SeenAnatomy {
@@ -85,7 +85,7 @@ struct SeenAnatomy {
 /// view. Outliers stay out.
 AnatomyResult refineAnatomy(const AnatomyResult& result, const std::vector<AnatomyView>& views,
                             const std::vector<SeenAnatomy>& seen, const VesselTree& tree,
-                            const AnatomySettings& settings = {});
+                            const AnatomyRegistrationSettings& settings = {});
 
 /// The result as it goes into a file's section `calibration`; lengths in mm, angles in deg, turns about patient axes.
 CalibrationRecord anatomyRecord(const AnatomyResult& result, const std::string& machine,

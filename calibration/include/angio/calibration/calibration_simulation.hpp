@@ -82,7 +82,7 @@ SimulatedMachine simulatedMachine(const CArmCalibration& nominal, const Eigen::V
                                   const CalibrationSimulationSettings& settings);
 
 /// One view: what the machine did, what its encoders said, and where beads are in the image.
-struct SimulatedView {
+struct SimulatedBeadView {
   CArmJoints joints = CArmJoints::Zero();    ///< True: where it stands.
   CArmJoints said = CArmJoints::Zero();      ///< By the encoders.
   double source_detector_distance_m = 0;     ///< By the encoder.
@@ -93,12 +93,12 @@ struct SimulatedView {
 };
 
 /// Views for the camera: the phantom near the isocentre, shifted over the detector, from many sides.
-std::vector<SimulatedView> simulatedCameraViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
-                                                const CalibrationSimulationSettings& settings);
+std::vector<SimulatedBeadView> simulatedCameraViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
+                                                    const CalibrationSimulationSettings& settings);
 
 /// Views for the geometry: over the whole range of both angles, a third of them with the table moved.
-std::vector<SimulatedView> simulatedGeometryViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
-                                                  const CalibrationSimulationSettings& settings);
+std::vector<SimulatedBeadView> simulatedGeometryViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
+                                                      const CalibrationSimulationSettings& settings);
 
 /// Which of the views are X-ray images; the others are tables of beads.
 enum class SimulatedImages { kNone, kCamera, kAll };
