@@ -107,6 +107,13 @@ seeing() {
     echo; echo "$tree_of, the same, two views, 5 deg / 10 mm"
     "${simulate[@]}" --visible-fraction 0.5 --spurious 5 --views 2 --rotation-std-deg 5 --translation-std-mm 10
   done
+  local seed
+  for seed in 101 102; do
+    echo; echo "coronary, half in view, 5 wires, 600 views of seed $seed: what fails"
+    "$bin"/angio-evaluate simulation "${coronary[@]}" --from images --method oriented_kernel --trials 600 --seed "$seed" \
+      --visible-fraction 0.5 --spurious 5 --out "$work/half.json" > /dev/null
+    grep -E '"(success_mtre_2mm|failed_and_noticed|failed_and_trusted)_percent"' "$work/half.json"
+  done
   echo; echo "### The whole chain on a run of 150 frames, tracked: image to pose"
   "$bin"/angio-simulate --out "$work/run" --frames 150 --start-primary-deg 10 --end-primary-deg 30 --start-rotation-deg 1 --start-translation-mm 3
   "$bin"/angio-evaluate cases "$work/run/cases.yaml" --method oriented_kernel --out "$work/run.json"
