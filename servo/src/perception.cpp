@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/perception.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "angio/base/stopwatch.hpp"
+#include "angio/registration/classification.hpp"
 #include "local_shift.hpp"
 
 namespace angio {
@@ -25,6 +27,13 @@ Eigen::Matrix3Xd countedFrom(const Pose& T_camera_model, const RegistrationResul
   const Eigen::Matrix3Xd& points = tree.points();
   const Pose between = T_camera_model.inverse() * bent.T_camera_model;
   return ((between.linear() * (points + bent.displacements_m)).colwise() + between.translation()) - points;
+}
+
+// Of a point of the tree, along the beam. Both must have a covariance.
+double depthVariance_m2(const RegistrationResult& result, const Eigen::Vector3d& point_model) {
+  Eigen::Matrix<double, 1, 6> J;
+  J << Eigen::RowVector3d::UnitZ(), -skew(result.T_camera_model.linear() * point_model).row(2);
+  return (J * *result.covariance * J.transpose()).value();
 }
 
 Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& place) {
@@ -110,20 +119,23 @@ Sight Perception::take(const RegistrationResult& registration, const CArmState& 
   return sight;
 }
 
-// A tree that bends with breath is explained in part by a rigid one, and called ambiguous. Bending it decides: what is
-// another tree, or none, needs more than a breath does. Where tracking has been lost nothing is bent: then a rigid pose
-// has to stand against its rivals first.
+// A tree that a breath deforms is explained in part by a rigid one, and called ambiguous. The deformed fit decides:
+// another tree, or none, needs a larger deformation than a breath causes. Where tracking has been lost no deformed fit
+// is made: a rigid pose has to stand against its alternatives first. The deformed fit leaves depth open in one view,
+// and the rigid pose's covariance takes that over.
 void Perception::bend(const XrayCamera& camera, Sight& sight) {
   RegistrationResult& rigid = sight.registration;
   if (!bending_ || rigid.status != RegistrationStatus::kAmbiguous || !rigid.covariance) return;
   const RegistrationResult bent = bending_->align(sight.centerline, camera, sight.predicted, rigid.T_camera_model);
-  if (bent.status != RegistrationStatus::kConverged || bent.displacements_m.cols() != bending_->tree().size() ||
+  if (!explained(bent) || bent.displacements_m.cols() != bending_->tree().size() ||
       !(rms(bent.displacements_m) <= most_bend_m_)) {
     return;
   }
+  const Eigen::Vector3d centroid = bending_->tree().centroid();
+  (*rigid.covariance)(2, 2) += std::max(0.0, depthVariance_m2(bent, centroid) - depthVariance_m2(rigid, centroid));
   rigid.displacements_m = countedFrom(rigid.T_camera_model, bent, bending_->tree());
   rigid.agreement = bent.agreement;
-  rigid.status = bent.status;
+  rigid.status = RegistrationStatus::kConverged;
   rigid.reason.clear();
   rigid.nonrigid_iterations = bent.nonrigid_iterations;
   rigid.times += bent.times;

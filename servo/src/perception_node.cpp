@@ -12,7 +12,8 @@ PerceptionNode::PerceptionNode(Bus& bus, const ServoLoopSettings& settings, cons
       frames_(bus, kXrayFrameChannel),
       joints_(bus, kCArmStateChannel),
       perception_(settings.perceptionForTask(), settings.carm, settings.T_dsa_cb, tree),
-      supervisor_(settings.supervisor, settings.limits, settings.target_model.value_or(tree.centroid())) {}
+      supervisor_(settings.supervisor, settings.limits, settings.target_model.value_or(tree.centroid()),
+                  targetNeed(settings.task)) {}
 
 std::optional<PerceptionReport> PerceptionNode::look() {
   if (joints_.empty()) return std::nullopt;

@@ -64,7 +64,7 @@ ServoLoop::ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree)
     : settings_(checked(settings)),
       task_(taskOf(settings, tree)),
       perception_(settings.perceptionForTask(), settings.carm, settings.T_dsa_cb, tree, task_->place()),
-      supervisor_(settings.supervisor, settings.limits, targetOf(settings, tree)) {}
+      supervisor_(settings.supervisor, settings.limits, targetOf(settings, tree), targetNeed(settings.task)) {}
 
 ServoReport ServoLoop::step(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen) {
   const double period_s = periodUntil(frame);

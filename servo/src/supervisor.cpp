@@ -9,12 +9,19 @@
 namespace angio {
 namespace {
 
-// Standard deviation of T * target in its worst direction [m]: d(T p) = dt - (R p)^ dw for the covariance of (t,
-// rotation).
-double worstTargetStd(const RegistrationResult& seen, const Eigen::Vector3d& target) {
+// Standard deviation of T * target in the worst direction that is needed [m]: d(T p) = dt - (R p)^ dw for the
+// covariance of (t, rotation). Across the beam: of the point p where it is seen, d(x - z p.x / p.z) and the same of y.
+double worstTargetStd(const RegistrationResult& seen, const Eigen::Vector3d& target, TargetNeed need) {
   Eigen::Matrix<double, 3, 6> J;
   J << Eigen::Matrix3d::Identity(), -skew(seen.T_camera_model.linear() * target);
   const Eigen::Matrix3d covariance = J * *seen.covariance * J.transpose();
+  if (need == TargetNeed::kAcrossBeam) {
+    const Eigen::Vector3d p = seen.T_camera_model * target;
+    Eigen::Matrix<double, 2, 3> across;
+    across << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
+    const Eigen::Matrix2d seen_across = across * covariance * across.transpose();
+    return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(seen_across).eigenvalues()[1]));
+  }
   return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues()[2]));
 }
 
@@ -30,8 +37,11 @@ std::string over(const std::string& what, double value, double most) {
 }  // namespace
 
 Supervisor::Supervisor(const SupervisorSettings& settings, const CArmLimits& limits,
-                       const Eigen::Vector3d& target_model)
-    : settings_(checked(settings)), target_(target_model), limiter_(limits, 1e-3 * settings.command_valid_ms) {}
+                       const Eigen::Vector3d& target_model, TargetNeed need)
+    : settings_(checked(settings)),
+      target_(target_model),
+      need_(need),
+      limiter_(limits, 1e-3 * settings.command_valid_ms) {}
 
 std::optional<std::string> Supervisor::objection(const XrayFrame& frame, const CArmState& state) const {
   const int type = frame.image.type();
@@ -65,7 +75,7 @@ std::optional<std::string> Supervisor::objection(const RegistrationResult& seen,
       return far;
     }
   }
-  const double std_mm = 1e3 * worstTargetStd(seen, target_);
+  const double std_mm = 1e3 * worstTargetStd(seen, target_, need_);
   if (!(std_mm <= settings_.most_target_std_mm)) {
     return over("uncertainty of the target [mm]", std_mm, settings_.most_target_std_mm);
   }

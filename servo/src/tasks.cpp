@@ -15,6 +15,10 @@ bool patientMoves(const TaskSettings& settings) {
   return std::visit([](const auto& chosen) { return chosen.kPatientMoves; }, settings);
 }
 
+TargetNeed targetNeed(const TaskSettings& settings) {
+  return std::visit([](const auto& chosen) { return chosen.kTargetNeed; }, settings);
+}
+
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context) {
   return std::visit([&](const auto& chosen) { return make(chosen, context); }, settings);
 }

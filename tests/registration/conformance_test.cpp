@@ -5,6 +5,7 @@
 
 #include <type_traits>
 
+#include "angio/registration/classification.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/test/errors.hpp"
@@ -34,8 +35,8 @@ struct OnCleanImages<IterativePnpSettings> {
   }
 };
 
-/// How far apart two answers to the same problem may be that reach it by other roundings [m]. Iterations carry a rounding on; a
-/// nearest point that changes for it would make micrometres.
+/// How far apart two answers to the same problem may be that reach it by other roundings [m]. Iterations carry a
+/// rounding on; a nearest point that changes for it would make micrometres.
 template <typename Settings>
 struct Rounding {
   static constexpr double kSame_m = 1e-6;
@@ -181,7 +182,8 @@ TYPED_TEST(RegistrationConformance, MovesWithTheModelWhenItsFrameMoves) {
     EXPECT_LT(apart.colwise().norm().maxCoeff(), Rounding<TypeParam>::kSame_m);
     EXPECT_EQ(a.status, b.status);
     if (a.displacements_m.size() > 0) {
-      EXPECT_LT((G.linear() * a.displacements_m - b.displacements_m).colwise().norm().maxCoeff(), Rounding<TypeParam>::kSame_m);
+      EXPECT_LT((G.linear() * a.displacements_m - b.displacements_m).colwise().norm().maxCoeff(),
+                Rounding<TypeParam>::kSame_m);
     }
   }
 }
@@ -370,7 +372,12 @@ TYPED_TEST(RegistrationConformance, NonrigidFollowsASmoothDeformationInTheImageP
       const auto rigid = makeRegistration(both[0], s.tree)->align(image, s.camera, s.prior);
       const auto nonrigid = makeRegistration(both[1], s.tree)->align(image, s.camera, s.prior);
       expectFinite(nonrigid);
-      EXPECT_EQ(nonrigid.status, RegistrationStatus::kConverged) << nonrigid.reason;
+      // One view may leave the depth of a deformed tree open: then the result is explained, and not converged.
+      EXPECT_TRUE(explained(nonrigid)) << nonrigid.reason;
+      if (nonrigid.status != RegistrationStatus::kConverged) {
+        EXPECT_EQ(nonrigid.status, RegistrationStatus::kAmbiguous);
+        EXPECT_THAT(nonrigid.reason, testing::HasSubstr("leaves the pose open"));
+      }
       EXPECT_EQ(rigid.displacements_m.size(), 0);
       ASSERT_EQ(nonrigid.displacements_m.cols(), s.tree.size());
       const Eigen::Matrix3Xd found = s.tree.points() + nonrigid.displacements_m;

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "angio/registration/classification.hpp"
 #include "angio/test/phantoms.hpp"
 
 namespace angio {
@@ -70,6 +71,32 @@ TEST(Judgement, WhatTheImageLeavesOpenIsNotTrusted) {
   result.covariance = diagonal(0.8e-3, 1e-9);
   judgeAgainst(0.1, tree, result);
   EXPECT_EQ(result.status, RegistrationStatus::kAmbiguous);
+}
+
+// A deformed tree passes the same gates as a rigid one; what it explains is said for itself.
+TEST(Judgement, ADeformedTreeIsNotTrustedWhereTheImageLeavesItOpen) {
+  const VesselTree tree = test::branchingTree(3);
+  RegistrationResult result;
+  result.T_camera_model = viewed(tree);
+  result.agreement.model_explained = result.agreement.image_explained = 0.9;
+  result.agreement.model_points = 100;
+  result.displacements_m = Eigen::Matrix3Xd::Constant(3, tree.size(), 2e-3);
+  const auto judged = [&](double depth_std_m, double rival) {
+    result.covariance = diagonal(0.2e-3, 1e-9);
+    (*result.covariance)(2, 2) = depth_std_m * depth_std_m;
+    judgeAgainst(rival, tree, result);
+    return result.status;
+  };
+  EXPECT_EQ(judged(1e-3, 0.6), RegistrationStatus::kConverged);
+  EXPECT_EQ(judged(8e-3, 0.6), RegistrationStatus::kAmbiguous);
+  EXPECT_NE(result.reason.find("3 mm"), std::string::npos) << result.reason;
+  EXPECT_TRUE(explained(result));
+
+  // Half explained, without a rival: the stricter limit holds for it as well.
+  result.agreement.model_explained = result.agreement.image_explained = 0.5;
+  EXPECT_EQ(judged(0.5e-3, 0.1), RegistrationStatus::kConverged);
+  EXPECT_EQ(judged(1.5e-3, 0.1), RegistrationStatus::kAmbiguous);
+  EXPECT_FALSE(explained(result));
 }
 
 }  // namespace

@@ -61,6 +61,12 @@ TEST_F(PatientsWhoBend, AreSeenWhereTheyAre) {
   RecordProperty("bent_px", std::to_string(bent_px));
   EXPECT_LT(bent_px, 1);
   EXPECT_GT(rigid_px, 2 * bent_px);
+  // One view of a deformed tree does not determine depth, and the covariance says so: millimetres, not the rigid fit's
+  // tenths.
+  const double depth_mm = 1e3 * (truth * stage_.tree.centroid() - seen.T_camera_model * stage_.tree.centroid()).z();
+  const double depth_std_mm = 1e3 * std::sqrt((*seen.covariance)(2, 2));
+  EXPECT_GT(depth_std_mm, 1);
+  EXPECT_LT(std::abs(depth_mm), 3 * depth_std_mm);
 }
 
 // A watched place is seen where it is, by what bends the tree and by the image around it.

@@ -132,6 +132,20 @@ TEST_F(Supervisors, TheUncertaintyIsThatOfTheTarget) {
   EXPECT_NE(objection().find("uncertainty of the target"), std::string::npos);
 }
 
+// A task in the image may move while depth is open; it may not while the image's directions are.
+TEST_F(Supervisors, DepthMayBeOpenWhereATaskDoesNotNeedIt) {
+  const Supervisor across(settings_, limits_, target_, TargetNeed::kAcrossBeam);
+  const auto refused = [&] { return across.objection(seen_, calibrated_, predicted_).value_or(""); };
+  // An error of depth moves a point along its own ray, which is nothing in the image, also off the axis.
+  const Eigen::Vector3d p = seen_.T_camera_model * target_;
+  const Eigen::Vector3d along = 0.011 * p.normalized();
+  seen_.covariance->topLeftCorner<3, 3>() += along * along.transpose();
+  EXPECT_NE(objection().find("uncertainty of the target"), std::string::npos);
+  EXPECT_EQ(refused(), "");
+  (*seen_.covariance)(0, 0) += std::pow(1.01e-3 * settings_.most_target_std_mm, 2);
+  EXPECT_NE(refused().find("uncertainty of the target"), std::string::npos);
+}
+
 TEST_F(Supervisors, JointsMustBelongToTheFrame) {
   const std::int64_t most_us = std::llround(1e3 * settings_.most_state_age_ms);
   for (const int sign : {-1, 1}) {

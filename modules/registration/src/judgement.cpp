@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/registration/classification.hpp"
 #include "angio/registration/motion_filter.hpp"
 
 namespace angio {
@@ -88,7 +89,7 @@ void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationRes
     result.reason = "the solver had not come to rest";
   } else if (deformation_m > kMostDeformation_m) {
     result.reason = "the tree had to be deformed beyond what an organ does";
-  } else if (deformation_m == 0 && !(spread_m(*result.covariance, result.T_camera_model, tree) <= threshold.spread_m)) {
+  } else if (!(spread_m(*result.covariance, result.T_camera_model, tree) <= threshold.spread_m)) {
     result.reason = "the image leaves the pose open by more than " + millimetres(threshold.spread_m);
   } else {
     result.status = RegistrationStatus::kConverged;
@@ -97,6 +98,12 @@ void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationRes
 }
 
 }  // namespace
+
+bool explained(const RegistrationResult& result) {
+  return result.T_camera_model.matrix().allFinite() && result.covariance &&
+         result.agreement.model_points >= kFewestPoints && reaches(result.agreement, kUsual.share, kUsual.score) &&
+         result.last_step_px <= kAtRest_px && rms(result.displacements_m) <= kMostDeformation_m;
+}
 
 double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const VesselTree& tree) {
   // A point q about the centroid moves by v + w x q; the mean of q is nothing, and so are the mixed terms.

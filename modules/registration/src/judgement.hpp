@@ -14,8 +14,8 @@ bool tooFewPoints(RegistrationResult& result);
 /// the points [m].
 double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const VesselTree& tree);
 
-/// Sets status and reason from the agreement of model and image, and from how well the image holds a rigid tree: depth
-/// under deformation is open in one view, and its covariance says so to those who need it.
+/// Sets status and reason from the agreement of model and image, and from how well the image determines the pose, of a
+/// rigid and of a deformed tree alike: depth under deformation is open in one view, so that such a result is ambiguous.
 void judge(const VesselTree& tree, RegistrationResult& result);
 
 /// The same when it is known how well the best different pose does (score over this pose's, 0 to 1): one that fits

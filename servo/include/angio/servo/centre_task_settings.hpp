@@ -3,6 +3,7 @@
 
 #include "angio/motion/motion_predictor_settings.hpp"
 #include "angio/servo/path_plan_settings.hpp"
+#include "angio/servo/target_need.hpp"
 
 namespace angio {
 
@@ -18,6 +19,7 @@ enum class CentreOn { kTarget, kCatheterTip };
 struct CentreTaskSettings {
   static constexpr const char* kName = "centre";
   static constexpr bool kPatientMoves = true;  ///< Frames are looked for where the motion is predicted to be.
+  static constexpr TargetNeed kTargetNeed = TargetNeed::kAcrossBeam;  ///< The image's middle has no depth.
 
   CentreOn on = CentreOn::kTarget;
   bool predict = true;           ///< Not: the target is taken to stay where it was seen last.

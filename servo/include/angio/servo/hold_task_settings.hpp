@@ -3,6 +3,7 @@
 
 #include "angio/motion/motion_predictor_settings.hpp"
 #include "angio/servo/path_plan_settings.hpp"
+#include "angio/servo/target_need.hpp"
 
 namespace angio {
 
@@ -10,6 +11,7 @@ namespace angio {
 struct HoldTaskSettings {
   static constexpr const char* kName = "hold";
   static constexpr bool kPatientMoves = true;  ///< Frames are looked for where the motion is predicted to be.
+  static constexpr TargetNeed kTargetNeed = TargetNeed::kEverywhere;
 
   bool predict = true;       ///< Not: the patient is taken to stay as seen last.
   double reached_deg = 0.2;  ///< The view is kept while the beam is as near as this ...

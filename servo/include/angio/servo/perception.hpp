@@ -37,8 +37,9 @@ struct Sight {
   bool tracked = false;     ///< Whether that was what trusted frames before had said, or calibration alone.
   ModelId model_id = ModelId::kUnknown;  ///< The tree that was looked for.
 
-  /// Of a frame that only a bent tree explains: pose and covariance of the rigid tree, which is the nearest one to it
-  /// as a whole; agreement and displacements, counted from that pose, of the bent one.
+  /// Of a frame that only a deformed tree explains: pose of the rigid tree, which is the nearest one to it as a whole,
+  /// with its covariance, in depth no smaller than the deformed fit's; agreement and displacements, counted from that
+  /// pose, of the deformed one.
   RegistrationResult registration;
   std::optional<PlaceSight> place;         ///< The watched place, in a frame whose registration has converged.
   double image_s = 0, registration_s = 0;  ///< Wall time of the stages [s].

@@ -8,6 +8,7 @@
 #include "angio/messaging/messages.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/robot/carm_motion_limiter.hpp"
+#include "angio/servo/target_need.hpp"
 
 namespace angio {
 
@@ -19,7 +20,7 @@ struct SupervisorSettings {
   double most_jump_deg = 2.5;      ///< Largest disagreement with the prediction while tracking.
   double most_jump_mm = 10;        ///< Across the beam.
   double most_jump_depth_mm = 30;  ///< Along it: one view sees depth poorly, above all of a tree that bends.
-  double most_target_std_mm = 3;   ///< Standard deviation of the target in the camera frame, its worst direction.
+  double most_target_std_mm = 3;   ///< Standard deviation of the target, in the worst direction that the task needs.
   double command_valid_ms = 200;   ///< How long a command may be obeyed: three frames at 15 a second.
 
   void visit(SettingsVisitor& v) {
@@ -38,7 +39,9 @@ struct SupervisorSettings {
 class Supervisor {
  public:
   /// @param target_model  The point whose place matters [m].
-  Supervisor(const SupervisorSettings& settings, const CArmLimits& limits, const Eigen::Vector3d& target_model);
+  /// @param need          The directions in which it matters.
+  Supervisor(const SupervisorSettings& settings, const CArmLimits& limits, const Eigen::Vector3d& target_model,
+             TargetNeed need = TargetNeed::kEverywhere);
 
   /// Why a frame must not be read with these joints; nothing when it may.
   std::optional<std::string> objection(const XrayFrame& frame, const CArmState& state) const;
@@ -74,6 +77,7 @@ class Supervisor {
 
   SupervisorSettings settings_;
   Eigen::Vector3d target_;
+  TargetNeed need_;
   CArmMotionLimiter limiter_;
 };
 

@@ -33,6 +33,9 @@ std::string nameOf(const TaskSettings& settings);
 /// Whether a task is for a patient who moves under it.
 bool patientMoves(const TaskSettings& settings);
 
+/// The directions in which a task needs to know its target's place.
+TargetNeed targetNeed(const TaskSettings& settings);
+
 /// Throws InputError when a setting is out of its range or of no use with this tree.
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context);
 

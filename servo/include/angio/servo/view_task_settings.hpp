@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/servo/best_view.hpp"
+#include "angio/servo/target_need.hpp"
 
 namespace angio {
 
@@ -16,6 +17,7 @@ enum class ViewGoal {
 struct ViewTaskSettings {
   static constexpr const char* kName = "view";
   static constexpr bool kPatientMoves = false;
+  static constexpr TargetNeed kTargetNeed = TargetNeed::kEverywhere;
 
   ViewGoal goal = ViewGoal::kAngles;
   double primary_deg = 30;    ///< LAO positive. For kAngles.

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+namespace angio {
+
+/// The directions in which the target's uncertainty must be small before a task may move the machine.
+enum class TargetNeed {
+  kAcrossBeam,  ///< In the image. Depth may be open, as one view of a deformed tree leaves it.
+  kEverywhere,  ///< Depth included.
+};
+
+}  // namespace angio
