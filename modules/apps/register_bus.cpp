@@ -44,18 +44,19 @@ int registerOnBus(const BusOptions& o) {
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
   const auto end = Clock::now() + std::chrono::duration<double>(o.duration_s);
-  long frames = 0, doubted = 0;
+  long frames = 0, rejected = 0;
   while (!stopped && !bus->ended() && (o.duration_s <= 0 || Clock::now() < end)) {
     bus->handle(std::chrono::milliseconds(100));
-    const auto report = node.look();
+    const auto report = node.observe();
     if (!report) continue;
     ++frames;
-    doubted += report->doubted.has_value();
-    if (report->doubted) {
-      std::cerr << "frame " << report->message.frame_sequence << " doubted: " << *report->doubted << "\n";
+    rejected += report->rejection.has_value();
+    if (report->rejection) {
+      std::cerr << "frame " << (report->message ? report->message->frame_sequence : 0)
+                << " rejected: " << *report->rejection << "\n";
     }
   }
-  std::cout << frames << " frames registered, " << doubted << " doubted, " << node.refused() << " messages refused\n";
+  std::cout << frames << " frames registered, " << rejected << " rejected, " << node.refused() << " messages refused\n";
   return 0;
 }
 

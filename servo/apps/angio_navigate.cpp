@@ -43,13 +43,13 @@ int navigate(const Options& o) {
   const VesselTree tree = readVesselTree(o.tree);
   const TreeMap map(tree);
   const TreePlace start = o.way.start(map), target = o.way.target(map);
-  const CatheterStage stage = settings.stage(readCArmCalibration(o.calibration));
+  const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration));
   const auto bus = openSharedBus(o.bus, o.disturb);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";
   std::optional<RecordingBus> recorded;
   if (!o.record.empty()) recorded.emplace(*bus, o.record);
   Bus& heard = recorded ? static_cast<Bus&>(*recorded) : *bus;
-  CatheterNode node(heard, stage, tree, start, target, settings.node);
+  CatheterNode node(heard, stage, tree, start, target, settings.controller);
   Operator starter(heard, OperatedMachine::kCatheter);
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
@@ -65,11 +65,11 @@ int navigate(const Options& o) {
     const auto report = node.answer(now_us);
     if (!report) continue;
     ++frames;
-    held += report->held.has_value();
+    held += report->hold_reason.has_value();
     // A line for each change: held and why, or what it does, and where.
     const NavigationAnswer& answer = report->loop.answer;
     const std::string does = stateName(answer.state) + (answer.why.empty() ? "" : ": " + answer.why);
-    const std::string line = report->held ? "held: " + *report->held : does;
+    const std::string line = report->hold_reason ? "held: " + *report->hold_reason : does;
     if (withoutNumbers(line) != said) {
       const auto& belief = report->loop.input.belief;
       const std::string where =
@@ -77,12 +77,13 @@ int navigate(const Options& o) {
       std::cerr << formatted("%7.2f s  ", std::chrono::duration<double>(now - began).count()) << line << where << "\n";
       said = withoutNumbers(line);
     }
-    const bool over = node.navigation() == NavigationState::kArrived || node.navigation() == NavigationState::kGivenUp;
+    const bool over =
+        node.loop().navigation() == NavigationState::kArrived || node.loop().navigation() == NavigationState::kGivenUp;
     if (over) break;
   }
-  std::cout << stateName(node.navigation()) << "; " << frames << " frames answered, " << held << " held, "
+  std::cout << stateName(node.loop().navigation()) << "; " << frames << " frames answered, " << held << " held, "
             << node.refused() << " messages refused\n";
-  return node.navigation() == NavigationState::kGivenUp ? 1 : 0;
+  return node.loop().navigation() == NavigationState::kGivenUp ? 1 : 0;
 }
 
 }  // namespace

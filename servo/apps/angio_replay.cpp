@@ -12,8 +12,10 @@
 #include "angio/cli/progress_bar.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
-#include "angio/navigation/catheter_replay.hpp"
+#include "angio/navigation/catheter_node.hpp"
 #include "angio/servo/operator.hpp"
+#include "angio/servo/replay.hpp"
+#include "angio/servo/servo_node.hpp"
 #include "loop_options.hpp"
 #include "navigate_options.hpp"
 #include "operated_machines.hpp"
@@ -58,11 +60,12 @@ Replayed replayCArm(const Options& o, ProgressBar& bar) {
       "frame_sequence,utime_us,sequence,valid_for_us,primary_rad_per_s,secondary_rad_per_s,table_x_m_per_s,"
       "table_y_m_per_s,table_z_m_per_s,held,as_logged\n",
       {}};
-  result.summary = replay(o.log, loop, readVesselTree(o.tree), [&](const ReplayedFrame& f) {
+  const auto watch = [&](const ReplayedFrame<ServoLoop>& f) {
     const CArmCommand& c = f.report.command;
-    result.table += row(c, {c.velocity.begin(), c.velocity.end()}, f.report.held.has_value(), f.logged);
+    result.table += row(c, {c.velocity.begin(), c.velocity.end()}, f.report.hold_reason.has_value(), f.logged);
     bar.show(static_cast<int>(kBarSteps * f.part));
-  });
+  };
+  result.summary = replay<ServoLoop>(o.log, watch, loop, readVesselTree(o.tree));
   return result;
 }
 
@@ -70,18 +73,18 @@ Replayed replayDrive(const Options& o, ProgressBar& bar) {
   const NavigateSettings settings = readNavigateSettings(o.settings);
   const VesselTree tree = readVesselTree(o.tree);
   const TreeMap map(tree);
-  const CatheterStage stage = settings.stage(readCArmCalibration(o.calibration));
+  const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration));
   Replayed result{
       "frame_sequence,utime_us,sequence,valid_for_us,insertion_m_per_s,roll_rad_per_s,bend_rad_per_s,held,as_logged\n",
       {}};
-  result.summary = replayCatheter(o.log, stage, tree, o.way.start(map), o.way.target(map), settings.node.guide,
-                                  [&](const ReplayedCatheterFrame& f) {
-                                    const CatheterCommand& c = f.report.command;
-                                    result.table +=
-                                        row(c, {c.insertion_speed_mps, c.roll_speed_radps, c.bend_speed_radps},
-                                            f.report.held.has_value(), f.logged);
-                                    bar.show(static_cast<int>(kBarSteps * f.part));
-                                  });
+  const auto watch = [&](const ReplayedFrame<CatheterController>& f) {
+    const CatheterCommand& c = f.report.command;
+    result.table += row(c, {c.insertion_speed_mps, c.roll_speed_radps, c.bend_speed_radps},
+                        f.report.hold_reason.has_value(), f.logged);
+    bar.show(static_cast<int>(kBarSteps * f.part));
+  };
+  result.summary =
+      replay<CatheterController>(o.log, watch, stage, tree, o.way.start(map), o.way.target(map), settings.controller);
   return result;
 }
 
@@ -103,7 +106,8 @@ int replayLog(const Options& o) {
     std::cerr << "angio-replay: " << o.log << ": " << summary.skipped_bytes << " bytes are no messages\n";
   }
   if (!summary.knew_inputs) {
-    std::cerr << "angio-replay: " << o.log << ": no SERVO_INPUT: joints are those heard before each frame\n";
+    std::cerr << "angio-replay: " << o.log
+              << ": no SERVO_INPUT or CATHETER_INPUT: states are those heard before each frame\n";
   }
   std::cout << summary.answered << " of " << summary.frames << " frames answered, " << summary.held << " held; "
             << summary.equal << " of " << summary.commands << " logged commands are the same\n";

@@ -146,8 +146,9 @@ int serve(const Options& o, const ServoSettings& settings, const VesselTree& tre
     const auto report = node.answer(now_us);
     if (!report) continue;
     ++frames;
-    held += report->held.has_value();
-    if (report->held) std::cerr << "frame " << report->command.frame_sequence << " held: " << *report->held << "\n";
+    held += report->hold_reason.has_value();
+    if (report->hold_reason)
+      std::cerr << "frame " << report->command.frame_sequence << " held: " << *report->hold_reason << "\n";
   }
   std::cout << frames << " frames answered, " << held << " held, " << node.refused() << " messages refused\n";
   return 0;

@@ -8,11 +8,11 @@
 namespace angio {
 
 void NavigateSettings::visit(SettingsVisitor& v) {
-  node.visit(v);
+  controller.visit(v);
   v.section("limits", [this](SettingsVisitor& s) { limits.visit(s); });
 }
 
-CatheterStage NavigateSettings::stage(const CArmCalibration& calibration) const {
+CArmSetup NavigateSettings::stage(const CArmCalibration& calibration) const {
   const CArmGeometry& carm = calibration.carm;
   return {carm, limits.limits(carm.source_detector_distance_m - carm.source_isocentre_distance_m),
           calibration.T_dsa_cb};

@@ -11,14 +11,14 @@
 
 namespace angio {
 
-/// What a settings file may say: the node's keys at the top, and the C-arm's limits.
+/// What a settings file may say: the controller's keys at the top, and the C-arm's limits.
 struct NavigateSettings {
-  CatheterNodeSettings node;
+  CatheterControllerSettings controller;
   CArmLimitsSettings limits;
 
   void visit(SettingsVisitor& v);
 
-  CatheterStage stage(const CArmCalibration& calibration) const;
+  CArmSetup stage(const CArmCalibration& calibration) const;
 };
 
 /// A settings file's, or the usual ones when `path` is empty. Throws InputError that names the file.

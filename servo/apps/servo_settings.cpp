@@ -40,7 +40,7 @@ ServoLoopSettings ServoSettings::loop(const CArmCalibration& believed) const {
   loop.task = tasks.chosen();
   loop.law = laws.chosen();
   loop.latency_s = 1e-3 * latency_ms;
-  loop.registered_elsewhere = perception == Perceiver::kBus;
+  loop.external_registration = perception == Perceiver::kBus;
   loop.perception.extractor = extractors.chosen();
   loop.perception.search = loop.perception.tracking = oriented_kernel;
   if (method == Method::kIterativePnp) {

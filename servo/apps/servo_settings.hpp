@@ -25,7 +25,7 @@ struct ServoSettings {
   int starts = 0;                                                    ///< Of a search; 0: as many as the method needs.
   PatientTrackerSettings tracker;
   CArmLimitsSettings limits;
-  SupervisorSettings supervisor;
+  RegistrationGateSettings supervisor;
   SafetySettings safety;
 
   void visit(SettingsVisitor& v);

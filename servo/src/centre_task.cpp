@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "angio/motion/motion_predictor.hpp"
-#include "commands_in_flight.hpp"
-#include "followed_path.hpp"
+#include "joint_trajectory_mpc.hpp"
+#include "latency_compensator.hpp"
 
 namespace angio {
 namespace {
@@ -35,9 +35,9 @@ class CentreTask final : public Task {
         predictor_(settings.motion),
         in_flight_(context.limits) {}
 
-  std::optional<WatchedPlace> place() const override {
+  std::optional<PointOfInterest> place() const override {
     if (followsTip()) return std::nullopt;
-    return WatchedPlace{target_, 1e-3 * settings_.near_mm, 1e-3 * settings_.near_std_mm};
+    return PointOfInterest{target_, 1e-3 * settings_.near_mm, 1e-3 * settings_.near_std_mm};
   }
 
   bool followsTip() const override { return settings_.on == CentreOn::kCatheterTip; }
@@ -61,7 +61,7 @@ class CentreTask final : public Task {
   CArmLimits limits_;
   Eigen::Vector3d target_;
   MotionPredictor predictor_;
-  CommandsInFlight in_flight_;
+  LatencyCompensator in_flight_;
   std::optional<std::int64_t> first_us_;
 };
 
@@ -69,14 +69,12 @@ class CentreTask final : public Task {
 SeenPoint CentreTask::seen(const TaskInput& input) const {
   const Eigen::Vector3d target = input.target_model.value_or(target_);
   // The place that is watched is that of the task's own target.
-  const PlaceSight* place = input.place && !input.target_model ? &*input.place : nullptr;
+  const PointObservation* place = input.place && !input.target_model ? &*input.place : nullptr;
   const Pose& T = place ? place->T_camera_model : input.T_camera_model;
   SeenPoint point;
   point.position = T * target;
-  Eigen::Matrix<double, 3, 6> J;
-  J << Eigen::Matrix3d::Identity(), -skew(T.linear() * target);
-  point.covariance =
-      J * input.covariance * J.transpose() + T.linear() * input.target_covariance * T.linear().transpose();
+  point.covariance = PatientObservation{T, input.covariance}.pointCovariance(target) +
+                     T.linear() * input.target_covariance * T.linear().transpose();
   // A bend that stretches the tree's image passes for a nearer tree, of which the rigid one's covariance knows nothing.
   Eigen::Vector3d ray = point.position / point.position.z();
   const double depth_std_m = 1e-3 * settings_.depth_std_mm;
@@ -128,7 +126,7 @@ TaskAnswer CentreTask::answer(const TaskInput& input) {
   TaskAnswer answer;
   const auto hold = [&](const std::string& why) {
     answer.velocity.reset();
-    answer.held = why;
+    answer.hold_reason = why;
     in_flight_.interrupt();
     return answer;
   };

@@ -27,24 +27,24 @@ std::optional<T> of(const XrayFrame& frame, const std::deque<T>& kept) {
 
 }  // namespace
 
-FrameMailbox::FrameMailbox(Bus& bus, const ToldOfFrames& told) : told_(told), frames_(bus, kXrayFrameChannel) {
-  if (told.registration) {
+FrameMailbox::FrameMailbox(Bus& bus, const ExternalInputs& wanted) : wanted_(wanted), frames_(bus, kXrayFrameChannel) {
+  if (wanted.registration) {
     registrations_ = std::make_unique<EveryValue<RegistrationMessage>>(bus, kRegistrationChannel);
   }
-  if (told.tip) tips_ = std::make_unique<EveryValue<CatheterTip>>(bus, kCatheterTipChannel);
+  if (wanted.tip) tips_ = std::make_unique<EveryValue<CatheterTip>>(bus, kCatheterTipChannel);
 }
 
-std::optional<ToldFrame> FrameMailbox::take() {
+std::optional<FrameWithEstimates> FrameMailbox::take() {
   if (auto frame = frames_.take()) waiting_.push_back(std::move(*frame));
   if (waiting_.size() > kMostFrames) waiting_.pop_front();
   if (registrations_) keep(heard_registrations_, registrations_->take());
   if (tips_) keep(heard_tips_, tips_->take());
   for (auto frame = waiting_.rbegin(); frame != waiting_.rend(); ++frame) {
-    SeenElsewhere seen{of(*frame, heard_registrations_), of(*frame, heard_tips_)};
-    if ((told_.registration && !seen.registration) || (told_.tip && !seen.tip)) continue;
-    ToldFrame told{std::move(*frame), std::move(seen)};
+    ExternalEstimates external{of(*frame, heard_registrations_), of(*frame, heard_tips_)};
+    if ((wanted_.registration && !external.registration) || (wanted_.tip && !external.tip)) continue;
+    FrameWithEstimates result{std::move(*frame), std::move(external)};
     waiting_.erase(waiting_.begin(), frame.base());
-    return told;
+    return result;
   }
   return std::nullopt;
 }

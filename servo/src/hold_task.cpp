@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "angio/motion/motion_predictor.hpp"
-#include "commands_in_flight.hpp"
-#include "followed_path.hpp"
+#include "joint_trajectory_mpc.hpp"
+#include "latency_compensator.hpp"
 
 namespace angio {
 namespace {
@@ -63,7 +63,7 @@ class HoldTask final : public Task {
   Eigen::Vector3d target_;
   CArmLimits limits_;
   MotionPredictor place_, rotation_;
-  CommandsInFlight in_flight_;
+  LatencyCompensator in_flight_;
   std::optional<std::int64_t> first_us_;
   std::optional<Pose> desired_;
   Eigen::Matrix3d first_R_patient_model_ = Eigen::Matrix3d::Identity();
@@ -78,9 +78,8 @@ std::optional<std::string> HoldTask::take(const TaskInput& input, double time_s)
     first_R_patient_model_ = T_patient_model.linear();
   }
   const Eigen::Matrix3d R = T_patient_camera.linear();
-  Eigen::Matrix<double, 3, 6> J;
-  J << R, -R * skew(input.T_camera_model.linear() * target_);
-  const MotionUpdate place = place_.update(time_s, T_patient_model * target_, J * input.covariance * J.transpose());
+  const MotionUpdate place =
+      place_.update(time_s, T_patient_model * target_, input.patient().pointCovariance(target_, R));
   const Eigen::Matrix3d turned = R * input.covariance.bottomRightCorner<3, 3>() * R.transpose();
   const MotionUpdate rotation =
       rotation_.update(time_s, kLever_m * logSO3(T_patient_model.linear() * first_R_patient_model_.transpose()),
@@ -135,7 +134,7 @@ class HoldTask::Keeping {
 TaskAnswer HoldTask::answer(const TaskInput& input) {
   TaskAnswer answer;
   const auto hold = [&](const std::string& why) {
-    answer.held = why;
+    answer.hold_reason = why;
     in_flight_.interrupt();
     return answer;
   };

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "angio/servo/patient_observation.hpp"
+
 namespace angio {
 
 PatientTracker::PatientTracker(const PatientTrackerSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
@@ -48,10 +50,9 @@ void PatientTracker::update(const Pose& T_camera_model, const CArmState& state,
   if (!first_us_) first_us_ = state.time_us;
   const Pose T_patient_camera = carm_.T_camera_patient(state.joints).inverse();
   const Eigen::Matrix3d R = T_patient_camera.linear();
-  Eigen::Matrix<double, 3, 6> J;  // Of the centroid in the patient frame by the pose.
-  J << R, -R * skew(T_camera_model.linear() * centroid_);
-  const Eigen::Matrix3d spread = covariance ? Eigen::Matrix3d(J * *covariance * J.transpose())
-                                            : Eigen::Matrix3d(1e-6 * Eigen::Matrix3d::Identity());
+  const Eigen::Matrix3d spread = covariance
+                                     ? PatientObservation{T_camera_model, *covariance}.pointCovariance(centroid_, R)
+                                     : Eigen::Matrix3d(1e-6 * Eigen::Matrix3d::Identity());
   // What the predictor leaves out or refuses it predicts without: a trusted frame is one all the same.
   static_cast<void>(
       motion_->update(sinceFirst_s(state.time_us), T_patient_camera * (T_camera_model * centroid_), spread));

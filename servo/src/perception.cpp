@@ -6,7 +6,8 @@
 
 #include "angio/base/stopwatch.hpp"
 #include "angio/registration/classification.hpp"
-#include "local_shift.hpp"
+#include "angio/servo/patient_observation.hpp"
+#include "local_offset_estimator.hpp"
 
 namespace angio {
 namespace {
@@ -29,11 +30,9 @@ Eigen::Matrix3Xd countedFrom(const Pose& T_camera_model, const RegistrationResul
   return ((between.linear() * (points + bent.displacements_m)).colwise() + between.translation()) - points;
 }
 
-// Of a point of the tree, along the beam. Both must have a covariance.
-double depthVariance_m2(const RegistrationResult& result, const Eigen::Vector3d& point_model) {
-  Eigen::Matrix<double, 1, 6> J;
-  J << Eigen::RowVector3d::UnitZ(), -skew(result.T_camera_model.linear() * point_model).row(2);
-  return (J * *result.covariance * J.transpose()).value();
+// Of a point of the tree, along the beam. The result must have a covariance.
+double depthVariance_m2(const RegistrationResult& result, const Eigen::Vector3d& p_model) {
+  return PatientObservation{result.T_camera_model, *result.covariance}.pointCovariance(p_model)(2, 2);
 }
 
 Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& place) {
@@ -68,7 +67,7 @@ void PerceptionSettings::useIterativePnp() {
 }
 
 Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
-                       const VesselTree& tree, const std::optional<WatchedPlace>& place)
+                       const VesselTree& tree, const std::optional<PointOfInterest>& place)
     : model_id_(angio::modelId(tree)),
       carm_(carm),
       T_dsa_cb_(T_dsa_cb),
@@ -82,51 +81,54 @@ Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& c
       place_(place) {
   if (!place_) return;
   place_point_ = nearestPoint(tree, place_->model);
-  if (place_->near_m > 0) nearby_ = std::make_unique<LocalShift>(tree, *place_);
+  if (place_->near_m > 0) nearby_ = std::make_unique<LocalOffsetEstimator>(tree, *place_);
 }
 
 Perception::Perception(Perception&&) noexcept = default;
 Perception& Perception::operator=(Perception&&) noexcept = default;
 Perception::~Perception() = default;
 
-Sight Perception::look(const XrayFrame& frame, const CArmState& state) {
-  Sight sight;
-  sight.model_id = model_id_;
+Observation Perception::observe(const XrayFrame& frame, const CArmState& state) {
+  Observation observation;
+  observation.model_id = model_id_;
   Stopwatch stage;
-  sight.curves = extractor_->extract(frame.image);
-  sight.centerline = vesselsToMatch(sight.curves);
-  sight.image_s = stage.seconds();
+  observation.curves = extractor_->extract(frame.image);
+  observation.centerline = vesselsToMatch(observation.curves);
+  observation.image_s = stage.seconds();
 
   stage = Stopwatch();
-  sight.predicted = tracker_.predict(state);
-  sight.tracked = tracker_.tracking();
-  sight.registration = sight.tracked ? tracking_->align(sight.centerline, frame.camera, sight.predicted)
-                                     : search_->search(sight.centerline, frame.camera, sight.predicted, search_starts_);
-  if (sight.tracked) bend(frame.camera, sight);
-  if (place_ && sight.registration.status == RegistrationStatus::kConverged) {
-    sight.place = seen(*place_, frame.camera, sight);
+  observation.predicted = tracker_.predict(state);
+  observation.tracked = tracker_.tracking();
+  observation.registration =
+      observation.tracked
+          ? tracking_->align(observation.centerline, frame.camera, observation.predicted)
+          : search_->search(observation.centerline, frame.camera, observation.predicted, search_starts_);
+  if (observation.tracked) bend(frame.camera, observation);
+  if (place_ && observation.registration.status == RegistrationStatus::kConverged) {
+    observation.place = seen(*place_, frame.camera, observation);
   }
-  sight.registration_s = stage.seconds();
-  return sight;
+  observation.registration_s = stage.seconds();
+  return observation;
 }
 
-Sight Perception::take(const RegistrationResult& registration, const CArmState& state) const {
-  Sight sight;
-  sight.model_id = model_id_;
-  sight.predicted = tracker_.predict(state);
-  sight.tracked = tracker_.tracking();
-  sight.registration = registration;
-  return sight;
+Observation Perception::adopt(const RegistrationResult& registration, const CArmState& state) const {
+  Observation observation;
+  observation.model_id = model_id_;
+  observation.predicted = tracker_.predict(state);
+  observation.tracked = tracker_.tracking();
+  observation.registration = registration;
+  return observation;
 }
 
 // A tree that a breath deforms is explained in part by a rigid one, and called ambiguous. The deformed fit decides:
 // another tree, or none, needs a larger deformation than a breath causes. Where tracking has been lost no deformed fit
 // is made: a rigid pose has to stand against its alternatives first. The deformed fit leaves depth open in one view,
 // and the rigid pose's covariance takes that over.
-void Perception::bend(const XrayCamera& camera, Sight& sight) {
-  RegistrationResult& rigid = sight.registration;
+void Perception::bend(const XrayCamera& camera, Observation& observation) {
+  RegistrationResult& rigid = observation.registration;
   if (!bending_ || rigid.status != RegistrationStatus::kAmbiguous || !rigid.covariance) return;
-  const RegistrationResult bent = bending_->align(sight.centerline, camera, sight.predicted, rigid.T_camera_model);
+  const RegistrationResult bent =
+      bending_->align(observation.centerline, camera, observation.predicted, rigid.T_camera_model);
   if (!explained(bent) || bent.displacements_m.cols() != bending_->tree().size() ||
       !(rms(bent.displacements_m) <= most_bend_m_)) {
     return;
@@ -141,24 +143,25 @@ void Perception::bend(const XrayCamera& camera, Sight& sight) {
   rigid.times += bent.times;
 }
 
-PlaceSight Perception::seen(const WatchedPlace& place, const XrayCamera& camera, const Sight& sight) const {
-  PlaceSight result{sight.registration.T_camera_model, std::nullopt};
-  const Eigen::Matrix3Xd& displacements_m = sight.registration.displacements_m;
+PointObservation Perception::seen(const PointOfInterest& place, const XrayCamera& camera,
+                                  const Observation& observation) const {
+  PointObservation result{observation.registration.T_camera_model, std::nullopt};
+  const Eigen::Matrix3Xd& displacements_m = observation.registration.displacements_m;
   // A tree that is seen bent lies, around a place, as a rigid one that has been shifted.
   if (displacements_m.cols() > place_point_) {
     const Eigen::Vector3d rigid = result.T_camera_model * place.model;
     const Eigen::Vector3d bent = result.T_camera_model * (place.model + displacements_m.col(place_point_));
     result.T_camera_model.pretranslate(bent * (rigid.z() / bent.z()) - rigid);
   }
-  if (nearby_) result.image_shift = nearby_->look(sight.centerline, camera, result.T_camera_model);
+  if (nearby_) result.image_shift = nearby_->look(observation.centerline, camera, result.T_camera_model);
   return result;
 }
 
-void Perception::trust(const Sight& sight, const CArmState& state) {
-  tracker_.update(sight.registration.T_camera_model, state, sight.registration.covariance);
+void Perception::accept(const Observation& observation, const CArmState& state) {
+  tracker_.update(observation.registration.T_camera_model, state, observation.registration.covariance);
 }
 
-void Perception::doubt() { tracker_.miss(); }
+void Perception::reject() { tracker_.miss(); }
 
 void Perception::learn() { tracker_.learn(); }
 

@@ -8,53 +8,57 @@
 
 namespace angio {
 
-SafetySupervisor::SafetySupervisor(const SafetySettings& settings, const CArmLimits& limits,
-                                   const Eigen::Vector3d& target_model)
-    : settings_(settings),
-      target_(target_model),
-      states_(settings.states),
-      freshness_(settings.freshness, limits),
-      motion_(settings.motion, limits) {
+FrameSupervisor::FrameSupervisor(const SupervisionSettings& settings, const CArmLimits& limits,
+                                 const Eigen::Vector3d& target_model)
+    : settings_(settings), target_(target_model), states_(settings.states), timing_(settings.freshness, limits) {
   checkSettings("safety", settings_);
 }
 
-std::optional<std::string> SafetySupervisor::request(const ServoRequest& request, std::int64_t now_us) {
+FrameSupervisor::Requested FrameSupervisor::obey(const ServoRequest& request, std::int64_t now_us) {
   const ServoState before = states_.state();
-  auto refused = states_.request(request, freshness_.newestFrame_us(), now_us);
-  // A machine that was moved by hand, or a clock that was set right, is no fault of what comes next.
-  if (before != states_.state() && states_.state() == ServoState::kArmed) motion_.forget();
-  if (before != states_.state() && request.request == ServoRequestKind::kReset) {
-    freshness_.forget();
-    motion_.forget();
+  Requested requested;
+  requested.refused = states_.request(request, timing_.newestFrame_us(), now_us);
+  const bool changed = before != states_.state();
+  requested.armed = changed && states_.state() == ServoState::kArmed;
+  requested.reset = changed && request.request == ServoRequestKind::kReset;
+  if (requested.reset) {  // A clock that was set right is no fault of what comes next.
+    timing_.forget();
+    unsound_arm_.reset();
     last_T_patient_model_.reset();
   }
-  return refused;
+  return requested;
 }
 
-std::optional<std::string> SafetySupervisor::raise(const Objection& objection, std::int64_t now_us) {
-  if (objection.cause == ServoCause::kFrameDoubted) {
-    states_.doubted(Doubt::kUnseen, objection.reason, now_us);
+std::optional<std::string> FrameSupervisor::raise(const Rejection& rejection, std::int64_t now_us) {
+  if (rejection.cause == ServoCause::kFrameDoubted) {
+    states_.doubted(Doubt::kUnseen, rejection.reason, now_us);
   } else {
-    states_.fault(objection.cause, objection.reason, now_us);
+    states_.fault(rejection.cause, rejection.reason, now_us);
   }
-  return objection.reason;
+  return rejection.reason;
 }
 
-void SafetySupervisor::observe(const CArmState& newest, std::int64_t now_us) {
-  const auto wrong = freshness_.objection(newest, now_us);
-  // Joints that come twice or late say nothing new, and nothing bad.
+// A state that comes twice or late says nothing new, and nothing bad.
+bool FrameSupervisor::sound(const CArmState& newest, std::int64_t now_us) {
+  const auto wrong = timing_.rejection(newest, now_us);
+  const bool fault = wrong && wrong->cause != ServoCause::kFrameDoubted;
+  unsound_arm_ = fault ? raise(*wrong, now_us) : std::nullopt;
+  return !wrong;
+}
+
+bool FrameSupervisor::sound(const CatheterState& newest, std::int64_t now_us) {
+  const auto wrong = timing_.rejection(newest, now_us);
   if (wrong && wrong->cause != ServoCause::kFrameDoubted) raise(*wrong, now_us);
-  if (wrong) return;
-  if (const auto astray = motion_.measured(newest)) states_.fault(ServoCause::kMotionDisagrees, *astray, now_us);
+  return !wrong;
 }
 
-std::optional<std::string> SafetySupervisor::begin(const XrayFrame& frame, std::int64_t now_us) {
-  const auto wrong = freshness_.objection(frame, now_us);
-  if (!wrong) return std::nullopt;
-  return raise(*wrong, now_us);
+std::optional<std::string> FrameSupervisor::begin(const XrayFrame& frame, std::int64_t now_us) {
+  if (const auto wrong = timing_.rejection(frame, now_us)) return raise(*wrong, now_us);
+  if (unsound_arm_) states_.doubted(Doubt::kUnseen, *unsound_arm_, now_us);
+  return unsound_arm_;
 }
 
-void SafetySupervisor::trust(const Pose& T_patient_model, const Eigen::Vector3d& beam_patient, std::int64_t now_us) {
+void FrameSupervisor::trust(const Pose& T_patient_model, const Eigen::Vector3d& beam_patient, std::int64_t now_us) {
   const auto last = std::exchange(last_T_patient_model_, T_patient_model);
   if (last && !states_.moves()) {  // The start guard: frames that are right one by one must be right together.
     const double turned_deg = radToDeg(rotationAngle(T_patient_model.linear() * last->linear().transpose()));
@@ -72,15 +76,9 @@ void SafetySupervisor::trust(const Pose& T_patient_model, const Eigen::Vector3d&
   states_.trusted(now_us);
 }
 
-void SafetySupervisor::doubt(Doubt kind, const std::string& reason, std::int64_t now_us) {
+void FrameSupervisor::doubt(Doubt kind, const std::string& reason, std::int64_t now_us) {
   last_T_patient_model_.reset();
   states_.doubted(kind, reason, now_us);
-}
-
-void SafetySupervisor::wait(std::int64_t now_us) { states_.wait(now_us); }
-
-CArmJoints SafetySupervisor::permitted(const CArmJoints& velocity) const {
-  return states_.moves() && velocity.allFinite() ? velocity : CArmJoints::Zero();
 }
 
 }  // namespace angio

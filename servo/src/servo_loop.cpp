@@ -5,7 +5,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
-#include "angio/servo/perception_node.hpp"
+#include "angio/servo/registration_message.hpp"
 
 namespace angio {
 namespace {
@@ -55,22 +55,31 @@ PerceptionSettings ServoLoopSettings::perceptionForTask() const {
   return settings;
 }
 
-ToldOfFrames ServoLoopSettings::toldOfFrames() const {
+ExternalInputs ServoLoopSettings::externalInputs() const {
   const auto* centre = std::get_if<CentreTaskSettings>(&task);
-  return {registered_elsewhere, centre != nullptr && centre->on == CentreOn::kCatheterTip};
+  return {external_registration, centre != nullptr && centre->on == CentreOn::kCatheterTip};
 }
 
 ServoLoop::ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree)
     : settings_(checked(settings)),
+      target_(targetOf(settings, tree)),
       task_(taskOf(settings, tree)),
-      perception_(settings.perceptionForTask(), settings.carm, settings.T_dsa_cb, tree, task_->place()),
-      supervisor_(settings.supervisor, settings.limits, targetOf(settings, tree), targetNeed(settings.task)) {}
+      perception_(settings.perceptionForTask(), settings.supervisor, settings.carm, settings.T_dsa_cb, tree, target_,
+                  targetNeed(settings.task), task_->place()),
+      limiter_(settings.limits, 1e-6 * static_cast<double>(settings.supervisor.commandValidity_us())) {}
 
-ServoReport ServoLoop::step(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen) {
+ServoReport ServoLoop::propose(const XrayFrame& frame, const ServoInput& input, const ExternalEstimates& external) {
   const double period_s = periodUntil(frame);
-  ServoReport report = answer(frame, state, seen, period_s);
-  if (report.held) supervisor_.rest(period_s);
-  number(report.command, frame);
+  ServoReport report;
+  report.command = numbered(frame);
+  answer(frame, input.state, external, period_s, report);
+  if (report.hold_reason) limiter_.pass(period_s);
+  return report;
+}
+
+ServoReport ServoLoop::step(const XrayFrame& frame, const CArmState& state, const ExternalEstimates& external) {
+  ServoReport report = propose(frame, {frame.time_us, frame.sequence, state}, external);
+  commit(report.command);
   return report;
 }
 
@@ -83,22 +92,24 @@ double ServoLoop::periodUntil(const XrayFrame& frame) {
   return period_s;
 }
 
+// No period is taken from the frame's time, which may be what is wrong with it.
 ServoReport ServoLoop::refuse(const XrayFrame& frame, const std::string& why) {
   ServoReport report;
-  report.held = why;
+  report.hold_reason = why;
+  report.command = numbered(frame);
   task_->interrupt();
-  // Its time may be what is wrong with it: no period is taken from there.
-  supervisor_.rest(0);
-  number(report.command, frame);
   return report;
 }
 
-void ServoLoop::takeBack(ServoReport& last_answer, const std::string& why) {
-  last_answer.command.velocity.setZero();
-  last_answer.task = {};
-  last_answer.held = why;
-  supervisor_.takeBack();
-  last_command_ = last_answer.command;
+void ServoLoop::commit(const CArmCommand& sent) {
+  limiter_.commit(sent.velocity);
+  last_command_ = sent;
+}
+
+void ServoLoop::withhold(ServoReport& proposal, const std::string& why) {
+  proposal.command = atRest(proposal.command);
+  proposal.task = {};
+  proposal.hold_reason = why;
 }
 
 void ServoLoop::learn() {
@@ -106,105 +117,109 @@ void ServoLoop::learn() {
   task_->learn();
 }
 
-void ServoLoop::number(CArmCommand& command, const XrayFrame& frame) {
+// Stands still, and says which frame it answers.
+CArmCommand ServoLoop::numbered(const XrayFrame& frame) const {
+  CArmCommand command;
   command.time_us = frame.time_us;
   command.frame_sequence = frame.sequence;
   command.sequence = last_command_.sequence + 1;
-  command.valid_for_us = supervisor_.commandValidity_us();
-  last_command_ = command;
+  command.valid_for_us = settings_.supervisor.commandValidity_us();
+  return command;
 }
 
-std::optional<std::string> ServoLoop::objection(const SeenElsewhere& seen) const {
-  if (!settings_.registered_elsewhere) return std::nullopt;
-  if (!seen.registration) return "nobody has registered the frame";
-  const bool converged = seen.registration->status == static_cast<std::int8_t>(RegistrationStatus::kConverged);
-  if (converged && seen.registration->model_id != perception_.modelId()) {
+std::optional<std::string> ServoLoop::rejection(const ExternalEstimates& external) const {
+  if (!settings_.external_registration) return std::nullopt;
+  if (!external.registration) return "nobody has registered the frame";
+  const bool converged = external.registration->status == static_cast<std::int8_t>(RegistrationStatus::kConverged);
+  if (converged && external.registration->model_id != perception_.modelId()) {
     return "what was registered is another vessel tree";
   }
   return std::nullopt;
 }
 
-std::optional<std::string> ServoLoop::objectionToTip(const SeenElsewhere& seen) const {
-  if (!seen.tip) return "the catheter's tip is not located";
-  if (seen.tip->status != CatheterTipStatus::kLocated) return "the catheter's tip is not located: " + seen.tip->reason;
-  if (seen.tip->model_id != perception_.modelId()) return "the catheter's tip was located in another vessel tree";
+std::optional<std::string> ServoLoop::tipRejection(const ExternalEstimates& external) const {
+  const auto& tip = external.tip;
+  if (!tip) return "the catheter's tip is not located";
+  if (tip->status != CatheterTipStatus::kLocated) return "the catheter's tip is not located: " + tip->reason;
+  if (tip->model_id != perception_.modelId()) return "the catheter's tip was located in another vessel tree";
   return std::nullopt;
 }
 
-// The command's velocity is zero unless the last line is reached.
-ServoReport ServoLoop::answer(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen,
-                              double period_s) {
-  ServoReport report;
-  report.held = supervisor_.objection(frame, state);
-  if (!report.held) report.held = objection(seen);
-  if (report.held) {
-    task_->interrupt();
-    return report;
+void ServoLoop::answer(const XrayFrame& frame, const CArmState& state, const ExternalEstimates& external,
+                       double period_s, ServoReport& report) {
+  report.hold_reason = perception_.rejection(frame, state);
+  if (!report.hold_reason) report.hold_reason = rejection(external);
+  if (!report.hold_reason) {
+    GatedObservation gated = settings_.external_registration
+                                 ? perception_.adopt(registrationResult(*external.registration), state)
+                                 : perception_.observe(frame, state);
+    report.observed = true;
+    report.observation = std::move(gated.observation);
+    report.hold_reason = std::move(gated.rejection);
+    report.patient = gated.patient;
   }
-  report.sight = settings_.registered_elsewhere ? perception_.take(registrationResult(*seen.registration), state)
-                                                : perception_.look(frame, state);
-
+  if (report.hold_reason) {
+    report.contradicts = report.observation.registration.status == RegistrationStatus::kConverged;
+    task_->interrupt();
+    return;
+  }
   const Stopwatch control;
-  const Sight& sight = report.sight;
-  report.held = supervisor_.objection(sight.registration, perception_.calibrated_T_camera_model(state.joints),
-                                      sight.tracked ? std::optional(sight.predicted.T_camera_model) : std::nullopt);
-  if (report.held) {
-    perception_.doubt();
-    task_->interrupt();
-    return report;
-  }
-  perception_.trust(sight, state);
+  const auto wanted = wantedVelocity(frame, state, external, std::min(period_s, kLongestPeriod_s), report);
+  if (!wanted) return;
+  report.command.velocity =
+      limiter_.propose(*wanted, state.joints, ageAtArrival_s(frame.time_us, state, settings_.latency_s), period_s);
+  report.control_s = control.seconds();
+}
+
+// What the task asks for; nothing where it holds, which the report then says.
+std::optional<CArmJoints> ServoLoop::wantedVelocity(const XrayFrame& frame, const CArmState& state,
+                                                    const ExternalEstimates& external, double period_s,
+                                                    ServoReport& report) {
   TaskInput input{frame.time_us,
                   frame.camera,
-                  sight.registration.T_camera_model,
-                  *sight.registration.covariance,
+                  report.patient->T_camera_model,
+                  report.patient->covariance,
                   perception_.tracked_T_camera_model(state.joints),
                   state,
                   last_command_.velocity,
-                  std::min(period_s, kLongestPeriod_s),
+                  period_s,
                   settings_.latency_s};
-  input.place = sight.place;
+  input.place = report.observation.place;
   if (task_->followsTip()) {
-    report.held = objectionToTip(seen);
-    if (report.held) {
-      report.tip_unknown = true;
+    report.hold_reason = tipRejection(external);
+    if (report.hold_reason) {
       task_->interrupt();
-      return report;
+      return std::nullopt;
     }
-    input.target_model = seen.tip->tip_model;
-    input.target_covariance = seen.tip->covariance;
+    input.target_model = external.tip->tip_model;
+    input.target_covariance = external.tip->covariance;
   }
   const TaskAnswer answer = task_->answer(input);
   if (!answer.velocity) {
-    report.held = answer.held.value_or("the task asks for no motion");
-    return report;
+    report.hold_reason = answer.hold_reason.value_or("the task asks for no motion");
+    report.contradicts = true;  // A sound observation that the task cannot act on.
+    return std::nullopt;
   }
   report.task = answer;
-  report.command.velocity =
-      supervisor_.limit(*answer.velocity, state, ageAtArrival_s(frame.time_us, state, settings_.latency_s), period_s);
-  report.control_s = control.seconds();
-  return report;
+  return answer.velocity;
 }
 
 OpenLoop::OpenLoop(const ServoLoopSettings& settings, const VesselTree& tree)
     : settings_(checked(settings)),
       task_(taskOf(settings, tree)),
-      supervisor_(settings.supervisor, settings.limits, targetOf(settings, tree)) {}
+      limiter_(settings.limits, 1e-6 * static_cast<double>(settings.supervisor.commandValidity_us())) {}
 
 CArmCommand OpenLoop::step(const CArmState& state, double period_s) {
   CArmCommand command;
   command.time_us = state.time_us;
   command.sequence = last_command_.sequence + 1;
-  command.valid_for_us = supervisor_.commandValidity_us();
+  command.valid_for_us = settings_.supervisor.commandValidity_us();
   const Pose believed = settings_.carm.T_camera_patient(state.joints) * settings_.T_dsa_cb;
   const TaskInput input{state.time_us, settings_.carm.camera(), believed, Matrix6d::Zero(),   believed,
                         state,         last_command_.velocity,  period_s, settings_.latency_s};
   const TaskAnswer answer = task_->answer(input);
-  if (answer.velocity) {
-    command.velocity = supervisor_.limit(*answer.velocity, state, settings_.latency_s, period_s);
-  } else {
-    supervisor_.rest(period_s);
-  }
+  command.velocity = answer.velocity ? limiter_.limit(*answer.velocity, state.joints, settings_.latency_s, period_s)
+                                     : limiter_.rest(period_s);
   last_command_ = command;
   return command;
 }

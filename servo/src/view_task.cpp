@@ -7,7 +7,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/visp.hpp"
-#include "commands_in_flight.hpp"
+#include "latency_compensator.hpp"
 
 namespace angio {
 namespace {
@@ -82,12 +82,12 @@ class ViewTask final : public Task {
   CArmLimits limits_;
   Goal goal_;
   std::unique_ptr<ServoLaw> law_;
-  CommandsInFlight in_flight_;
+  LatencyCompensator in_flight_;
   int frames_inside_ = 0;
 };
 
 TaskAnswer ViewTask::answer(const TaskInput& input) {
-  // The patient lies still, so the average of many frames is the better sight.
+  // The patient lies still, so the average of many frames is the better observation.
   const Pose& seen = input.T_camera_model_tracked;
   TaskAnswer answer;
   answer.view_error = viewError(seen, goal_.T_camera_model, goal_.target_model);
@@ -100,13 +100,13 @@ TaskAnswer ViewTask::answer(const TaskInput& input) {
   const auto end = carm_.reachable(viewAnglesOf(Eigen::Vector3d(T_patient_model.linear() * beam_model)),
                                    T_patient_model * goal_.target_model, limits_, then);
   if (!end) {
-    answer.held = "the view is out of the arm's reach";
+    answer.hold_reason = "the view is out of the arm's reach";
     return answer;
   }
   const auto wanted =
       law_->velocity({toVisp(cMo), toVisp(goal_.T_camera_model), toVisp(carm_.eJe(then)), &input.camera});
   if (!wanted) {
-    answer.held = "the control law is singular";
+    answer.hold_reason = "the control law is singular";
     return answer;
   }
   answer.velocity = brakable(*wanted, *end - then, input.period_s);

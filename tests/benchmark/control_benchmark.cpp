@@ -6,7 +6,7 @@
 #include <ctime>
 
 #include "angio/servo/perception.hpp"
-#include "angio/servo/supervisor.hpp"
+#include "angio/servo/registration_gate.hpp"
 #include "angio/servo/tasks.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/simulation/patient_motion.hpp"
@@ -47,7 +47,9 @@ void control(benchmark::State& state) {
   const PatientMotion motion = motionOf(scene, state.range(0) == 1);
   const auto task = makeTask(
       Settings(), {scene.carm, limits, scene.tree, target, Eigen::Matrix3d::Identity(), PositionBasedSettings()});
-  Supervisor supervisor(SupervisorSettings(), limits, target);
+  const RegistrationGateSettings gate_settings;
+  const RegistrationGate gate(gate_settings, target);
+  CArmMotionLimiter limiter(limits, 1e-3 * gate_settings.command_valid_ms);
   XrayFrame frame{0, 0, cv::Mat(scene.camera.height_px(), scene.camera.width_px(), CV_16UC1), scene.camera};
   CArmState arm;
   arm.joints = scene.carm.jointsFor({degToRad(30), degToRad(15)}, target);
@@ -70,14 +72,14 @@ void control(benchmark::State& state) {
     seen.T_camera_model.translation() += 1e-4 * random.direction();
     state.ResumeTiming();
     const double begin_us = cpu_us();
-    const bool objected = supervisor.objection(frame, arm) || supervisor.objection(seen, scene.truth, truth);
+    const bool objected = gate.rejection(frame, arm) || gate.rejection(seen, scene.truth, truth);
     TaskInput input{frame.time_us, frame.camera, seen.T_camera_model, *seen.covariance, truth, arm};
     input.last_velocity = last;
     input.period_s = 1e-6 * kPeriod_us;
     input.latency_s = kLatency_s;
     const TaskAnswer answer = task->answer(input);
     held += objected || !answer.velocity;
-    if (answer.velocity) last = supervisor.limit(*answer.velocity, arm, kLatency_s, input.period_s);
+    if (answer.velocity) last = limiter.limit(*answer.velocity, arm.joints, kLatency_s, input.period_s);
     benchmark::DoNotOptimize(last);
     took_us.push_back(cpu_us() - begin_us);
     state.PauseTiming();
@@ -110,18 +112,18 @@ void perceive(benchmark::State& state) {
   arm.joints = scene.carm.jointsFor({degToRad(30), degToRad(15)}, scene.tree.centroid());
   FluoroscopyRenderer renderer(scene.tree, FluoroscopySettings());
   const XrayFrame frame{0, 1, renderer.render(scene.camera, scene.truth, 0), scene.camera};
-  std::optional<WatchedPlace> place;
+  std::optional<PointOfInterest> place;
   if (state.range(0) == 1) {
     const CentreTaskSettings centre;
-    place =
-        WatchedPlace{scene.tree.points().col(scene.tree.size() / 2), 1e-3 * centre.near_mm, 1e-3 * centre.near_std_mm};
+    place = PointOfInterest{scene.tree.points().col(scene.tree.size() / 2), 1e-3 * centre.near_mm,
+                            1e-3 * centre.near_std_mm};
   }
   Perception perception(PerceptionSettings(), scene.carm, Pose::Identity(), scene.tree, place);
-  const Sight first = perception.look(frame, arm);
-  perception.trust(first, arm);
+  const Observation first = perception.observe(frame, arm);
+  perception.accept(first, arm);
   int seen = 0;
   for (auto _ : state) {
-    const Sight sight = perception.look(frame, arm);
+    const Observation sight = perception.observe(frame, arm);
     seen += sight.place && sight.place->image_shift;
   }
   state.counters["seen"] = seen;

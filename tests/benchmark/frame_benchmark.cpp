@@ -136,12 +136,12 @@ void wholeFrame(benchmark::State& state) {
   CArmState joints;
   int held = 0;
   joints.time_us = frame.time_us;
-  if (loop.step(frame, joints).held) state.SkipWithError("the tree was not found");
+  if (loop.step(frame, joints).hold_reason) state.SkipWithError("the tree was not found");
   for (auto _ : state) {
     frame.time_us += 66667;
     ++frame.sequence;
     joints.time_us = frame.time_us;
-    held += loop.step(frame, joints).held.has_value();
+    held += loop.step(frame, joints).hold_reason.has_value();
   }
   state.counters["held"] = held;
 }

@@ -29,7 +29,7 @@ void expectWithinLimits(const std::vector<RehearsalFrame>& frames, double period
     EXPECT_TRUE((v.cwiseAbs().array() <= limits.velocity.array() * rounding).all()) << v.transpose();
     // A hold may stop at once; the arm then brakes by itself.
     const bool gentle = ((v - last).cwiseAbs().array() <= limits.acceleration.array() * period_s * whole_us).all();
-    EXPECT_TRUE(gentle || f.held) << (v - last).transpose();
+    EXPECT_TRUE(gentle || f.hold_reason) << (v - last).transpose();
     EXPECT_TRUE((f.joints.array() >= limits.lower.array()).all() && (f.joints.array() <= limits.upper.array()).all());
     last = v;
   }
@@ -42,7 +42,7 @@ TEST(Rehearsals, TheClosedLoopReachesTheViewThatTheOpenLoopMisses) {
   expectWithinLimits(r.closed, 1 / settings.room.frame_rate_hz);
   expectWithinLimits(r.open, 1 / settings.room.frame_rate_hz);
   for (const auto& f : r.closed) {
-    EXPECT_TRUE(!f.held || f.command.velocity.isZero(0));
+    EXPECT_TRUE(!f.hold_reason || f.command.velocity.isZero(0));
     EXPECT_EQ(f.command.frame_sequence, &f - r.closed.data() + 1);
   }
   if (test::kSanitized) return;  // Too few frames to arrive.

@@ -58,7 +58,7 @@ void expectRest(const VesselTree& loops, const VesselTree& patients, const std::
     const auto frame = shown.take();
     ASSERT_TRUE(frame);
     const ServoReport report = servo.step(*frame, arm.arm().state());
-    EXPECT_TRUE(report.held) << what << ": registration " << statusName(report.sight.registration.status);
+    EXPECT_TRUE(report.hold_reason) << what << ": registration " << statusName(report.observation.registration.status);
     publish(*bus, kCArmCommandChannel, report.command);
     bus->handle(kNoWait);
     arm.listen(k * 66'667 + 50'000);

@@ -4,13 +4,15 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/recording_bus.hpp"
-#include "angio/navigation/catheter_replay.hpp"
 #include "angio/servo/operator.hpp"
+#include "angio/servo/replay.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/catheter_node.hpp"
 #include "angio/simulation/nodes.hpp"
@@ -47,14 +49,22 @@ struct CatheterNodeTest : testing::Test {
   }
 
   // One frame, and the answer to it; the command is there a frame later.
-  std::optional<CatheterGuideReport> frame(CatheterNode& node) {
+  std::optional<CatheterControllerReport> frame(CatheterNode& node) {
     now_us += 66'667;
     bus->handle(std::chrono::milliseconds(0));
     if (!deaf) drive->listen(now_us + ahead_us);
-    arm->report(now_us);
+    if (spoil) {
+      CArmState said = arm->arm().state();
+      said.time_us = now_us;
+      said.sequence = now_us / 66'667;
+      spoil(said);
+      publish(*bus, kCArmStateChannel, said);
+    } else {
+      arm->report(now_us);
+    }
     drive->report(now_us + ahead_us);
     bus->handle(std::chrono::milliseconds(0));
-    xray->expose(now_us, arm->arm().state().joints);
+    publish(*bus, kXrayFrameChannel, xray->render(now_us - late_us, arm->arm().state().joints));
     bus->handle(std::chrono::milliseconds(0));
     if (started) person->start(now_us);
     bus->handle(std::chrono::milliseconds(0));
@@ -70,13 +80,42 @@ struct CatheterNodeTest : testing::Test {
     return report;
   }
 
+  // A node that steers, on its way to a branch.
+  std::unique_ptr<CatheterNode> steering() {
+    const TreeMap map(tree);
+    auto node = nodeTo({map.children(0).front(), 8e-3});
+    for (int k = 0; k < 200 && node->states().state() != ServoState::kServo; ++k) frame(*node);
+    EXPECT_EQ(node->states().state(), ServoState::kServo) << node->states().reason();
+    return node;
+  }
+
+  // Some frames, in all of which the drive must rest.
+  void expectRest(CatheterNode& node, int frames) {
+    for (int k = 0; k < frames; ++k) {
+      const auto report = frame(node);
+      ASSERT_TRUE(report);
+      EXPECT_TRUE(report->hold_reason);
+      EXPECT_TRUE(report->command.insertion_speed_mps == 0 && report->command.roll_speed_radps == 0 &&
+                  report->command.bend_speed_radps == 0);
+    }
+  }
+
+  // What a person does when the fault is mended: resets, arms, starts.
+  bool steersAgain(CatheterNode& node) {
+    person->ask(ServoRequestKind::kReset, now_us);
+    frame(node);
+    person = std::make_unique<Operator>(*bus, OperatedMachine::kCatheter);
+    for (int k = 0; k < 40 && node.states().state() != ServoState::kServo; ++k) frame(node);
+    return node.states().state() == ServoState::kServo;
+  }
+
   // The C-arm's loop, which keeps the tip in the middle by the table, and does not look at frames itself.
   void centreTheTip() {
     ServoLoopSettings loop;
     loop.carm = stage.carm;
     loop.limits = stage.limits;
     loop.T_dsa_cb = stage.T_dsa_cb;
-    loop.registered_elsewhere = true;
+    loop.external_registration = true;
     loop.latency_s = 0.06;
     CentreTaskSettings centre;
     centre.on = CentreOn::kCatheterTip;
@@ -95,15 +134,16 @@ struct CatheterNodeTest : testing::Test {
 
   VesselTree tree = readVesselTree(test::exampleData("hepatic-tace/tree.csv"));
   CArmCalibration calibration = readCArmCalibration(test::exampleData("hepatic-tace/carm.yaml"));
-  CatheterStage stage;
-  CatheterNodeSettings settings;
+  CArmSetup stage;
+  CatheterControllerSettings settings;
   std::unique_ptr<Bus> bus;
   std::unique_ptr<SimulatedCArmNode> arm;
   std::unique_ptr<SimulatedXrayNode> xray;
   std::unique_ptr<SimulatedCatheterNode> drive;
   std::unique_ptr<Operator> person, table_person;
   std::unique_ptr<ServoNode> table;
-  std::int64_t now_us = 0, ahead_us = 0;
+  std::int64_t now_us = 0, ahead_us = 0, late_us = 0;
+  std::function<void(CArmState&)> spoil;  // What is wrong with the arm's reports.
   bool started = true, deaf = false;
 };
 
@@ -117,10 +157,10 @@ TEST_F(CatheterNodeTest, MakesARoadmapAndPushesOnOnceTheVesselsHaveWashedOut) {
     ASSERT_TRUE(report);
     if (report->roadmap) {
       mapped = true;
-      EXPECT_TRUE(report->held);
+      EXPECT_TRUE(report->hold_reason);
       EXPECT_EQ(report->command.insertion_speed_mps, 0);
     }
-    navigated = navigated || !report->held;
+    navigated = navigated || !report->hold_reason;
   }
   EXPECT_TRUE(mapped);
   EXPECT_TRUE(navigated);
@@ -144,7 +184,7 @@ TEST_F(CatheterNodeTest, MakesARoadmapAndPushesOnOnceTheVesselsHaveWashedOut) {
   for (int k = 0; k < 15; ++k) {
     const auto report = frame(*node);
     ASSERT_TRUE(report);
-    EXPECT_TRUE(k <= 3 || report->held) << k;
+    EXPECT_TRUE(k <= 3 || report->hold_reason) << k;
   }
   EXPECT_LT(drive->catheter().truth().path_m - before_m, 4e-3);
 }
@@ -156,13 +196,13 @@ TEST_F(CatheterNodeTest, StandsStillUntilItIsStartedAndWhenItIsStopped) {
   for (int k = 0; k < 100; ++k) {
     const auto report = frame(*node);
     ASSERT_TRUE(report);
-    ASSERT_TRUE(report->held);
+    ASSERT_TRUE(report->hold_reason);
     ASSERT_EQ(report->command.insertion_speed_mps, 0);
   }
   EXPECT_EQ(drive->catheter().truth().path_m, kStart.arc_m);
   started = true;
   bool moved = false;
-  for (int k = 0; k < 30; ++k) moved = !frame(*node)->held || moved;
+  for (int k = 0; k < 30; ++k) moved = !frame(*node)->hold_reason || moved;
   EXPECT_TRUE(moved);
   Operator(*bus).ask(ServoRequestKind::kStop, now_us);
   frame(*node);
@@ -170,7 +210,7 @@ TEST_F(CatheterNodeTest, StandsStillUntilItIsStartedAndWhenItIsStopped) {
   Operator(*bus).ask(ServoRequestKind::kEmergencyStop, now_us);  // One is for all.
   for (int k = 0; k < 5; ++k) {
     const auto report = frame(*node);
-    EXPECT_TRUE(report->held);
+    EXPECT_TRUE(report->hold_reason);
     EXPECT_EQ(report->command.insertion_speed_mps, 0);
   }
   EXPECT_EQ(node->states().state(), ServoState::kEmergencyStop);
@@ -185,7 +225,7 @@ TEST_F(CatheterNodeTest, TheTableKeepsTheTipInTheMiddleOnItsWay) {
   int counted = 0, steered = 0;
   for (int k = 0; k < 300; ++k) {
     const auto report = frame(*node);
-    if (report && !report->held) ++steered;
+    if (report && !report->hold_reason) ++steered;
     if (steered < 60) continue;  // Until then it has come there from the side.
     const double off_m = offMiddle_m();
     worst_m = std::max(worst_m, off_m);
@@ -218,8 +258,10 @@ TEST_F(CatheterNodeTest, IsReplayedBitForBit) {
     for (int k = 0; k < 5; ++k) frame(node);
   }
   int moving = 0;
-  const auto count = [&](const ReplayedCatheterFrame& f) { moving += f.report.command.insertion_speed_mps != 0; };
-  const ReplaySummary same = replayCatheter(log, stage, tree, kStart, target, settings.guide, count);
+  const auto count = [&](const ReplayedFrame<CatheterController>& f) {
+    moving += f.report.command.insertion_speed_mps != 0;
+  };
+  const ReplaySummary same = replay<CatheterController>(log, count, stage, tree, kStart, target, settings);
   EXPECT_EQ(same.answered, 120);
   EXPECT_EQ(same.commands, 120);
   EXPECT_EQ(same.equal, 120) << same.first_difference.value_or("");
@@ -227,8 +269,8 @@ TEST_F(CatheterNodeTest, IsReplayedBitForBit) {
   EXPECT_GT(moving, 10);
   EXPECT_GT(same.held, 85);
 
-  settings.guide.loop.navigator.speed_mm_s *= 0.5;
-  const ReplaySummary slower = replayCatheter(log, stage, tree, kStart, target, settings.guide);
+  settings.loop.navigator.speed_mm_s *= 0.5;
+  const ReplaySummary slower = replay<CatheterController>(log, {}, stage, tree, kStart, target, settings);
   ASSERT_TRUE(slower.first_difference);
   EXPECT_NE(slower.first_difference->find("insertion_speed = "), std::string::npos) << *slower.first_difference;
 
@@ -240,8 +282,10 @@ TEST_F(CatheterNodeTest, IsReplayedBitForBit) {
       if (event->channel != kCatheterInputChannel) out->publish(event->channel, event->bytes);
     }
   }
-  const auto refused = test::refusalOf([&] { replayCatheter(other, stage, tree, kStart, target, settings.guide); });
-  EXPECT_NE(refused.find("CATHETER_INPUT"), std::string::npos) << refused;
+  // Without CATHETER_INPUT the arm and the drive are read from what had been heard before each frame.
+  const ReplaySummary guessed = replay<CatheterController>(other, {}, stage, tree, kStart, target, settings);
+  EXPECT_FALSE(guessed.knew_inputs);
+  EXPECT_EQ(guessed.answered, 120);
 }
 
 TEST_F(CatheterNodeTest, CallsADriveThatDoesNotObeyAFault) {
@@ -263,9 +307,53 @@ TEST_F(CatheterNodeTest, CallsADriveThatDoesNotObeyAFault) {
   EXPECT_GE(frames, 15);
   for (int k = 0; k < 3; ++k) {
     const auto report = frame(*node);
-    EXPECT_TRUE(report->held);
+    EXPECT_TRUE(report->hold_reason);
     EXPECT_EQ(report->command.insertion_speed_mps, 0);
   }
+}
+
+// A delay that never changes shows against the arm's reports only, whose clock is the frames'.
+TEST_F(CatheterNodeTest, RestsOnFramesThatAreLateThroughout) {
+  const LatestValue<ServoStatus> statuses(*bus, kCatheterStatusChannel);
+  late_us = 250'000;
+  const TreeMap map(tree);
+  const auto node = nodeTo({map.children(0).front(), 8e-3});
+  for (int k = 0; k < 10; ++k) frame(*node);  // The arm has been heard from before the first frame on.
+  expectRest(*node, 100);
+  bus->handle(std::chrono::milliseconds(0));
+  EXPECT_EQ(node->states().state(), ServoState::kHold);
+  EXPECT_NE(statuses.peek()->reason.find("250 ms later than the newest joints"), std::string::npos)
+      << statuses.peek()->reason;
+  EXPECT_EQ(drive->catheter().truth().path_m, kStart.arc_m);
+}
+
+TEST_F(CatheterNodeTest, CallsJointsThatCannotBeAFault) {
+  const LatestValue<ServoStatus> statuses(*bus, kCatheterStatusChannel);
+  const auto node = steering();
+  spoil = [](CArmState& said) { said.joints[0] = 40; };  // Degrees.
+  expectRest(*node, 5);
+  bus->handle(std::chrono::milliseconds(0));
+  EXPECT_EQ(statuses.peek()->state, ServoState::kFault);
+  EXPECT_EQ(statuses.peek()->cause, ServoCause::kJointsImplausible);
+  EXPECT_NE(statuses.peek()->reason.find("primary at 40, far out of its range"), std::string::npos)
+      << statuses.peek()->reason;
+  spoil = nullptr;
+  expectRest(*node, 5);
+  EXPECT_TRUE(steersAgain(*node)) << node->states().reason();
+}
+
+TEST_F(CatheterNodeTest, CallsAnArmWhoseClockGoesBackAFault) {
+  const LatestValue<ServoStatus> statuses(*bus, kCatheterStatusChannel);
+  const auto node = steering();
+  spoil = [](CArmState& said) { said.time_us -= 10'000'000; };
+  expectRest(*node, 5);
+  bus->handle(std::chrono::milliseconds(0));
+  EXPECT_EQ(statuses.peek()->state, ServoState::kFault);
+  EXPECT_EQ(statuses.peek()->cause, ServoCause::kClockJumped);
+  EXPECT_NE(statuses.peek()->reason.find("joints went on by -99"), std::string::npos) << statuses.peek()->reason;
+  EXPECT_FALSE(steersAgain(*node)) << "frames and joints are not of one time";
+  spoil = nullptr;
+  EXPECT_TRUE(steersAgain(*node)) << node->states().reason();
 }
 
 // Frames are on their way for longer than the drive takes between two reports.
@@ -280,7 +368,7 @@ TEST_F(CatheterNodeTest, ReadsAFrameWithTheDriveOfItsOwnTime) {
     ASSERT_TRUE(report);
     bus->handle(std::chrono::milliseconds(0));
     ASSERT_TRUE(inputs.peek());
-    answered += !report->held;
+    answered += !report->hold_reason;
     if (k > 3) {  // The drive has been heard from before the frame on.
       EXPECT_EQ(inputs.peek()->drive.time_us, now_us);
     }

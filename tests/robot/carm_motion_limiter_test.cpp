@@ -209,6 +209,24 @@ TEST(CArmMotionLimiter, FromOutsideTheEnvelopeThereIsOnlyTheWayBack) {
   EXPECT_FALSE(kEnvelope.violated(room.state().joints));
 }
 
+// A proposal that is not sent has not moved the arm: the next one begins as if the arm had been told to stand still.
+TEST(CArmMotionLimiter, CountsFromWhatWasSent) {
+  const CArmJoints wish = kLimits.velocity, at = CArmJoints::Zero();
+  CArmMotionLimiter obeyed(kLimits, kValid_s), withheld(kLimits, kValid_s), resting(kLimits, kValid_s);
+  CArmJoints last = CArmJoints::Zero();
+  for (int k = 0; k < 5; ++k) {
+    const CArmJoints v = obeyed.propose(wish, at, kLatency_s, kDt);
+    obeyed.commit(v);
+    EXPECT_GT(v[0], last[0]);
+    last = v;
+    withheld.propose(wish, at, kLatency_s, kDt);
+    withheld.commit(CArmJoints::Zero());
+    resting.rest(kDt);
+  }
+  EXPECT_EQ(withheld.limit(wish, at, kLatency_s, kDt), resting.limit(wish, at, kLatency_s, kDt));
+  EXPECT_LT(withheld.limit(wish, at, kLatency_s, kDt)[0], obeyed.limit(wish, at, kLatency_s, kDt)[0]);
+}
+
 TEST(CArmMotionLimiter, WhatIsNotANumberStandsStill) {
   const CArmJoints ok = 0.1 * kLimits.velocity;
   for (const double wrong : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {

@@ -108,7 +108,7 @@ TEST_F(CentreInputs, WhatIsNotANumberOrComesTwiceHolds) {
   ASSERT_TRUE(task_->answer(input(3)).velocity);
   const TaskAnswer twice = task_->answer(input(3));
   EXPECT_FALSE(twice.velocity);
-  EXPECT_NE(twice.held->find("not later"), std::string::npos);
+  EXPECT_NE(twice.hold_reason->find("not later"), std::string::npos);
   ASSERT_TRUE(task_->answer(input(4)).velocity);
 }
 
@@ -123,7 +123,7 @@ TEST_F(CentreInputs, TheTargetIsFollowedWhereItIsSeenForItself) {
   ASSERT_TRUE(task_->place());
   EXPECT_EQ(task_->place()->model, patient_.target);
   TaskInput in = input(0);
-  PlaceSight place{in.T_camera_model, ImageShift{{3, -2}, Eigen::Matrix2d::Identity()}};
+  PointObservation place{in.T_camera_model, ImageShift{{3, -2}, Eigen::Matrix2d::Identity()}};
   place.T_camera_model.pretranslate(Eigen::Vector3d(2e-3, 0, 0));
   in.place = place;
   const Eigen::Vector2d seen = *in.camera.project(place.T_camera_model * patient_.target) + place.image_shift->shift_px;

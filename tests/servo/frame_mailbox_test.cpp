@@ -35,7 +35,7 @@ struct FrameMailboxTest : testing::Test {
   }
 
   std::unique_ptr<Bus> bus = openBus("memq://");
-  std::optional<ToldFrame> last;
+  std::optional<FrameWithEstimates> last;
 };
 
 TEST_F(FrameMailboxTest, GivesTheNewestFrameWhereNothingIsToBeTold) {
@@ -44,7 +44,7 @@ TEST_F(FrameMailboxTest, GivesTheNewestFrameWhereNothingIsToBeTold) {
   frame(2);
   registration(2, 200);
   EXPECT_EQ(taken(box), 2);
-  EXPECT_FALSE(last->seen.registration);
+  EXPECT_FALSE(last->external.registration);
   EXPECT_EQ(taken(box), -1);
 }
 
@@ -60,8 +60,8 @@ TEST_F(FrameMailboxTest, FramesWaitForWhatIsSaidOfThem) {
   EXPECT_EQ(taken(box), -1) << "of another frame";
   tip(2);
   EXPECT_EQ(taken(box), 2);
-  EXPECT_EQ(last->seen.registration->frame_sequence, 2);
-  EXPECT_EQ(last->seen.tip->frame_sequence, 2);
+  EXPECT_EQ(last->external.registration->frame_sequence, 2);
+  EXPECT_EQ(last->external.tip->frame_sequence, 2);
   registration(1, 100);
   EXPECT_EQ(taken(box), -1) << "it has been let go for a newer one";
   tip(3);
@@ -76,7 +76,7 @@ TEST_F(FrameMailboxTest, WhatIsSaidMayComeFirstAndTheFirstToSayItCounts) {
   EXPECT_EQ(taken(box), -1);
   frame(1);
   EXPECT_EQ(taken(box), 1);
-  EXPECT_EQ(last->seen.registration->mean_residual_px, 0.5);
+  EXPECT_EQ(last->external.registration->mean_residual_px, 0.5);
 }
 
 TEST_F(FrameMailboxTest, ANumberWithAnotherTimeIsAnotherFrame) {

@@ -21,18 +21,18 @@ class PatientsWhoBend : public testing::Test {
     const double off = (p.y() - 0.06) / kReach_m;
     return by_m * std::exp(-0.5 * off * off) * Eigen::Vector3d(0.8, 0.6, 0);
   }
-  Perception perception(double most_bend_mm, const std::optional<WatchedPlace>& place = std::nullopt) const {
+  Perception perception(double most_bend_mm, const std::optional<PointOfInterest>& place = std::nullopt) const {
     PerceptionSettings settings = stage_.settings.perception;
     settings.tracker.follow_motion = true;
     settings.tracker.most_bend_mm = most_bend_mm;
     return Perception(settings, stage_.settings.carm, stage_.settings.T_dsa_cb, stage_.tree, place);
   }
   // What a perception that has seen the patient before makes of the tree as it is now.
-  Sight look(Perception perception, const VesselTree& now) const {
-    const Sight before = perception.look(stage_.frame(1), stage_.state(1));
+  Observation look(Perception perception, const VesselTree& now) const {
+    const Observation before = perception.observe(stage_.frame(1), stage_.state(1));
     EXPECT_EQ(before.registration.status, RegistrationStatus::kConverged);
-    perception.trust(before, stage_.state(1));
-    return perception.look(stage_.frameOf(now, 2), stage_.state(2));
+    perception.accept(before, stage_.state(1));
+    return perception.observe(stage_.frameOf(now, 2), stage_.state(2));
   }
   Eigen::Vector2d pixel(const Pose& T_camera_model, const Eigen::Vector3d& p) const {
     return *stage_.settings.carm.camera().project(T_camera_model * p);
@@ -76,19 +76,19 @@ TEST_F(PatientsWhoBend, AreSeenWhereTheyAreWatched) {
   int places = 0;
   for (int i = 20; i < now.size(); i += now.size() / 8) {
     const Eigen::Vector3d p = stage_.tree.points().col(i);
-    const Sight sight = look(perception(10, WatchedPlace{p, 15e-3, 2e-3}), now);
-    ASSERT_TRUE(sight.place);
+    const Observation observation = look(perception(10, PointOfInterest{p, 15e-3, 2e-3}), now);
+    ASSERT_TRUE(observation.place);
     const Eigen::Vector2d at = pixel(truth, now.points().col(i));
     const Eigen::Vector2d nearby_px =
-        sight.place->image_shift ? sight.place->image_shift->shift_px : Eigen::Vector2d::Zero();
-    const double rigid_px = (pixel(sight.registration.T_camera_model, p) - at).norm();
+        observation.place->image_shift ? observation.place->image_shift->shift_px : Eigen::Vector2d::Zero();
+    const double rigid_px = (pixel(observation.registration.T_camera_model, p) - at).norm();
     if (rigid_px < 3) continue;
-    EXPECT_LT((pixel(sight.place->T_camera_model, p) + nearby_px - at).norm(), 0.5 * rigid_px) << i;
+    EXPECT_LT((pixel(observation.place->T_camera_model, p) + nearby_px - at).norm(), 0.5 * rigid_px) << i;
     ++places;
   }
   EXPECT_GE(places, 2);
   EXPECT_FALSE(look(perception(10), now).place);
-  EXPECT_FALSE(look(perception(0, WatchedPlace{now.points().col(0), 15e-3, 2e-3}), now).place) << "ambiguous";
+  EXPECT_FALSE(look(perception(0, PointOfInterest{now.points().col(0), 15e-3, 2e-3}), now).place) << "ambiguous";
 }
 
 // What a breath does not do is not a breath.

@@ -63,8 +63,8 @@ using Replay = LiveRun;
 
 TEST_F(Replay, GivesTheLiveCommandsBitForBit) {
   int moving = 0;
-  const ReplaySummary summary = replay(log, stage.settings, stage.tree,
-                                       [&](const ReplayedFrame& f) { moving += !f.report.command.velocity.isZero(0); });
+  const auto count = [&](const ReplayedFrame<ServoLoop>& f) { moving += !f.report.command.velocity.isZero(0); };
+  const ReplaySummary summary = replay<ServoLoop>(log, count, stage.settings, stage.tree);
   EXPECT_EQ(summary.frames, 5);
   EXPECT_EQ(summary.answered, 3);
   EXPECT_EQ(summary.equal, 3);
@@ -76,7 +76,7 @@ TEST_F(Replay, GivesTheLiveCommandsBitForBit) {
 
 TEST_F(Replay, DoesNotDependOnWhatALoggerHeardFirst) {
   const std::string other = rewritten([](const LogEvent&) { return true; }, true);
-  const ReplaySummary summary = replay(other, stage.settings, stage.tree);
+  const ReplaySummary summary = replay<ServoLoop>(other, {}, stage.settings, stage.tree);
   EXPECT_EQ(summary.equal, 3);
   EXPECT_EQ(summary.first_difference, std::nullopt);
 }
@@ -84,7 +84,7 @@ TEST_F(Replay, DoesNotDependOnWhatALoggerHeardFirst) {
 TEST_F(Replay, NamesTheFirstDifference) {
   ServoLoopSettings other = stage.settings;
   other.T_dsa_cb.translation().x() += 1e-6;  // A micrometre.
-  const ReplaySummary summary = replay(log, other, stage.tree);
+  const ReplaySummary summary = replay<ServoLoop>(log, {}, other, stage.tree);
   EXPECT_LT(summary.equal, 3);
   ASSERT_TRUE(summary.first_difference);
   EXPECT_THAT(*summary.first_difference, testing::HasSubstr("frame 1: joint_velocity["));
@@ -92,7 +92,7 @@ TEST_F(Replay, NamesTheFirstDifference) {
   int frames = 0;
   const std::string without =
       rewritten([&](const LogEvent& e) { return e.channel != kXrayFrameChannel || ++frames != 3; }, false);
-  const ReplaySummary lacking = replay(without, stage.settings, stage.tree);
+  const ReplaySummary lacking = replay<ServoLoop>(without, {}, stage.settings, stage.tree);
   ASSERT_TRUE(lacking.first_difference);
   EXPECT_THAT(*lacking.first_difference, testing::HasSubstr("frame 3 was answered, and is not in the log"));
 }
@@ -100,7 +100,7 @@ TEST_F(Replay, NamesTheFirstDifference) {
 TEST_F(Replay, ARunWithoutALoopIsAnsweredToo) {
   const std::string bare = rewritten(
       [](const LogEvent& e) { return e.channel == kXrayFrameChannel || e.channel == kCArmStateChannel; }, false);
-  const ReplaySummary summary = replay(bare, stage.settings, stage.tree);
+  const ReplaySummary summary = replay<ServoLoop>(bare, {}, stage.settings, stage.tree);
   EXPECT_FALSE(summary.knew_inputs);
   EXPECT_EQ(summary.answered, 5);
   EXPECT_EQ(summary.commands, 0);
@@ -109,7 +109,7 @@ TEST_F(Replay, ARunWithoutALoopIsAnsweredToo) {
 TEST_F(Replay, ALogWithoutFramesIsRefusedByName) {
   const std::string bare = rewritten([](const LogEvent& e) { return e.channel == kServoInputChannel; }, false);
   try {
-    replay(bare, stage.settings, stage.tree);
+    replay<ServoLoop>(bare, {}, stage.settings, stage.tree);
     ADD_FAILURE();
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("rewritten.lcm: holds no X-ray frame"));

@@ -37,7 +37,7 @@ class Safety : public testing::Test {
     f.image.setTo(static_cast<double>(k_ % 251));
     const auto wrong = safety_.begin(f, now_us_);
     if (!wrong) safety_.trust(seen, Eigen::Vector3d::UnitY(), now_us_);
-    safety_.commanded({now_us_, k_, k_, 200'000, safety_.permitted(wanted_)});
+    safety_.commanded(permits(wanted_) ? command(wanted_) : atRest(command(wanted_)));
     return wrong.value_or("");
   }
   void start() {
@@ -49,7 +49,14 @@ class Safety : public testing::Test {
   ServoState state() const { return safety_.states().state(); }
 
   const Eigen::Vector3d target_{0, 0, 0.1};
-  SafetySupervisor safety_{SafetySettings(), CArmLimits::typical(), target_};
+  static SafetySupervisor<MotionMonitor> safetyOf(const SafetySettings& settings, const Eigen::Vector3d& target) {
+    const CArmLimits limits = CArmLimits::typical();
+    return {settings, limits, target, MotionMonitor(settings.motion, limits)};
+  }
+  CArmCommand command(const CArmJoints& velocity) const { return {now_us_, k_, k_, 200'000, velocity}; }
+  bool permits(const CArmJoints& velocity) const { return safety_.permits(command(velocity)); }
+
+  SafetySupervisor<MotionMonitor> safety_ = safetyOf({}, target_);
   CArmJoints wanted_ = CArmJoints::Zero();
   CArmState arm_;
   std::int64_t now_us_ = 0, frame_us_ = 0, k_ = 0, requests_ = 0;
@@ -57,14 +64,14 @@ class Safety : public testing::Test {
 
 TEST_F(Safety, PermitsMotionInServoOnlyAndNeverANan) {
   const CArmJoints wish = CArmJoints::Constant(0.01);
-  EXPECT_TRUE(safety_.permitted(wish).isZero(0));
+  EXPECT_FALSE(permits(wish));
   start();
-  EXPECT_EQ(safety_.permitted(wish), wish);
+  EXPECT_TRUE(permits(wish));
   CArmJoints nan = wish;
   nan[1] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_TRUE(safety_.permitted(nan).isZero(0));
-  safety_.doubt(SafetySupervisor::Doubt::kUnseen, "no contrast agent", now_us_);
-  EXPECT_TRUE(safety_.permitted(wish).isZero(0));
+  EXPECT_FALSE(permits(nan));
+  safety_.doubt(FrameSupervisor::Doubt::kUnseen, "no contrast agent", now_us_);
+  EXPECT_FALSE(permits(wish));
 }
 
 TEST_F(Safety, TheGuardWantsFramesThatAgree) {
@@ -145,7 +152,7 @@ TEST_F(Safety, EachWrongInputEndsInRest) {
     start();
     c.happen();
     EXPECT_EQ(state(), c.ends) << safety_.states().reason();
-    EXPECT_TRUE(safety_.permitted(CArmJoints::Constant(0.01)).isZero(0));
+    EXPECT_FALSE(permits(CArmJoints::Constant(0.01)));
     ServoStatus status;
     safety_.describe(status);
     EXPECT_EQ(status.state, c.ends);
@@ -160,8 +167,7 @@ TEST_F(Safety, EachWrongInputEndsInRest) {
 TEST_F(Safety, TheSettingsAreChecked) {
   SafetySettings settings;
   settings.motion.most_lag_deg = -1;
-  EXPECT_NE(test::refusalOf([&] { SafetySupervisor(settings, CArmLimits::typical(), target_); }).find("most_lag_deg"),
-            std::string::npos);
+  EXPECT_NE(test::refusalOf([&] { safetyOf(settings, target_); }).find("most_lag_deg"), std::string::npos);
 }
 
 }  // namespace

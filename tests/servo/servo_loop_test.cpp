@@ -16,8 +16,8 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 class ServoLoops : public testing::Test {
  protected:
   void expectHold(const ServoReport& report, const std::string& words) {
-    ASSERT_TRUE(report.held);
-    EXPECT_NE(report.held->find(words), std::string::npos) << *report.held;
+    ASSERT_TRUE(report.hold_reason);
+    EXPECT_NE(report.hold_reason->find(words), std::string::npos) << *report.hold_reason;
     EXPECT_TRUE(report.command.velocity.isZero(0));
     EXPECT_FALSE(report.task.view_error);
     EXPECT_GT(report.command.valid_for_us, 0) << "a hold is a command as well";
@@ -29,7 +29,7 @@ class ServoLoops : public testing::Test {
 
 TEST_F(ServoLoops, MoveWhenTheyTrustWhatTheySee) {
   const ServoReport report = loop_.step(stage_.frame(1), stage_.state(1));
-  ASSERT_FALSE(report.held) << *report.held;
+  ASSERT_FALSE(report.hold_reason) << *report.hold_reason;
   ASSERT_TRUE(report.task.view_error);
   // From straight through to LAO 20, CRA 10: cos = cos 20 cos 10. The loop sees the real view; its noise is far below
   // 0.3 deg.
@@ -77,7 +77,7 @@ TEST_F(ServoLoops, HoldWhenTheFrameOrTheJointsAreNoGood) {
   XrayFrame late = good;
   late.time_us = std::numeric_limits<std::int64_t>::min();
   expectHold(loop_.step(late, stage_.state(100)), "age of the joints");
-  EXPECT_FALSE(loop_.step(good, stage_.state(100)).held) << "and go on when all is well again";
+  EXPECT_FALSE(loop_.step(good, stage_.state(100)).hold_reason) << "and go on when all is well again";
 }
 
 TEST_F(ServoLoops, CommandsCountUpHeldOrNot) {

@@ -47,7 +47,7 @@ TEST_F(ServoNodes, AnswerWhenFrameAndJointsHaveCome) {
   EXPECT_EQ(commands_.peek()->velocity, report->command.velocity);
   EXPECT_FALSE(commands_.peek()->velocity.isZero(0));
   EXPECT_EQ(registrations_.peek()->status_text, "converged");
-  EXPECT_TRUE(registrations_.peek()->T_camera_model.isApprox(report->sight.registration.T_camera_model, 1e-12));
+  EXPECT_TRUE(registrations_.peek()->T_camera_model.isApprox(report->observation.registration.T_camera_model, 1e-12));
   EXPECT_EQ(statuses_.peek()->state, ServoState::kServo);
   EXPECT_EQ(statuses_.peek()->reason, "");
   EXPECT_DOUBLE_EQ(statuses_.peek()->view_error_rad, report->task.view_error->direction_rad);
@@ -93,7 +93,7 @@ TEST_F(ServoNodes, SurviveGarbageOnTheirChannels) {
   handle();
   const auto report = answer();
   ASSERT_TRUE(report);
-  EXPECT_FALSE(report->held) << *report->held;
+  EXPECT_FALSE(report->hold_reason) << *report->hold_reason;
 }
 
 // What no noise makes of joints is an arm, or a sender, that a person has to look at.
@@ -106,7 +106,7 @@ TEST_F(ServoNodes, JointsOfNoArmAreAFault) {
     handle();
     const auto report = answer();
     ASSERT_TRUE(report);
-    EXPECT_TRUE(report->held && report->command.velocity.isZero(0));
+    EXPECT_TRUE(report->hold_reason && report->command.velocity.isZero(0));
     EXPECT_EQ(node_.safety().states().state(), ServoState::kFault);
     say(stage_.state(next));
     say(stage_.frame(next));
@@ -115,11 +115,11 @@ TEST_F(ServoNodes, JointsOfNoArmAreAFault) {
 
 TEST(ServoMessages, AResultWithoutNumbersCanBeSent) {
   ServoReport report;
-  report.held = "registration diverged";
-  report.sight.registration.status = RegistrationStatus::kDiverged;
-  report.sight.registration.T_camera_model.matrix().setConstant(std::numeric_limits<double>::quiet_NaN());
-  report.sight.registration.covariance = Matrix6d(-Matrix6d::Identity());
-  report.sight.registration.agreement.model_residual_px = std::numeric_limits<double>::infinity();
+  report.hold_reason = "registration diverged";
+  report.observation.registration.status = RegistrationStatus::kDiverged;
+  report.observation.registration.T_camera_model.matrix().setConstant(std::numeric_limits<double>::quiet_NaN());
+  report.observation.registration.covariance = Matrix6d(-Matrix6d::Identity());
+  report.observation.registration.agreement.model_residual_px = std::numeric_limits<double>::infinity();
   const RegistrationMessage message = registrationMessage(report);
   EXPECT_NO_THROW(encode(message));
   EXPECT_EQ(message.status_text, "diverged");
@@ -200,7 +200,7 @@ TEST_F(SupervisedRun, IsReplayedBitForBitWithWhatItsSupervisorTookBack) {
   ask(ServoRequestKind::kStop);
   for (int i = 0; i < 2; ++i) frame();
   const test::Stage fresh;
-  const ReplaySummary found = replay(log, fresh.settings, fresh.tree);
+  const ReplaySummary found = replay<ServoLoop>(log, {}, fresh.settings, fresh.tree);
   EXPECT_EQ(found.first_difference.value_or(""), "");
   EXPECT_EQ(found.equal, found.commands);
   EXPECT_GT(found.held, 2);

@@ -20,14 +20,14 @@ struct ToldLoop : testing::Test {
     publish(*bus, kCArmStateChannel, stage.state(k));
     publish(*bus, kXrayFrameChannel, stage.frame(k));
     handle();
-    if (seen) eyes.look();
+    if (seen) eyes.observe();
     handle();
   }
   void handle() {
     while (bus->handle(std::chrono::milliseconds(0)) > 0) continue;
   }
   static ServoLoopSettings told(ServoLoopSettings settings) {
-    settings.registered_elsewhere = true;
+    settings.external_registration = true;
     return settings;
   }
 
@@ -52,7 +52,7 @@ TEST_F(ToldLoop, DoesAsOneThatLooksItselfAndIsReplayed) {
       expose(k);
       const auto report = node.answer(k * kPeriod_us);
       ASSERT_TRUE(report);
-      EXPECT_FALSE(report->held) << *report->held;
+      EXPECT_FALSE(report->hold_reason) << *report->hold_reason;
       publish(*other_bus, kCArmStateChannel, stage.state(k));
       publish(*other_bus, kXrayFrameChannel, stage.frame(k));
       while (other_bus->handle(std::chrono::milliseconds(0)) > 0) continue;
@@ -63,7 +63,7 @@ TEST_F(ToldLoop, DoesAsOneThatLooksItselfAndIsReplayed) {
       EXPECT_EQ(said.received(), k) << "the loop does not repeat what it was told";
     }
   }
-  const ReplaySummary again = replay(log, told(settings), stage.tree);
+  const ReplaySummary again = replay<ServoLoop>(log, {}, told(settings), stage.tree);
   EXPECT_EQ(again.answered, 4);
   EXPECT_EQ(again.equal, 4) << again.first_difference.value_or("");
 }
@@ -89,13 +89,13 @@ TEST_F(ToldLoop, StandsStillWhereNobodySaysAnything) {
 
 TEST_F(ToldLoop, BelievesNoRegistrationWithoutACovariance) {
   ServoLoop loop(told(stage.settings), stage.tree);
-  SeenElsewhere seen;
+  ExternalEstimates seen;
   seen.registration.emplace();
   seen.registration->model_id = modelId(stage.tree);
   seen.registration->T_camera_model = stage.settings.carm.T_camera_patient(stage.joints);
   const ServoReport report = loop.step(stage.frame(1), stage.state(1), seen);
-  EXPECT_EQ(report.held.value_or(""), "registration is not finite");
-  EXPECT_EQ(loop.step(stage.frame(2), stage.state(2)).held.value_or(""), "nobody has registered the frame");
+  EXPECT_EQ(report.hold_reason.value_or(""), "registration is not finite");
+  EXPECT_EQ(loop.step(stage.frame(2), stage.state(2)).hold_reason.value_or(""), "nobody has registered the frame");
 }
 
 // A perception node that was started with another patient's tree, and finds that.
@@ -108,17 +108,17 @@ TEST_F(ToldLoop, DoesNotGoByAnotherTree) {
   ServoNode node(*bus, told(test::moving(stage.settings)), stage.tree);
   test::start(*bus, node);
   expose(1, false);
-  const auto seen = others_eyes.look();
-  ASSERT_TRUE(seen && !seen->doubted);
+  const auto seen = others_eyes.observe();
+  ASSERT_TRUE(seen && !seen->rejection);
   handle();
   const auto report = node.answer(kPeriod_us);
   ASSERT_TRUE(report);
-  EXPECT_EQ(report->held.value_or(""), "what was registered is another vessel tree");
+  EXPECT_EQ(report->hold_reason.value_or(""), "what was registered is another vessel tree");
   EXPECT_TRUE(report->command.velocity.isZero(0));
   expose(2);
   const auto own = node.answer(2 * kPeriod_us);
   ASSERT_TRUE(own);
-  EXPECT_FALSE(own->held) << *own->held;
+  EXPECT_FALSE(own->hold_reason) << *own->hold_reason;
 }
 
 // The table goes where the tip is, and rests where nobody knows.
@@ -127,27 +127,27 @@ TEST_F(ToldLoop, CentresACathetersTip) {
   CentreTaskSettings centre;
   centre.on = CentreOn::kCatheterTip;
   settings.task = centre;
-  EXPECT_TRUE(settings.toldOfFrames().tip);
+  EXPECT_TRUE(settings.externalInputs().tip);
   const Pose truth = settings.carm.T_camera_patient(stage.joints);
   for (const double side : {-1.0, 1.0}) {
     ServoLoop loop(settings, stage.tree);
-    SeenElsewhere seen;
+    ExternalEstimates seen;
     seen.tip.emplace();
     seen.tip->reason = "it is behind a rib";
     ServoReport report = loop.step(stage.frame(1), stage.state(1), seen);
-    EXPECT_EQ(report.held.value_or(""), "the catheter's tip is not located: it is behind a rib");
-    EXPECT_TRUE(report.tip_unknown);
+    EXPECT_EQ(report.hold_reason.value_or(""), "the catheter's tip is not located: it is behind a rib");
+    EXPECT_FALSE(report.contradicts);
     EXPECT_TRUE(report.command.velocity.isZero(0));
     // To the right in the image, or to the left: the patient has to go the other way.
     seen.tip->status = CatheterTipStatus::kLocated;
     report = loop.step(stage.frame(1), stage.state(1), seen);
-    EXPECT_EQ(report.held.value_or(""), "the catheter's tip was located in another vessel tree");
+    EXPECT_EQ(report.hold_reason.value_or(""), "the catheter's tip was located in another vessel tree");
     seen.tip->model_id = modelId(stage.tree);
     seen.tip->tip_model = truth.inverse() * (truth * stage.tree.centroid() + Eigen::Vector3d(side * 0.02, 0, 0));
     seen.tip->covariance = 1e-6 * Eigen::Matrix3d::Identity();
     for (std::int64_t k = 2; k <= 6; ++k) {
       report = loop.step(stage.frame(k), stage.state(k), seen);
-      ASSERT_FALSE(report.held) << *report.held;
+      ASSERT_FALSE(report.hold_reason) << *report.hold_reason;
     }
     EXPECT_NEAR(report.task.pixel_error->x(),
                 side * 0.02 * settings.carm.camera().parameters().fx_px / (truth * stage.tree.centroid()).z(), 2);

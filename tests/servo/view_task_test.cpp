@@ -133,7 +133,7 @@ TEST(ViewTask, HoldsBeforeAViewThatIsOutOfReach) {
   Room room(settings);
   const TaskAnswer answer = room.frame();
   EXPECT_FALSE(answer.velocity);
-  EXPECT_EQ(answer.held.value_or(""), "the view is out of the arm's reach");
+  EXPECT_EQ(answer.hold_reason.value_or(""), "the view is out of the arm's reach");
 }
 
 TEST(ViewTask, RefusesAGoalThatIsNone) {

@@ -59,11 +59,14 @@ CArmMotionLimiter::CArmMotionLimiter(const CArmLimits& limits, double command_va
   }
 }
 
-CArmJoints CArmMotionLimiter::limit(const CArmJoints& wanted, const CArmJoints& measured, double age_s,
-                                    double period_s) {
+CArmJoints CArmMotionLimiter::propose(const CArmJoints& wanted, const CArmJoints& measured, double age_s,
+                                      double period_s) {
   const bool sound = wanted.allFinite() && measured.allFinite() && std::isfinite(age_s) && age_s >= 0 &&
                      std::isfinite(period_s) && period_s > 0;
-  if (!sound) return rest(std::isfinite(period_s) ? period_s : 0);
+  if (!sound) {
+    pass(std::isfinite(period_s) ? period_s : 0);
+    return CArmJoints::Zero();
+  }
   advance(period_s);
   const CArmJoints joints = predicted(measured, age_s);
   const double dt_s = std::min({period_s, command_validity_s_, kLongestStep_s});
@@ -88,22 +91,32 @@ CArmJoints CArmMotionLimiter::limit(const CArmJoints& wanted, const CArmJoints& 
   for (int k = 0; k < kMostEasings; ++k) {
     command = slid(joints, aim.cwiseMax(low).cwiseMin(high), low, high, braking, eased);
     missing = missingRoom(joints, command, dt_s);
-    if ((missing.array() <= 0).all()) return command_ = command;
+    if ((missing.array() <= 0).all()) return command;
     eased += missing.cwiseMax(0) / command_validity_s_;
   }
   // What was certified a step ago may miss by the rounding of a time.
-  if ((missingRoom(joints, braking, dt_s).array() > 0.5 * kReserve).any()) return command_ = CArmJoints::Zero();
+  if ((missingRoom(joints, braking, dt_s).array() > 0.5 * kReserve).any()) return CArmJoints::Zero();
   CArmJoints good = braking;
   for (int k = 0; k < kHalvings; ++k) {
     const CArmJoints middle = 0.5 * (good + command);
     ((missingRoom(joints, middle, dt_s).array() <= 0).all() ? good : command) = middle;
   }
-  return command_ = good;
+  return good;
+}
+
+void CArmMotionLimiter::pass(double period_s) {
+  if (period_s > 0) advance(period_s);
+}
+
+CArmJoints CArmMotionLimiter::limit(const CArmJoints& wanted, const CArmJoints& joints, double age_s, double period_s) {
+  commit(propose(wanted, joints, age_s, period_s));
+  return command_;
 }
 
 CArmJoints CArmMotionLimiter::rest(double period_s) {
-  if (period_s > 0) advance(period_s);
-  return command_ = CArmJoints::Zero();
+  pass(period_s);
+  commit(CArmJoints::Zero());
+  return command_;
 }
 
 void CArmMotionLimiter::advance(double period_s) {

@@ -34,7 +34,7 @@ CentreErrors errorsOf(const Rehearsal& run, const LimitObserver& limits, double 
   std::vector<double> answer_s;
   for (const RehearsalFrame& frame : run.closed) {
     ++errors.frames;
-    errors.held += frame.held.has_value();
+    errors.held += frame.hold_reason.has_value();
     answer_s.push_back(frame.answer_s);
     if (frame.time_s - run.closed.front().time_s < learn_s) continue;
     const double off_mm = 1e3 * frame.target_off_m;

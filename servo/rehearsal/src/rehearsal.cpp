@@ -72,14 +72,14 @@ RehearsalFrame describe(const ServoReport& report) {
   RehearsalFrame row;
   row.command = report.command;
   row.task = report.task;
-  row.held = report.held;
-  const Sight& sight = report.sight;
-  row.status = sight.registration.status;
-  row.model_residual_px = sight.registration.agreement.model_residual_px;
-  row.image_residual_px = sight.registration.agreement.image_residual_px;
-  row.points_2d = sight.centerline.size();
-  row.image_s = sight.image_s;
-  row.registration_s = sight.registration_s;
+  row.hold_reason = report.hold_reason;
+  const Observation& observation = report.observation;
+  row.status = observation.registration.status;
+  row.model_residual_px = observation.registration.agreement.model_residual_px;
+  row.image_residual_px = observation.registration.agreement.image_residual_px;
+  row.points_2d = observation.centerline.size();
+  row.image_s = observation.image_s;
+  row.registration_s = observation.registration_s;
   row.control_s = report.control_s;
   return row;
 }
@@ -112,8 +112,8 @@ void runClosed(const VesselTree& tree, const RehearsalWorld& world, const Rehear
     if (watcher) watcher(*exposure, *report, row);
     if (result.closed.size() == 1 || static_cast<int>(result.closed.size()) == frames) {
       result.last =
-          RehearsalSnapshot{exposure->frame, report->sight.centerline,
-                            loop.carm.T_camera_patient(row.joints) * loop.T_dsa_cb, report->sight.registration};
+          RehearsalSnapshot{exposure->frame, report->observation.centerline,
+                            loop.carm.T_camera_patient(row.joints) * loop.T_dsa_cb, report->observation.registration};
       if (!result.first) result.first = result.last;
     }
   }
@@ -165,7 +165,7 @@ RehearsalWorld madeUpWorld(const VesselTree& tree, const CArmCalibration& nomina
 }
 
 ServoLoopSettings loopIn(const RehearsalWorld& world, const ServoLoopSettings& parts) {
-  const ToldOfFrames told = parts.toldOfFrames();
+  const ExternalInputs told = parts.externalInputs();
   if (told.registration) throw InputError("rehearsal", "perception", "bus", "needs a bus with a perception node on it");
   if (told.tip) throw InputError("rehearsal", "centre.on", "catheter_tip", "needs a bus with a catheter's loop on it");
   ServoLoopSettings loop = parts;

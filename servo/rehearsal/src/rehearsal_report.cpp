@@ -132,7 +132,7 @@ Json rehearsalSummary(const Rehearsal& r) {
   int registered = 0, held = 0;
   for (const auto& f : r.closed) {
     registered += f.status == RegistrationStatus::kConverged;
-    held += f.held.has_value();
+    held += f.hold_reason.has_value();
   }
   Json summary;
   summary["frames"] = r.closed.size();
@@ -232,9 +232,9 @@ std::string rehearsalTrace(const Rehearsal& r) {
                                : ",,";
     trace += formatted(",%.5f,%.5f,%.4f,%.4f,%s,%d,%.4f,%.4f,%d,%.3f,%.3f,%.3f,%.3f,\"%s\"\n",
                        radToDeg(o.true_error.direction_rad), 1e3 * o.true_error.target_m, 1e3 * f.target_off_m,
-                       1e3 * o.target_off_m, statusName(f.status).c_str(), f.held ? 1 : 0, f.model_residual_px,
+                       1e3 * o.target_off_m, statusName(f.status).c_str(), f.hold_reason ? 1 : 0, f.model_residual_px,
                        f.image_residual_px, f.points_2d, 1e3 * f.image_s, 1e3 * f.registration_s, 1e3 * f.control_s,
-                       1e3 * f.answer_s, quotable(f.held).c_str());
+                       1e3 * f.answer_s, quotable(f.hold_reason).c_str());
   }
   return trace;
 }

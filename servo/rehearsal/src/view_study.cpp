@@ -59,7 +59,7 @@ ViewStudyRow studyView(const VesselTree& tree, const CArmCalibration& nominal, c
   row.breach = limits.breach();
   std::vector<double> answer_s;
   for (const auto& frame : run.closed) {
-    row.held += frame.held.has_value();
+    row.held += frame.hold_reason.has_value();
     answer_s.push_back(frame.answer_s);
     if (!within(frame.true_error, study))
       row.settled_s.reset();

@@ -34,6 +34,9 @@ struct MotionMonitorSettings {
 /// Compares the way that each joint of the C-arm makes with its commands, see AxisMonitor.
 class MotionMonitor {
  public:
+  using State = CArmState;
+  using Command = CArmCommand;
+
   /// Throws InputError when a setting is out of its range.
   MotionMonitor(const MotionMonitorSettings& settings, const CArmLimits& limits);
 

@@ -7,11 +7,11 @@
 #include "angio/messaging/messages.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/servo/patient_tracker.hpp"
-#include "angio/servo/watched_place.hpp"
+#include "angio/servo/point_of_interest.hpp"
 
 namespace angio {
 
-class LocalShift;
+class LocalOffsetEstimator;
 
 /// How frames are looked at. The parts are chosen by the type of their settings.
 struct PerceptionSettings {
@@ -30,7 +30,7 @@ struct PerceptionSettings {
 };
 
 /// What one frame shows of where the model is. Whether it may be believed is for others to say.
-struct Sight {
+struct Observation {
   Centerline2d curves;      ///< All that was found, devices too.
   Centerline2d centerline;  ///< What the registration went by.
   PosePrior predicted;      ///< Where the model was looked for.
@@ -41,35 +41,36 @@ struct Sight {
   /// with its covariance, in depth no smaller than the deformed fit's; agreement and displacements, counted from that
   /// pose, of the deformed one.
   RegistrationResult registration;
-  std::optional<PlaceSight> place;         ///< The watched place, in a frame whose registration has converged.
+  std::optional<PointObservation> place;   ///< The watched place, in a frame whose registration has converged.
   double image_s = 0, registration_s = 0;  ///< Wall time of the stages [s].
 };
 
-/// Eyes and memory: from a frame and the joints of its exposure to where the model is. The same frames, joints and
-/// judgements give the same sights, bit for bit.
+/// Estimates the model's pose from a frame and the joints at its exposure, and tracks it from frame to frame. The same
+/// frames, joints and decisions give the same observations, bit for bit.
 class Perception {
  public:
   /// @param T_dsa_cb  Calibrated: the model frame in the patient frame (C-arm frame with the table at zero).
   /// @param place     What is seen for itself besides the tree.
   /// Throws InputError when a setting is out of its range.
   Perception(const PerceptionSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb, const VesselTree& tree,
-             const std::optional<WatchedPlace>& place = std::nullopt);
+             const std::optional<PointOfInterest>& place = std::nullopt);
   Perception(Perception&&) noexcept;
   Perception& operator=(Perception&&) noexcept;
   ~Perception();
 
-  /// Looks at one frame of 8 or 16 bit that was exposed while the joints were as in `state`. Changes nothing that is
-  /// believed: trust() or doubt() does.
-  Sight look(const XrayFrame& frame, const CArmState& state);
+  /// Observes one frame of 8 or 16 bit that was exposed while the joints were as in `state`. Does not change what is
+  /// tracked: accept() or reject() does.
+  Observation observe(const XrayFrame& frame, const CArmState& state);
 
-  /// The sight of somebody else, who has registered the frame: no curves, and no watched place. Changes nothing either.
-  Sight take(const RegistrationResult& registration, const CArmState& state) const;
+  /// Returns the observation that another program's registration of the frame gives: no curves, and no point of
+  /// interest. Does not change what is tracked.
+  Observation adopt(const RegistrationResult& registration, const CArmState& state) const;
 
-  /// Believes a sight: the patient lies where it says.
-  void trust(const Sight& sight, const CArmState& state);
+  /// Believes a observation: the patient lies where it says.
+  void accept(const Observation& observation, const CArmState& state);
 
-  /// A frame that could not be believed.
-  void doubt();
+  /// Counts a frame that could not be trusted.
+  void reject();
 
   /// Learns how the patient moves, from the sights that were believed: when what a frame was wanted for is out.
   void learn();
@@ -83,8 +84,8 @@ class Perception {
   Pose tracked_T_camera_model(const CArmJoints& joints) const;
 
  private:
-  void bend(const XrayCamera& camera, Sight& sight);
-  PlaceSight seen(const WatchedPlace& place, const XrayCamera& camera, const Sight& sight) const;
+  void bend(const XrayCamera& camera, Observation& observation);
+  PointObservation seen(const PointOfInterest& place, const XrayCamera& camera, const Observation& observation) const;
 
   ModelId model_id_;
   CArmGeometry carm_;
@@ -95,9 +96,9 @@ class Perception {
   std::unique_ptr<Registration> search_, tracking_;
   std::unique_ptr<Registration> bending_;  // Nothing for a patient who does not move.
   PatientTracker tracker_;
-  std::optional<WatchedPlace> place_;
-  Eigen::Index place_point_ = 0;        // The tree's point that is nearest to the place.
-  std::unique_ptr<LocalShift> nearby_;  // Nothing where the image around the place is not asked.
+  std::optional<PointOfInterest> place_;
+  Eigen::Index place_point_ = 0;                  // The tree's point that is nearest to the place.
+  std::unique_ptr<LocalOffsetEstimator> nearby_;  // Nothing where the image around the place is not asked.
 };
 
 }  // namespace angio

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/messaging/mailbox.hpp"
+#include "angio/servo/registration_message.hpp"
 #include "angio/servo/servo_loop.hpp"
 #include "angio/servo/state_history.hpp"
 
@@ -9,21 +10,22 @@ namespace angio {
 
 /// What became of one frame.
 struct PerceptionReport {
-  RegistrationMessage message;         ///< As it went on the bus.
-  Sight sight;                         ///< Empty when the frame was not even looked at.
-  std::optional<std::string> doubted;  ///< Why the next frames are not looked for by this one; nothing when they are.
+  /// As it was published; nothing of a frame that was rejected unseen.
+  std::optional<RegistrationMessage> message;
+  Observation observation;               ///< Empty when the frame was not looked at.
+  std::optional<std::string> rejection;  ///< Why the observation is not tracked; nothing when it is.
 };
 
-/// Eyes without hands: hears XRAY_FRAME and CARM_STATE, says REGISTRATION. Several may look at one X-ray, each with its
-/// own settings.
+/// Perception without motion: hears XRAY_FRAME and CARM_STATE, publishes REGISTRATION. Several may observe one X-ray,
+/// each with its own settings.
 class PerceptionNode {
  public:
-  /// Of `settings` geometry, T_dsa_cb, perception and the supervisor's gates count: the same frames are believed as by
-  /// a loop. Borrows the bus, which must outlive it. Throws InputError when a setting is out of its range.
+  /// Of `settings` geometry, T_dsa_cb, perception and the gate count: the same frames are tracked as by a loop. Borrows
+  /// the bus, which must outlive it. Throws InputError when a setting is out of its range.
   PerceptionNode(Bus& bus, const ServoLoopSettings& settings, const VesselTree& tree);
 
-  /// Looks at the newest frame that waits. Nothing comes back when none does, or when the joints are not known yet.
-  std::optional<PerceptionReport> look();
+  /// Observes the newest frame that waits. Nothing comes back when none does, or when the joints are not known yet.
+  std::optional<PerceptionReport> observe();
 
   /// Frames and states that could not be decoded.
   std::int64_t refused() const { return frames_.refused() + joints_.refused(); }
@@ -32,17 +34,7 @@ class PerceptionNode {
   Bus& bus_;
   LatestValue<XrayFrame> frames_;
   JointHistory joints_;
-  Perception perception_;
-  Supervisor supervisor_;
+  GatedPerception perception_;
 };
-
-/// What a registration says of a frame, for the bus. A pose, covariance or residual that is not finite is left at
-/// identity and zero; its status is then not "converged".
-RegistrationMessage registrationMessage(const RegistrationResult& seen, ModelId model_id, std::int64_t frame_time_us,
-                                        std::int64_t frame_sequence);
-
-/// The way back, as far as a message goes: without agreement, ambiguity and displacements; without a covariance where
-/// the message has zero for it.
-RegistrationResult registrationResult(const RegistrationMessage& message);
 
 }  // namespace angio

@@ -4,19 +4,13 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
-#include "angio/servo/servo_loop.hpp"
+#include "angio/base/errors.hpp"
+#include "angio/messaging/logged_frames.hpp"
+#include "angio/servo/supervised_node.hpp"
 
 namespace angio {
-
-/// One frame of a log as it was answered again.
-struct ReplayedFrame {
-  const XrayFrame& frame;             ///< Borrowed for the call.
-  const ServoReport& report;          ///< What the loop makes of it now.
-  std::optional<CArmCommand> logged;  ///< What was commanded then, when the log holds it.
-  double part = 0;                    ///< How much of the replay is done, 0 to 1.
-};
-using ReplayWatcher = std::function<void(const ReplayedFrame&)>;
 
 /// What a replay found.
 struct ReplaySummary {
@@ -41,31 +35,146 @@ struct ReplaySummary {
   void finish();
 };
 
-/// Sends a log (of lcm-logger, or of a RecordingBus) through the loop again.
-///
-/// Frames and joints are those that SERVO_INPUT names, in its order, whatever else was on the bus: the commands are
-/// those of the live loop, bit for bit, when its settings, tree and calibration are given. A command's sequence that
-/// begins again is a loop that was started again. A log without SERVO_INPUT gives the frames that its commands name, or
-/// all frames when it has no commands, with the joints that had been heard before each frame.
-///
-/// Throws InputError when the log cannot be read or holds no frame that can be answered, and as ServoLoop does.
-ReplaySummary replay(const std::string& log_path, const ServoLoopSettings& settings, const VesselTree& tree,
-                     const ReplayWatcher& watcher = {});
-
 /// How a field differs, in words with both values; nothing when all bits are equal: -0 is another number than 0 here.
 std::optional<std::string> difference(const std::string& field, std::int64_t replayed, std::int64_t logged);
 std::optional<std::string> difference(const std::string& field, double replayed, double logged);
 
 /// The first field in which two commands differ.
 std::optional<std::string> difference(const CArmCommand& replayed, const CArmCommand& logged);
+std::optional<std::string> difference(const CatheterCommand& replayed, const CatheterCommand& logged);
 
-/// The same, of what every machine's command has.
-template <typename Command>
-std::optional<std::string> differenceInName(const Command& replayed, const Command& logged) {
-  if (auto d = difference("utime", replayed.time_us, logged.time_us)) return d;
-  if (auto d = difference("frame_sequence", replayed.frame_sequence, logged.frame_sequence)) return d;
-  if (auto d = difference("sequence", replayed.sequence, logged.sequence)) return d;
-  return difference("valid_for_us", replayed.valid_for_us, logged.valid_for_us);
+/// One frame of a log as it was answered again.
+template <typename Loop>
+struct ReplayedFrame {
+  const XrayFrame& frame;                        ///< Borrowed for the call.
+  const typename Loop::Report& report;           ///< What the loop makes of it now.
+  std::optional<typename Loop::Command> logged;  ///< What was commanded then, when the log holds it.
+  double part = 0;                               ///< How much of the replay is done, 0 to 1.
+};
+template <typename Loop>
+using ReplayWatcher = std::function<void(const ReplayedFrame<Loop>&)>;
+
+/// What a log says of one machine's frames, the images left where they are.
+template <typename Loop>
+struct LoggedRun {
+  using Traits = NodeTraits<Loop>;
+  LoggedFrames frames;
+  std::vector<typename Loop::Input> inputs;
+  std::vector<typename Loop::Command> commands;
+  ByFrame<typename Loop::Command> answers;     // The first of each frame.
+  ByFrame<RegistrationMessage> registrations;  // The same.
+  ByFrame<CatheterTip> tips;                   // The same.
+  std::vector<LogEvent> states;                // Of the machine, in their order.
+  std::int64_t skipped_bytes = 0;
+
+  explicit LoggedRun(LogReader& log) {
+    for (auto event = log.next(); event; event = log.next()) enter(*event);
+    skipped_bytes = log.skipped_bytes();
+    if (inputs.empty()) guessInputs();
+  }
+
+  bool knew_inputs = true;
+
+ private:
+  template <typename Message, typename Keep>
+  static bool keep(const LogEvent& event, const char* channel, const Keep& one) {
+    if (event.channel != channel) return false;
+    const auto decoded = decode<Message>(event.bytes.data(), event.bytes.size());
+    if (decoded.value) one(*decoded.value);
+    return true;
+  }
+
+  void enter(const LogEvent& event) {
+    frames.enter(event);
+    const bool kept =
+        keep<typename Loop::Input>(event, Traits::kInputChannel, [&](const auto& input) { inputs.push_back(input); }) ||
+        keep<typename Loop::Command>(event, Traits::kCommandChannel,
+                                     [&](const auto& command) {
+                                       commands.push_back(command);
+                                       answers.emplace(frameOf(command), command);
+                                     }) ||
+        keep<RegistrationMessage>(event, kRegistrationChannel,
+                                  [&](const auto& seen) { registrations.emplace(frameOf(seen), seen); }) ||
+        keep<CatheterTip>(event, kCatheterTipChannel, [&](const auto& tip) { tips.emplace(frameOf(tip), tip); });
+    if (kept) return;
+    for (const char* channel : Traits::kStateChannels) {
+      if (event.channel == channel) states.push_back(event);
+    }
+  }
+
+  // The inputs of a log that does not name them: the frames that commands name, or all, with what had been heard.
+  void guessInputs() {
+    knew_inputs = false;
+    std::vector<LoggedFrames::Entry> answered;
+    for (const auto& command : commands) {
+      if (const auto place = frames.position_bytes(frameOf(command))) answered.push_back({frameOf(command), *place});
+    }
+    if (answered.empty()) answered = frames.all();
+    const auto bus = openBus("memq://");
+    const typename Traits::States heard(*bus);
+    auto state = states.begin();
+    for (const auto& [name, place] : answered) {
+      for (; state != states.end() && state->position_bytes < place; ++state) {
+        bus->publish(state->channel, state->bytes);
+        bus->handle(std::chrono::milliseconds(0));
+      }
+      if (const auto input = heard.at(name.second, name.first)) inputs.push_back(*input);
+    }
+  }
+};
+
+/// Sends a log (of lcm-logger, or of a RecordingBus) through a loop again, which is made of `setup`.
+///
+/// Frames and states are those that the log's inputs (SERVO_INPUT, CATHETER_INPUT) name, in their order, whatever else
+/// was on the bus: the commands are those of the live loop, bit for bit, when its settings, tree and calibration are
+/// given. A command's sequence that begins again is a loop that was started again. A log without inputs gives the
+/// frames that its commands name, or all frames when it has no commands, with the states that had been heard before
+/// each frame.
+///
+/// Throws InputError when the log cannot be read or holds no frame that can be answered, and as the loop does.
+template <typename Loop, typename... Setup>
+ReplaySummary replay(const std::string& log_path, const ReplayWatcher<Loop>& watcher, const Setup&... setup) {
+  LogReader log(log_path);
+  const LoggedRun<Loop> run(log);
+  ReplaySummary summary;
+  summary.frames = static_cast<std::int64_t>(run.frames.all().size());
+  summary.commands = static_cast<std::int64_t>(run.commands.size());
+  summary.skipped_bytes = run.skipped_bytes;
+  summary.knew_inputs = run.knew_inputs;
+  std::optional<Loop> loop;
+  double done = 0;
+  for (const auto& input : run.inputs) {
+    const double part = ++done / static_cast<double>(run.inputs.size());
+    const std::string name = "frame " + std::to_string(input.frame_sequence);
+    const auto place = run.frames.position_bytes(frameOf(input));
+    if (!place) {
+      summary.differs(name + " was answered, and is not in the log");
+      continue;
+    }
+    const auto logged = of(frameOf(input), run.answers);
+    if (!loop || (logged && logged->sequence == 1)) loop.emplace(setup...);
+    const XrayFrame frame = LoggedFrames::readAt(log, *place);
+    const ExternalEstimates external{of(frameOf(input), run.registrations), of(frameOf(input), run.tips)};
+    typename Loop::Report report = input.verdict == ServoVerdict::kRefused
+                                       ? loop->refuse(frame, "refused by the supervisor")
+                                       : loop->propose(frame, input, external);
+    if (input.verdict == ServoVerdict::kTakenBack) {
+      Loop::withhold(report, report.hold_reason.value_or("withheld by the supervisor"));
+    }
+    loop->commit(report.command);
+    loop->learn();
+    ++summary.answered;
+    summary.held += report.hold_reason.has_value();
+    if (logged) summary.compare(name, difference(report.command, *logged));
+    if (watcher) watcher({frame, report, logged, part});
+  }
+  summary.finish();
+  if (summary.answered == 0) {
+    throw InputError(log_path, "", "",
+                     "holds no X-ray frame that can be answered: needs " + std::string(kXrayFrameChannel) + " and " +
+                         NodeTraits<Loop>::kStateChannels[0] + " or " + NodeTraits<Loop>::kInputChannel);
+  }
+  return summary;
 }
 
 }  // namespace angio

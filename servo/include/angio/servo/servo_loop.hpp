@@ -5,10 +5,10 @@
 #include <optional>
 #include <string>
 
-#include "angio/servo/frame_mailbox.hpp"
-#include "angio/servo/perception.hpp"
+#include "angio/robot/carm_motion_limiter.hpp"
+#include "angio/servo/external_estimates.hpp"
+#include "angio/servo/gated_perception.hpp"
 #include "angio/servo/safety_supervisor.hpp"
-#include "angio/servo/supervisor.hpp"
 #include "angio/servo/tasks.hpp"
 
 namespace angio {
@@ -24,73 +24,93 @@ struct ServoLoopSettings {
   TaskSettings task = ViewTaskSettings{};
   ServoLawSettings law = PositionBasedSettings{};
   PerceptionSettings perception;
-  SupervisorSettings supervisor;
+  RegistrationGateSettings supervisor;
   SafetySettings safety;    ///< Of the machine's permission to move: for a node, the loop itself knows no states.
   double latency_s = 0.08;  ///< From an exposure until its command moves the machine: what tasks look ahead.
 
-  /// Whether frames are registered by another program: then a loop does not look at them itself.
-  bool registered_elsewhere = false;
+  /// Whether frames are registered by another program: then a loop does not observe them itself.
+  bool external_registration = false;
 
   /// What has to be told of each frame, for these settings.
-  ToldOfFrames toldOfFrames() const;
+  ExternalInputs externalInputs() const;
 
-  /// What frames are looked at with: `perception`, which follows the patient's motion where the task is for a patient
+  /// What frames are observed with: `perception`, which follows the patient's motion where the task is for a patient
   /// who moves.
   PerceptionSettings perceptionForTask() const;
 };
 
 /// What the loop made of one frame.
 struct ServoReport {
-  CArmCommand command;              ///< Stands still unless the frame was trusted.
-  std::optional<std::string> held;  ///< Why it holds; nothing while it servoes.
-  bool tip_unknown = false;         ///< It holds for want of the catheter's tip, of a frame that is sound.
-  Sight sight;                      ///< Empty when the frame was not even looked at.
-  TaskAnswer task;                  ///< At rest while it holds.
-  double control_s = 0;             ///< Wall time of task, law and limits [s].
-  double learning_s = 0;            ///< Wall time of what a node learnt when its command was out [s].
+  CArmCommand command;                        ///< Proposed, and after commit() as it was sent. Zero while it holds.
+  std::optional<std::string> hold_reason;     ///< Why it holds; nothing while it servoes.
+  bool contradicts = false;                   ///< A sound registration says what cannot be.
+  bool observed = false;                      ///< Whether the frame was looked at; one that was refused unseen was not.
+  Observation observation;                    ///< Of a frame that was looked at.
+  std::optional<PatientObservation> patient;  ///< Where the model is, of a frame that may move the machine.
+  TaskAnswer task;                            ///< At rest while it holds.
+  double control_s = 0;                       ///< Wall time of task, law and limits [s].
+  double learning_s = 0;                      ///< Wall time of what was learnt after the command was sent [s].
 };
 
-/// One X-ray frame becomes one robot command. Knows neither clock nor bus: the same frames and joints give the same
-/// commands, bit for bit.
+/// One X-ray frame becomes one robot command. Knows neither clock nor bus: the same frames, joints and commits give the
+/// same commands, bit for bit.
 class ServoLoop {
  public:
+  using Input = ServoInput;
+  using Command = CArmCommand;
+  using Report = ServoReport;
+
   /// Throws InputError when a setting is out of its range, not finite, or no rotation.
   ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree);
 
-  /// Answers one frame that was exposed while the joints were as in `state`.
+  /// Proposes the answer to a frame that was exposed while the joints were as in `input.state`. Nothing counts as
+  /// commanded before commit(): call it exactly once after each propose() or refuse().
   ///
-  /// @param seen  What ServoLoopSettings::toldOfFrames() asks for; a frame of which that is missing is held.
-  ServoReport step(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen = {});
+  /// @param external  What ServoLoopSettings::externalInputs() asks for; a frame of which that is missing is held.
+  ServoReport propose(const XrayFrame& frame, const ServoInput& input, const ExternalEstimates& external = {});
 
-  /// Answers a frame that must not be looked at: the machine stands still.
+  /// Proposes to stand still for a frame that must not be looked at.
   ServoReport refuse(const XrayFrame& frame, const std::string& why);
 
-  /// Takes the motion of the last answer back before it goes out: the machine stands still, and the next command begins
-  /// from rest.
-  void takeBack(ServoReport& last_answer, const std::string& why);
+  /// The command that was sent for the last frame: the proposed one, or the same standing still.
+  void commit(const CArmCommand& sent);
+
+  /// propose() and commit() in one, for a caller that sends what it is given.
+  ServoReport step(const XrayFrame& frame, const CArmState& state, const ExternalEstimates& external = {});
 
   /// What a frame's answer need not wait for: learns from the frames how the patient moves. To be called after each
   /// frame, when its answer is out; takes some milliseconds now and then.
   void learn();
 
+  /// Makes a proposal one to stand still.
+  static void withhold(ServoReport& proposal, const std::string& why);
+
+  ExternalInputs externalInputs() const { return settings_.externalInputs(); }
+  const ServoLoopSettings& settings() const { return settings_; }
+  const CArmGeometry& carm() const { return settings_.carm; }
+  const Eigen::Vector3d& target_model() const { return target_; }
   const Task& task() const { return *task_; }
 
  private:
   double periodUntil(const XrayFrame& frame);
-  void number(CArmCommand& command, const XrayFrame& frame);
-  std::optional<std::string> objection(const SeenElsewhere& seen) const;
-  std::optional<std::string> objectionToTip(const SeenElsewhere& seen) const;
-  ServoReport answer(const XrayFrame& frame, const CArmState& state, const SeenElsewhere& seen, double period_s);
+  CArmCommand numbered(const XrayFrame& frame) const;
+  std::optional<std::string> rejection(const ExternalEstimates& external) const;
+  std::optional<std::string> tipRejection(const ExternalEstimates& external) const;
+  void answer(const XrayFrame& frame, const CArmState& state, const ExternalEstimates& external, double period_s,
+              ServoReport& report);
+  std::optional<CArmJoints> wantedVelocity(const XrayFrame& frame, const CArmState& state,
+                                           const ExternalEstimates& external, double period_s, ServoReport& report);
 
   ServoLoopSettings settings_;
+  Eigen::Vector3d target_;
   std::unique_ptr<Task> task_;
-  Perception perception_;  // Watches what the task wants to have seen.
-  Supervisor supervisor_;
+  GatedPerception perception_;  // Observes also the point that the task wants to have observed.
+  CArmMotionLimiter limiter_;
   CArmCommand last_command_;
   std::optional<std::int64_t> last_frame_us_;
 };
 
-/// The same task without eyes: the camera is where joints and calibration say. What the loop is compared with.
+/// The same task without images: the camera is where joints and calibration say. What the loop is compared with.
 class OpenLoop {
  public:
   /// Throws InputError as ServoLoop does.
@@ -103,7 +123,7 @@ class OpenLoop {
  private:
   ServoLoopSettings settings_;
   std::unique_ptr<Task> task_;
-  Supervisor supervisor_;
+  CArmMotionLimiter limiter_;
   CArmCommand last_command_;
 };
 

@@ -1,53 +1,55 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include "angio/messaging/mailbox.hpp"
-#include "angio/servo/operator.hpp"
 #include "angio/servo/servo_loop.hpp"
 #include "angio/servo/state_history.hpp"
+#include "angio/servo/supervised_node.hpp"
 
 namespace angio {
 
-/// The loop's side of a bus under a safety supervisor: hears XRAY_FRAME, CARM_STATE and SERVO_REQUEST, says
-/// CARM_COMMAND, SERVO_INPUT, REGISTRATION and SERVO_STATUS. Stands still until an operator has armed and started it.
-/// As its settings say, it hears REGISTRATION, and does not say it then, and CATHETER_TIP.
-class ServoNode {
+/// Hears a C-arm's joints: the newest for the supervisor, and those at each exposure for the loop.
+class CArmStates {
  public:
-  /// Borrows the bus, which must outlive it. Throws InputError when a setting is out of its range.
-  ServoNode(Bus& bus, const ServoLoopSettings& settings, const VesselTree& tree);
+  explicit CArmStates(Bus& bus) : newest_(bus, kCArmStateChannel), history_(bus, kCArmStateChannel) {}
 
-  /// Hears what has come, and answers the newest frame that waits; nothing comes back when none does. To be called
-  /// whenever the bus was handled, and at least as often as frames should come.
-  ///
-  /// @param now_us  The caller's own clock [us].
-  std::optional<ServoReport> answer(std::int64_t now_us);
-
-  /// Frames and states that could not be decoded.
-  std::int64_t refused() const { return frames_.refused() + joints_.refused(); }
-
-  const SafetySupervisor& safety() const { return safety_; }
-  const ServoLoop& loop() const { return loop_; }
+  bool heard() const { return !history_.empty(); }
+  void hear(SafetySupervisor<MotionMonitor>& safety, std::int64_t now_us) {
+    if (const auto state = newest_.take()) safety.observe(*state, now_us);
+  }
+  std::optional<ServoInput> at(std::int64_t time_us, std::int64_t frame_sequence) const {
+    const auto state = history_.at(time_us);
+    return state ? std::optional(ServoInput{time_us, frame_sequence, *state}) : std::nullopt;
+  }
+  void forget() { history_.forget(); }
+  std::int64_t refused() const { return history_.refused(); }
 
  private:
-  void hear(std::int64_t now_us);
-  void judge(const ServoReport& report, const CArmState& state, std::int64_t now_us);
-  ServoReport answerOf(const ToldFrame& told, const CArmState& state, std::int64_t now_us);
-  void say(ServoStatus status);
-
-  Bus& bus_;
-  CArmGeometry carm_;
-  FrameMailbox frames_;
-  LatestValue<CArmState> newest_joints_;
-  HeardRequests requests_;
-  JointHistory joints_;
-  ServoLoop loop_;
-  SafetySupervisor safety_;
-  std::int64_t said_transitions_ = 0;
-  ServoStatus last_status_;
+  LatestValue<CArmState> newest_;
+  JointHistory history_;
 };
 
-/// The messages that say what the loop did. A pose, covariance or residual that is not finite is left at identity and
-/// zero; its status is then not "converged".
+template <>
+struct NodeTraits<ServoLoop> {
+  using Monitor = MotionMonitor;
+  using States = CArmStates;
+  static constexpr OperatedMachine kMachine = OperatedMachine::kCArm;
+  static constexpr const char* kCommandChannel = kCArmCommandChannel;
+  static constexpr const char* kInputChannel = kServoInputChannel;
+  static constexpr const char* kStatusChannel = kServoStatusChannel;
+  static constexpr const char* kStateChannels[] = {kCArmStateChannel};
+
+  static SafetySupervisor<MotionMonitor> safety(const ServoLoop& loop);
+  static const CArmState& arm(const ServoInput& input) { return input.state; }
+  static void publish(Bus& bus, const ServoLoop& loop, const ServoReport& report);
+  static ServoStatus status(const ServoReport& report);
+};
+
+/// The C-arm's loop on a bus: hears XRAY_FRAME, CARM_STATE and SERVO_REQUEST, publishes CARM_COMMAND, SERVO_INPUT,
+/// SERVO_STATUS, and REGISTRATION of each frame that was looked at. As its settings say, it hears REGISTRATION, and
+/// does not publish it then, and CATHETER_TIP. Made of ServoLoopSettings and a VesselTree.
+using ServoNode = SupervisedNode<ServoLoop>;
+
+/// The messages that say what the loop did.
 RegistrationMessage registrationMessage(const ServoReport& report);
 ServoStatus servoStatus(const ServoReport& report);
 

@@ -7,7 +7,8 @@
 
 #include "angio/messaging/messages.hpp"
 #include "angio/servo/desired_view.hpp"
-#include "angio/servo/watched_place.hpp"
+#include "angio/servo/patient_observation.hpp"
+#include "angio/servo/point_of_interest.hpp"
 
 namespace angio {
 
@@ -28,14 +29,17 @@ struct TaskInput {
   std::optional<Eigen::Vector3d> target_model = std::nullopt;
   Eigen::Matrix3d target_covariance = Eigen::Matrix3d::Zero();  ///< Of it, model axes [m^2].
 
+  /// This frame's own registration.
+  PatientObservation patient() const { return {T_camera_model, covariance}; }
+
   /// What the frame shows of the place that the task watches; nothing: only what the registration says.
-  std::optional<PlaceSight> place = std::nullopt;
+  std::optional<PointObservation> place = std::nullopt;
 };
 
 /// What a task wants. The default stands still.
 struct TaskAnswer {
   std::optional<CArmJoints> velocity;          ///< Before any limit [rad/s, m/s]; nothing: hold.
-  std::optional<std::string> held;             ///< Why it holds; nothing while it has a velocity.
+  std::optional<std::string> hold_reason;      ///< Why it holds; nothing while it has a velocity.
   std::optional<ViewError> view_error;         ///< From the desired view, where the task has one.
   std::optional<Eigen::Vector2d> pixel_error;  ///< From the target's desired pixel, where the task has one.
   bool reached = false;                        ///< The task's end is reached; it goes on keeping it.
@@ -48,7 +52,7 @@ class Task {
   virtual ~Task() = default;
 
   /// What it wants to have seen for itself; asked once, before the first frame.
-  virtual std::optional<WatchedPlace> place() const { return std::nullopt; }
+  virtual std::optional<PointOfInterest> place() const { return std::nullopt; }
 
   /// Whether its target is a catheter's tip: then every input has to say where that is.
   virtual bool followsTip() const { return false; }

@@ -34,20 +34,28 @@ class CArmMotionLimiter {
   /// finite, or the validity [s] not positive.
   CArmMotionLimiter(const CArmLimits& limits, double command_validity_s);
 
-  /// The velocity to command [rad/s, m/s]; zero when a number is not finite.
+  /// Returns the velocity to command [rad/s, m/s]; zero when a number is not finite. Lets `period_s` pass: call exactly
+  /// one of propose() or pass() per frame, and then commit().
   ///
   /// @param wanted    Joint velocities [rad/s, m/s].
   /// @param joints    As measured ...
   /// @param age_s     ... this long before the command takes effect (latency): the arm's way since then is added, by
-  ///                  the commands that were made.
+  ///                  the commands that were sent.
   /// @param period_s  Since the command before [s, > 0], which was in force for so long, and until the next one.
+  CArmJoints propose(const CArmJoints& wanted, const CArmJoints& joints, double age_s, double period_s);
+
+  /// Lets time pass for a frame that holds; zero or less: no time.
+  void pass(double period_s);
+
+  /// The velocity that was sent for this frame: the proposed one, or zero, after which the arm brakes as hard as it
+  /// can, its jerk aside.
+  void commit(const CArmJoints& sent) { command_ = sent; }
+
+  /// propose() and commit() in one, for a caller that sends what it is given.
   CArmJoints limit(const CArmJoints& wanted, const CArmJoints& joints, double age_s, double period_s);
 
-  /// Stands still: the arm brakes as hard as it can, its jerk aside. To be called for every frame that holds.
+  /// pass() and commit() of a command to stand still.
   CArmJoints rest(double period_s);
-
-  /// The last command did not go out; one that stands still did.
-  void takeBack() { command_.setZero(); }
 
   /// Where the arm is when the command takes effect, by joints that were measured `age_s` before.
   CArmJoints predicted(const CArmJoints& joints, double age_s) const;
@@ -71,7 +79,7 @@ class CArmMotionLimiter {
   double command_validity_s_;
   CArmJoints velocity_ = CArmJoints::Zero();      // Of the arm, now, as modelled.
   CArmJoints acceleration_ = CArmJoints::Zero();  // Its mean over the last period.
-  CArmJoints command_ = CArmJoints::Zero();       // The last one.
+  CArmJoints command_ = CArmJoints::Zero();       // The last one that was sent.
   std::deque<Piece> past_;                        // Newest last.
 };
 

@@ -40,6 +40,9 @@ struct DriveMonitorSettings {
 /// catheter's tip, which may well stand still, it says nothing.
 class DriveMonitor {
  public:
+  using State = CatheterState;
+  using Command = CatheterCommand;
+
   /// @param largest_bend_rad  Where bending ends. Throws InputError when a setting is out of its range.
   DriveMonitor(const DriveMonitorSettings& settings, double largest_bend_rad);
 

@@ -66,7 +66,7 @@ struct RehearsalFrame {
   Eigen::Vector3d target_camera = Eigen::Vector3d::Zero();  ///< Where the target really was in the camera then [m].
   double target_off_m = 0;  ///< Its image from where the task wants it, as a distance at the isocentre.
   TaskAnswer task;          ///< What the loop believed.
-  std::optional<std::string> held;
+  std::optional<std::string> hold_reason;
   RegistrationStatus status = RegistrationStatus::kTooFewPoints;
   double model_residual_px = 0, image_residual_px = 0;
   int points_2d = 0;

@@ -8,7 +8,7 @@
 namespace angio {
 
 /// A place of the model that a task wants to have seen for itself, besides the tree as a whole.
-struct WatchedPlace {
+struct PointOfInterest {
   Eigen::Vector3d model = Eigen::Vector3d::Zero();  ///< [m].
   double near_m = 0;  ///< How far around it the image is looked at for how it lies; 0: not at all.
   double std_m = 0;   ///< How far it may lie from where the registration puts it, per axis.
@@ -21,7 +21,7 @@ struct ImageShift {
 };
 
 /// What a frame shows of a watched place.
-struct PlaceSight {
+struct PointObservation {
   /// The registration as it is around the place: the tree's, carried across the beam to where a bent one has the place.
   /// How far along the beam, one view does not tell.
   Pose T_camera_model = Pose::Identity();

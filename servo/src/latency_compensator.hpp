@@ -10,9 +10,9 @@ namespace angio {
 
 /// The commands that were given and do not move the machine yet: what a loop with a latency has to know of itself.
 /// Source: O. J. M. Smith, Closer control of loops with dead time, Chem. Eng. Progress 53 (1957).
-class CommandsInFlight {
+class LatencyCompensator {
  public:
-  explicit CommandsInFlight(const CArmLimits& limits) : limits_(limits) {}
+  explicit LatencyCompensator(const CArmLimits& limits) : limits_(limits) {}
 
   /// Takes note of the command before this frame, and says where the joints will be, and how fast, when this frame's
   /// command begins to move them: commands act `latency_s` after their frames, and joints follow with their

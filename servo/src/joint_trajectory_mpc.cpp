@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "followed_path.hpp"
+#include "joint_trajectory_mpc.hpp"
 
 #include <Eigen/Core>
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/freshness_gate.hpp"
+#include "angio/servo/message_timing_monitor.hpp"
 
 #include <gmock/gmock.h>
 
@@ -28,18 +28,18 @@ class Freshness : public testing::Test {
   }
   // What is said of frame k, `late_ms` after it was exposed; empty when nothing.
   std::string said(const XrayFrame& f, std::int64_t k, double late_ms = 20) {
-    const auto o = gate_.objection(f, k * kPeriod_us + std::llround(1e3 * late_ms));
+    const auto o = gate_.rejection(f, k * kPeriod_us + std::llround(1e3 * late_ms));
     if (!o) return "";
     return o->cause == ServoCause::kFrameDoubted ? o->reason : std::string(nameOf(o->cause)) + ": " + o->reason;
   }
   std::string said(const CArmState& s, std::int64_t k, double late_ms = 1) {
-    const auto o = gate_.objection(s, k * kPeriod_us + std::llround(1e3 * late_ms));
+    const auto o = gate_.rejection(s, k * kPeriod_us + std::llround(1e3 * late_ms));
     return o ? std::string(nameOf(o->cause)) + ": " + o->reason : "";
   }
 
-  FreshnessSettings settings_;
+  MessageTimingSettings settings_;
   CArmLimits limits_ = CArmLimits::typical();
-  FreshnessGate gate_{settings_, limits_};
+  MessageTimingMonitor gate_{settings_, limits_};
 };
 
 TEST_F(Freshness, HasNothingAgainstASteadyStreamWithJitterAndGaps) {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "local_shift.hpp"
+#include "local_offset_estimator.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/simulation/simulated_carm.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
-#include "commands_in_flight.hpp"
+#include "latency_compensator.hpp"
 
 namespace angio {
 namespace {
@@ -22,7 +22,7 @@ class LocalShifts : public testing::Test {
 };
 
 TEST_F(LocalShifts, FindWhereTheImageShowsThePlace) {
-  const LocalShift near(tree_, {target_, 15e-3, 2e-3});
+  const LocalOffsetEstimator near(tree_, {target_, 15e-3, 2e-3});
   for (int k = 0; k < 10; ++k) {
     const Eigen::Vector2d shift_px = 5 * Eigen::Vector2d(random_.normal(), random_.normal());
     Centerline2d seen = projectedCenterline(tree_, camera_, T_);
@@ -38,7 +38,7 @@ TEST_F(LocalShifts, FindWhereTheImageShowsThePlace) {
 
 // Of the place's vessels most are seen, unsurely, where they are, and beside the others there is something sure.
 TEST_F(LocalShifts, AreNotDrawnToANeighbour) {
-  const LocalShift near(tree_, {target_, 15e-3, 2e-3});
+  const LocalOffsetEstimator near(tree_, {target_, 15e-3, 2e-3});
   const Centerline2d all = projectedCenterline(tree_, camera_, T_);
   // Along the vessel that the place is on, nothing would tell the two apart.
   for (const double across_deg : {60.0, 90.0, 120.0, 240.0, 270.0, 300.0}) {
@@ -71,7 +71,7 @@ TEST_F(LocalShifts, SayNothingAboutADirectionThatIsNotSeen) {
   T.translation().z() = 0.75;
   Centerline2d seen = projectedCenterline(line, camera_, T);
   seen.points_px.row(1).array() += 4;
-  const auto found = LocalShift(line, {Eigen::Vector3d::Zero(), 15e-3, 2e-3}).look(seen, camera_, T);
+  const auto found = LocalOffsetEstimator(line, {Eigen::Vector3d::Zero(), 15e-3, 2e-3}).look(seen, camera_, T);
   ASSERT_TRUE(found);
   EXPECT_NEAR(found->shift_px.y(), 4, 0.2);
   EXPECT_NEAR(found->shift_px.x(), 0, 0.01);
@@ -81,7 +81,7 @@ TEST_F(LocalShifts, SayNothingAboutADirectionThatIsNotSeen) {
 }
 
 TEST_F(LocalShifts, NothingNearIsNothing) {
-  const LocalShift near(tree_, {target_, 15e-3, 2e-3});
+  const LocalOffsetEstimator near(tree_, {target_, 15e-3, 2e-3});
   EXPECT_FALSE(near.look(Centerline2d{}, camera_, T_));
   Pose behind = T_;
   behind.translation().z() -= 2;
@@ -92,12 +92,12 @@ TEST_F(LocalShifts, NothingNearIsNothing) {
 }
 
 // What a loop expects of commands under way is what the arm does with them.
-TEST(CommandsInFlight, AreWhatTheArmWillHaveDone) {
+TEST(LatencyCompensator, AreWhatTheArmWillHaveDone) {
   const CArmLimits limits = CArmLimits::typical();
   constexpr std::int64_t kPeriod_us = 66'000, kLatency_us = 80'000;
   test::Random random(5);
   SimulatedCArm arm(limits, CArmJoints::Zero(), 0);
-  CommandsInFlight in_flight(limits);
+  LatencyCompensator in_flight(limits);
   std::deque<std::pair<std::int64_t, CArmCommand>> under_way;
   const auto advance = [&](std::int64_t until_us) {
     while (!under_way.empty() && under_way.front().first <= until_us) {

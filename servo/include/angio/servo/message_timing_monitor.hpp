@@ -10,7 +10,7 @@
 
 namespace angio {
 
-struct FreshnessSettings {
+struct MessageTimingSettings {
   double most_frame_age_ms = 300;    ///< Later than the quickest frames, or than the newest joints.
   double most_clock_jump_ms = 1000;  ///< That a sender's clock may gain on ours between two messages.
   double clock_drift_ppm = 200;      ///< That it may lose for ever: what is called the quickest frame follows.
@@ -27,7 +27,7 @@ struct FreshnessSettings {
 };
 
 /// What speaks against a message. A cause other than kFrameDoubted is a fault.
-struct Objection {
+struct Rejection {
   ServoCause cause = ServoCause::kFrameDoubted;
   std::string reason;
 };
@@ -36,17 +36,20 @@ struct Objection {
 ///
 /// Senders' clocks need not be ours. How late a message is counts from the quickest one so far, so a delay that never
 /// changes is not seen against our clock; against the newest joints, whose sender's clock is the frames', it is.
-class FreshnessGate {
+class MessageTimingMonitor {
  public:
   /// Throws InputError when a setting is out of its range.
-  FreshnessGate(const FreshnessSettings& settings, const CArmLimits& limits);
+  MessageTimingMonitor(const MessageTimingSettings& settings, const CArmLimits& limits);
 
   /// What speaks against a frame that is read at `now_us`, our clock [us]. Keeps its image until the next one: pixels
   /// that are the same under a new sequence number are no new look.
-  std::optional<Objection> objection(const XrayFrame& frame, std::int64_t now_us);
+  std::optional<Rejection> rejection(const XrayFrame& frame, std::int64_t now_us);
 
   /// What speaks against the newest joints. Joints far out of their range or speed are in wrong units.
-  std::optional<Objection> objection(const CArmState& state, std::int64_t now_us);
+  std::optional<Rejection> rejection(const CArmState& state, std::int64_t now_us);
+
+  /// What speaks against the newest state of a catheter's drive.
+  std::optional<Rejection> rejection(const CatheterState& state, std::int64_t now_us);
 
   /// Time of the newest frame, its sender's clock [us]; 0 when none has come.
   std::int64_t newestFrame_us() const { return frame_ ? frame_->time_us : 0; }
@@ -60,13 +63,13 @@ class FreshnessGate {
     double least_lag_us;  // Our clock less the sender's, of the quickest message.
   };
 
-  std::optional<Objection> follow(std::optional<Arrival>& last, std::int64_t now_us, std::int64_t time_us,
+  std::optional<Rejection> follow(std::optional<Arrival>& last, std::int64_t now_us, std::int64_t time_us,
                                   std::int64_t sequence, const char* what) const;
-  std::optional<Objection> implausible(const CArmState& state) const;
+  std::optional<Rejection> implausible(const CArmState& state) const;
 
-  FreshnessSettings settings_;
+  MessageTimingSettings settings_;
   CArmLimits limits_;
-  std::optional<Arrival> frame_, joints_;
+  std::optional<Arrival> frame_, joints_, drive_;
   std::optional<CArmState> last_state_;
   cv::Mat last_image_;
 };

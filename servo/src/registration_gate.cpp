@@ -1,31 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/supervisor.hpp"
+#include "angio/servo/registration_gate.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 
 #include "angio/base/errors.hpp"
+#include "angio/servo/patient_observation.hpp"
 
 namespace angio {
 namespace {
 
-// Standard deviation of T * target in the worst direction that is needed [m]: d(T p) = dt - (R p)^ dw for the
-// covariance of (t, rotation). Across the beam: of the point p where it is seen, d(x - z p.x / p.z) and the same of y.
-double worstTargetStd(const RegistrationResult& seen, const Eigen::Vector3d& target, TargetNeed need) {
-  Eigen::Matrix<double, 3, 6> J;
-  J << Eigen::Matrix3d::Identity(), -skew(seen.T_camera_model.linear() * target);
-  const Eigen::Matrix3d covariance = J * *seen.covariance * J.transpose();
-  if (need == TargetNeed::kAcrossBeam) {
-    const Eigen::Vector3d p = seen.T_camera_model * target;
-    Eigen::Matrix<double, 2, 3> across;
-    across << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
-    const Eigen::Matrix2d seen_across = across * covariance * across.transpose();
-    return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(seen_across).eigenvalues()[1]));
-  }
-  return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues()[2]));
-}
-
-const SupervisorSettings& checked(const SupervisorSettings& settings) {
+const RegistrationGateSettings& checked(const RegistrationGateSettings& settings) {
   checkSettings("supervisor", settings);
   return settings;
 }
@@ -36,14 +20,11 @@ std::string over(const std::string& what, double value, double most) {
 
 }  // namespace
 
-Supervisor::Supervisor(const SupervisorSettings& settings, const CArmLimits& limits,
-                       const Eigen::Vector3d& target_model, TargetNeed need)
-    : settings_(checked(settings)),
-      target_(target_model),
-      need_(need),
-      limiter_(limits, 1e-3 * settings.command_valid_ms) {}
+RegistrationGate::RegistrationGate(const RegistrationGateSettings& settings, const Eigen::Vector3d& target_model,
+                                   TargetNeed need)
+    : settings_(checked(settings)), target_(target_model), need_(need) {}
 
-std::optional<std::string> Supervisor::objection(const XrayFrame& frame, const CArmState& state) const {
+std::optional<std::string> RegistrationGate::rejection(const XrayFrame& frame, const CArmState& state) const {
   const int type = frame.image.type();
   if (frame.image.empty() || (type != CV_8UC1 && type != CV_16UC1)) return "the frame has no image of 8 or 16 bit";
   if (frame.image.cols != frame.camera.width_px() || frame.image.rows != frame.camera.height_px()) {
@@ -57,8 +38,8 @@ std::optional<std::string> Supervisor::objection(const XrayFrame& frame, const C
   return std::nullopt;
 }
 
-std::optional<std::string> Supervisor::objection(const RegistrationResult& seen, const Pose& calibrated,
-                                                 const std::optional<Pose>& predicted) const {
+std::optional<std::string> RegistrationGate::rejection(const RegistrationResult& seen, const Pose& calibrated,
+                                                       const std::optional<Pose>& predicted) const {
   if (seen.status != RegistrationStatus::kConverged) {
     return "registration " + statusName(seen.status) + ": " + seen.reason;
   }
@@ -75,15 +56,17 @@ std::optional<std::string> Supervisor::objection(const RegistrationResult& seen,
       return far;
     }
   }
-  const double std_mm = 1e3 * worstTargetStd(seen, target_, need_);
+  const PatientObservation patient{seen.T_camera_model, *seen.covariance};
+  const double std_mm =
+      1e3 * (need_ == TargetNeed::kAcrossBeam ? patient.worstStdAcross_m(target_) : patient.worstStd_m(target_));
   if (!(std_mm <= settings_.most_target_std_mm)) {
     return over("uncertainty of the target [mm]", std_mm, settings_.most_target_std_mm);
   }
   return std::nullopt;
 }
 
-std::optional<std::string> Supervisor::tooFar(const Pose& seen, const Pose& expected, double most_deg, double most_mm,
-                                              double most_depth_mm, const char* what) const {
+std::optional<std::string> RegistrationGate::tooFar(const Pose& seen, const Pose& expected, double most_deg,
+                                                    double most_mm, double most_depth_mm, const char* what) const {
   const double turned_deg = radToDeg(rotationAngle(seen.linear() * expected.linear().transpose()));
   const Eigen::Vector3d moved_mm = 1e3 * (seen * target_ - expected * target_);
   const double across_mm = moved_mm.head<2>().norm(), along_mm = std::abs(moved_mm.z());
@@ -94,7 +77,5 @@ std::optional<std::string> Supervisor::tooFar(const Pose& seen, const Pose& expe
   }
   return std::nullopt;
 }
-
-std::int64_t Supervisor::commandValidity_us() const { return std::llround(settings_.command_valid_ms * 1e3); }
 
 }  // namespace angio

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "commands_in_flight.hpp"
+#include "latency_compensator.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -20,7 +20,7 @@ void follow(CArmJoints& joints, CArmJoints& velocity, const CArmJoints& wanted, 
 
 }  // namespace
 
-CArmState CommandsInFlight::atArrival(const TaskInput& input) {
+CArmState LatencyCompensator::atArrival(const TaskInput& input) {
   const double now_s = 1e-6 * static_cast<double>(input.time_us), from_s = now_s;
   if (interrupted_) commands_.push_back({last_frame_s_ + 1e-6, CArmJoints::Zero()});
   interrupted_ = false;

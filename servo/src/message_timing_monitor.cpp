@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/freshness_gate.hpp"
+#include "angio/servo/message_timing_monitor.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -32,28 +32,30 @@ bool sameImage(const cv::Mat& a, const cv::Mat& b) {
 
 }  // namespace
 
-FreshnessGate::FreshnessGate(const FreshnessSettings& settings, const CArmLimits& limits)
+MessageTimingMonitor::MessageTimingMonitor(const MessageTimingSettings& settings, const CArmLimits& limits)
     : settings_(settings), limits_(limits) {
   checkSettings("freshness", settings_);
 }
 
-void FreshnessGate::forget() {
+void MessageTimingMonitor::forget() {
   frame_.reset();
   joints_.reset();
+  drive_.reset();
   last_state_.reset();
   last_image_.release();
 }
 
 // Order and clock of one sender's messages.
-std::optional<Objection> FreshnessGate::follow(std::optional<Arrival>& last, std::int64_t now_us, std::int64_t time_us,
-                                               std::int64_t sequence, const char* what) const {
+std::optional<Rejection> MessageTimingMonitor::follow(std::optional<Arrival>& last, std::int64_t now_us,
+                                                      std::int64_t time_us, std::int64_t sequence,
+                                                      const char* what) const {
   const double lag_us = between_us(time_us, now_us);
   if (!last) {
     last = Arrival{now_us, time_us, sequence, lag_us};
     return std::nullopt;
   }
   if (sequence <= last->sequence && time_us <= last->time_us) {
-    return Objection{ServoCause::kFrameDoubted, std::string(what) + " came twice or late"};
+    return Rejection{ServoCause::kFrameDoubted, std::string(what) + " came twice or late"};
   }
   const double passed_us = between_us(last->now_us, now_us), ticked_us = between_us(last->time_us, time_us);
   const bool began_again = sequence < last->sequence;
@@ -61,20 +63,20 @@ std::optional<Objection> FreshnessGate::follow(std::optional<Arrival>& last, std
   const double quickest_us = std::min(lag_us, last->least_lag_us + 1e-6 * settings_.clock_drift_ppm * passed_us);
   last = Arrival{now_us, time_us, sequence, began_again || jumped ? lag_us : quickest_us};
   if (began_again) {
-    return Objection{ServoCause::kFrameDoubted, std::string("the sender of ") + what + " began again"};
+    return Rejection{ServoCause::kFrameDoubted, std::string("the sender of ") + what + " began again"};
   }
   if (!jumped) return std::nullopt;
-  return Objection{ServoCause::kClockJumped, std::string(what) + " went on by " + shown(1e-3 * ticked_us) + " ms in " +
+  return Rejection{ServoCause::kClockJumped, std::string(what) + " went on by " + shown(1e-3 * ticked_us) + " ms in " +
                                                  shown(1e-3 * passed_us) + " ms"};
 }
 
-std::optional<Objection> FreshnessGate::objection(const XrayFrame& frame, std::int64_t now_us) {
+std::optional<Rejection> MessageTimingMonitor::rejection(const XrayFrame& frame, std::int64_t now_us) {
   if (auto wrong = follow(frame_, now_us, frame.time_us, frame.sequence, "frames")) return wrong;
   const bool frozen = sameImage(frame.image, last_image_);
   last_image_ = frame.image;
-  const auto doubt = [](std::string reason) { return Objection{ServoCause::kFrameDoubted, std::move(reason)}; };
+  const auto doubt = [](std::string reason) { return Rejection{ServoCause::kFrameDoubted, std::move(reason)}; };
   if (frozen) return doubt("the image is frozen: a new frame with the last one's pixels");
-  const auto tooOld = [&](double age_us, const char* against) -> std::optional<Objection> {
+  const auto tooOld = [&](double age_us, const char* against) -> std::optional<Rejection> {
     if (age_us <= 1e3 * settings_.most_frame_age_ms) return std::nullopt;
     return doubt("the frame is " + shown(1e-3 * age_us) + " ms later than " + against + ": at most " +
                  shown(settings_.most_frame_age_ms));
@@ -83,7 +85,7 @@ std::optional<Objection> FreshnessGate::objection(const XrayFrame& frame, std::i
   return joints_ ? tooOld(between_us(frame.time_us, joints_->time_us), "the newest joints") : std::nullopt;
 }
 
-std::optional<Objection> FreshnessGate::implausible(const CArmState& state) const {
+std::optional<Rejection> MessageTimingMonitor::implausible(const CArmState& state) const {
   const auto about = [](int joint, double value, const char* what) {
     return std::string(kJointNames[joint]) + " at " + shown(value) + what;
   };
@@ -92,33 +94,38 @@ std::optional<Objection> FreshnessGate::implausible(const CArmState& state) cons
     const double half_range = 0.5 * (limits_.upper[i] - limits_.lower[i]);
     const double margin = i < 2 ? settings_.limit_margin_deg * kPi / 180 : 1e-3 * settings_.limit_margin_mm;
     if (std::abs(q - middle) > kImplausible * half_range + margin) {
-      return Objection{ServoCause::kJointsImplausible, about(i, q, ", far out of its range: in wrong units?")};
+      return Rejection{ServoCause::kJointsImplausible, about(i, q, ", far out of its range: in wrong units?")};
     }
     if (std::abs(state.velocity[i]) > kImplausible * limits_.velocity[i]) {
-      return Objection{ServoCause::kJointsImplausible, about(i, state.velocity[i], " a second: in wrong units?")};
+      return Rejection{ServoCause::kJointsImplausible, about(i, state.velocity[i], " a second: in wrong units?")};
     }
     if (last_state_) {
       const double dt_s = 1e-6 * between_us(last_state_->time_us, state.time_us), way = q - last_state_->joints[i];
       if (std::abs(way) > kSpeedMargin * limits_.velocity[i] * std::max(0.0, dt_s) + margin) {
-        return Objection{ServoCause::kJointsImplausible, about(i, q, ", further than it can have moved")};
+        return Rejection{ServoCause::kJointsImplausible, about(i, q, ", further than it can have moved")};
       }
     }
     if (std::abs(q - middle) > half_range + margin) {
-      return Objection{ServoCause::kJointLimitBroken, about(i, q, "")};
+      return Rejection{ServoCause::kJointLimitBroken, about(i, q, "")};
     }
   }
   return std::nullopt;
 }
 
-std::optional<Objection> FreshnessGate::objection(const CArmState& state, std::int64_t now_us) {
+std::optional<Rejection> MessageTimingMonitor::rejection(const CArmState& state, std::int64_t now_us) {
   if (!state.joints.allFinite() || !state.velocity.allFinite()) {
-    return Objection{ServoCause::kJointsNotFinite, "joint positions or velocities are NaN or infinite"};
+    return Rejection{ServoCause::kJointsNotFinite, "joint positions or velocities are NaN or infinite"};
   }
   if (joints_ && state.sequence == joints_->sequence && state.time_us == joints_->time_us) return std::nullopt;
   if (auto wrong = follow(joints_, now_us, state.time_us, state.sequence, "joints")) return wrong;
   const auto wrong = implausible(state);
   last_state_ = state;
   return wrong;
+}
+
+std::optional<Rejection> MessageTimingMonitor::rejection(const CatheterState& state, std::int64_t now_us) {
+  if (drive_ && state.sequence == drive_->sequence && state.time_us == drive_->time_us) return std::nullopt;
+  return follow(drive_, now_us, state.time_us, state.sequence, "the drive's states");
 }
 
 }  // namespace angio

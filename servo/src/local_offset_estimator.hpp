@@ -4,16 +4,16 @@
 #include <optional>
 
 #include "angio/geometry/xray_camera.hpp"
-#include "angio/servo/watched_place.hpp"
+#include "angio/servo/point_of_interest.hpp"
 #include "angio/vessel/centerline2d.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio {
 
 /// The vessels near a place of a tree, and how far the image shows them from where a rigid registration puts them.
-class LocalShift {
+class LocalOffsetEstimator {
  public:
-  LocalShift(const VesselTree& tree, const WatchedPlace& place);
+  LocalOffsetEstimator(const VesselTree& tree, const PointOfInterest& place);
 
   /// Nothing when no vessel near the place is in the image and in the picture.
   std::optional<ImageShift> look(const Centerline2d& centerline, const XrayCamera& camera,
@@ -22,7 +22,7 @@ class LocalShift {
  private:
   Eigen::Matrix3Xd points_, tangents_;  // Model frame, within near_m, about kSpacing_m apart.
   Eigen::VectorXd weight_;              // By distance from the place.
-  WatchedPlace place_;
+  PointOfInterest place_;
 };
 
 }  // namespace angio

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "local_shift.hpp"
+#include "local_offset_estimator.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -119,7 +119,7 @@ double costOf(const Laid& laid, const Vessels& vessels, const Seen& seen, double
 
 }  // namespace
 
-LocalShift::LocalShift(const VesselTree& tree, const WatchedPlace& place) : place_(place) {
+LocalOffsetEstimator::LocalOffsetEstimator(const VesselTree& tree, const PointOfInterest& place) : place_(place) {
   const double near_m = place.near_m;
   std::vector<Eigen::Vector3d> points, tangents;
   for (int i = 0; i < tree.size(); ++i) {
@@ -145,8 +145,8 @@ LocalShift::LocalShift(const VesselTree& tree, const WatchedPlace& place) : plac
   }
 }
 
-std::optional<ImageShift> LocalShift::look(const Centerline2d& centerline, const XrayCamera& camera,
-                                           const Pose& T_camera_model) const {
+std::optional<ImageShift> LocalOffsetEstimator::look(const Centerline2d& centerline, const XrayCamera& camera,
+                                                     const Pose& T_camera_model) const {
   const Eigen::Vector3d target_camera = T_camera_model * place_.model;
   const auto target_px = camera.project(target_camera);
   if (!target_px || points_.cols() == 0 || centerline.size() == 0) return std::nullopt;

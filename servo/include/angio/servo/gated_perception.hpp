@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "angio/servo/patient_observation.hpp"
+#include "angio/servo/perception.hpp"
+#include "angio/servo/registration_gate.hpp"
+
+namespace angio {
+
+/// What a frame shows, and whether it may be used.
+struct GatedObservation {
+  Observation observation;
+  std::optional<std::string> rejection;       ///< Why it may not be used; nothing when it may.
+  std::optional<PatientObservation> patient;  ///< Where the model is; nothing when the observation was rejected.
+
+  /// Whether a sound registration says what cannot be: it converged, far from calibration or prediction.
+  bool contradicts() const { return rejection && observation.registration.status == RegistrationStatus::kConverged; }
+};
+
+/// Perception behind the gate: every loop and node observes frames through this. An observation that passes the gate is
+/// tracked, one that does not is counted as missed.
+class GatedPerception {
+ public:
+  /// @param T_dsa_cb      Calibrated: the model frame in the patient frame.
+  /// @param target_model  The point whose place matters [m].
+  /// @param need          The directions in which it matters.
+  /// @param point         A place that is observed for itself besides the tree.
+  /// Throws InputError when a setting is out of its range.
+  GatedPerception(const PerceptionSettings& perception, const RegistrationGateSettings& gate, const CArmGeometry& carm,
+                  const Pose& T_dsa_cb, const VesselTree& tree, const Eigen::Vector3d& target_model,
+                  TargetNeed need = TargetNeed::kEverywhere, const std::optional<PointOfInterest>& point = std::nullopt)
+      : perception_(perception, carm, T_dsa_cb, tree, point), gate_(gate, target_model, need) {}
+
+  /// Why a frame must not be read with these joints; nothing when it may.
+  std::optional<std::string> rejection(const XrayFrame& frame, const CArmState& state) const {
+    return gate_.rejection(frame, state);
+  }
+
+  /// Observes a frame that was exposed while the joints were as in `state`.
+  GatedObservation observe(const XrayFrame& frame, const CArmState& state);
+
+  /// Uses another program's registration of the frame.
+  GatedObservation adopt(const RegistrationResult& registration, const CArmState& state);
+
+  /// Learns how the patient moves, when what a frame was wanted for is out. Takes some milliseconds now and then.
+  void learn() { perception_.learn(); }
+
+  ModelId modelId() const { return perception_.modelId(); }
+
+  /// Where the model is with these joints: by calibration alone, and by all frames that were accepted.
+  Pose calibrated_T_camera_model(const CArmJoints& joints) const {
+    return perception_.calibrated_T_camera_model(joints);
+  }
+  Pose tracked_T_camera_model(const CArmJoints& joints) const { return perception_.tracked_T_camera_model(joints); }
+
+ private:
+  GatedObservation gated(Observation observation, const CArmState& state);
+
+  Perception perception_;
+  RegistrationGate gate_;
+};
+
+}  // namespace angio

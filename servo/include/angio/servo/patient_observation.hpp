@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/geometry/se3.hpp"
+
+namespace angio {
+
+/// Where one trusted frame shows the model: a pose and its covariance.
+struct PatientObservation {
+  Pose T_camera_model = Pose::Identity();
+  Matrix6d covariance =
+      Matrix6d::Zero();  ///< As RegistrationResult has it: (translation, rotation), camera axes [m, rad].
+
+  /// Returns the covariance J S J^T of a model point [m^2], where dp = dt - (R p)^ dw.
+  ///
+  /// @param R_axes_camera  The axes in which it is wanted, from the camera's; the camera's own by default.
+  Eigen::Matrix3d pointCovariance(const Eigen::Vector3d& p_model,
+                                  const Eigen::Matrix3d& R_axes_camera = Eigen::Matrix3d::Identity()) const;
+
+  /// Returns the standard deviation of a model point along the camera's optical axis [m].
+  double depthStd_m(const Eigen::Vector3d& p_model) const;
+
+  /// Returns the standard deviation of a model point in its worst direction [m].
+  double worstStd_m(const Eigen::Vector3d& p_model) const;
+
+  /// Returns the same across the ray to the point [m]: in the image, at the point's depth.
+  double worstStdAcross_m(const Eigen::Vector3d& p_model) const;
+};
+
+}  // namespace angio

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "angio/base/stopwatch.hpp"
+#include "angio/messaging/channels.hpp"
+#include "angio/messaging/mailbox.hpp"
+#include "angio/servo/frame_mailbox.hpp"
+#include "angio/servo/operator.hpp"
+#include "angio/servo/safety_supervisor.hpp"
+
+namespace angio {
+
+/// What SupervisedNode needs to know of a loop's machine; specialised beside each loop (servo_node.hpp,
+/// catheter_node.hpp):
+///
+///   Monitor                      compares the machine's motion with its commands
+///   kMachine                     whose operator is obeyed
+///   kCommandChannel, kInputChannel, kStatusChannel, kStateChannels
+///   States                       hears the machine's states: States(bus), hear(supervisor, now_us),
+///                                at(time_us, frame_sequence) -> optional<Input>, forget(), refused()
+///   safety(loop)                 the machine's SafetySupervisor<Monitor>
+///   arm(input)                   the C-arm's joints at the exposure
+///   publish(bus, loop, report)   what the loop says beside its command and its status
+///   status(report)               the status, without the supervisor's part
+template <typename Loop>
+struct NodeTraits;
+
+/// A loop on a bus under its supervisor: hears frames, states and requests, supervises, publishes the command and what
+/// else the loop says. Stands still until an operator has armed and started it.
+///
+/// A loop has the types Input, Command and Report, and
+///
+///   externalInputs()                    what other programs have to say of each frame
+///   propose(frame, input, external)     -> Report with a command that counts as sent only when committed
+///   refuse(frame, why)                  -> Report of a frame that must not be looked at
+///   withhold(report, why)               makes the proposal one to stand still
+///   commit(command)                     what was sent, once per propose() or refuse()
+///   learn()                             what need not be done before the command is out
+///   carm()                              the geometry of the C-arm that holds the camera
+///
+/// It knows neither clock nor bus, so that replay() gives the same commands, bit for bit.
+template <typename Loop>
+class SupervisedNode {
+ public:
+  using Traits = NodeTraits<Loop>;
+  using Report = typename Loop::Report;
+
+  /// Borrows the bus, which must outlive it; `setup` is what the loop is made of. Throws InputError as the loop does.
+  template <typename... Setup>
+  explicit SupervisedNode(Bus& bus, const Setup&... setup)
+      : bus_(bus),
+        loop_(setup...),
+        frames_(bus, loop_.externalInputs()),
+        states_(bus),
+        requests_(bus, Traits::kMachine),
+        safety_(Traits::safety(loop_)) {}
+
+  /// Hears what has come, and answers the newest frame that waits; nothing comes back when none does. To be called
+  /// whenever the bus was handled, and at least as often as frames should come.
+  ///
+  /// @param now_us  The caller's own clock [us].
+  std::optional<Report> answer(std::int64_t now_us) {
+    hear(now_us);
+    auto next = states_.heard() ? frames_.take() : std::nullopt;
+    if (!next) {
+      if (safety_.states().transitions() != said_transitions_) say(last_status_);
+      return std::nullopt;
+    }
+    Report report = answerOf(*next, now_us);
+    safety_.commanded(report.command);
+    publish(bus_, Traits::kCommandChannel, report.command);
+    Traits::publish(bus_, loop_, report);
+    say(Traits::status(report));
+    const Stopwatch learning;
+    loop_.learn();  // With the command on its way.
+    report.learning_s = learning.seconds();
+    return report;
+  }
+
+  /// Frames and states that could not be decoded.
+  std::int64_t refused() const { return frames_.refused() + states_.refused(); }
+
+  const SafetySupervisor<typename Traits::Monitor>& safety() const { return safety_; }
+  const ServoStateMachine& states() const { return safety_.states(); }
+  const Loop& loop() const { return loop_; }
+
+ private:
+  void hear(std::int64_t now_us) {
+    states_.hear(safety_, now_us);
+    for (const ServoRequest& request : requests_.take()) {
+      const bool refused = safety_.request(request, now_us).has_value();
+      if (!refused && request.request == ServoRequestKind::kReset) states_.forget();
+    }
+    safety_.wait(now_us);
+  }
+
+  // Proposes, asks for permission, and commits to what is sent. Says what a replay needs to know.
+  Report answerOf(const FrameWithEstimates& next, std::int64_t now_us) {
+    typename Loop::Input input = *states_.at(next.frame.time_us, next.frame.sequence);
+    const auto refused = safety_.begin(next.frame, now_us);
+    Report report = refused ? loop_.refuse(next.frame, *refused) : loop_.propose(next.frame, input, next.external);
+    if (refused) {
+      input.verdict = ServoVerdict::kRefused;
+    } else {
+      judge(report, Traits::arm(input), now_us);
+      const bool permitted = safety_.permits(report.command);
+      input.verdict = permitted ? ServoVerdict::kPermitted : ServoVerdict::kTakenBack;
+      if (!permitted) Loop::withhold(report, report.hold_reason.value_or(safety_.states().reason()));
+    }
+    loop_.commit(report.command);
+    publish(bus_, Traits::kInputChannel, input);
+    return report;
+  }
+
+  void judge(const Report& report, const CArmState& arm, std::int64_t now_us) {
+    if (!report.hold_reason) {
+      const Pose T_patient_camera = loop_.carm().T_camera_patient(arm.joints).inverse();
+      safety_.trust(T_patient_camera * report.patient->T_camera_model, T_patient_camera.linear().col(2), now_us);
+    } else {
+      using Doubt = FrameSupervisor::Doubt;
+      safety_.doubt(report.contradicts ? Doubt::kContradiction : Doubt::kUnseen, *report.hold_reason, now_us);
+    }
+  }
+
+  void say(ServoStatus status) {
+    safety_.describe(status);
+    publish(bus_, Traits::kStatusChannel, status);
+    said_transitions_ = status.transitions;
+    last_status_ = std::move(status);
+  }
+
+  Bus& bus_;
+  Loop loop_;
+  FrameMailbox frames_;
+  typename Traits::States states_;
+  HeardRequests requests_;
+  SafetySupervisor<typename Traits::Monitor> safety_;
+  std::int64_t said_transitions_ = 0;
+  ServoStatus last_status_;
+};
+
+}  // namespace angio

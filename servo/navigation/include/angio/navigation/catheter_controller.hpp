@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "angio/navigation/catheter_loop.hpp"
+#include "angio/navigation/drive_monitor.hpp"
+#include "angio/servo/external_estimates.hpp"
+#include "angio/servo/gated_perception.hpp"
+#include "angio/servo/safety_supervisor.hpp"
+
+namespace angio {
+
+/// How a catheter's controller observes and steers.
+struct CatheterControllerSettings {
+  CatheterLoopSettings loop;
+  PerceptionSettings perception;        ///< Of the roadmap.
+  RegistrationGateSettings supervisor;  ///< The same: which registrations are used.
+  int roadmap_frames = 3;               ///< Accepted registrations in a row that make a roadmap ...
+  int washed_out_frames = 3;         ///< ... and frames in a row without one, before the catheter alone is looked for.
+  double most_turn_deg = 0.3;        ///< Of the C-arm since the roadmap; more, and another one is needed.
+  double most_shift_error_mm = 0.5;  ///< The same, of the table: what the roadmap's unsure depth makes of its way.
+  double most_drive_age_ms = 150;    ///< Between a frame and the drive's state that it is read with.
+
+  /// Of the drive's permission to move: for a node, the controller itself knows no states.
+  SupervisionSettings safety = forDrive();
+  DriveMonitorSettings drive;
+
+  /// A frame that is 200 ms late shows a tip that may have been pushed past a fork since.
+  static SupervisionSettings forDrive() {
+    SupervisionSettings settings;
+    settings.freshness.most_frame_age_ms = 200;
+    return settings;
+  }
+
+  void visit(SettingsVisitor& v) {
+    loop.visit(v);
+    v.section("supervisor", [this](SettingsVisitor& s) { supervisor.visit(s); });
+    v.integer("roadmap_frames", roadmap_frames, 1, 1000);
+    v.integer("washed_out_frames", washed_out_frames, 1, 1000);
+    v.number("most_turn_deg", most_turn_deg, 0.01, 30);
+    v.number("most_shift_error_mm", most_shift_error_mm, 0.01, 100);
+    v.number("most_drive_age_ms", most_drive_age_ms, 1, 10e3);
+    safety.visit(v);
+    v.section("drive", [this](SettingsVisitor& s) { drive.visit(s); });
+  }
+};
+
+/// Where the C-arm is, and how the patient lies in it.
+struct CArmSetup {
+  CArmGeometry carm;
+  CArmLimits limits = CArmLimits::typical();
+  Pose T_dsa_cb = Pose::Identity();  ///< Calibrated: model frame in the patient frame.
+};
+
+/// What became of one frame.
+struct CatheterControllerReport {
+  CatheterReport loop;                        ///< Of a frame that was searched for the catheter; else at rest.
+  CatheterCommand command;                    ///< Proposed, and after commit() as it was sent. At rest while it holds.
+  std::optional<std::string> hold_reason;     ///< Why the drive stands still; nothing while it may move.
+  bool contradicts = false;                   ///< A sound registration says what cannot be.
+  bool roadmap = false;                       ///< The frame was searched for vessels.
+  std::optional<PatientObservation> patient;  ///< Where the model is, of a frame that may move the drive.
+  /// Where the tree was seen in the frame; or where the roadmap has it, good while the catheter is found along it.
+  /// Nothing of a frame that was refused.
+  std::optional<RegistrationResult> registration;
+  double learning_s = 0;  ///< Wall time of what was learnt after the command was sent [s].
+};
+
+/// Frames of a catheter's intervention become commands for its drive. Knows neither clock nor bus; the same frames and
+/// commits give the same commands, bit for bit.
+///
+/// A roadmap comes first: frames with contrast agent, from which the tree is registered, until the agent has washed
+/// out. Then each frame is searched for the catheter along the registered tree. When the C-arm has turned, or the table
+/// has gone far, the next roadmap is waited for.
+class CatheterController {
+ public:
+  using Input = CatheterInput;
+  using Command = CatheterCommand;
+  using Report = CatheterControllerReport;
+
+  /// Throws InputError when a setting is out of its range, or a place is none of the tree's.
+  CatheterController(const CArmSetup& setup, const VesselTree& tree, const TreePlace& start, const TreePlace& target,
+                     const CatheterControllerSettings& settings);
+
+  /// Proposes the answer to a frame that was exposed while the arm and the drive were as `input` says. Call commit()
+  /// exactly once after each propose() or refuse().
+  CatheterControllerReport propose(const XrayFrame& frame, const CatheterInput& input, const ExternalEstimates& = {});
+
+  /// Proposes to stand still for a frame that must not be looked at.
+  CatheterControllerReport refuse(const XrayFrame& frame, const std::string& why);
+
+  /// Makes a proposal one to stand still.
+  static void withhold(CatheterControllerReport& proposal, const std::string& why);
+
+  /// The command that was sent for the last frame.
+  void commit(const CatheterCommand& sent) { sequence_ = sent.sequence; }
+
+  /// Nothing is learnt between frames.
+  void learn() {}
+
+  /// A catheter's controller estimates everything itself.
+  ExternalInputs externalInputs() const { return {}; }
+
+  NavigationState navigation() const { return navigation_; }
+  const TreeMap& map() const { return loop_.navigator().map(); }
+  const CArmGeometry& carm() const { return setup_.carm; }
+  const CArmSetup& setup() const { return setup_; }
+  const CatheterControllerSettings& settings() const { return settings_; }
+  const Eigen::Vector3d& target_model() const { return centroid_; }
+  ModelId modelId() const { return perception_.modelId(); }
+
+ private:
+  struct Roadmap {
+    CArmJoints joints;
+    Pose T_patient_model;
+    Matrix6d covariance;
+    double depth_error;  // Standard deviation of the tree's depth, as a share of it.
+  };
+
+  CatheterCommand numbered(const XrayFrame& frame) const;
+  std::optional<std::string> rejection(const XrayFrame& frame, const CatheterInput& input) const;
+  void lookForVessels(const XrayFrame& frame, const CArmState& arm, CatheterControllerReport& report);
+  void navigate(const XrayFrame& frame, const CArmState& arm, const CatheterState& drive,
+                CatheterControllerReport& report);
+  bool armHasMoved(const CArmState& arm) const;
+
+  CatheterControllerSettings settings_;
+  CArmSetup setup_;
+  Eigen::Vector3d centroid_;
+  GatedPerception perception_;
+  CatheterLoop loop_;
+  std::optional<Roadmap> roadmap_;
+  int believed_ = 0, unseen_ = 0;  // Frames in a row, of a roadmap that is being made.
+  bool washed_out_ = false;
+  NavigationState navigation_ = NavigationState::kWaiting;
+  std::int64_t sequence_ = 0;
+};
+
+}  // namespace angio

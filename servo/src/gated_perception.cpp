@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/servo/gated_perception.hpp"
+
+#include <utility>
+
+namespace angio {
+
+GatedObservation GatedPerception::observe(const XrayFrame& frame, const CArmState& state) {
+  return gated(perception_.observe(frame, state), state);
+}
+
+GatedObservation GatedPerception::adopt(const RegistrationResult& registration, const CArmState& state) {
+  return gated(perception_.adopt(registration, state), state);
+}
+
+GatedObservation GatedPerception::gated(Observation observation, const CArmState& state) {
+  GatedObservation result{std::move(observation), std::nullopt, std::nullopt};
+  const Observation& seen = result.observation;
+  result.rejection = gate_.rejection(seen.registration, perception_.calibrated_T_camera_model(state.joints),
+                                     seen.tracked ? std::optional(seen.predicted.T_camera_model) : std::nullopt);
+  if (result.rejection) {
+    perception_.reject();
+  } else {
+    perception_.accept(seen, state);
+    result.patient = PatientObservation{seen.registration.T_camera_model, *seen.registration.covariance};
+  }
+  return result;
+}
+
+}  // namespace angio

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/servo/patient_observation.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace angio {
+namespace {
+
+template <int N>
+double largestStd(const Eigen::Matrix<double, N, N>& covariance) {
+  using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>>;
+  return std::sqrt(std::max(0.0, Solver(covariance, Eigen::EigenvaluesOnly).eigenvalues()[N - 1]));
+}
+
+}  // namespace
+
+Eigen::Matrix3d PatientObservation::pointCovariance(const Eigen::Vector3d& p_model,
+                                                    const Eigen::Matrix3d& R_axes_camera) const {
+  Eigen::Matrix<double, 3, 6> J;
+  J << R_axes_camera, -R_axes_camera * skew(T_camera_model.linear() * p_model);
+  return J * covariance * J.transpose();
+}
+
+double PatientObservation::depthStd_m(const Eigen::Vector3d& p_model) const {
+  return std::sqrt(std::max(0.0, pointCovariance(p_model)(2, 2)));
+}
+
+double PatientObservation::worstStd_m(const Eigen::Vector3d& p_model) const {
+  return largestStd<3>(pointCovariance(p_model));
+}
+
+// Of the point p where it is seen: d(x - z p.x / p.z) and the same of y.
+double PatientObservation::worstStdAcross_m(const Eigen::Vector3d& p_model) const {
+  const Eigen::Vector3d p = T_camera_model * p_model;
+  Eigen::Matrix<double, 2, 3> across;
+  across << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
+  return largestStd<2>(across * pointCovariance(p_model) * across.transpose());
+}
+
+}  // namespace angio
