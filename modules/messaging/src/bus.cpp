@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
+#include <cstring>
 #include <exception>
 #include <filesystem>
 #include <fstream>
@@ -26,6 +27,10 @@ constexpr int kMostWaiting = 30, kMostWaitingOfAll = 100;
 
 // What LCM says to itself when a program begins to listen; others on the network hear it.
 constexpr const char* kSelfTestChannel = "LCM_SELF_TEST";
+
+// LCM's own bounds [bytes]. Its 1.3.1 takes the length of a channel without an end for shorter than it is, and hands
+// its message over with a size just below 2^32.
+constexpr std::size_t kLongestMessage_bytes = std::size_t{1} << 28, kLongestChannel_bytes = 63;
 
 constexpr const char* kMulticastRule =
     "needs a multicast route, on one machine: ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo";
@@ -123,6 +128,8 @@ class LcmBus final : public Bus {
 
   bool ended() const override { return ended_; }
 
+  std::int64_t refused() const override { return refused_; }
+
  private:
   struct Subscription {
     LcmBus* bus;
@@ -158,6 +165,10 @@ class LcmBus final : public Bus {
 
   static void onMessage(const lcm_recv_buf_t* received, const char* channel, void* user) {
     auto& subscription = *static_cast<Subscription*>(user);
+    if (received->data_size > kLongestMessage_bytes || std::strlen(channel) > kLongestChannel_bytes) {
+      ++subscription.bus->refused_;
+      return;
+    }
     try {  // LCM is C: an exception through it would end the process.
       subscription.listener(channel, static_cast<const std::uint8_t*>(received->data), received->data_size);
     } catch (...) {
@@ -170,6 +181,7 @@ class LcmBus final : public Bus {
   std::exception_ptr thrown_;
   bool handling_ = false;
   bool ended_ = false;
+  std::int64_t refused_ = 0;
   std::unique_ptr<lcm_t, void (*)(lcm_t*)> lcm_;
 };
 

@@ -44,6 +44,9 @@ class Bus {
 
   /// Whether a log has been read to its end. Never on a live bus.
   virtual bool ended() const = 0;
+
+  /// How many malformed messages came and were handed to nobody, so far.
+  virtual std::int64_t refused() const = 0;
 };
 
 /// Opens a bus:

@@ -30,6 +30,7 @@ class RecordingBus : public Bus {
   void subscribeAll(Listener listener) override;
   int handle(std::chrono::milliseconds timeout) override { return bus_.handle(timeout); }
   bool ended() const override { return bus_.ended(); }
+  std::int64_t refused() const override { return bus_.refused(); }
 
  private:
   struct Record {
