@@ -15,6 +15,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/messaging/lcm_datagrams.hpp"
+#include "log_bus.hpp"
 #include "udpm_address.hpp"
 #include "udpm_bus.hpp"
 
@@ -168,6 +169,7 @@ std::optional<std::string> receiveBufferWarning(const std::string& url) {
 std::unique_ptr<Bus> openBus(const std::string& url) {
   if (startsWith(url, "udpm://")) return openUdpmBus(url);
   requireOpenable(url);
+  if (startsWith(url, "file://") && url.find("mode=w") != url.npos) return openLogBus(url);
   return std::make_unique<LcmBus>(url);
 }
 

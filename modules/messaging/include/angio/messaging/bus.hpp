@@ -59,7 +59,7 @@ class Bus {
 ///   says so itself,
 ///                                   its receive buffer is made large enough for 1024 x 1024 images of 16 bit;
 ///   "file://name.lcm?speed=0"       a recorded log, as fast as it is read (speed=1: as it was recorded);
-///   "file://name.lcm?mode=w"        records what is published.
+///   "file://name.lcm?mode=w"        records what is published, and receives nothing.
 /// Throws InputError that names the URL and the rule when it cannot be opened.
 std::unique_ptr<Bus> openBus(const std::string& url);
 
