@@ -3,7 +3,6 @@
 #include <cctype>
 #include <csignal>
 #include <iostream>
-#include <optional>
 
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
@@ -11,10 +10,10 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/vessel_files.hpp"
-#include "angio/messaging/recording_bus.hpp"
 #include "angio/servo/operator.hpp"
 #include "disturbance.hpp"
 #include "navigate_options.hpp"
+#include "run_log.hpp"
 
 namespace angio {
 namespace {
@@ -46,11 +45,9 @@ int navigate(const Options& o) {
   const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration));
   const auto bus = openSharedBus(o.bus, o.disturb);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";
-  std::optional<RecordingBus> recorded;
-  if (!o.record.empty()) recorded.emplace(*bus, o.record);
-  Bus& heard = recorded ? static_cast<Bus&>(*recorded) : *bus;
-  CatheterNode node(heard, stage, tree, start, target, settings.controller);
-  Operator starter(heard, OperatedMachine::kCatheter);
+  RunLog log(*bus, o.record, "angio-navigate");
+  CatheterNode node(log.bus(), stage, tree, start, target, settings.controller);
+  Operator starter(log.bus(), OperatedMachine::kCatheter);
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
   const auto began = std::chrono::steady_clock::now();
@@ -63,6 +60,7 @@ int navigate(const Options& o) {
     const std::int64_t now_us = monotonic_us(now);
     if (!o.wait_for_operator) starter.start(now_us);
     const auto report = node.answer(now_us);
+    log.watch();
     if (!report) continue;
     ++frames;
     held += report->hold_reason.has_value();
@@ -83,6 +81,7 @@ int navigate(const Options& o) {
   }
   std::cout << stateName(node.loop().navigation()) << "; " << frames << " frames answered, " << held << " held, "
             << node.refused() << " messages refused\n";
+  log.finish();
   return node.loop().navigation() == NavigationState::kGivenUp ? 1 : 0;
 }
 

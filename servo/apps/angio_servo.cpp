@@ -15,12 +15,12 @@
 #include "angio/io/pose_files.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
-#include "angio/messaging/recording_bus.hpp"
 #include "angio/rehearsal/rehearsal_report.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "disturbance.hpp"
 #include "loop_options.hpp"
+#include "run_log.hpp"
 
 namespace angio {
 namespace {
@@ -129,11 +129,9 @@ int serve(const Options& o, const ServoSettings& settings, const VesselTree& tre
   const ServoLoopSettings loop = settings.loop(calibration);
   const auto bus = openSharedBus(o.bus, o.disturb);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-servo: " << *warning << "\n";
-  std::optional<RecordingBus> recorded;
-  if (!o.record.empty()) recorded.emplace(*bus, o.record);
-  Bus& heard = recorded ? static_cast<Bus&>(*recorded) : *bus;
-  ServoNode node(heard, loop, tree);
-  Operator starter(heard);
+  RunLog log(*bus, o.record, "angio-servo");
+  ServoNode node(log.bus(), loop, tree);
+  Operator starter(log.bus());
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
   const double duration_s = o.duration_s.value_or(0);
@@ -144,6 +142,7 @@ int serve(const Options& o, const ServoSettings& settings, const VesselTree& tre
     const std::int64_t now_us = monotonic_us();
     if (!o.wait_for_operator) starter.start(now_us);
     const auto report = node.answer(now_us);
+    log.watch();
     if (!report) continue;
     ++frames;
     held += report->hold_reason.has_value();
@@ -151,6 +150,7 @@ int serve(const Options& o, const ServoSettings& settings, const VesselTree& tre
       std::cerr << "frame " << report->command.frame_sequence << " held: " << *report->hold_reason << "\n";
   }
   std::cout << frames << " frames answered, " << held << " held, " << node.refused() << " messages refused\n";
+  log.finish();
   return 0;
 }
 

@@ -42,6 +42,7 @@ class BadNetwork final : public Bus {
   }
 
   bool ended() const override { return bus_->ended(); }
+  std::int64_t refused() const override { return bus_->refused(); }
 
  private:
   std::unique_ptr<Bus> bus_;

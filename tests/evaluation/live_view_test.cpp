@@ -8,6 +8,7 @@
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_feed.hpp"
 #include "angio/messaging/channels.hpp"
+#include "angio/test/file_size_limit.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 
@@ -136,6 +137,41 @@ TEST(FilmWriter, AFilmHasItsPicturesAndAppearsWhole) {
   EXPECT_EQ(pictures, 12);
   { FilmWriter(folder.path("other.mp4"), 15).write(picture.empty() ? cv::Mat(120, 160, CV_8UC3) : picture); }
   EXPECT_EQ(folder.files(), 1u) << "a film that was not finished leaves nothing";
+}
+
+TEST(FilmWriter, AFilmThatIsNotWholeIsNamedAndTakenAway) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path("film.mp4");
+  cv::Mat picture(240, 320, CV_8UC3);
+  const auto write = [&](int pictures) {
+    FilmWriter film(path, 15);
+    cv::RNG noise(1);
+    for (int i = 0; i < pictures; ++i) {
+      noise.fill(picture, cv::RNG::UNIFORM, 0, 256);  // Does not compress.
+      film.write(picture);
+    }
+    film.finish();
+  };
+  write(30);
+  const std::uintmax_t whole_bytes = std::filesystem::file_size(path);
+  std::filesystem::remove(path);
+  // Full at the beginning, half way, and in the index at the end.
+  for (const std::uintmax_t limit : {std::uintmax_t{10}, whole_bytes / 2, whole_bytes - 100, whole_bytes - 1}) {
+    testing::internal::CaptureStderr();
+    std::string said;
+    {
+      const test::FileSizeLimit full(limit);
+      try {
+        write(30);
+      } catch (const InputError& error) {
+        said = error.what();
+      }
+    }
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << limit;
+    const std::string how = limit > 10 ? " whole: is the disk full?" : " as a film";  // Its first bytes are missing.
+    EXPECT_EQ(said, path + ": cannot be written" + how) << limit;
+    EXPECT_EQ(folder.files(), 0u) << limit;
+  }
 }
 
 TEST(FilmWriter, NumbersPictures) {

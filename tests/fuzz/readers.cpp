@@ -27,8 +27,10 @@
 #include "angio/io/pose_files.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/io/whole_file.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/messaging/bus_monitor.hpp"
+#include "angio/messaging/lcm_datagrams.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "value_checks.hpp"
 
@@ -58,6 +60,25 @@ void readLog(const std::string& path) {
   std::int64_t counted = 0;
   for (const ChannelReport& channel : monitor.report(now_us)) counted += channel.messages;
   promised(counted == messages, "each message is counted");
+}
+
+// Datagrams one after another: a byte for the sender, two for the size, and the datagram.
+void readDatagrams(const std::string& path) {
+  const std::string content = readWholeFile(path);
+  const auto* bytes = reinterpret_cast<const std::uint8_t*>(content.data());
+  LcmDatagrams datagrams([](const std::string& channel) { return channel != "UNWANTED"; });
+  for (std::size_t at = 0; at + 3 <= content.size();) {
+    const UdpSender sender{1, bytes[at]};
+    const std::size_t size = std::min<std::size_t>(bytes[at + 1] << 8 | bytes[at + 2], content.size() - at - 3);
+    const auto message = datagrams.take(sender, bytes + at + 3, size);
+    at += 3 + size;
+    promised(datagrams.unfinished_bytes() <= LcmDatagrams::kMaxUnfinished_bytes, "unfinished messages are bounded");
+    if (!message) continue;
+    promised(!message->channel.empty() && message->channel.size() <= LcmDatagrams::kMaxChannel_bytes &&
+                 message->channel.find('\0') == std::string::npos && message->channel != "UNWANTED",
+             "a channel is a name that is wanted");
+    promised(message->bytes.size() <= LcmDatagrams::kMaxMessage_bytes, "a message is bounded");
+  }
 }
 
 void readImage(const std::string& path) {
@@ -219,6 +240,7 @@ std::vector<FileReader> listedReaders() {
       {"bead_phantom", "input.yaml", readPhantom},
       {"bead_table", "input.csv", readBeads},
       {"bus_log", "input.lcm", readLog},
+      {"lcm_datagrams", "input.bin", readDatagrams},
   };
 #ifdef ANGIO_HAVE_VOLUMES
   for (FileReader& reader : volumeReaders()) readers.push_back(std::move(reader));

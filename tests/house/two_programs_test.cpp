@@ -7,7 +7,9 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/messaging/channels.hpp"
+#include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/mailbox.hpp"
+#include "angio/test/file_size_limit.hpp"
 #include "angio/test/program.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "hepatic.hpp"
@@ -88,6 +90,39 @@ TEST_F(ServoAndSimulator, TheLoopAnswersWhatAnotherProgramRegisters) {
   EXPECT_LT(held, frames) << answered.err;
   ASSERT_TRUE(states->peek());
   EXPECT_GT(states->peek()->joints[0], 0) << "the arm has begun to turn towards LAO";
+}
+
+// The user is told at once, and again by the last line and the exit code; the loop goes on meanwhile.
+TEST_F(ServoAndSimulator, ALogThatCannotBeWrittenEndsTheRecordingAndNotTheLoop) {
+  const test::TemporaryFolder folder;
+  const std::string log = folder.path("run.lcm");
+  std::optional<test::RunningProgram> servo;
+  {
+    const test::FileSizeLimit full(2000);
+    servo.emplace("angio-servo",
+                  std::vector<std::string>{"--bus", url, "--record", log, "--duration-s", test::kSanitized ? "6" : "2",
+                                           "--tree", test::exampleData("hepatic-tace/tree.csv"), "--calibration",
+                                           test::exampleData("hepatic-tace/carm.yaml")});
+  }
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(test::kSanitized ? 6 : 2);
+  for (CArmState state; std::chrono::steady_clock::now() < end; ++state.sequence) {
+    publish(*bus, kCArmStateChannel, state);
+    bus->handle(std::chrono::milliseconds(10));
+  }
+  const test::Ended ended = servo->end();
+  EXPECT_EQ(ended.exit_code, 1);
+  EXPECT_NE(ended.out.find("0 frames answered"), std::string::npos) << ended.out;
+  const std::string line = "angio-servo: " + log + ": recording ended: File too large; it holds the first ";
+  const std::size_t first = ended.err.find(line), last = ended.err.rfind(line);
+  ASSERT_NE(first, std::string::npos) << ended.err;
+  EXPECT_LT(first, last);
+  EXPECT_EQ(ended.err.find('\n', last), ended.err.size() - 1) << ended.err;
+  LogReader reader(log);
+  std::int64_t messages = 0;
+  while (reader.next()) ++messages;
+  EXPECT_GT(messages, 3);
+  EXPECT_EQ(reader.skipped_bytes(), 0);
+  EXPECT_NE(ended.err.find(line + std::to_string(messages) + " messages"), std::string::npos) << ended.err;
 }
 
 struct NavigatorAndSimulator : TwoPrograms {

@@ -9,7 +9,6 @@
 #include "angio/base/errors.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
-#include "random_messages.hpp"
 
 namespace angio {
 namespace {
@@ -65,7 +64,11 @@ TEST(Bus, AHandlerMayPublishWithoutCatchingTheCallerForEver) {
 }
 
 TEST(Bus, RefusesWrongUrlsByNameAndRule) {
-  for (const std::string url : {"", "memq", "tcp://localhost:1", "udpm://no-group", "file:///no/such/folder/x.lcm"}) {
+  for (const std::string url :
+       {"", "memq", "tcp://localhost:1", "udpm://no-group", "udpm://300.1.1.1:7667", "udpm://10.0.0.1:7667",
+        "udpm://239.255.76.67", "udpm://239.255.76.67:0", "udpm://239.255.76.67:70000",
+        "udpm://239.255.76.67:7667?ttl=x", "udpm://239.255.76.67:7667?ttl=256", "udpm://239.255.76.67:7667?speed=0",
+        "file:///no/such/folder/x.lcm"}) {
     try {
       openBus(url);
       ADD_FAILURE() << "opened " << url;
@@ -154,33 +157,6 @@ TEST(LatestValue, MayEndBeforeItsBus) {
   { LatestValue<CArmState> states(*bus, kCArmStateChannel); }
   publish(*bus, kCArmStateChannel, CArmState());
   EXPECT_EQ(bus->handle(0ms), 1);
-}
-
-TEST(Udpm, BringsOneLargeFrameAcrossTheLoopback) {
-  // A port of this process's own, so that test programs at the same time do not hear each other.
-  const std::string url = "udpm://239.255.76.67:" + std::to_string(20000 + getpid() % 20000) + "?ttl=0";
-  std::unique_ptr<Bus> sender, receiver;
-  std::unique_ptr<LatestValue<XrayFrame>> frames;
-  try {
-    sender = openBus(url);
-    receiver = openBus(url);
-    frames = std::make_unique<LatestValue<XrayFrame>>(*receiver, kXrayFrameChannel);
-  } catch (const InputError& error) {
-    GTEST_SKIP() << "no multicast on this machine: " << error.what();
-  }
-  test::Random random(1);
-  const XrayFrame sent = test::randomFrame(random, 1024, 1024, CV_16UC1);
-  // UDP may lose a frame where the system allows small receive buffers only; it must not lose them all.
-  for (int attempt = 0; attempt < 20 && !frames->peek(); ++attempt) {
-    publish(*sender, kXrayFrameChannel, sent);
-    receiver->handle(500ms);
-  }
-  const auto received = frames->take();
-  ASSERT_TRUE(received) << "nothing came; refused: " << frames->lastError();
-  ASSERT_EQ(received->image.size(), sent.image.size());
-  ASSERT_EQ(received->image.type(), CV_16UC1);
-  EXPECT_TRUE(std::equal(sent.image.begin<std::uint16_t>(), sent.image.end<std::uint16_t>(),
-                         received->image.begin<std::uint16_t>()));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/recording_bus.hpp"
+#include "angio/test/file_size_limit.hpp"
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
 
@@ -52,6 +53,61 @@ TEST(RecordingBus, RefusesAPlaceThatCannotBeWritten) {
   const auto bus = openBus("memq://");
   EXPECT_THROW(RecordingBus(*bus, "/no/such/folder/x.lcm"), InputError);
   EXPECT_THROW(RecordingBus(*bus, "/tmp"), InputError);
+  EXPECT_THROW(RecordingBus(*bus, "/dev/full"), InputError);
+}
+
+TEST(RecordingBus, OnAFullDiskItSaysSoKeepsWhatItHasAndTheBusGoesOn) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path("run.lcm");
+  const auto bus = openBus("memq://");
+  RecordingBus recorded(*bus, path);
+  int heard = 0;
+  recorded.subscribe("IN", [&](const std::uint8_t*, std::size_t) { ++heard; });
+  {
+    const test::FileSizeLimit full(10'000);
+    for (std::uint8_t i = 0; i < 20; ++i) {
+      EXPECT_EQ(recorded.failure().has_value(),
+                i > 4);  // An event has 1,030 bytes, and each message is said and heard.
+      recorded.publish("IN", Bytes(1000, i));
+      if (i < 9) recorded.handle(std::chrono::milliseconds(0));
+    }
+    ASSERT_TRUE(recorded.failure());
+  }
+  EXPECT_GT(recorded.handle(std::chrono::milliseconds(0)), 0);
+  EXPECT_EQ(heard, 20);
+  const auto failure = recorded.finish();
+  ASSERT_TRUE(failure);
+  EXPECT_THAT(*failure, testing::StartsWith(path));
+  EXPECT_THAT(*failure, testing::HasSubstr("File too large"));
+  std::int64_t skipped = -1;
+  const auto events = contentOfLog(path, &skipped);
+  EXPECT_THAT(*failure, testing::HasSubstr("first " + std::to_string(events.size()) + " messages"));
+  EXPECT_EQ(skipped, 0);
+  for (const auto& [channel, bytes] : events) EXPECT_EQ(bytes.size(), 1000u);
+}
+
+TEST(RecordingBus, AFinishedLogIsWholeAndGrowsNoMore) {
+  const test::TemporaryFolder folder;
+  const auto bus = openBus("memq://");
+  RecordingBus recorded(*bus, folder.path("run.lcm"));
+  recorded.publish("OUT", {1});
+  EXPECT_EQ(recorded.finish(), std::nullopt);
+  recorded.publish("OUT", {2});
+  EXPECT_EQ(recorded.finish(), std::nullopt);
+  EXPECT_EQ(contentOfLog(folder.path("run.lcm")).size(), 1u);
+}
+
+TEST(LogBus, ThrowsFromTheMessageOnThatCannotBeWritten) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path("run.lcm");
+  const auto log = openBus("file://" + path + "?mode=w");
+  log->publish("OUT", Bytes(1000));
+  {
+    const test::FileSizeLimit full(1500);
+    EXPECT_THROW(log->publish("OUT", Bytes(1000)), std::runtime_error);
+  }
+  EXPECT_THROW(log->publish("OUT", {1}), std::runtime_error);
+  EXPECT_EQ(contentOfLog(path).size(), 1u);
 }
 
 TEST(LogReader, FindsTheMessagesBehindDamage) {

@@ -10,6 +10,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/io/image_files.hpp"
+#include "film_check.hpp"
 
 namespace angio {
 
@@ -66,6 +67,9 @@ class Film final : public FilmOutput {
   void finish() override {
     if (pictures == 0) throw InputError(path_, "", "", "would be a film without pictures");
     writer_.release();
+    if (!isWholeFilm(partial_, pictures)) {
+      throw InputError(path_, "", "", "cannot be written whole: is the disk full?");
+    }
     std::error_code error;
     fs::rename(partial_, path_, error);
     if (error) throw InputError(path_, "", "", "cannot be written: " + error.message());

@@ -10,11 +10,14 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
-#include <regex>
 #include <stdexcept>
 #include <utility>
 
 #include "angio/base/errors.hpp"
+#include "angio/messaging/lcm_datagrams.hpp"
+#include "log_bus.hpp"
+#include "udpm_address.hpp"
+#include "udpm_bus.hpp"
 
 namespace angio {
 namespace {
@@ -23,12 +26,6 @@ constexpr int kLongestDrain = 1000;
 
 // Messages that wait for the next handle(), on one channel (LCM's own number) and on all together; more are dropped.
 constexpr int kMostWaiting = 30, kMostWaitingOfAll = 100;
-
-// What LCM says to itself when a program begins to listen; others on the network hear it.
-constexpr const char* kSelfTestChannel = "LCM_SELF_TEST";
-
-constexpr const char* kMulticastRule =
-    "needs a multicast route, on one machine: ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo";
 
 bool startsWith(const std::string& text, const std::string& start) { return text.compare(0, start.size(), start) == 0; }
 
@@ -42,19 +39,7 @@ std::string literal(const std::string& channel) {
   return pattern;
 }
 
-// With LCM's default buffer, nearly every frame of 2 MiB is lost; with 4 MiB none is.
-constexpr long kReceiveBuffer_bytes = 4194304;
-
-std::string withReceiveBuffer(const std::string& url) {
-  if (!startsWith(url, "udpm://") || url.find("recv_buf_size=") != std::string::npos) return url;
-  return url + (url.find('?') == std::string::npos ? '?' : '&') +
-         "recv_buf_size=" + std::to_string(kReceiveBuffer_bytes);
-}
-
 std::string ruleFor(const std::string& url) {
-  if (startsWith(url, "udpm://")) {
-    return std::string("cannot be opened: it must name a multicast group and port, and ") + kMulticastRule;
-  }
   if (startsWith(url, "file://"))
     return "cannot be opened: must be a readable log, or with ?mode=w a place to write one";
   return "cannot be opened";
@@ -65,12 +50,7 @@ void requireOpenable(const std::string& url) {
   const std::size_t scheme_end = url.find("://");
   const std::string behind = scheme_end == url.npos ? "" : url.substr(scheme_end + 3);
   const std::string place = behind.substr(0, behind.find('?'));
-  if (startsWith(url, "udpm://")) {
-    static const std::regex kGroupAndPort(R"(((22[4-9]|23\d)(\.\d{1,3}){3})?(:\d{1,5})?)");
-    if (!std::regex_match(place, kGroupAndPort)) {
-      throw InputError("bus", "url", url, "must name a multicast group and port, such as udpm://239.255.76.67:7667");
-    }
-  } else if (startsWith(url, "file://")) {
+  if (startsWith(url, "file://")) {
     const bool writes = url.find("mode=w") != std::string::npos;
     const std::filesystem::path path(place), folder = path.has_parent_path() ? path.parent_path() : ".";
     std::error_code ignored;
@@ -80,9 +60,10 @@ void requireOpenable(const std::string& url) {
   }
 }
 
+// Inside this process, or a log.
 class LcmBus final : public Bus {
  public:
-  explicit LcmBus(const std::string& url) : url_(url), lcm_(lcm_create(withReceiveBuffer(url).c_str()), lcm_destroy) {
+  explicit LcmBus(const std::string& url) : url_(url), lcm_(lcm_create(url.c_str()), lcm_destroy) {
     if (!lcm_) throw InputError("bus", "url", url, ruleFor(url));
   }
 
@@ -104,7 +85,7 @@ class LcmBus final : public Bus {
   void subscribeAll(Listener listener) override {
     listen("all channels", ".*", kMostWaitingOfAll,
            [listener = std::move(listener)](const std::string& channel, const std::uint8_t* data, std::size_t size) {
-             if (channel != kSelfTestChannel) listener(channel, data, size);
+             if (channel != kLcmSelfTestChannel) listener(channel, data, size);
            });
   }
 
@@ -123,6 +104,8 @@ class LcmBus final : public Bus {
 
   bool ended() const override { return ended_; }
 
+  std::int64_t refused() const override { return 0; }
+
  private:
   struct Subscription {
     LcmBus* bus;
@@ -135,9 +118,7 @@ class LcmBus final : public Bus {
         lcm_subscribe(lcm_.get(), pattern.c_str(), &LcmBus::onMessage, subscriptions_.back().get());
     if (!made) {
       subscriptions_.pop_back();
-      const bool multicast = startsWith(url_, "udpm://");
-      throw InputError("bus", "url", url_,
-                       "cannot receive on " + channels + (multicast ? std::string(": ") + kMulticastRule : ""));
+      throw InputError("bus", "url", url_, "cannot receive on " + channels);
     }
     lcm_subscription_set_queue_capacity(made, most_waiting);
   }
@@ -186,7 +167,9 @@ std::optional<std::string> receiveBufferWarning(const std::string& url) {
 }
 
 std::unique_ptr<Bus> openBus(const std::string& url) {
+  if (startsWith(url, "udpm://")) return openUdpmBus(url);
   requireOpenable(url);
+  if (startsWith(url, "file://") && url.find("mode=w") != url.npos) return openLogBus(url);
   return std::make_unique<LcmBus>(url);
 }
 

@@ -6,15 +6,10 @@
 #include <string_view>
 
 #include "angio/base/errors.hpp"
+#include "log_format.hpp"
 
 namespace angio {
 namespace {
-
-// Each event: this word, its number (64 bit), its time (64), lengths of channel and data (32 each), and these two; all
-// numbers are big-endian (lcm's eventlog.c).
-constexpr std::uint32_t kMagic = 0xEDA1DA01;
-constexpr std::size_t kHeader_bytes = 28;
-constexpr std::int32_t kLongestChannel = 1000;  // As in LCM's own reader.
 
 std::uint64_t bigEndian(const char* bytes, int count) {
   std::uint64_t number = 0;
@@ -34,15 +29,15 @@ LogReader::LogReader(const std::string& path) {
 }
 
 std::optional<LogEvent> LogReader::next() {
-  std::array<char, kHeader_bytes> header{};
-  while (size_ - position_ >= static_cast<std::int64_t>(kHeader_bytes)) {
+  std::array<char, kLogHeader_bytes> header{};
+  while (size_ - position_ >= static_cast<std::int64_t>(kLogHeader_bytes)) {
     file_.seekg(position_);
     if (!file_.read(header.data(), header.size())) break;
     const auto channel_length = static_cast<std::int32_t>(bigEndian(&header[20], 4));
     const auto data_length = static_cast<std::int32_t>(bigEndian(&header[24], 4));
-    const std::int64_t behind = size_ - position_ - static_cast<std::int64_t>(kHeader_bytes);
-    const bool sound = bigEndian(header.data(), 4) == kMagic && channel_length > 0 &&
-                       channel_length < kLongestChannel && data_length >= 0 &&
+    const std::int64_t behind = size_ - position_ - static_cast<std::int64_t>(kLogHeader_bytes);
+    const bool sound = bigEndian(header.data(), 4) == kLogMagic && channel_length > 0 &&
+                       channel_length < static_cast<std::int32_t>(kLogMaxChannel_bytes) && data_length >= 0 &&
                        std::int64_t{channel_length} + data_length <= behind;
     if (!sound) {
       skipDamage();
@@ -56,7 +51,7 @@ std::optional<LogEvent> LogReader::next() {
     file_.read(event.channel.data(), channel_length);
     file_.read(reinterpret_cast<char*>(event.bytes.data()), data_length);
     if (!file_) break;  // The file has become shorter while it is read.
-    position_ += static_cast<std::int64_t>(kHeader_bytes) + channel_length + data_length;
+    position_ += static_cast<std::int64_t>(kLogHeader_bytes) + channel_length + data_length;
     return event;
   }
   skipped_ += size_ - position_;

@@ -1,34 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/messaging/recording_bus.hpp"
 
-#include <filesystem>
 #include <utility>
 
-#include "angio/base/errors.hpp"
-
 namespace angio {
-namespace {
-
-std::unique_ptr<Bus> newLog(const std::string& path) {
-  std::error_code error;
-  if (std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error)) {
-    throw InputError(path, "", "", "must be a regular file, or none yet");
-  }
-  return openBus("file://" + path + "?mode=w");
-}
-
-}  // namespace
-
-void RecordingBus::Record::write(const std::string& channel, const std::uint8_t* data, std::size_t size) {
-  if (log) log->publish(channel, std::vector<std::uint8_t>(data, data + size));
-}
-
 RecordingBus::RecordingBus(Bus& bus, const std::string& path) : bus_(bus), record_(std::make_shared<Record>()) {
-  record_->log = newLog(path);
+  record_->log = std::make_unique<LogWriter>(path);
 }
 
 void RecordingBus::publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) {
-  record_->log->publish(channel, bytes);
+  record_->write(channel, bytes.data(), bytes.size());
   bus_.publish(channel, bytes);
 }
 

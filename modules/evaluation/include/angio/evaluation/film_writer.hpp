@@ -22,7 +22,8 @@ class FilmWriter {
   /// InputError when it cannot be written or has another size.
   void write(const cv::Mat& picture);
 
-  /// The film is complete: it appears under its name. Throws InputError when it cannot; a film without pictures cannot.
+  /// The film is complete: it is read back, waited for until it is on its disk, and appears under its name. Throws
+  /// InputError when it is not whole, as on a full disk, and no file is left; a film without pictures cannot be.
   void finish();
 
   int pictures() const;  ///< Written so far.

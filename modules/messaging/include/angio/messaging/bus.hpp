@@ -24,7 +24,8 @@ class Bus {
 
   virtual ~Bus() = default;
 
-  /// Sends bytes to every subscriber of the channel. Throws std::runtime_error when they cannot be sent.
+  /// Sends bytes to every subscriber of the channel. Throws std::runtime_error when they cannot be sent: on UDP
+  /// multicast, a channel has 1 to 63 characters and a message at most 48 MiB.
   virtual void publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) = 0;
 
   /// Calls `handler` for each message on the channel of exactly this name, for as long as the bus lives. Throws
@@ -38,12 +39,18 @@ class Bus {
   /// wait early. At most 1,000 messages a call, so that a fast sender cannot keep the caller for ever. A log (file://)
   /// gives one message a call, so that a reader who looks at its mailboxes between calls misses none.
   ///
+  /// While nobody calls it, a bus on UDP multicast keeps the newest 30 messages of each channel that was subscribed to
+  /// by name, the newest 100 of all others, and 64 MiB in all; older ones are dropped.
+  ///
   /// When a handler throws, the first exception comes out here, after all handlers of its message have run; messages
   /// behind it wait for the next call. Throws std::runtime_error when receiving fails.
   virtual int handle(std::chrono::milliseconds timeout) = 0;
 
   /// Whether a log has been read to its end. Never on a live bus.
   virtual bool ended() const = 0;
+
+  /// How many malformed messages or datagrams came so far; they are handed to nobody.
+  virtual std::int64_t refused() const = 0;
 };
 
 /// Opens a bus:
@@ -52,7 +59,7 @@ class Bus {
 ///   says so itself,
 ///                                   its receive buffer is made large enough for 1024 x 1024 images of 16 bit;
 ///   "file://name.lcm?speed=0"       a recorded log, as fast as it is read (speed=1: as it was recorded);
-///   "file://name.lcm?mode=w"        records what is published.
+///   "file://name.lcm?mode=w"        records what is published, and receives nothing.
 /// Throws InputError that names the URL and the rule when it cannot be opened.
 std::unique_ptr<Bus> openBus(const std::string& url);
 

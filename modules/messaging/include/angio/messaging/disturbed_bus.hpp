@@ -77,6 +77,7 @@ class DisturbedBus : public Bus {
   void subscribeAll(Listener listener) override { bus_.subscribeAll(std::move(listener)); }
   int handle(std::chrono::milliseconds timeout) override { return bus_.handle(timeout); }
   bool ended() const override { return bus_.ended(); }
+  std::int64_t refused() const override { return bus_.refused(); }
 
  private:
   struct Link {

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "angio/messaging/lcm_datagrams.hpp"
+#include "open_descriptor.hpp"
+#include "receive_queue.hpp"
+#include "udpm_address.hpp"
+
+namespace angio {
+
+/// Receives LCM's messages of a multicast group. A thread of its own drains the socket while the reader is busy,
+/// because the system's buffer may be smaller than one frame. Its memory is bounded by LcmDatagrams and ReceiveQueue.
+class UdpmReceiver {
+ public:
+  /// Joins the group and hears one message of its own. Throws std::runtime_error that says why this machine cannot.
+  explicit UdpmReceiver(const UdpmAddress& address);
+  UdpmReceiver(const UdpmReceiver&) = delete;
+  UdpmReceiver& operator=(const UdpmReceiver&) = delete;
+  ~UdpmReceiver();
+
+  /// Receives messages of this channel, or of every channel, from now on.
+  void want(const std::string& channel);
+  void wantAll();
+
+  /// The oldest message that waits. Waits up to `wait_ms` for one; returns nothing after that time or after a signal.
+  /// Throws std::runtime_error when receiving has failed.
+  std::optional<LcmMessage> next(int wait_ms);
+
+  /// How many malformed datagrams came so far.
+  std::int64_t refused() const { return refused_; }
+
+ private:
+  void join(const UdpmAddress& address);
+  bool hearsItself(const UdpmAddress& address) const;
+  void run();
+  bool drain(std::vector<std::uint8_t>& datagram);
+  void deliver(LcmMessage message);
+  void fail(int error);
+  bool wants(const std::string& channel) const;
+  std::optional<LcmMessage> pop();
+
+  const OpenDescriptor socket_, ready_, stop_;  // ready_ is readable while a message waits or receiving has failed.
+  LcmDatagrams datagrams_;                      // The thread's.
+  std::atomic<std::int64_t> refused_{0};
+
+  mutable std::mutex mutex_;  // Of all below.
+  std::set<std::string> channels_;
+  bool all_ = false;
+  ReceiveQueue queue_;
+  std::optional<int> failure_;  // As in errno.
+
+  std::thread thread_;
+};
+
+}  // namespace angio

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "angio/messaging/recording_bus.hpp"
+
+namespace angio {
+
+/// The log of a program's run, when one was asked for (--record). A log that can no longer be written ends neither the
+/// program nor its loop: the user is told at once, and by the exit code.
+class RunLog {
+ public:
+  /// Borrows the bus. @param path  Empty: no log. Throws InputError when it cannot be written.
+  RunLog(Bus& bus, const std::string& path, const std::string& program);
+
+  /// What the program is to use: all that it hears and says there is in the log.
+  Bus& bus() { return recording_ ? static_cast<Bus&>(*recording_) : bus_; }
+
+  /// Says on stderr, once, that recording has ended early.
+  void watch();
+
+  /// Closes the log. Throws std::runtime_error that says why when messages are missing from it.
+  void finish();
+
+ private:
+  Bus& bus_;
+  std::string program_;
+  std::optional<RecordingBus> recording_;
+  bool told_ = false;
+};
+
+}  // namespace angio
