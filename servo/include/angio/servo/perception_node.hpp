@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/messaging/mailbox.hpp"
+#include "angio/registration/message_conversion.hpp"
 #include "angio/servo/servo_loop.hpp"
 #include "angio/servo/state_history.hpp"
 
@@ -35,14 +36,5 @@ class PerceptionNode {
   Perception perception_;
   Supervisor supervisor_;
 };
-
-/// What a registration says of a frame, for the bus. A pose, covariance or residual that is not finite is left at
-/// identity and zero; its status is then not "converged".
-RegistrationMessage registrationMessage(const RegistrationResult& seen, ModelId model_id, std::int64_t frame_time_us,
-                                        std::int64_t frame_sequence);
-
-/// The way back, as far as a message goes: without agreement, ambiguity and displacements; without a covariance where
-/// the message has zero for it.
-RegistrationResult registrationResult(const RegistrationMessage& message);
 
 }  // namespace angio
