@@ -5,7 +5,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
-#include "angio/servo/registration_message.hpp"
+#include "angio/registration/message_conversion.hpp"
 
 namespace angio {
 namespace {

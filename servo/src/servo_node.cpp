@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "angio/servo/registration_message.hpp"
+#include "angio/registration/message_conversion.hpp"
 
 namespace angio {
 

@@ -7,10 +7,10 @@
 #include "angio/base/errors.hpp"
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_feed.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/test/file_size_limit.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio {
 namespace {

@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "angio/base/errors.hpp"
+#include "angio/imaging/xray_frame.hpp"
 #include "random_messages.hpp"
 
 namespace angio {

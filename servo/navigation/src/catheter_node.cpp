@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/navigation/catheter_node.hpp"
 
-#include "angio/servo/registration_message.hpp"
+#include "angio/registration/message_conversion.hpp"
 
 namespace angio {
 namespace {

@@ -6,8 +6,9 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
-#include "angio/messaging/messages.hpp"
+#include "angio/geometry/carm_limits.hpp"
 #include "angio/servo/axis_monitor.hpp"
+#include "angio/types/carm_motion.hpp"
 
 namespace angio {
 

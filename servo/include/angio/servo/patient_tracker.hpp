@@ -4,9 +4,9 @@
 #include <optional>
 
 #include "angio/geometry/carm.hpp"
-#include "angio/messaging/messages.hpp"
 #include "angio/motion/motion_predictor.hpp"
 #include "angio/registration/registration.hpp"
+#include "angio/types/carm_motion.hpp"
 
 namespace angio {
 

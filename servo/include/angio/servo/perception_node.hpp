@@ -2,7 +2,7 @@
 #pragma once
 
 #include "angio/messaging/mailbox.hpp"
-#include "angio/servo/registration_message.hpp"
+#include "angio/registration/message_conversion.hpp"
 #include "angio/servo/servo_loop.hpp"
 #include "angio/servo/state_history.hpp"
 

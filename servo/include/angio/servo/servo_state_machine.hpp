@@ -7,7 +7,8 @@
 #include <string>
 
 #include "angio/base/settings.hpp"
-#include "angio/messaging/messages.hpp"
+#include "angio/types/servo_request.hpp"
+#include "angio/types/servo_status.hpp"
 
 namespace angio {
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "angio/evaluation/live_overlay.hpp"
-#include "angio/messaging/any_message.hpp"
+#include "angio/types/any_message.hpp"
 
 namespace angio {
 

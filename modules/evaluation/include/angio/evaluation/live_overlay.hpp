@@ -5,7 +5,12 @@
 #include <opencv2/core/mat.hpp>
 #include <optional>
 
-#include "angio/messaging/messages.hpp"
+#include "angio/types/carm_motion.hpp"
+#include "angio/types/catheter.hpp"
+#include "angio/types/registration_message.hpp"
+#include "angio/types/servo_status.hpp"
+#include "angio/types/xray_frame.hpp"
+#include "angio/vessel/model_id.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio {

@@ -1,15 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <variant>
-
 #include "angio/messaging/codec.hpp"
 
 namespace angio {
-
-/// Any of the bus's messages.
-using AnyMessage = std::variant<XrayFrame, CArmState, ServoInput, CArmCommand, RegistrationMessage, ServoStatus,
-                                ServoRequest, CatheterState, CatheterCommand, CatheterTip, CatheterInput>;
 
 /// The name of the .lcm type whose fingerprint these bytes begin with; nothing when it is none of ours.
 std::optional<std::string> messageType(const std::uint8_t* data, std::size_t size);

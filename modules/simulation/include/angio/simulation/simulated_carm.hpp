@@ -4,7 +4,8 @@
 #include <cstdint>
 
 #include "angio/base/settings.hpp"
-#include "angio/messaging/messages.hpp"
+#include "angio/geometry/carm_limits.hpp"
+#include "angio/types/carm_motion.hpp"
 
 namespace angio {
 

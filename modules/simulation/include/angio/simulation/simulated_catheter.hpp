@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "angio/messaging/messages.hpp"
 #include "angio/simulation/catheter_settings.hpp"
 #include "angio/simulation/device.hpp"
 #include "angio/simulation/simulated_carm.hpp"
+#include "angio/types/catheter.hpp"
 #include "angio/vessel/tree_map.hpp"
 
 namespace angio {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/messaging/messages.hpp"
+#include "angio/types/servo_status.hpp"
 
 namespace angio {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/registration_message.hpp"
+#include "angio/registration/message_conversion.hpp"
 
 #include <cmath>
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include "angio/messaging/messages.hpp"
 #include "angio/registration/result.hpp"
+#include "angio/types/registration_message.hpp"
 
 namespace angio {
 
