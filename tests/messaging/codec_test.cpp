@@ -11,6 +11,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/imaging/xray_frame.hpp"
+#include "decode_exactly.hpp"
 #include "random_messages.hpp"
 
 namespace angio {
@@ -21,271 +22,13 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 using Bytes = std::vector<std::uint8_t>;
 
-// Sound by our own account, not by the codec's rules.
-void expectSound(const CArmState& m) { EXPECT_TRUE(m.joints.allFinite() && m.velocity.allFinite()); }
-void expectSound(const ServoInput& m) { expectSound(m.state); }
-void expectSound(const CArmCommand& m) {
-  EXPECT_TRUE(m.velocity.allFinite());
-  EXPECT_GE(m.valid_for_us, 0);
-}
-void expectSound(const RegistrationMessage& m) {
-  EXPECT_TRUE(m.T_camera_model.matrix().allFinite() && m.covariance.allFinite() && std::isfinite(m.mean_residual_px));
-  // Entries within 1e-6 of orthonormal, as the codec promises; doubled for the cost of asking in another norm.
-  EXPECT_LT((m.T_camera_model.linear() * m.T_camera_model.linear().transpose()).trace() - 3, 6e-6);
-  EXPECT_GT(m.T_camera_model.linear().determinant(), 0.99);
-}
-void expectSound(const ServoStatus& m) {
-  EXPECT_TRUE(std::isfinite(m.view_error_rad) && std::isfinite(m.target_error_m));
-  EXPECT_TRUE(static_cast<int>(m.state) >= 0 && static_cast<int>(m.state) <= 5);
-  EXPECT_TRUE(static_cast<int>(m.cause) >= 0 && static_cast<int>(m.cause) <= 15);
-  EXPECT_GE(m.transitions, 0);
-}
-void expectSound(const ServoRequest& m) {
-  EXPECT_TRUE(static_cast<int>(m.request) >= 0 && static_cast<int>(m.request) <= 4);
-  EXPECT_GE(m.transitions, 0);
-}
-void expectSound(const CatheterState& m) {
-  EXPECT_TRUE(std::isfinite(m.insertion_m) && std::isfinite(m.roll_rad) && std::isfinite(m.bend_rad));
-  EXPECT_TRUE(std::isfinite(m.insertion_speed_mps) && std::isfinite(m.roll_speed_radps));
-  EXPECT_TRUE(std::isfinite(m.bend_speed_radps) && std::isfinite(m.insertion_force_n));
-  EXPECT_GE(m.bend_rad, 0);
-}
-void expectSound(const CatheterCommand& m) {
-  EXPECT_TRUE(std::isfinite(m.insertion_speed_mps) && std::isfinite(m.roll_speed_radps));
-  EXPECT_TRUE(std::isfinite(m.bend_speed_radps));
-  EXPECT_GE(m.valid_for_us, 0);
-}
-void expectSound(const CatheterTip& m) {
-  EXPECT_TRUE(m.tip_model.allFinite() && m.covariance.allFinite() && std::isfinite(m.arc_length_m));
-  EXPECT_TRUE(m.probability >= 0 && m.probability <= 1 && m.branch >= 0 && m.tree_point >= 0 && m.arc_length_m >= 0);
-  EXPECT_TRUE(m.status == CatheterTipStatus::kLost || m.status == CatheterTipStatus::kAmbiguous ||
-              m.status == CatheterTipStatus::kLocated);
-}
-void expectSound(const CatheterInput& m) {
-  expectSound(m.arm);
-  expectSound(m.drive);
-  EXPECT_TRUE(static_cast<int>(m.verdict) >= 0 && static_cast<int>(m.verdict) <= 2);
-}
-void expectSound(const XrayFrame& m) {
-  const auto& p = m.camera.parameters();
-  EXPECT_TRUE(p.fx_px > 0 && p.fy_px > 0 && std::isfinite(p.fx_px + p.fy_px + p.cx_px + p.cy_px));
-  EXPECT_EQ(m.image.size(), cv::Size(p.width_px, p.height_px));
-}
-
-void expectEqual(const CArmState& a, const CArmState& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.sequence, b.sequence);
-  EXPECT_EQ(a.joints, b.joints);
-  EXPECT_EQ(a.velocity, b.velocity);
-}
-void expectEqual(const ServoInput& a, const ServoInput& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
-  expectEqual(a.state, b.state);
-  EXPECT_EQ(a.verdict, b.verdict);
-}
-void expectEqual(const CArmCommand& a, const CArmCommand& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.sequence, b.sequence);
-  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
-  EXPECT_EQ(a.valid_for_us, b.valid_for_us);
-  EXPECT_EQ(a.velocity, b.velocity);
-}
-void expectEqual(const RegistrationMessage& a, const RegistrationMessage& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
-  EXPECT_EQ(a.model_id, b.model_id);
-  EXPECT_EQ(a.status, b.status);
-  EXPECT_EQ(a.status_text, b.status_text);
-  EXPECT_EQ(a.T_camera_model.matrix(), b.T_camera_model.matrix());
-  EXPECT_EQ(a.covariance, b.covariance);
-  EXPECT_EQ(a.mean_residual_px, b.mean_residual_px);
-  EXPECT_EQ(a.points_3d, b.points_3d);
-  EXPECT_EQ(a.points_2d, b.points_2d);
-}
-void expectEqual(const ServoStatus& a, const ServoStatus& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
-  EXPECT_EQ(a.state, b.state);
-  EXPECT_EQ(a.reason, b.reason);
-  EXPECT_EQ(a.view_error_rad, b.view_error_rad);
-  EXPECT_EQ(a.target_error_m, b.target_error_m);
-  EXPECT_EQ(a.image_us, b.image_us);
-  EXPECT_EQ(a.registration_us, b.registration_us);
-  EXPECT_EQ(a.control_us, b.control_us);
-  EXPECT_EQ(a.transitions, b.transitions);
-  EXPECT_EQ(a.transition_time_us, b.transition_time_us);
-  EXPECT_EQ(a.cause, b.cause);
-}
-void expectEqual(const ServoRequest& a, const ServoRequest& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.sequence, b.sequence);
-  EXPECT_EQ(a.status_time_us, b.status_time_us);
-  EXPECT_EQ(a.transitions, b.transitions);
-  EXPECT_EQ(a.request, b.request);
-}
-void expectEqual(const CatheterState& a, const CatheterState& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.sequence, b.sequence);
-  EXPECT_EQ(a.insertion_m, b.insertion_m);
-  EXPECT_EQ(a.roll_rad, b.roll_rad);
-  EXPECT_EQ(a.bend_rad, b.bend_rad);
-  EXPECT_EQ(a.insertion_speed_mps, b.insertion_speed_mps);
-  EXPECT_EQ(a.roll_speed_radps, b.roll_speed_radps);
-  EXPECT_EQ(a.bend_speed_radps, b.bend_speed_radps);
-  EXPECT_EQ(a.insertion_force_n, b.insertion_force_n);
-}
-void expectEqual(const CatheterCommand& a, const CatheterCommand& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.sequence, b.sequence);
-  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
-  EXPECT_EQ(a.valid_for_us, b.valid_for_us);
-  EXPECT_EQ(a.insertion_speed_mps, b.insertion_speed_mps);
-  EXPECT_EQ(a.roll_speed_radps, b.roll_speed_radps);
-  EXPECT_EQ(a.bend_speed_radps, b.bend_speed_radps);
-}
-void expectEqual(const CatheterTip& a, const CatheterTip& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
-  EXPECT_EQ(a.model_id, b.model_id);
-  EXPECT_EQ(a.status, b.status);
-  EXPECT_EQ(a.tip_model, b.tip_model);
-  EXPECT_EQ(a.covariance, b.covariance);
-  EXPECT_EQ(a.branch, b.branch);
-  EXPECT_EQ(a.tree_point, b.tree_point);
-  EXPECT_EQ(a.arc_length_m, b.arc_length_m);
-  EXPECT_EQ(a.probability, b.probability);
-  EXPECT_EQ(a.reason, b.reason);
-}
-void expectEqual(const CatheterInput& a, const CatheterInput& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.frame_sequence, b.frame_sequence);
-  EXPECT_EQ(a.verdict, b.verdict);
-  expectEqual(a.arm, b.arm);
-  expectEqual(a.drive, b.drive);
-}
+// All of a frame, pixels among it.
 void expectEqual(const XrayFrame& a, const XrayFrame& b) {
-  EXPECT_EQ(a.time_us, b.time_us);
-  EXPECT_EQ(a.sequence, b.sequence);
-  const auto &p = a.camera.parameters(), &q = b.camera.parameters();
-  EXPECT_EQ(p.fx_px, q.fx_px);
-  EXPECT_EQ(p.fy_px, q.fy_px);
-  EXPECT_EQ(p.cx_px, q.cx_px);
-  EXPECT_EQ(p.cy_px, q.cy_px);
-  EXPECT_EQ(p.pixel_spacing_m, q.pixel_spacing_m);
-  EXPECT_EQ(p.source_detector_distance_m, q.source_detector_distance_m);
-  ASSERT_EQ(a.image.size(), b.image.size());
-  ASSERT_EQ(a.image.type(), b.image.type());
-  for (int y = 0; y < a.image.rows; ++y) {
-    EXPECT_EQ(std::memcmp(a.image.ptr(y), b.image.ptr(y), static_cast<std::size_t>(a.image.cols) * a.image.elemSize()),
-              0);
-  }
+  EXPECT_EQ(test::FieldValues::of(a), test::FieldValues::of(b));
 }
 
-// Decodes from memory of exactly this size, so that a sanitizer sees the first byte read beyond it.
-template <typename T>
-Decoded<T> decodeExactly(const Bytes& bytes) {
-  const std::unique_ptr<std::uint8_t[]> copy(new std::uint8_t[bytes.size()]);
-  std::copy(bytes.begin(), bytes.end(), copy.get());
-  Decoded<T> decoded = decode<T>(copy.get(), bytes.size());
-  EXPECT_NE(decoded.value.has_value(), !decoded.error.empty());
-  EXPECT_THAT(decoded.error, testing::Not(testing::HasSubstr("\n")));
-  if (decoded.value) expectSound(*decoded.value);
-  return decoded;
-}
-
-template <typename T>
-void expectRefused(const Bytes& bytes) {
-  EXPECT_FALSE(decodeExactly<T>(bytes).value.has_value());
-}
-
-template <typename T>
-struct EveryMessage : testing::Test {};
-using Messages = testing::Types<XrayFrame, CArmState, CArmCommand, RegistrationMessage, ServoStatus, ServoRequest,
-                                CatheterState, CatheterCommand, CatheterTip, ServoInput, CatheterInput>;
-struct MessageNames {
-  template <typename T>
-  static std::string GetName(int i) {
-    static const char* const kNames[] = {"XrayFrame",   "CArmState",    "CArmCommand",   "Registration",
-                                         "ServoStatus", "ServoRequest", "CatheterState", "CatheterCommand",
-                                         "CatheterTip", "ServoInput",   "CatheterInput"};
-    return kNames[i];
-  }
-};
-TYPED_TEST_SUITE(EveryMessage, Messages, MessageNames);
-
-TYPED_TEST(EveryMessage, RoundTripIsExact) {
-  test::Random random(1);
-  for (int i = 0; i < 50; ++i) {
-    const auto sent = test::randomMessage<TypeParam>(random);
-    const auto received = decodeExactly<TypeParam>(encode(sent));
-    ASSERT_TRUE(received.value) << received.error;
-    expectEqual(sent, *received.value);
-  }
-}
-
-TYPED_TEST(EveryMessage, RefusesEveryTruncationAndTrailingBytes) {
-  test::Random random(2);
-  Bytes bytes = encode(test::randomMessage<TypeParam>(random));
-  for (std::size_t size = 0; size < bytes.size(); ++size)
-    expectRefused<TypeParam>(Bytes(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size)));
-  bytes.push_back(0);
-  expectRefused<TypeParam>(bytes);
-  EXPECT_FALSE(decode<TypeParam>(nullptr, 0).value.has_value());
-}
-
-TYPED_TEST(EveryMessage, AcceptsNothingUnsoundWhateverByteIsFlipped) {
-  test::Random random(3);
-  const Bytes bytes = encode(test::randomMessage<TypeParam>(random));
-  for (std::size_t i = 0; i < bytes.size(); ++i) {
-    for (const int flip : {0x01, 0x80, 0x7f, 0xff}) {
-      Bytes wrong = bytes;
-      wrong[i] = static_cast<std::uint8_t>(wrong[i] ^ flip);
-      const auto decoded = decodeExactly<TypeParam>(wrong);
-      EXPECT_FALSE(i < 8 && decoded.value) << "fingerprint byte " << i;
-    }
-  }
-}
-
-TYPED_TEST(EveryMessage, AcceptsNothingUnsoundWhateverIntegerOrDoubleStandsAnywhere) {
-  test::Random random(4);
-  const Bytes bytes = encode(test::randomMessage<TypeParam>(random));
-  // The largest and smallest sizes, and the first bytes of NaN and infinities, at every place: lying size fields among
-  // them.
-  const Bytes patterns[] = {{0x7f, 0xff, 0xff, 0xff},
-                            {0x80, 0, 0, 0},
-                            {0xff, 0xff, 0xff, 0xff},
-                            {0, 0, 0, 0},
-                            {0x7f, 0xf8, 0, 0},
-                            {0x7f, 0xf0, 0, 0, 0, 0, 0, 0},
-                            {0xff, 0xf0, 0, 0, 0, 0, 0, 0}};
-  int tried = 0, accepted = 0;
-  for (const Bytes& pattern : patterns) {
-    for (std::size_t i = 0; i + pattern.size() <= bytes.size(); ++i) {
-      Bytes wrong = bytes;
-      std::copy(pattern.begin(), pattern.end(), wrong.begin() + static_cast<std::ptrdiff_t>(i));
-      accepted += decodeExactly<TypeParam>(wrong).value.has_value();
-      ++tried;
-    }
-  }
-  // Some are sound (a time, say), many are not; decodeExactly() looks at those that are accepted.
-  EXPECT_GT(accepted, 0);
-  EXPECT_LT(accepted, tried);
-}
-
-TYPED_TEST(EveryMessage, RefusesEveryOtherType) {
-  test::Random random(5);
-  const Bytes foreign[] = {
-      encode(test::randomMessage<XrayFrame>(random)),     encode(test::randomMessage<CArmState>(random)),
-      encode(test::randomMessage<CArmCommand>(random)),   encode(test::randomMessage<RegistrationMessage>(random)),
-      encode(test::randomMessage<ServoStatus>(random)),   encode(test::randomMessage<ServoRequest>(random)),
-      encode(test::randomMessage<CatheterState>(random)), encode(test::randomMessage<CatheterCommand>(random)),
-      encode(test::randomMessage<CatheterTip>(random)),   encode(test::randomMessage<ServoInput>(random)),
-      encode(test::randomMessage<CatheterInput>(random))};
-  int accepted = 0;
-  for (const Bytes& bytes : foreign) accepted += decodeExactly<TypeParam>(bytes).value.has_value();
-  EXPECT_EQ(accepted, 1);
-}
+using test::decodeExactly;
+using test::expectRefused;
 
 // The bytes that stand for `value` in a message, replaced by those of `other`: what a sender without our rules could
 // send.
@@ -406,8 +149,7 @@ TEST(XrayFramePng, SurvivesEveryCutAndAnyChange) {
       changed[static_cast<std::size_t>(random.uniform(0, 1) * changed.size())] =
           static_cast<std::uint8_t>(random.uniform(0, 256));
     }
-    const auto decoded = decodeExactly<XrayFrame>(changed);
-    if (decoded.value) expectSound(*decoded.value);
+    (void)decodeExactly<XrayFrame>(changed);
   }
 }
 

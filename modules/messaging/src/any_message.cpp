@@ -1,72 +1,114 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/messaging/any_message.hpp"
 
-#include <angio_lcm/carm_command_t.hpp>
-#include <angio_lcm/carm_state_t.hpp>
-#include <angio_lcm/catheter_command_t.hpp>
-#include <angio_lcm/catheter_input_t.hpp>
-#include <angio_lcm/catheter_state_t.hpp>
-#include <angio_lcm/catheter_tip_t.hpp>
-#include <angio_lcm/registration_t.hpp>
-#include <angio_lcm/servo_input_t.hpp>
-#include <angio_lcm/servo_request_t.hpp>
-#include <angio_lcm/servo_status_t.hpp>
-#include <angio_lcm/xray_frame_t.hpp>
-#include <iterator>
+#include <angio_lcm/descriptions.hpp>
+#include <array>
+#include <stdexcept>
 
+#include "angio/base/errors.hpp"
 #include "angio/messaging/mailbox.hpp"
+#include "field_bytes.hpp"
 
 namespace angio {
+namespace wire {
 namespace {
 
+using Bytes = std::vector<std::uint8_t>;
+
+template <typename T>
+std::string nameOf() {
+  return Description<T>::Wire::getTypeName();
+}
+
+template <typename T, typename... Options>
+Bytes bytesOf(const T& message, Options... options) {
+  if (const auto broken = Description<T>::broken(message)) throw std::invalid_argument(nameOf<T>() + ": " + *broken);
+  Bytes bytes;
+  FieldWriter writer(bytes);
+  writer.number("fingerprint", std::int64_t{Description<T>::Wire::getHash()});
+  const auto& packed = Description<T>::pack(message, options...);
+  Description<T>::fields(writer, packed);
+  return bytes;
+}
+
+std::optional<std::int64_t> fingerprintOf(const std::uint8_t* data, std::size_t size) {
+  std::int64_t fingerprint = 0;
+  if (size < sizeof fingerprint) return std::nullopt;
+  FieldReader(data, sizeof fingerprint).number("fingerprint", fingerprint);
+  return fingerprint;
+}
+
+// Bytes to value: layout, conversion, rules.
+template <typename T>
+Decoded<AnyMessage> read(const std::uint8_t* data, std::size_t size) {
+  const auto refused = [](const std::string& why) {
+    return Decoded<AnyMessage>{std::nullopt, nameOf<T>() + ": " + why};
+  };
+  const auto fingerprint = fingerprintOf(data, size);
+  if (!fingerprint) return refused("too short for a fingerprint");
+  if (*fingerprint != Description<T>::Wire::getHash()) return refused("another type's fingerprint");
+  if (size > static_cast<std::size_t>(kLongestMessage)) return refused("too long");
+  typename Description<T>::Packed packed{};
+  FieldReader reader(data + sizeof *fingerprint, size - sizeof *fingerprint);
+  Description<T>::fields(reader, packed);
+  if (const char* broken = reader.broken()) return refused(broken);
+  try {
+    T message = Description<T>::unpack(std::move(packed));
+    if (const auto broken = Description<T>::broken(message)) return refused(*broken);
+    return {AnyMessage(std::move(message)), {}};
+  } catch (const InputError& wrong) {
+    return refused(wrong.what());
+  }
+}
+
 struct Entry {
-  const char* type;
+  std::string type;
   std::int64_t fingerprint;
   Decoded<AnyMessage> (*read)(const std::uint8_t* data, std::size_t size);
 };
 
-template <typename T, typename Wire>
-Entry entry() {
-  return {Wire::getTypeName(), Wire::getHash(), [](const std::uint8_t* data, std::size_t size) {
-            Decoded<T> decoded = decode<T>(data, size);
-            Decoded<AnyMessage> any;
-            if (decoded.value) any.value.emplace(std::move(*decoded.value));
-            any.error = std::move(decoded.error);
-            return any;
-          }};
+template <typename... T>
+std::array<Entry, sizeof...(T)> entries(const std::variant<T...>*) {
+  return {Entry{nameOf<T>(), Description<T>::Wire::getHash(), &read<T>}...};
+}
+
+// In the order of AnyMessage's alternatives.
+const auto& table() {
+  static const auto kTable = entries(static_cast<const AnyMessage*>(nullptr));
+  return kTable;
 }
 
 const Entry* find(const std::uint8_t* data, std::size_t size) {
-  static const Entry kEntries[] = {entry<XrayFrame, angio_lcm::xray_frame_t>(),
-                                   entry<CArmState, angio_lcm::carm_state_t>(),
-                                   entry<ServoInput, angio_lcm::servo_input_t>(),
-                                   entry<CArmCommand, angio_lcm::carm_command_t>(),
-                                   entry<RegistrationMessage, angio_lcm::registration_t>(),
-                                   entry<ServoStatus, angio_lcm::servo_status_t>(),
-                                   entry<ServoRequest, angio_lcm::servo_request_t>(),
-                                   entry<CatheterState, angio_lcm::catheter_state_t>(),
-                                   entry<CatheterCommand, angio_lcm::catheter_command_t>(),
-                                   entry<CatheterTip, angio_lcm::catheter_tip_t>(),
-                                   entry<CatheterInput, angio_lcm::catheter_input_t>()};
-  static_assert(std::size(kEntries) == std::variant_size_v<AnyMessage>, "a message is missing");
-  if (size < 8) return nullptr;
-  std::uint64_t fingerprint = 0;
-  for (int i = 0; i < 8; ++i) fingerprint = fingerprint << 8 | data[i];
-  for (const Entry& known : kEntries) {
-    if (static_cast<std::uint64_t>(known.fingerprint) == fingerprint) return &known;
+  const auto fingerprint = fingerprintOf(data, size);
+  for (const Entry& known : table()) {
+    if (known.fingerprint == fingerprint) return &known;
   }
   return nullptr;
 }
 
 }  // namespace
 
+Bytes encode(const Messages::Pointer& message) {
+  return std::visit([](const auto* m) { return bytesOf(*m); }, message);
+}
+
+Decoded<AnyMessage> decode(std::size_t alternative, const std::uint8_t* data, std::size_t size) {
+  return table().at(alternative).read(data, size);
+}
+
+}  // namespace wire
+
+std::vector<std::uint8_t> encode(const XrayFrame& frame, ImageEncoding encoding) {
+  return wire::bytesOf(frame, encoding);
+}
+
 std::optional<std::string> messageType(const std::uint8_t* data, std::size_t size) {
-  const Entry* known = find(data, size);
-  return known ? std::optional<std::string>(known->type) : std::nullopt;
+  const wire::Entry* known = wire::find(data, size);
+  return known ? std::optional(known->type) : std::nullopt;
 }
 
 Decoded<AnyMessage> decodeAny(const std::uint8_t* data, std::size_t size) {
-  if (const Entry* known = find(data, size)) return known->read(data, size);
+  if (const wire::Entry* known = wire::find(data, size)) return known->read(data, size);
   return {std::nullopt, "its fingerprint is that of no type we know"};
 }
 
@@ -76,6 +118,10 @@ std::int64_t timeOf(const AnyMessage& message) {
 
 std::int64_t sequenceOf(const AnyMessage& message) {
   return std::visit([](const auto& m) { return sequenceOf(m); }, message);
+}
+
+std::string describe(const AnyMessage& message) {
+  return std::visit([](const auto& m) { return wire::Description<std::decay_t<decltype(m)>>::line(m); }, message);
 }
 
 }  // namespace angio

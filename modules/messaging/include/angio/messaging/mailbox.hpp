@@ -18,18 +18,22 @@ void publish(Bus& bus, const std::string& channel, const T& message) {
   bus.publish(channel, encode(message));
 }
 
-/// The number that orders the messages of one sender.
-inline std::int64_t sequenceOf(const XrayFrame& m) { return m.sequence; }
-inline std::int64_t sequenceOf(const CArmState& m) { return m.sequence; }
-inline std::int64_t sequenceOf(const CArmCommand& m) { return m.sequence; }
-inline std::int64_t sequenceOf(const RegistrationMessage& m) { return m.frame_sequence; }
-inline std::int64_t sequenceOf(const ServoInput& m) { return m.frame_sequence; }
-inline std::int64_t sequenceOf(const ServoStatus& m) { return m.frame_sequence; }
-inline std::int64_t sequenceOf(const ServoRequest& m) { return m.sequence; }
-inline std::int64_t sequenceOf(const CatheterState& m) { return m.sequence; }
-inline std::int64_t sequenceOf(const CatheterCommand& m) { return m.sequence; }
-inline std::int64_t sequenceOf(const CatheterTip& m) { return m.frame_sequence; }
-inline std::int64_t sequenceOf(const CatheterInput& m) { return m.frame_sequence; }
+namespace wire {
+template <typename Message>
+auto sequenceOf(const Message& m, int) -> decltype(m.sequence) {
+  return m.sequence;
+}
+template <typename Message>
+auto sequenceOf(const Message& m, long) -> decltype(m.frame_sequence) {
+  return m.frame_sequence;
+}
+}  // namespace wire
+
+/// The number that orders the messages of one sender: their own, or the frame's if they have none.
+template <typename Message>
+std::int64_t sequenceOf(const Message& message) {
+  return wire::sequenceOf(message, 0);
+}
 
 /// Keeps the newest message of a channel; filled by Bus::handle().
 ///

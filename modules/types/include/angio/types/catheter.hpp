@@ -34,6 +34,7 @@ struct CatheterCommand {
 };
 
 enum class CatheterTipStatus : std::int8_t { kLost = 0, kAmbiguous = 1, kLocated = 2 };
+constexpr int kCatheterTipStatusCount = 3;
 
 /// Where a catheter's tip was seen in one frame. When it is lost, nothing but the reason counts.
 struct CatheterTip {

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <angio_lcm/catheter_command_t.hpp>
+#include <angio_lcm/catheter_state_t.hpp>
+#include <angio_lcm/catheter_tip_t.hpp>
+
+#include "angio/types/catheter.hpp"
+#include "description.hpp"
+#include "message_text.hpp"
+
+namespace angio::wire {
+
+template <>
+struct Description<CatheterState> : PlainDescription<CatheterState, angio_lcm::catheter_state_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("sequence", m.sequence);
+    v.number("insertion", m.insertion_m);
+    v.number("roll", m.roll_rad);
+    v.number("bend", m.bend_rad, kNotNegative);
+    v.number("insertion_speed", m.insertion_speed_mps);
+    v.number("roll_speed", m.roll_speed_radps);
+    v.number("bend_speed", m.bend_speed_radps);
+    v.number("insertion_force", m.insertion_force_n);
+  };
+
+  static std::string line(const CatheterState& m) {
+    return formatted("in %.1f mm, roll %.1f deg, bend %.1f deg, force %.2f N", 1e3 * m.insertion_m,
+                     radToDeg(m.roll_rad), radToDeg(m.bend_rad), m.insertion_force_n);
+  }
+};
+
+template <>
+struct Description<CatheterCommand> : PlainDescription<CatheterCommand, angio_lcm::catheter_command_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("sequence", m.sequence);
+    v.number("frame_sequence", m.frame_sequence);
+    v.number("valid_for_us", m.valid_for_us, kNotNegative);
+    v.number("insertion_speed", m.insertion_speed_mps);
+    v.number("roll_speed", m.roll_speed_radps);
+    v.number("bend_speed", m.bend_speed_radps);
+  };
+
+  static std::string line(const CatheterCommand& m) {
+    return answerText(m.frame_sequence, m.valid_for_us) +
+           formatted("%+.1f mm/s, roll %+.1f deg/s, bend %+.1f deg/s", 1e3 * m.insertion_speed_mps,
+                     radToDeg(m.roll_speed_radps), radToDeg(m.bend_speed_radps));
+  }
+};
+
+template <>
+struct Description<CatheterTip> : PlainDescription<CatheterTip, angio_lcm::catheter_tip_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("frame_sequence", m.frame_sequence);
+    v.number("model_id", m.model_id);
+    v.number("status", m.status, oneOf(kCatheterTipStatusCount));
+    v.array("tip", m.tip_model);
+    v.array("covariance", m.covariance, ArrayRule::kCovariance);
+    v.number("branch", m.branch, kNotNegative);
+    v.number("tree_point", m.tree_point, kNotNegative);
+    v.number("arc_length", m.arc_length_m, kNotNegative);
+    v.number("probability", m.probability, kProbability);
+    v.text("reason", m.reason);
+  };
+
+  static std::string line(const CatheterTip& m) {
+    if (m.status == CatheterTipStatus::kLost) {
+      return formatted("frame %lld lost: ", count(m.frame_sequence)) + harmless(m.reason);
+    }
+    return formatted("frame %lld %s, branch %d at %.1f mm (%.0f %%), tip %.1f %.1f %.1f mm", count(m.frame_sequence),
+                     m.status == CatheterTipStatus::kLocated ? "located" : "ambiguous", m.branch, 1e3 * m.arc_length_m,
+                     100 * m.probability, 1e3 * m.tip_model.x(), 1e3 * m.tip_model.y(), 1e3 * m.tip_model.z());
+  }
+};
+
+}  // namespace angio::wire

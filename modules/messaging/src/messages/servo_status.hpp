@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <angio_lcm/servo_status_t.hpp>
+
+#include "angio/types/servo_status.hpp"
+#include "description.hpp"
+#include "message_text.hpp"
+
+namespace angio::wire {
+
+template <>
+struct Description<ServoStatus> : PlainDescription<ServoStatus, angio_lcm::servo_status_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("frame_sequence", m.frame_sequence);
+    v.number("transitions", m.transitions, kNotNegative);
+    v.number("transition_utime", m.transition_time_us);
+    v.number("state", m.state, oneOf(kServoStateCount));
+    v.number("cause", m.cause, oneOf(kServoCauseCount));
+    v.number("view_error", m.view_error_rad);
+    v.number("target_error", m.target_error_m);
+    v.number("image_us", m.image_us);
+    v.number("registration_us", m.registration_us);
+    v.number("control_us", m.control_us);
+    v.text("reason", m.reason);
+  };
+
+  static std::string line(const ServoStatus& m) {
+    const std::int64_t spent_us = m.image_us / 1000 + m.registration_us / 1000 + m.control_us / 1000;
+    return formatted("frame %lld %s, view %.3f deg, target %.2f mm, %lld ms", count(m.frame_sequence), nameOf(m.state),
+                     radToDeg(m.view_error_rad), 1e3 * m.target_error_m, count(spent_us)) +
+           (m.reason.empty() ? "" : ": " + harmless(m.reason));
+  }
+};
+
+}  // namespace angio::wire
