@@ -23,7 +23,7 @@ struct Options {
   std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, record, disturb;
   WayOptions way;
   double duration_s = 0;
-  bool wait_for_operator = false;
+  bool wait_for_operator = false, ask_for_views = false;
 };
 
 // Two lines that differ in numbers only say the same.
@@ -38,7 +38,8 @@ std::string withoutNumbers(const std::string& line) {
 volatile std::sig_atomic_t stopped = 0;
 
 int navigate(const Options& o) {
-  const NavigateSettings settings = readNavigateSettings(o.settings);
+  NavigateSettings settings = readNavigateSettings(o.settings);
+  settings.controller.ask_for_views |= o.ask_for_views;
   const VesselTree tree = readVesselTree(o.tree);
   const TreeMap map(tree);
   const TreePlace start = o.way.start(map), target = o.way.target(map);
@@ -102,6 +103,8 @@ int main(int argc, char** argv) {
   app.add_flag(
       "--wait-for-operator", o.wait_for_operator,
       "Stand still until CATHETER_REQUEST arms and starts (angio-operator --machine catheter); else started at once");
+  app.add_flag("--ask-for-views", o.ask_for_views,
+               "Ask the C-arm for views of the way (VIEW_REQUEST); angio-servo --view-from bus goes there");
   app.add_option("--record", o.record, "Log of all that is heard and said (.lcm)");
   app.add_option("--disturb", o.disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...");
   app.add_option("--settings", o.settings,

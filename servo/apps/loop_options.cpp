@@ -15,6 +15,10 @@ void LoopOptions::addTo(CLI::App& app) {
   app.add_option("--view-secondary-deg", view_secondary_deg, "Desired view of the anatomy: CRA positive, CAU negative")
       ->check(between(-55, 55))
       ->default_str(shown(view.secondary_deg));
+  app.add_option("--view-from", view_from,
+                 "Who says which view: settings (or the angles here), or bus: VIEW_REQUEST, as of angio-navigate")
+      ->check(CLI::IsMember({"settings", "bus"}))
+      ->default_str("settings");
   app.add_option("--perception", perception,
                  "Who registers frames: own, or bus: another program says REGISTRATION of each (angio-register --bus)")
       ->check(CLI::IsMember({"own", "bus"}))
@@ -27,7 +31,8 @@ void LoopOptions::addTo(CLI::App& app) {
 }
 
 bool LoopOptions::given() const {
-  return !(task.empty() && perception.empty() && centre_on.empty()) || view_primary_deg || view_secondary_deg;
+  return !(task.empty() && view_from.empty() && perception.empty() && centre_on.empty()) || view_primary_deg ||
+         view_secondary_deg;
 }
 
 void LoopOptions::applyTo(ServoSettings& settings) const {
@@ -35,6 +40,13 @@ void LoopOptions::applyTo(ServoSettings& settings) const {
   ViewTaskSettings& view = settings.tasks.of<ViewTaskSettings>();
   view.primary_deg = view_primary_deg.value_or(view.primary_deg);
   view.secondary_deg = view_secondary_deg.value_or(view.secondary_deg);
+  if (view_from == "bus") {
+    const TaskSettings chosen = settings.tasks.chosen();
+    if (!std::holds_alternative<ViewTaskSettings>(chosen)) {
+      throw InputError("command line", "--view-from", view_from, "needs the task view, and not " + nameOf(chosen));
+    }
+    view.goal = ViewGoal::kRequested;
+  }
   if (!perception.empty()) {
     settings.perception = perception == "bus" ? ServoSettings::Perceiver::kBus : ServoSettings::Perceiver::kOwn;
   }

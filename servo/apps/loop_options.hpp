@@ -11,7 +11,7 @@ namespace angio {
 
 /// What a command line says of a loop; what is given comes before the settings file's.
 struct LoopOptions {
-  std::string task, perception, centre_on;
+  std::string task, view_from, perception, centre_on;
   std::optional<double> view_primary_deg, view_secondary_deg;
 
   void addTo(CLI::App& app);

@@ -14,8 +14,8 @@ void NavigateSettings::visit(SettingsVisitor& v) {
 
 CArmSetup NavigateSettings::stage(const CArmCalibration& calibration) const {
   const CArmGeometry& carm = calibration.carm;
-  return {carm, limits.limits(carm.source_detector_distance_m - carm.source_isocentre_distance_m),
-          calibration.T_dsa_cb};
+  return {carm, limits.limits(carm.source_detector_distance_m - carm.source_isocentre_distance_m), calibration.T_dsa_cb,
+          calibration.R_lps_model};
 }
 
 NavigateSettings readNavigateSettings(const std::string& path) {

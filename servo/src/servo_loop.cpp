@@ -72,7 +72,8 @@ ServoReport ServoLoop::propose(const XrayFrame& frame, const ServoInput& input, 
   const double period_s = periodUntil(frame);
   ServoReport report;
   report.command = numbered(frame);
-  answer(frame, input.state, external, period_s, report);
+  answer(frame, input, external, period_s, report);
+  report.view = task_->progress();
   if (report.hold_reason) limiter_.pass(period_s);
   return report;
 }
@@ -97,6 +98,7 @@ ServoReport ServoLoop::refuse(const XrayFrame& frame, const std::string& why) {
   ServoReport report;
   report.hold_reason = why;
   report.command = numbered(frame);
+  report.view = task_->progress();
   task_->interrupt();
   return report;
 }
@@ -145,10 +147,21 @@ std::optional<std::string> ServoLoop::tipRejection(const ExternalEstimates& exte
   return std::nullopt;
 }
 
-void ServoLoop::answer(const XrayFrame& frame, const CArmState& state, const ExternalEstimates& external,
+// Why the frame need not, or must not, be observed.
+std::optional<std::string> ServoLoop::rejection(const XrayFrame& frame, const ServoInput& input,
+                                                const ExternalEstimates& external) {
+  if (auto why = perception_.rejection(frame, input.state)) return why;
+  if (auto why = rejection(external)) return why;
+  if (input.view.time_us != 0 && input.view.model_id != perception_.modelId()) {
+    return "the view is asked for in another vessel tree";
+  }
+  return task_->waits(input.view);
+}
+
+void ServoLoop::answer(const XrayFrame& frame, const ServoInput& input, const ExternalEstimates& external,
                        double period_s, ServoReport& report) {
-  report.hold_reason = perception_.rejection(frame, state);
-  if (!report.hold_reason) report.hold_reason = rejection(external);
+  const CArmState& state = input.state;
+  report.hold_reason = rejection(frame, input, external);
   if (!report.hold_reason) {
     GatedObservation gated = settings_.external_registration
                                  ? perception_.adopt(registrationResult(*external.registration), state)

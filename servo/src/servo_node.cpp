@@ -12,7 +12,7 @@ SafetySupervisor<MotionMonitor> NodeTraits<ServoLoop>::safety(const ServoLoop& l
   return {s.safety, s.limits, loop.target_model(), MotionMonitor(s.safety.motion, s.limits)};
 }
 
-void NodeTraits<ServoLoop>::publish(Bus& bus, const ServoLoop& loop, const ServoReport& report) {
+void NodeTraits<ServoLoop>::publish(Bus& bus, const ServoLoop& loop, const ServoReport& report, ServoState) {
   if (report.observed && !loop.settings().external_registration) {
     angio::publish(bus, kRegistrationChannel, registrationMessage(report));
   }
@@ -36,6 +36,7 @@ ServoStatus servoStatus(const ServoReport& report) {
     status.view_error_rad = report.task.view_error->direction_rad;
     status.target_error_m = report.task.view_error->target_m;
   }
+  if (report.view.reached) status.view_reached_us = report.view.request_us;
   status.image_us = microseconds(report.observation.image_s);
   status.registration_us = microseconds(report.observation.registration_s);
   status.control_us = microseconds(report.control_s);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "view_task.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -48,6 +47,7 @@ Goal goalOf(const ViewTaskSettings& settings, const TaskContext& context) {
     case ViewGoal::kPose:
       return poseGoal(settings.T_camera_model, distance_m);
     case ViewGoal::kAngles:
+    case ViewGoal::kRequested:  // Not used before the first request.
       break;
   }
   const ViewAngles angles{degToRad(settings.primary_deg), degToRad(settings.secondary_deg)};
@@ -62,7 +62,13 @@ class ViewTask final : public Task {
         limits_(context.limits),
         goal_(goalOf(settings, context)),
         law_(makeServoLaw(context.law, {&context.tree, goal_.target_model})),
-        in_flight_(context.limits) {}
+        in_flight_(context.limits) {
+    if (settings.goal == ViewGoal::kRequested) requested_.emplace(context);
+  }
+
+  std::optional<std::string> waits(const ViewRequest& request) override;
+
+  ViewProgress progress() const override { return requested_ ? requested_->progress : ViewProgress{}; }
 
   TaskAnswer answer(const TaskInput& input) override;
 
@@ -71,7 +77,10 @@ class ViewTask final : public Task {
     frames_inside_ = 0;
   }
 
-  std::optional<Pose> desired_T_camera_model() const override { return goal_.T_camera_model; }
+  std::optional<Pose> desired_T_camera_model() const override {
+    if (requested_ && requested_->progress.request_us == 0) return std::nullopt;
+    return goal_.T_camera_model;
+  }
 
  private:
   bool staysInside(const ViewError& error, const TaskInput& input);
@@ -84,7 +93,35 @@ class ViewTask final : public Task {
   std::unique_ptr<ServoLaw> law_;
   LatencyCompensator in_flight_;
   int frames_inside_ = 0;
+
+  // Of views that are asked for.
+  struct Requested {
+    explicit Requested(const TaskContext& context)
+        : tree(context.tree), R_lps_model(context.R_lps_model), law(context.law) {}
+    VesselTree tree;
+    Eigen::Matrix3d R_lps_model;
+    ServoLawSettings law;
+    ViewProgress progress;
+  };
+  std::optional<Requested> requested_;
 };
+
+std::optional<std::string> ViewTask::waits(const ViewRequest& request) {
+  if (!requested_) return std::nullopt;
+  ViewProgress& progress = requested_->progress;
+  if (request.time_us == 0) return "no view has been asked for";
+  if (request.time_us != progress.request_us) {
+    progress = {request.time_us, false};
+    const ViewAngles angles = viewAnglesOf(Eigen::Vector3d(requested_->R_lps_model * request.beam_model));
+    goal_ = goalOf({angles, request.target_model, requested_->R_lps_model}, carm_.source_isocentre_distance_m);
+    law_ = makeServoLaw(requested_->law, {&requested_->tree, goal_.target_model});
+    settings_.reached_deg = radToDeg(request.within_rad);
+    settings_.reached_mm = 1e3 * request.within_m;
+    frames_inside_ = 0;
+  }
+  if (progress.reached) return "the view that was asked for is reached";
+  return std::nullopt;
+}
 
 TaskAnswer ViewTask::answer(const TaskInput& input) {
   // The patient lies still, so the average of many frames is the better observation.
@@ -92,6 +129,7 @@ TaskAnswer ViewTask::answer(const TaskInput& input) {
   TaskAnswer answer;
   answer.view_error = viewError(seen, goal_.T_camera_model, goal_.target_model);
   answer.reached = staysInside(*answer.view_error, input);
+  if (requested_ && answer.reached) requested_->progress.reached = true;
   // The law answers to where the arm will be when its command arrives.
   const CArmJoints then = in_flight_.atArrival(input).joints;
   const Pose T_patient_model = carm_.T_camera_patient(input.state.joints).inverse() * seen;
@@ -127,11 +165,7 @@ CArmJoints ViewTask::brakable(CArmJoints velocity, const CArmJoints& left, doubl
 }
 
 bool ViewTask::staysInside(const ViewError& error, const TaskInput& input) {
-  const Pose& T = input.T_camera_model;
-  Eigen::Matrix<double, 3, 6> J;
-  J << Eigen::Matrix3d::Identity(), -skew(T.linear() * goal_.target_model);
-  const Eigen::Matrix3d place = J * input.covariance * J.transpose();
-  const double place_variance = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(place).eigenvalues()[2];
+  const double place_variance = std::pow(input.patient().worstStd_m(goal_.target_model), 2);
   const double direction_variance = input.covariance(3, 3) + input.covariance(4, 4);
   const double averaged = std::min(frames_inside_ + 1, kMostAveraged);
   const auto within = [&](double size, double variance, double most) {

@@ -376,6 +376,43 @@ TEST_F(CatheterNodeTest, ReadsAFrameWithTheDriveOfItsOwnTime) {
   EXPECT_GT(answered, 5);
 }
 
+// Without somebody who goes there, the drive rests; what is asked for is repeated, once the catheter has been started.
+TEST_F(CatheterNodeTest, AsksForAViewAndRestsUntilItIsReached) {
+  settings.ask_for_views = true;
+  const TreeMap map(tree);
+  const auto node = nodeTo({map.children(0).front(), 8e-3});
+  LatestValue<ViewRequest> requests(*bus, kViewRequestChannel);
+  started = false;
+  expectRest(*node, 5);
+  bus->handle(std::chrono::milliseconds(0));
+  EXPECT_EQ(requests.received(), 0) << "a catheter that is not started asks for nothing";
+  started = true;
+  expectRest(*node, 100);  // Until the contrast agent has washed out.
+  bus->handle(std::chrono::milliseconds(0));
+  ASSERT_TRUE(requests.peek());
+  const ViewRequest first = *requests.peek();
+  EXPECT_GT(requests.received(), 10);
+  EXPECT_EQ(first.sequence, 1);
+  EXPECT_NEAR(first.beam_model.norm(), 1, 1e-12);
+  EXPECT_EQ(first.model_id, modelId(tree));
+  EXPECT_NE(node->states().reason().find("waits for a view"), std::string::npos) << node->states().reason();
+
+  // The C-arm's loop says that it is there; no roadmap comes of it, and the view is asked for again.
+  ServoStatus there;
+  there.view_reached_us = first.time_us;
+  for (int k = 0; k < 200 && requests.peek()->sequence == 1; ++k) {
+    there.frame_sequence = k + 1;
+    there.time_us = now_us;
+    publish(*bus, kServoStatusChannel, there);
+    frame(*node);
+    bus->handle(std::chrono::milliseconds(0));
+  }
+  EXPECT_EQ(requests.peek()->sequence, 2);
+  EXPECT_EQ(requests.peek()->reason, "the last one has given no roadmap");
+  EXPECT_EQ(requests.peek()->beam_model, first.beam_model);
+  EXPECT_EQ(drive->catheter().truth().path_m, kStart.arc_m);
+}
+
 TEST_F(CatheterNodeTest, RefusesPlacesThatTheTreeDoesNotHave) {
   EXPECT_NE(test::refusalOf([&] { nodeTo({1000, 0}); }).find("target = 1000"), std::string::npos);
 }

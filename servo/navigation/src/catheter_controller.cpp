@@ -22,7 +22,10 @@ CatheterController::CatheterController(const CArmSetup& setup, const VesselTree&
       setup_(setup),
       centroid_(tree.centroid()),
       perception_(settings.perception, settings.supervisor, setup.carm, setup.T_dsa_cb, tree, centroid_),
-      loop_(tree, start, target, settings.loop) {}
+      loop_(tree, start, target, settings.loop) {
+  if (!settings.ask_for_views) return;
+  planner_.emplace(tree, target, bestViewScene(setup.carm, setup.limits, setup.R_lps_model), settings.view);
+}
 
 // Stands still, and says which frame it answers.
 CatheterCommand CatheterController::numbered(const XrayFrame& frame) const {
@@ -58,11 +61,15 @@ CatheterControllerReport CatheterController::propose(const XrayFrame& frame, con
   if (const auto why = rejection(frame, input)) return refuse(frame, *why);
   CatheterControllerReport report;
   report.command = numbered(frame);
-  if (roadmap_ && armHasMoved(input.arm)) {
-    roadmap_.reset();
-    believed_ = unseen_ = 0;
-    washed_out_ = false;
+  if (planner_) {
+    planView(frame, input.view_reached_us);
+    if (input.view_reached_us != request_->time_us) {
+      report.view_request = request_;
+      report.hold_reason = "waits for a view: " + request_->reason;
+      return report;
+    }
   }
+  if (roadmap_ && armHasMoved(input.arm)) forgetRoadmap();
   if (washed_out_) {
     navigate(frame, input.arm, input.drive, report);
   } else {
@@ -74,6 +81,42 @@ CatheterControllerReport CatheterController::propose(const XrayFrame& frame, con
   wanted.sequence = report.command.sequence;
   report.command = wanted;
   return report;
+}
+
+void CatheterController::forgetRoadmap() {
+  roadmap_.reset();
+  believed_ = unseen_ = 0;
+  washed_out_ = false;
+}
+
+// Asks for the next view when the present one has served, leaves doubt, or shows no vessels.
+void CatheterController::planView(const XrayFrame& frame, std::int64_t reached_us) {
+  if (request_ && reached_us != request_->time_us) return;
+  if (!view_since_us_) view_since_us_ = frame.time_us;
+  const TipPlace& tip = loop_.belief().tip;
+  if (const auto view = planner_->next({tip.chain, tip.arc_m}, in_doubt_)) {
+    ask(frame, *view, !request_ ? "the journey begins" : in_doubt_ ? "the last one leaves doubt" : "the tip goes on");
+  } else if (!washed_out_ &&
+             1e-6 * static_cast<double>(frame.time_us - *view_since_us_) > settings_.roadmap_patience_s) {
+    ask(frame, *planned_, "the last one has given no roadmap");
+  }
+}
+
+void CatheterController::ask(const XrayFrame& frame, const PlannedView& view, const std::string& reason) {
+  ViewRequest request;
+  request.time_us = frame.time_us;
+  request.sequence = request_ ? request_->sequence + 1 : 1;
+  request.model_id = modelId();
+  request.beam_model = setup_.R_lps_model.transpose() * beamDirection(view.angles);
+  request.target_model = view.middle_model;
+  request.within_rad = degToRad(settings_.view_within_deg);
+  request.within_m = 1e-3 * settings_.view_within_mm;
+  request.reason = reason;
+  request_ = request;
+  planned_ = view;
+  view_since_us_.reset();
+  in_doubt_ = false;
+  forgetRoadmap();
 }
 
 bool CatheterController::armHasMoved(const CArmState& arm) const {
@@ -111,6 +154,7 @@ void CatheterController::navigate(const XrayFrame& frame, const CArmState& arm, 
                       roadmap_->covariance};
   report.loop = loop_.step({frame.time_us, frame.sequence, pose, drive}, loop_.look(frame.image, pose));
   navigation_ = report.loop.answer.state;
+  in_doubt_ = report.loop.answer.another_view;
   report.patient = PatientObservation{pose.T_camera_model, roadmap_->covariance};
   const auto& belief = report.loop.input.belief;
   const bool seen = belief->status == BeliefStatus::kSeen;

@@ -43,7 +43,9 @@ SafetySupervisor<DriveMonitor> NodeTraits<CatheterController>::safety(const Cath
 }
 
 void NodeTraits<CatheterController>::publish(Bus& bus, const CatheterController& loop,
-                                             const CatheterControllerReport& report) {
+                                             const CatheterControllerReport& report, ServoState state) {
+  const bool started = state == ServoState::kHold || state == ServoState::kServo;
+  if (report.view_request && started) angio::publish(bus, kViewRequestChannel, *report.view_request);
   if (report.registration) {
     angio::publish(bus, kRegistrationChannel,
                    registrationMessage(*report.registration, loop.modelId(), report.command.time_us,

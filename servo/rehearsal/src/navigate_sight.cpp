@@ -14,7 +14,7 @@ constexpr double kTurn_radps = degToRad(20);
 constexpr double kRetry_s = 1;  // After a roadmap that could not be registered.
 constexpr int kSearchStarts = 64;
 
-Pose poseOf(const WayViewAnswer& view) {
+Pose poseOf(const PlannedView& view) {
   Pose T = Pose::Identity();
   T.linear() = viewRotation(view.angles);
   T.translation() = Eigen::Vector3d(0, 0, kSourceDistance_m) - T.linear() * view.middle_model;
@@ -60,7 +60,7 @@ BestViewScene NavigateSight::reachable() {
   return bestViewScene(carm, CArmLimits::typical(kDetectorDistance_m - kSourceDistance_m), Eigen::Matrix3d::Identity());
 }
 
-double NavigateSight::turnTo(const WayViewAnswer& view) {
+double NavigateSight::turnTo(const PlannedView& view) {
   const double turned = std::acos(std::clamp(beamDirection(view.angles).dot(beamDirection(view_)), -1.0, 1.0));
   const double takes_s = views_ == 0 ? 0 : turned / kTurn_radps;
   view_ = view.angles;

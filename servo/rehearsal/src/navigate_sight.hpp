@@ -7,7 +7,7 @@
 
 #include "angio/imaging/extractor.hpp"
 #include "angio/navigation/catheter_loop.hpp"
-#include "angio/navigation/way_view.hpp"
+#include "angio/navigation/view_planner.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/rehearsal/navigate_study.hpp"
 
@@ -26,7 +26,7 @@ class NavigateSight {
 
   /// Turns the C-arm, and the table with it; until the next roadmap only calibration says where the model is.
   /// @return  How long that takes [s].
-  double turnTo(const WayViewAnswer& view);
+  double turnTo(const PlannedView& view);
 
   /// The catheter in frame `k` at a time [s], as `loop` sees it; nothing when it is not seen, as on a roadmap.
   std::optional<CatheterTrace> look(const SimulatedCatheter& catheter, CatheterLoop& loop, std::int64_t k,

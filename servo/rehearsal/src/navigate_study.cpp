@@ -99,7 +99,7 @@ NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, con
   SimulatedCatheter catheter(full, made, start, 0);
   CatheterLoop loop(full, start, target, parts.loop);
   NavigateSight sight(full, study, parts, seed);
-  WayView way_view(full, target, NavigateSight::reachable(), parts.view);
+  ViewPlanner way_view(full, target, NavigateSight::reachable(), parts.view);
   double turning_until_s = 0;
   bool in_doubt = false;
 

@@ -7,6 +7,7 @@
 #include "angio/types/loop_input.hpp"
 #include "messages/carm_motion.hpp"
 #include "messages/catheter.hpp"
+#include "messages/view_request.hpp"
 
 namespace angio::wire {
 
@@ -20,6 +21,7 @@ struct Description<ServoInput> : PlainDescription<ServoInput, angio_lcm::servo_i
     v.array("joint_position", m.state.joints);
     v.array("joint_velocity", m.state.velocity);
     v.number("verdict", m.verdict, oneOf(kServoVerdictCount));
+    v.message("view", m.view);
   };
 
   static std::string line(const ServoInput& m) {
@@ -35,6 +37,7 @@ struct Description<CatheterInput> : PlainDescription<CatheterInput, angio_lcm::c
     v.number("verdict", m.verdict, oneOf(kServoVerdictCount));
     v.message("arm", m.arm);
     v.message("drive", m.drive);
+    v.number("view_reached_utime", m.view_reached_us);
   };
 
   static std::string line(const CatheterInput& m) {

@@ -23,6 +23,7 @@ struct Description<ServoStatus> : PlainDescription<ServoStatus, angio_lcm::servo
     v.number("image_us", m.image_us);
     v.number("registration_us", m.registration_us);
     v.number("control_us", m.control_us);
+    v.number("view_reached_utime", m.view_reached_us);
     v.text("reason", m.reason);
   };
 

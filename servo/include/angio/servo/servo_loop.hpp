@@ -48,6 +48,7 @@ struct ServoReport {
   Observation observation;                    ///< Of a frame that was looked at.
   std::optional<PatientObservation> patient;  ///< Where the model is, of a frame that may move the machine.
   TaskAnswer task;                            ///< At rest while it holds.
+  ViewProgress view;                          ///< Of a view that another program asks for.
   double control_s = 0;                       ///< Wall time of task, law and limits [s].
   double learning_s = 0;                      ///< Wall time of what was learnt after the command was sent [s].
 };
@@ -96,7 +97,9 @@ class ServoLoop {
   CArmCommand numbered(const XrayFrame& frame) const;
   std::optional<std::string> rejection(const ExternalEstimates& external) const;
   std::optional<std::string> tipRejection(const ExternalEstimates& external) const;
-  void answer(const XrayFrame& frame, const CArmState& state, const ExternalEstimates& external, double period_s,
+  std::optional<std::string> rejection(const XrayFrame& frame, const ServoInput& input,
+                                       const ExternalEstimates& external);
+  void answer(const XrayFrame& frame, const ServoInput& input, const ExternalEstimates& external, double period_s,
               ServoReport& report);
   std::optional<CArmJoints> wantedVelocity(const XrayFrame& frame, const CArmState& state,
                                            const ExternalEstimates& external, double period_s, ServoReport& report);

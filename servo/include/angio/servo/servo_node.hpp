@@ -7,10 +7,12 @@
 
 namespace angio {
 
-/// Hears a C-arm's joints: the newest for the supervisor, and those at each exposure for the loop.
+/// Hears a C-arm's joints: the newest for the supervisor, and those at each exposure for the loop. Hears also the view
+/// that is asked for.
 class CArmStates {
  public:
-  explicit CArmStates(Bus& bus) : newest_(bus, kCArmStateChannel), history_(bus, kCArmStateChannel) {}
+  explicit CArmStates(Bus& bus)
+      : newest_(bus, kCArmStateChannel), history_(bus, kCArmStateChannel), views_(bus, kViewRequestChannel) {}
 
   bool heard() const { return !history_.empty(); }
   void hear(SafetySupervisor<MotionMonitor>& safety, std::int64_t now_us) {
@@ -18,7 +20,8 @@ class CArmStates {
   }
   std::optional<ServoInput> at(std::int64_t time_us, std::int64_t frame_sequence) const {
     const auto state = history_.at(time_us);
-    return state ? std::optional(ServoInput{time_us, frame_sequence, *state}) : std::nullopt;
+    if (!state) return std::nullopt;
+    return ServoInput{time_us, frame_sequence, *state, ServoVerdict::kPermitted, views_.peek().value_or(ViewRequest())};
   }
   void forget() { history_.forget(); }
   std::int64_t refused() const { return history_.refused(); }
@@ -26,6 +29,7 @@ class CArmStates {
  private:
   LatestValue<CArmState> newest_;
   JointHistory history_;
+  LatestValue<ViewRequest> views_;
 };
 
 template <>
@@ -40,7 +44,7 @@ struct NodeTraits<ServoLoop> {
 
   static SafetySupervisor<MotionMonitor> safety(const ServoLoop& loop);
   static const CArmState& arm(const ServoInput& input) { return input.state; }
-  static void publish(Bus& bus, const ServoLoop& loop, const ServoReport& report);
+  static void publish(Bus& bus, const ServoLoop& loop, const ServoReport& report, ServoState state);
   static ServoStatus status(const ServoReport& report);
 };
 

@@ -25,7 +25,7 @@ namespace angio {
 ///                                at(time_us, frame_sequence) -> optional<Input>, forget(), refused()
 ///   safety(loop)                 the machine's SafetySupervisor<Monitor>
 ///   arm(input)                   the C-arm's joints at the exposure
-///   publish(bus, loop, report)   what the loop says beside its command and its status
+///   publish(bus, loop, report, state)  what the loop says beside its command and its status
 ///   status(report)               the status, without the supervisor's part
 template <typename Loop>
 struct NodeTraits;
@@ -74,7 +74,7 @@ class SupervisedNode {
     Report report = answerOf(*next, now_us);
     safety_.commanded(report.command);
     publish(bus_, Traits::kCommandChannel, report.command);
-    Traits::publish(bus_, loop_, report);
+    Traits::publish(bus_, loop_, report, safety_.states().state());
     say(Traits::status(report));
     const Stopwatch learning;
     loop_.learn();  // With the command on its way.

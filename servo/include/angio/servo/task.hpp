@@ -9,6 +9,7 @@
 #include "angio/servo/desired_view.hpp"
 #include "angio/servo/patient_observation.hpp"
 #include "angio/servo/point_of_interest.hpp"
+#include "angio/types/view_request.hpp"
 
 namespace angio {
 
@@ -45,6 +46,12 @@ struct TaskAnswer {
   bool reached = false;                        ///< The task's end is reached; it goes on keeping it.
 };
 
+/// How far the C-arm is with a view that was asked for.
+struct ViewProgress {
+  std::int64_t request_us = 0;  ///< ViewRequest::time_us; 0: none is obeyed.
+  bool reached = false;
+};
+
 /// What the C-arm is to do with what is seen: `view`, `centre`, `hold`. Knows neither clock nor bus; the same inputs
 /// give the same answers.
 class Task {
@@ -56,6 +63,13 @@ class Task {
 
   /// Whether its target is a catheter's tip: then every input has to say where that is.
   virtual bool followsTip() const { return false; }
+
+  /// Takes the view that is asked for by the time of a frame. Returns why there is nothing to do, so that the frame
+  /// need not be observed; nothing when there is.
+  virtual std::optional<std::string> waits(const ViewRequest&) { return std::nullopt; }
+
+  /// Of the last request.
+  virtual ViewProgress progress() const { return {}; }
 
   /// Answers one trusted frame.
   virtual TaskAnswer answer(const TaskInput& input) = 0;

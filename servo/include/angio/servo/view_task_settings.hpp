@@ -10,7 +10,8 @@ namespace angio {
 enum class ViewGoal {
   kAngles,    ///< Beam angles in the patient's own axes, the target at the isocentre.
   kBestView,  ///< Those of bestView() for a segment, its middle at the isocentre.
-  kPose       ///< Another registered pose: its beam and its source; its roll is out of the arm's hands.
+  kPose,      ///< Another registered pose: its beam and its source; its roll is out of the arm's hands.
+  kRequested  ///< What VIEW_REQUEST asks for; at rest while nothing does, and when it is reached.
 };
 
 /// Reach a view of the anatomy and keep it.
@@ -36,7 +37,7 @@ struct ViewTaskSettings {
   double braking_share = 0.7;
 
   void visit(SettingsVisitor& v) {
-    v.choice("goal", goal, {"angles", "best_view", "pose"});
+    v.choice("goal", goal, {"angles", "best_view", "pose", "requested"});
     v.number("primary_deg", primary_deg, -180, 180);
     v.number("secondary_deg", secondary_deg, -90, 90);
     v.integer("segment_first", segment_first, -1, 1000000000);

@@ -9,12 +9,13 @@
 #include "angio/types/registration_message.hpp"
 #include "angio/types/servo_request.hpp"
 #include "angio/types/servo_status.hpp"
+#include "angio/types/view_request.hpp"
 #include "angio/types/xray_frame.hpp"
 
 namespace angio {
 
 /// Any of the values that programs send each other.
 using AnyMessage = std::variant<XrayFrame, CArmState, ServoInput, CArmCommand, RegistrationMessage, ServoStatus,
-                                ServoRequest, CatheterState, CatheterCommand, CatheterTip, CatheterInput>;
+                                ServoRequest, CatheterState, CatheterCommand, CatheterTip, CatheterInput, ViewRequest>;
 
 }  // namespace angio

@@ -13,6 +13,7 @@ constexpr const char* kServoInputChannel = "SERVO_INPUT";
 constexpr const char* kServoRequestChannel = "SERVO_REQUEST";
 constexpr const char* kCatheterStateChannel = "CATHETER_STATE";
 constexpr const char* kCatheterCommandChannel = "CATHETER_COMMAND";
+constexpr const char* kViewRequestChannel = "VIEW_REQUEST";
 constexpr const char* kCatheterTipChannel = "CATHETER_TIP";
 constexpr const char* kCatheterInputChannel = "CATHETER_INPUT";
 constexpr const char* kCatheterStatusChannel = "CATHETER_STATUS";    ///< A servo_status_t, of the catheter's loop.

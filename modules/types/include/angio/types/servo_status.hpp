@@ -53,6 +53,7 @@ struct ServoStatus {
   ServoCause cause = ServoCause::kNone;  ///< Of the last one.
   double view_error_rad = 0;             ///< Angle between the seen and the desired beam.
   double target_error_m = 0;             ///< Distance of the target from its desired place in the camera frame.
+  std::int64_t view_reached_us = 0;      ///< ViewRequest::time_us of the request whose view is reached; 0: none.
   std::int64_t image_us = 0;             ///< Time spent on image to centreline [us].
   std::int64_t registration_us = 0;      ///< On registration [us].
   std::int64_t control_us = 0;           ///< On law, limits and supervisor [us].

@@ -6,6 +6,7 @@
 
 #include "angio/navigation/catheter_loop.hpp"
 #include "angio/navigation/drive_monitor.hpp"
+#include "angio/navigation/view_planner.hpp"
 #include "angio/servo/external_estimates.hpp"
 #include "angio/servo/gated_perception.hpp"
 #include "angio/servo/safety_supervisor.hpp"
@@ -22,6 +23,14 @@ struct CatheterControllerSettings {
   double most_turn_deg = 0.3;        ///< Of the C-arm since the roadmap; more, and another one is needed.
   double most_shift_error_mm = 0.5;  ///< The same, of the table: what the roadmap's unsure depth makes of its way.
   double most_drive_age_ms = 150;    ///< Between a frame and the drive's state that it is read with.
+
+  /// Whether the C-arm is asked for the best view of the stretch around the tip (VIEW_REQUEST), and for another when
+  /// one leaves doubt. Otherwise it stays where it is.
+  bool ask_for_views = false;
+  ViewPlannerSettings view;
+  double view_within_deg = 1;     ///< A view that was asked for is reached when the beam is as near as this ...
+  double view_within_mm = 5;      ///< ... and the stretch's middle.
+  double roadmap_patience_s = 8;  ///< In a view that is reached without a roadmap, until it is asked for again.
 
   /// Of the drive's permission to move: for a node, the controller itself knows no states.
   SupervisionSettings safety = forDrive();
@@ -42,6 +51,11 @@ struct CatheterControllerSettings {
     v.number("most_turn_deg", most_turn_deg, 0.01, 30);
     v.number("most_shift_error_mm", most_shift_error_mm, 0.01, 100);
     v.number("most_drive_age_ms", most_drive_age_ms, 1, 10e3);
+    v.flag("ask_for_views", ask_for_views);
+    v.section("view", [this](SettingsVisitor& s) { view.visit(s); });
+    v.number("view_within_deg", view_within_deg, 0.01, 30);
+    v.number("view_within_mm", view_within_mm, 0.1, 100);
+    v.number("roadmap_patience_s", roadmap_patience_s, 1, 3600);
     safety.visit(v);
     v.section("drive", [this](SettingsVisitor& s) { drive.visit(s); });
   }
@@ -51,7 +65,8 @@ struct CatheterControllerSettings {
 struct CArmSetup {
   CArmGeometry carm;
   CArmLimits limits = CArmLimits::typical();
-  Pose T_dsa_cb = Pose::Identity();  ///< Calibrated: model frame in the patient frame.
+  Pose T_dsa_cb = Pose::Identity();                           ///< Calibrated: model frame in the patient frame.
+  Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();  ///< Patient axes L, P, S from the model's axes.
 };
 
 /// What became of one frame.
@@ -65,7 +80,8 @@ struct CatheterControllerReport {
   /// Where the tree was seen in the frame; or where the roadmap has it, good while the catheter is found along it.
   /// Nothing of a frame that was refused.
   std::optional<RegistrationResult> registration;
-  double learning_s = 0;  ///< Wall time of what was learnt after the command was sent [s].
+  std::optional<ViewRequest> view_request;  ///< The view that is asked for, until it is reached.
+  double learning_s = 0;                    ///< Wall time of what was learnt after the command was sent [s].
 };
 
 /// Frames of a catheter's intervention become commands for its drive. Knows neither clock nor bus; the same frames and
@@ -73,7 +89,8 @@ struct CatheterControllerReport {
 ///
 /// A roadmap comes first: frames with contrast agent, from which the tree is registered, until the agent has washed
 /// out. Then each frame is searched for the catheter along the registered tree. When the C-arm has turned, or the table
-/// has gone far, the next roadmap is waited for.
+/// has gone far, the next roadmap is waited for. With `ask_for_views` a journey begins with a view that it asks for,
+/// and the drive rests until the C-arm says that the view is reached.
 class CatheterController {
  public:
   using Input = CatheterInput;
@@ -104,6 +121,7 @@ class CatheterController {
   ExternalInputs externalInputs() const { return {}; }
 
   NavigationState navigation() const { return navigation_; }
+  int misses() const { return loop_.navigator().misses(); }  ///< Wrong branches entered, and walls met.
   const TreeMap& map() const { return loop_.navigator().map(); }
   const CArmGeometry& carm() const { return setup_.carm; }
   const CArmSetup& setup() const { return setup_; }
@@ -121,6 +139,9 @@ class CatheterController {
 
   CatheterCommand numbered(const XrayFrame& frame) const;
   std::optional<std::string> rejection(const XrayFrame& frame, const CatheterInput& input) const;
+  void forgetRoadmap();
+  void planView(const XrayFrame& frame, std::int64_t reached_us);
+  void ask(const XrayFrame& frame, const PlannedView& view, const std::string& reason);
   void lookForVessels(const XrayFrame& frame, const CArmState& arm, CatheterControllerReport& report);
   void navigate(const XrayFrame& frame, const CArmState& arm, const CatheterState& drive,
                 CatheterControllerReport& report);
@@ -134,6 +155,11 @@ class CatheterController {
   std::optional<Roadmap> roadmap_;
   int believed_ = 0, unseen_ = 0;  // Frames in a row, of a roadmap that is being made.
   bool washed_out_ = false;
+  std::optional<ViewPlanner> planner_;  // Nothing where the C-arm stays where it is.
+  std::optional<PlannedView> planned_;
+  std::optional<ViewRequest> request_;
+  std::optional<std::int64_t> view_since_us_;  // When the view that was asked for was reached.
+  bool in_doubt_ = false;
   NavigationState navigation_ = NavigationState::kWaiting;
   std::int64_t sequence_ = 0;
 };

@@ -8,25 +8,30 @@
 namespace angio {
 
 /// Hears the C-arm's joints and the drive: the newest of both for the supervisor, and those at each exposure for the
-/// controller.
+/// controller. Hears also which view the C-arm's loop has reached.
 class CatheterStates {
  public:
   explicit CatheterStates(Bus& bus)
       : newest_arm_(bus, kCArmStateChannel),
         newest_drive_(bus, kCatheterStateChannel),
         arm_(bus, kCArmStateChannel),
-        drive_(bus, kCatheterStateChannel) {}
+        drive_(bus, kCatheterStateChannel),
+        carm_loop_(bus, kServoStatusChannel) {}
 
   bool heard() const { return !arm_.empty(); }
   void hear(SafetySupervisor<DriveMonitor>& safety, std::int64_t now_us) {
     if (const auto arm = newest_arm_.take()) safety.observe(*arm, now_us);
     if (const auto drive = newest_drive_.take()) safety.observe(*drive, now_us);
+    if (const auto status = carm_loop_.take(); status && status->view_reached_us != 0) {
+      reached_us_ = status->view_reached_us;
+    }
   }
   std::optional<CatheterInput> at(std::int64_t time_us, std::int64_t frame_sequence) const {
     const auto arm = arm_.at(time_us);
     if (!arm) return std::nullopt;
-    return CatheterInput{time_us, frame_sequence, ServoVerdict::kPermitted, *arm,
-                         drive_.at(time_us).value_or(CatheterState())};
+    return CatheterInput{
+        time_us,    frame_sequence, ServoVerdict::kPermitted, *arm, drive_.at(time_us).value_or(CatheterState()),
+        reached_us_};
   }
   void forget() {
     arm_.forget();
@@ -39,6 +44,8 @@ class CatheterStates {
   LatestValue<CatheterState> newest_drive_;
   JointHistory arm_;
   DriveHistory drive_;
+  LatestValue<ServoStatus> carm_loop_;
+  std::int64_t reached_us_ = 0;
 };
 
 template <>
@@ -53,12 +60,14 @@ struct NodeTraits<CatheterController> {
 
   static SafetySupervisor<DriveMonitor> safety(const CatheterController& loop);
   static const CArmState& arm(const CatheterInput& input) { return input.arm; }
-  static void publish(Bus& bus, const CatheterController& loop, const CatheterControllerReport& report);
+  static void publish(Bus& bus, const CatheterController& loop, const CatheterControllerReport& report,
+                      ServoState state);
   static ServoStatus status(const CatheterControllerReport& report);
 };
 
 /// The catheter's controller on a bus: hears XRAY_FRAME, CARM_STATE, CATHETER_STATE and CATHETER_REQUEST, publishes
 /// CATHETER_COMMAND, CATHETER_INPUT, CATHETER_TIP, CATHETER_STATUS, and REGISTRATION of each frame that was looked at.
+/// With `ask_for_views` it hears SERVO_STATUS, and once started it publishes VIEW_REQUEST until the view is reached.
 /// Made of what a CatheterController is made of.
 using CatheterNode = SupervisedNode<CatheterController>;
 

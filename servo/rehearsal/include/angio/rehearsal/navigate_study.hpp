@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "angio/navigation/catheter_loop.hpp"
-#include "angio/navigation/way_view.hpp"
+#include "angio/navigation/view_planner.hpp"
 #include "angio/simulation/simulated_catheter.hpp"
 #include "angio/simulation/simulated_patient.hpp"
 
@@ -15,11 +15,11 @@ namespace angio {
 
 /// Many journeys of a simulated catheter, each to another branch of a tree.
 ///
-/// The C-arm looks at the stretch around the tip from its best view, and from another when that one ends or leaves doubt
-/// (WayView); while it turns, the drive stands still. With images, a roadmap begins each view and is renewed: one frame
-/// with the vessels full of contrast agent, from which the tree is registered; between roadmaps there is no contrast
-/// agent, and the catheter is what CatheterTracer finds along the registered tree. Without images, the catheter's line
-/// is projected and disturbed instead.
+/// The C-arm looks at the stretch around the tip from its best view, and from another when that one ends or leaves
+/// doubt (ViewPlanner); while it turns, the drive stands still. With images, a roadmap begins each view and is renewed:
+/// one frame with the vessels full of contrast agent, from which the tree is registered; between roadmaps there is no
+/// contrast agent, and the catheter is what CatheterTracer finds along the registered tree. Without images, the
+/// catheter's line is projected and disturbed instead.
 struct NavigateStudySettings {
   bool images = true;
   double frame_rate_hz = 15;
@@ -54,7 +54,7 @@ struct NavigateStudySettings {
 struct NavigateParts {
   CatheterSettings catheter;
   CatheterLoopSettings loop;
-  WayViewSettings view;
+  ViewPlannerSettings view;
   SimulatedPatientSettings patient;  ///< The X-ray and the body's motion; its own device and bolus are not used.
 
   void visit(SettingsVisitor& v) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/navigation/way_view.hpp"
+#include "angio/navigation/view_planner.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kShortest_m = 10e-3;  // A stretch that a view can be chosen for.
 
-BestViewSettings searchOf(const WayViewSettings& settings) {
+BestViewSettings searchOf(const ViewPlannerSettings& settings) {
   BestViewSettings search;
   search.step_deg = settings.step_deg;
   search.most_primary_deg = settings.most_primary_deg;
@@ -20,7 +20,7 @@ BestViewSettings searchOf(const WayViewSettings& settings) {
   return search;
 }
 
-bool anyReachable(const BestViewScene& scene, const WayViewSettings& settings) {
+bool anyReachable(const BestViewScene& scene, const ViewPlannerSettings& settings) {
   for (double p = -settings.most_primary_deg; p <= settings.most_primary_deg; p += settings.step_deg) {
     for (double s = -settings.most_secondary_deg; s <= settings.most_secondary_deg; s += settings.step_deg) {
       if (scene.reachable({degToRad(p), degToRad(s)})) return true;
@@ -31,19 +31,19 @@ bool anyReachable(const BestViewScene& scene, const WayViewSettings& settings) {
 
 }  // namespace
 
-WayView::WayView(const VesselTree& tree, const TreePlace& target, const BestViewScene& scene,
-                 const WayViewSettings& settings)
+ViewPlanner::ViewPlanner(const VesselTree& tree, const TreePlace& target, const BestViewScene& scene,
+                         const ViewPlannerSettings& settings)
     : tree_(tree), map_(tree), target_(target), scene_(scene), settings_(settings) {
-  checkSettings("way view", settings);
+  checkSettings("view planner", settings);
   if (target.chain < 0 || target.chain >= map_.chains()) {
-    throw InputError("way view", "target", std::to_string(target.chain),
+    throw InputError("view planner", "target", std::to_string(target.chain),
                      "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
   }
   target_path_m_ = map_.start_m(target.chain) + target.arc_m;
 }
 
 // Path length of the tip, or of the fork where it has left the route.
-double WayView::onRoute(const TreePlace& tip) const {
+double ViewPlanner::onRoute(const TreePlace& tip) const {
   int chain = tip.chain;
   double path_m = map_.start_m(chain) + tip.arc_m;
   while (!map_.passes(target_.chain, chain)) {
@@ -55,7 +55,7 @@ double WayView::onRoute(const TreePlace& tip) const {
   return std::min(path_m, target_path_m_);
 }
 
-std::optional<WayViewAnswer> WayView::next(const TreePlace& tip, bool in_doubt) {
+std::optional<PlannedView> ViewPlanner::next(const TreePlace& tip, bool in_doubt) {
   const double path_m = onRoute(tip), behind_m = 1e-3 * settings_.behind_mm;
   const bool passed =
       stretch_m_ && stretch_m_->second < target_path_m_ && path_m > stretch_m_->second - 1e-3 * settings_.renew_mm;
@@ -78,7 +78,7 @@ std::optional<WayViewAnswer> WayView::next(const TreePlace& tip, bool in_doubt) 
   const BestView best = bestView(tree_, segmentBetween(tree_, first.a, last.b), scene, searchOf(settings_));
   scene_.near = best.angles;
   stretch_m_ = {from_m, to_m};
-  return WayViewAnswer{best.angles, best.target_model};
+  return PlannedView{best.angles, best.target_model};
 }
 
 }  // namespace angio

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/navigation/way_view.hpp"
+#include "angio/navigation/view_planner.hpp"
 
 #include <gtest/gtest.h>
 
@@ -26,10 +26,10 @@ VesselTree corner() {
 
 struct WayViewTest : testing::Test {
   VesselTree tree = corner();
-  WayView view{tree, {0, 0.2}, {}, {}};
+  ViewPlanner view{tree, {0, 0.2}, {}, {}};
 };
 
-double alongBeam(const WayViewAnswer& answer, const Eigen::Vector3d& direction) {
+double alongBeam(const PlannedView& answer, const Eigen::Vector3d& direction) {
   return std::abs(beamDirection(answer.angles).dot(direction));
 }
 
@@ -54,30 +54,30 @@ TEST_F(WayViewTest, DoubtAsksForAViewFromElsewhere) {
   const auto second = view.next({0, 0.01}, true);
   ASSERT_TRUE(first && second);
   const double cosine = std::abs(beamDirection(first->angles).dot(beamDirection(second->angles)));
-  EXPECT_GE(radToDeg(std::acos(cosine)), WayViewSettings().other_deg - 1e-6);
+  EXPECT_GE(radToDeg(std::acos(cosine)), ViewPlannerSettings().other_deg - 1e-6);
   EXPECT_LT(alongBeam(*second, Eigen::Vector3d::UnitY()), std::sin(degToRad(10)));
 }
 
-TEST(WayView, KeepsAViewThatNoOtherInReachCouldReplace) {
+TEST(ViewPlanner, KeepsAViewThatNoOtherInReachCouldReplace) {
   const VesselTree tree = corner();
   BestViewScene scene;
   scene.reachable = [](const ViewAngles& angles) {
     return std::hypot(angles.primary_rad, angles.secondary_rad) < degToRad(12);
   };
-  WayView view(tree, {0, 0.2}, scene, {});
+  ViewPlanner view(tree, {0, 0.2}, scene, {});
   ASSERT_TRUE(view.next({0, 0.01}, false));
   EXPECT_FALSE(view.next({0, 0.01}, true));
 }
 
-TEST(WayView, KnowsWhereARouteWasLeft) {
+TEST(ViewPlanner, KnowsWhereARouteWasLeft) {
   const VesselTree made = test::branchingTree(4);
   const TreeMap map(made);
   const int target = map.chains() - 1, trunk = map.pathTo(target).front();
-  WayViewSettings settings;
+  ViewPlannerSettings settings;
   settings.behind_mm = 5;
   settings.ahead_mm = 10;
   settings.renew_mm = 0;
-  WayView view(made, {target, map.length_m(target)}, {}, settings);
+  ViewPlanner view(made, {target, map.length_m(target)}, {}, settings);
   const TreePlace fork{trunk, map.length_m(trunk)};
   const auto here = view.next(fork, false);
   ASSERT_TRUE(here);
@@ -87,12 +87,12 @@ TEST(WayView, KnowsWhereARouteWasLeft) {
   }
 }
 
-TEST(WayView, RefusesATargetThatIsNoPlaceOfTheTree) {
+TEST(ViewPlanner, RefusesATargetThatIsNoPlaceOfTheTree) {
   const VesselTree tree = corner();
   EXPECT_EQ(test::refusalOf([&] {
-              WayView(tree, {7, 0}, {}, {});
+              ViewPlanner(tree, {7, 0}, {}, {});
             }),
-            "way view: target = 7: must be one of the tree's 1 branches");
+            "view planner: target = 7: must be one of the tree's 1 branches");
 }
 
 }  // namespace

@@ -10,7 +10,7 @@
 namespace angio {
 
 /// How much of a catheter's way one view must show.
-struct WayViewSettings {
+struct ViewPlannerSettings {
   double behind_mm = 20;  ///< Of the tip: there the stretch begins that a view is chosen for ...
   double ahead_mm = 60;   ///< ... and there it ends, or at the target.
   double renew_mm = 15;   ///< Before its end, it is time for the next.
@@ -31,7 +31,7 @@ struct WayViewSettings {
 };
 
 /// A view, and the place of the model that belongs at the isocentre in it.
-struct WayViewAnswer {
+struct PlannedView {
   ViewAngles angles;
   Eigen::Vector3d middle_model = Eigen::Vector3d::Zero();  ///< [m]
 };
@@ -40,26 +40,27 @@ struct WayViewAnswer {
 ///
 /// One view serves for as long as the tip stays in its stretch. One that leaves doubt is exchanged for the best of
 /// those that lie well beside it: what runs along one beam, or hides behind another vessel, does not in the other.
-class WayView {
+class ViewPlanner {
  public:
   /// Throws InputError when a setting is out of its range or the target is none of the tree's places.
-  WayView(const VesselTree& tree, const TreePlace& target, const BestViewScene& scene, const WayViewSettings& settings);
+  ViewPlanner(const VesselTree& tree, const TreePlace& target, const BestViewScene& scene,
+              const ViewPlannerSettings& settings);
 
   /// Where to look from next, with the tip believed to be at `tip`; nothing while the present view serves, or when
   /// doubt asks for another and none is in reach. The first call always answers. Throws InputError as bestView() does.
   ///
   /// @param in_doubt  The present view does not tell what must be known.
-  std::optional<WayViewAnswer> next(const TreePlace& tip, bool in_doubt);
+  std::optional<PlannedView> next(const TreePlace& tip, bool in_doubt);
 
  private:
   double onRoute(const TreePlace& tip) const;
 
-  const VesselTree& tree_;
+  VesselTree tree_;
   TreeMap map_;
   TreePlace target_;
   double target_path_m_;
   BestViewScene scene_;
-  WayViewSettings settings_;
+  ViewPlannerSettings settings_;
   std::optional<std::pair<double, double>> stretch_m_;  // Path lengths along the route that the present view is for.
 };
 

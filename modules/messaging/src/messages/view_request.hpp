@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <angio_lcm/view_request_t.hpp>
+
+#include "angio/types/view_request.hpp"
+#include "description.hpp"
+#include "message_text.hpp"
+
+namespace angio::wire {
+
+template <>
+struct Description<ViewRequest> : PlainDescription<ViewRequest, angio_lcm::view_request_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("sequence", m.sequence);
+    v.number("model_id", m.model_id);
+    v.array("beam", m.beam_model);
+    v.array("target", m.target_model);
+    v.number("within_angle", m.within_rad, kNotNegative);
+    v.number("within_distance", m.within_m, kNotNegative);
+    v.text("reason", m.reason);
+  };
+
+  static std::string line(const ViewRequest& m) {
+    return formatted("view %lld along %.2f %.2f %.2f, target %.1f %.1f %.1f mm", count(m.sequence), m.beam_model.x(),
+                     m.beam_model.y(), m.beam_model.z(), 1e3 * m.target_model.x(), 1e3 * m.target_model.y(),
+                     1e3 * m.target_model.z()) +
+           (m.reason.empty() ? "" : ": " + harmless(m.reason));
+  }
+};
+
+}  // namespace angio::wire
