@@ -16,6 +16,7 @@
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_feed.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/messaging/any_message.hpp"
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/log_reader.hpp"
 
