@@ -1,22 +1,39 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Every library from outside, found once. ViSP's and LCM's are found by our own modules: ViSP's config rewrites
 # CMAKE_CXX_FLAGS and the standard of whoever calls it, and LCM 1.3 has none.
-# The list is included by the installed package as well, so that a build and its users find the same things.
-find_package(Threads REQUIRED)
-find_package(Eigen3 3.4 REQUIRED NO_MODULE)
-find_package(OpenCV 4.5 REQUIRED COMPONENTS core imgproc imgcodecs ximgproc calib3d videoio)
-find_package(Ceres 2.1 REQUIRED)
-find_package(nanoflann REQUIRED)
-find_package(hwy REQUIRED CONFIG)
-find_package(yaml-cpp REQUIRED)
-find_package(nlohmann_json REQUIRED)
-find_package(CLI11 REQUIRED)
+
+# angio_know_package(package prefix [find_package() arguments...])
+#
+# Says which package brings the targets whose names start with `prefix`. The installed components find their own packages by it,
+# in the order in which they are listed here. With COMPONENTS among the arguments, a package's component is named like its
+# target, and an installed room asks for those that it links.
+function(angio_know_package package prefix)
+  set_property(GLOBAL APPEND PROPERTY ANGIO_PACKAGES ${package})
+  set_property(GLOBAL PROPERTY ANGIO_PACKAGE_${package}_PREFIX ${prefix})
+  set_property(GLOBAL PROPERTY ANGIO_PACKAGE_${package}_ARGUMENTS ${ARGN})
+endfunction()
+
+# The same, and finds the package. A macro, as what find_package() sets is for the caller.
+macro(angio_find_package package prefix)
+  angio_know_package(${package} ${prefix} ${ARGN})
+  find_package(${package} ${ARGN} REQUIRED)
+endmacro()
+
+angio_find_package(Threads Threads::)
+angio_find_package(Eigen3 Eigen3:: 3.4 NO_MODULE)
+angio_find_package(OpenCV opencv_ 4.5 COMPONENTS core imgproc imgcodecs ximgproc calib3d videoio)
+angio_find_package(Ceres Ceres:: 2.1)
+angio_find_package(nanoflann nanoflann::)
+angio_find_package(hwy hwy:: CONFIG)
+angio_find_package(yaml-cpp yaml-cpp)
+angio_find_package(nlohmann_json nlohmann_json::)
+angio_find_package(CLI11 CLI11::)
 # Before VTK, which finds the same ones for itself only.
-find_package(ZLIB REQUIRED)
-find_package(OpenSSL REQUIRED)
-find_package(PNG REQUIRED)
-find_package(TIFF REQUIRED)
-find_package(DCMTK 3.6.7 REQUIRED CONFIG)
-find_package(VTK 9.1 REQUIRED COMPONENTS CommonCore IOXMLParser)
-find_package(VispLibraries REQUIRED)
-find_package(LCM REQUIRED)
+angio_find_package(ZLIB ZLIB::)
+angio_find_package(OpenSSL OpenSSL::)
+angio_find_package(PNG PNG::)
+angio_find_package(TIFF TIFF::)
+angio_find_package(DCMTK DCMTK:: 3.6.7 CONFIG)
+angio_find_package(VTK VTK:: 9.1 COMPONENTS CommonCore IOXMLParser)
+angio_find_package(VispLibraries visp:: COMPONENTS core visual_features vs robot vision gui)
+angio_find_package(LCM lcm::)

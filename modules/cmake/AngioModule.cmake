@@ -2,7 +2,8 @@
 
 # angio_add_module(room SOURCES ... USES rooms... [LINKS outside, seen in headers] [HIDES outside, seen in sources only])
 #
-# Adds the library angio::<room> with the room's own include folder. USES accepts only rooms that already stand.
+# Adds the library angio::<room> with the room's own include folder, which is a component of the installed package. USES accepts
+# only rooms that already stand.
 function(angio_add_module room)
   cmake_parse_arguments(ARG "" "" "SOURCES;USES;LINKS;HIDES" ${ARGN})
   add_library(angio_${room} STATIC ${ARG_SOURCES})
@@ -19,8 +20,9 @@ function(angio_add_module room)
   target_link_libraries(angio_${room} PUBLIC ${ARG_LINKS} PRIVATE ${ARG_HIDES})
   target_compile_features(angio_${room} PUBLIC cxx_std_17)
   angio_set_warnings(angio_${room})
-  install(TARGETS angio_${room} EXPORT angioTargets ARCHIVE DESTINATION lib)
-  install(DIRECTORY include/ DESTINATION include OPTIONAL)
+  set_property(GLOBAL APPEND PROPERTY ANGIO_ROOMS ${room})
+  install(TARGETS angio_${room} EXPORT angio_${room} ARCHIVE DESTINATION lib COMPONENT ${room})
+  install(DIRECTORY include/ DESTINATION include COMPONENT ${room} OPTIONAL)
 endfunction()
 
 # angio_add_program(name SOURCES ... USES rooms... [LINKS ...]): a program in build/bin, installed to bin.

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-function(run)
-  execute_process(COMMAND ${ARGN} RESULT_VARIABLE code OUTPUT_VARIABLE output ERROR_VARIABLE output)
-  if(NOT code EQUAL 0)
-    message(FATAL_ERROR "failed (${code}): ${ARGN}\n${output}")
-  endif()
-endfunction()
+include(${CMAKE_CURRENT_LIST_DIR}/project.cmake)
 
 file(REMOVE_RECURSE ${WORK})
 run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${WORK}/prefix)
-run(${CMAKE_COMMAND} -S ${EXAMPLE} -B ${WORK}/build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=${WORK}/prefix
-    -DCMAKE_CXX_COMPILER=${CXX} -DCMAKE_CXX_FLAGS=${CXX_FLAGS})
-run(${CMAKE_COMMAND} --build ${WORK}/build)
-run(${WORK}/build/my_robot)
+build_project(${EXAMPLE} ${WORK}/example)
+run(${WORK}/example/my_robot)
+build_project(${CMAKE_CURRENT_LIST_DIR}/everything ${WORK}/everything)
+run(${WORK}/everything/everything)
+# The search that finds nothing in package.registration finds them where they are.
+find_needless_libraries(${WORK}/everything everything found)
+if(NOT found MATCHES "lcm;vtk;dcmdata;(ITK;)?yaml-cpp")
+  message(FATAL_ERROR "everything links lcm, vtk, dcmdata and yaml-cpp, and of these were seen: ${found}")
+endif()
 run(${WORK}/prefix/bin/angio-servo --simulate --duration-s 0.1 --out ${WORK}/demo-output)
 if(NOT EXISTS ${WORK}/demo-output/summary.json)
   message(FATAL_ERROR "the installed angio-servo wrote no summary")
