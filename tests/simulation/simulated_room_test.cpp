@@ -120,6 +120,27 @@ TEST_F(SimulatedRoomTest, TheCatheterDarkensTheImageWhereItLies) {
   EXPECT_NEAR(cv::mean(seen.frame.image)[0], cv::mean(bare.frame.image)[0], 1e-3 * cv::mean(bare.frame.image)[0]);
 }
 
+TEST_F(SimulatedRoomTest, AnInjectionDarkensTheTreeUntilItHasWashedOut) {
+  settings.frame_rate_hz = 1;
+  const auto room = roomWith(std::nullopt);
+  const auto meanOfTree = [&] {
+    const Exposure exposure = nextExposure(*room);
+    return meanAlong(*room, exposure, tree.points());
+  };
+  const double empty = meanOfTree();
+  room->beginInjection();
+  room->beginInjection();
+  meanOfTree();
+  EXPECT_LT(meanOfTree(), 0.9 * empty);
+  room->endInjection();
+  room->endInjection();
+  for (int k = 0; k < 20; ++k) nextExposure(*room);
+  EXPECT_NEAR(meanOfTree(), empty, 0.02 * empty);
+  room->beginInjection();
+  meanOfTree();
+  EXPECT_LT(meanOfTree(), 0.9 * empty);
+}
+
 TEST_F(SimulatedRoomTest, RefusesAStartThatIsNoPlaceOfTheTree) {
   EXPECT_NE(test::refusalOf([&] { roomWith(TreePlace{99, 0}); }).find("chain"), std::string::npos);
 }

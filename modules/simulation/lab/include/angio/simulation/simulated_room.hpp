@@ -76,6 +76,10 @@ class SimulatedRoom {
   double now_s() const { return 1e-6 * static_cast<double>(now_us_); }
   double period_s() const { return period_us_ * 1e-6; }
 
+  /// Begin and end an injection of contrast agent now, as Bolus does.
+  void beginInjection() { xray_.beginInjection(now_us_); }
+  void endInjection() { xray_.endInjection(now_us_); }
+
   const SimulatedCArm& arm() const { return arm_.arm(); }
   const SimulatedXrayNode& xray() const { return xray_; }
 
