@@ -5,6 +5,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
+#include "angio/simulation/simulated_patient.hpp"
 #include "angio/test/phantoms.hpp"
 
 namespace angio {
@@ -59,6 +60,92 @@ TEST(Bolus, FillsAndLeavesTheTree) {
     last = density;
   }
   EXPECT_EQ(Bolus(line(), {}).densities(-5), Eigen::VectorXd::Ones(21));
+}
+
+BolusSettings onDemand() {
+  BolusSettings s = settings();
+  s.trigger = BolusTrigger::kDemand;
+  return s;
+}
+
+TEST(Bolus, HoldsNoContrastAgentUntilItIsDemanded) {
+  Bolus bolus(line(), onDemand());
+  EXPECT_EQ(bolus.densities(1.5), Eigen::VectorXd::Zero(21));
+  bolus.endInjection(1);
+  EXPECT_EQ(bolus.densities(1.5), Eigen::VectorXd::Zero(21));
+  bolus.beginInjection(2);
+  bolus.endInjection(2);
+  EXPECT_EQ(bolus.densities(2.5), Eigen::VectorXd::Zero(21));
+}
+
+TEST(Bolus, AnInjectionOnDemandIsThatOfTheSettings) {
+  const Bolus planned(line(), settings());
+  Bolus demanded(line(), onDemand());
+  demanded.beginInjection(0.5);
+  demanded.beginInjection(0.9);  // One is open: no other begins.
+  demanded.endInjection(1.5);
+  demanded.endInjection(1.7);
+  for (double t = 0; t < 10; t += 0.1) ASSERT_EQ(demanded.densities(t), planned.densities(t)) << t;
+}
+
+TEST(Bolus, AnOpenInjectionKeepsTheTreeFull) {
+  Bolus bolus(line(), onDemand());
+  bolus.beginInjection(3);
+  EXPECT_NEAR(bolus.densities(3 + bolus.arrival_s()[14])[14], 0.5, 1e-12);
+  EXPECT_GT(bolus.densities(60).minCoeff(), 1 - 1e-12);
+  const Eigen::VectorXd before = bolus.densities(60);
+  bolus.endInjection(60);
+  EXPECT_EQ(bolus.densities(60), before) << "the end arrives with the blood";
+  // The point where the end has been for one time constant: wash-out and dispersion.
+  const double arrival_s = bolus.arrival_s()[14], tail_s = onDemand().wash_out_s + onDemand().dispersion * arrival_s;
+  EXPECT_NEAR(bolus.densities(60 + arrival_s + tail_s)[14], std::exp(-1.0), 1e-12);
+  EXPECT_LT(bolus.densities(120).maxCoeff(), 1e-12);
+}
+
+TEST(Bolus, EachInjectionHasItsFrontAndItsEnd) {
+  Bolus bolus(line(), onDemand());
+  for (const double begin_s : {0.0, 60.0, 120.0}) {
+    bolus.beginInjection(begin_s);
+    bolus.endInjection(begin_s + 1);
+  }
+  for (const double begin_s : {0.0, 60.0, 120.0}) {
+    const Eigen::VectorXd density = bolus.densities(begin_s + bolus.arrival_s()[14]);
+    EXPECT_NEAR(density[14], 0.5, 1e-12);
+    EXPECT_GT(density[10], 0.9);
+    EXPECT_LT(density[18], 0.1);
+    EXPECT_LT(bolus.densities(begin_s + 30).maxCoeff(), 1e-9);
+  }
+}
+
+TEST(Bolus, DensitiesAddUpToTheUndilutedAgent) {
+  const BolusSettings one = settings();
+  Bolus first(line(), onDemand()), second(line(), onDemand()), both(line(), onDemand());
+  for (Bolus* bolus : {&first, &both}) bolus->beginInjection(0), bolus->endInjection(1);
+  for (Bolus* bolus : {&second, &both}) bolus->beginInjection(2.5), bolus->endInjection(3.5);
+  bool cut = false;
+  for (double t = 0; t < 8; t += 0.1) {
+    const Eigen::VectorXd sum = first.densities(t) + second.densities(t);
+    EXPECT_EQ(both.densities(t), sum.cwiseMin(1.0).eval());
+    cut = cut || sum.maxCoeff() > 1;
+  }
+  EXPECT_TRUE(cut);
+  // The injection of the settings is one of them.
+  Bolus planned(line(), one);
+  planned.beginInjection(30);
+  EXPECT_EQ(planned.densities(20), Bolus(line(), one).densities(20));
+  EXPECT_NEAR(planned.densities(30 + planned.arrival_s()[14])[14], 0.5, 1e-6);
+}
+
+TEST(SimulatedPatient, CarriesInjectionsOnDemandIntoTheScene) {
+  SimulatedPatientSettings look;
+  look.bolus = onDemand();
+  SimulatedPatient patient(line(), look);
+  const auto most = [&](double time_s) { return patient.scene(Pose::Identity(), time_s).densities->maxCoeff(); };
+  EXPECT_EQ(most(1), 0);
+  patient.beginInjection(1);
+  EXPECT_GT(most(2), 0.99);
+  patient.endInjection(3);
+  EXPECT_LT(most(30), 1e-6);
 }
 
 TEST(Bolus, NeedsRadiiAndSoundSettings) {

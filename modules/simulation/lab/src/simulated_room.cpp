@@ -34,6 +34,10 @@ SimulatedRoom::SimulatedRoom(const VesselTree& tree, const SimulatedPatientSetti
   DisturbanceSettings latency;
   latency.delay_ms = settings.command_latency_ms;
   from_loop_.disturb(kCArmCommandChannel, latency);
+  if (!world.catheter) return;
+  from_loop_.disturb(kCatheterCommandChannel, latency);
+  catheter_.emplace(from_machines_, tree, world.catheter->settings, world.catheter->start, 0);
+  xray_.show([this](const Eigen::Matrix3Xd& points) { return catheter().device(points); });
 }
 
 std::int64_t SimulatedRoom::exposure_us(std::int64_t k) const {
@@ -54,15 +58,16 @@ std::optional<Exposure> SimulatedRoom::advance() {
   std::optional<Exposure> exposure;
   if (now_us_ == exposure_us(exposures_)) {
     ++exposures_;
-    arm_.report(now_us_);
+    report();
     const CArmState state = arm().state();
-    exposure = Exposure{images_ ? xray_.render(now_us_, state.joints) : xray_.blank(now_us_), state};
+    exposure = Exposure{images_ ? xray_.render(now_us_, state.joints) : xray_.blank(now_us_), state, {}};
+    if (catheter_) exposure->catheter = catheter().truth();
     if (tamper_) tamper_(exposure->frame);
     if (images_) publish(from_machines_, kXrayFrameChannel, exposure->frame);
   }
   if (now_us_ == report_us(reports_)) {
     ++reports_;
-    if (!exposure) arm_.report(now_us_);
+    if (!exposure) report();
   }
   bus_->handle(kNoWait);
   return exposure;
@@ -75,6 +80,12 @@ void SimulatedRoom::moveTo(std::int64_t time_us) {
   from_loop_.advance(now_us_);
   bus_->handle(kNoWait);
   arm_.listen(now_us_);
+  if (catheter_) catheter_->listen(now_us_);
+}
+
+void SimulatedRoom::report() {
+  arm_.report(now_us_);
+  if (catheter_) catheter_->report(now_us_);
 }
 
 }  // namespace angio

@@ -41,6 +41,10 @@ class SimulatedPatient {
   /// The tree at rest, all radii known.
   const VesselTree& tree() const { return tree_; }
 
+  /// Begin and end an injection at a time [s] from the first frame on, as Bolus does.
+  void beginInjection(double time_s) { bolus_.beginInjection(time_s); }
+  void endInjection(double time_s) { bolus_.endInjection(time_s); }
+
   /// What there is in front of a camera at a time [s] from the first frame on.
   /// @param T_camera_rest  The model frame in the camera as it would be if the patient had not shifted.
   XrayScene scene(const Pose& T_camera_rest, double time_s) const;

@@ -55,6 +55,11 @@ class SimulatedXrayNode {
   /// SimulatedCatheter::device). Borrows what the function borrows.
   void show(std::function<Device(const Eigen::Matrix3Xd& points)> device) { device_ = std::move(device); }
 
+  /// Begin and end an injection of contrast agent, as Bolus does. A time before the first frame counts as the first
+  /// frame's.
+  void beginInjection(std::int64_t now_us) { patient_.beginInjection(patientTime_s(now_us)); }
+  void endInjection(std::int64_t now_us) { patient_.endInjection(patientTime_s(now_us)); }
+
   /// A frame without an image; time runs for the patient all the same.
   XrayFrame blank(std::int64_t now_us);
 

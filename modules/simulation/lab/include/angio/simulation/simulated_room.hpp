@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "angio/messaging/disturbed_bus.hpp"
+#include "angio/simulation/catheter_node.hpp"
 #include "angio/simulation/nodes.hpp"
 
 namespace angio {
@@ -25,6 +26,12 @@ struct RoomSettings {
   }
 };
 
+/// A catheter in the patient's tree, and its drive.
+struct RoomCatheter {
+  CatheterSettings settings;
+  TreePlace start;  ///< Of the tip.
+};
+
 /// Who stands in the room, and how.
 struct RoomWorld {
   CArmGeometry carm;  ///< The real one.
@@ -32,20 +39,23 @@ struct RoomWorld {
   Pose T_patient_model = Pose::Identity();  ///< How the patient really lies.
   CArmJoints start = CArmJoints::Zero();
   std::optional<XrayCamera> claimed_camera;  ///< What frames say of their camera; nothing: the true one.
+  std::optional<RoomCatheter> catheter;      ///< Nothing: no drive on the bus, no catheter in the images.
 };
 
 /// What the room's omniscient observer keeps of one exposure.
 struct Exposure {
   XrayFrame frame;
-  CArmState state;  ///< True joints.
+  CArmState state;                        ///< True joints.
+  std::optional<CatheterTruth> catheter;  ///< Nothing in a room without one.
 };
 
-/// A C-arm, its X-ray and a patient on one bus inside the process, in simulated time. A loop joins by loopSide() and
-/// answers whenever advance() comes back; its commands are on their way for as long as the latency says, and the
-/// machine moves meanwhile. The same calls give the same messages, bit for bit.
+/// A C-arm, its X-ray, a patient and, if the world has one, a catheter with its drive on one bus inside the process, in
+/// simulated time. A loop joins by loopSide() and answers whenever advance() comes back; its commands are on their way
+/// for as long as the latency says, and the machines move meanwhile. Each report of the C-arm's state has one of the
+/// drive's beside it, of the same time. The same calls give the same messages, bit for bit.
 class SimulatedRoom {
  public:
-  /// Throws InputError when a setting is out of its range.
+  /// Throws InputError when a setting is out of its range or the catheter's start is none of the tree's places.
   SimulatedRoom(const VesselTree& tree, const SimulatedPatientSettings& patient, const RoomWorld& world,
                 const RoomSettings& settings);
   SimulatedRoom(const SimulatedRoom&) = delete;  // Its parties know its buses by address.
@@ -66,8 +76,15 @@ class SimulatedRoom {
   double now_s() const { return 1e-6 * static_cast<double>(now_us_); }
   double period_s() const { return period_us_ * 1e-6; }
 
+  /// Begin and end an injection of contrast agent now, as Bolus does.
+  void beginInjection() { xray_.beginInjection(now_us_); }
+  void endInjection() { xray_.endInjection(now_us_); }
+
   const SimulatedCArm& arm() const { return arm_.arm(); }
   const SimulatedXrayNode& xray() const { return xray_; }
+
+  /// The catheter at its last report. Throws std::bad_optional_access in a room without one.
+  const SimulatedCatheter& catheter() const { return catheter_.value().catheter(); }
 
   /// Where a point of the model really is in the camera now [m].
   Eigen::Vector3d inCamera(const Eigen::Vector3d& p_model) const {
@@ -79,6 +96,7 @@ class SimulatedRoom {
 
  private:
   void moveTo(std::int64_t time_us);
+  void report();
   std::int64_t exposure_us(std::int64_t k) const;
   std::int64_t report_us(std::int64_t k) const;
 
@@ -88,6 +106,7 @@ class SimulatedRoom {
   DisturbedBus from_machines_, from_loop_;
   SimulatedCArmNode arm_;
   SimulatedXrayNode xray_;
+  std::optional<SimulatedCatheterNode> catheter_;
   std::int64_t now_us_ = 0, exposures_ = 0, reports_ = 0;
   std::function<void(XrayFrame&)> tamper_;
 };
