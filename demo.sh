@@ -15,6 +15,6 @@ printf '\n== centre: a breath of 15 mm and a heartbeat, held in the middle by th
 build/bin/angio-servo --simulate --task centre --settings examples/08_tasks/centre.yaml --out "$out/centre" \
   --film "$out/centre.mp4"
 
-printf '\n== navigate: a catheter to a branch of the tree, contrast agent in one roadmap a view only\n\n'
+printf '\n== navigate: a catheter to a branch of the tree, over views that it asks the C-arm for; both loops on one bus\n\n'
 build/bin/angio-rehearse navigate --targets 1 --out "$out/navigate.json" --film "$out/navigate.mp4"
 printf '\nFilms: %s/view.mp4, centre.mp4, navigate.mp4\n' "$out"

@@ -32,7 +32,7 @@ struct Options {
   OperatedMachine machine = OperatedMachine::kCArm;
   LoopOptions loop;
   WayOptions way;
-  bool compare = false;
+  bool compare = false, ask_for_views = false;
 };
 
 // What a replay gives: a row for each command, and what became of all.
@@ -70,7 +70,8 @@ Replayed replayCArm(const Options& o, ProgressBar& bar) {
 }
 
 Replayed replayDrive(const Options& o, ProgressBar& bar) {
-  const NavigateSettings settings = readNavigateSettings(o.settings);
+  NavigateSettings settings = readNavigateSettings(o.settings);
+  settings.controller.ask_for_views |= o.ask_for_views;
   const VesselTree tree = readVesselTree(o.tree);
   const TreeMap map(tree);
   const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration));
@@ -134,6 +135,7 @@ int main(int argc, char** argv) {
   angio::addMachineOption(app, o.machine, "Whose loop: angio-servo's, or with --to-branch angio-navigate's");
   o.loop.addTo(app);
   o.way.addTo(app);
+  app.add_flag("--ask-for-views", o.ask_for_views, "As angio-navigate was run");
   app.add_option("--out", o.out, "File for the commands (.csv)");
   app.add_flag("--compare", o.compare, "Fail at the first command that is not the logged one");
   return angio::runProgram(app, argc, argv, [&] { return angio::replayLog(o); });

@@ -16,6 +16,7 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
+#include "angio/simulation/simulated_injector.hpp"
 #include "disturbance.hpp"
 #include "place_option.hpp"
 #include "run_files.hpp"
@@ -43,10 +44,12 @@ struct Options {
 struct SimulateSettings {
   SimulatedPatientSettings patient;
   CatheterSettings catheter;
+  double roadmap_contrast_s = 1.5;  ///< With `bolus: {trigger: demand}`: injected for after a view is reached.
 
   void visit(SettingsVisitor& v) {
     patient.visit(v);
     v.section("catheter", [this](SettingsVisitor& s) { catheter.visit(s); });
+    v.number("roadmap_contrast_s", roadmap_contrast_s, 0, 60);
   }
 };
 
@@ -102,6 +105,8 @@ int simulate(const Options& o) {
   SimulatedXrayNode xray(*bus, tree, settings.patient, calibration.carm, calibration.T_dsa_cb);
   if (catheter) xray.show([&](const Eigen::Matrix3Xd& points) { return machines.device(points); });
   const LatestValue<CArmState> heard(*bus, kCArmStateChannel);
+  SimulatedInjector injector(*bus, settings.roadmap_contrast_s);
+  const bool on_demand = settings.patient.bolus.enabled && settings.patient.bolus.trigger == BolusTrigger::kDemand;
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
 
@@ -122,6 +127,12 @@ int simulate(const Options& o) {
     const auto has_come = [&] { return heard.peek() && heard.peek()->time_us >= monotonic_us(next); };
     while (!has_come() && Clock::now() < next + period && goesOn()) bus->handle(std::chrono::milliseconds(5));
     if (has_come()) {
+      const std::int64_t exposed_us = heard.peek()->time_us;
+      if (on_demand && injector.injects(exposed_us)) {
+        xray.beginInjection(exposed_us);
+      } else {
+        xray.endInjection(exposed_us);
+      }
       send(*bus, xray.render(heard.peek()->time_us, heard.peek()->joints), o);
       ++frames;
     }

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <memory>
 
+#include "angio/calibration/carm_calibration.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
@@ -22,10 +23,10 @@ namespace {
 
 struct NavigateOptions {
   std::vector<std::string> trees;
+  std::string calibration = exampleDataFile("hepatic-tace/carm.yaml");
   std::string settings, out, film;  // The film is of the first journey.
   int targets = 20, first_seed = 1, threads = 1;
   double longest_edge_mm = 10;
-  bool without_images = false;
 };
 
 /// All that the settings file may say.
@@ -43,9 +44,10 @@ nlohmann::ordered_json rehearseTree(const std::string& file, const NavigateOptio
   const VesselTree tree = withoutLongEdges(readVesselTree(file), 1e-3 * o.longest_edge_mm);
   const std::vector<TreePlace> targets = navigateTargets(tree, s.study, o.targets);
   if (targets.empty()) throw InputError(file, "", "", "has no branch that is wide and far enough to go to");
+  const CArmCalibration nominal = readCArmCalibration(o.calibration);
   std::vector<NavigateRow> rows(targets.size());
   std::optional<NavigateFilm> film;
-  if (!o.film.empty()) film.emplace(o.film, tree, targets.front(), s.study.frame_rate_hz);
+  if (!o.film.empty()) film.emplace(o.film, tree, targets.front(), s.study.room.frame_rate_hz);
   const std::string name = std::filesystem::path(file).filename().string();
   ProgressBar bar("navigating " + name, static_cast<int>(targets.size()));
   forEachInParallel(
@@ -54,8 +56,7 @@ nlohmann::ordered_json rehearseTree(const std::string& file, const NavigateOptio
         const auto i = static_cast<std::size_t>(k);
         const NavigateObserver look_on =
             film && k == 0 ? [&](const NavigateMoment& m) { film->show(m); } : NavigateObserver();
-        rows[i] =
-            studyNavigation(tree, targets[i], s.study, s.parts, static_cast<std::uint64_t>(o.first_seed + k), look_on);
+        rows[i] = studyNavigation(tree, nominal, targets[i], s.study, s.parts, o.first_seed + k, look_on);
       },
       [&](int done) { bar.show(done); });
   if (film) film->finish();
@@ -67,7 +68,6 @@ int rehearseNavigation(const NavigateOptions& o) {
   if (!o.film.empty() && o.trees.size() > 1) throw InputError("--film", "", o.film, "is of one tree's first journey");
   NavigateSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
-  if (o.without_images) settings.study.images = false;
   nlohmann::ordered_json json;
   for (const std::string& file : o.trees) json["trees"].push_back(rehearseTree(file, o, settings));
   std::cout << navigateStudyTable(json["trees"]);
@@ -86,14 +86,14 @@ void addRehearseNavigate(CLI::App& app, Work& work) {
   CLI::App* command =
       app.add_subcommand("navigate", "Bring a catheter to branches: reached, wall contacts, tip errors");
   command->add_option("--tree", o->trees, "Vessel trees; their own row each");
+  command->add_option("--calibration", o->calibration,
+                      "C-arm geometry (.yaml); the tree's centroid is at the isocentre");
   command->add_option("--longest-edge-mm", o->longest_edge_mm, "Longer edges join what no vessel joins")
       ->check(CLI::Range(0.1, 1e4));
   command->add_option("--targets", o->targets, "Branches of each tree to go to")->check(CLI::Range(1, 100000));
   command->add_option("--first-seed", o->first_seed, "Seed of the first journey")->check(CLI::Range(0, 2147000000));
   command->add_option("--threads", o->threads, "Journeys at a time")->check(CLI::Range(1, 256));
-  command->add_flag("--without-images", o->without_images, "The catheter's line as projected and disturbed, no X-ray");
-  command->add_option("--film", o->film, "Film of the first journey (.mp4, or numbered pictures), of one tree")
-      ->excludes("--without-images");
+  command->add_option("--film", o->film, "Film of the first journey (.mp4, or numbered pictures), of one tree");
   command->add_option("--settings", o->settings, "Settings (.yaml)");
   command->add_option("--out", o->out, "All journeys and the settings (.json)");
   command->callback([o, &work] { work = [o] { return rehearseNavigation(*o); }; });

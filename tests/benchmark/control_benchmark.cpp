@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <ctime>
 
+#include "angio/robot/carm_motion_limiter.hpp"
 #include "angio/servo/perception.hpp"
 #include "angio/servo/registration_gate.hpp"
 #include "angio/servo/tasks.hpp"

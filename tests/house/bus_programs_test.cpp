@@ -83,7 +83,7 @@ TEST_F(BusPrograms, SayInOneLineWhatIsWrong) {
   expectOneLine(replayed("/no/such/run.lcm"), 1, "/no/such/run.lcm: does not exist");
   const auto no_joints = replayed(log_);
   EXPECT_EQ(no_joints.exit_code, 1);
-  EXPECT_THAT(no_joints.err, HasSubstr("run.lcm: holds no X-ray frame with joints"));
+  EXPECT_THAT(no_joints.err, HasSubstr("run.lcm: holds no X-ray frame that can be answered"));
   expectOneLine(test::run("angio-replay", {}), 2, "log");
   expectOneLine(test::run("angio-replay", {log_, "--machine", "catheter"}), 1, "--to-branch");
   expectOneLine(test::run("angio-replay", {log_, "--to-branch", "13"}), 1, "needs --machine catheter");

@@ -3,13 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/statistics.hpp"
 #include "angio/localisation/tip_on_ray.hpp"
+#include "angio/rehearsal/limit_observer.hpp"
+#include "angio/servo/operator.hpp"
+#include "angio/servo/servo_node.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
-#include "navigate_sight.hpp"
+#include "angio/simulation/simulated_injector.hpp"
 
 namespace angio {
 namespace {
@@ -32,26 +34,6 @@ double narrowestOnWay(const VesselTree& tree, const TreeMap& map, int chain) {
   }
   return least;
 }
-
-// Commands on their way to the drive.
-class CommandLine {
- public:
-  explicit CommandLine(double latency_ms) : latency_us_(std::llround(1e3 * latency_ms)) {}
-  void send(const CatheterCommand& command, std::int64_t now_us) {
-    waiting_.emplace_back(now_us + latency_us_, command);
-  }
-  void deliver(SimulatedCatheter& catheter, std::int64_t now_us) {
-    while (!waiting_.empty() && waiting_.front().first <= now_us) {
-      catheter.obey(waiting_.front().second, waiting_.front().first);
-      waiting_.pop_front();
-    }
-    catheter.advance(now_us);
-  }
-
- private:
-  std::int64_t latency_us_;
-  std::deque<std::pair<std::int64_t, CatheterCommand>> waiting_;
-};
 
 void judge(const TipBelief& belief, const std::optional<CatheterTrace>& trace, const SeenPose& pose,
            const CatheterTruth& truth, NavigateRow& row) {
@@ -88,73 +70,182 @@ std::vector<TreePlace> navigateTargets(const VesselTree& tree, const NavigateStu
   return spread;
 }
 
-NavigateRow studyNavigation(const VesselTree& tree, const TreePlace& target, const NavigateStudySettings& study,
-                            const NavigateParts& parts, std::uint64_t seed, const NavigateObserver& look_on) {
+namespace {
+
+// The same detector with fewer pixels, and the tree's centroid at the isocentre.
+CArmCalibration laboratoryOf(const VesselTree& tree, const CArmCalibration& nominal, int detector_px) {
+  CArmCalibration lab = nominal;
+  lab.carm.pixel_spacing_m *= static_cast<double>(lab.carm.image_width_px) / detector_px;
+  lab.carm.image_width_px = lab.carm.image_height_px = detector_px;
+  lab.T_dsa_cb.translation() = -(lab.T_dsa_cb.linear() * tree.centroid());
+  return lab;
+}
+
+RehearsalSettings settingsOf(const NavigateStudySettings& study, int seed) {
+  RehearsalSettings settings;
+  settings.patient_turn_deg = settings.patient_shift_mm = 0;
+  settings.calibration_error_deg = study.calibration_error_deg;
+  settings.calibration_error_mm = study.calibration_error_mm;
+  settings.room = study.room;
+  settings.seed = seed;
+  return settings;
+}
+
+// The parties of one journey.
+class Journey {
+ public:
+  Journey(const VesselTree& full, const RehearsalWorld& world, const TreePlace& start, const TreePlace& target,
+          const NavigateStudySettings& study, const NavigateParts& parts, int seed)
+      : room_(full, patientOf(parts, seed), roomWorld(full, world, start, parts, seed), study.room),
+        injector_(room_.fromMachines(), study.roadmap_contrast_s),
+        carm_(room_.loopSide(), carmLoop(world, parts), full),
+        catheter_(room_.loopSide(), setupOf(world, parts), full, start, target, controllerOf(parts)),
+        carm_person_(room_.fromMachines()),
+        catheter_person_(room_.fromMachines(), OperatedMachine::kCatheter),
+        limits_(parts.carm_loop.limits) {}
+
+  // One event in the lab, and what the nodes make of it; the catheter's answer, if it was to a frame.
+  std::optional<CatheterControllerReport> advance() {
+    if (const auto exposure = room_.advance()) exposure_ = exposure;
+    const std::int64_t now_us = room_.now_us();
+    limits_.see(room_.arm().state());
+    if (injector_.injects(now_us)) {
+      room_.beginInjection();
+    } else {
+      room_.endInjection();
+    }
+    carm_person_.start(now_us);
+    catheter_person_.start(now_us);
+    carm_.answer(now_us);
+    return catheter_.answer(now_us);
+  }
+
+  const SimulatedRoom& room() const { return room_; }
+  const Exposure& exposure() const { return *exposure_; }
+  const CatheterNode& catheter() const { return catheter_; }
+  const std::optional<std::string>& breach() const { return limits_.breach(); }
+
+ private:
+  static SimulatedPatientSettings patientOf(const NavigateParts& parts, int seed) {
+    SimulatedPatientSettings patient = parts.patient;
+    patient.device.kind = DeviceKind::kNone;
+    patient.bolus.enabled = true;
+    patient.bolus.trigger = BolusTrigger::kDemand;
+    patient.fluoroscopy.seed = seed;
+    return patient;
+  }
+
+  static RoomWorld roomWorld(const VesselTree& full, const RehearsalWorld& world, const TreePlace& start,
+                             const NavigateParts& parts, int seed) {
+    RoomWorld room;
+    room.carm = world.truth.carm;
+    room.limits = parts.carm_loop.limits;
+    room.T_patient_model = world.truth.T_dsa_cb;
+    room.start = world.believed.carm.jointsFor({}, world.believed.T_dsa_cb * full.centroid());
+    room.claimed_camera = world.believed.carm.camera();
+    CatheterSettings catheter = parts.catheter;
+    catheter.roll_zero_deg = static_cast<double>(seed * 7919 % 360);
+    room.catheter = RoomCatheter{catheter, start};
+    return room;
+  }
+
+  static ServoLoopSettings carmLoop(const RehearsalWorld& world, const NavigateParts& parts) {
+    ServoLoopSettings loop = loopIn(world, parts.carm_loop);
+    ViewTaskSettings view;
+    view.goal = ViewGoal::kRequested;
+    loop.task = view;
+    return loop;
+  }
+
+  static CArmSetup setupOf(const RehearsalWorld& world, const NavigateParts& parts) {
+    return {world.believed.carm, parts.carm_loop.limits, world.believed.T_dsa_cb, world.truth.R_lps_model};
+  }
+
+  static CatheterControllerSettings controllerOf(const NavigateParts& parts) {
+    CatheterControllerSettings controller = parts.controller;
+    controller.ask_for_views = true;
+    return controller;
+  }
+
+  SimulatedRoom room_;
+  SimulatedInjector injector_;
+  ServoNode carm_;
+  CatheterNode catheter_;
+  Operator carm_person_, catheter_person_;
+  LimitObserver limits_;
+  std::optional<Exposure> exposure_;
+};
+
+}  // namespace
+
+NavigateRow studyNavigation(const VesselTree& tree, const CArmCalibration& nominal, const TreePlace& target,
+                            const NavigateStudySettings& study, const NavigateParts& parts, int seed,
+                            const NavigateObserver& look_on) {
   checkSettings("navigate", study);
   const VesselTree full = withPlausibleRadii(tree, 1e-3 * parts.patient.fluoroscopy.end_radius_mm);
   const TreeMap map(full);
   const TreePlace start = startOf(map, target);
-  CatheterSettings made = parts.catheter;
-  made.roll_zero_deg = static_cast<double>(seed * 7919 % 360);
-  SimulatedCatheter catheter(full, made, start, 0);
-  CatheterLoop loop(full, start, target, parts.loop);
-  NavigateSight sight(full, study, parts, seed);
-  ViewPlanner way_view(full, target, NavigateSight::reachable(), parts.view);
-  double turning_until_s = 0;
-  bool in_doubt = false;
+  const RehearsalWorld world =
+      madeUpWorld(full, laboratoryOf(full, nominal, study.detector_px), settingsOf(study, seed), {});
+  Journey journey(full, world, start, target, study, parts, seed);
 
   NavigateRow row;
+  row.seed = seed;
   row.target = target;
   row.way_m = map.start_m(target.chain) + target.arc_m - map.start_m(start.chain) - start.arc_m;
   row.forks = static_cast<int>(map.pathTo(target.chain).size()) - 1;
   row.ended = "too long";
-  CommandLine line(parts.loop.latency_ms);
-  const double period_s = 1 / study.frame_rate_hz;
-  for (std::int64_t k = 1; static_cast<double>(k) * period_s < study.longest_s; ++k) {
-    const std::int64_t now_us = std::llround(1e6 * static_cast<double>(k) * period_s);
-    line.deliver(catheter, now_us);
-    const double now_s = 1e-6 * static_cast<double>(now_us);
-    if (now_s < turning_until_s) continue;
-    if (const auto view = way_view.next({loop.belief().tip.chain, loop.belief().tip.arc_m}, in_doubt)) {
+  std::int64_t request_us = 0;
+  while (journey.room().now_s() < study.longest_s) {
+    const auto report = journey.advance();
+    if (!report) continue;
+    if (report->view_request && report->view_request->time_us != request_us) {
+      request_us = report->view_request->time_us;
       ++row.views;
-      turning_until_s = now_s + sight.turnTo(*view);
-      in_doubt = false;
-      if (now_s < turning_until_s) continue;  // The drive stands still meanwhile: silence means stop.
     }
-    const auto trace = sight.look(catheter, loop, k, now_s);
-    const auto [seen, input, answer] = loop.step({now_us, k, sight.pose(), catheter.state()}, trace);
-    line.send(answer.command, now_us);
-    in_doubt = answer.another_view;
-
-    const CatheterTruth truth = catheter.truth();
-    judge(*input.belief, trace, sight.pose(), truth, row);
-    if (look_on) look_on({now_s, sight.image(), sight.pose(), trace, input, answer, truth});
+    const CatheterTruth& truth = *journey.exposure().catheter;
+    const NavigationInput& input = report->loop.input;
+    if (input.belief && report->patient) {
+      judge(*input.belief, report->loop.trace,
+            {journey.exposure().frame.camera, report->patient->T_camera_model, report->patient->covariance}, truth,
+            row);
+    }
+    if (look_on) {
+      ServoStatus status;
+      journey.catheter().safety().describe(status);
+      look_on({journey.room().now_s(), journey.exposure().frame, *report, status, truth});
+    }
     ++row.frames;
-    row.waited += answer.state == NavigationState::kWaiting;
+    row.held += report->hold_reason.has_value();
     row.largest_force_n = std::max(row.largest_force_n, std::abs(input.drive.insertion_force_n));
     row.wall_contacts = truth.wall_contacts;
-    row.time_s = now_s;
-    if (answer.state == NavigationState::kArrived || answer.state == NavigationState::kGivenUp) {
-      row.reached = answer.state == NavigationState::kArrived && truth.tip.chain == target.chain;
-      row.ended = stateName(answer.state) + (answer.why.empty() ? "" : ": " + answer.why);
+    row.time_s = journey.room().now_s();
+    const NavigationState state = journey.catheter().loop().navigation();
+    if (state == NavigationState::kArrived || state == NavigationState::kGivenUp) {
+      const std::string& why = report->loop.answer.why;
+      row.reached = state == NavigationState::kArrived && truth.tip.chain == target.chain;
+      row.ended = stateName(state) + (why.empty() ? "" : ": " + why);
       break;
     }
   }
-  row.misses = loop.navigator().misses();
+  row.breach = journey.breach();
+  row.misses = journey.catheter().loop().misses();
   return row;
 }
 
 Json navigateStudyAsJson(const std::string& tree_name, const std::vector<NavigateRow>& rows) {
   Json json;
   std::vector<double> errors_mm, arcs_mm, times, contacts;
-  int reached = 0, misses = 0, frames = 0, waited = 0, wrong = 0, believed = 0, near = 0, forks = 0, views = 0;
+  int reached = 0, misses = 0, frames = 0, held = 0, breaches = 0, wrong = 0, believed = 0, near = 0, forks = 0,
+      views = 0;
   double force = 0;
   Json each = Json::array();
   for (const NavigateRow& row : rows) {
     reached += row.reached;
     misses += row.misses;
     frames += row.frames;
-    waited += row.waited;
+    held += row.held;
+    breaches += row.breach.has_value();
     wrong += row.wrong_chain;
     forks += row.forks;
     views += row.views;
@@ -164,7 +255,8 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
     times.push_back(row.time_s);
     for (const double e : row.errors_m) errors_mm.push_back(1e3 * e), near += e <= 1.5e-3;
     for (const double e : row.arc_errors_m) arcs_mm.push_back(1e3 * e);
-    each.push_back({{"branch", row.target.chain},
+    each.push_back({{"seed", row.seed},
+                    {"branch", row.target.chain},
                     {"into_branch_mm", 1e3 * row.target.arc_m},
                     {"reached", row.reached},
                     {"ended", row.ended},
@@ -185,7 +277,8 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
   json["largest_force_n"] = force;
   json["time_s"] = {{"median", percentile(times, 0.5)}, {"max", percentile(times, 1)}};
   json["frames"] = frames;
-  json["waited"] = waited;
+  json["held"] = held;
+  json["limits_exceeded"] = breaches;
   json["believed"] = believed;
   json["wrong_chain"] = wrong;
   json["tip_error_mm"] = {{"median", percentile(errors_mm, 0.5)},
@@ -199,7 +292,7 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
 std::string navigateStudyTable(const Json& trees) {
   std::string table =
       formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %8s %14s\n", "navigate", "reached", "forks", "misses",
-                "views", "wall contacts", "force", "tip error mm", "within", "waited", "time s");
+                "views", "wall contacts", "force", "tip error mm", "within", "held", "time s");
   table += formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %8s %14s\n", "", "", "", "", "", "median (most)",
                      "most N", "median (95 %)", "1.5 mm", "frames", "median (most)");
   for (const Json& j : trees) {
@@ -210,7 +303,7 @@ std::string navigateStudyTable(const Json& trees) {
                   j["wall_contacts"]["median"].get<double>(), j["wall_contacts"]["max"].get<double>(),
                   j["largest_force_n"].get<double>(), j["tip_error_mm"]["median"].get<double>(),
                   j["tip_error_mm"]["p95"].get<double>(), 100 * j["tip_error_mm"]["within_1.5"].get<double>(),
-                  100.0 * j["waited"].get<int>() / std::max(1, j["frames"].get<int>()),
+                  100.0 * j["held"].get<int>() / std::max(1, j["frames"].get<int>()),
                   j["time_s"]["median"].get<double>(), j["time_s"]["max"].get<double>());
   }
   return table;
