@@ -8,7 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/calibration/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
-#include "angio/servo/perception_node.hpp"
+#include "angio/perception/perception_node.hpp"
 
 namespace angio {
 namespace {
@@ -17,26 +17,25 @@ using Clock = std::chrono::steady_clock;
 
 volatile std::sig_atomic_t stopped = 0;
 
-ServoLoopSettings settingsOf(const BusOptions& o) {
-  ServoLoopSettings loop;
+GatedPerceptionSettings settingsOf(const BusOptions& o) {
+  GatedPerceptionSettings node;
   if (o.method == IterativePnpSettings::kName) {
-    loop.perception.useIterativePnp();
+    node.perception.useIterativePnp();
   } else if (o.method != OrientedKernelSettings::kName) {
     throw InputError(
         "angio-register", "--method", o.method,
         std::string("must be ") + OrientedKernelSettings::kName + " or " + IterativePnpSettings::kName + " on a bus");
   }
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
-  loop.carm = calibration.carm;
-  loop.T_dsa_cb = calibration.T_dsa_cb;
-  loop.R_lps_model = calibration.R_lps_model;
-  return loop;
+  node.carm = calibration.carm;
+  node.T_dsa_cb = calibration.T_dsa_cb;
+  return node;
 }
 
 }  // namespace
 
 int registerOnBus(const BusOptions& o) {
-  const ServoLoopSettings settings = settingsOf(o);
+  const GatedPerceptionSettings settings = settingsOf(o);
   const VesselTree tree = readVesselTree(o.tree);
   const auto bus = openSharedBus(o.bus);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-register: " << *warning << "\n";
@@ -52,8 +51,7 @@ int registerOnBus(const BusOptions& o) {
     ++frames;
     rejected += report->rejection.has_value();
     if (report->rejection) {
-      std::cerr << "frame " << (report->message ? report->message->frame_sequence : 0)
-                << " rejected: " << *report->rejection << "\n";
+      std::cerr << "frame " << report->frame_sequence << " rejected: " << *report->rejection << "\n";
     }
   }
   std::cout << frames << " frames registered, " << rejected << " rejected, " << node.refused() << " messages refused\n";

@@ -55,6 +55,10 @@ PerceptionSettings ServoLoopSettings::perceptionForTask() const {
   return settings;
 }
 
+GatedPerceptionSettings ServoLoopSettings::gatedPerception() const {
+  return {perceptionForTask(), supervisor, carm, T_dsa_cb, target_model, targetNeed(task)};
+}
+
 ExternalInputs ServoLoopSettings::externalInputs() const {
   const auto* centre = std::get_if<CentreTaskSettings>(&task);
   return {external_registration, centre != nullptr && centre->on == CentreOn::kCatheterTip};
@@ -64,8 +68,7 @@ ServoLoop::ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree)
     : settings_(checked(settings)),
       target_(targetOf(settings, tree)),
       task_(taskOf(settings, tree)),
-      perception_(settings.perceptionForTask(), settings.supervisor, settings.carm, settings.T_dsa_cb, tree, target_,
-                  targetNeed(settings.task), task_->place()),
+      perception_(settings.gatedPerception(), tree, task_->place()),
       limiter_(settings.limits, 1e-6 * static_cast<double>(settings.supervisor.commandValidity_us())) {}
 
 ServoReport ServoLoop::propose(const XrayFrame& frame, const ServoInput& input, const ExternalEstimates& external) {

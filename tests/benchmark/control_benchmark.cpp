@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <ctime>
 
+#include "angio/perception/perception.hpp"
+#include "angio/perception/registration_gate.hpp"
 #include "angio/robot/carm_motion_limiter.hpp"
-#include "angio/servo/perception.hpp"
-#include "angio/servo/registration_gate.hpp"
 #include "angio/servo/tasks.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/simulation/patient_motion.hpp"

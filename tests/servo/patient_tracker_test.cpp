@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/patient_tracker.hpp"
+#include "angio/perception/patient_tracker.hpp"
 
 #include <gtest/gtest.h>
 

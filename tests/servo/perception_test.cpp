@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/perception.hpp"
+#include "angio/perception/perception.hpp"
 
 #include <gtest/gtest.h>
 

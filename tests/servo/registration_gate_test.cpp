@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/registration_gate.hpp"
+#include "angio/perception/registration_gate.hpp"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "angio/messaging/recording_bus.hpp"
-#include "angio/servo/perception_node.hpp"
+#include "angio/perception/perception_node.hpp"
 #include "angio/servo/replay.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/test/temporary_folder.hpp"
@@ -35,7 +35,7 @@ struct ToldLoop : testing::Test {
   test::TemporaryFolder folder;
   std::string log = folder.path("told.lcm");
   std::unique_ptr<Bus> bus = openBus("memq://");
-  PerceptionNode eyes{*bus, stage.settings, stage.tree};
+  PerceptionNode eyes{*bus, stage.settings.gatedPerception(), stage.tree};
 };
 
 TEST_F(ToldLoop, DoesAsOneThatLooksItselfAndIsReplayed) {
@@ -103,7 +103,7 @@ TEST_F(ToldLoop, DoesNotGoByAnotherTree) {
   Eigen::Matrix3Xd points = stage.tree.points();
   points(1, 3) += 1e-5;
   const VesselTree other(points, stage.tree.parents(), stage.tree.radii());
-  PerceptionNode others_eyes(*bus, stage.settings, other);
+  PerceptionNode others_eyes(*bus, stage.settings.gatedPerception(), other);
   const LatestValue<RegistrationMessage> said(*bus, kRegistrationChannel);
   ServoNode node(*bus, told(test::moving(stage.settings)), stage.tree);
   test::start(*bus, node);

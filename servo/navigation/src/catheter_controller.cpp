@@ -21,7 +21,7 @@ CatheterController::CatheterController(const CArmSetup& setup, const VesselTree&
     : settings_(checked(settings)),
       setup_(setup),
       centroid_(tree.centroid()),
-      perception_(settings.perception, settings.supervisor, setup.carm, setup.T_dsa_cb, tree, centroid_),
+      perception_({settings.perception, settings.supervisor, setup.carm, setup.T_dsa_cb, centroid_}, tree),
       loop_(tree, start, target, settings.loop) {
   if (!settings.ask_for_views) return;
   planner_.emplace(tree, target, bestViewScene(setup.carm, setup.limits, setup.R_lps_model), settings.view);

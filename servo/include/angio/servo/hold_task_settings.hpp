@@ -2,8 +2,8 @@
 #pragma once
 
 #include "angio/motion/motion_predictor_settings.hpp"
+#include "angio/perception/target_need.hpp"
 #include "angio/servo/path_plan_settings.hpp"
-#include "angio/servo/target_need.hpp"
 
 namespace angio {
 

@@ -5,9 +5,9 @@
 #include <optional>
 #include <string>
 
+#include "angio/perception/gated_perception.hpp"
 #include "angio/robot/carm_motion_limiter.hpp"
 #include "angio/servo/external_estimates.hpp"
-#include "angio/servo/gated_perception.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 #include "angio/servo/tasks.hpp"
 
@@ -37,6 +37,9 @@ struct ServoLoopSettings {
   /// What frames are observed with: `perception`, which follows the patient's motion where the task is for a patient
   /// who moves.
   PerceptionSettings perceptionForTask() const;
+
+  /// The same with the gate, for this loop or a node that observes frames for it.
+  GatedPerceptionSettings gatedPerception() const;
 };
 
 /// What the loop made of one frame.

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/perception/state_history.hpp"
 #include "angio/servo/servo_loop.hpp"
-#include "angio/servo/state_history.hpp"
 #include "angio/servo/supervised_node.hpp"
 
 namespace angio {

@@ -6,9 +6,9 @@
 #include <string>
 
 #include "angio/messaging/messages.hpp"
+#include "angio/perception/patient_observation.hpp"
+#include "angio/perception/point_of_interest.hpp"
 #include "angio/servo/desired_view.hpp"
-#include "angio/servo/patient_observation.hpp"
-#include "angio/servo/point_of_interest.hpp"
 #include "angio/types/view_request.hpp"
 
 namespace angio {

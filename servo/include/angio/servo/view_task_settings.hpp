@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/perception/target_need.hpp"
 #include "angio/servo/best_view.hpp"
-#include "angio/servo/target_need.hpp"
 
 namespace angio {
 

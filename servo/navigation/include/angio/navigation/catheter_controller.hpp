@@ -7,8 +7,8 @@
 #include "angio/navigation/catheter_loop.hpp"
 #include "angio/navigation/drive_monitor.hpp"
 #include "angio/navigation/view_planner.hpp"
+#include "angio/perception/gated_perception.hpp"
 #include "angio/servo/external_estimates.hpp"
-#include "angio/servo/gated_perception.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 
 namespace angio {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "angio/navigation/catheter_controller.hpp"
-#include "angio/servo/state_history.hpp"
+#include "angio/perception/state_history.hpp"
 #include "angio/servo/supervised_node.hpp"
 
 namespace angio {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/registration_gate.hpp"
+#include "angio/perception/registration_gate.hpp"
 
 #include <cmath>
 
 #include "angio/base/errors.hpp"
-#include "angio/servo/patient_observation.hpp"
+#include "angio/perception/patient_observation.hpp"
 
 namespace angio {
 namespace {

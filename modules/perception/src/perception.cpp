@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/perception.hpp"
+#include "angio/perception/perception.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "angio/base/stopwatch.hpp"
+#include "angio/perception/patient_observation.hpp"
 #include "angio/registration/classification.hpp"
-#include "angio/servo/patient_observation.hpp"
 #include "local_offset_estimator.hpp"
 
 namespace angio {

@@ -8,8 +8,8 @@
 
 #include "angio/geometry/carm.hpp"
 #include "angio/messaging/messages.hpp"
+#include "angio/perception/target_need.hpp"
 #include "angio/registration/registration.hpp"
-#include "angio/servo/target_need.hpp"
 
 namespace angio {
 

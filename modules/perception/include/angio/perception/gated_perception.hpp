@@ -4,9 +4,9 @@
 #include <optional>
 #include <string>
 
-#include "angio/servo/patient_observation.hpp"
-#include "angio/servo/perception.hpp"
-#include "angio/servo/registration_gate.hpp"
+#include "angio/perception/patient_observation.hpp"
+#include "angio/perception/perception.hpp"
+#include "angio/perception/registration_gate.hpp"
 
 namespace angio {
 
@@ -20,19 +20,26 @@ struct GatedObservation {
   bool contradicts() const { return rejection && observation.registration.status == RegistrationStatus::kConverged; }
 };
 
+/// What frames are observed with, and which observations are used. The same settings track the same frames alike.
+struct GatedPerceptionSettings {
+  PerceptionSettings perception;
+  RegistrationGateSettings gate;
+  CArmGeometry carm;
+  Pose T_dsa_cb = Pose::Identity();             ///< Calibrated: model frame in the patient frame.
+  std::optional<Eigen::Vector3d> target_model;  ///< The point whose place matters [m]; the tree's centroid.
+  TargetNeed need = TargetNeed::kEverywhere;    ///< The directions in which it matters.
+};
+
 /// Perception behind the gate: every loop and node observes frames through this. An observation that passes the gate is
 /// tracked, one that does not is counted as missed.
 class GatedPerception {
  public:
-  /// @param T_dsa_cb      Calibrated: the model frame in the patient frame.
-  /// @param target_model  The point whose place matters [m].
-  /// @param need          The directions in which it matters.
-  /// @param point         A place that is observed for itself besides the tree.
+  /// @param point  A place that is observed for itself besides the tree.
   /// Throws InputError when a setting is out of its range.
-  GatedPerception(const PerceptionSettings& perception, const RegistrationGateSettings& gate, const CArmGeometry& carm,
-                  const Pose& T_dsa_cb, const VesselTree& tree, const Eigen::Vector3d& target_model,
-                  TargetNeed need = TargetNeed::kEverywhere, const std::optional<PointOfInterest>& point = std::nullopt)
-      : perception_(perception, carm, T_dsa_cb, tree, point), gate_(gate, target_model, need) {}
+  GatedPerception(const GatedPerceptionSettings& settings, const VesselTree& tree,
+                  const std::optional<PointOfInterest>& point = std::nullopt)
+      : perception_(settings.perception, settings.carm, settings.T_dsa_cb, tree, point),
+        gate_(settings.gate, settings.target_model.value_or(tree.centroid()), settings.need) {}
 
   /// Why a frame must not be read with these joints; nothing when it may.
   std::optional<std::string> rejection(const XrayFrame& frame, const CArmState& state) const {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/gated_perception.hpp"
+#include "angio/perception/gated_perception.hpp"
 
 #include <utility>
 

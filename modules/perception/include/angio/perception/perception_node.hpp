@@ -2,14 +2,15 @@
 #pragma once
 
 #include "angio/messaging/mailbox.hpp"
+#include "angio/perception/gated_perception.hpp"
+#include "angio/perception/state_history.hpp"
 #include "angio/registration/message_conversion.hpp"
-#include "angio/servo/servo_loop.hpp"
-#include "angio/servo/state_history.hpp"
 
 namespace angio {
 
 /// What became of one frame.
 struct PerceptionReport {
+  std::int64_t frame_sequence = 0;
   /// As it was published; nothing of a frame that was rejected unseen.
   std::optional<RegistrationMessage> message;
   Observation observation;               ///< Empty when the frame was not looked at.
@@ -20,9 +21,8 @@ struct PerceptionReport {
 /// each with its own settings.
 class PerceptionNode {
  public:
-  /// Of `settings` geometry, T_dsa_cb, perception and the gate count: the same frames are tracked as by a loop. Borrows
-  /// the bus, which must outlive it. Throws InputError when a setting is out of its range.
-  PerceptionNode(Bus& bus, const ServoLoopSettings& settings, const VesselTree& tree);
+  /// Borrows the bus, which must outlive it. Throws InputError when a setting is out of its range.
+  PerceptionNode(Bus& bus, const GatedPerceptionSettings& settings, const VesselTree& tree);
 
   /// Observes the newest frame that waits. Nothing comes back when none does, or when the joints are not known yet.
   std::optional<PerceptionReport> observe();

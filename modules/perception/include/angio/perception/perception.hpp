@@ -5,9 +5,9 @@
 
 #include "angio/imaging/extractor.hpp"
 #include "angio/messaging/messages.hpp"
+#include "angio/perception/patient_tracker.hpp"
+#include "angio/perception/point_of_interest.hpp"
 #include "angio/registration/starts.hpp"
-#include "angio/servo/patient_tracker.hpp"
-#include "angio/servo/point_of_interest.hpp"
 
 namespace angio {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/patient_observation.hpp"
+#include "angio/perception/patient_observation.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>

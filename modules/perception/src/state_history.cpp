@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/state_history.hpp"
+#include "angio/perception/state_history.hpp"
 
 #include <algorithm>
 

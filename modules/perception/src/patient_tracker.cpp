@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/patient_tracker.hpp"
+#include "angio/perception/patient_tracker.hpp"
 
 #include <algorithm>
 
-#include "angio/servo/patient_observation.hpp"
+#include "angio/perception/patient_observation.hpp"
 
 namespace angio {
 

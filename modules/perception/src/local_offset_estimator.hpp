@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "angio/geometry/xray_camera.hpp"
-#include "angio/servo/point_of_interest.hpp"
+#include "angio/perception/point_of_interest.hpp"
 #include "angio/vessel/centerline2d.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 

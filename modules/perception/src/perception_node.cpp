@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/perception_node.hpp"
+#include "angio/perception/perception_node.hpp"
 
 #include <utility>
 
@@ -7,12 +7,8 @@
 
 namespace angio {
 
-PerceptionNode::PerceptionNode(Bus& bus, const ServoLoopSettings& settings, const VesselTree& tree)
-    : bus_(bus),
-      frames_(bus, kXrayFrameChannel),
-      joints_(bus, kCArmStateChannel),
-      perception_(settings.perceptionForTask(), settings.supervisor, settings.carm, settings.T_dsa_cb, tree,
-                  settings.target_model.value_or(tree.centroid()), targetNeed(settings.task)) {}
+PerceptionNode::PerceptionNode(Bus& bus, const GatedPerceptionSettings& settings, const VesselTree& tree)
+    : bus_(bus), frames_(bus, kXrayFrameChannel), joints_(bus, kCArmStateChannel), perception_(settings, tree) {}
 
 std::optional<PerceptionReport> PerceptionNode::observe() {
   if (joints_.empty()) return std::nullopt;
@@ -20,6 +16,7 @@ std::optional<PerceptionReport> PerceptionNode::observe() {
   if (!frame) return std::nullopt;
   const CArmState state = *joints_.at(frame->time_us);
   PerceptionReport report;
+  report.frame_sequence = frame->sequence;
   report.rejection = perception_.rejection(*frame, state);
   if (report.rejection) return report;
   GatedObservation gated = perception_.observe(*frame, state);
