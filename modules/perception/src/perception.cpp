@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "angio/base/stopwatch.hpp"
 #include "angio/perception/patient_observation.hpp"
@@ -104,6 +105,7 @@ Observation Perception::observe(const XrayFrame& frame, const CArmState& state) 
           ? tracking_->align(observation.centerline, frame.camera, observation.predicted)
           : search_->search(observation.centerline, frame.camera, observation.predicted, search_starts_);
   if (observation.tracked) bend(frame.camera, observation);
+  if (observation.tracked) compareAlternatives(frame.camera, observation);
   if (place_ && observation.registration.status == RegistrationStatus::kConverged) {
     observation.place = seen(*place_, frame.camera, observation);
   }
@@ -141,6 +143,17 @@ void Perception::bend(const XrayCamera& camera, Observation& observation) {
   rigid.reason.clear();
   rigid.nonrigid_iterations = bent.nonrigid_iterations;
   rigid.times += bent.times;
+}
+
+// Of a dense tree half of the vessels hide behind others, and a fit in one place is called ambiguous for the share that
+// it explains alone. A search around the prediction knows the alternatives: without one the fit is accepted, as it is
+// where nothing is tracked.
+void Perception::compareAlternatives(const XrayCamera& camera, Observation& observation) {
+  RegistrationResult& tracked = observation.registration;
+  if (tracked.status != RegistrationStatus::kAmbiguous) return;
+  RegistrationResult searched = search_->search(observation.centerline, camera, observation.predicted, search_starts_);
+  searched.times += tracked.times;
+  if (searched.status == RegistrationStatus::kConverged) tracked = std::move(searched);
 }
 
 PointObservation Perception::seen(const PointOfInterest& place, const XrayCamera& camera,

@@ -85,6 +85,7 @@ class Perception {
 
  private:
   void bend(const XrayCamera& camera, Observation& observation);
+  void compareAlternatives(const XrayCamera& camera, Observation& observation);
   PointObservation seen(const PointOfInterest& place, const XrayCamera& camera, const Observation& observation) const;
 
   ModelId model_id_;
