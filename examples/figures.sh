@@ -194,10 +194,10 @@ servoing() {
   "$rehearse" view --runs "${RUNS:-100}" --threads "$threads"
   echo; echo "### centre: 15 mm of breathing and a heartbeat, with prediction and without"
   "$rehearse" centre --runs "${RUNS:-100}" --threads "$threads"
-  echo; echo "### navigate: a catheter to ${TARGETS:-20} branches of each tree"
+  echo; echo "### navigate: a catheter to ${TARGETS:-20} branches of each tree, the nodes of both machines on one bus"
   trees+=("${brains[@]}")
   [ -f "$shared/brava/BG05.swc" ] && trees+=(--tree "$shared/brava/BG05.swc")
-  "$rehearse" navigate "${trees[@]}" --targets "${TARGETS:-20}" --threads "$threads"
+  "$rehearse" navigate "${trees[@]}" --targets "${TARGETS:-20}" --first-seed 101 --threads "$threads"
   echo; echo "### faults: each run is disturbed for a while"
   "$rehearse" faults --runs "${FAULTS:-1000}" --threads "$threads"
 }
