@@ -89,7 +89,8 @@ void CatheterController::forgetRoadmap() {
   washed_out_ = false;
 }
 
-// Asks for the next view when the present one has served, leaves doubt, or shows no vessels.
+// Requests the next view when the tip has left the present one's stretch, when it leaves doubt, or when it gives no
+// roadmap.
 void CatheterController::planView(const XrayFrame& frame, std::int64_t reached_us) {
   if (request_ && reached_us != request_->time_us) return;
   if (!view_since_us_) view_since_us_ = frame.time_us;

@@ -66,13 +66,13 @@ class Perception {
   /// interest. Does not change what is tracked.
   Observation adopt(const RegistrationResult& registration, const CArmState& state) const;
 
-  /// Believes a observation: the patient lies where it says.
+  /// Tracks the patient where the observation has it.
   void accept(const Observation& observation, const CArmState& state);
 
   /// Counts a frame that could not be trusted.
   void reject();
 
-  /// Learns how the patient moves, from the sights that were believed: when what a frame was wanted for is out.
+  /// Learns how the patient moves from the observations that were accepted, when what a frame was wanted for is out.
   void learn();
 
   /// The tree that is looked for.
