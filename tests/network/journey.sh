@@ -9,7 +9,7 @@ bin=$1 sources=$2 branch=${3:-13}
 work=${4:-$(mktemp -d)}
 mkdir -p "$work"
 bus="udpm://239.255.76.67:$((20000 + $$ % 20000))?ttl=0"
-longest_s=240
+longest_s=300
 
 pids=()
 end() {
@@ -30,17 +30,22 @@ sed -e 's/pixel_spacing_mm: .*/pixel_spacing_mm: 0.5071171875/' -e 's/image_size
 common=(--tree "$sources/examples/data/hepatic-tace/tree.csv" --calibration "$work/carm.yaml")
 tasks=$sources/examples/08_tasks
 
-"$bin/angio-simulate" --bus "$bus" "${common[@]}" --settings "$tasks/journey_lab.yaml" --catheter-branch 0 \
-  --frame-rate-hz 10 --duration-s $longest_s >"$work/lab.out" 2>&1 &
-pids+=($!)
-"$bin/angio-servo" --bus "$bus" "${common[@]}" --task view --view-from bus --settings "$tasks/journey_carm.yaml" \
-  --record "$work/carm.lcm" --duration-s $longest_s >"$work/carm.out" 2>&1 &
-pids+=($!)
-carm=$!
-"$bin/angio-navigate" --bus "$bus" "${common[@]}" --to-branch "$branch" --ask-for-views --record "$work/catheter.lcm" \
-  --duration-s $longest_s >"$work/catheter.out" 2>"$work/catheter.err" || true
-kill -INT "$carm"
-wait "$carm" || true
+# Three programs in real time; succeeds when the catheter has arrived.
+journey() {
+  pids=()
+  "$bin/angio-simulate" --bus "$bus" "${common[@]}" --settings "$tasks/journey_lab.yaml" --catheter-branch 0 \
+    --frame-rate-hz 10 --duration-s $longest_s >"$work/lab.out" 2>&1 &
+  pids+=($!)
+  "$bin/angio-servo" --bus "$bus" "${common[@]}" --task view --view-from bus --settings "$tasks/journey_carm.yaml" \
+    --record "$work/carm.lcm" --duration-s $longest_s >"$work/carm.out" 2>&1 &
+  pids+=($!)
+  "$bin/angio-navigate" --bus "$bus" "${common[@]}" --to-branch "$branch" --ask-for-views \
+    --record "$work/catheter.lcm" --duration-s $longest_s >"$work/catheter.out" 2>"$work/catheter.err" || true
+  for pid in "${pids[@]}"; do kill -INT "$pid"; done
+  for pid in "${pids[@]}"; do wait "$pid" || true; done
+  pids=()
+  grep -q '^arrived;' "$work/catheter.out"
+}
 
 fail() {
   echo "$1"
@@ -48,7 +53,8 @@ fail() {
   tail -n 5 "$work/carm.out"
   exit 1
 }
-grep -q '^arrived;' "$work/catheter.out" || fail "the catheter has not arrived"
+# Times differ from run to run, and a host that stands still for seconds is a fault that a person resets: one more try.
+journey || journey || fail "the catheter has not arrived"
 views=$(grep -c 'held: waits for a view' "$work/catheter.err" || true)
 [ "$views" -ge 2 ] || fail "the journey had $views views, and should have two at least"
 "$bin/angio-replay" "$work/catheter.lcm" --machine catheter --to-branch "$branch" "${common[@]}" --compare \
