@@ -66,14 +66,13 @@ struct LoggedRun {
   ByFrame<CatheterTip> tips;                   // The same.
   std::vector<LogEvent> states;                // Of the machine, in their order.
   std::int64_t skipped_bytes = 0;
+  bool knew_inputs = true;  // Whether the log says which states went with which frame.
 
   explicit LoggedRun(LogReader& log) {
     for (auto event = log.next(); event; event = log.next()) enter(*event);
     skipped_bytes = log.skipped_bytes();
     if (inputs.empty()) guessInputs();
   }
-
-  bool knew_inputs = true;
 
  private:
   template <typename Message, typename Keep>
