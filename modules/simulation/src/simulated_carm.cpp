@@ -10,8 +10,6 @@
 namespace angio {
 namespace {
 
-constexpr std::int64_t kLongestValidityUs = 1'000'000;
-
 struct Joint {
   double position, velocity;
 };
@@ -89,44 +87,16 @@ SimulatedCArm::SimulatedCArm(const CArmLimits& limits, const CArmJoints& start, 
                              const ReceiverSettings& receiver)
     : limits_(limits), receiver_(receiver) {
   check(limits, start);
-  checkSettings("c-arm receiver", receiver);
   state_.time_us = now_us;
   state_.joints = start;
 }
 
 void SimulatedCArm::obey(const CArmCommand& command, std::int64_t now_us) {
   advance(now_us);
-  if (!command.velocity.allFinite()) {
-    ++ignored_.not_finite;
-  } else if (command.valid_for_us <= 0 || command.valid_for_us > kLongestValidityUs) {
-    ++ignored_.bad_validity;
-  } else if (commanded_ && !newer(command)) {
-    ++ignored_.out_of_sequence;
-  } else if (!ofNow(command)) {
-    ++ignored_.too_old;
-  } else if ((command.velocity.cwiseAbs().array() > receiver_.most_overspeed * limits_.velocity.array()).any()) {
-    ++ignored_.wrong_unit;  // Cut to the limits it would be full speed, in a direction that nobody meant.
-  } else {
-    commanded_ = true;
-    last_sequence_ = command.sequence;
-    last_command_us_ = command.time_us;
-    wanted_ = command.velocity.cwiseMax(-limits_.velocity).cwiseMin(limits_.velocity);
-    valid_left_us_ = static_cast<std::uint64_t>(command.valid_for_us);
-    in_force_ = true;
-  }
-}
-
-// A lower sequence is newer only with a later time: then its sender has started again, and must not go unheard for
-// ever.
-bool SimulatedCArm::newer(const CArmCommand& command) const {
-  return command.sequence > last_sequence_ || (command.sequence < last_sequence_ && command.time_us > last_command_us_);
-}
-
-// A command to stand still is welcome whenever it comes.
-bool SimulatedCArm::ofNow(const CArmCommand& command) const {
-  if (command.velocity.isZero(0)) return true;
-  const double age_ms = 1e-3 * (static_cast<double>(state_.time_us) - static_cast<double>(command.time_us));
-  return age_ms <= receiver_.most_command_age_ms && age_ms >= -receiver_.most_command_lead_ms;
+  if (!receiver_.takes(command, command.velocity.cwiseQuotient(limits_.velocity), state_.time_us)) return;
+  wanted_ = command.velocity.cwiseMax(-limits_.velocity).cwiseMin(limits_.velocity);
+  valid_left_us_ = static_cast<std::uint64_t>(command.valid_for_us);
+  in_force_ = true;
 }
 
 void SimulatedCArm::advance(std::int64_t now_us) {

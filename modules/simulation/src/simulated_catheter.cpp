@@ -12,7 +12,6 @@ namespace angio {
 namespace {
 
 constexpr std::int64_t kStepUs = 5'000;
-constexpr std::int64_t kLongestValidityUs = 1'000'000;
 constexpr double kLongestSlide_m = 0.5e-3;  // In one step: what springs forward passes its forks one by one.
 constexpr double kRest_m = 1e-9;            // Less than that is no motion.
 constexpr double kParted_m = 1e-3;          // Beyond where ways part, they have directions of their own.
@@ -31,13 +30,14 @@ double followed(double output, double input, double half_width) {
 }  // namespace
 
 SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings, const TreePlace& start,
-                                     std::int64_t now_us)
+                                     std::int64_t now_us, const ReceiverSettings& receiver)
     : settings_(checked(settings)),
       tree_(withPlausibleRadii(tree, kPlausibleEnd_m)),
       map_(tree_),
       now_us_(now_us),
       settled_us_(now_us - now_us % kStepUs),
-      stop_us_(now_us) {
+      stop_us_(now_us),
+      receiver_(receiver) {
   if (start.chain < 0 || start.chain >= map_.chains()) {
     throw InputError("catheter start", "chain", std::to_string(start.chain),
                      "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
@@ -53,26 +53,20 @@ SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSetti
 
 void SimulatedCatheter::obey(const CatheterCommand& command, std::int64_t now_us) {
   advance(now_us);
-  const bool newer = command.sequence > command_.sequence ||
-                     (command.sequence < command_.sequence && command.time_us > command_.time_us);
-  if (!std::isfinite(command.insertion_speed_mps) || !std::isfinite(command.roll_speed_radps) ||
-      !std::isfinite(command.bend_speed_radps)) {
-    ++ignored_.not_finite;
-  } else if (command.valid_for_us <= 0 || command.valid_for_us > kLongestValidityUs) {
-    ++ignored_.bad_validity;
-  } else if (commanded_ && !newer) {
-    ++ignored_.out_of_sequence;
-  } else {
-    origin_ = baseAt(now_us_);
-    command_us_ = now_us_;
-    stop_us_ = now_us_ + command.valid_for_us;
-    const auto cut = [](double value, double largest) { return std::clamp(value, -largest, largest); };
-    command_ = command;
-    command_.insertion_speed_mps = cut(command.insertion_speed_mps, 1e-3 * settings_.largest_insertion_speed_mm_s);
-    command_.roll_speed_radps = cut(command.roll_speed_radps, degToRad(settings_.largest_roll_speed_deg_s));
-    command_.bend_speed_radps = cut(command.bend_speed_radps, degToRad(settings_.largest_bend_speed_deg_s));
-    commanded_ = true;
-  }
+  const double insertion_mps = 1e-3 * settings_.largest_insertion_speed_mm_s;
+  const double roll_radps = degToRad(settings_.largest_roll_speed_deg_s),
+               bend_radps = degToRad(settings_.largest_bend_speed_deg_s);
+  const Eigen::Vector3d speeds(command.insertion_speed_mps / insertion_mps, command.roll_speed_radps / roll_radps,
+                               command.bend_speed_radps / bend_radps);
+  if (!receiver_.takes(command, speeds, now_us_)) return;
+  origin_ = baseAt(now_us_);
+  command_us_ = now_us_;
+  stop_us_ = now_us_ + command.valid_for_us;
+  command_ = command;
+  command_.insertion_speed_mps = std::clamp(command.insertion_speed_mps, -insertion_mps, insertion_mps);
+  command_.roll_speed_radps = std::clamp(command.roll_speed_radps, -roll_radps, roll_radps);
+  command_.bend_speed_radps = std::clamp(command.bend_speed_radps, -bend_radps, bend_radps);
+  commanded_ = true;
 }
 
 void SimulatedCatheter::advance(std::int64_t now_us) {

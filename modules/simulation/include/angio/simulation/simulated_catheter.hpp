@@ -44,10 +44,10 @@ class SimulatedCatheter {
   /// in by withPlausibleRadii. Throws InputError when a setting is out of its range or `start` is none of the tree's
   /// places.
   SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings, const TreePlace& start,
-                    std::int64_t now_us);
+                    std::int64_t now_us, const ReceiverSettings& receiver = {});
 
   /// Takes a command that arrives at `now_us` [us] and holds for its validity from then on; speeds beyond the drive's
-  /// are cut to them. What SimulatedCArm ignores is ignored here too, and the command before it stays in force.
+  /// are cut to them. What CommandReceiver does not take is ignored, and the command before it stays in force.
   void obey(const CatheterCommand& command, std::int64_t now_us);
 
   /// Moves to the time `now_us` [us]; an earlier time than the present is ignored.
@@ -61,7 +61,7 @@ class SimulatedCatheter {
   /// Its shape where the tree's points stand at 3 x N `points` [m], the tip last: moved tissue takes it along.
   Device device(const Eigen::Matrix3Xd& points) const;
 
-  const IgnoredCommands& ignored() const { return ignored_; }
+  const IgnoredCommands& ignored() const { return receiver_.ignored(); }
 
  private:
   struct Base {
@@ -97,7 +97,7 @@ class SimulatedCatheter {
   Base origin_{}, settled_{};              // Base when it arrived, and when the tip was last computed.
   CatheterCommand command_;
   bool commanded_ = false;
-  IgnoredCommands ignored_;
+  CommandReceiver receiver_;
 };
 
 }  // namespace angio
