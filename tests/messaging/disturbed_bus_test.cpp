@@ -57,6 +57,24 @@ struct Line {
   int sent = 0;
 };
 
+TEST(DisturbedBus, ChangesWhatIsPublishedOnOneChannelUntilThatEnds) {
+  Line line({});
+  std::vector<Bytes> beside;
+  line.bus.subscribe("B", [&](const std::uint8_t* d, std::size_t n) { beside.emplace_back(d, d + n); });
+  line.bus.tamper("A", [](Bytes& bytes) { bytes = numbered(numberOf(bytes) + 1000); });
+  line.run(2);
+  line.bus.publish("B", numbered(7));
+  line.bus.handle(0ms);
+  line.bus.tamper("A", {});
+  line.run(1);
+  ASSERT_EQ(line.came.size(), 3u);
+  EXPECT_EQ(numberOf(line.came[0].bytes), 1000);
+  EXPECT_EQ(numberOf(line.came[1].bytes), 1001);
+  EXPECT_EQ(numberOf(line.came[2].bytes), 2);
+  ASSERT_EQ(beside.size(), 1u);
+  EXPECT_EQ(numberOf(beside[0]), 7);
+}
+
 TEST(DisturbedBus, WithDefaultSettingsIsTheBusItself) {
   Line line({});
   line.run(100);

@@ -60,11 +60,12 @@ void DisturbedBus::publish(const std::string& channel, const std::vector<std::ui
     return;
   }
   Message message{channel, bytes};
-  if (!bytes.empty() && link.happens(link.settings.corruption_probability)) {
+  if (link.change) link.change(message.bytes);
+  if (!message.bytes.empty() && link.happens(link.settings.corruption_probability)) {
     ++counts_.corrupted;
     for (std::uint64_t left = 1 + link.engine() % 4; left > 0; --left) {
       const auto change = static_cast<std::uint8_t>(1 + link.engine() % 255);
-      message.bytes[link.engine() % bytes.size()] ^= change;
+      message.bytes[link.engine() % message.bytes.size()] ^= change;
     }
   }
   if (link.settings.stalled) {

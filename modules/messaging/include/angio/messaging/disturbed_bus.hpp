@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <map>
 #include <optional>
@@ -62,6 +63,11 @@ class DisturbedBus : public Bus {
   /// Throws InputError when a setting is out of its range.
   void disturb(const std::string& channel, const DisturbanceSettings& settings);
 
+  /// From now on, changes each message that is published on this channel, before all else; an empty function ends it.
+  void tamper(const std::string& channel, std::function<void(std::vector<std::uint8_t>&)> change) {
+    link(channel).change = std::move(change);
+  }
+
   /// It is `now_us` [us]: hands to the bus all that is due by then, the earliest first. A time before the present,
   /// which is 0 at first, counts as the present.
   void advance(std::int64_t now_us);
@@ -86,6 +92,7 @@ class DisturbedBus : public Bus {
     std::int64_t last_due_us = std::numeric_limits<std::int64_t>::min();  // Of messages that keep their order.
     bool in_burst = false;
     std::vector<std::vector<std::uint8_t>> stalled;
+    std::function<void(std::vector<std::uint8_t>&)> change;
 
     double uniform() { return static_cast<double>(engine() >> 11) * 0x1p-53; }
     bool happens(double probability) { return probability > 0 && uniform() < probability; }
