@@ -3,6 +3,9 @@
 
 #include <gmock/gmock.h>
 
+#include <limits>
+
+#include "angio/rehearsal/limit_observer.hpp"
 #include "angio/simulation/simulated_carm.hpp"
 #include "angio/test/random.hpp"
 
@@ -20,7 +23,7 @@ struct Watched {
     return r;
   }();
   SimulatedCArm arm{limits, CArmJoints::Zero(), 0, gullible};
-  CommandObserver observer{limits, 0.3};
+  CommandObserver observer{limits, 0.3, 0.3};
   std::int64_t now_us = 0, sequence = 0;
 
   void send(std::int64_t frame, const CArmJoints& velocity, std::int64_t valid_for_us = 200'000) {
@@ -88,6 +91,102 @@ TEST(CommandObserver, SeesAMachineThatDoesNotStopWhenCommandsDo) {
     w.observer.see(coasting);
   }
   EXPECT_THAT(w.breach(), HasSubstr("by no command"));
+}
+
+// A drive's observer that has seen one frame, and a command to push by it.
+struct WatchedDrive {
+  CommandObserver observer{CatheterSettings(), 0.35, 0.2};
+  CatheterCommand push;
+  CatheterState state;
+
+  explicit WatchedDrive(const std::optional<std::string>& spoilt = std::nullopt) {
+    observer.exposed(1, 0, spoilt);
+    push.frame_sequence = 1;
+    push.valid_for_us = 300'000;
+    push.insertion_speed_mps = 12e-3;
+    observer.see(state);
+  }
+  void moves(std::int64_t now_us) {
+    state.time_us = now_us;
+    state.insertion_speed_mps = push.insertion_speed_mps;
+    observer.see(state);
+  }
+  std::string breach() const { return observer.breach().value_or(""); }
+};
+
+TEST(CommandObserver, HasNothingAgainstADriveThatObeysAndRests) {
+  WatchedDrive w;
+  w.observer.sent(w.push, 199'000);
+  w.observer.arrived(w.push, 279'000);
+  w.moves(290'000);
+  w.moves(579'000);
+  CatheterCommand rest = w.push;
+  rest.insertion_speed_mps = 0;
+  w.observer.sent(rest, 5'000'000);  // To stand still is never too late.
+  EXPECT_EQ(w.breach(), "");
+  EXPECT_EQ(w.observer.unsound(), 0);
+}
+
+TEST(CommandObserver, SeesALoopThatTellsADriveToMoveByWhatItMustNot) {
+  WatchedDrive late;
+  late.observer.sent(late.push, 201'000);
+  EXPECT_EQ(late.breach(), "the loop commands motion by a frame of 201 ms before");
+  for (const char* wrong : {"frozen", "another patient's", "of a wrong clock", "read with impossible joints"}) {
+    WatchedDrive spoilt(wrong);
+    spoilt.observer.sent(spoilt.push, 0);
+    EXPECT_THAT(spoilt.breach(), HasSubstr(wrong));
+  }
+  WatchedDrive invented;
+  invented.push.frame_sequence = 2;
+  invented.observer.sent(invented.push, 0);
+  EXPECT_THAT(invented.breach(), HasSubstr("no frame"));
+  for (const double speed : {31e-3, -31e-3, std::numeric_limits<double>::quiet_NaN()}) {
+    WatchedDrive fast;
+    fast.push.insertion_speed_mps = speed;
+    fast.observer.sent(fast.push, 0);
+    EXPECT_THAT(fast.breach(), HasSubstr("more than the machine's speed"));
+  }
+}
+
+TEST(CommandObserver, SeesADriveThatMovesByItselfOrByAStaleCommand) {
+  WatchedDrive itself;
+  itself.moves(10'000);
+  EXPECT_THAT(itself.breach(), HasSubstr("axis 0 moved at 0.012 [rad/s, m/s] by no command"));
+  WatchedDrive outlasts;
+  outlasts.observer.arrived(outlasts.push, 0);
+  outlasts.moves(290'000);
+  EXPECT_EQ(outlasts.breach(), "");
+  outlasts.moves(301'000);  // The command was in force at the interval's beginning.
+  outlasts.moves(311'000);
+  EXPECT_THAT(outlasts.breach(), HasSubstr("by no command"));
+  WatchedDrive stale;
+  stale.observer.arrived(stale.push, 351'000);
+  EXPECT_EQ(stale.observer.unsound(), 1);
+  stale.moves(360'000);
+  EXPECT_THAT(stale.breach(), HasSubstr("by a frame of 351 ms before"));
+}
+
+TEST(LimitObserver, SeesADriveBeyondItsRangeOrSpeed) {
+  const auto breachOf = [](const CatheterState& state) {
+    LimitObserver observer{CatheterSettings()};
+    observer.see(CatheterState());
+    observer.see(state);
+    return observer.breach().value_or("");
+  };
+  CatheterState state;
+  state.time_us = 10'000;
+  state.insertion_m = 1.5;
+  state.insertion_speed_mps = -30e-3;
+  state.roll_rad = 1000;
+  EXPECT_EQ(breachOf(state), "");
+  state.insertion_m = 1.501;
+  EXPECT_THAT(breachOf(state), HasSubstr("axis 0: position"));
+  state.insertion_m = 0;
+  state.bend_rad = -0.01;
+  EXPECT_THAT(breachOf(state), HasSubstr("axis 2: position below"));
+  state.bend_rad = 0;
+  state.roll_speed_radps = -6.4;
+  EXPECT_THAT(breachOf(state), HasSubstr("axis 1: speed"));
 }
 
 }  // namespace

@@ -3,12 +3,15 @@
 
 #include <cmath>
 
+#include "angio/base/errors.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/rehearsal/command_observer.hpp"
 #include "angio/rehearsal/limit_observer.hpp"
+#include "angio/rehearsal/navigate_study.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
+#include "angio/simulation/fluoroscopy.hpp"
 #include "injected_fault.hpp"
 
 namespace angio {
@@ -17,18 +20,21 @@ namespace {
 // Asks for what leads to servoing, as one who looks at the screen, and resets only when the fault is over.
 class FaultOperator {
  public:
-  explicit FaultOperator(Bus& bus) : operator_(bus) {}
+  FaultOperator(Bus& bus, OperatedMachine machine) : operator_(bus, machine) {}
 
   void act(std::int64_t now_us, bool fault_lasts) {
     const ServoState state = operator_.status() ? operator_.status()->state : ServoState::kIdle;
-    if (fault_lasts || (last_us_ && now_us - *last_us_ < kPatience_us)) return;
     if (state == ServoState::kHold || state == ServoState::kServo) return;
+    const bool latched = state != ServoState::kIdle && state != ServoState::kArmed;
+    if ((latched && fault_lasts) || (last_us_ && now_us - *last_us_ < kPatience_us)) return;
     operator_.ask(state == ServoState::kIdle    ? ServoRequestKind::kArm
                   : state == ServoState::kArmed ? ServoRequestKind::kStart
                                                 : ServoRequestKind::kReset,
                   now_us);
     last_us_ = now_us;
   }
+
+  const std::optional<ServoStatus>& status() const { return operator_.status(); }
 
  private:
   static constexpr std::int64_t kPatience_us = 150'000;
@@ -44,84 +50,171 @@ VesselTree otherPatient(const VesselTree& tree) {
   return VesselTree(points, tree.parents(), tree.radii());
 }
 
+constexpr int kCatheterTargets = 20;
+constexpr double kInside_m = 30e-3;     // Inside the tree, a catheter's start is at least ...
+constexpr double kLeastWay_m = 130e-3;  // ... and before its target, less what it is inside.
+
+// What there is, and what the loops are told of it.
+struct Scene {
+  const VesselTree& tree;
+  RehearsalWorld world;
+  FaultParts parts;
+  std::optional<RoomCatheter> catheter;
+  TreePlace target;  // Of the catheter.
+};
+
+// What the campaign has to know of a machine: its node, its truth, and what else a person does for it.
+struct CArmMachine {
+  using Node = ServoNode;
+  using Command = CArmCommand;
+  static constexpr OperatedMachine kMachine = OperatedMachine::kCArm;
+  static constexpr const char* kCommandChannel = kCArmCommandChannel;
+
+  const Scene& scene;
+
+  AxesLimits limits() const { return scene.parts.carm_loop.limits; }
+  static AxesState state(const SimulatedRoom& room) { return room.arm().state(); }
+  void start(std::optional<Node>& node, SimulatedRoom& room) const {
+    node.emplace(room.loopSide(), scene.parts.carm_loop, scene.tree);
+  }
+  static void assist(SimulatedRoom&, const std::optional<ServoStatus>&) {}
+  void hear(const ServoReport&) {}
+  double error(const SimulatedRoom& room, const Node& node) const {
+    const auto desired = node.loop().task().desired_T_camera_model();
+    if (!desired) return 0;
+    const CArmCalibration& truth = scene.world.truth;
+    const Pose seen = truth.carm.T_camera_patient(room.arm().state().joints) * truth.T_dsa_cb;
+    const auto target = scene.parts.carm_loop.target_model.value_or(scene.tree.centroid());
+    return radToDeg(viewError(seen, *desired, target).direction_rad);
+  }
+};
+
+struct CatheterMachine {
+  using Node = CatheterNode;
+  using Command = CatheterCommand;
+  static constexpr OperatedMachine kMachine = OperatedMachine::kCatheter;
+  static constexpr const char* kCommandChannel = kCatheterCommandChannel;
+
+  const Scene& scene;
+  double believed_m = 0;  // Of the tip, from the root.
+
+  AxesLimits limits() const { return scene.catheter->settings; }
+  static AxesState state(const SimulatedRoom& room) { return room.catheter().state(); }
+  // The person who starts the program says where the tip is.
+  void start(std::optional<Node>& node, SimulatedRoom& room) const {
+    node.emplace(room.loopSide(), navigateSetup(scene.world, scene.parts.carm_loop.limits), scene.tree,
+                 room.catheter().truth().tip, scene.target, scene.parts.controller);
+  }
+  // Contrast agent for a loop that waits for a roadmap.
+  static void assist(SimulatedRoom& room, const std::optional<ServoStatus>& status) {
+    if (status && status->reason.rfind("waits for a roadmap", 0) == 0) {
+      room.beginInjection();
+    } else {
+      room.endInjection();
+    }
+  }
+  void hear(const CatheterControllerReport& report) {
+    const auto& belief = report.loop.input.belief;
+    if (belief && belief->status == BeliefStatus::kSeen) believed_m = belief->tip.path_m;
+  }
+  double error(const SimulatedRoom& room, const Node&) const {
+    return 1e3 * std::abs(believed_m - room.catheter().truth().path_m);
+  }
+};
+
 // One run's parties and witnesses.
+template <typename Machine>
 class Run {
  public:
-  Run(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& rehearsal,
-      const ServoLoopSettings& loop, const SimulatedPatientSettings& patient, const FaultCampaignSettings& campaign,
-      FaultKind kind)
-      : tree_(tree),
-        loop_(loop),
-        truth_(world.truth),
-        target_(loop.target_model.value_or(tree.centroid())),
-        room_(roomOf(tree, world, rehearsal, loop, patient)),
+  Run(const Scene& scene, const FaultCampaignSettings& campaign, FaultKind kind)
+      : machine_{scene},
+        room_(roomOf(scene.tree, scene.world, scene.parts.rehearsal, scene.parts.carm_loop, scene.parts.patient,
+                     scene.catheter)),
         other_bus_(openBus("memq://")),
-        other_(*other_bus_, otherPatient(tree), patient, world.truth.carm, world.truth.T_dsa_cb, loop.carm.camera()),
-        fault_(kind, rehearsal.seed, rehearsal.room.command_latency_ms, room_, other_),
-        limits_(loop.limits),
-        commands_(loop.limits, 1e-3 * campaign.most_command_age_ms),
-        operator_(room_.fromMachines()) {
+        other_(*other_bus_, otherPatient(scene.tree), scene.parts.patient, scene.world.truth.carm,
+               scene.world.truth.T_dsa_cb, scene.parts.carm_loop.carm.camera()),
+        fault_(kind, Machine::kMachine, scene.parts.rehearsal.seed, scene.parts.rehearsal.room.command_latency_ms,
+               1e-3 * campaign.most_frame_age_ms, room_, other_),
+        limits_(machine_.limits()),
+        commands_(machine_.limits(), 1e-3 * campaign.most_command_age_ms,
+                  1e-3 * (campaign.most_frame_age_ms + campaign.frame_age_margin_ms)),
+        operator_(room_.fromMachines(), Machine::kMachine),
+        steady_us_(std::llround(1e6 * campaign.steady_s)) {
     room_.tamperWithFrames([this](XrayFrame& frame) { spoilt_ = fault_.tamper(frame); });
-    room_.loopSide().subscribe(kCArmCommandChannel, [this](const std::uint8_t* data, std::size_t size) {
-      const auto command = decode<CArmCommand>(data, size);
+    room_.loopSide().subscribe(Machine::kCommandChannel, [this](const std::uint8_t* data, std::size_t size) {
+      const auto command = decode<typename Machine::Command>(data, size);
       if (command.value) commands_.arrived(*command.value, room_.now_us());
     });
-    startNode();
+    if (scene.catheter) {
+      other_.show([this](const Eigen::Matrix3Xd& points) { return room_.catheter().device(points); });
+    }
+    machine_.start(node_, room_);
   }
 
-  void startNode() { node_.emplace(room_.loopSide(), loop_, tree_); }
-  void killNode() { node_.reset(); }
-
-  // One event in the room, and what everybody makes of it.
-  void step() {
-    const auto exposure = room_.advance();
-    const CArmState truth = room_.arm().state();
-    limits_.see(truth);
-    commands_.see(truth);
-    if (exposure) {
-      commands_.exposed(exposure->frame.sequence, room_.now_us(), spoilt_);
-      fault_.spoil(room_.now_us());
-    }
-    if (node_) {
-      node_->answer(room_.now_us());
-      const bool servoes = node_->safety().moves();
-      if (servoes && !servoes_since_us_) servoes_since_us_ = room_.now_us();
-      if (!servoes) servoes_since_us_.reset();
-    } else {
-      servoes_since_us_.reset();
-    }
-    operator_.act(room_.now_us(), fault_.lasts());
+  void beginFault() {
+    fault_.begin();
+    if (fault_.kills()) node_.reset();
+    if (fault_.startsAnewAtOnce()) machine_.start(node_, room_);
   }
 
-  // While the node runs.
-  ViewError trueError() const {
-    const auto desired = node_->loop().task().desired_T_camera_model();
-    if (!desired) return {};
-    return viewError(truth_.carm.T_camera_patient(room_.arm().state().joints) * truth_.T_dsa_cb, *desired, target_);
+  void endFault() {
+    fault_.end();
+    if (!node_) machine_.start(node_, room_);
+    recovered_us_.reset();
+    steady_ = false;
+  }
+
+  void until(double time_s) {
+    while (room_.now_s() < time_s) step();
   }
 
   // What the supervisor's log says since a time.
   std::vector<std::string> causesSince(std::int64_t time_us) const {
     std::vector<std::string> causes;
     if (!node_) return causes;
-    for (const auto& t : node_->safety().states().log()) {
+    for (const auto& t : node_->states().log()) {
       if (t.time_us > time_us) causes.push_back(std::string(nameOf(t.to)) + ": " + t.reason);
     }
     return causes;
   }
 
-  SimulatedRoom& room() { return room_; }
-  InjectedFault& fault() { return fault_; }
-  bool servoes() const { return servoes_since_us_.has_value(); }
-  std::optional<std::int64_t> servoesSince_us() const { return servoes_since_us_; }
+  std::int64_t now_us() const { return room_.now_us(); }
+  const InjectedFault& fault() const { return fault_; }
+  bool servoes() const { return node_ && node_->states().moves(); }
+  double error() const { return machine_.error(room_, *node_); }  // While the node runs.
+  // Since when it has servoed steadily, since the fault's end if that has come.
+  std::optional<std::int64_t> recovered_us() const { return steady_ ? recovered_us_ : std::nullopt; }
   std::optional<std::string> breach() const { return limits_.breach() ? limits_.breach() : commands_.breach(); }
   int unsound() const { return commands_.unsound(); }
 
  private:
-  const VesselTree& tree_;
-  ServoLoopSettings loop_;
-  CArmCalibration truth_;
-  Eigen::Vector3d target_;
+  // One event in the room, and what everybody makes of it.
+  void step() {
+    const auto exposure = room_.advance();
+    const std::int64_t now_us = room_.now_us();
+    const AxesState truth = Machine::state(room_);
+    limits_.see(truth);
+    commands_.see(truth);
+    if (exposure) {
+      commands_.exposed(exposure->frame.sequence, now_us, spoilt_);
+      fault_.spoil(now_us);
+    }
+    if (node_) {
+      if (const auto report = node_->answer(now_us)) {
+        commands_.sent(report->command, now_us);
+        machine_.hear(*report);
+      }
+    }
+    if (!steady_) {
+      if (!servoes()) recovered_us_.reset();
+      if (servoes() && !recovered_us_) recovered_us_ = now_us;
+      steady_ = recovered_us_ && now_us - *recovered_us_ >= steady_us_;
+    }
+    operator_.act(now_us, fault_.lasts());
+    Machine::assist(room_, operator_.status());
+  }
+
+  Machine machine_;
   SimulatedRoom room_;
   std::unique_ptr<Bus> other_bus_;
   SimulatedXrayNode other_;
@@ -129,63 +222,79 @@ class Run {
   LimitObserver limits_;
   CommandObserver commands_;
   FaultOperator operator_;
-  std::optional<ServoNode> node_;
+  std::optional<typename Machine::Node> node_;
   std::optional<std::string> spoilt_;
-  std::optional<std::int64_t> servoes_since_us_;
+  std::optional<std::int64_t> recovered_us_;
+  std::int64_t steady_us_;
+  bool steady_ = false;
 };
+
+template <typename Machine>
+FaultRow run(const Scene& scene, const FaultCampaignSettings& campaign, FaultKind kind) {
+  Run<Machine> run(scene, campaign, kind);
+  FaultRow row;
+  row.machine = Machine::kMachine;
+  row.seed = scene.parts.rehearsal.seed;
+  row.kind = kind;
+  row.fault = run.fault().description();
+  run.until(campaign.sound_s);
+  row.moved_before = run.servoes();
+  row.error_at_fault = run.error();
+  const std::int64_t begun_us = run.now_us();
+  run.beginFault();
+  const double lasts_s =
+      run.fault().startsAnewAtOnce() ? std::max(campaign.sound_s, campaign.disturbed_s) : campaign.disturbed_s;
+  run.until(campaign.sound_s + lasts_s);
+  row.causes = run.causesSince(begun_us);
+  run.endFault();
+  const std::int64_t ended_us = run.now_us();
+  run.until(campaign.sound_s + lasts_s + campaign.recovery_s);
+  if (const auto since_us = run.recovered_us()) {
+    row.recovered_s = std::max(0.0, 1e-6 * static_cast<double>(*since_us - ended_us));
+  }
+  row.error_at_end = run.error();
+  row.breach = run.breach();
+  row.unsound_commands = run.unsound();
+  return row;
+}
 
 double symmetric(std::mt19937_64& engine) { return 2 * static_cast<double>(engine() >> 11) * 0x1p-53 - 1; }
 
 }  // namespace
 
-FaultRow runFault(const VesselTree& tree, const CArmCalibration& nominal, const FaultCampaignSettings& campaign,
-                  FaultKind kind, RehearsalSettings rehearsal, ServoLoopSettings parts,
-                  const SimulatedPatientSettings& patient) {
+FaultRow runFault(OperatedMachine machine, FaultKind kind, const VesselTree& tree, const CArmCalibration& nominal,
+                  const FaultCampaignSettings& campaign, FaultParts parts) {
   checkSettings("fault campaign", campaign);
-  std::mt19937_64 engine(static_cast<std::uint64_t>(rehearsal.seed) ^ 0x63616d70);
+  std::mt19937_64 engine(static_cast<std::uint64_t>(parts.rehearsal.seed) ^ 0x63616d70);
   const auto randomView = [&] {
     const double primary = symmetric(engine) * campaign.most_primary_deg;
     return ViewAngles{degToRad(primary), degToRad(symmetric(engine) * campaign.most_secondary_deg)};
   };
   const ViewAngles start = randomView(), goal = randomView();
-  rehearsal.start_primary_deg = radToDeg(start.primary_rad);
-  rehearsal.start_secondary_deg = radToDeg(start.secondary_rad);
+  parts.rehearsal.start_primary_deg = radToDeg(start.primary_rad);
+  parts.rehearsal.start_secondary_deg = radToDeg(start.secondary_rad);
   ViewTaskSettings view;
   view.primary_deg = radToDeg(goal.primary_rad);
   view.secondary_deg = radToDeg(goal.secondary_rad);
-  parts.task = view;
+  parts.carm_loop.task = view;
   CArmCalibration small = nominal;  // The same detector, with fewer pixels.
   small.carm.pixel_spacing_m *= static_cast<double>(small.carm.image_width_px) / campaign.image_px;
   small.carm.image_width_px = small.carm.image_height_px = campaign.image_px;
-  const RehearsalWorld world = madeUpWorld(tree, small, rehearsal, goal);
-  Run run(tree, world, rehearsal, loopIn(world, parts), patient, campaign, kind);
+  const RehearsalWorld world = madeUpWorld(tree, small, parts.rehearsal, goal);
+  parts.carm_loop = loopIn(world, parts.carm_loop);
+  if (machine == OperatedMachine::kCArm) return run<CArmMachine>({tree, world, parts, {}, {}}, campaign, kind);
 
-  FaultRow row;
-  row.seed = rehearsal.seed;
-  row.kind = kind;
-  row.fault = run.fault().description();
-  const auto until = [&](double time_s) {
-    while (run.room().now_s() < time_s) run.step();
-  };
-  until(campaign.sound_s);
-  row.moved_before = run.servoes();
-  row.error_at_fault = run.trueError();
-  const std::int64_t begun_us = run.room().now_us();
-  run.fault().begin();
-  if (kind == FaultKind::kKilledNode) run.killNode();
-  until(campaign.sound_s + campaign.disturbed_s);
-  row.causes = run.causesSince(begun_us);
-  run.fault().end();
-  if (kind == FaultKind::kKilledNode) run.startNode();
-  const std::int64_t ended_us = run.room().now_us();
-  until(campaign.sound_s + campaign.disturbed_s + campaign.recovery_s);
-  if (const auto since_us = run.servoesSince_us()) {
-    row.recovered_s = std::max(0.0, 1e-6 * static_cast<double>(*since_us - ended_us));
-  }
-  row.error_at_end = run.trueError();
-  row.breach = run.breach();
-  row.unsound_commands = run.unsound();
-  return row;
+  parts.patient = navigatePatient(parts.patient);
+  const VesselTree full = withPlausibleRadii(tree, 1e-3 * parts.patient.fluoroscopy.end_radius_mm);
+  const auto targets = navigateTargets(full, {}, kCatheterTargets);
+  if (targets.empty()) throw InputError("fault campaign", "tree", "", "has no branch that a catheter can go to");
+  const TreePlace target = targets[static_cast<std::size_t>(parts.rehearsal.seed) % targets.size()];
+  parts.catheter.roll_zero_deg = static_cast<double>(parts.rehearsal.seed * std::int64_t{7919} % 360);
+  const TreeMap map(full);
+  const double way_m = map.start_m(target.chain) + target.arc_m, uniform = 0.5 + 0.5 * symmetric(engine);
+  const double before_m = std::max(0.5 * way_m, way_m - kInside_m - uniform * std::max(0.0, way_m - kLeastWay_m));
+  const RoomCatheter catheter{parts.catheter, map.before(target, before_m)};
+  return run<CatheterMachine>({full, world, parts, catheter, target}, campaign, kind);
 }
 
 }  // namespace angio

@@ -15,6 +15,11 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
+constexpr std::int64_t kArmBack_us = 10'000'000;
+constexpr std::int64_t kSpoilt = 1'000'000;  // Sequence numbers of what nobody should believe.
+constexpr int kFramesOfNan = 15;             // Before wrong units come, too.
+constexpr double kMark = 0.12345678901;
+
 // No encoder of ours sends a NaN: it is put in place of a number on the wire, where doubles are big-endian.
 Bytes withNan(Bytes bytes, double in_place_of) {
   const auto wire = [](double value) {
@@ -29,20 +34,26 @@ Bytes withNan(Bytes bytes, double in_place_of) {
   return bytes;
 }
 
+double& speedOf(CArmCommand& command) { return command.velocity[0]; }
+double& speedOf(CatheterCommand& command) { return command.insertion_speed_mps; }
+
 }  // namespace
 
 const char* nameOf(FaultKind kind) {
-  static const char* const kNames[kFaultKindCount] = {"none",         "loss",          "delay",       "jitter",
-                                                      "duplicates",   "reorder",       "stall",       "NaN and units",
-                                                      "frozen image", "other patient", "killed node", "clock jump"};
+  static const char* const kNames[kFaultKindCount] = {
+      "none",          "loss",         "delay",         "jitter",      "duplicates", "reorder",     "stall",
+      "NaN and units", "frozen image", "other patient", "killed node", "clock jump", "late frames", "impossible joints",
+      "arm clock back"};
   return kNames[static_cast<int>(kind)];
 }
 
-InjectedFault::InjectedFault(FaultKind kind, int seed, double command_latency_ms, SimulatedRoom& room,
-                             SimulatedXrayNode& other)
+InjectedFault::InjectedFault(FaultKind kind, OperatedMachine machine, int seed, double command_latency_ms,
+                             double most_frame_age_s, SimulatedRoom& room, SimulatedXrayNode& other)
     : kind_(kind),
+      machine_(machine),
       engine_(static_cast<std::uint64_t>(seed) ^ 0x6661756c),
       command_latency_ms_(command_latency_ms),
+      most_frame_age_s_(most_frame_age_s),
       room_(room),
       other_(other),
       description_(nameOf(kind)) {
@@ -79,6 +90,15 @@ InjectedFault::InjectedFault(FaultKind kind, int seed, double command_latency_ms
       clock_jump_s_ = uniform(0.05, 10) * (uniform(0, 1) < 0.5 ? -1 : 1);
       description_ += formatted(" %.2f s", clock_jump_s_);
       break;
+    case FaultKind::kLateFrames:
+      late_ms_ = 1e3 * most_frame_age_s + uniform(25, 200);
+      description_ += formatted(" by %.0f ms", late_ms_);
+      break;
+    case FaultKind::kImpossibleJoints:
+      joint_ = static_cast<int>(uniform(0, kCArmJointCount));
+      impossible_ = uniform(10, 60);
+      description_ += formatted(", joint %d at %.0f", joint_, impossible_);
+      break;
     default:
       break;
   }
@@ -89,21 +109,36 @@ double InjectedFault::uniform(double low, double high) {
 }
 
 void InjectedFault::disturb(const DisturbanceSettings& machines, const DisturbanceSettings& loop) {
-  for (const char* channel : {kXrayFrameChannel, kCArmStateChannel}) room_.fromMachines().disturb(channel, machines);
-  DisturbanceSettings commands = loop;
+  const bool carm = machine_ == OperatedMachine::kCArm;
+  for (const char* channel : {kCArmStateChannel, kCatheterStateChannel})
+    room_.fromMachines().disturb(channel, machines);
+  DisturbanceSettings frames = machines, commands = loop;
+  if (lasts_) frames.delay_ms += late_ms_;
   commands.delay_ms += command_latency_ms_;
-  room_.fromLoop().disturb(kCArmCommandChannel, commands);
-  room_.fromLoop().disturb(kServoStatusChannel, loop);
+  room_.fromMachines().disturb(kXrayFrameChannel, frames);
+  room_.fromLoop().disturb(carm ? kCArmCommandChannel : kCatheterCommandChannel, commands);
+  room_.fromLoop().disturb(carm ? kServoStatusChannel : kCatheterStatusChannel, loop);
 }
 
 void InjectedFault::begin() {
   lasts_ = true;
   disturb(from_machines_, from_loop_);
+  if (kind_ != FaultKind::kImpossibleJoints && kind_ != FaultKind::kArmClockBack) return;
+  room_.fromMachines().tamper(kCArmStateChannel, [this](Bytes& bytes) {
+    CArmState state = *decode<CArmState>(bytes.data(), bytes.size()).value;
+    if (kind_ == FaultKind::kArmClockBack) {
+      state.time_us -= kArmBack_us;
+    } else {
+      state.joints[joint_] = impossible_;
+    }
+    bytes = encode(state);
+  });
 }
 
 void InjectedFault::end() {
   lasts_ = false;
   disturb({}, {});
+  room_.fromMachines().tamper(kCArmStateChannel, {});
 }
 
 std::optional<std::string> InjectedFault::tamper(XrayFrame& frame) {
@@ -118,30 +153,48 @@ std::optional<std::string> InjectedFault::tamper(XrayFrame& frame) {
   }
   if (lasts_ && kind_ == FaultKind::kClockJump) {
     frame.time_us += std::llround(1e6 * clock_jump_s_);
-    return "of a wrong clock";
+    if (std::abs(clock_jump_s_) > most_frame_age_s_) return "of a wrong clock";
   }
+  if (lasts_ && kind_ == FaultKind::kImpossibleJoints) return "read with impossible joints";
+  if (lasts_ && kind_ == FaultKind::kArmClockBack) return "read with joints of a wrong clock";
   return std::nullopt;
+}
+
+// NaN first, then a number in wrong units: degrees for radians, or millimetres for metres.
+template <typename Command>
+void InjectedFault::spoilCommands(const char* channel, std::int64_t now_us) {
+  Command command;
+  command.time_us = now_us;
+  command.sequence = kSpoilt + spoilt_;
+  command.valid_for_us = 200'000;
+  speedOf(command) = kMark;
+  room_.fromLoop().publish(channel, withNan(encode(command), kMark));
+  speedOf(command) = uniform(5, 25);
+  room_.fromLoop().publish(channel, encode(command));
 }
 
 void InjectedFault::spoil(std::int64_t now_us) {
   if (!lasts_ || kind_ != FaultKind::kNan) return;
-  constexpr double kMark = 0.12345678901;
-  CArmState state = room_.arm().state();
-  state.sequence = 1'000'000 + ++spoilt_;
-  state.joints[static_cast<int>(uniform(0, kCArmJointCount))] = kMark;
-  room_.fromMachines().publish(kCArmStateChannel, withNan(encode(state), kMark));
-  CArmCommand command;
-  command.time_us = now_us;
-  command.sequence = 1'000'000 + spoilt_;
-  command.valid_for_us = 200'000;
-  command.velocity[0] = kMark;
-  room_.fromLoop().publish(kCArmCommandChannel, withNan(encode(command), kMark));
-  command.velocity[0] = uniform(5, 25);  // Degrees a second ...
-  room_.fromLoop().publish(kCArmCommandChannel, encode(command));
-  if (spoilt_ < 15) return;
-  state.joints = room_.arm().state().joints;  // ... and, after a second, millimetres.
-  state.joints.tail<3>() *= 1000;
-  room_.fromMachines().publish(kCArmStateChannel, encode(state));
+  const bool catheter = machine_ == OperatedMachine::kCatheter, in_wrong_units = ++spoilt_ >= kFramesOfNan;
+  CArmState arm = room_.arm().state();
+  arm.sequence = kSpoilt + spoilt_;
+  arm.joints[static_cast<int>(uniform(0, kCArmJointCount))] = kMark;
+  room_.fromMachines().publish(kCArmStateChannel, withNan(encode(arm), kMark));
+  if (catheter) {
+    CatheterState drive = room_.catheter().state();
+    drive.sequence = kSpoilt + spoilt_;
+    drive.insertion_m = kMark;
+    room_.fromMachines().publish(kCatheterStateChannel, withNan(encode(drive), kMark));
+    drive.insertion_m = 1000 * room_.catheter().state().insertion_m;
+    if (in_wrong_units) room_.fromMachines().publish(kCatheterStateChannel, encode(drive));
+    spoilCommands<CatheterCommand>(kCatheterCommandChannel, now_us);
+    return;
+  }
+  spoilCommands<CArmCommand>(kCArmCommandChannel, now_us);
+  if (!in_wrong_units) return;
+  arm.joints = room_.arm().state().joints;
+  arm.joints.tail<3>() *= 1000;
+  room_.fromMachines().publish(kCArmStateChannel, encode(arm));
 }
 
 }  // namespace angio

@@ -16,18 +16,20 @@ constexpr double kEnvelopeRounding = 1e-6;
 
 }  // namespace
 
-void LimitObserver::see(const CArmState& state) {
-  const auto note = [&](int joint, const char* what, double value, double most) {
-    if (!breach_) breach_ = formatted("joint %d: %s %.6g exceeds %.6g", joint, what, value, most);
+void LimitObserver::see(const AxesState& state) {
+  const auto note = [&](Eigen::Index axis, const char* what, double value, double most) {
+    if (!breach_) breach_ = formatted("axis %d: %s %.6g exceeds %.6g", static_cast<int>(axis), what, value, most);
   };
-  if (const auto* face = limits_.envelope.violated(state.joints)) {
-    if (!(face->room(state.joints) >= -kEnvelopeRounding * face->normal.norm()) && !breach_) {
-      breach_ = formatted("envelope: %s, by %.6g", face->name.c_str(), -face->room(state.joints));
+  if (!limits_.envelope.faces.empty()) {
+    const CArmJoints joints = state.place;
+    const auto* face = limits_.envelope.violated(joints);
+    if (face && !breach_ && !(face->room(joints) >= -kEnvelopeRounding * face->normal.norm())) {
+      breach_ = formatted("envelope: %s, by %.6g", face->name.c_str(), -face->room(joints));
     }
   }
   const double dt_s = last_ ? 1e-6 * static_cast<double>(state.time_us - last_->time_us) : 0;
-  for (int i = 0; i < kCArmJointCount; ++i) {
-    const double q = state.joints[i], v = state.velocity[i];
+  for (Eigen::Index i = 0; i < state.place.size(); ++i) {
+    const double q = state.place[i], v = state.velocity[i];
     if (!std::isfinite(q) || !std::isfinite(v)) note(i, "state", q, limits_.upper[i]);
     if (!(q <= limits_.upper[i] + kRounding)) note(i, "position", q, limits_.upper[i]);
     if (!(q >= limits_.lower[i] - kRounding)) note(i, "position below", q, limits_.lower[i]);

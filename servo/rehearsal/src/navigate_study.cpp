@@ -50,6 +50,17 @@ void judge(const TipBelief& belief, const std::optional<CatheterTrace>& trace, c
 
 }  // namespace
 
+SimulatedPatientSettings navigatePatient(SimulatedPatientSettings patient) {
+  patient.device.kind = DeviceKind::kNone;
+  patient.bolus.enabled = true;
+  patient.bolus.trigger = BolusTrigger::kDemand;
+  return patient;
+}
+
+CArmSetup navigateSetup(const RehearsalWorld& world, const CArmLimits& limits) {
+  return {world.believed.carm, limits, world.believed.T_dsa_cb, world.truth.R_lps_model};
+}
+
 std::vector<TreePlace> navigateTargets(const VesselTree& tree, const NavigateStudySettings& study, int count) {
   const VesselTree full = withPlausibleRadii(tree, 0.6e-3);
   const TreeMap map(full);
@@ -99,7 +110,8 @@ class Journey {
       : room_(full, patientOf(parts, seed), roomWorld(full, world, start, parts, seed), study.room),
         injector_(room_.fromMachines(), study.roadmap_contrast_s),
         carm_(room_.loopSide(), carmLoop(world, parts), full),
-        catheter_(room_.loopSide(), setupOf(world, parts), full, start, target, controllerOf(parts)),
+        catheter_(room_.loopSide(), navigateSetup(world, parts.carm_loop.limits), full, start, target,
+                  controllerOf(parts)),
         carm_person_(room_.fromMachines()),
         catheter_person_(room_.fromMachines(), OperatedMachine::kCatheter),
         limits_(parts.carm_loop.limits) {}
@@ -127,10 +139,7 @@ class Journey {
 
  private:
   static SimulatedPatientSettings patientOf(const NavigateParts& parts, int seed) {
-    SimulatedPatientSettings patient = parts.patient;
-    patient.device.kind = DeviceKind::kNone;
-    patient.bolus.enabled = true;
-    patient.bolus.trigger = BolusTrigger::kDemand;
+    SimulatedPatientSettings patient = navigatePatient(parts.patient);
     patient.fluoroscopy.seed = seed;
     return patient;
   }
@@ -155,10 +164,6 @@ class Journey {
     view.goal = ViewGoal::kRequested;
     loop.task = view;
     return loop;
-  }
-
-  static CArmSetup setupOf(const RehearsalWorld& world, const NavigateParts& parts) {
-    return {world.believed.carm, parts.carm_loop.limits, world.believed.T_dsa_cb, world.truth.R_lps_model};
   }
 
   static CatheterControllerSettings controllerOf(const NavigateParts& parts) {

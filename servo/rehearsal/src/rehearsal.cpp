@@ -176,13 +176,15 @@ ServoLoopSettings loopIn(const RehearsalWorld& world, const ServoLoopSettings& p
 }
 
 SimulatedRoom roomOf(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& settings,
-                     const ServoLoopSettings& loop, const SimulatedPatientSettings& patient) {
+                     const ServoLoopSettings& loop, const SimulatedPatientSettings& patient,
+                     const std::optional<RoomCatheter>& catheter) {
   RoomWorld room;
   room.carm = world.truth.carm;
   room.limits = loop.limits;
   room.T_patient_model = world.truth.T_dsa_cb;
   room.start = loop.carm.jointsFor(startOf(settings), loop.T_dsa_cb * targetOf(tree, loop));
   room.claimed_camera = loop.carm.camera();
+  room.catheter = catheter;
   SimulatedPatientSettings seeded = patient;
   seeded.fluoroscopy.seed = settings.seed;
   return SimulatedRoom(tree, seeded, room, settings.room);

@@ -6,29 +6,35 @@
 #include <optional>
 #include <string>
 
-#include "angio/messaging/messages.hpp"
+#include "angio/rehearsal/axes.hpp"
 
 namespace angio {
 
-/// Watches what a C-arm truly does beside what is on the wire, for motion that nothing sound explains. Knows which
-/// frames were true; asks nothing of the code that is to keep the machine safe.
+/// Watches what a machine truly does beside what is on the wire, for motion that nothing sound explains, and what its
+/// loop tells it. Knows which frames were true; asks nothing of the code that is to keep the machine safe.
 ///
-/// A joint may gain speed, or keep it, only while a command is in force that asks for that much in that direction, was
-/// made from a true frame, and came no later than `most_age_s` after its exposure. Otherwise it has to brake.
+/// An axis may gain speed, or keep it, only while a command is in force that asks for that much in that direction, was
+/// made from a true frame, and came no later than `most_age_s` after its exposure. Otherwise it has to brake. A loop
+/// may send motion only for a true frame no older than `most_frame_age_s`, and only finite speeds within their limits.
 class CommandObserver {
  public:
-  CommandObserver(const CArmLimits& limits, double most_age_s) : limits_(limits), most_age_s_(most_age_s) {}
+  CommandObserver(const AxesLimits& limits, double most_age_s, double most_frame_age_s)
+      : limits_(limits), most_age_s_(most_age_s), most_frame_age_s_(most_frame_age_s) {}
 
   /// A frame was exposed [us, the room's clock]; `spoilt` says how what was sent of it is not the truth.
   void exposed(std::int64_t frame_sequence, std::int64_t now_us, const std::optional<std::string>& spoilt);
 
+  /// The loop has sent a command.
+  void sent(const AxesCommand& command, std::int64_t now_us);
+
   /// A command has reached the machine.
-  void arrived(const CArmCommand& command, std::int64_t now_us);
+  void arrived(const AxesCommand& command, std::int64_t now_us);
 
   /// The machine's true state, in the order of time.
-  void see(const CArmState& state);
+  void see(const AxesState& state);
 
-  /// The first motion that nothing explains; nothing while there was none.
+  /// The first motion that nothing explains, or that was commanded by what does not allow it; nothing while there was
+  /// none.
   const std::optional<std::string>& breach() const { return breach_; }
 
   /// Commands for motion that arrived and were too old, or made from frames that were not true.
@@ -40,19 +46,20 @@ class CommandObserver {
     std::optional<std::string> spoilt;
   };
   struct Order {
-    CArmCommand command;
+    AxesCommand command;
     std::int64_t arrived_us, until_us;
     std::optional<std::string> wrong;
   };
 
-  bool explained(int joint, double speed, double sign, std::int64_t from_us, std::int64_t to_us) const;
-  std::string suspect(int joint, double sign) const;
+  std::optional<std::string> wrongWith(const AxesCommand& command, std::int64_t now_us, double most_age_s) const;
+  bool explained(Eigen::Index axis, double speed, double sign, std::int64_t from_us, std::int64_t to_us) const;
+  std::string suspect(Eigen::Index axis, double sign) const;
 
-  CArmLimits limits_;
-  double most_age_s_;
+  AxesLimits limits_;
+  double most_age_s_, most_frame_age_s_;
   std::map<std::int64_t, Seen> frames_;
   std::deque<Order> orders_;
-  std::optional<CArmState> last_;
+  std::optional<AxesState> last_;
   std::optional<std::string> breach_;
   int unsound_ = 0;
 };

@@ -85,6 +85,12 @@ struct NavigateRow {
 /// Where journeys of a tree go: `count` branches, spread over all that qualify; fewer when there are fewer.
 std::vector<TreePlace> navigateTargets(const VesselTree& tree, const NavigateStudySettings& study, int count);
 
+/// A patient whose vessels fill when contrast agent is demanded, for a room that shows a catheter of its own.
+SimulatedPatientSettings navigatePatient(SimulatedPatientSettings patient);
+
+/// What the catheter's controller is told of the C-arm.
+CArmSetup navigateSetup(const RehearsalWorld& world, const CArmLimits& limits);
+
 /// One frame of a journey, for those who look on. Borrowed while they do.
 struct NavigateMoment {
   double time_s = 0;

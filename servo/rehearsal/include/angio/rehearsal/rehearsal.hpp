@@ -55,7 +55,8 @@ ServoLoopSettings loopIn(const RehearsalWorld& world, const ServoLoopSettings& p
 /// The room of a world: the C-arm stands where its calibration sees the target along the start's angles. `patient`
 /// gets the rehearsal's seed; frames say the camera of the believed C-arm.
 SimulatedRoom roomOf(const VesselTree& tree, const RehearsalWorld& world, const RehearsalSettings& settings,
-                     const ServoLoopSettings& loop, const SimulatedPatientSettings& patient);
+                     const ServoLoopSettings& loop, const SimulatedPatientSettings& patient,
+                     const std::optional<RoomCatheter>& catheter = std::nullopt);
 
 /// One frame as the rehearsal's omniscient observer sees it.
 struct RehearsalFrame {
