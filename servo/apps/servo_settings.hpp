@@ -2,10 +2,13 @@
 #pragma once
 
 #include "angio/base/variant_sections.hpp"
+#include "angio/calibration/carm_calibration.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/imaging/extractor_sections.hpp"
-#include "angio/rehearsal/rehearsal.hpp"
+#include "angio/rehearsal/rehearsal_settings.hpp"
 #include "angio/servo/safety_supervisor.hpp"
+#include "angio/servo/servo_loop.hpp"
+#include "angio/simulation/patient_settings.hpp"
 
 namespace angio {
 

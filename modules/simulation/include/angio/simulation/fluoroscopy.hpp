@@ -86,4 +86,9 @@ class FluoroscopyRenderer {
   std::unique_ptr<Parts> parts_;
 };
 
+/// Quanta that a detector of caesium iodide counts in a pixel at an air kerma: 30.2 per mm^2 and nGy (beam RQA5 of IEC
+/// 62220-1), of which 70 % count (detective quantum efficiency).
+/// @param air_kerma_ngy  At the detector's entrance [nGy]. @param pixel_spacing_m  At the detector [m].
+double photonsPerPixel(double air_kerma_ngy, double pixel_spacing_m);
+
 }  // namespace angio

@@ -4,83 +4,10 @@
 #include <Eigen/Core>
 #include <cstdint>
 
-#include "angio/base/settings.hpp"
 #include "angio/geometry/se3.hpp"
+#include "angio/simulation/motion_settings.hpp"
 
 namespace angio {
-
-/// Breathing as the organs under the diaphragm follow it. Zero at the end of breathing out.
-///
-/// Source of the course in time, sin^(2n): Lujan et al., A method for incorporating organ motion due to breathing into
-/// 3D dose calculations, Med Phys 26 (1999). Organs' amplitudes are listed by Keall et al., The management of
-/// respiratory motion in radiation oncology (AAPM TG 76), Med Phys 33 (2006).
-struct BreathingSettings {
-  double amplitude_mm = 0;  ///< How far the diaphragm comes down, towards the feet.
-  double forward_mm = 3;    ///< How far it comes forward, for each 10 mm of that.
-  double period_s = 4;
-  double sharpness = 2;         ///< Lujan's n: the higher, the longer the pause after breathing out.
-  double hysteresis = 0.1;      ///< Forward motion lags by this part of the period: the way out is not the way back.
-  double variation = 0.15;      ///< Standard deviation of a breath's amplitude, relative.
-  double drift_mm_per_min = 0;  ///< Of the resting position, towards the feet.
-  double diaphragm_mm = 70;     ///< How far the diaphragm is above the tree's centroid.
-  double reach_mm = 110;        ///< Motion falls off from there to the feet as a normal curve of this width.
-
-  void visit(SettingsVisitor& v) {
-    v.number("amplitude_mm", amplitude_mm, 0, 60);
-    v.number("forward_mm", forward_mm, -10, 10);
-    v.number("period_s", period_s, 0.5, 30);
-    v.number("sharpness", sharpness, 1, 10);
-    v.number("hysteresis", hysteresis, 0, 0.5);
-    v.number("variation", variation, 0, 0.5);
-    v.number("drift_mm_per_min", drift_mm_per_min, -30, 30);
-    v.number("diaphragm_mm", diaphragm_mm, -300, 300);
-    v.number("reach_mm", reach_mm, 20, 1000);
-  }
-};
-
-/// Heartbeat: what lies around the heart is drawn to it and turned about its axis in systole.
-struct HeartbeatSettings {
-  double amplitude_mm = 0;  ///< Of a point `reach_mm` from the heart's centre: the farthest that any moves.
-  double rate_per_min = 70;
-  double turn_deg = 6;              ///< At the centre, for each 10 mm of amplitude.
-  double centre_mm[3] = {0, 0, 0};  ///< Of the heart, from the tree's centroid: left, posterior, up.
-  double reach_mm = 50;             ///< Fades like a normal curve of this width.
-
-  void visit(SettingsVisitor& v) {
-    v.number("amplitude_mm", amplitude_mm, 0, 20);
-    v.number("rate_per_min", rate_per_min, 20, 220);
-    v.number("turn_deg", turn_deg, -30, 30);
-    v.numbers("centre_mm", centre_mm, 3, -300, 300);
-    v.number("reach_mm", reach_mm, 10, 300);
-  }
-};
-
-/// The whole patient on the table.
-struct ShiftSettings {
-  double drift_mm_per_min[3] = {0, 0, 0};  ///< Left, posterior, up.
-  double sudden_mm[3] = {0, 0, 0};         ///< The same, at once.
-  double sudden_turn_deg = 0;              ///< About the long axis.
-  double sudden_at_s = 5;                  ///< When.
-
-  void visit(SettingsVisitor& v) {
-    v.numbers("drift_mm_per_min", drift_mm_per_min, 3, -100, 100);
-    v.numbers("sudden_mm", sudden_mm, 3, -100, 100);
-    v.number("sudden_turn_deg", sudden_turn_deg, -30, 30);
-    v.number("sudden_at_s", sudden_at_s, 0, 86400);
-  }
-};
-
-struct MotionSettings {
-  BreathingSettings breathing;
-  HeartbeatSettings heartbeat;
-  ShiftSettings shift;
-
-  void visit(SettingsVisitor& v) {
-    v.section("breathing", [this](SettingsVisitor& s) { breathing.visit(s); });
-    v.section("heartbeat", [this](SettingsVisitor& s) { heartbeat.visit(s); });
-    v.section("shift", [this](SettingsVisitor& s) { shift.visit(s); });
-  }
-};
 
 /// How a patient's inside moves: a smooth field of displacement, known at every point and time, and the same whenever
 /// it is asked. At time 0 nothing has moved.

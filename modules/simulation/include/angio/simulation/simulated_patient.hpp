@@ -4,31 +4,9 @@
 #include "angio/simulation/bolus.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/simulation/patient_motion.hpp"
+#include "angio/simulation/patient_settings.hpp"
 
 namespace angio {
-
-/// All that a simulated X-ray run can be told: how it looks, what is injected, what moves, and what is pushed in.
-struct SimulatedPatientSettings {
-  FluoroscopySettings fluoroscopy;
-  BolusSettings bolus;
-  MotionSettings motion;
-  DeviceSettings device;
-  TruthSettings truth;
-
-  SimulatedPatientSettings() = default;
-
-  /// The X-ray alone, by conversion: a tree at rest that is full of contrast agent.
-  SimulatedPatientSettings(const FluoroscopySettings& look) : fluoroscopy(look) {}
-
-  /// The X-ray's own keys stand at the top, the others in sections.
-  void visit(SettingsVisitor& v) {
-    fluoroscopy.visit(v);
-    v.section("bolus", [this](SettingsVisitor& s) { bolus.visit(s); });
-    v.section("motion", [this](SettingsVisitor& s) { motion.visit(s); });
-    v.section("device", [this](SettingsVisitor& s) { device.visit(s); });
-    v.section("truth", [this](SettingsVisitor& s) { truth.visit(s); });
-  }
-};
 
 /// A patient over time: vessels, contrast agent, motion and a device, and X-ray images of them.
 class SimulatedPatient {

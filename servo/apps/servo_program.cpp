@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "servo_program.hpp"
+
+#include <iostream>
+
+#include "angio/base/errors.hpp"
+#include "angio/io/pose_files.hpp"
+#include "angio/io/vessel_files.hpp"
+
+namespace angio {
+
+void ServoProgramOptions::addTo(CLI::App& app) {
+  const ServoSettings defaults;
+  auto* simulated =
+      app.add_flag("--simulate", simulate, "Simulated X-ray, C-arm and loop in one process, in simulated time");
+  app.add_option("--bus", bus, "Bus to listen on (LCM URL) when not simulating")->excludes(simulated);
+  app.add_flag("--wait-for-operator", wait_for_operator,
+               "Stand still until SERVO_REQUEST arms and starts (angio-operator); else armed and started at once")
+      ->excludes(simulated);
+  app.add_option("--record", record, "Log of all that is heard and said (.lcm), for angio-replay")->excludes(simulated);
+  app.add_option("--tree", tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  app.add_option("--calibration", calibration,
+                 "C-arm geometry and T_dsa_cb (.yaml); when simulating without --truth, what is made wrong");
+  app.add_option(
+         "--truth", truth,
+         "The simulated C-arm and patient (.yaml), of angio-calibrate simulate; --calibration is what is believed")
+      ->needs(simulated);
+  app.add_option("--machine", machine, "The C-arm that is to be moved: a calibration of another one is refused");
+  app.add_option("--largest-calibration-age-days", largest_age_days, "An older calibration is warned of")
+      ->check(between(0, 1e6));
+  app.add_option("--disturb", disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...")
+      ->excludes(simulated);
+  loop.addTo(app);
+  app.add_option("--view-pose", view_pose,
+                 "Desired view: as in a registered pose (.yaml), of angio-register --out-pose")
+      ->excludes("--view-primary-deg")
+      ->excludes("--view-secondary-deg");
+  app.add_option("--duration-s", duration_s, "How long; 0: the settings' time when simulating, else until stopped")
+      ->check(between(0, 86400))
+      ->default_str("0");
+  app.add_option("--seed", seed, "Seed of the simulation")
+      ->check(CLI::Range(0, 2147483647))
+      ->default_str(std::to_string(defaults.rehearsal.seed));
+  app.add_option("--settings", settings, "Settings (.yaml), sections by part");
+  app.add_option("--film", film, "Film of a simulation (.mp4, or numbered pictures, frames/%04d.png)")
+      ->needs(simulated);
+  app.add_option("--out", out, "Folder for pictures, trace.csv and summary.json of a simulation");
+}
+
+ServoSettings ServoProgramOptions::effectiveSettings() const {
+  ServoSettings effective = readServoSettings(settings);
+  loop.applyTo(effective);
+  effective.rehearsal.seed = seed.value_or(effective.rehearsal.seed);
+  ViewTaskSettings& view = effective.tasks.of<ViewTaskSettings>();
+  if (!view_pose.empty()) {
+    view.goal = ViewGoal::kPose;
+    view.T_camera_model = readPose(view_pose).T_camera_model;
+  } else if (view.goal == ViewGoal::kPose) {
+    throw InputError(settings, "view.goal", "pose", "needs --view-pose");
+  }
+  if (duration_s.value_or(0) > 0) effective.rehearsal.duration_s = *duration_s;
+  return effective;
+}
+
+CArmCalibration ServoProgramOptions::readCalibration() const {
+  const CArmCalibration read = readCArmCalibration(calibration);
+  const std::string moved = truth.empty() ? machine : readCArmFile(truth).machine;
+  for (const auto& warning : checkRecords(calibration, read.records, {moved, largest_age_days})) {
+    std::cerr << "angio-servo: " << warning << "\n";
+  }
+  if (!moved.empty() && !read.machine.empty() && read.machine != moved) {
+    throw InputError(calibration, "machine", read.machine, "must be the one that is to be moved, " + moved);
+  }
+  return read;
+}
+
+int runServoProgram(int argc, char** argv, const std::function<int()>& simulated, const ServoWork& work) {
+  CLI::App app("Drives a C-arm to a view of the anatomy by what its X-ray images show.", "angio-servo");
+  describeProgram(app, "angio-servo --simulate --seed 3 --out demo-output");
+  ServoProgramOptions options;
+  options.addTo(app);
+  return runProgram(app, argc, argv, [&] {
+    if (options.simulate && simulated) return simulated();
+    const ServoSettings settings = options.effectiveSettings();
+    const VesselTree tree = readVesselTree(options.tree);
+    const CArmCalibration calibration = options.readCalibration();
+    return work(options, settings, tree, calibration);
+  });
+}
+
+}  // namespace angio

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration/record.hpp"
+#include "angio/cli/data_folder.hpp"
+#include "angio/cli/program.hpp"
+#include "angio/vessel/vessel_tree.hpp"
+#include "loop_options.hpp"
+#include "servo_settings.hpp"
+
+namespace angio {
+
+/// The command line of angio-servo, and of what runs its simulations.
+struct ServoProgramOptions {
+  std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, out = "demo-output";
+  LoopOptions loop;
+  std::optional<double> duration_s;  // Given, it comes before the settings file's.
+  std::optional<int> seed;
+  std::string film, truth, machine, record, disturb, view_pose;
+  double largest_age_days = RecordGate().largest_age_days;
+  bool simulate = false, wait_for_operator = false;
+
+  void addTo(CLI::App& app);
+
+  /// The settings file's, with what the command line says put over them. Throws InputError.
+  ServoSettings effectiveSettings() const;
+
+  /// The calibration of the machine that is to be moved, and of no other; says on stderr when it is old. Throws
+  /// InputError.
+  CArmCalibration readCalibration() const;
+};
+
+/// What a program of this command line does, once all files have been read. Its value is the exit code.
+using ServoWork =
+    std::function<int(const ServoProgramOptions&, const ServoSettings&, const VesselTree&, const CArmCalibration&)>;
+
+/// Runs the command line: `simulated` instead, and before any file is read, where a simulation was asked for and it is
+/// not empty. Returns the exit code.
+int runServoProgram(int argc, char** argv, const std::function<int()>& simulated, const ServoWork& work);
+
+}  // namespace angio
