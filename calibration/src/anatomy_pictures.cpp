@@ -5,7 +5,7 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
-#include "chart.hpp"
+#include "bar_chart.hpp"
 
 namespace angio {
 namespace {
@@ -42,14 +42,13 @@ cv::Mat anatomyOverlay(const AnatomyResult& result, const AnatomyView& view, con
 }
 
 cv::Mat anatomyResiduals(const AnatomyResult& result) {
-  std::vector<Bar> turns, places;
+  BarChart turns{"Turn between a view's own registration and all views' [deg]", "deg"},
+      places{"The same of its place, at the model's centre [mm]", "mm"};
   for (const AnatomyViewFit& view : result.views) {
-    const cv::Scalar colour = view.outlier ? kChartLeftOut : kChartGood;
-    turns.push_back({view.name, radToDeg(view.rotation_rad), colour});
-    places.push_back({view.name, 1e3 * view.translation_m, colour});
+    turns.add(view.name, radToDeg(view.rotation_rad), view.outlier);
+    places.add(view.name, 1e3 * view.translation_m, view.outlier);
   }
-  return stacked({barChart("Turn between a view's own registration and all views' [deg]", "deg", turns),
-                  barChart("The same of its place, at the model's centre [mm]", "mm", places)});
+  return drawPlots({turns.plot, places.plot}, 720, 270);
 }
 
 }  // namespace angio

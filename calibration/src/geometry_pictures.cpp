@@ -4,16 +4,16 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <opencv2/core.hpp>
 
 #include "angio/base/formatted.hpp"
+#include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/plot.hpp"
-#include "chart.hpp"
 
 namespace angio {
 namespace {
 
-const cv::Scalar kPrimary(0, 94, 213), kSecondary(115, 158, 0), kBeam(178, 114, 0);  // Vermilion, green, blue.
+constexpr int kPrimary = 1, kSecondary = 2, kBeam = 0;  // Vermilion, green, blue.
+constexpr int kGood = 0, kHeldOut = 4;                  // Blue, orange.
 
 // A line in the patient frame: its direction and its point nearest to the isocentre [m].
 using Line = Eigen::ParametrizedLine<double, 3>;
@@ -41,30 +41,31 @@ Line beamOf(CArmGeometry carm) {
 struct NamedLine {
   std::string name;
   Line line;
-  cv::Scalar colour;
+  int colour;
 };
 
+constexpr double kReach_mm = 100;  // Of the lines that are drawn, either way.
+
 // Seen along an axis of the patient; `right` and `up` say which axes are where, with their signs.
-cv::Mat lookedAt(const std::string& title, const std::vector<NamedLine>& lines, const Chart::Axis& x,
-                 const Chart::Axis& y, const Eigen::Vector3d& right, const Eigen::Vector3d& up) {
-  Chart chart = Chart::ofEqualScale(title, x, y, {560, 540});
-  const auto seen = [&](const Eigen::Vector3d& p_mm) { return Eigen::Vector2d(right.dot(p_mm), up.dot(p_mm)); };
-  chart.line({-1e3, 0}, {1e3, 0}, cv::Scalar::all(170), 1);
-  chart.line({0, -1e3}, {0, 1e3}, cv::Scalar::all(170), 1);
-  double row = 0;
+cv::Mat lookedAt(const std::string& title, const std::vector<NamedLine>& lines, const PlotAxis& x, const PlotAxis& y,
+                 const Eigen::Vector3d& right, const Eigen::Vector3d& up) {
+  Plot plot{title, x, y};
+  plot.equal_scale = true;
+  plot.guides = {{0, ""}, {0, "", true}};
   for (const NamedLine& one : lines) {
-    const Eigen::Vector3d at_mm = 1e3 * one.line.origin();
-    const Eigen::Vector2d along = seen(one.line.direction());
-    if (along.norm() < 0.5) {
-      // Comes towards the reader.
-      chart.disc(seen(at_mm), 4, one.colour);
-      chart.ring(seen(at_mm), 9, one.colour);
-    } else {
-      chart.line(seen(at_mm) - 100 * along, seen(at_mm) + 100 * along, one.colour);
+    const auto seen = [&](const Eigen::Vector3d& p) { return Eigen::Vector2d(right.dot(p), up.dot(p)); };
+    const Eigen::Vector2d at = seen(1e3 * one.line.origin()), along = kReach_mm * seen(one.line.direction());
+    PlotSeries s{"", {at.x() - along.x(), at.x() + along.x()}, {at.y() - along.y(), at.y() + along.y()}, one.colour};
+    if (along.norm() < 0.5 * kReach_mm) {  // Comes towards the reader.
+      s = {"", {at.x(), at.x()}, {at.y(), at.y()}, one.colour, PlotSeries::Kind::kDots};
+      s.hollow = {false, true};
+      s.radii_px = {4, 9};
     }
-    chart.text(one.name, {x.low, y.high}, one.colour, {10, static_cast<int>(20 + 18 * row++)});
+    plot.series.push_back(s);
+    const int row = static_cast<int>(plot.texts.size());
+    plot.texts.push_back({x.range->first, y.range->second, one.name, one.colour, {10, 20 + 18 * row}});
   }
-  return chart.picture();
+  return drawPlots({plot}, 560, 540);
 }
 
 }  // namespace
@@ -77,30 +78,28 @@ cv::Mat residualsByAngle(const GeometryCalibration& result) {
     if (!view.left_out) largest = std::max(largest, view.residual);
   }
   const char* unit = result.record.residual_unit.c_str();
-  Chart chart(
+  Plot plot{
       formatted("Residual of each view: rms %.2f %s, largest %.2f %s", result.record.residual_rms, unit, largest, unit),
-      {"primary, RAO - LAO + [deg]", -1.12 * primary_deg, 1.12 * primary_deg},
-      {"secondary, CAU - CRA + [deg]", -1.35 * secondary_deg, 1.2 * secondary_deg});
+      {"primary, RAO - LAO + [deg]", false, std::pair(-1.12 * primary_deg, 1.12 * primary_deg)},
+      {"secondary, CAU - CRA + [deg]", false, std::pair(-1.2 * secondary_deg, 1.2 * secondary_deg)}};
+  constexpr auto kDots = PlotSeries::Kind::kDots;
+  PlotSeries used{"used", {}, {}, kGood, kDots}, held_out{"held out", {}, {}, kHeldOut, kDots},
+      left_out{"left out", {}, {}, kWarningColour, kDots};
   constexpr double kLargest_px = 17;
   for (const GeometryViewFit& view : result.views) {
-    const Eigen::Vector2d place = radToDeg(1) * view.joints.head<2>();
+    const double x = radToDeg(view.joints[0]), y = radToDeg(view.joints[1]);
     const double radius_px = std::max(2.0, kLargest_px * std::min(1.5, view.residual / largest));
-    if (view.left_out) {
-      chart.ring(place, radius_px, kChartLeftOut, 3);
-      chart.text(view.name, place, kChartLeftOut, {static_cast<int>(radius_px) + 4, 4});
-    } else {
-      chart.ring(place, radius_px, view.held_out ? kChartHeldOut : kChartGood);
-      chart.disc(place, 2, view.held_out ? kChartHeldOut : kChartGood);
+    PlotSeries& s = view.left_out ? left_out : view.held_out ? held_out : used;
+    for (const double r : {radius_px, 2.0}) {
+      s.x.push_back(x);
+      s.y.push_back(y);
+      s.radii_px.push_back(r);
+      s.hollow.push_back(r == radius_px);
     }
+    if (view.left_out) plot.texts.push_back({x, y, view.name, kWarningColour, {static_cast<int>(radius_px) + 4, 4}});
   }
-  const double y = -1.28 * secondary_deg;
-  chart.disc({-1.05 * primary_deg, y}, 5, kChartGood);
-  chart.text("used", {-1.05 * primary_deg, y}, kChartInk, {10, 4});
-  chart.disc({-0.45 * primary_deg, y}, 5, kChartHeldOut);
-  chart.text("held out", {-0.45 * primary_deg, y}, kChartInk, {10, 4});
-  chart.disc({0.25 * primary_deg, y}, 5, kChartLeftOut);
-  chart.text("left out", {0.25 * primary_deg, y}, kChartInk, {10, 4});
-  return chart.picture();
+  plot.series = {used, held_out, left_out};
+  return drawPlots({plot}, 720, 540);
 }
 
 cv::Mat axesSketch(const GeometryCalibration& result) {
@@ -113,14 +112,11 @@ cv::Mat axesSketch(const GeometryCalibration& result) {
        beamOf(result.carm), kBeam}};
   double reach_mm = 2;
   for (const NamedLine& one : lines) reach_mm = std::max(reach_mm, 1.6e3 * one.line.origin().norm());
-  const auto axis = [&](const char* label) { return Chart::Axis{label, -reach_mm, reach_mm}; };
+  const auto axis = [&](const char* label) { return PlotAxis{label, false, std::pair(-reach_mm, reach_mm)}; };
   const Eigen::Vector3d L = Eigen::Vector3d::UnitX(), P = Eigen::Vector3d::UnitY(), S = Eigen::Vector3d::UnitZ();
-  cv::Mat both;
-  cv::hconcat(
-      lookedAt("From the feet", lines, axis("patient's left [mm]"), axis("up (anterior) [mm]"), L, -P),
-      lookedAt("From the patient's left", lines, axis("towards the head [mm]"), axis("up (anterior) [mm]"), S, -P),
-      both);
-  return both;
+  return sideBySide(
+      {lookedAt("From the feet", lines, axis("patient's left [mm]"), axis("up (anterior) [mm]"), L, -P),
+       lookedAt("From the patient's left", lines, axis("towards the head [mm]"), axis("up (anterior) [mm]"), S, -P)});
 }
 
 cv::Mat flexCurves(const GeometryCalibration& result) {
@@ -129,35 +125,28 @@ cv::Mat flexCurves(const GeometryCalibration& result) {
                                         "about right", "about down", "about the beam"};
   std::vector<cv::Mat> columns;
   for (const int joint : {0, 1}) {
-    std::vector<Panel> panels;
     double low_deg = 0, high_deg = 0;
     for (const GeometryViewFit& view : result.views) {
       low_deg = std::min(low_deg, radToDeg(view.joints[joint]));
       high_deg = std::max(high_deg, radToDeg(view.joints[joint]));
     }
-    for (const int first : {0, 3}) {
-      Panel panel;
-      panel.title = std::string(first == 0 ? "Camera shifted by bending [mm]" : "Camera turned by bending [deg]");
-      panel.x_label = joint == 0 ? "primary [deg], secondary 0" : "secondary [deg], primary 0";
-      panel.y_label = first == 0 ? "mm" : "deg";
-      for (int k = first; k < first + 3; ++k) {
-        Series series{kNames[k], {}, {}, plotColour(k - first)};
-        constexpr int kSteps = 60;
-        for (int i = 0; i <= kSteps; ++i) {
-          const double angle_deg = low_deg + (high_deg - low_deg) * i / kSteps, angle_rad = degToRad(angle_deg);
-          series.x.push_back(angle_deg);
-          const Twist twist = joint == 0 ? flex.at(angle_rad, 0) : flex.at(0, angle_rad);
-          series.y.push_back((first == 0 ? 1e3 : radToDeg(1)) * twist[k]);
-        }
-        panel.series.push_back(series);
+    const char* const angle = joint == 0 ? "primary [deg], secondary 0" : "secondary [deg], primary 0";
+    std::vector<Plot> plots{{"Camera shifted by bending", {angle}, {"mm"}},
+                            {"Camera turned by bending", {angle}, {"deg"}}};
+    for (int k = 0; k < 6; ++k) {
+      PlotSeries series{kNames[k], {}, {}, k % 3};
+      constexpr int kSteps = 60;
+      for (int i = 0; i <= kSteps; ++i) {
+        const double angle_deg = low_deg + (high_deg - low_deg) * i / kSteps, angle_rad = degToRad(angle_deg);
+        series.x.push_back(angle_deg);
+        const Twist twist = joint == 0 ? flex.at(angle_rad, 0) : flex.at(0, angle_rad);
+        series.y.push_back((k < 3 ? 1e3 : radToDeg(1)) * twist[k]);
       }
-      panels.push_back(panel);
+      plots[k < 3 ? 0 : 1].series.push_back(series);
     }
-    columns.push_back(drawPlot(panels, 720, 270));
+    columns.push_back(drawPlots(plots, 720, 270));
   }
-  cv::Mat both;
-  cv::hconcat(columns, both);
-  return both;
+  return sideBySide(columns);
 }
 
 }  // namespace angio

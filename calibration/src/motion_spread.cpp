@@ -23,10 +23,7 @@ constexpr double kMuchBetter = 0.2;
 constexpr double kTrimmed = 0.6;  // Share of the poses that are looked at: some may be outliers.
 
 std::string axisText(const Eigen::Vector3d& axis) {
-  // Of the two ends of an axis, the one whose largest component is positive.
-  Eigen::Index largest = 0;
-  axis.cwiseAbs().maxCoeff(&largest);
-  const Eigen::Vector3d a = axis[largest] < 0 ? Eigen::Vector3d(-axis) : axis;
+  const Eigen::Vector3d a = withPositiveLargest(axis);
   const auto rounded = [](double x) { return std::round(x * 1e3) / 1e3 + 0.0; };  // No "-0.000".
   return formatted("[%.3f, %.3f, %.3f]", rounded(a.x()), rounded(a.y()), rounded(a.z()));
 }
@@ -95,6 +92,12 @@ MotionSpread motionSpread(const HandEyeEquations& e) {
   spread.along_rad = std::sqrt(std::max(0.0, solver.eigenvalues()[2]));
   spread.across_rad = std::sqrt(std::max(0.0, solver.eigenvalues()[1]));
   return spread;
+}
+
+Eigen::Vector3d withPositiveLargest(const Eigen::Vector3d& axis) {
+  Eigen::Index largest = 0;
+  axis.cwiseAbs().maxCoeff(&largest);
+  return axis[largest] < 0 ? Eigen::Vector3d(-axis) : axis;
 }
 
 void requireMotions(const std::string& place, HandEyeSetup setup, const MotionSpread& spread, std::size_t poses,

@@ -77,45 +77,44 @@ TEST_F(Overlays, PosesThatMeanNothingLeaveTheGround) {
 
 // Pixels of a colour between the axes, where no legend stands.
 int pixelsOf(const cv::Mat& plot, const cv::Scalar& colour) {
-  const cv::Mat inside = plot.colRange(80, plot.cols - 200);
+  const cv::Mat inside = plot.colRange(80, plot.cols - 120);
   cv::Mat same;
   cv::inRange(inside, colour, colour, same);
   return cv::countNonZero(same);
 }
 
-Panel panelOf(std::vector<double> x, std::vector<double> y, Panel::Scale scale = Panel::Scale::kLinear) {
-  return {"title", "x", "y", scale, {{"series", std::move(x), std::move(y), plotColour(0)}}};
+Plot plotOf(std::vector<double> x, std::vector<double> y, bool log = false) {
+  return {"title", {"x"}, {"y", log}, {{"series", std::move(x), std::move(y), 0}}};
 }
 
-TEST(Plots, DrawPanelsBelowEachOther) {
-  const cv::Mat plot =
-      drawPlot({panelOf({0, 1, 2}, {1, 2, 1}), panelOf({0, 1, 2}, {1e-3, 10, 1}, Panel::Scale::kLog)}, 700, 200);
+TEST(Plots, StandBelowEachOther) {
+  const cv::Mat plot = drawPlots({plotOf({0, 1, 2}, {1, 2, 1}), plotOf({0, 1, 2}, {1e-3, 10, 1}, true)}, 700, 200);
   ASSERT_EQ(plot.type(), CV_8UC3);
   ASSERT_EQ(plot.size(), cv::Size(700, 400));
-  // A line across 430 pixels, two wide.
+  // A line across 500 pixels, two wide.
   EXPECT_GT(pixelsOf(plot.rowRange(0, 200), plotColour(0)), 400);
   EXPECT_GT(pixelsOf(plot.rowRange(200, 400), plotColour(0)), 400);
 }
 
 TEST(Plots, WhatIsNotANumberLeavesAGap) {
-  const int whole = pixelsOf(drawPlot({panelOf({0, 1, 2, 3, 4}, {1, 1, 1, 1, 1})}), plotColour(0));
-  const int gap = pixelsOf(drawPlot({panelOf({0, 1, 2, 3, 4}, {1, 1, kNan, 1, 1})}), plotColour(0));
+  const int whole = pixelsOf(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, 1, 1, 1})}), plotColour(0));
+  const int gap = pixelsOf(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, kNan, 1, 1})}), plotColour(0));
   EXPECT_NEAR(gap, whole / 2, whole / 10);
 }
 
 TEST(Plots, SurviveSeriesWithNothingToShow) {
   const cv::Size size(900, 260);
-  for (const auto scale : {Panel::Scale::kLinear, Panel::Scale::kLog}) {
+  for (const bool log : {false, true}) {
     for (const auto& y : std::vector<std::vector<double>>{
              {}, {3}, {0}, {kNan}, {-1, -1}, {kInfinity, kNan}, {5e-324, 1}, {1e-300, 1e300}, {1e12, 1e12}}) {
       std::vector<double> x(y.size());
       for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<double>(i);
-      EXPECT_EQ(drawPlot({panelOf(x, y, scale)}).size(), size);
+      EXPECT_EQ(drawPlots({plotOf(x, y, log)}).size(), size);
     }
-    EXPECT_EQ(drawPlot({{"", "", "", scale, {}}}).size(), size);
-    EXPECT_EQ(drawPlot({panelOf({0, 1, 2}, {1}, scale)}).size(), size) << "lists of different length";
+    EXPECT_EQ(drawPlots({{"", {}, {"", log}}}).size(), size);
+    EXPECT_EQ(drawPlots({plotOf({0, 1, 2}, {1}, log)}).size(), size) << "lists of different length";
   }
-  EXPECT_TRUE(drawPlot({}).empty());
+  EXPECT_TRUE(drawPlots({}).empty());
 }
 
 }  // namespace

@@ -184,9 +184,9 @@ TEST(SvgPlots, SurviveSeriesWithNothingToShow) {
   for (const bool log : {false, true}) {
     for (const auto& values :
          std::vector<std::vector<double>>{{}, {3}, {0}, {nan}, {-1, -1}, {inf, nan, 2}, {5e-324, 1}, {1e-300, 1e300}}) {
-      SvgPlot plot;
-      plot.log_x = plot.log_y = log;
-      plot.series.push_back({"s", values, values, {}, {}});
+      Plot plot;
+      plot.x.log = plot.y.log = log;
+      plot.series.push_back({"s", values, values});
       const std::string svg = svgPlot(plot);
       EXPECT_EQ(svg.find("nan"), std::string::npos) << svg;
       EXPECT_EQ(svg.find("inf"), std::string::npos) << svg;

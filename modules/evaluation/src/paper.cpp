@@ -2,7 +2,6 @@
 #include "angio/evaluation/paper.hpp"
 
 #include <algorithm>
-#include <cstdio>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
@@ -37,28 +36,28 @@ const std::vector<PrintedRow>& printedTable1() {
 // Fewest digits that tell small errors from none.
 std::string small(double value) { return formatted(value != 0 && value < 0.01 ? "%.4f" : "%.2f", value); }
 
-SvgSeries seriesOf(const std::string& name, int colour) {
-  SvgSeries s;
-  s.name = name;
-  s.colour = colour;
-  return s;
+// The last cells of a row: pose errors and how many poses are right.
+std::string poseCells(const PaperFigures& f) {
+  return small(f.rotation_deg) + " deg, " + small(f.centroid_mm) + " mm | " + small(f.median_rotation_deg) + " deg, " +
+         small(f.median_centroid_mm) + formatted(" mm | %.0f %% |\n", f.pose_ok_percent);
 }
 
 // One figure over the spread of the starts, the paper's and each method's.
 std::string figureOver(const std::vector<PaperLevel>& levels, const std::string& title, const std::string& unit,
                        double (*theirs)(const PaperStart&), double (*ours)(const PaperFigures&)) {
-  SvgPlot plot;
-  plot.x_label = "spread of the starts per axis";
-  plot.y_label = unit;
-  std::vector<SvgSeries> methods;
-  SvgSeries paper = seriesOf("the paper", 4);
+  Plot plot;
+  plot.x.label = "spread of the starts per axis";
+  plot.y.label = unit;
+  plot.x.ticks.emplace();
+  std::vector<PlotSeries> methods;
+  PlotSeries paper{"the paper", {}, {}, 4};
   for (const auto& level : levels) {
     const double x = level.start.translation_std_mm;
-    plot.x_ticks.emplace_back(x, shown(level.start.rotation_std_deg) + "\u00b0, " + shown(x) + " mm");
+    plot.x.ticks->emplace_back(x, shown(level.start.rotation_std_deg) + "\u00b0, " + shown(x) + " mm");
     paper.x.push_back(x);
     paper.y.push_back(theirs(level.start));
     for (std::size_t m = 0; m < level.runs.size(); ++m) {
-      if (methods.size() <= m) methods.push_back(seriesOf(level.runs[m].name, m < 4 ? static_cast<int>(m) : 5));
+      if (methods.size() <= m) methods.push_back({level.runs[m].name, {}, {}, m < 4 ? static_cast<int>(m) : 5});
       methods[m].x.push_back(x);
       methods[m].y.push_back(ours(paperFigures(level.runs[m])));
     }
@@ -66,10 +65,10 @@ std::string figureOver(const std::vector<PaperLevel>& levels, const std::string&
   plot.series.push_back(paper);
   plot.series.insert(plot.series.end(), methods.begin(), methods.end());
   // Room at both ends for the names below.
-  plot.x_range = {0, levels.empty() ? 1 : 1.08 * levels.back().start.translation_std_mm};
-  plot.y_range = {0, 1};
+  plot.x.range = {0, levels.empty() ? 1 : 1.08 * levels.back().start.translation_std_mm};
+  plot.y.range = {0, 1};
   for (const auto& s : plot.series) {
-    for (const double y : s.y) plot.y_range->second = std::max(plot.y_range->second, 1.05 * y);
+    for (const double y : s.y) plot.y.range->second = std::max(plot.y.range->second, 1.05 * y);
   }
   return html::figure(title, plot);
 }
@@ -152,9 +151,7 @@ std::string paperTable1(const std::vector<EntrantRun>& runs) {
   for (const auto& run : runs) {
     const PaperFigures f = paperFigures(run);
     table += "| " + f.name + formatted(" | %.0f %% | ", f.gfr_percent) + small(f.mean_pr_mm) + " | " +
-             small(f.p95_pr_mm) + " | " + small(f.p75_pr_mm) + formatted(" | %.1f | ", f.time_ms) +
-             small(f.rotation_deg) + " deg, " + small(f.centroid_mm) + " mm | " + small(f.median_rotation_deg) +
-             " deg, " + small(f.median_centroid_mm) + formatted(" mm | %.0f %% |\n", f.pose_ok_percent);
+             small(f.p95_pr_mm) + " | " + small(f.p75_pr_mm) + formatted(" | %.1f | ", f.time_ms) + poseCells(f);
   }
   return table +
          "PR: rms distance to the nearest image point, 1 px = 0.30 mm as in the paper; it is small for a wrong pose, "
@@ -176,8 +173,7 @@ std::string paperTable3(const std::vector<PaperLevel>& levels) {
     for (const auto& run : level.runs) {
       const PaperFigures f = paperFigures(run);
       table += "| " + start + " | " + f.name + " | " + small(f.mean_pr_mm) + formatted(" | %.0f %% | ", f.gfr_percent) +
-               small(f.rotation_deg) + " deg, " + small(f.centroid_mm) + " mm | " + small(f.median_rotation_deg) +
-               " deg, " + small(f.median_centroid_mm) + formatted(" mm | %.0f %% |\n", f.pose_ok_percent);
+               poseCells(f);
     }
   }
   return table;

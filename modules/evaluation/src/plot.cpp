@@ -3,142 +3,282 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <limits>
-#include <opencv2/imgproc.hpp>
-#include <optional>
+#include <tuple>
+
+#include "angio/base/formatted.hpp"
+#include "plot_canvas.hpp"
 
 namespace angio {
 namespace {
 
-constexpr int kLeft = 74, kRight = 190, kTop = 34, kBottom = 44;
-const cv::Scalar kInk(40, 40, 40), kGrid(228, 228, 228);
+constexpr double kLeft_px = 64, kRight_px = 16, kTop_px = 34, kBottom_px = 50, kTitle_px = 20;
+constexpr double kDot_px = 3.4, kMark_px = 3, kBarWidth = 0.72;
+constexpr std::size_t kMostMarks = 24;  // A line of more points has no marks on them.
 
-struct Axis {
-  double low, high;
-  Panel::Scale scale;
+// One axis: values to positions along it.
+struct Scale {
+  double low = 0, high = 1;
+  bool log = false;
+  double begin = 0, end = 1;  // Positions of low and high.
 
-  double share(double value) const {
-    if (scale == Panel::Scale::kLinear) return (value - low) / (high - low);
-    return (std::log10(value) - std::log10(low)) / (std::log10(high) - std::log10(low));
+  // What lies beyond thirty decades is a mistake, and would leave no room for the rest.
+  bool shows(double value) const { return std::abs(value) < 1e30 && (!log || value > 1e-30); }
+  double at(double value) const {
+    const auto scaled = [&](double v) { return log ? std::log10(v) : v; };
+    const double share = (scaled(value) - scaled(low)) / (scaled(high) - scaled(low));
+    return begin + std::clamp(share, -20.0, 20.0) * (end - begin);  // Far outside is as good as further.
   }
-  bool shows(double value) const { return std::isfinite(value) && (scale == Panel::Scale::kLinear || value > 0); }
 };
 
-// 1, 2 or 5 times a power of ten, so that about `count` steps cover the range.
-double niceStep(double range, int count) {
-  const double raw = range / count, power = std::pow(10, std::floor(std::log10(raw))), lead = raw / power;
-  return power * (lead < 1.5 ? 1 : lead < 3.5 ? 2 : lead < 7.5 ? 5 : 10);
+// The largest of 1, 2 and 5 times a power of ten that is not above a value.
+double roundedDown(double value) {
+  const double decade = std::pow(10, std::floor(std::log10(value)));
+  return value >= 5 * decade ? 5 * decade : value >= 2 * decade ? 2 * decade : decade;
 }
 
-std::vector<double> ticks(const Axis& axis, int count) {
-  std::vector<double> result;
-  if (axis.scale == Panel::Scale::kLog) {
-    for (double t = axis.low; t <= axis.high * 1.0001; t *= 10) result.push_back(t);
-    return result;
-  }
-  const double step = niceStep(axis.high - axis.low, count);
-  for (double t = std::ceil(axis.low / step - 1e-9) * step; t <= axis.high + 1e-9 * step; t += step) {
-    result.push_back(std::abs(t) < 1e-9 * step ? 0 : t);
-  }
-  return result;
-}
-
-Axis axisOf(const Panel& panel, bool vertical) {
-  const auto scale = vertical ? panel.y_scale : Panel::Scale::kLinear;
-  double low = std::numeric_limits<double>::max(), high = std::numeric_limits<double>::lowest();
-  for (const auto& s : panel.series) {
-    for (const double value : vertical ? s.y : s.x) {
-      if (!Axis{0, 1, scale}.shows(value)) continue;
-      low = std::min(low, value);
-      high = std::max(high, value);
-    }
-  }
-  if (low > high) low = scale == Panel::Scale::kLog ? 0.1 : 0, high = 1;
-  if (scale == Panel::Scale::kLog) {
-    low = std::pow(10, std::max(-300.0, std::floor(std::log10(low))));  // Never zero, which no factor of ten leaves.
-    high = std::max(low * 10, std::pow(10, std::ceil(std::log10(high))));
-  } else if (vertical) {
-    const double flat = high == 0 ? 1 : 0.1 * std::abs(high);  // What stands still is not looked at under a lens.
-    const double margin = high > low ? std::max(0.05 * (high - low), 1e-9 + 1e-3 * std::abs(high)) : flat;
-    low -= margin, high += margin;
-  } else if (!(high > low)) {
-    high = low + 1;
-  }
-  return {low, high, scale};
-}
-
-std::string label(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
-}
-
-void write(cv::Mat& canvas, const std::string& text, cv::Point at, double size, const cv::Scalar& colour) {
-  cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, size, colour, 1, cv::LINE_AA);
-}
-
-int textWidth(const std::string& text, double size) {
-  return cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, size, 1, nullptr).width;
-}
-
-void drawPanel(cv::Mat canvas, const Panel& panel) {
-  const cv::Rect area(kLeft, kTop, canvas.cols - kLeft - kRight, canvas.rows - kTop - kBottom);
-  const Axis x = axisOf(panel, false), y = axisOf(panel, true);
-  const auto at = [&](double vx, double vy) {
-    return cv::Point2d(area.x + x.share(vx) * area.width, area.y + (1 - y.share(vy)) * area.height);
+Scale scaleOf(const Plot& plot, bool upright) {
+  const PlotAxis& axis = upright ? plot.y : plot.x;
+  Scale scale;
+  scale.log = axis.log;
+  std::vector<double> reached;
+  const auto reach = [&](const std::vector<double>& values) {
+    std::copy_if(values.begin(), values.end(), std::back_inserter(reached), [&](double v) { return scale.shows(v); });
   };
-  for (const double t : ticks(y, 5)) {
-    const cv::Point p(at(x.low, t));
-    cv::line(canvas, p, {area.x + area.width, p.y}, kGrid, 1);
-    write(canvas, label(t), {area.x - 8 - textWidth(label(t), 0.4), p.y + 4}, 0.4, kInk);
+  for (const PlotSeries& s : plot.series) {
+    reach(upright ? s.y : s.x);
+    if (upright) reach(s.low), reach(s.high);
+    if (upright && s.kind == PlotSeries::Kind::kBars) reach({0});
   }
-  for (const double t : ticks(x, 10)) {
-    const cv::Point p(at(t, y.low));
-    cv::line(canvas, p, {p.x, area.y}, kGrid, 1);
-    write(canvas, label(t), {p.x - textWidth(label(t), 0.4) / 2, area.y + area.height + 16}, 0.4, kInk);
+  for (const PlotGuide& g : plot.guides) {
+    if (g.upright == !upright) reach({g.at});
   }
-  cv::rectangle(canvas, area, kInk, 1);
-  write(canvas, panel.title, {area.x, area.y - 12}, 0.5, kInk);
-  write(canvas, panel.y_label, {8, area.y - 12}, 0.4, kInk);
-  write(canvas, panel.x_label, {area.x + (area.width - textWidth(panel.x_label, 0.42)) / 2, canvas.rows - 8}, 0.42,
-        kInk);
+  if (reached.empty()) reached = {axis.log ? 0.1 : 0, 1};
+  const auto [least, most] = std::minmax_element(reached.begin(), reached.end());
+  std::tie(scale.low, scale.high) = axis.range.value_or(std::pair(*least, *most));
+  if (axis.range) return scale;
+  if (axis.log) {  // Whole decades would waste room.
+    scale.low = roundedDown(scale.low);
+    scale.high = std::max(2.5 * roundedDown(scale.high), 10 * scale.low);
+  } else if (scale.high - scale.low <= 1e-3 * std::abs(scale.high)) {
+    // What stands still is not looked at under a lens.
+    const double flat = std::max(1e-9, scale.high == 0 ? 1 : 0.1 * std::abs(scale.high));
+    scale.low -= upright ? flat : 0;
+    scale.high += flat;
+  } else if (upright) {
+    const double margin = 0.05 * (scale.high - scale.low);
+    scale.low -= scale.low == 0 ? 0 : margin;
+    scale.high += margin;
+  }
+  return scale;
+}
 
-  int line = area.y + 14;
-  for (const auto& s : panel.series) {
-    std::optional<cv::Point> last;
-    for (std::size_t i = 0; i < std::min(s.x.size(), s.y.size()); ++i) {
-      if (!x.shows(s.x[i]) || !y.shows(s.y[i])) {
-        last.reset();
-        continue;
+std::vector<std::pair<double, std::string>> ticksOf(const PlotAxis& axis, const Scale& scale, int about) {
+  if (axis.ticks) return *axis.ticks;
+  std::vector<std::pair<double, std::string>> ticks;
+  const auto add = [&](double value) {
+    ticks.emplace_back(value, formatted("%.4g", std::abs(value) < 1e-12 ? 0.0 : value));
+  };
+  if (scale.log) {
+    const bool wide = scale.high > 200 * scale.low;
+    const int first = static_cast<int>(std::floor(std::log10(scale.low)));
+    const int last = static_cast<int>(std::ceil(std::log10(scale.high)));
+    for (int e = first; e <= last; e += 1 + (last - first) / 10) {
+      for (const int digit : {1, 2, 5}) {
+        const double v = digit * std::pow(10, e);
+        if ((digit == 1 || !wide) && v >= scale.low * 0.999 && v <= scale.high * 1.001) add(v);
       }
-      const cv::Point2d p = at(s.x[i], s.y[i]) * 16;
-      const cv::Point now(static_cast<int>(std::lround(p.x)), static_cast<int>(std::lround(p.y)));
-      if (last) cv::line(canvas, *last, now, s.colour_bgr, 2, cv::LINE_AA, 4);
-      last = now;
     }
-    cv::line(canvas, {area.x + area.width + 12, line - 4}, {area.x + area.width + 32, line - 4}, s.colour_bgr, 2,
-             cv::LINE_AA);
-    write(canvas, s.name, {area.x + area.width + 38, line}, 0.4, kInk);
-    line += 20;
+    return ticks;
   }
+  const double raw = (scale.high - scale.low) / about, decade = std::pow(10, std::floor(std::log10(raw)));
+  const double step = decade * (raw / decade < 1.5 ? 1 : raw / decade < 3.5 ? 2 : raw / decade < 7.5 ? 5 : 10);
+  const double first = std::ceil(scale.low / step - 1e-9);
+  for (int k = 0; k <= 2 * about + 1 && (first + k) * step <= scale.high + 1e-9 * step; ++k) add((first + k) * step);
+  return ticks;
+}
+
+class Drawing {
+ public:
+  Drawing(PlotCanvas& canvas, const Plot& plot, const cv::Rect2d& frame)
+      : canvas_(canvas), plot_(plot), frame_(frame), x_(scaleOf(plot, false)), y_(scaleOf(plot, true)) {
+    x_.begin = frame.x, x_.end = frame.br().x;
+    y_.begin = frame.br().y, y_.end = frame.y;
+    if (!plot.equal_scale) return;
+    const double per_px = std::max((x_.high - x_.low) / frame.width, (y_.high - y_.low) / frame.height);
+    for (const auto& [scale, length_px] : {std::pair(&x_, frame.width), std::pair(&y_, frame.height)}) {
+      const double middle = 0.5 * (scale->low + scale->high), half = 0.5 * length_px * per_px;
+      scale->low = middle - half, scale->high = middle + half;
+    }
+  }
+
+  void draw() {
+    if (!plot_.ground.empty()) canvas_.ground(plot_.ground, frame_);
+    drawCounts();
+    drawAxes();
+    for (const PlotGuide& g : plot_.guides) {
+      const double at = g.upright ? x_.at(g.at) : y_.at(g.at), right = frame_.br().x;
+      canvas_.line(g.upright ? Points{{at, frame_.y}, {at, frame_.br().y}} : Points{{frame_.x, at}, {right, at}},
+                   {"guide"});
+      canvas_.text(g.upright ? cv::Point2d(at + 5, frame_.y + 10) : cv::Point2d(right, at + 13),
+                   g.upright ? Anchor::kStart : Anchor::kEnd, g.label, {"note"});
+    }
+    for (const PlotSeries& s : plot_.series) drawBand(s);
+    for (const PlotSeries& s : plot_.series) {
+      if (s.kind == PlotSeries::Kind::kBars) {
+        drawBars(s);
+      } else {
+        if (s.kind != PlotSeries::Kind::kDots) drawLine(s);
+        const bool marked = s.kind == PlotSeries::Kind::kLine && !s.dashed && s.x.size() <= kMostMarks;
+        if (marked || s.kind == PlotSeries::Kind::kDots) drawDots(s, marked ? kMark_px : kDot_px);
+      }
+    }
+    for (const PlotText& t : plot_.texts) {
+      canvas_.text(at(t.x, t.y) + cv::Point2d(t.shift_px), Anchor::kStart, t.words, {"note", t.colour});
+    }
+  }
+
+ private:
+  using Points = PlotCanvas::Points;
+  using Anchor = PlotCanvas::Anchor;
+
+  cv::Point2d at(double x, double y) const { return {x_.at(x), y_.at(y)}; }
+
+  Points box(double left, double right, double top, double bottom) const {
+    return {{left, top}, {right, top}, {right, bottom}, {left, bottom}};
+  }
+
+  void drawAxes() {
+    const double left = frame_.x, right = frame_.br().x, bottom = frame_.br().y;
+    for (const auto& [value, words] : ticksOf(plot_.y, y_, 5)) {
+      canvas_.line({{left, y_.at(value)}, {right, y_.at(value)}}, {"rule"});
+      canvas_.text({left - 8, y_.at(value) + 4}, Anchor::kEnd, words, {"axis"});
+    }
+    double clear = -1e9;  // The next words may begin here.
+    for (const auto& [value, words] : ticksOf(plot_.x, x_, 8)) {
+      const double x = x_.at(value), half = 0.5 * canvas_.widthOf(words);
+      canvas_.line({{x, frame_.y}, {x, bottom}}, {"rule"});
+      canvas_.line({{x, bottom}, {x, bottom + 4}}, {"tick"});
+      if (x - half < clear) continue;
+      clear = x + half + 6;
+      canvas_.text({x, bottom + 18}, Anchor::kMiddle, words, {"axis"});
+    }
+    canvas_.line({{left, bottom}, {right, bottom}}, {"tick"});
+    canvas_.text({(left + right) / 2, bottom + 38}, Anchor::kMiddle, plot_.x.label, {"label"});
+    canvas_.text({left - 44, frame_.y - 12}, Anchor::kStart, plot_.y.label, {"label"});
+    canvas_.text({left - 44, frame_.y - 14 - kTitle_px}, Anchor::kStart, plot_.title, {"title"});
+  }
+
+  void drawCounts() {
+    double highest = 0, nearest = x_.high - x_.low;
+    for (std::size_t i = 0; i < plot_.counts.size(); ++i) {
+      highest = std::max(highest, plot_.counts[i].second);
+      if (i > 0) nearest = std::min(nearest, plot_.counts[i].first - plot_.counts[i - 1].first);
+    }
+    for (const auto& [value, height] : plot_.counts) {
+      if (!(height > 0)) continue;
+      const double left = std::max(frame_.x, x_.at(value - 0.5 * nearest) + 1),
+                   right = x_.at(value + 0.5 * nearest) - 1;
+      const double top = frame_.br().y - 0.22 * frame_.height * height / highest;
+      canvas_.area(box(left, std::max(left + 1, right), top, frame_.br().y), {"count"});
+    }
+  }
+
+  void drawBand(const PlotSeries& s) {
+    if (s.low.size() != s.x.size() || s.high.size() != s.x.size() || s.x.size() < 2) return;
+    Points points;
+    for (std::size_t i = 0; i < s.x.size(); ++i) points.push_back(at(s.x[i], s.high[i]));
+    for (std::size_t i = s.x.size(); i-- > 0;) points.push_back(at(s.x[i], s.low[i]));
+    canvas_.area(points, {"band", s.colour});
+  }
+
+  // The points that can be shown, with their places in the series.
+  template <typename Function>
+  void forEachShown(const PlotSeries& s, const Function& function) const {
+    for (std::size_t i = 0; i < std::min(s.x.size(), s.y.size()); ++i) {
+      if (x_.shows(s.x[i]) && y_.shows(s.y[i])) function(i);
+    }
+  }
+
+  void drawBars(const PlotSeries& s) {
+    forEachShown(s, [&](std::size_t i) {
+      const double left = x_.at(s.x[i] - 0.5 * kBarWidth), right = x_.at(s.x[i] + 0.5 * kBarWidth);
+      canvas_.area(box(left, right, y_.at(s.y[i]), y_.at(0)), {"fill", s.colour});
+    });
+  }
+
+  void drawDots(const PlotSeries& s, double usual_px) {
+    forEachShown(s, [&](std::size_t i) {
+      const bool ring = i < s.hollow.size() && s.hollow[i];
+      canvas_.circle(at(s.x[i], s.y[i]), i < s.radii_px.size() ? s.radii_px[i] : usual_px,
+                     {ring ? "ring" : "dot", s.colour});
+    });
+  }
+
+  void drawLine(const PlotSeries& s) {
+    Points path;
+    std::size_t next = 0;  // Of the point that would continue the path.
+    const auto finish = [&] {
+      if (!path.empty()) canvas_.line(path, {s.dashed ? "dashed" : "line", s.colour});
+      path.clear();
+    };
+    forEachShown(s, [&](std::size_t i) {
+      if (i != next) finish();
+      const cv::Point2d p = at(s.x[i], s.y[i]);
+      if (!path.empty() && s.kind == PlotSeries::Kind::kSteps) path.emplace_back(p.x, path.back().y);
+      path.push_back(p);
+      next = i + 1;
+    });
+    finish();
+  }
+
+  PlotCanvas& canvas_;
+  const Plot& plot_;
+  cv::Rect2d frame_;
+  Scale x_, y_;
+};
+
+cv::Rect2d frameOf(const Plot& plot, double width_px, double height_px, double right_px) {
+  const double top = kTop_px + (plot.title.empty() ? 0 : kTitle_px), bottom = plot.x.label.empty() ? 30 : kBottom_px;
+  return {kLeft_px, top, width_px - kLeft_px - right_px, height_px - top - bottom};
 }
 
 }  // namespace
 
-cv::Scalar plotColour(int index) {
-  static const cv::Scalar kColours[] = {{178, 114, 0},   {0, 94, 213},  {115, 158, 0},
-                                        {167, 121, 204}, {0, 159, 230}, {233, 180, 86}};
-  return kColours[static_cast<std::size_t>(index) % (sizeof kColours / sizeof *kColours)];
+std::string svgPlot(const Plot& plot, int width_px, int height_px) {
+  SvgCanvas canvas;
+  Plot untitled = plot;
+  untitled.title.clear();
+  Drawing(canvas, untitled, frameOf(untitled, width_px, height_px, kRight_px)).draw();
+  return formatted("<svg viewBox=\"0 0 %d %d\" role=\"img\" aria-label=\"", width_px, height_px) +
+         htmlEscaped(plot.y.label + " by " + plot.x.label) + "\">\n" + canvas.svg() + "</svg>\n";
 }
 
-cv::Mat drawPlot(const std::vector<Panel>& panels, int width_px, int panel_height_px) {
-  cv::Mat canvas(panel_height_px * static_cast<int>(panels.size()), width_px, CV_8UC3, cv::Scalar(255, 255, 255));
-  for (std::size_t i = 0; i < panels.size(); ++i) {
-    drawPanel(canvas.rowRange(static_cast<int>(i) * panel_height_px, static_cast<int>(i + 1) * panel_height_px),
-              panels[i]);
+cv::Mat drawPlots(const std::vector<Plot>& plots, int width_px, int height_px) {
+  cv::Mat picture(height_px * static_cast<int>(plots.size()), width_px, CV_8UC3, cv::Scalar::all(255));
+  double right_px = kRight_px;  // The widest legend.
+  for (const Plot& plot : plots) {
+    for (const PlotSeries& s : plot.series) {
+      if (!s.name.empty()) right_px = std::max(right_px, PictureCanvas(picture, {}).widthOf(s.name) + 48);
+    }
   }
-  return canvas;
+  for (std::size_t i = 0; i < plots.size(); ++i) {
+    cv::Mat part = picture.rowRange(static_cast<int>(i) * height_px, static_cast<int>(i + 1) * height_px);
+    const cv::Rect2d frame = frameOf(plots[i], width_px, height_px, right_px);
+    PictureCanvas canvas(part, frame);
+    Drawing(canvas, plots[i], frame).draw();
+    double line = frame.y + 10;
+    for (const PlotSeries& s : plots[i].series) {
+      if (s.name.empty()) continue;
+      canvas.area({{frame.br().x + 12, line - 6},
+                   {frame.br().x + 32, line - 6},
+                   {frame.br().x + 32, line - 2},
+                   {frame.br().x + 12, line - 2}},
+                  {"fill", s.colour});
+      canvas.text({frame.br().x + 38, line}, PlotCanvas::Anchor::kStart, s.name, {"label"});
+      line += 20;
+    }
+  }
+  return picture;
 }
 
 }  // namespace angio

@@ -43,13 +43,13 @@ std::vector<std::string> cellsOf(const std::string& line) {
   return cells;
 }
 
-std::string legend(const std::vector<SvgSeries>& series) {
+std::string legend(const std::vector<PlotSeries>& series) {
   std::string items;
   std::vector<std::string> named;
   for (const auto& s : series) {
     if (s.name.empty() || std::find(named.begin(), named.end(), s.name) != named.end()) continue;
     named.push_back(s.name);
-    items += "<li><i class=\"c" + std::to_string(s.colour % kSvgColours) + "\"></i>" + htmlEscaped(s.name) + "</li>";
+    items += "<li><i class=\"c" + std::to_string(s.colour % kPlotColours) + "\"></i>" + htmlEscaped(s.name) + "</li>";
   }
   return named.size() < 2 ? "" : "<ul class=\"legend\">" + items + "</ul>";
 }
@@ -66,7 +66,7 @@ void flatten(const nlohmann::ordered_json& value, const std::string& path,
 
 }  // namespace
 
-std::string figure(const std::string& title, const SvgPlot& plot, const std::string& note) {
+std::string figure(const std::string& title, const Plot& plot, const std::string& note) {
   return "<figure><h3>" + htmlEscaped(title) + "</h3>" + legend(plot.series) + svgPlot(plot) +
          (note.empty() ? "" : tagged("figcaption", note)) + "</figure>\n";
 }
@@ -121,7 +121,7 @@ std::string fromMarkdown(const std::string& markdown) {
 }
 
 std::string card(const std::string& name, const std::string& big, const std::vector<std::string>& lines, int colour) {
-  std::string text = "<div class=\"card\"><span class=\"name\"><i class=\"c" + std::to_string(colour % kSvgColours) +
+  std::string text = "<div class=\"card\"><span class=\"name\"><i class=\"c" + std::to_string(colour % kPlotColours) +
                      "\"></i>" + htmlEscaped(name) + "</span>" + tagged("strong", big);
   for (const auto& line : lines) text += tagged("span", line);
   return text + "</div>\n";

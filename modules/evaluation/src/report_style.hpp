@@ -39,12 +39,14 @@ svg { width: 100%; height: auto; display: block; font-size: 12px; }
 svg text { fill: var(--soft); font-variant-numeric: tabular-nums; }
 svg text.label { fill: var(--ink); }
 svg text.note { font-size: 11px; }
+svg polyline { fill: none; }
 svg .rule { stroke: var(--rule); stroke-width: 1; }
 svg .tick { stroke: var(--soft); stroke-width: 1; }
 svg .guide { stroke: var(--guide); stroke-width: 1; stroke-dasharray: 3 4; }
-svg .bar { fill: var(--bar); }
-svg .line { fill: none; stroke: currentColor; stroke-width: 2.2; stroke-linejoin: round; stroke-linecap: round; }
-svg .dashed { fill: none; stroke: currentColor; stroke-width: 1.4; stroke-dasharray: 5 4; opacity: 0.85; }
+svg .count { fill: var(--bar); }
+svg .fill { fill: currentColor; }
+svg .line { stroke: currentColor; stroke-width: 2.2; stroke-linejoin: round; stroke-linecap: round; }
+svg .dashed { stroke: currentColor; stroke-width: 1.4; stroke-dasharray: 5 4; opacity: 0.85; }
 svg .band { fill: currentColor; opacity: 0.13; }
 svg .dot { fill: currentColor; stroke: var(--paper); stroke-width: 0.8; }
 svg .ring { fill: none; stroke: currentColor; stroke-width: 1.3; }

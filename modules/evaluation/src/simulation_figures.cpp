@@ -11,18 +11,20 @@ namespace {
 // What cannot be told apart from a perfect answer on a log axis [mm].
 constexpr double kSmallestShown_mm = 1e-5;
 
-// The share of values below each, in percent.
-SvgSeries cumulative(const std::string& name, std::vector<double> values, int colour) {
-  SvgSeries s;
-  s.name = name;
-  s.kind = SvgSeries::Kind::kSteps;
-  s.colour = colour;
-  std::sort(values.begin(), values.end());
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    s.x.push_back(values[i]);
-    s.y.push_back(100.0 * static_cast<double>(i + 1) / static_cast<double>(values.size()));
+// For each run the share of its trials with less than each value, in percent.
+template <typename Value>
+Plot cumulativePlot(const std::vector<EntrantRun>& runs, const std::string& x_label, const Value& value) {
+  Plot plot{"", {x_label, true}, {"trials with less [%]", false, std::pair(0, 103)}};
+  for (std::size_t m = 0; m < runs.size(); ++m) {
+    PlotSeries s{runs[m].name, {}, {}, static_cast<int>(m), PlotSeries::Kind::kSteps};
+    for (const CaseOutcome& o : runs[m].outcomes) s.x.push_back(value(o));
+    std::sort(s.x.begin(), s.x.end());
+    for (std::size_t i = 0; i < s.x.size(); ++i) {
+      s.y.push_back(100.0 * static_cast<double>(i + 1) / static_cast<double>(s.x.size()));
+    }
+    plot.series.push_back(s);
   }
-  return s;
+  return plot;
 }
 
 double shownError_mm(const CaseOutcome& o) {
@@ -33,20 +35,18 @@ double shownError_mm(const CaseOutcome& o) {
 }  // namespace
 
 std::string captureFigure(const std::vector<EntrantRun>& runs) {
-  SvgPlot plot;
-  plot.x_label = "start: mTRE [mm], bins of 1 mm";
-  plot.y_label = "success (mTRE < 2 mm) [%]";
-  plot.x_range = {0, CaptureBins::kBins};
-  plot.y_range = {0, 103};
+  Plot plot;
+  plot.x.label = "start: mTRE [mm], bins of 1 mm";
+  plot.y.label = "success (mTRE < 2 mm) [%]";
+  plot.x.range = {0, CaptureBins::kBins};
+  plot.y.range = {0, 103};
   plot.guides.push_back({95, "95 %"});
   for (std::size_t m = 0; m < runs.size(); ++m) {
     const CaptureBins bins = captureBins(runs[m].outcomes);
-    SvgSeries s;
-    s.name = runs[m].name;
-    s.colour = static_cast<int>(m);
+    PlotSeries s{runs[m].name, {}, {}, static_cast<int>(m)};
     for (int b = 0; b < CaptureBins::kBins; ++b) {
       const int trials = bins.trials[static_cast<std::size_t>(b)], good = bins.successes[static_cast<std::size_t>(b)];
-      if (m == 0) plot.bars.emplace_back(b + 0.5, trials);
+      if (m == 0) plot.counts.emplace_back(b + 0.5, trials);
       if (trials < CaptureBins::kFewestTrials) continue;
       const ShareBounds bounds = shareBounds(good, trials);
       s.x.push_back(b + 0.5);
@@ -62,32 +62,20 @@ std::string captureFigure(const std::vector<EntrantRun>& runs) {
 }
 
 std::string errorFigure(const std::vector<EntrantRun>& runs) {
-  SvgPlot plot;
-  plot.x_label = "mTRE at the end [mm]";
-  plot.y_label = "trials with less [%]";
-  plot.log_x = true;
-  plot.y_range = {0, 103};
+  Plot plot = cumulativePlot(runs, "mTRE at the end [mm]", shownError_mm);
   plot.guides.push_back({1e3 * kSuccessMtre_m, "2 mm", true});
-  for (std::size_t m = 0; m < runs.size(); ++m) {
-    std::vector<double> errors;
-    for (const auto& o : runs[m].outcomes) errors.push_back(shownError_mm(o));
-    plot.series.push_back(cumulative(runs[m].name, errors, static_cast<int>(m)));
-  }
   return figure("Error at the end", plot, "The share of trials that end nearer to the truth than this.");
 }
 
 std::string startAndEndFigure(const std::vector<EntrantRun>& runs) {
-  SvgPlot plot;
-  plot.x_label = "mTRE at the start [mm]";
-  plot.y_label = "mTRE at the end [mm]";
-  plot.log_y = true;
+  Plot plot;
+  plot.x.label = "mTRE at the start [mm]";
+  plot.y.label = "mTRE at the end [mm]";
+  plot.y.log = true;
   plot.guides.push_back({1e3 * kSuccessMtre_m, "2 mm"});
   double farthest_mm = 1;
   for (std::size_t m = 0; m < runs.size(); ++m) {
-    SvgSeries s;
-    s.name = runs[m].name;
-    s.kind = SvgSeries::Kind::kDots;
-    s.colour = static_cast<int>(m);
+    PlotSeries s{runs[m].name, {}, {}, static_cast<int>(m), PlotSeries::Kind::kDots};
     for (const auto& o : runs[m].outcomes) {
       s.x.push_back(1e3 * o.start_error->mtre_m);
       s.y.push_back(shownError_mm(o));
@@ -96,41 +84,31 @@ std::string startAndEndFigure(const std::vector<EntrantRun>& runs) {
     }
     plot.series.push_back(s);
   }
-  plot.x_range = {0, std::ceil(farthest_mm)};
+  plot.x.range = {0, std::ceil(farthest_mm)};
   return figure("Trial by trial", plot,
                 "Filled: the method trusts its answer (converged). Ring: it says that something is wrong. A filled dot "
                 "above the line is a failure that nobody notices.");
 }
 
 std::string timeFigure(const std::vector<EntrantRun>& runs) {
-  SvgPlot plot;
-  plot.x_label = "time of one registration [ms]";
-  plot.y_label = "trials with less [%]";
-  plot.log_x = true;
-  plot.y_range = {0, 103};
-  for (std::size_t m = 0; m < runs.size(); ++m) {
-    std::vector<double> times;
-    for (const auto& o : runs[m].outcomes) times.push_back(1e3 * (o.image_s + o.result.times.total_s));
-    plot.series.push_back(cumulative(runs[m].name, times, static_cast<int>(m)));
-  }
-  return figure("Time", plot, "Wall time from centrelines to pose, one thread; methods took turns on the same trials.");
+  const auto time_ms = [](const CaseOutcome& o) { return 1e3 * (o.image_s + o.result.times.total_s); };
+  return figure("Time", cumulativePlot(runs, "time of one registration [ms]", time_ms),
+                "Wall time from centrelines to pose, one thread; methods took turns on the same trials.");
 }
 
 std::string sweepFigure(const SweepResult& result) {
-  SvgPlot plot;
-  plot.x_label = result.sweep.axis;
-  plot.y_label = "success (mTRE < 2 mm) [%]";
-  plot.y_range = {0, 103};
+  Plot plot;
+  plot.x.label = result.sweep.axis;
+  plot.y.label = "success (mTRE < 2 mm) [%]";
+  plot.y.range = {0, 103};
   plot.guides.push_back({95, "95 %"});
-  for (const auto& point : result.sweep.points) plot.x_ticks.emplace_back(point.value, shown(point.value));
+  plot.x.ticks.emplace();
+  for (const auto& point : result.sweep.points) plot.x.ticks->emplace_back(point.value, shown(point.value));
   if (result.summaries.empty()) return figure(result.sweep.name, plot);
   int colour = 0;
   for (const auto& [method, unused] : result.summaries.front().items()) {
-    SvgSeries s;
-    s.name = method;
-    s.colour = colour++;
-    SvgSeries in_plane;  // Without a name: the legend says it once for all.
-    in_plane.colour = s.colour;
+    PlotSeries s{method, {}, {}, colour};
+    PlotSeries in_plane{"", {}, {}, colour++};  // Without a name: the legend says it once for all.
     in_plane.dashed = true;
     for (std::size_t i = 0; i < result.summaries.size(); ++i) {
       const auto& summary = result.summaries[i][method];

@@ -54,9 +54,9 @@ std::string fingerprintOf(const std::vector<RehearsalFrame>& frames) {
   return formatted("%016llx", static_cast<unsigned long long>(hash.value()));
 }
 
-Series seriesOf(const std::vector<RehearsalFrame>& frames, const std::string& name, int colour,
-                double (*value)(const RehearsalFrame&)) {
-  Series s{name, {}, {}, plotColour(colour)};
+PlotSeries seriesOf(const std::vector<RehearsalFrame>& frames, const std::string& name, int colour,
+                    double (*value)(const RehearsalFrame&)) {
+  PlotSeries s{name, {}, {}, colour};
   for (const auto& f : frames) {
     s.x.push_back(f.time_s);
     s.y.push_back(value(f));
@@ -76,42 +76,39 @@ Json offAsJson(const std::vector<RehearsalFrame>& frames) {
 }
 
 // What the task is about, open against closed.
-std::vector<Panel> errorPanels(const Rehearsal& r) {
-  const auto panel = [&](const char* title, const char* unit, double (*value)(const RehearsalFrame&)) {
-    return Panel{title,
-                 "",
-                 unit,
-                 Panel::Scale::kLog,
-                 {seriesOf(r.open, "open loop", 1, value), seriesOf(r.closed, "closed loop", 0, value)}};
+std::vector<Plot> errorPlots(const Rehearsal& r) {
+  const auto plot = [&](const char* title, const char* unit, double (*value)(const RehearsalFrame&)) {
+    return Plot{title,
+                {},
+                {unit, true},
+                {seriesOf(r.open, "open loop", 1, value), seriesOf(r.closed, "closed loop", 0, value)}};
   };
   if (!r.has_view) {
-    return {panel("True distance of the target's image from its place, at the isocentre", "mm",
-                  [](const RehearsalFrame& f) { return 1e3 * f.target_off_m; })};
+    return {plot("True distance of the target's image from its place, at the isocentre", "mm",
+                 [](const RehearsalFrame& f) { return 1e3 * f.target_off_m; })};
   }
-  return {panel("True error of the view: direction of the beam", "deg",
-                [](const RehearsalFrame& f) { return radToDeg(f.true_error.direction_rad); }),
-          panel("True error of the view: target from its place", "mm",
-                [](const RehearsalFrame& f) { return 1e3 * f.true_error.target_m; })};
+  return {plot("True error of the view: direction of the beam", "deg",
+               [](const RehearsalFrame& f) { return radToDeg(f.true_error.direction_rad); }),
+          plot("True error of the view: target from its place", "mm",
+               [](const RehearsalFrame& f) { return 1e3 * f.true_error.target_m; })};
 }
 
 cv::Mat plotOf(const Rehearsal& r) {
-  std::vector<Panel> panels = errorPanels(r);
-  panels.push_back(
+  std::vector<Plot> plots = errorPlots(r);
+  plots.push_back(
       {"Commanded joint velocities, angles",
-       "",
-       "deg/s",
-       Panel::Scale::kLinear,
+       {},
+       {"deg/s"},
        {seriesOf(r.closed, "primary", 0, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[0]); }),
         seriesOf(r.closed, "secondary", 1, [](const RehearsalFrame& f) { return radToDeg(f.command.velocity[1]); })}});
-  panels.push_back(
+  plots.push_back(
       {"Commanded joint velocities, table",
-       "time [s]",
-       "mm/s",
-       Panel::Scale::kLinear,
+       {"time [s]"},
+       {"mm/s"},
        {seriesOf(r.closed, "table x (left)", 2, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[2]; }),
         seriesOf(r.closed, "table y (down)", 3, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[3]; }),
         seriesOf(r.closed, "table z (head)", 4, [](const RehearsalFrame& f) { return 1e3 * f.command.velocity[4]; })}});
-  return drawPlot(panels, 940, 230);
+  return drawPlots(plots, 940, 230);
 }
 
 // First frame, last frame and plot on one sheet: what a newcomer sees first.

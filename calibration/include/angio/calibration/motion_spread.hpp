@@ -17,6 +17,9 @@ struct MotionSpread {
 };
 MotionSpread motionSpread(const HandEyeEquations& equations);
 
+/// Of the two ends of an axis, the one whose largest component is positive.
+Eigen::Vector3d withPositiveLargest(const Eigen::Vector3d& axis);
+
 /// Throws InputError at `place` for motions from which X and Z cannot be known, and names what stays open: fewer than
 /// three poses; nothing but translations; all motions about one axis, which is named with its direction. A motion
 /// counts from `least_turn_rad` on.

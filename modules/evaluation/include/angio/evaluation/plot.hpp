@@ -2,30 +2,75 @@
 #pragma once
 
 #include <opencv2/core/mat.hpp>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace angio {
 
-/// One line of a plot.
-struct Series {
-  std::string name;
-  std::vector<double> x, y;  ///< As many; values that are not finite, or not positive on a log axis, leave a gap.
-  cv::Scalar colour_bgr;
+/// One series of a plot. Values that cannot be shown (not finite, not positive on a log axis) leave a gap.
+struct PlotSeries {
+  enum class Kind { kLine, kSteps, kDots, kBars };
+
+  std::string name;  ///< In the legend; empty: not there.
+  std::vector<double> x, y;
+  int colour = 0;                           ///< Number of a plotColour.
+  Kind kind = Kind::kLine;                  ///< Bars are 0.72 wide and stand on zero.
+  std::vector<double> low = {}, high = {};  ///< Bounds of y as a band, as many as y, or empty.
+  bool dashed = false;                      ///< A fine broken line without marks.
+  std::vector<bool> hollow = {};            ///< Which of the dots are rings; empty for none.
+  std::vector<double> radii_px = {};        ///< Of the dots; empty: all of one size.
+};
+
+/// A line across the plot that says something.
+struct PlotGuide {
+  double at = 0;
+  std::string label;
+  bool upright = false;  ///< At an x instead of a y.
+};
+
+/// Words at a place, shifted by so many pixels to the right and down.
+struct PlotText {
+  double x = 0, y = 0;
+  std::string words;
+  int colour = 0;
+  cv::Point shift_px = {8, 4};
+};
+
+struct PlotAxis {
+  std::string label;
+  bool log = false;
+  std::optional<std::pair<double, double>> range = {};  ///< Absent: what the series need.
+  /// Absent: round numbers. Words that have no room are left out.
+  std::optional<std::vector<std::pair<double, std::string>>> ticks = {};
 };
 
 /// One pair of axes.
-struct Panel {
-  enum class Scale { kLinear, kLog };
-  std::string title, x_label, y_label;
-  Scale y_scale = Scale::kLinear;
-  std::vector<Series> series;
+struct Plot {
+  std::string title;
+  PlotAxis x, y;
+  std::vector<PlotSeries> series = {};
+  std::vector<PlotGuide> guides = {};
+  std::vector<PlotText> texts = {};
+  std::vector<std::pair<double, double>> counts = {};  ///< x and height, of any unit: drawn faintly along the x axis.
+  bool equal_scale = false;  ///< As many pixels to a unit along both axes, about the middle of them.
+  cv::Mat ground = {};       ///< CV_8UC3, fills the axes behind everything; not in an SVG.
 };
 
-/// Colours that stay apart, also for most colour-blind readers (Okabe and Ito), BGR; counts round.
-cv::Scalar plotColour(int index);
+/// Series colours after Okabe and Ito, which most colour-blind readers tell apart: 0 to 5, which count round; text's
+/// and a warning's.
+constexpr int kPlotColours = 6, kInkColour = -1, kWarningColour = -2;
+cv::Scalar plotColour(int index);  ///< BGR.
 
-/// Draws panels below each other, each `width_px` x `panel_height_px`, CV_8UC3 on white.
-cv::Mat drawPlot(const std::vector<Panel>& panels, int width_px = 900, int panel_height_px = 260);
+/// The plot as an <svg> element without colours of its own: it has the classes `c0` to `c5`, `line`, `rule`, `guide`,
+/// `count`, `band` and so on, and the page around it says how they look, light or dark. Without title and legend.
+std::string svgPlot(const Plot& plot, int width_px = 560, int height_px = 320);
+
+/// Draws plots below each other, each `width_px` x `height_px` and with as wide a frame, CV_8UC3 on white.
+cv::Mat drawPlots(const std::vector<Plot>& plots, int width_px = 900, int height_px = 260);
+
+/// Text as it may stand in HTML and SVG.
+std::string htmlEscaped(const std::string& text);
 
 }  // namespace angio

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/svg_plot.hpp"
+#include "angio/evaluation/plot.hpp"
 
 namespace angio {
 
@@ -15,7 +15,7 @@ namespace angio {
 namespace html {
 
 /// A plot with its title, legend (when there is more than one name) and a sentence below.
-std::string figure(const std::string& title, const SvgPlot& plot, const std::string& note = "");
+std::string figure(const std::string& title, const Plot& plot, const std::string& note = "");
 
 /// A picture, embedded as PNG. Throws InputError when it is empty or cannot be encoded.
 std::string picture(const cv::Mat& image, const std::string& caption);
