@@ -43,5 +43,27 @@ TEST(WithoutLongEdges, RefusesToLeaveNothing) {
   EXPECT_NE(test::refusalOf([&] { withoutLongEdges(tree, 0); }).find("longest_edge_mm = 0"), std::string::npos);
 }
 
+// A trunk of 0-1-2-3 along x with a branch 1-4 that is shorter than what lies beyond 2.
+TEST(BeginningAt, CutsThroughAndKeepsTheLongerSide) {
+  Eigen::Matrix3Xd points(3, 5);
+  points.setZero();
+  points.row(0) << 0, 0.01, 0.02, 0.03, 0.01;
+  points(1, 4) = 0.05;
+  const VesselTree tree(points, {-1, 0, 1, 2, 1}, {1e-3, 2e-3, 3e-3, 4e-3, 5e-3});
+  const VesselTree cut = beginningAt(tree, {0.021, 0.001, 0});
+  // From 2 back to 1, and from there both ways: 70 mm, against 10 mm to 3.
+  ASSERT_EQ(cut.size(), 4);
+  EXPECT_EQ(cut.points().col(0), points.col(2));
+  EXPECT_EQ(cut.parents(), (std::vector<int>{-1, 0, 1, 1}));
+  EXPECT_DOUBLE_EQ(cut.length(), 0.07);
+  EXPECT_DOUBLE_EQ(*cut.radii()[0], 3e-3);
+  // At an end nothing is lost.
+  EXPECT_DOUBLE_EQ(beginningAt(tree, {0.04, 0, 0}).length(), tree.length());
+  EXPECT_NE(test::refusalOf([&] {
+              beginningAt(tree, {0, 0, std::nan("")});
+            }).find("must be finite"),
+            std::string::npos);
+}
+
 }  // namespace
 }  // namespace angio

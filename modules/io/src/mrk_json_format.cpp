@@ -209,7 +209,9 @@ void writeCurves(const std::string& path, const VesselTree& tree, const char* fr
 
 }  // namespace
 
-VesselTree readMrkJsonTree(const std::string& path) {
+namespace {
+
+std::vector<Curve> readCurves(const std::string& path) {
   const Json root = parse(path);
   std::vector<Curve> curves;
   const Json& markups = need(path, "", root, "markups", Json::value_t::array);
@@ -220,7 +222,29 @@ VesselTree readMrkJsonTree(const std::string& path) {
     curves.push_back(readCurve(path, field, markups[m]));
   }
   if (curves.empty()) throw InputError(path, "markups", "", "must hold at least one curve");
+  return curves;
+}
+
+}  // namespace
+
+VesselTree readMrkJsonTree(const std::string& path) {
+  std::vector<Curve> curves = readCurves(path);
   return treeOfRows(path, CurveGrowth(path, curves).grown());
+}
+
+std::vector<NamedCurve> readMrkJsonCurves(const std::string& path) {
+  std::vector<NamedCurve> named;
+  for (Curve& curve : readCurves(path)) {
+    NamedCurve one;
+    one.place = path + ": " + curve.field;
+    one.points_mm.resize(3, static_cast<Eigen::Index>(curve.points_mm.size()));
+    for (std::size_t i = 0; i < curve.points_mm.size(); ++i) {
+      one.points_mm.col(static_cast<Eigen::Index>(i)) = Eigen::Map<const Eigen::Vector3d>(curve.points_mm[i].data());
+    }
+    one.radii_mm = std::move(curve.radii_mm);
+    named.push_back(std::move(one));
+  }
+  return named;
 }
 
 void writeMrkJsonTree(const std::string& path, const VesselTree& tree) { writeCurves(path, tree, "LPS"); }

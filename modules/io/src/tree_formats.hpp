@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "angio/io/curve_folder.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio {
@@ -22,6 +23,9 @@ TreeWriter writeCsvTree, writeSwcTree, writeVtpTree, writeMrkJsonTree, writeTreT
 
 /// The same for a tree in RAS, in the one format that says so.
 TreeWriter writeRasMrkJsonTree;
+
+/// The curves of one file of 3D Slicer's markups, without names.
+std::vector<NamedCurve> readMrkJsonCurves(const std::string& path);
 
 /// One point as it stands in a file.
 struct TreeRow {

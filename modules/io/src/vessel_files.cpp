@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/curve_folder.hpp"
 #include "extension.hpp"
 #include "tree_formats.hpp"
 
@@ -35,6 +36,8 @@ bool hasExtension(const std::string& path, const std::string& wanted) {
 }  // namespace
 
 VesselTree readVesselTree(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return joinedCurves(path, readCurveFolder(path));
   std::string known;
   for (const TreeFormat& format : kFormats) {
     if (hasExtension(path, format.extension)) return format.read(path);

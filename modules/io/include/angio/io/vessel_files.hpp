@@ -21,6 +21,9 @@ namespace angio {
 ///   ParentPoint. A radius that is not positive is unknown.
 /// - `.txt`: centreline of the HMM catheter project: points with their neighbours, walked from the given root.
 ///
+/// - A folder: the curves of all its `.mrk.json` files as one tree; see joinedCurves. The first file's begins at the
+///   inlet.
+///
 /// Points stand in the order of the file (.vtp and .vtk: line by line, without repetitions). Throws InputError that
 /// names file, line, field, value and rule.
 VesselTree readVesselTree(const std::string& path);

@@ -13,4 +13,9 @@ namespace angio {
 /// left.
 VesselTree withoutLongEdges(const VesselTree& tree, double longest_m);
 
+/// The tree that begins at its point nearest to `place_m` [m], model frame, whatever its root was. It is cut through
+/// there, and of the pieces that meet at the cut the one with the most length of vessels stays; other trees of a forest
+/// go. Points come in another order, with their radii. Throws InputError when `place_m` is not finite.
+VesselTree beginningAt(const VesselTree& tree, const Eigen::Vector3d& place_m);
+
 }  // namespace angio
