@@ -28,16 +28,14 @@ enum class DeviceKind { kNone, kCatheter, kGuidewire };
 /// (NIST XCOM at 60 keV: steel 0.95, platinum 8 per mm).
 struct DeviceSettings {
   DeviceKind kind = DeviceKind::kNone;
-  double diameter_factor = 1;  ///< Of the usual diameter.
-  double opacity_factor = 1;   ///< Of the usual attenuation.
-  int tip_branch = 0;          ///< Which end of the tree it goes for: 0 the farthest from its root, 1 the next...
-  double inserted_mm = 60;     ///< Length inside the tree at the first frame; it ends where the tree does.
-  double speed_mm_per_s = 0;   ///< Of pushing (or, if negative, pulling).
+  static constexpr double diameter_factor = 1;  ///< Of the usual diameter.
+  static constexpr double opacity_factor = 1;   ///< Of the usual attenuation.
+  int tip_branch = 0;         ///< Which end of the tree it goes for: 0 the farthest from its root, 1 the next...
+  double inserted_mm = 60;    ///< Length inside the tree at the first frame; it ends where the tree does.
+  double speed_mm_per_s = 0;  ///< Of pushing (or, if negative, pulling).
 
   void visit(SettingsVisitor& v) {
     v.choice("kind", kind, {"none", "catheter", "guidewire"});
-    v.number("diameter_factor", diameter_factor, 0.1, 10);
-    v.number("opacity_factor", opacity_factor, 0, 10);
     v.integer("tip_branch", tip_branch, 0, 100000);
     v.number("inserted_mm", inserted_mm, 1, 3000);
     v.number("speed_mm_per_s", speed_mm_per_s, -200, 200);

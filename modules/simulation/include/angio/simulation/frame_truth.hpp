@@ -17,11 +17,7 @@ struct TruthSettings {
   double spacing_px = 1;   ///< Between points of the centrelines.
   double shortest_px = 8;  ///< Shorter visible pieces are left out.
 
-  void visit(SettingsVisitor& v) {
-    v.number("least_contrast_to_noise", least_contrast_to_noise, 0, 1000);
-    v.number("spacing_px", spacing_px, 0.2, 50);
-    v.number("shortest_px", shortest_px, 0, 1000);
-  }
+  void visit(SettingsVisitor& v) { v.number("spacing_px", spacing_px, 0.2, 50); }
 };
 
 /// What a frame shows, in pixels of its image: an intensifier's distortion is in.

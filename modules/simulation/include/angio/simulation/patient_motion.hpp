@@ -15,10 +15,10 @@ namespace angio {
 /// 3D dose calculations, Med Phys 26 (1999). Organs' amplitudes are listed by Keall et al., The management of
 /// respiratory motion in radiation oncology (AAPM TG 76), Med Phys 33 (2006).
 struct BreathingSettings {
-  double amplitude_mm = 0;  ///< How far the diaphragm comes down, towards the feet.
-  double forward_mm = 3;    ///< How far it comes forward, for each 10 mm of that.
+  double amplitude_mm = 0;                 ///< How far the diaphragm comes down, towards the feet.
+  static constexpr double forward_mm = 3;  ///< How far it comes forward, for each 10 mm of that.
   double period_s = 4;
-  double sharpness = 2;         ///< Lujan's n: the higher, the longer the pause after breathing out.
+  static constexpr double sharpness = 2;  ///< Lujan's n: the higher, the longer the pause after breathing out.
   double hysteresis = 0.1;      ///< Forward motion lags by this part of the period: the way out is not the way back.
   double variation = 0.15;      ///< Standard deviation of a breath's amplitude, relative.
   double drift_mm_per_min = 0;  ///< Of the resting position, towards the feet.
@@ -27,14 +27,10 @@ struct BreathingSettings {
 
   void visit(SettingsVisitor& v) {
     v.number("amplitude_mm", amplitude_mm, 0, 60);
-    v.number("forward_mm", forward_mm, -10, 10);
     v.number("period_s", period_s, 0.5, 30);
-    v.number("sharpness", sharpness, 1, 10);
-    v.number("hysteresis", hysteresis, 0, 0.5);
     v.number("variation", variation, 0, 0.5);
     v.number("drift_mm_per_min", drift_mm_per_min, -30, 30);
     v.number("diaphragm_mm", diaphragm_mm, -300, 300);
-    v.number("reach_mm", reach_mm, 20, 1000);
   }
 };
 
@@ -51,7 +47,6 @@ struct HeartbeatSettings {
     v.number("rate_per_min", rate_per_min, 20, 220);
     v.number("turn_deg", turn_deg, -30, 30);
     v.numbers("centre_mm", centre_mm, 3, -300, 300);
-    v.number("reach_mm", reach_mm, 10, 300);
   }
 };
 

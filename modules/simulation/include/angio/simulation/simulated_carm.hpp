@@ -24,12 +24,12 @@ struct IgnoredCommands {
 struct ReceiverSettings {
   double most_command_age_ms = 300;   ///< Since the frame behind it, by the arm's clock, which is the frames'.
   double most_command_lead_ms = 100;  ///< That its frame may be ahead of the arm's clock.
-  double most_overspeed = 10;         ///< Times a speed limit: less is cut to the limit, more is in wrong units.
+  static constexpr double most_overspeed =
+      10;  ///< Times a speed limit: less is cut to the limit, more is in wrong units.
 
   void visit(SettingsVisitor& v) {
     v.number("most_command_age_ms", most_command_age_ms, 1, 60e3);
     v.number("most_command_lead_ms", most_command_lead_ms, 0, 60e3);
-    v.number("most_overspeed", most_overspeed, 1, 1e3);
   }
 };
 

@@ -30,18 +30,15 @@ constexpr int kFaultKindCount = 12;
 const char* nameOf(FaultKind kind);
 
 struct FaultCampaignSettings {
-  double sound_s = 2;      ///< Until the fault begins ...
-  double disturbed_s = 2;  ///< ... while it lasts ...
-  double recovery_s = 3;   ///< ... and from its end to the run's.
+  static constexpr double sound_s = 2;      ///< Until the fault begins ...
+  static constexpr double disturbed_s = 2;  ///< ... while it lasts ...
+  static constexpr double recovery_s = 3;   ///< ... and from its end to the run's.
   int image_px = 512;
   double most_primary_deg = 30;      ///< Views are spread evenly over +- this ...
   double most_secondary_deg = 15;    ///< ... and this; the start is between them.
   double most_command_age_ms = 350;  ///< A command for motion that arrives later after its exposure is a stale one.
 
   void visit(SettingsVisitor& v) {
-    v.number("sound_s", sound_s, 0.1, 600);
-    v.number("disturbed_s", disturbed_s, 0.1, 600);
-    v.number("recovery_s", recovery_s, 0.1, 600);
     v.integer("image_px", image_px, 128, 4096);
     v.number("most_primary_deg", most_primary_deg, 0, 90);
     v.number("most_secondary_deg", most_secondary_deg, 0, 45);
