@@ -205,9 +205,13 @@ YamlField YamlMap::need(const std::string& key) {
   throw InputError(atLine(path_, node_.line), key, "", "is missing");
 }
 
+bool YamlMap::knows(const std::string& key) const {
+  return std::find(asked_.begin(), asked_.end(), key) != asked_.end();
+}
+
 void YamlMap::refuseOthers() const {
   for (std::size_t i = 0; i < node_.keys.size(); ++i) {
-    if (std::find(asked_.begin(), asked_.end(), node_.keys[i]) != asked_.end()) continue;
+    if (knows(node_.keys[i])) continue;
     std::string known;
     for (const std::string& key : asked_) known += (known.empty() ? "" : ", ") + key;
     throw InputError(atLine(path_, node_.key_lines[i]), node_.keys[i], shown(node_.items[i]),

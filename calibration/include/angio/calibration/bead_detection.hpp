@@ -23,20 +23,16 @@ struct BeadDetection {
 struct BeadDetectionSettings {
   double smallest_radius_px = 2.5;
   double largest_radius_px = 14;
-  double least_contrast = 0.1;    ///< Natural logarithm, in the shadow's middle.
-  double least_significance = 8;  ///< The contrast over its noise in an area of the bead's size.
-  double border_px = 1;           ///< A centre nearer to the image's edge is not looked for.
-  double largest_misfit = 3;      ///< Residual of the profile over the image's noise; more is no ball.
-  double largest_stretch = 0;     ///< Of round shadows, of their squared radius: see throughIntensifier.
+  static constexpr double least_contrast = 0.1;    ///< Natural logarithm, in the shadow's middle.
+  static constexpr double least_significance = 8;  ///< The contrast over its noise in an area of the bead's size.
+  double border_px = 1;                            ///< A centre nearer to the image's edge is not looked for.
+  static constexpr double largest_misfit = 3;      ///< Residual of the profile over the image's noise; more is no ball.
+  double largest_stretch = 0;  ///< Of round shadows, of their squared radius: see throughIntensifier.
 
   void visit(SettingsVisitor& v) {
     v.number("smallest_radius_px", smallest_radius_px, 1.5, 100);
     v.number("largest_radius_px", largest_radius_px, 2, 200);
-    v.number("least_contrast", least_contrast, 0.001, 10);
-    v.number("least_significance", least_significance, 1, 1000);
     v.number("border_px", border_px, 0, 1000);
-    v.number("largest_misfit", largest_misfit, 1, 100);
-    v.number("largest_stretch", largest_stretch, 0, 0.5);
   }
 
   /// The same for an image intensifier, whose pincushion of 8 per cent stretches shadows at its edge; a stretch that

@@ -14,15 +14,12 @@ namespace angio {
 
 /// How beads are told apart.
 struct BeadMatchingSettings {
-  double rotation_step_deg = 8;  ///< Between the orientations that are tried.
-  double least_share = 0.6;      ///< Of the beads that should be in the image, and of those seen, that must agree.
-  double tolerance_px = 2.5;     ///< Between a bead and its projection when all is done.
+  static constexpr double rotation_step_deg = 8;  ///< Between the orientations that are tried.
+  static constexpr double least_share =
+      0.6;                    ///< Of the beads that should be in the image, and of those seen, that must agree.
+  double tolerance_px = 2.5;  ///< Between a bead and its projection when all is done.
 
-  void visit(SettingsVisitor& v) {
-    v.number("rotation_step_deg", rotation_step_deg, 2, 30);
-    v.number("least_share", least_share, 0.2, 1);
-    v.number("tolerance_px", tolerance_px, 0.1, 50);
-  }
+  void visit(SettingsVisitor& v) { v.number("tolerance_px", tolerance_px, 0.1, 50); }
 };
 
 /// Which detection is which bead.

@@ -48,7 +48,6 @@ struct CalibrationSimulationSettings {
     v.integer("camera_views", camera_views, 1, 1000);
     v.integer("geometry_views", geometry_views, 1, 1000);
     v.integer("hand_eye_poses", hand_eye_poses, 1, 1000);
-    v.integer("held_out_every", held_out_every, 0, 1000);
     v.number("bead_noise_px", bead_noise_px, 0, 10);
     v.number("missing_beads", missing_beads, 0, 0.8);
     v.number("encoder_noise_deg", encoder_noise_deg, 0, 5);

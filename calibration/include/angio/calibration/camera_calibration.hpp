@@ -36,20 +36,19 @@ struct CameraCalibrationSettings {
   bool square_pixels = false;  ///< One focal length for both axes.
   bool skew = false;           ///< Columns may lean (not with an intensifier).
   double noise_px = 0;         ///< Standard deviation of a bead's centre per axis; 0: measured by the residuals.
-  double outlier_sigmas = 6;   ///< A bead farther off, in robust standard deviations, is left out and named.
-  double largest_outlier_share = 0.25;  ///< Of views, and of a view's beads; beyond it the data are refused.
-  double largest_focal_sigma = 0.02;    ///< Relative; predicted for the worst noise to be expected, before solving.
-  int max_iterations = 100;
+  static constexpr double outlier_sigmas =
+      6;  ///< A bead farther off, in robust standard deviations, is left out and named.
+  static constexpr double largest_outlier_share =
+      0.25;  ///< Of views, and of a view's beads; beyond it the data are refused.
+  static constexpr double largest_focal_sigma =
+      0.02;  ///< Relative; predicted for the worst noise to be expected, before solving.
+  static constexpr int max_iterations = 100;
 
   void visit(SettingsVisitor& v) {
     v.choice("distortion", distortion, {"none", "radial", "intensifier"});
     v.flag("square_pixels", square_pixels);
     v.flag("skew", skew);
     v.number("noise_px", noise_px, 0, 100);
-    v.number("outlier_sigmas", outlier_sigmas, 3, 100);
-    v.number("largest_outlier_share", largest_outlier_share, 0, 0.5);
-    v.number("largest_focal_sigma", largest_focal_sigma, 1e-6, 1);
-    v.integer("max_iterations", max_iterations, 1, 10000);
   }
 };
 

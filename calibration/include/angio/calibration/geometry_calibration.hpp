@@ -43,27 +43,20 @@ enum class FlexModel { kNone, kLowOrder };
 
 struct GeometrySettings {
   FlexModel flex = FlexModel::kLowOrder;
-  double flex_std_mm = 0.3;  ///< How much an arm bends: where the search for it starts.
-  double flex_std_deg = 0.03;
+  static constexpr double flex_std_mm = 0.3;  ///< How much an arm bends: where the search for it starts.
+  static constexpr double flex_std_deg = 0.03;
   double source_isocentre_distance_mm = 780;  ///< Where the search starts.
   double pose_scatter_mm = 0.3;               ///< Where the search for what joints do not explain starts, each axis.
   double pose_scatter_deg = 0.03;
-  double outlier_sigma = 4;        ///< Beads further off than this do not count.
-  double outlier_view_factor = 4;  ///< Views that are worse than the usual by this do not count.
-  double largest_offset_deg = 3;   ///< How far a C-arm may be from ideal before it is doubted, each angle,
-  double largest_offset_mm = 15;   ///< and each length.
+  static constexpr double outlier_sigma = 4;        ///< Beads further off than this do not count.
+  static constexpr double outlier_view_factor = 4;  ///< Views that are worse than the usual by this do not count.
+  static constexpr double largest_offset_deg =
+      3;  ///< How far a C-arm may be from ideal before it is doubted, each angle,
+  static constexpr double largest_offset_mm = 15;  ///< and each length.
 
   void visit(SettingsVisitor& v) {
     v.choice("flex", flex, {"none", "low_order"});
-    v.number("flex_std_mm", flex_std_mm, 1e-3, 20);
-    v.number("flex_std_deg", flex_std_deg, 1e-4, 2);
     v.number("source_isocentre_distance_mm", source_isocentre_distance_mm, 100, 5000);
-    v.number("pose_scatter_mm", pose_scatter_mm, 1e-4, 20);
-    v.number("pose_scatter_deg", pose_scatter_deg, 1e-5, 5);
-    v.number("outlier_sigma", outlier_sigma, 2, 100);
-    v.number("outlier_view_factor", outlier_view_factor, 2, 100);
-    v.number("largest_offset_deg", largest_offset_deg, 0.1, 20);
-    v.number("largest_offset_mm", largest_offset_mm, 0.1, 200);
   }
 };
 

@@ -28,18 +28,17 @@ enum class HandEyeResidual {
 struct HandEyeSettings {
   HandEyeMount mount = HandEyeMount::kUnknown;
   HandEyeResidual residual = HandEyeResidual::kPose;
-  double least_turn_deg = 1;  ///< Turns about a second axis, root mean square over pairs, from which on a pose counts.
-  double outlier_gate = 5.3;  ///< A pose further off than so many sigma (of six dimensions) is an outlier.
-  double least_share = 0.6;   ///< Of the poses, that must be explained by one transform.
-  int starts = 100;           ///< Draws of few poses each, for a start that outliers do not pull.
+  static constexpr double least_turn_deg =
+      1;  ///< Turns about a second axis, root mean square over pairs, from which on a pose counts.
+  static constexpr double outlier_gate =
+      5.3;  ///< A pose further off than so many sigma (of six dimensions) is an outlier.
+  static constexpr double least_share = 0.6;  ///< Of the poses, that must be explained by one transform.
+  int starts = 100;                           ///< Draws of few poses each, for a start that outliers do not pull.
   int seed = 1;
 
   void visit(SettingsVisitor& v) {
     v.choice("mount", mount, {"unknown", "identity"});
     v.choice("residual", residual, {"pose", "reprojection"});
-    v.number("least_turn_deg", least_turn_deg, 1e-6, 90);
-    v.number("outlier_gate", outlier_gate, 2, 100);
-    v.number("least_share", least_share, 0.51, 1);
     v.integer("starts", starts, 0, 10000);
     v.integer("seed", seed, 0, 2147483647);
   }

@@ -24,21 +24,17 @@ struct BestViewSettings {
   double step_deg = 2;            ///< Of the map; the best view is then searched for between its nodes.
   double most_primary_deg = 110;  ///< Of LAO and RAO: what is looked at.
   double most_secondary_deg = 50;
-  double overlap_weight = 1;     ///< A segment wholly covered costs as much as one seen end-on times this.
-  double turn_weight = 0.01;     ///< What 90 deg away from where the arm is costs: it decides where views are alike.
-  double unknown_radius_mm = 1;  ///< Of points that have none.
-  int most_points = 800;         ///< The tree is thinned to so many.
-  int segment_points = 40;
+  static constexpr double overlap_weight =
+      1;  ///< A segment wholly covered costs as much as one seen end-on times this.
+  static constexpr double turn_weight =
+      0.01;  ///< What 90 deg away from where the arm is costs: it decides where views are alike.
+  static constexpr double unknown_radius_mm = 1;  ///< Of points that have none.
+  static constexpr int most_points = 800;         ///< The tree is thinned to so many.
+  static constexpr int segment_points = 40;
 
   void visit(SettingsVisitor& v) {
-    v.number("step_deg", step_deg, 0.25, 30);
     v.number("most_primary_deg", most_primary_deg, 1, 180);
     v.number("most_secondary_deg", most_secondary_deg, 1, 89);
-    v.number("overlap_weight", overlap_weight, 0, 1000);
-    v.number("turn_weight", turn_weight, 0, 1000);
-    v.number("unknown_radius_mm", unknown_radius_mm, 0.01, 50);
-    v.integer("most_points", most_points, 10, 100000);
-    v.integer("segment_points", segment_points, 2, 1000);
   }
 };
 

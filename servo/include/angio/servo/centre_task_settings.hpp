@@ -30,12 +30,12 @@ struct CentreTaskSettings {
 
   /// How far around the target the image is looked at for how the place itself lies, where a tree that bends is
   /// registered as a rigid one; 0: not at all. And how far off it may lie, as a standard deviation.
-  double near_mm = 15;
-  double near_std_mm = 2;
+  static constexpr double near_mm = 15;
+  static constexpr double near_std_mm = 2;
 
   /// Of the registered depth, besides what the registration says itself: a breath or a heartbeat that stretches the
   /// tree by 3 % across the beam is taken for 20 mm along it, at 0.75 m.
-  double depth_std_mm = 20;
+  static constexpr double depth_std_mm = 20;
 
   MotionPredictorSettings motion;
 
@@ -46,9 +46,6 @@ struct CentreTaskSettings {
     plan.visit(v);
     v.number("reached_mm", reached_mm, 1e-3, 100);
     v.number("most_std_mm", most_std_mm, 1e-3, 1000);
-    v.number("near_mm", near_mm, 0, 200);
-    v.number("near_std_mm", near_std_mm, 1e-3, 100);
-    v.number("depth_std_mm", depth_std_mm, 0, 1000);
     v.section("motion", [this](SettingsVisitor& fields) { motion.visit(fields); });
   }
 };

@@ -10,14 +10,11 @@ namespace angio {
 struct ImageBasedSettings : ServoGain {
   static constexpr const char* kName = "image_based";
 
-  int samples = 40;              ///< Points along the centreline, spread well.
-  double largest_step_deg = 30;  ///< A goal further away is taken in steps of so much: images know only their like.
+  static constexpr int samples = 40;  ///< Points along the centreline, spread well.
+  static constexpr double largest_step_deg =
+      30;  ///< A goal further away is taken in steps of so much: images know only their like.
 
-  void visit(SettingsVisitor& v) {
-    ServoGain::visit(v);
-    v.integer("samples", samples, 16, 1000);
-    v.number("largest_step_deg", largest_step_deg, 1, 90);
-  }
+  void visit(SettingsVisitor& v) { ServoGain::visit(v); }
 };
 
 }  // namespace angio

@@ -13,16 +13,14 @@ namespace angio {
 struct MessageTimingSettings {
   double most_frame_age_ms = 300;    ///< Later than the quickest frames, or than the newest joints.
   double most_clock_jump_ms = 1000;  ///< That a sender's clock may gain on ours between two messages.
-  double clock_drift_ppm = 200;      ///< That it may lose for ever: what is called the quickest frame follows.
-  double limit_margin_deg = 0.5;     ///< Beyond the end of a range, for encoders.
-  double limit_margin_mm = 2;
+  static constexpr double clock_drift_ppm =
+      200;  ///< That it may lose for ever: what is called the quickest frame follows.
+  static constexpr double limit_margin_deg = 0.5;  ///< Beyond the end of a range, for encoders.
+  static constexpr double limit_margin_mm = 2;
 
   void visit(SettingsVisitor& v) {
     v.number("most_frame_age_ms", most_frame_age_ms, 1, 10e3);
     v.number("most_clock_jump_ms", most_clock_jump_ms, 1, 600e3);
-    v.number("clock_drift_ppm", clock_drift_ppm, 0, 10e3);
-    v.number("limit_margin_deg", limit_margin_deg, 0, 10);
-    v.number("limit_margin_mm", limit_margin_mm, 0, 100);
   }
 };
 

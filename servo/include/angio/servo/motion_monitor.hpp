@@ -13,22 +13,22 @@
 namespace angio {
 
 struct MotionMonitorSettings {
-  double most_latency_ms = 500;     ///< From the frame behind a command until its effect ends, without a newer one.
-  double least_acceleration = 0.4;  ///< Share of the acceleration limit that the machine uses at least.
-  double most_stray_deg = 1.0;      ///< Way that no command explains, until a joint counts as astray.
+  double most_latency_ms = 500;  ///< From the frame behind a command until its effect ends, without a newer one.
+  static constexpr double least_acceleration =
+      0.4;                      ///< Share of the acceleration limit that the machine uses at least.
+  double most_stray_deg = 1.0;  ///< Way that no command explains, until a joint counts as astray.
   double most_stray_mm = 5;
   double most_lag_deg = 4;  ///< Way that was commanded and not made, until a joint counts as stalled.
   double most_lag_mm = 20;
-  double forgotten_share = 0.02;  ///< Of a joint's speed limit: differences that come more slowly are encoders' noise.
+  static constexpr double forgotten_share =
+      0.02;  ///< Of a joint's speed limit: differences that come more slowly are encoders' noise.
 
   void visit(SettingsVisitor& v) {
     v.number("most_latency_ms", most_latency_ms, 0, 10e3);
-    v.number("least_acceleration", least_acceleration, 0.01, 1);
     v.number("most_stray_deg", most_stray_deg, 0.01, 90);
     v.number("most_stray_mm", most_stray_mm, 0.1, 1000);
     v.number("most_lag_deg", most_lag_deg, 0.01, 90);
     v.number("most_lag_mm", most_lag_mm, 0.1, 1000);
-    v.number("forgotten_share", forgotten_share, 0, 1);
   }
 };
 

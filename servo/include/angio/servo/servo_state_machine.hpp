@@ -46,7 +46,6 @@ struct ServoStateSettings {
 
   void visit(SettingsVisitor& v) {
     v.integer("frames_to_start", frames_to_start, 1, 1000);
-    v.integer("frames_to_resume", frames_to_resume, 1, 1000);
     v.number("most_frame_gap_ms", most_frame_gap_ms, 1, 60e3);
     v.number("frames_gone_ms", frames_gone_ms, 1, 600e3);
     v.number("most_contradiction_ms", most_contradiction_ms, 1, 600e3);

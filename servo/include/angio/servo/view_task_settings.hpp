@@ -29,12 +29,12 @@ struct ViewTaskSettings {
   BestViewSettings best_view;              ///< How it is searched for.
   Pose T_camera_model = Pose::Identity();  ///< For kPose; not part of a settings file: poses have files of their own.
 
-  double reached_deg = 0.1;  ///< The view is reached when the beam is as near as this ...
-  double reached_mm = 0.5;   ///< ... and the target, both with their standard deviations added ...
-  int reached_frames = 5;    ///< ... for so many trusted frames in a row.
+  double reached_deg = 0.1;                 ///< The view is reached when the beam is as near as this ...
+  double reached_mm = 0.5;                  ///< ... and the target, both with their standard deviations added ...
+  static constexpr int reached_frames = 5;  ///< ... for so many trusted frames in a row.
 
   /// Share of the acceleration that the approach counts on: faster than it can brake from it does not come in.
-  double braking_share = 0.7;
+  static constexpr double braking_share = 0.7;
 
   void visit(SettingsVisitor& v) {
     v.choice("goal", goal, {"angles", "best_view", "pose", "requested"});
@@ -46,8 +46,6 @@ struct ViewTaskSettings {
     v.section("best_view", [&](SettingsVisitor& fields) { best_view.visit(fields); });
     v.number("reached_deg", reached_deg, 1e-4, 10);
     v.number("reached_mm", reached_mm, 1e-3, 100);
-    v.integer("reached_frames", reached_frames, 1, 1000);
-    v.number("braking_share", braking_share, 0.05, 1);
   }
 };
 

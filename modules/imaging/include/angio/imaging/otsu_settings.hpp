@@ -15,10 +15,13 @@ struct OtsuSettings {
   static constexpr const char* kName = "otsu";
 
   Polarity polarity = Polarity::kDark;
-  double background_px = 48;  ///< Width of what counts as background structure; must exceed the widest vessel [px].
+  static constexpr double background_px =
+      48;                     ///< Width of what counts as background structure; must exceed the widest vessel [px].
   double smoothing_px = 1.5;  ///< Standard deviation of the noise filter before the threshold [px].
-  double faintest_absorption = 0.02;  ///< Weaker contrast is never a vessel, however little noise there is.
-  double noise_factor = 4;        ///< A vessel stands out from the background's spread by this factor at its strongest.
+  static constexpr double faintest_absorption =
+      0.02;  ///< Weaker contrast is never a vessel, however little noise there is.
+  static constexpr double noise_factor =
+      4;                          ///< A vessel stands out from the background's spread by this factor at its strongest.
   double branch_contrast = 0.12;  ///< Thin branches reach on from vessels down to this part of Otsu's threshold.
   double shortest_branch_px = 12;  ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
   double smallest_area_px = 60;    ///< Smaller connected regions are noise, smaller holes are closed [px^2].
@@ -27,10 +30,7 @@ struct OtsuSettings {
 
   void visit(SettingsVisitor& v) {
     v.choice("polarity", polarity, {"dark", "bright"});
-    v.number("background_px", background_px, 4, 1000);
     v.number("smoothing_px", smoothing_px, 0, 20);
-    v.number("faintest_absorption", faintest_absorption, 1e-4, 10);
-    v.number("noise_factor", noise_factor, 1, 100);
     v.number("branch_contrast", branch_contrast, 0.01, 1);
     v.number("shortest_branch_px", shortest_branch_px, 0, 1000);
     v.number("smallest_area_px", smallest_area_px, 0, 1e6);

@@ -26,17 +26,20 @@ struct RidgeSettings {
 
   Polarity polarity = Polarity::kDark;
   double largest_radius_px = 20;  ///< Of a vessel; with the image's size it says how coarse the coarsest scale is [px].
-  double noise_factor = 1.7;      ///< A line's pixels stand out from the noise by this factor.
-  double line_factor = 4;         ///< A whole line stands out by this one at least, on average.
-  double evidence = 30;  ///< Least mean salience times square root of the length in radii, of what hangs together.
-  double faintest_absorption = 0.015;  ///< Weaker contrast is never a vessel, however little noise there is.
-  double relative_contrast = 0.1;      ///< Nor is one that is weaker than this part of the image's strong vessels.
+  static constexpr double noise_factor = 1.7;  ///< A line's pixels stand out from the noise by this factor.
+  static constexpr double line_factor = 4;     ///< A whole line stands out by this one at least, on average.
+  static constexpr double evidence =
+      30;  ///< Least mean salience times square root of the length in radii, of what hangs together.
+  static constexpr double faintest_absorption =
+      0.015;  ///< Weaker contrast is never a vessel, however little noise there is.
+  static constexpr double relative_contrast =
+      0.1;                        ///< Nor is one that is weaker than this part of the image's strong vessels.
   double relative_density = 0.6;  ///< Nor a faint line whose contrast over width is below this part of what is usual.
   double shortest_branch_px = 4;  ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
-  double shortest_line_px = 40;   ///< Shorter lines that stand alone are dropped [px].
-  double longest_gap_px = 24;     ///< Wider gaps between two ends of one line stay open [px].
-  double border_px = 4;           ///< Margin of the detector, and of the collimator's opening, not looked at [px].
-  double spacing_px = 2;          ///< Distance between points of the result [px].
+  static constexpr double shortest_line_px = 40;  ///< Shorter lines that stand alone are dropped [px].
+  static constexpr double longest_gap_px = 24;    ///< Wider gaps between two ends of one line stay open [px].
+  double border_px = 4;   ///< Margin of the detector, and of the collimator's opening, not looked at [px].
+  double spacing_px = 2;  ///< Distance between points of the result [px].
   /// Shorter side of the grid that larger images are shrunk to [working px]. A finer one tells thin vessels from their
   /// neighbours that are a few pixels away, as the brain's are; the time goes with its square.
   int working_side_px = 704;
@@ -44,15 +47,7 @@ struct RidgeSettings {
   void visit(SettingsVisitor& v) {
     v.choice("polarity", polarity, {"dark", "bright"});
     v.number("largest_radius_px", largest_radius_px, 1, 500);
-    v.number("noise_factor", noise_factor, 1, 100);
-    v.number("line_factor", line_factor, 1, 100);
-    v.number("evidence", evidence, 0, 1000);
-    v.number("faintest_absorption", faintest_absorption, 1e-4, 10);
-    v.number("relative_contrast", relative_contrast, 0, 1);
-    v.number("relative_density", relative_density, 0, 1);
     v.number("shortest_branch_px", shortest_branch_px, 0, 1000);
-    v.number("shortest_line_px", shortest_line_px, 0, 1000);
-    v.number("longest_gap_px", longest_gap_px, 0, 1000);
     v.number("border_px", border_px, 0, 1000);
     v.number("spacing_px", spacing_px, 0.5, 50);
     v.integer("working_side_px", working_side_px, 64, 4096);

@@ -2,20 +2,26 @@
 #pragma once
 
 #include <functional>
+#include <iostream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 
 #include "angio/base/settings.hpp"
+#include "angio/io/former_keys.hpp"
 
 namespace angio {
 
 /// Reads settings from plain YAML into the fields that `visit_fields` names. Every key is optional: a field that is not
 /// in the file keeps its value; an empty file changes nothing. Sections are nested maps.
 ///
-/// Throws InputError "file:line: key = value: rule" for unknown and repeated keys, wrong types and values out of range;
-/// some fields may have been set by then.
-void readSettings(const std::string& path, const std::function<void(SettingsVisitor&)>& visit_fields);
+/// A former key is read under the name it has now, or ignored if it is a constant now. `warnings` gets one line for
+/// each, "file:line: key = value: rule".
+///
+/// Throws InputError "file:line: key = value: rule" for unknown and repeated keys, a setting under its former and its
+/// present name, wrong types and values out of range; some fields may have been set by then.
+void readSettings(const std::string& path, const std::function<void(SettingsVisitor&)>& visit_fields,
+                  const FormerKeys& former = formerKeys(), std::ostream& warnings = std::cerr);
 
 /// The effective settings, in the order of the fields: numbers, integers, booleans, names of choices, nested objects.
 nlohmann::ordered_json settingsAsJson(const std::function<void(SettingsVisitor&)>& visit_fields);

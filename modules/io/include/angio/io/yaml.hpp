@@ -58,6 +58,10 @@ class YamlMap {
   std::optional<YamlField> find(const std::string& key);
   YamlField need(const std::string& key);  ///< Throws InputError when the key is missing.
 
+  /// Whether a key was asked for.
+  bool knows(const std::string& key) const;
+  const std::vector<std::string>& asked() const { return asked_; }  ///< In this order, repeated if asked again.
+
   /// Throws InputError for the first key that was never asked for, and says which there are.
   void refuseOthers() const;
 
@@ -68,8 +72,8 @@ class YamlMap {
 };
 
 /// A document as YAML text, for readYaml to read back: maps in blocks, lists of numbers on one line, lists of lists of
-/// numbers a row a line, numbers in their shortest form that reads back the same. Throws InputError for a number that is
-/// not finite: it has no place in a file.
+/// numbers a row a line, numbers in their shortest form that reads back the same. Throws InputError for a number that
+/// is not finite: it has no place in a file.
 std::string asYaml(const nlohmann::ordered_json& document);
 
 }  // namespace angio

@@ -10,10 +10,10 @@ struct LocaliserSettings {
   // Places and motion.
   double spacing_mm = 1;           ///< Between places on the tree.
   double largest_speed_mm_s = 60;  ///< Of the tip along the vessel, when nothing says how far it was pushed.
-  double speed_std_mm_s = 10;      ///< The same, usual size.
-  double slip_std = 0.3;           ///< Share of a pushed length that friction and bends take or give back.
-  double backlash_mm = 0.5;        ///< Motion of the tip that no push explains, a frame.
-  double jump_probability = 1e-6;  ///< That the filter was wrong and the tip is anywhere.
+  static constexpr double speed_std_mm_s = 10;  ///< The same, usual size.
+  static constexpr double slip_std = 0.3;       ///< Share of a pushed length that friction and bends take or give back.
+  double backlash_mm = 0.5;                     ///< Motion of the tip that no push explains, a frame.
+  static constexpr double jump_probability = 1e-6;  ///< That the filter was wrong and the tip is anywhere.
 
   // The image's shift against the pose: a walk that comes back to zero.
   double shift_std_mm = 3;  ///< Per axis, at the tip's depth.
@@ -23,30 +23,17 @@ struct LocaliserSettings {
   double roll_std_deg = 0.5;  ///< Of its turn in the image, the same.
 
   // How a curve resembles a path.
-  double step_px = 10;         ///< Between the points of the curve that are looked at.
-  double model_std_px = 2;     ///< Of the vessel's place besides the curve's own noise: the tree is not quite rigid.
-  double tip_std_px = 3;       ///< Of the seen tip along the vessel.
-  double outlier_px = 12;      ///< Points of the curve further off than this count no more.
-  double correlation_px = 40;  ///< Along the curve over which its errors are one and the same.
-  double lost_px = 15;         ///< A mean distance above this explains nothing.
+  static constexpr double step_px = 10;  ///< Between the points of the curve that are looked at.
+  double model_std_px = 2;  ///< Of the vessel's place besides the curve's own noise: the tree is not quite rigid.
+  static constexpr double tip_std_px = 3;       ///< Of the seen tip along the vessel.
+  double outlier_px = 12;                       ///< Points of the curve further off than this count no more.
+  static constexpr double correlation_px = 40;  ///< Along the curve over which its errors are one and the same.
+  double lost_px = 15;                          ///< A mean distance above this explains nothing.
 
   void visit(SettingsVisitor& v) {
     v.number("spacing_mm", spacing_mm, 0.1, 20);
     v.number("largest_speed_mm_s", largest_speed_mm_s, 0.1, 1000);
-    v.number("speed_std_mm_s", speed_std_mm_s, 0.01, 1000);
-    v.number("slip_std", slip_std, 0.01, 10);
-    v.number("backlash_mm", backlash_mm, 0.01, 20);
-    v.number("jump_probability", jump_probability, 1e-12, 0.5);
     v.number("shift_std_mm", shift_std_mm, 0.01, 100);
-    v.number("shift_time_s", shift_time_s, 0.01, 1000);
-    v.number("scale_std_percent", scale_std_percent, 0.01, 50);
-    v.number("roll_std_deg", roll_std_deg, 0.01, 90);
-    v.number("step_px", step_px, 1, 100);
-    v.number("model_std_px", model_std_px, 0.1, 50);
-    v.number("tip_std_px", tip_std_px, 0.1, 100);
-    v.number("outlier_px", outlier_px, 1, 500);
-    v.number("correlation_px", correlation_px, 1, 1000);
-    v.number("lost_px", lost_px, 1, 1000);
   }
 };
 

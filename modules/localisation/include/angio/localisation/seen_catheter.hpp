@@ -23,18 +23,14 @@ struct SeenCatheter {
 
 /// How pieces of a device become one curve.
 struct SeenCatheterSettings {
-  double longest_gap_px = 60;     ///< Ends of pieces further apart are not joined.
-  double largest_turn_deg = 60;   ///< A gap is crossed about straight on.
-  double shortest_piece_px = 15;  ///< Shorter pieces are noise unless a gap's other side needs them.
-  double shortest_curve_px = 40;  ///< A shorter catheter says nothing.
-  double border_px = 25;          ///< An end this near to the detector's border leaves the image there.
-  double sigma_px = 1;            ///< Of points whose extractor does not say.
+  static constexpr double longest_gap_px = 60;     ///< Ends of pieces further apart are not joined.
+  static constexpr double largest_turn_deg = 60;   ///< A gap is crossed about straight on.
+  static constexpr double shortest_piece_px = 15;  ///< Shorter pieces are noise unless a gap's other side needs them.
+  static constexpr double shortest_curve_px = 40;  ///< A shorter catheter says nothing.
+  double border_px = 25;  ///< An end this near to the detector's border leaves the image there.
+  double sigma_px = 1;    ///< Of points whose extractor does not say.
 
   void visit(SettingsVisitor& v) {
-    v.number("longest_gap_px", longest_gap_px, 0, 1000);
-    v.number("largest_turn_deg", largest_turn_deg, 1, 180);
-    v.number("shortest_piece_px", shortest_piece_px, 0, 1000);
-    v.number("shortest_curve_px", shortest_curve_px, 1, 10000);
     v.number("border_px", border_px, 0, 1000);
     v.number("sigma_px", sigma_px, 0.01, 100);
   }

@@ -27,15 +27,13 @@ struct SequenceSettings {
   double deformation_std_mm = 2;      ///< Per axis; 0: the tree is rigid.
   double deformation_length_mm = 40;  ///< Along the vessel, over which it is about the same.
 
-  int rounds = 20;  ///< Of finding the path and then the pose, at most.
+  static constexpr int rounds = 20;  ///< Of finding the path and then the pose, at most.
 
   void visit(SettingsVisitor& v) {
     v.section("localiser", [&](SettingsVisitor& inner) { localiser.visit(inner); });
     v.number("pose_translation_std_mm", pose_translation_std_mm, 0.01, 1000);
     v.number("pose_rotation_std_deg", pose_rotation_std_deg, 0.001, 90);
     v.number("deformation_std_mm", deformation_std_mm, 0, 100);
-    v.number("deformation_length_mm", deformation_length_mm, 1, 10000);
-    v.integer("rounds", rounds, 1, 1000);
   }
 };
 

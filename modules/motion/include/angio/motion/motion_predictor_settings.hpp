@@ -12,43 +12,34 @@ namespace angio {
 struct MotionPredictorSettings {
   double breathing_low_hz = 0.1, breathing_high_hz = 0.6;  ///< Where breathing is looked for.
   double heart_low_hz = 0.7, heart_high_hz = 3;            ///< Where the heart is.
-  int breathing_harmonics = 3;                             ///< Lujan's sin^4 has two.
-  int heart_harmonics = 5;         ///< As many of them as half the frame rate allows; 0: no heart is looked for.
-  double breaths_to_learn = 2;     ///< Before as many have been seen, nothing is taken for periodic.
-  double memory_s = 20;            ///< What frequencies are looked for in.
-  double amplitude_memory_s = 25;  ///< Over this time a harmonic's amplitude and phase are forgotten.
-  double drift_std_mm_s = 0.5;     ///< Of the resting position: its speed; it changes over `amplitude_memory_s`.
-  double offset_walk_mm = 0.5;     ///< Of the resting position, per square root of a second: breaths that differ.
+  static constexpr int breathing_harmonics = 3;            ///< Lujan's sin^4 has two.
+  static constexpr int heart_harmonics =
+      5;  ///< As many of them as half the frame rate allows; 0: no heart is looked for.
+  static constexpr double breaths_to_learn = 2;     ///< Before as many have been seen, nothing is taken for periodic.
+  double memory_s = 20;                             ///< What frequencies are looked for in.
+  static constexpr double amplitude_memory_s = 25;  ///< Over this time a harmonic's amplitude and phase are forgotten.
+  static constexpr double drift_std_mm_s =
+      0.5;  ///< Of the resting position: its speed; it changes over `amplitude_memory_s`.
+  static constexpr double offset_walk_mm =
+      0.5;  ///< Of the resting position, per square root of a second: breaths that differ.
 
-  double acceleration_std_mm_s2 = 40;     ///< Of a motion without a period, per axis: see MotionFilterSettings.
-  double acceleration_mean_s = 1.0 / 15;  ///< Density of the white acceleration: its variance times this.
-  double measured_std_mm = 0.05;          ///< Added to what a measurement says of itself, per axis.
-  double gate = 21.1;                     ///< Squared Mahalanobis distance of a surprise: 99.99 % of three numbers.
-  double longest_gap_s = 3;               ///< Without a measurement for longer, everything is forgotten.
-  double longest_horizon_ms = 700;        ///< Nothing is predicted further ahead.
-  double judged_horizon_ms = 130;         ///< The horizon at which the ways to predict are compared.
-  double judged_over_s = 3;               ///< The time over which they are.
+  static constexpr double acceleration_std_mm_s2 =
+      40;  ///< Of a motion without a period, per axis: see MotionFilterSettings.
+  static constexpr double acceleration_mean_s =
+      1.0 / 15;                                    ///< Density of the white acceleration: its variance times this.
+  static constexpr double measured_std_mm = 0.05;  ///< Added to what a measurement says of itself, per axis.
+  static constexpr double gate = 21.1;        ///< Squared Mahalanobis distance of a surprise: 99.99 % of three numbers.
+  static constexpr double longest_gap_s = 3;  ///< Without a measurement for longer, everything is forgotten.
+  double longest_horizon_ms = 700;            ///< Nothing is predicted further ahead.
+  static constexpr double judged_horizon_ms = 130;  ///< The horizon at which the ways to predict are compared.
+  static constexpr double judged_over_s = 3;        ///< The time over which they are.
 
   void visit(SettingsVisitor& v) {
     v.number("breathing_low_hz", breathing_low_hz, 0.02, 10);
     v.number("breathing_high_hz", breathing_high_hz, 0.02, 10);
     v.number("heart_low_hz", heart_low_hz, 0.1, 20);
     v.number("heart_high_hz", heart_high_hz, 0.1, 20);
-    v.integer("breathing_harmonics", breathing_harmonics, 1, 3);
-    v.integer("heart_harmonics", heart_harmonics, 0, 5);
-    v.number("breaths_to_learn", breaths_to_learn, 1, 20);
     v.number("memory_s", memory_s, 2, 120);
-    v.number("amplitude_memory_s", amplitude_memory_s, 0.5, 1e4);
-    v.number("drift_std_mm_s", drift_std_mm_s, 1e-3, 100);
-    v.number("offset_walk_mm", offset_walk_mm, 1e-3, 100);
-    v.number("acceleration_std_mm_s2", acceleration_std_mm_s2, 1e-3, 1e6);
-    v.number("acceleration_mean_s", acceleration_mean_s, 1e-4, 100);
-    v.number("measured_std_mm", measured_std_mm, 1e-3, 100);
-    v.number("gate", gate, 1, 1e6);
-    v.number("longest_gap_s", longest_gap_s, 0.1, 60);
-    v.number("longest_horizon_ms", longest_horizon_ms, 1, 5000);
-    v.number("judged_horizon_ms", judged_horizon_ms, 1, 5000);
-    v.number("judged_over_s", judged_over_s, 0.1, 100);
   }
 };
 

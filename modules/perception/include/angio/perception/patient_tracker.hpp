@@ -17,8 +17,8 @@ namespace angio {
 struct PatientTrackerSettings {
   double calibration_rotation_std_deg = 2;    ///< Of the calibration, per axis: how far a first registration may look.
   double calibration_translation_std_mm = 6;  ///< Per axis.
-  double tracking_rotation_std_deg = 0.7;     ///< Between two frames, once a frame has been trusted.
-  double tracking_translation_std_mm = 3;
+  static constexpr double tracking_rotation_std_deg = 0.7;  ///< Between two frames, once a frame has been trusted.
+  static constexpr double tracking_translation_std_mm = 3;
   double memory_frames = 8;   ///< Trusted frames that are averaged over; 1: only the newest counts.
   int frames_until_lost = 3;  ///< Untrusted frames in a row after which the search is wide again.
 
@@ -34,9 +34,6 @@ struct PatientTrackerSettings {
   void visit(SettingsVisitor& v) {
     v.number("calibration_rotation_std_deg", calibration_rotation_std_deg, 1e-3, 90);
     v.number("calibration_translation_std_mm", calibration_translation_std_mm, 1e-3, 1000);
-    v.number("tracking_rotation_std_deg", tracking_rotation_std_deg, 1e-3, 90);
-    v.number("tracking_translation_std_mm", tracking_translation_std_mm, 1e-3, 1000);
-    v.number("memory_frames", memory_frames, 1, 1000);
     v.integer("frames_until_lost", frames_until_lost, 1, 1000);
     v.flag("follow_motion", follow_motion);
     v.section("motion", [this](SettingsVisitor& fields) { motion.visit(fields); });

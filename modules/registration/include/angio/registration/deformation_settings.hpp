@@ -15,22 +15,18 @@ enum class DeformationDetail {
 struct DeformationSettings {
   DeformationDetail detail = DeformationDetail::kFull;
 
-  double std_mm = 4;      ///< Size of the displacement, per axis.
-  double length_mm = 60;  ///< Points nearer to each other than this move alike.
-  int most_modes = 40;    ///< Of the smooth field, per axis.
-  double node_mm = 10;    ///< Displacements are linear along the vessel between nodes so far apart.
+  double std_mm = 4;                     ///< Size of the displacement, per axis.
+  double length_mm = 60;                 ///< Points nearer to each other than this move alike.
+  static constexpr int most_modes = 40;  ///< Of the smooth field, per axis.
+  static constexpr double node_mm = 10;  ///< Displacements are linear along the vessel between nodes so far apart.
 
-  double local_std_mm = 0.15;   ///< kFull: size of the correction, per axis.
-  double local_length_mm = 20;  ///< kFull: length along the vessel over which it stays the same.
+  static constexpr double local_std_mm = 0.15;   ///< kFull: size of the correction, per axis.
+  static constexpr double local_length_mm = 20;  ///< kFull: length along the vessel over which it stays the same.
 
   void visit(SettingsVisitor& v) {
     v.choice("detail", detail, {"low_rank", "full"});
     v.number("std_mm", std_mm, 1e-3, 1e3);
     v.number("length_mm", length_mm, 1, 1e4);
-    v.integer("most_modes", most_modes, 1, 300);
-    v.number("node_mm", node_mm, 0.5, 100);
-    v.number("local_std_mm", local_std_mm, 1e-4, 100);
-    v.number("local_length_mm", local_length_mm, 1, 1e4);
   }
 };
 

@@ -26,24 +26,19 @@ Matrix6d covarianceOfResult(const Matrix6d& about_centroid, const Pose& T_camera
 /// true one and 0.5 mm of measurement noise, beta is 0.23: b is 0.7 mm at most where the predicted deviation is 0.6 mm,
 /// so that the lag stays within what the covariance says, on average over a breath.
 struct MotionFilterSettings {
-  double acceleration_std_mm_s2 = 40;          ///< Per axis, of its mean over `acceleration_mean_s`.
-  double angular_acceleration_std_deg_s2 = 6;  ///< Per axis.
-  double acceleration_mean_s = 1.0 / 15;       ///< Density of the white acceleration: its variance times this.
-  double first_speed_std_mm_s = 25;            ///< What may be expected of a first frame, per axis.
-  double first_angular_speed_std_deg_s = 4;
+  double acceleration_std_mm_s2 = 40;                           ///< Per axis, of its mean over `acceleration_mean_s`.
+  static constexpr double angular_acceleration_std_deg_s2 = 6;  ///< Per axis.
+  double acceleration_mean_s = 1.0 / 15;              ///< Density of the white acceleration: its variance times this.
+  static constexpr double first_speed_std_mm_s = 25;  ///< What may be expected of a first frame, per axis.
+  static constexpr double first_angular_speed_std_deg_s = 4;
 
   /// Added to what a registration says of itself, which takes image points as independent and knows no wrong matches.
-  double measured_translation_std_mm = 0.3;
-  double measured_rotation_std_deg = 0.15;
+  static constexpr double measured_translation_std_mm = 0.3;
+  static constexpr double measured_rotation_std_deg = 0.15;
 
   void visit(SettingsVisitor& v) {
     v.number("acceleration_std_mm_s2", acceleration_std_mm_s2, 1e-3, 1e6);
-    v.number("angular_acceleration_std_deg_s2", angular_acceleration_std_deg_s2, 1e-3, 1e6);
     v.number("acceleration_mean_s", acceleration_mean_s, 1e-4, 100);
-    v.number("first_speed_std_mm_s", first_speed_std_mm_s, 1e-3, 1e4);
-    v.number("first_angular_speed_std_deg_s", first_angular_speed_std_deg_s, 1e-3, 1e4);
-    v.number("measured_translation_std_mm", measured_translation_std_mm, 1e-3, 100);
-    v.number("measured_rotation_std_deg", measured_rotation_std_deg, 1e-3, 90);
   }
 };
 

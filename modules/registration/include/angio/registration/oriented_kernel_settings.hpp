@@ -14,7 +14,8 @@ enum class Direction {
   kImageToModel,  ///< Each image point to its nearest oriented edge of the projected model.
 };
 
-/// Registration by oriented kernel fields: many starts, coarse to fine, then a point-to-line polish from image to model.
+/// Registration by oriented kernel fields: many starts, coarse to fine, then a point-to-line polish from image to
+/// model.
 struct OrientedKernelSettings {
   static constexpr const char* kName = "oriented_kernel";
 
@@ -25,14 +26,16 @@ struct OrientedKernelSettings {
   double prior_rotation_std_deg = 5;
   double prior_translation_std_mm = 10;
 
-  int starts = 128;             ///< Of a search that does not say how many.
-  double outlier_mass = 0.5;    ///< Kernel sum at which a model point is as likely stray as matched; a single vessel has 1.
-  double along_stiffness = 0.2; ///< Stiffness along a vessel relative to across it; 1 never lowers the objective.
+  int starts = 128;  ///< Of a search that does not say how many.
+  double outlier_mass =
+      0.5;  ///< Kernel sum at which a model point is as likely stray as matched; a single vessel has 1.
+  static constexpr double along_stiffness =
+      0.2;  ///< Stiffness along a vessel relative to across it; 1 never lowers the objective.
 
-  double spacing_mm = 1;   ///< Longest edge of the model; 0 keeps the points as they are.
-  double spacing_px = 2;   ///< Longest step of the image's centreline.
+  double spacing_mm = 1;  ///< Longest edge of the model; 0 keeps the points as they are.
+  double spacing_px = 2;  ///< Longest step of the image's centreline.
   int most_points_3d = 15000;
-  int most_points_2d = 4000;  ///< More are thinned evenly.
+  static constexpr int most_points_2d = 4000;  ///< More are thinned evenly.
 
   DeformationSettings nonrigid;
 
@@ -42,12 +45,9 @@ struct OrientedKernelSettings {
     v.number("prior_rotation_std_deg", prior_rotation_std_deg, 1e-3, 180);
     v.number("prior_translation_std_mm", prior_translation_std_mm, 1e-3, 1e4);
     v.integer("starts", starts, 1, 100000);
-    v.number("outlier_mass", outlier_mass, 1e-3, 1e3);
-    v.number("along_stiffness", along_stiffness, 0.01, 1);
     v.number("spacing_mm", spacing_mm, 0, 100);
     v.number("spacing_px", spacing_px, 0.1, 100);
     v.integer("most_points_3d", most_points_3d, 10, 100000);
-    v.integer("most_points_2d", most_points_2d, 10, 100000);
     v.section("nonrigid", [&](SettingsVisitor& inner) { nonrigid.visit(inner); });
   }
 };

@@ -19,38 +19,32 @@ struct SequenceTrackerSettings {
   int frames_until_lost = 5;
 
   /// Largest squared Mahalanobis distance between prediction and registration at which they mean one place.
-  double gate = Innovation::kGate;
+  static constexpr double gate = Innovation::kGate;
 
   /// A fit has fallen when its score is below this share of the track's, and its mean distance from image to model
   /// above the track's by as much. Where much of the image is unexplained the score alone says little.
-  double fallen_share = 0.7;
+  static constexpr double fallen_share = 0.7;
 
-  /// Whether a sequence that has never converged may begin a track on an ambiguous pose. If not, every frame is searched around the
-  /// initial prior until one converges.
+  /// Whether a sequence that has never converged may begin a track on an ambiguous pose. If not, every frame is
+  /// searched around the initial prior until one converges.
   bool follow_ambiguous = true;
 
   /// How many times the score of the pose near the prediction another one must have, to be followed instead.
-  double clearly_better = 1.5;
+  static constexpr double clearly_better = 1.5;
 
   double memory_frames = 15;  ///< Of the track's score and distance.
 
   /// A track that has never converged may be in the wrong place: how often to look around the initial prior as well.
-  int frames_between_searches = 15;
+  static constexpr int frames_between_searches = 15;
 
   /// The registration's prior is the prediction with its deviations so many times as wide: its answer goes into the
   /// filter, where the prediction is counted once already.
-  double prior_widening = 3;
+  static constexpr double prior_widening = 3;
 
   void visit(SettingsVisitor& v) {
     v.section("motion", [this](SettingsVisitor& fields) { motion.visit(fields); });
     v.integer("frames_until_lost", frames_until_lost, 1, 1000);
-    v.number("gate", gate, 1e-3, 1e6);
-    v.number("fallen_share", fallen_share, 0, 1);
     v.flag("follow_ambiguous", follow_ambiguous);
-    v.number("clearly_better", clearly_better, 1, 100);
-    v.number("memory_frames", memory_frames, 1, 1000);
-    v.integer("frames_between_searches", frames_between_searches, 1, 1000000);
-    v.number("prior_widening", prior_widening, 1, 100);
   }
 };
 

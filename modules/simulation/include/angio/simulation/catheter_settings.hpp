@@ -21,16 +21,17 @@ struct CatheterSettings {
   double insertion_backlash_mm = 0.6;
   double roll_backlash_deg = 6;
   double bend_backlash_deg = 2;
-  double slack_mm_per_rad = 0.1;          ///< Between the inner and the outer wall, for each radian of bends.
-  double friction = 0.02;                 ///< Coulomb's, between catheter and wall.
-  double drag_n_per_m = 0.5;              ///< Of a straight catheter.
-  double wind_up_deg_per_m = 60;          ///< Of the shaft, before the tip turns; it grows with bends as friction does.
-  double unwind_mm = 20;                  ///< Sliding that lets two thirds of the wind-up out.
-  double stiffness_n_per_m = 400;         ///< Of the catheter in compression.
-  double buckling_force_n = 1;            ///< More than that cannot be pushed through it.
-  double tip_stiffness_n_per_rad = 0.05;  ///< Of the tip against its bend.
-  double contact_force_n = 0.05;          ///< At the tip, from where it counts as a contact.
-  double cone_deg = 70;                   ///< A tip that points further beside a branch's lumen does not enter it.
+  static constexpr double slack_mm_per_rad = 0.1;  ///< Between the inner and the outer wall, for each radian of bends.
+  double friction = 0.02;                          ///< Coulomb's, between catheter and wall.
+  static constexpr double drag_n_per_m = 0.5;      ///< Of a straight catheter.
+  static constexpr double wind_up_deg_per_m =
+      60;  ///< Of the shaft, before the tip turns; it grows with bends as friction does.
+  static constexpr double unwind_mm = 20;                  ///< Sliding that lets two thirds of the wind-up out.
+  static constexpr double stiffness_n_per_m = 400;         ///< Of the catheter in compression.
+  double buckling_force_n = 1;                             ///< More than that cannot be pushed through it.
+  static constexpr double tip_stiffness_n_per_rad = 0.05;  ///< Of the tip against its bend.
+  static constexpr double contact_force_n = 0.05;          ///< At the tip, from where it counts as a contact.
+  static constexpr double cone_deg = 70;  ///< A tip that points further beside a branch's lumen does not enter it.
 
   double largest_insertion_speed_mm_s = 30;
   double largest_roll_speed_deg_s = 360;
@@ -48,16 +49,8 @@ struct CatheterSettings {
     v.number("insertion_backlash_mm", insertion_backlash_mm, 0, 20);
     v.number("roll_backlash_deg", roll_backlash_deg, 0, 180);
     v.number("bend_backlash_deg", bend_backlash_deg, 0, 60);
-    v.number("slack_mm_per_rad", slack_mm_per_rad, 0, 10);
     v.number("friction", friction, 0, 0.5);
-    v.number("drag_n_per_m", drag_n_per_m, 0, 20);
-    v.number("wind_up_deg_per_m", wind_up_deg_per_m, 0, 1000);
-    v.number("unwind_mm", unwind_mm, 0.1, 1000);
-    v.number("stiffness_n_per_m", stiffness_n_per_m, 1, 1e5);
     v.number("buckling_force_n", buckling_force_n, 0.01, 100);
-    v.number("tip_stiffness_n_per_rad", tip_stiffness_n_per_rad, 0, 10);
-    v.number("contact_force_n", contact_force_n, 0.001, 10);
-    v.number("cone_deg", cone_deg, 1, 180);
     v.number("largest_insertion_speed_mm_s", largest_insertion_speed_mm_s, 0.1, 200);
     v.number("largest_roll_speed_deg_s", largest_roll_speed_deg_s, 1, 3600);
     v.number("largest_bend_speed_deg_s", largest_bend_speed_deg_s, 1, 720);

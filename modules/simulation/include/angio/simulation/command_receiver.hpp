@@ -28,7 +28,6 @@ struct ReceiverSettings {
   void visit(SettingsVisitor& v) {
     v.number("most_command_age_ms", most_command_age_ms, 1, 60e3);
     v.number("most_command_lead_ms", most_command_lead_ms, 0, 60e3);
-    v.number("most_overspeed", most_overspeed, 1, 1e3);
   }
 };
 

@@ -31,15 +31,14 @@ struct VesselnessSettings {
   double smallest_radius_mm = 1;  ///< Of the vessels that are looked for [mm].
   double largest_radius_mm = 4;   ///< [mm].
   int scales = 3;                 ///< Radii looked at, in equal ratios.
-  double uniformity = 0.5;        ///< The paper's tau: small values let weak vessels answer like strong ones.
+  static constexpr double uniformity =
+      0.5;  ///< The paper's tau: small values let weak vessels answer like strong ones.
   double strong = 0.8;
   double weak = 0.5;
 
   void visit(SettingsVisitor& v) {
     v.number("smallest_radius_mm", smallest_radius_mm, 0.05, 100);
     v.number("largest_radius_mm", largest_radius_mm, 0.05, 100);
-    v.integer("scales", scales, 1, 20);
-    v.number("uniformity", uniformity, 0.01, 1);
     v.number("strong", strong, 0, 1);
     v.number("weak", weak, 0, 1);
   }

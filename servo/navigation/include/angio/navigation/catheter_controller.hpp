@@ -19,18 +19,22 @@ struct CatheterControllerSettings {
   PerceptionSettings perception;        ///< Of the roadmap.
   RegistrationGateSettings supervisor;  ///< The same: which registrations are used.
   int roadmap_frames = 3;               ///< Accepted registrations in a row that make a roadmap ...
-  int washed_out_frames = 3;         ///< ... and frames in a row without one, before the catheter alone is looked for.
-  double most_turn_deg = 0.3;        ///< Of the C-arm since the roadmap; more, and another one is needed.
-  double most_shift_error_mm = 0.5;  ///< The same, of the table: what the roadmap's unsure depth makes of its way.
-  double most_drive_age_ms = 150;    ///< Between a frame and the drive's state that it is read with.
+  static constexpr int washed_out_frames =
+      3;  ///< ... and frames in a row without one, before the catheter alone is looked for.
+  static constexpr double most_turn_deg = 0.3;  ///< Of the C-arm since the roadmap; more, and another one is needed.
+  static constexpr double most_shift_error_mm =
+      0.5;                         ///< The same, of the table: what the roadmap's unsure depth makes of its way.
+  double most_drive_age_ms = 150;  ///< Between a frame and the drive's state that it is read with.
 
   /// Whether the C-arm is asked for the best view of the stretch around the tip (VIEW_REQUEST), and for another when
   /// one leaves doubt. Otherwise it stays where it is.
   bool ask_for_views = false;
   ViewPlannerSettings view;
-  double view_within_deg = 1;     ///< A view that was asked for is reached when the beam is as near as this ...
-  double view_within_mm = 5;      ///< ... and the stretch's middle.
-  double roadmap_patience_s = 8;  ///< In a view that is reached without a roadmap, until it is asked for again.
+  static constexpr double view_within_deg =
+      1;  ///< A view that was asked for is reached when the beam is as near as this ...
+  static constexpr double view_within_mm = 5;  ///< ... and the stretch's middle.
+  static constexpr double roadmap_patience_s =
+      8;  ///< In a view that is reached without a roadmap, until it is asked for again.
 
   /// Of the drive's permission to move: for a node, the controller itself knows no states.
   SupervisionSettings safety = forDrive();
@@ -47,15 +51,9 @@ struct CatheterControllerSettings {
     loop.visit(v);
     v.section("supervisor", [this](SettingsVisitor& s) { supervisor.visit(s); });
     v.integer("roadmap_frames", roadmap_frames, 1, 1000);
-    v.integer("washed_out_frames", washed_out_frames, 1, 1000);
-    v.number("most_turn_deg", most_turn_deg, 0.01, 30);
-    v.number("most_shift_error_mm", most_shift_error_mm, 0.01, 100);
     v.number("most_drive_age_ms", most_drive_age_ms, 1, 10e3);
     v.flag("ask_for_views", ask_for_views);
     v.section("view", [this](SettingsVisitor& s) { view.visit(s); });
-    v.number("view_within_deg", view_within_deg, 0.01, 30);
-    v.number("view_within_mm", view_within_mm, 0.1, 100);
-    v.number("roadmap_patience_s", roadmap_patience_s, 1, 3600);
     safety.visit(v);
     v.section("drive", [this](SettingsVisitor& s) { drive.visit(s); });
   }

@@ -13,26 +13,22 @@ namespace angio {
 
 /// What a catheter's drive does with its commands when it is sound.
 struct DriveMonitorSettings {
-  double most_latency_ms = 500;          ///< From the frame behind a command until its effect ends, without a newer.
-  double least_acceleration_mm_s2 = 50;  ///< That the drive uses at least.
-  double least_acceleration_deg_s2 = 500;
+  double most_latency_ms = 500;  ///< From the frame behind a command until its effect ends, without a newer.
+  static constexpr double least_acceleration_mm_s2 = 50;  ///< That the drive uses at least.
+  static constexpr double least_acceleration_deg_s2 = 500;
   double most_stray_mm = 3;    ///< Pushed or pulled without a command that explains it.
   double most_stray_deg = 20;  ///< Rolled or bent so.
   double most_lag_mm = 10;     ///< Commanded and not made: it is stuck, at its end, or stopped by itself.
   double most_lag_deg = 90;
-  double forgotten_mm_s = 0.2;  ///< Differences that come more slowly are encoders' noise.
-  double forgotten_deg_s = 2;
+  static constexpr double forgotten_mm_s = 0.2;  ///< Differences that come more slowly are encoders' noise.
+  static constexpr double forgotten_deg_s = 2;
 
   void visit(SettingsVisitor& v) {
     v.number("most_latency_ms", most_latency_ms, 0, 10e3);
-    v.number("least_acceleration_mm_s2", least_acceleration_mm_s2, 0.1, 10e3);
-    v.number("least_acceleration_deg_s2", least_acceleration_deg_s2, 1, 100e3);
     v.number("most_stray_mm", most_stray_mm, 0.1, 100);
     v.number("most_stray_deg", most_stray_deg, 1, 720);
     v.number("most_lag_mm", most_lag_mm, 0.1, 100);
     v.number("most_lag_deg", most_lag_deg, 1, 720);
-    v.number("forgotten_mm_s", forgotten_mm_s, 0, 10);
-    v.number("forgotten_deg_s", forgotten_deg_s, 0, 100);
   }
 };
 

@@ -9,9 +9,9 @@ namespace angio {
 struct NavigatorSettings {
   // The catheter, by its data sheet.
   double tip_length_mm = 6;
-  double tip_angle_deg = 25;     ///< As it was shaped.
-  double largest_bend_deg = 90;  ///< That steering adds; 0: it cannot be steered.
-  double dead_band_deg = 30;     ///< Of roll, between drive and tip, from one side to the other.
+  double tip_angle_deg = 25;                   ///< As it was shaped.
+  double largest_bend_deg = 90;                ///< That steering adds; 0: it cannot be steered.
+  static constexpr double dead_band_deg = 30;  ///< Of roll, between drive and tip, from one side to the other.
 
   // Speeds.
   double speed_mm_s = 12;
@@ -22,52 +22,39 @@ struct NavigatorSettings {
   double valid_for_ms = 300;  ///< How long a command may be obeyed.
 
   // Forks.
-  double slow_mm = 12;
-  double aim_mm = 4;      ///< Before a fork, the tip is aimed.
-  double confirm_mm = 2;  ///< Beyond where its branches part, one of them counts as entered.
-  double sure_mm = 10;    ///< Beyond there, even a doubtful belief of a wrong branch counts.
-  double short_mm = 9;  ///< Forks that follow each other closer than that are aimed for together where one aim serves.
-  double back_mm = 6;   ///< Before it, another try begins.
-  double lever_mm = 5.5;       ///< Along which a branch's direction is taken, give or take a third.
-  double angle_deg = 8;        ///< Of the tip, good enough.
-  double look_sigma_deg = 35;  ///< Less sure of the tip's angle than that, it is turned once around to be seen.
-  int tries = 10;              ///< At one fork.
+  static constexpr double slow_mm = 12;
+  static constexpr double aim_mm = 4;      ///< Before a fork, the tip is aimed.
+  static constexpr double confirm_mm = 2;  ///< Beyond where its branches part, one of them counts as entered.
+  static constexpr double sure_mm = 10;    ///< Beyond there, even a doubtful belief of a wrong branch counts.
+  static constexpr double short_mm =
+      9;  ///< Forks that follow each other closer than that are aimed for together where one aim serves.
+  static constexpr double back_mm = 6;     ///< Before it, another try begins.
+  static constexpr double lever_mm = 5.5;  ///< Along which a branch's direction is taken, give or take a third.
+  static constexpr double angle_deg = 8;   ///< Of the tip, good enough.
+  static constexpr double look_sigma_deg =
+      35;          ///< Less sure of the tip's angle than that, it is turned once around to be seen.
+  int tries = 10;  ///< At one fork.
 
   // Doubts.
-  double least_probability = 0.6;  ///< Of the branch; below, it stops and waits.
-  double largest_sigma_mm = 5;     ///< Of the place along it; above, it stops and waits.
-  double patience_s = 2;           ///< Then it pulls back slowly, as far as `retreat_mm`.
-  double retreat_mm = 25;
-  double largest_force_n = 0.8;  ///< At the drive; above, it pulls back.
-  double stall_mm = 12;          ///< Pushed or pulled without the tip's following: it stands against a wall.
+  static constexpr double least_probability = 0.6;  ///< Of the branch; below, it stops and waits.
+  static constexpr double largest_sigma_mm = 5;     ///< Of the place along it; above, it stops and waits.
+  static constexpr double patience_s = 2;           ///< Then it pulls back slowly, as far as `retreat_mm`.
+  static constexpr double retreat_mm = 25;
+  double largest_force_n = 0.8;           ///< At the drive; above, it pulls back.
+  static constexpr double stall_mm = 12;  ///< Pushed or pulled without the tip's following: it stands against a wall.
 
   void visit(SettingsVisitor& v) {
     v.number("tip_length_mm", tip_length_mm, 1, 50);
     v.number("tip_angle_deg", tip_angle_deg, 0, 120);
     v.number("largest_bend_deg", largest_bend_deg, 0, 120);
-    v.number("dead_band_deg", dead_band_deg, 0, 180);
     v.number("speed_mm_s", speed_mm_s, 0.1, 50);
     v.number("fork_speed_mm_s", fork_speed_mm_s, 0.1, 50);
     v.number("back_speed_mm_s", back_speed_mm_s, 0.1, 50);
     v.number("roll_speed_deg_s", roll_speed_deg_s, 1, 720);
     v.number("bend_speed_deg_s", bend_speed_deg_s, 1, 720);
     v.number("valid_for_ms", valid_for_ms, 20, 1000);
-    v.number("slow_mm", slow_mm, 0, 100);
-    v.number("aim_mm", aim_mm, 0.1, 50);
-    v.number("confirm_mm", confirm_mm, 0.1, 50);
-    v.number("sure_mm", sure_mm, 0.1, 100);
-    v.number("short_mm", short_mm, 0, 100);
-    v.number("back_mm", back_mm, 0.1, 50);
-    v.number("lever_mm", lever_mm, 0.5, 50);
-    v.number("angle_deg", angle_deg, 1, 45);
-    v.number("look_sigma_deg", look_sigma_deg, 1, 104);
     v.integer("tries", tries, 1, 100);
-    v.number("least_probability", least_probability, 0, 1);
-    v.number("largest_sigma_mm", largest_sigma_mm, 0.1, 100);
-    v.number("patience_s", patience_s, 0, 60);
-    v.number("retreat_mm", retreat_mm, 0, 200);
     v.number("largest_force_n", largest_force_n, 0.01, 20);
-    v.number("stall_mm", stall_mm, 1, 100);
   }
 };
 

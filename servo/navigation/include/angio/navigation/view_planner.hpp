@@ -14,19 +14,15 @@ struct ViewPlannerSettings {
   double behind_mm = 20;  ///< Of the tip: there the stretch begins that a view is chosen for ...
   double ahead_mm = 60;   ///< ... and there it ends, or at the target.
   double renew_mm = 15;   ///< Before its end, it is time for the next.
-  double other_deg = 30;  ///< A view that doubt asks for lies at least so far from the one that raised it.
+  static constexpr double other_deg =
+      30;  ///< A view that doubt asks for lies at least so far from the one that raised it.
   double most_primary_deg = 90;
   double most_secondary_deg = 45;
   double step_deg = 7.5;  ///< Between the views that are compared.
 
   void visit(SettingsVisitor& v) {
-    v.number("behind_mm", behind_mm, 0, 1000);
-    v.number("ahead_mm", ahead_mm, 10, 1000);
-    v.number("renew_mm", renew_mm, 0, 1000);
-    v.number("other_deg", other_deg, 0, 90);
     v.number("most_primary_deg", most_primary_deg, 1, 110);
     v.number("most_secondary_deg", most_secondary_deg, 1, 55);
-    v.number("step_deg", step_deg, 0.5, 15);
   }
 };
 

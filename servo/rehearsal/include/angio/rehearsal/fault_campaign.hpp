@@ -54,9 +54,6 @@ struct FaultCampaignSettings {
   }
 
   void visit(SettingsVisitor& v) {
-    v.number("sound_s", sound_s, 0.1, 600);
-    v.number("disturbed_s", disturbed_s, 0.1, 600);
-    v.number("recovery_s", recovery_s, 0.1, 600);
     v.integer("image_px", image_px, 128, 4096);
     v.number("most_primary_deg", most_primary_deg, 0, 90);
     v.number("most_secondary_deg", most_secondary_deg, 0, 45);

@@ -17,12 +17,12 @@ namespace angio {
 /// lab. The catheter's controller asks for views, the C-arm's loop goes there by what the images show, and an injector
 /// fills the vessels with contrast agent while a view is being reached and until a roadmap can have been made.
 struct NavigateStudySettings {
-  double roadmap_contrast_s = 1.5;   ///< That contrast agent is injected for after a view is reached.
-  double longest_s = 240;            ///< A journey that takes longer has failed.
-  double least_radius_mm = 0.4;      ///< Targets are branches that no narrower vessel leads to.
-  double least_way_mm = 60;          ///< From the root to the target.
-  double into_branch_mm = 10;        ///< The target in its branch, or four fifths of a shorter one.
-  double calibration_error_deg = 1;  ///< Of T_dsa_cb.
+  double roadmap_contrast_s = 1.5;                ///< That contrast agent is injected for after a view is reached.
+  double longest_s = 240;                         ///< A journey that takes longer has failed.
+  static constexpr double least_radius_mm = 0.4;  ///< Targets are branches that no narrower vessel leads to.
+  double least_way_mm = 60;                       ///< From the root to the target.
+  static constexpr double into_branch_mm = 10;    ///< The target in its branch, or four fifths of a shorter one.
+  double calibration_error_deg = 1;               ///< Of T_dsa_cb.
   double calibration_error_mm = 3;
   int detector_px = 512;  ///< Width and height of the detector's image: fluoroscopy reads its pixels out in fours.
   RoomSettings room;
@@ -30,9 +30,7 @@ struct NavigateStudySettings {
   void visit(SettingsVisitor& v) {
     v.number("roadmap_contrast_s", roadmap_contrast_s, 0, 60);
     v.number("longest_s", longest_s, 1, 1e4);
-    v.number("least_radius_mm", least_radius_mm, 0, 10);
     v.number("least_way_mm", least_way_mm, 0, 1000);
-    v.number("into_branch_mm", into_branch_mm, 0, 100);
     v.number("calibration_error_deg", calibration_error_deg, 0, 10);
     v.number("calibration_error_mm", calibration_error_mm, 0, 50);
     v.integer("detector_px", detector_px, 256, 2048);

@@ -31,7 +31,6 @@ struct BolusSettings {
     v.number("speed_m_per_s", speed_m_per_s, 0.01, 5);
     v.number("wash_in_s", wash_in_s, 0.01, 30);
     v.number("wash_out_s", wash_out_s, 0.01, 60);
-    v.number("dispersion", dispersion, 0, 2);
   }
 };
 

@@ -20,8 +20,6 @@ struct DeviceSettings {
 
   void visit(SettingsVisitor& v) {
     v.choice("kind", kind, {"none", "catheter", "guidewire"});
-    v.number("diameter_factor", diameter_factor, 0.1, 10);
-    v.number("opacity_factor", opacity_factor, 0, 10);
     v.integer("tip_branch", tip_branch, 0, 100000);
     v.number("inserted_mm", inserted_mm, 1, 3000);
     v.number("speed_mm_per_s", speed_mm_per_s, -200, 200);

@@ -20,8 +20,8 @@ enum class PixelDepth { k8, k16 };  ///< Bits of a grey value.
 struct DetectorSettings {
   double psf_sigma_mm = 0.16;  ///< Spread of the light of a quantum on the detector: MTF 0.6 at 1 line pair per mm.
   double focal_spot_mm = 0.5;  ///< Width of the focal spot; it blurs the shadow, not the noise.
-  double scatter_to_primary = 0.25;   ///< Scattered over unscattered quanta in the open field, behind the grid.
-  double scatter_sigma_mm = 30;       ///< How far scatter strays on the detector.
+  double scatter_to_primary = 0.25;  ///< Scattered over unscattered quanta in the open field, behind the grid.
+  static constexpr double scatter_sigma_mm = 30;  ///< How far scatter strays on the detector.
   double lag = 0;                     ///< Part of the signal that is left from the frame before, as an afterglow.
   PixelDepth bits = PixelDepth::k16;  ///< Of the image. Grey levels count from 0 to 65535 (255) either way.
 
@@ -29,7 +29,6 @@ struct DetectorSettings {
     v.number("psf_sigma_mm", psf_sigma_mm, 0, 2);
     v.number("focal_spot_mm", focal_spot_mm, 0, 3);
     v.number("scatter_to_primary", scatter_to_primary, 0, 10);
-    v.number("scatter_sigma_mm", scatter_sigma_mm, 5, 200);
     v.number("lag", lag, 0, 0.9);
     v.choice("bits", bits, {"8", "16"});
   }
@@ -100,11 +99,12 @@ struct FluoroscopySettings {
   double photons_per_pixel = 2500;      ///< With dose `photons`: expected in a pixel behind average anatomy.
   double electronic_noise_photons = 5;  ///< Standard deviation of the detector's own noise [photons].
   double background_strength = 0.08;    ///< Standard deviation of soft tissue's log-attenuation over the image.
-  double background_structure_mm = 45;  ///< Size of the largest structures of soft tissue, in the patient [mm].
-  double background_level = 27000;      ///< Grey value behind average anatomy, of 65535.
-  double end_radius_mm = 0.65;          ///< Radius of vessel ends where the tree knows none [mm].
-  int seed = 1;                         ///< Of the anatomy and of the noise.
-  int threads = 1;                      ///< The image is the same with any number.
+  static constexpr double background_structure_mm =
+      45;                           ///< Size of the largest structures of soft tissue, in the patient [mm].
+  double background_level = 27000;  ///< Grey value behind average anatomy, of 65535.
+  double end_radius_mm = 0.65;      ///< Radius of vessel ends where the tree knows none [mm].
+  int seed = 1;                     ///< Of the anatomy and of the noise.
+  int threads = 1;                  ///< The image is the same with any number.
   DetectorSettings detector;
   AnatomySettings anatomy;
   CollimatorSettings collimator;
@@ -117,7 +117,6 @@ struct FluoroscopySettings {
     v.number("photons_per_pixel", photons_per_pixel, 1, 1e9);
     v.number("electronic_noise_photons", electronic_noise_photons, 0, 1e6);
     v.number("background_strength", background_strength, 0, 2);
-    v.number("background_structure_mm", background_structure_mm, 20, 1000);
     v.number("background_level", background_level, 1, 65535);
     v.number("end_radius_mm", end_radius_mm, 0.01, 10);
     v.integer("seed", seed, 0, 2147483647);

@@ -23,14 +23,10 @@ struct BreathingSettings {
 
   void visit(SettingsVisitor& v) {
     v.number("amplitude_mm", amplitude_mm, 0, 60);
-    v.number("forward_mm", forward_mm, -10, 10);
     v.number("period_s", period_s, 0.5, 30);
-    v.number("sharpness", sharpness, 1, 10);
-    v.number("hysteresis", hysteresis, 0, 0.5);
     v.number("variation", variation, 0, 0.5);
     v.number("drift_mm_per_min", drift_mm_per_min, -30, 30);
     v.number("diaphragm_mm", diaphragm_mm, -300, 300);
-    v.number("reach_mm", reach_mm, 20, 1000);
   }
 };
 
@@ -47,7 +43,6 @@ struct HeartbeatSettings {
     v.number("rate_per_min", rate_per_min, 20, 220);
     v.number("turn_deg", turn_deg, -30, 30);
     v.numbers("centre_mm", centre_mm, 3, -300, 300);
-    v.number("reach_mm", reach_mm, 10, 300);
   }
 };
 

@@ -14,9 +14,7 @@ struct TruthSettings {
   double shortest_px = 8;  ///< Shorter visible pieces are left out.
 
   void visit(SettingsVisitor& v) {
-    v.number("least_contrast_to_noise", least_contrast_to_noise, 0, 1000);
     v.number("spacing_px", spacing_px, 0.2, 50);
-    v.number("shortest_px", shortest_px, 0, 1000);
   }
 };
 
