@@ -5,9 +5,9 @@
 #include <optional>
 
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/carm_calibration.hpp"
 #include "angio/calibration/geometry_input.hpp"
 #include "angio/calibration/geometry_pictures.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/report_html.hpp"

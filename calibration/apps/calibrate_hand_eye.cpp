@@ -7,7 +7,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"
 #include "calibrate.hpp"
 #include "hand_eye_output.hpp"

@@ -9,7 +9,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/anatomy_angles.hpp"
 #include "angio/calibration/anatomy_registration.hpp"
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"

@@ -7,7 +7,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/record.hpp"
+#include "angio/calibration_records/record.hpp"
 
 namespace angio {
 namespace {

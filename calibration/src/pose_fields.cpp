@@ -2,7 +2,7 @@
 #include "angio/calibration/pose_fields.hpp"
 
 #include "angio/base/errors.hpp"
-#include "covariance_field.hpp"
+#include "angio/calibration_records/covariance_field.hpp"
 
 namespace angio {
 namespace {

@@ -4,7 +4,7 @@
 #include <iostream>
 
 #include "angio/base/errors.hpp"
-#include "angio/calibration/record.hpp"
+#include "angio/calibration_records/record.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"

@@ -6,7 +6,7 @@
 #include <iostream>
 
 #include "angio/base/errors.hpp"
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/perception/perception_node.hpp"
 

@@ -8,7 +8,7 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"

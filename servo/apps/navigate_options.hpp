@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/navigation/catheter_node.hpp"

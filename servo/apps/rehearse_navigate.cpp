@@ -5,7 +5,7 @@
 #include <iostream>
 #include <memory>
 
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"

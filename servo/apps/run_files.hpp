@@ -4,7 +4,7 @@
 #include <functional>
 #include <string>
 
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/simulation/simulated_patient.hpp"
 
 namespace angio {

@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
-#include "angio/calibration/carm_calibration.hpp"
-#include "angio/calibration/record.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/calibration_records/record.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/vessel/vessel_tree.hpp"

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "angio/base/variant_sections.hpp"
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/imaging/extractor_sections.hpp"
 #include "angio/rehearsal/rehearsal_settings.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gmock/gmock.h>
 
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/calibration/record.hpp"
+#include "angio/calibration_records/record.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/test/phantoms.hpp"
 

@@ -6,7 +6,7 @@
 
 #include <functional>
 
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/log_reader.hpp"

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/rehearsal/navigate_study.hpp"
 #include "angio/test/phantoms.hpp"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
-#include "angio/calibration/record.hpp"
+#include "angio/calibration_records/record.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/vessel/centerline2d.hpp"

@@ -8,7 +8,7 @@
 
 #include "angio/base/settings.hpp"
 #include "angio/calibration/bead_phantom.hpp"
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/geometry/distortion.hpp"
 
 namespace angio {

@@ -7,7 +7,7 @@
 
 #include "angio/base/settings.hpp"
 #include "angio/calibration/bead_phantom.hpp"
-#include "angio/calibration/record.hpp"
+#include "angio/calibration_records/record.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/io/camera_files.hpp"
 

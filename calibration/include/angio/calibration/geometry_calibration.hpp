@@ -8,7 +8,7 @@
 #include "angio/base/settings.hpp"
 #include "angio/calibration/bead_phantom.hpp"
 #include "angio/calibration/pose_set.hpp"
-#include "angio/calibration/record.hpp"
+#include "angio/calibration_records/record.hpp"
 #include "angio/geometry/carm.hpp"
 
 namespace angio {

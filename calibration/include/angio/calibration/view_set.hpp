@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "angio/calibration/record.hpp"
+#include "angio/calibration_records/record.hpp"
 #include "angio/geometry/carm.hpp"
 
 namespace angio {

@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 
 namespace angio {
 

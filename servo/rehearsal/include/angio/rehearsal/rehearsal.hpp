@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "angio/calibration/carm_calibration.hpp"
 #include "angio/calibration/view_uncertainty.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/rehearsal/rehearsal_settings.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/simulated_room.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "carm_deviations_format.hpp"
+#include "angio/calibration_records/carm_deviations_format.hpp"
 
 #include <array>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "covariance_field.hpp"
+#include "angio/calibration_records/covariance_field.hpp"
 
 #include <Eigen/Cholesky>
 

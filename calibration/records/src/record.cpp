@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/calibration/record.hpp"
+#include "angio/calibration_records/record.hpp"
 
 #include <openssl/evp.h>
 
@@ -12,8 +12,8 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/calibration_records/covariance_field.hpp"
 #include "angio/io/whole_file.hpp"
-#include "covariance_field.hpp"
 
 namespace angio {
 namespace {

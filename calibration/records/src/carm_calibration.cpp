@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/calibration/carm_calibration.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 
 #include "angio/base/errors.hpp"
+#include "angio/calibration_records/carm_deviations_format.hpp"
 #include "angio/io/whole_file.hpp"
-#include "carm_deviations_format.hpp"
 
 namespace angio {
 namespace {
