@@ -12,7 +12,7 @@ std::string markdownTable(const std::vector<std::vector<std::string>>& rows) {
   std::string text;
   for (const auto& row : rows) {
     text += "|";
-    for (const std::string& cell : row) text += " " + cell + " |";
+    for (const std::string& cell : row) text += (cell.empty() ? "" : " " + cell) + " |";
     text += "\n";
     if (&row != &rows.front()) continue;
     text += "|";
