@@ -10,7 +10,6 @@
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/report_html.hpp"
 #include "angio/io/settings_files.hpp"
 #include "calibrate.hpp"
 #include "report_folder.hpp"
@@ -62,24 +61,18 @@ std::string tableOf(const GeometryCalibration& found) {
   return table;
 }
 
-void writeReport(const std::string& folder, const std::string& views, const GeometryCalibration& found) {
-  const ReportFolder report(folder);
-  const cv::Mat residuals = residualsByAngle(found), axes = axesSketch(found);
-  report.picture("residuals.png", residuals);
-  report.picture("axes.png", axes);
-  std::vector<cv::Mat> overview{residuals, axes};
-  std::vector<std::string> pictures{
-      html::picture(residuals, "What joints do not explain of each view: the larger the ring, the larger the residual"),
-      html::picture(axes, "The axes near the isocentre, true to scale; an ideal arm's all go through its middle")};
+void writeGeometryReport(const std::string& folder, const std::string& views, const GeometryCalibration& found) {
+  std::vector<ReportPicture> pictures{
+      {"residuals.png", "What joints do not explain of each view: the larger the ring, the larger the residual",
+       residualsByAngle(found)},
+      {"axes.png", "The axes near the isocentre, true to scale; an ideal arm's all go through its middle",
+       axesSketch(found)}};
   if (found.carm.deviations.flex.count > 0) {
-    const cv::Mat flex = flexCurves(found);
-    report.picture("flex.png", flex);
-    overview.push_back(flex);
-    pictures.push_back(html::picture(flex, "How the arm bends, camera axes, over one angle while the other is zero"));
+    pictures.push_back(
+        {"flex.png", "How the arm bends, camera axes, over one angle while the other is zero", flexCurves(found)});
   }
-  report.overview(overview);
-  report.page("Geometry of the C-arm", views,
-              {html::section("Pictures", html::grid(pictures)), html::section("Numbers", printed(tableOf(found)))});
+  writeReport(folder, "Geometry of the C-arm", views,
+              {{"Pictures", "", pictures}, {"Numbers", printed(tableOf(found)), {}}});
 }
 
 int calibrate(const GeometryOptions& o) {
@@ -106,7 +99,7 @@ int calibrate(const GeometryOptions& o) {
   file.records = input.records;
   file.records.push_back(found.record);
   writeCArmFile(o.out, file);
-  if (!o.report.empty()) writeReport(o.report, o.views, found);
+  if (!o.report.empty()) writeGeometryReport(o.report, o.views, found);
   std::cout << tableOf(found);
   return 0;
 }

@@ -10,7 +10,7 @@
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"
 #include "calibrate.hpp"
-#include "hand_eye_output.hpp"
+#include "outputs.hpp"
 
 namespace angio {
 namespace {

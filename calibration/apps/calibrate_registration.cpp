@@ -20,8 +20,7 @@
 #include "angio/io/whole_file.hpp"
 #include "angio/io/xa_files.hpp"
 #include "calibrate.hpp"
-#include "hand_eye_output.hpp"
-#include "registration_output.hpp"
+#include "outputs.hpp"
 
 namespace angio {
 namespace {

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "camera_output.hpp"
+#include "outputs.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "angio/base/formatted.hpp"
+#include "angio/base/joined.hpp"
 #include "angio/calibration/camera_pictures.hpp"
 #include "angio/evaluation/report_html.hpp"
+#include "angio/evaluation/tables.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "report_folder.hpp"
@@ -15,13 +17,13 @@ namespace angio {
 namespace {
 
 std::string valuesTable(const CalibrationRecord& record) {
-  std::string text = "| | value | sigma |\n| --- | --- | --- |\n";
+  std::vector<std::vector<std::string>> rows{{"", "value", "sigma"}};
   for (std::size_t k = 0; k < record.parameters.size(); ++k) {
     const auto i = static_cast<Eigen::Index>(k);
-    text += formatted("| %s | %.6g | %.2g |\n", record.parameters[k].c_str(), record.values[i],
-                      std::sqrt(record.covariance(i, i)));
+    rows.push_back({record.parameters[k], formatted("%.6g", record.values[i]),
+                    formatted("%.2g", std::sqrt(record.covariance(i, i)))});
   }
-  return text;
+  return markdownTable(rows);
 }
 
 // How much of the focal length's uncertainty is shared with depth, whether or not it is called weak.
@@ -32,35 +34,33 @@ std::string focalAndDepth(const CalibrationRecord& record) {
                    C(0, depth) / std::sqrt(C(0, 0) * C(depth, depth)));
 }
 
-std::string viewNames(const std::vector<const CalibratedView*>& views) {
-  std::string names;
-  for (const auto* view : views) names += (names.empty() ? "" : ", ") + view->name;
-  return names.empty() ? "none" : names;
-}
-
 std::string outliers(const CameraCalibration& result) {
-  std::vector<const CalibratedView*> left_out;
-  std::string beads;
+  std::vector<std::string> left_out, beads;
   for (const CalibratedView& view : result.views) {
-    if (view.left_out) left_out.push_back(&view);
-    std::string numbers;
+    if (view.left_out) left_out.push_back(view.name);
+    std::vector<std::string> numbers;
     for (std::size_t i = 0; i < view.beads.size(); ++i) {
-      if (view.is_outlier[i]) numbers += (numbers.empty() ? "" : ", ") + std::to_string(view.beads[i].bead);
+      if (view.is_outlier[i]) numbers.push_back(std::to_string(view.beads[i].bead));
     }
-    if (!numbers.empty()) beads += (beads.empty() ? "" : "; ") + view.name + ": " + numbers;
+    if (!numbers.empty()) beads.push_back(view.name + ": " + joined(numbers));
   }
-  return "views left out: " + viewNames(left_out) + "\nbeads left out: " + (beads.empty() ? "none" : beads) + "\n";
+  std::string of_beads;
+  for (const std::string& of_view : beads) of_beads += (of_beads.empty() ? "" : "; ") + of_view;
+  return "views left out: " + (left_out.empty() ? "none" : joined(left_out)) +
+         "\nbeads left out: " + (beads.empty() ? "none" : of_beads) + "\n";
 }
 
 std::string viewsTable(const CameraCalibration& result) {
-  std::string text = "| view | beads | left out | rms px | |\n| --- | --- | --- | --- | --- |\n";
+  std::vector<std::vector<std::string>> rows{{"view", "beads", "left out", "rms px", ""}};
   for (const CalibratedView& view : result.views) {
-    const auto left_out = std::count(view.is_outlier.begin(), view.is_outlier.end(), true);
-    text +=
-        formatted("| %s | %zu | %d | %.3f | %s |\n", view.name.c_str(), view.beads.size(), static_cast<int>(left_out),
-                  view.rms_px, view.left_out ? "left out" : (view.held_out ? "held out" : ""));
+    rows.push_back({view.name, std::to_string(view.beads.size()),
+                    std::to_string(std::count(view.is_outlier.begin(), view.is_outlier.end(), true)),
+                    formatted("%.3f", view.rms_px),
+                    view.left_out   ? "left out"
+                    : view.held_out ? "held out"
+                                    : ""});
   }
-  return text;
+  return markdownTable(rows);
 }
 
 // The image behind a view's overlay; nothing for a table.
@@ -94,27 +94,23 @@ void writeCalibratedCamera(const std::string& path, const CameraCalibration& res
 }
 
 void writeCameraReport(const std::string& folder, const CameraCalibration& result, const ViewSet& set) {
-  const ReportFolder report(folder);
-  std::vector<std::string> overlays;
+  std::vector<ReportPicture> overlays;
   for (std::size_t v = 0; v < result.views.size(); ++v) {
-    const cv::Mat picture = viewOverlay(result, v, imageBehind(set.views[v]));
-    report.picture(formatted("view-%03zu.png", v + 1), picture);
-    overlays.push_back(
-        html::picture(picture, result.views[v].name + formatted(": rms %.3f px", result.views[v].rms_px)));
+    overlays.push_back({formatted("view-%03zu.png", v + 1),
+                        result.views[v].name + formatted(": rms %.3f px", result.views[v].rms_px),
+                        viewOverlay(result, v, imageBehind(set.views[v])), v == 0});
   }
   const ResidualField field = residualField(result);
-  const cv::Mat coverage = coverageMap(result);
-  report.picture("residuals.png", field.picture);
-  report.picture("coverage.png", coverage);
-  report.overview({viewOverlay(result, 0, imageBehind(set.views[0])), field.picture, coverage});
-  const std::string maps =
-      html::grid({html::picture(field.picture, formatted("Residuals of all views, %.0f times as long: what points one "
-                                                         "way over a part of the detector is no noise",
-                                                         field.enlargement)),
-                  html::picture(coverage, "Beads seen in each part of the detector")});
-  report.page("Camera calibration", set.path,
-              {html::section("Camera", html::fromMarkdown(cameraTable(result))), html::section("Detector", maps),
-               html::section("Views", html::fromMarkdown(viewsTable(result)) + html::grid(overlays))});
+  const std::string field_caption = formatted(
+      "Residuals of all views, %.0f times as long: what points one way over a part of the detector is no noise",
+      field.enlargement);
+  writeReport(folder, "Camera calibration", set.path,
+              {{"Camera", html::fromMarkdown(cameraTable(result)), {}},
+               {"Views", html::fromMarkdown(viewsTable(result)), overlays},
+               {"Detector",
+                "",
+                {{"residuals.png", field_caption, field.picture},
+                 {"coverage.png", "Beads seen in each part of the detector", coverageMap(result)}}}});
 }
 
 }  // namespace angio

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "hand_eye_output.hpp"
+#include "outputs.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/hand_eye_pictures.hpp"
-#include "angio/calibration/pose_fields.hpp"
-#include "angio/evaluation/report_html.hpp"
+#include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
@@ -153,21 +152,15 @@ void writePatientFile(const std::string& path, const Pose& T_dsa_cb, const Anato
 
 void writeHandEyeReport(const std::string& folder, const PoseSet& set, const HandEyeResult& result,
                         const std::string& table) {
-  const ReportFolder report(folder);
-  const cv::Mat residuals = poseResiduals(result), axes = turnAxes(set), sigmas = covarianceBars(set, result);
-  report.picture("residuals.png", residuals);
-  report.picture("axes.png", axes);
-  report.picture("covariance.png", sigmas);
-  report.overview({residuals, axes, sigmas});
-  report.page("Hand-eye calibration", set.path,
-              {html::section("Pictures", html::grid({html::picture(residuals, "Each pose against its prediction"),
-                                                     html::picture(axes,
-                                                                   "Axes that the hand turned about between any "
-                                                                   "two poses: a calibration wants them spread"),
-                                                     html::picture(sigmas,
-                                                                   "Axes of the covariance's ellipsoids and "
-                                                                   "their directions in the parent frame")})),
-               html::section("Numbers", printed(table))});
+  writeReport(folder, "Hand-eye calibration", set.path,
+              {{"Pictures",
+                "",
+                {{"residuals.png", "Each pose against its prediction", poseResiduals(result)},
+                 {"axes.png", "Axes that the hand turned about between any two poses: a calibration wants them spread",
+                  turnAxes(set)},
+                 {"covariance.png", "Axes of the covariance's ellipsoids and their directions in the parent frame",
+                  covarianceBars(set, result)}}},
+               {"Numbers", printed(table), {}}});
 }
 
 void replaceRecord(std::vector<CalibrationRecord>& records, const CalibrationRecord& record) {

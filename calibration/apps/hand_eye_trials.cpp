@@ -6,7 +6,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/statistics.hpp"
-#include "hand_eye_output.hpp"
+#include "outputs.hpp"
 
 namespace angio {
 namespace {

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "registration_output.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/anatomy_pictures.hpp"
-#include "angio/evaluation/report_html.hpp"
 #include "angio/io/image_files.hpp"
-#include "hand_eye_output.hpp"
+#include "outputs.hpp"
 #include "report_folder.hpp"
 
 namespace angio {
@@ -43,25 +41,21 @@ std::string anatomyTable(const AnatomyResult& result, const std::vector<CaseOutc
 
 void writeAnatomyReport(const std::string& folder, const std::string& cases_path, const AnatomyResult& result,
                         const ReportedAnatomy& anatomy, const std::string& table) {
-  const ReportFolder report(folder);
-  const cv::Mat residuals = anatomyResiduals(result);
-  std::vector<cv::Mat> overview{residuals};
-  std::vector<std::string> overlays;
+  std::vector<ReportPicture> overlays;
   constexpr std::size_t kShown = 4;  // In the overview.
   for (std::size_t i = 0; i < anatomy.views.size(); ++i) {
     const auto& path = anatomy.image_paths[i];
-    const cv::Mat picture = anatomyOverlay(result, anatomy.views[i], anatomy.seen[i], anatomy.tree,
-                                           path ? readXrayImage(*path) : cv::Mat());
-    report.picture(formatted("view-%03zu.png", i + 1), picture);
-    overlays.push_back(html::picture(picture, anatomy.views[i].name));
-    if (i < kShown) overview.push_back(picture);
+    overlays.push_back({formatted("view-%03zu.png", i + 1), anatomy.views[i].name,
+                        anatomyOverlay(result, anatomy.views[i], anatomy.seen[i], anatomy.tree,
+                                       path ? readXrayImage(*path) : cv::Mat()),
+                        i < kShown});
   }
-  report.picture("residuals.png", residuals);
-  report.overview(overview);
-  report.page("T_dsa_cb from the anatomy", cases_path,
-              {html::section("Views against each other",
-                             html::picture(residuals, "A view's own registration against that of all views")),
-               html::section("Views", html::grid(overlays)), html::section("Numbers", printed(table))});
+  writeReport(folder, "T_dsa_cb from the anatomy", cases_path,
+              {{"Views against each other",
+                "",
+                {{"residuals.png", "A view's own registration against that of all views", anatomyResiduals(result)}}},
+               {"Views", "", overlays},
+               {"Numbers", printed(table), {}}});
 }
 
 }  // namespace angio

@@ -16,34 +16,30 @@ namespace {
 
 constexpr double kOverviewHeight_px = 480;
 
-std::string fileIn(const std::string& folder, const std::string& name) {
-  return (std::filesystem::path(folder) / name).string();
-}
-
 }  // namespace
 
-ReportFolder::ReportFolder(const std::string& folder) : folder_(folder) {
+void writeReport(const std::string& folder, const std::string& title, const std::string& subtitle,
+                 const std::vector<ReportSection>& sections) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) throw InputError(folder, "report", "", "cannot be made: " + error.message());
-}
-
-void ReportFolder::picture(const std::string& name, const cv::Mat& picture) const {
-  writeImage(fileIn(folder_, name), picture);
-}
-
-void ReportFolder::overview(const std::vector<cv::Mat>& pictures) const {
-  std::vector<cv::Mat> scaled;
-  for (const cv::Mat& picture : pictures) {
-    const double scale = kOverviewHeight_px / picture.rows;
-    cv::resize(picture, scaled.emplace_back(), {}, scale, scale, cv::INTER_AREA);
+  const auto fileIn = [&](const std::string& name) { return (std::filesystem::path(folder) / name).string(); };
+  std::vector<cv::Mat> overview;
+  std::vector<std::string> sections_html;
+  for (const ReportSection& section : sections) {
+    std::vector<std::string> figures;
+    for (const ReportPicture& picture : section.pictures) {
+      writeImage(fileIn(picture.file), picture.image);
+      figures.push_back(html::picture(picture.image, picture.caption));
+      if (!picture.in_overview) continue;
+      const double scale = kOverviewHeight_px / picture.image.rows;
+      cv::resize(picture.image, overview.emplace_back(), {}, scale, scale, cv::INTER_AREA);
+    }
+    const std::string pictures = figures.empty() ? "" : html::grid(figures);
+    sections_html.push_back(html::section(section.title, section.text_html + pictures));
   }
-  writeImage(fileIn(folder_, "overview.jpg"), sideBySide(scaled));
-}
-
-void ReportFolder::page(const std::string& title, const std::string& subtitle,
-                        const std::vector<std::string>& sections_html) const {
-  writeWholeFile(fileIn(folder_, "index.html"), html::page(title, subtitle, sections_html));
+  writeImage(fileIn("overview.jpg"), sideBySide(overview));
+  writeWholeFile(fileIn("index.html"), html::page(title, subtitle, sections_html));
 }
 
 std::string printed(const std::string& text) { return "<pre>" + htmlEscaped(text) + "</pre>"; }

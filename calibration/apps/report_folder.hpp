@@ -7,23 +7,22 @@
 
 namespace angio {
 
-/// Pictures and a page of a calibration, in a folder of their own.
-class ReportFolder {
- public:
-  /// Makes the folder. Throws InputError when it cannot be made; so do the others when a file cannot be written.
-  explicit ReportFolder(const std::string& folder);
-
-  void picture(const std::string& name, const cv::Mat& picture) const;
-
-  /// overview.jpg: pictures beside each other, of one height.
-  void overview(const std::vector<cv::Mat>& pictures) const;
-
-  /// index.html.
-  void page(const std::string& title, const std::string& subtitle, const std::vector<std::string>& sections_html) const;
-
- private:
-  std::string folder_;
+/// A picture of a calibration's report and the file that it is written to beside the page.
+struct ReportPicture {
+  std::string file, caption;
+  cv::Mat image;
+  bool in_overview = true;
 };
+
+struct ReportSection {
+  std::string title, text_html;
+  std::vector<ReportPicture> pictures;
+};
+
+/// Writes pictures, a page of them (index.html) and overview.jpg, some of them beside each other, into a folder that is
+/// made when it is missing. Throws InputError when that cannot be done.
+void writeReport(const std::string& folder, const std::string& title, const std::string& subtitle,
+                 const std::vector<ReportSection>& sections);
 
 /// A table or text as programs print it: as it stands, in a face of one width.
 std::string printed(const std::string& text);

@@ -6,7 +6,6 @@
 
 #include "angio/base/errors.hpp"
 #include "bead_orientation.hpp"
-#include "bead_refinement.hpp"
 
 namespace angio {
 namespace {

@@ -2,7 +2,6 @@
 #include "angio/calibration/calibration_simulation.hpp"
 
 #include "calibration_simulation_draws.hpp"
-#include "calibration_simulation_other.hpp"
 
 namespace angio {
 namespace {

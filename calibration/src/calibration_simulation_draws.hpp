@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <random>
 
-#include "angio/geometry/se3.hpp"
+#include "angio/calibration/calibration_simulation.hpp"
 
 namespace angio {
 
@@ -36,5 +36,8 @@ class Draws {
  private:
   std::mt19937_64 engine_;
 };
+
+/// Another machine of another make with the same patient and phantom: what must not be mixed with the first.
+SimulatedMachine otherMachine(const SimulatedMachine& machine, const CalibrationSimulationSettings& settings);
 
 }  // namespace angio

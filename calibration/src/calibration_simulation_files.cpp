@@ -13,7 +13,6 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "calibration_simulation_draws.hpp"
-#include "calibration_simulation_other.hpp"
 #include "phantom_images.hpp"
 
 namespace angio {

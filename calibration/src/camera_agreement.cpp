@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "camera_agreement.hpp"
+#include "camera_bundle.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -7,6 +7,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/base/joined.hpp"
 
 namespace angio {
 namespace {
@@ -108,9 +109,10 @@ std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<B
     if (foreign) {
       left_out.push_back(bundle.views[*foreign].index);
       if (static_cast<double>(left_out.size()) > settings.largest_outlier_share * static_cast<double>(given)) {
-        std::string names;
-        for (const std::size_t v : left_out) names += (names.empty() ? "" : ", ") + views[v].name;
-        throw InputError(names, "views", std::to_string(left_out.size()) + " and more of " + std::to_string(given),
+        std::vector<std::string> names;
+        for (const std::size_t v : left_out) names.push_back(views[v].name);
+        throw InputError(joined(names), "views",
+                         std::to_string(left_out.size()) + " and more of " + std::to_string(given),
                          "do not share one camera with the others: are they of another machine, or does the detector "
                          "distort (--distortion)?");
       }

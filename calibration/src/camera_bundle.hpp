@@ -60,4 +60,26 @@ struct ViewInformation {
 };
 ViewInformation informationOf(const CameraBundle& bundle, const BundleView& view);
 
+/// Throws InputError that names view, bead and rule for views that cannot be what they say: beads the phantom has not,
+/// a bead twice, centres off the detector, too few beads, too few views, or one view over and over again.
+void checkViews(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
+                const CameraCalibrationSettings& settings);
+
+/// Solves the bundle: robustly first, then by least squares without the beads that are off and without the views that
+/// another K would explain much better. Returns the given numbers of the views left out; the bundle has no longer got
+/// them. Throws InputError that names the views when more of them disagree than may be left out, or beads of a view.
+std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<BeadView>& views,
+                                       const CameraCalibrationSettings& settings);
+
+/// A closed-form start of the bundle, with all views in it (held-out ones too), each bead that fits no projection out
+/// of use. Throws InputError by name for swapped beads, mirrored views, a plane seen at one tilt, and views that fit no
+/// projection.
+CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
+                     const CameraCalibrationSettings& settings);
+
+/// Throws InputError when the used views' geometry leaves focal length and depth nearly one direction, by the
+/// information at the start: before anything is solved.
+void requireObservable(const CameraBundle& start, const BeadPhantom& phantom, const std::vector<BeadView>& views,
+                       const CameraCalibrationSettings& settings);
+
 }  // namespace angio

@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/camera_calibration.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "camera_agreement.hpp"
 #include "camera_bundle.hpp"
-#include "camera_gates.hpp"
-#include "camera_start.hpp"
+#include "information.hpp"
+#include "transform_numbers.hpp"
 
 namespace angio {
 namespace {
@@ -25,7 +23,7 @@ struct JointCovariance {
 
 // Of K, all poses and the phantom's mean depth, from the normal equations in blocks: Cov(K) is the inverse of the
 // Schur complement S, Cov(pose) = P^-1 + G S^-1 G^T with G = P^-1 C^T, and Cov(pose, K) = -G S^-1.
-JointCovariance covarianceOf(const CameraBundle& bundle, const Eigen::Vector3d& centre_m, double variance) {
+JointCovariance jointCovariance(const CameraBundle& bundle, const Eigen::Vector3d& centre_m, double variance) {
   const Eigen::Index n = bundle.values.size();
   std::vector<ViewInformation> all;
   Eigen::MatrixXd S = Eigen::MatrixXd::Zero(n, n);
@@ -33,11 +31,8 @@ JointCovariance covarianceOf(const CameraBundle& bundle, const Eigen::Vector3d& 
     all.push_back(informationOf(bundle, view));
     S += all.back().reducedLens();
   }
-  const Eigen::VectorXd scale = S.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd unit = scale.asDiagonal() * S * scale.asDiagonal();
   JointCovariance joint;
-  joint.lens =
-      variance * (scale.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal());
+  joint.lens = variance * covarianceOf(S);
   Eigen::RowVectorXd depth_by_lens = Eigen::RowVectorXd::Zero(n);
   double own = 0;
   for (std::size_t v = 0; v < bundle.views.size(); ++v) {
@@ -131,9 +126,7 @@ void recordParameters(const CameraBundle& bundle, const JointCovariance& joint, 
   record.covariance.row(n).head(n) = 1e3 * joint.mean_depth.head(n);
   record.covariance.col(n).head(n) = 1e3 * joint.mean_depth.head(n).transpose();
   record.covariance(n, n) = 1e6 * joint.mean_depth[n];
-  const Observability seen = observability(record.parameters, record.covariance);
-  record.condition = seen.condition;
-  record.weak_directions = seen.weak_directions;
+  recordObservability(record);
 }
 
 }  // namespace
@@ -166,8 +159,8 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
   const double freedom = 2.0 * points - static_cast<double>(bundle.values.size() + 6 * bundle.views.size());
   const double measured = weighted / std::max(1.0, freedom);
   result.noise_px = std::sqrt(squared / std::max(1.0, freedom));
-  const JointCovariance joint = covarianceOf(bundle, phantom.centre_m(),
-                                             settings.noise_px > 0 ? settings.noise_px * settings.noise_px : measured);
+  const JointCovariance joint = jointCovariance(
+      bundle, phantom.centre_m(), settings.noise_px > 0 ? settings.noise_px * settings.noise_px : measured);
 
   CalibrationRecord& record = result.record;
   record.kind = "camera";

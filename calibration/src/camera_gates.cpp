@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "camera_gates.hpp"
+#include "camera_bundle.hpp"
 
 #include <algorithm>
 #include <cmath>

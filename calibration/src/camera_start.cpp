@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "camera_start.hpp"
+#include "camera_bundle.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -9,6 +8,8 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/base/joined.hpp"
+#include "information.hpp"
 #include "view_projection.hpp"
 
 namespace angio {
@@ -56,16 +57,13 @@ Pose planeFrame(const BeadPhantom& phantom) {
 }
 
 void refuseMirrored(const std::vector<BeadView>& views, const std::vector<ViewProjection>& projections) {
-  std::string names;
-  std::size_t mirrored = 0;
+  std::vector<std::string> mirrored;
   for (std::size_t v = 0; v < views.size(); ++v) {
-    if (projections[v].P.leftCols<3>().determinant() > 0) continue;
-    if (++mirrored <= 5) names += (names.empty() ? "" : ", ") + views[v].name;
+    if (!(projections[v].P.leftCols<3>().determinant() > 0)) mirrored.push_back(views[v].name);
   }
-  if (mirrored == 0) return;
-  if (mirrored > 5) names += ", ...";
+  if (mirrored.empty()) return;
   throw InputError(
-      names, "beads", std::to_string(mirrored) + " of " + std::to_string(views.size()),
+      joined(mirrored, 5), "beads", std::to_string(mirrored.size()) + " of " + std::to_string(views.size()),
       "views are mirrored against the phantom: turn the images, or the phantom's file, the right way round");
 }
 
@@ -233,12 +231,7 @@ void requireObservable(const CameraBundle& start, const BeadPhantom& phantom, co
     const Eigen::RowVectorXd depths = (view.T_camera_phantom * view.points_m).row(2);
     deepest_m = std::max(deepest_m, depths.maxCoeff() - depths.minCoeff());
   }
-  // Scaled to a unit diagonal, and with a floor: what cannot be known gets a large variance, not an infinite one.
-  const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-  scaled.diagonal().array() += 1e-14;
-  const Eigen::MatrixXd covariance =
-      scale.asDiagonal() * scaled.ldlt().solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal();
+  const Eigen::MatrixXd covariance = covarianceOf(information, 1e-14);
   const double noise_px = settings.noise_px > 0 ? settings.noise_px : kWorstNoise_px;
   const double sigma = noise_px * std::sqrt(std::abs(covariance(0, 0))) / start.values[0];
   if (sigma <= settings.largest_focal_sigma) return;

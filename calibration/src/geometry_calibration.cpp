@@ -8,8 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/statistics.hpp"
-#include "geometry_gates.hpp"
-#include "geometry_record.hpp"
+#include "geometry_problem.hpp"
 
 namespace angio {
 namespace {

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "geometry_gates.hpp"
+#include "geometry_problem.hpp"
 
 #include <algorithm>
 #include <random>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/base/joined.hpp"
+#include "information.hpp"
 
 namespace angio {
 namespace {
@@ -82,21 +84,18 @@ std::vector<std::string> freeObservable(GeometryProblem& problem, const Geometry
   for (int joint = 0; joint < 3; ++joint) {
     const double range_m = rangeOf(views, 2 + joint);
     if (range_m >= kSmallRange_m) continue;
-    std::string names;
+    std::vector<std::string> names;
     for (int k = 0; k < kCArmPoseParameters; ++k) {
       if (tableJointOf(k) != joint) continue;
       problem.free[static_cast<std::size_t>(kFirstArmNumber + k)] = false;
-      names += (names.empty() ? "" : ", ") + std::string(kCArmPoseParameterNames[static_cast<std::size_t>(k)].name);
+      names.emplace_back(kCArmPoseParameterNames[static_cast<std::size_t>(k)].name);
     }
-    kept.push_back(names + formatted(": kept, as the table's %c moves by only %.3g mm", "xyz"[joint], 1e3 * range_m));
+    kept.push_back(joined(names) +
+                   formatted(": kept, as the table's %c moves by only %.3g mm", "xyz"[joint], 1e3 * range_m));
   }
 
   // Standard deviations before solving: by the positions alone.
-  const Eigen::MatrixXd H = problem.information(start);
-  const Eigen::VectorXd scale = H.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd scaled = scale.asDiagonal() * H * scale.asDiagonal();
-  const Eigen::VectorXd sigmas =
-      scaled.ldlt().solve(Eigen::MatrixXd::Identity(H.rows(), H.cols())).diagonal().cwiseSqrt().cwiseProduct(scale);
+  const Eigen::VectorXd sigmas = covarianceOf(problem.information(start)).diagonal().cwiseSqrt();
   const std::vector<int> places = problem.freePlaces();
   const double secondary_deg = radToDeg(rangeOf(views, 1));
   for (std::size_t i = 0; i < places.size(); ++i) {
@@ -162,13 +161,11 @@ std::vector<bool> consensus(GeometryProblem problem, const GeometryModel& start,
 }
 
 std::string namesOf(const std::vector<ViewObservation>& views, const std::vector<bool>& chosen) {
-  std::string names;
-  int count = 0;
+  std::vector<std::string> names;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    if (!chosen[i] || ++count > 6) continue;
-    names += (names.empty() ? "" : ", ") + views[i].name;
+    if (chosen[i]) names.push_back(views[i].name);
   }
-  return count > 6 ? names + ", ..." : names;
+  return joined(names, 6);
 }
 
 }  // namespace

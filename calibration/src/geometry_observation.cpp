@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "geometry_observation.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/QR>
 #include <algorithm>
 #include <map>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/base/joined.hpp"
 #include "angio/calibration/direct_linear.hpp"
 #include "angio/evaluation/statistics.hpp"
 
@@ -134,6 +136,19 @@ Pose bestPose(const Sightings& s, const XrayCamera& camera, Pose T, double outli
   return T;
 }
 
+constexpr double kExact_m = 1e-6, kExact_rad = 1e-6;
+
+// Of a place [m] and a turn about the object's origin [rad], camera axes.
+Matrix6d placeCovariance(const HandEyePose& pose, const std::optional<PoseSigma>& usual) {
+  if (pose.covariance) return *pose.covariance;
+  const double translation_m = std::max(usual ? usual->translation_m : 0, kExact_m),
+               rotation_rad = std::max(usual ? usual->rotation_rad : 0, kExact_rad);
+  Vector6d variances;
+  variances << Eigen::Vector3d::Constant(translation_m * translation_m),
+      Eigen::Vector3d::Constant(rotation_rad * rotation_rad);
+  return variances.asDiagonal();
+}
+
 }  // namespace
 
 ViewObservation observeView(const std::string& place, const BeadPhantom& phantom, const XrayCamera& camera,
@@ -192,18 +207,29 @@ void requireSoundBeads(const std::string& place, const BeadPhantom& phantom, con
   for (const ViewObservation& view : seen) {
     for (const int bead : view.far_beads) ++far_in[bead];
   }
-  std::string named;
-  int count = 0;
+  std::vector<std::string> named;
   for (const auto& [bead, far] : far_in) {
-    if (far < 3 || 2 * far < shown_in[bead]) continue;
-    if (++count <= 6) named += (named.empty() ? "" : ", ") + std::to_string(bead);
+    if (far >= 3 && 2 * far >= shown_in[bead]) named.push_back(std::to_string(bead));
   }
-  if (count == 0) return;
-  throw InputError(place, "beads", named + (count > 6 ? ", ..." : ""),
+  if (named.empty()) return;
+  throw InputError(place, "beads", joined(named, 6),
                    formatted("%d of %d beads lie elsewhere than %s has them in half of their views or more: labels are "
                              "swapped, or it is another phantom",
-                             count, static_cast<int>(phantom.beads.size()),
+                             static_cast<int>(named.size()), static_cast<int>(phantom.beads.size()),
                              phantom.name.empty() ? "the phantom's file" : phantom.name.c_str()));
+}
+
+ViewObservation observePose(const HandEyePose& pose, const std::optional<PoseSigma>& usual) {
+  ViewObservation seen;
+  seen.name = pose.name;
+  seen.joints = pose.joints.value();
+  seen.T_camera_phantom = pose.T_camera_object;
+  // A twist turns about the camera: exp(v, w) T has its origin at t + v + w x t, so that v = dt + t x w.
+  Matrix6d twist_by_place = Matrix6d::Identity();
+  twist_by_place.topRightCorner<3, 3>() = skew(pose.T_camera_object.translation());
+  const Matrix6d covariance = twist_by_place * placeCovariance(pose, usual) * twist_by_place.transpose();
+  seen.upper.topLeftCorner<6, 6>() = Matrix6d(covariance.inverse()).llt().matrixU();
+  return seen;
 }
 
 }  // namespace angio

@@ -97,4 +97,25 @@ class GeometryProblem {
   Eigen::Matrix<double, kCArmPoseParameters, 1> arm_std_;
 };
 
+/// Throws InputError for positions from which a C-arm's geometry cannot be known, whatever the images show: fewer than
+/// 6 different ones, or a primary angle that hardly moves.
+void requirePositions(const std::string& place, const std::vector<CArmJoints>& positions);
+
+/// Frees what the positions can tell at this start, and says in words what they cannot, and why.
+std::vector<std::string> freeObservable(GeometryProblem& problem, const GeometryModel& start, bool refines_camera);
+
+/// Throws InputError when the views do not agree on one C-arm as well as `wide` allows: some of them, named, are
+/// explained by another one, or joints explain nothing.
+void requireOneMachine(const std::string& place, const GeometryProblem& problem, const GeometryModel& start,
+                       const PoseScatter& wide);
+
+/// Values, covariance, residuals and weak directions of a solved geometry.
+CalibrationRecord geometryRecord(const GeometryProblem& problem, const GeometryModel& model);
+
+/// Each view against the model.
+std::vector<GeometryViewFit> geometryFits(const GeometryProblem& problem, const GeometryModel& model);
+
+/// Views that were left out and beads that lie elsewhere, a line each.
+std::vector<std::string> geometryDoubts(const GeometryProblem& problem);
+
 }  // namespace angio

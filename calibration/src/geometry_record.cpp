@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "geometry_record.hpp"
+#include "geometry_problem.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "angio/base/formatted.hpp"
+#include "information.hpp"
 
 namespace angio {
 namespace {
@@ -42,13 +43,7 @@ void addViews(const GeometryProblem& problem, const GeometryModel& model, Calibr
 CalibrationRecord geometryRecord(const GeometryProblem& problem, const GeometryModel& model) {
   CalibrationRecord record;
   record.kind = "geometry";
-  const Eigen::MatrixXd H = problem.information(model);
-  const Eigen::VectorXd scale = H.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd covariance = scale.asDiagonal() *
-                                     Eigen::MatrixXd(scale.asDiagonal() * H * scale.asDiagonal())
-                                         .ldlt()
-                                         .solve(Eigen::MatrixXd::Identity(H.rows(), H.cols())) *
-                                     scale.asDiagonal();
+  const Eigen::MatrixXd covariance = covarianceOf(problem.information(model));
   // The phantom's place is nobody's concern afterwards.
   const std::vector<int> places = problem.freePlaces();
   const Eigen::VectorXd numbers = numbersOf(model.carm);

@@ -6,6 +6,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/base/joined.hpp"
 #include "hand_eye_estimate.hpp"
 
 namespace angio {
@@ -21,15 +22,11 @@ constexpr double kNoiseOff = 5;             // Standard deviations of chi^2 from
 constexpr double kScaleOff = 5;             // and of a scale.
 
 std::string namesOf(const PoseSet& set, const PoseChoice& chosen) {
-  constexpr int kShown = 8;
-  std::string names;
-  int shown_names = 0;
+  std::vector<std::string> names;
   for (std::size_t i = 0; i < chosen.size(); ++i) {
-    if (!chosen[i]) continue;
-    if (++shown_names > kShown) return names + ", ...";
-    names += (names.empty() ? "" : ", ") + set.poses[i].name;
+    if (chosen[i]) names.push_back(set.poses[i].name);
   }
-  return names;
+  return joined(names, 8);
 }
 
 HandEyeEquations equationsOf(const HandEyeEquations& all, const PoseChoice& chosen) {

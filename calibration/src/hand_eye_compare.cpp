@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <visp3/vision/vpHandEyeCalibration.h>
 
+#include <Eigen/Core>
 #include <cmath>
 #include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
 
 #include "angio/calibration/hand_eye_solvers.hpp"
 #include "angio/geometry/visp.hpp"
@@ -16,13 +18,8 @@ struct CvPoses {
 
   explicit CvPoses(const std::vector<Pose>& poses) {
     for (const Pose& T : poses) {
-      cv::Mat rotation(3, 3, CV_64F), translation(3, 1, CV_64F);
-      for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c) rotation.at<double>(r, c) = T.linear()(r, c);
-        translation.at<double>(r) = T.translation()[r];
-      }
-      R.push_back(rotation);
-      t.push_back(translation);
+      cv::eigen2cv(Eigen::Matrix3d(T.linear()), R.emplace_back());
+      cv::eigen2cv(Eigen::Vector3d(T.translation()), t.emplace_back());
     }
   }
 };
@@ -30,12 +27,13 @@ struct CvPoses {
 // What a solver left in its outputs; it may be anything.
 std::optional<Pose> poseOf(const cv::Mat& R, const cv::Mat& t) {
   if (R.total() != 9 || t.total() != 3) return std::nullopt;
-  const cv::Mat_<double> rotation = R, translation = t;
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d translation;
+  cv::cv2eigen(R.reshape(1, 3), rotation);
+  cv::cv2eigen(t.reshape(1, 3), translation);
   Pose T = Pose::Identity();
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) T.linear()(r, c) = rotation(r, c);
-    T.translation()[r] = translation(r);
-  }
+  T.linear() = rotation;
+  T.translation() = translation;
   if (!T.matrix().allFinite() || rotationDefect(T.linear()) > 1e-3) return std::nullopt;
   return T;
 }

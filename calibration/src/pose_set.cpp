@@ -6,7 +6,7 @@
 #include <set>
 
 #include "angio/base/errors.hpp"
-#include "angio/calibration/pose_fields.hpp"
+#include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/table.hpp"
 #include "angio/io/yaml.hpp"

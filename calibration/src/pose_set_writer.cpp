@@ -2,8 +2,8 @@
 #include <filesystem>
 
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/pose_fields.hpp"
 #include "angio/calibration/pose_set.hpp"
+#include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"

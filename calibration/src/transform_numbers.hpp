@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "angio/calibration_records/record.hpp"
 #include "angio/geometry/se3.hpp"
 
 namespace angio {
@@ -18,5 +19,13 @@ Vector6d transformNumberUnits();
 
 /// Their values for a transform, in the record's units.
 Vector6d transformNumbers(const Pose& T);
+
+/// Fills a record's parameters, values, covariance and what can be told apart from transforms and their covariance, six
+/// rows each [m, rad].
+void recordTransforms(CalibrationRecord& record, const std::vector<std::pair<std::string, Pose>>& transforms,
+                      const Eigen::MatrixXd& covariance);
+
+/// Fills condition and weak directions of a record by its covariance.
+void recordObservability(CalibrationRecord& record);
 
 }  // namespace angio

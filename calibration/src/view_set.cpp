@@ -5,7 +5,7 @@
 #include <map>
 
 #include "angio/base/errors.hpp"
-#include "angio/calibration/pose_fields.hpp"
+#include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/yaml.hpp"
 
 namespace angio {

@@ -12,7 +12,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/calibration_records/covariance_field.hpp"
+#include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/whole_file.hpp"
 
 namespace angio {
@@ -45,11 +45,7 @@ std::optional<Clock::time_point> timeOf(const std::string& date) {
 
 Json rowsOf(const Eigen::MatrixXd& matrix) {
   Json rows = Json::array();
-  for (Eigen::Index r = 0; r < matrix.rows(); ++r) {
-    Json row = Json::array();
-    for (Eigen::Index c = 0; c < matrix.cols(); ++c) row.push_back(matrix(r, c));
-    rows.push_back(row);
-  }
+  for (Eigen::Index r = 0; r < matrix.rows(); ++r) rows.push_back(matrixAsJson(matrix.row(r)));
   return rows;
 }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include <cstdio>
 #include <fstream>
 #include <thread>
 
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/statistics.hpp"
+#include "outcome_figures.hpp"
 
 namespace angio {
 namespace {
@@ -13,26 +13,6 @@ using Json = nlohmann::ordered_json;
 
 // Thresholds of the trade: method names them in the keys.
 constexpr double kGrossFailurePx = 5, kPoseOk_deg = 0.1, kPoseOk_mm = 1;
-
-std::vector<double> collect(const std::vector<CaseOutcome>& outcomes, double (*figure)(const CaseOutcome&)) {
-  std::vector<double> values;
-  for (const auto& outcome : outcomes) values.push_back(figure(outcome));
-  return values;
-}
-
-double shareOf(const std::vector<CaseOutcome>& outcomes, bool (*holds)(const CaseOutcome&)) {
-  int count = 0;
-  for (const auto& outcome : outcomes) count += holds(outcome);
-  return outcomes.empty() ? 0.0 : 100.0 * count / static_cast<double>(outcomes.size());
-}
-
-Json spread(const std::vector<double>& values) {
-  return {{"mean", mean(values)},
-          {"median", percentile(values, 0.5)},
-          {"p75", percentile(values, 0.75)},
-          {"p95", percentile(values, 0.95)},
-          {"max", percentile(values, 1)}};
-}
 
 bool converged(const CaseOutcome& o) { return o.result.status == RegistrationStatus::kConverged; }
 
@@ -53,14 +33,6 @@ Json errorAsJson(const PoseError& e) {
           {"mpd_isocentre_mm", e.mpd_isocentre_m ? Json(1e3 * *e.mpd_isocentre_m) : Json(nullptr)},
           {"rotation_deg", radToDeg(e.rotation_rad)},
           {"centroid_mm", 1e3 * e.centroid_m}};
-}
-
-std::string cell(const Json& object, const char* key, const char* format) {
-  if (!object.contains(key)) return "-";
-  const Json& value = object[key];
-  char text[32];
-  std::snprintf(text, sizeof text, format, value.is_object() ? value["median"].get<double>() : value.get<double>());
-  return text;
 }
 
 }  // namespace
@@ -114,19 +86,18 @@ Json summaryOf(const std::vector<CaseOutcome>& all) {
     if (o.result.status != RegistrationStatus::kTooFewPoints) outcomes.push_back(o);
   }
   summary["mean_projection_residual_px"] =
-      spread(collect(outcomes, [](const CaseOutcome& o) { return o.result.agreement.model_residual_px; }));
+      spreadOf(outcomes, [](const CaseOutcome& o) { return o.result.agreement.model_residual_px; });
   summary["mean_image_residual_px"] =
-      spread(collect(outcomes, [](const CaseOutcome& o) { return o.result.agreement.image_residual_px; }));
-  summary["rms_projection_residual_isocentre_mm"] = spread(collect(
-      outcomes, [](const CaseOutcome& o) { return 1e3 * o.pixel_at_isocentre_m * o.result.agreement.model_rms_px; }));
+      spreadOf(outcomes, [](const CaseOutcome& o) { return o.result.agreement.image_residual_px; });
+  summary["rms_projection_residual_isocentre_mm"] = spreadOf(
+      outcomes, [](const CaseOutcome& o) { return 1e3 * o.pixel_at_isocentre_m * o.result.agreement.model_rms_px; });
   summary["gfr_nearest_5px_percent"] =
-      shareOf(outcomes, [](const CaseOutcome& o) { return o.result.agreement.model_residual_px > kGrossFailurePx; });
-  summary["time_ms"]["rigid"] =
-      spread(collect(outcomes, [](const CaseOutcome& o) { return 1e3 * o.result.times.rigid_s; }));
+      percentOf(outcomes, [](const CaseOutcome& o) { return o.result.agreement.model_residual_px > kGrossFailurePx; });
+  summary["time_ms"]["rigid"] = spreadOf(outcomes, [](const CaseOutcome& o) { return 1e3 * o.result.times.rigid_s; });
   summary["time_ms"]["nonrigid"] =
-      spread(collect(outcomes, [](const CaseOutcome& o) { return 1e3 * o.result.times.nonrigid_s; }));
+      spreadOf(outcomes, [](const CaseOutcome& o) { return 1e3 * o.result.times.nonrigid_s; });
   const auto totals =
-      collect(outcomes, [](const CaseOutcome& o) { return 1e3 * (o.image_s + o.result.times.total_s); });
+      figuresOf(outcomes, [](const CaseOutcome& o) { return 1e3 * (o.image_s + o.result.times.total_s); });
   summary["time_ms"]["total"] = {
       {"p50", percentile(totals, 0.5)}, {"p99", percentile(totals, 0.99)}, {"max", percentile(totals, 1)}};
 
@@ -140,40 +111,38 @@ Json summaryOf(const std::vector<CaseOutcome>& all) {
   }
   if (known.empty()) return summary;
   summary["cases_with_truth"] = known.size();
-  summary["mtre_mm"] = spread(collect(known, [](const CaseOutcome& o) { return 1e3 * o.error->mtre_m; }));
-  summary["mpd_px"] = spread(mpd_px);
-  summary["rotation_deg"] =
-      spread(collect(known, [](const CaseOutcome& o) { return radToDeg(o.error->rotation_rad); }));
-  summary["centroid_mm"] = spread(collect(known, [](const CaseOutcome& o) { return 1e3 * o.error->centroid_m; }));
+  summary["mtre_mm"] = spreadOf(known, [](const CaseOutcome& o) { return 1e3 * o.error->mtre_m; });
+  summary["mpd_px"] = spreadOf(mpd_px);
+  summary["rotation_deg"] = spreadOf(known, [](const CaseOutcome& o) { return radToDeg(o.error->rotation_rad); });
+  summary["centroid_mm"] = spreadOf(known, [](const CaseOutcome& o) { return 1e3 * o.error->centroid_m; });
   summary["gfr_true_5px_percent"] =
-      shareOf(known, [](const CaseOutcome& o) { return !(o.error->mpd_px && *o.error->mpd_px <= kGrossFailurePx); });
+      percentOf(known, [](const CaseOutcome& o) { return !(o.error->mpd_px && *o.error->mpd_px <= kGrossFailurePx); });
   summary["success_mtre_2mm_percent"] =
-      shareOf(known, [](const CaseOutcome& o) { return o.error->mtre_m < kSuccessMtre_m; });
-  summary["pose_ok_percent"] = shareOf(known, [](const CaseOutcome& o) {
+      percentOf(known, [](const CaseOutcome& o) { return o.error->mtre_m < kSuccessMtre_m; });
+  summary["pose_ok_percent"] = percentOf(known, [](const CaseOutcome& o) {
     return radToDeg(o.error->rotation_rad) < kPoseOk_deg && 1e3 * o.error->centroid_m < kPoseOk_mm;
   });
   summary["failed_and_noticed_percent"] =
-      shareOf(known, [](const CaseOutcome& o) { return !(o.error->mtre_m < kSuccessMtre_m) && !converged(o); });
+      percentOf(known, [](const CaseOutcome& o) { return !(o.error->mtre_m < kSuccessMtre_m) && !converged(o); });
   summary["failed_and_trusted_percent"] =
-      shareOf(known, [](const CaseOutcome& o) { return !(o.error->mtre_m < kSuccessMtre_m) && converged(o); });
+      percentOf(known, [](const CaseOutcome& o) { return !(o.error->mtre_m < kSuccessMtre_m) && converged(o); });
   return summary;
 }
 
 std::string summaryTable(const Json& summary_by_method) {
-  std::string table =
-      "| method | converged | nearest residual: model [px] | image [px] | true projection [px] | pose error | pose ok "
-      "| "
-      "GFR > 5 px (true) | failed unnoticed | ms |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
+  std::vector<std::vector<std::string>> rows{{"method", "converged", "nearest residual: model [px]", "image [px]",
+                                              "true projection [px]", "pose error", "pose ok", "GFR > 5 px (true)",
+                                              "failed unnoticed", "ms"}};
   for (const auto& [method, s] : summary_by_method.items()) {
-    table += "| " + method + " | " + std::to_string(s["status"]["converged"].get<int>()) + " of " +
-             std::to_string(s["cases"].get<int>()) + " | " + cell(s, "mean_projection_residual_px", "%.2f") + " | " +
-             cell(s, "mean_image_residual_px", "%.2f") + " | " + cell(s, "mpd_px", "%.3f") + " | " +
-             cell(s, "rotation_deg", "%.3f deg") + ", " + cell(s, "centroid_mm", "%.3f mm") + " | " +
-             cell(s, "pose_ok_percent", "%.0f %%") + " | " + cell(s, "gfr_true_5px_percent", "%.0f %%") + " | " +
-             cell(s, "failed_and_trusted_percent", "%.0f %%") + " | " + cell(s["time_ms"]["total"], "p50", "%.1f") +
-             " |\n";
+    rows.push_back(
+        {method, figureOf(s, "status/converged", "%.0f") + " of " + figureOf(s, "cases", "%.0f"),
+         figureOf(s, "mean_projection_residual_px/median", "%.2f"),
+         figureOf(s, "mean_image_residual_px/median", "%.2f"), figureOf(s, "mpd_px/median", "%.3f"),
+         figureOf(s, "rotation_deg/median", "%.3f deg") + ", " + figureOf(s, "centroid_mm/median", "%.3f mm"),
+         figureOf(s, "pose_ok_percent", "%.0f %%"), figureOf(s, "gfr_true_5px_percent", "%.0f %%"),
+         figureOf(s, "failed_and_trusted_percent", "%.0f %%"), figureOf(s, "time_ms/total/p50", "%.1f")});
   }
-  return table +
+  return markdownTable(rows) +
          "Medians over the cases; \"pose ok\" is within 0.1 deg and 1 mm of the truth at the tree's centroid.\n";
 }
 

@@ -3,17 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
-#include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/evaluation/resolved.hpp"
 #include "angio/evaluation/statistics.hpp"
+#include "angio/evaluation/tables.hpp"
 #include "angio/evaluation/trial_images.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
@@ -188,22 +187,19 @@ Json extractionSummaries(const std::vector<ExtractionRun>& runs) {
 }
 
 std::string extractionTable(const Json& summaries) {
-  std::string table =
-      "| extractor | images | truth covered | found is right | truth with a line of its own | covered | right | median "
-      "error | tangent | error / sigma | all points, "
-      "median | ms p50 | p99 |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
-  const auto cell = [](const Json& s, const char* key, const char* format, double factor = 1) {
-    return s.contains(key) ? formatted(format, factor * s[key].get<double>()) : std::string("-");
-  };
-  for (const auto& [name, s] : summaries.items()) {
-    table += "| " + name + " | " + std::to_string(s["images"].get<int>()) + " | " + cell(s, "covered", "%.1f %%", 100) +
-             " | " + cell(s, "correct", "%.1f %%", 100) + " | " + cell(s, "own_line_part", "%.1f %%", 100) + " | " +
-             cell(s, "own_line_covered", "%.1f %%", 100) + " | " + cell(s, "own_line_correct", "%.1f %%", 100) + " | " +
-             cell(s, "median_error_px", "%.2f px") + " | " + cell(s, "median_tangent_error_deg", "%.1f deg") + " | " +
-             cell(s, "error_over_sigma", "%.2f") + " | " + cell(s, "median_distance_px", "%.2f px") + " | " +
-             cell(s["time_ms"], "p50", "%.1f") + " | " + cell(s["time_ms"], "p99", "%.1f") + " |\n";
-  }
-  return table;
+  return figureTable("extractor", summaries,
+                     {{"images", "images", "%.0f"},
+                      {"truth covered", "covered", "%.1f %%", 100},
+                      {"found is right", "correct", "%.1f %%", 100},
+                      {"truth with a line of its own", "own_line_part", "%.1f %%", 100},
+                      {"covered", "own_line_covered", "%.1f %%", 100},
+                      {"right", "own_line_correct", "%.1f %%", 100},
+                      {"median error", "median_error_px", "%.2f px"},
+                      {"tangent", "median_tangent_error_deg", "%.1f deg"},
+                      {"error / sigma", "error_over_sigma", "%.2f"},
+                      {"all points, median", "median_distance_px", "%.2f px"},
+                      {"ms p50", "time_ms/p50", "%.1f"},
+                      {"p99", "time_ms/p99", "%.1f"}});
 }
 
 }  // namespace angio

@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
+#include "angio/evaluation/tables.hpp"
 
 namespace angio {
 namespace {
@@ -16,24 +16,18 @@ using Json = nlohmann::ordered_json;
 
 constexpr int kDrawnWidth_px = 1024, kPictureWidth_px = 640;
 
-// A dash where there is no number: of no successes there is no median.
-std::string figure(const char* format, const Json& number) {
-  return number.is_number() ? formatted(format, number.get<double>()) : "-";
-}
-
 std::string cards(const Json& summaries) {
   std::vector<std::string> cards;
   int colour = 0;
   for (const auto& [method, s] : summaries.items()) {
-    const auto& bounds = s["success_mtre_2mm_bounds_percent"];
-    const auto& total = s["time_ms"]["total"];
-    cards.push_back(
-        html::card(method, figure("%.0f %%", s["success_mtre_2mm_percent"]),
-                   {"success, mTRE < 2 mm (" + figure("%.0f", bounds[0]) + " to " + figure("%.0f %%", bounds[1]) + ")",
-                    figure("%.0f %%", s["failed_and_trusted_percent"]) + " failed and trusted",
-                    figure("%.3f mm", s["mtre_mm"]["median"]) + " median mTRE",
-                    figure("%.1f ms", total["p50"]) + " median, " + figure("%.1f ms", total["p99"]) + " p99"},
-                   colour++));
+    cards.push_back(html::card(method, figureOf(s, "success_mtre_2mm_percent", "%.0f %%"),
+                               {"success, mTRE < 2 mm (" + figureOf(s, "success_mtre_2mm_bounds_percent/0", "%.0f") +
+                                    " to " + figureOf(s, "success_mtre_2mm_bounds_percent/1", "%.0f %%") + ")",
+                                figureOf(s, "failed_and_trusted_percent", "%.0f %%") + " failed and trusted",
+                                figureOf(s, "mtre_mm/median", "%.3f mm") + " median mTRE",
+                                figureOf(s, "time_ms/total/p50", "%.1f ms") + " median, " +
+                                    figureOf(s, "time_ms/total/p99", "%.1f ms") + " p99"},
+                               colour++));
   }
   return html::grid(cards, true);
 }

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
-#include "angio/base/formatted.hpp"
 #include "angio/evaluation/simulation_run.hpp"
-#include "angio/evaluation/statistics.hpp"
+#include "outcome_figures.hpp"
 
 namespace angio {
 namespace {
@@ -15,23 +13,6 @@ using Json = nlohmann::ordered_json;
 constexpr double kGrossFailure_mm = 5;
 
 bool succeeded(const CaseOutcome& o) { return o.error && o.error->mtre_m < kSuccessMtre_m; }
-
-template <typename Figure>
-Json spreadOf(const std::vector<CaseOutcome>& outcomes, const Figure& figure) {
-  std::vector<double> values;
-  for (const auto& o : outcomes) values.push_back(figure(o));
-  return {{"mean", mean(values)},
-          {"median", percentile(values, 0.5)},
-          {"p75", percentile(values, 0.75)},
-          {"p95", percentile(values, 0.95)},
-          {"max", percentile(values, 1)}};
-}
-
-template <typename Rule>
-double percentOf(const std::vector<CaseOutcome>& outcomes, const Rule& holds) {
-  const auto count = std::count_if(outcomes.begin(), outcomes.end(), holds);
-  return outcomes.empty() ? 0.0 : 100.0 * static_cast<double>(count) / static_cast<double>(outcomes.size());
-}
 
 // The farthest good bin; with `unbroken` only up to the first bad one.
 std::optional<double> farthest(const CaptureBins& bins, bool unbroken) {
@@ -47,32 +28,6 @@ std::optional<double> farthest(const CaptureBins& bins, bool unbroken) {
 }
 
 Json orNull(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
-
-// A figure of a summary, by its path ("mtre_mm/median"); "-" where there is none.
-std::string cell(const Json& summary, const char* path, const char* format) {
-  const Json::json_pointer pointer(std::string("/") + path);
-  if (!summary.contains(pointer) || !summary[pointer].is_number()) return "-";
-  return formatted(format, summary[pointer].get<double>());
-}
-
-struct Column {
-  const char *title, *path, *format;
-};
-
-std::string table(const Json& summary_by_method, const std::vector<Column>& columns) {
-  std::string text = "| method |", rule = "\n| --- |";
-  for (const auto& c : columns) {
-    text += std::string(" ") + c.title + " |";
-    rule += " --- |";
-  }
-  text += rule + "\n";
-  for (const auto& [method, summary] : summary_by_method.items()) {
-    text += "| " + method + " |";
-    for (const auto& c : columns) text += " " + cell(summary, c.path, c.format) + " |";
-    text += "\n";
-  }
-  return text;
-}
 
 }  // namespace
 
@@ -153,34 +108,37 @@ Json simulationSummaries(const std::vector<EntrantRun>& runs, std::optional<doub
 
 std::string simulationTable(const Json& summaries) {
   const std::string start = summaries.empty() ? ""
-                                              : cell(summaries.front(), "start_mtre_mm/median",
-                                                     "Starts are off by %.1f mm mTRE (median).\n\n");
+                                              : figureOf(summaries.front(), "start_mtre_mm/median",
+                                                         "Starts are off by %.1f mm mTRE (median).\n\n");
   return start +
-         table(summaries, {{"success, mTRE < 2 mm", "success_mtre_2mm_percent", "%.0f %%"},
-                           {"in-plane < 2 mm", "in_plane_below_2mm_percent", "%.0f %%"},
-                           {"pose ok", "pose_ok_percent", "%.0f %%"},
-                           {"GFR > 5 px (true)", "gfr_true_5px_percent", "%.0f %%"},
-                           {"GFR > 5 mm (true)", "gfr_true_isocentre_5mm_percent", "%.0f %%"},
-                           {"capture range", "capture_range_mm", "%.0f mm"},
-                           {"unbroken", "capture_range_unbroken_mm", "%.0f mm"},
-                           {"failed, noticed", "failed_and_noticed_percent", "%.0f %%"},
-                           {"failed, trusted", "failed_and_trusted_percent", "%.0f %%"}}) +
+         figureTable("method", summaries,
+                     {{"success, mTRE < 2 mm", "success_mtre_2mm_percent", "%.0f %%"},
+                      {"in-plane < 2 mm", "in_plane_below_2mm_percent", "%.0f %%"},
+                      {"pose ok", "pose_ok_percent", "%.0f %%"},
+                      {"GFR > 5 px (true)", "gfr_true_5px_percent", "%.0f %%"},
+                      {"GFR > 5 mm (true)", "gfr_true_isocentre_5mm_percent", "%.0f %%"},
+                      {"capture range", "capture_range_mm", "%.0f mm"},
+                      {"unbroken", "capture_range_unbroken_mm", "%.0f mm"},
+                      {"failed, noticed", "failed_and_noticed_percent", "%.0f %%"},
+                      {"failed, trusted", "failed_and_trusted_percent", "%.0f %%"}}) +
          "\n" +
-         table(summaries, {{"mTRE", "mtre_mm/median", "%.3f mm"},
-                           {"p95", "mtre_mm/p95", "%.3f mm"},
-                           {"depth", "depth_mm/median", "%.3f mm"},
-                           {"in-plane", "in_plane_mm/median", "%.3f mm"},
-                           {"mPD", "mpd_px/median", "%.3f px"},
-                           {"at the detector", "mpd_detector_mm/median", "%.3f mm"},
-                           {"at the isocentre", "mpd_isocentre_mm/median", "%.3f mm"},
-                           {"rotation", "rotation_deg/median", "%.4f deg"},
-                           {"centroid", "centroid_mm/median", "%.3f mm"},
-                           {"nearest residual", "mean_projection_residual_px/median", "%.2f px"}}) +
+         figureTable("method", summaries,
+                     {{"mTRE", "mtre_mm/median", "%.3f mm"},
+                      {"p95", "mtre_mm/p95", "%.3f mm"},
+                      {"depth", "depth_mm/median", "%.3f mm"},
+                      {"in-plane", "in_plane_mm/median", "%.3f mm"},
+                      {"mPD", "mpd_px/median", "%.3f px"},
+                      {"at the detector", "mpd_detector_mm/median", "%.3f mm"},
+                      {"at the isocentre", "mpd_isocentre_mm/median", "%.3f mm"},
+                      {"rotation", "rotation_deg/median", "%.4f deg"},
+                      {"centroid", "centroid_mm/median", "%.3f mm"},
+                      {"nearest residual", "mean_projection_residual_px/median", "%.2f px"}}) +
          "\n" +
-         table(summaries, {{"ms p50", "time_ms/total/p50", "%.2f"},
-                           {"p99", "time_ms/total/p99", "%.2f"},
-                           {"max", "time_ms/total/max", "%.2f"},
-                           {"p50 relative", "time_p50_relative/ratio", "%.2f"}}) +
+         figureTable("method", summaries,
+                     {{"ms p50", "time_ms/total/p50", "%.2f"},
+                      {"p99", "time_ms/total/p99", "%.2f"},
+                      {"max", "time_ms/total/max", "%.2f"},
+                      {"p50 relative", "time_p50_relative/ratio", "%.2f"}}) +
          "\nMedians over the trials; \"pose ok\" is within 0.1 deg and 1 mm of the truth at the tree's centroid. "
          "Trusted "
          "is what the method itself calls converged.\n";

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/simulation_sweep.hpp"
 
-#include <cstdio>
-
 #include "angio/base/errors.hpp"
+#include "angio/evaluation/tables.hpp"
 
 namespace angio {
 namespace {
@@ -128,26 +127,21 @@ Json sweepAsJson(const SweepResult& result) {
 }
 
 std::string sweepTable(const SweepResult& result) {
-  std::string table =
-      "Sweep: " + result.sweep.axis + "\n\n| " + result.sweep.name +
-      " | method | success, mTRE < 2 mm | 95 % bounds | in-plane < 2 mm | pose ok | GFR > 5 px (true) | "
-      "failed, trusted | mTRE | in-plane | ms p50 |\n"
-      "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
+  std::vector<std::vector<std::string>> rows{{result.sweep.name, "method", "success, mTRE < 2 mm", "95 % bounds",
+                                              "in-plane < 2 mm", "pose ok", "GFR > 5 px (true)", "failed, trusted",
+                                              "mTRE", "in-plane", "ms p50"}};
   for (std::size_t i = 0; i < result.summaries.size(); ++i) {
     for (const auto& [method, s] : result.summaries[i].items()) {
-      const auto number = [&s = s](const char* path) { return s[Json::json_pointer(path)].template get<double>(); };
-      char line[256];
-      std::snprintf(
-          line, sizeof line,
-          " | %.0f %% | %.0f to %.0f %% | %.0f %% | %.0f %% | %.0f %% | %.0f %% | %.3f mm | %.3f mm | %.1f |\n",
-          number("/success_mtre_2mm_percent"), number("/success_mtre_2mm_bounds_percent/0"),
-          number("/success_mtre_2mm_bounds_percent/1"), number("/in_plane_below_2mm_percent"),
-          number("/pose_ok_percent"), number("/gfr_true_5px_percent"), number("/failed_and_trusted_percent"),
-          number("/mtre_mm/median"), number("/in_plane_mm/median"), number("/time_ms/total/p50"));
-      table += "| " + result.sweep.points[i].label + " | " + method + line;
+      rows.push_back({result.sweep.points[i].label, method, figureOf(s, "success_mtre_2mm_percent", "%.0f %%"),
+                      figureOf(s, "success_mtre_2mm_bounds_percent/0", "%.0f to ") +
+                          figureOf(s, "success_mtre_2mm_bounds_percent/1", "%.0f %%"),
+                      figureOf(s, "in_plane_below_2mm_percent", "%.0f %%"), figureOf(s, "pose_ok_percent", "%.0f %%"),
+                      figureOf(s, "gfr_true_5px_percent", "%.0f %%"),
+                      figureOf(s, "failed_and_trusted_percent", "%.0f %%"), figureOf(s, "mtre_mm/median", "%.3f mm"),
+                      figureOf(s, "in_plane_mm/median", "%.3f mm"), figureOf(s, "time_ms/total/p50", "%.1f")});
     }
   }
-  return table;
+  return "Sweep: " + result.sweep.axis + "\n\n" + markdownTable(rows);
 }
 
 }  // namespace angio

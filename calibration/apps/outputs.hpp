@@ -1,14 +1,31 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "angio/calibration/anatomy_registration.hpp"
+#include "angio/calibration/camera_calibration.hpp"
 #include "angio/calibration/hand_eye_simulation.hpp"
 #include "angio/calibration/pose_set_import.hpp"
+#include "angio/calibration/view_set.hpp"
+#include "angio/evaluation/case_run.hpp"
 
 namespace angio {
+
+/// For a person: values and their standard deviations, residuals, condition, weak directions, what was left out.
+std::string cameraTable(const CameraCalibration& result);
+
+/// The camera file with its record, which names `views`, the hashes of the views' files. Throws InputError when it
+/// cannot be written.
+void writeCalibratedCamera(const std::string& path, const CameraCalibration& result, const ViewSet& set,
+                           const std::vector<CalibrationInput>& views);
+
+/// Pictures and a page (index.html) of them: each view's beads as seen and as projected, the residuals over the
+/// detector, enlarged, and where on the detector beads were seen; overview.jpg shows one of each. Makes the folder.
+/// Throws InputError when it cannot be written.
+void writeCameraReport(const std::string& folder, const CameraCalibration& result, const ViewSet& set);
 
 /// A transform for a person, two lines: translation and rotation vector, each number with its sigma.
 std::string transformRow(const std::string& name, const Pose& T, const Eigen::MatrixXd& covariance);
@@ -42,5 +59,22 @@ void writePatientFile(const std::string& path, const Pose& T_dsa_cb, const Anato
 
 /// Puts a record in the place of an older one of its kind.
 void replaceRecord(std::vector<CalibrationRecord>& records, const CalibrationRecord& record);
+
+/// For a person: T_dsa_cb, the runs' shifts, each view against the others. `left_out` names those that were not
+/// registered.
+std::string anatomyTable(const AnatomyResult& result, const std::vector<CaseOutcome>& outcomes,
+                         const std::string& left_out);
+
+/// The views that took part, in one order, and the tree; a view from a centreline has no image.
+struct ReportedAnatomy {
+  const std::vector<AnatomyView>& views;
+  const std::vector<SeenAnatomy>& seen;
+  const std::vector<std::optional<std::string>>& image_paths;
+  const VesselTree& tree;
+};
+
+/// Each view's overlay and how far it is from the others, as pictures and a page with `table`.
+void writeAnatomyReport(const std::string& folder, const std::string& cases_path, const AnatomyResult& result,
+                        const ReportedAnatomy& anatomy, const std::string& table);
 
 }  // namespace angio

@@ -24,4 +24,11 @@ nlohmann::ordered_json poseAsJson(const Pose& T, const std::optional<Matrix6d>& 
 /// A matrix as a flat list of numbers, row by row.
 nlohmann::ordered_json matrixAsJson(const Eigen::Ref<const Eigen::MatrixXd>& M);
 
+/// Whether a covariance may leave a direction without variance.
+enum class Definiteness { kPositive, kSemi };
+
+/// A covariance as it was read from a field, made symmetric. Throws InputError that names the field when it is not
+/// symmetric or not as definite as wanted, up to the rounding of files, each number in units of its own deviation.
+Eigen::MatrixXd requireCovariance(const YamlField& field, const Eigen::MatrixXd& read, Definiteness wanted);
+
 }  // namespace angio

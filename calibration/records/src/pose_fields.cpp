@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/calibration/pose_fields.hpp"
+#include "angio/calibration_records/pose_fields.hpp"
+
+#include <Eigen/Cholesky>
 
 #include "angio/base/errors.hpp"
-#include "angio/calibration_records/covariance_field.hpp"
 
 namespace angio {
 namespace {
@@ -11,6 +12,7 @@ using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using RowMajor6d = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 
 constexpr double kFarthest_mm = 100e3;
+constexpr double kRounded = 1e-6;  // What six digits leave.
 
 Eigen::Matrix3d readRotation(const YamlField& field) {
   const std::vector<double> entries = field.numbers(9);
@@ -78,6 +80,23 @@ nlohmann::ordered_json poseAsJson(const Pose& T, const std::optional<Matrix6d>& 
                                  {"translation_mm", matrixAsJson(1e3 * T.translation())}};
   if (covariance) json["covariance"] = matrixAsJson(*covariance);
   return json;
+}
+
+Eigen::MatrixXd requireCovariance(const YamlField& field, const Eigen::MatrixXd& read, Definiteness wanted) {
+  const bool semi = wanted == Definiteness::kSemi;
+  const char* const rule = semi ? "must be positive semidefinite" : "must be positive definite";
+  if (read.size() == 0) return read;
+  if (!read.allFinite()) field.refuse(rule);
+  const double least = read.diagonal().minCoeff();
+  if (!(semi ? least >= 0 : least > 0)) field.refuse(rule);
+  // So that a small number counts as much as a large one.
+  const Eigen::VectorXd scale = read.diagonal().cwiseSqrt().unaryExpr([](double s) { return s > 0 ? 1 / s : 1; });
+  Eigen::MatrixXd scaled = scale.asDiagonal() * read * scale.asDiagonal();
+  if (!((scaled - scaled.transpose()).cwiseAbs().maxCoeff() <= kRounded)) field.refuse("must be symmetric");
+  scaled = 0.5 * (scaled + scaled.transpose()).eval();
+  if (semi) scaled.diagonal().array() += kRounded;
+  if (scaled.llt().info() != Eigen::Success) field.refuse(rule);
+  return 0.5 * (read + read.transpose());
 }
 
 }  // namespace angio

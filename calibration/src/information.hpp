@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Cholesky>
+
+namespace angio {
+
+/// The covariance of an information matrix, scaled to a unit diagonal before it is inverted: metres beside radians and
+/// pixels would cost digits. `floor` on the diagonal gives what cannot be known a large variance, not an infinite one.
+inline Eigen::MatrixXd covarianceOf(const Eigen::MatrixXd& information, double floor = 0) {
+  const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  scaled.diagonal().array() += floor;
+  const Eigen::MatrixXd inverse = scaled.ldlt().solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols()));
+  return scale.asDiagonal() * inverse * scale.asDiagonal();
+}
+
+}  // namespace angio

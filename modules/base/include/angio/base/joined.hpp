@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace angio {
+
+/// Names in one line, "a, b, c"; of more than `most` of them the first, and ", ...".
+inline std::string joined(const std::vector<std::string>& names, std::size_t most = static_cast<std::size_t>(-1)) {
+  std::string line;
+  for (std::size_t i = 0; i < names.size() && i < most; ++i) line += (i == 0 ? "" : ", ") + names[i];
+  return names.size() > most ? line + ", ..." : line;
+}
+
+}  // namespace angio
