@@ -54,6 +54,11 @@ TipBelief TipFilter::summarised(const std::vector<double>& probability) const {
   for (std::size_t k = 1; k < order.size() && moments[order[k]].mass > kWorthNaming; ++k) {
     belief.alternatives.push_back(placeOf(grid_, order[k], moments[order[k]]));
   }
+  for (int i = 0; i < grid_.size(); ++i) {
+    const bool near =
+        (grid_.points_m.col(i) - belief.tip.tip_model).squaredNorm() <= std::pow(1e-3 * settings_.near_mm, 2);
+    if (near) belief.near_probability += probability[i];
+  }
   return belief;
 }
 

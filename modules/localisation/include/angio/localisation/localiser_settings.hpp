@@ -22,6 +22,10 @@ struct LocaliserSettings {
       0.5;  ///< Of the image's size against the pose's, besides the pose's covariance; anew each frame.
   double roll_std_deg = 0.5;  ///< Of its turn in the image, the same.
 
+  // When a belief is sure.
+  double near_mm = 1.5;          ///< Places within this of each other are one.
+  double least_probability = 0;  ///< That the tip is so near to the believed place; below, the belief is unsure.
+
   // How a curve resembles a path.
   double step_px = 10;         ///< Between the points of the curve that are looked at.
   double model_std_px = 2;     ///< Of the vessel's place besides the curve's own noise: the tree is not quite rigid.
@@ -41,6 +45,8 @@ struct LocaliserSettings {
     v.number("shift_time_s", shift_time_s, 0.01, 1000);
     v.number("scale_std_percent", scale_std_percent, 0.01, 50);
     v.number("roll_std_deg", roll_std_deg, 0.01, 90);
+    v.number("near_mm", near_mm, 0.1, 100);
+    v.number("least_probability", least_probability, 0, 1);
     v.number("step_px", step_px, 1, 100);
     v.number("model_std_px", model_std_px, 0.1, 50);
     v.number("tip_std_px", tip_std_px, 0.1, 100);
