@@ -238,6 +238,8 @@ TEST(CatheterLocaliser, FinePlacesLeaveNoHoleInEvidenceByTheMillimetre) {
     const TipBelief belief = localiser.update(evidenceOf(places), {1.0 / 15, 0.1e-3});
     const double path_m = map.start_m(belief.tip.chain) + belief.tip.arc_m;
     EXPECT_NEAR(path_m, map.length_m(0) + ahead_m, 0.6e-3) << k;
+    EXPECT_LE(belief.tip.probability, 1) << k;  // What a message of a tip refuses.
+    EXPECT_LE(belief.near_probability, 1) << k;
   }
   EXPECT_EQ(localiser.belief().tip.chain, 1);
 }
