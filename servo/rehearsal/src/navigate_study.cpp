@@ -104,7 +104,7 @@ std::vector<TreePlace> targetsAlong(const VesselTree& tree, const NavigateStudyS
   for (int k = 0; k < count; ++k) {
     const std::vector<TreePlace>& fit = along[static_cast<std::size_t>(k % curves_used)];
     const int here = (count - 1 - k % curves_used) / curves_used + 1;  // Targets on this curve.
-    const double share = (k / curves_used + 1.0) / here;
+    const double share = (k / curves_used + 0.5) / here;
     targets.push_back(fit[static_cast<std::size_t>(share * static_cast<double>(fit.size() - 1))]);
   }
   return targets;

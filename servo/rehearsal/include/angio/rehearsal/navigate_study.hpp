@@ -87,7 +87,7 @@ struct NavigateRow {
 std::vector<TreePlace> navigateTargets(const VesselTree& tree, const NavigateStudySettings& study, int count);
 
 /// The same along given curves, 3 x N each, model frame [m]: `count` places spread evenly over the curves in turn and
-/// over the length of each, the last one at its end. A curve counts where its points are the tree's.
+/// over the length of each, none at its end, where others may go on. A curve counts where its points are the tree's.
 std::vector<TreePlace> targetsAlong(const VesselTree& tree, const NavigateStudySettings& study,
                                     const std::vector<Eigen::Matrix3Xd>& curves, int count);
 
