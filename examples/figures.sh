@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [soak] [speed] [sheet]
+#   examples/figures.sh [rows] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
 # Without a name: rows, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
-# brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer.
+# brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer. navigating (part of servoing) takes an aortic arch
+# from steve-dualdevicenav there, or from ARCH; TARGETS=6 runs fewer, FIRST_SEED=1 the journeys that settings were tuned on.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=build/bin
@@ -188,18 +189,29 @@ calibration() {
 
 # Images and registration in the loop, calibration wrong by 1 deg / 3 mm, 80 ms of latency, 15 frames a second.
 servoing() {
-  local shared="${ANGIO_SHARED_DATA:-}" trees=(--tree examples/data/hepatic-tace/tree.csv)
   local rehearse="$bin/angio-rehearse" threads="${THREADS:-1}"
   echo; echo "### view: from any start to any view"
   "$rehearse" view --runs "${RUNS:-100}" --threads "$threads"
   echo; echo "### centre: 15 mm of breathing and a heartbeat, with prediction and without"
   "$rehearse" centre --runs "${RUNS:-100}" --threads "$threads"
-  echo; echo "### navigate: a catheter to ${TARGETS:-20} branches of each tree, the nodes of both machines on one bus"
-  trees+=("${brains[@]}")
-  [ -f "$shared/brava/BG05.swc" ] && trees+=(--tree "$shared/brava/BG05.swc")
-  "$rehearse" navigate "${trees[@]}" --targets "${TARGETS:-20}" --first-seed 101 --threads "$threads"
+  navigating
   echo; echo "### faults: each run is disturbed for a while"
   "$rehearse" faults --runs "${FAULTS:-1000}" --threads "$threads"
+}
+
+# A catheter to branches of a liver, of five brains, and of an aortic arch, whose catheter comes up the descending aorta.
+navigating() {
+  local shared="${ANGIO_SHARED_DATA:-}" trees=(--tree examples/data/hepatic-tace/tree.csv) one
+  local navigate=("$bin"/angio-rehearse navigate --targets "${TARGETS:-20}" --first-seed "${FIRST_SEED:-101}" --threads "${THREADS:-1}")
+  for one in BG0002 BG05 BG18 BH0006 BH0014; do
+    [ -f "$shared/brava/$one.swc" ] && trees+=(--tree "$shared/brava/$one.swc")
+  done
+  echo; echo "### navigate: a catheter to ${TARGETS:-20} branches of each tree, the nodes of both machines on one bus"
+  "${navigate[@]}" "${trees[@]}"
+  local arch="${ARCH:-$shared/steve-dualdevicenav}"
+  [ -d "$arch" ] || return 0
+  "${navigate[@]}" --tree "$arch" --target-names LCCA,LVA,RCCA,RVA --root=-298,59.4,-64.9 --longest-edge-mm 25 \
+    --calibration examples/08_tasks/arch_carm.yaml
 }
 
 # How late a program is that only waits, 20 ms at a time, as long as another one lives.

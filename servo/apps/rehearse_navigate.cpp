@@ -9,6 +9,7 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
+#include "angio/io/curve_folder.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
@@ -22,7 +23,8 @@ namespace angio {
 namespace {
 
 struct NavigateOptions {
-  std::vector<std::string> trees;
+  std::vector<std::string> trees, target_names;
+  std::vector<double> root_mm;
   std::string calibration = exampleDataFile("hepatic-tace/carm.yaml");
   std::string settings, out, film;  // The film is of the first journey.
   int targets = 20, first_seed = 1, threads = 1;
@@ -40,15 +42,31 @@ struct NavigateSettings {
   }
 };
 
-nlohmann::ordered_json rehearseTree(const std::string& file, const NavigateOptions& o, const NavigateSettings& s) {
+VesselTree readTree(const std::string& file, const NavigateOptions& o) {
   const VesselTree tree = withoutLongEdges(readVesselTree(file), 1e-3 * o.longest_edge_mm);
-  const std::vector<TreePlace> targets = navigateTargets(tree, s.study, o.targets);
+  if (o.root_mm.empty()) return tree;
+  return beginningAt(tree, 1e-3 * Eigen::Vector3d(o.root_mm[0], o.root_mm[1], o.root_mm[2]));
+}
+
+std::vector<TreePlace> targetsOf(const std::string& file, const VesselTree& tree, const NavigateOptions& o,
+                                 const NavigateStudySettings& study) {
+  if (o.target_names.empty()) return navigateTargets(tree, study, o.targets);
+  const std::vector<NamedCurve> curves = readCurveFolder(file);
+  std::vector<Eigen::Matrix3Xd> named;
+  for (const std::string& name : o.target_names) named.emplace_back(curveOfName(file, curves, name).points_mm / 1e3);
+  return targetsAlong(tree, study, named, o.targets);
+}
+
+nlohmann::ordered_json rehearseTree(const std::string& file, const NavigateOptions& o, const NavigateSettings& s) {
+  const VesselTree tree = readTree(file, o);
+  const std::vector<TreePlace> targets = targetsOf(file, tree, o, s.study);
   if (targets.empty()) throw InputError(file, "", "", "has no branch that is wide and far enough to go to");
   const CArmCalibration nominal = readCArmCalibration(o.calibration);
   std::vector<NavigateRow> rows(targets.size());
   std::optional<NavigateFilm> film;
   if (!o.film.empty()) film.emplace(o.film, tree, targets.front(), s.study.room.frame_rate_hz);
-  const std::string name = std::filesystem::path(file).filename().string();
+  const std::filesystem::path path = std::filesystem::path(file).lexically_normal();
+  const std::string name = (path.has_filename() ? path : path.parent_path()).filename().string();
   ProgressBar bar("navigating " + name, static_cast<int>(targets.size()));
   forEachInParallel(
       static_cast<int>(targets.size()), o.threads,
@@ -91,6 +109,15 @@ void addRehearseNavigate(CLI::App& app, Work& work) {
   command->add_option("--longest-edge-mm", o->longest_edge_mm, "Longer edges join what no vessel joins")
       ->check(CLI::Range(0.1, 1e4));
   command->add_option("--targets", o->targets, "Branches of each tree to go to")->check(CLI::Range(1, 100000));
+  command
+      ->add_option("--target-names", o->target_names,
+                   "Curves of a folder of .mrk.json files to go to, by name or its last word: LCCA,LVA")
+      ->delimiter(',');
+  command
+      ->add_option("--root", o->root_mm,
+                   "Where catheters come in: the tree is cut there, and its longer side stays: x,y,z [mm]")
+      ->delimiter(',')
+      ->expected(3);
   command->add_option("--first-seed", o->first_seed, "Seed of the first journey")->check(CLI::Range(0, 2147000000));
   command->add_option("--threads", o->threads, "Journeys at a time")->check(CLI::Range(1, 256));
   command->add_option("--film", o->film, "Film of the first journey (.mp4, or numbered pictures), of one tree");

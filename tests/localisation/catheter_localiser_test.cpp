@@ -209,5 +209,69 @@ TEST(CatheterLocaliser, LooksAsFarAsThePoseIsUnsure) {
   EXPECT_LT((belief.shift_px - Eigen::Vector2d(30, 30)).norm(), 15);
 }
 
+// What is known each millimetre on both sides of a fork.
+TipEvidence evidenceOf(const std::vector<PlaceEvidence>& places) {
+  TipEvidence evidence;
+  evidence.places = places;
+  evidence.elsewhere = -12;
+  return evidence;
+}
+
+TEST(CatheterLocaliser, FinePlacesLeaveNoHoleInEvidenceByTheMillimetre) {
+  const VesselTree tree = fork(0.02);
+  const TreeMap map(tree);
+  LocaliserSettings settings;
+  settings.spacing_mm = 0.2;
+  settings.backlash_mm = 0.1;
+  CatheterLocaliser localiser(settings, tree);
+  localiser.reset(0, map.length_m(0) - 2e-3, 0.5e-3);
+  // A tip that goes from the trunk into branch 1, seen by places a millimetre apart: none between a fork and 1 mm.
+  for (int k = 0; k < 60; ++k) {
+    const double ahead_m = -2e-3 + 0.1e-3 * k;
+    std::vector<PlaceEvidence> places;
+    for (int mm = -6; mm <= 6; ++mm) {
+      const double off = (1e-3 * mm - ahead_m) / 0.7e-3, value = std::max(-0.5 * off * off, -12.0);
+      if (mm <= 0) places.push_back({0, map.length_m(0) + 1e-3 * mm, value, {}});
+      if (mm > 0) places.push_back({1, 1e-3 * mm, value, {}});
+      if (mm > 0) places.push_back({2, 1e-3 * mm, value - 3, {}});
+    }
+    const TipBelief belief = localiser.update(evidenceOf(places), {1.0 / 15, 0.1e-3});
+    const double path_m = map.start_m(belief.tip.chain) + belief.tip.arc_m;
+    EXPECT_NEAR(path_m, map.length_m(0) + ahead_m, 0.6e-3) << k;
+    EXPECT_LE(belief.tip.probability, 1) << k;  // What a message of a tip refuses.
+    EXPECT_LE(belief.near_probability, 1) << k;
+  }
+  EXPECT_EQ(localiser.belief().tip.chain, 1);
+}
+
+TEST(CatheterLocaliser, IsUnsureWherePlacesFarApartExplainAFrameAlike) {
+  const VesselTree tree = fork(0.02);
+  const TreeMap map(tree);
+  LocaliserSettings settings;
+  settings.least_probability = 0.8;
+  CatheterLocaliser localiser(settings, tree);
+  const auto at = [](int chain, double value) {
+    std::vector<PlaceEvidence> places;
+    for (int mm = -2; mm <= 2; ++mm) places.push_back({chain, 0.02 + 1e-3 * mm, value - 2 * mm * mm, {}});
+    return places;
+  };
+  std::vector<PlaceEvidence> both = at(1, 0), other = at(2, -0.5);
+  both.insert(both.end(), other.begin(), other.end());
+  const TipBelief doubtful = localiser.update(evidenceOf(both), {});
+  EXPECT_EQ(doubtful.status, BeliefStatus::kUnsure);
+  EXPECT_TRUE(isFromFrame(doubtful));
+  EXPECT_NEAR(doubtful.near_probability, 1 / (1 + std::exp(-0.5)), 0.1);
+  EXPECT_NE(doubtful.why.find("within 1.5 mm"), std::string::npos) << doubtful.why;
+  const TipBelief sure = localiser.update(evidenceOf(at(1, 0)), {});
+  EXPECT_EQ(sure.status, BeliefStatus::kSeen);
+  EXPECT_GT(sure.near_probability, 0.9);
+  // A place that is known, of a tip that may lean far along the beam.
+  std::vector<PlaceEvidence> leaning = at(1, 0);
+  for (PlaceEvidence& one : leaning) one.end_std_m = 1.5e-3;
+  const TipBelief unseen = localiser.update(evidenceOf(leaning), {});
+  EXPECT_EQ(unseen.status, BeliefStatus::kUnsure);
+  EXPECT_NEAR(unseen.near_probability, 0.68, 0.05);
+}
+
 }  // namespace
 }  // namespace angio

@@ -34,6 +34,26 @@ TEST_F(Journey, ReachesABranchOverViewsThatItAskedFor) {
   EXPECT_GT(near, 0.8 * row.errors_m.size());
 }
 
+TEST_F(Journey, TargetsAlongCurvesAreSpreadOverTheirLengths) {
+  study.least_way_mm = 0;
+  const TreeMap map(tree);
+  const auto curve = [&](int chain) {
+    Eigen::Matrix3Xd points(3, map.points(chain).size());
+    for (Eigen::Index i = 0; i < points.cols(); ++i) points.col(i) = tree.points().col(map.points(chain)[i]);
+    return points;
+  };
+  const std::vector<TreePlace> targets = targetsAlong(tree, study, {curve(3), curve(4)}, 5);
+  ASSERT_EQ(targets.size(), 5u);
+  for (int k = 0; k < 5; ++k) EXPECT_EQ(targets[k].chain, k % 2 == 0 ? 3 : 4) << k;
+  EXPECT_LT(targets[0].arc_m, targets[2].arc_m);
+  EXPECT_LT(targets[2].arc_m, targets[4].arc_m);
+  EXPECT_LT(targets[4].arc_m, map.length_m(3));
+  EXPECT_LT(targets[1].arc_m, targets[3].arc_m);
+  EXPECT_LT(targets[3].arc_m, map.length_m(4));
+  study.least_way_mm = 1000;
+  EXPECT_TRUE(targetsAlong(tree, study, {curve(3)}, 5).empty());
+}
+
 TEST_F(Journey, IsTheSameTwice) {
   study.longest_s = 8;
   const TreePlace target = navigateTargets(tree, study, 1).front();

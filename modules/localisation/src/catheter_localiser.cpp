@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/localisation/catheter_localiser.hpp"
 
+#include <cmath>
+
+#include "angio/base/formatted.hpp"
 #include "tip_filter.hpp"
 
 namespace angio {
@@ -24,7 +27,8 @@ class CatheterLocaliser::Filter {
 
   const TipBelief& update(const TipEvidence& evidence, const CatheterMotion& motion) {
     forward_.predict(motion);
-    return believed(forward_.observe(evidence));
+    const FrameOutcome outcome = forward_.observe(evidence);
+    return believed(outcome, tipEndStd_m(evidence, forward_.summarised(forward_.probability()).tip));
   }
 
   const TipBelief& predict(const CatheterMotion& motion) {
@@ -39,7 +43,7 @@ class CatheterLocaliser::Filter {
   const TipBelief& belief() const { return belief_; }
 
  private:
-  const TipBelief& believed(const FrameOutcome& outcome) {
+  const TipBelief& believed(const FrameOutcome& outcome, double end_std_m = 0) {
     belief_ = forward_.summarised(forward_.probability());
     belief_.why = outcome.why;
     belief_.residual_px = outcome.residual_px;
@@ -49,6 +53,13 @@ class CatheterLocaliser::Filter {
                      : outcome.residual_px ? BeliefStatus::kLost
                      : seen_before_        ? BeliefStatus::kPredicted
                                            : BeliefStatus::kUnknown;
+    const double near_m = 1e-3 * forward_.settings().near_mm;
+    if (end_std_m > 0) belief_.near_probability *= std::erf(near_m / (std::sqrt(2.0) * end_std_m));
+    if (outcome.used && belief_.near_probability < forward_.settings().least_probability) {
+      belief_.status = BeliefStatus::kUnsure;
+      belief_.why = formatted("the tip is within %.1f mm of its place with a probability of %.2f only",
+                              forward_.settings().near_mm, belief_.near_probability);
+    }
     return belief_;
   }
 

@@ -10,21 +10,23 @@ namespace angio {
 namespace {
 
 constexpr double kSamePlace_m = 2e-3;
+constexpr double kBeyond_m = 0.5e-3;  // What is known of a place counts so far beyond the last one of a chain.
+constexpr double kHole_m = 2e-3;      // Between places that are further apart, nothing is known.
 
 using ByArc = std::vector<std::pair<double, double>>;  // Arc length and log evidence.
 
-// Between neighbours, and up to half a step beyond the first and the last.
-std::optional<double> evidenceAt(const ByArc& known, double arc_m, double half_step_m) {
-  if (known.empty() || arc_m < known.front().first - half_step_m || arc_m > known.back().first + half_step_m) {
+// Between neighbours, and a little beyond the first and the last.
+std::optional<double> evidenceAt(const ByArc& known, double arc_m) {
+  if (known.empty() || arc_m < known.front().first - kBeyond_m || arc_m > known.back().first + kBeyond_m) {
     return std::nullopt;
   }
   const auto above = std::lower_bound(known.begin(), known.end(), std::make_pair(arc_m, -1e300));
   if (above == known.begin()) return above->second;
   const auto below = above - 1;
   if (above == known.end()) return below->second;
-  if (above->first - below->first > 4 * half_step_m) {  // A hole: nothing is known in it.
-    if (arc_m - below->first <= half_step_m) return below->second;
-    if (above->first - arc_m <= half_step_m) return above->second;
+  if (above->first - below->first > kHole_m) {
+    if (arc_m - below->first <= kBeyond_m) return below->second;
+    if (above->first - arc_m <= kBeyond_m) return above->second;
     return std::nullopt;
   }
   const double weight = above->first > below->first ? (arc_m - below->first) / (above->first - below->first) : 0;
@@ -33,14 +35,39 @@ std::optional<double> evidenceAt(const ByArc& known, double arc_m, double half_s
 
 }  // namespace
 
-std::optional<Eigen::Vector3d> tipEnd(const TipEvidence& evidence, const TipPlace& place) {
+namespace {
+
+const PlaceEvidence* nearestTo(const TipEvidence& evidence, const TipPlace& place) {
   double nearest_m = kSamePlace_m;
-  std::optional<Eigen::Vector3d> end;
+  const PlaceEvidence* nearest = nullptr;
   for (const PlaceEvidence& one : evidence.places) {
     const double off_m = std::abs(one.arc_m - place.arc_m);
-    if (one.chain == place.chain && off_m < nearest_m) nearest_m = off_m, end = one.tip_model;
+    if (one.chain == place.chain && off_m < nearest_m) nearest_m = off_m, nearest = &one;
   }
-  return end;
+  return nearest;
+}
+
+}  // namespace
+
+std::optional<Eigen::Vector3d> tipEnd(const TipEvidence& evidence, const TipPlace& place) {
+  const PlaceEvidence* nearest = nearestTo(evidence, place);
+  return nearest ? std::optional<Eigen::Vector3d>(nearest->tip_model) : std::nullopt;
+}
+
+double tipEndStd_m(const TipEvidence& evidence, const TipPlace& place) {
+  const PlaceEvidence* nearest = nearestTo(evidence, place);
+  return nearest ? nearest->end_std_m : 0.0;
+}
+
+// A chain begins where its parent ends: what is known of that place counts for both.
+void TipFilter::beginAtForks(std::vector<std::vector<std::pair<double, double>>>& known) const {
+  for (std::size_t c = 0; c < known.size(); ++c) {
+    const int fork = fork_of_chain_[c];
+    if (fork < 0 || known[c].empty() || !(known[c].front().first > 0)) continue;
+    const auto parent = static_cast<std::size_t>(grid_.chain[fork]);
+    if (known[parent].empty() || known[parent].back().first < grid_.arc_m[fork] - kBeyond_m) continue;
+    known[c].insert(known[c].begin(), {0.0, known[parent].back().second});
+  }
 }
 
 FrameOutcome TipFilter::observe(const TipEvidence& evidence) {
@@ -57,10 +84,11 @@ FrameOutcome TipFilter::observe(const TipEvidence& evidence) {
   }
   if (!std::isfinite(evidence.elsewhere)) return outcome.why = "the evidence of other places is not finite", outcome;
   for (ByArc& chain : known) std::sort(chain.begin(), chain.end());
+  beginAtForks(known);
 
   double best = -1e300;
   for (int i = 0; i < grid_.size(); ++i) {
-    const auto value = evidenceAt(known[grid_.chain[i]], grid_.arc_m[i], grid_.spacing_m);
+    const auto value = evidenceAt(known[grid_.chain[i]], grid_.arc_m[i]);
     next_probability_[i] = std::log(probability_[i]) + value.value_or(evidence.elsewhere);
     best = std::max(best, next_probability_[i]);
   }

@@ -20,7 +20,12 @@ constexpr int kQuickStride = 4;
 
 TipFilter::TipFilter(const LocaliserSettings& settings, PlaceGrid grid, const Eigen::Vector3d& centroid_m)
     : settings_(settings), grid_(std::move(grid)), matcher_(settings_, grid_), centroid_m_(centroid_m) {
-  for (const int last : grid_.last_of_chain) chain_length_m_.push_back(grid_.arc_m[last]);
+  for (const int last : grid_.last_of_chain) {
+    chain_length_m_.push_back(grid_.arc_m[last]);
+    int fork = last;
+    while (fork >= 0 && grid_.chain[fork] == grid_.chain[last]) fork = grid_.parent[fork];
+    fork_of_chain_.push_back(fork);
+  }
   next_probability_.resize(grid_.size());
   next_shift_.resize(grid_.size());
   reset();

@@ -73,12 +73,14 @@ class TipFilter {
   void collect(const SeenCatheter& seen, const SeenPose& pose, bool tip_is_last);
   void weigh(const SeenPose& pose);
   Eigen::Matrix2d stationary() const;
+  void beginAtForks(std::vector<std::vector<std::pair<double, double>>>& known) const;
 
   LocaliserSettings settings_;
   PlaceGrid grid_;
   PathMatcher matcher_;
   Eigen::Vector3d centroid_m_;
   std::vector<double> chain_length_m_;
+  std::vector<int> fork_of_chain_;  // The place in front of its first one; -1 where a root is.
 
   std::vector<double> probability_, next_probability_;
   std::vector<Shift> shift_, next_shift_;

@@ -19,7 +19,7 @@ struct ChainMoments {
 TipPlace placeOf(const PlaceGrid& grid, int chain, const ChainMoments& moments) {
   TipPlace place;
   place.chain = chain;
-  place.probability = moments.mass;
+  place.probability = std::min(moments.mass, 1.0);  // A sum of many may round to more.
   place.arc_m = moments.arc_m / moments.mass;
   const double variance = std::max(0.0, moments.arc_squared / moments.mass - place.arc_m * place.arc_m);
   place.sigma_m = std::sqrt(variance + grid.spacing_m * grid.spacing_m / 12);
@@ -54,6 +54,12 @@ TipBelief TipFilter::summarised(const std::vector<double>& probability) const {
   for (std::size_t k = 1; k < order.size() && moments[order[k]].mass > kWorthNaming; ++k) {
     belief.alternatives.push_back(placeOf(grid_, order[k], moments[order[k]]));
   }
+  for (int i = 0; i < grid_.size(); ++i) {
+    const bool near =
+        (grid_.points_m.col(i) - belief.tip.tip_model).squaredNorm() <= std::pow(1e-3 * settings_.near_mm, 2);
+    if (near) belief.near_probability += probability[i];
+  }
+  belief.near_probability = std::min(belief.near_probability, 1.0);
   return belief;
 }
 

@@ -158,7 +158,7 @@ void CatheterController::navigate(const XrayFrame& frame, const CArmState& arm, 
   in_doubt_ = report.loop.answer.another_view;
   report.patient = PatientObservation{pose.T_camera_model, roadmap_->covariance};
   const auto& belief = report.loop.input.belief;
-  const bool seen = belief->status == BeliefStatus::kSeen;
+  const bool seen = isFromFrame(*belief);
   if (!seen) report.hold_reason = belief->why.empty() ? "the tip is not seen" : belief->why;
   RegistrationResult here;  // The roadmap, as long as the catheter is found along it.
   here.status = seen ? RegistrationStatus::kConverged : RegistrationStatus::kTooFewPoints;

@@ -15,14 +15,14 @@ CatheterTip tipMessage(const CatheterControllerReport& report, const TreeMap& ma
   message.time_us = report.command.time_us;
   message.frame_sequence = report.command.frame_sequence;
   const auto& belief = report.loop.input.belief;
-  if (!belief || belief->status != BeliefStatus::kSeen) {
+  if (!belief || !isFromFrame(*belief)) {
     message.reason = belief && !belief->why.empty() ? belief->why : report.hold_reason.value_or("the tip is not seen");
     return message;
   }
   const TipPlace& tip = belief->tip;
-  const bool sure = tip.probability >= kSurelyHere;
-  message.status = sure ? CatheterTipStatus::kLocated : CatheterTipStatus::kAmbiguous;
-  if (!sure) message.reason = "the tip's branch is not sure";
+  const bool branch_sure = tip.probability >= kSurelyHere, place_sure = belief->status == BeliefStatus::kSeen;
+  message.status = branch_sure && place_sure ? CatheterTipStatus::kLocated : CatheterTipStatus::kAmbiguous;
+  if (!branch_sure || !place_sure) message.reason = place_sure ? "the tip's branch is not sure" : belief->why;
   message.tip_model = tip.tip_model;
   const Eigen::Matrix3d along = tip.direction_model * tip.direction_model.transpose();
   message.covariance =

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/navigation/catheter_tracer.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -185,8 +186,13 @@ class CatheterTracer::Impl {
       const Eigen::Vector2d left = off - J * beside.mean_m, weighed = S.inverse() * left;
       const double value = -0.5 * left.dot(weighed) - 0.5 * std::log(S.determinant()) - kLackWeight * *lacks;
       const Eigen::Vector3d end = p + beside.mean_m + beside.covariance * J.transpose() * weighed;
+      // What the image leaves open of it: above all how far it leans along the beam.
+      const Eigen::Matrix3d unseen =
+          beside.covariance - beside.covariance * J.transpose() * S.inverse() * J * beside.covariance;
+      const double end_std_m = std::sqrt(std::max(
+          Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(unseen, Eigen::EigenvaluesOnly).eigenvalues()[2], 0.0));
       trace.evidence.places.push_back(
-          {places_.chain[place], places_.arc_m[place], value, pose.T_camera_model.inverse() * end});
+          {places_.chain[place], places_.arc_m[place], value, pose.T_camera_model.inverse() * end, end_std_m});
       if (value > best) best = value, trace.evidence.residual_px = off.norm();
     }
     for (PlaceEvidence& one : trace.evidence.places)

@@ -90,7 +90,7 @@ NavigationAnswer Navigator::step(const NavigationInput& input) {
 
 NavigationAnswer Navigator::decide(const NavigationInput& input) {
   if (state_ == NavigationState::kArrived || state_ == NavigationState::kGivenUp) return {{}, state_, why_};
-  const bool believed = input.belief && sound(*input.belief, map_) && input.belief->status == BeliefStatus::kSeen;
+  const bool believed = input.belief && sound(*input.belief, map_) && isFromFrame(*input.belief);
   if (!believed) {
     roll_.move(input.drive.roll_rad, 0);
     return doubt(input, input.belief && !input.belief->why.empty() ? input.belief->why : "the tip is not seen");

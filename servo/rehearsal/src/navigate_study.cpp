@@ -20,6 +20,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr double kStart_m = 30e-3;  // Inside the tree when the journey begins.
 
+constexpr double kSamePoint_m = 1e-6;
+
 constexpr double kLeastInto_m = 5e-3;  // A shorter branch is hardly a place to go to.
 
 TreePlace startOf(const TreeMap& map, const TreePlace& target) {
@@ -79,6 +81,44 @@ std::vector<TreePlace> navigateTargets(const VesselTree& tree, const NavigateStu
   for (int k = 0; k < n; ++k)
     spread.push_back(fit[static_cast<std::size_t>(k) * fit.size() / static_cast<std::size_t>(n)]);
   return spread;
+}
+
+std::vector<TreePlace> targetsAlong(const VesselTree& tree, const NavigateStudySettings& study,
+                                    const std::vector<Eigen::Matrix3Xd>& curves, int count) {
+  const TreeMap map(withPlausibleRadii(tree, 0.6e-3));
+  // Where each of the tree's points is; a fork's is the end of the chain that leads to it.
+  std::vector<std::optional<TreePlace>> places(static_cast<std::size_t>(tree.size()));
+  for (int c = 0; c < map.chains(); ++c) {
+    double arc_m = 0;
+    int before = map.points(c).front();
+    for (const int i : map.points(c)) {
+      arc_m += (tree.points().col(i) - tree.points().col(before)).norm();
+      before = i;
+      if (arc_m > 0) places[static_cast<std::size_t>(i)] = TreePlace{c, std::min(arc_m, map.length_m(c))};
+    }
+  }
+  std::vector<std::vector<TreePlace>> along;
+  for (const Eigen::Matrix3Xd& curve : curves) {
+    std::vector<TreePlace> fit;
+    for (Eigen::Index k = 0; k < curve.cols(); ++k) {
+      Eigen::Index i = 0;
+      if ((tree.points().colwise() - curve.col(k)).colwise().squaredNorm().minCoeff(&i) > kSamePoint_m * kSamePoint_m)
+        continue;
+      const auto& place = places[static_cast<std::size_t>(i)];
+      if (place && map.start_m(place->chain) + place->arc_m >= 1e-3 * study.least_way_mm) fit.push_back(*place);
+    }
+    if (!fit.empty()) along.push_back(std::move(fit));
+  }
+  std::vector<TreePlace> targets;
+  if (along.empty()) return targets;
+  const auto curves_used = static_cast<int>(along.size());
+  for (int k = 0; k < count; ++k) {
+    const std::vector<TreePlace>& fit = along[static_cast<std::size_t>(k % curves_used)];
+    const int here = (count - 1 - k % curves_used) / curves_used + 1;  // Targets on this curve.
+    const double share = (k / curves_used + 0.5) / here;
+    targets.push_back(fit[static_cast<std::size_t>(share * static_cast<double>(fit.size() - 1))]);
+  }
+  return targets;
 }
 
 namespace {
@@ -210,6 +250,7 @@ NavigateRow studyNavigation(const VesselTree& tree, const CArmCalibration& nomin
     }
     const CatheterTruth& truth = *journey.exposure().catheter;
     const NavigationInput& input = report->loop.input;
+    row.looked += input.belief.has_value();
     if (input.belief && report->patient) {
       judge(*input.belief, report->loop.trace,
             {journey.exposure().frame.camera, report->patient->T_camera_model, report->patient->covariance}, truth,
@@ -238,11 +279,17 @@ NavigateRow studyNavigation(const VesselTree& tree, const CArmCalibration& nomin
   return row;
 }
 
+namespace {
+
+bool isNear(double error_m) { return error_m <= 1.5e-3; }
+
+}  // namespace
+
 Json navigateStudyAsJson(const std::string& tree_name, const std::vector<NavigateRow>& rows) {
   Json json;
   std::vector<double> errors_mm, arcs_mm, times, contacts;
   int reached = 0, misses = 0, frames = 0, held = 0, breaches = 0, wrong = 0, believed = 0, near = 0, forks = 0,
-      views = 0;
+      views = 0, looked = 0;
   double force = 0;
   Json each = Json::array();
   for (const NavigateRow& row : rows) {
@@ -252,13 +299,14 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
     held += row.held;
     breaches += row.breach.has_value();
     wrong += row.wrong_chain;
+    looked += row.looked;
     forks += row.forks;
     views += row.views;
     believed += static_cast<int>(row.errors_m.size());
     force = std::max(force, row.largest_force_n);
     contacts.push_back(row.wall_contacts);
     times.push_back(row.time_s);
-    for (const double e : row.errors_m) errors_mm.push_back(1e3 * e), near += e <= 1.5e-3;
+    for (const double e : row.errors_m) errors_mm.push_back(1e3 * e), near += isNear(e);
     for (const double e : row.arc_errors_m) arcs_mm.push_back(1e3 * e);
     each.push_back({{"seed", row.seed},
                     {"branch", row.target.chain},
@@ -270,7 +318,10 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
                     {"forks", row.forks},
                     {"misses", row.misses},
                     {"views", row.views},
-                    {"wall_contacts", row.wall_contacts}});
+                    {"wall_contacts", row.wall_contacts},
+                    {"frames_with_catheter", row.looked},
+                    {"believed", row.errors_m.size()},
+                    {"within_1.5", std::count_if(row.errors_m.begin(), row.errors_m.end(), isNear)}});
   }
   json["tree"] = tree_name;
   json["targets"] = rows.size();
@@ -284,6 +335,7 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
   json["frames"] = frames;
   json["held"] = held;
   json["limits_exceeded"] = breaches;
+  json["frames_with_catheter"] = looked;
   json["believed"] = believed;
   json["wrong_chain"] = wrong;
   json["tip_error_mm"] = {{"median", percentile(errors_mm, 0.5)},
@@ -295,21 +347,24 @@ Json navigateStudyAsJson(const std::string& tree_name, const std::vector<Navigat
 }
 
 std::string navigateStudyTable(const Json& trees) {
-  std::string table =
-      formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %8s %14s\n", "navigate", "reached", "forks", "misses",
-                "views", "wall contacts", "force", "tip error mm", "within", "held", "time s");
-  table += formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %8s %14s\n", "", "", "", "", "", "median (most)",
-                     "most N", "median (95 %)", "1.5 mm", "frames", "median (most)");
+  std::string table = formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %10s %8s %7s %14s\n", "navigate", "reached",
+                                "forks", "misses", "views", "wall contacts", "force", "tip error mm", "within",
+                                "believed", "held", "limits", "time s");
+  table +=
+      formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %10s %8s %7s %14s\n", "", "", "", "", "", "median (most)",
+                "most N", "median (95 %)", "1.5 mm", "frames", "frames", "broken", "median (most)");
   for (const Json& j : trees) {
-    table +=
-        formatted("%-24s %4d / %2d %7d %7d %7d %10.0f (%3.0f) %9.2f %12.2f (%5.2f) %8.1f %% %6.1f %% %7.0f (%4.0f)\n",
-                  j["tree"].get<std::string>().c_str(), j["reached"].get<int>(), j["targets"].get<int>(),
-                  j["forks"].get<int>(), j["misses"].get<int>(), j["views"].get<int>(),
-                  j["wall_contacts"]["median"].get<double>(), j["wall_contacts"]["max"].get<double>(),
-                  j["largest_force_n"].get<double>(), j["tip_error_mm"]["median"].get<double>(),
-                  j["tip_error_mm"]["p95"].get<double>(), 100 * j["tip_error_mm"]["within_1.5"].get<double>(),
-                  100.0 * j["held"].get<int>() / std::max(1, j["frames"].get<int>()),
-                  j["time_s"]["median"].get<double>(), j["time_s"]["max"].get<double>());
+    table += formatted(
+        "%-24s %4d / %2d %7d %7d %7d %10.0f (%3.0f) %9.2f %12.2f (%5.2f) %8.1f %% %8.1f %% %6.1f %% %7d %7.0f "
+        "(%4.0f)\n",
+        j["tree"].get<std::string>().c_str(), j["reached"].get<int>(), j["targets"].get<int>(), j["forks"].get<int>(),
+        j["misses"].get<int>(), j["views"].get<int>(), j["wall_contacts"]["median"].get<double>(),
+        j["wall_contacts"]["max"].get<double>(), j["largest_force_n"].get<double>(),
+        j["tip_error_mm"]["median"].get<double>(), j["tip_error_mm"]["p95"].get<double>(),
+        100 * j["tip_error_mm"]["within_1.5"].get<double>(),
+        100.0 * j["believed"].get<int>() / std::max(1, j["frames_with_catheter"].get<int>()),
+        100.0 * j["held"].get<int>() / std::max(1, j["frames"].get<int>()), j["limits_exceeded"].get<int>(),
+        j["time_s"]["median"].get<double>(), j["time_s"]["max"].get<double>());
   }
   return table;
 }

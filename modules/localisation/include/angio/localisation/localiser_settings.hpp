@@ -22,6 +22,10 @@ struct LocaliserSettings {
       0.5;  ///< Of the image's size against the pose's, besides the pose's covariance; anew each frame.
   double roll_std_deg = 0.5;  ///< Of its turn in the image, the same.
 
+  // When a belief is sure.
+  double near_mm = 1.5;          ///< Places within this of each other are one.
+  double least_probability = 0;  ///< That the tip is so near to the believed place; below, the belief is unsure.
+
   // How a curve resembles a path.
   static constexpr double step_px = 10;  ///< Between the points of the curve that are looked at.
   double model_std_px = 2;  ///< Of the vessel's place besides the curve's own noise: the tree is not quite rigid.

@@ -23,6 +23,7 @@ struct TipPlace {
 enum class BeliefStatus {
   kUnknown,    ///< Nothing has been seen since the reset: `tip` is only the most probable start.
   kSeen,       ///< This frame's curve, and all before it.
+  kUnsure,     ///< The same, but places too far from each other explain it; `why` says how far.
   kPredicted,  ///< Frames before this one; `why` says what was wrong with this one.
   kLost,       ///< No place on the tree explains the curve well enough; `why` says how badly.
 };
@@ -32,10 +33,17 @@ struct TipBelief {
   BeliefStatus status = BeliefStatus::kUnknown;
   std::string why;                     ///< What was wrong with the frame, or empty.
   TipPlace tip;                        ///< The most probable chain, and the place in it.
+  double near_probability = 0;         ///< That the tip is within LocaliserSettings::near_mm of where it is said to be:
+                                       ///< its place, on any chain, and its end beside that.
   std::vector<TipPlace> alternatives;  ///< Other chains of more than 1 %, most probable first.
   std::optional<double> residual_px;  ///< Mean distance of the curve from the projected path to `tip`; kSeen and kLost.
   Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();  ///< What the image was found shifted by against the pose [px].
 };
+
+/// Whether this frame's curve is in a belief.
+inline bool isFromFrame(const TipBelief& belief) {
+  return belief.status == BeliefStatus::kSeen || belief.status == BeliefStatus::kUnsure;
+}
 
 /// The name of a status, as tables show it.
 inline const char* statusName(BeliefStatus status) {
@@ -44,6 +52,8 @@ inline const char* statusName(BeliefStatus status) {
       return "unknown";
     case BeliefStatus::kSeen:
       return "seen";
+    case BeliefStatus::kUnsure:
+      return "unsure";
     case BeliefStatus::kPredicted:
       return "predicted";
     default:

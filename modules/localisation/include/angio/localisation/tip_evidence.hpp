@@ -16,6 +16,7 @@ struct PlaceEvidence {
   double log_evidence =
       0;  ///< Logarithm of the frame's probability given the tip there, up to a constant of the frame.
   Eigen::Vector3d tip_model = Eigen::Vector3d::Zero();  ///< The tip's end then, beside the axis, model frame [m].
+  double end_std_m = 0;  ///< Of tip_model, in the direction that is known least: how far it leans along the beam.
 };
 
 /// What one frame says of where a tip is, place by place.
@@ -28,5 +29,8 @@ struct TipEvidence {
 /// The tip's end of the place of the evidence that is nearest to `place`, model frame [m]; nothing when none is within
 /// 2 mm of it in its chain.
 std::optional<Eigen::Vector3d> tipEnd(const TipEvidence& evidence, const TipPlace& place);
+
+/// The standard deviation of that end [m]; 0 where there is none.
+double tipEndStd_m(const TipEvidence& evidence, const TipPlace& place);
 
 }  // namespace angio

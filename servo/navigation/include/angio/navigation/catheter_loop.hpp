@@ -11,11 +11,13 @@ namespace angio {
 
 /// The parts of a catheter's loop.
 struct CatheterLoopSettings {
-  /// The drive says how far it has pushed: the tip hardly moves otherwise.
+  /// The drive says how far it has pushed: the tip hardly moves otherwise. A frame's errors (a lean, a bend) stay for
+  /// many frames, so that a tip which may wander follows them. Places must be as near to each other as it moves.
   static LocaliserSettings besideDrive() {
     LocaliserSettings localiser;
-    localiser.spacing_mm = 0.5;
-    localiser.backlash_mm = 0.2;
+    localiser.spacing_mm = 0.25;
+    localiser.backlash_mm = 0.1;
+    localiser.least_probability = 0.8;
     return localiser;
   }
 

@@ -74,6 +74,7 @@ struct NavigateRow {
   int wall_contacts = 0;              ///< True ones.
   double largest_force_n = 0;         ///< At the drive.
   int frames = 0, held = 0;           ///< And those on which the drive stood still.
+  int looked = 0;                     ///< Frames that were searched for the catheter.
   std::optional<std::string> breach;  ///< A limit that the C-arm exceeded.
   std::vector<double> errors_m;       ///< Of the believed tip from the true one, of each frame that was believed.
   std::vector<double> arc_errors_m;   ///< The same along the vessels where the chain is right.
@@ -88,6 +89,11 @@ SimulatedPatientSettings navigatePatient(SimulatedPatientSettings patient);
 
 /// What the catheter's controller is told of the C-arm.
 CArmSetup navigateSetup(const RehearsalWorld& world, const CArmLimits& limits);
+
+/// The same along given curves, 3 x N each, model frame [m]: `count` places spread evenly over the curves in turn and
+/// over the length of each, none at its end, where others may go on. A curve counts where its points are the tree's.
+std::vector<TreePlace> targetsAlong(const VesselTree& tree, const NavigateStudySettings& study,
+                                    const std::vector<Eigen::Matrix3Xd>& curves, int count);
 
 /// One frame of a journey, for those who look on. Borrowed while they do.
 struct NavigateMoment {
