@@ -27,8 +27,7 @@ struct AnatomyView {
 struct AnatomyRegistrationSettings {
   double angle_sigma_deg = 0.5;  ///< Of the C-arm's angles, per axis: C-arms hold about a degree.
   double shift_sigma_mm = 30;    ///< Of the isocentre from run to run, per axis; 0: it stays.
-  static constexpr double outlier_gate =
-      4.5;  ///< A view further off than so many sigma (of six dimensions) is an outlier.
+  double outlier_gate = 4.5;     ///< A view further off than so many sigma (of six dimensions) is an outlier.
 
   void visit(SettingsVisitor& v) {
     v.number("angle_sigma_deg", angle_sigma_deg, 1e-4, 30);

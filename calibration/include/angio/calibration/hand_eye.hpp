@@ -28,10 +28,8 @@ enum class HandEyeResidual {
 struct HandEyeSettings {
   HandEyeMount mount = HandEyeMount::kUnknown;
   HandEyeResidual residual = HandEyeResidual::kPose;
-  static constexpr double least_turn_deg =
-      1;  ///< Turns about a second axis, root mean square over pairs, from which on a pose counts.
-  static constexpr double outlier_gate =
-      5.3;  ///< A pose further off than so many sigma (of six dimensions) is an outlier.
+  double least_turn_deg = 1;  ///< Turns about a second axis, root mean square over pairs, from which on a pose counts.
+  double outlier_gate = 5.3;  ///< A pose further off than so many sigma (of six dimensions) is an outlier.
   static constexpr double least_share = 0.6;  ///< Of the poses, that must be explained by one transform.
   int starts = 100;                           ///< Draws of few poses each, for a start that outliers do not pull.
   int seed = 1;

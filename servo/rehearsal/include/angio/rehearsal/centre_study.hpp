@@ -16,10 +16,10 @@ struct CentreStudySettings {
   double breathing_mm = 15;  ///< Of the target: what is nearer to the feet moves less, so that the tree bends.
   double heartbeat_mm = 2;   ///< Of the target, in systole.
   double drift_mm_per_min = 3;
-  double most_primary_deg = 30;          ///< Views are spread evenly over +- this ...
-  double most_secondary_deg = 20;        ///< ... and this.
-  static constexpr double learn_s = 12;  ///< Errors count from then on: two breaths, and some.
-  double within_mm = 1;                  ///< A run succeeds when the target's rms distance stays below this.
+  double most_primary_deg = 30;    ///< Views are spread evenly over +- this ...
+  double most_secondary_deg = 20;  ///< ... and this.
+  double learn_s = 12;             ///< Errors count from then on: two breaths, and some.
+  double within_mm = 1;            ///< A run succeeds when the target's rms distance stays below this.
 
   void visit(SettingsVisitor& v) {
     v.number("breathing_mm", breathing_mm, 0, 60);

@@ -58,9 +58,6 @@ struct FaultCampaignSettings {
     v.number("most_primary_deg", most_primary_deg, 0, 90);
     v.number("most_secondary_deg", most_secondary_deg, 0, 45);
     v.number("most_command_age_ms", most_command_age_ms, 1, 10e3);
-    v.number("most_frame_age_ms", most_frame_age_ms, 1, 10e3);
-    v.number("frame_age_margin_ms", frame_age_margin_ms, 0, 1e3);
-    v.number("steady_s", steady_s, 0, 600);
   }
 };
 
