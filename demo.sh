@@ -16,5 +16,5 @@ build/bin/angio-servo --simulate --task centre --settings examples/08_tasks/cent
   --film "$out/centre.mp4"
 
 printf '\n== navigate: a catheter to a branch of the tree, over views that it asks the C-arm for; both loops on one bus\n\n'
-build/bin/angio-rehearse navigate --targets 1 --out "$out/navigate.json" --film "$out/navigate.mp4"
+build/bin/angio-simulate-loop navigate --targets 1 --out "$out/navigate.json" --film "$out/navigate.mp4"
 printf '\nFilms: %s/view.mp4, centre.mp4, navigate.mp4\n' "$out"

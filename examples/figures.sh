@@ -189,20 +189,20 @@ calibration() {
 
 # Images and registration in the loop, calibration wrong by 1 deg / 3 mm, 80 ms of latency, 15 frames a second.
 servoing() {
-  local rehearse="$bin/angio-rehearse" threads="${THREADS:-1}"
+  local simulate_loop="$bin/angio-simulate-loop" threads="${THREADS:-1}"
   echo; echo "### view: from any start to any view"
-  "$rehearse" view --runs "${RUNS:-100}" --threads "$threads"
+  "$simulate_loop" view --runs "${RUNS:-100}" --threads "$threads"
   echo; echo "### centre: 15 mm of breathing and a heartbeat, with prediction and without"
-  "$rehearse" centre --runs "${RUNS:-100}" --threads "$threads"
+  "$simulate_loop" centre --runs "${RUNS:-100}" --threads "$threads"
   navigating
   echo; echo "### faults: each run is disturbed for a while"
-  "$rehearse" faults --runs "${FAULTS:-1000}" --threads "$threads"
+  "$simulate_loop" faults --runs "${FAULTS:-1000}" --threads "$threads"
 }
 
 # A catheter to branches of a liver, of five brains, and of an aortic arch, whose catheter comes up the descending aorta.
 navigating() {
   local shared="${ANGIO_SHARED_DATA:-}" trees=(--tree examples/data/hepatic-tace/tree.csv) one
-  local navigate=("$bin"/angio-rehearse navigate --targets "${TARGETS:-20}" --first-seed "${FIRST_SEED:-101}" --threads "${THREADS:-1}")
+  local navigate=("$bin"/angio-simulate-loop navigate --targets "${TARGETS:-20}" --first-seed "${FIRST_SEED:-101}" --threads "${THREADS:-1}")
   for one in BG0002 BG05 BG18 BH0006 BH0014; do
     [ -f "$shared/brava/$one.swc" ] && trees+=(--tree "$shared/brava/$one.swc")
   done
@@ -210,7 +210,7 @@ navigating() {
   "${navigate[@]}" "${trees[@]}"
   local arch="${ARCH:-$shared/steve-dualdevicenav}"
   [ -d "$arch" ] || return 0
-  "${navigate[@]}" --tree "$arch" --target-names LCCA,LVA,RCCA,RVA --root=-298,59.4,-64.9 --longest-edge-mm 25 \
+  "${navigate[@]}" --tree "$arch" --target-names LCCA,LVA,RCCA,RVA --root=-298,59.4,-64.9 --max-edge-mm 25 \
     --calibration examples/08_tasks/arch_carm.yaml
 }
 

@@ -6,7 +6,7 @@
 int main(int argc, char** argv) {
   CLI::App app("Calibrates an X-ray C-arm: camera, geometry, and where the pre-operative model lies in it.",
                "angio-calibrate");
-  angio::describeProgram(
+  angio::apps::describeProgram(
       app,
       "angio-calibrate simulate --out calibration\n"
       "  angio-calibrate camera calibration/camera/views.yaml --out camera.yaml\n"
@@ -14,11 +14,11 @@ int main(int argc, char** argv) {
       "  angio-calibrate hand-eye calibration/hand-eye/poses.yaml --carm carm.yaml --out lab.yaml\n"
       "  angio-calibrate registration cases.yaml --carm carm.yaml --out lab.yaml");
   app.require_subcommand(1);
-  angio::Work work;
-  angio::addCalibrateCamera(app, work);
-  angio::addCalibrateGeometry(app, work);
-  angio::addCalibrateHandEye(app, work);
-  angio::addCalibrateRegistration(app, work);
-  angio::addCalibrateSimulate(app, work);
-  return angio::runProgram(app, argc, argv, [&] { return work(); });
+  angio::apps::Work work;
+  angio::apps::addCalibrateCamera(app, work);
+  angio::apps::addCalibrateGeometry(app, work);
+  angio::apps::addCalibrateHandEye(app, work);
+  angio::apps::addCalibrateRegistration(app, work);
+  angio::apps::addCalibrateSimulate(app, work);
+  return angio::apps::runProgram(app, argc, argv, [&] { return work(); });
 }

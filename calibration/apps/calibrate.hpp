@@ -4,7 +4,9 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 
-namespace angio {
+#include "angio/apps/namespace.hpp"
+
+namespace angio::apps {
 
 /// What the chosen sub-command does; returns the exit code.
 using Work = std::function<int()>;
@@ -16,4 +18,4 @@ void addCalibrateHandEye(CLI::App& app, Work& work);
 void addCalibrateRegistration(CLI::App& app, Work& work);
 void addCalibrateSimulate(CLI::App& app, Work& work);
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -3,6 +3,7 @@
 #include <iostream>
 #include <memory>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
@@ -15,7 +16,7 @@
 #include "calibrate.hpp"
 #include "outputs.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct CameraOptions {
@@ -97,4 +98,4 @@ void addCalibrateCamera(CLI::App& app, Work& work) {
   command->callback([o, &work] { work = [o] { return calibrate(*o); }; });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

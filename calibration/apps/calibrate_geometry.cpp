@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/geometry_input.hpp"
 #include "angio/calibration/geometry_pictures.hpp"
@@ -14,13 +15,13 @@
 #include "calibrate.hpp"
 #include "report_folder.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct GeometryOptions {
   std::string views, camera, out, settings, machine, report;
   std::optional<FlexModel> flex;
-  double largest_age_days = RecordGate().largest_age_days;
+  double max_age_days = RecordGate().max_age_days;
 };
 
 struct Settings {
@@ -45,7 +46,7 @@ std::string tableOf(const GeometryCalibration& found) {
   int used = 0;
   for (const auto& view : record.views) used += !view.outlier;
   table += formatted("\nviews %zu, used or held out %d", record.views.size(), used);
-  if (found.bead_sigma_px) table += formatted("; beads +-%.3f px", *found.bead_sigma_px);
+  if (found.bead_std_px) table += formatted("; beads +-%.3f px", *found.bead_std_px);
   const char* unit = record.residual_unit.c_str();
   table += formatted("\nresidual rms %.3f %s (rigid arm alone %.3f %s)", record.residual_rms, unit,
                      found.rms_without_flex, unit);
@@ -86,7 +87,7 @@ int calibrate(const GeometryOptions& o) {
   });
   bar.reset();
   const std::string machine = o.machine.empty() ? input.machine : o.machine;
-  for (const auto& warning : checkRecords(o.camera, input.records, {machine, o.largest_age_days})) {
+  for (const auto& warning : checkRecords(o.camera, input.records, {machine, o.max_age_days})) {
     std::cerr << "angio-calibrate: " << warning << "\n";
   }
   GeometryCalibration found = calibrateGeometry(input, settings.geometry);
@@ -125,11 +126,11 @@ void addCalibrateGeometry(CLI::App& app, Work& work) {
       ->transform(CLI::CheckedTransformer(flex))
       ->default_str("low_order");
   command->add_option("--machine", o->machine, "Whose C-arm it is; the view set's when not given");
-  command->add_option("--largest-calibration-age-days", o->largest_age_days, "An older camera is warned of")
+  command->add_option("--max-calibration-age-days", o->max_age_days, "An older camera is warned of")
       ->check(between(0, 1e6));
   command->add_option("--settings", o->settings, "Settings (.yaml), sections detection and geometry");
   command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
   command->callback([o, &work] { work = [o] { return calibrate(*o); }; });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <memory>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
@@ -12,7 +13,7 @@
 #include "calibrate.hpp"
 #include "outputs.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct HandEyeOptions {
@@ -114,9 +115,9 @@ void addSimulation(CLI::App& command, HandEyeOptions& o) {
   group->add_option("--noise-mm", o.orbit.camera_noise_mm, "Of the camera's poses, per axis")->check(between(0, 1000));
   group->add_option("--hand-noise-deg", o.orbit.hand_noise_deg, "Of the C-arm's angles")->check(between(0, 45));
   group->add_option("--hand-noise-mm", o.orbit.hand_noise_mm, "Of the C-arm's place")->check(between(0, 1000));
-  group->add_option("--lao-deg", o.orbit.largest_primary_deg, "The orbit goes to LAO and RAO of this")
+  group->add_option("--lao-deg", o.orbit.max_primary_deg, "The orbit goes to LAO and RAO of this")
       ->check(between(0, 120));
-  group->add_option("--cra-deg", o.orbit.largest_secondary_deg, "and to CRA and CAU of this; 0: a single axis")
+  group->add_option("--cra-deg", o.orbit.max_secondary_deg, "and to CRA and CAU of this; 0: a single axis")
       ->check(between(0, 60));
 }
 
@@ -142,9 +143,7 @@ void addCalibrateHandEye(CLI::App& app, Work& work) {
   command->add_flag("--compare", o->compare, "Also what OpenCV's and ViSP's solvers say of the same poses");
   command->add_option("--reference", o->reference,
                       "Pose (.yaml: rotation, translation_mm) to compare the camera's place with");
-  command
-      ->add_option("--least-turn-deg", o->settings.least_turn_deg,
-                   "Turns about a second axis (rms) below this are none")
+  command->add_option("--min-turn-deg", o->settings.min_turn_deg, "Turns about a second axis (rms) below this are none")
       ->check(between(1e-6, 90));
   command->add_option("--outlier-gate", o->settings.outlier_gate, "Poses further off than so many sigma are left out")
       ->check(between(2, 100));
@@ -166,4 +165,4 @@ void addCalibrateHandEye(CLI::App& app, Work& work) {
   });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

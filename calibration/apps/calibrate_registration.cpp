@@ -5,6 +5,7 @@
 #include <iostream>
 #include <memory>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/anatomy_angles.hpp"
@@ -22,7 +23,7 @@
 #include "calibrate.hpp"
 #include "outputs.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct RegistrationOptions {
@@ -85,8 +86,8 @@ AnatomyView viewOf(const AnatomyCases& cases, const CaseOutcome& outcome) {
   const AnatomyAngles& angles =
       *std::find_if(all.begin(), all.end(), [&](const auto& view) { return view.name == outcome.name; });
   CArmGeometry carm = cases.carm ? cases.carm->carm : CArmGeometry();
-  if (angles.source_isocentre_distance_m) {
-    carm.source_isocentre_distance_m = *angles.source_isocentre_distance_m;
+  if (angles.source_isocenter_distance_m) {
+    carm.source_isocenter_distance_m = *angles.source_isocenter_distance_m;
   } else if (!cases.carm) {
     throw InputError(cases.input_paths[1], "source_isocentre_distance_mm", outcome.name,
                      "is missing; --carm would tell");
@@ -97,7 +98,7 @@ AnatomyView viewOf(const AnatomyCases& cases, const CaseOutcome& outcome) {
   view.T_camera_patient = carm.T_camera_patient(angles.joints);
   CArmJoints at_zero = angles.joints;
   at_zero.tail<3>().setZero();
-  view.isocentre_camera_m = carm.T_camera_patient(at_zero).translation();
+  view.isocenter_camera_m = carm.T_camera_patient(at_zero).translation();
   view.T_camera_model = outcome.result.T_camera_model;
   view.covariance = *outcome.result.covariance;
   return view;
@@ -210,10 +211,10 @@ void addCalibrateRegistration(CLI::App& app, Work& work) {
       ->check(between(0, 180));
   command->add_option("--search-translation-mm", o->search_translation_mm, "and so far along each axis")
       ->check(between(0, 1000));
-  command->add_option("--angle-sigma-deg", o->settings.angle_sigma_deg, "Errors of the C-arm's angles")
+  command->add_option("--angle-sigma-deg", o->settings.angle_std_deg, "Errors of the C-arm's angles")
       ->check(between(1e-4, 30));
   command
-      ->add_option("--shift-sigma-mm", o->settings.shift_sigma_mm,
+      ->add_option("--shift-sigma-mm", o->settings.shift_std_mm,
                    "The isocentre moves so much from run to run; 0: not at all")
       ->check(between(0, 1000));
   command->add_option("--outlier-gate", o->settings.outlier_gate, "Views further off than so many sigma are left out")
@@ -223,4 +224,4 @@ void addCalibrateRegistration(CLI::App& app, Work& work) {
   command->callback([o, &work] { work = [o] { return calibrate(*o); }; });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

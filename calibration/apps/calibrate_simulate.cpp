@@ -5,9 +5,10 @@
 #include <map>
 #include <memory>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/study.hpp"
+#include "angio/calibration/experiment.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
@@ -16,7 +17,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "calibrate.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct SimulateOptions {
@@ -28,7 +29,7 @@ struct SimulateOptions {
   std::optional<int> camera_views, geometry_views, poses;
   std::optional<double> noise_px, missing, flex_mm;
   SimulatedImages images = SimulatedImages::kCamera;
-  std::string study;
+  std::string experiment;
   int trials = 200;
 };
 
@@ -110,10 +111,10 @@ std::string geometryTable(const std::vector<GeometryTrial>& trials, bool bends) 
                          valuesOf(trials, [](const auto& t) { return t.nees * t.numbers; }), trials[0].numbers);
 }
 
-int study(const SimulateOptions& o) {
+int experiment(const SimulateOptions& o) {
   CalibrationSimulationSettings settings = effectiveSettings(o);
   const CArmCalibration nominal = readCArmCalibration(o.nominal);
-  if (o.study == "timing") {
+  if (o.experiment == "timing") {
     settings.camera_views = o.camera_views.value_or(120);
     settings.geometry_views = o.geometry_views.value_or(120);
     const CalibrationTimes times = calibrationTimes(nominal, settings);
@@ -122,9 +123,9 @@ int study(const SimulateOptions& o) {
     return 0;
   }
   std::cout << o.trials << " trials, " << settings.bead_noise_px << " px bead noise\n";
-  if (o.study == "camera") {
+  if (o.experiment == "camera") {
     ProgressBar bar("calibrating", o.trials);
-    const auto trials = cameraStudy(nominal, settings, o.trials, [&](int done) { bar.show(done); });
+    const auto trials = cameraExperiment(nominal, settings, o.trials, [&](int done) { bar.show(done); });
     std::cout << "camera, " << settings.camera_views << " views\n" << cameraTable(trials);
     return 0;
   }
@@ -132,7 +133,7 @@ int study(const SimulateOptions& o) {
     CalibrationSimulationSettings s = settings;
     if (!bends) s.flex_mm = s.flex_deg = 0;
     ProgressBar bar("calibrating", o.trials);
-    const auto trials = geometryStudy(nominal, s, o.trials, [&](int done) { bar.show(done); });
+    const auto trials = geometryExperiment(nominal, s, o.trials, [&](int done) { bar.show(done); });
     std::cout << "\ngeometry, " << s.geometry_views << " views, an arm that "
               << (bends ? "bends as no model does\n" : "is rigid\n") << geometryTable(trials, bends);
   }
@@ -158,7 +159,7 @@ void addCalibrateSimulate(CLI::App& app, Work& work) {
   auto* out = command->add_option("--out", o->out, "Folder");
   command
       ->add_option(
-          "--study", o->study,
+          "--study", o->experiment,
           "No files: calibrate simulated machines and print errors against the truth: camera, geometry, timing")
       ->check(CLI::IsMember({"camera", "geometry", "timing"}))
       ->excludes(out);
@@ -204,10 +205,10 @@ void addCalibrateSimulate(CLI::App& app, Work& work) {
   command->add_option("--settings", o->settings, "Settings of the simulation (.yaml)");
   command->callback([o, &work] {
     work = [o] {
-      if (o->study.empty() && o->out.empty()) throw InputError("--out", "", "", "or --study must be given");
-      return o->study.empty() ? simulate(*o) : study(*o);
+      if (o->experiment.empty() && o->out.empty()) throw InputError("--out", "", "", "or --study must be given");
+      return o->experiment.empty() ? simulate(*o) : experiment(*o);
     };
   });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/joined.hpp"
 #include "angio/calibration/camera_pictures.hpp"
@@ -13,7 +14,7 @@
 #include "angio/io/whole_file.hpp"
 #include "report_folder.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 std::string valuesTable(const CalibrationRecord& record) {
@@ -113,4 +114,4 @@ void writeCameraReport(const std::string& folder, const CameraCalibration& resul
                  {"coverage.png", "Beads seen in each part of the detector", coverageMap(result)}}}});
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/hand_eye_pictures.hpp"
 #include "angio/calibration_records/pose_fields.hpp"
@@ -12,7 +13,7 @@
 #include "angio/io/yaml.hpp"
 #include "report_folder.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -144,7 +145,7 @@ void writePatientFile(const std::string& path, const Pose& T_dsa_cb, const Anato
       shift.push_back(1e3 * run.shift_m[k]);
       sigma.push_back(1e3 * std::sqrt(run.covariance(k, k)));
     }
-    file["runs"].push_back({{"name", run.run}, {"shift_mm", shift}, {"sigma_mm", sigma}});
+    file["runs"].push_back({{"name", run.run}, {"shift_mm", shift}, {"std_mm", sigma}});
   }
   file["calibration"][record.kind] = recordAsJson(record);
   writeWholeFile(path, asYaml(file));
@@ -172,4 +173,4 @@ void replaceRecord(std::vector<CalibrationRecord>& records, const CalibrationRec
   records.push_back(record);
 }
 
-}  // namespace angio
+}  // namespace angio::apps

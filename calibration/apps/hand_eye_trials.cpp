@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/statistics.hpp"
 #include "outputs.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct Errors {
@@ -84,7 +85,7 @@ std::string trialsTable(const CArmGeometry& carm, const OrbitSettings& orbit, co
   std::string table = formatted(
       "%d trials of %d poses, LAO/RAO %g deg + CRA/CAU %g deg, noise %g deg, %g mm per axis; median (95th "
       "percentile)\n",
-      trials, orbit.poses, orbit.largest_primary_deg, orbit.largest_secondary_deg, orbit.camera_noise_deg,
+      trials, orbit.poses, orbit.max_primary_deg, orbit.max_secondary_deg, orbit.camera_noise_deg,
       orbit.camera_noise_mm);
   table += formatted("%-24s  %-19s  %-19s  %-19s  %-19s\n", "solver", "T_dsa_cb [deg]", "T_dsa_cb [mm]", "mount [deg]",
                      "mount [mm]");
@@ -93,4 +94,4 @@ std::string trialsTable(const CArmGeometry& carm, const OrbitSettings& orbit, co
   return table + known.nees + unknown.nees;
 }
 
-}  // namespace angio
+}  // namespace angio::apps

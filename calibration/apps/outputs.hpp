@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/calibration/anatomy_registration.hpp"
 #include "angio/calibration/camera_calibration.hpp"
 #include "angio/calibration/hand_eye_simulation.hpp"
@@ -12,7 +13,7 @@
 #include "angio/calibration/view_set.hpp"
 #include "angio/evaluation/case_run.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// For a person: values and their standard deviations, residuals, condition, weak directions, what was left out.
 std::string cameraTable(const CameraCalibration& result);
@@ -77,4 +78,4 @@ struct ReportedAnatomy {
 void writeAnatomyReport(const std::string& folder, const std::string& cases_path, const AnatomyResult& result,
                         const ReportedAnatomy& anatomy, const std::string& table);
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -3,13 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/anatomy_pictures.hpp"
 #include "angio/io/image_files.hpp"
 #include "outputs.hpp"
 #include "report_folder.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 std::string anatomyTable(const AnatomyResult& result, const std::vector<CaseOutcome>& outcomes,
                          const std::string& left_out) {
@@ -58,4 +59,4 @@ void writeAnatomyReport(const std::string& folder, const std::string& cases_path
                {"Numbers", printed(table), {}}});
 }
 
-}  // namespace angio
+}  // namespace angio::apps

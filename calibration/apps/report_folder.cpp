@@ -5,13 +5,14 @@
 #include <opencv2/imgproc.hpp>
 #include <system_error>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/report_html.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 constexpr double kOverviewHeight_px = 480;
@@ -44,4 +45,4 @@ void writeReport(const std::string& folder, const std::string& title, const std:
 
 std::string printed(const std::string& text) { return "<pre>" + htmlEscaped(text) + "</pre>"; }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/apps/namespace.hpp"
+
+namespace angio::apps {
 
 /// A picture of a calibration's report and the file that it is written to beside the page.
 struct ReportPicture {
@@ -27,4 +29,4 @@ void writeReport(const std::string& folder, const std::string& title, const std:
 /// A table or text as programs print it: as it stands, in a face of one width.
 std::string printed(const std::string& text);
 
-}  // namespace angio
+}  // namespace angio::apps

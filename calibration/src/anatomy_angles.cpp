@@ -8,7 +8,7 @@
 #include "angio/io/xa_files.hpp"
 #include "angio/io/yaml.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 AnatomyAngleSet readAnatomyAngles(const std::string& path) {
   const YamlNode root = readYaml(path);
@@ -31,9 +31,9 @@ AnatomyAngleSet readAnatomyAngles(const std::string& path) {
     angles.joints = readJoints(view);
     const auto run = view.find("run");
     angles.run = run ? run->text() : angles.name;
-    angles.source_isocentre_distance_m = common_m;
+    angles.source_isocenter_distance_m = common_m;
     if (const auto own = view.find("source_isocentre_distance_mm"))
-      angles.source_isocentre_distance_m = 1e-3 * own->positive();
+      angles.source_isocenter_distance_m = 1e-3 * own->positive();
     view.refuseOthers();
     set.views.push_back(std::move(angles));
   }
@@ -47,8 +47,8 @@ AnatomyAngles dicomAngles(const std::string& name, const std::string& path, int 
   AnatomyAngles angles;
   angles.name = angles.run = name;
   angles.joints << geometry.patient_angles->primary_rad, geometry.patient_angles->secondary_rad, geometry.table_shift_m;
-  angles.source_isocentre_distance_m = geometry.source_isocentre_distance_m;
+  angles.source_isocenter_distance_m = geometry.source_isocenter_distance_m;
   return angles;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

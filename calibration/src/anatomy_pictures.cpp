@@ -7,7 +7,7 @@
 #include "angio/evaluation/overlay.hpp"
 #include "bar_chart.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 const AnatomyViewFit* fitOf(const AnatomyResult& result, const std::string& name) {
@@ -31,8 +31,8 @@ cv::Mat anatomyOverlay(const AnatomyResult& result, const AnatomyView& view, con
   OverlayScene scene;
   scene.image = image;
   scene.centerline = &seen.centerline;
-  scene.trees = {{view.T_camera_model, {}, kStartColour, "registered in this view alone"},
-                 {jointPose(result, view), {}, kModelColour, "by all views together"}};
+  scene.trees = {{view.T_camera_model, {}, kStartColor, "registered in this view alone"},
+                 {jointPose(result, view), {}, kModelColor, "by all views together"}};
   scene.caption = view.name;
   if (const AnatomyViewFit* fit = fitOf(result, view.name)) {
     scene.caption += formatted(": %.2f deg, %.1f mm apart", radToDeg(fit->rotation_rad), 1e3 * fit->translation_m);
@@ -51,4 +51,4 @@ cv::Mat anatomyResiduals(const AnatomyResult& result) {
   return drawPlots({turns.plot, places.plot}, 720, 270);
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -5,7 +5,7 @@
 
 #include "angio/calibration/anatomy_registration.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Names of the runs in the order of their first views, and each view's run by its number.
 struct AnatomyRuns {
@@ -28,4 +28,4 @@ struct AnatomyState {
 /// Fills what a result says from where an estimate stands; `covariance` is of [T_dsa_cb; shifts].
 AnatomyResult anatomyResult(const AnatomyState& state, const AnatomyRuns& runs, const Eigen::MatrixXd& covariance);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -7,17 +7,17 @@
 #include "angio/base/errors.hpp"
 #include "angio/vessel/resample.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr double kSpacing_m = 0.5e-3;   // Of model points: a pixel or two apart in the image.
 constexpr double kFarthest_px = 8;      // Of a match; what is further off belongs to no vessel of the model,
 constexpr double kOtherWay = 0.88;      // and so does what runs more than 28 deg differently (its cosine).
 constexpr double kCorrelation_px = 10;  // Neighbours on a curve err together: so much of it is one observation.
-constexpr double kLeastNoise_px = 0.05;
+constexpr double kMinNoise_px = 0.05;
 constexpr double kMadToSigma = 1.4826;
 constexpr int kIterations = 20;
-constexpr double kLeastShift_m = 1e-6;
+constexpr double kMinShift_m = 1e-6;
 
 struct Match {
   Eigen::Vector3d p_model;
@@ -120,13 +120,13 @@ class Refinement {
   Pose poseOf(std::size_t v) const {
     Pose turn = Pose::Identity();
     turn.linear() = turns_[v];
-    turn.translation() = views_[v].isocentre_camera_m - turns_[v] * views_[v].isocentre_camera_m;
+    turn.translation() = views_[v].isocenter_camera_m - turns_[v] * views_[v].isocenter_camera_m;
     return turn * state_.predicted(views_[v], runs_.of_view[v]);
   }
 
   void addPriors(Eigen::MatrixXd& A, Eigen::VectorXd& b) const {
-    const double shift_m = std::max(kLeastShift_m, 1e-3 * settings_.shift_sigma_mm);
-    const double angle = degToRad(settings_.angle_sigma_deg);
+    const double shift_m = std::max(kMinShift_m, 1e-3 * settings_.shift_std_mm);
+    const double angle = degToRad(settings_.angle_std_deg);
     for (std::size_t r = 0; r < runs_.names.size(); ++r) {
       A.diagonal().segment<3>(shiftAt(r)).array() += 1 / (shift_m * shift_m);
       b.segment<3>(shiftAt(r)) -= state_.shifts_m[r] / (shift_m * shift_m);
@@ -148,7 +148,7 @@ class Refinement {
     }
     const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
     std::nth_element(sizes.begin(), middle, sizes.end());
-    const double sigma_px = std::max(kLeastNoise_px, kMadToSigma * *middle);
+    const double std_px = std::max(kMinNoise_px, kMadToSigma * *middle);
     const double share = 1 / std::max(1.0, kCorrelation_px / meanSpacing(seen_[v].centerline));
     const Eigen::Matrix3d R = turns_[v] * views_[v].T_camera_patient.linear();
     const Eigen::Index shift = shiftAt(runs_.of_view[v]), turn = turnAt(v);
@@ -162,9 +162,9 @@ class Refinement {
       row.segment<3>(0) = (by_point * R).transpose();
       row.segment<3>(3) = (-by_point * R * skew(state_.T_dsa_cb.linear() * found[k].p_model)).transpose();
       row.segment<3>(shift) = row.segment<3>(0);
-      row.segment<3>(turn) = (-by_point * skew(p - views_[v].isocentre_camera_m)).transpose();
-      const double scaled = errors[k] / sigma_px;
-      const double weight = share / (sigma_px * sigma_px * (1 + scaled * scaled / 4));
+      row.segment<3>(turn) = (-by_point * skew(p - views_[v].isocenter_camera_m)).transpose();
+      const double scaled = errors[k] / std_px;
+      const double weight = share / (std_px * std_px * (1 + scaled * scaled / 4));
       A.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
       b += weight * errors[k] * row;
     }
@@ -201,4 +201,4 @@ AnatomyResult refineAnatomy(const AnatomyResult& result, const std::vector<Anato
   return Refinement(result, views, seen, tree, settings).solve();
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -9,28 +9,28 @@
 #include "anatomy_problem.hpp"
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr int kIterations = 30;
-constexpr double kLeastShift_m = 1e-6;  // What a shift that is none may be.
-constexpr double kRobustScale = 3;      // Sigma of a six-dimensional residual at which views lose weight.
+constexpr double kMinShift_m = 1e-6;  // What a shift that is none may be.
+constexpr double kRobustScale = 3;    // Sigma of a six-dimensional residual at which views lose weight.
 
 using Choice = std::vector<bool>;
 
 // What is between a registered pose and its prediction: [dt at the model's centre; dw], camera axes. A turn about the
 // model's far origin would show as a translation.
-Vector6d residualOf(const Pose& seen, const Pose& predicted, const Eigen::Vector3d& centre) {
+Vector6d residualOf(const Pose& seen, const Pose& predicted, const Eigen::Vector3d& center) {
   Vector6d r;
-  r << seen * centre - predicted * centre, logSO3(seen.linear() * predicted.linear().transpose());
+  r << seen * center - predicted * center, logSO3(seen.linear() * predicted.linear().transpose());
   return r;
 }
 
 class AnatomyProblem {
  public:
-  AnatomyProblem(const std::vector<AnatomyView>& views, const Eigen::Vector3d& centre,
+  AnatomyProblem(const std::vector<AnatomyView>& views, const Eigen::Vector3d& center,
                  const AnatomyRegistrationSettings& settings)
-      : views_(views), runs_(views), centre_(centre), settings_(settings) {}
+      : views_(views), runs_(views), center_(center), settings_(settings) {}
 
   const AnatomyRuns& runs() const { return runs_; }
 
@@ -42,19 +42,19 @@ class AnatomyProblem {
   }
 
   Vector6d residual(std::size_t i, const AnatomyState& state) const {
-    return residualOf(views_[i].T_camera_model, state.predicted(views_[i], runs_.of_view[i]), centre_);
+    return residualOf(views_[i].T_camera_model, state.predicted(views_[i], runs_.of_view[i]), center_);
   }
 
   // The registration's, moved to the model's centre, and that of the angles, which turn about the isocentre.
   Matrix6d covariance(std::size_t i, const AnatomyState& state) const {
     const AnatomyView& view = views_[i];
-    Matrix6d to_centre = Matrix6d::Identity();
-    to_centre.topRightCorner<3, 3>() = -skew(view.T_camera_model.linear() * centre_);
-    const Eigen::Vector3d from_isocentre = state.predicted(view, runs_.of_view[i]) * centre_ - view.isocentre_camera_m;
+    Matrix6d to_center = Matrix6d::Identity();
+    to_center.topRightCorner<3, 3>() = -skew(view.T_camera_model.linear() * center_);
+    const Eigen::Vector3d from_isocenter = state.predicted(view, runs_.of_view[i]) * center_ - view.isocenter_camera_m;
     Eigen::Matrix<double, 6, 3> turn;
-    turn << -skew(from_isocentre), Eigen::Matrix3d::Identity();
-    const double angle = degToRad(settings_.angle_sigma_deg);
-    return to_centre * view.covariance * to_centre.transpose() + angle * angle * turn * turn.transpose();
+    turn << -skew(from_isocenter), Eigen::Matrix3d::Identity();
+    const double angle = degToRad(settings_.angle_std_deg);
+    return to_center * view.covariance * to_center.transpose() + angle * angle * turn * turn.transpose();
   }
 
   double sigmas(std::size_t i, const AnatomyState& state) const {
@@ -111,7 +111,7 @@ class AnatomyProblem {
  private:
   const std::vector<AnatomyView>& views_;
   AnatomyRuns runs_;
-  Eigen::Vector3d centre_;
+  Eigen::Vector3d center_;
   const AnatomyRegistrationSettings& settings_;
 
   void addView(std::size_t i, const AnatomyState& state, bool robust, Eigen::MatrixXd& A, Eigen::VectorXd& b) const {
@@ -119,7 +119,7 @@ class AnatomyProblem {
     const auto at = static_cast<Eigen::Index>(6 + 3 * runs_.of_view[i]);
     Eigen::MatrixXd J = Eigen::MatrixXd::Zero(6, A.cols());
     J.block<3, 3>(0, 0) = R;
-    J.block<3, 3>(0, 3) = -R * skew(state.T_dsa_cb.linear() * centre_);
+    J.block<3, 3>(0, 3) = -R * skew(state.T_dsa_cb.linear() * center_);
     J.block<3, 3>(0, at) = R;
     J.block<3, 3>(3, 3) = R;
     const Vector6d r = residual(i, state);
@@ -131,11 +131,11 @@ class AnatomyProblem {
   }
 
   void addShiftPriors(const AnatomyState& state, Eigen::MatrixXd& A, Eigen::VectorXd& b) const {
-    const double sigma_m = std::max(kLeastShift_m, 1e-3 * settings_.shift_sigma_mm);
+    const double std_m = std::max(kMinShift_m, 1e-3 * settings_.shift_std_mm);
     for (std::size_t r = 0; r < state.shifts_m.size(); ++r) {
       const auto at = static_cast<Eigen::Index>(6 + 3 * r);
-      A.diagonal().segment<3>(at).array() += 1 / (sigma_m * sigma_m);
-      b.segment<3>(at) -= state.shifts_m[r] / (sigma_m * sigma_m);
+      A.diagonal().segment<3>(at).array() += 1 / (std_m * std_m);
+      b.segment<3>(at) -= state.shifts_m[r] / (std_m * std_m);
     }
   }
 };
@@ -203,11 +203,11 @@ int AnatomyResult::outliers() const {
   return static_cast<int>(std::count_if(views.begin(), views.end(), [](const auto& view) { return view.outlier; }));
 }
 
-AnatomyResult registerAnatomy(const std::vector<AnatomyView>& views, const Eigen::Vector3d& centre_model,
+AnatomyResult registerAnatomy(const std::vector<AnatomyView>& views, const Eigen::Vector3d& center_model,
                               const AnatomyRegistrationSettings& settings) {
   checkSettings("registration", settings);
   requireViews(views);
-  const AnatomyProblem problem(views, centre_model, settings);
+  const AnatomyProblem problem(views, center_model, settings);
   const Choice all(views.size(), true);
   AnatomyState state = problem.start(all);
   problem.solve(state, all, true);
@@ -234,10 +234,10 @@ AnatomyResult registerAnatomy(const std::vector<AnatomyView>& views, const Eigen
   }
   // A shift that is free takes up its run's translations.
   const auto free = 6.0 * static_cast<double>(count(used)) - 6 -
-                    (settings.shift_sigma_mm > 0 ? 3.0 * (static_cast<double>(problem.runs().names.size()) - 1) : 0);
+                    (settings.shift_std_mm > 0 ? 3.0 * (static_cast<double>(problem.runs().names.size()) - 1) : 0);
   result.chi2_per_freedom = chi2 / std::max(1.0, free);
   predictEach(problem, state, used, result);
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

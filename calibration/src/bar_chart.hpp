@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/calibration/namespace.hpp"
 #include "angio/evaluation/plot.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Named values of views or poses as bars beside each other; those that were left out are red.
 struct BarChart {
   Plot plot;
 
-  BarChart(const std::string& title, const std::string& unit, int colour = 0) : plot{title, {}, {unit}} {
+  BarChart(const std::string& title, const std::string& unit, int color = 0) : plot{title, {}, {unit}} {
     plot.x.ticks.emplace();
     constexpr auto kBars = PlotSeries::Kind::kBars;
-    plot.series = {{"", {}, {}, colour, kBars}, {"", {}, {}, kWarningColour, kBars}};
+    plot.series = {{"", {}, {}, color, kBars}, {"", {}, {}, kWarningColor, kBars}};
   }
 
   void add(const std::string& name, double value, bool left_out) {
@@ -24,4 +25,4 @@ struct BarChart {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "angio/imaging/open_field.hpp"
+#include "angio/imaging/collimator_opening.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr double kBlobOfRadius = 0.58;  // Standard deviation of the blob that answers a ball's shadow best, in radii.
@@ -23,15 +23,14 @@ cv::Mat openPixels(const cv::Mat& image) {
   return inner;
 }
 
-cv::Mat withoutGround(const cv::Mat& values, double largest_radius_px) {
+cv::Mat withoutGround(const cv::Mat& values, double max_radius_px) {
   cv::Mat absorption;
   cv::log(cv::max(values, 1), absorption);
   absorption = -absorption;
   cv::Mat smooth, small, ground;
   cv::GaussianBlur(absorption, smooth, {0, 0}, 1.0);
   cv::resize(smooth, small, {}, 0.5, 0.5, cv::INTER_AREA);
-  const int side =
-      2 * static_cast<int>(std::ceil(1.2 * largest_radius_px)) + 1;  // At half the size: 2.4 radii each way.
+  const int side = 2 * static_cast<int>(std::ceil(1.2 * max_radius_px)) + 1;  // At half the size: 2.4 radii each way.
   cv::morphologyEx(small, small, cv::MORPH_OPEN, cv::getStructuringElement(cv::MORPH_RECT, {side, side}));
   cv::GaussianBlur(small, small, {0, 0}, 0.25 * side);
   cv::resize(small, ground, absorption.size(), 0, 0, cv::INTER_LINEAR);
@@ -39,9 +38,9 @@ cv::Mat withoutGround(const cv::Mat& values, double largest_radius_px) {
 }
 
 std::vector<BeadCandidate> blobs(const cv::Mat& above_ground, const cv::Mat& mask,
-                                 const BeadDetectionSettings& settings, double least_response) {
+                                 const BeadDetectionSettings& settings, double min_response) {
   std::vector<double> radii;
-  for (double r = settings.smallest_radius_px; r < settings.largest_radius_px * kBlobScaleStep; r *= kBlobScaleStep) {
+  for (double r = settings.smallest_radius_px; r < settings.max_radius_px * kBlobScaleStep; r *= kBlobScaleStep) {
     radii.push_back(r);
   }
   std::vector<cv::Mat> responses;
@@ -60,7 +59,7 @@ std::vector<BeadCandidate> blobs(const cv::Mat& above_ground, const cv::Mat& mas
       const float* const row = responses[s].ptr<float>(y);
       for (int x = border; x < above_ground.cols - border; ++x) {
         const float value = row[x];
-        if (value < least_response || !mask.at<unsigned char>(y, x)) continue;
+        if (value < min_response || !mask.at<unsigned char>(y, x)) continue;
         bool largest = true;
         for (std::size_t other = s > 0 ? s - 1 : 0; other <= std::min(s + 1, responses.size() - 1) && largest;
              ++other) {
@@ -78,4 +77,4 @@ std::vector<BeadCandidate> blobs(const cv::Mat& above_ground, const cv::Mat& mas
   return found;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

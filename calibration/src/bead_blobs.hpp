@@ -7,7 +7,7 @@
 #include "angio/calibration/bead_detection.hpp"
 #include "bead_profile.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Between the radii that are looked for.
 constexpr double kBlobScaleStep = 1.25;
@@ -22,11 +22,11 @@ struct BeadCandidate {
 cv::Mat openPixels(const cv::Mat& image);
 
 /// Absorption above its surroundings (CV_32FC1) of grey values (CV_32FC1): what is wider than a ball is ground.
-cv::Mat withoutGround(const cv::Mat& values, double largest_radius_px);
+cv::Mat withoutGround(const cv::Mat& values, double max_radius_px);
 
 /// Blobs over all scales, strongest first, each where it answers more than its neighbours in place and scale do, and
-/// `least_response` at least, where `mask` (CV_8UC1) is not zero.
+/// `min_response` at least, where `mask` (CV_8UC1) is not zero.
 std::vector<BeadCandidate> blobs(const cv::Mat& above_ground, const cv::Mat& mask,
-                                 const BeadDetectionSettings& settings, double least_response);
+                                 const BeadDetectionSettings& settings, double min_response);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -11,18 +11,18 @@
 #include "bead_blobs.hpp"
 #include "bead_profile.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr double kApart = 0.5;  // Centres of two balls, in radii of the larger one, at least.
 
 bool isNear(const BallShadow& a, const BallShadow& b, double radii) {
-  return (a.centre_px - b.centre_px).norm() < radii * std::max(a.radius_px, b.radius_px);
+  return (a.center_px - b.center_px).norm() < radii * std::max(a.radius_px, b.radius_px);
 }
 
 bool areSame(const std::vector<BallShadow>& a, const std::vector<BallShadow>& b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const BallShadow& one, const BallShadow& other) {
-    return one.centre_px == other.centre_px && one.radius_px == other.radius_px;
+    return one.center_px == other.center_px && one.radius_px == other.radius_px;
   });
 }
 
@@ -34,9 +34,9 @@ std::vector<std::vector<BallShadow>> touching(const std::vector<BallShadow>& bal
   for (std::size_t i = 0; i < balls.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       const double reach = 1.15 * (balls[i].radius_px + balls[j].radius_px) + 2;
-      if (group[i] == group[j] || (balls[i].centre_px - balls[j].centre_px).norm() > reach) continue;
+      if (group[i] == group[j] || (balls[i].center_px - balls[j].center_px).norm() > reach) continue;
       const std::size_t from = std::max(group[i], group[j]), to = std::min(group[i], group[j]);
-      if (sizes[from] + sizes[to] > kMostBalls) continue;
+      if (sizes[from] + sizes[to] > kMaxBalls) continue;
       sizes[to] += sizes[from];
       std::replace(group.begin(), group.end(), from, to);
     }
@@ -52,7 +52,7 @@ class BeadFinder {
   BeadFinder(const cv::Mat& image, const BeadDetectionSettings& settings) : settings_(settings) {
     image.convertTo(values_, CV_32F);
     mask_ = openPixels(image);
-    above_ground_ = withoutGround(values_, settings.largest_radius_px);
+    above_ground_ = withoutGround(values_, settings.max_radius_px);
     cv::Mat second;
     cv::Laplacian(above_ground_, second, CV_32F, 1);
     std::vector<float> sample;
@@ -67,12 +67,12 @@ class BeadFinder {
   }
 
   std::vector<BeadDetection> find() {
-    std::vector<BallShadow> balls = apart(blobs(above_ground_, mask_, settings_, leastResponse()), {});
+    std::vector<BallShadow> balls = apart(blobs(above_ground_, mask_, settings_, minResponse()), {});
     std::vector<ShadowGroup> groups = fitted(balls, {});
     // Balls that others hide show in what the others leave over.
     balls.clear();
     for (const ShadowGroup& group : groups) balls.insert(balls.end(), group.balls.begin(), group.balls.end());
-    const auto hidden = apart(blobs(leftOver(groups), mask_, settings_, leastResponse()), balls);
+    const auto hidden = apart(blobs(leftOver(groups), mask_, settings_, minResponse()), balls);
     if (!hidden.empty()) {
       balls.insert(balls.end(), hidden.begin(), hidden.end());
       groups = fitted(balls, groups);
@@ -81,18 +81,18 @@ class BeadFinder {
     for (const ShadowGroup& group : groups) {
       for (std::size_t k = 0; k < group.balls.size(); ++k) {
         const BallShadow& ball = group.balls[k];
-        found.push_back({ball.centre_px, group.sigmas_px[k], ball.radius_px, group.contrast(k), {}});
+        found.push_back({ball.center_px, group.stds_px[k], ball.radius_px, group.contrast(k), {}});
       }
     }
     std::sort(found.begin(), found.end(), [](const BeadDetection& a, const BeadDetection& b) {
-      return std::make_pair(a.centre_px.y(), a.centre_px.x()) < std::make_pair(b.centre_px.y(), b.centre_px.x());
+      return std::make_pair(a.center_px.y(), a.center_px.x()) < std::make_pair(b.center_px.y(), b.center_px.x());
     });
     return found;
   }
 
  private:
   // A ball's blob answers with a third of its contrast or more.
-  double leastResponse() const { return 0.3 * settings_.least_contrast; }
+  double minResponse() const { return 0.3 * settings_.min_contrast; }
 
   std::vector<BallShadow> apart(const std::vector<BeadCandidate>& candidates,
                                 const std::vector<BallShadow>& others) const {
@@ -111,14 +111,14 @@ class BeadFinder {
     const BallShadow& ball = group.balls[k];
     const double contrast = group.contrast(k);
     const double area_px = kPi * ball.radius_px * ball.radius_px;
-    const Eigen::Vector2d p = ball.centre_px;
+    const Eigen::Vector2d p = ball.center_px;
     const double edge = settings_.border_px;
     const bool inside =
         p.x() >= edge && p.y() >= edge && p.x() <= values_.cols - 1 - edge && p.y() <= values_.rows - 1 - edge &&
         mask_.at<unsigned char>(static_cast<int>(std::lround(p.y())), static_cast<int>(std::lround(p.x())));
     return inside && ball.radius_px > settings_.smallest_radius_px / kBlobScaleStep &&
-           ball.radius_px < settings_.largest_radius_px * kBlobScaleStep && contrast > settings_.least_contrast &&
-           contrast * std::sqrt(area_px) > settings_.least_significance * noise_ && group.sigmas_px[k] < 0.5;
+           ball.radius_px < settings_.max_radius_px * kBlobScaleStep && contrast > settings_.min_contrast &&
+           contrast * std::sqrt(area_px) > settings_.min_significance * noise_ && group.stds_px[k] < 0.5;
   }
 
   // The noise of quanta as fits see it: grey values' standard deviation over their root.
@@ -126,7 +126,7 @@ class BeadFinder {
 
   bool fits(const ShadowGroup& group) const {
     return group.fitted && !group.balls.empty() &&
-           group.noise <= settings_.largest_misfit * std::max(grainOf(group), 0.02 * std::sqrt(group.ground[0]));
+           group.noise <= settings_.max_misfit * std::max(grainOf(group), 0.02 * std::sqrt(group.ground[0]));
   }
 
   // Fitted without what is no ball.
@@ -158,8 +158,8 @@ class BeadFinder {
       const Eigen::Vector2d side = 0.5 * one.radius_px * Eigen::Vector2d(std::cos(k * kPi / 4), std::sin(k * kPi / 4));
       BallShadow other = one;
       one.radius_px = other.radius_px = 0.75 * one.radius_px;
-      one.centre_px += side;
-      other.centre_px -= side;
+      one.center_px += side;
+      other.center_px -= side;
       parts.balls.push_back(other);
       parts = cleaned(parts);
       if (fits(parts) && (!best.fitted || parts.noise < best.noise)) best = std::move(parts);
@@ -179,9 +179,9 @@ class BeadFinder {
       }
       ShadowGroup start;
       start.balls = std::move(members);
-      start.largest_stretch = settings_.largest_stretch;
+      start.max_stretch = settings_.max_stretch;
       ShadowGroup group = cleaned(start);
-      if (!fits(group) && start.balls.size() < kMostBalls) group = split(start);
+      if (!fits(group) && start.balls.size() < kMaxBalls) group = split(start);
       if (fits(group)) groups.push_back(std::move(group));
     }
     return groups;
@@ -193,7 +193,7 @@ class BeadFinder {
       for (std::size_t k = 0; k < group.balls.size(); ++k) {
         const BallShadow& ball = group.balls[k];
         const int reach = static_cast<int>(1.6 * ball.radius_px + 4);
-        const int cx = static_cast<int>(ball.centre_px.x()), cy = static_cast<int>(ball.centre_px.y());
+        const int cx = static_cast<int>(ball.center_px.x()), cy = static_cast<int>(ball.center_px.y());
         for (int y = std::max(0, cy - reach); y <= std::min(rest.rows - 1, cy + reach); ++y) {
           for (int x = std::max(0, cx - reach); x <= std::min(rest.cols - 1, cx + reach); ++x) {
             const double g = group.thickness(k, Eigen::Vector2d(x, y));
@@ -221,4 +221,4 @@ std::vector<BeadDetection> detectBeads(const cv::Mat& image, const BeadDetection
   return BeadFinder(image, settings).find();
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

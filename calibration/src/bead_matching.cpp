@@ -7,7 +7,7 @@
 #include "angio/base/errors.hpp"
 #include "bead_orientation.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr std::size_t kFewest = 12;
@@ -59,7 +59,7 @@ BeadMatch matchBeads(const std::string& place, const BeadPhantom& phantom, const
     }
     if (done || search(grid)) break;
   }
-  if (!(best.share >= settings.least_share)) {
+  if (!(best.share >= settings.min_share)) {
     throw InputError(place, "beads", std::to_string(best.matched) + " of " + std::to_string(detections.size()),
                      "cannot be told apart: no orientation of " + phantom.name +
                          " explains them; is it the right phantom, and most of it in the image?");
@@ -67,4 +67,4 @@ BeadMatch matchBeads(const std::string& place, const BeadPhantom& phantom, const
   return {best.bead, best.matched, best.R_camera_phantom};
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -7,14 +7,14 @@
 #include <cmath>
 #include <numeric>
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr double kSizeStep = 1.2;       // Radii within this factor are of one size.
 constexpr double kRadiusSpread = 0.08;  // Standard deviation of an apparent radius's logarithm.
 constexpr double kScaleStep = 0.02;     // Of the scale's logarithm.
 constexpr double kAlsoLikely = 0.7;     // Of the best scale's agreement.
-constexpr std::size_t kMostScales = 3;
+constexpr std::size_t kMaxScales = 3;
 
 std::vector<double> sizesOf(const BeadPhantom& phantom) {
   std::vector<double> radii;
@@ -60,7 +60,7 @@ std::vector<BeadScale> likelyScales(const BeadPhantom& phantom, const std::vecto
   std::sort(peaks.rbegin(), peaks.rend());
   std::vector<BeadScale> scales;
   for (const auto& [agreement, log_scale] : peaks) {
-    if (scales.size() == kMostScales || agreement < kAlsoLikely * peaks.front().first) break;
+    if (scales.size() == kMaxScales || agreement < kAlsoLikely * peaks.front().first) break;
     BeadScale scale;
     scale.px_per_m = std::exp(log_scale);
     for (const Bead& bead : phantom.beads) scale.bead_size.push_back(nearestSize(sizes, bead.radius_m));
@@ -90,14 +90,14 @@ std::vector<Eigen::Matrix3d> orientationGrid(double step_rad) {
 
 OrientationVotes::OrientationVotes(const BeadPhantom& phantom, const std::vector<BeadDetection>& detections,
                                    const BeadScale& scale, double step_rad)
-    : points_px_(scale.px_per_m * (phantom.positions_m().colwise() - phantom.centre_m())) {
+    : points_px_(scale.px_per_m * (phantom.positions_m().colwise() - phantom.center_m())) {
   const auto beads = static_cast<double>(points_px_.cols());
   const double spread_px = std::sqrt(points_px_.squaredNorm() / beads);
   bin_px_ = 0.5 * step_rad * spread_px;
   const double reach_px = points_px_.colwise().norm().maxCoeff() + bin_px_;
   Eigen::Matrix2Xd detections_px(2, detections.size());
   for (std::size_t i = 0; i < detections.size(); ++i) {
-    detections_px.col(static_cast<Eigen::Index>(i)) = detections[i].centre_px;
+    detections_px.col(static_cast<Eigen::Index>(i)) = detections[i].center_px;
   }
   low_px_ = detections_px.rowwise().minCoeff().array() - reach_px;
   const Eigen::Vector2d extent_px = detections_px.rowwise().maxCoeff().array() + reach_px - low_px_.array();
@@ -110,7 +110,7 @@ OrientationVotes::OrientationVotes(const BeadPhantom& phantom, const std::vector
   for (std::size_t i = 0; i < detections.size(); ++i) {
     const auto size = static_cast<std::size_t>(scale.detection_size[i]);
     if (size >= sizes) continue;
-    const Eigen::Vector2d at = (detections[i].centre_px - low_px_) / bin_px_;
+    const Eigen::Vector2d at = (detections[i].center_px - low_px_) / bin_px_;
     sizes_[size].x.push_back(static_cast<float>(at.x()));
     sizes_[size].y.push_back(static_cast<float>(at.y()));
   }
@@ -157,7 +157,7 @@ OrientationVote OrientationVotes::mostIn(const Votes& bins) const {
     best.votes = most;
     int x = 0;
     while (votes(x) != most) ++x;
-    best.centre_px = low_px_ + bin_px_ * Eigen::Vector2d(x + 1, y + 1);
+    best.center_px = low_px_ + bin_px_ * Eigen::Vector2d(x + 1, y + 1);
   }
   return best;
 }
@@ -175,4 +175,4 @@ std::vector<OrientationVote> OrientationVotes::best(const std::vector<Eigen::Mat
   return votes;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

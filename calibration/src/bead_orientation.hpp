@@ -8,7 +8,7 @@
 #include "angio/calibration/bead_phantom.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// How large the phantom is shown, and by that which size each bead and each detection has.
 struct BeadScale {
@@ -25,7 +25,7 @@ std::vector<Eigen::Matrix3d> orientationGrid(double step_rad);
 /// An orientation with the shift that puts most beads near a detection of their size.
 struct OrientationVote {
   Eigen::Matrix3d R_camera_phantom = Eigen::Matrix3d::Identity();
-  Eigen::Vector2d centre_px{0, 0};  ///< Where the phantom's centre is seen.
+  Eigen::Vector2d center_px{0, 0};  ///< Where the phantom's centre is seen.
   int votes = 0;
 };
 
@@ -73,4 +73,4 @@ struct Refinement {
 Refinement refinedMatch(const BeadPhantom& phantom, const std::vector<BeadDetection>& detections,
                         const BeadScale& scale, const OrientationVote& start, double bin_px, double tolerance_px);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -9,14 +9,14 @@
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // Large and small in an order in which no run of 8 stands twice, in either direction, nor reads the same both ways;
 // found by search. There are 240 such runs, so that a row of them has 127 beads at most.
 constexpr std::string_view kCode =
     "LLLLLLLsLLLsssLsLsLsLLssssLsLssLLsssLsssssLLLssLsLLLssLLsLLLsLsLLsLLsssLLLLsLsLssLssLLsLsssLssLLLLLsLsssssss";
-static_assert(kCode.size() == kMostHelixBeads);
+static_assert(kCode.size() == kMaxHelixBeads);
 
 }  // namespace
 
@@ -26,11 +26,11 @@ Eigen::Matrix3Xd BeadPhantom::positions_m() const {
   return positions;
 }
 
-Eigen::Vector3d BeadPhantom::centre_m() const { return positions_m().rowwise().mean(); }
+Eigen::Vector3d BeadPhantom::center_m() const { return positions_m().rowwise().mean(); }
 
 bool BeadPhantom::isPlanar() const {
-  const Eigen::Matrix3Xd centred = positions_m().colwise() - centre_m();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(centred * centred.transpose());
+  const Eigen::Matrix3Xd centered = positions_m().colwise() - center_m();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(centered * centered.transpose());
   return spread.eigenvalues()[0] < 1e-6 * spread.eigenvalues()[2];
 }
 
@@ -69,4 +69,4 @@ BeadPhantom platePhantom(const PlatePhantomSettings& settings) {
   return phantom;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

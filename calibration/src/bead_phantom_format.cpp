@@ -7,17 +7,17 @@
 #include "angio/io/yaml.hpp"
 #include "bead_symmetry.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
-constexpr std::size_t kFewestBeads = 8, kFewestPoints = 4, kMostBeads = 2000;
+constexpr std::size_t kFewestBeads = 8, kFewestPoints = 4, kMaxBeads = 2000;
 constexpr double kFarthest_mm = 1000, kSmallest_mm = 10;
 constexpr double kThinnest_mm = 0.2, kThickest_mm = 20;
 constexpr double kIndistinct_m = 0.5e-3;
 
 void requireOwnPlaces(const YamlField& list, const BeadPhantom& phantom) {
-  const Eigen::Matrix3Xd centred = phantom.positions_m().colwise() - phantom.centre_m();
-  if (1e3 * centred.colwise().norm().maxCoeff() < kSmallest_mm) {
+  const Eigen::Matrix3Xd centered = phantom.positions_m().colwise() - phantom.center_m();
+  if (1e3 * centered.colwise().norm().maxCoeff() < kSmallest_mm) {
     list.refuse("must spread over more than 10 mm: are these metres?");
   }
   for (std::size_t i = 0; i < phantom.beads.size(); ++i) {
@@ -50,8 +50,8 @@ BeadPhantom readBeadPhantom(const std::string& path) {
   map.refuseOthers();
   const std::size_t fewest = points ? kFewestPoints : kFewestBeads;
   if (list.node->kind != YamlNode::Kind::kSequence || list.node->items.size() < fewest ||
-      list.node->items.size() > kMostBeads) {
-    list.refuse("must be a list of " + std::to_string(fewest) + " to " + std::to_string(kMostBeads));
+      list.node->items.size() > kMaxBeads) {
+    list.refuse("must be a list of " + std::to_string(fewest) + " to " + std::to_string(kMaxBeads));
   }
   for (std::size_t i = 0; i < list.node->items.size(); ++i) {
     const YamlField item = list.item(i);
@@ -75,4 +75,4 @@ void writeBeadPhantom(const std::string& path, const BeadPhantom& phantom) {
   writeWholeFile(path, asYaml({{"name", phantom.name}, {phantom.isCoded() ? "beads" : "points", list}}));
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <utility>
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // What is not a ball's: ground (3), scatter, blur, stretch (2). All but the ground shape all rims alike and are held
@@ -15,8 +15,7 @@ namespace {
 constexpr int kShared = 7, kOfBall = 4;
 constexpr double kUsualScatter = 0.15, kScatterSpread = 0.15, kUsualBlur_px = 0.8, kBlurSpread_px = 0.4,
                  kStretchSpread = 0.05;
-constexpr double kLargestStretch =
-    0.15;  // Of a pincushion of 8 per cent, at the edge; two balls side by side are more.
+constexpr double kMaxStretch = 0.15;  // Of a pincushion of 8 per cent, at the edge; two balls side by side are more.
 constexpr double kMargin_px = 4, kMargin = 0.5;  // Around a shadow, in pixels and in radii.
 
 struct Pixel {
@@ -28,10 +27,10 @@ std::vector<Pixel> pixelsOf(const cv::Mat& image, const cv::Mat& mask, const Sha
   double left = 1e9, right = -1e9, top = 1e9, bottom = -1e9;
   const auto reach = [](const BallShadow& ball) { return ball.radius_px * (1 + kMargin) + kMargin_px; };
   for (const BallShadow& ball : group.balls) {
-    left = std::min(left, ball.centre_px.x() - reach(ball));
-    right = std::max(right, ball.centre_px.x() + reach(ball));
-    top = std::min(top, ball.centre_px.y() - reach(ball));
-    bottom = std::max(bottom, ball.centre_px.y() + reach(ball));
+    left = std::min(left, ball.center_px.x() - reach(ball));
+    right = std::max(right, ball.center_px.x() + reach(ball));
+    top = std::min(top, ball.center_px.y() - reach(ball));
+    bottom = std::max(bottom, ball.center_px.y() + reach(ball));
   }
   std::vector<Pixel> pixels;
   for (int y = std::max(0, static_cast<int>(top)); y <= std::min(image.rows - 1, static_cast<int>(bottom)); ++y) {
@@ -39,7 +38,7 @@ std::vector<Pixel> pixelsOf(const cv::Mat& image, const cv::Mat& mask, const Sha
       if (!mask.at<unsigned char>(y, x)) continue;
       const Eigen::Vector2d at_px(x, y);
       const bool near = std::any_of(group.balls.begin(), group.balls.end(), [&](const BallShadow& ball) {
-        return (at_px - ball.centre_px).squaredNorm() < reach(ball) * reach(ball);
+        return (at_px - ball.center_px).squaredNorm() < reach(ball) * reach(ball);
       });
       if (!near) continue;
       const double value = image.at<float>(y, x);
@@ -53,7 +52,7 @@ std::vector<Pixel> pixelsOf(const cv::Mat& image, const cv::Mat& mask, const Sha
 // thickness is the root of e log(1 + exp(w / e)): w itself well inside, falling off exponentially outside.
 using ShapeJacobian = Eigen::Matrix<double, 6, 1>;
 double softThickness(const ShadowGroup& group, const BallShadow& ball, const Eigen::Vector2d& at_px, ShapeJacobian* J) {
-  const Eigen::Vector2d d = at_px - ball.centre_px;
+  const Eigen::Vector2d d = at_px - ball.center_px;
   const double a = group.stretch.x(), b = group.stretch.y(), blur_px = group.blur_px;
   const Eigen::Vector2d Md((1 + a) * d.x() + b * d.y(), b * d.x() + (1 - a) * d.y());
   const double r = ball.radius_px, d2 = d.dot(Md), w = 1 - d2 / (r * r), e = 2 * blur_px / r, z = w / e;
@@ -91,7 +90,7 @@ class GroupFit {
   };
 
   GroupFit(std::vector<Pixel> pixels, const ShadowGroup& start)
-      : pixels_(std::move(pixels)), origin_px_(start.balls.front().centre_px) {}
+      : pixels_(std::move(pixels)), origin_px_(start.balls.front().center_px) {}
 
   std::size_t pixels() const { return pixels_.size(); }
 
@@ -143,11 +142,11 @@ class GroupFit {
     group.scatter = std::clamp(group.scatter + step[3], 0.0, 0.6);
     group.blur_px = std::clamp(group.blur_px + step[4], 0.2, 3.0);
     group.stretch =
-        (group.stretch + step.template segment<2>(5)).cwiseMax(-group.largest_stretch).cwiseMin(group.largest_stretch);
+        (group.stretch + step.template segment<2>(5)).cwiseMax(-group.max_stretch).cwiseMin(group.max_stretch);
     for (std::size_t k = 0; k < group.balls.size(); ++k) {
       const auto at = kShared + kOfBall * static_cast<Eigen::Index>(k);
       BallShadow& ball = group.balls[k];
-      ball.centre_px += step.template segment<2>(at);
+      ball.center_px += step.template segment<2>(at);
       ball.radius_px *= std::exp(std::clamp(step[at + 2] / ball.radius_px, -0.3, 0.3));
       ball.depth = std::clamp(ball.depth + step[at + 3], 1e-3, 20.0);
     }
@@ -190,7 +189,7 @@ ShadowGroup fittedTo(std::vector<Pixel> pixels, ShadowGroup group) {
     if (now.squares < sums.squares) {
       double largest = 0;
       for (std::size_t k = 0; k < kBalls; ++k) {
-        largest = std::max(largest, (next.balls[k].centre_px - group.balls[k].centre_px).norm());
+        largest = std::max(largest, (next.balls[k].center_px - group.balls[k].center_px).norm());
       }
       const bool still = sums.squares - now.squares < 1e-6 * sums.squares && largest < 1e-4;
       group = next;
@@ -206,12 +205,12 @@ ShadowGroup fittedTo(std::vector<Pixel> pixels, ShadowGroup group) {
   typename Fit::Matrix scaled = scale.asDiagonal() * sums.H * scale.asDiagonal();
   scaled.diagonal().array() += 1e-10;
   const typename Fit::Matrix covariance = scaled.ldlt().solve(Fit::Matrix::Identity());
-  group.sigmas_px.clear();
+  group.stds_px.clear();
   for (std::size_t k = 0; k < kBalls; ++k) {
     const auto at = kShared + kOfBall * static_cast<Eigen::Index>(k);
     const double x = covariance(at, at) * scale[at] * scale[at];
     const double y = covariance(at + 1, at + 1) * scale[at + 1] * scale[at + 1];
-    group.sigmas_px.push_back(std::sqrt(std::max(0.0, 0.5 * variance * (x + y))));
+    group.stds_px.push_back(std::sqrt(std::max(0.0, 0.5 * variance * (x + y))));
   }
   group.noise = std::sqrt(variance);
   group.fitted = group.ground[0] > 0;
@@ -234,12 +233,12 @@ double ShadowGroup::thickness(std::size_t ball, const Eigen::Vector2d& at_px) co
 }
 
 double ShadowGroup::contrast(std::size_t ball) const {
-  const double g = thickness(ball, balls[ball].centre_px);
+  const double g = thickness(ball, balls[ball].center_px);
   return -std::log(scatter + (1 - scatter) * std::exp(-balls[ball].depth * g));
 }
 
 ShadowGroup fittedGroup(const cv::Mat& image, const cv::Mat& mask, ShadowGroup group) {
-  return fittedOf(image, mask, std::move(group), std::make_index_sequence<kMostBalls>());
+  return fittedOf(image, mask, std::move(group), std::make_index_sequence<kMaxBalls>());
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

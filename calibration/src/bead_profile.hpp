@@ -5,12 +5,14 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-namespace angio {
+#include "angio/calibration/namespace.hpp"
+
+namespace angio::calibration {
 
 /// The shadow of one ball: how thick it is on the ray through a pixel, of 1 in its middle, is the root of 1 - (d/r)^2,
 /// softened at its rim by the blur.
 struct BallShadow {
-  Eigen::Vector2d centre_px{0, 0};
+  Eigen::Vector2d center_px{0, 0};
   double radius_px = 1;
   double depth = 1;  ///< Absorption in the middle, without scatter (natural logarithm).
 };
@@ -22,9 +24,9 @@ struct ShadowGroup {
   double scatter = 0.15;
   double blur_px = 0.8;
   Eigen::Vector2d stretch{0, 0};  ///< Of shadows by a detector's distortion: d^2 = (1 + a) x^2 + 2 b x y + (1 - a) y^2.
-  double largest_stretch = 0;     ///< Either way.
+  double max_stretch = 0;         ///< Either way.
   Eigen::Vector3d ground{0, 0, 0};  ///< Middle, per px of x, per px of y; about the first ball.
-  std::vector<double> sigmas_px;    ///< Of each ball's centre; what the fit gives.
+  std::vector<double> stds_px;      ///< Of each ball's centre; what the fit gives.
   double noise = 0;                 ///< Residual over the root of the grey value, rms.
   bool fitted = false;
 
@@ -35,11 +37,11 @@ struct ShadowGroup {
 };
 
 /// A group has no more balls than this.
-constexpr std::size_t kMostBalls = 6;
+constexpr std::size_t kMaxBalls = 6;
 
-/// Fits a group of 1 to kMostBalls balls to the grey values (CV_32FC1) around its balls, where `mask` (CV_8UC1) is not
+/// Fits a group of 1 to kMaxBalls balls to the grey values (CV_32FC1) around its balls, where `mask` (CV_8UC1) is not
 /// zero, by Levenberg-Marquardt with the weights of counted quanta. `fitted` is false when it has too few pixels or
 /// runs away.
 ShadowGroup fittedGroup(const cv::Mat& image, const cv::Mat& mask, ShadowGroup start);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -7,7 +7,7 @@
 
 #include "angio/calibration/direct_linear.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr int kFewest = 10, kFewestForBend = 40;
@@ -18,15 +18,15 @@ using Pairs = std::vector<std::pair<Eigen::Index, Eigen::Index>>;  // Bead, dete
 class Refiner {
  public:
   Refiner(const BeadPhantom& phantom, const std::vector<BeadDetection>& detections, const BeadScale& scale)
-      : points_m_(phantom.positions_m().colwise() - phantom.centre_m()), scale_(scale), seen_px_(2, detections.size()) {
+      : points_m_(phantom.positions_m().colwise() - phantom.center_m()), scale_(scale), seen_px_(2, detections.size()) {
     for (std::size_t i = 0; i < detections.size(); ++i)
-      seen_px_.col(static_cast<Eigen::Index>(i)) = detections[i].centre_px;
+      seen_px_.col(static_cast<Eigen::Index>(i)) = detections[i].center_px;
   }
 
   Eigen::Index detections() const { return seen_px_.cols(); }
 
   Eigen::Matrix2Xd start(const OrientationVote& vote) const {
-    return (scale_.px_per_m * vote.R_camera_phantom.topRows<2>() * points_m_).colwise() + vote.centre_px;
+    return (scale_.px_per_m * vote.R_camera_phantom.topRows<2>() * points_m_).colwise() + vote.center_px;
   }
 
   // Beads and detections of one size that are each other's nearest.
@@ -162,4 +162,4 @@ Refinement refinedMatch(const BeadPhantom& phantom, const std::vector<BeadDetect
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

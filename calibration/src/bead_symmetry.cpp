@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 using Triple = std::array<int, 3>;
@@ -65,7 +65,7 @@ class SymmetrySearch {
       return best;
     };
     Triple base{};
-    base[0] = farthest([&](int i) { return (position(i) - phantom_.centre_m()).norm(); });
+    base[0] = farthest([&](int i) { return (position(i) - phantom_.center_m()).norm(); });
     base[1] = farthest([&](int i) { return distance(i, base[0]); });
     const Eigen::Vector3d axis = (position(base[1]) - position(base[0])).normalized();
     base[2] = farthest([&](int i) { return axis.cross(position(i) - position(base[0])).norm(); });
@@ -107,4 +107,4 @@ std::optional<BeadSymmetry> symmetryOf(const BeadPhantom& phantom, double tolera
   return SymmetrySearch(phantom, tolerance_m).find();
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -6,7 +6,7 @@
 
 #include "angio/calibration/bead_phantom.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Another bead that stands where a bead comes to stand when the phantom is turned or mirrored onto itself.
 struct BeadSymmetry {
@@ -18,4 +18,4 @@ struct BeadSymmetry {
 /// none but to leave the phantom where it is.
 std::optional<BeadSymmetry> symmetryOf(const BeadPhantom& phantom, double tolerance_m);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -8,11 +8,11 @@
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr double kLargest_px = 32768;
-constexpr int kMostBeads = 2000;
+constexpr int kMaxBeads = 2000;
 
 std::optional<double> positiveIn(const TableRow& row, const char* column) {
   if (!row.has(column)) return std::nullopt;
@@ -30,18 +30,18 @@ std::vector<BeadDetection> readBeadTable(const std::string& path) {
     const auto position = [&](const char* column) {
       return requireBetween(row.place(), column, row.number(column), -0.5, kLargest_px);
     };
-    seen.centre_px = {position("x_px"), position("y_px")};
-    seen.sigma_px = positiveIn(row, "sigma_px").value_or(1);
+    seen.center_px = {position("x_px"), position("y_px")};
+    seen.std_px = positiveIn(row, "sigma_px").value_or(1);
     seen.radius_px = positiveIn(row, "radius_px");
     seen.contrast = positiveIn(row, "contrast");
     if (row.has("bead") && !row.text("bead").empty()) {
       seen.bead = row.integer("bead");
-      requireBetween(row.place(), "bead", *seen.bead, 0, kMostBeads - 1);
+      requireBetween(row.place(), "bead", *seen.bead, 0, kMaxBeads - 1);
     }
     if (!beads.empty() && beads.front().bead.has_value() != seen.bead.has_value()) {
       throw InputError(row.place(), "bead", std::string(row.text("bead")), "must be given for all beads or for none");
     }
-    if (beads.size() == kMostBeads) throw InputError(row.place(), "", "", "there must not be more than 2000 beads");
+    if (beads.size() == kMaxBeads) throw InputError(row.place(), "", "", "there must not be more than 2000 beads");
     beads.push_back(seen);
   });
   return beads;
@@ -56,7 +56,7 @@ void writeBeadTable(const std::string& path, const std::vector<BeadDetection>& b
                      (bead ? ",bead" : "") + "\n";
   const auto orBlank = [](const std::optional<double>& value) { return value ? exact(*value) : std::string(); };
   for (const BeadDetection& b : beads) {
-    text += exact(b.centre_px.x()) + "," + exact(b.centre_px.y()) + "," + exact(b.sigma_px);
+    text += exact(b.center_px.x()) + "," + exact(b.center_px.y()) + "," + exact(b.std_px);
     if (radius) text += "," + orBlank(b.radius_px);
     if (contrast) text += "," + orBlank(b.contrast);
     if (bead) text += "," + (b.bead ? std::to_string(*b.bead) : std::string());
@@ -65,4 +65,4 @@ void writeBeadTable(const std::string& path, const std::vector<BeadDetection>& b
   writeWholeFile(path, text);
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -3,7 +3,7 @@
 
 #include "calibration_simulation_draws.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // Each use has its own stream, so that another number of views leaves the machine as it is.
@@ -55,7 +55,7 @@ std::optional<DetectorDistortion> drawnDistortion(const CArmGeometry& carm, Simu
 // A bead that the detector's edge cuts is not measured.
 const Eigen::Vector2d kBorder(10, 10);
 
-SimulatedBeadView viewAt(const SimulatedMachine& machine, const BeadPhantom& phantom,
+SimulatedBeadView viewAt(const SimulatedDevice& machine, const BeadPhantom& phantom,
                          const CalibrationSimulationSettings& s, const CArmJoints& joints, double distance_m,
                          Draws& draws) {
   SimulatedBeadView view;
@@ -93,16 +93,16 @@ bool heldOut(int index, const CalibrationSimulationSettings& s) {
   return s.held_out_every > 0 && (index + 1) % s.held_out_every == 0;
 }
 
-constexpr double kLongestDistance_m = 0.1;  // Beyond the usual source-detector distance.
+constexpr double kMaxDistance_m = 0.1;  // Beyond the usual source-detector distance.
 
 }  // namespace
 
-SimulatedMachine simulatedMachine(const CArmCalibration& nominal, const Eigen::Vector3d& centre_model,
-                                  const CalibrationSimulationSettings& s) {
+SimulatedDevice simulatedMachine(const CArmCalibration& nominal, const Eigen::Vector3d& center_model,
+                                 const CalibrationSimulationSettings& s) {
   checkSettings("simulation", s);
   Draws draws = drawsFor(s, Stream::kMachine);
-  SimulatedMachine machine;
-  machine.truth = miscalibrated(nominal, centre_model, draws.vector(1), degToRad(s.patient_turn_deg),
+  SimulatedDevice machine;
+  machine.truth = miscalibrated(nominal, center_model, draws.vector(1), degToRad(s.patient_turn_deg),
                                 1e-3 * s.patient_shift_mm * draws.vector(1).normalized());
   machine.truth.machine = "simulated-" + std::to_string(s.seed);
   machine.truth.records.clear();
@@ -114,21 +114,21 @@ SimulatedMachine simulatedMachine(const CArmCalibration& nominal, const Eigen::V
   return machine;
 }
 
-SimulatedMachine otherMachine(const SimulatedMachine& machine, const CalibrationSimulationSettings& s) {
+SimulatedDevice otherMachine(const SimulatedDevice& machine, const CalibrationSimulationSettings& s) {
   Draws draws = drawsFor(s, Stream::kOtherMachine);
-  SimulatedMachine other = machine;
+  SimulatedDevice other = machine;
   CalibrationSimulationSettings worse = s;
   worse.offset_deg = std::max(s.offset_deg, 0.4);
   worse.offset_mm = std::max(s.offset_mm, 3.0);
   other.truth.carm.deviations = {};
   drawDeviations(other.truth.carm, worse, draws);
   // Another make: another isocentre, another detector.
-  other.truth.carm.source_isocentre_distance_m -= 0.03;
+  other.truth.carm.source_isocenter_distance_m -= 0.03;
   other.truth.carm.deviations.source_detector_offset_m += 0.03;
   return other;
 }
 
-std::vector<SimulatedBeadView> simulatedCameraViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
+std::vector<SimulatedBeadView> simulatedCameraViews(const SimulatedDevice& machine, const BeadPhantom& phantom,
                                                     const CalibrationSimulationSettings& s) {
   Draws draws = drawsFor(s, Stream::kCameraViews);
   const double usual_m = machine.truth.carm.source_detector_distance_m;
@@ -144,7 +144,7 @@ std::vector<SimulatedBeadView> simulatedCameraViews(const SimulatedMachine& mach
   return views;
 }
 
-std::vector<SimulatedBeadView> simulatedGeometryViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
+std::vector<SimulatedBeadView> simulatedGeometryViews(const SimulatedDevice& machine, const BeadPhantom& phantom,
                                                       const CalibrationSimulationSettings& s) {
   Draws draws = drawsFor(s, Stream::kGeometryViews);
   const double usual_m = machine.truth.carm.source_detector_distance_m;
@@ -155,11 +155,11 @@ std::vector<SimulatedBeadView> simulatedGeometryViews(const SimulatedMachine& ma
     joints[1] = degToRad(45) * (2 * evenly(i, 3) - 1);
     if (i % 3 == 0)
       joints.tail<3>() << 0.1 * (evenly(i, 5) - 0.5), 0.1 * (evenly(i, 7) - 0.5), 0.1 * (evenly(i, 11) - 0.5);
-    const double distance_m = i % 4 == 1 ? usual_m + kLongestDistance_m * (i % 8 == 1 ? 1 : -0.5) : usual_m;
+    const double distance_m = i % 4 == 1 ? usual_m + kMaxDistance_m * (i % 8 == 1 ? 1 : -0.5) : usual_m;
     views.push_back(viewAt(machine, phantom, s, joints, distance_m, draws));
     views.back().held_out = heldOut(i, s);
   }
   return views;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -7,7 +7,7 @@
 
 #include "angio/calibration/calibration_simulation.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Draws that are the same on every machine for one seed: the standard's distributions are not.
 class Draws {
@@ -38,6 +38,6 @@ class Draws {
 };
 
 /// Another machine of another make with the same patient and phantom: what must not be mixed with the first.
-SimulatedMachine otherMachine(const SimulatedMachine& machine, const CalibrationSimulationSettings& settings);
+SimulatedDevice otherMachine(const SimulatedDevice& machine, const CalibrationSimulationSettings& settings);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -15,7 +15,7 @@
 #include "calibration_simulation_draws.hpp"
 #include "phantom_images.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -33,15 +33,15 @@ int labelOf(int bead, HostileData hostile) {
   return bead == kFirst ? kSecond : bead == kSecond ? kFirst : bead;
 }
 
-std::vector<BeadDetection> tableOf(const SimulatedBeadView& view, const SimulatedMachine& machine,
+std::vector<BeadDetection> tableOf(const SimulatedBeadView& view, const SimulatedDevice& machine,
                                    const CalibrationSimulationSettings& s, Draws& draws) {
   std::vector<BeadDetection> table;
   for (std::size_t i = 0; i < view.shown.size(); ++i) {
     const Eigen::Vector2d pixel = view.pixels_px.col(static_cast<Eigen::Index>(i));
     BeadDetection bead;
-    bead.centre_px = machine.distortion ? machine.distortion->distorted(pixel) : pixel;
-    bead.centre_px += s.bead_noise_px * draws.vector(1).head<2>();
-    bead.sigma_px = std::max(s.bead_noise_px, 1e-3);
+    bead.center_px = machine.distortion ? machine.distortion->distorted(pixel) : pixel;
+    bead.center_px += s.bead_noise_px * draws.vector(1).head<2>();
+    bead.std_px = std::max(s.bead_noise_px, 1e-3);
     bead.bead = labelOf(view.shown[i], s.hostile);
     table.push_back(bead);
   }
@@ -65,7 +65,7 @@ class ViewWriter {
     makeFolder(to.folder);
   }
 
-  void write(const SimulatedMachine& machine, const SimulatedBeadView& view) {
+  void write(const SimulatedDevice& machine, const SimulatedBeadView& view) {
     const int index = static_cast<int>(views_.size()) + 1;
     const std::string name = formatted("%04d", index);
     Json entry{{"name", name}};
@@ -119,12 +119,11 @@ BeadPhantom filed(BeadPhantom phantom, HostileData hostile) {
   return phantom;
 }
 
-PoseSet posesOf(const SimulatedMachine& machine, const SimulatedMachine& other,
-                const CalibrationSimulationSettings& s) {
+PoseSet posesOf(const SimulatedDevice& machine, const SimulatedDevice& other, const CalibrationSimulationSettings& s) {
   Draws draws(static_cast<std::uint64_t>(s.seed) * 7919 + 2);
   PoseSet set;
   set.machine = machine.truth.machine;
-  set.camera_sigma = PoseSigma{degToRad(s.pose_noise_deg), 1e-3 * s.pose_noise_mm};
+  set.camera_std = PoseSigma{degToRad(s.pose_noise_deg), 1e-3 * s.pose_noise_mm};
   for (int i = 0; i < s.hand_eye_poses; ++i) {
     const int half = (s.hand_eye_poses + 1) / 2, place = i % half;
     const double part = half > 1 ? 2.0 * place / (half - 1) - 1 : 0;
@@ -134,7 +133,7 @@ PoseSet posesOf(const SimulatedMachine& machine, const SimulatedMachine& other,
     joints[1] = i < half ? 0 : degToRad(30) * part;
     const bool copies = s.hostile == HostileData::kDuplicatePoses;
     if (copies) joints << degToRad(20), degToRad(10), 0, 0, 0;
-    const SimulatedMachine& at = s.hostile == HostileData::kOtherMachine && i % 2 == 1 ? other : machine;
+    const SimulatedDevice& at = s.hostile == HostileData::kOtherMachine && i % 2 == 1 ? other : machine;
     HandEyePose pose;
     pose.name = formatted("%04d", i + 1);
     pose.joints = joints;
@@ -151,7 +150,7 @@ PoseSet posesOf(const SimulatedMachine& machine, const SimulatedMachine& other,
   return set;
 }
 
-Json truthOf(const SimulatedMachine& machine, const CalibrationSimulationSettings& settings) {
+Json truthOf(const SimulatedDevice& machine, const CalibrationSimulationSettings& settings) {
   const auto camera = machine.truth.carm.camera().parameters();
   Json json{
       {"machine", machine.truth.machine},
@@ -184,9 +183,9 @@ void duplicate(std::vector<SimulatedBeadView>& views) {
 }  // namespace
 
 void writeCalibrationData(const std::string& folder, const CArmCalibration& nominal,
-                          const Eigen::Vector3d& centre_model, const CalibrationSimulationSettings& s,
+                          const Eigen::Vector3d& center_model, const CalibrationSimulationSettings& s,
                           SimulatedImages images, const std::function<void(int done, int total)>& tell) {
-  const SimulatedMachine machine = simulatedMachine(nominal, centre_model, s), other = otherMachine(machine, s);
+  const SimulatedDevice machine = simulatedMachine(nominal, center_model, s), other = otherMachine(machine, s);
   const BeadPhantom phantom = helixPhantom();
   std::vector<SimulatedBeadView> camera_views = simulatedCameraViews(machine, phantom, s),
                                  geometry_views = simulatedGeometryViews(machine, phantom, s);
@@ -223,4 +222,4 @@ void writeCalibrationData(const std::string& folder, const CArmCalibration& nomi
   writePoseSet(folder + "/hand-eye/poses.yaml", posesOf(machine, other, s));
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

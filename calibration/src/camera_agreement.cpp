@@ -9,7 +9,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/base/joined.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr double kRobustScale = 2.5;        // Of Cauchy's loss, in standard deviations.
@@ -24,7 +24,7 @@ double robustNoise(const CameraBundle& bundle) {
   for (const BundleView& view : bundle.views) {
     const Eigen::Matrix2Xd r = bundle.residualsOf(view);
     for (Eigen::Index i = 0; i < r.cols(); ++i) {
-      if (view.use[static_cast<std::size_t>(i)]) lengths.push_back(r.col(i).norm() / view.sigmas_px[i]);
+      if (view.use[static_cast<std::size_t>(i)]) lengths.push_back(r.col(i).norm() / view.stds_px[i]);
     }
   }
   const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
@@ -37,7 +37,7 @@ void chooseBeads(CameraBundle& bundle, double largest) {
   for (BundleView& view : bundle.views) {
     const Eigen::Matrix2Xd r = bundle.residualsOf(view);
     for (Eigen::Index i = 0; i < r.cols(); ++i) {
-      view.use[static_cast<std::size_t>(i)] = r.col(i).norm() <= largest * view.sigmas_px[i];
+      view.use[static_cast<std::size_t>(i)] = r.col(i).norm() <= largest * view.stds_px[i];
     }
   }
 }
@@ -103,12 +103,12 @@ std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<B
       if (!usable) throw InputError("views", "bundle", "", "no camera explains them: the solver found no answer");
     };
     require(bundle.solve(kRobustScale * robustNoise(bundle), settings.max_iterations));
-    chooseBeads(bundle, settings.outlier_sigmas * robustNoise(bundle));
+    chooseBeads(bundle, settings.outlier_stds * robustNoise(bundle));
     require(bundle.solve(kRobustScale * robustNoise(bundle), settings.max_iterations));
     const auto unused = mostlyUnused(bundle), foreign = unused ? unused : mostForeign(bundle);
     if (foreign) {
       left_out.push_back(bundle.views[*foreign].index);
-      if (static_cast<double>(left_out.size()) > settings.largest_outlier_share * static_cast<double>(given)) {
+      if (static_cast<double>(left_out.size()) > settings.max_outlier_share * static_cast<double>(given)) {
         std::vector<std::string> names;
         for (const std::size_t v : left_out) names.push_back(views[v].name);
         throw InputError(joined(names), "views",
@@ -120,13 +120,13 @@ std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<B
       continue;
     }
     for (int round = 0; round < 2; ++round) {
-      chooseBeads(bundle, settings.outlier_sigmas * robustNoise(bundle));
+      chooseBeads(bundle, settings.outlier_stds * robustNoise(bundle));
       require(bundle.solve(std::nullopt, settings.max_iterations));
     }
     break;
   }
   for (const BundleView& view : bundle.views) {
-    if (usedShare(view) >= 1 - settings.largest_outlier_share) continue;
+    if (usedShare(view) >= 1 - settings.max_outlier_share) continue;
     const auto unused = std::count(view.use.begin(), view.use.end(), false);
     throw InputError(views[view.index].name, "beads", formatted("%td of %zu", unused, view.use.size()),
                      "are too many that do not fit the camera");
@@ -134,4 +134,4 @@ std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<B
   return left_out;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <limits>
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // d exp(w) q / dw = -skew(exp(w) q) Jl(w), the left Jacobian of SO(3). Source: Barfoot (2017), eq. 7.77.
@@ -30,7 +30,7 @@ class BeadCost final : public ceres::CostFunction {
         turned_m_(view.T_camera_phantom.linear() * view.points_m.col(bead)),
         t_m_(view.T_camera_phantom.translation()),
         seen_px_(view.seen_px.col(bead)),
-        weight_(1 / view.sigmas_px[bead]) {
+        weight_(1 / view.stds_px[bead]) {
     set_num_residuals(2);
     *mutable_parameter_block_sizes() = {static_cast<int>(bundle.values.size()), 6};
   }
@@ -76,7 +76,7 @@ double squaredOver(const CameraBundle& bundle, const BundleView& view) {
   const Eigen::Matrix2Xd r = bundle.residualsOf(view);
   double sum = 0;
   for (Eigen::Index i = 0; i < r.cols(); ++i) {
-    if (view.use[static_cast<std::size_t>(i)]) sum += (r.col(i) / view.sigmas_px[i]).squaredNorm();
+    if (view.use[static_cast<std::size_t>(i)]) sum += (r.col(i) / view.stds_px[i]).squaredNorm();
   }
   return sum;
 }
@@ -179,7 +179,7 @@ ViewInformation informationOf(const CameraBundle& bundle, const BundleView& view
     const Eigen::Vector3d turned_m = view.T_camera_phantom.linear() * view.points_m.col(i);
     const Eigen::Vector3d p_m = turned_m + view.T_camera_phantom.translation();
     if (!(p_m.z() > 0)) continue;
-    const double weight = 1 / view.sigmas_px[i];
+    const double weight = 1 / view.stds_px[i];
     const Eigen::Vector2d r =
         weight * (bundle.model.seen(lens, view.distance_m, p_m, &J_point, &J_numbers) - view.seen_px.col(i));
     const Eigen::MatrixXd J_lens = weight * J_numbers * bundle.parameters.map;
@@ -196,4 +196,4 @@ ViewInformation informationOf(const CameraBundle& bundle, const BundleView& view
   return sum;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

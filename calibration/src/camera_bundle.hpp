@@ -8,7 +8,7 @@
 
 #include "lens_model.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// A view in the bundle: its beads in phantom coordinates, where they were seen, and its pose.
 struct BundleView {
@@ -16,8 +16,8 @@ struct BundleView {
   double distance_m = 1;
   Eigen::Matrix3Xd points_m;
   Eigen::Matrix2Xd seen_px;
-  Eigen::VectorXd sigmas_px;  ///< Relative.
-  std::vector<bool> use;      ///< Which beads count.
+  Eigen::VectorXd stds_px;  ///< Relative.
+  std::vector<bool> use;    ///< Which beads count.
   Pose T_camera_phantom = Pose::Identity();
 };
 
@@ -82,4 +82,4 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
 void requireObservable(const CameraBundle& start, const BeadPhantom& phantom, const std::vector<BeadView>& views,
                        const CameraCalibrationSettings& settings);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -10,7 +10,7 @@
 #include "information.hpp"
 #include "transform_numbers.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // Everything that the record's covariance is made of.
@@ -23,7 +23,7 @@ struct JointCovariance {
 
 // Of K, all poses and the phantom's mean depth, from the normal equations in blocks: Cov(K) is the inverse of the
 // Schur complement S, Cov(pose) = P^-1 + G S^-1 G^T with G = P^-1 C^T, and Cov(pose, K) = -G S^-1.
-JointCovariance jointCovariance(const CameraBundle& bundle, const Eigen::Vector3d& centre_m, double variance) {
+JointCovariance jointCovariance(const CameraBundle& bundle, const Eigen::Vector3d& center_m, double variance) {
   const Eigen::Index n = bundle.values.size();
   std::vector<ViewInformation> all;
   Eigen::MatrixXd S = Eigen::MatrixXd::Zero(n, n);
@@ -41,7 +41,7 @@ JointCovariance jointCovariance(const CameraBundle& bundle, const Eigen::Vector3
     joint.poses.push_back(variance * P_inverse + G * joint.lens * G.transpose());
     joint.crosses.push_back(-G * joint.lens);
     Vector6d depth;  // d(centre's z) / d(pose).
-    depth << 0, 0, 1, -skew(bundle.views[v].T_camera_phantom.linear() * centre_m).row(2).transpose();
+    depth << 0, 0, 1, -skew(bundle.views[v].T_camera_phantom.linear() * center_m).row(2).transpose();
     depth_by_lens -= depth.transpose() * G;
     own += variance * depth.dot(P_inverse * depth);
   }
@@ -150,7 +150,7 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
     const ViewInformation at = informationOf(bundle, view);
     weighted += at.squared;
     points += at.residuals / 2;
-    mean_depth_m += (view.T_camera_phantom * phantom.centre_m()).z() / static_cast<double>(bundle.views.size());
+    mean_depth_m += (view.T_camera_phantom * phantom.center_m()).z() / static_cast<double>(bundle.views.size());
     const Eigen::Matrix2Xd r = bundle.residualsOf(view);
     for (Eigen::Index i = 0; i < r.cols(); ++i) {
       if (view.use[static_cast<std::size_t>(i)]) squared += r.col(i).squaredNorm();
@@ -160,7 +160,7 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
   const double measured = weighted / std::max(1.0, freedom);
   result.noise_px = std::sqrt(squared / std::max(1.0, freedom));
   const JointCovariance joint = jointCovariance(
-      bundle, phantom.centre_m(), settings.noise_px > 0 ? settings.noise_px * settings.noise_px : measured);
+      bundle, phantom.center_m(), settings.noise_px > 0 ? settings.noise_px * settings.noise_px : measured);
 
   CalibrationRecord& record = result.record;
   record.kind = "camera";
@@ -191,4 +191,4 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -8,7 +8,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr std::size_t kFewestBeads = 8, kFewestMarks = 5;
@@ -17,13 +17,13 @@ constexpr double kSame_px = 2;  // Root mean square: nobody moves a phantom so l
 // Whether two views show their common beads in one place.
 bool sameView(const BeadView& a, const BeadView& b) {
   std::map<int, Eigen::Vector2d> places;
-  for (const SeenBead& seen : a.beads) places[seen.bead] = seen.centre_px;
+  for (const SeenBead& seen : a.beads) places[seen.bead] = seen.center_px;
   double squares = 0;
   int common = 0;
   for (const SeenBead& seen : b.beads) {
     const auto place = places.find(seen.bead);
     if (place == places.end()) continue;
-    squares += (place->second - seen.centre_px).squaredNorm();
+    squares += (place->second - seen.center_px).squaredNorm();
     ++common;
   }
   return common > 0 && std::sqrt(squares / common) < kSame_px;
@@ -61,14 +61,14 @@ void checkViews(const BeadPhantom& phantom, const DetectorOfViews& detector, con
                          "must be 0 to " + std::to_string(phantom.beads.size() - 1) + ": the phantom has no other");
       }
       if (!named.insert(seen.bead).second) throw InputError(view.name, "bead", number, "must not be named twice");
-      const Eigen::Vector2d& px = seen.centre_px;
+      const Eigen::Vector2d& px = seen.center_px;
       if (!(px.x() >= -0.5 && px.y() >= -0.5 && px.x() <= detector.width_px - 0.5 &&
             px.y() <= detector.height_px - 0.5)) {
-        throw InputError(view.name + ": bead " + number, "x_px, y_px", shown(px.x()) + ", " + shown(px.y()),
+        throw InputError(view.name + ": bead " + number, "x_px, y_px", formatValue(px.x()) + ", " + formatValue(px.y()),
                          "must lie on the detector, " + std::to_string(detector.width_px) + " x " +
                              std::to_string(detector.height_px) + " px");
       }
-      requirePositive(view.name + ": bead " + number, "sigma_px", seen.sigma_px);
+      requirePositive(view.name + ": bead " + number, "sigma_px", seen.std_px);
     }
     if (view.beads.size() < fewest_beads) {
       throw InputError(view.name, "beads", std::to_string(view.beads.size()),
@@ -83,4 +83,4 @@ void checkViews(const BeadPhantom& phantom, const DetectorOfViews& detector, con
   requireDifferentViews(views);
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -7,17 +7,17 @@
 
 #include "angio/evaluation/plot.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
-constexpr int kLeastSide_px = 900;
+constexpr int kMinSide_px = 900;
 constexpr int kCells = 16;  // Of the coverage map, along its longer side.
 const cv::Scalar kSeen(80, 220, 120), kProjected(60, 160, 255), kLeftOut(60, 60, 240), kGround(28, 28, 28);
 
 // From detector to picture: whole pixels, enlarged by a whole number where the detector is small.
 struct Canvas {
   explicit Canvas(const XrayCamera& camera)
-      : scale(std::max(1, static_cast<int>(std::ceil(static_cast<double>(kLeastSide_px) / camera.width_px())))),
+      : scale(std::max(1, static_cast<int>(std::ceil(static_cast<double>(kMinSide_px) / camera.width_px())))),
         size(scale * camera.width_px(), scale * camera.height_px()) {}
 
   cv::Point at(const Eigen::Vector2d& px) const {
@@ -31,7 +31,7 @@ struct Canvas {
   cv::Size size;
 };
 
-cv::Mat inColours(const cv::Mat& image, const Canvas& canvas) {
+cv::Mat inColors(const cv::Mat& image, const Canvas& canvas) {
   if (image.empty()) return cv::Mat(canvas.size, CV_8UC3, kGround);
   cv::Mat grey, picture;
   double low = 0, high = 0;
@@ -67,12 +67,12 @@ double roundNumber(double value) {
 cv::Mat viewOverlay(const CameraCalibration& result, std::size_t index, const cv::Mat& image) {
   const Canvas canvas(result.camera.camera);
   const CalibratedView& view = result.views[index];
-  cv::Mat picture = inColours(image, canvas);
+  cv::Mat picture = inColors(image, canvas);
   constexpr int kShift = Canvas::kShift, kUnit = 1 << kShift;
   for (std::size_t i = 0; i < view.beads.size(); ++i) {
-    const Eigen::Vector2d seen_px = view.beads[i].centre_px;
-    const cv::Scalar colour = view.is_outlier[i] ? kLeftOut : kSeen;
-    cv::circle(picture, canvas.at(seen_px), 7 * kUnit, colour, 1, cv::LINE_AA, kShift);
+    const Eigen::Vector2d seen_px = view.beads[i].center_px;
+    const cv::Scalar color = view.is_outlier[i] ? kLeftOut : kSeen;
+    cv::circle(picture, canvas.at(seen_px), 7 * kUnit, color, 1, cv::LINE_AA, kShift);
     const cv::Point at = canvas.at(seen_px + view.residuals_px.col(static_cast<Eigen::Index>(i)));
     const int arm = 4 * kUnit;
     cv::line(picture, at - cv::Point(arm, 0), at + cv::Point(arm, 0), kProjected, 1, cv::LINE_AA, kShift);
@@ -90,13 +90,13 @@ ResidualField residualField(const CameraCalibration& result) {
   for (std::size_t v = 0; v < result.views.size(); ++v) {
     const CalibratedView& view = result.views[v];
     if (view.left_out) continue;
-    const cv::Scalar colour = plotColour(static_cast<int>(v));
+    const cv::Scalar color = plotColor(static_cast<int>(v));
     for (std::size_t i = 0; i < view.beads.size(); ++i) {
       if (view.is_outlier[i]) continue;
-      const Eigen::Vector2d from = view.beads[i].centre_px;
+      const Eigen::Vector2d from = view.beads[i].center_px;
       const Eigen::Vector2d to = from + field.enlargement * view.residuals_px.col(static_cast<Eigen::Index>(i));
-      cv::line(field.picture, canvas.at(from), canvas.at(to), colour, 1, cv::LINE_AA, Canvas::kShift);
-      cv::circle(field.picture, canvas.at(from), 2 << Canvas::kShift, colour, cv::FILLED, cv::LINE_AA, Canvas::kShift);
+      cv::line(field.picture, canvas.at(from), canvas.at(to), color, 1, cv::LINE_AA, Canvas::kShift);
+      cv::circle(field.picture, canvas.at(from), 2 << Canvas::kShift, color, cv::FILLED, cv::LINE_AA, Canvas::kShift);
     }
   }
   return field;
@@ -111,8 +111,8 @@ cv::Mat coverageMap(const CameraCalibration& result) {
   cv::Mat counts(rows, columns, CV_32S, cv::Scalar(0));
   for (const CalibratedView& view : result.views) {
     for (const SeenBead& bead : view.beads) {
-      const int x = static_cast<int>((bead.centre_px.x() + 0.5) / cell_px);
-      const int y = static_cast<int>((bead.centre_px.y() + 0.5) / cell_px);
+      const int x = static_cast<int>((bead.center_px.x() + 0.5) / cell_px);
+      const int y = static_cast<int>((bead.center_px.y() + 0.5) / cell_px);
       ++counts.at<int>(std::clamp(y, 0, rows - 1), std::clamp(x, 0, columns - 1));
     }
   }
@@ -126,13 +126,13 @@ cv::Mat coverageMap(const CameraCalibration& result) {
   for (int y = 0; y < rows; ++y) {
     for (int x = 0; x < columns; ++x) {
       const int count = counts.at<int>(y, x);
-      const cv::Scalar colour = count > 0.6 * most ? cv::Scalar::all(0) : cv::Scalar::all(255);
+      const cv::Scalar color = count > 0.6 * most ? cv::Scalar::all(0) : cv::Scalar::all(255);
       cv::putText(picture, std::to_string(count),
                   {static_cast<int>((x + 0.2) * side), static_cast<int>((y + 0.6) * side)}, cv::FONT_HERSHEY_SIMPLEX,
-                  0.4, colour, 1, cv::LINE_AA);
+                  0.4, color, 1, cv::LINE_AA);
     }
   }
   return picture;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

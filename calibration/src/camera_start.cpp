@@ -12,11 +12,11 @@
 #include "information.hpp"
 #include "view_projection.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
-constexpr double kWorstNoise_px = 0.5;    // Of beads found by any means; settings may know better.
-constexpr double kLeastTilt_rad = 0.035;  // Between two tilts of a plane: 2 deg.
+constexpr double kWorstNoise_px = 0.5;  // Of beads found by any means; settings may know better.
+constexpr double kMinTilt_rad = 0.035;  // Between two tilts of a plane: 2 deg.
 constexpr double kSameDistance_m = 5e-3;
 constexpr double kNearest_m = 0.1, kFarthest_m = 5;  // From the source to a phantom.
 
@@ -46,13 +46,13 @@ Pose planeFrame(const BeadPhantom& phantom) {
   Pose T = Pose::Identity();
   const Eigen::Matrix3Xd points = phantom.positions_m();
   if (points.row(2).cwiseAbs().maxCoeff() == 0) return T;
-  const Eigen::Matrix3Xd centred = points.colwise() - phantom.centre_m();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(centred * centred.transpose());
+  const Eigen::Matrix3Xd centered = points.colwise() - phantom.center_m();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(centered * centered.transpose());
   Eigen::Matrix3d axes;
   axes << spread.eigenvectors().col(2), spread.eigenvectors().col(1), Eigen::Vector3d::Zero();
   axes.col(2) = axes.col(0).cross(axes.col(1));
   T.linear() = axes.transpose();
-  T.translation() = -axes.transpose() * phantom.centre_m();
+  T.translation() = -axes.transpose() * phantom.center_m();
   return T;
 }
 
@@ -85,7 +85,7 @@ void requireTilts(const std::vector<ViewProjection>& projections, const std::vec
     lines.push_back(H.col(0).cross(H.col(1)).normalized());  // The image of the plane's points at infinity.
     for (const auto& other : lines) widest = std::max(widest, lines.back().cross(other).norm());
   }
-  if (widest > kLeastTilt_rad) return;
+  if (widest > kMinTilt_rad) return;
   throw InputError("views", "tilt", formatted("%.2f deg", radToDeg(std::asin(widest))),
                    "the phantom is flat and all views are parallel to one: tilt it by some tens of degrees between "
                    "views, about two axes");
@@ -98,7 +98,7 @@ Eigen::Matrix3d planarStart(const std::vector<ViewProjection>& projections, cons
   for (std::size_t v = 0; v < projections.size(); ++v) {
     if (used[v]) homographies.push_back(projections[v].H);
   }
-  for (const auto assumption : {PlanarAssumption::kNone, PlanarAssumption::kNoSkew, PlanarAssumption::kCentred}) {
+  for (const auto assumption : {PlanarAssumption::kNone, PlanarAssumption::kNoSkew, PlanarAssumption::kCentered}) {
     const auto K = planarIntrinsics(homographies, middle_px, assumption);
     if (K && (*K)(0, 0) < 100 * middle_px.norm() && (*K)(1, 1) < 100 * middle_px.norm()) return *K;
   }
@@ -126,7 +126,7 @@ Eigen::Matrix3d solidStart(const std::vector<ViewProjection>& projections, const
 }
 
 void requireUnits(const CameraBundle& bundle, const DetectorOfViews& detector, const std::vector<BeadView>& views,
-                  const Eigen::Vector3d& centre_m) {
+                  const Eigen::Vector3d& center_m) {
   const double f_px = bundle.lens()[kFx], distance_m = bundle.model.reference_distance_m;
   const bool says =
       std::any_of(views.begin(), views.end(), [](const BeadView& v) { return v.source_detector_distance_m; });
@@ -140,7 +140,7 @@ void requireUnits(const CameraBundle& bundle, const DetectorOfViews& detector, c
     }
   }
   for (const BundleView& view : bundle.views) {
-    const double depth_m = (view.T_camera_phantom * centre_m).z();
+    const double depth_m = (view.T_camera_phantom * center_m).z();
     if (depth_m > kNearest_m && depth_m < kFarthest_m) continue;
     throw InputError(views[view.index].name, "depth", formatted("%.6g mm", 1e3 * depth_m),
                      "the phantom must be 100 to 5000 mm from the source: are the phantom's millimetres right?");
@@ -164,7 +164,7 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
   double nearest_m = bundle.model.reference_distance_m, farthest_m = nearest_m;
   for (const BeadView& view : views) {
     projections.push_back(
-        projectionOf(phantom, view, detector.width_px, 1 - settings.largest_outlier_share, T_plane_phantom));
+        projectionOf(phantom, view, detector.width_px, 1 - settings.max_outlier_share, T_plane_phantom));
     used.push_back(!view.held_out);
     const double distance_m = view.source_detector_distance_m.value_or(bundle.model.reference_distance_m);
     if (used.back()) nearest_m = std::min(nearest_m, distance_m);
@@ -191,12 +191,12 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
     const auto count = static_cast<Eigen::Index>(views[v].beads.size());
     view.points_m.resize(3, count);
     view.seen_px.resize(2, count);
-    view.sigmas_px.resize(count);
+    view.stds_px.resize(count);
     for (Eigen::Index i = 0; i < count; ++i) {
       const SeenBead& seen = views[v].beads[static_cast<std::size_t>(i)];
       view.points_m.col(i) = phantom.beads[static_cast<std::size_t>(seen.bead)].position_m;
-      view.seen_px.col(i) = seen.centre_px;
-      view.sigmas_px[i] = seen.sigma_px;
+      view.seen_px.col(i) = seen.center_px;
+      view.stds_px[i] = seen.std_px;
     }
     view.use = projections[v].fits;
     Eigen::Matrix3d K_view = K;
@@ -207,16 +207,16 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
       const ProjectionParts parts = decomposed(projections[v].P);
       view.T_camera_phantom = parts.T_camera_model;
       // The same place in the image and the same size with the common K.
-      Eigen::Vector3d centre_m = parts.T_camera_model * phantom.centre_m();
-      const Eigen::Vector2d px = (parts.K * centre_m).hnormalized();
-      const double depth_m = centre_m.z() * K_view(0, 0) / parts.K(0, 0);
-      centre_m = depth_m * Eigen::Vector3d(K_view.inverse() * px.homogeneous());
-      view.T_camera_phantom.translation() = centre_m - parts.T_camera_model.linear() * phantom.centre_m();
+      Eigen::Vector3d center_m = parts.T_camera_model * phantom.center_m();
+      const Eigen::Vector2d px = (parts.K * center_m).hnormalized();
+      const double depth_m = center_m.z() * K_view(0, 0) / parts.K(0, 0);
+      center_m = depth_m * Eigen::Vector3d(K_view.inverse() * px.homogeneous());
+      view.T_camera_phantom.translation() = center_m - parts.T_camera_model.linear() * phantom.center_m();
     }
     view.T_camera_phantom = fittedPose(bundle, view);
     bundle.views.push_back(std::move(view));
   }
-  requireUnits(bundle, detector, views, phantom.centre_m());
+  requireUnits(bundle, detector, views, phantom.center_m());
   return bundle;
 }
 
@@ -234,11 +234,11 @@ void requireObservable(const CameraBundle& start, const BeadPhantom& phantom, co
   const Eigen::MatrixXd covariance = covarianceOf(information, 1e-14);
   const double noise_px = settings.noise_px > 0 ? settings.noise_px : kWorstNoise_px;
   const double sigma = noise_px * std::sqrt(std::abs(covariance(0, 0))) / start.values[0];
-  if (sigma <= settings.largest_focal_sigma) return;
+  if (sigma <= settings.max_focal_std) return;
   throw InputError("views", start.parameters.names[0], formatted("%.4g +- %.2g %%", start.values[0], 100 * sigma),
                    formatted("focal length and depth cannot be told apart: beads of %s are %.3g mm deep at most, "
                              "for errors of %.2g px",
                              phantom.name.c_str(), 1e3 * deepest_m, noise_px));
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

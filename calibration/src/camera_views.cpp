@@ -6,7 +6,7 @@
 #include "angio/calibration/bead_tables.hpp"
 #include "angio/io/image_files.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 std::vector<BeadDetection> beadsOf(const PhantomView& view, const BeadPhantom& phantom,
@@ -48,7 +48,7 @@ SeenViewSet seenViews(const ViewSet& set, const BeadPhantom& phantom, const Bead
       for (std::size_t i = 0; i < beads.size(); ++i) beads[i].bead = match.bead[i];
     }
     for (const BeadDetection& bead : beads) {
-      if (bead.bead) labelled.beads.push_back({*bead.bead, bead.centre_px, bead.sigma_px});
+      if (bead.bead) labelled.beads.push_back({*bead.bead, bead.center_px, bead.std_px});
     }
     seen.unmatched.push_back(static_cast<int>(beads.size() - labelled.beads.size()));
     seen.views.push_back(std::move(labelled));
@@ -57,4 +57,4 @@ SeenViewSet seenViews(const ViewSet& set, const BeadPhantom& phantom, const Bead
   return seen;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

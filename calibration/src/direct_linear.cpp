@@ -7,7 +7,7 @@
 #include <Eigen/SVD>
 #include <cmath>
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // The equations leave a second solution open when their second smallest singular value is this small.
@@ -128,7 +128,7 @@ std::optional<Eigen::Matrix3d> planarIntrinsics(const std::vector<Eigen::Matrix3
   N.topRightCorner<2, 1>() = -middle_px / unit_px;
   std::vector<int> free = {0, 1, 2, 3, 4, 5};
   if (assumption == PlanarAssumption::kNoSkew) free = {0, 2, 3, 4, 5};
-  if (assumption == PlanarAssumption::kCentred) free = {0, 2, 5};
+  if (assumption == PlanarAssumption::kCentered) free = {0, 2, 5};
   const auto unknowns = static_cast<Eigen::Index>(free.size());
   if (2 * static_cast<Eigen::Index>(homographies.size()) < unknowns - 1) return std::nullopt;
   Eigen::MatrixXd V = Eigen::MatrixXd::Zero(std::max<Eigen::Index>(2 * homographies.size(), unknowns), unknowns);
@@ -170,4 +170,4 @@ Pose planarPose(const Eigen::Matrix3d& homography, const Eigen::Matrix3d& K) {
   return T;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

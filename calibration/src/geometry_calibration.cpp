@@ -10,7 +10,7 @@
 #include "angio/evaluation/statistics.hpp"
 #include "geometry_problem.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // An arm that scatters more than this by itself, or whose registered poses do, is none: then views of several machines
@@ -23,7 +23,7 @@ GeometryModel priorModel(const GeometryCamera& camera, const GeometrySettings& s
   carm.image_width_px = camera.width_px;
   carm.image_height_px = camera.height_px;
   carm.pixel_spacing_m = camera.pixel_spacing_m;
-  carm.source_isocentre_distance_m = settings.source_isocentre_distance_mm * 1e-3;
+  carm.source_isocenter_distance_m = settings.source_isocenter_distance_mm * 1e-3;
   carm.source_detector_distance_m = camera.source_detector_distance_m;
   CArmDeviations& d = carm.deviations;
   d.source_detector_offset_m = camera.fx_px * camera.pixel_spacing_m - camera.source_detector_distance_m;
@@ -102,7 +102,7 @@ void requireCamera(const std::string& place, const GeometryCamera& camera) {
   const double offset_mm = 1e3 * (camera.fx_px * camera.pixel_spacing_m - camera.source_detector_distance_m);
   if (std::abs(offset_mm) > 200) {
     throw InputError(
-        place, "fx_px", shown(camera.fx_px),
+        place, "fx_px", formatValue(camera.fx_px),
         formatted("makes the source-detector distance %.4g mm more than the encoder's: pixel_spacing_mm or "
                   "the camera is another one's",
                   offset_mm));
@@ -188,7 +188,7 @@ Eigen::Vector3d middleOf(const std::vector<ViewObservation>& views, const CArmGe
     std::vector<double> says;
     for (const auto& view : views) {
       says.push_back(
-          (view.T_camera_phantom.inverse() * (carm.source_isocentre_distance_m * Eigen::Vector3d::UnitZ()))[k]);
+          (view.T_camera_phantom.inverse() * (carm.source_isocenter_distance_m * Eigen::Vector3d::UnitZ()))[k]);
     }
     middle[k] = percentile(says, 0.5);
   }
@@ -212,18 +212,18 @@ GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhanto
     std::vector<ViewObservation> seen;
     for (const auto& view : views) {
       const XrayCamera at_distance = carm.camera(view.source_detector_distance_m);
-      seen.push_back(observeView(place, phantom, at_distance, view, settings.outlier_sigma));
+      seen.push_back(observeView(place, phantom, at_distance, view, settings.outlier_std));
     }
     return seen;
   };
   const std::vector<ViewObservation> seen = condensed(start.carm);
   requireSoundBeads(place, phantom, views, seen);
-  start.T_patient_phantom = phantomStart(seen, start.carm, phantom.centre_m());
-  const double bead_sigma_px = pooledSigma_px(seen);
+  start.T_patient_phantom = phantomStart(seen, start.carm, phantom.center_m());
+  const double bead_std_px = pooledSigma_px(seen);
   GeometryCalibration result =
-      solved(place, GeometryProblem(seen, start, camera, settings, phantom.centre_m(), bead_sigma_px), start,
+      solved(place, GeometryProblem(seen, start, camera, settings, phantom.center_m(), bead_std_px), start,
              camera.covariance.has_value(), condensed, settings);
-  result.bead_sigma_px = bead_sigma_px;
+  result.bead_std_px = bead_std_px;
   return result;
 }
 
@@ -237,7 +237,7 @@ GeometryCalibration calibrateGeometry(const PoseSet& set, const GeometryCamera& 
     if (!pose.joints) {
       throw InputError(set.path, pose.name + ".primary_deg", "", "is missing: the geometry needs every pose's angles");
     }
-    seen.push_back(observePose(pose, set.camera_sigma));
+    seen.push_back(observePose(pose, set.camera_std));
     seen.back().source_detector_distance_m = camera.source_detector_distance_m;
   }
   requirePositions(set.path, positionsOf(seen));
@@ -252,4 +252,4 @@ GeometryCalibration calibrateGeometry(const PoseSet& set, const GeometryCamera& 
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

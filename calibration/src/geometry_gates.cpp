@@ -9,11 +9,11 @@
 #include "angio/base/joined.hpp"
 #include "information.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr std::size_t kFewestPositions = 6;
-constexpr double kLeastPrimaryRange_rad = degToRad(20);
+constexpr double kMinPrimaryRange_rad = degToRad(20);
 constexpr double kSmallRange_rad = degToRad(10), kSmallRange_m = 10e-3;
 
 // Positions closer than this are one.
@@ -62,7 +62,7 @@ void requirePositions(const std::string& place, const std::vector<CArmJoints>& p
     throw InputError(place, "views", formatted("%zu at %zu different positions", positions.size(), different.size()),
                      "there must be at least 6 positions that differ by 0.5 deg or 5 mm: neither axis can be known");
   }
-  if (high - low < kLeastPrimaryRange_rad) {
+  if (high - low < kMinPrimaryRange_rad) {
     throw InputError(place, "primary_deg", formatted("from %.3g to %.3g", radToDeg(low), radToDeg(high)),
                      "must span at least 20 deg: the primary axis, and with it the isocentre, cannot be known");
   }
@@ -197,4 +197,4 @@ void requireOneMachine(const std::string& place, const GeometryProblem& problem,
   }
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -10,7 +10,7 @@
 #include "angio/io/camera_files.hpp"
 #include "angio/io/yaml.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // Of fx, fy, cx, cy; a camera with square pixels has one focal length for both.
@@ -137,7 +137,7 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
                          file.camera.parameters().source_detector_distance_m;
     const auto distortion = follows ? file.at(taken.source_detector_distance_m).distortion : file.distortion;
     for (const SeenBead& bead : seen.views[i].beads) {
-      const auto pinhole_px = distortion ? distortion->undistorted(bead.centre_px) : std::optional(bead.centre_px);
+      const auto pinhole_px = distortion ? distortion->undistorted(bead.center_px) : std::optional(bead.center_px);
       if (pinhole_px) taken.beads.push_back({bead.bead, *pinhole_px});
     }
   }
@@ -149,4 +149,4 @@ GeometryCalibration calibrateGeometry(const GeometryInput& input, const Geometry
   return calibrateGeometry(input.path, input.phantom, input.camera, input.views, settings);
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

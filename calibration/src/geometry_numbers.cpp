@@ -3,7 +3,7 @@
 
 #include "angio/base/formatted.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr CArmParameter kCamera[kCameraNumbers] = {{"source_detector_offset_mm", 1e-3},
@@ -53,4 +53,4 @@ Eigen::Matrix<double, 6, kModelNumbers> cameraByNumbers(const CArmGeometry& carm
   return J;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

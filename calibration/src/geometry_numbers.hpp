@@ -4,9 +4,10 @@
 #include <optional>
 #include <string>
 
+#include "angio/calibration/namespace.hpp"
 #include "angio/geometry/carm.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// All numbers of a C-arm's geometry and of where a phantom lies, in one order: the phantom's place (a change from the
 /// right, [m, rad]), the arm's (kCArmPoseParameterNames), the camera's (source-detector offset [m], pixel aspect,
@@ -16,7 +17,7 @@ constexpr int kCameraNumbers = 6;
 constexpr int kFirstArmNumber = kPhantomNumbers;
 constexpr int kFirstCameraNumber = kFirstArmNumber + kCArmPoseParameters;
 constexpr int kFirstFlexNumber = kFirstCameraNumber + kCameraNumbers;
-constexpr int kFlexNumbers = 6 * CArmFlex::kMostTerms;
+constexpr int kFlexNumbers = 6 * CArmFlex::kMaxTerms;
 constexpr int kModelNumbers = kFirstFlexNumber + kFlexNumbers;
 
 /// What one of the numbers is called in a record, and how large a unit of it is in SI.
@@ -33,4 +34,4 @@ std::optional<GeometryNumber> geometryNumber(const std::string& name);
 /// Derivatives by all numbers: twists of the camera relative to the patient, in the camera frame, as CArmPoseJacobian.
 Eigen::Matrix<double, 6, kModelNumbers> cameraByNumbers(const CArmGeometry& carm, const CArmJoints& joints);
 
-}  // namespace angio
+}  // namespace angio::calibration

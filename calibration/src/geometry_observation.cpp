@@ -12,12 +12,12 @@
 #include "angio/calibration/direct_linear.hpp"
 #include "angio/evaluation/statistics.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr int kFewestBeads = 8;
-constexpr double kLeastSigma_px = 0.02;  // Beads are never seen better than that: rounding is no outlier.
-constexpr double kLargestMedian_px = 5;  // A pose that explains beads no better explains nothing.
+constexpr double kMinStd_px = 0.02;  // Beads are never seen better than that: rounding is no outlier.
+constexpr double kMaxMedian_px = 5;  // A pose that explains beads no better explains nothing.
 
 struct Sightings {
   Eigen::Matrix3Xd points_m;
@@ -52,7 +52,7 @@ std::optional<Matrix34d> projectionOfMost(const Sightings& s) {
   for (int round = 0; P && round < kRounds; ++round) {
     const Eigen::VectorXd far_px = (projectedBy(*P, s.points_m) - s.pixels_px).colwise().norm();
     const double limit_px =
-        kFar * std::max(percentile({far_px.data(), far_px.data() + far_px.size()}, 0.5), kLeastSigma_px);
+        kFar * std::max(percentile({far_px.data(), far_px.data() + far_px.size()}, 0.5), kMinStd_px);
     std::vector<Eigen::Index> near;
     for (Eigen::Index i = 0; i < far_px.size(); ++i) {
       if (far_px[i] < limit_px) near.push_back(i);
@@ -76,10 +76,10 @@ Pose startOf(const std::string& place, const GeometryView& view, const XrayCamer
   }
   const double focal_px = std::sqrt(camera.parameters().fx_px * camera.parameters().fy_px);
   Pose T = parts.T_camera_model;
-  const Eigen::Vector3d centre_m = s.points_m.rowwise().mean();
+  const Eigen::Vector3d center_m = s.points_m.rowwise().mean();
   const Eigen::Vector2d middle_px = s.pixels_px.rowwise().mean();
-  const double depth_m = (T * centre_m).z() * focal_px / std::sqrt(parts.K(0, 0) * parts.K(1, 1));
-  T.translation() = depth_m * camera.ray(middle_px) - T.linear() * centre_m;
+  const double depth_m = (T * center_m).z() * focal_px / std::sqrt(parts.K(0, 0) * parts.K(1, 1));
+  T.translation() = depth_m * camera.ray(middle_px) - T.linear() * center_m;
   return T;
 }
 
@@ -111,14 +111,14 @@ double sigmaOf(const Eigen::VectorXd& residual_px) {
   std::vector<double> sizes(residual_px.size());
   for (Eigen::Index i = 0; i < residual_px.size(); ++i) sizes[static_cast<std::size_t>(i)] = std::abs(residual_px[i]);
   // The median of |x| of a normal distribution is 0.6745 of its standard deviation.
-  return std::max(percentile(sizes, 0.5) / 0.6745, kLeastSigma_px);
+  return std::max(percentile(sizes, 0.5) / 0.6745, kMinStd_px);
 }
 
 // Gauss-Newton with Cauchy's weights, whose width follows the median.
-Pose bestPose(const Sightings& s, const XrayCamera& camera, Pose T, double outlier_sigma) {
+Pose bestPose(const Sightings& s, const XrayCamera& camera, Pose T, double outlier_std) {
   for (int step = 0; step < 40; ++step) {
     const Linearised l = linearised(s, camera, T);
-    const double width_px = outlier_sigma * sigmaOf(l.residual_px) / 2;
+    const double width_px = outlier_std * sigmaOf(l.residual_px) / 2;
     Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
     Vector6d g = Vector6d::Zero();
     for (Eigen::Index i = 0; i < s.points_m.cols(); ++i) {
@@ -152,7 +152,7 @@ Matrix6d placeCovariance(const HandEyePose& pose, const std::optional<PoseSigma>
 }  // namespace
 
 ViewObservation observeView(const std::string& place, const BeadPhantom& phantom, const XrayCamera& camera,
-                            const GeometryView& view, double outlier_sigma) {
+                            const GeometryView& view, double outlier_std) {
   const Sightings all = sightingsOf(place, phantom, view);
   ViewObservation seen;
   seen.name = view.name;
@@ -161,18 +161,18 @@ ViewObservation observeView(const std::string& place, const BeadPhantom& phantom
   seen.held_out = view.held_out;
   const auto& K = camera.parameters();
   seen.camera_px << K.fx_px, K.fy_px, K.cx_px, K.cy_px;
-  seen.T_camera_phantom = bestPose(all, camera, startOf(place, view, camera, all), outlier_sigma);
+  seen.T_camera_phantom = bestPose(all, camera, startOf(place, view, camera, all), outlier_std);
   const Linearised first = linearised(all, camera, seen.T_camera_phantom);
-  const double sigma_px = sigmaOf(first.residual_px);
-  if (!(0.6745 * sigma_px < kLargestMedian_px)) {
-    throw InputError(place, view.name, formatted("%.3g px", 0.6745 * sigma_px),
+  const double std_px = sigmaOf(first.residual_px);
+  if (!(0.6745 * std_px < kMaxMedian_px)) {
+    throw InputError(place, view.name, formatted("%.3g px", 0.6745 * std_px),
                      "no pose of the phantom explains its beads better than that in the median; labels, the phantom's "
                      "units and the camera must be this view's");
   }
   Sightings used;
   std::vector<Eigen::Index> near;
   for (Eigen::Index i = 0; i < all.points_m.cols(); ++i) {
-    if (first.residual_px.segment<2>(2 * i).norm() < outlier_sigma * sigma_px) {
+    if (first.residual_px.segment<2>(2 * i).norm() < outlier_std * std_px) {
       near.push_back(i);
     } else {
       seen.far_beads.push_back(view.beads[static_cast<std::size_t>(i)].bead);
@@ -232,4 +232,4 @@ ViewObservation observePose(const HandEyePose& pose, const std::optional<PoseSig
   return seen;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -4,7 +4,7 @@
 #include "angio/calibration/geometry_calibration.hpp"
 #include "angio/calibration/pose_set.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Changes of a view that its beads tell of: a twist of the phantom in the camera [m, rad], camera axes, from the left,
 /// then fx, fy, cx, cy [px].
@@ -30,7 +30,7 @@ struct ViewObservation {
 /// Finds a view's pose with the camera as it is at its distance, robustly. Throws InputError at `place` and the view's
 /// name for fewer than 8 beads and for beads that no pose explains.
 ViewObservation observeView(const std::string& place, const BeadPhantom& phantom, const XrayCamera& camera,
-                            const GeometryView& view, double outlier_sigma);
+                            const GeometryView& view, double outlier_std);
 
 /// A registered pose as such a view: it says nothing of the camera. `usual` stands in for a covariance that is not
 /// given; without either the pose is taken as exact to 1 um and 1e-6 rad, and its scatter is left to be measured.
@@ -40,4 +40,4 @@ ViewObservation observePose(const HandEyePose& pose, const std::optional<PoseSig
 void requireSoundBeads(const std::string& place, const BeadPhantom& phantom, const std::vector<GeometryView>& views,
                        const std::vector<ViewObservation>& seen);
 
-}  // namespace angio
+}  // namespace angio::calibration

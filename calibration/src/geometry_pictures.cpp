@@ -9,7 +9,7 @@
 #include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/plot.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr int kPrimary = 1, kSecondary = 2, kBeam = 0;  // Vermilion, green, blue.
@@ -41,7 +41,7 @@ Line beamOf(CArmGeometry carm) {
 struct NamedLine {
   std::string name;
   Line line;
-  int colour;
+  int color;
 };
 
 constexpr double kReach_mm = 100;  // Of the lines that are drawn, either way.
@@ -55,15 +55,15 @@ cv::Mat lookedAt(const std::string& title, const std::vector<NamedLine>& lines, 
   for (const NamedLine& one : lines) {
     const auto seen = [&](const Eigen::Vector3d& p) { return Eigen::Vector2d(right.dot(p), up.dot(p)); };
     const Eigen::Vector2d at = seen(1e3 * one.line.origin()), along = kReach_mm * seen(one.line.direction());
-    PlotSeries s{"", {at.x() - along.x(), at.x() + along.x()}, {at.y() - along.y(), at.y() + along.y()}, one.colour};
+    PlotSeries s{"", {at.x() - along.x(), at.x() + along.x()}, {at.y() - along.y(), at.y() + along.y()}, one.color};
     if (along.norm() < 0.5 * kReach_mm) {  // Comes towards the reader.
-      s = {"", {at.x(), at.x()}, {at.y(), at.y()}, one.colour, PlotSeries::Kind::kDots};
+      s = {"", {at.x(), at.x()}, {at.y(), at.y()}, one.color, PlotSeries::Kind::kDots};
       s.hollow = {false, true};
       s.radii_px = {4, 9};
     }
     plot.series.push_back(s);
     const int row = static_cast<int>(plot.texts.size());
-    plot.texts.push_back({x.range->first, y.range->second, one.name, one.colour, {10, 20 + 18 * row}});
+    plot.texts.push_back({x.range->first, y.range->second, one.name, one.color, {10, 20 + 18 * row}});
   }
   return drawPlots({plot}, 560, 540);
 }
@@ -84,7 +84,7 @@ cv::Mat residualsByAngle(const GeometryCalibration& result) {
       {"secondary, CAU - CRA + [deg]", false, std::pair(-1.2 * secondary_deg, 1.2 * secondary_deg)}};
   constexpr auto kDots = PlotSeries::Kind::kDots;
   PlotSeries used{"used", {}, {}, kGood, kDots}, held_out{"held out", {}, {}, kHeldOut, kDots},
-      left_out{"left out", {}, {}, kWarningColour, kDots};
+      left_out{"left out", {}, {}, kWarningColor, kDots};
   constexpr double kLargest_px = 17;
   for (const GeometryViewFit& view : result.views) {
     const double x = radToDeg(view.joints[0]), y = radToDeg(view.joints[1]);
@@ -96,7 +96,7 @@ cv::Mat residualsByAngle(const GeometryCalibration& result) {
       s.radii_px.push_back(r);
       s.hollow.push_back(r == radius_px);
     }
-    if (view.left_out) plot.texts.push_back({x, y, view.name, kWarningColour, {static_cast<int>(radius_px) + 4, 4}});
+    if (view.left_out) plot.texts.push_back({x, y, view.name, kWarningColor, {static_cast<int>(radius_px) + 4, 4}});
   }
   plot.series = {used, held_out, left_out};
   return drawPlots({plot}, 720, 540);
@@ -149,4 +149,4 @@ cv::Mat flexCurves(const GeometryCalibration& result) {
   return sideBySide(columns);
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

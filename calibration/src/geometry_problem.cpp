@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <stdexcept>
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 using ViewMatrix = Eigen::Matrix<double, kViewChanges, kViewChanges>;
@@ -28,7 +28,7 @@ Eigen::Vector4d cameraAt(const CArmGeometry& carm, double encoder_distance_m, Ca
 }
 
 constexpr double kTableStd = 0.1;               // Scale and direction of a table axis.
-constexpr double kSourceIsocentreStd_m = 0.15;  // Its start is a guess.
+constexpr double kSourceIsocenterStd_m = 0.15;  // Its start is a guess.
 
 struct FreeChange {
   const std::vector<int>& places;
@@ -126,7 +126,7 @@ GeometryModel changed(const GeometryModel& model, const Eigen::VectorXd& change)
 
 GeometryProblem::GeometryProblem(std::vector<ViewObservation> views, const GeometryModel& prior,
                                  const GeometryCamera& camera, const GeometrySettings& settings,
-                                 const Eigen::Vector3d& phantom_centre_m, std::optional<double> bead_sigma_px)
+                                 const Eigen::Vector3d& phantom_center_m, std::optional<double> bead_std_px)
     : used(views.size(), true),
       free(kModelNumbers, false),
       scatter{settings.pose_scatter_mm * 1e-3, degToRad(settings.pose_scatter_deg), settings.flex_std_mm * 1e-3,
@@ -134,17 +134,17 @@ GeometryProblem::GeometryProblem(std::vector<ViewObservation> views, const Geome
       views_(std::move(views)),
       prior_(prior),
       camera_(camera),
-      phantom_centre_m_(phantom_centre_m),
-      bead_sigma_px_(bead_sigma_px),
+      phantom_center_m_(phantom_center_m),
+      bead_std_px_(bead_std_px),
       view_loss_(settings.outlier_view_factor) {
   for (std::size_t i = 0; i < views_.size(); ++i) used[i] = !views_[i].held_out;
   for (std::size_t k = 0; k < kCArmPoseParameters; ++k) {
     const double unit = kCArmPoseParameterNames[k].unit;
     arm_std_[static_cast<Eigen::Index>(k)] = unit == 1      ? kTableStd
-                                             : unit == 1e-3 ? settings.largest_offset_mm * 1e-3
-                                                            : degToRad(settings.largest_offset_deg);
+                                             : unit == 1e-3 ? settings.max_offset_mm * 1e-3
+                                                            : degToRad(settings.max_offset_deg);
   }
-  arm_std_[kSourceIsocentreParameter] = kSourceIsocentreStd_m;
+  arm_std_[kSourceIsocenterParameter] = kSourceIsocenterStd_m;
 }
 
 std::vector<int> GeometryProblem::freePlaces() const {
@@ -226,4 +226,4 @@ Eigen::VectorXd GeometryProblem::priorResidual(const GeometryModel& model, Eigen
   return r;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

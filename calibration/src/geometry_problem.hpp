@@ -4,7 +4,7 @@
 #include "geometry_numbers.hpp"
 #include "geometry_observation.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// What the views shall explain.
 struct GeometryModel {
@@ -27,10 +27,10 @@ struct PoseScatter {
 class GeometryProblem {
  public:
   /// @param prior  What is believed of the arm before.
-  /// @param bead_sigma_px  None: the views are registered poses.
+  /// @param bead_std_px  None: the views are registered poses.
   GeometryProblem(std::vector<ViewObservation> views, const GeometryModel& prior, const GeometryCamera& camera,
-                  const GeometrySettings& settings, const Eigen::Vector3d& phantom_centre_m,
-                  std::optional<double> bead_sigma_px);
+                  const GeometrySettings& settings, const Eigen::Vector3d& phantom_center_m,
+                  std::optional<double> bead_std_px);
 
   const std::vector<ViewObservation>& views() const { return views_; }
 
@@ -61,7 +61,7 @@ class GeometryProblem {
   double surprise(const ViewObservation& view, const GeometryModel& model) const;
 
   /// Whether views are registered poses, not beads.
-  bool registered() const { return !bead_sigma_px_; }
+  bool registered() const { return !bead_std_px_; }
 
   /// How far the model has the phantom from where a view saw it: its middle [m] and its turn [rad], camera axes.
   Twist miss(const ViewObservation& view, const GeometryModel& model) const;
@@ -91,8 +91,8 @@ class GeometryProblem {
   std::vector<ViewObservation> views_;
   GeometryModel prior_;
   GeometryCamera camera_;
-  Eigen::Vector3d phantom_centre_m_;
-  std::optional<double> bead_sigma_px_;
+  Eigen::Vector3d phantom_center_m_;
+  std::optional<double> bead_std_px_;
   double view_loss_;
   Eigen::Matrix<double, kCArmPoseParameters, 1> arm_std_;
 };
@@ -118,4 +118,4 @@ std::vector<GeometryViewFit> geometryFits(const GeometryProblem& problem, const 
 /// Views that were left out and beads that lie elsewhere, a line each.
 std::vector<std::string> geometryDoubts(const GeometryProblem& problem);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -7,7 +7,7 @@
 #include "angio/base/formatted.hpp"
 #include "information.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // The model's numbers as they stand in its fields; the phantom's place has none.
@@ -107,4 +107,4 @@ std::vector<std::string> geometryDoubts(const GeometryProblem& problem) {
   return doubts;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -4,7 +4,7 @@
 
 #include "geometry_problem.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 using ViewMatrix = Eigen::Matrix<double, kViewChanges, kViewChanges>;
@@ -44,13 +44,13 @@ GeometryProblem::Linear GeometryProblem::linear(const GeometryModel& model) cons
 
 ViewMatrix GeometryProblem::variance(const ViewObservation& view, const PoseScatter& s) const {
   // About the phantom's middle: encoders and bending turn the arm about the isocentre, not about the source.
-  const Eigen::Translation3d to_middle(view.T_camera_phantom * phantom_centre_m_);
+  const Eigen::Translation3d to_middle(view.T_camera_phantom * phantom_center_m_);
   const Matrix6d by_scatter =
       view.upper.topLeftCorner<6, 6>().triangularView<Eigen::Upper>() * adjointSE3(Pose(to_middle));
   Vector6d variances;
   variances << Eigen::Vector3d::Constant(s.translation_m * s.translation_m),
       Eigen::Vector3d::Constant(s.rotation_rad * s.rotation_rad);
-  ViewMatrix V = ViewMatrix::Identity() * std::pow(bead_sigma_px_.value_or(1), 2);
+  ViewMatrix V = ViewMatrix::Identity() * std::pow(bead_std_px_.value_or(1), 2);
   V.topLeftCorner<6, 6>() += by_scatter * variances.asDiagonal() * by_scatter.transpose();
   return V;
 }
@@ -65,7 +65,7 @@ double GeometryProblem::surprise(const ViewObservation& view, const GeometryMode
 Twist GeometryProblem::miss(const ViewObservation& view, const GeometryModel& model) const {
   const Pose predicted = model.carm.T_camera_patient(view.joints) * model.T_patient_phantom;
   Twist miss;
-  miss << predicted * phantom_centre_m_ - view.T_camera_phantom * phantom_centre_m_,
+  miss << predicted * phantom_center_m_ - view.T_camera_phantom * phantom_center_m_,
       logSO3(predicted.linear() * view.T_camera_phantom.linear().transpose());
   return miss;
 }
@@ -149,4 +149,4 @@ PoseScatter GeometryProblem::likeliestScatter(const GeometryModel& model, double
   return best;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

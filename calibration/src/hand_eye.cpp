@@ -9,17 +9,17 @@
 #include "angio/base/joined.hpp"
 #include "hand_eye_estimate.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
-constexpr std::size_t kLeastOther = 4;  // Poses that make a second transform believable,
-constexpr double kOtherShare = 0.75;    // and their share of what the first one does not explain.
-constexpr std::size_t kMostFolds = 40;
-constexpr double kMostScatter = 10;         // Times the noise that is said: more is no noise but another set-up.
-const double kMostNoise_rad = degToRad(5);  // And where nothing is said;
-constexpr double kMostOfTurns = 0.2;        // nor may it be more of the turns between the poses.
-constexpr double kNoiseOff = 5;             // Standard deviations of chi^2 from which on noise is worth a warning,
-constexpr double kScaleOff = 5;             // and of a scale.
+constexpr std::size_t kMinOther = 4;  // Poses that make a second transform believable,
+constexpr double kOtherShare = 0.75;  // and their share of what the first one does not explain.
+constexpr std::size_t kMaxFolds = 40;
+constexpr double kMaxScatter = 10;         // Times the noise that is said: more is no noise but another set-up.
+const double kMaxNoise_rad = degToRad(5);  // And where nothing is said;
+constexpr double kMaxShareOfTurns = 0.2;   // nor may it be more of the turns between the poses.
+constexpr double kNoiseOff = 5;            // Standard deviations of chi^2 from which on noise is worth a warning,
+constexpr double kScaleOff = 5;            // and of a scale.
 
 std::string namesOf(const PoseSet& set, const PoseChoice& chosen) {
   std::vector<std::string> names;
@@ -42,9 +42,9 @@ void refuseTwoMachines(const PoseSet& set, const HandEyeProblem& problem, const 
                        const HandEyeEstimate& first) {
   PoseChoice others(first.used);
   others.flip();
-  if (count(others) < kLeastOther) return;
+  if (count(others) < kMinOther) return;
   if (settings.mount == HandEyeMount::kUnknown &&
-      motionSpread(equationsOf(problem.equations(), others)).across_rad < degToRad(settings.least_turn_deg)) {
+      motionSpread(equationsOf(problem.equations(), others)).across_rad < degToRad(settings.min_turn_deg)) {
     return;
   }
   const HandEyeTransforms start = robustStart(problem, others, settings);
@@ -67,13 +67,13 @@ void requireAgreement(const PoseSet& set, const HandEyeProblem& problem, const H
                       const HandEyeEstimate& estimate) {
   refuseTwoMachines(set, problem, settings, estimate);
   const std::size_t used = count(estimate.used);
-  if (static_cast<double>(used) < settings.least_share * static_cast<double>(set.poses.size()) ||
-      used < estimate.leastPoses()) {
+  if (static_cast<double>(used) < settings.min_share * static_cast<double>(set.poses.size()) ||
+      used < estimate.minPoses()) {
     throw InputError(
         set.path, "poses", std::to_string(used) + " of " + std::to_string(set.poses.size()) + " fit one transform",
-        formatted("at least %g %% must: are hands and images of the same moments?", 100 * settings.least_share));
+        formatted("at least %g %% must: are hands and images of the same moments?", 100 * settings.min_share));
   }
-  if (problem.noiseGiven() && estimate.chi2PerFreedom() > kMostScatter * kMostScatter) {
+  if (problem.noiseGiven() && estimate.chi2PerFreedom() > kMaxScatter * kMaxScatter) {
     throw InputError(set.path, "poses",
                      formatted("%.0f", std::sqrt(estimate.chi2PerFreedom())) + " times their noise off",
                      "no transform explains them" + std::string(settings.mount == HandEyeMount::kIdentity
@@ -81,23 +81,23 @@ void requireAgreement(const PoseSet& set, const HandEyeProblem& problem, const H
                                                                     : ": are hands and images of the same moments?"));
   }
   const bool known = settings.mount == HandEyeMount::kIdentity;
-  const double turns = known ? kMostNoise_rad / kMostOfTurns : motionSpread(problem.equations()).along_rad;
-  if (estimate.noise.rotation_rad > std::min(kMostNoise_rad, kMostOfTurns * turns)) {
+  const double turns = known ? kMaxNoise_rad / kMaxShareOfTurns : motionSpread(problem.equations()).along_rad;
+  if (estimate.noise.rotation_rad > std::min(kMaxNoise_rad, kMaxShareOfTurns * turns)) {
     throw InputError(set.path, "poses", formatted("%.2g deg off, per axis", radToDeg(estimate.noise.rotation_rad)),
                      "no transform explains them: are hands and images of the same moments?");
   }
   if (known) return;
   const std::string place = used == set.poses.size() ? set.path : set.path + ": without outliers";
   requireMotions(place, set.setup, motionSpread(equationsOf(problem.equations(), estimate.used)), used,
-                 degToRad(settings.least_turn_deg));
+                 degToRad(settings.min_turn_deg));
 }
 
 // Each pose predicted from the others (from those of the other folds, when there are many).
 std::optional<HandEyeResiduals> heldOut(const HandEyeProblem& problem, const HandEyeSettings& settings,
                                         const HandEyeEstimate& estimate) {
   const std::size_t used = count(estimate.used);
-  if (used <= estimate.leastPoses()) return std::nullopt;
-  const std::size_t folds = std::min(used, kMostFolds);
+  if (used <= estimate.minPoses()) return std::nullopt;
+  const std::size_t folds = std::min(used, kMaxFolds);
   double turns = 0, shifts = 0, predicted = 0;
   for (std::size_t fold = 0; fold < folds; ++fold) {
     PoseChoice others = estimate.used, out(others.size(), false);
@@ -108,7 +108,7 @@ std::optional<HandEyeResiduals> heldOut(const HandEyeProblem& problem, const Han
       out[i] = true;
     }
     if (settings.mount == HandEyeMount::kUnknown &&
-        motionSpread(equationsOf(problem.equations(), others)).across_rad < degToRad(settings.least_turn_deg)) {
+        motionSpread(equationsOf(problem.equations(), others)).across_rad < degToRad(settings.min_turn_deg)) {
       continue;  // The others alone could not tell.
     }
     const HandEyeTransforms t =
@@ -175,7 +175,7 @@ HandEyeResult calibrateHandEye(const PoseSet& set, const HandEyeSettings& settin
   const HandEyeProblem problem(set, settings.mount);
   const HandEyeEquations& equations = problem.equations();
   if (settings.mount == HandEyeMount::kUnknown) {
-    requireMotions(set.path, set.setup, motionSpread(equations), equations.size(), degToRad(settings.least_turn_deg));
+    requireMotions(set.path, set.setup, motionSpread(equations), equations.size(), degToRad(settings.min_turn_deg));
     requireConventions(set.path, set.setup, equations);
   }
   HandEyeEstimate estimate(problem, settings, PoseChoice(equations.size(), true));
@@ -198,4 +198,4 @@ HandEyeResult calibrateHandEye(const PoseSet& set, const HandEyeSettings& settin
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

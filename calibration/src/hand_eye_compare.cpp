@@ -10,7 +10,7 @@
 #include "angio/geometry/visp.hpp"
 #include "silence.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 struct CvPoses {
@@ -105,10 +105,10 @@ void compareOpenCv(const HandEyeEquations& e, std::vector<ComparedSolver>& all) 
   }
 }
 
-constexpr std::size_t kMostForViSP = 40;
+constexpr std::size_t kMaxForViSP = 40;
 
 void compareViSP(const HandEyeEquations& e, std::vector<ComparedSolver>& all) {
-  if (e.size() > kMostForViSP) {
+  if (e.size() > kMaxForViSP) {
     all.push_back({"ViSP", std::nullopt, "was not asked: more than 40 poses"});
     return;
   }
@@ -134,4 +134,4 @@ std::vector<ComparedSolver> compareSolvers(const HandEyeEquations& equations) {
   return all;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr double kQuantile = 0.4;            // Below half, so that half of the poses may be another machine's.
@@ -38,7 +38,7 @@ HandEyeEstimate::HandEyeEstimate(const HandEyeProblem& problem, const HandEyeSet
     const PoseChoice before = used;
     gate(round == 0 ? kFirstGate : 1);
     if (round > 1 && before == used) break;
-    if (count(used) < leastPoses()) break;
+    if (count(used) < minPoses()) break;
     if (!problem_.noiseGiven()) measure();
     transforms = problem_.solved(transforms, used, covariances, HandEyeProblem::Loss::kSquares);
     if (!problem_.noiseGiven()) measure();
@@ -106,4 +106,4 @@ void HandEyeEstimate::gate(double factor) {
   }
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

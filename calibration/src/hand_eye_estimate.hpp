@@ -5,7 +5,7 @@
 
 #include "hand_eye_problem.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// How many are chosen.
 std::size_t count(const PoseChoice& chosen);
@@ -16,7 +16,7 @@ class HandEyeEstimate {
   /// Borrows the problem and the settings, for as long as it lives.
   HandEyeEstimate(const HandEyeProblem& problem, const HandEyeSettings& settings, const PoseChoice& among);
 
-  std::size_t leastPoses() const { return problem_.mount() == HandEyeMount::kIdentity ? 1 : 3; }
+  std::size_t minPoses() const { return problem_.mount() == HandEyeMount::kIdentity ? 1 : 3; }
   int parameters() const { return problem_.mount() == HandEyeMount::kIdentity ? 6 : 12; }
   double chi2PerFreedom() const;
 
@@ -42,4 +42,4 @@ class HandEyeEstimate {
   double inflation_ = 1;  ///< Of chi^2, where the noise is larger than it is said to be.
 };
 
-}  // namespace angio
+}  // namespace angio::calibration

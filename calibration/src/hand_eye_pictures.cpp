@@ -9,7 +9,7 @@
 #include "angio/evaluation/overlay.hpp"
 #include "bar_chart.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr int kMain = 1;  // Vermilion.
@@ -21,9 +21,9 @@ Eigen::Vector2d onDisc(const Eigen::Vector3d& axis) {
 }
 
 cv::Mat ellipsoidBars(const std::string& title, const std::string& unit, const Eigen::Matrix3d& covariance,
-                      double per_unit, int colour) {
+                      double per_unit, int color) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
-  BarChart bars{title, unit, colour};
+  BarChart bars{title, unit, color};
   for (int k = 2; k >= 0; --k) {
     const Eigen::Vector3d axis = withPositiveLargest(solver.eigenvectors().col(k));
     bars.add(formatted("%.2f %.2f %.2f", axis.x(), axis.y(), axis.z()),
@@ -60,7 +60,7 @@ cv::Mat turnAxes(const PoseSet& set) {
   plot.equal_scale = true;
   plot.guides = {{0, ""}, {0, "", true}};
   for (const double from_z_deg : {30.0, 60.0, 90.0}) {
-    PlotSeries circle{"", {}, {}, kInkColour};
+    PlotSeries circle{"", {}, {}, kInkColor};
     circle.dashed = true;
     const double radius = std::sqrt(2.0) * std::sin(0.5 * degToRad(from_z_deg));
     for (int degrees = 0; degrees <= 360; degrees += 4) {
@@ -78,7 +78,7 @@ cv::Mat turnAxes(const PoseSet& set) {
       const Eigen::Vector2d at = onDisc(turn / angle);
       turns.x.push_back(at.x());
       turns.y.push_back(at.y());
-      turns.radii_px.push_back(1 + 5 * std::sqrt(angle / std::max(spread.largest_turn_rad, angle)));
+      turns.radii_px.push_back(1 + 5 * std::sqrt(angle / std::max(spread.max_turn_rad, angle)));
     }
   }
   const Eigen::Vector2d main = onDisc(spread.main_axis);
@@ -86,7 +86,7 @@ cv::Mat turnAxes(const PoseSet& set) {
   ring.hollow = {true};
   ring.radii_px = {11};
   plot.series.insert(plot.series.end(), {turns, ring});
-  plot.texts = {{0, 0, "z", kInkColour}, {main.x(), main.y(), "main axis", kMain, {-30, -16}}};
+  plot.texts = {{0, 0, "z", kInkColor}, {main.x(), main.y(), "main axis", kMain, {-30, -16}}};
   return drawPlots({plot}, 560, 540);
 }
 
@@ -107,4 +107,4 @@ cv::Mat covarianceBars(const PoseSet& set, const HandEyeResult& result) {
   return all;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

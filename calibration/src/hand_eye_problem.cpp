@@ -11,12 +11,12 @@
 
 #include "hand_eye_twist.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr int kRelinearisations = 3;
 // What stands in for no noise at all: far below any measurement, far above rounding [m, rad].
-constexpr double kLeastSigma = 1e-8;
+constexpr double kMinStd = 1e-8;
 constexpr double kRobustScale = 3;  // Sigma of a six-dimensional residual at which the robust loss lets go.
 
 struct HandEyeCost {
@@ -76,19 +76,19 @@ double squaredDistance(const Vector6d& residual, const Matrix6d& covariance) {
 }
 
 HandEyeProblem::HandEyeProblem(const PoseSet& set, HandEyeMount mount)
-    : equations_(handEyeEquations(set)), mount_(mount), setup_(set.setup), hand_sigma_(set.hand_sigma) {
+    : equations_(handEyeEquations(set)), mount_(mount), setup_(set.setup), hand_std_(set.hand_std) {
   bool camera_known = true, from_points = false;
-  about_isocentre_ = true;
+  about_isocenter_ = true;
   for (const HandEyePose& pose : set.poses) {
-    about_isocentre_ = about_isocentre_ && pose.joints.has_value();
+    about_isocenter_ = about_isocenter_ && pose.joints.has_value();
     from_points = from_points || pose.points_px.cols() > 0;
-    camera_known = camera_known && (pose.covariance || set.camera_sigma);
-    camera_covariances_.push_back(pose.covariance    ? *pose.covariance
-                                  : set.camera_sigma ? isotropic(*set.camera_sigma)
-                                                     : Matrix6d(Matrix6d::Zero()));
+    camera_known = camera_known && (pose.covariance || set.camera_std);
+    camera_covariances_.push_back(pose.covariance  ? *pose.covariance
+                                  : set.camera_std ? isotropic(*set.camera_std)
+                                                   : Matrix6d(Matrix6d::Zero()));
   }
   // Scatter of points in one image says nothing of the machine between the images.
-  noise_given_ = camera_known && (!from_points || hand_sigma_);
+  noise_given_ = camera_known && (!from_points || hand_std_);
 }
 
 Vector6d HandEyeProblem::residual(std::size_t i, const HandEyeTransforms& t) const {
@@ -100,7 +100,7 @@ Vector6d HandEyeProblem::residual(std::size_t i, const HandEyeTransforms& t) con
 }
 
 Matrix6d HandEyeProblem::handCovariance(std::size_t i, const HandEyeTransforms& t) const {
-  if (!hand_sigma_) return Matrix6d::Zero();
+  if (!hand_std_) return Matrix6d::Zero();
   constexpr double kStep = 1e-6;
   Matrix6d J;  // Of the prediction by a twist of T_base_hand.
   for (int k = 0; k < 6; ++k) {
@@ -110,20 +110,20 @@ Matrix6d HandEyeProblem::handCovariance(std::size_t i, const HandEyeTransforms& 
       const bool in_hand = setup_ == HandEyeSetup::kEyeInHand;
       const Pose T_base_hand = in_hand ? equations_.hands[i] : Pose(equations_.hands[i].inverse());
       const Pose moved =
-          about_isocentre_ ? Pose(movedBy(Pose::Identity(), twist) * T_base_hand) : movedBy(T_base_hand, twist);
+          about_isocenter_ ? Pose(movedBy(Pose::Identity(), twist) * T_base_hand) : movedBy(T_base_hand, twist);
       ends[side] = HandEyeEquations::predicted(in_hand ? moved : Pose(moved.inverse()), t.X, t.Z);
     }
     J.col(k) << ends[0].translation() - ends[1].translation(), logSO3(ends[0].linear() * ends[1].linear().transpose());
   }
   J /= 2 * kStep;
-  return J * isotropic(*hand_sigma_) * J.transpose();
+  return J * isotropic(*hand_std_) * J.transpose();
 }
 
 std::vector<Matrix6d> HandEyeProblem::covariances(const HandEyeTransforms& t, const PoseSigma& more) const {
   std::vector<Matrix6d> all;
   for (std::size_t i = 0; i < size(); ++i) {
     all.push_back(camera_covariances_[i] + handCovariance(i, t) + isotropic(more) +
-                  kLeastSigma * kLeastSigma * Matrix6d::Identity());
+                  kMinStd * kMinStd * Matrix6d::Identity());
   }
   return all;
 }
@@ -131,7 +131,7 @@ std::vector<Matrix6d> HandEyeProblem::covariances(const HandEyeTransforms& t, co
 std::vector<Matrix6d> HandEyeProblem::handCovariances(const HandEyeTransforms& t, const PoseSigma& more) const {
   std::vector<Matrix6d> all;
   for (std::size_t i = 0; i < size(); ++i) {
-    all.push_back(handCovariance(i, t) + isotropic(more) + kLeastSigma * kLeastSigma * Matrix6d::Identity());
+    all.push_back(handCovariance(i, t) + isotropic(more) + kMinStd * kMinStd * Matrix6d::Identity());
   }
   return all;
 }
@@ -178,4 +178,4 @@ Eigen::MatrixXd HandEyeProblem::covarianceOf(const HandEyeTransforms& t, const P
   return A.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols()));
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -5,7 +5,7 @@
 
 #include "angio/calibration/hand_eye.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Which poses take part.
 using PoseChoice = std::vector<bool>;
@@ -46,8 +46,8 @@ class HandEyeProblem {
   HandEyeMount mount_;
   HandEyeSetup setup_;
   bool noise_given_;
-  bool about_isocentre_;  // A C-arm's encoders turn about the base's origin, not about the hand's.
-  std::optional<PoseSigma> hand_sigma_;
+  bool about_isocenter_;  // A C-arm's encoders turn about the base's origin, not about the hand's.
+  std::optional<PoseSigma> hand_std_;
   std::vector<Matrix6d> camera_covariances_;  // Zero where nothing is known.
 };
 
@@ -70,4 +70,4 @@ ReprojectionFit solvedByReprojection(const PoseSet& set, const HandEyeProblem& p
 /// Squared distance of a residual by its covariance.
 double squaredDistance(const Vector6d& residual, const Matrix6d& covariance);
 
-}  // namespace angio
+}  // namespace angio::calibration

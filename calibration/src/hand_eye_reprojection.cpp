@@ -10,10 +10,10 @@
 #include "hand_eye_problem.hpp"
 #include "hand_eye_twist.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
-constexpr double kLeastNoise_px = 1e-6;
+constexpr double kMinNoise_px = 1e-6;
 
 // One point of the object against its prediction: hand, mount and object, and the hand's error as it shows in the
 // camera's frame.
@@ -23,7 +23,7 @@ struct PointCost {
   XrayCamera::Parameters camera;
   Eigen::Vector3d point_m;
   Eigen::Vector2d seen_px;
-  double sigma_px;
+  double std_px;
 
   template <typename T>
   bool operator()(const T* x, const T* z, const T* error, T* residual) const {
@@ -37,8 +37,8 @@ struct PointCost {
     // (t + dt, exp(dw) R): the object turns about its own origin.
     const Vector3<T> p = turn.R * (X.R.transpose() * (p_hand - X.t) - origin) + origin + turn.t;
     if (!(p.z() > T(0))) return false;
-    residual[0] = (camera.fx_px * p.x() / p.z() + camera.cx_px - seen_px.x()) / sigma_px;
-    residual[1] = (camera.fy_px * p.y() / p.z() + camera.cy_px - seen_px.y()) / sigma_px;
+    residual[0] = (camera.fx_px * p.x() / p.z() + camera.cx_px - seen_px.x()) / std_px;
+    residual[1] = (camera.fy_px * p.y() / p.z() + camera.cy_px - seen_px.y()) / std_px;
     return true;
   }
 };
@@ -71,7 +71,7 @@ double imageNoise(const PoseSet& set) {
     squares += found.rms_px * found.rms_px * count;
     freedom += 2 * count - 6;
   }
-  return std::max(kLeastNoise_px, std::sqrt(squares / freedom));
+  return std::max(kMinNoise_px, std::sqrt(squares / freedom));
 }
 
 }  // namespace
@@ -95,7 +95,7 @@ ReprojectionFit solvedByReprojection(const PoseSet& set, const HandEyeProblem& f
     if (pose.points_px.cols() == 0)
       throw InputError(set.path, "points", pose.name, "must be given in every pose for --reprojection");
   }
-  const double sigma_px = imageNoise(set);
+  const double std_px = imageNoise(set);
   ReprojectionFit fit{start, {}};
   constexpr int kRounds = 2;
   for (int round = 0; round <= kRounds; ++round) {
@@ -110,7 +110,7 @@ ReprojectionFit solvedByReprojection(const PoseSet& set, const HandEyeProblem& f
       const HandEyePose& pose = set.poses[i];
       for (Eigen::Index k = 0; k < pose.points_px.cols(); ++k) {
         auto* cost = new PointCost{from.equations().hands[i].inverse(), fit.transforms,        set.camera->parameters(),
-                                   pose.points_object_m.col(k),         pose.points_px.col(k), sigma_px};
+                                   pose.points_object_m.col(k),         pose.points_px.col(k), std_px};
         problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PointCost, 2, 6, 6, 6>(cost), nullptr, x.data(),
                                  z.data(), errors[i].data());
       }
@@ -142,4 +142,4 @@ ReprojectionFit solvedByReprojection(const PoseSet& set, const HandEyeProblem& f
   return fit;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -7,7 +7,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/registration/starts.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr double kModelOffset_m = 0.03;
@@ -36,13 +36,13 @@ Pose moved(const Pose& T, const Vector6d& by) {
 
 CArmJoints jointsOf(const OrbitSettings& orbit, int pose) {
   CArmJoints joints = CArmJoints::Zero();
-  const bool single = orbit.largest_secondary_deg == 0;
+  const bool single = orbit.max_secondary_deg == 0;
   const int first = single ? orbit.poses : (orbit.poses + 1) / 2;
   const bool primary = pose < first;
   const int count = primary ? first : orbit.poses - first, at = primary ? pose : pose - first;
   // Middles of equal parts, so that the two arcs do not share the view in the middle when their counts are even.
   const double share = (2.0 * at + 1) / count - 1;
-  joints[primary ? 0 : 1] = degToRad(share * (primary ? orbit.largest_primary_deg : orbit.largest_secondary_deg));
+  joints[primary ? 0 : 1] = degToRad(share * (primary ? orbit.max_primary_deg : orbit.max_secondary_deg));
   return joints;
 }
 
@@ -58,8 +58,8 @@ SimulatedPoseSet simulatedOrbit(const CArmGeometry& carm, const OrbitSettings& o
   PoseSet& set = simulated.set;
   set.path = "simulated poses";
   set.machine = "simulated";
-  set.camera_sigma = PoseSigma{degToRad(orbit.camera_noise_deg), 1e-3 * orbit.camera_noise_mm};
-  set.hand_sigma = PoseSigma{degToRad(orbit.hand_noise_deg), 1e-3 * orbit.hand_noise_mm};
+  set.camera_std = PoseSigma{degToRad(orbit.camera_noise_deg), 1e-3 * orbit.camera_noise_mm};
+  set.hand_std = PoseSigma{degToRad(orbit.hand_noise_deg), 1e-3 * orbit.hand_noise_mm};
   for (int i = 0; i < orbit.poses; ++i) {
     HandEyePose pose;
     pose.name = std::to_string(i + 1);
@@ -99,4 +99,4 @@ std::vector<HandEyeTrial> handEyeTrials(const CArmGeometry& carm, const OrbitSet
   return all;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

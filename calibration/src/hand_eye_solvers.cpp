@@ -6,11 +6,11 @@
 #include <Eigen/SVD>
 #include <cmath>
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // Nearer to half a turn, noise decides on which side of it a motion is: its axis has no sign.
-const double kLargestTurn_rad = degToRad(170);
+const double kMaxTurn_rad = degToRad(170);
 
 using Matrix9d = Eigen::Matrix<double, 9, 9>;
 
@@ -60,7 +60,7 @@ HandEyeTransforms solveParkMartin(const HandEyeEquations& e) {
     for (std::size_t j = 0; j < i; ++j) {
       const Eigen::Vector3d alpha = logSO3(e.hands[j].linear().transpose() * e.hands[i].linear());
       const Eigen::Vector3d beta = logSO3(e.cameras[j].linear() * e.cameras[i].linear().transpose());
-      if (alpha.norm() < kLargestTurn_rad) M += alpha * beta.transpose();
+      if (alpha.norm() < kMaxTurn_rad) M += alpha * beta.transpose();
     }
   }
   const Eigen::Matrix3d R_X = nearestRotation(M);
@@ -98,4 +98,4 @@ HandEyeResiduals handEyeResiduals(const HandEyeEquations& e, const HandEyeTransf
   return {std::sqrt(squares.rotation_rad / count), std::sqrt(squares.translation_m / count)};
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

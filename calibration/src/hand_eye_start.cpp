@@ -7,7 +7,7 @@
 
 #include "hand_eye_problem.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr std::size_t kDrawn = 4;  // One more than is needed: three poses make poor starts.
@@ -78,4 +78,4 @@ HandEyeTransforms robustStart(const HandEyeProblem& problem, const PoseChoice& c
   return best;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -5,9 +5,10 @@
 
 #include <Eigen/Cholesky>
 
+#include "angio/calibration/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 template <typename T>
 using Matrix3 = Eigen::Matrix<T, 3, 3>;
@@ -42,4 +43,4 @@ inline Matrix6d whiteningOf(const Matrix6d& covariance) {
   return L.triangularView<Eigen::Lower>().solve(Matrix6d::Identity());
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

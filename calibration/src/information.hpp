@@ -3,7 +3,9 @@
 
 #include <Eigen/Cholesky>
 
-namespace angio {
+#include "angio/calibration/namespace.hpp"
+
+namespace angio::calibration {
 
 /// The covariance of an information matrix, scaled to a unit diagonal before it is inverted: metres beside radians and
 /// pixels would cost digits. `floor` on the diagonal gives what cannot be known a large variance, not an infinite one.
@@ -15,4 +17,4 @@ inline Eigen::MatrixXd covarianceOf(const Eigen::MatrixXd& information, double f
   return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -3,7 +3,7 @@
 
 #include "angio/geometry/distortion.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 Eigen::Vector2d LensModel::seen(const LensNumbers& lens, double distance_m, const Eigen::Vector3d& p_camera,
                                 Eigen::Matrix<double, 2, 3>* J_point,
@@ -87,4 +87,4 @@ LensParameters freeParameters(const CameraCalibrationSettings& settings, bool se
   return parameters;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

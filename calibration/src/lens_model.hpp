@@ -7,7 +7,7 @@
 
 #include "angio/calibration/camera_calibration.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// All a lens may have: fx, fy, cx, cy, skew [px], k1, k2, s1, s2 [rad], offset of the distance's encoder [m], motion
 /// of the principal point with the distance (x, y) [px/m].
@@ -37,4 +37,4 @@ struct LensParameters {
 };
 LensParameters freeParameters(const CameraCalibrationSettings& settings, bool several_distances);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -11,7 +11,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 // Units that differ are off by 10 and more; a wrong object or pixel size is off by less, and is only warned of.
@@ -79,7 +79,7 @@ MotionSpread motionSpread(const HandEyeEquations& e) {
     for (std::size_t j = 0; j < i; ++j) {
       const Eigen::Vector3d w = logSO3(e.hands[j].linear().transpose() * e.hands[i].linear());
       const double angle = w.norm();
-      spread.largest_turn_rad = std::max(spread.largest_turn_rad, angle);
+      spread.max_turn_rad = std::max(spread.max_turn_rad, angle);
       if (angle > 0) M += std::pow(2 * std::sin(angle / 2) / angle, 2) * w * w.transpose();
       ++pairs;
     }
@@ -101,7 +101,7 @@ Eigen::Vector3d withPositiveLargest(const Eigen::Vector3d& axis) {
 }
 
 void requireMotions(const std::string& place, HandEyeSetup setup, const MotionSpread& spread, std::size_t poses,
-                    double least_turn_rad) {
+                    double min_turn_rad) {
   const bool in_hand = setup == HandEyeSetup::kEyeInHand;
   const std::string frame = in_hand ? "the hand's axes" : "the base's axes";
   const std::string X = in_hand ? "the camera on the hand" : "the camera in the base's frame";
@@ -109,17 +109,17 @@ void requireMotions(const std::string& place, HandEyeSetup setup, const MotionSp
     throw InputError(place, "poses", std::to_string(poses),
                      "must be at least 3, which turn about two axes, to know where " + X + " is");
   }
-  if (spread.along_rad < least_turn_rad) {
+  if (spread.along_rad < min_turn_rad) {
     throw InputError(
-        place, "poses", formatted("turns of at most %.2g deg", radToDeg(spread.largest_turn_rad)),
+        place, "poses", formatted("turns of at most %.2g deg", radToDeg(spread.max_turn_rad)),
         "translations alone leave the place of " + X + " open in all three directions: turn the hand about two axes");
   }
-  if (spread.across_rad < least_turn_rad) {
+  if (spread.across_rad < min_turn_rad) {
     throw InputError(place, "poses", "all motions turn about one axis, " + axisText(spread.main_axis) + " in " + frame,
                      "the translation of " + X +
                          " along it stays open, and its turn about it nearly so (turns about "
                          "other axes: " +
-                         formatted("%.2g deg rms, wanted %.2g", radToDeg(spread.across_rad), radToDeg(least_turn_rad)) +
+                         formatted("%.2g deg rms, wanted %.2g", radToDeg(spread.across_rad), radToDeg(min_turn_rad)) +
                          "): turn the hand about a second axis");
   }
 }
@@ -198,4 +198,4 @@ void requireConventions(const std::string& place, HandEyeSetup setup, const Hand
   }
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -3,7 +3,7 @@
 
 #include <opencv2/imgproc.hpp>
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr double kSteel_per_m = 950;  // Linear attenuation at 60 keV, NIST XCOM.
@@ -43,7 +43,7 @@ cv::Mat distortedImage(const cv::Mat& flat, const DetectorDistortion& distortion
 }  // namespace
 
 PhantomRenderer::PhantomRenderer(const BeadPhantom& phantom, int seed)
-    : phantom_(phantom), renderer_(noVessel(phantom.centre_m()), look(seed)) {}
+    : phantom_(phantom), renderer_(noVessel(phantom.center_m()), look(seed)) {}
 
 cv::Mat PhantomRenderer::render(const XrayCamera& camera, const Pose& T_camera_phantom, const std::vector<int>& shown,
                                 const std::optional<DetectorDistortion>& distortion, std::uint64_t frame) {
@@ -62,4 +62,4 @@ cv::Mat PhantomRenderer::render(const XrayCamera& camera, const Pose& T_camera_p
   return distortion ? distortedImage(flat, *distortion) : flat;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

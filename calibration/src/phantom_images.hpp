@@ -8,7 +8,7 @@
 #include "angio/geometry/distortion.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// X-ray images of steel balls in a body of plastic: scatter, blur, quantum noise, and shadows that overlap.
 class PhantomRenderer {
@@ -24,4 +24,4 @@ class PhantomRenderer {
   FluoroscopyRenderer renderer_;
 };
 
-}  // namespace angio
+}  // namespace angio::calibration

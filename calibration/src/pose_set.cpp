@@ -11,14 +11,14 @@
 #include "angio/io/table.hpp"
 #include "angio/io/yaml.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 namespace fs = std::filesystem;
 
 constexpr double kNearestObject_m = 0.01, kFarthestObject_m = 20;
 constexpr double kSame = 1e-9;  // Two measurements are never so near each other [m, rad].
-constexpr int kMostPoses = 2000;
+constexpr int kMaxPoses = 2000;
 
 PoseSigma readSigma(const std::string& path, const YamlField& field) {
   YamlMap map(path, *field.node, field.key);
@@ -117,8 +117,8 @@ PoseSet readPoseSet(const std::string& path, const CArmGeometry* carm) {
     setup.refuse("must be eye_in_hand or eye_to_hand");
   }
   if (const auto machine = map.find("machine")) set.machine = machine->text();
-  if (const auto sigma = map.find("hand_sigma")) set.hand_sigma = readSigma(path, *sigma);
-  if (const auto sigma = map.find("camera_sigma")) set.camera_sigma = readSigma(path, *sigma);
+  if (const auto sigma = map.find("hand_sigma")) set.hand_std = readSigma(path, *sigma);
+  if (const auto sigma = map.find("camera_sigma")) set.camera_std = readSigma(path, *sigma);
   if (const auto camera = map.find("camera")) {
     const std::string camera_path = (fs::path(path).parent_path() / camera->text()).string();
     set.camera = readCamera(camera_path);
@@ -126,7 +126,7 @@ PoseSet readPoseSet(const std::string& path, const CArmGeometry* carm) {
   }
   const YamlField poses = map.need("poses");
   if (poses.node->kind != YamlNode::Kind::kSequence) poses.refuse("must be a list of poses");
-  if (poses.node->items.size() > kMostPoses) poses.refuse("must hold at most " + std::to_string(kMostPoses));
+  if (poses.node->items.size() > kMaxPoses) poses.refuse("must hold at most " + std::to_string(kMaxPoses));
   PoseReader reader(set, carm);
   for (std::size_t i = 0; i < poses.node->items.size(); ++i) reader.read(poses.item(i));
   map.refuseOthers();
@@ -157,9 +157,9 @@ void checkPoseSet(const PoseSet& set) {
   const double distance_m = distances_m[distances_m.size() / 2];
   if (distance_m < kNearestObject_m || distance_m > kFarthestObject_m) {
     throw InputError(set.path, "T_camera_object.translation_mm",
-                     shown(1e3 * distance_m) + " from camera to object, median",
+                     formatValue(1e3 * distance_m) + " from camera to object, median",
                      "must be 10 to 20000 mm: is the file in millimetres?");
   }
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

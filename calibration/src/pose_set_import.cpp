@@ -15,10 +15,10 @@
 #include "angio/io/yaml.hpp"
 #include "silence.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
-constexpr std::size_t kLargestSamples = std::size_t{64} << 20;
+constexpr std::size_t kMaxSamples = std::size_t{64} << 20;
 
 // A 4 x 4 matrix of a JSON file as a pose.
 Pose poseOf(const std::string& place, const std::string& field, const nlohmann::json& rows) {
@@ -72,7 +72,7 @@ XrayCamera readVispCamera(const std::string& path, const cv::Mat& image) {
       !holds(vpCameraParameters::perspectiveProjWithoutDistortion)) {
     throw InputError(path, "camera", "", "must hold ViSP's parameters of a camera named Camera");
   }
-  if (camera.get_kud() != 0) throw InputError(path, "kud", shown(camera.get_kud()), "must be zero");
+  if (camera.get_kud() != 0) throw InputError(path, "kud", formatValue(camera.get_kud()), "must be zero");
   vpCameraParameters plain;
   plain.initPersProjWithoutDistortion(camera.get_px(), camera.get_py(), camera.get_u0(), camera.get_v0());
   return fromVisp(plain, image.cols, image.rows);
@@ -106,7 +106,7 @@ PoseSet readMoveItSamples(const std::string& path, HandEyeSetup setup) {
   set.path = path;
   set.setup = setup;
   set.input_paths.push_back(path);
-  const auto samples = nlohmann::json::parse(readWholeFile(path, kLargestSamples), nullptr, false);
+  const auto samples = nlohmann::json::parse(readWholeFile(path, kMaxSamples), nullptr, false);
   if (!samples.is_array() || samples.empty())
     throw InputError(path, "samples", "", "must be a list of pairs of matrices (JSON)");
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -147,4 +147,4 @@ PoseSet readVispFolder(const std::string& folder, const Chessboard& board) {
   return set;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

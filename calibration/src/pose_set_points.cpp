@@ -7,10 +7,10 @@
 #include "angio/base/errors.hpp"
 #include "angio/calibration/pose_set.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
-constexpr double kLeastNoise_px = 1e-6;
+constexpr double kMinNoise_px = 1e-6;
 constexpr double kWorstFit = 0.05;  // Of the object's size in the image.
 constexpr int kSteps = 20;
 
@@ -72,8 +72,8 @@ PoseOfPoints poseOfPoints(const std::string& place, const XrayCamera& camera, co
   if (count < 4 || points_px.cols() != count) {
     throw InputError(place, "points", std::to_string(count), "must be at least 4, each with its pixel");
   }
-  const Eigen::Matrix3Xd centred = points_object_m.colwise() - points_object_m.rowwise().mean();
-  const Eigen::Vector3d extent = Eigen::JacobiSVD<Eigen::MatrixXd>(centred).singularValues().head<3>();
+  const Eigen::Matrix3Xd centered = points_object_m.colwise() - points_object_m.rowwise().mean();
+  const Eigen::Vector3d extent = Eigen::JacobiSVD<Eigen::MatrixXd>(centered).singularValues().head<3>();
   if (!(extent[1] > 1e-3 * extent[0])) throw InputError(place, "points", "", "must not lie in a line");
   PoseOfPoints found{Pose::Identity(), Matrix6d::Zero(), 0};
   try {
@@ -94,13 +94,13 @@ PoseOfPoints poseOfPoints(const std::string& place, const XrayCamera& camera, co
   }
   found.rms_px = std::sqrt(n.squares / static_cast<double>(count));
   if (!n.in_front || !(found.rms_px <= kWorstFit * spread(points_px))) {
-    throw InputError(place, "points", n.in_front ? shown(found.rms_px) + " px from their projection" : "",
+    throw InputError(place, "points", n.in_front ? formatValue(found.rms_px) + " px from their projection" : "",
                      "no pose of the object explains them: are they in order, and not mirrored?");
   }
   const double freedom = std::max(1.0, static_cast<double>(2 * count - 6));
-  const double variance = std::max(n.squares / freedom, kLeastNoise_px * kLeastNoise_px);
+  const double variance = std::max(n.squares / freedom, kMinNoise_px * kMinNoise_px);
   found.covariance = variance * n.A.ldlt().solve(Matrix6d::Identity());
   return found;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -8,12 +8,12 @@
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json sigmaAsJson(const PoseSigma& sigma) {
+Json stdAsJson(const PoseSigma& sigma) {
   return {{"rotation_deg", radToDeg(sigma.rotation_rad)}, {"translation_mm", 1e3 * sigma.translation_m}};
 }
 
@@ -35,8 +35,8 @@ void writePoseSet(const std::string& path, const PoseSet& set) {
   Json file;
   file["setup"] = setupName(set.setup);
   if (!set.machine.empty()) file["machine"] = set.machine;
-  if (set.hand_sigma) file["hand_sigma"] = sigmaAsJson(*set.hand_sigma);
-  if (set.camera_sigma) file["camera_sigma"] = sigmaAsJson(*set.camera_sigma);
+  if (set.hand_std) file["hand_sigma"] = stdAsJson(*set.hand_std);
+  if (set.camera_std) file["camera_sigma"] = stdAsJson(*set.camera_std);
   if (set.camera) {
     file["camera"] = "camera.yaml";
     writeCamera((folder / "camera.yaml").string(), *set.camera);
@@ -61,4 +61,4 @@ void writePoseSet(const std::string& path, const PoseSet& set) {
   writeWholeFile(path, asYaml(file));
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -7,7 +7,9 @@
 #include <cstdio>
 #include <iostream>
 
-namespace angio {
+#include "angio/calibration/namespace.hpp"
+
+namespace angio::calibration {
 
 /// While it lives, nothing reaches stdout: for calls into libraries that print. Holds for the whole process.
 class Silence {
@@ -37,4 +39,4 @@ class Silence {
   int before_ = -1;
 };
 
-}  // namespace angio
+}  // namespace angio::calibration

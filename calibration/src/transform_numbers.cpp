@@ -6,7 +6,7 @@
 #include "angio/calibration/anatomy_registration.hpp"
 #include "angio/calibration/hand_eye.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 std::vector<std::string> transformNumberNames(const std::string& transform) {
   std::vector<std::string> names;
@@ -97,4 +97,4 @@ CalibrationRecord anatomyRecord(const AnatomyResult& result, const std::string& 
   return record;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

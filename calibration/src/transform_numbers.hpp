@@ -4,10 +4,11 @@
 #include <string>
 #include <vector>
 
+#include "angio/calibration/namespace.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// What the six numbers of a transform are called in a record: "T_dsa_cb_x_mm", ..., "T_dsa_cb_turn_z_deg". As values
 /// they are its translation and rotation vector, in a covariance a change of its place and a small turn about its
@@ -28,4 +29,4 @@ void recordTransforms(CalibrationRecord& record, const std::vector<std::pair<std
 /// Fills condition and weak directions of a record by its covariance.
 void recordObservability(CalibrationRecord& record);
 
-}  // namespace angio
+}  // namespace angio::calibration

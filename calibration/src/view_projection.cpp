@@ -7,7 +7,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 constexpr double kTolerance = 0.01;  // Of the detector's width.
@@ -22,7 +22,7 @@ class ProjectionFit {
     if (flat_) points_ = *T_plane_phantom * points_;
     seen_px_.resize(2, static_cast<Eigen::Index>(view.beads.size()));
     for (std::size_t i = 0; i < view.beads.size(); ++i) {
-      seen_px_.col(static_cast<Eigen::Index>(i)) = view.beads[i].centre_px;
+      seen_px_.col(static_cast<Eigen::Index>(i)) = view.beads[i].center_px;
     }
   }
 
@@ -109,7 +109,7 @@ class ProjectionFit {
 }  // namespace
 
 ViewProjection projectionOf(const BeadPhantom& phantom, const BeadView& view, double detector_width_px,
-                            double least_share, const std::optional<Pose>& T_plane_phantom) {
+                            double min_share, const std::optional<Pose>& T_plane_phantom) {
   const ProjectionFit fit(phantom, view, kTolerance * detector_width_px, T_plane_phantom);
   const auto [P, chosen] = fit.mostAgreed();
   const std::string count = std::to_string(chosen.size()) + " of " + std::to_string(view.beads.size());
@@ -123,11 +123,11 @@ ViewProjection projectionOf(const BeadPhantom& phantom, const BeadView& view, do
   result.fits.assign(view.beads.size(), false);
   for (const int i : chosen) result.fits[static_cast<std::size_t>(i)] = true;
   fit.refuseSwapped(P, result.fits);
-  if (static_cast<double>(chosen.size()) < least_share * static_cast<double>(view.beads.size())) {
+  if (static_cast<double>(chosen.size()) < min_share * static_cast<double>(view.beads.size())) {
     throw InputError(view.name, "beads", count,
                      "must fit one projection of the phantom: are the numbers, or the phantom, of another set?");
   }
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

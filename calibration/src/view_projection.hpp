@@ -7,7 +7,7 @@
 #include "angio/calibration/camera_calibration.hpp"
 #include "angio/calibration/direct_linear.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// What one view says by itself, without K.
 struct ViewProjection {
@@ -18,10 +18,10 @@ struct ViewProjection {
 
 /// Finds the projection that most of a view's beads agree on, to a hundredth of the detector's width: enough to tell
 /// beads apart, wide enough for a detector's distortion. Throws InputError that names view and beads when two are
-/// swapped, when fewer than `least_share` agree, and when the beads leave the projection open.
+/// swapped, when fewer than `min_share` agree, and when the beads leave the projection open.
 ///
 /// @param plane  A flat phantom's own frame, whose z is the plane's normal; absent for one with depth.
 ViewProjection projectionOf(const BeadPhantom& phantom, const BeadView& view, double detector_width_px,
-                            double least_share, const std::optional<Pose>& T_plane_phantom);
+                            double min_share, const std::optional<Pose>& T_plane_phantom);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -8,10 +8,10 @@
 #include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/yaml.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
-constexpr int kLargestSide_px = 32768;
+constexpr int kMaxSide_px = 32768;
 
 std::string besideFile(const std::string& file, const YamlField& field) {
   return (std::filesystem::path(file).parent_path() / field.text()).lexically_normal().string();
@@ -55,7 +55,7 @@ ViewSet readViewSet(const std::string& path) {
   if (const auto size = map.find("image_size_px")) {
     const std::vector<double> sides = size->numbers(2);
     for (std::size_t i = 0; i < 2; ++i) {
-      requireBetween(size->item(i).place(), size->item(i).key, size->item(i).integer(), 1, kLargestSide_px);
+      requireBetween(size->item(i).place(), size->item(i).key, size->item(i).integer(), 1, kMaxSide_px);
     }
     set.image_width_px = static_cast<int>(sides[0]);
     set.image_height_px = static_cast<int>(sides[1]);
@@ -103,4 +103,4 @@ std::vector<CalibrationInput> hashedViews(const ViewSet& set) {
   return inputs;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

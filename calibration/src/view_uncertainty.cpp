@@ -6,7 +6,7 @@
 #include "geometry_numbers.hpp"
 #include "transform_numbers.hpp"
 
-namespace angio {
+namespace angio::calibration {
 namespace {
 
 const CalibrationRecord* recordOf(const CArmCalibration& calibration, const std::string& kind) {
@@ -88,4 +88,4 @@ std::optional<ViewUncertainty> viewUncertainty(const CArmCalibration& calibratio
   return ViewUncertainty{std::sqrt(turn_variance.topLeftCorner<2, 2>().trace()), std::sqrt(target_variance.trace())};
 }
 
-}  // namespace angio
+}  // namespace angio::calibration

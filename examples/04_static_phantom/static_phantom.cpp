@@ -31,8 +31,8 @@ namespace {
 constexpr double kRight_deg = 2, kWrong_deg = 3, kGoodResidual_px = 2;
 
 struct Options {
-  std::string cases = angio::exampleDataFile("static-phantom/cases.yaml");
-  std::string method = angio::IterativePnpSettings::kName, settings;
+  std::string cases = angio::cli::exampleDataFile("static-phantom/cases.yaml");
+  std::string method = angio::registration::IterativePnpSettings::kName, settings;
   int starts = 20, seed = 7;
   double rotation_deg = 10, translation_mm = 20;
   bool image = false;
@@ -40,36 +40,37 @@ struct Options {
 
 // One run, and what was found in it from one start.
 struct Run {
-  angio::Case setup;
-  angio::Centerline2d centerline;
-  angio::VesselTree tree, fine_tree;  // As it is, and with points so near each other that the nearest one will do.
+  angio::io::Case setup;
+  angio::vessel::Centerline2d centerline;
+  angio::vessel::VesselTree tree,
+      fine_tree;  // As it is, and with points so near each other that the nearest one will do.
   double reference_residual_px = 0;
 };
 
 struct Found {
-  angio::RegistrationStatus status;
-  angio::Pose T_camera_model;
+  angio::registration::RegistrationStatus status;
+  angio::geometry::Pose T_camera_model;
   double residual_px;  // Median, from image points to the projected tree.
   double off_deg;      // From the reference pose.
   double time_s;
 
-  bool trusted() const { return status == angio::RegistrationStatus::kConverged; }
+  bool trusted() const { return status == angio::registration::RegistrationStatus::kConverged; }
 };
 
-double angleDegrees(const angio::Pose& a, const angio::Pose& b) {
-  return angio::radToDeg(angio::rotationAngle(a.linear() * b.linear().transpose()));
+double angleDegrees(const angio::geometry::Pose& a, const angio::geometry::Pose& b) {
+  return angio::geometry::radToDeg(angio::geometry::rotationAngle(a.linear() * b.linear().transpose()));
 }
 
 // The rotation from one view to the other, as the poses have it.
-angio::Pose between(const angio::Pose& T_a_model, const angio::Pose& T_b_model) {
+angio::geometry::Pose between(const angio::geometry::Pose& T_a_model, const angio::geometry::Pose& T_b_model) {
   return T_b_model * T_a_model.inverse();
 }
 
-double median(const std::vector<double>& values) { return angio::percentile(values, 0.5); }
-double worst(const std::vector<double>& values) { return angio::percentile(values, 1); }
+double median(const std::vector<double>& values) { return angio::evaluation::percentile(values, 0.5); }
+double worst(const std::vector<double>& values) { return angio::evaluation::percentile(values, 1); }
 
-double medianResidual(const Run& run, const angio::Pose& T_camera_model) {
-  const auto projected = angio::projectedCenterline(run.fine_tree, run.setup.views[0].camera, T_camera_model);
+double medianResidual(const Run& run, const angio::geometry::Pose& T_camera_model) {
+  const auto projected = angio::vessel::projectedCenterline(run.fine_tree, run.setup.views[0].camera, T_camera_model);
   if (projected.size() == 0) return std::numeric_limits<double>::infinity();
   std::vector<double> distances;
   for (int j = 0; j < run.centerline.size(); ++j) {
@@ -80,24 +81,26 @@ double medianResidual(const Run& run, const angio::Pose& T_camera_model) {
 }
 
 // What is known of a start that is anywhere in the box: the spread of a uniform distribution.
-angio::Matrix6d covarianceOfBox(const Options& o) {
-  angio::Vector6d variance;
+angio::geometry::Matrix6d covarianceOfBox(const Options& o) {
+  angio::geometry::Vector6d variance;
   variance.head<3>().setConstant(std::pow(o.translation_mm * 1e-3, 2) / 3);
-  variance.tail<3>().setConstant(std::pow(angio::degToRad(o.rotation_deg), 2) / 3);
+  variance.tail<3>().setConstant(std::pow(angio::geometry::degToRad(o.rotation_deg), 2) / 3);
   return variance.asDiagonal();
 }
 
-std::vector<Run> readRuns(const Options& o, const angio::ExtractorSettings& extractor) {
+std::vector<Run> readRuns(const Options& o, const angio::imaging::ExtractorSettings& extractor) {
   std::vector<Run> runs;
-  for (angio::Case& setup : angio::readCaseSet(o.cases).cases) {
-    if (!setup.truth_pose) throw angio::InputError(o.cases, "truth_pose", "", "every case must have a reference");
-    const angio::View& view = setup.views[0];
+  for (angio::io::Case& setup : angio::io::readCaseSet(o.cases).cases) {
+    if (!setup.truth_pose) throw angio::base::InputError(o.cases, "truth_pose", "", "every case must have a reference");
+    const angio::io::View& view = setup.views[0];
     const auto& path = o.image ? view.image_path : view.centerline_path;
-    if (!path) throw angio::InputError(o.cases, o.image ? "image" : "centerline", "", "is missing in " + setup.name);
-    auto seen = o.image ? angio::makeExtractor(extractor)->extract(angio::readXrayImage(*path, view.camera))
-                        : angio::readCenterline(*path);
-    angio::VesselTree tree = angio::readVesselTree(setup.tree_path);
-    angio::VesselTree fine_tree = angio::resampled(tree, 0.5e-3, 100000).tree;
+    if (!path)
+      throw angio::base::InputError(o.cases, o.image ? "image" : "centerline", "", "is missing in " + setup.name);
+    auto seen = o.image
+                    ? angio::imaging::makeExtractor(extractor)->extract(angio::io::readXrayImage(*path, view.camera))
+                    : angio::io::readCenterline(*path);
+    angio::vessel::VesselTree tree = angio::io::readVesselTree(setup.tree_path);
+    angio::vessel::VesselTree fine_tree = angio::vessel::resampled(tree, 0.5e-3, 100000).tree;
     Run& run = runs.emplace_back(Run{std::move(setup), std::move(seen), std::move(tree), std::move(fine_tree)});
     run.reference_residual_px = medianResidual(run, *run.setup.truth_pose);
   }
@@ -105,21 +108,22 @@ std::vector<Run> readRuns(const Options& o, const angio::ExtractorSettings& extr
 }
 
 // Rows are runs, columns are starts.
-std::vector<std::vector<Found>> findAll(const Options& o, const angio::ProgramSettings& settings,
+std::vector<std::vector<Found>> findAll(const Options& o, const angio::apps::ProgramSettings& settings,
                                         const std::vector<Run>& runs) {
-  angio::StartSettings box = settings.starts;
+  angio::registration::StartSettings box = settings.starts;
   box.box_rotation_deg = o.rotation_deg;
   box.box_translation_mm = o.translation_mm;
-  angio::StartSettings draws = box;
+  angio::registration::StartSettings draws = box;
   draws.seed = o.seed;  // Not the search's own draws.
-  angio::ProgressBar bar("registering", static_cast<int>(runs.size()) * o.starts);
+  angio::cli::ProgressBar bar("registering", static_cast<int>(runs.size()) * o.starts);
   std::vector<std::vector<Found>> found;
   for (const Run& run : runs) {
-    const auto registration = angio::makeRegistration(settings.of(o.method, std::nullopt), run.tree);
+    const auto registration = angio::registration::makeRegistration(settings.of(o.method, std::nullopt), run.tree);
     auto& row = found.emplace_back();
     for (int i = 0; i < o.starts; ++i) {
       const int index = static_cast<int>(found.size() - 1) * o.starts + i;
-      const angio::Pose start = angio::drawnStart({*run.setup.truth_pose, {}}, run.tree.centroid(), draws, index);
+      const angio::geometry::Pose start =
+          angio::registration::drawnStart({*run.setup.truth_pose, {}}, run.tree.centroid(), draws, index);
       const auto r = registration->search(run.centerline, run.setup.views[0].camera, {start, covarianceOfBox(o)}, box);
       row.push_back({r.status, r.T_camera_model, medianResidual(run, r.T_camera_model),
                      angleDegrees(r.T_camera_model, *run.setup.truth_pose), r.times.total_s});
@@ -164,7 +168,7 @@ void printPairs(const std::vector<Run>& runs, const std::vector<std::vector<Foun
       kRight_deg, kRight_deg);
   for (std::size_t a = 0; a < runs.size(); ++a) {
     for (std::size_t b = a + 1; b < runs.size(); ++b) {
-      const angio::Pose nominal = between(runs[a].setup.initial_pose, runs[b].setup.initial_pose);
+      const angio::geometry::Pose nominal = between(runs[a].setup.initial_pose, runs[b].setup.initial_pose);
       const double reference_deg = angleDegrees(between(*runs[a].setup.truth_pose, *runs[b].setup.truth_pose), nominal);
       int within = 0, trusted = 0, trusted_within = 0;
       std::vector<double> off_deg;
@@ -176,17 +180,17 @@ void printPairs(const std::vector<Run>& runs, const std::vector<std::vector<Foun
         trusted_within += near && both;
       }
       std::printf("| %s, %s | %.1f | %.2f | %.2f (%.1f) | %d of %zu | %d | %d |\n", runs[a].setup.name.c_str(),
-                  runs[b].setup.name.c_str(), angleDegrees(nominal, angio::Pose::Identity()), reference_deg,
+                  runs[b].setup.name.c_str(), angleDegrees(nominal, angio::geometry::Pose::Identity()), reference_deg,
                   median(off_deg), worst(off_deg), within, off_deg.size(), trusted, trusted_within);
     }
   }
 }
 
 int measure(const Options& o) {
-  angio::ProgramSettings settings;
+  angio::apps::ProgramSettings settings;
   const auto data_settings = std::filesystem::path(o.cases).parent_path() / "settings.yaml";  // What suits the frames.
-  if (std::filesystem::exists(data_settings)) settings = angio::readSettings(data_settings.string(), settings);
-  if (!o.settings.empty()) settings = angio::readSettings(o.settings, settings);
+  if (std::filesystem::exists(data_settings)) settings = angio::io::readSettings(data_settings.string(), settings);
+  if (!o.settings.empty()) settings = angio::io::readSettings(o.settings, settings);
   const std::vector<Run> runs = readRuns(o, settings.extractors.chosen());
   const auto found = findAll(o, settings, runs);
   std::printf("%s, %d starts a run, uniform in +-%g deg and +-%g mm about and along each axis\n\n", o.method.c_str(),
@@ -200,7 +204,7 @@ int measure(const Options& o) {
 
 int main(int argc, char** argv) {
   CLI::App app("Measures a method on the four runs of the static phantom.", "example-04-static-phantom");
-  angio::describeProgram(app, "example-04-static-phantom --method iterative_pnp --starts 20");
+  angio::cli::describeProgram(app, "example-04-static-phantom --method iterative_pnp --starts 20");
   Options o;
   app.add_option("--cases", o.cases,
                  "Case set whose nominal poses differ as the C-arm's angles do, with reference poses");
@@ -209,9 +213,9 @@ int main(int argc, char** argv) {
   app.add_option("--starts", o.starts, "Starts a run")->check(CLI::Range(1, 10000));
   app.add_option("--seed", o.seed, "Seed of the starts")->check(CLI::Range(0, 2147483647));
   app.add_option("--rotation-deg", o.rotation_deg, "Starts lie so far from the reference, per axis")
-      ->check(angio::between(0, 180));
+      ->check(angio::cli::between(0, 180));
   app.add_option("--translation-mm", o.translation_mm, "Starts lie so far from the reference, per axis")
-      ->check(angio::between(0, 1000));
+      ->check(angio::cli::between(0, 1000));
   app.add_flag("--image", o.image, "Extract the centrelines from the frames");
-  return angio::runProgram(app, argc, argv, [&] { return measure(o); });
+  return angio::cli::runProgram(app, argc, argv, [&] { return measure(o); });
 }

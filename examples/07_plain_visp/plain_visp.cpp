@@ -49,7 +49,8 @@ double servo(vpRobot& robot, const vpHomogeneousMatrix& fMo, const vpHomogeneous
 }
 
 int run(const std::string& url) {
-  using namespace angio;
+  using namespace angio::lab;
+  using namespace angio::robot;
   constexpr std::int64_t kPeriod_us = 40'000;
   const bool simulated = url == "memq://";
   const CArmGeometry carm;

@@ -2,11 +2,12 @@
 // angio-evaluate: many registrations, and what they amount to.
 #include <map>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/cli/program.hpp"
 #include "evaluate.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 void MethodOptions::addTo(CLI::App& command) {
   command.add_option("--method", methods, "Methods, separated by commas")->delimiter(',');
@@ -68,22 +69,22 @@ nlohmann::ordered_json entrantsAsJson(const std::vector<Entrant>& entrants) {
   return json;
 }
 
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app("Runs registrations over many cases and reports what they amount to.", "angio-evaluate");
-  angio::describeProgram(app,
-                         "angio-evaluate cases cases.yaml --method iterative_pnp --out results.json\n"
-                         "  angio-evaluate simulation --tree tree.csv --trials 200 --report report.html\n"
-                         "  angio-evaluate paper --report paper.html\n"
-                         "  angio-evaluate extraction --tree tree.csv --extractor ridge,otsu --sheet sheet.png\n"
-                         "  angio-evaluate catheter examples/data/hepatic-tace/cases.yaml --sheet sheet.png");
+  angio::apps::describeProgram(app,
+                               "angio-evaluate cases cases.yaml --method iterative_pnp --out results.json\n"
+                               "  angio-evaluate simulation --tree tree.csv --trials 200 --report report.html\n"
+                               "  angio-evaluate paper --report paper.html\n"
+                               "  angio-evaluate extraction --tree tree.csv --extractor ridge,otsu --sheet sheet.png\n"
+                               "  angio-evaluate catheter examples/data/hepatic-tace/cases.yaml --sheet sheet.png");
   app.require_subcommand(1);
-  angio::Work work;
-  angio::addEvaluateCases(app, work);
-  angio::addEvaluateSimulation(app, work);
-  angio::addEvaluatePaper(app, work);
-  angio::addEvaluateExtraction(app, work);
-  angio::addEvaluateCatheter(app, work);
-  return angio::runProgram(app, argc, argv, [&] { return work(); });
+  angio::apps::Work work;
+  angio::apps::addEvaluateCases(app, work);
+  angio::apps::addEvaluateSimulation(app, work);
+  angio::apps::addEvaluatePaper(app, work);
+  angio::apps::addEvaluateExtraction(app, work);
+  angio::apps::addEvaluateCatheter(app, work);
+  return angio::apps::runProgram(app, argc, argv, [&] { return work(); });
 }

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <set>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/camera_files.hpp"
@@ -13,7 +14,7 @@
 #include "angio/vessel/model_id.hpp"
 #include "inspect.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -133,16 +134,16 @@ int inspect(const Options& o) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app("Says what a DICOM run, an X-ray image, a vessel tree or a camera file holds.", "angio-inspect");
-  angio::describeProgram(app, "angio-inspect run.dcm --frame 12 --out frame.png");
-  angio::Options o;
+  angio::apps::describeProgram(app, "angio-inspect run.dcm --frame 12 --out frame.png");
+  angio::apps::Options o;
   app.add_option("file", o.file, "DICOM run, .png, .tif; tree (.csv, .swc, .vtp, .vtk, HMM .txt); camera (.yaml, .xml)")
       ->required();
   app.add_option("--frame", o.frame, "Frame of a run or of a TIFF, from 0")->check(CLI::Range(0, 1000000));
   app.add_flag("--json", o.json, "JSON instead of columns");
   app.add_option("--out", o.out, "Picture of the frame (.png, .tif, .jpg), as the camera sees it");
-  return angio::runProgram(app, argc, argv, [&] { return angio::inspect(o); });
+  return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::inspect(o); });
 }

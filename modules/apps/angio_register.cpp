@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <iostream>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/cli/program.hpp"
@@ -17,7 +18,7 @@
 #include "register_bus.hpp"
 #include "register_views.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct Options {
@@ -26,7 +27,7 @@ struct Options {
   std::string extractor, polarity = "dark";
   int starts = 0;
   double search_rotation_deg = 0, search_translation_mm = 0;
-  double largest_age_days = RecordGate{}.largest_age_days;
+  double max_age_days = RecordGate{}.max_age_days;
   bool nonrigid = false;
   BusOptions live;  // Used when it names a bus.
 
@@ -66,9 +67,8 @@ cv::Mat pictureOf(const std::vector<SeenView>& views, const VesselTree& tree, co
     OverlayScene scene;
     scene.image = view.image;
     scene.centerline = &view.centerline;
-    scene.trees.push_back({view.T_view_first * initial, {}, kStartColour, "tree at the initial pose"});
-    scene.trees.push_back(
-        {view.T_view_first * r.T_camera_model, r.displacements_m, kModelColour, "tree as registered"});
+    scene.trees.push_back({view.T_view_first * initial, {}, kStartColor, "tree at the initial pose"});
+    scene.trees.push_back({view.T_view_first * r.T_camera_model, r.displacements_m, kModelColor, "tree as registered"});
     if (pictures.empty()) scene.caption = captionOf(outcome);
     pictures.push_back(drawOverlay(scene, tree, view.camera));
   }
@@ -89,7 +89,7 @@ RegistrationResult searched(Registration& registration, const std::vector<SeenVi
 // Cameras whose calibration is old may still be right, and whoever asks should know.
 void warnOfOldCameras(const Options& o) {
   for (const std::string& camera : o.files.cameras) {
-    for (const auto& warning : checkRecords(camera, readRecords(camera), {"", o.largest_age_days})) {
+    for (const auto& warning : checkRecords(camera, readRecords(camera), {"", o.max_age_days})) {
       std::cerr << "angio-register: " << warning << "\n";
     }
   }
@@ -132,15 +132,15 @@ int registerOne(const Options& o) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app("Finds the pose of a pre-operative vessel tree in one X-ray image.", "angio-register");
-  angio::describeProgram(
+  angio::apps::describeProgram(
       app,
       "angio-register --tree tree.csv --camera camera.yaml --image frame.png --initial-pose start.yaml "
       "--out result.json --overlay picture.png");
-  angio::Options o;
+  angio::apps::Options o;
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)")->required();
   // Each may be given again for a further view; each takes one file at a time.
   const auto addViews = [](CLI::App& to, const char* name, std::vector<std::string>& files, const char* help) {
@@ -169,19 +169,19 @@ int main(int argc, char** argv) {
   app.add_option("--method", o.method, "Registration method");
   app.add_flag("--nonrigid", o.nonrigid, "Let the tree deform after the rigid registration");
   app.add_option("--extractor", o.extractor,
-                 "How centrelines are found in images: " + angio::listOfExtractors() +
+                 "How centrelines are found in images: " + angio::apps::listOfExtractors() +
                      "; the settings' choice (ridge) when not given");
   app.add_option("--starts", o.starts, "Starts drawn around the initial pose; 0 takes the settings' count")
       ->check(CLI::Range(0, 10000));
   app.add_option("--search-rotation-deg", o.search_rotation_deg,
                  "Search all poses turned by up to so much about each axis; 0 takes the settings' box")
-      ->check(angio::between(0, 180));
+      ->check(angio::apps::between(0, 180));
   app.add_option("--search-translation-mm", o.search_translation_mm, "The same for shifts along each axis")
-      ->check(angio::between(0, 1000));
+      ->check(angio::apps::between(0, 1000));
   app.add_option("--polarity", o.polarity, "How vessels stand out of the image")
       ->check(CLI::IsMember({"dark", "bright"}));
-  app.add_option("--largest-calibration-age-days", o.largest_age_days, "A camera's older calibration is warned of")
-      ->check(angio::between(0, 1e6));
+  app.add_option("--max-calibration-age-days", o.max_age_days, "A camera's older calibration is warned of")
+      ->check(angio::apps::between(0, 1e6));
   app.add_option("--settings", o.settings, "Settings (.yaml), sections by method, starts, extractors");
   app.add_option("--out", o.out, "Result (.json); stdout when not given");
   app.add_option("--out-pose", o.out_pose, "Pose of the model in the camera (.yaml), of a result that converged");
@@ -189,12 +189,12 @@ int main(int argc, char** argv) {
   auto* bus = seen->add_option("--bus", o.live.bus, "Register the frames of a bus (LCM URL) and say so there");
   app.add_option("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")->needs(bus);
   app.add_option("--duration-s", o.live.duration_s, "With --bus: how long; 0: until stopped")
-      ->check(angio::between(0, 86400))
+      ->check(angio::apps::between(0, 86400))
       ->needs(bus);
   app.parse_complete_callback([&] { o.live.bus.empty() ? o.files.check() : o.checkLive(); });
-  return angio::runProgram(app, argc, argv, [&] {
+  return angio::apps::runProgram(app, argc, argv, [&] {
     o.live.tree = o.tree;
     o.live.method = o.method;
-    return o.live.bus.empty() ? angio::registerOne(o) : angio::registerOnBus(o.live);
+    return o.live.bus.empty() ? angio::apps::registerOne(o) : angio::apps::registerOnBus(o.live);
   });
 }

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <iostream>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/program.hpp"
@@ -14,7 +15,7 @@
 #include "angio/messaging/log_reader.hpp"
 #include "spy_table.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -90,17 +91,17 @@ int spy(const Options& o) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app("Shows what is on a bus: channels, rates, gaps, delays and last values. Ends with a table.",
                "angio-spy");
-  angio::describeProgram(app, "angio-spy --bus 'file://run.lcm?speed=0' --json run.json");
-  angio::Options o;
+  angio::apps::describeProgram(app, "angio-spy --bus 'file://run.lcm?speed=0' --json run.json");
+  angio::apps::Options o;
   app.add_option("--bus", o.bus, "Bus to listen on (LCM URL); file://name.lcm?speed=0 reads a whole log at once");
   app.add_option("--duration-s", o.duration_s, "How long; 0: until stopped, or 3 with --once")
-      ->check(angio::between(0, 86400));
+      ->check(angio::apps::between(0, 86400));
   app.add_flag("--once", o.once, "Only the table at the end, also in a terminal");
   app.add_option("--json", o.json, "File for the same numbers");
-  return angio::runProgram(app, argc, argv, [&] { return angio::spy(o); });
+  return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::spy(o); });
 }

@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <iostream>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/data_folder.hpp"
@@ -20,7 +21,7 @@
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/log_reader.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -150,13 +151,13 @@ int view(const Options& o) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app("Shows the X-ray with the registered tree and the loop's state, from a bus or a log.", "angio-view");
-  angio::describeProgram(app, "angio-view --bus 'file://run.lcm?speed=0' --out run.mp4");
-  using angio::between;
-  angio::Options o;
+  angio::apps::describeProgram(app, "angio-view --bus 'file://run.lcm?speed=0' --out run.mp4");
+  using angio::apps::between;
+  angio::apps::Options o;
   app.add_option("--bus", o.bus, "Bus to listen on (LCM URL); file://name.lcm?speed=0 shows each frame of a log");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--out", o.out, "Film (.mp4) or numbered pictures (frames/%04d.png) in place of a window");
@@ -164,5 +165,5 @@ int main(int argc, char** argv) {
   app.add_option("--width-px", o.width_px, "Of the picture")->check(CLI::Range(320, 4096));
   app.add_option("--title", o.title, "First line in the picture");
   app.add_option("--duration-s", o.duration_s, "How long; 0: until stopped")->check(between(0, 86400));
-  return angio::runProgram(app, argc, argv, [&] { return angio::view(o); });
+  return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::view(o); });
 }

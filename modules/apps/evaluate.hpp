@@ -7,10 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/evaluation/simulation_run.hpp"
 #include "program_settings.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// A sub-command's work; returns the exit code.
 using Work = std::function<int()>;
@@ -46,4 +47,4 @@ nlohmann::ordered_json runsAsJson(const std::vector<EntrantRun>& runs, const nlo
 /// The entrants' effective settings by their names.
 nlohmann::ordered_json entrantsAsJson(const std::vector<Entrant>& entrants);
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -3,11 +3,12 @@
 #include <iostream>
 #include <memory>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/io/whole_file.hpp"
 #include "evaluate.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct CasesOptions {
@@ -55,4 +56,4 @@ void addEvaluateCases(CLI::App& app, Work& work) {
   command->callback([o, &work] { work = [o] { return evaluateCases(*o); }; });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -3,6 +3,7 @@
 #include <iostream>
 #include <memory>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
@@ -17,7 +18,7 @@
 #include "evaluate_catheter_sheet.hpp"
 #include "evaluate_catheter_tables.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct CatheterOptions {
@@ -61,11 +62,11 @@ VesselTree displaced(const VesselTree& tree, const Eigen::Matrix3Xd& displacemen
 }
 
 // All frames at once.
-CatheterWay offline(const std::vector<SequenceFrame>& frames, const VesselTree& tree,
-                    const SequenceSettings& settings) {
+CatheterRoute offline(const std::vector<SequenceFrame>& frames, const VesselTree& tree,
+                      const SequenceSettings& settings) {
   ProgressBar bar("localising", settings.rounds + 1);
   const SequenceResult result = localiseSequence(frames, tree, settings, [&](int rounds) { bar.show(rounds); });
-  CatheterWay way{
+  CatheterRoute way{
       "all frames at once", {}, displaced(tree, result.displacements_m), std::vector<bool>(frames.size(), true)};
   for (std::size_t t = 0; t < frames.size(); ++t) {
     way.frames.push_back({result.beliefs[t], frames[t].pose.T_camera_model * result.correction, 0});
@@ -74,8 +75,8 @@ CatheterWay offline(const std::vector<SequenceFrame>& frames, const VesselTree& 
 }
 
 // One frame after the other, with the pose and the vessels' displacements as found in those that are `learnt`.
-CatheterWay online(const std::string& name, const std::vector<SequenceFrame>& frames, std::vector<bool> learnt,
-                   const VesselTree& tree, const SequenceSettings& settings) {
+CatheterRoute online(const std::string& name, const std::vector<SequenceFrame>& frames, std::vector<bool> learnt,
+                     const VesselTree& tree, const SequenceSettings& settings) {
   ProgressBar bar("learning", settings.rounds + 1);
   std::vector<SequenceFrame> known;
   CatheterMotion since;  // The last frame that is learnt from.
@@ -87,7 +88,7 @@ CatheterWay online(const std::string& name, const std::vector<SequenceFrame>& fr
     since.period_s = 0;
   }
   const SequenceResult result = localiseSequence(known, tree, settings, [&](int rounds) { bar.show(rounds); });
-  CatheterWay way{name, {}, displaced(tree, result.displacements_m), std::move(learnt)};
+  CatheterRoute way{name, {}, displaced(tree, result.displacements_m), std::move(learnt)};
   CatheterLocaliser localiser(settings.localiser, way.tree);
   for (const SequenceFrame& frame : frames) {
     SeenPose pose = frame.pose;
@@ -100,7 +101,7 @@ CatheterWay online(const std::string& name, const std::vector<SequenceFrame>& fr
   return way;
 }
 
-cv::Mat sheetOf(const CatheterWay& way, const std::vector<SequenceFrame>& frames, const CaseSet& set,
+cv::Mat sheetOf(const CatheterRoute& way, const std::vector<SequenceFrame>& frames, const CaseSet& set,
                 const CatheterOptions& o) {
   std::vector<CatheterPicture> pictures;
   for (std::size_t t = 0; t < frames.size(); ++t) {
@@ -126,15 +127,15 @@ int evaluateCatheter(const CatheterOptions& o) {
     first[t] = t < static_cast<std::size_t>(o.learn_frames);
     even[t] = t % 2 == 0;
   }
-  const CatheterWay all = offline(frames, tree, file.sequence);
-  const CatheterWay one_by_one =
+  const CatheterRoute all = offline(frames, tree, file.sequence);
+  const CatheterRoute one_by_one =
       online(formatted("frame by frame, pose and vessels learnt from the first %d", o.learn_frames), frames, first,
              tree, file.sequence);
-  const CatheterWay halved = online("frame by frame, learnt from every second", frames, even, tree, file.sequence);
+  const CatheterRoute halved = online("frame by frame, learnt from every second", frames, even, tree, file.sequence);
 
   nlohmann::ordered_json json;
   std::string text;
-  for (const CatheterWay* way : {&all, &one_by_one, &halved}) {
+  for (const CatheterRoute* way : {&all, &one_by_one, &halved}) {
     const CatheterSummary summary = catheterSummary(*way);
     // Of the last one only the figures: it says what was left out is explained as well.
     text += way == &halved ? way->name + "\n" : catheterTable(*way, set);
@@ -176,4 +177,4 @@ void addEvaluateCatheter(CLI::App& app, Work& work) {
   command->callback([o, &work] { work = [o] { return evaluateCatheter(*o); }; });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

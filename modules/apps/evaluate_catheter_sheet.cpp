@@ -4,15 +4,16 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/evaluation/overlay.hpp"
-#include "angio/vessel/tree_map.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 constexpr int kMargin_px = 4;
 constexpr double kAround_px = 60;  // Of the curves, in the image.
-const cv::Scalar kTreeColour(110, 110, 110), kPathColour(90, 255, 90), kCurveColour(60, 70, 255), kInk(255, 255, 255);
+const cv::Scalar kTreeColor(110, 110, 110), kPathColor(90, 255, 90), kCurveColor(60, 70, 255), kInk(255, 255, 255);
 
 // The camera whose image is cut, scaled and shifted as the picture is.
 XrayCamera pictured(const XrayCamera& camera, const Eigen::Vector2d& shift_px, const Eigen::Vector2d& corner_px,
@@ -29,15 +30,15 @@ XrayCamera pictured(const XrayCamera& camera, const Eigen::Vector2d& shift_px, c
 
 cv::Point at(const Eigen::Vector2d& p) { return {cvRound(p.x()), cvRound(p.y())}; }
 
-void drawLine(cv::Mat& canvas, const std::vector<Eigen::Vector2d>& line, const cv::Scalar& colour, int width_px) {
+void drawLine(cv::Mat& canvas, const std::vector<Eigen::Vector2d>& line, const cv::Scalar& color, int width_px) {
   for (std::size_t i = 1; i < line.size(); ++i)
-    cv::line(canvas, at(line[i - 1]), at(line[i]), colour, width_px, cv::LINE_AA);
+    cv::line(canvas, at(line[i - 1]), at(line[i]), color, width_px, cv::LINE_AA);
 }
 
 // The vessels from the root to the tip, in the camera.
 std::vector<Eigen::Vector2d> wayTo(const TipPlace& tip, const VesselTree& tree, const XrayCamera& camera,
                                    const Pose& T) {
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   std::vector<Eigen::Vector2d> line;
   for (const int chain : map.pathTo(tip.chain)) {
     double arc_m = 0;
@@ -56,14 +57,14 @@ cv::Mat drawn(const CatheterPicture& picture, const VesselTree& tree, const Eige
               const cv::Size& size) {
   const XrayCamera camera = pictured(picture.camera, picture.shift_px, corner_px, scale, size);
   OverlayScene scene;
-  scene.trees.push_back({picture.T_camera_model, {}, kTreeColour, ""});
+  scene.trees.push_back({picture.T_camera_model, {}, kTreeColor, ""});
   scene.caption = picture.caption;
   cv::Mat canvas = drawOverlay(scene, tree, camera);
   std::vector<Eigen::Vector2d> curve;
   for (int i = 0; i < picture.seen_px.cols(); ++i) curve.push_back(scale * (picture.seen_px.col(i) - corner_px));
   const auto way = wayTo(picture.tip, tree, camera, picture.T_camera_model);
-  drawLine(canvas, way, kPathColour, 2);
-  drawLine(canvas, curve, kCurveColour, 1);
+  drawLine(canvas, way, kPathColor, 2);
+  drawLine(canvas, curve, kCurveColor, 1);
   if (!way.empty()) cv::circle(canvas, at(way.back()), 6, kInk, 1, cv::LINE_AA);
   return canvas;
 }
@@ -91,4 +92,4 @@ cv::Mat catheterSheet(const std::vector<CatheterPicture>& pictures, const Vessel
   return sheet;
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -5,12 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/localisation/tip_belief.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// One frame of a catheter's way, to be looked at.
 struct CatheterPicture {
@@ -26,4 +27,4 @@ struct CatheterPicture {
 /// the way from its root to the tip in green, the curve in red, the tip as a ring. CV_8UC3. Needs at least one picture.
 cv::Mat catheterSheet(const std::vector<CatheterPicture>& pictures, const VesselTree& tree, int columns, int side_px);
 
-}  // namespace angio
+}  // namespace angio::apps

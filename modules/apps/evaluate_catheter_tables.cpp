@@ -3,15 +3,16 @@
 
 #include <algorithm>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/statistics.hpp"
-#include "angio/vessel/tree_map.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 // How far apart two places are along the vessels [m].
-double alongVessels_m(const TreeMap& map, const TipPlace& a, const TipPlace& b) {
+double alongVessels_m(const TreeTopology& map, const TipPlace& a, const TipPlace& b) {
   const auto to_a = map.pathTo(a.chain), to_b = map.pathTo(b.chain);
   std::size_t shared = 0;
   while (shared < to_a.size() && shared < to_b.size() && to_a[shared] == to_b[shared]) ++shared;
@@ -24,7 +25,7 @@ double alongVessels_m(const TreeMap& map, const TipPlace& a, const TipPlace& b) 
 }
 
 // The mean residual of the frames that nothing was learnt from.
-double leftOut_px(const CatheterWay& way) {
+double leftOut_px(const CatheterRoute& way) {
   std::vector<double> residuals_px;
   for (std::size_t t = 0; t < way.frames.size(); ++t) {
     if (!way.learnt[t] && way.frames[t].belief.residual_px) residuals_px.push_back(*way.frames[t].belief.residual_px);
@@ -34,7 +35,7 @@ double leftOut_px(const CatheterWay& way) {
 
 }  // namespace
 
-std::string catheterTable(const CatheterWay& way, const CaseSet& set) {
+std::string catheterTable(const CatheterRoute& way, const CaseSet& set) {
   std::string table =
       way.name +
       "\n\nframe      status     chain  arc mm  from root mm  sigma mm  probability  residual px  shift mm x, y\n";
@@ -44,15 +45,15 @@ std::string catheterTable(const CatheterWay& way, const CaseSet& set) {
     const double mm_per_px = 1e3 * (T * b.tip.tip_model).z() / set.cases[t].views.front().camera.parameters().fx_px;
     table +=
         formatted("%-10s %-10s %5d %7.1f %13.1f %9.2f %12.3f %12.2f %9.1f %5.1f\n", set.cases[t].name.c_str(),
-                  statusName(b.status), b.tip.chain, 1e3 * b.tip.arc_m, 1e3 * b.tip.path_m, 1e3 * b.tip.sigma_m,
+                  statusName(b.status), b.tip.chain, 1e3 * b.tip.arc_m, 1e3 * b.tip.path_m, 1e3 * b.tip.std_m,
                   b.tip.probability, b.residual_px.value_or(0), mm_per_px * b.shift_px.x(), mm_per_px * b.shift_px.y());
   }
   return table;
 }
 
-CatheterSummary catheterSummary(const CatheterWay& way) {
+CatheterSummary catheterSummary(const CatheterRoute& way) {
   std::string text;
-  const TreeMap map(way.tree);
+  const TreeTopology map(way.tree);
   std::vector<double> residuals_px, steps_mm, times_ms;
   std::string chains;
   int seen = 0, sure = 0, within = 0;
@@ -66,7 +67,7 @@ CatheterSummary catheterSummary(const CatheterWay& way) {
     if (t == 0 || b.tip.chain != way.frames[t - 1].belief.tip.chain)
       chains += (t ? " " : "") + std::to_string(b.tip.chain);
   }
-  const double furthest_mm = percentile(steps_mm, 1), median_mm = percentile(steps_mm, 0.5);
+  const double max_mm = percentile(steps_mm, 1), median_mm = percentile(steps_mm, 0.5);
   text += formatted(
       "located in %d of %d frames, in one chain with more than 90 %% in %d\nresidual of the curve against the path "
       "from the "
@@ -74,7 +75,7 @@ CatheterSummary catheterSummary(const CatheterWay& way) {
       "vessels: "
       "median %.1f mm, at most %.1f mm\n",
       seen, static_cast<int>(way.frames.size()), sure, mean(residuals_px), percentile(residuals_px, 1), within,
-      chains.c_str(), median_mm, furthest_mm);
+      chains.c_str(), median_mm, max_mm);
   if (!times_ms.empty())
     text += formatted("a frame takes %.1f ms (median), %.1f ms at most\n", percentile(times_ms, 0.5),
                       percentile(times_ms, 1));
@@ -85,16 +86,16 @@ CatheterSummary catheterSummary(const CatheterWay& way) {
                                     {"seen", seen},
                                     {"probability_above_0.9", sure},
                                     {"mean_residual_px", mean(residuals_px)},
-                                    {"largest_residual_px", percentile(residuals_px, 1)},
+                                    {"max_residual_px", percentile(residuals_px, 1)},
                                     {"within_3_px", within},
                                     {"chains", chains},
                                     {"median_step_mm", median_mm},
-                                    {"largest_step_mm", furthest_mm}};
+                                    {"max_step_mm", max_mm}};
   if (!all_learnt) numbers["left_out_residual_px"] = leftOut_px(way);
   return {text, numbers};
 }
 
-nlohmann::ordered_json catheterAsJson(const CatheterWay& way, const CaseSet& set) {
+nlohmann::ordered_json catheterAsJson(const CatheterRoute& way, const CaseSet& set) {
   nlohmann::ordered_json json;
   for (std::size_t t = 0; t < way.frames.size(); ++t) {
     const TipBelief& b = way.frames[t].belief;
@@ -103,7 +104,7 @@ nlohmann::ordered_json catheterAsJson(const CatheterWay& way, const CaseSet& set
            {"chain", b.tip.chain},
            {"arc_mm", 1e3 * b.tip.arc_m},
            {"path_mm", 1e3 * b.tip.path_m},
-           {"sigma_mm", 1e3 * b.tip.sigma_m},
+           {"std_mm", 1e3 * b.tip.std_m},
            {"probability", b.tip.probability},
            {"shift_px", {b.shift_px.x(), b.shift_px.y()}}};
     const Eigen::Vector3d tip_mm = 1e3 * b.tip.tip_model;
@@ -114,7 +115,7 @@ nlohmann::ordered_json catheterAsJson(const CatheterWay& way, const CaseSet& set
   return json;
 }
 
-std::string catheterComparison(const CatheterWay& a, const CatheterWay& b) {
+std::string catheterComparison(const CatheterRoute& a, const CatheterRoute& b) {
   std::vector<double> apart_mm;
   int same = 0;
   for (std::size_t t = 0; t < a.frames.size(); ++t) {
@@ -125,4 +126,4 @@ std::string catheterComparison(const CatheterWay& a, const CatheterWay& b) {
                    b.name.c_str(), percentile(apart_mm, 0.5), percentile(apart_mm, 1), same);
 }
 
-}  // namespace angio
+}  // namespace angio::apps

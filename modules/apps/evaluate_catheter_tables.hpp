@@ -5,12 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/localisation/tip_belief.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// One frame as one way of looking at the sequence sees it.
 struct Located {
@@ -20,7 +21,7 @@ struct Located {
 };
 
 /// One way of looking at a sequence.
-struct CatheterWay {
+struct CatheterRoute {
   std::string name;
   std::vector<Located> frames;
   VesselTree tree;           ///< As displaced.
@@ -28,19 +29,19 @@ struct CatheterWay {
 };
 
 /// Frame by frame: chain, arc length, how sure, residual, shift of the image at the tip's depth.
-std::string catheterTable(const CatheterWay& way, const CaseSet& set);
+std::string catheterTable(const CatheterRoute& way, const CaseSet& set);
 
 /// The frames' figures in a few lines of text, and as numbers.
 struct CatheterSummary {
   std::string text;
   nlohmann::ordered_json numbers;
 };
-CatheterSummary catheterSummary(const CatheterWay& way);
+CatheterSummary catheterSummary(const CatheterRoute& way);
 
 /// The frames as other programs read them.
-nlohmann::ordered_json catheterAsJson(const CatheterWay& way, const CaseSet& set);
+nlohmann::ordered_json catheterAsJson(const CatheterRoute& way, const CaseSet& set);
 
 /// How far two ways put the tip from each other, in one line.
-std::string catheterComparison(const CatheterWay& a, const CatheterWay& b);
+std::string catheterComparison(const CatheterRoute& a, const CatheterRoute& b);
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -3,6 +3,7 @@
 #include <iostream>
 #include <memory>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/extraction_run.hpp"
@@ -12,7 +13,7 @@
 #include "angio/io/whole_file.hpp"
 #include "evaluate.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct ExtractionOptions {
@@ -146,4 +147,4 @@ void addEvaluateExtraction(CLI::App& app, Work& work) {
   command->callback([o, &work] { work = [o] { return evaluateExtraction(*o); }; });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

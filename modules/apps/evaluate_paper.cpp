@@ -4,6 +4,7 @@
 #include <iostream>
 #include <memory>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
@@ -13,12 +14,12 @@
 #include "angio/vessel/resample.hpp"
 #include "evaluate.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 // As many points as the paper's trees have, about two thousand for the bundled one.
 constexpr double kTreeSpacing_m = 1e-3;
-constexpr int kMostTreePoints = 15000;
+constexpr int kMaxTreePoints = 15000;
 
 struct PaperOptions {
   MethodOptions method;
@@ -54,7 +55,7 @@ int evaluatePaper(const PaperOptions& o) {
   for (const auto& path : {o.out, o.report}) requireFolderOf(path);
   const std::vector<Entrant> entrants = entrantsOf(o);
   SimulationSetup setup;
-  setup.trees.push_back(resampled(readVesselTree(o.tree), kTreeSpacing_m, kMostTreePoints).tree);
+  setup.trees.push_back(resampled(readVesselTree(o.tree), kTreeSpacing_m, kMaxTreePoints).tree);
   const auto rigid = deformed(entrants, Deformation::kRigid), nonrigid = deformed(entrants, Deformation::kNonrigid);
   std::vector<Entrant> both = rigid;
   both.insert(both.end(), nonrigid.begin(), nonrigid.end());
@@ -115,4 +116,4 @@ void addEvaluatePaper(CLI::App& app, Work& work) {
   command->callback([o, &work] { work = [o] { return evaluatePaper(*o); }; });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

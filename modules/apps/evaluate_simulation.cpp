@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/simulation_report.hpp"
@@ -14,7 +15,7 @@
 #include "angio/io/whole_file.hpp"
 #include "evaluate.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct SimulationOptions {
@@ -195,4 +196,4 @@ void addEvaluateSimulation(CLI::App& app, Work& work) {
   });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/apps/namespace.hpp"
+
+namespace angio::apps {
 
 /// One thing a person wants to know of a file: for people a label and words, for programs a key with its unit and a
 /// value.
@@ -22,4 +24,4 @@ std::vector<Finding> inspectRun(const std::string& path, int frame);
 /// A number for people: four digits behind the point at most, and the unit after a blank.
 std::string inWords(double number, const std::string& unit);
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -2,10 +2,11 @@
 #include <cmath>
 #include <cstdio>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/io/xa_files.hpp"
 #include "inspect.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -70,15 +71,15 @@ void addAngles(const XaGeometry& g, std::vector<Finding>& found) {
                                 {"deg LAO", "deg RAO", "deg CRA", "deg CAU"});
     patient.value = {radToDeg(g.patient_angles->primary_rad), radToDeg(g.patient_angles->secondary_rad)};
   }
-  Finding isocentre{"isocentre-based", kUnknown, "isocentre_angles_deg", nullptr};
-  if (g.isocentre_angles) {
-    const IsocentreAngles& a = *g.isocentre_angles;
-    isocentre.words = inWords(radToDeg(a.primary_rad), "deg") + ", " + inWords(radToDeg(a.secondary_rad), "deg") +
+  Finding isocenter{"isocentre-based", kUnknown, "isocentre_angles_deg", nullptr};
+  if (g.isocenter_angles) {
+    const IsocenterAngles& a = *g.isocenter_angles;
+    isocenter.words = inWords(radToDeg(a.primary_rad), "deg") + ", " + inWords(radToDeg(a.secondary_rad), "deg") +
                       ", detector " + inWords(radToDeg(a.detector_rotation_rad), "deg");
-    isocentre.value = {radToDeg(a.primary_rad), radToDeg(a.secondary_rad), radToDeg(a.detector_rotation_rad)};
+    isocenter.value = {radToDeg(a.primary_rad), radToDeg(a.secondary_rad), radToDeg(a.detector_rotation_rad)};
   }
   found.push_back(patient);
-  found.push_back(isocentre);
+  found.push_back(isocenter);
 }
 
 void addGeometry(const XaHeader& header, const XaGeometry& g, std::vector<Finding>& found) {
@@ -86,7 +87,7 @@ void addGeometry(const XaHeader& header, const XaGeometry& g, std::vector<Findin
       {"time", g.time_s ? inWords(*g.time_s, "s") : kUnknown, "time_s", g.time_s ? Json(*g.time_s) : Json(nullptr)});
   addAngles(g, found);
   found.push_back(length("source-detector", "source_detector_distance_mm", g.source_detector_distance_m));
-  found.push_back(length("source-isocentre", "source_isocentre_distance_mm", g.source_isocentre_distance_m));
+  found.push_back(length("source-isocentre", "source_isocentre_distance_mm", g.source_isocenter_distance_m));
   const XrayCamera::Parameters& p = g.camera.parameters();
   const double u_mm = g.source_detector_distance_m / p.fx_px * 1e3, v_mm = g.source_detector_distance_m / p.fy_px * 1e3;
   found.push_back(
@@ -95,8 +96,8 @@ void addGeometry(const XaHeader& header, const XaGeometry& g, std::vector<Findin
                    inWords(p.fx_px, "px") + (p.fx_px == p.fy_px ? "" : ", " + inWords(p.fy_px, "px")),
                    "focal_length_px",
                    {p.fx_px, p.fy_px}});
-  if (g.source_isocentre_distance_m) {
-    const double magnification = g.source_detector_distance_m / *g.source_isocentre_distance_m;
+  if (g.source_isocenter_distance_m) {
+    const double magnification = g.source_detector_distance_m / *g.source_isocenter_distance_m;
     const double width_mm = p.width_px * u_mm / magnification, height_mm = p.height_px * v_mm / magnification;
     found.push_back(
         {"magnification",
@@ -142,4 +143,4 @@ std::vector<Finding> inspectRun(const std::string& path, int frame) {
   return found;
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -5,12 +5,13 @@
 #include <string>
 #include <tuple>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/variant_tuple.hpp"
 #include "angio/imaging/extractor_sections.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/registration/starts.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// The settings file of the registration programs: one section per method of registration and of extraction, whatever
 /// methods there are.
@@ -68,4 +69,4 @@ inline nlohmann::ordered_json extractorAsJson(const ExtractorSettings& extractor
   return {{extractorName(extractor), std::visit([](const auto& s) { return settingsAsJson(s); }, extractor)}};
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -5,12 +5,13 @@
 #include <csignal>
 #include <iostream>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/perception/perception_node.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -58,4 +59,4 @@ int registerOnBus(const BusOptions& o) {
   return 0;
 }
 
-}  // namespace angio
+}  // namespace angio::apps

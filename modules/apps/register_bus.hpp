@@ -3,7 +3,9 @@
 
 #include <string>
 
-namespace angio {
+#include "angio/apps/namespace.hpp"
+
+namespace angio::apps {
 
 /// What registering on a bus needs to know.
 struct BusOptions {
@@ -15,4 +17,4 @@ struct BusOptions {
 /// PerceptionNode does.
 int registerOnBus(const BusOptions& options);
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -5,9 +5,10 @@
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
-#include "angio/imaging/open_field.hpp"
+#include "angio/imaging/collimator_opening.hpp"
 #include "angio/imaging/subtraction.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
@@ -17,7 +18,7 @@
 #include "angio/io/xa_files.hpp"
 #include "angio/vessel/undistort.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 // Files of these kinds have no camera of their own; one without a name's ending may be a DICOM run.
@@ -160,4 +161,4 @@ SeenViews readViews(const ViewFiles& files, const VesselTree& tree, CenterlineEx
   return seen;
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -7,12 +7,13 @@
 #include <string>
 #include <vector>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// The files of angio-register's views, in their order; each list has one entry for each view or is empty.
 struct ViewFiles {
@@ -47,4 +48,4 @@ struct SeenViews {
 /// not say what is needed.
 SeenViews readViews(const ViewFiles& files, const VesselTree& tree, CenterlineExtractor& extractor);
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "spy_table.hpp"
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 long long count(std::int64_t number) { return static_cast<long long>(number); }
@@ -53,4 +54,4 @@ nlohmann::ordered_json monitorAsJson(const std::vector<ChannelReport>& channels)
   return all;
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -5,9 +5,10 @@
 #include <string>
 #include <vector>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/messaging/bus_monitor.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// Channels as a table for people: one line of numbers and one of the last value each.
 std::string monitorTable(const std::vector<ChannelReport>& channels);
@@ -15,4 +16,4 @@ std::string monitorTable(const std::vector<ChannelReport>& channels);
 /// The same for programs: {"channels": {name: {...}}}; latency_s is null where clocks do not allow it.
 nlohmann::ordered_json monitorAsJson(const std::vector<ChannelReport>& channels);
 
-}  // namespace angio
+}  // namespace angio::apps

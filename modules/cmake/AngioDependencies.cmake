@@ -6,7 +6,7 @@
 #
 # Says which package brings the targets whose names start with `prefix`. The installed components find their own packages by it,
 # in the order in which they are listed here. With COMPONENTS among the arguments, a package's component is named like its
-# target, and an installed room asks for those that it links.
+# target, and an installed module asks for those that it links.
 function(angio_know_package package prefix)
   set_property(GLOBAL APPEND PROPERTY ANGIO_PACKAGES ${package})
   set_property(GLOBAL PROPERTY ANGIO_PACKAGE_${package}_PREFIX ${prefix})

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# `cmake --install` gives a package that find_package(angio COMPONENTS ...) finds. Each room is a component of the package, and
-# one of the installation: `cmake --install build --component registration` installs that room alone. The package's own
+# `cmake --install` gives a package that find_package(angio COMPONENTS ...) finds. Each module is a component of the package, and
+# one of the installation: `cmake --install build --component registration` installs that module alone. The package's own
 # files are the installation's component `package`.
 include(CMakePackageConfigHelpers)
 set(_package_dir lib/cmake/angio)
 
-# angio_find_calls(room links out): the find_dependency() calls for what the room links from outside, one a line.
-function(angio_find_calls room links out)
+# angio_find_calls(module links out): the find_dependency() calls for what the module links from outside, one a line.
+function(angio_find_calls module links out)
   set(_calls)
   get_property(_packages GLOBAL PROPERTY ANGIO_PACKAGES)
   foreach(_package ${_packages})
@@ -30,20 +30,20 @@ function(angio_find_calls room links out)
     string(APPEND _calls "find_dependency(${_call})\n")
   endforeach()
   if(links)
-    message(FATAL_ERROR "room '${room}' links '${links}', which no package in AngioDependencies.cmake brings")
+    message(FATAL_ERROR "module '${module}' links '${links}', which no package in AngioDependencies.cmake brings")
   endif()
   set(${out} "${_calls}" PARENT_SCOPE)
 endfunction()
 
-get_property(_rooms GLOBAL PROPERTY ANGIO_ROOMS)
+get_property(_modules GLOBAL PROPERTY ANGIO_MODULES)
 set(_rooms_under)
-foreach(_room ${_rooms})
+foreach(_module ${_modules})
   # What is hidden counts: a static library's users link it too.
-  get_target_property(_type angio_${_room} TYPE)
+  get_target_property(_type angio_${_module} TYPE)
   if(_type STREQUAL "INTERFACE_LIBRARY")
-    get_target_property(_links angio_${_room} INTERFACE_LINK_LIBRARIES)
+    get_target_property(_links angio_${_module} INTERFACE_LINK_LIBRARIES)
   else()
-    get_target_property(_links angio_${_room} LINK_LIBRARIES)
+    get_target_property(_links angio_${_module} LINK_LIBRARIES)
   endif()
   if(NOT _links)
     set(_links)
@@ -52,22 +52,22 @@ foreach(_room ${_rooms})
   list(FILTER _used INCLUDE REGEX "^angio::")
   list(FILTER _links EXCLUDE REGEX "^angio::")
   list(TRANSFORM _used REPLACE "^angio::" "")
-  set(_under_${_room})
+  set(_under_${_module})
   foreach(_lower ${_used})
-    list(APPEND _under_${_room} ${_under_${_lower}} ${_lower})
+    list(APPEND _under_${_module} ${_under_${_lower}} ${_lower})
   endforeach()
-  list(REMOVE_DUPLICATES _under_${_room})
-  list(JOIN _under_${_room} " " _listed)
-  string(APPEND _rooms_under "set(_angio_under_${_room} ${_listed})\n")
+  list(REMOVE_DUPLICATES _under_${_module})
+  list(JOIN _under_${_module} " " _listed)
+  string(APPEND _rooms_under "set(_angio_under_${_module} ${_listed})\n")
 
-  angio_find_calls(${_room} "${_links}" _find_calls)
-  configure_file(${CMAKE_CURRENT_LIST_DIR}/angioComponent.cmake.in ${PROJECT_BINARY_DIR}/components/${_room}.cmake @ONLY)
-  install(FILES ${PROJECT_BINARY_DIR}/components/${_room}.cmake DESTINATION ${_package_dir}/components COMPONENT ${_room})
-  install(EXPORT angio_${_room} NAMESPACE angio:: DESTINATION ${_package_dir}/components FILE ${_room}Targets.cmake
-          COMPONENT ${_room})
+  angio_find_calls(${_module} "${_links}" _find_calls)
+  configure_file(${CMAKE_CURRENT_LIST_DIR}/angioComponent.cmake.in ${PROJECT_BINARY_DIR}/components/${_module}.cmake @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/components/${_module}.cmake DESTINATION ${_package_dir}/components COMPONENT ${_module})
+  install(EXPORT angio_${_module} NAMESPACE angio:: DESTINATION ${_package_dir}/components FILE ${_module}Targets.cmake
+          COMPONENT ${_module})
 endforeach()
 
-list(JOIN _rooms " " _rooms)
+list(JOIN _modules " " _modules)
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/angioConfig.cmake.in ${PROJECT_BINARY_DIR}/angioConfig.cmake
   INSTALL_DESTINATION ${_package_dir} NO_SET_AND_CHECK_MACRO NO_CHECK_REQUIRED_COMPONENTS_MACRO)
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/angioConfigVersion.cmake COMPATIBILITY SameMinorVersion)

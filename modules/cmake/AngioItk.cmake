@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# The volume room and angio-extract-tree stand when ITK is there: ANGIO_HAVE_ITK.
+# The volume module and angio-extract-tree stand when ITK is there: ANGIO_HAVE_ITK.
 set(ANGIO_WITH_ITK AUTO CACHE STRING "Build angio-extract-tree, which reads volumes with ITK: AUTO, ON or OFF")
 set_property(CACHE ANGIO_WITH_ITK PROPERTY STRINGS AUTO ON OFF)
 set(ANGIO_HAVE_ITK FALSE)

@@ -1,45 +1,78 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 
-# angio_add_module(room SOURCES ... USES rooms... [LINKS outside, seen in headers] [HIDES outside, seen in sources only])
+# angio_give_namespace(space folder modules...)
 #
-# Adds the library angio::<room> with the room's own include folder, which is a component of the installed package. USES accepts
-# only rooms that already stand. A room without SOURCES is its headers alone: who uses it links nothing of it.
-function(angio_add_module room)
+# Writes angio/<space>/namespace.hpp in the folder: namespace angio::<space>, in which those modules need not be named. A name of
+# any other module is an error of the compiler's, so the layers hold in the code as they do in the linker's lists.
+function(angio_give_namespace space folder)
+  set(_includes)
+  set(_usings)
+  foreach(_used ${ARGN})
+    string(APPEND _includes "#include \"angio/${_used}/namespace.hpp\"\n")
+    string(APPEND _usings "using namespace angio::${_used};\n")
+  endforeach()
+  file(CONFIGURE OUTPUT ${folder}/angio/${space}/namespace.hpp @ONLY CONTENT
+"// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+@_includes@
+/// The modules that this one uses may be named without their namespaces here.
+namespace angio::@space@ {
+@_usings@}  // namespace angio::@space@
+")
+endfunction()
+
+# angio_add_module(module SOURCES ... USES modules... [LINKS outside, seen in headers] [HIDES outside, seen in sources only])
+#
+# Adds the library angio::<module> with the module's own include folder, which is a component of the installed package. USES accepts
+# only modules that already stand. A module without SOURCES is its headers alone: who uses it links nothing of it.
+function(angio_add_module module)
   cmake_parse_arguments(ARG "" "" "SOURCES;USES;LINKS;HIDES" ${ARGN})
   if(ARG_SOURCES)
     set(_public PUBLIC)
-    add_library(angio_${room} STATIC ${ARG_SOURCES})
-    target_link_libraries(angio_${room} PRIVATE ${ARG_HIDES})
-    angio_set_warnings(angio_${room})
+    add_library(angio_${module} STATIC ${ARG_SOURCES})
+    target_link_libraries(angio_${module} PRIVATE ${ARG_HIDES})
+    angio_set_warnings(angio_${module})
   else()
     set(_public INTERFACE)
-    add_library(angio_${room} INTERFACE)
+    add_library(angio_${module} INTERFACE)
   endif()
-  add_library(angio::${room} ALIAS angio_${room})
-  set_target_properties(angio_${room} PROPERTIES EXPORT_NAME ${room})
+  add_library(angio::${module} ALIAS angio_${module})
+  set_target_properties(angio_${module} PROPERTIES EXPORT_NAME ${module})
   foreach(_used ${ARG_USES})
     if(NOT TARGET angio_${_used})
-      message(FATAL_ERROR "room '${room}' uses '${_used}', which does not stand below it")
+      message(FATAL_ERROR "module '${module}' uses '${_used}', which does not stand below it")
     endif()
-    target_link_libraries(angio_${room} ${_public} angio::${_used})
+    target_link_libraries(angio_${module} ${_public} angio::${_used})
   endforeach()
-  target_include_directories(angio_${room} ${_public}
-    $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:include>)
-  target_link_libraries(angio_${room} ${_public} ${ARG_LINKS})
-  target_compile_features(angio_${room} ${_public} cxx_std_17)
-  set_property(GLOBAL APPEND PROPERTY ANGIO_ROOMS ${room})
-  install(TARGETS angio_${room} EXPORT angio_${room} ARCHIVE DESTINATION lib COMPONENT ${room})
-  install(DIRECTORY include/ DESTINATION include COMPONENT ${room} OPTIONAL)
+  target_include_directories(angio_${module} ${_public}
+    $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<BUILD_INTERFACE:${CMAKE_CURRENT_BINARY_DIR}/include>
+    $<INSTALL_INTERFACE:include>)
+  angio_give_namespace(${module} ${CMAKE_CURRENT_BINARY_DIR}/include ${ARG_USES})
+  target_link_libraries(angio_${module} ${_public} ${ARG_LINKS})
+  target_compile_features(angio_${module} ${_public} cxx_std_17)
+  set_property(GLOBAL APPEND PROPERTY ANGIO_MODULES ${module})
+  install(TARGETS angio_${module} EXPORT angio_${module} ARCHIVE DESTINATION lib COMPONENT ${module})
+  install(DIRECTORY include/ ${CMAKE_CURRENT_BINARY_DIR}/include/ DESTINATION include COMPONENT ${module} OPTIONAL)
 endfunction()
 
-# angio_add_program(name SOURCES ... USES rooms... [LINKS ...]): a program in build/bin, installed to bin.
+# angio_add_program(name SOURCES ... USES modules... [LINKS ...]): a program in build/bin, installed to bin.
 function(angio_add_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;USES;LINKS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
+  angio_give_namespace(apps ${CMAKE_CURRENT_BINARY_DIR}/${name}-include ${ARG_USES})
+  target_include_directories(${name} PRIVATE ${CMAKE_CURRENT_BINARY_DIR}/${name}-include)
   list(TRANSFORM ARG_USES PREPEND angio::)
   target_link_libraries(${name} PRIVATE ${ARG_USES} ${ARG_LINKS})
   angio_set_warnings(${name})
   install(TARGETS ${name} RUNTIME DESTINATION bin)
+endfunction()
+
+# angio_add_alias(former program): a program under the name it had, for one minor version.
+function(angio_add_alias former program)
+  add_custom_command(TARGET ${program} POST_BUILD
+    COMMAND ${CMAKE_COMMAND} -E create_symlink ${program} $<TARGET_FILE_DIR:${program}>/${former} VERBATIM)
+  install(FILES $<TARGET_FILE_DIR:${program}>/${former} DESTINATION bin)
 endfunction()
 
 function(angio_set_warnings target)

@@ -2,6 +2,7 @@
 // angio-best-view: from where a vessel is seen with least foreshortening and overlap, and what every other view costs.
 #include <iostream>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
@@ -14,7 +15,7 @@
 #include "servo_settings.hpp"
 #include "view_map_picture.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -93,15 +94,15 @@ int showBestView(const Options& o) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app(
       "Finds the view of least foreshortening and overlap of a vessel, over all angles that the arm reaches. Without a "
       "vessel: lists the tree's branches.",
       "angio-best-view");
-  angio::describeProgram(app, "angio-best-view --branch 12 --picture map.png");
-  angio::Options o;
+  angio::apps::describeProgram(app, "angio-best-view --branch 12 --picture map.png");
+  angio::apps::Options o;
   app.add_option("--tree", o.tree, "Vessel tree");
   app.add_option("--calibration", o.calibration, "C-arm geometry, and how the patient's axes lie (.yaml)");
   auto* branch =
@@ -114,5 +115,5 @@ int main(int argc, char** argv) {
   app.add_option("--settings", o.settings, "Settings (.yaml), as angio-servo's: limits, and view's best_view");
   app.add_option("--picture", o.picture, "The map, drawn (.png, .jpg)");
   app.add_option("--out", o.out, "The map, in numbers (.json)");
-  return angio::runProgram(app, argc, argv, [&] { return angio::showBestView(o); });
+  return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::showBestView(o); });
 }

@@ -4,6 +4,7 @@
 #include <csignal>
 #include <iostream>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
@@ -15,13 +16,13 @@
 #include "navigate_options.hpp"
 #include "run_log.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
   std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, record, disturb;
-  WayOptions way;
+  RouteOptions way;
   double duration_s = 0;
   bool wait_for_operator = false, ask_for_views = false;
 };
@@ -41,8 +42,8 @@ int navigate(const Options& o) {
   NavigateSettings settings = readNavigateSettings(o.settings);
   settings.controller.ask_for_views |= o.ask_for_views;
   const VesselTree tree = readVesselTree(o.tree);
-  const TreeMap map(tree);
-  const TreePlace start = o.way.start(map), target = o.way.target(map);
+  const TreeTopology map(tree);
+  const TreeLocation start = o.way.start(map), target = o.way.target(map);
   const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration));
   const auto bus = openSharedBus(o.bus, o.disturb);
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";
@@ -87,13 +88,13 @@ int navigate(const Options& o) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app("Steers a catheter to a branch of the tree by what X-ray images show.", "angio-navigate");
-  angio::describeProgram(app, "angio-navigate --from-branch 0 --to-branch 13");
-  using angio::between;
-  angio::Options o;
+  angio::apps::describeProgram(app, "angio-navigate --from-branch 0 --to-branch 13");
+  using angio::apps::between;
+  angio::apps::Options o;
   app.add_option("--bus", o.bus, "Bus to listen on (LCM URL)");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
@@ -109,5 +110,5 @@ int main(int argc, char** argv) {
   app.add_option("--disturb", o.disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...");
   app.add_option("--settings", o.settings,
                  "Settings (.yaml): navigator, tracer, localiser, supervisor, states, freshness, limits, ...");
-  return angio::runProgram(app, argc, argv, [&] { return angio::navigate(o); });
+  return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::navigate(o); });
 }

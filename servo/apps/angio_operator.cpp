@@ -4,14 +4,15 @@
 #include <iostream>
 #include <map>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_state_machine.hpp"
-#include "operated_machines.hpp"
+#include "operated_devices.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -69,17 +70,17 @@ int ask(const Options& o) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app("Arms, starts and stops a servo loop on the bus, and waits for its answer.", "angio-operator");
-  angio::describeProgram(app, "angio-operator arm && angio-operator start; angio-operator emergency-stop");
-  angio::Options o;
+  angio::apps::describeProgram(app, "angio-operator arm && angio-operator start; angio-operator emergency-stop");
+  angio::apps::Options o;
   std::vector<std::string> names;
-  for (const auto& [name, kind] : angio::kRequests) names.push_back(name);
+  for (const auto& [name, kind] : angio::apps::kRequests) names.push_back(name);
   app.add_option("request", o.request, "What is asked for")->required()->check(CLI::IsMember(names));
-  angio::addMachineOption(app, o.machine, "Whose loop is asked; an emergency stop stops both");
+  angio::apps::addMachineOption(app, o.machine, "Whose loop is asked; an emergency stop stops both");
   app.add_option("--bus", o.bus, "Bus (LCM URL)");
-  app.add_option("--timeout-s", o.timeout_s, "How long to wait for the answer")->check(angio::between(0.1, 3600));
-  return angio::runProgram(app, argc, argv, [&] { return angio::ask(o); });
+  app.add_option("--timeout-s", o.timeout_s, "How long to wait for the answer")->check(angio::apps::between(0.1, 3600));
+  return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::ask(o); });
 }

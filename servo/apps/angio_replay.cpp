@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
@@ -18,9 +19,9 @@
 #include "angio/servo/servo_node.hpp"
 #include "loop_options.hpp"
 #include "navigate_options.hpp"
-#include "operated_machines.hpp"
+#include "operated_devices.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 constexpr int kBarSteps = 1000;
@@ -31,7 +32,7 @@ struct Options {
   std::string settings, out;
   OperatedMachine machine = OperatedMachine::kCArm;
   LoopOptions loop;
-  WayOptions way;
+  RouteOptions way;
   bool compare = false, ask_for_views = false;
 };
 
@@ -73,14 +74,14 @@ Replayed replayDrive(const Options& o, ProgressBar& bar) {
   NavigateSettings settings = readNavigateSettings(o.settings);
   settings.controller.ask_for_views |= o.ask_for_views;
   const VesselTree tree = readVesselTree(o.tree);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration));
   Replayed result{
       "frame_sequence,utime_us,sequence,valid_for_us,insertion_m_per_s,roll_rad_per_s,bend_rad_per_s,held,as_logged\n",
       {}};
   const auto watch = [&](const ReplayedFrame<CatheterController>& f) {
     const CatheterCommand& c = f.report.command;
-    result.table += row(c, {c.insertion_speed_mps, c.roll_speed_radps, c.bend_speed_radps},
+    result.table += row(c, {c.insertion_speed_m_per_s, c.roll_speed_rad_per_s, c.bend_speed_rad_per_s},
                         f.report.hold_reason.has_value(), f.logged);
     bar.show(static_cast<int>(kBarSteps * f.part));
   };
@@ -118,7 +119,7 @@ int replayLog(const Options& o) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app(
@@ -126,17 +127,17 @@ int main(int argc, char** argv) {
       "the same tree, "
       "calibration and settings, the commands are the same, bit for bit.",
       "angio-replay");
-  angio::describeProgram(app, "angio-replay run.lcm --compare --out commands.csv");
-  angio::Options o;
+  angio::apps::describeProgram(app, "angio-replay run.lcm --compare --out commands.csv");
+  angio::apps::Options o;
   app.add_option("log", o.log, "Log of the bus")->required();
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
   app.add_option("--settings", o.settings, "Settings (.yaml), as for angio-servo or angio-navigate");
-  angio::addMachineOption(app, o.machine, "Whose loop: angio-servo's, or with --to-branch angio-navigate's");
+  angio::apps::addMachineOption(app, o.machine, "Whose loop: angio-servo's, or with --to-branch angio-navigate's");
   o.loop.addTo(app);
   o.way.addTo(app);
   app.add_flag("--ask-for-views", o.ask_for_views, "As angio-navigate was run");
   app.add_option("--out", o.out, "File for the commands (.csv)");
   app.add_flag("--compare", o.compare, "Fail at the first command that is not the logged one");
-  return angio::runProgram(app, argc, argv, [&] { return angio::replayLog(o); });
+  return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::replayLog(o); });
 }

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <iostream>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/servo/operator.hpp"
@@ -17,7 +18,7 @@
 #include "run_log.hpp"
 #include "servo_program.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 volatile std::sig_atomic_t stopped = 0;
@@ -62,9 +63,9 @@ int simulateInstead(char** argv) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  return angio::runServoProgram(
-      argc, argv, [argv] { return angio::simulateInstead(argv); }, angio::serve);
+  return angio::apps::runServoProgram(
+      argc, argv, [argv] { return angio::apps::simulateInstead(argv); }, angio::apps::serve);
 }

@@ -3,25 +3,26 @@
 #include <iostream>
 #include <optional>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_overlay.hpp"
+#include "angio/experiments/closed_loop_report.hpp"
 #include "angio/io/settings_files.hpp"
-#include "angio/rehearsal/rehearsal_report.hpp"
 #include "servo_program.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 // With a truth, nothing is made up: what would is refused.
-RehearsalWorld worldOf(const ServoProgramOptions& o, const ServoSettings& settings, const VesselTree& tree,
-                       const CArmCalibration& calibration) {
-  const RehearsalSettings& rehearsal = settings.rehearsal;
+Scenario worldOf(const ServoProgramOptions& o, const ServoSettings& settings, const VesselTree& tree,
+                 const CArmCalibration& calibration) {
+  const ScenarioSettings& scenario = settings.scenario;
   if (o.truth.empty()) {
     // A calibration error is worst where it tilts the view that is to be reached, or else the one that is kept.
-    ViewAngles beam{degToRad(rehearsal.start_primary_deg), degToRad(rehearsal.start_secondary_deg)};
+    ViewAngles beam{degToRad(scenario.start_primary_deg), degToRad(scenario.start_secondary_deg)};
     const TaskSettings task = settings.tasks.chosen();
     if (const auto* view = std::get_if<ViewTaskSettings>(&task)) {
       beam = {degToRad(view->primary_deg), degToRad(view->secondary_deg)};
@@ -29,14 +30,14 @@ RehearsalWorld worldOf(const ServoProgramOptions& o, const ServoSettings& settin
         beam = viewAnglesOf(calibration.R_lps_model * view->T_camera_model.linear().row(2).transpose());
       }
     }
-    return madeUpWorld(tree, calibration, rehearsal, beam);
+    return randomScenario(tree, calibration, scenario, beam);
   }
-  const RehearsalSettings usual;
-  for (double RehearsalSettings::*made_up :
-       {&RehearsalSettings::patient_turn_deg, &RehearsalSettings::patient_shift_mm,
-        &RehearsalSettings::calibration_error_deg, &RehearsalSettings::calibration_error_mm}) {
-    if (rehearsal.*made_up == usual.*made_up) continue;
-    throw InputError(o.settings, "rehearsal", "",
+  const ScenarioSettings usual;
+  for (double ScenarioSettings::*made_up :
+       {&ScenarioSettings::patient_turn_deg, &ScenarioSettings::patient_shift_mm,
+        &ScenarioSettings::calibration_error_deg, &ScenarioSettings::calibration_error_mm}) {
+    if (scenario.*made_up == usual.*made_up) continue;
+    throw InputError(o.settings, "scenario", "",
                      "patient_* and calibration_error_* must not be given with --truth, which has both");
   }
   return {readCArmCalibration(o.truth), calibration};
@@ -45,36 +46,36 @@ RehearsalWorld worldOf(const ServoProgramOptions& o, const ServoSettings& settin
 int simulate(const ServoProgramOptions& o, const ServoSettings& settings, const VesselTree& tree,
              const CArmCalibration& calibration) {
   if (!o.simulate) throw InputError("command line", "--simulate", "", "is needed: this program does nothing else");
-  const RehearsalWorld world = worldOf(o, settings, tree, calibration);
+  const Scenario world = worldOf(o, settings, tree, calibration);
   makeFolder(o.out);  // Before the work, not after it.
   std::optional<ProgressBar> bar;
   std::optional<FilmWriter> film;
-  if (!o.film.empty()) film.emplace(o.film, settings.rehearsal.room.frame_rate_hz);
+  if (!o.film.empty()) film.emplace(o.film, settings.scenario.lab.frame_rate_hz);
   LiveOverlay overlay(tree);
   const ServoLoopSettings loop = settings.loop(calibration);
   int done = 0;
-  const Rehearsal rehearsal =
-      rehearse(tree, world, settings.rehearsal, loop, settings.patient,
-               [&](const Exposure& exposure, const ServoReport& report, const RehearsalFrame&) {
-                 if (!bar) bar.emplace("servoing", framesOf(settings.rehearsal));
-                 bar->show(++done);
-                 if (!film) return;
-                 film->write(overlay.draw({exposure.frame, registrationMessage(report), servoStatus(report),
-                                           std::nullopt, exposure.state, loop.target_model.value_or(tree.centroid()),
-                                           "task " + nameOf(loop.task)}));
-               });
+  const ClosedLoopRun scenario = runClosedLoop(
+      tree, world, settings.scenario, loop, settings.patient,
+      [&](const Exposure& exposure, const ServoReport& report, const ClosedLoopFrame&) {
+        if (!bar) bar.emplace("servoing", framesOf(settings.scenario));
+        bar->show(++done);
+        if (!film) return;
+        film->write(
+            overlay.draw({exposure.frame, registrationMessage(report), servoStatus(report), std::nullopt,
+                          exposure.state, loop.target_model.value_or(tree.centroid()), "task " + nameOf(loop.task)}));
+      });
   bar.reset();
   if (film) film->finish();
-  auto summary = rehearsalSummary(rehearsal);
-  summary["seed"] = settings.rehearsal.seed;
+  auto summary = closedLoopSummary(scenario);
+  summary["seed"] = settings.scenario.seed;
   summary["settings"] = settingsAsJson(settings);
   summary["machine"] = machineAsJson();
-  writeRehearsal(o.out, rehearsal, tree, summary);
-  std::cout << rehearsalTable(summary) << "\nPictures, trace.csv and summary.json are in " << o.out << "/\n";
+  writeClosedLoop(o.out, scenario, tree, summary);
+  std::cout << closedLoopTable(summary) << "\nPictures, trace.csv and summary.json are in " << o.out << "/\n";
   return 0;
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
-int main(int argc, char** argv) { return angio::runServoProgram(argc, argv, {}, angio::simulate); }
+int main(int argc, char** argv) { return angio::apps::runServoProgram(argc, argv, {}, angio::apps::simulate); }

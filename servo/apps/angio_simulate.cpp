@@ -6,6 +6,7 @@
 #include <csignal>
 #include <iostream>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
@@ -20,9 +21,9 @@
 #include "disturbance.hpp"
 #include "place_option.hpp"
 #include "run_files.hpp"
-#include "simulated_machines.hpp"
+#include "simulated_devices.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -92,19 +93,19 @@ int simulate(const Options& o) {
   const SimulateSettings settings = effectiveSettings(o);
   const VesselTree tree = readVesselTree(o.tree);
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
-  std::optional<SimulatedMachines::Catheter> catheter;
+  std::optional<SimulatedDevices::Catheter> catheter;
   if (o.catheter_branch) {
-    catheter.emplace(SimulatedMachines::Catheter{
-        tree, settings.catheter, placeOf(TreeMap(tree), "catheter", *o.catheter_branch, o.catheter_mm)});
+    catheter.emplace(SimulatedDevices::Catheter{
+        tree, settings.catheter, placeOf(TreeTopology(tree), "catheter", *o.catheter_branch, o.catheter_mm)});
   }
   const auto bus = openSharedBus(o.bus, o.disturb);
-  SimulatedMachines machines(openSharedBus(o.bus, o.disturb), CArmLimits::typical(),
-                             calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
-                                                        calibration.T_dsa_cb * tree.centroid()),
-                             catheter);
+  SimulatedDevices machines(openSharedBus(o.bus, o.disturb), CArmLimits::typical(),
+                            calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
+                                                       calibration.T_dsa_cb * tree.centroid()),
+                            catheter);
   SimulatedXrayNode xray(*bus, tree, settings.patient, calibration.carm, calibration.T_dsa_cb);
   if (catheter) xray.show([&](const Eigen::Matrix3Xd& points) { return machines.device(points); });
-  const LatestValue<CArmState> heard(*bus, kCArmStateChannel);
+  const LatestMessage<CArmState> heard(*bus, kCArmStateChannel);
   SimulatedInjector injector(*bus, settings.roadmap_contrast_s);
   const bool on_demand = settings.patient.bolus.enabled && settings.patient.bolus.trigger == BolusTrigger::kDemand;
   std::signal(SIGINT, [](int) { stopped = 1; });
@@ -151,16 +152,17 @@ int simulate(const Options& o) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app(
       "Simulated X-ray and C-arm: publishes frames and joint states, obeys velocity commands. With --out: writes a run "
       "of frames with its truth, for angio-evaluate cases.",
       "angio-simulate");
-  angio::describeProgram(app, "angio-simulate --out run --frames 60 --start-primary-deg 30 --settings scene.yaml");
-  using angio::between;
-  angio::Options o;
+  angio::apps::describeProgram(app,
+                               "angio-simulate --out run --frames 60 --start-primary-deg 30 --settings scene.yaml");
+  using angio::apps::between;
+  angio::apps::Options o;
   app.add_option("--bus", o.bus, "Bus (LCM URL)");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and how the patient really lies (.yaml)");
@@ -168,8 +170,8 @@ int main(int argc, char** argv) {
   app.add_option("--start-secondary-deg", o.start_secondary_deg, "C-arm angle at the start")->check(between(-55, 55));
   app.add_option("--frame-rate-hz", o.frame_rate_hz, "Frames a second")->check(between(0.1, 100));
   app.add_option("--duration-s", o.duration_s, "How long; 0: until stopped")->check(between(0, 86400));
-  const std::map<std::string, angio::ImageEncoding> encodings{{"raw", angio::ImageEncoding::kRaw},
-                                                              {"png", angio::ImageEncoding::kPng}};
+  const std::map<std::string, angio::apps::ImageEncoding> encodings{{"raw", angio::apps::ImageEncoding::kRaw},
+                                                                    {"png", angio::apps::ImageEncoding::kPng}};
   app.add_option("--transport", o.encoding, "How pixels travel: raw, or png without loss and with half the bytes")
       ->transform(CLI::CheckedTransformer(encodings))
       ->default_str("raw");
@@ -186,8 +188,9 @@ int main(int argc, char** argv) {
   app.add_option("--seed", o.seed, "Seed of anatomy, noise, motion and starts; before the settings file's")
       ->check(CLI::Range(0, 2147483647));
   auto* out = app.add_option("--out", o.run.folder, "Folder for a run in files, without a bus")->excludes(catheter);
-  const std::map<std::string, angio::FrameFormat> formats{
-      {"png", angio::FrameFormat::kPng}, {"tif", angio::FrameFormat::kTiff}, {"run", angio::FrameFormat::kRun}};
+  const std::map<std::string, angio::apps::FrameFormat> formats{{"png", angio::apps::FrameFormat::kPng},
+                                                                {"tif", angio::apps::FrameFormat::kTiff},
+                                                                {"run", angio::apps::FrameFormat::kRun}};
   app.add_option("--frames", o.run.frames, "Frames of the run")->check(CLI::Range(1, 9999))->needs(out);
   app.add_option("--format", o.run.format, "png or tif: a file a frame; run: all in one TIFF")
       ->transform(CLI::CheckedTransformer(formats))
@@ -205,6 +208,6 @@ int main(int argc, char** argv) {
   app.add_option("--start-translation-mm", o.run.start_translation_mm, "Spread of the initial poses, per axis")
       ->check(between(0, 1000))
       ->needs(out);
-  return angio::runProgram(app, argc, argv,
-                           [&] { return o.run.folder.empty() ? angio::simulate(o) : angio::writeFiles(o); });
+  return angio::apps::runProgram(
+      app, argc, argv, [&] { return o.run.folder.empty() ? angio::apps::simulate(o) : angio::apps::writeFiles(o); });
 }

@@ -5,11 +5,12 @@
 #include <chrono>
 #include <utility>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/messaging/disturbed_bus.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -52,9 +53,9 @@ class BadNetwork final : public Bus {
 }  // namespace
 
 std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& settings_path) {
-  if (settings_path.empty()) return openSharedBus(url);
+  if (settings_path.empty()) return messaging::openSharedBus(url);
   const auto settings = readSettings(settings_path, DisturbanceSettings());
-  return std::make_unique<BadNetwork>(openSharedBus(url), settings);
+  return std::make_unique<BadNetwork>(messaging::openSharedBus(url), settings);
 }
 
-}  // namespace angio
+}  // namespace angio::apps

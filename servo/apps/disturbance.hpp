@@ -4,9 +4,10 @@
 #include <memory>
 #include <string>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/messaging/bus.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// The bus of a program, to which bad things may be done on purpose: for trying a set-up before it is trusted.
 /// @param url            LCM URL, as openSharedBus() takes it.
@@ -15,4 +16,4 @@ namespace angio {
 /// Throws InputError as openSharedBus() does, and when the file cannot be read.
 std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& settings_path);
 
-}  // namespace angio
+}  // namespace angio::apps

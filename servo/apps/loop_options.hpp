@@ -4,14 +4,15 @@
 #include <optional>
 #include <string>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/cli/program.hpp"
 #include "servo_settings.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// What a command line says of a loop; what is given comes before the settings file's.
 struct LoopOptions {
-  std::string task, view_from, perception, centre_on;
+  std::string task, view_from, perception, center_on;
   std::optional<double> view_primary_deg, view_secondary_deg;
 
   void addTo(CLI::App& app);
@@ -19,4 +20,4 @@ struct LoopOptions {
   void applyTo(ServoSettings& settings) const;
 };
 
-}  // namespace angio
+}  // namespace angio::apps

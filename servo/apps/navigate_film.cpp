@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "navigate_film.hpp"
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/registration/message_conversion.hpp"
-#include "angio/vessel/tree_map.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 constexpr int kTimesFaster = 3;
@@ -31,9 +32,9 @@ LiveScene sceneOf(const NavigateMoment& m, ModelId model_id) {
 
 }  // namespace
 
-NavigateFilm::NavigateFilm(const std::string& path, const VesselTree& tree, const TreePlace& target,
+NavigateFilm::NavigateFilm(const std::string& path, const VesselTree& tree, const TreeLocation& target,
                            double frame_rate_hz)
-    : film_(path, frame_rate_hz), model_id_(modelId(tree)), overlay_(tree), target_(TreeMap(tree).point(target)) {}
+    : film_(path, frame_rate_hz), model_id_(modelId(tree)), overlay_(tree), target_(TreeTopology(tree).point(target)) {}
 
 void NavigateFilm::show(const NavigateMoment& moment) {
   if (frames_++ % kTimesFaster != 0) return;
@@ -42,4 +43,4 @@ void NavigateFilm::show(const NavigateMoment& moment) {
   film_.write(overlay_.draw(scene));
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "navigate_options.hpp"
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/io/settings_files.hpp"
 #include "place_option.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 void NavigateSettings::visit(SettingsVisitor& v) {
   controller.visit(v);
@@ -14,7 +15,7 @@ void NavigateSettings::visit(SettingsVisitor& v) {
 
 CArmSetup NavigateSettings::stage(const CArmCalibration& calibration) const {
   const CArmGeometry& carm = calibration.carm;
-  return {carm, limits.limits(carm.source_detector_distance_m - carm.source_isocentre_distance_m), calibration.T_dsa_cb,
+  return {carm, limits.limits(carm.source_detector_distance_m - carm.source_isocenter_distance_m), calibration.T_dsa_cb,
           calibration.R_lps_model};
 }
 
@@ -30,7 +31,7 @@ NavigateSettings readNavigateSettings(const std::string& path) {
   return settings;
 }
 
-CLI::Option* WayOptions::addTo(CLI::App& app) {
+CLI::Option* RouteOptions::addTo(CLI::App& app) {
   app.add_option("--from-branch", from_branch, "The branch that the catheter's tip is in at first")
       ->check(CLI::Range(0, 1000000));
   app.add_option("--from-mm", from_mm, "How far into it, to a few millimetres")->check(between(0, 1500));
@@ -38,11 +39,11 @@ CLI::Option* WayOptions::addTo(CLI::App& app) {
   return app.add_option("--to-branch", to_branch, "The branch to go to")->check(CLI::Range(0, 1000000));
 }
 
-TreePlace WayOptions::start(const TreeMap& map) const { return placeOf(map, "from", from_branch, from_mm); }
+TreeLocation RouteOptions::start(const TreeTopology& map) const { return placeOf(map, "from", from_branch, from_mm); }
 
-TreePlace WayOptions::target(const TreeMap& map) const {
+TreeLocation RouteOptions::target(const TreeTopology& map) const {
   if (!to_branch) throw InputError("command line", "--to-branch", "", "is needed");
   return placeOf(map, "to", *to_branch, to_mm);
 }
 
-}  // namespace angio
+}  // namespace angio::apps

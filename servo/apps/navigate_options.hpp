@@ -4,12 +4,13 @@
 #include <optional>
 #include <string>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/navigation/catheter_node.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// What a settings file may say: the controller's keys at the top, and the C-arm's limits.
 struct NavigateSettings {
@@ -25,7 +26,7 @@ struct NavigateSettings {
 NavigateSettings readNavigateSettings(const std::string& path);
 
 /// What a command line says of a catheter's way.
-struct WayOptions {
+struct RouteOptions {
   int from_branch = 0;
   std::optional<int> to_branch;
   double from_mm = 30, to_mm = 10;
@@ -34,8 +35,8 @@ struct WayOptions {
   CLI::Option* addTo(CLI::App& app);
 
   /// Throw InputError that names the option when the tree has no such place, or the way has no end.
-  TreePlace start(const TreeMap& map) const;
-  TreePlace target(const TreeMap& map) const;
+  TreeLocation start(const TreeTopology& map) const;
+  TreeLocation target(const TreeTopology& map) const;
 };
 
-}  // namespace angio
+}  // namespace angio::apps

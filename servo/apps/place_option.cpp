@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "place_option.hpp"
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::apps {
 
-TreePlace placeOf(const TreeMap& map, const std::string& name, int branch, double mm) {
+TreeLocation placeOf(const TreeTopology& map, const std::string& name, int branch, double mm) {
   if (branch < 0 || branch >= map.chains()) {
     throw InputError("--" + name + "-branch", "", std::to_string(branch),
                      "must be one of the tree's " + std::to_string(map.chains()) + " branches, from 0 on");
@@ -14,4 +15,4 @@ TreePlace placeOf(const TreeMap& map, const std::string& name, int branch, doubl
   return {branch, 1e-3 * mm};
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -3,12 +3,13 @@
 
 #include <string>
 
-#include "angio/vessel/tree_map.hpp"
+#include "angio/apps/namespace.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// The place of a tree that two options --<name>-branch and --<name>-mm name. Throws InputError that names the option
 /// when the tree has no such place.
-TreePlace placeOf(const TreeMap& map, const std::string& name, int branch, double mm);
+TreeLocation placeOf(const TreeTopology& map, const std::string& name, int branch, double mm);
 
-}  // namespace angio
+}  // namespace angio::apps

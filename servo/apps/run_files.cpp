@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "run_files.hpp"
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/experiments/closed_loop_report.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"
@@ -11,9 +13,8 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/registration/starts.hpp"
-#include "angio/rehearsal/rehearsal_report.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 std::string numbered(const char* name, int frame, const char* extension) {
@@ -56,7 +57,7 @@ class RunWriter {
              start,
              scene.T_camera_model,
              {}};
-    if (shuttered_) one.views[0].collimator_px = truth.open_field_px;
+    if (shuttered_) one.views[0].collimator_px = truth.collimator_opening_px;
     if (scene.displacements_m) {
       one.truth_displacements_path = path(numbered("displacements", i, ".csv"));
       writeDisplacements(*one.truth_displacements_path, *scene.displacements_m);
@@ -123,4 +124,4 @@ void writeRun(const VesselTree& tree, const CArmCalibration& calibration, const 
   writer.finish(settings);
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -4,10 +4,11 @@
 #include <functional>
 #include <string>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/simulation/simulated_patient.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 enum class FrameFormat { kPng, kTiff, kRun };  ///< One file a frame, or all in the pages of one TIFF.
 
@@ -36,4 +37,4 @@ struct RunOptions {
 void writeRun(const VesselTree& tree, const CArmCalibration& calibration, const SimulatedPatientSettings& settings,
               const RunOptions& options, const std::function<void(int done)>& progress);
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "run_log.hpp"
+#include "angio/apps/namespace.hpp"
 
 #include <csignal>
 #include <iostream>
 #include <stdexcept>
 #include <utility>
 
-namespace angio {
+namespace angio::apps {
 
 RunLog::RunLog(Bus& bus, const std::string& path, const std::string& program) : bus_(bus), program_(program) {
   if (path.empty()) return;
@@ -27,4 +28,4 @@ void RunLog::finish() {
   }
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -4,9 +4,10 @@
 #include <optional>
 #include <string>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/messaging/recording_bus.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// The log of a program's run, when one was asked for (--record). A log that can no longer be written ends neither the
 /// program nor its loop: the user is told at once, and by the exit code.
@@ -31,4 +32,4 @@ class RunLog {
   bool told_ = false;
 };
 
-}  // namespace angio
+}  // namespace angio::apps

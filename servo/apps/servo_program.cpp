@@ -3,11 +3,12 @@
 
 #include <iostream>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 void ServoProgramOptions::addTo(CLI::App& app) {
   const ServoSettings defaults;
@@ -26,7 +27,7 @@ void ServoProgramOptions::addTo(CLI::App& app) {
          "The simulated C-arm and patient (.yaml), of angio-calibrate simulate; --calibration is what is believed")
       ->needs(simulated);
   app.add_option("--machine", machine, "The C-arm that is to be moved: a calibration of another one is refused");
-  app.add_option("--largest-calibration-age-days", largest_age_days, "An older calibration is warned of")
+  app.add_option("--max-calibration-age-days", max_age_days, "An older calibration is warned of")
       ->check(between(0, 1e6));
   app.add_option("--disturb", disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...")
       ->excludes(simulated);
@@ -40,7 +41,7 @@ void ServoProgramOptions::addTo(CLI::App& app) {
       ->default_str("0");
   app.add_option("--seed", seed, "Seed of the simulation")
       ->check(CLI::Range(0, 2147483647))
-      ->default_str(std::to_string(defaults.rehearsal.seed));
+      ->default_str(std::to_string(defaults.scenario.seed));
   app.add_option("--settings", settings, "Settings (.yaml), sections by part");
   app.add_option("--film", film, "Film of a simulation (.mp4, or numbered pictures, frames/%04d.png)")
       ->needs(simulated);
@@ -50,7 +51,7 @@ void ServoProgramOptions::addTo(CLI::App& app) {
 ServoSettings ServoProgramOptions::effectiveSettings() const {
   ServoSettings effective = readServoSettings(settings);
   loop.applyTo(effective);
-  effective.rehearsal.seed = seed.value_or(effective.rehearsal.seed);
+  effective.scenario.seed = seed.value_or(effective.scenario.seed);
   ViewTaskSettings& view = effective.tasks.of<ViewTaskSettings>();
   if (!view_pose.empty()) {
     view.goal = ViewGoal::kPose;
@@ -58,14 +59,14 @@ ServoSettings ServoProgramOptions::effectiveSettings() const {
   } else if (view.goal == ViewGoal::kPose) {
     throw InputError(settings, "view.goal", "pose", "needs --view-pose");
   }
-  if (duration_s.value_or(0) > 0) effective.rehearsal.duration_s = *duration_s;
+  if (duration_s.value_or(0) > 0) effective.scenario.duration_s = *duration_s;
   return effective;
 }
 
 CArmCalibration ServoProgramOptions::readCalibration() const {
   const CArmCalibration read = readCArmCalibration(calibration);
   const std::string moved = truth.empty() ? machine : readCArmFile(truth).machine;
-  for (const auto& warning : checkRecords(calibration, read.records, {moved, largest_age_days})) {
+  for (const auto& warning : checkRecords(calibration, read.records, {moved, max_age_days})) {
     std::cerr << "angio-servo: " << warning << "\n";
   }
   if (!moved.empty() && !read.machine.empty() && read.machine != moved) {
@@ -88,4 +89,4 @@ int runServoProgram(int argc, char** argv, const std::function<int()>& simulated
   });
 }
 
-}  // namespace angio
+}  // namespace angio::apps

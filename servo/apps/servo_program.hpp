@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/cli/data_folder.hpp"
@@ -13,7 +14,7 @@
 #include "loop_options.hpp"
 #include "servo_settings.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// The command line of angio-servo, and of what runs its simulations.
 struct ServoProgramOptions {
@@ -23,7 +24,7 @@ struct ServoProgramOptions {
   std::optional<double> duration_s;  // Given, it comes before the settings file's.
   std::optional<int> seed;
   std::string film, truth, machine, record, disturb, view_pose;
-  double largest_age_days = RecordGate().largest_age_days;
+  double max_age_days = RecordGate().max_age_days;
   bool simulate = false, wait_for_operator = false;
 
   void addTo(CLI::App& app);
@@ -44,4 +45,4 @@ using ServoWork =
 /// not empty. Returns the exit code.
 int runServoProgram(int argc, char** argv, const std::function<int()>& simulated, const ServoWork& work);
 
-}  // namespace angio
+}  // namespace angio::apps

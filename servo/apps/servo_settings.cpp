@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "servo_settings.hpp"
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/io/settings_files.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 void ServoSettings::visit(SettingsVisitor& v) {
   const auto section = [&v](const char* key, auto& settings) {
     v.section(key, [&](SettingsVisitor& inner) { settings.visit(inner); });
   };
-  section("rehearsal", rehearsal);
+  section("scenario", scenario);
   section("fluoroscopy", patient);
   tasks.visit(v);
   laws.visit(v);
@@ -30,13 +31,13 @@ void ServoSettings::visit(SettingsVisitor& v) {
   section("safety", safety);
 }
 
-ServoLoopSettings ServoSettings::loop(const CArmCalibration& believed) const {
-  const CArmGeometry& carm = believed.carm;
+ServoLoopSettings ServoSettings::loop(const CArmCalibration& calibrated) const {
+  const CArmGeometry& carm = calibrated.carm;
   ServoLoopSettings loop;
   loop.carm = carm;
-  loop.T_dsa_cb = believed.T_dsa_cb;
-  loop.R_lps_model = believed.R_lps_model;
-  loop.limits = limits.limits(carm.source_detector_distance_m - carm.source_isocentre_distance_m);
+  loop.T_dsa_cb = calibrated.T_dsa_cb;
+  loop.R_lps_model = calibrated.R_lps_model;
+  loop.limits = limits.limits(carm.source_detector_distance_m - carm.source_isocenter_distance_m);
   loop.task = tasks.chosen();
   loop.law = laws.chosen();
   loop.latency_s = 1e-3 * latency_ms;
@@ -66,4 +67,4 @@ ServoSettings readServoSettings(const std::string& path, ServoSettings usual) {
   return settings;
 }
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/variant_sections.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/experiments/scenario_settings.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/imaging/extractor_sections.hpp"
-#include "angio/rehearsal/rehearsal_settings.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 #include "angio/servo/servo_loop.hpp"
 #include "angio/simulation/patient_settings.hpp"
 
-namespace angio {
+namespace angio::apps {
 
-/// What a settings file may say of a loop and of its rehearsal, a section each.
+/// What a settings file may say of a loop and of its closed-loop simulation, a section each.
 struct ServoSettings {
-  RehearsalSettings rehearsal;
+  ScenarioSettings scenario;
   SimulatedPatientSettings patient;
   VariantSections<TaskSettings> tasks{"task", ServoLoopSettings().task};
   VariantSections<ServoLawSettings> laws{"law", ServoLoopSettings().law};
@@ -34,10 +35,10 @@ struct ServoSettings {
   void visit(SettingsVisitor& v);
 
   /// The loop of a machine that is as its calibration says.
-  ServoLoopSettings loop(const CArmCalibration& believed) const;
+  ServoLoopSettings loop(const CArmCalibration& calibrated) const;
 };
 
 /// A settings file's, or `usual` where it says nothing, or when `path` is empty. Throws InputError that names the file.
 ServoSettings readServoSettings(const std::string& path, ServoSettings usual = {});
 
-}  // namespace angio
+}  // namespace angio::apps

@@ -5,24 +5,25 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/plot.hpp"
 #include "angio/servo/desired_view.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 constexpr int kMapWidth_px = 520, kScaleWidth_px = 100, kHeight_px = 290;
 constexpr int kTick_deg = 30;
 const cv::Scalar kInk(40, 40, 40), kOutOfReach(200, 200, 200), kVessel(150, 130, 120), kSegment(0, 94, 213);
 
-cv::Mat3b coloured(const cv::Mat1f& share) {
+cv::Mat3b colored(const cv::Mat1f& share) {
   cv::Mat1b levels;
   share.convertTo(levels, CV_8U, 255);
-  cv::Mat3b colours;
-  cv::applyColorMap(levels, colours, cv::COLORMAP_VIRIDIS);
-  return colours;
+  cv::Mat3b colors;
+  cv::applyColorMap(levels, colors, cv::COLORMAP_VIRIDIS);
+  return colors;
 }
 
 // Angles from -most to most, named by the beam's sides.
@@ -47,7 +48,7 @@ cv::Mat mapOf(const std::string& title, const ViewMap& map, const Eigen::MatrixX
   for (int y = 0; y < share.rows; ++y) {
     for (int x = 0; x < share.cols; ++x) share(y, x) = cost(share.rows - 1 - y, x) / most;
   }
-  cv::Mat3b cells = coloured(share);
+  cv::Mat3b cells = colored(share);
   for (int y = 0; y < cells.rows; ++y) {
     for (int x = 0; x < cells.cols; ++x) {
       if (!map.reachable(cells.rows - 1 - y, x))
@@ -56,14 +57,14 @@ cv::Mat mapOf(const std::string& title, const ViewMap& map, const Eigen::MatrixX
   }
   plot.ground = cells;
   const double x = radToDeg(best.primary_rad), y = radToDeg(best.secondary_rad);
-  plot.series = {{"", {x, x}, {y, y}, kWarningColour, PlotSeries::Kind::kDots}};
+  plot.series = {{"", {x, x}, {y, y}, kWarningColor, PlotSeries::Kind::kDots}};
   plot.series[0].radii_px = {9, 3};
   plot.series[0].hollow = {true, false};
   Plot scale{"", {}, {"", false, std::pair(0, most)}};
   scale.x.ticks.emplace();
   cv::Mat1f ramp(256, 1);
   for (int i = 0; i < ramp.rows; ++i) ramp(i, 0) = 1 - static_cast<float>(i) / 255;
-  scale.ground = coloured(ramp);
+  scale.ground = colored(ramp);
   return sideBySide({drawPlots({plot}, kMapWidth_px, kHeight_px), drawPlots({scale}, kScaleWidth_px, kHeight_px)});
 }
 
@@ -75,14 +76,14 @@ void drawTree(cv::Mat picture, const VesselTree& tree, const TreeSegment& segmen
   const Eigen::Vector2d middle = 0.5 * (rays.rowwise().minCoeff() + rays.rowwise().maxCoeff());
   const double extent = (rays.rowwise().maxCoeff() - rays.rowwise().minCoeff()).maxCoeff();
   const double px_per_ray = 0.88 * picture.cols / std::max(extent, 1e-9);
-  const auto line = [&](int a, int b, const cv::Scalar& colour, int thinnest_px) {
+  const auto line = [&](int a, int b, const cv::Scalar& color, int thinnest_px) {
     const auto pixel = [&](int i) {
       const Eigen::Vector2d p = px_per_ray * (rays.col(i) - middle);
       return cv::Point(cvRound(p.x()) + picture.cols / 2, cvRound(p.y()) + picture.rows / 2 + 10);
     };
     const double radius_m = tree.radii()[static_cast<std::size_t>(b)].value_or(0);
     const int width_px = std::max(thinnest_px, cvRound(2 * px_per_ray * radius_m / seen(2, b)));
-    cv::line(picture, pixel(a), pixel(b), colour, width_px, cv::LINE_AA);
+    cv::line(picture, pixel(a), pixel(b), color, width_px, cv::LINE_AA);
   };
   for (int i = 0; i < tree.size(); ++i) {
     const int parent = tree.parents()[static_cast<std::size_t>(i)];
@@ -116,11 +117,11 @@ cv::Mat viewMapPicture(const VesselTree& tree, const TreeSegment& segment, const
   cv::Mat views(maps.rows, side_px, CV_8UC3, cv::Scalar::all(255));
   const auto square = [&](int y_px) { return views(cv::Rect(0, y_px, side_px, side_px)); };
   const auto pose = [&](const ViewAngles& angles) {
-    return desiredPose({angles, best.target_model, scene.R_lps_model}, scene.source_isocentre_distance_m);
+    return desiredPose({angles, best.target_model, scene.R_lps_model}, scene.source_isocenter_distance_m);
   };
   drawTree(square(0), tree, segment, pose({0, 0}), "from the front");
   drawTree(square(side_px), tree, segment, pose(best.angles), "best view: " + inWords(best.angles));
   return sideBySide({maps, views});
 }
 
-}  // namespace angio
+}  // namespace angio::apps

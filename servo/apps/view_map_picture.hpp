@@ -4,9 +4,10 @@
 #include <opencv2/core/mat.hpp>
 #include <string>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/servo/best_view.hpp"
 
-namespace angio {
+namespace angio::apps {
 
 /// "LAO 23.4, CAU 10.1".
 std::string inWords(const ViewAngles& angles);
@@ -17,4 +18,4 @@ std::string inWords(const ViewAngles& angles);
 cv::Mat viewMapPicture(const VesselTree& tree, const TreeSegment& segment, const BestView& best,
                        const BestViewScene& scene, double overlap_weight);
 
-}  // namespace angio
+}  // namespace angio::apps

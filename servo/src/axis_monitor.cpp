@@ -7,15 +7,15 @@
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
-constexpr std::int64_t kStep_us = 10'000, kLongestGap_us = 1'000'000;
-constexpr std::size_t kMostCommands = 1024;
+constexpr std::int64_t kStep_us = 10'000, kMaxGap_us = 1'000'000;
+constexpr std::size_t kMaxCommands = 1024;
 
-// Towards `goal`, no faster than `most_change`.
-double approach(double value, double goal, double most_change) {
-  return value + std::clamp(goal - value, -most_change, most_change);
+// Towards `goal`, no faster than `max_change`.
+double approach(double value, double goal, double max_change) {
+  return value + std::clamp(goal - value, -max_change, max_change);
 }
 
 }  // namespace
@@ -24,18 +24,18 @@ void AxisMonitor::forget() {
   sent_.clear();
   last_.reset();
   envelope_ = {};
-  astray_ = {};
+  deviation_ = {};
 }
 
 void AxisMonitor::commanded(std::int64_t time_us, std::int64_t valid_for_us, double velocity) {
   sent_.push_back({sent_.empty() ? time_us : std::max(time_us, sent_.back().time_us), valid_for_us, velocity});
-  if (sent_.size() > kMostCommands) sent_.pop_front();
+  if (sent_.size() > kMaxCommands) sent_.pop_front();
 }
 
 // What the commands that may be in force at a time say; rest is one of them.
 AxisMonitor::Envelope AxisMonitor::target(std::int64_t time_us) const {
   Envelope result;
-  const std::int64_t since_us = time_us - std::llround(traits_.most_latency_s * 1e6);
+  const std::int64_t since_us = time_us - std::llround(traits_.max_latency_s * 1e6);
   double slowest = std::numeric_limits<double>::infinity(), fastest = -slowest;
   std::int64_t covered_until_us = std::numeric_limits<std::int64_t>::max();
   auto sent = sent_.rbegin();
@@ -85,37 +85,39 @@ AxisMonitor::Envelope AxisMonitor::explainedWay(const Seen& now) {
 }
 
 std::optional<std::string> AxisMonitor::judge(double way, const Envelope& explained, double duration_s) {
-  const double forgotten = traits_.forgotten_speed * duration_s;
+  const double forgotten = traits_.deadband_speed * duration_s;
   const auto add = [&](double& sum, double excess) { sum = std::max(0.0, sum + excess - forgotten); };
-  add(astray_.up, way - explained.most);
-  add(astray_.down, explained.least - way);
-  add(astray_.lag_up, explained.floor - way);
-  add(astray_.lag_down, way - explained.ceiling);
+  add(deviation_.up, way - explained.most);
+  add(deviation_.down, explained.least - way);
+  add(deviation_.lag_up, explained.floor - way);
+  add(deviation_.lag_down, way - explained.ceiling);
   const auto verdict = [&](double sum, double most, const char* what) -> std::optional<std::string> {
     if (sum <= most) return std::nullopt;
     return traits_.name + " " + what + " by " +
-           (traits_.angle ? shown(radToDeg(sum)) + " deg" : shown(1e3 * sum) + " mm");
+           (traits_.angle ? formatValue(radToDeg(sum)) + " deg" : formatValue(1e3 * sum) + " mm");
   };
-  if (auto fault = verdict(std::max(astray_.up, astray_.down), traits_.most_stray, "moved uncommanded")) return fault;
-  return verdict(std::max(astray_.lag_up, astray_.lag_down), traits_.most_lag, "lags behind its commands");
+  if (auto fault = verdict(std::max(deviation_.up, deviation_.down), traits_.max_deviation, "moved uncommanded"))
+    return fault;
+  return verdict(std::max(deviation_.lag_up, deviation_.lag_down), traits_.max_following_error,
+                 "lags behind its commands");
 }
 
 std::optional<std::string> AxisMonitor::measured(std::int64_t time_us, double place, double velocity) {
   const Seen now{time_us, place};
   std::optional<std::string> fault;
-  if (!last_ || time_us - kLongestGap_us >= last_->time_us) {
+  if (!last_ || time_us - kMaxGap_us >= last_->time_us) {
     const double most = std::max(0.0, velocity), least = std::min(0.0, velocity);
     envelope_ = {most, least, least, most};
-    astray_ = {};
+    deviation_ = {};
   } else if (time_us <= last_->time_us) {
     return std::nullopt;
   } else {
     fault = judge(place - last_->place, explainedWay(now), 1e-6 * static_cast<double>(time_us - last_->time_us));
   }
   last_ = now;
-  const std::int64_t needed_us = time_us - std::llround(traits_.most_latency_s * 1e6) - kLongestGap_us;
+  const std::int64_t needed_us = time_us - std::llround(traits_.max_latency_s * 1e6) - kMaxGap_us;
   while (sent_.size() > 1 && sent_[1].time_us < needed_us) sent_.pop_front();
   return fault;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

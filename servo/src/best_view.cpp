@@ -9,7 +9,7 @@
 #include "angio/base/errors.hpp"
 #include "segment_views.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 const std::string kPlace = "best view";
@@ -31,7 +31,7 @@ void check(const VesselTree& tree, const TreeSegment& segment, const BestViewSce
     length_m += (tree.points().col(point) - tree.points().col(segment[k - 1])).norm();
   }
   requirePositive(kPlace, "segment length_mm", 1e3 * length_m);
-  requirePositive(kPlace, "source_isocentre_distance_mm", 1e3 * scene.source_isocentre_distance_m);
+  requirePositive(kPlace, "source_isocentre_distance_mm", 1e3 * scene.source_isocenter_distance_m);
   if (!(rotationDefect(scene.R_lps_model) < 1e-6)) {
     throw InputError(kPlace, "R_lps_model", "", "must be a rotation matrix");
   }
@@ -44,8 +44,8 @@ class Search {
       : views_(views), scene_(scene), settings_(settings) {}
 
   bool reachable(const ViewAngles& angles) const {
-    return std::abs(radToDeg(angles.primary_rad)) <= settings_.most_primary_deg + 1e-9 &&
-           std::abs(radToDeg(angles.secondary_rad)) <= settings_.most_secondary_deg + 1e-9 &&
+    return std::abs(radToDeg(angles.primary_rad)) <= settings_.max_primary_deg + 1e-9 &&
+           std::abs(radToDeg(angles.secondary_rad)) <= settings_.max_secondary_deg + 1e-9 &&
            (!scene_.reachable || scene_.reachable(angles));
   }
   double total(const ViewAngles& angles, const ViewCost& cost) const {
@@ -109,7 +109,7 @@ TreeSegment segmentBetween(const VesselTree& tree, int first, int last) {
 BestViewScene bestViewScene(const CArmGeometry& carm, const CArmLimits& limits, const Eigen::Matrix3d& R_lps_model) {
   BestViewScene scene;
   scene.R_lps_model = R_lps_model;
-  scene.source_isocentre_distance_m = carm.source_isocentre_distance_m;
+  scene.source_isocenter_distance_m = carm.source_isocenter_distance_m;
   scene.reachable = [carm, limits](const ViewAngles& angles) {
     const CArmJoints joints = carm.jointsFor(angles, Eigen::Vector3d::Zero());
     const Eigen::Array2d turned = joints.head<2>().array();
@@ -129,8 +129,8 @@ BestView bestView(const VesselTree& tree, const TreeSegment& segment, const Best
   best.target_model = views.middle_model();
   ViewMap& map = best.map;
   // Whole steps from zero, so that the map is symmetric.
-  const auto steps = [&](double most_deg) { return static_cast<int>(std::floor(most_deg / settings.step_deg + 1e-9)); };
-  const int columns = steps(settings.most_primary_deg), rows = steps(settings.most_secondary_deg);
+  const auto steps = [&](double max_deg) { return static_cast<int>(std::floor(max_deg / settings.step_deg + 1e-9)); };
+  const int columns = steps(settings.max_primary_deg), rows = steps(settings.max_secondary_deg);
   map.step_rad = degToRad(settings.step_deg);
   map.first_primary_rad = -columns * map.step_rad;
   map.first_secondary_rad = -rows * map.step_rad;
@@ -158,4 +158,4 @@ BestView bestView(const VesselTree& tree, const TreeSegment& segment, const Best
   return best;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -5,17 +5,17 @@
 
 #include "angio/vessel/resample.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 constexpr int kPlacesPerSample = 12;  // To choose from.
-constexpr int kMostPlaces = 20000;
+constexpr int kMaxPlaces = 20000;
 
 }  // namespace
 
 Eigen::Matrix3Xd spreadSamples(const VesselTree& tree, int count) {
   const double step_m = tree.length() / (kPlacesPerSample * count);
-  const ResampledTree dense = resampled(tree, step_m, std::max(kMostPlaces, tree.size()));
+  const ResampledTree dense = resampled(tree, step_m, std::max(kMaxPlaces, tree.size()));
   const Eigen::Matrix3Xd& places = dense.tree.points();
   const auto samples = std::min<Eigen::Index>(count, places.cols());
   Eigen::Matrix3Xd chosen(3, samples);
@@ -30,4 +30,4 @@ Eigen::Matrix3Xd spreadSamples(const VesselTree& tree, int count) {
   return chosen;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

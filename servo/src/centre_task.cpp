@@ -9,7 +9,7 @@
 #include "joint_trajectory_mpc.hpp"
 #include "latency_compensator.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 using Matrix23d = Eigen::Matrix<double, 2, 3>;
@@ -21,13 +21,13 @@ struct SeenPoint {
 };
 
 // Of the two directions across the beam, what of the table's three moves the image hardly at all.
-constexpr double kLeastShare = 0.05;
+constexpr double kMinShare = 0.05;
 // Where a predicted place begins to be unsure.
 constexpr double kSure_m = 0.5e-3;
 
-class CentreTask final : public Task {
+class CenterTask final : public Task {
  public:
-  CentreTask(const CentreTaskSettings& settings, const TaskContext& context)
+  CenterTask(const CenterTaskSettings& settings, const TaskContext& context)
       : settings_(settings),
         carm_(context.carm),
         limits_(context.limits),
@@ -40,7 +40,7 @@ class CentreTask final : public Task {
     return PointOfInterest{target_, 1e-3 * settings_.near_mm, 1e-3 * settings_.near_std_mm};
   }
 
-  bool followsTip() const override { return settings_.on == CentreOn::kCatheterTip; }
+  bool followsTip() const override { return settings_.on == CenterOn::kCatheterTip; }
 
   TaskAnswer answer(const TaskInput& input) override;
 
@@ -56,7 +56,7 @@ class CentreTask final : public Task {
   std::optional<CArmJoints> velocity(const CArmState& then, const Matrix23d& across, double arrival_s,
                                      double period_s) const;
 
-  CentreTaskSettings settings_;
+  CenterTaskSettings settings_;
   CArmGeometry carm_;
   CArmLimits limits_;
   Eigen::Vector3d target_;
@@ -66,7 +66,7 @@ class CentreTask final : public Task {
 };
 
 // The target in the camera frame: by the registration, and across the beam by what is seen around it.
-SeenPoint CentreTask::seen(const TaskInput& input) const {
+SeenPoint CenterTask::seen(const TaskInput& input) const {
   const Eigen::Vector3d target = input.target_model.value_or(target_);
   // The place that is watched is that of the task's own target.
   const PointObservation* place = input.place && !input.target_model ? &*input.place : nullptr;
@@ -92,18 +92,18 @@ SeenPoint CentreTask::seen(const TaskInput& input) const {
   return point;
 }
 
-std::optional<MotionPrediction> CentreTask::expected(double time_s) const {
+std::optional<MotionPrediction> CenterTask::expected(double time_s) const {
   return settings_.predict ? predictor_.predict(time_s) : predictor_.predict(time_s, MotionModel::kHeld);
 }
 
 // The table's velocities with which the target's image goes to the wanted ray and stays there, as well as they can.
-std::optional<CArmJoints> CentreTask::velocity(const CArmState& then, const Matrix23d& across, double arrival_s,
+std::optional<CArmJoints> CenterTask::velocity(const CArmState& then, const Matrix23d& across, double arrival_s,
                                                double period_s) const {
   const Pose T_camera_patient = carm_.T_camera_patient(then.joints);
   const Matrix23d by_patient = across * T_camera_patient.linear();
   const Matrix23d by_table = -across * carm_.eJe(then.joints).block<3, 3>(0, 2);
   const Eigen::Vector2d singular = by_table.jacobiSvd().singularValues();
-  if (!(singular[1] > kLeastShare * singular[0])) return std::nullopt;
+  if (!(singular[1] > kMinShare * singular[0])) return std::nullopt;
   const Eigen::Matrix<double, 3, 2> inverse = by_table.transpose() * (by_table * by_table.transpose()).inverse();
   JointPaths paths;
   for (int k = 1; k <= settings_.plan.periods_ahead; ++k) {
@@ -122,7 +122,7 @@ std::optional<CArmJoints> CentreTask::velocity(const CArmState& then, const Matr
   return result;
 }
 
-TaskAnswer CentreTask::answer(const TaskInput& input) {
+TaskAnswer CenterTask::answer(const TaskInput& input) {
   TaskAnswer answer;
   const auto hold = [&](const std::string& why) {
     answer.velocity.reset();
@@ -160,7 +160,7 @@ TaskAnswer CentreTask::answer(const TaskInput& input) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> spread(by_patient * at_arrival->covariance *
                                                               by_patient.transpose());
   const double std_mm = 1e3 * std::sqrt(std::max(0.0, spread.eigenvalues()[1]));
-  if (!(std_mm <= settings_.most_std_mm)) return hold("the target's motion is too unsure");
+  if (!(std_mm <= settings_.max_std_mm)) return hold("the target's motion is too unsure");
 
   const auto wanted = velocity(then, across, arrival_s, input.period_s);
   if (!wanted) return hold("the table does not move the image");
@@ -171,9 +171,9 @@ TaskAnswer CentreTask::answer(const TaskInput& input) {
 
 }  // namespace
 
-std::unique_ptr<Task> make(const CentreTaskSettings& settings, const TaskContext& context) {
-  checkSettings(CentreTaskSettings::kName, settings);
-  return std::make_unique<CentreTask>(settings, context);
+std::unique_ptr<Task> make(const CenterTaskSettings& settings, const TaskContext& context) {
+  checkSettings(CenterTaskSettings::kName, settings);
+  return std::make_unique<CenterTask>(settings, context);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

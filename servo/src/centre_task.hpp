@@ -5,11 +5,11 @@
 
 #include "angio/servo/tasks.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// The target's place in the patient, from this frame's own registration, joints and what the image shows around it, is
 /// predicted from when this frame's command will move the table on. The command is the first step of a plan that keeps
 /// the table's acceleration and brings the predicted target nearest to the wanted ray over the next periods.
-std::unique_ptr<Task> make(const CentreTaskSettings& settings, const TaskContext& context);
+std::unique_ptr<Task> make(const CenterTaskSettings& settings, const TaskContext& context);
 
-}  // namespace angio
+}  // namespace angio::servo

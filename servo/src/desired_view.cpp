@@ -3,12 +3,12 @@
 
 #include <cmath>
 
-namespace angio {
+namespace angio::servo {
 
-Pose desiredPose(const DesiredView& view, double source_isocentre_distance_m) {
+Pose desiredPose(const DesiredView& view, double source_isocenter_distance_m) {
   Pose T = Pose::Identity();
   T.linear() = viewRotation(view.angles) * view.R_lps_model;
-  T.translation() = Eigen::Vector3d(0, 0, source_isocentre_distance_m) - T.linear() * view.target_model;
+  T.translation() = Eigen::Vector3d(0, 0, source_isocenter_distance_m) - T.linear() * view.target_model;
   return T;
 }
 
@@ -25,4 +25,4 @@ ViewError viewError(const Pose& T_camera_model, const Pose& desired_T_camera_mod
   return error;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

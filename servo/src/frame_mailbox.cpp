@@ -5,16 +5,16 @@
 
 #include "angio/messaging/channels.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 // Of what waits: half a second of frames, and what may be said of them ahead of time.
-constexpr std::size_t kMostFrames = 8, kMostMessages = 32;
+constexpr std::size_t kMaxFrames = 8, kMaxMessages = 32;
 
 template <typename T>
 void keep(std::deque<T>& kept, std::vector<T> heard) {
   for (T& message : heard) kept.push_back(std::move(message));
-  while (kept.size() > kMostMessages) kept.pop_front();
+  while (kept.size() > kMaxMessages) kept.pop_front();
 }
 
 template <typename T>
@@ -29,14 +29,14 @@ std::optional<T> of(const XrayFrame& frame, const std::deque<T>& kept) {
 
 FrameMailbox::FrameMailbox(Bus& bus, const ExternalInputs& wanted) : wanted_(wanted), frames_(bus, kXrayFrameChannel) {
   if (wanted.registration) {
-    registrations_ = std::make_unique<EveryValue<RegistrationMessage>>(bus, kRegistrationChannel);
+    registrations_ = std::make_unique<MessageQueue<RegistrationMessage>>(bus, kRegistrationChannel);
   }
-  if (wanted.tip) tips_ = std::make_unique<EveryValue<CatheterTip>>(bus, kCatheterTipChannel);
+  if (wanted.tip) tips_ = std::make_unique<MessageQueue<CatheterTip>>(bus, kCatheterTipChannel);
 }
 
 std::optional<FrameWithEstimates> FrameMailbox::take() {
   if (auto frame = frames_.take()) waiting_.push_back(std::move(*frame));
-  if (waiting_.size() > kMostFrames) waiting_.pop_front();
+  if (waiting_.size() > kMaxFrames) waiting_.pop_front();
   if (registrations_) keep(heard_registrations_, registrations_->take());
   if (tips_) keep(heard_tips_, tips_->take());
   for (auto frame = waiting_.rbegin(); frame != waiting_.rend(); ++frame) {
@@ -49,4 +49,4 @@ std::optional<FrameWithEstimates> FrameMailbox::take() {
   return std::nullopt;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -9,7 +9,7 @@
 #include "joint_trajectory_mpc.hpp"
 #include "latency_compensator.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 // A rotation is predicted as the way of a point so far from its axis: the predictor's settings are lengths.
@@ -17,7 +17,7 @@ constexpr double kLever_m = 0.1;
 // A place whose standard deviation is less than this counts almost fully.
 constexpr double kSure_m = 0.5e-3;
 // Below this the arm's two angles turn it about one axis.
-constexpr double kLeastReciprocalCondition = 1e-4;
+constexpr double kMinReciprocalCondition = 1e-4;
 
 double worstStd(const Eigen::Matrix3d& covariance) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
@@ -116,7 +116,7 @@ class HoldTask::Keeping {
     solver_.compute(A);
   }
 
-  bool possible() const { return solver_.rcond() > kLeastReciprocalCondition; }
+  bool possible() const { return solver_.rcond() > kMinReciprocalCondition; }
 
   CArmJoints ways(const Pose& T_patient_model) const {
     const Pose cMo = T_camera_patient_ * T_patient_model;
@@ -147,8 +147,8 @@ TaskAnswer HoldTask::answer(const TaskInput& input) {
   const double arrival_s = time_s + input.latency_s;
   const auto at_arrival = expected(arrival_s);
   if (!at_arrival || !(input.period_s > 0)) return hold("the patient's motion is not known");
-  if (!(1e3 * at_arrival->place_std_m <= settings_.most_std_mm) ||
-      !(radToDeg(at_arrival->rotation_std_rad) <= settings_.most_std_deg)) {
+  if (!(1e3 * at_arrival->place_std_m <= settings_.max_std_mm) ||
+      !(radToDeg(at_arrival->rotation_std_rad) <= settings_.max_std_deg)) {
     return hold("the patient's motion is too unsure");
   }
   const Keeping keeping(carm_, then.joints, *desired_, target_);
@@ -176,4 +176,4 @@ std::unique_ptr<Task> make(const HoldTaskSettings& settings, const TaskContext& 
   return std::make_unique<HoldTask>(settings, context);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

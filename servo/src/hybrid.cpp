@@ -9,9 +9,9 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/visp.hpp"
-#include "law_task.hpp"
+#include "visp_servo_law.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 class Hybrid final : public ServoLaw {
@@ -42,7 +42,7 @@ class Hybrid final : public ServoLaw {
   vpFeaturePoint point_, desired_point_;
   vpFeatureDepth depth_;
   vpFeatureThetaU theta_u_, desired_theta_u_;
-  LawTask task_;  // Last: goes before the features that it holds.
+  VispServoLaw task_;  // Last: goes before the features that it holds.
 };
 
 }  // namespace
@@ -53,4 +53,4 @@ std::unique_ptr<ServoLaw> make(const HybridSettings& settings, const LawModel& m
   return std::make_unique<Hybrid>(settings, model);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

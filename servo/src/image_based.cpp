@@ -8,12 +8,12 @@
 
 #include "angio/base/errors.hpp"
 #include "centerline_samples.hpp"
-#include "law_task.hpp"
+#include "visp_servo_law.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
-constexpr int kLeastInView = 8;
+constexpr int kMinInView = 8;
 
 // The images of many points as one feature: x and y of each, at z = 1. ViSP selects no part of a feature of more than
 // 31 numbers, so all count.
@@ -58,13 +58,13 @@ class PointsFeature final : public vpBasicFeature {
 class ImageBased final : public ServoLaw {
  public:
   ImageBased(const ImageBasedSettings& settings, const LawModel& model)
-      : largest_step_rad_(degToRad(settings.largest_step_deg)),
+      : max_step_rad_(degToRad(settings.max_step_deg)),
         points_(spreadSamples(*model.tree, settings.samples)),
-        centre_(model.target.value_or(model.tree->centroid())),
+        center_(model.target.value_or(model.tree->centroid())),
         features_(static_cast<int>(points_.cols())),
         desired_features_(static_cast<int>(points_.cols())),
         in_view_(static_cast<std::size_t>(points_.cols())),
-        task_(settings, centre_) {
+        task_(settings, center_) {
     task_.servo().addFeature(features_, desired_features_);
   }
 
@@ -95,28 +95,28 @@ class ImageBased final : public ServoLaw {
       in_view_[static_cast<std::size_t>(i)] = pixel && camera->sees(*pixel);
       count += in_view_[static_cast<std::size_t>(i)] ? 1 : 0;
     }
-    if (count < kLeastInView) in_view_.assign(in_view_.size(), true);
+    if (count < kMinInView) in_view_.assign(in_view_.size(), true);
   }
 
   // A goal on the way: so much of the turn, and the same share of the target's way.
   Pose stepTowards(const Pose& goal) const {
     const Pose& seen = task_.T_camera_model();
     const Eigen::Vector3d turn = logSO3(goal.linear() * seen.linear().transpose());
-    const double share = largest_step_rad_ / std::max(largest_step_rad_, turn.norm());
+    const double share = max_step_rad_ / std::max(max_step_rad_, turn.norm());
     if (share >= 1) return goal;
     Pose step = Pose::Identity();
     step.linear() = expSO3(share * turn) * seen.linear();
-    const Eigen::Vector3d target = seen * centre_;
-    step.translation() = target + share * (goal * centre_ - target) - step.linear() * centre_;
+    const Eigen::Vector3d target = seen * center_;
+    step.translation() = target + share * (goal * center_ - target) - step.linear() * center_;
     return step;
   }
 
-  double largest_step_rad_;
+  double max_step_rad_;
   Eigen::Matrix3Xd points_;
-  Eigen::Vector3d centre_;
+  Eigen::Vector3d center_;
   PointsFeature features_, desired_features_;
   std::vector<bool> in_view_;
-  LawTask task_;  // Last: goes before the features that it holds.
+  VispServoLaw task_;  // Last: goes before the features that it holds.
 };
 
 }  // namespace
@@ -127,4 +127,4 @@ std::unique_ptr<ServoLaw> make(const ImageBasedSettings& settings, const LawMode
   return std::make_unique<ImageBased>(settings, model);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -5,22 +5,22 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
-constexpr int kMostPoints = JointPaths::kMostPoints;
-constexpr int kMostSweeps = 30;
+constexpr int kMaxPoints = JointPaths::kMaxPoints;
+constexpr int kMaxSweeps = 30;
 constexpr double kSettled = 1e-3;  // Of the largest change: what a sweep that moves less is not worth.
 
-using Changes = Eigen::Matrix<double, kMostPoints, 1>;
-using Hessian = Eigen::Matrix<double, kMostPoints, kMostPoints>;
+using Changes = Eigen::Matrix<double, kMaxPoints, 1>;
+using Hessian = Eigen::Matrix<double, kMaxPoints, kMaxPoints>;
 
 // How one joint moves, and what it can: changes are of its velocity from one period to the next.
 struct JointMotion {
   double velocity;     // Now.
   double last_change;  // How it came about.
-  double most_change;  // Acceleration times period.
-  double most_bend;    // Between one change and the next: jerk times the period's square.
+  double max_change;   // Acceleration times period.
+  double max_bend;     // Between one change and the next: jerk times the period's square.
 };
 
 // What changes of velocity c_1 ... c_n cost, the same for all joints: c . H c / 2 - c . g.
@@ -47,7 +47,7 @@ class Plan {
   // Borrows the cost.
   Plan(const JointPaths& paths, int which, const JointMotion& joint, const Cost& cost, double period_s)
       : n_(paths.size()), joint_(joint), H_(cost.H), along_(cost.along) {
-    joint_.last_change = std::clamp(joint.last_change, -joint.most_change, joint.most_change);
+    joint_.last_change = std::clamp(joint.last_change, -joint.max_change, joint.max_change);
     // place_k = period (k v + sum over i <= k of (k - i + 1) c_i).
     left_.setZero();
     for (int i = 0; i < n_; ++i) {
@@ -60,7 +60,7 @@ class Plan {
     Changes out = Changes::Zero();
     double change = joint_.last_change;
     for (int i = 0; i < n_; ++i) {
-      change -= std::clamp(change, -joint_.most_bend, joint_.most_bend);
+      change -= std::clamp(change, -joint_.max_bend, joint_.max_bend);
       out[i] = change;
     }
     changes_ = out;
@@ -68,10 +68,10 @@ class Plan {
   }
 
   double first() {
-    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+    for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
       double moved = 0;
       for (int i = 0; i < n_; ++i) moved = std::max({moved, bendFrom(i), changeOne(i)});
-      if (moved <= kSettled * joint_.most_change) break;
+      if (moved <= kSettled * joint_.max_change) break;
     }
     return changes_[0];
   }
@@ -81,11 +81,11 @@ class Plan {
 
   // One change alone.
   double changeOne(int i) {
-    double low = std::max(-joint_.most_change, before(i) - joint_.most_bend);
-    double high = std::min(joint_.most_change, before(i) + joint_.most_bend);
+    double low = std::max(-joint_.max_change, before(i) - joint_.max_bend);
+    double high = std::min(joint_.max_change, before(i) + joint_.max_bend);
     if (i + 1 < n_) {
-      low = std::max(low, changes_[i + 1] - joint_.most_bend);
-      high = std::min(high, changes_[i + 1] + joint_.most_bend);
+      low = std::max(low, changes_[i + 1] - joint_.max_bend);
+      high = std::min(high, changes_[i + 1] + joint_.max_bend);
     }
     const double step = stepWithin(left_[i], H_(i, i), low - changes_[i], high - changes_[i]);
     changes_[i] += step;
@@ -96,10 +96,10 @@ class Plan {
   // All changes from one on, by as much.
   double bendFrom(int i) {
     const double bend = changes_[i] - before(i);
-    double low = -joint_.most_bend - bend, high = joint_.most_bend - bend, gain = 0, cost = 0;
+    double low = -joint_.max_bend - bend, high = joint_.max_bend - bend, gain = 0, cost = 0;
     for (int k = i; k < n_; ++k) {
-      low = std::max(low, -joint_.most_change - changes_[k]);
-      high = std::min(high, joint_.most_change - changes_[k]);
+      low = std::max(low, -joint_.max_change - changes_[k]);
+      high = std::min(high, joint_.max_change - changes_[k]);
       gain += left_[k];
       cost += along_(k, i);
     }
@@ -125,7 +125,7 @@ class Plan {
 // The highest speed from which a joint that comes closer by `left` a period at most stands there: v delay + v^2 / 2a =
 // left, with half the time that the acceleration takes to come, and a period, for the delay. All in ways of a period.
 double brakable(double left, const JointMotion& joint) {
-  const double a = joint.most_change, delay = 0.5 * a / joint.most_bend + 1;
+  const double a = joint.max_change, delay = 0.5 * a / joint.max_bend + 1;
   return std::sqrt(a * a * delay * delay + 2 * a * left) - a * delay;
 }
 
@@ -135,7 +135,7 @@ double followingVelocity(const JointPaths& paths, int which, const JointMotion& 
   const double along = paths.size() > 1 ? (paths.place(which, 1) - paths.place(which, 0)) / period_s : 0;
   const double left = paths.place(which, 0) - along * period_s, nearing = velocity - along;
   // What a joint at rest gets to, and stands there, within the horizon is the plan's.
-  const double near = joint.most_change * paths.size() * paths.size() / 8;
+  const double near = joint.max_change * paths.size() * paths.size() / 8;
   if (!(nearing * left > 0) || !(std::abs(left) > near * period_s)) return velocity;
   return along + std::copysign(std::min(std::abs(nearing), brakable(std::abs(left) / period_s, joint)), left);
 }
@@ -143,7 +143,7 @@ double followingVelocity(const JointPaths& paths, int which, const JointMotion& 
 }  // namespace
 
 void JointPaths::add(const CArmJoints& places, double weight) {
-  if (size_ == kMostPoints) return;
+  if (size_ == kMaxPoints) return;
   places_[static_cast<std::size_t>(size_)] = places;
   weights_[static_cast<std::size_t>(size_++)] = weight;
 }
@@ -162,4 +162,4 @@ CArmJoints followingVelocity(const JointPaths& paths, const JointsMotion& motion
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -6,12 +6,12 @@
 #include "angio/geometry/carm_limits.hpp"
 #include "angio/servo/path_plan_settings.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// Where joints should be after each of the next periods.
 class JointPaths {
  public:
-  static constexpr int kMostPoints = 16;
+  static constexpr int kMaxPoints = 16;
 
   /// @param places  After one more period, from where the joints are now [rad, m].
   /// @param weight  How much that matters.
@@ -22,8 +22,8 @@ class JointPaths {
   double weight(int k) const { return weights_[static_cast<std::size_t>(k)]; }
 
  private:
-  std::array<CArmJoints, kMostPoints> places_;
-  std::array<double, kMostPoints> weights_;
+  std::array<CArmJoints, kMaxPoints> places_;
+  std::array<double, kMaxPoints> weights_;
   int size_ = 0;
 };
 
@@ -43,4 +43,4 @@ struct JointsMotion {
 CArmJoints followingVelocity(const JointPaths& paths, const JointsMotion& motion, const CArmLimits& limits,
                              const PathPlanSettings& settings, double period_s);
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 // Joints that go from their velocity to the wanted one with their acceleration.
@@ -48,4 +48,4 @@ CArmState LatencyCompensator::atArrival(const TaskInput& input) {
   return then;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -6,7 +6,7 @@
 #include "angio/geometry/carm.hpp"
 #include "angio/servo/task.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// The commands that were given and do not move the machine yet: what a loop with a latency has to know of itself.
 /// Source: O. J. M. Smith, Closer control of loops with dead time, Chem. Eng. Progress 53 (1957).
@@ -40,4 +40,4 @@ class LatencyCompensator {
   bool interrupted_ = false;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -8,7 +8,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 constexpr const char* kJointNames[kCArmJointCount] = {"primary", "secondary", "table x", "table y", "table z"};
@@ -59,15 +59,15 @@ std::optional<Rejection> MessageTimingMonitor::follow(std::optional<Arrival>& la
   }
   const double passed_us = between_us(last->now_us, now_us), ticked_us = between_us(last->time_us, time_us);
   const bool began_again = sequence < last->sequence;
-  const bool jumped = ticked_us <= 0 || ticked_us - passed_us > 1e3 * settings_.most_clock_jump_ms;
-  const double quickest_us = std::min(lag_us, last->least_lag_us + 1e-6 * settings_.clock_drift_ppm * passed_us);
+  const bool jumped = ticked_us <= 0 || ticked_us - passed_us > 1e3 * settings_.max_clock_jump_ms;
+  const double quickest_us = std::min(lag_us, last->min_lag_us + 1e-6 * settings_.clock_drift_ppm * passed_us);
   last = Arrival{now_us, time_us, sequence, began_again || jumped ? lag_us : quickest_us};
   if (began_again) {
     return Rejection{ServoCause::kFrameDoubted, std::string("the sender of ") + what + " began again"};
   }
   if (!jumped) return std::nullopt;
-  return Rejection{ServoCause::kClockJumped, std::string(what) + " went on by " + shown(1e-3 * ticked_us) + " ms in " +
-                                                 shown(1e-3 * passed_us) + " ms"};
+  return Rejection{ServoCause::kClockJumped, std::string(what) + " went on by " + formatValue(1e-3 * ticked_us) +
+                                                 " ms in " + formatValue(1e-3 * passed_us) + " ms"};
 }
 
 std::optional<Rejection> MessageTimingMonitor::rejection(const XrayFrame& frame, std::int64_t now_us) {
@@ -77,17 +77,17 @@ std::optional<Rejection> MessageTimingMonitor::rejection(const XrayFrame& frame,
   const auto doubt = [](std::string reason) { return Rejection{ServoCause::kFrameDoubted, std::move(reason)}; };
   if (frozen) return doubt("the image is frozen: a new frame with the last one's pixels");
   const auto tooOld = [&](double age_us, const char* against) -> std::optional<Rejection> {
-    if (age_us <= 1e3 * settings_.most_frame_age_ms) return std::nullopt;
-    return doubt("the frame is " + shown(1e-3 * age_us) + " ms later than " + against + ": at most " +
-                 shown(settings_.most_frame_age_ms));
+    if (age_us <= 1e3 * settings_.max_frame_age_ms) return std::nullopt;
+    return doubt("the frame is " + formatValue(1e-3 * age_us) + " ms later than " + against + ": at most " +
+                 formatValue(settings_.max_frame_age_ms));
   };
-  if (auto old = tooOld(between_us(frame.time_us, now_us) - frame_->least_lag_us, "the quickest")) return old;
+  if (auto old = tooOld(between_us(frame.time_us, now_us) - frame_->min_lag_us, "the quickest")) return old;
   return joints_ ? tooOld(between_us(frame.time_us, joints_->time_us), "the newest joints") : std::nullopt;
 }
 
 std::optional<Rejection> MessageTimingMonitor::implausible(const CArmState& state) const {
   const auto about = [](int joint, double value, const char* what) {
-    return std::string(kJointNames[joint]) + " at " + shown(value) + what;
+    return std::string(kJointNames[joint]) + " at " + formatValue(value) + what;
   };
   for (int i = 0; i < kCArmJointCount; ++i) {
     const double q = state.joints[i], middle = 0.5 * (limits_.lower[i] + limits_.upper[i]);
@@ -128,4 +128,4 @@ std::optional<Rejection> MessageTimingMonitor::rejection(const CatheterState& st
   return follow(drive_, now_us, state.time_us, state.sequence, "the drive's states");
 }
 
-}  // namespace angio
+}  // namespace angio::servo

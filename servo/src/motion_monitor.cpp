@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/motion_monitor.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 constexpr const char* kJointNames[kCArmJointCount] = {"primary", "secondary", "table x", "table y", "table z"};
@@ -16,11 +16,12 @@ MotionMonitor::MotionMonitor(const MotionMonitorSettings& settings, const CArmLi
     joint.angle = i < 2;
     joint.lower = limits.lower[i];
     joint.upper = limits.upper[i];
-    joint.acceleration = settings.least_acceleration * limits.acceleration[i];
-    joint.forgotten_speed = settings.forgotten_share * limits.velocity[i];
-    joint.most_stray = joint.angle ? degToRad(settings.most_stray_deg) : 1e-3 * settings.most_stray_mm;
-    joint.most_lag = joint.angle ? degToRad(settings.most_lag_deg) : 1e-3 * settings.most_lag_mm;
-    joint.most_latency_s = 1e-3 * settings.most_latency_ms;
+    joint.acceleration = settings.min_acceleration * limits.acceleration[i];
+    joint.deadband_speed = settings.deadband_share * limits.velocity[i];
+    joint.max_deviation = joint.angle ? degToRad(settings.max_deviation_deg) : 1e-3 * settings.max_deviation_mm;
+    joint.max_following_error =
+        joint.angle ? degToRad(settings.max_following_error_deg) : 1e-3 * settings.max_following_error_mm;
+    joint.max_latency_s = 1e-3 * settings.max_latency_ms;
     joints_.emplace_back(joint);
   }
 }
@@ -44,4 +45,4 @@ std::optional<std::string> MotionMonitor::measured(const CArmState& state) {
   return fault;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 constexpr std::int64_t kPatience_us = 150'000;  // Two frames: so long an answer may take.
@@ -47,4 +47,4 @@ void Operator::start(std::int64_t now_us) {
   ask(armed_ ? ServoRequestKind::kStart : ServoRequestKind::kArm, now_us);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -5,9 +5,9 @@
 #include <visp3/visual_features/vpFeatureTranslation.h>
 
 #include "angio/geometry/visp.hpp"
-#include "law_task.hpp"
+#include "visp_servo_law.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 class PositionBased final : public ServoLaw {
@@ -34,7 +34,7 @@ class PositionBased final : public ServoLaw {
  private:
   vpFeatureTranslation translation_, desired_translation_;
   vpFeatureThetaU theta_u_, desired_theta_u_;
-  LawTask task_;  // Last: goes before the features that it holds.
+  VispServoLaw task_;  // Last: goes before the features that it holds.
 };
 
 }  // namespace
@@ -44,4 +44,4 @@ std::unique_ptr<ServoLaw> make(const PositionBasedSettings& settings, const LawM
   return std::make_unique<PositionBased>(settings, model);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

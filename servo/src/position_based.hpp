@@ -3,7 +3,7 @@
 
 #include "angio/servo/servo_law.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// PBVS with ViSP's vpServo on vpFeatureTranslation (cdMc) and vpFeatureThetaU (cdRc).
 ///
@@ -11,4 +11,4 @@ namespace angio {
 /// out: five features for five joints.
 std::unique_ptr<ServoLaw> make(const PositionBasedSettings& settings, const LawModel& model);
 
-}  // namespace angio
+}  // namespace angio::servo

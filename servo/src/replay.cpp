@@ -5,7 +5,7 @@
 
 #include "angio/base/formatted.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 // Of what every machine's command has.
@@ -55,9 +55,10 @@ std::optional<std::string> difference(const CArmCommand& replayed, const CArmCom
 
 std::optional<std::string> difference(const CatheterCommand& replayed, const CatheterCommand& logged) {
   if (auto d = differenceInName(replayed, logged)) return d;
-  if (auto d = difference("insertion_speed", replayed.insertion_speed_mps, logged.insertion_speed_mps)) return d;
-  if (auto d = difference("roll_speed", replayed.roll_speed_radps, logged.roll_speed_radps)) return d;
-  return difference("bend_speed", replayed.bend_speed_radps, logged.bend_speed_radps);
+  if (auto d = difference("insertion_speed", replayed.insertion_speed_m_per_s, logged.insertion_speed_m_per_s))
+    return d;
+  if (auto d = difference("roll_speed", replayed.roll_speed_rad_per_s, logged.roll_speed_rad_per_s)) return d;
+  return difference("bend_speed", replayed.bend_speed_rad_per_s, logged.bend_speed_rad_per_s);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

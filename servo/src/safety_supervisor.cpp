@@ -6,7 +6,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 FrameSupervisor::FrameSupervisor(const SupervisionSettings& settings, const CArmLimits& limits,
                                  const Eigen::Vector3d& target_model)
@@ -64,11 +64,11 @@ void FrameSupervisor::trust(const Pose& T_patient_model, const Eigen::Vector3d& 
     const double turned_deg = radToDeg(rotationAngle(T_patient_model.linear() * last->linear().transpose()));
     const Eigen::Vector3d moved = T_patient_model * target_ - *last * target_;
     const double depth_mm = 1e3 * std::abs(moved.dot(beam_patient)), moved_mm = 1e3 * moved.cross(beam_patient).norm();
-    if (!(turned_deg <= settings_.most_start_spread_deg) || !(moved_mm <= settings_.most_start_spread_mm) ||
-        !(depth_mm <= settings_.most_start_spread_depth_mm)) {
+    if (!(turned_deg <= settings_.max_start_spread_deg) || !(moved_mm <= settings_.max_start_spread_mm) ||
+        !(depth_mm <= settings_.max_start_spread_depth_mm)) {
       states_.doubted(Doubt::kContradiction,
-                      "consecutive frames disagree by " + shown(turned_deg) + " deg, " + shown(moved_mm) +
-                          " mm, in depth " + shown(depth_mm) + " mm",
+                      "consecutive frames disagree by " + formatValue(turned_deg) + " deg, " + formatValue(moved_mm) +
+                          " mm, in depth " + formatValue(depth_mm) + " mm",
                       now_us);
       return;
     }
@@ -81,4 +81,4 @@ void FrameSupervisor::doubt(Doubt kind, const std::string& reason, std::int64_t 
   states_.doubted(kind, reason, now_us);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

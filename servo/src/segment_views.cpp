@@ -7,7 +7,7 @@
 
 #include "angio/vessel/resample.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 constexpr double kFinestStep_m = 0.5e-3;  // Finer than any vessel that an X-ray shows is wide.
@@ -48,8 +48,8 @@ std::vector<Place> placesOn(const VesselTree& tree, const TreeSegment& segment, 
   return places;
 }
 
-// Along the tree from one point, as far as `most_m`: distances [m], infinite beyond.
-std::vector<double> alongTree(const VesselTree& tree, int from, double most_m) {
+// Along the tree from one point, as far as `max_m`: distances [m], infinite beyond.
+std::vector<double> alongTree(const VesselTree& tree, int from, double max_m) {
   std::vector<double> distance_m(static_cast<std::size_t>(tree.size()), std::numeric_limits<double>::infinity());
   std::vector<int> waiting{from};
   distance_m[static_cast<std::size_t>(from)] = 0;
@@ -59,7 +59,7 @@ std::vector<double> alongTree(const VesselTree& tree, int from, double most_m) {
     const auto visit = [&](int next) {
       const double d =
           distance_m[static_cast<std::size_t>(at)] + (tree.points().col(next) - tree.points().col(at)).norm();
-      if (d > most_m || d >= distance_m[static_cast<std::size_t>(next)]) return;
+      if (d > max_m || d >= distance_m[static_cast<std::size_t>(next)]) return;
       distance_m[static_cast<std::size_t>(next)] = d;
       waiting.push_back(next);
     };
@@ -73,7 +73,7 @@ std::vector<double> alongTree(const VesselTree& tree, int from, double most_m) {
 
 SegmentViews::SegmentViews(const VesselTree& tree, const TreeSegment& segment, const BestViewScene& scene,
                            const BestViewSettings& settings)
-    : source_isocentre_distance_m_(scene.source_isocentre_distance_m) {
+    : source_isocenter_distance_m_(scene.source_isocenter_distance_m) {
   const double unknown_m = 1e-3 * settings.unknown_radius_mm;
   const std::vector<Place> places = placesOn(tree, segment, settings.segment_points, unknown_m);
   middle_ = places[places.size() / 2].position;
@@ -82,8 +82,8 @@ SegmentViews::SegmentViews(const VesselTree& tree, const TreeSegment& segment, c
   tangents_.resize(3, n);
   lengths_m_.resize(n);
   radii_m_.resize(n);
-  const double step_m = std::max(kFinestStep_m, tree.length() / settings.most_points);
-  const VesselTree thinned = resampled(tree, step_m, settings.most_points).tree;
+  const double step_m = std::max(kFinestStep_m, tree.length() / settings.max_points);
+  const VesselTree thinned = resampled(tree, step_m, settings.max_points).tree;
   others_ = (scene.R_lps_model * (thinned.points().colwise() - middle_)).cast<float>();
   other_radii_m_.resize(thinned.size());
   double widest_m = 0;
@@ -112,7 +112,7 @@ SegmentViews::SegmentViews(const VesselTree& tree, const TreeSegment& segment, c
 
 ViewCost SegmentViews::cost(const ViewAngles& angles) const {
   const Eigen::Matrix3f R = viewRotation(angles).cast<float>();
-  const auto distance_m = static_cast<float>(source_isocentre_distance_m_);
+  const auto distance_m = static_cast<float>(source_isocenter_distance_m_);
   // Images as they are at the isocentre's distance [m].
   const auto image = [&](const Eigen::Vector3f& turned, float radius_m) {
     const float scale = distance_m / (turned.z() + distance_m);
@@ -155,4 +155,4 @@ float SegmentViews::covered(Eigen::Index i, const Tube& sample, const std::vecto
   return most / (2 * sample.r);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

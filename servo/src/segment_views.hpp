@@ -5,7 +5,7 @@
 
 #include "angio/servo/best_view.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// A segment and the tree around it, laid out so that one view costs some ten microseconds.
 class SegmentViews {
@@ -24,7 +24,7 @@ class SegmentViews {
   };
   float covered(Eigen::Index sample, const Tube& image, const std::vector<Tube>& near) const;
 
-  double source_isocentre_distance_m_;
+  double source_isocenter_distance_m_;
   Eigen::Vector3d middle_;
   Eigen::Matrix3Xf samples_, tangents_;  // Of the segment, patient axes about its middle [m].
   Eigen::ArrayXf lengths_m_, radii_m_;   // Of what each sample stands for; its radius.
@@ -33,4 +33,4 @@ class SegmentViews {
   Eigen::Matrix<bool, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> joined_;  // By sample and point.
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -5,10 +5,10 @@
 #include "image_based.hpp"
 #include "position_based.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 std::unique_ptr<ServoLaw> makeServoLaw(const ServoLawSettings& settings, const LawModel& model) {
   return std::visit([&](const auto& chosen) { return make(chosen, model); }, settings);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -7,11 +7,11 @@
 #include "angio/base/stopwatch.hpp"
 #include "angio/registration/message_conversion.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
 // Frames further apart than this do not belong to one motion.
-constexpr double kLongestPeriod_s = 0.2;
+constexpr double kMaxPeriod_s = 0.2;
 constexpr double kFirstPeriod_s = 1.0 / 15;
 
 // What would otherwise hold the arm frame after frame, or steer it by a matrix that is no rotation.
@@ -26,7 +26,7 @@ const ServoLoopSettings& checked(const ServoLoopSettings& settings) {
   const auto rotation = [&](const char* field, const Eigen::Matrix3d& R) {
     const double defect = rotationDefect(R);
     if (!(defect < 1e-6))
-      throw InputError(place, field, "R^T R - I up to " + shown(defect), "must be a rotation matrix");
+      throw InputError(place, field, "R^T R - I up to " + formatValue(defect), "must be a rotation matrix");
   };
   rotation("T_dsa_cb.rotation", settings.T_dsa_cb.linear());
   rotation("R_lps_model", settings.R_lps_model);
@@ -60,8 +60,8 @@ GatedPerceptionSettings ServoLoopSettings::gatedPerception() const {
 }
 
 ExternalInputs ServoLoopSettings::externalInputs() const {
-  const auto* centre = std::get_if<CentreTaskSettings>(&task);
-  return {external_registration, centre != nullptr && centre->on == CentreOn::kCatheterTip};
+  const auto* center = std::get_if<CenterTaskSettings>(&task);
+  return {external_registration, center != nullptr && center->on == CenterOn::kCatheterTip};
 }
 
 ServoLoop::ServoLoop(const ServoLoopSettings& settings, const VesselTree& tree)
@@ -180,7 +180,7 @@ void ServoLoop::answer(const XrayFrame& frame, const ServoInput& input, const Ex
     return;
   }
   const Stopwatch control;
-  const auto wanted = wantedVelocity(frame, state, external, std::min(period_s, kLongestPeriod_s), report);
+  const auto wanted = wantedVelocity(frame, state, external, std::min(period_s, kMaxPeriod_s), report);
   if (!wanted) return;
   report.command.velocity =
       limiter_.propose(*wanted, state.joints, ageAtArrival_s(frame.time_us, state, settings_.latency_s), period_s);
@@ -240,4 +240,4 @@ CArmCommand OpenLoop::step(const CArmState& state, double period_s) {
   return command;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -5,7 +5,7 @@
 
 #include "angio/registration/message_conversion.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 SafetySupervisor<MotionMonitor> NodeTraits<ServoLoop>::safety(const ServoLoop& loop) {
   const ServoLoopSettings& s = loop.settings();
@@ -14,7 +14,7 @@ SafetySupervisor<MotionMonitor> NodeTraits<ServoLoop>::safety(const ServoLoop& l
 
 void NodeTraits<ServoLoop>::publish(Bus& bus, const ServoLoop& loop, const ServoReport& report, ServoState) {
   if (report.observed && !loop.settings().external_registration) {
-    angio::publish(bus, kRegistrationChannel, registrationMessage(report));
+    angio::servo::publish(bus, kRegistrationChannel, registrationMessage(report));
   }
 }
 
@@ -43,4 +43,4 @@ ServoStatus servoStatus(const ServoReport& report) {
   return status;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

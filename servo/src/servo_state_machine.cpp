@@ -5,10 +5,10 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
-constexpr std::size_t kLongestLog = 256;
+constexpr std::size_t kMaxLog = 256;
 
 double between_ms(std::int64_t from_us, std::int64_t to_us) {
   return 1e-3 * (static_cast<double>(to_us) - static_cast<double>(from_us));  // The difference may not fit an integer.
@@ -86,7 +86,7 @@ bool ServoStateMachine::clockRuns(std::int64_t now_us) {
     last_frame_us_.reset();
     contradicted_since_us_.reset();
     now_us_ = now_us;
-    fault(ServoCause::kClockJumped, "the loop's clock ran back by " + shown(by_ms) + " ms", now_us);
+    fault(ServoCause::kClockJumped, "the loop's clock ran back by " + formatValue(by_ms) + " ms", now_us);
   }
   now_us_ = now_us;
   return !back;
@@ -97,7 +97,7 @@ void ServoStateMachine::change(ServoEvent event, ServoCause cause, const std::st
   if (next == ServoState::kHold && event == ServoEvent::kDoubt) reason_ = reason;
   if (next == state_) return;
   log_.push_back({state_, next, cause, now_us, reason});
-  if (log_.size() > kLongestLog) log_.pop_front();
+  if (log_.size() > kMaxLog) log_.pop_front();
   ++transitions_;
   state_ = next;
   reason_ = next == ServoState::kServo ? "" : reason;
@@ -118,9 +118,9 @@ std::optional<std::string> ServoStateMachine::refusal(const ServoRequest& reques
   }
   if (request.transitions != transitions_) return "the request answers another state than the present one";
   const double age_ms = newest_frame_us == 0 ? 0 : std::abs(between_ms(request.status_time_us, newest_frame_us));
-  if (!(age_ms <= settings_.most_request_age_ms)) {
-    return "the request answers a status " + shown(age_ms) + " ms from now: at most " +
-           shown(settings_.most_request_age_ms);
+  if (!(age_ms <= settings_.max_request_age_ms)) {
+    return "the request answers a status " + formatValue(age_ms) + " ms from now: at most " +
+           formatValue(settings_.max_request_age_ms);
   }
   return std::nullopt;
 }
@@ -164,7 +164,7 @@ void ServoStateMachine::doubted(Doubt kind, const std::string& reason, std::int6
   change(ServoEvent::kDoubt, ServoCause::kFrameDoubted, reason, now_us);
   if (kind != Doubt::kContradiction) return;  // Seeing nothing for a while does not make a contradiction go away.
   if (!contradicted_since_us_) contradicted_since_us_ = now_us;
-  if (between_ms(*contradicted_since_us_, now_us) > settings_.most_contradiction_ms) {
+  if (between_ms(*contradicted_since_us_, now_us) > settings_.max_contradiction_ms) {
     fault(ServoCause::kViewDisagrees, reason, now_us);
   }
 }
@@ -177,8 +177,8 @@ void ServoStateMachine::fault(ServoCause cause, const std::string& reason, std::
 void ServoStateMachine::wait(std::int64_t now_us) {
   if (!clockRuns(now_us) || !last_frame_us_) return;
   const double gap_ms = between_ms(*last_frame_us_, now_us);
-  if (gap_ms <= settings_.most_frame_gap_ms) return;
-  const std::string reason = "no frame for " + shown(gap_ms) + " ms";
+  if (gap_ms <= settings_.max_frame_gap_ms) return;
+  const std::string reason = "no frame for " + formatValue(gap_ms) + " ms";
   trusted_in_a_row_ = 0;
   change(ServoEvent::kDoubt, ServoCause::kFramesLate, reason, now_us);
   if (gap_ms > settings_.frames_gone_ms) fault(ServoCause::kFramesGone, reason, now_us);
@@ -193,4 +193,4 @@ void ServoStateMachine::describe(ServoStatus& status) const {
   status.cause = log_.back().cause;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -5,7 +5,7 @@
 #include "hold_task.hpp"
 #include "view_task.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 std::string nameOf(const TaskSettings& settings) {
   return std::visit([](const auto& chosen) { return std::string(chosen.kName); }, settings);
@@ -23,4 +23,4 @@ std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& 
   return std::visit([&](const auto& chosen) { return make(chosen, context); }, settings);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -8,10 +8,10 @@
 #include "angio/geometry/visp.hpp"
 #include "latency_compensator.hpp"
 
-namespace angio {
+namespace angio::servo {
 namespace {
 
-constexpr int kMostAveraged = 15;  // Frames that a mean which forgets over eight is worth.
+constexpr int kMaxAveraged = 15;  // Frames that a mean which forgets over eight is worth.
 
 // A view as the task works with it.
 struct Goal {
@@ -19,8 +19,8 @@ struct Goal {
   Eigen::Vector3d target_model;  // At the isocentre's distance on the beam.
 };
 
-Goal goalOf(const DesiredView& view, double source_isocentre_distance_m) {
-  return {desiredPose(view, source_isocentre_distance_m), view.target_model};
+Goal goalOf(const DesiredView& view, double source_isocenter_distance_m) {
+  return {desiredPose(view, source_isocenter_distance_m), view.target_model};
 }
 
 Goal bestViewGoal(const ViewTaskSettings& settings, const TaskContext& context) {
@@ -29,18 +29,18 @@ Goal bestViewGoal(const ViewTaskSettings& settings, const TaskContext& context) 
                                   : segmentBetween(context.tree, settings.segment_first, settings.segment_last);
   const BestViewScene scene = bestViewScene(context.carm, context.limits, context.R_lps_model);
   const BestView best = bestView(context.tree, segment, scene, settings.best_view);
-  return goalOf({best.angles, best.target_model, context.R_lps_model}, scene.source_isocentre_distance_m);
+  return goalOf({best.angles, best.target_model, context.R_lps_model}, scene.source_isocenter_distance_m);
 }
 
-Goal poseGoal(const Pose& T, double source_isocentre_distance_m) {
+Goal poseGoal(const Pose& T, double source_isocenter_distance_m) {
   if (!T.matrix().allFinite() || !(rotationDefect(T.linear()) < 1e-6)) {
     throw InputError(ViewTaskSettings::kName, "T_camera_model", "", "must be a pose");
   }
-  return {T, T.inverse() * Eigen::Vector3d(0, 0, source_isocentre_distance_m)};
+  return {T, T.inverse() * Eigen::Vector3d(0, 0, source_isocenter_distance_m)};
 }
 
 Goal goalOf(const ViewTaskSettings& settings, const TaskContext& context) {
-  const double distance_m = context.carm.source_isocentre_distance_m;
+  const double distance_m = context.carm.source_isocenter_distance_m;
   switch (settings.goal) {
     case ViewGoal::kBestView:
       return bestViewGoal(settings, context);
@@ -113,7 +113,7 @@ std::optional<std::string> ViewTask::waits(const ViewRequest& request) {
   if (request.time_us != progress.request_us) {
     progress = {request.time_us, false};
     const ViewAngles angles = viewAnglesOf(Eigen::Vector3d(requested_->R_lps_model * request.beam_model));
-    goal_ = goalOf({angles, request.target_model, requested_->R_lps_model}, carm_.source_isocentre_distance_m);
+    goal_ = goalOf({angles, request.target_model, requested_->R_lps_model}, carm_.source_isocenter_distance_m);
     law_ = makeServoLaw(requested_->law, {&requested_->tree, goal_.target_model});
     settings_.reached_deg = radToDeg(request.within_rad);
     settings_.reached_mm = 1e3 * request.within_m;
@@ -167,15 +167,15 @@ CArmJoints ViewTask::brakable(CArmJoints velocity, const CArmJoints& left, doubl
 bool ViewTask::staysInside(const ViewError& error, const TaskInput& input) {
   const double place_variance = std::pow(input.patient().worstStd_m(goal_.target_model), 2);
   const double direction_variance = input.covariance(3, 3) + input.covariance(4, 4);
-  const double averaged = std::min(frames_inside_ + 1, kMostAveraged);
+  const double averaged = std::min(frames_inside_ + 1, kMaxAveraged);
   const auto within = [&](double size, double variance, double most) {
     return size + std::sqrt(std::max(0.0, variance) / averaged) <= most;
   };
-  const double most_rad = degToRad(settings_.reached_deg), most_m = 1e-3 * settings_.reached_mm;
-  const bool inside = error.direction_rad <= most_rad && error.target_m <= most_m;
+  const double max_rad = degToRad(settings_.reached_deg), max_m = 1e-3 * settings_.reached_mm;
+  const bool inside = error.direction_rad <= max_rad && error.target_m <= max_m;
   frames_inside_ = inside ? frames_inside_ + 1 : 0;
-  return frames_inside_ >= settings_.reached_frames && within(error.direction_rad, direction_variance, most_rad) &&
-         within(error.target_m, place_variance, most_m);
+  return frames_inside_ >= settings_.reached_frames && within(error.direction_rad, direction_variance, max_rad) &&
+         within(error.target_m, place_variance, max_m);
 }
 
 }  // namespace
@@ -185,4 +185,4 @@ std::unique_ptr<Task> make(const ViewTaskSettings& settings, const TaskContext& 
   return std::make_unique<ViewTask>(settings, context);
 }
 
-}  // namespace angio
+}  // namespace angio::servo

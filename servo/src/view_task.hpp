@@ -5,9 +5,9 @@
 
 #include "angio/servo/tasks.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// Throws InputError when a setting is out of its range, the tree has no such segment, or a pose is none.
 std::unique_ptr<Task> make(const ViewTaskSettings& settings, const TaskContext& context);
 
-}  // namespace angio
+}  // namespace angio::servo

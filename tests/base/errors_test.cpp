@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/base/errors.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -7,7 +8,7 @@
 
 #include "angio/test/errors.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 TEST(InputError, JoinsItsPartsInOneLine) {
@@ -57,4 +58,4 @@ TEST(Requirements, RefuseWhatIsNoNumberAndReturnWhatIs) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/base/settings.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -7,10 +8,10 @@
 
 #include "angio/test/errors.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
-enum class Colour { kRed, kBlue };
+enum class Color { kRed, kBlue };
 
 struct Inner {
   double spacing_mm = 1;
@@ -20,12 +21,12 @@ struct Inner {
 struct Outer {
   int iterations = 5;
   bool on = true;
-  Colour colour = Colour::kRed;
+  Color color = Color::kRed;
   Inner inner;
   void visit(SettingsVisitor& v) {
     v.integer("iterations", iterations, 1, 100);
     v.flag("on", on);
-    v.choice("colour", colour, {"red", "blue"});
+    v.choice("colour", color, {"red", "blue"});
     v.section("inner", [&](SettingsVisitor& fields) { inner.visit(fields); });
   }
 };
@@ -34,7 +35,7 @@ TEST(CheckSettings, TakesTheDefaultsAndTheBorders) {
   Outer settings;
   EXPECT_NO_THROW(checkSettings("s.yaml", settings));
   settings.iterations = 100;
-  settings.colour = Colour::kBlue;
+  settings.color = Color::kBlue;
   settings.inner.spacing_mm = 0;
   EXPECT_NO_THROW(checkSettings("s.yaml", settings));
 }
@@ -55,9 +56,9 @@ TEST(CheckSettings, NamesTheSectionAndRefusesNaN) {
 
 TEST(CheckSettings, RefusesAnEnumWithoutAName) {
   Outer settings;
-  settings.colour = static_cast<Colour>(2);
+  settings.color = static_cast<Color>(2);
   EXPECT_THAT(test::refusalOf([&] { checkSettings("s.yaml", settings); }), testing::HasSubstr("colour"));
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <ctime>
 
+#include "angio/benchmarks/namespace.hpp"
 #include "angio/perception/perception.hpp"
 #include "angio/perception/registration_gate.hpp"
 #include "angio/robot/carm_motion_limiter.hpp"
@@ -33,7 +34,7 @@ PatientMotion motionOf(const Scene& scene, bool moving) {
     settings.breathing.amplitude_mm = 15;
     settings.breathing.diaphragm_mm = 0;
     settings.heartbeat.amplitude_mm = 2;
-    settings.heartbeat.centre_mm[2] = 50;
+    settings.heartbeat.center_mm[2] = 50;
   }
   return PatientMotion(settings, scene.tree.centroid(), Eigen::Matrix3d::Identity(), 1);
 }
@@ -43,7 +44,7 @@ template <typename Settings>
 void control(benchmark::State& state) {
   const Scene scene;
   const CArmLimits limits =
-      CArmLimits::typical(scene.carm.source_detector_distance_m - scene.carm.source_isocentre_distance_m);
+      CArmLimits::typical(scene.carm.source_detector_distance_m - scene.carm.source_isocenter_distance_m);
   const Eigen::Vector3d target = scene.tree.centroid();
   const PatientMotion motion = motionOf(scene, state.range(0) == 1);
   const auto task = makeTask(
@@ -98,7 +99,7 @@ void control(benchmark::State& state) {
 }
 // A minute of frames; the motion is learnt between them.
 BENCHMARK(control<ViewTaskSettings>)->ArgName("moving")->Arg(0)->Iterations(900)->Unit(benchmark::kMicrosecond);
-BENCHMARK(control<CentreTaskSettings>)
+BENCHMARK(control<CenterTaskSettings>)
     ->ArgName("moving")
     ->Arg(0)
     ->Arg(1)
@@ -115,9 +116,9 @@ void perceive(benchmark::State& state) {
   const XrayFrame frame{0, 1, renderer.render(scene.camera, scene.truth, 0), scene.camera};
   std::optional<PointOfInterest> place;
   if (state.range(0) == 1) {
-    const CentreTaskSettings centre;
-    place = PointOfInterest{scene.tree.points().col(scene.tree.size() / 2), 1e-3 * centre.near_mm,
-                            1e-3 * centre.near_std_mm};
+    const CenterTaskSettings center;
+    place = PointOfInterest{scene.tree.points().col(scene.tree.size() / 2), 1e-3 * center.near_mm,
+                            1e-3 * center.near_std_mm};
   }
   Perception perception(PerceptionSettings(), scene.carm, Pose::Identity(), scene.tree, place);
   const Observation first = perception.observe(frame, arm);

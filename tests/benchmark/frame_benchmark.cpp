@@ -2,6 +2,7 @@
 // The stages of a frame before and after the registration: making it, sending it, finding its centrelines.
 #include <benchmark/benchmark.h>
 
+#include "angio/benchmarks/namespace.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/messaging/codec.hpp"
 #include "angio/servo/servo_loop.hpp"
@@ -83,7 +84,7 @@ BENCHMARK_CAPTURE(renderWithout, focal_spot, [](SimulatedPatientSettings& s) {
   s.fluoroscopy.detector.focal_spot_mm = 0;
 })->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(renderWithout, light_spread, [](SimulatedPatientSettings& s) {
-  s.fluoroscopy.detector.psf_sigma_mm = 0;
+  s.fluoroscopy.detector.psf_std_mm = 0;
 })->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(renderWithout, distortion, [](SimulatedPatientSettings& s) {
   s.fluoroscopy.intensifier = {};

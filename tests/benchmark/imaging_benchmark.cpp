@@ -7,8 +7,9 @@
 #include <opencv2/ximgproc.hpp>
 #include <vector>
 
+#include "angio/benchmarks/namespace.hpp"
+#include "angio/imaging/collimator_opening.hpp"
 #include "angio/imaging/extractor.hpp"
-#include "angio/imaging/open_field.hpp"
 #include "angio/imaging/subtraction.hpp"
 #include "angio/imaging/temporal_median.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
@@ -23,7 +24,7 @@ struct Frame {
     const Scene scene;
     const auto& p = scene.camera.parameters();
     const double spacing_m = p.pixel_spacing_m.value() * p.width_px / side_px;
-    const XrayCamera camera = XrayCamera::centred(side_px, side_px, spacing_m, p.source_detector_distance_m.value());
+    const XrayCamera camera = XrayCamera::centered(side_px, side_px, spacing_m, p.source_detector_distance_m.value());
     FluoroscopyRenderer renderer(scene.tree, FluoroscopySettings());
     image = renderer.render(camera, scene.truth, 0);
     next = renderer.render(camera, scene.truth, 1);

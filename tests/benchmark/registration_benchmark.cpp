@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <benchmark/benchmark.h>
 
-#include "angio/registration/agreement.hpp"
+#include "angio/benchmarks/namespace.hpp"
+#include "angio/registration/alignment_score.hpp"
 #include "angio/registration/registration.hpp"
 #include "field_step.hpp"
 #include "oriented_image.hpp"
@@ -19,7 +20,7 @@ IterativePnpSettings withPrior(PriorForm prior) {
   IterativePnpSettings settings;
   settings.prior = prior;
   settings.spacing_mm = settings.spacing_px = 0;
-  settings.most_points_3d = 100000;
+  settings.max_points_3d = 100000;
   return settings;
 }
 
@@ -101,7 +102,7 @@ BENCHMARK(rigidByModelSize)->RangeMultiplier(2)->Range(500, 8000)->Unit(benchmar
 OrientedKernelSettings oriented(Deformation deformation) {
   OrientedKernelSettings settings;
   settings.spacing_mm = 0;
-  settings.most_points_3d = 100000;
+  settings.max_points_3d = 100000;
   settings.prior_rotation_std_deg = 1;
   settings.prior_translation_std_mm = 3;
   settings.deformation = deformation;
@@ -174,7 +175,7 @@ void lookAtFieldBySize(benchmark::State& state) {
   fieldOfView(XrayView{image, scene.camera}, view);
   const Pose T = scene.start(1, 3) * Eigen::Translation3d(model.centroid);
   for (auto _ : state) {
-    benchmark::DoNotOptimize(lookAtField(model.all, field, scene.camera, view, T, {}).objective);
+    benchmark::DoNotOptimize(sampleField(model.all, field, scene.camera, view, T, {}).objective);
   }
   state.SetComplexityN(state.range(0));
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/benchmarks/namespace.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/test/phantoms.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/anatomy_registration.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,10 +17,10 @@
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
-const Eigen::Vector3d kCentre(0.5, -0.1, 0.3);  // Models are often far from their origin.
+const Eigen::Vector3d kCenter(0.5, -0.1, 0.3);  // Models are often far from their origin.
 
 struct Anatomy {
   Pose T_dsa_cb;
@@ -30,7 +31,7 @@ struct Anatomy {
 Anatomy simulated(test::Random& random, int views, const AnatomyRegistrationSettings& settings, double noise) {
   Anatomy anatomy;
   anatomy.T_dsa_cb = expSE3(random.twist(0, 1));
-  anatomy.T_dsa_cb.translation() = random.vector(0.02) - anatomy.T_dsa_cb.linear() * kCentre;
+  anatomy.T_dsa_cb.translation() = random.vector(0.02) - anatomy.T_dsa_cb.linear() * kCenter;
   const CArmGeometry carm;
   for (int i = 0; i < views; ++i) {
     AnatomyView view;
@@ -38,25 +39,25 @@ Anatomy simulated(test::Random& random, int views, const AnatomyRegistrationSett
     CArmJoints joints = CArmJoints::Zero();
     joints.head<2>() << random.uniform(-0.8, 0.8), random.uniform(-0.5, 0.5);
     view.T_camera_patient = carm.T_camera_patient(joints);
-    view.isocentre_camera_m = view.T_camera_patient.translation();
+    view.isocenter_camera_m = view.T_camera_patient.translation();
     Pose turn = Pose::Identity();
-    turn.linear() = expSO3(random.vector(noise * degToRad(settings.angle_sigma_deg)));
-    turn.translation() = view.isocentre_camera_m - turn.linear() * view.isocentre_camera_m;
-    const Eigen::Vector3d shift = random.vector(noise * 1e-3 * settings.shift_sigma_mm);
+    turn.linear() = expSO3(random.vector(noise * degToRad(settings.angle_std_deg)));
+    turn.translation() = view.isocenter_camera_m - turn.linear() * view.isocenter_camera_m;
+    const Eigen::Vector3d shift = random.vector(noise * 1e-3 * settings.shift_std_mm);
     view.T_camera_model = turn * view.T_camera_patient * Eigen::Translation3d(shift) * anatomy.T_dsa_cb;
     // A registration is right across the beam and weak along it, about the model's centre.
     Vector6d sigmas;
     sigmas << 0.1e-3, 0.1e-3, 3e-3, degToRad(0.2), degToRad(0.2), degToRad(0.1);
-    const Eigen::Vector3d centre = view.T_camera_model * kCentre;
+    const Eigen::Vector3d center = view.T_camera_model * kCenter;
     Vector6d error = sigmas;
     const Eigen::Vector3d of_rotation = random.vector(noise), of_translation = random.vector(noise);
     error.head<3>() = error.head<3>().cwiseProduct(of_translation);
     error.tail<3>() = error.tail<3>().cwiseProduct(of_rotation);
     view.T_camera_model.linear() = expSO3(error.tail<3>()) * view.T_camera_model.linear();
-    view.T_camera_model.translation() = centre + error.head<3>() - view.T_camera_model.linear() * kCentre;
-    Matrix6d from_centre = Matrix6d::Identity();
-    from_centre.topRightCorner<3, 3>() = skew(view.T_camera_model.linear() * kCentre);
-    view.covariance = from_centre * sigmas.cwiseAbs2().asDiagonal() * from_centre.transpose();
+    view.T_camera_model.translation() = center + error.head<3>() - view.T_camera_model.linear() * kCenter;
+    Matrix6d from_center = Matrix6d::Identity();
+    from_center.topRightCorner<3, 3>() = skew(view.T_camera_model.linear() * kCenter);
+    view.covariance = from_center * sigmas.cwiseAbs2().asDiagonal() * from_center.transpose();
     anatomy.views.push_back(view);
   }
   return anatomy;
@@ -73,7 +74,7 @@ TEST(AnatomyRegistration, IsExactWithoutErrors) {
   const AnatomyRegistrationSettings settings;
   for (const int views : {1, 2, 5}) {
     const Anatomy anatomy = simulated(random, views, settings, 0);
-    const AnatomyResult result = registerAnatomy(anatomy.views, kCentre, settings);
+    const AnatomyResult result = registerAnatomy(anatomy.views, kCenter, settings);
     EXPECT_LT(errorOf(result.T_dsa_cb, anatomy.T_dsa_cb).norm(), 1e-9);
     for (const RunShift& run : result.runs) EXPECT_LT(run.shift_m.norm(), 1e-9);
   }
@@ -86,7 +87,7 @@ TEST(AnatomyRegistration, CovarianceIsRight) {
   double nees = 0;
   for (int i = 0; i < trials; ++i) {
     const Anatomy anatomy = simulated(random, 6, settings, 1);
-    const AnatomyResult result = registerAnatomy(anatomy.views, kCentre, settings);
+    const AnatomyResult result = registerAnatomy(anatomy.views, kCenter, settings);
     const Vector6d error = errorOf(result.T_dsa_cb, anatomy.T_dsa_cb);
     nees += error.dot(result.covariance.ldlt().solve(error)) / trials;
   }
@@ -101,7 +102,7 @@ TEST(AnatomyRegistration, AViewReversedInDepthIsNamedAndLeftOut) {
   Pose& wrong = anatomy.views[2].T_camera_model;
   wrong.linear() = expSO3({degToRad(6), degToRad(4), 0}) * wrong.linear();
   wrong.translation() += Eigen::Vector3d(0, 0, 0.01);
-  const AnatomyResult result = registerAnatomy(anatomy.views, kCentre, settings);
+  const AnatomyResult result = registerAnatomy(anatomy.views, kCenter, settings);
   EXPECT_EQ(result.outliers(), 1);
   EXPECT_TRUE(result.views[2].outlier);
   EXPECT_LT(errorOf(result.T_dsa_cb, anatomy.T_dsa_cb).tail<3>().norm(), degToRad(1));
@@ -112,7 +113,7 @@ TEST(AnatomyRegistration, WhatCannotBeIsRefused) {
   test::Random random(4);
   Anatomy anatomy = simulated(random, 4, settings, 1);
   const auto refusal = [&](const std::vector<AnatomyView>& views) {
-    return test::refusalOf([&] { registerAnatomy(views, kCentre, settings); });
+    return test::refusalOf([&] { registerAnatomy(views, kCenter, settings); });
   };
   EXPECT_NE(refusal({}).find("at least one"), std::string::npos);
   auto views = anatomy.views;
@@ -156,11 +157,11 @@ class StaticPhantom : public testing::Test {
     const auto outcomes = runCases(set, how);
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
       CArmGeometry carm;
-      carm.source_isocentre_distance_m = *angles.views[i].source_isocentre_distance_m;
+      carm.source_isocenter_distance_m = *angles.views[i].source_isocenter_distance_m;
       AnatomyView view;
       view.name = view.run = angles.views[i].name;
       view.T_camera_patient = carm.T_camera_patient(angles.views[i].joints);
-      view.isocentre_camera_m = view.T_camera_patient.translation();
+      view.isocenter_camera_m = view.T_camera_patient.translation();
       view.T_camera_model = outcomes[i].result.T_camera_model;
       view.covariance = *outcomes[i].result.covariance;
       views_.push_back(view);
@@ -207,4 +208,4 @@ TEST_F(StaticPhantom, JointPointsAndPosesAgree) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/bead_detection.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,10 +10,10 @@
 #include "angio/test/errors.hpp"
 #include "bead_scenes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
-const XrayCamera kCamera = XrayCamera::centred(1024, 1024, 0.25e-3, 1.1);
+const XrayCamera kCamera = XrayCamera::centered(1024, 1024, 0.25e-3, 1.1);
 
 struct Errors {
   int found = 0, of = 0, false_ones = 0;
@@ -26,18 +27,18 @@ Errors errorsOf(const BeadPhantom& phantom, const Pose& T, const std::vector<Bea
     const Eigen::Vector2d px = *kCamera.project(T * bead.position_m);
     if (px.minCoeff() < 5 || px.maxCoeff() > 1018) {
       // Cut by the edge: nobody wants it, but who finds it is right.
-      for (std::size_t i = 0; i < seen.size(); ++i) used[i] = used[i] || (seen[i].centre_px - px).norm() < 2;
+      for (std::size_t i = 0; i < seen.size(); ++i) used[i] = used[i] || (seen[i].center_px - px).norm() < 2;
       continue;
     }
     ++errors.of;
     for (std::size_t i = 0; i < seen.size(); ++i) {
-      const double error = (seen[i].centre_px - px).norm();
+      const double error = (seen[i].center_px - px).norm();
       if (error > 2 || used[i]) continue;
       used[i] = true;
       ++errors.found;
       errors.rms_px += error * error;
       errors.worst_px = std::max(errors.worst_px, error);
-      errors.normalised += error * error / (2 * seen[i].sigma_px * seen[i].sigma_px);
+      errors.normalised += error * error / (2 * seen[i].std_px * seen[i].std_px);
       break;
     }
   }
@@ -68,7 +69,7 @@ TEST(BeadDetection, FindsBeadsToATenthOfAPixelAndTellsThemApart) {
     for (std::size_t i = 0; i < seen.size(); ++i) {
       if (!match.bead[i]) continue;
       const Bead& bead = phantom.beads[static_cast<std::size_t>(*match.bead[i])];
-      EXPECT_LT((seen[i].centre_px - *kCamera.project(T * bead.position_m)).norm(), 2);
+      EXPECT_LT((seen[i].center_px - *kCamera.project(T * bead.position_m)).norm(), 2);
     }
   }
 }
@@ -96,8 +97,8 @@ TEST(BeadDetection, SeparatesShadowsThatOverlapAndThoseThatAreCut) {
     const Eigen::Vector2d px = *kCamera.project(T * bead.position_m);
     double nearest = 1e9, sigma = 1;
     for (const BeadDetection& one : seen) {
-      const double distance = (one.centre_px - px).norm();
-      if (distance < nearest) sigma = one.sigma_px;
+      const double distance = (one.center_px - px).norm();
+      if (distance < nearest) sigma = one.std_px;
       nearest = std::min(nearest, distance);
     }
     EXPECT_LT(nearest, std::max(0.15, 5 * sigma)) << px.transpose();
@@ -159,7 +160,7 @@ TEST_F(BeadMatching, StandsAnIntensifiersPincushion) {
   const auto distortion = DetectorDistortion::intensifier(kCamera, {0.04, 0, degToRad(2.5), 0});
   for (int i = 0; i < 4; ++i) {
     auto seen = detections(test::anyRotation(random_), 0.05, 0);
-    for (BeadDetection& one : seen) one.centre_px = distortion.distorted(one.centre_px);
+    for (BeadDetection& one : seen) one.center_px = distortion.distorted(one.center_px);
     const BeadMatch match = matchBeads("view", phantom_, seen);
     int right = 0;
     for (std::size_t k = 0; k < seen.size(); ++k) right += match.bead[k] == truth_[k];
@@ -169,7 +170,7 @@ TEST_F(BeadMatching, StandsAnIntensifiersPincushion) {
 
 TEST_F(BeadMatching, RefusesWhatIsNoViewOfThePhantom) {
   std::vector<BeadDetection> seen = detections(test::anyRotation(random_), 0, 0);
-  for (BeadDetection& one : seen) one.centre_px = {random_.uniform(200, 800), random_.uniform(200, 800)};
+  for (BeadDetection& one : seen) one.center_px = {random_.uniform(200, 800), random_.uniform(200, 800)};
   EXPECT_NE(test::refusalOf([&] { matchBeads("v.png", phantom_, seen); }).find("v.png: beads"), std::string::npos);
   seen[4].radius_px.reset();
   EXPECT_NE(test::refusalOf([&] { matchBeads("v.csv", phantom_, seen); }).find("radius_px"), std::string::npos);
@@ -179,4 +180,4 @@ TEST_F(BeadMatching, RefusesWhatIsNoViewOfThePhantom) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/bead_phantom.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 class BeadPhantomFile : public testing::Test {
@@ -96,4 +97,4 @@ TEST_F(BeadPhantomFile, BeadsThatCannotBeAreRefused) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

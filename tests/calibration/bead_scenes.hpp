@@ -5,15 +5,16 @@
 
 #include "angio/calibration/bead_phantom.hpp"
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 
 namespace angio::test {
 
 /// Rotation of the phantom as C-arms see it, or any.
-inline Pose phantomView(const BeadPhantom& phantom, const Eigen::Matrix3d& R, const Eigen::Vector3d& centre_camera_m) {
+inline Pose phantomView(const BeadPhantom& phantom, const Eigen::Matrix3d& R, const Eigen::Vector3d& center_camera_m) {
   Pose T = Pose::Identity();
   T.linear() = R;
-  T.translation() = centre_camera_m - R * phantom.centre_m();
+  T.translation() = center_camera_m - R * phantom.center_m();
   return T;
 }
 

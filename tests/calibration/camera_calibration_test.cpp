@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/camera_calibration.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <ceres/gradient_checker.h>
 #include <gtest/gtest.h>
@@ -17,7 +18,7 @@
 #include "camera_bundle.hpp"
 #include "camera_scenes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::kDetector;
@@ -43,7 +44,7 @@ TEST(CameraBundle, JacobiansAreThoseOfDifferences) {
     view.distance_m = 1.25;
     view.points_m = 0.04 * Eigen::Matrix3Xd::Ones(3, 1);
     view.seen_px = 400 * Eigen::Matrix2Xd::Ones(2, 1);
-    view.sigmas_px = Eigen::VectorXd::Constant(1, 0.5);
+    view.stds_px = Eigen::VectorXd::Constant(1, 0.5);
     view.T_camera_phantom.linear() = test::anyRotation(random);
     view.T_camera_phantom.translation() = Eigen::Vector3d(0.01, -0.02, 0.8);
     const auto cost = beadCost(bundle, view, 0);
@@ -78,7 +79,7 @@ TEST(CameraCalibration, CovarianceIsThatOfItsErrors) {
     principal += error.tail<2>().dot(covariance.bottomRightCorner<2, 2>().ldlt().solve(error.tail<2>())) / kTrials;
     double mean_depth_m = 0;
     for (std::size_t v = 0; v < scene.views.size(); ++v) {
-      mean_depth_m += (scene.T_camera_phantom[v] * phantom.centre_m()).z() / 20;
+      mean_depth_m += (scene.T_camera_phantom[v] * phantom.center_m()).z() / 20;
     }
     const double depth_error_mm = result.record.values[4] - 1e3 * mean_depth_m;
     depth += depth_error_mm * depth_error_mm / result.record.covariance(4, 4) / kTrials;
@@ -162,7 +163,7 @@ TEST(CameraCalibration, LeavesOutAndNamesWhatDoesNotFit) {
   test::Random random(15);
   const BeadPhantom phantom = helixPhantom();
   auto scene = test::cameraScene(phantom, {test::trueCamera(), {}, {}}, 12, 0.1, random);
-  scene.views[2].beads[7].centre_px.x() += 3;
+  scene.views[2].beads[7].center_px.x() += 3;
   const auto foreign = test::cameraScene(phantom, {test::trueCamera(1.2), {}, {}}, 12, 0.1, random);
   scene.views[5].beads = foreign.views[5].beads;
   const CameraCalibration result = calibrateCamera(phantom, kDetector, scene.views);
@@ -191,7 +192,7 @@ class CameraRefusal : public testing::Test {
 
 TEST_F(CameraRefusal, MirroredViews) {
   for (BeadView& view : views_) {
-    for (SeenBead& seen : view.beads) seen.centre_px.x() = 1023 - seen.centre_px.x();
+    for (SeenBead& seen : view.beads) seen.center_px.x() = 1023 - seen.center_px.x();
   }
   expect("mirrored against the phantom", phantom_);
 }
@@ -200,7 +201,7 @@ TEST_F(CameraRefusal, OneViewOverAndOver) {
   const BeadView first = views_[0];
   for (BeadView& view : views_) {
     view.beads = first.beads;
-    for (SeenBead& seen : view.beads) seen.centre_px += 0.1 * random_.vector(1).head<2>();
+    for (SeenBead& seen : view.beads) seen.center_px += 0.1 * random_.vector(1).head<2>();
   }
   expect("6 views that show them in one place", phantom_);
 }
@@ -308,7 +309,7 @@ TEST(CameraCalibration, SolvesTheExactPointsOfASimulatedAngiogram) {
     BundleView view;
     view.points_m = points;
     view.seen_px = seen_mm;
-    view.sigmas_px = Eigen::VectorXd::Ones(points.cols());
+    view.stds_px = Eigen::VectorXd::Ones(points.cols());
     view.use.assign(static_cast<std::size_t>(points.cols()), true);
     view.T_camera_phantom = parts.T_camera_model;
     view.T_camera_phantom = fittedPose(bundle, view);
@@ -317,4 +318,4 @@ TEST(CameraCalibration, SolvesTheExactPointsOfASimulatedAngiogram) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/calibration/camera_calibration.hpp"
+#include "angio/test/namespace.hpp"
 #include "bead_scenes.hpp"
 
 namespace angio::test {
@@ -36,7 +37,7 @@ inline CameraScene cameraScene(const BeadPhantom& phantom, const CameraFile& cam
 }
 
 inline XrayCamera trueCamera(double distance_m = 1.1) {
-  XrayCamera::Parameters p = XrayCamera::centred(1024, 1024, 0.25e-3, distance_m).parameters();
+  XrayCamera::Parameters p = XrayCamera::centered(1024, 1024, 0.25e-3, distance_m).parameters();
   p.cx_px += 9;
   p.cy_px -= 14;
   return XrayCamera(p);

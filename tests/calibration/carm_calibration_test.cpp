@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // A sound file, line by line, in which a test changes one line.
@@ -41,7 +42,7 @@ class CalibrationFiles : public testing::Test {
 
 TEST_F(CalibrationFiles, NumbersComeOutInMetres) {
   const CArmCalibration c = readWith("", "");
-  EXPECT_DOUBLE_EQ(c.carm.source_isocentre_distance_m, 0.810);
+  EXPECT_DOUBLE_EQ(c.carm.source_isocenter_distance_m, 0.810);
   EXPECT_DOUBLE_EQ(c.carm.source_detector_distance_m, 1.113);
   EXPECT_DOUBLE_EQ(c.carm.pixel_spacing_m, 0.25e-3);
   EXPECT_EQ(c.carm.image_width_px, 1024);
@@ -95,21 +96,21 @@ TEST(Calibration, ChecksWhatWasNotReadFromAFile) {
   EXPECT_NE(test::refusalOf([&] { c.check("mine"); }).find("mine: T_dsa_cb.translation_mm"), std::string::npos);
 }
 
-TEST(Miscalibrated, TurnsAboutTheCentreAndThenShifts) {
+TEST(Miscalibrated, TurnsAboutTheCenterAndThenShifts) {
   test::Random random(4);
   for (int i = 0; i < 20; ++i) {
     CArmCalibration truth;
     truth.T_dsa_cb = expSE3(random.twist(0.1, 1));
-    const Eigen::Vector3d centre = random.vector(0.1), axis = random.vector(3), shift = random.vector(0.01);
+    const Eigen::Vector3d center = random.vector(0.1), axis = random.vector(3), shift = random.vector(0.01);
     const double angle = random.uniform(0, 1);
-    const CArmCalibration wrong = miscalibrated(truth, centre, axis, angle, shift);
+    const CArmCalibration wrong = miscalibrated(truth, center, axis, angle, shift);
     const Eigen::Matrix3d turn = wrong.T_dsa_cb.linear() * truth.T_dsa_cb.linear().transpose();
     EXPECT_NEAR(rotationAngle(turn), angle, 1e-9);
     EXPECT_TRUE((turn * axis).isApprox(axis, 1e-9));
-    EXPECT_TRUE((wrong.T_dsa_cb * centre - truth.T_dsa_cb * centre).isApprox(shift, 1e-9));
+    EXPECT_TRUE((wrong.T_dsa_cb * center - truth.T_dsa_cb * center).isApprox(shift, 1e-9));
     EXPECT_EQ(wrong.carm.source_detector_distance_m, truth.carm.source_detector_distance_m);
   }
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -3,10 +3,11 @@
 
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using testing::HasSubstr;
@@ -92,4 +93,4 @@ TEST_F(CArmFiles, BadDeviationsAreNamed) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/direct_linear.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 Eigen::Matrix3d intrinsics() {
@@ -98,4 +99,4 @@ TEST(DirectLinear, ZhangsClosedFormIsExactAndItsPosesAsWell) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/geometry_calibration.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -9,7 +10,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using testing::Contains;
@@ -30,7 +31,7 @@ BeadPhantom helix() {
 
 struct Scene {
   BeadPhantom phantom = helix();
-  SimulatedMachine machine;
+  SimulatedDevice machine;
   GeometryCamera camera;
   std::vector<GeometryView> views;
 };
@@ -93,7 +94,7 @@ TEST(GeometryCalibration, FindsTheArmWithinItsCovariance) {
     const Scene scene = sceneOf(rigid(seed));
     const GeometryCalibration found = calibrate(scene);
     EXPECT_THAT(found.kept, testing::IsEmpty());
-    EXPECT_NEAR(found.bead_sigma_px.value(), kNoise_px, 0.01);
+    EXPECT_NEAR(found.bead_std_px.value(), kNoise_px, 0.01);
     const auto truth = scene.machine.truth.carm.poseParameters();
     Eigen::VectorXd error(kCArmPoseParameters);
     std::vector<int> places;
@@ -134,7 +135,7 @@ TEST(GeometryCalibration, AWrongViewIsNamedAndLeftOut) {
   const GeometryCalibration found = calibrate(scene);
   EXPECT_TRUE(found.record.views[7].outlier);
   EXPECT_THAT(found.doubts, Contains(HasSubstr("view v8 is left out")));
-  EXPECT_NEAR(found.carm.source_isocentre_distance_m, clean.carm.source_isocentre_distance_m, 1e-3);
+  EXPECT_NEAR(found.carm.source_isocenter_distance_m, clean.carm.source_isocenter_distance_m, 1e-3);
 }
 
 TEST(GeometryCalibration, WhatPositionsCannotTellIsKeptAndNamed) {
@@ -206,4 +207,4 @@ TEST(GeometryCalibration, ViewsOfAnotherMachineAreTold) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -7,19 +7,20 @@
 #include "angio/calibration/geometry_input.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "geometry_observation.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using testing::Contains;
 using testing::HasSubstr;
 
 struct Scene {
-  SimulatedMachine machine;
+  SimulatedDevice machine;
   PoseSet set;
   GeometryCamera camera;
 };
@@ -209,8 +210,8 @@ TEST(GeometryFromPoses, AFileOfPosesIsToldFromOneOfViews) {
   EXPECT_EQ(input.inputs.size(), 2U);
   const GeometryCalibration found = calibrateGeometry(input);
   EXPECT_EQ(found.views.size(), 15U);
-  EXPECT_NEAR(found.carm.source_isocentre_distance_m, truth.carm.source_isocentre_distance_m, 2e-3);
+  EXPECT_NEAR(found.carm.source_isocenter_distance_m, truth.carm.source_isocenter_distance_m, 2e-3);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/hand_eye_solvers.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Exact poses of any kind: hands anywhere within half a metre, turned in any way.
@@ -91,4 +92,4 @@ TEST(ComparedSolvers, SpeakOfTheSameTransforms) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/hand_eye.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +14,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 HandEyeSettings withMount(HandEyeMount mount) {
@@ -41,7 +42,7 @@ TEST_P(BothMounts, ExactPosesGiveTheExactAnswer) {
   o.camera_noise_deg = o.camera_noise_mm = 0;
   for (const bool said : {true, false}) {
     SimulatedPoseSet simulated = simulatedOrbit(CArmGeometry(), o, 1);
-    if (!said) simulated.set.camera_sigma = simulated.set.hand_sigma = std::nullopt;
+    if (!said) simulated.set.camera_std = simulated.set.hand_std = std::nullopt;
     const HandEyeResult result = calibrateHandEye(simulated.set, settings_);
     EXPECT_LT(errorOf(result.transforms, simulated.truth).norm(), 1e-8);
     EXPECT_EQ(result.outliers(), 0);
@@ -75,7 +76,7 @@ TEST_P(BothMounts, NoiseThatNobodySaidIsMeasured) {
   const int trials = 40;
   for (int trial = 0; trial < trials; ++trial) {
     SimulatedPoseSet simulated = simulatedOrbit(CArmGeometry(), o, 900 + trial);
-    simulated.set.camera_sigma = simulated.set.hand_sigma = std::nullopt;
+    simulated.set.camera_std = simulated.set.hand_std = std::nullopt;
     const HandEyeResult result = calibrateHandEye(simulated.set, settings_);
     EXPECT_FALSE(result.noise_given);
     EXPECT_EQ(result.outliers(), 0) << trial;
@@ -90,7 +91,7 @@ TEST_P(BothMounts, NoiseThatNobodySaidIsMeasured) {
 TEST_P(BothMounts, WrongPosesAreNamedAndLeftOut) {
   for (const bool said : {true, false}) {
     SimulatedPoseSet simulated = simulatedOrbit(CArmGeometry(), orbit(), 7);
-    if (!said) simulated.set.camera_sigma = simulated.set.hand_sigma = std::nullopt;
+    if (!said) simulated.set.camera_std = simulated.set.hand_std = std::nullopt;
     simulated.set.poses[2].T_camera_object.translation() += Eigen::Vector3d(0.02, 0, 0);
     Pose& turned = simulated.set.poses[11].T_camera_object;
     turned.linear() = expSO3({0, 0.1, 0}) * turned.linear();
@@ -105,7 +106,7 @@ TEST_P(BothMounts, WrongPosesAreNamedAndLeftOut) {
 
 TEST_P(BothMounts, NoiseSaidTooSmallIsToldAndWidensTheCovariance) {
   SimulatedPoseSet simulated = simulatedOrbit(CArmGeometry(), orbit(), 3);
-  simulated.set.camera_sigma = PoseSigma{degToRad(0.02), 0.06e-3};  // A fifth of the true one.
+  simulated.set.camera_std = PoseSigma{degToRad(0.02), 0.06e-3};  // A fifth of the true one.
   const HandEyeResult result = calibrateHandEye(simulated.set, settings_);
   ASSERT_FALSE(result.warnings.empty());
   EXPECT_NE(result.warnings[0].find("times as much as their noise is said to be"), std::string::npos);
@@ -143,7 +144,7 @@ TEST(KnownMount, ACameraThatSitsElsewhereIsRefused) {
 
 TEST(HandEye, OneAxisOfACArmIsRefused) {
   OrbitSettings o;
-  o.largest_secondary_deg = 0;
+  o.max_secondary_deg = 0;
   const std::string said = test::refusalOf([&] { calibrateHandEye(simulatedOrbit(CArmGeometry(), o, 1).set); });
   EXPECT_NE(said.find("all motions turn about one axis, [0.000, 1.000, 0.000] in the hand's axes"), std::string::npos)
       << said;
@@ -208,4 +209,4 @@ TEST(RealPoses, ViSPsTutorialIsMatchedAndItsBoardDoubted) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // What a hand-eye calibration must refuse, and how it says so.
 #include "angio/calibration/motion_spread.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr HandEyeSetup kSetups[] = {HandEyeSetup::kEyeInHand, HandEyeSetup::kEyeToHand};
@@ -146,4 +147,4 @@ TEST(TranslationScale, FindsTheFactorOrSaysNothing) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -5,15 +5,16 @@
 
 #include "angio/calibration/geometry_pictures.hpp"
 #include "angio/calibration/hand_eye_pictures.hpp"
+#include "angio/test/namespace.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Pixels of about this colour, BGR; the pictures' ground is white.
-int pixelsOf(const cv::Mat& picture, const cv::Scalar& colour) {
+int pixelsOf(const cv::Mat& picture, const cv::Scalar& color) {
   cv::Mat near;
   const cv::Scalar reach = cv::Scalar::all(20);
-  cv::inRange(picture, colour - reach, colour + reach, near);
+  cv::inRange(picture, color - reach, color + reach, near);
   return cv::countNonZero(near);
 }
 
@@ -71,4 +72,4 @@ TEST(CalibrationPictures, AnIdealArmsAxesMeetInTheMiddle) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

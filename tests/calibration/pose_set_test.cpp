@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/pose_set.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +13,7 @@
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr const char* kHand = "{rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1], translation_mm: [10, 20, 30]}";
@@ -45,8 +46,8 @@ TEST_F(PoseSetFiles, NumbersComeOutInMetresAndRadians) {
                 "setup: eye_to_hand\nmachine: lab-1\ncamera_sigma: {rotation_deg: 0.1, translation_mm: 0.3}\n"));
   EXPECT_EQ(set.setup, HandEyeSetup::kEyeToHand);
   EXPECT_EQ(set.machine, "lab-1");
-  EXPECT_NEAR(set.camera_sigma->rotation_rad, degToRad(0.1), 1e-15);
-  EXPECT_NEAR(set.camera_sigma->translation_m, 0.3e-3, 1e-15);
+  EXPECT_NEAR(set.camera_std->rotation_rad, degToRad(0.1), 1e-15);
+  EXPECT_NEAR(set.camera_std->translation_m, 0.3e-3, 1e-15);
   ASSERT_EQ(set.poses.size(), 1u);
   EXPECT_TRUE(set.poses[0].T_base_hand.translation().isApprox(Eigen::Vector3d(0.01, 0.02, 0.03)));
   // Rows of the file are rows of the matrix.
@@ -113,7 +114,7 @@ TEST_F(PoseSetFiles, MoveItSamplesThatAreNoneAreNamed) {
 
 // A board of 9 x 6 points and where a camera sees it.
 struct SeenBoard {
-  XrayCamera camera = XrayCamera::centred(640, 480, 1e-5, 6e-3);
+  XrayCamera camera = XrayCamera::centered(640, 480, 1e-5, 6e-3);
   Eigen::Matrix3Xd object{3, 54};
   Eigen::Matrix2Xd pixels{2, 54};
   Pose truth;
@@ -166,4 +167,4 @@ TEST(PoseOfPoints, RefusesWhatNoPoseExplains) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

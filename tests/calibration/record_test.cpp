@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration_records/record.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using namespace std::chrono;
@@ -119,4 +120,4 @@ TEST(Observability, FindsNothingInIndependentParameters) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

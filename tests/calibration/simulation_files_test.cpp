@@ -9,10 +9,11 @@
 #include "angio/calibration/pose_set.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "angio/io/image_files.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 CArmCalibration nominal() { return readCArmCalibration(test::exampleData("hepatic-tace/carm.yaml")); }
@@ -27,7 +28,7 @@ TEST(SimulatedCalibrationData, ReadersTakeItAndTheTruthExplainsIt) {
   writeCalibrationData(folder.path("set"), nominal(), Eigen::Vector3d::Zero(), settings, SimulatedImages::kNone);
   const BeadPhantom phantom = readBeadPhantom(folder.path("set/phantom.yaml"));
   const CArmCalibration truth = readCArmCalibration(folder.path("set/truth/carm.yaml"));
-  const SimulatedMachine machine = simulatedMachine(nominal(), Eigen::Vector3d::Zero(), settings);
+  const SimulatedDevice machine = simulatedMachine(nominal(), Eigen::Vector3d::Zero(), settings);
   EXPECT_EQ(truth.machine, "simulated-1");
   EXPECT_EQ(readViewSet(folder.path("set/camera/views.yaml")).views.size(), 3U);
 
@@ -41,7 +42,7 @@ TEST(SimulatedCalibrationData, ReadersTakeItAndTheTruthExplainsIt) {
     const XrayCamera camera = truth.carm.camera(*view.source_detector_distance_m);
     for (const BeadDetection& bead : readBeadTable(view.path)) {
       const auto& position_m = phantom.beads[static_cast<std::size_t>(*bead.bead)].position_m;
-      sum += (machine.distortion->distorted(*camera.project(T * position_m)) - bead.centre_px).squaredNorm();
+      sum += (machine.distortion->distorted(*camera.project(T * position_m)) - bead.center_px).squaredNorm();
       ++beads;
     }
   }
@@ -64,14 +65,14 @@ TEST(SimulatedCalibrationData, ImagesShowBeadsWhereTheTruthHasThem) {
   settings.distortion = SimulatedDistortion::kIntensifier;
   writeCalibrationData(folder.path("set"), nominal(), Eigen::Vector3d::Zero(), settings, SimulatedImages::kCamera);
   const BeadPhantom phantom = readBeadPhantom(folder.path("set/phantom.yaml"));
-  const SimulatedMachine machine = simulatedMachine(nominal(), Eigen::Vector3d::Zero(), settings);
+  const SimulatedDevice machine = simulatedMachine(nominal(), Eigen::Vector3d::Zero(), settings);
   const SimulatedBeadView truth = simulatedCameraViews(machine, phantom, settings)[0];
   const auto found = detectBeads(readXrayImage(folder.path("set/camera/v0001.png")));
   int near = 0;
   for (Eigen::Index i = 0; i < truth.pixels_px.cols(); ++i) {
     const Eigen::Vector2d shown = machine.distortion->distorted(truth.pixels_px.col(i));
     near += std::any_of(found.begin(), found.end(),
-                        [&](const BeadDetection& bead) { return (bead.centre_px - shown).norm() < 0.5; });
+                        [&](const BeadDetection& bead) { return (bead.center_px - shown).norm() < 0.5; });
   }
   EXPECT_GT(near, 0.8 * static_cast<double>(truth.pixels_px.cols())) << "of " << truth.pixels_px.cols();
 }
@@ -88,4 +89,4 @@ TEST(SimulatedCalibrationData, AnotherNumberOfViewsIsTheSameMachine) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/view_set.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/test/errors.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 const std::string kHead =
@@ -69,4 +70,4 @@ TEST(ViewSet, ACopyOfAViewIsRefused) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -4,8 +4,9 @@
 #include <limits>
 
 #include "angio/evaluation/case_run.hpp"
+#include "angio/test/namespace.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 CaseOutcome outcomeOf(RegistrationStatus status, std::optional<double> mtre_m = {}, std::optional<double> mpd_px = {}) {
@@ -97,4 +98,4 @@ TEST(CaseReport, NoCasesAndNoTruthAreNoFailure) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/case_run.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +16,7 @@
 #include "angio/test/temporary_folder.hpp"
 #include "angio/vessel/projection.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Files of one tree, seen from one side.
@@ -64,7 +65,7 @@ TEST_F(CaseRuns, CleanViewsAreFoundAndSummedUp) {
     EXPECT_LT(o.error->in_plane_m, 2e-4) << o.name;
     EXPECT_LT(radToDeg(o.error->rotation_rad), 0.2) << o.name;
     EXPECT_LT(o.error->mtre_m, 0.7 * o.start_error->mtre_m) << o.name;
-    EXPECT_NEAR(o.pixel_at_isocentre_m, 0.75 / camera_.parameters().fx_px, 0.01 * o.pixel_at_isocentre_m);
+    EXPECT_NEAR(o.pixel_at_isocenter_m, 0.75 / camera_.parameters().fx_px, 0.01 * o.pixel_at_isocenter_m);
   }
   const auto summary = summaryOf(outcomes);
   EXPECT_EQ(summary["cases"], 3);
@@ -76,8 +77,8 @@ TEST_F(CaseRuns, CleanViewsAreFoundAndSummedUp) {
 }
 
 TEST_F(CaseRuns, ASecondViewIsUsed) {
-  const Eigen::Translation3d to_centre(0, 0, 0.75);
-  const Pose T_side_first = to_centre * expSE3((Twist() << 0, 0, 0, 0, kPi / 2, 0).finished()) * to_centre.inverse();
+  const Eigen::Translation3d to_center(0, 0, 0.75);
+  const Pose T_side_first = to_center * expSE3((Twist() << 0, 0, 0, 0, kPi / 2, 0).finished()) * to_center.inverse();
   writePose(folder_.path("side.yaml"), {T_side_first, {}});
   writeView("a", truth_, nearby(truth_));
   writeCenterline(folder_.path("sa.csv"), projectedCenterline(tree_, camera_, T_side_first * truth_));
@@ -131,4 +132,4 @@ TEST_F(CaseRuns, ABlankImageIsAStatusWithATime) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/extraction_run.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -13,7 +14,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 const VesselTree& liver() {
@@ -89,4 +90,4 @@ TEST(SimulationFromImages, RefusesNoiseThatImagesDoNotHave) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

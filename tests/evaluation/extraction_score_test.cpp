@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/extraction_score.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // A straight branch from one point to another, a point every `step_px`.
@@ -52,7 +53,7 @@ TEST(ExtractionScore, KnowsTurnedLinesAndClaimedUncertainty) {
   const Centerline2d truth = curve({0, 50}, {200, 50});
   Centerline2d found = curve({20, 50.4}, {180, 50.4});
   found.tangent_rad.array() += degToRad(7);
-  found.sigma_px = Eigen::VectorXd::Constant(found.size(), 0.2);
+  found.std_px = Eigen::VectorXd::Constant(found.size(), 0.2);
   ExtractionScore score(1.5);
   score.add(found, truth);
   EXPECT_NEAR(*score.errorOverSigma(), 2, 1e-6);
@@ -139,4 +140,4 @@ TEST(ShownIn, FindsWhatTheImageShowsThroughARampAndNoise) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -8,14 +8,15 @@
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_feed.hpp"
 #include "angio/test/file_size_limit.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "angio/types/channels.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
-const XrayCamera kCamera = XrayCamera::centred(256, 200, 1e-3, 1);
+const XrayCamera kCamera = XrayCamera::centered(256, 200, 1e-3, 1);
 
 XrayFrame frameNumber(std::int64_t sequence) {
   return {1000 * sequence, sequence, cv::Mat(200, 256, CV_16UC1, cv::Scalar(30000)), kCamera};
@@ -39,14 +40,14 @@ ServoStatus statusOf(std::int64_t sequence, ServoState state) {
 }
 
 // Smoothed lines are of a colour only almost.
-int pixelsOf(const cv::Mat& picture, const cv::Scalar& colour, const cv::Rect& where) {
+int pixelsOf(const cv::Mat& picture, const cv::Scalar& color, const cv::Rect& where) {
   const cv::Scalar tolerance(40, 40, 40);
   cv::Mat found;
-  cv::inRange(picture(where), colour - tolerance, colour + tolerance, found);
+  cv::inRange(picture(where), color - tolerance, color + tolerance, found);
   return cv::countNonZero(found);
 }
 
-TEST(LiveOverlay, ShowsTheTreeInTheColourOfTheLoopsState) {
+TEST(LiveOverlay, ShowsTheTreeInTheColorOfTheLoopsState) {
   const VesselTree tree = test::branchingTree(3);
   Pose T = Pose::Identity();
   T.translation() = Eigen::Vector3d(0, 0, 0.8) - tree.centroid();
@@ -57,22 +58,22 @@ TEST(LiveOverlay, ShowsTheTreeInTheColourOfTheLoopsState) {
   const cv::Mat moving = overlay.draw(scene);
   EXPECT_EQ(moving.cols, 512);
   EXPECT_EQ(moving.rows % 2, 0);
-  EXPECT_GT(pixelsOf(moving, stateColour(ServoState::kServo), xray), 50);
+  EXPECT_GT(pixelsOf(moving, stateColor(ServoState::kServo), xray), 50);
 
   scene.status->state = ServoState::kHold;
   const cv::Mat held = overlay.draw(scene);
   EXPECT_EQ(held.size(), moving.size());
-  EXPECT_GT(pixelsOf(held, stateColour(ServoState::kHold), xray), 50);
-  EXPECT_EQ(pixelsOf(held, stateColour(ServoState::kServo), xray), 0);
+  EXPECT_GT(pixelsOf(held, stateColor(ServoState::kHold), xray), 50);
+  EXPECT_EQ(pixelsOf(held, stateColor(ServoState::kServo), xray), 0);
   const cv::Rect bar(0, held.rows - 12, 512, 6);
-  EXPECT_GT(pixelsOf(held, stateColour(ServoState::kServo), bar), 0) << "the bar remembers";
+  EXPECT_GT(pixelsOf(held, stateColor(ServoState::kServo), bar), 0) << "the bar remembers";
 
   scene.registration->model_id = modelId(test::branchingTree(4));
-  EXPECT_EQ(pixelsOf(overlay.draw(scene), stateColour(ServoState::kHold), xray), 0) << "a pose of another tree";
+  EXPECT_EQ(pixelsOf(overlay.draw(scene), stateColor(ServoState::kHold), xray), 0) << "a pose of another tree";
   scene.registration->model_id = modelId(tree);
-  EXPECT_GT(pixelsOf(overlay.draw(scene), stateColour(ServoState::kHold), xray), 50);
+  EXPECT_GT(pixelsOf(overlay.draw(scene), stateColor(ServoState::kHold), xray), 50);
   scene.registration->status_text = "too_few_points";
-  EXPECT_EQ(pixelsOf(overlay.draw(scene), stateColour(ServoState::kHold), xray), 0) << "a pose nobody believes";
+  EXPECT_EQ(pixelsOf(overlay.draw(scene), stateColor(ServoState::kHold), xray), 0) << "a pose nobody believes";
 }
 
 TEST(LiveFeed, JoinsWhatBelongsToOneFrame) {
@@ -191,4 +192,4 @@ TEST(FilmWriter, RefusesOtherNames) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -6,17 +6,18 @@
 
 #include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/plot.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // The middle of an antialiased line keeps nine tenths of its colour.
-bool isOf(const cv::Vec3b& pixel, const cv::Scalar& colour) {
-  return cv::norm(cv::Vec3d(pixel) - cv::Vec3d(colour[0], colour[1], colour[2])) < 30;
+bool isOf(const cv::Vec3b& pixel, const cv::Scalar& color) {
+  return cv::norm(cv::Vec3d(pixel) - cv::Vec3d(color[0], color[1], color[2])) < 30;
 }
 
 // 100 pixels a millimetre in the plane z = 1 m: two points on the image's column 300.
@@ -26,7 +27,7 @@ class Overlays : public testing::Test {
   XrayCamera camera_{{400, 420, 1e5, 1e5, 200, 210, {}, {}}};
 
   OverlayTree shownAt(const Eigen::Vector3d& shift) const {
-    return {Pose(Eigen::Translation3d(shift)), {}, kModelColour, "tree"};
+    return {Pose(Eigen::Translation3d(shift)), {}, kModelColor, "tree"};
   }
   cv::Mat draw(const OverlayTree& what, const cv::Mat& image = {}) const {
     OverlayScene scene;
@@ -36,22 +37,22 @@ class Overlays : public testing::Test {
   }
 };
 
-TEST_F(Overlays, TheTreeIsDrawnInItsColourWhereItProjects) {
+TEST_F(Overlays, TheTreeIsDrawnInItsColorWhereItProjects) {
   const cv::Mat canvas = draw(shownAt({0, 0, 0}));
   ASSERT_EQ(canvas.type(), CV_8UC3);
   ASSERT_EQ(canvas.size(), cv::Size(400, 420));
   for (const int row : {120, 210, 300}) {
-    EXPECT_TRUE(isOf(canvas.at<cv::Vec3b>(row, 300), kModelColour)) << row;
-    EXPECT_FALSE(isOf(canvas.at<cv::Vec3b>(row, 295), kModelColour)) << row;
+    EXPECT_TRUE(isOf(canvas.at<cv::Vec3b>(row, 300), kModelColor)) << row;
+    EXPECT_FALSE(isOf(canvas.at<cv::Vec3b>(row, 295), kModelColor)) << row;
   }
-  EXPECT_FALSE(isOf(canvas.at<cv::Vec3b>(340, 300), kModelColour)) << "beyond the tree's end";
+  EXPECT_FALSE(isOf(canvas.at<cv::Vec3b>(340, 300), kModelColor)) << "beyond the tree's end";
 }
 
 TEST_F(Overlays, PoseAndDisplacementsMoveTheTree) {
-  EXPECT_TRUE(isOf(draw(shownAt({-0.0005, 0, 0})).at<cv::Vec3b>(210, 250), kModelColour));
+  EXPECT_TRUE(isOf(draw(shownAt({-0.0005, 0, 0})).at<cv::Vec3b>(210, 250), kModelColor));
   OverlayTree displaced = shownAt({0, 0, 0});
   displaced.displacements_m = Eigen::Vector3d(0.0005, 0, 0).replicate(1, 2);
-  EXPECT_TRUE(isOf(draw(displaced).at<cv::Vec3b>(210, 350), kModelColour));
+  EXPECT_TRUE(isOf(draw(displaced).at<cv::Vec3b>(210, 350), kModelColor));
 }
 
 TEST_F(Overlays, TheImageIsTheGround) {
@@ -76,10 +77,10 @@ TEST_F(Overlays, PosesThatMeanNothingLeaveTheGround) {
 }
 
 // Pixels of a colour between the axes, where no legend stands.
-int pixelsOf(const cv::Mat& plot, const cv::Scalar& colour) {
+int pixelsOf(const cv::Mat& plot, const cv::Scalar& color) {
   const cv::Mat inside = plot.colRange(80, plot.cols - 120);
   cv::Mat same;
-  cv::inRange(inside, colour, colour, same);
+  cv::inRange(inside, color, color, same);
   return cv::countNonZero(same);
 }
 
@@ -92,13 +93,13 @@ TEST(Plots, StandBelowEachOther) {
   ASSERT_EQ(plot.type(), CV_8UC3);
   ASSERT_EQ(plot.size(), cv::Size(700, 400));
   // A line across 500 pixels, two wide.
-  EXPECT_GT(pixelsOf(plot.rowRange(0, 200), plotColour(0)), 400);
-  EXPECT_GT(pixelsOf(plot.rowRange(200, 400), plotColour(0)), 400);
+  EXPECT_GT(pixelsOf(plot.rowRange(0, 200), plotColor(0)), 400);
+  EXPECT_GT(pixelsOf(plot.rowRange(200, 400), plotColor(0)), 400);
 }
 
 TEST(Plots, WhatIsNotANumberLeavesAGap) {
-  const int whole = pixelsOf(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, 1, 1, 1})}), plotColour(0));
-  const int gap = pixelsOf(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, kNan, 1, 1})}), plotColour(0));
+  const int whole = pixelsOf(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, 1, 1, 1})}), plotColor(0));
+  const int gap = pixelsOf(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, kNan, 1, 1})}), plotColor(0));
   EXPECT_NEAR(gap, whole / 2, whole / 10);
 }
 
@@ -118,4 +119,4 @@ TEST(Plots, SurviveSeriesWithNothingToShow) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

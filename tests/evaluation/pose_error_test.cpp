@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/pose_error.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kRounding_m = 1e-12;  // Of sums over some hundred points of a metre's size.
@@ -24,7 +25,7 @@ TEST_F(PoseErrors, TheTruthHasNone) {
   const PoseError e = poseError(tree_, camera_, {truth_, {}}, {truth_, {}});
   EXPECT_EQ(e.mtre_m, 0);
   EXPECT_EQ(e.mpd_px, 0);
-  EXPECT_EQ(e.mpd_isocentre_m, 0);
+  EXPECT_EQ(e.mpd_isocenter_m, 0);
   EXPECT_EQ(e.centroid_m, 0);
   EXPECT_NEAR(e.rotation_rad, 0, 1e-12);
 }
@@ -44,18 +45,18 @@ TEST_F(PoseErrors, AShiftAcrossTheBeamIsSeen) {
   EXPECT_NEAR(e.depth_m, 0, kRounding_m);
   // Nearer points show more of it: the mean of 1/z exceeds 1/mean(z) by var(z)/mean(z)^2, about (0.04/0.75)^2 = 0.3 %
   // here.
-  ASSERT_TRUE(e.mpd_isocentre_m);
-  EXPECT_NEAR(*e.mpd_isocentre_m, 0.005, 0.005 * 0.005);
+  ASSERT_TRUE(e.mpd_isocenter_m);
+  EXPECT_NEAR(*e.mpd_isocenter_m, 0.005, 0.005 * 0.005);
   EXPECT_NEAR(*e.mpd_px, 0.005 / 0.75 * camera_.parameters().fx_px, 0.005 * *e.mpd_px);
 }
 
 TEST_F(PoseErrors, ATurnAboutTheBeamThroughTheCentroid) {
   const double angle = 0.02;
-  const Eigen::Translation3d centre(truth_ * tree_.centroid());
-  const Pose turned = centre * Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()) * centre.inverse() * truth_;
+  const Eigen::Translation3d center(truth_ * tree_.centroid());
+  const Pose turned = center * Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()) * center.inverse() * truth_;
   const PoseError e = poseError(tree_, camera_, {turned, {}}, {truth_, {}});
   const Eigen::Matrix3Xd seen = truth_ * tree_.points();
-  const double arm = (seen.topRows<2>().colwise() - centre.translation().head<2>()).colwise().norm().mean();
+  const double arm = (seen.topRows<2>().colwise() - center.translation().head<2>()).colwise().norm().mean();
   EXPECT_NEAR(e.rotation_rad, angle, 1e-12);
   EXPECT_NEAR(e.centroid_m, 0, kRounding_m);
   EXPECT_NEAR(e.depth_m, 0, kRounding_m);
@@ -76,9 +77,9 @@ TEST_F(PoseErrors, DisplacementsAreOfTheModelAndCountWithThePose) {
 TEST_F(PoseErrors, APoseBehindTheSourceHasNoProjection) {
   const PoseError e = poseError(tree_, camera_, {shifted({0, 0, -1.5}), {}}, {truth_, {}});
   EXPECT_FALSE(e.mpd_px);
-  EXPECT_FALSE(e.mpd_isocentre_m);
+  EXPECT_FALSE(e.mpd_isocenter_m);
   EXPECT_NEAR(e.mtre_m, 1.5, kRounding_m);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

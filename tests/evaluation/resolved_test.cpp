@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/resolved.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,7 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/test/errors.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Vessels a branch each, of equal contrast and radius unless `second` says otherwise, a point a pixel.
@@ -88,4 +89,4 @@ TEST(HaveOwnLine, AsksForRadiusAndContrast) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

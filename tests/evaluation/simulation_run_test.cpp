@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/simulation_run.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 CaseOutcome outcomeOf(double start_mm, double end_mm, RegistrationStatus status = RegistrationStatus::kConverged) {
@@ -20,7 +21,7 @@ CaseOutcome outcomeOf(double start_mm, double end_mm, RegistrationStatus status 
   o.error = PoseError{};
   o.error->mtre_m = 1e-3 * end_mm;
   o.error->mpd_px = 10 * end_mm;
-  o.error->mpd_isocentre_m = 2e-3 * end_mm;
+  o.error->mpd_isocenter_m = 2e-3 * end_mm;
   return o;
 }
 
@@ -196,4 +197,4 @@ TEST(SvgPlots, SurviveSeriesWithNothingToShow) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/simulation.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/resample.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Between projected points 0.25 mm apart a bent vessel leaves its chord by far less than this.
@@ -195,8 +196,8 @@ TEST_F(Simulations, CalibrationErrorsAreInWhatTheMethodIsTold) {
   EXPECT_NEAR(std::abs(ratio - 1), 0.02, 1e-12);
   const Pose off = wrong.T_view_first[1] * right.T_view_first[1].inverse();
   EXPECT_NEAR(radToDeg(rotationAngle(off.linear())), 1, 1e-9);
-  const Eigen::Vector3d isocentre(0, 0, 0.75);
-  EXPECT_NEAR((off * isocentre - isocentre).norm(), 3e-3, 1e-9);
+  const Eigen::Vector3d isocenter(0, 0, 0.75);
+  EXPECT_NEAR((off * isocenter - isocenter).norm(), 3e-3, 1e-9);
   EXPECT_TRUE(wrong.T_view_first[0].isApprox(Pose::Identity()));
 }
 
@@ -214,4 +215,4 @@ TEST_F(Simulations, SettingsOutOfRangeAreRefused) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/statistics.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -38,4 +39,4 @@ TEST(Statistics, WhatIsNotANumberIsTheWorst) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -32,6 +32,7 @@
 #include "angio/messaging/bus_monitor.hpp"
 #include "angio/messaging/lcm_datagrams.hpp"
 #include "angio/messaging/log_reader.hpp"
+#include "angio/test/namespace.hpp"
 #include "value_checks.hpp"
 
 namespace angio::test {
@@ -153,7 +154,7 @@ void readPhantom(const std::string& path) {
 
 void readBeads(const std::string& path) {
   for (const BeadDetection& bead : readBeadTable(path)) {
-    promised(bead.centre_px.allFinite() && bead.sigma_px > 0, "a bead is somewhere");
+    promised(bead.center_px.allFinite() && bead.std_px > 0, "a bead is somewhere");
   }
 }
 

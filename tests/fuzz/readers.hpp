@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "angio/test/namespace.hpp"
+
 namespace angio::test {
 
 /// One reader of files, as the fuzzers and their replay see it.

@@ -13,6 +13,7 @@
 
 #include "angio/messaging/any_message.hpp"
 #include "angio/messaging/log_reader.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "readers.hpp"
 

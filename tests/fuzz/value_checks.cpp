@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "value_checks.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <cmath>
 
@@ -32,7 +33,7 @@ void checkCenterline(const Centerline2d& line) {
   promised(line.kind.empty() || line.kind.size() == static_cast<std::size_t>(n), "each point has a kind");
   promised(line.contrast.size() == 0 || (line.contrast.size() == n && line.contrast.allFinite()), "contrast is finite");
   checkPositive(line.radius_px, n);
-  checkPositive(line.sigma_px, n);
+  checkPositive(line.std_px, n);
 }
 
 void checkCamera(const XrayCamera& camera) {

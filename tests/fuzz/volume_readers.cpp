@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "angio/test/namespace.hpp"
 #include "angio/volume/mesh_files.hpp"
 #include "angio/volume/volume_files.hpp"
 #include "readers.hpp"
@@ -13,7 +14,7 @@ namespace {
 constexpr double kMeshVoxel_m = 0.1;  // Coarse, so that no mesh of the largest size makes more than eight million.
 
 void checkGrid(const VoxelGrid& grid, std::size_t values) {
-  promised((grid.size.array() > 0).all() && grid.count() == values && values <= kMostVoxels, "each voxel has a value");
+  promised((grid.size.array() > 0).all() && grid.count() == values && values <= kMaxVoxels, "each voxel has a value");
   promised(grid.origin_m.allFinite() && (grid.spacing_m.array() > 0).all(), "voxels have their place");
   promised((grid.direction.transpose() * grid.direction).isIdentity(1e-9), "axes are at right angles");
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/geometry/carm_deviations.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -8,7 +9,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kDegree = kPi / 180;
@@ -50,7 +51,7 @@ Pose byTheChain(const CArmGeometry& carm, const CArmJoints& q) {
   T_iso_camera.rotate(Eigen::AngleAxisd(d.axis_skew_rad, y));
   T_iso_camera.rotate(Eigen::AngleAxisd(q[1] + d.secondary_offset_rad, -x));
   T_iso_camera.rotate(R_zero.transpose());
-  T_iso_camera.translate(Eigen::Vector3d(d.source_right_m, d.source_down_m, -carm.source_isocentre_distance_m));
+  T_iso_camera.translate(Eigen::Vector3d(d.source_right_m, d.source_down_m, -carm.source_isocenter_distance_m));
   T_iso_camera.rotate(Eigen::AngleAxisd(d.detector_turn_rad, y));
   T_iso_camera.rotate(Eigen::AngleAxisd(d.detector_roll_rad, z));
   T_iso_camera = T_iso_camera * expSE3(d.flex.at(q[0], q[1]));
@@ -118,7 +119,7 @@ TEST(CArmDeviations, JointsForATargetPutItOnTheBeam) {
     const ViewAngles angles{random.uniform(-110, 110) * kDegree, random.uniform(-55, 55) * kDegree};
     const Eigen::Vector3d target = random.vector(0.1);
     const Pose T = carm.T_camera_patient(carm.jointsFor(angles, target));
-    EXPECT_LT((T * target - Eigen::Vector3d(0, 0, carm.source_isocentre_distance_m)).norm(), 1e-12);
+    EXPECT_LT((T * target - Eigen::Vector3d(0, 0, carm.source_isocenter_distance_m)).norm(), 1e-12);
     EXPECT_LT((T.linear().row(2).transpose() - beamDirection(angles)).norm(), 1e-12);
   }
 }
@@ -158,4 +159,4 @@ TEST(CArmDeviations, CheckNamesWhatIsNoDeviation) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -4,9 +4,10 @@
 #include "angio/geometry/carm.hpp"
 #include "angio/test/differences.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 CArmGeometry armWith(double l_arm_deg, bool deviating) {
@@ -37,7 +38,7 @@ ViewAngles anglesSeen(const Pose& T_camera_patient) {
   return viewAnglesOf(Eigen::Vector3d(T_camera_patient.linear().row(2).transpose()));
 }
 Eigen::Vector3d targetSeen(const CArmGeometry& arm, const Pose& T_camera_patient) {
-  return T_camera_patient.inverse() * Eigen::Vector3d(0, 0, arm.source_isocentre_distance_m);
+  return T_camera_patient.inverse() * Eigen::Vector3d(0, 0, arm.source_isocenter_distance_m);
 }
 
 TEST(CArmKinematics, JointsComeBackFromWhatTheCameraSees) {
@@ -73,7 +74,7 @@ TEST(CArmKinematics, BothFamiliesSeeTheSameOneOfThemUpsideDown) {
       for (const CArmJoints& joints : all) {
         const Pose T = arm.T_camera_patient(joints);
         EXPECT_LT((T.linear().row(2).transpose() - beamDirection(angles)).norm(), 1e-12);
-        EXPECT_LT((T * target - Eigen::Vector3d(0, 0, arm.source_isocentre_distance_m)).norm(), 1e-12);
+        EXPECT_LT((T * target - Eigen::Vector3d(0, 0, arm.source_isocenter_distance_m)).norm(), 1e-12);
       }
       const Eigen::Vector3d up[2] = {arm.T_camera_patient(all[0]).linear().row(1),
                                      arm.T_camera_patient(all[1]).linear().row(1)};
@@ -180,4 +181,4 @@ TEST(CArmEnvelope, NeverLetsTheDetectorTouchTheTable) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/geometry/carm_limits_settings.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/geometry/se3.hpp"
 #include "angio/test/errors.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 TEST(CArmLimitsSettings, AreTheSameNumbersInRadiansAndMetres) {
@@ -14,7 +15,7 @@ TEST(CArmLimitsSettings, AreTheSameNumbersInRadiansAndMetres) {
   settings.secondary_deg[0] = -45;
   settings.angle_jerks_deg_s3[1] = 90;
   settings.table_y_mm[1] = 120;
-  settings.table_speeds_mm_s[2] = 50;
+  settings.table_speeds_mm_per_s[2] = 50;
   const CArmLimits limits = settings.limits(0.303);
   EXPECT_DOUBLE_EQ(limits.lower[1], -kPi / 4);
   EXPECT_DOUBLE_EQ(limits.jerk[1], kPi / 2);
@@ -35,9 +36,10 @@ TEST(CArmLimitsSettings, RefuseWhatNoMachineIs) {
   settings.table_x_mm[1] = -300;
   EXPECT_EQ(test::refusalOf([&] { settings.limits(0.3); }),
             "limits: table_x_mm = -300, -300: must go up from the least to the most");
-  settings.table_speeds_mm_s[1] = 0;
-  EXPECT_NE(test::refusalOf([&] { checkSettings("limits", settings); }).find("table_speeds_mm_s"), std::string::npos);
+  settings.table_speeds_mm_per_s[1] = 0;
+  EXPECT_NE(test::refusalOf([&] { checkSettings("limits", settings); }).find("table_speeds_mm_per_s"),
+            std::string::npos);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/geometry/carm.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -9,7 +10,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 const Eigen::Vector3d kLeft = Eigen::Vector3d::UnitX(), kPosterior = Eigen::Vector3d::UnitY(),
@@ -80,10 +81,10 @@ TEST(CArm, EJeIsTheCamerasVelocityRelativeToThePatient) {
   }
 }
 
-TEST(CArm, JointsForATargetPutItAtTheIsocentre) {
+TEST(CArm, JointsForATargetPutItAtTheIsocenter) {
   test::Random random(4);
   CArmGeometry geometry;
-  geometry.source_isocentre_distance_m = 0.77;
+  geometry.source_isocenter_distance_m = 0.77;
   for (int i = 0; i < 20; ++i) {
     const ViewAngles angles = randomAngles(random);
     const Eigen::Vector3d target = random.vector(0.1);
@@ -99,7 +100,7 @@ TEST(CArm, MovingTheTableMovesThePatientWithIt) {
   CArmJoints joints = CArmJoints::Zero();
   joints[4] = 0.05;  // Headwards: in a frontal view the patient moves up in the image.
   const Eigen::Vector3d moved = geometry.T_camera_patient(joints) * Eigen::Vector3d::Zero();
-  EXPECT_LT((moved - Eigen::Vector3d(0, -0.05, geometry.source_isocentre_distance_m)).norm(), 1e-15);
+  EXPECT_LT((moved - Eigen::Vector3d(0, -0.05, geometry.source_isocenter_distance_m)).norm(), 1e-15);
 }
 
 TEST(CArm, CheckNamesTheBadLength) {
@@ -109,14 +110,14 @@ TEST(CArm, CheckNamesTheBadLength) {
   EXPECT_EQ(test::refusalOf([&] { geometry.check(); }),
             "c-arm: source_detector_distance_mm = 700: must exceed source_isocentre_distance_mm");
   geometry = CArmGeometry();
-  geometry.source_isocentre_distance_m = -0.8;
+  geometry.source_isocenter_distance_m = -0.8;
   EXPECT_THAT(test::refusalOf([&] { geometry.check(); }), testing::HasSubstr("source_isocentre_distance_mm = -800"));
   geometry = CArmGeometry();
   geometry.pixel_spacing_m = 0;
   EXPECT_THAT(test::refusalOf([&] { geometry.check(); }), testing::HasSubstr("pixel_spacing_mm"));
 }
 
-IsocentreAngles randomIsocentreAngles(test::Random& random) {
+IsocenterAngles randomIsocenterAngles(test::Random& random) {
   const ViewAngles beam = randomAngles(random);
   return {beam.primary_rad, beam.secondary_rad, random.uniform(-degToRad(170), degToRad(170))};
 }
@@ -128,10 +129,10 @@ constexpr PatientPosition kPositions[] = {
     PatientPosition::kFeetFirstDecubitusLeft, PatientPosition::kFeetFirstDecubitusRight};
 
 // The matrices as DICOM writes them (PS3.17 Z.2-3 to Z.2-5), which no line of the code does.
-TEST(IsocentreAngles, DetectorRotationIsThatOfTheStandard) {
+TEST(IsocenterAngles, DetectorRotationIsThatOfTheStandard) {
   test::Random random(5);
   for (int i = 0; i < 100; ++i) {
-    const IsocentreAngles a = randomIsocentreAngles(random);
+    const IsocenterAngles a = randomIsocenterAngles(random);
     const double c1 = std::cos(a.primary_rad), s1 = std::sin(a.primary_rad), c2 = std::cos(a.secondary_rad),
                  s2 = std::sin(a.secondary_rad), c3 = std::cos(a.detector_rotation_rad),
                  s3 = std::sin(a.detector_rotation_rad);
@@ -145,13 +146,13 @@ TEST(IsocentreAngles, DetectorRotationIsThatOfTheStandard) {
   }
 }
 
-TEST(IsocentreAngles, BothConventionsAreOneForAPatientHeadFirstSupineOnALevelTable) {
+TEST(IsocenterAngles, BothConventionsAreOneForAPatientHeadFirstSupineOnALevelTable) {
   test::Random random(6);
   const Eigen::Matrix3d R = patientRotation(PatientPosition::kHeadFirstSupine);
   EXPECT_LT((R - Eigen::Matrix3d::Identity()).norm(), 1e-15);
   for (int i = 0; i < 100; ++i) {
     const ViewAngles angles = randomAngles(random);
-    const IsocentreAngles same = isocentreAnglesOf(angles, R);
+    const IsocenterAngles same = isocenterAnglesOf(angles, R);
     EXPECT_NEAR(same.primary_rad, angles.primary_rad, 1e-12);
     EXPECT_NEAR(same.secondary_rad, angles.secondary_rad, 1e-12);
     EXPECT_NEAR(same.detector_rotation_rad, 0, 1e-12);
@@ -159,7 +160,7 @@ TEST(IsocentreAngles, BothConventionsAreOneForAPatientHeadFirstSupineOnALevelTab
   }
 }
 
-TEST(IsocentreAngles, PositionsPutLeftPosteriorAndHeadWhereTheyLie) {
+TEST(IsocenterAngles, PositionsPutLeftPosteriorAndHeadWhereTheyLie) {
   // Of the table: x is left, y down, z its head. Which side of the patient is down, and where the head is.
   const std::array<Eigen::Vector3d, 8> down = {kPosterior, -kPosterior, kLeft, -kLeft,
                                                kPosterior, -kPosterior, kLeft, -kLeft};
@@ -171,7 +172,7 @@ TEST(IsocentreAngles, PositionsPutLeftPosteriorAndHeadWhereTheyLie) {
   }
 }
 
-TEST(IsocentreAngles, TableAnglesTurnWhatTheStandardSays) {
+TEST(IsocenterAngles, TableAnglesTurnWhatTheStandardSays) {
   const auto turned = [](const TableAngles& table) {
     return patientRotation(PatientPosition::kHeadFirstSupine, table);
   };
@@ -183,16 +184,16 @@ TEST(IsocentreAngles, TableAnglesTurnWhatTheStandardSays) {
   EXPECT_NEAR((turned({0.4, 0.2, 0.3}) * kHead).y(), -std::sin(0.2), 1e-15);
 }
 
-TEST(IsocentreAngles, ThereAndBackIsTheSameBeamWithTheHeadUp) {
+TEST(IsocenterAngles, ThereAndBackIsTheSameBeamWithTheHeadUp) {
   test::Random random(7);
   for (const PatientPosition position : kPositions) {
     const TableAngles table{random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3)};
     const Eigen::Matrix3d R = patientRotation(position, table);
     for (int i = 0; i < 20; ++i) {
       const ViewAngles angles = randomAngles(random);
-      const IsocentreAngles isocentre = isocentreAnglesOf(angles, R);
-      EXPECT_LT((detectorRotation(isocentre) * R - viewRotation(angles)).norm(), 1e-12);
-      const ViewAngles back = viewAnglesOf(isocentre, R);
+      const IsocenterAngles isocenter = isocenterAnglesOf(angles, R);
+      EXPECT_LT((detectorRotation(isocenter) * R - viewRotation(angles)).norm(), 1e-12);
+      const ViewAngles back = viewAnglesOf(isocenter, R);
       EXPECT_NEAR(back.primary_rad, angles.primary_rad, 1e-11);  // cos 85 deg twice.
       EXPECT_NEAR(back.secondary_rad, angles.secondary_rad, 1e-11);
     }
@@ -201,16 +202,16 @@ TEST(IsocentreAngles, ThereAndBackIsTheSameBeamWithTheHeadUp) {
 
 // By hand: feet first supine turns the patient about the vertical by 180 deg, so the arm that is over the table's left
 // and head is over the patient's right and feet; the picture is upside down unless the detector turns by 180 deg.
-TEST(IsocentreAngles, AWorkedExampleFeetFirst) {
+TEST(IsocenterAngles, AWorkedExampleFeetFirst) {
   const Eigen::Matrix3d R = patientRotation(PatientPosition::kFeetFirstSupine);
   const ViewAngles seen = viewAnglesOf({degToRad(30), degToRad(20), 0}, R);
   EXPECT_NEAR(radToDeg(seen.primary_rad), -30, 1e-12);
   EXPECT_NEAR(radToDeg(seen.secondary_rad), -20, 1e-12);
-  const IsocentreAngles upright = isocentreAnglesOf(seen, R);
+  const IsocenterAngles upright = isocenterAnglesOf(seen, R);
   EXPECT_NEAR(radToDeg(upright.primary_rad), 30, 1e-12);
   EXPECT_NEAR(radToDeg(upright.secondary_rad), 20, 1e-12);
   EXPECT_NEAR(std::abs(radToDeg(upright.detector_rotation_rad)), 180, 1e-12);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

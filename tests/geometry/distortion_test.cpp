@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/geometry/distortion.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 XrayCamera camera() { return XrayCamera({1024, 900, 4000, 4010, 520, 440, {}, {}}); }
@@ -30,8 +31,8 @@ TEST(DetectorDistortion, UndoesItself) {
       EXPECT_LT((*back - pinhole_px).norm(), 1e-9);
     }
     // The centre stays where it is.
-    EXPECT_EQ(distortion.distorted(distortion.centre_px), distortion.centre_px);
-    EXPECT_EQ(distortion.undistorted(distortion.centre_px), distortion.centre_px);
+    EXPECT_EQ(distortion.distorted(distortion.center_px), distortion.center_px);
+    EXPECT_EQ(distortion.undistorted(distortion.center_px), distortion.center_px);
   }
 }
 
@@ -77,4 +78,4 @@ TEST(DetectorDistortion, OneThatFoldsTheDetectorIsRefused) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

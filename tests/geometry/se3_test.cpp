@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/geometry/se3.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,7 @@
 #include "angio/test/differences.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Every law at one rotation angle, the parameter [rad].
@@ -142,4 +143,4 @@ TEST(Rotation, DefectTellsWhatIsNoRotation) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

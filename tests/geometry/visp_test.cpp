@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/geometry/visp.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 #include <visp3/core/vpMeterPixelConversion.h>
@@ -10,7 +11,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 XrayCamera camera() {
@@ -89,4 +90,4 @@ TEST(Visp, RefusesACameraWithDistortion) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <ceres/jet.h>
 #include <gmock/gmock.h>
@@ -11,7 +12,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Nothing about it is symmetric, so that swapped axes or focal lengths show.
@@ -37,8 +38,8 @@ TEST(XrayCamera, AxesAreRightDownAndAwayFromTheSource) {
   EXPECT_LT((*camera.project({0.01, 0.02, 1}) - Eigen::Vector2d(470.5 + 44, 410.25 + 82)).norm(), 1e-10);
 }
 
-TEST(XrayCamera, CentredMagnifiesByDepthAndHasItsPrincipalPointAtTheDetectorsCentre) {
-  const XrayCamera camera = XrayCamera::centred(1024, 768, 0.308e-3, 1.2);
+TEST(XrayCamera, CenteredMagnifiesByDepthAndHasItsPrincipalPointAtTheDetectorsCenter) {
+  const XrayCamera camera = XrayCamera::centered(1024, 768, 0.308e-3, 1.2);
   EXPECT_EQ(*camera.project({0, 0, 0.5}), Eigen::Vector2d(511.5, 383.5));
   // Half way to the detector everything is twice as large: 1 mm is 2 mm there.
   EXPECT_NEAR(camera.project({1e-3, 0, 0.6})->x() - 511.5, 2.0 / 0.308, 1e-10);
@@ -108,8 +109,8 @@ TEST(XrayCamera, NamesTheBadParameter) {
     spoil(parameters);
     EXPECT_THAT(test::refusalOf([&] { XrayCamera camera(parameters); }), testing::HasSubstr(expected));
   }
-  EXPECT_THAT(test::refusalOf([] { XrayCamera::centred(8, 8, 0, 1); }), testing::HasSubstr("pixel_spacing_mm = 0"));
+  EXPECT_THAT(test::refusalOf([] { XrayCamera::centered(8, 8, 0, 1); }), testing::HasSubstr("pixel_spacing_mm = 0"));
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

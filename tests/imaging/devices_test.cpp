@@ -4,9 +4,10 @@
 #include <algorithm>
 
 #include "angio/imaging/extractor.hpp"
+#include "angio/test/namespace.hpp"
 #include "line_metrics.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::clinicalScene;
@@ -97,4 +98,4 @@ TEST(Devices, VesselsAmongManyWiresAreNotTakenForBones) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // What every extractor must do, whatever its method.
 #include "angio/imaging/extractor.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +13,7 @@
 #include "angio/test/types_of.hpp"
 #include "line_metrics.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::clinicalScene;
@@ -58,7 +59,7 @@ TYPED_TEST(ExtractorConformance, AllFieldsAreOfOneLength) {
   EXPECT_EQ(found.branch.size(), n);
   EXPECT_EQ(found.tangent_rad.size(), found.size());
   EXPECT_EQ(found.radius_px.size(), found.size());
-  for (const auto* values : {&found.sigma_px, &found.contrast}) {
+  for (const auto* values : {&found.std_px, &found.contrast}) {
     if (values->size() == 0) continue;
     ASSERT_EQ(values->size(), found.size());
     EXPECT_TRUE(values->allFinite());
@@ -171,4 +172,4 @@ TYPED_TEST(ExtractorConformance, RefusesWrongImagesAndSettings) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

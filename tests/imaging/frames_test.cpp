@@ -6,15 +6,16 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/imaging/collimator_opening.hpp"
 #include "angio/imaging/devices.hpp"
 #include "angio/imaging/extractor.hpp"
-#include "angio/imaging/open_field.hpp"
 #include "angio/imaging/subtraction.hpp"
 #include "angio/imaging/temporal_median.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 #include "line_metrics.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::Scene;
@@ -115,7 +116,7 @@ TEST(Subtraction, TakesTheRibsAwayThoughThePatientMoved) {
   // Without subtraction, and without the shift, ribs are lines.
   EXPECT_LT(test::precision(truth, extractor->extract(live), 3), 0.8);
   SubtractionSettings still;
-  still.largest_shift_px = 0;
+  still.max_shift_px = 0;
   EXPECT_LT(test::precision(truth, extractor->extract(subtracted(live, mask, still)), 3),
             test::precision(truth, found, 3));
 }
@@ -129,7 +130,7 @@ TEST(Subtraction, KeepsTheLevelAndRefusesWhatDoesNotFit) {
   EXPECT_THROW(subtracted(live, cv::Mat(64, 64, CV_16UC1, cv::Scalar(1))), InputError);
   EXPECT_THROW(subtracted(cv::Mat(), mask), InputError);
   SubtractionSettings settings;
-  settings.largest_shift_px = -1;
+  settings.max_shift_px = -1;
   EXPECT_THROW(subtracted(live, mask, settings), InputError);
 }
 
@@ -178,4 +179,4 @@ TEST(TemporalMedian, IsTheMedianOfTheLastFrames) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

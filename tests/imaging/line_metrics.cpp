@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "line_metrics.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "angio/test/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 #include "phantom.hpp"
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/imaging/extractor.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +12,7 @@
 #include "angio/imaging/visp.hpp"
 #include "line_metrics.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::branches;
@@ -228,4 +229,4 @@ TEST(OtsuExtractor, RefusesWrongImagesAndSettings) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

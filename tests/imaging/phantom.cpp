@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 
 namespace angio::test {
@@ -78,12 +79,12 @@ Tube straightTube(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double
   return tube;
 }
 
-Tube arcTube(const Eigen::Vector2d& centre, double bend_radius_px, double from_rad, double to_rad, double radius_px) {
+Tube arcTube(const Eigen::Vector2d& center, double bend_radius_px, double from_rad, double to_rad, double radius_px) {
   Tube tube{{}, radius_px};
   const int pieces = std::max(1, static_cast<int>(bend_radius_px * std::abs(to_rad - from_rad)));
   for (int i = 0; i <= pieces; ++i) {
     const double angle = from_rad + (to_rad - from_rad) * i / pieces;
-    tube.line.push_back(centre + bend_radius_px * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+    tube.line.push_back(center + bend_radius_px * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
   }
   return tube;
 }

@@ -6,6 +6,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "angio/test/namespace.hpp"
+
 namespace angio::test {
 
 /// A tube of contrast agent: points of its centre line about a pixel apart, and its radius [px].
@@ -34,7 +36,7 @@ cv::Mat render(const Scene& scene);
 cv::Mat negative(const cv::Mat& image);
 
 Tube straightTube(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius_px);
-Tube arcTube(const Eigen::Vector2d& centre, double bend_radius_px, double from_rad, double to_rad, double radius_px);
+Tube arcTube(const Eigen::Vector2d& center, double bend_radius_px, double from_rad, double to_rad, double radius_px);
 
 /// A random tree of smooth curves that stays on the image: each branch splits in two, with thinner children.
 Vessel randomTree(unsigned seed, int width_px, int height_px);

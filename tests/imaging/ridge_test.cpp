@@ -6,10 +6,11 @@
 
 #include "angio/geometry/se3.hpp"
 #include "angio/imaging/extractor.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 #include "line_metrics.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::clinicalScene;
@@ -66,8 +67,8 @@ TEST(RidgeExtractor, SigmaIsTheErrorAcrossTheLine) {
         const Eigen::Vector2d d = found.points_px.col(i) - middle;
         if (d.norm() > 170) continue;
         const double error = std::abs(d.x() * std::sin(angle) - d.y() * std::cos(angle));
-        within_one += error < found.sigma_px[i] ? 1 : 0;
-        within_two += error < 2 * found.sigma_px[i] ? 1 : 0;
+        within_one += error < found.std_px[i] ? 1 : 0;
+        within_two += error < 2 * found.std_px[i] ? 1 : 0;
         ++total;
       }
     }
@@ -151,8 +152,8 @@ TEST(RidgeExtractor, SigmaGrowsWhereVesselsOverlap) {
   for (int i = 0; i < found.size(); ++i) {
     const Eigen::Vector2d p = found.points_px.col(i);
     if (std::abs(p.y() - 500) > 8) continue;
-    if (p.x() > 430 && p.x() < 570) beside.push_back(found.sigma_px[i]);
-    if (p.x() < 330 || p.x() > 670) alone.push_back(found.sigma_px[i]);
+    if (p.x() > 430 && p.x() < 570) beside.push_back(found.std_px[i]);
+    if (p.x() < 330 || p.x() > 670) alone.push_back(found.std_px[i]);
   }
   ASSERT_GT(alone.size(), 50u);
   ASSERT_GT(beside.size(), 20u);
@@ -265,4 +266,4 @@ TEST(RidgeExtractor, AFinerGridTellsThinVesselsFromTheirNeighbours) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

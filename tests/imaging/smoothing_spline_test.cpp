@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "smoothing_spline.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 #include <cmath>
 #include <random>
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr std::size_t kPoints = 40;
@@ -73,4 +74,4 @@ TEST(SmoothingSpline, TakesOutBendsThatNothingSpeaksFor) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

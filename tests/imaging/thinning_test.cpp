@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/imaging/thinning.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Discs thrown at random: they overlap to branches, blobs and holes, and touch the image's edge.
@@ -17,8 +18,8 @@ cv::Mat blobs(unsigned seed) {
   test::Random random(seed);
   cv::Mat mask = cv::Mat::zeros(120, 160, CV_8UC1);
   for (int i = 0; i < 90; ++i) {
-    const cv::Point centre(static_cast<int>(random.uniform(0, 160)), static_cast<int>(random.uniform(0, 120)));
-    cv::circle(mask, centre, static_cast<int>(random.uniform(1, 9)), 255, cv::FILLED);
+    const cv::Point center(static_cast<int>(random.uniform(0, 160)), static_cast<int>(random.uniform(0, 120)));
+    cv::circle(mask, center, static_cast<int>(random.uniform(1, 9)), 255, cv::FILLED);
   }
   return mask;
 }
@@ -101,4 +102,4 @@ TEST(Thinning, RefusesOtherTypes) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -6,11 +6,12 @@
 #include <array>
 #include <cmath>
 
+#include "angio/test/namespace.hpp"
 #include "tube_chord.hpp"
 #include "tube_shadows.hpp"
 #include "tube_templates.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // A blur moves absorption about, and takes none away: the area of a half-ellipse with half axes r and 1.
@@ -118,4 +119,4 @@ TEST(TubeTemplates, FitFindsShiftAndContrast) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/imaging/visp.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 TEST(VispImage, GoesThereAndBack) {
@@ -38,4 +39,4 @@ TEST(VispImage, RefusesWhatItCannotShow) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

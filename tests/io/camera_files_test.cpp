@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/camera_files.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 const XrayCamera kCamera({1024, 900, 4389.5, 4391.25, 520.125, 440.5, 0.25355859375e-3, 1.113});
@@ -75,4 +76,4 @@ TEST(CameraFiles, WrongDistortionIsRefusedAndPinholesHaveNone) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

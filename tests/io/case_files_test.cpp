@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/case_files.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::refusalOf;
@@ -120,7 +121,8 @@ TEST(CaseFiles, WhatIsWrittenReadsBackTheSame) {
   Pose side = Pose::Identity();
   side.linear() = expSO3({0.3, -1, 0.2});
   side.translation() << -0.7, 0.1, 0.6;
-  const XrayCamera wide = XrayCamera::centred(640, 480, 0.3e-3, 1.1), narrow = XrayCamera::centred(64, 48, 0.2e-3, 1.2);
+  const XrayCamera wide = XrayCamera::centered(640, 480, 0.3e-3, 1.1),
+                   narrow = XrayCamera::centered(64, 48, 0.2e-3, 1.2);
   CaseSet set;
   set.sequence = true;
   set.cases.push_back({"0: first", tree, {{wide, line, image, Pose::Identity(), {}}}, side, {}, {}});
@@ -234,4 +236,4 @@ TEST(CaseFiles, ErrorsNameTheCaseFilesLine) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

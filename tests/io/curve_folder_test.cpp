@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/curve_folder.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +13,7 @@
 #include "angio/test/shared_data.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::refusalOf;
@@ -116,4 +117,4 @@ TEST(CurveFolderOfOthers, IsOneTreeFromItsFirstCurve) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "angio/test/namespace.hpp"
+
 namespace angio::test {
 
 /// A small DICOM file by hand: what no real run at hand has, and what none should have.

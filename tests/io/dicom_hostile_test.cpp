@@ -7,11 +7,12 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "dicom_bytes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::contentOf;
@@ -145,4 +146,4 @@ TEST(HostileDicom, AJpegThatIsNotWhatTheFileSaysIsRefused) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -12,10 +12,11 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "dicom_bytes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::contentOf;
@@ -152,4 +153,4 @@ TEST(DicomPixels, WhatThePixelsDoNotHoldIsRefused) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

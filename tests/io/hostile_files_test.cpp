@@ -13,9 +13,10 @@
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::refusalOf;
@@ -302,4 +303,4 @@ TEST(HostileFiles, WrongPathsAreRefusedByEveryReader) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

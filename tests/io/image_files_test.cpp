@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/image_files.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::contentOf;
@@ -41,18 +42,18 @@ TEST(ImageFiles, RoundTripKeepsEveryPixel) {
   }
 }
 
-TEST(ImageFiles, GreyStoredAsColourPassesColourDoesNot) {
+TEST(ImageFiles, GreyStoredAsColorPassesColourDoesNot) {
   const TemporaryFolder folder;
   const cv::Mat grey = pattern(CV_8UC1);
-  cv::Mat colour;
-  cv::merge(std::vector<cv::Mat>{grey, grey, grey}, colour);
+  cv::Mat color;
+  cv::merge(std::vector<cv::Mat>{grey, grey, grey}, color);
   for (const char* name : {"a.png", "a.tif"}) {
-    writeImage(folder.path(name), colour);
+    writeImage(folder.path(name), color);
     expectSame(readXrayImage(folder.path(name)), grey);
-    colour.at<cv::Vec3b>(4, 5)[1] ^= 1;
-    writeImage(folder.path(name), colour);
+    color.at<cv::Vec3b>(4, 5)[1] ^= 1;
+    writeImage(folder.path(name), color);
     EXPECT_NE(refusalOf([&] { readXrayImage(folder.path(name)); }).find("channels = 3"), std::string::npos);
-    colour.at<cv::Vec3b>(4, 5)[1] ^= 1;
+    color.at<cv::Vec3b>(4, 5)[1] ^= 1;
   }
 }
 
@@ -184,4 +185,4 @@ TEST(ImageFiles, OtherFilesAndTypesAreRefused) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

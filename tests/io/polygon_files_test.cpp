@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/polygon_files.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
 #include "angio/base/errors.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::TemporaryFolder;
@@ -58,4 +59,4 @@ TEST(CocoPolygons, WhatIsWrongIsNamed) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

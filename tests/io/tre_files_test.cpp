@@ -5,9 +5,10 @@
 
 #include "angio/io/vessel_files.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::refusalOf;
@@ -95,4 +96,4 @@ TEST(TreFiles, CutOrChangedFilesAreReadOrRefused) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/vessel_files.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +14,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::refusalOf;
@@ -158,7 +159,7 @@ TEST(CenterlineFiles, RoundTripKeepsEveryNumber) {
   points_px << 1.1, 2.2, 3.3, 100, 101, 5, 5.5, 6.125, 1.0 / 3, 0;
   Centerline2d line = makeCenterline(points_px, {7, 7, 7, 2, 2}, Eigen::VectorXd::LinSpaced(5, 1, 2));
   line.tangent_rad[1] = 0.125;  // Not what would be estimated: the file's own must come back.
-  line.sigma_px = Eigen::VectorXd::LinSpaced(5, 0.1, 0.7);
+  line.std_px = Eigen::VectorXd::LinSpaced(5, 0.1, 0.7);
   line.contrast = Eigen::VectorXd::LinSpaced(5, -0.1, 0.3);
   line.kind = {CurveKind::kVessel, CurveKind::kVessel, CurveKind::kVessel, CurveKind::kDevice, CurveKind::kDevice};
   writeCenterline(folder.path("c.csv"), line);
@@ -167,7 +168,7 @@ TEST(CenterlineFiles, RoundTripKeepsEveryNumber) {
   EXPECT_EQ(back.branch, line.branch);
   EXPECT_EQ(back.tangent_rad, line.tangent_rad);
   EXPECT_EQ(back.radius_px, line.radius_px);
-  EXPECT_EQ(back.sigma_px, line.sigma_px);
+  EXPECT_EQ(back.std_px, line.std_px);
   EXPECT_EQ(back.contrast, line.contrast);
   EXPECT_EQ(back.kind, line.kind);
 }
@@ -188,4 +189,4 @@ TEST(CenterlineFiles, OnePointIsEnough) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -4,9 +4,10 @@
 #include <algorithm>
 
 #include "angio/io/vessel_files.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::TemporaryFolder;
@@ -56,4 +57,4 @@ TEST(VtkFiles, LinesThatNeverMeetAreAForest) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -13,9 +13,10 @@
 
 #include "angio/io/vessel_files.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::refusalOf;
@@ -249,4 +250,4 @@ TEST(VtpFiles, ErrorsNameLineFieldAndRule) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

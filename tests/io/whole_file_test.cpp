@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/whole_file.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::contentOf;
@@ -61,4 +62,4 @@ TEST(WholeFile, LinkKeepsPointingToItsTarget) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -2,6 +2,7 @@
 // X-ray runs: real ones against what was worked out by hand and by other programs, and made ones for what those do not
 // have. Paths of what may not be copied into the project come from ANGIO_SHARED_DATA.
 #include "angio/io/xa_files.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -19,7 +20,7 @@
 #include "angio/test/temporary_folder.hpp"
 #include "dicom_bytes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::DicomBytes;
@@ -80,7 +81,7 @@ TEST(XaRun, ARealRunSaysItsGeometry) {
   EXPECT_EQ(g.camera.parameters().cx_px, 255.5);
   EXPECT_EQ(g.spacing_from, "(0018,1164) Imager Pixel Spacing");
   EXPECT_TRUE(g.stored_mirrored);
-  EXPECT_NEAR(*g.source_isocentre_distance_m, 0.720, 1e-12);
+  EXPECT_NEAR(*g.source_isocenter_distance_m, 0.720, 1e-12);
   EXPECT_NEAR(radToDeg(g.patient_angles->primary_rad), -26.5, 1e-9);
   EXPECT_NEAR(radToDeg(g.patient_angles->secondary_rad), -32.7, 1e-9);
   EXPECT_NEAR(*g.time_s, 12 / 15.0, 1e-5);
@@ -124,7 +125,7 @@ TEST_P(WholeXaRun, HasTheGeometryWorkedOutByHand) {
   EXPECT_NEAR(g.camera.parameters().fx_px, expected.source_detector_mm * 512 / 200, 1e-9);
   EXPECT_NEAR(g.camera.parameters().fy_px, expected.source_detector_mm * 512 / 200, 1e-9);
   EXPECT_NEAR(g.source_detector_distance_m, expected.source_detector_mm * 1e-3, 1e-12);
-  EXPECT_NEAR(*g.source_isocentre_distance_m, 0.720, 1e-12);
+  EXPECT_NEAR(*g.source_isocenter_distance_m, 0.720, 1e-12);
   EXPECT_NEAR(radToDeg(g.patient_angles->primary_rad), expected.primary_deg, 1e-9);
   EXPECT_NEAR(radToDeg(g.patient_angles->secondary_rad), expected.secondary_deg, 1e-9);
   EXPECT_THAT(g.spacing_from, HasSubstr(expected.spacing_from));
@@ -175,10 +176,10 @@ TEST(XaRun, MissingDistancesAreReplacedAndSaid) {
   EXPECT_THAT(g.assumed, Contains(HasSubstr("(0018,1110) Distance Source to Detector is missing: 937.5 mm")));
   bytes.set(0x00181110, "DS", "1000").remove(0x00181111);
   g = made(bytes).geometry(0);
-  EXPECT_NEAR(*g.source_isocentre_distance_m, 0.8, 1e-12);
+  EXPECT_NEAR(*g.source_isocenter_distance_m, 0.8, 1e-12);
   bytes.remove(0x00181114);
   g = made(bytes).geometry(0);
-  EXPECT_FALSE(g.source_isocentre_distance_m);
+  EXPECT_FALSE(g.source_isocenter_distance_m);
   EXPECT_FALSE(g.T_camera_patient) << "without a distance there is no pose";
   EXPECT_THAT(g.assumed, Contains(HasSubstr("(0018,1111) Distance Source to Patient is missing: no pose")));
   bytes.remove(0x00181110);
@@ -247,7 +248,7 @@ std::string floatBytes(float value) {
   return bytes;
 }
 
-DicomBytes isocentreGroup(float primary_deg, float secondary_deg, float detector_deg, float table_x_mm) {
+DicomBytes isocenterGroup(float primary_deg, float secondary_deg, float detector_deg, float table_x_mm) {
   DicomBytes angles = DicomBytes::item();
   angles.set(0x00189463, "FL", floatBytes(primary_deg)).set(0x00189464, "FL", floatBytes(secondary_deg));
   angles.set(0x00189465, "FL", floatBytes(detector_deg)).set(0x00189466, "FL", floatBytes(table_x_mm));
@@ -261,13 +262,13 @@ TEST(XaRun, EnhancedFilesHaveGroupsOfEachFrame) {
   shared.set(0x00181110, "DS", "1100");
   DicomBytes bytes;
   bytes.set(0x52009229, "SQ", DicomBytes::sequence({shared}));
-  bytes.set(0x52009230, "SQ", DicomBytes::sequence({isocentreGroup(30, -20, 0, 0), isocentreGroup(40, -20, 90, 50)}));
+  bytes.set(0x52009230, "SQ", DicomBytes::sequence({isocenterGroup(30, -20, 0, 0), isocenterGroup(40, -20, 90, 50)}));
   const XaRun run = made(bytes);
   EXPECT_NEAR(run.geometry(0).source_detector_distance_m, 1.1, 1e-12) << "before the one at the top";
   const Pose first = *run.geometry(0).T_camera_patient;
   EXPECT_LT((first.linear() - viewRotation({degToRad(30), degToRad(-20)})).norm(), 1e-12) << "HFS: both are the same";
   const XaGeometry g = run.geometry(1);
-  EXPECT_NEAR(radToDeg(g.isocentre_angles->primary_rad), 40, 1e-5);
+  EXPECT_NEAR(radToDeg(g.isocenter_angles->primary_rad), 40, 1e-5);
   EXPECT_LT((g.table_shift_m - Eigen::Vector3d(0.050, 0, 0)).norm(), 1e-9);
   // The detector is turned clockwise, so that what was at its top is now at its left, and at the camera's right.
   const Eigen::Matrix3d upright = viewRotation({degToRad(40), degToRad(-20)});
@@ -277,7 +278,7 @@ TEST(XaRun, EnhancedFilesHaveGroupsOfEachFrame) {
 
 TEST(XaRun, AFieldTurnedAgainstItsDetectorUndoesTheDetectorsTurn) {
   DicomBytes bytes;  // The detector is clockwise by 90 deg; to show the head up the picture is turned clockwise too.
-  bytes.set(0x52009230, "SQ", DicomBytes::sequence({isocentreGroup(30, -20, 90, 0), isocentreGroup(30, -20, 90, 0)}));
+  bytes.set(0x52009230, "SQ", DicomBytes::sequence({isocenterGroup(30, -20, 90, 0), isocenterGroup(30, -20, 90, 0)}));
   bytes.set(0x00187032, "DS", "90").set(0x00187034, "CS", "NO");
   const XaGeometry g = made(bytes).geometry(0);
   EXPECT_LT((g.T_camera_patient->linear() - viewRotation({degToRad(30), degToRad(-20)})).norm(), 1e-9);
@@ -288,9 +289,9 @@ TEST(XaRun, UnknownPositionsKeepTheFilesOwnConvention) {
   bytes.set(0x00185100, "CS", "SITTING");
   XaGeometry g = made(bytes).geometry(0);
   EXPECT_TRUE(g.T_camera_patient);
-  EXPECT_FALSE(g.isocentre_angles);
+  EXPECT_FALSE(g.isocenter_angles);
   bytes.remove(0x00181510).remove(0x00181511);
-  bytes.set(0x52009230, "SQ", DicomBytes::sequence({isocentreGroup(30, 0, 0, 0), isocentreGroup(30, 0, 0, 0)}));
+  bytes.set(0x52009230, "SQ", DicomBytes::sequence({isocenterGroup(30, 0, 0, 0), isocenterGroup(30, 0, 0, 0)}));
   g = made(bytes).geometry(0);
   EXPECT_FALSE(g.T_camera_patient);
   EXPECT_THAT(g.assumed, Contains(HasSubstr("(0018,5100) Patient Position = SITTING is not one of HFS")));
@@ -312,4 +313,4 @@ TEST(XaRun, MasksAreCountedFromZero) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -6,10 +6,11 @@
 #include "angio/io/pose_files.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::refusalOf;
@@ -17,7 +18,7 @@ using test::TemporaryFolder;
 
 TEST(CameraFiles, RoundTripKeepsEveryNumber) {
   const TemporaryFolder folder;
-  const XrayCamera camera = XrayCamera::centred(1024, 960, 0.308e-3, 1.195);
+  const XrayCamera camera = XrayCamera::centered(1024, 960, 0.308e-3, 1.195);
   writeCamera(folder.path("c.YAML"), camera);
   const auto& a = camera.parameters();
   const auto b = readCamera(folder.path("c.YAML")).parameters();
@@ -78,7 +79,7 @@ TEST(PoseFiles, RoundedRotationIsMadeExact) {
   EXPECT_FALSE(readPose(folder.write("q.yaml", "{rotation: [1,0,0,0,1,0,0,0,1], translation_mm: [0,0,0]}")).covariance);
 }
 
-enum class Colour { kRed, kGreen };
+enum class Color { kRed, kGreen };
 
 struct Inner {
   double spacing_mm = 2;
@@ -88,12 +89,12 @@ struct Inner {
 struct Outer {
   int iterations = 20;
   bool nonrigid = false;
-  Colour colour = Colour::kRed;
+  Color color = Color::kRed;
   Inner inner;
   void visit(SettingsVisitor& v) {
     v.integer("iterations", iterations, 1, 100);
     v.flag("nonrigid", nonrigid);
-    v.choice("colour", colour, {"red", "green"});
+    v.choice("colour", color, {"red", "green"});
     v.section("inner", [&](SettingsVisitor& w) { inner.visit(w); });
   }
 };
@@ -179,4 +180,4 @@ TEST(SettingsFiles, MaliciousYamlIsRefusedQuickly) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

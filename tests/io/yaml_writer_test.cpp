@@ -5,9 +5,10 @@
 
 #include "angio/io/yaml.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -51,4 +52,4 @@ TEST(YamlWriter, NumbersAreExactAndNested) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

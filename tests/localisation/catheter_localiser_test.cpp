@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/localisation/catheter_localiser.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 #include "angio/base/errors.hpp"
 #include "drawn_catheter.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kDepth_m = 0.8;
@@ -18,7 +19,7 @@ const double kNan = std::numeric_limits<double>::quiet_NaN();
 SeenPose faceOn() {
   Pose T = Pose::Identity();
   T.translation().z() = kDepth_m;
-  return {XrayCamera::centred(1024, 1024, 0.00025, 1.0), T, Matrix6d::Zero()};
+  return {XrayCamera::centered(1024, 1024, 0.00025, 1.0), T, Matrix6d::Zero()};
 }
 
 // A trunk and two branches. The second lies exactly behind the first, on the same rays, for `hidden_m`; then it turns
@@ -50,14 +51,14 @@ VesselTree fork(double hidden_m) {
 }
 
 // The branch that turns away: of the two, the one whose end is further to the right.
-int turningBranch(const TreeMap& map) {
+int turningBranch(const TreeTopology& map) {
   return map.point({1, map.length_m(1)}).x() > map.point({2, map.length_m(2)}).x() ? 1 : 2;
 }
 
 TEST(CatheterLocaliser, FindsAnExactTipWithoutAStart) {
   const VesselTree tree = fork(0);
-  const TreeMap map(tree);
-  for (const TreePlace tip : {TreePlace{0, 0.05}, TreePlace{1, 0.02}, TreePlace{2, 0.025}}) {
+  const TreeTopology map(tree);
+  for (const TreeLocation tip : {TreeLocation{0, 0.05}, TreeLocation{1, 0.02}, TreeLocation{2, 0.025}}) {
     CatheterLocaliser localiser({}, tree);
     const TipBelief belief = localiser.update(test::drawnCatheter(map, tip, faceOn()), faceOn(), {});
     EXPECT_EQ(belief.status, BeliefStatus::kSeen) << belief.why;
@@ -74,7 +75,7 @@ TEST(CatheterLocaliser, FindsAnExactTipWithoutAStart) {
 
 TEST(CatheterLocaliser, FindsTheTipAtWhicheverEnd) {
   const VesselTree tree = fork(0);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   SeenCatheter seen = test::drawnCatheter(map, {1, 0.02}, faceOn());
   seen.points_px = seen.points_px.rowwise().reverse().eval();
   seen.tip_end = TipEnd::kUnknown;
@@ -86,7 +87,7 @@ TEST(CatheterLocaliser, FindsTheTipAtWhicheverEnd) {
 
 TEST(CatheterLocaliser, KeepsBothBranchesUntilTheyPart) {
   const VesselTree tree = fork(0.02);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const int truth = turningBranch(map);
   CatheterLocaliser localiser({}, tree);
   TipBelief belief;
@@ -105,7 +106,7 @@ TEST(CatheterLocaliser, KeepsBothBranchesUntilTheyPart) {
 
 TEST(CatheterLocaliser, TakesAShiftOfTheImageForWhatItIs) {
   const VesselTree tree = fork(0);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   CatheterLocaliser localiser({}, tree);
   const Eigen::Vector2d shift(6, -9);
   TipBelief belief;
@@ -118,7 +119,7 @@ TEST(CatheterLocaliser, TakesAShiftOfTheImageForWhatItIs) {
 
 TEST(CatheterLocaliser, IsNotPulledAwayByAWrongFrame) {
   const VesselTree tree = fork(0);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   CatheterLocaliser localiser({}, tree);
   for (int frame = 0; frame < 5; ++frame) {
     (void)localiser.update(test::drawnCatheter(map, {1, 0.02}, faceOn()), faceOn(), {});
@@ -139,25 +140,25 @@ TEST(CatheterLocaliser, IsNotPulledAwayByAWrongFrame) {
 
 TEST(CatheterLocaliser, PredictsByThePushAndGrowsUnsure) {
   const VesselTree tree = fork(0);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   CatheterLocaliser localiser({}, tree);
   const TipBelief before = localiser.update(test::drawnCatheter(map, {0, 0.03}, faceOn()), faceOn(), {});
   TipBelief after;
   for (int frame = 0; frame < 10; ++frame) after = localiser.predict({1.0 / 15, 1e-3});
   EXPECT_EQ(after.status, BeliefStatus::kPredicted);
   EXPECT_NEAR(after.tip.path_m, before.tip.path_m + 0.01, 2e-3);
-  EXPECT_GT(after.tip.sigma_m, before.tip.sigma_m);
+  EXPECT_GT(after.tip.std_m, before.tip.std_m);
 }
 
 TEST(CatheterLocaliser, WhatSaysNothingOnlyPredicts) {
   const VesselTree tree = fork(0);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const SeenCatheter good = test::drawnCatheter(map, {1, 0.02}, faceOn());
   std::vector<std::pair<SeenCatheter, SeenPose>> bad(8, {good, faceOn()});
   bad[0].first.points_px(1, 3) = kNan;
   bad[1].first.points_px.resize(2, 0);
   bad[2].first.points_px = good.points_px.leftCols(1).eval();
-  bad[3].first.sigma_px = kNan;
+  bad[3].first.std_px = kNan;
   bad[4].second.T_camera_model.translation().z() = 0;  // The tree stands in the source.
   bad[5].second.T_camera_model.matrix()(0, 0) = kNan;
   bad[6].second.T_camera_model.linear() *= 1.5;
@@ -195,7 +196,7 @@ TEST(CatheterLocaliser, StartsWhereItIsTold) {
 // that.
 TEST(CatheterLocaliser, LooksAsFarAsThePoseIsUnsure) {
   const VesselTree tree = fork(0);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   LocaliserSettings settings;
   settings.shift_std_mm = 0.5;
   const auto seen = test::drawnCatheter(map, {1, 0.02}, faceOn(), {30, 30});
@@ -219,7 +220,7 @@ TipEvidence evidenceOf(const std::vector<PlaceEvidence>& places) {
 
 TEST(CatheterLocaliser, FinePlacesLeaveNoHoleInEvidenceByTheMillimetre) {
   const VesselTree tree = fork(0.02);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   LocaliserSettings settings;
   settings.spacing_mm = 0.2;
   settings.backlash_mm = 0.1;
@@ -246,9 +247,9 @@ TEST(CatheterLocaliser, FinePlacesLeaveNoHoleInEvidenceByTheMillimetre) {
 
 TEST(CatheterLocaliser, IsUnsureWherePlacesFarApartExplainAFrameAlike) {
   const VesselTree tree = fork(0.02);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   LocaliserSettings settings;
-  settings.least_probability = 0.8;
+  settings.min_probability = 0.8;
   CatheterLocaliser localiser(settings, tree);
   const auto at = [](int chain, double value) {
     std::vector<PlaceEvidence> places;
@@ -274,4 +275,4 @@ TEST(CatheterLocaliser, IsUnsureWherePlacesFarApartExplainAFrameAlike) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -6,13 +6,14 @@
 #include <vector>
 
 #include "angio/localisation/catheter_localiser.hpp"
-#include "angio/vessel/tree_map.hpp"
+#include "angio/test/namespace.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
 namespace angio::test {
 
 /// A catheter drawn into the image: the tree's centreline from its root to a tip, every 4 px or less, as far as the
 /// detector sees it.
-inline SeenCatheter drawnCatheter(const TreeMap& map, const TreePlace& tip, const SeenPose& pose,
+inline SeenCatheter drawnCatheter(const TreeTopology& map, const TreeLocation& tip, const SeenPose& pose,
                                   const Eigen::Vector2d& shift_px = Eigen::Vector2d::Zero()) {
   std::vector<Eigen::Vector2d> line;
   for (const int chain : map.pathTo(tip.chain)) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/localisation/seen_catheter.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,10 +8,10 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
-const XrayCamera kCamera = XrayCamera::centred(1024, 1024, 0.00025, 1.0);
+const XrayCamera kCamera = XrayCamera::centered(1024, 1024, 0.00025, 1.0);
 
 // A smooth curve that comes in at the bottom; `from` and `to` in [0, 1].
 std::vector<Eigen::Vector2d> curve(double from, double to, int count) {
@@ -65,7 +66,7 @@ TEST(SeenCatheter, IsSilentWithoutADevice) {
   EXPECT_FALSE(seenCatheter(centerlineOf({curve(0.5, 0.52, 5)}), kCamera));
   EXPECT_FALSE(seenCatheter(Centerline2d{}, kCamera));
   SeenCatheterSettings settings;
-  settings.sigma_px = -1;
+  settings.std_px = -1;
   EXPECT_THROW(seenCatheter(Centerline2d{}, kCamera, settings), InputError);
 }
 
@@ -82,9 +83,9 @@ TEST(SeenCatheter, AsksTheHintWhereTheBorderDoesNotTell) {
 
 TEST(SeenCatheter, TakesTheExtractorsUncertainty) {
   Centerline2d seen = centerlineOf({curve(0, 1, 50)});
-  seen.sigma_px = Eigen::VectorXd::Constant(50, 0.4);
-  EXPECT_DOUBLE_EQ(seenCatheter(seen, kCamera)->sigma_px, 0.4);
+  seen.std_px = Eigen::VectorXd::Constant(50, 0.4);
+  EXPECT_DOUBLE_EQ(seenCatheter(seen, kCamera)->std_px, 0.4);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/localisation/sequence_localiser.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +13,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "drawn_catheter.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 const std::string kLiver = std::string(ANGIO_EXAMPLE_DATA) + "/hepatic-tace/";
@@ -33,7 +34,7 @@ TEST(SequenceLocaliser, FollowsTheClinicalCatheter) {
   // Where the sequence's authors start their tracker: "m_TipPositionId 294" of dataset1/dataList.txt in
   // pambros/HMM-3D-Catheter-Tip-Tracking. What they set by hand is a point of the centreline some millimetres apart.
   EXPECT_LT((result.beliefs[0].tip.tip_model - tree.points().col(294)).norm(), 4e-3);
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   for (std::size_t t = 0; t < frames.size(); ++t) {
     EXPECT_EQ(result.beliefs[t].status, BeliefStatus::kSeen) << result.beliefs[t].why;
     EXPECT_LT(*result.beliefs[t].residual_px, 3.5);
@@ -48,7 +49,7 @@ TEST(SequenceLocaliser, FollowsTheClinicalCatheter) {
 // A known way under a known shift, and vessels that are bent as a catheter would.
 TEST(SequenceLocaliser, FindsAKnownShiftAndDisplacement) {
   const VesselTree tree = readVesselTree(kLiver + "tree.csv");
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   int leaf = 0;
   for (int chain = 0; chain < map.chains(); ++chain) {
     if (map.start_m(chain) + map.length_m(chain) > map.start_m(leaf) + map.length_m(leaf)) leaf = chain;
@@ -62,16 +63,16 @@ TEST(SequenceLocaliser, FindsAKnownShiftAndDisplacement) {
   for (int i = 0; i < tree.size(); ++i) {
     bent.col(i) += T.linear().transpose() * Eigen::Vector3d(3e-3 * std::sin(tree.points()(1, i) / 0.02), 0, 0);
   }
-  const TreeMap bent_map{VesselTree(bent, tree.parents())};
+  const TreeTopology bent_map{VesselTree(bent, tree.parents())};
   std::mt19937 random(3);
-  const SeenPose true_pose{XrayCamera::centred(1024, 1024, 0.00025355859375, 1.113), T * shift, Matrix6d::Zero()};
+  const SeenPose true_pose{XrayCamera::centered(1024, 1024, 0.00025355859375, 1.113), T * shift, Matrix6d::Zero()};
   std::vector<SequenceFrame> frames;
-  std::vector<TreePlace> tips;
+  std::vector<TreeLocation> tips;
   for (int frame = 0; frame < 8; ++frame) {
     tips.push_back({leaf, map.length_m(leaf) * (0.2 + 0.1 * frame)});
     SeenPose believed = true_pose;
     believed.T_camera_model = T;
-    const TreePlace in_bent{leaf, tips.back().arc_m * bent_map.length_m(leaf) / map.length_m(leaf)};
+    const TreeLocation in_bent{leaf, tips.back().arc_m * bent_map.length_m(leaf) / map.length_m(leaf)};
     frames.push_back({test::noisy(test::drawnCatheter(bent_map, in_bent, true_pose), 1, 0.5, random),
                       believed,
                       {0.5, std::nullopt}});
@@ -94,7 +95,7 @@ TEST(SequenceLocaliser, RefusesWhatIsNoSequence) {
   EXPECT_THROW(localiseSequence({}, tree, settings), InputError);
   SequenceFrame empty{
       {Eigen::Matrix2Xd(2, 0), 1, TipEnd::kLast},
-      {XrayCamera::centred(1024, 1024, 0.00025, 1.0), Pose(Eigen::Translation3d(0, 0, 0.8)), Matrix6d::Zero()},
+      {XrayCamera::centered(1024, 1024, 0.00025, 1.0), Pose(Eigen::Translation3d(0, 0, 0.8)), Matrix6d::Zero()},
       {}};
   const SequenceResult result = localiseSequence({empty, empty}, tree);
   EXPECT_EQ(result.beliefs[1].status, BeliefStatus::kUnknown);
@@ -102,4 +103,4 @@ TEST(SequenceLocaliser, RefusesWhatIsNoSequence) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

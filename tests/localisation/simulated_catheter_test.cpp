@@ -6,9 +6,10 @@
 #include <string>
 
 #include "angio/io/vessel_files.hpp"
+#include "angio/test/namespace.hpp"
 #include "drawn_catheter.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 struct Score {
@@ -34,11 +35,12 @@ SeenPose drawnView(const VesselTree& tree, std::mt19937& random) {
   Pose T = Pose::Identity();
   T.linear() = R;
   T.translation() = Eigen::Vector3d(off(random), off(random), 0.81) - R * tree.centroid();
-  return {XrayCamera::centred(1024, 1024, 0.00025355859375, 1.113), T, Matrix6d::Zero()};
+  return {XrayCamera::centered(1024, 1024, 0.00025355859375, 1.113), T, Matrix6d::Zero()};
 }
 
 // Pushes a catheter into a leaf of the tree and scores what the localiser says of it, from the 10th frame on.
-void pushInto(const VesselTree& tree, const TreeMap& map, int leaf, bool told, std::mt19937& random, Score& score) {
+void pushInto(const VesselTree& tree, const TreeTopology& map, int leaf, bool told, std::mt19937& random,
+              Score& score) {
   const SeenPose pose = drawnView(tree, random);
   std::normal_distribution<double> normal;
   const double px_per_m = pose.camera.parameters().fx_px / 0.81, phase = 6 * normal(random);
@@ -51,7 +53,7 @@ void pushInto(const VesselTree& tree, const TreeMap& map, int leaf, bool told, s
     const double push_m = 1e-3 * std::max(0.0, 1 + 0.5 * normal(random));
     const double moved_m = std::min(push_m * (1 + 0.2 * normal(random)), end_m - 1e-4 - path_m);
     path_m += moved_m;
-    TreePlace tip{way.front(), 0};
+    TreeLocation tip{way.front(), 0};
     for (const int chain : way) {
       if (map.start_m(chain) <= path_m) tip = {chain, path_m - map.start_m(chain)};
     }
@@ -68,13 +70,13 @@ void pushInto(const VesselTree& tree, const TreeMap& map, int leaf, bool told, s
     score.sure_and_right += right && belief.tip.probability > 0.9;
     score.error_mm.push_back(1e3 * (belief.tip.tip_model - map.point(tip)).norm());
     if (right && belief.tip.probability > 0.9)
-      score.normalised.push_back((belief.tip.arc_m - tip.arc_m) / belief.tip.sigma_m);
+      score.normalised.push_back((belief.tip.arc_m - tip.arc_m) / belief.tip.std_m);
   }
 }
 
 Score scoreOf(bool told, unsigned seed) {
   const VesselTree tree = readVesselTree(std::string(ANGIO_EXAMPLE_DATA) + "/hepatic-tace/tree.csv");
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   std::vector<int> leaves;
   for (int chain = 0; chain < map.chains(); ++chain) {
     if (map.children(chain).empty() && map.start_m(chain) > 0.1) leaves.push_back(chain);
@@ -112,4 +114,4 @@ TEST(SimulatedCatheter, IsLocalisedByImagesAlone) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

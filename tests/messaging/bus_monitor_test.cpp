@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/messaging/bus_monitor.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
 #include "angio/messaging/any_message.hpp"
 #include "random_messages.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -111,4 +112,4 @@ TEST(BusMonitor, ChannelsWithoutEndDoNotFillTheMemory) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

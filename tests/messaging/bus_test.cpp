@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/messaging/bus.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 #include <unistd.h>
@@ -10,7 +11,7 @@
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -88,7 +89,7 @@ TEST(Bus, ALogGivesBackWhatWasRecordedOneByOneAndEnds) {
   }
   {
     const auto log = openBus("file://" + path + "?speed=0");
-    LatestValue<CArmState> states(*log, kCArmStateChannel);
+    LatestMessage<CArmState> states(*log, kCArmStateChannel);
     for (int i = 0; i < 3; ++i) {
       EXPECT_FALSE(log->ended());
       ASSERT_EQ(log->handle(1s), 1);
@@ -102,9 +103,9 @@ TEST(Bus, ALogGivesBackWhatWasRecordedOneByOneAndEnds) {
   std::filesystem::remove(path);
 }
 
-TEST(LatestValue, KeepsTheNewestAndDropsDuplicatesAndLateOnes) {
+TEST(LatestMessage, KeepsTheNewestAndDropsDuplicatesAndLateOnes) {
   const auto bus = openBus("memq://");
-  LatestValue<CArmState> states(*bus, kCArmStateChannel);
+  LatestMessage<CArmState> states(*bus, kCArmStateChannel);
   EXPECT_FALSE(states.peek());
   for (const int sequence : {5, 7, 6, 7, 5}) publish(*bus, kCArmStateChannel, stateNumber(sequence, 100 * sequence));
   bus->handle(0ms);
@@ -119,9 +120,9 @@ TEST(LatestValue, KeepsTheNewestAndDropsDuplicatesAndLateOnes) {
   EXPECT_FALSE(states.take()) << "a duplicate of a taken message came back";
 }
 
-TEST(EveryValue, KeepsWhatArrivesInItsOrderUntilItIsTaken) {
+TEST(MessageQueue, KeepsWhatArrivesInItsOrderUntilItIsTaken) {
   const auto bus = openBus("memq://");
-  EveryValue<CArmState> states(*bus, kCArmStateChannel);
+  MessageQueue<CArmState> states(*bus, kCArmStateChannel);
   for (const int sequence : {5, 7, 6, 7}) publish(*bus, kCArmStateChannel, stateNumber(sequence, 100 * sequence));
   bus->publish(kCArmStateChannel, {1, 2, 3});
   bus->handle(0ms);
@@ -131,18 +132,18 @@ TEST(EveryValue, KeepsWhatArrivesInItsOrderUntilItIsTaken) {
   EXPECT_TRUE(states.take().empty());
 }
 
-TEST(LatestValue, HearsASenderThatStartedAgain) {
+TEST(LatestMessage, HearsASenderThatStartedAgain) {
   const auto bus = openBus("memq://");
-  LatestValue<CArmState> states(*bus, kCArmStateChannel);
+  LatestMessage<CArmState> states(*bus, kCArmStateChannel);
   publish(*bus, kCArmStateChannel, stateNumber(1000, 50));
   publish(*bus, kCArmStateChannel, stateNumber(1, 51));
   bus->handle(0ms);
   EXPECT_EQ(states.peek()->sequence, 1);
 }
 
-TEST(LatestValue, CountsAndExplainsWhatItCannotDecode) {
+TEST(LatestMessage, CountsAndExplainsWhatItCannotDecode) {
   const auto bus = openBus("memq://");
-  LatestValue<CArmState> states(*bus, kCArmStateChannel);
+  LatestMessage<CArmState> states(*bus, kCArmStateChannel);
   publish(*bus, kCArmStateChannel, stateNumber(1, 1));
   publish(*bus, kCArmStateChannel, CArmCommand());
   bus->publish(kCArmStateChannel, {});
@@ -152,12 +153,12 @@ TEST(LatestValue, CountsAndExplainsWhatItCannotDecode) {
   EXPECT_THAT(states.lastError(), testing::HasSubstr("carm_state_t"));
 }
 
-TEST(LatestValue, MayEndBeforeItsBus) {
+TEST(LatestMessage, MayEndBeforeItsBus) {
   const auto bus = openBus("memq://");
-  { LatestValue<CArmState> states(*bus, kCArmStateChannel); }
+  { LatestMessage<CArmState> states(*bus, kCArmStateChannel); }
   publish(*bus, kCArmStateChannel, CArmState());
   EXPECT_EQ(bus->handle(0ms), 1);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/messaging/codec.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -14,7 +15,7 @@
 #include "decode_exactly.hpp"
 #include "random_messages.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -77,7 +78,7 @@ TEST(Decode, SaysWhichTypeFieldAndRule) {
 TEST(Decode, SixteenBitPixelsAreLittleEndianOnTheWire) {
   cv::Mat image(1, 1, CV_16UC1);
   image.at<std::uint16_t>(0, 0) = 0x1234;
-  const Bytes bytes = encode(XrayFrame{0, 0, image, XrayCamera::centred(1, 1, 1e-3, 1)});
+  const Bytes bytes = encode(XrayFrame{0, 0, image, XrayCamera::centered(1, 1, 1e-3, 1)});
   EXPECT_EQ(bytes[bytes.size() - 2], 0x34);
   EXPECT_EQ(bytes[bytes.size() - 1], 0x12);
 }
@@ -156,7 +157,7 @@ TEST(XrayFramePng, SurvivesEveryCutAndAnyChange) {
 // Both the message and the PNG inside it claim 8192 x 8192 pixels, and hold a few bytes.
 TEST(XrayFramePng, AFewBytesDoNotClaimAHugeImage) {
   const cv::Mat image(1, 1, CV_16UC1, cv::Scalar(5));
-  Bytes bytes = encode(XrayFrame{0, 0, image, XrayCamera::centred(1, 1, 1e-3, 1)}, ImageEncoding::kPng);
+  Bytes bytes = encode(XrayFrame{0, 0, image, XrayCamera::centered(1, 1, 1e-3, 1)}, ImageEncoding::kPng);
   const auto set = [&](std::size_t at, std::uint32_t number) {
     for (int i = 0; i < 4; ++i)
       bytes[at + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(number >> (24 - 8 * i));
@@ -184,4 +185,4 @@ TEST(XrayFrame, AWindowMustLieWithinTheImage) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "angio/messaging/codec.hpp"
+#include "angio/test/namespace.hpp"
 
 namespace angio::test {
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/messaging/disturbed_bus.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -11,7 +12,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -258,4 +259,4 @@ TEST(DisturbedBus, RefusesSettingsThatAreNoProbabilities) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "angio/base/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 #include "field_bytes.hpp"
 
@@ -296,7 +297,7 @@ class FieldLimits {
   template <typename Number>
   void number(const std::string& name, const Number&, const Limits& limits = {}) {
     if (std::isfinite(limits.low))
-      lines_.push_back(name + " in [" + shown(limits.low) + ", " + shown(limits.high) + "]");
+      lines_.push_back(name + " in [" + formatValue(limits.low) + ", " + formatValue(limits.high) + "]");
   }
   template <typename Values>
   void array(const std::string& name, const Values&, ArrayRule rule = ArrayRule::kNone) {

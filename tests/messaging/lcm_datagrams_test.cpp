@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/messaging/lcm_datagrams.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
 #include "udp_group.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using namespace std::string_literals;
@@ -200,4 +201,4 @@ TEST_F(Datagrams, BoundTheBytesOfUnfinishedMessages) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

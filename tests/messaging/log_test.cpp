@@ -5,10 +5,11 @@
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/test/file_size_limit.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -174,4 +175,4 @@ TEST(LogReader, NamesTheFileItCannotRead) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -9,11 +9,12 @@
 
 #include "angio/messaging/any_message.hpp"
 #include "angio/messaging/mailbox.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/types_of.hpp"
 #include "decode_exactly.hpp"
 #include "random_messages.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -314,4 +315,4 @@ TEST(AnyMessage, IsRestrictedAsItsReceiversTrust) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -4,6 +4,7 @@
 #include <angio_lcm/descriptions.hpp>
 
 #include "angio/messaging/codec.hpp"
+#include "angio/test/namespace.hpp"
 #include "field_visitors.hpp"
 
 namespace angio::test {

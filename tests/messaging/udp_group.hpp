@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "angio/test/namespace.hpp"
+
 namespace angio::test {
 
 using Bytes = std::vector<std::uint8_t>;

@@ -12,11 +12,12 @@
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/messaging/recording_bus.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "random_messages.hpp"
 #include "udp_group.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -36,7 +37,7 @@ struct Udpm : testing::Test {
 
 TEST_F(Udpm, BringsOneLargeFrameAcrossTheLoopback) {
   const auto sender = openBus(group.url()), receiver = openBus(group.url());
-  LatestValue<XrayFrame> frames(*receiver, kXrayFrameChannel);
+  LatestMessage<XrayFrame> frames(*receiver, kXrayFrameChannel);
   test::Random random(1);
   const XrayFrame sent = test::randomFrame(random, 1024, 1024, CV_16UC1);
   // UDP may lose a frame where the system allows small receive buffers only; it must not lose them all.
@@ -220,4 +221,4 @@ TEST_F(Udpm, LivesThroughRandomDatagramsWhileItRecords) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/motion/motion_predictor.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +12,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kPeriod_s = 1.0 / 15, kHorizon_s = 0.13;
@@ -30,7 +31,7 @@ Motion patient(std::uint64_t seed, double heart_mm = 2, double period_s = 4) {
   s.breathing.diaphragm_mm = 0;
   s.breathing.drift_mm_per_min = 3;
   s.heartbeat.amplitude_mm = heart_mm;
-  s.heartbeat.centre_mm[2] = 50;
+  s.heartbeat.center_mm[2] = 50;
   return [motion = PatientMotion(s, Eigen::Vector3d::Zero(), Eigen::Matrix3d::Identity(), seed)](double t) {
     return motion.displacement(Eigen::Vector3d::Zero(), t);
   };
@@ -322,4 +323,4 @@ TEST(MotionPredictor, RefusesSettingsOutOfRange) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

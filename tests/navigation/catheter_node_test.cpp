@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The whole way over a bus, in simulated time: X-ray, C-arm, drive, and the node that steers.
 #include "angio/navigation/catheter_node.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -20,10 +21,10 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
-constexpr TreePlace kStart{0, 30e-3};
+constexpr TreeLocation kStart{0, 30e-3};
 
 // A liver's tree, and a C-arm whose detector has a quarter of the pixels; contrast agent at the beginning.
 struct CatheterNodeTest : testing::Test {
@@ -44,7 +45,7 @@ struct CatheterNodeTest : testing::Test {
     person = std::make_unique<Operator>(*bus, OperatedMachine::kCatheter);
   }
 
-  std::unique_ptr<CatheterNode> nodeTo(const TreePlace& target) {
+  std::unique_ptr<CatheterNode> nodeTo(const TreeLocation& target) {
     return std::make_unique<CatheterNode>(*bus, stage, tree, kStart, target, settings);
   }
 
@@ -82,7 +83,7 @@ struct CatheterNodeTest : testing::Test {
 
   // A node that steers, on its way to a branch.
   std::unique_ptr<CatheterNode> steering() {
-    const TreeMap map(tree);
+    const TreeTopology map(tree);
     auto node = nodeTo({map.children(0).front(), 8e-3});
     for (int k = 0; k < 200 && node->states().state() != ServoState::kServo; ++k) frame(*node);
     EXPECT_EQ(node->states().state(), ServoState::kServo) << node->states().reason();
@@ -95,8 +96,8 @@ struct CatheterNodeTest : testing::Test {
       const auto report = frame(node);
       ASSERT_TRUE(report);
       EXPECT_TRUE(report->hold_reason);
-      EXPECT_TRUE(report->command.insertion_speed_mps == 0 && report->command.roll_speed_radps == 0 &&
-                  report->command.bend_speed_radps == 0);
+      EXPECT_TRUE(report->command.insertion_speed_m_per_s == 0 && report->command.roll_speed_rad_per_s == 0 &&
+                  report->command.bend_speed_rad_per_s == 0);
     }
   }
 
@@ -110,16 +111,16 @@ struct CatheterNodeTest : testing::Test {
   }
 
   // The C-arm's loop, which keeps the tip in the middle by the table, and does not look at frames itself.
-  void centreTheTip() {
+  void centerTheTip() {
     ServoLoopSettings loop;
     loop.carm = stage.carm;
     loop.limits = stage.limits;
     loop.T_dsa_cb = stage.T_dsa_cb;
     loop.external_registration = true;
     loop.latency_s = 0.06;
-    CentreTaskSettings centre;
-    centre.on = CentreOn::kCatheterTip;
-    loop.task = centre;
+    CenterTaskSettings center;
+    center.on = CenterOn::kCatheterTip;
+    loop.task = center;
     table = std::make_unique<ServoNode>(*bus, loop, tree);
     table_person = std::make_unique<Operator>(*bus);
   }
@@ -129,7 +130,7 @@ struct CatheterNodeTest : testing::Test {
     const Device device = drive->catheter().device(tree.points());
     const Eigen::Vector3d tip = stage.carm.T_camera_patient(arm->arm().state().joints) *
                                 (stage.T_dsa_cb * Eigen::Vector3d(device.points.rightCols<1>()));
-    return tip.head<2>().norm() * stage.carm.source_isocentre_distance_m / tip.z();
+    return tip.head<2>().norm() * stage.carm.source_isocenter_distance_m / tip.z();
   }
 
   VesselTree tree = readVesselTree(test::exampleData("hepatic-tace/tree.csv"));
@@ -148,9 +149,9 @@ struct CatheterNodeTest : testing::Test {
 };
 
 TEST_F(CatheterNodeTest, MakesARoadmapAndPushesOnOnceTheVesselsHaveWashedOut) {
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const auto node = nodeTo({map.children(0).front(), 8e-3});
-  const LatestValue<CatheterTip> tips(*bus, kCatheterTipChannel);
+  const LatestMessage<CatheterTip> tips(*bus, kCatheterTipChannel);
   bool mapped = false, navigated = false;
   for (int k = 0; k < 240; ++k) {
     const auto report = frame(*node);
@@ -158,7 +159,7 @@ TEST_F(CatheterNodeTest, MakesARoadmapAndPushesOnOnceTheVesselsHaveWashedOut) {
     if (report->roadmap) {
       mapped = true;
       EXPECT_TRUE(report->hold_reason);
-      EXPECT_EQ(report->command.insertion_speed_mps, 0);
+      EXPECT_EQ(report->command.insertion_speed_m_per_s, 0);
     }
     navigated = navigated || !report->hold_reason;
   }
@@ -191,13 +192,13 @@ TEST_F(CatheterNodeTest, MakesARoadmapAndPushesOnOnceTheVesselsHaveWashedOut) {
 
 TEST_F(CatheterNodeTest, StandsStillUntilItIsStartedAndWhenItIsStopped) {
   started = false;
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const auto node = nodeTo({map.children(0).front(), 8e-3});
   for (int k = 0; k < 100; ++k) {
     const auto report = frame(*node);
     ASSERT_TRUE(report);
     ASSERT_TRUE(report->hold_reason);
-    ASSERT_EQ(report->command.insertion_speed_mps, 0);
+    ASSERT_EQ(report->command.insertion_speed_m_per_s, 0);
   }
   EXPECT_EQ(drive->catheter().truth().path_m, kStart.arc_m);
   started = true;
@@ -211,15 +212,15 @@ TEST_F(CatheterNodeTest, StandsStillUntilItIsStartedAndWhenItIsStopped) {
   for (int k = 0; k < 5; ++k) {
     const auto report = frame(*node);
     EXPECT_TRUE(report->hold_reason);
-    EXPECT_EQ(report->command.insertion_speed_mps, 0);
+    EXPECT_EQ(report->command.insertion_speed_m_per_s, 0);
   }
   EXPECT_EQ(node->states().state(), ServoState::kEmergencyStop);
 }
 
 TEST_F(CatheterNodeTest, TheTableKeepsTheTipInTheMiddleOnItsWay) {
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const auto node = nodeTo({map.children(0).front(), 8e-3});
-  centreTheTip();
+  centerTheTip();
   const CArmJoints before = arm->arm().state().joints;
   double worst_m = 0, sum2 = 0;
   int counted = 0, steered = 0;
@@ -245,8 +246,8 @@ TEST_F(CatheterNodeTest, TheTableKeepsTheTipInTheMiddleOnItsWay) {
 TEST_F(CatheterNodeTest, IsReplayedBitForBit) {
   const test::TemporaryFolder folder;
   const std::string log = folder.path("run.lcm");
-  const TreeMap map(tree);
-  const TreePlace target{map.children(0).front(), 8e-3};
+  const TreeTopology map(tree);
+  const TreeLocation target{map.children(0).front(), 8e-3};
   {
     RecordingBus recorded(*bus, log);
     CatheterNode node(recorded, stage, tree, kStart, target, settings);
@@ -259,7 +260,7 @@ TEST_F(CatheterNodeTest, IsReplayedBitForBit) {
   }
   int moving = 0;
   const auto count = [&](const ReplayedFrame<CatheterController>& f) {
-    moving += f.report.command.insertion_speed_mps != 0;
+    moving += f.report.command.insertion_speed_m_per_s != 0;
   };
   const ReplaySummary same = replay<CatheterController>(log, count, stage, tree, kStart, target, settings);
   EXPECT_EQ(same.answered, 120);
@@ -269,7 +270,7 @@ TEST_F(CatheterNodeTest, IsReplayedBitForBit) {
   EXPECT_GT(moving, 10);
   EXPECT_GT(same.held, 85);
 
-  settings.loop.navigator.speed_mm_s *= 0.5;
+  settings.loop.navigator.speed_mm_per_s *= 0.5;
   const ReplaySummary slower = replay<CatheterController>(log, {}, stage, tree, kStart, target, settings);
   ASSERT_TRUE(slower.first_difference);
   EXPECT_NE(slower.first_difference->find("insertion_speed = "), std::string::npos) << *slower.first_difference;
@@ -289,7 +290,7 @@ TEST_F(CatheterNodeTest, IsReplayedBitForBit) {
 }
 
 TEST_F(CatheterNodeTest, CallsADriveThatDoesNotObeyAFault) {
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const auto node = nodeTo({map.children(0).front(), 8e-3});
   double pushed_m = 0;
   for (int k = 0; k < 200 && pushed_m < 1e-3; ++k) {
@@ -308,15 +309,15 @@ TEST_F(CatheterNodeTest, CallsADriveThatDoesNotObeyAFault) {
   for (int k = 0; k < 3; ++k) {
     const auto report = frame(*node);
     EXPECT_TRUE(report->hold_reason);
-    EXPECT_EQ(report->command.insertion_speed_mps, 0);
+    EXPECT_EQ(report->command.insertion_speed_m_per_s, 0);
   }
 }
 
 // A delay that never changes shows against the arm's reports only, whose clock is the frames'.
 TEST_F(CatheterNodeTest, RestsOnFramesThatAreLateThroughout) {
-  const LatestValue<ServoStatus> statuses(*bus, kCatheterStatusChannel);
+  const LatestMessage<ServoStatus> statuses(*bus, kCatheterStatusChannel);
   late_us = 250'000;
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const auto node = nodeTo({map.children(0).front(), 8e-3});
   for (int k = 0; k < 10; ++k) frame(*node);  // The arm has been heard from before the first frame on.
   expectRest(*node, 100);
@@ -328,7 +329,7 @@ TEST_F(CatheterNodeTest, RestsOnFramesThatAreLateThroughout) {
 }
 
 TEST_F(CatheterNodeTest, CallsJointsThatCannotBeAFault) {
-  const LatestValue<ServoStatus> statuses(*bus, kCatheterStatusChannel);
+  const LatestMessage<ServoStatus> statuses(*bus, kCatheterStatusChannel);
   const auto node = steering();
   spoil = [](CArmState& said) { said.joints[0] = 40; };  // Degrees.
   expectRest(*node, 5);
@@ -343,7 +344,7 @@ TEST_F(CatheterNodeTest, CallsJointsThatCannotBeAFault) {
 }
 
 TEST_F(CatheterNodeTest, CallsAnArmWhoseClockGoesBackAFault) {
-  const LatestValue<ServoStatus> statuses(*bus, kCatheterStatusChannel);
+  const LatestMessage<ServoStatus> statuses(*bus, kCatheterStatusChannel);
   const auto node = steering();
   spoil = [](CArmState& said) { said.time_us -= 10'000'000; };
   expectRest(*node, 5);
@@ -358,9 +359,9 @@ TEST_F(CatheterNodeTest, CallsAnArmWhoseClockGoesBackAFault) {
 
 // Frames are on their way for longer than the drive takes between two reports.
 TEST_F(CatheterNodeTest, ReadsAFrameWithTheDriveOfItsOwnTime) {
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const auto node = nodeTo({map.children(0).front(), 8e-3});
-  const LatestValue<CatheterInput> inputs(*bus, kCatheterInputChannel);
+  const LatestMessage<CatheterInput> inputs(*bus, kCatheterInputChannel);
   ahead_us = 200'000;
   int answered = 0;
   for (int k = 0; k < 110; ++k) {
@@ -379,9 +380,9 @@ TEST_F(CatheterNodeTest, ReadsAFrameWithTheDriveOfItsOwnTime) {
 // Without somebody who goes there, the drive rests; what is asked for is repeated, once the catheter has been started.
 TEST_F(CatheterNodeTest, AsksForAViewAndRestsUntilItIsReached) {
   settings.ask_for_views = true;
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const auto node = nodeTo({map.children(0).front(), 8e-3});
-  LatestValue<ViewRequest> requests(*bus, kViewRequestChannel);
+  LatestMessage<ViewRequest> requests(*bus, kViewRequestChannel);
   started = false;
   expectRest(*node, 5);
   bus->handle(std::chrono::milliseconds(0));
@@ -418,4 +419,4 @@ TEST_F(CatheterNodeTest, RefusesPlacesThatTheTreeDoesNotHave) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

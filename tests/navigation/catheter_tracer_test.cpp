@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/navigation/catheter_tracer.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,16 +13,16 @@
 #include "angio/simulation/simulated_catheter.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
-#include "angio/vessel/tree_map.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // A catheter in a made-up tree without contrast agent, in an X-ray image with anatomy and noise.
 struct CatheterTracerTest : testing::Test {
   VesselTree tree = withPlausibleRadii(test::branchingTree(4), 0.6e-3);
-  TreeMap map{tree};
-  SeenPose pose{XrayCamera::centred(512, 512, 0.315 / 512, 1.2), Pose::Identity(), Matrix6d::Zero()};
+  TreeTopology map{tree};
+  SeenPose pose{XrayCamera::centered(512, 512, 0.315 / 512, 1.2), Pose::Identity(), Matrix6d::Zero()};
   CatheterTracer tracer{tree, {}};
 
   void SetUp() override { pose.T_camera_model.translation() = Eigen::Vector3d(0, 0, 0.75) - tree.centroid(); }
@@ -34,7 +35,7 @@ struct CatheterTracerTest : testing::Test {
     return FluoroscopyRenderer(tree, {}).render(pose.camera, scene, 1);
   }
 
-  TipBelief beliefAt(const TreePlace& place) const {
+  TipBelief beliefAt(const TreeLocation& place) const {
     TipBelief belief;
     belief.tip.chain = place.chain;
     belief.tip.arc_m = place.arc_m;
@@ -47,7 +48,7 @@ struct CatheterTracerTest : testing::Test {
 TEST_F(CatheterTracerTest, FindsTheTipInTheBranchThatItIsIn) {
   int tried = 0;
   for (int chain = 1; chain < map.chains(); ++chain) {
-    const TreePlace tip{chain, 0.6 * map.length_m(chain)};
+    const TreeLocation tip{chain, 0.6 * map.length_m(chain)};
     const SimulatedCatheter catheter(tree, {}, tip, 0);
     const Eigen::Vector3d end = catheter.truth().tip_model;
     const auto pixel = pose.camera.project(pose.T_camera_model * end);
@@ -55,7 +56,7 @@ TEST_F(CatheterTracerTest, FindsTheTipInTheBranchThatItIsIn) {
     ++tried;
     const TreeFrame frame = map.frame(tip);
     const Eigen::Vector3d beside = end - map.point(tip);
-    const TipOffset offset{{beside.dot(frame.across), beside.dot(frame.aside)}, Eigen::Matrix2d::Identity() * 1e-6};
+    const TipOffset offset{{beside.dot(frame.normal), beside.dot(frame.binormal)}, Eigen::Matrix2d::Identity() * 1e-6};
     const auto trace = CatheterTracer(tree, {}).trace(shown({catheter.device(tree.points())}), pose,
                                                       beliefAt(map.before(tip, 8e-3)), offset);
     ASSERT_TRUE(trace) << chain;
@@ -111,4 +112,4 @@ TEST_F(CatheterTracerTest, NoNumbersAreNoEvidence) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

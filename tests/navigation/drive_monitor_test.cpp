@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/navigation/drive_monitor.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -12,7 +13,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using testing::HasSubstr;
@@ -23,7 +24,7 @@ constexpr std::int64_t kFrame_us = 66'667;
 struct WatchedDrive {
   SimulatedCatheter drive{
       readVesselTree(test::exampleData("hepatic-tace/tree.csv")), CatheterSettings(), {0, 30e-3}, 0};
-  DriveMonitor monitor{DriveMonitorSettings(), degToRad(CatheterSettings().largest_bend_deg)};
+  DriveMonitor monitor{DriveMonitorSettings(), degToRad(CatheterSettings().max_bend_deg)};
   test::Random random{7};
   CatheterCommand wanted;
   std::optional<CatheterCommand> under_way;
@@ -51,9 +52,9 @@ TEST(DriveMonitor, LetsASoundDriveDoWhatItIsTold) {
   WatchedDrive w;
   for (int k = 0; k < 1500; ++k) {  // 100 s of ways to and fro, to both ends of the bend.
     if (k % 20 == 0) {
-      w.wanted.insertion_speed_mps = w.random.uniform(-10e-3, 10e-3);
-      w.wanted.roll_speed_radps = w.random.uniform(-2, 2);
-      w.wanted.bend_speed_radps = w.random.uniform(-1, 1);
+      w.wanted.insertion_speed_m_per_s = w.random.uniform(-10e-3, 10e-3);
+      w.wanted.roll_speed_rad_per_s = w.random.uniform(-2, 2);
+      w.wanted.bend_speed_rad_per_s = w.random.uniform(-1, 1);
     }
     const auto fault = w.step();
     ASSERT_FALSE(fault) << *fault << " at frame " << k;
@@ -79,7 +80,7 @@ TEST(DriveMonitor, FindsADriveThatPushesOrRollsByItself) {
 
 TEST(DriveMonitor, FindsADriveThatStandsStillAndForgetsIt) {
   WatchedDrive w;
-  w.wanted.insertion_speed_mps = 8e-3;
+  w.wanted.insertion_speed_m_per_s = 8e-3;
   for (int k = 0; k < 15; ++k) ASSERT_FALSE(w.step());
   const double stuck_m = w.drive.state().insertion_m;
   const auto stuck = [&](CatheterState& state) { state.insertion_m = stuck_m; };
@@ -94,4 +95,4 @@ TEST(DriveMonitor, FindsADriveThatStandsStillAndForgetsIt) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

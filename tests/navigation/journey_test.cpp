@@ -5,27 +5,28 @@
 #include <algorithm>
 
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/experiments/navigate_experiment.hpp"
 #include "angio/io/vessel_files.hpp"
-#include "angio/rehearsal/navigate_study.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 struct Journey : testing::Test {
-  NavigateRow journeyTo(const TreePlace& target, int seed) const {
-    return studyNavigation(tree, readCArmCalibration(test::exampleData("hepatic-tace/carm.yaml")), target, study, {},
-                           seed);
+  NavigateResult journeyTo(const TreeLocation& target, int seed) const {
+    return runNavigationExperiment(tree, readCArmCalibration(test::exampleData("hepatic-tace/carm.yaml")), target,
+                                   experiment, {}, seed);
   }
   VesselTree tree = readVesselTree(test::exampleData("hepatic-tace/tree.csv"));
-  NavigateStudySettings study;
+  NavigateExperimentSettings experiment;
 };
 
 TEST_F(Journey, ReachesABranchOverViewsThatItAskedFor) {
-  study.least_way_mm = 40;
-  const std::vector<TreePlace> targets = navigateTargets(tree, study, 12);
+  experiment.min_route_mm = 40;
+  const std::vector<TreeLocation> targets = navigateTargets(tree, experiment, 12);
   ASSERT_FALSE(targets.empty());
-  const NavigateRow row = journeyTo(targets.front(), 1);
+  const NavigateResult row = journeyTo(targets.front(), 1);
   EXPECT_TRUE(row.reached) << row.ended;
   EXPECT_GE(row.views, 1);
   EXPECT_FALSE(row.breach) << *row.breach;
@@ -35,14 +36,14 @@ TEST_F(Journey, ReachesABranchOverViewsThatItAskedFor) {
 }
 
 TEST_F(Journey, TargetsAlongCurvesAreSpreadOverTheirLengths) {
-  study.least_way_mm = 0;
-  const TreeMap map(tree);
+  experiment.min_route_mm = 0;
+  const TreeTopology map(tree);
   const auto curve = [&](int chain) {
     Eigen::Matrix3Xd points(3, map.points(chain).size());
     for (Eigen::Index i = 0; i < points.cols(); ++i) points.col(i) = tree.points().col(map.points(chain)[i]);
     return points;
   };
-  const std::vector<TreePlace> targets = targetsAlong(tree, study, {curve(3), curve(4)}, 5);
+  const std::vector<TreeLocation> targets = targetsAlong(tree, experiment, {curve(3), curve(4)}, 5);
   ASSERT_EQ(targets.size(), 5u);
   for (int k = 0; k < 5; ++k) EXPECT_EQ(targets[k].chain, k % 2 == 0 ? 3 : 4) << k;
   EXPECT_LT(targets[0].arc_m, targets[2].arc_m);
@@ -50,18 +51,18 @@ TEST_F(Journey, TargetsAlongCurvesAreSpreadOverTheirLengths) {
   EXPECT_LT(targets[4].arc_m, map.length_m(3));
   EXPECT_LT(targets[1].arc_m, targets[3].arc_m);
   EXPECT_LT(targets[3].arc_m, map.length_m(4));
-  study.least_way_mm = 1000;
-  EXPECT_TRUE(targetsAlong(tree, study, {curve(3)}, 5).empty());
+  experiment.min_route_mm = 1000;
+  EXPECT_TRUE(targetsAlong(tree, experiment, {curve(3)}, 5).empty());
 }
 
 TEST_F(Journey, IsTheSameTwice) {
-  study.longest_s = 8;
-  const TreePlace target = navigateTargets(tree, study, 1).front();
-  const NavigateRow a = journeyTo(target, 3), b = journeyTo(target, 3);
+  experiment.max_s = 8;
+  const TreeLocation target = navigateTargets(tree, experiment, 1).front();
+  const NavigateResult a = journeyTo(target, 3), b = journeyTo(target, 3);
   EXPECT_EQ(a.errors_m, b.errors_m);
   EXPECT_EQ(a.held, b.held);
   EXPECT_EQ(a.time_s, b.time_s);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/navigation/navigator.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,12 +9,12 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-NavigationInput inputAt(const TreeMap& map, const TreePlace& place) {
+NavigationInput inputAt(const TreeTopology& map, const TreeLocation& place) {
   NavigationInput input;
   input.period_s = 1.0 / 15;
   input.latency_s = 0.08;
@@ -22,7 +23,7 @@ NavigationInput inputAt(const TreeMap& map, const TreePlace& place) {
   belief.tip.chain = place.chain;
   belief.tip.arc_m = place.arc_m;
   belief.tip.path_m = map.start_m(place.chain) + place.arc_m;
-  belief.tip.sigma_m = 1e-3;
+  belief.tip.std_m = 1e-3;
   belief.tip.probability = 0.98;
   belief.tip.tip_model = map.point(place);
   input.belief = belief;
@@ -30,12 +31,12 @@ NavigationInput inputAt(const TreeMap& map, const TreePlace& place) {
 }
 
 bool rests(const CatheterCommand& c) {
-  return c.insertion_speed_mps == 0 && c.roll_speed_radps == 0 && c.bend_speed_radps == 0;
+  return c.insertion_speed_m_per_s == 0 && c.roll_speed_rad_per_s == 0 && c.bend_speed_rad_per_s == 0;
 }
 
 struct NavigatorTest : testing::Test {
   VesselTree tree = test::branchingTree(4);
-  TreeMap map{tree};
+  TreeTopology map{tree};
   int target = map.chains() - 1;
   Navigator navigator{tree, {target, 3e-3}, {}};
 };
@@ -45,7 +46,7 @@ TEST_F(NavigatorTest, PushesAlongTheRouteAndAnswersTheFrame) {
   input.time_us = 7;
   input.frame_sequence = 5;
   const NavigationAnswer answer = navigator.step(input);
-  EXPECT_GT(answer.command.insertion_speed_mps, 0);
+  EXPECT_GT(answer.command.insertion_speed_m_per_s, 0);
   EXPECT_EQ(answer.command.time_us, 7);
   EXPECT_EQ(answer.command.frame_sequence, 5);
   EXPECT_GT(answer.command.valid_for_us, 0);
@@ -57,7 +58,7 @@ TEST_F(NavigatorTest, EveryDoubtStandsStillAndSaysWhy) {
   unseen.belief.reset();
   lost.belief->status = BeliefStatus::kLost;
   unsure.belief->tip.probability = 0.3;
-  vague.belief->tip.sigma_m = 0.05;
+  vague.belief->tip.std_m = 0.05;
   wrong.belief->tip.chain = 100000;
   sick.belief->tip.arc_m = kNan;
   numb.drive.insertion_m = kNan;
@@ -96,7 +97,7 @@ TEST_F(NavigatorTest, DoesNotArriveInABranchThatItIsNotSureOf) {
   for (int k = 0; k < 100; ++k) {
     const NavigationAnswer answer = navigator.step(input);
     ASSERT_NE(answer.state, NavigationState::kArrived);
-    ASSERT_LE(answer.command.insertion_speed_mps, 0);
+    ASSERT_LE(answer.command.insertion_speed_m_per_s, 0);
     asked += answer.another_view;
   }
   EXPECT_EQ(asked, 1);
@@ -111,7 +112,7 @@ TEST_F(NavigatorTest, PullsBackFromForce) {
   NavigationInput input = inputAt(map, {map.pathTo(target).front(), 10e-3});
   input.drive.insertion_force_n = 2;
   const NavigationAnswer answer = navigator.step(input);
-  EXPECT_LT(answer.command.insertion_speed_mps, 0);
+  EXPECT_LT(answer.command.insertion_speed_m_per_s, 0);
   EXPECT_EQ(answer.why, "the drive pushes too hard");
 }
 
@@ -121,4 +122,4 @@ TEST_F(NavigatorTest, RefusesATargetThatIsNoPlaceOfTheTree) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/navigation/tip_roll.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,34 +9,34 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // One turn of the drive shows where the tip points, whatever the zero; its Jacobian is what the image did.
 TEST(TipRoll, OneTurnTellsWhereTheTipPoints) {
   test::Random random(1);
   for (int k = 0; k < 20; ++k) {
-    const double zero = random.uniform(-3, 3), lean = 0.3, bias = 0.1 * random.normal(), noise = 0.05;
-    const Eigen::Vector2d sight(std::cos(0.5 * k), std::sin(0.5 * k));
+    const double zero = random.uniform(-3, 3), deflection = 0.3, bias = 0.1 * random.normal(), noise = 0.05;
+    const Eigen::Vector2d observable_axis(std::cos(0.5 * k), std::sin(0.5 * k));
     const auto shown = [&](double roll) {
-      return lean * sight.dot(Eigen::Vector2d(std::cos(roll + zero), std::sin(roll + zero))) + bias;
+      return deflection * observable_axis.dot(Eigen::Vector2d(std::cos(roll + zero), std::sin(roll + zero))) + bias;
     };
     TipRoll roll(0.2, 0);
-    EXPECT_GT(roll.sigma_rad(), 1.2);
+    EXPECT_GT(roll.std_rad(), 1.2);
     double drive = 0;
     for (int i = 0; i < 45; ++i) {
       roll.move(drive += 2 * kPi / 45, 0);
       TipDeflection d;
       d.slope = shown(drive) + noise * random.normal();
       d.sigma = noise;
-      d.sight = sight;
+      d.observable_axis = observable_axis;
       roll.see(d);
     }
-    // Some 45 values of noise 0.05 on a lean of 0.3, and what a turn itself leaves unsure.
-    EXPECT_LT(roll.sigma_rad(), 0.4);
-    EXPECT_LT(std::abs(std::remainder(roll.angle_rad() - drive - zero, 2 * kPi)), 3 * roll.sigma_rad());
+    // Some 45 values of noise 0.05 on a deflection of 0.3, and what a turn itself leaves unsure.
+    EXPECT_LT(roll.std_rad(), 0.4);
+    EXPECT_LT(std::abs(std::remainder(roll.angle_rad() - drive - zero, 2 * kPi)), 3 * roll.std_rad());
     const double h = 1e-4, jacobian = (shown(drive + h) - shown(drive - h)) / (2 * h);
-    EXPECT_NEAR(roll.imageJacobian(sight), jacobian, 0.12);
+    EXPECT_NEAR(roll.imageJacobian(observable_axis), jacobian, 0.12);
   }
 }
 
@@ -49,4 +50,4 @@ TEST(TipRoll, ABackAndForthWithinTheDeadBandDoesNotTurnTheTip) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/navigation/view_planner.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // 100 mm along +P (the beam of the frontal view), then 100 mm along +S.
@@ -71,14 +72,14 @@ TEST(ViewPlanner, KeepsAViewThatNoOtherInReachCouldReplace) {
 
 TEST(ViewPlanner, KnowsWhereARouteWasLeft) {
   const VesselTree made = test::branchingTree(4);
-  const TreeMap map(made);
+  const TreeTopology map(made);
   const int target = map.chains() - 1, trunk = map.pathTo(target).front();
   ViewPlannerSettings settings;
   settings.behind_mm = 5;
   settings.ahead_mm = 10;
   settings.renew_mm = 0;
   ViewPlanner view(made, {target, map.length_m(target)}, {}, settings);
-  const TreePlace fork{trunk, map.length_m(trunk)};
+  const TreeLocation fork{trunk, map.length_m(trunk)};
   const auto here = view.next(fork, false);
   ASSERT_TRUE(here);
   for (const int child : map.children(trunk)) {
@@ -96,4 +97,4 @@ TEST(ViewPlanner, RefusesATargetThatIsNoPlaceOfTheTree) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

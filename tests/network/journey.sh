@@ -9,7 +9,7 @@ bin=$1 sources=$2 branch=${3:-13}
 work=${4:-$(mktemp -d)}
 mkdir -p "$work"
 bus="udpm://239.255.76.67:$((20000 + $$ % 20000))?ttl=0"
-longest_s=300
+max_s=300
 
 pids=()
 end() {
@@ -34,13 +34,13 @@ tasks=$sources/examples/08_tasks
 journey() {
   pids=()
   "$bin/angio-simulate" --bus "$bus" "${common[@]}" --settings "$tasks/journey_lab.yaml" --catheter-branch 0 \
-    --frame-rate-hz 10 --duration-s $longest_s >"$work/lab.out" 2>&1 &
+    --frame-rate-hz 10 --duration-s $max_s >"$work/lab.out" 2>&1 &
   pids+=($!)
   "$bin/angio-servo" --bus "$bus" "${common[@]}" --task view --view-from bus --settings "$tasks/journey_carm.yaml" \
-    --record "$work/carm.lcm" --duration-s $longest_s >"$work/carm.out" 2>&1 &
+    --record "$work/carm.lcm" --duration-s $max_s >"$work/carm.out" 2>&1 &
   pids+=($!)
   "$bin/angio-navigate" --bus "$bus" "${common[@]}" --to-branch "$branch" --ask-for-views \
-    --record "$work/catheter.lcm" --duration-s $longest_s >"$work/catheter.out" 2>"$work/catheter.err" || true
+    --record "$work/catheter.lcm" --duration-s $max_s >"$work/catheter.out" 2>"$work/catheter.err" || true
   for pid in "${pids[@]}"; do kill -INT "$pid"; done
   for pid in "${pids[@]}"; do wait "$pid" || true; done
   pids=()

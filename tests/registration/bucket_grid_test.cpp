@@ -5,9 +5,10 @@
 
 #include <set>
 
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 Eigen::Matrix2Xd randomPoints(test::Random& random, int n) {
@@ -95,4 +96,4 @@ TEST(BucketGrid, NothingIsNearestToNothingAndTheFarthestPlacesEnd) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -9,12 +9,13 @@
 #include "angio/registration/registration.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/types_of.hpp"
 #include "angio/vessel/projection.hpp"
 #include "biplane.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 /// Settings for a clean image and a start that is off: the defaults, unless a method believes its start too much for
@@ -106,7 +107,7 @@ void expectFinite(const RegistrationResult& r) {
   if (r.covariance) {
     EXPECT_TRUE(r.covariance->allFinite());
   }
-  const Agreement& a = r.agreement;
+  const AlignmentScore& a = r.agreement;
   for (const double x : {a.model_explained, a.image_explained, a.model_residual_px, a.image_residual_px, a.model_rms_px,
                          r.times.prepare_s, r.times.rigid_s, r.times.nonrigid_s, r.times.total_s}) {
     EXPECT_TRUE(std::isfinite(x));
@@ -397,4 +398,4 @@ TYPED_TEST(RegistrationConformance, IsFoundByItsNameAndRefusesBadSettings) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -2,9 +2,10 @@
 #include <gtest/gtest.h>
 
 #include "angio/registration/registration.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // A chain of points whose projections stand far apart, so that with half a pixel of noise each model point's nearest
@@ -24,10 +25,10 @@ struct SparseScene {
   VesselTree draw() {
     truth.linear() = expSO3(random.vector(1));
     truth.translation() = Eigen::Vector3d(0.01, -0.02, 0.75);
-    const Eigen::Vector3d centre(0.02, -0.01, 0.03);  // Off the origin: the covariance must carry the lever arm.
+    const Eigen::Vector3d center(0.02, -0.01, 0.03);  // Off the origin: the covariance must carry the lever arm.
     std::vector<Eigen::Vector3d> points;
     while (points.size() < 60) {
-      const Eigen::Vector3d p = centre + Eigen::Vector3d(random.uniform(-0.04, 0.04), random.uniform(-0.04, 0.04),
+      const Eigen::Vector3d p = center + Eigen::Vector3d(random.uniform(-0.04, 0.04), random.uniform(-0.04, 0.04),
                                                          random.uniform(-0.04, 0.04));
       bool apart = true;
       for (const auto& q : points)
@@ -96,4 +97,4 @@ TEST(Covariance, IsAbsentWithoutAFullRankSystem) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -7,11 +7,12 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/test/differences.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 #include "deformation_fit.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // A gentle wave of so many metres and without rigid part worth naming: half a period over the tree, along two axes.
@@ -32,7 +33,7 @@ struct Scene {
   Pose T_second_first = Pose::Identity();
   OrientedKernelSettings settings;
   OrientedModel model{tree, settings};
-  Pose T_centred = T * Eigen::Translation3d(model.centroid);
+  Pose T_centered = T * Eigen::Translation3d(model.centroid);
   std::vector<Centerline2d> centerlines;
   XrayViews views;
   OrientedFrame frame;
@@ -79,7 +80,7 @@ struct Scene {
     double sum = 0;
     for (int i = 0; i < tree.size(); ++i) {
       const Eigen::Vector3d p = tree.points().col(i);
-      sum += (*camera.project(r.T_camera_centred * (p - model.centroid + found.col(i))) -
+      sum += (*camera.project(r.T_camera_centered * (p - model.centroid + found.col(i))) -
               *camera.project(T * (p + truth.col(i))))
                  .norm();
     }
@@ -140,14 +141,14 @@ TEST(DeformationEquations, LinePullIsTheGradientOfTheSquares) {
   const Eigen::Matrix3Xd at = someNodes(nodes, s.random);
   const Eigen::Matrix3Xd displaced = s.model.points + nodes.atPoints(at);
   ProjectedEdges projected;
-  projected.project(displaced, s.model.edges, s.camera, s.T_centred);
+  projected.project(displaced, s.model.edges, s.camera, s.T_centered);
   LineMatches matches;
   matchLines(s.frame.points(0), projected, 20, 0.5, matches);
   ASSERT_GT(matches.matched, 300);
   DeformationEquations<3> data;
   data.clear(nodes);
   // A tolerance without end leaves the squares alone.
-  addLinePull<3>({s.camera, s.T_centred, displaced}, s.model, nodes, Eigen::Matrix3d::Identity(), s.frame.points(0),
+  addLinePull<3>({s.camera, s.T_centered, displaced}, s.model, nodes, Eigen::Matrix3d::Identity(), s.frame.points(0),
                  matches, 1e9, 0.7, data);
 
   const int some = 12;  // Pose, and a dozen of the nodes.
@@ -155,7 +156,7 @@ TEST(DeformationEquations, LinePullIsTheGradientOfTheSquares) {
     Eigen::Matrix3Xd moved = at;
     for (int k = 0; k < some; ++k) moved.col(5 * k) += x.segment<3>(6 + 3 * k);
     const Eigen::Matrix3Xd points = s.model.points + nodes.atPoints(moved);
-    const Pose T = s.T_centred * expSE3(x.head<6>());
+    const Pose T = s.T_centered * expSE3(x.head<6>());
     double sum = 0;
     for (std::size_t j = 0; j < matches.of_point.size(); ++j) {
       const auto& m = matches.of_point[j];
@@ -192,7 +193,7 @@ TEST(DeformationEquations, FieldPullIsTheGradientOfTheLikelihood) {
   pull.along = 0.3f;
   DeformationEquations<3> data;
   data.clear(nodes);
-  addFieldPull<3>({s.camera, s.T_centred, displaced}, s.model, nodes, Eigen::Matrix3d::Identity(), field,
+  addFieldPull<3>({s.camera, s.T_centered, displaced}, s.model, nodes, Eigen::Matrix3d::Identity(), field,
                   s.frame.fieldOfView(0), pull, 1, 1, data);
   const int some = 12;
   const auto likelihood = [&](const Eigen::VectorXd& x) {
@@ -203,8 +204,8 @@ TEST(DeformationEquations, FieldPullIsTheGradientOfTheLikelihood) {
     for (int i = 0; i < s.model.size(); ++i) {
       const auto k = static_cast<std::size_t>(i);
       const auto& m = s.model.all;
-      const Eigen::Vector3d p = s.T_centred * points.col(i),
-                            t = s.T_centred.linear() * Eigen::Vector3d(m.tx[k], m.ty[k], m.tz[k]);
+      const Eigen::Vector3d p = s.T_centered * points.col(i),
+                            t = s.T_centered.linear() * Eigen::Vector3d(m.tx[k], m.ty[k], m.tz[k]);
       const double du = t.x() - p.x() / p.z() * t.z(), dv = t.y() - p.y() / p.z() * t.z(), length2 = du * du + dv * dv;
       const double length = std::min(1.0, std::sqrt(length2));
       const double F =
@@ -301,14 +302,14 @@ TEST(DeformationFit, FindsASmoothDeformation) {
     settings.detail = detail;
     DeformationFit fit(s.model, settings);
     DeformationFit::Result nothing;
-    nothing.T_camera_centred = s.T_centred * expSE3(s.random.twist(1e-3, 0.01));
+    nothing.T_camera_centered = s.T_centered * expSE3(s.random.twist(1e-3, 0.01));
     nothing.displacements_m = Eigen::Matrix3Xd::Zero(3, s.model.size());
-    const auto result = fit.fit(s.frame, s.belief(), nothing.T_camera_centred);
+    const auto result = fit.fit(s.frame, s.belief(), nothing.T_camera_centered);
     EXPECT_GT(s.projectionError(nothing, truth), 8);
     // A pixel: what moves along a vessel, and the ends of vessels most, is seen by its neighbours only.
     EXPECT_LT(s.projectionError(result, truth), 1);
     // One view says nothing of the beam's direction: what is found lies across it.
-    const Eigen::RowVector3d beam = nothing.T_camera_centred.linear().row(2);
+    const Eigen::RowVector3d beam = nothing.T_camera_centered.linear().row(2);
     EXPECT_LT((beam * result.displacements_m).cwiseAbs().maxCoeff(), 1e-12);
   }
 }
@@ -319,7 +320,7 @@ TEST(DeformationFit, FindsNoneWhereThereIsNone) {
     const Eigen::Matrix3Xd none = Eigen::Matrix3Xd::Zero(3, s.tree.size());
     s.show(none, 1, noise_px);
     DeformationFit fit(s.model, {});
-    const auto result = fit.fit(s.frame, s.belief(), s.T_centred);
+    const auto result = fit.fit(s.frame, s.belief(), s.T_centered);
     EXPECT_LT(s.projectionError(result, none), noise_px > 0 ? noise_px : 0.1);  // Never more than the noise itself.
   }
 }
@@ -335,12 +336,12 @@ TEST(DeformationFit, DoesNotMindTheOrderOfPoints) {
     parents[static_cast<std::size_t>(n - 1 - i)] = parent < 0 ? -1 : n - 1 - parent;
   }
   s.show(wave(s.tree, 2e-3));
-  const auto result = DeformationFit(s.model, {}).fit(s.frame, s.belief(), s.T_centred);
+  const auto result = DeformationFit(s.model, {}).fit(s.frame, s.belief(), s.T_centered);
   const OrientedModel turned(VesselTree(points, parents), s.settings);
-  const auto other = DeformationFit(turned, {}).fit(s.frame, s.belief(), s.T_centred);
+  const auto other = DeformationFit(turned, {}).fit(s.frame, s.belief(), s.T_centered);
   const auto at = [&](const OrientedModel& model, const DeformationFit::Result& r, int i) {
     const auto& place = model.resampled.place_of_original[static_cast<std::size_t>(i)];
-    const Eigen::Matrix3Xd moved = r.T_camera_centred * Eigen::Matrix3Xd(model.points + r.displacements_m);
+    const Eigen::Matrix3Xd moved = r.T_camera_centered * Eigen::Matrix3Xd(model.points + r.displacements_m);
     return Eigen::Vector3d((1 - place.weight) * moved.col(place.a) + place.weight * moved.col(place.b));
   };
   // Sums in another order are off in the last digits of single precision, which iterations carry on.
@@ -352,11 +353,11 @@ TEST(DeformationFit, SeesAlongTheBeamWithTwoViews) {
   const Eigen::Matrix3Xd truth = wave(s.tree, 2e-3);
   s.show(truth, 2);
   DeformationFit fit(s.model, {});
-  const auto result = fit.fit(s.frame, s.belief(), s.T_centred);
+  const auto result = fit.fit(s.frame, s.belief(), s.T_centered);
   const Eigen::Matrix3Xd found = s.ofGivenPoints(result.displacements_m);
-  const Eigen::Matrix3Xd centred = s.tree.points().colwise() - s.model.centroid;
+  const Eigen::Matrix3Xd centered = s.tree.points().colwise() - s.model.centroid;
   const Eigen::Matrix3Xd error =
-      result.T_camera_centred * Eigen::Matrix3Xd(centred + found) - s.T * Eigen::Matrix3Xd(s.tree.points() + truth);
+      result.T_camera_centered * Eigen::Matrix3Xd(centered + found) - s.T * Eigen::Matrix3Xd(s.tree.points() + truth);
   const double depth_rms_m = std::sqrt(error.row(2).squaredNorm() / s.tree.size());
   const double depth_moved_m = std::sqrt(((s.T.linear() * truth).row(2)).squaredNorm() / s.tree.size());
   EXPECT_GT(depth_moved_m, 1e-3);
@@ -371,4 +372,4 @@ TEST(DeformationFit, RefusesSettingsOutOfRange) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -3,12 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 #include "field_search.hpp"
 #include "oriented_image.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // A tree, an image of it, and a pose that is off by some pixels.
@@ -32,7 +33,7 @@ struct Scene {
   FieldSums look(const KernelField& field, const Pose& T, const PullWeight& weight) const {
     std::vector<HalfPlane> view;
     fieldOfView(XrayView{image, camera}, view);
-    return lookAtField(model.all, field, camera, view, T, weight);
+    return sampleField(model.all, field, camera, view, T, weight);
   }
 };
 
@@ -56,7 +57,7 @@ TEST(FieldStep, GradientIsThatOfTheObjective) {
         ModelPoints::of(moved, s.model.resampled.tree.tangents(), Eigen::VectorXd::Ones(moved.cols()), 1);
     std::vector<HalfPlane> view;
     fieldOfView(XrayView{s.image, s.camera}, view);
-    return lookAtField(points, field, s.camera, view, s.off, weight);
+    return sampleField(points, field, s.camera, view, s.off, weight);
   };
   const Vector6d g = objectiveMovedBy(Twist::Zero()).g;
   for (int k = 0; k < 6; ++k) {
@@ -117,10 +118,10 @@ TEST(FieldStep, WhatIsOutOfTheFieldOfViewHasNoVote) {
   XrayView view{s.image, s.camera};
   view.collimator_px = {{0, 0}, {511, 0}, {511, 1023}, {0, 1023}};
   fieldOfView(view, left_half);
-  const double left = lookAtField(s.model.all, field, s.camera, left_half, s.off, {}).seen;
+  const double left = sampleField(s.model.all, field, s.camera, left_half, s.off, {}).seen;
   view.collimator_px = {{0, 1023}, {511, 1023}, {511, 0}, {0, 0}};  // The other way round.
   fieldOfView(view, left_half);
-  EXPECT_NEAR(lookAtField(s.model.all, field, s.camera, left_half, s.off, {}).seen, left, 1e-3);
+  EXPECT_NEAR(sampleField(s.model.all, field, s.camera, left_half, s.off, {}).seen, left, 1e-3);
   EXPECT_LT(left, 0.9 * all);
   EXPECT_GT(left, 0.1 * all);
   Pose behind = s.off;
@@ -129,4 +130,4 @@ TEST(FieldStep, WhatIsOutOfTheFieldOfViewHasNoVote) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

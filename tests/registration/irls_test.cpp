@@ -3,10 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "rigid_step.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Points at known distances from an image of a few points.
@@ -29,7 +30,7 @@ TEST(MatchNearest, FindsTheNearestAndSkipsWhatMayNotPull) {
   EXPECT_EQ(s.pull.nearest[1], 1);
   EXPECT_EQ(s.pull.nearest[3], -1);
   EXPECT_EQ(s.pull.weight[3], 0);
-  EXPECT_NEAR(s.pull.largest_distance_px, 5, 1e-12);
+  EXPECT_NEAR(s.pull.max_distance_px, 5, 1e-12);
 }
 
 TEST(Weigh, GaussianHuberAndL2AreAsDefined) {
@@ -139,7 +140,7 @@ TEST(Irls, AStepThatLowersTheWeightedSquaresNeverLowersTheKernelSum) {
     T.linear() = expSO3(random.vector(1));
     T.translation() = Eigen::Vector3d(0, 0, 0.75);
     PosePriorTerm prior;
-    prior.T0_camera_centred = T * expSE3(random.twist(3e-3, 0.02));
+    prior.T0_camera_centered = T * expSE3(random.twist(3e-3, 0.02));
     prior.information.diagonal() << Eigen::Vector3d::Constant(1e7), Eigen::Vector3d::Constant(1e3);
     const double scale = random.uniform(1, 30);
     Pull pull(n);
@@ -160,7 +161,7 @@ TEST(Irls, AStepThatLowersTheWeightedSquaresNeverLowersTheKernelSum) {
     const auto objective = [&](const Pose& pose) {
       return prior.cost(pose) - 2 * scale * scale * (-distances2(pose) / (2 * scale * scale)).exp().sum();
     };
-    const double before = objective(T), after = objective(step.T_camera_centred);
+    const double before = objective(T), after = objective(step.T_camera_centered);
     EXPECT_LE(after, before + 1e-9 * std::abs(before)) << "trial " << trial;
   }
   EXPECT_GT(lowered, 190) << "the property was hardly tried";
@@ -182,7 +183,7 @@ TEST(LevenbergMarquardt, FindsTheOneMinimumOfExactMatches) {
     for (int i = 0; i < n; ++i) pull.target_px.col(i) = *camera.project(truth * points.col(i));
     Pose T = truth * expSE3(random.twist(10e-3, 0.1));
     LevenbergMarquardt solver;
-    for (int k = 0; k < 20; ++k) T = solver.step(points, views, T, {pull}, PosePriorTerm()).T_camera_centred;
+    for (int k = 0; k < 20; ++k) T = solver.step(points, views, T, {pull}, PosePriorTerm()).T_camera_centered;
     // The residual is zero at the solution, so convergence is quadratic down to the rounding of pixels, 1e-12 of 0.75
     // m.
     EXPECT_LT(logSE3(truth.inverse() * T).norm(), 1e-9);
@@ -190,4 +191,4 @@ TEST(LevenbergMarquardt, FindsTheOneMinimumOfExactMatches) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

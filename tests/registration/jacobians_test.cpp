@@ -10,11 +10,12 @@
 
 #include "angio/registration/ceres_costs.hpp"
 #include "angio/test/differences.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "biplane.hpp"
 #include "rigid_step.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 template <typename T>
@@ -200,7 +201,7 @@ TEST(PosePriorCost, JacobiansAgreeThreeWays) {
 TEST(NormalEquations, GradientIsThatOfTheCost) {
   test::Random random(3);
   const VesselTree tree = test::branchingTree(1);
-  const XrayCamera camera = test::clinicalCamera(), other = XrayCamera::centred(800, 600, 0.4e-3, 1);
+  const XrayCamera camera = test::clinicalCamera(), other = XrayCamera::centered(800, 600, 0.4e-3, 1);
   const Centerline2d none;
   const XrayViews views{{none, camera}, {none, other, test::fromTheSide()}};
   const Eigen::Matrix3Xd points = (tree.points().colwise() - tree.centroid()).leftCols(60);
@@ -217,7 +218,7 @@ TEST(NormalEquations, GradientIsThatOfTheCost) {
       }
     }
     PosePriorTerm prior;
-    prior.T0_camera_centred = T * expSE3(random.twist(5e-3, 0.1));
+    prior.T0_camera_centered = T * expSE3(random.twist(5e-3, 0.1));
     prior.information.diagonal() << 1e8, 2e8, 3e8, 1e5, 2e5, 3e5;
     const auto cost = [&](const Eigen::VectorXd& dx) -> Eigen::VectorXd {
       return Eigen::VectorXd::Constant(1, irlsCost(points, views, T * expSE3(dx), pulls, prior));
@@ -234,7 +235,7 @@ TEST(NormalEquations, GradientIsThatOfTheCost) {
 // The Hessian from an independent side: the sum of J^T J of the costs made for Ceres.
 TEST(NormalEquations, HessianIsThatOfTheCeresCosts) {
   test::Random random(4);
-  const XrayCamera camera = test::clinicalCamera(), other = XrayCamera::centred(800, 600, 0.4e-3, 1);
+  const XrayCamera camera = test::clinicalCamera(), other = XrayCamera::centered(800, 600, 0.4e-3, 1);
   const Centerline2d none;
   const XrayViews views{{none, camera}, {none, other, test::fromTheSide()}};
   const Eigen::Matrix3Xd points = Eigen::Matrix3Xd::NullaryExpr(3, 20, [&] { return 0.03 * random.normal(); });
@@ -242,7 +243,7 @@ TEST(NormalEquations, HessianIsThatOfTheCeresCosts) {
   T.linear() = expSO3(random.vector(1));
   T.translation() = Eigen::Vector3d(0, 0, 0.75);
   PosePriorTerm prior;
-  prior.T0_camera_centred = T * expSE3(random.twist(5e-3, 0.1));
+  prior.T0_camera_centered = T * expSE3(random.twist(5e-3, 0.1));
   prior.information.diagonal() << 1e8, 2e8, 3e8, 1e5, 2e5, 3e5;
   std::vector<Pull> pulls(2, Pull(20));
   Matrix6d H = Matrix6d::Zero();
@@ -268,9 +269,9 @@ TEST(NormalEquations, HessianIsThatOfTheCeresCosts) {
   }
   const NormalEquations n = normalEquations(points, views, T, pulls, prior);
   EXPECT_LT((n.H_data - H).norm(), 1e-12 * H.norm());
-  add(PosePriorCost(prior.T0_camera_centred, T, prior.information));
+  add(PosePriorCost(prior.T0_camera_centered, T, prior.information));
   EXPECT_LT((n.H - H).norm(), 1e-10 * H.norm());
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -5,10 +5,11 @@
 
 #include <cmath>
 
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 #include "oriented_image.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 OrientedPoints randomPoints(unsigned seed, int count) {
@@ -48,10 +49,10 @@ TEST(KernelField, IsTheSumOverAllPairs) {
       worst = std::max(worst, std::abs(field.at({u, v}, std::cos(2 * phi), std::sin(2 * phi)).F - expected));
       // On a cell's centre nothing is interpolated: what is left is the kernels' end at three scales, 1 % of a kernel
       // each.
-      const Eigen::Vector2d centre(field.u_origin_px() + field.cell_px() * (2 + i % 8),
+      const Eigen::Vector2d center(field.u_origin_px() + field.cell_px() * (2 + i % 8),
                                    field.v_origin_px() + field.cell_px() * (2 + i % 5));
-      at_cells = std::max(at_cells, std::abs(field.at(centre, std::cos(2 * phi), std::sin(2 * phi)).F -
-                                             bruteForce(points, centre, phi, scale)));
+      at_cells = std::max(at_cells, std::abs(field.at(center, std::cos(2 * phi), std::sin(2 * phi)).F -
+                                             bruteForce(points, center, phi, scale)));
     }
     EXPECT_LT(at_cells, 0.02 * largest) << scale;
     // Between them bilinear interpolation of a Gaussian on cells of half its width: h^2 / 8 of its second derivative,
@@ -135,4 +136,4 @@ TEST(KernelField, PointsFarAwayAndFieldsOfOnePixelAreNoHarm) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

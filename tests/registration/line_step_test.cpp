@@ -5,13 +5,14 @@
 
 #include <cmath>
 
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 #include "field_step.hpp"
 #include "oriented_image.hpp"
 #include "oriented_model.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 struct Scene {
@@ -143,8 +144,8 @@ TEST(LineEquations, NeighboursThatSayTheSameCountAsOne) {
   EXPECT_NEAR(together.togetherness(4000), 19, 6);  // From seven lags of one sample.
 }
 
-// An image line between two vessels that lie 6 px apart in projection: it is theirs together when it is wide enough to be
-// both.
+// An image line between two vessels that lie 6 px apart in projection: it is theirs together when it is wide enough to
+// be both.
 TEST(SoftenShared, PointsThatMayBeTwoVesselsCountLittle) {
   const XrayCamera camera = test::clinicalCamera();
   const double depth_m = 0.75, apart_m = 6 * depth_m / camera.parameters().fy_px;
@@ -173,4 +174,4 @@ TEST(SoftenShared, PointsThatMayBeTwoVesselsCountLittle) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

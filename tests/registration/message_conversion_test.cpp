@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/registration/message_conversion.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 RegistrationResult someResult() {
@@ -56,4 +57,4 @@ TEST(MessageConversion, WhatIsNotFiniteStaysAtRest) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

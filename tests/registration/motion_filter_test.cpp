@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/registration/motion_filter.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 const Eigen::Vector3d kCentroid(0.03, -0.12,
@@ -78,14 +79,14 @@ struct SimulatedMotion {
 
   SimulatedMotion(test::Random& generator, const MotionFilterSettings& s)
       : random(generator), settings(s), T(somePose(generator)) {
-    velocity = generator.twist(1e-3 * s.first_speed_std_mm_s, degToRad(s.first_angular_speed_std_deg_s));
+    velocity = generator.twist(1e-3 * s.first_speed_std_mm_per_s, degToRad(s.first_angular_speed_std_deg_per_s));
   }
 
   void advance(double dt) {
     const double h = dt / 10, per_step = std::sqrt(settings.acceleration_mean_s * h);
     for (int i = 0; i < 10; ++i) {
-      const Twist push = per_step * random.twist(1e-3 * settings.acceleration_std_mm_s2,
-                                                 degToRad(settings.angular_acceleration_std_deg_s2));
+      const Twist push = per_step * random.twist(1e-3 * settings.acceleration_std_mm_per_s2,
+                                                 degToRad(settings.angular_acceleration_std_deg_per_s2));
       T = about(T, (velocity + 0.5 * push) * h);
       velocity += push;
     }
@@ -227,9 +228,10 @@ TEST(MotionFilter, RefusesTimesThatFallAndPosesThatAreNone) {
   mirrored.linear().col(0) *= -1;
   EXPECT_THAT(test::refusalOf([&] { filter.update(mirrored, said, 3); }), testing::HasSubstr("rigid transform"));
   MotionFilterSettings still;
-  still.acceleration_std_mm_s2 = 0;
-  EXPECT_THAT(test::refusalOf([&] { MotionFilter(still, kCentroid); }), testing::HasSubstr("acceleration_std_mm_s2"));
+  still.acceleration_std_mm_per_s2 = 0;
+  EXPECT_THAT(test::refusalOf([&] { MotionFilter(still, kCentroid); }),
+              testing::HasSubstr("acceleration_std_mm_per_s2"));
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

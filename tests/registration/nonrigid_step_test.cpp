@@ -9,10 +9,11 @@
 #include <algorithm>
 
 #include "angio/registration/ceres_costs.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "biplane.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // A small tree with one bifurcation, jittered so that no two distances are equal.
@@ -213,4 +214,4 @@ TEST(NonrigidStep, RegulariserCountsChainsOncePerSide) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

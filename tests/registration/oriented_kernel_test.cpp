@@ -5,10 +5,11 @@
 #include "angio/registration/motion_filter.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/registration/starts.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 struct Scene {
@@ -99,11 +100,11 @@ TEST(OrientedKernel, CertainPointsCountMore) {
     const Scene s(seed % 6);
     test::Random random(seed + 70);
     Eigen::Matrix2Xd points = s.image.points_px;
-    Eigen::VectorXd sigma_px(points.cols());
+    Eigen::VectorXd std_px(points.cols());
     for (int i = 0; i < points.cols(); ++i) {
-      sigma_px[i] = s.image.branch[static_cast<std::size_t>(i)] % 2 ? 3 : 0.3;
+      std_px[i] = s.image.branch[static_cast<std::size_t>(i)] % 2 ? 3 : 0.3;
       const double dx = random.normal(), dy = random.normal();
-      points.col(i) += sigma_px[i] * Eigen::Vector2d(dx, dy);
+      points.col(i) += std_px[i] * Eigen::Vector2d(dx, dy);
     }
     Centerline2d image = makeCenterline(points, s.image.branch);
     image.tangent_rad = s.image.tangent_rad;  // Positions alone are compared.
@@ -113,7 +114,7 @@ TEST(OrientedKernel, CertainPointsCountMore) {
       return std::pow(meanDistance(s.tree, result.T_camera_model, s.truth), 2);
     };
     squares_not += squared();
-    image.sigma_px = sigma_px;
+    image.std_px = std_px;
     squares_knowing += squared();
   }
   EXPECT_LT(std::sqrt(squares_knowing), 0.7 * std::sqrt(squares_not));
@@ -307,4 +308,4 @@ TEST(OrientedKernel, ABoxOfPosesIsSearchedToItsCorners) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -3,9 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 Eigen::Matrix2Xd randomPoints(test::Random& random, int n) {
@@ -35,4 +36,4 @@ TEST(PointMatcher, StandsManyPointsInOnePlace) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/registration/sequence_tracker.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -7,7 +8,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kPeriod_s = 1 / 15.0;
@@ -332,4 +333,4 @@ TEST(SequenceTracker, FollowsABreathingTreeWithoutEverLosingIt) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/registration/starts.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -7,7 +8,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 double meanDistance(const VesselTree& tree, const Pose& a, const Pose& b) {
@@ -110,15 +111,15 @@ TEST(Search, RefusesStartsThatAreNone) {
               testing::HasSubstr("count = -1"));
 }
 
-TEST(DrawnPose, HasTheSpreadThatIsAskedForAboutTheCentre) {
+TEST(DrawnPose, HasTheSpreadThatIsAskedForAboutTheCenter) {
   test::Random random(1);
   const Pose T = expSE3(random.twist(1, 1));
-  const Eigen::Vector3d centre(0.1, -0.2, 0.3);
-  const Eigen::Translation3d to_centre(centre);
+  const Eigen::Vector3d center(0.1, -0.2, 0.3);
+  const Eigen::Translation3d to_center(center);
   const int draws = 2000;
   Twist sum = Twist::Zero(), squares = Twist::Zero();
   for (int i = 0; i < draws; ++i) {
-    const Pose drawn = to_centre.inverse() * T.inverse() * drawnPose(T, centre, 0.05, 4e-3, 9, i) * to_centre;
+    const Pose drawn = to_center.inverse() * T.inverse() * drawnPose(T, center, 0.05, 4e-3, 9, i) * to_center;
     Twist xi;
     xi << drawn.translation(), logSO3(drawn.linear());
     sum += xi;
@@ -142,4 +143,4 @@ TEST(DrawnPose, IsTheSameForOneSeedAndIndexAndAnotherForAnyOther) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/robot/carm_motion_limiter.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kDt = 0.066667, kLatency_s = 0.08, kValid_s = 0.2;
@@ -27,11 +28,11 @@ class Room {
   explicit Room(const CArmJoints& start) : arm_(kLimits, start, 0) {}
 
   CArmMotionLimiter limiter{kLimits, kValid_s};
-  double least_room = std::numeric_limits<double>::infinity();  // To a face of the envelope, [rad] or [m].
-  double fastest = 0, hardest = 0;                              // Shares of the arm's limits.
-  double jerkiest = 0;                                          // Share of the command's.
-  double furthest = 0;                                          // Share of the range.
-  double modelled = 0;                                          // Between the arm as it is and as it was predicted.
+  double min_room = std::numeric_limits<double>::infinity();  // To a face of the envelope, [rad] or [m].
+  double fastest = 0, hardest = 0;                            // Shares of the arm's limits.
+  double jerkiest = 0;                                        // Share of the command's.
+  double furthest = 0;                                        // Share of the range.
+  double modelled = 0;                                        // Between the arm as it is and as it was predicted.
 
   CArmState state() const { return arm_.state(); }
 
@@ -78,7 +79,7 @@ class Room {
       const double dt_s = 1e-6 * static_cast<double>(after.time_us - before.time_us);
       if (dt_s <= 0) continue;
       for (const CArmEnvelope::Face& face : kEnvelope.faces) {
-        least_room = std::min(least_room, face.room(after.joints) / face.normal.norm());
+        min_room = std::min(min_room, face.room(after.joints) / face.normal.norm());
       }
       fastest = std::max(fastest, after.velocity.cwiseAbs().cwiseQuotient(kLimits.velocity).maxCoeff());
       const CArmJoints change = after.velocity - before.velocity;
@@ -101,8 +102,8 @@ class Room {
   bool held_ = false;
 };
 
-void expectWithinLimits(const Room& room, double least_room) {
-  EXPECT_GE(room.least_room, least_room);
+void expectWithinLimits(const Room& room, double min_room) {
+  EXPECT_GE(room.min_room, min_room);
   EXPECT_LE(room.fastest, 1 + 1e-9);
   EXPECT_LE(room.hardest, 1 + 1e-6);  // Of differences of a millisecond.
   EXPECT_LE(room.furthest, 1 + 1e-9);
@@ -120,7 +121,7 @@ TEST(CArmMotionLimiter, KeepsEveryLimitWhateverIsWanted) {
   EXPECT_LE(room.jerkiest, 1 + 1e-6);
   EXPECT_LT(room.modelled, 1e-7) << "the arm is not where the limiter thinks";
   EXPECT_GT(room.furthest, 0.999) << "the range's end was never reached, so nothing was tested";
-  EXPECT_LT(room.least_room, 0.01) << "nor the envelope";
+  EXPECT_LT(room.min_room, 0.01) << "nor the envelope";
 }
 
 TEST(CArmMotionLimiter, KeepsEveryLimitWithFramesMissingHoldsAndSilence) {
@@ -161,7 +162,7 @@ TEST(CArmMotionLimiter, ABlockedJointLetsTheOthersGoOn) {
   // Secondary is held by the corner of the envelope; the table's x by its side; the others reach their speed.
   EXPECT_NEAR(command[3], wanted[3], 1e-9);
   EXPECT_NEAR(command[4], wanted[4], 1e-9);
-  EXPECT_GE(room.least_room, 0);
+  EXPECT_GE(room.min_room, 0);
 }
 
 TEST(CArmMotionLimiter, SlidesAlongAFaceTowardsWhatIsWanted) {
@@ -171,15 +172,15 @@ TEST(CArmMotionLimiter, SlidesAlongAFaceTowardsWhatIsWanted) {
   // Straight at the corner |p| + 2 |s| = 180 deg, and along it towards less secondary.
   CArmJoints wanted = CArmJoints::Zero();
   wanted.head<2>() << degToRad(20), degToRad(5);
-  double most_secondary = 0;
+  double max_secondary = 0;
   for (int i = 0; i < 150; ++i) {
     room.frame(wanted, kDt);
-    most_secondary = std::max(most_secondary, room.state().joints[1]);
+    max_secondary = std::max(max_secondary, room.state().joints[1]);
   }
   const CArmJoints end = room.state().joints;
   EXPECT_GT(end[0], start[0] + degToRad(20)) << "stuck at the face";
-  EXPECT_LT(end[1], most_secondary - degToRad(2)) << "did not give way";
-  EXPECT_GE(room.least_room, 0);
+  EXPECT_LT(end[1], max_secondary - degToRad(2)) << "did not give way";
+  EXPECT_GE(room.min_room, 0);
 }
 
 TEST(CArmMotionLimiter, ComesToAWishWithoutShootingOver) {
@@ -257,4 +258,4 @@ TEST(CArmMotionLimiter, RefusesLimitsThatAreNone) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/robot/lcm_carm.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 #include <visp3/core/vpPoseVector.h>
@@ -11,7 +12,7 @@
 #include "angio/geometry/visp.hpp"
 #include "angio/messaging/channels.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -28,7 +29,7 @@ struct LcmCArmTest : testing::Test {
   CArmGeometry geometry;
   CArmLimits limits = CArmLimits::typical();
   std::unique_ptr<Bus> bus = openBus("memq://");
-  LatestValue<CArmCommand> commands{*bus, kCArmCommandChannel};
+  LatestMessage<CArmCommand> commands{*bus, kCArmCommandChannel};
   LcmCArm robot{geometry, limits, *bus, 200ms};
   CArmState state;
 
@@ -185,4 +186,4 @@ TEST_F(LcmCArmTest, RefusesWrongSetUp) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

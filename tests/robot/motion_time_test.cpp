@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/robot/motion_time.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // The joint that accelerates as long as it can still stop, brakes then, and whose acceleration takes its time: a search
@@ -40,7 +41,7 @@ TEST(MotionTime, IsTheBestOfAllDoubleS) {
     CArmJoints to = CArmJoints::Zero();
     to[0] = (i % 2 ? 1 : -1) * std::exp(random.uniform(-6, 1));
     const double searched_s = bySearch(std::abs(to[0]), limits.velocity[0], limits.acceleration[0], limits.jerk[0]);
-    const double closed_s = shortestTime_s(CArmJoints::Zero(), to, limits);
+    const double closed_s = minTime_s(CArmJoints::Zero(), to, limits);
     // The search has 1000 steps of acceleration.
     EXPECT_LE(closed_s, searched_s * (1 + 1e-9)) << i;
     EXPECT_GE(closed_s, searched_s * (1 - 3e-3)) << i;
@@ -50,12 +51,12 @@ TEST(MotionTime, IsTheBestOfAllDoubleS) {
 TEST(MotionTime, IsTheSlowestJoints) {
   const CArmLimits limits = CArmLimits::typical();
   CArmJoints to = CArmJoints::Zero();
-  EXPECT_EQ(shortestTime_s(to, to, limits), 0);
+  EXPECT_EQ(minTime_s(to, to, limits), 0);
   to[0] = 50 * kPi / 180;  // 2 s at 25 deg/s, and twice half of 25/40 s and 40/160 s for the ramps.
-  EXPECT_NEAR(shortestTime_s(CArmJoints::Zero(), to, limits), 2 + 0.625 + 0.25, 1e-12);
+  EXPECT_NEAR(minTime_s(CArmJoints::Zero(), to, limits), 2 + 0.625 + 0.25, 1e-12);
   to[4] = 0.29;
-  EXPECT_NEAR(shortestTime_s(CArmJoints::Zero(), to, limits), 2.9 + 0.5 + 0.25, 1e-12);
+  EXPECT_NEAR(minTime_s(CArmJoints::Zero(), to, limits), 2.9 + 0.5 + 0.25, 1e-12);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

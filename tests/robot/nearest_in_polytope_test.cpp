@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/robot/nearest_in_polytope.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 CArmJoints randomVector(test::Random& random, double scale) {
@@ -87,4 +88,4 @@ TEST(NearestInPolytope, StaysInsideAndIsNeverFurtherThanTheStart) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

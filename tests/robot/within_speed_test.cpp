@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/robot/within_speed.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kRounding = 1e-12;  // Of sums of numbers around one.
@@ -46,4 +47,4 @@ TEST(WithinSpeed, WhatIsNotANumberStandsStill) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

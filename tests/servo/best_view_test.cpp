@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/best_view.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Straight vessels of 1.5 mm radius, a point every millimetre: each from its first point along its direction.
@@ -98,4 +99,4 @@ TEST(BestView, SegmentsAreChecked) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -4,21 +4,22 @@
 #include <limits>
 
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "moving_patient.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::MovingPatient;
 
-double rmsOverSeeds(const CentreTaskSettings& settings, double* worst_mm = nullptr) {
+double rmsOverSeeds(const CenterTaskSettings& settings, double* worst_mm = nullptr) {
   double sum = 0;
   for (unsigned seed = 1; seed <= 4; ++seed) {
     MovingPatient patient(seed);
     const auto task = makeTask(settings, patient.context());
     const auto errors = patient.run(*task, 40, 12);
     EXPECT_EQ(errors.held, 0);
-    EXPECT_LE(errors.most_of_limits, 1);
+    EXPECT_LE(errors.max_share_of_limits, 1);
     sum += errors.rms_mm * errors.rms_mm / 4;
     if (worst_mm) *worst_mm = std::max(*worst_mm, errors.worst_mm);
   }
@@ -27,8 +28,8 @@ double rmsOverSeeds(const CentreTaskSettings& settings, double* worst_mm = nullp
 
 // The figure that the task has to reach with images has to be reached without them first. Most of what is left is the
 // heart's, which the table can not follow: a systole of 2 mm has 0.6 mm rms, and its jerk lets it follow no faster.
-TEST(CentreTask, KeepsABreathingTargetWithinAMillimetre) {
-  CentreTaskSettings settings;
+TEST(CenterTask, KeepsABreathingTargetWithinAMillimetre) {
+  CenterTaskSettings settings;
   double worst_mm = 0;
   const double predicted_mm = rmsOverSeeds(settings, &worst_mm);
   settings.predict = false;
@@ -41,27 +42,27 @@ TEST(CentreTask, KeepsABreathingTargetWithinAMillimetre) {
 }
 
 // A tree that bends looks nearer or further: along the beam alone, which no table has to follow.
-TEST(CentreTask, FalseDepthsDoNotSpoilWhatIsSeenAcrossTheBeam) {
+TEST(CenterTask, FalseDepthsDoNotSpoilWhatIsSeenAcrossTheBeam) {
   MovingPatient patient(1);
   patient.depth_noise_m = 0.5e-3;
   patient.false_depth_m = 20e-3;
-  const auto task = makeTask(CentreTaskSettings{}, patient.context());
+  const auto task = makeTask(CenterTaskSettings{}, patient.context());
   const auto errors = patient.run(*task, 40, 12);
   EXPECT_EQ(errors.held, 0);
   EXPECT_LT(errors.rms_mm, 0.8);
 }
 
 // From 80 mm away it brakes in time: what is left is what breathing of 15 mm leaves before it has been learnt.
-TEST(CentreTask, ComesToRestFromAfarWithoutOvershoot) {
+TEST(CenterTask, ComesToRestFromAfarWithoutOvershoot) {
   MovingPatient patient(3);
   patient.first_offset_m = 0.08;
-  const auto task = makeTask(CentreTaskSettings{}, patient.context());
+  const auto task = makeTask(CenterTaskSettings{}, patient.context());
   const auto errors = patient.run(*task, 4, 2.5);
   EXPECT_LT(errors.rms_mm, 5.5);
-  EXPECT_LE(errors.most_of_limits, 1);
+  EXPECT_LE(errors.max_share_of_limits, 1);
 }
 
-class CentreInputs : public testing::Test {
+class CenterInputs : public testing::Test {
  protected:
   TaskInput input(std::int64_t frame) const {
     TaskInput in{frame * 66'667, patient_.carm.camera(), {}, {}, {}, CArmState()};
@@ -73,10 +74,10 @@ class CentreInputs : public testing::Test {
     return in;
   }
   MovingPatient patient_{1};
-  std::unique_ptr<Task> task_ = makeTask(CentreTaskSettings{}, patient_.context());
+  std::unique_ptr<Task> task_ = makeTask(CenterTaskSettings{}, patient_.context());
 };
 
-TEST_F(CentreInputs, RestsWhenTheTargetIsCentredAndStill) {
+TEST_F(CenterInputs, RestsWhenTheTargetIsCenteredAndStill) {
   TaskAnswer answer;
   for (int k = 0; k < 10; ++k) answer = task_->answer(input(k));
   ASSERT_TRUE(answer.velocity);
@@ -85,8 +86,8 @@ TEST_F(CentreInputs, RestsWhenTheTargetIsCentredAndStill) {
   EXPECT_TRUE(answer.reached);
 }
 
-TEST_F(CentreInputs, AnOffsetIsOfTheImage) {
-  CentreTaskSettings settings;
+TEST_F(CenterInputs, AnOffsetIsOfTheImage) {
+  CenterTaskSettings settings;
   settings.offset_px[0] = 100;
   const auto task = makeTask(settings, patient_.context());
   const TaskAnswer answer = task->answer(input(0));
@@ -97,7 +98,7 @@ TEST_F(CentreInputs, AnOffsetIsOfTheImage) {
   EXPECT_EQ(answer.velocity->head<2>().norm(), 0) << "the table alone";
 }
 
-TEST_F(CentreInputs, WhatIsNotANumberOrComesTwiceHolds) {
+TEST_F(CenterInputs, WhatIsNotANumberOrComesTwiceHolds) {
   ASSERT_TRUE(task_->answer(input(0)).velocity);
   TaskInput broken = input(1);
   broken.T_camera_model.translation().y() = std::numeric_limits<double>::quiet_NaN();
@@ -112,14 +113,14 @@ TEST_F(CentreInputs, WhatIsNotANumberOrComesTwiceHolds) {
   ASSERT_TRUE(task_->answer(input(4)).velocity);
 }
 
-TEST_F(CentreInputs, AMovingTargetIsFollowedWhereItIs) {
+TEST_F(CenterInputs, AMovingTargetIsFollowedWhereItIs) {
   TaskInput in = input(0);
   in.target_model = patient_.target + Eigen::Vector3d(5e-3, 0, 0);
-  const double px = -5e-3 * in.camera.parameters().fx_px / patient_.carm.source_isocentre_distance_m;
+  const double px = -5e-3 * in.camera.parameters().fx_px / patient_.carm.source_isocenter_distance_m;
   EXPECT_NEAR(task_->answer(in).pixel_error->x(), px, 1e-6);
 }
 
-TEST_F(CentreInputs, TheTargetIsFollowedWhereItIsSeenForItself) {
+TEST_F(CenterInputs, TheTargetIsFollowedWhereItIsSeenForItself) {
   ASSERT_TRUE(task_->place());
   EXPECT_EQ(task_->place()->model, patient_.target);
   TaskInput in = input(0);
@@ -154,13 +155,13 @@ TEST(HoldTask, KeepsTheViewOfABreathingPatient) {
 
 TEST(TaskSettings, OutOfRangeIsRefused) {
   const MovingPatient patient(1);
-  CentreTaskSettings centre;
-  centre.motion.memory_s = 0;
-  EXPECT_NE(test::refusalOf([&] { makeTask(centre, patient.context()); }).find("memory_s = 0"), std::string::npos);
+  CenterTaskSettings center;
+  center.motion.memory_s = 0;
+  EXPECT_NE(test::refusalOf([&] { makeTask(center, patient.context()); }).find("memory_s = 0"), std::string::npos);
   HoldTaskSettings hold;
-  hold.most_std_mm = -1;
-  EXPECT_NE(test::refusalOf([&] { makeTask(hold, patient.context()); }).find("most_std_mm = -1"), std::string::npos);
+  hold.max_std_mm = -1;
+  EXPECT_NE(test::refusalOf([&] { makeTask(hold, patient.context()); }).find("max_std_mm = -1"), std::string::npos);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

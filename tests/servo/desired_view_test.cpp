@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/desired_view.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
-TEST(DesiredPose, PutsTheTargetAtTheIsocentreAndTheBeamAlongTheAngles) {
+TEST(DesiredPose, PutsTheTargetAtTheIsocenterAndTheBeamAlongTheAngles) {
   test::Random random(2);
   for (int i = 0; i < 50; ++i) {
     DesiredView view;
@@ -32,7 +33,7 @@ TEST(DesiredPose, IsWhereTheArmsAnglesLeadWhenThePatientLiesStraight) {
   const ViewAngles angles{degToRad(35), degToRad(-20)};
   const Pose reached = arm.T_camera_patient(arm.jointsFor(angles, target));
   EXPECT_TRUE(reached.isApprox(
-      desiredPose({angles, target, Eigen::Matrix3d::Identity()}, arm.source_isocentre_distance_m), 1e-12));
+      desiredPose({angles, target, Eigen::Matrix3d::Identity()}, arm.source_isocenter_distance_m), 1e-12));
 }
 
 class ViewErrors : public testing::Test {
@@ -75,4 +76,4 @@ TEST_F(ViewErrors, AShiftIsOfTheTargetOnly) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/frame_mailbox.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/messaging/channels.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 struct FrameMailboxTest : testing::Test {
   void frame(std::int64_t sequence) {
     publish(*bus, kXrayFrameChannel,
             XrayFrame{100 * sequence, sequence, cv::Mat(8, 8, CV_16UC1, cv::Scalar(1)),
-                      XrayCamera::centred(8, 8, 1e-3, 1)});
+                      XrayCamera::centered(8, 8, 1e-3, 1)});
   }
   void registration(std::int64_t sequence, std::int64_t time_us, double residual_px = 0) {
     RegistrationMessage message;
@@ -99,4 +100,4 @@ TEST_F(FrameMailboxTest, KeepsNoMoreThanHalfASecond) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -4,11 +4,12 @@
 #include <gtest/gtest.h>
 
 #include "angio/simulation/simulated_carm.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 #include "latency_compensator.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 class LocalShifts : public testing::Test {
@@ -45,11 +46,11 @@ TEST_F(LocalShifts, AreNotDrawnToANeighbour) {
     const double angle_rad = all.tangent_rad[39] + degToRad(across_deg);
     const Eigen::Vector2d aside = 2.5e-3 * px_per_m_ * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad));
     Centerline2d seen = all;
-    seen.sigma_px = Eigen::VectorXd::Constant(all.size(), 2);
+    seen.std_px = Eigen::VectorXd::Constant(all.size(), 2);
     for (int i = 0; i < all.size(); ++i) {
       if (i / 4 % 4 != 0) continue;
       seen.points_px.col(i) += aside;
-      seen.sigma_px[i] = 0.2;
+      seen.std_px[i] = 0.2;
     }
     const auto found = near.look(seen, camera_, T_);
     ASSERT_TRUE(found);
@@ -132,4 +133,4 @@ TEST(LatencyCompensator, AreWhatTheArmWillHaveDone) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/message_timing_monitor.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
 #include <limits>
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using testing::HasSubstr;
@@ -16,7 +17,7 @@ class Freshness : public testing::Test {
  protected:
   // A new frame with its own noise; its sender's clock is far from ours.
   XrayFrame frame(std::int64_t k) const {
-    XrayFrame f{kOtherClock_us + k * kPeriod_us, k, cv::Mat(8, 8, CV_8UC1), XrayCamera::centred(8, 8, 1e-3, 1)};
+    XrayFrame f{kOtherClock_us + k * kPeriod_us, k, cv::Mat(8, 8, CV_8UC1), XrayCamera::centered(8, 8, 1e-3, 1)};
     f.image.setTo(static_cast<double>(k % 251));
     return f;
   }
@@ -60,8 +61,8 @@ TEST_F(Freshness, AFrameThatComesTwiceOrLateIsDoubted) {
 
 TEST_F(Freshness, AFrameThatIsLaterThanTheQuickestIsDoubtedWhateverTheClocks) {
   for (std::int64_t k = 1; k < 10; ++k) EXPECT_EQ(said(frame(k), k), "");
-  EXPECT_EQ(said(frame(10), 10, 20 + settings_.most_frame_age_ms), "");
-  EXPECT_THAT(said(frame(11), 11, 25 + settings_.most_frame_age_ms), HasSubstr("later than the quickest"));
+  EXPECT_EQ(said(frame(10), 10, 20 + settings_.max_frame_age_ms), "");
+  EXPECT_THAT(said(frame(11), 11, 25 + settings_.max_frame_age_ms), HasSubstr("later than the quickest"));
   EXPECT_EQ(said(frame(20), 20), "");
 }
 
@@ -150,4 +151,4 @@ TEST_F(Freshness, JointsDoNotLeap) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

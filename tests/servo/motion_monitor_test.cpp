@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/motion_monitor.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -10,7 +11,7 @@
 #include "angio/simulation/simulated_carm.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using testing::HasSubstr;
@@ -160,4 +161,4 @@ TEST(MotionMonitor, BeginsAnewAfterAGapAndBearsTimesThatRunBack) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

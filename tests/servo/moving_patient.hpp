@@ -7,6 +7,7 @@
 #include "angio/servo/tasks.hpp"
 #include "angio/simulation/patient_motion.hpp"
 #include "angio/simulation/simulated_carm.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 
 namespace angio::test {
@@ -24,7 +25,7 @@ class MovingPatient {
     s.breathing.diaphragm_mm = 0;  // The target is where it moves most.
     s.breathing.drift_mm_per_min = 3;
     s.heartbeat.amplitude_mm = heart_mm;
-    s.heartbeat.centre_mm[2] = 50;
+    s.heartbeat.center_mm[2] = 50;
     return s;
   }
 
@@ -32,7 +33,7 @@ class MovingPatient {
     double rms_mm = 0, worst_mm = 0;  ///< Of the target, across the beam, at its own depth.
     double beam_rms_deg = 0;          ///< Between the beam and what it was at first, seen from the model.
     int held = 0;                     ///< Frames.
-    double most_of_limits = 0;        ///< Of the joints' speeds, as parts of what they may be.
+    double max_share_of_limits = 0;   ///< Of the joints' speeds, as parts of what they may be.
   };
 
   /// Runs a task for some time; errors count from `from_s` on, every 5 ms.
@@ -116,8 +117,8 @@ inline MovingPatient::Errors MovingPatient::run(Task& task, double duration_s, d
       advance(t);
       const double time_s = 1e-6 * static_cast<double>(t);
       const CArmState state = arm.state();
-      errors.most_of_limits =
-          std::max(errors.most_of_limits, state.velocity.cwiseAbs().cwiseQuotient(limits.velocity).maxCoeff());
+      errors.max_share_of_limits =
+          std::max(errors.max_share_of_limits, state.velocity.cwiseAbs().cwiseQuotient(limits.velocity).maxCoeff());
       const Pose T = carm.T_camera_patient(state.joints) * T_patient_model(time_s);
       const Eigen::Vector3d beam = T.linear().row(2).transpose();
       if (!first_beam) first_beam = beam;

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/perception/patient_tracker.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 class PatientTrackers : public testing::Test {
@@ -18,8 +19,8 @@ class PatientTrackers : public testing::Test {
   }
   // What a registration would say of a patient who lies so, with `noise` about the tree's centroid.
   Pose measured(const Pose& T_dsa_cb, const CArmJoints& q, const Twist& noise = Twist::Zero()) const {
-    const Eigen::Translation3d centre(centroid_);
-    return arm_.T_camera_patient(q) * T_dsa_cb * centre * expSE3(noise) * centre.inverse();
+    const Eigen::Translation3d center(centroid_);
+    return arm_.T_camera_patient(q) * T_dsa_cb * center * expSE3(noise) * center.inverse();
   }
   // Of the point that matters, and of the rotation.
   static double errorMm(const Pose& a, const Pose& b, const Eigen::Vector3d& p) { return 1e3 * (a * p - b * p).norm(); }
@@ -82,8 +83,8 @@ TEST_F(PatientTrackers, AreFastAtFirstAndForgetLater) {
   for (int k = 0; k < 20; ++k) tracker_.update(measured(truth_, q), q);
   Twist step = Twist::Zero();
   step.head<3>() << 2e-3, 0, 0;
-  const Eigen::Translation3d centre(centroid_);
-  const Pose moved = truth_ * centre * expSE3(step) * centre.inverse();
+  const Eigen::Translation3d center(centroid_);
+  const Pose moved = truth_ * center * expSE3(step) * center.inverse();
   for (int k = 0; k < 8; ++k) tracker_.update(measured(moved, q), q);
   // (1 - 1/8)^8 of 2 mm: a pure shift is averaged exactly.
   EXPECT_NEAR(errorMm(tracker_.T_dsa_cb(), moved, centroid_), 2 * std::pow(7.0 / 8, 8), 1e-6);
@@ -109,10 +110,11 @@ TEST_F(PatientTrackers, LookWideAgainAfterMissesInARow) {
 }
 
 TEST_F(PatientTrackers, RefuseSettingsOutOfRange) {
-  settings_.memory_frames = 0;
-  EXPECT_NE(test::refusalOf([&] { PatientTracker(settings_, arm_, calibrated_, centroid_); }).find("memory_frames = 0"),
-            std::string::npos);
+  settings_.frames_until_lost = 0;
+  EXPECT_NE(
+      test::refusalOf([&] { PatientTracker(settings_, arm_, calibrated_, centroid_); }).find("frames_until_lost = 0"),
+      std::string::npos);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/perception/perception.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "stage.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
-class PatientsWhoBend : public testing::Test {
+class DeformedPatients : public testing::Test {
  protected:
   // The tree as a deep breath has it: one end has gone by so much, the other hardly at all.
   VesselTree bent(double by_m) const {
@@ -21,10 +22,10 @@ class PatientsWhoBend : public testing::Test {
     const double off = (p.y() - 0.06) / kReach_m;
     return by_m * std::exp(-0.5 * off * off) * Eigen::Vector3d(0.8, 0.6, 0);
   }
-  Perception perception(double most_bend_mm, const std::optional<PointOfInterest>& place = std::nullopt) const {
+  Perception perception(double max_deformation_mm, const std::optional<PointOfInterest>& place = std::nullopt) const {
     PerceptionSettings settings = stage_.settings.perception;
     settings.tracker.follow_motion = true;
-    settings.tracker.most_bend_mm = most_bend_mm;
+    settings.tracker.max_deformation_mm = max_deformation_mm;
     return Perception(settings, stage_.settings.carm, stage_.settings.T_dsa_cb, stage_.tree, place);
   }
   // What a perception that has seen the patient before makes of the tree as it is now.
@@ -42,7 +43,7 @@ class PatientsWhoBend : public testing::Test {
 
 // A rigid tree explains a breath in part, and is rightly not believed; a bent one says where each vessel is, to less
 // than the third of a millimetre that is a pixel here.
-TEST_F(PatientsWhoBend, AreSeenWhereTheyAre) {
+TEST_F(DeformedPatients, AreSeenWhereTheyAre) {
   constexpr double kBreath_m = 0.02;
   const VesselTree now = bent(kBreath_m);
   EXPECT_EQ(look(perception(0), now).registration.status, RegistrationStatus::kAmbiguous);
@@ -70,7 +71,7 @@ TEST_F(PatientsWhoBend, AreSeenWhereTheyAre) {
 }
 
 // A watched place is seen where it is, by what bends the tree and by the image around it.
-TEST_F(PatientsWhoBend, AreSeenWhereTheyAreWatched) {
+TEST_F(DeformedPatients, AreSeenWhereTheyAreWatched) {
   const VesselTree now = bent(0.02);
   const Pose truth = stage_.settings.carm.T_camera_patient(stage_.joints);
   int places = 0;
@@ -92,12 +93,12 @@ TEST_F(PatientsWhoBend, AreSeenWhereTheyAreWatched) {
 }
 
 // What a breath does not do is not a breath.
-TEST_F(PatientsWhoBend, AreNotBelievedBeyondABreath) {
-  EXPECT_NE(look(perception(PatientTrackerSettings().most_bend_mm), bent(0.02)).registration.status,
+TEST_F(DeformedPatients, AreNotBelievedBeyondABreath) {
+  EXPECT_NE(look(perception(PatientTrackerSettings().max_deformation_mm), bent(0.02)).registration.status,
             RegistrationStatus::kConverged);
 }
 
-TEST_F(PatientsWhoBend, AreNotTakenForOthers) {
+TEST_F(DeformedPatients, AreNotTakenForOthers) {
   const Eigen::Vector3d c = stage_.tree.centroid();
   for (unsigned seed = 1; seed <= 4; ++seed) {
     test::Random random(seed);
@@ -112,4 +113,4 @@ TEST_F(PatientsWhoBend, AreNotTakenForOthers) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

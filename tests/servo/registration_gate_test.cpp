@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/perception/registration_gate.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 
 #include "angio/test/errors.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -37,7 +38,7 @@ class RegistrationGates : public testing::Test {
   const Eigen::Vector3d target_{0.05, 0.02, 0.1};
   RegistrationGateSettings settings_;
   RegistrationGate gate_{settings_, target_};
-  XrayFrame frame_{0, 1, {}, XrayCamera::centred(64, 64, 1e-3, 1)};
+  XrayFrame frame_{0, 1, {}, XrayCamera::centered(64, 64, 1e-3, 1)};
   CArmState state_;
   RegistrationResult seen_;
   Pose predicted_, calibrated_;
@@ -74,12 +75,12 @@ TEST_F(RegistrationGates, NumbersMustBeFinite) {
 }
 
 TEST_F(RegistrationGates, ATurnMayBeLargeOnlyWhileSearching) {
-  turn(settings_.most_jump_deg - 0.01);
+  turn(settings_.max_innovation_deg - 0.01);
   EXPECT_EQ(rejection(true), "");
-  turn(settings_.most_jump_deg + 0.01);
+  turn(settings_.max_innovation_deg + 0.01);
   EXPECT_NE(rejection(true).find("turn against the prediction"), std::string::npos);
   EXPECT_EQ(rejection(false), "");
-  turn(settings_.most_correction_deg + 0.01);
+  turn(settings_.max_calibration_offset_deg + 0.01);
   EXPECT_NE(rejection(false).find("turn against the calibration"), std::string::npos);
 }
 
@@ -87,12 +88,12 @@ TEST_F(RegistrationGates, AShiftMayBeLargeOnlyWhileSearching) {
   const auto shift = [&](double mm) {
     seen_.T_camera_model.translation() = predicted_.translation() + Eigen::Vector3d(0, 1e-3 * mm, 0);
   };
-  shift(settings_.most_jump_mm - 0.01);
+  shift(settings_.max_innovation_mm - 0.01);
   EXPECT_EQ(rejection(true), "");
-  shift(settings_.most_jump_mm + 0.01);
+  shift(settings_.max_innovation_mm + 0.01);
   EXPECT_NE(rejection(true).find("shift against the prediction"), std::string::npos);
   EXPECT_EQ(rejection(false), "");
-  shift(settings_.most_correction_mm + 0.01);
+  shift(settings_.max_calibration_offset_mm + 0.01);
   EXPECT_NE(rejection(false).find("shift against the calibration"), std::string::npos);
 }
 
@@ -101,33 +102,33 @@ TEST_F(RegistrationGates, AJumpMayBeLargerAlongTheBeam) {
   const auto shift = [&](double mm) {
     seen_.T_camera_model.translation() = predicted_.translation() + Eigen::Vector3d(0, 0, 1e-3 * mm);
   };
-  shift(settings_.most_jump_depth_mm - 0.01);
+  shift(settings_.max_innovation_depth_mm - 0.01);
   EXPECT_EQ(rejection(true), "");
-  shift(settings_.most_jump_depth_mm + 0.01);
+  shift(settings_.max_innovation_depth_mm + 0.01);
   EXPECT_NE(rejection(true).find("depth against the prediction"), std::string::npos);
-  shift(settings_.most_correction_mm + 0.01);
+  shift(settings_.max_calibration_offset_mm + 0.01);
   EXPECT_NE(rejection(false).find("depth against the calibration"), std::string::npos);
 }
 
 TEST_F(RegistrationGates, ACreepingErrorEndsAtTheCalibration) {
   // Each step is small against the prediction, which has crept along.
-  seen_.T_camera_model.translation().x() += 1e-3 * (settings_.most_correction_mm + 1);
+  seen_.T_camera_model.translation().x() += 1e-3 * (settings_.max_calibration_offset_mm + 1);
   predicted_ = seen_.T_camera_model;
   EXPECT_NE(rejection(true).find("shift against the calibration"), std::string::npos);
 }
 
 TEST_F(RegistrationGates, TheUncertaintyIsThatOfTheTarget) {
-  const double most_m = 1e-3 * settings_.most_target_std_mm;
-  (*seen_.covariance)(2, 2) = std::pow(0.99 * most_m, 2);
+  const double max_m = 1e-3 * settings_.max_target_std_mm;
+  (*seen_.covariance)(2, 2) = std::pow(0.99 * max_m, 2);
   EXPECT_EQ(rejection(), "");
-  (*seen_.covariance)(2, 2) = std::pow(1.01 * most_m, 2);
+  (*seen_.covariance)(2, 2) = std::pow(1.01 * max_m, 2);
   EXPECT_NE(rejection().find("uncertainty of the target"), std::string::npos);
   // A rotation about the model's origin moves the target by its arm: here |(0.05, 0.1)| for a turn about y.
   (*seen_.covariance)(2, 2) = 1e-8;
   const double arm_m = std::hypot(target_.x(), target_.z());
-  (*seen_.covariance)(4, 4) = std::pow(0.98 * most_m / arm_m, 2);
+  (*seen_.covariance)(4, 4) = std::pow(0.98 * max_m / arm_m, 2);
   EXPECT_EQ(rejection(), "");
-  (*seen_.covariance)(4, 4) = std::pow(1.02 * most_m / arm_m, 2);
+  (*seen_.covariance)(4, 4) = std::pow(1.02 * max_m / arm_m, 2);
   EXPECT_NE(rejection().find("uncertainty of the target"), std::string::npos);
 }
 
@@ -141,14 +142,14 @@ TEST_F(RegistrationGates, DepthMayBeOpenWhereATaskDoesNotNeedIt) {
   seen_.covariance->topLeftCorner<3, 3>() += along * along.transpose();
   EXPECT_NE(rejection().find("uncertainty of the target"), std::string::npos);
   EXPECT_EQ(refused(), "");
-  (*seen_.covariance)(0, 0) += std::pow(1.01e-3 * settings_.most_target_std_mm, 2);
+  (*seen_.covariance)(0, 0) += std::pow(1.01e-3 * settings_.max_target_std_mm, 2);
   EXPECT_NE(refused().find("uncertainty of the target"), std::string::npos);
 }
 
 TEST_F(RegistrationGates, JointsMustBelongToTheFrame) {
-  const std::int64_t most_us = std::llround(1e3 * settings_.most_state_age_ms);
+  const std::int64_t max_us = std::llround(1e3 * settings_.max_state_age_ms);
   for (const int sign : {-1, 1}) {
-    state_.time_us = frame_.time_us + sign * most_us;
+    state_.time_us = frame_.time_us + sign * max_us;
     EXPECT_EQ(frameObjection(), "");
     state_.time_us += sign * 1000;
     EXPECT_NE(frameObjection().find("age of the joints"), std::string::npos);
@@ -183,4 +184,4 @@ TEST_F(RegistrationGates, RefuseSettingsOutOfRange) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

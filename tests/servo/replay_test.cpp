@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/replay.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -11,7 +12,7 @@
 #include "angio/test/temporary_folder.hpp"
 #include "stage.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr std::chrono::milliseconds kNoWait(0);
@@ -117,4 +118,4 @@ TEST_F(Replay, ALogWithoutFramesIsRefusedByName) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

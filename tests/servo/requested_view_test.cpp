@@ -5,10 +5,11 @@
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/servo/replay.hpp"
 #include "angio/servo/servo_node.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "stage.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr std::int64_t kPeriod_us = 66'667;
@@ -57,8 +58,8 @@ struct RequestedView : testing::Test {
   test::Stage stage;
   test::TemporaryFolder folder;
   std::unique_ptr<Bus> bus = openBus("memq://");
-  LatestValue<ServoStatus> statuses{*bus, kServoStatusChannel};
-  LatestValue<RegistrationMessage> registrations{*bus, kRegistrationChannel};
+  LatestMessage<ServoStatus> statuses{*bus, kServoStatusChannel};
+  LatestMessage<RegistrationMessage> registrations{*bus, kRegistrationChannel};
   CArmJoints last = CArmJoints::Zero();
   std::int64_t k = 0;
 };
@@ -122,4 +123,4 @@ TEST_F(RequestedView, DoesNotArmTheCArm) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/safety_supervisor.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -8,7 +9,7 @@
 
 #include "angio/test/errors.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr std::int64_t kPeriod_us = 66'667;
@@ -33,7 +34,7 @@ class Safety : public testing::Test {
     arm_.sequence = k_;
     safety_.observe(arm_, now_us_);
     frame_us_ = now_us_;
-    XrayFrame f{now_us_, k_, cv::Mat(4, 4, CV_8UC1), XrayCamera::centred(4, 4, 1e-3, 1)};
+    XrayFrame f{now_us_, k_, cv::Mat(4, 4, CV_8UC1), XrayCamera::centered(4, 4, 1e-3, 1)};
     f.image.setTo(static_cast<double>(k_ % 251));
     const auto wrong = safety_.begin(f, now_us_);
     if (!wrong) safety_.trust(seen, Eigen::Vector3d::UnitY(), now_us_);
@@ -90,12 +91,12 @@ TEST_F(Safety, TheGuardAllowsMoreInDepth) {
   ask(ServoRequestKind::kArm);
   ask(ServoRequestKind::kStart);
   const auto leap = [](double mm, int i) { return Pose(Eigen::Translation3d(0, i % 2 == 0 ? 0.0 : 1e-3 * mm, 0)); };
-  const double most_mm = SafetySettings().most_start_spread_depth_mm;
+  const double max_mm = SafetySettings().max_start_spread_depth_mm;
   for (int i = 0; i < 20; ++i) {
-    frame(leap(most_mm + 0.1, i));
+    frame(leap(max_mm + 0.1, i));
     EXPECT_FALSE(safety_.moves());
   }
-  for (int i = 0; i < SafetySettings().states.frames_to_start + 1; ++i) frame(leap(most_mm - 0.1, i));
+  for (int i = 0; i < SafetySettings().states.frames_to_start + 1; ++i) frame(leap(max_mm - 0.1, i));
   EXPECT_TRUE(safety_.moves()) << safety_.states().reason();
 }
 
@@ -141,7 +142,7 @@ TEST_F(Safety, EachWrongInputEndsInRest) {
       {"X-ray's clock", ServoState::kFault,
        [&] {
          frame_us_ = now_us_ - 5'000'000;
-         XrayFrame f{frame_us_, ++k_, cv::Mat::ones(4, 4, CV_8UC1), XrayCamera::centred(4, 4, 1e-3, 1)};
+         XrayFrame f{frame_us_, ++k_, cv::Mat::ones(4, 4, CV_8UC1), XrayCamera::centered(4, 4, 1e-3, 1)};
          EXPECT_TRUE(safety_.begin(f, now_us_ += kPeriod_us));
        }},
       {"emergency stop", ServoState::kEmergencyStop, [&] { ask(ServoRequestKind::kEmergencyStop); }},
@@ -166,9 +167,9 @@ TEST_F(Safety, EachWrongInputEndsInRest) {
 
 TEST_F(Safety, TheSettingsAreChecked) {
   SafetySettings settings;
-  settings.motion.most_lag_deg = -1;
-  EXPECT_NE(test::refusalOf([&] { safetyOf(settings, target_); }).find("most_lag_deg"), std::string::npos);
+  settings.motion.max_following_error_deg = -1;
+  EXPECT_NE(test::refusalOf([&] { safetyOf(settings, target_); }).find("max_following_error_deg"), std::string::npos);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

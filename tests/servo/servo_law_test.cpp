@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/servo_law.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +13,7 @@
 #include "angio/test/random.hpp"
 #include "angio/test/types_of.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 const CArmGeometry kArm;
@@ -50,7 +51,7 @@ struct ServoLawConformance : testing::Test {
       const Pose seen = kArm.T_camera_patient(q) * T_patient_model;
       if (step % 10 == 0) {
         const ViewError error = viewError(seen, desired, target);
-        const double size = error.direction_rad + error.target_m / kArm.source_isocentre_distance_m;
+        const double size = error.direction_rad + error.target_m / kArm.source_isocenter_distance_m;
         rise = std::max(rise, size - last);
         last = size;
       }
@@ -87,7 +88,7 @@ TYPED_TEST(ServoLawConformance, ReachesTheViewFromEverywhereWhateverTheRoll) {
   for (const double roll_deg : {0.0, 25.0, -90.0}) {
     const Pose T_patient_model = askew();
     Pose desired = desiredPose({{degToRad(30), degToRad(15)}, this->target, Eigen::Matrix3d::Identity()},
-                               kArm.source_isocentre_distance_m);
+                               kArm.source_isocenter_distance_m);
     desired = Pose(Eigen::AngleAxisd(degToRad(roll_deg), Eigen::Vector3d::UnitZ())) * desired;
     for (const double primary_deg : {-100.0, -30.0, 25.0, 110.0}) {
       for (const double secondary_deg : {-50.0, 0.0, 55.0}) {
@@ -230,4 +231,4 @@ TEST(ServoLaw, RefusesWhatItCannotWorkWith) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/servo_loop.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 #include "angio/test/errors.hpp"
 #include "stage.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -125,7 +126,7 @@ TEST(OpenLoops, GoWhereTheCalibrationPointsToAndNoFurther) {
   const Pose believed = stage.settings.carm.T_camera_patient(state.joints) * stage.settings.T_dsa_cb;
   const Eigen::Vector3d target = stage.tree.centroid();
   const Pose desired = desiredPose({{degToRad(20), degToRad(10)}, target, Eigen::Matrix3d::Identity()},
-                                   stage.settings.carm.source_isocentre_distance_m);
+                                   stage.settings.carm.source_isocenter_distance_m);
   const ViewError left = viewError(believed, desired, target);
   // Ten seconds are fifteen time constants, less the time under limits: exp(-12) of half a radian.
   EXPECT_LT(left.direction_rad, 1e-5);
@@ -133,4 +134,4 @@ TEST(OpenLoops, GoWhereTheCalibrationPointsToAndNoFurther) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

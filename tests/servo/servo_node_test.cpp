@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/servo_node.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +13,7 @@
 #include "angio/test/temporary_folder.hpp"
 #include "stage.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 class ServoNodes : public testing::Test {
@@ -25,9 +26,9 @@ class ServoNodes : public testing::Test {
 
   test::Stage stage_;
   std::unique_ptr<Bus> bus_ = openBus("memq://");
-  LatestValue<CArmCommand> commands_{*bus_, kCArmCommandChannel};
-  LatestValue<RegistrationMessage> registrations_{*bus_, kRegistrationChannel};
-  LatestValue<ServoStatus> statuses_{*bus_, kServoStatusChannel};
+  LatestMessage<CArmCommand> commands_{*bus_, kCArmCommandChannel};
+  LatestMessage<RegistrationMessage> registrations_{*bus_, kRegistrationChannel};
+  LatestMessage<ServoStatus> statuses_{*bus_, kServoStatusChannel};
   ServoNode node_{*bus_, test::moving(stage_.settings), stage_.tree};
   std::int64_t now_us_ = 2;
 };
@@ -236,4 +237,4 @@ TEST_F(SupervisedRun, BeginsEvenWhereTheFirstStartComesToNothing) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/servo_state_machine.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -8,7 +9,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using State = ServoState;
@@ -115,7 +116,7 @@ TEST_F(ServoStates, HoldsOnADoubtAndResumesByItself) {
 
 TEST_F(ServoStates, AContradictionThatLastsIsAFault) {
   start();
-  const int frames = static_cast<int>(1e3 * settings_.most_contradiction_ms / kPeriod_us);
+  const int frames = static_cast<int>(1e3 * settings_.max_contradiction_ms / kPeriod_us);
   doubted(frames, Doubt::kContradiction);
   EXPECT_EQ(state(), State::kHold);
   doubted(2, Doubt::kContradiction);
@@ -298,4 +299,4 @@ TEST(ServoStateSettings, AreChecked) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

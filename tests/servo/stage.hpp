@@ -4,6 +4,7 @@
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 
 namespace angio::test {

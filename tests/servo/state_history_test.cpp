@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/perception/state_history.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 class JointHistories : public testing::Test {
@@ -78,12 +79,16 @@ TEST(DriveHistories, GiveAllThatTheDriveReadAtTheFramesOwnTime) {
   const auto half = history.at(105'000);
   ASSERT_TRUE(half);
   EXPECT_EQ(half->time_us, 105'000);
-  const double read[] = {half->insertion_m,         half->roll_rad,         half->bend_rad,
-                         half->insertion_speed_mps, half->roll_speed_radps, half->bend_speed_radps,
+  const double read[] = {half->insertion_m,
+                         half->roll_rad,
+                         half->bend_rad,
+                         half->insertion_speed_m_per_s,
+                         half->roll_speed_rad_per_s,
+                         half->bend_speed_rad_per_s,
                          half->insertion_force_n};
   for (int i = 0; i < 7; ++i) EXPECT_NEAR(read[i], 1.5 * (i + 1), 1e-12) << i;
   EXPECT_EQ(history.newest()->time_us, 110'000);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

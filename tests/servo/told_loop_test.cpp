@@ -6,10 +6,11 @@
 #include "angio/perception/perception_node.hpp"
 #include "angio/servo/replay.hpp"
 #include "angio/servo/servo_node.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "stage.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr std::int64_t kPeriod_us = 66'667;
@@ -46,7 +47,7 @@ TEST_F(ToldLoop, DoesAsOneThatLooksItselfAndIsReplayed) {
   {
     RecordingBus recorded(*bus, log);  // Whole when it ends.
     ServoNode node(recorded, told(settings), stage.tree);
-    const LatestValue<RegistrationMessage> said(*bus, kRegistrationChannel);
+    const LatestMessage<RegistrationMessage> said(*bus, kRegistrationChannel);
     test::start(*bus, node);
     for (std::int64_t k = 1; k <= 4; ++k) {
       expose(k);
@@ -104,7 +105,7 @@ TEST_F(ToldLoop, DoesNotGoByAnotherTree) {
   points(1, 3) += 1e-5;
   const VesselTree other(points, stage.tree.parents(), stage.tree.radii());
   PerceptionNode others_eyes(*bus, stage.settings.gatedPerception(), other);
-  const LatestValue<RegistrationMessage> said(*bus, kRegistrationChannel);
+  const LatestMessage<RegistrationMessage> said(*bus, kRegistrationChannel);
   ServoNode node(*bus, told(test::moving(stage.settings)), stage.tree);
   test::start(*bus, node);
   expose(1, false);
@@ -122,11 +123,11 @@ TEST_F(ToldLoop, DoesNotGoByAnotherTree) {
 }
 
 // The table goes where the tip is, and rests where nobody knows.
-TEST_F(ToldLoop, CentresACathetersTip) {
+TEST_F(ToldLoop, CentersACathetersTip) {
   ServoLoopSettings settings = stage.settings;
-  CentreTaskSettings centre;
-  centre.on = CentreOn::kCatheterTip;
-  settings.task = centre;
+  CenterTaskSettings center;
+  center.on = CenterOn::kCatheterTip;
+  settings.task = center;
   EXPECT_TRUE(settings.externalInputs().tip);
   const Pose truth = settings.carm.T_camera_patient(stage.joints);
   for (const double side : {-1.0, 1.0}) {
@@ -159,4 +160,4 @@ TEST_F(ToldLoop, CentresACathetersTip) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -8,9 +8,10 @@
 #include "angio/servo/tasks.hpp"
 #include "angio/simulation/simulated_carm.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr std::int64_t kPeriod_us = 66'667, kLatency_us = 80'000;
@@ -56,7 +57,7 @@ class Room {
   // Until it says that it is there, at most 20 s; when it came within the bounds to stay, by the truth.
   std::optional<double> settled_s() {
     const Pose desired = *task->desired_T_camera_model();
-    const Eigen::Vector3d target = desired.inverse() * Eigen::Vector3d(0, 0, carm.source_isocentre_distance_m);
+    const Eigen::Vector3d target = desired.inverse() * Eigen::Vector3d(0, 0, carm.source_isocenter_distance_m);
     std::optional<double> since_s;
     for (int i = 0; i < 300; ++i) {
       const bool reached = frame().reached;
@@ -93,11 +94,11 @@ TEST(ViewTask, ReachesEachKindOfGoalByEachLaw) {
       settings.branch = 2;
       settings.best_view.step_deg = 5;
       settings.T_camera_model = desiredPose({{degToRad(-45), degToRad(20)}, {0.01, 0, 0}, Eigen::Matrix3d::Identity()},
-                                            CArmGeometry().source_isocentre_distance_m);
+                                            CArmGeometry().source_isocenter_distance_m);
       // As another arm has seen it, one that had turned its detector.
       settings.T_camera_model = Pose(Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ())) * settings.T_camera_model;
-      Room room(settings, law);
-      EXPECT_TRUE(room.settled_s()) << law.index() << " " << static_cast<int>(goal);
+      Room lab(settings, law);
+      EXPECT_TRUE(lab.settled_s()) << law.index() << " " << static_cast<int>(goal);
     }
   }
 }
@@ -109,11 +110,11 @@ TEST(ViewTask, ComesInNotMuchSlowerThanAnyMachineCould) {
     ViewTaskSettings settings;
     settings.primary_deg = random.uniform(-60, 60);
     settings.secondary_deg = random.uniform(-30, 30);
-    Room room(settings);
-    const auto settled_s = room.settled_s();
+    Room lab(settings);
+    const auto settled_s = lab.settled_s();
     ASSERT_TRUE(settled_s) << i;
-    const double shortest_s = shortestTime_s(room.start, room.arm->state().joints, room.limits);
-    worst = std::max(worst, *settled_s - shortest_s);
+    const double min_s = minTime_s(lab.start, lab.arm->state().joints, lab.limits);
+    worst = std::max(worst, *settled_s - min_s);
   }
   // The latency, and the last degree that the law takes exponentially: ln(1 / 0.1) / 3.
   EXPECT_LT(worst, 2.0);
@@ -121,17 +122,17 @@ TEST(ViewTask, ComesInNotMuchSlowerThanAnyMachineCould) {
 
 TEST(ViewTask, IsNotReachedWhileItIsNotSure) {
   ViewTaskSettings settings;
-  Room room(settings);
-  room.covariance = Matrix6d::Identity() * 4e-6;  // 2 mm, and more than 0.1 deg, also as a mean.
-  EXPECT_FALSE(room.settled_s());
-  EXPECT_LT(radToDeg(room.error.direction_rad), 0.1) << "it is there, only not sure";
+  Room lab(settings);
+  lab.covariance = Matrix6d::Identity() * 4e-6;  // 2 mm, and more than 0.1 deg, also as a mean.
+  EXPECT_FALSE(lab.settled_s());
+  EXPECT_LT(radToDeg(lab.error.direction_rad), 0.1) << "it is there, only not sure";
 }
 
 TEST(ViewTask, HoldsBeforeAViewThatIsOutOfReach) {
   ViewTaskSettings settings;
   settings.primary_deg = 150;
-  Room room(settings);
-  const TaskAnswer answer = room.frame();
+  Room lab(settings);
+  const TaskAnswer answer = lab.frame();
   EXPECT_FALSE(answer.velocity);
   EXPECT_EQ(answer.hold_reason.value_or(""), "the view is out of the arm's reach");
 }
@@ -140,11 +141,11 @@ TEST(ViewTask, RefusesAGoalThatIsNone) {
   ViewTaskSettings settings;
   settings.goal = ViewGoal::kPose;
   settings.T_camera_model.matrix()(0, 0) = 2;
-  EXPECT_EQ(test::refusalOf([&] { Room room(settings); }), "view: T_camera_model: must be a pose");
+  EXPECT_EQ(test::refusalOf([&] { Room lab(settings); }), "view: T_camera_model: must be a pose");
   settings.goal = ViewGoal::kBestView;
   settings.branch = 1000;
-  EXPECT_NE(test::refusalOf([&] { Room room(settings); }).find("branch = 1000"), std::string::npos);
+  EXPECT_NE(test::refusalOf([&] { Room lab(settings); }).find("branch = 1000"), std::string::npos);
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

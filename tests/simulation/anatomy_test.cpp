@@ -7,10 +7,11 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/carm.hpp"
+#include "angio/test/namespace.hpp"
 #include "scenes.hpp"
 #include "volume_rays.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 struct Span {
@@ -27,8 +28,8 @@ Span meet(const ShapeInView& shape, double dx, double dy) {
 TEST(Shapes, AreMetAlongTheirChords) {
   Pose T = test::inView();
   T.linear() = expSO3({0.4, -0.2, 0.7});
-  const Eigen::Vector3d centre(0.01, -0.02, 0.03), at = T * centre;
-  const Shape ball{Shape::Kind::kEllipsoid, centre, {0.02, 0.02, 0.02}, Eigen::Matrix3d::Identity()};
+  const Eigen::Vector3d center(0.01, -0.02, 0.03), at = T * center;
+  const Shape ball{Shape::Kind::kEllipsoid, center, {0.02, 0.02, 0.02}, Eigen::Matrix3d::Identity()};
   const ShapeInView seen(ball, T);
   for (const Eigen::Vector2d& off : {Eigen::Vector2d(0, 0), Eigen::Vector2d(0.01, 0.005), Eigen::Vector2d(0.03, 0)}) {
     const Eigen::Vector3d d(at.x() / at.z() + off.x(), at.y() / at.z() + off.y(), 1);
@@ -52,10 +53,10 @@ TEST(Shapes, AreMetByRows) {
   constexpr int kRays = 37;
   for (const Shape::Kind kind : {Shape::Kind::kEllipsoid, Shape::Kind::kCylinder}) {
     const Shape shape{kind, {0.01, 0, -0.01}, {0.03, 0.015, 0.02}, expSO3({0.3, 0.2, 0.1})};
-    const Eigen::Vector3d at = T * shape.centre;
+    const Eigen::Vector3d at = T * shape.center;
     const auto inside = [&](const Eigen::Vector3d& p) {
       const Eigen::Vector3d u =
-          (shape.axes.transpose() * (T.inverse() * p - shape.centre)).cwiseQuotient(shape.half_axes);
+          (shape.axes.transpose() * (T.inverse() * p - shape.center)).cwiseQuotient(shape.half_axes);
       return kind == Shape::Kind::kEllipsoid ? u.norm() < 1 : u.head<2>().norm() < 1 && std::abs(u.z()) < 1;
     };
     const RayRow row{at.x() / at.z() - 0.05, 0.1 / kRays, at.y() / at.z() + 0.003, kRays};
@@ -112,7 +113,7 @@ TEST(Anatomy, MovesWithThePatientAndStandsUpright) {
     const Pose T = carm.T_camera_patient(carm.jointsFor({degToRad(primary_deg), 0}, {0, 0, 0})) * T_lps_model;
     const VesselTree dot = test::segment({-1e-3, 0, 0}, {1e-3, 0, 0}, 1e-3);
     return FluoroscopyRenderer(dot, settings, {R_lps_model, {}})
-        .render(XrayCamera::centred(256, 256, 1e-3, 1.113), T, 0);
+        .render(XrayCamera::centered(256, 256, 1e-3, 1.113), T, 0);
   };
   // The same patient in other model axes looks the same.
   const cv::Mat frontal = view(0, Eigen::Matrix3d::Identity());
@@ -131,4 +132,4 @@ TEST(Anatomy, MovesWithThePatientAndStandsUpright) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/bolus.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 #include "angio/simulation/simulated_patient.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Along x in steps of 10 mm, 2 mm wide at first and 1 mm from the middle on.
@@ -157,4 +158,4 @@ TEST(Bolus, NeedsRadiiAndSoundSettings) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

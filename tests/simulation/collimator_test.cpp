@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/collimator.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "scenes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Where the image falls through half of the open field's level, on the way from its centre through `to`.
-double edgeFrom(const cv::Mat& image, const Eigen::Vector2d& centre, const Eigen::Vector2d& to) {
-  const Eigen::Vector2d step = (to - centre).normalized();
+double edgeFrom(const cv::Mat& image, const Eigen::Vector2d& center, const Eigen::Vector2d& to) {
+  const Eigen::Vector2d step = (to - center).normalized();
   double last = 1;
   for (double s = 0;; s += 0.25) {
-    const Eigen::Vector2d p = centre + s * step;
+    const Eigen::Vector2d p = center + s * step;
     const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
     if (x < 0 || y < 0 || x + 1 >= image.cols || y + 1 >= image.rows) return -1;
     const double u = p.x() - x, v = p.y() - y;
@@ -30,19 +31,19 @@ TEST(Collimator, TheImageEndsAtThePolygon) {
   settings.background_level = 20000;
   settings.collimator.width = 0.6;
   settings.collimator.height = 0.5;
-  settings.collimator.centre_x = 0.05;
+  settings.collimator.center_x = 0.05;
   settings.collimator.turn_deg = 20;
   settings.collimator.leakage = 0;
   for (const Shutter shutter : {Shutter::kRectangle, Shutter::kOctagon, Shutter::kCircle}) {
     settings.collimator.shutter = shutter;
     FluoroscopyRenderer renderer(test::straight(1e-3), settings);
     const cv::Mat image = renderer.render(test::smallCamera(), test::inView(), 0);
-    const auto corners = renderer.truth(test::smallCamera(), test::sceneAt(test::inView())).open_field_px;
-    const Eigen::Vector2d centre(255.5 + 0.05 * 512, 255.5);
+    const auto corners = renderer.truth(test::smallCamera(), test::sceneAt(test::inView())).collimator_opening_px;
+    const Eigen::Vector2d center(255.5 + 0.05 * 512, 255.5);
     for (std::size_t i = 0; i < corners.size(); ++i) {
       // Away from corners, where softness rounds the edge off.
       const Eigen::Vector2d on_edge = 0.6 * corners[i] + 0.4 * corners[(i + 1) % corners.size()];
-      EXPECT_NEAR(edgeFrom(image, centre, on_edge), (on_edge - centre).norm(), 0.25) << static_cast<int>(shutter);
+      EXPECT_NEAR(edgeFrom(image, center, on_edge), (on_edge - center).norm(), 0.25) << static_cast<int>(shutter);
     }
   }
 }
@@ -56,4 +57,4 @@ TEST(Collimator, OpensToTheWholeDetector) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

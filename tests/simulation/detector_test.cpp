@@ -3,9 +3,10 @@
 
 #include <cmath>
 
+#include "angio/test/namespace.hpp"
 #include "scenes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 cv::Mat noise(const FluoroscopySettings& settings) {
@@ -17,19 +18,19 @@ cv::Mat noise(const FluoroscopySettings& settings) {
 TEST(Detector, LightSpreadsQuantumNoiseAndNotTheElectronics) {
   FluoroscopySettings settings = test::noiseOnly();
   settings.electronic_noise_photons = 0;
-  const double sigma_px = 1.5;
-  settings.detector.psf_sigma_mm = sigma_px * 0.3;
+  const double std_px = 1.5;
+  settings.detector.psf_std_mm = std_px * 0.3;
   const double gain = settings.background_level / settings.photons_per_pixel;
   const cv::Mat spread = test::asDouble(noise(settings));
   cv::Scalar mean, deviation;
   cv::meanStdDev(spread, mean, deviation);
   // Of 2^18 pixels some 2^13 are independent: the variance is known to 1.6 %.
-  EXPECT_NEAR(std::pow(deviation[0] / gain, 2) / settings.photons_per_pixel, 1 / (4 * kPi * sigma_px * sigma_px),
-              0.06 / (4 * kPi * sigma_px * sigma_px));
+  EXPECT_NEAR(std::pow(deviation[0] / gain, 2) / settings.photons_per_pixel, 1 / (4 * kPi * std_px * std_px),
+              0.06 / (4 * kPi * std_px * std_px));
   for (const int d : {1, 2, 3}) {
     const cv::Rect here(0, 0, 512 - d, 512);
     EXPECT_NEAR(test::correlation(spread(here), spread(here + cv::Point(d, 0))),
-                std::exp(-d * d / (4 * sigma_px * sigma_px)), 0.04)
+                std::exp(-d * d / (4 * std_px * std_px)), 0.04)
         << d;
   }
 
@@ -48,7 +49,7 @@ TEST(Detector, BlurKeepsTheSumAndWidensAnEdge) {
   settings.collimator.edge_px = 0;
   settings.collimator.leakage = 0;
   settings.contrast_attenuation_per_mm = 0;
-  settings.detector.psf_sigma_mm = 2 * 0.3;
+  settings.detector.psf_std_mm = 2 * 0.3;
   const cv::Mat image = noise(settings);
   // The edge is at 127.5: an error function of two pixels' width.
   for (const int x : {124, 126, 127, 128, 130}) {
@@ -80,4 +81,4 @@ TEST(Detector, AfterglowShowsTheFrameBefore) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/device.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 #include "angio/test/phantoms.hpp"
 #include "scenes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 TEST(Device, LiesInTheTreeAsFarAsItIsPushed) {
@@ -52,4 +53,4 @@ TEST(Device, TakesTheBeamByItsMetalAndItsMarkerMore) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

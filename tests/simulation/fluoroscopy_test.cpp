@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/fluoroscopy.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,7 +12,7 @@
 #include "angio/test/phantoms.hpp"
 #include "scenes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using test::asDouble;
@@ -134,7 +135,7 @@ TEST(Fluoroscopy, TheNumberOfThreadsDoesNotShow) {
   scene.displacements_m = Eigen::Matrix3Xd::Constant(3, tree.size(), 1e-3);
   scene.densities = Eigen::VectorXd::LinSpaced(tree.size(), 1, 0);
   scene.devices = deviceInTree({DeviceKind::kCatheter, 1, 1, 0, 60, 0}, tree.points(), pathFromRoot(tree, 60), 0.03);
-  const XrayCamera odd = XrayCamera::centred(501, 333, 0.3e-3, 1.1);
+  const XrayCamera odd = XrayCamera::centered(501, 333, 0.3e-3, 1.1);
   const cv::Mat one = FluoroscopyRenderer(tree, settings).render(odd, scene, 3);
   for (const int threads : {2, 5}) {
     settings.threads = threads;
@@ -173,7 +174,7 @@ TEST(Fluoroscopy, RefusesAScenePartThatDoesNotFit) {
 TEST(Fluoroscopy, WorksForADetectorOfAnySize) {
   const VesselTree tree = test::branchingTree(2);
   for (const cv::Size size : {cv::Size(1, 1), cv::Size(9, 8), cv::Size(8, 17), cv::Size(333, 77)}) {
-    const XrayCamera small = XrayCamera::centred(size.width, size.height, 0.3e-3, 1.1);
+    const XrayCamera small = XrayCamera::centered(size.width, size.height, 0.3e-3, 1.1);
     EXPECT_EQ(FluoroscopyRenderer(tree, {}).render(small, inView(), 0).size(), size);
   }
 }
@@ -198,4 +199,4 @@ TEST(Fluoroscopy, RefusesAPoseThatIsNotFinite) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

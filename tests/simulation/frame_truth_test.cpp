@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/frame_truth.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 #include "angio/test/phantoms.hpp"
 #include "scenes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 double sampled(const cv::Mat& image, const Eigen::Vector2d& p) {
@@ -20,7 +21,7 @@ double sampled(const cv::Mat& image, const Eigen::Vector2d& p) {
 
 TEST(FrameTruth, TheCentrelineIsTheRidgeOfTheImage) {
   FluoroscopySettings settings = test::withoutNoise(test::bare());
-  settings.detector.psf_sigma_mm = 0.16;
+  settings.detector.psf_std_mm = 0.16;
   settings.detector.focal_spot_mm = 0.5;
   test::Random random(5);
   std::vector<double> offsets;
@@ -106,4 +107,4 @@ TEST(FrameTruth, KnowsDevicesFromVessels) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

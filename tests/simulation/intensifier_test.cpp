@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/intensifier.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/test/random.hpp"
 #include "scenes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 TEST(ImageIntensifier, TheInverseComesBack) {
@@ -52,4 +53,4 @@ TEST(ImageIntensifier, BendsImageAndTruthAlike) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -7,16 +7,17 @@
 
 #include "angio/geometry/carm.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Depths are single precision, a few centimetres from their origin: steps of 4 nm, and square roots near a tube's rim
 // make more of it. A micrometre of contrast is 0.007 % of the beam.
 constexpr double kTolerance = 1e-6;  // [m]
 
-XrayCamera camera() { return XrayCamera::centred(400, 300, 0.25e-3, 1.1); }
+XrayCamera camera() { return XrayCamera::centered(400, 300, 0.25e-3, 1.1); }
 
 VesselTree segments(const std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>>& ends, double radius_m) {
   Eigen::Matrix3Xd points(3, 2 * ends.size());
@@ -42,18 +43,18 @@ double distanceToSegment(const Eigen::Vector3d& p, const Eigen::Vector3d& a, con
 TEST(PathLength, IsTheChordOfACylinderAtAnyAngleToTheBeam) {
   const double r = 2e-3;
   for (const double tilt_deg : {0.0, 35.0, 70.0}) {
-    const Eigen::Vector3d centre(1e-3, -2e-3, 0.75);
+    const Eigen::Vector3d center(1e-3, -2e-3, 0.75);
     const Eigen::Vector3d u =
         Eigen::Vector3d(std::cos(degToRad(tilt_deg)), 0.3, std::sin(degToRad(tilt_deg))).normalized();
-    const cv::Mat path = pathLength(segments({{centre - 0.08 * u, centre + 0.08 * u}}, r));
+    const cv::Mat path = pathLength(segments({{center - 0.08 * u, center + 0.08 * u}}, r));
     int inside = 0;
     for (int y = 0; y < path.rows; ++y) {
       for (int x = 0; x < path.cols; ++x) {
         const Eigen::Vector3d d = camera().ray({x, y}).normalized();
-        const double sine = u.cross(d).norm(), miss = std::abs(centre.dot(u.cross(d))) / sine;
+        const double sine = u.cross(d).norm(), miss = std::abs(center.dot(u.cross(d))) / sine;
         const double chord = miss < r ? 2 * std::sqrt(r * r - miss * miss) / sine : 0;
-        const Eigen::Vector3d nearest = centre + u * ((centre.dot(d) * d - centre).dot(u) / (sine * sine));
-        if ((nearest - centre).norm() > 0.07) continue;  // Near the ends it is no cylinder.
+        const Eigen::Vector3d nearest = center + u * ((center.dot(d) * d - center).dot(u) / (sine * sine));
+        if ((nearest - center).norm() > 0.07) continue;  // Near the ends it is no cylinder.
         inside += chord > 0;
         // A rim pixel's chord goes with the square root of its distance: 1e-9 m there are 2 um here.
         ASSERT_NEAR(path.at<float>(y, x), chord, chord < 1e-4 ? 5e-6 : kTolerance) << x << ", " << y;
@@ -65,11 +66,11 @@ TEST(PathLength, IsTheChordOfACylinderAtAnyAngleToTheBeam) {
 
 TEST(PathLength, IsTheChordOfASphereForATubeWithoutLength) {
   const double r = 5e-3;
-  const Eigen::Vector3d centre(10e-3, 5e-3, 0.7);
-  const cv::Mat path = pathLength(segments({{centre, centre + Eigen::Vector3d(0, 0, 1e-9)}}, r));
+  const Eigen::Vector3d center(10e-3, 5e-3, 0.7);
+  const cv::Mat path = pathLength(segments({{center, center + Eigen::Vector3d(0, 0, 1e-9)}}, r));
   for (int y = 0; y < path.rows; ++y) {
     for (int x = 0; x < path.cols; ++x) {
-      const double miss = centre.cross(camera().ray({x, y}).normalized()).norm();
+      const double miss = center.cross(camera().ray({x, y}).normalized()).norm();
       const double chord = miss < r ? 2 * std::sqrt(r * r - miss * miss) : 0;
       ASSERT_NEAR(path.at<float>(y, x), chord, chord < 1e-4 ? 5e-6 : kTolerance) << x << ", " << y;
     }
@@ -157,4 +158,4 @@ TEST(PathLength, IsDeepestOnTheProjectedCentreline) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/patient_motion.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 #include "angio/test/random.hpp"
 #include "scenes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 MotionSettings everything() {
@@ -23,24 +24,24 @@ MotionSettings everything() {
 }
 
 const Eigen::Matrix3d kTurned = expSO3({0.3, -1.1, 0.4});
-const Eigen::Vector3d kCentre(0.1, 0.2, -0.05);
+const Eigen::Vector3d kCenter(0.1, 0.2, -0.05);
 
 TEST(PatientMotion, NothingHasMovedAtTimeZero) {
-  const PatientMotion motion(everything(), kCentre, kTurned, 7);
+  const PatientMotion motion(everything(), kCenter, kTurned, 7);
   test::Random random(1);
   for (int i = 0; i < 20; ++i) {
-    EXPECT_LT(motion.displacement(kCentre + random.vector(0.1), 0).norm(), 1e-12);
+    EXPECT_LT(motion.displacement(kCenter + random.vector(0.1), 0).norm(), 1e-12);
   }
   EXPECT_LT((motion.shift(0).matrix() - Eigen::Matrix4d::Identity()).norm(), 1e-12);
   EXPECT_TRUE(motion.moves());
-  EXPECT_FALSE(PatientMotion({}, kCentre, kTurned, 7).moves());
+  EXPECT_FALSE(PatientMotion({}, kCenter, kTurned, 7).moves());
 }
 
 TEST(PatientMotion, IsSmoothInSpaceAndTimeAndTheSameAgain) {
-  const PatientMotion motion(everything(), kCentre, kTurned, 7), again(everything(), kCentre, kTurned, 7);
+  const PatientMotion motion(everything(), kCenter, kTurned, 7), again(everything(), kCenter, kTurned, 7);
   test::Random random(2);
   for (int i = 0; i < 300; ++i) {
-    const Eigen::Vector3d p = kCentre + random.vector(0.15), near = p + 1e-3 * random.direction();
+    const Eigen::Vector3d p = kCenter + random.vector(0.15), near = p + 1e-3 * random.direction();
     const double t = random.uniform(0, 30);
     const Eigen::Vector3d moved = motion.displacement(p, t);
     EXPECT_EQ(again.displacement(p, t), moved);
@@ -56,15 +57,15 @@ TEST(PatientMotion, BreathingGoesDownAndForwardAndBackAnotherWay) {
   s.breathing.amplitude_mm = 20;
   s.breathing.variation = 0;
   s.breathing.diaphragm_mm = 0;
-  const PatientMotion motion(s, kCentre, kTurned, 1);
-  const auto inPatient = [&](double t) { return Eigen::Vector3d(kTurned * motion.displacement(kCentre, t)); };
+  const PatientMotion motion(s, kCenter, kTurned, 1);
+  const auto inPatient = [&](double t) { return Eigen::Vector3d(kTurned * motion.displacement(kCenter, t)); };
   // Half a period in: 20 mm towards the feet; forward it lags a tenth of the period, sin^4(0.4 pi) of 6 mm.
   const double forward = 6e-3 * (std::pow(std::sin(0.4 * kPi), 4) - std::pow(std::sin(0.9 * kPi), 4));
   EXPECT_LT((inPatient(2) - Eigen::Vector3d(0, -forward, -20e-3)).norm(), 1e-9);
   EXPECT_NEAR(inPatient(1.2).z(), inPatient(2.8).z(), 1e-9);           // The same height on the way in and out...
   EXPECT_GT(std::abs(inPatient(1.2).y() - inPatient(2.8).y()), 2e-3);  // ...another place.
   // It falls off below the diaphragm: to exp(-1/2) after 110 mm.
-  const Eigen::Vector3d low = kCentre - 0.11 * kTurned.transpose().col(2);
+  const Eigen::Vector3d low = kCenter - 0.11 * kTurned.transpose().col(2);
   EXPECT_NEAR((kTurned * motion.displacement(low, 2)).z(), -20e-3 * std::exp(-0.5), 1e-9);
 }
 
@@ -102,10 +103,10 @@ TEST(PatientMotion, ASuddenShiftTurnsAboutTheTree) {
   MotionSettings s;
   s.shift.sudden_mm[0] = 10;
   s.shift.sudden_turn_deg = 30;
-  const PatientMotion motion(s, kCentre, kTurned, 1);
+  const PatientMotion motion(s, kCenter, kTurned, 1);
   EXPECT_TRUE(motion.shift(4.99).isApprox(Pose::Identity(), 1e-12));
   const Pose T = motion.shift(5);
-  EXPECT_LT((kTurned * (T * kCentre - kCentre) - Eigen::Vector3d(0.01, 0, 0)).norm(), 1e-12);
+  EXPECT_LT((kTurned * (T * kCenter - kCenter) - Eigen::Vector3d(0.01, 0, 0)).norm(), 1e-12);
   EXPECT_LT((kTurned * logSO3(T.linear()) - Eigen::Vector3d(0, 0, degToRad(30))).norm(), 1e-9);
   EXPECT_THROW(PatientMotion(
                    [] {
@@ -113,7 +114,7 @@ TEST(PatientMotion, ASuddenShiftTurnsAboutTheTree) {
                      wrong.breathing.period_s = 0;
                      return wrong;
                    }(),
-                   kCentre, kTurned, 1),
+                   kCenter, kTurned, 1),
                InputError);
 }
 
@@ -147,4 +148,4 @@ TEST(PatientMotion, TheImageMovesAsTheTruthSays) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

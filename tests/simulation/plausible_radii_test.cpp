@@ -5,9 +5,10 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kEnd = 0.6e-3;  // [m]
@@ -75,4 +76,4 @@ TEST(PlausibleRadii, RefusesAnImpossibleEnd) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

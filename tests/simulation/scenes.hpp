@@ -4,10 +4,11 @@
 #include <opencv2/core.hpp>
 
 #include "angio/simulation/fluoroscopy.hpp"
+#include "angio/test/namespace.hpp"
 
 namespace angio::test {
 
-inline XrayCamera smallCamera() { return XrayCamera::centred(512, 512, 0.3e-3, 1.1); }
+inline XrayCamera smallCamera() { return XrayCamera::centered(512, 512, 0.3e-3, 1.1); }
 
 inline Pose inView() {
   Pose T = Pose::Identity();
@@ -32,7 +33,7 @@ inline FluoroscopySettings bare() {
   settings.background_strength = 0;
   settings.beam_hardening = 0;
   settings.detector.scatter_to_primary = 0;
-  settings.detector.psf_sigma_mm = 0;
+  settings.detector.psf_std_mm = 0;
   settings.detector.focal_spot_mm = 0;
   return settings;
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/simulated_carm.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kRounding = 1e-9;  // Times are whole microseconds in double; far below what an encoder resolves.
@@ -148,8 +149,8 @@ TEST(SimulatedCArm, TimeDoesNotRunBackwards) {
 TEST(SimulatedCArm, IgnoresMotionByAFrameOfAnotherTime) {
   const CArmLimits limits = CArmLimits::typical();
   const ReceiverSettings receiver;
-  const std::int64_t now_us = 10'000'000, oldest_us = now_us - std::llround(1e3 * receiver.most_command_age_ms),
-                     newest_us = now_us + std::llround(1e3 * receiver.most_command_lead_ms);
+  const std::int64_t now_us = 10'000'000, oldest_us = now_us - std::llround(1e3 * receiver.max_command_age_ms),
+                     newest_us = now_us + std::llround(1e3 * receiver.max_command_lead_ms);
   SimulatedCArm carm(limits, CArmJoints::Zero(), now_us);
   std::int64_t sequence = 0;
   for (const std::int64_t frame_us : {oldest_us - 1, newest_us + 1, std::numeric_limits<std::int64_t>::min(),
@@ -193,4 +194,4 @@ TEST(SimulatedCArm, RefusesAnImpossibleSetUp) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

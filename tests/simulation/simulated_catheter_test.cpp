@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/simulated_catheter.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +13,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -43,24 +44,24 @@ VesselTree fork(double radius_m = 2e-3, int shared_mm = 0) {
   return VesselTree(matrix, parents, std::vector<std::optional<double>>(points.size(), radius_m));
 }
 
-CatheterCommand command(std::int64_t sequence, double insertion_mps, double roll_radps = 0, double bend_radps = 0,
-                        std::int64_t time_us = 0) {
+CatheterCommand command(std::int64_t sequence, double insertion_m_per_s, double roll_rad_per_s = 0,
+                        double bend_rad_per_s = 0, std::int64_t time_us = 0) {
   CatheterCommand c;
   c.time_us = time_us;
   c.sequence = sequence;
   c.valid_for_us = 1'000'000;
-  c.insertion_speed_mps = insertion_mps;
-  c.roll_speed_radps = roll_radps;
-  c.bend_speed_radps = bend_radps;
+  c.insertion_speed_m_per_s = insertion_m_per_s;
+  c.roll_speed_rad_per_s = roll_rad_per_s;
+  c.bend_speed_rad_per_s = bend_rad_per_s;
   return c;
 }
 
 // Sends one command for as long as it takes, a second at a time.
-void drive(SimulatedCatheter& catheter, double duration_s, double insertion_mps, double roll_radps = 0,
-           double bend_radps = 0) {
+void drive(SimulatedCatheter& catheter, double duration_s, double insertion_m_per_s, double roll_rad_per_s = 0,
+           double bend_rad_per_s = 0) {
   std::int64_t now_us = catheter.state().time_us;
   for (double left_s = duration_s; left_s > 1e-9; left_s -= 0.5) {
-    catheter.obey(command(now_us + 1, insertion_mps, roll_radps, bend_radps, now_us), now_us);
+    catheter.obey(command(now_us + 1, insertion_m_per_s, roll_rad_per_s, bend_rad_per_s, now_us), now_us);
     now_us += std::llround(1e6 * std::min(left_s, 0.5));
     catheter.advance(now_us);
     CatheterCommand rest = command(now_us, 0);
@@ -77,7 +78,7 @@ TEST(SimulatedCatheter, StandsStillWithoutCommandsAndWhenTheyRunOut) {
   catheter.obey(c, 5'000'000);
   catheter.advance(60'000'000);
   EXPECT_NEAR(catheter.state().insertion_m, 0.03 + 0.002, 1e-12);
-  EXPECT_EQ(catheter.state().insertion_speed_mps, 0);
+  EXPECT_EQ(catheter.state().insertion_speed_m_per_s, 0);
 }
 
 TEST(SimulatedCatheter, IgnoresWhatMustNotMoveIt) {
@@ -137,14 +138,14 @@ INSTANTIATE_TEST_SUITE_P(SharedMm, SimulatedCatheterAtAFork, testing::Values(0, 
 
 TEST_P(SimulatedCatheterAtAFork, EntersTheBranchThatItsTipPointsTo) {
   const VesselTree tree = fork(2e-3, GetParam());
-  const TreeMap map(tree);
+  const TreeTopology map(tree);
   const TreeFrame frame = map.frame({0, 0.1});
   int tried = 0;
   for (int k = 0; k < 12; ++k) {
     CatheterSettings settings;
     settings.roll_zero_deg = 30.0 * k + 10;
     const double roll = degToRad(settings.roll_zero_deg);
-    const double towards_x = (std::cos(roll) * frame.across + std::sin(roll) * frame.aside).x();
+    const double towards_x = (std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal).x();
     SimulatedCatheter catheter(tree, settings, {0, 0.08}, 0);
     drive(catheter, 4, 0.01);
     const int chain = catheter.truth().tip.chain;
@@ -218,7 +219,7 @@ TEST(SimulatedCatheter, RefusesAStartThatIsNoPlaceOfTheTree) {
 TEST(SimulatedCatheterNode, ObeysAndReportsOnTheBus) {
   const auto bus = openBus("memq://");
   SimulatedCatheterNode node(*bus, fork(), {}, {0, 0.03}, 0);
-  LatestValue<CatheterState> states(*bus, kCatheterStateChannel);
+  LatestMessage<CatheterState> states(*bus, kCatheterStateChannel);
   publish(*bus, kCatheterCommandChannel, command(1, 0.01));
   bus->handle(std::chrono::milliseconds(0));
   node.listen(0);
@@ -230,4 +231,4 @@ TEST(SimulatedCatheterNode, ObeysAndReportsOnTheBus) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -6,11 +6,12 @@
 #include "angio/io/displacement_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/program.hpp"
 #include "scenes.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 std::vector<std::string> simulation(const std::string& out, const std::string& settings) {
@@ -103,4 +104,4 @@ TEST(WrittenRun, RefusesSettingsWithALine) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

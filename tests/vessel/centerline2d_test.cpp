@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/vessel/centerline2d.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -8,7 +9,7 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/test/errors.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kRadius = 200;  // [px]
@@ -108,7 +109,7 @@ TEST(OfKind, KeepsWhatIsKnownOfThePointsOfThatKind) {
   Centerline2d line = makeCenterline(circle(6), {0, 0, 0, 1, 1, 1}, Eigen::VectorXd::LinSpaced(6, 1, 6));
   EXPECT_EQ(ofKind(line, CurveKind::kVessel).size(), 6) << "without kinds all are vessels";
   EXPECT_EQ(ofKind(line, CurveKind::kDevice).size(), 0);
-  line.sigma_px = Eigen::VectorXd::LinSpaced(6, 0.1, 0.6);
+  line.std_px = Eigen::VectorXd::LinSpaced(6, 0.1, 0.6);
   line.kind = {CurveKind::kVessel, CurveKind::kVessel, CurveKind::kVessel,
                CurveKind::kDevice, CurveKind::kDevice, CurveKind::kDevice};
   const Centerline2d device = ofKind(line, CurveKind::kDevice);
@@ -116,8 +117,8 @@ TEST(OfKind, KeepsWhatIsKnownOfThePointsOfThatKind) {
   EXPECT_EQ(device.tangent_rad, line.tangent_rad.tail(3));
   EXPECT_EQ(device.branch, (std::vector<int>{0, 0, 0}));
   EXPECT_EQ(device.radius_px, line.radius_px.tail(3));
-  EXPECT_EQ(device.sigma_px, line.sigma_px.tail(3));
-  EXPECT_EQ(densified(line, 20).sigma_px.size(), densified(line, 20).size());
+  EXPECT_EQ(device.std_px, line.std_px.tail(3));
+  EXPECT_EQ(densified(line, 20).std_px.size(), densified(line, 20).size());
 }
 
 TEST(VesselsToMatch, LeavesDevicesOutUnlessTheyAreMostOfAll) {
@@ -146,4 +147,4 @@ TEST(Densified, LeavesAloneWhatHasNoOrderAndWhatIsDenseEnough) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/vessel/model_id.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // By FNV-1a's published parameters over the words (0, 0, 0, -1, 1'000'000, 0, 2'000'000'000, 0), lowest byte first,
@@ -32,4 +33,4 @@ TEST(ModelIds, TellTreesApart) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/vessel/projection.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // 100 x 100 px, one pixel a millimetre at a depth of one metre.
@@ -67,4 +68,4 @@ TEST(ProjectedCenterline, IsEmptyBehindTheSourceAndBesideTheDetector) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/vessel/prune.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Two trees of 1 mm steps, the second one hung onto the first one's root.
@@ -37,10 +38,9 @@ TEST(WithoutLongEdges, TakesTheJoinAndLeavesPointsEdgesAndRadii) {
 
 TEST(WithoutLongEdges, RefusesToLeaveNothing) {
   const VesselTree tree = test::branchingTree(5);
-  EXPECT_NE(
-      test::refusalOf([&] { withoutLongEdges(tree, 0.5e-3); }).find("longest_edge_mm = 0.5: every edge is longer"),
-      std::string::npos);
-  EXPECT_NE(test::refusalOf([&] { withoutLongEdges(tree, 0); }).find("longest_edge_mm = 0"), std::string::npos);
+  EXPECT_NE(test::refusalOf([&] { withoutLongEdges(tree, 0.5e-3); }).find("max_edge_mm = 0.5: every edge is longer"),
+            std::string::npos);
+  EXPECT_NE(test::refusalOf([&] { withoutLongEdges(tree, 0); }).find("max_edge_mm = 0"), std::string::npos);
 }
 
 // A trunk of 0-1-2-3 along x with a branch 1-4 that is shorter than what lies beyond 2.
@@ -66,4 +66,4 @@ TEST(BeginningAt, CutsThroughAndKeepsTheLongerSide) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

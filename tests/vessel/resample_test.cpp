@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/vessel/resample.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr int kNoLimit = 1000000;
@@ -99,4 +100,4 @@ TEST(Resampled, InterpolatesRadiiWhereBothEndsAreKnown) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/vessel/undistort.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 TEST(Undistorted, StraightensAPincushionedVesselWithItsWidth) {
-  const XrayCamera camera = XrayCamera::centred(1024, 1024, 0.3e-3, 1.1);
+  const XrayCamera camera = XrayCamera::centered(1024, 1024, 0.3e-3, 1.1);
   const auto tube = DetectorDistortion::intensifier(camera, {0.06, 0, degToRad(3), 0});
   // A straight vessel 6 px wide as the pinhole would show it, seen by its middle and its edge.
   const Eigen::Vector2d along = Eigen::Vector2d(2, 1).normalized(), across(-along.y(), along.x());
@@ -33,4 +34,4 @@ TEST(Undistorted, StraightensAPincushionedVesselWithItsWidth) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/vessel/vessel_tree.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
@@ -9,7 +10,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 struct Draft {
@@ -143,4 +144,4 @@ TEST(VesselTree, TangentsAreFiniteWhereTwoPointsCoincide) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

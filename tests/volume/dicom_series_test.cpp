@@ -4,11 +4,12 @@
 #include <algorithm>
 
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "angio/volume/volume_files.hpp"
 #include "phantom.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // A slice of computed tomography, explicit little endian: 4 x 3 pixels of 0.5 (down) by 0.8 mm.
@@ -112,4 +113,4 @@ TEST(DicomSeries, CutFilesAreRefusedInSilence) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

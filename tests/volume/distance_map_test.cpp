@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/volume/distance_map.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +8,7 @@
 
 #include "angio/test/random.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 TEST(DistanceMap, IsTheNearestVoxelOfAll) {
@@ -37,4 +38,4 @@ TEST(DistanceMap, IsInfiniteWhenThereIsNone) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

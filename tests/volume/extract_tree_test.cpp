@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/volume/extract_tree.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,7 @@
 #include "angio/volume/shape.hpp"
 #include "phantom.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 const Eigen::Vector3d kSpacing(0.6e-3, 0.7e-3, 1.1e-3);
@@ -165,4 +166,4 @@ TEST(ExtractTree, RefusesWhatCannotBe) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -6,11 +6,12 @@
 #include <random>
 
 #include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 #include "angio/volume/volume_files.hpp"
 #include "phantom.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 Volume plainVolume() {
@@ -150,4 +151,4 @@ TEST(HostileVolumes, CutOrChangedFilesAreReadOrRefusedInSilence) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

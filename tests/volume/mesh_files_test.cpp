@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/volume/mesh_files.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,7 @@
 #include "angio/volume/shape.hpp"
 #include "phantom.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 using Triangle = std::array<Eigen::Vector3f, 3>;
@@ -192,4 +193,4 @@ TEST(MeshFiles, BrokenOnesAreRefusedInSilence) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "angio/geometry/se3.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 #include "angio/volume/volume.hpp"
 

@@ -2,11 +2,12 @@
 #include <gtest/gtest.h>
 
 #include "angio/io/vessel_files.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/program.hpp"
 #include "angio/volume/coverage.hpp"
 #include "phantom.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 TEST(ExtractTreeProgram, WritesEveryFormatInTheFrameAskedFor) {
@@ -41,4 +42,4 @@ TEST(ExtractTreeProgram, WrongInputEndsWithOneLineAndItsCode) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

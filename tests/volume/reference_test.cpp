@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "angio/io/vessel_files.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/shared_data.hpp"
 #include "angio/volume/coverage.hpp"
 #include "angio/volume/extract_tree.hpp"
@@ -11,7 +12,7 @@
 #include "angio/volume/shape.hpp"
 #include "angio/volume/volume_files.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 constexpr double kVoxel = 0.878906e-3;  // The volume's smallest spacing.
@@ -59,4 +60,4 @@ TEST(Reference, HepaticMaskBecomesATree) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/volume/shape.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,7 @@
 #include "angio/volume/level_field.hpp"
 #include "phantom.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 // Boxes along x of 6 x 3 x 3 voxels, at y = 2, 8 and 14, with values 1, 2 and 3.
@@ -37,7 +38,7 @@ TEST(Shape, LabelsSeedsAndSizesChoose) {
   EXPECT_EQ(insideOf(vesselShape(volume, LabelSettings{{1, 3}}, {}, {})), 108);
   EXPECT_EQ(insideOf(vesselShape(volume, LabelSettings{}, {}, {{4e-3, 9e-3, 3e-3}})), 54);
   SelectionSettings one, large;
-  one.largest_pieces = 1;
+  one.max_pieces = 1;
   large.smallest_piece_mm3 = 55;
   EXPECT_EQ(insideOf(vesselShape(volume, LabelSettings{}, one, {})), 54);
   EXPECT_NE(test::refusalOf([&] { vesselShape(volume, LabelSettings{}, large, {}); }).find("nothing is left"),
@@ -102,4 +103,4 @@ TEST(Shape, VesselnessAnswersTubesOfItsSizesOnly) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/volume/thinning.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 #include "angio/test/random.hpp"
 #include "angio/volume/distance_map.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 VoxelMask maskOf(const Eigen::Vector3i& size, const std::function<bool(const Eigen::Vector3i&)>& inside) {
@@ -123,4 +124,4 @@ TEST(Thinning, CylinderBecomesItsAxis) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/volume/volume_files.hpp"
+#include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
 #include <zlib.h>
@@ -8,7 +9,7 @@
 #include "angio/test/temporary_folder.hpp"
 #include "phantom.hpp"
 
-namespace angio {
+namespace angio::test {
 namespace {
 
 Volume smallVolume() {
@@ -97,4 +98,4 @@ TEST(VolumeFiles, IndexAndPointAreInverse) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::test

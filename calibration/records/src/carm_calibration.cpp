@@ -7,7 +7,7 @@
 #include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::calibration_records {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -15,7 +15,8 @@ using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 Eigen::Matrix3d requireRotation(const std::string& place, const std::string& field, const Eigen::Matrix3d& M) {
   const double defect = rotationDefect(M);
-  if (!(defect < 1e-3)) throw InputError(place, field, "R^T R - I up to " + shown(defect), "must be a rotation matrix");
+  if (!(defect < 1e-3))
+    throw InputError(place, field, "R^T R - I up to " + formatValue(defect), "must be a rotation matrix");
   return nearestRotation(M);
 }
 
@@ -47,7 +48,8 @@ double readLength(YamlMap& map, const std::string& key, double low, double high)
 
 int readSize(const YamlField& field, double size) {
   requireBetween(field.place(), field.key, size, 1, 32768);
-  if (size != static_cast<int>(size)) throw InputError(field.place(), field.key, shown(size), "must be a whole number");
+  if (size != static_cast<int>(size))
+    throw InputError(field.place(), field.key, formatValue(size), "must be a whole number");
   return static_cast<int>(size);
 }
 
@@ -76,8 +78,8 @@ constexpr std::array<double, kFlexColumns> kFlexUnits = {1e-3,        1e-3, 1e-3
 
 void readFlex(const YamlField& field, CArmFlex& flex) {
   if (field.node->kind != YamlNode::Kind::kSequence) field.refuse("must be a list of rows");
-  if (field.node->items.size() > CArmFlex::kMostTerms) {
-    field.refuse("must not have more than " + std::to_string(CArmFlex::kMostTerms) + " rows");
+  if (field.node->items.size() > CArmFlex::kMaxTerms) {
+    field.refuse("must not have more than " + std::to_string(CArmFlex::kMaxTerms) + " rows");
   }
   for (std::size_t i = 0; i < field.node->items.size(); ++i) {
     auto numbers = field.item(i).numbers(kFlexColumns);
@@ -149,7 +151,7 @@ CArmFile readCArmFile(const std::string& path) {
   YamlMap map(path, root, "C-arm");
   CArmFile file;
   CArmGeometry& carm = file.carm;
-  carm.source_isocentre_distance_m = 1e-3 * readLength(map, "source_isocentre_distance_mm", 1, 10000);
+  carm.source_isocenter_distance_m = 1e-3 * readLength(map, "source_isocentre_distance_mm", 1, 10000);
   carm.source_detector_distance_m = 1e-3 * readLength(map, "source_detector_distance_mm", 1, 10000);
   carm.pixel_spacing_m = 1e-3 * readLength(map, "pixel_spacing_mm", 1e-4, 100);
   const YamlField size = map.need("image_size_px");
@@ -174,7 +176,7 @@ CArmFile readCArmFile(const std::string& path) {
 void writeCArmFile(const std::string& path, const CArmFile& file) {
   Json json;
   if (!file.machine.empty()) json["machine"] = file.machine;
-  json["source_isocentre_distance_mm"] = file.carm.source_isocentre_distance_m * 1e3;
+  json["source_isocentre_distance_mm"] = file.carm.source_isocenter_distance_m * 1e3;
   json["source_detector_distance_mm"] = file.carm.source_detector_distance_m * 1e3;
   json["pixel_spacing_mm"] = file.carm.pixel_spacing_m * 1e3;
   json["image_size_px"] = {file.carm.image_width_px, file.carm.image_height_px};
@@ -200,14 +202,14 @@ void writeCArmCalibration(const std::string& path, const CArmCalibration& c) {
   writeCArmFile(path, {c.carm, c.T_dsa_cb, c.R_lps_model, c.machine, c.records});
 }
 
-CArmCalibration miscalibrated(const CArmCalibration& truth, const Eigen::Vector3d& centre_model,
+CArmCalibration miscalibrated(const CArmCalibration& truth, const Eigen::Vector3d& center_model,
                               const Eigen::Vector3d& axis_patient, double angle_rad,
                               const Eigen::Vector3d& shift_patient_m) {
   CArmCalibration wrong = truth;
-  const Eigen::Vector3d centre_patient = truth.T_dsa_cb * centre_model;
+  const Eigen::Vector3d center_patient = truth.T_dsa_cb * center_model;
   wrong.T_dsa_cb.linear() = expSO3(axis_patient.normalized() * angle_rad) * truth.T_dsa_cb.linear();
-  wrong.T_dsa_cb.translation() = centre_patient + shift_patient_m - wrong.T_dsa_cb.linear() * centre_model;
+  wrong.T_dsa_cb.translation() = center_patient + shift_patient_m - wrong.T_dsa_cb.linear() * center_model;
   return wrong;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration_records

@@ -9,20 +9,20 @@
 #include "angio/base/formatted.hpp"
 #include "angio/calibration_records/record.hpp"
 
-namespace angio {
+namespace angio::calibration_records {
 namespace {
 
 constexpr double kShares = 0.3;  // Of a unit direction: a parameter with less takes no part worth a name.
 
-// `direction` has unit length in units of `known_sigmas`, and is determined `loss` times worse than one of those.
+// `direction` has unit length in units of `known_stds`, and is determined `loss` times worse than one of those.
 WeakDirection named(const std::vector<std::string>& parameters, const Eigen::VectorXd& direction,
-                    const Eigen::VectorXd& known_sigmas, double loss) {
+                    const Eigen::VectorXd& known_stds, double loss) {
   std::vector<Eigen::Index> order(parameters.size());
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(),
             [&](Eigen::Index a, Eigen::Index b) { return std::abs(direction[a]) > std::abs(direction[b]); });
   const auto name = [&](std::size_t k) { return parameters[static_cast<std::size_t>(order[k])]; };
-  const auto change = [&](std::size_t k) { return direction[order[k]] * known_sigmas[order[k]]; };
+  const auto change = [&](std::size_t k) { return direction[order[k]] * known_stds[order[k]]; };
   WeakDirection weak;
   weak.name = name(0);
   for (std::size_t k = 1; k < order.size() && std::abs(direction[order[k]]) > kShares; ++k) {
@@ -64,4 +64,4 @@ Observability observability(const std::vector<std::string>& parameters, const Ei
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration_records

@@ -5,7 +5,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::calibration_records {
 namespace {
 
 using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
@@ -22,7 +22,7 @@ Eigen::Matrix3d readRotation(const YamlField& field) {
   }
   const double defect = rotationDefect(R);
   if (!(defect < 1e-3)) {
-    field.refuse("must be a rotation matrix; R^T R differs from the identity by " + shown(defect));
+    field.refuse("must be a rotation matrix; R^T R differs from the identity by " + formatValue(defect));
   }
   return nearestRotation(R);
 }
@@ -99,4 +99,4 @@ Eigen::MatrixXd requireCovariance(const YamlField& field, const Eigen::MatrixXd&
   return 0.5 * (read + read.transpose());
 }
 
-}  // namespace angio
+}  // namespace angio::calibration_records

@@ -15,7 +15,7 @@
 #include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::calibration_records {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -223,10 +223,9 @@ std::vector<std::string> checkRecords(const std::string& path, const std::vector
     const auto made = timeOf(record.date);
     if (!made) throw InputError(path, field + ".date", record.date, "must be a date as 2026-01-31T12:00:00Z");
     const double age_days = std::chrono::duration<double>(now - *made).count() / 86400;
-    if (age_days > gate.largest_age_days) {
-      warnings.push_back(
-          path + ": " + field + ": " +
-          formatted("is %.0f days old, more than %.0f: calibrate again", age_days, gate.largest_age_days));
+    if (age_days > gate.max_age_days) {
+      warnings.push_back(path + ": " + field + ": " +
+                         formatted("is %.0f days old, more than %.0f: calibrate again", age_days, gate.max_age_days));
     }
     // A clock that is a day off is a time zone; more is a wrong clock, here or there.
     if (age_days < -1) warnings.push_back(path + ": " + field + ": is dated " + record.date + ", which is yet to come");
@@ -234,4 +233,4 @@ std::vector<std::string> checkRecords(const std::string& path, const std::vector
   return warnings;
 }
 
-}  // namespace angio
+}  // namespace angio::calibration_records

@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-namespace angio {
+namespace angio::base {
 namespace {
 
 // Input can hold anything, and the message must stay one printable line.
@@ -34,27 +34,29 @@ InputError InputError::within(const std::string& outer_place) const {
   return InputError(printable(outer_place, 4096) + ": " + what());
 }
 
-std::string shown(double value) {
+std::string formatValue(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.9g", value);
   return text;
 }
 
 double requirePositive(const std::string& place, const std::string& field, double value) {
-  if (!(std::isfinite(value) && value > 0)) throw InputError(place, field, shown(value), "must be a positive number");
+  if (!(std::isfinite(value) && value > 0))
+    throw InputError(place, field, formatValue(value), "must be a positive number");
   return value;
 }
 
 double requireFinite(const std::string& place, const std::string& field, double value) {
-  if (!std::isfinite(value)) throw InputError(place, field, shown(value), "must be a finite number");
+  if (!std::isfinite(value)) throw InputError(place, field, formatValue(value), "must be a finite number");
   return value;
 }
 
 double requireBetween(const std::string& place, const std::string& field, double value, double low, double high) {
   if (!(value >= low && value <= high)) {
-    throw InputError(place, field, shown(value), "must lie between " + shown(low) + " and " + shown(high));
+    throw InputError(place, field, formatValue(value),
+                     "must lie between " + formatValue(low) + " and " + formatValue(high));
   }
   return value;
 }
 
-}  // namespace angio
+}  // namespace angio::base

@@ -3,7 +3,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::base {
 namespace {
 
 class RangeCheck final : public SettingsVisitor {
@@ -39,4 +39,4 @@ void checkSettings(const std::string& place, const std::function<void(SettingsVi
   visit_fields(check);
 }
 
-}  // namespace angio
+}  // namespace angio::base

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-namespace angio {
+namespace angio::cli {
 
 std::string exampleDataFile(const std::string& name) {
   std::error_code ignored;
@@ -14,4 +14,4 @@ std::string exampleDataFile(const std::string& name) {
   return chosen.lexically_normal().string();
 }
 
-}  // namespace angio
+}  // namespace angio::cli

@@ -6,14 +6,36 @@
 #include <opencv2/core/utility.hpp>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
-namespace angio {
+namespace angio::cli {
 namespace {
 
 int fail(const CLI::App& app, std::string line) {
   std::replace(line.begin(), line.end(), '\n', ' ');
   std::cerr << app.get_name() << ": " << line << "\n";
   return 1;
+}
+
+// Options' names of the version before, for one minor version.
+constexpr std::pair<const char*, const char*> kFormerOptions[] = {
+    {"--largest-calibration-age-days", "--max-calibration-age-days"},
+    {"--least-turn-deg", "--min-turn-deg"},
+    {"--longest-edge-mm", "--max-edge-mm"}};
+
+// The command line with options under their present names; says so on stderr for each that was renamed.
+std::vector<std::string> withPresentNames(const CLI::App& app, int argc, char** argv) {
+  std::vector<std::string> arguments(argv, argv + argc);
+  for (std::string& argument : arguments) {
+    const std::string name = argument.substr(0, argument.find('='));
+    for (const auto& [former, present] : kFormerOptions) {
+      if (name != former) continue;
+      std::cerr << app.get_name() << ": " << former << " is called " << present << " now\n";
+      argument = present + argument.substr(name.size());
+    }
+  }
+  return arguments;
 }
 
 }  // namespace
@@ -40,8 +62,11 @@ CLI::Validator between(double low, double high) {
 }
 
 int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& work) {
+  std::vector<std::string> arguments = withPresentNames(app, argc, argv);
+  std::vector<char*> pointers;
+  for (std::string& argument : arguments) pointers.push_back(argument.data());
   try {
-    app.parse(argc, argv);
+    app.parse(argc, pointers.data());
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
@@ -56,4 +81,4 @@ int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
   }
 }
 
-}  // namespace angio
+}  // namespace angio::cli

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 
-namespace angio {
+namespace angio::cli {
 namespace {
 
 constexpr int kWidth = 32;
@@ -43,4 +43,4 @@ void ProgressBar::show(int done, const std::string& note) {
   std::fflush(stderr);
 }
 
-}  // namespace angio
+}  // namespace angio::cli

@@ -6,7 +6,7 @@
 #include "angio/evaluation/statistics.hpp"
 #include "outcome_figures.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -30,7 +30,7 @@ Json errorAsJson(const PoseError& e) {
           {"depth_mm", 1e3 * e.depth_m},
           {"in_plane_mm", 1e3 * e.in_plane_m},
           {"mpd_px", e.mpd_px ? Json(*e.mpd_px) : Json(nullptr)},
-          {"mpd_isocentre_mm", e.mpd_isocentre_m ? Json(1e3 * *e.mpd_isocentre_m) : Json(nullptr)},
+          {"mpd_isocentre_mm", e.mpd_isocenter_m ? Json(1e3 * *e.mpd_isocenter_m) : Json(nullptr)},
           {"rotation_deg", radToDeg(e.rotation_rad)},
           {"centroid_mm", 1e3 * e.centroid_m}};
 }
@@ -90,7 +90,7 @@ Json summaryOf(const std::vector<CaseOutcome>& all) {
   summary["mean_image_residual_px"] =
       spreadOf(outcomes, [](const CaseOutcome& o) { return o.result.agreement.image_residual_px; });
   summary["rms_projection_residual_isocentre_mm"] = spreadOf(
-      outcomes, [](const CaseOutcome& o) { return 1e3 * o.pixel_at_isocentre_m * o.result.agreement.model_rms_px; });
+      outcomes, [](const CaseOutcome& o) { return 1e3 * o.pixel_at_isocenter_m * o.result.agreement.model_rms_px; });
   summary["gfr_nearest_5px_percent"] =
       percentOf(outcomes, [](const CaseOutcome& o) { return o.result.agreement.model_residual_px > kGrossFailurePx; });
   summary["time_ms"]["rigid"] = spreadOf(outcomes, [](const CaseOutcome& o) { return 1e3 * o.result.times.rigid_s; });
@@ -160,4 +160,4 @@ Json machineAsJson() {
   return machine;
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

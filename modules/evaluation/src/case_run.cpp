@@ -11,7 +11,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/registration/sequence_tracker.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 // Consecutive frames of a case set have no times; fluoroscopy runs at 15 frames a second.
@@ -77,7 +77,7 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
     } else {
       outcome.result = registration.search(views, prior, settings.starts);
     }
-    outcome.pixel_at_isocentre_m = (outcome.result.T_camera_model * tree.centroid()).z() / camera.parameters().fx_px;
+    outcome.pixel_at_isocenter_m = (outcome.result.T_camera_model * tree.centroid()).z() / camera.parameters().fx_px;
     if (one.truth_pose) {
       const PlacedTree truth{*one.truth_pose, one.truth_displacements_path
                                                   ? readDisplacements(*one.truth_displacements_path, tree.size())
@@ -91,4 +91,4 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
   return outcomes;
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

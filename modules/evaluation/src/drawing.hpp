@@ -4,11 +4,12 @@
 #include <opencv2/core/mat.hpp>
 #include <string>
 
+#include "angio/evaluation/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
-extern const cv::Scalar kGroundColour;  ///< Dark, behind everything.
+extern const cv::Scalar kGroundColor;  ///< Dark, behind everything.
 
 /// Bits of a pixel's fraction in the points that subpixel makes.
 constexpr int kSubpixelBits = 4;
@@ -20,9 +21,9 @@ cv::Point subpixel(const Eigen::Vector2d& p);
 cv::Mat greyPicture(const cv::Mat& image);
 
 /// Points of a branch are joined; points without order stay points.
-void drawCurve(cv::Mat& canvas, const Centerline2d& centerline, const cv::Scalar& colour_bgr, int width_px);
+void drawCurve(cv::Mat& canvas, const Centerline2d& centerline, const cv::Scalar& color_bgr, int width_px);
 
 /// A line of text with a dark rim.
-void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, const cv::Scalar& colour_bgr);
+void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, const cv::Scalar& color_bgr);
 
-}  // namespace angio
+}  // namespace angio::evaluation

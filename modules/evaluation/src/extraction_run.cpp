@@ -20,14 +20,14 @@
 #include "angio/vessel/resample.hpp"
 #include "near_places.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
 // Edges of a tree that is drawn into an image are no longer than this: a pixel or so.
 constexpr double kDrawnEdge_m = 0.25e-3;
-constexpr int kMostDrawnPoints = 200000;
+constexpr int kMaxDrawnPoints = 200000;
 
 cv::Mat maskOf(const AnnotatedImage& annotated) {
   cv::Mat mask = cv::Mat::zeros(annotated.height_px, annotated.width_px, CV_8U);
@@ -67,8 +67,8 @@ double blurOf_px(const SimulationSettings& settings, const XrayCamera& camera) {
   const XrayCamera::Parameters& p = camera.parameters();
   const double spacing_mm =
       1e3 * p.pixel_spacing_m.value_or(p.source_detector_distance_m.value_or(kUsualDetectorDistance_m) / p.fx_px);
-  const double behind = std::max(0.0, spacing_mm * p.fx_px / settings.source_isocentre_mm - 1);
-  const double light_px = detector.psf_sigma_mm / spacing_mm;
+  const double behind = std::max(0.0, spacing_mm * p.fx_px / settings.source_isocenter_mm - 1);
+  const double light_px = detector.psf_std_mm / spacing_mm;
   const double spot_px = kSigmaOfWidth * detector.focal_spot_mm * behind / spacing_mm;
   return std::sqrt(light_px * light_px + spot_px * spot_px + 1.0 / 12);
 }
@@ -83,7 +83,7 @@ ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const s
     const std::size_t t = static_cast<std::size_t>(i) % trees.size();
     const SimulatedTrial trial = simulatedTrial(trees[t], camera, settings, i);
     TrialTruth truth = images->truth(trial, t, 0);
-    const double mm_per_px = settings.source_isocentre_mm / trial.true_views.front().camera.parameters().fx_px;
+    const double mm_per_px = settings.source_isocenter_mm / trial.true_views.front().camera.parameters().fx_px;
     const Centerline2d vessels = ofKind(truth.visible, CurveKind::kVessel);
     const std::vector<bool> lost = lostInAWider(vessels);
     std::vector<bool> wanted;
@@ -110,7 +110,7 @@ ExtractionSamples caseSamples(const CaseSet& set, double radius_px, double contr
   const auto sample = [=](int i) {
     const Case& one = set.cases[static_cast<std::size_t>(i)];
     const View& view = one.views.front();
-    const VesselTree tree = resampled(readVesselTree(one.tree_path), kDrawnEdge_m, kMostDrawnPoints).tree;
+    const VesselTree tree = resampled(readVesselTree(one.tree_path), kDrawnEdge_m, kMaxDrawnPoints).tree;
     ExtractionSample result;
     result.name = one.name;
     result.image = readXrayImage(*view.image_path, view.camera);
@@ -202,4 +202,4 @@ std::string extractionTable(const Json& summaries) {
                       {"p99", "time_ms/p99", "%.1f"}});
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -11,7 +11,7 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/imaging/thinning.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 constexpr double kStep_px = 1;
@@ -129,8 +129,8 @@ void ExtractionScore::add(const Centerline2d& found, const Centerline2d& require
     if (place.distance_px > tolerance_px_) continue;
     errors_px_.push_back(place.distance_px);
     tangent_errors_rad_.push_back(std::abs(undirected(found.tangent_rad[i] - place.tangent_rad)));
-    if (found.sigma_px.size() > 0) {
-      squared_ratios_ += std::pow(place.distance_px / found.sigma_px[i], 2);
+    if (found.std_px.size() > 0) {
+      squared_ratios_ += std::pow(place.distance_px / found.std_px[i], 2);
       ++ratios_;
     }
   }
@@ -231,4 +231,4 @@ Centerline2d shownIn(const cv::Mat& image, const Centerline2d& projected, double
   return pointsWhere(projected, keep);
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -12,7 +12,7 @@
 #include <opencv2/videoio.hpp>
 #include <string_view>
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 bool isOnDisk(const std::string& path) {
@@ -61,4 +61,4 @@ bool isWholeFilm(const std::string& path, int pictures) {
   return film.read(last) && !last.empty();
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

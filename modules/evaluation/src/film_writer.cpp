@@ -12,7 +12,7 @@
 #include "angio/io/image_files.hpp"
 #include "film_check.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 class FilmOutput {
  public:
@@ -108,4 +108,4 @@ void FilmWriter::write(const cv::Mat& picture) { output_->write(picture); }
 void FilmWriter::finish() { output_->finish(); }
 int FilmWriter::pictures() const { return output_->pictures; }
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -5,10 +5,10 @@
 
 #include "angio/types/channels.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
-constexpr std::size_t kMostWaiting = 8;          // Half a second of frames: an answer later than that is of no use.
+constexpr std::size_t kMaxWaiting = 8;           // Half a second of frames: an answer later than that is of no use.
 constexpr std::int64_t kSilence_us = 1'000'000;  // After it nobody is waited for.
 
 bool silent(const std::optional<std::int64_t>& last_us, std::int64_t now_us) {
@@ -38,7 +38,7 @@ std::optional<LiveScene> LiveFeed::hear(const std::string& channel, AnyMessage m
   if (auto* frame = std::get_if<XrayFrame>(&message)) {
     LiveScene scene{std::move(*frame), {}, {}, {}, {}, {}, {}};
     waiting_.push_back(std::move(scene));
-    if (waiting_.size() > kMostWaiting) waiting_.pop_front();
+    if (waiting_.size() > kMaxWaiting) waiting_.pop_front();
     const bool alone = silent(last_status_us_, arrival_us) && silent(last_registration_us_, arrival_us);
     return alone ? take(&waiting_.back()) : std::nullopt;
   }
@@ -63,4 +63,4 @@ std::optional<LiveScene> LiveFeed::hear(const std::string& channel, AnyMessage m
   return std::nullopt;
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -8,26 +8,26 @@
 #include "angio/base/formatted.hpp"
 #include "drawing.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 constexpr int kPanelHeight_px = 116;
 constexpr std::size_t kBarFrames = 256;
 constexpr int kNarrowest_px = 320;
 const cv::Scalar kGreen(80, 235, 60), kOrange(40, 165, 255), kRed(60, 60, 240), kGrey(150, 150, 150),
-    kWhite(240, 240, 240), kTipColour(255, 220, 60), kTargetColour(250, 120, 255);
+    kWhite(240, 240, 240), kTipColor(255, 220, 60), kTargetColor(250, 120, 255);
 
 // Small text: the picture is smaller than an X-ray.
-void text(cv::Mat& canvas, const std::string& line, const cv::Point& at, const cv::Scalar& colour) {
+void text(cv::Mat& canvas, const std::string& line, const cv::Point& at, const cv::Scalar& color) {
   cv::putText(canvas, line, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(0, 0, 0), 3, cv::LINE_AA);
-  cv::putText(canvas, line, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, colour, 1, cv::LINE_AA);
+  cv::putText(canvas, line, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, color, 1, cv::LINE_AA);
 }
 
 bool converged(const RegistrationMessage& registration) { return registration.status_text == "converged"; }
 
 }  // namespace
 
-cv::Scalar stateColour(ServoState state) {
+cv::Scalar stateColor(ServoState state) {
   switch (state) {
     case ServoState::kServo:
       return kGreen;
@@ -47,12 +47,12 @@ LiveOverlay::LiveOverlay(const VesselTree& tree, int width_px)
     : tree_(tree), model_id_(modelId(tree)), width_px_(std::max(width_px, kNarrowest_px)) {}
 
 cv::Mat LiveOverlay::draw(const LiveScene& scene) {
-  bar_.push_back(scene.status ? stateColour(scene.status->state) : kGroundColour);
+  bar_.push_back(scene.status ? stateColor(scene.status->state) : kGroundColor);
   if (bar_.size() > kBarFrames) bar_.pop_front();
   const double scale = static_cast<double>(width_px_) / scene.frame.image.cols;
   const int height = std::max(1, static_cast<int>(std::lround(scale * scene.frame.image.rows)));
   // Even numbers of pixels: the common film formats take no others.
-  cv::Mat canvas((height + kPanelHeight_px + 1) / 2 * 2, (width_px_ + 1) / 2 * 2, CV_8UC3, kGroundColour);
+  cv::Mat canvas((height + kPanelHeight_px + 1) / 2 * 2, (width_px_ + 1) / 2 * 2, CV_8UC3, kGroundColor);
   cv::Mat xray = canvas(cv::Rect(0, 0, width_px_, height));
   cv::resize(greyPicture(scene.frame.image), xray, xray.size(), 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
   drawXray(xray, scene);
@@ -73,38 +73,38 @@ void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
     if (!p) return std::nullopt;
     return onCanvas(*p);
   };
-  const cv::Scalar colour = scene.status ? stateColour(scene.status->state) : kGreen;
+  const cv::Scalar color = scene.status ? stateColor(scene.status->state) : kGreen;
   std::vector<std::optional<cv::Point>> points;
   for (const auto& p : tree_.points().colwise()) points.push_back(pixel(p));
   for (std::size_t i = 0; i < points.size(); ++i) {
     const int parent = tree_.parents()[i];
     if (parent < 0 || !points[i] || !points[static_cast<std::size_t>(parent)]) continue;
-    cv::line(canvas, *points[i], *points[static_cast<std::size_t>(parent)], colour, 2, cv::LINE_AA, kSubpixelBits);
+    cv::line(canvas, *points[i], *points[static_cast<std::size_t>(parent)], color, 2, cv::LINE_AA, kSubpixelBits);
   }
   for (Eigen::Index i = 1; i < scene.device_px.cols(); ++i) {
-    cv::line(canvas, onCanvas(scene.device_px.col(i - 1)), onCanvas(scene.device_px.col(i)), kTipColour, 2, cv::LINE_AA,
+    cv::line(canvas, onCanvas(scene.device_px.col(i - 1)), onCanvas(scene.device_px.col(i)), kTipColor, 2, cv::LINE_AA,
              kSubpixelBits);
   }
   const int unit = 1 << kSubpixelBits;
   if (const auto target = scene.target_model ? pixel(*scene.target_model) : std::nullopt) {
     for (const cv::Point& arm : {cv::Point(12 * unit, 0), cv::Point(0, 12 * unit)}) {
-      cv::line(canvas, *target - arm, *target + arm, kTargetColour, 2, cv::LINE_AA, kSubpixelBits);
+      cv::line(canvas, *target - arm, *target + arm, kTargetColor, 2, cv::LINE_AA, kSubpixelBits);
     }
   }
   if (!scene.tip || scene.tip->status == CatheterTipStatus::kLost || scene.tip->model_id != model_id_) return;
   if (const auto tip = pixel(scene.tip->tip_model)) {
-    cv::circle(canvas, *tip, 7 * unit, kTipColour, 2, cv::LINE_AA, kSubpixelBits);
+    cv::circle(canvas, *tip, 7 * unit, kTipColor, 2, cv::LINE_AA, kSubpixelBits);
   }
 }
 
 void LiveOverlay::drawPanel(cv::Mat panel, const LiveScene& scene) const {
-  const auto line = [&](int row, const std::string& words, const cv::Scalar& colour) {
-    text(panel, words, {10, 20 + 22 * row}, colour);
+  const auto line = [&](int row, const std::string& words, const cv::Scalar& color) {
+    text(panel, words, {10, 20 + 22 * row}, color);
   };
   const std::string frame = formatted("frame %lld, %.2f s   ", static_cast<long long>(scene.frame.sequence),
                                       1e-6 * static_cast<double>(scene.frame.time_us));
   if (const auto& s = scene.status) {
-    line(0, frame + nameOf(s->state) + (s->reason.empty() ? "" : ": " + s->reason), stateColour(s->state));
+    line(0, frame + nameOf(s->state) + (s->reason.empty() ? "" : ": " + s->reason), stateColor(s->state));
     // Both are exactly zero for a task without a view, and while nothing is seen.
     const bool has_view = s->view_error_rad != 0 || s->target_error_m != 0;
     const std::string view = has_view ? formatted("from the wanted view %.3f deg, %.2f mm   ",
@@ -142,4 +142,4 @@ void LiveOverlay::drawPanel(cv::Mat panel, const LiveScene& scene) const {
   }
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -7,7 +7,9 @@
 #include <utility>
 #include <vector>
 
-namespace angio {
+#include "angio/evaluation/namespace.hpp"
+
+namespace angio::evaluation {
 
 /// Which points of an image are near a place.
 class NearPlaces {
@@ -30,4 +32,4 @@ class NearPlaces {
   Found found_;
 };
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -7,7 +7,7 @@
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/tables.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 template <typename Figure>
 std::vector<double> figuresOf(const std::vector<CaseOutcome>& outcomes, const Figure& figure) {
@@ -27,4 +27,4 @@ double percentOf(const std::vector<CaseOutcome>& outcomes, const Rule& holds) {
   return outcomes.empty() ? 0.0 : 100.0 * static_cast<double>(count) / static_cast<double>(outcomes.size());
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

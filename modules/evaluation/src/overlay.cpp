@@ -6,7 +6,7 @@
 
 #include "drawing.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 void drawTree(cv::Mat& canvas, const VesselTree& tree, const XrayCamera& camera, const OverlayTree& what) {
@@ -20,24 +20,24 @@ void drawTree(cv::Mat& canvas, const VesselTree& tree, const XrayCamera& camera,
     const int parent = tree.parents()[static_cast<std::size_t>(i)];
     if (parent < 0) continue;
     const auto &a = pixel[static_cast<std::size_t>(i)], &b = pixel[static_cast<std::size_t>(parent)];
-    if (a && b) cv::line(canvas, subpixel(*a), subpixel(*b), what.colour_bgr, 2, cv::LINE_AA, kSubpixelBits);
+    if (a && b) cv::line(canvas, subpixel(*a), subpixel(*b), what.color_bgr, 2, cv::LINE_AA, kSubpixelBits);
   }
 }
 
 }  // namespace
 
-const cv::Scalar kStartColour(255, 170, 80), kModelColour(80, 255, 60), kCenterlineColour(30, 90, 255);
+const cv::Scalar kStartColor(255, 170, 80), kModelColor(80, 255, 60), kCenterlineColor(30, 90, 255);
 
 cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const XrayCamera& camera) {
-  cv::Mat canvas = scene.image.empty() ? cv::Mat(camera.height_px(), camera.width_px(), CV_8UC3, kGroundColour)
+  cv::Mat canvas = scene.image.empty() ? cv::Mat(camera.height_px(), camera.width_px(), CV_8UC3, kGroundColor)
                                        : greyPicture(scene.image);
   // A broad line, so that the model can be drawn as a fine one on top of it.
-  if (scene.centerline) drawCurve(canvas, *scene.centerline, kCenterlineColour, 5);
+  if (scene.centerline) drawCurve(canvas, *scene.centerline, kCenterlineColor, 5);
   int line = 32;
-  if (scene.centerline) writeText(canvas, "centreline in the image", {14, line}, kCenterlineColour), line += 30;
+  if (scene.centerline) writeText(canvas, "centreline in the image", {14, line}, kCenterlineColor), line += 30;
   for (const auto& what : scene.trees) {
     drawTree(canvas, tree, camera, what);
-    writeText(canvas, what.label, {14, line}, what.colour_bgr);
+    writeText(canvas, what.label, {14, line}, what.color_bgr);
     line += 30;
   }
   if (!scene.caption.empty()) writeText(canvas, scene.caption, {14, canvas.rows - 14}, cv::Scalar(255, 255, 255));
@@ -50,7 +50,7 @@ cv::Mat sideBySide(const std::vector<cv::Mat>& pictures) {
     height = std::max(height, picture.rows);
     width += picture.cols;
   }
-  cv::Mat row(height, width, pictures.front().type(), kGroundColour);
+  cv::Mat row(height, width, pictures.front().type(), kGroundColor);
   int left = 0;
   for (const cv::Mat& picture : pictures) {
     picture.copyTo(row(cv::Rect(left, 0, picture.cols, picture.rows)));
@@ -59,4 +59,4 @@ cv::Mat sideBySide(const std::vector<cv::Mat>& pictures) {
   return row;
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -8,7 +8,7 @@
 #include "angio/evaluation/simulation_report.hpp"
 #include "angio/evaluation/statistics.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -53,7 +53,7 @@ std::string figureOver(const std::vector<PaperLevel>& levels, const std::string&
   PlotSeries paper{"the paper", {}, {}, 4};
   for (const auto& level : levels) {
     const double x = level.start.translation_std_mm;
-    plot.x.ticks->emplace_back(x, shown(level.start.rotation_std_deg) + "\u00b0, " + shown(x) + " mm");
+    plot.x.ticks->emplace_back(x, formatValue(level.start.rotation_std_deg) + "\u00b0, " + formatValue(x) + " mm");
     paper.x.push_back(x);
     paper.y.push_back(theirs(level.start));
     for (std::size_t m = 0; m < level.runs.size(); ++m) {
@@ -237,4 +237,4 @@ std::string paperReportHtml(const std::vector<EntrantRun>& table1, const std::ve
        html::section("Settings and machine", settings + html::details("machine", machineAsJson()))});
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

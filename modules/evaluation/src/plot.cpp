@@ -8,12 +8,12 @@
 #include "angio/base/formatted.hpp"
 #include "plot_canvas.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 constexpr double kLeft_px = 64, kRight_px = 16, kTop_px = 34, kBottom_px = 50, kTitle_px = 20;
 constexpr double kDot_px = 3.4, kMark_px = 3, kBarWidth = 0.72;
-constexpr std::size_t kMostMarks = 24;  // A line of more points has no marks on them.
+constexpr std::size_t kMaxMarks = 24;  // A line of more points has no marks on them.
 
 // One axis: values to positions along it.
 struct Scale {
@@ -128,12 +128,12 @@ class Drawing {
         drawBars(s);
       } else {
         if (s.kind != PlotSeries::Kind::kDots) drawLine(s);
-        const bool marked = s.kind == PlotSeries::Kind::kLine && !s.dashed && s.x.size() <= kMostMarks;
+        const bool marked = s.kind == PlotSeries::Kind::kLine && !s.dashed && s.x.size() <= kMaxMarks;
         if (marked || s.kind == PlotSeries::Kind::kDots) drawDots(s, marked ? kMark_px : kDot_px);
       }
     }
     for (const PlotText& t : plot_.texts) {
-      canvas_.text(at(t.x, t.y) + cv::Point2d(t.shift_px), Anchor::kStart, t.words, {"note", t.colour});
+      canvas_.text(at(t.x, t.y) + cv::Point2d(t.shift_px), Anchor::kStart, t.words, {"note", t.color});
     }
   }
 
@@ -188,7 +188,7 @@ class Drawing {
     Points points;
     for (std::size_t i = 0; i < s.x.size(); ++i) points.push_back(at(s.x[i], s.high[i]));
     for (std::size_t i = s.x.size(); i-- > 0;) points.push_back(at(s.x[i], s.low[i]));
-    canvas_.area(points, {"band", s.colour});
+    canvas_.area(points, {"band", s.color});
   }
 
   // The points that can be shown, with their places in the series.
@@ -202,7 +202,7 @@ class Drawing {
   void drawBars(const PlotSeries& s) {
     forEachShown(s, [&](std::size_t i) {
       const double left = x_.at(s.x[i] - 0.5 * kBarWidth), right = x_.at(s.x[i] + 0.5 * kBarWidth);
-      canvas_.area(box(left, right, y_.at(s.y[i]), y_.at(0)), {"fill", s.colour});
+      canvas_.area(box(left, right, y_.at(s.y[i]), y_.at(0)), {"fill", s.color});
     });
   }
 
@@ -210,7 +210,7 @@ class Drawing {
     forEachShown(s, [&](std::size_t i) {
       const bool ring = i < s.hollow.size() && s.hollow[i];
       canvas_.circle(at(s.x[i], s.y[i]), i < s.radii_px.size() ? s.radii_px[i] : usual_px,
-                     {ring ? "ring" : "dot", s.colour});
+                     {ring ? "ring" : "dot", s.color});
     });
   }
 
@@ -218,7 +218,7 @@ class Drawing {
     Points path;
     std::size_t next = 0;  // Of the point that would continue the path.
     const auto finish = [&] {
-      if (!path.empty()) canvas_.line(path, {s.dashed ? "dashed" : "line", s.colour});
+      if (!path.empty()) canvas_.line(path, {s.dashed ? "dashed" : "line", s.color});
       path.clear();
     };
     forEachShown(s, [&](std::size_t i) {
@@ -273,7 +273,7 @@ cv::Mat drawPlots(const std::vector<Plot>& plots, int width_px, int height_px) {
                    {frame.br().x + 32, line - 6},
                    {frame.br().x + 32, line - 2},
                    {frame.br().x + 12, line - 2}},
-                  {"fill", s.colour});
+                  {"fill", s.color});
       canvas.text({frame.br().x + 38, line}, PlotCanvas::Anchor::kStart, s.name, {"label"});
       line += 20;
     }
@@ -281,4 +281,4 @@ cv::Mat drawPlots(const std::vector<Plot>& plots, int width_px, int height_px) {
   return picture;
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

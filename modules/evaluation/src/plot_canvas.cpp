@@ -8,18 +8,18 @@
 #include "angio/base/formatted.hpp"
 #include "drawing.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 const cv::Scalar kFaint(228, 228, 228), kGuide(166, 159, 154);
 
 std::string classOf(const PlotCanvas::Look& look) {
-  return " class=\"" + look.part + (look.colour < 0 ? "" : " c" + std::to_string(look.colour % kPlotColours)) + "\"";
+  return " class=\"" + look.part + (look.color < 0 ? "" : " c" + std::to_string(look.color % kPlotColors)) + "\"";
 }
 
-cv::Scalar colourOf(const PlotCanvas::Look& look) {
+cv::Scalar colorOf(const PlotCanvas::Look& look) {
   if (look.part == "rule" || look.part == "count") return kFaint;
-  return look.part == "guide" ? kGuide : plotColour(look.colour);
+  return look.part == "guide" ? kGuide : plotColor(look.color);
 }
 
 cv::Point fixed(const cv::Point2d& p) { return subpixel({p.x, p.y}); }
@@ -34,11 +34,11 @@ constexpr double kTextSize = 0.42, kTitleSize = 0.5;
 
 }  // namespace
 
-cv::Scalar plotColour(int index) {
-  static const cv::Scalar kColours[kPlotColours] = {{178, 114, 0},   {0, 94, 213},  {115, 158, 0},
-                                                    {167, 121, 204}, {0, 159, 230}, {233, 180, 86}};
-  if (index == kWarningColour) return {40, 40, 214};
-  return index < 0 ? cv::Scalar::all(45) : kColours[index % kPlotColours];
+cv::Scalar plotColor(int index) {
+  static const cv::Scalar kColors[kPlotColors] = {{178, 114, 0},   {0, 94, 213},  {115, 158, 0},
+                                                  {167, 121, 204}, {0, 159, 230}, {233, 180, 86}};
+  if (index == kWarningColor) return {40, 40, 214};
+  return index < 0 ? cv::Scalar::all(45) : kColors[index % kPlotColors];
 }
 
 std::string htmlEscaped(const std::string& plain) {
@@ -59,9 +59,9 @@ void SvgCanvas::line(const Points& points, const Look& look) { shape("polyline",
 
 void SvgCanvas::area(const Points& corners, const Look& look) { shape("polygon", corners, look); }
 
-void SvgCanvas::circle(const cv::Point2d& centre, double radius_px, const Look& look) {
+void SvgCanvas::circle(const cv::Point2d& center, double radius_px, const Look& look) {
   svg_ +=
-      "<circle" + classOf(look) + formatted(" cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\"/>\n", centre.x, centre.y, radius_px);
+      "<circle" + classOf(look) + formatted(" cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\"/>\n", center.x, center.y, radius_px);
 }
 
 void SvgCanvas::text(const cv::Point2d& at, Anchor anchor, const std::string& words, const Look& look) {
@@ -78,7 +78,7 @@ void PictureCanvas::line(const Points& points, const Look& look) {
   const std::vector<cv::Point> path = fixed(points);
   const bool dashed = look.part == "dashed";
   if (!dashed && look.part != "line") {
-    cv::polylines(picture_, path, false, colourOf(look), 1, cv::LINE_8, kSubpixelBits);
+    cv::polylines(picture_, path, false, colorOf(look), 1, cv::LINE_8, kSubpixelBits);
     return;
   }
   const cv::Rect inside = cv::Rect(frame_) & cv::Rect({}, picture_.size());
@@ -90,7 +90,7 @@ void PictureCanvas::line(const Points& points, const Look& look) {
     const cv::Point from = path[i - 1] - corner, along = path[i] - path[i - 1];
     for (int k = 0; k < pieces; k += 2) {
       cv::line(frame, from + along * (static_cast<double>(k) / pieces), from + along * ((k + 1.0) / pieces),
-               colourOf(look), dashed ? 1 : 2, cv::LINE_AA, kSubpixelBits);
+               colorOf(look), dashed ? 1 : 2, cv::LINE_AA, kSubpixelBits);
     }
   }
 }
@@ -98,13 +98,13 @@ void PictureCanvas::line(const Points& points, const Look& look) {
 void PictureCanvas::area(const Points& corners, const Look& look) {
   const double opacity = look.part == "band" ? 0.13 : 1;
   cv::Mat filled = picture_.clone();
-  cv::fillPoly(filled, std::vector<std::vector<cv::Point>>{fixed(corners)}, colourOf(look), cv::LINE_AA, kSubpixelBits);
+  cv::fillPoly(filled, std::vector<std::vector<cv::Point>>{fixed(corners)}, colorOf(look), cv::LINE_AA, kSubpixelBits);
   cv::addWeighted(filled, opacity, picture_, 1 - opacity, 0, picture_);
 }
 
-void PictureCanvas::circle(const cv::Point2d& centre, double radius_px, const Look& look) {
+void PictureCanvas::circle(const cv::Point2d& center, double radius_px, const Look& look) {
   const int radius = static_cast<int>(std::lround(radius_px * (1 << kSubpixelBits)));
-  cv::circle(picture_, fixed(centre), radius, colourOf(look), look.part == "ring" ? 2 : cv::FILLED, cv::LINE_AA,
+  cv::circle(picture_, fixed(center), radius, colorOf(look), look.part == "ring" ? 2 : cv::FILLED, cv::LINE_AA,
              kSubpixelBits);
 }
 
@@ -118,7 +118,7 @@ void PictureCanvas::text(const cv::Point2d& at, Anchor anchor, const std::string
     cv::rectangle(picture_, from + cv::Point(-2, 4), from + cv::Point(box.width + 2, -box.height - 2),
                   cv::Scalar::all(255), cv::FILLED);
   }
-  cv::putText(picture_, words, from, cv::FONT_HERSHEY_SIMPLEX, size, colourOf(look), 1, cv::LINE_AA);
+  cv::putText(picture_, words, from, cv::FONT_HERSHEY_SIMPLEX, size, colorOf(look), 1, cv::LINE_AA);
 }
 
 void PictureCanvas::ground(const cv::Mat& picture, const cv::Rect2d& frame) {
@@ -130,4 +130,4 @@ double PictureCanvas::widthOf(const std::string& words) const {
   return cv::getTextSize(words, cv::FONT_HERSHEY_SIMPLEX, kTextSize, 1, nullptr).width;
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

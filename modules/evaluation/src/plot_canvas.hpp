@@ -7,7 +7,7 @@
 
 #include "angio/evaluation/plot.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// What a plot is drawn on. Places are pixels from the upper left corner.
 class PlotCanvas {
@@ -18,13 +18,13 @@ class PlotCanvas {
   /// How something looks: what it is in the plot, and of which colour.
   struct Look {
     std::string part;  ///< A class of the report's style: "line", "rule", "axis".
-    int colour = kInkColour;
+    int color = kInkColor;
   };
 
   virtual ~PlotCanvas() = default;
   virtual void line(const Points& points, const Look& look) = 0;
   virtual void area(const Points& corners, const Look& look) = 0;
-  virtual void circle(const cv::Point2d& centre, double radius_px, const Look& look) = 0;
+  virtual void circle(const cv::Point2d& center, double radius_px, const Look& look) = 0;
   virtual void text(const cv::Point2d& at, Anchor anchor, const std::string& words, const Look& look) = 0;
   virtual void ground(const cv::Mat& picture, const cv::Rect2d& frame) = 0;
   virtual double widthOf(const std::string& words) const = 0;
@@ -34,7 +34,7 @@ class SvgCanvas final : public PlotCanvas {
  public:
   void line(const Points& points, const Look& look) override;
   void area(const Points& corners, const Look& look) override;
-  void circle(const cv::Point2d& centre, double radius_px, const Look& look) override;
+  void circle(const cv::Point2d& center, double radius_px, const Look& look) override;
   void text(const cv::Point2d& at, Anchor anchor, const std::string& words, const Look& look) override;
   void ground(const cv::Mat&, const cv::Rect2d&) override {}
   double widthOf(const std::string& words) const override;
@@ -54,7 +54,7 @@ class PictureCanvas final : public PlotCanvas {
 
   void line(const Points& points, const Look& look) override;
   void area(const Points& corners, const Look& look) override;
-  void circle(const cv::Point2d& centre, double radius_px, const Look& look) override;
+  void circle(const cv::Point2d& center, double radius_px, const Look& look) override;
   void text(const cv::Point2d& at, Anchor anchor, const std::string& words, const Look& look) override;
   void ground(const cv::Mat& picture, const cv::Rect2d& frame) override;
   double widthOf(const std::string& words) const override;
@@ -64,4 +64,4 @@ class PictureCanvas final : public PlotCanvas {
   cv::Rect2d frame_;
 };
 
-}  // namespace angio
+}  // namespace angio::evaluation

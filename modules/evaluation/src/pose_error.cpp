@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/pose_error.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 Eigen::Matrix3Xd placed(const VesselTree& tree, const PlacedTree& where) {
@@ -30,11 +30,11 @@ PoseError poseError(const VesselTree& tree, const XrayCamera& camera, const Plac
   if (all_seen) {
     const double depth_m = (truth.T_camera_model * tree.centroid()).z();
     error.mpd_px = sum_px / n;
-    error.mpd_isocentre_m = sum_px / n * depth_m / camera.parameters().fx_px;
+    error.mpd_isocenter_m = sum_px / n * depth_m / camera.parameters().fx_px;
   }
   error.rotation_rad = rotationAngle(estimate.T_camera_model.linear() * truth.T_camera_model.linear().transpose());
   error.centroid_m = (estimate.T_camera_model * tree.centroid() - truth.T_camera_model * tree.centroid()).norm();
   return error;
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

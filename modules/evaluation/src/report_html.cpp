@@ -7,7 +7,7 @@
 #include "angio/base/errors.hpp"
 #include "report_style.hpp"
 
-namespace angio::html {
+namespace angio::evaluation::html {
 namespace {
 
 std::string base64(const std::vector<unsigned char>& bytes) {
@@ -49,7 +49,7 @@ std::string legend(const std::vector<PlotSeries>& series) {
   for (const auto& s : series) {
     if (s.name.empty() || std::find(named.begin(), named.end(), s.name) != named.end()) continue;
     named.push_back(s.name);
-    items += "<li><i class=\"c" + std::to_string(s.colour % kPlotColours) + "\"></i>" + htmlEscaped(s.name) + "</li>";
+    items += "<li><i class=\"c" + std::to_string(s.color % kPlotColors) + "\"></i>" + htmlEscaped(s.name) + "</li>";
   }
   return named.size() < 2 ? "" : "<ul class=\"legend\">" + items + "</ul>";
 }
@@ -120,8 +120,8 @@ std::string fromMarkdown(const std::string& markdown) {
   return text;
 }
 
-std::string card(const std::string& name, const std::string& big, const std::vector<std::string>& lines, int colour) {
-  std::string text = "<div class=\"card\"><span class=\"name\"><i class=\"c" + std::to_string(colour % kPlotColours) +
+std::string card(const std::string& name, const std::string& big, const std::vector<std::string>& lines, int color) {
+  std::string text = "<div class=\"card\"><span class=\"name\"><i class=\"c" + std::to_string(color % kPlotColors) +
                      "\"></i>" + htmlEscaped(name) + "</span>" + tagged("strong", big);
   for (const auto& line : lines) text += tagged("span", line);
   return text + "</div>\n";
@@ -150,4 +150,4 @@ std::string page(const std::string& title, const std::string& subtitle, const st
   return text + "</main>\n</body>\n</html>\n";
 }
 
-}  // namespace angio::html
+}  // namespace angio::evaluation::html

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-namespace angio {
+#include "angio/evaluation/namespace.hpp"
+
+namespace angio::evaluation {
 
 /// How a report looks. Series colours after Okabe and Ito, told apart by most colour-blind readers; lighter on dark.
 constexpr const char* kReportStyle = R"css(
@@ -77,4 +79,4 @@ details td { white-space: normal; text-align: left; }
 @media print { figure, .card { break-inside: avoid; } }
 )css";
 
-}  // namespace angio
+}  // namespace angio::evaluation

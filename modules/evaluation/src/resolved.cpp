@@ -10,7 +10,7 @@
 #include "angio/geometry/se3.hpp"
 #include "near_places.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 constexpr double kStep_px = 0.5;  // Between the places where a sum of shadows is looked at.
@@ -67,10 +67,10 @@ std::vector<double> sumBetween(const ShadowProfile& one, const ShadowProfile& ot
 
 // Down and, later, up again by more than rounding.
 bool dips(const std::vector<double>& sum) {
-  const double least_fall = 1e-9 * *std::max_element(sum.begin(), sum.end());
+  const double min_fall = 1e-9 * *std::max_element(sum.begin(), sum.end());
   double top = sum.front(), bottom = sum.front();
   for (const double value : sum) {
-    if (value > bottom + least_fall && bottom < top - least_fall) return true;
+    if (value > bottom + min_fall && bottom < top - min_fall) return true;
     if (value > top) top = bottom = value;
     bottom = std::min(bottom, value);
   }
@@ -103,9 +103,9 @@ std::vector<bool> haveOwnLine(const Centerline2d& vessels, double blur_px) {
   for (int i = 0; i < count; ++i) {
     const Eigen::Vector2d p = vessels.points_px.col(i);
     const Eigen::Vector2d along(std::cos(vessels.tangent_rad[i]), std::sin(vessels.tangent_rad[i]));
-    const double radius_px = vessels.radius_px[i], most_px = radius_px + widest_px + kReachBlurs * blur_px;
+    const double radius_px = vessels.radius_px[i], max_px = radius_px + widest_px + kReachBlurs * blur_px;
     std::map<int, std::pair<double, Eigen::Index>> beside;  // By branch: how far to the side, and which point.
-    for (const auto& [j, distance2] : places.within(p, most_px)) {
+    for (const auto& [j, distance2] : places.within(p, max_px)) {
       const int branch = vessels.branch[static_cast<std::size_t>(j)];
       if (branch == vessels.branch[static_cast<std::size_t>(i)]) continue;
       const Eigen::Vector2d to = vessels.points_px.col(j) - p;
@@ -127,4 +127,4 @@ std::vector<bool> haveOwnLine(const Centerline2d& vessels, double blur_px) {
   return own;
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

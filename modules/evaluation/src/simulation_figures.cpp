@@ -5,7 +5,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/evaluation/simulation_report.hpp"
 
-namespace angio::html {
+namespace angio::evaluation::html {
 namespace {
 
 // What cannot be told apart from a perfect answer on a log axis [mm].
@@ -103,12 +103,12 @@ std::string sweepFigure(const SweepResult& result) {
   plot.y.range = {0, 103};
   plot.guides.push_back({95, "95 %"});
   plot.x.ticks.emplace();
-  for (const auto& point : result.sweep.points) plot.x.ticks->emplace_back(point.value, shown(point.value));
+  for (const auto& point : result.sweep.points) plot.x.ticks->emplace_back(point.value, formatValue(point.value));
   if (result.summaries.empty()) return figure(result.sweep.name, plot);
-  int colour = 0;
+  int color = 0;
   for (const auto& [method, unused] : result.summaries.front().items()) {
-    PlotSeries s{method, {}, {}, colour};
-    PlotSeries in_plane{"", {}, {}, colour++};  // Without a name: the legend says it once for all.
+    PlotSeries s{method, {}, {}, color};
+    PlotSeries in_plane{"", {}, {}, color++};  // Without a name: the legend says it once for all.
     in_plane.dashed = true;
     for (std::size_t i = 0; i < result.summaries.size(); ++i) {
       const auto& summary = result.summaries[i][method];
@@ -125,4 +125,4 @@ std::string sweepFigure(const SweepResult& result) {
   return figure("Over " + result.sweep.name, plot);
 }
 
-}  // namespace angio::html
+}  // namespace angio::evaluation::html

@@ -3,12 +3,12 @@
 
 #include "simulation_random.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 constexpr int kSmallestWindow_px = 32;
 constexpr double kShareTolerance = 0.02;
-constexpr double kShortestSpurious_px = 60, kLongestSpurious_px = 250;
+constexpr double kMinSpurious_px = 60, kMaxSpurious_px = 250;
 // Bends of vessels seen in X-ray: radii from about this on [px].
 constexpr double kSpuriousBend_px = 80;
 constexpr double kDefaultSpacing_px = 1.5;
@@ -23,14 +23,14 @@ struct Window {
 };
 
 // As large as `side_px` in x, shaped like the detector, about a pixel; what hangs over the detector's edge is cut off.
-Window windowAbout(const Eigen::Vector2d& centre, int side_px, const XrayCamera& camera) {
+Window windowAbout(const Eigen::Vector2d& center, int side_px, const XrayCamera& camera) {
   const double half_x = 0.5 * side_px, half_y = half_x * camera.height_px() / camera.width_px();
   const auto clipped = [](double at, int size) { return std::clamp(static_cast<int>(std::lround(at)), 0, size); };
   Window w;
-  w.x = clipped(centre.x() - half_x, camera.width_px());
-  w.y = clipped(centre.y() - half_y, camera.height_px());
-  w.width = clipped(centre.x() + half_x, camera.width_px()) - w.x;
-  w.height = clipped(centre.y() + half_y, camera.height_px()) - w.y;
+  w.x = clipped(center.x() - half_x, camera.width_px());
+  w.y = clipped(center.y() - half_y, camera.height_px());
+  w.width = clipped(center.x() + half_x, camera.width_px()) - w.x;
+  w.height = clipped(center.y() + half_y, camera.height_px()) - w.y;
   return w;
 }
 
@@ -46,15 +46,15 @@ double lengthOf(const std::vector<Curve>& curves, const Window* inside = nullptr
 
 // The smallest window about `centre` with at least the wanted length inside, or the one a pixel smaller if it is
 // nearer.
-Window windowWithLength(const std::vector<Curve>& curves, const Eigen::Vector2d& centre, double length_px,
+Window windowWithLength(const std::vector<Curve>& curves, const Eigen::Vector2d& center, double length_px,
                         const XrayCamera& camera) {
   int too_small = kSmallestWindow_px, enough = 2 * camera.width_px() + 2;
   while (enough - too_small > 1) {
     const int middle = (enough + too_small) / 2;
-    const Window w = windowAbout(centre, middle, camera);
+    const Window w = windowAbout(center, middle, camera);
     (lengthOf(curves, &w) < length_px ? too_small : enough) = middle;
   }
-  const Window a = windowAbout(centre, too_small, camera), b = windowAbout(centre, enough, camera);
+  const Window a = windowAbout(center, too_small, camera), b = windowAbout(center, enough, camera);
   return std::abs(lengthOf(curves, &a) - length_px) < std::abs(lengthOf(curves, &b) - length_px) ? a : b;
 }
 
@@ -117,7 +117,7 @@ Curve walked(const Curve& curve, double spacing_px) {
 
 // A curve whose bend changes slowly, all of it on the detector: a wire, a rib's edge, a vessel of another organ.
 Curve spuriousCurve(const XrayCamera& camera, double spacing_px, SimulationRandom& random) {
-  double length_px = random.uniform(kShortestSpurious_px, kLongestSpurious_px);
+  double length_px = random.uniform(kMinSpurious_px, kMaxSpurious_px);
   for (;; length_px *= 0.95) {  // Shorter until it fits: in a small field of view little does.
     const double x = random.uniform(0, camera.width_px() - 1.0), y = random.uniform(0, camera.height_px() - 1.0);
     double heading = random.uniform(0, 2 * kPi), bend = random.normal() / kSpuriousBend_px;
@@ -188,4 +188,4 @@ SimulatedView simulatedView(const std::vector<Curve>& branches_px, const std::ve
   return {cropped, asCenterline(curves, cropped, settings, trial, view), std::move(spurious)};
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

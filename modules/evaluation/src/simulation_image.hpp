@@ -5,7 +5,7 @@
 
 #include "angio/evaluation/simulation.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// What one view of a trial shows, and the camera that shows just that field.
 struct SimulatedView {
@@ -23,4 +23,4 @@ struct SimulatedView {
 SimulatedView simulatedView(const std::vector<Curve>& branches_px, const std::vector<bool>& shown,
                             const XrayCamera& camera, const SimulationSettings& settings, int trial, int view);
 
-}  // namespace angio
+}  // namespace angio::evaluation

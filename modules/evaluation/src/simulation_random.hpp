@@ -7,9 +7,10 @@
 #include <random>
 #include <vector>
 
+#include "angio/evaluation/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// What a draw is for: each purpose has numbers of its own, so that one setting does not shift another's draws.
 enum class DrawFor { kView, kWindow, kMissing, kSpurious, kNoise, kTangents, kDeformation, kCalibration, kStart };
@@ -62,4 +63,4 @@ class SimulationRandom {
   std::mt19937_64 engine_;
 };
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -9,7 +9,7 @@
 #include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/tables.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -18,7 +18,7 @@ constexpr int kDrawnWidth_px = 1024, kPictureWidth_px = 640;
 
 std::string cards(const Json& summaries) {
   std::vector<std::string> cards;
-  int colour = 0;
+  int color = 0;
   for (const auto& [method, s] : summaries.items()) {
     cards.push_back(html::card(method, figureOf(s, "success_mtre_2mm_percent", "%.0f %%"),
                                {"success, mTRE < 2 mm (" + figureOf(s, "success_mtre_2mm_bounds_percent/0", "%.0f") +
@@ -27,7 +27,7 @@ std::string cards(const Json& summaries) {
                                 figureOf(s, "mtre_mm/median", "%.3f mm") + " median mTRE",
                                 figureOf(s, "time_ms/total/p50", "%.1f ms") + " median, " +
                                     figureOf(s, "time_ms/total/p99", "%.1f ms") + " p99"},
-                               colour++));
+                               color++));
   }
   return html::grid(cards, true);
 }
@@ -53,8 +53,8 @@ std::string pictureOf(const SimulationReport& r, const EntrantRun& run, std::siz
   seen.points_px *= factor;
   OverlayScene scene;
   scene.centerline = &seen;
-  scene.trees.push_back({trial.start, {}, kStartColour, "start"});
-  scene.trees.push_back({outcome.result.T_camera_model, outcome.result.displacements_m, kModelColour, "registered"});
+  scene.trees.push_back({trial.start, {}, kStartColor, "start"});
+  scene.trees.push_back({outcome.result.T_camera_model, outcome.result.displacements_m, kModelColor, "registered"});
   const cv::Mat drawn = drawOverlay(scene, tree, enlarged(trial.cameras.front(), factor));
   cv::Mat small;
   const double scale = static_cast<double>(kPictureWidth_px) / drawn.cols;
@@ -132,4 +132,4 @@ std::string simulationReportHtml(const SimulationReport& r) {
   return html::page("Registration in simulation", subtitle(r), sections);
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

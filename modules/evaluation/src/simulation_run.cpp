@@ -6,7 +6,7 @@
 #include "angio/base/stopwatch.hpp"
 #include "angio/evaluation/trial_images.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, const StartSettings& starts) {
@@ -15,7 +15,7 @@ CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, c
   outcome.result = registration.search(trial.views(), {trial.start, {}}, starts);
   const PlacedTree truth{trial.truth, trial.displacements_m};
   const XrayCamera& camera = trial.cameras.front();
-  outcome.pixel_at_isocentre_m = (trial.truth * tree.centroid()).z() / camera.parameters().fx_px;
+  outcome.pixel_at_isocenter_m = (trial.truth * tree.centroid()).z() / camera.parameters().fx_px;
   outcome.start_error = poseError(tree, camera, {trial.start, {}}, truth);
   outcome.error = poseError(tree, camera, {outcome.result.T_camera_model, outcome.result.displacements_m}, truth);
   return outcome;
@@ -61,4 +61,4 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
   return runs;
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

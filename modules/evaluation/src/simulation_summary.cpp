@@ -5,7 +5,7 @@
 #include "angio/evaluation/simulation_run.hpp"
 #include "outcome_figures.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -71,12 +71,12 @@ Json simulationSummary(const std::vector<CaseOutcome>& outcomes, std::optional<d
         spreadOf(projected, [&](const CaseOutcome& o) { return 1e3 * *pixel_spacing_m * *o.error->mpd_px; });
   }
   summary["mpd_isocentre_mm"] =
-      spreadOf(projected, [](const CaseOutcome& o) { return 1e3 * *o.error->mpd_isocentre_m; });
+      spreadOf(projected, [](const CaseOutcome& o) { return 1e3 * *o.error->mpd_isocenter_m; });
   summary["gfr_true_isocentre_5mm_percent"] = percentOf(known, [](const CaseOutcome& o) {
-    return !(o.error->mpd_isocentre_m && 1e3 * *o.error->mpd_isocentre_m <= kGrossFailure_mm);
+    return !(o.error->mpd_isocenter_m && 1e3 * *o.error->mpd_isocenter_m <= kGrossFailure_mm);
   });
   summary["gfr_nearest_isocentre_5mm_percent"] = percentOf(outcomes, [](const CaseOutcome& o) {
-    return !(1e3 * o.pixel_at_isocentre_m * o.result.agreement.model_residual_px <= kGrossFailure_mm);
+    return !(1e3 * o.pixel_at_isocenter_m * o.result.agreement.model_residual_px <= kGrossFailure_mm);
   });
   const auto successes = static_cast<int>(std::count_if(known.begin(), known.end(), succeeded));
   const ShareBounds bounds = shareBounds(successes, static_cast<int>(known.size()));
@@ -144,4 +144,4 @@ std::string simulationTable(const Json& summaries) {
          "is what the method itself calls converged.\n";
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

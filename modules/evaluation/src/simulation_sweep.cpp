@@ -4,7 +4,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/evaluation/tables.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -68,7 +68,7 @@ const std::vector<Range>& ranges() {
 }
 
 std::string shownAs(double value, const std::string& unit) {
-  return shown(value) + (unit.empty() ? "" : unit == "%" ? " %" : " " + unit);
+  return formatValue(value) + (unit.empty() ? "" : unit == "%" ? " %" : " " + unit);
 }
 
 Sweep sweepOver(const Range& range, const SimulationSettings& base) {
@@ -76,8 +76,8 @@ Sweep sweepOver(const Range& range, const SimulationSettings& base) {
   for (const double value : range.values) {
     Sweep::Point point{value, shownAs(value, range.unit), base};
     range.set(point.settings, value);
-    if (sweep.name == "start") point.label = shown(point.settings.rotation_std_deg) + " deg, " + point.label;
-    if (sweep.name == "calibration") point.label += ", " + shown(2 * value) + " mm";
+    if (sweep.name == "start") point.label = formatValue(point.settings.rotation_std_deg) + " deg, " + point.label;
+    if (sweep.name == "calibration") point.label += ", " + formatValue(2 * value) + " mm";
     sweep.points.push_back(point);
   }
   return sweep;
@@ -144,4 +144,4 @@ std::string sweepTable(const SweepResult& result) {
   return "Sweep: " + result.sweep.axis + "\n\n" + markdownTable(rows);
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -6,10 +6,10 @@
 #include "simulation_image.hpp"
 #include "simulation_random.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
-constexpr int kMostFinePoints = 200000;
+constexpr int kMaxFinePoints = 200000;
 // Numbers of drawnPose's draws that no method's own starts have: a method must not draw the trial's offset again.
 constexpr int kFirstStartIndex = 1000000;
 
@@ -21,17 +21,17 @@ Pose drawnView(const VesselTree& tree, const SimulationSettings& s, int index) {
   const double roll_rad = degToRad(s.roll_range_deg) * random.uniform(-1, 1);
   Pose T = Pose::Identity();
   T.linear() = expSO3({0, 0, roll_rad}) * viewRotation(angles) * lpsOf(s.model_axes);
-  T.translation() = Eigen::Vector3d(0, 0, 1e-3 * s.source_isocentre_mm) - T.linear() * tree.centroid();
+  T.translation() = Eigen::Vector3d(0, 0, 1e-3 * s.source_isocenter_mm) - T.linear() * tree.centroid();
   return T;
 }
 
 // A turn about a point of the camera's axis, and a shift.
 Pose turnedAbout(double depth_m, const Eigen::Vector3d& rotation_rad,
                  const Eigen::Vector3d& shift_m = Eigen::Vector3d::Zero()) {
-  const Eigen::Translation3d to_centre(0, 0, depth_m);
+  const Eigen::Translation3d to_center(0, 0, depth_m);
   Pose turn = Pose::Identity();
   turn.linear() = expSO3(rotation_rad);
-  return to_centre * Eigen::Translation3d(shift_m) * turn * to_centre.inverse();
+  return to_center * Eigen::Translation3d(shift_m) * turn * to_center.inverse();
 }
 
 // The second plane: about an axis across the beam.
@@ -39,17 +39,17 @@ Pose secondPlane(const SimulationSettings& s, int index) {
   SimulationRandom random(s.seed, index, DrawFor::kView, 1);
   const double angle_rad = degToRad(random.uniform(70, 110));
   const Eigen::Vector2d axis = random.direction<2>();
-  return turnedAbout(1e-3 * s.source_isocentre_mm, angle_rad * Eigen::Vector3d(axis.x(), axis.y(), 0));
+  return turnedAbout(1e-3 * s.source_isocenter_mm, angle_rad * Eigen::Vector3d(axis.x(), axis.y(), 0));
 }
 
 // The best small rigid motion [v; w] through the displacements, about the centroid.
-Twist rigidPartOf(const Eigen::Matrix3Xd& displacements, const Eigen::Matrix3Xd& centred) {
+Twist rigidPartOf(const Eigen::Matrix3Xd& displacements, const Eigen::Matrix3Xd& centered) {
   Matrix6d normal = Matrix6d::Zero();
   Vector6d right = Vector6d::Zero();
   Eigen::Matrix<double, 3, 6> J;
   J.leftCols<3>().setIdentity();
-  for (Eigen::Index i = 0; i < centred.cols(); ++i) {
-    J.rightCols<3>() = -skew(centred.col(i));
+  for (Eigen::Index i = 0; i < centered.cols(); ++i) {
+    J.rightCols<3>() = -skew(centered.col(i));
     normal += J.transpose() * J;
     right += J.transpose() * displacements.col(i);
   }
@@ -167,7 +167,7 @@ Pose miscalibratedPlane(const Pose& T_view_first, const SimulationSettings& s, i
   SimulationRandom random(s.seed, index, DrawFor::kCalibration, -1);
   const Eigen::Vector3d turn_rad = degToRad(s.calibration_rotation_error_deg) * random.direction<3>();
   const Eigen::Vector3d shift_m = 1e-3 * s.calibration_translation_error_mm * random.direction<3>();
-  return turnedAbout(1e-3 * s.source_isocentre_mm, turn_rad, shift_m) * T_view_first;
+  return turnedAbout(1e-3 * s.source_isocenter_mm, turn_rad, shift_m) * T_view_first;
 }
 
 Pose drawnTrialStart(const VesselTree& tree, const Pose& truth, const SimulationSettings& s, int index) {
@@ -204,7 +204,7 @@ Eigen::Matrix3d lpsOf(ModelAxes axes) {
   return R_lps_model;
 }
 
-XrayCamera simulatedCamera() { return XrayCamera::centred(1024, 1024, 0.308e-3, 1.195); }
+XrayCamera simulatedCamera() { return XrayCamera::centered(1024, 1024, 0.308e-3, 1.195); }
 
 SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
                               const SimulationSettings& settings, int index) {
@@ -213,7 +213,7 @@ SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCa
   trial.truth = drawnView(tree, settings, index);
   trial.start = drawnTrialStart(tree, trial.truth, settings, index);
   const XrayCamera detector = camera.value_or(simulatedCamera());
-  const VesselTree fine = resampled(tree, 1e-3 * settings.tree_spacing_mm, kMostFinePoints).tree;
+  const VesselTree fine = resampled(tree, 1e-3 * settings.tree_spacing_mm, kMaxFinePoints).tree;
   Eigen::Matrix3Xd points = fine.points();
   if (settings.deformation_rms_mm > 0) {
     const DeformationField field(tree, settings, index);
@@ -234,4 +234,4 @@ SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCa
   return trial;
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-namespace angio {
+namespace angio::evaluation {
 
 double mean(const std::vector<double>& values) {
   return values.empty() ? 0.0 : std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
@@ -23,4 +23,4 @@ double percentile(std::vector<double> values, double share) {
   return (1 - weight) * values[below] + weight * values[above];
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

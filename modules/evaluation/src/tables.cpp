@@ -4,7 +4,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/statistics.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 using Json = nlohmann::ordered_json;
 
@@ -46,4 +46,4 @@ Json spreadOf(const std::vector<double>& values) {
           {"max", percentile(values, 1)}};
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -3,7 +3,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 namespace {
 
 // A guidewire: 0.014 inch of steel, whose attenuation at 60 keV is 0.95 per mm (NIST XCOM).
@@ -49,7 +49,7 @@ XrayScene TrialImages::sceneOf(const SimulatedTrial& trial, std::size_t view) co
   scene.densities = trial.filled;
   for (const Curve& curve : seen.spurious_px) {
     if (curve.size() < 2) continue;
-    scene.devices.push_back(wireAlong(curve, seen.camera, scene.T_camera_model, 1e-3 * settings_.source_isocentre_mm));
+    scene.devices.push_back(wireAlong(curve, seen.camera, scene.T_camera_model, 1e-3 * settings_.source_isocenter_mm));
   }
   return scene;
 }
@@ -63,10 +63,10 @@ TrialTruth TrialImages::truth(const SimulatedTrial& trial, std::size_t tree, std
   const XrayScene scene = sceneOf(trial, view);
   const XrayCamera& camera = trial.true_views[view].camera;
   TruthSettings everything;
-  everything.least_contrast_to_noise = 0;
-  everything.shortest_px = 0;
+  everything.min_contrast_to_noise = 0;
+  everything.min_px = 0;
   FluoroscopyRenderer& renderer = *renderers_[tree];
   return {renderer.truth(camera, scene).centerline, renderer.truth(camera, scene, everything).centerline};
 }
 
-}  // namespace angio
+}  // namespace angio::evaluation

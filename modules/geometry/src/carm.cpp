@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::geometry {
 
 Eigen::Vector3d beamDirection(const ViewAngles& angles) {
   const double ca = std::cos(angles.primary_rad), sa = std::sin(angles.primary_rad);
@@ -29,7 +29,7 @@ Eigen::Matrix3d viewRotation(const ViewAngles& angles) {
   return R;
 }
 
-Eigen::Matrix3d detectorRotation(const IsocentreAngles& angles) {
+Eigen::Matrix3d detectorRotation(const IsocenterAngles& angles) {
   // At zero the equipment's axes are the patient's, so that only the detector's turn is new.
   return Eigen::AngleAxisd(angles.detector_rotation_rad, Eigen::Vector3d::UnitZ()) *
          viewRotation(ViewAngles{angles.primary_rad, angles.secondary_rad});
@@ -75,16 +75,16 @@ Eigen::Matrix3d patientRotation(PatientPosition position, const TableAngles& tab
          Eigen::AngleAxisd(-table.cradle_tilt_rad, Eigen::Vector3d::UnitZ()) * R_table_patient;
 }
 
-ViewAngles viewAnglesOf(const IsocentreAngles& angles, const Eigen::Matrix3d& R_isocentre_patient) {
-  return viewAnglesOf(R_isocentre_patient.transpose() *
+ViewAngles viewAnglesOf(const IsocenterAngles& angles, const Eigen::Matrix3d& R_isocenter_patient) {
+  return viewAnglesOf(R_isocenter_patient.transpose() *
                       beamDirection(ViewAngles{angles.primary_rad, angles.secondary_rad}));
 }
 
-IsocentreAngles isocentreAnglesOf(const ViewAngles& angles, const Eigen::Matrix3d& R_isocentre_patient) {
-  const Eigen::Matrix3d R_camera_isocentre = viewRotation(angles) * R_isocentre_patient.transpose();
-  const ViewAngles beam = viewAnglesOf(Eigen::Vector3d(R_camera_isocentre.row(2).transpose()));
-  const Eigen::Matrix3d turn = R_camera_isocentre * viewRotation(beam).transpose();
+IsocenterAngles isocenterAnglesOf(const ViewAngles& angles, const Eigen::Matrix3d& R_isocenter_patient) {
+  const Eigen::Matrix3d R_camera_isocenter = viewRotation(angles) * R_isocenter_patient.transpose();
+  const ViewAngles beam = viewAnglesOf(Eigen::Vector3d(R_camera_isocenter.row(2).transpose()));
+  const Eigen::Matrix3d turn = R_camera_isocenter * viewRotation(beam).transpose();
   return {beam.primary_rad, beam.secondary_rad, std::atan2(turn(1, 0), turn(0, 0))};
 }
 
-}  // namespace angio
+}  // namespace angio::geometry

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace angio {
+namespace angio::geometry {
 namespace {
 
 double phaseOf(const CArmFlexTerm& term, double primary_rad, double secondary_rad) {
@@ -73,4 +73,4 @@ const std::array<CArmParameter, kCArmPoseParameters> kCArmPoseParameterNames = {
     {"table_zz", 1},
 }};
 
-}  // namespace angio
+}  // namespace angio::geometry

@@ -6,7 +6,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/geometry/carm.hpp"
 
-namespace angio {
+namespace angio::geometry {
 namespace {
 
 // Row and column of the table's parameters.
@@ -50,7 +50,7 @@ RigidArm rigidArm(const CArmGeometry& carm, const CArmJoints& joints) {
                            .toRotationMatrix();
   arm.T_camera_iso.linear() = arm.R_camera_ideal * viewRotation({}) * R_iso_arm.transpose();
   arm.T_camera_iso.translation() =
-      arm.R_camera_ideal * Eigen::Vector3d(-d.source_right_m, -d.source_down_m, carm.source_isocentre_distance_m) -
+      arm.R_camera_ideal * Eigen::Vector3d(-d.source_right_m, -d.source_down_m, carm.source_isocenter_distance_m) -
       arm.T_camera_iso.linear() * arm.gap_point;
   arm.T_camera_iso.makeAffine();
   return arm;
@@ -73,10 +73,10 @@ void requireSmall(const char* field, double value, double largest) {
 
 void CArmGeometry::check() const {
   const std::string place = "c-arm";
-  requirePositive(place, "source_isocentre_distance_mm", source_isocentre_distance_m * 1e3);
+  requirePositive(place, "source_isocentre_distance_mm", source_isocenter_distance_m * 1e3);
   requirePositive(place, "source_detector_distance_mm", source_detector_distance_m * 1e3);
-  if (source_detector_distance_m <= source_isocentre_distance_m) {
-    throw InputError(place, "source_detector_distance_mm", shown(source_detector_distance_m * 1e3),
+  if (source_detector_distance_m <= source_isocenter_distance_m) {
+    throw InputError(place, "source_detector_distance_mm", formatValue(source_detector_distance_m * 1e3),
                      "must exceed source_isocentre_distance_mm");
   }
   requireSmall("l_arm_deg", radToDeg(l_arm_rad), 180);
@@ -111,8 +111,8 @@ void CArmGeometry::check() const {
 
 XrayCamera CArmGeometry::camera(double encoder_distance_m) const {
   const CArmDeviations& d = deviations;
-  const XrayCamera ideal = XrayCamera::centred(image_width_px, image_height_px, pixel_spacing_m,
-                                               encoder_distance_m + d.source_detector_offset_m);
+  const XrayCamera ideal = XrayCamera::centered(image_width_px, image_height_px, pixel_spacing_m,
+                                                encoder_distance_m + d.source_detector_offset_m);
   XrayCamera::Parameters p = ideal.parameters();
   const Eigen::Vector2d shift_px =
       d.principal_point_px + d.principal_point_slope_px_per_m * (encoder_distance_m - source_detector_distance_m);
@@ -128,7 +128,7 @@ Pose CArmGeometry::T_camera_patient(const CArmJoints& joints) const {
     if (l_arm_rad != 0) R = R * R_gantry_iso(l_arm_rad);
     Pose T = Pose::Identity();
     T.linear() = R;
-    T.translation() = Eigen::Vector3d(0, 0, source_isocentre_distance_m) + R * joints.tail<3>();
+    T.translation() = Eigen::Vector3d(0, 0, source_isocenter_distance_m) + R * joints.tail<3>();
     return T;
   }
   Pose T = bend(deviations, joints) * rigidArm(*this, joints).T_camera_iso;
@@ -173,10 +173,10 @@ Eigen::Matrix<double, 6, 5> CArmGeometry::eJe(const CArmJoints& joints) const {
     const double ca = std::cos(joints[0]), sa = std::sin(joints[0]);
     // Primary turns the arm about the patient's long axis; secondary about the axis that primary has turned.
     const Eigen::Vector3d axes_iso[2] = {Eigen::Vector3d::UnitZ(), Eigen::Vector3d(-ca, -sa, 0)};
-    const Eigen::Vector3d source_from_isocentre(0, 0, -source_isocentre_distance_m);
+    const Eigen::Vector3d source_from_isocenter(0, 0, -source_isocenter_distance_m);
     for (int i = 0; i < 2; ++i) {
       const Eigen::Vector3d w = R * axes_iso[i];
-      J.block<3, 1>(0, i) = w.cross(source_from_isocentre);
+      J.block<3, 1>(0, i) = w.cross(source_from_isocenter);
       J.block<3, 1>(3, i) = w;
     }
     if (l_arm_rad != 0) R = R * R_gantry_iso(l_arm_rad);
@@ -198,7 +198,7 @@ Eigen::Matrix<double, kCArmPoseParameters, 1> CArmGeometry::poseParameters() con
   const CArmDeviations& d = deviations;
   Eigen::Matrix<double, kCArmPoseParameters, 1> values;
   values.head<kFirstTableParameter>() << d.primary_offset_rad, d.secondary_offset_rad, d.axis_skew_rad, d.axis_gap_m,
-      d.source_right_m, d.source_down_m, source_isocentre_distance_m, d.detector_turn_rad, d.detector_roll_rad;
+      d.source_right_m, d.source_down_m, source_isocenter_distance_m, d.detector_turn_rad, d.detector_roll_rad;
   for (int k = 0; k < 8; ++k) values[kFirstTableParameter + k] = d.table(kTableEntries[k][0], kTableEntries[k][1]);
   return values;
 }
@@ -208,10 +208,10 @@ void CArmGeometry::setPoseParameters(const Eigen::Matrix<double, kCArmPoseParame
   int i = 0;
   for (double* field :
        {&d.primary_offset_rad, &d.secondary_offset_rad, &d.axis_skew_rad, &d.axis_gap_m, &d.source_right_m,
-        &d.source_down_m, &source_isocentre_distance_m, &d.detector_turn_rad, &d.detector_roll_rad}) {
+        &d.source_down_m, &source_isocenter_distance_m, &d.detector_turn_rad, &d.detector_roll_rad}) {
     *field = values[i++];
   }
   for (const auto& entry : kTableEntries) d.table(entry[0], entry[1]) = values[i++];
 }
 
-}  // namespace angio
+}  // namespace angio::geometry

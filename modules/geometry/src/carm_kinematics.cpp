@@ -4,7 +4,7 @@
 
 #include "angio/geometry/carm.hpp"
 
-namespace angio {
+namespace angio::geometry {
 namespace {
 
 // Head up before head down where both are as near.
@@ -70,7 +70,7 @@ CArmJoints CArmGeometry::refined(CArmJoints joints, const Eigen::Vector3d& beam,
   if (!deviations.movesCamera()) return joints;
   joints[0] -= deviations.primary_offset_rad;
   joints[1] -= deviations.secondary_offset_rad;
-  const Eigen::Vector3d goal(0, 0, source_isocentre_distance_m);
+  const Eigen::Vector3d goal(0, 0, source_isocenter_distance_m);
   double last_error = std::numeric_limits<double>::infinity();
   CArmJoints best = joints;
   for (int step = 0; step < 30; ++step) {
@@ -92,4 +92,4 @@ CArmJoints CArmGeometry::refined(CArmJoints joints, const Eigen::Vector3d& beam,
   return best;
 }
 
-}  // namespace angio
+}  // namespace angio::geometry

@@ -5,7 +5,7 @@
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::geometry {
 
 CArmLimits CArmLimits::typical() {
   CArmLimitsSettings settings;
@@ -13,8 +13,8 @@ CArmLimits CArmLimits::typical() {
   return settings.limits(0);
 }
 
-CArmLimits CArmLimits::typical(double isocentre_detector_m) {
-  return CArmLimitsSettings().limits(isocentre_detector_m);
+CArmLimits CArmLimits::typical(double isocenter_detector_m) {
+  return CArmLimitsSettings().limits(isocenter_detector_m);
 }
 
 const CArmEnvelope::Face* CArmEnvelope::violated(const CArmJoints& joints) const {
@@ -26,15 +26,15 @@ const CArmEnvelope::Face* CArmEnvelope::violated(const CArmJoints& joints) const
   return worst;
 }
 
-CArmEnvelope CArmEnvelope::typical(double isocentre_detector_m) {
+CArmEnvelope CArmEnvelope::typical(double isocenter_detector_m) {
   constexpr double kKept_m = 0.02, kHalfTable_m = 0.23, kTableBelow_m = 0.15, kPatientAbove_m = 0.10,
                    kDetectorHalf_m = 0.10;
-  requirePositive("c-arm envelope", "isocentre_detector_mm", 1e3 * isocentre_detector_m);
+  requirePositive("c-arm envelope", "isocentre_detector_mm", 1e3 * isocenter_detector_m);
   const auto joints = [](double p, double s, double x, double y, double z) {
     return CArmJoints((CArmJoints() << p, s, x, y, z).finished());
   };
-  const double beside_m = isocentre_detector_m - kHalfTable_m - kKept_m + kTableBelow_m * kPi / 2;
-  const double above_m = isocentre_detector_m - kPatientAbove_m - kKept_m;
+  const double beside_m = isocenter_detector_m - kHalfTable_m - kKept_m + kTableBelow_m * kPi / 2;
+  const double above_m = isocenter_detector_m - kPatientAbove_m - kKept_m;
   CArmEnvelope envelope;
   envelope.faces = {{"detector and the table's left side", joints(kTableBelow_m, 0, 1, 0, 0), beside_m},
                     {"detector and the table's right side", joints(-kTableBelow_m, 0, -1, 0, 0), beside_m},
@@ -46,4 +46,4 @@ CArmEnvelope CArmEnvelope::typical(double isocentre_detector_m) {
   return envelope;
 }
 
-}  // namespace angio
+}  // namespace angio::geometry

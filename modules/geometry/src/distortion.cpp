@@ -7,7 +7,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::geometry {
 namespace {
 
 Eigen::Vector2d perpendicular(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
@@ -92,8 +92,8 @@ DetectorDistortion DetectorDistortion::radial(const XrayCamera& camera, double k
 }
 
 DetectorDistortion DetectorDistortion::intensifier(const XrayCamera& camera, const RadialBend& bend) {
-  const Eigen::Vector2d centre_px(0.5 * (camera.width_px() - 1), 0.5 * (camera.height_px() - 1));
-  return {Model::kIntensifier, centre_px, Eigen::Vector2d::Constant(0.5 * camera.width_px()), bend, 0};
+  const Eigen::Vector2d center_px(0.5 * (camera.width_px() - 1), 0.5 * (camera.height_px() - 1));
+  return {Model::kIntensifier, center_px, Eigen::Vector2d::Constant(0.5 * camera.width_px()), bend, 0};
 }
 
 void DetectorDistortion::check(const std::string& place, int width_px, int height_px) const {
@@ -103,35 +103,35 @@ void DetectorDistortion::check(const std::string& place, int width_px, int heigh
   requireFinite(place, "s2_rad", bend.s2_rad);
   requireFinite(place, "skew_px", skew_px);
   for (int i = 0; i < 2; ++i) {
-    requireFinite(place, "centre_px", centre_px[i]);
+    requireFinite(place, "centre_px", center_px[i]);
     requirePositive(place, "unit_px", unit_px[i]);
   }
   for (const double x : {-0.5, width_px - 0.5}) {
     for (const double y : {-0.5, height_px - 0.5}) {
       const Eigen::Vector2d corner(x, y);
       if (undistorted(corner)) continue;
-      throw InputError(place, "distortion", shown(bend.k1) + ", " + shown(bend.k2),
+      throw InputError(place, "distortion", formatValue(bend.k1) + ", " + formatValue(bend.k2),
                        "must be one-to-one out to the detector's corners");
     }
   }
 }
 
 Eigen::Vector2d DetectorDistortion::distorted(const Eigen::Vector2d& pinhole_px, Eigen::Matrix2d* J) const {
-  const Eigen::Vector2d p = (pinhole_px - centre_px).cwiseQuotient(unit_px);
+  const Eigen::Vector2d p = (pinhole_px - center_px).cwiseQuotient(unit_px);
   const Eigen::Vector2d q = bend.bent(p, J);
   Eigen::Matrix2d A;
   A << unit_px.x(), skew_px, 0, unit_px.y();
   if (J) *J = A * *J * unit_px.cwiseInverse().asDiagonal();
-  return centre_px + A * q;
+  return center_px + A * q;
 }
 
 std::optional<Eigen::Vector2d> DetectorDistortion::undistorted(const Eigen::Vector2d& image_px,
                                                                Eigen::Matrix2d* J) const {
-  const Eigen::Vector2d offset = image_px - centre_px;
+  const Eigen::Vector2d offset = image_px - center_px;
   const double y = offset.y() / unit_px.y();
   const auto p = bend.unbent({(offset.x() - skew_px * y) / unit_px.x(), y});
   if (!p) return std::nullopt;
-  const Eigen::Vector2d pinhole_px = centre_px + p->cwiseProduct(unit_px);
+  const Eigen::Vector2d pinhole_px = center_px + p->cwiseProduct(unit_px);
   if (J) {
     Eigen::Matrix2d forward;
     distorted(pinhole_px, &forward);
@@ -140,4 +140,4 @@ std::optional<Eigen::Vector2d> DetectorDistortion::undistorted(const Eigen::Vect
   return pinhole_px;
 }
 
-}  // namespace angio
+}  // namespace angio::geometry

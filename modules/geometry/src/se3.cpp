@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-namespace angio {
+namespace angio::geometry {
 namespace {
 
 // Below this angle the closed forms lose digits to cancellation and the series are exact to rounding.
@@ -114,4 +114,4 @@ double rotationDefect(const Eigen::Matrix3d& R) {
 
 double rotationAngle(const Eigen::Matrix3d& R) { return logSO3(R).norm(); }
 
-}  // namespace angio
+}  // namespace angio::geometry

@@ -3,7 +3,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::geometry {
 
 vpHomogeneousMatrix toVisp(const Pose& T) {
   vpHomogeneousMatrix M;
@@ -19,7 +19,8 @@ Pose fromVisp(const vpHomogeneousMatrix& M) {
     for (unsigned c = 0; c < 4; ++c) T.matrix()(r, c) = M[r][c];
   }
   const double defect = rotationDefect(T.linear());
-  if (!(defect < 1e-4)) throw InputError("vpHomogeneousMatrix", "R^T R - I", shown(defect), "must be a rotation matrix");
+  if (!(defect < 1e-4))
+    throw InputError("vpHomogeneousMatrix", "R^T R - I", formatValue(defect), "must be a rotation matrix");
   requireFinite("vpHomogeneousMatrix", "t", T.translation().sum());
   T.linear() = nearestRotation(T.linear());
   return T;
@@ -52,4 +53,4 @@ XrayCamera fromVisp(const vpCameraParameters& parameters, int width_px, int heig
   return XrayCamera(p);
 }
 
-}  // namespace angio
+}  // namespace angio::geometry

@@ -3,7 +3,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::geometry {
 
 XrayCamera::XrayCamera(const Parameters& parameters) : p_(parameters) {
   const std::string place = "camera";
@@ -20,8 +20,8 @@ XrayCamera::XrayCamera(const Parameters& parameters) : p_(parameters) {
   }
 }
 
-XrayCamera XrayCamera::centred(int width_px, int height_px, double pixel_spacing_m,
-                               double source_detector_distance_m) {
+XrayCamera XrayCamera::centered(int width_px, int height_px, double pixel_spacing_m,
+                                double source_detector_distance_m) {
   requirePositive("camera", "pixel_spacing_mm", pixel_spacing_m * 1e3);
   Parameters p;
   p.width_px = width_px;
@@ -38,4 +38,4 @@ Eigen::Vector3d XrayCamera::ray(const Eigen::Vector2d& pixel) const {
   return {(pixel.x() - p_.cx_px) / p_.fx_px, (pixel.y() - p_.cy_px) / p_.fy_px, 1.0};
 }
 
-}  // namespace angio
+}  // namespace angio::geometry

@@ -9,7 +9,7 @@
 #include "tracks.hpp"
 #include "tube_profile.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 constexpr float kStairFilter = 2.5f;   // Takes the staircase of the pixel grid out of a line [working px].
@@ -36,7 +36,7 @@ class Centring {
     std::vector<Track> tracks;
     for (const auto& branch : graph_.branches) {
       if (!branch.alive || (branch.line.size() < 2 && branch.begin < 0)) continue;
-      if (auto track = recentred(trackOf(graph_, branch, kStairFilter))) tracks.push_back(std::move(*track));
+      if (auto track = recentered(trackOf(graph_, branch, kStairFilter))) tracks.push_back(std::move(*track));
     }
     meet(graph_, tracks);
     std::vector<CentreLine> result;
@@ -103,7 +103,7 @@ class Centring {
   }
 
   // Nothing for a line that follows an edge.
-  std::optional<Track> recentred(Track track) const {
+  std::optional<Track> recentered(Track track) const {
     const std::size_t n = track.line.size();
     const std::size_t first = track.begin_reach, last = n - track.end_reach;
     std::vector<std::optional<Profile>> profile(n);
@@ -165,4 +165,4 @@ std::vector<CentreLine> centreLines(const SkeletonGraph& graph, const SkeletonIm
   return Centring(graph, images, blur).run();
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -9,7 +9,7 @@
 #include "polyline.hpp"
 #include "skeleton_graph.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// What the skeleton was drawn on: grey values, the mask's distance transform, and how far the second reaches over the
 /// edge of the first.
@@ -35,4 +35,4 @@ struct CentreLine {
 /// step of the background, such as the collimator's edge: a vessel has the same on both sides.
 std::vector<CentreLine> centreLines(const SkeletonGraph& graph, const SkeletonImages& images, float blur);
 
-}  // namespace angio
+}  // namespace angio::imaging

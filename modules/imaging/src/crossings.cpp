@@ -7,7 +7,7 @@
 
 #include "skeleton_graph.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 using Branch = SkeletonGraph::Branch;
@@ -239,4 +239,4 @@ void passJunctions(SkeletonGraph& graph, const cv::Mat& radius) {
   passing.nodes();
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -9,7 +9,7 @@
 #include "angio/base/errors.hpp"
 #include "xray_image.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 constexpr double kSurroundings = 3;  // Times the device's width.
@@ -59,4 +59,4 @@ DeviceContrast deviceContrast(const cv::Mat& image, const cv::Rect& window, doub
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -7,7 +7,7 @@
 
 #include "line_kinds.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Guidewires (0.36 mm) have fitted radii of 0.9 to 1.5 working pixels in 99 of 100 simulated images, the coronary
@@ -21,10 +21,10 @@ constexpr float kWireContrast = 0.07f;
 // Lines that are this much wider tell what contrast agent absorbs.
 constexpr float kWider = 1.3f;
 // Shorter lines are pieces of anything [points].
-constexpr std::size_t kShortestWire = 33;
+constexpr std::size_t kMinWire = 33;
 // So many of a wire's points have a radius, and a contrast, within this part of its median: a line that goes on along a
 // vessel is not lost with it.
-constexpr float kMostOfWire = 0.7f, kEvenWire = 0.4f;
+constexpr float kMaxShareOfWire = 0.7f, kEvenWire = 0.4f;
 
 // A catheter's wall and the contrast agent in it, which no blood dilutes.
 constexpr float kCatheterDensity = 1.5f;
@@ -34,7 +34,7 @@ constexpr float kEvenRadius = 0.2f, kEvenContrast = 0.4f;
 // Values are medians over so many points, so that a crossing vessel does not end a catheter.
 constexpr std::size_t kWindow = 33;
 // Lines may end at a catheter, which touches the wall somewhere, or where it hides what it crosses.
-constexpr int kMostBranches = 3;
+constexpr int kMaxBranches = 3;
 // What is left of a line after its catheter is a vessel if it is so long, else it belongs to the catheter.
 constexpr std::size_t kRest = 22;
 
@@ -46,7 +46,7 @@ float medianWithin(const std::vector<float>& values, std::size_t from, std::size
 bool isEven(const std::vector<float>& values, float median) {
   const auto near =
       std::count_if(values.begin(), values.end(), [&](float v) { return std::abs(v - median) <= kEvenWire * median; });
-  return static_cast<float>(near) >= kMostOfWire * static_cast<float>(values.size());
+  return static_cast<float>(near) >= kMaxShareOfWire * static_cast<float>(values.size());
 }
 
 // A line's middling values.
@@ -81,7 +81,7 @@ float densityOf(const std::vector<Profile>& profiles, std::size_t length, const 
 }
 
 bool isWire(const CentreLine& line, const Profile& own, const std::vector<Profile>& profiles) {
-  if (own.length < kShortestWire || own.radius > kThin || own.contrast < kWireContrast) return false;
+  if (own.length < kMinWire || own.radius > kThin || own.contrast < kWireContrast) return false;
   if (!isEven(line.radius, own.radius) || !isEven(line.contrast, own.contrast)) return false;
   const float wider =
       densityOf(profiles, own.length, [&](std::size_t other) { return profiles[other].radius > kWider * own.radius; });
@@ -134,7 +134,7 @@ std::size_t catheterPart(std::vector<CentreLine>& lines, std::size_t own, const 
   if (!atBorder(line.line.front(), open) && atBorder(line.line.back(), open)) reverse(line);
   if (!atBorder(line.line.front(), open)) return 0;
   const std::size_t part = evenPart(line, shortest);
-  if (part < shortest || branchesOff(lines, own, part) > kMostBranches) return 0;
+  if (part < shortest || branchesOff(lines, own, part) > kMaxBranches) return 0;
   const float others = densityOf(
       profiles, part, [&](std::size_t other) { return other != own && lines[other].kind == CurveKind::kVessel; });
   return others > 0 && profileOf(line, part).density > kCatheterDensity * others ? part : 0;
@@ -172,4 +172,4 @@ void tellDevices(std::vector<CentreLine>& lines, const std::vector<RowRange>& op
   }
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

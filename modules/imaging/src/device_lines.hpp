@@ -6,7 +6,7 @@
 #include "centre_lines.hpp"
 #include "field_outline.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// Finds catheters and guidewires among the lines of one image and sets their kind; a line that is a device first and a
 /// vessel then is cut in two.
@@ -23,4 +23,4 @@ namespace angio {
 /// a catheter no denser than the vessels, or one in a frame without vessels, stays a vessel.
 void tellDevices(std::vector<CentreLine>& lines, const std::vector<RowRange>& open, float shortest);
 
-}  // namespace angio
+}  // namespace angio::imaging

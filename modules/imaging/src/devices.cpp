@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 constexpr double kNear_px = 2;
@@ -44,4 +44,4 @@ Centerline2d withDevicesOf(const Centerline2d& found, const Centerline2d& in_mas
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -6,13 +6,13 @@
 
 #include "skeleton_graph.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 using Branch = SkeletonGraph::Branch;
 
 // A line of high contrast proves no more than that there is one.
-constexpr float kMostSalience = 15;
+constexpr float kMaxSalience = 15;
 
 class Components {
  public:
@@ -44,7 +44,7 @@ Sums sumsOf(const SkeletonGraph& graph, const Branch& branch, const cv::Mat& sal
     const int x = std::clamp(static_cast<int>(p.x + 0.5f), 0, radius.cols - 1);
     const int y = std::clamp(static_cast<int>(p.y + 0.5f), 0, radius.rows - 1);
     if (!(radius.at<float>(y, x) > 0)) continue;  // Bridged gaps.
-    stands_out += std::min(salience.at<float>(y, x), kMostSalience);
+    stands_out += std::min(salience.at<float>(y, x), kMaxSalience);
     width += std::max(1.0f, radius.at<float>(y, x));
     ++seen;
   }
@@ -77,11 +77,11 @@ void dropWeak(SkeletonGraph& graph, const cv::Mat& salience, const cv::Mat& radi
     Branch& branch = graph.branches[b];
     if (!branch.alive) continue;
     const Sums& sums = total[components.of(nodes + static_cast<int>(b))];
-    if (sums.length >= rules.shortest_line && sums.evidence2 >= rules.evidence * rules.evidence) continue;
+    if (sums.length >= rules.min_line && sums.evidence2 >= rules.evidence * rules.evidence) continue;
     branch.alive = false;
     if (branch.begin >= 0) --graph.nodes[branch.begin].degree;
     if (branch.end >= 0) --graph.nodes[branch.end].degree;
   }
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -8,7 +8,7 @@
 #include "otsu.hpp"
 #include "ridge.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Calls `take` with the default settings of each method.
@@ -52,4 +52,4 @@ std::unique_ptr<CenterlineExtractor> makeExtractor(const ExtractorSettings& sett
       settings);
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -4,7 +4,9 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// Corners of the open field as findOpenField gives them, without drawing a mask; empty when all is open.
 std::vector<cv::Point2f> outlineOfField(const cv::Mat& image);
@@ -15,4 +17,4 @@ struct RowRange {
 };
 std::vector<RowRange> rowsInside(const std::vector<cv::Point2f>& polygon, const cv::Size& size, float inset);
 
-}  // namespace angio
+}  // namespace angio::imaging

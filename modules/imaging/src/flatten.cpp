@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Working pixels per pixel of the background's image: the widest vessel is still several of them.
@@ -149,4 +149,4 @@ void Flattening::measureNoise() {
   cv::subtract(background_, level_, background_);
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

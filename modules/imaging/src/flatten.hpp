@@ -7,7 +7,7 @@
 #include "angio/imaging/otsu_settings.hpp"
 #include "field_outline.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// The grid on which vessels are sought: a part of the image, shrunken where it is larger than need be.
 class WorkingGrid {
@@ -59,4 +59,4 @@ class Flattening {
   std::vector<float> sample_;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

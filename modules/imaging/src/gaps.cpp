@@ -5,7 +5,7 @@
 
 #include "skeleton_graph.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 using Branch = SkeletonGraph::Branch;
@@ -35,8 +35,8 @@ float radiusAt(const cv::Mat& radius, const cv::Point2f& p) {
 
 class GapClosing {
  public:
-  GapClosing(SkeletonGraph& graph, const cv::Mat& radius, float longest_gap, cv::Mat& scratch)
-      : graph_(graph), radius_(radius), longest_(longest_gap), owner_(scratch) {}
+  GapClosing(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, cv::Mat& scratch)
+      : graph_(graph), radius_(radius), longest_(max_gap), owner_(scratch) {}
 
   void run() {
     findEnds();
@@ -208,8 +208,8 @@ class GapClosing {
 
 }  // namespace
 
-void closeGaps(SkeletonGraph& graph, const cv::Mat& radius, float longest_gap, cv::Mat& scratch) {
-  GapClosing(graph, radius, longest_gap, scratch).run();
+void closeGaps(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, cv::Mat& scratch) {
+  GapClosing(graph, radius, max_gap, scratch).run();
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

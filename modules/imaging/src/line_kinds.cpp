@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // A line begins at the border when its end is so near to it [working px].
@@ -104,4 +104,4 @@ void dropDilute(std::vector<CentreLine>& lines, float least) {
   lines = std::move(kept);
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

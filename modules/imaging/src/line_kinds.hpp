@@ -6,7 +6,7 @@
 #include "centre_lines.hpp"
 #include "field_outline.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// Whether a point is so near to the border of the open part (a range for each row) that a line which ends there comes
 /// in from outside.
@@ -30,4 +30,4 @@ void dropAlongBorder(std::vector<CentreLine>& lines, const std::vector<RowRange>
 /// dilute.
 void dropDilute(std::vector<CentreLine>& lines, float least);
 
-}  // namespace angio
+}  // namespace angio::imaging

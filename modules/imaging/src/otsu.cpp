@@ -13,7 +13,7 @@
 #include "skeleton_graph.hpp"
 #include "xray_image.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Half of 1024: a vessel of 1 mm is then still three pixels wide, and its centre line is found from its grey values.
@@ -40,7 +40,7 @@ class OtsuExtractor final : public CenterlineExtractor {
     cv::distanceTransform(skeleton_, distance_, cv::DIST_L2, cv::DIST_MASK_3);
     thin(skeleton_);
     SkeletonGraph graph = traceSkeleton(skeleton_, distance_);
-    prune(graph, distance_, {static_cast<float>(settings_.shortest_branch_px) / scale});
+    prune(graph, distance_, {static_cast<float>(settings_.min_branch_px) / scale});
     const float blur = static_cast<float>(settings_.smoothing_px) / scale;
     return sampled(centreLines(graph, {flat.absorption, flat.background, distance_, margin}, blur), grid,
                    settings_.spacing_px);
@@ -59,4 +59,4 @@ std::unique_ptr<CenterlineExtractor> make(const OtsuSettings& settings) {
   return std::make_unique<OtsuExtractor>(settings);
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -5,7 +5,9 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// A grey image in floating point whose rows can be written a whole vector past their end. It keeps its memory when it
 /// becomes smaller.
@@ -61,4 +63,4 @@ class Plane {
   int width_ = 0, height_ = 0, stride_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -10,7 +10,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Everything libpng works on lives here, outside the functions that it may leave with longjmp: no destructor is
@@ -67,7 +67,7 @@ void readBytes(png_structp png, png_bytep to, std::size_t count) {
 // Holds no object with a destructor while libpng runs.
 bool readHeader(PngReading& reading) {
   if (setjmp(reading.at_error)) return false;
-  png_set_user_limits(reading.png, kLargestPngSide, kLargestPngSide);
+  png_set_user_limits(reading.png, kMaxPngSide, kMaxPngSide);
   png_set_chunk_malloc_max(reading.png, 1 << 20);
   png_set_read_fn(reading.png, &reading, readBytes);
   png_read_info(reading.png, reading.info);
@@ -168,4 +168,4 @@ cv::Mat decodePng(const std::string& place, std::string_view content) {
   return reading.image;
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

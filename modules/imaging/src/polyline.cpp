@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::imaging {
 
 Polyline smoothed(const Polyline& line, float sigma, bool closed) {
   const int n = static_cast<int>(line.size()), reach = static_cast<int>(std::ceil(2.5f * sigma));
@@ -63,4 +63,4 @@ cv::Point2f directionAt(const Polyline& line, std::size_t i, std::size_t reach) 
   return length > 0 ? chord * (1 / length) : cv::Point2f(0, 0);
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

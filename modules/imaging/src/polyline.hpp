@@ -4,7 +4,9 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 using Polyline = std::vector<cv::Point2f>;
 
@@ -21,4 +23,4 @@ cv::Point2f at(const Polyline& line, float place);
 /// The direction of the line at point i, over `reach` points to both sides where they exist. Length one, or zero.
 cv::Point2f directionAt(const Polyline& line, std::size_t i, std::size_t reach);
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -4,7 +4,7 @@
 
 #include "skeleton_graph.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 using Branch = SkeletonGraph::Branch;
@@ -39,7 +39,7 @@ class Pruning {
   // Lengths are asked for again and again, and few change between.
   float lengthOf(const Branch& branch) {
     float& length = lengths_[static_cast<std::size_t>(&branch - graph_.branches.data())];
-    if (length == kUnknown) length = angio::lengthOf(graph_, branch);
+    if (length == kUnknown) length = angio::imaging::lengthOf(graph_, branch);
     return length;
   }
 
@@ -57,14 +57,14 @@ class Pruning {
     for (Branch& branch : graph_.branches) {
       if (!branch.alive) continue;
       const float length = lengthOf(branch);
-      if (branch.closed ? length < 4 * rules_.shortest_branch
+      if (branch.closed ? length < 4 * rules_.min_branch
                         : branch.begin >= 0 && branch.begin == branch.end &&
-                              length < 2 * (rules_.shortest_branch + graph_.nodes[branch.begin].radius)) {
+                              length < 2 * (rules_.min_branch + graph_.nodes[branch.begin].radius)) {
         kill(branch);
         continue;
       }
       if (branch.closed || branch.begin < 0 || branch.end < 0 || branch.begin == branch.end) continue;
-      if (length > rules_.shortest_branch + graph_.nodes[branch.begin].radius) continue;
+      if (length > rules_.min_branch + graph_.nodes[branch.begin].radius) continue;
       Branch*& other = shortest[std::minmax(branch.begin, branch.end)];
       if (other == nullptr) {
         other = &branch;
@@ -83,7 +83,7 @@ class Pruning {
       if (!branch.alive || (branch.begin < 0) == (branch.end < 0)) continue;
       const auto& node = graph_.nodes[std::max(branch.begin, branch.end)];
       const float length = lengthOf(branch);
-      if (length - node.radius < rules_.shortest_branch) spurs.emplace_back(length, &branch);
+      if (length - node.radius < rules_.min_branch) spurs.emplace_back(length, &branch);
     }
     std::stable_sort(spurs.begin(), spurs.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
     bool changed = false;
@@ -184,7 +184,7 @@ class Pruning {
     for (Branch& branch : graph_.branches) {
       if (!branch.alive || branch.closed || branch.begin >= 0 || branch.end >= 0) continue;
       const float width = branch.line.empty() ? 0 : 2 * radiusAt(branch.line[branch.line.size() / 2]);
-      if (lengthOf(branch) < std::max(kAlone * rules_.shortest_branch, width)) kill(branch);
+      if (lengthOf(branch) < std::max(kAlone * rules_.min_branch, width)) kill(branch);
     }
   }
 
@@ -226,4 +226,4 @@ void prune(SkeletonGraph& graph, const cv::Mat& distance, const PruningRules& ru
   Pruning(graph, distance, rules).run();
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

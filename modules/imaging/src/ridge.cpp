@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "angio/imaging/thinning.hpp"
-#include "area_shrink.hpp"
+#include "area_resampler.hpp"
 #include "device_lines.hpp"
 #include "field_outline.hpp"
 #include "flatten.hpp"
@@ -20,7 +20,7 @@
 #include "skeleton_graph.hpp"
 #include "xray_image.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Added to every pixel, as a part of the mean: it keeps the logarithm of black pixels finite.
@@ -45,7 +45,7 @@ constexpr float kBlurredEdge = 3;
 constexpr int kEdgeMean = 4;
 
 // Length of a catheter that is told from a vessel, in the image's shorter side.
-constexpr float kShortestDevice = 0.12f;
+constexpr float kMinDevice = 0.12f;
 
 class RidgeExtractor final : public CenterlineExtractor {
  public:
@@ -68,7 +68,7 @@ class RidgeExtractor final : public CenterlineExtractor {
     clean(graph, grid.scale);
     std::vector<CentreLine> lines = (*fitting_)(graph, *scales_);
     dropAlongBorder(lines, open_);
-    tellDevices(lines, open_, kShortestDevice * static_cast<float>(std::min(grid.size.width, grid.size.height)));
+    tellDevices(lines, open_, kMinDevice * static_cast<float>(std::min(grid.size.width, grid.size.height)));
     dropDilute(lines, static_cast<float>(settings_.relative_density));
     return sampled(lines, grid, settings_.spacing_px);
   }
@@ -77,7 +77,7 @@ class RidgeExtractor final : public CenterlineExtractor {
   // Scales follow the size of the working pixel, which a stream of images rarely changes.
   void prepareFor(float scale) {
     if (scales_ && scale == scale_) return;
-    const float largest = static_cast<float>(settings_.largest_radius_px) / scale;
+    const float largest = static_cast<float>(settings_.max_radius_px) / scale;
     scales_.emplace(largest);
     fitting_.emplace(largest, *scales_);
     scale_ = scale;
@@ -150,12 +150,12 @@ class RidgeExtractor final : public CenterlineExtractor {
   void clean(SkeletonGraph& graph, float scale) {
     const cv::Mat radius = scales_->radiusMat();
     settleRadii(graph, radius);
-    closeGaps(graph, radius, static_cast<float>(settings_.longest_gap_px) / scale, owner_);
-    prune(graph, radius, {static_cast<float>(settings_.shortest_branch_px) / scale});
+    closeGaps(graph, radius, static_cast<float>(settings_.max_gap_px) / scale, owner_);
+    prune(graph, radius, {static_cast<float>(settings_.min_branch_px) / scale});
     // Tips are clean only now: what forked off there pointed elsewhere.
-    closeGaps(graph, radius, static_cast<float>(settings_.longest_gap_px) / scale, owner_);
+    closeGaps(graph, radius, static_cast<float>(settings_.max_gap_px) / scale, owner_);
     dropWeak(graph, scales_->salienceMat(), radius,
-             {static_cast<float>(settings_.evidence), static_cast<float>(settings_.shortest_line_px) / scale});
+             {static_cast<float>(settings_.evidence), static_cast<float>(settings_.min_line_px) / scale});
     settleRadii(graph, radius);
     passJunctions(graph, radius);
   }
@@ -166,7 +166,7 @@ class RidgeExtractor final : public CenterlineExtractor {
   std::optional<RidgeFitting> fitting_;
   RidgeMask mask_;
   Plane absorption_;
-  AreaShrink shrink_;
+  AreaResampler shrink_;
   cv::Mat owner_;
   std::vector<RowRange> open_;
   std::vector<float> sample_;
@@ -178,4 +178,4 @@ std::unique_ptr<CenterlineExtractor> make(const RidgeSettings& settings) {
   return std::make_unique<RidgeExtractor>(settings);
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

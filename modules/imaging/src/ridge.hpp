@@ -5,8 +5,8 @@
 
 #include "angio/imaging/extractor.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 std::unique_ptr<CenterlineExtractor> make(const RidgeSettings& settings);
 
-}  // namespace angio
+}  // namespace angio::imaging

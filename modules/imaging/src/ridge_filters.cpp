@@ -13,7 +13,7 @@
 #include <hwy/contrib/math/math-inl.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace angio {
+namespace angio::imaging {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -95,11 +95,11 @@ void strengthRow(const float* const* rows, const float* least, int width, float 
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio
+}  // namespace angio::imaging
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 HWY_EXPORT(absorptionRow);
@@ -107,7 +107,7 @@ HWY_EXPORT(sumRows);
 HWY_EXPORT(sumAlong);
 HWY_EXPORT(strengthRow);
 
-constexpr int kMostReach = 32;
+constexpr int kMaxReach = 32;
 
 // A row with its edges repeated to both sides; the middle begins at `margin`.
 void repeatEdges(std::vector<float>& row, int margin, int width) {
@@ -117,7 +117,7 @@ void repeatEdges(std::vector<float>& row, int margin, int width) {
 
 void filterRow(const Plane& from, int y, const std::vector<float>& weight, std::vector<float>& row, float* to) {
   const int reach = static_cast<int>(weight.size()) - 1, width = from.width(), last = from.height() - 1;
-  const float* rows[2 * kMostReach + 1];
+  const float* rows[2 * kMaxReach + 1];
   rows[0] = from.row(y);
   for (int k = 1; k <= reach; ++k) {
     rows[2 * k - 1] = from.row(std::max(0, y - k));
@@ -128,7 +128,7 @@ void filterRow(const Plane& from, int y, const std::vector<float>& weight, std::
   HWY_DYNAMIC_DISPATCH(sumAlong)(row.data() + reach, weight.data(), reach, width, to);
 }
 
-void makeRoom(std::vector<float>& row, int width, std::size_t reach) {
+void makeLab(std::vector<float>& row, int width, std::size_t reach) {
   const std::size_t wanted = static_cast<std::size_t>(width) + 2 * reach + 2 * Plane::kSlack;
   if (row.size() < wanted) row.resize(wanted);
 }
@@ -142,7 +142,7 @@ void toAbsorption(Plane& values, float offset, float level) {
 }
 
 GaussianFilter::GaussianFilter(float sigma) {
-  const int reach = std::clamp(static_cast<int>(std::ceil(3 * sigma)), 1, kMostReach);
+  const int reach = std::clamp(static_cast<int>(std::ceil(3 * sigma)), 1, kMaxReach);
   float total = 0;
   for (int k = 0; k <= reach; ++k) {
     weight_.push_back(std::exp(-0.5f * static_cast<float>(k * k) / std::max(sigma * sigma, 1e-4f)));
@@ -153,14 +153,14 @@ GaussianFilter::GaussianFilter(float sigma) {
 
 void GaussianFilter::operator()(const Plane& from, Plane& to) const {
   to.resize(from.width(), from.height());
-  makeRoom(row_, from.width(), weight_.size());
+  makeLab(row_, from.width(), weight_.size());
   for (int y = 0; y < from.height(); ++y) filterRow(from, y, weight_, row_, to.row(y));
 }
 
 void halve(const Plane& from, Plane& to, Plane& buffer) {
   static const std::vector<float> kBinomial{6.0f / 16, 4.0f / 16, 1.0f / 16};
   std::vector<float> row;
-  makeRoom(row, from.width(), kBinomial.size());
+  makeLab(row, from.width(), kBinomial.size());
   buffer.resize(from.width(), 1);
   to.resize((from.width() + 1) / 2, (from.height() + 1) / 2);
   for (int y = 0; y < to.height(); ++y) {
@@ -189,5 +189,5 @@ void ridgeStrength(const Plane& smoothed, float sigma, float reach, const cv::Ma
   }
 }
 
-}  // namespace angio
+}  // namespace angio::imaging
 #endif

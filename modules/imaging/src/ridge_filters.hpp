@@ -6,7 +6,7 @@
 
 #include "plane.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// `to` = level - ln(values + offset), in place.
 void toAbsorption(Plane& values, float offset, float level);
@@ -35,4 +35,4 @@ void halve(const Plane& from, Plane& to, Plane& buffer);
 /// is what does not exceed `least` (CV_32FC1, positive, a value for each block of the image).
 void ridgeStrength(const Plane& smoothed, float sigma, float reach, const cv::Mat& least, Plane& strength);
 
-}  // namespace angio
+}  // namespace angio::imaging

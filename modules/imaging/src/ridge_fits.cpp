@@ -7,7 +7,7 @@
 
 #include "ridge_lines.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Of Gauss and Newton at each point; one is enough if it changes middle and radius by less than this part of the
@@ -49,14 +49,14 @@ void sample(const Plane& image, const cv::Point2f& middle, const cv::Point2f& st
 
 }  // namespace
 
-RidgeFitting::RidgeFitting(float largest_radius, const RidgeScales& scales)
-    : templates_(kThinnest, 1.6f * largest_radius,
+RidgeFitting::RidgeFitting(float max_radius, const RidgeScales& scales)
+    : templates_(kThinnest, 1.6f * max_radius,
                  [&](float radius) {
                    const float sigma = scales.sigmaUpTo(kBlurPart * radius);
                    // A pixel averages over its own square, and so does the interpolation between two of them.
                    return std::sqrt(sigma * sigma + 1.0f / 6);
                  }),
-      largest_(1.6f * largest_radius) {}
+      largest_(1.6f * max_radius) {}
 
 RidgeFitting::Point RidgeFitting::fitAt(const RidgeScales& scales, const Place& place, Others others) const {
   const cv::Point2f& p = place.position;
@@ -175,4 +175,4 @@ void RidgeFitting::trim(Fitted& line) {
   keep(line.points);
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

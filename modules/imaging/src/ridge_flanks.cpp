@@ -11,7 +11,7 @@
 
 #ifndef ANGIO_RIDGE_FLANKS_SHARED
 #define ANGIO_RIDGE_FLANKS_SHARED
-namespace angio {
+namespace angio::imaging {
 
 // The pixels of a plane.
 struct FlankPixels {
@@ -26,11 +26,11 @@ struct FlankRow {
   int y;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace angio {
+namespace angio::imaging {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -144,11 +144,11 @@ void judgeRow(const FlankRow& row, const int* columns, int count, float* strengt
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio
+}  // namespace angio::imaging
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 HWY_EXPORT(linesOfRow);
@@ -177,5 +177,5 @@ void RidgeFlanks::operator()(const SmoothedImage& image, const FinerImages* fine
   }
 }
 
-}  // namespace angio
+}  // namespace angio::imaging
 #endif

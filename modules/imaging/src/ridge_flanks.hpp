@@ -6,7 +6,7 @@
 
 #include "plane.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// An image of the scale space, and the standard deviation of its filter [its own px].
 struct SmoothedImage {
@@ -30,4 +30,4 @@ class RidgeFlanks {
   std::vector<int> columns_;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -10,7 +10,7 @@
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace angio {
+namespace angio::imaging {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -66,11 +66,11 @@ void strongerRow(const float* strength, const float* per_noise, float radius, in
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio
+}  // namespace angio::imaging
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 HWY_EXPORT(doubleRow);
@@ -137,5 +137,5 @@ void takeStronger(const StrongestLines* coarser, const std::vector<ScaleLines>& 
   }
 }
 
-}  // namespace angio
+}  // namespace angio::imaging
 #endif

@@ -6,7 +6,7 @@
 
 #include "plane.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// The largest of a pixel and its neighbours, at every other pixel of every other row. CV_32FC1. `scratch` is memory.
 void halveToLargest(const cv::Mat& from, cv::Mat& to, std::vector<float>& scratch);
@@ -28,4 +28,4 @@ struct ScaleLines {
 /// on this one's, else between, and the level's own `scales` where they are stronger.
 void takeStronger(const StrongestLines* coarser, const std::vector<ScaleLines>& scales, const StrongestLines& best);
 
-}  // namespace angio
+}  // namespace angio::imaging

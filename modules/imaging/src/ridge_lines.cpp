@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Takes the staircase of the pixel grid out of a line [working px], and [radii]. More would cut corners.
@@ -77,7 +77,7 @@ std::vector<RidgeFitting::Fitted> RidgeFitting::fittedAlone(const SkeletonGraph&
     line.track = trackOn(graph, b, scales);
     fitAlong(graph, scales, line, 0, Others::kStay);
     if (noneValid(line.fits)) continue;
-    recentre(line);
+    recenter(line);
     average(line);
     lines.push_back(std::move(line));
   }
@@ -108,7 +108,7 @@ void RidgeFitting::fitTogether(const SkeletonGraph& graph, const RidgeScales& sc
       continue;
     }
     findEnds(line);
-    recentre(line);
+    recenter(line);
     average(line);
     shadows_.replace(tube, piecesOf(line));
   }
@@ -144,4 +144,4 @@ std::vector<CentreLine> RidgeFitting::operator()(const SkeletonGraph& graph, con
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

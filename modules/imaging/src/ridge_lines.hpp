@@ -10,7 +10,7 @@
 #include "tube_shadows.hpp"
 #include "tube_templates.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// Fits tubes along the branches of a graph: moves lines onto the vessels' middles, measures them. Each vessel is
 /// fitted first to all that the image shows, then, where others are near, to what is left of it without their shadows.
@@ -19,7 +19,7 @@ class RidgeFitting {
   static constexpr float kModelSigma = 0.025f;
 
  public:
-  RidgeFitting(float largest_radius, const RidgeScales& scales);
+  RidgeFitting(float max_radius, const RidgeScales& scales);
 
   /// The graph's live branches, each as one line; free ends, junctions and crossings stay where they are in the graph.
   std::vector<CentreLine> operator()(const SkeletonGraph& graph, const RidgeScales& scales);
@@ -58,7 +58,7 @@ class RidgeFitting {
   static bool isNothing(const Fitted& line);
   static void trim(Fitted& line);
   static void average(Fitted& line);
-  static void recentre(Fitted& line);
+  static void recenter(Fitted& line);
   CentreLine finished(const SkeletonGraph& graph, const Fitted& line) const;
 
   static constexpr float kThinnest = 0.5f;        // Radius [working px].
@@ -70,4 +70,4 @@ class RidgeFitting {
   TubeShadows shadows_;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

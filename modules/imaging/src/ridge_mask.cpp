@@ -5,7 +5,7 @@
 #include <array>
 #include <cstring>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 constexpr std::uint8_t kWeak = 1, kStrong = 2;
@@ -59,4 +59,4 @@ cv::Mat& RidgeMask::operator()(const std::vector<RowRange>& open, const Plane& s
   return mask_;
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -8,7 +8,7 @@
 #include "field_outline.hpp"
 #include "plane.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// Hysteresis over ridge pixels: a connected region stays if enough of it stands out.
 class RidgeMask {
@@ -23,4 +23,4 @@ class RidgeMask {
   std::vector<int> region_;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

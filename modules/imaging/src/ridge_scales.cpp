@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Scales are this far apart: a vessel between two of them answers with 95 % at least of what it would at its own.
@@ -23,7 +23,7 @@ constexpr float kFinestOfLevel = 1.25f;
 // How far from a line's middle its pixels reach, in standard deviations of the scale. At a step edge the bend is
 // greatest one standard deviation off, where the slope is as large.
 // One pixel of a thin line has its centre within 0.7 of the line.
-constexpr float kReach = 0.5f, kLeastReach = 0.75f;
+constexpr float kReach = 0.5f, kMinReach = 0.75f;
 
 // A sharper filter is this many scales away, and its lines are near within so many of the coarser one's standard
 // deviations.
@@ -42,7 +42,7 @@ constexpr float kValuePerBend = 1.1547005f;
 
 }  // namespace
 
-RidgeScales::RidgeScales(float largest_radius) {
+RidgeScales::RidgeScales(float max_radius) {
   // Variance that the halvings have left in a level [pixels of the level, squared].
   float blurred = 0;
   int level = 0;
@@ -53,7 +53,7 @@ RidgeScales::RidgeScales(float largest_radius) {
     }
     const float own = sigma / static_cast<float>(1 << level);
     scales_.push_back({level, sigma, own, GaussianFilter(std::sqrt(own * own - blurred)), {}, {}, {}, {}});
-    if (sigma >= kScaleOfRadius * largest_radius) break;
+    if (sigma >= kScaleOfRadius * max_radius) break;
   }
   levels_.resize(static_cast<std::size_t>(level) + 1);
   finer_.resize(levels_.size());
@@ -72,8 +72,8 @@ void RidgeScales::analyse(const Plane& absorption, const RidgeThresholds& thresh
     scale.filter(level, scale.smoothed);
     measureNoise(scale);
     scale.least = cv::max(thresholds.noise_factor * scale.noise, thresholds.faintest);
-    const float reach = std::max(kLeastReach, kReach * scale.level_sigma);
-    ridgeStrength(scale.smoothed, scale.level_sigma, reach, scale.least, scale.strength);
+    const float reach = std::max(kMinReach, kReach * scale.level_std);
+    ridgeStrength(scale.smoothed, scale.level_std, reach, scale.least, scale.strength);
     gatherFiner(static_cast<int>(k));
     keepLines(static_cast<int>(k));
   }
@@ -100,7 +100,7 @@ void RidgeScales::gatherFiner(int index) {
     for (int l = scales_[index - 1].level; l < scale.level; ++l) halveToLargest(finer_[l], finer_[l + 1], scratch_);
     cv::max(gathered, fresh, gathered);
   }
-  const int reach = static_cast<int>(std::lround(kNearFiner * scale.level_sigma));
+  const int reach = static_cast<int>(std::lround(kNearFiner * scale.level_std));
   cv::dilate(gathered, near_finer_[scale.level], cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
 }
 
@@ -138,7 +138,7 @@ void RidgeScales::measureNoise(Scale& scale) {
   const Plane& image = scale.smoothed;
   const int block = scale.level == 0 ? kSparseBlock : kBlock, every = scale.level == 0 ? kSparse : kEvery;
   const int rows = std::max(1, image.height() / block), cols = std::max(1, image.width() / block);
-  const float sigma2 = scale.level_sigma * scale.level_sigma;
+  const float sigma2 = scale.level_std * scale.level_std;
   scale.noise.create(rows, cols, CV_32F);
   for (int by = 0; by < rows; ++by) {
     for (int bx = 0; bx < cols; ++bx) {
@@ -164,7 +164,7 @@ void RidgeScales::measureNoise(Scale& scale) {
 
 void RidgeScales::keepLines(int index) {
   Scale& scale = scales_[index];
-  const SmoothedImage image{scale.smoothed, scale.level_sigma};
+  const SmoothedImage image{scale.smoothed, scale.level_std};
   if (index < static_cast<int>(kSharper)) return flanks_(image, nullptr, scale.strength);
   const Scale& finer = scales_[index - kSharper];
   const float per_pixel = static_cast<float>(1 << scale.level) / static_cast<float>(1 << finer.level);
@@ -172,4 +172,4 @@ void RidgeScales::keepLines(int index) {
   flanks_(image, &images, scale.strength);
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

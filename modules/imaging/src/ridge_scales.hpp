@@ -7,7 +7,7 @@
 #include "ridge_flanks.hpp"
 #include "ridge_levels.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// What a pixel must show to be part of a line.
 struct RidgeThresholds {
@@ -27,7 +27,7 @@ struct ScaleImage {
 class RidgeScales {
  public:
   /// For vessels up to this radius.
-  explicit RidgeScales(float largest_radius);
+  explicit RidgeScales(float max_radius);
 
   /// Analyses an absorption image. What it gives is valid until the next call.
   void analyse(const Plane& absorption, const RidgeThresholds& thresholds);
@@ -47,9 +47,9 @@ class RidgeScales {
 
  private:
   struct Scale {
-    int level = 0;          // Halvings of the image.
-    float sigma = 1;        // [working px]
-    float level_sigma = 1;  // [pixels of the level]
+    int level = 0;        // Halvings of the image.
+    float sigma = 1;      // [working px]
+    float level_std = 1;  // [pixels of the level]
     GaussianFilter filter;
     Plane smoothed, strength;
     cv::Mat noise, least;  // CV_32FC1, a value a block.
@@ -69,4 +69,4 @@ class RidgeScales {
   std::vector<float> sample_, scratch_;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

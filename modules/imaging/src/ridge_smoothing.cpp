@@ -7,7 +7,7 @@
 #include "ridge_lines.hpp"
 #include "smoothing_spline.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Over how far radii and contrasts are averaged [working px], and [radii].
@@ -94,7 +94,7 @@ void RidgeFitting::average(Fitted& line) {
 }
 
 // Moves the line to where its fits say that the vessel is. They then say the same of the moved line.
-void RidgeFitting::recentre(Fitted& line) {
+void RidgeFitting::recenter(Fitted& line) {
   Track& track = line.track;
   const std::size_t n = track.line.size();
   const auto wide = [&](std::size_t i) { return std::max(1.0f, track.radius[i] / kStiffRadius); };
@@ -119,4 +119,4 @@ void RidgeFitting::recentre(Fitted& line) {
   }
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -7,9 +7,9 @@
 #include "centre_lines.hpp"
 #include "flatten.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// Lines in working pixels -> points of the image at equal distances, with the tangents of the lines.
 Centerline2d sampled(const std::vector<CentreLine>& lines, const WorkingGrid& grid, double spacing_px);
 
-}  // namespace angio
+}  // namespace angio::imaging

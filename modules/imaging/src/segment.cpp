@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // The histogram of absorption: a bin is a tenth of the faintest vessel, the range covers centimetres of contrast agent.
@@ -17,20 +17,20 @@ constexpr int kBins = 2000;
 // A pixel that hangs together with a vessel may be this much closer to the noise than the vessel's strongest.
 constexpr float kWeakNoise = 0.7f;
 
-float centreOf(int bin) { return kBin * (static_cast<float>(bin) + 0.5f); }
+float centerOf(int bin) { return kBin * (static_cast<float>(bin) + 0.5f); }
 
 // Otsu's threshold: the split of the histogram with the largest variance between its two classes.
 float otsuThreshold(const std::vector<int>& histogram) {
   double count = 0, sum = 0;
   for (int b = 0; b < kBins; ++b) {
     count += histogram[b];
-    sum += static_cast<double>(histogram[b]) * centreOf(b);
+    sum += static_cast<double>(histogram[b]) * centerOf(b);
   }
   double best = -1, low_count = 0, low_sum = 0;
   int split = 0;
   for (int b = 0; b + 1 < kBins; ++b) {
     low_count += histogram[b];
-    low_sum += static_cast<double>(histogram[b]) * centreOf(b);
+    low_sum += static_cast<double>(histogram[b]) * centerOf(b);
     const double high_count = count - low_count;
     if (low_count == 0) continue;
     if (high_count == 0) break;
@@ -118,15 +118,15 @@ void Segmentation::keepRegions(std::size_t smallest_area) {
   }
 }
 
-void Segmentation::closeHoles(int largest_area) {
+void Segmentation::closeHoles(int max_area) {
   cv::bitwise_not(mask_, outside_);
   const int count = cv::connectedComponentsWithStats(outside_, labels_, stats_, centroids_, 4, CV_32S);
   for (int label = 1; label < count; ++label) {
-    if (stats_.at<int>(label, cv::CC_STAT_AREA) > largest_area) continue;
+    if (stats_.at<int>(label, cv::CC_STAT_AREA) > max_area) continue;
     const cv::Rect box(stats_.at<int>(label, cv::CC_STAT_LEFT), stats_.at<int>(label, cv::CC_STAT_TOP),
                        stats_.at<int>(label, cv::CC_STAT_WIDTH), stats_.at<int>(label, cv::CC_STAT_HEIGHT));
     mask_(box).setTo(255, labels_(box) == label);
   }
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

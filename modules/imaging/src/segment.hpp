@@ -8,7 +8,7 @@
 #include "field_outline.hpp"
 #include "flatten.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// Vessel mask from flattened absorption: Otsu's threshold, hysteresis, small regions dropped, small holes closed.
 class Segmentation {
@@ -23,7 +23,7 @@ class Segmentation {
   bool count(const Flattened& image, const std::vector<RowRange>& open);
   void classify(const Flattened& image, const std::vector<RowRange>& open, float weakest);
   void keepRegions(std::size_t smallest_area);
-  void closeHoles(int largest_area);
+  void closeHoles(int max_area);
 
   OtsuSettings settings_;
   std::vector<int> histogram_;
@@ -31,4 +31,4 @@ class Segmentation {
   cv::Mat mask_, classes_, outside_, labels_, stats_, centroids_;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -7,7 +7,7 @@
 #include <opencv2/core.hpp>
 #include <unordered_map>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 using Branch = SkeletonGraph::Branch;
@@ -140,4 +140,4 @@ SkeletonGraph traceSkeleton(const cv::Mat& skeleton, const cv::Mat& distance) {
   return Tracer(skeleton, distance).trace();
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

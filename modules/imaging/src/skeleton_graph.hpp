@@ -4,7 +4,9 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// A graph of lines: branches between nodes (junctions) and free ends, in working pixels.
 struct SkeletonGraph {
@@ -33,7 +35,7 @@ struct SkeletonGraph {
 
 /// What stays in the graph, in working pixels.
 struct PruningRules {
-  float shortest_branch = 0;  ///< Of a branch with a free end, from the wall of the vessel it leaves.
+  float min_branch = 0;  ///< Of a branch with a free end, from the wall of the vessel it leaves.
 };
 
 /// Orders the pixels of a one-pixel-wide skeleton (CV_8UC1) into branches. Neighbouring junction pixels are one node.
@@ -44,10 +46,10 @@ SkeletonGraph traceSkeleton(const cv::Mat& skeleton, const cv::Mat& distance);
 /// crossing. Branches that are left alone at a node become one. Removed branches are no longer `alive`.
 void prune(SkeletonGraph& graph, const cv::Mat& distance, const PruningRules& rules);
 
-/// Joins free ends that look at each other along one line over a gap of at most `longest_gap`, and a free end with the
+/// Joins free ends that look at each other along one line over a gap of at most `max_gap`, and a free end with the
 /// side of a branch that it points at. `radius` (CV_32FC1) is the vessels' at each pixel. `scratch` is memory that may
 /// be kept between calls.
-void closeGaps(SkeletonGraph& graph, const cv::Mat& radius, float longest_gap, cv::Mat& scratch);
+void closeGaps(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, cv::Mat& scratch);
 
 /// Gives each node the radius of the widest of its branches a little away from it: within a junction all scales of a
 /// scale space answer.
@@ -59,8 +61,8 @@ void passJunctions(SkeletonGraph& graph, const cv::Mat& radius);
 
 /// What a line must show to stay, together with the lines that it is connected with.
 struct EvidenceRules {
-  float evidence = 0;       ///< Mean salience times the square root of the length in vessel radii.
-  float shortest_line = 0;  ///< [working px]
+  float evidence = 0;  ///< Mean salience times the square root of the length in vessel radii.
+  float min_line = 0;  ///< [working px]
 };
 
 /// Drops connected parts of the graph that are too short or too faint for their length. `salience` and `radius`
@@ -70,4 +72,4 @@ void dropWeak(SkeletonGraph& graph, const cv::Mat& salience, const cv::Mat& radi
 /// Length of a branch from node to node or free end.
 float lengthOf(const SkeletonGraph& graph, const SkeletonGraph::Branch& branch);
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-namespace angio {
+namespace angio::imaging {
 
 SmoothingSpline::SmoothingSpline(std::size_t count) : diagonal_(count), next_(count), second_(count), right_(count) {}
 
@@ -49,4 +49,4 @@ std::vector<double> SmoothingSpline::solve() {
   return std::move(right_);
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -4,7 +4,9 @@
 #include <cstddef>
 #include <vector>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// The values along a line that bend as little as what was measured of them allows.
 ///
@@ -29,4 +31,4 @@ class SmoothingSpline {
   std::vector<double> diagonal_, next_, second_, right_;  // Of the normal equations, whose matrix has five diagonals.
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

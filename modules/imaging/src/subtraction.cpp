@@ -11,7 +11,7 @@
 #include "angio/base/errors.hpp"
 #include "xray_image.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // Frames are laid over each other on images of about these sizes, smoothed by so many pixels, in at most so many steps.
@@ -116,27 +116,27 @@ struct Pair {
 };
 
 // The phase of noise points anywhere: the shift must be allowed, and fit better than none.
-Eigen::Vector2d phaseShift(const cv::Mat& live, const cv::Mat& mask, double largest_shift_px) {
+Eigen::Vector2d phaseShift(const cv::Mat& live, const cv::Mat& mask, double max_shift_px) {
   const Pair pair(live, mask, kCoarse.side);
   cv::Mat window;
   cv::createHanningWindow(window, pair.a.size(), CV_32F);
   const cv::Point2d phase = cv::phaseCorrelate(pair.b, pair.a, window);
   const Eigen::Vector2d shift(phase.x, phase.y), shift_px = shift.cwiseProduct(pair.scale);
   std::vector<float> scratch;
-  const bool better = shift_px.norm() <= largest_shift_px &&
+  const bool better = shift_px.norm() <= max_shift_px &&
                       disagreement(pair.a, shifted(pair.b, shift), scratch) < disagreement(pair.a, pair.b, scratch);
   return better ? shift_px : Eigen::Vector2d::Zero();
 }
 
 Eigen::Vector2d refined(const cv::Mat& live, const cv::Mat& mask, const Round& round, const Eigen::Vector2d& from_px,
-                        double largest_shift_px) {
+                        double max_shift_px) {
   const Pair pair(live, mask, round.side);
   std::vector<float> scratch;
   Eigen::Vector2d shift = from_px.cwiseQuotient(pair.scale);
   for (int i = 0; i < round.steps; ++i) {
     const cv::Mat moved = shifted(pair.b, shift);
     const Eigen::Vector2d d = step(pair.a, moved, kPerDeviation * disagreement(pair.a, moved, scratch));
-    if (!d.allFinite() || (shift + d).cwiseProduct(pair.scale).norm() > largest_shift_px) break;
+    if (!d.allFinite() || (shift + d).cwiseProduct(pair.scale).norm() > max_shift_px) break;
     shift += d;
     if (d.norm() < kStill) break;
   }
@@ -146,20 +146,20 @@ Eigen::Vector2d refined(const cv::Mat& live, const cv::Mat& mask, const Round& r
 
 }  // namespace
 
-Eigen::Vector2d maskShift(const cv::Mat& live, const cv::Mat& mask, double largest_shift_px) {
+Eigen::Vector2d maskShift(const cv::Mat& live, const cv::Mat& mask, double max_shift_px) {
   requirePair(live, mask);
   Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();
-  if (!(largest_shift_px > 0) || std::min(live.cols, live.rows) < kSmallestSide) return shift_px;
-  shift_px = refined(live, mask, kCoarse, phaseShift(live, mask, largest_shift_px), largest_shift_px);
+  if (!(max_shift_px > 0) || std::min(live.cols, live.rows) < kSmallestSide) return shift_px;
+  shift_px = refined(live, mask, kCoarse, phaseShift(live, mask, max_shift_px), max_shift_px);
   if (std::min(live.cols, live.rows) > kCoarse.side) {
-    shift_px = refined(live, mask, kFine, shift_px, largest_shift_px);
+    shift_px = refined(live, mask, kFine, shift_px, max_shift_px);
   }
   return shift_px;
 }
 
 cv::Mat subtracted(const cv::Mat& live, const cv::Mat& mask, const SubtractionSettings& settings) {
   checkSettings("subtraction", settings);
-  const Eigen::Vector2d shift = maskShift(live, mask, settings.largest_shift_px);
+  const Eigen::Vector2d shift = maskShift(live, mask, settings.max_shift_px);
   cv::Mat above, below;
   live.convertTo(above, CV_32F);
   mask.convertTo(below, CV_32F);
@@ -173,4 +173,4 @@ cv::Mat subtracted(const cv::Mat& live, const cv::Mat& mask, const SubtractionSe
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -7,12 +7,12 @@
 #include "angio/base/errors.hpp"
 #include "xray_image.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 TemporalMedian::TemporalMedian(int frames) : frames_(frames) {
-  if (frames >= 1 && frames <= kMostFrames && frames % 2 == 1) return;
+  if (frames >= 1 && frames <= kMaxFrames && frames % 2 == 1) return;
   throw InputError("temporal median", "frames", std::to_string(frames),
-                   "must be odd and at most " + std::to_string(kMostFrames));
+                   "must be odd and at most " + std::to_string(kMaxFrames));
 }
 
 const cv::Mat& TemporalMedian::add(const cv::Mat& frame) {
@@ -45,4 +45,4 @@ void TemporalMedian::sortRow(int y) {
   sorted_[middle].copyTo(result_.row(y));
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -8,7 +8,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 constexpr std::uint8_t kInside = 255, kTouched = 254;
@@ -99,4 +99,4 @@ void thin(cv::Mat& mask) {
   framed(cv::Rect(1, 1, mask.cols, mask.rows)).copyTo(mask);
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

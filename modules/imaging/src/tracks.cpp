@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 void straighten(Polyline& line, std::size_t reach, const cv::Point2f& place) {
@@ -118,4 +118,4 @@ void meet(const SkeletonGraph& graph, std::vector<Track>& tracks) {
   }
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

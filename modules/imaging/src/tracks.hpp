@@ -6,7 +6,7 @@
 #include "polyline.hpp"
 #include "skeleton_graph.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// One branch on its way from pixels to a centre line.
 struct Track {
@@ -30,4 +30,4 @@ std::size_t reachOf(const SkeletonGraph& graph, int node, std::size_t size);
 /// through, an end goes on straight to it.
 void meet(const SkeletonGraph& graph, std::vector<Track>& tracks);
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // A sharp chord is this much of a radius blurred: the integral below needs some width.
@@ -25,7 +25,7 @@ double blurredChord(double radius, double blur, double x) {
 
 TubeChord::TubeChord() {
   for (int b = 0; b < kBlurs; ++b) {
-    const float level = static_cast<float>(b) / (kBlurs - 1), blur = std::max(kSharp, kMostBlur * level * level);
+    const float level = static_cast<float>(b) / (kBlurs - 1), blur = std::max(kSharp, kMaxBlur * level * level);
     for (int i = 0; i < kPlaces; ++i) {
       const float x = reach(1, blur) * static_cast<float>(i) / (kPlaces - 1);
       value_[b][i] = static_cast<float>(blurredChord(1, blur, x));
@@ -34,7 +34,7 @@ TubeChord::TubeChord() {
 }
 
 TubeChord::Profile TubeChord::of(float radius, float blur) const {
-  const float level = (kBlurs - 1) * std::min(std::sqrt(blur / (kMostBlur * radius)), 0.9999f);
+  const float level = (kBlurs - 1) * std::min(std::sqrt(blur / (kMaxBlur * radius)), 0.9999f);
   const int b = static_cast<int>(level);
   const float u = level - static_cast<float>(b);
   Profile profile;
@@ -43,4 +43,4 @@ TubeChord::Profile TubeChord::of(float radius, float blur) const {
   return profile;
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

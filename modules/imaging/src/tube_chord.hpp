@@ -3,7 +3,9 @@
 
 #include <array>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// The shadow of a tube across its axis: the chord of a circle of this radius under a Gaussian blur, at a distance `x`
 /// from the middle; 1 where the sharp one has its top.
@@ -12,12 +14,12 @@ double blurredChord(double radius, double blur, double x);
 /// The same from a table, to within a hundredth where the blur is a twentieth of the radius or more.
 class TubeChord {
   static constexpr int kBlurs = 48, kPlaces = 48;
-  static constexpr float kMostBlur = 2.4f, kReachBlurs = 3;
+  static constexpr float kMaxBlur = 2.4f, kReachBlurs = 3;
 
  public:
   TubeChord();
 
-  /// One tube's shadow, under a blur of up to kMostBlur radii; a wider one counts as that.
+  /// One tube's shadow, under a blur of up to kMaxBlur radii; a wider one counts as that.
   class Profile {
    public:
     float operator()(float x) const {
@@ -43,4 +45,4 @@ class TubeChord {
   std::array<std::array<float, kPlaces>, kBlurs> value_{};  // By the root of blur over radius, and distance over reach.
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

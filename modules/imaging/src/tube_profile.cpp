@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // All lengths in standard deviations of the blur, which makes one table do for every filter.
@@ -54,4 +54,4 @@ float tubeRadius(float half_width, float blur) {
   return sigma * static_cast<float>(kStep) * place;
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

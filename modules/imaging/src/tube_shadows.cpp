@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 constexpr int kCell = 16;  // Side of a cell [working px].
@@ -127,4 +127,4 @@ void TubeShadows::subtractOthers(int own, const Profile& profile, float* samples
   }
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

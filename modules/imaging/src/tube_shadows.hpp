@@ -6,7 +6,7 @@
 
 #include "tube_chord.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// What the vessels of an image cast beside the one that is looked at. The logarithm of an X-ray image is the sum of
 /// all shadows, so that without the others' one vessel is seen alone. Lengths are in working pixels.
@@ -55,4 +55,4 @@ class TubeShadows {
   std::vector<std::vector<Run>> cells_;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

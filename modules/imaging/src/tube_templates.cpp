@@ -7,7 +7,7 @@
 
 #include "tube_chord.hpp"
 
-namespace angio {
+namespace angio::imaging {
 namespace {
 
 // How far the samples reach, and where their weight has fallen to a half: the background on both sides is needed, the
@@ -79,4 +79,4 @@ const TubeTemplates::Template& TubeTemplates::nearest(float radius) const {
   return templates_[std::min(static_cast<std::size_t>(place + 0.5f), templates_.size() - 1)];
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

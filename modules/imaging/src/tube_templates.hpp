@@ -4,7 +4,9 @@
 #include <array>
 #include <vector>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// The shadow of a tube across its line, as numbers at a few places, made once for many radii: fitting it to an image
 /// is then five sums of products.
@@ -54,4 +56,4 @@ class TubeTemplates {
   std::vector<Template> templates_;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -5,7 +5,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 cv::Mat fromVisp(const vpImage<unsigned char>& image) {
   if (image.getSize() == 0) throw InputError("image", "size", "0 x 0", "must have pixels");
@@ -31,4 +31,4 @@ vpImage<unsigned char> toVisp(const cv::Mat& image) {
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -6,7 +6,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/imaging/xray_frame.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 void requireXray(const cv::Mat& image) {
   if (image.empty()) throw InputError("image", "size", "0 x 0", "must have pixels");
@@ -32,4 +32,4 @@ XrayFrame cropped(const XrayFrame& frame, const cv::Rect& window) {
   return {frame.time_us, frame.sequence, frame.image(window), XrayCamera(camera)};
 }
 
-}  // namespace angio
+}  // namespace angio::imaging

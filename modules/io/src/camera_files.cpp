@@ -9,10 +9,10 @@
 #include "camera_formats.hpp"
 #include "extension.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
-constexpr double kLargestOffset_mm = 1000;  // Of an encoder; beyond it the file is in other units.
+constexpr double kMaxOffset_mm = 1000;  // Of an encoder; beyond it the file is in other units.
 
 bool isZero(const YamlField& field) {
   return field.node->kind == YamlNode::Kind::kScalar && field.node->scalar != "none" && field.number() == 0;
@@ -49,9 +49,9 @@ std::optional<DetectorDistortion> distortionIn(const YamlField& field, const Xra
   } else {
     const double s1_rad = degToRad(number("s1_deg")), s2_rad = degToRad(number("s2_deg"));
     distortion = DetectorDistortion::intensifier(camera, {k1, k2, s1_rad, s2_rad});
-    if (const auto centre = map.find("centre_px")) {
-      const auto numbers = centre->numbers(2);
-      distortion.centre_px = {numbers[0], numbers[1]};
+    if (const auto center = map.find("centre_px")) {
+      const auto numbers = center->numbers(2);
+      distortion.center_px = {numbers[0], numbers[1]};
     }
   }
   map.refuseOthers();
@@ -63,8 +63,7 @@ CameraDistanceLaw distanceLawIn(const YamlField& field) {
   YamlMap map(field.path, *field.node, field.key);
   CameraDistanceLaw law;
   const YamlField offset = map.need("offset_mm");
-  law.offset_m =
-      1e-3 * requireBetween(offset.place(), offset.key, offset.number(), -kLargestOffset_mm, kLargestOffset_mm);
+  law.offset_m = 1e-3 * requireBetween(offset.place(), offset.key, offset.number(), -kMaxOffset_mm, kMaxOffset_mm);
   if (const auto slope = map.find("principal_point_slope_px_per_mm")) {
     const auto numbers = slope->numbers(2);
     law.principal_point_slope_px_per_m = 1e3 * Eigen::Vector2d(numbers[0], numbers[1]);
@@ -83,8 +82,8 @@ CameraFile readYamlCamera(const std::string& path) {
   }
   p.width_px = size.item(0).integer();
   p.height_px = size.item(1).integer();
-  requireBetween(size.item(0).place(), "image_size_px[0]", p.width_px, 1, kLargestImageSide);
-  requireBetween(size.item(1).place(), "image_size_px[1]", p.height_px, 1, kLargestImageSide);
+  requireBetween(size.item(0).place(), "image_size_px[0]", p.width_px, 1, kMaxImageSide);
+  requireBetween(size.item(1).place(), "image_size_px[1]", p.height_px, 1, kMaxImageSide);
   p.fx_px = map.need("fx_px").positive();
   p.fy_px = map.need("fy_px").positive();
   p.cx_px = map.need("cx_px").number();
@@ -184,7 +183,7 @@ nlohmann::ordered_json cameraAsJson(const CameraFile& file) {
     } else {
       map["s1_deg"] = radToDeg(d->bend.s1_rad);
       map["s2_deg"] = radToDeg(d->bend.s2_rad);
-      map["centre_px"] = {d->centre_px.x(), d->centre_px.y()};
+      map["centre_px"] = {d->center_px.x(), d->center_px.y()};
     }
   }
   if (const auto& law = file.distance_law) {
@@ -199,4 +198,4 @@ void writeCamera(const std::string& path, const XrayCamera& camera) {
   writeWholeFile(path, asYaml(cameraAsJson({camera, {}, {}})));
 }
 
-}  // namespace angio
+}  // namespace angio::io

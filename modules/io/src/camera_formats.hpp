@@ -4,14 +4,15 @@
 #include <string>
 
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/io/namespace.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// The widest detector a camera file may name, as in XrayCamera [px].
-constexpr double kLargestImageSide = 32768;
+constexpr double kMaxImageSide = 32768;
 
 /// Reads ViSP's camera XML (vpXmlParserCamera): one camera with an image size and a model without distortion. Throws
 /// InputError.
 XrayCamera readVispCamera(const std::string& path);
 
-}  // namespace angio
+}  // namespace angio::io

@@ -14,7 +14,7 @@
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // A rounded identity in a file is one.
@@ -225,4 +225,4 @@ Pose readViewPose(const std::string& path) {
 
 CaseSet readCaseSet(const std::string& path) { return CaseReader(path).read(); }
 
-}  // namespace angio
+}  // namespace angio::io

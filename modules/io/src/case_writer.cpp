@@ -12,7 +12,7 @@
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // A text in double quotes, as YAML escapes it.
@@ -144,4 +144,4 @@ class CaseWriter {
 
 void writeCaseSet(const std::string& path, const CaseSet& set) { CaseWriter(path).write(set); }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -11,11 +11,11 @@
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // Twice the widest detector in each direction; beyond it a number is a mistake, not a pixel.
-constexpr double kLargestPixel = 65536;
+constexpr double kMaxPixel = 65536;
 
 // Columns of numbers that a centreline may have beside points and branches.
 struct NumberColumn {
@@ -35,7 +35,7 @@ double modest(const std::string& place, const std::string& name, double value) {
 const NumberColumn kNumberColumns[] = {
     {"tangent_rad", &Centerline2d::tangent_rad, modest},
     {"radius_px", &Centerline2d::radius_px, anyLength},
-    {"sigma_px", &Centerline2d::sigma_px, anyLength},
+    {"sigma_px", &Centerline2d::std_px, anyLength},
     {"contrast", &Centerline2d::contrast, modest},
 };
 constexpr std::size_t kNumberColumnCount = std::size(kNumberColumns);
@@ -76,8 +76,8 @@ Centerline2d readCenterline(const std::string& path) {
     has_branch = from.has("branch");
     has_kind = from.has("kind");
     CenterlineRow row;
-    row.x_px = requireBetween(from.place(), "x_px", from.number("x_px"), -kLargestPixel, kLargestPixel);
-    row.y_px = requireBetween(from.place(), "y_px", from.number("y_px"), -kLargestPixel, kLargestPixel);
+    row.x_px = requireBetween(from.place(), "x_px", from.number("x_px"), -kMaxPixel, kMaxPixel);
+    row.y_px = requireBetween(from.place(), "y_px", from.number("y_px"), -kMaxPixel, kMaxPixel);
     if (has_branch) row.branch = from.integer("branch");
     if (has_kind) row.kind = kindIn(from);
     for (std::size_t c = 0; c < kNumberColumnCount; ++c) {
@@ -134,4 +134,4 @@ void writeCenterline(const std::string& path, const Centerline2d& centerline) {
   writeWholeFile(path, content);
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -4,7 +4,7 @@
 #include "angio/io/whole_file.hpp"
 #include "tree_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 
 VesselTree readCsvTree(const std::string& path) {
   std::vector<TreeRow> rows;
@@ -33,4 +33,4 @@ void writeCsvTree(const std::string& path, const VesselTree& tree) {
   writeWholeFile(path, content);
 }
 
-}  // namespace angio
+}  // namespace angio::io

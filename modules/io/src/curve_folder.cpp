@@ -11,7 +11,7 @@
 #include "angio/io/text.hpp"
 #include "tree_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 namespace fs = std::filesystem;
@@ -101,8 +101,8 @@ class CurveTree {
       const Eigen::Vector3d p = curve.points_mm.col(i);
       if (parent >= 0 && p == rows_[static_cast<std::size_t>(parent)].point_mm) continue;  // No edge without a length.
       if (!known_.insert({{p.x(), p.y(), p.z()}, true}).second) return;
-      if (rows_.size() == static_cast<std::size_t>(kMostPoints)) {
-        throw InputError(from_, "controlPoints", "", "must not exceed " + std::to_string(kMostPoints));
+      if (rows_.size() == static_cast<std::size_t>(kMaxPoints)) {
+        throw InputError(from_, "controlPoints", "", "must not exceed " + std::to_string(kMaxPoints));
       }
       const int id = static_cast<int>(rows_.size());
       rows_.push_back({0, id, p, curve.radii_mm[static_cast<std::size_t>(i)], parent});
@@ -155,4 +155,4 @@ const NamedCurve& curveOfName(const std::string& from, const std::vector<NamedCu
   return *found;
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -12,10 +12,10 @@
 
 #include "angio/io/text.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
-constexpr std::uint32_t kLongestValue = 4 << 20;  // Of an attribute that is asked for [bytes]; pixels are not.
+constexpr std::uint32_t kMaxValue = 4 << 20;  // Of an attribute that is asked for [bytes]; pixels are not.
 
 // DCMTK's loggers, which write to the terminal, are below this one.
 void silenceDcmtk() {
@@ -82,7 +82,7 @@ DcmElement* DicomFile::find(const DicomTag& tag, int frame) const {
 
 std::vector<std::string> DicomFile::textsOf(const DicomTag& tag, DcmElement* element) const {
   if (!element || element->getLength() == 0 || !element->isLeaf()) return {};
-  if (element->getLength() > kLongestValue) {
+  if (element->getLength() > kMaxValue) {
     throw refusal(tag, std::to_string(element->getLength()) + " bytes", "must not be so long");
   }
   OFString all;
@@ -141,4 +141,4 @@ int DicomFile::integer(const DicomTag& tag, int low, int high, std::optional<int
   return number;
 }
 
-}  // namespace angio
+}  // namespace angio::io

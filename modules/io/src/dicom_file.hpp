@@ -12,7 +12,7 @@
 #include "angio/base/errors.hpp"
 #include "dicom_structure.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// An attribute by group, element and the standard's name.
 struct DicomTag {
@@ -73,4 +73,4 @@ class DicomFile {
   mutable DcmFileFormat file_;
 };
 
-}  // namespace angio
+}  // namespace angio::io

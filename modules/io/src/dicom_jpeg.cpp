@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "dicom_jpeg.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // ISO 10918-1, table B.1: C0 to CF are frame headers but for the tables C4 and CC and the reserved C8.
@@ -16,7 +16,7 @@ JpegCoding codingOf(unsigned marker) {
 
 }  // namespace
 
-std::string JpegFrame::shown() const {
+std::string JpegFrame::formatValue() const {
   return "JPEG " + std::to_string(width_px) + " x " + std::to_string(height_px) + ", " + std::to_string(bits) +
          " bit, " + std::to_string(channels) + (channels == 1 ? " channel" : " channels");
 }
@@ -39,4 +39,4 @@ std::optional<JpegFrame> readJpegFrame(const unsigned char* bytes, std::size_t s
   return JpegFrame{};
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -5,7 +5,9 @@
 #include <optional>
 #include <string>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// The processes of JPEG that are decoded; a progressive image can be made to take very long.
 enum class JpegCoding { kSequential, kLossless, kOther };
@@ -19,11 +21,11 @@ struct JpegFrame {
   JpegCoding coding = JpegCoding::kOther;
 
   /// "JPEG 512 x 512, 8 bit, 1 channel".
-  std::string shown() const;
+  std::string formatValue() const;
 };
 
 /// The first frame header behind a start of image; nothing when the bytes do not begin an image. A header that is not
 /// there before the bytes end gives an image of no size.
 std::optional<JpegFrame> readJpegFrame(const unsigned char* bytes, std::size_t size);
 
-}  // namespace angio
+}  // namespace angio::io

@@ -13,7 +13,7 @@
 #include "dicom_rle.hpp"
 #include "image_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 constexpr DicomTag kSamples{0x0028, 0x0002, "Samples per Pixel"};
@@ -85,7 +85,7 @@ std::vector<unsigned> firstFragments(const DicomFile& file, const DicomPixelLayo
       if (!jpeg) continue;
       if (jpeg->width_px != layout.width_px || jpeg->height_px != layout.height_px || jpeg->channels != 1 ||
           jpeg->coding == JpegCoding::kOther || (jpeg->bits > 8) != (layout.bits_allocated > 8)) {
-        throw file.refusal(kPixelData, jpeg->shown(), "must be a grey JPEG image as the attributes say it");
+        throw file.refusal(kPixelData, jpeg->formatValue(), "must be a grey JPEG image as the attributes say it");
       }
     }
     first.push_back(i);
@@ -125,9 +125,9 @@ std::string decode(const DicomFile& file, const DicomPixelLayout& layout, unsign
     return good ? "" : "the run lengths are broken";
   }
   registerJpeg();
-  OFString colours;
+  OFString colors;
   const OFCondition decoded = pixelData(file).getUncompressedFrame(&file.dataset(), frame, first, buffer.data(),
-                                                                   static_cast<Uint32>(buffer.size()), colours);
+                                                                   static_cast<Uint32>(buffer.size()), colors);
   return decoded.good() ? "" : decoded.text();
 }
 
@@ -164,7 +164,7 @@ DicomPixelLayout readPixelLayout(const DicomFile& file) {
     throw file.refusal(kPhotometric, layout.photometric, "must be MONOCHROME1 or MONOCHROME2");
   }
   file.integer(kSamples, 1, 1, 1);
-  constexpr int kLargest = static_cast<int>(kLargestSide);
+  constexpr int kLargest = static_cast<int>(kMaxSide);
   layout.height_px = file.integer(kRows, 1, kLargest);
   layout.width_px = file.integer(kColumns, 1, kLargest);
   layout.frames = file.integer(kFrames, 1, 1'000'000, 1);
@@ -193,4 +193,4 @@ cv::Mat decodeDicomFrame(const DicomFile& file, const DicomPixelLayout& layout, 
   return asGrey(layout, cv::Mat(layout.height_px, layout.width_px, type, buffer.data()).clone());
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -6,7 +6,7 @@
 
 #include "dicom_file.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// How the pixels of a file are stored, checked against what the file holds.
 struct DicomPixelLayout {
@@ -29,4 +29,4 @@ DicomPixelLayout readPixelLayout(const DicomFile& file);
 /// zero, and MONOCHROME1 is turned, so that more is brighter. Throws InputError when the frame cannot be decoded.
 cv::Mat decodeDicomFrame(const DicomFile& file, const DicomPixelLayout& layout, int frame);
 
-}  // namespace angio
+}  // namespace angio::io

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "dicom_rle.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 constexpr std::size_t kHeaderBytes = 64;
@@ -45,4 +45,4 @@ bool unpackRunLengths(const std::uint8_t* packed, std::size_t size, std::size_t 
   return true;
 }
 
-}  // namespace angio
+}  // namespace angio::io

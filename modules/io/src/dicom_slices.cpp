@@ -8,11 +8,11 @@
 #include "dicom_file.hpp"
 #include "dicom_pixels.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // Slices are some hundred kilobytes.
-constexpr std::size_t kLargestSlice = std::size_t{64} << 20;
+constexpr std::size_t kMaxSlice = std::size_t{64} << 20;
 
 constexpr DicomTag kSeries{0x0020, 0x000e, "Series Instance UID"};
 constexpr DicomTag kPosition{0x0020, 0x0032, "Image Position (Patient)"};
@@ -37,7 +37,7 @@ double finiteOr(const DicomFile& file, const DicomTag& tag, double otherwise) {
 }  // namespace
 
 DicomSlice readDicomSlice(const std::string& path) {
-  const DicomFile file(path, readWholeFile(path, kLargestSlice));
+  const DicomFile file(path, readWholeFile(path, kMaxSlice));
   DicomSlice slice;
   slice.path = path;
   slice.series_uid = file.text(kSeries).value_or("");
@@ -63,4 +63,4 @@ DicomSlice readDicomSlice(const std::string& path) {
   return slice;
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -11,7 +11,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 constexpr std::size_t kMetaStart = 132;
@@ -20,8 +20,8 @@ constexpr std::uint32_t kItem = 0xFFFEE000, kItemEnd = 0xFFFEE00D, kSequenceEnd 
 constexpr std::uint32_t kPixels = 0x7FE00010, kMetaLength = 0x00020000, kTransferSyntax = 0x00020010;
 constexpr int kDeepest = 16;
 // DCMTK keeps the elements of one item in a list sorted by tag: many in the wrong order would take it quadratic time.
-constexpr int kMostInItem = 4096;
-constexpr int kMostElements = 1'000'000;
+constexpr int kMaxInItem = 4096;
+constexpr int kMaxElements = 1'000'000;
 
 // The deflated syntax is not among them: its lengths cannot be checked before they are unpacked.
 constexpr DicomSyntax kSyntaxes[] = {
@@ -98,7 +98,7 @@ class Walker {
 
   // Moves behind the element's head; its value, unless of undefined length, lies before `end`.
   Element readHead(const Coding& coding, std::size_t end) {
-    if (++elements_ > kMostElements) throw refusal(at_, "must not have more than a million elements");
+    if (++elements_ > kMaxElements) throw refusal(at_, "must not have more than a million elements");
     need(8, end);
     Element element;
     element.tag = number(at_, 2, coding.big_endian) << 16 | number(at_ + 2, 2, coding.big_endian);
@@ -127,7 +127,7 @@ class Walker {
   void walkItem(const Coding& coding, std::size_t end, bool until_mark, int depth) {
     if (depth > kDeepest) throw refusal(at_, "must not be nested so deeply");
     for (int count = 0; until_mark || at_ < end; ++count) {
-      if (count > kMostInItem) throw refusal(at_, "must not have so many elements in one item");
+      if (count > kMaxInItem) throw refusal(at_, "must not have so many elements in one item");
       const std::size_t start = at_;
       const Element element = readHead(coding, end);
       if (until_mark && element.tag == kItemEnd && element.length == 0) return;
@@ -197,4 +197,4 @@ const DicomSyntax& checkDicomStructure(const std::string& path, const std::strin
       "must be implicit or explicit without deflation, JPEG baseline, extended or lossless, or run length");
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -3,7 +3,9 @@
 
 #include <string>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// How a DICOM file codes its pixels.
 enum class DicomCompression { kNone, kJpeg, kRunLength };
@@ -28,4 +30,4 @@ bool startsAsDicom(const std::string& content);
 /// wrong, or the transfer syntax when it is none of those that are read.
 const DicomSyntax& checkDicomStructure(const std::string& path, const std::string& content);
 
-}  // namespace angio
+}  // namespace angio::io

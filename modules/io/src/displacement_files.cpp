@@ -6,7 +6,7 @@
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::io {
 
 Eigen::Matrix3Xd readDisplacements(const std::string& path, int points) {
   Eigen::Matrix3Xd result(3, points);
@@ -37,4 +37,4 @@ void writeDisplacements(const std::string& path, const Eigen::Matrix3Xd& displac
   writeWholeFile(path, content);
 }
 
-}  // namespace angio
+}  // namespace angio::io

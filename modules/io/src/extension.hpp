@@ -5,7 +5,9 @@
 #include <filesystem>
 #include <string>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// The extension of a path in small letters, with its dot; empty when there is none.
 inline std::string extensionOf(const std::string& path) {
@@ -15,4 +17,4 @@ inline std::string extensionOf(const std::string& path) {
   return extension;
 }
 
-}  // namespace angio
+}  // namespace angio::io

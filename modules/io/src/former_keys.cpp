@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // Whether an entry of the table, "ridge.sigma" or "sigma", means a key of these sections.
@@ -212,7 +212,37 @@ const FormerKeys& formerKeys() {
        "washed_out_frames",
        "wind_up_deg_per_m"},
       // Renamed.
-      {},
+      {{"acceleration_std_mm_s2", "acceleration_std_mm_per_s2"},
+       {"angle_accelerations_deg_s2", "angle_accelerations_deg_per_s2"},
+       {"angle_sigma_deg", "angle_std_deg"},
+       {"angle_speeds_deg_s", "angle_speeds_deg_per_s"},
+       {"back_speed_mm_s", "back_speed_mm_per_s"},
+       {"bend_speed_deg_s", "bend_speed_deg_per_s"},
+       {"fork_speed_mm_s", "fork_speed_mm_per_s"},
+       {"largest_bend_speed_deg_s", "max_bend_speed_deg_per_s"},
+       {"largest_insertion_speed_mm_s", "max_insertion_speed_mm_per_s"},
+       {"largest_roll_speed_deg_s", "max_roll_speed_deg_per_s"},
+       {"largest_speed_mm_s", "max_speed_mm_per_s"},
+       {"least_way_mm", "min_route_mm"},
+       {"most_bend_mm", "max_deformation_mm"},
+       {"most_correction_deg", "max_calibration_offset_deg"},
+       {"most_correction_mm", "max_calibration_offset_mm"},
+       {"most_jump_deg", "max_innovation_deg"},
+       {"most_jump_depth_mm", "max_innovation_depth_mm"},
+       {"most_jump_mm", "max_innovation_mm"},
+       {"most_lag_deg", "max_following_error_deg"},
+       {"most_lag_mm", "max_following_error_mm"},
+       {"most_stray_deg", "max_deviation_deg"},
+       {"most_stray_mm", "max_deviation_mm"},
+       {"psf_sigma_mm", "psf_std_mm"},
+       {"rehearsal", "scenario"},
+       {"roll_speed_deg_s", "roll_speed_deg_per_s"},
+       {"room", "lab"},
+       {"shift_sigma_mm", "shift_std_mm"},
+       {"sigma_px", "std_px"},
+       {"speed_mm_s", "speed_mm_per_s"},
+       {"table_accelerations_mm_s2", "table_accelerations_mm_per_s2"},
+       {"table_speeds_mm_s", "table_speeds_mm_per_s"}},
       // Prefixes.
       {{"most_", "max_"},
        {"largest_", "max_"},
@@ -224,4 +254,4 @@ const FormerKeys& formerKeys() {
   return table;
 }
 
-}  // namespace angio
+}  // namespace angio::io

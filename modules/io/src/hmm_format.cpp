@@ -9,7 +9,7 @@
 // Centreline text of the HMM catheter tracking project (Ambrosini et al., IEEE TMI 36(3), 2017): the number of points,
 // the root's index, then two lines a point: 16 numbers (position, direction, radius, ..., branch) and its neighbours.
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 struct HmmPoints {
@@ -72,12 +72,12 @@ std::vector<int> readNeighbours(const TextLines& lines, int index, int count, st
 }
 
 HmmPoints readPoints(const std::string& path) {
-  const std::string content = readWholeFile(path, kLargestTextFile);
+  const std::string content = readWholeFile(path, kMaxTextFile);
   TextLines lines(path, content);
   HmmPoints result;
   requireLine(lines, path, "points");
   const int count = parseInteger(lines.place(), "points", trimmed(lines.text()));
-  requireBetween(lines.place(), "points", count, 2, kMostPoints);
+  requireBetween(lines.place(), "points", count, 2, kMaxPoints);
   requireLine(lines, path, "root");
   result.root = parseInteger(lines.place(), "root", trimmed(lines.text()));
   requireBetween(lines.place(), "root", result.root, 0, count - 1);
@@ -136,4 +136,4 @@ VesselTree readHmmTree(const std::string& path) {
   return treeOfRows(path, points.rows);
 }
 
-}  // namespace angio
+}  // namespace angio::io

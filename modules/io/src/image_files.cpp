@@ -13,7 +13,7 @@
 #include "extension.hpp"
 #include "image_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 enum class Kind { kPng, kTiff, kDicom };
@@ -128,8 +128,8 @@ void writeImageSequence(const std::string& path, const std::vector<cv::Mat>& fra
   if (extension != ".tif" && extension != ".tiff") {
     throw InputError(path, "extension", extension, "must be .tif or .tiff");
   }
-  if (frames.empty() || frames.size() > static_cast<std::size_t>(kMostPages)) {
-    throw InputError(path, "frames", std::to_string(frames.size()), "must be 1 to " + std::to_string(kMostPages));
+  if (frames.empty() || frames.size() > static_cast<std::size_t>(kMaxPages)) {
+    throw InputError(path, "frames", std::to_string(frames.size()), "must be 1 to " + std::to_string(kMaxPages));
   }
   for (const cv::Mat& frame : frames) {
     const bool grey = !frame.empty() && (frame.type() == CV_8UC1 || frame.type() == CV_16UC1);
@@ -138,7 +138,7 @@ void writeImageSequence(const std::string& path, const std::vector<cv::Mat>& fra
                        "must be CV_8UC1 or CV_16UC1, and of the type and size of the first");
     }
   }
-  writeWholeFile(path, encodeTiff(path, frames, kLargestFile));
+  writeWholeFile(path, encodeTiff(path, frames, kMaxFile));
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -5,23 +5,25 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// The largest image that is read, in each direction [px].
-constexpr unsigned kLargestSide = 8192;
+constexpr unsigned kMaxSide = 8192;
 
 /// The longest sequence in one TIFF: libtiff takes quadratic time for its pages.
-constexpr int kMostPages = 10'000;
+constexpr int kMaxPages = 10'000;
 
 /// Decodes a page of a TIFF file, from 0: CV_8UC1, CV_16UC1, CV_8UC3 or CV_16UC3. OpenCV's own reader and libtiff's
 /// default error handlers write to the terminal, so libtiff is called with handlers of ours. Throws InputError that
 /// names `path`.
 cv::Mat decodeTiff(const std::string& path, const std::string& content, int page);
 
-/// How many pages a TIFF has. Throws InputError when one cannot be found or there are more than kMostPages.
+/// How many pages a TIFF has. Throws InputError when one cannot be found or there are more than kMaxPages.
 int countTiffPages(const std::string& path, const std::string& content);
 
-/// A TIFF of grey pages of one size and type. Throws InputError when it cannot be encoded or exceeds `largest_bytes`.
-std::string encodeTiff(const std::string& path, const std::vector<cv::Mat>& pages, std::size_t largest_bytes);
+/// A TIFF of grey pages of one size and type. Throws InputError when it cannot be encoded or exceeds `max_bytes`.
+std::string encodeTiff(const std::string& path, const std::vector<cv::Mat>& pages, std::size_t max_bytes);
 
-}  // namespace angio
+}  // namespace angio::io

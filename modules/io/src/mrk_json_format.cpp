@@ -10,13 +10,13 @@
 #include "angio/io/whole_file.hpp"
 #include "tree_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
 // A number costs some bytes in the file and a hundred in memory.
-constexpr std::size_t kLargestMarkups = std::size_t{64} << 20;
+constexpr std::size_t kMaxMarkups = std::size_t{64} << 20;
 constexpr const char* kSchema =
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
     "markups-schema-v1.0.3.json#";
@@ -31,7 +31,7 @@ struct Curve {
 };
 
 Json parse(const std::string& path) {
-  const std::string content = readWholeFile(path, kLargestMarkups);
+  const std::string content = readWholeFile(path, kMaxMarkups);
   try {
     return Json::parse(content);
   } catch (const Json::parse_error& error) {
@@ -161,8 +161,8 @@ class CurveGrowth {
             "the tree must not have a loop: control point " + std::to_string(i) + " is on a curve already");
       }
       if (fresh) {
-        if (rows_.size() == static_cast<std::size_t>(kMostPoints)) {
-          throw InputError(path_, "controlPoints", "", "must not exceed " + std::to_string(kMostPoints));
+        if (rows_.size() == static_cast<std::size_t>(kMaxPoints)) {
+          throw InputError(path_, "controlPoints", "", "must not exceed " + std::to_string(kMaxPoints));
         }
         rows_.push_back({0, row->second, {p[0], p[1], p[2]}, curve.radii_mm[i], parent});
         const auto here = ending_at_.find(p);
@@ -251,4 +251,4 @@ void writeMrkJsonTree(const std::string& path, const VesselTree& tree) { writeCu
 
 void writeRasMrkJsonTree(const std::string& path, const VesselTree& tree) { writeCurves(path, tree, "RAS"); }
 
-}  // namespace angio
+}  // namespace angio::io

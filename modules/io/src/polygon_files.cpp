@@ -9,17 +9,17 @@
 #include "angio/base/errors.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 using nlohmann::json;
 
 constexpr double kLargest_px = 65536;
 // Numbers of a few letters become sixteen bytes each, and lists of them twice that while they grow.
-constexpr std::size_t kLargestAnnotations = std::size_t{128} << 20;
+constexpr std::size_t kMaxAnnotations = std::size_t{128} << 20;
 
 // As a message has it. Lists are not written out: one in another, a file of some 100 KB exhausts the stack.
-std::string shown(const json& value) {
+std::string formatValue(const json& value) {
   if (value.is_structured()) return value.is_array() ? "(list of " + std::to_string(value.size()) + ")" : "(map)";
   return value.dump().substr(0, 40);
 }
@@ -28,13 +28,13 @@ const json& memberOf(const std::string& place, const json& object, const char* k
                      const char* rule) {
   const auto found = object.is_object() ? object.find(key) : object.end();
   if (!object.is_object() || found == object.end()) throw InputError(place, key, "", "is missing");
-  if (!((*found).*is)()) throw InputError(place, key, shown(*found), rule);
+  if (!((*found).*is)()) throw InputError(place, key, formatValue(*found), rule);
   return *found;
 }
 
 double pixelIn(const std::string& place, const json& value) {
   const bool sane = value.is_number() && std::abs(value.get<double>()) <= kLargest_px;
-  if (!sane) throw InputError(place, "segmentation", shown(value), "must be pixels of a detector");
+  if (!sane) throw InputError(place, "segmentation", formatValue(value), "must be pixels of a detector");
   return value.get<double>();
 }
 
@@ -48,7 +48,7 @@ int sizeIn(const std::string& place, const json& image, const char* key) {
 
 std::vector<Eigen::Vector2d> polygonIn(const std::string& place, const json& numbers) {
   if (!numbers.is_array() || numbers.size() < 6 || numbers.size() % 2 != 0) {
-    throw InputError(place, "segmentation", shown(numbers),
+    throw InputError(place, "segmentation", formatValue(numbers),
                      "must be lists x1, y1, x2, y2, ... of at least three corners");
   }
   std::vector<Eigen::Vector2d> corners;
@@ -61,7 +61,7 @@ std::vector<Eigen::Vector2d> polygonIn(const std::string& place, const json& num
 }  // namespace
 
 std::vector<AnnotatedImage> readCocoPolygons(const std::string& path) {
-  const json file = json::parse(readWholeFile(path, kLargestAnnotations), nullptr, false);
+  const json file = json::parse(readWholeFile(path, kMaxAnnotations), nullptr, false);
   if (file.is_discarded()) throw InputError(path, "", "", "is not JSON");
   const auto folder = std::filesystem::path(path).parent_path();
   const char* const list = "must be a list";
@@ -96,4 +96,4 @@ std::vector<AnnotatedImage> readCocoPolygons(const std::string& path) {
   return images;
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -8,7 +8,7 @@
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
@@ -62,7 +62,7 @@ PoseFile readPose(const std::string& path) {
   const Eigen::Matrix3d R = Eigen::Map<const RowMajor3d>(entries.data());
   const double defect = rotationDefect(R);
   if (!(defect < 1e-3)) {
-    rotation.refuse("must be a rotation matrix; R^T R differs from the identity by " + shown(defect) +
+    rotation.refuse("must be a rotation matrix; R^T R differs from the identity by " + formatValue(defect) +
                     (R.determinant() <= 0 ? ", and the determinant is not positive" : ""));
   }
   result.T_camera_model.linear() = nearestRotation(R);
@@ -95,4 +95,4 @@ void writePose(const std::string& path, const PoseFile& pose) {
   writeWholeFile(path, content + "parent: camera\nchild: model\n");
 }
 
-}  // namespace angio
+}  // namespace angio::io

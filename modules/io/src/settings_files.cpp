@@ -7,7 +7,7 @@
 #include "angio/io/text.hpp"
 #include "angio/io/yaml.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // What has become of keys of earlier versions, and what was said about the file's.
@@ -84,10 +84,10 @@ bool replaceFormerKeys(const std::string& path, YamlNode& node, const YamlMap& m
     const std::string key = node.keys[i];
     if (map.knows(key)) continue;
     const auto at = static_cast<std::ptrdiff_t>(i);
-    const std::string line = atLine(path, node.key_lines[i]) + ": " + key + " = " + shown(node.items[i]) + ": ";
+    const std::string line = atLine(path, node.key_lines[i]) + ": " + key + " = " + formatValue(node.items[i]) + ": ";
     if (const auto now = former.table.nameNow(former.sections, key, map.asked())) {
       if (std::find(node.keys.begin(), node.keys.end(), *now) != node.keys.end()) {
-        throw InputError(atLine(path, node.key_lines[i]), key, shown(node.items[i]),
+        throw InputError(atLine(path, node.key_lines[i]), key, formatValue(node.items[i]),
                          "is called " + *now + " now, which is given too");
       }
       former.warn(line + "is called " + *now + " now");
@@ -149,4 +149,4 @@ nlohmann::ordered_json settingsAsJson(const std::function<void(SettingsVisitor&)
   return std::move(writer.json);
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -4,10 +4,10 @@
 #include "angio/io/whole_file.hpp"
 #include "tree_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 
 VesselTree readSwcTree(const std::string& path) {
-  const std::string content = readWholeFile(path, kLargestTextFile);
+  const std::string content = readWholeFile(path, kMaxTextFile);
   std::vector<TreeRow> rows;
   std::vector<std::string_view> fields;
   for (TextLines lines(path, content); lines.next();) {
@@ -27,8 +27,8 @@ VesselTree readSwcTree(const std::string& path) {
     row.radius_mm = knownRadius(parseNumber(place, "radius_mm", fields[5]));
     row.parent = parseInteger(place, "parent", fields[6]);
     rows.push_back(row);
-    if (rows.size() > static_cast<std::size_t>(kMostPoints)) {
-      throw InputError(place, "points", std::to_string(rows.size()), "must not exceed " + std::to_string(kMostPoints));
+    if (rows.size() > static_cast<std::size_t>(kMaxPoints)) {
+      throw InputError(place, "points", std::to_string(rows.size()), "must not exceed " + std::to_string(kMaxPoints));
     }
   }
   return treeOfRows(path, rows);
@@ -48,4 +48,4 @@ void writeSwcTree(const std::string& path, const VesselTree& tree) {
   writeWholeFile(path, content);
 }
 
-}  // namespace angio
+}  // namespace angio::io

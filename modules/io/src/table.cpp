@@ -7,7 +7,7 @@
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 std::string listed(const std::vector<std::string>& names) {
@@ -61,13 +61,13 @@ int TableRow::integer(const std::string& column) const { return parseInteger(pla
 
 void readTable(const std::string& path, const TableColumns& columns,
                const std::function<void(const TableRow&)>& take_row) {
-  const std::string content = readWholeFile(path, kLargestTextFile);
+  const std::string content = readWholeFile(path, kMaxTextFile);
   TextLines lines(path, content);
   if (!lines.next()) throw InputError(atLine(path, 1), "header", "", "the file is empty");
   const std::vector<std::string> header = readHeader(lines, columns);
   if (lines.count() < 2) throw InputError(atLine(path, 2), "rows", "0", "must have at least one row after the header");
-  if (lines.count() - 1 > kMostPoints) {
-    throw InputError(path, "rows", std::to_string(lines.count() - 1), "must not exceed " + std::to_string(kMostPoints));
+  if (lines.count() - 1 > kMaxPoints) {
+    throw InputError(path, "rows", std::to_string(lines.count() - 1), "must not exceed " + std::to_string(kMaxPoints));
   }
   std::vector<std::string_view> fields;
   while (lines.next()) {
@@ -81,4 +81,4 @@ void readTable(const std::string& path, const TableColumns& columns,
   }
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -7,13 +7,13 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
 constexpr std::string_view kBlanks = " \t";
 // So that a file that is one endless line costs no more memory than its own size.
-constexpr std::size_t kLongestLine = std::size_t{1} << 20;
+constexpr std::size_t kMaxLine = std::size_t{1} << 20;
 
 template <typename Number>
 bool parsesWhole(std::string_view text, Number& number) {
@@ -47,7 +47,7 @@ bool TextLines::next() {
   text_ = rest_.substr(0, end);
   rest_ = end == std::string_view::npos ? std::string_view() : rest_.substr(end + 1);
   if (!text_.empty() && text_.back() == '\r') text_.remove_suffix(1);
-  if (text_.size() > kLongestLine) {
+  if (text_.size() > kMaxLine) {
     throw InputError(place(), "length", std::to_string(text_.size()), "a line must not exceed 1 MiB");
   }
   const auto bad = std::find_if(text_.begin(), text_.end(), [](char c) {
@@ -124,4 +124,4 @@ std::string exactMillimetres(double value_m) {
   return exact(value_mm);
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -12,12 +12,12 @@
 #include "angio/base/errors.hpp"
 #include "image_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
-constexpr tmsize_t kLargestBlock = tmsize_t{1} << 29;  // 8192 x 8192 x 3 channels of 16 bits fit.
+constexpr tmsize_t kMaxBlock = tmsize_t{1} << 29;  // 8192 x 8192 x 3 channels of 16 bits fit.
 // Deflate, the closest of the usual ways to pack, makes a thousand bytes of one.
-constexpr tmsize_t kLargestFromNothing = tmsize_t{1} << 24, kMostUnpacked = 4096;
+constexpr tmsize_t kMaxFromNothing = tmsize_t{1} << 24, kMaxUnpacked = 4096;
 
 struct TiffReading {
   const std::string& content;
@@ -62,7 +62,7 @@ using TiffPointer = std::unique_ptr<TIFF, void (*)(TIFF*)>;
 TiffPointer open(TiffReading& reading) {
   const std::unique_ptr<TIFFOpenOptions, void (*)(TIFFOpenOptions*)> options(TIFFOpenOptionsAlloc(),
                                                                              TIFFOpenOptionsFree);
-  TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kLargestBlock);
+  TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kMaxBlock);
   TIFFOpenOptionsSetErrorHandlerExtR(options.get(), onError, &reading);
   TIFFOpenOptionsSetWarningHandlerExtR(options.get(), onWarning, nullptr);
   // "m": no memory mapping, so none of its functions is needed.
@@ -90,8 +90,8 @@ TiffLayout readLayout(const std::string& path, TIFF* tiff) {
   const auto require = [&](bool holds, const char* field, std::uint32_t value, const char* rule) {
     if (!holds) throw InputError(path, field, std::to_string(value), rule);
   };
-  require(layout.width >= 1 && layout.width <= kLargestSide, "width", layout.width, "must be 1 to 8192 px");
-  require(layout.height >= 1 && layout.height <= kLargestSide, "height", layout.height, "must be 1 to 8192 px");
+  require(layout.width >= 1 && layout.width <= kMaxSide, "width", layout.width, "must be 1 to 8192 px");
+  require(layout.height >= 1 && layout.height <= kMaxSide, "height", layout.height, "must be 1 to 8192 px");
   require(layout.bits == 8 || layout.bits == 16, "bits per sample", layout.bits, "must be 8 or 16");
   require(layout.channels == 1 || layout.channels == 3, "channels", layout.channels, "must be 1, or 3 that are equal");
   require(planar == PLANARCONFIG_CONTIG || layout.channels == 1, "planar configuration", planar, "must be contiguous");
@@ -115,9 +115,9 @@ bool readBlocks(TIFF* tiff, const TiffLayout& layout, std::size_t file_bytes, cv
     block_height = std::min(block_height, layout.height);
   }
   const tmsize_t size = tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff);
-  if (block_width == 0 || block_height == 0 || size <= 0 || size > kLargestBlock) return false;
+  if (block_width == 0 || block_height == 0 || size <= 0 || size > kMaxBlock) return false;
   // Memory is not given for pixels that the file has no room for.
-  if (size > kLargestFromNothing && size / kMostUnpacked > static_cast<tmsize_t>(file_bytes)) return false;
+  if (size > kMaxFromNothing && size / kMaxUnpacked > static_cast<tmsize_t>(file_bytes)) return false;
   const std::size_t pixel = image.elemSize(), stride = block_width * pixel;
   std::vector<unsigned char> block(static_cast<std::size_t>(size));
   for (std::uint32_t y = 0; y < layout.height; y += block_height) {
@@ -163,10 +163,10 @@ int countTiffPages(const std::string& path, const std::string& content) {
   if (!tiff) throw broken(path, reading);
   int pages = 1;
   for (; !TIFFLastDirectory(tiff.get()); ++pages) {
-    if (pages == kMostPages) throw InputError(path, "pages", "", "must not be more than " + std::to_string(kMostPages));
+    if (pages == kMaxPages) throw InputError(path, "pages", "", "must not be more than " + std::to_string(kMaxPages));
     if (!TIFFReadDirectory(tiff.get())) throw broken(path, reading);
   }
   return pages;
 }
 
-}  // namespace angio
+}  // namespace angio::io

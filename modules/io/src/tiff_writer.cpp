@@ -10,11 +10,11 @@
 #include "angio/base/errors.hpp"
 #include "image_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 struct TiffWriting {
-  std::size_t largest_bytes;
+  std::size_t max_bytes;
   std::string content;
   std::size_t position = 0;
 };
@@ -33,7 +33,7 @@ tmsize_t readBytes(thandle_t handle, void* to, tmsize_t count) {
 tmsize_t writeBytes(thandle_t handle, void* from, tmsize_t count) {
   auto& writing = *static_cast<TiffWriting*>(handle);
   const std::size_t end = writing.position + static_cast<std::size_t>(count);
-  if (end > writing.largest_bytes) return 0;
+  if (end > writing.max_bytes) return 0;
   if (end > writing.content.size()) writing.content.resize(end);
   std::memcpy(writing.content.data() + writing.position, from, static_cast<std::size_t>(count));
   writing.position = end;
@@ -90,18 +90,18 @@ bool writePage(TIFF* tiff, const cv::Mat& page, std::size_t number, std::size_t 
 
 }  // namespace
 
-std::string encodeTiff(const std::string& path, const std::vector<cv::Mat>& pages, std::size_t largest_bytes) {
-  TiffWriting writing{largest_bytes, {}, 0};
+std::string encodeTiff(const std::string& path, const std::vector<cv::Mat>& pages, std::size_t max_bytes) {
+  TiffWriting writing{max_bytes, {}, 0};
   {
     const TiffPointer tiff = open(writing);
     bool written = tiff != nullptr;
     for (std::size_t n = 0; written && n < pages.size(); ++n)
       written = writePage(tiff.get(), pages[n], n, pages.size());
     if (!written) {
-      throw InputError(path, "", "", "the frames cannot be encoded within " + std::to_string(largest_bytes) + " bytes");
+      throw InputError(path, "", "", "the frames cannot be encoded within " + std::to_string(max_bytes) + " bytes");
     }
   }
   return std::move(writing.content);
 }
 
-}  // namespace angio
+}  // namespace angio::io

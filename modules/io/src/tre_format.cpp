@@ -8,7 +8,7 @@
 #include "angio/io/whole_file.hpp"
 #include "tree_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // One tube as it stands in the file: key = value lines, then its points.
@@ -52,7 +52,7 @@ void readNumbers(const std::string& place, const KeyValue& from, Matrix& to) {
 class TreReader {
  public:
   explicit TreReader(const std::string& path)
-      : path_(path), content_(readWholeFile(path, kLargestTextFile)), lines_(path, content_) {}
+      : path_(path), content_(readWholeFile(path, kMaxTextFile)), lines_(path, content_) {}
 
   std::vector<Tube> tubes() {
     std::vector<Tube> tubes;
@@ -99,7 +99,7 @@ class TreReader {
     if (line.key == "PointDim") readColumns(line, tube);
     if (line.key == "NPoints") {
       tube.points = parseInteger(place, line.key, line.value);
-      requireBetween(place, line.key, tube.points, 1, kMostPoints);
+      requireBetween(place, line.key, tube.points, 1, kMaxPoints);
     }
     if (line.key == "Points") readPoints(tube);
   }
@@ -118,8 +118,8 @@ class TreReader {
     if (tube.points < 0) throw InputError(lines_.place(), "NPoints", "", "is missing");
     std::vector<std::string_view> words;
     for (int i = 0; i < tube.points; ++i) {
-      if (++read_ > kMostPoints)
-        throw InputError(lines_.place(), "points", "", "must not exceed " + std::to_string(kMostPoints));
+      if (++read_ > kMaxPoints)
+        throw InputError(lines_.place(), "points", "", "must not exceed " + std::to_string(kMaxPoints));
       if (!lines_.next())
         throw InputError(path_, "points", std::to_string(i), "must be " + std::to_string(tube.points));
       splitAtBlanks(lines_.text(), words);
@@ -237,4 +237,4 @@ void writeTreTree(const std::string& path, const VesselTree& tree) {
   writeWholeFile(path, content);
 }
 
-}  // namespace angio
+}  // namespace angio::io

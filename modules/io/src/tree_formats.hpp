@@ -9,7 +9,7 @@
 #include "angio/io/curve_folder.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// Reads the vessel tree of one file format; throws InputError.
 using TreeReader = VesselTree(const std::string& path);
@@ -43,4 +43,4 @@ VesselTree treeOfRows(const std::string& path, const std::vector<TreeRow>& rows)
 /// A radius of a format in which numbers that are not positive mean that it is unknown.
 std::optional<double> knownRadius(double radius_mm);
 
-}  // namespace angio
+}  // namespace angio::io

@@ -5,7 +5,7 @@
 #include "angio/io/text.hpp"
 #include "tree_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // Rows of a binary file stand on no line.
@@ -57,4 +57,4 @@ std::optional<double> knownRadius(double radius_mm) {
   return radius_mm > 0 ? std::optional<double>(radius_mm) : std::nullopt;
 }
 
-}  // namespace angio
+}  // namespace angio::io

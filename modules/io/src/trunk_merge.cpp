@@ -4,19 +4,19 @@
 #include <algorithm>
 #include <limits>
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 constexpr double kToleranceOfRadius = 0.1;
-constexpr double kLeastTolerance = 0.1;  // Well below a pixel of any X-ray system [mm].
+constexpr double kMinTolerance = 0.1;  // Well below a pixel of any X-ray system [mm].
 // A step along a line passes a few edges of the tree; this many only in a file made to waste time.
-constexpr int kMostEdges = 256;
+constexpr int kMaxEdges = 256;
 
 }  // namespace
 
 double TrunkMerge::tolerance(int i) const {
   const auto& radius_mm = rows_[static_cast<std::size_t>(i)].radius_mm;
-  return std::max(kLeastTolerance, radius_mm ? kToleranceOfRadius * *radius_mm : 0.0);
+  return std::max(kMinTolerance, radius_mm ? kToleranceOfRadius * *radius_mm : 0.0);
 }
 
 std::optional<TrunkMerge::Position> TrunkMerge::startAt(const Eigen::Vector3d& point_mm) const {
@@ -40,7 +40,7 @@ std::optional<TrunkMerge::Position> TrunkMerge::follow(int from, const Eigen::Ve
   for (std::size_t visited = 0; visited < open.size(); ++visited) {
     const auto [a, depth_mm] = open[visited];
     for (const int b : children_[static_cast<std::size_t>(a)]) {
-      if (++edges > kMostEdges) break;
+      if (++edges > kMaxEdges) break;
       const Eigen::Vector3d edge = at(b) - at(a);
       const double t = std::clamp(edge.dot(point_mm - at(a)) / edge.squaredNorm(), 0.0, 1.0);
       const double distance = (at(a) + t * edge - point_mm).norm();
@@ -88,4 +88,4 @@ void TrunkMerge::addLine(const std::vector<Eigen::Vector3d>& points_mm,
   }
 }
 
-}  // namespace angio
+}  // namespace angio::io

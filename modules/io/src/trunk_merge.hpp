@@ -9,7 +9,7 @@
 
 #include "tree_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// Grows a tree from lines that all run from a source to an outlet, so that each repeats the trunk before it.
 ///
@@ -41,4 +41,4 @@ class TrunkMerge {
   std::map<std::array<double, 3>, int> point_at_;
 };
 
-}  // namespace angio
+}  // namespace angio::io

@@ -9,7 +9,7 @@
 #include "extension.hpp"
 #include "tree_formats.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 struct TreeFormat {
@@ -65,4 +65,4 @@ void writeVesselTree(const std::string& path, const VesselTree& tree, PatientFra
   throw InputError(path, "extension", extensionOf(path), "must be one of " + known);
 }
 
-}  // namespace angio
+}  // namespace angio::io

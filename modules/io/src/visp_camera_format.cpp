@@ -11,10 +11,10 @@
 // vpXmlParserCamera needs to be told the camera's name, takes 0 for what it cannot read and reports on the terminal, so
 // its files are read here.
 
-namespace angio {
+namespace angio::io {
 namespace {
 
-constexpr std::size_t kLargestXmlFile = std::size_t{1} << 20;
+constexpr std::size_t kMaxXmlFile = std::size_t{1} << 20;
 
 std::vector<vtkXMLDataElement*> childrenOf(vtkXMLDataElement& parent, const char* name) {
   std::vector<vtkXMLDataElement*> found;
@@ -48,7 +48,7 @@ class VispFields {
   double positive(const char* name) const { return requirePositive(place(name), name, number(name)); }
   int side(const char* name) const {
     const int pixels = parseInteger(place(name), name, stripped(document_.textOf(need(name))));
-    requireBetween(place(name), name, pixels, 1, kLargestImageSide);
+    requireBetween(place(name), name, pixels, 1, kMaxImageSide);
     return pixels;
   }
 
@@ -62,7 +62,7 @@ class VispFields {
 }  // namespace
 
 XrayCamera readVispCamera(const std::string& path) {
-  const XmlDocument document(path, readWholeFile(path, kLargestXmlFile));
+  const XmlDocument document(path, readWholeFile(path, kMaxXmlFile));
   const auto cameras = childrenOf(document.root(), "camera");
   if (cameras.size() != 1) {
     throw InputError(document.placeOf(document.root()), "camera", std::to_string(cameras.size()),
@@ -95,4 +95,4 @@ XrayCamera readVispCamera(const std::string& path) {
   }
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -10,7 +10,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/io/text.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // Bytes as they stand, or as base64 in groups of four characters. A padded group may stand in the middle: VTK encodes
@@ -180,7 +180,7 @@ ByteSource sourceOf(const XmlDocument& document, vtkXMLDataElement& array, const
   if (encoding != "raw" && encoding != "base64") throw layout.wrong(encoding, "the encoding must be raw or base64");
   const double offset = parseNumber(layout.place, layout.name + " offset", document.need(array, "offset"));
   if (!(offset >= 0 && offset < static_cast<double>(data->size()))) {
-    throw layout.wrong(shown(offset), "the offset must lie within the appended data");
+    throw layout.wrong(formatValue(offset), "the offset must lie within the appended data");
   }
   return {data->substr(static_cast<std::size_t>(offset)), encoding == "base64"};
 }
@@ -241,4 +241,4 @@ std::vector<double> readVtkArray(const XmlDocument& document, vtkXMLDataElement&
   return numbers;
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -5,7 +5,7 @@
 
 #include "xml.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// The numbers of a <DataArray> of a VTK XML file: ascii, binary or appended, compressed with zlib or not.
 ///
@@ -13,4 +13,4 @@ namespace angio {
 /// memory is taken. Throws InputError when there are not `count` numbers.
 std::vector<double> readVtkArray(const XmlDocument& document, vtkXMLDataElement& array, std::size_t count);
 
-}  // namespace angio
+}  // namespace angio::io

@@ -13,11 +13,11 @@
 // Centrelines as VTK's legacy text, versions 1 to 4 (VTK User's Guide, "Simple Legacy Formats"): POINTS, then the lines
 // as CELLS of an UNSTRUCTURED_GRID or LINES of POLYDATA.
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // Branches of a vessel tree are some hundreds at most.
-constexpr int kMostLines = 10'000;
+constexpr int kMaxLines = 10'000;
 
 [[noreturn]] void failAtEnd(const std::string& path, const TextLines& lines, const std::string& what) {
   throw InputError(atLine(path, lines.number() + 1), what, "", "is missing: the file ends too early");
@@ -106,7 +106,7 @@ std::string readHeader(const std::string& path, TextLines& lines) {
 
 void readPoints(Words& words, VtkLines& result) {
   words.needWord("POINTS");
-  const int count = words.needInteger("points", 2, kMostPoints);
+  const int count = words.needInteger("points", 2, kMaxPoints);
   words.need("type");
   static const char* const kAxis[3] = {"x_mm", "y_mm", "z_mm"};
   for (int i = 0; i < count; ++i) {  // Nothing is reserved: the count may lie.
@@ -129,11 +129,11 @@ void requireOnce(const VtkLine& line) {
 
 void readLines(Words& words, const std::string& keyword, VtkLines& result) {
   words.needWord(keyword);
-  const int count = words.needInteger("lines", 1, kMostLines);
-  int left = words.needInteger("size", 1, kMostPoints + kMostLines);
+  const int count = words.needInteger("lines", 1, kMaxLines);
+  int left = words.needInteger("size", 1, kMaxPoints + kMaxLines);
   const int last = static_cast<int>(result.points_mm.size()) - 1;
   for (int i = 0; i < count; ++i) {
-    const int length = words.needInteger("points of a line", 2, kMostPoints);
+    const int length = words.needInteger("points of a line", 2, kMaxPoints);
     left -= length + 1;
     if (left < 0) throw InputError(words.place(), "size", "", "the lines hold more than it says");
     VtkLine line{words.place(), {}};
@@ -219,7 +219,7 @@ class LineGrowth {
 }  // namespace
 
 VesselTree readVtkTree(const std::string& path) {
-  const std::string content = readWholeFile(path, kLargestTextFile);
+  const std::string content = readWholeFile(path, kMaxTextFile);
   TextLines lines(path, content);
   const std::string keyword = readHeader(path, lines);
   Words words(path, lines);
@@ -234,4 +234,4 @@ VesselTree readVtkTree(const std::string& path) {
   return treeOfRows(path, LineGrowth(file).grown().rows());
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -11,13 +11,13 @@
 #include "vtk_array.hpp"
 #include "xml.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
-constexpr std::size_t kLargestVtpFile = std::size_t{64} << 20;
+constexpr std::size_t kMaxVtpFile = std::size_t{64} << 20;
 // Outlets of a vessel tree are some dozens; comparing the beginnings of lines is quadratic in their number.
-constexpr int kMostLines = 10'000;
-constexpr int kMostPolygons = 4'000'000;
+constexpr int kMaxLines = 10'000;
+constexpr int kMaxPolygons = 4'000'000;
 constexpr const char* kRadiusName = "MaximumInscribedSphereRadius";
 
 vtkXMLDataElement& child(const XmlDocument& document, vtkXMLDataElement& parent, const char* name) {
@@ -44,9 +44,9 @@ vtkXMLDataElement& needArray(const XmlDocument& document, vtkXMLDataElement& par
 
 // What a file may still hold: many pieces can name the same few bytes.
 struct Budget {
-  int points = kMostPoints;
-  int cells = kMostLines;
-  int indices = kMostPoints;
+  int points = kMaxPoints;
+  int cells = kMaxLines;
+  int indices = kMaxPoints;
 };
 
 int readCount(const XmlDocument& document, vtkXMLDataElement& piece, const char* name, int& budget) {
@@ -67,7 +67,7 @@ std::vector<std::vector<std::size_t>> readCells(const XmlDocument& document, vtk
   double before = 0;
   for (const double offset : offsets) {
     if (!(offset >= before && offset <= budget.indices)) {
-      throw InputError(document.placeOf(offsets_array), "offsets", shown(offset),
+      throw InputError(document.placeOf(offsets_array), "offsets", formatValue(offset),
                        "must not fall and not exceed " + std::to_string(budget.indices));
     }
     before = offset;
@@ -81,7 +81,7 @@ std::vector<std::vector<std::size_t>> readCells(const XmlDocument& document, vtk
     auto& line = result.emplace_back();
     for (; i < static_cast<std::size_t>(offset); ++i) {
       if (!(connectivity[i] >= 0 && connectivity[i] < points)) {
-        throw InputError(document.placeOf(connectivity_array), "connectivity", shown(connectivity[i]),
+        throw InputError(document.placeOf(connectivity_array), "connectivity", formatValue(connectivity[i]),
                          "must be a point, 0 to " + std::to_string(points - 1));
       }
       line.push_back(static_cast<std::size_t>(connectivity[i]));
@@ -158,7 +158,7 @@ std::vector<vtkXMLDataElement*> piecesOf(vtkXMLDataElement& data) {
 }  // namespace
 
 VesselTree readVtpTree(const std::string& path) {
-  const XmlDocument document(path, readWholeFile(path, kLargestVtpFile));
+  const XmlDocument document(path, readWholeFile(path, kMaxVtpFile));
   vtkXMLDataElement& data = polyDataIn(document);
   Budget budget;
   TrunkMerge tree;
@@ -170,8 +170,8 @@ VesselTree readVtpTree(const std::string& path) {
 }
 
 Surface readVtpSurface(const std::string& path) {
-  const XmlDocument document(path, readWholeFile(path, kLargestVtpFile));
-  Budget budget{kMostPoints, kMostPolygons, 4 * kMostPolygons};
+  const XmlDocument document(path, readWholeFile(path, kMaxVtpFile));
+  Budget budget{kMaxPoints, kMaxPolygons, 4 * kMaxPolygons};
   std::vector<Eigen::Vector3d> points_mm;
   Surface surface;
   for (vtkXMLDataElement* piece : piecesOf(polyDataIn(document))) {
@@ -209,7 +209,7 @@ void writeVtpTree(const std::string& path, const VesselTree& tree) {
     std::vector<int> line;
     for (int at = i; at >= 0; at = tree.parents()[static_cast<std::size_t>(at)]) line.push_back(at);
     indices += line.size();
-    if (indices > static_cast<std::size_t>(kMostPoints) || ++lines > static_cast<std::size_t>(kMostLines)) {
+    if (indices > static_cast<std::size_t>(kMaxPoints) || ++lines > static_cast<std::size_t>(kMaxLines)) {
       throw InputError(path, "lines", "", "from the root to " + std::to_string(lines) + " ends are too many for .vtp");
     }
     for (std::size_t k = line.size(); k-- > 0;) connectivity += std::to_string(line[k]) + (k > 0 ? " " : "\n");
@@ -230,4 +230,4 @@ void writeVtpTree(const std::string& path, const VesselTree& tree) {
           array("type=\"Int64\" Name=\"offsets\"", offsets) + "</Lines>\n</Piece>\n</PolyData>\n</VTKFile>\n");
 }
 
-}  // namespace angio
+}  // namespace angio::io

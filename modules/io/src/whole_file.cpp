@@ -12,7 +12,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 InputError failure(const std::string& path, const std::string& what, int error) {
@@ -67,7 +67,7 @@ int writeAll(int fd, const std::string& content) {
 
 }  // namespace
 
-std::string readWholeFile(const std::string& path, std::size_t largest_bytes) {
+std::string readWholeFile(const std::string& path, std::size_t max_bytes) {
   requireName(path);
   // Non-blocking, because opening a pipe would otherwise wait for a writer.
   const FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
@@ -78,9 +78,9 @@ std::string readWholeFile(const std::string& path, std::size_t largest_bytes) {
     throw InputError(path, "", "", S_ISDIR(info.st_mode) ? "is a folder, not a file" : "is not a regular file");
   }
   const auto too_large = [&] {
-    return InputError(path, "size", "", "must not exceed " + std::to_string(largest_bytes) + " bytes");
+    return InputError(path, "size", "", "must not exceed " + std::to_string(max_bytes) + " bytes");
   };
-  if (static_cast<std::uintmax_t>(info.st_size) > largest_bytes) throw too_large();
+  if (static_cast<std::uintmax_t>(info.st_size) > max_bytes) throw too_large();
   std::string content(static_cast<std::size_t>(info.st_size), '\0');
   std::size_t done = 0;
   for (;;) {
@@ -91,7 +91,7 @@ std::string readWholeFile(const std::string& path, std::size_t largest_bytes) {
     if (n < 0) throw failure(path, "cannot be read", errno);
     if (n == 0) break;
     done += static_cast<std::size_t>(n);
-    if (done > largest_bytes) throw too_large();
+    if (done > max_bytes) throw too_large();
   }
   content.resize(done);
   return content;
@@ -134,4 +134,4 @@ void requireFolderOf(const std::string& path) {
   if (!std::filesystem::is_directory(folder)) throw InputError(path, "", "", "its folder must exist");
 }
 
-}  // namespace angio
+}  // namespace angio::io

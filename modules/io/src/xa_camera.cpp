@@ -5,7 +5,7 @@
 
 #include "xa_tags.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 using Lines = std::vector<std::string>;
@@ -25,41 +25,42 @@ std::optional<double> magnificationOf(const DicomFile& file, int frame) {
 
 struct Distances {
   double detector_m = 0;
-  std::optional<double> isocentre_m;
+  std::optional<double> isocenter_m;
 };
 
 Distances readDistances(const DicomFile& file, int frame, Lines& assumed) {
   auto detector_m = distance(file, tag::kSourceDetector, frame);
-  auto isocentre_m = distance(file, tag::kSourcePatient, frame);
-  if (!isocentre_m) {
-    isocentre_m = distance(file, tag::kSourceIsocentre, frame);
-    if (isocentre_m) assumed.push_back(missing(tag::kSourcePatient, tag::kSourceIsocentre.label() + " stands for it"));
+  auto isocenter_m = distance(file, tag::kSourcePatient, frame);
+  if (!isocenter_m) {
+    isocenter_m = distance(file, tag::kSourceIsocenter, frame);
+    if (isocenter_m) assumed.push_back(missing(tag::kSourcePatient, tag::kSourceIsocenter.label() + " stands for it"));
   }
   const auto factor = magnificationOf(file, frame);
   if (!detector_m) {
-    if (!factor || !isocentre_m) {
+    if (!factor || !isocenter_m) {
       throw file.refusal(tag::kSourceDetector, "",
                          "is missing, and with it the camera: " + tag::kMagnification.label() + " and " +
                              tag::kSourcePatient.label() + " do not replace it");
     }
-    detector_m = *isocentre_m * *factor;
-    assumed.push_back(missing(tag::kSourceDetector, shown(*detector_m * 1e3) + " mm by the magnification factor and " +
-                                                        tag::kSourcePatient.label()));
-  } else if (!isocentre_m && factor) {
-    isocentre_m = *detector_m / *factor;
+    detector_m = *isocenter_m * *factor;
     assumed.push_back(
-        missing(tag::kSourcePatient, shown(*isocentre_m * 1e3) + " mm by " + tag::kMagnification.label()));
-  } else if (!isocentre_m) {
+        missing(tag::kSourceDetector,
+                formatValue(*detector_m * 1e3) + " mm by the magnification factor and " + tag::kSourcePatient.label()));
+  } else if (!isocenter_m && factor) {
+    isocenter_m = *detector_m / *factor;
+    assumed.push_back(
+        missing(tag::kSourcePatient, formatValue(*isocenter_m * 1e3) + " mm by " + tag::kMagnification.label()));
+  } else if (!isocenter_m) {
     assumed.push_back(missing(tag::kSourcePatient, "no pose by the angles, no magnification"));
-  } else if (factor && std::abs(*factor * *isocentre_m / *detector_m - 1) > 0.01) {
-    assumed.push_back(tag::kMagnification.label() + " = " + shown(*factor) + " is not used: the distances say " +
-                      shown(*detector_m / *isocentre_m));
+  } else if (factor && std::abs(*factor * *isocenter_m / *detector_m - 1) > 0.01) {
+    assumed.push_back(tag::kMagnification.label() + " = " + formatValue(*factor) + " is not used: the distances say " +
+                      formatValue(*detector_m / *isocenter_m));
   }
-  if (isocentre_m && *isocentre_m > *detector_m) {
-    throw file.refusal(tag::kSourcePatient, shown(*isocentre_m * 1e3),
-                       "must not exceed " + tag::kSourceDetector.label() + " = " + shown(*detector_m * 1e3));
+  if (isocenter_m && *isocenter_m > *detector_m) {
+    throw file.refusal(tag::kSourcePatient, formatValue(*isocenter_m * 1e3),
+                       "must not exceed " + tag::kSourceDetector.label() + " = " + formatValue(*detector_m * 1e3));
   }
-  return {*detector_m, isocentre_m};
+  return {*detector_m, isocenter_m};
 }
 
 // At the detector, between rows and between columns [m].
@@ -84,14 +85,14 @@ Spacing readSpacing(const DicomFile& file, const DicomPixelLayout& layout, const
     return Spacing{mm[0] * 1e-3, mm[1] * 1e-3, from};
   };
   const auto assume = [&](const Eigen::Vector2d& mm, const std::string& how) {
-    assumed.push_back(missing(tag::kImagerSpacing, shown(mm[0]) + " x " + shown(mm[1]) + " mm by " + how));
+    assumed.push_back(missing(tag::kImagerSpacing, formatValue(mm[0]) + " x " + formatValue(mm[1]) + " mm by " + how));
   };
   if (const auto mm = pairOf(file, tag::kImagerSpacing, frame, kWidestPixel_mm))
     return spacing(*mm, tag::kImagerSpacing);
 
   const auto in_patient = pairOf(file, tag::kPixelSpacing, frame, kWidestPixel_mm);
-  if (in_patient && distances.isocentre_m) {
-    const Eigen::Vector2d mm = *in_patient * distances.detector_m / *distances.isocentre_m;
+  if (in_patient && distances.isocenter_m) {
+    const Eigen::Vector2d mm = *in_patient * distances.detector_m / *distances.isocenter_m;
     assume(mm, tag::kPixelSpacing.label() + ", calibrated by " +
                    file.text(tag::kCalibrationType, frame).value_or("an unknown way") + ", taken at the isocentre");
     return spacing(mm, tag::kPixelSpacing);
@@ -133,10 +134,10 @@ XaGeometry readXaCamera(const DicomFile& file, const DicomPixelLayout& layout, i
   p.source_detector_distance_m = distances.detector_m;
   XaGeometry geometry{XrayCamera(p)};
   geometry.source_detector_distance_m = distances.detector_m;
-  geometry.source_isocentre_distance_m = distances.isocentre_m;
+  geometry.source_isocenter_distance_m = distances.isocenter_m;
   geometry.spacing_from = spacing.from.label();
   geometry.assumed = std::move(assumed);
   return geometry;
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -4,7 +4,7 @@
 #include "angio/io/xa_files.hpp"
 #include "dicom_pixels.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// The camera of a frame with its distances; the rest of the result is left alone. Throws InputError that names the
 /// attribute when a value is wrong, or when no camera can be had.
@@ -13,4 +13,4 @@ XaGeometry readXaCamera(const DicomFile& file, const DicomPixelLayout& layout, i
 /// "(0018,1164) Imager Pixel Spacing is missing: " and what was done instead.
 std::string missing(const DicomTag& tag, const std::string& instead);
 
-}  // namespace angio
+}  // namespace angio::io

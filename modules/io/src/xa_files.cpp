@@ -12,7 +12,7 @@
 #include "xa_geometry.hpp"
 #include "xa_tags.hpp"
 
-namespace angio {
+namespace angio::io {
 
 struct XaRun::Contents {
   Contents(const std::string& path, std::string content)
@@ -140,4 +140,4 @@ cv::Mat XaRun::image(int frame) const {
   return image;
 }
 
-}  // namespace angio
+}  // namespace angio::io

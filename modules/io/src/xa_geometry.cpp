@@ -9,7 +9,7 @@
 #include "xa_camera.hpp"
 #include "xa_tags.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // Angles of the two conventions that differ by more are no rounding [rad].
@@ -30,10 +30,10 @@ double incrementAt(const std::vector<double>& increments, int frame) {
   return increments.size() == 1 ? frame * increments.front() : increments[static_cast<std::size_t>(frame)];
 }
 
-std::optional<double> angle(const DicomFile& file, const DicomTag& tag, int frame, double largest_deg) {
+std::optional<double> angle(const DicomFile& file, const DicomTag& tag, int frame, double max_deg) {
   const auto angle_deg = file.number(tag, frame);
   if (!angle_deg) return std::nullopt;
-  return degToRad(requireBetween(file.path(), tag.label(), *angle_deg, -largest_deg, largest_deg));
+  return degToRad(requireBetween(file.path(), tag.label(), *angle_deg, -max_deg, max_deg));
 }
 
 std::optional<PatientPosition> patientPosition(const DicomFile& file, int frame, std::vector<std::string>& assumed) {
@@ -69,14 +69,14 @@ std::optional<ViewAngles> readPatientAngles(const DicomFile& file, const XaIncre
                     secondary.value_or(0) + degToRad(incrementAt(increments.secondary_deg, frame))};
 }
 
-std::optional<IsocentreAngles> readIsocentreAngles(const DicomFile& file, int frame,
+std::optional<IsocenterAngles> readIsocenterAngles(const DicomFile& file, int frame,
                                                    std::vector<std::string>& assumed) {
-  const auto primary = angle(file, tag::kIsocentrePrimary, frame, 360);
-  const auto secondary = angle(file, tag::kIsocentreSecondary, frame, 360);
+  const auto primary = angle(file, tag::kIsocenterPrimary, frame, 360);
+  const auto secondary = angle(file, tag::kIsocenterSecondary, frame, 360);
   const auto detector = angle(file, tag::kDetectorRotation, frame, 360);
   if (!primary || !secondary) return std::nullopt;
   if (!detector) assumed.push_back(missing(tag::kDetectorRotation, "0 deg"));
-  return IsocentreAngles{*primary, *secondary, detector.value_or(0)};
+  return IsocenterAngles{*primary, *secondary, detector.value_or(0)};
 }
 
 // Where the table's reference point is, in the equipment's axes [m]; nothing when the file does not say.
@@ -89,9 +89,9 @@ std::optional<Eigen::Vector3d> tablePosition(const DicomFile& file, int frame) {
 
 // The table's motion since the first frame, in the patient's axes.
 Eigen::Vector3d tableShift(const DicomFile& file, const XaIncrements& increments, int frame,
-                           const Eigen::Matrix3d& R_isocentre_patient, std::vector<std::string>& assumed) {
+                           const Eigen::Matrix3d& R_isocenter_patient, std::vector<std::string>& assumed) {
   if (const auto now = tablePosition(file, frame)) {
-    return R_isocentre_patient.transpose() * (*now - tablePosition(file, 0).value_or(*now));
+    return R_isocenter_patient.transpose() * (*now - tablePosition(file, 0).value_or(*now));
   }
   if (increments.longitudinal_mm.empty() && increments.lateral_mm.empty() && increments.vertical_mm.empty()) {
     return Eigen::Vector3d::Zero();
@@ -102,7 +102,7 @@ Eigen::Vector3d tableShift(const DicomFile& file, const XaIncrements& increments
       "towards CRA, vertical downwards");
   return 1e-3 * (Eigen::Vector3d(incrementAt(increments.longitudinal_mm, frame), 0,
                                  incrementAt(increments.lateral_mm, frame)) +
-                 incrementAt(increments.vertical_mm, frame) * R_isocentre_patient.row(1).transpose());
+                 incrementAt(increments.vertical_mm, frame) * R_isocenter_patient.row(1).transpose());
 }
 
 // The direction in the patient that letters like "LA" stand for: the axes' signs added up.
@@ -145,17 +145,17 @@ bool readMirroring(const DicomFile& file, const std::optional<ViewAngles>& angle
 double fieldRotation(const DicomFile& file, int frame) {
   const double rotation_deg = file.number(tag::kFieldRotation, frame).value_or(0);
   if (rotation_deg != 0 && rotation_deg != 90 && rotation_deg != 180 && rotation_deg != 270) {
-    throw file.refusal(tag::kFieldRotation, shown(rotation_deg), "must be 0, 90, 180 or 270");
+    throw file.refusal(tag::kFieldRotation, formatValue(rotation_deg), "must be 0, 90, 180 or 270");
   }
   return degToRad(rotation_deg);
 }
 
 // The camera's axes by whichever angles the file has; the detector's tell more, and its picture need not be upright.
-Eigen::Matrix3d cameraRotation(const XaGeometry& geometry, bool by_isocentre, double field_rotation_rad,
-                               const Eigen::Matrix3d& R_isocentre_patient, std::vector<std::string>& assumed) {
-  if (by_isocentre) {
+Eigen::Matrix3d cameraRotation(const XaGeometry& geometry, bool by_isocenter, double field_rotation_rad,
+                               const Eigen::Matrix3d& R_isocenter_patient, std::vector<std::string>& assumed) {
+  if (by_isocenter) {
     return Eigen::AngleAxisd(-field_rotation_rad, Eigen::Vector3d::UnitZ()) *
-           detectorRotation(*geometry.isocentre_angles) * R_isocentre_patient;
+           detectorRotation(*geometry.isocenter_angles) * R_isocenter_patient;
   }
   if (field_rotation_rad != 0) {
     assumed.push_back(tag::kFieldRotation.label() + " is not used: with patient-based angles the head is up");
@@ -164,16 +164,16 @@ Eigen::Matrix3d cameraRotation(const XaGeometry& geometry, bool by_isocentre, do
 }
 
 // Each convention by the other one when the file has one only.
-void completeAngles(XaGeometry& g, const Eigen::Matrix3d& R_isocentre_patient) {
+void completeAngles(XaGeometry& g, const Eigen::Matrix3d& R_isocenter_patient) {
   const std::string by_position = " by Patient Position and the table's angles";
-  if (g.patient_angles && !g.isocentre_angles) {
-    g.isocentre_angles = isocentreAnglesOf(*g.patient_angles, R_isocentre_patient);
-    g.assumed.push_back(missing(tag::kIsocentrePrimary, "isocentre-based angles from the patient-based" + by_position));
-  } else if (!g.patient_angles && g.isocentre_angles) {
-    g.patient_angles = viewAnglesOf(*g.isocentre_angles, R_isocentre_patient);
+  if (g.patient_angles && !g.isocenter_angles) {
+    g.isocenter_angles = isocenterAnglesOf(*g.patient_angles, R_isocenter_patient);
+    g.assumed.push_back(missing(tag::kIsocenterPrimary, "isocentre-based angles from the patient-based" + by_position));
+  } else if (!g.patient_angles && g.isocenter_angles) {
+    g.patient_angles = viewAnglesOf(*g.isocenter_angles, R_isocenter_patient);
     g.assumed.push_back(missing(tag::kPrimary, "patient-based angles from the isocentre-based" + by_position));
   } else if (g.patient_angles) {
-    const Eigen::Vector3d beam = beamDirection(viewAnglesOf(*g.isocentre_angles, R_isocentre_patient));
+    const Eigen::Vector3d beam = beamDirection(viewAnglesOf(*g.isocenter_angles, R_isocenter_patient));
     if (beamDirection(*g.patient_angles).dot(beam) < std::cos(kAgreement_rad)) {
       g.assumed.push_back("the patient-based and the isocentre-based angles differ: the pose is by the latter");
     }
@@ -215,27 +215,27 @@ XaGeometry readXaGeometry(const DicomFile& file, const DicomPixelLayout& layout,
                           int frame) {
   XaGeometry g = readXaCamera(file, layout, frame);
   g.patient_angles = readPatientAngles(file, increments, frame, g.assumed);
-  g.isocentre_angles = readIsocentreAngles(file, frame, g.assumed);
+  g.isocenter_angles = readIsocenterAngles(file, frame, g.assumed);
   g.table_angles = readTableAngles(file, frame);
   g.stored_mirrored = readMirroring(file, g.patient_angles, frame, g.assumed);
   g.time_s = timeAt(increments, frame);
-  const bool by_isocentre = g.isocentre_angles.has_value();
+  const bool by_isocenter = g.isocenter_angles.has_value();
   const auto position = patientPosition(file, frame, g.assumed);
-  const Eigen::Matrix3d R_isocentre_patient =
+  const Eigen::Matrix3d R_isocenter_patient =
       position ? patientRotation(*position, g.table_angles) : Eigen::Matrix3d::Identity();
   if (position) {
-    completeAngles(g, R_isocentre_patient);
-    g.table_shift_m = tableShift(file, increments, frame, R_isocentre_patient, g.assumed);
+    completeAngles(g, R_isocenter_patient);
+    g.table_shift_m = tableShift(file, increments, frame, R_isocenter_patient, g.assumed);
   }
-  if (!g.patient_angles && !g.isocentre_angles) g.assumed.push_back(missing(tag::kPrimary, "no pose by the angles"));
-  if (!g.source_isocentre_distance_m || !(by_isocentre ? position.has_value() : g.patient_angles.has_value())) return g;
+  if (!g.patient_angles && !g.isocenter_angles) g.assumed.push_back(missing(tag::kPrimary, "no pose by the angles"));
+  if (!g.source_isocenter_distance_m || !(by_isocenter ? position.has_value() : g.patient_angles.has_value())) return g;
   Pose T_camera_patient = Pose::Identity();
   T_camera_patient.linear() =
-      cameraRotation(g, by_isocentre, fieldRotation(file, frame), R_isocentre_patient, g.assumed);
+      cameraRotation(g, by_isocenter, fieldRotation(file, frame), R_isocenter_patient, g.assumed);
   T_camera_patient.translation() =
-      Eigen::Vector3d(0, 0, *g.source_isocentre_distance_m) + T_camera_patient.linear() * g.table_shift_m;
+      Eigen::Vector3d(0, 0, *g.source_isocenter_distance_m) + T_camera_patient.linear() * g.table_shift_m;
   g.T_camera_patient = T_camera_patient;
   return g;
 }
 
-}  // namespace angio
+}  // namespace angio::io

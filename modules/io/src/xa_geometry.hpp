@@ -4,7 +4,7 @@
 #include "angio/io/xa_files.hpp"
 #include "dicom_pixels.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// Attributes with one value for each frame, or one that is the step from frame to frame; empty when not there.
 struct XaIncrements {
@@ -21,4 +21,4 @@ XaIncrements readXaIncrements(const DicomFile& file, int frames);
 XaGeometry readXaGeometry(const DicomFile& file, const DicomPixelLayout& layout, const XaIncrements& increments,
                           int frame);
 
-}  // namespace angio
+}  // namespace angio::io

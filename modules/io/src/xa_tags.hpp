@@ -4,7 +4,7 @@
 #include "dicom_file.hpp"
 
 /// The attributes of X-ray runs that are read, by the names of DICOM PS3.6.
-namespace angio::tag {
+namespace angio::io::tag {
 
 constexpr DicomTag kModality{0x0008, 0x0060, "Modality"};
 constexpr DicomTag kManufacturer{0x0008, 0x0070, "Manufacturer"};
@@ -33,9 +33,9 @@ constexpr DicomTag kSecondaryIncrement{0x0018, 0x1521, "Positioner Secondary Ang
 constexpr DicomTag kPatientPosition{0x0018, 0x5100, "Patient Position"};
 constexpr DicomTag kFieldRotation{0x0018, 0x7032, "Field of View Rotation"};
 constexpr DicomTag kFieldFlip{0x0018, 0x7034, "Field of View Horizontal Flip"};
-constexpr DicomTag kSourceIsocentre{0x0018, 0x9402, "Distance Source to Isocenter"};
-constexpr DicomTag kIsocentrePrimary{0x0018, 0x9463, "Positioner Isocenter Primary Angle"};
-constexpr DicomTag kIsocentreSecondary{0x0018, 0x9464, "Positioner Isocenter Secondary Angle"};
+constexpr DicomTag kSourceIsocenter{0x0018, 0x9402, "Distance Source to Isocenter"};
+constexpr DicomTag kIsocenterPrimary{0x0018, 0x9463, "Positioner Isocenter Primary Angle"};
+constexpr DicomTag kIsocenterSecondary{0x0018, 0x9464, "Positioner Isocenter Secondary Angle"};
 constexpr DicomTag kDetectorRotation{0x0018, 0x9465, "Positioner Isocenter Detector Rotation Angle"};
 constexpr DicomTag kTableX{0x0018, 0x9466, "Table X Position to Isocenter"};
 constexpr DicomTag kTableY{0x0018, 0x9467, "Table Y Position to Isocenter"};
@@ -53,4 +53,4 @@ constexpr DicomTag kMaskFrames{0x0028, 0x6110, "Mask Frame Numbers"};
 constexpr DicomTag kContrastAveraging{0x0028, 0x6112, "Contrast Frame Averaging"};
 constexpr DicomTag kMaskShift{0x0028, 0x6114, "Mask Sub-pixel Shift"};
 
-}  // namespace angio::tag
+}  // namespace angio::io::tag

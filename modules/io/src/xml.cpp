@@ -12,13 +12,13 @@
 #include "angio/base/errors.hpp"
 #include "angio/io/text.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // Elements are taken apart recursively, so that their number bounds the stack; a file of ours has some dozens.
-constexpr int kMostTags = 2000;
+constexpr int kMaxTags = 2000;
 // Expat begins a tag again with every piece of the file it is given, which takes the square of its length.
-constexpr std::size_t kLongestTag = std::size_t{1} << 16;
+constexpr std::size_t kMaxTag = std::size_t{1} << 16;
 constexpr std::string_view kAppendedData = "<AppendedData";
 
 int lineAt(std::string_view content, std::size_t position) {
@@ -61,9 +61,8 @@ void requireTame(const std::string& path, std::string_view content) {
   int tags = 0;
   for (auto at = markup.find('<'); at != std::string_view::npos;) {
     const std::size_t length = tagLength(markup.substr(at));
-    if (length > kLongestTag)
-      throw InputError(place(at), "tag", std::to_string(length), "must not exceed 65,536 bytes");
-    if (++tags > kMostTags) throw InputError(place(at), "tags", std::to_string(tags), "must not exceed 2000");
+    if (length > kMaxTag) throw InputError(place(at), "tag", std::to_string(length), "must not exceed 65,536 bytes");
+    if (++tags > kMaxTags) throw InputError(place(at), "tags", std::to_string(tags), "must not exceed 2000");
     at = markup.find('<', at + length);
   }
 }
@@ -152,4 +151,4 @@ std::string XmlDocument::need(vtkXMLDataElement& element, const char* attribute)
   return value;
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -8,7 +8,9 @@
 #include <string>
 #include <string_view>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// The elements of an XML document, with VTK's parser. It may end in VTK's <AppendedData>, which is no XML any more.
 class XmlDocument {
@@ -37,4 +39,4 @@ class XmlDocument {
   vtkSmartPointer<vtkXMLDataElement> root_;
 };
 
-}  // namespace angio
+}  // namespace angio::io

@@ -13,13 +13,13 @@
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 // Ten thousand cases fit. yaml-cpp may keep a hundred and forty bytes for every byte that it reads.
-constexpr std::size_t kLargestYamlFile = std::size_t{4} << 20;
+constexpr std::size_t kMaxYamlFile = std::size_t{4} << 20;
 constexpr std::size_t kDeepest = 32;
-constexpr int kMostNodes = 1'000'000;
+constexpr int kMaxNodes = 1'000'000;
 
 // Builds our own small tree from the parser's events: yaml-cpp's own would accept repeated keys and expand what it is
 // told to.
@@ -85,7 +85,7 @@ class TreeBuilder final : public YAML::EventHandler {
 
   YamlNode& add(const YAML::Mark& mark, YAML::anchor_t anchor, YamlNode::Kind kind) {
     if (anchor != 0) refuse(mark, "anchor", "must not be used here");
-    if (++count_ > kMostNodes) refuse(mark, "values", "there must not be more than a million");
+    if (++count_ > kMaxNodes) refuse(mark, "values", "there must not be more than a million");
     YamlNode* node = &root_;
     if (!open_.empty()) {
       Open& parent = open_.back();
@@ -115,7 +115,7 @@ class TreeBuilder final : public YAML::EventHandler {
 }  // namespace
 
 YamlNode readYaml(const std::string& path) {
-  std::string content = readWholeFile(path, kLargestYamlFile);
+  std::string content = readWholeFile(path, kMaxYamlFile);
   const auto nul = content.find('\0');
   if (nul != std::string::npos) {
     const auto line = 1 + std::count(content.begin(), content.begin() + static_cast<std::ptrdiff_t>(nul), '\n');
@@ -134,7 +134,7 @@ YamlNode readYaml(const std::string& path) {
   }
 }
 
-std::string shown(const YamlNode& node) {
+std::string formatValue(const YamlNode& node) {
   switch (node.kind) {
     case YamlNode::Kind::kNull:
       return "(nothing)";
@@ -150,7 +150,7 @@ std::string shown(const YamlNode& node) {
 
 std::string YamlField::place() const { return atLine(path, node->line); }
 
-void YamlField::refuse(const std::string& rule) const { throw InputError(place(), key, shown(*node), rule); }
+void YamlField::refuse(const std::string& rule) const { throw InputError(place(), key, formatValue(*node), rule); }
 
 double YamlField::number() const {
   if (node->kind != YamlNode::Kind::kScalar || node->quoted) refuse("must be a number");
@@ -214,9 +214,9 @@ void YamlMap::refuseOthers() const {
     if (knows(node_.keys[i])) continue;
     std::string known;
     for (const std::string& key : asked_) known += (known.empty() ? "" : ", ") + key;
-    throw InputError(atLine(path_, node_.key_lines[i]), node_.keys[i], shown(node_.items[i]),
+    throw InputError(atLine(path_, node_.key_lines[i]), node_.keys[i], formatValue(node_.items[i]),
                      "unknown key; there are: " + known);
   }
 }
 
-}  // namespace angio
+}  // namespace angio::io

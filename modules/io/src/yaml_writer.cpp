@@ -5,7 +5,7 @@
 #include "angio/io/text.hpp"
 #include "angio/io/yaml.hpp"
 
-namespace angio {
+namespace angio::io {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -85,4 +85,4 @@ std::string asYaml(const Json& document) {
   return text;
 }
 
-}  // namespace angio
+}  // namespace angio::io

@@ -6,7 +6,7 @@
 #include "angio/base/formatted.hpp"
 #include "tip_filter.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 class CatheterLocaliser::Filter {
  public:
@@ -55,7 +55,7 @@ class CatheterLocaliser::Filter {
                                            : BeliefStatus::kUnknown;
     const double near_m = 1e-3 * forward_.settings().near_mm;
     if (end_std_m > 0) belief_.near_probability *= std::erf(near_m / (std::sqrt(2.0) * end_std_m));
-    if (outcome.used && belief_.near_probability < forward_.settings().least_probability) {
+    if (outcome.used && belief_.near_probability < forward_.settings().min_probability) {
       belief_.status = BeliefStatus::kUnsure;
       belief_.why = formatted("the tip is within %.1f mm of its place with a probability of %.2f only",
                               forward_.settings().near_mm, belief_.near_probability);
@@ -91,11 +91,11 @@ void CatheterLocaliser::reset() {
   filter_->forget();
 }
 
-void CatheterLocaliser::reset(int chain, double arc_m, double sigma_m) {
-  filter_->forward().reset(chain, arc_m, sigma_m);
+void CatheterLocaliser::reset(int chain, double arc_m, double std_m) {
+  filter_->forward().reset(chain, arc_m, std_m);
   filter_->forget();
 }
 
 const TipBelief& CatheterLocaliser::belief() const { return filter_->belief(); }
 
-}  // namespace angio
+}  // namespace angio::localisation

@@ -6,12 +6,12 @@
 #include <cmath>
 #include <limits>
 
-namespace angio {
+namespace angio::localisation {
 namespace {
 
 constexpr double kOutsideShare = 0.5;  // A point beyond the root costs this share of a stray one.
 constexpr double kDetour = 0.03;       // Price of walking further or less far than the curve did.
-constexpr int kMostEdges = 80;         // In one step: vessels along the beam have many places on one pixel.
+constexpr int kMaxEdges = 80;          // In one step: vessels along the beam have many places on one pixel.
 
 // The nearest point of an edge to q.
 struct Foot {
@@ -41,8 +41,8 @@ void PathMatcher::look(const Eigen::Matrix2Xd& projected_px, const CurveSamples&
   curve_ = &curve;
   stride_ = stride;
   step_px_ = curve.step_px * stride;
-  sigma_px_ = std::hypot(settings_.model_std_px, curve.sigma_px);
-  tip_variance_ = settings_.tip_std_px * settings_.tip_std_px + sigma_px_ * sigma_px_;
+  std_px_ = std::hypot(settings_.model_std_px, curve.std_px);
+  tip_variance_ = settings_.tip_std_px * settings_.tip_std_px + std_px_ * std_px_;
   // Neighbouring points err together, so that each counts for its share of a correlation length.
   share_ = std::min(1.0, step_px_ / settings_.correlation_px);
 }
@@ -56,11 +56,11 @@ Eigen::Vector2d PathMatcher::shownPoint(const Eigen::Vector2d& sample, const Eig
 // The nearest point of the path to q, ahead of `from`, about as far along as the curve has gone.
 PathMatcher::Step PathMatcher::ahead(const Position& from, const Eigen::Vector2d& q, double expected_px) const {
   const Eigen::Matrix2Xd& U = *projected_;
-  const double furthest_px = 2.5 * expected_px + 10;
+  const double max_px = 2.5 * expected_px + 10;
   double walked_px = 0, lowest_weight = from.weight, best_cost = std::numeric_limits<double>::infinity();
   Step best;
   int at = from.place;
-  for (int k = 0; k < kMostEdges && walked_px < furthest_px; ++k) {
+  for (int k = 0; k < kMaxEdges && walked_px < max_px; ++k) {
     const int parent = grid_.parent[at];
     if (parent < 0) break;
     const Eigen::Vector2d along = U.col(parent) - U.col(at);
@@ -86,7 +86,7 @@ double PathMatcher::walk(int place, const Misfit& misfit) {
   const Eigen::Matrix2Xd& U = *projected_;
   const Eigen::Vector2d tip = U.col(place);
   const double stray_sq = settings_.outlier_px * settings_.outlier_px;
-  const double most = 0.5 * stray_sq / (sigma_px_ * sigma_px_) * share_;  // Geman-McClure's bound.
+  const double most = 0.5 * stray_sq / (std_px_ * std_px_) * share_;  // Geman-McClure's bound.
   const int count = static_cast<int>(curve_->points_px.size());
   matches_.clear();
   distance_sum_px_ = 0;
@@ -128,7 +128,7 @@ PathMatcher::Equations PathMatcher::equations(int place, const Misfit& x, const 
   e.g.noalias() += J_tip.transpose() * (shownPoint(seen_tip, tip, x) - tip) / tip_variance_;
   for (const SampleMatch& m : matches_) {
     const Eigen::Vector4d j = jacobian(curve_->points_px[m.sample]).transpose() * m.normal;
-    const double w = m.trust * share_ / (sigma_px_ * sigma_px_);
+    const double w = m.trust * share_ / (std_px_ * std_px_);
     e.H.noalias() += w * j * j.transpose();
     e.g.noalias() += w * m.distance_px * j;
   }
@@ -161,4 +161,4 @@ PathMatch PathMatcher::match(int place, const MisfitPrior& prior, int iterations
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

@@ -9,7 +9,7 @@
 #include "curve_samples.hpp"
 #include "place_grid.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// How an image lies against the projected tree, about the projected tip c: a point q of the image shows the tree's
 /// c + ((1 - k) I - roll J)(q - shift - c), with J a quarter turn. In order: shift x, y [px], k [1], roll [rad].
@@ -82,9 +82,9 @@ class PathMatcher {
   const Eigen::Matrix2Xd* projected_ = nullptr;
   const CurveSamples* curve_ = nullptr;
   int stride_ = 1;
-  double step_px_ = 0, sigma_px_ = 1, tip_variance_ = 1, share_ = 1;
+  double step_px_ = 0, std_px_ = 1, tip_variance_ = 1, share_ = 1;
   std::vector<SampleMatch> matches_;
   double distance_sum_px_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::localisation

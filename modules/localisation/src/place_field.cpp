@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace angio {
+namespace angio::localisation {
 
 PlaceField::PlaceField(const PlaceGrid& grid, const std::vector<int>& tips, double step_m)
     : grid_(grid), node_below_(grid.size(), -1) {
@@ -59,4 +59,4 @@ Eigen::Matrix3Xd PlaceField::spread(const Eigen::Matrix3Xd& of_nodes_m, double l
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

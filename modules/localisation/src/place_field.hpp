@@ -7,7 +7,7 @@
 
 #include "place_grid.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// Displacements of the vessels that a catheter lies in, as a Gaussian process along the tree: known at some places,
 /// linear between them, and fading beyond.
@@ -44,4 +44,4 @@ class PlaceField {
   std::vector<int> node_below_;  // Of each place: the node at it or the next one towards the tip; -1 off the ways.
 };
 
-}  // namespace angio
+}  // namespace angio::localisation

@@ -6,7 +6,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::localisation {
 namespace {
 
 struct Growing {
@@ -56,7 +56,7 @@ int addChain(Growing& growing, const VesselTree& tree, int chain, int start, dou
 
 PlaceGrid makePlaceGrid(const VesselTree& tree, double spacing_m) {
   requirePositive("catheter localiser", "spacing_m", spacing_m);
-  spacing_m = std::max(spacing_m, tree.length() / kMostPlaces);
+  spacing_m = std::max(spacing_m, tree.length() / kMaxPlaces);
   Growing growing;
   growing.grid.spacing_m = spacing_m;
   std::vector<int> place_of(tree.size(), -1);  // Of roots, bifurcations and leaves.
@@ -93,4 +93,4 @@ int placeAt(const PlaceGrid& grid, int chain, double arc_m) {
   return best;
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

@@ -4,9 +4,10 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "angio/localisation/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// Places on a tree where a tip may be, each after its parent, in equal steps along each chain. Bifurcations belong to
 /// the chain that ends there, a root to the first chain that starts at it.
@@ -24,7 +25,7 @@ struct PlaceGrid {
   int size() const { return static_cast<int>(parent.size()); }
 };
 
-constexpr int kMostPlaces = 20000;  ///< Larger trees get wider steps.
+constexpr int kMaxPlaces = 20000;  ///< Larger trees get wider steps.
 
 /// Throws InputError when `spacing_m` is not positive.
 PlaceGrid makePlaceGrid(const VesselTree& tree, double spacing_m);
@@ -32,4 +33,4 @@ PlaceGrid makePlaceGrid(const VesselTree& tree, double spacing_m);
 /// The place of a chain that is nearest to an arc length.
 int placeAt(const PlaceGrid& grid, int chain, double arc_m);
 
-}  // namespace angio
+}  // namespace angio::localisation

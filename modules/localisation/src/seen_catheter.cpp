@@ -7,7 +7,7 @@
 
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::localisation {
 namespace {
 
 constexpr double kLever_px = 20;  // Of a direction at an end.
@@ -29,13 +29,13 @@ Eigen::Vector2d outward(const Points& points, bool at_last) {
 }
 
 // Branches of devices, cut where a step is too long to be one.
-std::vector<Points> piecesOf(const Centerline2d& devices, double longest_step_px) {
+std::vector<Points> piecesOf(const Centerline2d& devices, double max_step_px) {
   std::vector<Points> pieces;
   for (int i = 0; i < devices.size(); ++i) {
     const Eigen::Vector2d point = devices.points_px.col(i);
     if (!point.allFinite()) continue;
     const bool goes_on = i > 0 && devices.branch[i] == devices.branch[i - 1] && !pieces.empty() &&
-                         (point - pieces.back().back()).norm() <= longest_step_px;
+                         (point - pieces.back().back()).norm() <= max_step_px;
     if (!goes_on) pieces.emplace_back();
     pieces.back().push_back(point);
   }
@@ -53,7 +53,7 @@ struct Joint {
 
 std::vector<Joint> jointsOf(const std::vector<Points>& pieces, const SeenCatheterSettings& settings) {
   std::vector<Joint> joints;
-  const double least_cosine = std::cos(degToRad(settings.largest_turn_deg));
+  const double min_cosine = std::cos(degToRad(settings.max_turn_deg));
   for (std::size_t a = 0; a < pieces.size(); ++a) {
     for (std::size_t b = a + 1; b < pieces.size(); ++b) {
       for (const bool a_last : {false, true}) {
@@ -63,11 +63,11 @@ std::vector<Joint> jointsOf(const std::vector<Points>& pieces, const SeenCathete
           const Eigen::Vector2d across = to - from, out_a = outward(pieces[a], a_last),
                                 out_b = outward(pieces[b], b_last);
           const double gap = across.norm();
-          if (gap > settings.longest_gap_px || -out_a.dot(out_b) < least_cosine) continue;
+          if (gap > settings.max_gap_px || -out_a.dot(out_b) < min_cosine) continue;
           // Ends a few pixels apart say nothing about the direction of the gap.
           double straight = -out_a.dot(out_b);
           if (gap > 5) straight = std::min({straight, out_a.dot(across) / gap, -out_b.dot(across) / gap});
-          if (straight < least_cosine) continue;
+          if (straight < min_cosine) continue;
           joints.push_back({a, b, a_last, b_last, gap, gap + kLever_px * (1 - straight)});
         }
       }
@@ -84,7 +84,7 @@ std::vector<Points> joined(std::vector<Points> pieces, const SeenCatheterSetting
     const auto joints = jointsOf(pieces, settings);
     const auto worth = [&](const Joint& joint) {
       const double shorter = std::min(lengthOf(pieces[joint.a]), lengthOf(pieces[joint.b]));
-      return shorter >= std::min(settings.shortest_piece_px, joint.gap_px) && shorter >= 0.5 * joint.gap_px;
+      return shorter >= std::min(settings.min_piece_px, joint.gap_px) && shorter >= 0.5 * joint.gap_px;
     };
     const auto joint = std::find_if(joints.begin(), joints.end(), worth);
     if (joint == joints.end()) return pieces;
@@ -103,8 +103,8 @@ bool leaves(const Eigen::Vector2d& end, const XrayCamera& camera, double border_
 }
 
 double sigmaOf(const Centerline2d& devices, double otherwise) {
-  if (devices.sigma_px.size() == 0) return otherwise;
-  std::vector<double> sigmas(devices.sigma_px.begin(), devices.sigma_px.end());
+  if (devices.std_px.size() == 0) return otherwise;
+  std::vector<double> sigmas(devices.std_px.begin(), devices.std_px.end());
   std::nth_element(sigmas.begin(), sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2), sigmas.end());
   const double median = sigmas[sigmas.size() / 2];
   return std::isfinite(median) && median > 0 ? median : otherwise;
@@ -118,10 +118,10 @@ std::optional<SeenCatheter> seenCatheter(const Centerline2d& seen, const XrayCam
   checkSettings("seen catheter", settings);
   const Centerline2d devices = ofKind(seen, CurveKind::kDevice);
   if (devices.size() == 0 || !devices.ordered()) return std::nullopt;
-  const auto curves = joined(piecesOf(devices, settings.longest_gap_px), settings);
+  const auto curves = joined(piecesOf(devices, settings.max_gap_px), settings);
   const auto shorter = [](const Points& a, const Points& b) { return lengthOf(a) < lengthOf(b); };
   const auto longest = std::max_element(curves.begin(), curves.end(), shorter);
-  if (longest == curves.end() || lengthOf(*longest) < settings.shortest_curve_px) return std::nullopt;
+  if (longest == curves.end() || lengthOf(*longest) < settings.min_curve_px) return std::nullopt;
 
   SeenCatheter result;
   const bool first_leaves = leaves(longest->front(), camera, settings.border_px);
@@ -135,8 +135,8 @@ std::optional<SeenCatheter> seenCatheter(const Centerline2d& seen, const XrayCam
   for (std::size_t i = 0; i < longest->size(); ++i) {
     result.points_px.col(static_cast<Eigen::Index>(tip_is_last ? i : longest->size() - 1 - i)) = (*longest)[i];
   }
-  result.sigma_px = sigmaOf(devices, settings.sigma_px);
+  result.std_px = sigmaOf(devices, settings.std_px);
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

@@ -5,19 +5,19 @@
 #include <Eigen/LU>
 #include <cmath>
 
-namespace angio {
+namespace angio::localisation {
 namespace {
 
 constexpr int kSteps = 5;  // For one set of matches, which the next round changes anyway.
 constexpr double kNodeStep_m = 5e-3;
 
-Pose about(const Twist& twist, const Eigen::Vector3d& centre_m) {
-  return Pose(Eigen::Translation3d(centre_m) * expSE3(twist) * Eigen::Translation3d(-centre_m));
+Pose about(const Twist& twist, const Eigen::Vector3d& center_m) {
+  return Pose(Eigen::Translation3d(center_m) * expSE3(twist) * Eigen::Translation3d(-center_m));
 }
 
 // The twist about `centre_m` that makes the correction.
-Twist twistOf(const Pose& correction, const Eigen::Vector3d& centre_m) {
-  return logSE3(Pose(Eigen::Translation3d(-centre_m) * correction * Eigen::Translation3d(centre_m)));
+Twist twistOf(const Pose& correction, const Eigen::Vector3d& center_m) {
+  return logSE3(Pose(Eigen::Translation3d(-center_m) * correction * Eigen::Translation3d(center_m)));
 }
 
 // The unknowns: the correction's twist, then three numbers a node.
@@ -27,13 +27,13 @@ struct System {
 };
 
 // The correction's prior. Its twist and a step's add up but for second order, which the rounds take away.
-void addPosePrior(System& system, const Pose& correction, const Eigen::Vector3d& centre_m,
+void addPosePrior(System& system, const Pose& correction, const Eigen::Vector3d& center_m,
                   const SequenceSettings& settings) {
   Twist information;
   information.head<3>().setConstant(std::pow(1e-3 * settings.pose_translation_std_mm, -2));
   information.tail<3>().setConstant(std::pow(degToRad(settings.pose_rotation_std_deg), -2));
   system.H.topLeftCorner<6, 6>().diagonal() += information;
-  system.g.head<6>() += information.cwiseProduct(twistOf(correction, centre_m));
+  system.g.head<6>() += information.cwiseProduct(twistOf(correction, center_m));
 }
 
 // The displacements' prior: see PlaceField.
@@ -71,14 +71,14 @@ struct FrameBlock {
 
 class Fit {
  public:
-  Fit(std::vector<PosedFrame>& frames, const PlaceField& field, const PlaceGrid& grid, const Eigen::Vector3d& centre_m,
+  Fit(std::vector<PosedFrame>& frames, const PlaceField& field, const PlaceGrid& grid, const Eigen::Vector3d& center_m,
       const SequenceSettings& settings)
-      : frames_(frames), field_(field), grid_(grid), centre_m_(centre_m), settings_(settings) {}
+      : frames_(frames), field_(field), grid_(grid), center_m_(center_m), settings_(settings) {}
 
   void step(Pose& correction, Eigen::Matrix3Xd& nodes_m) {
     const int count = 6 + (deforms() ? static_cast<int>(3 * field_.nodes().size()) : 0);
     System system{Eigen::MatrixXd::Zero(count, count), Eigen::VectorXd::Zero(count)};
-    addPosePrior(system, correction, centre_m_, settings_);
+    addPosePrior(system, correction, center_m_, settings_);
     if (deforms()) addFieldPrior(system, field_, grid_, nodes_m, settings_);
     std::vector<FrameBlock> blocks;
     for (const PosedFrame& frame : frames_) blocks.push_back(addFrame(system, frame, correction, nodes_m));
@@ -86,7 +86,7 @@ class Fit {
     for (std::size_t f = 0; f < frames_.size(); ++f) {
       frames_[f].shift_px -= blocks[f].B.inverse() * (blocks[f].b + blocks[f].E * x);
     }
-    correction = correction * about(x.head<6>(), centre_m_);
+    correction = correction * about(x.head<6>(), center_m_);
     if (deforms()) nodes_m += Eigen::Map<const Eigen::Matrix3Xd>(x.data() + 6, 3, (count - 6) / 3);
   }
 
@@ -96,7 +96,7 @@ class Fit {
   FrameBlock addFrame(System& system, const PosedFrame& frame, const Pose& correction,
                       const Eigen::Matrix3Xd& nodes_m) const {
     const Pose T = frame.pose.T_camera_model * correction;
-    const double px_per_m = frame.pose.camera.parameters().fx_px / (T * centre_m_).z();
+    const double px_per_m = frame.pose.camera.parameters().fx_px / (T * center_m_).z();
     // The frames' own shifts stay small even while the common one is looked for.
     const double shift_information = std::pow(1e-3 * settings_.localiser.shift_std_mm * px_per_m, -2);
     FrameBlock block{shift_information * Eigen::Matrix2d::Identity(), shift_information * frame.shift_px,
@@ -120,7 +120,7 @@ class Fit {
     if (!u) return;
     const Eigen::Matrix<double, 2, 3> dp = P * T.linear();
     Eigen::Matrix<double, 3, 6> moved;  // The correction grows on its right.
-    moved << Eigen::Matrix3d::Identity(), -skew(p - centre_m_);
+    moved << Eigen::Matrix3d::Identity(), -skew(p - center_m_);
     std::vector<std::pair<int, Eigen::Matrix2Xd>> parts;
     parts.emplace_back(0, dp * moved);
     if (deforms()) {
@@ -141,25 +141,25 @@ class Fit {
   std::vector<PosedFrame>& frames_;
   const PlaceField& field_;
   const PlaceGrid& grid_;
-  const Eigen::Vector3d& centre_m_;
+  const Eigen::Vector3d& center_m_;
   const SequenceSettings& settings_;
 };
 
 }  // namespace
 
 void fitShared(std::vector<PosedFrame>& frames, const std::vector<int>& tips, const PlaceGrid& grid,
-               const Eigen::Vector3d& centre_m, const SequenceSettings& settings, SharedFit& shared) {
+               const Eigen::Vector3d& center_m, const SequenceSettings& settings, SharedFit& shared) {
   const PlaceField field(grid, tips, kNodeStep_m);
   const int nodes = static_cast<int>(field.nodes().size());
   Eigen::Matrix3Xd nodes_m = Eigen::Matrix3Xd::Zero(3, nodes);
   if (shared.displacements_m.cols() == grid.size()) {
     for (int n = 0; n < nodes; ++n) nodes_m.col(n) = shared.displacements_m.col(field.nodes()[n].place);
   }
-  Fit fit(frames, field, grid, centre_m, settings);
+  Fit fit(frames, field, grid, center_m, settings);
   for (int k = 0; k < kSteps; ++k) fit.step(shared.correction, nodes_m);
   if (settings.deformation_std_mm > 0) {
     shared.displacements_m = field.spread(nodes_m, 1e-3 * settings.deformation_length_mm);
   }
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

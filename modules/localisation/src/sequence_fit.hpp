@@ -6,7 +6,7 @@
 #include "angio/localisation/sequence_localiser.hpp"
 #include "place_field.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// One point of a curve and its place on the tree.
 struct PosedPoint {
@@ -33,6 +33,6 @@ struct SharedFit {
 /// and each frame's shift, with the settings' priors. Displacements stay as they are when `settings.deformation_std_mm`
 /// is 0.
 void fitShared(std::vector<PosedFrame>& frames, const std::vector<int>& tips, const PlaceGrid& grid,
-               const Eigen::Vector3d& centre_m, const SequenceSettings& settings, SharedFit& shared);
+               const Eigen::Vector3d& center_m, const SequenceSettings& settings, SharedFit& shared);
 
-}  // namespace angio
+}  // namespace angio::localisation

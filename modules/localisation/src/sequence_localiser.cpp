@@ -8,7 +8,7 @@
 #include "sequence_fit.hpp"
 #include "tip_smoother.hpp"
 
-namespace angio {
+namespace angio::localisation {
 namespace {
 
 constexpr int kRigidRounds = 4;  // Before the vessels may bend: the path must be found first.
@@ -63,13 +63,13 @@ PosedFrame posed(const SequenceFrame& frame, const SeenPose& corrected_pose, con
   found.mean = chosen.match.misfit;
   found.information = 1e6 * Eigen::Matrix4d::Identity();
   matcher.match(chosen.place, found, 0);
-  const double sigma_px = std::hypot(s.model_std_px, curve.sigma_px);
-  const double share = std::min(1.0, curve.step_px / s.correlation_px) / (sigma_px * sigma_px);
+  const double std_px = std::hypot(s.model_std_px, curve.std_px);
+  const double share = std::min(1.0, curve.step_px / s.correlation_px) / (std_px * std_px);
   for (const SampleMatch& m : matcher.lastMatches()) {
     result.points.push_back(
         {curve.points_px[m.sample], m.place, m.weight, share * m.trust * m.normal * m.normal.transpose()});
   }
-  const double tip_variance = s.tip_std_px * s.tip_std_px + sigma_px * sigma_px;
+  const double tip_variance = s.tip_std_px * s.tip_std_px + std_px * std_px;
   result.points.push_back({curve.points_px.front(), chosen.place, 0, Eigen::Matrix2d::Identity() / tip_variance});
   return result;
 }
@@ -174,7 +174,7 @@ SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const 
     TipFilter filter(settingsOfRound(settings, round), displaced(grid, shared.displacements_m), tree.centroid());
     const auto now = corrected(frames, shared.correction);
     const auto forward = forwardPass(filter, now);
-    const auto way = mostProbableWay(filter, forward);
+    const auto way = mostProbableRoute(filter, forward);
     if (progress) progress(round + 1);
     const RoundOutcome outcome = outcomeOf(forward, way);
     result.converged = round > kRigidRounds + 1 && atRest(before, outcome, grid);
@@ -200,4 +200,4 @@ SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const 
   }
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

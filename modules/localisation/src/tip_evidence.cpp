@@ -6,7 +6,7 @@
 
 #include "tip_filter.hpp"
 
-namespace angio {
+namespace angio::localisation {
 namespace {
 
 constexpr double kSamePlace_m = 2e-3;
@@ -101,4 +101,4 @@ FrameOutcome TipFilter::observe(const TipEvidence& evidence) {
   return outcome;
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

@@ -8,7 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 
-namespace angio {
+namespace angio::localisation {
 namespace {
 
 constexpr double kGate = 4;    // Standard deviations of the tip's place in the image.
@@ -42,20 +42,20 @@ void TipFilter::reset() {
   candidates_.clear();
 }
 
-void TipFilter::reset(int chain, double arc_m, double sigma_m) {
+void TipFilter::reset(int chain, double arc_m, double std_m) {
   if (chain < 0 || chain >= static_cast<int>(chain_length_m_.size())) {
     throw InputError("catheter localiser", "chain", std::to_string(chain), "must be a branch of the tree");
   }
   requireBetween("catheter localiser", "arc_m", arc_m, 0, chain_length_m_[chain] * (1 + 1e-9));
-  requirePositive("catheter localiser", "sigma_m", sigma_m);
+  requirePositive("catheter localiser", "std_m", std_m);
   reset();
   // Along this chain and the way to the root; beyond the chain's end a frame's motion will carry it.
   const double middle_m = grid_.path_m[grid_.last_of_chain[chain]] - chain_length_m_[chain] + arc_m;
-  sigma_m = std::max(sigma_m, 0.5 * grid_.spacing_m);
+  std_m = std::max(std_m, 0.5 * grid_.spacing_m);
   probability_.assign(grid_.size(), 0.0);
   double sum = 0;
   for (int i = grid_.last_of_chain[chain]; i >= 0; i = grid_.parent[i]) {
-    const double off = (grid_.path_m[i] - middle_m) / sigma_m;
+    const double off = (grid_.path_m[i] - middle_m) / std_m;
     sum += probability_[i] = std::exp(-0.5 * off * off);
   }
   for (double& p : probability_) p /= sum;
@@ -236,4 +236,4 @@ void TipFilter::weigh(const SeenPose& pose) {
   shift_.swap(next_shift_);
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

@@ -10,7 +10,7 @@
 #include "place_grid.hpp"
 #include "tip_motion.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// How the curve of one frame looks from one place.
 struct Candidate {
@@ -34,7 +34,7 @@ class TipFilter {
   TipFilter(const LocaliserSettings& settings, PlaceGrid grid, const Eigen::Vector3d& centroid_m);
 
   void reset();
-  void reset(int chain, double arc_m, double sigma_m);
+  void reset(int chain, double arc_m, double std_m);
 
   /// Time passes; the tip and the shift move.
   void predict(const CatheterMotion& motion);
@@ -90,4 +90,4 @@ class TipFilter {
   std::vector<Candidate> candidates_, collected_;
 };
 
-}  // namespace angio
+}  // namespace angio::localisation

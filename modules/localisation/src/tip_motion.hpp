@@ -6,7 +6,7 @@
 #include "angio/localisation/catheter_localiser.hpp"
 #include "place_grid.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// A place and how probable it is.
 struct Reach {
@@ -34,4 +34,4 @@ class TipMotion {
   std::vector<Reach> reached_;
 };
 
-}  // namespace angio
+}  // namespace angio::localisation

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/localisation/tip_on_ray.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 Eigen::Vector3d tipOnRay(const TipPlace& place, const SeenCatheter& seen, const SeenPose& pose) {
   if (seen.tip_end != TipEnd::kLast || seen.points_px.cols() == 0) return place.tip_model;
@@ -10,4 +10,4 @@ Eigen::Vector3d tipOnRay(const TipPlace& place, const SeenCatheter& seen, const 
   return pose.T_camera_model.inverse() * Eigen::Vector3d(ray.dot(on_axis) * ray);
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

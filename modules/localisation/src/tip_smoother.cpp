@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::localisation {
 namespace {
 
 constexpr double kFloor = -1e5;  // Logarithm of what a frame's candidates leave out.
@@ -65,7 +65,7 @@ std::vector<std::vector<double>> smoothed(const TipFilter& filter, const std::ve
   return result;
 }
 
-std::vector<int> mostProbableWay(const TipFilter& filter, const std::vector<ForwardFrame>& frames) {
+std::vector<int> mostProbableRoute(const TipFilter& filter, const std::vector<ForwardFrame>& frames) {
   const int places = filter.grid().size();
   const double log_jump = std::log(filter.settings().jump_probability / places);
   std::vector<std::vector<int>> before(frames.size(), std::vector<int>(places, -1));
@@ -97,4 +97,4 @@ std::vector<int> mostProbableWay(const TipFilter& filter, const std::vector<Forw
   return way;
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

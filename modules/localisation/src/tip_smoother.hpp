@@ -6,7 +6,7 @@
 #include "angio/localisation/sequence_localiser.hpp"
 #include "tip_filter.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// One frame after the forward pass.
 struct ForwardFrame {
@@ -23,6 +23,6 @@ std::vector<ForwardFrame> forwardPass(TipFilter& filter, const std::vector<Seque
 std::vector<std::vector<double>> smoothed(const TipFilter& filter, const std::vector<ForwardFrame>& frames);
 
 /// The most probable places of the tip as one way (Viterbi; Rabiner 1989, eq. 30-35).
-std::vector<int> mostProbableWay(const TipFilter& filter, const std::vector<ForwardFrame>& frames);
+std::vector<int> mostProbableRoute(const TipFilter& filter, const std::vector<ForwardFrame>& frames);
 
-}  // namespace angio
+}  // namespace angio::localisation

@@ -5,7 +5,7 @@
 
 #include "tip_filter.hpp"
 
-namespace angio {
+namespace angio::localisation {
 namespace {
 
 constexpr double kWorthNaming = 0.01;
@@ -22,7 +22,7 @@ TipPlace placeOf(const PlaceGrid& grid, int chain, const ChainMoments& moments) 
   place.probability = std::min(moments.mass, 1.0);  // A sum of many may round to more.
   place.arc_m = moments.arc_m / moments.mass;
   const double variance = std::max(0.0, moments.arc_squared / moments.mass - place.arc_m * place.arc_m);
-  place.sigma_m = std::sqrt(variance + grid.spacing_m * grid.spacing_m / 12);
+  place.std_m = std::sqrt(variance + grid.spacing_m * grid.spacing_m / 12);
   int above = grid.last_of_chain[chain];
   place.path_m = grid.path_m[above] - grid.arc_m[above] + place.arc_m;
   while (grid.parent[above] >= 0 && grid.path_m[grid.parent[above]] >= place.path_m) above = grid.parent[above];
@@ -63,4 +63,4 @@ TipBelief TipFilter::summarised(const std::vector<double>& probability) const {
   return belief;
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

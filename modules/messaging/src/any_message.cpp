@@ -9,7 +9,7 @@
 #include "angio/messaging/mailbox.hpp"
 #include "field_bytes.hpp"
 
-namespace angio {
+namespace angio::messaging {
 namespace wire {
 namespace {
 
@@ -47,7 +47,7 @@ Decoded<AnyMessage> read(const std::uint8_t* data, std::size_t size) {
   const auto fingerprint = fingerprintOf(data, size);
   if (!fingerprint) return refused("too short for a fingerprint");
   if (*fingerprint != Description<T>::Wire::getHash()) return refused("another type's fingerprint");
-  if (size > static_cast<std::size_t>(kLongestMessage)) return refused("too long");
+  if (size > static_cast<std::size_t>(kMaxMessage)) return refused("too long");
   typename Description<T>::Packed packed{};
   FieldReader reader(data + sizeof *fingerprint, size - sizeof *fingerprint);
   Description<T>::fields(reader, packed);
@@ -124,4 +124,4 @@ std::string describe(const AnyMessage& message) {
   return std::visit([](const auto& m) { return wire::Description<std::decay_t<decltype(m)>>::line(m); }, message);
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

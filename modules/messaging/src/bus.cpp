@@ -19,13 +19,13 @@
 #include "udpm_address.hpp"
 #include "udpm_bus.hpp"
 
-namespace angio {
+namespace angio::messaging {
 namespace {
 
-constexpr int kLongestDrain = 1000;
+constexpr int kMaxDrain = 1000;
 
 // Messages that wait for the next handle(), on one channel (LCM's own number) and on all together; more are dropped.
-constexpr int kMostWaiting = 30, kMostWaitingOfAll = 100;
+constexpr int kMaxWaiting = 30, kMaxWaitingOfAll = 100;
 
 bool startsWith(const std::string& text, const std::string& start) { return text.compare(0, start.size(), start) == 0; }
 
@@ -76,14 +76,14 @@ class LcmBus final : public Bus {
   }
 
   void subscribe(const std::string& channel, Handler handler) override {
-    listen(channel, literal(channel), kMostWaiting,
+    listen(channel, literal(channel), kMaxWaiting,
            [handler = std::move(handler)](const std::string&, const std::uint8_t* data, std::size_t size) {
              handler(data, size);
            });
   }
 
   void subscribeAll(Listener listener) override {
-    listen("all channels", ".*", kMostWaitingOfAll,
+    listen("all channels", ".*", kMaxWaitingOfAll,
            [listener = std::move(listener)](const std::string& channel, const std::uint8_t* data, std::size_t size) {
              if (channel != kLcmSelfTestChannel) listener(channel, data, size);
            });
@@ -93,7 +93,7 @@ class LcmBus final : public Bus {
     if (handling_) throw std::logic_error("Bus::handle() was called from within a handler");
     using Count = std::chrono::milliseconds::rep;
     int wait_ms = static_cast<int>(std::clamp<Count>(timeout.count(), 0, std::numeric_limits<int>::max()));
-    const int most = startsWith(url_, "file://") ? 1 : kLongestDrain;
+    const int most = startsWith(url_, "file://") ? 1 : kMaxDrain;
     int handled = 0;
     while (handled < most && handleOne(wait_ms)) {
       ++handled;
@@ -112,7 +112,7 @@ class LcmBus final : public Bus {
     Listener listener;
   };
 
-  void listen(const std::string& channels, const std::string& pattern, int most_waiting, Listener listener) {
+  void listen(const std::string& channels, const std::string& pattern, int max_waiting, Listener listener) {
     subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(listener)}));
     lcm_subscription_t* made =
         lcm_subscribe(lcm_.get(), pattern.c_str(), &LcmBus::onMessage, subscriptions_.back().get());
@@ -120,7 +120,7 @@ class LcmBus final : public Bus {
       subscriptions_.pop_back();
       throw InputError("bus", "url", url_, "cannot receive on " + channels);
     }
-    lcm_subscription_set_queue_capacity(made, most_waiting);
+    lcm_subscription_set_queue_capacity(made, max_waiting);
   }
 
   bool handleOne(int wait_ms) {
@@ -178,4 +178,4 @@ std::unique_ptr<Bus> openSharedBus(const std::string& url) {
   return openBus(url);
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -7,18 +7,18 @@
 #include "angio/base/formatted.hpp"
 #include "angio/messaging/any_message.hpp"
 
-namespace angio {
+namespace angio::messaging {
 namespace {
 
 // What LCM says to itself when a program begins to listen; lcm-logger writes it down.
 constexpr const char* kSelfTestChannel = "LCM_SELF_TEST";
 
-constexpr std::size_t kMostChannels = 1000;
-constexpr std::size_t kMostRecent = 10000;
-constexpr std::size_t kMostRemembered = 1000;
+constexpr std::size_t kMaxChannels = 1000;
+constexpr std::size_t kMaxRecent = 10000;
+constexpr std::size_t kMaxRemembered = 1000;
 // Two clocks that differ by less are taken for one: messages do not travel longer, and machines are not started
 // together.
-constexpr double kLongestLatency_us = 10e6;
+constexpr double kMaxLatency_us = 10e6;
 
 std::string typeOf(const std::uint8_t* data, std::size_t size) {
   if (const auto known = messageType(data, size)) return *known;
@@ -44,9 +44,9 @@ void BusMonitor::Channel::count(std::int64_t sequence, std::int64_t time_us) {
       // In doubles: numbers from the wire may lie further apart than an int64 holds.
       const double jumped = difference(sequence, *newest_sequence) - 1;
       sums.missing += static_cast<std::int64_t>(std::min(jumped, 1e15));
-      const auto remembered = static_cast<std::int64_t>(std::min(jumped, double{kMostRemembered}));
+      const auto remembered = static_cast<std::int64_t>(std::min(jumped, double{kMaxRemembered}));
       for (std::int64_t back = remembered; back > 0; --back) missing.push_back(sequence - back);
-      while (missing.size() > kMostRemembered) missing.pop_front();
+      while (missing.size() > kMaxRemembered) missing.pop_front();
     }
   } else if (sequence < *newest_sequence && time_us > newest_time_us) {
     ++sums.restarts;
@@ -68,7 +68,7 @@ void BusMonitor::Channel::count(std::int64_t sequence, std::int64_t time_us) {
 
 void BusMonitor::hear(const std::string& channel, const std::uint8_t* data, std::size_t size, std::int64_t arrival_us) {
   if (channel == kSelfTestChannel) return;
-  if (channels_.size() >= kMostChannels && channels_.find(channel) == channels_.end()) return;
+  if (channels_.size() >= kMaxChannels && channels_.find(channel) == channels_.end()) return;
   Channel& c = channels_[channel];
   ++c.sums.messages;
   c.sums.bytes += static_cast<std::int64_t>(size);
@@ -87,7 +87,7 @@ void BusMonitor::hear(const std::string& channel, const std::uint8_t* data, std:
     }
   }
   c.recent.push_back(arrival);
-  while (c.recent.size() > kMostRecent || c.recent.front().time_us < arrival_us - window_us_) c.recent.pop_front();
+  while (c.recent.size() > kMaxRecent || c.recent.front().time_us < arrival_us - window_us_) c.recent.pop_front();
 }
 
 std::vector<ChannelReport> BusMonitor::report(std::int64_t now_us) const {
@@ -119,11 +119,11 @@ std::vector<ChannelReport> BusMonitor::report(std::int64_t now_us) const {
       std::sort(delays_us.begin(), delays_us.end());
       r.delay_spread_s = 1e-6 * (delays_us.back() - delays_us.front());
       const double median_us = delays_us[delays_us.size() / 2];
-      if (median_us >= 0 && median_us < kLongestLatency_us) r.latency_s = 1e-6 * median_us;
+      if (median_us >= 0 && median_us < kMaxLatency_us) r.latency_s = 1e-6 * median_us;
     }
     reports.push_back(std::move(r));
   }
   return reports;
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

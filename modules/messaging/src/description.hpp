@@ -7,7 +7,7 @@
 
 #include "field_rules.hpp"
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 /// How a message stands on the wire, what holds for it, and how it is shown. Codec, rules, text and tests of a message
 /// follow from its description; each message has one, in messages/.
@@ -42,4 +42,4 @@ struct PlainDescription {
   }
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

@@ -7,7 +7,7 @@
 
 #include "angio/base/fnv1a.hpp"
 
-namespace angio {
+namespace angio::messaging {
 namespace {
 
 std::uint64_t hashOf(const std::string& text) {
@@ -114,4 +114,4 @@ std::optional<std::int64_t> DisturbedBus::nextDue_us() const {
   return under_way_.empty() ? std::nullopt : std::optional(under_way_.begin()->first);
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

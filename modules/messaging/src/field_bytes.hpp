@@ -10,7 +10,7 @@
 #include "description.hpp"
 
 // A message's fields to bytes and back, as LCM lays them out: one after the other, big-endian, without padding.
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 template <typename Value>
 using BitsOf = std::conditional_t<sizeof(Value) == 8, std::uint64_t,
@@ -121,4 +121,4 @@ class FieldReader {
   const char* broken_ = nullptr;
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

@@ -10,14 +10,15 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
+#include "angio/messaging/namespace.hpp"
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 template <typename T>
 struct Description;
 
 /// Longest message [bytes]: LCM counts in int, and its headers need room.
-constexpr std::int64_t kLongestMessage = 2'000'000'000;
+constexpr std::int64_t kMaxMessage = 2'000'000'000;
 
 /// What a number may be, both bounds included; a number that is not finite is refused always.
 struct Limits {
@@ -57,7 +58,7 @@ class FieldRules {
 
   void text(const char* name, const std::string& text) {
     if (text.find('\0') != std::string::npos) fail(name, "must not contain a NUL");
-    if (static_cast<std::int64_t>(text.size()) > kLongestMessage) fail(name, "is too long");
+    if (static_cast<std::int64_t>(text.size()) > kMaxMessage) fail(name, "is too long");
   }
 
  private:
@@ -80,9 +81,10 @@ class FieldRules {
     } else {
       field += part;
     }
-    fail(field + " = " + shown(value), bounded ? "must be in [" + shown(limits.low) + ", " + shown(limits.high) + "]"
-                                       : std::isfinite(value) ? "must not be negative"
-                                                              : "must be finite");
+    fail(field + " = " + formatValue(value),
+         bounded                ? "must be in [" + formatValue(limits.low) + ", " + formatValue(limits.high) + "]"
+         : std::isfinite(value) ? "must not be negative"
+                                : "must be finite");
   }
 
   void fail(const std::string& field, const std::string& rule) {
@@ -92,4 +94,4 @@ class FieldRules {
   std::optional<std::string> broken_;
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

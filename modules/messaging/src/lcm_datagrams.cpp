@@ -5,7 +5,7 @@
 #include <iterator>
 #include <utility>
 
-namespace angio {
+namespace angio::messaging {
 namespace {
 
 // All numbers are big-endian. Both headers begin with a magic word and the message's sequence number (32 bit each). A
@@ -145,4 +145,4 @@ void LcmDatagrams::drop(Place place) {
   unfinished_.erase(place);
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -9,7 +9,7 @@
 
 #include "angio/messaging/log_writer.hpp"
 
-namespace angio {
+namespace angio::messaging {
 namespace {
 
 class LogBus final : public Bus {
@@ -45,4 +45,4 @@ std::unique_ptr<Bus> openLogBus(const std::string& url) {
   return std::make_unique<LogBus>(behind.substr(0, behind.find('?')));
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

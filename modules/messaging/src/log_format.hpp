@@ -4,7 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace angio {
+#include "angio/messaging/namespace.hpp"
+
+namespace angio::messaging {
 
 // Each event of a log: this word, its number (64 bit), its time (64), lengths of channel and data (32 each), and these
 // two; all numbers are big-endian (lcm's eventlog.c).
@@ -14,4 +16,4 @@ constexpr std::size_t kLogHeader_bytes = 28;
 // A channel is shorter than this in LCM's own reader.
 constexpr std::size_t kLogMaxChannel_bytes = 1000;
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -8,7 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "log_format.hpp"
 
-namespace angio {
+namespace angio::messaging {
 namespace {
 
 std::uint64_t bigEndian(const char* bytes, int count) {
@@ -81,4 +81,4 @@ std::optional<std::string> logFileOf(const std::string& url) {
   return url.substr(scheme.size(), options - scheme.size());
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -14,7 +14,7 @@
 #include "angio/base/errors.hpp"
 #include "log_format.hpp"
 
-namespace angio {
+namespace angio::messaging {
 namespace {
 
 std::string causeOf(int error) { return std::generic_category().message(error); }
@@ -86,4 +86,4 @@ void LogWriter::fail(int error) {
   close();
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

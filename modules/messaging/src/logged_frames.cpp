@@ -5,7 +5,7 @@
 
 #include "angio/messaging/channels.hpp"
 
-namespace angio {
+namespace angio::messaging {
 
 void LoggedFrames::enter(const LogEvent& event) {
   if (event.channel != kXrayFrameChannel) return;
@@ -23,4 +23,4 @@ XrayFrame LoggedFrames::readAt(LogReader& log, std::int64_t position_bytes) {
   return std::move(*frame.value);
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

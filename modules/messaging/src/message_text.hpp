@@ -5,10 +5,11 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/geometry/carm.hpp"
+#include "angio/messaging/namespace.hpp"
 #include "angio/types/loop_input.hpp"
 
 // What the lines of several messages have in common.
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 inline long long count(std::int64_t number) { return static_cast<long long>(number); }
 
@@ -36,4 +37,4 @@ inline std::string answerText(std::int64_t frame_sequence, std::int64_t valid_fo
   return formatted("frame %lld, for %.0f ms: ", count(frame_sequence), 1e-3 * static_cast<double>(valid_for_us));
 }
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

@@ -3,7 +3,9 @@
 
 #include <unistd.h>
 
-namespace angio {
+#include "angio/messaging/namespace.hpp"
+
+namespace angio::messaging {
 
 /// A file descriptor that is closed with this object; none when it is negative.
 class OpenDescriptor {
@@ -21,4 +23,4 @@ class OpenDescriptor {
   const int descriptor_;
 };
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-namespace angio {
+namespace angio::messaging {
 
 void ReceiveQueue::push(LcmMessage message, bool named) {
   Waiting added{named ? message.channel : "", std::move(message)};
@@ -34,4 +34,4 @@ void ReceiveQueue::erase(std::deque<Waiting>::iterator oldest) {
   waiting_.erase(oldest);
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

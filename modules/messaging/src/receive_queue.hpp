@@ -9,7 +9,7 @@
 
 #include "angio/messaging/lcm_datagrams.hpp"
 
-namespace angio {
+namespace angio::messaging {
 
 /// Messages that wait for their reader, in the order in which they came. When there are too many, the oldest go: what a
 /// slow reader gets is what is nearest to the present.
@@ -40,4 +40,4 @@ class ReceiveQueue {
   std::size_t bytes_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-namespace angio {
+namespace angio::messaging {
 RecordingBus::RecordingBus(Bus& bus, const std::string& path) : bus_(bus), record_(std::make_shared<Record>()) {
   record_->log = std::make_unique<LogWriter>(path);
 }
@@ -31,4 +31,4 @@ void RecordingBus::subscribeAll(Listener listener) {
   bus_.subscribeAll(std::move(listener));
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

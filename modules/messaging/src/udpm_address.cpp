@@ -12,7 +12,7 @@
 #include "angio/base/errors.hpp"
 #include "open_descriptor.hpp"
 
-namespace angio {
+namespace angio::messaging {
 namespace {
 
 // A whole number in C's notation, as LCM reads it.
@@ -77,4 +77,4 @@ void requireRoute(const std::string& url, const UdpmAddress& address) {
   }
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

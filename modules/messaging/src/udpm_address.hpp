@@ -5,7 +5,9 @@
 
 #include <string>
 
-namespace angio {
+#include "angio/messaging/namespace.hpp"
+
+namespace angio::messaging {
 
 /// What programs on UDP multicast need besides a group; the end of a message to the user.
 constexpr const char* kMulticastRule =
@@ -32,4 +34,4 @@ UdpmAddress parseUdpmUrl(const std::string& url);
 /// Throws InputError when this machine has no route to the group or cannot join it.
 void requireRoute(const std::string& url, const UdpmAddress& address);
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -16,7 +16,7 @@
 #include "udpm_address.hpp"
 #include "udpm_receiver.hpp"
 
-namespace angio {
+namespace angio::messaging {
 namespace {
 
 constexpr int kMaxDrain = 1000;
@@ -121,4 +121,4 @@ class UdpmBus final : public Bus {
 
 std::unique_ptr<Bus> openUdpmBus(const std::string& url) { return std::make_unique<UdpmBus>(url); }
 
-}  // namespace angio
+}  // namespace angio::messaging

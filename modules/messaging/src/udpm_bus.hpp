@@ -6,11 +6,11 @@
 
 #include "angio/messaging/bus.hpp"
 
-namespace angio {
+namespace angio::messaging {
 
 /// Opens a bus on UDP multicast, "udpm://group:port?ttl=0". It publishes by LCM and receives by itself, because LCM
 /// 1.3.1 takes the lengths in a datagram on its sender's word, and one wrong datagram ends its program. Throws as
 /// openBus() does.
 std::unique_ptr<Bus> openUdpmBus(const std::string& url);
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -14,7 +14,7 @@
 #include <system_error>
 #include <utility>
 
-namespace angio {
+namespace angio::messaging {
 namespace {
 
 // More than UDP carries.
@@ -193,4 +193,4 @@ void UdpmReceiver::fail(int error) {
   signalTo(ready_);
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -15,7 +15,7 @@
 #include "receive_queue.hpp"
 #include "udpm_address.hpp"
 
-namespace angio {
+namespace angio::messaging {
 
 /// Receives LCM's messages of a multicast group. A thread of its own drains the socket while the reader is busy,
 /// because the system's buffer may be smaller than one frame. Its memory is bounded by LcmDatagrams and ReceiveQueue.
@@ -61,4 +61,4 @@ class UdpmReceiver {
   std::thread thread_;
 };
 
-}  // namespace angio
+}  // namespace angio::messaging

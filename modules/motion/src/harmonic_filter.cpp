@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::motion {
 namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
@@ -34,7 +34,7 @@ HarmonicFilter::HarmonicFilter(const std::vector<Oscillator>& oscillators, const
   P_ = Matrix::Zero(n, n);
   x_.head<3>() = first_position;
   P_.diagonal().head<3>().setConstant(noise.first_offset_std_m * noise.first_offset_std_m);
-  P_.diagonal().segment<3>(kDrift).setConstant(noise.drift_std_m_s * noise.drift_std_m_s);
+  P_.diagonal().segment<3>(kDrift).setConstant(noise.drift_std_m_per_s * noise.drift_std_m_per_s);
   for (std::size_t k = 0; k < parts_.size(); ++k) {
     Part& part = parts_[k];
     part.frequency = 3 * components_ + static_cast<int>(k);
@@ -103,7 +103,7 @@ void HarmonicFilter::advance(double dt_s) {
   timesTransposed(dt_s, turns, before);
 
   P_.diagonal().head<3>().array() += noise_.offset_walk_m * noise_.offset_walk_m * dt_s;
-  P_.diagonal().segment<3>(kDrift).array() += renewed * noise_.drift_std_m_s * noise_.drift_std_m_s;
+  P_.diagonal().segment<3>(kDrift).array() += renewed * noise_.drift_std_m_per_s * noise_.drift_std_m_per_s;
   x_.head<3>() += dt_s * before.segment<3>(kDrift);
   x_.segment<3>(kDrift) *= kept;
   for (const Part& part : parts_) {
@@ -126,7 +126,7 @@ PositionEstimate HarmonicFilter::ahead(double horizon_s) const {
   const double kept = damping(horizon_s), renewed = 1 - kept * kept;
   // The position's derivative by the state, G, is a multiple of the identity for every component, and a column for
   // every frequency: G P G^T by those.
-  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMostStates, 3> PGt =
+  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMaxStates, 3> PGt =
       P_.leftCols<3>() + horizon_s * P_.middleCols<3>(kDrift);
   PositionEstimate estimate{x_.head<3>() + horizon_s * x_.segment<3>(kDrift), Eigen::Matrix3d::Zero()};
   Eigen::Vector3d grown = Eigen::Vector3d::Constant(noise_.offset_walk_m * noise_.offset_walk_m * horizon_s);
@@ -155,7 +155,7 @@ PositionEstimate HarmonicFilter::ahead(double horizon_s) const {
 }
 
 void HarmonicFilter::correct(const Eigen::Vector3d& z, const Eigen::Matrix3d& R) {
-  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMostStates, 3> PHt = P_.leftCols<3>();
+  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMaxStates, 3> PHt = P_.leftCols<3>();
   Eigen::Vector3d expected = x_.head<3>();
   for (const Part& part : parts_) {
     for (int h = 0; h < part.harmonics; ++h) {
@@ -195,4 +195,4 @@ void HarmonicFilter::widen() {
   }
 }
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -7,7 +7,7 @@
 
 #include "trend_filter.hpp"
 
-namespace angio {
+namespace angio::motion {
 
 /// An oscillator as it is first known: its frequency, and how large each harmonic is along each axis.
 struct Oscillator {
@@ -21,7 +21,7 @@ struct Oscillator {
 struct HarmonicNoise {
   double amplitude_memory_s;  ///< Time constant of each harmonic.
   double offset_walk_m;       ///< Per square root of a second.
-  double drift_std_m_s;       ///< Changes over the same time constant.
+  double drift_std_m_per_s;   ///< Changes over the same time constant.
   double first_offset_std_m;
 };
 
@@ -32,9 +32,9 @@ struct HarmonicNoise {
 /// a quasi-periodic Gaussian process, but they are not damped: what repeats itself exactly is predicted exactly.
 class HarmonicFilter {
  public:
-  static constexpr int kMostStates = 64;
-  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostStates, 1>;
-  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostStates, kMostStates>;
+  static constexpr int kMaxStates = 64;
+  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxStates, 1>;
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxStates, kMaxStates>;
 
   HarmonicFilter(const std::vector<Oscillator>& oscillators, const HarmonicNoise& noise,
                  const Eigen::Vector3d& first_position);
@@ -66,7 +66,7 @@ class HarmonicFilter {
   struct Turn {
     double c, s;  // Cosine and sine.
   };
-  using Turns = std::array<Turn, kMostStates / 6>;  // Of all harmonics of all parts.
+  using Turns = std::array<Turn, kMaxStates / 6>;  // Of all harmonics of all parts.
   Turns turnsIn(double dt_s) const;
   double damping(double dt_s) const;
   Eigen::Vector3d byFrequency(const Part& part, const Turns& turns, double horizon_s) const;
@@ -80,4 +80,4 @@ class HarmonicFilter {
   Matrix P_;
 };
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::motion {
 namespace {
 
 // Of the variance that is not slow: breathing is most of it, the heart a good part of what breathing leaves.
@@ -15,7 +15,7 @@ constexpr double kHeartMemory_s = 8, kBeatsToLearn = 4;
 constexpr double kOfFrameRate = 0.45;
 // A search's step, in parts of what a window can tell apart.
 constexpr double kBreathingStep = 0.1, kHeartStep = 0.15;
-constexpr double kLeastBreaths = 1.2;
+constexpr double kMinBreaths = 1.2;
 constexpr double kReplay_s = 8, kReplayPeriods = 2;
 constexpr int kHeartHarmonicsSearched = 3;
 constexpr std::size_t kFewestSamples = 10;
@@ -57,11 +57,11 @@ std::vector<Oscillator> findPeriods(const std::deque<MotionSample>& samples, dou
   {
     PeriodSearch search{};
     // Slower ones than can be learnt yet are looked at as well: a part of one may pass for a faster one.
-    search.low_hz = std::max(settings.breathing_low_hz, kLeastBreaths / window_s);
+    search.low_hz = std::max(settings.breathing_low_hz, kMinBreaths / window_s);
     search.high_hz = std::min(settings.breathing_high_hz, highest_hz);
     search.harmonics = harmonics(settings.breathing_harmonics, search.high_hz);
     search.step_hz = kBreathingStep / window_s;
-    search.least_share = kBreathingShare;
+    search.min_share = kBreathingShare;
     const auto breath = findPeriod(samples, from_s, search);
     if (breath && breath->frequency_hz * window_s >= settings.breaths_to_learn) {
       periods.push_back({breath->frequency_hz, search.step_hz, settings.breathing_low_hz, settings.breathing_high_hz,
@@ -79,7 +79,7 @@ std::vector<Oscillator> findPeriods(const std::deque<MotionSample>& samples, dou
     search.harmonics = std::min(kHeartHarmonicsSearched, harmonics(settings.heart_harmonics, search.high_hz));
     search.step_hz = kHeartStep / heart_window_s;
     // A heart alone, before breathing is known, would only be in the way: unless it is most of what there is.
-    search.least_share = periods.empty() ? kBreathingShare : kHeartShare;
+    search.min_share = periods.empty() ? kBreathingShare : kHeartShare;
     if (!periods.empty()) search.known_hz = known_hz;
     if (const auto beat = findPeriod(samples, end_s - heart_window_s, search)) {
       // Harmonics that were not searched begin small.
@@ -99,7 +99,7 @@ HarmonicMotion learnt(const std::deque<MotionSample>& samples, double from_s, co
   // No longer than is needed to converge: this is done within one frame.
   const double begin_s = samples.back().time_s - std::max(kReplay_s, kReplayPeriods * slowest_s);
   const std::size_t first = std::min(firstFrom(samples, std::max(from_s, begin_s)), samples.size() - 1);
-  HarmonicNoise noise{settings.amplitude_memory_s, 1e-3 * settings.offset_walk_mm, 1e-3 * settings.drift_std_mm_s,
+  HarmonicNoise noise{settings.amplitude_memory_s, 1e-3 * settings.offset_walk_mm, 1e-3 * settings.drift_std_mm_per_s,
                       kFirstOffsetStd_m};
   for (const Oscillator& period : periods) noise.first_offset_std_m += period.amplitude_m.norm();
   const double horizon_s = 1e-3 * settings.judged_horizon_ms;
@@ -116,4 +116,4 @@ HarmonicMotion learnt(const std::deque<MotionSample>& samples, double from_s, co
   return motion;
 }
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -9,7 +9,7 @@
 #include "prediction_record.hpp"
 #include "spectral_search.hpp"
 
-namespace angio {
+namespace angio::motion {
 
 /// A harmonic filter with the record of its predictions.
 struct HarmonicMotion {
@@ -29,4 +29,4 @@ std::vector<Oscillator> findPeriods(const std::deque<MotionSample>& samples, dou
 HarmonicMotion learnt(const std::deque<MotionSample>& samples, double from_s, const std::vector<Oscillator>& periods,
                       const MotionPredictorSettings& settings);
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -7,12 +7,12 @@
 #include "angio/base/errors.hpp"
 #include "motion_memory.hpp"
 
-namespace angio {
+namespace angio::motion {
 namespace {
 
-constexpr double kFirstSpeed_m_s = 25e-3, kFirstError_m = 2e-3;
+constexpr double kFirstSpeed_m_per_s = 25e-3, kFirstError_m = 2e-3;
 // Measurements in a row that may be left out, whatever they say.
-constexpr int kMostSuspects = 3;
+constexpr int kMaxSuspects = 3;
 // How much worse than the simple ways the harmonic one may be before it is not believed, and before it is let go.
 constexpr double kBelieved = 1.1, kLost = 1.5;
 constexpr double kLostAfter_s = 0.5;
@@ -22,7 +22,8 @@ constexpr double kSearchEvery_s = 1, kSearchAtLeastEvery_s = 16;
 MotionPredictorSettings checked(const MotionPredictorSettings& s) {
   checkSettings("motion prediction", s);
   const auto band = [](const char* field, double low, double high) {
-    if (!(low < high)) throw InputError("motion prediction", field, shown(low), "must be below " + shown(high));
+    if (!(low < high))
+      throw InputError("motion prediction", field, formatValue(low), "must be below " + formatValue(high));
   };
   band("breathing_low_hz", s.breathing_low_hz, s.breathing_high_hz);
   band("heart_low_hz", s.heart_low_hz, s.heart_high_hz);
@@ -75,8 +76,8 @@ struct MotionPredictor::State {
 
 void MotionPredictor::State::begin(const MotionSample& sample) {
   *this = State(settings);
-  const double density = std::pow(1e-3 * settings.acceleration_std_mm_s2, 2) * settings.acceleration_mean_s;
-  trend.emplace(sample.position, sample.covariance, kFirstSpeed_m_s, density);
+  const double density = std::pow(1e-3 * settings.acceleration_std_mm_per_s2, 2) * settings.acceleration_mean_s;
+  trend.emplace(sample.position, sample.covariance, kFirstSpeed_m_per_s, density);
   time_s = learn_from_s = searched_s = sample.time_s;
   samples.push_back(sample);
 }
@@ -128,8 +129,8 @@ bool MotionPredictor::State::surprising(const MotionSample& sample) const {
 // Two surprises that agree are a change; two that do not are two errors.
 bool MotionPredictor::State::confirmed(const MotionSample& sample) const {
   if (!suspect) return false;
-  if (suspects >= kMostSuspects) return true;
-  const double moved_m = kFirstSpeed_m_s * (sample.time_s - suspect->time_s);
+  if (suspects >= kMaxSuspects) return true;
+  const double moved_m = kFirstSpeed_m_per_s * (sample.time_s - suspect->time_s);
   const Eigen::Matrix3d S = sample.covariance + suspect->covariance + moved_m * moved_m * Eigen::Matrix3d::Identity();
   return squaredMahalanobis(sample.position - suspect->position, S) <= settings.gate;
 }
@@ -213,15 +214,15 @@ MotionUpdate MotionPredictor::update(double time_s, const Eigen::Vector3d& posit
     return {};
   }
   if (!(time_s > s.time_s)) {
-    if (++s.late <= kMostSuspects) return {MotionStatus::kRefused, "the measurement is not later than the last one"};
+    if (++s.late <= kMaxSuspects) return {MotionStatus::kRefused, "the measurement is not later than the last one"};
     s.begin(sample);
     return {MotionStatus::kChanged, "the clock was set back"};
   }
   s.late = 0;
   const double gap_s = time_s - s.samples.back().time_s;
-  if (gap_s > s.settings.longest_gap_s) {
+  if (gap_s > s.settings.max_gap_s) {
     s.begin(sample);
-    return {MotionStatus::kChanged, "nothing was measured for " + shown(gap_s) + " s"};
+    return {MotionStatus::kChanged, "nothing was measured for " + formatValue(gap_s) + " s"};
   }
   s.trend->advance(time_s - s.time_s);
   if (s.harmonic) s.harmonic->filter.advance(time_s - s.time_s);
@@ -259,7 +260,7 @@ std::optional<MotionPrediction> MotionPredictor::predict(double time_s, MotionMo
   if (model == MotionModel::kHarmonic && !s.harmonic) return std::nullopt;
   const double horizon_s = time_s - s.time_s;
   if (horizon_s < 0) return std::nullopt;
-  if (horizon_s > 1e-3 * s.settings.longest_horizon_ms) {
+  if (horizon_s > 1e-3 * s.settings.max_horizon_ms) {
     return MotionPrediction{s.estimate(model, 0).position, s.estimate(MotionModel::kHeld, horizon_s).covariance,
                             MotionModel::kHeld, true};
   }
@@ -281,4 +282,4 @@ std::optional<double> MotionPredictor::heart_hz() const {
 
 void MotionPredictor::reset() { state_ = std::make_unique<State>(state_->settings); }
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -7,19 +7,19 @@
 #include <cmath>
 #include <limits>
 
-namespace angio {
+namespace angio::motion {
 namespace {
 
 // Squared Mahalanobis distance beyond which a single error counts no more.
-constexpr double kMostSurprise = 50;
+constexpr double kMaxSurprise = 50;
 constexpr double kCovarianceMemory = 3;  // Of judged_over_s: six numbers need more than one.
 
-constexpr double kLeastShare = 0.22;  // Of a covariance that is left when predictions come true far too well.
+constexpr double kMinShare = 0.22;  // Of a covariance that is left when predictions come true far too well.
 
-// P + E, in no direction less than kLeastShare of P.
+// P + E, in no direction less than kMinShare of P.
 Eigen::Matrix3d sum(const Eigen::Matrix3d& P, const Eigen::Matrix3d& E) {
   // Mostly there is nothing to keep it from.
-  const Eigen::Matrix3d above = (1 - kLeastShare) * P + E;
+  const Eigen::Matrix3d above = (1 - kMinShare) * P + E;
   if (above.llt().info() == Eigen::Success) return P + E;
   const Eigen::LLT<Eigen::Matrix3d> root(P);
   if (root.info() != Eigen::Success) return P;
@@ -27,7 +27,7 @@ Eigen::Matrix3d sum(const Eigen::Matrix3d& P, const Eigen::Matrix3d& E) {
   const Eigen::Matrix3d L_inverse = L.triangularView<Eigen::Lower>().solve(Eigen::Matrix3d::Identity());
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> relative(L_inverse * E * L_inverse.transpose());
   const Eigen::Matrix3d A = L * relative.eigenvectors();
-  return A * (relative.eigenvalues().array() + 1).max(kLeastShare).matrix().asDiagonal() * A.transpose();
+  return A * (relative.eigenvalues().array() + 1).max(kMinShare).matrix().asDiagonal() * A.transpose();
 }
 
 }  // namespace
@@ -55,8 +55,8 @@ void PredictionRecord::judge(double last_time_s, const Eigen::Vector3d& last_pos
     const Eigen::Matrix3d claimed = promise.estimate.covariance + R;
     const double surprise = squaredMahalanobis(error, sum(promise.estimate.covariance, lacking_) + R);
     const double learnt = 1 - std::exp(-(time_s - last_time_s) / (kCovarianceMemory * judged_over_s_));
-    lacking_ += learnt * (std::min(1.0, kMostSurprise / surprise) * error * error.transpose() - claimed - lacking_);
+    lacking_ += learnt * (std::min(1.0, kMaxSurprise / surprise) * error * error.transpose() - claimed - lacking_);
   }
 }
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -5,7 +5,7 @@
 
 #include "trend_filter.hpp"
 
-namespace angio {
+namespace angio::motion {
 
 /// How one way to predict has done: its past predictions against what was measured then.
 class PredictionRecord {
@@ -49,4 +49,4 @@ class PredictionRecord {
   Eigen::Matrix3d lacking_;  // Mean of error error^T - P - R: with eigenvalues that may be negative.
 };
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::motion {
 namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
@@ -145,7 +145,7 @@ std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, d
     left[static_cast<std::size_t>(k)] = fit.left(search.low_hz + k * search.step_hz);
   }
   const double best = *std::min_element(left.begin(), left.end());
-  if (!(best <= (1 - search.least_share) * whole)) return std::nullopt;
+  if (!(best <= (1 - search.min_share) * whole)) return std::nullopt;
   // A best that lies at the slow end is the flank of something slower.
   if (left.front() <= best) return std::nullopt;
   // The shortest period among the minima that leave hardly more, rounding of exact fits included.
@@ -169,4 +169,4 @@ std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, d
   return found;
 }
 
-}  // namespace angio
+}  // namespace angio::motion

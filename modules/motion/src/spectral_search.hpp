@@ -6,7 +6,9 @@
 #include <optional>
 #include <vector>
 
-namespace angio {
+#include "angio/motion/namespace.hpp"
+
+namespace angio::motion {
 
 /// A measured position, as long as it is remembered.
 struct MotionSample {
@@ -20,7 +22,7 @@ struct PeriodSearch {
   double low_hz, high_hz;
   int harmonics;
   double step_hz;
-  double least_share;  ///< Of what is not slow, that the period must explain.
+  double min_share;  ///< Of what is not slow, that the period must explain.
   /// Slow or known waves that are let go first: cosine and sine of each, besides a constant, a slope and a curve.
   std::vector<double> known_hz;
 };
@@ -37,4 +39,4 @@ struct FoundPeriod {
 std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, double from_s,
                                       const PeriodSearch& search);
 
-}  // namespace angio
+}  // namespace angio::motion

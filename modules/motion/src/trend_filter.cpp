@@ -3,13 +3,13 @@
 
 #include <Eigen/Cholesky>
 
-namespace angio {
+namespace angio::motion {
 
 double squaredMahalanobis(const Eigen::Vector3d& z, const Eigen::Matrix3d& S) { return z.dot(S.ldlt().solve(z)); }
 
-TrendFilter::TrendFilter(const Eigen::Vector3d& position, const Eigen::Matrix3d& R, double first_speed_std_m_s,
+TrendFilter::TrendFilter(const Eigen::Vector3d& position, const Eigen::Matrix3d& R, double first_speed_std_m_per_s,
                          double acceleration_density)
-    : first_speed_std_(first_speed_std_m_s), density_(acceleration_density) {
+    : first_speed_std_(first_speed_std_m_per_s), density_(acceleration_density) {
   restart(position, R);
 }
 
@@ -53,4 +53,4 @@ void TrendFilter::correct(const Eigen::Vector3d& z, const Eigen::Matrix3d& R) {
   P_ = Matrix6d(A * P_ * A.transpose() + K * R * K.transpose());
 }
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -3,7 +3,9 @@
 
 #include <Eigen/Core>
 
-namespace angio {
+#include "angio/motion/namespace.hpp"
+
+namespace angio::motion {
 
 /// A position with its covariance.
 struct PositionEstimate {
@@ -18,7 +20,7 @@ double squaredMahalanobis(const Eigen::Vector3d& z, const Eigen::Matrix3d& S);
 class TrendFilter {
  public:
   /// @param acceleration_density  Of the white acceleration, per axis [m^2/s^3].
-  TrendFilter(const Eigen::Vector3d& position, const Eigen::Matrix3d& R, double first_speed_std_m_s,
+  TrendFilter(const Eigen::Vector3d& position, const Eigen::Matrix3d& R, double first_speed_std_m_per_s,
               double acceleration_density);
 
   void advance(double dt_s);
@@ -36,4 +38,4 @@ class TrendFilter {
   double first_speed_std_, density_;
 };
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-namespace angio {
+namespace angio::perception {
 
 GatedObservation GatedPerception::observe(const XrayFrame& frame, const CArmState& state) {
   return gated(perception_.observe(frame, state), state);
@@ -27,4 +27,4 @@ GatedObservation GatedPerception::gated(Observation observation, const CArmState
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -6,15 +6,15 @@
 #include <cmath>
 #include <utility>
 
-namespace angio {
+namespace angio::perception {
 namespace {
 
 constexpr double kSpacing_m = 0.5e-3;
-constexpr double kLargestTurn_rad = 0.5;  // Between a vessel and what may be it.
-constexpr double kFirstGate = 2.5;        // Of the prior's standard deviation.
-constexpr double kScale_px = 3;           // Residuals beyond it count less and less, in the end.
-constexpr double kCorrelated_px = 8;      // Neighbouring points of a seen vessel err alike.
-constexpr double kFloor_px = 0.3;         // What a curve is off as a whole: radius, overlap, contrast.
+constexpr double kMaxTurn_rad = 0.5;  // Between a vessel and what may be it.
+constexpr double kFirstGate = 2.5;    // Of the prior's standard deviation.
+constexpr double kScale_px = 3;       // Residuals beyond it count less and less, in the end.
+constexpr double kCorrelated_px = 8;  // Neighbouring points of a seen vessel err alike.
+constexpr double kFloor_px = 0.3;     // What a curve is off as a whole: radius, overlap, contrast.
 constexpr int kIterations = 8, kNarrowIterations = 5;
 constexpr double kUsualError_px = 1;  // Of a curve that has been matched rightly.
 
@@ -38,10 +38,10 @@ struct Seen {
   Eigen::VectorXd tangent, variance;
 };
 
-Seen around(const Centerline2d& line, const Eigen::Vector2d& centre, double reach_px) {
+Seen around(const Centerline2d& line, const Eigen::Vector2d& center, double reach_px) {
   std::vector<Eigen::Index> kept;
   for (Eigen::Index i = 0; i < line.points_px.cols(); ++i) {
-    if ((line.points_px.col(i) - centre).squaredNorm() < reach_px * reach_px) kept.push_back(i);
+    if ((line.points_px.col(i) - center).squaredNorm() < reach_px * reach_px) kept.push_back(i);
   }
   std::sort(kept.begin(), kept.end(),
             [&](Eigen::Index a, Eigen::Index b) { return line.points_px(0, a) < line.points_px(0, b); });
@@ -52,7 +52,7 @@ Seen around(const Centerline2d& line, const Eigen::Vector2d& centre, double reac
     seen.points.col(k) = line.points_px.col(i);
     seen.tangent[k] = line.tangent_rad[i];
     seen.normals.col(k) << -std::sin(seen.tangent[k]), std::cos(seen.tangent[k]);
-    const double sigma = line.sigma_px.size() > 0 ? std::max(line.sigma_px[i], 0.1) : 1.0;
+    const double sigma = line.std_px.size() > 0 ? std::max(line.std_px[i], 0.1) : 1.0;
     seen.variance[k] = sigma * sigma;
   }
   return seen;
@@ -70,7 +70,7 @@ Eigen::Index match(const Seen& seen, const Eigen::Vector2d& at, double tangent_r
   double best_squared = gate_px * gate_px;
   for (Eigen::Index k = first; k < seen.points.cols() && seen.points(0, k) <= at.x() + gate_px; ++k) {
     const double squared = (seen.points.col(k) - at).squaredNorm();
-    if (squared >= best_squared || std::abs(undirected(seen.tangent[k] - tangent_rad)) > kLargestTurn_rad) continue;
+    if (squared >= best_squared || std::abs(undirected(seen.tangent[k] - tangent_rad)) > kMaxTurn_rad) continue;
     best = k;
     best_squared = squared;
   }
@@ -185,4 +185,4 @@ std::optional<ImageShift> LocalOffsetEstimator::look(const Centerline2d& centerl
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -8,7 +8,7 @@
 #include "angio/vessel/centerline2d.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 /// The vessels near a place of a tree, and how far the image shows them from where a rigid registration puts them.
 class LocalOffsetEstimator {
@@ -25,4 +25,4 @@ class LocalOffsetEstimator {
   PointOfInterest place_;
 };
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::perception {
 namespace {
 
 template <int N>
-double largestStd(const Eigen::Matrix<double, N, N>& covariance) {
+double maxStd(const Eigen::Matrix<double, N, N>& covariance) {
   using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>>;
   return std::sqrt(std::max(0.0, Solver(covariance, Eigen::EigenvaluesOnly).eigenvalues()[N - 1]));
 }
@@ -28,7 +28,7 @@ double PatientObservation::depthStd_m(const Eigen::Vector3d& p_model) const {
 }
 
 double PatientObservation::worstStd_m(const Eigen::Vector3d& p_model) const {
-  return largestStd<3>(pointCovariance(p_model));
+  return maxStd<3>(pointCovariance(p_model));
 }
 
 // Of the point p where it is seen: d(x - z p.x / p.z) and the same of y.
@@ -36,7 +36,7 @@ double PatientObservation::worstStdAcross_m(const Eigen::Vector3d& p_model) cons
   const Eigen::Vector3d p = T_camera_model * p_model;
   Eigen::Matrix<double, 2, 3> across;
   across << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
-  return largestStd<2>(across * pointCovariance(p_model) * across.transpose());
+  return maxStd<2>(across * pointCovariance(p_model) * across.transpose());
 }
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -5,7 +5,7 @@
 
 #include "angio/perception/patient_observation.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 PatientTracker::PatientTracker(const PatientTrackerSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
                                const Eigen::Vector3d& centroid_model)
@@ -82,4 +82,4 @@ void PatientTracker::learn() {
   if (motion_) motion_->learn();
 }
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -10,11 +10,11 @@
 #include "angio/registration/classification.hpp"
 #include "local_offset_estimator.hpp"
 
-namespace angio {
+namespace angio::perception {
 namespace {
 
 std::unique_ptr<Registration> bendingOf(const PerceptionSettings& settings, const VesselTree& tree) {
-  if (!settings.tracker.follow_motion || !(settings.tracker.most_bend_mm > 0)) return nullptr;
+  if (!settings.tracker.follow_motion || !(settings.tracker.max_deformation_mm > 0)) return nullptr;
   RegistrationSettings bending = settings.tracking;
   std::visit([](auto& chosen) { chosen.deformation = Deformation::kNonrigid; }, bending);
   return makeRegistration(bending, tree);
@@ -24,11 +24,11 @@ double rms(const Eigen::Matrix3Xd& displacements_m) {
   return std::sqrt(displacements_m.squaredNorm() / static_cast<double>(displacements_m.cols()));
 }
 
-// What a bent tree's displacements are when they are counted from a rigid pose.
-Eigen::Matrix3Xd countedFrom(const Pose& T_camera_model, const RegistrationResult& bent, const VesselTree& tree) {
+// What a deformed tree's displacements are when they are counted from a rigid pose.
+Eigen::Matrix3Xd countedFrom(const Pose& T_camera_model, const RegistrationResult& deformed, const VesselTree& tree) {
   const Eigen::Matrix3Xd& points = tree.points();
-  const Pose between = T_camera_model.inverse() * bent.T_camera_model;
-  return ((between.linear() * (points + bent.displacements_m)).colwise() + between.translation()) - points;
+  const Pose between = T_camera_model.inverse() * deformed.T_camera_model;
+  return ((between.linear() * (points + deformed.displacements_m)).colwise() + between.translation()) - points;
 }
 
 // Of a point of the tree, along the beam. The result must have a covariance.
@@ -55,7 +55,7 @@ IterativePnpSettings PerceptionSettings::iterativePnpForSearch() {
 IterativePnpSettings PerceptionSettings::iterativePnpForTracking() {
   IterativePnpSettings settings = iterativePnpForSearch();
   settings.first_scale_px = 6;
-  settings.most_iterations = 20;
+  settings.max_iterations = 20;
   return settings;
 }
 
@@ -69,11 +69,11 @@ void PerceptionSettings::useIterativePnp() {
 
 Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
                        const VesselTree& tree, const std::optional<PointOfInterest>& place)
-    : model_id_(angio::modelId(tree)),
+    : model_id_(angio::perception::modelId(tree)),
       carm_(carm),
       T_dsa_cb_(T_dsa_cb),
       search_starts_(settings.search_starts),
-      most_bend_m_(1e-3 * settings.tracker.most_bend_mm),
+      max_deformation_m_(1e-3 * settings.tracker.max_deformation_mm),
       extractor_(makeExtractor(settings.extractor)),
       search_(makeRegistration(settings.search, tree)),
       tracking_(makeRegistration(settings.tracking, tree)),
@@ -129,20 +129,20 @@ Observation Perception::adopt(const RegistrationResult& registration, const CArm
 void Perception::bend(const XrayCamera& camera, Observation& observation) {
   RegistrationResult& rigid = observation.registration;
   if (!bending_ || rigid.status != RegistrationStatus::kAmbiguous || !rigid.covariance) return;
-  const RegistrationResult bent =
+  const RegistrationResult deformed =
       bending_->align(observation.centerline, camera, observation.predicted, rigid.T_camera_model);
-  if (!explained(bent) || bent.displacements_m.cols() != bending_->tree().size() ||
-      !(rms(bent.displacements_m) <= most_bend_m_)) {
+  if (!explained(deformed) || deformed.displacements_m.cols() != bending_->tree().size() ||
+      !(rms(deformed.displacements_m) <= max_deformation_m_)) {
     return;
   }
   const Eigen::Vector3d centroid = bending_->tree().centroid();
-  (*rigid.covariance)(2, 2) += std::max(0.0, depthVariance_m2(bent, centroid) - depthVariance_m2(rigid, centroid));
-  rigid.displacements_m = countedFrom(rigid.T_camera_model, bent, bending_->tree());
-  rigid.agreement = bent.agreement;
+  (*rigid.covariance)(2, 2) += std::max(0.0, depthVariance_m2(deformed, centroid) - depthVariance_m2(rigid, centroid));
+  rigid.displacements_m = countedFrom(rigid.T_camera_model, deformed, bending_->tree());
+  rigid.agreement = deformed.agreement;
   rigid.status = RegistrationStatus::kConverged;
   rigid.reason.clear();
-  rigid.nonrigid_iterations = bent.nonrigid_iterations;
-  rigid.times += bent.times;
+  rigid.nonrigid_iterations = deformed.nonrigid_iterations;
+  rigid.times += deformed.times;
 }
 
 // Of a dense tree half of the vessels hide behind others, and a fit in one place is called ambiguous for the share that
@@ -160,11 +160,11 @@ PointObservation Perception::seen(const PointOfInterest& place, const XrayCamera
                                   const Observation& observation) const {
   PointObservation result{observation.registration.T_camera_model, std::nullopt};
   const Eigen::Matrix3Xd& displacements_m = observation.registration.displacements_m;
-  // A tree that is seen bent lies, around a place, as a rigid one that has been shifted.
+  // A tree that is seen deformed lies, around a place, as a rigid one that has been shifted.
   if (displacements_m.cols() > place_point_) {
     const Eigen::Vector3d rigid = result.T_camera_model * place.model;
-    const Eigen::Vector3d bent = result.T_camera_model * (place.model + displacements_m.col(place_point_));
-    result.T_camera_model.pretranslate(bent * (rigid.z() / bent.z()) - rigid);
+    const Eigen::Vector3d deformed = result.T_camera_model * (place.model + displacements_m.col(place_point_));
+    result.T_camera_model.pretranslate(deformed * (rigid.z() / deformed.z()) - rigid);
   }
   if (nearby_) result.image_shift = nearby_->look(observation.centerline, camera, result.T_camera_model);
   return result;
@@ -186,4 +186,4 @@ Pose Perception::tracked_T_camera_model(const CArmJoints& joints) const {
   return tracker_.predict(joints).T_camera_model;
 }
 
-}  // namespace angio
+}  // namespace angio::perception

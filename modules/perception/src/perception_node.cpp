@@ -5,7 +5,7 @@
 
 #include "angio/messaging/channels.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 PerceptionNode::PerceptionNode(Bus& bus, const GatedPerceptionSettings& settings, const VesselTree& tree)
     : bus_(bus), frames_(bus, kXrayFrameChannel), joints_(bus, kCArmStateChannel), perception_(settings, tree) {}
@@ -29,4 +29,4 @@ std::optional<PerceptionReport> PerceptionNode::observe() {
   return report;
 }
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -6,7 +6,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/perception/patient_observation.hpp"
 
-namespace angio {
+namespace angio::perception {
 namespace {
 
 const RegistrationGateSettings& checked(const RegistrationGateSettings& settings) {
@@ -15,7 +15,7 @@ const RegistrationGateSettings& checked(const RegistrationGateSettings& settings
 }
 
 std::string over(const std::string& what, double value, double most) {
-  return what + " " + shown(value) + " exceeds " + shown(most);
+  return what + " " + formatValue(value) + " exceeds " + formatValue(most);
 }
 
 }  // namespace
@@ -32,8 +32,8 @@ std::optional<std::string> RegistrationGate::rejection(const XrayFrame& frame, c
   }
   if (!state.joints.allFinite() || !state.velocity.allFinite()) return "joints are not finite";
   const double age_ms = std::abs(static_cast<double>(frame.time_us) - static_cast<double>(state.time_us)) * 1e-3;
-  if (!(age_ms <= settings_.most_state_age_ms)) {
-    return over("age of the joints [ms]", age_ms, settings_.most_state_age_ms);
+  if (!(age_ms <= settings_.max_state_age_ms)) {
+    return over("age of the joints [ms]", age_ms, settings_.max_state_age_ms);
   }
   return std::nullopt;
 }
@@ -46,36 +46,37 @@ std::optional<std::string> RegistrationGate::rejection(const RegistrationResult&
   if (!seen.T_camera_model.matrix().allFinite() || !seen.covariance || !seen.covariance->allFinite()) {
     return "registration is not finite";
   }
-  if (const auto far = tooFar(seen.T_camera_model, calibrated, settings_.most_correction_deg,
-                              settings_.most_correction_mm, settings_.most_correction_mm, "calibration")) {
+  if (const auto far =
+          tooFar(seen.T_camera_model, calibrated, settings_.max_calibration_offset_deg,
+                 settings_.max_calibration_offset_mm, settings_.max_calibration_offset_mm, "calibration")) {
     return far;
   }
   if (predicted) {
-    if (const auto far = tooFar(seen.T_camera_model, *predicted, settings_.most_jump_deg, settings_.most_jump_mm,
-                                settings_.most_jump_depth_mm, "prediction")) {
+    if (const auto far = tooFar(seen.T_camera_model, *predicted, settings_.max_innovation_deg,
+                                settings_.max_innovation_mm, settings_.max_innovation_depth_mm, "prediction")) {
       return far;
     }
   }
   const PatientObservation patient{seen.T_camera_model, *seen.covariance};
   const double std_mm =
       1e3 * (need_ == TargetNeed::kAcrossBeam ? patient.worstStdAcross_m(target_) : patient.worstStd_m(target_));
-  if (!(std_mm <= settings_.most_target_std_mm)) {
-    return over("uncertainty of the target [mm]", std_mm, settings_.most_target_std_mm);
+  if (!(std_mm <= settings_.max_target_std_mm)) {
+    return over("uncertainty of the target [mm]", std_mm, settings_.max_target_std_mm);
   }
   return std::nullopt;
 }
 
-std::optional<std::string> RegistrationGate::tooFar(const Pose& seen, const Pose& expected, double most_deg,
-                                                    double most_mm, double most_depth_mm, const char* what) const {
+std::optional<std::string> RegistrationGate::tooFar(const Pose& seen, const Pose& expected, double max_deg,
+                                                    double max_mm, double max_depth_mm, const char* what) const {
   const double turned_deg = radToDeg(rotationAngle(seen.linear() * expected.linear().transpose()));
   const Eigen::Vector3d moved_mm = 1e3 * (seen * target_ - expected * target_);
   const double across_mm = moved_mm.head<2>().norm(), along_mm = std::abs(moved_mm.z());
-  if (!(turned_deg <= most_deg)) return over(std::string("turn against the ") + what + " [deg]", turned_deg, most_deg);
-  if (!(across_mm <= most_mm)) return over(std::string("shift against the ") + what + " [mm]", across_mm, most_mm);
-  if (!(along_mm <= most_depth_mm)) {
-    return over(std::string("depth against the ") + what + " [mm]", along_mm, most_depth_mm);
+  if (!(turned_deg <= max_deg)) return over(std::string("turn against the ") + what + " [deg]", turned_deg, max_deg);
+  if (!(across_mm <= max_mm)) return over(std::string("shift against the ") + what + " [mm]", across_mm, max_mm);
+  if (!(along_mm <= max_depth_mm)) {
+    return over(std::string("depth against the ") + what + " [mm]", along_mm, max_depth_mm);
   }
   return std::nullopt;
 }
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -5,11 +5,11 @@
 
 #include "angio/messaging/codec.hpp"
 
-namespace angio {
+namespace angio::perception {
 namespace {
 
-constexpr std::size_t kMostStates = 256;
-constexpr double kLongestGap_us = 100e3;
+constexpr std::size_t kMaxStates = 256;
+constexpr double kMaxGap_us = 100e3;
 
 double between_us(std::int64_t from, std::int64_t to) { return static_cast<double>(to) - static_cast<double>(from); }
 
@@ -24,8 +24,8 @@ CArmState between(const CArmState& a, const CArmState& b, double weight) {
 CatheterState between(const CatheterState& a, const CatheterState& b, double weight) {
   CatheterState state = b;
   for (const auto number : {&CatheterState::insertion_m, &CatheterState::roll_rad, &CatheterState::bend_rad,
-                            &CatheterState::insertion_speed_mps, &CatheterState::roll_speed_radps,
-                            &CatheterState::bend_speed_radps, &CatheterState::insertion_force_n}) {
+                            &CatheterState::insertion_speed_m_per_s, &CatheterState::roll_speed_rad_per_s,
+                            &CatheterState::bend_speed_rad_per_s, &CatheterState::insertion_force_n}) {
     state.*number = (1 - weight) * a.*number + weight * b.*number;
   }
   return state;
@@ -48,7 +48,7 @@ void StateHistory<State>::Box::put(const std::uint8_t* data, std::size_t size) {
   // A duplicate or late one has nothing to add to a history that is dense.
   if (!states.empty() && decoded.value->time_us <= states.back().time_us) return;
   states.push_back(*decoded.value);
-  if (states.size() > kMostStates) states.pop_front();
+  if (states.size() > kMaxStates) states.pop_front();
 }
 
 template <typename State>
@@ -61,7 +61,7 @@ std::optional<State> StateHistory<State>::at(std::int64_t time_us) const {
   if (after == states.end()) return states.back();
   const State &a = *std::prev(after), &b = *after;
   const double gap_us = between_us(a.time_us, b.time_us), weight = between_us(a.time_us, time_us) / gap_us;
-  if (gap_us > kLongestGap_us) return weight < 0.5 ? a : b;
+  if (gap_us > kMaxGap_us) return weight < 0.5 ? a : b;
   State state = between(a, b, weight);
   state.time_us = time_us;
   return state;
@@ -70,4 +70,4 @@ std::optional<State> StateHistory<State>::at(std::int64_t time_us) const {
 template class StateHistory<CArmState>;
 template class StateHistory<CatheterState>;
 
-}  // namespace angio
+}  // namespace angio::perception

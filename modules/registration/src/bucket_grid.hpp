@@ -7,7 +7,9 @@
 #include <limits>
 #include <vector>
 
-namespace angio {
+#include "angio/registration/namespace.hpp"
+
+namespace angio::registration {
 
 /// Points of the plane [px] in a grid of cells: the nearest one, exactly, and all within a reach. Cheap to build, so
 /// for points that are looked up about once each. Memory is kept: as many points in a box of the same shape cost no
@@ -81,7 +83,7 @@ class BucketGrid {
   }
 
  private:
-  static constexpr double kLeastCell_px = 4;
+  static constexpr double kMinCell_px = 4;
   static constexpr double kCellsPerPoint = 8;
 
   // Cells of a few pixels, larger when the points are few and far apart: there are never many more cells than points.
@@ -94,7 +96,7 @@ class BucketGrid {
     }
     const Eigen::Vector2d size = high_ - low_;
     const double most = kCellsPerPoint * std::max<double>(1, static_cast<double>(n));
-    cell_px_ = std::max({kLeastCell_px, std::sqrt(size.x() / most * size.y()), size.x() / most, size.y() / most});
+    cell_px_ = std::max({kMinCell_px, std::sqrt(size.x() / most * size.y()), size.x() / most, size.y() / most});
     // A row of cells costs a loop, a column nothing: cells are higher than wide.
     cells_per_px_ = Eigen::Vector2d(2, 0.5) / cell_px_;
     columns_ = 1 + at(size.x() * cells_per_px_.x(), 2 * most);
@@ -128,7 +130,7 @@ class BucketGrid {
     return dx * dx + dy * dy;
   }
 
-  double cell_px_ = kLeastCell_px;  // The root of a cell's area.
+  double cell_px_ = kMinCell_px;  // The root of a cell's area.
   Eigen::Vector2d cells_per_px_{0, 0};
   Eigen::Vector2d low_{0, 0}, high_{0, 0};  // Box of the points.
   int columns_ = 1, rows_ = 1;
@@ -138,4 +140,4 @@ class BucketGrid {
   std::vector<int> cell_of_;   // By point, while building.
 };
 
-}  // namespace angio
+}  // namespace angio::registration

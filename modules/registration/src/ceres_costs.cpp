@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 // Ceres hands out row-major memory.
@@ -58,4 +58,4 @@ bool PosePriorCost::Evaluate(double const* const* parameters, double* residuals,
   return true;
 }
 
-}  // namespace angio
+}  // namespace angio::registration

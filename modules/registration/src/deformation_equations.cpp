@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::registration {
 
 template <int D>
 void DeformationEquations<D>::clear(const DeformationNodes& nodes) {
@@ -44,8 +44,8 @@ void addFieldPull(const DeformedView& view, const OrientedModel& model, const De
                   const Eigen::Matrix<double, 3, D>& directions, const KernelField& field,
                   const std::vector<HalfPlane>& in_view, const PullWeight& pull, int stride, double weight,
                   DeformationEquations<D>& to) {
-  const Eigen::Matrix3d R = view.T_view_centred.linear();
-  const Eigen::Vector3d t = view.T_view_centred.translation();
+  const Eigen::Matrix3d R = view.T_view_centered.linear();
+  const Eigen::Vector3d t = view.T_view_centered.translation();
   const double inverse_scale2 = 1 / (static_cast<double>(field.scale_px()) * field.scale_px());
   for (int i = (stride - 1) / 2; i < model.size(); i += stride) {
     const auto k = static_cast<std::size_t>(i);
@@ -90,8 +90,8 @@ template <int D>
 void addLinePull(const DeformedView& view, const OrientedModel& model, const DeformationNodes& nodes,
                  const Eigen::Matrix<double, 3, D>& directions, const OrientedPoints& image, const LineMatches& matches,
                  double tolerance_px, double weight, DeformationEquations<D>& to) {
-  const Eigen::Matrix3d R = view.T_view_centred.linear();
-  const Eigen::Vector3d t = view.T_view_centred.translation();
+  const Eigen::Matrix3d R = view.T_view_centered.linear();
+  const Eigen::Vector3d t = view.T_view_centered.translation();
   const double inverse = 1 / (2 * tolerance_px * tolerance_px);
   for (std::size_t j = 0; j < matches.of_point.size(); ++j) {
     const auto& match = matches.of_point[j];
@@ -127,4 +127,4 @@ template void addLinePull<3>(const DeformedView&, const OrientedModel&, const De
                              const Eigen::Matrix<double, 3, 3>&, const OrientedPoints&, const LineMatches&, double,
                              double, DeformationEquations<3>&);
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -7,7 +7,7 @@
 #include "line_step.hpp"
 #include "oriented_frame.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Normal equations of a data term over the pose (T exp(dx)) and the displacements of the nodes. Each node moves in D
 /// directions: 2, across the beam of a single view, or 3. Sparse: nodes meet along edges of the tree only.
@@ -33,7 +33,7 @@ struct DeformationEquations {
 /// A deformed model in one view: what the data terms are linearised at.
 struct DeformedView {
   const XrayCamera& camera;
-  Pose T_view_centred;
+  Pose T_view_centered;
   const Eigen::Matrix3Xd& points;  ///< Displaced, about the centroid, 3 x N [m].
 };
 
@@ -53,4 +53,4 @@ void addLinePull(const DeformedView& view, const OrientedModel& model, const Def
                  const Eigen::Matrix<double, 3, D>& directions, const OrientedPoints& image, const LineMatches& matches,
                  double tolerance_px, double weight, DeformationEquations<D>& to);
 
-}  // namespace angio
+}  // namespace angio::registration

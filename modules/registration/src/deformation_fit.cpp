@@ -6,7 +6,7 @@
 
 #include "oriented_image.hpp"
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 // On the fields: scales of 16 and 8 px, few points and the longest modes. An expectation-maximisation step goes too
@@ -19,8 +19,8 @@ constexpr double kOutlierMass = 0.5, kAlong = 0.1, kFieldExtrapolation = 1.8, kF
 constexpr int kSmoothRounds = 6, kLocalRounds = 2, kLinesAloneRounds = 16, kLinesAloneLocalRounds = 5;
 constexpr double kLinesAloneLocal = 4;  // Times the correction that is expected otherwise.
 constexpr double kFirstGate_px = 12, kGateOverNoise = 6, kToleranceOverNoise = 3;
-constexpr double kLeastGate_px = 1, kLinesAloneGate_px = 24, kLinesAloneLeastGate_px = 10, kLeastTolerance = 0.3,
-                 kLeastCos2 = 0.5;
+constexpr double kMinGate_px = 1, kLinesAloneGate_px = 24, kLinesAloneMinGate_px = 10, kMinTolerance = 0.3,
+                 kMinCos2 = 0.5;
 constexpr double kLineExtrapolation = 1.5, kRest_px = 0.02;
 constexpr double kWideGate_px = 5;  // While matches are this uncertain, fewer points are enough.
 constexpr int kWidePoints = 1000, kNarrowPoints = 1300;
@@ -28,7 +28,7 @@ constexpr int kWidePoints = 1000, kNarrowPoints = 1300;
 // What the model itself leaves unexplained, and the length of vessel over which that stays the same: the smooth modes
 // are no better than a pixel, and the pose must not bend to make up for it.
 struct Misfit {
-  double least_noise_px, together_px;
+  double min_noise_px, together_px;
 };
 constexpr Misfit kSmoothMisfit = {1, 15}, kLocalMisfit = {0.3, 4};
 constexpr Misfit kLinesAloneMisfit = {0.5, 4};  // One curve in a large tree: every bend of it counts.
@@ -46,7 +46,8 @@ class DeformationFit::Run {
   using Field = Eigen::Matrix<double, D, Eigen::Dynamic>;
   using Directions = Eigen::Matrix<double, 3, D>;
 
-  Run(DeformationFit& fit, OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T, const Directions& directions)
+  Run(DeformationFit& fit, OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T,
+      const Directions& directions)
       : fit_(fit),
         frame_(frame),
         belief_(belief),
@@ -62,7 +63,7 @@ class DeformationFit::Run {
     if (lines_alone) {
       gate_px_ = kLinesAloneGate_px;
       tolerance_px_ = gate_px_ / 2;
-      least_gate_px_ = kLinesAloneLeastGate_px;
+      min_gate_px_ = kLinesAloneMinGate_px;
     } else {
       for (int scale = kFirstScale; scale < kFieldScales; ++scale) climb(scale);
     }
@@ -70,8 +71,8 @@ class DeformationFit::Run {
                 false);
     alone_ = lines_alone;
     if (full) followLines(lines_alone ? kLinesAloneLocalRounds : kLocalRounds, kLocalMisfit, true);
-    result_.T_camera_centred = T_;
-    result_.T_camera_centred.linear() = nearestRotation(T_.linear());
+    result_.T_camera_centered = T_;
+    result_.T_camera_centered.linear() = nearestRotation(T_.linear());
     result_.displacements_m = displaced_ - fit_.model_.points;
     result_.noise_px = noise_px_;
     return result_;
@@ -89,7 +90,7 @@ class DeformationFit::Run {
   void climb(int scale);
   void followLines(int rounds, const Misfit& misfit, bool local);
   int match(bool local);
-  void stepModes(Eigen::Index most_modes, double extrapolation);
+  void stepModes(Eigen::Index max_modes, double extrapolation);
   void stepLocal();
   void moved(const Eigen::Matrix3Xd& before);
 
@@ -102,7 +103,7 @@ class DeformationFit::Run {
   Eigen::Matrix3Xd displaced_;
   DeformationEquations<D> data_;
   double gate_px_ = kFirstGate_px, tolerance_px_ = kFirstGate_px / 2, noise_px_ = kFirstGate_px / 4;
-  double least_gate_px_ = kLeastGate_px;
+  double min_gate_px_ = kMinGate_px;
   bool alone_ = false;
   Result result_;
 };
@@ -112,7 +113,7 @@ double DeformationFit::Run<D>::shareShown() {
   double model_px = 0;
   for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
     const DeformedView view = viewOf(v);
-    fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centred);
+    fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centered);
     model_px += fit_.projected_.length_px();
   }
   return frame_.length_px() / std::max(1.0, model_px);
@@ -145,9 +146,9 @@ int DeformationFit::Run<D>::match(bool local) {
   const int stride = local ? 1 : std::max(1, (frame_.pointCount() + wanted - 1) / wanted);
   for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
     const DeformedView view = viewOf(v);
-    fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centred);
+    fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centered);
     thinned(frame_.points(v), stride, fit_.chosen_[v]);
-    matchLines(fit_.chosen_[v], fit_.projected_, gate_px_, kLeastCos2, fit_.matches_[v]);
+    matchLines(fit_.chosen_[v], fit_.projected_, gate_px_, kMinCos2, fit_.matches_[v]);
   }
   return stride;
 }
@@ -158,7 +159,7 @@ void DeformationFit::Run<D>::followLines(int rounds, const Misfit& misfit, bool 
   if (fit_.chosen_.size() < frame_.viewCount()) fit_.chosen_.resize(frame_.viewCount());
   for (int round = 0; round < rounds; ++round) {
     const double point_px = frame_.length_px() / std::max(1, frame_.pointCount()) * match(local);
-    const double noise_px = std::max(noise_px_, misfit.least_noise_px);
+    const double noise_px = std::max(noise_px_, misfit.min_noise_px);
     const double weight = std::min(1.0, point_px / misfit.together_px) / (noise_px * noise_px);
     data_.clear(fit_.nodes_);
     for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
@@ -171,18 +172,18 @@ void DeformationFit::Run<D>::followLines(int rounds, const Misfit& misfit, bool 
       stepLocal();
     else
       stepModes(w_.cols(), kLineExtrapolation);
-    gate_px_ = std::clamp(kGateOverNoise * noise_px_, least_gate_px_, gate_px_);
-    tolerance_px_ = std::clamp(kToleranceOverNoise * noise_px_, least_gate_px_ * kLeastTolerance, tolerance_px_);
+    gate_px_ = std::clamp(kGateOverNoise * noise_px_, min_gate_px_, gate_px_);
+    tolerance_px_ = std::clamp(kToleranceOverNoise * noise_px_, min_gate_px_ * kMinTolerance, tolerance_px_);
     if (round >= 2 && result_.last_step_px < kRest_px) return;
   }
 }
 
 template <int D>
-void DeformationFit::Run<D>::stepModes(Eigen::Index most_modes, double extrapolation) {
+void DeformationFit::Run<D>::stepModes(Eigen::Index max_modes, double extrapolation) {
   Matrix6d H = data_.H;
   Vector6d g = data_.g;
   belief_.add(T_, H, g);
-  const Eigen::Index count = std::min(most_modes, w_.cols());
+  const Eigen::Index count = std::min(max_modes, w_.cols());
   const auto step = solveModes<D>(data_, fit_.nodes_, fit_.modes_, w_.leftCols(count), H, g);
   if (!step) return;
   const Eigen::Matrix3Xd before = T_ * displaced_;
@@ -213,7 +214,7 @@ DeformationFit::DeformationFit(const OrientedModel& model, const DeformationSett
     : model_(model),
       settings_((checkSettings("nonrigid", settings), settings)),
       nodes_(model, 1e-3 * settings.node_mm),
-      modes_(smoothModes(nodes_.points, 1e-3 * settings.std_mm, 1e-3 * settings.length_mm, settings.most_modes)),
+      modes_(smoothModes(nodes_.points, 1e-3 * settings.std_mm, 1e-3 * settings.length_mm, settings.max_modes)),
       local_(nodes_, 1e-3 * settings.local_std_mm, 1e-3 * settings.local_length_mm),
       local_alone_(nodes_, kLinesAloneLocal * 1e-3 * settings.local_std_mm, 1e-3 * settings.local_length_mm) {}
 
@@ -223,4 +224,4 @@ DeformationFit::Result DeformationFit::fit(OrientedFrame& frame, const PosePrior
   return Run<2>(*this, frame, belief, T_rigid, R.topRows<2>().transpose())();
 }
 
-}  // namespace angio
+}  // namespace angio::registration

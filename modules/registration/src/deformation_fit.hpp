@@ -4,7 +4,7 @@
 #include "deformation_solver.hpp"
 #include "pose_prior_term.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Pose and smooth deformation of a tree together, from a rigid pose near by.
 ///
@@ -21,7 +21,7 @@ class DeformationFit {
   DeformationFit(const OrientedModel& model, const DeformationSettings& settings);
 
   struct Result {
-    Pose T_camera_centred = Pose::Identity();
+    Pose T_camera_centered = Pose::Identity();
     Eigen::Matrix3Xd displacements_m;  ///< Of the model's points, 3 x N, model axes.
     int iterations = 0;
     double last_step_px = 0;  ///< Root mean square over the points; steps that extrapolate count as taken.
@@ -30,7 +30,7 @@ class DeformationFit {
     double noise_px = 0;       ///< Standard deviation of the matched image points across their edges.
   };
   /// `frame` and `belief` are those of the rigid search. The same input gives the same result.
-  Result fit(OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_rigid_camera_centred);
+  Result fit(OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_rigid_camera_centered);
 
   const DeformationNodes& nodes() const { return nodes_; }
   const Eigen::MatrixXd& modes() const { return modes_; }  ///< M x K, see smoothModes.
@@ -49,4 +49,4 @@ class DeformationFit {
   std::vector<OrientedPoints> chosen_;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

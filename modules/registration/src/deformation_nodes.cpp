@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 // Share of the variance at any node that the modes may leave out.
@@ -95,4 +95,4 @@ Eigen::MatrixXd smoothModes(const Eigen::Matrix3Xd& nodes, double std_m, double 
   return std_m * factor * axes.eigenvectors().rowwise().reverse();
 }
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -8,7 +8,7 @@
 #include "angio/registration/deformation_settings.hpp"
 #include "oriented_model.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Where displacements are unknown: nodes along the vessels, linear in between. Ends and bifurcations are nodes.
 struct DeformationNodes {
@@ -47,4 +47,4 @@ struct DeformationNodes {
 /// Cholesky factor, whose pivots are the control points, is turned to its main axes.
 Eigen::MatrixXd smoothModes(const Eigen::Matrix3Xd& nodes, double std_m, double length_m, int most);
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 constexpr Eigen::Index kPanel = 16;
@@ -140,4 +140,4 @@ template DeformationStep<2> solveChain<2>(const DeformationEquations<2>&, const 
 template DeformationStep<3> solveChain<3>(const DeformationEquations<3>&, const DeformationNodes&, const ChainPrior&,
                                           const Eigen::Matrix<double, 3, Eigen::Dynamic>&);
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -5,7 +5,7 @@
 
 #include "deformation_equations.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// A step of pose and field.
 template <int D>
@@ -38,4 +38,4 @@ template <int D>
 DeformationStep<D> solveChain(const DeformationEquations<D>& data, const DeformationNodes& nodes,
                               const ChainPrior& prior, const Eigen::Matrix<double, D, Eigen::Dynamic>& e);
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 // A pose that leaves less than this share of the model in view scores in proportion: few points fit anywhere.
-constexpr double kLeastInView = 0.2;
+constexpr double kMinInView = 0.2;
 
 constexpr double kFarthest_px = 1e6;
 
@@ -27,7 +27,7 @@ void keepBest(std::vector<PoseCandidate>& candidates, std::size_t keep) {
 }  // namespace
 
 int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const ModelPoints& points, int scale,
-                        int most_steps, PoseCandidate& candidate) const {
+                        int max_steps, PoseCandidate& candidate) const {
   PullWeight weight;
   weight.outlier_mass = static_cast<float>(settings_.outlier_mass);
   weight.along = static_cast<float>(settings_.along_stiffness);
@@ -38,8 +38,8 @@ int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const
     double fit = 0, seen = 0, pixels_per_metre = 0;
     for (std::size_t v = 0; v < frame.viewCount(); ++v) {
       const XrayView& view = frame.views()[v];
-      const Pose T = view.T_view_first * candidate.T_camera_centred;
-      const FieldSums sums = lookAtField(points, frame.field(v, scale), view.camera, frame.fieldOfView(v), T, weight);
+      const Pose T = view.T_view_first * candidate.T_camera_centered;
+      const FieldSums sums = sampleField(points, frame.field(v, scale), view.camera, frame.fieldOfView(v), T, weight);
       const double pixels = view.camera.parameters().fx_px / std::max(0.05, T.translation().z());
       // Points nearer to each other than the kernel is wide say the same thing: they count as one.
       const double independent = std::min(1.0, pixels * model_.spacing_m * model_.size() / points.count / scale_px);
@@ -49,16 +49,16 @@ int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const
       seen += sums.seen;
       pixels_per_metre = std::max(pixels_per_metre, pixels);
     }
-    const double enough = kLeastInView * points.count * static_cast<double>(frame.viewCount());
+    const double enough = kMinInView * points.count * static_cast<double>(frame.viewCount());
     candidate.score = fit / std::max(seen, std::max(1e-9, enough));
-    if (step == most_steps) return step;
+    if (step == max_steps) return step;
     Vector6d g_belief = Vector6d::Zero();
-    belief.add(candidate.T_camera_centred, H, g_belief);
+    belief.add(candidate.T_camera_centered, H, g_belief);
     const Twist dx = H.ldlt().solve(g - g_belief);
     if (!dx.allFinite()) return step;
-    candidate.T_camera_centred = candidate.T_camera_centred * expSE3(dx);
+    candidate.T_camera_centered = candidate.T_camera_centered * expSE3(dx);
     const double moved_px = pixels_per_metre * (dx.head<3>().norm() + model_.radius_m * dx.tail<3>().norm());
-    if (moved_px < 0.05 * scale_px) most_steps = step + 1;
+    if (moved_px < 0.05 * scale_px) max_steps = step + 1;
   }
 }
 
@@ -140,9 +140,9 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
           fit += weight[i] * F / (F + outlier_mass);
         }
         PoseCandidate candidate;
-        candidate.score = fit / std::max({1e-9f, seen, static_cast<float>(kLeastInView) * all});
+        candidate.score = fit / std::max({1e-9f, seen, static_cast<float>(kMinInView) * all});
         // Of the neighbours on the grid one is enough; the steps after this find the rest.
-        candidate.T_camera_centred =
+        candidate.T_camera_centered =
             view.T_view_first.inverse() *
             (Eigen::Translation3d(du * step_px * metres_per_pixel, dv * step_px * metres_per_pixel, 0) * T);
         found.push_back(candidate);
@@ -157,4 +157,4 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
   return found;
 }
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -7,11 +7,11 @@
 #include "oriented_model.hpp"
 #include "pose_prior_term.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// A pose under trial.
 struct PoseCandidate {
-  Pose T_camera_centred = Pose::Identity();
+  Pose T_camera_centered = Pose::Identity();
   double score = 0;  ///< In [0, 1]; comparable among candidates of one rung only.
 };
 
@@ -21,9 +21,9 @@ class FieldSearch {
   FieldSearch(const OrientedModel& model, const OrientedKernelSettings& settings)
       : model_(model), settings_(settings) {}
 
-  /// Takes up to `most_steps` steps at a scale (index into kFieldScales_px) on a part of the model, or until a step
+  /// Takes up to `max_steps` steps at a scale (index into kFieldScales_px) on a part of the model, or until a step
   /// moves the projection by less than a twentieth of the scale; then scores. Returns the steps taken.
-  int ascend(OrientedFrame& frame, const PosePriorTerm& belief, const ModelPoints& points, int scale, int most_steps,
+  int ascend(OrientedFrame& frame, const PosePriorTerm& belief, const ModelPoints& points, int scale, int max_steps,
              PoseCandidate& candidate) const;
 
   /// Successive halving: all candidates a few steps at the coarsest scale on few points, the best of them at the next
@@ -41,4 +41,4 @@ class FieldSearch {
   const OrientedKernelSettings& settings_;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

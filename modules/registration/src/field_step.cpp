@@ -6,7 +6,7 @@
 
 #include "raw_view.hpp"
 
-// Compiled once for every vector target by the include below; lookAtField chooses at run time.
+// Compiled once for every vector target by the include below; sampleField chooses at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "field_step.cpp"
 #include <hwy/foreach_target.h>
@@ -14,7 +14,7 @@
 
 #ifndef ANGIO_FIELD_STEP_RAW
 #define ANGIO_FIELD_STEP_RAW
-namespace angio {
+namespace angio::registration {
 // Plain numbers in and out of the vector code.
 struct RawFieldLook {
   const float *x, *y, *z, *tx, *ty, *tz, *weight;
@@ -31,11 +31,11 @@ struct RawFieldSums {
   RawNormalEquations equations;
   double objective, fit, seen;
 };
-}  // namespace angio
+}  // namespace angio::registration
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace angio {
+namespace angio::registration {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -168,22 +168,22 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio
+}  // namespace angio::registration
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio {
+namespace angio::registration {
 HWY_EXPORT(look);
 
-ModelPoints ModelPoints::of(const Eigen::Matrix3Xd& points_centred, const Eigen::Matrix3Xd& tangents,
+ModelPoints ModelPoints::of(const Eigen::Matrix3Xd& points_centered, const Eigen::Matrix3Xd& tangents,
                             const Eigen::VectorXd& weights, int stride) {
   ModelPoints m;
-  const Eigen::Index n = points_centred.cols();
+  const Eigen::Index n = points_centered.cols();
   for (Eigen::Index i = (stride - 1) / 2; i < n; i += stride) {
     const auto push = [](std::vector<float>& to, double value) { to.push_back(static_cast<float>(value)); };
-    push(m.x, points_centred(0, i));
-    push(m.y, points_centred(1, i));
-    push(m.z, points_centred(2, i));
+    push(m.x, points_centered(0, i));
+    push(m.y, points_centered(1, i));
+    push(m.z, points_centered(2, i));
     push(m.tx, tangents(0, i));
     push(m.ty, tangents(1, i));
     push(m.tz, tangents(2, i));
@@ -214,8 +214,8 @@ void fieldOfView(const XrayView& view, std::vector<HalfPlane>& planes) {
   }
 }
 
-FieldSums lookAtField(const ModelPoints& model, const KernelField& field, const XrayCamera& camera,
-                      const std::vector<HalfPlane>& field_of_view, const Pose& T_view_centred,
+FieldSums sampleField(const ModelPoints& model, const KernelField& field, const XrayCamera& camera,
+                      const std::vector<HalfPlane>& field_of_view, const Pose& T_view_centered,
                       const PullWeight& weight) {
   RawFieldLook in;
   in.x = model.x.data();
@@ -233,7 +233,7 @@ FieldSums lookAtField(const ModelPoints& model, const KernelField& field, const 
   in.v_origin_px = field.v_origin_px();
   in.inverse_cell = 1 / field.cell_px();
   in.inverse_scale2 = 1 / (field.scale_px() * field.scale_px());
-  in.view = rawView(camera, T_view_centred);
+  in.view = rawView(camera, T_view_centered);
   in.planes = field_of_view.data();
   in.plane_count = static_cast<int>(field_of_view.size());
   in.outlier_mass = weight.outlier_mass;
@@ -253,5 +253,5 @@ std::vector<std::int64_t> fieldStepTargets() { return hwy::SupportedAndGenerated
 
 void useFieldStepTarget(std::int64_t target) { hwy::SetSupportedTargetsForTest(static_cast<std::uint32_t>(target)); }
 
-}  // namespace angio
+}  // namespace angio::registration
 #endif

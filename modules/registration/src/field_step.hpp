@@ -9,7 +9,7 @@
 #include "angio/registration/xray_view.hpp"
 #include "kernel_field.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Points of the centred model with the direction of their vessel, in single precision, one array a quantity, padded so
 /// that any vector width may read past the end. Padding has no weight.
@@ -20,7 +20,7 @@ struct ModelPoints {
   int count = 0;                  ///< Points without padding.
 
   /// Every `stride`-th point of the given ones, beginning in the middle of the first stride.
-  static ModelPoints of(const Eigen::Matrix3Xd& points_centred, const Eigen::Matrix3Xd& tangents,
+  static ModelPoints of(const Eigen::Matrix3Xd& points_centered, const Eigen::Matrix3Xd& tangents,
                         const Eigen::VectorXd& weights, int stride);
 };
 
@@ -53,14 +53,14 @@ struct FieldSums {
 
 /// One look of all points at one field, under T_view_centred: the whole of a registration step but its 6 x 6 solution.
 /// Uses the widest vectors this processor has; on all of them the result is the same but for rounding.
-FieldSums lookAtField(const ModelPoints& model, const KernelField& field, const XrayCamera& camera,
-                      const std::vector<HalfPlane>& field_of_view, const Pose& T_view_centred,
+FieldSums sampleField(const ModelPoints& model, const KernelField& field, const XrayCamera& camera,
+                      const std::vector<HalfPlane>& field_of_view, const Pose& T_view_centered,
                       const PullWeight& weight);
 
 /// Names of the vector targets that this processor can run, and their numbers for useFieldStepTarget: for the test that
 /// they agree.
 std::vector<std::int64_t> fieldStepTargets();
-/// Restricts lookAtField to one target; 0 gives the choice back. Not for use while another thread looks.
+/// Restricts sampleField to one target; 0 gives the choice back. Not for use while another thread looks.
 void useFieldStepTarget(std::int64_t target);
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 double kernelWeight(const IterativePnpSettings& settings, double distance2_px2, double scale_px) {
@@ -38,7 +38,7 @@ void matchNearest(const Projected& projected, const PointMatcher& image, Pull& p
     pull.weight[k] = 1;
     largest2 = std::max(largest2, match.distance2_px2);
   }
-  pull.largest_distance_px = std::sqrt(largest2);
+  pull.max_distance_px = std::sqrt(largest2);
 }
 
 void weigh(const Projected& projected, const PointMatcher& image, const std::vector<int>& branch,
@@ -67,4 +67,4 @@ void weigh(const Projected& projected, const PointMatcher& image, const std::vec
   }
 }
 
-}  // namespace angio
+}  // namespace angio::registration

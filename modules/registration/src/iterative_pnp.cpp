@@ -4,13 +4,13 @@
 #include <deque>
 
 #include "angio/base/stopwatch.hpp"
-#include "angio/registration/agreement.hpp"
+#include "angio/registration/alignment_score.hpp"
 #include "angio/vessel/resample.hpp"
-#include "judgement.hpp"
+#include "fit_classification.hpp"
 #include "nonrigid_step.hpp"
 #include "rigid_step.hpp"
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 // A step that moves no projected point by more than this is rest [px].
@@ -81,9 +81,9 @@ class IterativePnp final : public Registration {
   IterativePnp(const IterativePnpSettings& settings, const VesselTree& tree)
       : settings_(settings),
         given_(tree),
-        model_(resampled(tree, settings.spacing_mm * 1e-3, settings.most_points_3d)),
-        points_centred_(model_.tree.points().colwise() - model_.tree.centroid()) {
-    radius_m_ = std::sqrt(points_centred_.colwise().squaredNorm().maxCoeff());
+        model_(resampled(tree, settings.spacing_mm * 1e-3, settings.max_points_3d)),
+        points_centered_(model_.tree.points().colwise() - model_.tree.centroid()) {
+    radius_m_ = std::sqrt(points_centered_.colwise().squaredNorm().maxCoeff());
     if (settings_.deformation == Deformation::kNonrigid) nonrigid_.emplace(model_.tree, settings_);
   }
 
@@ -92,7 +92,7 @@ class IterativePnp final : public Registration {
   const VesselTree& tree() const override { return given_; }
 
  private:
-  void alignRigid(const Frame& frame, const PosePriorTerm& prior, Pose& T_camera_centred, RegistrationResult& result);
+  void alignRigid(const Frame& frame, const PosePriorTerm& prior, Pose& T_camera_centered, RegistrationResult& result);
   Eigen::Matrix3Xd alignNonrigid(const Frame& frame, RegistrationResult& result);
   double match(const Frame& frame, const Eigen::Matrix3Xd& points, const Pose& T_camera_points);
   void weighAll(const Frame& frame, double scale_px);
@@ -100,7 +100,7 @@ class IterativePnp final : public Registration {
   IterativePnpSettings settings_;
   VesselTree given_;
   ResampledTree model_;
-  Eigen::Matrix3Xd points_centred_;
+  Eigen::Matrix3Xd points_centered_;
   double radius_m_ = 0;
   std::vector<Projected> projected_;  // One for each view.
   std::vector<Pull> pulls_;           // The same.
@@ -129,11 +129,11 @@ RegistrationResult IterativePnp::align(const XrayViews& views, const PosePrior& 
   result.points_2d = pointsIn(frame.views());
   result.times.prepare_s = began.seconds();
 
-  const Eigen::Translation3d to_centre(model_.tree.centroid());
-  Pose T_camera_centred = start * to_centre;
+  const Eigen::Translation3d to_center(model_.tree.centroid());
+  Pose T_camera_centered = start * to_center;
   const Stopwatch rigid_began;
-  alignRigid(frame, priorTerm(settings_, prior, model_.tree.centroid()), T_camera_centred, result);
-  result.T_camera_model = T_camera_centred * to_centre.inverse();
+  alignRigid(frame, priorTerm(settings_, prior, model_.tree.centroid()), T_camera_centered, result);
+  result.T_camera_model = T_camera_centered * to_center.inverse();
   result.times.rigid_s = rigid_began.seconds();
 
   Eigen::Matrix3Xd points = model_.tree.points();
@@ -149,20 +149,20 @@ RegistrationResult IterativePnp::align(const XrayViews& views, const PosePrior& 
     result.times.nonrigid_s = nonrigid_began.seconds();
   }
   result.agreement = agreementOf(model_.tree, points, frame.views(), result.T_camera_model);
-  judge(tree(), result);
+  classify(tree(), result);
   result.times.total_s = began.seconds();
   return result;
 }
 
 // Projects the points into every view and matches them there; returns the largest match distance [px].
 double IterativePnp::match(const Frame& frame, const Eigen::Matrix3Xd& points, const Pose& T_camera_points) {
-  double largest_px = 0;
+  double max_px = 0;
   for (std::size_t v = 0; v < frame.size(); ++v) {
     projectPoints(points, frame.views()[v], T_camera_points, settings_.outside_image, projected_[v]);
     matchNearest(projected_[v], frame.matcher(v), pulls_[v]);
-    largest_px = std::max(largest_px, pulls_[v].largest_distance_px);
+    max_px = std::max(max_px, pulls_[v].max_distance_px);
   }
-  return largest_px;
+  return max_px;
 }
 
 void IterativePnp::weighAll(const Frame& frame, double scale_px) {
@@ -171,24 +171,24 @@ void IterativePnp::weighAll(const Frame& frame, double scale_px) {
   }
 }
 
-void IterativePnp::alignRigid(const Frame& frame, const PosePriorTerm& prior, Pose& T_camera_centred,
+void IterativePnp::alignRigid(const Frame& frame, const PosePriorTerm& prior, Pose& T_camera_centered,
                               RegistrationResult& result) {
   projected_.assign(frame.size(), Projected(model_.tree.size()));
   pulls_.assign(frame.size(), Pull(model_.tree.size()));
   LevenbergMarquardt solver;
   std::optional<ScaleSchedule> schedule;
-  while (result.rigid_iterations < settings_.most_iterations) {
-    const double largest_px = match(frame, points_centred_, T_camera_centred);
+  while (result.rigid_iterations < settings_.max_iterations) {
+    const double max_px = match(frame, points_centered_, T_camera_centered);
     if (!schedule) {
-      const double first = settings_.first_scale_px > 0 ? settings_.first_scale_px : largest_px;
+      const double first = settings_.first_scale_px > 0 ? settings_.first_scale_px : max_px;
       schedule.emplace(first, settings_.last_scale_px, settings_.halve_every);
     }
     weighAll(frame, schedule->scale_px());
-    const auto step = solver.step(points_centred_, frame.views(), T_camera_centred, pulls_, prior);
-    T_camera_centred = step.T_camera_centred;
+    const auto step = solver.step(points_centered_, frame.views(), T_camera_centered, pulls_, prior);
+    T_camera_centered = step.T_camera_centered;
     ++result.rigid_iterations;
     // How far the step moves the projection at most, roughly.
-    result.last_step_px = pixelsPerMetre(frame.views(), T_camera_centred.translation()) *
+    result.last_step_px = pixelsPerMetre(frame.views(), T_camera_centered.translation()) *
                           (step.dx.head<3>().norm() + radius_m_ * step.dx.tail<3>().norm());
     const bool at_rest = !step.lowered || result.last_step_px < kRestPx;
     if (at_rest && schedule->atLast()) break;
@@ -196,8 +196,8 @@ void IterativePnp::alignRigid(const Frame& frame, const PosePriorTerm& prior, Po
     if (settings_.kernel != Kernel::kGaussian && at_rest) break;
     at_rest ? schedule->halve() : schedule->nextIteration();
   }
-  result.covariance = covarianceOf(normalEquations(points_centred_, frame.views(), T_camera_centred, pulls_, prior),
-                                   pulls_, T_camera_centred, model_.tree.centroid());
+  result.covariance = covarianceOf(normalEquations(points_centered_, frame.views(), T_camera_centered, pulls_, prior),
+                                   pulls_, T_camera_centered, model_.tree.centroid());
 }
 
 Eigen::Matrix3Xd IterativePnp::alignNonrigid(const Frame& frame, RegistrationResult& result) {
@@ -205,9 +205,9 @@ Eigen::Matrix3Xd IterativePnp::alignNonrigid(const Frame& frame, RegistrationRes
   pulls_.assign(frame.size(), Pull(model_.tree.size()));
   std::optional<ScaleSchedule> schedule;
   while (result.nonrigid_iterations < settings_.nonrigid_iterations) {
-    const double largest_px = match(frame, model_.tree.points() + displacements, result.T_camera_model);
+    const double max_px = match(frame, model_.tree.points() + displacements, result.T_camera_model);
     if (!schedule) {
-      const double first = settings_.nonrigid_first_scale_px > 0 ? settings_.nonrigid_first_scale_px : largest_px;
+      const double first = settings_.nonrigid_first_scale_px > 0 ? settings_.nonrigid_first_scale_px : max_px;
       schedule.emplace(first, settings_.last_scale_px, settings_.halve_every);
     }
     weighAll(frame, schedule->scale_px());
@@ -230,4 +230,4 @@ std::unique_ptr<Registration> make(const IterativePnpSettings& settings, const V
   return std::make_unique<IterativePnp>(settings, tree);
 }
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -5,10 +5,10 @@
 
 #include "angio/registration/registration.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// "Iterative PnP and its application in 3D-2D vascular image registration for robot navigation" (Song et al.):
 /// nearest neighbours on the image side, Gaussian-kernel weights, Levenberg-Marquardt on SE(3), rigid then nonrigid.
 std::unique_ptr<Registration> make(const IterativePnpSettings& settings, const VesselTree& tree);
 
-}  // namespace angio
+}  // namespace angio::registration

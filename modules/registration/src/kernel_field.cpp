@@ -13,7 +13,7 @@
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace angio {
+namespace angio::registration {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -35,11 +35,11 @@ void addStamp(const float* row, int count, const float* weight, int rows, float*
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio
+}  // namespace angio::registration
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio {
+namespace angio::registration {
 HWY_EXPORT(addStamp);
 namespace {
 
@@ -145,5 +145,5 @@ KernelField::Value KernelField::at(const Eigen::Vector2d& pixel, double cos2_phi
   return value;
 }
 
-}  // namespace angio
+}  // namespace angio::registration
 #endif

@@ -4,7 +4,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-namespace angio {
+#include "angio/registration/namespace.hpp"
+
+namespace angio::registration {
 
 /// The image side of an oriented registration: points with direction and mass, one array a quantity.
 ///
@@ -70,4 +72,4 @@ class KernelField {
   float cell_px_ = 1, scale_px_ = 1, u_origin_px_ = 0, v_origin_px_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

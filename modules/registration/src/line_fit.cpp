@@ -6,39 +6,39 @@
 
 #include "oriented_image.hpp"
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 // Rounds on a part of the image: enough for gate and weights to follow the noise.
 constexpr int kFirstRounds = 3;
 // Matches run the same way to within 30 deg.
-constexpr double kLeastCos2 = 0.5;
-// Below this the model's own edges, which are chords of bends, are no better than the image [px].
-constexpr double kLeastNoise_px = 0.05;
+constexpr double kMinCos2 = 0.5;
+// Below this the model's own edges, which are chords of deforms, are no better than the image [px].
+constexpr double kMinNoise_px = 0.05;
 // Weights fall off at so many times the noise: 98.6 % efficient on normal noise.
 constexpr double kToleranceOverNoise = 3, kGateOverNoise = 4.5;
-constexpr double kLeastTolerance_px = 0.3, kLeastGate_px = 1;
+constexpr double kMinTolerance_px = 0.3, kMinGate_px = 1;
 
 }  // namespace
 
-const OrientedPoints& LineFit::chosen(const OrientedFrame& frame, std::size_t view, int most_points) {
+const OrientedPoints& LineFit::chosen(const OrientedFrame& frame, std::size_t view, int max_points) {
   const OrientedPoints& all = frame.points(view);
-  const int stride = (frame.pointCount() + most_points - 1) / std::max(1, most_points);
+  const int stride = (frame.pointCount() + max_points - 1) / std::max(1, max_points);
   if (stride <= 1) return all;
   if (chosen_.size() < frame.viewCount()) chosen_.resize(frame.viewCount());
   thinned(all, stride, chosen_[view]);
   return chosen_[view];
 }
 
-double LineFit::explained(const OrientedFrame& frame, const Pose& T_camera_centred, double scale_px, int most_points) {
+double LineFit::explained(const OrientedFrame& frame, const Pose& T_camera_centered, double scale_px, int max_points) {
   double sum = 0, total = 0;
   for (std::size_t v = 0; v < frame.viewCount(); ++v) {
     const XrayView& view = frame.views()[v];
-    const OrientedPoints& image = chosen(frame, v, most_points);
-    projected_.project(model_.points, model_.edges, view.camera, view.T_view_first * T_camera_centred);
+    const OrientedPoints& image = chosen(frame, v, max_points);
+    projected_.project(model_.points, model_.edges, view.camera, view.T_view_first * T_camera_centered);
     for (int j = 0; j < image.size(); ++j) {
       const auto near = projected_.nearest(image.u[j], image.v[j], image.cos2[j], image.sin2[j],
-                                           static_cast<float>(3 * scale_px), static_cast<float>(kLeastCos2));
+                                           static_cast<float>(3 * scale_px), static_cast<float>(kMinCos2));
       total += image.mass_px[j];
       if (near.edge >= 0) sum += image.mass_px[j] * std::exp(-near.distance2_px2 / (2 * scale_px * scale_px));
     }
@@ -49,21 +49,21 @@ double LineFit::explained(const OrientedFrame& frame, const Pose& T_camera_centr
 LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_start,
                            const LineFitPlan& plan) {
   LineFitResult result;
-  result.T_camera_centred = T_start;
+  result.T_camera_centered = T_start;
   double gate = plan.gate_px, tolerance = gate / 2;
   if (matches_.size() < frame.viewCount()) matches_.resize(frame.viewCount());
   used_.resize(frame.viewCount());
-  for (int round = 0; round < plan.most_rounds; ++round) {
+  for (int round = 0; round < plan.max_rounds; ++round) {
     // Far from the answer a part of the image says as much as all of it.
-    const int most_points = round < kFirstRounds ? std::min(plan.first_points, plan.most_points) : plan.most_points;
+    const int max_points = round < kFirstRounds ? std::min(plan.first_points, plan.max_points) : plan.max_points;
     int points = 0, matched = 0;
     for (std::size_t v = 0; v < frame.viewCount(); ++v) {
       const XrayView& view = frame.views()[v];
-      const OrientedPoints& image = chosen(frame, v, most_points);
+      const OrientedPoints& image = chosen(frame, v, max_points);
       used_[v] = &image;
-      projected_.project(model_.points, model_.edges, view.camera, view.T_view_first * result.T_camera_centred);
-      matchLines(image, projected_, gate, kLeastCos2, matches_[v]);
-      if (round >= kFirstRounds) softenShared(image, projected_, kLeastCos2, matches_[v]);
+      projected_.project(model_.points, model_.edges, view.camera, view.T_view_first * result.T_camera_centered);
+      matchLines(image, projected_, gate, kMinCos2, matches_[v]);
+      if (round >= kFirstRounds) softenShared(image, projected_, kMinCos2, matches_[v]);
       resolveMatches(model_.points, model_.edges, matches_[v]);
       points += image.size();
       matched += matches_[v].matched;
@@ -74,13 +74,13 @@ LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& beli
       double pixels_per_metre = 0;
       for (std::size_t v = 0; v < frame.viewCount(); ++v) {
         const XrayView& view = frame.views()[v];
-        const Pose T = view.T_view_first * result.T_camera_centred;
+        const Pose T = view.T_view_first * result.T_camera_centered;
         addLineEquations(*used_[v], matches_[v], view.camera, T, tolerance, sums);
         pixels_per_metre =
             std::max(pixels_per_metre, view.camera.parameters().fx_px / std::max(0.05, T.translation().z()));
       }
       if (!(sums.weight > 0)) return result;
-      result.noise_px = std::max(kLeastNoise_px, noiseBehind(sums.squares_px2 / sums.weight, tolerance));
+      result.noise_px = std::max(kMinNoise_px, noiseBehind(sums.squares_px2 / sums.weight, tolerance));
       // Efficiency of the weights on normal noise, and neighbours that say the same.
       const double a = result.noise_px * result.noise_px / (tolerance * tolerance);
       const double lost = std::pow(1 + 2 * a, -1.5) * std::pow(1 + a, 2.5);
@@ -90,24 +90,24 @@ LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& beli
       Vector6d g = -currency * sums.g;
       Matrix6d H_prior = Matrix6d::Zero();
       Vector6d g_prior = Vector6d::Zero();
-      belief.add(result.T_camera_centred, H_prior, g_prior);
+      belief.add(result.T_camera_centered, H_prior, g_prior);
       H += H_prior;
       g -= g_prior;
       result.information = H;
       const Twist dx = H.ldlt().solve(g);
       if (!dx.allFinite()) return result;
-      result.T_camera_centred = result.T_camera_centred * expSE3(dx);
+      result.T_camera_centered = result.T_camera_centered * expSE3(dx);
       result.last_step_px = pixels_per_metre * (dx.head<3>().norm() + model_.radius_m * dx.tail<3>().norm());
       ++result.steps;
       if (result.last_step_px < plan.rest * result.noise_px) break;
     }
-    const bool settled = gate <= 1.1 * std::max(kLeastGate_px, kGateOverNoise * result.noise_px);
+    const bool settled = gate <= 1.1 * std::max(kMinGate_px, kGateOverNoise * result.noise_px);
     if (round >= kFirstRounds && settled && result.last_step_px < plan.rest * result.noise_px) break;
-    gate = std::clamp(kGateOverNoise * result.noise_px, kLeastGate_px, gate);
-    tolerance = std::clamp(kToleranceOverNoise * result.noise_px, kLeastTolerance_px, tolerance);
+    gate = std::clamp(kGateOverNoise * result.noise_px, kMinGate_px, gate);
+    tolerance = std::clamp(kToleranceOverNoise * result.noise_px, kMinTolerance_px, tolerance);
   }
-  result.T_camera_centred.linear() = nearestRotation(result.T_camera_centred.linear());
+  result.T_camera_centered.linear() = nearestRotation(result.T_camera_centered.linear());
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::registration

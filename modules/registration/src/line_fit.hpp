@@ -9,15 +9,15 @@
 #include "oriented_model.hpp"
 #include "pose_prior_term.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// How a line fit goes.
 struct LineFitPlan {
-  double gate_px = 8;        ///< Image points further than this from every edge have no match, to begin with.
-  int first_points = 500;    ///< About so many image points, evenly chosen, take part in the first rounds ...
-  int most_points = 100000;  ///< ... and so many in the others.
-  int most_rounds = 8;       ///< Of matching anew; each has two steps.
-  double rest = 0.1;         ///< A round that moves the projection by less than this share of the noise is the last.
+  double gate_px = 8;       ///< Image points further than this from every edge have no match, to begin with.
+  int first_points = 500;   ///< About so many image points, evenly chosen, take part in the first rounds ...
+  int max_points = 100000;  ///< ... and so many in the others.
+  int max_rounds = 8;       ///< Of matching anew; each has two steps.
+  double rest = 0.1;        ///< A round that moves the projection by less than this share of the noise is the last.
 };
 
 /// After the fields, whose last gate is half the finest scale or so: all of the image, to rest; and, for one candidate
@@ -28,7 +28,7 @@ constexpr LineFitPlan kQuick{kAfterFields_px, 300, 300, 3, 0.1};
 
 /// Where a line fit came to rest.
 struct LineFitResult {
-  Pose T_camera_centred = Pose::Identity();
+  Pose T_camera_centered = Pose::Identity();
   Matrix6d information = Matrix6d::Zero();  ///< Of the twist about the centroid, model axes, prior included; see below.
   double noise_px = 0;                      ///< Standard deviation of the matched points across their edges.
   double matched = 0;                       ///< Share of the points used that have a match.
@@ -47,15 +47,15 @@ class LineFit {
  public:
   explicit LineFit(const OrientedModel& model) : model_(model) {}
 
-  LineFitResult fit(const OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_camera_centred,
+  LineFitResult fit(const OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_camera_centered,
                     const LineFitPlan& plan);
 
   /// Mean over the image points of exp(-d^2 / 2 scale^2), d their distance to the nearest edge that runs along: how
   /// much of the image the model explains, in [0, 1].
-  double explained(const OrientedFrame& frame, const Pose& T_camera_centred, double scale_px, int most_points);
+  double explained(const OrientedFrame& frame, const Pose& T_camera_centered, double scale_px, int max_points);
 
  private:
-  const OrientedPoints& chosen(const OrientedFrame& frame, std::size_t view, int most_points);
+  const OrientedPoints& chosen(const OrientedFrame& frame, std::size_t view, int max_points);
 
   const OrientedModel& model_;
   ProjectedEdges projected_;
@@ -64,4 +64,4 @@ class LineFit {
   std::vector<const OrientedPoints*> used_;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

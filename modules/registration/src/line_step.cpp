@@ -14,7 +14,7 @@
 
 #ifndef ANGIO_LINE_STEP_RAW
 #define ANGIO_LINE_STEP_RAW
-namespace angio {
+namespace angio::registration {
 // Plain numbers in and out of the vector code.
 struct RawLineLook {
   const float *x, *y, *z, *normal_u, *normal_v, *u, *v;
@@ -27,11 +27,11 @@ struct RawLineSums {
   RawNormalEquations equations;
   double weight, squares;
 };
-}  // namespace angio
+}  // namespace angio::registration
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace angio {
+namespace angio::registration {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -96,11 +96,11 @@ void lineSums(const RawLineLook& in, RawLineSums& out) {
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio
+}  // namespace angio::registration
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio {
+namespace angio::registration {
 HWY_EXPORT(lineSums);
 namespace {
 
@@ -113,17 +113,17 @@ constexpr float kSharedCertainty = 0.2f;
 
 }  // namespace
 
-void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double gate_px, double least_cos2,
+void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double gate_px, double min_cos2,
                 LineMatches& matches) {
   matches.matched =
-      edges.nearestOfEach(image, static_cast<float>(gate_px), static_cast<float>(least_cos2), matches.of_point);
+      edges.nearestOfEach(image, static_cast<float>(gate_px), static_cast<float>(min_cos2), matches.of_point);
   for (std::size_t j = 0; j < matches.of_point.size(); ++j) {
     matches.of_point[j].normal_u *= image.certainty[j];
     matches.of_point[j].normal_v *= image.certainty[j];
   }
 }
 
-void softenShared(const OrientedPoints& image, const ProjectedEdges& edges, double least_cos2, LineMatches& matches) {
+void softenShared(const OrientedPoints& image, const ProjectedEdges& edges, double min_cos2, LineMatches& matches) {
   for (std::size_t j = 0; j < matches.of_point.size(); ++j) {
     auto& match = matches.of_point[j];
     const float half_reach = 0.5f * kMergedRadii * image.radius_px[j];
@@ -132,7 +132,7 @@ void softenShared(const OrientedPoints& image, const ProjectedEdges& edges, doub
     const float n_u = match.normal_u / length, n_v = match.normal_v / length;
     for (const float side : {-half_reach, half_reach}) {
       const auto other = edges.nearest(image.u[j] + side * n_u, image.v[j] + side * n_v, image.cos2[j], image.sin2[j],
-                                       half_reach, static_cast<float>(least_cos2));
+                                       half_reach, static_cast<float>(min_cos2));
       if (other.edge < 0) continue;
       // Where both edges cross the normal, from the image's point on.
       const float alike = other.normal_u * n_u + other.normal_v * n_v;
@@ -163,7 +163,7 @@ double noiseBehind(double weighted_square, double tau) {
   return inverse > 0.1 / (tau * tau) ? std::sqrt(1 / inverse) : std::sqrt(10.0) * tau;
 }
 
-void resolveMatches(const Eigen::Matrix3Xd& points_centred, const std::vector<std::pair<int, int>>& edges,
+void resolveMatches(const Eigen::Matrix3Xd& points_centered, const std::vector<std::pair<int, int>>& edges,
                     LineMatches& matches) {
   const std::size_t n = matches.of_point.size();
   for (auto* values :
@@ -174,7 +174,7 @@ void resolveMatches(const Eigen::Matrix3Xd& points_centred, const std::vector<st
     const auto& match = matches.of_point[j];
     if (match.edge < 0) continue;
     const auto& edge = edges[static_cast<std::size_t>(match.edge)];
-    const auto a = points_centred.col(edge.first), b = points_centred.col(edge.second);
+    const auto a = points_centered.col(edge.first), b = points_centered.col(edge.second);
     const double w = match.along;
     matches.x[j] = static_cast<float>(a.x() + w * (b.x() - a.x()));
     matches.y[j] = static_cast<float>(a.y() + w * (b.y() - a.y()));
@@ -185,7 +185,7 @@ void resolveMatches(const Eigen::Matrix3Xd& points_centred, const std::vector<st
 }
 
 void addLineEquations(const OrientedPoints& image, LineMatches& matches, const XrayCamera& camera,
-                      const Pose& T_view_centred, double tolerance_px, LineSums& sums) {
+                      const Pose& T_view_centered, double tolerance_px, LineSums& sums) {
   RawLineLook in;
   in.x = matches.x.data();
   in.y = matches.y.data();
@@ -196,7 +196,7 @@ void addLineEquations(const OrientedPoints& image, LineMatches& matches, const X
   in.v = image.v.data();
   in.weighted_residual = matches.weighted_residual.data();
   in.count = image.size();
-  in.view = rawView(camera, T_view_centred);
+  in.view = rawView(camera, T_view_centered);
   in.inverse_two_tolerance2 = static_cast<float>(1 / (2 * tolerance_px * tolerance_px));
   RawLineSums raw;
   HWY_DYNAMIC_DISPATCH(lineSums)(in, raw);
@@ -214,5 +214,5 @@ void addLineEquations(const OrientedPoints& image, LineMatches& matches, const X
   }
 }
 
-}  // namespace angio
+}  // namespace angio::registration
 #endif

@@ -7,7 +7,7 @@
 
 #include "projected_edges.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Matches of one view: which image points lie on which model edge.
 struct LineMatches {
@@ -21,13 +21,13 @@ struct LineMatches {
 
 /// Matches every image point. Normals are lengthened by the point's certainty, and with them every residual: what is
 /// counted in the sums is pixels of a point of middling certainty.
-void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double gate_px, double least_cos2,
+void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double gate_px, double min_cos2,
                 LineMatches& matches);
 
 /// Makes points count little that may show two vessels as one: where a second edge runs alike within the vessel's
 /// radius or so, the image's line lies somewhere between both, and pulls either one to where it is not. Images without
 /// radii are left as they are.
-void softenShared(const OrientedPoints& image, const ProjectedEdges& edges, double least_cos2, LineMatches& matches);
+void softenShared(const OrientedPoints& image, const ProjectedEdges& edges, double min_cos2, LineMatches& matches);
 
 /// Normal equations of sum_j w(r_j) r_j^2, r_j the distance of image point j from its edge's line [px], for T exp(dx).
 struct LineSums {
@@ -51,12 +51,12 @@ double noiseBehind(double weighted_square, double tau);
 
 /// Puts the matched places on the model into the arrays that addLineEquations reads. `points_centred` are the points
 /// that were projected, or displaced ones.
-void resolveMatches(const Eigen::Matrix3Xd& points_centred, const std::vector<std::pair<int, int>>& edges,
+void resolveMatches(const Eigen::Matrix3Xd& points_centered, const std::vector<std::pair<int, int>>& edges,
                     LineMatches& matches);
 
 /// Adds one view. `tolerance_px` is the scale of the Gaussian weight w(r) = exp(-r^2 / 2 tolerance^2). In single
 /// precision: a ten-thousandth of a pixel. The arrays of `image` are padded (OrientedPoints::pad).
 void addLineEquations(const OrientedPoints& image, LineMatches& matches, const XrayCamera& camera,
-                      const Pose& T_view_centred, double tolerance_px, LineSums& sums);
+                      const Pose& T_view_centered, double tolerance_px, LineSums& sums);
 
-}  // namespace angio
+}  // namespace angio::registration

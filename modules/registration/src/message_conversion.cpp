@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace angio {
+namespace angio::registration {
 
 RegistrationMessage registrationMessage(const RegistrationResult& seen, ModelId model_id, std::int64_t frame_time_us,
                                         std::int64_t frame_sequence) {
@@ -38,4 +38,4 @@ RegistrationResult registrationResult(const RegistrationMessage& message) {
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -6,7 +6,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 // A twist's standard deviations, squared on the diagonal.
@@ -50,11 +50,12 @@ MotionFilter::MotionFilter(const MotionFilterSettings& settings, const Eigen::Ve
 MotionFilter::State MotionFilter::at(double time_s) const {
   requireFinite("motion", "time_s", time_s);
   const double dt = time_s - state_->time_s;
-  if (dt < 0) throw InputError("motion", "time_s", shown(time_s), "must not be before " + shown(state_->time_s));
+  if (dt < 0)
+    throw InputError("motion", "time_s", formatValue(time_s), "must not be before " + formatValue(state_->time_s));
   State next = *state_;
   next.time_s = time_s;
   const Twist moved = state_->velocity * dt;
-  next.T_camera_centred = state_->T_camera_centred * expSE3(moved);
+  next.T_camera_centered = state_->T_camera_centered * expSE3(moved);
 
   // exp(-V dt) exp(xi) exp((V + nu) dt) = exp(Ad(exp(-V dt)) xi) exp(Jr(V dt) nu dt) to first order.
   Matrix12d F = Matrix12d::Identity();
@@ -63,7 +64,7 @@ MotionFilter::State MotionFilter::at(double time_s) const {
   // White acceleration of density q, integrated once and twice. By its density and not by frame, so that one step over
   // two frames is as sure as two steps.
   const Matrix6d q = settings_.acceleration_mean_s *
-                     diagonal(settings_.acceleration_std_mm_s2, settings_.angular_acceleration_std_deg_s2);
+                     diagonal(settings_.acceleration_std_mm_per_s2, settings_.angular_acceleration_std_deg_per_s2);
   Matrix12d Q;
   Q << q * (dt * dt * dt / 3), q * (dt * dt / 2), q * (dt * dt / 2), q * dt;
   next.covariance = F * state_->covariance * F.transpose() + Q;
@@ -78,14 +79,14 @@ Matrix6d MotionFilter::measured(const Matrix6d& about_centroid) const {
 std::optional<PosePrior> MotionFilter::predict(double time_s) const {
   if (!state_) return std::nullopt;
   const State predicted = at(time_s);
-  return PosePrior{predicted.T_camera_centred * Eigen::Translation3d(-centroid_),
+  return PosePrior{predicted.T_camera_centered * Eigen::Translation3d(-centroid_),
                    symmetric(predicted.covariance.topLeftCorner<6, 6>())};
 }
 
 Innovation MotionFilter::innovation(const State& predicted, const Pose& T_camera_model,
                                     const Matrix6d& about_centroid) const {
   Innovation result;
-  result.xi = logSE3(predicted.T_camera_centred.inverse() * T_camera_model * Eigen::Translation3d(centroid_));
+  result.xi = logSE3(predicted.T_camera_centered.inverse() * T_camera_model * Eigen::Translation3d(centroid_));
   const Matrix6d S = predicted.covariance.topLeftCorner<6, 6>() + measured(about_centroid);
   result.squared_mahalanobis = result.xi.dot(S.ldlt().solve(result.xi));
   return result;
@@ -107,10 +108,10 @@ std::optional<Innovation> MotionFilter::update(const Pose& T_camera_model, const
   if (!state_) {
     state_ = State();
     state_->time_s = time_s;
-    state_->T_camera_centred = T_camera_model * Eigen::Translation3d(centroid_);
+    state_->T_camera_centered = T_camera_model * Eigen::Translation3d(centroid_);
     state_->covariance.topLeftCorner<6, 6>() = R;
     state_->covariance.bottomRightCorner<6, 6>() =
-        diagonal(settings_.first_speed_std_mm_s, settings_.first_angular_speed_std_deg_s);
+        diagonal(settings_.first_speed_std_mm_per_s, settings_.first_angular_speed_std_deg_per_s);
     return std::nullopt;
   }
   State next = at(time_s);
@@ -124,11 +125,11 @@ std::optional<Innovation> MotionFilter::update(const Pose& T_camera_model, const
   Matrix12d A = Matrix12d::Identity();
   A.leftCols<6>() -= K;
   next.covariance = Matrix12d(A * next.covariance * A.transpose() + K * R * K.transpose());
-  next.T_camera_centred = next.T_camera_centred * expSE3(correction.head<6>());
-  next.T_camera_centred.linear() = nearestRotation(next.T_camera_centred.linear());
+  next.T_camera_centered = next.T_camera_centered * expSE3(correction.head<6>());
+  next.T_camera_centered.linear() = nearestRotation(next.T_camera_centered.linear());
   next.velocity += correction.tail<6>();
   state_ = next;
   return seen;
 }
 
-}  // namespace angio
+}  // namespace angio::registration

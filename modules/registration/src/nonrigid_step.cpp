@@ -5,7 +5,7 @@
 #include <map>
 #include <nanoflann.hpp>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 constexpr double kMillimetre = 1e-3;
@@ -111,4 +111,4 @@ double NonrigidStep::regulariser(const Eigen::Matrix3Xd& displacements_m) const 
   return sum / (kMillimetre * kMillimetre);
 }
 
-}  // namespace angio
+}  // namespace angio::registration

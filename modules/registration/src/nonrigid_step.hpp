@@ -11,7 +11,7 @@
 #include "angio/vessel/vessel_tree.hpp"
 #include "irls.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// The nonrigid half of the paper's eq. 4 with the pose kept: displacements r_i that minimise
 /// sum_v sum_i weight_vi |pi_v(T_v_first T (p_i + r_i)) - target_vi|^2 + lambda2 E_reg(r), over all views v.
@@ -48,4 +48,4 @@ class NonrigidStep {
   Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> cholesky_;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -5,7 +5,7 @@
 
 #include "oriented_image.hpp"
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 // A row of Gaussians three quarters of their width apart is smooth to one part in 10^15: more points add nothing but
@@ -15,18 +15,18 @@ constexpr double kPointsPerScale = 4.0 / 3;
 // The part of the detector where points within three scales can pull: elsewhere the field is nothing, and costs
 // nothing.
 KernelField::Region reachOf(const OrientedPoints& points, double scale_px, const XrayCamera& camera) {
-  const double most_u = camera.width_px() - 0.5, most_v = camera.height_px() - 0.5;
-  double u_first = most_u, u_last = -0.5, v_first = most_v, v_last = -0.5;
+  const double max_u = camera.width_px() - 0.5, max_v = camera.height_px() - 0.5;
+  double u_first = max_u, u_last = -0.5, v_first = max_v, v_last = -0.5;
   for (int j = 0; j < points.size(); ++j) {
     u_first = std::min(u_first, points.u[j] - 3 * scale_px);
     u_last = std::max(u_last, points.u[j] + 3 * scale_px);
     v_first = std::min(v_first, points.v[j] - 3 * scale_px);
     v_last = std::max(v_last, points.v[j] + 3 * scale_px);
   }
-  u_first = std::clamp(u_first, -0.5, most_u);
-  v_first = std::clamp(v_first, -0.5, most_v);
-  u_last = std::clamp(u_last, u_first, most_u);
-  v_last = std::clamp(v_last, v_first, most_v);
+  u_first = std::clamp(u_first, -0.5, max_u);
+  v_first = std::clamp(v_first, -0.5, max_v);
+  u_last = std::clamp(u_last, u_first, max_u);
+  v_last = std::clamp(v_last, v_first, max_v);
   return {u_first, v_first, u_last - u_first, v_last - v_first};
 }
 
@@ -40,8 +40,8 @@ void OrientedFrame::begin(const XrayViews& views, const OrientedKernelSettings& 
   length_px_ = 0;
   for (std::size_t v = 0; v < views.size(); ++v) {
     Image& image = images_[v];
-    orientedPoints(views[v].centerline, settings.spacing_px, settings.most_points_2d, image.points);
-    angio::fieldOfView(views[v], image.field_of_view);
+    orientedPoints(views[v].centerline, settings.spacing_px, settings.max_points_2d, image.points);
+    angio::registration::fieldOfView(views[v], image.field_of_view);
     image.built.fill(false);
     point_count_ += image.points.size();
     for (const float mass : image.points.mass_px) length_px_ += mass;
@@ -63,4 +63,4 @@ const KernelField& OrientedFrame::field(std::size_t view, int scale) {
   return image.field[k];
 }
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -9,7 +9,7 @@
 #include "field_step.hpp"
 #include "kernel_field.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Scales of the kernel fields, coarse to fine [px].
 constexpr std::array<double, 3> kFieldScales_px = {32, 16, 8};
@@ -45,4 +45,4 @@ class OrientedFrame {
   double length_px_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <tuple>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 constexpr double kLargest_px = 8192;  // No detector is larger: what lies beyond does not count.
@@ -19,21 +19,21 @@ Eigen::Vector2f doubleAngle(double tangent_rad) {
 // one curve among others, may be the wrong one, and shares with them what an extractor does not know of.
 class Certainty {
  public:
-  explicit Certainty(const Centerline2d& c) : sigma_px_(c.sigma_px) {
-    if (sigma_px_.size() == 0) return;
-    Eigen::VectorXd sorted = sigma_px_;
+  explicit Certainty(const Centerline2d& c) : std_px_(c.std_px) {
+    if (std_px_.size() == 0) return;
+    Eigen::VectorXd sorted = std_px_;
     const auto middle = sorted.data() + sorted.size() / 2;
     std::nth_element(sorted.data(), middle, sorted.data() + sorted.size());
     middle_px_ = *middle;
   }
   float between(Eigen::Index a, Eigen::Index b, double weight_of_b) const {
-    if (sigma_px_.size() == 0) return 1;
-    const double sigma_px = (1 - weight_of_b) * sigma_px_[a] + weight_of_b * sigma_px_[b];
-    return static_cast<float>(std::clamp(middle_px_ / sigma_px, 0.25, 1.0));
+    if (std_px_.size() == 0) return 1;
+    const double std_px = (1 - weight_of_b) * std_px_[a] + weight_of_b * std_px_[b];
+    return static_cast<float>(std::clamp(middle_px_ / std_px, 0.25, 1.0));
   }
 
  private:
-  const Eigen::VectorXd& sigma_px_;
+  const Eigen::VectorXd& std_px_;
   double middle_px_ = 1;
 };
 
@@ -55,7 +55,7 @@ void addBranch(const Centerline2d& c, const Certainty& certainty, Eigen::Index f
     const Eigen::Vector2f here = doubleAngle(c.tangent_rad[i]);
     const Eigen::Vector2d a = p.col(i - 1), step = p.col(i) - a;
     const double length = step.norm();
-    const bool gap = length > kLongestStep_px;
+    const bool gap = length > kMaxStep_px;
     const int pieces = gap ? 1 : std::max(1, static_cast<int>(std::ceil(length / spacing_px - 1e-9)));
     const float half_mass = gap ? 0 : static_cast<float>(0.5 * length / pieces);
     for (int k = 1; k <= pieces; ++k) {
@@ -107,7 +107,7 @@ void thinned(const OrientedPoints& points, int stride, OrientedPoints& to) {
   to.pad();
 }
 
-void orientedPoints(const Centerline2d& c, double spacing_px, int most_points, OrientedPoints& to) {
+void orientedPoints(const Centerline2d& c, double spacing_px, int max_points, OrientedPoints& to) {
   to.clear();
   const Certainty certainty(c);
   // Branches, or points without order, in the order of where they are: whoever wrote them in another order gets the
@@ -137,11 +137,11 @@ void orientedPoints(const Centerline2d& c, double spacing_px, int most_points, O
     }
     if (to.size() > 0) massFromDensity(to);
   }
-  if (to.size() > most_points) {
+  if (to.size() > max_points) {
     const OrientedPoints all = to;
-    thinned(all, (all.size() + most_points - 1) / most_points, to);
+    thinned(all, (all.size() + max_points - 1) / max_points, to);
   }
   to.pad();
 }
 
-}  // namespace angio
+}  // namespace angio::registration

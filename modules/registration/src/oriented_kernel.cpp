@@ -5,17 +5,17 @@
 #include <cmath>
 
 #include "angio/base/stopwatch.hpp"
-#include "angio/registration/agreement.hpp"
+#include "angio/registration/alignment_score.hpp"
 #include "angio/registration/motion_filter.hpp"
 #include "deformation_fit.hpp"
 #include "field_search.hpp"
-#include "judgement.hpp"
+#include "fit_classification.hpp"
 #include "line_fit.hpp"
 #include "pose_comparison.hpp"
 #include "shift_search.hpp"
 #include "start_draws.hpp"
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 // An image that shows less than this share of what the model should show is fitted from its own side: most of the model
@@ -34,9 +34,10 @@ constexpr std::size_t kShiftPlaces = 32;
 
 // A deformation that explains no more than this share more, and brings the image no nearer than this, is none.
 constexpr double kSameScore = 0.02, kSameResidual_px = 0.05;
-// A rival with less than this share of the rigid score is none, also when it may be deformed.
+// An alternative with less than this share of the rigid score is none, also when it may be deformed.
 constexpr double kWorthDeforming = 0.5;
-// What fits to the wrong tree reach: below that score, with a rival that does nearly as well, nothing has been found.
+// What fits to the wrong tree reach: below that score, with an alternative that does nearly as well, nothing has been
+// found.
 constexpr double kChanceScore = 0.12, kChanceRival = 0.5;
 // The belief with its translations as uncertain as far as shifts are searched.
 PosePriorTerm shiftsFreed(PosePriorTerm belief) {
@@ -79,15 +80,15 @@ class OrientedKernel final : public Registration {
   /// What all registrations of a frame begin with; nothing when there are too few points.
   std::optional<PosePriorTerm> begin(const XrayViews& views, const PosePrior& prior, const Pose& start,
                                      RegistrationResult& result);
-  bool imageIsSmall(const Pose& T_camera_centred) const;
-  double spread_px(const PosePriorTerm& belief, const Pose& T_camera_centred) const;
+  bool imageIsSmall(const Pose& T_camera_centered) const;
+  double spread_px(const PosePriorTerm& belief, const Pose& T_camera_centered) const;
 
   std::vector<PoseCandidate> candidatesByFields(const PosePriorTerm& belief, const StartSettings& starts,
                                                 double widened, const SearchProgress& progress);
   std::vector<PoseCandidate> candidatesByShifts(const PosePriorTerm& belief, const StartSettings& starts);
-  void judgeRivals(const PosePriorTerm& belief, const Pose& T_rigid, const std::vector<PoseCandidate>& others,
-                   RegistrationResult& result);
-  void finish(const PosePriorTerm& belief, const Pose& T_camera_centred, const LineFitPlan& plan,
+  void classifyAlternatives(const PosePriorTerm& belief, const Pose& T_rigid, const std::vector<PoseCandidate>& others,
+                            RegistrationResult& result);
+  void finish(const PosePriorTerm& belief, const Pose& T_camera_centered, const LineFitPlan& plan,
               RegistrationResult& result);
   void deform(const PosePriorTerm& belief, RegistrationResult& result);
 
@@ -120,12 +121,12 @@ std::optional<PosePriorTerm> OrientedKernel::begin(const XrayViews& views, const
   return belief;
 }
 
-bool OrientedKernel::imageIsSmall(const Pose& T_camera_centred) const {
+bool OrientedKernel::imageIsSmall(const Pose& T_camera_centered) const {
   const ModelPoints& points = model_.subsets.back();
   double length_px = 0;
   for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
     const XrayView& view = frame_.views()[v];
-    const Pose T = view.T_view_first * T_camera_centred;
+    const Pose T = view.T_view_first * T_camera_centered;
     for (int i = 0; i < points.count; ++i) {
       const Eigen::Vector3d p = T * Eigen::Vector3d(points.x[i], points.y[i], points.z[i]);
       const auto pixel = view.camera.project(p);
@@ -140,10 +141,10 @@ bool OrientedKernel::imageIsSmall(const Pose& T_camera_centred) const {
 }
 
 // How far the belief lets the projection be off, rms.
-double OrientedKernel::spread_px(const PosePriorTerm& belief, const Pose& T_camera_centred) const {
+double OrientedKernel::spread_px(const PosePriorTerm& belief, const Pose& T_camera_centered) const {
   const Matrix6d covariance = belief.information.inverse();
   const double pixels_per_metre =
-      frame_.views().front().camera.parameters().fx_px / std::max(0.05, T_camera_centred.translation().z());
+      frame_.views().front().camera.parameters().fx_px / std::max(0.05, T_camera_centered.translation().z());
   return pixels_per_metre *
          std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3 +
                    model_.radius_m * model_.radius_m * covariance.bottomRightCorner<3, 3>().trace() / 3);
@@ -173,30 +174,30 @@ std::vector<PoseCandidate> OrientedKernel::candidatesByShifts(const PosePriorTer
                       shiftReach_m(belief, starts, kShiftReach), kShiftPlaces);
 }
 
-// Compares the result with its best rival. `T_rigid` is its pose before it was deformed.
-void OrientedKernel::judgeRivals(const PosePriorTerm& belief, const Pose& T_rigid,
-                                 const std::vector<PoseCandidate>& others, RegistrationResult& result) {
-  const PoseCandidate rival = comparison_.bestRival(belief, T_rigid, others);
+// Compares the result with its best alternative. `T_rigid` is its pose before it was deformed.
+void OrientedKernel::classifyAlternatives(const PosePriorTerm& belief, const Pose& T_rigid,
+                                          const std::vector<PoseCandidate>& others, RegistrationResult& result) {
+  const PoseCandidate alternative = comparison_.bestRival(belief, T_rigid, others);
   const double own = comparison_.score(belief, T_rigid);
-  double share = own > 0 ? std::min(1.0, rival.score / own) : 1.0;
-  if (deformation_ && rival.score > 0 && share > kWorthDeforming) {
+  double share = own > 0 ? std::min(1.0, alternative.score / own) : 1.0;
+  if (deformation_ && alternative.score > 0 && share > kWorthDeforming) {
     // Before it is deformed the right pose fits little better than a wrong one.
     RegistrationResult deformed = result;
-    deformed.T_camera_model = rival.T_camera_centred * Eigen::Translation3d(-model_.centroid);
+    deformed.T_camera_model = alternative.T_camera_centered * Eigen::Translation3d(-model_.centroid);
     PosePriorTerm there = belief;
-    there.T0_camera_centred = rival.T_camera_centred;
+    there.T0_camera_centered = alternative.T_camera_centered;
     deform(there, deformed);
     result.times.nonrigid_s += deformed.times.nonrigid_s;
     const double score = result.agreement.score();
     share = score > 0 ? std::min(1.0, deformed.agreement.score() / score) : 1.0;
   }
-  judgeAgainst(share, model_.resampled.tree, result);
+  classifyAgainst(share, model_.resampled.tree, result);
 }
 
-void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_centred, const LineFitPlan& plan,
+void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_centered, const LineFitPlan& plan,
                             RegistrationResult& result) {
-  const LineFitResult fit = lines_.fit(frame_, belief, T_camera_centred, plan);
-  result.T_camera_model = fit.T_camera_centred * Eigen::Translation3d(-model_.centroid);
+  const LineFitResult fit = lines_.fit(frame_, belief, T_camera_centered, plan);
+  result.T_camera_model = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
   result.rigid_iterations += fit.steps;
   result.last_step_px = fit.last_step_px;
   if (fit.information.allFinite() && fit.information.diagonal().minCoeff() > 0) {
@@ -209,16 +210,16 @@ void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& res
   const VesselTree& tree = model_.resampled.tree;
   result.agreement = agreementOf(tree, tree.points(), frame_.views(), result.T_camera_model);
   if (!deformation_) {
-    judge(tree, result);
+    classify(tree, result);
     return;
   }
   const Stopwatch stage;
   const auto fit = deformation_->fit(frame_, belief, result.T_camera_model * Eigen::Translation3d(model_.centroid));
-  const Pose deformed_pose = fit.T_camera_centred * Eigen::Translation3d(-model_.centroid);
-  const Agreement deformed = agreementOf(tree, tree.points() + fit.displacements_m, frame_.views(), deformed_pose);
+  const Pose deformed_pose = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
+  const AlignmentScore deformed = agreementOf(tree, tree.points() + fit.displacements_m, frame_.views(), deformed_pose);
   // Pose and deformation share what one view cannot tell apart: an image that the rigid tree explains as well must not
   // move it.
-  const Agreement& rigid = result.agreement;
+  const AlignmentScore& rigid = result.agreement;
   const bool needed = rigid.score() < deformed.score() - kSameScore ||
                       rigid.image_residual_px > 1.1 * deformed.image_residual_px + kSameResidual_px;
   result.displacements_m.setZero(3, given_.size());
@@ -235,7 +236,7 @@ void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& res
   }
   result.nonrigid_iterations = fit.iterations;
   result.times.nonrigid_s = stage.seconds();
-  judge(tree, result);
+  classify(tree, result);
 }
 
 RegistrationResult OrientedKernel::align(const XrayViews& views, const PosePrior& prior, const Pose& start) {
@@ -250,7 +251,7 @@ RegistrationResult OrientedKernel::align(const XrayViews& views, const PosePrior
     belief = shiftsFreed(*belief);
     plan = {kSmallTracked_px, 500, 100000, 12, 0.1};
   } else {
-    const double off_px = spread_px(*belief, candidate.T_camera_centred);
+    const double off_px = spread_px(*belief, candidate.T_camera_centered);
     int scale = 0;
     while (scale + 1 < kFieldScales && kFieldScales_px[static_cast<std::size_t>(scale) + 1] >= off_px) ++scale;
     for (; scale < kFieldScales; ++scale) {
@@ -258,12 +259,12 @@ RegistrationResult OrientedKernel::align(const XrayViews& views, const PosePrior
       result.rigid_iterations += fields_.ascend(frame_, *belief, points, scale, 6, candidate);
     }
   }
-  finish(*belief, candidate.T_camera_centred, plan, result);
+  finish(*belief, candidate.T_camera_centered, plan, result);
   result.times.rigid_s = began.seconds() - result.times.prepare_s;
   const Pose rigid = result.T_camera_model * Eigen::Translation3d(model_.centroid);
   deform(*belief, result);
   if (result.status == RegistrationStatus::kConverged && comparison_.mirrorIsOpen(*belief, rigid)) {
-    judgeRivals(*belief, rigid, {}, result);
+    classifyAlternatives(*belief, rigid, {}, result);
   }
   result.times.total_s = began.seconds();
   return result;
@@ -292,11 +293,11 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
     RegistrationResult found = result;
     LineFitPlan plan = kFull;
     if (small_) plan.gate_px = kSmallGate_px;
-    finish(wide, candidates.front().T_camera_centred, plan, found);
+    finish(wide, candidates.front().T_camera_centered, plan, found);
     found.times.rigid_s = began.seconds() - result.times.prepare_s;
     const Pose rigid = found.T_camera_model * Eigen::Translation3d(model_.centroid);
     deform(wide, found);
-    judgeRivals(wide, rigid, candidates, found);
+    classifyAlternatives(wide, rigid, candidates, found);
     const bool first = widened == 1.0;
     if (first || found.agreement.score() * (1 - *found.ambiguity) > result.agreement.score() * (1 - *result.ambiguity))
       result = found;
@@ -317,4 +318,4 @@ std::unique_ptr<Registration> make(const OrientedKernelSettings& settings, const
   return std::make_unique<OrientedKernel>(settings, tree);
 }
 
-}  // namespace angio
+}  // namespace angio::registration

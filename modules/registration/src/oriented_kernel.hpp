@@ -5,9 +5,9 @@
 
 #include "angio/registration/registration.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Oriented kernel fields with many starts, and a point-to-line polish from image to model.
 std::unique_ptr<Registration> make(const OrientedKernelSettings& settings, const VesselTree& tree);
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 constexpr int kSmallestSubset = 128, kSubsets = 4;
@@ -12,7 +12,7 @@ constexpr int kSmallestSubset = 128, kSubsets = 4;
 }  // namespace
 
 OrientedModel::OrientedModel(const VesselTree& given, const OrientedKernelSettings& settings)
-    : resampled(angio::resampled(given, settings.spacing_mm * 1e-3, settings.most_points_3d)),
+    : resampled(angio::registration::resampled(given, settings.spacing_mm * 1e-3, settings.max_points_3d)),
       centroid(resampled.tree.centroid()),
       points(resampled.tree.points().colwise() - centroid) {
   const VesselTree& tree = resampled.tree;
@@ -35,4 +35,4 @@ OrientedModel::OrientedModel(const VesselTree& given, const OrientedKernelSettin
   }
 }
 
-}  // namespace angio
+}  // namespace angio::registration

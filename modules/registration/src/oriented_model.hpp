@@ -8,7 +8,7 @@
 #include "angio/vessel/resample.hpp"
 #include "field_step.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// The model side of a registration: what is computed once per tree.
 struct OrientedModel {
@@ -28,4 +28,4 @@ struct OrientedModel {
   int size() const { return static_cast<int>(points.cols()); }
 };
 
-}  // namespace angio
+}  // namespace angio::registration

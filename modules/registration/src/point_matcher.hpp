@@ -8,7 +8,9 @@
 #include <nanoflann.hpp>
 #include <vector>
 
-namespace angio {
+#include "angio/registration/namespace.hpp"
+
+namespace angio::registration {
 
 /// Nearest image points, by a k-d tree on the static 2D side (paper, section III-C). For one thread.
 class PointMatcher {
@@ -24,7 +26,8 @@ class PointMatcher {
     double distance2_px2 = 0;
   };
 
-  /// The nearest point. `guess` (an index, or -1) bounds the search: the last match, as points move little between iterations.
+  /// The nearest point. `guess` (an index, or -1) bounds the search: the last match, as points move little between
+  /// iterations.
   Match nearest(const Eigen::Vector2d& query, int guess) const {
     BoundedNearest found;
     if (guess >= 0) found.addPoint((points_.col(guess) - query).squaredNorm(), static_cast<std::uint32_t>(guess));
@@ -41,10 +44,12 @@ class PointMatcher {
     std::array<int, kMost> candidates;
   };
 
-  /// The nearest point, the same as by a fresh search: while a query stays within kReach of where it was searched, its nearest
-  /// point is among those that were at most 2 kReach further away than the nearest one then (triangle inequality).
+  /// The nearest point, the same as by a fresh search: while a query stays within kReach of where it was searched, its
+  /// nearest point is among those that were at most 2 kReach further away than the nearest one then (triangle
+  /// inequality).
   Match nearest(const Eigen::Vector2d& query, Nearby& nearby) const {
-    if (nearby.count == 0 || (query - nearby.anchor).squaredNorm() > kReach_px * kReach_px) return search(query, nearby);
+    if (nearby.count == 0 || (query - nearby.anchor).squaredNorm() > kReach_px * kReach_px)
+      return search(query, nearby);
     Match best{-1, std::numeric_limits<double>::max()};
     for (int c = 0; c < nearby.count; ++c) {
       const int i = nearby.candidates[static_cast<std::size_t>(c)];
@@ -137,4 +142,4 @@ class PointMatcher {
   mutable std::vector<Match> found_;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

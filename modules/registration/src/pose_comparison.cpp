@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 constexpr double kCompared_px = 3;
@@ -13,7 +13,7 @@ constexpr double kCompared_px = 3;
 constexpr double kRival_px = 2;
 // Poses whose points lie further apart than this (rms, about) are different answers.
 constexpr double kDifferentPose_m = 3e-3;
-// What the belief finds less likely than this (chi-square of 6, one in a million) is no rival.
+// What the belief finds less likely than this (chi-square of 6, one in a million) is no alternative.
 constexpr double kBelievable = 38;
 
 }  // namespace
@@ -34,61 +34,61 @@ double PoseComparison::modelShare(const PosePriorTerm& belief, PoseCandidate& ca
 void PoseComparison::rank(const PosePriorTerm& belief, std::vector<PoseCandidate>& candidates,
                           const LineFitPlan& plan) {
   for (auto& candidate : candidates) {
-    candidate.T_camera_centred = lines_.fit(*frame_, belief, candidate.T_camera_centred, plan).T_camera_centred;
+    candidate.T_camera_centered = lines_.fit(*frame_, belief, candidate.T_camera_centered, plan).T_camera_centered;
     const double model = modelShare(belief, candidate);
-    candidate.score = model * lines_.explained(*frame_, candidate.T_camera_centred, kCompared_px, plan.most_points);
+    candidate.score = model * lines_.explained(*frame_, candidate.T_camera_centered, kCompared_px, plan.max_points);
   }
   std::sort(candidates.begin(), candidates.end(),
             [](const PoseCandidate& a, const PoseCandidate& b) { return a.score > b.score; });
 }
 
-double PoseComparison::score(const PosePriorTerm& belief, const Pose& T_camera_centred) const {
-  PoseCandidate candidate{T_camera_centred, 1};
-  return modelShare(belief, candidate) * lines_.explained(*frame_, T_camera_centred, kRival_px, kQuick.most_points);
+double PoseComparison::score(const PosePriorTerm& belief, const Pose& T_camera_centered) const {
+  PoseCandidate candidate{T_camera_centered, 1};
+  return modelShare(belief, candidate) * lines_.explained(*frame_, T_camera_centered, kRival_px, kQuick.max_points);
 }
 
-PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const Pose& T_camera_centred,
+PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const Pose& T_camera_centered,
                                         const std::vector<PoseCandidate>& others) const {
   const auto different = [&](const Pose& T) {
-    const Pose between = T_camera_centred.inverse() * T;
+    const Pose between = T_camera_centered.inverse() * T;
     const double turn_m = model_.radius_m * rotationAngle(between.linear());
     return std::hypot(between.translation().norm(), turn_m) > kDifferentPose_m;
   };
-  PoseCandidate best{T_camera_centred, 0};
+  PoseCandidate best{T_camera_centered, 0};
   const auto ask = [&](const Pose& T) {
     if (!different(T)) return;
     const double its_score = score(belief, T);
     if (its_score > best.score) best = {T, its_score};
   };
-  for (const auto& other : others) ask(other.T_camera_centred);
+  for (const auto& other : others) ask(other.T_camera_centered);
   // Always asked: what is flat or far looks the same from both sides, and no number of draws need come upon it.
-  if (mirrorIsOpen(belief, T_camera_centred)) {
-    PoseCandidate mirrored{depthMirrored(T_camera_centred), 0};
+  if (mirrorIsOpen(belief, T_camera_centered)) {
+    PoseCandidate mirrored{depthMirrored(T_camera_centered), 0};
     // Fitted as if it had been believed: else the belief, which may be in the wrong one of the two, draws it back.
     PosePriorTerm there = belief;
-    there.T0_camera_centred = mirrored.T_camera_centred;
+    there.T0_camera_centered = mirrored.T_camera_centered;
     for (int scale = 1; scale < kFieldScales; ++scale) {
       fields_.ascend(*frame_, there, model_.subsets[static_cast<std::size_t>(scale)], scale, 6, mirrored);
     }
-    ask(lines_.fit(*frame_, there, mirrored.T_camera_centred, kQuick).T_camera_centred);
+    ask(lines_.fit(*frame_, there, mirrored.T_camera_centered, kQuick).T_camera_centered);
   }
   return best;
 }
 
-bool PoseComparison::mirrorIsOpen(const PosePriorTerm& belief, const Pose& T_camera_centred) const {
-  return !small_ && frame_->viewCount() == 1 && belief.cost(depthMirrored(T_camera_centred)) < kBelievable;
+bool PoseComparison::mirrorIsOpen(const PosePriorTerm& belief, const Pose& T_camera_centered) const {
+  return !small_ && frame_->viewCount() == 1 && belief.cost(depthMirrored(T_camera_centered)) < kBelievable;
 }
 
 // Seen from afar, a shape and its mirror image in depth look alike; and a flat shape is its own mirror image in its
 // plane. Both mirrors make a turn: where a flat tree would be if near and far were exchanged.
-Pose PoseComparison::depthMirrored(const Pose& T_camera_centred) const {
+Pose PoseComparison::depthMirrored(const Pose& T_camera_centered) const {
   // Across the beam to the centroid, not across the optical axis: a tree at the detector's edge is seen at a slant.
-  const Eigen::Vector3d beam = T_camera_centred.translation().normalized();
+  const Eigen::Vector3d beam = T_camera_centered.translation().normalized();
   const Eigen::Matrix3d S = Eigen::Matrix3d::Identity() - 2 * beam * beam.transpose();
   const Eigen::Matrix3d P = Eigen::Matrix3d::Identity() - 2 * flat_axis_ * flat_axis_.transpose();
-  Pose mirrored = T_camera_centred;
-  mirrored.linear() = S * T_camera_centred.linear() * P;
+  Pose mirrored = T_camera_centered;
+  mirrored.linear() = S * T_camera_centered.linear() * P;
   return mirrored;
 }
 
-}  // namespace angio
+}  // namespace angio::registration

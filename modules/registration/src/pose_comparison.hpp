@@ -9,7 +9,7 @@
 #include "oriented_model.hpp"
 #include "pose_prior_term.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Weighs poses of a tree against each other on one frame, by what they explain: of the image, and of the model too
 /// unless the image shows little of it.
@@ -27,20 +27,20 @@ class PoseComparison {
   void rank(const PosePriorTerm& belief, std::vector<PoseCandidate>& candidates, const LineFitPlan& plan);
 
   /// The score of a pose as it is, in [0, 1].
-  double score(const PosePriorTerm& belief, const Pose& T_camera_centred) const;
+  double score(const PosePriorTerm& belief, const Pose& T_camera_centered) const;
 
   /// The best different pose among `others`, and the depth-mirrored one where the belief allows it; `T_camera_centred`
   /// itself with a score of 0 when there is none.
-  PoseCandidate bestRival(const PosePriorTerm& belief, const Pose& T_camera_centred,
+  PoseCandidate bestRival(const PosePriorTerm& belief, const Pose& T_camera_centered,
                           const std::vector<PoseCandidate>& others) const;
 
   /// Whether one view may be taken for the tree with near and far exchanged: only one is seen, and the belief does not
   /// rule it out.
-  bool mirrorIsOpen(const PosePriorTerm& belief, const Pose& T_camera_centred) const;
+  bool mirrorIsOpen(const PosePriorTerm& belief, const Pose& T_camera_centered) const;
 
  private:
   double modelShare(const PosePriorTerm& belief, PoseCandidate& candidate) const;
-  Pose depthMirrored(const Pose& T_camera_centred) const;
+  Pose depthMirrored(const Pose& T_camera_centered) const;
 
   const OrientedModel& model_;
   FieldSearch& fields_;
@@ -50,4 +50,4 @@ class PoseComparison {
   bool small_ = false;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

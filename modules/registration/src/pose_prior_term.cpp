@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "pose_prior_term.hpp"
 
-namespace angio {
+namespace angio::registration {
 
-double PosePriorTerm::cost(const Pose& T_camera_centred) const {
-  const Twist xi = logSE3(T0_camera_centred.inverse() * T_camera_centred);
+double PosePriorTerm::cost(const Pose& T_camera_centered) const {
+  const Twist xi = logSE3(T0_camera_centered.inverse() * T_camera_centered);
   return xi.dot(information * xi);
 }
 
-void PosePriorTerm::add(const Pose& T_camera_centred, Matrix6d& H, Vector6d& g) const {
-  const Twist xi = logSE3(T0_camera_centred.inverse() * T_camera_centred);
+void PosePriorTerm::add(const Pose& T_camera_centered, Matrix6d& H, Vector6d& g) const {
+  const Twist xi = logSE3(T0_camera_centered.inverse() * T_camera_centered);
   const Matrix6d J = rightJacobianInverseSE3(xi);
   H.noalias() += J.transpose() * information * J;
   g.noalias() += J.transpose() * (information * xi);
@@ -17,7 +17,7 @@ void PosePriorTerm::add(const Pose& T_camera_centred, Matrix6d& H, Vector6d& g) 
 
 PosePriorTerm priorTerm(const IterativePnpSettings& settings, const PosePrior& prior, const Eigen::Vector3d& centroid) {
   PosePriorTerm term;
-  term.T0_camera_centred = prior.T_camera_model * Eigen::Translation3d(centroid);
+  term.T0_camera_centered = prior.T_camera_model * Eigen::Translation3d(centroid);
   // The data term counts squared pixels; a covariance is brought to the same currency by the variance of one match.
   const double pixel_variance = settings.pixel_std_px * settings.pixel_std_px;
   if (prior.covariance) {
@@ -38,7 +38,7 @@ PosePriorTerm priorTerm(const IterativePnpSettings& settings, const PosePrior& p
 PosePriorTerm beliefOf(const PosePrior& prior, const OrientedKernelSettings& settings,
                        const Eigen::Vector3d& centroid) {
   PosePriorTerm belief;
-  belief.T0_camera_centred = prior.T_camera_model * Eigen::Translation3d(centroid);
+  belief.T0_camera_centered = prior.T_camera_model * Eigen::Translation3d(centroid);
   if (prior.covariance) {
     belief.information = prior.covariance->inverse();
   } else {
@@ -50,4 +50,4 @@ PosePriorTerm beliefOf(const PosePrior& prior, const OrientedKernelSettings& set
   return belief;
 }
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -5,7 +5,7 @@
 #include "angio/registration/oriented_kernel_settings.hpp"
 #include "angio/registration/registration.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// What is known of the pose before the image is looked at, as a quadratic form: xi^T information xi with
 /// xi = log(T0^-1 T), for the pose of the centred tree (rotation about the centroid, paper eq. 3). It is E_init of the
@@ -14,13 +14,13 @@ namespace angio {
 /// The paper's T acts on the points after T_dsa_cb and the shift by -c. Here T0 holds both, which leaves
 /// |log(T0^-1 T)| as it is up to a rotation of the axes.
 struct PosePriorTerm {
-  Pose T0_camera_centred = Pose::Identity();
+  Pose T0_camera_centered = Pose::Identity();
   Matrix6d information = Matrix6d::Zero();  ///< Per m^2 and rad^2, in the unit that the data term counts in.
 
-  double cost(const Pose& T_camera_centred) const;
+  double cost(const Pose& T_camera_centered) const;
 
   /// Adds the term's Gauss-Newton Hessian and gradient (half of each) with respect to T exp(dx).
-  void add(const Pose& T_camera_centred, Matrix6d& H, Vector6d& g) const;
+  void add(const Pose& T_camera_centered, Matrix6d& H, Vector6d& g) const;
 };
 
 /// The term that settings and prior ask for, in square pixels as the paper's data term.
@@ -29,4 +29,4 @@ PosePriorTerm priorTerm(const IterativePnpSettings& settings, const PosePrior& p
 /// The prior's own covariance, or the settings' standard deviations; in units of a negative log-likelihood (twice).
 PosePriorTerm beliefOf(const PosePrior& prior, const OrientedKernelSettings& settings, const Eigen::Vector3d& centroid);
 
-}  // namespace angio
+}  // namespace angio::registration

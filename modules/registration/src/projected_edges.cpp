@@ -14,7 +14,7 @@
 
 #ifndef ANGIO_PROJECTED_EDGES_RAW
 #define ANGIO_PROJECTED_EDGES_RAW
-namespace angio {
+namespace angio::registration {
 // Plain numbers in and out of the vector code.
 struct RawEntries {
   const float *u, *v, *du, *dv, *inverse_length2, *cos2, *sin2;
@@ -23,17 +23,17 @@ struct RawNearest {
   int entry;
   float along, distance2;
 };
-}  // namespace angio
+}  // namespace angio::registration
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace angio {
+namespace angio::registration {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // The nearest of the entries in several ranges [begin, end): as many of them at a time as there are lanes.
 void nearestEntry(const RawEntries& entries, const int* ranges, int range_count, float u, float v, float cos2,
-                  float sin2, float least_cos2, RawNearest& best) {
+                  float sin2, float min_cos2, RawNearest& best) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -53,7 +53,7 @@ void nearestEntry(const RawEntries& entries, const int* ranges, int range_count,
       const auto cosine = hn::MulAdd(hn::LoadU(d, entries.cos2 + k), hn::Set(d, cos2),
                                      hn::Mul(hn::LoadU(d, entries.sin2 + k), hn::Set(d, sin2)));
       const auto index = hn::Iota(di, k);
-      auto wins = hn::And(hn::Lt(distance2, best_distance2), hn::Ge(cosine, hn::Set(d, least_cos2)));
+      auto wins = hn::And(hn::Lt(distance2, best_distance2), hn::Ge(cosine, hn::Set(d, min_cos2)));
       wins = hn::And(wins, hn::RebindMask(d, hn::Lt(index, hn::Set(di, end))));
       best_distance2 = hn::IfThenElse(wins, distance2, best_distance2);
       best_along = hn::IfThenElse(wins, along, best_along);
@@ -73,15 +73,15 @@ void nearestEntry(const RawEntries& entries, const int* ranges, int range_count,
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio
+}  // namespace angio::registration
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio {
+namespace angio::registration {
 HWY_EXPORT(nearestEntry);
 namespace {
 
-constexpr int kMostRows = 64;
+constexpr int kMaxRows = 64;
 constexpr float kCell_px = 16;
 constexpr float kShortest_px = 0.05f;  // An edge seen shorter than this has no direction.
 
@@ -92,17 +92,17 @@ void ProjectedEdges::Entries::resize(std::size_t size) {
   edge.resize(size + kPadding);
 }
 
-void ProjectedEdges::project(const Eigen::Matrix3Xd& points_centred, const std::vector<std::pair<int, int>>& edges,
-                             const XrayCamera& camera, const Pose& T_view_centred) {
-  const auto n = static_cast<std::size_t>(points_centred.cols());
+void ProjectedEdges::project(const Eigen::Matrix3Xd& points_centered, const std::vector<std::pair<int, int>>& edges,
+                             const XrayCamera& camera, const Pose& T_view_centered) {
+  const auto n = static_cast<std::size_t>(points_centered.cols());
   u_.resize(n);
   v_.resize(n);
   in_front_.resize(n);
-  const Eigen::Matrix3d R = T_view_centred.linear();
-  const Eigen::Vector3d t = T_view_centred.translation();
+  const Eigen::Matrix3d R = T_view_centered.linear();
+  const Eigen::Vector3d t = T_view_centered.translation();
   const auto& c = camera.parameters();
   for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector3d p = R * points_centred.col(static_cast<Eigen::Index>(i)) + t;
+    const Eigen::Vector3d p = R * points_centered.col(static_cast<Eigen::Index>(i)) + t;
     in_front_[i] = p.z() > 1e-3;
     const double inverse = in_front_[i] ? 1 / p.z() : 0;
     u_[i] = static_cast<float>(c.fx_px * p.x() * inverse + c.cx_px);
@@ -158,12 +158,12 @@ void ProjectedEdges::project(const Eigen::Matrix3Xd& points_centred, const std::
 }
 
 ProjectedEdges::Nearest ProjectedEdges::nearest(float u, float v, float cos2, float sin2, float gate_px,
-                                                float least_cos2) const {
-  return nearestWith(HWY_DYNAMIC_DISPATCH(nearestEntry), u, v, cos2, sin2, gate_px, least_cos2);
+                                                float min_cos2) const {
+  return nearestWith(HWY_DYNAMIC_DISPATCH(nearestEntry), u, v, cos2, sin2, gate_px, min_cos2);
 }
 
 ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry, float u, float v, float cos2,
-                                                    float sin2, float gate_px, float least_cos2) const {
+                                                    float sin2, float gate_px, float min_cos2) const {
   Nearest best;
   const float reach = gate_px + 0.5f * kCell_px;
   const auto cellOf = [](float x, int last) { return std::clamp(static_cast<int>(x * (1 / kCell_px) + 1), 0, last); };
@@ -180,8 +180,8 @@ ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry,
                               entries_.sin2.data()};
   RawNearest found{-1, 0, gate_px * gate_px};
   for (int row = row_first; row <= row_last;) {
-    int ranges[2 * kMostRows], count = 0;
-    for (; row <= row_last && count < kMostRows; ++row) {
+    int ranges[2 * kMaxRows], count = 0;
+    for (; row <= row_last && count < kMaxRows; ++row) {
       const std::size_t line = static_cast<std::size_t>(row) * columns_;
       const int begin = cell_begin_[line + column_first], end = cell_begin_[line + column_last + 1];
       if (begin == end) continue;
@@ -189,7 +189,7 @@ ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry,
       ranges[2 * count + 1] = end;
       ++count;
     }
-    nearest_entry(entries, ranges, count, u, v, cos2, sin2, least_cos2, found);
+    nearest_entry(entries, ranges, count, u, v, cos2, sin2, min_cos2, found);
   }
   if (found.entry < 0) return best;
   const auto k = static_cast<std::size_t>(found.entry);
@@ -203,17 +203,17 @@ ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry,
   return best;
 }
 
-int ProjectedEdges::nearestOfEach(const OrientedPoints& image, float gate_px, float least_cos2,
+int ProjectedEdges::nearestOfEach(const OrientedPoints& image, float gate_px, float min_cos2,
                                   std::vector<Nearest>& nearest) const {
   nearest.resize(static_cast<std::size_t>(image.size()));
   const auto nearest_entry = HWY_DYNAMIC_DISPATCH(nearestEntry);
   int found = 0;
   for (std::size_t j = 0; j < nearest.size(); ++j) {
-    nearest[j] = nearestWith(nearest_entry, image.u[j], image.v[j], image.cos2[j], image.sin2[j], gate_px, least_cos2);
+    nearest[j] = nearestWith(nearest_entry, image.u[j], image.v[j], image.cos2[j], image.sin2[j], gate_px, min_cos2);
     found += nearest[j].edge >= 0;
   }
   return found;
 }
 
-}  // namespace angio
+}  // namespace angio::registration
 #endif

@@ -8,7 +8,7 @@
 #include "angio/registration/xray_view.hpp"
 #include "kernel_field.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 struct RawEntries;
 struct RawNearest;
@@ -19,8 +19,8 @@ struct RawNearest;
 class ProjectedEdges {
  public:
   /// @param edges  Pairs of columns of `points_centred`.
-  void project(const Eigen::Matrix3Xd& points_centred, const std::vector<std::pair<int, int>>& edges,
-               const XrayCamera& camera, const Pose& T_view_centred);
+  void project(const Eigen::Matrix3Xd& points_centered, const std::vector<std::pair<int, int>>& edges,
+               const XrayCamera& camera, const Pose& T_view_centered);
 
   struct Nearest {
     int edge = -1;                     ///< Index into the edges, or -1: none within the gate.
@@ -31,21 +31,21 @@ class ProjectedEdges {
   };
 
   /// The nearest edge within `gate_px` that runs along the direction (cosine of twice the angle between at least
-  /// `least_cos2`; edges seen end-on have no direction and do not match).
-  Nearest nearest(float u, float v, float cos2, float sin2, float gate_px, float least_cos2) const;
+  /// `min_cos2`; edges seen end-on have no direction and do not match).
+  Nearest nearest(float u, float v, float cos2, float sin2, float gate_px, float min_cos2) const;
 
   /// The same for each point of an image, into `nearest`: the vector routine is chosen once for all. Returns how many
   /// have one.
-  int nearestOfEach(const OrientedPoints& image, float gate_px, float least_cos2, std::vector<Nearest>& nearest) const;
+  int nearestOfEach(const OrientedPoints& image, float gate_px, float min_cos2, std::vector<Nearest>& nearest) const;
 
   /// Projected length of all edges on the detector [px].
   double length_px() const { return length_px_; }
 
  private:
   using NearestEntry = void(const RawEntries&, const int* ranges, int range_count, float u, float v, float cos2,
-                            float sin2, float least_cos2, RawNearest&);
+                            float sin2, float min_cos2, RawNearest&);
   Nearest nearestWith(NearestEntry* nearest_entry, float u, float v, float cos2, float sin2, float gate_px,
-                      float least_cos2) const;
+                      float min_cos2) const;
 
   // Of each entry, cell by cell and padded for the widest vectors: where its edge begins, how it goes, one over its
   // length squared, and twice its angle.
@@ -63,4 +63,4 @@ class ProjectedEdges {
   double length_px_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

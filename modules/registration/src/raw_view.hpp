@@ -3,8 +3,9 @@
 
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/registration/namespace.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Lanes of the widest vector target: arrays that vector code reads are padded by as many.
 constexpr std::size_t kPadding = 16;
@@ -14,10 +15,10 @@ struct RawView {
   float R[9], t[3], fx, fy, cx, cy;
 };
 
-inline RawView rawView(const XrayCamera& camera, const Pose& T_view_centred) {
+inline RawView rawView(const XrayCamera& camera, const Pose& T_view_centered) {
   RawView raw;
-  for (int i = 0; i < 9; ++i) raw.R[i] = static_cast<float>(T_view_centred.linear()(i / 3, i % 3));
-  for (int i = 0; i < 3; ++i) raw.t[i] = static_cast<float>(T_view_centred.translation()[i]);
+  for (int i = 0; i < 9; ++i) raw.R[i] = static_cast<float>(T_view_centered.linear()(i / 3, i % 3));
+  for (int i = 0; i < 3; ++i) raw.t[i] = static_cast<float>(T_view_centered.translation()[i]);
   const auto& c = camera.parameters();
   raw.fx = static_cast<float>(c.fx_px);
   raw.fy = static_cast<float>(c.fy_px);
@@ -41,4 +42,4 @@ struct RawNormalEquations {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::registration

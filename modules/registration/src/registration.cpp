@@ -5,7 +5,7 @@
 #include "iterative_pnp.hpp"
 #include "oriented_kernel.hpp"
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 template <std::size_t I = 0>
@@ -45,4 +45,4 @@ std::string statusName(RegistrationStatus status) {
   return "too_few_points";
 }
 
-}  // namespace angio
+}  // namespace angio::registration

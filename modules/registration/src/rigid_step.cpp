@@ -3,32 +3,32 @@
 
 #include <cmath>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
-constexpr int kMostTries = 6;
-constexpr double kLeastDamping = 1e-9, kMostDamping = 1e6;
+constexpr int kMaxTries = 6;
+constexpr double kMinDamping = 1e-9, kMaxDamping = 1e6;
 
 // One view's share of the data term.
-void addView(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera, const Pose& T_view_centred,
+void addView(const Eigen::Matrix3Xd& points_centered, const XrayCamera& camera, const Pose& T_view_centered,
              const Pull& pull, NormalEquations& sum) {
   // The hottest arithmetic of a registration: eight points at a time, one array a quantity, so that it vectorises.
   constexpr int kLanes = 8;
   using Lanes = Eigen::Array<double, kLanes, 1>;
-  const Eigen::Matrix3d R = T_view_centred.linear();
-  const Eigen::Vector3d t = T_view_centred.translation();
+  const Eigen::Matrix3d R = T_view_centered.linear();
+  const Eigen::Vector3d t = T_view_centered.translation();
   const auto& c = camera.parameters();
   Lanes H[6][6], g[6], cost = Lanes::Zero();
   for (int i = 0; i < 6; ++i) {
     g[i].setZero();
     for (int k = 0; k < 6; ++k) H[i][k].setZero();
   }
-  for (Eigen::Index first = 0; first < points_centred.cols(); first += kLanes) {
-    const Eigen::Index count = std::min<Eigen::Index>(kLanes, points_centred.cols() - first);
+  for (Eigen::Index first = 0; first < points_centered.cols(); first += kLanes) {
+    const Eigen::Index count = std::min<Eigen::Index>(kLanes, points_centered.cols() - first);
     Lanes p[3], weight = Lanes::Zero(), target_u = Lanes::Zero(), target_v = Lanes::Zero();
     for (auto& axis : p) axis.setZero();
     for (Eigen::Index i = 0; i < count; ++i) {
-      for (int k = 0; k < 3; ++k) p[k][i] = points_centred(k, first + i);
+      for (int k = 0; k < 3; ++k) p[k][i] = points_centered(k, first + i);
       weight[i] = pull.weight[first + i];
       target_u[i] = pull.target_px(0, first + i);
       target_v[i] = pull.target_px(1, first + i);
@@ -68,39 +68,39 @@ void addView(const Eigen::Matrix3Xd& points_centred, const XrayCamera& camera, c
 
 }  // namespace
 
-void projectPoints(const Eigen::Matrix3Xd& points_centred, const XrayView& view, const Pose& T_camera_centred,
+void projectPoints(const Eigen::Matrix3Xd& points_centered, const XrayView& view, const Pose& T_camera_centered,
                    OutsideImage outside, Projected& projected) {
-  const Pose T_view_centred = view.T_view_first * T_camera_centred;
-  for (Eigen::Index i = 0; i < points_centred.cols(); ++i) {
-    const auto pixel = view.camera.project(T_view_centred * points_centred.col(i));
+  const Pose T_view_centered = view.T_view_first * T_camera_centered;
+  for (Eigen::Index i = 0; i < points_centered.cols(); ++i) {
+    const auto pixel = view.camera.project(T_view_centered * points_centered.col(i));
     projected.may_pull[static_cast<std::size_t>(i)] =
         pixel.has_value() && (outside == OutsideImage::kVote || view.sees(*pixel));
     if (pixel) projected.pixel.col(i) = *pixel;
   }
 }
 
-NormalEquations normalEquations(const Eigen::Matrix3Xd& points_centred, const XrayViews& views,
-                                const Pose& T_camera_centred, const std::vector<Pull>& pulls,
+NormalEquations normalEquations(const Eigen::Matrix3Xd& points_centered, const XrayViews& views,
+                                const Pose& T_camera_centered, const std::vector<Pull>& pulls,
                                 const PosePriorTerm& prior) {
   NormalEquations n;
   for (std::size_t v = 0; v < views.size(); ++v) {
-    addView(points_centred, views[v].camera, views[v].T_view_first * T_camera_centred, pulls[v], n);
+    addView(points_centered, views[v].camera, views[v].T_view_first * T_camera_centered, pulls[v], n);
   }
   n.H = n.H_data;
-  prior.add(T_camera_centred, n.H, n.g);
-  n.cost_px2 += prior.cost(T_camera_centred);
+  prior.add(T_camera_centered, n.H, n.g);
+  n.cost_px2 += prior.cost(T_camera_centered);
   return n;
 }
 
-double irlsCost(const Eigen::Matrix3Xd& points_centred, const XrayViews& views, const Pose& T_camera_centred,
+double irlsCost(const Eigen::Matrix3Xd& points_centered, const XrayViews& views, const Pose& T_camera_centered,
                 const std::vector<Pull>& pulls, const PosePriorTerm& prior) {
-  double cost = prior.cost(T_camera_centred);
+  double cost = prior.cost(T_camera_centered);
   for (std::size_t v = 0; v < views.size(); ++v) {
-    const Pose T_view_centred = views[v].T_view_first * T_camera_centred;
+    const Pose T_view_centered = views[v].T_view_first * T_camera_centered;
     const Pull& pull = pulls[v];
-    for (Eigen::Index i = 0; i < points_centred.cols(); ++i) {
+    for (Eigen::Index i = 0; i < points_centered.cols(); ++i) {
       if (pull.weight[i] == 0) continue;
-      const auto pixel = views[v].camera.project(T_view_centred * points_centred.col(i));
+      const auto pixel = views[v].camera.project(T_view_centered * points_centered.col(i));
       // A step that pushes a matched point behind the source is no step.
       if (!pixel) return std::numeric_limits<double>::infinity();
       cost += pull.weight[i] * (*pixel - pull.target_px.col(i)).squaredNorm();
@@ -109,25 +109,25 @@ double irlsCost(const Eigen::Matrix3Xd& points_centred, const XrayViews& views, 
   return cost;
 }
 
-LevenbergMarquardt::Step LevenbergMarquardt::step(const Eigen::Matrix3Xd& points_centred, const XrayViews& views,
-                                                  const Pose& T_camera_centred, const std::vector<Pull>& pulls,
+LevenbergMarquardt::Step LevenbergMarquardt::step(const Eigen::Matrix3Xd& points_centered, const XrayViews& views,
+                                                  const Pose& T_camera_centered, const std::vector<Pull>& pulls,
                                                   const PosePriorTerm& prior) {
-  const auto n = normalEquations(points_centred, views, T_camera_centred, pulls, prior);
-  for (int attempt = 0; attempt < kMostTries; ++attempt) {
+  const auto n = normalEquations(points_centered, views, T_camera_centered, pulls, prior);
+  for (int attempt = 0; attempt < kMaxTries; ++attempt) {
     Matrix6d damped = n.H;
     damped.diagonal() += damping_ * n.H.diagonal() + Vector6d::Constant(1e-12);
     const Twist dx = -damped.ldlt().solve(n.g);
     if (dx.allFinite()) {
-      Pose trial = T_camera_centred * expSE3(dx);
+      Pose trial = T_camera_centered * expSE3(dx);
       trial.linear() = nearestRotation(trial.linear());
-      if (irlsCost(points_centred, views, trial, pulls, prior) <= n.cost_px2) {
-        damping_ = std::max(kLeastDamping, damping_ / 5);
+      if (irlsCost(points_centered, views, trial, pulls, prior) <= n.cost_px2) {
+        damping_ = std::max(kMinDamping, damping_ / 5);
         return {trial, dx, true};
       }
     }
-    damping_ = std::min(kMostDamping, damping_ * 10);
+    damping_ = std::min(kMaxDamping, damping_ * 10);
   }
-  return {T_camera_centred, Twist::Zero(), false};
+  return {T_camera_centered, Twist::Zero(), false};
 }
 
-}  // namespace angio
+}  // namespace angio::registration

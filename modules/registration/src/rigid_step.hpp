@@ -5,11 +5,11 @@
 #include "irls.hpp"
 #include "pose_prior_term.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Projects centred points into a view; those behind the source, and those that it does not see when asked, do not
 /// pull.
-void projectPoints(const Eigen::Matrix3Xd& points_centred, const XrayView& view, const Pose& T_camera_centred,
+void projectPoints(const Eigen::Matrix3Xd& points_centered, const XrayView& view, const Pose& T_camera_centered,
                    OutsideImage outside, Projected& projected);
 
 /// The normal equations of one IRLS problem over all views v, with one pull for each:
@@ -20,27 +20,27 @@ struct NormalEquations {
   Vector6d g = Vector6d::Zero();  ///< Half the gradient.
   double cost_px2 = 0;
 };
-NormalEquations normalEquations(const Eigen::Matrix3Xd& points_centred, const XrayViews& views,
-                                const Pose& T_camera_centred, const std::vector<Pull>& pulls,
+NormalEquations normalEquations(const Eigen::Matrix3Xd& points_centered, const XrayViews& views,
+                                const Pose& T_camera_centered, const std::vector<Pull>& pulls,
                                 const PosePriorTerm& prior);
 
 /// Cost of the same problem at a pose.
-double irlsCost(const Eigen::Matrix3Xd& points_centred, const XrayViews& views, const Pose& T_camera_centred,
+double irlsCost(const Eigen::Matrix3Xd& points_centered, const XrayViews& views, const Pose& T_camera_centered,
                 const std::vector<Pull>& pulls, const PosePriorTerm& prior);
 
 /// Levenberg-Marquardt on SE(3), one step at a time, T <- T exp(dx) about the tree's centroid (paper, section III-D).
 class LevenbergMarquardt {
  public:
   struct Step {
-    Pose T_camera_centred;
+    Pose T_camera_centered;
     Twist dx = Twist::Zero();
     bool lowered = false;  ///< Whether the cost went down; otherwise the pose is the old one.
   };
-  Step step(const Eigen::Matrix3Xd& points_centred, const XrayViews& views, const Pose& T_camera_centred,
+  Step step(const Eigen::Matrix3Xd& points_centered, const XrayViews& views, const Pose& T_camera_centered,
             const std::vector<Pull>& pulls, const PosePriorTerm& prior);
 
  private:
   double damping_ = 1e-4;  // Relative to the Hessian's diagonal, so that metres and radians are damped alike.
 };
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 bool converged(const RegistrationResult& result) { return result.status == RegistrationStatus::kConverged; }
@@ -201,4 +201,4 @@ void SequenceTracker::miss() {
   motion_.reset();
 }
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -6,7 +6,7 @@
 
 #include "oriented_image.hpp"
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 constexpr double kScale_px = 16;  // Of the model's field, whose cells are the steps of the shifts.
@@ -27,11 +27,11 @@ KernelField::Region around(const OrientedPoints& points, double margin_px) {
 
 }  // namespace
 
-void projectedPoints(const OrientedModel& model, const XrayView& view, const Pose& T_camera_centred, double spacing_px,
+void projectedPoints(const OrientedModel& model, const XrayView& view, const Pose& T_camera_centered, double spacing_px,
                      OrientedPoints& to) {
   to.clear();
   to.begin.push_back(0);
-  const Pose T = view.T_view_first * T_camera_centred;
+  const Pose T = view.T_view_first * T_camera_centered;
   double since_px = 0;  // Length since the last point.
   for (const auto& [parent, child] : model.edges) {
     const auto a = view.camera.project(T * model.points.col(parent)),
@@ -102,14 +102,14 @@ std::vector<PoseCandidate> searchShifts(const OrientedModel& model, const Orient
   std::sort(found.begin(), found.end(), better);
   for (const auto& candidate : found) {
     if (kept.size() == keep) break;
-    const Pose& T = candidate.T_camera_centred;
+    const Pose& T = candidate.T_camera_centered;
     const bool known = std::any_of(kept.begin(), kept.end(), [&](const PoseCandidate& other) {
-      return (other.T_camera_centred.translation() - T.translation()).head<2>().norm() < kApart_m &&
-             rotationAngle(other.T_camera_centred.linear().transpose() * T.linear()) < kApart_rad;
+      return (other.T_camera_centered.translation() - T.translation()).head<2>().norm() < kApart_m &&
+             rotationAngle(other.T_camera_centered.linear().transpose() * T.linear()) < kApart_rad;
     });
     if (!known) kept.push_back(candidate);
   }
   return kept;
 }
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -5,11 +5,11 @@
 
 #include "field_search.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// The model as oriented points of one view, about `spacing_px` apart, each with the length it stands for. `to` is
 /// overwritten.
-void projectedPoints(const OrientedModel& model, const XrayView& view, const Pose& T_camera_centred, double spacing_px,
+void projectedPoints(const OrientedModel& model, const XrayView& view, const Pose& T_camera_centered, double spacing_px,
                      OrientedPoints& to);
 
 /// For a small image in a large model, as a catheter's in a tree: for each hypothesis of rotation and depth, every
@@ -20,4 +20,4 @@ void projectedPoints(const OrientedModel& model, const XrayView& view, const Pos
 std::vector<PoseCandidate> searchShifts(const OrientedModel& model, const OrientedFrame& frame,
                                         const std::vector<Pose>& hypotheses, double reach_m, std::size_t keep);
 
-}  // namespace angio
+}  // namespace angio::registration

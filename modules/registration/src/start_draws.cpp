@@ -5,7 +5,7 @@
 
 #include "angio/registration/starts.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 std::vector<Pose> StartDraws::poses(const PosePriorTerm& belief, const StartSettings& starts, int count) {
   if (starts.seed != seed_) unit_draws_.clear();
@@ -17,7 +17,7 @@ std::vector<Pose> StartDraws::poses(const PosePriorTerm& belief, const StartSett
   Vector6d half_box;
   half_box << Eigen::Vector3d::Constant(1e-3 * starts.box_translation_mm),
       Eigen::Vector3d::Constant(degToRad(starts.box_rotation_deg));
-  std::vector<Pose> poses(static_cast<std::size_t>(count), belief.T0_camera_centred);
+  std::vector<Pose> poses(static_cast<std::size_t>(count), belief.T0_camera_centered);
   for (std::size_t i = 1; i < poses.size(); ++i) {
     const Vector6d& z = unit_draws_[i];
     Twist xi = L * z;
@@ -25,14 +25,14 @@ std::vector<Pose> StartDraws::poses(const PosePriorTerm& belief, const StartSett
     Pose offset = Pose::Identity();
     offset.linear() = expSO3(xi.tail<3>());
     offset.translation() = xi.head<3>();
-    poses[i] = belief.T0_camera_centred * offset;
+    poses[i] = belief.T0_camera_centered * offset;
   }
   return poses;
 }
 
 std::vector<Pose> StartDraws::withoutShift(const PosePriorTerm& belief, const StartSettings& starts, int count) {
   std::vector<Pose> drawn = poses(belief, starts, count);
-  for (Pose& T : drawn) T.translation().head<2>() = belief.T0_camera_centred.translation().head<2>();
+  for (Pose& T : drawn) T.translation().head<2>() = belief.T0_camera_centered.translation().head<2>();
   return drawn;
 }
 
@@ -41,4 +41,4 @@ double shiftReach_m(const PosePriorTerm& belief, const StartSettings& starts, do
   return standard_deviations * std::sqrt(belief.information.inverse().topLeftCorner<3, 3>().trace() / 3);
 }
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -6,7 +6,7 @@
 #include "angio/registration/start_settings.hpp"
 #include "pose_prior_term.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Poses that a search begins at: the belief's own first, then draws around it. One seed, one row of draws.
 class StartDraws {
@@ -25,4 +25,4 @@ class StartDraws {
 /// How far shifts are to be searched [m]: to the box's side, or so many standard deviations of the belief.
 double shiftReach_m(const PosePriorTerm& belief, const StartSettings& starts, double standard_deviations);
 
-}  // namespace angio
+}  // namespace angio::registration

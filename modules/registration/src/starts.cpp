@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-namespace angio {
+namespace angio::registration {
 namespace {
 
 // Poses whose points lie further apart than this on average are different answers; nearer ones are one basin.
@@ -37,22 +37,22 @@ std::mt19937_64 engineFor(int seed, int index) {
   return std::mt19937_64(sequence);
 }
 
-Pose offsetAbout(const Pose& T_camera_model, const Eigen::Vector3d& centre_model, const Eigen::Vector3d& shift_m,
+Pose offsetAbout(const Pose& T_camera_model, const Eigen::Vector3d& center_model, const Eigen::Vector3d& shift_m,
                  const Eigen::Vector3d& rotation_rad) {
   Pose turn = Pose::Identity();
   turn.linear() = expSO3(rotation_rad);
-  const Eigen::Translation3d to_centre(centre_model);
-  return T_camera_model * to_centre * Eigen::Translation3d(shift_m) * turn * to_centre.inverse();
+  const Eigen::Translation3d to_center(center_model);
+  return T_camera_model * to_center * Eigen::Translation3d(shift_m) * turn * to_center.inverse();
 }
 
 }  // namespace
 
-Pose drawnPose(const Pose& T_camera_model, const Eigen::Vector3d& centre_model, double rotation_std_rad,
+Pose drawnPose(const Pose& T_camera_model, const Eigen::Vector3d& center_model, double rotation_std_rad,
                double translation_std_m, int seed, int index) {
   std::mt19937_64 engine = engineFor(seed, index);
   const Eigen::Vector3d w = rotation_std_rad * normal3(engine);
   const Eigen::Vector3d shift = translation_std_m * normal3(engine);
-  return offsetAbout(T_camera_model, centre_model, shift, w);
+  return offsetAbout(T_camera_model, center_model, shift, w);
 }
 
 Vector6d unitDraw(int seed, int index) {
@@ -63,7 +63,7 @@ Vector6d unitDraw(int seed, int index) {
   return z;
 }
 
-Pose drawnStart(const PosePrior& prior, const Eigen::Vector3d& centre_model, const StartSettings& starts, int index) {
+Pose drawnStart(const PosePrior& prior, const Eigen::Vector3d& center_model, const StartSettings& starts, int index) {
   std::mt19937_64 engine = engineFor(starts.seed, index);
   if (starts.box()) {
     const auto uniform3 = [&] {
@@ -73,14 +73,14 @@ Pose drawnStart(const PosePrior& prior, const Eigen::Vector3d& centre_model, con
     };
     const Eigen::Vector3d w = degToRad(starts.box_rotation_deg) * uniform3();
     const Eigen::Vector3d shift = 1e-3 * starts.box_translation_mm * uniform3();
-    return offsetAbout(prior.T_camera_model, centre_model, shift, w);
+    return offsetAbout(prior.T_camera_model, center_model, shift, w);
   }
   if (!prior.covariance) {
-    return drawnPose(prior.T_camera_model, centre_model, degToRad(starts.rotation_std_deg), starts.translation_std_mm * 1e-3,
-                     starts.seed, index);
+    return drawnPose(prior.T_camera_model, center_model, degToRad(starts.rotation_std_deg),
+                     starts.translation_std_mm * 1e-3, starts.seed, index);
   }
   const Vector6d xi = prior.covariance->llt().matrixL() * unitDraw(starts.seed, index);
-  return offsetAbout(prior.T_camera_model, centre_model, xi.head<3>(), xi.tail<3>());
+  return offsetAbout(prior.T_camera_model, center_model, xi.head<3>(), xi.tail<3>());
 }
 
 RegistrationResult Registration::search(const XrayViews& views, const PosePrior& prior, const StartSettings& starts,
@@ -91,7 +91,8 @@ RegistrationResult Registration::search(const XrayViews& views, const PosePrior&
   std::size_t best = 0;
   RegistrationTimes times;
   for (int i = 0; i < count; ++i) {
-    results.push_back(align(views, prior, i == 0 ? prior.T_camera_model : drawnStart(prior, tree().centroid(), starts, i)));
+    results.push_back(
+        align(views, prior, i == 0 ? prior.T_camera_model : drawnStart(prior, tree().centroid(), starts, i)));
     times += results.back().times;
     if (results.back().agreement.score() > results[best].agreement.score()) best = results.size() - 1;
     if (progress) progress((i + 1.0) / count);
@@ -115,4 +116,4 @@ RegistrationResult Registration::search(const XrayViews& views, const PosePrior&
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/registration/xray_view.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 bool XrayView::sees(const Eigen::Vector2d& pixel) const {
   if (!camera.sees(pixel)) return false;
@@ -16,4 +16,4 @@ bool XrayView::sees(const Eigen::Vector2d& pixel) const {
   return left || right;
 }
 
-}  // namespace angio
+}  // namespace angio::registration

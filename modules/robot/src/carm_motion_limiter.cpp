@@ -11,17 +11,17 @@
 #include "angio/robot/within_speed.hpp"
 #include "carm_path.hpp"
 
-namespace angio {
+namespace angio::robot {
 namespace {
 
-constexpr double kShortestStep_s = 0.02;  // Of plans: a fast caller's are not made of thousands of steps.
-constexpr double kLongestStep_s = 0.1;    // After frames that were missing: the next will come in time.
-constexpr int kMostPlanSteps = 400;
+constexpr double kMinStep_s = 0.02;  // Of plans: a fast caller's are not made of thousands of steps.
+constexpr double kMaxStep_s = 0.1;   // After frames that were missing: the next will come in time.
+constexpr int kMaxPlanSteps = 400;
 constexpr double kRemembered_s = 2;
 constexpr double kRounding = 1e-9;  // Of positions [rad, m].
 constexpr double kReserve = 1e-4;  // To a face [rad, m]: what watching ramps at quarters may overlook, five times over.
 constexpr int kHalvings = 12;      // A 4000th of a speed is nothing.
-constexpr int kMostEasings = 4;    // Towards room enough to slide.
+constexpr int kMaxEasings = 4;     // Towards room enough to slide.
 
 void check(const CArmLimits& limits, double command_validity_s) {
   for (int i = 0; i < kCArmJointCount; ++i) {
@@ -32,7 +32,7 @@ void check(const CArmLimits& limits, double command_validity_s) {
     requirePositive("c-arm limits", "acceleration" + joint, limits.acceleration[i]);
     requirePositive("c-arm limits", "jerk" + joint, limits.jerk[i]);
     if (limits.lower[i] > limits.upper[i]) {
-      throw InputError("c-arm limits", "lower" + joint, shown(limits.lower[i]), "must not exceed upper" + joint);
+      throw InputError("c-arm limits", "lower" + joint, formatValue(limits.lower[i]), "must not exceed upper" + joint);
     }
   }
   for (const CArmEnvelope::Face& face : limits.envelope.faces) {
@@ -40,7 +40,7 @@ void check(const CArmLimits& limits, double command_validity_s) {
     for (const double x : face.normal) requireFinite("c-arm envelope", face.name, x);
     requirePositive("c-arm envelope", face.name + ": length of the normal", face.normal.norm());
   }
-  const int most = CArmMotionLimiter::kMostFaces;
+  const int most = CArmMotionLimiter::kMaxFaces;
   if (static_cast<int>(limits.envelope.faces.size()) > most) {
     throw InputError("c-arm envelope", "faces", std::to_string(limits.envelope.faces.size()),
                      "must be " + std::to_string(most) + " at most");
@@ -69,7 +69,7 @@ CArmJoints CArmMotionLimiter::propose(const CArmJoints& wanted, const CArmJoints
   }
   advance(period_s);
   const CArmJoints joints = predicted(measured, age_s);
-  const double dt_s = std::min({period_s, command_validity_s_, kLongestStep_s});
+  const double dt_s = std::min({period_s, command_validity_s_, kMaxStep_s});
   const CArmJoints slow_enough = withinSpeed(wanted, limits_);
   CArmJoints aim, low, high, braking;
   for (int i = 0; i < kCArmJointCount; ++i) {
@@ -88,18 +88,18 @@ CArmJoints CArmMotionLimiter::propose(const CArmJoints& wanted, const CArmJoints
   FaceVector eased = FaceVector::Zero(static_cast<Eigen::Index>(limits_.envelope.faces.size()));
   CArmJoints command = braking;
   FaceVector missing = eased;
-  for (int k = 0; k < kMostEasings; ++k) {
+  for (int k = 0; k < kMaxEasings; ++k) {
     command = slid(joints, aim.cwiseMax(low).cwiseMin(high), low, high, braking, eased);
-    missing = missingRoom(joints, command, dt_s);
+    missing = missingModule(joints, command, dt_s);
     if ((missing.array() <= 0).all()) return command;
     eased += missing.cwiseMax(0) / command_validity_s_;
   }
   // What was certified a step ago may miss by the rounding of a time.
-  if ((missingRoom(joints, braking, dt_s).array() > 0.5 * kReserve).any()) return CArmJoints::Zero();
+  if ((missingModule(joints, braking, dt_s).array() > 0.5 * kReserve).any()) return CArmJoints::Zero();
   CArmJoints good = braking;
   for (int k = 0; k < kHalvings; ++k) {
     const CArmJoints middle = 0.5 * (good + command);
-    ((missingRoom(joints, middle, dt_s).array() <= 0).all() ? good : command) = middle;
+    ((missingModule(joints, middle, dt_s).array() <= 0).all() ? good : command) = middle;
   }
   return good;
 }
@@ -157,13 +157,13 @@ CArmJoints CArmMotionLimiter::predicted(const CArmJoints& joints, double age_s) 
 
 bool CArmMotionLimiter::stopsInside(int i, double q, double command, double lower, double upper, double dt_s) const {
   double u = velocity_[i], a = acceleration_[i], step_s = dt_s;
-  for (int k = 0; k < kMostPlanSteps; ++k) {
+  for (int k = 0; k < kMaxPlanSteps; ++k) {
     q += wayAfter(u, command, limits_.acceleration[i], step_s);
     if (q > upper + kRounding || q < lower - kRounding) return false;
     a = (command - u) / step_s;
     u = command;
     if (u == 0 && a == 0) return true;
-    step_s = std::max(dt_s, kShortestStep_s);
+    step_s = std::max(dt_s, kMinStep_s);
     command = stepTowards(u, a, 0, limits_.acceleration[i], limits_.jerk[i], step_s);
     if (std::abs(command) < kRounding) command = 0;
   }
@@ -220,27 +220,27 @@ CArmJoints CArmMotionLimiter::slid(const CArmJoints& joints, const CArmJoints& a
 // Silence may come at any time: the arm keeps the command for its validity, and brakes then; a command that stands
 // still may come sooner. The joints' ramps are watched at quarters of a step: where one is still on its way out and
 // another no longer on its way in, the furthest point lies in between.
-CArmMotionLimiter::FaceVector CArmMotionLimiter::missingRoom(const CArmJoints& joints, const CArmJoints& first,
-                                                             double dt_s) const {
+CArmMotionLimiter::FaceVector CArmMotionLimiter::missingModule(const CArmJoints& joints, const CArmJoints& first,
+                                                               double dt_s) const {
   const auto faces = static_cast<Eigen::Index>(limits_.envelope.faces.size());
   FaceVector missing = FaceVector::Constant(faces, -std::numeric_limits<double>::infinity());
   // Faces that the arm cannot get to before it stands are most of them, most of the time.
   // While its acceleration is taken back a joint gains a^2 / 2j.
   const CArmJoints gain = limits_.acceleration.cwiseAbs2().cwiseQuotient(2 * limits_.jerk);
   const CArmJoints speed = velocity_.cwiseAbs().cwiseMax(first.cwiseAbs()) + gain;
-  const CArmJoints longest_s = speed.cwiseQuotient(limits_.acceleration) +
-                               limits_.acceleration.cwiseQuotient(limits_.jerk) +
-                               CArmJoints::Constant(command_validity_s_ + dt_s);
-  std::array<Eigen::Index, kMostFaces> near;
+  const CArmJoints max_s = speed.cwiseQuotient(limits_.acceleration) +
+                           limits_.acceleration.cwiseQuotient(limits_.jerk) +
+                           CArmJoints::Constant(command_validity_s_ + dt_s);
+  std::array<Eigen::Index, kMaxFaces> near;
   std::size_t near_count = 0;
   for (Eigen::Index f = 0; f < faces; ++f) {
     const CArmEnvelope::Face& face = limits_.envelope.faces[static_cast<std::size_t>(f)];
-    const double way = face.normal.cwiseAbs().dot(speed.cwiseProduct(longest_s));
+    const double way = face.normal.cwiseAbs().dot(speed.cwiseProduct(max_s));
     if (!(face.room(joints) > way + kReserve)) near[near_count++] = f;
   }
   CArmJoints q = joints, u = velocity_, command = first;
   double step_s = dt_s;
-  for (int k = 0; k < kMostPlanSteps && near_count > 0; ++k) {
+  for (int k = 0; k < kMaxPlanSteps && near_count > 0; ++k) {
     const auto stopped = [&](double after_s) {
       CArmJoints position = q, velocity;
       for (int i = 0; i < kCArmJointCount; ++i) {
@@ -264,12 +264,12 @@ CArmMotionLimiter::FaceVector CArmMotionLimiter::missingRoom(const CArmJoints& j
     for (int i = 0; i < kCArmJointCount; ++i) {
       const double a = (command[i] - u[i]) / step_s;
       u[i] = command[i];
-      command[i] = stepTowards(u[i], a, 0, limits_.acceleration[i], limits_.jerk[i], std::max(dt_s, kShortestStep_s));
+      command[i] = stepTowards(u[i], a, 0, limits_.acceleration[i], limits_.jerk[i], std::max(dt_s, kMinStep_s));
       if (std::abs(command[i]) < kRounding) command[i] = 0;
     }
-    step_s = std::max(dt_s, kShortestStep_s);
+    step_s = std::max(dt_s, kMinStep_s);
   }
   return missing;
 }
 
-}  // namespace angio
+}  // namespace angio::robot

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-namespace angio {
+namespace angio::robot {
 namespace {
 
 // The highest rate at which `left` is used up without using more, when each step of dt_s may take fall * dt_s off the
@@ -70,4 +70,4 @@ double furthest(const CArmJoints& normal, const CArmJoints& velocity, const CArm
   return most;
 }
 
-}  // namespace angio
+}  // namespace angio::robot

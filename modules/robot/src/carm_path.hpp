@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/geometry/carm_limits.hpp"
+#include "angio/robot/namespace.hpp"
 
-namespace angio {
+namespace angio::robot {
 
 /// The velocity after `time_s` of a joint that follows a command with its acceleration.
 double velocityAfter(double start, double commanded, double acceleration, double time_s);
@@ -20,4 +21,4 @@ double stepTowards(double u, double a0, double goal, double acceleration, double
 /// negative.
 double furthest(const CArmJoints& normal, const CArmJoints& velocity, const CArmJoints& acceleration);
 
-}  // namespace angio
+}  // namespace angio::robot

@@ -14,7 +14,7 @@
 #include "angio/messaging/channels.hpp"
 #include "angio/robot/within_speed.hpp"
 
-namespace angio {
+namespace angio::robot {
 namespace {
 
 void check(const CArmLimits& limits, std::chrono::microseconds command_validity) {
@@ -25,7 +25,7 @@ void check(const CArmLimits& limits, std::chrono::microseconds command_validity)
     requireFinite("c-arm limits", "lower" + joint, limits.lower[i]);
     requireFinite("c-arm limits", "upper" + joint, limits.upper[i]);
     if (limits.lower[i] > limits.upper[i]) {
-      throw InputError("c-arm limits", "lower" + joint, shown(limits.lower[i]), "must not exceed upper" + joint);
+      throw InputError("c-arm limits", "lower" + joint, formatValue(limits.lower[i]), "must not exceed upper" + joint);
     }
   }
   requirePositive("c-arm", "command_validity_us", static_cast<double>(command_validity.count()));
@@ -152,4 +152,4 @@ void LcmCArm::send(const CArmJoints& velocity) {
   publish(bus_, kCArmCommandChannel, command);
 }
 
-}  // namespace angio
+}  // namespace angio::robot

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::robot {
 namespace {
 
 // Of one joint over a distance d > 0, with speed v, acceleration a, jerk j.
@@ -21,7 +21,7 @@ double doubleS_s(double d, double v, double a, double j) {
 
 }  // namespace
 
-double shortestTime_s(const CArmJoints& from, const CArmJoints& to, const CArmLimits& limits) {
+double minTime_s(const CArmJoints& from, const CArmJoints& to, const CArmLimits& limits) {
   double slowest_s = 0;
   for (int i = 0; i < kCArmJointCount; ++i) {
     const double distance = std::abs(to[i] - from[i]);
@@ -31,4 +31,4 @@ double shortestTime_s(const CArmJoints& from, const CArmJoints& to, const CArmLi
   return slowest_s;
 }
 
-}  // namespace angio
+}  // namespace angio::robot

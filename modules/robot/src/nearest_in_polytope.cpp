@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <array>
 
-namespace angio {
+namespace angio::robot {
 namespace {
 
-constexpr int kMostSteps = 100;
+constexpr int kMaxSteps = 100;
 
 // Faces that the point keeps to, at most one for each dimension.
 struct ActiveSet {
@@ -33,7 +33,7 @@ struct ActiveSet {
 CArmJoints nearestInPolytope(const CArmJoints& wanted, const Polytope& polytope, const CArmJoints& inside) {
   CArmJoints x = inside;
   ActiveSet active;
-  for (int step = 0; step < kMostSteps; ++step) {
+  for (int step = 0; step < kMaxSteps; ++step) {
     Eigen::Matrix<double, kCArmJointCount, Eigen::Dynamic, 0, kCArmJointCount, kCArmJointCount> A(kCArmJointCount,
                                                                                                   active.count);
     for (int i = 0; i < active.count; ++i) {
@@ -80,4 +80,4 @@ CArmJoints nearestInPolytope(const CArmJoints& wanted, const Polytope& polytope,
   return x;
 }
 
-}  // namespace angio
+}  // namespace angio::robot

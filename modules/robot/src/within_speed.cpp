@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::robot {
 
 CArmJoints withinSpeed(const CArmJoints& wanted, const CArmLimits& limits) {
   if (!wanted.allFinite() || !limits.velocity.allFinite()) return CArmJoints::Zero();
@@ -16,4 +16,4 @@ CArmJoints withinSpeed(const CArmJoints& wanted, const CArmLimits& limits) {
   return factor * wanted;
 }
 
-}  // namespace angio
+}  // namespace angio::robot

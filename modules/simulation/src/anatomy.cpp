@@ -5,7 +5,7 @@
 
 #include "volume_rays.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 constexpr float kRange = 0.85F;  // Of the log-attenuation that is shown, to both sides of the mean.
@@ -31,14 +31,14 @@ struct Box {
 
 Box boxOf(const ShapeInView& shape, const XrayCamera& nodes, const RowBand& rows) {
   const auto& K = nodes.parameters();
-  const Eigen::Vector3d& c = shape.centre();
+  const Eigen::Vector3d& c = shape.center();
   const double nearest = c.z() - shape.reach_m();
   if (c.z() + shape.reach_m() <= 0) return {0, 0, 0, 0};
   if (nearest <= 0.1) return {0, K.width_px, rows.top, rows.bottom};
-  const auto span = [&](double x, double f, double centre, int low, int high) {
+  const auto span = [&](double x, double f, double center, int low, int high) {
     // The ball's edge, seen from the source: no further than by the reach at its nearest point.
-    const double a = centre + f * std::min((x - shape.reach_m()) / nearest, (x - shape.reach_m()) / c.z());
-    const double b = centre + f * std::max((x + shape.reach_m()) / nearest, (x + shape.reach_m()) / c.z());
+    const double a = center + f * std::min((x - shape.reach_m()) / nearest, (x - shape.reach_m()) / c.z());
+    const double b = center + f * std::max((x + shape.reach_m()) / nearest, (x + shape.reach_m()) / c.z());
     const int first = static_cast<int>(std::clamp(std::ceil(a), static_cast<double>(low), static_cast<double>(high)));
     const int last =
         static_cast<int>(std::clamp(std::floor(b) + 1, static_cast<double>(low), static_cast<double>(high)));
@@ -80,16 +80,16 @@ double lengthWithout(const Spans& spans, const std::vector<Spans>& others, int i
 
 }  // namespace
 
-Anatomy::Anatomy(const Eigen::Vector3d& centre_model, const Eigen::Matrix3d& R_lps_model,
+Anatomy::Anatomy(const Eigen::Vector3d& center_model, const Eigen::Matrix3d& R_lps_model,
                  const FluoroscopySettings& settings, std::optional<AttenuationVolume> volume)
     : body_(volume ? Body{} : bodyAround(settings.anatomy, static_cast<std::uint64_t>(settings.seed))),
       contrast_(settings.anatomy.contrast),
-      soft_tissue_(centre_model, settings.background_strength, settings.background_structure_mm * 1e-3,
+      soft_tissue_(center_model, settings.background_strength, settings.background_structure_mm * 1e-3,
                    static_cast<std::uint64_t>(settings.seed)),
       volume_(std::move(volume)) {
   T_model_body_.setIdentity();
   T_model_body_.linear() = R_lps_model.transpose();
-  T_model_body_.translation() = centre_model;
+  T_model_body_.translation() = center_model;
   if (volume_) volume_->check();
 }
 
@@ -180,4 +180,4 @@ const std::vector<float>& Anatomy::transmission(const XrayCamera& camera, const 
   return grid_;
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -10,12 +10,12 @@
 #include "background.hpp"
 #include "torso.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// What stands around the vessels, as the beam sees it: body, soft tissue and a volume. Moves with the model.
 class Anatomy {
  public:
-  Anatomy(const Eigen::Vector3d& centre_model, const Eigen::Matrix3d& R_lps_model, const FluoroscopySettings& settings,
+  Anatomy(const Eigen::Vector3d& center_model, const Eigen::Matrix3d& R_lps_model, const FluoroscopySettings& settings,
           std::optional<AttenuationVolume> volume);
 
   /// Share of the beam that passes, over its mean, on a grid: nodes every kCell pixels from pixel (0, 0) on, row by
@@ -44,4 +44,4 @@ class Anatomy {
   std::optional<View> seen_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -7,7 +7,7 @@
 #include "angio/base/errors.hpp"
 #include "volume_rays.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 void AttenuationVolume::check() const {
   const std::string place = "attenuation volume";
@@ -68,4 +68,4 @@ float VolumeRays::at(const Eigen::Vector3d& p) const {
   return low + w * (high - low);
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

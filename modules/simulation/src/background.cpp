@@ -6,22 +6,22 @@
 
 #include "uniform.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 constexpr double kBodyRadius = 0.15;  // [m] Clouds fill a ball of this size, a little more than a detector sees.
 
 // exp(-d^2 / 2 sigma^2) at grid nodes first..last, d from `centre` [px].
-void bump(double centre, double sigma, int first, int last, std::vector<float>& values) {
+void bump(double center, double sigma, int first, int last, std::vector<float>& values) {
   for (int i = first; i <= last; ++i) {
-    const double d = (i * Background::kCell - centre) / sigma;
+    const double d = (i * Background::kCell - center) / sigma;
     values[i] = static_cast<float>(std::exp(-0.5 * d * d));
   }
 }
 
 }  // namespace
 
-Background::Background(const Eigen::Vector3d& centre_model, double strength, double structure_m, std::uint64_t seed) {
+Background::Background(const Eigen::Vector3d& center_model, double strength, double structure_m, std::uint64_t seed) {
   Uniform uniform(seed);
   struct Level {
     int count;
@@ -37,27 +37,27 @@ Background::Background(const Eigen::Vector3d& centre_model, double strength, dou
       // Bumps of random sign, n on a disc of radius R: variance = n / (pi R^2) * peak^2 pi sigma^2. Uniform in (-a, a)
       // has the variance a^2 / 3.
       const double a = std::sqrt(3.0) * strength * level.share * kBodyRadius / (sigma * std::sqrt(level.count));
-      clouds_.push_back({centre_model + kBodyRadius * p, sigma, uniform(-a, a)});
+      clouds_.push_back({center_model + kBodyRadius * p, sigma, uniform(-a, a)});
     }
   }
 }
 
 void Background::addCloud(const Cloud& cloud, const XrayCamera& camera, const Pose& T_camera_model) {
-  const Eigen::Vector3d centre = T_camera_model * cloud.centre;
-  if (centre.z() < 4 * cloud.sigma_m) return;  // Around the source there is no patient.
+  const Eigen::Vector3d center = T_camera_model * cloud.center;
+  if (center.z() < 4 * cloud.std_m) return;  // Around the source there is no patient.
   const auto& K = camera.parameters();
-  const Eigen::Vector2d seen = *camera.project(centre);
+  const Eigen::Vector2d seen = *camera.project(center);
   const int columns = nodesAcross(K.width_px), rows = nodesAcross(K.height_px);
   const auto span = [](double middle, double sigma, int count) {
     const double low = (middle - 3 * sigma) / kCell, high = (middle + 3 * sigma) / kCell;
     return std::pair<int, int>(static_cast<int>(std::ceil(std::clamp(low, 0.0, static_cast<double>(count)))),
                                static_cast<int>(std::floor(std::clamp(high, -1.0, count - 1.0))));
   };
-  const double sigma_x = K.fx_px * cloud.sigma_m / centre.z(), sigma_y = K.fy_px * cloud.sigma_m / centre.z();
-  const auto [left, right] = span(seen.x(), sigma_x, columns);
-  const auto [top, bottom] = span(seen.y(), sigma_y, rows);
-  bump(seen.x(), sigma_x, left, right, across_);
-  bump(seen.y(), sigma_y, top, bottom, down_);
+  const double std_x = K.fx_px * cloud.std_m / center.z(), std_y = K.fy_px * cloud.std_m / center.z();
+  const auto [left, right] = span(seen.x(), std_x, columns);
+  const auto [top, bottom] = span(seen.y(), std_y, rows);
+  bump(seen.x(), std_x, left, right, across_);
+  bump(seen.y(), std_y, top, bottom, down_);
   for (int j = top; j <= bottom; ++j) {
     const float height = static_cast<float>(cloud.peak) * down_[j];
     float* row = grid_.data() + static_cast<std::size_t>(j) * columns;
@@ -74,4 +74,4 @@ const std::vector<float>& Background::logAttenuation(const XrayCamera& camera, c
   return grid_;
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

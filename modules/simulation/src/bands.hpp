@@ -5,7 +5,9 @@
 #include <thread>
 #include <vector>
 
-namespace angio {
+#include "angio/simulation/namespace.hpp"
+
+namespace angio::simulation {
 
 /// Rows of an image for one thread, [top, bottom).
 struct RowBand {
@@ -28,4 +30,4 @@ void forBands(int threads, int rows, const Work& work, int step = 1) {
   for (std::thread& other : others) other.join();
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

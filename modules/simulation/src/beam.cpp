@@ -6,7 +6,7 @@
 
 #include "angio/simulation/fluoroscopy_settings.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 struct Bin {
@@ -37,4 +37,4 @@ double photonsPerPixel(double air_kerma_ngy, double pixel_spacing_m) {
   return kPerSquareMillimetre * kEfficiency * air_kerma_ngy * pixel_spacing_m * pixel_spacing_m * 1e6;
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

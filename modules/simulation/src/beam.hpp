@@ -3,7 +3,9 @@
 
 #include <vector>
 
-namespace angio {
+#include "angio/simulation/namespace.hpp"
+
+namespace angio::simulation {
 
 /// Share of the beam that passes a length of contrast agent, by table.
 ///
@@ -27,4 +29,4 @@ class ContrastCurve {
   std::vector<float> table_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -13,7 +13,7 @@
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace angio {
+namespace angio::simulation {
 namespace HWY_NAMESPACE {
 
 // The compiler makes vectors of both.
@@ -26,11 +26,11 @@ void addBoth(const float* a, const float* b, float weight, int count, float* __r
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio
+}  // namespace angio::simulation
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 HWY_EXPORT(scale);
@@ -38,12 +38,12 @@ HWY_EXPORT(addBoth);
 
 }  // namespace
 
-Blur::Blur(double sigma_px) : half_{1.0F} {
-  if (sigma_px < 0.27) return;  // exp(-1 / 2 sigma^2) is a thousandth.
+Blur::Blur(double std_px) : half_{1.0F} {
+  if (std_px < 0.27) return;  // exp(-1 / 2 sigma^2) is a thousandth.
   half_.clear();
   double sum = -1;
-  for (int i = 0; i <= 4 * sigma_px; ++i) {
-    const double weight = std::exp(-0.5 * i * i / (sigma_px * sigma_px));
+  for (int i = 0; i <= 4 * std_px; ++i) {
+    const double weight = std::exp(-0.5 * i * i / (std_px * std_px));
     if (weight < 5e-4) break;  // Of the middle's: such a neighbour's part is below a hundredth of its own noise.
     half_.push_back(static_cast<float>(weight));
     sum += 2 * weight;
@@ -74,5 +74,5 @@ void Blur::apply(const cv::Mat& in, cv::Mat& out, int threads) {
   });
 }
 
-}  // namespace angio
+}  // namespace angio::simulation
 #endif  // HWY_ONCE

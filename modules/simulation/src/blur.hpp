@@ -4,13 +4,15 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-namespace angio {
+#include "angio/simulation/namespace.hpp"
+
+namespace angio::simulation {
 
 /// A Gaussian filter of an image's both directions, cut where it is next to nothing; at the borders the outermost
 /// pixels go on. Keeps its buffers.
 class Blur {
  public:
-  explicit Blur(double sigma_px);
+  explicit Blur(double std_px);
 
   /// Whether it leaves images as they are: its neighbours have a weight below a thousandth.
   bool idle() const { return half_.size() == 1; }
@@ -23,4 +25,4 @@ class Blur {
   std::vector<std::vector<float>> rows_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

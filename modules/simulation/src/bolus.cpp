@@ -6,7 +6,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 constexpr double kReferenceRadius = 2e-3;  // [m]
@@ -66,4 +66,4 @@ Eigen::VectorXd Bolus::densitiesOf(const Injection& injection, double time_s) co
   });
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

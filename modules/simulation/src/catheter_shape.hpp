@@ -4,16 +4,17 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "angio/vessel/tree_map.hpp"
+#include "angio/simulation/namespace.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// The line of a catheter, 3 x N [m], tip last, where the tree's points stand at `points`: as straight as the lumen
-/// lets it be, and its last `tip_length_m` leaning over to `leaning_m` at the end.
+/// lets it be, and its last `tip_length_m` leaning over to `deflected_m` at the end.
 ///
 /// @param path  Chains from the root to the tip, which is `tip_m` along them. @param tree  With all radii known.
-Eigen::Matrix3Xd catheterShape(const TreeMap& map, const VesselTree& tree, const Eigen::Matrix3Xd& points,
+Eigen::Matrix3Xd catheterShape(const TreeTopology& map, const VesselTree& tree, const Eigen::Matrix3Xd& points,
                                const std::vector<int>& path, double tip_m, double radius_m, double tip_length_m,
-                               const Eigen::Vector3d& leaning_m);
+                               const Eigen::Vector3d& deflected_m);
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -7,7 +7,7 @@
 
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 constexpr int kCircleCorners = 128;
@@ -50,8 +50,8 @@ double distanceInside(const std::vector<Eigen::Vector2d>& corners, const Eigen::
   return nearest;
 }
 
-Eigen::Vector2d centreOf(const CollimatorSettings& s, int width_px, int height_px) {
-  return {0.5 * (width_px - 1) + s.centre_x * width_px, 0.5 * (height_px - 1) + s.centre_y * height_px};
+Eigen::Vector2d centerOf(const CollimatorSettings& s, int width_px, int height_px) {
+  return {0.5 * (width_px - 1) + s.center_x * width_px, 0.5 * (height_px - 1) + s.center_y * height_px};
 }
 
 }  // namespace
@@ -63,7 +63,7 @@ std::vector<Eigen::Vector2d> openField(const CollimatorSettings& s, int width_px
   }
   std::vector<Eigen::Vector2d> corners = cornersOf(s, width_px, height_px);
   const Eigen::Rotation2Dd turn(degToRad(s.turn_deg));
-  for (Eigen::Vector2d& corner : corners) corner = centreOf(s, width_px, height_px) + turn * corner;
+  for (Eigen::Vector2d& corner : corners) corner = centerOf(s, width_px, height_px) + turn * corner;
   return corners;
 }
 
@@ -71,18 +71,18 @@ cv::Mat shutterTransmission(const CollimatorSettings& s, int width_px, int heigh
   cv::Mat result(height_px, width_px, CV_32FC1, cv::Scalar(1));
   if (s.shutter == Shutter::kOpen) return result;
   const std::vector<Eigen::Vector2d> corners = openField(s, width_px, height_px);
-  const Eigen::Vector2d centre = centreOf(s, width_px, height_px);
+  const Eigen::Vector2d center = centerOf(s, width_px, height_px);
   const double radius = 0.5 * s.width * std::min(width_px, height_px);
   const double softness = std::max(s.edge_px, 1e-3);
   const float leakage = static_cast<float>(s.leakage);
   for (int y = 0; y < height_px; ++y) {
     for (int x = 0; x < width_px; ++x) {
       const Eigen::Vector2d p(x, y);
-      const double inside = s.shutter == Shutter::kCircle ? radius - (p - centre).norm() : distanceInside(corners, p);
+      const double inside = s.shutter == Shutter::kCircle ? radius - (p - center).norm() : distanceInside(corners, p);
       result.at<float>(y, x) = leakage + (1 - leakage) * below(inside / softness);
     }
   }
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/command_receiver.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
-constexpr std::int64_t kLongestValidityUs = 1'000'000;
+constexpr std::int64_t kMaxValidityUs = 1'000'000;
 
 }  // namespace
 
@@ -18,16 +18,16 @@ bool CommandReceiver::takes(std::int64_t time_us, std::int64_t sequence, std::in
   // ever.
   const bool newer = sequence > last_sequence_ || (sequence < last_sequence_ && time_us > last_time_us_);
   const double age_ms = 1e-3 * (static_cast<double>(now_us) - static_cast<double>(time_us));
-  const bool of_now = age_ms <= settings_.most_command_age_ms && age_ms >= -settings_.most_command_lead_ms;
+  const bool of_now = age_ms <= settings_.max_command_age_ms && age_ms >= -settings_.max_command_lead_ms;
   if (!speeds.allFinite()) {
     ++ignored_.not_finite;
-  } else if (valid_for_us <= 0 || valid_for_us > kLongestValidityUs) {
+  } else if (valid_for_us <= 0 || valid_for_us > kMaxValidityUs) {
     ++ignored_.bad_validity;
   } else if (commanded_ && !newer) {
     ++ignored_.out_of_sequence;
   } else if (!of_now && !speeds.isZero(0)) {
     ++ignored_.too_old;
-  } else if (speeds.cwiseAbs().maxCoeff() > settings_.most_overspeed) {
+  } else if (speeds.cwiseAbs().maxCoeff() > settings_.max_overspeed) {
     ++ignored_.wrong_unit;  // Cut to the limits it would be full speed, in a direction that nobody meant.
   } else {
     commanded_ = true;
@@ -38,4 +38,4 @@ bool CommandReceiver::takes(std::int64_t time_us, std::int64_t sequence, std::in
   return false;
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -7,7 +7,7 @@
 
 #include "bands.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 constexpr std::uint64_t kElectronic = 0x5851f42d4c957f2dULL;  // Apart from the quantum noise of the same row.
@@ -108,7 +108,7 @@ cv::Mat Detector::digitise(const cv::Mat& signal, float gain, std::uint64_t stre
 }
 
 cv::Mat Detector::expose(cv::Mat& quanta, const Optics& optics, std::uint64_t stream) {
-  Blur focal_spot(optics.focal_sigma_px), psf(optics.psf_sigma_px);
+  Blur focal_spot(optics.focal_std_px), psf(optics.psf_std_px);
   const auto through = [&](auto&& stage) {
     stage(quanta, spare_);
     std::swap(quanta, spare_);
@@ -123,4 +123,4 @@ cv::Mat Detector::expose(cv::Mat& quanta, const Optics& optics, std::uint64_t st
   return digitise(quanta, static_cast<float>(optics.gain), stream);
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

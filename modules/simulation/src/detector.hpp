@@ -10,13 +10,13 @@
 #include "blur.hpp"
 #include "noise.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// What depends on the camera and on where the patient is.
 struct Optics {
-  double gain;            ///< Grey values, of 65535, for a quantum.
-  double focal_sigma_px;  ///< Blur before the quanta are counted.
-  double psf_sigma_px;    ///< Blur after it.
+  double gain;          ///< Grey values, of 65535, for a quantum.
+  double focal_std_px;  ///< Blur before the quanta are counted.
+  double psf_std_px;    ///< Blur after it.
 };
 
 /// Quanta that arrive at a detector, to grey values: focal spot, the intensifier's optics, quantum noise, the spread of
@@ -43,4 +43,4 @@ class Detector {
   cv::Mat ideal_px_;  // Of each pixel, where the flat image has what is seen there; CV_32FC2.
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -7,7 +7,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 void Device::check() const {
   const std::string place = "device";
@@ -89,4 +89,4 @@ std::vector<Device> deviceInTree(const DeviceSettings& settings, const Eigen::Ma
   return {device};
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -10,7 +10,7 @@
 #include "angio/simulation/collimator.hpp"
 #include "renderer_parts.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 constexpr double kUsualDetectorDistance = 1.1;  // [m]
@@ -134,7 +134,7 @@ void FluoroscopyRenderer::Parts::shine(const XrayCamera& camera, const XrayScene
       for (int x = 0; open && x < width; ++x) row[x] *= open[x];
     }
   });
-  Scatter(settings.detector.scatter_to_primary, settings.detector.scatter_sigma_mm * 1e-3 / pixelSpacing(camera))
+  Scatter(settings.detector.scatter_to_primary, settings.detector.scatter_std_mm * 1e-3 / pixelSpacing(camera))
       .add(quanta, settings.threads);
 }
 
@@ -161,7 +161,7 @@ cv::Mat FluoroscopyRenderer::render(const XrayCamera& camera, const XrayScene& s
   const double behind = depth > 0 ? std::clamp(detector_m / depth - 1, 0.0, 4.0) : 0.0;
   const Optics optics{p.settings.background_level / photons,
                       kSigmaOfWidth * p.settings.detector.focal_spot_mm * 1e-3 * behind / spacing_m,
-                      p.settings.detector.psf_sigma_mm * 1e-3 / spacing_m};
+                      p.settings.detector.psf_std_mm * 1e-3 / spacing_m};
   return p.detector.expose(p.quanta, optics, mixed(mixed(static_cast<std::uint64_t>(p.settings.seed) + 1) + frame));
 }
 
@@ -171,4 +171,4 @@ cv::Mat FluoroscopyRenderer::render(const XrayCamera& camera, const Pose& T_came
   return render(camera, scene, frame);
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -8,7 +8,7 @@
 #include "angio/simulation/fluoroscopy.hpp"
 #include "renderer_parts.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 // A point of an axis as the image has it.
@@ -24,14 +24,14 @@ struct Stretch {
 };
 
 // A ray along the vessel would meet much of it; what bends away does not count.
-constexpr double kLeastSine = 0.25;
+constexpr double kMinSine = 0.25;
 
 constexpr double kLongest_px = 1e5;  // Of a stretch; one that comes near the source has no end.
 
 // Length of the ray's way through a tube at a point of its axis.
 double chord(const Stretch& s, const Eigen::Vector3d& p) {
   const double sine = (s.b - s.a).normalized().cross(p.normalized()).norm();
-  return 2 * s.radius_m / std::max(sine, kLeastSine);
+  return 2 * s.radius_m / std::max(sine, kMinSine);
 }
 
 bool inside(const std::vector<Eigen::Vector2d>& corners, const Eigen::Vector2d& p) {
@@ -45,14 +45,14 @@ bool inside(const std::vector<Eigen::Vector2d>& corners, const Eigen::Vector2d& 
 // Gathers points into branches; a point that is not seen ends one.
 class Branches {
  public:
-  explicit Branches(double shortest_px) : shortest_px_(shortest_px) {}
+  explicit Branches(double min_px) : min_px_(min_px) {}
 
   void add(const Seen& seen) { open_.push_back(seen); }
 
   void end(CurveKind kind) {
     double length = 0;
     for (std::size_t i = 1; i < open_.size(); ++i) length += (open_[i].px - open_[i - 1].px).norm();
-    if (open_.size() > 1 && length >= shortest_px_) {
+    if (open_.size() > 1 && length >= min_px_) {
       seen_.insert(seen_.end(), open_.begin(), open_.end());
       branch_.insert(branch_.end(), open_.size(), count_++);
       kind_.insert(kind_.end(), open_.size(), kind);
@@ -76,7 +76,7 @@ class Branches {
   }
 
  private:
-  double shortest_px_;
+  double min_px_;
   int count_ = 0;
   std::vector<Seen> open_, seen_;
   std::vector<int> branch_;
@@ -87,13 +87,13 @@ class Branches {
 class Visibility {
  public:
   Visibility(const FluoroscopySettings& s, const XrayCamera& camera, const std::vector<float>& passed, double photons,
-             double least_contrast_to_noise)
+             double min_contrast_to_noise)
       : camera_(camera),
         passed_(passed),
         primary_(photons / (1 + s.detector.scatter_to_primary)),
         scatter_(s.detector.scatter_to_primary),
         electronic_variance_(s.electronic_noise_photons * s.electronic_noise_photons),
-        least_(least_contrast_to_noise),
+        least_(min_contrast_to_noise),
         open_(openField(s.collimator, camera.width_px(), camera.height_px())),
         intensifier_(s.intensifier, camera.width_px(), camera.height_px()) {}
 
@@ -149,8 +149,8 @@ FrameTruth FluoroscopyRenderer::truth(const XrayCamera& camera, const XrayScene&
   parts.check(scene);
   const Visibility visibility(parts.settings, camera,
                               parts.anatomy.transmission(camera, scene.T_camera_model, parts.settings.threads),
-                              parts.photons(camera), settings.least_contrast_to_noise);
-  Branches branches(settings.shortest_px);
+                              parts.photons(camera), settings.min_contrast_to_noise);
+  Branches branches(settings.min_px);
 
   const Eigen::Matrix3Xd points = scene.T_camera_model * scene.pointsOf(parts.tree);
   const auto density = [&](int i) { return scene.densities ? (*scene.densities)[i] : 1.0; };
@@ -179,8 +179,9 @@ FrameTruth FluoroscopyRenderer::truth(const XrayCamera& camera, const XrayScene&
   }
 
   FrameTruth truth{branches.centerline(), {}};
-  for (const Eigen::Vector2d& px : visibility.openFieldIdeal()) truth.open_field_px.push_back(visibility.inImage(px));
+  for (const Eigen::Vector2d& px : visibility.openFieldIdeal())
+    truth.collimator_opening_px.push_back(visibility.inImage(px));
   return truth;
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -3,7 +3,7 @@
 
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 ImageIntensifier::ImageIntensifier(const IntensifierSettings& settings, int width_px, int height_px)
     : map_{DetectorDistortion::Model::kIntensifier,
@@ -18,4 +18,4 @@ Eigen::Vector2d ImageIntensifier::ideal(const Eigen::Vector2d& distorted_px) con
   return *map_.undistorted(distorted_px);  // A pincushion has no fold.
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

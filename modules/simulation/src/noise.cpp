@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstddef>
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 // The place below which a share p of the standard normal distribution lies, by bisection.
@@ -44,4 +44,4 @@ void NormalDeviates::fill(std::uint64_t key, int count, float* out) const {
   if (i < count) out[i] = deviate(mixed(counter + 0x9e3779b97f4a7c15ULL));
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

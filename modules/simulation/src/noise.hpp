@@ -4,7 +4,9 @@
 #include <array>
 #include <cstdint>
 
-namespace angio {
+#include "angio/simulation/namespace.hpp"
+
+namespace angio::simulation {
 
 /// The finaliser of splitmix64: a bijection that leaves no bit of the input visible.
 /// Source: Steele, Lea, Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
@@ -28,4 +30,4 @@ class NormalDeviates {
   std::array<float, 4096> quantiles_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -6,11 +6,11 @@
 
 #include "uniform.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
-PatientMotion::PatientMotion(const MotionSettings& settings, const Eigen::Vector3d& centre_model,
+PatientMotion::PatientMotion(const MotionSettings& settings, const Eigen::Vector3d& center_model,
                              const Eigen::Matrix3d& R_lps_model, std::uint64_t seed)
-    : settings_(settings), centre_model_(centre_model), R_lps_model_(R_lps_model), seed_(seed) {
+    : settings_(settings), center_model_(center_model), R_lps_model_(R_lps_model), seed_(seed) {
   checkSettings("motion", settings);
 }
 
@@ -42,7 +42,7 @@ double PatientMotion::systole(double time_s) const {
 }
 
 Eigen::Vector3d PatientMotion::displacement(const Eigen::Vector3d& p_model, double time_s) const {
-  const Eigen::Vector3d p = R_lps_model_ * (p_model - centre_model_);
+  const Eigen::Vector3d p = R_lps_model_ * (p_model - center_model_);
   Eigen::Vector3d moved = Eigen::Vector3d::Zero();
 
   const BreathingSettings& b = settings_.breathing;
@@ -52,7 +52,7 @@ Eigen::Vector3d PatientMotion::displacement(const Eigen::Vector3d& p_model, doub
 
   const HeartbeatSettings& h = settings_.heartbeat;
   if (h.amplitude_mm > 0) {
-    const Eigen::Vector3d from = p - 1e-3 * Eigen::Map<const Eigen::Vector3d>(h.centre_mm);
+    const Eigen::Vector3d from = p - 1e-3 * Eigen::Map<const Eigen::Vector3d>(h.center_mm);
     const double reach = 1e-3 * h.reach_mm, amplitude = 1e-3 * h.amplitude_mm;
     // x exp(-(x^2 - 1) / 2) is largest, and 1, at x = 1.
     const double fading = systole(time_s) * std::exp(0.5 - 0.5 * from.squaredNorm() / (reach * reach));
@@ -80,7 +80,7 @@ Pose PatientMotion::shift(double time_s) const {
   const Eigen::Matrix3d R_model_lps = R_lps_model_.transpose();
   Pose T = Pose::Identity();
   T.linear() = expSO3(turn_rad * R_model_lps.col(2));
-  T.translation() = centre_model_ - T.linear() * centre_model_ + R_model_lps * moved;
+  T.translation() = center_model_ - T.linear() * center_model_ + R_model_lps * moved;
   return T;
 }
 
@@ -92,4 +92,4 @@ bool PatientMotion::moves() const {
          any(s.drift_mm_per_min) || any(s.sudden_mm) || s.sudden_turn_deg != 0;
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

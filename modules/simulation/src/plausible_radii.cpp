@@ -6,7 +6,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 constexpr double kWidest = 4e-3;  // [m]
@@ -106,4 +106,4 @@ VesselTree withPlausibleRadii(const VesselTree& tree, double end_radius_m) {
   return VesselTree(tree.points(), tree.parents(), std::move(radii));
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -8,7 +8,7 @@
 #include "scatter.hpp"
 #include "tubes.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// All that a renderer keeps.
 struct FluoroscopyRenderer::Parts {
@@ -47,4 +47,4 @@ std::vector<Tube> tubesOf(const Device& device);
 /// Distance between pixels at the detector [m]; when the camera does not know, as if the detector were 1.1 m away.
 double pixelSpacing(const XrayCamera& camera);
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -6,7 +6,7 @@
 
 #include "bands.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 void addRow(const float* __restrict row, int count, float* __restrict sum) {
@@ -28,7 +28,7 @@ void addBetween(const std::vector<float>& cells, int cell_px, int width, float* 
 
 }  // namespace
 
-Scatter::Scatter(double ratio, double sigma_px) : ratio_(ratio), blur_(sigma_px / kCell) {}
+Scatter::Scatter(double ratio, double std_px) : ratio_(ratio), blur_(std_px / kCell) {}
 
 void Scatter::add(cv::Mat& primary, int threads) {
   if (ratio_ == 0) return;
@@ -66,4 +66,4 @@ void Scatter::add(cv::Mat& primary, int threads) {
   });
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

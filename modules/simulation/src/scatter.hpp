@@ -5,7 +5,7 @@
 
 #include "blur.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// Quanta that were scattered in the patient: a wide, smooth copy of the image that adds to it.
 ///
@@ -13,8 +13,8 @@ namespace angio {
 /// Phys 15 (1988): the primary image convolved with a wide kernel.
 class Scatter {
  public:
-  /// @param ratio  Scattered over primary quanta. @param sigma_px  Width of the kernel, standard deviation.
-  Scatter(double ratio, double sigma_px);
+  /// @param ratio  Scattered over primary quanta. @param std_px  Width of the kernel, standard deviation.
+  Scatter(double ratio, double std_px);
 
   /// Adds the scatter of a CV_32FC1 image to it.
   void add(cv::Mat& primary, int threads);
@@ -26,4 +26,4 @@ class Scatter {
   cv::Mat cells_, blurred_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -12,18 +12,18 @@
 
 #ifndef ANGIO_SHAPES_RAW
 #define ANGIO_SHAPES_RAW
-namespace angio {
+namespace angio::simulation {
 // A row of rays in units of a shape's half axes, from its centre: ray i is o + t (d + i step).
 struct UnitRays {
   double o[3], d[3], step[3];
   int count;
 };
 constexpr double kAlongAxis = 1e-18;  // A ray along a cylinder's axis meets its wall far beyond both ends.
-}  // namespace angio
+}  // namespace angio::simulation
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace angio {
+namespace angio::simulation {
 namespace HWY_NAMESPACE {
 
 // The unit ball, or the unit cylinder around z between -1 and 1. No branches: the compiler makes vectors of it.
@@ -55,11 +55,11 @@ void meetEllipsoid(const UnitRays& rays, double* in, double* out) { meetUnit<fal
 void meetCylinder(const UnitRays& rays, double* in, double* out) { meetUnit<true>(rays, in, out); }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio
+}  // namespace angio::simulation
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 HWY_EXPORT(meetEllipsoid);
@@ -70,8 +70,8 @@ HWY_EXPORT(meetCylinder);
 ShapeInView::ShapeInView(const Shape& shape, const Pose& T_camera_body)
     : kind_(shape.kind),
       M_(shape.half_axes.cwiseInverse().asDiagonal() * (T_camera_body.linear() * shape.axes).transpose()),
-      origin_(-M_ * (T_camera_body * shape.centre)),
-      centre_(T_camera_body * shape.centre),
+      origin_(-M_ * (T_camera_body * shape.center)),
+      center_(T_camera_body * shape.center),
       reach_m_(kind_ == Shape::Kind::kEllipsoid
                    ? shape.half_axes.maxCoeff()
                    : std::hypot(shape.half_axes.head<2>().maxCoeff(), shape.half_axes.z())) {}
@@ -87,5 +87,5 @@ void ShapeInView::meet(const RayRow& row, double* in, double* out) const {
   }
 }
 
-}  // namespace angio
+}  // namespace angio::simulation
 #endif  // HWY_ONCE

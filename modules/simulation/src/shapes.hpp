@@ -5,14 +5,15 @@
 #include <vector>
 
 #include "angio/geometry/se3.hpp"
+#include "angio/simulation/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// A convex body in a patient: an ellipsoid, or a cylinder of elliptic section with flat ends.
 struct Shape {
   enum class Kind { kEllipsoid, kCylinder };
   Kind kind = Kind::kEllipsoid;
-  Eigen::Vector3d centre;                              ///< [m]
+  Eigen::Vector3d center;                              ///< [m]
   Eigen::Vector3d half_axes;                           ///< [m]; a cylinder's own axis is the third.
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();  ///< Columns are the shape's axes.
 };
@@ -39,15 +40,15 @@ class ShapeInView {
   void meet(const RayRow& rays, double* in, double* out) const;
 
   /// A ball around the shape, camera frame [m].
-  const Eigen::Vector3d& centre() const { return centre_; }
+  const Eigen::Vector3d& center() const { return center_; }
   double reach_m() const { return reach_m_; }
 
  private:
   Shape::Kind kind_;
   Eigen::Matrix3d M_;       // Camera directions in units of the half axes.
   Eigen::Vector3d origin_;  // The source in these units, from the shape's centre.
-  Eigen::Vector3d centre_;
+  Eigen::Vector3d center_;
   double reach_m_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

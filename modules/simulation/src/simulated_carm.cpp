@@ -7,7 +7,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 struct Joint {
@@ -25,34 +25,34 @@ Joint after(const Joint& joint, double acceleration, double time_s) {
 // The next piece of constant acceleration of a joint that moves up or is about to: where it ends. What the piece takes
 // is taken off `time_s`. `room` is what would be left of the range if the joint braked now.
 Joint movedUp(const Joint& joint, double wanted, double upper, double a, double& time_s) {
-  const auto piece = [&](double acceleration, double longest_s) {
-    const double taken_s = std::min(time_s, longest_s);
+  const auto piece = [&](double acceleration, double max_s) {
+    const double taken_s = std::min(time_s, max_s);
     time_s -= taken_s;
     return after(joint, acceleration, taken_s);
   };
-  const auto reached = [&](double acceleration, double longest_s, double velocity_then) {
-    const bool all = longest_s <= time_s;
-    Joint result = piece(acceleration, longest_s);
+  const auto reached = [&](double acceleration, double max_s, double velocity_then) {
+    const bool all = max_s <= time_s;
+    Joint result = piece(acceleration, max_s);
     if (all) result.velocity = velocity_then;
     return result;
   };
   const double v = joint.velocity, least = std::max(wanted, 0.0);
-  const double room = upper - joint.position - v * v / (2 * a);
+  const double lab = upper - joint.position - v * v / (2 * a);
   const double close = 1e-12 * (1 + std::abs(upper));  // Rounding of positions must not read as room.
   if (v > least) return reached(-a, (v - least) / a, least);
-  if (room <= close) {
+  if (lab <= close) {
     if (v > 0) return reached(-a, v / a, 0.0);
     time_s = 0;  // Stands at the end of its range and wants beyond it.
     return {upper, 0.0};
   }
   if (v < wanted) {
     // position + v^2 / 2a reaches `upper` where a t^2 + 2 v t = room.
-    const double until_brake_s = room / (v + std::sqrt(v * v + a * room));
+    const double until_brake_s = lab / (v + std::sqrt(v * v + a * lab));
     const double until_wanted_s = (wanted - v) / a;
     if (until_brake_s < until_wanted_s) return piece(a, until_brake_s);
     return reached(a, until_wanted_s, wanted);
   }
-  return piece(0, v > 0 ? room / v : time_s);
+  return piece(0, v > 0 ? lab / v : time_s);
 }
 
 Joint moved(Joint joint, double wanted, double lower, double upper, double a, double time_s) {
@@ -75,7 +75,8 @@ void check(const CArmLimits& limits, const CArmJoints& start) {
     requirePositive("c-arm limits", name + ".velocity", limits.velocity[i]);
     requirePositive("c-arm limits", name + ".acceleration", limits.acceleration[i]);
     if (limits.lower[i] > limits.upper[i]) {
-      throw InputError("c-arm limits", name + ".lower", shown(limits.lower[i]), "must not exceed the upper limit");
+      throw InputError("c-arm limits", name + ".lower", formatValue(limits.lower[i]),
+                       "must not exceed the upper limit");
     }
     requireBetween("c-arm start", name, start[i], limits.lower[i], limits.upper[i]);
   }
@@ -125,4 +126,4 @@ void SimulatedCArm::move(double duration_s, const CArmJoints& wanted_velocity) {
 
 CArmState SimulatedCArm::state() const { return state_; }
 
-}  // namespace angio
+}  // namespace angio::simulation

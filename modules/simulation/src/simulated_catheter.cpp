@@ -8,11 +8,11 @@
 #include "angio/simulation/fluoroscopy.hpp"
 #include "catheter_shape.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 constexpr std::int64_t kStepUs = 5'000;
-constexpr double kLongestSlide_m = 0.5e-3;  // In one step: what springs forward passes its forks one by one.
+constexpr double kMaxSlide_m = 0.5e-3;      // In one step: what springs forward passes its forks one by one.
 constexpr double kRest_m = 1e-9;            // Less than that is no motion.
 constexpr double kParted_m = 1e-3;          // Beyond where ways part, they have directions of their own.
 constexpr double kPlausibleEnd_m = 0.6e-3;  // Radius where the tree ends, if it does not say: the renderer's default.
@@ -29,8 +29,8 @@ double followed(double output, double input, double half_width) {
 
 }  // namespace
 
-SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings, const TreePlace& start,
-                                     std::int64_t now_us, const ReceiverSettings& receiver)
+SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings,
+                                     const TreeLocation& start, std::int64_t now_us, const ReceiverSettings& receiver)
     : settings_(checked(settings)),
       tree_(withPlausibleRadii(tree, kPlausibleEnd_m)),
       map_(tree_),
@@ -53,19 +53,20 @@ SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSetti
 
 void SimulatedCatheter::obey(const CatheterCommand& command, std::int64_t now_us) {
   advance(now_us);
-  const double insertion_mps = 1e-3 * settings_.largest_insertion_speed_mm_s;
-  const double roll_radps = degToRad(settings_.largest_roll_speed_deg_s),
-               bend_radps = degToRad(settings_.largest_bend_speed_deg_s);
-  const Eigen::Vector3d speeds(command.insertion_speed_mps / insertion_mps, command.roll_speed_radps / roll_radps,
-                               command.bend_speed_radps / bend_radps);
+  const double insertion_m_per_s = 1e-3 * settings_.max_insertion_speed_mm_per_s;
+  const double roll_rad_per_s = degToRad(settings_.max_roll_speed_deg_per_s),
+               bend_rad_per_s = degToRad(settings_.max_bend_speed_deg_per_s);
+  const Eigen::Vector3d speeds(command.insertion_speed_m_per_s / insertion_m_per_s,
+                               command.roll_speed_rad_per_s / roll_rad_per_s,
+                               command.bend_speed_rad_per_s / bend_rad_per_s);
   if (!receiver_.takes(command, speeds, now_us_)) return;
   origin_ = baseAt(now_us_);
   command_us_ = now_us_;
   stop_us_ = now_us_ + command.valid_for_us;
   command_ = command;
-  command_.insertion_speed_mps = std::clamp(command.insertion_speed_mps, -insertion_mps, insertion_mps);
-  command_.roll_speed_radps = std::clamp(command.roll_speed_radps, -roll_radps, roll_radps);
-  command_.bend_speed_radps = std::clamp(command.bend_speed_radps, -bend_radps, bend_radps);
+  command_.insertion_speed_m_per_s = std::clamp(command.insertion_speed_m_per_s, -insertion_m_per_s, insertion_m_per_s);
+  command_.roll_speed_rad_per_s = std::clamp(command.roll_speed_rad_per_s, -roll_rad_per_s, roll_rad_per_s);
+  command_.bend_speed_rad_per_s = std::clamp(command.bend_speed_rad_per_s, -bend_rad_per_s, bend_rad_per_s);
   commanded_ = true;
 }
 
@@ -90,9 +91,9 @@ SimulatedCatheter::Base SimulatedCatheter::baseAt(std::int64_t time_us) const {
   if (!commanded_) return origin_;
   const double passed_s = 1e-6 * static_cast<double>(std::min(time_us, stop_us_) - command_us_);
   return {
-      std::clamp(origin_.insertion_m + command_.insertion_speed_mps * passed_s, 0.0, 1e-3 * settings_.length_mm),
-      origin_.roll_rad + command_.roll_speed_radps * passed_s,
-      std::clamp(origin_.bend_rad + command_.bend_speed_radps * passed_s, 0.0, degToRad(settings_.largest_bend_deg))};
+      std::clamp(origin_.insertion_m + command_.insertion_speed_m_per_s * passed_s, 0.0, 1e-3 * settings_.length_mm),
+      origin_.roll_rad + command_.roll_speed_rad_per_s * passed_s,
+      std::clamp(origin_.bend_rad + command_.bend_speed_rad_per_s * passed_s, 0.0, degToRad(settings_.max_bend_deg))};
 }
 
 CatheterState SimulatedCatheter::state() const {
@@ -106,10 +107,11 @@ CatheterState SimulatedCatheter::state() const {
     const auto moving = [](double v, double at, double low, double high) {
       return (v > 0 && at >= high) || (v < 0 && at <= low) ? 0.0 : v;
     };
-    state.insertion_speed_mps = moving(command_.insertion_speed_mps, base.insertion_m, 0.0, 1e-3 * settings_.length_mm);
-    state.roll_speed_radps = command_.roll_speed_radps;
-    state.bend_speed_radps =
-        moving(command_.bend_speed_radps, base.bend_rad, 0.0, degToRad(settings_.largest_bend_deg));
+    state.insertion_speed_m_per_s =
+        moving(command_.insertion_speed_m_per_s, base.insertion_m, 0.0, 1e-3 * settings_.length_mm);
+    state.roll_speed_rad_per_s = command_.roll_speed_rad_per_s;
+    state.bend_speed_rad_per_s =
+        moving(command_.bend_speed_rad_per_s, base.bend_rad, 0.0, degToRad(settings_.max_bend_deg));
   }
   state.insertion_force_n = force_n_;
   return state;
@@ -139,7 +141,7 @@ Device SimulatedCatheter::device(const Eigen::Matrix3Xd& points) const {
   const double tip_length_m = 1e-3 * settings_.tip_length_mm, lumen = leaning(placeAt(tip_m_));
   const TreeFrame frame = map_.frame(placeAt(tip_m_));
   const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
-  const Eigen::Vector3d sideways = std::cos(roll) * frame.across + std::sin(roll) * frame.aside;
+  const Eigen::Vector3d sideways = std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal;
   device.points =
       catheterShape(map_, tree_, points, path_, tip_m_, 0.5 * device.diameter_m, tip_length_m, lumen * sideways);
   return device;
@@ -175,9 +177,9 @@ void SimulatedCatheter::slide(double insertion_m) {
   blocked_ = false;
   if (pushed > held + kRest_m) {
     const bool buckles = slidingForce() >= settings_.buckling_force_n;
-    blocked_ = buckles || !advanceTip(std::min(pushed - held, kLongestSlide_m));
+    blocked_ = buckles || !advanceTip(std::min(pushed - held, kMaxSlide_m));
   } else if (pushed < -held - kRest_m) {
-    retractTip(std::min(-pushed - held, kLongestSlide_m));
+    retractTip(std::min(-pushed - held, kMaxSlide_m));
   }
 }
 
@@ -185,7 +187,7 @@ bool SimulatedCatheter::advanceTip(double step_m) {
   const int chain = path_.back();
   const double left_m = map_.start_m(chain) + map_.length_m(chain) - tip_m_;
   if (step_m < left_m) {
-    const TreePlace ahead = placeAt(tip_m_ + step_m);
+    const TreeLocation ahead = placeAt(tip_m_ + step_m);
     if (radius(ahead) < 0.5e-3 * settings_.diameter_mm) return false;
     tip_m_ += step_m;
     return true;
@@ -212,7 +214,7 @@ int SimulatedCatheter::choose(int chain, double* worst) const {
   const double lever_m = std::max(1e-3 * settings_.tip_length_mm, map_.parting_m(chain) + kParted_m);
   int best = map_.children(chain).front();
   double least = 1e9;
-  for (const TreeWay& way : map_.waysFrom(chain, lever_m)) {
+  for (const TreeRoute& way : map_.waysFrom(chain, lever_m)) {
     const double angle = std::acos(std::clamp(tip.dot(way.direction), -1.0, 1.0));
     const double lumen = std::atan2(way.radius_m, lever_m);
     if (angle - lumen < least) least = angle - lumen, best = way.child;
@@ -238,19 +240,19 @@ void SimulatedCatheter::feel(double insertion_m) {
   touches_ = touches;
 }
 
-double SimulatedCatheter::radius(const TreePlace& place) const {
-  const TreeSpot at = map_.spot(place);
+double SimulatedCatheter::radius(const TreeLocation& place) const {
+  const EdgePoint at = map_.spot(place);
   return (1 - at.weight) * *tree_.radii()[at.a] + at.weight * *tree_.radii()[at.b];
 }
 
-TreePlace SimulatedCatheter::placeAt(double path_m) const {
+TreeLocation SimulatedCatheter::placeAt(double path_m) const {
   auto chain = path_.rbegin();
   while (chain + 1 != path_.rend() && path_m < map_.start_m(*chain)) ++chain;
   return {*chain, path_m - map_.start_m(*chain)};
 }
 
 // How far the tip's end stands beside the centreline [m]: as its bend has it, or as far as the lumen lets it.
-double SimulatedCatheter::leaning(const TreePlace& place) const {
+double SimulatedCatheter::leaning(const TreeLocation& place) const {
   const double bend = std::min(degToRad(settings_.tip_angle_deg) + bend_rad_, 0.5 * kPi);
   return std::min(1e-3 * settings_.tip_length_mm * std::sin(bend),
                   std::max(radius(place) - 0.5e-3 * settings_.diameter_mm, 0.0));
@@ -260,16 +262,17 @@ Eigen::Vector3d SimulatedCatheter::freeDirection() const {
   const TreeFrame frame = map_.frame(placeAt(tip_m_));
   const double bend = degToRad(settings_.tip_angle_deg) + bend_rad_;
   const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
-  return std::cos(bend) * frame.along + std::sin(bend) * (std::cos(roll) * frame.across + std::sin(roll) * frame.aside);
+  return std::cos(bend) * frame.along +
+         std::sin(bend) * (std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal);
 }
 
 Eigen::Vector3d SimulatedCatheter::heldDirection() const {
-  const TreePlace tip = placeAt(tip_m_);
+  const TreeLocation tip = placeAt(tip_m_);
   const TreeFrame frame = map_.frame(tip);
   const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
   // The deflection grows as the square of the way from the bend: at its end it rises twice as steeply as on average.
   const double slope = 2 * leaning(tip) / (1e-3 * settings_.tip_length_mm);
-  return (frame.along + slope * (std::cos(roll) * frame.across + std::sin(roll) * frame.aside)).normalized();
+  return (frame.along + slope * (std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal)).normalized();
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

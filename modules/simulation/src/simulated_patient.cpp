@@ -3,7 +3,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 std::vector<int> devicePath(const VesselTree& tree, const DeviceSettings& settings) {
@@ -45,4 +45,4 @@ XrayScene SimulatedPatient::scene(const Pose& T_camera_rest, double time_s) cons
   return scene;
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -6,7 +6,7 @@
 
 #include "uniform.hpp"
 
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 using Eigen::Vector3d;
@@ -19,12 +19,12 @@ constexpr double kGas = -20;
 
 constexpr double kVertebra = 0.031;  // [m] From one to the next, disc included.
 
-Shape ellipsoid(const Vector3d& centre, const Vector3d& half_axes, const Vector3d& turn = Vector3d::Zero()) {
-  return {Shape::Kind::kEllipsoid, centre, half_axes, expSO3(turn)};
+Shape ellipsoid(const Vector3d& center, const Vector3d& half_axes, const Vector3d& turn = Vector3d::Zero()) {
+  return {Shape::Kind::kEllipsoid, center, half_axes, expSO3(turn)};
 }
 
-Shape cylinder(const Vector3d& centre, const Vector3d& half_axes, const Vector3d& turn = Vector3d::Zero()) {
-  return {Shape::Kind::kCylinder, centre, half_axes, expSO3(turn)};
+Shape cylinder(const Vector3d& center, const Vector3d& half_axes, const Vector3d& turn = Vector3d::Zero()) {
+  return {Shape::Kind::kCylinder, center, half_axes, expSO3(turn)};
 }
 
 // A bone is a shell of cortical bone around a spongy inside.
@@ -36,7 +36,7 @@ void addBone(const Shape& outside, double wall_m, Body& body) {
 }
 
 // The body of a vertebra: slabs with a waist, walls of cortical bone around, plates at both ends.
-void addVertebralBody(const Vector3d& centre, const Vector3d& turn, Body& body) {
+void addVertebralBody(const Vector3d& center, const Vector3d& turn, Body& body) {
   constexpr double kWall = 0.7e-3, kHalfHeight = 0.0115;
   constexpr int kSlabs = 7;
   const Vector3d up = expSO3(turn).col(2);
@@ -44,12 +44,12 @@ void addVertebralBody(const Vector3d& centre, const Vector3d& turn, Body& body) 
     const double place = (2.0 * i + 1) / kSlabs - 1;  // Along the axis, -1 to 1.
     const double waist = 1 - 0.14 * (1 - place * place);
     const Vector3d half(0.0225 * waist, 0.0165 * waist, kHalfHeight / kSlabs), wall(kWall, kWall, 0);
-    const Vector3d at = centre + place * kHalfHeight * up;
+    const Vector3d at = center + place * kHalfHeight * up;
     body.tissues.push_back({cylinder(at, half, turn), kBoneAttenuation_per_m, {}});
     body.tissues.push_back({cylinder(at, half - wall, turn), kSpongyBone - kBoneAttenuation_per_m, {}});
   }
   for (const double end : {-1.0, 1.0}) {
-    const Shape plate = cylinder(centre + end * (kHalfHeight - 0.3e-3) * up, {0.0220, 0.0160, 0.3e-3}, turn);
+    const Shape plate = cylinder(center + end * (kHalfHeight - 0.3e-3) * up, {0.0220, 0.0160, 0.3e-3}, turn);
     body.tissues.push_back({plate, kBoneAttenuation_per_m - kSpongyBone, {}});
   }
 }
@@ -144,4 +144,4 @@ Body bodyAround(const AnatomySettings& settings, std::uint64_t seed) {
   return {};
 }
 
-}  // namespace angio
+}  // namespace angio::simulation

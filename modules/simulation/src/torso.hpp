@@ -8,7 +8,7 @@
 #include "shapes.hpp"
 #include "tubes.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// A round bone of changing course: tubes of cortical bone with marrow inside.
 struct LongBones {
@@ -30,4 +30,4 @@ Body bodyAround(const AnatomySettings& settings, std::uint64_t seed);
 constexpr double kMarrowOverBone = -0.75;  ///< Marrow's attenuation above bone's, as a part of bone's above water's.
 constexpr double kBoneAttenuation_per_m = 32;  ///< Cortical bone above water.
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -12,7 +12,7 @@
 
 #ifndef ANGIO_TUBES_RAW
 #define ANGIO_TUBES_RAW
-namespace angio {
+namespace angio::simulation {
 // What all rays of one row share, and how they change from pixel to pixel. A ray is p = o + t d with d = (dx, dy, 1),
 // where o is its point at the depth of the tube's end a, relative to a: small numbers, so that single precision is
 // enough.
@@ -24,11 +24,11 @@ struct TubeRow {
 struct TubeAxis {
   float x, y, z, length, radius;
 };
-}  // namespace angio
+}  // namespace angio::simulation
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace angio {
+namespace angio::simulation {
 namespace HWY_NAMESPACE {
 
 // Entry and exit of each ray, as depth t from the tube's end a; exit is not above entry where the ray misses.
@@ -74,11 +74,11 @@ void meetTube(const TubeAxis& u, const TubeRow& row, int count, float* __restric
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio
+}  // namespace angio::simulation
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio {
+namespace angio::simulation {
 namespace {
 
 HWY_EXPORT(meetTube);
@@ -86,7 +86,7 @@ HWY_EXPORT(meetTube);
 constexpr double kRadiusStep = 0.04e-3;  // [m] Takes 0.6 % of the beam at most, half of a pixel's noise.
 constexpr double kLongest = 4e-3;        // [m] Keeps single precision at the tube's scale.
 constexpr double kNearest = 1e-3;        // [m] From the source; the cone of a tube that touches it has no bounds.
-constexpr int kMostPieces = 256;         // Of one edge.
+constexpr int kMaxPieces = 256;          // Of one edge.
 constexpr double kEmpty = 1e-3;          // Density; takes nothing from the beam that a pixel could show.
 
 // The pixels that a tube may cover lie within reach of its projected axis.
@@ -115,10 +115,10 @@ std::pair<int, int> columns(const Footprint& f, int y, int width) {
   const Eigen::Vector2d along = f.b - f.a;
   double low = std::min(f.a.x(), f.b.x()) - f.reach, high = std::max(f.a.x(), f.b.x()) + f.reach;
   if (std::abs(along.y()) > 1e-9) {
-    const double centre = f.a.x() + (y - f.a.y()) * along.x() / along.y();
+    const double center = f.a.x() + (y - f.a.y()) * along.x() / along.y();
     const double half = f.reach * along.norm() / std::abs(along.y());
-    low = std::max(low, centre - half);
-    high = std::min(high, centre + half);
+    low = std::max(low, center - half);
+    high = std::min(high, center + half);
   }
   return pixelsBetween(low, high, width);
 }
@@ -132,7 +132,7 @@ TubeTree::TubeTree(const VesselTree& tree) {
       const double length = (tree.points().col(to) - tree.points().col(from)).norm();
       const double radius = tree.radii()[from].value(), change = tree.radii()[to].value() - radius;
       const double wanted = std::ceil(std::max(std::abs(change) / kRadiusStep, length / kLongest));
-      const int count = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMostPieces)));
+      const int count = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMaxPieces)));
       for (int p = 0; p < count; ++p) {
         pieces_.push_back({from, to, static_cast<double>(p) / count, static_cast<double>(p + 1) / count,
                            radius + change * (p + 0.5) / count});
@@ -261,5 +261,5 @@ const cv::Mat& PathLengths::compute(const std::vector<Tube>& tubes, const XrayCa
   return result_;
 }
 
-}  // namespace angio
+}  // namespace angio::simulation
 #endif  // HWY_ONCE

@@ -11,7 +11,7 @@
 #include "angio/vessel/vessel_tree.hpp"
 #include "bands.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// A straight tube with round ends: all points within `radius_m` of the segment from a to b [m].
 struct Tube {
@@ -73,4 +73,4 @@ class PathLengths {
   cv::Mat result_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -5,7 +5,7 @@
 
 #include "noise.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// Uniform random numbers, the same on every machine.
 class Uniform {
@@ -20,4 +20,4 @@ class Uniform {
   std::uint64_t state_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -3,7 +3,7 @@
 
 #include "angio/simulation/attenuation_volume.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// The rays of a camera through a volume. Borrows it.
 class VolumeRays {
@@ -22,4 +22,4 @@ class VolumeRays {
   Eigen::Vector3d origin_;  // The source, in voxels.
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/types/servo_status.hpp"
 
-namespace angio {
+namespace angio::types {
 
 const char* nameOf(ServoState state) {
   switch (state) {
@@ -59,4 +59,4 @@ const char* nameOf(ServoCause cause) {
   return "unknown";
 }
 
-}  // namespace angio
+}  // namespace angio::types

@@ -9,7 +9,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::vessel {
 namespace {
 
 // Nine points span a few pixels of a vessel: enough to beat pixel noise, short enough to follow a bend.
@@ -45,7 +45,7 @@ Eigen::VectorXd tangentsOfCloud(const Eigen::Matrix2Xd& points) {
 // A chord this long is turned by a few degrees only when a pixel of noise shifts its ends; a shorter one shows the
 // noise.
 constexpr double kChord_px = 12;
-constexpr int kMostSteps = 12;  // On each side of a point.
+constexpr int kMaxSteps = 12;  // On each side of a point.
 
 Eigen::VectorXd tangentsAlongBranches(const Eigen::Matrix2Xd& points, const std::vector<int>& branch) {
   const Eigen::Index n = points.cols();
@@ -53,7 +53,7 @@ Eigen::VectorXd tangentsAlongBranches(const Eigen::Matrix2Xd& points, const std:
   const auto joined = [&](Eigen::Index i, Eigen::Index k) { return k >= 0 && k < n && branch[k] == branch[i]; };
   for (Eigen::Index i = 0; i < n; ++i) {
     Eigen::Index a = i, b = i;
-    for (int step = 0; step < kMostSteps; ++step) {
+    for (int step = 0; step < kMaxSteps; ++step) {
       if (joined(i, a - 1)) --a;
       if (joined(i, b + 1)) ++b;
       if ((points.col(b) - points.col(a)).squaredNorm() >= kChord_px * kChord_px) break;
@@ -116,7 +116,7 @@ Centerline2d resampledAt(const Centerline2d& line, const std::vector<Between>& p
     if (!line.kind.empty()) result.kind.push_back(line.kind[p.a]);
   }
   result.radius_px = mixed(line.radius_px, places);
-  result.sigma_px = mixed(line.sigma_px, places);
+  result.std_px = mixed(line.std_px, places);
   result.contrast = mixed(line.contrast, places);
   return result;
 }
@@ -158,7 +158,7 @@ Centerline2d densified(const Centerline2d& centerline, double spacing_px) {
     if (i > 0 && centerline.branch[i] == centerline.branch[i - 1]) {
       const Eigen::Vector2d step = centerline.points_px.col(i) - centerline.points_px.col(i - 1);
       const double step_px = step.norm();
-      const int pieces = step_px > kLongestStep_px ? 1 : static_cast<int>(std::ceil(step_px / spacing_px - 1e-9));
+      const int pieces = step_px > kMaxStep_px ? 1 : static_cast<int>(std::ceil(step_px / spacing_px - 1e-9));
       for (int p = 1; p < pieces; ++p) {
         places.push_back({i - 1, i, static_cast<double>(p) / pieces});
         tangent.push_back(undirected(std::atan2(step.y(), step.x())));
@@ -172,4 +172,4 @@ Centerline2d densified(const Centerline2d& centerline, double spacing_px) {
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::vessel

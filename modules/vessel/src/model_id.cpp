@@ -5,7 +5,7 @@
 
 #include "angio/base/fnv1a.hpp"
 
-namespace angio {
+namespace angio::vessel {
 namespace {
 
 constexpr double kPerMetre = 1e9;
@@ -22,4 +22,4 @@ ModelId modelId(const VesselTree& tree) {
   return static_cast<ModelId>(id == 0 ? 1 : id);
 }
 
-}  // namespace angio
+}  // namespace angio::vessel

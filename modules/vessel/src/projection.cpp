@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/vessel/projection.hpp"
 
-namespace angio {
+namespace angio::vessel {
 
 Centerline2d projectedCenterline(const VesselTree& tree, const XrayCamera& camera, const Pose& T_camera_model) {
   std::vector<Eigen::Vector2d> pixels;
@@ -27,4 +27,4 @@ Centerline2d projectedCenterline(const VesselTree& tree, const XrayCamera& camer
   return makeCenterline(std::move(points), std::move(branch));
 }
 
-}  // namespace angio
+}  // namespace angio::vessel

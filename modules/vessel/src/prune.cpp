@@ -6,7 +6,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::vessel {
 namespace {
 
 std::vector<std::vector<int>> neighboursOf(const VesselTree& tree) {
@@ -32,15 +32,15 @@ std::vector<std::pair<int, int>> piece(const std::vector<std::vector<int>>& neig
 
 }  // namespace
 
-VesselTree withoutLongEdges(const VesselTree& tree, double longest_m) {
-  requirePositive("vessel tree", "longest_edge_mm", longest_m * 1e3);
+VesselTree withoutLongEdges(const VesselTree& tree, double max_m) {
+  requirePositive("vessel tree", "max_edge_mm", max_m * 1e3);
   std::vector<int> parents = tree.parents();
   for (int i = 0; i < tree.size(); ++i) {
     int& parent = parents[static_cast<std::size_t>(i)];
-    if (parent >= 0 && (tree.points().col(i) - tree.points().col(parent)).norm() > longest_m) parent = -1;
+    if (parent >= 0 && (tree.points().col(i) - tree.points().col(parent)).norm() > max_m) parent = -1;
   }
   if (std::all_of(parents.begin(), parents.end(), [](int parent) { return parent < 0; })) {
-    throw InputError("vessel tree", "longest_edge_mm", shown(longest_m * 1e3), "every edge is longer");
+    throw InputError("vessel tree", "max_edge_mm", formatValue(max_m * 1e3), "every edge is longer");
   }
   return VesselTree(tree.points(), std::move(parents), tree.radii());
 }
@@ -57,7 +57,7 @@ VesselTree beginningAt(const VesselTree& tree, const Eigen::Vector3d& place_m) {
     nearest = off;
   }
   std::vector<std::pair<int, int>> longest;
-  double most_m = -1;
+  double max_m = -1;
   for (const int first : neighbours[static_cast<std::size_t>(cut)]) {
     auto points = piece(neighbours, cut, first);
     double length_m = 0;
@@ -65,7 +65,7 @@ VesselTree beginningAt(const VesselTree& tree, const Eigen::Vector3d& place_m) {
       const int before = points[static_cast<std::size_t>(points[k].second)].first;
       length_m += (tree.points().col(points[k].first) - tree.points().col(before)).norm();
     }
-    if (length_m > most_m) most_m = length_m, longest = std::move(points);
+    if (length_m > max_m) max_m = length_m, longest = std::move(points);
   }
   Eigen::Matrix3Xd points_m(3, static_cast<Eigen::Index>(longest.size()));
   std::vector<int> parents;
@@ -78,4 +78,4 @@ VesselTree beginningAt(const VesselTree& tree, const Eigen::Vector3d& place_m) {
   return VesselTree(std::move(points_m), std::move(parents), std::move(radii_m));
 }
 
-}  // namespace angio
+}  // namespace angio::vessel

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace angio {
+namespace angio::vessel {
 namespace {
 
 // Arc length of each point of a chain, from its start [m].
@@ -98,4 +98,4 @@ ResampledTree resampled(const VesselTree& tree, double spacing_m, int max_points
   return {VesselTree(std::move(matrix), std::move(parents), std::move(radii)), std::move(place)};
 }
 
-}  // namespace angio
+}  // namespace angio::vessel

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace angio {
+namespace angio::vessel {
 
 Centerline2d undistorted(const Centerline2d& seen, const DetectorDistortion& distortion) {
   Centerline2d line = seen;
@@ -19,9 +19,9 @@ Centerline2d undistorted(const Centerline2d& seen, const DetectorDistortion& dis
     // Across the curve: the area's change over the length's.
     const double across = std::abs(J(0, 0) * J(1, 1) - J(0, 1) * J(1, 0)) / along.norm();
     if (line.radius_px.size() > 0) line.radius_px[i] *= across;
-    if (line.sigma_px.size() > 0) line.sigma_px[i] *= across;
+    if (line.std_px.size() > 0) line.std_px[i] *= across;
   }
   return pointsWhere(line, keep);
 }
 
-}  // namespace angio
+}  // namespace angio::vessel

@@ -5,11 +5,11 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::vessel {
 namespace {
 
 // A coordinate beyond this is a unit mistake: no patient is ten metres long.
-constexpr double kLargestCoordinate = 10.0;
+constexpr double kMaxCoordinate = 10.0;
 
 // The first point that no root is reached from, or -1.
 int findLoop(const std::vector<int>& parents) {
@@ -43,11 +43,13 @@ std::optional<TreeDefect> VesselTree::findDefect(const Eigen::Matrix3Xd& points_
   for (int i = 0; i < n; ++i) {
     for (int k = 0; k < 3; ++k) {
       const double x = points_m(k, i);
-      if (!std::isfinite(x)) return TreeDefect{i, kAxis[k], shown(x), "must be a finite number"};
-      if (std::abs(x) > kLargestCoordinate) return TreeDefect{i, kAxis[k], shown(x * 1e3), "must lie within 10,000 mm"};
+      if (!std::isfinite(x)) return TreeDefect{i, kAxis[k], formatValue(x), "must be a finite number"};
+      if (std::abs(x) > kMaxCoordinate)
+        return TreeDefect{i, kAxis[k], formatValue(x * 1e3), "must lie within 10,000 mm"};
     }
     if (radii_m[i] && !(std::isfinite(*radii_m[i]) && *radii_m[i] > 0 && *radii_m[i] < 1)) {
-      return TreeDefect{i, "radius_mm", shown(*radii_m[i] * 1e3), "must be positive and below 1,000 mm, or blank"};
+      return TreeDefect{i, "radius_mm", formatValue(*radii_m[i] * 1e3),
+                        "must be positive and below 1,000 mm, or blank"};
     }
     if (parents[i] < -1 || parents[i] >= n) {
       return TreeDefect{i, "parent", std::to_string(parents[i]), "must be a point of the tree, or -1 at a root"};
@@ -124,4 +126,4 @@ Eigen::Matrix3Xd VesselTree::tangents() const {
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::vessel

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <iostream>
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/cli/program.hpp"
@@ -17,7 +18,7 @@
 #include "angio/volume/shape.hpp"
 #include "angio/volume/volume_files.hpp"
 
-namespace angio {
+namespace angio::apps {
 namespace {
 
 struct Options {
@@ -163,13 +164,13 @@ int extract(const Options& o) {
 }
 
 }  // namespace
-}  // namespace angio
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app("Extracts a vessel tree from a volume.", "angio-extract-tree");
-  angio::describeProgram(
+  angio::apps::describeProgram(
       app, "angio-extract-tree aorta.mha --threshold 1000 --seed 20,30,40 --out tree.csv --picture tree.png");
-  angio::Options o;
+  angio::apps::Options o;
   app.add_option(
          "volume", o.volume,
          "Volume (.mha, .mhd, .nii, .nii.gz, .nrrd, .nhdr), folder of a DICOM series, or surface (.stl, .vtp, .vtk)")
@@ -190,13 +191,13 @@ int main(int argc, char** argv) {
   app.add_option("--box", o.box, "Two corners x,y,z [mm]: only what lies between them")->expected(2);
   app.add_option("--mesh-frame", o.mesh_frame, "Axes of a mesh")->check(CLI::IsMember({"LPS", "RAS"}));
   app.add_option("--mesh-voxel-mm", o.mesh_voxel_mm, "Voxels that a mesh is filled with [mm]")
-      ->check(angio::between(0.01, 20));
+      ->check(angio::apps::between(0.01, 20));
   app.add_option("--settings", o.settings, "Settings (.yaml): vesselness, selection, centreline");
   app.add_option("--picture", o.picture, "Projections of the volume with the tree (.png, .jpg)");
   app.add_option("--compare", o.compare, "Another tree: prints how much of each lies near the other");
   app.add_option("--compare-frame", o.compare_frame, "Its axes")->check(CLI::IsMember({"LPS", "RAS"}));
   app.add_option("--compare-mm", o.compare_mm, "What is near; default: the volume's smallest spacing")
-      ->check(angio::between(1e-3, 1e3));
-  app.parse_complete_callback([&] { angio::readPoints(o); });
-  return angio::runProgram(app, argc, argv, [&] { return angio::extract(o); });
+      ->check(angio::apps::between(1e-3, 1e3));
+  app.parse_complete_callback([&] { angio::apps::readPoints(o); });
+  return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::extract(o); });
 }

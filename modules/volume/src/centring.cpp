@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstdint>
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -92,7 +92,7 @@ double medianRadius(const Line& line) {
   return radii[radii.size() / 2];
 }
 
-void centre(const LevelField& level, const Smoothness& smoothness, Line& line) {
+void center(const LevelField& level, const Smoothness& smoothness, Line& line) {
   constexpr int kRounds = 6;  // Each moves by up to a fifth of the radius.
   const double wavelength = std::max(smoothness.voxels, smoothness.radii * medianRadius(line));
   line.weights.assign(line.points.size(), 1);
@@ -189,7 +189,7 @@ std::size_t cutRoot(Line& line, std::size_t first_fork) {
 
 // A branch is in the middle of its own part of a fork's wide section: it goes along with its parent for two radii and
 // leaves it where it is no longer the same line. Returns the place in the parent.
-std::size_t centreBranch(const LevelField& level, const Smoothness& smoothness, const Line& parent, std::size_t place,
+std::size_t centerBranch(const LevelField& level, const Smoothness& smoothness, const Line& parent, std::size_t place,
                          Line& line) {
   const auto reach = static_cast<std::size_t>(std::ceil(2 * parent.radii[place]));
   const std::size_t from = place > reach ? place - reach : 1, shared = place - from;
@@ -198,7 +198,7 @@ std::size_t centreBranch(const LevelField& level, const Smoothness& smoothness, 
                      parent.points.begin() + static_cast<long>(place));
   line.radii.insert(line.radii.begin(), parent.radii.begin() + static_cast<long>(from),
                     parent.radii.begin() + static_cast<long>(place));
-  centre(level, smoothness, line);
+  center(level, smoothness, line);
   std::size_t same = 0;
   while (same < shared) {
     const std::size_t next = same + 1;
@@ -213,38 +213,38 @@ std::size_t centreBranch(const LevelField& level, const Smoothness& smoothness, 
 
 }  // namespace
 
-std::vector<CentredPath> centred(const LevelField& level, const SkeletonForest& forest,
-                                 const std::vector<SkeletonPath>& paths, const Smoothness& smoothness) {
+std::vector<CenteredPath> centered(const LevelField& level, const SkeletonForest& forest,
+                                   const std::vector<SkeletonPath>& paths, const Smoothness& smoothness) {
   const Forks forks(paths);
   std::vector<Line> lines;
-  std::vector<CentredPath> result;
+  std::vector<CenteredPath> result;
   std::vector<long> moved(paths.size(), 0);  // By how much the places of each path's nodes changed.
   for (std::size_t p = 0; p < paths.size(); ++p) {
     const SkeletonPath& path = paths[p];
     Line line = lineOf(forest, path, forks.last[p]);
-    CentredPath centred_path;
+    CenteredPath centered_path;
     if (line.begins_at_fork) {
       const auto parent = static_cast<std::size_t>(path.parent);
       const auto place = static_cast<std::size_t>(path.parent_place + moved[parent]);
-      centred_path.parent = path.parent;
-      centred_path.parent_place = static_cast<int>(centreBranch(level, smoothness, lines[parent], place, line));
-      moved[p] = static_cast<long>(place) - centred_path.parent_place;
+      centered_path.parent = path.parent;
+      centered_path.parent_place = static_cast<int>(centerBranch(level, smoothness, lines[parent], place, line));
+      moved[p] = static_cast<long>(place) - centered_path.parent_place;
     } else {
       moved[p] = -static_cast<long>(cutRoot(line, forks.first[p]));
-      centre(level, smoothness, line);
+      center(level, smoothness, line);
     }
     const std::size_t end = line.points.size() - 1;
     const auto ahead = wallAhead(level, innerPoint(line, end), line.points[end], line.radii[end]);
-    centred_path.points = line.points;
-    if (ahead) centred_path.points.push_back(*ahead);
+    centered_path.points = line.points;
+    if (ahead) centered_path.points.push_back(*ahead);
     if (!line.begins_at_fork) {
       const auto before = wallAhead(level, innerPoint(line, 0), line.points.front(), line.radii.front());
-      if (before) centred_path.points.front() = *before;
+      if (before) centered_path.points.front() = *before;
     }
     lines.push_back(std::move(line));
-    result.push_back(std::move(centred_path));
+    result.push_back(std::move(centered_path));
   }
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

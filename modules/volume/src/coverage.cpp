@@ -7,7 +7,7 @@
 #include "angio/base/errors.hpp"
 #include "nearest_point.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 struct Samples {
@@ -55,4 +55,4 @@ Coverage coverage(const VesselTree& tree, const VesselTree& other, double distan
   return {near / all, distances[distances.size() / 2], distances.back()};
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -11,7 +11,7 @@
 #include "angio/io/dicom_slices.hpp"
 #include "angio/io/xa_files.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 // A slice and how far along the normal of all slices it lies.
@@ -33,8 +33,8 @@ std::vector<Placed> readSlices(const std::string& folder) {
     slices.push_back({readDicomSlice(path), 0});
     series.insert(slices.back().slice.series_uid);
     voxels += slices.back().slice.values.total();
-    if (voxels > kMostVoxels) {
-      throw InputError(folder, "voxels", std::to_string(voxels), "must not exceed " + std::to_string(kMostVoxels));
+    if (voxels > kMaxVoxels) {
+      throw InputError(folder, "voxels", std::to_string(voxels), "must not exceed " + std::to_string(kMaxVoxels));
     }
   }
   if (series.size() != 1) {
@@ -64,7 +64,7 @@ double sortSlices(const std::string& folder, std::vector<Placed>& slices) {
     // A hundredth of the distance. In the plane, slices of a tilted gantry are off: their volume is sheared.
     const double off_mm = (slices[i].slice.first_pixel_mm - expected_mm).norm();
     if (!(off_mm < 0.01 * step_mm + 1e-3)) {
-      throw InputError(slices[i].slice.path, "off its place by_mm", shown(off_mm),
+      throw InputError(slices[i].slice.path, "off its place by_mm", formatValue(off_mm),
                        "slices must be evenly spaced along their normal: one is missing, doubled or sheared");
     }
   }
@@ -93,4 +93,4 @@ Volume readDicomSeries(const std::string& folder) {
   return volume;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

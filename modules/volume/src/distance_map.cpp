@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 constexpr float kFar = std::numeric_limits<float>::infinity();
@@ -38,10 +38,10 @@ class LineTransform {
     from_[static_cast<std::size_t>(parabolas)] = std::numeric_limits<double>::infinity();
     for (int q = 0, k = 0; q < n; ++q) {
       while (from_[static_cast<std::size_t>(k) + 1] < q) ++k;
-      const int centre = at_[static_cast<std::size_t>(k)];
-      const double d = q - centre;
+      const int center = at_[static_cast<std::size_t>(k)];
+      const double d = q - center;
       values[static_cast<std::size_t>(q) * stride] =
-          static_cast<float>(spacing2_ * d * d + line_[static_cast<std::size_t>(centre)]);
+          static_cast<float>(spacing2_ * d * d + line_[static_cast<std::size_t>(center)]);
     }
   }
 
@@ -79,4 +79,4 @@ std::vector<float> distanceMap(const VoxelMask& mask, std::uint8_t target) {
   return squares;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

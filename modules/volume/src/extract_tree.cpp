@@ -11,7 +11,7 @@
 #include "nearest_point.hpp"
 #include "pieces.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 // Points of the result as they are found [index of the volume].
@@ -52,9 +52,9 @@ std::vector<int> addSteps(const std::vector<Eigen::Vector3d>& path, std::size_t 
 }
 
 // A path's points between forks, each fork being a point. Two forks in one place stay one.
-void addPath(const std::vector<CentredPath>& paths, std::size_t p, const std::vector<std::vector<int>>& forks,
+void addPath(const std::vector<CenteredPath>& paths, std::size_t p, const std::vector<std::vector<int>>& forks,
              double spacing, std::vector<std::vector<int>>& point_at, Points& points) {
-  const CentredPath& path = paths[p];
+  const CenteredPath& path = paths[p];
   auto& mine = point_at[p];
   mine.assign(path.points.size(), -1);
   mine[0] = path.parent < 0
@@ -71,9 +71,9 @@ void addPath(const std::vector<CentredPath>& paths, std::size_t p, const std::ve
 }
 
 // The places of each path where it is cut to segments: forks and its end, rising.
-std::vector<std::vector<int>> cutsOf(const std::vector<CentredPath>& paths) {
+std::vector<std::vector<int>> cutsOf(const std::vector<CenteredPath>& paths) {
   std::vector<std::vector<int>> cuts(paths.size());
-  for (const CentredPath& path : paths) {
+  for (const CenteredPath& path : paths) {
     if (path.parent >= 0) cuts[static_cast<std::size_t>(path.parent)].push_back(path.parent_place);
   }
   for (std::size_t p = 0; p < paths.size(); ++p) {
@@ -179,17 +179,17 @@ ExtractedTree extractTree(const Volume& shape, const CentrelineSettings& setting
   const NearestPoint wall(level.wallPoints());
   SkeletonForest forest = linked(thinned(mask, depth_m), wall);
   int trees_dropped = 0;
-  forest = withoutSpurs(forest, settings.shortest_branch_mm / voxel_mm, settings.shortest_branch_radii);
+  forest = withoutSpurs(forest, settings.min_branch_mm / voxel_mm, settings.min_branch_radii);
   forest = withoutSmallTrees(forest, settings.smallest_tree_mm / voxel_mm, trees_dropped);
   if (forest.nodes.empty()) {
-    throw InputError("volume", "smallest_tree_mm", shown(settings.smallest_tree_mm), "no tree is that long");
+    throw InputError("volume", "smallest_tree_mm", formatValue(settings.smallest_tree_mm), "no tree is that long");
   }
 
   begin(3, "centring");
   const std::optional<Eigen::Vector3d> root =
       root_m ? std::optional<Eigen::Vector3d>(fine.grid.indexAt(*root_m)) : std::nullopt;
   const auto paths =
-      centred(level, forest, pathsOf(forest, root), {settings.smoothing_mm / voxel_mm, settings.smoothing_radii});
+      centered(level, forest, pathsOf(forest, root), {settings.smoothing_mm / voxel_mm, settings.smoothing_radii});
   begin(4, "points and radii");
   Points points;
   const auto cuts = cutsOf(paths);
@@ -205,4 +205,4 @@ ExtractedTree extractTree(const Volume& shape, const CentrelineSettings& setting
   return {treeOf(points, fine.grid), forest.cycles_cut, trees_dropped};
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -11,7 +11,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/volume/volume.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 // Unpacks what is behind `first` without keeping it; more than `enough` bytes need not be counted.
@@ -42,14 +42,14 @@ std::uintmax_t unpackedBytes(const std::string& path, std::uintmax_t first, std:
 
 }  // namespace
 
-std::string beginningOf(const std::string& path, std::size_t most_bytes) {
+std::string beginningOf(const std::string& path, std::size_t max_bytes) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored)) {
     throw InputError(path, "", "", "must be a file that can be read");
   }
   std::ifstream file(path, std::ios::binary);
-  std::string bytes(most_bytes, '\0');
-  file.read(bytes.data(), static_cast<std::streamsize>(most_bytes));
+  std::string bytes(max_bytes, '\0');
+  file.read(bytes.data(), static_cast<std::streamsize>(max_bytes));
   if (!file && !file.eof()) throw InputError(path, "", "", "must be a file that can be read");
   bytes.resize(static_cast<std::size_t>(file.gcount()));
   return bytes;
@@ -89,10 +89,11 @@ std::size_t voxelsOf(const std::string& path, const std::string& field, const do
   double voxels = 1;
   for (int i = 0; i < 3; ++i) {
     voxels *= requireBetween(path, field, sizes[i], 1, 65535);
-    if (sizes[i] != static_cast<int>(sizes[i])) throw InputError(path, field, shown(sizes[i]), "must be an integer");
+    if (sizes[i] != static_cast<int>(sizes[i]))
+      throw InputError(path, field, formatValue(sizes[i]), "must be an integer");
   }
-  if (voxels > static_cast<double>(kMostVoxels)) {
-    throw InputError(path, field, shown(voxels), "the voxels must not exceed " + std::to_string(kMostVoxels));
+  if (voxels > static_cast<double>(kMaxVoxels)) {
+    throw InputError(path, field, formatValue(voxels), "the voxels must not exceed " + std::to_string(kMaxVoxels));
   }
   return static_cast<std::size_t>(voxels);
 }
@@ -121,4 +122,4 @@ void checkData(const std::string& path, std::uintmax_t first, std::uintmax_t wan
   }
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -6,10 +6,12 @@
 #include <string_view>
 #include <vector>
 
-namespace angio {
+#include "angio/volume/namespace.hpp"
 
-/// The beginning of a regular file, at most `most_bytes` of it. Throws InputError.
-std::string beginningOf(const std::string& path, std::size_t most_bytes);
+namespace angio::volume {
+
+/// The beginning of a regular file, at most `max_bytes` of it. Throws InputError.
+std::string beginningOf(const std::string& path, std::size_t max_bytes);
 
 /// Bytes of a regular file.
 std::uintmax_t sizeOf(const std::string& path);
@@ -18,7 +20,7 @@ std::uintmax_t sizeOf(const std::string& path);
 std::vector<double> numbersIn(const std::string& path, const std::string& field, std::string_view text,
                               std::size_t count, std::string_view also_blank = "");
 
-/// Voxels of a volume with these sizes, each 1 to 65535, kMostVoxels in all.
+/// Voxels of a volume with these sizes, each 1 to 65535, kMaxVoxels in all.
 std::size_t voxelsOf(const std::string& path, const std::string& field, const double* sizes);
 
 /// A data file that a header names: a plain name, of a regular file in the header's folder. Returns its path.
@@ -29,4 +31,4 @@ std::string dataFileBeside(const std::string& path, const std::string& field, st
 enum class Packing { kNone, kDeflate };
 void checkData(const std::string& path, std::uintmax_t first, std::uintmax_t wanted, Packing packing);
 
-}  // namespace angio
+}  // namespace angio::volume

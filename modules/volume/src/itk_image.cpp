@@ -11,7 +11,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 // ITK's own warnings have a switch; MetaIO, GDCM and teem write to the C++ streams.
@@ -127,8 +127,8 @@ VoxelGrid gridOf(const std::string& path, itk::ImageIOBase& image) {
     const std::vector<double> axis = image.GetDirection(i);
     for (unsigned int row = 0; row < 3; ++row) grid.direction(row, i) = row < axis.size() ? axis[row] : 0;
   }
-  if (grid.count() > kMostVoxels) {
-    throw InputError(path, "voxels", std::to_string(grid.count()), "must not exceed " + std::to_string(kMostVoxels));
+  if (grid.count() > kMaxVoxels) {
+    throw InputError(path, "voxels", std::to_string(grid.count()), "must not exceed " + std::to_string(kMaxVoxels));
   }
   // Not finite counts as not orthonormal: NaN is not less than anything.
   const double defect =
@@ -156,8 +156,8 @@ void readValues(const std::string& path, itk::ImageIOBase& image, const VoxelGri
   converterOf(image.GetComponentType())(bytes, grid.count(), values);
   for (std::size_t i = 0; i < grid.count(); ++i) {
     if (!std::isfinite(values[i]))
-      throw InputError(path, "voxel " + std::to_string(i), shown(values[i]), "must be finite");
+      throw InputError(path, "voxel " + std::to_string(i), formatValue(values[i]), "must be finite");
   }
 }
 
-}  // namespace angio
+}  // namespace angio::volume

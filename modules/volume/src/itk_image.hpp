@@ -8,7 +8,7 @@
 
 #include "angio/volume/volume.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// Runs work of ITK on `path`. What it throws, running out of memory included, becomes an InputError; what it and the
 /// libraries below it would print is held back.
@@ -21,4 +21,4 @@ VoxelGrid gridOf(const std::string& path, itk::ImageIOBase& image);
 /// Reads the voxels of an opened image as floats and refuses those that are not finite. `values` has their number.
 void readValues(const std::string& path, itk::ImageIOBase& image, const VoxelGrid& grid, float* values);
 
-}  // namespace angio
+}  // namespace angio::volume

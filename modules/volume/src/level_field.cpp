@@ -7,11 +7,11 @@
 #include "angio/base/errors.hpp"
 #include "angio/volume/distance_map.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 constexpr double kOutside = -1;
-constexpr std::size_t kMostEqualVoxels = std::size_t{1} << 27;
+constexpr std::size_t kMaxEqualVoxels = std::size_t{1} << 27;
 
 // Neighbours of positions along one axis, and how much of the second one counts.
 struct Between {
@@ -37,10 +37,10 @@ Volume stretched(const Volume& from, int axis, double spacing_m) {
   const double ratio = spacing_m / from.grid.spacing_m[axis];
   to.grid.size[axis] = static_cast<int>(std::ceil((from.grid.size[axis] - 1) / ratio - 1e-9)) + 1;
   to.grid.spacing_m[axis] = spacing_m;
-  if (to.grid.count() > kMostEqualVoxels) {
+  if (to.grid.count() > kMaxEqualVoxels) {
     throw InputError(
-        "volume", "voxel_mm", shown(spacing_m * 1e3),
-        "would make more than " + std::to_string(kMostEqualVoxels) + " voxels of the vessels' box: choose larger ones");
+        "volume", "voxel_mm", formatValue(spacing_m * 1e3),
+        "would make more than " + std::to_string(kMaxEqualVoxels) + " voxels of the vessels' box: choose larger ones");
   }
   to.values.resize(to.grid.count());
   const Between between = betweens(to.grid.size[axis], from.grid.size[axis], ratio);
@@ -134,4 +134,4 @@ Eigen::Matrix3Xd LevelField::wallPoints() const {
   return result;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -22,10 +22,10 @@
 #include "stl_format.hpp"
 #include "vtk_surface.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
-constexpr std::size_t kMostMeshVoxels = std::size_t{1} << 27;
+constexpr std::size_t kMaxMeshVoxels = std::size_t{1} << 27;
 
 // VTK has error codes for what it would print.
 class VtkSilence {
@@ -143,9 +143,9 @@ VoxelMask readMesh(const std::string& path, double voxel_m, PatientFrame frame) 
     const double first_mm = bounds[2 * k] - voxel_mm, size = std::ceil((bounds[2 * k + 1] - first_mm) / voxel_mm) + 2;
     mask.grid.origin_m[k] = first_mm / 1e3;
     voxels *= size;
-    if (voxels > static_cast<double>(kMostMeshVoxels)) {
-      throw InputError(path, "voxel_mm", shown(voxel_mm),
-                       "would make more than " + std::to_string(kMostMeshVoxels) + " voxels");
+    if (voxels > static_cast<double>(kMaxMeshVoxels)) {
+      throw InputError(path, "voxel_mm", formatValue(voxel_mm),
+                       "would make more than " + std::to_string(kMaxMeshVoxels) + " voxels");
     }
     mask.grid.size[k] = static_cast<int>(size);
   }
@@ -168,4 +168,4 @@ VoxelMask readMesh(const std::string& path, double voxel_m, PatientFrame frame) 
   return mask;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

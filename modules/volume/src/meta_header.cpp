@@ -6,11 +6,11 @@
 #include "header_checks.hpp"
 #include "volume_header.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
-constexpr std::size_t kLongestHeader = std::size_t{64} << 10;
-constexpr std::size_t kLongestLine = 250;  // MetaIO keeps values in buffers of 255 bytes.
+constexpr std::size_t kMaxHeader = std::size_t{64} << 10;
+constexpr std::size_t kMaxLine = 250;  // MetaIO keeps values in buffers of 255 bytes.
 
 struct MetaHeader {
   std::map<std::string, std::string, std::less<>> values;
@@ -24,13 +24,13 @@ std::string_view trimmed(std::string_view text) {
 }
 
 MetaHeader parseHeader(const std::string& path) {
-  const std::string text = beginningOf(path, kLongestHeader);
+  const std::string text = beginningOf(path, kMaxHeader);
   MetaHeader header;
   int number = 0;
   for (std::size_t at = 0; at < text.size();) {
     const std::string place = path + ":" + std::to_string(++number);
     const std::size_t end = text.find('\n', at);
-    if (end == std::string::npos || end - at > kLongestLine)
+    if (end == std::string::npos || end - at > kMaxLine)
       throw InputError(place, "", "", "the header's line is cut or too long");
     std::string_view line = std::string_view(text).substr(at, end - at);
     at = end + 1;
@@ -116,4 +116,4 @@ void checkMetaHeader(const std::string& path) {
   checkData(data, local ? header.end : 0, wanted, packed ? Packing::kDeflate : Packing::kNone);
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <nanoflann.hpp>
 
-namespace angio {
+#include "angio/volume/namespace.hpp"
+
+namespace angio::volume {
 
 /// Nearest of many points, by a k-d tree.
 class NearestPoint {
@@ -46,4 +48,4 @@ class NearestPoint {
   nanoflann::KDTreeSingleIndexAdaptor<Metric, NearestPoint, 3, std::uint32_t> index_;
 };
 
-}  // namespace angio
+}  // namespace angio::volume

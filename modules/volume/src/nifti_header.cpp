@@ -9,7 +9,7 @@
 #include "header_checks.hpp"
 #include "volume_header.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 constexpr std::size_t kHeaderBytes = 348;
@@ -125,4 +125,4 @@ void checkNiftiHeader(const std::string& path) {
   checkData(path, 0, wanted, magic == "\x1f\x8b" ? Packing::kDeflate : Packing::kNone);
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -6,10 +6,10 @@
 #include "header_checks.hpp"
 #include "volume_header.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
-constexpr std::size_t kLongestHeader = std::size_t{64} << 10;
+constexpr std::size_t kMaxHeader = std::size_t{64} << 10;
 
 struct NrrdHeader {
   std::map<std::string, std::string, std::less<>> values;
@@ -17,7 +17,7 @@ struct NrrdHeader {
 };
 
 NrrdHeader parseHeader(const std::string& path) {
-  const std::string text = beginningOf(path, kLongestHeader);
+  const std::string text = beginningOf(path, kMaxHeader);
   if (text.compare(0, 7, "NRRD000") != 0) throw InputError(path + ":1", "magic", "", "must be NRRD000 and a version");
   NrrdHeader header;
   int number = 0;
@@ -86,4 +86,4 @@ void checkNrrdHeader(const std::string& path) {
             packed ? Packing::kDeflate : Packing::kNone);
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -7,7 +7,7 @@
 
 #include "angio/base/errors.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 constexpr std::uint8_t kSeen = 2;  // Beside 0 and 1, while pieces are walked.
@@ -63,7 +63,8 @@ Pieces takePieces(VoxelMask& mask) {
 // The inside voxel nearest to a seed, within two voxels.
 std::size_t voxelOfSeed(const VoxelMask& mask, const Eigen::Vector3d& seed_m) {
   const Eigen::Vector3d index = mask.grid.indexAt(seed_m);
-  const std::string text = shown(seed_m.x() * 1e3) + "," + shown(seed_m.y() * 1e3) + "," + shown(seed_m.z() * 1e3);
+  const std::string text =
+      formatValue(seed_m.x() * 1e3) + "," + formatValue(seed_m.y() * 1e3) + "," + formatValue(seed_m.z() * 1e3);
   // Far away it would not even be an integer.
   if (!(index.cwiseAbs().maxCoeff() < 1e6)) throw InputError("volume", "seed", text, "must lie in the volume");
   const Eigen::Vector3i middle = index.array().round().cast<int>();
@@ -94,8 +95,8 @@ void selectPieces(VoxelMask& mask, const SelectionSettings& selection, const std
   }
   Pieces pieces = takePieces(mask);
   std::stable_sort(pieces.begin(), pieces.end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
-  if (selection.largest_pieces > 0 && pieces.size() > static_cast<std::size_t>(selection.largest_pieces)) {
-    pieces.resize(static_cast<std::size_t>(selection.largest_pieces));
+  if (selection.max_pieces > 0 && pieces.size() > static_cast<std::size_t>(selection.max_pieces)) {
+    pieces.resize(static_cast<std::size_t>(selection.max_pieces));
   }
   const double voxel_mm3 = 1e9 * mask.grid.spacing_m.prod();
   for (const auto& piece : pieces) {
@@ -121,4 +122,4 @@ void fillHoles(VoxelMask& mask) {
   for (std::uint8_t& value : mask.inside) value = value == kSeen ? 0 : 1;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -6,7 +6,7 @@
 #include "angio/volume/shape_settings.hpp"
 #include "angio/volume/volume.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// Takes away the connected pieces (26 neighbours) that the settings and seeds [m] do not want. Throws InputError when
 /// a seed lies in no piece.
@@ -18,4 +18,4 @@ void selectTouched(VoxelMask& mask, const std::vector<std::uint8_t>& wanted);
 /// Makes outside that is enclosed (6 neighbours, the volume's border is open) inside.
 void fillHoles(VoxelMask& mask);
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -6,7 +6,7 @@
 #include <iterator>
 #include <opencv2/imgproc.hpp>
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 constexpr int kHeight_px = 900;
@@ -38,17 +38,17 @@ cv::Mat greyOf(const cv::Mat& values) {
   std::vector<float> sorted(values.begin<float>(), values.end<float>());
   std::sort(sorted.begin(), sorted.end());
   const double low = sorted[sorted.size() / 20], high = sorted[sorted.size() - 1 - sorted.size() / 200];
-  cv::Mat grey, colour;
+  cv::Mat grey, color;
   const double scale = 220 / std::max(high - low, 1e-30);
   values.convertTo(grey, CV_8U, scale, -low * scale);
-  cv::cvtColor(grey, colour, cv::COLOR_GRAY2BGR);
-  return colour;
+  cv::cvtColor(grey, color, cv::COLOR_GRAY2BGR);
+  return color;
 }
 
-cv::Scalar branchColour(std::size_t branch) {
-  static const cv::Scalar kColours[] = {{60, 200, 60},  {60, 120, 255}, {255, 160, 60}, {200, 80, 220},
-                                        {60, 220, 240}, {240, 220, 60}, {140, 140, 255}};
-  return kColours[branch % std::size(kColours)];
+cv::Scalar branchColor(std::size_t branch) {
+  static const cv::Scalar kColors[] = {{60, 200, 60},  {60, 120, 255}, {255, 160, 60}, {200, 80, 220},
+                                       {60, 220, 240}, {240, 220, 60}, {140, 140, 255}};
+  return kColors[branch % std::size(kColors)];
 }
 
 // The part of the volume that the tree needs, and some millimetres around it.
@@ -88,7 +88,7 @@ cv::Mat drawView(const Volume& volume, const VesselTree& tree, const View& view)
   for (std::size_t b = 0; b < tree.branches().size(); ++b) {
     const auto& branch = tree.branches()[b];
     for (std::size_t i = 1; i < branch.size(); ++i) {
-      cv::line(picture, place(branch[i - 1]), place(branch[i]), branchColour(b), 2, cv::LINE_AA, kShift);
+      cv::line(picture, place(branch[i - 1]), place(branch[i]), branchColor(b), 2, cv::LINE_AA, kShift);
     }
   }
   for (int i = 0; i < tree.size(); ++i) {
@@ -114,4 +114,4 @@ cv::Mat drawProjections(const Volume& whole, const VesselTree& tree) {
   return sheet;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

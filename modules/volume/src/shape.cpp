@@ -9,7 +9,7 @@
 #include "angio/volume/level_field.hpp"
 #include "pieces.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 constexpr int kMargin = 2;  // Voxels around the vessels' box, so that they have an outside everywhere.
@@ -123,4 +123,4 @@ Volume vesselShape(const Volume& volume, const ShapeSettings& settings, const Se
   return std::visit([&](const auto& s) { return shapeBy(s, volume, selection, seeds_m); }, settings);
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <numeric>
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 // A tree walked from one of its nodes.
@@ -249,4 +249,4 @@ std::vector<SkeletonPath> pathsOf(const SkeletonForest& forest, const std::optio
   return paths;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

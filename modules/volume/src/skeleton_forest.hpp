@@ -8,7 +8,7 @@
 #include "angio/volume/volume.hpp"
 #include "nearest_point.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// Voxels of a skeleton, linked to trees. Positions are indices of a volume of equal voxels, lengths in voxels.
 struct SkeletonForest {
@@ -39,4 +39,4 @@ struct SkeletonPath {
 /// one that is nearest to `root` (an index), when given, at the end nearest to it.
 std::vector<SkeletonPath> pathsOf(const SkeletonForest& forest, const std::optional<Eigen::Vector3d>& root);
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -6,7 +6,7 @@
 #include "angio/volume/thinning.hpp"
 #include "skeleton_forest.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 // Sets that grow together.
@@ -83,4 +83,4 @@ SkeletonForest linked(const VoxelMask& skeleton, const NearestPoint& wall) {
   return forest;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -14,10 +14,10 @@
 #include "angio/base/errors.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
-constexpr std::size_t kLargestStl = std::size_t{256} << 20;
+constexpr std::size_t kMaxStl = std::size_t{256} << 20;
 constexpr std::size_t kHeader = 84, kTriangle = 50;  // Bytes.
 
 using Corner = std::array<float, 3>;
@@ -77,7 +77,7 @@ void readText(const std::string& path, std::string_view text, Surface& surface) 
 }  // namespace
 
 vtkSmartPointer<vtkPolyData> readStl(const std::string& path) {
-  const std::string content = readWholeFile(path, kLargestStl);
+  const std::string content = readWholeFile(path, kMaxStl);
   Surface surface;
   std::uint32_t count = 0;
   if (content.size() >= kHeader)
@@ -100,4 +100,4 @@ vtkSmartPointer<vtkPolyData> readStl(const std::string& path) {
   return surface.done();
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -6,9 +6,11 @@
 
 #include <string>
 
-namespace angio {
+#include "angio/volume/namespace.hpp"
+
+namespace angio::volume {
 
 /// The triangles of an STL file, binary or text; corners that coincide are one point. Throws InputError.
 vtkSmartPointer<vtkPolyData> readStl(const std::string& path);
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <queue>
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 constexpr Neighbourhood kMiddle = 1U << 13;
@@ -180,4 +180,4 @@ long long eulerNumber(const VoxelMask& mask) {
   return sum;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

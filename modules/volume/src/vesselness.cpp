@@ -5,16 +5,16 @@
 #include "angio/base/errors.hpp"
 #include "angio/volume/shape.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 // Gaussian along one axis; the border's values go on outside.
-void blur(const VoxelGrid& grid, int axis, double sigma_voxels, std::vector<float>& values) {
-  const int reach = std::max(1, static_cast<int>(std::ceil(3 * sigma_voxels)));
+void blur(const VoxelGrid& grid, int axis, double std_voxels, std::vector<float>& values) {
+  const int reach = std::max(1, static_cast<int>(std::ceil(3 * std_voxels)));
   std::vector<float> weights(static_cast<std::size_t>(reach) + 1);
   float sum = 0;
   for (int i = 0; i <= reach; ++i) {
-    const auto weight = static_cast<float>(std::exp(-0.5 * i * i / (sigma_voxels * sigma_voxels)));
+    const auto weight = static_cast<float>(std::exp(-0.5 * i * i / (std_voxels * std_voxels)));
     weights[static_cast<std::size_t>(i)] = weight;
     sum += i == 0 ? weight : 2 * weight;
   }
@@ -58,13 +58,13 @@ Curvatures curvaturesOf(double xx, double xy, double xz, double yy, double yz, d
 }
 
 // Curvatures at one scale, normalised by it; voxels at the border have none.
-std::vector<Curvatures> curvatures(const Volume& volume, double sigma_m) {
+std::vector<Curvatures> curvatures(const Volume& volume, double std_m) {
   const VoxelGrid& grid = volume.grid;
   std::vector<float> smooth = volume.values;
-  for (int axis = 0; axis < 3; ++axis) blur(grid, axis, sigma_m / grid.spacing_m[axis], smooth);
+  for (int axis = 0; axis < 3; ++axis) blur(grid, axis, std_m / grid.spacing_m[axis], smooth);
   std::vector<Curvatures> result(smooth.size());
   const long dx = 1, dy = grid.size.x(), dz = dy * grid.size.y();
-  const Eigen::Vector3d w = (sigma_m / grid.spacing_m.array()).matrix();
+  const Eigen::Vector3d w = (std_m / grid.spacing_m.array()).matrix();
   for (int z = 1; z + 1 < grid.size.z(); ++z) {
     for (int y = 1; y + 1 < grid.size.y(); ++y) {
       for (int x = 1; x + 1 < grid.size.x(); ++x) {
@@ -86,12 +86,12 @@ std::vector<Curvatures> curvatures(const Volume& volume, double sigma_m) {
 std::vector<float> vesselness(const Volume& volume, const VesselnessSettings& settings) {
   checkSettings(VesselnessSettings::kName, settings);
   std::vector<float> best(volume.values.size(), 0.0F);
-  const double ratio = settings.largest_radius_mm / settings.smallest_radius_mm;
+  const double ratio = settings.max_radius_mm / settings.smallest_radius_mm;
   for (int s = 0; s < settings.scales; ++s) {
     const double share = settings.scales > 1 ? static_cast<double>(s) / (settings.scales - 1) : 0;
     // A bar's response peaks where the Gaussian is as wide as its radius over sqrt(2), in two dimensions of three.
-    const double sigma_m = settings.smallest_radius_mm * std::pow(ratio, share) / 1e3 / std::sqrt(2.0);
-    const auto found = curvatures(volume, sigma_m);
+    const double std_m = settings.smallest_radius_mm * std::pow(ratio, share) / 1e3 / std::sqrt(2.0);
+    const auto found = curvatures(volume, std_m);
     float strongest = 0;
     for (const Curvatures& c : found) strongest = std::max(strongest, c.third);
     const auto floor = static_cast<float>(settings.uniformity) * strongest;
@@ -107,4 +107,4 @@ std::vector<float> vesselness(const Volume& volume, const VesselnessSettings& se
   return best;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace angio {
+namespace angio::volume {
 
 Volume cropped(const Volume& volume, const Eigen::Vector3i& low, const Eigen::Vector3i& high, int margin,
                float outside) {
@@ -26,4 +26,4 @@ Volume cropped(const Volume& volume, const Eigen::Vector3i& low, const Eigen::Ve
   return box;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -12,7 +12,7 @@
 #include "itk_image.hpp"
 #include "volume_header.hpp"
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
 bool endsWith(const std::string& text, const std::string& end) {
@@ -67,4 +67,4 @@ Volume readVolume(const std::string& path) {
                    "must be one of " + known + ", or the folder of a DICOM series");
 }
 
-}  // namespace angio
+}  // namespace angio::volume

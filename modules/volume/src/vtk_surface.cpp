@@ -14,11 +14,11 @@
 // keeps cells as two arrays, offsets and connectivity, where the earlier ones put the number of corners before each
 // cell.
 
-namespace angio {
+namespace angio::volume {
 namespace {
 
-constexpr std::size_t kLargestVtk = std::size_t{256} << 20;
-constexpr double kMostNumbers = 1 << 24;
+constexpr std::size_t kMaxVtk = std::size_t{256} << 20;
+constexpr double kMaxNumbers = 1 << 24;
 
 struct NumberType {
   const char* name;
@@ -89,14 +89,14 @@ class LegacyText {
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error != std::errc() || end != text.data() + text.size()) refuse(field, text, "must be a number");
     if (!(value >= low && value <= high)) {
-      refuse(field, text, "must lie between " + shown(low) + " and " + shown(high));
+      refuse(field, text, "must lie between " + formatValue(low) + " and " + formatValue(high));
     }
     return value;
   }
 
   std::size_t count(const std::string& field) {
-    const double value = number(field, 0, kMostNumbers);
-    if (value != std::floor(value)) refuse(field, shown(value), "must be an integer");
+    const double value = number(field, 0, kMaxNumbers);
+    if (value != std::floor(value)) refuse(field, formatValue(value), "must be an integer");
     return static_cast<std::size_t>(value);
   }
 
@@ -117,7 +117,7 @@ class LegacyText {
     for (std::size_t i = 0; i < count; ++i) {
       values.push_back(found->value(&rest_[i * found->bytes]));
       if (!(values.back() >= low && values.back() <= high)) {
-        refuse(field, shown(values.back()), "must lie between " + shown(low) + " and " + shown(high));
+        refuse(field, formatValue(values.back()), "must lie between " + formatValue(low) + " and " + formatValue(high));
       }
     }
     rest_.remove_prefix(count * found->bytes);
@@ -141,13 +141,14 @@ std::vector<std::vector<int>> readCells(LegacyText& text, std::size_t points) {
     auto& cell = cells.emplace_back();
     for (std::size_t i = from; i < to; ++i) {
       if (!(numbers[i] >= 0 && numbers[i] <= last_point && numbers[i] == std::floor(numbers[i]))) {
-        text.refuse("point of cell " + std::to_string(cells.size() - 1), shown(numbers[i]), "must be one of the file");
+        text.refuse("point of cell " + std::to_string(cells.size() - 1), formatValue(numbers[i]),
+                    "must be one of the file");
       }
       cell.push_back(static_cast<int>(numbers[i]));
     }
   };
   if (text.version() < 5) {
-    const auto numbers = text.numbers("cells", second, "int", 0, kMostNumbers);
+    const auto numbers = text.numbers("cells", second, "int", 0, kMaxNumbers);
     std::size_t at = 0;
     for (std::size_t i = 0; i < first; ++i) {
       if (at == numbers.size()) text.refuse("cells", std::to_string(i), "must be " + std::to_string(first));
@@ -158,9 +159,9 @@ std::vector<std::vector<int>> readCells(LegacyText& text, std::size_t points) {
     return cells;
   }
   if (text.word() != "OFFSETS") text.refuse("keyword", "", "must be OFFSETS");
-  const auto offsets = text.numbers("offsets", first, text.word(), 0, kMostNumbers);
+  const auto offsets = text.numbers("offsets", first, text.word(), 0, kMaxNumbers);
   if (text.word() != "CONNECTIVITY") text.refuse("keyword", "", "must be CONNECTIVITY");
-  const auto corners = text.numbers("connectivity", second, text.word(), 0, kMostNumbers);
+  const auto corners = text.numbers("connectivity", second, text.word(), 0, kMaxNumbers);
   for (std::size_t i = 1; i < offsets.size(); ++i) {
     add(corners, static_cast<std::size_t>(offsets[i - 1]), static_cast<std::size_t>(offsets[i]));
   }
@@ -170,7 +171,7 @@ std::vector<std::vector<int>> readCells(LegacyText& text, std::size_t points) {
 }  // namespace
 
 Surface readVtkSurface(const std::string& path) {
-  const std::string content = readWholeFile(path, kLargestVtk);
+  const std::string content = readWholeFile(path, kMaxVtk);
   LegacyText text(path, content);
   Surface surface;
   for (std::string_view key = text.word(); !key.empty(); key = text.word()) {
@@ -197,4 +198,4 @@ Surface readVtkSurface(const std::string& path) {
   return surface;
 }
 
-}  // namespace angio
+}  // namespace angio::volume

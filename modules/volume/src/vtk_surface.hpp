@@ -2,12 +2,13 @@
 #pragma once
 
 #include "angio/io/surface_files.hpp"
+#include "angio/volume/namespace.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// Reads the polygons and triangle strips of VTK's legacy poly data (.vtk, versions 1 to 5), text or binary; vertices
 /// and lines are passed over, and the data of points and cells, which stand last, are not looked at. VTK's own reader
 /// believes what a file says of itself, and falls over it. Throws InputError as readVtpSurface.
 Surface readVtkSurface(const std::string& path);
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace angio {
+namespace angio::navigation {
 namespace {
 
 CatheterControllerSettings checked(const CatheterControllerSettings& settings) {
@@ -16,8 +16,8 @@ bool heardOf(const CatheterState& drive) { return drive.sequence != 0 || drive.t
 
 }  // namespace
 
-CatheterController::CatheterController(const CArmSetup& setup, const VesselTree& tree, const TreePlace& start,
-                                       const TreePlace& target, const CatheterControllerSettings& settings)
+CatheterController::CatheterController(const CArmSetup& setup, const VesselTree& tree, const TreeLocation& start,
+                                       const TreeLocation& target, const CatheterControllerSettings& settings)
     : settings_(checked(settings)),
       setup_(setup),
       centroid_(tree.centroid()),
@@ -52,7 +52,7 @@ std::optional<std::string> CatheterController::rejection(const XrayFrame& frame,
   if (auto why = perception_.rejection(frame, input.arm)) return why;
   if (!heardOf(input.drive)) return "the drive has not been heard";
   const double age_us = std::abs(static_cast<double>(frame.time_us) - static_cast<double>(input.drive.time_us));
-  if (!(age_us <= 1e3 * settings_.most_drive_age_ms)) return "the drive's state is not of the frame's time";
+  if (!(age_us <= 1e3 * settings_.max_drive_age_ms)) return "the drive's state is not of the frame's time";
   return std::nullopt;
 }
 
@@ -123,8 +123,8 @@ void CatheterController::ask(const XrayFrame& frame, const PlannedView& view, co
 bool CatheterController::armHasMoved(const CArmState& arm) const {
   const CArmJoints moved = (arm.joints - roadmap_->joints).cwiseAbs();
   // What is taken to be nearer than it is seems to go further when the table does.
-  return moved.head<2>().maxCoeff() > degToRad(settings_.most_turn_deg) ||
-         moved.tail<3>().norm() * roadmap_->depth_error > 1e-3 * settings_.most_shift_error_mm;
+  return moved.head<2>().maxCoeff() > degToRad(settings_.max_turn_deg) ||
+         moved.tail<3>().norm() * roadmap_->depth_error > 1e-3 * settings_.max_shift_error_mm;
 }
 
 void CatheterController::lookForVessels(const XrayFrame& frame, const CArmState& arm,
@@ -167,4 +167,4 @@ void CatheterController::navigate(const XrayFrame& frame, const CArmState& arm, 
   report.registration = here;
 }
 
-}  // namespace angio
+}  // namespace angio::navigation

@@ -3,25 +3,25 @@
 
 #include <algorithm>
 
-namespace angio {
+namespace angio::navigation {
 namespace {
 
 constexpr double kUsualPeriod_s = 1.0 / 15;
-constexpr double kLongestPeriod_s = 0.2;  // A longer gap is no time in which doubt could have been cleared up.
+constexpr double kMaxPeriod_s = 0.2;  // A longer gap is no time in which doubt could have been cleared up.
 
 CatheterLoopSettings checked(const CatheterLoopSettings& settings) {
   checkSettings("catheter loop", settings);
   return settings;
 }
 
-// What the navigator believes of how its tip leans, as a length.
+// What the navigator believes of how its tip is deflected, as a length.
 TipOffset offsetOf(const TipRoll& roll, double tip_length_m) {
-  return {tip_length_m * roll.lean(), tip_length_m * tip_length_m * roll.leanCovariance()};
+  return {tip_length_m * roll.deflection(), tip_length_m * tip_length_m * roll.leanCovariance()};
 }
 
 }  // namespace
 
-CatheterLoop::CatheterLoop(const VesselTree& tree, const TreePlace& start, const TreePlace& target,
+CatheterLoop::CatheterLoop(const VesselTree& tree, const TreeLocation& start, const TreeLocation& target,
                            const CatheterLoopSettings& settings)
     : settings_(checked(settings)),
       navigator_(tree, target, settings.navigator),
@@ -42,7 +42,7 @@ CatheterReport CatheterLoop::step(const CatheterFrame& frame, const std::optiona
   input.frame_sequence = frame.sequence;
   input.drive = frame.drive;
   const double passed_s = last_us_ ? 1e-6 * static_cast<double>(frame.time_us - *last_us_) : kUsualPeriod_s;
-  input.period_s = std::clamp(passed_s, 0.0, kLongestPeriod_s);
+  input.period_s = std::clamp(passed_s, 0.0, kMaxPeriod_s);
   input.latency_s = 1e-3 * settings_.latency_ms;
   const CatheterMotion motion{input.period_s,
                               frame.drive.insertion_m - last_insertion_m_.value_or(frame.drive.insertion_m)};
@@ -60,4 +60,4 @@ CatheterReport CatheterLoop::step(const CatheterFrame& frame, const std::optiona
   return report;
 }
 
-}  // namespace angio
+}  // namespace angio::navigation

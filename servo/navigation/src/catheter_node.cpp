@@ -3,13 +3,13 @@
 
 #include "angio/registration/message_conversion.hpp"
 
-namespace angio {
+namespace angio::navigation {
 namespace {
 
 constexpr double kSurelyHere = 0.9;   // Probability of a branch from which on a tip is located.
 constexpr double kTipStd_m = 0.5e-3;  // Across the vessel, of a tip that is seen.
 
-CatheterTip tipMessage(const CatheterControllerReport& report, const TreeMap& map, ModelId model_id) {
+CatheterTip tipMessage(const CatheterControllerReport& report, const TreeTopology& map, ModelId model_id) {
   CatheterTip message;
   message.model_id = model_id;
   message.time_us = report.command.time_us;
@@ -25,8 +25,7 @@ CatheterTip tipMessage(const CatheterControllerReport& report, const TreeMap& ma
   if (!branch_sure || !place_sure) message.reason = place_sure ? "the tip's branch is not sure" : belief->why;
   message.tip_model = tip.tip_model;
   const Eigen::Matrix3d along = tip.direction_model * tip.direction_model.transpose();
-  message.covariance =
-      tip.sigma_m * tip.sigma_m * along + kTipStd_m * kTipStd_m * (Eigen::Matrix3d::Identity() - along);
+  message.covariance = tip.std_m * tip.std_m * along + kTipStd_m * kTipStd_m * (Eigen::Matrix3d::Identity() - along);
   message.branch = tip.chain;
   message.tree_point = map.spot({tip.chain, tip.arc_m}).a;
   message.arc_length_m = tip.path_m;
@@ -36,29 +35,35 @@ CatheterTip tipMessage(const CatheterControllerReport& report, const TreeMap& ma
 
 }  // namespace
 
-SafetySupervisor<DriveMonitor> NodeTraits<CatheterController>::safety(const CatheterController& loop) {
-  const CatheterControllerSettings& s = loop.settings();
+}  // namespace angio::navigation
+
+namespace angio::servo {
+
+SafetySupervisor<navigation::DriveMonitor> NodeTraits<navigation::CatheterController>::safety(
+    const navigation::CatheterController& loop) {
+  const navigation::CatheterControllerSettings& s = loop.settings();
   return {s.safety, loop.setup().limits, loop.target_model(),
-          DriveMonitor(s.drive, degToRad(s.loop.navigator.largest_bend_deg))};
+          navigation::DriveMonitor(s.drive, degToRad(s.loop.navigator.max_bend_deg))};
 }
 
-void NodeTraits<CatheterController>::publish(Bus& bus, const CatheterController& loop,
-                                             const CatheterControllerReport& report, ServoState state) {
+void NodeTraits<navigation::CatheterController>::publish(Bus& bus, const navigation::CatheterController& loop,
+                                                         const navigation::CatheterControllerReport& report,
+                                                         ServoState state) {
   const bool started = state == ServoState::kHold || state == ServoState::kServo;
-  if (report.view_request && started) angio::publish(bus, kViewRequestChannel, *report.view_request);
+  if (report.view_request && started) messaging::publish(bus, kViewRequestChannel, *report.view_request);
   if (report.registration) {
-    angio::publish(bus, kRegistrationChannel,
-                   registrationMessage(*report.registration, loop.modelId(), report.command.time_us,
-                                       report.command.frame_sequence));
+    messaging::publish(bus, kRegistrationChannel,
+                       registrationMessage(*report.registration, loop.modelId(), report.command.time_us,
+                                           report.command.frame_sequence));
   }
-  angio::publish(bus, kCatheterTipChannel, tipMessage(report, loop.map(), loop.modelId()));
+  messaging::publish(bus, kCatheterTipChannel, navigation::tipMessage(report, loop.map(), loop.modelId()));
 }
 
-ServoStatus NodeTraits<CatheterController>::status(const CatheterControllerReport& report) {
+ServoStatus NodeTraits<navigation::CatheterController>::status(const navigation::CatheterControllerReport& report) {
   ServoStatus status;
   status.time_us = report.command.time_us;
   status.frame_sequence = report.command.frame_sequence;
   return status;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -7,23 +7,23 @@
 
 #include "angio/geometry/se3.hpp"
 #include "angio/imaging/device_contrast.hpp"
-#include "angio/vessel/tree_map.hpp"
-#include "tree_walk.hpp"
+#include "angio/vessel/tree_topology.hpp"
+#include "tree_viterbi.hpp"
 
-namespace angio {
+namespace angio::navigation {
 namespace {
 
 constexpr double kMarkerWeight = 2;  // Nats for each time that a band is as dark as the catheter, beyond its ratio ...
-constexpr double kMostMarker = 12;   // ... up to this: what is darker still is no better.
+constexpr double kMaxMarker = 12;    // ... up to this: what is darker still is no better.
 constexpr double kExpectedStd_m = 8e-3;  // How far from the believed tip a tip is no surprise.
-constexpr double kMostSurprise = 6;      // Nats: the image is believed before the belief.
+constexpr double kMaxSurprise = 6;       // Nats: the image is believed before the belief.
 constexpr double kFirstLevel = 6;        // Times the noise: a catheter before one has been traced.
-constexpr double kLeastLevel = 3;
-constexpr double kMostUnseen = 0.5;
+constexpr double kMinLevel = 3;
+constexpr double kMaxUnseen = 0.5;
 constexpr double kTipStd_m = 0.3e-3;  // Of a tip across a vessel that has no width.
 constexpr double kSeen_px = 1;
 constexpr double kLackWeight = 0.5;   // Errors of a line are alike from frame to frame.
-constexpr double kFrameWorth = 0.3;   // Of a frame whose errors were its own: a bend or a lean stays for many.
+constexpr double kFrameWorth = 0.3;   // Of a frame whose errors were its own: a bend or a deflection stays for many.
 constexpr double kFloor = -12;        // Nats: no frame is surer than that.
 constexpr double kLevelShare = 0.35;  // Of a trace, that is less dark than its catheter is taken to be.
 constexpr int kLongLost = 5;          // Frames.
@@ -76,7 +76,7 @@ class CatheterTracer::Impl {
       way.px.col(static_cast<Eigen::Index>(k)) = u->cast<float>();
       box.extend(u->cast<float>());
     }
-    const double margin = TreeWalk::kReach * TreeWalk::kStep_m * px_per_m_ + 20;
+    const double margin = TreeViterbi::kReach * TreeViterbi::kStep_m * px_per_m_ + 20;
     way.window =
         cv::Rect(cv::Point(static_cast<int>(box.min().x() - margin), static_cast<int>(box.min().y() - margin)),
                  cv::Point(static_cast<int>(box.max().x() + margin), static_cast<int>(box.max().y() + margin)));
@@ -86,21 +86,21 @@ class CatheterTracer::Impl {
   }
 
   std::optional<CatheterTrace> best(const WalkArea& area, const Way& way, const DeviceContrast& seen, double level) {
-    level = std::max(level, kLeastLevel * seen.noise);
+    level = std::max(level, kMinLevel * seen.noise);
     walk_.run(area, way.px, px_per_m_, seen, level);
-    const TreeWalk& walk = walk_;
+    const TreeViterbi& walk = walk_;
     double most = -1e300;
     int end = -1, end_u = 0;
     for (std::size_t k = 0; k < area.places.size(); ++k) {
       if (area.from_tip_m[k] > 1e-3 * settings_.ahead_mm) continue;
-      const double off = area.from_tip_m[k] / kExpectedStd_m, surprise = std::min(0.5 * off * off, kMostSurprise);
-      const TreeWalk::Scores& score = walk.score(static_cast<int>(k));
-      const TreeWalk::Scores& dark = walk.dark(static_cast<int>(k));
+      const double off = area.from_tip_m[k] / kExpectedStd_m, surprise = std::min(0.5 * off * off, kMaxSurprise);
+      const TreeViterbi::Scores& score = walk.score(static_cast<int>(k));
+      const TreeViterbi::Scores& dark = walk.dark(static_cast<int>(k));
       for (int u = 0; u < score.size(); ++u) {
         const double ratio = dark.data()[u] / level;
         if (ratio < settings_.marker_ratio) continue;
         const double value =
-            score.data()[u] - surprise + std::min(kMarkerWeight * (ratio - settings_.marker_ratio), kMostMarker);
+            score.data()[u] - surprise + std::min(kMarkerWeight * (ratio - settings_.marker_ratio), kMaxMarker);
         if (value > most) most = value, end = static_cast<int>(k), end_u = u;
       }
     }
@@ -140,7 +140,7 @@ class CatheterTracer::Impl {
       result.unseen_share += dark.back() < 0.5 * level;
     }
     result.unseen_share /= static_cast<double>(dark.size());
-    if (result.unseen_share > kMostUnseen) return std::nullopt;
+    if (result.unseen_share > kMaxUnseen) return std::nullopt;
     // Where it runs along the beam it is darker than it is.
     const auto low = dark.begin() + static_cast<std::ptrdiff_t>(kLevelShare * static_cast<double>(dark.size()));
     std::nth_element(dark.begin(), low, dark.end());
@@ -159,7 +159,7 @@ class CatheterTracer::Impl {
     for (std::size_t i = 0; i < points.size(); ++i) {
       result.seen.points_px.col(static_cast<Eigen::Index>(i)) = points[i];
     }
-    result.seen.sigma_px = std::max(0.5, 0.5 * TreeWalk::kStep_m * px_per_m_);
+    result.seen.std_px = std::max(0.5, 0.5 * TreeViterbi::kStep_m * px_per_m_);
     return result;
   }
 
@@ -186,7 +186,7 @@ class CatheterTracer::Impl {
       const Eigen::Vector2d left = off - J * beside.mean_m, weighed = S.inverse() * left;
       const double value = -0.5 * left.dot(weighed) - 0.5 * std::log(S.determinant()) - kLackWeight * *lacks;
       const Eigen::Vector3d end = p + beside.mean_m + beside.covariance * J.transpose() * weighed;
-      // What the image leaves open of it: above all how far it leans along the beam.
+      // What the image leaves open of it: above all how far it is deflected along the beam.
       const Eigen::Matrix3d unseen =
           beside.covariance - beside.covariance * J.transpose() * S.inverse() * J * beside.covariance;
       const double end_std_m = std::sqrt(std::max(
@@ -209,10 +209,10 @@ class CatheterTracer::Impl {
     const TreeFrame& frame = places_.frames[place];
     const double room_m = std::max(places_.radius_m[place] - 0.5e-3 * settings_.diameter_mm, 0.0);
     Eigen::Matrix<double, 3, 2> sideways;
-    sideways << frame.across, frame.aside;
+    sideways << frame.normal, frame.binormal;
     sideways = (pose.T_camera_model.linear() * sideways).eval();
     const Eigen::Vector3d along = pose.T_camera_model.linear() * frame.along;
-    // The wall holds what would lean further.
+    // The wall holds what would deflection further.
     const double held = std::min(1.0, room_m / std::max(offset.mean_m.norm(), 1e-9));
     const double spread = std::min(1.0, 0.5 * room_m * room_m / std::max(0.5 * offset.covariance.trace(), 1e-12));
     const double along_m = 1e-3 * settings_.along_std_mm;
@@ -224,7 +224,7 @@ class CatheterTracer::Impl {
 
   CatheterTracerSettings settings_;
   WalkPlaces places_;
-  TreeWalk walk_;
+  TreeViterbi walk_;
   double px_per_m_ = 0;
   int lost_ = 0;                 // Frames.
   std::optional<double> level_;  // The catheter's contrast.
@@ -239,4 +239,4 @@ std::optional<CatheterTrace> CatheterTracer::trace(const cv::Mat& image, const S
   return impl_->trace(image, pose, expected, offset);
 }
 
-}  // namespace angio
+}  // namespace angio::navigation

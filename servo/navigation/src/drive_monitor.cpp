@@ -3,18 +3,18 @@
 
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::navigation {
 namespace {
 
 AxisTraits traits(const DriveMonitorSettings& s, const char* name, bool angle) {
   AxisTraits axis;
   axis.name = name;
   axis.angle = angle;
-  axis.acceleration = angle ? degToRad(s.least_acceleration_deg_s2) : 1e-3 * s.least_acceleration_mm_s2;
-  axis.forgotten_speed = angle ? degToRad(s.forgotten_deg_s) : 1e-3 * s.forgotten_mm_s;
-  axis.most_stray = angle ? degToRad(s.most_stray_deg) : 1e-3 * s.most_stray_mm;
-  axis.most_lag = angle ? degToRad(s.most_lag_deg) : 1e-3 * s.most_lag_mm;
-  axis.most_latency_s = 1e-3 * s.most_latency_ms;
+  axis.acceleration = angle ? degToRad(s.min_acceleration_deg_per_s2) : 1e-3 * s.min_acceleration_mm_per_s2;
+  axis.deadband_speed = angle ? degToRad(s.deadband_deg_per_s) : 1e-3 * s.deadband_mm_per_s;
+  axis.max_deviation = angle ? degToRad(s.max_deviation_deg) : 1e-3 * s.max_deviation_mm;
+  axis.max_following_error = angle ? degToRad(s.max_following_error_deg) : 1e-3 * s.max_following_error_mm;
+  axis.max_latency_s = 1e-3 * s.max_latency_ms;
   return axis;
 }
 
@@ -24,35 +24,35 @@ AxisTraits insertion(const DriveMonitorSettings& s) {
   return axis;
 }
 
-AxisTraits bend(const DriveMonitorSettings& s, double largest_rad) {
+AxisTraits bend(const DriveMonitorSettings& s, double max_rad) {
   AxisTraits axis = traits(s, "bend", true);
   axis.lower = 0;
-  axis.upper = largest_rad;
+  axis.upper = max_rad;
   return axis;
 }
 
 }  // namespace
 
-DriveMonitor::DriveMonitor(const DriveMonitorSettings& settings, double largest_bend_rad)
+DriveMonitor::DriveMonitor(const DriveMonitorSettings& settings, double max_bend_rad)
     : insertion_((checkSettings("drive monitor", settings), insertion(settings))),
       roll_(traits(settings, "roll", true)),
-      bend_(bend(settings, largest_bend_rad)) {}
+      bend_(bend(settings, max_bend_rad)) {}
 
 void DriveMonitor::forget() {
   for (AxisMonitor* axis : {&insertion_, &roll_, &bend_}) axis->forget();
 }
 
 void DriveMonitor::commanded(const CatheterCommand& c) {
-  insertion_.commanded(c.time_us, c.valid_for_us, c.insertion_speed_mps);
-  roll_.commanded(c.time_us, c.valid_for_us, c.roll_speed_radps);
-  bend_.commanded(c.time_us, c.valid_for_us, c.bend_speed_radps);
+  insertion_.commanded(c.time_us, c.valid_for_us, c.insertion_speed_m_per_s);
+  roll_.commanded(c.time_us, c.valid_for_us, c.roll_speed_rad_per_s);
+  bend_.commanded(c.time_us, c.valid_for_us, c.bend_speed_rad_per_s);
 }
 
 std::optional<std::string> DriveMonitor::measured(const CatheterState& s) {
-  const auto insertion = insertion_.measured(s.time_us, s.insertion_m, s.insertion_speed_mps);
-  const auto roll = roll_.measured(s.time_us, s.roll_rad, s.roll_speed_radps);
-  const auto bend = bend_.measured(s.time_us, s.bend_rad, s.bend_speed_radps);
+  const auto insertion = insertion_.measured(s.time_us, s.insertion_m, s.insertion_speed_m_per_s);
+  const auto roll = roll_.measured(s.time_us, s.roll_rad, s.roll_speed_rad_per_s);
+  const auto bend = bend_.measured(s.time_us, s.bend_rad, s.bend_speed_rad_per_s);
   return insertion ? insertion : roll ? roll : bend;
 }
 
-}  // namespace angio
+}  // namespace angio::navigation

@@ -7,7 +7,7 @@
 
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::navigation {
 namespace {
 
 constexpr int kAngles = 72;
@@ -16,7 +16,7 @@ constexpr double kLevers[] = {0.7, 1.3};  // How far ahead a tip feels its way, 
 constexpr double kCloser = 0.03;  // [rad] A larger bend must earn its contact with the wall by this for each step.
 
 // Frame of the vessel that ends at the fork in front of `child`.
-TreeFrame forkFrame(const TreeMap& map, int child) {
+TreeFrame forkFrame(const TreeTopology& map, int child) {
   const auto parent = map.parent(child);
   return parent ? map.frame({*parent, map.length_m(*parent)}) : map.frame({child, 0});
 }
@@ -31,14 +31,14 @@ struct Fork {
   std::vector<Eigen::Vector3d> others;
 };
 
-Fork forkAt(const TreeMap& map, int wanted, int towards, double lever_m) {
+Fork forkAt(const TreeTopology& map, int wanted, int towards, double lever_m) {
   const auto parent = map.parent(wanted);
   Fork fork{forkFrame(map, wanted), Eigen::Vector3d::UnitZ(), {}};
   fork.goal = fork.frame.along;
   if (!parent) return fork;
   bool leads = false;
   const double parted_m = map.parting_m(*parent) + 0.5 * lever_m;
-  for (const TreeWay& way : map.waysFrom(*parent, std::max(lever_m, parted_m))) {
+  for (const TreeRoute& way : map.waysFrom(*parent, std::max(lever_m, parted_m))) {
     if (way.child != wanted) {
       fork.others.push_back(way.direction);
     } else if (!leads) {
@@ -53,7 +53,7 @@ Fork forkAt(const TreeMap& map, int wanted, int towards, double lever_m) {
 double marginOf(const Fork& fork, double angle, double bend) {
   const TreeFrame& f = fork.frame;
   const Eigen::Vector3d tip =
-      std::cos(bend) * f.along + std::sin(bend) * (std::cos(angle) * f.across + std::sin(angle) * f.aside);
+      std::cos(bend) * f.along + std::sin(bend) * (std::cos(angle) * f.normal + std::sin(angle) * f.binormal);
   double nearest = kPi;
   for (const Eigen::Vector3d& other : fork.others) nearest = std::min(nearest, angleBetween(tip, other));
   return nearest - angleBetween(tip, fork.goal);
@@ -61,13 +61,13 @@ double marginOf(const Fork& fork, double angle, double bend) {
 
 }  // namespace
 
-Eigen::Vector2d sidewaysOf(const TreeMap& map, int child, int towards, double lever_m) {
+Eigen::Vector2d sidewaysOf(const TreeTopology& map, int child, int towards, double lever_m) {
   const Fork fork = forkAt(map, child, towards, lever_m);
-  return {fork.goal.dot(fork.frame.across), fork.goal.dot(fork.frame.aside)};
+  return {fork.goal.dot(fork.frame.normal), fork.goal.dot(fork.frame.binormal)};
 }
 
-ForkPlan planForks(const TreeMap& map, const std::vector<int>& wanted, int target, const TipRange& range,
-                   double sigma_rad, double lever_m) {
+ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int target, const TipRange& range,
+                   double std_rad, double lever_m) {
   std::vector<Fork> forks;
   for (const int chain : wanted) {
     for (const double part : kLevers) forks.push_back(forkAt(map, chain, target, part * lever_m));
@@ -77,17 +77,17 @@ ForkPlan planForks(const TreeMap& map, const std::vector<int>& wanted, int targe
     for (const Fork& fork : forks) least = std::min(least, marginOf(fork, angle, bend));
     return least;
   };
-  ForkPlan best{0, range.least_bend_rad, -10};
+  ForkPlan best{0, range.min_bend_rad, -10};
   for (int b = 0; b < kBends; ++b) {
-    const double bend = range.least_bend_rad + b * (range.largest_bend_rad - range.least_bend_rad) / (kBends - 1);
+    const double bend = range.min_bend_rad + b * (range.max_bend_rad - range.min_bend_rad) / (kBends - 1);
     for (int a = 0; a < kAngles; ++a) {
       const double angle = 2 * kPi * a / kAngles;
       const double worst =
-          std::min({margin(angle, bend), margin(angle - sigma_rad, bend), margin(angle + sigma_rad, bend)});
+          std::min({margin(angle, bend), margin(angle - std_rad, bend), margin(angle + std_rad, bend)});
       if (worst - kCloser * b > best.margin_rad) best = {angle, bend, worst - kCloser * b};
     }
   }
   return best;
 }
 
-}  // namespace angio
+}  // namespace angio::navigation

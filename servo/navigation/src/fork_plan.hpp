@@ -4,9 +4,10 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "angio/vessel/tree_map.hpp"
+#include "angio/navigation/namespace.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::navigation {
 
 /// How a tip is to point in front of a fork.
 struct ForkPlan {
@@ -18,21 +19,21 @@ struct ForkPlan {
 
 /// What tips a catheter can make [rad].
 struct TipRange {
-  double least_bend_rad = 0;
-  double largest_bend_rad = 0;
+  double min_bend_rad = 0;
+  double max_bend_rad = 0;
 };
 
 /// The tip that points nearer to the wanted child than to its siblings by the widest margin, when its angle is only
-/// known to `sigma_rad`; with several wanted chains, of forks that follow each other closely, the least of their
+/// known to `std_rad`; with several wanted chains, of forks that follow each other closely, the least of their
 /// margins counts: a tip that only slides keeps its angle in the vessel's frame.
 ///
 /// Children leave a fork as the chords of the first `lever_m` [m] of their ways, or more until those have parted: one
 /// that is short goes on as its own children do, and the wanted ones towards `target`.
-ForkPlan planForks(const TreeMap& map, const std::vector<int>& wanted, int target, const TipRange& range,
-                   double sigma_rad, double lever_m);
+ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int target, const TipRange& range,
+                   double std_rad, double lever_m);
 
 /// Direction in which a way through a child leaves its parent, in the parent's frame at the fork: across, aside; sine
 /// of the angle long. The way towards `towards`, where several lead through the child.
-Eigen::Vector2d sidewaysOf(const TreeMap& map, int child, int towards, double lever_m);
+Eigen::Vector2d sidewaysOf(const TreeTopology& map, int child, int towards, double lever_m);
 
-}  // namespace angio
+}  // namespace angio::navigation

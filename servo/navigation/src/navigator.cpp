@@ -8,7 +8,7 @@
 #include "angio/geometry/se3.hpp"
 #include "route_view.hpp"
 
-namespace angio {
+namespace angio::navigation {
 namespace {
 
 constexpr double kNear_m = 4e-3;  // Places closer than that are one for the question where to go ...
@@ -27,16 +27,16 @@ NavigatorSettings checked(const NavigatorSettings& settings) {
 bool sound(const NavigationInput& input) {
   const CatheterState& d = input.drive;
   return std::isfinite(d.insertion_m) && std::isfinite(d.roll_rad) && std::isfinite(d.bend_rad) &&
-         std::isfinite(d.roll_speed_radps) && std::isfinite(d.insertion_force_n) && std::isfinite(input.period_s) &&
+         std::isfinite(d.roll_speed_rad_per_s) && std::isfinite(d.insertion_force_n) && std::isfinite(input.period_s) &&
          std::isfinite(input.latency_s);
 }
 
-bool sound(const TipPlace& tip, const TreeMap& map) {
-  return tip.chain >= 0 && tip.chain < map.chains() && std::isfinite(tip.arc_m) && std::isfinite(tip.sigma_m) &&
+bool sound(const TipPlace& tip, const TreeTopology& map) {
+  return tip.chain >= 0 && tip.chain < map.chains() && std::isfinite(tip.arc_m) && std::isfinite(tip.std_m) &&
          std::isfinite(tip.probability);
 }
 
-bool sound(const TipBelief& belief, const TreeMap& map) {
+bool sound(const TipBelief& belief, const TreeTopology& map) {
   if (!sound(belief.tip, map)) return false;
   return std::all_of(belief.alternatives.begin(), belief.alternatives.end(),
                      [&](const TipPlace& place) { return sound(place, map); });
@@ -65,7 +65,7 @@ const char* stateName(NavigationState state) {
   }
 }
 
-Navigator::Navigator(const VesselTree& tree, const TreePlace& target, const NavigatorSettings& settings)
+Navigator::Navigator(const VesselTree& tree, const TreeLocation& target, const NavigatorSettings& settings)
     : settings_(checked(settings)),
       map_(tree),
       target_(target),
@@ -108,8 +108,8 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
 
   const auto view = viewRoute(map_, target_.chain, *input.belief, kNear_m);
   if (!view) return doubt(input, "no vessel leads from where the tip seems to be to the target");
-  if (!(view->probability >= settings_.least_probability)) return doubt(input, "the tip's branch is not sure");
-  if (!(tip.sigma_m <= 1e-3 * settings_.largest_sigma_mm)) return doubt(input, "the tip's place is not sure");
+  if (!(view->probability >= settings_.min_probability)) return doubt(input, "the tip's branch is not sure");
+  if (!(tip.std_m <= 1e-3 * settings_.max_std_mm)) return doubt(input, "the tip's place is not sure");
   const bool there = tip.chain == target_.chain && tip.arc_m >= target_.arc_m;
   if (there && throughProbability(map_, target_.chain, *input.belief, kSame_m) < kSure) {
     return doubt(input, "is this the target's branch?");
@@ -150,7 +150,7 @@ NavigationAnswer Navigator::doubt(const NavigationInput& input, const std::strin
   if (doubtful_s_ < settings_.patience_s || retreated_m_ >= 1e-3 * settings_.retreat_mm) {
     return {{}, NavigationState::kWaiting, why};
   }
-  const double speed = 1e-3 * settings_.fork_speed_mm_s;
+  const double speed = 1e-3 * settings_.fork_speed_mm_per_s;
   retreated_m_ += speed * input.period_s;
   state_ = NavigationState::kFollowing;
   NavigationAnswer answer = go(input, -speed, 0, 0);
@@ -163,7 +163,7 @@ NavigationAnswer Navigator::doubt(const NavigationInput& input, const std::strin
 std::optional<std::string> Navigator::resistance(const NavigationInput& input, double path_m) {
   const bool pushing = state_ == NavigationState::kFollowing || state_ == NavigationState::kCrossing;
   if (!pushing) since_.reset();
-  if (pushing && input.drive.insertion_force_n > settings_.largest_force_n) {
+  if (pushing && input.drive.insertion_force_n > settings_.max_force_n) {
     since_.reset();
     return "the drive pushes too hard";
   }
@@ -179,17 +179,18 @@ NavigationAnswer Navigator::follow(const NavigationInput& input, const RouteView
   if (!view.on_route) {
     if (beside_frames_ < kSteadyFrames) return {{}, state_, "is the tip beside the route?"};
     if (sureOf(view)) return miss(input, view, "the tip is beside the route");
-    return go(input, 1e-3 * settings_.fork_speed_mm_s, 0, 0);  // Branches part further on.
+    return go(input, 1e-3 * settings_.fork_speed_mm_per_s, 0, 0);  // Branches part further on.
   }
   if (!view.next) {  // In the target's branch.
     const double left_m = target_.arc_m - input.belief->tip.arc_m;
-    return go(input, 1e-3 * (left_m < 1e-3 * settings_.slow_mm ? settings_.fork_speed_mm_s : settings_.speed_mm_s), 0,
+    return go(input,
+              1e-3 * (left_m < 1e-3 * settings_.slow_mm ? settings_.fork_speed_mm_per_s : settings_.speed_mm_per_s), 0,
               0);
   }
   const double aim_m = 1e-3 * settings_.aim_mm;
   if (view.to_fork_m <= aim_m) return atFork(input, view);
   const bool slow = view.to_fork_m < 1e-3 * settings_.slow_mm;
-  return go(input, 1e-3 * (slow ? settings_.fork_speed_mm_s : settings_.speed_mm_s), 0, 0);
+  return go(input, 1e-3 * (slow ? settings_.fork_speed_mm_per_s : settings_.speed_mm_per_s), 0, 0);
 }
 
 // Pulls back to in front of the fork that was missed, or from a wall; then tries again, for as often as it may.
@@ -212,8 +213,8 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
   const double start_m = map_.start_m(chain), fork_m = start_m + map_.length_m(chain);
   // Elsewhere each time: in a short chain, where exactly the tip stands decides what it can still be aimed for.
   const double back_m = 1e-3 * (settings_.back_mm + 0.7 * tries);
-  const double least_m = start_m + std::min(2e-3, (0.2 + 0.15 * (tries % 5)) * map_.length_m(chain));
-  back_to_m_ = std::max(std::min(fork_m, path_m) - back_m, least_m);
+  const double min_m = start_m + std::min(2e-3, (0.2 + 0.15 * (tries % 5)) * map_.length_m(chain));
+  back_to_m_ = std::max(std::min(fork_m, path_m) - back_m, min_m);
   NavigationAnswer answer = backOff(input, view);
   answer.another_view = tries % 2 == 0;
   return answer;
@@ -223,22 +224,22 @@ NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteVie
   const double path_m = map_.start_m(input.belief->tip.chain) + input.belief->tip.arc_m;
   if (path_m <= back_to_m_ && view.on_route) return follow(input, view);
   if (path_m <= 1e-3) return follow(input, view);
-  NavigationAnswer answer = go(input, -1e-3 * settings_.back_speed_mm_s, 0, 0);
+  NavigationAnswer answer = go(input, -1e-3 * settings_.back_speed_mm_per_s, 0, 0);
   answer.why = why_;
   return answer;
 }
 
-NavigationAnswer Navigator::go(const NavigationInput& input, double insertion_mps, double roll_radps,
+NavigationAnswer Navigator::go(const NavigationInput& input, double insertion_m_per_s, double roll_rad_per_s,
                                double bend_rad) const {
   NavigationAnswer answer;
   answer.state = state_;
-  answer.command.insertion_speed_mps = insertion_mps;
-  answer.command.roll_speed_radps = roll_radps;
-  const double fastest = degToRad(settings_.bend_speed_deg_s);
-  const double bend = std::clamp(bend_rad, 0.0, degToRad(settings_.largest_bend_deg));
-  const double now = input.drive.bend_rad + input.drive.bend_speed_radps * input.latency_s;
-  answer.command.bend_speed_radps = std::clamp(kBendGain_per_s * (bend - now), -fastest, fastest);
+  answer.command.insertion_speed_m_per_s = insertion_m_per_s;
+  answer.command.roll_speed_rad_per_s = roll_rad_per_s;
+  const double fastest = degToRad(settings_.bend_speed_deg_per_s);
+  const double bend = std::clamp(bend_rad, 0.0, degToRad(settings_.max_bend_deg));
+  const double now = input.drive.bend_rad + input.drive.bend_speed_rad_per_s * input.latency_s;
+  answer.command.bend_speed_rad_per_s = std::clamp(kBendGain_per_s * (bend - now), -fastest, fastest);
   return answer;
 }
 
-}  // namespace angio
+}  // namespace angio::navigation

@@ -8,15 +8,15 @@
 #include "fork_plan.hpp"
 #include "route_view.hpp"
 
-namespace angio {
+namespace angio::navigation {
 namespace {
 
 constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
-constexpr double kLongestAim_s = 8;
+constexpr double kMaxAim_s = 8;
 constexpr double kFullLook_rad = 2.2 * kPi;
-constexpr double kSure = 0.9;             // Probability of a wrong branch that is worth a way back at once.
-constexpr double kEntered = 0.8;          // Probability of the wanted branch that is enough to go on.
-constexpr double kLeastMargin_rad = 0.1;  // For one aim to serve several forks.
+constexpr double kSure = 0.9;           // Probability of a wrong branch that is worth a way back at once.
+constexpr double kEntered = 0.8;        // Probability of the wanted branch that is enough to go on.
+constexpr double kMinMargin_rad = 0.1;  // For one aim to serve several forks.
 
 // Where further tries at a fork aim beside the plan [rad]: a wrong idea of the tip's angle is wrong again.
 constexpr double kBeside_rad[] = {0, 0, 1.05, -1.05, 2.1, -2.1, 3.14, 0.5, -0.5, 1.6};
@@ -25,7 +25,7 @@ constexpr double kBeside_rad[] = {0, 0, 1.05, -1.05, 2.1, -2.1, 3.14, 0.5, -0.5,
 
 // Starts to look or to aim.
 NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView& view) {
-  if (!looked_ && roll_.sigma_rad() > degToRad(settings_.look_sigma_deg)) {
+  if (!looked_ && roll_.std_rad() > degToRad(settings_.look_std_deg)) {
     state_ = NavigationState::kLooking;
     looked_rad_ = 0;
     last_roll_rad_ = input.drive.roll_rad;
@@ -47,13 +47,12 @@ std::vector<int> Navigator::closeForks(int next) const {
 }
 
 void Navigator::planNext(int next) {
-  const TipRange range{degToRad(settings_.tip_angle_deg),
-                       degToRad(settings_.tip_angle_deg + settings_.largest_bend_deg)};
-  const double sigma = std::clamp(roll_.sigma_rad(), degToRad(15), degToRad(60)), lever_m = 1e-3 * settings_.lever_mm;
+  const TipRange range{degToRad(settings_.tip_angle_deg), degToRad(settings_.tip_angle_deg + settings_.max_bend_deg)};
+  const double sigma = std::clamp(roll_.std_rad(), degToRad(15), degToRad(60)), lever_m = 1e-3 * settings_.lever_mm;
   // As many of the forks ahead with one aim as one aim can serve.
   std::vector<int> chains = closeForks(next);
   ForkPlan plan = planForks(map_, chains, target_.chain, range, sigma, lever_m);
-  while (chains.size() > 1 && plan.margin_rad < kLeastMargin_rad) {
+  while (chains.size() > 1 && plan.margin_rad < kMinMargin_rad) {
     chains.pop_back();
     plan = planForks(map_, chains, target_.chain, range, sigma, lever_m);
   }
@@ -72,7 +71,7 @@ NavigationAnswer Navigator::look(const NavigationInput& input) {
     state_ = NavigationState::kFollowing;
     return go(input, 0, 0, 0);
   }
-  return go(input, 0, degToRad(settings_.roll_speed_deg_s), 0);
+  return go(input, 0, degToRad(settings_.roll_speed_deg_per_s), 0);
 }
 
 NavigationAnswer Navigator::aim(const NavigationInput& input) {
@@ -80,17 +79,17 @@ NavigationAnswer Navigator::aim(const NavigationInput& input) {
   const double close = degToRad(settings_.angle_deg);
   // Forwards all the way, unless it is just a little too far.
   double left =
-      std::remainder(aim_angle_rad_ - roll_.angle_rad() - input.drive.roll_speed_radps * input.latency_s, 2 * kPi);
+      std::remainder(aim_angle_rad_ - roll_.angle_rad() - input.drive.roll_speed_rad_per_s * input.latency_s, 2 * kPi);
   const bool turned = std::abs(left) < close;
   if (left < -close) left += 2 * kPi;
   const bool bent = std::abs(aim_bend_rad_ - input.drive.bend_rad) < close;
-  if ((turned && bent) || aimed_s_ > kLongestAim_s) {
+  if ((turned && bent) || aimed_s_ > kMaxAim_s) {
     state_ = NavigationState::kCrossing;
     asked_ahead_ = false;
     since_.reset();
     return go(input, 0, 0, aim_bend_rad_);
   }
-  const double fastest = degToRad(settings_.roll_speed_deg_s);
+  const double fastest = degToRad(settings_.roll_speed_deg_per_s);
   return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
 }
 
@@ -126,9 +125,9 @@ NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView&
   const bool in_doubt = !asked_ahead_ && beyond_m >= parted_m + 2e-3 * settings_.confirm_mm;
   asked_ahead_ = asked_ahead_ || in_doubt;
   const bool short_ahead = map_.length_m(*planned_) < 1e-3 * settings_.short_mm;
-  NavigationAnswer answer = go(input, (short_ahead ? 0.5e-3 : 1e-3) * settings_.fork_speed_mm_s, 0, aim_bend_rad_);
+  NavigationAnswer answer = go(input, (short_ahead ? 0.5e-3 : 1e-3) * settings_.fork_speed_mm_per_s, 0, aim_bend_rad_);
   answer.another_view = in_doubt;
   return answer;
 }
 
-}  // namespace angio
+}  // namespace angio::navigation

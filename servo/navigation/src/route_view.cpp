@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <vector>
 
-namespace angio {
+namespace angio::navigation {
 
-std::optional<RouteView> viewRoute(const TreeMap& map, int target_chain, const TipBelief& belief, double near_m) {
+std::optional<RouteView> viewRoute(const TreeTopology& map, int target_chain, const TipBelief& belief, double near_m) {
   const TipPlace& tip = belief.tip;
   const std::vector<int> taken = map.pathTo(tip.chain), route = map.pathTo(target_chain);
   std::size_t common = 0;
@@ -31,7 +31,7 @@ std::optional<RouteView> viewRoute(const TreeMap& map, int target_chain, const T
   return view;
 }
 
-double throughProbability(const TreeMap& map, int chain, const TipBelief& belief, double near_m) {
+double throughProbability(const TreeTopology& map, int chain, const TipBelief& belief, double near_m) {
   const bool through = map.passes(belief.tip.chain, chain);
   double probability = through ? belief.tip.probability : 0.0;
   for (const TipPlace& other : belief.alternatives) {
@@ -41,4 +41,4 @@ double throughProbability(const TreeMap& map, int chain, const TipBelief& belief
   return std::min(probability, 1.0);
 }
 
-}  // namespace angio
+}  // namespace angio::navigation

@@ -4,9 +4,10 @@
 #include <optional>
 
 #include "angio/localisation/tip_belief.hpp"
-#include "angio/vessel/tree_map.hpp"
+#include "angio/navigation/namespace.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::navigation {
 
 constexpr int kSteadyFrames = 3;  ///< What only fewer frames say may be one bad frame.
 
@@ -23,10 +24,10 @@ struct RouteView {
 
 /// Nothing when the tip's tree is not the target's. Alternatives that are nearer to the believed place than `near_m`
 /// [m] or in the same branch of the fork agree with it.
-std::optional<RouteView> viewRoute(const TreeMap& map, int target_chain, const TipBelief& belief, double near_m);
+std::optional<RouteView> viewRoute(const TreeTopology& map, int target_chain, const TipBelief& belief, double near_m);
 
 /// Probability that the tip has come through a chain, or is in it. Alternatives nearer to the believed place than
 /// `near_m` [m] are it.
-double throughProbability(const TreeMap& map, int chain, const TipBelief& belief, double near_m);
+double throughProbability(const TreeTopology& map, int chain, const TipBelief& belief, double near_m);
 
-}  // namespace angio
+}  // namespace angio::navigation

@@ -7,7 +7,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::navigation {
 namespace {
 
 constexpr double kShortest_m = 10e-3;  // A stretch that a view can be chosen for.
@@ -15,14 +15,14 @@ constexpr double kShortest_m = 10e-3;  // A stretch that a view can be chosen fo
 BestViewSettings searchOf(const ViewPlannerSettings& settings) {
   BestViewSettings search;
   search.step_deg = settings.step_deg;
-  search.most_primary_deg = settings.most_primary_deg;
-  search.most_secondary_deg = settings.most_secondary_deg;
+  search.max_primary_deg = settings.max_primary_deg;
+  search.max_secondary_deg = settings.max_secondary_deg;
   return search;
 }
 
 bool anyReachable(const BestViewScene& scene, const ViewPlannerSettings& settings) {
-  for (double p = -settings.most_primary_deg; p <= settings.most_primary_deg; p += settings.step_deg) {
-    for (double s = -settings.most_secondary_deg; s <= settings.most_secondary_deg; s += settings.step_deg) {
+  for (double p = -settings.max_primary_deg; p <= settings.max_primary_deg; p += settings.step_deg) {
+    for (double s = -settings.max_secondary_deg; s <= settings.max_secondary_deg; s += settings.step_deg) {
       if (scene.reachable({degToRad(p), degToRad(s)})) return true;
     }
   }
@@ -31,7 +31,7 @@ bool anyReachable(const BestViewScene& scene, const ViewPlannerSettings& setting
 
 }  // namespace
 
-ViewPlanner::ViewPlanner(const VesselTree& tree, const TreePlace& target, const BestViewScene& scene,
+ViewPlanner::ViewPlanner(const VesselTree& tree, const TreeLocation& target, const BestViewScene& scene,
                          const ViewPlannerSettings& settings)
     : tree_(tree), map_(tree), target_(target), scene_(scene), settings_(settings) {
   checkSettings("view planner", settings);
@@ -43,7 +43,7 @@ ViewPlanner::ViewPlanner(const VesselTree& tree, const TreePlace& target, const 
 }
 
 // Path length of the tip, or of the fork where it has left the route.
-double ViewPlanner::onRoute(const TreePlace& tip) const {
+double ViewPlanner::onRoute(const TreeLocation& tip) const {
   int chain = tip.chain;
   double path_m = map_.start_m(chain) + tip.arc_m;
   while (!map_.passes(target_.chain, chain)) {
@@ -55,7 +55,7 @@ double ViewPlanner::onRoute(const TreePlace& tip) const {
   return std::min(path_m, target_path_m_);
 }
 
-std::optional<PlannedView> ViewPlanner::next(const TreePlace& tip, bool in_doubt) {
+std::optional<PlannedView> ViewPlanner::next(const TreeLocation& tip, bool in_doubt) {
   const double path_m = onRoute(tip), behind_m = 1e-3 * settings_.behind_mm;
   const bool passed =
       stretch_m_ && stretch_m_->second < target_path_m_ && path_m > stretch_m_->second - 1e-3 * settings_.renew_mm;
@@ -63,8 +63,8 @@ std::optional<PlannedView> ViewPlanner::next(const TreePlace& tip, bool in_doubt
   if (stretch_m_ && !passed && !behind && !in_doubt) return std::nullopt;
   const double to_m = std::min(path_m + 1e-3 * settings_.ahead_mm, target_path_m_);
   const double from_m = std::max(0.0, std::min(path_m - behind_m, to_m - kShortest_m));
-  const TreeSpot first = map_.spot(map_.before(target_, target_path_m_ - from_m));
-  const TreeSpot last = map_.spot(map_.before(target_, target_path_m_ - to_m));
+  const EdgePoint first = map_.spot(map_.before(target_, target_path_m_ - from_m));
+  const EdgePoint last = map_.spot(map_.before(target_, target_path_m_ - to_m));
   BestViewScene scene = scene_;
   if (in_doubt && stretch_m_) {
     const double closest = std::cos(degToRad(settings_.other_deg));
@@ -81,4 +81,4 @@ std::optional<PlannedView> ViewPlanner::next(const TreePlace& tip, bool in_doubt
   return PlannedView{best.angles, best.target_model};
 }
 
-}  // namespace angio
+}  // namespace angio::navigation

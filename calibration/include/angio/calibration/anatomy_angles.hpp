@@ -5,16 +5,17 @@
 #include <string>
 #include <vector>
 
+#include "angio/calibration/namespace.hpp"
 #include "angio/geometry/carm.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// What the C-arm said of one view.
 struct AnatomyAngles {
   std::string name;  ///< Of the case.
   std::string run;   ///< The name, when nobody said.
   CArmJoints joints = CArmJoints::Zero();
-  std::optional<double> source_isocentre_distance_m;
+  std::optional<double> source_isocenter_distance_m;
 };
 
 /// Angles of a case set's views.
@@ -40,4 +41,4 @@ AnatomyAngleSet readAnatomyAngles(const std::string& path);
 /// The same of a DICOM run's frame. Throws InputError when its attributes do not tell.
 AnatomyAngles dicomAngles(const std::string& name, const std::string& path, int frame = 0);
 
-}  // namespace angio
+}  // namespace angio::calibration

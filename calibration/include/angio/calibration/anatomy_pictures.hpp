@@ -5,7 +5,7 @@
 
 #include "angio/calibration/anatomy_registration.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// A view with its vessels as seen, the tree as registered in this view alone, and as the one T_dsa_cb of all views has
 /// it; the caption names an outlier. `image` may be empty. CV_8UC3 of the camera's size.
@@ -15,4 +15,4 @@ cv::Mat anatomyOverlay(const AnatomyResult& result, const AnatomyView& view, con
 /// How far each view's own registration is from the joint one, in degrees and in millimetres below; outliers are red.
 cv::Mat anatomyResiduals(const AnatomyResult& result);
 
-}  // namespace angio
+}  // namespace angio::calibration

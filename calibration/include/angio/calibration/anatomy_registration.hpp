@@ -6,32 +6,33 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
+#include "angio/calibration/namespace.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/vessel/centerline2d.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// One view in which the model was registered, with what the C-arm said of it.
 struct AnatomyView {
   std::string name;
   std::string run;                           ///< Views of one run share the isocentre's place in the patient.
   Pose T_camera_patient = Pose::Identity();  ///< By the C-arm's angles and table.
-  Eigen::Vector3d isocentre_camera_m = Eigen::Vector3d::Zero();  ///< About which the C-arm turns.
+  Eigen::Vector3d isocenter_camera_m = Eigen::Vector3d::Zero();  ///< About which the C-arm turns.
   Pose T_camera_model = Pose::Identity();                        ///< As registered, on its own.
   Matrix6d covariance = Matrix6d::Zero();                        ///< Of it, as RegistrationResult has it.
 };
 
 struct AnatomyRegistrationSettings {
-  double angle_sigma_deg = 0.5;  ///< Of the C-arm's angles, per axis: C-arms hold about a degree.
-  double shift_sigma_mm = 30;    ///< Of the isocentre from run to run, per axis; 0: it stays.
-  double outlier_gate = 4.5;     ///< A view further off than so many sigma (of six dimensions) is an outlier.
+  double angle_std_deg = 0.5;  ///< Of the C-arm's angles, per axis: C-arms hold about a degree.
+  double shift_std_mm = 30;    ///< Of the isocentre from run to run, per axis; 0: it stays.
+  double outlier_gate = 4.5;   ///< A view further off than so many sigma (of six dimensions) is an outlier.
 
   void visit(SettingsVisitor& v) {
-    v.number("angle_sigma_deg", angle_sigma_deg, 1e-4, 30);
-    v.number("shift_sigma_mm", shift_sigma_mm, 0, 1000);
+    v.number("angle_std_deg", angle_std_deg, 1e-4, 30);
+    v.number("shift_std_mm", shift_std_mm, 0, 1000);
   }
 };
 
@@ -70,7 +71,7 @@ struct AnatomyResult {
 /// `centre_model` is the model's centre [m]. Views that disagree with the others (a registration that is reversed in
 /// depth, say) are outliers. Each view is also predicted from the others where there are three or more. Throws
 /// InputError for no view, names that stand twice, copies of a view, and when less than half of the views agree.
-AnatomyResult registerAnatomy(const std::vector<AnatomyView>& views, const Eigen::Vector3d& centre_model,
+AnatomyResult registerAnatomy(const std::vector<AnatomyView>& views, const Eigen::Vector3d& center_model,
                               const AnatomyRegistrationSettings& settings = {});
 
 /// A view as it was seen, for refineAnatomy.
@@ -90,4 +91,4 @@ AnatomyResult refineAnatomy(const AnatomyResult& result, const std::vector<Anato
 CalibrationRecord anatomyRecord(const AnatomyResult& result, const std::string& machine,
                                 const std::vector<std::string>& input_paths);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -7,13 +7,14 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
+#include "angio/calibration/namespace.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// A ball's shadow in an X-ray image.
 struct BeadDetection {
-  Eigen::Vector2d centre_px{0, 0};
-  double sigma_px = 1;              ///< Standard deviation of the centre, per axis.
+  Eigen::Vector2d center_px{0, 0};
+  double std_px = 1;                ///< Standard deviation of the centre, per axis.
   std::optional<double> radius_px;  ///< Of the shadow, without the image's blur.
   std::optional<double> contrast;   ///< How much its middle weakens the beam (natural logarithm).
   std::optional<int> bead;          ///< Which one it is, when somebody said.
@@ -22,16 +23,16 @@ struct BeadDetection {
 /// How beads are found.
 struct BeadDetectionSettings {
   double smallest_radius_px = 2.5;
-  double largest_radius_px = 14;
-  static constexpr double least_contrast = 0.1;    ///< Natural logarithm, in the shadow's middle.
-  static constexpr double least_significance = 8;  ///< The contrast over its noise in an area of the bead's size.
-  double border_px = 1;                            ///< A centre nearer to the image's edge is not looked for.
-  static constexpr double largest_misfit = 3;      ///< Residual of the profile over the image's noise; more is no ball.
-  double largest_stretch = 0;  ///< Of round shadows, of their squared radius: see throughIntensifier.
+  double max_radius_px = 14;
+  static constexpr double min_contrast = 0.1;    ///< Natural logarithm, in the shadow's middle.
+  static constexpr double min_significance = 8;  ///< The contrast over its noise in an area of the bead's size.
+  double border_px = 1;                          ///< A centre nearer to the image's edge is not looked for.
+  static constexpr double max_misfit = 3;        ///< Residual of the profile over the image's noise; more is no ball.
+  double max_stretch = 0;                        ///< Of round shadows, of their squared radius: see throughIntensifier.
 
   void visit(SettingsVisitor& v) {
     v.number("smallest_radius_px", smallest_radius_px, 1.5, 100);
-    v.number("largest_radius_px", largest_radius_px, 2, 200);
+    v.number("max_radius_px", max_radius_px, 2, 200);
     v.number("border_px", border_px, 0, 1000);
   }
 
@@ -39,7 +40,7 @@ struct BeadDetectionSettings {
   /// somebody has chosen stays.
   BeadDetectionSettings throughIntensifier() const {
     BeadDetectionSettings settings = *this;
-    if (settings.largest_stretch == 0) settings.largest_stretch = 0.15;
+    if (settings.max_stretch == 0) settings.max_stretch = 0.15;
     return settings;
   }
 };
@@ -54,4 +55,4 @@ struct BeadDetectionSettings {
 /// `image` is CV_8UC1 or CV_16UC1; throws InputError for another type, an empty image and settings out of range.
 std::vector<BeadDetection> detectBeads(const cv::Mat& image, const BeadDetectionSettings& settings = {});
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -10,12 +10,12 @@
 #include "angio/calibration/bead_phantom.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// How beads are told apart.
 struct BeadMatchingSettings {
   static constexpr double rotation_step_deg = 8;  ///< Between the orientations that are tried.
-  static constexpr double least_share =
+  static constexpr double min_share =
       0.6;                    ///< Of the beads that should be in the image, and of those seen, that must agree.
   double tolerance_px = 2.5;  ///< Between a bead and its projection when all is done.
 
@@ -39,4 +39,4 @@ struct BeadMatch {
 BeadMatch matchBeads(const std::string& place, const BeadPhantom& phantom, const std::vector<BeadDetection>& detections,
                      const std::vector<Eigen::Matrix3d>& likely = {}, const BeadMatchingSettings& settings = {});
 
-}  // namespace angio
+}  // namespace angio::calibration

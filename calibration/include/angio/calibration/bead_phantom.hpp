@@ -6,8 +6,9 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
+#include "angio/calibration/namespace.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// One radio-opaque ball, or a mark without a size: a corner of a grid.
 struct Bead {
@@ -25,7 +26,7 @@ struct BeadPhantom {
   bool isCoded() const { return !beads.empty() && beads.front().radius_m > 0; }
   /// Whether all lie in one plane, to a thousandth of the phantom's size.
   bool isPlanar() const;
-  Eigen::Vector3d centre_m() const;  ///< Mean of the beads.
+  Eigen::Vector3d center_m() const;  ///< Mean of the beads.
   Eigen::Matrix3Xd positions_m() const;
 };
 
@@ -39,7 +40,7 @@ BeadPhantom readBeadPhantom(const std::string& path);
 /// Writes what readBeadPhantom reads. Throws InputError when the file cannot be written.
 void writeBeadPhantom(const std::string& path, const BeadPhantom& phantom);
 
-constexpr int kMostHelixBeads = 108;  ///< As long as the code.
+constexpr int kMaxHelixBeads = 108;  ///< As long as the code.
 
 /// A helix of small and large beads in a coded order, as C-arm phantoms have it: every run of 8 along the helix occurs
 /// once, and in neither direction twice.
@@ -51,7 +52,7 @@ struct HelixPhantomSettings {
   double radius_mm = 85;
   double height_mm = 150;
   double turns = 4;
-  int beads = kMostHelixBeads;
+  int beads = kMaxHelixBeads;
   double small_diameter_mm = 1.6;
   double large_diameter_mm = 3.2;
 
@@ -59,7 +60,7 @@ struct HelixPhantomSettings {
     v.number("radius_mm", radius_mm, 10, 500);
     v.number("height_mm", height_mm, 10, 1000);
     v.number("turns", turns, 0.5, 20);
-    v.integer("beads", beads, 12, kMostHelixBeads);
+    v.integer("beads", beads, 12, kMaxHelixBeads);
     v.number("small_diameter_mm", small_diameter_mm, 0.2, 20);
     v.number("large_diameter_mm", large_diameter_mm, 0.2, 20);
   }
@@ -85,4 +86,4 @@ struct PlatePhantomSettings {
 };
 BeadPhantom platePhantom(const PlatePhantomSettings& settings = {});
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -11,7 +11,7 @@
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/geometry/distortion.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// What a simulated detector does to its image.
 enum class SimulatedDistortion { kNone, kRadial, kIntensifier };
@@ -69,7 +69,7 @@ struct CalibrationSimulationSettings {
 };
 
 /// A machine that was never ideal, and where a patient lies under it.
-struct SimulatedMachine {
+struct SimulatedDevice {
   CArmCalibration truth;
   std::optional<DetectorDistortion> distortion;  ///< Of its images.
   Pose T_patient_phantom = Pose::Identity();     ///< Where a phantom is put on its table.
@@ -77,8 +77,8 @@ struct SimulatedMachine {
 
 /// Draws a machine around `nominal`, named "simulated-<seed>". The patient of `nominal` is turned and shifted about
 /// `centre_model`.
-SimulatedMachine simulatedMachine(const CArmCalibration& nominal, const Eigen::Vector3d& centre_model,
-                                  const CalibrationSimulationSettings& settings);
+SimulatedDevice simulatedMachine(const CArmCalibration& nominal, const Eigen::Vector3d& center_model,
+                                 const CalibrationSimulationSettings& settings);
 
 /// One view: what the machine did, what its encoders said, and where beads are in the image.
 struct SimulatedBeadView {
@@ -92,11 +92,11 @@ struct SimulatedBeadView {
 };
 
 /// Views for the camera: the phantom near the isocentre, shifted over the detector, from many sides.
-std::vector<SimulatedBeadView> simulatedCameraViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
+std::vector<SimulatedBeadView> simulatedCameraViews(const SimulatedDevice& machine, const BeadPhantom& phantom,
                                                     const CalibrationSimulationSettings& settings);
 
 /// Views for the geometry: over the whole range of both angles, a third of them with the table moved.
-std::vector<SimulatedBeadView> simulatedGeometryViews(const SimulatedMachine& machine, const BeadPhantom& phantom,
+std::vector<SimulatedBeadView> simulatedGeometryViews(const SimulatedDevice& machine, const BeadPhantom& phantom,
                                                       const CalibrationSimulationSettings& settings);
 
 /// Which of the views are X-ray images; the others are tables of beads.
@@ -107,7 +107,7 @@ enum class SimulatedImages { kNone, kCamera, kAll };
 /// with scatter, noise and beads that overlap. `tell` is called after each view with how many of how many are done.
 /// Throws InputError when a setting is out of its range or a file cannot be written.
 void writeCalibrationData(const std::string& folder, const CArmCalibration& nominal,
-                          const Eigen::Vector3d& centre_model, const CalibrationSimulationSettings& settings,
+                          const Eigen::Vector3d& center_model, const CalibrationSimulationSettings& settings,
                           SimulatedImages images, const std::function<void(int done, int total)>& tell = {});
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -11,13 +11,13 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/io/camera_files.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// A bead in a view, and which one it is.
 struct SeenBead {
   int bead = 0;                     ///< Its number in the phantom.
-  Eigen::Vector2d centre_px{0, 0};  ///< Of the image, distortion and all.
-  double sigma_px = 1;              ///< Per axis, against the others'.
+  Eigen::Vector2d center_px{0, 0};  ///< Of the image, distortion and all.
+  double std_px = 1;                ///< Per axis, against the others'.
 };
 
 /// One view of the phantom.
@@ -36,11 +36,11 @@ struct CameraCalibrationSettings {
   bool square_pixels = false;  ///< One focal length for both axes.
   bool skew = false;           ///< Columns may lean (not with an intensifier).
   double noise_px = 0;         ///< Standard deviation of a bead's centre per axis; 0: measured by the residuals.
-  static constexpr double outlier_sigmas =
+  static constexpr double outlier_stds =
       6;  ///< A bead farther off, in robust standard deviations, is left out and named.
-  static constexpr double largest_outlier_share =
+  static constexpr double max_outlier_share =
       0.25;  ///< Of views, and of a view's beads; beyond it the data are refused.
-  static constexpr double largest_focal_sigma =
+  static constexpr double max_focal_std =
       0.02;  ///< Relative; predicted for the worst noise to be expected, before solving.
   static constexpr int max_iterations = 100;
 
@@ -91,4 +91,4 @@ struct DetectorOfViews {
 CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfViews& detector,
                                   const std::vector<BeadView>& views, const CameraCalibrationSettings& settings = {});
 
-}  // namespace angio
+}  // namespace angio::calibration

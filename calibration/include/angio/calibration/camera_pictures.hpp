@@ -5,7 +5,7 @@
 
 #include "angio/calibration/camera_calibration.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// One view: its image (CV_8UC1 or CV_16UC1, or empty for a dark ground) with rings where beads were seen and crosses
 /// where the camera puts them; red for beads left out. CV_8UC3 of the detector's size, larger when it is small.
@@ -21,4 +21,4 @@ ResidualField residualField(const CameraCalibration& result);
 /// How many beads each part of the detector has seen, CV_8UC3: dark for none.
 cv::Mat coverageMap(const CameraCalibration& result);
 
-}  // namespace angio
+}  // namespace angio::calibration

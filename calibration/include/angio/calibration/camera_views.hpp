@@ -10,7 +10,7 @@
 #include "angio/calibration/camera_calibration.hpp"
 #include "angio/calibration/view_set.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// A view set with its beads found, or read, and told apart.
 struct SeenViewSet {
@@ -26,4 +26,4 @@ struct SeenViewSet {
 SeenViewSet seenViews(const ViewSet& set, const BeadPhantom& phantom, const BeadDetectionSettings& settings = {},
                       const std::function<void(int done)>& progress = {});
 
-}  // namespace angio
+}  // namespace angio::calibration

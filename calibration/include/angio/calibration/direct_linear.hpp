@@ -5,9 +5,10 @@
 #include <optional>
 #include <vector>
 
+#include "angio/calibration/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 using Matrix34d = Eigen::Matrix<double, 3, 4>;
 
@@ -40,7 +41,7 @@ std::optional<Eigen::Matrix3d> directLinearHomography(const Eigen::Matrix2Xd& pl
 
 /// What Zhang's closed form assumes of K: all five numbers free needs three tilts of the plane; without skew and with
 /// the principal point in the image's middle two tilts, or one, give the focal lengths.
-enum class PlanarAssumption { kNone, kNoSkew, kCentred };
+enum class PlanarAssumption { kNone, kNoSkew, kCentered };
 
 /// K from homographies of one plane; nothing when they leave it open (views at one tilt) or no real K explains them.
 /// @param middle_px  Of the image: where kCentred puts the principal point, and what numbers are scaled about.
@@ -51,4 +52,4 @@ std::optional<Eigen::Matrix3d> planarIntrinsics(const std::vector<Eigen::Matrix3
 /// The pose of the plane (z = 0) by its homography and K. Source: Zhang, section 3.1.
 Pose planarPose(const Eigen::Matrix3d& homography, const Eigen::Matrix3d& K);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -11,7 +11,7 @@
 #include "angio/calibration_records/record.hpp"
 #include "angio/geometry/carm.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// A bead and where it was seen in a pinhole image: distortion is taken out before.
 struct BeadSighting {
@@ -45,18 +45,17 @@ struct GeometrySettings {
   FlexModel flex = FlexModel::kLowOrder;
   static constexpr double flex_std_mm = 0.3;  ///< How much an arm bends: where the search for it starts.
   static constexpr double flex_std_deg = 0.03;
-  double source_isocentre_distance_mm = 780;  ///< Where the search starts.
+  double source_isocenter_distance_mm = 780;  ///< Where the search starts.
   double pose_scatter_mm = 0.3;               ///< Where the search for what joints do not explain starts, each axis.
   double pose_scatter_deg = 0.03;
-  static constexpr double outlier_sigma = 4;        ///< Beads further off than this do not count.
+  static constexpr double outlier_std = 4;          ///< Beads further off than this do not count.
   static constexpr double outlier_view_factor = 4;  ///< Views that are worse than the usual by this do not count.
-  static constexpr double largest_offset_deg =
-      3;  ///< How far a C-arm may be from ideal before it is doubted, each angle,
-  static constexpr double largest_offset_mm = 15;  ///< and each length.
+  static constexpr double max_offset_deg = 3;  ///< How far a C-arm may be from ideal before it is doubted, each angle,
+  static constexpr double max_offset_mm = 15;  ///< and each length.
 
   void visit(SettingsVisitor& v) {
     v.choice("flex", flex, {"none", "low_order"});
-    v.number("source_isocentre_distance_mm", source_isocentre_distance_mm, 100, 5000);
+    v.number("source_isocentre_distance_mm", source_isocenter_distance_mm, 100, 5000);
   }
 };
 
@@ -78,7 +77,7 @@ struct GeometryCalibration {
   CalibrationRecord record;                         ///< Kind "geometry"; machine, date and inputs are the caller's.
   std::vector<GeometryViewFit> views;               ///< In the order they were given.
   std::vector<std::string> kept;                    ///< What the views cannot tell and stays as it was, in words.
-  std::optional<double> bead_sigma_px;              ///< Measured: of a bead about its own view's best pose.
+  std::optional<double> bead_std_px;                ///< Measured: of a bead about its own view's best pose.
   double pose_scatter_m = 0, pose_scatter_rad = 0;  ///< What joints do not explain of a view's pose, each axis.
   double rms_without_flex = 0;                      ///< Residual over all used views of the rigid arm alone.
   std::vector<std::string> doubts;  ///< What a user should know: views left out, beads that lie elsewhere.
@@ -103,7 +102,7 @@ GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhanto
                                       const GeometrySettings& settings = {});
 
 /// The same from registered views: poses of one model, the patient's or a phantom's, with the angles they were taken
-/// at. They enter by their covariances (the set's camera_sigma where there is none, or their own scatter where neither
+/// at. They enter by their covariances (the set's camera_std where there is none, or their own scatter where neither
 /// is given); its record's residuals are those of the model's middle [mm], and held out ones those of each sixth of the
 /// views by the other five. What poses cannot tell, the camera and its source-detector distance, is kept from `camera`,
 /// and listed. T_base_hand is not used.
@@ -112,4 +111,4 @@ GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhanto
 GeometryCalibration calibrateGeometry(const PoseSet& set, const GeometryCamera& camera,
                                       const GeometrySettings& settings = {});
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -9,7 +9,7 @@
 #include "angio/calibration/bead_detection.hpp"
 #include "angio/calibration/geometry_calibration.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// All that calibrateGeometry wants, from files: views of a phantom, or registered poses.
 struct GeometryInput {
@@ -36,4 +36,4 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
 /// The one of both calibrateGeometry that takes such an input.
 GeometryCalibration calibrateGeometry(const GeometryInput& input, const GeometrySettings& settings = {});
 
-}  // namespace angio
+}  // namespace angio::calibration

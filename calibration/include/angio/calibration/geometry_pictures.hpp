@@ -5,7 +5,7 @@
 
 #include "angio/calibration/geometry_calibration.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Views over primary and secondary angle, as large as their residuals: blue ones, orange held out ones, red ones that
 /// were left out, which are named. CV_8UC3.
@@ -18,4 +18,4 @@ cv::Mat axesSketch(const GeometryCalibration& result);
 /// How the arm bends over each angle while the other is zero, camera axes; CV_8UC3.
 cv::Mat flexCurves(const GeometryCalibration& result);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -10,7 +10,7 @@
 #include "angio/calibration/motion_spread.hpp"
 #include "angio/calibration_records/record.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// What is known of X beforehand.
 enum class HandEyeMount {
@@ -28,10 +28,10 @@ enum class HandEyeResidual {
 struct HandEyeSettings {
   HandEyeMount mount = HandEyeMount::kUnknown;
   HandEyeResidual residual = HandEyeResidual::kPose;
-  double least_turn_deg = 1;  ///< Turns about a second axis, root mean square over pairs, from which on a pose counts.
+  double min_turn_deg = 1;    ///< Turns about a second axis, root mean square over pairs, from which on a pose counts.
   double outlier_gate = 5.3;  ///< A pose further off than so many sigma (of six dimensions) is an outlier.
-  static constexpr double least_share = 0.6;  ///< Of the poses, that must be explained by one transform.
-  int starts = 100;                           ///< Draws of few poses each, for a start that outliers do not pull.
+  static constexpr double min_share = 0.6;  ///< Of the poses, that must be explained by one transform.
+  int starts = 100;                         ///< Draws of few poses each, for a start that outliers do not pull.
   int seed = 1;
 
   void visit(SettingsVisitor& v) {
@@ -79,7 +79,7 @@ struct HandEyeResult {
 /// given, rotation's and translation's are measured from the residuals.
 ///
 /// Throws InputError that names the set's file and what is wrong: what the above refuse; no transform that explains
-/// `least_share` of the poses; poses that fit two different transforms, with their names.
+/// `min_share` of the poses; poses that fit two different transforms, with their names.
 HandEyeResult calibrateHandEye(const PoseSet& set, const HandEyeSettings& settings = {});
 
 /// The result as it goes into a file's section `calibration`; lengths in mm, angles in deg, turns about parent axes.
@@ -88,4 +88,4 @@ CalibrationRecord handEyeRecord(const PoseSet& set, const HandEyeSettings& setti
 /// Names of both transforms in a setup: {"T_hand_camera", "T_base_object"} or {"T_base_camera", "T_hand_object"}.
 std::pair<std::string, std::string> transformNames(HandEyeSetup setup);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -5,7 +5,7 @@
 
 #include "angio/calibration/hand_eye.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Each pose's distance from its prediction, in degrees and in millimetres below; outliers are red. CV_8UC3.
 cv::Mat poseResiduals(const HandEyeResult& result);
@@ -18,4 +18,4 @@ cv::Mat turnAxes(const PoseSet& set);
 /// transform, with their directions in the parent frame. CV_8UC3.
 cv::Mat covarianceBars(const PoseSet& set, const HandEyeResult& result);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -6,15 +6,15 @@
 
 #include "angio/calibration/hand_eye.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Simulated poses of a C-arm that goes through LAO/RAO with no CRA/CAU, and then through CRA/CAU: as an operator does,
 /// about two axes only. A model of known place is seen with noise.
 struct OrbitSettings {
   int poses = 15;
-  double largest_primary_deg = 45;    ///< LAO and RAO.
-  double largest_secondary_deg = 30;  ///< CRA and CAU; 0: a single axis.
-  double camera_noise_deg = 0.1;      ///< Of T_camera_object, per axis.
+  double max_primary_deg = 45;    ///< LAO and RAO.
+  double max_secondary_deg = 30;  ///< CRA and CAU; 0: a single axis.
+  double camera_noise_deg = 0.1;  ///< Of T_camera_object, per axis.
   double camera_noise_mm = 0.3;
   double hand_noise_deg = 0;  ///< Of the C-arm's own pose: turns about its isocentre.
   double hand_noise_mm = 0;
@@ -24,8 +24,8 @@ struct OrbitSettings {
 
   void visit(SettingsVisitor& v) {
     v.integer("poses", poses, 1, 10000);
-    v.number("largest_primary_deg", largest_primary_deg, 0, 120);
-    v.number("largest_secondary_deg", largest_secondary_deg, 0, 60);
+    v.number("max_primary_deg", max_primary_deg, 0, 120);
+    v.number("max_secondary_deg", max_secondary_deg, 0, 60);
     v.number("camera_noise_deg", camera_noise_deg, 0, 45);
     v.number("camera_noise_mm", camera_noise_mm, 0, 1000);
     v.number("hand_noise_deg", hand_noise_deg, 0, 45);
@@ -60,4 +60,4 @@ std::vector<HandEyeTrial> handEyeTrials(const CArmGeometry& carm, const OrbitSet
 /// Errors of a solution: [dt; dw] of X and Z.
 Eigen::Matrix<double, 12, 1> errorOf(const HandEyeTransforms& found, const HandEyeTransforms& truth);
 
-}  // namespace angio
+}  // namespace angio::calibration

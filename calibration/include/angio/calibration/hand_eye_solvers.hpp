@@ -7,7 +7,7 @@
 
 #include "angio/calibration/pose_set.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// The hand-eye problem in one form for both setups: hands[i] X cameras[i] = Z for all i.
 ///
@@ -59,4 +59,4 @@ struct ComparedSolver {
 /// number).
 std::vector<ComparedSolver> compareSolvers(const HandEyeEquations& equations);
 
-}  // namespace angio
+}  // namespace angio::calibration

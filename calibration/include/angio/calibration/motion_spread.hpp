@@ -5,11 +5,11 @@
 
 #include "angio/calibration/hand_eye_solvers.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// How the hand turned between the poses, over all pairs: what a hand-eye calibration lives on.
 struct MotionSpread {
-  double largest_turn_rad = 0;
+  double max_turn_rad = 0;
   /// Axis about which there is most rotation, in the axes X maps to: the hand's (eye in hand) or the base's.
   Eigen::Vector3d main_axis = Eigen::Vector3d::UnitZ();
   double along_rad = 0;   ///< Root mean square of turns about it (as chords 2 sin(angle / 2)).
@@ -22,9 +22,9 @@ Eigen::Vector3d withPositiveLargest(const Eigen::Vector3d& axis);
 
 /// Throws InputError at `place` for motions from which X and Z cannot be known, and names what stays open: fewer than
 /// three poses; nothing but translations; all motions about one axis, which is named with its direction. A motion
-/// counts from `least_turn_rad` on.
+/// counts from `min_turn_rad` on.
 void requireMotions(const std::string& place, HandEyeSetup setup, const MotionSpread& spread, std::size_t poses,
-                    double least_turn_rad);
+                    double min_turn_rad);
 
 /// Throws InputError at `place` when the poses only fit if they are taken differently: camera and hands in different
 /// units of length (the factor is named), a pose given as its inverse, a rotation transposed, the other setup, or the
@@ -40,4 +40,4 @@ struct TranslationScale {
 };
 std::optional<TranslationScale> translationScale(const HandEyeEquations& equations);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -5,9 +5,10 @@
 #include <string>
 #include <vector>
 
+#include "angio/calibration/namespace.hpp"
 #include "angio/geometry/carm.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Where the camera is: on the hand, looking at an object that stands with the base; or standing with the base, looking
 /// at an object on the hand.
@@ -40,9 +41,9 @@ struct PoseSet {
   std::string path;     ///< The file itself, for messages.
   std::string machine;  ///< Empty when the file does not say.
   HandEyeSetup setup = HandEyeSetup::kEyeInHand;
-  std::optional<PoseSigma> hand_sigma;    ///< Of T_base_hand, when it is known.
-  std::optional<PoseSigma> camera_sigma;  ///< Of T_camera_object where a pose has no covariance, when it is known.
-  std::optional<XrayCamera> camera;       ///< Of the points.
+  std::optional<PoseSigma> hand_std;    ///< Of T_base_hand, when it is known.
+  std::optional<PoseSigma> camera_std;  ///< Of T_camera_object where a pose has no covariance, when it is known.
+  std::optional<XrayCamera> camera;     ///< Of the points.
   std::vector<HandEyePose> poses;
   std::vector<std::string> input_paths;  ///< Every file that was read.
 };
@@ -51,8 +52,8 @@ struct PoseSet {
 ///
 ///     setup: eye_in_hand                     # or eye_to_hand
 ///     machine: lab-1                         # optional
-///     hand_sigma: {rotation_deg: 0.02, translation_mm: 0.1}      # optional; 0: exact
-///     camera_sigma: {rotation_deg: 0.1, translation_mm: 0.3}     # optional
+///     hand_std: {rotation_deg: 0.02, translation_mm: 0.1}      # optional; 0: exact
+///     camera_std: {rotation_deg: 0.1, translation_mm: 0.3}     # optional
 ///     camera: camera.yaml                    # needed where there are points
 ///     poses:
 ///       - name: "01"
@@ -87,4 +88,4 @@ struct PoseOfPoints {
 PoseOfPoints poseOfPoints(const std::string& place, const XrayCamera& camera, const Eigen::Matrix3Xd& points_object_m,
                           const Eigen::Matrix2Xd& points_px);
 
-}  // namespace angio
+}  // namespace angio::calibration

@@ -5,7 +5,7 @@
 
 #include "angio/calibration/pose_set.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// Reads the samples that MoveIt's hand-eye calibration saves (.json): a list of pairs of 4 x 4 matrices, rows first,
 /// metres: T_base_hand and T_camera_object. The file does not say its set-up. Throws InputError that names file, sample
@@ -25,4 +25,4 @@ struct Chessboard {
 /// cannot be read, an image in which the board is not found, no image at all.
 PoseSet readVispFolder(const std::string& folder, const Chessboard& board);
 
-}  // namespace angio
+}  // namespace angio::calibration

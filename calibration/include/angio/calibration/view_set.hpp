@@ -5,10 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "angio/calibration/namespace.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/geometry/carm.hpp"
 
-namespace angio {
+namespace angio::calibration {
 
 /// One X-ray view of a calibration phantom, with what the machine said when it was taken.
 struct PhantomView {
@@ -54,4 +55,4 @@ ViewSet readViewSet(const std::string& path);
 /// another: noise that is counted twice makes every covariance too small.
 std::vector<CalibrationInput> hashedViews(const ViewSet& set);
 
-}  // namespace angio
+}  // namespace angio::calibration

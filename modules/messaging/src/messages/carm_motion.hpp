@@ -8,7 +8,7 @@
 #include "description.hpp"
 #include "message_text.hpp"
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 template <>
 struct Description<CArmState> : PlainDescription<CArmState, angio_lcm::carm_state_t> {
@@ -37,4 +37,4 @@ struct Description<CArmCommand> : PlainDescription<CArmCommand, angio_lcm::carm_
   }
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

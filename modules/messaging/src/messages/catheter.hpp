@@ -9,7 +9,7 @@
 #include "description.hpp"
 #include "message_text.hpp"
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 template <>
 struct Description<CatheterState> : PlainDescription<CatheterState, angio_lcm::catheter_state_t> {
@@ -19,9 +19,9 @@ struct Description<CatheterState> : PlainDescription<CatheterState, angio_lcm::c
     v.number("insertion", m.insertion_m);
     v.number("roll", m.roll_rad);
     v.number("bend", m.bend_rad, kNotNegative);
-    v.number("insertion_speed", m.insertion_speed_mps);
-    v.number("roll_speed", m.roll_speed_radps);
-    v.number("bend_speed", m.bend_speed_radps);
+    v.number("insertion_speed", m.insertion_speed_m_per_s);
+    v.number("roll_speed", m.roll_speed_rad_per_s);
+    v.number("bend_speed", m.bend_speed_rad_per_s);
     v.number("insertion_force", m.insertion_force_n);
   };
 
@@ -38,15 +38,15 @@ struct Description<CatheterCommand> : PlainDescription<CatheterCommand, angio_lc
     v.number("sequence", m.sequence);
     v.number("frame_sequence", m.frame_sequence);
     v.number("valid_for_us", m.valid_for_us, kNotNegative);
-    v.number("insertion_speed", m.insertion_speed_mps);
-    v.number("roll_speed", m.roll_speed_radps);
-    v.number("bend_speed", m.bend_speed_radps);
+    v.number("insertion_speed", m.insertion_speed_m_per_s);
+    v.number("roll_speed", m.roll_speed_rad_per_s);
+    v.number("bend_speed", m.bend_speed_rad_per_s);
   };
 
   static std::string line(const CatheterCommand& m) {
     return answerText(m.frame_sequence, m.valid_for_us) +
-           formatted("%+.1f mm/s, roll %+.1f deg/s, bend %+.1f deg/s", 1e3 * m.insertion_speed_mps,
-                     radToDeg(m.roll_speed_radps), radToDeg(m.bend_speed_radps));
+           formatted("%+.1f mm/s, roll %+.1f deg/s, bend %+.1f deg/s", 1e3 * m.insertion_speed_m_per_s,
+                     radToDeg(m.roll_speed_rad_per_s), radToDeg(m.bend_speed_rad_per_s));
   }
 };
 
@@ -76,4 +76,4 @@ struct Description<CatheterTip> : PlainDescription<CatheterTip, angio_lcm::cathe
   }
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

@@ -9,7 +9,7 @@
 #include "messages/catheter.hpp"
 #include "messages/view_request.hpp"
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 template <>
 struct Description<ServoInput> : PlainDescription<ServoInput, angio_lcm::servo_input_t> {
@@ -46,4 +46,4 @@ struct Description<CatheterInput> : PlainDescription<CatheterInput, angio_lcm::c
   }
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

@@ -7,7 +7,7 @@
 #include "description.hpp"
 #include "message_text.hpp"
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 template <>
 struct Description<RegistrationMessage> : PlainDescription<RegistrationMessage, angio_lcm::registration_t> {
@@ -33,4 +33,4 @@ struct Description<RegistrationMessage> : PlainDescription<RegistrationMessage, 
   }
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

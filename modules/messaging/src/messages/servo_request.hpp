@@ -6,7 +6,7 @@
 #include "angio/types/servo_request.hpp"
 #include "description.hpp"
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 template <>
 struct Description<ServoRequest> : PlainDescription<ServoRequest, angio_lcm::servo_request_t> {
@@ -24,4 +24,4 @@ struct Description<ServoRequest> : PlainDescription<ServoRequest, angio_lcm::ser
   }
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

@@ -7,7 +7,7 @@
 #include "description.hpp"
 #include "message_text.hpp"
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 template <>
 struct Description<ServoStatus> : PlainDescription<ServoStatus, angio_lcm::servo_status_t> {
@@ -35,4 +35,4 @@ struct Description<ServoStatus> : PlainDescription<ServoStatus, angio_lcm::servo
   }
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

@@ -7,7 +7,7 @@
 #include "description.hpp"
 #include "message_text.hpp"
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 template <>
 struct Description<ViewRequest> : PlainDescription<ViewRequest, angio_lcm::view_request_t> {
@@ -30,4 +30,4 @@ struct Description<ViewRequest> : PlainDescription<ViewRequest, angio_lcm::view_
   }
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

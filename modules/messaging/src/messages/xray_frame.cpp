@@ -11,7 +11,7 @@
 #error "16-bit pixels are copied to the wire as they lie in memory, which must be little-endian"
 #endif
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 using Wire = angio_lcm::xray_frame_t;
 
@@ -38,7 +38,7 @@ std::vector<std::uint8_t> rawPixels(const cv::Mat& image) {
 
 cv::Mat rawImage(const Wire& frame) {
   if (imageBytes(frame) != frame.size) {
-    throw InputError("", "size", shown(frame.size), "must be width * height * bits / 8");
+    throw InputError("", "size", formatValue(frame.size), "must be width * height * bits / 8");
   }
   cv::Mat image(frame.height, frame.width, typeOf(frame));
   std::memcpy(image.data, frame.pixels.data(), frame.pixels.size());
@@ -54,7 +54,7 @@ cv::Mat pngImage(const Wire& frame) {
                        header->grey;
   if (!as_said) throw InputError("", "pixels", "", "must be a grey PNG of the message's width, height and bits");
   if (imageBytes(frame) > kMaxDeflated * frame.size) {
-    throw InputError("", "size", shown(frame.size), "is too small for the image it promises");
+    throw InputError("", "size", formatValue(frame.size), "is too small for the image it promises");
   }
   cv::Mat image = decodePng("pixels", content);
   if (image.type() != typeOf(frame)) throw InputError("", "pixels", "", "must be grey");
@@ -84,7 +84,7 @@ Wire Description<XrayFrame>::pack(const XrayFrame& frame, ImageEncoding encoding
 }
 
 XrayFrame Description<XrayFrame>::unpack(const Wire& packed) {
-  if (packed.bits != 8 && packed.bits != 16) throw InputError("", "bits", shown(packed.bits), "must be 8 or 16");
+  if (packed.bits != 8 && packed.bits != 16) throw InputError("", "bits", formatValue(packed.bits), "must be 8 or 16");
   XrayCamera::Parameters p;
   p.width_px = packed.width;
   p.height_px = packed.height;
@@ -101,7 +101,7 @@ XrayFrame Description<XrayFrame>::unpack(const Wire& packed) {
     case Wire::PNG:
       return {packed.utime, packed.sequence, pngImage(packed), camera};
   }
-  throw InputError("", "encoding", shown(packed.encoding), "must be RAW (0) or PNG (1)");
+  throw InputError("", "encoding", formatValue(packed.encoding), "must be RAW (0) or PNG (1)");
 }
 
 std::optional<std::string> Description<XrayFrame>::broken(const XrayFrame& frame) {
@@ -113,7 +113,7 @@ std::optional<std::string> Description<XrayFrame>::broken(const XrayFrame& frame
     return "image = " + std::to_string(image.cols) + " x " + std::to_string(image.rows) +
            ": must be of its camera's size";
   }
-  if (static_cast<double>(image.total()) * static_cast<double>(image.elemSize()) > kLongestMessage) {
+  if (static_cast<double>(image.total()) * static_cast<double>(image.elemSize()) > kMaxMessage) {
     return "image: is too large for one message";
   }
   return std::nullopt;
@@ -125,4 +125,4 @@ std::string Description<XrayFrame>::line(const XrayFrame& frame) {
                    static_cast<int>(8 * frame.image.elemSize()), p.fx_px, p.cx_px, p.cy_px);
 }
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

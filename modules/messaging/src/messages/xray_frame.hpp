@@ -6,7 +6,7 @@
 #include "angio/messaging/codec.hpp"
 #include "description.hpp"
 
-namespace angio::wire {
+namespace angio::messaging::wire {
 
 template <>
 struct Description<XrayFrame> {
@@ -37,4 +37,4 @@ struct Description<XrayFrame> {
   static std::string line(const XrayFrame& frame);
 };
 
-}  // namespace angio::wire
+}  // namespace angio::messaging::wire

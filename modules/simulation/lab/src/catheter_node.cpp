@@ -3,10 +3,10 @@
 
 #include "angio/messaging/channels.hpp"
 
-namespace angio {
+namespace angio::lab {
 
 SimulatedCatheterNode::SimulatedCatheterNode(Bus& bus, const VesselTree& tree, const CatheterSettings& settings,
-                                             const TreePlace& start, std::int64_t now_us)
+                                             const TreeLocation& start, std::int64_t now_us)
     : bus_(bus), commands_(bus, kCatheterCommandChannel), catheter_(tree, settings, start, now_us) {}
 
 void SimulatedCatheterNode::listen(std::int64_t now_us) {
@@ -20,4 +20,4 @@ void SimulatedCatheterNode::report(std::int64_t now_us) {
   publish(bus_, kCatheterStateChannel, state);
 }
 
-}  // namespace angio
+}  // namespace angio::lab

@@ -3,7 +3,7 @@
 
 #include "angio/messaging/channels.hpp"
 
-namespace angio {
+namespace angio::lab {
 
 namespace {
 
@@ -73,4 +73,4 @@ double SimulatedXrayNode::patientTime_s(std::int64_t now_us) const {
   return 1e-6 * static_cast<double>(now_us - first_us_.value_or(now_us));
 }
 
-}  // namespace angio
+}  // namespace angio::lab

@@ -6,7 +6,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/types/channels.hpp"
 
-namespace angio {
+namespace angio::lab {
 
 SimulatedInjector::SimulatedInjector(Bus& bus, double after_s)
     : requests_(bus, kViewRequestChannel), statuses_(bus, kServoStatusChannel) {
@@ -25,4 +25,4 @@ bool SimulatedInjector::injects(std::int64_t now_us) {
   return !reached_us_ || now_us - *reached_us_ < after_us_;
 }
 
-}  // namespace angio
+}  // namespace angio::lab

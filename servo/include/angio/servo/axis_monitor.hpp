@@ -8,7 +8,9 @@
 #include <string>
 #include <utility>
 
-namespace angio {
+#include "angio/servo/namespace.hpp"
+
+namespace angio::servo {
 
 /// What one axis of a machine can do, and how far it may go otherwise [rad, m, seconds].
 struct AxisTraits {
@@ -16,19 +18,20 @@ struct AxisTraits {
   bool angle = true;                                                        ///< Its places are angles, else lengths.
   double lower = -std::numeric_limits<double>::infinity(), upper = -lower;  ///< Its range.
   double acceleration = 1;                                                  ///< That it uses at least.
-  double forgotten_speed = 0;   ///< Differences that come more slowly are encoders' noise.
-  double most_stray = 1;        ///< Way that no command explains, until it counts as astray.
-  double most_lag = 1;          ///< Way that was commanded and not made, until it counts as stalled.
-  double most_latency_s = 0.5;  ///< From the frame behind a command until its effect ends, without a newer one.
+  double deadband_speed = 0;       ///< Differences that come more slowly are encoders' noise.
+  double max_deviation = 1;        ///< Way that no command explains, until it counts as astray.
+  double max_following_error = 1;  ///< Way that was commanded and not made, until it counts as stalled.
+  double max_latency_s = 0.5;      ///< From the frame behind a command until its effect ends, without a newer one.
 };
 
-/// Compares the way that an axis makes with the ways that the commands of the last `most_latency_s` allow.
+/// Compares the way that an axis makes with the ways that the commands of the last `max_latency_s` allow.
 ///
 /// Between two states an axis may go as fast as the fastest of those commands (rest is always one of them) or as it
 /// still brakes; it must go as fast as the slowest of them, once it could have accelerated, and not at the end of its
 /// range. What is beyond is summed up (Page's CUSUM, Biometrika 41, 1954): an axis that moves by itself or the wrong
-/// way is found within most_stray / its speed, one that stands still within most_latency_s, the time to accelerate and
-/// most_lag / the commanded speed. Commands and states are of one clock: a command's time is its frame's.
+/// way is found within max_deviation / its speed, one that stands still within max_latency_s, the time to accelerate
+/// and max_following_error / the commanded speed. Commands and states are of one clock: a command's time is its
+/// frame's.
 class AxisMonitor {
  public:
   explicit AxisMonitor(AxisTraits traits) : traits_(std::move(traits)) {}
@@ -69,7 +72,7 @@ class AxisMonitor {
   std::deque<Sent> sent_;
   std::optional<Seen> last_;
   Envelope envelope_;
-  Astray astray_;
+  Astray deviation_;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -6,9 +6,10 @@
 
 #include "angio/base/settings.hpp"
 #include "angio/geometry/carm.hpp"
+#include "angio/servo/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// A stretch of a vessel: indices of tree points, each the parent of the next.
 using TreeSegment = std::vector<int>;
@@ -21,20 +22,20 @@ TreeSegment segmentOfBranch(const VesselTree& tree, int branch);
 TreeSegment segmentBetween(const VesselTree& tree, int first, int last);
 
 struct BestViewSettings {
-  double step_deg = 2;            ///< Of the map; the best view is then searched for between its nodes.
-  double most_primary_deg = 110;  ///< Of LAO and RAO: what is looked at.
-  double most_secondary_deg = 50;
+  double step_deg = 2;           ///< Of the map; the best view is then searched for between its nodes.
+  double max_primary_deg = 110;  ///< Of LAO and RAO: what is looked at.
+  double max_secondary_deg = 50;
   static constexpr double overlap_weight =
       1;  ///< A segment wholly covered costs as much as one seen end-on times this.
   static constexpr double turn_weight =
       0.01;  ///< What 90 deg away from where the arm is costs: it decides where views are alike.
   static constexpr double unknown_radius_mm = 1;  ///< Of points that have none.
-  static constexpr int most_points = 800;         ///< The tree is thinned to so many.
+  static constexpr int max_points = 800;          ///< The tree is thinned to so many.
   static constexpr int segment_points = 40;
 
   void visit(SettingsVisitor& v) {
-    v.number("most_primary_deg", most_primary_deg, 1, 180);
-    v.number("most_secondary_deg", most_secondary_deg, 1, 89);
+    v.number("max_primary_deg", max_primary_deg, 1, 180);
+    v.number("max_secondary_deg", max_secondary_deg, 1, 89);
   }
 };
 
@@ -64,7 +65,7 @@ struct BestView {
 /// What a search needs to know beside the tree.
 struct BestViewScene {
   Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();  ///< Patient axes L, P, S from the model's axes.
-  double source_isocentre_distance_m = 0.81;
+  double source_isocenter_distance_m = 0.81;
   ViewAngles near;                                   ///< Where the arm is.
   std::function<bool(const ViewAngles&)> reachable;  ///< Empty: all within the settings' range are.
 };
@@ -87,4 +88,4 @@ BestViewScene bestViewScene(const CArmGeometry& carm, const CArmLimits& limits, 
 BestView bestView(const VesselTree& tree, const TreeSegment& segment, const BestViewScene& scene,
                   const BestViewSettings& settings = {});
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/geometry/carm.hpp"
+#include "angio/servo/namespace.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// A view of the anatomy: beam angles in the patient's own axes, and the point of the model that shall lie at the
 /// isocentre.
@@ -14,7 +15,7 @@ struct DesiredView {
 };
 
 /// cdMo: the model in the camera when the view is reached, head up in the image.
-Pose desiredPose(const DesiredView& view, double source_isocentre_distance_m);
+Pose desiredPose(const DesiredView& view, double source_isocenter_distance_m);
 
 /// How far a pose is from a view.
 struct ViewError {
@@ -25,4 +26,4 @@ struct ViewError {
 ViewError viewError(const Pose& T_camera_model, const Pose& desired_T_camera_model,
                     const Eigen::Vector3d& target_model);
 
-}  // namespace angio
+}  // namespace angio::servo

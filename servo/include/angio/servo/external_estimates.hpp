@@ -4,8 +4,9 @@
 #include <optional>
 
 #include "angio/messaging/messages.hpp"
+#include "angio/servo/namespace.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// What a loop does not estimate itself from its frames, but hears from other programs.
 struct ExternalInputs {
@@ -25,4 +26,4 @@ struct FrameWithEstimates {
   ExternalEstimates external;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -9,7 +9,7 @@
 #include "angio/messaging/mailbox.hpp"
 #include "angio/servo/external_estimates.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// The newest X-ray frame of a bus, and with it what other programs say of the same frame: such frames wait until that
 /// has come. Messages belong to a frame by its number and its time. Of several that say the same thing the first one
@@ -26,12 +26,12 @@ class FrameMailbox {
 
  private:
   ExternalInputs wanted_;
-  LatestValue<XrayFrame> frames_;
-  std::unique_ptr<EveryValue<RegistrationMessage>> registrations_;
-  std::unique_ptr<EveryValue<CatheterTip>> tips_;
+  LatestMessage<XrayFrame> frames_;
+  std::unique_ptr<MessageQueue<RegistrationMessage>> registrations_;
+  std::unique_ptr<MessageQueue<CatheterTip>> tips_;
   std::deque<XrayFrame> waiting_;  // Oldest first.
   std::deque<RegistrationMessage> heard_registrations_;
   std::deque<CatheterTip> heard_tips_;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -3,7 +3,7 @@
 
 #include "angio/servo/servo_gain.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// 2 1/2 D visual servoing: s = (the target's image x, y; log(Z / Z*); theta u of cdRc). The target goes straight to
 /// its place in the image, whatever the rotation does.
@@ -11,4 +11,4 @@ struct HybridSettings : ServoGain {
   static constexpr const char* kName = "hybrid";
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -3,7 +3,7 @@
 
 #include "angio/servo/servo_gain.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// Image-based visual servoing: s are the images of points on the tree's centreline, with the depths that the
 /// registration gives them.
@@ -11,10 +11,10 @@ struct ImageBasedSettings : ServoGain {
   static constexpr const char* kName = "image_based";
 
   static constexpr int samples = 40;  ///< Points along the centreline, spread well.
-  static constexpr double largest_step_deg =
+  static constexpr double max_step_deg =
       30;  ///< A goal further away is taken in steps of so much: images know only their like.
 
   void visit(SettingsVisitor& v) { ServoGain::visit(v); }
 };
 
-}  // namespace angio
+}  // namespace angio::servo

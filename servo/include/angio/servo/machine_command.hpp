@@ -4,14 +4,15 @@
 #include <cmath>
 
 #include "angio/messaging/messages.hpp"
+#include "angio/servo/namespace.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// Whether a command's velocities are finite numbers.
 inline bool isFinite(const CArmCommand& command) { return command.velocity.allFinite(); }
 inline bool isFinite(const CatheterCommand& command) {
-  return std::isfinite(command.insertion_speed_mps) && std::isfinite(command.roll_speed_radps) &&
-         std::isfinite(command.bend_speed_radps);
+  return std::isfinite(command.insertion_speed_m_per_s) && std::isfinite(command.roll_speed_rad_per_s) &&
+         std::isfinite(command.bend_speed_rad_per_s);
 }
 
 /// Returns the same command, standing still.
@@ -20,9 +21,9 @@ inline CArmCommand atRest(CArmCommand command) {
   return command;
 }
 inline CatheterCommand atRest(CatheterCommand command) {
-  command.insertion_speed_mps = command.roll_speed_radps = command.bend_speed_radps = 0;
+  command.insertion_speed_m_per_s = command.roll_speed_rad_per_s = command.bend_speed_rad_per_s = 0;
   command.valid_for_us = 1;  // Nothing is obeyed for longer than it takes to read it.
   return command;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -7,20 +7,21 @@
 
 #include "angio/base/settings.hpp"
 #include "angio/messaging/messages.hpp"
+#include "angio/servo/namespace.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 struct MessageTimingSettings {
-  double most_frame_age_ms = 300;    ///< Later than the quickest frames, or than the newest joints.
-  double most_clock_jump_ms = 1000;  ///< That a sender's clock may gain on ours between two messages.
+  double max_frame_age_ms = 300;    ///< Later than the quickest frames, or than the newest joints.
+  double max_clock_jump_ms = 1000;  ///< That a sender's clock may gain on ours between two messages.
   static constexpr double clock_drift_ppm =
       200;  ///< That it may lose for ever: what is called the quickest frame follows.
   static constexpr double limit_margin_deg = 0.5;  ///< Beyond the end of a range, for encoders.
   static constexpr double limit_margin_mm = 2;
 
   void visit(SettingsVisitor& v) {
-    v.number("most_frame_age_ms", most_frame_age_ms, 1, 10e3);
-    v.number("most_clock_jump_ms", most_clock_jump_ms, 1, 600e3);
+    v.number("max_frame_age_ms", max_frame_age_ms, 1, 10e3);
+    v.number("max_clock_jump_ms", max_clock_jump_ms, 1, 600e3);
   }
 };
 
@@ -58,7 +59,7 @@ class MessageTimingMonitor {
  private:
   struct Arrival {
     std::int64_t now_us, time_us, sequence;
-    double least_lag_us;  // Our clock less the sender's, of the quickest message.
+    double min_lag_us;  // Our clock less the sender's, of the quickest message.
   };
 
   std::optional<Rejection> follow(std::optional<Arrival>& last, std::int64_t now_us, std::int64_t time_us,
@@ -72,4 +73,4 @@ class MessageTimingMonitor {
   cv::Mat last_image_;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

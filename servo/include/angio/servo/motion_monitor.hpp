@@ -10,25 +10,24 @@
 #include "angio/servo/axis_monitor.hpp"
 #include "angio/types/carm_motion.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 struct MotionMonitorSettings {
-  double most_latency_ms = 500;  ///< From the frame behind a command until its effect ends, without a newer one.
-  static constexpr double least_acceleration =
-      0.4;                      ///< Share of the acceleration limit that the machine uses at least.
-  double most_stray_deg = 1.0;  ///< Way that no command explains, until a joint counts as astray.
-  double most_stray_mm = 5;
-  double most_lag_deg = 4;  ///< Way that was commanded and not made, until a joint counts as stalled.
-  double most_lag_mm = 20;
-  static constexpr double forgotten_share =
+  double max_latency_ms = 500;  ///< From the frame behind a command until its effect ends, without a newer one.
+  static constexpr double min_acceleration = 0.4;  ///< Share of the acceleration limit that the machine uses at least.
+  double max_deviation_deg = 1.0;                  ///< Way that no command explains, until a joint counts as astray.
+  double max_deviation_mm = 5;
+  double max_following_error_deg = 4;  ///< Way that was commanded and not made, until a joint counts as stalled.
+  double max_following_error_mm = 20;
+  static constexpr double deadband_share =
       0.02;  ///< Of a joint's speed limit: differences that come more slowly are encoders' noise.
 
   void visit(SettingsVisitor& v) {
-    v.number("most_latency_ms", most_latency_ms, 0, 10e3);
-    v.number("most_stray_deg", most_stray_deg, 0.01, 90);
-    v.number("most_stray_mm", most_stray_mm, 0.1, 1000);
-    v.number("most_lag_deg", most_lag_deg, 0.01, 90);
-    v.number("most_lag_mm", most_lag_mm, 0.1, 1000);
+    v.number("max_latency_ms", max_latency_ms, 0, 10e3);
+    v.number("max_deviation_deg", max_deviation_deg, 0.01, 90);
+    v.number("max_deviation_mm", max_deviation_mm, 0.1, 1000);
+    v.number("max_following_error_deg", max_following_error_deg, 0.01, 90);
+    v.number("max_following_error_mm", max_following_error_mm, 0.1, 1000);
   }
 };
 
@@ -55,4 +54,4 @@ class MotionMonitor {
   std::vector<AxisMonitor> joints_;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

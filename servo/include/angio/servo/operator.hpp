@@ -7,8 +7,9 @@
 
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
+#include "angio/servo/namespace.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// Whose loop is operated.
 enum class OperatedMachine { kCArm, kCatheter };
@@ -38,7 +39,7 @@ class Operator {
  private:
   Bus& bus_;
   std::string requests_;  // The channel's name.
-  LatestValue<ServoStatus> statuses_;
+  LatestMessage<ServoStatus> statuses_;
   std::int64_t sequence_ = 0;
   std::optional<std::int64_t> asked_us_;
   bool armed_ = false, done_ = false;  // Of start().
@@ -54,7 +55,7 @@ class HeardRequests {
   std::vector<ServoRequest> take();
 
  private:
-  EveryValue<ServoRequest> own_, others_;
+  MessageQueue<ServoRequest> own_, others_;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

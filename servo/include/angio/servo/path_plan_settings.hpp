@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/servo/namespace.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// How a joint follows a predicted path: the first step of a plan over the next periods.
 struct PathPlanSettings {
@@ -15,4 +16,4 @@ struct PathPlanSettings {
   void visit(SettingsVisitor& v) { v.number("acceleration_share", acceleration_share, 0.01, 1); }
 };
 
-}  // namespace angio
+}  // namespace angio::servo

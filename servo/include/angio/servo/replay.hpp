@@ -10,7 +10,7 @@
 #include "angio/messaging/logged_frames.hpp"
 #include "angio/servo/supervised_node.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// What a replay found.
 struct ReplaySummary {
@@ -176,4 +176,4 @@ ReplaySummary replay(const std::string& log_path, const ReplayWatcher<Loop>& wat
   return summary;
 }
 
-}  // namespace angio
+}  // namespace angio::servo

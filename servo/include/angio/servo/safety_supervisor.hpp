@@ -11,22 +11,22 @@
 #include "angio/servo/motion_monitor.hpp"
 #include "angio/servo/servo_state_machine.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// What is supervised of every machine.
 struct SupervisionSettings {
   ServoStateSettings states;
   MessageTimingSettings freshness;
-  double most_start_spread_deg = 1;  ///< Between the patient's poses in consecutive frames, until the machine moves.
-  double most_start_spread_mm = 5;   ///< Of the target, across the beam.
-  double most_start_spread_depth_mm = 30;  ///< Along it: one view sees depth poorly, above all of a deformed tree.
+  double max_start_spread_deg = 1;  ///< Between the patient's poses in consecutive frames, until the machine moves.
+  double max_start_spread_mm = 5;   ///< Of the target, across the beam.
+  double max_start_spread_depth_mm = 30;  ///< Along it: one view sees depth poorly, above all of a deformed tree.
 
   void visit(SettingsVisitor& v) {
     v.section("states", [this](SettingsVisitor& inner) { states.visit(inner); });
     v.section("freshness", [this](SettingsVisitor& inner) { freshness.visit(inner); });
-    v.number("most_start_spread_deg", most_start_spread_deg, 0.01, 180);
-    v.number("most_start_spread_mm", most_start_spread_mm, 0.01, 1000);
-    v.number("most_start_spread_depth_mm", most_start_spread_depth_mm, 0.01, 1000);
+    v.number("max_start_spread_deg", max_start_spread_deg, 0.01, 180);
+    v.number("max_start_spread_mm", max_start_spread_mm, 0.01, 1000);
+    v.number("max_start_spread_depth_mm", max_start_spread_depth_mm, 0.01, 1000);
   }
 };
 
@@ -150,4 +150,4 @@ class SafetySupervisor : public FrameSupervisor {
   Monitor monitor_;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/servo/namespace.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// How fast a law takes its error away: the error decays as exp(-lambda t) while no limit binds. lambda may grow
 /// towards the goal (ViSP's vpAdaptiveGain), where it no longer asks for more than the arm can do:
@@ -24,4 +25,4 @@ struct ServoGain {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -14,7 +14,7 @@
 #include "angio/servo/position_based_settings.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// Where the anatomy is seen and where it should be seen.
 struct LawInput {
@@ -52,4 +52,4 @@ using ServoLawSettings = std::variant<PositionBasedSettings, ImageBasedSettings,
 /// Throws InputError when a setting is out of its range or what the law needs of the model is missing.
 std::unique_ptr<ServoLaw> makeServoLaw(const ServoLawSettings& settings, const LawModel& model = {});
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -11,7 +11,7 @@
 #include "angio/servo/safety_supervisor.hpp"
 #include "angio/servo/tasks.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// Everything one loop needs to know. The parts are chosen by the type of their settings.
 struct ServoLoopSettings {
@@ -133,4 +133,4 @@ class OpenLoop {
   CArmCommand last_command_;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

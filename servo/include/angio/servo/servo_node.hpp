@@ -5,7 +5,7 @@
 #include "angio/servo/servo_loop.hpp"
 #include "angio/servo/supervised_node.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// Hears a C-arm's joints: the newest for the supervisor, and those at each exposure for the loop. Hears also the view
 /// that is asked for.
@@ -27,9 +27,9 @@ class CArmStates {
   std::int64_t refused() const { return history_.refused(); }
 
  private:
-  LatestValue<CArmState> newest_;
+  LatestMessage<CArmState> newest_;
   JointHistory history_;
-  LatestValue<ViewRequest> views_;
+  LatestMessage<ViewRequest> views_;
 };
 
 template <>
@@ -57,4 +57,4 @@ using ServoNode = SupervisedNode<ServoLoop>;
 RegistrationMessage registrationMessage(const ServoReport& report);
 ServoStatus servoStatus(const ServoReport& report);
 
-}  // namespace angio
+}  // namespace angio::servo

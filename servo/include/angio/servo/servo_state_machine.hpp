@@ -7,10 +7,11 @@
 #include <string>
 
 #include "angio/base/settings.hpp"
+#include "angio/servo/namespace.hpp"
 #include "angio/types/servo_request.hpp"
 #include "angio/types/servo_status.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// What may change the loop's state.
 enum class ServoEvent {
@@ -37,19 +38,19 @@ struct ServoTransition {
 };
 
 struct ServoStateSettings {
-  int frames_to_start = 3;              ///< Trusted in a row, until the machine moves for the first time after START.
-  int frames_to_resume = 2;             ///< The same after a hold.
-  double most_frame_gap_ms = 250;       ///< No frame for longer: hold.
-  double frames_gone_ms = 2000;         ///< No frame for longer: fault.
-  double most_contradiction_ms = 2000;  ///< Frames that contradict joints and calibration, for longer: fault.
-  double most_request_age_ms = 2000;    ///< Between the status that a request answers and the newest frame.
+  int frames_to_start = 3;             ///< Trusted in a row, until the machine moves for the first time after START.
+  int frames_to_resume = 2;            ///< The same after a hold.
+  double max_frame_gap_ms = 250;       ///< No frame for longer: hold.
+  double frames_gone_ms = 2000;        ///< No frame for longer: fault.
+  double max_contradiction_ms = 2000;  ///< Frames that contradict joints and calibration, for longer: fault.
+  double max_request_age_ms = 2000;    ///< Between the status that a request answers and the newest frame.
 
   void visit(SettingsVisitor& v) {
     v.integer("frames_to_start", frames_to_start, 1, 1000);
-    v.number("most_frame_gap_ms", most_frame_gap_ms, 1, 60e3);
+    v.number("max_frame_gap_ms", max_frame_gap_ms, 1, 60e3);
     v.number("frames_gone_ms", frames_gone_ms, 1, 600e3);
-    v.number("most_contradiction_ms", most_contradiction_ms, 1, 600e3);
-    v.number("most_request_age_ms", most_request_age_ms, 1, 600e3);
+    v.number("max_contradiction_ms", max_contradiction_ms, 1, 600e3);
+    v.number("max_request_age_ms", max_request_age_ms, 1, 600e3);
   }
 };
 
@@ -106,4 +107,4 @@ class ServoStateMachine {
   std::optional<ServoRequest> last_request_;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -13,7 +13,7 @@
 #include "angio/servo/operator.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// What SupervisedNode needs to know of a loop's machine; specialised beside each loop (servo_node.hpp,
 /// catheter_node.hpp):
@@ -144,4 +144,4 @@ class SupervisedNode {
   ServoStatus last_status_;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

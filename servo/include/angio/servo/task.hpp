@@ -11,7 +11,7 @@
 #include "angio/servo/desired_view.hpp"
 #include "angio/types/view_request.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// What one trusted frame says, as a task is told it.
 struct TaskInput {
@@ -84,4 +84,4 @@ class Task {
   virtual std::optional<Pose> desired_T_camera_model() const = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -12,7 +12,7 @@
 #include "angio/servo/view_task_settings.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// What a task works with.
 struct TaskContext {
@@ -25,7 +25,7 @@ struct TaskContext {
 };
 
 /// The settings type is the choice of the task.
-using TaskSettings = std::variant<ViewTaskSettings, CentreTaskSettings, HoldTaskSettings>;
+using TaskSettings = std::variant<ViewTaskSettings, CenterTaskSettings, HoldTaskSettings>;
 
 /// The name of the task that settings choose: "view".
 std::string nameOf(const TaskSettings& settings);
@@ -39,4 +39,4 @@ TargetNeed targetNeed(const TaskSettings& settings);
 /// Throws InputError when a setting is out of its range or of no use with this tree.
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context);
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -4,7 +4,7 @@
 #include "angio/perception/target_need.hpp"
 #include "angio/servo/best_view.hpp"
 
-namespace angio {
+namespace angio::servo {
 
 /// What says which view a ViewTask is to reach.
 enum class ViewGoal {
@@ -49,4 +49,4 @@ struct ViewTaskSettings {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::servo

@@ -8,7 +8,7 @@
 #include "angio/calibration_records/record.hpp"
 #include "angio/geometry/carm.hpp"
 
-namespace angio {
+namespace angio::calibration_records {
 
 /// What calibration tells a servo loop: the C-arm's geometry, and how the patient lies.
 struct CArmCalibration {
@@ -67,8 +67,8 @@ void writeCArmCalibration(const std::string& path, const CArmCalibration& calibr
 
 /// The same calibration with a wrong T_dsa_cb: turned about `axis_patient` through the point `centre_model`, then
 /// shifted. What a loop is tested with.
-CArmCalibration miscalibrated(const CArmCalibration& truth, const Eigen::Vector3d& centre_model,
+CArmCalibration miscalibrated(const CArmCalibration& truth, const Eigen::Vector3d& center_model,
                               const Eigen::Vector3d& axis_patient, double angle_rad,
                               const Eigen::Vector3d& shift_patient_m);
 
-}  // namespace angio
+}  // namespace angio::calibration_records

@@ -5,10 +5,11 @@
 #include <optional>
 #include <string>
 
+#include "angio/calibration_records/namespace.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/io/yaml.hpp"
 
-namespace angio {
+namespace angio::calibration_records {
 
 /// Reads {rotation, translation_mm} [m], and covariance where the caller takes one. Throws InputError that names file,
 /// line, key, value and rule: no rotation, a mirrored one, a translation beyond 100 m, a covariance that is none.
@@ -31,4 +32,4 @@ enum class Definiteness { kPositive, kSemi };
 /// symmetric or not as definite as wanted, up to the rounding of files, each number in units of its own deviation.
 Eigen::MatrixXd requireCovariance(const YamlField& field, const Eigen::MatrixXd& read, Definiteness wanted);
 
-}  // namespace angio
+}  // namespace angio::calibration_records

@@ -8,9 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "angio/calibration_records/namespace.hpp"
 #include "angio/io/yaml.hpp"
 
-namespace angio {
+namespace angio::calibration_records {
 
 /// A file that a calibration was made from, so that one can tell whether it still is the same.
 struct CalibrationInput {
@@ -90,8 +91,8 @@ Observability observability(const std::vector<std::string>& parameters, const Ei
 
 /// How a program takes the records of a file that it reads.
 struct RecordGate {
-  std::string machine;            ///< The machine that is to be moved; empty: not known, and not checked.
-  double largest_age_days = 180;  ///< Older records are warned of.
+  std::string machine;        ///< The machine that is to be moved; empty: not known, and not checked.
+  double max_age_days = 180;  ///< Older records are warned of.
 };
 
 /// Warnings, a line each: too old, or from the future; nobody said which machine. Throws InputError that names
@@ -100,4 +101,4 @@ std::vector<std::string> checkRecords(const std::string& path, const std::vector
                                       const RecordGate& gate,
                                       std::chrono::system_clock::time_point now = std::chrono::system_clock::now());
 
-}  // namespace angio
+}  // namespace angio::calibration_records

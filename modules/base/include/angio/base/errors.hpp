@@ -5,7 +5,9 @@
 #include <stdexcept>
 #include <string>
 
-namespace angio {
+#include "angio/base/namespace.hpp"
+
+namespace angio::base {
 
 /// Wrong input by the user: a file, a setting, an argument. Thrown before the first frame, never in the loop.
 ///
@@ -27,7 +29,7 @@ class InputError : public std::runtime_error {
 };
 
 /// A number as a person would type it, for messages: "-5", "0.25", "nan".
-std::string shown(double value);
+std::string formatValue(double value);
 
 /// Throws InputError unless `value` is finite and greater than zero. Returns the value.
 double requirePositive(const std::string& place, const std::string& field, double value);
@@ -38,4 +40,4 @@ double requireFinite(const std::string& place, const std::string& field, double 
 /// Throws InputError unless `low <= value <= high`. Returns the value.
 double requireBetween(const std::string& place, const std::string& field, double value, double low, double high);
 
-}  // namespace angio
+}  // namespace angio::base

@@ -4,7 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace angio {
+#include "angio/base/namespace.hpp"
+
+namespace angio::base {
 
 /// FNV-1a, 64 bits: the same on every machine, unlike std::hash. Tells mix-ups apart, not forgeries.
 /// Source: Fowler, Noll, Vo, Eastlake, The FNV Non-Cryptographic Hash Algorithm, IETF draft.
@@ -29,4 +31,4 @@ class Fnv1a {
   std::uint64_t hash_ = 0xcbf29ce484222325ULL;
 };
 
-}  // namespace angio
+}  // namespace angio::base

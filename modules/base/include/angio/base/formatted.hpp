@@ -5,7 +5,9 @@
 #include <string>
 #include <type_traits>
 
-namespace angio {
+#include "angio/base/namespace.hpp"
+
+namespace angio::base {
 
 /// What printf would print, up to 511 characters. Of numbers and C strings alone: what else goes through an ellipsis is
 /// not what is read at its end.
@@ -19,4 +21,4 @@ std::string formatted(const char* format, Values... values) {
   return text;
 }
 
-}  // namespace angio
+}  // namespace angio::base

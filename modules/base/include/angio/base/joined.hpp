@@ -4,7 +4,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/base/namespace.hpp"
+
+namespace angio::base {
 
 /// Names in one line, "a, b, c"; of more than `most` of them the first, and ", ...".
 inline std::string joined(const std::vector<std::string>& names, std::size_t most = static_cast<std::size_t>(-1)) {
@@ -13,4 +15,4 @@ inline std::string joined(const std::vector<std::string>& names, std::size_t mos
   return names.size() > most ? line + ", ..." : line;
 }
 
-}  // namespace angio
+}  // namespace angio::base

@@ -5,9 +5,12 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/base/namespace.hpp"
 
-/// Walks over the fields of a settings struct: reading, writing and checking are visitors, so that each field is named once.
+namespace angio::base {
+
+/// Walks over the fields of a settings struct: reading, writing and checking are visitors, so that each field is named
+/// once.
 ///
 /// A settings struct offers `void visit(SettingsVisitor& v)`, with one line per field:
 ///     v.integer("iterations", iterations, 1, 1000);
@@ -41,4 +44,4 @@ void checkSettings(const std::string& place, Settings settings) {
   checkSettings(place, std::function<void(SettingsVisitor&)>([&](SettingsVisitor& v) { settings.visit(v); }));
 }
 
-}  // namespace angio
+}  // namespace angio::base

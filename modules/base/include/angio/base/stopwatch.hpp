@@ -3,7 +3,9 @@
 
 #include <chrono>
 
-namespace angio {
+#include "angio/base/namespace.hpp"
+
+namespace angio::base {
 
 /// Wall time since it was made. For reports only: no command may depend on it.
 class Stopwatch {
@@ -15,4 +17,4 @@ class Stopwatch {
   std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
 };
 
-}  // namespace angio
+}  // namespace angio::base

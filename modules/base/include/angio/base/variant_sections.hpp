@@ -10,7 +10,7 @@
 #include "angio/base/settings.hpp"
 #include "angio/base/variant_tuple.hpp"
 
-namespace angio {
+namespace angio::base {
 
 /// All settings that a variant of settings can hold, a section each by its kName, and which one is chosen: for settings
 /// files.
@@ -78,4 +78,4 @@ class VariantSections {
   OneOfEach<Variant> settings_;
 };
 
-}  // namespace angio
+}  // namespace angio::base

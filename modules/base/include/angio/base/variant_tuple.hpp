@@ -4,7 +4,9 @@
 #include <tuple>
 #include <variant>
 
-namespace angio {
+#include "angio/base/namespace.hpp"
+
+namespace angio::base {
 
 template <typename Variant>
 struct VariantTuple;
@@ -17,4 +19,4 @@ struct VariantTuple<std::variant<Settings...>> {
 template <typename Variant>
 using OneOfEach = typename VariantTuple<Variant>::type;
 
-}  // namespace angio
+}  // namespace angio::base

@@ -5,7 +5,9 @@
 #include <functional>
 #include <string>
 
-namespace angio {
+#include "angio/cli/namespace.hpp"
+
+namespace angio::cli {
 
 /// The version all programs print.
 std::string programVersion();
@@ -22,4 +24,4 @@ CLI::Validator between(double low, double high);
 /// stdout does not take is failed work); 2 wrong command line.
 int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& work);
 
-}  // namespace angio
+}  // namespace angio::cli

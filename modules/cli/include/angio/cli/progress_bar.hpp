@@ -4,7 +4,9 @@
 #include <chrono>
 #include <string>
 
-namespace angio {
+#include "angio/cli/namespace.hpp"
+
+namespace angio::cli {
 
 /// A progress bar on stderr for work of more than two seconds; silent when stderr is no terminal.
 class ProgressBar {
@@ -26,4 +28,4 @@ class ProgressBar {
   std::chrono::steady_clock::time_point began_, last_;
 };
 
-}  // namespace angio
+}  // namespace angio::cli

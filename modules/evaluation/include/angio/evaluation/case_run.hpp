@@ -12,7 +12,7 @@
 #include "angio/io/case_files.hpp"
 #include "angio/registration/starts.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// How cases are run.
 struct CaseRunSettings {
@@ -26,7 +26,7 @@ struct CaseOutcome {
   std::string name;
   RegistrationResult result;
   double image_s = 0;               ///< Time from images to centrelines; 0 when centrelines were given [s].
-  double pixel_at_isocentre_m = 0;  ///< Size of the first view's pixel at the depth of the tree's centroid.
+  double pixel_at_isocenter_m = 0;  ///< Size of the first view's pixel at the depth of the tree's centroid.
   std::optional<bool> followed;     ///< Of a frame of a sequence: whether the track went on with it.
   std::optional<PoseError> start_error,
       error;  ///< Of the pose it started from and of the result, when the truth is known; in the first view.
@@ -35,8 +35,8 @@ struct CaseOutcome {
 /// Called after each case with how many are done.
 using CaseProgress = std::function<void(int done)>;
 
-/// Runs every case with one method. Cases of a sequence are followed from frame to frame (SequenceTracker), at 15 a second. Throws InputError for
-/// files that cannot be read.
+/// Runs every case with one method. Cases of a sequence are followed from frame to frame (SequenceTracker), at 15 a
+/// second. Throws InputError for files that cannot be read.
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings,
                                   const CaseProgress& progress = {});
 
@@ -52,4 +52,4 @@ nlohmann::ordered_json machineAsJson();
 /// The summaries of several methods as a table for people, Markdown.
 std::string summaryTable(const nlohmann::ordered_json& summary_by_method);
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -5,9 +5,10 @@
 #include <string>
 #include <vector>
 
+#include "angio/evaluation/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// One picture of a contact sheet: an X-ray with what was seen in it.
 struct SheetPicture {
@@ -20,4 +21,4 @@ struct SheetPicture {
 /// Throws InputError without pictures or with columns or side below 1.
 cv::Mat contactSheet(const std::vector<SheetPicture>& pictures, int columns, int side_px);
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -12,7 +12,7 @@
 #include "angio/io/case_files.hpp"
 #include "angio/io/polygon_files.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// An X-ray image and what is to be found in it.
 struct ExtractionSample {
@@ -71,4 +71,4 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
 nlohmann::ordered_json extractionSummaries(const std::vector<ExtractionRun>& runs);
 std::string extractionTable(const nlohmann::ordered_json& summary_by_entrant);
 
-}  // namespace angio
+}  // namespace angio::evaluation

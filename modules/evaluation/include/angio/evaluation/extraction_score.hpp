@@ -6,9 +6,10 @@
 #include <optional>
 #include <vector>
 
+#include "angio/evaluation/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// How well extracted centrelines are the true ones, over one image or many. Shares are of length: lines are counted
 /// every pixel.
@@ -68,4 +69,4 @@ class ExtractionScore {
 /// every extractor. `radius_px` is that of the vessels; the projection may be off by as much.
 Centerline2d shownIn(const cv::Mat& image, const Centerline2d& projected, double radius_px, double contrast);
 
-}  // namespace angio
+}  // namespace angio::evaluation

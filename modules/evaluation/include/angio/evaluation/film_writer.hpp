@@ -5,7 +5,9 @@
 #include <opencv2/core/mat.hpp>
 #include <string>
 
-namespace angio {
+#include "angio/evaluation/namespace.hpp"
+
+namespace angio::evaluation {
 
 class FilmOutput;
 
@@ -32,4 +34,4 @@ class FilmWriter {
   std::unique_ptr<FilmOutput> output_;
 };
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -7,7 +7,7 @@
 #include "angio/evaluation/live_overlay.hpp"
 #include "angio/types/any_message.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// Puts together what belongs to one frame from what comes on a bus. Knows no clock: arrivals are told by the caller.
 class LiveFeed {
@@ -26,4 +26,4 @@ class LiveFeed {
   std::optional<std::int64_t> last_carm_status_us_, last_status_us_, last_registration_us_;
 };
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -5,6 +5,7 @@
 #include <opencv2/core/mat.hpp>
 #include <optional>
 
+#include "angio/evaluation/namespace.hpp"
 #include "angio/types/carm_motion.hpp"
 #include "angio/types/catheter.hpp"
 #include "angio/types/registration_message.hpp"
@@ -13,7 +14,7 @@
 #include "angio/vessel/model_id.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// One frame and what the bus says of it.
 struct LiveScene {
@@ -51,6 +52,6 @@ class LiveOverlay {
 
 /// The colour in which a state of the loop is shown, BGR: green where it moves, orange where it stands and waits, red
 /// where it stands until somebody acts.
-cv::Scalar stateColour(ServoState state);
+cv::Scalar stateColor(ServoState state);
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -6,18 +6,19 @@
 #include <string>
 #include <vector>
 
+#include "angio/evaluation/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/vessel/centerline2d.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// One thing to look at in an overlay: a tree under a pose, in a colour, with its line in the legend.
 struct OverlayTree {
   Pose T_camera_model = Pose::Identity();
   Eigen::Matrix3Xd displacements_m;  ///< 3 x N [m], or empty.
-  cv::Scalar colour_bgr;
+  cv::Scalar color_bgr;
   std::string label;
 };
 
@@ -29,7 +30,7 @@ struct OverlayScene {
   std::string caption;  ///< Line at the bottom.
 };
 
-extern const cv::Scalar kStartColour, kModelColour, kCenterlineColour;  ///< Blue, green, red orange.
+extern const cv::Scalar kStartColor, kModelColor, kCenterlineColor;  ///< Blue, green, red orange.
 
 /// Draws the X-ray with the extracted centreline and projected trees, CV_8UC3 of the camera's size.
 cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const XrayCamera& camera);
@@ -37,4 +38,4 @@ cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const Xra
 /// Pictures of one type from left to right, at least one; lower ones have a dark ground below.
 cv::Mat sideBySide(const std::vector<cv::Mat>& pictures);
 
-}  // namespace angio
+}  // namespace angio::evaluation

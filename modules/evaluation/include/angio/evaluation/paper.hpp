@@ -6,7 +6,7 @@
 
 #include "angio/evaluation/simulation_run.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 // The simulation experiments of the Iterative PnP paper ("Iterative PnP and its application in 3D-2D vascular image
 // registration for robot navigation"): its protocol as far as it says, and its printed figures to compare with.
@@ -59,4 +59,4 @@ nlohmann::ordered_json paperAsJson(const std::vector<EntrantRun>& table1, const 
 std::string paperReportHtml(const std::vector<EntrantRun>& table1, const std::vector<PaperLevel>& table3,
                             const std::string& tree_name, const nlohmann::ordered_json& settings_shown);
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -7,7 +7,9 @@
 #include <utility>
 #include <vector>
 
-namespace angio {
+#include "angio/evaluation/namespace.hpp"
+
+namespace angio::evaluation {
 
 /// One series of a plot. Values that cannot be shown (not finite, not positive on a log axis) leave a gap.
 struct PlotSeries {
@@ -15,7 +17,7 @@ struct PlotSeries {
 
   std::string name;  ///< In the legend; empty: not there.
   std::vector<double> x, y;
-  int colour = 0;                           ///< Number of a plotColour.
+  int color = 0;                            ///< Number of a plotColour.
   Kind kind = Kind::kLine;                  ///< Bars are 0.72 wide and stand on zero.
   std::vector<double> low = {}, high = {};  ///< Bounds of y as a band, as many as y, or empty.
   bool dashed = false;                      ///< A fine broken line without marks.
@@ -34,7 +36,7 @@ struct PlotGuide {
 struct PlotText {
   double x = 0, y = 0;
   std::string words;
-  int colour = 0;
+  int color = 0;
   cv::Point shift_px = {8, 4};
 };
 
@@ -60,8 +62,8 @@ struct Plot {
 
 /// Series colours after Okabe and Ito, which most colour-blind readers tell apart: 0 to 5, which count round; text's
 /// and a warning's.
-constexpr int kPlotColours = 6, kInkColour = -1, kWarningColour = -2;
-cv::Scalar plotColour(int index);  ///< BGR.
+constexpr int kPlotColors = 6, kInkColor = -1, kWarningColor = -2;
+cv::Scalar plotColor(int index);  ///< BGR.
 
 /// The plot as an <svg> element without colours of its own: it has the classes `c0` to `c5`, `line`, `rule`, `guide`,
 /// `count`, `band` and so on, and the page around it says how they look, light or dark. Without title and legend.
@@ -73,4 +75,4 @@ cv::Mat drawPlots(const std::vector<Plot>& plots, int width_px = 900, int height
 /// Text as it may stand in HTML and SVG.
 std::string htmlEscaped(const std::string& text);
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -3,11 +3,12 @@
 
 #include <optional>
 
+#include "angio/evaluation/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// mTRE below this is a success [m].
 constexpr double kSuccessMtre_m = 2e-3;
@@ -22,7 +23,7 @@ struct PoseError {
   /// Mean distance of corresponding projections [px]. Nothing when a point lies behind the source under one of the
   /// poses: a mean over the others would make a pose inside the X-ray tube look good.
   std::optional<double> mpd_px;
-  std::optional<double> mpd_isocentre_m;  ///< The same at the depth of the tree's centroid.
+  std::optional<double> mpd_isocenter_m;  ///< The same at the depth of the tree's centroid.
 
   double rotation_rad = 0;  ///< Angle between the poses.
   double centroid_m = 0;    ///< Distance of the centroid under both poses.
@@ -36,4 +37,4 @@ struct PlacedTree {
 PoseError poseError(const VesselTree& tree, const XrayCamera& camera, const PlacedTree& estimate,
                     const PlacedTree& truth);
 
-}  // namespace angio
+}  // namespace angio::evaluation

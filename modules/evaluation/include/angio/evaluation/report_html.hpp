@@ -8,7 +8,7 @@
 
 #include "angio/evaluation/plot.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// Pieces of one self-contained HTML page: no script, no reference to anything outside, light or dark as the reader's
 /// system is. Each function returns HTML; texts are escaped, HTML arguments are named so.
@@ -30,7 +30,7 @@ std::string table(const std::vector<std::vector<std::string>>& rows);
 std::string fromMarkdown(const std::string& markdown);
 
 /// A card with one large figure, its name and small lines below. `colour` as of a series.
-std::string card(const std::string& name, const std::string& figure, const std::vector<std::string>& lines, int colour);
+std::string card(const std::string& name, const std::string& figure, const std::vector<std::string>& lines, int color);
 
 /// A paragraph.
 std::string paragraph(const std::string& text);
@@ -44,4 +44,4 @@ std::string section(const std::string& title, const std::string& body_html);
 std::string page(const std::string& title, const std::string& subtitle, const std::vector<std::string>& sections_html);
 
 }  // namespace html
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -3,9 +3,10 @@
 
 #include <vector>
 
+#include "angio/evaluation/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// The shadow of a vessel across its axis: its radius [px] and its absorption through the axis.
 struct ShadowProfile {
@@ -25,4 +26,4 @@ bool resolved(const ShadowProfile& one, const ShadowProfile& other, double apart
 /// it is the same for every extractor. Throws InputError where radius or contrast is missing.
 std::vector<bool> haveOwnLine(const Centerline2d& vessels, double blur_px);
 
-}  // namespace angio
+}  // namespace angio::evaluation

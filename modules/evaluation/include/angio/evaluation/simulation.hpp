@@ -5,13 +5,14 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
+#include "angio/evaluation/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/registration/xray_view.hpp"
 #include "angio/simulation/fluoroscopy_settings.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// What a method is given of a simulated view: the centreline as it projects, with noise, or what an extractor finds in
 /// a rendered X-ray image.
@@ -38,7 +39,7 @@ struct SimulationSettings {
   ModelAxes model_axes = ModelAxes::kLps;
   double primary_deg = 0, secondary_deg = 0;                                      ///< Middle.
   double primary_range_deg = 60, secondary_range_deg = 35, roll_range_deg = 180;  ///< +- so much.
-  double source_isocentre_mm = 750;  ///< The tree's centroid stands at the isocentre.
+  double source_isocenter_mm = 750;  ///< The tree's centroid stands at the isocentre.
 
   // Image.
   double visible_fraction = 1;   ///< Share of the tree's projected length inside the field of view.
@@ -79,7 +80,7 @@ struct SimulationSettings {
     v.number("primary_range_deg", primary_range_deg, 0, 180);
     v.number("secondary_range_deg", secondary_range_deg, 0, 90);
     v.number("roll_range_deg", roll_range_deg, 0, 180);
-    v.number("source_isocentre_mm", source_isocentre_mm, 10, 10000);
+    v.number("source_isocentre_mm", source_isocenter_mm, 10, 10000);
     v.number("visible_fraction", visible_fraction, 0.02, 1);
     v.number("missing", missing, 0, 0.98);
     v.integer("spurious", spurious, 0, 1000);
@@ -135,4 +136,4 @@ XrayCamera simulatedCamera();
 SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
                               const SimulationSettings& settings, int index);
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -7,7 +7,7 @@
 #include "angio/evaluation/report_html.hpp"
 #include "angio/evaluation/simulation_sweep.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// What a report on one simulation shows.
 struct SimulationReport {
@@ -37,4 +37,4 @@ std::string sweepFigure(const SweepResult& result);
 std::string machineLine();
 
 }  // namespace html
-}  // namespace angio
+}  // namespace angio::evaluation

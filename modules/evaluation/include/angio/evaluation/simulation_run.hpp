@@ -8,7 +8,7 @@
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/simulation.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// A method as it takes part, under the name it has in results ("iterative_pnp").
 struct Entrant {
@@ -78,4 +78,4 @@ nlohmann::ordered_json simulationSummaries(const std::vector<EntrantRun>& runs, 
 /// The summaries as tables for people, Markdown.
 std::string simulationTable(const nlohmann::ordered_json& summary_by_method);
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -6,7 +6,7 @@
 
 #include "angio/evaluation/simulation_run.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// One quantity of the simulation over its range, everything else as it was.
 struct Sweep {
@@ -39,4 +39,4 @@ nlohmann::ordered_json sweepAsJson(const SweepResult& result);
 /// For people, Markdown.
 std::string sweepTable(const SweepResult& result);
 
-}  // namespace angio
+}  // namespace angio::evaluation

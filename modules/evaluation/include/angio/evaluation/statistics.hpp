@@ -3,7 +3,9 @@
 
 #include <vector>
 
-namespace angio {
+#include "angio/evaluation/namespace.hpp"
+
+namespace angio::evaluation {
 
 /// Mean; 0 for no values.
 double mean(const std::vector<double>& values);
@@ -12,4 +14,4 @@ double mean(const std::vector<double>& values);
 /// is not a number counts as larger than all others: what failed must not disappear.
 double percentile(std::vector<double> values, double share);
 
-}  // namespace angio
+}  // namespace angio::evaluation

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/evaluation/namespace.hpp"
+
+namespace angio::evaluation {
 
 /// A table in Markdown; the first row is the head.
 std::string markdownTable(const std::vector<std::vector<std::string>>& rows);
@@ -27,4 +29,4 @@ std::string figureTable(const std::string& of, const nlohmann::ordered_json& sum
 /// Mean, median, 75th and 95th percentile and maximum of values.
 nlohmann::ordered_json spreadOf(const std::vector<double>& values);
 
-}  // namespace angio
+}  // namespace angio::evaluation

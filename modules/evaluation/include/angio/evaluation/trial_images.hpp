@@ -7,7 +7,7 @@
 #include "angio/evaluation/simulation.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 
-namespace angio {
+namespace angio::evaluation {
 
 /// What an X-ray image of a trial shows.
 struct TrialTruth {
@@ -37,4 +37,4 @@ class TrialImages {
   std::vector<std::unique_ptr<FluoroscopyRenderer>> renderers_;  // By tree.
 };
 
-}  // namespace angio
+}  // namespace angio::evaluation

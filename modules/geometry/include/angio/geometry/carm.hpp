@@ -9,7 +9,7 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 
-namespace angio {
+namespace angio::geometry {
 
 /// Beam angles in the patient-based convention of DICOM (0018,1510) and (0018,1511), for a patient head first supine:
 /// primary + is LAO (detector towards the patient's left), secondary + is CRA (detector towards the head).
@@ -34,7 +34,7 @@ Eigen::Matrix3d viewRotation(const ViewAngles& angles);
 /// Axes X, Y, Z of the equipment are the table's left, down and head with all table angles zero. Primary + turns the
 /// detector from above towards X, secondary + towards Z, and the detector + turns clockwise as one sees it who looks
 /// along it to the source. Source: DICOM PS3.3 C.8.19.6.13.1, PS3.17 Z.2.
-struct IsocentreAngles {
+struct IsocenterAngles {
   double primary_rad = 0;
   double secondary_rad = 0;
   double detector_rotation_rad = 0;
@@ -61,17 +61,17 @@ struct TableAngles {
 };
 
 /// Camera axes in the equipment's axes X, Y, Z: rows are the detector's image's right, its down, and the beam.
-Eigen::Matrix3d detectorRotation(const IsocentreAngles& angles);
+Eigen::Matrix3d detectorRotation(const IsocenterAngles& angles);
 
 /// The patient's axes L, P, S in the equipment's axes X, Y, Z: R_isocentre_patient.
 Eigen::Matrix3d patientRotation(PatientPosition position, const TableAngles& table = {});
 
 /// The patient-based angles of the same beam; the detector's rotation is not part of them.
-ViewAngles viewAnglesOf(const IsocentreAngles& angles, const Eigen::Matrix3d& R_isocentre_patient);
+ViewAngles viewAnglesOf(const IsocenterAngles& angles, const Eigen::Matrix3d& R_isocenter_patient);
 
 /// The isocentre-based angles of the same beam, with the detector rotated so that the patient's head is up in the
 /// image: detectorRotation(result) * R_isocentre_patient = viewRotation(angles).
-IsocentreAngles isocentreAnglesOf(const ViewAngles& angles, const Eigen::Matrix3d& R_isocentre_patient);
+IsocenterAngles isocenterAnglesOf(const ViewAngles& angles, const Eigen::Matrix3d& R_isocenter_patient);
 
 /// Derivatives of the camera's place by kCArmPoseParameterNames: twists of the camera relative to the patient, in the
 /// camera frame, by radian, metre or one.
@@ -82,7 +82,7 @@ using CArmPoseJacobian = Eigen::Matrix<double, 6, kCArmPoseParameters>;
 /// Frame `iso`: origin at the isocentre, axes L, P, S of a patient who lies straight on the table. The patient lies on
 /// the table, so the table's position moves the patient: p_iso = table + p_iso(table at zero).
 struct CArmGeometry {
-  double source_isocentre_distance_m = 0.810;
+  double source_isocenter_distance_m = 0.810;
   double source_detector_distance_m = 1.113;  ///< By the encoder.
   double pixel_spacing_m = 0.25355859375e-3;
   int image_width_px = 1024;
@@ -135,4 +135,4 @@ struct CArmGeometry {
   CArmJoints refined(CArmJoints joints, const Eigen::Vector3d& beam, const Eigen::Vector3d& target_patient) const;
 };
 
-}  // namespace angio
+}  // namespace angio::geometry

@@ -6,7 +6,7 @@
 
 #include "angio/geometry/se3.hpp"
 
-namespace angio {
+namespace angio::geometry {
 
 /// One smooth bend of the arm over its angles: a twist of the camera, camera axes [m, rad], that grows as
 /// sin(frequency_primary * primary + frequency_secondary * secondary + phase) - sin(phase).
@@ -22,9 +22,9 @@ struct CArmFlexTerm {
 
 /// How the arm bends under its own weight: a sum of terms, none at both angles zero.
 struct CArmFlex {
-  static constexpr int kMostTerms = 12;
+  static constexpr int kMaxTerms = 12;
 
-  std::array<CArmFlexTerm, kMostTerms> terms;
+  std::array<CArmFlexTerm, kMaxTerms> terms;
   int count = 0;  ///< Terms that are used.
 
   /// Twist of the camera [m, rad] at these angles [rad], and its derivatives by them.
@@ -81,7 +81,7 @@ struct CArmParameter {
 /// In this order: primary and secondary offset, skew, gap, source right and down, source-isocentre distance, detector
 /// turn and roll, and the table's entries but (1, 0), column by column.
 constexpr int kCArmPoseParameters = 17;
-constexpr int kPrimaryOffsetParameter = 0, kSourceIsocentreParameter = 6, kFirstTableParameter = 9;
+constexpr int kPrimaryOffsetParameter = 0, kSourceIsocenterParameter = 6, kFirstTableParameter = 9;
 extern const std::array<CArmParameter, kCArmPoseParameters> kCArmPoseParameterNames;
 
-}  // namespace angio
+}  // namespace angio::geometry

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/geometry/namespace.hpp"
+
+namespace angio::geometry {
 
 /// Joints of a C-arm with its table: primary and secondary angle [rad], table x, y, z [m]; velocities in rad/s, m/s.
 using CArmJoints = Eigen::Matrix<double, 5, 1>;
@@ -37,7 +39,7 @@ struct CArmEnvelope {
   ///
   /// Numbers of a plausible machine, not of one that exists: measure your own. Throws InputError when the distance is
   /// not positive.
-  static CArmEnvelope typical(double isocentre_detector_m);
+  static CArmEnvelope typical(double isocenter_detector_m);
 };
 
 /// Where a C-arm may be and how it may move: range, speed, acceleration and jerk of each joint, in the order and units
@@ -55,7 +57,7 @@ struct CArmLimits {
   static CArmLimits typical();
 
   /// The same within CArmEnvelope::typical(), for a detector whose front is so far from the isocentre [m].
-  static CArmLimits typical(double isocentre_detector_m);
+  static CArmLimits typical(double isocenter_detector_m);
 };
 
-}  // namespace angio
+}  // namespace angio::geometry

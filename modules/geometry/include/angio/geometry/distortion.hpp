@@ -7,7 +7,7 @@
 
 #include "angio/geometry/xray_camera.hpp"
 
-namespace angio {
+namespace angio::geometry {
 
 /// Coefficients of a bend of the plane about its origin: out by 1 + k1 r^2 + k2 r^4, turned by s1 r^2 + s2 r^4.
 struct RadialBend {
@@ -34,7 +34,7 @@ struct DetectorDistortion {
   enum class Model { kRadial, kIntensifier };
 
   Model model = Model::kRadial;
-  Eigen::Vector2d centre_px{0, 0};
+  Eigen::Vector2d center_px{0, 0};
   Eigen::Vector2d unit_px{1, 1};
   RadialBend bend;
   double skew_px = 0;  ///< How far columns lean: u moves by skew_px for each unit of y.
@@ -54,4 +54,4 @@ struct DetectorDistortion {
   std::optional<Eigen::Vector2d> undistorted(const Eigen::Vector2d& image_px, Eigen::Matrix2d* J = nullptr) const;
 };
 
-}  // namespace angio
+}  // namespace angio::geometry

@@ -3,7 +3,9 @@
 
 #include <Eigen/Geometry>
 
-namespace angio {
+#include "angio/geometry/namespace.hpp"
+
+namespace angio::geometry {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -39,8 +41,8 @@ Matrix6d rightJacobianInverseSE3(const Twist& xi);
 /// The nearest rotation matrix in the Frobenius norm (SVD), with determinant +1.
 Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& M);
 
-/// The largest entry of |R^T R - I|, or infinity when an entry is not finite or the determinant is not positive: how far
-/// a matrix is from being a rotation.
+/// The largest entry of |R^T R - I|, or infinity when an entry is not finite or the determinant is not positive: how
+/// far a matrix is from being a rotation.
 double rotationDefect(const Eigen::Matrix3d& R);
 
 /// Rotation angle of R, in [0, pi] [rad]; accurate near zero.
@@ -50,4 +52,4 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr double degToRad(double angle_deg) { return angle_deg * kPi / 180.0; }
 constexpr double radToDeg(double angle_rad) { return angle_rad * 180.0 / kPi; }
 
-}  // namespace angio
+}  // namespace angio::geometry

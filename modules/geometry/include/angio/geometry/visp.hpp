@@ -8,7 +8,7 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 
-namespace angio {
+namespace angio::geometry {
 
 /// T_a_b as ViSP's aMb. Metres on both sides.
 vpHomogeneousMatrix toVisp(const Pose& T);
@@ -26,4 +26,4 @@ vpCameraParameters toVisp(const XrayCamera& camera);
 /// caller must correct first, and on the rules of XrayCamera.
 XrayCamera fromVisp(const vpCameraParameters& parameters, int width_px, int height_px);
 
-}  // namespace angio
+}  // namespace angio::geometry

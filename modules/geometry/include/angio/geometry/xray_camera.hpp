@@ -4,7 +4,9 @@
 #include <Eigen/Core>
 #include <optional>
 
-namespace angio {
+#include "angio/geometry/namespace.hpp"
+
+namespace angio::geometry {
 
 /// Pinhole camera of an X-ray system: the source is the centre of projection, the detector the image plane.
 ///
@@ -28,7 +30,7 @@ class XrayCamera {
   explicit XrayCamera(const Parameters& parameters);
 
   /// Camera of a detector with square pixels whose centre is the principal point.
-  static XrayCamera centred(int width_px, int height_px, double pixel_spacing_m, double source_detector_distance_m);
+  static XrayCamera centered(int width_px, int height_px, double pixel_spacing_m, double source_detector_distance_m);
 
   const Parameters& parameters() const { return p_; }
   int width_px() const { return p_.width_px; }
@@ -59,4 +61,4 @@ class XrayCamera {
   Parameters p_;
 };
 
-}  // namespace angio
+}  // namespace angio::geometry

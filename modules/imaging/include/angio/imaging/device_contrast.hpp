@@ -3,7 +3,9 @@
 
 #include <opencv2/core/mat.hpp>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// How much darker than its surroundings each pixel of a part of an X-ray image is, at the width of a thin device.
 struct DeviceContrast {
@@ -22,4 +24,4 @@ struct DeviceContrast {
 /// CV_16UC1, the width not positive, or the window and the image have nothing in common.
 DeviceContrast deviceContrast(const cv::Mat& image, const cv::Rect& window, double width_px);
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/imaging/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// Tells catheters and guidewires by a frame without contrast agent: what `in_mask`, the centrelines of that frame,
 /// shows as well was there before the vessels were filled.
@@ -13,4 +14,4 @@ namespace angio {
 /// it said before. Both come from frames that show the patient in one place: shift `in_mask` by maskShift first.
 Centerline2d withDevicesOf(const Centerline2d& found, const Centerline2d& in_mask);
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -11,7 +11,7 @@
 #include "angio/imaging/ridge_settings.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// Finds vessel centrelines in an X-ray image. One object per stream of images: it keeps its buffers.
 class CenterlineExtractor {
@@ -38,4 +38,4 @@ ExtractorSettings extractorSettingsNamed(const std::string& name);
 /// The name of the method that `settings` choose.
 std::string extractorName(const ExtractorSettings& settings);
 
-}  // namespace angio
+}  // namespace angio::imaging

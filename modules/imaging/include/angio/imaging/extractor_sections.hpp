@@ -7,7 +7,7 @@
 #include "angio/base/variant_tuple.hpp"
 #include "angio/imaging/extractor.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// All extractors' settings, a section each, and which one is chosen: for settings files.
 class ExtractorSections {
@@ -42,4 +42,4 @@ class ExtractorSections {
   int index_;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/imaging/namespace.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 enum class Polarity { kDark, kBright };  ///< How vessels stand out from the background.
 
@@ -23,20 +24,20 @@ struct OtsuSettings {
   static constexpr double noise_factor =
       4;                          ///< A vessel stands out from the background's spread by this factor at its strongest.
   double branch_contrast = 0.12;  ///< Thin branches reach on from vessels down to this part of Otsu's threshold.
-  double shortest_branch_px = 12;  ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
-  double smallest_area_px = 60;    ///< Smaller connected regions are noise, smaller holes are closed [px^2].
-  double border_px = 4;            ///< Margin of the detector that is not looked at [px].
-  double spacing_px = 2;           ///< Distance between points of the result [px].
+  double min_branch_px = 12;      ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
+  double smallest_area_px = 60;   ///< Smaller connected regions are noise, smaller holes are closed [px^2].
+  double border_px = 4;           ///< Margin of the detector that is not looked at [px].
+  double spacing_px = 2;          ///< Distance between points of the result [px].
 
   void visit(SettingsVisitor& v) {
     v.choice("polarity", polarity, {"dark", "bright"});
     v.number("smoothing_px", smoothing_px, 0, 20);
     v.number("branch_contrast", branch_contrast, 0.01, 1);
-    v.number("shortest_branch_px", shortest_branch_px, 0, 1000);
+    v.number("min_branch_px", min_branch_px, 0, 1000);
     v.number("smallest_area_px", smallest_area_px, 0, 1e6);
     v.number("border_px", border_px, 0, 1000);
     v.number("spacing_px", spacing_px, 0.5, 50);
   }
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

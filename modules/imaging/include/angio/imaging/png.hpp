@@ -8,10 +8,12 @@
 #include <string_view>
 #include <vector>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// The largest PNG image that is read, in each direction [px].
-constexpr unsigned kLargestPngSide = 8192;
+constexpr unsigned kMaxPngSide = 8192;
 
 /// Size and type as a PNG's first bytes claim them.
 struct PngHeader {
@@ -32,4 +34,4 @@ cv::Mat decodePng(const std::string& place, std::string_view content);
 /// other images.
 std::vector<std::uint8_t> encodePng(const cv::Mat& image);
 
-}  // namespace angio
+}  // namespace angio::imaging

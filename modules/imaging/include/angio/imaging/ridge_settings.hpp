@@ -4,7 +4,7 @@
 #include "angio/base/settings.hpp"
 #include "angio/imaging/otsu_settings.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// Vessels as dark ridges of the logarithm of the image, sought at several scales at once.
 ///
@@ -25,7 +25,7 @@ struct RidgeSettings {
   static constexpr const char* kName = "ridge";
 
   Polarity polarity = Polarity::kDark;
-  double largest_radius_px = 20;  ///< Of a vessel; with the image's size it says how coarse the coarsest scale is [px].
+  double max_radius_px = 20;  ///< Of a vessel; with the image's size it says how coarse the coarsest scale is [px].
   static constexpr double noise_factor = 1.7;  ///< A line's pixels stand out from the noise by this factor.
   static constexpr double line_factor = 4;     ///< A whole line stands out by this one at least, on average.
   static constexpr double evidence =
@@ -35,9 +35,9 @@ struct RidgeSettings {
   static constexpr double relative_contrast =
       0.1;                        ///< Nor is one that is weaker than this part of the image's strong vessels.
   double relative_density = 0.6;  ///< Nor a faint line whose contrast over width is below this part of what is usual.
-  double shortest_branch_px = 4;  ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
-  static constexpr double shortest_line_px = 40;  ///< Shorter lines that stand alone are dropped [px].
-  static constexpr double longest_gap_px = 24;    ///< Wider gaps between two ends of one line stay open [px].
+  double min_branch_px = 4;       ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
+  static constexpr double min_line_px = 40;  ///< Shorter lines that stand alone are dropped [px].
+  static constexpr double max_gap_px = 24;   ///< Wider gaps between two ends of one line stay open [px].
   double border_px = 4;   ///< Margin of the detector, and of the collimator's opening, not looked at [px].
   double spacing_px = 2;  ///< Distance between points of the result [px].
   /// Shorter side of the grid that larger images are shrunk to [working px]. A finer one tells thin vessels from their
@@ -46,12 +46,12 @@ struct RidgeSettings {
 
   void visit(SettingsVisitor& v) {
     v.choice("polarity", polarity, {"dark", "bright"});
-    v.number("largest_radius_px", largest_radius_px, 1, 500);
-    v.number("shortest_branch_px", shortest_branch_px, 0, 1000);
+    v.number("max_radius_px", max_radius_px, 1, 500);
+    v.number("min_branch_px", min_branch_px, 0, 1000);
     v.number("border_px", border_px, 0, 1000);
     v.number("spacing_px", spacing_px, 0.5, 50);
     v.integer("working_side_px", working_side_px, 64, 4096);
   }
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -5,22 +5,23 @@
 #include <opencv2/core/mat.hpp>
 
 #include "angio/base/settings.hpp"
+#include "angio/imaging/namespace.hpp"
 
-namespace angio {
+namespace angio::imaging {
 
 /// How a mask frame is laid over a live one before it is subtracted.
 struct SubtractionSettings {
-  double largest_shift_px = 16;  ///< The patient has breathed by less; 0 takes the mask as it is [px].
+  double max_shift_px = 16;  ///< The patient has breathed by less; 0 takes the mask as it is [px].
 
-  void visit(SettingsVisitor& v) { v.number("largest_shift_px", largest_shift_px, 0, 1000); }
+  void visit(SettingsVisitor& v) { v.number("max_shift_px", max_shift_px, 0, 1000); }
 };
 
 /// The shift that moves `mask` onto `live` [px], as far as one shift can: live(p) looks like mask(p - shift).
 ///
 /// Found from the logarithms of both, by the phase of their spectra and then by least squares that take what only one
-/// of them shows, contrast agent, for outliers. Zero when the two have nothing in common within `largest_shift_px`.
+/// of them shows, contrast agent, for outliers. Zero when the two have nothing in common within `max_shift_px`.
 /// Images are CV_8UC1 or CV_16UC1 of one size; throws InputError otherwise.
-Eigen::Vector2d maskShift(const cv::Mat& live, const cv::Mat& mask, double largest_shift_px);
+Eigen::Vector2d maskShift(const cv::Mat& live, const cv::Mat& mask, double max_shift_px);
 
 /// Digital subtraction: what `live` shows and `mask`, a frame without contrast agent, does not.
 ///
@@ -31,4 +32,4 @@ cv::Mat subtracted(const cv::Mat& live, const cv::Mat& mask, const SubtractionSe
 
 constexpr double kSubtractedLevel = 30000;  ///< Grey value of no change.
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -4,14 +4,16 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// Median of each pixel over the last frames of a stream: quantum noise goes, what stands still stays sharp.
 class TemporalMedian {
  public:
-  static constexpr int kMostFrames = 15;
+  static constexpr int kMaxFrames = 15;
 
-  /// Over this many frames; throws InputError unless it is odd and at most kMostFrames.
+  /// Over this many frames; throws InputError unless it is odd and at most kMaxFrames.
   explicit TemporalMedian(int frames);
 
   /// Takes a frame (CV_8UC1 or CV_16UC1) and gives the median of the last ones, as many as there have been; of an even
@@ -28,4 +30,4 @@ class TemporalMedian {
   cv::Mat smaller_, result_;
 };
 
-}  // namespace angio
+}  // namespace angio::imaging

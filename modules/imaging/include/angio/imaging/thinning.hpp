@@ -3,7 +3,9 @@
 
 #include <opencv2/core/mat.hpp>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// Thins the regions of a mask (CV_8UC1, zero is background) to lines one pixel wide, in place; the lines are 255.
 ///
@@ -12,4 +14,4 @@ namespace angio {
 /// time grows with the vessels' area and not with the image. Throws InputError for another type.
 void thin(cv::Mat& mask);
 
-}  // namespace angio
+}  // namespace angio::imaging

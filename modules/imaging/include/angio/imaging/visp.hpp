@@ -5,7 +5,9 @@
 
 #include <opencv2/core/mat.hpp>
 
-namespace angio {
+#include "angio/imaging/namespace.hpp"
+
+namespace angio::imaging {
 
 /// A copy of ViSP's grey image as CV_8UC1, ready for CenterlineExtractor::extract. Throws InputError when it is empty.
 cv::Mat fromVisp(const vpImage<unsigned char>& image);
@@ -14,4 +16,4 @@ cv::Mat fromVisp(const vpImage<unsigned char>& image);
 /// 255, and a constant image becomes 0. Throws InputError for any other type or an empty image.
 vpImage<unsigned char> toVisp(const cv::Mat& image);
 
-}  // namespace angio
+}  // namespace angio::imaging

@@ -7,8 +7,9 @@
 
 #include "angio/geometry/distortion.hpp"
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/io/namespace.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// How a camera changes when its detector moves towards the source or away from it.
 struct CameraDistanceLaw {
@@ -49,4 +50,4 @@ nlohmann::ordered_json cameraAsJson(const CameraFile& camera);
 /// Writes the YAML form. Throws InputError when the file cannot be written.
 void writeCamera(const std::string& path, const XrayCamera& camera);
 
-}  // namespace angio
+}  // namespace angio::io

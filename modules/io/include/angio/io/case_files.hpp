@@ -7,8 +7,9 @@
 
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/io/namespace.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// One X-ray view of a case: its camera and what was seen, as a centreline or as an image (or both). Paths are as good
 /// as the case file's own: its folder stands in front.
@@ -61,4 +62,4 @@ void writeCaseSet(const std::string& path, const CaseSet& set);
 /// names. Throws InputError as readPose.
 Pose readViewPose(const std::string& path);
 
-}  // namespace angio
+}  // namespace angio::io

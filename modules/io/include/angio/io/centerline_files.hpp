@@ -3,12 +3,13 @@
 
 #include <string>
 
+#include "angio/io/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// Reads a 2D centreline from CSV with a header: `x_px,y_px` and optionally `branch`, `tangent_rad`, `radius_px`,
-/// `sigma_px`, `contrast` and `kind` (vessel or device), in any order. At least one point. Points of one branch need
+/// `std_px`, `contrast` and `kind` (vessel or device), in any order. At least one point. Points of one branch need
 /// not stand together in the file: they are brought together in their order. Tangents that are not given are estimated
 /// as in makeCenterline.
 ///
@@ -19,4 +20,4 @@ Centerline2d readCenterline(const std::string& path);
 /// written or there is no point.
 void writeCenterline(const std::string& path, const Centerline2d& centerline);
 
-}  // namespace angio
+}  // namespace angio::io

@@ -4,9 +4,10 @@
 #include <string>
 #include <vector>
 
+#include "angio/io/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// One open curve along a vessel.
 struct NamedCurve {
@@ -33,4 +34,4 @@ VesselTree joinedCurves(const std::string& from, const std::vector<NamedCurve>& 
 /// InputError for a name of none or of several.
 const NamedCurve& curveOfName(const std::string& from, const std::vector<NamedCurve>& curves, const std::string& name);
 
-}  // namespace angio
+}  // namespace angio::io

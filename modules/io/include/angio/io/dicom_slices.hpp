@@ -5,7 +5,9 @@
 #include <opencv2/core/mat.hpp>
 #include <string>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// One slice of a tomographic DICOM series (CT, MR) and where it lies in the patient (L, P, S).
 struct DicomSlice {
@@ -22,4 +24,4 @@ struct DicomSlice {
 /// value and rule.
 DicomSlice readDicomSlice(const std::string& path);
 
-}  // namespace angio
+}  // namespace angio::io

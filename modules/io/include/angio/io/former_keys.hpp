@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// Keys of settings files that earlier versions knew, and what has become of them. A former key stays in the table for
 /// one minor version: until then a file that has it is read with a warning, afterwards it is refused as unknown.
@@ -37,4 +39,4 @@ struct FormerKeys {
 /// The former keys of this version, all in one table.
 const FormerKeys& formerKeys();
 
-}  // namespace angio
+}  // namespace angio::io

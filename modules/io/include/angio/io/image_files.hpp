@@ -7,8 +7,9 @@
 #include <vector>
 
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/io/namespace.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// The X-ray frames of one file, by its content: a PNG is one frame, a TIFF has one to a page, a DICOM run its own
 /// (see XaRun, which knows their geometry too). The file is held in memory and frames are decoded when asked for.
@@ -49,4 +50,4 @@ void writeImage(const std::string& path, const cv::Mat& image);
 /// InputError otherwise, for more than 1 GiB, and when the file cannot be written.
 void writeImageSequence(const std::string& path, const std::vector<cv::Mat>& frames);
 
-}  // namespace angio
+}  // namespace angio::io

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// An image and the regions that people have drawn in it.
 struct AnnotatedImage {
@@ -22,4 +24,4 @@ struct AnnotatedImage {
 /// not there, fewer than three corners, numbers beyond any detector, no annotated image.
 std::vector<AnnotatedImage> readCocoPolygons(const std::string& path);
 
-}  // namespace angio
+}  // namespace angio::io

@@ -5,8 +5,9 @@
 #include <string>
 
 #include "angio/geometry/se3.hpp"
+#include "angio/io/namespace.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// What a pose file holds.
 struct PoseFile {
@@ -25,4 +26,4 @@ PoseFile readPose(const std::string& path);
 /// Writes what readPose reads. Throws InputError when the file cannot be written.
 void writePose(const std::string& path, const PoseFile& pose);
 
-}  // namespace angio
+}  // namespace angio::io

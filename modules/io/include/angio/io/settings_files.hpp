@@ -10,7 +10,7 @@
 #include "angio/base/settings.hpp"
 #include "angio/io/former_keys.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// Reads settings from plain YAML into the fields that `visit_fields` names. Every key is optional: a field that is not
 /// in the file keeps its value; an empty file changes nothing. Sections are nested maps.
@@ -43,4 +43,4 @@ nlohmann::ordered_json settingsAsJson(Settings settings) {
   return settingsAsJson(std::function<void(SettingsVisitor&)>([&](SettingsVisitor& v) { settings.visit(v); }));
 }
 
-}  // namespace angio
+}  // namespace angio::io

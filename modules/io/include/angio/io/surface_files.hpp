@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// A surface of flat pieces as it stands in a file.
 struct Surface {
@@ -19,4 +21,4 @@ struct Surface {
 /// polygons gives a surface without any.
 Surface readVtpSurface(const std::string& path);
 
-}  // namespace angio
+}  // namespace angio::io

@@ -7,7 +7,9 @@
 #include <string_view>
 #include <vector>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// One row of a CSV file whose columns have names.
 class TableRow {
@@ -47,4 +49,4 @@ struct TableColumns {
 void readTable(const std::string& path, const TableColumns& columns,
                const std::function<void(const TableRow&)>& take_row);
 
-}  // namespace angio
+}  // namespace angio::io

@@ -6,13 +6,15 @@
 #include <string_view>
 #include <vector>
 
-namespace angio {
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// Files of text, tables and trees; larger ones are no centreline but a mistake [bytes].
-constexpr std::size_t kLargestTextFile = std::size_t{256} << 20;
+constexpr std::size_t kMaxTextFile = std::size_t{256} << 20;
 
 /// No tree or centreline has more points: each costs some hundred bytes once it is read.
-constexpr int kMostPoints = 2'000'000;
+constexpr int kMaxPoints = 2'000'000;
 
 /// "path:line".
 std::string atLine(const std::string& path, int line);
@@ -60,4 +62,4 @@ std::string exact(double value);
 /// Metres as millimetres, so that reading the text and dividing by 1000 gives the same number again.
 std::string exactMillimetres(double value_m);
 
-}  // namespace angio
+}  // namespace angio::io

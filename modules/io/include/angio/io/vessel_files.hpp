@@ -3,9 +3,10 @@
 
 #include <string>
 
+#include "angio/io/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// Reads a vessel tree; lengths are millimetres in every file. The extension (in any case) is the choice of the format:
 ///
@@ -43,4 +44,4 @@ VesselTree withOtherFrame(const VesselTree& tree);
 /// or when the file cannot be written.
 void writeVesselTree(const std::string& path, const VesselTree& tree, PatientFrame frame = PatientFrame::kLps);
 
-}  // namespace angio
+}  // namespace angio::io

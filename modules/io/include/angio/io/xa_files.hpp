@@ -8,8 +8,9 @@
 #include <vector>
 
 #include "angio/geometry/carm.hpp"
+#include "angio/io/namespace.hpp"
 
-namespace angio {
+namespace angio::io {
 
 /// What an X-ray run's file says of the whole run; no name or number of a patient is among it.
 struct XaHeader {
@@ -44,11 +45,11 @@ struct XaGeometry {
 
   XrayCamera camera;
   double source_detector_distance_m = 0;
-  std::optional<double> source_isocentre_distance_m;
+  std::optional<double> source_isocenter_distance_m;
   std::string spacing_from;                         ///< The attribute that the pixel spacing was taken from.
   bool stored_mirrored = true;                      ///< Whether XaRun::image mirrors what is stored, left for right.
   std::optional<ViewAngles> patient_angles;         ///< (0018,1510), (0018,1511) with their increments.
-  std::optional<IsocentreAngles> isocentre_angles;  ///< (0018,9463), (0018,9464), (0018,9465).
+  std::optional<IsocenterAngles> isocenter_angles;  ///< (0018,9463), (0018,9464), (0018,9465).
   TableAngles table_angles;
   Eigen::Vector3d table_shift_m = Eigen::Vector3d::Zero();  ///< Since the first frame, in the patient's axes L, P, S.
   std::optional<double> time_s;                             ///< Since the first frame.
@@ -104,4 +105,4 @@ class XaRun {
   std::vector<XaMask> masks_;
 };
 
-}  // namespace angio
+}  // namespace angio::io

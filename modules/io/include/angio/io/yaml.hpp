@@ -7,7 +7,10 @@
 #include <string_view>
 #include <vector>
 
-namespace angio {
+#include "angio/base/errors.hpp"
+#include "angio/io/namespace.hpp"
+
+namespace angio::io {
 
 /// A piece of a YAML document with the line it stands on. Files are data here, so there are no anchors, aliases or
 /// tags.
@@ -27,8 +30,9 @@ struct YamlNode {
 /// anchors, aliases, tags, a second document, nesting beyond 32, more than a million values and more than 4 MiB.
 YamlNode readYaml(const std::string& path);
 
+using base::formatValue;  // Of numbers, beside that of nodes.
 /// What a node says, for messages.
-std::string shown(const YamlNode& node);
+std::string formatValue(const YamlNode& node);
 
 /// A value under its key, with the place to name when it is wrong. Each reader throws InputError "path:line: key = ...:
 /// rule".
@@ -76,4 +80,4 @@ class YamlMap {
 /// is not finite: it has no place in a file.
 std::string asYaml(const nlohmann::ordered_json& document);
 
-}  // namespace angio
+}  // namespace angio::io

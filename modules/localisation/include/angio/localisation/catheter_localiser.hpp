@@ -12,7 +12,7 @@
 #include "angio/localisation/tip_evidence.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// What has happened since the frame before.
 struct CatheterMotion {
@@ -60,7 +60,7 @@ class CatheterLocaliser {
 
   /// The same, with the tip known to be about `arc_m` into a chain. Throws InputError for a chain that is not there, or
   /// an arc length or sigma that cannot be.
-  void reset(int chain, double arc_m, double sigma_m);
+  void reset(int chain, double arc_m, double std_m);
 
   /// The belief as it stands.
   const TipBelief& belief() const;
@@ -70,4 +70,4 @@ class CatheterLocaliser {
   std::unique_ptr<Filter> filter_;
 };
 
-}  // namespace angio
+}  // namespace angio::localisation

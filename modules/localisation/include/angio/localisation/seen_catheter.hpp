@@ -7,9 +7,10 @@
 
 #include "angio/base/settings.hpp"
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/localisation/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// Which end of a seen curve is the catheter's tip.
 enum class TipEnd { kLast, kUnknown };
@@ -17,22 +18,22 @@ enum class TipEnd { kLast, kUnknown };
 /// A catheter in one X-ray frame: one curve, in order.
 struct SeenCatheter {
   Eigen::Matrix2Xd points_px;  ///< 2 x N, from where it comes in to its tip [px].
-  double sigma_px = 1;         ///< Of a point, across the curve [px].
+  double std_px = 1;           ///< Of a point, across the curve [px].
   TipEnd tip_end = TipEnd::kLast;
 };
 
 /// How pieces of a device become one curve.
 struct SeenCatheterSettings {
-  static constexpr double longest_gap_px = 60;     ///< Ends of pieces further apart are not joined.
-  static constexpr double largest_turn_deg = 60;   ///< A gap is crossed about straight on.
-  static constexpr double shortest_piece_px = 15;  ///< Shorter pieces are noise unless a gap's other side needs them.
-  static constexpr double shortest_curve_px = 40;  ///< A shorter catheter says nothing.
-  double border_px = 25;  ///< An end this near to the detector's border leaves the image there.
-  double sigma_px = 1;    ///< Of points whose extractor does not say.
+  static constexpr double max_gap_px = 60;    ///< Ends of pieces further apart are not joined.
+  static constexpr double max_turn_deg = 60;  ///< A gap is crossed about straight on.
+  static constexpr double min_piece_px = 15;  ///< Shorter pieces are noise unless a gap's other side needs them.
+  static constexpr double min_curve_px = 40;  ///< A shorter catheter says nothing.
+  double border_px = 25;                      ///< An end this near to the detector's border leaves the image there.
+  double std_px = 1;                          ///< Of points whose extractor does not say.
 
   void visit(SettingsVisitor& v) {
     v.number("border_px", border_px, 0, 1000);
-    v.number("sigma_px", sigma_px, 0.01, 100);
+    v.number("std_px", std_px, 0.01, 100);
   }
 };
 
@@ -49,4 +50,4 @@ std::optional<SeenCatheter> seenCatheter(const Centerline2d& seen, const XrayCam
                                          const SeenCatheterSettings& settings = {},
                                          const std::optional<CatheterHint>& hint = std::nullopt);
 
-}  // namespace angio
+}  // namespace angio::localisation

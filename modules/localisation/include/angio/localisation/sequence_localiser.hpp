@@ -6,7 +6,7 @@
 
 #include "angio/localisation/catheter_localiser.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// One frame of a recorded sequence.
 struct SequenceFrame {
@@ -60,4 +60,4 @@ SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const 
                                 const SequenceSettings& settings = {},
                                 const std::function<void(int rounds_done)>& progress = {});
 
-}  // namespace angio
+}  // namespace angio::localisation

@@ -6,14 +6,16 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/localisation/namespace.hpp"
+
+namespace angio::localisation {
 
 /// One place of a catheter's tip on the tree.
 struct TipPlace {
   int chain = 0;           ///< Index into VesselTree::branches().
   double arc_m = 0;        ///< From the chain's start, along the vessel [m].
   double path_m = 0;       ///< From the root, along the vessel [m].
-  double sigma_m = 0;      ///< Standard deviation of the tip's place along the vessel, given this chain [m].
+  double std_m = 0;        ///< Standard deviation of the tip's place along the vessel, given this chain [m].
   double probability = 0;  ///< That the tip is in this chain.
   Eigen::Vector3d tip_model = Eigen::Vector3d::Zero();         ///< Of the place, model frame [m].
   Eigen::Vector3d direction_model = Eigen::Vector3d::UnitX();  ///< Along the vessel, away from the root.
@@ -61,4 +63,4 @@ inline const char* statusName(BeliefStatus status) {
   }
 }
 
-}  // namespace angio
+}  // namespace angio::localisation

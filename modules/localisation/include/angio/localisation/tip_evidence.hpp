@@ -7,7 +7,7 @@
 
 #include "angio/localisation/tip_belief.hpp"
 
-namespace angio {
+namespace angio::localisation {
 
 /// How well one place of a tree explains what a frame shows of a catheter's tip.
 struct PlaceEvidence {
@@ -33,4 +33,4 @@ std::optional<Eigen::Vector3d> tipEnd(const TipEvidence& evidence, const TipPlac
 /// The standard deviation of that end [m]; 0 where there is none.
 double tipEndStd_m(const TipEvidence& evidence, const TipPlace& place);
 
-}  // namespace angio
+}  // namespace angio::localisation

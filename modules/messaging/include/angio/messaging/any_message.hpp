@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/messaging/codec.hpp"
+#include "angio/messaging/namespace.hpp"
 
-namespace angio {
+namespace angio::messaging {
 
 /// The name of the .lcm type whose fingerprint these bytes begin with; nothing when it is none of ours.
 std::optional<std::string> messageType(const std::uint8_t* data, std::size_t size);
@@ -21,4 +22,4 @@ std::int64_t sequenceOf(const AnyMessage& message);
 /// without control characters.
 std::string describe(const AnyMessage& message);
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -10,7 +10,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/messaging/namespace.hpp"
+
+namespace angio::messaging {
 
 /// Carries bytes between programs by named channels. To be used from one thread.
 class Bus {
@@ -70,4 +72,4 @@ std::unique_ptr<Bus> openSharedBus(const std::string& url);
 /// of 1024 x 1024 pixels needs. Nothing when it allows enough, or does not say.
 std::optional<std::string> receiveBufferWarning(const std::string& url);
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -8,7 +8,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/messaging/namespace.hpp"
+
+namespace angio::messaging {
 
 /// What one channel of a bus has carried so far.
 struct ChannelReport {
@@ -64,4 +66,4 @@ class BusMonitor {
   std::map<std::string, Channel> channels_;
 };
 
-}  // namespace angio
+}  // namespace angio::messaging

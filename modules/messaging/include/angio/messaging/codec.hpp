@@ -10,8 +10,9 @@
 #include <vector>
 
 #include "angio/messaging/messages.hpp"
+#include "angio/messaging/namespace.hpp"
 
-namespace angio {
+namespace angio::messaging {
 
 /// What decoding gave: the value, or one line that says why there is none.
 template <typename T>
@@ -74,4 +75,4 @@ Decoded<T> decode(const std::uint8_t* data, std::size_t size) {
   return decoded;
 }
 
-}  // namespace angio
+}  // namespace angio::messaging

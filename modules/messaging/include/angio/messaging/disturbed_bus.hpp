@@ -14,7 +14,7 @@
 #include "angio/base/settings.hpp"
 #include "angio/messaging/bus.hpp"
 
-namespace angio {
+namespace angio::messaging {
 
 /// What a network does to the messages of one channel. The default does nothing.
 struct DisturbanceSettings {
@@ -116,4 +116,4 @@ class DisturbedBus : public Bus {
   DisturbanceCounts counts_;
 };
 
-}  // namespace angio
+}  // namespace angio::messaging

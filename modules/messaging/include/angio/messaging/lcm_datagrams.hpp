@@ -11,7 +11,9 @@
 #include <utility>
 #include <vector>
 
-namespace angio {
+#include "angio/messaging/namespace.hpp"
+
+namespace angio::messaging {
 
 /// The channel on which LCM programs speak to themselves when they begin to listen. Others on the network hear it.
 constexpr const char* kLcmSelfTestChannel = "LCM_SELF_TEST";
@@ -96,4 +98,4 @@ class LcmDatagrams {
   std::int64_t refused_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/messaging/namespace.hpp"
+
+namespace angio::messaging {
 
 /// One message of a log.
 struct LogEvent {
@@ -47,4 +49,4 @@ class LogReader {
 /// The file of a URL "file://x.lcm?speed=0", which is to be read as fast as it goes; nothing for any other.
 std::optional<std::string> logFileOf(const std::string& url);
 
-}  // namespace angio
+}  // namespace angio::messaging

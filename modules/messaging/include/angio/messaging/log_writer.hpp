@@ -6,7 +6,9 @@
 #include <optional>
 #include <string>
 
-namespace angio {
+#include "angio/messaging/namespace.hpp"
+
+namespace angio::messaging {
 
 /// Writes a log of messages that LogReader, lcm-logplayer and angio-replay read. Every write is checked. When one
 /// fails, the log is cut back to its last whole message, and no more are written.
@@ -38,4 +40,4 @@ class LogWriter {
   std::optional<std::string> failure_;
 };
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -9,7 +9,7 @@
 #include "angio/messaging/codec.hpp"
 #include "angio/messaging/log_reader.hpp"
 
-namespace angio {
+namespace angio::messaging {
 
 /// Sequence and time [us]. A frame's number alone does not name it: a sender that starts again counts from one.
 using FrameName = std::pair<std::int64_t, std::int64_t>;
@@ -54,4 +54,4 @@ class LoggedFrames {
   ByFrame<std::int64_t> place_;
 };
 
-}  // namespace angio
+}  // namespace angio::messaging

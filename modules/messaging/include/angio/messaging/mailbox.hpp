@@ -10,7 +10,7 @@
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/codec.hpp"
 
-namespace angio {
+namespace angio::messaging {
 
 /// Encodes and sends one message. Throws as encode() and Bus::publish() do; then nothing was sent.
 template <typename T>
@@ -40,14 +40,14 @@ std::int64_t sequenceOf(const Message& message) {
 /// Newer is what has a higher sequence. A lower one is newer only if its time is later too: then its sender has started
 /// again, and must not go unheard. Duplicates and late ones are dropped and counted.
 template <typename T>
-class LatestValue {
+class LatestMessage {
  public:
   /// Throws InputError as Bus::subscribe() does. May end before or after the bus.
-  LatestValue(Bus& bus, const std::string& channel) : box_(std::make_shared<Box>()) {
+  LatestMessage(Bus& bus, const std::string& channel) : box_(std::make_shared<Box>()) {
     bus.subscribe(channel, [box = box_](const std::uint8_t* data, std::size_t size) { box->put(data, size); });
   }
-  LatestValue(const LatestValue&) = delete;
-  LatestValue& operator=(const LatestValue&) = delete;
+  LatestMessage(const LatestMessage&) = delete;
+  LatestMessage& operator=(const LatestMessage&) = delete;
 
   /// The newest message, or nothing when none has come yet or it was taken.
   const std::optional<T>& peek() const { return box_->value; }
@@ -93,19 +93,19 @@ class LatestValue {
 };
 
 /// Keeps all messages of a channel that can be decoded, in the order of their arrival, until they are taken:
-/// LatestValue would lose an emergency stop behind what came after it.
+/// LatestMessage would lose an emergency stop behind what came after it.
 template <typename T>
-class EveryValue {
+class MessageQueue {
  public:
   /// Throws InputError as Bus::subscribe() does. May end before or after the bus.
-  EveryValue(Bus& bus, const std::string& channel) : values_(std::make_shared<std::vector<T>>()) {
+  MessageQueue(Bus& bus, const std::string& channel) : values_(std::make_shared<std::vector<T>>()) {
     bus.subscribe(channel, [values = values_](const std::uint8_t* data, std::size_t size) {
       Decoded<T> decoded = decode<T>(data, size);
       if (decoded.value) values->push_back(std::move(*decoded.value));
     });
   }
-  EveryValue(const EveryValue&) = delete;
-  EveryValue& operator=(const EveryValue&) = delete;
+  MessageQueue(const MessageQueue&) = delete;
+  MessageQueue& operator=(const MessageQueue&) = delete;
 
   /// What has come since the last call.
   std::vector<T> take() { return std::exchange(*values_, {}); }
@@ -114,4 +114,4 @@ class EveryValue {
   std::shared_ptr<std::vector<T>> values_;  // Shared with the bus's handler, which may outlive this object.
 };
 
-}  // namespace angio
+}  // namespace angio::messaging

@@ -10,7 +10,7 @@
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/log_writer.hpp"
 
-namespace angio {
+namespace angio::messaging {
 
 /// Writes all that one party hears and says, in that order, into a log that lcm-logplayer and angio-replay read. A
 /// channel counts as heard while somebody listens to it through this bus.
@@ -56,4 +56,4 @@ class RecordingBus : public Bus {
   std::shared_ptr<Record> record_;  // Shared with the inner bus's handlers, which may outlive this object.
 };
 
-}  // namespace angio
+}  // namespace angio::messaging

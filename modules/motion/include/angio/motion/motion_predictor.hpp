@@ -8,7 +8,7 @@
 
 #include "angio/motion/motion_predictor_settings.hpp"
 
-namespace angio {
+namespace angio::motion {
 
 /// How a position ahead of the last measurement is reckoned.
 enum class MotionModel {
@@ -89,4 +89,4 @@ class MotionPredictor {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/motion/namespace.hpp"
 
-namespace angio {
+namespace angio::motion {
 
 /// How far ahead of the last measurement a motion is believed to be known, and what it is taken to be made of.
 ///
@@ -18,19 +19,19 @@ struct MotionPredictorSettings {
   static constexpr double breaths_to_learn = 2;     ///< Before as many have been seen, nothing is taken for periodic.
   double memory_s = 20;                             ///< What frequencies are looked for in.
   static constexpr double amplitude_memory_s = 25;  ///< Over this time a harmonic's amplitude and phase are forgotten.
-  static constexpr double drift_std_mm_s =
+  static constexpr double drift_std_mm_per_s =
       0.5;  ///< Of the resting position: its speed; it changes over `amplitude_memory_s`.
   static constexpr double offset_walk_mm =
       0.5;  ///< Of the resting position, per square root of a second: breaths that differ.
 
-  static constexpr double acceleration_std_mm_s2 =
+  static constexpr double acceleration_std_mm_per_s2 =
       40;  ///< Of a motion without a period, per axis: see MotionFilterSettings.
   static constexpr double acceleration_mean_s =
       1.0 / 15;                                    ///< Density of the white acceleration: its variance times this.
   static constexpr double measured_std_mm = 0.05;  ///< Added to what a measurement says of itself, per axis.
-  static constexpr double gate = 21.1;        ///< Squared Mahalanobis distance of a surprise: 99.99 % of three numbers.
-  static constexpr double longest_gap_s = 3;  ///< Without a measurement for longer, everything is forgotten.
-  double longest_horizon_ms = 700;            ///< Nothing is predicted further ahead.
+  static constexpr double gate = 21.1;    ///< Squared Mahalanobis distance of a surprise: 99.99 % of three numbers.
+  static constexpr double max_gap_s = 3;  ///< Without a measurement for longer, everything is forgotten.
+  double max_horizon_ms = 700;            ///< Nothing is predicted further ahead.
   static constexpr double judged_horizon_ms = 130;  ///< The horizon at which the ways to predict are compared.
   static constexpr double judged_over_s = 3;        ///< The time over which they are.
 
@@ -43,4 +44,4 @@ struct MotionPredictorSettings {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::motion

@@ -8,7 +8,7 @@
 #include "angio/perception/perception.hpp"
 #include "angio/perception/registration_gate.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 /// What a frame shows, and whether it may be used.
 struct GatedObservation {
@@ -70,4 +70,4 @@ class GatedPerception {
   RegistrationGate gate_;
 };
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/geometry/se3.hpp"
+#include "angio/perception/namespace.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 /// Where one trusted frame shows the model: a pose and its covariance.
 struct PatientObservation {
@@ -27,4 +28,4 @@ struct PatientObservation {
   double worstStdAcross_m(const Eigen::Vector3d& p_model) const;
 };
 
-}  // namespace angio
+}  // namespace angio::perception

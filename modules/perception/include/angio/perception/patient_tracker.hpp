@@ -5,10 +5,11 @@
 
 #include "angio/geometry/carm.hpp"
 #include "angio/motion/motion_predictor.hpp"
+#include "angio/perception/namespace.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/types/carm_motion.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 /// What is believed of T_dsa_cb: the calibration at first, then what registrations of trusted frames say.
 ///
@@ -28,8 +29,8 @@ struct PatientTrackerSettings {
   MotionPredictorSettings motion;
 
   /// With `follow_motion`: a tracked frame that the rigid tree explains only in part is asked once more with the tree
-  /// bent, and trusted when that explains it and bends it by no more than this (rms over the tree); 0: not asked.
-  double most_bend_mm = 4;
+  /// deformed, and trusted when that explains it and deforms it by no more than this (rms over the tree); 0: not asked.
+  double max_deformation_mm = 4;
 
   void visit(SettingsVisitor& v) {
     v.number("calibration_rotation_std_deg", calibration_rotation_std_deg, 1e-3, 90);
@@ -37,7 +38,7 @@ struct PatientTrackerSettings {
     v.integer("frames_until_lost", frames_until_lost, 1, 1000);
     v.flag("follow_motion", follow_motion);
     v.section("motion", [this](SettingsVisitor& fields) { motion.visit(fields); });
-    v.number("most_bend_mm", most_bend_mm, 0, 100);
+    v.number("max_deformation_mm", max_deformation_mm, 0, 100);
   }
 };
 
@@ -87,4 +88,4 @@ class PatientTracker {
   std::optional<std::int64_t> first_us_;
 };
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -9,7 +9,7 @@
 #include "angio/perception/point_of_interest.hpp"
 #include "angio/registration/starts.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 class LocalOffsetEstimator;
 
@@ -92,7 +92,7 @@ class Perception {
   CArmGeometry carm_;
   Pose T_dsa_cb_;
   StartSettings search_starts_;
-  double most_bend_m_;
+  double max_deformation_m_;
   std::unique_ptr<CenterlineExtractor> extractor_;
   std::unique_ptr<Registration> search_, tracking_;
   std::unique_ptr<Registration> bending_;  // Nothing for a patient who does not move.
@@ -102,4 +102,4 @@ class Perception {
   std::unique_ptr<LocalOffsetEstimator> nearby_;  // Nothing where the image around the place is not asked.
 };
 
-}  // namespace angio
+}  // namespace angio::perception

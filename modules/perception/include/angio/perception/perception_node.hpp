@@ -6,7 +6,7 @@
 #include "angio/perception/state_history.hpp"
 #include "angio/registration/message_conversion.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 /// What became of one frame.
 struct PerceptionReport {
@@ -32,9 +32,9 @@ class PerceptionNode {
 
  private:
   Bus& bus_;
-  LatestValue<XrayFrame> frames_;
+  LatestMessage<XrayFrame> frames_;
   JointHistory joints_;
   GatedPerception perception_;
 };
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -4,8 +4,9 @@
 #include <optional>
 
 #include "angio/geometry/se3.hpp"
+#include "angio/perception/namespace.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 /// A place of the model that a task wants to have seen for itself, besides the tree as a whole.
 struct PointOfInterest {
@@ -22,10 +23,10 @@ struct ImageShift {
 
 /// What a frame shows of a watched place.
 struct PointObservation {
-  /// The registration as it is around the place: the tree's, carried across the beam to where a bent one has the place.
-  /// How far along the beam, one view does not tell.
+  /// The registration as it is around the place: the tree's, carried across the beam to where a deformed one has the
+  /// place. How far along the beam, one view does not tell.
   Pose T_camera_model = Pose::Identity();
   std::optional<ImageShift> image_shift;  ///< From there; nothing when no vessel near the place is in the image.
 };
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -11,29 +11,29 @@
 #include "angio/perception/target_need.hpp"
 #include "angio/registration/registration.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 /// Bounds on what a registration may say before it moves a machine. Every bound that is exceeded ends in a hold.
 struct RegistrationGateSettings {
-  double most_state_age_ms = 200;   ///< Between the frame and the joints it is read with.
-  double most_correction_deg = 12;  ///< Largest disagreement with the calibration: a creeping error ends here.
-  double most_correction_mm = 40;
-  double most_jump_deg = 2.5;      ///< Largest disagreement with the prediction while tracking.
-  double most_jump_mm = 10;        ///< Across the beam.
-  double most_jump_depth_mm = 30;  ///< Along it: one view sees depth poorly, above all of a tree that bends.
-  double most_target_std_mm = 3;   ///< Standard deviation of the target, in the worst direction that the task needs.
-  double command_valid_ms = 200;   ///< How long a C-arm's command may be obeyed: three frames at 15 a second.
+  double max_state_age_ms = 200;           ///< Between the frame and the joints it is read with.
+  double max_calibration_offset_deg = 12;  ///< Largest disagreement with the calibration: a creeping error ends here.
+  double max_calibration_offset_mm = 40;
+  double max_innovation_deg = 2.5;      ///< Largest disagreement with the prediction while tracking.
+  double max_innovation_mm = 10;        ///< Across the beam.
+  double max_innovation_depth_mm = 30;  ///< Along it: one view sees depth poorly, above all of a tree that deforms.
+  double max_target_std_mm = 3;   ///< Standard deviation of the target, in the worst direction that the task needs.
+  double command_valid_ms = 200;  ///< How long a C-arm's command may be obeyed: three frames at 15 a second.
 
   std::int64_t commandValidity_us() const { return std::llround(command_valid_ms * 1e3); }
 
   void visit(SettingsVisitor& v) {
-    v.number("most_state_age_ms", most_state_age_ms, 1, 10000);
-    v.number("most_correction_deg", most_correction_deg, 0.01, 180);
-    v.number("most_correction_mm", most_correction_mm, 0.01, 1000);
-    v.number("most_jump_deg", most_jump_deg, 0.01, 180);
-    v.number("most_jump_mm", most_jump_mm, 0.01, 1000);
-    v.number("most_jump_depth_mm", most_jump_depth_mm, 0.01, 1000);
-    v.number("most_target_std_mm", most_target_std_mm, 1e-3, 1000);
+    v.number("max_state_age_ms", max_state_age_ms, 1, 10000);
+    v.number("max_calibration_offset_deg", max_calibration_offset_deg, 0.01, 180);
+    v.number("max_calibration_offset_mm", max_calibration_offset_mm, 0.01, 1000);
+    v.number("max_innovation_deg", max_innovation_deg, 0.01, 180);
+    v.number("max_innovation_mm", max_innovation_mm, 0.01, 1000);
+    v.number("max_innovation_depth_mm", max_innovation_depth_mm, 0.01, 1000);
+    v.number("max_target_std_mm", max_target_std_mm, 1e-3, 1000);
     v.number("command_valid_ms", command_valid_ms, 10, 1000);
   }
 };
@@ -57,12 +57,12 @@ class RegistrationGate {
                                        const std::optional<Pose>& predicted) const;
 
  private:
-  std::optional<std::string> tooFar(const Pose& seen, const Pose& expected, double most_deg, double most_mm,
-                                    double most_depth_mm, const char* what) const;
+  std::optional<std::string> tooFar(const Pose& seen, const Pose& expected, double max_deg, double max_mm,
+                                    double max_depth_mm, const char* what) const;
 
   RegistrationGateSettings settings_;
   Eigen::Vector3d target_;
   TargetNeed need_;
 };
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -8,8 +8,9 @@
 
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/messages.hpp"
+#include "angio/perception/namespace.hpp"
 
-namespace angio {
+namespace angio::perception {
 
 /// Where a machine was while a frame was exposed. A frame is read with the state of its own time: at 25 deg/s the
 /// newest one is degrees away, and a tracker would take that for the patient. Of CArmState and of CatheterState.
@@ -50,4 +51,4 @@ extern template class StateHistory<CatheterState>;
 using JointHistory = StateHistory<CArmState>;
 using DriveHistory = StateHistory<CatheterState>;
 
-}  // namespace angio
+}  // namespace angio::perception

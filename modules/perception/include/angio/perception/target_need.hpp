@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-namespace angio {
+#include "angio/perception/namespace.hpp"
+
+namespace angio::perception {
 
 /// The directions in which the target's uncertainty must be small before a task may move the machine.
 enum class TargetNeed {
@@ -9,4 +11,4 @@ enum class TargetNeed {
   kEverywhere,  ///< Depth included.
 };
 
-}  // namespace angio
+}  // namespace angio::perception

@@ -3,7 +3,7 @@
 
 #include "angio/registration/result.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Returns whether model and image explain each other as well as a converged result requires, whatever the covariance
 /// leaves open.
@@ -13,4 +13,4 @@ namespace angio {
 /// where the tree is across the beam, and leaves its depth open.
 bool explained(const RegistrationResult& result);
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/registration/namespace.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// How finely a deformation may follow the image.
 enum class DeformationDetail {
@@ -17,7 +18,7 @@ struct DeformationSettings {
 
   double std_mm = 4;                     ///< Size of the displacement, per axis.
   double length_mm = 60;                 ///< Points nearer to each other than this move alike.
-  static constexpr int most_modes = 40;  ///< Of the smooth field, per axis.
+  static constexpr int max_modes = 40;   ///< Of the smooth field, per axis.
   static constexpr double node_mm = 10;  ///< Displacements are linear along the vessel between nodes so far apart.
 
   static constexpr double local_std_mm = 0.15;   ///< kFull: size of the correction, per axis.
@@ -30,4 +31,4 @@ struct DeformationSettings {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::registration

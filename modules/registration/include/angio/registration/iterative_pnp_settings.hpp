@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/registration/namespace.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Loss of the paper's figure 1; the Gaussian kernel is the paper's own, L2 and Huber with LM its "DT-ICP".
 enum class Kernel { kGaussian, kL2, kHuber };
@@ -31,7 +32,7 @@ struct IterativePnpSettings {
   double first_scale_px = 0;  ///< 0: the largest match distance, as in the paper [px].
   double last_scale_px = 1;   ///< Open in the paper: where the halving ends [px].
   static constexpr int halve_every = 5;
-  int most_iterations = 80;
+  int max_iterations = 80;
 
   /// Open in the paper: Delta(i), the image points matched to each model point, is the nearest one and so many on
   /// either side of it along its branch. With the nearest alone, matches stick to the samples of the centreline.
@@ -54,7 +55,7 @@ struct IterativePnpSettings {
 
   double spacing_mm = 1;  ///< Longest edge of the model; 0 keeps the points as they are.
   double spacing_px = 2;  ///< Longest step of the image's centreline; 0 keeps the points as they are.
-  int most_points_3d = 3000;
+  int max_points_3d = 3000;
 
   void visit(SettingsVisitor& v) {
     v.choice("kernel", kernel, {"gaussian", "l2", "huber"});
@@ -62,7 +63,7 @@ struct IterativePnpSettings {
     v.choice("deformation", deformation, {"rigid", "nonrigid"});
     v.number("first_scale_px", first_scale_px, 0, 1e4);
     v.number("last_scale_px", last_scale_px, 0.05, 100);
-    v.integer("most_iterations", most_iterations, 1, 1000);
+    v.integer("max_iterations", max_iterations, 1, 1000);
     v.integer("neighbours_each_side", neighbours_each_side, 0, 32);
     v.choice("outside_image", outside_image, {"vote", "ignore"});
     v.choice("prior", prior, {"paper", "covariance"});
@@ -77,8 +78,8 @@ struct IterativePnpSettings {
     v.integer("nonrigid_iterations", nonrigid_iterations, 1, 200);
     v.number("spacing_mm", spacing_mm, 0, 100);
     v.number("spacing_px", spacing_px, 0, 100);
-    v.integer("most_points_3d", most_points_3d, 10, 100000);
+    v.integer("max_points_3d", max_points_3d, 10, 100000);
   }
 };
 
-}  // namespace angio
+}  // namespace angio::registration

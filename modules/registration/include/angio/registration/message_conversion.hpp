@@ -4,7 +4,7 @@
 #include "angio/registration/result.hpp"
 #include "angio/types/registration_message.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// What a registration says of a frame, for the bus. A pose, covariance or residual that is not finite is left at
 /// identity and zero; its status is then not "converged".
@@ -15,4 +15,4 @@ RegistrationMessage registrationMessage(const RegistrationResult& seen, ModelId 
 /// the message has zero for it.
 RegistrationResult registrationResult(const RegistrationMessage& message);
 
-}  // namespace angio
+}  // namespace angio::registration

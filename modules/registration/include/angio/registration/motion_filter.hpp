@@ -6,7 +6,7 @@
 #include "angio/base/settings.hpp"
 #include "angio/registration/registration.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// From RegistrationResult's covariance (t; rotation in camera axes) to PosePrior's (twist about the centroid, model
 /// axes), both of the same uncertainty of `T_camera_model`, to first order. They may be singular.
@@ -26,18 +26,18 @@ Matrix6d covarianceOfResult(const Matrix6d& about_centroid, const Pose& T_camera
 /// true one and 0.5 mm of measurement noise, beta is 0.23: b is 0.7 mm at most where the predicted deviation is 0.6 mm,
 /// so that the lag stays within what the covariance says, on average over a breath.
 struct MotionFilterSettings {
-  double acceleration_std_mm_s2 = 40;                           ///< Per axis, of its mean over `acceleration_mean_s`.
-  static constexpr double angular_acceleration_std_deg_s2 = 6;  ///< Per axis.
-  double acceleration_mean_s = 1.0 / 15;              ///< Density of the white acceleration: its variance times this.
-  static constexpr double first_speed_std_mm_s = 25;  ///< What may be expected of a first frame, per axis.
-  static constexpr double first_angular_speed_std_deg_s = 4;
+  double acceleration_std_mm_per_s2 = 40;  ///< Per axis, of its mean over `acceleration_mean_s`.
+  static constexpr double angular_acceleration_std_deg_per_s2 = 6;  ///< Per axis.
+  double acceleration_mean_s = 1.0 / 15;  ///< Density of the white acceleration: its variance times this.
+  static constexpr double first_speed_std_mm_per_s = 25;  ///< What may be expected of a first frame, per axis.
+  static constexpr double first_angular_speed_std_deg_per_s = 4;
 
   /// Added to what a registration says of itself, which takes image points as independent and knows no wrong matches.
   static constexpr double measured_translation_std_mm = 0.3;
   static constexpr double measured_rotation_std_deg = 0.15;
 
   void visit(SettingsVisitor& v) {
-    v.number("acceleration_std_mm_s2", acceleration_std_mm_s2, 1e-3, 1e6);
+    v.number("acceleration_std_mm_per_s2", acceleration_std_mm_per_s2, 1e-3, 1e6);
     v.number("acceleration_mean_s", acceleration_mean_s, 1e-4, 100);
   }
 };
@@ -85,7 +85,7 @@ class MotionFilter {
   using Matrix12d = Eigen::Matrix<double, 12, 12>;
   struct State {
     double time_s = 0;
-    Pose T_camera_centred = Pose::Identity();
+    Pose T_camera_centered = Pose::Identity();
     Twist velocity = Twist::Zero();            // Per second.
     Matrix12d covariance = Matrix12d::Zero();  // Of [xi; nu].
   };
@@ -99,4 +99,4 @@ class MotionFilter {
   std::optional<State> state_;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -5,7 +5,7 @@
 #include "angio/registration/deformation_settings.hpp"
 #include "angio/registration/iterative_pnp_settings.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// Which side looks for its match on the other while the pose is searched.
 enum class Direction {
@@ -34,8 +34,8 @@ struct OrientedKernelSettings {
 
   double spacing_mm = 1;  ///< Longest edge of the model; 0 keeps the points as they are.
   double spacing_px = 2;  ///< Longest step of the image's centreline.
-  int most_points_3d = 15000;
-  static constexpr int most_points_2d = 4000;  ///< More are thinned evenly.
+  int max_points_3d = 15000;
+  static constexpr int max_points_2d = 4000;  ///< More are thinned evenly.
 
   DeformationSettings nonrigid;
 
@@ -47,9 +47,9 @@ struct OrientedKernelSettings {
     v.integer("starts", starts, 1, 100000);
     v.number("spacing_mm", spacing_mm, 0, 100);
     v.number("spacing_px", spacing_px, 0.1, 100);
-    v.integer("most_points_3d", most_points_3d, 10, 100000);
+    v.integer("max_points_3d", max_points_3d, 10, 100000);
     v.section("nonrigid", [&](SettingsVisitor& inner) { nonrigid.visit(inner); });
   }
 };
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -13,7 +13,7 @@
 #include "angio/registration/xray_view.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// What is known of the pose before the image is looked at.
 struct PosePrior {
@@ -27,7 +27,8 @@ struct PosePrior {
 /// Called now and then during long work with the share that is done, 0 to 1.
 using SearchProgress = std::function<void(double share_done)>;
 
-/// Aligns one vessel tree with X-ray images. One object per tree and thread: what depends on the tree only is computed once.
+/// Aligns one vessel tree with X-ray images. One object per tree and thread: what depends on the tree only is computed
+/// once.
 class Registration {
  public:
   virtual ~Registration() = default;
@@ -39,10 +40,11 @@ class Registration {
   /// Never throws on a poor image: that is a status in the result.
   virtual RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) = 0;
 
-  /// Finds the pose from several starts, or in a box of poses, and says how much better it is than the best different one.
+  /// Finds the pose from several starts, or in a box of poses, and says how much better it is than the best different
+  /// one.
   ///
   /// What every method can do, and does unless it knows better: aligns from each start and returns the best by
-  /// Agreement::score. Throws InputError when a setting is out of its range.
+  /// AlignmentScore::score. Throws InputError when a setting is out of its range.
   virtual RegistrationResult search(const XrayViews& views, const PosePrior& prior, const StartSettings& starts,
                                     const SearchProgress& progress = {});
 
@@ -75,4 +77,4 @@ RegistrationSettings registrationSettingsNamed(const std::string& name);
 /// The name of the method that `settings` choose.
 std::string methodName(const RegistrationSettings& settings);
 
-}  // namespace angio
+}  // namespace angio::registration

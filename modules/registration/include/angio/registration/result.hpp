@@ -5,8 +5,9 @@
 #include <string>
 
 #include "angio/geometry/se3.hpp"
+#include "angio/registration/namespace.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// How far a result can be believed. Only kConverged may move a machine.
 enum class RegistrationStatus {
@@ -19,15 +20,16 @@ enum class RegistrationStatus {
 /// "converged", "ambiguous", "diverged", "too_few_points".
 std::string statusName(RegistrationStatus status);
 
-/// How well model and image explain each other under a pose. A point is explained when the other side has a vessel within
-/// the gate that runs the same way.
-struct Agreement {
-  double model_explained = 0;   ///< Share of the projected model points on the detector that the image explains.
-  double image_explained = 0;   ///< Share of the image points that the projected model explains.
-  double model_residual_px = 0;  ///< Mean distance from projected model points on the detector to the nearest image point.
+/// How well model and image explain each other under a pose. A point is explained when the other side has a vessel
+/// within the gate that runs the same way.
+struct AlignmentScore {
+  double model_explained = 0;  ///< Share of the projected model points on the detector that the image explains.
+  double image_explained = 0;  ///< Share of the image points that the projected model explains.
+  double model_residual_px =
+      0;  ///< Mean distance from projected model points on the detector to the nearest image point.
   double image_residual_px = 0;  ///< Mean distance from image points to the nearest projected model edge.
-  double model_rms_px = 0;       ///< Root mean square of the distances behind model_residual_px: the paper's PR, in pixels.
-  int model_points = 0;          ///< Projected model points on the detector.
+  double model_rms_px = 0;  ///< Root mean square of the distances behind model_residual_px: the paper's PR, in pixels.
+  int model_points = 0;     ///< Projected model points on the detector.
 
   /// One figure to compare poses by: the product of both shares, in [0, 1].
   double score() const { return model_explained * image_explained; }
@@ -35,10 +37,10 @@ struct Agreement {
 
 /// Wall time spent [s].
 struct RegistrationTimes {
-  double prepare_s = 0;   ///< 2D side: densifying, search tree.
+  double prepare_s = 0;  ///< 2D side: densifying, search tree.
   double rigid_s = 0;
   double nonrigid_s = 0;
-  double total_s = 0;     ///< Everything, judging the result included.
+  double total_s = 0;  ///< Everything, judging the result included.
 
   RegistrationTimes& operator+=(const RegistrationTimes& more) {
     prepare_s += more.prepare_s;
@@ -55,19 +57,19 @@ struct [[nodiscard]] RegistrationResult {
   std::string reason;  ///< Why the status is not kConverged, in words; empty when it is.
   Pose T_camera_model = Pose::Identity();
 
-  /// Displacement of each point of the tree as it was given, 3 x N [m], model axes; empty after a rigid registration, zero
-  /// when there was nothing to fit.
+  /// Displacement of each point of the tree as it was given, 3 x N [m], model axes; empty after a rigid registration,
+  /// zero when there was nothing to fit.
   Eigen::Matrix3Xd displacements_m;
 
   /// Covariance of (translation of T_camera_model [m], rotation in camera axes [rad]): a true pose would be
-  /// R_true = exp(dw) R, t_true = t + dt. From the last Gauss-Newton Hessian and the residual scale, image points taken as
-  /// independent; absent when the solver had no full-rank system.
+  /// R_true = exp(dw) R, t_true = t + dt. From the last Gauss-Newton Hessian and the residual scale, image points taken
+  /// as independent; absent when the solver had no full-rank system.
   std::optional<Matrix6d> covariance;
 
   /// Score of the best different pose over the best score, in [0, 1]; absent when only one start was tried.
   std::optional<double> ambiguity;
 
-  Agreement agreement;
+  AlignmentScore agreement;
   /// How far the last step moved the projection: a rigid one roughly and at most, a nonrigid one rms over the points.
   double last_step_px = 0;
   int rigid_iterations = 0;
@@ -77,4 +79,4 @@ struct [[nodiscard]] RegistrationResult {
   RegistrationTimes times;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

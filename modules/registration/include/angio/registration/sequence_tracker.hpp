@@ -5,7 +5,7 @@
 
 #include "angio/registration/motion_filter.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// When a tracker believes what a frame's registration says, and when it looks around.
 ///
@@ -140,4 +140,4 @@ class SequenceTracker {
   bool ever_converged_ = false;
 };
 
-}  // namespace angio
+}  // namespace angio::registration

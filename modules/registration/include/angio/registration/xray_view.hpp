@@ -5,9 +5,10 @@
 
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/registration/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio {
+namespace angio::registration {
 
 /// What one X-ray view shows. A biplane system gives two of one moment: one problem over one pose.
 ///
@@ -15,9 +16,11 @@ namespace angio {
 struct XrayView {
   const Centerline2d& centerline;
   const XrayCamera& camera;
-  Pose T_view_first = Pose::Identity();  ///< Camera frame of the first view in this one's: p_view = T_view_first p_first.
+  Pose T_view_first =
+      Pose::Identity();  ///< Camera frame of the first view in this one's: p_view = T_view_first p_first.
 
-  /// Corners of the collimated field [px], convex, in order; empty: the whole detector is open. What lies outside has no image.
+  /// Corners of the collimated field [px], convex, in order; empty: the whole detector is open. What lies outside has
+  /// no image.
   std::vector<Eigen::Vector2d> collimator_px = {};
 
   /// Whether a pixel position lies on the detector and inside the collimator.
@@ -27,4 +30,4 @@ struct XrayView {
 /// The views of one moment, at least one. `camera` without a number is the first one's frame.
 using XrayViews = std::vector<XrayView>;
 
-}  // namespace angio
+}  // namespace angio::registration

@@ -6,7 +6,7 @@
 #include "angio/geometry/carm_limits.hpp"
 #include "angio/robot/nearest_in_polytope.hpp"
 
-namespace angio {
+namespace angio::robot {
 
 /// Turns wanted joint velocities into commands that keep every limit: speed, acceleration and jerk of what is
 /// commanded, and range and envelope of what the arm then does, in continuous time and whether or not a next command
@@ -28,7 +28,7 @@ namespace angio {
 /// Joints that are outside already (moved by hand, another envelope) may move back in but not further out.
 class CArmMotionLimiter {
  public:
-  static constexpr int kMostFaces = Polytope::kMost - 2 * kCArmJointCount;
+  static constexpr int kMaxFaces = Polytope::kMost - 2 * kCArmJointCount;
 
   /// For an arm at rest. Throws InputError when a limit is not finite or not positive, a range is empty, a face not
   /// finite, or the validity [s] not positive.
@@ -61,7 +61,7 @@ class CArmMotionLimiter {
   CArmJoints predicted(const CArmJoints& joints, double age_s) const;
 
  private:
-  using FaceVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostFaces, 1>;  // One number a face.
+  using FaceVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxFaces, 1>;  // One number a face.
   struct Piece {
     double duration_s;
     CArmJoints start, commanded;  // Velocities.
@@ -73,7 +73,7 @@ class CArmMotionLimiter {
                    CArmJoints& high) const;
   CArmJoints slid(const CArmJoints& joints, const CArmJoints& aim, const CArmJoints& low, const CArmJoints& high,
                   const CArmJoints& braking, const FaceVector& eased) const;
-  FaceVector missingRoom(const CArmJoints& joints, const CArmJoints& command, double dt_s) const;
+  FaceVector missingModule(const CArmJoints& joints, const CArmJoints& command, double dt_s) const;
 
   CArmLimits limits_;
   double command_validity_s_;
@@ -83,4 +83,4 @@ class CArmMotionLimiter {
   std::deque<Piece> past_;                        // Newest last.
 };
 
-}  // namespace angio
+}  // namespace angio::robot

@@ -8,8 +8,9 @@
 
 #include "angio/geometry/carm.hpp"
 #include "angio/messaging/mailbox.hpp"
+#include "angio/robot/namespace.hpp"
 
-namespace angio {
+namespace angio::robot {
 
 /// A C-arm at the other end of a bus, as a ViSP user knows robots. Five joints in the order and units of CArmJoints;
 /// the end effector is the camera, the reference frame is the patient (iso with the table at zero).
@@ -76,8 +77,8 @@ class LcmCArm : public vpRobot {
   CArmLimits limits_;
   Bus& bus_;
   std::chrono::microseconds command_validity_;
-  LatestValue<CArmState> states_;
+  LatestMessage<CArmState> states_;
   std::int64_t sequence_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::robot

@@ -2,13 +2,14 @@
 #pragma once
 
 #include "angio/geometry/carm_limits.hpp"
+#include "angio/robot/namespace.hpp"
 
-namespace angio {
+namespace angio::robot {
 
 /// The shortest time [s] in which the joints get from rest at `from` to rest at `to` under the limits of speed,
 /// acceleration and jerk: what no law can beat. The slowest joint's; range and envelope are not asked.
 ///
 /// Source: Biagiotti & Melchiorri, Trajectory Planning for Automatic Machines (2008), section 3.4 (double S).
-double shortestTime_s(const CArmJoints& from, const CArmJoints& to, const CArmLimits& limits);
+double minTime_s(const CArmJoints& from, const CArmJoints& to, const CArmLimits& limits);
 
-}  // namespace angio
+}  // namespace angio::robot

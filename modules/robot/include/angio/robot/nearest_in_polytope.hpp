@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/geometry/carm_limits.hpp"
+#include "angio/robot/namespace.hpp"
 
-namespace angio {
+namespace angio::robot {
 
 /// Half-spaces normals.row(k) . x <= bounds[k], at most kMost of them, so that nothing is allocated.
 struct Polytope {
@@ -20,4 +21,4 @@ struct Polytope {
 /// active set), with Bland's rule against cycles.
 CArmJoints nearestInPolytope(const CArmJoints& wanted, const Polytope& polytope, const CArmJoints& inside);
 
-}  // namespace angio
+}  // namespace angio::robot

@@ -5,8 +5,9 @@
 #include <vector>
 
 #include "angio/geometry/se3.hpp"
+#include "angio/simulation/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// A body as a grid of linear attenuation, from a CT volume for example.
 struct AttenuationVolume {
@@ -24,4 +25,4 @@ struct AttenuationVolume {
 /// exceeds water's, bone takes more than its share at this energy, by a factor of 1.6.
 float attenuationOfHounsfield(float hu);
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -6,9 +6,10 @@
 #include <vector>
 
 #include "angio/simulation/bolus_settings.hpp"
+#include "angio/simulation/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// How much contrast agent is where in a tree, and when.
 class Bolus {
@@ -48,4 +49,4 @@ class Bolus {
   std::vector<Injection> injections_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/simulation/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// What a simulated catheter is like. The defaults are plausible for a steerable microcatheter of 2.1 French; they are
 /// nobody's measurement. Bands of platinum and iridium, or of gold, are what marks catheters' tips under fluoroscopy
@@ -14,7 +15,7 @@ struct CatheterSettings {
   double marker_length_mm = 1.5;   ///< Of platinum, at the tip.
   double tip_length_mm = 6;        ///< From its bend to its end.
   double tip_angle_deg = 25;       ///< As it was shaped.
-  double largest_bend_deg = 90;    ///< That steering adds; 0: it cannot be steered.
+  double max_bend_deg = 90;        ///< That steering adds; 0: it cannot be steered.
   double roll_zero_deg = 0;        ///< Where the bend points when the drive's roll is 0: nobody tells the loop.
   double length_mm = 1500;         ///< That the drive can push in.
 
@@ -33,9 +34,9 @@ struct CatheterSettings {
   static constexpr double contact_force_n = 0.05;          ///< At the tip, from where it counts as a contact.
   static constexpr double cone_deg = 70;  ///< A tip that points further beside a branch's lumen does not enter it.
 
-  double largest_insertion_speed_mm_s = 30;
-  double largest_roll_speed_deg_s = 360;
-  double largest_bend_speed_deg_s = 90;
+  double max_insertion_speed_mm_per_s = 30;
+  double max_roll_speed_deg_per_s = 360;
+  double max_bend_speed_deg_per_s = 90;
 
   void visit(SettingsVisitor& v) {
     v.number("diameter_mm", diameter_mm, 0.1, 5);
@@ -43,7 +44,7 @@ struct CatheterSettings {
     v.number("marker_length_mm", marker_length_mm, 0, 50);
     v.number("tip_length_mm", tip_length_mm, 1, 50);
     v.number("tip_angle_deg", tip_angle_deg, 0, 120);
-    v.number("largest_bend_deg", largest_bend_deg, 0, 120);
+    v.number("max_bend_deg", max_bend_deg, 0, 120);
     v.number("roll_zero_deg", roll_zero_deg, -360, 360);
     v.number("length_mm", length_mm, 10, 5000);
     v.number("insertion_backlash_mm", insertion_backlash_mm, 0, 20);
@@ -51,10 +52,10 @@ struct CatheterSettings {
     v.number("bend_backlash_deg", bend_backlash_deg, 0, 60);
     v.number("friction", friction, 0, 0.5);
     v.number("buckling_force_n", buckling_force_n, 0.01, 100);
-    v.number("largest_insertion_speed_mm_s", largest_insertion_speed_mm_s, 0.1, 200);
-    v.number("largest_roll_speed_deg_s", largest_roll_speed_deg_s, 1, 3600);
-    v.number("largest_bend_speed_deg_s", largest_bend_speed_deg_s, 1, 720);
+    v.number("max_insertion_speed_mm_per_s", max_insertion_speed_mm_per_s, 0.1, 200);
+    v.number("max_roll_speed_deg_per_s", max_roll_speed_deg_per_s, 1, 3600);
+    v.number("max_bend_speed_deg_per_s", max_bend_speed_deg_per_s, 1, 720);
   }
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -6,8 +6,9 @@
 #include <vector>
 
 #include "angio/simulation/fluoroscopy_settings.hpp"
+#include "angio/simulation/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// Corners of the open field [px], a convex polygon in order, clockwise in the image: where half of the beam passes.
 ///
@@ -19,4 +20,4 @@ std::vector<Eigen::Vector2d> openField(const CollimatorSettings& settings, int w
 /// Share of the beam that passes the shutters to each pixel, CV_32FC1.
 cv::Mat shutterTransmission(const CollimatorSettings& settings, int width_px, int height_px);
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -5,8 +5,9 @@
 #include <cstdint>
 
 #include "angio/base/settings.hpp"
+#include "angio/simulation/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// How many commands a simulated machine did not obey, by the reason; each is counted once, by the first that applies.
 struct IgnoredCommands {
@@ -21,13 +22,13 @@ struct IgnoredCommands {
 
 /// What a receiver asks of a command before it moves by it: the last gate, for it alone sees what arrives and when.
 struct ReceiverSettings {
-  double most_command_age_ms = 300;   ///< Since the frame behind it, by the machine's clock, which is the frames'.
-  double most_command_lead_ms = 100;  ///< That its frame may be ahead of the machine's clock.
-  double most_overspeed = 10;         ///< Times a speed limit: less is cut to the limit, more is in wrong units.
+  double max_command_age_ms = 300;   ///< Since the frame behind it, by the machine's clock, which is the frames'.
+  double max_command_lead_ms = 100;  ///< That its frame may be ahead of the machine's clock.
+  double max_overspeed = 10;         ///< Times a speed limit: less is cut to the limit, more is in wrong units.
 
   void visit(SettingsVisitor& v) {
-    v.number("most_command_age_ms", most_command_age_ms, 1, 60e3);
-    v.number("most_command_lead_ms", most_command_lead_ms, 0, 60e3);
+    v.number("max_command_age_ms", max_command_age_ms, 1, 60e3);
+    v.number("max_command_lead_ms", max_command_lead_ms, 0, 60e3);
   }
 };
 
@@ -58,4 +59,4 @@ class CommandReceiver {
   std::int64_t last_sequence_ = 0, last_time_us_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -5,9 +5,10 @@
 #include <vector>
 
 #include "angio/simulation/device_settings.hpp"
+#include "angio/simulation/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// A catheter or guidewire: a radio-opaque round line, with an optional marker at its tip.
 struct Device {
@@ -36,4 +37,4 @@ Eigen::Matrix3Xd alongPath(const Eigen::Matrix3Xd& points, const std::vector<int
 std::vector<Device> deviceInTree(const DeviceSettings& settings, const Eigen::Matrix3Xd& points,
                                  const std::vector<int>& path, double inserted_m);
 
-}  // namespace angio
+}  // namespace angio::simulation

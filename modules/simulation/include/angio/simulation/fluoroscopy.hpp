@@ -15,7 +15,7 @@
 #include "angio/simulation/frame_truth.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// The tree with every radius known: those it has are kept, the others follow Murray's law.
 ///
@@ -91,4 +91,4 @@ class FluoroscopyRenderer {
 /// @param air_kerma_ngy  At the detector's entrance [nGy]. @param pixel_spacing_m  At the detector [m].
 double photonsPerPixel(double air_kerma_ngy, double pixel_spacing_m);
 
-}  // namespace angio
+}  // namespace angio::simulation

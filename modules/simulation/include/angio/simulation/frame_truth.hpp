@@ -4,10 +4,11 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "angio/simulation/namespace.hpp"
 #include "angio/simulation/truth_settings.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// What a frame shows, in pixels of its image: an intensifier's distortion is in.
 struct FrameTruth {
@@ -15,7 +16,7 @@ struct FrameTruth {
   /// device alone, without scatter: that of the beam through its axis) and kind. A piece that disappears ends its
   /// branch.
   Centerline2d centerline;
-  std::vector<Eigen::Vector2d> open_field_px;  ///< Corners of the collimator's opening.
+  std::vector<Eigen::Vector2d> collimator_opening_px;  ///< Corners of the collimator's opening.
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

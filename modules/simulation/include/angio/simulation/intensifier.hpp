@@ -5,8 +5,9 @@
 
 #include "angio/geometry/distortion.hpp"
 #include "angio/simulation/fluoroscopy_settings.hpp"
+#include "angio/simulation/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// Where an image intensifier shows what a flat detector would see elsewhere.
 class ImageIntensifier {
@@ -25,4 +26,4 @@ class ImageIntensifier {
   DetectorDistortion map_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

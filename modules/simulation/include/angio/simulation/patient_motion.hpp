@@ -6,8 +6,9 @@
 
 #include "angio/geometry/se3.hpp"
 #include "angio/simulation/motion_settings.hpp"
+#include "angio/simulation/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// How a patient's inside moves: a smooth field of displacement, known at every point and time, and the same whenever
 /// it is asked. At time 0 nothing has moved.
@@ -15,7 +16,7 @@ class PatientMotion {
  public:
   /// @param centre_model  The tree's centroid, model frame [m]. @param R_lps_model  Axes L, P, S from the model's.
   /// Throws InputError when a setting is out of its range.
-  PatientMotion(const MotionSettings& settings, const Eigen::Vector3d& centre_model, const Eigen::Matrix3d& R_lps_model,
+  PatientMotion(const MotionSettings& settings, const Eigen::Vector3d& center_model, const Eigen::Matrix3d& R_lps_model,
                 std::uint64_t seed);
 
   /// Displacement by breathing and heartbeat of what is at `p_model` [m] when nothing moves, model axes [m].
@@ -40,9 +41,9 @@ class PatientMotion {
   double systole(double time_s) const;
 
   MotionSettings settings_;
-  Eigen::Vector3d centre_model_;
+  Eigen::Vector3d center_model_;
   Eigen::Matrix3d R_lps_model_;
   std::uint64_t seed_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -7,7 +7,7 @@
 #include "angio/simulation/command_receiver.hpp"
 #include "angio/types/carm_motion.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// A C-arm whose joints follow commanded velocities within their range, speed and acceleration, and come to rest by
 /// themselves when the last command has run out: silence means stop.
@@ -49,4 +49,4 @@ class SimulatedCArm {
   std::int64_t ran_out_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

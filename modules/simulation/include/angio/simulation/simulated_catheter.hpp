@@ -8,17 +8,17 @@
 #include "angio/simulation/device.hpp"
 #include "angio/simulation/simulated_carm.hpp"
 #include "angio/types/catheter.hpp"
-#include "angio/vessel/tree_map.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// What a simulated catheter really does, and what its drive cannot tell. All at rest: as if no tissue moved.
 struct CatheterTruth {
-  TreePlace tip;                                               ///< On the tree.
+  TreeLocation tip;                                            ///< On the tree.
   double path_m = 0;                                           ///< From the root to there.
   Eigen::Vector3d tip_model = Eigen::Vector3d::Zero();         ///< The tip's end, beside the centreline [m].
   Eigen::Vector3d direction_model = Eigen::Vector3d::UnitZ();  ///< In which it points, as far as the lumen lets it.
-  double roll_rad = 0;        ///< Of the tip, against the vessel's frame (TreeMap::frame).
+  double roll_rad = 0;        ///< Of the tip, against the vessel's frame (TreeTopology::frame).
   double bend_rad = 0;        ///< Between the tip and the catheter behind it, if nothing held it.
   double tip_force_n = 0;     ///< With which the wall holds the tip.
   bool touches_wall = false;  ///< That force is above what counts as a contact.
@@ -43,7 +43,7 @@ class SimulatedCatheter {
   /// With its tip at `start` at the time `now_us` [us], nothing wound up. Radii that the tree does not know are filled
   /// in by withPlausibleRadii. Throws InputError when a setting is out of its range or `start` is none of the tree's
   /// places.
-  SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings, const TreePlace& start,
+  SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings, const TreeLocation& start,
                     std::int64_t now_us, const ReceiverSettings& receiver = {});
 
   /// Takes a command that arrives at `now_us` [us] and holds for its validity from then on; speeds beyond the drive's
@@ -76,15 +76,15 @@ class SimulatedCatheter {
   void feel(double insertion_m);
   double freePlay() const;
   double slidingForce() const;
-  double radius(const TreePlace& place) const;
-  TreePlace placeAt(double path_m) const;
-  double leaning(const TreePlace& place) const;
+  double radius(const TreeLocation& place) const;
+  TreeLocation placeAt(double path_m) const;
+  double leaning(const TreeLocation& place) const;
   Eigen::Vector3d freeDirection() const;
   Eigen::Vector3d heldDirection() const;
 
   CatheterSettings settings_;
   VesselTree tree_;
-  TreeMap map_;
+  TreeTopology map_;
   std::vector<int> path_;           // Chains from the root to the tip.
   double tip_m_;                    // Of the tip along the path, from the root.
   double roll_rad_, bend_rad_ = 0;  // Of the tip; roll without the zero's offset.
@@ -100,4 +100,4 @@ class SimulatedCatheter {
   CommandReceiver receiver_;
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

@@ -6,7 +6,7 @@
 #include "angio/simulation/patient_motion.hpp"
 #include "angio/simulation/patient_settings.hpp"
 
-namespace angio {
+namespace angio::simulation {
 
 /// A patient over time: vessels, contrast agent, motion and a device, and X-ray images of them.
 class SimulatedPatient {
@@ -49,4 +49,4 @@ class SimulatedPatient {
   std::vector<int> device_path_;  // Points of the tree from its root to where the device goes.
 };
 
-}  // namespace angio
+}  // namespace angio::simulation

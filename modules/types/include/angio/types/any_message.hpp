@@ -12,10 +12,10 @@
 #include "angio/types/view_request.hpp"
 #include "angio/types/xray_frame.hpp"
 
-namespace angio {
+namespace angio::types {
 
 /// Any of the values that programs send each other.
 using AnyMessage = std::variant<XrayFrame, CArmState, ServoInput, CArmCommand, RegistrationMessage, ServoStatus,
                                 ServoRequest, CatheterState, CatheterCommand, CatheterTip, CatheterInput, ViewRequest>;
 
-}  // namespace angio
+}  // namespace angio::types

@@ -4,8 +4,9 @@
 #include <cstdint>
 
 #include "angio/geometry/carm.hpp"
+#include "angio/types/namespace.hpp"
 
-namespace angio {
+namespace angio::types {
 
 /// Joints of the C-arm as its encoders read them.
 struct CArmState {
@@ -24,4 +25,4 @@ struct CArmCommand {
   CArmJoints velocity = CArmJoints::Zero();  ///< rad/s, rad/s, m/s, m/s, m/s.
 };
 
-}  // namespace angio
+}  // namespace angio::types

@@ -7,30 +7,30 @@
 
 #include "angio/types/model_id.hpp"
 
-namespace angio {
+namespace angio::types {
 
 /// The drive of a catheter as its encoders and its force sensor read it, all at the base.
 struct CatheterState {
-  std::int64_t time_us = 0;        ///< When it was read, sender's monotonic clock [us].
-  std::int64_t sequence = 0;       ///< Rises by one per message.
-  double insertion_m = 0;          ///< Length that the drive has pushed in, from its zero.
-  double roll_rad = 0;             ///< Clockwise as seen from the base towards the tip, not wrapped.
-  double bend_rad = 0;             ///< Of a steerable tip, from straight.
-  double insertion_speed_mps = 0;  ///< [m/s]
-  double roll_speed_radps = 0;     ///< [rad/s]
-  double bend_speed_radps = 0;     ///< [rad/s]
-  double insertion_force_n = 0;    ///< With which the drive pushes (+) or pulls (-) [N].
+  std::int64_t time_us = 0;            ///< When it was read, sender's monotonic clock [us].
+  std::int64_t sequence = 0;           ///< Rises by one per message.
+  double insertion_m = 0;              ///< Length that the drive has pushed in, from its zero.
+  double roll_rad = 0;                 ///< Clockwise as seen from the base towards the tip, not wrapped.
+  double bend_rad = 0;                 ///< Of a steerable tip, from straight.
+  double insertion_speed_m_per_s = 0;  ///< [m/s]
+  double roll_speed_rad_per_s = 0;     ///< [rad/s]
+  double bend_speed_rad_per_s = 0;     ///< [rad/s]
+  double insertion_force_n = 0;        ///< With which the drive pushes (+) or pulls (-) [N].
 };
 
 /// Velocity command for a catheter's drive. The default stands still.
 struct CatheterCommand {
-  std::int64_t time_us = 0;         ///< Exposure time of the frame behind this command [us].
-  std::int64_t sequence = 0;        ///< Rises by one per command.
-  std::int64_t frame_sequence = 0;  ///< The frame it answers.
-  std::int64_t valid_for_us = 0;    ///< How long it may be obeyed after it arrives [us]; silence means stop.
-  double insertion_speed_mps = 0;   ///< + pushes in [m/s].
-  double roll_speed_radps = 0;      ///< + clockwise as seen from the base towards the tip [rad/s].
-  double bend_speed_radps = 0;      ///< + bends a steerable tip further [rad/s].
+  std::int64_t time_us = 0;            ///< Exposure time of the frame behind this command [us].
+  std::int64_t sequence = 0;           ///< Rises by one per command.
+  std::int64_t frame_sequence = 0;     ///< The frame it answers.
+  std::int64_t valid_for_us = 0;       ///< How long it may be obeyed after it arrives [us]; silence means stop.
+  double insertion_speed_m_per_s = 0;  ///< + pushes in [m/s].
+  double roll_speed_rad_per_s = 0;     ///< + clockwise as seen from the base towards the tip [rad/s].
+  double bend_speed_rad_per_s = 0;     ///< + bends a steerable tip further [rad/s].
 };
 
 enum class CatheterTipStatus : std::int8_t { kLost = 0, kAmbiguous = 1, kLocated = 2 };
@@ -51,4 +51,4 @@ struct CatheterTip {
   std::string reason;                                    ///< Why it is not located; empty when it is.
 };
 
-}  // namespace angio
+}  // namespace angio::types

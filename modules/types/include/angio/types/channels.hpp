@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-namespace angio {
+#include "angio/types/namespace.hpp"
+
+namespace angio::types {
 
 /// Names of the bus's channels.
 constexpr const char* kXrayFrameChannel = "XRAY_FRAME";
@@ -19,4 +21,4 @@ constexpr const char* kCatheterInputChannel = "CATHETER_INPUT";
 constexpr const char* kCatheterStatusChannel = "CATHETER_STATUS";    ///< A servo_status_t, of the catheter's loop.
 constexpr const char* kCatheterRequestChannel = "CATHETER_REQUEST";  ///< A servo_request_t, for it.
 
-}  // namespace angio
+}  // namespace angio::types

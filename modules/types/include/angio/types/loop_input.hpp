@@ -7,7 +7,7 @@
 #include "angio/types/catheter.hpp"
 #include "angio/types/view_request.hpp"
 
-namespace angio {
+namespace angio::types {
 
 /// What a supervisor made of a frame and its answer. REFUSED: the frame was not even looked at; TAKEN_BACK: it was, but
 /// no motion went out.
@@ -33,4 +33,4 @@ struct CatheterInput {
   std::int64_t view_reached_us = 0;  ///< ViewRequest::time_us of the request that the C-arm had reached; 0: none.
 };
 
-}  // namespace angio
+}  // namespace angio::types

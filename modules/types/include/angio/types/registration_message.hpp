@@ -7,7 +7,7 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/types/model_id.hpp"
 
-namespace angio {
+namespace angio::types {
 
 /// What a registration said of one frame. `status` is its RegistrationStatus by number, `status_text` the
 /// same in words.
@@ -24,4 +24,4 @@ struct RegistrationMessage {
   std::int32_t points_2d = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::types

@@ -3,7 +3,9 @@
 
 #include <cstdint>
 
-namespace angio {
+#include "angio/types/namespace.hpp"
+
+namespace angio::types {
 
 enum class ServoRequestKind : std::int8_t { kStop = 0, kArm = 1, kStart = 2, kReset = 3, kEmergencyStop = 4 };
 constexpr int kServoRequestKindCount = 5;
@@ -17,4 +19,4 @@ struct ServoRequest {
   ServoRequestKind request = ServoRequestKind::kStop;
 };
 
-}  // namespace angio
+}  // namespace angio::types

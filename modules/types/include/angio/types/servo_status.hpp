@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <string>
 
-namespace angio {
+#include "angio/types/namespace.hpp"
+
+namespace angio::types {
 
 /// States of the servo loop; only in kServo does it move the machine.
 enum class ServoState : std::int8_t {
@@ -59,4 +61,4 @@ struct ServoStatus {
   std::int64_t control_us = 0;           ///< On law, limits and supervisor [us].
 };
 
-}  // namespace angio
+}  // namespace angio::types

@@ -7,7 +7,7 @@
 
 #include "angio/types/model_id.hpp"
 
-namespace angio {
+namespace angio::types {
 
 /// A view that a catheter's controller asks the C-arm for. It is repeated until the C-arm says that it is there.
 struct ViewRequest {
@@ -21,4 +21,4 @@ struct ViewRequest {
   std::string reason;                                      ///< Why it is asked for, in words.
 };
 
-}  // namespace angio
+}  // namespace angio::types

@@ -5,8 +5,9 @@
 #include <opencv2/core/mat.hpp>
 
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/types/namespace.hpp"
 
-namespace angio {
+namespace angio::types {
 
 /// One live X-ray frame with the camera that saw it: K changes with the source-detector distance, so each frame has its
 /// own.
@@ -17,4 +18,4 @@ struct XrayFrame {
   XrayCamera camera;
 };
 
-}  // namespace angio
+}  // namespace angio::types

@@ -4,7 +4,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-namespace angio {
+#include "angio/vessel/namespace.hpp"
+
+namespace angio::vessel {
 
 /// What a curve in an X-ray image is: a vessel with contrast agent in it, or a catheter or guidewire.
 enum class CurveKind { kVessel, kDevice };
@@ -15,7 +17,7 @@ struct Centerline2d {
   Eigen::VectorXd tangent_rad;  ///< N, undirected: in [-pi/2, pi/2).
   std::vector<int> branch;      ///< N, or empty without an order. Points of one branch stand together, in order.
   Eigen::VectorXd radius_px;    ///< N, or empty when unknown.
-  Eigen::VectorXd sigma_px;     ///< N, standard deviation of the position across the curve; empty when unknown.
+  Eigen::VectorXd std_px;       ///< N, standard deviation of the position across the curve; empty when unknown.
   Eigen::VectorXd contrast;     ///< N, how much the curve weakens the beam (natural logarithm); empty when unknown.
   std::vector<CurveKind> kind;  ///< N, or empty: all are vessels.
 
@@ -41,13 +43,13 @@ Centerline2d ofKind(const Centerline2d& centerline, CurveKind kind);
 Centerline2d vesselsToMatch(Centerline2d seen);
 
 /// Puts points between the points of each branch so that none are further apart than `spacing_px`; all points stay.
-/// A step of more than kLongestStep_px is a gap, not a vessel, and stays one. A centreline without branches, or
+/// A step of more than kMaxStep_px is a gap, not a vessel, and stays one. A centreline without branches, or
 /// `spacing_px` = 0, comes back as it is. A new point's radius, uncertainty and contrast lie between its neighbours',
 /// and it is of their branch's kind.
-constexpr double kLongestStep_px = 200;
+constexpr double kMaxStep_px = 200;
 Centerline2d densified(const Centerline2d& centerline, double spacing_px);
 
 /// An undirected angle brought into [-pi/2, pi/2).
 double undirected(double angle_rad);
 
-}  // namespace angio
+}  // namespace angio::vessel

@@ -5,7 +5,7 @@
 
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio {
+namespace angio::vessel {
 
 /// A tree with other points on the same centrelines, and where the points of the original lie among them.
 struct ResampledTree {
@@ -20,9 +20,9 @@ struct ResampledTree {
   std::vector<Place> place_of_original;
 };
 
-/// Puts points on the tree so that no edge is longer than `spacing_m` [m]; all points of the original stay. A tree that would
-/// then have more than `max_points` is walked in equal steps instead, and keeps its roots, bifurcations and ends.
+/// Puts points on the tree so that no edge is longer than `spacing_m` [m]; all points of the original stay. A tree that
+/// would then have more than `max_points` is walked in equal steps instead, and keeps its roots, bifurcations and ends.
 /// `spacing_m` = 0 keeps the edges as they are. Points come branch by branch, each after its parent.
 ResampledTree resampled(const VesselTree& tree, double spacing_m, int max_points);
 
-}  // namespace angio
+}  // namespace angio::vessel

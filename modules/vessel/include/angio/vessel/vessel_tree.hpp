@@ -6,7 +6,9 @@
 #include <string>
 #include <vector>
 
-namespace angio {
+#include "angio/vessel/namespace.hpp"
+
+namespace angio::vessel {
 
 /// What is wrong with a list of tree points: which point, which field, what it says, and the rule it breaks.
 struct TreeDefect {
@@ -60,4 +62,4 @@ class VesselTree {
   double length_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::vessel

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/vessel/vessel_tree.hpp"
+#include "angio/volume/namespace.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// How much of one tree's length lies near another, and how far off it is.
 struct Coverage {
@@ -20,4 +21,4 @@ enum class CoverageScope { kAll, kInsideOther };
 Coverage coverage(const VesselTree& tree, const VesselTree& other, double distance_m,
                   CoverageScope scope = CoverageScope::kAll);
 
-}  // namespace angio
+}  // namespace angio::volume

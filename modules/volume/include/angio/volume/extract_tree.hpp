@@ -8,7 +8,7 @@
 #include "angio/volume/centreline_settings.hpp"
 #include "angio/volume/volume.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// Centrelines of vessels, and what had to be done to get a tree.
 struct ExtractedTree {
@@ -31,4 +31,4 @@ ExtractedTree extractTree(const Volume& shape, const CentrelineSettings& setting
                           const std::optional<Eigen::Vector3d>& root_m = std::nullopt,
                           const ExtractionProgress& progress = {});
 
-}  // namespace angio
+}  // namespace angio::volume

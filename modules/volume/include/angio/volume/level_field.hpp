@@ -5,7 +5,7 @@
 
 #include "angio/volume/volume.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// Signed distance of each voxel's centre to the nearest centre on the other side of the wall: positive inside [m].
 /// Linear between voxels it crosses zero half-way between neighbours, and between thick slices it gives the shape
@@ -37,4 +37,4 @@ class LevelField {
   const Volume& level_;
 };
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -6,7 +6,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/volume/volume.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// Whether a path's extension is that of a surface: .stl, .vtp, .vtk.
 bool isMesh(const std::string& path);
@@ -16,4 +16,4 @@ bool isMesh(const std::string& path);
 /// files that are broken, without triangles, or too large for the voxels.
 VoxelMask readMesh(const std::string& path, double voxel_m, PatientFrame frame);
 
-}  // namespace angio
+}  // namespace angio::volume

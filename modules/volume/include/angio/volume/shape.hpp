@@ -4,7 +4,7 @@
 #include "angio/volume/shape_settings.hpp"
 #include "angio/volume/volume.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// The vessels of a volume as a field that is positive inside, zero at the wall and negative outside, on the box of the
 /// volume that they need.
@@ -20,4 +20,4 @@ Volume vesselShape(VoxelMask mask, const SelectionSettings& selection, const std
 /// How much each voxel looks like a bright tube, 0 to 1.
 std::vector<float> vesselness(const Volume& volume, const VesselnessSettings& settings);
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -5,8 +5,9 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
+#include "angio/volume/namespace.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// Vessels are the voxels of a label volume that have one of these labels; with none named, all that are not zero.
 struct LabelSettings {
@@ -29,7 +30,7 @@ struct VesselnessSettings {
   static constexpr const char* kName = "vesselness";
 
   double smallest_radius_mm = 1;  ///< Of the vessels that are looked for [mm].
-  double largest_radius_mm = 4;   ///< [mm].
+  double max_radius_mm = 4;       ///< [mm].
   int scales = 3;                 ///< Radii looked at, in equal ratios.
   static constexpr double uniformity =
       0.5;  ///< The paper's tau: small values let weak vessels answer like strong ones.
@@ -38,7 +39,7 @@ struct VesselnessSettings {
 
   void visit(SettingsVisitor& v) {
     v.number("smallest_radius_mm", smallest_radius_mm, 0.05, 100);
-    v.number("largest_radius_mm", largest_radius_mm, 0.05, 100);
+    v.number("max_radius_mm", max_radius_mm, 0.05, 100);
     v.number("strong", strong, 0, 1);
     v.number("weak", weak, 0, 1);
   }
@@ -51,13 +52,13 @@ using ShapeSettings = std::variant<LabelSettings, ThresholdSettings, VesselnessS
 struct SelectionSettings {
   static constexpr const char* kName = "selection";
 
-  int largest_pieces = 0;          ///< Only so many, by volume; 0 keeps all.
+  int max_pieces = 0;              ///< Only so many, by volume; 0 keeps all.
   double smallest_piece_mm3 = 30;  ///< Smaller ones are noise [mm^3].
 
   void visit(SettingsVisitor& v) {
-    v.integer("largest_pieces", largest_pieces, 0, 100000);
+    v.integer("max_pieces", max_pieces, 0, 100000);
     v.number("smallest_piece_mm3", smallest_piece_mm3, 0, 1e9);
   }
 };
 
-}  // namespace angio
+}  // namespace angio::volume

@@ -6,7 +6,7 @@
 
 #include "angio/volume/volume.hpp"
 
-namespace angio {
+namespace angio::volume {
 
 /// The 27 voxels around one, itself included: bit (dx + 1) + 3 (dy + 1) + 9 (dz + 1) is set when that voxel is inside.
 using Neighbourhood = std::uint32_t;
@@ -26,4 +26,4 @@ VoxelMask thinned(const VoxelMask& mask, const std::vector<float>& depth);
 /// Components minus tunnels plus cavities of the voxels inside, taken as closed cubes (so 26 neighbours touch).
 long long eulerNumber(const VoxelMask& mask);
 
-}  // namespace angio
+}  // namespace angio::volume

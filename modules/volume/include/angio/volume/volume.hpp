@@ -6,10 +6,12 @@
 #include <cstdint>
 #include <vector>
 
-namespace angio {
+#include "angio/volume/namespace.hpp"
+
+namespace angio::volume {
 
 /// No volume has more voxels: one of floats is a gibibyte.
-constexpr std::size_t kMostVoxels = std::size_t{1} << 28;
+constexpr std::size_t kMaxVoxels = std::size_t{1} << 28;
 
 /// Where the voxels of a volume lie in the patient: DICOM's axes (L, P, S) [m], as ITK keeps them. The first index runs
 /// fastest in memory.
@@ -58,4 +60,4 @@ struct VoxelMask {
 Volume cropped(const Volume& volume, const Eigen::Vector3i& low, const Eigen::Vector3i& high, int margin,
                float outside);
 
-}  // namespace angio
+}  // namespace angio::volume

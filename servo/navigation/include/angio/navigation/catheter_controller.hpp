@@ -11,7 +11,7 @@
 #include "angio/servo/external_estimates.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 
-namespace angio {
+namespace angio::navigation {
 
 /// How a catheter's controller observes and steers.
 struct CatheterControllerSettings {
@@ -21,10 +21,10 @@ struct CatheterControllerSettings {
   int roadmap_frames = 3;               ///< Accepted registrations in a row that make a roadmap ...
   static constexpr int washed_out_frames =
       3;  ///< ... and frames in a row without one, before the catheter alone is looked for.
-  static constexpr double most_turn_deg = 0.3;  ///< Of the C-arm since the roadmap; more, and another one is needed.
-  static constexpr double most_shift_error_mm =
-      0.5;                         ///< The same, of the table: what the roadmap's unsure depth makes of its way.
-  double most_drive_age_ms = 150;  ///< Between a frame and the drive's state that it is read with.
+  static constexpr double max_turn_deg = 0.3;  ///< Of the C-arm since the roadmap; more, and another one is needed.
+  static constexpr double max_shift_error_mm =
+      0.5;                        ///< The same, of the table: what the roadmap's unsure depth makes of its way.
+  double max_drive_age_ms = 150;  ///< Between a frame and the drive's state that it is read with.
 
   /// Whether the C-arm is asked for the best view of the stretch around the tip (VIEW_REQUEST), and for another when
   /// one leaves doubt. Otherwise it stays where it is.
@@ -43,7 +43,7 @@ struct CatheterControllerSettings {
   /// A frame that is 200 ms late shows a tip that may have been pushed past a fork since.
   static SupervisionSettings forDrive() {
     SupervisionSettings settings;
-    settings.freshness.most_frame_age_ms = 200;
+    settings.freshness.max_frame_age_ms = 200;
     return settings;
   }
 
@@ -51,7 +51,7 @@ struct CatheterControllerSettings {
     loop.visit(v);
     v.section("supervisor", [this](SettingsVisitor& s) { supervisor.visit(s); });
     v.integer("roadmap_frames", roadmap_frames, 1, 1000);
-    v.number("most_drive_age_ms", most_drive_age_ms, 1, 10e3);
+    v.number("max_drive_age_ms", max_drive_age_ms, 1, 10e3);
     v.flag("ask_for_views", ask_for_views);
     v.section("view", [this](SettingsVisitor& s) { view.visit(s); });
     safety.visit(v);
@@ -96,8 +96,8 @@ class CatheterController {
   using Report = CatheterControllerReport;
 
   /// Throws InputError when a setting is out of its range, or a place is none of the tree's.
-  CatheterController(const CArmSetup& setup, const VesselTree& tree, const TreePlace& start, const TreePlace& target,
-                     const CatheterControllerSettings& settings);
+  CatheterController(const CArmSetup& setup, const VesselTree& tree, const TreeLocation& start,
+                     const TreeLocation& target, const CatheterControllerSettings& settings);
 
   /// Proposes the answer to a frame that was exposed while the arm and the drive were as `input` says. Call commit()
   /// exactly once after each propose() or refuse().
@@ -120,7 +120,7 @@ class CatheterController {
 
   NavigationState navigation() const { return navigation_; }
   int misses() const { return loop_.navigator().misses(); }  ///< Wrong branches entered, and walls met.
-  const TreeMap& map() const { return loop_.navigator().map(); }
+  const TreeTopology& map() const { return loop_.navigator().map(); }
   const CArmGeometry& carm() const { return setup_.carm; }
   const CArmSetup& setup() const { return setup_; }
   const CatheterControllerSettings& settings() const { return settings_; }
@@ -162,4 +162,4 @@ class CatheterController {
   std::int64_t sequence_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::navigation

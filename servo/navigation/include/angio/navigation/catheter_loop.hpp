@@ -7,17 +7,17 @@
 #include "angio/navigation/catheter_tracer.hpp"
 #include "angio/navigation/navigator.hpp"
 
-namespace angio {
+namespace angio::navigation {
 
 /// The parts of a catheter's loop.
 struct CatheterLoopSettings {
-  /// The drive says how far it has pushed: the tip hardly moves otherwise. A frame's errors (a lean, a bend) stay for
-  /// many frames, so that a tip which may wander follows them. Places must be as near to each other as it moves.
+  /// The drive says how far it has pushed: the tip hardly moves otherwise. A frame's errors (a deflection, a bend) stay
+  /// for many frames, so that a tip which may wander follows them. Places must be as near to each other as it moves.
   static LocaliserSettings besideDrive() {
     LocaliserSettings localiser;
     localiser.spacing_mm = 0.25;
     localiser.backlash_mm = 0.1;
-    localiser.least_probability = 0.8;
+    localiser.min_probability = 0.8;
     return localiser;
   }
 
@@ -56,7 +56,7 @@ class CatheterLoop {
  public:
   /// Radii that the tree does not know count as 1 mm. Throws InputError when a setting is out of its range, or a place
   /// is none of the tree's.
-  CatheterLoop(const VesselTree& tree, const TreePlace& start, const TreePlace& target,
+  CatheterLoop(const VesselTree& tree, const TreeLocation& start, const TreeLocation& target,
                const CatheterLoopSettings& settings);
 
   /// The catheter in a frame, looked for where it is believed to be. Throws as CatheterTracer does.
@@ -77,4 +77,4 @@ class CatheterLoop {
   std::optional<double> last_insertion_m_;
 };
 
-}  // namespace angio
+}  // namespace angio::navigation

@@ -5,7 +5,7 @@
 #include "angio/perception/state_history.hpp"
 #include "angio/servo/supervised_node.hpp"
 
-namespace angio {
+namespace angio::navigation {
 
 /// Hears the C-arm's joints and the drive: the newest of both for the supervisor, and those at each exposure for the
 /// controller. Hears also which view the C-arm's loop has reached.
@@ -40,30 +40,38 @@ class CatheterStates {
   std::int64_t refused() const { return arm_.refused() + drive_.refused(); }
 
  private:
-  LatestValue<CArmState> newest_arm_;
-  LatestValue<CatheterState> newest_drive_;
+  LatestMessage<CArmState> newest_arm_;
+  LatestMessage<CatheterState> newest_drive_;
   JointHistory arm_;
   DriveHistory drive_;
-  LatestValue<ServoStatus> carm_loop_;
+  LatestMessage<ServoStatus> carm_loop_;
   std::int64_t reached_us_ = 0;
 };
 
+}  // namespace angio::navigation
+
+namespace angio::servo {
+
 template <>
-struct NodeTraits<CatheterController> {
-  using Monitor = DriveMonitor;
-  using States = CatheterStates;
+struct NodeTraits<navigation::CatheterController> {
+  using Monitor = navigation::DriveMonitor;
+  using States = navigation::CatheterStates;
   static constexpr OperatedMachine kMachine = OperatedMachine::kCatheter;
   static constexpr const char* kCommandChannel = kCatheterCommandChannel;
   static constexpr const char* kInputChannel = kCatheterInputChannel;
   static constexpr const char* kStatusChannel = kCatheterStatusChannel;
   static constexpr const char* kStateChannels[] = {kCArmStateChannel, kCatheterStateChannel};
 
-  static SafetySupervisor<DriveMonitor> safety(const CatheterController& loop);
+  static SafetySupervisor<navigation::DriveMonitor> safety(const navigation::CatheterController& loop);
   static const CArmState& arm(const CatheterInput& input) { return input.arm; }
-  static void publish(Bus& bus, const CatheterController& loop, const CatheterControllerReport& report,
-                      ServoState state);
-  static ServoStatus status(const CatheterControllerReport& report);
+  static void publish(Bus& bus, const navigation::CatheterController& loop,
+                      const navigation::CatheterControllerReport& report, ServoState state);
+  static ServoStatus status(const navigation::CatheterControllerReport& report);
 };
+
+}  // namespace angio::servo
+
+namespace angio::navigation {
 
 /// The catheter's controller on a bus: hears XRAY_FRAME, CARM_STATE, CATHETER_STATE and CATHETER_REQUEST, publishes
 /// CATHETER_COMMAND, CATHETER_INPUT, CATHETER_TIP, CATHETER_STATUS, and REGISTRATION of each frame that was looked at.
@@ -71,4 +79,4 @@ struct NodeTraits<CatheterController> {
 /// Made of what a CatheterController is made of.
 using CatheterNode = SupervisedNode<CatheterController>;
 
-}  // namespace angio
+}  // namespace angio::navigation

@@ -7,8 +7,9 @@
 
 #include "angio/base/settings.hpp"
 #include "angio/localisation/catheter_localiser.hpp"
+#include "angio/navigation/namespace.hpp"
 
-namespace angio {
+namespace angio::navigation {
 
 /// What the tracer knows of the catheter, and how far it looks.
 struct CatheterTracerSettings {
@@ -45,9 +46,9 @@ struct CatheterTrace {
 /// its radio-opaque tip.
 ///
 /// Every way through the tree near the believed tip is followed at once: a place of a vessel and a displacement of the
-/// image there (the catheter leans on walls and cuts bends) score by the darkness of the line up to there, by its
-/// smoothness, and by the band at its end (Viterbi's algorithm over the tree). The best end wins, so that a gap or a
-/// crossing does not end the trace and a branch without a line in it is not entered.
+/// image there (the catheter is deflected on walls and cuts bends) score by the darkness of the line up to there, by
+/// its smoothness, and by the band at its end (Viterbi's algorithm over the tree). The best end wins, so that a gap or
+/// a crossing does not end the trace and a branch without a line in it is not entered.
 class CatheterTracer {
  public:
   /// Throws InputError when a setting is out of its range.
@@ -64,4 +65,4 @@ class CatheterTracer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace angio
+}  // namespace angio::navigation

@@ -11,16 +11,16 @@
 #include "angio/navigation/navigator_settings.hpp"
 #include "angio/navigation/tip_deflection.hpp"
 #include "angio/navigation/tip_roll.hpp"
-#include "angio/vessel/tree_map.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::navigation {
 
 /// What one frame tells the navigator.
 struct NavigationInput {
   std::int64_t time_us = 0;  ///< Of the exposure, sender's monotonic clock.
   std::int64_t frame_sequence = 0;
   std::optional<TipBelief> belief;          ///< Where the tip is; nothing when the frame could not be trusted.
-  std::optional<TipDeflection> deflection;  ///< How it leans, where that is seen.
+  std::optional<TipDeflection> deflection;  ///< How it is deflected, where that is seen.
   CatheterState drive;                      ///< At the exposure.
   double period_s = 0;                      ///< Since the frame before.
   double latency_s = 0;                     ///< From an exposure until its command moves the drive.
@@ -61,11 +61,11 @@ struct RouteView;
 class Navigator {
  public:
   /// Borrows nothing. Throws InputError when a setting is out of its range or the target is none of the tree's places.
-  Navigator(const VesselTree& tree, const TreePlace& target, const NavigatorSettings& settings);
+  Navigator(const VesselTree& tree, const TreeLocation& target, const NavigatorSettings& settings);
 
   NavigationAnswer step(const NavigationInput& input);
 
-  const TreeMap& map() const { return map_; }
+  const TreeTopology& map() const { return map_; }
   const TipRoll& roll() const { return roll_; }
   int misses() const { return misses_; }  ///< Wrong branches entered, and walls met.
 
@@ -79,15 +79,16 @@ class Navigator {
   NavigationAnswer backOff(const NavigationInput& input, const RouteView& view);
   NavigationAnswer miss(const NavigationInput& input, const RouteView& view, const std::string& why);
   NavigationAnswer atFork(const NavigationInput& input, const RouteView& view);
-  NavigationAnswer go(const NavigationInput& input, double insertion_mps, double roll_radps, double bend_rad) const;
+  NavigationAnswer go(const NavigationInput& input, double insertion_m_per_s, double roll_rad_per_s,
+                      double bend_rad) const;
   std::optional<std::string> resistance(const NavigationInput& input, double path_m);
   bool sureOf(const RouteView& view) const;
   void planNext(int next);
   std::vector<int> closeForks(int next) const;
 
   NavigatorSettings settings_;
-  TreeMap map_;
-  TreePlace target_;
+  TreeTopology map_;
+  TreeLocation target_;
   TipRoll roll_;
   NavigationState state_ = NavigationState::kFollowing;
   std::string why_;
@@ -107,4 +108,4 @@ class Navigator {
   double back_to_m_ = 0;  // Path length to pull back to.
 };
 
-}  // namespace angio
+}  // namespace angio::navigation

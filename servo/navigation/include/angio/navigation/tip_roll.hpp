@@ -6,18 +6,19 @@
 
 #include "angio/navigation/tip_deflection.hpp"
 
-namespace angio {
+namespace angio::navigation {
 
 /// Estimates which way a bent tip points for a given roll of its drive: what zero, wind-up and backlash leave unknown.
 ///
-/// The tip leans by x = (p, q) in the vessel's frame when the drive's roll is 0, and by R(roll) x at any other; a frame
-/// sees y = sight . R(roll) x + bias, where the bias is how the whole catheter lies beside the centreline. A Kalman
-/// filter over (p, q, bias): linear, and its row d y / d roll is the image Jacobian of roll that nobody can calculate
-/// beforehand. Between drive and tip stands a dead band of nominal width (a play operator).
+/// The tip is deflected by x = (p, q) in the vessel's frame when the drive's roll is 0, and by R(roll) x at any other;
+/// a frame sees y = sight . R(roll) x + bias, where the bias is how the whole catheter lies beside the centreline. A
+/// Kalman filter over (p, q, bias): linear, and its row d y / d roll is the image Jacobian of roll that nobody can
+/// calculate beforehand. Between drive and tip stands a dead band of nominal width (a play operator).
 class TipRoll {
  public:
-  /// @param lean  How far tips usually lean, as a slope. @param dead_band_rad  Of roll, from one side to the other.
-  TipRoll(double lean, double dead_band_rad);
+  /// @param deflection  How far tips usually deflection, as a slope. @param dead_band_rad  Of roll, from one side to
+  /// the other.
+  TipRoll(double deflection, double dead_band_rad);
 
   /// The drive has rolled to `roll_rad`, and the tip has slid by `slid_m` [m] in the vessel.
   void move(double roll_rad, double slid_m);
@@ -32,25 +33,25 @@ class TipRoll {
   double angle_rad() const;
 
   /// Standard deviation of that angle, at most pi / sqrt(3): then nothing is known.
-  double sigma_rad() const;
+  double std_rad() const;
 
-  /// How the tip leans in the vessel's frame: across, aside; sideways way for each metre of its length.
-  Eigen::Vector2d lean() const { return turn() * state_.head<2>(); }
+  /// How the tip is deflected in the vessel's frame: across, aside; sideways way for each metre of its length.
+  Eigen::Vector2d deflection() const { return turn() * state_.head<2>(); }
 
-  /// Covariance of lean().
+  /// Covariance of deflection().
   Eigen::Matrix2d leanCovariance() const { return turn() * P_.topLeftCorner<2, 2>() * turn().transpose(); }
 
   /// Slope of the image's deflection by the drive's roll, d y / d roll, for a sight.
-  double imageJacobian(const Eigen::Vector2d& sight) const;
+  double imageJacobian(const Eigen::Vector2d& observable_axis) const;
 
  private:
   Eigen::Matrix2d turn() const;  // Of the tip, by the roll that has come through.
 
-  double lean_, half_band_rad_;
+  double deflection_, half_band_rad_;
   double roll_rad_ = 0;  // Of the tip, as the dead band lets it.
   bool moved_ = false;
   Eigen::Vector3d state_ = Eigen::Vector3d::Zero();
   Eigen::Matrix3d P_;
 };
 
-}  // namespace angio
+}  // namespace angio::navigation

@@ -4,10 +4,11 @@
 #include <optional>
 
 #include "angio/base/settings.hpp"
+#include "angio/navigation/namespace.hpp"
 #include "angio/servo/best_view.hpp"
-#include "angio/vessel/tree_map.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
-namespace angio {
+namespace angio::navigation {
 
 /// How much of a catheter's way one view must show.
 struct ViewPlannerSettings {
@@ -16,13 +17,13 @@ struct ViewPlannerSettings {
   double renew_mm = 15;   ///< Before its end, it is time for the next.
   static constexpr double other_deg =
       30;  ///< A view that doubt asks for lies at least so far from the one that raised it.
-  double most_primary_deg = 90;
-  double most_secondary_deg = 45;
+  double max_primary_deg = 90;
+  double max_secondary_deg = 45;
   double step_deg = 7.5;  ///< Between the views that are compared.
 
   void visit(SettingsVisitor& v) {
-    v.number("most_primary_deg", most_primary_deg, 1, 110);
-    v.number("most_secondary_deg", most_secondary_deg, 1, 55);
+    v.number("max_primary_deg", max_primary_deg, 1, 110);
+    v.number("max_secondary_deg", max_secondary_deg, 1, 55);
   }
 };
 
@@ -39,25 +40,25 @@ struct PlannedView {
 class ViewPlanner {
  public:
   /// Throws InputError when a setting is out of its range or the target is none of the tree's places.
-  ViewPlanner(const VesselTree& tree, const TreePlace& target, const BestViewScene& scene,
+  ViewPlanner(const VesselTree& tree, const TreeLocation& target, const BestViewScene& scene,
               const ViewPlannerSettings& settings);
 
   /// Where to look from next, with the tip believed to be at `tip`; nothing while the present view serves, or when
   /// doubt asks for another and none is in reach. The first call always answers. Throws InputError as bestView() does.
   ///
   /// @param in_doubt  The present view does not tell what must be known.
-  std::optional<PlannedView> next(const TreePlace& tip, bool in_doubt);
+  std::optional<PlannedView> next(const TreeLocation& tip, bool in_doubt);
 
  private:
-  double onRoute(const TreePlace& tip) const;
+  double onRoute(const TreeLocation& tip) const;
 
   VesselTree tree_;
-  TreeMap map_;
-  TreePlace target_;
+  TreeTopology map_;
+  TreeLocation target_;
   double target_path_m_;
   BestViewScene scene_;
   ViewPlannerSettings settings_;
   std::optional<std::pair<double, double>> stretch_m_;  // Path lengths along the route that the present view is for.
 };
 
-}  // namespace angio
+}  // namespace angio::navigation

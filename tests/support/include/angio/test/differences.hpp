@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 
+#include "angio/test/namespace.hpp"
+
 namespace angio::test {
 
 /// Jacobian of f (vector to vector) at x by central differences of step h: off by h^2 f'''/6 and eps |f| / h.

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "angio/base/errors.hpp"
+#include "angio/test/namespace.hpp"
 
 namespace angio::test {
 

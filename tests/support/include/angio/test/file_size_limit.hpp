@@ -4,6 +4,8 @@
 #include <signal.h>
 #include <sys/resource.h>
 
+#include "angio/test/namespace.hpp"
+
 namespace angio::test {
 
 /// While it lives, no file of this process, or of a program that it starts, grows past `bytes`: a write fails there, as

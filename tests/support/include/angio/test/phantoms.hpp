@@ -5,6 +5,7 @@
 #include <string>
 
 #include "angio/geometry/carm.hpp"
+#include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
@@ -14,7 +15,7 @@ inline std::string exampleData(const std::string& name) { return std::string(ANG
 
 /// A branching tree of about 100 mm: curved branches that split in two, five generations deep, 1 mm between points.
 /// No two seeds give the same tree. Centred near `centre_m`.
-inline VesselTree branchingTree(unsigned seed, const Eigen::Vector3d& centre_m = Eigen::Vector3d::Zero()) {
+inline VesselTree branchingTree(unsigned seed, const Eigen::Vector3d& center_m = Eigen::Vector3d::Zero()) {
   Random random(seed);
   std::vector<Eigen::Vector3d> points;
   std::vector<int> parents;
@@ -36,7 +37,7 @@ inline VesselTree branchingTree(unsigned seed, const Eigen::Vector3d& centre_m =
         grow(parent, at, (direction + 0.7 * side).normalized(), generation + 1);
         grow(parent, at, (direction - 0.7 * side).normalized(), generation + 1);
       };
-  points.push_back(centre_m - Eigen::Vector3d(0, 0.06, 0));
+  points.push_back(center_m - Eigen::Vector3d(0, 0.06, 0));
   parents.push_back(-1);
   radii.push_back(2.5e-3);
   grow(0, points.front(), Eigen::Vector3d::UnitY(), 0);
@@ -48,7 +49,8 @@ inline VesselTree branchingTree(unsigned seed, const Eigen::Vector3d& centre_m =
 /// A pose that a C-arm's view would have: any orientation, the tree's centre 750 mm from the source.
 inline Pose viewOf(const VesselTree& tree, Random& random) {
   Pose T = Pose::Identity();
-  const double angle_rad = random.uniform(0, 3);  // In a statement of its own: so every compiler draws in the same order.
+  const double angle_rad =
+      random.uniform(0, 3);  // In a statement of its own: so every compiler draws in the same order.
   T.linear() = expSO3(angle_rad * random.direction());
   T.translation() = Eigen::Vector3d(0, 0, 0.75) - T.linear() * tree.centroid();
   return T;
@@ -56,11 +58,11 @@ inline Pose viewOf(const VesselTree& tree, Random& random) {
 
 /// `T_camera_model` turned and shifted about the tree's centre, in the tree's own axes.
 inline Pose perturbed(const Pose& T_camera_model, const VesselTree& tree, const Twist& xi) {
-  const Eigen::Translation3d to_centre(tree.centroid());
-  return T_camera_model * to_centre * expSE3(xi) * to_centre.inverse();
+  const Eigen::Translation3d to_center(tree.centroid());
+  return T_camera_model * to_center * expSE3(xi) * to_center.inverse();
 }
 
 /// 1024 x 1024 pixels of 0.308 mm, 1.2 m from the source.
-inline XrayCamera clinicalCamera() { return XrayCamera::centred(1024, 1024, 0.308e-3, 1.2); }
+inline XrayCamera clinicalCamera() { return XrayCamera::centered(1024, 1024, 0.308e-3, 1.2); }
 
 }  // namespace angio::test

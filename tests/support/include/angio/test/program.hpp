@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
 
 extern char** environ;

@@ -4,10 +4,12 @@
 #include <random>
 
 #include "angio/geometry/se3.hpp"
+#include "angio/test/namespace.hpp"
 
 namespace angio::test {
 
-/// Random vectors and poses, the same on every machine for one seed: std::normal_distribution is not, so this draws its own.
+/// Random vectors and poses, the same on every machine for one seed: std::normal_distribution is not, so this draws its
+/// own.
 class Random {
  public:
   explicit Random(unsigned seed) : engine_(seed) {}

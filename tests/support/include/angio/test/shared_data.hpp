@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <string>
 
+#include "angio/test/namespace.hpp"
+
 namespace angio::test {
 
 /// A file of the real data that may not be copied into the project, in the folder that ANGIO_SHARED_DATA names.

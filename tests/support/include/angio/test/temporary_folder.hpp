@@ -9,6 +9,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "angio/test/namespace.hpp"
+
 namespace angio::test {
 
 /// A folder for the files of one test, gone with it.

@@ -5,6 +5,8 @@
 
 #include <variant>
 
+#include "angio/test/namespace.hpp"
+
 namespace angio::test {
 
 /// The alternatives of a settings variant as a list for TYPED_TEST_SUITE: a new method joins its conformance tests by

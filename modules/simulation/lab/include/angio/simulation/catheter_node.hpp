@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/lab/namespace.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/simulation/simulated_catheter.hpp"
 
-namespace angio {
+namespace angio::lab {
 
 /// The catheter drive's side of a bus: hears CATHETER_COMMAND and says CATHETER_STATE. Owns no clock: its caller says
 /// what time it is.
 class SimulatedCatheterNode {
  public:
   /// Borrows the bus, which must outlive it. Throws InputError as SimulatedCatheter does.
-  SimulatedCatheterNode(Bus& bus, const VesselTree& tree, const CatheterSettings& settings, const TreePlace& start,
+  SimulatedCatheterNode(Bus& bus, const VesselTree& tree, const CatheterSettings& settings, const TreeLocation& start,
                         std::int64_t now_us);
 
   /// Obeys the newest command that waits, as one that arrives now.
@@ -24,9 +25,9 @@ class SimulatedCatheterNode {
 
  private:
   Bus& bus_;
-  LatestValue<CatheterCommand> commands_;
+  LatestMessage<CatheterCommand> commands_;
   SimulatedCatheter catheter_;
   std::int64_t sequence_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::lab

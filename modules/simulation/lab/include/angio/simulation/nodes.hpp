@@ -3,11 +3,12 @@
 
 #include <functional>
 
+#include "angio/lab/namespace.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/simulation/simulated_carm.hpp"
 #include "angio/simulation/simulated_patient.hpp"
 
-namespace angio {
+namespace angio::lab {
 
 /// The robot's side of a bus: a simulated C-arm that hears CARM_COMMAND and says CARM_STATE. Owns no clock: its caller
 /// says what time it is.
@@ -26,7 +27,7 @@ class SimulatedCArmNode {
 
  private:
   Bus& bus_;
-  LatestValue<CArmCommand> commands_;
+  LatestMessage<CArmCommand> commands_;
   SimulatedCArm arm_;
   std::int64_t sequence_ = 0;
 };
@@ -74,7 +75,7 @@ class SimulatedXrayNode {
   double patientTime_s(std::int64_t now_us) const;
 
   Bus& bus_;
-  LatestValue<CArmState> states_;
+  LatestMessage<CArmState> states_;
   SimulatedPatient patient_;
   CArmGeometry carm_;
   Pose T_patient_model_;
@@ -84,4 +85,4 @@ class SimulatedXrayNode {
   std::int64_t sequence_ = 0;
 };
 
-}  // namespace angio
+}  // namespace angio::lab

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/lab/namespace.hpp"
 #include "angio/messaging/mailbox.hpp"
 
-namespace angio {
+namespace angio::lab {
 
 /// The person at the injector: injects contrast agent from when a view is asked for (VIEW_REQUEST) until some time
 /// after the C-arm's loop says that it is reached (SERVO_STATUS). Owns no clock: the caller says what time it is.
@@ -17,11 +18,11 @@ class SimulatedInjector {
   bool injects(std::int64_t now_us);
 
  private:
-  LatestValue<ViewRequest> requests_;
-  LatestValue<ServoStatus> statuses_;
+  LatestMessage<ViewRequest> requests_;
+  LatestMessage<ServoStatus> statuses_;
   std::int64_t after_us_;
   std::int64_t request_us_ = 0;             // Of the view that is being reached, or was; 0: none.
   std::optional<std::int64_t> reached_us_;  // When it was reached, by the caller's clock.
 };
 
-}  // namespace angio
+}  // namespace angio::lab

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/simulation_settings/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation_settings {
 
 /// Which injection a bolus has from the start: the one of its settings, or none until one is demanded.
 enum class BolusTrigger { kSettings, kDemand };
@@ -34,4 +35,4 @@ struct BolusSettings {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::simulation_settings

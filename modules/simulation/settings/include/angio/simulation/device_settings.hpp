@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/simulation_settings/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation_settings {
 
 enum class DeviceKind { kNone, kCatheter, kGuidewire };
 
@@ -26,4 +27,4 @@ struct DeviceSettings {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::simulation_settings

@@ -5,8 +5,9 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
+#include "angio/simulation_settings/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation_settings {
 
 /// How much radiation a frame takes: a number of photons, or a typical air kerma at the detector's entrance.
 ///
@@ -18,15 +19,15 @@ enum class PixelDepth { k8, k16 };  ///< Bits of a grey value.
 
 /// From the beam's quanta to grey values. The defaults are those of a flat panel of caesium iodide behind a grid.
 struct DetectorSettings {
-  double psf_sigma_mm = 0.16;  ///< Spread of the light of a quantum on the detector: MTF 0.6 at 1 line pair per mm.
+  double psf_std_mm = 0.16;    ///< Spread of the light of a quantum on the detector: MTF 0.6 at 1 line pair per mm.
   double focal_spot_mm = 0.5;  ///< Width of the focal spot; it blurs the shadow, not the noise.
   double scatter_to_primary = 0.25;  ///< Scattered over unscattered quanta in the open field, behind the grid.
-  static constexpr double scatter_sigma_mm = 30;  ///< How far scatter strays on the detector.
+  static constexpr double scatter_std_mm = 30;  ///< How far scatter strays on the detector.
   double lag = 0;                     ///< Part of the signal that is left from the frame before, as an afterglow.
   PixelDepth bits = PixelDepth::k16;  ///< Of the image. Grey levels count from 0 to 65535 (255) either way.
 
   void visit(SettingsVisitor& v) {
-    v.number("psf_sigma_mm", psf_sigma_mm, 0, 2);
+    v.number("psf_std_mm", psf_std_mm, 0, 2);
     v.number("focal_spot_mm", focal_spot_mm, 0, 3);
     v.number("scatter_to_primary", scatter_to_primary, 0, 10);
     v.number("lag", lag, 0, 0.9);
@@ -58,8 +59,8 @@ struct CollimatorSettings {
   Shutter shutter = Shutter::kOpen;
   double width = 0.9;
   double height = 0.9;
-  double centre_x = 0;  ///< Of the open field, from the detector's centre.
-  double centre_y = 0;
+  double center_x = 0;  ///< Of the open field, from the detector's centre.
+  double center_y = 0;
   double turn_deg = 0;    ///< Of the open field, clockwise in the image.
   double edge_px = 2;     ///< Softness of its edge: standard deviation [px].
   double leakage = 0.01;  ///< Part of the beam that passes the shutters.
@@ -68,8 +69,8 @@ struct CollimatorSettings {
     v.choice("shutter", shutter, {"open", "rectangle", "octagon", "circle"});
     v.number("width", width, 0.05, 2);
     v.number("height", height, 0.05, 2);
-    v.number("centre_x", centre_x, -0.5, 0.5);
-    v.number("centre_y", centre_y, -0.5, 0.5);
+    v.number("centre_x", center_x, -0.5, 0.5);
+    v.number("centre_y", center_y, -0.5, 0.5);
     v.number("turn_deg", turn_deg, -180, 180);
     v.number("edge_px", edge_px, 0, 50);
     v.number("leakage", leakage, 0, 1);
@@ -128,4 +129,4 @@ struct FluoroscopySettings {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::simulation_settings

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/simulation_settings/namespace.hpp"
 
-namespace angio {
+namespace angio::simulation_settings {
 
 /// Breathing as the organs under the diaphragm follow it. Zero at the end of breathing out.
 ///
@@ -35,14 +36,14 @@ struct HeartbeatSettings {
   double amplitude_mm = 0;  ///< Of a point `reach_mm` from the heart's centre: the farthest that any moves.
   double rate_per_min = 70;
   double turn_deg = 6;              ///< At the centre, for each 10 mm of amplitude.
-  double centre_mm[3] = {0, 0, 0};  ///< Of the heart, from the tree's centroid: left, posterior, up.
+  double center_mm[3] = {0, 0, 0};  ///< Of the heart, from the tree's centroid: left, posterior, up.
   double reach_mm = 50;             ///< Fades like a normal curve of this width.
 
   void visit(SettingsVisitor& v) {
     v.number("amplitude_mm", amplitude_mm, 0, 20);
     v.number("rate_per_min", rate_per_min, 20, 220);
     v.number("turn_deg", turn_deg, -30, 30);
-    v.numbers("centre_mm", centre_mm, 3, -300, 300);
+    v.numbers("centre_mm", center_mm, 3, -300, 300);
   }
 };
 
@@ -73,4 +74,4 @@ struct MotionSettings {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::simulation_settings

@@ -7,7 +7,7 @@
 #include "angio/simulation/motion_settings.hpp"
 #include "angio/simulation/truth_settings.hpp"
 
-namespace angio {
+namespace angio::simulation_settings {
 
 /// All that a simulated X-ray run can be told: how it looks, what is injected, what moves, and what is pushed in.
 struct SimulatedPatientSettings {
@@ -32,4 +32,4 @@ struct SimulatedPatientSettings {
   }
 };
 
-}  // namespace angio
+}  // namespace angio::simulation_settings

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include "angio/registration/result.hpp"
+#include "angio/vessel/vessel_tree.hpp"
+#include "rigid_step.hpp"
+
+namespace angio::registration {
+
+/// Fewer points than this on either side cannot hold six unknowns against noise: sets the status and says so.
+bool tooFewPoints(RegistrationResult& result);
+
+/// How uncertain the covariance leaves the places of the tree's points: standard deviation of their distance, rms over
+/// the points [m].
+double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const VesselTree& tree);
+
+/// Sets status and reason from the agreement of model and image, and from how well the image determines the pose, of a
+/// rigid and of a deformed tree alike: depth under deformation is open in one view, so that such a result is ambiguous.
+void classify(const VesselTree& tree, RegistrationResult& result);
+
+/// The same when it is known how well the best different pose does (score over this pose's, 0 to 1): one that fits
+/// nearly as well makes a fit ambiguous; and a fit without an alternative is believed when less of the image, or of the
+/// model, is explained, as when contrast fills half of the tree, if the image holds it three times as well.
+void classifyAgainst(double alternative_share, const VesselTree& tree, RegistrationResult& result);
+
+/// Covariance as RegistrationResult defines it, from the system at the solution and the pulls of all views; nothing
+/// when it is not of full rank.
+std::optional<Matrix6d> covarianceOf(const NormalEquations& at_solution, const std::vector<Pull>& pulls,
+                                     const Pose& T_camera_centered, const Eigen::Vector3d& centroid);
+
+}  // namespace angio::registration

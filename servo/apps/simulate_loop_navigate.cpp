@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-simulate-loop navigate: a simulated catheter's journeys to many branches of a tree, images and registration in
+// the loop.
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include "angio/apps/namespace.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/cli/data_folder.hpp"
+#include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/case_run.hpp"
+#include "angio/experiments/navigate_experiment.hpp"
+#include "angio/experiments/seeds.hpp"
+#include "angio/io/curve_folder.hpp"
+#include "angio/io/settings_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/io/whole_file.hpp"
+#include "angio/vessel/prune.hpp"
+#include "navigate_film.hpp"
+#include "simulate_loop.hpp"
+
+namespace angio::apps {
+namespace {
+
+struct NavigateOptions {
+  std::vector<std::string> trees, target_names;
+  std::vector<double> root_mm;
+  std::string calibration = exampleDataFile("hepatic-tace/carm.yaml");
+  std::string settings, out, film;  // The film is of the first journey.
+  int targets = 20, first_seed = 1, threads = 1;
+  double max_edge_mm = 10;
+};
+
+/// All that the settings file may say.
+struct NavigateSettings {
+  NavigateExperimentSettings experiment;
+  NavigateParts parts;
+
+  void visit(SettingsVisitor& v) {
+    v.section("study", [this](SettingsVisitor& s) { experiment.visit(s); });
+    parts.visit(v);
+  }
+};
+
+VesselTree readTree(const std::string& file, const NavigateOptions& o) {
+  const VesselTree tree = withoutLongEdges(readVesselTree(file), 1e-3 * o.max_edge_mm);
+  if (o.root_mm.empty()) return tree;
+  return beginningAt(tree, 1e-3 * Eigen::Vector3d(o.root_mm[0], o.root_mm[1], o.root_mm[2]));
+}
+
+std::vector<TreeLocation> targetsOf(const std::string& file, const VesselTree& tree, const NavigateOptions& o,
+                                    const NavigateExperimentSettings& experiment) {
+  if (o.target_names.empty()) return navigateTargets(tree, experiment, o.targets);
+  const std::vector<NamedCurve> curves = readCurveFolder(file);
+  std::vector<Eigen::Matrix3Xd> named;
+  for (const std::string& name : o.target_names) named.emplace_back(curveOfName(file, curves, name).points_mm / 1e3);
+  return targetsAlong(tree, experiment, named, o.targets);
+}
+
+nlohmann::ordered_json simulateTree(const std::string& file, const NavigateOptions& o, const NavigateSettings& s) {
+  const VesselTree tree = readTree(file, o);
+  const std::vector<TreeLocation> targets = targetsOf(file, tree, o, s.experiment);
+  if (targets.empty()) throw InputError(file, "", "", "has no branch that is wide and far enough to go to");
+  const CArmCalibration nominal = readCArmCalibration(o.calibration);
+  std::vector<NavigateResult> rows(targets.size());
+  std::optional<NavigateFilm> film;
+  if (!o.film.empty()) film.emplace(o.film, tree, targets.front(), s.experiment.lab.frame_rate_hz);
+  const std::filesystem::path path = std::filesystem::path(file).lexically_normal();
+  const std::string name = (path.has_filename() ? path : path.parent_path()).filename().string();
+  ProgressBar bar("navigating " + name, static_cast<int>(targets.size()));
+  forEachInParallel(
+      static_cast<int>(targets.size()), o.threads,
+      [&](int k) {
+        const auto i = static_cast<std::size_t>(k);
+        const NavigateObserver look_on =
+            film && k == 0 ? [&](const NavigateMoment& m) { film->show(m); } : NavigateObserver();
+        rows[i] = runNavigationExperiment(tree, nominal, targets[i], s.experiment, s.parts, o.first_seed + k, look_on);
+      },
+      [&](int done) { bar.show(done); });
+  if (film) film->finish();
+  return navigateExperimentAsJson(name, rows);
+}
+
+int simulateNavigation(const NavigateOptions& o) {
+  requireFolderOf(o.out);
+  if (!o.film.empty() && o.trees.size() > 1) throw InputError("--film", "", o.film, "is of one tree's first journey");
+  NavigateSettings settings;
+  if (!o.settings.empty()) settings = readSettings(o.settings, settings);
+  nlohmann::ordered_json json;
+  for (const std::string& file : o.trees) json["trees"].push_back(simulateTree(file, o, settings));
+  std::cout << navigateExperimentTable(json["trees"]);
+  if (o.out.empty()) return 0;
+  json["settings"] = settingsAsJson(settings);
+  json["machine"] = machineAsJson();
+  writeWholeFile(o.out, json.dump(2) + "\n");
+  return 0;
+}
+
+}  // namespace
+
+void addSimulateNavigate(CLI::App& app, Work& work) {
+  const auto o = std::make_shared<NavigateOptions>();
+  o->trees = {exampleDataFile("hepatic-tace/tree.csv")};
+  CLI::App* command =
+      app.add_subcommand("navigate", "Bring a catheter to branches: reached, wall contacts, tip errors");
+  command->add_option("--tree", o->trees, "Vessel trees; their own row each");
+  command->add_option("--calibration", o->calibration,
+                      "C-arm geometry (.yaml); the tree's centroid is at the isocentre");
+  command->add_option("--max-edge-mm", o->max_edge_mm, "Longer edges join what no vessel joins")
+      ->check(CLI::Range(0.1, 1e4));
+  command->add_option("--targets", o->targets, "Branches of each tree to go to")->check(CLI::Range(1, 100000));
+  command
+      ->add_option("--target-names", o->target_names,
+                   "Curves of a folder of .mrk.json files to go to, by name or its last word: LCCA,LVA")
+      ->delimiter(',');
+  command
+      ->add_option("--root", o->root_mm,
+                   "Where catheters come in: the tree is cut there, and its longer side stays: x,y,z [mm]")
+      ->delimiter(',')
+      ->expected(3);
+  command->add_option("--first-seed", o->first_seed, "Seed of the first journey")->check(CLI::Range(0, 2147000000));
+  command->add_option("--threads", o->threads, "Journeys at a time")->check(CLI::Range(1, 256));
+  command->add_option("--film", o->film, "Film of the first journey (.mp4, or numbered pictures), of one tree");
+  command->add_option("--settings", o->settings, "Settings (.yaml)");
+  command->add_option("--out", o->out, "All journeys and the settings (.json)");
+  command->callback([o, &work] { work = [o] { return simulateNavigation(*o); }; });
+}
+
+}  // namespace angio::apps

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "angio/calibration/view_uncertainty.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/experiments/namespace.hpp"
+#include "angio/experiments/scenario_settings.hpp"
+#include "angio/servo/servo_node.hpp"
+#include "angio/simulation/simulated_lab.hpp"
+
+namespace angio::experiments {
+
+/// What really stands there, and what the loop is told of it.
+struct Scenario {
+  CArmCalibration truth;       ///< C-arm, X-ray camera and patient.
+  CArmCalibration calibrated;  ///< A calibration's result. Which way the model's axes lie is the model's: the truth's.
+};
+
+/// The world that a closed-loop simulation makes up: the patient of `nominal` turned and shifted, the calibration wrong
+/// by what the settings say, so that it tilts the view along `beam` [anatomy].
+Scenario randomScenario(const VesselTree& tree, const CArmCalibration& nominal, const ScenarioSettings& settings,
+                        const ViewAngles& beam);
+
+/// The loop's settings with what the world and its calibration say filled in.
+ServoLoopSettings loopIn(const Scenario& world, const ServoLoopSettings& parts);
+
+/// The room of a world: the C-arm stands where its calibration sees the target along the start's angles. `patient`
+/// gets the closed-loop simulation's seed; frames say the camera of the believed C-arm.
+SimulatedLab labOf(const VesselTree& tree, const Scenario& world, const ScenarioSettings& settings,
+                   const ServoLoopSettings& loop, const SimulatedPatientSettings& patient,
+                   const std::optional<LabCatheter>& catheter = std::nullopt);
+
+/// One frame as the closed-loop simulation's omniscient observer sees it.
+struct ClosedLoopFrame {
+  double time_s = 0;
+  CArmJoints joints = CArmJoints::Zero();  ///< True, at the exposure.
+  CArmCommand command;                     ///< What the loop answered.
+  ViewError true_error;                    ///< Of the real view at the exposure; zero for a task without a view.
+  Eigen::Vector3d target_camera = Eigen::Vector3d::Zero();  ///< Where the target really was in the camera then [m].
+  double target_off_m = 0;  ///< Its image from where the task wants it, as a distance at the isocentre.
+  TaskAnswer task;          ///< What the loop believed.
+  std::optional<std::string> hold_reason;
+  RegistrationStatus status = RegistrationStatus::kTooFewPoints;
+  double model_residual_px = 0, image_residual_px = 0;
+  int points_2d = 0;
+  double render_s = 0, image_s = 0, registration_s = 0, control_s = 0;  ///< Wall time of the stages [s].
+  double answer_s = 0;  ///< Wall time from the frame's bytes on the bus to the command's bytes on the bus [s].
+};
+
+/// A frame that is kept whole, for the pictures.
+struct ClosedLoopSnapshot {
+  XrayFrame frame;
+  Centerline2d centerline;
+  Pose predicted_T_camera_model = Pose::Identity();  ///< By joints and calibration alone.
+  RegistrationResult registration;
+};
+
+struct ClosedLoopRun {
+  std::vector<ClosedLoopFrame> closed;  ///< With feedback from the images.
+  std::vector<ClosedLoopFrame> open;    ///< The same task on calibration alone; only time, joints, command, true error.
+  ViewError closed_end, open_end;       ///< True view errors at the end.
+  bool has_view = false;                ///< Whether the task has a view to reach; else target_off_m is what counts.
+  std::optional<ViewUncertainty> predicted;  ///< Of the open loop's end, by the calibration's own records.
+  std::optional<ClosedLoopSnapshot> first, last;
+};
+
+/// Called after each frame of the closed loop with the exposure and what the loop made of it.
+using ClosedLoopObserver = std::function<void(const Exposure&, const ServoReport&, const ClosedLoopFrame&)>;
+
+/// Called with the arm's true state after each event of the closed loop.
+using ArmWatcher = std::function<void(const CArmState&)>;
+
+/// Runs C-arm, X-ray and loop as parties on a bus inside the process, in simulated time; then the same task on
+/// calibration alone. The same settings give the same commands, bit for bit. Throws InputError when a setting is out of
+/// its range.
+ClosedLoopRun runClosedLoop(const VesselTree& tree, const Scenario& world, const ScenarioSettings& settings,
+                            const ServoLoopSettings& parts, const SimulatedPatientSettings& patient,
+                            const ClosedLoopObserver& watcher = {}, const ArmWatcher& arm_watcher = {});
+
+/// How many frames that will be.
+int framesOf(const ScenarioSettings& settings);
+
+}  // namespace angio::experiments

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "angio/experiments/closed_loop.hpp"
+#include "angio/navigation/catheter_node.hpp"
+
+namespace angio::experiments {
+
+/// What goes wrong in a run of the campaign.
+enum class FaultKind {
+  kNone,              ///< For comparison.
+  kLoss,              ///< Up to half of all messages.
+  kDelay,             ///< Up to 500 ms, of frames and states, of commands, or of both.
+  kJitter,            ///< Up to 500 ms, of all of them.
+  kDuplicates,        ///< Up to half of all messages come twice.
+  kReorder,           ///< Up to half of all messages are overtaken.
+  kStall,             ///< Nothing comes through, then all at once.
+  kNan,               ///< NaN and numbers in wrong units, in states, frames and commands.
+  kFrozenImage,       ///< New frames with old pixels.
+  kOtherPatient,      ///< Frames of another patient.
+  kKilledNode,        ///< The loop dies, and is started again.
+  kClockJump,         ///< Of the X-ray's clock, up to 10 s.
+  kLateFrames,        ///< All of a loop's frames are late by the same time, from its start on.
+  kImpossibleJoints,  ///< One of the arm's joints is said to be where it cannot be.
+  kArmClockBack,      ///< The arm's clock, and only that, goes back by 10 s.
+};
+constexpr int kFaultKindCount = 15;
+const char* nameOf(FaultKind kind);
+
+struct FaultExperimentSettings {
+  double sound_s = 2;      ///< Until the fault begins ...
+  double disturbed_s = 2;  ///< ... while it lasts; frames that are late are so for at least as long as it was sound ...
+  double recovery_s = 3;   ///< ... and from its end to the run's.
+  int image_px = 512;
+  double max_primary_deg = 30;      ///< Views are spread evenly over +- this ...
+  double max_secondary_deg = 15;    ///< ... and this; the start is between them.
+  double max_command_age_ms = 350;  ///< A command for motion that arrives later after its exposure is a stale one.
+  double max_frame_age_ms = 300;    ///< Of a frame that a loop may move by, as its own settings say ...
+  double frame_age_margin_ms = 20;  ///< ... and so much above it counts as late: loops know the quickest frame's only.
+  double steady_s = 0.5;            ///< So long it has to servo on end to have recovered.
+
+  /// The same for a catheter: a roadmap comes first, and once more for a loop that starts anew.
+  static FaultExperimentSettings forCatheter() {
+    FaultExperimentSettings settings;
+    settings.sound_s = settings.recovery_s = 6;
+    settings.max_frame_age_ms = 200;
+    settings.max_primary_deg = settings.max_secondary_deg = 0;
+    return settings;
+  }
+
+  void visit(SettingsVisitor& v) {
+    v.integer("image_px", image_px, 128, 4096);
+    v.number("max_primary_deg", max_primary_deg, 0, 90);
+    v.number("max_secondary_deg", max_secondary_deg, 0, 45);
+    v.number("max_command_age_ms", max_command_age_ms, 1, 10e3);
+  }
+};
+
+/// What became of one run.
+struct FaultResult {
+  OperatedMachine machine = OperatedMachine::kCArm;
+  int seed = 0;
+  FaultKind kind = FaultKind::kNone;
+  std::string fault;                  ///< In words, with its numbers.
+  std::optional<std::string> breach;  ///< Unsafe: a limit exceeded, or a stale or untrusted command sent or executed.
+  int unsound_commands = 0;           ///< Stale or untrusted ones that reached the machine, obeyed or not.
+  bool moved_before = false;          ///< It servoed when the fault began.
+  std::vector<std::string> causes;    ///< Why the state changed while the fault lasted.
+  std::optional<double> recovered_s;  ///< From the fault's end until it servoed steadily; nothing: it did not.
+  /// True ones: of the C-arm's view [deg], or of how far the catheter's tip was believed to be from the root [mm].
+  double error_at_fault = 0, error_at_end = 0;
+};
+
+/// What a run is made of, beside the anatomy.
+struct FaultParts {
+  ScenarioSettings scenario;
+  ServoLoopSettings carm_loop;
+  SimulatedPatientSettings patient;
+  CatheterSettings catheter;
+  CatheterControllerSettings controller;
+};
+
+/// One run of one machine's shipped node with one fault: begins sound, is disturbed for a while, and goes on without
+/// the fault. The operator resets and arms again when the fault is over. Judged by observers that know the truth and
+/// hear the wire. A catheter goes to a branch that the seed chooses under a C-arm that stands still.
+FaultResult runFault(OperatedMachine machine, FaultKind kind, const VesselTree& tree, const CArmCalibration& nominal,
+                     const FaultExperimentSettings& experiment, FaultParts parts);
+
+nlohmann::ordered_json faultExperimentAsJson(const std::vector<FaultResult>& rows);
+
+/// The same as a table for people, a line for each machine and fault.
+std::string faultExperimentTable(const nlohmann::ordered_json& summary);
+
+}  // namespace angio::experiments

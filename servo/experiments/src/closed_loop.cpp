@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/experiments/closed_loop.hpp"
+
+#include <cmath>
+#include <random>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/stopwatch.hpp"
+#include "angio/messaging/channels.hpp"
+#include "angio/servo/operator.hpp"
+
+namespace angio::experiments {
+namespace {
+
+// Uniform on the sphere, the same on every machine.
+Eigen::Vector3d randomDirection(std::mt19937_64& engine) {
+  const auto uniform = [&] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
+  const double z = 2 * uniform() - 1, angle = 2 * kPi * uniform(), r = std::sqrt(1 - z * z);
+  return {r * std::cos(angle), r * std::sin(angle), z};
+}
+
+ViewAngles startOf(const ScenarioSettings& s) {
+  return {degToRad(s.start_primary_deg), degToRad(s.start_secondary_deg)};
+}
+
+Eigen::Vector3d targetOf(const VesselTree& tree, const ServoLoopSettings& loop) {
+  return loop.target_model.value_or(tree.centroid());
+}
+
+// Where the image of a target is wanted [rays with z = 1]: at the principal point, beside it, or where it was at first.
+std::optional<Eigen::Vector2d> wantedRay(const ServoLoopSettings& loop) {
+  if (std::holds_alternative<HoldTaskSettings>(loop.task)) return std::nullopt;
+  const auto* center = std::get_if<CenterTaskSettings>(&loop.task);
+  if (!center) return Eigen::Vector2d::Zero();
+  const auto camera = loop.carm.camera().parameters();
+  return Eigen::Vector2d(center->offset_px[0] / camera.fx_px, center->offset_px[1] / camera.fy_px);
+}
+
+// How far the real view is from the wanted one, for a task that has one, and the target's image from its place.
+class Observer {
+ public:
+  Observer(const Scenario& world, const Task& task, const ServoLoopSettings& loop, const VesselTree& tree)
+      : truth_(world.truth),
+        desired_(task.desired_T_camera_model()),
+        target_(targetOf(tree, loop)),
+        wanted_(wantedRay(loop)) {}
+
+  bool hasView() const { return desired_.has_value(); }
+
+  void observe(const SimulatedLab& lab, ClosedLoopFrame& row) {
+    row.time_s = lab.now_s();
+    row.true_error = error(row.joints);
+    row.target_camera = lab.inCamera(target_);
+    const Eigen::Vector2d ray = row.target_camera.hnormalized();
+    if (!wanted_) wanted_ = ray;
+    row.target_off_m = truth_.carm.source_isocenter_distance_m * (ray - *wanted_).norm();
+  }
+
+  ViewError error(const CArmJoints& joints) const {
+    if (!desired_) return {};
+    return viewError(truth_.carm.T_camera_patient(joints) * truth_.T_dsa_cb, *desired_, target_);
+  }
+
+ private:
+  CArmCalibration truth_;
+  std::optional<Pose> desired_;
+  Eigen::Vector3d target_;
+  std::optional<Eigen::Vector2d> wanted_;
+};
+
+ClosedLoopFrame describe(const ServoReport& report) {
+  ClosedLoopFrame row;
+  row.command = report.command;
+  row.task = report.task;
+  row.hold_reason = report.hold_reason;
+  const Observation& observation = report.observation;
+  row.status = observation.registration.status;
+  row.model_residual_px = observation.registration.agreement.model_residual_px;
+  row.image_residual_px = observation.registration.agreement.image_residual_px;
+  row.points_2d = observation.centerline.size();
+  row.image_s = observation.image_s;
+  row.registration_s = observation.registration_s;
+  row.control_s = report.control_s;
+  return row;
+}
+
+void runClosed(const VesselTree& tree, const Scenario& world, const ScenarioSettings& s, const ServoLoopSettings& loop,
+               const SimulatedPatientSettings& patient, const ClosedLoopObserver& watcher,
+               const ArmWatcher& arm_watcher, ClosedLoopRun& result) {
+  SimulatedLab lab = labOf(tree, world, s, loop, patient);
+  ServoNode servo(lab.loopSide(), loop, tree);
+  Operator person(lab.fromMachines());
+  Observer observer(world, servo.loop().task(), loop, tree);
+  result.has_view = observer.hasView();
+  const int frames = framesOf(s);
+  while (static_cast<int>(result.closed.size()) < frames) {
+    Stopwatch watch;
+    const std::optional<Exposure> exposure = lab.advance();
+    if (arm_watcher) arm_watcher(lab.arm().state());
+    const double render_s = watch.seconds();
+    watch = Stopwatch();
+    person.start(lab.now_us());
+    const auto report = servo.answer(lab.now_us());
+    if (!exposure) continue;
+    if (!report) throw std::runtime_error("the loop did not answer a frame");
+    ClosedLoopFrame row = describe(*report);
+    row.answer_s = watch.seconds() - report->learning_s;
+    row.render_s = render_s;
+    row.joints = exposure->state.joints;
+    observer.observe(lab, row);
+    result.closed.push_back(row);
+    if (watcher) watcher(*exposure, *report, row);
+    if (result.closed.size() == 1 || static_cast<int>(result.closed.size()) == frames) {
+      result.last =
+          ClosedLoopSnapshot{exposure->frame, report->observation.centerline,
+                             loop.carm.T_camera_patient(row.joints) * loop.T_dsa_cb, report->observation.registration};
+      if (!result.first) result.first = result.last;
+    }
+  }
+  while (!lab.advance()) continue;  // What the last command still does.
+  result.closed_end = observer.error(lab.arm().state().joints);
+}
+
+void runOpen(const VesselTree& tree, const Scenario& world, const ScenarioSettings& s, const ServoLoopSettings& loop,
+             const SimulatedPatientSettings& patient, ClosedLoopRun& result) {
+  ScenarioSettings blind = s;
+  blind.lab.images = false;
+  SimulatedLab lab = labOf(tree, world, blind, loop, patient);
+  OpenLoop servo(loop, tree);
+  Observer observer(world, servo.task(), loop, tree);
+  const int frames = framesOf(s);
+  while (static_cast<int>(result.open.size()) < frames) {
+    const std::optional<Exposure> exposure = lab.advance();
+    if (!exposure) continue;
+    ClosedLoopFrame row;
+    row.command = servo.step(exposure->state, lab.period_s());
+    publish(lab.loopSide(), kCArmCommandChannel, row.command);
+    row.joints = exposure->state.joints;
+    observer.observe(lab, row);
+    result.open.push_back(row);
+  }
+  while (!lab.advance()) continue;
+  result.open_end = observer.error(lab.arm().state().joints);
+}
+
+}  // namespace
+
+Scenario randomScenario(const VesselTree& tree, const CArmCalibration& nominal, const ScenarioSettings& s,
+                        const ViewAngles& beam) {
+  checkSettings("scenario", s);
+  nominal.check("calibration");
+  std::mt19937_64 engine(static_cast<std::uint64_t>(s.seed));
+  const Eigen::Vector3d target = tree.centroid();
+  Scenario world;
+  world.truth = miscalibrated(nominal, target, randomDirection(engine), degToRad(s.patient_turn_deg),
+                              s.patient_shift_mm * 1e-3 * randomDirection(engine));
+  // An error about the beam would only turn the picture, which no joint answers for: the axis lies across the beam.
+  const Pose desired = desiredPose({beam, target, nominal.R_lps_model}, nominal.carm.source_isocenter_distance_m);
+  const Eigen::Vector3d beam_patient = world.truth.T_dsa_cb.linear() * desired.linear().row(2).transpose();
+  const Eigen::Vector3d axis = beam_patient.cross(randomDirection(engine)).normalized();
+  world.calibrated = miscalibrated(world.truth, target, axis, degToRad(s.calibration_error_deg),
+                                   s.calibration_error_mm * 1e-3 * randomDirection(engine));
+  world.calibrated.records.clear();  // They say how sure one may be of what was right.
+  return world;
+}
+
+ServoLoopSettings loopIn(const Scenario& world, const ServoLoopSettings& parts) {
+  const ExternalInputs told = parts.externalInputs();
+  if (told.registration) throw InputError("scenario", "perception", "bus", "needs a bus with a perception node on it");
+  if (told.tip) throw InputError("scenario", "centre.on", "catheter_tip", "needs a bus with a catheter's loop on it");
+  ServoLoopSettings loop = parts;
+  loop.carm = world.calibrated.carm;
+  loop.T_dsa_cb = world.calibrated.T_dsa_cb;
+  loop.R_lps_model = world.truth.R_lps_model;
+  return loop;
+}
+
+SimulatedLab labOf(const VesselTree& tree, const Scenario& world, const ScenarioSettings& settings,
+                   const ServoLoopSettings& loop, const SimulatedPatientSettings& patient,
+                   const std::optional<LabCatheter>& catheter) {
+  LabWorld lab;
+  lab.carm = world.truth.carm;
+  lab.limits = loop.limits;
+  lab.T_patient_model = world.truth.T_dsa_cb;
+  lab.start = loop.carm.jointsFor(startOf(settings), loop.T_dsa_cb * targetOf(tree, loop));
+  lab.claimed_camera = loop.carm.camera();
+  lab.catheter = catheter;
+  SimulatedPatientSettings seeded = patient;
+  seeded.fluoroscopy.seed = settings.seed;
+  return SimulatedLab(tree, seeded, lab, settings.lab);
+}
+
+ClosedLoopRun runClosedLoop(const VesselTree& tree, const Scenario& world, const ScenarioSettings& settings,
+                            const ServoLoopSettings& parts, const SimulatedPatientSettings& patient,
+                            const ClosedLoopObserver& watcher, const ArmWatcher& arm_watcher) {
+  checkSettings("scenario", settings);
+  world.truth.check("truth");
+  world.calibrated.check("calibration");
+  const ServoLoopSettings loop = loopIn(world, parts);
+  ClosedLoopRun result;
+  runClosed(tree, world, settings, loop, patient, watcher, arm_watcher, result);
+  runOpen(tree, world, settings, loop, patient, result);
+  result.predicted = viewUncertainty(world.calibrated, result.open.back().joints, tree.centroid());
+  return result;
+}
+
+int framesOf(const ScenarioSettings& settings) {
+  return static_cast<int>(std::ceil(settings.duration_s * settings.lab.frame_rate_hz));
+}
+
+}  // namespace angio::experiments

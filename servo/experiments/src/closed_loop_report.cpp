@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/experiments/closed_loop_report.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <opencv2/imgproc.hpp>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/fnv1a.hpp"
+#include "angio/base/formatted.hpp"
+#include "angio/evaluation/overlay.hpp"
+#include "angio/evaluation/plot.hpp"
+#include "angio/evaluation/statistics.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/whole_file.hpp"
+
+namespace angio::experiments {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json errorAsJson(const ViewError& e) {
+  return {{"view_deg", radToDeg(e.direction_rad)}, {"target_mm", 1e3 * e.target_m}, {"roll_deg", radToDeg(e.roll_rad)}};
+}
+
+Json latencyOf(const std::vector<ClosedLoopFrame>& frames, double ClosedLoopFrame::*stage) {
+  std::vector<double> ms;
+  for (const auto& f : frames) ms.push_back(1e3 * f.*stage);
+  return {{"p50", percentile(ms, 0.5)}, {"p99", percentile(ms, 0.99)}, {"max", percentile(ms, 1)}};
+}
+
+cv::Mat overlayOf(const ClosedLoopSnapshot& snapshot, const VesselTree& tree, const std::string& when) {
+  OverlayScene scene;
+  scene.image = snapshot.frame.image;
+  scene.centerline = &snapshot.centerline;
+  scene.trees.push_back({snapshot.predicted_T_camera_model, {}, kStartColor, "tree where the calibration puts it"});
+  scene.trees.push_back({snapshot.registration.T_camera_model, {}, kModelColor, "tree as registered"});
+  scene.caption =
+      when + formatted(": registration %s, mean residual %.2f px", statusName(snapshot.registration.status).c_str(),
+                       snapshot.registration.agreement.model_residual_px);
+  return drawOverlay(scene, tree, snapshot.frame.camera);
+}
+
+// Of the bits of all commands: two runs with the same one moved the arm alike, bit for bit.
+std::string fingerprintOf(const std::vector<ClosedLoopFrame>& frames) {
+  Fnv1a hash;
+  for (const auto& f : frames) {
+    const CArmCommand& c = f.command;
+    for (const std::int64_t number : {c.time_us, c.sequence, c.frame_sequence, c.valid_for_us}) hash.add(number);
+    hash.add(c.velocity.data(), sizeof(double) * kCArmJointCount);
+  }
+  return formatted("%016llx", static_cast<unsigned long long>(hash.value()));
+}
+
+PlotSeries seriesOf(const std::vector<ClosedLoopFrame>& frames, const std::string& name, int color,
+                    double (*value)(const ClosedLoopFrame&)) {
+  PlotSeries s{name, {}, {}, color};
+  for (const auto& f : frames) {
+    s.x.push_back(f.time_s);
+    s.y.push_back(value(f));
+  }
+  return s;
+}
+
+// Errors of a task without a view to reach: the target's image from its place.
+Json offAsJson(const std::vector<ClosedLoopFrame>& frames) {
+  double sum = 0, worst = 0;
+  const std::size_t from = frames.size() / 2;  // What came before was still learnt from.
+  for (std::size_t k = from; k < frames.size(); ++k) {
+    sum += frames[k].target_off_m * frames[k].target_off_m;
+    worst = std::max(worst, frames[k].target_off_m);
+  }
+  return {{"rms_mm", 1e3 * std::sqrt(sum / static_cast<double>(frames.size() - from))}, {"worst_mm", 1e3 * worst}};
+}
+
+// What the task is about, open against closed.
+std::vector<Plot> errorPlots(const ClosedLoopRun& r) {
+  const auto plot = [&](const char* title, const char* unit, double (*value)(const ClosedLoopFrame&)) {
+    return Plot{title,
+                {},
+                {unit, true},
+                {seriesOf(r.open, "open loop", 1, value), seriesOf(r.closed, "closed loop", 0, value)}};
+  };
+  if (!r.has_view) {
+    return {plot("True distance of the target's image from its place, at the isocentre", "mm",
+                 [](const ClosedLoopFrame& f) { return 1e3 * f.target_off_m; })};
+  }
+  return {plot("True error of the view: direction of the beam", "deg",
+               [](const ClosedLoopFrame& f) { return radToDeg(f.true_error.direction_rad); }),
+          plot("True error of the view: target from its place", "mm",
+               [](const ClosedLoopFrame& f) { return 1e3 * f.true_error.target_m; })};
+}
+
+cv::Mat plotOf(const ClosedLoopRun& r) {
+  std::vector<Plot> plots = errorPlots(r);
+  plots.push_back(
+      {"Commanded joint velocities, angles",
+       {},
+       {"deg/s"},
+       {seriesOf(r.closed, "primary", 0, [](const ClosedLoopFrame& f) { return radToDeg(f.command.velocity[0]); }),
+        seriesOf(r.closed, "secondary", 1, [](const ClosedLoopFrame& f) { return radToDeg(f.command.velocity[1]); })}});
+  plots.push_back(
+      {"Commanded joint velocities, table",
+       {"time [s]"},
+       {"mm/s"},
+       {seriesOf(r.closed, "table x (left)", 2, [](const ClosedLoopFrame& f) { return 1e3 * f.command.velocity[2]; }),
+        seriesOf(r.closed, "table y (down)", 3, [](const ClosedLoopFrame& f) { return 1e3 * f.command.velocity[3]; }),
+        seriesOf(r.closed, "table z (head)", 4,
+                 [](const ClosedLoopFrame& f) { return 1e3 * f.command.velocity[4]; })}});
+  return drawPlots(plots, 940, 230);
+}
+
+// First frame, last frame and plot on one sheet: what a newcomer sees first.
+cv::Mat sheetOf(const cv::Mat& first, const cv::Mat& last, const cv::Mat& plot) {
+  cv::Mat left, right, below, pictures, sheet;
+  const int half_px = 620;
+  cv::resize(first, left, {half_px, half_px * first.rows / first.cols}, 0, 0, cv::INTER_AREA);
+  cv::resize(last, right, left.size(), 0, 0, cv::INTER_AREA);
+  cv::hconcat(left, right, pictures);
+  cv::resize(plot, below, {2 * half_px, plot.rows * 2 * half_px / plot.cols}, 0, 0, cv::INTER_CUBIC);
+  cv::vconcat(pictures, below, sheet);
+  return sheet;
+}
+
+}  // namespace
+
+Json closedLoopSummary(const ClosedLoopRun& r) {
+  int registered = 0, held = 0;
+  for (const auto& f : r.closed) {
+    registered += f.status == RegistrationStatus::kConverged;
+    held += f.hold_reason.has_value();
+  }
+  Json summary;
+  summary["frames"] = r.closed.size();
+  summary["registered"] = registered;
+  summary["held"] = held;
+  summary["commands_fingerprint"] = fingerprintOf(r.closed);
+  if (r.has_view) {
+    summary["final_error"] = {{"closed_loop", errorAsJson(r.closed_end)}, {"open_loop", errorAsJson(r.open_end)}};
+  } else {
+    summary["target_off"] = {{"closed_loop", offAsJson(r.closed)}, {"open_loop", offAsJson(r.open)}};
+  }
+  if (r.predicted) {
+    summary["predicted_uncertainty"] = {{"view_deg", radToDeg(r.predicted->direction_rad)},
+                                        {"target_mm", 1e3 * r.predicted->target_m}};
+  }
+  summary["latency_ms"] = {{"render", latencyOf(r.closed, &ClosedLoopFrame::render_s)},
+                           {"image_to_centreline", latencyOf(r.closed, &ClosedLoopFrame::image_s)},
+                           {"registration", latencyOf(r.closed, &ClosedLoopFrame::registration_s)},
+                           {"control", latencyOf(r.closed, &ClosedLoopFrame::control_s)},
+                           {"frame_to_command", latencyOf(r.closed, &ClosedLoopFrame::answer_s)}};
+  return summary;
+}
+
+namespace {
+
+std::string errorTable(const Json& summary) {
+  constexpr std::pair<const char*, const char*> kLoops[] = {{"closed loop", "closed_loop"}, {"open loop", "open_loop"}};
+  std::string table;
+  if (summary.contains("target_off")) {
+    table += formatted("%-22s %12s %12s\n", "target off its place", "rms [mm]", "worst [mm]");
+    for (const auto& [name, key] : kLoops) {
+      const Json& e = summary["target_off"][key];
+      table += formatted("%-22s %12.3f %12.3f\n", name, e["rms_mm"].get<double>(), e["worst_mm"].get<double>());
+    }
+    return table + "(the second half of the run, seen from the source at the isocentre's distance)\n";
+  }
+  table += formatted("%-22s %12s %12s %12s\n", "final view error", "view [deg]", "target [mm]", "roll [deg]");
+  for (const auto& [name, key] : kLoops) {
+    const Json& e = summary["final_error"][key];
+    table += formatted("%-22s %12.3f %12.3f %12.3f\n", name, e["view_deg"].get<double>(), e["target_mm"].get<double>(),
+                       e["roll_deg"].get<double>());
+  }
+  return table;
+}
+
+}  // namespace
+
+std::string closedLoopTable(const Json& summary) {
+  std::string table = formatted("%d frames, %d registered, %d held; commands %s\n\n", summary["frames"].get<int>(),
+                                summary["registered"].get<int>(), summary["held"].get<int>(),
+                                summary["commands_fingerprint"].get<std::string>().c_str());
+  table += errorTable(summary);
+  if (summary.contains("predicted_uncertainty")) {
+    const Json& e = summary["predicted_uncertainty"];
+    table += formatted("%-22s %12.3f %12.3f\n", "calibration's sigma", e["view_deg"].get<double>(),
+                       e["target_mm"].get<double>());
+  }
+  table += formatted("\n%-22s %12s %12s %12s\n", "latency", "p50 [ms]", "p99 [ms]", "max [ms]");
+  for (const auto& [stage, t] : summary["latency_ms"].items()) {
+    table += formatted("%-22s %12.2f %12.2f %12.2f\n", stage.c_str(), t["p50"].get<double>(), t["p99"].get<double>(),
+                       t["max"].get<double>());
+  }
+  return table;
+}
+
+namespace {
+
+// In a column of its own: without what parts columns.
+std::string quotable(const std::optional<std::string>& reason) {
+  std::string text = reason.value_or("");
+  std::replace(text.begin(), text.end(), ',', ';');
+  std::replace(text.begin(), text.end(), '"', '\'');
+  return text;
+}
+
+}  // namespace
+
+std::string closedLoopTrace(const ClosedLoopRun& r) {
+  std::string trace =
+      "time_s,primary_deg,secondary_deg,table_x_mm,table_y_mm,table_z_mm,primary_deg_per_s,secondary_deg_per_s,"
+      "table_x_mm_per_s,table_y_mm_per_s,table_z_mm_per_s,view_error_deg,target_error_mm,roll_deg,seen_view_error_deg,"
+      "seen_target_error_mm,open_loop_view_error_deg,open_loop_target_error_mm,target_off_mm,open_loop_target_off_mm,"
+      "status,held,model_residual_px,"
+      "image_residual_px,points_2d,image_ms,registration_ms,control_ms,frame_to_command_ms,held_because\n";
+  for (std::size_t k = 0; k < r.closed.size(); ++k) {
+    const ClosedLoopFrame &f = r.closed[k], &o = r.open.at(k);
+    trace += formatted("%.4f", f.time_s);
+    const auto joints = [&](const CArmJoints& q) {
+      for (int i = 0; i < kCArmJointCount; ++i) trace += formatted(",%.6f", i < 2 ? radToDeg(q[i]) : 1e3 * q[i]);
+    };
+    joints(f.joints);
+    joints(f.command.velocity);
+    trace += formatted(",%.5f,%.5f,%.5f", radToDeg(f.true_error.direction_rad), 1e3 * f.true_error.target_m,
+                       radToDeg(f.true_error.roll_rad));
+    trace += f.task.view_error ? formatted(",%.5f,%.5f", radToDeg(f.task.view_error->direction_rad),
+                                           1e3 * f.task.view_error->target_m)
+                               : ",,";
+    trace += formatted(",%.5f,%.5f,%.4f,%.4f,%s,%d,%.4f,%.4f,%d,%.3f,%.3f,%.3f,%.3f,\"%s\"\n",
+                       radToDeg(o.true_error.direction_rad), 1e3 * o.true_error.target_m, 1e3 * f.target_off_m,
+                       1e3 * o.target_off_m, statusName(f.status).c_str(), f.hold_reason ? 1 : 0, f.model_residual_px,
+                       f.image_residual_px, f.points_2d, 1e3 * f.image_s, 1e3 * f.registration_s, 1e3 * f.control_s,
+                       1e3 * f.answer_s, quotable(f.hold_reason).c_str());
+  }
+  return trace;
+}
+
+void makeFolder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw InputError(folder, "", "", "cannot be made: " + error.message());
+}
+
+void writeClosedLoop(const std::string& folder, const ClosedLoopRun& scenario, const VesselTree& tree,
+                     const Json& summary) {
+  makeFolder(folder);
+  const std::string base = folder + "/";
+  const cv::Mat first = overlayOf(*scenario.first, tree, "first frame");
+  const cv::Mat last = overlayOf(*scenario.last, tree, "last frame"), plot = plotOf(scenario);
+  writeImage(base + "overlay_first.png", first);
+  writeImage(base + "overlay_last.png", last);
+  writeImage(base + "plot.png", plot);
+  writeImage(base + "sheet.jpg", sheetOf(first, last, plot));
+  writeWholeFile(base + "trace.csv", closedLoopTrace(scenario));
+  writeWholeFile(base + "summary.json", summary.dump(2) + "\n");
+}
+
+}  // namespace angio::experiments

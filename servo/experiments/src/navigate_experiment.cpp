@@ -1,0 +1,373 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/experiments/navigate_experiment.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "angio/base/formatted.hpp"
+#include "angio/evaluation/statistics.hpp"
+#include "angio/experiments/limit_observer.hpp"
+#include "angio/localisation/tip_on_ray.hpp"
+#include "angio/servo/operator.hpp"
+#include "angio/servo/servo_node.hpp"
+#include "angio/simulation/fluoroscopy.hpp"
+#include "angio/simulation/simulated_injector.hpp"
+
+namespace angio::experiments {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kStart_m = 30e-3;  // Inside the tree when the journey begins.
+
+constexpr double kSamePoint_m = 1e-6;
+
+constexpr double kMinInto_m = 5e-3;  // A shorter branch is hardly a place to go to.
+
+TreeLocation startOf(const TreeTopology& map, const TreeLocation& target) {
+  const double route_m = map.start_m(target.chain) + target.arc_m;
+  return map.before(target, route_m - std::min(kStart_m, 0.5 * route_m));
+}
+
+double narrowestOnWay(const VesselTree& tree, const TreeTopology& map, int chain) {
+  double least = 1;
+  for (const int c : map.pathTo(chain)) {
+    for (const int i : map.points(c)) least = std::min(least, *tree.radii()[i]);
+  }
+  return least;
+}
+
+void judge(const TipBelief& belief, const std::optional<CatheterTrace>& trace, const SeenPose& pose,
+           const CatheterTruth& truth, NavigateResult& row) {
+  if (belief.status != BeliefStatus::kSeen || !trace) return;
+  const auto end = tipEnd(trace->evidence, belief.tip);
+  const double error_m = (end.value_or(tipOnRay(belief.tip, trace->seen, pose)) - truth.tip_model).norm();
+  row.errors_m.push_back(error_m);
+  if (belief.tip.chain == truth.tip.chain) {
+    row.arc_errors_m.push_back(std::abs(belief.tip.arc_m - truth.tip.arc_m));
+  } else {
+    row.wrong_chain += error_m > 2e-3;
+  }
+}
+
+}  // namespace
+
+SimulatedPatientSettings navigatePatient(SimulatedPatientSettings patient) {
+  patient.device.kind = DeviceKind::kNone;
+  patient.bolus.enabled = true;
+  patient.bolus.trigger = BolusTrigger::kDemand;
+  return patient;
+}
+
+CArmSetup navigateSetup(const Scenario& world, const CArmLimits& limits) {
+  return {world.calibrated.carm, limits, world.calibrated.T_dsa_cb, world.truth.R_lps_model};
+}
+
+std::vector<TreeLocation> navigateTargets(const VesselTree& tree, const NavigateExperimentSettings& experiment,
+                                          int count) {
+  const VesselTree full = withPlausibleRadii(tree, 0.6e-3);
+  const TreeTopology map(full);
+  // Journeys begin at the root that most branches hang on.
+  std::vector<int> hanging(map.chains(), 0);
+  for (int c = 0; c < map.chains(); ++c) ++hanging[map.pathTo(c).front()];
+  const auto root = static_cast<int>(std::max_element(hanging.begin(), hanging.end()) - hanging.begin());
+  std::vector<TreeLocation> fit, spread;
+  for (int c = 0; c < map.chains(); ++c) {
+    const TreeLocation place{c, std::min(1e-3 * experiment.into_branch_mm, 0.8 * map.length_m(c))};
+    if (map.pathTo(c).front() != root || place.arc_m < kMinInto_m || map.start_m(c) < 1e-3 * experiment.min_route_mm)
+      continue;
+    if (narrowestOnWay(full, map, c) >= 1e-3 * experiment.min_radius_mm) fit.push_back(place);
+  }
+  const int n = std::min(count, static_cast<int>(fit.size()));
+  for (int k = 0; k < n; ++k)
+    spread.push_back(fit[static_cast<std::size_t>(k) * fit.size() / static_cast<std::size_t>(n)]);
+  return spread;
+}
+
+std::vector<TreeLocation> targetsAlong(const VesselTree& tree, const NavigateExperimentSettings& experiment,
+                                       const std::vector<Eigen::Matrix3Xd>& curves, int count) {
+  const TreeTopology map(withPlausibleRadii(tree, 0.6e-3));
+  // Where each of the tree's points is; a fork's is the end of the chain that leads to it.
+  std::vector<std::optional<TreeLocation>> places(static_cast<std::size_t>(tree.size()));
+  for (int c = 0; c < map.chains(); ++c) {
+    double arc_m = 0;
+    int before = map.points(c).front();
+    for (const int i : map.points(c)) {
+      arc_m += (tree.points().col(i) - tree.points().col(before)).norm();
+      before = i;
+      if (arc_m > 0) places[static_cast<std::size_t>(i)] = TreeLocation{c, std::min(arc_m, map.length_m(c))};
+    }
+  }
+  std::vector<std::vector<TreeLocation>> along;
+  for (const Eigen::Matrix3Xd& curve : curves) {
+    std::vector<TreeLocation> fit;
+    for (Eigen::Index k = 0; k < curve.cols(); ++k) {
+      Eigen::Index i = 0;
+      if ((tree.points().colwise() - curve.col(k)).colwise().squaredNorm().minCoeff(&i) > kSamePoint_m * kSamePoint_m)
+        continue;
+      const auto& place = places[static_cast<std::size_t>(i)];
+      if (place && map.start_m(place->chain) + place->arc_m >= 1e-3 * experiment.min_route_mm) fit.push_back(*place);
+    }
+    if (!fit.empty()) along.push_back(std::move(fit));
+  }
+  std::vector<TreeLocation> targets;
+  if (along.empty()) return targets;
+  const auto curves_used = static_cast<int>(along.size());
+  for (int k = 0; k < count; ++k) {
+    const std::vector<TreeLocation>& fit = along[static_cast<std::size_t>(k % curves_used)];
+    const int here = (count - 1 - k % curves_used) / curves_used + 1;  // Targets on this curve.
+    const double share = (k / curves_used + 0.5) / here;
+    targets.push_back(fit[static_cast<std::size_t>(share * static_cast<double>(fit.size() - 1))]);
+  }
+  return targets;
+}
+
+namespace {
+
+// The same detector with fewer pixels, and the tree's centroid at the isocentre.
+CArmCalibration laboratoryOf(const VesselTree& tree, const CArmCalibration& nominal, int detector_px) {
+  CArmCalibration lab = nominal;
+  lab.carm.pixel_spacing_m *= static_cast<double>(lab.carm.image_width_px) / detector_px;
+  lab.carm.image_width_px = lab.carm.image_height_px = detector_px;
+  lab.T_dsa_cb.translation() = -(lab.T_dsa_cb.linear() * tree.centroid());
+  return lab;
+}
+
+ScenarioSettings settingsOf(const NavigateExperimentSettings& experiment, int seed) {
+  ScenarioSettings settings;
+  settings.patient_turn_deg = settings.patient_shift_mm = 0;
+  settings.calibration_error_deg = experiment.calibration_error_deg;
+  settings.calibration_error_mm = experiment.calibration_error_mm;
+  settings.lab = experiment.lab;
+  settings.seed = seed;
+  return settings;
+}
+
+// The parties of one journey.
+class Journey {
+ public:
+  Journey(const VesselTree& full, const Scenario& world, const TreeLocation& start, const TreeLocation& target,
+          const NavigateExperimentSettings& experiment, const NavigateParts& parts, int seed)
+      : lab_(full, patientOf(parts, seed), labWorld(full, world, start, parts, seed), experiment.lab),
+        injector_(lab_.fromMachines(), experiment.roadmap_contrast_s),
+        carm_(lab_.loopSide(), carmLoop(world, parts), full),
+        catheter_(lab_.loopSide(), navigateSetup(world, parts.carm_loop.limits), full, start, target,
+                  controllerOf(parts)),
+        carm_person_(lab_.fromMachines()),
+        catheter_person_(lab_.fromMachines(), OperatedMachine::kCatheter),
+        limits_(parts.carm_loop.limits) {}
+
+  // One event in the lab, and what the nodes make of it; the catheter's answer, if it was to a frame.
+  std::optional<CatheterControllerReport> advance() {
+    if (const auto exposure = lab_.advance()) exposure_ = exposure;
+    const std::int64_t now_us = lab_.now_us();
+    limits_.see(lab_.arm().state());
+    if (injector_.injects(now_us)) {
+      lab_.beginInjection();
+    } else {
+      lab_.endInjection();
+    }
+    carm_person_.start(now_us);
+    catheter_person_.start(now_us);
+    carm_.answer(now_us);
+    return catheter_.answer(now_us);
+  }
+
+  const SimulatedLab& lab() const { return lab_; }
+  const Exposure& exposure() const { return *exposure_; }
+  const CatheterNode& catheter() const { return catheter_; }
+  const std::optional<std::string>& breach() const { return limits_.breach(); }
+
+ private:
+  static SimulatedPatientSettings patientOf(const NavigateParts& parts, int seed) {
+    SimulatedPatientSettings patient = navigatePatient(parts.patient);
+    patient.fluoroscopy.seed = seed;
+    return patient;
+  }
+
+  static LabWorld labWorld(const VesselTree& full, const Scenario& world, const TreeLocation& start,
+                           const NavigateParts& parts, int seed) {
+    LabWorld lab;
+    lab.carm = world.truth.carm;
+    lab.limits = parts.carm_loop.limits;
+    lab.T_patient_model = world.truth.T_dsa_cb;
+    lab.start = world.calibrated.carm.jointsFor({}, world.calibrated.T_dsa_cb * full.centroid());
+    lab.claimed_camera = world.calibrated.carm.camera();
+    CatheterSettings catheter = parts.catheter;
+    catheter.roll_zero_deg = static_cast<double>(seed * 7919 % 360);
+    lab.catheter = LabCatheter{catheter, start};
+    return lab;
+  }
+
+  static ServoLoopSettings carmLoop(const Scenario& world, const NavigateParts& parts) {
+    ServoLoopSettings loop = loopIn(world, parts.carm_loop);
+    ViewTaskSettings view;
+    view.goal = ViewGoal::kRequested;
+    loop.task = view;
+    return loop;
+  }
+
+  static CatheterControllerSettings controllerOf(const NavigateParts& parts) {
+    CatheterControllerSettings controller = parts.controller;
+    controller.ask_for_views = true;
+    return controller;
+  }
+
+  SimulatedLab lab_;
+  SimulatedInjector injector_;
+  ServoNode carm_;
+  CatheterNode catheter_;
+  Operator carm_person_, catheter_person_;
+  LimitObserver limits_;
+  std::optional<Exposure> exposure_;
+};
+
+}  // namespace
+
+NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibration& nominal,
+                                       const TreeLocation& target, const NavigateExperimentSettings& experiment,
+                                       const NavigateParts& parts, int seed, const NavigateObserver& look_on) {
+  checkSettings("navigate", experiment);
+  const VesselTree full = withPlausibleRadii(tree, 1e-3 * parts.patient.fluoroscopy.end_radius_mm);
+  const TreeTopology map(full);
+  const TreeLocation start = startOf(map, target);
+  const Scenario world =
+      randomScenario(full, laboratoryOf(full, nominal, experiment.detector_px), settingsOf(experiment, seed), {});
+  Journey journey(full, world, start, target, experiment, parts, seed);
+
+  NavigateResult row;
+  row.seed = seed;
+  row.target = target;
+  row.route_m = map.start_m(target.chain) + target.arc_m - map.start_m(start.chain) - start.arc_m;
+  row.forks = static_cast<int>(map.pathTo(target.chain).size()) - 1;
+  row.ended = "too long";
+  std::int64_t request_us = 0;
+  while (journey.lab().now_s() < experiment.max_s) {
+    const auto report = journey.advance();
+    if (!report) continue;
+    if (report->view_request && report->view_request->time_us != request_us) {
+      request_us = report->view_request->time_us;
+      ++row.views;
+    }
+    const CatheterTruth& truth = *journey.exposure().catheter;
+    const NavigationInput& input = report->loop.input;
+    row.looked += input.belief.has_value();
+    if (input.belief && report->patient) {
+      judge(*input.belief, report->loop.trace,
+            {journey.exposure().frame.camera, report->patient->T_camera_model, report->patient->covariance}, truth,
+            row);
+    }
+    if (look_on) {
+      ServoStatus status;
+      journey.catheter().safety().describe(status);
+      look_on({journey.lab().now_s(), journey.exposure().frame, *report, status, truth});
+    }
+    ++row.frames;
+    row.held += report->hold_reason.has_value();
+    row.max_force_n = std::max(row.max_force_n, std::abs(input.drive.insertion_force_n));
+    row.wall_contacts = truth.wall_contacts;
+    row.time_s = journey.lab().now_s();
+    const NavigationState state = journey.catheter().loop().navigation();
+    if (state == NavigationState::kArrived || state == NavigationState::kGivenUp) {
+      const std::string& why = report->loop.answer.why;
+      row.reached = state == NavigationState::kArrived && truth.tip.chain == target.chain;
+      row.ended = stateName(state) + (why.empty() ? "" : ": " + why);
+      break;
+    }
+  }
+  row.breach = journey.breach();
+  row.misses = journey.catheter().loop().misses();
+  return row;
+}
+
+namespace {
+
+bool isNear(double error_m) { return error_m <= 1.5e-3; }
+
+}  // namespace
+
+Json navigateExperimentAsJson(const std::string& tree_name, const std::vector<NavigateResult>& rows) {
+  Json json;
+  std::vector<double> errors_mm, arcs_mm, times, contacts;
+  int reached = 0, misses = 0, frames = 0, held = 0, breaches = 0, wrong = 0, believed = 0, near = 0, forks = 0,
+      views = 0, looked = 0;
+  double force = 0;
+  Json each = Json::array();
+  for (const NavigateResult& row : rows) {
+    reached += row.reached;
+    misses += row.misses;
+    frames += row.frames;
+    held += row.held;
+    breaches += row.breach.has_value();
+    wrong += row.wrong_chain;
+    looked += row.looked;
+    forks += row.forks;
+    views += row.views;
+    believed += static_cast<int>(row.errors_m.size());
+    force = std::max(force, row.max_force_n);
+    contacts.push_back(row.wall_contacts);
+    times.push_back(row.time_s);
+    for (const double e : row.errors_m) errors_mm.push_back(1e3 * e), near += isNear(e);
+    for (const double e : row.arc_errors_m) arcs_mm.push_back(1e3 * e);
+    each.push_back({{"seed", row.seed},
+                    {"branch", row.target.chain},
+                    {"into_branch_mm", 1e3 * row.target.arc_m},
+                    {"reached", row.reached},
+                    {"ended", row.ended},
+                    {"time_s", row.time_s},
+                    {"way_mm", 1e3 * row.route_m},
+                    {"forks", row.forks},
+                    {"misses", row.misses},
+                    {"views", row.views},
+                    {"wall_contacts", row.wall_contacts},
+                    {"frames_with_catheter", row.looked},
+                    {"believed", row.errors_m.size()},
+                    {"within_1.5", std::count_if(row.errors_m.begin(), row.errors_m.end(), isNear)}});
+  }
+  json["tree"] = tree_name;
+  json["targets"] = rows.size();
+  json["reached"] = reached;
+  json["forks"] = forks;
+  json["misses"] = misses;
+  json["views"] = views;
+  json["wall_contacts"] = {{"median", percentile(contacts, 0.5)}, {"max", percentile(contacts, 1)}};
+  json["max_force_n"] = force;
+  json["time_s"] = {{"median", percentile(times, 0.5)}, {"max", percentile(times, 1)}};
+  json["frames"] = frames;
+  json["held"] = held;
+  json["limits_exceeded"] = breaches;
+  json["frames_with_catheter"] = looked;
+  json["believed"] = believed;
+  json["wrong_chain"] = wrong;
+  json["tip_error_mm"] = {{"median", percentile(errors_mm, 0.5)},
+                          {"p95", percentile(errors_mm, 0.95)},
+                          {"within_1.5", believed > 0 ? static_cast<double>(near) / believed : 0.0}};
+  json["along_vessel_mm"] = {{"median", percentile(arcs_mm, 0.5)}, {"p95", percentile(arcs_mm, 0.95)}};
+  json["each"] = each;
+  return json;
+}
+
+std::string navigateExperimentTable(const Json& trees) {
+  std::string table = formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %10s %8s %7s %14s\n", "navigate", "reached",
+                                "forks", "misses", "views", "wall contacts", "force", "tip error mm", "within",
+                                "believed", "held", "limits", "time s");
+  table +=
+      formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %10s %8s %7s %14s\n", "", "", "", "", "", "median (most)",
+                "most N", "median (95 %)", "1.5 mm", "frames", "frames", "broken", "median (most)");
+  for (const Json& j : trees) {
+    table += formatted(
+        "%-24s %4d / %2d %7d %7d %7d %10.0f (%3.0f) %9.2f %12.2f (%5.2f) %8.1f %% %8.1f %% %6.1f %% %7d %7.0f "
+        "(%4.0f)\n",
+        j["tree"].get<std::string>().c_str(), j["reached"].get<int>(), j["targets"].get<int>(), j["forks"].get<int>(),
+        j["misses"].get<int>(), j["views"].get<int>(), j["wall_contacts"]["median"].get<double>(),
+        j["wall_contacts"]["max"].get<double>(), j["max_force_n"].get<double>(),
+        j["tip_error_mm"]["median"].get<double>(), j["tip_error_mm"]["p95"].get<double>(),
+        100 * j["tip_error_mm"]["within_1.5"].get<double>(),
+        100.0 * j["believed"].get<int>() / std::max(1, j["frames_with_catheter"].get<int>()),
+        100.0 * j["held"].get<int>() / std::max(1, j["frames"].get<int>()), j["limits_exceeded"].get<int>(),
+        j["time_s"]["median"].get<double>(), j["time_s"]["max"].get<double>());
+  }
+  return table;
+}
+
+}  // namespace angio::experiments

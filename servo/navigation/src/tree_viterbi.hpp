@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "angio/imaging/device_contrast.hpp"
+#include "angio/localisation/tip_belief.hpp"
+#include "angio/navigation/namespace.hpp"
+#include "angio/vessel/tree_topology.hpp"
+
+namespace angio::navigation {
+
+/// Places about a millimetre apart all over a tree, parents first.
+struct WalkPlaces {
+  explicit WalkPlaces(const VesselTree& tree);
+
+  int nearest(int of_chain, double at_m) const;  ///< Index of the place at an arc length, or the next one.
+
+  std::vector<Eigen::Vector3d> points_m;
+  std::vector<TreeFrame> frames;
+  std::vector<double> path_m, arc_m, radius_m;
+  std::vector<int> chain, parent, chain_first, chain_last;  ///< First and last place of each chain.
+};
+
+/// The places near a tip, parents first, and the way behind it.
+struct WalkArea {
+  std::vector<int> places;         ///< Indices of WalkPlaces.
+  std::vector<int> parent;         ///< Indices into `places`, -1 where the area begins.
+  std::vector<double> from_tip_m;  ///< Along the vessels, from the believed tip or an alternative of it.
+};
+
+/// All within `ahead_m` of a believed tip, and its way back for `behind_m`.
+WalkArea areaAround(const WalkPlaces& places, const TipBelief& expected, double behind_m, double ahead_m);
+
+/// All ways of a dark line through an area at once: for each place and each displacement of its image, the best score
+/// of a line that comes there from where the area begins (Viterbi over a tree).
+class TreeViterbi {
+ public:
+  static constexpr double kStep_m = 0.35e-3;  ///< Between displacements, in the patient.
+  static constexpr int kReach = 8;            ///< Largest displacement, in steps.
+  static constexpr int kSide = 2 * kReach + 1;
+  using Scores = Eigen::Matrix<float, kSide, kSide>;  ///< Over displacements: rows x, columns y.
+
+  /// Borrows the places. A line may lie `slack_m` beside a lumen.
+  TreeViterbi(const WalkPlaces& places, double slack_m) : places_(places), slack_m_(slack_m) {}
+
+  /// Borrows the area and `px`: 2 x N, where its places are in the image. A catheter has the contrast `level`.
+  void run(const WalkArea& area, const Eigen::Matrix2Xf& px, double px_per_m, const DeviceContrast& seen, double level);
+
+  const Scores& score(int k) const { return scores_[k]; }
+  const Scores& dark(int k) const { return dark_[k]; }  ///< The image's contrast there.
+
+  /// What the best line to a place and a displacement [px] lacks of a perfect one; nothing for one out of reach.
+  std::optional<double> lack(int k, const Eigen::Vector2f& off_px) const;
+
+  /// The best line to a place and a displacement (index into Scores) [px].
+  std::vector<Eigen::Vector2d> backFrom(int k, int u) const;
+
+ private:
+  Eigen::Vector2f at(int k, int u) const;
+
+  const WalkPlaces& places_;
+  const WalkArea* area_ = nullptr;
+  const Eigen::Matrix2Xf* px_ = nullptr;
+  float step_px_ = 1;
+  double slack_m_;
+  std::vector<Scores> scores_, dark_;
+  std::vector<int> steps_;  // Places from where the area begins.
+};
+
+}  // namespace angio::navigation

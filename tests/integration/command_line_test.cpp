@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <gtest/gtest.h>
+
+#include "angio/test/namespace.hpp"
+#include "angio/test/program.hpp"
+
+namespace angio::test {
+namespace {
+
+class CommandLines : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Programs, CommandLines,
+                         testing::Values("angio-register", "angio-evaluate", "angio-servo", "angio-simulate",
+                                         "angio-navigate"),
+                         [](const auto& program) { return std::string(program.param).substr(6); });
+
+TEST_P(CommandLines, HelpHasDefaultsAndAnExample) {
+  const auto ended = test::run(GetParam(), {"--help"});
+  EXPECT_EQ(ended.exit_code, 0);
+  EXPECT_EQ(ended.err, "");
+  EXPECT_NE(ended.out.find("Example:\n  " + std::string(GetParam())), std::string::npos) << ended.out;
+}
+
+TEST_P(CommandLines, VersionIsOneLine) {
+  const auto ended = test::run(GetParam(), {"--version"});
+  EXPECT_EQ(ended.exit_code, 0);
+  EXPECT_EQ(ended.err, "");
+  EXPECT_EQ(ended.out.find(std::string(GetParam()) + " "), 0u) << ended.out;
+  EXPECT_EQ(ended.out.find('\n'), ended.out.size() - 1);
+}
+
+TEST_P(CommandLines, AnUnknownOptionIsAWrongCommandLine) {
+  const auto ended = test::run(GetParam(), {"--no-such-option"});
+  EXPECT_EQ(ended.exit_code, 2);
+  EXPECT_EQ(ended.out, "");
+  EXPECT_NE(ended.err, "");
+}
+
+TEST(CommandLine, DefaultsStandInTheHelp) {
+  const std::string help = test::run("angio-servo", {"--help"}).out;
+  for (const char* line : {"--view-primary-deg FLOAT", "--seed", "--duration-s"}) {
+    EXPECT_NE(help.find(line), std::string::npos) << help;
+  }
+  EXPECT_NE(help.find("=30"), std::string::npos) << help;
+  EXPECT_NE(test::run("angio-evaluate", {"cases", "--help"}).out.find("iterative_pnp"), std::string::npos);
+}
+
+TEST(CommandLine, FormerNamesOfOptionsAndProgramsAreReadForOneMinorVersion) {
+  const auto ended = test::run("angio-servo", {"--simulate", "--largest-calibration-age-days=-1"});
+  EXPECT_EQ(ended.exit_code, 2);  // The value is refused, under the name that the option has now.
+  EXPECT_EQ(ended.err.find("angio-servo: --largest-calibration-age-days is called --max-calibration-age-days now\n"),
+            0u)
+      << ended.err;
+  EXPECT_NE(ended.err.find("--max-calibration-age-days: Value -1"), std::string::npos) << ended.err;
+  EXPECT_EQ(test::run("angio-rehearse", {"--version"}).out.find("angio-simulate-loop "), 0u);
+}
+
+// What others would have to say of frames, in a simulation that has nobody else.
+TEST(CommandLine, AClosedLoopHasNobodyToTellItWhatItsFramesShow) {
+  const auto refusal = [](std::vector<std::string> words) {
+    const auto ended = test::run("angio-servo", words);
+    EXPECT_EQ(ended.exit_code, 1);
+    return ended.err;
+  };
+  EXPECT_EQ(refusal({"--simulate", "--perception", "bus"}),
+            "angio-servo: scenario: perception = bus: needs a bus with a perception node on it\n");
+  EXPECT_EQ(refusal({"--simulate", "--task", "centre", "--centre-on", "catheter_tip"}),
+            "angio-servo: scenario: centre.on = catheter_tip: needs a bus with a catheter's loop on it\n");
+  EXPECT_EQ(refusal({"--task", "hold", "--centre-on", "catheter_tip"}),
+            "angio-servo: command line: --centre-on = catheter_tip: needs the task centre, and not hold\n");
+}
+
+TEST(CommandLine, WhatCannotBeMeantIsRefused) {
+  const std::vector<std::pair<const char*, std::vector<std::string>>> lines = {
+      {"angio-register", {}},
+      {"angio-register", {"--tree", "t.csv", "--camera", "c.yaml", "--initial-pose", "p.yaml"}},  // Nothing is seen.
+      {"angio-register",
+       {"--tree", "t.csv", "--camera", "c.yaml", "--centerline", "l.csv", "--initial-pose", "p.yaml",
+        "--search-rotation-deg", "181"}},
+      {"angio-register",
+       {"--tree", "t.csv", "--camera", "c.yaml", "--centerline", "l.csv", "--initial-pose", "p.yaml",
+        "--search-translation-mm", "nan"}},
+      {"angio-evaluate", {}},
+      {"angio-evaluate", {"cases"}},
+      {"angio-servo", {"--simulate", "--bus", "memq://"}},
+      {"angio-navigate", {}},
+      {"angio-navigate", {"--to-branch", "13", "--to-mm", "-1"}},
+      {"angio-servo", {"--simulate", "--seed", "-1"}},
+      {"angio-servo", {"--simulate", "--view-primary-deg", "nan"}},
+      {"angio-servo", {"--simulate", "--view-secondary-deg", "56"}},
+      {"angio-servo", {"--duration-s", "inf"}},
+      {"angio-simulate", {"--frame-rate-hz", "nan"}},
+      {"angio-simulate", {"--frame-rate-hz", "0"}},
+      {"angio-simulate", {"--start-primary-deg", "many"}}};
+  for (const auto& [program, arguments] : lines) {
+    const auto ended = test::run(program, arguments);
+    EXPECT_EQ(ended.exit_code, 2) << program << " " << testing::PrintToString(arguments);
+    EXPECT_EQ(ended.out, "");
+    EXPECT_NE(ended.err, "");
+  }
+}
+
+TEST(CommandLine, ViewsAreAsManyOfEachKind) {
+  const std::vector<std::string> two = {"--tree",   "t.csv", "--initial-pose", "p.yaml",
+                                        "--camera", "a",     "--camera",       "b"};
+  const std::pair<const char*, std::vector<std::string>> lines[] = {
+      {"--centerline: 1 given, must be 2", {"--centerline", "a", "--view-pose", "v"}},
+      {"--image: 3 given, must be 2", {"--image", "a", "--image", "b", "--image", "c", "--view-pose", "v"}},
+      {"--image: 1 given, must be 2", {"--centerline", "a", "--centerline", "b", "--image", "a", "--view-pose", "v"}},
+      {"--view-pose: 0 given, must be 1", {"--image", "a", "--image", "b"}}};
+  for (const auto& [words, more] : lines) {
+    auto arguments = two;
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto ended = test::run("angio-register", arguments);
+    EXPECT_EQ(ended.exit_code, 2);
+    EXPECT_NE(ended.err.find(words), std::string::npos) << ended.err;
+  }
+}
+
+}  // namespace
+}  // namespace angio::test

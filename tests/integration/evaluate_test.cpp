@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "angio/test/namespace.hpp"
+#include "case_folder.hpp"
+#include "hepatic.hpp"
+
+namespace angio::test {
+namespace {
+
+using Json = nlohmann::json;
+
+class Evaluate : public test::CaseFolder {
+ protected:
+  std::vector<std::string> simulation(const std::vector<std::string>& more) const {
+    std::vector<std::string> words = {"simulation",         "--tree", folder_.path("tree.csv"), "--trials", "2",
+                                      "--rotation-std-deg", "0.5",    "--translation-std-mm",   "1"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+};
+
+TEST_F(Evaluate, SimulationWritesWhatCasesWrites) {
+  const auto ended =
+      test::run("angio-evaluate", simulation({"--tree", folder_.path("tree.csv"), "--views", "2", "--noise-px", "0.5",
+                                              "--out", folder_.path("r.json"), "--report", folder_.path("r.html")}));
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_EQ(ended.err, "");
+  EXPECT_NE(ended.out.find("| iterative_pnp |"), std::string::npos) << ended.out;
+  const Json results = Json::parse(test::contentOf(folder_.path("r.json")));
+  const Json& method = results["methods"]["iterative_pnp"];
+  ASSERT_EQ(method["cases"].size(), 2u);
+  for (const char* key : {"status", "rotation", "translation_mm", "covariance", "mean_projection_residual_px",
+                          "points_3d", "points_2d", "time_ms", "start_error", "error"}) {
+    EXPECT_TRUE(method["cases"]["0001"].contains(key)) << key;
+  }
+  for (const char* key :
+       {"success_mtre_2mm_percent", "mtre_mm", "mpd_px", "mpd_detector_mm", "mpd_isocentre_mm", "depth_mm",
+        "in_plane_mm", "gfr_true_5px_percent", "capture_range_mm", "failed_and_trusted_percent"}) {
+    EXPECT_TRUE(method["summary"].contains(key)) << key;
+  }
+  EXPECT_EQ(results["settings"]["simulation"]["views"], 2);
+  EXPECT_EQ(results["settings"]["simulation"]["trees"].size(), 2u);
+  EXPECT_EQ(results["settings"]["simulation"]["noise_px"], 0.5);
+  EXPECT_TRUE(results["machine"].contains("cores"));
+  EXPECT_EQ(test::contentOf(folder_.path("r.html")).find("<!DOCTYPE html>"), 0u);
+}
+
+TEST_F(Evaluate, TheCommandLineComesBeforeTheSettingsFile) {
+  const std::string settings = folder_.write("s.yaml", "simulation: {noise_px: 2, seed: 9, model_axes: ras}\n");
+  const auto ended =
+      test::run("angio-evaluate", simulation({"--settings", settings, "--seed", "4", "--out", folder_.path("r.json")}));
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const Json used = Json::parse(test::contentOf(folder_.path("r.json")))["settings"]["simulation"];
+  EXPECT_EQ(used["noise_px"], 2);
+  EXPECT_EQ(used["seed"], 4);
+  EXPECT_EQ(used["model_axes"], "ras");
+  EXPECT_EQ(used["trials"], 2);
+}
+
+TEST_F(Evaluate, ASweepHasATableAndItsPoints) {
+  const auto ended = test::run("angio-evaluate", simulation({"--sweep", "noise", "--out", folder_.path("r.json")}));
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("| 1.5 px | iterative_pnp |"), std::string::npos) << ended.out;
+  const Json sweep = Json::parse(test::contentOf(folder_.path("r.json")))["sweeps"]["noise"];
+  ASSERT_EQ(sweep["points"].size(), 6u);
+  EXPECT_EQ(sweep["points"][5]["value"], 3);
+  EXPECT_TRUE(sweep["points"][5]["summaries"]["iterative_pnp"].contains("success_mtre_2mm_percent"));
+}
+
+TEST_F(Evaluate, ThePaperStandsBesideUs) {
+  const auto ended = test::run("angio-evaluate", {"paper", "--tree", folder_.path("tree.csv"), "--trials", "1", "--out",
+                                                  folder_.path("p.json"), "--report", folder_.path("p.html")});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("| paper: NICP | 8 % | 0.50 |"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("| iterative_pnp, nonrigid |"), std::string::npos) << ended.out;
+  const Json paper = Json::parse(test::contentOf(folder_.path("p.json")))["paper"];
+  EXPECT_EQ(paper["table3"].size(), 5u);
+  EXPECT_TRUE(paper["table1"]["here"].contains("iterative_pnp, rigid"));
+  EXPECT_EQ(test::contentOf(folder_.path("p.html")).find("<!DOCTYPE html>"), 0u);
+}
+
+TEST_F(Evaluate, WrongInputIsOneLine) {
+  const std::string tree = folder_.path("tree.csv");
+  const std::vector<std::pair<std::vector<std::string>, std::string>> wrong = {
+      {{"simulation", "--tree", "none.csv"}, "none.csv"},
+      {{"simulation", "--tree", tree, "--method", "magic"}, "iterative_pnp"},
+      {{"simulation", "--tree", tree, "--method", "iterative_pnp,iterative_pnp"}, "named once"},
+      {{"simulation", "--tree", tree, "--sweep", "luck"}, "deformation"},
+      {{"simulation", "--tree", tree, "--out", folder_.path("no/where.json")}, "folder must exist"},
+      {{"simulation", "--tree", tree, "--settings", folder_.write("bad.yaml", "simulation: {missing: 3}\n")},
+       "bad.yaml:1"},
+      {{"paper", "--tree", "none.csv"}, "none.csv"}};
+  for (const auto& [words, named] : wrong) {
+    const auto ended = test::run("angio-evaluate", words);
+    EXPECT_EQ(ended.exit_code, 1) << testing::PrintToString(words);
+    EXPECT_EQ(ended.out, "");
+    EXPECT_NE(ended.err.find(named), std::string::npos) << ended.err;
+    EXPECT_EQ(std::count(ended.err.begin(), ended.err.end(), '\n'), 1) << ended.err;
+  }
+}
+
+TEST_F(Evaluate, WhatCannotBeMeantIsRefused) {
+  const std::string tree = folder_.path("tree.csv");
+  for (const auto& words :
+       std::vector<std::vector<std::string>>{{"simulation"},
+                                             {"simulation", "--tree", tree, "--views", "3"},
+                                             {"simulation", "--tree", tree, "--noise-px", "nan"},
+                                             {"simulation", "--tree", tree, "--visible-fraction", "0"},
+                                             {"simulation", "--tree", tree, "--trials", "0"},
+                                             {"simulation", "--tree", tree, "--trials", "2.5"},
+                                             {"simulation", "--tree", tree, "--model-axes", "xyz"},
+                                             {"paper", "--trials", "-1"}}) {
+    const auto ended = test::run("angio-evaluate", words);
+    EXPECT_EQ(ended.exit_code, 2) << testing::PrintToString(words) << ended.err;
+    EXPECT_EQ(ended.out, "");
+  }
+}
+
+}  // namespace
+}  // namespace angio::test

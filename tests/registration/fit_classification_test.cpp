@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "fit_classification.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "angio/registration/classification.hpp"
+#include "angio/test/namespace.hpp"
+#include "angio/test/phantoms.hpp"
+
+namespace angio::test {
+namespace {
+
+Pose viewed(const VesselTree& tree) {
+  test::Random random(7);
+  return test::viewOf(tree, random);
+}
+
+Matrix6d diagonal(double translation_std_m, double rotation_std_rad) {
+  Vector6d variances;
+  variances << Eigen::Vector3d::Constant(translation_std_m * translation_std_m),
+      Eigen::Vector3d::Constant(rotation_std_rad * rotation_std_rad);
+  return variances.asDiagonal();
+}
+
+// Poses drawn from the covariance move the points by as much. The mean of 20,000 squares of some six degrees of freedom
+// scatters by less than 1 %.
+TEST(FitClassification, SpreadIsHowFarDrawnPosesMoveTheTree) {
+  const VesselTree tree = test::branchingTree(3);
+  const Pose T = viewed(tree);
+  Matrix6d covariance = diagonal(2e-3, 4e-3);
+  covariance.topRightCorner<3, 3>().setConstant(1e-6);
+  covariance.bottomLeftCorner<3, 3>() = covariance.topRightCorner<3, 3>().transpose();
+  const Matrix6d L = covariance.llt().matrixL();
+  test::Random random(11);
+  const Eigen::Matrix3Xd turned = T.linear() * tree.points();
+  double sum = 0;
+  constexpr int kDraws = 20000;
+  for (int k = 0; k < kDraws; ++k) {
+    Vector6d z;
+    for (int i = 0; i < 6; ++i) z[i] = random.normal();
+    const Vector6d d = L * z;
+    const Eigen::Matrix3Xd moved = (skew(d.tail<3>()) * turned).colwise() + d.head<3>();
+    sum += moved.colwise().squaredNorm().mean();
+  }
+  EXPECT_NEAR(spread_m(covariance, T, tree) / std::sqrt(sum / kDraws), 1, 0.02);
+}
+
+// The same agreement, held well or not by the image.
+TEST(FitClassification, WhatTheImageLeavesOpenIsNotTrusted) {
+  const VesselTree tree = test::branchingTree(3);
+  RegistrationResult result;
+  result.T_camera_model = viewed(tree);
+  result.agreement.model_explained = result.agreement.image_explained = 0.9;
+  result.agreement.model_points = 100;
+  const auto judged = [&](double translation_std_m) {
+    // Translation about the centroid, whatever the tree's place: no rotation but what keeps the matrix regular.
+    result.covariance = diagonal(translation_std_m, 1e-9);
+    classify(tree, result);
+    return result.status;
+  };
+  EXPECT_EQ(judged(0.2e-3), RegistrationStatus::kConverged);
+  EXPECT_EQ(judged(3e-3), RegistrationStatus::kAmbiguous);
+  EXPECT_NE(result.reason.find("3 mm"), std::string::npos) << result.reason;
+
+  // Half explained without an alternative: believed when it is held three times as well.
+  result.agreement.model_explained = result.agreement.image_explained = 0.5;
+  result.covariance = diagonal(0.2e-3, 1e-9);
+  classifyAgainst(0.1, tree, result);
+  EXPECT_EQ(result.status, RegistrationStatus::kConverged);
+  result.covariance = diagonal(0.8e-3, 1e-9);
+  classifyAgainst(0.1, tree, result);
+  EXPECT_EQ(result.status, RegistrationStatus::kAmbiguous);
+}
+
+// A deformed tree passes the same gates as a rigid one; what it explains is said for itself.
+TEST(FitClassification, ADeformedTreeIsNotTrustedWhereTheImageLeavesItOpen) {
+  const VesselTree tree = test::branchingTree(3);
+  RegistrationResult result;
+  result.T_camera_model = viewed(tree);
+  result.agreement.model_explained = result.agreement.image_explained = 0.9;
+  result.agreement.model_points = 100;
+  result.displacements_m = Eigen::Matrix3Xd::Constant(3, tree.size(), 2e-3);
+  const auto judged = [&](double depth_std_m, double alternative) {
+    result.covariance = diagonal(0.2e-3, 1e-9);
+    (*result.covariance)(2, 2) = depth_std_m * depth_std_m;
+    classifyAgainst(alternative, tree, result);
+    return result.status;
+  };
+  EXPECT_EQ(judged(1e-3, 0.6), RegistrationStatus::kConverged);
+  EXPECT_EQ(judged(8e-3, 0.6), RegistrationStatus::kAmbiguous);
+  EXPECT_NE(result.reason.find("3 mm"), std::string::npos) << result.reason;
+  EXPECT_TRUE(explained(result));
+
+  // Half explained, without an alternative: the stricter limit holds for it as well.
+  result.agreement.model_explained = result.agreement.image_explained = 0.5;
+  EXPECT_EQ(judged(0.5e-3, 0.1), RegistrationStatus::kConverged);
+  EXPECT_EQ(judged(1.5e-3, 0.1), RegistrationStatus::kAmbiguous);
+  EXPECT_FALSE(explained(result));
+}
+
+}  // namespace
+}  // namespace angio::test
