@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// From the frame to its centrelines: the room's methods, and what one writes with OpenCV alone, on the same frames.
+// From the frame to its centrelines: the module's methods, and what one writes with OpenCV alone, on the same frames.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

@@ -25,7 +25,7 @@ struct FileReader {
   std::function<std::string(std::string content)> mended = {};
 };
 
-/// Every reader of files that the project has; those of volumes and meshes where their room stands.
+/// Every reader of files that the project has; those of volumes and meshes where their module is built.
 const std::vector<FileReader>& fileReaders();
 
 /// The readers of volumes and meshes.

@@ -17,9 +17,9 @@ namespace {
 constexpr std::int64_t kPeriod_us = 66'667, kLatency_us = 80'000;
 
 // The task, the limiter and an arm whose commands come late; what is seen is the truth.
-class Room {
+class Lab {
  public:
-  Room(const ViewTaskSettings& settings, const ServoLawSettings& law = PositionBasedSettings{})
+  Lab(const ViewTaskSettings& settings, const ServoLawSettings& law = PositionBasedSettings{})
       : task(makeTask(settings, {carm, limits, tree, tree.centroid(), Eigen::Matrix3d::Identity(), law})) {
     Twist askew;
     askew << 0.01, -0.02, 0.005, 0.03, -0.05, 0.04;
@@ -97,7 +97,7 @@ TEST(ViewTask, ReachesEachKindOfGoalByEachLaw) {
                                             CArmGeometry().source_isocenter_distance_m);
       // As another arm has seen it, one that had turned its detector.
       settings.T_camera_model = Pose(Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ())) * settings.T_camera_model;
-      Room lab(settings, law);
+      Lab lab(settings, law);
       EXPECT_TRUE(lab.settled_s()) << law.index() << " " << static_cast<int>(goal);
     }
   }
@@ -110,7 +110,7 @@ TEST(ViewTask, ComesInNotMuchSlowerThanAnyMachineCould) {
     ViewTaskSettings settings;
     settings.primary_deg = random.uniform(-60, 60);
     settings.secondary_deg = random.uniform(-30, 30);
-    Room lab(settings);
+    Lab lab(settings);
     const auto settled_s = lab.settled_s();
     ASSERT_TRUE(settled_s) << i;
     const double min_s = minTime_s(lab.start, lab.arm->state().joints, lab.limits);
@@ -122,7 +122,7 @@ TEST(ViewTask, ComesInNotMuchSlowerThanAnyMachineCould) {
 
 TEST(ViewTask, IsNotReachedWhileItIsNotSure) {
   ViewTaskSettings settings;
-  Room lab(settings);
+  Lab lab(settings);
   lab.covariance = Matrix6d::Identity() * 4e-6;  // 2 mm, and more than 0.1 deg, also as a mean.
   EXPECT_FALSE(lab.settled_s());
   EXPECT_LT(radToDeg(lab.error.direction_rad), 0.1) << "it is there, only not sure";
@@ -131,7 +131,7 @@ TEST(ViewTask, IsNotReachedWhileItIsNotSure) {
 TEST(ViewTask, HoldsBeforeAViewThatIsOutOfReach) {
   ViewTaskSettings settings;
   settings.primary_deg = 150;
-  Room lab(settings);
+  Lab lab(settings);
   const TaskAnswer answer = lab.frame();
   EXPECT_FALSE(answer.velocity);
   EXPECT_EQ(answer.hold_reason.value_or(""), "the view is out of the arm's reach");
@@ -141,10 +141,10 @@ TEST(ViewTask, RefusesAGoalThatIsNone) {
   ViewTaskSettings settings;
   settings.goal = ViewGoal::kPose;
   settings.T_camera_model.matrix()(0, 0) = 2;
-  EXPECT_EQ(test::refusalOf([&] { Room lab(settings); }), "view: T_camera_model: must be a pose");
+  EXPECT_EQ(test::refusalOf([&] { Lab lab(settings); }), "view: T_camera_model: must be a pose");
   settings.goal = ViewGoal::kBestView;
   settings.branch = 1000;
-  EXPECT_NE(test::refusalOf([&] { Room lab(settings); }).find("branch = 1000"), std::string::npos);
+  EXPECT_NE(test::refusalOf([&] { Lab lab(settings); }).find("branch = 1000"), std::string::npos);
 }
 
 }  // namespace

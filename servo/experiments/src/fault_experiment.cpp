@@ -42,7 +42,7 @@ class FaultOperator {
   std::optional<std::int64_t> last_us_;
 };
 
-// The same vessels, turned, mirrored and smaller: nobody's in this room.
+// The same vessels, turned, mirrored and smaller: nobody's in this lab.
 VesselTree otherPatient(const VesselTree& tree) {
   const Eigen::Vector3d centroid = tree.centroid();
   const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(0.3, 0.2, 1.2)) * Eigen::Vector3d(-0.85, 0.85, 0.85).asDiagonal();
@@ -188,7 +188,7 @@ class Run {
   int unsound() const { return commands_.unsound(); }
 
  private:
-  // One event in the room, and what everybody makes of it.
+  // One event in the lab, and what everybody makes of it.
   void step() {
     const auto exposure = lab_.advance();
     const std::int64_t now_us = lab_.now_us();

@@ -7,10 +7,10 @@
 
 namespace angio::experiments {
 
-/// One fault of a campaign: what it does to a room while it lasts.
+/// One fault of an experiment: what it does to a lab while it lasts.
 class InjectedFault {
  public:
-  /// Draws its numbers from the seed. `room` and `other` are borrowed.
+  /// Draws its numbers from the seed. `lab` and `other` are borrowed.
   ///
   /// @param max_frame_age_s  The loop's limit: frames that are late are later, and a clock that jumps by less is not
   ///                          wrong.

@@ -35,7 +35,7 @@ struct CameraFile {
 ///   `distortion: {model: radial, k1, k2, skew_px}` or `{model: intensifier, k1, k2, s1_deg, s2_deg, centre_px: [x,
 ///   y]}` (see DetectorDistortion; what is missing is zero, the centre the detector's middle; `none`, 0 and lists of
 ///   zeros are none), `source_detector_distance: {offset_mm, principal_point_slope_px_per_mm: [x, y]}`, `calibration`
-///   (its record, which is the calibration room's to read).
+///   (its record, which is the calibration module's to read).
 /// - `.xml`: ViSP's camera parameters, with one camera and a model without distortion.
 ///
 /// Throws InputError that names file, line, key, value and rule; an unknown key is refused.

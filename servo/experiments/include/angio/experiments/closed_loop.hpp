@@ -28,7 +28,7 @@ Scenario randomScenario(const VesselTree& tree, const CArmCalibration& nominal, 
 /// The loop's settings with what the world and its calibration say filled in.
 ServoLoopSettings loopIn(const Scenario& world, const ServoLoopSettings& parts);
 
-/// The room of a world: the C-arm stands where its calibration sees the target along the start's angles. `patient`
+/// The lab of a world: the C-arm stands where its calibration sees the target along the start's angles. `patient`
 /// gets the closed-loop simulation's seed; frames say the camera of the believed C-arm.
 SimulatedLab labOf(const VesselTree& tree, const Scenario& world, const ScenarioSettings& settings,
                    const ServoLoopSettings& loop, const SimulatedPatientSettings& patient,

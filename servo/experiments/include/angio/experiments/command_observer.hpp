@@ -21,7 +21,7 @@ class CommandObserver {
   CommandObserver(const AxesLimits& limits, double max_age_s, double max_frame_age_s)
       : limits_(limits), max_age_s_(max_age_s), max_frame_age_s_(max_frame_age_s) {}
 
-  /// A frame was exposed [us, the room's clock]; `spoilt` says how what was sent of it is not the truth.
+  /// A frame was exposed [us, the lab's clock]; `spoilt` says how what was sent of it is not the truth.
   void exposed(std::int64_t frame_sequence, std::int64_t now_us, const std::optional<std::string>& spoilt);
 
   /// The loop has sent a command.

@@ -18,7 +18,7 @@ struct LabCatheter {
   TreeLocation start;  ///< Of the tip.
 };
 
-/// Who stands in the room, and how.
+/// Who stands in the lab, and how.
 struct LabWorld {
   CArmGeometry carm;  ///< The real one.
   CArmLimits limits = CArmLimits::typical();
@@ -28,11 +28,11 @@ struct LabWorld {
   std::optional<LabCatheter> catheter;       ///< Nothing: no drive on the bus, no catheter in the images.
 };
 
-/// What the room's omniscient observer keeps of one exposure.
+/// What the lab's omniscient observer keeps of one exposure.
 struct Exposure {
   XrayFrame frame;
   CArmState state;                        ///< True joints.
-  std::optional<CatheterTruth> catheter;  ///< Nothing in a room without one.
+  std::optional<CatheterTruth> catheter;  ///< Nothing in a lab without one.
 };
 
 /// A C-arm, its X-ray, a patient and, if the world has one, a catheter with its drive on one bus inside the process, in
@@ -47,7 +47,7 @@ class SimulatedLab {
   SimulatedLab(const SimulatedLab&) = delete;  // Its parties know its buses by address.
   SimulatedLab& operator=(const SimulatedLab&) = delete;
 
-  /// The bus as a loop has it. Borrowed: ends with the room.
+  /// The bus as a loop has it. Borrowed: ends with the lab.
   Bus& loopSide() { return from_loop_; }
 
   /// What happens to messages on their way to the loop, and from it. The latency is a delay of the loop's commands.
@@ -69,7 +69,7 @@ class SimulatedLab {
   const SimulatedCArm& arm() const { return arm_.arm(); }
   const SimulatedXrayNode& xray() const { return xray_; }
 
-  /// The catheter at its last report. Throws std::bad_optional_access in a room without one.
+  /// The catheter at its last report. Throws std::bad_optional_access in a lab without one.
   const SimulatedCatheter& catheter() const { return catheter_.value().catheter(); }
 
   /// Where a point of the model really is in the camera now [m].

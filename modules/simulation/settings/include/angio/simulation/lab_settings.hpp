@@ -6,7 +6,7 @@
 
 namespace angio::simulation_settings {
 
-/// How a simulated room keeps time.
+/// How a simulated lab keeps time.
 struct LabSettings {
   double frame_rate_hz = 15;
   double state_rate_hz = 100;      ///< Of the encoders' messages, beside one at each exposure.
