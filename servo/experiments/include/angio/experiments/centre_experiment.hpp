@@ -10,8 +10,8 @@
 
 namespace angio::experiments {
 
-/// Many closed-loop simulation of the task `centre`, each of another point of the tree in another patient who breathes,
-/// seen from another side; and each once more by the same task without prediction.
+/// Many closed-loop simulations of the task `centre`, each of another point of the tree in another patient who
+/// breathes, seen from another side; and each once more by the same task without prediction.
 struct CenterExperimentSettings {
   double breathing_mm = 15;  ///< Of the target: what is nearer to the feet moves less, so that the tree bends.
   double heartbeat_mm = 2;   ///< Of the target, in systole.

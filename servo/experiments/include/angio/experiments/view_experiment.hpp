@@ -10,7 +10,7 @@
 
 namespace angio::experiments {
 
-/// Many closed-loop simulation of the task `view`, each from another start to another view.
+/// Many closed-loop simulations of the task `view`, each from another start to another view.
 struct ViewExperimentSettings {
   double max_primary_deg = 45;    ///< Starts and views are spread evenly over +- this ...
   double max_secondary_deg = 25;  ///< ... and this.

@@ -46,7 +46,7 @@ struct CatheterTrace {
 /// its radio-opaque tip.
 ///
 /// Every way through the tree near the believed tip is followed at once: a place of a vessel and a displacement of the
-/// image there (the catheter is deflected on walls and cuts bends) score by the darkness of the line up to there, by
+/// image there (the catheter rests against walls and cuts bends) score by the darkness of the line up to there, by
 /// its smoothness, and by the band at its end (Viterbi's algorithm over the tree). The best end wins, so that a gap or
 /// a crossing does not end the trace and a branch without a line in it is not entered.
 class CatheterTracer {

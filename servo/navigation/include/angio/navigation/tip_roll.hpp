@@ -35,7 +35,7 @@ class TipRoll {
   /// Standard deviation of that angle, at most pi / sqrt(3): then nothing is known.
   double std_rad() const;
 
-  /// How the tip is deflected in the vessel's frame: across, aside; sideways way for each metre of its length.
+  /// How the tip is deflected in the vessel's frame: normal, binormal; sideways for each metre of its length.
   Eigen::Vector2d deflection() const { return turn() * state_.head<2>(); }
 
   /// Covariance of deflection().
