@@ -36,7 +36,7 @@ function(angio_find_calls module links out)
 endfunction()
 
 get_property(_modules GLOBAL PROPERTY ANGIO_MODULES)
-set(_rooms_under)
+set(_modules_under)
 foreach(_module ${_modules})
   # What is hidden counts: a static library's users link it too.
   get_target_property(_type angio_${_module} TYPE)
@@ -58,7 +58,7 @@ foreach(_module ${_modules})
   endforeach()
   list(REMOVE_DUPLICATES _under_${_module})
   list(JOIN _under_${_module} " " _listed)
-  string(APPEND _rooms_under "set(_angio_under_${_module} ${_listed})\n")
+  string(APPEND _modules_under "set(_angio_under_${_module} ${_listed})\n")
 
   angio_find_calls(${_module} "${_links}" _find_calls)
   configure_file(${CMAKE_CURRENT_LIST_DIR}/angioComponent.cmake.in ${PROJECT_BINARY_DIR}/components/${_module}.cmake @ONLY)

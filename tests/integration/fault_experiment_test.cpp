@@ -37,20 +37,15 @@ TEST_P(Faults, NeverMakeTheCathetersLoopUnsafeAndItSteersAgain) {
   EXPECT_TRUE(row.recovered_s) << row.fault;
 }
 
-class NewFaults : public testing::TestWithParam<FaultKind> {};
-INSTANTIATE_TEST_SUITE_P(Kinds, NewFaults,
-                         testing::Values(FaultKind::kLateFrames, FaultKind::kImpossibleJoints,
-                                         FaultKind::kArmClockBack));
-
-TEST_P(NewFaults, NeverMakeTheCArmsLoopUnsafeAndItServoesAgain) {
+TEST_P(Faults, NeverMakeTheCArmsLoopUnsafeAndItServoesAgain) {
   if (test::kSanitized) GTEST_SKIP() << "too slow";
-  const FaultResult row = runOf(OperatedMachine::kCArm, GetParam(), partsOf(3));
+  const FaultResult row = runOf(OperatedMachine::kCArm, static_cast<FaultKind>(GetParam()), partsOf(3));
   EXPECT_TRUE(row.moved_before) << row.fault;
   EXPECT_EQ(row.breach.value_or(""), "") << row.fault;
   EXPECT_TRUE(row.recovered_s) << row.fault;
 }
 
-// The campaign itself, with loops that believe frames however late they are.
+// The experiment itself, with loops that believe frames however late they are.
 TEST(FaultExperiment, SeesALoopThatMovesByLateFrames) {
   if (test::kSanitized) GTEST_SKIP() << "too slow";
   FaultParts parts = partsOf(3);

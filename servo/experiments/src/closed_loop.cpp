@@ -164,6 +164,13 @@ Scenario randomScenario(const VesselTree& tree, const CArmCalibration& nominal, 
   return world;
 }
 
+CArmCalibration withDetectorPixels(CArmCalibration calibration, int side_px) {
+  CArmGeometry& carm = calibration.carm;
+  carm.pixel_spacing_m *= static_cast<double>(carm.image_width_px) / side_px;
+  carm.image_width_px = carm.image_height_px = side_px;
+  return calibration;
+}
+
 ServoLoopSettings loopIn(const Scenario& world, const ServoLoopSettings& parts) {
   const ExternalInputs told = parts.externalInputs();
   if (told.registration) throw InputError("scenario", "perception", "bus", "needs a bus with a perception node on it");

@@ -63,7 +63,7 @@ struct Scene {
   TreeLocation target;  // Of the catheter.
 };
 
-// What the campaign has to know of a machine: its node, its truth, and what else a person does for it.
+// What the experiment has to know of a machine: its node, its truth, and what else a person does for it.
 struct CArmMachine {
   using Node = ServoNode;
   using Command = CArmCommand;
@@ -277,10 +277,7 @@ FaultResult runFault(OperatedMachine machine, FaultKind kind, const VesselTree& 
   view.primary_deg = radToDeg(goal.primary_rad);
   view.secondary_deg = radToDeg(goal.secondary_rad);
   parts.carm_loop.task = view;
-  CArmCalibration small = nominal;  // The same detector, with fewer pixels.
-  small.carm.pixel_spacing_m *= static_cast<double>(small.carm.image_width_px) / experiment.image_px;
-  small.carm.image_width_px = small.carm.image_height_px = experiment.image_px;
-  const Scenario world = randomScenario(tree, small, parts.scenario, goal);
+  const Scenario world = randomScenario(tree, withDetectorPixels(nominal, experiment.image_px), parts.scenario, goal);
   parts.carm_loop = loopIn(world, parts.carm_loop);
   if (machine == OperatedMachine::kCArm) return run<CArmMachine>({tree, world, parts, {}, {}}, experiment, kind);
 
@@ -289,7 +286,7 @@ FaultResult runFault(OperatedMachine machine, FaultKind kind, const VesselTree& 
   const auto targets = navigateTargets(full, {}, kCatheterTargets);
   if (targets.empty()) throw InputError("fault experiment", "tree", "", "has no branch that a catheter can go to");
   const TreeLocation target = targets[static_cast<std::size_t>(parts.scenario.seed) % targets.size()];
-  parts.catheter.roll_zero_deg = static_cast<double>(parts.scenario.seed * std::int64_t{7919} % 360);
+  parts.catheter = navigateCatheter(parts.catheter, parts.scenario.seed);
   const TreeTopology map(full);
   const double route_m = map.start_m(target.chain) + target.arc_m, uniform = 0.5 + 0.5 * symmetric(engine);
   const double before_m = std::max(0.5 * route_m, route_m - kInside_m - uniform * std::max(0.0, route_m - kMinWay_m));

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "angio/base/formatted.hpp"
-#include "angio/evaluation/statistics.hpp"
 #include "angio/experiments/limit_observer.hpp"
 #include "angio/localisation/tip_on_ray.hpp"
 #include "angio/servo/operator.hpp"
@@ -15,8 +13,6 @@
 
 namespace angio::experiments {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr double kStart_m = 30e-3;  // Inside the tree when the journey begins.
 
@@ -57,6 +53,11 @@ SimulatedPatientSettings navigatePatient(SimulatedPatientSettings patient) {
   patient.bolus.enabled = true;
   patient.bolus.trigger = BolusTrigger::kDemand;
   return patient;
+}
+
+CatheterSettings navigateCatheter(CatheterSettings catheter, int seed) {
+  catheter.roll_zero_deg = static_cast<double>(seed * std::int64_t{7919} % 360);
+  return catheter;
 }
 
 CArmSetup navigateSetup(const Scenario& world, const CArmLimits& limits) {
@@ -126,9 +127,7 @@ namespace {
 
 // The same detector with fewer pixels, and the tree's centroid at the isocentre.
 CArmCalibration laboratoryOf(const VesselTree& tree, const CArmCalibration& nominal, int detector_px) {
-  CArmCalibration lab = nominal;
-  lab.carm.pixel_spacing_m *= static_cast<double>(lab.carm.image_width_px) / detector_px;
-  lab.carm.image_width_px = lab.carm.image_height_px = detector_px;
+  CArmCalibration lab = withDetectorPixels(nominal, detector_px);
   lab.T_dsa_cb.translation() = -(lab.T_dsa_cb.linear() * tree.centroid());
   return lab;
 }
@@ -193,9 +192,7 @@ class Journey {
     lab.T_patient_model = world.truth.T_dsa_cb;
     lab.start = world.calibrated.carm.jointsFor({}, world.calibrated.T_dsa_cb * full.centroid());
     lab.claimed_camera = world.calibrated.carm.camera();
-    CatheterSettings catheter = parts.catheter;
-    catheter.roll_zero_deg = static_cast<double>(seed * 7919 % 360);
-    lab.catheter = LabCatheter{catheter, start};
+    lab.catheter = LabCatheter{navigateCatheter(parts.catheter, seed), start};
     return lab;
   }
 
@@ -278,96 +275,6 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
   row.breach = journey.breach();
   row.misses = journey.catheter().loop().misses();
   return row;
-}
-
-namespace {
-
-bool isNear(double error_m) { return error_m <= 1.5e-3; }
-
-}  // namespace
-
-Json navigateExperimentAsJson(const std::string& tree_name, const std::vector<NavigateResult>& rows) {
-  Json json;
-  std::vector<double> errors_mm, arcs_mm, times, contacts;
-  int reached = 0, misses = 0, frames = 0, held = 0, breaches = 0, wrong = 0, believed = 0, near = 0, forks = 0,
-      views = 0, looked = 0;
-  double force = 0;
-  Json each = Json::array();
-  for (const NavigateResult& row : rows) {
-    reached += row.reached;
-    misses += row.misses;
-    frames += row.frames;
-    held += row.held;
-    breaches += row.breach.has_value();
-    wrong += row.wrong_chain;
-    looked += row.looked;
-    forks += row.forks;
-    views += row.views;
-    believed += static_cast<int>(row.errors_m.size());
-    force = std::max(force, row.max_force_n);
-    contacts.push_back(row.wall_contacts);
-    times.push_back(row.time_s);
-    for (const double e : row.errors_m) errors_mm.push_back(1e3 * e), near += isNear(e);
-    for (const double e : row.arc_errors_m) arcs_mm.push_back(1e3 * e);
-    each.push_back({{"seed", row.seed},
-                    {"branch", row.target.chain},
-                    {"into_branch_mm", 1e3 * row.target.arc_m},
-                    {"reached", row.reached},
-                    {"ended", row.ended},
-                    {"time_s", row.time_s},
-                    {"way_mm", 1e3 * row.route_m},
-                    {"forks", row.forks},
-                    {"misses", row.misses},
-                    {"views", row.views},
-                    {"wall_contacts", row.wall_contacts},
-                    {"frames_with_catheter", row.looked},
-                    {"believed", row.errors_m.size()},
-                    {"within_1.5", std::count_if(row.errors_m.begin(), row.errors_m.end(), isNear)}});
-  }
-  json["tree"] = tree_name;
-  json["targets"] = rows.size();
-  json["reached"] = reached;
-  json["forks"] = forks;
-  json["misses"] = misses;
-  json["views"] = views;
-  json["wall_contacts"] = {{"median", percentile(contacts, 0.5)}, {"max", percentile(contacts, 1)}};
-  json["max_force_n"] = force;
-  json["time_s"] = {{"median", percentile(times, 0.5)}, {"max", percentile(times, 1)}};
-  json["frames"] = frames;
-  json["held"] = held;
-  json["limits_exceeded"] = breaches;
-  json["frames_with_catheter"] = looked;
-  json["believed"] = believed;
-  json["wrong_chain"] = wrong;
-  json["tip_error_mm"] = {{"median", percentile(errors_mm, 0.5)},
-                          {"p95", percentile(errors_mm, 0.95)},
-                          {"within_1.5", believed > 0 ? static_cast<double>(near) / believed : 0.0}};
-  json["along_vessel_mm"] = {{"median", percentile(arcs_mm, 0.5)}, {"p95", percentile(arcs_mm, 0.95)}};
-  json["each"] = each;
-  return json;
-}
-
-std::string navigateExperimentTable(const Json& trees) {
-  std::string table = formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %10s %8s %7s %14s\n", "navigate", "reached",
-                                "forks", "misses", "views", "wall contacts", "force", "tip error mm", "within",
-                                "believed", "held", "limits", "time s");
-  table +=
-      formatted("%-24s %9s %7s %7s %7s %16s %9s %20s %10s %10s %8s %7s %14s\n", "", "", "", "", "", "median (most)",
-                "most N", "median (95 %)", "1.5 mm", "frames", "frames", "broken", "median (most)");
-  for (const Json& j : trees) {
-    table += formatted(
-        "%-24s %4d / %2d %7d %7d %7d %10.0f (%3.0f) %9.2f %12.2f (%5.2f) %8.1f %% %8.1f %% %6.1f %% %7d %7.0f "
-        "(%4.0f)\n",
-        j["tree"].get<std::string>().c_str(), j["reached"].get<int>(), j["targets"].get<int>(), j["forks"].get<int>(),
-        j["misses"].get<int>(), j["views"].get<int>(), j["wall_contacts"]["median"].get<double>(),
-        j["wall_contacts"]["max"].get<double>(), j["max_force_n"].get<double>(),
-        j["tip_error_mm"]["median"].get<double>(), j["tip_error_mm"]["p95"].get<double>(),
-        100 * j["tip_error_mm"]["within_1.5"].get<double>(),
-        100.0 * j["believed"].get<int>() / std::max(1, j["frames_with_catheter"].get<int>()),
-        100.0 * j["held"].get<int>() / std::max(1, j["frames"].get<int>()), j["limits_exceeded"].get<int>(),
-        j["time_s"]["median"].get<double>(), j["time_s"]["max"].get<double>());
-  }
-  return table;
 }
 
 }  // namespace angio::experiments

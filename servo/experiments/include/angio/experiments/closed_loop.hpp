@@ -25,6 +25,9 @@ struct Scenario {
 Scenario randomScenario(const VesselTree& tree, const CArmCalibration& nominal, const ScenarioSettings& settings,
                         const ViewAngles& beam);
 
+/// A calibration for the same detector with another number of pixels a side.
+CArmCalibration withDetectorPixels(CArmCalibration calibration, int side_px);
+
 /// The loop's settings with what the world and its calibration say filled in.
 ServoLoopSettings loopIn(const Scenario& world, const ServoLoopSettings& parts);
 

@@ -11,7 +11,7 @@
 
 namespace angio::experiments {
 
-/// What goes wrong in a run of the campaign.
+/// What goes wrong in a run of the experiment.
 enum class FaultKind {
   kNone,              ///< For comparison.
   kLoss,              ///< Up to half of all messages.

@@ -85,8 +85,11 @@ struct NavigateResult {
 std::vector<TreeLocation> navigateTargets(const VesselTree& tree, const NavigateExperimentSettings& experiment,
                                           int count);
 
-/// A patient whose vessels fill when contrast agent is demanded, for a module that shows a catheter of its own.
+/// A patient whose vessels fill when contrast agent is demanded, for a lab that shows a catheter of its own.
 SimulatedPatientSettings navigatePatient(SimulatedPatientSettings patient);
+
+/// The catheter with the roll that its tip has at the drive's zero [deg]: another one for each seed.
+CatheterSettings navigateCatheter(CatheterSettings catheter, int seed);
 
 /// What the catheter's controller is told of the C-arm.
 CArmSetup navigateSetup(const Scenario& world, const CArmLimits& limits);
