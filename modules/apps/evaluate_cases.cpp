@@ -28,7 +28,7 @@ int evaluateCases(const CasesOptions& o) {
   ProgressBar bar("registering", static_cast<int>(set.cases.size() * entrants.size()));
   int done_before = 0;
   for (const auto& entrant : entrants) {
-    const auto outcomes = runCases(set, {entrant.registration, entrant.starts, extractor},
+    const auto outcomes = runCases(set, {entrant.registration, entrant.starts, extractor, settings.tracker},
                                    [&](int done) { bar.show(done_before + done, entrant.name); });
     done_before += static_cast<int>(outcomes.size());
     auto& entry = json["methods"][entrant.name];

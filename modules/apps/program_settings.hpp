@@ -9,6 +9,7 @@
 #include "angio/base/variant_tuple.hpp"
 #include "angio/imaging/extractor_sections.hpp"
 #include "angio/io/settings_files.hpp"
+#include "angio/perception/patient_tracker.hpp"
 #include "angio/registration/starts.hpp"
 
 namespace angio::apps {
@@ -19,11 +20,13 @@ class ProgramSettings {
  public:
   StartSettings starts;
   ExtractorSections extractors;
+  PatientTrackerSettings tracker;  ///< Of sequences.
 
   void visit(SettingsVisitor& v) {
     std::apply([&](auto&... method) { (visitSection(v, method.kName, method), ...); }, methods_);
     visitSection(v, "starts", starts);
     extractors.visit(v);
+    visitSection(v, "tracker", tracker);
   }
 
   /// The settings of one method; `nonrigid` asks for a deformation whatever the file says.

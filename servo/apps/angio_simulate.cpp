@@ -202,10 +202,12 @@ int main(int argc, char** argv) {
   app.add_option("--end-secondary-deg", o.end_secondary_deg, "C-arm angle at the last frame")
       ->check(between(-55, 55))
       ->needs(out);
-  app.add_option("--start-rotation-deg", o.run.start_rotation_deg, "Spread of the initial poses, per axis")
+  app.add_option("--start-rotation-deg", o.run.start_rotation_deg,
+                 "Spread of the calibration error in the initial poses, per axis; one draw a run")
       ->check(between(0, 180))
       ->needs(out);
-  app.add_option("--start-translation-mm", o.run.start_translation_mm, "Spread of the initial poses, per axis")
+  app.add_option("--start-translation-mm", o.run.start_translation_mm,
+                 "Spread of the calibration error in the initial poses, per axis; one draw a run")
       ->check(between(0, 1000))
       ->needs(out);
   return angio::apps::runProgram(

@@ -28,11 +28,12 @@ class RunWriter {
             const RunOptions& options)
       : calibration_(calibration),
         options_(options),
-        seed_(settings.fluoroscopy.seed),
         shuttered_(settings.fluoroscopy.collimator.shutter != Shutter::kOpen),
         camera_(calibration.carm.camera()),
         // The patient frame has the axes L, P, S.
-        patient_(tree, settings, {calibration.T_dsa_cb.linear(), {}}) {
+        patient_(tree, settings, {calibration.T_dsa_cb.linear(), {}}),
+        T_true_calibrated_(drawnPose(Pose::Identity(), patient_.tree().centroid(), degToRad(options.start_rotation_deg),
+                                     options.start_translation_mm * 1e-3, settings.fluoroscopy.seed, 0)) {
     writeVesselTree(path("tree.csv"), patient_.tree());
   }
 
@@ -49,8 +50,8 @@ class RunWriter {
     const XrayScene scene = patient_.scene(T_camera_rest, time_s);
     const FrameTruth truth = patient_.truth(camera_, scene);
 
-    const Pose start = drawnPose(T_camera_rest, patient_.tree().centroid(), degToRad(options_.start_rotation_deg),
-                                 options_.start_translation_mm * 1e-3, seed_, i);
+    // One error of the calibration for the whole run.
+    const Pose start = T_camera_rest * T_true_calibrated_;
     Case one{numbered("", i, ""),
              path("tree.csv"),
              {{camera_, {}, {}, Pose::Identity(), {}}},
@@ -102,10 +103,10 @@ class RunWriter {
 
   const CArmCalibration& calibration_;
   const RunOptions& options_;
-  int seed_;
   bool shuttered_;
   XrayCamera camera_;
   SimulatedPatient patient_;
+  Pose T_true_calibrated_;
   std::vector<cv::Mat> frames_;
   CaseSet by_image_{true, {}}, by_centerline_{true, {}};
   std::string table_ = "frame,time_s,primary_deg,secondary_deg,table_x_mm,table_y_mm,table_z_mm\n";

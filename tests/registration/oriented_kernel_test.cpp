@@ -2,7 +2,7 @@
 // What oriented kernels promise beyond what every method must do.
 #include <gtest/gtest.h>
 
-#include "angio/registration/motion_filter.hpp"
+#include "angio/registration/pose_covariance.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/test/namespace.hpp"

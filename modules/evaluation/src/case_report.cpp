@@ -43,6 +43,7 @@ Json caseAsJson(const CaseOutcome& outcome) {
   json["status"] = statusName(r.status);
   json["reason"] = r.reason;
   if (outcome.followed) json["followed"] = *outcome.followed;
+  if (outcome.rejection) json["rejection"] = *outcome.rejection;
   for (int i = 0; i < 9; ++i) json["rotation"].push_back(r.T_camera_model.linear()(i / 3, i % 3));
   for (int i = 0; i < 3; ++i) json["translation_mm"].push_back(1e3 * r.T_camera_model.translation()[i]);
   json["covariance"] = nullptr;

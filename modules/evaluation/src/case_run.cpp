@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/case_run.hpp"
 
+#include <cmath>
 #include <map>
 #include <memory>
 
@@ -9,13 +10,27 @@
 #include "angio/io/displacement_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
-#include "angio/registration/sequence_tracker.hpp"
+#include "angio/perception/gated_perception.hpp"
 
 namespace angio::evaluation {
 namespace {
 
 // Consecutive frames of a case set have no times; fluoroscopy runs at 15 frames a second.
-constexpr double kFramePeriod_s = 1.0 / 15;
+constexpr double kFramePeriod_us = 1e6 / 15;
+
+// A case's initial pose is what joints and calibration say: as good as a camera's place in a patient frame that is the
+// model's by calibration.
+CameraPlace placeOf(const Case& one, std::size_t frame) {
+  return {std::llround(static_cast<double>(frame) * kFramePeriod_us), one.initial_pose};
+}
+
+GatedPerception trackerOf(const CaseRunSettings& settings, const VesselTree& tree) {
+  GatedPerceptionSettings tracked;
+  tracked.perception.search = tracked.perception.tracking = settings.registration;
+  tracked.perception.search_starts = settings.starts;
+  tracked.perception.tracker = settings.tracker;
+  return GatedPerception(tracked, tree);
+}
 
 // Trees and what depends on them only, shared by the cases that name the same file.
 class Registrations {
@@ -48,7 +63,7 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
   Registrations registrations(settings.registration);
   const auto extractor = makeExtractor(settings.extractor);
   std::vector<CaseOutcome> outcomes;
-  std::map<const Registration*, SequenceTracker> trackers;  // Of a sequence: one for each tree.
+  std::map<const Registration*, GatedPerception> trackers;  // Of a sequence: one for each tree.
   for (const auto& one : set.cases) {
     Registration& registration = registrations.of(one.tree_path);
     const VesselTree& tree = registration.tree();
@@ -65,15 +80,13 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
     PosePrior prior;
     prior.T_camera_model = one.initial_pose;
     if (set.sequence) {
-      // What is ambiguous, as a catheter in a tree, is not followed: each frame's initial pose anchors it better than
-      // the last frame.
-      SequenceTrackerSettings follow;
-      follow.follow_ambiguous = false;
-      auto& tracker = trackers.try_emplace(&registration, registration, follow, settings.starts).first->second;
-      const TrackedFrame frame = tracker.step(views, static_cast<double>(outcomes.size()) * kFramePeriod_s, prior);
-      if (frame.prediction) prior.T_camera_model = frame.prediction->T_camera_model;
-      outcome.result = frame.result;
-      outcome.followed = frame.followed;
+      GatedPerception& tracker = trackers.try_emplace(&registration, trackerOf(settings, tree)).first->second;
+      const GatedObservation seen = tracker.observe(views, placeOf(one, outcomes.size()));
+      tracker.learn();
+      prior.T_camera_model = seen.observation.predicted.T_camera_model;
+      outcome.result = seen.observation.registration;
+      outcome.rejection = seen.rejection;
+      outcome.followed = !seen.rejection;
     } else {
       outcome.result = registration.search(views, prior, settings.starts);
     }

@@ -6,22 +6,26 @@
 namespace angio::perception {
 
 GatedObservation GatedPerception::observe(const XrayFrame& frame, const CArmState& state) {
-  return gated(perception_.observe(frame, state), state);
+  return gated(perception_.observe(frame, state), perception_.placeOf(state));
+}
+
+GatedObservation GatedPerception::observe(const XrayViews& views, const CameraPlace& place) {
+  return gated(perception_.observe(views, place), place);
 }
 
 GatedObservation GatedPerception::adopt(const RegistrationResult& registration, const CArmState& state) {
-  return gated(perception_.adopt(registration, state), state);
+  return gated(perception_.adopt(registration, state), perception_.placeOf(state));
 }
 
-GatedObservation GatedPerception::gated(Observation observation, const CArmState& state) {
+GatedObservation GatedPerception::gated(Observation observation, const CameraPlace& place) {
   GatedObservation result{std::move(observation), std::nullopt, std::nullopt};
   const Observation& seen = result.observation;
-  result.rejection = gate_.rejection(seen.registration, perception_.calibrated_T_camera_model(state.joints),
+  result.rejection = gate_.rejection(seen.registration, perception_.calibrated_T_camera_model(place),
                                      seen.tracked ? std::optional(seen.predicted.T_camera_model) : std::nullopt);
   if (result.rejection) {
     perception_.reject();
   } else {
-    perception_.accept(seen, state);
+    perception_.accept(seen, place);
     result.patient = PatientObservation{seen.registration.T_camera_model, *seen.registration.covariance};
   }
   return result;

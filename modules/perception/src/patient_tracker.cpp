@@ -20,46 +20,52 @@ double PatientTracker::sinceFirst_s(std::int64_t time_us) const {
   return 1e-6 * (static_cast<double>(time_us) - static_cast<double>(first_us_.value_or(time_us)));
 }
 
-PosePrior PatientTracker::predict(const CArmJoints& joints) const {
+PosePrior PatientTracker::predict(const CArmJoints& joints) const { return predict(carm_.T_camera_patient(joints)); }
+
+PosePrior PatientTracker::predict(const Pose& T_camera_patient) const {
   const double translation_mm =
       tracking_ ? settings_.tracking_translation_std_mm : settings_.calibration_translation_std_mm;
   const double rotation_deg = tracking_ ? settings_.tracking_rotation_std_deg : settings_.calibration_rotation_std_deg;
   Vector6d std_deviation;
   std_deviation << Eigen::Vector3d::Constant(translation_mm * 1e-3), Eigen::Vector3d::Constant(degToRad(rotation_deg));
   PosePrior prior;
-  prior.T_camera_model = carm_.T_camera_patient(joints) * T_dsa_cb_;
+  prior.T_camera_model = T_camera_patient * T_dsa_cb_;
   prior.covariance = Matrix6d(std_deviation.cwiseAbs2().asDiagonal());
   return prior;
 }
 
-PosePrior PatientTracker::predict(const CArmState& state) const {
-  PosePrior prior = predict(state.joints);
+PosePrior PatientTracker::predict(const CameraPlace& place) const {
+  PosePrior prior = predict(place.T_camera_patient);
   if (!motion_ || !tracking_) return prior;
-  const auto centroid = motion_->predict(sinceFirst_s(state.time_us));
+  const auto centroid = motion_->predict(sinceFirst_s(place.time_us));
   if (!centroid) return prior;
   Pose T_dsa_cb = T_dsa_cb_;
   T_dsa_cb.translation() = centroid->position - T_dsa_cb.linear() * centroid_;
-  prior.T_camera_model = carm_.T_camera_patient(state.joints) * T_dsa_cb;
+  prior.T_camera_model = place.T_camera_patient * T_dsa_cb;
   return prior;
 }
 
-void PatientTracker::update(const Pose& T_camera_model, const CArmState& state,
+void PatientTracker::update(const Pose& T_camera_model, const CameraPlace& place,
                             const std::optional<Matrix6d>& covariance) {
-  update(T_camera_model, state.joints);
+  update(T_camera_model, place.T_camera_patient);
   if (!motion_) return;
-  if (!first_us_) first_us_ = state.time_us;
-  const Pose T_patient_camera = carm_.T_camera_patient(state.joints).inverse();
+  if (!first_us_) first_us_ = place.time_us;
+  const Pose T_patient_camera = place.T_camera_patient.inverse();
   const Eigen::Matrix3d R = T_patient_camera.linear();
   const Eigen::Matrix3d spread = covariance
                                      ? PatientObservation{T_camera_model, *covariance}.pointCovariance(centroid_, R)
                                      : Eigen::Matrix3d(1e-6 * Eigen::Matrix3d::Identity());
   // What the predictor leaves out or refuses it predicts without: a trusted frame is one all the same.
   static_cast<void>(
-      motion_->update(sinceFirst_s(state.time_us), T_patient_camera * (T_camera_model * centroid_), spread));
+      motion_->update(sinceFirst_s(place.time_us), T_patient_camera * (T_camera_model * centroid_), spread));
 }
 
 void PatientTracker::update(const Pose& T_camera_model, const CArmJoints& joints) {
-  const Pose seen = carm_.T_camera_patient(joints).inverse() * T_camera_model;
+  update(T_camera_model, carm_.T_camera_patient(joints));
+}
+
+void PatientTracker::update(const Pose& T_camera_model, const Pose& T_camera_patient) {
+  const Pose seen = T_camera_patient.inverse() * T_camera_model;
   ++trusted_in_a_row_;
   missed_in_a_row_ = 0;
   // A plain mean at first, then one that forgets. About the centroid, where translation and rotation are least

@@ -92,25 +92,36 @@ Perception::~Perception() = default;
 Observation Perception::observe(const XrayFrame& frame, const CArmState& state) {
   Observation observation;
   observation.model_id = model_id_;
-  Stopwatch stage;
+  const Stopwatch stage;
   observation.curves = extractor_->extract(frame.image);
   observation.centerline = vesselsToMatch(observation.curves);
   observation.image_s = stage.seconds();
 
-  stage = Stopwatch();
-  observation.predicted = tracker_.predict(state);
+  look({XrayView{observation.centerline, frame.camera}}, placeOf(state), observation);
+  return observation;
+}
+
+Observation Perception::observe(const XrayViews& views, const CameraPlace& place) {
+  Observation observation;
+  observation.model_id = model_id_;
+  observation.curves = observation.centerline = views.front().centerline;
+  look(views, place, observation);
+  return observation;
+}
+
+void Perception::look(const XrayViews& views, const CameraPlace& place, Observation& observation) {
+  const Stopwatch stage;
+  observation.predicted = tracker_.predict(place);
   observation.tracked = tracker_.tracking();
-  observation.registration =
-      observation.tracked
-          ? tracking_->align(observation.centerline, frame.camera, observation.predicted)
-          : search_->search(observation.centerline, frame.camera, observation.predicted, search_starts_);
-  if (observation.tracked) bend(frame.camera, observation);
-  if (observation.tracked) compareAlternatives(frame.camera, observation);
+  const PosePrior& predicted = observation.predicted;
+  observation.registration = observation.tracked ? tracking_->align(views, predicted, predicted.T_camera_model)
+                                                 : search_->search(views, predicted, search_starts_);
+  if (observation.tracked) bend(views, observation);
+  if (observation.tracked) compareAlternatives(views, observation);
   if (place_ && observation.registration.status == RegistrationStatus::kConverged) {
-    observation.place = seen(*place_, frame.camera, observation);
+    observation.place = seen(*place_, views.front().camera, observation);
   }
   observation.registration_s = stage.seconds();
-  return observation;
 }
 
 Observation Perception::adopt(const RegistrationResult& registration, const CArmState& state) const {
@@ -126,11 +137,10 @@ Observation Perception::adopt(const RegistrationResult& registration, const CArm
 // another tree, or none, needs a larger deformation than a breath causes. Where tracking has been lost no deformed fit
 // is made: a rigid pose has to stand against its alternatives first. The deformed fit leaves depth open in one view,
 // and the rigid pose's covariance takes that over.
-void Perception::bend(const XrayCamera& camera, Observation& observation) {
+void Perception::bend(const XrayViews& views, Observation& observation) {
   RegistrationResult& rigid = observation.registration;
   if (!bending_ || rigid.status != RegistrationStatus::kAmbiguous || !rigid.covariance) return;
-  const RegistrationResult deformed =
-      bending_->align(observation.centerline, camera, observation.predicted, rigid.T_camera_model);
+  const RegistrationResult deformed = bending_->align(views, observation.predicted, rigid.T_camera_model);
   if (!explained(deformed) || deformed.displacements_m.cols() != bending_->tree().size() ||
       !(rms(deformed.displacements_m) <= max_deformation_m_)) {
     return;
@@ -148,10 +158,10 @@ void Perception::bend(const XrayCamera& camera, Observation& observation) {
 // Of a dense tree half of the vessels hide behind others, and a fit in one place is called ambiguous for the share that
 // it explains alone. A search around the prediction knows the alternatives: without one the fit is accepted, as it is
 // where nothing is tracked.
-void Perception::compareAlternatives(const XrayCamera& camera, Observation& observation) {
+void Perception::compareAlternatives(const XrayViews& views, Observation& observation) {
   RegistrationResult& tracked = observation.registration;
   if (tracked.status != RegistrationStatus::kAmbiguous) return;
-  RegistrationResult searched = search_->search(observation.centerline, camera, observation.predicted, search_starts_);
+  RegistrationResult searched = search_->search(views, observation.predicted, search_starts_);
   searched.times += tracked.times;
   if (searched.status == RegistrationStatus::kConverged) tracked = std::move(searched);
 }
@@ -170,8 +180,8 @@ PointObservation Perception::seen(const PointOfInterest& place, const XrayCamera
   return result;
 }
 
-void Perception::accept(const Observation& observation, const CArmState& state) {
-  tracker_.update(observation.registration.T_camera_model, state, observation.registration.covariance);
+void Perception::accept(const Observation& observation, const CameraPlace& place) {
+  tracker_.update(observation.registration.T_camera_model, place, observation.registration.covariance);
 }
 
 void Perception::reject() { tracker_.miss(); }

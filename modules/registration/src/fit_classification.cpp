@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "angio/registration/classification.hpp"
-#include "angio/registration/motion_filter.hpp"
+#include "angio/registration/pose_covariance.hpp"
 
 namespace angio::registration {
 namespace {

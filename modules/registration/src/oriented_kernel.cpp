@@ -6,7 +6,7 @@
 
 #include "angio/base/stopwatch.hpp"
 #include "angio/registration/alignment_score.hpp"
-#include "angio/registration/motion_filter.hpp"
+#include "angio/registration/pose_covariance.hpp"
 #include "deformation_fit.hpp"
 #include "field_search.hpp"
 #include "fit_classification.hpp"

@@ -10,6 +10,7 @@
 #include "angio/evaluation/pose_error.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"
+#include "angio/perception/patient_tracker.hpp"
 #include "angio/registration/starts.hpp"
 
 namespace angio::evaluation {
@@ -19,15 +20,17 @@ struct CaseRunSettings {
   RegistrationSettings registration;
   StartSettings starts;
   ExtractorSettings extractor;
+  PatientTrackerSettings tracker;  ///< Of sequences.
 };
 
 /// What became of one case.
 struct CaseOutcome {
   std::string name;
   RegistrationResult result;
-  double image_s = 0;               ///< Time from images to centrelines; 0 when centrelines were given [s].
-  double pixel_at_isocenter_m = 0;  ///< Size of the first view's pixel at the depth of the tree's centroid.
-  std::optional<bool> followed;     ///< Of a frame of a sequence: whether the track went on with it.
+  double image_s = 0;                    ///< Time from images to centrelines; 0 when centrelines were given [s].
+  double pixel_at_isocenter_m = 0;       ///< Size of the first view's pixel at the depth of the tree's centroid.
+  std::optional<bool> followed;          ///< Of a frame of a sequence: whether it passed the gate, and is tracked.
+  std::optional<std::string> rejection;  ///< Why the gate rejected it; nothing when it passed, or is of no sequence.
   std::optional<PoseError> start_error,
       error;  ///< Of the pose it started from and of the result, when the truth is known; in the first view.
 };
@@ -35,8 +38,9 @@ struct CaseOutcome {
 /// Called after each case with how many are done.
 using CaseProgress = std::function<void(int done)>;
 
-/// Runs every case with one method. Cases of a sequence are followed from frame to frame (SequenceTracker), at 15 a
-/// second. Throws InputError for files that cannot be read.
+/// Runs every case with one method. The cases of a sequence, at 15 a second, are tracked as a loop tracks its frames:
+/// by GatedPerception with its own defaults, the method searching and tracking; an initial pose stands for what joints
+/// and calibration say of that frame. Throws InputError for files that cannot be read.
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings,
                                   const CaseProgress& progress = {});
 

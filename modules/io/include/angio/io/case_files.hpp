@@ -33,7 +33,9 @@ struct Case {
 
 /// Cases to run in one go.
 struct CaseSet {
-  bool sequence = false;  ///< Consecutive frames: each case may start from the last one's result.
+  /// Consecutive frames: each case may start from what the ones before have shown. How their initial poses differ is
+  /// then how the camera moved, as joints tell it.
+  bool sequence = false;
   std::vector<Case> cases;
 };
 

@@ -49,6 +49,9 @@ class GatedPerception {
   /// Observes a frame that was exposed while the joints were as in `state`.
   GatedObservation observe(const XrayFrame& frame, const CArmState& state);
 
+  /// Observes what was found in the views of one moment, whose first camera stood at `place`.
+  GatedObservation observe(const XrayViews& views, const CameraPlace& place);
+
   /// Uses another program's registration of the frame.
   GatedObservation adopt(const RegistrationResult& registration, const CArmState& state);
 
@@ -64,7 +67,7 @@ class GatedPerception {
   Pose tracked_T_camera_model(const CArmJoints& joints) const { return perception_.tracked_T_camera_model(joints); }
 
  private:
-  GatedObservation gated(Observation observation, const CArmState& state);
+  GatedObservation gated(Observation observation, const CameraPlace& place);
 
   Perception perception_;
   RegistrationGate gate_;

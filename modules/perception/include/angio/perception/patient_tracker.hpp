@@ -5,7 +5,7 @@
 
 #include "angio/geometry/carm.hpp"
 #include "angio/motion/motion_predictor.hpp"
-#include "angio/perception/namespace.hpp"
+#include "angio/perception/camera_place.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/types/carm_motion.hpp"
 
@@ -54,9 +54,10 @@ class PatientTracker {
   /// Where the model should be seen with these joints, and how surely.
   PosePrior predict(const CArmJoints& joints) const;
 
-  /// The same at the time of a frame, whose joints these are: with `follow_motion` at the place that is predicted for
-  /// then.
-  PosePrior predict(const CArmState& state) const;
+  /// The same at the time of a frame, whose camera's place or joints these are: with `follow_motion` at the place that
+  /// is predicted for then.
+  PosePrior predict(const CameraPlace& place) const;
+  PosePrior predict(const CArmState& state) const { return predict(placeOf(state)); }
 
   /// A trusted registration of a frame that was taken with these joints.
   void update(const Pose& T_camera_model, const CArmJoints& joints);
@@ -64,7 +65,10 @@ class PatientTracker {
   /// The same at the frame's time.
   ///
   /// @param covariance  Of the pose, as RegistrationResult has it; nothing: taken for 1 mm.
-  void update(const Pose& T_camera_model, const CArmState& state, const std::optional<Matrix6d>& covariance);
+  void update(const Pose& T_camera_model, const CameraPlace& place, const std::optional<Matrix6d>& covariance);
+  void update(const Pose& T_camera_model, const CArmState& state, const std::optional<Matrix6d>& covariance) {
+    update(T_camera_model, placeOf(state), covariance);
+  }
 
   /// A frame that could not be trusted.
   void miss();
@@ -74,7 +78,12 @@ class PatientTracker {
 
   const Pose& T_dsa_cb() const { return T_dsa_cb_; }
 
+  /// Where these joints have the camera.
+  CameraPlace placeOf(const CArmState& state) const { return {state.time_us, carm_.T_camera_patient(state.joints)}; }
+
  private:
+  PosePrior predict(const Pose& T_camera_patient) const;
+  void update(const Pose& T_camera_model, const Pose& T_camera_patient);
   double sinceFirst_s(std::int64_t time_us) const;
 
   PatientTrackerSettings settings_;

@@ -62,12 +62,17 @@ class Perception {
   /// tracked: accept() or reject() does.
   Observation observe(const XrayFrame& frame, const CArmState& state);
 
+  /// Observes what was found in the views of one moment, whose first camera stood at `place`: curves are the first
+  /// view's. A frame is observed so, once its curves have been found.
+  Observation observe(const XrayViews& views, const CameraPlace& place);
+
   /// Returns the observation that another program's registration of the frame gives: no curves, and no point of
   /// interest. Does not change what is tracked.
   Observation adopt(const RegistrationResult& registration, const CArmState& state) const;
 
   /// Tracks the patient where the observation has it.
-  void accept(const Observation& observation, const CArmState& state);
+  void accept(const Observation& observation, const CArmState& state) { accept(observation, placeOf(state)); }
+  void accept(const Observation& observation, const CameraPlace& place);
 
   /// Counts a frame that could not be trusted.
   void reject();
@@ -78,14 +83,19 @@ class Perception {
   /// The tree that is looked for.
   ModelId modelId() const { return model_id_; }
 
-  /// Where the model is with these joints: by calibration alone ...
+  /// Where the joints have the camera.
+  CameraPlace placeOf(const CArmState& state) const { return tracker_.placeOf(state); }
+
+  /// Where the model is from there, or with these joints: by calibration alone ...
+  Pose calibrated_T_camera_model(const CameraPlace& place) const { return place.T_camera_patient * T_dsa_cb_; }
   Pose calibrated_T_camera_model(const CArmJoints& joints) const;
   /// ... and by all frames that were trusted.
   Pose tracked_T_camera_model(const CArmJoints& joints) const;
 
  private:
-  void bend(const XrayCamera& camera, Observation& observation);
-  void compareAlternatives(const XrayCamera& camera, Observation& observation);
+  void look(const XrayViews& views, const CameraPlace& place, Observation& observation);
+  void bend(const XrayViews& views, Observation& observation);
+  void compareAlternatives(const XrayViews& views, Observation& observation);
   PointObservation seen(const PointOfInterest& place, const XrayCamera& camera, const Observation& observation) const;
 
   ModelId model_id_;
