@@ -78,6 +78,34 @@ TEST_F(CatheterTracerTest, FindsTheTipInTheBranchThatItIsIn) {
   EXPECT_GE(tried, 3);
 }
 
+// In a vessel as wide as an aorta a bent tip stands 5 mm beside the axis.
+TEST_F(CatheterTracerTest, FindsATipFarBesideTheAxisOfAWideVessel) {
+  Eigen::Matrix3Xd points(3, 31);
+  std::vector<int> parents;
+  for (int i = 0; i < points.cols(); ++i) {
+    points.col(i) << 4e-3 * i - 0.06, 0, 0;
+    parents.push_back(i - 1);
+  }
+  const VesselTree aorta(points, parents, std::vector<std::optional<double>>(points.cols(), 12e-3));
+  tree = aorta;
+  map = TreeTopology(tree);
+  pose.T_camera_model.translation() = Eigen::Vector3d(0, 0, 0.75) - tree.centroid();
+  CatheterSettings bent;
+  bent.tip_angle_deg = 65;
+  const TreeLocation tip{0, 0.07};
+  for (const double roll_deg : {0.0, 90.0, 180.0, 270.0}) {
+    bent.roll_zero_deg = roll_deg;
+    const SimulatedCatheter catheter(tree, bent, tip, 0);
+    const Eigen::Vector3d end = catheter.truth().tip_model;
+    ASSERT_GT((end - map.point(tip)).norm(), 5e-3);
+    const auto trace =
+        CatheterTracer(tree, {}).trace(shown({catheter.device(tree.points())}), pose, beliefAt(map.before(tip, 8e-3)));
+    ASSERT_TRUE(trace) << roll_deg;
+    const Eigen::Vector2d pixel = *pose.camera.project(pose.T_camera_model * end);
+    EXPECT_LT((trace->seen.points_px.rightCols<1>() - pixel).norm(), 2) << roll_deg;
+  }
+}
+
 TEST_F(CatheterTracerTest, FindsNoneWhereNoneIs) {
   const TipBelief belief = beliefAt({map.chains() - 1, 5e-3});
   EXPECT_FALSE(tracer.trace(shown({}), pose, belief));

@@ -49,5 +49,23 @@ TEST(TipRoll, ABackAndForthWithinTheDeadBandDoesNotTurnTheTip) {
   EXPECT_EQ(roll.angle_rad(), before);
 }
 
+// A tip that was seen to point one way and is bent may be deflected far beyond that; straight again, it is not.
+TEST(TipRoll, ABentTipMayBeDeflectedFurther) {
+  TipRoll roll(0.2, 0);
+  for (int i = 0; i < 20; ++i) {
+    roll.move(0, 0);
+    roll.see({0.1, 0.02, Eigen::Vector2d::UnitX()});
+    roll.see({0.0, 0.02, Eigen::Vector2d::UnitY()});
+  }
+  const double straight_std = std::sqrt(roll.leanCovariance()(1, 1));
+  const Eigen::Vector2d straight = roll.deflection();
+  roll.bend(0.5);
+  EXPECT_NEAR(std::sqrt(roll.leanCovariance()(1, 1)), std::hypot(straight_std, std::sqrt(0.25 - 0.04)), 1e-9);
+  EXPECT_NEAR((roll.deflection() - straight).norm(), 0, 1e-12) << "nobody has seen it yet";
+  roll.bend(0.2);
+  EXPECT_LE(std::sqrt(roll.leanCovariance()(1, 1)), 0.2 + 1e-9);
+  EXPECT_NEAR((roll.deflection() - 0.4 * straight).norm(), 0, 1e-12);
+}
+
 }  // namespace
 }  // namespace angio::test

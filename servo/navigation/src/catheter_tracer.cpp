@@ -76,7 +76,7 @@ class CatheterTracer::Impl {
       way.px.col(static_cast<Eigen::Index>(k)) = u->cast<float>();
       box.extend(u->cast<float>());
     }
-    const double margin = TreeViterbi::kReach * TreeViterbi::kStep_m * px_per_m_ + 20;
+    const double margin = walk_.reach(area) * TreeViterbi::kStep_m * px_per_m_ + 20;
     way.window =
         cv::Rect(cv::Point(static_cast<int>(box.min().x() - margin), static_cast<int>(box.min().y() - margin)),
                  cv::Point(static_cast<int>(box.max().x() + margin), static_cast<int>(box.max().y() + margin)));

@@ -15,9 +15,14 @@ constexpr double kNear_m = 4e-3;  // Places closer than that are one for the que
 constexpr double kSame_m = 2e-3;  // ... and these for the question where it has arrived.
 constexpr double kSure = 0.9;     // Probability of the target's branch.
 constexpr double kBendGain_per_s = 3;
+constexpr double kDeflected = 0.5;       // Of what its bend would deflect a free tip by, a tip in a vessel usually is.
 constexpr double kFirmSlide_m = 1.5e-3;  // The tip has moved.
 constexpr double kJump_m = 6e-3;         // Between two frames: more than any command does.
 constexpr int kTriesInAll = 6;           // At all forks, times those at one.
+
+double usualDeflection(const NavigatorSettings& settings, double bend_rad) {
+  return kDeflected * std::sin(std::clamp(degToRad(settings.tip_angle_deg) + bend_rad, degToRad(10), 0.5 * kPi));
+}
 
 NavigatorSettings checked(const NavigatorSettings& settings) {
   checkSettings("navigator", settings);
@@ -69,7 +74,7 @@ Navigator::Navigator(const VesselTree& tree, const TreeLocation& target, const N
     : settings_(checked(settings)),
       map_(tree),
       target_(target),
-      roll_(0.5 * std::sin(degToRad(std::max(settings.tip_angle_deg, 10.0))), degToRad(settings.dead_band_deg)) {
+      roll_(usualDeflection(settings, 0), degToRad(settings.dead_band_deg)) {
   if (target.chain < 0 || target.chain >= map_.chains()) {
     throw InputError("navigator", "target", std::to_string(target.chain),
                      "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
@@ -90,6 +95,7 @@ NavigationAnswer Navigator::step(const NavigationInput& input) {
 
 NavigationAnswer Navigator::decide(const NavigationInput& input) {
   if (state_ == NavigationState::kArrived || state_ == NavigationState::kGivenUp) return {{}, state_, why_};
+  roll_.bend(usualDeflection(settings_, input.drive.bend_rad));
   const bool believed = input.belief && sound(*input.belief, map_) && isFromFrame(*input.belief);
   if (!believed) {
     roll_.move(input.drive.roll_rad, 0);

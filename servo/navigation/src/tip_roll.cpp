@@ -50,6 +50,20 @@ void TipRoll::move(double roll_rad, double slid_m) {
   }
 }
 
+void TipRoll::bend(double deflection) {
+  const double ratio = deflection / deflection_;
+  if (ratio < 1) {
+    state_.head<2>() *= ratio;
+    P_.topRows<2>() *= ratio;
+    P_.leftCols<2>() *= ratio;
+  } else {
+    const double gained = deflection * deflection - deflection_ * deflection_;
+    P_(0, 0) += gained;
+    P_(1, 1) += gained;
+  }
+  deflection_ = deflection;
+}
+
 void TipRoll::see(const TipDeflection& deflection) {
   Eigen::Vector3d h;
   h << turn().transpose() * deflection.observable_axis, 1.0;

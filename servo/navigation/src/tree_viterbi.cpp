@@ -13,22 +13,33 @@ constexpr float kMaxLine = 0.6f;  // Nats a millimetre, at most for or against.
 constexpr float kStiff = 0.5f;    // Nats for a displacement that changes by a step a millimetre.
 constexpr float kOutside = 20;    // Nats for each millimetre outside of the lumen, squared.
 constexpr int kHop = 2;           // Steps of displacement from place to place, at most.
+constexpr int kMinReach = 8;      // Steps: what a pose that is a little off needs in the narrowest vessel.
 
 using Scores = TreeViterbi::Scores;
 
-// The best of all displacements from which one comes here, less what the change costs; one axis after the other.
-Scores carried(const Scores& from) {
-  const auto pass = [](const Scores& in) {
-    Scores out = in;
-    for (int d = 1; d <= kHop; ++d) {
-      const int n = TreeViterbi::kSide - d;
-      const float price = kStiff * static_cast<float>(d * d);
-      out.topRows(n) = out.topRows(n).cwiseMax((in.bottomRows(n).array() - price).matrix());
-      out.bottomRows(n) = out.bottomRows(n).cwiseMax((in.topRows(n).array() - price).matrix());
+// Adds to `scores` the best of all displacements from which one comes there, less what the change costs; one axis after
+// the other. `across` is room for the work.
+void addCarried(const Scores& from, Scores& across, Scores& scores) {
+  const Eigen::Index side = from.rows();
+  const auto price = [](int d) { return kStiff * static_cast<float>(d * d); };
+  across = from;
+  for (int d = 1; d <= kHop; ++d) {
+    const Eigen::Index n = side - d;
+    across.leftCols(n).array() = across.leftCols(n).array().max(from.rightCols(n).array() - price(d));
+    across.rightCols(n).array() = across.rightCols(n).array().max(from.leftCols(n).array() - price(d));
+  }
+  for (Eigen::Index y = 0; y < side; ++y) {
+    const float* const in = across.col(y).data();
+    float* const out = scores.col(y).data();
+    for (Eigen::Index x = 0; x < side; ++x) {
+      float most = in[x];
+      for (int d = 1; d <= kHop; ++d) {
+        if (x >= d) most = std::max(most, in[x - d] - price(d));
+        if (x + d < side) most = std::max(most, in[x + d] - price(d));
+      }
+      out[x] += most;
     }
-    return out;
-  };
-  return pass(pass(from).transpose()).transpose();
+  }
 }
 
 }  // namespace
@@ -106,7 +117,13 @@ WalkArea areaAround(const WalkPlaces& places, const TipBelief& expected, double 
 
 Eigen::Vector2f TreeViterbi::at(int k, int u) const {
   return px_->col(k) +
-         step_px_ * Eigen::Vector2f(static_cast<float>(u % kSide - kReach), static_cast<float>(u / kSide - kReach));
+         step_px_ * Eigen::Vector2f(static_cast<float>(u % side_ - reach_), static_cast<float>(u / side_ - reach_));
+}
+
+int TreeViterbi::reach(const WalkArea& area) const {
+  double room_m = 0;
+  for (const int place : area.places) room_m = std::max(room_m, places_.radius_m[place] + slack_m_);
+  return std::clamp(static_cast<int>(std::ceil(room_m / kStep_m)), kMinReach, kMaxReach);
 }
 
 void TreeViterbi::run(const WalkArea& area, const Eigen::Matrix2Xf& px, double px_per_m, const DeviceContrast& seen,
@@ -114,6 +131,8 @@ void TreeViterbi::run(const WalkArea& area, const Eigen::Matrix2Xf& px, double p
   area_ = &area;
   px_ = &px;
   step_px_ = static_cast<float>(kStep_m * px_per_m);
+  reach_ = reach(area);
+  side_ = 2 * reach_ + 1;
   const auto count = area.places.size();
   steps_.resize(count);
   scores_.resize(count);
@@ -130,27 +149,28 @@ void TreeViterbi::run(const WalkArea& area, const Eigen::Matrix2Xf& px, double p
     const double room_m = places_.radius_m[place] + slack_m_;
     const Eigen::Vector2f half =
         parent >= 0 ? Eigen::Vector2f(0.5f * (px.col(parent) - px.col(k))) : Eigen::Vector2f(Eigen::Vector2f::Zero());
-    Scores own;
+    Scores& own = scores_[k];
+    own.resize(side_, side_);
+    dark_[k].resize(side_, side_);
     for (int u = 0; u < own.size(); ++u) {
       const Eigen::Vector2f p = at(static_cast<int>(k), u);
       const float here = pixel(p);
       dark_[k].data()[u] = here;
       const float between = parent >= 0 ? pixel(p + half) : here;
       const auto worth = [&](float value) { return std::clamp(per_level * value - kLine, -kMaxLine, kMaxLine); };
-      const double beside_m = kStep_m * std::hypot(u % kSide - kReach, u / kSide - kReach);
+      const double beside_m = kStep_m * std::hypot(u % side_ - reach_, u / side_ - reach_);
       const auto outside = static_cast<float>(1e3 * std::max(beside_m - room_m, 0.0));
       own.data()[u] = 0.5f * (worth(here) + worth(between)) - kOutside * outside * outside;
     }
-    scores_[k] = own;
-    if (parent >= 0) scores_[k] += carried(scores_[parent]);
+    if (parent >= 0) addCarried(scores_[parent], across_, own);
     steps_[k] = parent >= 0 ? steps_[parent] + 1 : 1;
   }
 }
 
 std::optional<double> TreeViterbi::lack(int k, const Eigen::Vector2f& off_px) const {
   const Eigen::Vector2i u = (off_px / step_px_).array().round().cast<int>();
-  if (u.cwiseAbs().maxCoeff() > kReach) return std::nullopt;
-  return kMaxLine * static_cast<float>(steps_[k]) - scores_[k](u.x() + kReach, u.y() + kReach);
+  if (u.cwiseAbs().maxCoeff() > reach_) return std::nullopt;
+  return kMaxLine * static_cast<float>(steps_[k]) - scores_[k](u.x() + reach_, u.y() + reach_);
 }
 
 std::vector<Eigen::Vector2d> TreeViterbi::backFrom(int k, int u) const {
@@ -159,12 +179,12 @@ std::vector<Eigen::Vector2d> TreeViterbi::backFrom(int k, int u) const {
     line.push_back(at(k, u).cast<double>());
     const int parent = area_->parent[k];
     if (parent < 0) break;
-    const int x = u % kSide, y = u / kSide;
+    const int x = u % side_, y = u / side_;
     float most = -1e30f;
     for (int dx = -kHop; dx <= kHop; ++dx) {
       for (int dy = -kHop; dy <= kHop; ++dy) {
-        if (x + dx < 0 || y + dy < 0 || x + dx >= kSide || y + dy >= kSide) continue;
-        const int from = x + dx + kSide * (y + dy);
+        if (x + dx < 0 || y + dy < 0 || x + dx >= side_ || y + dy >= side_) continue;
+        const int from = x + dx + side_ * (y + dy);
         const float value = scores_[parent].data()[from] - kStiff * static_cast<float>(dx * dx + dy * dy);
         if (value > most) most = value, u = from;
       }

@@ -39,15 +39,19 @@ WalkArea areaAround(const WalkPlaces& places, const TipBelief& expected, double 
 class TreeViterbi {
  public:
   static constexpr double kStep_m = 0.35e-3;  ///< Between displacements, in the patient.
-  static constexpr int kReach = 8;            ///< Largest displacement, in steps.
-  static constexpr int kSide = 2 * kReach + 1;
-  using Scores = Eigen::Matrix<float, kSide, kSide>;  ///< Over displacements: rows x, columns y.
+  static constexpr int kMaxReach = 24;        ///< Largest displacement of all, in steps.
+  /// Over displacements: rows x, columns y, from -reach() to reach() steps each.
+  using Scores = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic>;
 
   /// Borrows the places. A line may lie `slack_m` beside a lumen.
   TreeViterbi(const WalkPlaces& places, double slack_m) : places_(places), slack_m_(slack_m) {}
 
   /// Borrows the area and `px`: 2 x N, where its places are in the image. A catheter has the contrast `level`.
   void run(const WalkArea& area, const Eigen::Matrix2Xf& px, double px_per_m, const DeviceContrast& seen, double level);
+
+  /// The largest displacement along each axis of the image, in steps: as far as the widest vessel of an area has room,
+  /// and no less than 8.
+  int reach(const WalkArea& area) const;
 
   const Scores& score(int k) const { return scores_[k]; }
   const Scores& dark(int k) const { return dark_[k]; }  ///< The image's contrast there.
@@ -65,8 +69,10 @@ class TreeViterbi {
   const WalkArea* area_ = nullptr;
   const Eigen::Matrix2Xf* px_ = nullptr;
   float step_px_ = 1;
+  int reach_ = 0, side_ = 1;  // Steps; displacements along an axis.
   double slack_m_;
   std::vector<Scores> scores_, dark_;
+  Scores across_;
   std::vector<int> steps_;  // Places from where the area begins.
 };
 

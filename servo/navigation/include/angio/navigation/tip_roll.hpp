@@ -23,6 +23,10 @@ class TipRoll {
   /// The drive has rolled to `roll_rad`, and the tip has slid by `slid_m` [m] in the vessel.
   void move(double roll_rad, double slid_m);
 
+  /// The drive has bent the tip, which is usually deflected by as much now as in TipRoll(). A tip that bends more may
+  /// be deflected further, as far as the lumen has room; one that bends less falls back in proportion.
+  void bend(double deflection);
+
   /// What a frame shows of it. Values beyond three standard deviations pull no harder than those.
   void see(const TipDeflection& deflection);
 
