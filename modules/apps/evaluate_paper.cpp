@@ -84,16 +84,16 @@ int evaluatePaper(const PaperOptions& o) {
 
   const auto spacing_m = simulatedCamera().parameters().pixel_spacing_m;
   auto json = runsAsJson(table1, simulationSummaries(table1, spacing_m));
-  json["paper"] = paperAsJson(table1, table3);
+  const Json paper = json["paper"] = paperAsJson(table1, table3);
   json["settings"] = entrantsAsJson(both);
   json["settings"]["simulation"] = settingsAsJson(protocol(paperTable1Start()));
   json["settings"]["simulation"]["tree"] = std::filesystem::path(o.tree).filename().string();
   json["machine"] = machineAsJson();
   if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
   if (!o.report.empty()) {
-    writeWholeFile(o.report, paperReportHtml(table1, table3, json["settings"]["simulation"]["tree"], json["settings"]));
+    writeWholeFile(o.report, paperReportHtml(table1, paper, json["settings"]["simulation"]["tree"], json["settings"]));
   }
-  std::cout << paperTable1(table1) << "\n" << paperTable3(table3);
+  std::cout << paperTable1(paper) << "\n" << paperTable3(paper);
   return 0;
 }
 

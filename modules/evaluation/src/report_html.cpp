@@ -55,8 +55,7 @@ std::string legend(const std::vector<PlotSeries>& series) {
 }
 
 // One line per value, in two columns: the path to it and the value.
-void flatten(const nlohmann::ordered_json& value, const std::string& path,
-             std::vector<std::vector<std::string>>& rows) {
+void flatten(const Json& value, const std::string& path, std::vector<std::vector<std::string>>& rows) {
   if (value.is_object()) {
     for (const auto& [key, inner] : value.items()) flatten(inner, path.empty() ? key : path + "." + key, rows);
   } else {
@@ -129,7 +128,7 @@ std::string card(const std::string& name, const std::string& big, const std::vec
 
 std::string paragraph(const std::string& text) { return tagged("p", text) + "\n"; }
 
-std::string details(const std::string& title, const nlohmann::ordered_json& values) {
+std::string details(const std::string& title, const Json& values) {
   std::vector<std::vector<std::string>> rows = {{"", ""}};
   flatten(values, "", rows);
   return "<details><summary>" + htmlEscaped(title) + "</summary>" + table(rows) + "</details>\n";

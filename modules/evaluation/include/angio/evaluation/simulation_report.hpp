@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "angio/evaluation/report_html.hpp"
-#include "angio/evaluation/simulation_sweep.hpp"
+#include "angio/evaluation/simulation_run.hpp"
 
 namespace angio::evaluation {
 
@@ -14,9 +14,9 @@ struct SimulationReport {
   const SimulationSetup& setup;
   const SimulationSettings& settings;
   const std::vector<EntrantRun>& runs;
-  const nlohmann::ordered_json& summaries;  ///< Of the runs, by method.
+  const Json& summaries;  ///< Of the runs, by method.
   const std::vector<SweepResult>& sweeps;
-  nlohmann::ordered_json settings_shown;  ///< All effective settings, by section.
+  Json settings_shown;  ///< All effective settings, by section.
   std::vector<std::string> tree_names;
 };
 
@@ -35,6 +35,9 @@ std::string sweepFigure(const SweepResult& result);
 
 /// Processor, cores and compiler as one line.
 std::string machineLine();
+
+/// The last section of a report: all effective settings, by section, and the machine.
+std::string settingsSection(const Json& settings_shown);
 
 }  // namespace html
 }  // namespace angio::evaluation

@@ -7,6 +7,7 @@
 
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/simulation.hpp"
+#include "angio/evaluation/statistics.hpp"
 
 namespace angio::evaluation {
 
@@ -67,15 +68,45 @@ ShareBounds shareBounds(int successes, int trials);
 /// in-plane parts, failure rates in px and mm, capture range, success with its bounds.
 ///
 /// @param pixel_spacing_m  At the detector, when known.
-nlohmann::ordered_json simulationSummary(const std::vector<CaseOutcome>& outcomes,
-                                         std::optional<double> pixel_spacing_m);
+Json simulationSummary(const std::vector<CaseOutcome>& outcomes, std::optional<double> pixel_spacing_m);
 
 /// The summaries of one run by method; each has the ratio of its median time to that of the first entrant named
 /// `reference` (or of the first entrant).
-nlohmann::ordered_json simulationSummaries(const std::vector<EntrantRun>& runs, std::optional<double> pixel_spacing_m,
-                                           const std::string& reference = "iterative_pnp");
+Json simulationSummaries(const std::vector<EntrantRun>& runs, std::optional<double> pixel_spacing_m,
+                         const std::string& reference = "iterative_pnp");
 
 /// The summaries as tables for people, Markdown.
-std::string simulationTable(const nlohmann::ordered_json& summary_by_method);
+std::string simulationTable(const Json& summary_by_method);
+
+/// One quantity of the simulation over its range, everything else as it was.
+struct Sweep {
+  struct Point {
+    double value = 0;   ///< On the plot's axis.
+    std::string label;  ///< For people: "2 deg, 5 mm".
+    SimulationSettings settings;
+  };
+  std::string name, axis;  ///< "noise", "noise of each coordinate [px]".
+  std::vector<Point> points;
+};
+
+/// The names there are: visible-fraction, noise, spurious, missing, start, focal, calibration, deformation.
+std::vector<std::string> sweepNames();
+
+/// The sweep of that name about `base`; `all` of them for "all". A sweep of the calibration needs two views and takes
+/// them. Throws InputError that lists the names there are.
+std::vector<Sweep> sweepsNamed(const std::string& name, const SimulationSettings& base);
+
+/// A sweep that has been run: summaries by method, point by point.
+struct SweepResult {
+  Sweep sweep;
+  std::vector<Json> summaries;
+};
+
+SweepResult runSweep(const SimulationSetup& setup, const Sweep& sweep, const CaseProgress& progress = {});
+
+Json sweepAsJson(const SweepResult& result);
+
+/// For people, Markdown.
+std::string sweepTable(const SweepResult& result);
 
 }  // namespace angio::evaluation
