@@ -17,7 +17,6 @@ namespace angio::apps {
 using Work = std::function<int()>;
 
 // Each adds its sub-command to the program, and becomes its work when the command line chooses it.
-void addEvaluateCases(CLI::App& app, Work& work);
 void addEvaluateSimulation(CLI::App& app, Work& work);
 void addEvaluatePaper(CLI::App& app, Work& work);
 void addEvaluateExtraction(CLI::App& app, Work& work);

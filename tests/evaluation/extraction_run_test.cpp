@@ -7,7 +7,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/evaluation/simulation_run.hpp"
-#include "angio/evaluation/trial_images.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/test/errors.hpp"

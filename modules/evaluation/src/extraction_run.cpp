@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <opencv2/imgproc.hpp>
 
@@ -12,12 +11,10 @@
 #include "angio/base/stopwatch.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/resolved.hpp"
-#include "angio/evaluation/trial_images.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/vessel/projection.hpp"
 #include "angio/vessel/resample.hpp"
-#include "near_places.hpp"
 
 namespace angio::evaluation {
 namespace {
@@ -34,25 +31,6 @@ cv::Mat maskOf(const AnnotatedImage& annotated) {
     cv::fillPoly(mask, std::vector<std::vector<cv::Point>>{corners}, 255);
   }
   return mask;
-}
-
-// Which points lie in the shadow of a wider vessel, as a branch does before it leaves its trunk: there is no line of
-// their own to be seen there.
-std::vector<bool> lostInAWider(const Centerline2d& vessels) {
-  const int count = vessels.size();
-  std::vector<bool> lost(static_cast<std::size_t>(count), false);
-  if (count == 0) return lost;
-  NearPlaces places(vessels.points_px);
-  const double widest_px = vessels.radius_px.maxCoeff();
-  for (int i = 0; i < count; ++i) {
-    const auto& near = places.within(vessels.points_px.col(i), widest_px);
-    lost[static_cast<std::size_t>(i)] = std::any_of(near.begin(), near.end(), [&](const auto& found) {
-      const auto& [j, distance2] = found;
-      return vessels.branch[static_cast<std::size_t>(j)] != vessels.branch[static_cast<std::size_t>(i)] &&
-             vessels.radius_px[j] > vessels.radius_px[i] && distance2 < vessels.radius_px[j] * vessels.radius_px[j];
-    });
-  }
-  return lost;
 }
 
 // Standard deviation of a simulated image's blur about the isocentre: the detector's light, the focal spot behind the

@@ -8,7 +8,6 @@
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/evaluation/experiment.hpp"
-#include "angio/evaluation/trial_images.hpp"
 
 namespace angio::evaluation {
 namespace {

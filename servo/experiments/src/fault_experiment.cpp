@@ -363,7 +363,7 @@ std::string faultExperimentTable(const Json& summary) {
   std::string table =
       "machine   fault               runs  servoed   unsafe   unsound  recovered          after [s]         error at "
       "end\n"
-      "                                     before  motions  commands                median, worst        median, "
+      "                                     before  motions  commands                 median, worst        median, "
       "worst\n";
   for (const Json& row : summary["faults"]) {
     table += filled(

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/contact_sheet.hpp"
 #include "angio/evaluation/extraction_score.hpp"
+#include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/simulation.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"

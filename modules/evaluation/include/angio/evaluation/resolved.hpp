@@ -26,4 +26,8 @@ bool resolved(const ShadowProfile& one, const ShadowProfile& other, double apart
 /// it is the same for every extractor. Throws InputError where radius or contrast is missing.
 std::vector<bool> haveOwnLine(const Centerline2d& vessels, double blur_px);
 
+/// Which points lie in the shadow of a wider vessel, as a branch does before it leaves its trunk: there is no line of
+/// their own to be seen there.
+std::vector<bool> lostInAWider(const Centerline2d& vessels);
+
 }  // namespace angio::evaluation
