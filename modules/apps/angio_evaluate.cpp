@@ -89,11 +89,10 @@ int evaluateCases(const CasesOptions& o) {
 
   nlohmann::ordered_json json, summaries;
   ProgressBar bar("registering", static_cast<int>(set.cases.size() * entrants.size()));
-  int done_before = 0;
+  int done = 0;
   for (const auto& entrant : entrants) {
-    const auto outcomes = runCases(set, {entrant.registration, entrant.starts, extractor},
-                                   [&](int done) { bar.show(done_before + done, entrant.name); });
-    done_before += static_cast<int>(outcomes.size());
+    const auto outcomes =
+        runCases(set, {entrant.registration, entrant.starts, extractor}, [&](int) { bar.show(++done, entrant.name); });
     auto& entry = json["methods"][entrant.name];
     for (const auto& outcome : outcomes) entry["cases"][outcome.name] = caseAsJson(outcome);
     entry["summary"] = summaries[entrant.name] = summaryOf(outcomes);

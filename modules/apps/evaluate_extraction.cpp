@@ -84,7 +84,7 @@ int evaluateExtraction(const ExtractionOptions& o) {
     json["settings"].update(extractorAsJson(entrants.back().settings));
   }
   const std::vector<Source> sources = sourcesOf(o, file);
-  int total = 0, done_before = 0;
+  int total = 0, done = 0;
   for (const auto& source : sources) total += source.samples.count * static_cast<int>(entrants.size());
   ProgressBar bar("extracting", total);
   std::vector<SheetPicture> pictures;
@@ -93,8 +93,7 @@ int evaluateExtraction(const ExtractionOptions& o) {
     const double tolerance_px = o.tolerance_px > 0 ? o.tolerance_px : source.usual_tolerance_px;
     const auto runs =
         runExtraction(source.samples, entrants, tolerance_px, o.sheet.empty() ? Pictures::kNone : Pictures::kKeep,
-                      [&](int done) { bar.show(done_before + done, source.name); });
-    done_before += source.samples.count * static_cast<int>(entrants.size());
+                      [&](int) { bar.show(++done, source.name); });
     pictures.insert(pictures.end(), runs.front().pictures.begin(), runs.front().pictures.end());
     json["sources"][source.name] = extractionSummaries(runs);
     tables += (tables.empty() ? "" : "\n") + source.name + "\n\n" + extractionTable(json["sources"][source.name]);

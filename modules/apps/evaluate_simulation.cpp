@@ -63,21 +63,19 @@ int evaluateSimulation(const SimulationOptions& o) {
   const std::vector<Sweep> sweeps = o.sweep.empty() ? std::vector<Sweep>() : sweepsNamed(o.sweep, settings);
 
   const int run_size = settings.trials * static_cast<int>(setup.entrants.size());
-  int total = run_size, done_before = 0;
+  int total = run_size, done = 0;
   for (const auto& sweep : sweeps) total += run_size * static_cast<int>(sweep.points.size());
   ProgressBar bar("registering", total);
-  const auto runs = runSimulation(setup, settings, [&](int done) { bar.show(done); });
+  const auto runs = runSimulation(setup, settings, [&](int) { bar.show(++done); });
   const auto spacing_m = setup.camera.value_or(simulatedCamera()).parameters().pixel_spacing_m;
   const auto summaries = simulationSummaries(runs, spacing_m);
-  done_before = run_size;
-  std::vector<SweepResult> swept;
+  std::vector<Json> swept;
   for (const auto& sweep : sweeps) {
-    swept.push_back(runSweep(setup, sweep, [&](int done) { bar.show(done_before + done, sweep.name); }));
-    done_before += run_size * static_cast<int>(sweep.points.size());
+    swept.push_back(runSweep(setup, sweep, [&](int) { bar.show(++done, sweep.name); }));
   }
 
   auto json = runsAsJson(runs, summaries);
-  for (const auto& result : swept) json["sweeps"][result.sweep.name] = sweepAsJson(result);
+  for (const Json& sweep : swept) json["sweeps"][sweep["name"].get<std::string>()] = sweep;
   json["settings"] = entrantsAsJson(setup.entrants);
   if (settings.from == TrialSource::kImages) json["settings"].update(extractorAsJson(setup.extractor));
   json["settings"]["simulation"] = settingsAsJson(settings);
@@ -89,7 +87,7 @@ int evaluateSimulation(const SimulationOptions& o) {
                    simulationReportHtml({setup, settings, runs, summaries, swept, json["settings"], tree_names}));
   }
   std::cout << simulationTable(summaries);
-  for (const auto& result : swept) std::cout << "\n" << sweepTable(result);
+  for (const Json& sweep : swept) std::cout << "\n" << sweepTable(sweep);
   return 0;
 }
 
@@ -208,12 +206,10 @@ int evaluatePaper(const PaperOptions& o) {
 
   const std::size_t levels = paperStarts().size();
   ProgressBar bar("registering", o.trials * static_cast<int>(both.size() + rigid.size() * (levels - 1)));
-  int done_before = 0;
+  int done = 0;
   const auto run = [&](const std::vector<Entrant>& who, const PaperStart& start) {
     setup.entrants = who;
-    auto runs = runSimulation(setup, protocol(start), [&](int done) { bar.show(done_before + done); });
-    done_before += o.trials * static_cast<int>(who.size());
-    return runs;
+    return runSimulation(setup, protocol(start), [&](int) { bar.show(++done); });
   };
   const auto table1 = run(both, paperTable1Start());
   std::vector<PaperLevel> table3;

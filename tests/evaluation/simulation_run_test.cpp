@@ -142,7 +142,7 @@ TEST_F(SimulationRuns, TheReportStandsAlone) {
   const auto summaries = simulationSummaries(runs, {});
   Sweep sweep = sweepsNamed("noise", settings_)[0];
   sweep.points.resize(2);
-  const std::vector<SweepResult> swept = {runSweep(setup_, sweep)};
+  const std::vector<Json> swept = {runSweep(setup_, sweep)};
   const std::string page =
       simulationReportHtml({setup_, settings_, runs, summaries, swept, {{"simulation", {{"x", 1}}}}, {"a"}});
   EXPECT_EQ(page.find("<!DOCTYPE html>"), 0u);

@@ -101,33 +101,33 @@ std::string timeFigure(const std::vector<EntrantRun>& runs) {
                 "Wall time from centrelines to pose, one thread; methods took turns on the same trials.");
 }
 
-std::string sweepFigure(const SweepResult& result) {
+std::string sweepFigure(const Json& swept) {
   Plot plot;
-  plot.x.label = result.sweep.axis;
+  plot.x.label = swept["quantity"];
   plot.y.label = "success (mTRE < 2 mm) [%]";
   plot.y.range = {0, 103};
   plot.guides.push_back({95, "95 %"});
   plot.x.ticks.emplace();
-  for (const auto& point : result.sweep.points) plot.x.ticks->emplace_back(point.value, formatValue(point.value));
-  if (result.summaries.empty()) return figure(result.sweep.name, plot);
-  int color = 0;
-  for (const auto& [method, unused] : result.summaries.front().items()) {
-    PlotSeries s{method, {}, {}, color};
-    PlotSeries in_plane{"", {}, {}, color++};  // Without a name: the legend says it once for all.
-    in_plane.dashed = true;
-    for (std::size_t i = 0; i < result.summaries.size(); ++i) {
-      const auto& summary = result.summaries[i][method];
-      s.x.push_back(result.sweep.points[i].value);
-      s.y.push_back(summary["success_mtre_2mm_percent"]);
-      in_plane.x.push_back(result.sweep.points[i].value);
+  for (const Json& point : swept["points"]) {
+    const double x = point["value"];
+    plot.x.ticks->emplace_back(x, formatValue(x));
+    std::size_t m = 0;
+    for (const auto& [method, summary] : point["summaries"].items()) {
+      if (plot.series.size() <= m) {
+        plot.series.push_back({method, {}, {}, static_cast<int>(m / 2)});
+        plot.series.push_back({"", {}, {}, static_cast<int>(m / 2)});  // Without a name: the legend says it for all.
+        plot.series.back().dashed = true;
+      }
+      PlotSeries &success = plot.series[m++], &in_plane = plot.series[m++];
+      success.x.push_back(x);
+      success.y.push_back(summary["success_mtre_2mm_percent"]);
+      success.low.push_back(summary["success_mtre_2mm_bounds_percent"][0]);
+      success.high.push_back(summary["success_mtre_2mm_bounds_percent"][1]);
+      in_plane.x.push_back(x);
       in_plane.y.push_back(summary["in_plane_below_2mm_percent"]);
-      s.low.push_back(summary["success_mtre_2mm_bounds_percent"][0]);
-      s.high.push_back(summary["success_mtre_2mm_bounds_percent"][1]);
     }
-    plot.series.push_back(s);
-    plot.series.push_back(in_plane);
   }
-  return figure("Over " + result.sweep.name, plot);
+  return figure("Over " + swept["name"].get<std::string>(), plot);
 }
 
 std::string machineLine() {

@@ -30,19 +30,6 @@ CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, c
 
 bool succeeded(O o) { return o.error && o.error->mtre_m < kSuccessMtre_m; }
 
-// The farthest good bin; with `unbroken` only up to the first bad one.
-std::optional<double> farthest(const CaptureBins& bins, bool unbroken) {
-  std::optional<double> edge_mm;
-  for (int b = 0; b < CaptureBins::kBins; ++b) {
-    const int trials = bins.trials[static_cast<std::size_t>(b)];
-    if (trials < CaptureBins::kFewestTrials) continue;
-    const bool good = bins.successes[static_cast<std::size_t>(b)] >= CaptureBins::kSuccess * trials;
-    if (good) edge_mm = b + 1;
-    if (!good && unbroken) break;
-  }
-  return edge_mm;
-}
-
 // Beside summaryOf's, of trials with their truth.
 std::vector<Column<CaseOutcome>> trialColumns() {
   return {
@@ -62,54 +49,37 @@ struct Range {
 
 const std::vector<Range>& ranges() {
   using S = SimulationSettings;
-  static const std::vector<Range> kRanges = {
-      {"visible-fraction",
-       "share of the tree in the field of view",
-       "",
-       {1, 0.9, 0.75, 0.6, 0.5, 0.4, 0.3, 0.2},
-       [](S& s, double x) { s.visible_fraction = x; }},
-      {"noise",
-       "noise of each image coordinate [px]",
-       " px",
-       {0, 0.5, 1, 1.5, 2, 3},
-       [](S& s, double x) { s.noise_px = x; }},
-      {"spurious",
-       "spurious curves per view",
-       "",
-       {0, 2, 5, 10, 20, 40},
-       [](S& s, double x) { s.spurious = static_cast<int>(x); }},
-      {"missing",
-       "share of the tree's branches not in the image",
-       "",
-       {0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
-       [](S& s, double x) { s.missing = x; }},
-      {"start",
-       "spread of the starts per axis [mm, with the rotations of the table]",
-       " mm",
-       {1, 3, 5, 8, 10, 15},
-       [](S& s, double x) {
-         // The paper's pairs, and one beyond.
-         s.rotation_std_deg = x <= 1 ? 0.5 : x <= 3 ? 1 : x <= 5 ? 2 : x <= 8 ? 3 : x <= 10 ? 5 : 8;
-         s.translation_std_mm = x;
-       }},
-      {"focal",
-       "error of the focal length [%]",
-       " %",
-       {0, 0.1, 0.25, 0.5, 1, 2},
-       [](S& s, double x) { s.focal_error_percent = x; }},
-      {"calibration",
-       "error between the two views [deg, and twice as many mm]",
-       " deg",
-       {0, 0.1, 0.25, 0.5, 1, 2},
-       [](S& s, double x) {
-         s.views = 2;
-         s.calibration_rotation_error_deg = x;
-         s.calibration_translation_error_mm = 2 * x;
-       }},
-      {"deformation", "rms deformation of the tree [mm]", " mm", {0, 0.25, 0.5, 1, 2, 4, 8}, [](S& s, double x) {
-         s.deformation_rms_mm = x;
-       }}};
-  return kRanges;
+  static std::vector<Range> ranges;
+  if (!ranges.empty()) return ranges;
+  const auto add = [](const char* name, const char* axis, const char* unit, const std::vector<double>& values,
+                      void (*set)(S&, double)) {
+    ranges.push_back({name, axis, unit, values, set});
+  };
+  add("visible-fraction", "share of the tree in the field of view", "", {1, 0.9, 0.75, 0.6, 0.5, 0.4, 0.3, 0.2},
+      [](S& s, double x) { s.visible_fraction = x; });
+  add("noise", "noise of each image coordinate [px]", " px", {0, 0.5, 1, 1.5, 2, 3},
+      [](S& s, double x) { s.noise_px = x; });
+  add("spurious", "spurious curves per view", "", {0, 2, 5, 10, 20, 40},
+      [](S& s, double x) { s.spurious = static_cast<int>(x); });
+  add("missing", "share of the tree's branches not in the image", "", {0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
+      [](S& s, double x) { s.missing = x; });
+  add("start", "spread of the starts per axis [mm, with the rotations of the table]", " mm", {1, 3, 5, 8, 10, 15},
+      [](S& s, double x) {
+        // The paper's pairs, and one beyond.
+        s.rotation_std_deg = x <= 1 ? 0.5 : x <= 3 ? 1 : x <= 5 ? 2 : x <= 8 ? 3 : x <= 10 ? 5 : 8;
+        s.translation_std_mm = x;
+      });
+  add("focal", "error of the focal length [%]", " %", {0, 0.1, 0.25, 0.5, 1, 2},
+      [](S& s, double x) { s.focal_error_percent = x; });
+  add("calibration", "error between the two views [deg, and twice as many mm]", " deg", {0, 0.1, 0.25, 0.5, 1, 2},
+      [](S& s, double x) {
+        s.views = 2;
+        s.calibration_rotation_error_deg = x;
+        s.calibration_translation_error_mm = 2 * x;
+      });
+  add("deformation", "rms deformation of the tree [mm]", " mm", {0, 0.25, 0.5, 1, 2, 4, 8},
+      [](S& s, double x) { s.deformation_rms_mm = x; });
+  return ranges;
 }
 
 Sweep sweepOver(const Range& range, const SimulationSettings& base) {
@@ -181,8 +151,18 @@ CaptureBins captureBins(const std::vector<CaseOutcome>& outcomes) {
   return bins;
 }
 
-std::optional<double> CaptureBins::range_mm() const { return farthest(*this, false); }
-std::optional<double> CaptureBins::unbroken_range_mm() const { return farthest(*this, true); }
+// With `unbroken` only up to the first bad bin.
+std::optional<double> CaptureBins::farthest_mm(bool unbroken) const {
+  std::optional<double> edge_mm;
+  for (int b = 0; b < kBins; ++b) {
+    const int count = trials[static_cast<std::size_t>(b)];
+    if (count < kFewestTrials) continue;
+    const bool good = successes[static_cast<std::size_t>(b)] >= kSuccess * count;
+    if (good) edge_mm = b + 1;
+    if (!good && unbroken) break;
+  }
+  return edge_mm;
+}
 
 ShareBounds shareBounds(int successes, int trials) {
   if (trials <= 0) return {};
@@ -280,8 +260,8 @@ std::vector<Sweep> sweepsNamed(const std::string& name, const SimulationSettings
   return sweeps;
 }
 
-SweepResult runSweep(const SimulationSetup& setup, const Sweep& sweep, const CaseProgress& progress) {
-  SweepResult result{sweep, {}};
+Json runSweep(const SimulationSetup& setup, const Sweep& sweep, const CaseProgress& progress) {
+  Json swept = {{"name", sweep.name}, {"quantity", sweep.axis}, {"points", Json::array()}};
   const auto spacing_m = setup.camera.value_or(simulatedCamera()).parameters().pixel_spacing_m;
   int done = 0;
   for (const auto& point : sweep.points) {
@@ -289,31 +269,23 @@ SweepResult runSweep(const SimulationSetup& setup, const Sweep& sweep, const Cas
       ++done;
       if (progress) progress(done);
     });
-    result.summaries.push_back(simulationSummaries(runs, spacing_m));
+    swept["points"].push_back(
+        {{"value", point.value}, {"label", point.label}, {"summaries", simulationSummaries(runs, spacing_m)}});
   }
-  return result;
+  return swept;
 }
 
-Json sweepAsJson(const SweepResult& result) {
-  Json json = {{"quantity", result.sweep.axis}, {"points", Json::array()}};
-  for (std::size_t i = 0; i < result.summaries.size(); ++i) {
-    json["points"].push_back({{"value", result.sweep.points[i].value},
-                              {"label", result.sweep.points[i].label},
-                              {"summaries", result.summaries[i]}});
-  }
-  return json;
-}
-
-std::string sweepTable(const SweepResult& result) {
+std::string sweepTable(const Json& swept) {
+  const auto name = swept["name"].get<std::string>();
   Json rows = Json::array();
-  for (std::size_t i = 0; i < result.summaries.size(); ++i) {
-    for (const auto& [method, summary] : result.summaries[i].items()) {
-      rows.push_back({{"point", result.sweep.points[i].label}, {"method", method}});
+  for (const Json& point : swept["points"]) {
+    for (const auto& [method, summary] : point["summaries"].items()) {
+      rows.push_back({{"point", point["label"]}, {"method", method}});
       rows.back().update(summary);
     }
   }
-  return "Sweep: " + result.sweep.axis + "\n\n" +
-         figureTable(rows, {{result.sweep.name.c_str(), "{point:%s}"},
+  return "Sweep: " + swept["quantity"].get<std::string>() + "\n\n" +
+         figureTable(rows, {{name.c_str(), "{point:%s}"},
                             {"method", "{method:%s}"},
                             {"success, mTRE < 2 mm", "{success_mtre_2mm_percent:%.0f %%}"},
                             {"95 % bounds",

@@ -20,12 +20,13 @@ void addNumbers(const Json& value, std::vector<double>& numbers) {
   }
 }
 
+bool isWhole(const Json& value) {
+  return value.is_array() ? std::all_of(value.begin(), value.end(), isWhole) : !value.is_number_float();
+}
+
 Json figureOf(const Json& values, const std::vector<double>& numbers, const std::string& name) {
   const double sum = std::accumulate(numbers.begin(), numbers.end(), 0.0), count = static_cast<double>(numbers.size());
-  if (name == "sum") {
-    const bool whole = std::none_of(values.begin(), values.end(), [](const Json& v) { return v.is_number_float(); });
-    return whole ? Json(std::llround(sum)) : Json(sum);
-  }
+  if (name == "sum") return isWhole(values) ? Json(std::llround(sum)) : Json(sum);
   if (name == "count") return numbers.size();
   if (name == "mean") return mean(numbers);
   if (name == "percent") return numbers.empty() ? 0.0 : 100 * sum / count;

@@ -15,7 +15,7 @@ struct SimulationReport {
   const SimulationSettings& settings;
   const std::vector<EntrantRun>& runs;
   const Json& summaries;  ///< Of the runs, by method.
-  const std::vector<SweepResult>& sweeps;
+  const std::vector<Json>& sweeps;
   Json settings_shown;  ///< All effective settings, by section.
   std::vector<std::string> tree_names;
 };
@@ -31,7 +31,7 @@ std::string captureFigure(const std::vector<EntrantRun>& runs);
 std::string errorFigure(const std::vector<EntrantRun>& runs);
 std::string startAndEndFigure(const std::vector<EntrantRun>& runs);
 std::string timeFigure(const std::vector<EntrantRun>& runs);
-std::string sweepFigure(const SweepResult& result);
+std::string sweepFigure(const Json& swept);
 
 /// Processor, cores and compiler as one line.
 std::string machineLine();

@@ -50,10 +50,13 @@ struct CaptureBins {
 
   /// Upper edge of the farthest bin with success in 95 % or more of its trials [mm]; nothing when no bin has that, or
   /// none has enough trials.
-  std::optional<double> range_mm() const;
+  std::optional<double> range_mm() const { return farthest_mm(false); }
 
   /// The same, of the farthest such bin with no worse bin before it: one that luck does not carry.
-  std::optional<double> unbroken_range_mm() const;
+  std::optional<double> unbroken_range_mm() const { return farthest_mm(true); }
+
+ private:
+  std::optional<double> farthest_mm(bool unbroken) const;
 };
 
 CaptureBins captureBins(const std::vector<CaseOutcome>& outcomes);
@@ -96,17 +99,10 @@ std::vector<std::string> sweepNames();
 /// them. Throws InputError that lists the names there are.
 std::vector<Sweep> sweepsNamed(const std::string& name, const SimulationSettings& base);
 
-/// A sweep that has been run: summaries by method, point by point.
-struct SweepResult {
-  Sweep sweep;
-  std::vector<Json> summaries;
-};
-
-SweepResult runSweep(const SimulationSetup& setup, const Sweep& sweep, const CaseProgress& progress = {});
-
-Json sweepAsJson(const SweepResult& result);
+/// Runs a sweep: {"name": ..., "quantity": ..., "points": [{"value": x, "label": ..., "summaries": by method}]}.
+Json runSweep(const SimulationSetup& setup, const Sweep& sweep, const CaseProgress& progress = {});
 
 /// For people, Markdown.
-std::string sweepTable(const SweepResult& result);
+std::string sweepTable(const Json& swept);
 
 }  // namespace angio::evaluation
