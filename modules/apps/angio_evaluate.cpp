@@ -49,8 +49,15 @@ CLI::Option* addModelAxes(CLI::App& command, ModelAxes& axes) {
       ->default_str(standard);
 }
 
-nlohmann::ordered_json runsAsJson(const std::vector<EntrantRun>& runs, const nlohmann::ordered_json& summaries) {
-  nlohmann::ordered_json json;
+int reported(Json json, const std::string& out, const std::string& text) {
+  json["machine"] = machineAsJson();
+  if (!out.empty()) writeWholeFile(out, json.dump(1) + "\n");
+  std::cout << text;
+  return 0;
+}
+
+Json runsAsJson(const std::vector<EntrantRun>& runs, const Json& summaries) {
+  Json json;
   for (const auto& run : runs) {
     auto& entry = json["methods"][run.name];
     for (const auto& outcome : run.outcomes) {
@@ -63,8 +70,8 @@ nlohmann::ordered_json runsAsJson(const std::vector<EntrantRun>& runs, const nlo
   return json;
 }
 
-nlohmann::ordered_json entrantsAsJson(const std::vector<Entrant>& entrants) {
-  nlohmann::ordered_json json;
+Json entrantsAsJson(const std::vector<Entrant>& entrants) {
+  Json json;
   for (const auto& entrant : entrants) {
     json[entrant.name] = methodAsJson(entrant.registration)[methodName(entrant.registration)];
   }
@@ -87,7 +94,7 @@ int evaluateCases(const CasesOptions& o) {
   const ExtractorSettings extractor = chosenExtractor(settings, o.method.extractor);
   const CaseSet set = readCaseSet(o.cases);
 
-  nlohmann::ordered_json json, summaries;
+  Json json, summaries;
   ProgressBar bar("registering", static_cast<int>(set.cases.size() * entrants.size()));
   int done = 0;
   for (const auto& entrant : entrants) {
@@ -99,10 +106,7 @@ int evaluateCases(const CasesOptions& o) {
   }
   json["settings"] = entrantsAsJson(entrants);
   json["settings"].update(extractorAsJson(extractor));
-  json["machine"] = machineAsJson();
-  if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
-  std::cout << summaryTable(summaries);
-  return 0;
+  return reported(json, o.out, summaryTable(summaries));
 }
 
 void addEvaluateCases(CLI::App& app, Work& work) {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-evaluate catheter: where a catheter's tip is in the tree, frame by frame of a sequence.
-#include <iostream>
 #include <memory>
 
 #include "angio/base/errors.hpp"
@@ -129,11 +128,8 @@ int evaluateCatheter(const CatheterOptions& o) {
     if (way != &halved) text += "\n";
   }
   json["settings"] = settingsAsJson(file);
-  json["machine"] = machineAsJson();
-  if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
   if (!o.sheet.empty()) writeImage(o.sheet, catheterSheet(all, frames, set, o.columns, o.side_px));
-  std::cout << text;
-  return 0;
+  return reported(json, o.out, text);
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-evaluate extraction: how well centrelines are found in X-ray images.
-#include <iostream>
 #include <memory>
 
 #include "angio/apps/namespace.hpp"
@@ -77,7 +76,7 @@ int evaluateExtraction(const ExtractionOptions& o) {
   ExtractionFile file;
   if (!o.settings.empty()) file = readSettings(o.settings, file);
   std::vector<ExtractionEntrant> entrants;
-  nlohmann::ordered_json json;
+  Json json;
   for (const auto& name : o.extractors) {
     if (json["settings"].contains(name)) throw InputError("", "extractor", name, "must be named once");
     entrants.push_back({name, file.methods.extractors.named(name)});
@@ -98,11 +97,8 @@ int evaluateExtraction(const ExtractionOptions& o) {
     json["sources"][source.name] = extractionSummaries(runs);
     tables += (tables.empty() ? "" : "\n") + source.name + "\n\n" + extractionTable(json["sources"][source.name]);
   }
-  json["machine"] = machineAsJson();
-  if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
   if (!o.sheet.empty()) writeImage(o.sheet, contactSheet(pictures, o.columns, o.side_px));
-  std::cout << tables;
-  return 0;
+  return reported(json, o.out, tables);
 }
 
 }  // namespace

@@ -3,7 +3,6 @@
 // PnP paper beside its printed figures.
 #include <algorithm>
 #include <filesystem>
-#include <iostream>
 #include <map>
 #include <memory>
 
@@ -80,15 +79,13 @@ int evaluateSimulation(const SimulationOptions& o) {
   if (settings.from == TrialSource::kImages) json["settings"].update(extractorAsJson(setup.extractor));
   json["settings"]["simulation"] = settingsAsJson(settings);
   json["settings"]["simulation"]["trees"] = tree_names;
-  json["machine"] = machineAsJson();
-  if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
   if (!o.report.empty()) {
     writeWholeFile(o.report,
                    simulationReportHtml({setup, settings, runs, summaries, swept, json["settings"], tree_names}));
   }
-  std::cout << simulationTable(summaries);
-  for (const Json& sweep : swept) std::cout << "\n" << sweepTable(sweep);
-  return 0;
+  std::string tables = simulationTable(summaries);
+  for (const Json& sweep : swept) tables += "\n" + sweepTable(sweep);
+  return reported(json, o.out, tables);
 }
 
 // The range of one field, by its key.
@@ -225,13 +222,10 @@ int evaluatePaper(const PaperOptions& o) {
   json["settings"] = entrantsAsJson(both);
   json["settings"]["simulation"] = settingsAsJson(protocol(paperTable1Start()));
   json["settings"]["simulation"]["tree"] = std::filesystem::path(o.tree).filename().string();
-  json["machine"] = machineAsJson();
-  if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
   if (!o.report.empty()) {
     writeWholeFile(o.report, paperReportHtml(table1, paper, json["settings"]["simulation"]["tree"], json["settings"]));
   }
-  std::cout << paperTable1(paper) << "\n" << paperTable3(paper);
-  return 0;
+  return reported(json, o.out, paperTable1(paper) + "\n" + paperTable3(paper));
 }
 
 }  // namespace

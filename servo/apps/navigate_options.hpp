@@ -3,8 +3,8 @@
 
 #include <optional>
 #include <string>
-#include "angio/apps/namespace.hpp"
 
+#include "angio/apps/namespace.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"

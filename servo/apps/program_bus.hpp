@@ -4,8 +4,8 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include "angio/apps/namespace.hpp"
 
+#include "angio/apps/namespace.hpp"
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/recording_bus.hpp"
 

@@ -3,8 +3,8 @@
 
 #include <optional>
 #include <string>
-#include "angio/apps/namespace.hpp"
 
+#include "angio/apps/namespace.hpp"
 #include "angio/base/variant_sections.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"

@@ -10,7 +10,6 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/evaluation/experiment.hpp"
-#include "angio/evaluation/resolved.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/vessel/projection.hpp"

@@ -148,7 +148,8 @@ class Journey {
  public:
   Journey(const VesselTree& full, const Scenario& world, const TreeLocation& start, const TreeLocation& target,
           const NavigateExperimentSettings& experiment, const NavigateParts& parts, int seed)
-      : lab_(full, patientOf(parts, seed), labWorld(full, world, start, parts, seed), experiment.lab),
+      : lab_(labOf(full, world, settingsOf(experiment, seed), carmLoop(world, parts), navigatePatient(parts.patient),
+                   LabCatheter{navigateCatheter(parts.catheter, seed), start})),
         injector_(lab_.fromMachines(), experiment.roadmap_contrast_s),
         carm_(lab_.loopSide(), carmLoop(world, parts), full),
         catheter_(lab_.loopSide(), navigateSetup(world, parts.carm_loop.limits), full, start, target,
@@ -179,24 +180,6 @@ class Journey {
   const std::optional<std::string>& breach() const { return limits_.breach(); }
 
  private:
-  static SimulatedPatientSettings patientOf(const NavigateParts& parts, int seed) {
-    SimulatedPatientSettings patient = navigatePatient(parts.patient);
-    patient.fluoroscopy.seed = seed;
-    return patient;
-  }
-
-  static LabWorld labWorld(const VesselTree& full, const Scenario& world, const TreeLocation& start,
-                           const NavigateParts& parts, int seed) {
-    LabWorld lab;
-    lab.carm = world.truth.carm;
-    lab.limits = parts.carm_loop.limits;
-    lab.T_patient_model = world.truth.T_dsa_cb;
-    lab.start = world.calibrated.carm.jointsFor({}, world.calibrated.T_dsa_cb * full.centroid());
-    lab.claimed_camera = world.calibrated.carm.camera();
-    lab.catheter = LabCatheter{navigateCatheter(parts.catheter, seed), start};
-    return lab;
-  }
-
   static ServoLoopSettings carmLoop(const Scenario& world, const NavigateParts& parts) {
     ServoLoopSettings loop = loopIn(world, parts.carm_loop);
     ViewTaskSettings view;
