@@ -9,7 +9,7 @@
 #include "angio/base/joined.hpp"
 #include "angio/calibration/camera_pictures.hpp"
 #include "angio/evaluation/report_html.hpp"
-#include "angio/evaluation/tables.hpp"
+#include "angio/evaluation/statistics.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "report_folder.hpp"

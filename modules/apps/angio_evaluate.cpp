@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-evaluate: many registrations, and what they amount to.
+#include <iostream>
 #include <map>
+#include <memory>
 
-#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/cli/program.hpp"
+#include "angio/cli/progress_bar.hpp"
+#include "angio/io/whole_file.hpp"
 #include "evaluate.hpp"
 
 namespace angio::apps {
@@ -46,8 +49,15 @@ CLI::Option* addModelAxes(CLI::App& command, ModelAxes& axes) {
       ->default_str(standard);
 }
 
-nlohmann::ordered_json runsAsJson(const std::vector<EntrantRun>& runs, const nlohmann::ordered_json& summaries) {
-  nlohmann::ordered_json json;
+int reported(Json json, const std::string& out, const std::string& text) {
+  json["machine"] = machineAsJson();
+  if (!out.empty()) writeWholeFile(out, json.dump(1) + "\n");
+  std::cout << text;
+  return 0;
+}
+
+Json runsAsJson(const std::vector<EntrantRun>& runs, const Json& summaries) {
+  Json json;
   for (const auto& run : runs) {
     auto& entry = json["methods"][run.name];
     for (const auto& outcome : run.outcomes) {
@@ -60,8 +70,8 @@ nlohmann::ordered_json runsAsJson(const std::vector<EntrantRun>& runs, const nlo
   return json;
 }
 
-nlohmann::ordered_json entrantsAsJson(const std::vector<Entrant>& entrants) {
-  nlohmann::ordered_json json;
+Json entrantsAsJson(const std::vector<Entrant>& entrants) {
+  Json json;
   for (const auto& entrant : entrants) {
     json[entrant.name] = methodAsJson(entrant.registration)[methodName(entrant.registration)];
   }
@@ -69,6 +79,48 @@ nlohmann::ordered_json entrantsAsJson(const std::vector<Entrant>& entrants) {
   return json;
 }
 
+namespace {
+
+struct CasesOptions {
+  MethodOptions method;
+  std::string cases, out;
+};
+
+int evaluateCases(const CasesOptions& o) {
+  requireFolderOf(o.out);
+  ProgramSettings settings;
+  if (!o.method.settings.empty()) settings = readSettings(o.method.settings, settings);
+  const std::vector<Entrant> entrants = o.method.entrants(settings);
+  const ExtractorSettings extractor = chosenExtractor(settings, o.method.extractor);
+  const CaseSet set = readCaseSet(o.cases);
+
+  Json json, summaries;
+  ProgressBar bar("registering", static_cast<int>(set.cases.size() * entrants.size()));
+  int done = 0;
+  for (const auto& entrant : entrants) {
+    const auto outcomes =
+        runCases(set, {entrant.registration, entrant.starts, extractor, settings.tracker}, [&](int) { bar.show(++done, entrant.name); });
+    auto& entry = json["methods"][entrant.name];
+    for (const auto& outcome : outcomes) entry["cases"][outcome.name] = caseAsJson(outcome);
+    entry["summary"] = summaries[entrant.name] = summaryOf(outcomes);
+  }
+  json["settings"] = entrantsAsJson(entrants);
+  json["settings"].update(extractorAsJson(extractor));
+  return reported(json, o.out, summaryTable(summaries));
+}
+
+void addEvaluateCases(CLI::App& app, Work& work) {
+  const auto o = std::make_shared<CasesOptions>();
+  auto* command = app.add_subcommand("cases", "Run every case of a case set");
+  command->option_defaults()->always_capture_default();
+  command->add_option("cases", o->cases, "Case set (cases.yaml)")->required();
+  o->method.addTo(*command);
+  command->add_flag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
+  command->add_option("--out", o->out, "All results (.json)");
+  command->callback([o, &work] { work = [o] { return evaluateCases(*o); }; });
+}
+
+}  // namespace
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {

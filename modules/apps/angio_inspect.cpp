@@ -1,23 +1,165 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-inspect: what a file holds, in a person's words.
 #include <algorithm>
+#include <cmath>
 #include <iostream>
+#include <nlohmann/json.hpp>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/vessel/model_id.hpp"
-#include "inspect.hpp"
 
 namespace angio::apps {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+const std::string kUnknown = "not said";
+
+// A number for people: four digits behind the point at most, and the unit after a blank.
+std::string inWords(double number, const std::string& unit) {
+  std::string digits = formatted("%.4f", number == 0 ? 0.0 : number);
+  digits.erase(digits.find_last_not_of('0') + 1);
+  if (digits.back() == '.') digits.pop_back();
+  return (digits == "-0" ? "0" : digits) + (unit.empty() ? "" : " " + unit);
+}
+
+// "31.3 LAO": DICOM's signs in the words of the trade.
+std::string beamInWords(double primary_deg, double secondary_deg) {
+  return inWords(std::abs(primary_deg), primary_deg < 0 ? "deg RAO, " : "deg LAO, ") +
+         inWords(std::abs(secondary_deg), secondary_deg < 0 ? "deg CAU" : "deg CRA");
+}
+
+// One thing a person wants to know of a file: for people a label and words, for programs a key with its unit and a
+// value.
+struct Finding {
+  std::string label, words, key;
+  Json value;
+};
+
+// All of them, in their order.
+struct Findings : std::vector<Finding> {
+  void add(const std::string& label, const std::string& words, const std::string& key, const Json& value) {
+    push_back({label, words, key, value});
+  }
+
+  void text(const char* label, const char* key, const std::string& value) {
+    add(label, value.empty() ? kUnknown : value, key, value.empty() ? Json(nullptr) : Json(value));
+  }
+
+  void count(const char* label, const char* key, std::int64_t value, const char* more = "") {
+    add(label, std::to_string(value) + more, key, value);
+  }
+
+  void number(const char* label, const char* key, const std::optional<double>& value, const char* unit) {
+    add(label, value ? inWords(*value, unit) : kUnknown, key, value ? Json(*value) : Json(nullptr));
+  }
+
+  void length(const char* label, const char* key, const std::optional<double>& length_m) {
+    number(label, key, length_m ? std::optional(1e3 * *length_m) : std::nullopt, "mm");
+  }
+
+  void size(int width_px, int height_px) {
+    add("size", std::to_string(width_px) + " x " + std::to_string(height_px) + " px", "image_size_px",
+        {width_px, height_px});
+  }
+};
+
+void addPixels(const XaHeader& header, Findings& found) {
+  found.text("modality", "modality", header.modality);
+  found.text("maker", "manufacturer", header.manufacturer);
+  found.text("model", "model", header.model);
+  found.count("frames", "frames", header.frames);
+  found.size(header.width_px, header.height_px);
+  const std::string of = " of " + std::to_string(header.bits_allocated) + (header.is_signed ? ", signed" : "");
+  found.count("bits", "bits_stored", header.bits_stored, of.c_str());
+  found.text("transfer syntax", "transfer_syntax", header.transfer_syntax);
+  found.text("photometric", "photometric", header.photometric);
+  found.text("grey level", "intensity_relationship", header.intensity_relationship);
+  found.number("frame rate", "frame_rate_hz", header.frame_rate_hz, "Hz");
+  found.text("patient", "patient_position", header.patient_position);
+  found.text("positioner", "positioner_motion", header.positioner_motion);
+  found.text("table", "table_motion", header.table_motion);
+}
+
+void addMasks(const XaRun& run, Findings& found) {
+  Json masks = Json::array();
+  std::string words;
+  for (const XaMask& mask : run.masks()) {
+    masks.push_back({{"operation", mask.operation}, {"frames", mask.mask_frames}});
+    words += (words.empty() ? "" : "; ") + mask.operation;
+    for (const int frame : mask.mask_frames) words += " " + std::to_string(frame);
+  }
+  found.add("mask frames", words.empty() ? "none" : words, "masks", masks);
+}
+
+void addAngles(const XaGeometry& g, Findings& found) {
+  Finding patient{"patient-based", kUnknown, "patient_angles_deg", nullptr};
+  if (const auto& a = g.patient_angles) {
+    const double primary_deg = radToDeg(a->primary_rad), secondary_deg = radToDeg(a->secondary_rad);
+    patient.words = beamInWords(primary_deg, secondary_deg);
+    patient.value = {primary_deg, secondary_deg};
+  }
+  Finding isocenter{"isocentre-based", kUnknown, "isocentre_angles_deg", nullptr};
+  if (const auto& a = g.isocenter_angles) {
+    isocenter.words = inWords(radToDeg(a->primary_rad), "deg") + ", " + inWords(radToDeg(a->secondary_rad), "deg") +
+                      ", detector " + inWords(radToDeg(a->detector_rotation_rad), "deg");
+    isocenter.value = {radToDeg(a->primary_rad), radToDeg(a->secondary_rad), radToDeg(a->detector_rotation_rad)};
+  }
+  found.push_back(patient);
+  found.push_back(isocenter);
+}
+
+void addGeometry(const XaHeader& header, const XaGeometry& g, Findings& found) {
+  found.number("time", "time_s", g.time_s, "s");
+  addAngles(g, found);
+  found.length("source-detector", "source_detector_distance_mm", g.source_detector_distance_m);
+  found.length("source-isocentre", "source_isocentre_distance_mm", g.source_isocenter_distance_m);
+  const XrayCamera::Parameters& p = g.camera.parameters();
+  const double u_mm = g.source_detector_distance_m / p.fx_px * 1e3, v_mm = g.source_detector_distance_m / p.fy_px * 1e3;
+  found.add("pixel", inWords(u_mm, "x ") + inWords(v_mm, "mm, by " + g.spacing_from), "pixel_spacing_mm", {u_mm, v_mm});
+  found.add("focal length", inWords(p.fx_px, "px") + (p.fx_px == p.fy_px ? "" : ", " + inWords(p.fy_px, "px")),
+            "focal_length_px", {p.fx_px, p.fy_px});
+  if (g.source_isocenter_distance_m) {
+    const double magnification = g.source_detector_distance_m / *g.source_isocenter_distance_m;
+    const double width_mm = p.width_px * u_mm / magnification, height_mm = p.height_px * v_mm / magnification;
+    const std::string in_file =
+        header.magnification ? ", in the file " + inWords(*header.magnification, "") : ", not in the file";
+    found.add("magnification", inWords(magnification, "") + in_file, "magnification", magnification);
+    found.add("field", inWords(width_mm, "x ") + inWords(height_mm, "mm at the isocentre"), "field_at_isocentre_mm",
+              {width_mm, height_mm});
+  }
+  const Eigen::Vector3d shift_mm = 1e3 * g.table_shift_m;
+  found.add("table moved",
+            inWords(shift_mm.x(), "mm L, ") + inWords(shift_mm.y(), "mm P, ") + inWords(shift_mm.z(), "mm S"),
+            "table_shift_lps_mm", {shift_mm.x(), shift_mm.y(), shift_mm.z()});
+  found.add("stored image",
+            g.stored_mirrored ? "seen from the detector: mirrored for the camera"
+                              : "seen from the source: as the camera sees it",
+            "stored_mirrored", g.stored_mirrored);
+}
+
+// What a DICOM run says of itself and of one frame; no name or number of a patient.
+Findings inspectRun(const std::string& path, int frame) {
+  const XaRun run(path);
+  const XaGeometry geometry = run.geometry(frame);
+  Findings found;
+  addPixels(run.header(), found);
+  addMasks(run, found);
+  found.count("frame", "frame", frame);
+  addGeometry(run.header(), geometry, found);
+  for (const std::string& line : geometry.assumed) found.add("assumed", line, "assumed", line);
+  return found;
+}
 
 struct Options {
   std::string file, out;
@@ -25,55 +167,47 @@ struct Options {
   bool json = false;
 };
 
-std::vector<Finding> inspectImage(const std::string& path, int frame) {
+Findings inspectImage(const std::string& path, int frame) {
   const XrayFrames frames(path);
   const cv::Mat image = frames.frame(frame);
-  const int bits = 8 * static_cast<int>(image.elemSize());
-  return {{"frames", std::to_string(frames.count()), "frames", frames.count()},
-          {"size",
-           std::to_string(image.cols) + " x " + std::to_string(image.rows) + " px",
-           "image_size_px",
-           {image.cols, image.rows}},
-          {"bits", std::to_string(bits), "bits_stored", bits}};
+  Findings found;
+  found.count("frames", "frames", frames.count());
+  found.size(image.cols, image.rows);
+  found.count("bits", "bits_stored", 8 * static_cast<int>(image.elemSize()));
+  return found;
 }
 
-std::vector<Finding> inspectTree(const std::string& path) {
+Findings inspectTree(const std::string& path) {
   const VesselTree tree = readVesselTree(path);
   const Eigen::Vector3d low_mm = 1e3 * tree.points().rowwise().minCoeff();
   const Eigen::Vector3d high_mm = 1e3 * tree.points().rowwise().maxCoeff();
   const auto known =
       std::count_if(tree.radii().begin(), tree.radii().end(), [](const auto& r) { return r.has_value(); });
-  std::vector<Finding> found = {
-      {"points", std::to_string(tree.size()), "points", tree.size()},
-      {"branches", std::to_string(tree.branches().size()), "branches", tree.branches().size()},
-      {"length", inWords(1e3 * tree.length(), "mm"), "length_mm", 1e3 * tree.length()},
-      {"radii", std::to_string(known) + " known", "known_radii", known}};
-  const auto id = static_cast<std::int64_t>(modelId(tree));
-  found.push_back({"model id", std::to_string(id) + " in messages", "model_id", id});
+  Findings found;
+  found.count("points", "points", tree.size());
+  found.count("branches", "branches", static_cast<std::int64_t>(tree.branches().size()));
+  found.length("length", "length_mm", tree.length());
+  found.count("radii", "known_radii", known, " known");
+  found.count("model id", "model_id", static_cast<std::int64_t>(modelId(tree)), " in messages");
   for (const int axis : {0, 1, 2}) {
     const std::string name(1, "xyz"[axis]);
-    found.push_back({name,
-                     inWords(low_mm[axis], "to ") + inWords(high_mm[axis], "mm"),
-                     name + "_mm",
-                     {low_mm[axis], high_mm[axis]}});
+    found.add(name, inWords(low_mm[axis], "to ") + inWords(high_mm[axis], "mm"), name + "_mm",
+              {low_mm[axis], high_mm[axis]});
   }
   return found;
 }
 
-std::vector<Finding> inspectCamera(const std::string& path) {
+Findings inspectCamera(const std::string& path) {
   const XrayCamera::Parameters p = readCamera(path).parameters();
-  std::vector<Finding> found = {
-      {"size",
-       std::to_string(p.width_px) + " x " + std::to_string(p.height_px) + " px",
-       "image_size_px",
-       {p.width_px, p.height_px}},
-      {"focal length", inWords(p.fx_px, "px, ") + inWords(p.fy_px, "px"), "focal_length_px", {p.fx_px, p.fy_px}},
-      {"principal point", inWords(p.cx_px, "px, ") + inWords(p.cy_px, "px"), "principal_point_px", {p.cx_px, p.cy_px}}};
-  const auto add = [&](const char* label, const char* key, const std::optional<double>& length_m) {
-    if (length_m) found.push_back({label, inWords(1e3 * *length_m, "mm"), key, 1e3 * *length_m});
-  };
-  add("pixel", "pixel_spacing_mm", p.pixel_spacing_m);
-  add("source-detector", "source_detector_distance_mm", p.source_detector_distance_m);
+  Findings found;
+  found.size(p.width_px, p.height_px);
+  found.add("focal length", inWords(p.fx_px, "px, ") + inWords(p.fy_px, "px"), "focal_length_px", {p.fx_px, p.fy_px});
+  found.add("principal point", inWords(p.cx_px, "px, ") + inWords(p.cy_px, "px"), "principal_point_px",
+            {p.cx_px, p.cy_px});
+  if (p.pixel_spacing_m) found.length("pixel", "pixel_spacing_mm", p.pixel_spacing_m);
+  if (p.source_detector_distance_m) {
+    found.length("source-detector", "source_detector_distance_mm", p.source_detector_distance_m);
+  }
   return found;
 }
 
@@ -85,7 +219,7 @@ std::string endingOf(const std::string& path) {
 }
 
 // Trees and cameras go by their names, as everywhere; pictures and runs by what they hold.
-std::vector<Finding> inspectFile(const Options& o) {
+Findings inspectFile(const Options& o) {
   const std::string ending = endingOf(o.file);
   const bool camera = ending == "yaml" || ending == "yml" || ending == "xml";
   const bool tree = std::set<std::string>{"csv", "swc", "vtp", "vtk", "txt"}.count(ending) > 0;
@@ -97,7 +231,7 @@ std::vector<Finding> inspectFile(const Options& o) {
   return found;
 }
 
-void printJson(const std::vector<Finding>& found) {
+void printJson(const Findings& found) {
   Json json;
   Json assumed = Json::array();
   for (const Finding& one : found) {
@@ -112,7 +246,7 @@ void printJson(const std::vector<Finding>& found) {
   std::cout << json.dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
 }
 
-void printTable(const std::vector<Finding>& found) {
+void printTable(const Findings& found) {
   std::size_t width = 0;
   for (const Finding& one : found) width = std::max(width, one.label.size());
   for (const Finding& one : found) {
@@ -124,7 +258,7 @@ void printTable(const std::vector<Finding>& found) {
 }
 
 int inspect(const Options& o) {
-  const std::vector<Finding> found = inspectFile(o);
+  const Findings found = inspectFile(o);
   if (o.json) {
     printJson(found);
   } else {

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-register: one tree, one X-ray image or centreline (or one of each view), one pose.
+#include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <iostream>
+#include <string>
 
-#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
@@ -14,12 +17,18 @@
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/perception/perception_node.hpp"
 #include "program_settings.hpp"
-#include "register_bus.hpp"
 #include "register_views.hpp"
 
 namespace angio::apps {
 namespace {
+
+// What registering on a bus needs to know.
+struct BusOptions {
+  std::string bus, tree, calibration, method;
+  double duration_s = 0;  ///< 0: until stopped.
+};
 
 struct Options {
   std::string tree, method = OrientedKernelSettings::kName, settings, out, out_pose, overlay;
@@ -128,6 +137,50 @@ int registerOne(const Options& o) {
     writeWholeFile(o.out, json.dump(2) + "\n");
     std::cout << captionOf(outcome) << "\n";
   }
+  return 0;
+}
+
+using Clock = std::chrono::steady_clock;
+
+volatile std::sig_atomic_t stopped = 0;
+
+GatedPerceptionSettings settingsOf(const BusOptions& o) {
+  GatedPerceptionSettings node;
+  if (o.method == IterativePnpSettings::kName) {
+    node.perception.useIterativePnp();
+  } else if (o.method != OrientedKernelSettings::kName) {
+    throw InputError(
+        "angio-register", "--method", o.method,
+        std::string("must be ") + OrientedKernelSettings::kName + " or " + IterativePnpSettings::kName + " on a bus");
+  }
+  const CArmCalibration calibration = readCArmCalibration(o.calibration);
+  node.carm = calibration.carm;
+  node.T_dsa_cb = calibration.T_dsa_cb;
+  return node;
+}
+
+// Registers frame after frame, and says so on the bus, until it is stopped.
+int registerOnBus(const BusOptions& o) {
+  const GatedPerceptionSettings settings = settingsOf(o);
+  const VesselTree tree = readVesselTree(o.tree);
+  const auto bus = openSharedBus(o.bus);
+  if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-register: " << *warning << "\n";
+  PerceptionNode node(*bus, settings, tree);
+  std::signal(SIGINT, [](int) { stopped = 1; });
+  std::signal(SIGTERM, [](int) { stopped = 1; });
+  const auto end = Clock::now() + std::chrono::duration<double>(o.duration_s);
+  long frames = 0, rejected = 0;
+  while (!stopped && !bus->ended() && (o.duration_s <= 0 || Clock::now() < end)) {
+    bus->handle(std::chrono::milliseconds(100));
+    const auto report = node.observe();
+    if (!report) continue;
+    ++frames;
+    rejected += report->rejection.has_value();
+    if (report->rejection) {
+      std::cerr << "frame " << report->frame_sequence << " rejected: " << *report->rejection << "\n";
+    }
+  }
+  std::cout << frames << " frames registered, " << rejected << " rejected, " << node.refused() << " messages refused\n";
   return 0;
 }
 

@@ -15,7 +15,7 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/evaluation/film_writer.hpp"
-#include "angio/evaluation/live_feed.hpp"
+#include "angio/evaluation/live_overlay.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/any_message.hpp"
 #include "angio/messaging/bus.hpp"

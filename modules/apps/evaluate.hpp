@@ -17,7 +17,6 @@ namespace angio::apps {
 using Work = std::function<int()>;
 
 // Each adds its sub-command to the program, and becomes its work when the command line chooses it.
-void addEvaluateCases(CLI::App& app, Work& work);
 void addEvaluateSimulation(CLI::App& app, Work& work);
 void addEvaluatePaper(CLI::App& app, Work& work);
 void addEvaluateExtraction(CLI::App& app, Work& work);
@@ -40,11 +39,14 @@ struct MethodOptions {
 /// The option --model-axes; `axes` is its default.
 CLI::Option* addModelAxes(CLI::App& command, ModelAxes& axes);
 
+/// Ends a sub-command: writes the results with the machine where `out` names a file, and prints the text. Returns 0.
+int reported(Json json, const std::string& out, const std::string& text);
+
 /// One run as other programs read it: {"methods": {M: {"cases": ..., "summary": ...}}}. Without displacements, which
 /// have no place without their trees.
-nlohmann::ordered_json runsAsJson(const std::vector<EntrantRun>& runs, const nlohmann::ordered_json& summaries);
+Json runsAsJson(const std::vector<EntrantRun>& runs, const Json& summaries);
 
 /// The entrants' effective settings by their names.
-nlohmann::ordered_json entrantsAsJson(const std::vector<Entrant>& entrants);
+Json entrantsAsJson(const std::vector<Entrant>& entrants);
 
 }  // namespace angio::apps

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-evaluate catheter: where a catheter's tip is in the tree, frame by frame of a sequence.
-#include <iostream>
 #include <memory>
 
-#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
@@ -13,10 +11,8 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
-#include "angio/localisation/sequence_localiser.hpp"
+#include "catheter_report.hpp"
 #include "evaluate.hpp"
-#include "evaluate_catheter_sheet.hpp"
-#include "evaluate_catheter_tables.hpp"
 
 namespace angio::apps {
 namespace {
@@ -101,18 +97,6 @@ CatheterRoute online(const std::string& name, const std::vector<SequenceFrame>& 
   return way;
 }
 
-cv::Mat sheetOf(const CatheterRoute& way, const std::vector<SequenceFrame>& frames, const CaseSet& set,
-                const CatheterOptions& o) {
-  std::vector<CatheterPicture> pictures;
-  for (std::size_t t = 0; t < frames.size(); ++t) {
-    const TipBelief& b = way.frames[t].belief;
-    pictures.push_back({frames[t].seen.points_px, frames[t].pose.camera, way.frames[t].T_camera_model, b.tip,
-                        b.shift_px,
-                        formatted("%s: %d %.0f", set.cases[t].name.c_str(), b.tip.chain, 1e3 * b.tip.arc_m)});
-  }
-  return catheterSheet(pictures, way.tree, o.columns, o.side_px);
-}
-
 int evaluateCatheter(const CatheterOptions& o) {
   for (const auto& path : {o.out, o.sheet}) requireFolderOf(path);
   CatheterFile file;
@@ -133,24 +117,19 @@ int evaluateCatheter(const CatheterOptions& o) {
              tree, file.sequence);
   const CatheterRoute halved = online("frame by frame, learnt from every second", frames, even, tree, file.sequence);
 
-  nlohmann::ordered_json json;
+  Json json;
   std::string text;
   for (const CatheterRoute* way : {&all, &one_by_one, &halved}) {
-    const CatheterSummary summary = catheterSummary(*way);
+    const Json& located = json["ways"][way->name] = catheterAsJson(*way, set);
     // Of the last one only the figures: it says what was left out is explained as well.
-    text += way == &halved ? way->name + "\n" : catheterTable(*way, set);
-    text += "\n" + summary.text;
+    text += way == &halved ? way->name + "\n" : catheterTable(way->name, located);
+    text += "\n" + catheterSummary(located);
     if (way != &all) text += catheterComparison(*way, all);
     if (way != &halved) text += "\n";
-    json["ways"][way->name]["summary"] = summary.numbers;
-    json["ways"][way->name]["cases"] = catheterAsJson(*way, set);
   }
   json["settings"] = settingsAsJson(file);
-  json["machine"] = machineAsJson();
-  if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
-  if (!o.sheet.empty()) writeImage(o.sheet, sheetOf(all, frames, set, o));
-  std::cout << text;
-  return 0;
+  if (!o.sheet.empty()) writeImage(o.sheet, catheterSheet(all, frames, set, o.columns, o.side_px));
+  return reported(json, o.out, text);
 }
 
 }  // namespace

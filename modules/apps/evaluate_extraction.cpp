@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-evaluate extraction: how well centrelines are found in X-ray images.
-#include <iostream>
 #include <memory>
 
 #include "angio/apps/namespace.hpp"
@@ -77,14 +76,14 @@ int evaluateExtraction(const ExtractionOptions& o) {
   ExtractionFile file;
   if (!o.settings.empty()) file = readSettings(o.settings, file);
   std::vector<ExtractionEntrant> entrants;
-  nlohmann::ordered_json json;
+  Json json;
   for (const auto& name : o.extractors) {
     if (json["settings"].contains(name)) throw InputError("", "extractor", name, "must be named once");
     entrants.push_back({name, file.methods.extractors.named(name)});
     json["settings"].update(extractorAsJson(entrants.back().settings));
   }
   const std::vector<Source> sources = sourcesOf(o, file);
-  int total = 0, done_before = 0;
+  int total = 0, done = 0;
   for (const auto& source : sources) total += source.samples.count * static_cast<int>(entrants.size());
   ProgressBar bar("extracting", total);
   std::vector<SheetPicture> pictures;
@@ -93,17 +92,13 @@ int evaluateExtraction(const ExtractionOptions& o) {
     const double tolerance_px = o.tolerance_px > 0 ? o.tolerance_px : source.usual_tolerance_px;
     const auto runs =
         runExtraction(source.samples, entrants, tolerance_px, o.sheet.empty() ? Pictures::kNone : Pictures::kKeep,
-                      [&](int done) { bar.show(done_before + done, source.name); });
-    done_before += source.samples.count * static_cast<int>(entrants.size());
+                      [&](int) { bar.show(++done, source.name); });
     pictures.insert(pictures.end(), runs.front().pictures.begin(), runs.front().pictures.end());
     json["sources"][source.name] = extractionSummaries(runs);
     tables += (tables.empty() ? "" : "\n") + source.name + "\n\n" + extractionTable(json["sources"][source.name]);
   }
-  json["machine"] = machineAsJson();
-  if (!o.out.empty()) writeWholeFile(o.out, json.dump(1) + "\n");
   if (!o.sheet.empty()) writeImage(o.sheet, contactSheet(pictures, o.columns, o.side_px));
-  std::cout << tables;
-  return 0;
+  return reported(json, o.out, tables);
 }
 
 }  // namespace

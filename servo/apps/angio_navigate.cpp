@@ -12,9 +12,8 @@
 #include "angio/cli/program.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/servo/operator.hpp"
-#include "disturbance.hpp"
 #include "navigate_options.hpp"
-#include "run_log.hpp"
+#include "program_bus.hpp"
 
 namespace angio::apps {
 namespace {

@@ -17,9 +17,9 @@
 #include "angio/servo/operator.hpp"
 #include "angio/servo/replay.hpp"
 #include "angio/servo/servo_node.hpp"
-#include "loop_options.hpp"
 #include "navigate_options.hpp"
 #include "operated_devices.hpp"
+#include "servo_settings.hpp"
 
 namespace angio::apps {
 namespace {

@@ -14,8 +14,7 @@
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
-#include "disturbance.hpp"
-#include "run_log.hpp"
+#include "program_bus.hpp"
 #include "servo_program.hpp"
 
 namespace angio::apps {

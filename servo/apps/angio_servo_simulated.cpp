@@ -9,7 +9,7 @@
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_overlay.hpp"
-#include "angio/experiments/closed_loop_report.hpp"
+#include "angio/experiments/closed_loop.hpp"
 #include "angio/io/settings_files.hpp"
 #include "servo_program.hpp"
 

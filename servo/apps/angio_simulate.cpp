@@ -2,11 +2,18 @@
 // angio-simulate: X-ray frames and robot states on the bus, in real time; obeys velocity commands. Or, with --out, a
 // run in files with its truth.
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <csignal>
+#include <exception>
 #include <iostream>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
 
-#include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
@@ -17,16 +24,111 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
+#include "angio/simulation/catheter_node.hpp"
+#include "angio/simulation/nodes.hpp"
 #include "angio/simulation/simulated_injector.hpp"
-#include "disturbance.hpp"
-#include "place_option.hpp"
+#include "navigate_options.hpp"
+#include "program_bus.hpp"
 #include "run_files.hpp"
-#include "simulated_devices.hpp"
 
 namespace angio::apps {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+// So long it may take until simulated machines stop.
+constexpr std::chrono::milliseconds kMaxWait(100);
+
+// The simulated C-arm, and the catheter drive where there is one, in real time on a thread and a bus of their own: as
+// real machines they hear and report while the X-ray is busy.
+class SimulatedDevices {
+ public:
+  // How a catheter begins; borrows the tree.
+  struct Catheter {
+    const VesselTree& tree;
+    CatheterSettings settings;
+    TreeLocation start;
+  };
+
+  SimulatedDevices(std::unique_ptr<Bus> bus, const CArmLimits& limits, const CArmJoints& start,
+                   const std::optional<Catheter>& catheter)
+      : bus_(std::move(bus)), arm_(*bus_, limits, start, monotonic_us()) {
+    if (catheter) catheter_.emplace(*bus_, catheter->tree, catheter->settings, catheter->start, monotonic_us());
+  }
+
+  ~SimulatedDevices() { end(); }
+  SimulatedDevices(const SimulatedDevices&) = delete;
+  SimulatedDevices& operator=(const SimulatedDevices&) = delete;
+
+  // From now on they obey what they hear as it comes, and report at `first` and every `period` after it.
+  void start(Clock::time_point first, Clock::duration period) {
+    thread_ = std::thread([this, first, period] {
+      try {
+        run(first, period);
+      } catch (...) {
+        thrown_ = std::current_exception();
+        failed_ = true;
+      }
+    });
+  }
+
+  // Ends that. Throws what went wrong meanwhile.
+  void stop() {
+    end();
+    if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
+  }
+
+  // Whether they have stopped by themselves, as something went wrong.
+  bool failed() const { return failed_; }
+
+  // The catheter as it is now, as SimulatedCatheter::device. Only with a catheter; at any time.
+  Device device(const Eigen::Matrix3Xd& points) const {
+    const std::lock_guard<std::mutex> lock(moving_);
+    return catheter_->catheter().device(points);
+  }
+
+  // Only while stopped.
+  const SimulatedCArm& arm() const { return arm_.arm(); }
+  const std::optional<SimulatedCatheterNode>& catheter() const { return catheter_; }
+
+ private:
+  void run(Clock::time_point first, Clock::duration period) {
+    for (auto due = first; !stopped_;) {
+      const auto left = std::clamp<Clock::duration>(due - Clock::now(), Clock::duration::zero(), kMaxWait);
+      bus_->handle(std::chrono::floor<std::chrono::milliseconds>(left));
+      listen();
+      if (due - Clock::now() >= std::chrono::milliseconds(1)) continue;  // A message came first.
+      std::this_thread::sleep_until(due);                                // What a wait in milliseconds left.
+      report();
+      due += period * ((Clock::now() - due) / period + 1);  // What was missed is not made up for in a burst.
+    }
+  }
+
+  void listen() {
+    const std::lock_guard<std::mutex> lock(moving_);
+    arm_.listen(monotonic_us());
+    if (catheter_) catheter_->listen(monotonic_us());
+  }
+
+  void report() {
+    const std::lock_guard<std::mutex> lock(moving_);
+    arm_.report(monotonic_us());
+    if (catheter_) catheter_->report(monotonic_us());
+  }
+
+  void end() {
+    stopped_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+
+  std::unique_ptr<Bus> bus_;
+  SimulatedCArmNode arm_;
+  std::optional<SimulatedCatheterNode> catheter_;
+  mutable std::mutex moving_;  // Of what the machines are.
+  std::atomic<bool> stopped_{false}, failed_{false};
+  std::exception_ptr thrown_;
+  std::thread thread_;
+};
 
 struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");

@@ -1,7 +1,139 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// angio-simulate-loop: many simulated runs of each task, and what became of them.
-#include "angio/cli/program.hpp"
+// angio-simulate-loop: many simulated runs of each task, images and registration in the loop, and what became of them.
+#include <iostream>
+#include <memory>
+
+#include "angio/cli/data_folder.hpp"
+#include "angio/evaluation/case_run.hpp"
+#include "angio/experiments/fault_experiment.hpp"
+#include "angio/experiments/task_experiments.hpp"
+#include "angio/io/settings_files.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/io/whole_file.hpp"
+#include "servo_settings.hpp"
 #include "simulate_loop.hpp"
+
+namespace angio::apps {
+namespace {
+
+// What the experiments ask for.
+struct ExperimentOptions {
+  std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
+  std::string settings, out, machine = "both";
+  Runs runs;
+  CenterExperimentSettings center;
+  double center_duration_s = 30;
+};
+
+// One experiment with its files read.
+struct Experiment {
+  const ExperimentOptions& options;
+  ServoSettings settings;
+  VesselTree tree;
+  CArmCalibration nominal;
+  Runs runs;
+
+  LoopParts parts() const { return {tree, nominal, settings.scenario, settings.loop(nominal), settings.patient}; }
+
+  int report(const Json& json, const std::string& table) const {
+    return apps::report(json, table, settingsAsJson(settings), options.out);
+  }
+};
+
+int simulateViews(const Experiment& e) {
+  const Json json = viewExperiment(e.parts(), e.runs);
+  return e.report(json, viewExperimentTable(json));
+}
+
+int keepCentered(Experiment& e) {
+  e.settings.scenario.duration_s = e.options.center_duration_s;
+  const auto& center = e.settings.tasks.of<CenterTaskSettings>();
+  const Json json = centerExperiment(e.parts(), e.options.center, center, e.runs);
+  return e.report(json, centerExperimentTable(json));
+}
+
+int failSafely(const Experiment& e) {
+  const std::string& machine = e.options.machine;
+  FaultParts parts;
+  parts.carm_loop = e.settings.loop(e.nominal);
+  parts.patient = e.settings.patient;
+  const auto rows = e.runs.records(e.settings.scenario, [&](const ScenarioSettings& seeded) {
+    const bool both = machine == "both", catheter = both ? seeded.seed % 2 == 0 : machine == "catheter";
+    const auto kind = static_cast<FaultKind>((both ? seeded.seed / 2 : seeded.seed) % kFaultKindCount);
+    FaultParts of_run = parts;
+    of_run.scenario = seeded;
+    return runFault(catheter ? OperatedMachine::kCatheter : OperatedMachine::kCArm, kind, e.tree, e.nominal, of_run);
+  });
+  const Json json = faultExperimentAsJson(rows);
+  e.report(json, faultExperimentTable(json));
+  return json["unsafe"].get<int>() == 0 ? 0 : 1;
+}
+
+// Adds a sub-command with the options of all; calibration error, latency and duration come from `settings`. `what` its
+// runs do is shown while they do it.
+template <typename Run>
+std::pair<CLI::App*, std::shared_ptr<ExperimentOptions>> addExperiment(CLI::App& app, Work& work, const char* name,
+                                                                       const char* help, int runs, const char* what,
+                                                                       const Run& run) {
+  const auto o = std::make_shared<ExperimentOptions>();
+  o->runs.count = runs;
+  CLI::App* command = app.add_subcommand(name, help);
+  command->add_option("--tree", o->tree, "Vessel tree");
+  command->add_option("--calibration", o->calibration, "C-arm geometry and T_dsa_cb (.yaml): what is made wrong");
+  command->add_option("--runs", o->runs.count, "How many runs")->check(CLI::Range(1, 100000));
+  command
+      ->add_option("--first-seed", o->runs.first_seed, "Seed of the first run; each has one more than the one before")
+      ->check(CLI::Range(0, 2147000000));
+  command->add_option("--threads", o->runs.threads, "Runs at a time")->check(CLI::Range(1, 256));
+  command->add_option("--settings", o->settings, "Settings (.yaml), as angio-servo's");
+  command->add_option("--out", o->out, "All runs and the settings (.json)");
+  command->callback([=, &work] {
+    work = [=] {
+      requireFolderOf(o->out);
+      ServoSettings usual;
+      usual.scenario.calibration_error_deg = 1;
+      usual.scenario.calibration_error_mm = 3;
+      Experiment e{*o, readServoSettings(o->settings, usual), readVesselTree(o->tree),
+                   readCArmCalibration(o->calibration), o->runs};
+      ProgressBar bar(what, o->runs.count);
+      e.runs.done = [&](int done) { bar.show(done); };
+      return run(e);
+    };
+  });
+  return {command, o};
+}
+
+void addExperiments(CLI::App& app, Work& work) {
+  addExperiment(app, work, "view", "Reach a view: true errors, settling times, limits", 100, "reaching views",
+                simulateViews);
+  addSimulateNavigate(app, work);
+  const auto [faults, of_faults] = addExperiment(
+      app, work, "faults",
+      "Faults of network, clocks, images and programs: unsafe motions, recovery; exit code 1 on any unsafe one", 1000,
+      "failing safely", failSafely);
+  faults->add_option("--machine", of_faults->machine, "Whose loop: carm, catheter, or both by turns")
+      ->check(CLI::IsMember({"carm", "catheter", "both"}));
+  const auto [centre, of_centre] =
+      addExperiment(app, work, "centre", "Keep a target centred while the patient breathes: true distances", 100,
+                    "keeping targets centred", keepCentered);
+  centre->add_option("--duration-s", of_centre->center_duration_s, "Of each run")->check(CLI::Range(1.0, 3600.0));
+  centre->add_option("--learn-s", of_centre->center.learn_s, "Errors count from then on");
+  centre->add_option("--breathing-mm", of_centre->center.breathing_mm, "Of the target");
+  centre->add_option("--heartbeat-mm", of_centre->center.heartbeat_mm, "Of the target");
+}
+
+}  // namespace
+
+int report(Json json, const std::string& table, const Json& settings, const std::string& out) {
+  std::cout << table;
+  if (out.empty()) return 0;
+  json["settings"] = settings;
+  json["machine"] = machineAsJson();
+  writeWholeFile(out, json.dump(2) + "\n");
+  return 0;
+}
+
+}  // namespace angio::apps
 
 int main(int argc, char** argv) {
   CLI::App app("Runs the tasks in closed loops against the simulated lab, many times, and says how they ended.",
@@ -9,9 +141,6 @@ int main(int argc, char** argv) {
   angio::apps::describeProgram(app, "angio-simulate-loop view --runs 100 --threads 2 --out views.json");
   app.require_subcommand(1);
   angio::apps::Work work;
-  angio::apps::addSimulateView(app, work);
-  angio::apps::addSimulateNavigate(app, work);
-  angio::apps::addSimulateFaults(app, work);
-  angio::apps::addSimulateCenter(app, work);
+  angio::apps::addExperiments(app, work);
   return angio::apps::runProgram(app, argc, argv, [&] { return work(); });
 }

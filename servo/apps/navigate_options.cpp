@@ -1,12 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "navigate_options.hpp"
 
-#include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/io/settings_files.hpp"
-#include "place_option.hpp"
 
 namespace angio::apps {
+
+TreeLocation placeOf(const TreeTopology& map, const std::string& name, int branch, double mm) {
+  if (branch < 0 || branch >= map.chains()) {
+    throw InputError("--" + name + "-branch", "", std::to_string(branch),
+                     "must be one of the tree's " + std::to_string(map.chains()) + " branches, from 0 on");
+  }
+  requireBetween("--" + name + "-mm", "of branch " + std::to_string(branch), mm, 0, 1e3 * map.length_m(branch));
+  return {branch, 1e-3 * mm};
+}
 
 void NavigateSettings::visit(SettingsVisitor& v) {
   controller.visit(v);

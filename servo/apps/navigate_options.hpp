@@ -9,8 +9,13 @@
 #include "angio/cli/program.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/navigation/catheter_node.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
 namespace angio::apps {
+
+/// The place of a tree that two options --<name>-branch and --<name>-mm name. Throws InputError that names the option
+/// when the tree has no such place.
+TreeLocation placeOf(const TreeTopology& map, const std::string& name, int branch, double mm);
 
 /// What a settings file may say: the controller's keys at the top, and the C-arm's limits.
 struct NavigateSettings {

@@ -3,7 +3,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/experiments/closed_loop_report.hpp"
+#include "angio/experiments/closed_loop.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"

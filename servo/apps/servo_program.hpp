@@ -11,7 +11,6 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/vessel/vessel_tree.hpp"
-#include "loop_options.hpp"
 #include "servo_settings.hpp"
 
 namespace angio::apps {

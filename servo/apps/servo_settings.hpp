@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <optional>
+#include <string>
+
 #include "angio/apps/namespace.hpp"
 #include "angio/base/variant_sections.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/cli/program.hpp"
 #include "angio/experiments/scenario_settings.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/imaging/extractor_sections.hpp"
@@ -40,5 +44,15 @@ struct ServoSettings {
 
 /// A settings file's, or `usual` where it says nothing, or when `path` is empty. Throws InputError that names the file.
 ServoSettings readServoSettings(const std::string& path, ServoSettings usual = {});
+
+/// What a command line says of a loop; what is given comes before the settings file's.
+struct LoopOptions {
+  std::string task, view_from, perception, center_on;
+  std::optional<double> view_primary_deg, view_secondary_deg;
+
+  void addTo(CLI::App& app);
+  bool given() const;
+  void applyTo(ServoSettings& settings) const;
+};
 
 }  // namespace angio::apps

@@ -2,22 +2,20 @@
 // angio-simulate-loop navigate: a simulated catheter's journeys to many branches of a tree, images and registration in
 // the loop.
 #include <filesystem>
-#include <iostream>
 #include <memory>
 
-#include "angio/apps/namespace.hpp"
-#include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/cli/data_folder.hpp"
-#include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/case_run.hpp"
+#include "angio/evaluation/experiment.hpp"
+#include "angio/evaluation/film_writer.hpp"
+#include "angio/evaluation/live_overlay.hpp"
 #include "angio/experiments/navigate_experiment.hpp"
-#include "angio/experiments/seeds.hpp"
 #include "angio/io/curve_folder.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/registration/message_conversion.hpp"
 #include "angio/vessel/prune.hpp"
-#include "navigate_film.hpp"
 #include "simulate_loop.hpp"
 
 namespace angio::apps {
@@ -32,7 +30,7 @@ struct NavigateOptions {
   double max_edge_mm = 10;
 };
 
-/// All that the settings file may say.
+// All that the settings file may say.
 struct NavigateSettings {
   NavigateExperimentSettings experiment;
   NavigateParts parts;
@@ -41,6 +39,54 @@ struct NavigateSettings {
     v.section("study", [this](SettingsVisitor& s) { experiment.visit(s); });
     parts.visit(v);
   }
+};
+
+constexpr int kTimesFaster = 3;
+
+LiveScene sceneOf(const NavigateMoment& m, ModelId model_id) {
+  LiveScene scene{m.frame, {}, m.status, {}, {}, {}, {}};
+  if (m.report.registration) {
+    scene.registration = registrationMessage(*m.report.registration, model_id, m.frame.time_us, m.frame.sequence);
+  }
+  if (m.report.loop.trace) scene.device_px = m.report.loop.trace->seen.points_px;
+  if (const auto& belief = m.report.loop.input.belief) {
+    CatheterTip tip;
+    tip.model_id = model_id;
+    tip.status = CatheterTipStatus::kLocated;
+    tip.tip_model = belief->tip.tip_model;
+    tip.branch = belief->tip.chain;
+    tip.arc_length_m = belief->tip.path_m;
+    scene.tip = tip;
+  }
+  scene.title = formatted("%.0f s: %s", m.time_s, stateName(m.report.loop.answer.state));
+  return scene;
+}
+
+// A journey as a film, three times as fast as it was: the X-ray with the registered tree, what is seen of the catheter,
+// where its tip is believed, the target, and what the navigator does.
+class NavigateFilm {
+ public:
+  NavigateFilm(const std::string& path, const VesselTree& tree, const TreeLocation& target, double frame_rate_hz)
+      : film_(path, frame_rate_hz),
+        model_id_(modelId(tree)),
+        overlay_(tree),
+        target_(TreeTopology(tree).point(target)) {}
+
+  void show(const NavigateMoment& moment) {
+    if (frames_++ % kTimesFaster != 0) return;
+    LiveScene scene = sceneOf(moment, model_id_);
+    scene.target_model = target_;
+    film_.write(overlay_.draw(scene));
+  }
+
+  void finish() { film_.finish(); }
+
+ private:
+  FilmWriter film_;
+  ModelId model_id_;
+  LiveOverlay overlay_;
+  Eigen::Vector3d target_;
+  int frames_ = 0;
 };
 
 VesselTree readTree(const std::string& file, const NavigateOptions& o) {
@@ -58,25 +104,25 @@ std::vector<TreeLocation> targetsOf(const std::string& file, const VesselTree& t
   return targetsAlong(tree, experiment, named, o.targets);
 }
 
-nlohmann::ordered_json simulateTree(const std::string& file, const NavigateOptions& o, const NavigateSettings& s) {
+Json simulateTree(const std::string& file, const NavigateOptions& o, const NavigateSettings& s) {
   const VesselTree tree = readTree(file, o);
   const std::vector<TreeLocation> targets = targetsOf(file, tree, o, s.experiment);
   if (targets.empty()) throw InputError(file, "", "", "has no branch that is wide and far enough to go to");
   const CArmCalibration nominal = readCArmCalibration(o.calibration);
-  std::vector<NavigateResult> rows(targets.size());
   std::optional<NavigateFilm> film;
   if (!o.film.empty()) film.emplace(o.film, tree, targets.front(), s.experiment.lab.frame_rate_hz);
   const std::filesystem::path path = std::filesystem::path(file).lexically_normal();
   const std::string name = (path.has_filename() ? path : path.parent_path()).filename().string();
-  ProgressBar bar("navigating " + name, static_cast<int>(targets.size()));
-  forEachInParallel(
-      static_cast<int>(targets.size()), o.threads,
-      [&](int k) {
-        const auto i = static_cast<std::size_t>(k);
-        const NavigateObserver look_on =
-            film && k == 0 ? [&](const NavigateMoment& m) { film->show(m); } : NavigateObserver();
-        rows[i] = runNavigationExperiment(tree, nominal, targets[i], s.experiment, s.parts, o.first_seed + k, look_on);
-      },
+  const auto count = static_cast<int>(targets.size());
+  ProgressBar bar("navigating " + name, count);
+  const auto one = [&](int k) {
+    const bool filmed = film && k == 0;
+    const NavigateObserver look_on = filmed ? [&](const NavigateMoment& m) { film->show(m); } : NavigateObserver();
+    return runNavigationExperiment(tree, nominal, targets[static_cast<std::size_t>(k)], s.experiment, s.parts,
+                                   o.first_seed + k, look_on);
+  };
+  const auto rows = recordsOf(
+      count, o.threads, [&](int k) { return "journey of seed " + std::to_string(o.first_seed + k); }, one,
       [&](int done) { bar.show(done); });
   if (film) film->finish();
   return navigateExperimentAsJson(name, rows);
@@ -87,14 +133,9 @@ int simulateNavigation(const NavigateOptions& o) {
   if (!o.film.empty() && o.trees.size() > 1) throw InputError("--film", "", o.film, "is of one tree's first journey");
   NavigateSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
-  nlohmann::ordered_json json;
+  Json json;
   for (const std::string& file : o.trees) json["trees"].push_back(simulateTree(file, o, settings));
-  std::cout << navigateExperimentTable(json["trees"]);
-  if (o.out.empty()) return 0;
-  json["settings"] = settingsAsJson(settings);
-  json["machine"] = machineAsJson();
-  writeWholeFile(o.out, json.dump(2) + "\n");
-  return 0;
+  return report(json, navigateExperimentTable(json["trees"]), settingsAsJson(settings), o.out);
 }
 
 }  // namespace

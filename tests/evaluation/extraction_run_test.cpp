@@ -7,7 +7,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/evaluation/simulation_run.hpp"
-#include "angio/evaluation/trial_images.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/test/errors.hpp"
@@ -40,9 +39,9 @@ TEST(ExtractionRun, EveryExtractorIsAskedOfEverySampleAndScored) {
     ASSERT_EQ(run.pictures.size(), 2u);
     EXPECT_EQ(run.pictures[1].image.size(), cv::Size(1024, 1024));
     // Far below what they reach, and far above chance.
-    EXPECT_GT(run.score.covered(), 0.5) << run.name;
-    EXPECT_GT(run.score.correct(), 0.5) << run.name;
-    EXPECT_LT(run.score.medianError_px(), 1) << run.name;
+    EXPECT_GT(run.score.asJson()["covered"], 0.5) << run.name;
+    EXPECT_GT(run.score.asJson()["correct"], 0.5) << run.name;
+    EXPECT_LT(run.score.asJson()["median_error_px"], 1) << run.name;
   }
   const std::string table = extractionTable(extractionSummaries(runs));
   EXPECT_THAT(table, testing::HasSubstr("| ridge | 2 |"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/extraction_score.hpp"
+#include "angio/evaluation/extraction_run.hpp"
 #include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
@@ -40,13 +40,13 @@ TEST(ExtractionScore, CountsLengthNotPoints) {
   }
   ExtractionScore score(1.5);
   score.add(makeCenterline(points, branch), truth);
-  EXPECT_NEAR(score.covered(), 0.61, 0.02);  // The tolerance reaches a pixel further.
-  EXPECT_NEAR(score.medianError_px(), 0.5, 1e-9);
-  EXPECT_NEAR(score.medianTangentError_deg(), 0, 1e-9);
-  EXPECT_FALSE(score.errorOverSigma());
+  EXPECT_NEAR(score.asJson()["covered"], 0.61, 0.02);  // The tolerance reaches a pixel further.
+  EXPECT_NEAR(score.asJson()["median_error_px"], 0.5, 1e-9);
+  EXPECT_NEAR(score.asJson()["median_tangent_error_deg"], 0, 1e-9);
+  EXPECT_FALSE(score.asJson().contains("error_over_sigma"));
 
   // Points twice as dense as a pixel stay as they are: 121 right ones, 21 wrong.
-  EXPECT_NEAR(score.correct(), 121.0 / 142, 1e-9);
+  EXPECT_NEAR(score.asJson()["correct"], 121.0 / 142, 1e-9);
 }
 
 TEST(ExtractionScore, KnowsTurnedLinesAndClaimedUncertainty) {
@@ -56,20 +56,20 @@ TEST(ExtractionScore, KnowsTurnedLinesAndClaimedUncertainty) {
   found.std_px = Eigen::VectorXd::Constant(found.size(), 0.2);
   ExtractionScore score(1.5);
   score.add(found, truth);
-  EXPECT_NEAR(*score.errorOverSigma(), 2, 1e-6);
-  EXPECT_NEAR(score.medianTangentError_deg(), 7, 1e-9);
-  EXPECT_EQ(score.correct(), 1);
+  EXPECT_NEAR(score.asJson()["error_over_sigma"], 2, 1e-6);
+  EXPECT_NEAR(score.asJson()["median_tangent_error_deg"], 7, 1e-9);
+  EXPECT_EQ(score.asJson()["correct"], 1);
 }
 
 TEST(ExtractionScore, WhatMayBeFoundIsNotWhatMust) {
   const Centerline2d shown = curve({0, 50}, {100, 50}), all = curve({0, 50}, {200, 50});
   ExtractionScore score(1.5);
   score.add(all, shown, all);
-  EXPECT_EQ(score.covered(), 1);
-  EXPECT_EQ(score.correct(), 1);
+  EXPECT_EQ(score.asJson()["covered"], 1);
+  EXPECT_EQ(score.asJson()["correct"], 1);
   ExtractionScore strict(1.5);
   strict.add(all, shown);
-  EXPECT_NEAR(strict.correct(), 0.51, 0.01);
+  EXPECT_NEAR(strict.asJson()["correct"], 0.51, 0.01);
 }
 
 // Two vessels run as one line for 50 px, then part. An extractor that finds one line there, and both beyond, has all
@@ -89,27 +89,28 @@ TEST(ExtractionScore, CountsWhatHasALineOfItsOwnApartAndHidesNothing) {
   for (int i = 0; i < 50; ++i) seen[static_cast<std::size_t>(101 + i)] = false;
   ExtractionScore score(1.5);
   score.add(pointsWhere(truth, seen), truth, truth, own);
-  EXPECT_NEAR(score.covered(), 0.75, 0.03);
-  EXPECT_NEAR(score.ownLineCovered(), 1, 0.03);  // The step of 7 px between the second vessel's two parts is not found.
-  EXPECT_NEAR(score.ownLinePart(), 0.75, 0.03);
-  EXPECT_EQ(score.ownLineCorrect(), 1);
+  EXPECT_NEAR(score.asJson()["covered"], 0.75, 0.03);
+  EXPECT_NEAR(score.asJson()["own_line_covered"], 1,
+              0.03);  // The step of 7 px between the second vessel's two parts is not found.
+  EXPECT_NEAR(score.asJson()["own_line_part"], 0.75, 0.03);
+  EXPECT_EQ(score.asJson()["own_line_correct"], 1);
 
   // A line between the two is wrong by the plain count, and nobody's by the other; one outside both is wrong by both.
   ExtractionScore between(1.5);
   between.add(curve({5, 51.6}, {45, 51.6}), truth, truth, own);
-  EXPECT_NEAR(between.correct(), 1, 1e-9);
+  EXPECT_NEAR(between.asJson()["correct"], 1, 1e-9);
   ExtractionScore outside(1.5);
   outside.add(curve({5, 57}, {45, 57}), truth, truth, own);
-  EXPECT_EQ(outside.correct(), 0);
-  EXPECT_EQ(outside.ownLineCorrect(), 0);
+  EXPECT_EQ(outside.asJson()["correct"], 0);
+  EXPECT_EQ(outside.asJson()["own_line_correct"], 0);
   EXPECT_TRUE(outside.asJson().contains("own_line_part"));
 }
 
 TEST(ExtractionScore, NothingFoundIsNothingCoveredAndNothingWrong) {
   ExtractionScore score(1.5);
   score.add({}, curve({0, 0}, {50, 0}));
-  EXPECT_EQ(score.covered(), 0);
-  EXPECT_EQ(score.correct(), 0);
+  EXPECT_EQ(score.asJson()["covered"], 0);
+  EXPECT_EQ(score.asJson()["correct"], 0);
 }
 
 TEST(ExtractionScore, MasksAreRightToTheirRimAndWantedAlongTheirMiddle) {
@@ -117,11 +118,11 @@ TEST(ExtractionScore, MasksAreRightToTheirRimAndWantedAlongTheirMiddle) {
   cv::rectangle(mask, {50, 95}, {249, 105}, 255, cv::FILLED);
   ExtractionScore score(3);
   score.addMask(curve({50, 107.5}, {248, 107.5}), mask);  // Half-way between rim and tolerance, not on the middle.
-  EXPECT_EQ(score.correct(), 1);
-  EXPECT_LT(score.covered(), 0.1);
+  EXPECT_EQ(score.asJson()["correct"], 1);
+  EXPECT_LT(score.asJson()["covered"], 0.1);
   ExtractionScore middle(3);
   middle.addMask(curve({50, 101}, {150, 101}), mask);
-  EXPECT_NEAR(middle.covered(), 0.5, 0.05);
+  EXPECT_NEAR(middle.asJson()["covered"], 0.5, 0.05);
 }
 
 TEST(ShownIn, FindsWhatTheImageShowsThroughARampAndNoise) {

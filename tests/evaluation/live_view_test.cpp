@@ -6,7 +6,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/evaluation/film_writer.hpp"
-#include "angio/evaluation/live_feed.hpp"
+#include "angio/evaluation/live_overlay.hpp"
 #include "angio/test/file_size_limit.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"

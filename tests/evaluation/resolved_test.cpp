@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/resolved.hpp"
+#include "angio/evaluation/extraction_run.hpp"
 #include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>

@@ -142,7 +142,7 @@ TEST_F(SimulationRuns, TheReportStandsAlone) {
   const auto summaries = simulationSummaries(runs, {});
   Sweep sweep = sweepsNamed("noise", settings_)[0];
   sweep.points.resize(2);
-  const std::vector<SweepResult> swept = {runSweep(setup_, sweep)};
+  const std::vector<Json> swept = {runSweep(setup_, sweep)};
   const std::string page =
       simulationReportHtml({setup_, settings_, runs, summaries, swept, {{"simulation", {{"x", 1}}}}, {"a"}});
   EXPECT_EQ(page.find("<!DOCTYPE html>"), 0u);
@@ -170,10 +170,11 @@ TEST_F(SimulationRuns, TheReportStandsAlone) {
 TEST(Paper, ATrialWithoutAnAnswerIsAFailure) {
   EntrantRun run{"m", {outcomeOf(5, 0.1), outcomeOf(5, 9, RegistrationStatus::kTooFewPoints)}};
   run.outcomes[0].result.agreement.model_rms_px = 2;
-  const PaperFigures f = paperFigures(run);
-  EXPECT_EQ(f.gfr_percent, 50);
-  EXPECT_NEAR(f.mean_pr_mm, 0.6, 1e-12);  // 2 px of 0.30 mm.
-  const std::string table = paperTable1({run});
+  const auto paper = paperAsJson({run}, {});
+  const auto& f = paper["table1"]["here"]["m"];
+  EXPECT_EQ(f["gfr_percent"], 50);
+  EXPECT_NEAR(f["mean_pr_mm"], 0.6, 1e-12);  // 2 px of 0.30 mm.
+  const std::string table = paperTable1(paper);
   EXPECT_NE(table.find("| paper: Iterative PnP, rigid | 4 % | 0.39 | 0.84 | 0.56 | 16.9 | 0.46 deg, 7.09 mm |"),
             std::string::npos)
       << table;

@@ -6,7 +6,6 @@
 
 #include <cmath>
 
-#include "angio/experiments/closed_loop_report.hpp"
 #include "angio/test/errors.hpp"
 #include "hepatic.hpp"
 

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/experiments/command_observer.hpp"
 #include "angio/test/namespace.hpp"
 
 #include <gmock/gmock.h>
 
 #include <limits>
 
-#include "angio/experiments/limit_observer.hpp"
+#include "angio/experiments/observers.hpp"
 #include "angio/simulation/simulated_carm.hpp"
 #include "angio/test/random.hpp"
 

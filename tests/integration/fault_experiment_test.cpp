@@ -20,9 +20,7 @@ FaultParts partsOf(int seed) {
 }
 
 FaultResult runOf(OperatedMachine machine, FaultKind kind, const FaultParts& parts) {
-  const auto experiment =
-      machine == OperatedMachine::kCatheter ? FaultExperimentSettings::forCatheter() : FaultExperimentSettings();
-  return runFault(machine, kind, test::hepaticTree(), test::hepaticCalibration(), experiment, parts);
+  return runFault(machine, kind, test::hepaticTree(), test::hepaticCalibration(), parts);
 }
 
 class Faults : public testing::TestWithParam<int> {};

@@ -4,26 +4,19 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
-#include "angio/evaluation/resolved.hpp"
-#include "angio/evaluation/statistics.hpp"
-#include "angio/evaluation/tables.hpp"
-#include "angio/evaluation/trial_images.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/vessel/projection.hpp"
 #include "angio/vessel/resample.hpp"
-#include "near_places.hpp"
 
 namespace angio::evaluation {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // Edges of a tree that is drawn into an image are no longer than this: a pixel or so.
 constexpr double kDrawnEdge_m = 0.25e-3;
@@ -37,25 +30,6 @@ cv::Mat maskOf(const AnnotatedImage& annotated) {
     cv::fillPoly(mask, std::vector<std::vector<cv::Point>>{corners}, 255);
   }
   return mask;
-}
-
-// Which points lie in the shadow of a wider vessel, as a branch does before it leaves its trunk: there is no line of
-// their own to be seen there.
-std::vector<bool> lostInAWider(const Centerline2d& vessels) {
-  const int count = vessels.size();
-  std::vector<bool> lost(static_cast<std::size_t>(count), false);
-  if (count == 0) return lost;
-  NearPlaces places(vessels.points_px);
-  const double widest_px = vessels.radius_px.maxCoeff();
-  for (int i = 0; i < count; ++i) {
-    const auto& near = places.within(vessels.points_px.col(i), widest_px);
-    lost[static_cast<std::size_t>(i)] = std::any_of(near.begin(), near.end(), [&](const auto& found) {
-      const auto& [j, distance2] = found;
-      return vessels.branch[static_cast<std::size_t>(j)] != vessels.branch[static_cast<std::size_t>(i)] &&
-             vessels.radius_px[j] > vessels.radius_px[i] && distance2 < vessels.radius_px[j] * vessels.radius_px[j];
-    });
-  }
-  return lost;
 }
 
 // Standard deviation of a simulated image's blur about the isocentre: the detector's light, the focal spot behind the
@@ -156,7 +130,7 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
     extractors.push_back(makeExtractor(entrant.settings));
   }
   int done = 0;
-  for (int i = 0; i < samples.count; ++i) {
+  const auto one = [&](int i) {
     const ExtractionSample sample = samples.at(i);
     for (std::size_t turn = 0; turn < entrants.size(); ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants.size();
@@ -171,35 +145,39 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
       if (pictures == Pictures::kKeep) runs[m].pictures.push_back({sample.image, found, sample.name});
       if (progress) progress(++done);
     }
-  }
+  };
+  constexpr int kThreads = 1;  // Times of one run can be compared.
+  forEachRun(
+      samples.count, kThreads, [](int i) { return "image " + std::to_string(i); }, one);
   return runs;
 }
 
 Json extractionSummaries(const std::vector<ExtractionRun>& runs) {
   Json json;
   for (const auto& run : runs) {
+    Json times_ms = Json::array();
+    for (const double time_s : run.times_s) times_ms.push_back(1e3 * time_s);
     json[run.name] = run.score.asJson();
     json[run.name]["images"] = run.times_s.size();
-    json[run.name]["time_ms"] = {{"p50", 1e3 * percentile(run.times_s, 0.5)},
-                                 {"p99", 1e3 * percentile(run.times_s, 0.99)}};
+    json[run.name]["time_ms"] = figuresOf(times_ms, "p50 p99");
   }
   return json;
 }
 
 std::string extractionTable(const Json& summaries) {
-  return figureTable("extractor", summaries,
-                     {{"images", "images", "%.0f"},
-                      {"truth covered", "covered", "%.1f %%", 100},
-                      {"found is right", "correct", "%.1f %%", 100},
-                      {"truth with a line of its own", "own_line_part", "%.1f %%", 100},
-                      {"covered", "own_line_covered", "%.1f %%", 100},
-                      {"right", "own_line_correct", "%.1f %%", 100},
-                      {"median error", "median_error_px", "%.2f px"},
-                      {"tangent", "median_tangent_error_deg", "%.1f deg"},
-                      {"error / sigma", "error_over_sigma", "%.2f"},
-                      {"all points, median", "median_distance_px", "%.2f px"},
-                      {"ms p50", "time_ms/p50", "%.1f"},
-                      {"p99", "time_ms/p99", "%.1f"}});
+  return figureTable(summaries, {{"extractor", ""},
+                                 {"images", "{images:%d}"},
+                                 {"truth covered", "{100*covered:%.1f %%}"},
+                                 {"found is right", "{100*correct:%.1f %%}"},
+                                 {"truth with a line of its own", "{100*own_line_part:%.1f %%}"},
+                                 {"covered", "{100*own_line_covered:%.1f %%}"},
+                                 {"right", "{100*own_line_correct:%.1f %%}"},
+                                 {"median error", "{median_error_px:%.2f px}"},
+                                 {"tangent", "{median_tangent_error_deg:%.1f deg}"},
+                                 {"error / sigma", "{error_over_sigma:%.2f}"},
+                                 {"all points, median", "{median_distance_px:%.2f px}"},
+                                 {"ms p50", "{time_ms/p50:%.1f}"},
+                                 {"p99", "{time_ms/p99:%.1f}"}});
 }
 
 }  // namespace angio::evaluation

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/extraction_score.hpp"
+#include "angio/evaluation/extraction_run.hpp"
 
 #include <cmath>
 #include <limits>
 #include <nanoflann.hpp>
 #include <opencv2/imgproc.hpp>
-#include <optional>
 
-#include "angio/evaluation/statistics.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/imaging/thinning.hpp"
 
@@ -163,32 +161,22 @@ void ExtractionScore::addMask(const Centerline2d& found, const cv::Mat& mask) {
   required_ += wanted.size();
 }
 
-double ExtractionScore::medianError_px() const { return percentile(errors_px_, 0.5); }
-
-double ExtractionScore::medianTangentError_deg() const { return radToDeg(percentile(tangent_errors_rad_, 0.5)); }
-
-double ExtractionScore::medianDistance_px() const { return percentile(distances_px_, 0.5); }
-
-std::optional<double> ExtractionScore::errorOverSigma() const {
-  if (ratios_ == 0) return std::nullopt;
-  return std::sqrt(squared_ratios_ / ratios_);
-}
-
-nlohmann::ordered_json ExtractionScore::asJson() const {
-  nlohmann::ordered_json json = {{"tolerance_px", tolerance_px_},
-                                 {"covered", covered()},
-                                 {"correct", correct()},
-                                 {"median_distance_px", medianDistance_px()}};
+Json ExtractionScore::asJson() const {
+  const auto share = [](double part, double whole) { return whole > 0 ? part / whole : 0; };
+  Json json = {{"tolerance_px", tolerance_px_},
+               {"covered", share(covered_, required_)},
+               {"correct", share(correct_, found_)},
+               {"median_distance_px", percentile(distances_px_, 0.5)}};
   if (!errors_px_.empty()) {
-    json["median_error_px"] = medianError_px();
-    json["median_tangent_error_deg"] = medianTangentError_deg();
+    json["median_error_px"] = percentile(errors_px_, 0.5);
+    json["median_tangent_error_deg"] = radToDeg(percentile(tangent_errors_rad_, 0.5));
   }
   if (own_required_ > 0) {
-    json["own_line_part"] = ownLinePart();
-    json["own_line_covered"] = ownLineCovered();
-    json["own_line_correct"] = ownLineCorrect();
+    json["own_line_part"] = share(own_required_, judged_required_);
+    json["own_line_covered"] = share(own_covered_, own_required_);
+    json["own_line_correct"] = share(own_correct_, own_found_);
   }
-  if (const auto ratio = errorOverSigma()) json["error_over_sigma"] = *ratio;
+  if (ratios_ > 0) json["error_over_sigma"] = std::sqrt(squared_ratios_ / ratios_);
   return json;
 }
 

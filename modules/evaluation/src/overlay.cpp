@@ -2,12 +2,55 @@
 #include "angio/evaluation/overlay.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "angio/base/errors.hpp"
 #include "drawing.hpp"
 
 namespace angio::evaluation {
+
+const cv::Scalar kGroundColor(24, 20, 18), kStartColor(255, 170, 80), kModelColor(80, 255, 60),
+    kCenterlineColor(30, 90, 255);
+
+cv::Point subpixel(const Eigen::Vector2d& p) {
+  const double scale = 1 << kSubpixelBits;
+  // Far outside is far outside: keeps the fixed point numbers from overflowing.
+  const auto fixed = [&](double x) { return static_cast<int>(std::lround(std::clamp(x, -3e4, 3e4) * scale)); };
+  return {fixed(p.x()), fixed(p.y())};
+}
+
+// The darkest and brightest half per cent do not count: a few hot pixels must not make the image grey.
+cv::Mat greyPicture(const cv::Mat& image) {
+  cv::Mat color;
+  cv::Mat values = image.clone().reshape(1, 1);  // Cloned first: a window into a larger image is no single row.
+  cv::sort(values, values, cv::SORT_EVERY_ROW | cv::SORT_ASCENDING);
+  values.convertTo(values, CV_32F);
+  const int n = values.cols;
+  const float low = values.at<float>(n / 200), high = std::max(low + 1, values.at<float>(n - 1 - n / 200));
+  cv::Mat grey;
+  image.convertTo(grey, CV_8U, 255.0 / (high - low), -255.0 * low / (high - low));
+  cv::cvtColor(grey, color, cv::COLOR_GRAY2BGR);
+  return color;
+}
+
+void drawCurve(cv::Mat& canvas, const Centerline2d& centerline, const cv::Scalar& color_bgr, int width_px) {
+  for (int i = 0; i < centerline.size(); ++i) {
+    const cv::Point here = subpixel(centerline.points_px.col(i));
+    const bool joined = i > 0 && centerline.ordered() && centerline.branch[i] == centerline.branch[i - 1];
+    const cv::Point there = joined ? subpixel(centerline.points_px.col(i - 1)) : here;
+    cv::line(canvas, there, here, color_bgr, width_px, cv::LINE_AA, kSubpixelBits);
+  }
+}
+
+void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, const cv::Scalar& color_bgr) {
+  cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, 0.75, cv::Scalar(0, 0, 0), 5, cv::LINE_AA);
+  cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, 0.75, color_bgr, 2, cv::LINE_AA);
+}
+
 namespace {
+
+constexpr int kMargin_px = 6;
 
 void drawTree(cv::Mat& canvas, const VesselTree& tree, const XrayCamera& camera, const OverlayTree& what) {
   std::vector<std::optional<Eigen::Vector2d>> pixel(static_cast<std::size_t>(tree.size()));
@@ -24,9 +67,23 @@ void drawTree(cv::Mat& canvas, const VesselTree& tree, const XrayCamera& camera,
   }
 }
 
-}  // namespace
+cv::Mat drawn(const SheetPicture& picture, int side_px) {
+  const double scale = static_cast<double>(side_px) / std::max(picture.image.cols, picture.image.rows);
+  cv::Mat scaled;
+  cv::resize(picture.image, scaled, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
+  cv::Mat canvas(side_px, side_px, CV_8UC3, kGroundColor);
+  const cv::Rect frame(0, 0, std::min(side_px, scaled.cols), std::min(side_px, scaled.rows));
+  greyPicture(scaled)(frame).copyTo(canvas(frame));
+  for (const CurveKind kind : {CurveKind::kVessel, CurveKind::kDevice}) {
+    Centerline2d curves = ofKind(picture.centerline, kind);
+    curves.points_px = (scale * (curves.points_px.array() + 0.5) - 0.5).matrix().eval();
+    drawCurve(canvas, curves, kind == CurveKind::kVessel ? kCenterlineColor : kStartColor, 1);
+  }
+  if (!picture.caption.empty()) writeText(canvas, picture.caption, {10, side_px - 12}, {255, 255, 255});
+  return canvas;
+}
 
-const cv::Scalar kStartColor(255, 170, 80), kModelColor(80, 255, 60), kCenterlineColor(30, 90, 255);
+}  // namespace
 
 cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const XrayCamera& camera) {
   cv::Mat canvas = scene.image.empty() ? cv::Mat(camera.height_px(), camera.width_px(), CV_8UC3, kGroundColor)
@@ -57,6 +114,29 @@ cv::Mat sideBySide(const std::vector<cv::Mat>& pictures) {
     left += picture.cols;
   }
   return row;
+}
+
+cv::Mat tiled(const std::vector<cv::Mat>& pictures, int columns, int gap_px, const cv::Scalar& ground) {
+  const int count = static_cast<int>(pictures.size()), across = std::min(columns, count);
+  const cv::Size size = pictures.front().size(), pitch(size.width + gap_px, size.height + gap_px);
+  cv::Mat sheet((count + across - 1) / across * pitch.height, across * pitch.width, CV_8UC3, ground);
+  for (int i = 0; i < count; ++i) {
+    const cv::Point corner(i % across * pitch.width, i / across * pitch.height);
+    pictures[static_cast<std::size_t>(i)].copyTo(sheet(cv::Rect(corner, size)));
+  }
+  return sheet;
+}
+
+cv::Mat contactSheet(const std::vector<SheetPicture>& pictures, int columns, int side_px) {
+  if (pictures.empty()) throw InputError("contact sheet", "pictures", "0", "must be at least one");
+  if (columns < 1) throw InputError("contact sheet", "columns", std::to_string(columns), "must be at least 1");
+  if (side_px < 1) throw InputError("contact sheet", "side_px", std::to_string(side_px), "must be at least 1");
+  std::vector<cv::Mat> squares;
+  for (const SheetPicture& picture : pictures) squares.push_back(drawn(picture, side_px));
+  cv::Mat sheet;
+  cv::copyMakeBorder(tiled(squares, columns, kMargin_px, kGroundColor), sheet, kMargin_px, 0, kMargin_px, 0,
+                     cv::BORDER_CONSTANT, kGroundColor);
+  return sheet;
 }
 
 }  // namespace angio::evaluation

@@ -5,13 +5,11 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/simulation_report.hpp"
-#include "angio/evaluation/statistics.hpp"
 
 namespace angio::evaluation {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr double kGrossFailure_px = 5;
 
@@ -37,53 +35,71 @@ const std::vector<PrintedRow>& printedTable1() {
 std::string small(double value) { return formatted(value != 0 && value < 0.01 ? "%.4f" : "%.2f", value); }
 
 // The last cells of a row: pose errors and how many poses are right.
-std::string poseCells(const PaperFigures& f) {
-  return small(f.rotation_deg) + " deg, " + small(f.centroid_mm) + " mm | " + small(f.median_rotation_deg) + " deg, " +
-         small(f.median_centroid_mm) + formatted(" mm | %.0f %% |\n", f.pose_ok_percent);
+std::string poseCells(const Json& f) {
+  const auto cell = [&](const char* rotation, const char* centroid) {
+    return small(f[rotation]) + " deg, " + small(f[centroid]) + " mm | ";
+  };
+  return cell("mean_rotation_deg", "mean_centroid_mm") + cell("median_rotation_deg", "median_centroid_mm") +
+         filled("{pose_ok_percent:%.0f %%} |\n", f);
 }
 
 // One figure over the spread of the starts, the paper's and each method's.
-std::string figureOver(const std::vector<PaperLevel>& levels, const std::string& title, const std::string& unit,
-                       double (*theirs)(const PaperStart&), double (*ours)(const PaperFigures&)) {
+std::string figureOver(const Json& levels, const std::string& title, const std::string& unit, const char* key) {
   Plot plot;
   plot.x.label = "spread of the starts per axis";
   plot.y.label = unit;
   plot.x.ticks.emplace();
-  std::vector<PlotSeries> methods;
-  PlotSeries paper{"the paper", {}, {}, 4};
-  for (const auto& level : levels) {
-    const double x = level.start.translation_std_mm;
-    plot.x.ticks->emplace_back(x, formatValue(level.start.rotation_std_deg) + "\u00b0, " + formatValue(x) + " mm");
-    paper.x.push_back(x);
-    paper.y.push_back(theirs(level.start));
-    for (std::size_t m = 0; m < level.runs.size(); ++m) {
-      if (methods.size() <= m) methods.push_back({level.runs[m].name, {}, {}, m < 4 ? static_cast<int>(m) : 5});
-      methods[m].x.push_back(x);
-      methods[m].y.push_back(ours(paperFigures(level.runs[m])));
-    }
-  }
-  plot.series.push_back(paper);
-  plot.series.insert(plot.series.end(), methods.begin(), methods.end());
+  plot.series.push_back({"the paper", {}, {}, 4});
   // Room at both ends for the names below.
-  plot.x.range = {0, levels.empty() ? 1 : 1.08 * levels.back().start.translation_std_mm};
+  plot.x.range = {0, 1};
   plot.y.range = {0, 1};
-  for (const auto& s : plot.series) {
-    for (const double y : s.y) plot.y.range->second = std::max(plot.y.range->second, 1.05 * y);
+  for (const Json& level : levels) {
+    const double x = level["translation_std_mm"];
+    plot.x.ticks->emplace_back(x, filled("{rotation_std_deg:%g}\u00b0, {translation_std_mm:%g} mm", level));
+    plot.x.range->second = 1.08 * x;
+    const auto add = [&](std::size_t s, const Json& figures) {
+      plot.series[s].x.push_back(x);
+      plot.series[s].y.push_back(figures[key]);
+      plot.y.range->second = std::max(plot.y.range->second, 1.05 * plot.series[s].y.back());
+    };
+    add(0, level["paper"]);
+    std::size_t s = 0;
+    for (const auto& [name, figures] : level["here"].items()) {
+      if (plot.series.size() <= ++s) plot.series.push_back({name, {}, {}, s < 5 ? static_cast<int>(s) - 1 : 5});
+      add(s, figures);
+    }
   }
   return html::figure(title, plot);
 }
 
-Json figuresAsJson(const PaperFigures& f) {
-  return {{"gfr_percent", f.gfr_percent},
-          {"mean_pr_mm", f.mean_pr_mm},
-          {"p75_pr_mm", f.p75_pr_mm},
-          {"p95_pr_mm", f.p95_pr_mm},
-          {"mean_rotation_deg", f.rotation_deg},
-          {"mean_centroid_mm", f.centroid_mm},
-          {"median_rotation_deg", f.median_rotation_deg},
-          {"median_centroid_mm", f.median_centroid_mm},
-          {"pose_ok_percent", f.pose_ok_percent},
-          {"time_ms", f.time_ms}};
+// What the tables say of the trials of one method. PR is a trial's root mean square distance from projected model
+// points to the nearest image points: small for a wrong pose, too. The pose errors are against the truth.
+std::vector<Column<CaseOutcome>> paperColumns() {
+  using O = const CaseOutcome&;
+  // A trial without an answer has no residual: a failure, whatever the field says.
+  const auto answered = [](O o) { return o.result.status != RegistrationStatus::kTooFewPoints; };
+  const auto failed = [=](O o) { return !answered(o) || !(o.result.agreement.model_rms_px <= kGrossFailure_px); };
+  const auto pr_mm = [=](O o) {
+    return answered(o) ? Json(kPaperPixel_mm * o.result.agreement.model_rms_px) : Json(nullptr);
+  };
+  const auto rotation_deg = [](O o) { return radToDeg(o.error->rotation_rad); };
+  const auto centroid_mm = [](O o) { return 1e3 * o.error->centroid_m; };
+  return {{"", "gfr_percent", "percent", failed},
+          {"", "mean_pr_mm", "mean", pr_mm},
+          {"", "p75_pr_mm", "p75", pr_mm},
+          {"", "p95_pr_mm", "p95", pr_mm},
+          {"", "mean_rotation_deg", "mean", rotation_deg},
+          {"", "mean_centroid_mm", "mean", centroid_mm},
+          {"", "median_rotation_deg", "median", rotation_deg},
+          {"", "median_centroid_mm", "median", centroid_mm},
+          {"", "pose_ok_percent", "percent", [=](O o) { return rotation_deg(o) < 0.1 && centroid_mm(o) < 1; }},
+          {"", "time_ms", "median", [](O o) { return 1e3 * (o.image_s + o.result.times.total_s); }}};
+}
+
+Json figuresByName(const std::vector<EntrantRun>& runs) {
+  Json json;
+  for (const auto& run : runs) summarise(run.outcomes, paperColumns(), json[run.name]);
+  return json;
 }
 
 }  // namespace
@@ -110,75 +126,6 @@ SimulationSettings paperProtocol(const PaperStart& start, int trials, int seed) 
   return s;
 }
 
-PaperFigures paperFigures(const EntrantRun& run) {
-  PaperFigures f;
-  f.name = run.name;
-  std::vector<double> pr_mm, rotation_deg, centroid_mm, time_ms;
-  const double share = run.outcomes.empty() ? 0.0 : 100.0 / static_cast<double>(run.outcomes.size());
-  for (const auto& o : run.outcomes) {
-    const double pr_px = o.result.agreement.model_rms_px;
-    // A trial without an answer has no residual: a failure, whatever the field says.
-    const bool none = o.result.status == RegistrationStatus::kTooFewPoints;
-    f.gfr_percent += none || !(pr_px <= kGrossFailure_px) ? share : 0.0;
-    if (!none) pr_mm.push_back(kPaperPixel_mm * pr_px);
-    rotation_deg.push_back(radToDeg(o.error->rotation_rad));
-    centroid_mm.push_back(1e3 * o.error->centroid_m);
-    f.pose_ok_percent += rotation_deg.back() < 0.1 && centroid_mm.back() < 1 ? share : 0.0;
-    time_ms.push_back(1e3 * (o.image_s + o.result.times.total_s));
-  }
-  f.mean_pr_mm = mean(pr_mm);
-  f.p75_pr_mm = percentile(pr_mm, 0.75);
-  f.p95_pr_mm = percentile(pr_mm, 0.95);
-  f.rotation_deg = mean(rotation_deg);
-  f.centroid_mm = mean(centroid_mm);
-  f.median_rotation_deg = percentile(rotation_deg, 0.5);
-  f.median_centroid_mm = percentile(centroid_mm, 0.5);
-  f.time_ms = percentile(time_ms, 0.5);
-  return f;
-}
-
-std::string paperTable1(const std::vector<EntrantRun>& runs) {
-  std::string table =
-      "Table I: starts off by 2 deg and 5 mm (standard deviation per axis), noise-free\n\n"
-      "| method | GFR, PR > 5 px | mean PR [mm] | 95 % | 75 % | ms | pose error, mean | median | pose ok |\n"
-      "| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
-  for (const auto& row : printedTable1()) {
-    table += formatted("| paper: %s | %.0f %% | %.2f | %.2f | %.2f | %s | %s | - | - |\n", row.name, row.gfr_percent,
-                       row.mean_pr_mm, row.p95_pr_mm, row.p75_pr_mm,
-                       row.time_ms ? formatted("%.1f", *row.time_ms).c_str() : "-",
-                       std::string(row.name) == "Iterative PnP, rigid" ? "0.46 deg, 7.09 mm" : "-");
-  }
-  for (const auto& run : runs) {
-    const PaperFigures f = paperFigures(run);
-    table += "| " + f.name + formatted(" | %.0f %% | ", f.gfr_percent) + small(f.mean_pr_mm) + " | " +
-             small(f.p95_pr_mm) + " | " + small(f.p75_pr_mm) + formatted(" | %.1f | ", f.time_ms) + poseCells(f);
-  }
-  return table +
-         "PR: rms distance to the nearest image point, 1 px = 0.30 mm as in the paper; it is small for a wrong pose, "
-         "too. Pose error: at the tree's centroid. Pose ok: within 0.1 deg and 1 mm. The paper's times are those of "
-         "its own machines.\n";
-}
-
-std::string paperTable3(const std::vector<PaperLevel>& levels) {
-  std::string table =
-      "Table III: what the spread of the starts leaves\n\n"
-      "| start, std per axis | method | mean PR [mm] | GFR, PR > 5 px | pose error left, mean | median | pose ok |\n"
-      "| --- | --- | --- | --- | --- | --- | --- |\n";
-  for (const auto& level : levels) {
-    const PaperStart& p = level.start;
-    const std::string start = formatted("%g deg, %g mm", p.rotation_std_deg, p.translation_std_mm);
-    table += "| " + start +
-             formatted(" | paper: Iterative PnP | %.2f | %.0f %% | %.2f deg, %.2f mm | - | - |\n", p.mean_pr_mm,
-                       p.gfr_percent, p.rotation_deg, p.translation_mm);
-    for (const auto& run : level.runs) {
-      const PaperFigures f = paperFigures(run);
-      table += "| " + start + " | " + f.name + " | " + small(f.mean_pr_mm) + formatted(" | %.0f %% | ", f.gfr_percent) +
-               poseCells(f);
-    }
-  }
-  return table;
-}
-
 Json paperAsJson(const std::vector<EntrantRun>& table1, const std::vector<PaperLevel>& table3) {
   Json json;
   for (const auto& row : printedTable1()) {
@@ -188,53 +135,84 @@ Json paperAsJson(const std::vector<EntrantRun>& table1, const std::vector<PaperL
                                          {"p75_pr_mm", row.p75_pr_mm},
                                          {"time_ms", row.time_ms ? Json(*row.time_ms) : Json(nullptr)}};
   }
-  for (const auto& run : table1) json["table1"]["here"][run.name] = figuresAsJson(paperFigures(run));
+  json["table1"]["here"] = figuresByName(table1);
   for (const auto& level : table3) {
     const PaperStart& p = level.start;
-    Json entry = {{"rotation_std_deg", p.rotation_std_deg}, {"translation_std_mm", p.translation_std_mm}};
-    entry["paper"] = {{"mean_pr_mm", p.mean_pr_mm},
-                      {"gfr_percent", p.gfr_percent},
-                      {"mean_rotation_deg", p.rotation_deg},
-                      {"mean_centroid_mm", p.translation_mm}};
-    for (const auto& run : level.runs) entry["here"][run.name] = figuresAsJson(paperFigures(run));
-    json["table3"].push_back(entry);
+    json["table3"].push_back({{"rotation_std_deg", p.rotation_std_deg},
+                              {"translation_std_mm", p.translation_std_mm},
+                              {"paper",
+                               {{"mean_pr_mm", p.mean_pr_mm},
+                                {"gfr_percent", p.gfr_percent},
+                                {"mean_rotation_deg", p.rotation_deg},
+                                {"mean_centroid_mm", p.translation_mm}}},
+                              {"here", figuresByName(level.runs)}});
   }
   return json;
 }
 
-std::string paperReportHtml(const std::vector<EntrantRun>& table1, const std::vector<PaperLevel>& table3,
-                            const std::string& tree_name, const Json& settings_shown) {
+std::string paperTable1(const Json& paper) {
+  std::string table =
+      "Table I: starts off by 2 deg and 5 mm (standard deviation per axis), noise-free\n\n"
+      "| method | GFR, PR > 5 px | mean PR [mm] | 95 % | 75 % | ms | pose error, mean | median | pose ok |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
+  for (const auto& [name, row] : paper["table1"]["paper"].items()) {
+    table += "| paper: " + name +
+             filled(
+                 " | {gfr_percent:%.0f %%} | {mean_pr_mm:%.2f} | {p95_pr_mm:%.2f} | {p75_pr_mm:%.2f} | "
+                 "{time_ms:%.1f} | ",
+                 row) +
+             (name == "Iterative PnP, rigid" ? "0.46 deg, 7.09 mm" : "-") + " | - | - |\n";
+  }
+  for (const auto& [name, f] : paper["table1"]["here"].items()) {
+    table += "| " + name + filled(" | {gfr_percent:%.0f %%} | ", f) + small(f["mean_pr_mm"]) + " | " +
+             small(f["p95_pr_mm"]) + " | " + small(f["p75_pr_mm"]) + filled(" | {time_ms:%.1f} | ", f) + poseCells(f);
+  }
+  return table +
+         "PR: rms distance to the nearest image point, 1 px = 0.30 mm as in the paper; it is small for a wrong pose, "
+         "too. Pose error: at the tree's centroid. Pose ok: within 0.1 deg and 1 mm. The paper's times are those of "
+         "its own machines.\n";
+}
+
+std::string paperTable3(const Json& paper) {
+  std::string table =
+      "Table III: what the spread of the starts leaves\n\n"
+      "| start, std per axis | method | mean PR [mm] | GFR, PR > 5 px | pose error left, mean | median | pose ok |\n"
+      "| --- | --- | --- | --- | --- | --- | --- |\n";
+  for (const Json& level : paper["table3"]) {
+    const std::string start = filled("| {rotation_std_deg:%g deg}, {translation_std_mm:%g mm}", level);
+    table += start + filled(
+                         " | paper: Iterative PnP | {mean_pr_mm:%.2f} | {gfr_percent:%.0f %%} | "
+                         "{mean_rotation_deg:%.2f deg}, {mean_centroid_mm:%.2f mm} | - | - |\n",
+                         level["paper"]);
+    for (const auto& [name, f] : level["here"].items()) {
+      table += start + " | " + name + " | " + small(f["mean_pr_mm"]) + filled(" | {gfr_percent:%.0f %%} | ", f) +
+               poseCells(f);
+    }
+  }
+  return table;
+}
+
+std::string paperReportHtml(const std::vector<EntrantRun>& table1, const Json& paper, const std::string& tree_name,
+                            const Json& settings_shown) {
   const auto size = table1.empty() ? 0 : table1.front().outcomes.size();
-  std::string settings;
-  for (const auto& [name, values] : settings_shown.items()) settings += html::details(name, values);
+  const Json& levels = paper["table3"];
   return html::page(
       "Beside the paper",
       "Its simulation experiments on " + tree_name + ", " + std::to_string(size) +
           " trials per row, noise-free, one image point per point of the tree, another view in every trial. The "
-          "paper's "
-          "tree, views and the unit of lengths in its prior are not known. " +
+          "paper's tree, views and the unit of lengths in its prior are not known. " +
           html::machineLine(),
-      {html::section("Table I", html::fromMarkdown(paperTable1(table1))),
+      {html::section("Table I", html::fromMarkdown(paperTable1(paper))),
        html::section("The same, trial by trial",
                      html::grid({html::errorFigure(table1), html::timeFigure(table1), html::startAndEndFigure(table1),
                                  html::captureFigure(table1)})),
-       html::section(
-           "Table III",
-           html::grid(
-               {figureOver(
-                    table3, "Projection residual", "mean PR [mm]", [](const PaperStart& p) { return p.mean_pr_mm; },
-                    [](const PaperFigures& f) { return f.mean_pr_mm; }),
-                figureOver(
-                    table3, "Gross failures", "GFR, PR > 5 px [%]", [](const PaperStart& p) { return p.gfr_percent; },
-                    [](const PaperFigures& f) { return f.gfr_percent; }),
-                figureOver(
-                    table3, "Rotation left", "mean [deg]", [](const PaperStart& p) { return p.rotation_deg; },
-                    [](const PaperFigures& f) { return f.rotation_deg; }),
-                figureOver(
-                    table3, "Translation left", "mean [mm]", [](const PaperStart& p) { return p.translation_mm; },
-                    [](const PaperFigures& f) { return f.centroid_mm; })}) +
-               html::fromMarkdown(paperTable3(table3))),
-       html::section("Settings and machine", settings + html::details("machine", machineAsJson()))});
+       html::section("Table III",
+                     html::grid({figureOver(levels, "Projection residual", "mean PR [mm]", "mean_pr_mm"),
+                                 figureOver(levels, "Gross failures", "GFR, PR > 5 px [%]", "gfr_percent"),
+                                 figureOver(levels, "Rotation left", "mean [deg]", "mean_rotation_deg"),
+                                 figureOver(levels, "Translation left", "mean [mm]", "mean_centroid_mm")}) +
+                         html::fromMarkdown(paperTable3(paper))),
+       html::settingsSection(settings_shown)});
 }
 
 }  // namespace angio::evaluation

@@ -5,10 +5,83 @@
 #include <sstream>
 
 #include "angio/base/errors.hpp"
-#include "report_style.hpp"
 
 namespace angio::evaluation::html {
 namespace {
+
+// How a report looks. Series colours after Okabe and Ito, told apart by most colour-blind readers; lighter on dark.
+constexpr const char* kReportStyle = R"css(
+:root {
+  --ground: #fbfaf8; --paper: #ffffff; --ink: #22262b; --soft: #6a7078; --rule: #e3e1dc;
+  --guide: #9a9fa6; --bar: #eceae5;
+  --c0: #0072b2; --c1: #d55e00; --c2: #009e73; --c3: #b0578d; --c4: #b97f00; --c5: #3d9bd1;
+}
+@media (prefers-color-scheme: dark) {
+  :root {
+    --ground: #16181b; --paper: #1d2024; --ink: #dfe2e6; --soft: #989fa8; --rule: #31353b;
+    --guide: #6d747d; --bar: #2a2e33;
+    --c0: #5aaee6; --c1: #ff8f4d; --c2: #3fc79b; --c3: #e29cc8; --c4: #efb73e; --c5: #9ad6f7;
+  }
+}
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--ground); color: var(--ink);
+  font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif; }
+main { max-width: 1180px; margin: 0 auto; padding: 56px 32px 96px; }
+header { border-bottom: 1px solid var(--rule); padding-bottom: 20px; }
+h1 { font-size: 30px; font-weight: 600; letter-spacing: -0.01em; margin: 0 0 6px; line-height: 1.25; }
+header p { margin: 0; color: var(--soft); max-width: 75ch; }
+h2 { font-size: 20px; font-weight: 600; margin: 52px 0 14px; }
+h3 { font-size: 15px; font-weight: 600; margin: 0 0 4px; }
+p { margin: 8px 0 14px; max-width: 80ch; }
+section > p { color: var(--soft); }
+.grid { display: grid; grid-template-columns: repeat(auto-fill, minmax(430px, 1fr)); gap: 20px; }
+.grid.narrow { grid-template-columns: repeat(auto-fill, minmax(300px, 1fr)); }
+.grid + h3, .grid + .grid { margin-top: 20px; }
+figure { margin: 0; padding: 18px 18px 12px; background: var(--paper); border: 1px solid var(--rule);
+  border-radius: 10px; }
+figure img { width: 100%; display: block; border-radius: 6px; }
+figcaption { color: var(--soft); font-size: 13.5px; line-height: 1.45; margin-top: 8px; }
+svg { width: 100%; height: auto; display: block; font-size: 12px; }
+svg text { fill: var(--soft); font-variant-numeric: tabular-nums; }
+svg text.label { fill: var(--ink); }
+svg text.note { font-size: 11px; }
+svg polyline { fill: none; }
+svg .rule { stroke: var(--rule); stroke-width: 1; }
+svg .tick { stroke: var(--soft); stroke-width: 1; }
+svg .guide { stroke: var(--guide); stroke-width: 1; stroke-dasharray: 3 4; }
+svg .count { fill: var(--bar); }
+svg .fill { fill: currentColor; }
+svg .line { stroke: currentColor; stroke-width: 2.2; stroke-linejoin: round; stroke-linecap: round; }
+svg .dashed { stroke: currentColor; stroke-width: 1.4; stroke-dasharray: 5 4; opacity: 0.85; }
+svg .band { fill: currentColor; opacity: 0.13; }
+svg .dot { fill: currentColor; stroke: var(--paper); stroke-width: 0.8; }
+svg .ring { fill: none; stroke: currentColor; stroke-width: 1.3; }
+.c0 { color: var(--c0); } .c1 { color: var(--c1); } .c2 { color: var(--c2); }
+.c3 { color: var(--c3); } .c4 { color: var(--c4); } .c5 { color: var(--c5); }
+.legend { list-style: none; display: flex; flex-wrap: wrap; gap: 2px 16px; margin: 0; padding: 0; font-size: 13.5px;
+  color: var(--soft); }
+i { display: inline-block; width: 10px; height: 10px; border-radius: 5px; background: currentColor; margin-right: 7px; }
+.card { background: var(--paper); border: 1px solid var(--rule); border-radius: 10px; padding: 16px 20px; }
+.card span { display: block; color: var(--soft); font-size: 14px; }
+.card .name { color: var(--ink); font-weight: 600; font-size: 15px; }
+.card strong { display: block; font-size: 34px; font-weight: 600; letter-spacing: -0.02em; line-height: 1.25;
+  font-variant-numeric: tabular-nums; }
+.scroll { overflow-x: auto; margin: 10px 0 18px; }
+table { border-collapse: collapse; font-size: 14px; font-variant-numeric: tabular-nums; width: 100%; }
+th, td { text-align: left; padding: 7px 12px 7px 0; border-bottom: 1px solid var(--rule); font-weight: 400;
+  vertical-align: baseline; }
+thead th { color: var(--soft); font-size: 13px; }
+tbody th { font-weight: 600; }
+.n { text-align: right; white-space: nowrap; }
+details { margin: 10px 0; }
+summary { cursor: pointer; color: var(--soft); }
+details table { width: auto; }
+details thead { display: none; }
+details tbody th { font-weight: 400; color: var(--soft); padding-right: 32px; }
+details td { white-space: normal; text-align: left; }
+@media (max-width: 560px) { main { padding: 28px 16px 64px; } .grid { grid-template-columns: 1fr; } }
+@media print { figure, .card { break-inside: avoid; } }
+)css";
 
 std::string base64(const std::vector<unsigned char>& bytes) {
   static const char kLetters[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -55,8 +128,7 @@ std::string legend(const std::vector<PlotSeries>& series) {
 }
 
 // One line per value, in two columns: the path to it and the value.
-void flatten(const nlohmann::ordered_json& value, const std::string& path,
-             std::vector<std::vector<std::string>>& rows) {
+void flatten(const Json& value, const std::string& path, std::vector<std::vector<std::string>>& rows) {
   if (value.is_object()) {
     for (const auto& [key, inner] : value.items()) flatten(inner, path.empty() ? key : path + "." + key, rows);
   } else {
@@ -129,7 +201,7 @@ std::string card(const std::string& name, const std::string& big, const std::vec
 
 std::string paragraph(const std::string& text) { return tagged("p", text) + "\n"; }
 
-std::string details(const std::string& title, const nlohmann::ordered_json& values) {
+std::string details(const std::string& title, const Json& values) {
   std::vector<std::vector<std::string>> rows = {{"", ""}};
   flatten(values, "", rows);
   return "<details><summary>" + htmlEscaped(title) + "</summary>" + table(rows) + "</details>\n";

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/resolved.hpp"
+#include "angio/evaluation/extraction_run.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <nanoflann.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
-#include "near_places.hpp"
 
 namespace angio::evaluation {
 namespace {
@@ -23,6 +24,27 @@ constexpr double kBeside_px = 0.75;
 
 // Vessels whose walls are so many standard deviations of the blur apart have a gap between their shadows.
 constexpr double kReachBlurs = 3;
+
+// Which points of an image are near a place.
+class NearPlaces {
+ public:
+  using Found = std::vector<std::pair<Eigen::Index, double>>;  // Which point, and its squared distance.
+
+  explicit NearPlaces(const Eigen::Matrix2Xd& points_px)
+      : rows_(points_px.transpose()), tree_(2, std::cref(rows_), 10) {}
+
+  // Those nearer than `reach_px`, in no order. Valid until the next call.
+  const Found& within(const Eigen::Vector2d& place_px, double reach_px) {
+    constexpr bool kSorted = false;
+    tree_.index->radiusSearch(place_px.data(), reach_px * reach_px, found_, nanoflann::SearchParams(32, 0, kSorted));
+    return found_;
+  }
+
+ private:
+  Eigen::MatrixX2d rows_;
+  nanoflann::KDTreeEigenMatrixAdaptor<Eigen::MatrixX2d, 2> tree_;
+  Found found_;
+};
 
 // With u = r sin(t) the chord's steep ends are sampled as finely as they fall.
 constexpr int kSteps = 64;
@@ -125,6 +147,23 @@ std::vector<bool> haveOwnLine(const Centerline2d& vessels, double blur_px) {
     }
   }
   return own;
+}
+
+std::vector<bool> lostInAWider(const Centerline2d& vessels) {
+  const int count = vessels.size();
+  std::vector<bool> lost(static_cast<std::size_t>(count), false);
+  if (count == 0) return lost;
+  NearPlaces places(vessels.points_px);
+  const double widest_px = vessels.radius_px.maxCoeff();
+  for (int i = 0; i < count; ++i) {
+    const auto& near = places.within(vessels.points_px.col(i), widest_px);
+    lost[static_cast<std::size_t>(i)] = std::any_of(near.begin(), near.end(), [&](const auto& found) {
+      const auto& [j, distance2] = found;
+      return vessels.branch[static_cast<std::size_t>(j)] != vessels.branch[static_cast<std::size_t>(i)] &&
+             vessels.radius_px[j] > vessels.radius_px[i] && distance2 < vessels.radius_px[j] * vessels.radius_px[j];
+    });
+  }
+  return lost;
 }
 
 }  // namespace angio::evaluation

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "simulation_image.hpp"
 
-#include "simulation_random.hpp"
-
 namespace angio::evaluation {
 namespace {
 

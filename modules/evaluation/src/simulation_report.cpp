@@ -5,14 +5,146 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
-#include "angio/evaluation/tables.hpp"
 
 namespace angio::evaluation {
+namespace html {
 namespace {
 
-using Json = nlohmann::ordered_json;
+// What cannot be told apart from a perfect answer on a log axis [mm].
+constexpr double kSmallestShown_mm = 1e-5;
+
+// For each run the share of its trials with less than each value, in percent.
+template <typename Value>
+Plot cumulativePlot(const std::vector<EntrantRun>& runs, const std::string& x_label, const Value& value) {
+  Plot plot{"", {x_label, true}, {"trials with less [%]", false, std::pair(0, 103)}};
+  for (std::size_t m = 0; m < runs.size(); ++m) {
+    PlotSeries s{runs[m].name, {}, {}, static_cast<int>(m), PlotSeries::Kind::kSteps};
+    for (const CaseOutcome& o : runs[m].outcomes) s.x.push_back(value(o));
+    std::sort(s.x.begin(), s.x.end());
+    for (std::size_t i = 0; i < s.x.size(); ++i) {
+      s.y.push_back(100.0 * static_cast<double>(i + 1) / static_cast<double>(s.x.size()));
+    }
+    plot.series.push_back(s);
+  }
+  return plot;
+}
+
+double shownError_mm(const CaseOutcome& o) {
+  const double mm = 1e3 * o.error->mtre_m;
+  return std::isfinite(mm) ? std::clamp(mm, kSmallestShown_mm, 1e4) : 1e4;
+}
+
+}  // namespace
+
+std::string captureFigure(const std::vector<EntrantRun>& runs) {
+  Plot plot;
+  plot.x.label = "start: mTRE [mm], bins of 1 mm";
+  plot.y.label = "success (mTRE < 2 mm) [%]";
+  plot.x.range = {0, CaptureBins::kBins};
+  plot.y.range = {0, 103};
+  plot.guides.push_back({95, "95 %"});
+  for (std::size_t m = 0; m < runs.size(); ++m) {
+    const CaptureBins bins = captureBins(runs[m].outcomes);
+    PlotSeries s{runs[m].name, {}, {}, static_cast<int>(m)};
+    for (int b = 0; b < CaptureBins::kBins; ++b) {
+      const int trials = bins.trials[static_cast<std::size_t>(b)], good = bins.successes[static_cast<std::size_t>(b)];
+      if (m == 0) plot.counts.emplace_back(b + 0.5, trials);
+      if (trials < CaptureBins::kFewestTrials) continue;
+      const ShareBounds bounds = shareBounds(good, trials);
+      s.x.push_back(b + 0.5);
+      s.y.push_back(100.0 * good / trials);
+      s.low.push_back(100 * bounds.low);
+      s.high.push_back(100 * bounds.high);
+    }
+    plot.series.push_back(s);
+  }
+  return figure("Capture range", plot,
+                "Bands: 95 % confidence (Wilson). Bins with fewer than " + std::to_string(CaptureBins::kFewestTrials) +
+                    " trials are left out; the bars below are the number of trials.");
+}
+
+std::string errorFigure(const std::vector<EntrantRun>& runs) {
+  Plot plot = cumulativePlot(runs, "mTRE at the end [mm]", shownError_mm);
+  plot.guides.push_back({1e3 * kSuccessMtre_m, "2 mm", true});
+  return figure("Error at the end", plot, "The share of trials that end nearer to the truth than this.");
+}
+
+std::string startAndEndFigure(const std::vector<EntrantRun>& runs) {
+  Plot plot;
+  plot.x.label = "mTRE at the start [mm]";
+  plot.y.label = "mTRE at the end [mm]";
+  plot.y.log = true;
+  plot.guides.push_back({1e3 * kSuccessMtre_m, "2 mm"});
+  double farthest_mm = 1;
+  for (std::size_t m = 0; m < runs.size(); ++m) {
+    PlotSeries s{runs[m].name, {}, {}, static_cast<int>(m), PlotSeries::Kind::kDots};
+    for (const auto& o : runs[m].outcomes) {
+      s.x.push_back(1e3 * o.start_error->mtre_m);
+      s.y.push_back(shownError_mm(o));
+      s.hollow.push_back(o.result.status != RegistrationStatus::kConverged);
+      farthest_mm = std::max(farthest_mm, s.x.back());
+    }
+    plot.series.push_back(s);
+  }
+  plot.x.range = {0, std::ceil(farthest_mm)};
+  return figure("Trial by trial", plot,
+                "Filled: the method trusts its answer (converged). Ring: it says that something is wrong. A filled dot "
+                "above the line is a failure that nobody notices.");
+}
+
+std::string timeFigure(const std::vector<EntrantRun>& runs) {
+  const auto time_ms = [](const CaseOutcome& o) { return 1e3 * (o.image_s + o.result.times.total_s); };
+  return figure("Time", cumulativePlot(runs, "time of one registration [ms]", time_ms),
+                "Wall time from centrelines to pose, one thread; methods took turns on the same trials.");
+}
+
+std::string sweepFigure(const Json& swept) {
+  Plot plot;
+  plot.x.label = swept["quantity"];
+  plot.y.label = "success (mTRE < 2 mm) [%]";
+  plot.y.range = {0, 103};
+  plot.guides.push_back({95, "95 %"});
+  plot.x.ticks.emplace();
+  for (const Json& point : swept["points"]) {
+    const double x = point["value"];
+    plot.x.ticks->emplace_back(x, formatValue(x));
+    std::size_t m = 0;
+    for (const auto& [method, summary] : point["summaries"].items()) {
+      if (plot.series.size() <= m) {
+        plot.series.push_back({method, {}, {}, static_cast<int>(m / 2)});
+        plot.series.push_back({"", {}, {}, static_cast<int>(m / 2)});  // Without a name: the legend says it for all.
+        plot.series.back().dashed = true;
+      }
+      PlotSeries &success = plot.series[m++], &in_plane = plot.series[m++];
+      success.x.push_back(x);
+      success.y.push_back(summary["success_mtre_2mm_percent"]);
+      success.low.push_back(summary["success_mtre_2mm_bounds_percent"][0]);
+      success.high.push_back(summary["success_mtre_2mm_bounds_percent"][1]);
+      in_plane.x.push_back(x);
+      in_plane.y.push_back(summary["in_plane_below_2mm_percent"]);
+    }
+  }
+  return figure("Over " + swept["name"].get<std::string>(), plot);
+}
+
+std::string machineLine() {
+  const Json m = machineAsJson();
+  return m.value("processor", "unknown processor") + ", " + std::to_string(m.value("cores", 0)) + " cores, compiler " +
+         m.value("compiler", "") + ", one thread.";
+}
+
+std::string settingsSection(const Json& settings_shown) {
+  std::string settings;
+  for (const auto& [name, values] : settings_shown.items()) settings += details(name, values);
+  return section("Settings and machine", settings + details("machine", machineAsJson()));
+}
+
+}  // namespace html
+
+namespace {
 
 constexpr int kDrawnWidth_px = 1024, kPictureWidth_px = 640;
 
@@ -20,14 +152,15 @@ std::string cards(const Json& summaries) {
   std::vector<std::string> cards;
   int color = 0;
   for (const auto& [method, s] : summaries.items()) {
-    cards.push_back(html::card(method, figureOf(s, "success_mtre_2mm_percent", "%.0f %%"),
-                               {"success, mTRE < 2 mm (" + figureOf(s, "success_mtre_2mm_bounds_percent/0", "%.0f") +
-                                    " to " + figureOf(s, "success_mtre_2mm_bounds_percent/1", "%.0f %%") + ")",
-                                figureOf(s, "failed_and_trusted_percent", "%.0f %%") + " failed and trusted",
-                                figureOf(s, "mtre_mm/median", "%.3f mm") + " median mTRE",
-                                figureOf(s, "time_ms/total/p50", "%.1f ms") + " median, " +
-                                    figureOf(s, "time_ms/total/p99", "%.1f ms") + " p99"},
-                               color++));
+    std::vector<std::string> lines;
+    for (const char* line :
+         {"success, mTRE < 2 mm ({success_mtre_2mm_bounds_percent/0:%.0f} to "
+          "{success_mtre_2mm_bounds_percent/1:%.0f %%})",
+          "{failed_and_trusted_percent:%.0f %%} failed and trusted", "{mtre_mm/median:%.3f mm} median mTRE",
+          "{time_ms/total/p50:%.1f ms} median, {time_ms/total/p99:%.1f ms} p99"}) {
+      lines.push_back(filled(line, s));
+    }
+    cards.push_back(html::card(method, filled("{success_mtre_2mm_percent:%.0f %%}", s), lines, color++));
   }
   return html::grid(cards, true);
 }
@@ -91,16 +224,6 @@ std::string subtitle(const SimulationReport& r) {
 
 }  // namespace
 
-namespace html {
-
-std::string machineLine() {
-  const Json m = machineAsJson();
-  return m.value("processor", "unknown processor") + ", " + std::to_string(m.value("cores", 0)) + " cores, compiler " +
-         m.value("compiler", "") + ", one thread.";
-}
-
-}  // namespace html
-
 std::string simulationReportHtml(const SimulationReport& r) {
   std::vector<std::string> sections;
   sections.push_back(html::section("At a glance", cards(r.summaries)));
@@ -126,9 +249,7 @@ std::string simulationReportHtml(const SimulationReport& r) {
     for (const auto& sweep : r.sweeps) tables += html::fromMarkdown(sweepTable(sweep));
     sections.push_back(html::section("Sweeps in figures", tables));
   }
-  std::string settings;
-  for (const auto& [name, values] : r.settings_shown.items()) settings += html::details(name, values);
-  sections.push_back(html::section("Settings and machine", settings + html::details("machine", machineAsJson())));
+  sections.push_back(html::settingsSection(r.settings_shown));
   return html::page("Registration in simulation", subtitle(r), sections);
 }
 

@@ -1,13 +1,20 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/simulation_run.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
-#include "angio/evaluation/trial_images.hpp"
+#include "angio/evaluation/experiment.hpp"
 
 namespace angio::evaluation {
 namespace {
+
+using O = const CaseOutcome&;
+
+constexpr double kGrossFailure_mm = 5;
 
 CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, const StartSettings& starts) {
   const VesselTree& tree = registration.tree();
@@ -19,6 +26,72 @@ CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, c
   outcome.start_error = poseError(tree, camera, {trial.start, {}}, truth);
   outcome.error = poseError(tree, camera, {outcome.result.T_camera_model, outcome.result.displacements_m}, truth);
   return outcome;
+}
+
+bool succeeded(O o) { return o.error && o.error->mtre_m < kSuccessMtre_m; }
+
+// Beside summaryOf's, of trials with their truth.
+std::vector<Column<CaseOutcome>> trialColumns() {
+  return {
+      {"", "start_mtre_mm", kSpread, [](O o) { return 1e3 * o.start_error->mtre_m; }},
+      {"", "gfr_true_isocentre_5mm_percent", "percent",
+       [](O o) { return !(o.error->mpd_isocenter_m && 1e3 * *o.error->mpd_isocenter_m <= kGrossFailure_mm); }},
+      {"", "gfr_nearest_isocentre_5mm_percent", "percent",
+       [](O o) { return !(1e3 * o.pixel_at_isocenter_m * o.result.agreement.model_residual_px <= kGrossFailure_mm); }},
+      {"", "in_plane_below_2mm_percent", "percent", [](O o) { return o.error->in_plane_m < kSuccessMtre_m; }}};
+}
+
+struct Range {
+  const char *name, *axis, *unit;
+  std::vector<double> values;
+  void (*set)(SimulationSettings&, double);
+};
+
+const std::vector<Range>& ranges() {
+  using S = SimulationSettings;
+  static std::vector<Range> ranges;
+  if (!ranges.empty()) return ranges;
+  const auto add = [](const char* name, const char* axis, const char* unit, const std::vector<double>& values,
+                      void (*set)(S&, double)) {
+    ranges.push_back({name, axis, unit, values, set});
+  };
+  add("visible-fraction", "share of the tree in the field of view", "", {1, 0.9, 0.75, 0.6, 0.5, 0.4, 0.3, 0.2},
+      [](S& s, double x) { s.visible_fraction = x; });
+  add("noise", "noise of each image coordinate [px]", " px", {0, 0.5, 1, 1.5, 2, 3},
+      [](S& s, double x) { s.noise_px = x; });
+  add("spurious", "spurious curves per view", "", {0, 2, 5, 10, 20, 40},
+      [](S& s, double x) { s.spurious = static_cast<int>(x); });
+  add("missing", "share of the tree's branches not in the image", "", {0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
+      [](S& s, double x) { s.missing = x; });
+  add("start", "spread of the starts per axis [mm, with the rotations of the table]", " mm", {1, 3, 5, 8, 10, 15},
+      [](S& s, double x) {
+        // The paper's pairs, and one beyond.
+        s.rotation_std_deg = x <= 1 ? 0.5 : x <= 3 ? 1 : x <= 5 ? 2 : x <= 8 ? 3 : x <= 10 ? 5 : 8;
+        s.translation_std_mm = x;
+      });
+  add("focal", "error of the focal length [%]", " %", {0, 0.1, 0.25, 0.5, 1, 2},
+      [](S& s, double x) { s.focal_error_percent = x; });
+  add("calibration", "error between the two views [deg, and twice as many mm]", " deg", {0, 0.1, 0.25, 0.5, 1, 2},
+      [](S& s, double x) {
+        s.views = 2;
+        s.calibration_rotation_error_deg = x;
+        s.calibration_translation_error_mm = 2 * x;
+      });
+  add("deformation", "rms deformation of the tree [mm]", " mm", {0, 0.25, 0.5, 1, 2, 4, 8},
+      [](S& s, double x) { s.deformation_rms_mm = x; });
+  return ranges;
+}
+
+Sweep sweepOver(const Range& range, const SimulationSettings& base) {
+  Sweep sweep{range.name, range.axis, {}};
+  for (const double value : range.values) {
+    Sweep::Point point{value, formatValue(value) + range.unit, base};
+    range.set(point.settings, value);
+    if (sweep.name == "start") point.label = formatValue(point.settings.rotation_std_deg) + " deg, " + point.label;
+    if (sweep.name == "calibration") point.label += ", " + formatValue(2 * value) + " mm";
+    sweep.points.push_back(point);
+  }
+  return sweep;
 }
 
 }  // namespace
@@ -40,7 +113,8 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
   if (settings.from == TrialSource::kImages) images.emplace(setup.trees, settings);
   const auto extractor = makeExtractor(setup.extractor);
   int done = 0;
-  for (int i = 0; i < settings.trials; ++i) {
+  const auto nameOf = [](int i) { return formatted("%04d", i); };
+  const auto one = [&](int i) {
     const std::size_t t = static_cast<std::size_t>(i) % trees;
     SimulatedTrial trial = simulatedTrial(setup.trees[t], setup.camera, settings, i);
     double image_s = 0;
@@ -53,12 +127,176 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
     for (std::size_t turn = 0; turn < entrants; ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants;
       runs[m].outcomes.push_back(outcomeOf(*registrations[m][t], trial, setup.entrants[m].starts));
-      runs[m].outcomes.back().name = formatted("%04d", i);
+      runs[m].outcomes.back().name = nameOf(i);
       runs[m].outcomes.back().image_s = image_s;
       if (progress) progress(++done);
     }
-  }
+  };
+  constexpr int kThreads = 1;  // Times of one run can be compared.
+  forEachRun(
+      settings.trials, kThreads, [&](int i) { return "trial " + nameOf(i); }, one);
   return runs;
+}
+
+CaptureBins captureBins(const std::vector<CaseOutcome>& outcomes) {
+  CaptureBins bins;
+  for (const auto& o : outcomes) {
+    if (!o.start_error) continue;
+    const double start_mm = 1e3 * o.start_error->mtre_m;
+    if (!(start_mm < CaptureBins::kBins)) continue;
+    const auto b = static_cast<std::size_t>(start_mm);
+    ++bins.trials[b];
+    bins.successes[b] += succeeded(o);
+  }
+  return bins;
+}
+
+// With `unbroken` only up to the first bad bin.
+std::optional<double> CaptureBins::farthest_mm(bool unbroken) const {
+  std::optional<double> edge_mm;
+  for (int b = 0; b < kBins; ++b) {
+    const int count = trials[static_cast<std::size_t>(b)];
+    if (count < kFewestTrials) continue;
+    const bool good = successes[static_cast<std::size_t>(b)] >= kSuccess * count;
+    if (good) edge_mm = b + 1;
+    if (!good && unbroken) break;
+  }
+  return edge_mm;
+}
+
+ShareBounds shareBounds(int successes, int trials) {
+  if (trials <= 0) return {};
+  constexpr double kZ = 1.959964;  // 97.5 % of the normal distribution.
+  const double n = trials, share = successes / n, z2 = kZ * kZ;
+  const double middle = (share + z2 / (2 * n)) / (1 + z2 / n);
+  const double half = kZ / (1 + z2 / n) * std::sqrt(share * (1 - share) / n + z2 / (4 * n * n));
+  return {std::max(0.0, middle - half), std::min(1.0, middle + half)};
+}
+
+Json simulationSummary(const std::vector<CaseOutcome>& outcomes, std::optional<double> pixel_spacing_m) {
+  Json summary = summaryOf(outcomes);
+  summarise(outcomes, trialColumns(), summary);
+  if (pixel_spacing_m) {
+    const auto detector_mm = [&](O o) {
+      return o.error->mpd_px ? Json(1e3 * *pixel_spacing_m * *o.error->mpd_px) : Json(nullptr);
+    };
+    summarise(outcomes, {{"", "mpd_detector_mm", kSpread, detector_mm}}, summary);
+  }
+  const auto successes = static_cast<int>(std::count_if(outcomes.begin(), outcomes.end(), succeeded));
+  const ShareBounds bounds = shareBounds(successes, static_cast<int>(outcomes.size()));
+  summary["success_mtre_2mm_bounds_percent"] = {100 * bounds.low, 100 * bounds.high};
+  const CaptureBins bins = captureBins(outcomes);
+  summary["capture_range_mm"] = orNull(bins.range_mm());
+  summary["capture_range_unbroken_mm"] = orNull(bins.unbroken_range_mm());
+  summary["capture_bins_1mm"] = {{"trials", bins.trials}, {"successes", bins.successes}};
+  return summary;
+}
+
+Json simulationSummaries(const std::vector<EntrantRun>& runs, std::optional<double> pixel_spacing_m,
+                         const std::string& reference) {
+  Json summaries = Json::object();
+  for (const auto& run : runs) summaries[run.name] = simulationSummary(run.outcomes, pixel_spacing_m);
+  if (runs.empty()) return summaries;
+  const std::string base = summaries.contains(reference) ? reference : runs.front().name;
+  const double base_ms = summaries[base]["time_ms"]["total"]["p50"];
+  for (auto& summary : summaries) {
+    if (base_ms > 0) {
+      summary["time_p50_relative"] = {{"to", base},
+                                      {"ratio", summary["time_ms"]["total"]["p50"].get<double>() / base_ms}};
+    }
+  }
+  return summaries;
+}
+
+std::string simulationTable(const Json& summaries) {
+  const std::string start = "Starts are off by {start_mtre_mm/median:%.1f mm} mTRE (median).\n\n";
+  return (summaries.empty() ? "" : filled(start, summaries.front())) +
+         figureTable(summaries, {{"method", ""},
+                                 {"success, mTRE < 2 mm", "{success_mtre_2mm_percent:%.0f %%}"},
+                                 {"in-plane < 2 mm", "{in_plane_below_2mm_percent:%.0f %%}"},
+                                 {"pose ok", "{pose_ok_percent:%.0f %%}"},
+                                 {"GFR > 5 px (true)", "{gfr_true_5px_percent:%.0f %%}"},
+                                 {"GFR > 5 mm (true)", "{gfr_true_isocentre_5mm_percent:%.0f %%}"},
+                                 {"capture range", "{capture_range_mm:%.0f mm}"},
+                                 {"unbroken", "{capture_range_unbroken_mm:%.0f mm}"},
+                                 {"failed, noticed", "{failed_and_noticed_percent:%.0f %%}"},
+                                 {"failed, trusted", "{failed_and_trusted_percent:%.0f %%}"}}) +
+         "\n" +
+         figureTable(summaries, {{"method", ""},
+                                 {"mTRE", "{mtre_mm/median:%.3f mm}"},
+                                 {"p95", "{mtre_mm/p95:%.3f mm}"},
+                                 {"depth", "{depth_mm/median:%.3f mm}"},
+                                 {"in-plane", "{in_plane_mm/median:%.3f mm}"},
+                                 {"mPD", "{mpd_px/median:%.3f px}"},
+                                 {"at the detector", "{mpd_detector_mm/median:%.3f mm}"},
+                                 {"at the isocentre", "{mpd_isocentre_mm/median:%.3f mm}"},
+                                 {"rotation", "{rotation_deg/median:%.4f deg}"},
+                                 {"centroid", "{centroid_mm/median:%.3f mm}"},
+                                 {"nearest residual", "{mean_projection_residual_px/median:%.2f px}"}}) +
+         "\n" +
+         figureTable(summaries, {{"method", ""},
+                                 {"ms p50", "{time_ms/total/p50:%.2f}"},
+                                 {"p99", "{time_ms/total/p99:%.2f}"},
+                                 {"max", "{time_ms/total/max:%.2f}"},
+                                 {"p50 relative", "{time_p50_relative/ratio:%.2f}"}}) +
+         "\nMedians over the trials; \"pose ok\" is within 0.1 deg and 1 mm of the truth at the tree's centroid. "
+         "Trusted is what the method itself calls converged.\n";
+}
+
+std::vector<std::string> sweepNames() {
+  std::vector<std::string> names;
+  for (const auto& range : ranges()) names.push_back(range.name);
+  return names;
+}
+
+std::vector<Sweep> sweepsNamed(const std::string& name, const SimulationSettings& base) {
+  std::vector<Sweep> sweeps;
+  std::string known = "all";
+  for (const auto& range : ranges()) {
+    if (name == range.name || name == "all") sweeps.push_back(sweepOver(range, base));
+    known += std::string(", ") + range.name;
+  }
+  if (sweeps.empty()) throw InputError("", "sweep", name, "must be one of: " + known);
+  return sweeps;
+}
+
+Json runSweep(const SimulationSetup& setup, const Sweep& sweep, const CaseProgress& progress) {
+  Json swept = {{"name", sweep.name}, {"quantity", sweep.axis}, {"points", Json::array()}};
+  const auto spacing_m = setup.camera.value_or(simulatedCamera()).parameters().pixel_spacing_m;
+  int done = 0;
+  for (const auto& point : sweep.points) {
+    const auto runs = runSimulation(setup, point.settings, [&](int) {
+      ++done;
+      if (progress) progress(done);
+    });
+    swept["points"].push_back(
+        {{"value", point.value}, {"label", point.label}, {"summaries", simulationSummaries(runs, spacing_m)}});
+  }
+  return swept;
+}
+
+std::string sweepTable(const Json& swept) {
+  const auto name = swept["name"].get<std::string>();
+  Json rows = Json::array();
+  for (const Json& point : swept["points"]) {
+    for (const auto& [method, summary] : point["summaries"].items()) {
+      rows.push_back({{"point", point["label"]}, {"method", method}});
+      rows.back().update(summary);
+    }
+  }
+  return "Sweep: " + swept["quantity"].get<std::string>() + "\n\n" +
+         figureTable(rows, {{name.c_str(), "{point:%s}"},
+                            {"method", "{method:%s}"},
+                            {"success, mTRE < 2 mm", "{success_mtre_2mm_percent:%.0f %%}"},
+                            {"95 % bounds",
+                             "{success_mtre_2mm_bounds_percent/0:%.0f} to {success_mtre_2mm_bounds_percent/1:%.0f %%}"},
+                            {"in-plane < 2 mm", "{in_plane_below_2mm_percent:%.0f %%}"},
+                            {"pose ok", "{pose_ok_percent:%.0f %%}"},
+                            {"GFR > 5 px (true)", "{gfr_true_5px_percent:%.0f %%}"},
+                            {"failed, trusted", "{failed_and_trusted_percent:%.0f %%}"},
+                            {"mTRE", "{mtre_mm/median:%.3f mm}"},
+                            {"in-plane", "{in_plane_mm/median:%.3f mm}"},
+                            {"ms p50", "{time_ms/total/p50:%.1f}"}});
 }
 
 }  // namespace angio::evaluation

@@ -164,6 +164,28 @@ Scenario randomScenario(const VesselTree& tree, const CArmCalibration& nominal, 
   return world;
 }
 
+Eigen::Vector2d drawnAngles_deg(std::mt19937_64& engine, double max_primary_deg, double max_secondary_deg) {
+  const auto symmetric = [&] { return 2 * static_cast<double>(engine() >> 11) * 0x1p-53 - 1; };
+  const double primary_deg = symmetric() * max_primary_deg;
+  return {primary_deg, symmetric() * max_secondary_deg};
+}
+
+std::pair<ViewAngles, ViewAngles> drawViews(std::mt19937_64& engine, double max_primary_deg, double max_secondary_deg,
+                                            ScenarioSettings& scenario, ServoLoopSettings& loop) {
+  const auto drawn = [&] {
+    const Eigen::Vector2d angles_deg = drawnAngles_deg(engine, max_primary_deg, max_secondary_deg);
+    return ViewAngles{degToRad(angles_deg[0]), degToRad(angles_deg[1])};
+  };
+  const ViewAngles start = drawn(), goal = drawn();
+  scenario.start_primary_deg = radToDeg(start.primary_rad);
+  scenario.start_secondary_deg = radToDeg(start.secondary_rad);
+  ViewTaskSettings view;
+  view.primary_deg = radToDeg(goal.primary_rad);
+  view.secondary_deg = radToDeg(goal.secondary_rad);
+  loop.task = view;
+  return {start, goal};
+}
+
 CArmCalibration withDetectorPixels(CArmCalibration calibration, int side_px) {
   CArmGeometry& carm = calibration.carm;
   carm.pixel_spacing_m *= static_cast<double>(carm.image_width_px) / side_px;

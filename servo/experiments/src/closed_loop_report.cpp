@@ -1,34 +1,24 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/experiments/closed_loop_report.hpp"
-
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/fnv1a.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/plot.hpp"
-#include "angio/evaluation/statistics.hpp"
+#include "angio/experiments/closed_loop.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
 
 namespace angio::experiments {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 Json errorAsJson(const ViewError& e) {
   return {{"view_deg", radToDeg(e.direction_rad)}, {"target_mm", 1e3 * e.target_m}, {"roll_deg", radToDeg(e.roll_rad)}};
-}
-
-Json latencyOf(const std::vector<ClosedLoopFrame>& frames, double ClosedLoopFrame::*stage) {
-  std::vector<double> ms;
-  for (const auto& f : frames) ms.push_back(1e3 * f.*stage);
-  return {{"p50", percentile(ms, 0.5)}, {"p99", percentile(ms, 0.99)}, {"max", percentile(ms, 1)}};
 }
 
 cv::Mat overlayOf(const ClosedLoopSnapshot& snapshot, const VesselTree& tree, const std::string& when) {
@@ -64,15 +54,12 @@ PlotSeries seriesOf(const std::vector<ClosedLoopFrame>& frames, const std::strin
   return s;
 }
 
-// Errors of a task without a view to reach: the target's image from its place.
+// Errors of a task without a view to reach: the target's image from its place, in the second half of the run. What came
+// before was still learnt from.
 Json offAsJson(const std::vector<ClosedLoopFrame>& frames) {
-  double sum = 0, worst = 0;
-  const std::size_t from = frames.size() / 2;  // What came before was still learnt from.
-  for (std::size_t k = from; k < frames.size(); ++k) {
-    sum += frames[k].target_off_m * frames[k].target_off_m;
-    worst = std::max(worst, frames[k].target_off_m);
-  }
-  return {{"rms_mm", 1e3 * std::sqrt(sum / static_cast<double>(frames.size() - from))}, {"worst_mm", 1e3 * worst}};
+  Json off_mm = Json::array();
+  for (std::size_t k = frames.size() / 2; k < frames.size(); ++k) off_mm.push_back(1e3 * frames[k].target_off_m);
+  return {{"rms_mm", figuresOf(off_mm, "rms")}, {"worst_mm", figuresOf(off_mm, "max")}};
 }
 
 // What the task is about, open against closed.
@@ -124,18 +111,23 @@ cv::Mat sheetOf(const cv::Mat& first, const cv::Mat& last, const cv::Mat& plot) 
   return sheet;
 }
 
+// In a column of its own: without what parts columns.
+std::string quotable(const std::optional<std::string>& reason) {
+  std::string text = reason.value_or("");
+  std::replace(text.begin(), text.end(), ',', ';');
+  std::replace(text.begin(), text.end(), '"', '\'');
+  return text;
+}
+
 }  // namespace
 
 Json closedLoopSummary(const ClosedLoopRun& r) {
-  int registered = 0, held = 0;
-  for (const auto& f : r.closed) {
-    registered += f.status == RegistrationStatus::kConverged;
-    held += f.hold_reason.has_value();
-  }
-  Json summary;
-  summary["frames"] = r.closed.size();
-  summary["registered"] = registered;
-  summary["held"] = held;
+  using F = const ClosedLoopFrame&;
+  Json summary = {{"frames", r.closed.size()}};
+  summarise(r.closed,
+            {{"", "registered", "sum", [](F f) { return f.status == RegistrationStatus::kConverged; }},
+             {"", "held", "sum", [](F f) { return f.hold_reason.has_value(); }}},
+            summary);
   summary["commands_fingerprint"] = fingerprintOf(r.closed);
   if (r.has_view) {
     summary["final_error"] = {{"closed_loop", errorAsJson(r.closed_end)}, {"open_loop", errorAsJson(r.open_end)}};
@@ -146,67 +138,43 @@ Json closedLoopSummary(const ClosedLoopRun& r) {
     summary["predicted_uncertainty"] = {{"view_deg", radToDeg(r.predicted->direction_rad)},
                                         {"target_mm", 1e3 * r.predicted->target_m}};
   }
-  summary["latency_ms"] = {{"render", latencyOf(r.closed, &ClosedLoopFrame::render_s)},
-                           {"image_to_centreline", latencyOf(r.closed, &ClosedLoopFrame::image_s)},
-                           {"registration", latencyOf(r.closed, &ClosedLoopFrame::registration_s)},
-                           {"control", latencyOf(r.closed, &ClosedLoopFrame::control_s)},
-                           {"frame_to_command", latencyOf(r.closed, &ClosedLoopFrame::answer_s)}};
+  const char* figures = "p50 p99 max";
+  summarise(r.closed,
+            {{"", "latency_ms/render", figures, [](F f) { return 1e3 * f.render_s; }},
+             {"", "latency_ms/image_to_centreline", figures, [](F f) { return 1e3 * f.image_s; }},
+             {"", "latency_ms/registration", figures, [](F f) { return 1e3 * f.registration_s; }},
+             {"", "latency_ms/control", figures, [](F f) { return 1e3 * f.control_s; }},
+             {"", "latency_ms/frame_to_command", figures, [](F f) { return 1e3 * f.answer_s; }}},
+            summary);
   return summary;
 }
 
-namespace {
-
-std::string errorTable(const Json& summary) {
-  constexpr std::pair<const char*, const char*> kLoops[] = {{"closed loop", "closed_loop"}, {"open loop", "open_loop"}};
-  std::string table;
-  if (summary.contains("target_off")) {
-    table += formatted("%-22s %12s %12s\n", "target off its place", "rms [mm]", "worst [mm]");
-    for (const auto& [name, key] : kLoops) {
-      const Json& e = summary["target_off"][key];
-      table += formatted("%-22s %12.3f %12.3f\n", name, e["rms_mm"].get<double>(), e["worst_mm"].get<double>());
-    }
-    return table + "(the second half of the run, seen from the source at the isocentre's distance)\n";
-  }
-  table += formatted("%-22s %12s %12s %12s\n", "final view error", "view [deg]", "target [mm]", "roll [deg]");
-  for (const auto& [name, key] : kLoops) {
-    const Json& e = summary["final_error"][key];
-    table += formatted("%-22s %12.3f %12.3f %12.3f\n", name, e["view_deg"].get<double>(), e["target_mm"].get<double>(),
-                       e["roll_deg"].get<double>());
-  }
-  return table;
-}
-
-}  // namespace
-
 std::string closedLoopTable(const Json& summary) {
-  std::string table = formatted("%d frames, %d registered, %d held; commands %s\n\n", summary["frames"].get<int>(),
-                                summary["registered"].get<int>(), summary["held"].get<int>(),
-                                summary["commands_fingerprint"].get<std::string>().c_str());
-  table += errorTable(summary);
-  if (summary.contains("predicted_uncertainty")) {
-    const Json& e = summary["predicted_uncertainty"];
-    table += formatted("%-22s %12.3f %12.3f\n", "calibration's sigma", e["view_deg"].get<double>(),
-                       e["target_mm"].get<double>());
+  std::string table =
+      filled("{frames:%d} frames, {registered:%d} registered, {held:%d} held; commands {commands_fingerprint:%s}\n\n",
+             summary);
+  if (summary.contains("target_off")) {
+    table += filled(
+        "target off its place       rms [mm]   worst [mm]\n"
+        "closed loop            {closed_loop/rms_mm:%12.3f} {closed_loop/worst_mm:%12.3f}\n"
+        "open loop              {open_loop/rms_mm:%12.3f} {open_loop/worst_mm:%12.3f}\n"
+        "(the second half of the run, seen from the source at the isocentre's distance)\n",
+        summary["target_off"]);
+  } else {
+    table += "final view error         view [deg]  target [mm]   roll [deg]\n";
+    const std::string cells = "{view_deg:%12.3f} {target_mm:%12.3f} {roll_deg:%12.3f}\n";
+    table += "closed loop            " + filled(cells, summary["final_error"]["closed_loop"]);
+    table += "open loop              " + filled(cells, summary["final_error"]["open_loop"]);
   }
-  table += formatted("\n%-22s %12s %12s %12s\n", "latency", "p50 [ms]", "p99 [ms]", "max [ms]");
+  if (summary.contains("predicted_uncertainty")) {
+    table += filled("calibration's sigma    {view_deg:%12.3f} {target_mm:%12.3f}\n", summary["predicted_uncertainty"]);
+  }
+  table += "\nlatency                    p50 [ms]     p99 [ms]     max [ms]\n";
   for (const auto& [stage, t] : summary["latency_ms"].items()) {
-    table += formatted("%-22s %12.2f %12.2f %12.2f\n", stage.c_str(), t["p50"].get<double>(), t["p99"].get<double>(),
-                       t["max"].get<double>());
+    table += formatted("%-22s ", stage.c_str()) + filled("{p50:%12.2f} {p99:%12.2f} {max:%12.2f}\n", t);
   }
   return table;
 }
-
-namespace {
-
-// In a column of its own: without what parts columns.
-std::string quotable(const std::optional<std::string>& reason) {
-  std::string text = reason.value_or("");
-  std::replace(text.begin(), text.end(), ',', ';');
-  std::replace(text.begin(), text.end(), '"', '\'');
-  return text;
-}
-
-}  // namespace
 
 std::string closedLoopTrace(const ClosedLoopRun& r) {
   std::string trace =
@@ -243,17 +211,16 @@ void makeFolder(const std::string& folder) {
   if (error) throw InputError(folder, "", "", "cannot be made: " + error.message());
 }
 
-void writeClosedLoop(const std::string& folder, const ClosedLoopRun& scenario, const VesselTree& tree,
-                     const Json& summary) {
+void writeClosedLoop(const std::string& folder, const ClosedLoopRun& run, const VesselTree& tree, const Json& summary) {
   makeFolder(folder);
   const std::string base = folder + "/";
-  const cv::Mat first = overlayOf(*scenario.first, tree, "first frame");
-  const cv::Mat last = overlayOf(*scenario.last, tree, "last frame"), plot = plotOf(scenario);
+  const cv::Mat first = overlayOf(*run.first, tree, "first frame");
+  const cv::Mat last = overlayOf(*run.last, tree, "last frame"), plot = plotOf(run);
   writeImage(base + "overlay_first.png", first);
   writeImage(base + "overlay_last.png", last);
   writeImage(base + "plot.png", plot);
   writeImage(base + "sheet.jpg", sheetOf(first, last, plot));
-  writeWholeFile(base + "trace.csv", closedLoopTrace(scenario));
+  writeWholeFile(base + "trace.csv", closedLoopTrace(run));
   writeWholeFile(base + "summary.json", summary.dump(2) + "\n");
 }
 

@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "angio/base/errors.hpp"
-#include "angio/experiments/command_observer.hpp"
-#include "angio/experiments/limit_observer.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "angio/experiments/navigate_experiment.hpp"
+#include "angio/experiments/observers.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/servo/operator.hpp"
@@ -16,6 +16,31 @@
 
 namespace angio::experiments {
 namespace {
+
+// How a run goes.
+struct Course {
+  double sound_s = 2;               // Until the fault begins ...
+  double disturbed_s = 2;           // ... while it lasts; late frames are late for at least as long as it was sound ...
+  double recovery_s = 3;            // ... and from its end to the run's.
+  double max_primary_deg = 30;      // Views are spread evenly over +- this ...
+  double max_secondary_deg = 15;    // ... and this; the start is between them.
+  double max_command_age_ms = 350;  // A command for motion that arrives later after its exposure is a stale one.
+  double max_frame_age_ms = 300;    // Of a frame that a loop may move by, as its own settings say ...
+  double frame_age_margin_ms = 20;  // ... and so much above it counts as late: loops know the quickest frame's only.
+  double steady_s = 0.5;            // So long it has to servo on end to have recovered.
+};
+
+// A catheter's roadmap comes first, and once more for a loop that starts anew.
+Course courseOf(OperatedMachine machine) {
+  Course course;
+  if (machine == OperatedMachine::kCArm) return course;
+  course.sound_s = course.recovery_s = 6;
+  course.max_frame_age_ms = 200;
+  course.max_primary_deg = course.max_secondary_deg = 0;
+  return course;
+}
+
+constexpr int kImage_px = 512;
 
 // Asks for what leads to servoing, as one who looks at the screen, and resets only when the fault is over.
 class FaultOperator {
@@ -126,7 +151,7 @@ struct CatheterMachine {
 template <typename Machine>
 class Run {
  public:
-  Run(const Scene& scene, const FaultExperimentSettings& experiment, FaultKind kind)
+  Run(const Scene& scene, const Course& course, FaultKind kind)
       : machine_{scene},
         lab_(labOf(scene.tree, scene.world, scene.parts.scenario, scene.parts.carm_loop, scene.parts.patient,
                    scene.catheter)),
@@ -134,12 +159,12 @@ class Run {
         other_(*other_bus_, otherPatient(scene.tree), scene.parts.patient, scene.world.truth.carm,
                scene.world.truth.T_dsa_cb, scene.parts.carm_loop.carm.camera()),
         fault_(kind, Machine::kMachine, scene.parts.scenario.seed, scene.parts.scenario.lab.command_latency_ms,
-               1e-3 * experiment.max_frame_age_ms, lab_, other_),
+               1e-3 * course.max_frame_age_ms, lab_, other_),
         limits_(machine_.limits()),
-        commands_(machine_.limits(), 1e-3 * experiment.max_command_age_ms,
-                  1e-3 * (experiment.max_frame_age_ms + experiment.frame_age_margin_ms)),
+        commands_(machine_.limits(), 1e-3 * course.max_command_age_ms,
+                  1e-3 * (course.max_frame_age_ms + course.frame_age_margin_ms)),
         operator_(lab_.fromMachines(), Machine::kMachine),
-        steady_us_(std::llround(1e6 * experiment.steady_s)) {
+        steady_us_(std::llround(1e6 * course.steady_s)) {
     lab_.tamperWithFrames([this](XrayFrame& frame) { spoilt_ = fault_.tamper(frame); });
     lab_.loopSide().subscribe(Machine::kCommandChannel, [this](const std::uint8_t* data, std::size_t size) {
       const auto command = decode<typename Machine::Command>(data, size);
@@ -230,25 +255,25 @@ class Run {
 };
 
 template <typename Machine>
-FaultResult run(const Scene& scene, const FaultExperimentSettings& experiment, FaultKind kind) {
-  Run<Machine> run(scene, experiment, kind);
+FaultResult run(const Scene& scene, const Course& course, FaultKind kind) {
+  Run<Machine> run(scene, course, kind);
   FaultResult row;
   row.machine = Machine::kMachine;
   row.seed = scene.parts.scenario.seed;
   row.kind = kind;
   row.fault = run.fault().description();
-  run.until(experiment.sound_s);
+  run.until(course.sound_s);
   row.moved_before = run.servoes();
   row.error_at_fault = run.error();
   const std::int64_t begun_us = run.now_us();
   run.beginFault();
   const double lasts_s =
-      run.fault().startsAnewAtOnce() ? std::max(experiment.sound_s, experiment.disturbed_s) : experiment.disturbed_s;
-  run.until(experiment.sound_s + lasts_s);
+      run.fault().startsAnewAtOnce() ? std::max(course.sound_s, course.disturbed_s) : course.disturbed_s;
+  run.until(course.sound_s + lasts_s);
   row.causes = run.causesSince(begun_us);
   run.endFault();
   const std::int64_t ended_us = run.now_us();
-  run.until(experiment.sound_s + lasts_s + experiment.recovery_s);
+  run.until(course.sound_s + lasts_s + course.recovery_s);
   if (const auto since_us = run.recovered_us()) {
     row.recovered_s = std::max(0.0, 1e-6 * static_cast<double>(*since_us - ended_us));
   }
@@ -258,28 +283,47 @@ FaultResult run(const Scene& scene, const FaultExperimentSettings& experiment, F
   return row;
 }
 
-double symmetric(std::mt19937_64& engine) { return 2 * static_cast<double>(engine() >> 11) * 0x1p-53 - 1; }
+const char* nameOf(OperatedMachine machine) { return machine == OperatedMachine::kCArm ? "carm" : "catheter"; }
+
+const std::vector<Column<FaultResult>>& columns() {
+  using R = const FaultResult&;
+  static const std::vector<Column<FaultResult>> kColumns = {
+      {"machine", "", "", [](R r) { return nameOf(r.machine); }},
+      {"seed", "", "", [](R r) { return r.seed; }},
+      {"fault", "", "", [](R r) { return r.fault; }},
+      {"servoed_before", "servoed_before", "sum", [](R r) { return r.moved_before; }},
+      {"", "unsafe", "sum", [](R r) { return r.breach.has_value(); }},
+      {"unsound_commands", "unsound_commands_at_the_machine", "sum", [](R r) { return r.unsound_commands; }},
+      {"error_at_fault", "", "", [](R r) { return r.error_at_fault; }},
+      {"error_at_end", "", "", [](R r) { return r.error_at_end; }},
+      {"changes", "", "", [](R r) { return r.causes; }},
+      {"", "recovered", "sum", [](R r) { return r.recovered_s.has_value(); }},
+      {"recovered_s", "recovery_s", "p50 max", [](R r) { return orNull(r.recovered_s); }},
+      {"", "error_at_end", "p50 max", [](R r) { return r.recovered_s ? Json(r.error_at_end) : Json(nullptr); }},
+      {"breach", "", "", [](R r) { return orNull(r.breach); }}};
+  return kColumns;
+}
+
+Json summaryOf(const std::vector<FaultResult>& rows, const char* machine, const char* fault) {
+  Json json = {{"machine", machine}, {"fault", fault}, {"runs", rows.size()}};
+  summarise(rows, columns(), json);
+  if (json["recovered"] > 0) return json;
+  json.erase("recovery_s");
+  json.erase("error_at_end");
+  return json;
+}
 
 }  // namespace
 
 FaultResult runFault(OperatedMachine machine, FaultKind kind, const VesselTree& tree, const CArmCalibration& nominal,
-                     const FaultExperimentSettings& experiment, FaultParts parts) {
-  checkSettings("fault experiment", experiment);
+                     FaultParts parts) {
+  const Course course = courseOf(machine);
   std::mt19937_64 engine(static_cast<std::uint64_t>(parts.scenario.seed) ^ 0x63616d70);
-  const auto randomView = [&] {
-    const double primary = symmetric(engine) * experiment.max_primary_deg;
-    return ViewAngles{degToRad(primary), degToRad(symmetric(engine) * experiment.max_secondary_deg)};
-  };
-  const ViewAngles start = randomView(), goal = randomView();
-  parts.scenario.start_primary_deg = radToDeg(start.primary_rad);
-  parts.scenario.start_secondary_deg = radToDeg(start.secondary_rad);
-  ViewTaskSettings view;
-  view.primary_deg = radToDeg(goal.primary_rad);
-  view.secondary_deg = radToDeg(goal.secondary_rad);
-  parts.carm_loop.task = view;
-  const Scenario world = randomScenario(tree, withDetectorPixels(nominal, experiment.image_px), parts.scenario, goal);
+  const ViewAngles goal =
+      drawViews(engine, course.max_primary_deg, course.max_secondary_deg, parts.scenario, parts.carm_loop).second;
+  const Scenario world = randomScenario(tree, withDetectorPixels(nominal, kImage_px), parts.scenario, goal);
   parts.carm_loop = loopIn(world, parts.carm_loop);
-  if (machine == OperatedMachine::kCArm) return run<CArmMachine>({tree, world, parts, {}, {}}, experiment, kind);
+  if (machine == OperatedMachine::kCArm) return run<CArmMachine>({tree, world, parts, {}, {}}, course, kind);
 
   parts.patient = navigatePatient(parts.patient);
   const VesselTree full = withPlausibleRadii(tree, 1e-3 * parts.patient.fluoroscopy.end_radius_mm);
@@ -288,10 +332,57 @@ FaultResult runFault(OperatedMachine machine, FaultKind kind, const VesselTree& 
   const TreeLocation target = targets[static_cast<std::size_t>(parts.scenario.seed) % targets.size()];
   parts.catheter = navigateCatheter(parts.catheter, parts.scenario.seed);
   const TreeTopology map(full);
-  const double route_m = map.start_m(target.chain) + target.arc_m, uniform = 0.5 + 0.5 * symmetric(engine);
+  const double route_m = map.start_m(target.chain) + target.arc_m,
+               uniform = static_cast<double>(engine() >> 11) * 0x1p-53;
   const double before_m = std::max(0.5 * route_m, route_m - kInside_m - uniform * std::max(0.0, route_m - kMinWay_m));
   const LabCatheter catheter{parts.catheter, map.before(target, before_m)};
-  return run<CatheterMachine>({full, world, parts, catheter, target}, experiment, kind);
+  return run<CatheterMachine>({full, world, parts, catheter, target}, course, kind);
+}
+
+Json faultExperimentAsJson(const std::vector<FaultResult>& rows) {
+  Json json = {{"unsafe", 0}, {"faults", Json::array()}};
+  for (const auto machine : {OperatedMachine::kCArm, OperatedMachine::kCatheter}) {
+    std::vector<FaultResult> all, of_kind[kFaultKindCount];
+    for (const auto& row : rows) {
+      if (row.machine != machine) continue;
+      all.push_back(row);
+      of_kind[static_cast<int>(row.kind)].push_back(row);
+    }
+    for (const auto& some : of_kind) {
+      if (!some.empty()) json["faults"].push_back(summaryOf(some, nameOf(machine), nameOf(some.front().kind)));
+    }
+    if (all.empty()) continue;
+    json["faults"].push_back(summaryOf(all, nameOf(machine), "all"));
+    json["unsafe"] = json["unsafe"].get<int>() + json["faults"].back()["unsafe"].get<int>();
+  }
+  json["each"] = rowsOf(rows, columns());
+  return json;
+}
+
+std::string faultExperimentTable(const Json& summary) {
+  std::string table =
+      "machine   fault               runs  servoed   unsafe   unsound  recovered          after [s]         error at "
+      "end\n"
+      "                                     before  motions  commands                 median, worst        median, "
+      "worst\n";
+  for (const Json& row : summary["faults"]) {
+    table += filled(
+        "{machine:%-9s} {fault:%-17s} {runs:%6d} {servoed_before:%8d} {unsafe:%8d} "
+        "{unsound_commands_at_the_machine:%9d} {recovered:%10d}",
+        row);
+    if (row.contains("recovery_s")) {
+      table += filled(
+          " {recovery_s/p50:%8.2f}, {recovery_s/max:%8.2f} {error_at_end/p50:%9.3f}, "
+          "{error_at_end/max:%9.3f}",
+          row);
+    }
+    table += "\n";
+  }
+  table += "error: of the C-arm's view [deg], of the catheter's tip [mm]\n";
+  for (const Json& row : summary["each"]) {
+    if (row.contains("breach")) table += filled("{machine:%s}, seed {seed:%d}, {fault:%s}: {breach:%s}\n", row);
+  }
+  return table;
 }
 
 }  // namespace angio::experiments

@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "angio/experiments/limit_observer.hpp"
+#include "angio/evaluation/experiment.hpp"
+#include "angio/experiments/observers.hpp"
 #include "angio/localisation/tip_on_ray.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
@@ -147,7 +148,8 @@ class Journey {
  public:
   Journey(const VesselTree& full, const Scenario& world, const TreeLocation& start, const TreeLocation& target,
           const NavigateExperimentSettings& experiment, const NavigateParts& parts, int seed)
-      : lab_(full, patientOf(parts, seed), labWorld(full, world, start, parts, seed), experiment.lab),
+      : lab_(labOf(full, world, settingsOf(experiment, seed), carmLoop(world, parts), navigatePatient(parts.patient),
+                   LabCatheter{navigateCatheter(parts.catheter, seed), start})),
         injector_(lab_.fromMachines(), experiment.roadmap_contrast_s),
         carm_(lab_.loopSide(), carmLoop(world, parts), full),
         catheter_(lab_.loopSide(), navigateSetup(world, parts.carm_loop.limits), full, start, target,
@@ -178,24 +180,6 @@ class Journey {
   const std::optional<std::string>& breach() const { return limits_.breach(); }
 
  private:
-  static SimulatedPatientSettings patientOf(const NavigateParts& parts, int seed) {
-    SimulatedPatientSettings patient = navigatePatient(parts.patient);
-    patient.fluoroscopy.seed = seed;
-    return patient;
-  }
-
-  static LabWorld labWorld(const VesselTree& full, const Scenario& world, const TreeLocation& start,
-                           const NavigateParts& parts, int seed) {
-    LabWorld lab;
-    lab.carm = world.truth.carm;
-    lab.limits = parts.carm_loop.limits;
-    lab.T_patient_model = world.truth.T_dsa_cb;
-    lab.start = world.calibrated.carm.jointsFor({}, world.calibrated.T_dsa_cb * full.centroid());
-    lab.claimed_camera = world.calibrated.carm.camera();
-    lab.catheter = LabCatheter{navigateCatheter(parts.catheter, seed), start};
-    return lab;
-  }
-
   static ServoLoopSettings carmLoop(const Scenario& world, const NavigateParts& parts) {
     ServoLoopSettings loop = loopIn(world, parts.carm_loop);
     ViewTaskSettings view;
@@ -275,6 +259,79 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
   row.breach = journey.breach();
   row.misses = journey.catheter().loop().misses();
   return row;
+}
+
+namespace {
+
+constexpr double kNear_m = 1.5e-3;
+
+const std::vector<Column<NavigateResult>>& columns() {
+  using R = const NavigateResult&;
+  const auto near = [](R r) {
+    return std::count_if(r.errors_m.begin(), r.errors_m.end(), [](double e) { return e <= kNear_m; });
+  };
+  const auto millimetres = [](const std::vector<double>& lengths_m) {
+    Json all = Json::array();
+    for (const double length_m : lengths_m) all.push_back(1e3 * length_m);
+    return all;
+  };
+  static const std::vector<Column<NavigateResult>> kColumns = {
+      {"seed", "", "", [](R r) { return r.seed; }},
+      {"branch", "", "", [](R r) { return r.target.chain; }},
+      {"into_branch_mm", "", "", [](R r) { return 1e3 * r.target.arc_m; }},
+      {"reached", "reached", "sum", [](R r) { return r.reached; }},
+      {"ended", "", "", [](R r) { return r.ended; }},
+      {"time_s", "time_s", "median max", [](R r) { return r.time_s; }},
+      {"way_mm", "", "", [](R r) { return 1e3 * r.route_m; }},
+      {"forks", "forks", "sum", [](R r) { return r.forks; }},
+      {"misses", "misses", "sum", [](R r) { return r.misses; }},
+      {"views", "views", "sum", [](R r) { return r.views; }},
+      {"wall_contacts", "wall_contacts", "median max", [](R r) { return r.wall_contacts; }},
+      {"frames_with_catheter", "frames_with_catheter", "sum", [](R r) { return r.looked; }},
+      {"believed", "believed", "sum", [](R r) { return r.errors_m.size(); }},
+      {"within_1.5", "near", "sum", near},
+      {"", "max_force_n", "max", [](R r) { return r.max_force_n; }},
+      {"", "frames", "sum", [](R r) { return r.frames; }},
+      {"", "held", "sum", [](R r) { return r.held; }},
+      {"", "limits_exceeded", "sum", [](R r) { return r.breach.has_value(); }},
+      {"", "wrong_chain", "sum", [](R r) { return r.wrong_chain; }},
+      {"", "tip_error_mm", "median p95", [=](R r) { return millimetres(r.errors_m); }},
+      {"", "along_vessel_mm", "median p95", [=](R r) { return millimetres(r.arc_errors_m); }}};
+  return kColumns;
+}
+
+}  // namespace
+
+Json navigateExperimentAsJson(const std::string& tree_name, const std::vector<NavigateResult>& rows) {
+  Json json = {{"tree", tree_name}, {"targets", rows.size()}};
+  summarise(rows, columns(), json);
+  json["tip_error_mm"]["within_1.5"] = json["near"].get<double>() / std::max(1, json["believed"].get<int>());
+  json.erase("near");
+  json["each"] = rowsOf(rows, columns());
+  return json;
+}
+
+std::string navigateExperimentTable(const Json& trees) {
+  std::string table =
+      "navigate                   reached   forks  misses   views    wall contacts     force         tip error mm     "
+      "within   believed     held  limits         time s\n"
+      "                                                              median (most)    most N        median (95 %)     "
+      "1.5 mm     frames   frames  broken  median (most)\n";
+  for (Json tree : trees) {
+    const auto percent = [&](const char* of, const char* all) {
+      return 100.0 * tree[of].get<int>() / std::max(1, tree[all].get<int>());
+    };
+    tree["believed_percent"] = percent("believed", "frames_with_catheter");
+    tree["held_percent"] = percent("held", "frames");
+    table += filled(
+        "{tree:%-24s} {reached:%4d} / {targets:%2d} {forks:%7d} {misses:%7d} {views:%7d} "
+        "{wall_contacts/median:%10.0f} ({wall_contacts/max:%3.0f}) {max_force_n:%9.2f} "
+        "{tip_error_mm/median:%12.2f} ({tip_error_mm/p95:%5.2f}) {100*tip_error_mm/within_1.5:%8.1f %%} "
+        "{believed_percent:%8.1f %%} {held_percent:%6.1f %%} {limits_exceeded:%7d} {time_s/median:%7.0f} "
+        "({time_s/max:%4.0f})\n",
+        tree);
+  }
+  return table;
 }
 
 }  // namespace angio::experiments

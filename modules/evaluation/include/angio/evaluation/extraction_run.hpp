@@ -5,14 +5,78 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/contact_sheet.hpp"
-#include "angio/evaluation/extraction_score.hpp"
+#include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/simulation.hpp"
+#include "angio/evaluation/statistics.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/polygon_files.hpp"
 
 namespace angio::evaluation {
+
+/// The shadow of a vessel across its axis: its radius [px] and its absorption through the axis.
+struct ShadowProfile {
+  double radius_px = 1;
+  double contrast = 0;
+};
+
+/// Whether the sum of two parallel vessels' shadows has a minimum between their axes. Without one there is a single
+/// line to be seen: Sparrow's limit (Sparrow, On spectroscopic resolving power, Astrophys J 44, 1916), 2 sigma for
+/// equal normal curves. Shadows are a circle's chords under a blur of standard deviation `blur_px`; no noise.
+bool resolved(const ShadowProfile& one, const ShadowProfile& other, double apart_px, double blur_px);
+
+/// For each point of the projected vessels of a frame (with branch, radius and contrast) whether it has a line of its
+/// own there: false where another branch runs along within Sparrow's limit and the one line that both cast lies nearer
+/// to that one's axis. The nearer axis keeps the line, both do where it lies in the middle. Branches that meet at more
+/// than 30 degrees are taken for resolved: either is seen on both sides of the other. Looks at the truth alone, so that
+/// it is the same for every extractor. Throws InputError where radius or contrast is missing.
+std::vector<bool> haveOwnLine(const Centerline2d& vessels, double blur_px);
+
+/// Which points lie in the shadow of a wider vessel, as a branch does before it leaves its trunk: there is no line of
+/// their own to be seen there.
+std::vector<bool> lostInAWider(const Centerline2d& vessels);
+
+/// How well extracted centrelines are the true ones, over one image or many. Shares are of length: lines are counted
+/// every pixel.
+class ExtractionScore {
+ public:
+  /// Within `tolerance_px` of each other a true and an extracted line are the same.
+  explicit ExtractionScore(double tolerance_px) : tolerance_px_(tolerance_px) {}
+
+  /// Adds an image. What must be found may be less than what may be: `required` is what the image shows, `allowed` all
+  /// that is there. `own_line` (a flag for each allowed point, or empty) says which of that has a line of its own
+  /// (haveOwnLine): it is counted apart as well.
+  void add(const Centerline2d& found, const Centerline2d& required, const Centerline2d& allowed,
+           const std::vector<bool>& own_line = {});
+  void add(const Centerline2d& found, const Centerline2d& truth) { add(found, truth, truth); }
+
+  /// Adds an image whose truth is a mask (CV_8UC1, zero is background): what lies within the tolerance of it is right,
+  /// and its regions' thinned lines are to be found.
+  void addMask(const Centerline2d& found, const cv::Mat& mask);
+
+  /// Of what must be found, how much is ("covered"), and of what was found, how much may be ("correct"). The same
+  /// without what two vessels that run as one line cast ("own_line_covered", "own_line_correct"), of images whose own
+  /// lines are known: required points without a line of their own, and found ones that lie nearest to such a truth and
+  /// within its vessel; and how much of what must be found has a line of its own ("own_line_part"). Of the extracted
+  /// points within the tolerance the medians of the distance to the true line and of the angle between the two, of all
+  /// of them the median distance, and the root mean square of error over the uncertainty that a point claims, 1 when it
+  /// is right
+  /// ("error_over_sigma", where one claimed any).
+  Json asJson() const;
+
+ private:
+  double tolerance_px_;
+  double covered_ = 0, required_ = 0, correct_ = 0, found_ = 0;
+  double own_covered_ = 0, own_required_ = 0, own_correct_ = 0, own_found_ = 0, judged_required_ = 0;
+  std::vector<double> errors_px_, tangent_errors_rad_, distances_px_;
+  double squared_ratios_ = 0;
+  int ratios_ = 0;
+};
+
+/// The part of a projected centreline that an image shows: where it is darker than both of its sides by at least
+/// `contrast` (natural logarithm) over some pixels of its length. Looks at the image only, so that it is the same for
+/// every extractor. `radius_px` is that of the vessels; the projection may be off by as much.
+Centerline2d shownIn(const cv::Mat& image, const Centerline2d& projected, double radius_px, double contrast);
 
 /// An X-ray image and what is to be found in it.
 struct ExtractionSample {
@@ -68,7 +132,7 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
                                          Pictures pictures, const std::function<void(int done)>& progress = {});
 
 /// Scores and times by entrant, for other programs and for people (Markdown).
-nlohmann::ordered_json extractionSummaries(const std::vector<ExtractionRun>& runs);
-std::string extractionTable(const nlohmann::ordered_json& summary_by_entrant);
+Json extractionSummaries(const std::vector<ExtractionRun>& runs);
+std::string extractionTable(const Json& summary_by_entrant);
 
 }  // namespace angio::evaluation

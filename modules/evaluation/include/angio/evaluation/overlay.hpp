@@ -38,4 +38,18 @@ cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const Xra
 /// Pictures of one type from left to right, at least one; lower ones have a dark ground below.
 cv::Mat sideBySide(const std::vector<cv::Mat>& pictures);
 
+/// Pictures of one size (CV_8UC3), at least one, in rows of `columns`, each with a gap to its right and below.
+cv::Mat tiled(const std::vector<cv::Mat>& pictures, int columns, int gap_px, const cv::Scalar& ground);
+
+/// One picture of a contact sheet: an X-ray with what was seen in it.
+struct SheetPicture {
+  cv::Mat image;  ///< CV_8UC1 or CV_16UC1.
+  Centerline2d centerline;
+  std::string caption;
+};
+
+/// Pictures in rows of `columns`, each scaled into a square of `side_px`: vessels in red, devices in blue. CV_8UC3.
+/// Throws InputError without pictures or with columns or side below 1.
+cv::Mat contactSheet(const std::vector<SheetPicture>& pictures, int columns, int side_px);
+
 }  // namespace angio::evaluation

@@ -28,35 +28,21 @@ const PaperStart& paperTable1Start();
 /// another one in every trial.
 SimulationSettings paperProtocol(const PaperStart& start, int trials, int seed);
 
-/// What the tables say of one run. PR is a trial's root mean square distance from projected model points to the nearest
-/// image points: small for a wrong pose, too. The pose errors are against the truth.
-struct PaperFigures {
-  std::string name;
-  double gfr_percent = 0;  ///< Share of trials with PR > 5 px.
-  double mean_pr_mm = 0, p75_pr_mm = 0, p95_pr_mm = 0;
-  double rotation_deg = 0, centroid_mm = 0;  ///< Means over the trials.
-  double median_rotation_deg = 0, median_centroid_mm = 0;
-  double pose_ok_percent = 0;  ///< Within 0.1 deg and 1 mm.
-  double time_ms = 0;          ///< Median.
-};
-PaperFigures paperFigures(const EntrantRun& run);
-
 /// All runs of one spread of the starts.
 struct PaperLevel {
   PaperStart start;
   std::vector<EntrantRun> runs;
 };
 
-/// Table I with the paper's rows above ours, Markdown.
-std::string paperTable1(const std::vector<EntrantRun>& runs);
+/// Both tables: {"table1": {"paper": ..., "here": {method: figures}}, "table3": [{..., "paper": ..., "here": ...}]}.
+Json paperAsJson(const std::vector<EntrantRun>& table1, const std::vector<PaperLevel>& table3);
 
-/// Table III with the paper's rows beside ours, Markdown.
-std::string paperTable3(const std::vector<PaperLevel>& levels);
-
-nlohmann::ordered_json paperAsJson(const std::vector<EntrantRun>& table1, const std::vector<PaperLevel>& table3);
+/// Of that, Table I with the paper's rows above ours, and Table III with them beside ours, Markdown.
+std::string paperTable1(const Json& paper);
+std::string paperTable3(const Json& paper);
 
 /// One self-contained HTML page.
-std::string paperReportHtml(const std::vector<EntrantRun>& table1, const std::vector<PaperLevel>& table3,
-                            const std::string& tree_name, const nlohmann::ordered_json& settings_shown);
+std::string paperReportHtml(const std::vector<EntrantRun>& table1, const Json& paper, const std::string& tree_name,
+                            const Json& settings_shown);
 
 }  // namespace angio::evaluation

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <opencv2/core/mat.hpp>
 #include <string>
 #include <vector>
 
 #include "angio/evaluation/plot.hpp"
+#include "angio/evaluation/statistics.hpp"
 
 namespace angio::evaluation {
 
@@ -36,7 +36,7 @@ std::string card(const std::string& name, const std::string& figure, const std::
 std::string paragraph(const std::string& text);
 
 /// Nested settings as lines that fold away.
-std::string details(const std::string& title, const nlohmann::ordered_json& values);
+std::string details(const std::string& title, const Json& values);
 
 std::string section(const std::string& title, const std::string& body_html);
 

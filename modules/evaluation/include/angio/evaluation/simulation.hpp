@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -9,7 +10,7 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/registration/xray_view.hpp"
-#include "angio/simulation/fluoroscopy_settings.hpp"
+#include "angio/simulation/fluoroscopy.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::evaluation {
@@ -135,5 +136,33 @@ XrayCamera simulatedCamera();
 /// detector itself cuts more than that is cut by the detector. Throws InputError when a setting is out of its range.
 SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
                               const SimulationSettings& settings, int index);
+
+/// What an X-ray image of a trial shows.
+struct TrialTruth {
+  Centerline2d visible;  ///< Vessels that can be seen at the dose, and devices.
+  Centerline2d all;      ///< Those that cannot be seen as well.
+};
+
+/// Makes the X-ray images of simulated trials: contrast agent in the filled branches, the patient around them, wires
+/// where the trial has curves that are no vessel.
+class TrialImages {
+ public:
+  /// Throws InputError when a setting is out of its range, or `settings` asks for noise of points, which images do not
+  /// have.
+  TrialImages(const std::vector<VesselTree>& trees, const SimulationSettings& settings);
+  ~TrialImages();
+
+  /// One view of a trial of one of the trees. Noise is that of the trial's `index` and view.
+  cv::Mat render(const SimulatedTrial& trial, std::size_t tree, std::size_t view, int index);
+
+  /// What that image shows.
+  TrialTruth truth(const SimulatedTrial& trial, std::size_t tree, std::size_t view);
+
+ private:
+  XrayScene sceneOf(const SimulatedTrial& trial, std::size_t view) const;
+
+  SimulationSettings settings_;
+  std::vector<std::unique_ptr<FluoroscopyRenderer>> renderers_;  // By tree.
+};
 
 }  // namespace angio::evaluation

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "angio/evaluation/report_html.hpp"
-#include "angio/evaluation/simulation_sweep.hpp"
+#include "angio/evaluation/simulation_run.hpp"
 
 namespace angio::evaluation {
 
@@ -14,9 +14,9 @@ struct SimulationReport {
   const SimulationSetup& setup;
   const SimulationSettings& settings;
   const std::vector<EntrantRun>& runs;
-  const nlohmann::ordered_json& summaries;  ///< Of the runs, by method.
-  const std::vector<SweepResult>& sweeps;
-  nlohmann::ordered_json settings_shown;  ///< All effective settings, by section.
+  const Json& summaries;  ///< Of the runs, by method.
+  const std::vector<Json>& sweeps;
+  Json settings_shown;  ///< All effective settings, by section.
   std::vector<std::string> tree_names;
 };
 
@@ -31,10 +31,13 @@ std::string captureFigure(const std::vector<EntrantRun>& runs);
 std::string errorFigure(const std::vector<EntrantRun>& runs);
 std::string startAndEndFigure(const std::vector<EntrantRun>& runs);
 std::string timeFigure(const std::vector<EntrantRun>& runs);
-std::string sweepFigure(const SweepResult& result);
+std::string sweepFigure(const Json& swept);
 
 /// Processor, cores and compiler as one line.
 std::string machineLine();
+
+/// The last section of a report: all effective settings, by section, and the machine.
+std::string settingsSection(const Json& settings_shown);
 
 }  // namespace html
 }  // namespace angio::evaluation

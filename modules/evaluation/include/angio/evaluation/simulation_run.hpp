@@ -7,6 +7,7 @@
 
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/simulation.hpp"
+#include "angio/evaluation/statistics.hpp"
 
 namespace angio::evaluation {
 
@@ -49,10 +50,13 @@ struct CaptureBins {
 
   /// Upper edge of the farthest bin with success in 95 % or more of its trials [mm]; nothing when no bin has that, or
   /// none has enough trials.
-  std::optional<double> range_mm() const;
+  std::optional<double> range_mm() const { return farthest_mm(false); }
 
   /// The same, of the farthest such bin with no worse bin before it: one that luck does not carry.
-  std::optional<double> unbroken_range_mm() const;
+  std::optional<double> unbroken_range_mm() const { return farthest_mm(true); }
+
+ private:
+  std::optional<double> farthest_mm(bool unbroken) const;
 };
 
 CaptureBins captureBins(const std::vector<CaseOutcome>& outcomes);
@@ -67,15 +71,38 @@ ShareBounds shareBounds(int successes, int trials);
 /// in-plane parts, failure rates in px and mm, capture range, success with its bounds.
 ///
 /// @param pixel_spacing_m  At the detector, when known.
-nlohmann::ordered_json simulationSummary(const std::vector<CaseOutcome>& outcomes,
-                                         std::optional<double> pixel_spacing_m);
+Json simulationSummary(const std::vector<CaseOutcome>& outcomes, std::optional<double> pixel_spacing_m);
 
 /// The summaries of one run by method; each has the ratio of its median time to that of the first entrant named
 /// `reference` (or of the first entrant).
-nlohmann::ordered_json simulationSummaries(const std::vector<EntrantRun>& runs, std::optional<double> pixel_spacing_m,
-                                           const std::string& reference = "iterative_pnp");
+Json simulationSummaries(const std::vector<EntrantRun>& runs, std::optional<double> pixel_spacing_m,
+                         const std::string& reference = "iterative_pnp");
 
 /// The summaries as tables for people, Markdown.
-std::string simulationTable(const nlohmann::ordered_json& summary_by_method);
+std::string simulationTable(const Json& summary_by_method);
+
+/// One quantity of the simulation over its range, everything else as it was.
+struct Sweep {
+  struct Point {
+    double value = 0;   ///< On the plot's axis.
+    std::string label;  ///< For people: "2 deg, 5 mm".
+    SimulationSettings settings;
+  };
+  std::string name, axis;  ///< "noise", "noise of each coordinate [px]".
+  std::vector<Point> points;
+};
+
+/// The names there are: visible-fraction, noise, spurious, missing, start, focal, calibration, deformation.
+std::vector<std::string> sweepNames();
+
+/// The sweep of that name about `base`; `all` of them for "all". A sweep of the calibration needs two views and takes
+/// them. Throws InputError that lists the names there are.
+std::vector<Sweep> sweepsNamed(const std::string& name, const SimulationSettings& base);
+
+/// Runs a sweep: {"name": ..., "quantity": ..., "points": [{"value": x, "label": ..., "summaries": by method}]}.
+Json runSweep(const SimulationSetup& setup, const Sweep& sweep, const CaseProgress& progress = {});
+
+/// For people, Markdown.
+std::string sweepTable(const Json& swept);
 
 }  // namespace angio::evaluation

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <functional>
+#include <random>
 #include <string>
 #include <vector>
 
 #include "angio/calibration/view_uncertainty.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/evaluation/statistics.hpp"
 #include "angio/experiments/namespace.hpp"
 #include "angio/experiments/scenario_settings.hpp"
 #include "angio/servo/servo_node.hpp"
@@ -24,6 +26,13 @@ struct Scenario {
 /// by what the settings say, so that it tilts the view along `beam` [anatomy].
 Scenario randomScenario(const VesselTree& tree, const CArmCalibration& nominal, const ScenarioSettings& settings,
                         const ViewAngles& beam);
+
+/// Two angles [deg], spread evenly over +- these.
+Eigen::Vector2d drawnAngles_deg(std::mt19937_64& engine, double max_primary_deg, double max_secondary_deg);
+
+/// Draws a start and a view to go to, puts them into settings, and returns both.
+std::pair<ViewAngles, ViewAngles> drawViews(std::mt19937_64& engine, double max_primary_deg, double max_secondary_deg,
+                                            ScenarioSettings& scenario, ServoLoopSettings& loop);
 
 /// A calibration for the same detector with another number of pixels a side.
 CArmCalibration withDetectorPixels(CArmCalibration calibration, int side_px);
@@ -86,5 +95,22 @@ ClosedLoopRun runClosedLoop(const VesselTree& tree, const Scenario& world, const
 
 /// How many frames that will be.
 int framesOf(const ScenarioSettings& settings);
+
+/// Frames, registered, held, a fingerprint of all commands, final errors of both loops, latency p50/p99/max per stage.
+Json closedLoopSummary(const ClosedLoopRun& run);
+
+/// The same as a table for people.
+std::string closedLoopTable(const Json& summary);
+
+/// One row per frame of the closed loop, with the open loop's error beside it; header with units.
+std::string closedLoopTrace(const ClosedLoopRun& run);
+
+/// Makes the folder when it is missing. Throws InputError when that cannot be done.
+void makeFolder(const std::string& folder);
+
+/// Writes overlay_first.png, overlay_last.png, plot.png, all three on sheet.jpg, trace.csv and summary.json into
+/// `folder`, which is made when it is missing. `summary` is what summary.json holds. Throws InputError when a file
+/// cannot be written.
+void writeClosedLoop(const std::string& folder, const ClosedLoopRun& run, const VesselTree& tree, const Json& summary);
 
 }  // namespace angio::experiments

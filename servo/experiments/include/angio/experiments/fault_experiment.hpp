@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -32,35 +31,6 @@ enum class FaultKind {
 constexpr int kFaultKindCount = 15;
 const char* nameOf(FaultKind kind);
 
-struct FaultExperimentSettings {
-  double sound_s = 2;      ///< Until the fault begins ...
-  double disturbed_s = 2;  ///< ... while it lasts; frames that are late are so for at least as long as it was sound ...
-  double recovery_s = 3;   ///< ... and from its end to the run's.
-  int image_px = 512;
-  double max_primary_deg = 30;      ///< Views are spread evenly over +- this ...
-  double max_secondary_deg = 15;    ///< ... and this; the start is between them.
-  double max_command_age_ms = 350;  ///< A command for motion that arrives later after its exposure is a stale one.
-  double max_frame_age_ms = 300;    ///< Of a frame that a loop may move by, as its own settings say ...
-  double frame_age_margin_ms = 20;  ///< ... and so much above it counts as late: loops know the quickest frame's only.
-  double steady_s = 0.5;            ///< So long it has to servo on end to have recovered.
-
-  /// The same for a catheter: a roadmap comes first, and once more for a loop that starts anew.
-  static FaultExperimentSettings forCatheter() {
-    FaultExperimentSettings settings;
-    settings.sound_s = settings.recovery_s = 6;
-    settings.max_frame_age_ms = 200;
-    settings.max_primary_deg = settings.max_secondary_deg = 0;
-    return settings;
-  }
-
-  void visit(SettingsVisitor& v) {
-    v.integer("image_px", image_px, 128, 4096);
-    v.number("max_primary_deg", max_primary_deg, 0, 90);
-    v.number("max_secondary_deg", max_secondary_deg, 0, 45);
-    v.number("max_command_age_ms", max_command_age_ms, 1, 10e3);
-  }
-};
-
 /// What became of one run.
 struct FaultResult {
   OperatedMachine machine = OperatedMachine::kCArm;
@@ -89,11 +59,11 @@ struct FaultParts {
 /// the fault. The operator resets and arms again when the fault is over. Judged by observers that know the truth and
 /// hear the wire. A catheter goes to a branch that the seed chooses under a C-arm that stands still.
 FaultResult runFault(OperatedMachine machine, FaultKind kind, const VesselTree& tree, const CArmCalibration& nominal,
-                     const FaultExperimentSettings& experiment, FaultParts parts);
+                     FaultParts parts);
 
-nlohmann::ordered_json faultExperimentAsJson(const std::vector<FaultResult>& rows);
+Json faultExperimentAsJson(const std::vector<FaultResult>& rows);
 
 /// The same as a table for people, a line for each machine and fault.
-std::string faultExperimentTable(const nlohmann::ordered_json& summary);
+std::string faultExperimentTable(const Json& summary);
 
 }  // namespace angio::experiments

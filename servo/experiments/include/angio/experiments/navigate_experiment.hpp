@@ -2,7 +2,6 @@
 #pragma once
 
 #include <functional>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -116,7 +115,7 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
                                        const NavigateParts& parts, int seed, const NavigateObserver& look_on = {});
 
 /// Rows of one tree, as JSON and as a table for people.
-nlohmann::ordered_json navigateExperimentAsJson(const std::string& tree_name, const std::vector<NavigateResult>& rows);
-std::string navigateExperimentTable(const nlohmann::ordered_json& trees);
+Json navigateExperimentAsJson(const std::string& tree_name, const std::vector<NavigateResult>& rows);
+std::string navigateExperimentTable(const Json& trees);
 
 }  // namespace angio::experiments

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "disturbance.hpp"
+#include "program_bus.hpp"
 
 #include <algorithm>
 #include <chrono>
+#include <csignal>
+#include <iostream>
+#include <stdexcept>
 #include <utility>
 
-#include "angio/apps/namespace.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/messaging/disturbed_bus.hpp"
@@ -56,6 +58,25 @@ std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& se
   if (settings_path.empty()) return messaging::openSharedBus(url);
   const auto settings = readSettings(settings_path, DisturbanceSettings());
   return std::make_unique<BadNetwork>(messaging::openSharedBus(url), settings);
+}
+
+RunLog::RunLog(Bus& bus, const std::string& path, const std::string& program) : bus_(bus), program_(program) {
+  if (path.empty()) return;
+  std::signal(SIGXFSZ, SIG_IGN);  // A limit on the size of files is an error of the log, not the end of the loop.
+  recording_.emplace(bus, path);
+}
+
+void RunLog::watch() {
+  if (!recording_ || !recording_->failure() || std::exchange(told_, true)) return;
+  std::cerr << program_ << ": " << *recording_->failure() << "\n";
+}
+
+void RunLog::finish() {
+  if (!recording_) return;
+  if (const auto failure = recording_->finish()) {
+    std::cout.flush();
+    throw std::runtime_error(*failure);
+  }
 }
 
 }  // namespace angio::apps

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/experiments/command_observer.hpp"
+#include "angio/experiments/observers.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,13 +9,44 @@
 namespace angio::experiments {
 namespace {
 
+// Rounding of positions that are integrated over minutes; a thousandth of a limit is no excess to speak of.
+constexpr double kStateRounding = 1e-9;
+// Commands arrive on whole microseconds, a limiter reckons in real ones.
+constexpr double kEnvelopeRounding = 1e-6;
 // Of a speed limit: rounding of velocities that are integrated piece by piece.
-constexpr double kRounding = 1e-6;
+constexpr double kSpeedRounding = 1e-6;
 // Of an acceleration limit: what a machine that has nothing to go by must brake with at least.
 constexpr double kMinBraking = 0.9;
 constexpr std::int64_t kRemembered_us = 3'000'000;
 
 }  // namespace
+
+void LimitObserver::see(const AxesState& state) {
+  const auto note = [&](Eigen::Index axis, const char* what, double value, double most) {
+    if (!breach_) breach_ = formatted("axis %d: %s %.6g exceeds %.6g", static_cast<int>(axis), what, value, most);
+  };
+  if (!limits_.envelope.faces.empty()) {
+    const CArmJoints joints = state.place;
+    const auto* face = limits_.envelope.violated(joints);
+    if (face && !breach_ && !(face->room(joints) >= -kEnvelopeRounding * face->normal.norm())) {
+      breach_ = formatted("envelope: %s, by %.6g", face->name.c_str(), -face->room(joints));
+    }
+  }
+  const double dt_s = last_ ? 1e-6 * static_cast<double>(state.time_us - last_->time_us) : 0;
+  for (Eigen::Index i = 0; i < state.place.size(); ++i) {
+    const double q = state.place[i], v = state.velocity[i];
+    if (!std::isfinite(q) || !std::isfinite(v)) note(i, "state", q, limits_.upper[i]);
+    if (!(q <= limits_.upper[i] + kStateRounding)) note(i, "position", q, limits_.upper[i]);
+    if (!(q >= limits_.lower[i] - kStateRounding)) note(i, "position below", q, limits_.lower[i]);
+    if (!(std::abs(v) <= limits_.velocity[i] + kStateRounding)) note(i, "speed", std::abs(v), limits_.velocity[i]);
+    if (!(dt_s > 0)) continue;
+    // The mean over the interval: never more than the largest within it.
+    const double a = std::abs(v - last_->velocity[i]) / dt_s;
+    if (!(a <= limits_.acceleration[i] * (1 + 1e-6) + kStateRounding))
+      note(i, "acceleration", a, limits_.acceleration[i]);
+  }
+  last_ = state;
+}
 
 void CommandObserver::exposed(std::int64_t frame_sequence, std::int64_t now_us,
                               const std::optional<std::string>& spoilt) {
@@ -34,7 +65,7 @@ std::optional<std::string> CommandObserver::wrongWith(const AxesCommand& command
 
 void CommandObserver::sent(const AxesCommand& command, std::int64_t now_us) {
   if (breach_ || command.velocity.isZero(0)) return;
-  const auto within = (command.velocity.array().abs() <= (1 + kRounding) * limits_.velocity.array());
+  const auto within = (command.velocity.array().abs() <= (1 + kSpeedRounding) * limits_.velocity.array());
   if (const auto wrong = wrongWith(command, now_us, max_frame_age_s_)) breach_ = "the loop commands motion " + *wrong;
   if (!within.all()) breach_ = "the loop commands more than the machine's speed";
 }
@@ -51,7 +82,7 @@ bool CommandObserver::explained(Eigen::Index axis, double speed, double sign, st
                                 std::int64_t to_us) const {
   return std::any_of(orders_.begin(), orders_.end(), [&](const Order& order) {
     return !order.wrong && order.arrived_us <= to_us && order.until_us >= from_us &&
-           sign * order.command.velocity[axis] >= speed - kRounding * limits_.velocity[axis];
+           sign * order.command.velocity[axis] >= speed - kSpeedRounding * limits_.velocity[axis];
   });
 }
 
@@ -68,7 +99,7 @@ void CommandObserver::see(const AxesState& state) {
     for (Eigen::Index i = 0; i < state.velocity.size(); ++i) {
       const double v = state.velocity[i], sign = v < 0 ? -1 : 1, before = std::max(0.0, sign * last_->velocity[i]);
       const double braked = std::max(0.0, before - kMinBraking * limits_.acceleration[i] * dt_s);
-      if (std::abs(v) <= braked + kRounding * limits_.velocity[i]) continue;
+      if (std::abs(v) <= braked + kSpeedRounding * limits_.velocity[i]) continue;
       if (explained(i, std::abs(v), sign, last_->time_us, state.time_us)) continue;
       breach_ = formatted("axis %d moved at %.4g [rad/s, m/s] %s", static_cast<int>(i), v, suspect(i, sign).c_str());
       break;

@@ -1,13 +1,22 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "angio/apps/namespace.hpp"
+#include "angio/messaging/bus.hpp"
 #include "angio/messaging/recording_bus.hpp"
 
 namespace angio::apps {
+
+/// The bus of a program, to which bad things may be done on purpose: for trying a set-up before it is trusted.
+/// @param url            LCM URL, as openSharedBus() takes it.
+/// @param settings_path  What happens to all that this program says (.yaml, DisturbanceSettings), in real time; empty:
+///                       nothing.
+/// Throws InputError as openSharedBus() does, and when the file cannot be read.
+std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& settings_path);
 
 /// The log of a program's run, when one was asked for (--record). A log that can no longer be written ends neither the
 /// program nor its loop: the user is told at once, and by the exit code.

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/experiment.hpp"
+
+#include <algorithm>
+#include <exception>
+#include <mutex>
+#include <thread>
+
+#include "angio/base/errors.hpp"
+
+namespace angio::evaluation {
+namespace {
+
+// What a run threw, with its name in front.
+std::exception_ptr failureOf(const std::string& name) {
+  try {
+    throw;
+  } catch (const InputError& error) {
+    return std::make_exception_ptr(error.within(name));
+  } catch (const std::exception& error) {
+    return std::make_exception_ptr(std::runtime_error(name + ": " + error.what()));
+  } catch (...) {
+    return std::current_exception();
+  }
+}
+
+}  // namespace
+
+void forEachRun(int count, int threads, const std::function<std::string(int k)>& nameOf,
+                const std::function<void(int k)>& one, const Progress& done) {
+  std::mutex mutex;
+  int next = 0, finished = 0;
+  std::exception_ptr failure;
+  const auto work = [&] {
+    for (;;) {
+      std::unique_lock<std::mutex> lock(mutex);
+      if (next >= count || failure) return;
+      const int k = next++;
+      lock.unlock();
+      try {
+        one(k);
+      } catch (...) {
+        lock.lock();
+        if (!failure) failure = failureOf(nameOf(k));
+        return;
+      }
+      lock.lock();
+      ++finished;
+      if (done) done(finished);
+    }
+  };
+  std::vector<std::thread> others;
+  for (int i = 1; i < std::min(threads, count); ++i) others.emplace_back(work);
+  work();
+  for (auto& other : others) other.join();
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace angio::evaluation
