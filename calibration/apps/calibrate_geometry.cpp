@@ -6,7 +6,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/geometry_input.hpp"
+#include "angio/calibration/geometry_calibration.hpp"
 #include "angio/calibration/geometry_pictures.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"

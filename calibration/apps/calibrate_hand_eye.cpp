@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-calibrate hand-eye: where the camera sits on the machine, and the object (or the patient's model) in its frame.
 #include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -8,8 +10,11 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/calibration/hand_eye_simulation.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/program.hpp"
+#include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/statistics.hpp"
 #include "calibrate.hpp"
 #include "outputs.hpp"
 
@@ -51,7 +56,7 @@ void requireMachine(const std::string& path, const CArmFile& carm, const PoseSet
   throw InputError(path, "machine", carm.machine, "must be the poses' machine, " + set.machine);
 }
 
-void writeResult(const HandEyeOptions& o, std::optional<CArmFile> carm, const PoseSet& set,
+void writeResult(const HandEyeOptions& o, const std::optional<CArmFile>& carm, const PoseSet& set,
                  const HandEyeResult& result) {
   CalibrationRecord record = handEyeRecord(set, o.settings, result);
   if (!carm) {
@@ -59,10 +64,7 @@ void writeResult(const HandEyeOptions& o, std::optional<CArmFile> carm, const Po
     return;
   }
   record.inputs.push_back(hashedInput(o.carm));
-  carm->T_dsa_cb = result.transforms.Z;
-  if (carm->machine.empty()) carm->machine = set.machine;
-  replaceRecord(carm->records, record);
-  writeCArmFile(o.out, *carm);
+  writePatient(o.out, *carm, result.transforms.Z, record);
 }
 
 // T_dsa_cb goes with the camera's place on the C-arm: a file whose geometry has it elsewhere would use it wrongly.
@@ -76,8 +78,78 @@ std::optional<std::string> doubtOfMount(const HandEyeResult& result) {
                    radToDeg(off.tail<3>().norm()), 1e3 * off.head<3>().norm());
 }
 
-int simulate(const HandEyeOptions& o, const std::optional<CArmFile>& carm) {
-  std::cout << trialsTable(carm ? carm->carm : CArmGeometry(), o.orbit, o.settings, o.trials, o.seed, o.compare);
+// Errors of many trials, as a row of a table.
+struct Errors {
+  std::vector<double> X_deg, X_mm, Z_deg, Z_mm;
+
+  void add(const Eigen::Matrix<double, 12, 1>& error) {
+    X_mm.push_back(1e3 * error.segment<3>(0).norm());
+    X_deg.push_back(radToDeg(error.segment<3>(3).norm()));
+    Z_mm.push_back(1e3 * error.segment<3>(6).norm());
+    Z_deg.push_back(radToDeg(error.segment<3>(9).norm()));
+  }
+  std::string row(const std::string& name) const {
+    const auto both = [](const std::vector<double>& v) {
+      return formatted("  %8.4f (%8.4f)", percentile(v, 0.5), percentile(v, 0.95));
+    };
+    if (Z_mm.empty()) return formatted("%-24s  fails\n", name.c_str());
+    return formatted("%-24s", name.c_str()) + both(Z_deg) + both(Z_mm) + both(X_deg) + both(X_mm) + "\n";
+  }
+};
+
+// Our row, and whether the covariance says how far off it is.
+std::pair<std::string, std::string> trialsWith(HandEyeMount mount, const std::string& name, const CArmGeometry& carm,
+                                               const HandEyeOptions& o) {
+  HandEyeSettings settings = o.settings;
+  settings.mount = mount;
+  ProgressBar bar("calibrating", o.trials);
+  Errors errors;
+  double nees = 0;
+  for (const HandEyeTrial& trial :
+       handEyeTrials(carm, o.orbit, settings, o.trials, o.seed, [&](int done) { bar.show(done, name); })) {
+    errors.add(trial.error);
+    nees += trial.nees / o.trials;
+  }
+  const double freedom = mount == HandEyeMount::kUnknown ? 12 : 6;
+  const double band = 1.96 * std::sqrt(2 * freedom / o.trials);
+  return {errors.row(name), formatted("NEES, %s: %.2f, %.0f by theory (95 %% band %.2f to %.2f)\n", name.c_str(), nees,
+                                      freedom, freedom - band, freedom + band)};
+}
+
+std::string otherSolvers(const CArmGeometry& carm, const HandEyeOptions& o) {
+  ProgressBar bar("other solvers", o.trials);
+  std::vector<std::pair<std::string, Errors>> others;
+  for (int trial = 0; trial < o.trials; ++trial) {
+    const SimulatedPoseSet simulated = simulatedOrbit(carm, o.orbit, o.seed + trial);
+    for (const ComparedSolver& other : compareSolvers(handEyeEquations(simulated.set))) {
+      auto at =
+          std::find_if(others.begin(), others.end(), [&](const auto& entry) { return entry.first == other.name; });
+      if (at == others.end()) at = others.insert(others.end(), {other.name, {}});
+      if (other.transforms) at->second.add(errorOf(*other.transforms, simulated.truth));
+    }
+    bar.show(trial + 1);
+  }
+  std::string rows;
+  for (const auto& [name, errors] : others) rows += errors.row(name);
+  return rows;
+}
+
+// Errors over simulated trials, and with --compare those of the other solvers.
+int simulate(const HandEyeOptions& o, const CArmGeometry& carm) {
+  const auto known = trialsWith(HandEyeMount::kIdentity, "angio, mount known", carm, o);
+  std::pair<std::string, std::string> unknown;
+  if (o.settings.mount == HandEyeMount::kUnknown) {
+    unknown = trialsWith(HandEyeMount::kUnknown, "angio, mount estimated", carm, o);
+  }
+  std::cout << formatted(
+                   "%d trials of %d poses, LAO/RAO %g deg + CRA/CAU %g deg, noise %g deg, %g mm per axis; median (95th "
+                   "percentile)\n",
+                   o.trials, o.orbit.poses, o.orbit.max_primary_deg, o.orbit.max_secondary_deg,
+                   o.orbit.camera_noise_deg, o.orbit.camera_noise_mm)
+            << formatted("%-24s  %-19s  %-19s  %-19s  %-19s\n", "solver", "T_dsa_cb [deg]", "T_dsa_cb [mm]",
+                         "mount [deg]", "mount [mm]")
+            << known.first << unknown.first << (o.compare ? otherSolvers(carm, o) : "") << known.second
+            << unknown.second;
   return 0;
 }
 
@@ -86,7 +158,7 @@ int calibrate(HandEyeOptions o) {
   if (o.reprojection) o.settings.residual = HandEyeResidual::kReprojection;
   std::optional<CArmFile> carm;
   if (!o.carm.empty()) carm = readCArmFile(o.carm);
-  if (o.trials > 0) return simulate(o, carm);
+  if (o.trials > 0) return simulate(o, carm ? carm->carm : CArmGeometry());
   const PoseSet set = posesOf(o, carm);
   if (carm) requireMachine(o.carm, *carm, set);
   if (carm && set.setup != HandEyeSetup::kEyeInHand)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-calibrate registration: T_dsa_cb from the anatomy itself, registered in several views.
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -8,9 +9,10 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/anatomy_angles.hpp"
 #include "angio/calibration/anatomy_registration.hpp"
+#include "angio/calibration/pose_pictures.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/calibration_records/pose_fields.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
@@ -22,6 +24,7 @@
 #include "angio/io/xa_files.hpp"
 #include "calibrate.hpp"
 #include "outputs.hpp"
+#include "report_folder.hpp"
 
 namespace angio::apps {
 namespace {
@@ -110,21 +113,31 @@ SeenAnatomy seenIn(const View& view) {
   return {vesselsToMatch(makeExtractor(ExtractorSettings())->extract(image)), view.camera};
 }
 
+// The views that took part, in one order; a view from a centreline has no image.
+struct SeenViews {
+  std::vector<AnatomyView> views;
+  std::vector<SeenAnatomy> seen;
+  std::vector<std::optional<std::string>> image_paths;
+};
+
+AnatomyResult anatomyOf(const SeenViews& seen, const VesselTree& tree, const RegistrationOptions& o) {
+  const AnatomyResult result = registerAnatomy(seen.views, tree.centroid(), o.settings);
+  return o.refine ? refineAnatomy(result, seen.views, seen.seen, tree, o.settings) : result;
+}
+
 // For each view: T_dsa_cb made of the others alone, and what it says of this one.
-std::string leaveOneOutTable(const AnatomyResult& all, const std::vector<AnatomyView>& views,
-                             const std::vector<SeenAnatomy>& seen, const VesselTree& tree,
+std::string leaveOneOutTable(const AnatomyResult& all, const SeenViews& seen, const VesselTree& tree,
                              const RegistrationOptions& o) {
   std::string table = "\nleft out    predicted rotation off [deg]   T_dsa_cb of the others moves by [deg]\n";
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    std::vector<AnatomyView> others = views;
-    std::vector<SeenAnatomy> others_seen = seen;
-    others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
-    others_seen.erase(others_seen.begin() + static_cast<std::ptrdiff_t>(i));
-    AnatomyResult result = registerAnatomy(others, tree.centroid(), o.settings);
-    if (o.refine) result = refineAnatomy(result, others, others_seen, tree, o.settings);
-    const Eigen::Matrix3d predicted = views[i].T_camera_patient.linear() * result.T_dsa_cb.linear();
-    table += formatted("%-10s  %28.3f  %38.3f\n", views[i].name.c_str(),
-                       radToDeg(rotationAngle(views[i].T_camera_model.linear() * predicted.transpose())),
+  for (std::size_t i = 0; i < seen.views.size(); ++i) {
+    SeenViews others = seen;
+    others.views.erase(others.views.begin() + static_cast<std::ptrdiff_t>(i));
+    others.seen.erase(others.seen.begin() + static_cast<std::ptrdiff_t>(i));
+    const AnatomyResult result = anatomyOf(others, tree, o);
+    const AnatomyView& view = seen.views[i];
+    const Eigen::Matrix3d predicted = view.T_camera_patient.linear() * result.T_dsa_cb.linear();
+    table += formatted("%-10s  %28.3f  %38.3f\n", view.name.c_str(),
+                       radToDeg(rotationAngle(view.T_camera_model.linear() * predicted.transpose())),
                        radToDeg(rotationAngle(result.T_dsa_cb.linear() * all.T_dsa_cb.linear().transpose())));
   }
   return table;
@@ -138,21 +151,83 @@ Pose patientOfRun(const AnatomyResult& result, const std::string& run) {
   throw InputError("", "run", run, "must be one of the angles' runs");
 }
 
+// T_dsa_cb, the shifts of the runs and the record, where there is no C-arm file.
+void writePatientFile(const std::string& path, const Pose& T_dsa_cb, const AnatomyResult& result,
+                      const CalibrationRecord& record) {
+  nlohmann::ordered_json file;
+  if (!record.machine.empty()) file["machine"] = record.machine;
+  file["T_dsa_cb"] = poseAsJson(T_dsa_cb, result.covariance);
+  for (const RunShift& run : result.runs) {
+    nlohmann::ordered_json shift = nlohmann::ordered_json::array(), sigma = nlohmann::ordered_json::array();
+    for (int k = 0; k < 3; ++k) {
+      shift.push_back(1e3 * run.shift_m[k]);
+      sigma.push_back(1e3 * std::sqrt(run.covariance(k, k)));
+    }
+    file["runs"].push_back({{"name", run.run}, {"shift_mm", shift}, {"std_mm", sigma}});
+  }
+  file["calibration"][record.kind] = recordAsJson(record);
+  writeWholeFile(path, asYaml(file));
+}
+
 void writeAnatomy(const RegistrationOptions& o, const AnatomyCases& cases, const AnatomyResult& result) {
   const CalibrationRecord record = anatomyRecord(result, cases.angles.machine, cases.input_paths);
   const Pose T_dsa_cb = patientOfRun(result, o.run);
-  if (cases.carm) {
-    CArmFile carm = *cases.carm;
-    if (!carm.machine.empty() && !record.machine.empty() && carm.machine != record.machine) {
-      throw InputError(o.carm, "machine", carm.machine, "must be the angles' machine, " + record.machine);
-    }
-    if (carm.machine.empty()) carm.machine = record.machine;
-    carm.T_dsa_cb = T_dsa_cb;
-    replaceRecord(carm.records, record);
-    writeCArmFile(o.out, carm);
-    return;
+  if (!cases.carm) return writePatientFile(o.out, T_dsa_cb, result, record);
+  const std::string& machine = cases.carm->machine;
+  if (!machine.empty() && !record.machine.empty() && machine != record.machine) {
+    throw InputError(o.carm, "machine", machine, "must be the angles' machine, " + record.machine);
   }
-  writePatientFile(o.out, T_dsa_cb, result, record);
+  writePatient(o.out, *cases.carm, T_dsa_cb, record);
+}
+
+// For a person: T_dsa_cb, the runs' shifts, each view against the others. `left_out` names those that were not
+// registered.
+std::string anatomyTable(const AnatomyResult& result, const std::vector<CaseOutcome>& outcomes,
+                         const std::string& left_out) {
+  std::string table = transformRow("T_dsa_cb", result.T_dsa_cb, result.covariance);
+  for (const RunShift& run : result.runs) {
+    const Eigen::Vector3d s = run.covariance.diagonal().cwiseSqrt();
+    table += formatted("shift of %-6s", run.run.c_str());
+    for (int k = 0; k < 3; ++k) table += formatted("  %9.3f +- %-7.3f", 1e3 * run.shift_m[k], 1e3 * s[k]);
+    table += " mm\n";
+  }
+  table += "\nview        registered   by the angles off [deg]  [mm]     sigmas   by the other views off [deg]\n";
+  for (const AnatomyViewFit& view : result.views) {
+    const auto outcome =
+        std::find_if(outcomes.begin(), outcomes.end(), [&](const auto& o) { return o.name == view.name; });
+    table += formatted("%-10s  %-10s  %22.3f  %8.3f  %5.2f   ", view.name.c_str(),
+                       statusName(outcome->result.status).c_str(), radToDeg(view.rotation_rad),
+                       1e3 * view.translation_m, view.sigmas);
+    table += view.outlier                 ? "outlier"
+             : view.held_out_rotation_rad ? formatted("%.3f", radToDeg(*view.held_out_rotation_rad))
+                                          : "-";
+    table += "\n";
+  }
+  if (!left_out.empty()) table += "left out        " + left_out + "\n";
+  if (result.held_out_rotation_rms_rad) {
+    table += formatted("held out, rms   %.3f deg\n", radToDeg(*result.held_out_rotation_rms_rad));
+  }
+  return table + formatted("chi2 per degree of freedom %.2f\n", result.chi2_per_freedom);
+}
+
+// Each view's overlay and how far it is from the others, as pictures and a page with `table`.
+void writeAnatomyReport(const std::string& folder, const std::string& cases_path, const AnatomyResult& result,
+                        const SeenViews& anatomy, const VesselTree& tree, const std::string& table) {
+  std::vector<ReportPicture> overlays;
+  constexpr std::size_t kShown = 4;  // In the overview.
+  for (std::size_t i = 0; i < anatomy.views.size(); ++i) {
+    const auto& path = anatomy.image_paths[i];
+    overlays.push_back(
+        {formatted("view-%03zu.png", i + 1), anatomy.views[i].name,
+         anatomyOverlay(result, anatomy.views[i], anatomy.seen[i], tree, path ? readXrayImage(*path) : cv::Mat()),
+         i < kShown});
+  }
+  writeReport(folder, "T_dsa_cb from the anatomy", cases_path,
+              {{"Views against each other",
+                "",
+                {{"residuals.png", "A view's own registration against that of all views", anatomyResiduals(result)}}},
+               {"Views", "", overlays},
+               {"Numbers", printed(table), {}}});
 }
 
 int calibrate(const RegistrationOptions& o) {
@@ -162,27 +237,25 @@ int calibrate(const RegistrationOptions& o) {
   how.starts.box_rotation_deg = o.search_rotation_deg;
   how.starts.box_translation_mm = o.search_translation_mm;
   const auto outcomes = runCases(cases.set, how, [&](int done) { bar.show(done); });
-  std::vector<AnatomyView> views;
-  std::vector<SeenAnatomy> seen;
-  std::vector<std::optional<std::string>> images;
+  SeenViews seen;
   std::string left_out;
   for (std::size_t i = 0; i < outcomes.size(); ++i) {
     if (!outcomes[i].result.covariance || outcomes[i].result.status == RegistrationStatus::kDiverged) {
       left_out += (left_out.empty() ? "" : ", ") + outcomes[i].name + " (" + outcomes[i].result.reason + ")";
       continue;
     }
-    views.push_back(viewOf(cases, outcomes[i]));
-    seen.push_back(seenIn(cases.set.cases[i].views.front()));
-    images.push_back(cases.set.cases[i].views.front().image_path);
+    const View& view = cases.set.cases[i].views.front();
+    seen.views.push_back(viewOf(cases, outcomes[i]));
+    seen.seen.push_back(seenIn(view));
+    seen.image_paths.push_back(view.image_path);
   }
   const VesselTree tree = readVesselTree(cases.set.cases.front().tree_path);
-  AnatomyResult result = registerAnatomy(views, tree.centroid(), o.settings);
-  if (o.refine) result = refineAnatomy(result, views, seen, tree, o.settings);
+  const AnatomyResult result = anatomyOf(seen, tree, o);
   if (!o.out.empty()) writeAnatomy(o, cases, result);
   const std::string table = anatomyTable(result, outcomes, left_out);
-  if (!o.report.empty()) writeAnatomyReport(o.report, o.cases, result, {views, seen, images, tree}, table);
+  if (!o.report.empty()) writeAnatomyReport(o.report, o.cases, result, seen, tree, table);
   std::cout << table;
-  if (o.leave_one_out) std::cout << leaveOneOutTable(result, views, seen, tree, o);
+  if (o.leave_one_out) std::cout << leaveOneOutTable(result, seen, tree, o);
   return 0;
 }
 

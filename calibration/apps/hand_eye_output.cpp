@@ -6,7 +6,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/hand_eye_pictures.hpp"
+#include "angio/calibration/pose_pictures.hpp"
 #include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/whole_file.hpp"
@@ -134,23 +134,6 @@ void writeHandEyeFile(const std::string& path, const PoseSet& set, const HandEye
   writeWholeFile(path, asYaml(file));
 }
 
-void writePatientFile(const std::string& path, const Pose& T_dsa_cb, const AnatomyResult& result,
-                      const CalibrationRecord& record) {
-  Json file;
-  if (!record.machine.empty()) file["machine"] = record.machine;
-  file["T_dsa_cb"] = poseAsJson(T_dsa_cb, result.covariance);
-  for (const RunShift& run : result.runs) {
-    Json shift = Json::array(), sigma = Json::array();
-    for (int k = 0; k < 3; ++k) {
-      shift.push_back(1e3 * run.shift_m[k]);
-      sigma.push_back(1e3 * std::sqrt(run.covariance(k, k)));
-    }
-    file["runs"].push_back({{"name", run.run}, {"shift_mm", shift}, {"std_mm", sigma}});
-  }
-  file["calibration"][record.kind] = recordAsJson(record);
-  writeWholeFile(path, asYaml(file));
-}
-
 void writeHandEyeReport(const std::string& folder, const PoseSet& set, const HandEyeResult& result,
                         const std::string& table) {
   writeReport(folder, "Hand-eye calibration", set.path,
@@ -164,13 +147,17 @@ void writeHandEyeReport(const std::string& folder, const PoseSet& set, const Han
                {"Numbers", printed(table), {}}});
 }
 
-void replaceRecord(std::vector<CalibrationRecord>& records, const CalibrationRecord& record) {
-  for (CalibrationRecord& old : records) {
-    if (old.kind != record.kind) continue;
-    old = record;
-    return;
+void writePatient(const std::string& path, CArmFile carm, const Pose& T_dsa_cb, const CalibrationRecord& record) {
+  carm.T_dsa_cb = T_dsa_cb;
+  if (carm.machine.empty()) carm.machine = record.machine;
+  const auto old = std::find_if(carm.records.begin(), carm.records.end(),
+                                [&](const CalibrationRecord& other) { return other.kind == record.kind; });
+  if (old != carm.records.end()) {
+    *old = record;
+  } else {
+    carm.records.push_back(record);
   }
-  records.push_back(record);
+  writeCArmFile(path, carm);
 }
 
 }  // namespace angio::apps

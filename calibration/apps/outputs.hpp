@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "angio/apps/namespace.hpp"
-#include "angio/calibration/anatomy_registration.hpp"
 #include "angio/calibration/camera_calibration.hpp"
-#include "angio/calibration/hand_eye_simulation.hpp"
-#include "angio/calibration/pose_set_import.hpp"
+#include "angio/calibration/hand_eye.hpp"
+#include "angio/calibration/pose_set.hpp"
 #include "angio/calibration/view_set.hpp"
-#include "angio/evaluation/case_run.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 
 namespace angio::apps {
 
@@ -41,10 +39,6 @@ std::string referenceTable(const std::string& path, HandEyeSetup setup, const Ha
 /// Other solvers' residuals on the same poses, and how far their X is from the result.
 std::string comparisonTable(const PoseSet& set, const HandEyeResult& result);
 
-/// Errors over simulated trials, and with `compare` those of the other solvers.
-std::string trialsTable(const CArmGeometry& carm, const OrbitSettings& orbit, const HandEyeSettings& settings,
-                        int trials, int seed, bool compare);
-
 /// Residuals of the poses, the axes that the hand turned about, and the covariance, as pictures and a page with
 /// `table`.
 void writeHandEyeReport(const std::string& folder, const PoseSet& set, const HandEyeResult& result,
@@ -54,28 +48,8 @@ void writeHandEyeReport(const std::string& folder, const PoseSet& set, const Han
 void writeHandEyeFile(const std::string& path, const PoseSet& set, const HandEyeSettings& settings,
                       const HandEyeResult& result, const CalibrationRecord& record);
 
-/// T_dsa_cb, the shifts of the runs and the record, where there is no C-arm file.
-void writePatientFile(const std::string& path, const Pose& T_dsa_cb, const AnatomyResult& result,
-                      const CalibrationRecord& record);
-
-/// Puts a record in the place of an older one of its kind.
-void replaceRecord(std::vector<CalibrationRecord>& records, const CalibrationRecord& record);
-
-/// For a person: T_dsa_cb, the runs' shifts, each view against the others. `left_out` names those that were not
-/// registered.
-std::string anatomyTable(const AnatomyResult& result, const std::vector<CaseOutcome>& outcomes,
-                         const std::string& left_out);
-
-/// The views that took part, in one order, and the tree; a view from a centreline has no image.
-struct ReportedAnatomy {
-  const std::vector<AnatomyView>& views;
-  const std::vector<SeenAnatomy>& seen;
-  const std::vector<std::optional<std::string>>& image_paths;
-  const VesselTree& tree;
-};
-
-/// Each view's overlay and how far it is from the others, as pictures and a page with `table`.
-void writeAnatomyReport(const std::string& folder, const std::string& cases_path, const AnatomyResult& result,
-                        const ReportedAnatomy& anatomy, const std::string& table);
+/// Writes a C-arm file with T_dsa_cb and its record, in the place of an older one of its kind; the machine is the
+/// record's where the file names none.
+void writePatient(const std::string& path, CArmFile carm, const Pose& T_dsa_cb, const CalibrationRecord& record);
 
 }  // namespace angio::apps

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/calibration/anatomy_angles.hpp"
-
 #include <set>
 
 #include "angio/base/errors.hpp"
+#include "angio/calibration/anatomy_registration.hpp"
 #include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/io/yaml.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "bead_orientation.hpp"
+#include "bead_refinement.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>

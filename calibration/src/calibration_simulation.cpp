@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/calibration_simulation.hpp"
 
-#include "calibration_simulation_draws.hpp"
-
 namespace angio::calibration {
 namespace {
 

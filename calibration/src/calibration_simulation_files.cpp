@@ -2,21 +2,88 @@
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <opencv2/core/mat.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/bead_tables.hpp"
+#include "angio/calibration/bead_phantom.hpp"
 #include "angio/calibration/calibration_simulation.hpp"
 #include "angio/calibration/pose_set.hpp"
+#include "angio/geometry/distortion.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/settings_files.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
-#include "calibration_simulation_draws.hpp"
-#include "phantom_images.hpp"
+#include "angio/simulation/fluoroscopy.hpp"
 
 namespace angio::calibration {
 namespace {
+
+constexpr double kSteel_per_m = 950;  // Linear attenuation at 60 keV, NIST XCOM.
+
+// The renderer wants a tree: one so short that nobody sees it, and without contrast agent.
+VesselTree noVessel(const Eigen::Vector3d& place) {
+  Eigen::Matrix3Xd points(3, 2);
+  points << place, place + Eigen::Vector3d(1e-4, 0, 0);
+  return VesselTree(points, {-1, 0}, {1e-4, 1e-4});
+}
+
+FluoroscopySettings look(int seed) {
+  FluoroscopySettings settings;
+  settings.seed = seed;
+  settings.contrast_attenuation_per_mm = 0;
+  settings.anatomy.region = Region::kNone;
+  settings.background_strength = 0.05;  // The phantom's body and the table are uneven.
+  settings.photons_per_pixel = 5000;    // As for a single exposure.
+  return settings;
+}
+
+// Each pixel of the image shows what a flat detector sees elsewhere.
+cv::Mat distortedImage(const cv::Mat& flat, const DetectorDistortion& distortion) {
+  cv::Mat from_x(flat.size(), CV_32FC1), from_y(flat.size(), CV_32FC1);
+  for (int y = 0; y < flat.rows; ++y) {
+    for (int x = 0; x < flat.cols; ++x) {
+      const auto from = distortion.undistorted(Eigen::Vector2d(x, y));
+      from_x.at<float>(y, x) = from ? static_cast<float>(from->x()) : -1.0F;
+      from_y.at<float>(y, x) = from ? static_cast<float>(from->y()) : -1.0F;
+    }
+  }
+  cv::Mat image;
+  cv::remap(flat, image, from_x, from_y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+  return image;
+}
+
+// X-ray images of steel balls in a body of plastic: scatter, blur, quantum noise, and shadows that overlap.
+class PhantomRenderer {
+ public:
+  PhantomRenderer(const BeadPhantom& phantom, int seed)
+      : phantom_(phantom), renderer_(noVessel(phantom.center_m()), look(seed)) {}
+
+  // The image, CV_16UC1, of those beads that are `shown`. The same seed and frame give the same image.
+  cv::Mat render(const XrayCamera& camera, const Pose& T_camera_phantom, const std::vector<int>& shown,
+                 const std::optional<DetectorDistortion>& distortion, std::uint64_t frame) {
+    XrayScene scene;
+    scene.T_camera_model = T_camera_phantom;
+    for (const int i : shown) {
+      const Bead& bead = phantom_.beads[static_cast<std::size_t>(i)];
+      Device ball;  // A line of no length with round ends.
+      ball.points.resize(3, 2);
+      ball.points << bead.position_m, bead.position_m + Eigen::Vector3d(1e-7, 0, 0);
+      ball.diameter_m = 2 * bead.radius_m;
+      ball.attenuation_per_m = kSteel_per_m;
+      scene.devices.push_back(ball);
+    }
+    const cv::Mat flat = renderer_.render(camera, scene, frame);
+    return distortion ? distortedImage(flat, *distortion) : flat;
+  }
+
+ private:
+  BeadPhantom phantom_;
+  FluoroscopyRenderer renderer_;
+};
 
 using Json = nlohmann::ordered_json;
 
@@ -33,17 +100,15 @@ int labelOf(int bead, HostileData hostile) {
   return bead == kFirst ? kSecond : bead == kSecond ? kFirst : bead;
 }
 
-std::vector<BeadDetection> tableOf(const SimulatedBeadView& view, const SimulatedDevice& machine,
-                                   const CalibrationSimulationSettings& s, Draws& draws) {
-  std::vector<BeadDetection> table;
+std::string tableOf(const SimulatedBeadView& view, const SimulatedDevice& machine,
+                    const CalibrationSimulationSettings& s, Draws& draws) {
+  std::string table = "x_px,y_px,sigma_px,bead\n";
   for (std::size_t i = 0; i < view.shown.size(); ++i) {
     const Eigen::Vector2d pixel = view.pixels_px.col(static_cast<Eigen::Index>(i));
-    BeadDetection bead;
-    bead.center_px = machine.distortion ? machine.distortion->distorted(pixel) : pixel;
-    bead.center_px += s.bead_noise_px * draws.vector(1).head<2>();
-    bead.std_px = std::max(s.bead_noise_px, 1e-3);
-    bead.bead = labelOf(view.shown[i], s.hostile);
-    table.push_back(bead);
+    Eigen::Vector2d seen_px = machine.distortion ? machine.distortion->distorted(pixel) : pixel;
+    seen_px += s.bead_noise_px * draws.vector(1).head<2>();
+    table += exact(seen_px.x()) + "," + exact(seen_px.y()) + "," + exact(std::max(s.bead_noise_px, 1e-3)) + "," +
+             std::to_string(labelOf(view.shown[i], s.hostile)) + "\n";
   }
   return table;
 }
@@ -76,7 +141,7 @@ class ViewWriter {
                                    static_cast<std::uint64_t>(index)));
       entry["image"] = "v" + name + ".png";
     } else {
-      writeBeadTable(to_.folder + "/v" + name + ".csv", tableOf(view, machine, settings_, draws_));
+      writeWholeFile(to_.folder + "/v" + name + ".csv", tableOf(view, machine, settings_, draws_));
       entry["beads"] = "v" + name + ".csv";
     }
     entry["source_detector_distance_mm"] = 1e3 * view.source_detector_distance_m;

@@ -9,7 +9,92 @@
 #include <cmath>
 #include <limits>
 
+#include "angio/geometry/distortion.hpp"
+
 namespace angio::calibration {
+
+Eigen::Vector2d LensModel::seen(const LensNumbers& lens, double distance_m, const Eigen::Vector3d& p_camera,
+                                Eigen::Matrix<double, 2, 3>* J_point,
+                                Eigen::Matrix<double, 2, kLensNumbers>* J_lens) const {
+  const double step_m = distance_m - reference_distance_m, length_m = reference_distance_m + lens[kOffset];
+  const double stretch = 1 + step_m / length_m, inv_z = 1 / p_camera.z();
+  const Eigen::Vector2d f = stretch * lens.segment<2>(kFx);
+  const Eigen::Vector2d c = lens.segment<2>(kCx) + step_m * lens.segment<2>(kSlopeX);
+  const Eigen::Vector2d tangent = p_camera.head<2>() * inv_z;
+  const RadialBend bend{lens[kK1], lens[kK2], lens[kS1], lens[kS2]};
+  const bool tube = kind == LensKind::kIntensifier;
+
+  // An intensifier bends what a pinhole would show, about its middle; a lens the ray, before K.
+  const Eigen::Vector2d pinhole_px = f.cwiseProduct(tangent) + c;
+  const Eigen::Vector2d point = tube ? Eigen::Vector2d((pinhole_px - middle_px) / half_width_px) : tangent;
+  Eigen::Matrix2d J_bent = Eigen::Matrix2d::Identity();
+  Eigen::Matrix<double, 2, 4> J_bend = Eigen::Matrix<double, 2, 4>::Zero();
+  const bool derive = J_point || J_lens;
+  const Eigen::Vector2d q =
+      kind == LensKind::kNone ? point : bend.bent(point, derive ? &J_bent : nullptr, J_lens ? &J_bend : nullptr);
+  Eigen::Matrix2d A;
+  if (tube) {
+    A = half_width_px * Eigen::Matrix2d::Identity();
+  } else {
+    A << f.x(), lens[kSkew], 0, f.y();
+  }
+  if (derive) {
+    const Eigen::Matrix2d J_tangent = tube ? Eigen::Matrix2d(J_bent * f.asDiagonal()) : Eigen::Matrix2d(A * J_bent);
+    if (J_point) {
+      J_point->leftCols<2>() = J_tangent * inv_z;
+      J_point->col(2) = -J_tangent * tangent * inv_z;
+    }
+    if (J_lens) {
+      J_lens->setZero();
+      J_lens->middleCols<4>(kK1) = A * J_bend;
+      // By f and c as they are at this distance, then by what makes them so.
+      const Eigen::Matrix2d by_f =
+          tube ? Eigen::Matrix2d(J_bent * tangent.asDiagonal()) : Eigen::Matrix2d(q.asDiagonal());
+      const Eigen::Matrix2d by_c = tube ? J_bent : Eigen::Matrix2d::Identity();
+      J_lens->middleCols<2>(kFx) = stretch * by_f;
+      J_lens->middleCols<2>(kCx) = by_c;
+      if (!tube) J_lens->col(kSkew) = Eigen::Vector2d(q.y(), 0);
+      J_lens->col(kOffset) = by_f * lens.segment<2>(kFx) * (-step_m / (length_m * length_m));
+      J_lens->middleCols<2>(kSlopeX) = step_m * by_c;
+    }
+  }
+  return tube ? Eigen::Vector2d(middle_px + A * q) : Eigen::Vector2d(c + A * q);
+}
+
+LensParameters freeParameters(const CameraCalibrationSettings& settings, bool several_distances) {
+  LensParameters parameters;
+  parameters.map.resize(kLensNumbers, 0);
+  const auto add = [&](const char* name, std::initializer_list<LensNumber> numbers, double unit = 1) {
+    parameters.names.push_back(name);
+    parameters.map.conservativeResize(Eigen::NoChange, parameters.map.cols() + 1);
+    parameters.map.rightCols<1>().setZero();
+    for (const LensNumber number : numbers) parameters.map(number, parameters.map.cols() - 1) = unit;
+  };
+  if (settings.square_pixels) {
+    add("f_px", {kFx, kFy});
+  } else {
+    add("fx_px", {kFx});
+    add("fy_px", {kFy});
+  }
+  add("cx_px", {kCx});
+  add("cy_px", {kCy});
+  if (settings.skew && settings.distortion != LensKind::kIntensifier) add("skew_px", {kSkew});
+  if (settings.distortion != LensKind::kNone) {
+    add("k1", {kK1});
+    add("k2", {kK2});
+  }
+  if (settings.distortion == LensKind::kIntensifier) {
+    add("s1_deg", {kS1}, degToRad(1));
+    add("s2_deg", {kS2}, degToRad(1));
+  }
+  if (several_distances) {
+    add("source_detector_offset_mm", {kOffset}, 1e-3);
+    add("principal_point_slope_x_px_per_mm", {kSlopeX}, 1e3);
+    add("principal_point_slope_y_px_per_mm", {kSlopeY}, 1e3);
+  }
+  return parameters;
+}
+
 namespace {
 
 // d exp(w) q / dw = -skew(exp(w) q) Jl(w), the left Jacobian of SO(3). Source: Barfoot (2017), eq. 7.77.
@@ -72,15 +157,6 @@ void moveBy(Pose& T, const Vector6d& step) {
   T.translation() += step.head<3>();
 }
 
-double squaredOver(const CameraBundle& bundle, const BundleView& view) {
-  const Eigen::Matrix2Xd r = bundle.residualsOf(view);
-  double sum = 0;
-  for (Eigen::Index i = 0; i < r.cols(); ++i) {
-    if (view.use[static_cast<std::size_t>(i)]) sum += (r.col(i) / view.stds_px[i]).squaredNorm();
-  }
-  return sum;
-}
-
 }  // namespace
 
 std::unique_ptr<ceres::CostFunction> beadCost(const CameraBundle& bundle, const BundleView& view, Eigen::Index bead) {
@@ -101,7 +177,7 @@ Eigen::Matrix2Xd CameraBundle::residualsOf(const BundleView& view) const {
   return r;
 }
 
-bool CameraBundle::solve(std::optional<double> robust_scale, int max_iterations) {
+bool CameraBundle::solve(std::optional<double> robust_scale, int max_iterations, Free free) {
   ceres::Problem::Options ownership;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
@@ -117,6 +193,8 @@ bool CameraBundle::solve(std::optional<double> robust_scale, int max_iterations)
     }
     ordering->AddElementToGroup(steps[v].data(), 0);
   }
+  if (free == Free::kPoses && problem.HasParameterBlock(values.data()))
+    problem.SetParameterBlockConstant(values.data());
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_SCHUR;
   options.linear_solver_ordering = ordering;
@@ -132,29 +210,11 @@ bool CameraBundle::solve(std::optional<double> robust_scale, int max_iterations)
   return summary.IsSolutionUsable();
 }
 
-Pose fittedPose(const CameraBundle& bundle, const BundleView& start) {
-  BundleView view = start;
-  double squared = squaredOver(bundle, view), damping = 1e-6;
-  for (int i = 0; i < 100; ++i) {
-    const ViewInformation at = informationOf(bundle, view);
-    Matrix6d H = at.pose;
-    H.diagonal() *= 1 + damping;
-    const Vector6d step = -H.ldlt().solve(at.pose_gradient);
-    if (!step.allFinite()) break;
-    BundleView moved = view;
-    moveBy(moved.T_camera_phantom, step);
-    const double now = squaredOver(bundle, moved);
-    if (now <= squared) {
-      const bool still = squared - now <= 1e-14 * squared;
-      view.T_camera_phantom = moved.T_camera_phantom;
-      squared = now;
-      damping = std::max(1e-9, 0.1 * damping);
-      if (still) break;
-    } else if ((damping *= 10) > 1e6) {
-      break;
-    }
-  }
-  return view.T_camera_phantom;
+Pose fittedPose(const CameraBundle& bundle, const BundleView& view) {
+  CameraBundle alone = bundle;
+  alone.views = {view};
+  alone.solve(std::nullopt, 100, CameraBundle::Free::kPoses);
+  return alone.views.front().T_camera_phantom;
 }
 
 Eigen::MatrixXd ViewInformation::reducedLens() const { return lens - cross * pose.ldlt().solve(cross.transpose()); }
@@ -167,24 +227,17 @@ ViewInformation informationOf(const CameraBundle& bundle, const BundleView& view
   const Eigen::Index n = bundle.values.size();
   ViewInformation sum;
   sum.lens = Eigen::MatrixXd::Zero(n, n);
-  sum.pose.setZero();
   sum.cross = Eigen::MatrixXd::Zero(n, 6);
   sum.lens_gradient = Eigen::VectorXd::Zero(n);
-  sum.pose_gradient.setZero();
-  const LensNumbers lens = bundle.lens();
-  Eigen::Matrix<double, 2, 3> J_point;
-  Eigen::Matrix<double, 2, kLensNumbers> J_numbers;
+  const Vector6d no_step = Vector6d::Zero();
+  Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> J_lens(2, n);
+  Eigen::Matrix<double, 2, 6, Eigen::RowMajor> J_pose;
+  Eigen::Vector2d r;
+  const double* const blocks[] = {bundle.values.data(), no_step.data()};
+  double* jacobians[] = {J_lens.data(), J_pose.data()};
   for (Eigen::Index i = 0; i < view.points_m.cols(); ++i) {
     if (!view.use[static_cast<std::size_t>(i)]) continue;
-    const Eigen::Vector3d turned_m = view.T_camera_phantom.linear() * view.points_m.col(i);
-    const Eigen::Vector3d p_m = turned_m + view.T_camera_phantom.translation();
-    if (!(p_m.z() > 0)) continue;
-    const double weight = 1 / view.stds_px[i];
-    const Eigen::Vector2d r =
-        weight * (bundle.model.seen(lens, view.distance_m, p_m, &J_point, &J_numbers) - view.seen_px.col(i));
-    const Eigen::MatrixXd J_lens = weight * J_numbers * bundle.parameters.map;
-    Eigen::Matrix<double, 2, 6> J_pose;
-    J_pose << weight * J_point, -weight * J_point * skew(turned_m);
+    if (!BeadCost(bundle, view, i).Evaluate(blocks, r.data(), jacobians)) continue;  // Behind the camera.
     sum.lens.noalias() += J_lens.transpose() * J_lens;
     sum.pose.noalias() += J_pose.transpose() * J_pose;
     sum.cross.noalias() += J_lens.transpose() * J_pose;

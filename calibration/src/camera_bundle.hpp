@@ -3,12 +3,44 @@
 
 #include <ceres/cost_function.h>
 
+#include <Eigen/Core>
 #include <memory>
+#include <string>
 #include <vector>
 
-#include "lens_model.hpp"
+#include "angio/calibration/bead_phantom.hpp"
+#include "angio/calibration/camera_calibration.hpp"
+#include "angio/calibration/direct_linear.hpp"
 
 namespace angio::calibration {
+
+/// All a lens may have: fx, fy, cx, cy, skew [px], k1, k2, s1, s2 [rad], offset of the distance's encoder [m], motion
+/// of the principal point with the distance (x, y) [px/m].
+enum LensNumber { kFx, kFy, kCx, kCy, kSkew, kK1, kK2, kS1, kS2, kOffset, kSlopeX, kSlopeY, kLensNumbers };
+using LensNumbers = Eigen::Matrix<double, kLensNumbers, 1>;
+
+/// How those numbers make an image.
+struct LensModel {
+  LensKind kind = LensKind::kNone;
+  Eigen::Vector2d middle_px{0, 0};  ///< Of the detector.
+  double half_width_px = 1;
+  double reference_distance_m = 1;  ///< Source-detector distance of fx to cy, by the encoder.
+
+  /// Where a point in front of the camera is seen, at a source-detector distance; with derivatives by point and lens.
+  Eigen::Vector2d seen(const LensNumbers& lens, double distance_m, const Eigen::Vector3d& p_camera,
+                       Eigen::Matrix<double, 2, 3>* J_point = nullptr,
+                       Eigen::Matrix<double, 2, kLensNumbers>* J_lens = nullptr) const;
+};
+
+/// The free ones among the numbers, in the units of their names: lens = fixed + map * parameters.
+struct LensParameters {
+  std::vector<std::string> names;  ///< "fx_px", "s1_deg", "source_detector_offset_mm".
+  Eigen::MatrixXd map;             ///< kLensNumbers x names.
+  LensNumbers fixed = LensNumbers::Zero();
+
+  LensNumbers lens(const Eigen::VectorXd& parameters) const { return fixed + map * parameters; }
+};
+LensParameters freeParameters(const CameraCalibrationSettings& settings, bool several_distances);
 
 /// A view in the bundle: its beads in phantom coordinates, where they were seen, and its pose.
 struct BundleView {
@@ -35,23 +67,24 @@ struct CameraBundle {
 
   /// Minimises the residuals over their sigmas, with Cauchy's loss of that scale, or squared when it is absent.
   /// Returns whether the solver's answer can be used.
-  bool solve(std::optional<double> robust_scale, int max_iterations);
+  enum class Free { kAll, kPoses };
+  bool solve(std::optional<double> robust_scale, int max_iterations, Free free = Free::kAll);
 };
 
 /// One bead's residual over its sigma by the lens parameters and the pose's change (v [m], w [rad]): p = exp(w) R x +
 /// t + v. Analytic derivatives.
 std::unique_ptr<ceres::CostFunction> beadCost(const CameraBundle& bundle, const BundleView& view, Eigen::Index bead);
 
-/// The pose alone, by beads that count, with K as it is; squared residuals, Gauss-Newton with damping.
+/// The pose alone, by beads that count, with K as it is; squared residuals.
 Pose fittedPose(const CameraBundle& bundle, const BundleView& view);
 
 /// The normal equations of one view: poses have no part in each other's, so K's share is a Schur complement.
 struct ViewInformation {
   Eigen::MatrixXd lens;  ///< n x n.
-  Eigen::Matrix<double, 6, 6> pose;
+  Matrix6d pose = Matrix6d::Zero();
   Eigen::MatrixXd cross;          ///< n x 6.
   Eigen::VectorXd lens_gradient;  ///< J^T r.
-  Vector6d pose_gradient;
+  Vector6d pose_gradient = Vector6d::Zero();
   double squared = 0;  ///< Sum of squares over sigmas.
   int residuals = 0;
 
@@ -81,5 +114,20 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
 /// information at the start: before anything is solved.
 void requireObservable(const CameraBundle& start, const BeadPhantom& phantom, const std::vector<BeadView>& views,
                        const CameraCalibrationSettings& settings);
+
+/// What one view says by itself, without K.
+struct ViewProjection {
+  Matrix34d P = Matrix34d::Zero();                  ///< Of a phantom with depth.
+  Eigen::Matrix3d H = Eigen::Matrix3d::Identity();  ///< Of a flat one, from the axes of its plane.
+  std::vector<bool> fits;                           ///< One a bead of the view.
+};
+
+/// Finds the projection that most of a view's beads agree on, to a hundredth of the detector's width: enough to tell
+/// beads apart, wide enough for a detector's distortion. Throws InputError that names view and beads when two are
+/// swapped, when fewer than `min_share` agree, and when the beads leave the projection open.
+///
+/// @param plane  A flat phantom's own frame, whose z is the plane's normal; absent for one with depth.
+ViewProjection projectionOf(const BeadPhantom& phantom, const BeadView& view, double detector_width_px,
+                            double min_share, const std::optional<Pose>& T_plane_phantom);
 
 }  // namespace angio::calibration

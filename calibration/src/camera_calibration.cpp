@@ -16,13 +16,11 @@ namespace {
 // Everything that the record's covariance is made of.
 struct JointCovariance {
   Eigen::MatrixXd lens;
-  std::vector<Matrix6d> poses;
-  std::vector<Eigen::MatrixXd> crosses;  // 6 x n.
-  Eigen::RowVectorXd mean_depth;         // With the lens, then its own variance.
+  Eigen::RowVectorXd mean_depth;  // With the lens, then its own variance.
 };
 
-// Of K, all poses and the phantom's mean depth, from the normal equations in blocks: Cov(K) is the inverse of the
-// Schur complement S, Cov(pose) = P^-1 + G S^-1 G^T with G = P^-1 C^T, and Cov(pose, K) = -G S^-1.
+// Of K and the phantom's mean depth, from the normal equations in blocks: Cov(K) is the inverse of the Schur complement
+// S, Cov(pose) = P^-1 + G S^-1 G^T with G = P^-1 C^T, and Cov(pose, K) = -G S^-1.
 JointCovariance jointCovariance(const CameraBundle& bundle, const Eigen::Vector3d& center_m, double variance) {
   const Eigen::Index n = bundle.values.size();
   std::vector<ViewInformation> all;
@@ -38,8 +36,6 @@ JointCovariance jointCovariance(const CameraBundle& bundle, const Eigen::Vector3
   for (std::size_t v = 0; v < bundle.views.size(); ++v) {
     const Matrix6d P_inverse = all[v].pose.ldlt().solve(Matrix6d::Identity());
     const Eigen::MatrixXd G = P_inverse * all[v].cross.transpose();
-    joint.poses.push_back(variance * P_inverse + G * joint.lens * G.transpose());
-    joint.crosses.push_back(-G * joint.lens);
     Vector6d depth;  // d(centre's z) / d(pose).
     depth << 0, 0, 1, -skew(bundle.views[v].T_camera_phantom.linear() * center_m).row(2).transpose();
     depth_by_lens -= depth.transpose() * G;
@@ -178,11 +174,6 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
     result.views.push_back(calibratedView(views[view.index], bundle, took_part ? *used : view));
     CalibratedView& calibrated = result.views.back();
     calibrated.left_out = std::count(left_out.begin(), left_out.end(), view.index) > 0;
-    if (took_part) {
-      const auto place = static_cast<std::size_t>(used - bundle.views.begin());
-      calibrated.covariance = joint.poses[place];
-      calibrated.cross_covariance = joint.crosses[place];
-    }
     if (calibrated.held_out) held_out_squared += heldOutSquared(all, view, held_out_points);
     record.views.push_back(
         {calibrated.name, static_cast<int>(calibrated.beads.size()), calibrated.rms_px, calibrated.left_out});

@@ -5,12 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/joined.hpp"
 #include "information.hpp"
-#include "view_projection.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -91,17 +92,28 @@ void requireTilts(const std::vector<ViewProjection>& projections, const std::vec
                    "views, about two axes");
 }
 
-Eigen::Matrix3d planarStart(const std::vector<ViewProjection>& projections, const std::vector<bool>& used,
-                            const DetectorOfViews& detector) {
-  const Eigen::Vector2d middle_px(0.5 * (detector.width_px - 1), 0.5 * (detector.height_px - 1));
-  std::vector<Eigen::Matrix3d> homographies;
-  for (std::size_t v = 0; v < projections.size(); ++v) {
-    if (used[v]) homographies.push_back(projections[v].H);
+// Focal lengths with the principal point in the image's middle, as OpenCV has them; all else is for the bundle to find.
+Eigen::Matrix3d planarStart(const BeadPhantom& phantom, const Pose& T_plane_phantom, const std::vector<BeadView>& views,
+                            const std::vector<ViewProjection>& projections, const DetectorOfViews& detector) {
+  std::vector<std::vector<cv::Point3f>> marks;
+  std::vector<std::vector<cv::Point2f>> pixels;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    if (views[v].held_out) continue;
+    marks.emplace_back();
+    pixels.emplace_back();
+    for (std::size_t i = 0; i < views[v].beads.size(); ++i) {
+      if (!projections[v].fits[i]) continue;
+      const SeenBead& seen = views[v].beads[i];
+      const Eigen::Vector3f mark =
+          (T_plane_phantom * phantom.beads[static_cast<std::size_t>(seen.bead)].position_m).cast<float>();
+      marks.back().emplace_back(mark.x(), mark.y(), 0.0F);
+      pixels.back().emplace_back(static_cast<float>(seen.center_px.x()), static_cast<float>(seen.center_px.y()));
+    }
   }
-  for (const auto assumption : {PlanarAssumption::kNone, PlanarAssumption::kNoSkew, PlanarAssumption::kCentered}) {
-    const auto K = planarIntrinsics(homographies, middle_px, assumption);
-    if (K && (*K)(0, 0) < 100 * middle_px.norm() && (*K)(1, 1) < 100 * middle_px.norm()) return *K;
-  }
+  Eigen::Matrix3d K;
+  cv::cv2eigen(cv::initCameraMatrix2D(marks, pixels, {detector.width_px, detector.height_px}, 0), K);
+  const double longest_px = 50 * std::hypot(detector.width_px, detector.height_px);
+  if (K.allFinite() && K(0, 0) > 0 && K(0, 0) < longest_px && K(1, 1) > 0 && K(1, 1) < longest_px) return K;
   throw InputError("views", "tilt", "",
                    "no camera explains the views of a flat phantom: tilt it by more between views");
 }
@@ -173,7 +185,8 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
   }
   if (!flat) refuseMirrored(views, projections);
   if (flat) requireTilts(projections, used, detector);
-  const Eigen::Matrix3d K = flat ? planarStart(projections, used, detector) : solidStart(projections, used, stretches);
+  const Eigen::Matrix3d K = flat ? planarStart(phantom, *T_plane_phantom, views, projections, detector)
+                                 : solidStart(projections, used, stretches);
   bundle.parameters = freeParameters(settings, farthest_m - nearest_m > kSameDistance_m);
   bundle.values = Eigen::VectorXd::Zero(bundle.parameters.map.cols());
   for (Eigen::Index k = 0; k < bundle.values.size(); ++k) {

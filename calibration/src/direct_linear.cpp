@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/direct_linear.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <Eigen/SVD>
 #include <cmath>
+#include <limits>
+#include <numeric>
+#include <random>
 
 namespace angio::calibration {
 namespace {
@@ -62,14 +64,6 @@ std::optional<Eigen::Matrix<double, 3, kRows + 1>> linearMap(const Eigen::Matrix
   return Eigen::Matrix<double, 3, kColumns>(M / M.norm());
 }
 
-// Row of Zhang's equations for B = K^-T K^-1: h_i^T B h_j by B11, B12, B22, B13, B23, B33.
-Eigen::Matrix<double, 1, 6> conicRow(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  Eigen::Matrix<double, 1, 6> row;
-  row << a[0] * b[0], a[0] * b[1] + a[1] * b[0], a[1] * b[1], a[2] * b[0] + a[0] * b[2], a[2] * b[1] + a[1] * b[2],
-      a[2] * b[2];
-  return row;
-}
-
 }  // namespace
 
 std::optional<Matrix34d> directLinearTransform(const Eigen::Matrix3Xd& points_m, const Eigen::Matrix2Xd& pixels_px) {
@@ -119,43 +113,53 @@ std::optional<Eigen::Matrix3d> directLinearHomography(const Eigen::Matrix2Xd& pl
   return linearMap<2>(plane_m, pixels_px);
 }
 
-std::optional<Eigen::Matrix3d> planarIntrinsics(const std::vector<Eigen::Matrix3d>& homographies,
-                                                const Eigen::Vector2d& middle_px, PlanarAssumption assumption) {
-  // About the middle and in units of its distance all numbers are near one.
-  const double unit_px = middle_px.norm();
-  Eigen::Matrix3d N = Eigen::Matrix3d::Identity();
-  N.topLeftCorner<2, 2>() /= unit_px;
-  N.topRightCorner<2, 1>() = -middle_px / unit_px;
-  std::vector<int> free = {0, 1, 2, 3, 4, 5};
-  if (assumption == PlanarAssumption::kNoSkew) free = {0, 2, 3, 4, 5};
-  if (assumption == PlanarAssumption::kCentered) free = {0, 2, 5};
-  const auto unknowns = static_cast<Eigen::Index>(free.size());
-  if (2 * static_cast<Eigen::Index>(homographies.size()) < unknowns - 1) return std::nullopt;
-  Eigen::MatrixXd V = Eigen::MatrixXd::Zero(std::max<Eigen::Index>(2 * homographies.size(), unknowns), unknowns);
-  for (std::size_t v = 0; v < homographies.size(); ++v) {
-    Eigen::Matrix3d H = N * homographies[v];
-    H /= std::sqrt(H.col(0).norm() * H.col(1).norm());
-    const Eigen::Matrix<double, 1, 6> right_angle = conicRow(H.col(0), H.col(1)),
-                                      one_length = conicRow(H.col(0), H.col(0)) - conicRow(H.col(1), H.col(1));
-    for (Eigen::Index k = 0; k < unknowns; ++k) {
-      V(2 * static_cast<Eigen::Index>(v), k) = right_angle[free[static_cast<std::size_t>(k)]];
-      V(2 * static_cast<Eigen::Index>(v) + 1, k) = one_length[free[static_cast<std::size_t>(k)]];
+std::optional<AgreedProjection> agreedProjection(const Eigen::Matrix3Xd& points_m, const Eigen::Matrix2Xd& pixels_px,
+                                                 double tolerance_px, bool flat) {
+  constexpr int kDraws = 400;  // Of six points, all right ones once in 1 / 0.75^6 = 6 with a quarter wrong.
+  const auto projection = [&](const Eigen::Matrix3Xd& points, const Eigen::Matrix2Xd& pixels) {
+    if (!flat) return directLinearTransform(points, pixels);
+    std::optional<Matrix34d> P;
+    if (const auto H = directLinearHomography(points.topRows<2>(), pixels)) {
+      P = Matrix34d::Zero();
+      P->leftCols<2>() = H->leftCols<2>();
+      P->col(3) = H->col(2);
     }
+    return P;
+  };
+  const auto by = [&](const std::vector<int>& chosen) {
+    std::optional<AgreedProjection> agreed;
+    const auto P = projection(points_m(Eigen::all, chosen), pixels_px(Eigen::all, chosen));
+    if (!P) return agreed;
+    agreed = AgreedProjection{*P, {}};
+    for (int i = 0; i < static_cast<int>(points_m.cols()); ++i) {
+      if (distance_px(*P, points_m.col(i), pixels_px.col(i)) < tolerance_px) agreed->points.push_back(i);
+    }
+    return agreed;
+  };
+  std::vector<int> all(static_cast<std::size_t>(points_m.cols()));
+  std::iota(all.begin(), all.end(), 0);
+  auto best = by(all);
+  if (best && best->points.size() == all.size()) return best;
+  std::mt19937 engine(1);
+  const std::size_t sample = flat ? 4 : 6;
+  for (int draw = 0; draw < kDraws && all.size() >= sample; ++draw) {
+    std::vector<int> some = all;
+    for (std::size_t k = 0; k < sample; ++k) std::swap(some[k], some[k + engine() % (some.size() - k)]);
+    some.resize(sample);
+    const auto agreed = by(some);
+    if (agreed && agreed->points.size() > (best ? best->points.size() : 0)) best = agreed;
   }
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(V, Eigen::ComputeFullV);
-  if (!(svd.singularValues()[unknowns - 2] > kOpen * svd.singularValues()[0])) return std::nullopt;
-  Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
-  for (Eigen::Index k = 0; k < unknowns; ++k) b[free[static_cast<std::size_t>(k)]] = svd.matrixV()(k, unknowns - 1);
-  if (b[0] < 0) b = -b;
-  Eigen::Matrix3d B;
-  B << b[0], b[1], b[3], b[1], b[2], b[4], b[3], b[4], b[5];
-  // B ~ K^-T K^-1: its Cholesky factor is K^-T, up to scale.
-  const Eigen::LLT<Eigen::Matrix3d> factor(B);
-  if (factor.info() != Eigen::Success) return std::nullopt;
-  Eigen::Matrix3d K = N.inverse() * Eigen::Matrix3d(factor.matrixL()).transpose().inverse();
-  K /= K(2, 2);
-  if (!K.allFinite()) return std::nullopt;
-  return K;
+  for (int i = 0; best && i < 5; ++i) {
+    const auto agreed = by(best->points);
+    if (!agreed) break;
+    best = agreed;
+  }
+  return best;
+}
+
+double distance_px(const Matrix34d& P, const Eigen::Vector3d& point_m, const Eigen::Vector2d& pixel_px) {
+  const Eigen::Vector3d h = P * point_m.homogeneous();
+  return h.z() > 0 ? (h.hnormalized() - pixel_px).norm() : std::numeric_limits<double>::infinity();
 }
 
 Pose planarPose(const Eigen::Matrix3d& homography, const Eigen::Matrix3d& K) {

@@ -22,11 +22,11 @@ GeometryModel priorModel(const GeometryCamera& camera, const GeometrySettings& s
   CArmGeometry& carm = model.carm;
   carm.image_width_px = camera.width_px;
   carm.image_height_px = camera.height_px;
-  carm.pixel_spacing_m = camera.pixel_spacing_m;
+  carm.pixel_spacing_m = *camera.pixel_spacing_m;
   carm.source_isocenter_distance_m = settings.source_isocenter_distance_mm * 1e-3;
-  carm.source_detector_distance_m = camera.source_detector_distance_m;
+  carm.source_detector_distance_m = *camera.source_detector_distance_m;
   CArmDeviations& d = carm.deviations;
-  d.source_detector_offset_m = camera.fx_px * camera.pixel_spacing_m - camera.source_detector_distance_m;
+  d.source_detector_offset_m = camera.fx_px * carm.pixel_spacing_m - carm.source_detector_distance_m;
   d.pixel_aspect = camera.fy_px / camera.fx_px - 1;
   d.principal_point_px = {camera.cx_px - 0.5 * (camera.width_px - 1), camera.cy_px - 0.5 * (camera.height_px - 1)};
   d.principal_point_slope_px_per_m = camera.principal_point_slope_px_per_m;
@@ -95,11 +95,11 @@ GeometryModel refined(GeometryProblem& problem, const GeometryModel& start, cons
 }
 
 void requireCamera(const std::string& place, const GeometryCamera& camera) {
-  requirePositive(place, "pixel_spacing_mm", camera.pixel_spacing_m * 1e3);
-  requirePositive(place, "source_detector_distance_mm", camera.source_detector_distance_m * 1e3);
+  requirePositive(place, "pixel_spacing_mm", camera.pixel_spacing_m.value_or(0) * 1e3);
+  requirePositive(place, "source_detector_distance_mm", camera.source_detector_distance_m.value_or(0) * 1e3);
   requirePositive(place, "fx_px", camera.fx_px);
   requirePositive(place, "fy_px", camera.fy_px);
-  const double offset_mm = 1e3 * (camera.fx_px * camera.pixel_spacing_m - camera.source_detector_distance_m);
+  const double offset_mm = 1e3 * (camera.fx_px * *camera.pixel_spacing_m - *camera.source_detector_distance_m);
   if (std::abs(offset_mm) > 200) {
     throw InputError(
         place, "fx_px", formatValue(camera.fx_px),
@@ -129,7 +129,8 @@ double foldedRms(GeometryProblem problem, const GeometryModel& model) {
   return std::sqrt(sum / views);
 }
 
-std::vector<CArmJoints> positionsOf(const std::vector<ViewObservation>& views) {
+template <typename View>
+std::vector<CArmJoints> positionsOf(const std::vector<View>& views) {
   std::vector<CArmJoints> positions;
   for (const auto& view : views) {
     if (!view.held_out) positions.push_back(view.joints);
@@ -198,20 +199,20 @@ Eigen::Vector3d middleOf(const std::vector<ViewObservation>& views, const CArmGe
 }  // namespace
 
 GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhantom& phantom,
-                                      const GeometryCamera& camera, const std::vector<GeometryView>& views,
+                                      const GeometryCamera& camera, const std::vector<BeadView>& given,
                                       const GeometrySettings& settings) {
   checkSettings("geometry", settings);
   requireCamera(place, camera);
-  std::vector<CArmJoints> positions;
-  for (const auto& view : views) {
-    if (!view.held_out) positions.push_back(view.joints);
+  std::vector<BeadView> views = given;
+  for (BeadView& view : views) {
+    if (!view.source_detector_distance_m) view.source_detector_distance_m = camera.source_detector_distance_m;
   }
-  requirePositions(place, positions);
+  requirePositions(place, positionsOf(views));
   GeometryModel start = priorModel(camera, settings);
   const Condense condensed = [&](const CArmGeometry& carm) {
     std::vector<ViewObservation> seen;
     for (const auto& view : views) {
-      const XrayCamera at_distance = carm.camera(view.source_detector_distance_m);
+      const XrayCamera at_distance = carm.camera(*view.source_detector_distance_m);
       seen.push_back(observeView(place, phantom, at_distance, view, settings.outlier_std));
     }
     return seen;
@@ -238,7 +239,7 @@ GeometryCalibration calibrateGeometry(const PoseSet& set, const GeometryCamera& 
       throw InputError(set.path, pose.name + ".primary_deg", "", "is missing: the geometry needs every pose's angles");
     }
     seen.push_back(observePose(pose, set.camera_std));
-    seen.back().source_detector_distance_m = camera.source_detector_distance_m;
+    seen.back().source_detector_distance_m = *camera.source_detector_distance_m;
   }
   requirePositions(set.path, positionsOf(seen));
   GeometryModel start = priorModel(camera, settings);

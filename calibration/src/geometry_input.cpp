@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/calibration/geometry_input.hpp"
+#include "angio/calibration/geometry_calibration.hpp"
 
 #include <algorithm>
 #include <set>
 
 #include "angio/base/errors.hpp"
-#include "angio/calibration/camera_views.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/yaml.hpp"
@@ -55,15 +54,9 @@ GeometryCamera cameraOf(const std::string& path, const CameraFile& file, const V
   if (!distance) {
     throw InputError(path, "source_detector_distance_mm", "", "is missing: the arm's lengths need it");
   }
-  GeometryCamera camera;
-  camera.width_px = p.width_px;
-  camera.height_px = p.height_px;
-  camera.pixel_spacing_m = *spacing;
-  camera.source_detector_distance_m = *distance;
-  camera.fx_px = p.fx_px;
-  camera.fy_px = p.fy_px;
-  camera.cx_px = p.cx_px;
-  camera.cy_px = p.cy_px;
+  GeometryCamera camera{p, std::nullopt};
+  camera.pixel_spacing_m = spacing;
+  camera.source_detector_distance_m = distance;
   if (file.distance_law) camera.principal_point_slope_px_per_m = file.distance_law->principal_point_slope_px_per_m;
   return camera;
 }
@@ -125,21 +118,20 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
   input.camera.covariance = covarianceOf(input.records);
   for (const std::string& path : {views_path, set.phantom_path, camera_path}) input.inputs.push_back(hashedInput(path));
   input.inputs.insert(input.inputs.end(), seen.inputs.begin(), seen.inputs.end());
-  for (std::size_t i = 0; i < set.views.size(); ++i) {
-    const PhantomView& view = set.views[i];
-    GeometryView& taken = input.views.emplace_back();
-    taken.name = view.name;
-    taken.joints = *view.joints;
-    taken.source_detector_distance_m =
-        view.source_detector_distance_m.value_or(input.camera.source_detector_distance_m);
-    taken.held_out = view.held_out;
+  input.views = seen.views;
+  for (BeadView& view : input.views) {
     const bool follows = file.distortion && file.distance_law && view.source_detector_distance_m &&
                          file.camera.parameters().source_detector_distance_m;
-    const auto distortion = follows ? file.at(taken.source_detector_distance_m).distortion : file.distortion;
-    for (const SeenBead& bead : seen.views[i].beads) {
-      const auto pinhole_px = distortion ? distortion->undistorted(bead.center_px) : std::optional(bead.center_px);
-      if (pinhole_px) taken.beads.push_back({bead.bead, *pinhole_px});
+    const auto distortion = follows ? file.at(*view.source_detector_distance_m).distortion : file.distortion;
+    if (!distortion) continue;
+    std::vector<SeenBead> pinhole;
+    for (SeenBead bead : view.beads) {
+      const auto px = distortion->undistorted(bead.center_px);
+      if (!px) continue;
+      bead.center_px = *px;
+      pinhole.push_back(bead);
     }
+    view.beads = std::move(pinhole);
   }
   return input;
 }

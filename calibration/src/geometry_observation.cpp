@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "geometry_observation.hpp"
+#include "geometry_problem.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
@@ -24,7 +24,7 @@ struct Sightings {
   Eigen::Matrix2Xd pixels_px;
 };
 
-Sightings sightingsOf(const std::string& place, const BeadPhantom& phantom, const GeometryView& view) {
+Sightings sightingsOf(const std::string& place, const BeadPhantom& phantom, const BeadView& view) {
   const auto count = static_cast<Eigen::Index>(view.beads.size());
   if (count < kFewestBeads) {
     throw InputError(place, view.name, std::to_string(count) + " beads",
@@ -32,43 +32,22 @@ Sightings sightingsOf(const std::string& place, const BeadPhantom& phantom, cons
   }
   Sightings s{Eigen::Matrix3Xd(3, count), Eigen::Matrix2Xd(2, count)};
   for (Eigen::Index i = 0; i < count; ++i) {
-    const BeadSighting& bead = view.beads[static_cast<std::size_t>(i)];
+    const SeenBead& bead = view.beads[static_cast<std::size_t>(i)];
     if (bead.bead < 0 || bead.bead >= static_cast<int>(phantom.beads.size())) {
       throw InputError(place, view.name + ".id", std::to_string(bead.bead),
                        "must be a bead of the phantom, 0 to " + std::to_string(phantom.beads.size() - 1));
     }
     s.points_m.col(i) = phantom.beads[static_cast<std::size_t>(bead.bead)].position_m;
-    s.pixels_px.col(i) = bead.pixel_px;
+    s.pixels_px.col(i) = bead.center_px;
   }
   return s;
 }
 
-// The projection of most beads: those that a first solution, which a few wrong labels can spoil, is far from are left
-// out of the next ones.
-std::optional<Matrix34d> projectionOfMost(const Sightings& s) {
-  constexpr int kRounds = 4;
-  constexpr double kFar = 4;  // Medians.
-  std::optional<Matrix34d> P = directLinearTransform(s.points_m, s.pixels_px);
-  for (int round = 0; P && round < kRounds; ++round) {
-    const Eigen::VectorXd far_px = (projectedBy(*P, s.points_m) - s.pixels_px).colwise().norm();
-    const double limit_px =
-        kFar * std::max(percentile({far_px.data(), far_px.data() + far_px.size()}, 0.5), kMinStd_px);
-    std::vector<Eigen::Index> near;
-    for (Eigen::Index i = 0; i < far_px.size(); ++i) {
-      if (far_px[i] < limit_px) near.push_back(i);
-    }
-    const auto better = directLinearTransform(s.points_m(Eigen::all, near), s.pixels_px(Eigen::all, near));
-    if (!better) break;
-    P = better;
-  }
-  return P;
-}
-
 // Without a start. The linear solution takes any K; its depth is then corrected to the one that is known.
-Pose startOf(const std::string& place, const GeometryView& view, const XrayCamera& camera, const Sightings& s) {
-  const auto P = projectionOfMost(s);
-  if (!P) throw InputError(place, view.name, "", "no camera sees the phantom's beads like this");
-  ProjectionParts parts = decomposed(*P);
+Pose startOf(const std::string& place, const BeadView& view, const XrayCamera& camera, const Sightings& s) {
+  const auto agreed = agreedProjection(s.points_m, s.pixels_px, 0.01 * camera.width_px(), false);
+  if (!agreed) throw InputError(place, view.name, "", "no camera sees the phantom's beads like this");
+  const ProjectionParts parts = decomposed(agreed->P);
   if (parts.mirrored) {
     throw InputError(place, view.name, "",
                      "beads are seen mirrored against the phantom: the phantom's file or the "
@@ -152,12 +131,12 @@ Matrix6d placeCovariance(const HandEyePose& pose, const std::optional<PoseSigma>
 }  // namespace
 
 ViewObservation observeView(const std::string& place, const BeadPhantom& phantom, const XrayCamera& camera,
-                            const GeometryView& view, double outlier_std) {
+                            const BeadView& view, double outlier_std) {
   const Sightings all = sightingsOf(place, phantom, view);
   ViewObservation seen;
   seen.name = view.name;
   seen.joints = view.joints;
-  seen.source_detector_distance_m = view.source_detector_distance_m;
+  seen.source_detector_distance_m = view.source_detector_distance_m.value();
   seen.held_out = view.held_out;
   const auto& K = camera.parameters();
   seen.camera_px << K.fx_px, K.fy_px, K.cx_px, K.cy_px;
@@ -198,11 +177,11 @@ ViewObservation observeView(const std::string& place, const BeadPhantom& phantom
   return seen;
 }
 
-void requireSoundBeads(const std::string& place, const BeadPhantom& phantom, const std::vector<GeometryView>& views,
+void requireSoundBeads(const std::string& place, const BeadPhantom& phantom, const std::vector<BeadView>& views,
                        const std::vector<ViewObservation>& seen) {
   std::map<int, int> shown_in, far_in;
-  for (const GeometryView& view : views) {
-    for (const BeadSighting& bead : view.beads) ++shown_in[bead.bead];
+  for (const BeadView& view : views) {
+    for (const SeenBead& bead : view.beads) ++shown_in[bead.bead];
   }
   for (const ViewObservation& view : seen) {
     for (const int bead : view.far_beads) ++far_in[bead];

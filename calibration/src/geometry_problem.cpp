@@ -4,6 +4,7 @@
 #include <ceres/ceres.h>
 
 #include <algorithm>
+#include <functional>
 #include <stdexcept>
 
 namespace angio::calibration {
@@ -39,71 +40,38 @@ struct FreeChange {
   }
 };
 
-// Derivatives by the free numbers of a change: all add up, but the phantom's place, whose changes follow each other.
-template <typename Matrix>
-Eigen::MatrixXd byFree(Matrix J, const Eigen::VectorXd& change, const std::vector<int>& places) {
-  const Matrix6d turn = rightJacobianInverseSE3(change.head<kPhantomNumbers>()).inverse();
-  J.template leftCols<kPhantomNumbers>() = (J.template leftCols<kPhantomNumbers>() * turn).eval();
-  return J(Eigen::all, places);
-}
-
-void fill(double** jacobians, const Eigen::MatrixXd& J) {
-  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  Eigen::Map<RowMajor>(jacobians[0], J.rows(), J.cols()) = J;
-}
-
-// One view, whitened; the parameters are a change of the free numbers from the start.
-class ViewCost final : public ceres::CostFunction {
+// A residual by a change of the free numbers from the start.
+class ChangeCost final : public ceres::CostFunction {
  public:
-  ViewCost(const GeometryProblem& problem, const ViewObservation& view, const GeometryModel& start,
-           const std::vector<int>& places)
-      : problem_(problem), view_(view), start_(start), places_(places) {
-    whiten_.compute(problem.variance(view, problem.scatter));
-    set_num_residuals(kViewChanges);
-    mutable_parameter_block_sizes()->push_back(static_cast<int>(places.size()));
-  }
+  // Of a model; with derivatives by all its numbers where they are wanted.
+  using Residual = std::function<Eigen::VectorXd(const GeometryModel&, Eigen::MatrixXd* J)>;
 
-  bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
-    const Eigen::VectorXd change = FreeChange{places_}.whole(parameters[0]);
-    ViewJacobian J;
-    const bool wants = jacobians && jacobians[0];
-    const ViewChange r = problem_.residual(view_, changed(start_, change), wants ? &J : nullptr);
-    Eigen::Map<ViewChange> whitened(residuals);
-    whitened = whiten_.matrixL().solve(r);
-    if (wants) fill(jacobians, whiten_.matrixL().solve(byFree(J, change, places_)));
-    return r.allFinite();
-  }
-
- private:
-  const GeometryProblem& problem_;
-  const ViewObservation& view_;
-  const GeometryModel& start_;
-  const std::vector<int>& places_;
-  Eigen::LLT<ViewMatrix> whiten_;
-};
-
-// What is believed of camera and bending without any view.
-class PriorCost final : public ceres::CostFunction {
- public:
-  PriorCost(const GeometryProblem& problem, const GeometryModel& start, const std::vector<int>& places)
-      : problem_(problem), start_(start), places_(places) {
-    set_num_residuals(GeometryProblem::kPriorRows);
+  ChangeCost(int rows, const GeometryModel& start, const std::vector<int>& places, Residual residual)
+      : start_(start), places_(places), residual_(std::move(residual)) {
+    set_num_residuals(rows);
     mutable_parameter_block_sizes()->push_back(static_cast<int>(places.size()));
   }
 
   bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
     const Eigen::VectorXd change = FreeChange{places_}.whole(parameters[0]);
     Eigen::MatrixXd J;
-    const Eigen::VectorXd r = problem_.priorResidual(changed(start_, change), &J);
+    const bool wants = jacobians && jacobians[0];
+    const Eigen::VectorXd r = residual_(changed(start_, change), wants ? &J : nullptr);
     Eigen::Map<Eigen::VectorXd>(residuals, r.size()) = r;
-    if (jacobians && jacobians[0]) fill(jacobians, byFree(J, change, places_));
-    return true;
+    if (wants) {
+      // All changes add up, but those of the phantom's place, which follow each other.
+      const Matrix6d turn = rightJacobianInverseSE3(change.head<kPhantomNumbers>()).inverse();
+      J.leftCols<kPhantomNumbers>() = (J.leftCols<kPhantomNumbers>() * turn).eval();
+      using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+      Eigen::Map<RowMajor>(jacobians[0], J.rows(), static_cast<Eigen::Index>(places_.size())) = J(Eigen::all, places_);
+    }
+    return r.allFinite();
   }
 
  private:
-  const GeometryProblem& problem_;
   const GeometryModel& start_;
   const std::vector<int>& places_;
+  Residual residual_;
 };
 
 }  // namespace
@@ -161,10 +129,21 @@ GeometryModel GeometryProblem::solve(const GeometryModel& start, Loss loss) cons
   ceres::Problem problem;
   for (std::size_t i = 0; i < views_.size(); ++i) {
     if (!used[i]) continue;
-    problem.AddResidualBlock(new ViewCost(*this, views_[i], start, places),
+    const Eigen::LLT<ViewMatrix> whiten(variance(views_[i], scatter));
+    const auto whitened = [this, whiten, &view = views_[i]](const GeometryModel& model, Eigen::MatrixXd* J) {
+      ViewJacobian by_numbers;
+      const ViewChange r = residual(view, model, J ? &by_numbers : nullptr);
+      if (J) *J = whiten.matrixL().solve(by_numbers);
+      return Eigen::VectorXd(whiten.matrixL().solve(r));
+    };
+    problem.AddResidualBlock(new ChangeCost(kViewChanges, start, places, whitened),
                              loss == Loss::kCauchy ? new ceres::CauchyLoss(view_loss_) : nullptr, values.data());
   }
-  problem.AddResidualBlock(new PriorCost(*this, start, places), nullptr, values.data());
+  const auto prior = [this](const GeometryModel& model, Eigen::MatrixXd* J) {
+    Eigen::MatrixXd unwanted;
+    return priorResidual(model, J ? J : &unwanted);
+  };
+  problem.AddResidualBlock(new ChangeCost(kPriorRows, start, places, prior), nullptr, values.data());
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = 100;
@@ -206,7 +185,7 @@ Eigen::VectorXd GeometryProblem::priorResidual(const GeometryModel& model, Eigen
     CameraJacobian by_camera;
     const Eigen::Vector4d believed(camera_.fx_px, camera_.fy_px, camera_.cx_px, camera_.cy_px);
     r.head<4>() =
-        whiten.matrixL().solve(cameraAt(model.carm, camera_.source_detector_distance_m, &by_camera) - believed);
+        whiten.matrixL().solve(cameraAt(model.carm, *camera_.source_detector_distance_m, &by_camera) - believed);
     J->block<4, kCameraNumbers>(0, kFirstCameraNumber) = whiten.matrixL().solve(by_camera);
   }
   const CArmFlex& flex = model.carm.deviations.flex;

@@ -1,10 +1,73 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include "geometry_numbers.hpp"
-#include "geometry_observation.hpp"
+#include <optional>
+#include <string>
+
+#include "angio/calibration/geometry_calibration.hpp"
+#include "angio/calibration/namespace.hpp"
+#include "angio/calibration/pose_set.hpp"
+#include "angio/geometry/carm.hpp"
 
 namespace angio::calibration {
+
+/// All numbers of a C-arm's geometry and of where a phantom lies, in one order: the phantom's place (a change from the
+/// right, [m, rad]), the arm's (kCArmPoseParameterNames), the camera's (source-detector offset [m], pixel aspect,
+/// principal point [px], its slope [px/m]), the flex terms' twists.
+constexpr int kPhantomNumbers = 6;
+constexpr int kCameraNumbers = 6;
+constexpr int kFirstArmNumber = kPhantomNumbers;
+constexpr int kFirstCameraNumber = kFirstArmNumber + kCArmPoseParameters;
+constexpr int kFirstFlexNumber = kFirstCameraNumber + kCameraNumbers;
+constexpr int kFlexNumbers = 6 * CArmFlex::kMaxTerms;
+constexpr int kModelNumbers = kFirstFlexNumber + kFlexNumbers;
+
+/// What one of the numbers is called in a record, and how large a unit of it is in SI.
+struct GeometryNumber {
+  std::string name;
+  double unit;
+};
+GeometryNumber geometryNumber(int place);
+
+/// Where the number of that name stands, if it is one.
+std::optional<int> placeOfGeometryNumber(const std::string& name);
+
+/// Derivatives by all numbers: twists of the camera relative to the patient, in the camera frame, as CArmPoseJacobian.
+Eigen::Matrix<double, 6, kModelNumbers> cameraByNumbers(const CArmGeometry& carm, const CArmJoints& joints);
+
+/// Changes of a view that its beads tell of: a twist of the phantom in the camera [m, rad], camera axes, from the left,
+/// then fx, fy, cx, cy [px].
+constexpr int kViewChanges = 10;
+using ViewChange = Eigen::Matrix<double, kViewChanges, 1>;
+
+/// A view condensed about its best pose: |residuals|^2 = |upper * change + offset|^2 + what no change explains.
+/// Residuals are beads' [px], or a registered pose's by its covariance [standard deviations].
+struct ViewObservation {
+  std::string name;
+  CArmJoints joints = CArmJoints::Zero();
+  double source_detector_distance_m = 0;
+  bool held_out = false;
+  int beads = 0;                                        ///< Used; none in a registered view.
+  std::vector<int> far_beads;                           ///< Not used: further off than the rest can explain.
+  Eigen::Vector4d camera_px = Eigen::Vector4d::Zero();  ///< fx, fy, cx, cy that changes count from.
+  Pose T_camera_phantom = Pose::Identity();             ///< The pose that they count from.
+  Eigen::Matrix<double, kViewChanges, kViewChanges> upper = Eigen::Matrix<double, kViewChanges, kViewChanges>::Zero();
+  ViewChange offset = ViewChange::Zero();
+  double unexplained_px2 = 0;  ///< Sum of squares that no pose explains.
+};
+
+/// Finds a view's pose with the camera as it is at its distance, robustly. Throws InputError at `place` and the view's
+/// name for fewer than 8 beads and for beads that no pose explains.
+ViewObservation observeView(const std::string& place, const BeadPhantom& phantom, const XrayCamera& camera,
+                            const BeadView& view, double outlier_std);
+
+/// A registered pose as such a view: it says nothing of the camera. `usual` stands in for a covariance that is not
+/// given; without either the pose is taken as exact to 1 um and 1e-6 rad, and its scatter is left to be measured.
+ViewObservation observePose(const HandEyePose& pose, const std::optional<PoseSigma>& usual);
+
+/// Throws InputError when beads lie elsewhere than the phantom says in half of the views or more: swapped labels.
+void requireSoundBeads(const std::string& place, const BeadPhantom& phantom, const std::vector<BeadView>& views,
+                       const std::vector<ViewObservation>& seen);
 
 /// What the views shall explain.
 struct GeometryModel {

@@ -3,14 +3,130 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/joined.hpp"
-#include "hand_eye_estimate.hpp"
+#include "hand_eye_problem.hpp"
 
 namespace angio::calibration {
 namespace {
+
+constexpr double kQuantile = 0.4;            // Below half, so that half of the poses may be another machine's.
+constexpr double kChi3AtQuantile = 1.36669;  // Of the length of three standard normal numbers.
+constexpr double kChi6SquaredAtQuantile = 4.57;
+constexpr int kRobustRounds = 5, kGateRounds = 10;
+constexpr double kFirstGate = 1.5;  // The first noise is of few poses.
+
+double quantile(std::vector<double> values) {
+  const auto at = static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + at, values.end());
+  return values[static_cast<std::size_t>(at)];
+}
+
+std::size_t count(const PoseChoice& chosen) {
+  return static_cast<std::size_t>(std::count(chosen.begin(), chosen.end(), true));
+}
+
+// One estimate over a choice of the poses, from the robust start to the gate and the measured noise.
+class HandEyeEstimate {
+ public:
+  HandEyeEstimate(const HandEyeProblem& problem, const HandEyeSettings& settings)
+      : used(problem.size(), true), problem_(problem), settings_(settings) {
+    transforms = robustStart(problem.equations(), problem.mount(), settings);
+    const PoseChoice all = used;
+    for (int round = 0; round < kRobustRounds; ++round) {
+      measureRobustly();
+      transforms = problem_.solved(transforms, all, covariances, HandEyeProblem::Loss::kRobust);
+    }
+    measureRobustly();
+    for (int round = 0; round < kGateRounds; ++round) {
+      const PoseChoice before = used;
+      gate(round == 0 ? kFirstGate : 1);
+      if (round > 1 && before == used) break;
+      if (count(used) < minPoses()) break;
+      if (!problem_.noiseGiven()) measure();
+      transforms = problem_.solved(transforms, used, covariances, HandEyeProblem::Loss::kSquares);
+      if (!problem_.noiseGiven()) measure();
+      covariances = problem_.covariances(transforms, noise);
+      inflation_ = std::max(1.0, chi2PerFreedom());
+    }
+  }
+
+  std::size_t minPoses() const { return problem_.mount() == HandEyeMount::kIdentity ? 1 : 3; }
+
+  double chi2PerFreedom() const {
+    double chi2 = 0;
+    for (std::size_t i = 0; i < problem_.size(); ++i) {
+      if (used[i]) chi2 += squaredDistance(problem_.residual(i, transforms), covariances[i]);
+    }
+    return chi2 / freedom(6);
+  }
+
+  // Degrees of freedom of so many numbers a pose.
+  double freedom(double per_pose) const {
+    const int parameters = problem_.mount() == HandEyeMount::kIdentity ? 6 : 12;
+    return std::max(1.0, per_pose * static_cast<double>(count(used)) - parameters * per_pose / 6);
+  }
+
+  // Distance of a pose from its prediction by its covariance.
+  double sigmas(std::size_t i) const {
+    return std::sqrt(squaredDistance(problem_.residual(i, transforms), covariances[i]));
+  }
+
+  HandEyeTransforms transforms;
+  PoseSigma noise;  // Measured, beside what the poses' covariances say; zero when the set says all noise.
+  std::vector<Matrix6d> covariances;
+  PoseChoice used;  // No outliers.
+
+ private:
+  // Noise from those residuals that are smallest, whatever the others are.
+  void measureRobustly() {
+    std::vector<double> turns, shifts, squares;
+    if (!problem_.noiseGiven()) {
+      for (std::size_t i = 0; i < problem_.size(); ++i) {
+        const Vector6d r = problem_.residual(i, transforms);
+        shifts.push_back(r.head<3>().norm());
+        turns.push_back(r.tail<3>().norm());
+      }
+      noise = {quantile(turns) / kChi3AtQuantile, quantile(shifts) / kChi3AtQuantile};
+    }
+    covariances = problem_.covariances(transforms, noise);
+    for (std::size_t i = 0; i < problem_.size(); ++i) {
+      squares.push_back(squaredDistance(problem_.residual(i, transforms), covariances[i]));
+    }
+    inflation_ = std::max(1.0, quantile(squares) / kChi6SquaredAtQuantile);
+  }
+
+  // Noise from all residuals that are used. What is known of it already is in the poses' covariances and taken off.
+  void measure() {
+    const std::vector<Matrix6d> known = problem_.covariances(transforms, {});
+    double turns = 0, shifts = 0, known_turns = 0, known_shifts = 0;
+    for (std::size_t i = 0; i < problem_.size(); ++i) {
+      if (!used[i]) continue;
+      const Vector6d r = problem_.residual(i, transforms);
+      shifts += r.head<3>().squaredNorm();
+      turns += r.tail<3>().squaredNorm();
+      known_shifts += known[i].topLeftCorner<3, 3>().trace();
+      known_turns += known[i].bottomRightCorner<3, 3>().trace();
+    }
+    const double numbers = 3 * static_cast<double>(count(used));
+    noise.rotation_rad = std::sqrt(std::max(0.0, turns / freedom(3) - known_turns / numbers));
+    noise.translation_m = std::sqrt(std::max(0.0, shifts / freedom(3) - known_shifts / numbers));
+    covariances = problem_.covariances(transforms, noise);
+  }
+
+  void gate(double factor) {
+    for (std::size_t i = 0; i < problem_.size(); ++i) {
+      used[i] = sigmas(i) < factor * settings_.outlier_gate * std::sqrt(inflation_);
+    }
+  }
+
+  const HandEyeProblem& problem_;
+  const HandEyeSettings& settings_;
+  double inflation_ = 1;  // Of chi^2, where the noise is larger than it is said to be.
+};
 
 constexpr std::size_t kMinOther = 4;  // Poses that make a second transform believable,
 constexpr double kOtherShare = 0.75;  // and their share of what the first one does not explain.
@@ -43,11 +159,12 @@ void refuseTwoMachines(const PoseSet& set, const HandEyeProblem& problem, const 
   PoseChoice others(first.used);
   others.flip();
   if (count(others) < kMinOther) return;
+  const HandEyeEquations equations = equationsOf(problem.equations(), others);
   if (settings.mount == HandEyeMount::kUnknown &&
-      motionSpread(equationsOf(problem.equations(), others)).across_rad < degToRad(settings.min_turn_deg)) {
+      motionSpread(equations).across_rad < degToRad(settings.min_turn_deg)) {
     return;
   }
-  const HandEyeTransforms start = robustStart(problem, others, settings);
+  const HandEyeTransforms start = robustStart(equations, settings.mount, settings);
   const std::vector<Matrix6d> covariances = problem.covariances(start, first.noise);
   const HandEyeTransforms second = problem.solved(start, others, covariances, HandEyeProblem::Loss::kRobust);
   PoseChoice agree(others.size(), false), agree_first = first.used;
@@ -178,13 +295,13 @@ HandEyeResult calibrateHandEye(const PoseSet& set, const HandEyeSettings& settin
     requireMotions(set.path, set.setup, motionSpread(equations), equations.size(), degToRad(settings.min_turn_deg));
     requireConventions(set.path, set.setup, equations);
   }
-  HandEyeEstimate estimate(problem, settings, PoseChoice(equations.size(), true));
+  HandEyeEstimate estimate(problem, settings);
   requireAgreement(set, problem, settings, estimate);
 
   HandEyeResult result;
   if (settings.residual == HandEyeResidual::kReprojection) {
     const ReprojectionFit fit = solvedByReprojection(set, problem, estimate.transforms, estimate.used,
-                                                     problem.handCovariances(estimate.transforms, estimate.noise));
+                                                     problem.covariances(estimate.transforms, estimate.noise, false));
     estimate.transforms = fit.transforms;
     result.covariance = fit.covariance;
   } else {

@@ -4,12 +4,13 @@
 #include <ceres/autodiff_cost_function.h>
 #include <ceres/loss_function.h>
 #include <ceres/problem.h>
+#include <ceres/rotation.h>
 #include <ceres/solver.h>
 
 #include <Eigen/Cholesky>
 #include <cmath>
 
-#include "hand_eye_twist.hpp"
+#include "angio/base/errors.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -18,6 +19,31 @@ constexpr int kRelinearisations = 3;
 // What stands in for no noise at all: far below any measurement, far above rounding [m, rad].
 constexpr double kMinStd = 1e-8;
 constexpr double kRobustScale = 3;  // Sigma of a six-dimensional residual at which the robust loss lets go.
+
+template <typename T>
+using Matrix3 = Eigen::Matrix<T, 3, 3>;
+template <typename T>
+using Vector3 = Eigen::Matrix<T, 3, 1>;
+
+// (t + dt, exp(dw) R) of a pose, for a Ceres parameter block [dt; dw].
+template <typename T>
+struct Moved {
+  Matrix3<T> R;
+  Vector3<T> t;
+
+  Moved(const Pose& from, const T* twist) {
+    Matrix3<T> turn;
+    ceres::AngleAxisToRotationMatrix(twist + 3, turn.data());
+    R = turn * from.linear().cast<T>();
+    t = from.translation().cast<T>() + Eigen::Map<const Vector3<T>>(twist);
+  }
+};
+
+// W with W^T W = covariance^-1.
+Matrix6d whiteningOf(const Matrix6d& covariance) {
+  const Matrix6d L = covariance.llt().matrixL();
+  return L.triangularView<Eigen::Lower>().solve(Matrix6d::Identity());
+}
 
 struct HandEyeCost {
   Pose hand_inverse, camera;
@@ -61,6 +87,21 @@ void addPoses(ceres::Problem& problem, Blocks& blocks, const HandEyeProblem& fro
                              blocks.z.data());
   }
   if (from.mount() == HandEyeMount::kIdentity) problem.SetParameterBlockConstant(blocks.x.data());
+}
+
+// Inverse of J^T J over these parameter blocks.
+Eigen::MatrixXd inverseInformation(ceres::Problem& problem, const std::vector<double*>& blocks) {
+  ceres::Problem::EvaluateOptions options;
+  options.parameter_blocks = blocks;
+  ceres::CRSMatrix J;
+  problem.Evaluate(options, nullptr, nullptr, nullptr, &J);
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(J.num_cols, J.num_cols);
+  for (int row = 0; row < J.num_rows; ++row) {
+    for (int a = J.rows[row]; a < J.rows[row + 1]; ++a) {
+      for (int b = J.rows[row]; b < J.rows[row + 1]; ++b) A(J.cols[a], J.cols[b]) += J.values[a] * J.values[b];
+    }
+  }
+  return A.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols()));
 }
 
 ceres::Problem::Options sharedLoss() {
@@ -119,19 +160,12 @@ Matrix6d HandEyeProblem::handCovariance(std::size_t i, const HandEyeTransforms& 
   return J * isotropic(*hand_std_) * J.transpose();
 }
 
-std::vector<Matrix6d> HandEyeProblem::covariances(const HandEyeTransforms& t, const PoseSigma& more) const {
+std::vector<Matrix6d> HandEyeProblem::covariances(const HandEyeTransforms& t, const PoseSigma& more,
+                                                  bool with_camera) const {
   std::vector<Matrix6d> all;
   for (std::size_t i = 0; i < size(); ++i) {
-    all.push_back(camera_covariances_[i] + handCovariance(i, t) + isotropic(more) +
-                  kMinStd * kMinStd * Matrix6d::Identity());
-  }
-  return all;
-}
-
-std::vector<Matrix6d> HandEyeProblem::handCovariances(const HandEyeTransforms& t, const PoseSigma& more) const {
-  std::vector<Matrix6d> all;
-  for (std::size_t i = 0; i < size(); ++i) {
-    all.push_back(handCovariance(i, t) + isotropic(more) + kMinStd * kMinStd * Matrix6d::Identity());
+    const Matrix6d camera = with_camera ? camera_covariances_[i] : Matrix6d(Matrix6d::Zero());
+    all.push_back(camera + handCovariance(i, t) + isotropic(more) + kMinStd * kMinStd * Matrix6d::Identity());
   }
   return all;
 }
@@ -164,18 +198,127 @@ Eigen::MatrixXd HandEyeProblem::covarianceOf(const HandEyeTransforms& t, const P
   ceres::Problem problem(sharedLoss());
   Blocks blocks;
   addPoses(problem, blocks, *this, t, chosen, covariances, nullptr);
-  ceres::Problem::EvaluateOptions options;
-  if (mount_ == HandEyeMount::kUnknown) options.parameter_blocks.push_back(blocks.x.data());
-  options.parameter_blocks.push_back(blocks.z.data());
-  ceres::CRSMatrix J;
-  problem.Evaluate(options, nullptr, nullptr, nullptr, &J);
-  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(J.num_cols, J.num_cols);
-  for (int row = 0; row < J.num_rows; ++row) {
-    for (int a = J.rows[row]; a < J.rows[row + 1]; ++a) {
-      for (int b = J.rows[row]; b < J.rows[row + 1]; ++b) A(J.cols[a], J.cols[b]) += J.values[a] * J.values[b];
-    }
+  std::vector<double*> free;
+  if (mount_ == HandEyeMount::kUnknown) free.push_back(blocks.x.data());
+  free.push_back(blocks.z.data());
+  return inverseInformation(problem, free);
+}
+
+namespace {
+
+constexpr double kMinNoise_px = 1e-6;
+
+// One point of the object against its prediction: hand, mount and object, and the hand's error as it shows in the
+// camera's frame.
+struct PointCost {
+  Pose hand_inverse;
+  HandEyeTransforms around;
+  XrayCamera::Parameters camera;
+  Eigen::Vector3d point_m;
+  Eigen::Vector2d seen_px;
+  double std_px;
+
+  template <typename T>
+  bool operator()(const T* x, const T* z, const T* error, T* residual) const {
+    const Moved<T> X(around.X, x), Z(around.Z, z);
+    const Pose none = Pose::Identity();
+    const Moved<T> turn(none, error);
+    const Vector3<T> p_base = Z.R * point_m.cast<T>() + Z.t;
+    const Vector3<T> p_hand = hand_inverse.linear().cast<T>() * p_base + hand_inverse.translation().cast<T>();
+    const Vector3<T> origin =
+        X.R.transpose() * (hand_inverse.linear().cast<T>() * Z.t + hand_inverse.translation().cast<T>() - X.t);
+    // (t + dt, exp(dw) R): the object turns about its own origin.
+    const Vector3<T> p = turn.R * (X.R.transpose() * (p_hand - X.t) - origin) + origin + turn.t;
+    if (!(p.z() > T(0))) return false;
+    residual[0] = (camera.fx_px * p.x() / p.z() + camera.cx_px - seen_px.x()) / std_px;
+    residual[1] = (camera.fy_px * p.y() / p.z() + camera.cy_px - seen_px.y()) / std_px;
+    return true;
   }
-  return A.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols()));
+};
+
+struct ErrorCost {
+  Matrix6d whitening;
+
+  template <typename T>
+  bool operator()(const T* error, T* residual) const {
+    Eigen::Map<Eigen::Matrix<T, 6, 1>> whitened(residual);
+    whitened = whitening.cast<T>() * Eigen::Map<const Eigen::Matrix<T, 6, 1>>(error);
+    return true;
+  }
+};
+
+double imageNoise(const PoseSet& set) {
+  double squares = 0, freedom = 0;
+  for (const HandEyePose& pose : set.poses) {
+    const PoseOfPoints found =
+        poseOfPoints(set.path + ": " + pose.name, *set.camera, pose.points_object_m, pose.points_px);
+    const auto count = static_cast<double>(pose.points_px.cols());
+    squares += found.rms_px * found.rms_px * count;
+    freedom += 2 * count - 6;
+  }
+  return std::max(kMinNoise_px, std::sqrt(squares / freedom));
+}
+
+}  // namespace
+
+double reprojectionError(const PoseSet& set, const HandEyeEquations& equations, const HandEyeTransforms& t,
+                         std::size_t i) {
+  const HandEyePose& pose = set.poses[i];
+  const Pose T = HandEyeEquations::predicted(equations.hands[i], t.X, t.Z);
+  double squares = 0;
+  for (Eigen::Index k = 0; k < pose.points_px.cols(); ++k) {
+    const auto pixel = set.camera->project(T * pose.points_object_m.col(k));
+    // A point behind the source has no image: it is as far off as the detector is wide.
+    squares += pixel ? (*pixel - pose.points_px.col(k)).squaredNorm() : std::pow(set.camera->width_px(), 2);
+  }
+  return std::sqrt(squares / std::max<double>(1, static_cast<double>(pose.points_px.cols())));
+}
+
+ReprojectionFit solvedByReprojection(const PoseSet& set, const HandEyeProblem& from, const HandEyeTransforms& start,
+                                     const PoseChoice& chosen, const std::vector<Matrix6d>& hand_covariances) {
+  for (const HandEyePose& pose : set.poses) {
+    if (pose.points_px.cols() == 0)
+      throw InputError(set.path, "points", pose.name, "must be given in every pose for --reprojection");
+  }
+  const double std_px = imageNoise(set);
+  ReprojectionFit fit{start, {}};
+  constexpr int kRounds = 2;
+  for (int round = 0; round <= kRounds; ++round) {
+    ceres::Problem problem;
+    Vector6d x = Vector6d::Zero(), z = Vector6d::Zero();
+    std::vector<Vector6d> errors(set.poses.size(), Vector6d::Zero());
+    std::vector<double*> blocks;
+    if (from.mount() == HandEyeMount::kUnknown) blocks.push_back(x.data());
+    blocks.push_back(z.data());
+    for (std::size_t i = 0; i < set.poses.size(); ++i) {
+      if (!chosen[i]) continue;
+      const HandEyePose& pose = set.poses[i];
+      for (Eigen::Index k = 0; k < pose.points_px.cols(); ++k) {
+        auto* cost = new PointCost{from.equations().hands[i].inverse(), fit.transforms,        set.camera->parameters(),
+                                   pose.points_object_m.col(k),         pose.points_px.col(k), std_px};
+        problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PointCost, 2, 6, 6, 6>(cost), nullptr, x.data(),
+                                 z.data(), errors[i].data());
+      }
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<ErrorCost, 6, 6>(new ErrorCost{whiteningOf(hand_covariances[i])}), nullptr,
+          errors[i].data());
+      blocks.push_back(errors[i].data());
+    }
+    if (from.mount() == HandEyeMount::kIdentity) problem.SetParameterBlockConstant(x.data());
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::DENSE_SCHUR;
+    options.logging_type = ceres::SILENT;
+    options.max_num_iterations = 50;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+    if (round == kRounds) {
+      const Eigen::Index free = from.mount() == HandEyeMount::kIdentity ? 6 : 12;
+      fit.covariance = inverseInformation(problem, blocks).topLeftCorner(free, free);
+    }
+    fit.transforms.X = movedBy(fit.transforms.X, x);
+    fit.transforms.Z = movedBy(fit.transforms.Z, z);
+  }
+  return fit;
 }
 
 }  // namespace angio::calibration

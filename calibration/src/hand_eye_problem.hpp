@@ -7,6 +7,14 @@
 
 namespace angio::calibration {
 
+/// (t + dt, exp(dw) R) of a pose.
+inline Pose movedBy(const Pose& T, const Vector6d& twist) {
+  Pose moved = T;
+  moved.translation() += twist.head<3>();
+  moved.linear() = expSO3(twist.tail<3>()) * T.linear();
+  return moved;
+}
+
 /// Which poses take part.
 using PoseChoice = std::vector<bool>;
 
@@ -25,11 +33,9 @@ class HandEyeProblem {
 
   Vector6d residual(std::size_t i, const HandEyeTransforms& t) const;
 
-  /// Covariance of each residual: the camera's, the hand's as it shows there, and `more` on top.
-  std::vector<Matrix6d> covariances(const HandEyeTransforms& t, const PoseSigma& more) const;
-
-  /// The same without the camera's part: what is between the hands' true places and what the machine says.
-  std::vector<Matrix6d> handCovariances(const HandEyeTransforms& t, const PoseSigma& more) const;
+  /// Covariance of each residual: the camera's, the hand's as it shows there, and `more` on top. Without the camera's:
+  /// of what is between the hands' true places and what the machine says.
+  std::vector<Matrix6d> covariances(const HandEyeTransforms& t, const PoseSigma& more, bool with_camera = true) const;
 
   enum class Loss { kSquares, kRobust };
   HandEyeTransforms solved(const HandEyeTransforms& start, const PoseChoice& chosen,
@@ -51,8 +57,15 @@ class HandEyeProblem {
   std::vector<Matrix6d> camera_covariances_;  // Zero where nothing is known.
 };
 
+/// Root mean square distance of the cameras from the object [m].
+double leverOf(const HandEyeEquations& equations);
+
+/// Sum of squares over those `kept` of the poses that agree best: rotations as they are [rad], translations over a
+/// lever.
+double bestSquares(const HandEyeEquations& equations, const HandEyeTransforms& t, std::size_t kept, double lever_m);
+
 /// The start that most poses agree with: see calibrateHandEye.
-HandEyeTransforms robustStart(const HandEyeProblem& problem, const PoseChoice& chosen, const HandEyeSettings& settings);
+HandEyeTransforms robustStart(const HandEyeEquations& equations, HandEyeMount mount, const HandEyeSettings& settings);
 
 /// Root mean square over the points of one pose, hands taken as exact [px].
 double reprojectionError(const PoseSet& set, const HandEyeEquations& equations, const HandEyeTransforms& t,

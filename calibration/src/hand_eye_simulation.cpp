@@ -6,33 +6,12 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/registration/starts.hpp"
+#include "hand_eye_problem.hpp"
 
 namespace angio::calibration {
 namespace {
 
 constexpr double kModelOffset_m = 0.03;
-
-// Standard normal draws by their purpose, one seed each set.
-class Draws {
- public:
-  explicit Draws(int seed) : seed_(seed) {}
-  Vector6d next(double translation_m, double rotation_rad) {
-    Vector6d draw = unitDraw(seed_, next_++);
-    draw.head<3>() *= translation_m;
-    draw.tail<3>() *= rotation_rad;
-    return draw;
-  }
-
- private:
-  int seed_, next_ = 0;
-};
-
-Pose moved(const Pose& T, const Vector6d& by) {
-  Pose result = T;
-  result.translation() += by.head<3>();
-  result.linear() = expSO3(by.tail<3>()) * T.linear();
-  return result;
-}
 
 CArmJoints jointsOf(const OrbitSettings& orbit, int pose) {
   CArmJoints joints = CArmJoints::Zero();
@@ -50,11 +29,18 @@ CArmJoints jointsOf(const OrbitSettings& orbit, int pose) {
 
 SimulatedPoseSet simulatedOrbit(const CArmGeometry& carm, const OrbitSettings& orbit, int seed) {
   checkSettings("orbit", orbit);
-  Draws draws(seed);
+  // Standard normal draws by their purpose, one seed each set.
+  int draws = 0;
+  const auto drawn = [&](double translation_m, double rotation_rad) {
+    Vector6d draw = unitDraw(seed, draws++);
+    draw.head<3>() *= translation_m;
+    draw.tail<3>() *= rotation_rad;
+    return draw;
+  };
   SimulatedPoseSet simulated;
   HandEyeTransforms& truth = simulated.truth;
-  truth.X = moved(Pose::Identity(), draws.next(1e-3 * orbit.mount_mm, degToRad(orbit.mount_deg)));
-  truth.Z = moved(Pose::Identity(), draws.next(kModelOffset_m, 2));
+  truth.X = movedBy(Pose::Identity(), drawn(1e-3 * orbit.mount_mm, degToRad(orbit.mount_deg)));
+  truth.Z = movedBy(Pose::Identity(), drawn(kModelOffset_m, 2));
   PoseSet& set = simulated.set;
   set.path = "simulated poses";
   set.machine = "simulated";
@@ -65,10 +51,10 @@ SimulatedPoseSet simulatedOrbit(const CArmGeometry& carm, const OrbitSettings& o
     pose.name = std::to_string(i + 1);
     pose.joints = jointsOf(orbit, i);
     pose.T_base_hand = carm.T_camera_patient(*pose.joints).inverse();
-    const Vector6d hand_noise = draws.next(1e-3 * orbit.hand_noise_mm, degToRad(orbit.hand_noise_deg));
-    const Vector6d camera_noise = draws.next(1e-3 * orbit.camera_noise_mm, degToRad(orbit.camera_noise_deg));
-    const Pose hand = moved(Pose::Identity(), hand_noise) * pose.T_base_hand;
-    pose.T_camera_object = moved(HandEyeEquations::predicted(hand, truth.X, truth.Z), camera_noise);
+    const Vector6d hand_noise = drawn(1e-3 * orbit.hand_noise_mm, degToRad(orbit.hand_noise_deg));
+    const Vector6d camera_noise = drawn(1e-3 * orbit.camera_noise_mm, degToRad(orbit.camera_noise_deg));
+    const Pose hand = movedBy(Pose::Identity(), hand_noise) * pose.T_base_hand;
+    pose.T_camera_object = movedBy(HandEyeEquations::predicted(hand, truth.X, truth.Z), camera_noise);
     set.poses.push_back(std::move(pose));
   }
   return simulated;
@@ -92,8 +78,7 @@ std::vector<HandEyeTrial> handEyeTrials(const CArmGeometry& carm, const OrbitSet
     const HandEyeResult result = calibrateHandEye(simulated.set, settings);
     const auto error = errorOf(result.transforms, simulated.truth);
     const Eigen::VectorXd free = error.tail(result.covariance.rows());
-    all.push_back({error.segment<3>(3).norm(), error.segment<3>(0).norm(), error.segment<3>(9).norm(),
-                   error.segment<3>(6).norm(), free.dot(result.covariance.ldlt().solve(free))});
+    all.push_back({error, free.dot(result.covariance.ldlt().solve(free))});
     if (tell) tell(trial + 1);
   }
   return all;

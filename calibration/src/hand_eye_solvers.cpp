@@ -4,7 +4,13 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <Eigen/SVD>
+#include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numeric>
+#include <random>
+
+#include "hand_eye_problem.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -96,6 +102,63 @@ HandEyeResiduals handEyeResiduals(const HandEyeEquations& e, const HandEyeTransf
   }
   const double count = std::max<double>(1, static_cast<double>(e.size()));
   return {std::sqrt(squares.rotation_rad / count), std::sqrt(squares.translation_m / count)};
+}
+
+double leverOf(const HandEyeEquations& e) {
+  double squares = 0;
+  for (const Pose& camera : e.cameras) squares += camera.translation().squaredNorm();
+  return std::sqrt(squares / static_cast<double>(e.size()));
+}
+
+double bestSquares(const HandEyeEquations& e, const HandEyeTransforms& t, std::size_t kept, double lever_m) {
+  std::vector<double> squares;
+  for (std::size_t i = 0; i < e.size(); ++i) {
+    const Pose Z = e.hands[i] * t.X * e.cameras[i];
+    squares.push_back(std::pow(rotationAngle(t.Z.linear().transpose() * Z.linear()), 2) +
+                      (Z.translation() - t.Z.translation()).squaredNorm() / (lever_m * lever_m));
+  }
+  const auto end = squares.begin() + static_cast<std::ptrdiff_t>(std::min(kept, squares.size()));
+  std::partial_sort(squares.begin(), end, squares.end());
+  return std::accumulate(squares.begin(), end, 0.0);
+}
+
+HandEyeTransforms robustStart(const HandEyeEquations& e, HandEyeMount mount, const HandEyeSettings& settings) {
+  constexpr std::size_t kDrawn = 4;  // One more than is needed: three poses make poor starts.
+  constexpr double kTrimmed = 0.45;  // Of two machines' poses in one file, half are one's.
+  const auto kept =
+      std::max<std::size_t>(3, static_cast<std::size_t>(std::ceil(kTrimmed * static_cast<double>(e.size()))));
+  const double lever_m = leverOf(e);
+  HandEyeTransforms best;
+  double least = std::numeric_limits<double>::infinity();
+  const auto consider = [&](const HandEyeTransforms& t) {
+    const double here = bestSquares(e, t, kept, lever_m);
+    if (!(here < least)) return;
+    least = here;
+    best = t;
+  };
+  if (mount == HandEyeMount::kIdentity) {
+    for (std::size_t i = 0; i < e.size(); ++i) consider({Pose::Identity(), e.hands[i] * e.cameras[i]});
+    return best;
+  }
+  const auto solveOver = [&](const HandEyeEquations& some) {
+    consider(solveParkMartin(some));
+    consider(solveShah(some));
+  };
+  solveOver(e);
+  if (e.size() <= kDrawn) return best;
+  std::mt19937 engine(static_cast<unsigned>(settings.seed));
+  std::vector<std::size_t> shuffled(e.size());
+  std::iota(shuffled.begin(), shuffled.end(), std::size_t{0});
+  for (int draw = 0; draw < settings.starts; ++draw) {
+    HandEyeEquations few;
+    for (std::size_t k = 0; k < kDrawn; ++k) {
+      // std::uniform_int_distribution is not the same on every machine; the bias of a remainder is of no account here.
+      std::swap(shuffled[k], shuffled[k + engine() % (shuffled.size() - k)]);
+      few.add(e.hands[shuffled[k]], e.cameras[shuffled[k]]);
+    }
+    solveOver(few);
+  }
+  return best;
 }
 
 }  // namespace angio::calibration

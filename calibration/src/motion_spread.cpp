@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/calibration/motion_spread.hpp"
+#include "angio/calibration/hand_eye_solvers.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -10,6 +10,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "hand_eye_problem.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -30,21 +31,10 @@ std::string axisText(const Eigen::Vector3d& axis) {
 
 // How far poses are from their predictions: the share of them that fits best, as an angle and a length over `lever_m`.
 double misfit(const HandEyeEquations& e, double lever_m) {
+  const auto kept = std::max<std::size_t>(3, static_cast<std::size_t>(kTrimmed * static_cast<double>(e.size())));
   double best = std::numeric_limits<double>::infinity();
   for (const auto& solve : {solveParkMartin, solveShah}) {
-    const HandEyeTransforms t = solve(e);
-    std::vector<double> squares;
-    for (std::size_t i = 0; i < e.size(); ++i) {
-      const Pose Z = e.hands[i] * t.X * e.cameras[i];
-      squares.push_back(std::pow(rotationAngle(t.Z.linear().transpose() * Z.linear()), 2) +
-                        (Z.translation() - t.Z.translation()).squaredNorm() / (lever_m * lever_m));
-    }
-    const auto kept =
-        std::max<std::size_t>(3, static_cast<std::size_t>(kTrimmed * static_cast<double>(squares.size())));
-    std::sort(squares.begin(), squares.end());
-    double sum = 0;
-    for (std::size_t i = 0; i < std::min(kept, squares.size()); ++i) sum += squares[i];
-    best = std::min(best, std::sqrt(sum / static_cast<double>(kept)));
+    best = std::min(best, std::sqrt(bestSquares(e, solve(e), kept, lever_m) / static_cast<double>(kept)));
   }
   return best;
 }
@@ -61,12 +51,6 @@ Pose mirrored(const Pose& T) {
   M.linear() = flip * T.linear() * flip;
   M.translation() = flip * T.translation();
   return M;
-}
-
-double leverOf(const HandEyeEquations& e) {
-  double squares = 0;
-  for (const Pose& camera : e.cameras) squares += camera.translation().squaredNorm();
-  return std::sqrt(squares / static_cast<double>(e.size()));
 }
 
 }  // namespace

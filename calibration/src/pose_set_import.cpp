@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/calibration/pose_set_import.hpp"
+#include "angio/calibration/pose_set.hpp"
 
 #include <visp3/core/vpXmlParserCamera.h>
 #include <filesystem>

@@ -7,6 +7,20 @@
 #include "angio/calibration/hand_eye.hpp"
 
 namespace angio::calibration {
+namespace {
+
+// A record of today, still without values.
+CalibrationRecord recordOf(const std::string& kind, const std::string& machine,
+                           const std::vector<std::string>& input_paths) {
+  CalibrationRecord record;
+  record.kind = kind;
+  record.machine = machine;
+  record.date = dateNow();
+  for (const std::string& path : input_paths) record.inputs.push_back(hashedInput(path));
+  return record;
+}
+
+}  // namespace
 
 std::vector<std::string> transformNumberNames(const std::string& transform) {
   std::vector<std::string> names;
@@ -56,12 +70,7 @@ std::pair<std::string, std::string> transformNames(HandEyeSetup setup) {
 }
 
 CalibrationRecord handEyeRecord(const PoseSet& set, const HandEyeSettings& settings, const HandEyeResult& result) {
-  CalibrationRecord record;
-  record.kind = "hand_eye";
-  record.machine = set.machine;
-  record.date = dateNow();
-  for (const std::string& path : set.input_paths) record.inputs.push_back(hashedInput(path));
-
+  CalibrationRecord record = recordOf("hand_eye", set.machine, set.input_paths);
   const auto [X, Z] = transformNames(set.setup);
   std::vector<std::pair<std::string, Pose>> transforms;
   if (settings.mount == HandEyeMount::kUnknown) transforms.emplace_back(X, result.transforms.X);
@@ -78,11 +87,7 @@ CalibrationRecord handEyeRecord(const PoseSet& set, const HandEyeSettings& setti
 
 CalibrationRecord anatomyRecord(const AnatomyResult& result, const std::string& machine,
                                 const std::vector<std::string>& input_paths) {
-  CalibrationRecord record;
-  record.kind = "registration";
-  record.machine = machine;
-  record.date = dateNow();
-  for (const std::string& path : input_paths) record.inputs.push_back(hashedInput(path));
+  CalibrationRecord record = recordOf("registration", machine, input_paths);
   recordTransforms(record, {{"T_dsa_cb", result.T_dsa_cb}}, result.covariance);
   record.residual_unit = "deg";
   double squares = 0, used = 0;

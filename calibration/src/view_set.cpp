@@ -1,14 +1,58 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/view_set.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 
 #include "angio/base/errors.hpp"
+#include "angio/calibration/bead_detection.hpp"
 #include "angio/calibration_records/pose_fields.hpp"
+#include "angio/io/image_files.hpp"
+#include "angio/io/table.hpp"
+#include "angio/io/text.hpp"
+#include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
 
 namespace angio::calibration {
+namespace {
+
+constexpr double kLargest_px = 32768;
+constexpr int kMaxBeads = 2000;
+
+std::optional<double> positiveIn(const TableRow& row, const char* column) {
+  if (!row.has(column)) return std::nullopt;
+  const auto value = row.numberOrBlank(column);
+  if (value) requirePositive(row.place(), column, *value);
+  return value;
+}
+
+}  // namespace
+
+std::vector<BeadDetection> readBeadTable(const std::string& path) {
+  std::vector<BeadDetection> beads;
+  readTable(path, {{"x_px", "y_px"}, {"sigma_px", "radius_px", "contrast", "bead"}}, [&](const TableRow& row) {
+    BeadDetection seen;
+    const auto position = [&](const char* column) {
+      return requireBetween(row.place(), column, row.number(column), -0.5, kLargest_px);
+    };
+    seen.center_px = {position("x_px"), position("y_px")};
+    seen.std_px = positiveIn(row, "sigma_px").value_or(1);
+    seen.radius_px = positiveIn(row, "radius_px");
+    seen.contrast = positiveIn(row, "contrast");
+    if (row.has("bead") && !row.text("bead").empty()) {
+      seen.bead = row.integer("bead");
+      requireBetween(row.place(), "bead", *seen.bead, 0, kMaxBeads - 1);
+    }
+    if (!beads.empty() && beads.front().bead.has_value() != seen.bead.has_value()) {
+      throw InputError(row.place(), "bead", std::string(row.text("bead")), "must be given for all beads or for none");
+    }
+    if (beads.size() == kMaxBeads) throw InputError(row.place(), "", "", "there must not be more than 2000 beads");
+    beads.push_back(seen);
+  });
+  return beads;
+}
+
 namespace {
 
 constexpr int kMaxSide_px = 32768;
@@ -101,6 +145,59 @@ std::vector<CalibrationInput> hashedViews(const ViewSet& set) {
     }
   }
   return inputs;
+}
+
+namespace {
+
+std::vector<BeadDetection> beadsOf(const PhantomView& view, const BeadPhantom& phantom,
+                                   const BeadDetectionSettings& settings, DetectorOfViews& detector) {
+  if (view.is_table) return readBeadTable(view.path);
+  if (!phantom.isCoded()) {
+    throw InputError(view.path, "image", "", "must be a table: the phantom " + phantom.name + " is a grid of marks");
+  }
+  const cv::Mat image = readXrayImage(view.path);
+  if (detector.width_px == 0) {
+    detector.width_px = image.cols;
+    detector.height_px = image.rows;
+  }
+  if (image.cols != detector.width_px || image.rows != detector.height_px) {
+    throw InputError(view.path, "image_size_px", std::to_string(image.cols) + " x " + std::to_string(image.rows),
+                     "must be " + std::to_string(detector.width_px) + " x " + std::to_string(detector.height_px) +
+                         " as the view set or its first image says");
+  }
+  return detectBeads(image, settings);
+}
+
+}  // namespace
+
+SeenViewSet seenViews(const ViewSet& set, const BeadPhantom& phantom, const BeadDetectionSettings& settings,
+                      const std::function<void(int done)>& progress) {
+  SeenViewSet seen;
+  seen.inputs = hashedViews(set);
+  seen.detector = {set.image_width_px, set.image_height_px, set.pixel_spacing_m};
+  std::vector<Eigen::Matrix3d> likely;
+  for (const PhantomView& view : set.views) {
+    std::vector<BeadDetection> beads = beadsOf(view, phantom, settings, seen.detector);
+    BeadView labelled{view.name,
+                      {},
+                      view.source_detector_distance_m,
+                      view.held_out,
+                      view.joints.value_or(CArmJoints(CArmJoints::Zero()))};
+    if (beads.empty() || !beads.front().bead) {
+      if (!phantom.isCoded()) {
+        throw InputError(view.path, "bead", "", "is missing: marks of " + phantom.name + " have no sizes to tell by");
+      }
+      const BeadMatch match = matchBeads(view.path, phantom, beads, likely);
+      likely.insert(likely.begin(), match.R_camera_phantom);
+      for (std::size_t i = 0; i < beads.size(); ++i) beads[i].bead = match.bead[i];
+    }
+    for (const BeadDetection& bead : beads) {
+      if (bead.bead) labelled.beads.push_back({*bead.bead, bead.center_px, bead.std_px});
+    }
+    seen.views.push_back(std::move(labelled));
+    if (progress) progress(static_cast<int>(seen.views.size()));
+  }
+  return seen;
 }
 
 }  // namespace angio::calibration

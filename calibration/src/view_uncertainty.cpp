@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "geometry_numbers.hpp"
+#include "geometry_problem.hpp"
 #include "transform_numbers.hpp"
 
 namespace angio::calibration {
@@ -41,10 +41,10 @@ Matrix6d cameraCovariance(const CArmCalibration& calibration, const CalibrationR
   std::vector<int> numbers, places;
   std::vector<double> units;
   for (std::size_t i = 0; i < record.parameters.size(); ++i) {
-    const auto number = geometryNumber(record.parameters[i]);
+    const auto number = placeOfGeometryNumber(record.parameters[i]);
     if (!number) continue;
-    numbers.push_back(number->place);
-    units.push_back(number->unit);
+    numbers.push_back(*number);
+    units.push_back(geometryNumber(*number).unit);
     places.push_back(static_cast<int>(i));
   }
   const auto J = cameraByNumbers(calibration.carm, joints);

@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include "angio/calibration/bead_matching.hpp"
 #include "angio/calibration/direct_linear.hpp"
 #include "angio/geometry/distortion.hpp"
 #include "angio/test/errors.hpp"

@@ -10,6 +10,7 @@
 #include "angio/geometry/se3.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "bead_scenes.hpp"
 
 namespace angio::test {
 namespace {

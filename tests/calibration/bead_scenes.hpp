@@ -2,6 +2,7 @@
 #pragma once
 
 #include <opencv2/imgproc.hpp>
+#include <random>
 
 #include "angio/calibration/bead_phantom.hpp"
 #include "angio/geometry/xray_camera.hpp"
@@ -21,6 +22,23 @@ inline Pose phantomView(const BeadPhantom& phantom, const Eigen::Matrix3d& R, co
 inline Eigen::Matrix3d anyRotation(Random& random) {
   const double angle_rad = random.uniform(0, kPi);
   return expSO3(angle_rad * random.direction());
+}
+
+/// Two parallel plates of beads, 120 mm wide and 60 mm apart, one over the gaps of the other, large and small in an
+/// order without a pattern: a flat phantom that still shows depth and handedness.
+inline BeadPhantom platePhantom() {
+  BeadPhantom phantom;
+  phantom.name = "plate";
+  constexpr int kSide = 7;
+  std::mt19937 engine(1);
+  for (const int plate : {0, 1}) {
+    const int count = kSide - plate;
+    for (int i = 0; i < count * count; ++i) {
+      const double x = 0.02 * (i % count - 0.5 * (count - 1)), y = 0.02 * (i / count - 0.5 * (count - 1));
+      phantom.beads.push_back({{x, y, 0.06 * (plate - 0.5)}, (engine() & 1U) ? 1.6e-3 : 0.8e-3});
+    }
+  }
+  return phantom;
 }
 
 /// How a simulated exposure looks.

@@ -9,9 +9,8 @@
 #include <fstream>
 
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/bead_tables.hpp"
-#include "angio/calibration/camera_views.hpp"
 #include "angio/calibration/direct_linear.hpp"
+#include "angio/calibration/view_set.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/shared_data.hpp"

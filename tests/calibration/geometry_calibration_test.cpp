@@ -33,13 +33,13 @@ struct Scene {
   BeadPhantom phantom = helix();
   SimulatedDevice machine;
   GeometryCamera camera;
-  std::vector<GeometryView> views;
+  std::vector<BeadView> views;
 };
 
-std::vector<GeometryView> seen(const std::vector<SimulatedBeadView>& views, test::Random& random) {
-  std::vector<GeometryView> result;
+std::vector<BeadView> seen(const std::vector<SimulatedBeadView>& views, test::Random& random) {
+  std::vector<BeadView> result;
   for (const SimulatedBeadView& view : views) {
-    GeometryView& taken = result.emplace_back();
+    BeadView& taken = result.emplace_back();
     taken.name = "v" + std::to_string(result.size());
     taken.joints = view.said;
     taken.source_detector_distance_m = view.source_detector_distance_m;
@@ -58,17 +58,13 @@ Scene sceneOf(CalibrationSimulationSettings settings) {
   scene.machine = simulatedMachine({}, Eigen::Vector3d::Zero(), settings);
   const CArmGeometry& carm = scene.machine.truth.carm;
   scene.views = seen(simulatedGeometryViews(scene.machine, scene.phantom, settings), random);
-  const auto p = carm.camera().parameters();
-  scene.camera = {p.width_px,
-                  p.height_px,
-                  carm.pixel_spacing_m,
-                  carm.source_detector_distance_m,
-                  p.fx_px + kCameraSigma_px[0] * random.normal(),
-                  p.fy_px + kCameraSigma_px[1] * random.normal(),
-                  p.cx_px + kCameraSigma_px[2] * random.normal(),
-                  p.cy_px + kCameraSigma_px[3] * random.normal(),
-                  Eigen::Matrix4d(kCameraSigma_px.cwiseAbs2().asDiagonal()),
-                  Eigen::Vector2d::Zero()};
+  scene.camera = {carm.camera().parameters(), Eigen::Matrix4d(kCameraSigma_px.cwiseAbs2().asDiagonal())};
+  scene.camera.pixel_spacing_m = carm.pixel_spacing_m;
+  scene.camera.source_detector_distance_m = carm.source_detector_distance_m;
+  scene.camera.fx_px += kCameraSigma_px[0] * random.normal();
+  scene.camera.fy_px += kCameraSigma_px[1] * random.normal();
+  scene.camera.cx_px += kCameraSigma_px[2] * random.normal();
+  scene.camera.cy_px += kCameraSigma_px[3] * random.normal();
   return scene;
 }
 
@@ -140,7 +136,7 @@ TEST(GeometryCalibration, AWrongViewIsNamedAndLeftOut) {
 
 TEST(GeometryCalibration, WhatPositionsCannotTellIsKeptAndNamed) {
   Scene scene = sceneOf(rigid(5));
-  std::vector<GeometryView> views;
+  std::vector<BeadView> views;
   for (const auto& view : scene.views) {
     if (view.joints.tail<3>().norm() < 1e-3) views.push_back(view);
   }
@@ -163,7 +159,7 @@ TEST(GeometryCalibration, WhatPositionsCannotTellIsKeptAndNamed) {
       const Eigen::Vector2d noise = kNoise_px * random.vector(1).head<2>();
       view.beads.push_back(
           {static_cast<int>(i),
-           *carm.camera(view.source_detector_distance_m).project(T * scene.phantom.beads[i].position_m) + noise});
+           *carm.camera(*view.source_detector_distance_m).project(T * scene.phantom.beads[i].position_m) + noise});
     }
   }
   EXPECT_THAT(calibrate(scene).kept, Contains(testing::AllOf(HasSubstr("axis_skew_deg stays near"),

@@ -4,14 +4,14 @@
 #include <Eigen/Cholesky>
 
 #include "angio/calibration/calibration_simulation.hpp"
-#include "angio/calibration/geometry_input.hpp"
+#include "angio/calibration/geometry_calibration.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
-#include "geometry_observation.hpp"
+#include "geometry_problem.hpp"
 
 namespace angio::test {
 namespace {
@@ -54,9 +54,9 @@ Scene sceneOf(int seed) {
     pose.T_camera_object.translation() += error.head<3>();
     pose.T_camera_object.linear() = expSO3(error.tail<3>()) * pose.T_camera_object.linear();
   }
-  const auto p = carm.camera().parameters();
-  scene.camera = {p.width_px, p.height_px, carm.pixel_spacing_m, carm.source_detector_distance_m, p.fx_px, p.fy_px,
-                  p.cx_px,    p.cy_px,     std::nullopt,         Eigen::Vector2d::Zero()};
+  scene.camera = {carm.camera().parameters(), std::nullopt};
+  scene.camera.pixel_spacing_m = carm.pixel_spacing_m;
+  scene.camera.source_detector_distance_m = carm.source_detector_distance_m;
   return scene;
 }
 

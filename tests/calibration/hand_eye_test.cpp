@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "angio/calibration/hand_eye_simulation.hpp"
-#include "angio/calibration/pose_set_import.hpp"
+#include "angio/calibration/pose_set.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // What a hand-eye calibration must refuse, and how it says so.
-#include "angio/calibration/motion_spread.hpp"
+#include "angio/calibration/hand_eye_solvers.hpp"
 #include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>

@@ -4,7 +4,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/calibration/geometry_pictures.hpp"
-#include "angio/calibration/hand_eye_pictures.hpp"
+#include "angio/calibration/pose_pictures.hpp"
 #include "angio/test/namespace.hpp"
 
 namespace angio::test {

@@ -7,7 +7,6 @@
 #include <Eigen/Cholesky>
 
 #include "angio/calibration/hand_eye_simulation.hpp"
-#include "angio/calibration/pose_set_import.hpp"
 #include "angio/test/differences.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"

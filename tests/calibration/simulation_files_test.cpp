@@ -4,7 +4,6 @@
 #include <opencv2/core/mat.hpp>
 
 #include "angio/calibration/bead_detection.hpp"
-#include "angio/calibration/bead_tables.hpp"
 #include "angio/calibration/calibration_simulation.hpp"
 #include "angio/calibration/pose_set.hpp"
 #include "angio/calibration/view_set.hpp"

@@ -10,10 +10,9 @@
 #include <stdexcept>
 
 #include "angio/base/errors.hpp"
-#include "angio/calibration/anatomy_angles.hpp"
+#include "angio/calibration/anatomy_registration.hpp"
 #include "angio/calibration/bead_phantom.hpp"
-#include "angio/calibration/bead_tables.hpp"
-#include "angio/calibration/pose_set_import.hpp"
+#include "angio/calibration/pose_set.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/imaging/extractor_sections.hpp"

@@ -4,10 +4,13 @@
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "angio/base/settings.hpp"
+#include "angio/calibration/bead_phantom.hpp"
 #include "angio/calibration/namespace.hpp"
+#include "angio/geometry/se3.hpp"
 
 namespace angio::calibration {
 
@@ -54,5 +57,22 @@ struct BeadDetectionSettings {
 ///
 /// `image` is CV_8UC1 or CV_16UC1; throws InputError for another type, an empty image and settings out of range.
 std::vector<BeadDetection> detectBeads(const cv::Mat& image, const BeadDetectionSettings& settings = {});
+
+/// Which detection is which bead.
+struct BeadMatch {
+  std::vector<std::optional<int>> bead;  ///< One a detection; nothing for what is no bead.
+  int matched = 0;
+  Eigen::Matrix3d R_camera_phantom = Eigen::Matrix3d::Identity();  ///< About; a start for the next view.
+};
+
+/// Tells beads apart in one view without any start: apparent sizes say the scale and which beads are large; each
+/// orientation of a grid over all rotations, those near `likely` first, puts the beads' places over those seen, and the
+/// best of them are refined to a projection. A mirrored image matches as well: a projection without perspective cannot
+/// tell it, the projection matrix afterwards does.
+///
+/// Throws InputError that begins with `place` when a detection has no radius, when too few beads are seen, and when no
+/// orientation explains them.
+BeadMatch matchBeads(const std::string& place, const BeadPhantom& phantom, const std::vector<BeadDetection>& detections,
+                     const std::vector<Eigen::Matrix3d>& likely = {});
 
 }  // namespace angio::calibration

@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "angio/base/settings.hpp"
 #include "angio/calibration/namespace.hpp"
 
 namespace angio::calibration {
@@ -55,35 +54,7 @@ struct HelixPhantomSettings {
   int beads = kMaxHelixBeads;
   double small_diameter_mm = 1.6;
   double large_diameter_mm = 3.2;
-
-  void visit(SettingsVisitor& v) {
-    v.number("radius_mm", radius_mm, 10, 500);
-    v.number("height_mm", height_mm, 10, 1000);
-    v.number("turns", turns, 0.5, 20);
-    v.integer("beads", beads, 12, kMaxHelixBeads);
-    v.number("small_diameter_mm", small_diameter_mm, 0.2, 20);
-    v.number("large_diameter_mm", large_diameter_mm, 0.2, 20);
-  }
 };
 BeadPhantom helixPhantom(const HelixPhantomSettings& settings = {});
-
-/// Two parallel plates of beads, one over the gaps of the other, large and small in an order without a pattern: a flat
-/// phantom that still shows depth and handedness.
-struct PlatePhantomSettings {
-  double width_mm = 120;    ///< Along x and y.
-  double distance_mm = 60;  ///< Between the plates, along z.
-  int beads_per_side = 7;   ///< Of the lower plate; the upper one has one less.
-  double small_diameter_mm = 1.6;
-  double large_diameter_mm = 3.2;
-
-  void visit(SettingsVisitor& v) {
-    v.number("width_mm", width_mm, 20, 1000);
-    v.number("distance_mm", distance_mm, 5, 500);
-    v.integer("beads_per_side", beads_per_side, 3, 20);
-    v.number("small_diameter_mm", small_diameter_mm, 0.2, 20);
-    v.number("large_diameter_mm", large_diameter_mm, 0.2, 20);
-  }
-};
-BeadPhantom platePhantom(const PlatePhantomSettings& settings = {});
 
 }  // namespace angio::calibration

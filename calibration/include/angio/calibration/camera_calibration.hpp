@@ -8,7 +8,7 @@
 #include "angio/base/settings.hpp"
 #include "angio/calibration/bead_phantom.hpp"
 #include "angio/calibration_records/record.hpp"
-#include "angio/geometry/se3.hpp"
+#include "angio/geometry/carm.hpp"
 #include "angio/io/camera_files.hpp"
 
 namespace angio::calibration {
@@ -26,6 +26,7 @@ struct BeadView {
   std::vector<SeenBead> beads;
   std::optional<double> source_detector_distance_m;  ///< By the encoder.
   bool held_out = false;                             ///< Takes no part; its error is reported.
+  CArmJoints joints = CArmJoints::Zero();            ///< By the encoders [rad, m]; of no account for the camera.
 };
 
 enum class LensKind { kNone, kRadial, kIntensifier };
@@ -56,8 +57,6 @@ struct CameraCalibrationSettings {
 struct CalibratedView {
   std::string name;
   Pose T_camera_phantom = Pose::Identity();
-  Matrix6d covariance = Matrix6d::Zero();  ///< Of v [m], w [rad]: R -> exp(w) R, t -> t + v.
-  Eigen::MatrixXd cross_covariance;        ///< 6 x n, with the parameters; empty for a view that took no part.
   std::vector<SeenBead> beads;
   Eigen::Matrix2Xd residuals_px;  ///< Projected less seen, one column a bead.
   std::vector<bool> is_outlier;   ///< One a bead.

@@ -39,17 +39,22 @@ Eigen::Matrix2Xd projectedBy(const Matrix34d& P, const Eigen::Matrix3Xd& points_
 std::optional<Eigen::Matrix3d> directLinearHomography(const Eigen::Matrix2Xd& plane_m,
                                                       const Eigen::Matrix2Xd& pixels_px);
 
-/// What Zhang's closed form assumes of K: all five numbers free needs three tilts of the plane; without skew and with
-/// the principal point in the image's middle two tilts, or one, give the focal lengths.
-enum class PlanarAssumption { kNone, kNoSkew, kCentered };
+/// The projection that most points agree on, by the above over draws of few, and the numbers of those points.
+struct AgreedProjection {
+  Matrix34d P;
+  std::vector<int> points;
+};
 
-/// K from homographies of one plane; nothing when they leave it open (views at one tilt) or no real K explains them.
-/// @param middle_px  Of the image: where kCentred puts the principal point, and what numbers are scaled about.
-/// Source: Zhang, A flexible new technique for camera calibration, PAMI 22 (2000), section 3.1, appendix B.
-std::optional<Eigen::Matrix3d> planarIntrinsics(const std::vector<Eigen::Matrix3d>& homographies,
-                                                const Eigen::Vector2d& middle_px, PlanarAssumption assumption);
+/// Finds it for points that are within a tolerance of where P puts them; nothing when the points leave it open. Flat
+/// ones lie at z = 0, which then counts for nothing.
+std::optional<AgreedProjection> agreedProjection(const Eigen::Matrix3Xd& points_m, const Eigen::Matrix2Xd& pixels_px,
+                                                 double tolerance_px, bool flat);
 
-/// The pose of the plane (z = 0) by its homography and K. Source: Zhang, section 3.1.
+/// From where P puts a point to a pixel; infinity for a point behind the camera.
+double distance_px(const Matrix34d& P, const Eigen::Vector3d& point_m, const Eigen::Vector2d& pixel_px);
+
+/// The pose of the plane (z = 0) by its homography and K. Source: Zhang, A flexible new technique for
+/// camera calibration, PAMI 22 (2000), section 3.1.
 Pose planarPose(const Eigen::Matrix3d& homography, const Eigen::Matrix3d& K);
 
 }  // namespace angio::calibration

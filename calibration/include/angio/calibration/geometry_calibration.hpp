@@ -1,40 +1,25 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "angio/base/settings.hpp"
+#include "angio/calibration/bead_detection.hpp"
 #include "angio/calibration/bead_phantom.hpp"
+#include "angio/calibration/camera_calibration.hpp"
 #include "angio/calibration/pose_set.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/geometry/carm.hpp"
 
 namespace angio::calibration {
 
-/// A bead and where it was seen in a pinhole image: distortion is taken out before.
-struct BeadSighting {
-  int bead = 0;  ///< Its place in BeadPhantom::beads.
-  Eigen::Vector2d pixel_px;
-};
-
-/// A view of the phantom with what the encoders said.
-struct GeometryView {
-  std::string name;
-  CArmJoints joints = CArmJoints::Zero();  ///< By the encoders [rad, m].
-  double source_detector_distance_m = 0;   ///< The same.
-  std::vector<BeadSighting> beads;
-  bool held_out = false;
-};
-
-/// What is known of the camera before: its values at one source-detector distance, and how surely.
-struct GeometryCamera {
-  int width_px = 0, height_px = 0;
-  double pixel_spacing_m = 0;
-  double source_detector_distance_m = 0;  ///< By the encoder, where the values hold.
-  double fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
-  std::optional<Eigen::Matrix4d> covariance;  ///< Of the four [px^2]; absent: they are held.
+/// What is known of the camera before: its values at one source-detector distance by the encoder, and how surely. The
+/// pixel spacing and the distance must be given.
+struct GeometryCamera : XrayCamera::Parameters {
+  std::optional<Eigen::Matrix4d> covariance;  ///< Of fx, fy, cx, cy [px^2]; absent: they are held.
   Eigen::Vector2d principal_point_slope_px_per_m = Eigen::Vector2d::Zero();  ///< By the distance; known beforehand.
 };
 
@@ -83,7 +68,7 @@ struct GeometryCalibration {
   std::vector<std::string> doubts;  ///< What a user should know: views left out, beads that lie elsewhere.
 };
 
-/// Calibrates how a C-arm moves its camera.
+/// Calibrates how a C-arm moves its camera from pinhole views: distortion is taken out before.
 ///
 /// Each view is condensed first: the pose of the phantom that explains its beads best by robust least squares, with the
 /// information about it and its coupling to the camera's four numbers, which is exact to second order in the pose's
@@ -98,7 +83,7 @@ struct GeometryCalibration {
 /// units, labels that are swapped, which are named), or, after the first fit, views of which a quarter or more are of
 /// another C-arm (which are named). What the positions cannot tell is kept and listed in `kept`.
 GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhantom& phantom,
-                                      const GeometryCamera& camera, const std::vector<GeometryView>& views,
+                                      const GeometryCamera& camera, const std::vector<BeadView>& views,
                                       const GeometrySettings& settings = {});
 
 /// The same from registered views: poses of one model, the patient's or a phantom's, with the angles they were taken
@@ -110,5 +95,30 @@ GeometryCalibration calibrateGeometry(const std::string& place, const BeadPhanto
 /// Throws InputError, named by the set's file: a pose without angles, what checkPoseSet refuses, and as above.
 GeometryCalibration calibrateGeometry(const PoseSet& set, const GeometryCamera& camera,
                                       const GeometrySettings& settings = {});
+
+/// All that calibrateGeometry wants, from files: views of a phantom, or registered poses.
+struct GeometryInput {
+  std::string path;
+  BeadPhantom phantom;
+  std::vector<BeadView> views;
+  std::optional<PoseSet> poses;  ///< In place of phantom and views.
+  GeometryCamera camera;
+  std::string machine;
+  std::vector<CalibrationRecord> records;  ///< The camera's own.
+  std::vector<CalibrationInput> inputs;    ///< View set, phantom, camera, views; or pose set and camera.
+};
+
+/// Reads the camera's file and a view set (readViewSet), its phantom and images or tables, or, where the file has
+/// `poses` and no `views`, a pose set (readPoseSet); beads lose the camera's distortion. Throws InputError that names
+/// file, view, key, value and rule: what the readers refuse, a view without angles, a camera of another image size,
+/// without pixel spacing or source-detector distance.
+/// Shadows in images of an intensifier may be stretched. `tell` is called after each view with how many of how many
+/// are done.
+GeometryInput readGeometryInput(const std::string& views_path, const std::string& camera_path,
+                                const BeadDetectionSettings& detection = {},
+                                const std::function<void(int done, int total)>& tell = {});
+
+/// The one of both calibrateGeometry that takes such an input.
+GeometryCalibration calibrateGeometry(const GeometryInput& input, const GeometrySettings& settings = {});
 
 }  // namespace angio::calibration

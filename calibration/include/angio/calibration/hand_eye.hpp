@@ -7,7 +7,6 @@
 
 #include "angio/base/settings.hpp"
 #include "angio/calibration/hand_eye_solvers.hpp"
-#include "angio/calibration/motion_spread.hpp"
 #include "angio/calibration_records/record.hpp"
 
 namespace angio::calibration {

@@ -47,9 +47,8 @@ SimulatedPoseSet simulatedOrbit(const CArmGeometry& carm, const OrbitSettings& s
 
 /// What calibration makes of one draw.
 struct HandEyeTrial {
-  double X_rad = 0, X_m = 0;  ///< Error of X.
-  double Z_rad = 0, Z_m = 0;  ///< Error of Z, which is T_dsa_cb.
-  double nees = 0;            ///< Squared error of all free parameters by the covariance; its mean is their number.
+  Eigen::Matrix<double, 12, 1> error;  ///< See errorOf.
+  double nees = 0;  ///< Squared error of all free parameters by the covariance; its mean is their number.
 };
 
 /// Trials with seeds from `first_seed` on. `tell` is called after each with how many are done.
@@ -57,7 +56,7 @@ std::vector<HandEyeTrial> handEyeTrials(const CArmGeometry& carm, const OrbitSet
                                         const HandEyeSettings& settings, int trials, int first_seed,
                                         const std::function<void(int done)>& tell = {});
 
-/// Errors of a solution: [dt; dw] of X and Z.
+/// Errors of a solution: [dt; dw] of X and Z [m, rad].
 Eigen::Matrix<double, 12, 1> errorOf(const HandEyeTransforms& found, const HandEyeTransforms& truth);
 
 }  // namespace angio::calibration

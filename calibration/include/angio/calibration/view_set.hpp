@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <functional>
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "angio/calibration/bead_detection.hpp"
+#include "angio/calibration/camera_calibration.hpp"
 #include "angio/calibration/namespace.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/geometry/carm.hpp"
@@ -54,5 +58,23 @@ ViewSet readViewSet(const std::string& path);
 /// The hashes of the views' files, in their order. Throws InputError that names both views when one file is a copy of
 /// another: noise that is counted twice makes every covariance too small.
 std::vector<CalibrationInput> hashedViews(const ViewSet& set);
+
+/// A view set with its beads found, or read, and told apart.
+struct SeenViewSet {
+  DetectorOfViews detector;
+  std::vector<BeadView> views;
+  std::vector<CalibrationInput> inputs;  ///< Hashes of the views' files.
+};
+
+/// Reads tables and finds beads in images, and tells them apart by their sizes and places where no table says which
+/// they are. Throws InputError that names file, view and rule: an image of another size, images of marks without sizes,
+/// a view whose beads cannot be told apart or are mirrored, a view that is a copy of another.
+SeenViewSet seenViews(const ViewSet& set, const BeadPhantom& phantom, const BeadDetectionSettings& settings = {},
+                      const std::function<void(int done)>& progress = {});
+
+/// Reads beads seen in one view, a row each (CSV): `x_px`, `y_px`, and optionally `std_px` (1 when it is not there),
+/// `radius_px`, `contrast` and `bead`, its number in the phantom. Throws InputError that names file, line, field, value
+/// and rule; numbers are given for all beads or for none.
+std::vector<BeadDetection> readBeadTable(const std::string& path);
 
 }  // namespace angio::calibration

@@ -1,16 +1,36 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/calibration/hand_eye_pictures.hpp"
+#include "angio/calibration/pose_pictures.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
 
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
-#include "bar_chart.hpp"
+#include "angio/evaluation/plot.hpp"
 
 namespace angio::calibration {
 namespace {
+
+// Named values of views or poses as bars beside each other; those that were left out are red.
+struct BarChart {
+  Plot plot;
+
+  BarChart(const std::string& title, const std::string& unit, int color = 0) : plot{title, {}, {unit}} {
+    plot.x.ticks.emplace();
+    constexpr auto kBars = PlotSeries::Kind::kBars;
+    plot.series = {{"", {}, {}, color, kBars}, {"", {}, {}, kWarningColor, kBars}};
+  }
+
+  void add(const std::string& name, double value, bool left_out) {
+    const auto at = static_cast<double>(plot.x.ticks->size());
+    plot.x.ticks->emplace_back(at, name);
+    plot.x.range = {-0.6, at + 0.6};
+    plot.series[left_out ? 1 : 0].x.push_back(at);
+    plot.series[left_out ? 1 : 0].y.push_back(value);
+  }
+};
 
 constexpr int kMain = 1;  // Vermilion.
 
@@ -30,6 +50,20 @@ cv::Mat ellipsoidBars(const std::string& title, const std::string& unit, const E
              per_unit * std::sqrt(std::max(0.0, solver.eigenvalues()[k])), false);
   }
   return drawPlots({bars.plot}, 520, 270);
+}
+
+const AnatomyViewFit* fitOf(const AnatomyResult& result, const std::string& name) {
+  const auto fit =
+      std::find_if(result.views.begin(), result.views.end(), [&](const auto& one) { return one.name == name; });
+  return fit == result.views.end() ? nullptr : &*fit;
+}
+
+Pose jointPose(const AnatomyResult& result, const AnatomyView& view) {
+  Eigen::Vector3d shift_m = Eigen::Vector3d::Zero();
+  for (const RunShift& run : result.runs) {
+    if (run.run == view.run) shift_m = run.shift_m;
+  }
+  return view.T_camera_patient * Eigen::Translation3d(shift_m) * result.T_dsa_cb;
 }
 
 }  // namespace
@@ -105,6 +139,31 @@ cv::Mat covarianceBars(const PoseSet& set, const HandEyeResult& result) {
   cv::Mat all;
   cv::vconcat(rows, all);
   return all;
+}
+
+cv::Mat anatomyOverlay(const AnatomyResult& result, const AnatomyView& view, const SeenAnatomy& seen,
+                       const VesselTree& tree, const cv::Mat& image) {
+  OverlayScene scene;
+  scene.image = image;
+  scene.centerline = &seen.centerline;
+  scene.trees = {{view.T_camera_model, {}, kStartColor, "registered in this view alone"},
+                 {jointPose(result, view), {}, kModelColor, "by all views together"}};
+  scene.caption = view.name;
+  if (const AnatomyViewFit* fit = fitOf(result, view.name)) {
+    scene.caption += formatted(": %.2f deg, %.1f mm apart", radToDeg(fit->rotation_rad), 1e3 * fit->translation_m);
+    if (fit->outlier) scene.caption += " - OUTLIER, left out";
+  }
+  return drawOverlay(scene, tree, seen.camera);
+}
+
+cv::Mat anatomyResiduals(const AnatomyResult& result) {
+  BarChart turns{"Turn between a view's own registration and all views' [deg]", "deg"},
+      places{"The same of its place, at the model's centre [mm]", "mm"};
+  for (const AnatomyViewFit& view : result.views) {
+    turns.add(view.name, radToDeg(view.rotation_rad), view.outlier);
+    places.add(view.name, 1e3 * view.translation_m, view.outlier);
+  }
+  return drawPlots({turns.plot, places.plot}, 720, 270);
 }
 
 }  // namespace angio::calibration
