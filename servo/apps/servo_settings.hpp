@@ -6,7 +6,7 @@
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/experiments/scenario_settings.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
-#include "angio/imaging/extractor_sections.hpp"
+#include "angio/imaging/extractor.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 #include "angio/servo/servo_loop.hpp"
 #include "angio/simulation/patient_settings.hpp"

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "otsu.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
@@ -8,7 +6,7 @@
 #include "angio/imaging/thinning.hpp"
 #include "centre_lines.hpp"
 #include "flatten.hpp"
-#include "sampled_lines.hpp"
+#include "make_extractors.hpp"
 #include "segment.hpp"
 #include "skeleton_graph.hpp"
 #include "xray_image.hpp"
@@ -36,7 +34,7 @@ class OtsuExtractor final : public CenterlineExtractor {
     // there.
     const float scale = grid.scale, widest = static_cast<float>(settings_.background_px) / 2;
     const int margin = static_cast<int>(std::ceil(widest / scale)) + 2;
-    cv::copyMakeBorder(*mask, skeleton_, margin, margin, margin, margin, cv::BORDER_REPLICATE);
+    cv::copyMakeBorder(*mask, skeleton_, margin, margin, margin, margin, cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
     cv::distanceTransform(skeleton_, distance_, cv::DIST_L2, cv::DIST_MASK_3);
     thin(skeleton_);
     SkeletonGraph graph = traceSkeleton(skeleton_, distance_);

@@ -2,7 +2,6 @@
 #include "segment.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
@@ -44,8 +43,6 @@ float otsuThreshold(const std::vector<int>& histogram) {
   return kBin * static_cast<float>(split + 1);
 }
 
-constexpr std::uint8_t kStrong = 2, kTaken = 3;
-
 }  // namespace
 
 // Vessels cover a few per cent of the image, and Otsu's threshold of all pixels then splits the background's noise. So
@@ -66,56 +63,23 @@ bool Segmentation::count(const Flattened& image, const std::vector<RowRange>& op
   return counted > 0;
 }
 
-void Segmentation::classify(const Flattened& image, const std::vector<RowRange>& open, float weakest) {
-  const float strong_factor = static_cast<float>(settings_.noise_factor), weak_factor = kWeakNoise * strong_factor;
-  // A frame of one pixel spares the growing of regions its questions about the image's edge.
-  const int rows = image.absorption.rows, cols = image.absorption.cols;
-  classes_.create(rows + 2, cols + 2, CV_8UC1);
-  classes_.row(0).setTo(0);
-  classes_.row(rows + 1).setTo(0);
-  for (int y = 0; y < rows; ++y) {
-    const float *value = image.absorption.ptr<float>(y), *noise = image.noise.ptr<float>(y);
-    std::uint8_t* to = classes_.ptr(y + 1);
-    std::fill(to, to + cols + 2, std::uint8_t{0});
-    for (int x = open[y].begin; x < open[y].end; ++x) {
-      to[x + 1] = static_cast<std::uint8_t>((value[x] > std::max(weakest, weak_factor * noise[x]) ? 1 : 0) +
-                                            (value[x] > std::max(weakest, strong_factor * noise[x]) ? 1 : 0));
-    }
-  }
-}
-
 const cv::Mat* Segmentation::operator()(const Flattened& image, float scale, const std::vector<RowRange>& open) {
   if (!count(image, open)) return nullptr;
-  classify(image, open,
-           static_cast<float>(
-               std::max(settings_.branch_contrast * otsuThreshold(histogram_), settings_.faintest_absorption)));
+  const auto weakest = static_cast<float>(
+      std::max(settings_.branch_contrast * otsuThreshold(histogram_), settings_.faintest_absorption));
+  const float strong_factor = static_cast<float>(settings_.noise_factor), weak_factor = kWeakNoise * strong_factor;
+  const auto classesOf = [&](int y) {
+    return [=, value = image.absorption.ptr<float>(y), noise = image.noise.ptr<float>(y)](int x) {
+      return (value[x] > std::max(weakest, weak_factor * noise[x]) ? 1 : 0) +
+             (value[x] > std::max(weakest, strong_factor * noise[x]) ? 1 : 0);
+    };
+  };
   const double area = settings_.smallest_area_px / (scale * scale);
-  keepRegions(static_cast<std::size_t>(std::ceil(area)));
+  const auto smallest = static_cast<std::size_t>(std::ceil(area));
+  mask_ =
+      regions_(image.absorption.size(), open, classesOf, [&](std::size_t pixels, int) { return pixels >= smallest; });
   closeHoles(static_cast<int>(area));
   return &mask_;
-}
-
-void Segmentation::keepRegions(std::size_t smallest_area) {
-  mask_.create(classes_.rows - 2, classes_.cols - 2, CV_8UC1);
-  mask_.setTo(0);
-  const int row = classes_.cols;
-  const std::array<int, 8> around{1, 1 - row, -row, -1 - row, -1, row - 1, row, row + 1};
-  std::uint8_t* pixel = classes_.ptr();
-  for (int seed = 0; seed < row * classes_.rows; ++seed) {
-    if (pixel[seed] != kStrong) continue;
-    region_.assign(1, seed);
-    pixel[seed] = kTaken;
-    for (std::size_t next = 0; next < region_.size(); ++next) {
-      for (const int step : around) {
-        const int neighbour = region_[next] + step;
-        if (pixel[neighbour] == 0 || pixel[neighbour] == kTaken) continue;
-        pixel[neighbour] = kTaken;
-        region_.push_back(neighbour);
-      }
-    }
-    if (region_.size() < smallest_area) continue;
-    for (const int p : region_) mask_.at<std::uint8_t>(p / row - 1, p % row - 1) = 255;
-  }
 }
 
 void Segmentation::closeHoles(int max_area) {

@@ -4,9 +4,9 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-#include "angio/imaging/otsu_settings.hpp"
-#include "field_outline.hpp"
+#include "angio/imaging/extractor_settings.hpp"
 #include "flatten.hpp"
+#include "hysteresis.hpp"
 
 namespace angio::imaging {
 
@@ -21,14 +21,12 @@ class Segmentation {
 
  private:
   bool count(const Flattened& image, const std::vector<RowRange>& open);
-  void classify(const Flattened& image, const std::vector<RowRange>& open, float weakest);
-  void keepRegions(std::size_t smallest_area);
   void closeHoles(int max_area);
 
   OtsuSettings settings_;
   std::vector<int> histogram_;
-  std::vector<int> region_;
-  cv::Mat mask_, classes_, outside_, labels_, stats_, centroids_;
+  Hysteresis regions_;
+  cv::Mat mask_, outside_, labels_, stats_, centroids_;
 };
 
 }  // namespace angio::imaging

@@ -10,6 +10,10 @@ namespace {
 // A sharp chord is this much of a radius blurred: the integral below needs some width.
 constexpr float kSharp = 0.02f;
 
+// Of the half widths' table: all lengths in standard deviations of the blur, which makes one table do for every filter.
+constexpr double kStep = 0.25;
+constexpr int kEntries = 97;  // To 24: beyond, half a chord is sqrt(3)/2 of the radius up to a constant.
+
 }  // namespace
 
 double blurredChord(double radius, double blur, double x) {
@@ -41,6 +45,38 @@ TubeChord::Profile TubeChord::of(float radius, float blur) const {
   profile.per_px_ = (kPlaces - 1) / reach(radius, blur);
   for (int i = 0; i < kPlaces; ++i) profile.value_[i] = (1 - u) * value_[b][i] + u * value_[b + 1][i];
   return profile;
+}
+
+namespace {
+
+std::array<float, kEntries> halfWidths() {
+  std::array<float, kEntries> table{};
+  for (int i = 0; i < kEntries; ++i) {
+    const double radius = std::max(kStep * i, 1e-3), level = 0.5 * blurredChord(radius, 1, 0);
+    double low = 0, high = radius + 3;
+    for (int k = 0; k < 30; ++k) {
+      const double middle = 0.5 * (low + high);
+      (blurredChord(radius, 1, middle) > level ? low : high) = middle;
+    }
+    table[i] = static_cast<float>(0.5 * (low + high));
+  }
+  return table;
+}
+
+}  // namespace
+
+float tubeRadius(float half_width, float blur) {
+  static const std::array<float, kEntries> kTable = halfWidths();
+  // A pixel averages over its own square, and so does the interpolation between two of them: 1/12 of variance each.
+  const float sigma = std::sqrt(blur * blur + 1.0f / 6), wanted = half_width / sigma;
+  if (wanted <= kTable.front()) return 0;
+  if (wanted >= kTable.back()) {
+    return sigma * (static_cast<float>(kStep * (kEntries - 1)) + (wanted - kTable.back()) / 0.8660254f);
+  }
+  const auto above = std::upper_bound(kTable.begin(), kTable.end(), wanted);
+  const float step = *above - *(above - 1);
+  const float place = static_cast<float>(above - kTable.begin() - 1) + (wanted - *(above - 1)) / step;
+  return sigma * static_cast<float>(kStep) * place;
 }
 
 }  // namespace angio::imaging
