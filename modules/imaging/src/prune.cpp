@@ -30,14 +30,12 @@ class Pruning {
  private:
   // Lengths are asked for again and again, and few change between.
   float lengthOf(const Branch& branch) {
-    float& length = lengths_[static_cast<std::size_t>(&branch - graph_.branches.data())];
+    float& length = lengths_[&branch - graph_.branches.data()];
     if (length == kUnknown) length = angio::imaging::lengthOf(graph_, branch);
     return length;
   }
 
-  void forgetLength(const Branch& branch) {
-    lengths_[static_cast<std::size_t>(&branch - graph_.branches.data())] = kUnknown;
-  }
+  void forgetLength(const Branch& branch) { lengths_[&branch - graph_.branches.data()] = kUnknown; }
 
   // A ring about a hole in the mask no wider than the vessel, and the longer way around such a hole.
   void dropRings() {
