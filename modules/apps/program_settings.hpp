@@ -7,7 +7,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/variant_tuple.hpp"
-#include "angio/imaging/extractor_sections.hpp"
+#include "angio/imaging/extractor.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/perception/patient_tracker.hpp"
 #include "angio/registration/starts.hpp"
@@ -63,13 +63,13 @@ inline ExtractorSettings chosenExtractor(const ProgramSettings& settings, const 
 /// The names of extractors, for the help of options.
 inline std::string listOfExtractors() {
   std::string list;
-  for (const auto& name : extractorNames()) list += (list.empty() ? "" : " or ") + name;
+  for (const auto& name : ExtractorSections::names()) list += (list.empty() ? "" : " or ") + name;
   return list;
 }
 
 /// An extractor's effective settings under its name.
 inline nlohmann::ordered_json extractorAsJson(const ExtractorSettings& extractor) {
-  return {{extractorName(extractor), std::visit([](const auto& s) { return settingsAsJson(s); }, extractor)}};
+  return std::visit([](const auto& s) { return nlohmann::ordered_json{{s.kName, settingsAsJson(s)}}; }, extractor);
 }
 
 }  // namespace angio::apps

@@ -10,7 +10,7 @@
 #include "angio/cli/program.hpp"
 #include "angio/experiments/scenario_settings.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
-#include "angio/imaging/extractor_sections.hpp"
+#include "angio/imaging/extractor.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 #include "angio/servo/servo_loop.hpp"
 #include "angio/simulation/patient_settings.hpp"

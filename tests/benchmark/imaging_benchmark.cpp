@@ -11,7 +11,6 @@
 #include "angio/imaging/collimator_opening.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/imaging/subtraction.hpp"
-#include "angio/imaging/temporal_median.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "scene.hpp"
 
@@ -130,13 +129,6 @@ void subtractMask(benchmark::State& state) {
   for (auto _ : state) benchmark::DoNotOptimize(subtracted(frame.image, frame.next).data);
 }
 BENCHMARK(subtractMask)->Unit(benchmark::kMillisecond);
-
-void medianOfFive(benchmark::State& state) {
-  const Frame frame(1024);
-  TemporalMedian median(5);
-  for (auto _ : state) benchmark::DoNotOptimize(median.add(frame.image).data);
-}
-BENCHMARK(medianOfFive)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace angio::benchmarks

@@ -15,7 +15,7 @@
 #include "angio/calibration/pose_set.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
-#include "angio/imaging/extractor_sections.hpp"
+#include "angio/imaging/extractor.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// What is done with frames before lines are sought in them: the collimator, subtraction, the median over time.
+// What is done with frames before lines are sought in them: the collimator, and subtraction.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,10 +7,8 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/imaging/collimator_opening.hpp"
-#include "angio/imaging/devices.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/imaging/subtraction.hpp"
-#include "angio/imaging/temporal_median.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 #include "line_metrics.hpp"
@@ -132,50 +130,6 @@ TEST(Subtraction, KeepsTheLevelAndRefusesWhatDoesNotFit) {
   SubtractionSettings settings;
   settings.max_shift_px = -1;
   EXPECT_THROW(subtracted(live, mask, settings), InputError);
-}
-
-TEST(Subtraction, WhatTheMaskShowsIsADevice) {
-  Scene scene = treeScene(1);
-  const test::Vessel wire{test::straightTube({100, 60}, {420, 300}, 2.5)};
-  Scene mask = scene;
-  mask.vessels = {wire};
-  scene.vessels.push_back(wire);
-  const auto extractor = makeExtractor(RidgeSettings{});
-  const Centerline2d found =
-      withDevicesOf(extractor->extract(test::render(scene)), extractor->extract(test::render(mask)));
-  ASSERT_EQ(found.kind.size(), static_cast<std::size_t>(found.size()));
-  int right = 0;
-  for (int i = 0; i < found.size(); ++i) {
-    const bool on = test::distanceToLines(mask, found.points_px.col(i)) < 3;
-    right += on == (found.kind[i] == CurveKind::kDevice) ? 1 : 0;
-  }
-  EXPECT_GT(right, 0.9 * found.size());
-}
-
-TEST(TemporalMedian, IsTheMedianOfTheLastFrames) {
-  for (const int frames : {1, 3, 5, 7}) {
-    TemporalMedian median(frames);
-    test::Random random(static_cast<unsigned>(frames));
-    std::vector<cv::Mat> seen;
-    for (int k = 0; k < 10; ++k) {
-      cv::Mat frame(5, 7, CV_16UC1);
-      for (int y = 0; y < 5; ++y) {
-        for (int x = 0; x < 7; ++x)
-          frame.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(random.uniform(0, 65535));
-      }
-      seen.push_back(frame.clone());
-      const cv::Mat result = median.add(frame);
-      frame.setTo(0);  // The stream's buffer is used again.
-      std::vector<std::uint16_t> values;
-      for (int i = std::max(0, k + 1 - frames); i <= k; ++i) values.push_back(seen[i].at<std::uint16_t>(2, 3));
-      std::sort(values.begin(), values.end());
-      EXPECT_EQ(result.at<std::uint16_t>(2, 3), values[(values.size() - 1) / 2]) << frames << " " << k;
-    }
-    EXPECT_EQ(median.add(cv::Mat(9, 9, CV_8UC1, cv::Scalar(5))).at<std::uint8_t>(4, 4), 5);
-  }
-  EXPECT_THROW(TemporalMedian(4), InputError);
-  EXPECT_THROW(TemporalMedian(0), InputError);
-  EXPECT_THROW(TemporalMedian(3).add(cv::Mat()), InputError);
 }
 
 }  // namespace

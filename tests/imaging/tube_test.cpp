@@ -9,7 +9,6 @@
 #include "angio/test/namespace.hpp"
 #include "tube_chord.hpp"
 #include "tube_shadows.hpp"
-#include "tube_templates.hpp"
 
 namespace angio::test {
 namespace {

@@ -14,7 +14,6 @@
 #include "angio/evaluation/statistics.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/imaging/extractor.hpp"
-#include "angio/imaging/extractor_sections.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"
 #include "angio/io/image_files.hpp"

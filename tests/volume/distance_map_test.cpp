@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/volume/distance_map.hpp"
 #include "angio/test/namespace.hpp"
+#include "angio/volume/level_field.hpp"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <functional>
 
 #include "angio/test/random.hpp"
-#include "angio/volume/distance_map.hpp"
+#include "angio/volume/level_field.hpp"
 
 namespace angio::test {
 namespace {

@@ -19,7 +19,7 @@ double CArmFlexTerm::wave(double primary_rad, double secondary_rad) const {
 Twist CArmFlex::at(double primary_rad, double secondary_rad) const {
   Twist sum = Twist::Zero();
   for (int i = 0; i < count; ++i) {
-    const CArmFlexTerm& term = terms[static_cast<std::size_t>(i)];
+    const CArmFlexTerm& term = terms[i];
     sum += term.wave(primary_rad, secondary_rad) * term.twist;
   }
   return sum;
@@ -28,7 +28,7 @@ Twist CArmFlex::at(double primary_rad, double secondary_rad) const {
 Eigen::Matrix<double, 6, 2> CArmFlex::derivatives(double primary_rad, double secondary_rad) const {
   Eigen::Matrix<double, 6, 2> J = Eigen::Matrix<double, 6, 2>::Zero();
   for (int i = 0; i < count; ++i) {
-    const CArmFlexTerm& term = terms[static_cast<std::size_t>(i)];
+    const CArmFlexTerm& term = terms[i];
     const Twist slope = std::cos(phaseOf(term, primary_rad, secondary_rad)) * term.twist;
     J.col(0) += term.frequency_primary * slope;
     J.col(1) += term.frequency_secondary * slope;
@@ -41,7 +41,7 @@ CArmFlex CArmFlex::lowOrder() {
   CArmFlex flex;
   for (const auto& wave : kWaves) {
     for (const double phase_rad : {0.0, kPi / 2}) {
-      flex.terms[static_cast<std::size_t>(flex.count++)] = {Twist::Zero(), wave[0], wave[1], phase_rad};
+      flex.terms[flex.count++] = {Twist::Zero(), wave[0], wave[1], phase_rad};
     }
   }
   return flex;

@@ -65,7 +65,7 @@ Pose bend(const CArmDeviations& d, const CArmJoints& joints) {
   return d.flex.count == 0 ? Pose::Identity() : expSE3(-d.flex.at(joints[0], joints[1]));
 }
 
-void requireSmall(const char* field, double value, double largest) {
+void requireSmall(const std::string& field, double value, double largest) {
   requireBetween("c-arm", field, value, -largest, largest);
 }
 
@@ -81,14 +81,13 @@ void CArmGeometry::check() const {
   }
   requireSmall("l_arm_deg", radToDeg(l_arm_rad), 180);
   const CArmDeviations& d = deviations;
-  requireSmall("deviations.primary_offset_deg", radToDeg(d.primary_offset_rad), 20);
-  requireSmall("deviations.secondary_offset_deg", radToDeg(d.secondary_offset_rad), 20);
-  requireSmall("deviations.axis_skew_deg", radToDeg(d.axis_skew_rad), 20);
-  requireSmall("deviations.axis_gap_mm", d.axis_gap_m * 1e3, 200);
-  requireSmall("deviations.source_right_mm", d.source_right_m * 1e3, 200);
-  requireSmall("deviations.source_down_mm", d.source_down_m * 1e3, 200);
-  requireSmall("deviations.detector_turn_deg", radToDeg(d.detector_turn_rad), 20);
-  requireSmall("deviations.detector_roll_deg", radToDeg(d.detector_roll_rad), 20);
+  // In the order of kCArmPoseParameterNames; the distance from source to isocentre is checked above.
+  constexpr double kMost[kFirstTableParameter] = {20, 20, 20, 200, 200, 200, 1e9, 20, 20};
+  const auto values = poseParameters();
+  for (int i = 0; i < kFirstTableParameter; ++i) {
+    const CArmParameter& parameter = kCArmPoseParameterNames[i];
+    requireSmall("deviations." + std::string(parameter.name), values[i] / parameter.unit, kMost[i]);
+  }
   for (const double x : (d.table - Eigen::Matrix3d::Identity()).reshaped()) requireSmall("deviations.table", x, 0.5);
   requireBetween(place, "deviations.table[3]", d.table(1, 0), 0, 0);
   requireSmall("deviations.source_detector_offset_mm", d.source_detector_offset_m * 1e3, 200);
@@ -98,7 +97,7 @@ void CArmGeometry::check() const {
     requireSmall("deviations.principal_point_slope_px_per_mm", 1e-3 * x, 10);
   }
   for (int i = 0; i < d.flex.count; ++i) {
-    const CArmFlexTerm& term = d.flex.terms[static_cast<std::size_t>(i)];
+    const CArmFlexTerm& term = d.flex.terms[i];
     for (int k = 0; k < 6; ++k) {
       requireSmall("deviations.flex", k < 3 ? term.twist[k] * 1e3 : radToDeg(term.twist[k]), k < 3 ? 50 : 5);
     }

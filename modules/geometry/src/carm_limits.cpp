@@ -46,4 +46,55 @@ CArmEnvelope CArmEnvelope::typical(double isocenter_detector_m) {
   return envelope;
 }
 
+void CArmLimitsSettings::visit(SettingsVisitor& v) {
+  v.numbers("primary_deg", primary_deg, 2, -360, 360);
+  v.numbers("secondary_deg", secondary_deg, 2, -360, 360);
+  v.numbers("table_x_mm", table_x_mm, 2, -3000, 3000);
+  v.numbers("table_y_mm", table_y_mm, 2, -3000, 3000);
+  v.numbers("table_z_mm", table_z_mm, 2, -3000, 3000);
+  v.numbers("angle_speeds_deg_per_s", angle_speeds_deg_per_s, 2, 1e-3, 1e3);
+  v.numbers("angle_accelerations_deg_per_s2", angle_accelerations_deg_per_s2, 2, 1e-3, 1e4);
+  v.numbers("angle_jerks_deg_s3", angle_jerks_deg_s3, 2, 1e-3, 1e6);
+  v.numbers("table_speeds_mm_per_s", table_speeds_mm_per_s, 3, 1e-3, 1e4);
+  v.numbers("table_accelerations_mm_per_s2", table_accelerations_mm_per_s2, 3, 1e-3, 1e5);
+  v.numbers("table_jerks_mm_s3", table_jerks_mm_s3, 3, 1e-3, 1e7);
+  v.choice("envelope", envelope, {"none", "typical"});
+}
+
+void CArmLimitsSettings::check() const {
+  const auto range = [](const char* key, const double(&ends)[2]) {
+    if (!(ends[0] < ends[1])) {
+      throw InputError("limits", key, formatValue(ends[0]) + ", " + formatValue(ends[1]),
+                       "must go up from the least to the most");
+    }
+  };
+  range("primary_deg", primary_deg);
+  range("secondary_deg", secondary_deg);
+  range("table_x_mm", table_x_mm);
+  range("table_y_mm", table_y_mm);
+  range("table_z_mm", table_z_mm);
+}
+
+CArmLimits CArmLimitsSettings::limits(double isocenter_detector_m) const {
+  check();
+  CArmLimits result;
+  const auto joints = [](const double(&angles_deg)[2], const double(&table_mm)[3]) {
+    CArmJoints values;
+    values << degToRad(angles_deg[0]), degToRad(angles_deg[1]), 1e-3 * table_mm[0], 1e-3 * table_mm[1],
+        1e-3 * table_mm[2];
+    return values;
+  };
+  const auto ends = [&](int which) {
+    return joints({primary_deg[which], secondary_deg[which]},
+                  {table_x_mm[which], table_y_mm[which], table_z_mm[which]});
+  };
+  result.lower = ends(0);
+  result.upper = ends(1);
+  result.velocity = joints(angle_speeds_deg_per_s, table_speeds_mm_per_s);
+  result.acceleration = joints(angle_accelerations_deg_per_s2, table_accelerations_mm_per_s2);
+  result.jerk = joints(angle_jerks_deg_s3, table_jerks_mm_s3);
+  if (envelope == Envelope::kTypical) result.envelope = CArmEnvelope::typical(isocenter_detector_m);
+  return result;
+}
+
 }  // namespace angio::geometry

@@ -6,8 +6,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
-#include "tracks.hpp"
-#include "tube_profile.hpp"
+#include "tube_chord.hpp"
 
 namespace angio::imaging {
 namespace {
@@ -15,6 +14,7 @@ namespace {
 constexpr float kStairFilter = 2.5f;   // Takes the staircase of the pixel grid out of a line [working px].
 constexpr float kFinalFilter = 2.0f;   // Takes out what noise the profiles leave [working px].
 constexpr float kOffsetFilter = 3.0f;  // Over how far profiles are averaged [working px].
+constexpr float kTangentRadii = 0.4f;  // Half of the length that a result's tangent is taken over.
 
 // A background that changes from one side of a line to the other by this much absorption, and by this part of the
 // line's own, is the shadow of a collimator: soft tissue bends slowly. Looked at this far from the line's walls
@@ -52,12 +52,6 @@ class Centring {
   }
 
  private:
-  float distanceAt(const cv::Point2f& p) const {
-    const cv::Mat& d = images_.distance;
-    return d.at<float>(std::clamp(static_cast<int>(p.y + 0.5f), 0, d.rows - 1),
-                       std::clamp(static_cast<int>(p.x + 0.5f), 0, d.cols - 1));
-  }
-
   // Bilinear; beyond the image its edge goes on.
   float valueAt(const cv::Mat& a, const cv::Point2f& p) const {
     const float x = std::clamp(p.x - static_cast<float>(images_.margin), 0.0f, static_cast<float>(a.cols - 1));
@@ -71,7 +65,7 @@ class Centring {
 
   // Nothing where the vessel's walls are not both seen, as next to another vessel.
   std::optional<Profile> profileAt(const cv::Point2f& p, const cv::Point2f& normal) const {
-    const float depth = distanceAt(p);
+    const float depth = nearestPixel(images_.distance, p);
     const float step = depth > 4 ? 1.0f : 0.5f;
     const int reach = static_cast<int>((2 * depth + 2 + 2 * blur_) / step);
     std::vector<float>& value = profile_;
@@ -128,7 +122,7 @@ class Centring {
         offset += weight * profile[j]->offset;
         width += weight * profile[j]->half_width;
       }
-      const float depth = distanceAt(track.line[i]);
+      const float depth = nearestPixel(images_.distance, track.line[i]);
       if (total > 0) track.line[i] += normal[i] * std::clamp(offset / total, -depth, depth);
       track.radius[i] = total > 0 ? tubeRadius(width / total, blur_) : depth;
     }
@@ -163,6 +157,49 @@ class Centring {
 
 std::vector<CentreLine> centreLines(const SkeletonGraph& graph, const SkeletonImages& images, float blur) {
   return Centring(graph, images, blur).run();
+}
+
+Centerline2d sampled(const std::vector<CentreLine>& lines, const WorkingGrid& grid, double spacing_px) {
+  const float scale = grid.scale;
+  std::vector<std::vector<float>> places;
+  Eigen::Index count = 0;
+  bool measured = !lines.empty();
+  for (const CentreLine& center : lines) {
+    places.push_back(equalSteps(center.line, static_cast<float>(spacing_px) / scale));
+    count += static_cast<Eigen::Index>(places.back().size());
+    measured = measured && !center.sigma.empty();
+  }
+  Centerline2d result;
+  result.points_px.resize(2, count);
+  result.tangent_rad.resize(count);
+  result.radius_px.resize(count);
+  result.branch.reserve(static_cast<std::size_t>(count));
+  if (measured) {
+    result.std_px.resize(count);
+    result.contrast.resize(count);
+    result.kind.reserve(static_cast<std::size_t>(count));
+  }
+  Eigen::Index point = 0;
+  for (std::size_t b = 0; b < lines.size(); ++b) {
+    const CentreLine& center = lines[b];
+    for (const float place : places[b]) {
+      const std::size_t i = std::min(static_cast<std::size_t>(place + 0.5f), center.line.size() - 1);
+      // A wide vessel's line bends less than its noise does.
+      const auto reach = static_cast<std::size_t>(std::max(2.0f, kTangentRadii * center.radius[i]));
+      const cv::Point2f p = grid.toImage(at(center.line, place)), along = directionAt(center.line, i, reach);
+      result.points_px.col(point) << p.x, p.y;
+      result.tangent_rad[point] = undirected(std::atan2(along.y, along.x));
+      result.radius_px[point] = scale * center.radius[i];
+      result.branch.push_back(static_cast<int>(b));
+      if (measured) {
+        result.std_px[point] = scale * center.sigma[i];
+        result.contrast[point] = center.contrast[i];
+        result.kind.push_back(center.kind);
+      }
+      ++point;
+    }
+  }
+  return result;
 }
 
 }  // namespace angio::imaging

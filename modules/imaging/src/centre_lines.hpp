@@ -6,8 +6,7 @@
 
 #include "angio/vessel/centerline2d.hpp"
 #include "flatten.hpp"
-#include "polyline.hpp"
-#include "skeleton_graph.hpp"
+#include "tracks.hpp"
 
 namespace angio::imaging {
 
@@ -34,5 +33,8 @@ struct CentreLine {
 /// filter [working px]. Parts of lines that lie outside of the absorption image are left out, and so are lines along a
 /// step of the background, such as the collimator's edge: a vessel has the same on both sides.
 std::vector<CentreLine> centreLines(const SkeletonGraph& graph, const SkeletonImages& images, float blur);
+
+/// Lines in working pixels -> points of the image at equal distances, with the tangents of the lines.
+Centerline2d sampled(const std::vector<CentreLine>& lines, const WorkingGrid& grid, double spacing_px);
 
 }  // namespace angio::imaging

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "area_resampler.hpp"
 #include "field_outline.hpp"
+#include "ridge_filters.hpp"
 #include "xray_image.hpp"
 
 namespace angio::imaging {

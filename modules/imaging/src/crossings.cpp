@@ -93,8 +93,7 @@ class Passing {
     int count = 0;
     for (std::size_t i = std::min(near, n - 1); i < std::min(n, near + 12); ++i) {
       const cv::Point2f p = branch.line[at_begin ? i : n - 1 - i];
-      const float r = radius_.at<float>(std::clamp(static_cast<int>(p.y + 0.5f), 0, radius_.rows - 1),
-                                        std::clamp(static_cast<int>(p.x + 0.5f), 0, radius_.cols - 1));
+      const float r = nearestPixel(radius_, p);
       if (r > 0) {
         sum += r;
         ++count;
@@ -178,8 +177,8 @@ class Passing {
   // The branch that both are then.
   int unite(const std::pair<End, End>& pair, const std::vector<cv::Point2f>& shared) {
     Branch &first = graph_.branches[pair.first.branch], &second = graph_.branches[pair.second.branch];
-    if (pair.first.at_begin) reverse(first);
-    if (!pair.second.at_begin) reverse(second);
+    if (pair.first.at_begin) first.reverse();
+    if (!pair.second.at_begin) second.reverse();
     const cv::Point2f from = first.line.back(), to = second.line.front();
     first.line.insert(first.line.end(), shared.begin(), shared.end());
     const int pieces = shared.empty() ? static_cast<int>(cv::norm(to - from)) : 0;
@@ -200,11 +199,6 @@ class Passing {
     return pair.first.branch;
   }
 
-  static void reverse(Branch& branch) {
-    std::reverse(branch.line.begin(), branch.line.end());
-    std::swap(branch.begin, branch.end);
-  }
-
   SkeletonGraph& graph_;
   const cv::Mat& radius_;
   std::vector<std::vector<int>> at_;  // By node, in ascending order: branches that end there, or did.
@@ -219,7 +213,7 @@ void settleRadii(SkeletonGraph& graph, const cv::Mat& radius) {
     std::vector<float> near;
     for (std::size_t i = kAway; i < std::min(branch.line.size(), kAway + 12); ++i) {
       const cv::Point2f p = branch.line[at_begin ? i : branch.line.size() - 1 - i];
-      const float r = radius.at<float>(static_cast<int>(p.y + 0.5f), static_cast<int>(p.x + 0.5f));
+      const float r = nearestPixel(radius, p);
       if (r > 0) near.push_back(r);
     }
     if (near.empty()) return;

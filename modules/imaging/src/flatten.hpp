@@ -4,7 +4,7 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-#include "angio/imaging/otsu_settings.hpp"
+#include "angio/imaging/extractor_settings.hpp"
 #include "field_outline.hpp"
 
 namespace angio::imaging {

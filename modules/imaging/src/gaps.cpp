@@ -28,11 +28,6 @@ struct Link {
   int a = 0, b = 0;
 };
 
-float radiusAt(const cv::Mat& radius, const cv::Point2f& p) {
-  return radius.at<float>(std::clamp(static_cast<int>(p.y + 0.5f), 0, radius.rows - 1),
-                          std::clamp(static_cast<int>(p.x + 0.5f), 0, radius.cols - 1));
-}
-
 class GapClosing {
  public:
   GapClosing(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, cv::Mat& scratch)
@@ -56,7 +51,8 @@ class GapClosing {
       const auto add = [&](bool at_begin, const cv::Point2f& tip, const cv::Point2f& inner) {
         const cv::Point2f chord = tip - inner;
         ends_.push_back({static_cast<int>(b), at_begin, tip,
-                         chord * (1 / std::max(1e-6f, static_cast<float>(cv::norm(chord)))), radiusAt(radius_, tip)});
+                         chord * (1 / std::max(1e-6f, static_cast<float>(cv::norm(chord)))),
+                         nearestPixel(radius_, tip)});
       };
       if (branch.begin < 0) add(true, branch.line.front(), branch.line[far]);
       if (branch.end < 0) add(false, branch.line.back(), branch.line[branch.line.size() - 1 - far]);
@@ -101,8 +97,8 @@ class GapClosing {
     const int first_index = current(a.branch), second_index = current(b.branch);
     if (first_index == second_index) return false;
     Branch &first = graph_.branches[first_index], &second = graph_.branches[second_index];
-    if (first.line.back() != a.position || first.end >= 0) reverse(first);
-    if (second.line.front() != b.position || second.begin >= 0) reverse(second);
+    if (first.line.back() != a.position || first.end >= 0) first.reverse();
+    if (second.line.front() != b.position || second.begin >= 0) second.reverse();
     extend(first.line, b.position);
     first.line.insert(first.line.end(), second.line.begin(), second.line.end());
     first.end = second.end;
@@ -118,11 +114,6 @@ class GapClosing {
     for (int k = 1; k < pieces; ++k) {
       line.push_back(from + (to - from) * (static_cast<float>(k) / static_cast<float>(pieces)));
     }
-  }
-
-  static void reverse(Branch& branch) {
-    std::reverse(branch.line.begin(), branch.line.end());
-    std::swap(branch.begin, branch.end);
   }
 
   void drawOwners() {
@@ -148,7 +139,7 @@ class GapClosing {
       const cv::Point2f p = end.position + s * end.outwards;
       const int hit = nearestOwner(p, end.branch);
       if (hit < 0) continue;
-      if (s > kBeyondWall + 1.5f * radiusAt(radius_, p)) return;
+      if (s > kBeyondWall + 1.5f * nearestPixel(radius_, p)) return;
       attach(end, hit, p);
       return;
     }
@@ -177,7 +168,7 @@ class GapClosing {
     if (nearest == 0 || nearest + 1 >= other.line.size()) return;
     SkeletonGraph::Node node;
     node.position = other.line[nearest];
-    node.radius = radiusAt(radius_, node.position);
+    node.radius = nearestPixel(radius_, node.position);
     node.degree = 3;
     const int index = static_cast<int>(graph_.nodes.size());
     graph_.nodes.push_back(node);
@@ -189,10 +180,10 @@ class GapClosing {
     other.line.erase(middle, other.line.end());
     other.end = index;
     Branch& own = graph_.branches[end.branch];
-    if (end.at_begin) reverse(own);
+    if (end.at_begin) own.reverse();
     extend(own.line, node.position);
     own.end = index;
-    if (end.at_begin) reverse(own);
+    if (end.at_begin) own.reverse();
     graph_.branches.push_back(std::move(rest));
     draw(static_cast<int>(graph_.branches.size()) - 1);
     draw(end.branch);

@@ -8,17 +8,6 @@
 
 namespace angio::imaging {
 
-/// Whether a point is so near to the border of the open part (a range for each row) that a line which ends there comes
-/// in from outside.
-bool atBorder(const cv::Point2f& p, const std::vector<RowRange>& open);
-
-/// The middling one of the values, at least one.
-float medianOf(std::vector<float> values);
-
-/// Contrast over radius at a line's first `count` points [1/working px]: what its content absorbs per length, up to a
-/// factor.
-std::vector<float> densitiesOf(const CentreLine& line, std::size_t count);
-
 /// Drops lines that follow the border of the open part: what is left of its shadow's edge.
 void dropAlongBorder(std::vector<CentreLine>& lines, const std::vector<RowRange>& open);
 
@@ -29,5 +18,20 @@ void dropAlongBorder(std::vector<CentreLine>& lines, const std::vector<RowRange>
 /// says that it is a vessel. Devices, where they have been told, have no part in it: beside steel all vessels would be
 /// dilute.
 void dropDilute(std::vector<CentreLine>& lines, float least);
+
+/// Finds catheters and guidewires among the lines of one image and sets their kind; a line that is a device first and a
+/// vessel then is cut in two.
+///
+/// A device absorbs more over a length than blood with contrast agent in it: contrast over radius tells. What blood
+/// absorbs is measured on other lines of the same image, the wider ones of which bring as much length as the device,
+/// and it is steady along a device, as its width is. Two kinds are told:
+///
+/// - wires, as thin as the image resolves and nearly twice as dense as the wider lines, wherever they are;
+/// - catheters, which come in at the border of the open part (a range for each row), are half as dense again as the
+///   other lines over `shortest` working pixels at least, and have hardly a branch.
+///
+/// A vessel lost costs a registration more than a device kept, which is one stray curve: what could be either, such as
+/// a catheter no denser than the vessels, or one in a frame without vessels, stays a vessel.
+void tellDevices(std::vector<CentreLine>& lines, const std::vector<RowRange>& open, float shortest);
 
 }  // namespace angio::imaging

@@ -15,57 +15,40 @@ namespace {
 
 // Everything libpng works on lives here, outside the functions that it may leave with longjmp: no destructor is
 // skipped.
-struct PngReading {
-  std::string_view content;
+struct PngWork {
+  std::string_view content;  // What is read ...
   std::size_t done = 0;
+  std::vector<std::uint8_t> written;  // ... or is written.
   std::string message;
   png_structp png = nullptr;
   png_infop info = nullptr;
-  std::jmp_buf at_error;
-  cv::Mat image;
-  std::vector<png_bytep> rows;
-
-  explicit PngReading(std::string_view bytes) : content(bytes) {}
-  PngReading(const PngReading&) = delete;
-  PngReading& operator=(const PngReading&) = delete;
-  ~PngReading() { png_destroy_read_struct(&png, &info, nullptr); }
-};
-
-// The same for writing.
-struct PngWriting {
-  std::vector<std::uint8_t> content;
-  png_structp png = nullptr;
-  png_infop info = nullptr;
+  void (*destroy)(png_structp* png, png_infop* info);
   std::jmp_buf at_error;
   std::vector<png_bytep> rows;
 
-  PngWriting() = default;
-  PngWriting(const PngWriting&) = delete;
-  PngWriting& operator=(const PngWriting&) = delete;
-  ~PngWriting() { png_destroy_write_struct(&png, &info); }
+  explicit PngWork(void (*destroy_it)(png_structp* png, png_infop* info)) : destroy(destroy_it) {}
+  PngWork(const PngWork&) = delete;
+  PngWork& operator=(const PngWork&) = delete;
+  ~PngWork() { destroy(&png, &info); }
 };
 
 [[noreturn]] void onError(png_structp png, png_const_charp message) {
-  auto& reading = *static_cast<PngReading*>(png_get_error_ptr(png));
-  reading.message = message;
-  std::longjmp(reading.at_error, 1);
-}
-
-[[noreturn]] void onWriteError(png_structp png, png_const_charp) {
-  std::longjmp(static_cast<PngWriting*>(png_get_error_ptr(png))->at_error, 1);
+  auto& work = *static_cast<PngWork*>(png_get_error_ptr(png));
+  work.message = message;
+  std::longjmp(work.at_error, 1);
 }
 
 void onWarning(png_structp, png_const_charp) {}
 
 void readBytes(png_structp png, png_bytep to, std::size_t count) {
-  auto& reading = *static_cast<PngReading*>(png_get_io_ptr(png));
+  auto& reading = *static_cast<PngWork*>(png_get_io_ptr(png));
   if (count > reading.content.size() - reading.done) png_error(png, "the file ends too early");
   std::memcpy(to, reading.content.data() + reading.done, count);
   reading.done += count;
 }
 
 // Holds no object with a destructor while libpng runs.
-bool readHeader(PngReading& reading) {
+bool readHeader(PngWork& reading) {
   if (setjmp(reading.at_error)) return false;
   png_set_user_limits(reading.png, kMaxPngSide, kMaxPngSide);
   png_set_chunk_malloc_max(reading.png, 1 << 20);
@@ -78,7 +61,7 @@ bool readHeader(PngReading& reading) {
   return true;
 }
 
-bool readPixels(PngReading& reading) {
+bool readPixels(PngWork& reading) {
   if (setjmp(reading.at_error)) return false;
   png_read_image(reading.png, reading.rows.data());
   png_read_end(reading.png, nullptr);
@@ -88,7 +71,7 @@ bool readPixels(PngReading& reading) {
 void appendBytes(png_structp png, png_bytep from, std::size_t count) {
   bool appended = true;
   try {
-    auto& content = static_cast<PngWriting*>(png_get_io_ptr(png))->content;
+    auto& content = static_cast<PngWork*>(png_get_io_ptr(png))->written;
     content.insert(content.end(), from, from + count);
   } catch (const std::bad_alloc&) {  // Not through C.
     appended = false;
@@ -98,7 +81,7 @@ void appendBytes(png_structp png, png_bytep from, std::size_t count) {
 
 void flushNothing(png_structp) {}
 
-bool writePixels(PngWriting& writing, unsigned width, unsigned height, int bits) {
+bool writePixels(PngWork& writing, unsigned width, unsigned height, int bits) {
   if (setjmp(writing.at_error)) return false;
   png_set_write_fn(writing.png, &writing, appendBytes, flushNothing);
   png_set_IHDR(writing.png, writing.info, width, height, bits, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
@@ -135,20 +118,21 @@ std::vector<std::uint8_t> encodePng(const cv::Mat& image) {
   if (image.empty() || (image.type() != CV_8UC1 && image.type() != CV_16UC1)) {
     throw std::invalid_argument("image: must be of type CV_8UC1 or CV_16UC1");
   }
-  PngWriting writing;
-  writing.content.reserve(image.total() * image.elemSize());
+  PngWork writing([](png_structp* png, png_infop* info) { png_destroy_write_struct(png, info); });
+  writing.written.reserve(image.total() * image.elemSize());
   for (int r = 0; r < image.rows; ++r) writing.rows.push_back(const_cast<png_bytep>(image.ptr(r)));
-  writing.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &writing, onWriteError, onWarning);
+  writing.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &writing, onError, onWarning);
   if (writing.png) writing.info = png_create_info_struct(writing.png);
   if (!writing.info || !writePixels(writing, static_cast<unsigned>(image.cols), static_cast<unsigned>(image.rows),
                                     image.depth() == CV_8U ? 8 : 16)) {
     throw std::runtime_error("an image cannot be written as PNG");
   }
-  return std::move(writing.content);
+  return std::move(writing.written);
 }
 
 cv::Mat decodePng(const std::string& place, std::string_view content) {
-  PngReading reading(content);
+  PngWork reading([](png_structp* png, png_infop* info) { png_destroy_read_struct(png, info, nullptr); });
+  reading.content = content;
   const auto broken = [&] { return InputError(place, "", "", "is not a readable PNG image: " + reading.message); };
   reading.png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &reading, onError, onWarning);
   if (reading.png) reading.info = png_create_info_struct(reading.png);
@@ -162,10 +146,10 @@ cv::Mat decodePng(const std::string& place, std::string_view content) {
   if (channels != 1 && channels != 3) {
     throw InputError(place, "channels", std::to_string(channels), "must be 1, or 3 that are equal; no transparency");
   }
-  reading.image.create(height, width, CV_MAKETYPE(bits == 16 ? CV_16U : CV_8U, channels));
-  for (int r = 0; r < height; ++r) reading.rows.push_back(reading.image.ptr(r));
+  cv::Mat image(height, width, CV_MAKETYPE(bits == 16 ? CV_16U : CV_8U, channels));
+  for (int r = 0; r < height; ++r) reading.rows.push_back(image.ptr(r));
   if (!readPixels(reading)) throw broken();
-  return reading.image;
+  return image;
 }
 
 }  // namespace angio::imaging

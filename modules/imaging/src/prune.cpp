@@ -11,8 +11,6 @@ using Branch = SkeletonGraph::Branch;
 
 constexpr float kAlone = 2.5f;
 
-float distanceBetween(const cv::Point2f& a, const cv::Point2f& b) { return static_cast<float>(cv::norm(a - b)); }
-
 class Pruning {
  public:
   Pruning(SkeletonGraph& graph, const cv::Mat& distance, const PruningRules& rules)
@@ -30,26 +28,14 @@ class Pruning {
   }
 
  private:
-  void kill(Branch& branch) {
-    branch.alive = false;
-    if (branch.begin >= 0) --graph_.nodes[branch.begin].degree;
-    if (branch.end >= 0) --graph_.nodes[branch.end].degree;
-  }
-
   // Lengths are asked for again and again, and few change between.
   float lengthOf(const Branch& branch) {
-    float& length = lengths_[static_cast<std::size_t>(&branch - graph_.branches.data())];
+    float& length = lengths_[&branch - graph_.branches.data()];
     if (length == kUnknown) length = angio::imaging::lengthOf(graph_, branch);
     return length;
   }
 
-  void forgetLength(const Branch& branch) {
-    lengths_[static_cast<std::size_t>(&branch - graph_.branches.data())] = kUnknown;
-  }
-
-  float radiusAt(const cv::Point2f& p) const {
-    return distance_.at<float>(static_cast<int>(p.y + 0.5f), static_cast<int>(p.x + 0.5f));
-  }
+  void forgetLength(const Branch& branch) { lengths_[&branch - graph_.branches.data()] = kUnknown; }
 
   // A ring about a hole in the mask no wider than the vessel, and the longer way around such a hole.
   void dropRings() {
@@ -60,7 +46,7 @@ class Pruning {
       if (branch.closed ? length < 4 * rules_.min_branch
                         : branch.begin >= 0 && branch.begin == branch.end &&
                               length < 2 * (rules_.min_branch + graph_.nodes[branch.begin].radius)) {
-        kill(branch);
+        graph_.drop(branch);
         continue;
       }
       if (branch.closed || branch.begin < 0 || branch.end < 0 || branch.begin == branch.end) continue;
@@ -72,7 +58,7 @@ class Pruning {
       }
       Branch& longer = length < lengthOf(*other) ? *other : branch;
       if (&longer == other) other = &branch;
-      kill(longer);
+      graph_.drop(longer);
     }
   }
 
@@ -89,7 +75,7 @@ class Pruning {
     bool changed = false;
     for (const auto& [length, branch] : spurs) {
       if (graph_.nodes[std::max(branch->begin, branch->end)].degree < 3) continue;
-      kill(*branch);
+      graph_.drop(*branch);
       changed = true;
     }
     return changed;
@@ -141,19 +127,14 @@ class Pruning {
   }
 
   void joinAt(int node, Branch& first, Branch& second) {
-    if (first.begin == node) reverse(first);
-    if (second.begin != node) reverse(second);
+    if (first.begin == node) first.reverse();
+    if (second.begin != node) second.reverse();
     first.line.push_back(graph_.nodes[node].position);
     first.line.insert(first.line.end(), second.line.begin(), second.line.end());
     first.end = second.end;
     second.alive = false;
     graph_.nodes[node].degree = 0;
     forgetLength(first);
-  }
-
-  static void reverse(Branch& branch) {
-    std::reverse(branch.line.begin(), branch.line.end());
-    std::swap(branch.begin, branch.end);
   }
 
   // Two vessels that cross share their middle for about a radius; the skeleton makes two junctions of it.
@@ -163,7 +144,7 @@ class Pruning {
       const int kept = bridge.begin, gone = bridge.end;
       auto &a = graph_.nodes[kept], &b = graph_.nodes[gone];
       if (a.degree < 3 || b.degree < 3 || lengthOf(bridge) > 1.5f * std::max(a.radius, b.radius)) continue;
-      kill(bridge);
+      graph_.drop(bridge);
       a.position = 0.5f * (a.position + b.position);
       a.radius = std::max(a.radius, b.radius);
       a.degree += b.degree;
@@ -183,8 +164,8 @@ class Pruning {
   void dropStubs() {
     for (Branch& branch : graph_.branches) {
       if (!branch.alive || branch.closed || branch.begin >= 0 || branch.end >= 0) continue;
-      const float width = branch.line.empty() ? 0 : 2 * radiusAt(branch.line[branch.line.size() / 2]);
-      if (lengthOf(branch) < std::max(kAlone * rules_.min_branch, width)) kill(branch);
+      const float width = branch.line.empty() ? 0 : 2 * nearestPixel(distance_, branch.line[branch.line.size() / 2]);
+      if (lengthOf(branch) < std::max(kAlone * rules_.min_branch, width)) graph_.drop(branch);
     }
   }
 
@@ -211,16 +192,6 @@ class Pruning {
 };
 
 }  // namespace
-
-float lengthOf(const SkeletonGraph& graph, const Branch& branch) {
-  float length = 0;
-  for (std::size_t i = 1; i < branch.line.size(); ++i) length += distanceBetween(branch.line[i - 1], branch.line[i]);
-  if (branch.line.empty()) return length;
-  if (branch.begin >= 0) length += distanceBetween(graph.nodes[branch.begin].position, branch.line.front());
-  if (branch.end >= 0) length += distanceBetween(branch.line.back(), graph.nodes[branch.end].position);
-  if (branch.closed) length += distanceBetween(branch.line.back(), branch.line.front());
-  return length;
-}
 
 void prune(SkeletonGraph& graph, const cv::Mat& distance, const PruningRules& rules) {
   Pruning(graph, distance, rules).run();

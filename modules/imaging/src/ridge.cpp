@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "ridge.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -8,15 +6,13 @@
 #include <optional>
 
 #include "angio/imaging/thinning.hpp"
-#include "area_resampler.hpp"
-#include "device_lines.hpp"
 #include "field_outline.hpp"
 #include "flatten.hpp"
+#include "hysteresis.hpp"
 #include "line_kinds.hpp"
+#include "make_extractors.hpp"
 #include "ridge_lines.hpp"
-#include "ridge_mask.hpp"
 #include "ridge_scales.hpp"
-#include "sampled_lines.hpp"
 #include "skeleton_graph.hpp"
 #include "xray_image.hpp"
 
@@ -60,9 +56,16 @@ class RidgeExtractor final : public CenterlineExtractor {
     coverShadow(image, grid);
     const float faintest = kStrengthPerContrast * static_cast<float>(settings_.faintest_absorption);
     scales_->analyse(absorption_, {static_cast<float>(settings_.noise_factor), faintest});
-    const float weakest = static_cast<float>(settings_.relative_contrast) * strongVessels();
-    cv::Mat& mask = mask_(open_, scales_->strength(), scales_->salience(), std::max(weakest, 1e-9f),
-                          static_cast<float>(settings_.line_factor), kSeeds);
+    const float weakest = std::max(static_cast<float>(settings_.relative_contrast) * strongVessels(), 1e-9f);
+    const Plane &strength = scales_->strength(), &salience = scales_->salience();
+    const auto classesOf = [&](int y) {
+      return [=, value = strength.row(y), stands_out = salience.row(y)](int x) {
+        const int weak = value[x] > weakest ? 1 : 0;
+        return weak + (weak & (stands_out[x] > static_cast<float>(RidgeSettings::line_factor) ? 1 : 0));
+      };
+    };
+    cv::Mat& mask = regions_({strength.width(), strength.height()}, open_, classesOf,
+                             [](std::size_t, int strong) { return strong >= kSeeds; });
     thin(mask);
     SkeletonGraph graph = traceSkeleton(mask, scales_->radiusMat());
     clean(graph, grid.scale);
@@ -164,7 +167,7 @@ class RidgeExtractor final : public CenterlineExtractor {
   float scale_ = 0;
   std::optional<RidgeScales> scales_;
   std::optional<RidgeFitting> fitting_;
-  RidgeMask mask_;
+  Hysteresis regions_;
   Plane absorption_;
   AreaResampler shrink_;
   cv::Mat owner_;

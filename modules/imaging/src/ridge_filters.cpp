@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 // Compiled once for every vector target by the include below; the best one is chosen at run time.
 #undef HWY_TARGET_INCLUDE
@@ -17,8 +18,10 @@ namespace angio::imaging {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
+using FloatTag = hn::CappedTag<float, Plane::kSlack / 2>;
+
 void absorptionRow(float* values, int count, float offset, float level) {
-  const hn::CappedTag<float, Plane::kSlack / 2> d;
+  const FloatTag d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto plus = hn::Set(d, offset), top = hn::Set(d, level);
   for (int i = 0; i < count; i += lanes) {
@@ -28,7 +31,7 @@ void absorptionRow(float* values, int count, float offset, float level) {
 
 // Symmetric sum of rows: weight[0] * rows[0] + sum over k of weight[k] * (rows[2 k - 1] + rows[2 k]).
 void sumRows(const float* const* rows, const float* weight, int reach, int count, float* to) {
-  const hn::CappedTag<float, Plane::kSlack / 2> d;
+  const FloatTag d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (int i = 0; i < count; i += lanes) {
     auto sum = hn::Mul(hn::Set(d, weight[0]), hn::LoadU(d, rows[0] + i));
@@ -42,7 +45,7 @@ void sumRows(const float* const* rows, const float* weight, int reach, int count
 
 // The same along a row, whose `reach` neighbours to both sides can be read.
 void sumAlong(const float* from, const float* weight, int reach, int count, float* to) {
-  const hn::CappedTag<float, Plane::kSlack / 2> d;
+  const FloatTag d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (int i = 0; i < count; i += lanes) {
     auto sum = hn::Mul(hn::Set(d, weight[0]), hn::LoadU(d, from + i));
@@ -55,7 +58,7 @@ void sumAlong(const float* from, const float* weight, int reach, int count, floa
 
 // Pixels 1 to width - 2 of a row; `rows` are the row above, this one and the one below.
 void strengthRow(const float* const* rows, const float* least, int width, float sigma, float reach, float* to) {
-  const hn::CappedTag<float, Plane::kSlack / 2> d;
+  const FloatTag d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto half = hn::Set(d, 0.5f), quarter = hn::Set(d, 0.25f), zero = hn::Zero(d), one = hn::Set(d, 1.0f);
   const auto sigma2 = hn::Set(d, sigma * sigma), per_sigma2 = hn::Set(d, 1 / (sigma * sigma)), far = hn::Set(d, reach);
@@ -94,6 +97,47 @@ void strengthRow(const float* const* rows, const float* least, int width, float 
   }
 }
 
+// Adds a row of grey values to `sum`, weighted; the first one is put there. What does not fill a vector goes one by
+// one.
+template <typename Grey>
+void addRow(const Grey* grey, float weight, bool first, int count, float* sum) {
+  const FloatTag d;
+  const hn::Rebind<std::int32_t, decltype(d)> whole;
+  const hn::Rebind<Grey, decltype(d)> stored;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto by = hn::Set(d, weight);
+  int i = 0;
+  for (; i + lanes <= count; i += lanes) {
+    const auto value = hn::ConvertTo(d, hn::PromoteTo(whole, hn::LoadU(stored, grey + i)));
+    const auto before = first ? hn::Zero(d) : hn::LoadU(d, sum + i);
+    hn::StoreU(hn::MulAdd(by, value, before), d, sum + i);
+  }
+  for (; i < count; ++i) sum[i] = weight * static_cast<float>(grey[i]) + (first ? 0 : sum[i]);
+}
+
+void addRow8(const std::uint8_t* grey, float weight, bool first, int count, float* sum) {
+  addRow(grey, weight, first, count, sum);
+}
+
+void addRow16(const std::uint16_t* grey, float weight, bool first, int count, float* sum) {
+  addRow(grey, weight, first, count, sum);
+}
+
+// New pixels of a row, whole vectors of them.
+void shrinkRow(const float* from, const int* first, const float* weight, int taps, int stride, int count, float* to) {
+  const FloatTag d;
+  const hn::Rebind<std::int32_t, decltype(d)> whole;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < count; i += lanes) {
+    const auto place = hn::LoadU(whole, first + i);
+    auto sum = hn::Zero(d);
+    for (int k = 0; k < taps; ++k) {
+      sum = hn::MulAdd(hn::LoadU(d, weight + k * stride + i), hn::GatherIndex(d, from + k, place), sum);
+    }
+    hn::StoreU(sum, d, to + i);
+  }
+}
+
 }  // namespace HWY_NAMESPACE
 }  // namespace angio::imaging
 HWY_AFTER_NAMESPACE();
@@ -106,6 +150,9 @@ HWY_EXPORT(absorptionRow);
 HWY_EXPORT(sumRows);
 HWY_EXPORT(sumAlong);
 HWY_EXPORT(strengthRow);
+HWY_EXPORT(addRow8);
+HWY_EXPORT(addRow16);
+HWY_EXPORT(shrinkRow);
 
 constexpr int kMaxReach = 32;
 
@@ -186,6 +233,46 @@ void ridgeStrength(const Plane& smoothed, float sigma, float reach, const cv::Ma
     const float* rows[] = {smoothed.row(y - 1), smoothed.row(y), smoothed.row(y + 1)};
     HWY_DYNAMIC_DISPATCH(strengthRow)(rows, threshold.data(), width, sigma, reach, strength.row(y));
     strength.row(y)[0] = strength.row(y)[width - 1] = 0;
+  }
+}
+
+void AreaResampler::prepare(Axis& axis, int from, int to) {
+  if (axis.from == from && axis.to == to) return;
+  const double step = static_cast<double>(from) / to;
+  axis.from = from;
+  axis.to = to;
+  axis.taps = static_cast<int>(std::ceil(step)) + 1;
+  axis.stride = to + Plane::kSlack;
+  axis.first.assign(static_cast<std::size_t>(axis.stride), 0);
+  axis.weight.assign(static_cast<std::size_t>(axis.stride) * axis.taps, 0);
+  for (int i = 0; i < to; ++i) {
+    const double begin = i * step, end = std::min((i + 1) * step, static_cast<double>(from));
+    axis.first[i] = static_cast<int>(begin);
+    for (int k = 0; k < axis.taps; ++k) {
+      const double covered = std::min(end, axis.first[i] + k + 1.0) - std::max(begin, axis.first[i] + 1.0 * k);
+      axis.weight[static_cast<std::size_t>(k) * axis.stride + i] = static_cast<float>(std::max(0.0, covered) / step);
+    }
+  }
+}
+
+void AreaResampler::operator()(const cv::Mat& image, const cv::Size& size, Plane& to) {
+  prepare(across_, image.cols, size.width);
+  prepare(down_, image.rows, size.height);
+  to.resize(size.width, size.height);
+  row_.resize(static_cast<std::size_t>(image.cols) + across_.taps);  // The last taps weigh nothing, but are read.
+  for (int y = 0; y < size.height; ++y) {
+    for (int k = 0; k < down_.taps; ++k) {
+      const float weight = down_.weight[static_cast<std::size_t>(k) * down_.stride + y];
+      if (!(weight > 0)) continue;
+      if (image.depth() == CV_8U) {
+        HWY_DYNAMIC_DISPATCH(addRow8)(image.ptr(down_.first[y] + k), weight, k == 0, image.cols, row_.data());
+      } else {
+        const auto* grey = image.ptr<std::uint16_t>(down_.first[y] + k);
+        HWY_DYNAMIC_DISPATCH(addRow16)(grey, weight, k == 0, image.cols, row_.data());
+      }
+    }
+    HWY_DYNAMIC_DISPATCH(shrinkRow)
+    (row_.data(), across_.first.data(), across_.weight.data(), across_.taps, across_.stride, size.width, to.row(y));
   }
 }
 

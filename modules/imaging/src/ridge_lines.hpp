@@ -8,7 +8,6 @@
 #include "ridge_scales.hpp"
 #include "tracks.hpp"
 #include "tube_shadows.hpp"
-#include "tube_templates.hpp"
 
 namespace angio::imaging {
 

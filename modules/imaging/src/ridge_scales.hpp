@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "ridge_filters.hpp"
-#include "ridge_flanks.hpp"
 #include "ridge_levels.hpp"
 
 namespace angio::imaging {

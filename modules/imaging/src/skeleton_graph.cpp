@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <numeric>
 #include <opencv2/core.hpp>
 #include <unordered_map>
 
@@ -13,6 +14,8 @@ namespace {
 using Branch = SkeletonGraph::Branch;
 
 constexpr std::uint8_t kLine = 1, kJunction = 2, kWalked = 3;
+
+float distanceBetween(const cv::Point2f& a, const cv::Point2f& b) { return static_cast<float>(cv::norm(a - b)); }
 
 class Tracer {
  public:
@@ -138,6 +141,88 @@ class Tracer {
 
 SkeletonGraph traceSkeleton(const cv::Mat& skeleton, const cv::Mat& distance) {
   return Tracer(skeleton, distance).trace();
+}
+
+float lengthOf(const SkeletonGraph& graph, const Branch& branch) {
+  float length = 0;
+  for (std::size_t i = 1; i < branch.line.size(); ++i) length += distanceBetween(branch.line[i - 1], branch.line[i]);
+  if (branch.line.empty()) return length;
+  if (branch.begin >= 0) length += distanceBetween(graph.nodes[branch.begin].position, branch.line.front());
+  if (branch.end >= 0) length += distanceBetween(branch.line.back(), graph.nodes[branch.end].position);
+  if (branch.closed) length += distanceBetween(branch.line.back(), branch.line.front());
+  return length;
+}
+
+namespace {
+
+// A line of high contrast proves no more than that there is one.
+constexpr float kMaxSalience = 15;
+
+class Components {
+ public:
+  explicit Components(std::size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), 0); }
+
+  int of(int i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void unite(int a, int b) { parent_[of(a)] = of(b); }
+
+ private:
+  std::vector<int> parent_;
+};
+
+struct Sums {
+  float length = 0, evidence2 = 0;
+};
+
+// Noise agrees with itself over about a filter's width, and so do lines that are not there: what counts is how many
+// widths a line is long, and by how much it stands out over them.
+Sums sumsOf(const SkeletonGraph& graph, const Branch& branch, const cv::Mat& salience, const cv::Mat& radius) {
+  Sums sums;
+  sums.length = lengthOf(graph, branch);
+  if (branch.line.empty()) return sums;
+  float stands_out = 0, width = 0;
+  int seen = 0;
+  for (const cv::Point2f& p : branch.line) {
+    const float r = nearestPixel(radius, p);
+    if (!(r > 0)) continue;  // Bridged gaps.
+    stands_out += std::min(nearestPixel(salience, p), kMaxSalience);
+    width += std::max(1.0f, r);
+    ++seen;
+  }
+  if (seen == 0) return sums;
+  const float mean = stands_out / static_cast<float>(seen);
+  sums.evidence2 = mean * mean * sums.length * static_cast<float>(seen) / width;
+  return sums;
+}
+
+}  // namespace
+
+void dropWeak(SkeletonGraph& graph, const cv::Mat& salience, const cv::Mat& radius, const EvidenceRules& rules) {
+  Components components(graph.nodes.size() + graph.branches.size());
+  const int nodes = static_cast<int>(graph.nodes.size());
+  std::vector<Sums> total(graph.nodes.size() + graph.branches.size());
+  for (std::size_t b = 0; b < graph.branches.size(); ++b) {
+    const Branch& branch = graph.branches[b];
+    if (!branch.alive) continue;
+    if (branch.begin >= 0) components.unite(nodes + static_cast<int>(b), branch.begin);
+    if (branch.end >= 0) components.unite(nodes + static_cast<int>(b), branch.end);
+  }
+  for (std::size_t b = 0; b < graph.branches.size(); ++b) {
+    if (!graph.branches[b].alive) continue;
+    const Sums sums = sumsOf(graph, graph.branches[b], salience, radius);
+    Sums& to = total[components.of(nodes + static_cast<int>(b))];
+    to.length += sums.length;
+    to.evidence2 += sums.evidence2;
+  }
+  for (std::size_t b = 0; b < graph.branches.size(); ++b) {
+    Branch& branch = graph.branches[b];
+    if (!branch.alive) continue;
+    const Sums& sums = total[components.of(nodes + static_cast<int>(b))];
+    if (sums.length >= rules.min_line && sums.evidence2 >= rules.evidence * rules.evidence) continue;
+    graph.drop(branch);
+  }
 }
 
 }  // namespace angio::imaging

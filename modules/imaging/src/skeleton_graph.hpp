@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <opencv2/core/mat.hpp>
+#include <utility>
 #include <vector>
 
 #include "angio/imaging/namespace.hpp"
@@ -22,6 +24,11 @@ struct SkeletonGraph {
     int end = -1;
     bool closed = false;  ///< A ring without any node.
     bool alive = true;    ///< False once the branch was pruned or became part of another.
+
+    void reverse() {
+      std::reverse(line.begin(), line.end());
+      std::swap(begin, end);
+    }
   };
   /// A place where one vessel passes over another, and how far the two cannot be told apart around it.
   struct Crossing {
@@ -31,7 +38,20 @@ struct SkeletonGraph {
   std::vector<Node> nodes;
   std::vector<Branch> branches;
   std::vector<Crossing> crossings;
+
+  /// Takes a branch out; its nodes lose an end.
+  void drop(Branch& branch) {
+    branch.alive = false;
+    if (branch.begin >= 0) --nodes[branch.begin].degree;
+    if (branch.end >= 0) --nodes[branch.end].degree;
+  }
 };
+
+/// The pixel of an image (CV_32FC1) that is nearest to a place, which may lie beyond its edge.
+inline float nearestPixel(const cv::Mat& image, const cv::Point2f& p) {
+  return image.at<float>(std::clamp(static_cast<int>(p.y + 0.5f), 0, image.rows - 1),
+                         std::clamp(static_cast<int>(p.x + 0.5f), 0, image.cols - 1));
+}
 
 /// What stays in the graph, in working pixels.
 struct PruningRules {

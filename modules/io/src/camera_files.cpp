@@ -6,11 +6,13 @@
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
-#include "camera_formats.hpp"
-#include "extension.hpp"
+#include "xml.hpp"
 
 namespace angio::io {
 namespace {
+
+// The widest detector a camera file may name, as in XrayCamera [px].
+constexpr double kMaxImageSide = 32768;
 
 constexpr double kMaxOffset_mm = 1000;  // Of an encoder; beyond it the file is in other units.
 
@@ -112,7 +114,77 @@ CameraFile readYamlCamera(const std::string& path) {
   }
 }
 
-CameraFile readXmlCamera(const std::string& path) { return {readVispCamera(path), {}, {}}; }
+// vpXmlParserCamera needs to be told the camera's name, takes 0 for what it cannot read and reports on the terminal, so
+// its files are read here.
+constexpr std::size_t kMaxXmlFile = std::size_t{1} << 20;
+
+std::string_view stripped(std::string_view text) {
+  const auto first = text.find_first_not_of(" \t\r\n");
+  return first == std::string_view::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r\n") - first + 1);
+}
+
+class VispFields {
+ public:
+  VispFields(const XmlDocument& document, vtkXMLDataElement& parent) : document_(document), parent_(parent) {}
+
+  vtkXMLDataElement& need(const char* name) const {
+    const auto found = childrenOf(parent_, name);
+    if (found.size() != 1) {
+      throw InputError(document_.placeOf(parent_), name, found.empty() ? "" : std::to_string(found.size()),
+                       found.empty() ? "is missing" : "must not be given twice");
+    }
+    return *found[0];
+  }
+  double number(const char* name) const {
+    return parseNumber(place(name), name, stripped(document_.textOf(need(name))));
+  }
+  double positive(const char* name) const { return requirePositive(place(name), name, number(name)); }
+  int side(const char* name) const {
+    const int pixels = parseInteger(place(name), name, stripped(document_.textOf(need(name))));
+    requireBetween(place(name), name, pixels, 1, kMaxImageSide);
+    return pixels;
+  }
+
+ private:
+  std::string place(const char* name) const { return document_.placeOf(need(name)); }
+
+  const XmlDocument& document_;
+  vtkXMLDataElement& parent_;
+};
+
+CameraFile readXmlCamera(const std::string& path) {
+  const XmlDocument document(path, readWholeFile(path, kMaxXmlFile));
+  const auto cameras = childrenOf(document.root(), "camera");
+  if (cameras.size() != 1) {
+    throw InputError(document.placeOf(document.root()), "camera", std::to_string(cameras.size()),
+                     "there must be just one");
+  }
+  const VispFields camera(document, *cameras[0]);
+  XrayCamera::Parameters p;
+  p.width_px = camera.side("image_width");
+  p.height_px = camera.side("image_height");
+  vtkXMLDataElement* plain_model = nullptr;
+  std::string types;
+  for (vtkXMLDataElement* const model : childrenOf(*cameras[0], "model")) {
+    const std::string type(stripped(document.textOf(VispFields(document, *model).need("type"))));
+    types += (types.empty() ? "" : ", ") + type;
+    if (type == "perspectiveProjWithoutDistortion") plain_model = model;
+  }
+  if (!plain_model) {
+    throw InputError(document.placeOf(*cameras[0]), "model", types,
+                     "must hold perspectiveProjWithoutDistortion: correct the distortion in the image first");
+  }
+  const VispFields model(document, *plain_model);
+  p.fx_px = model.positive("px");
+  p.fy_px = model.positive("py");
+  p.cx_px = model.number("u0");
+  p.cy_px = model.number("v0");
+  try {
+    return {XrayCamera(p), {}, {}};
+  } catch (const InputError& error) {
+    throw error.within(path);
+  }
+}
 
 struct CameraFormat {
   const char* extension;

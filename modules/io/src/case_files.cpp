@@ -2,15 +2,14 @@
 #include "angio/io/case_files.hpp"
 
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <set>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/pose_files.hpp"
-#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
 
@@ -19,7 +18,6 @@ namespace {
 
 // A rounded identity in a file is one.
 constexpr double kSamePlace = 1e-6;
-constexpr double kFarthest_mm = 100e3;
 
 // What stands in a list, or, for one, in its place.
 std::vector<YamlField> entriesOf(const YamlField& field) {
@@ -204,25 +202,117 @@ class CaseReader {
 
 }  // namespace
 
-Pose readViewPose(const std::string& path) {
-  const YamlNode root = readYaml(path);
-  YamlMap map(path, root, "pose");
-  const YamlField rotation = map.need("rotation"), translation = map.need("translation_mm");
-  for (const char* key : {"covariance", "parent", "child"}) map.find(key);  // As in other poses; here they say nothing.
-  map.refuseOthers();
-  const auto entries = rotation.numbers(9), t_mm = translation.numbers(3);
-  const Eigen::Matrix3d R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(entries.data());
-  if (!(rotationDefect(R) < 1e-3)) rotation.refuse("must be a rotation matrix");
-  Pose T = Pose::Identity();
-  T.linear() = nearestRotation(R);
-  for (std::size_t k = 0; k < 3; ++k) {
-    const YamlField item = translation.item(k);
-    requireBetween(item.place(), item.key, t_mm[k], -kFarthest_mm, kFarthest_mm);
-    T.translation()[static_cast<Eigen::Index>(k)] = t_mm[k] / 1e3;
-  }
-  return T;
-}
-
 CaseSet readCaseSet(const std::string& path) { return CaseReader(path).read(); }
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// One set is written by one of these, which remembers what cameras and view poses it has written.
+class CaseWriter {
+ public:
+  explicit CaseWriter(const std::string& path) : path_(path), folder_(std::filesystem::path(path).parent_path()) {}
+
+  void write(const CaseSet& set) {
+    if (set.cases.empty()) throw InputError(path_, "cases", "", "must be a list of at least one case");
+    const std::string tree = relative(set.cases.front().tree_path);
+    const Json cameras = camerasOf(set.cases.front());
+    Json json;
+    if (set.sequence) json["sequence"] = true;
+    json["tree"] = tree;
+    json["camera"] = cameras;
+    for (const Case& one : set.cases) {
+      checkCase(one);
+      Json& entry = json["cases"].emplace_back(Json{{"name", one.name}});
+      if (const std::string own = relative(one.tree_path); own != tree) entry["tree"] = own;
+      if (const Json own = camerasOf(one); own != cameras) entry["camera"] = own;
+      addPaths(one, "centerline", &View::centerline_path, entry);
+      addPaths(one, "image", &View::image_path, entry);
+      const std::string number = formatted("%04zu", json["cases"].size() - 1);
+      entry["initial_pose"] = poseFile("initial_" + number, one.initial_pose);
+      if (one.truth_pose) entry["truth_pose"] = poseFile("truth_" + number, *one.truth_pose);
+      if (one.truth_displacements_path) entry["truth_displacements"] = relative(*one.truth_displacements_path);
+    }
+    writeWholeFile(path_, asYaml(json));
+  }
+
+ private:
+  void checkCase(const Case& one) {
+    if (!names_.insert(one.name).second) throw InputError(path_, "name", one.name, "must not be given twice");
+    if (one.tree_path.empty()) throw InputError(path_, "tree", "", "is missing");
+    if (one.views.empty()) throw InputError(path_, "camera", "", "must be at least one camera");
+  }
+
+  void addPaths(const Case& one, const char* key, std::optional<std::string> View::*field, Json& entry) const {
+    std::vector<std::string> paths;
+    for (const View& view : one.views) {
+      if (!view.centerline_path && !view.image_path) throw InputError(path_, "centerline or image", "", "is missing");
+      if (view.*field) paths.push_back(relative(*(view.*field)));
+    }
+    if (paths.empty()) return;
+    if (paths.size() != one.views.size()) throw InputError(path_, key, one.name, "must be given for all views or none");
+    entry[key] = paths;
+  }
+
+  std::string relative(const std::string& path) const {
+    const auto whole = [](const std::filesystem::path& p) { return std::filesystem::absolute(p).lexically_normal(); };
+    const std::filesystem::path inside = whole(path).lexically_relative(whole(folder_.empty() ? "." : folder_));
+    const bool outside = inside.empty() || *inside.begin() == "..";
+    return outside ? whole(path).string() : inside.string();
+  }
+
+  std::string beside(const std::string& name) const { return (folder_ / name).string(); }
+
+  std::string poseFile(const std::string& name, const Pose& pose) const {
+    writePose(beside(name + ".yaml"), {pose, {}});
+    return name + ".yaml";
+  }
+
+  Json camerasOf(const Case& one) {
+    Json views = Json::array();
+    for (const View& view : one.views) {
+      Json entry = {{"camera", nameOf("camera", view.camera, cameras_)}};
+      if (!views.empty()) entry["T_view_first"] = nameOf("view", view.T_view_first, view_poses_);
+      for (const Eigen::Vector2d& corner : view.collimator_px) {
+        entry["collimator_px"].push_back({corner.x(), corner.y()});
+      }
+      views.push_back(std::move(entry));
+    }
+    return views;
+  }
+
+  static bool same(const Pose& a, const Pose& b) { return a.matrix() == b.matrix(); }
+  static bool same(const XrayCamera& one, const XrayCamera& other) {
+    const auto &a = one.parameters(), &b = other.parameters();
+    return a.width_px == b.width_px && a.height_px == b.height_px && a.fx_px == b.fx_px && a.fy_px == b.fy_px &&
+           a.cx_px == b.cx_px && a.cy_px == b.cy_px && a.pixel_spacing_m == b.pixel_spacing_m &&
+           a.source_detector_distance_m == b.source_detector_distance_m;
+  }
+  static void writeTo(const std::string& path, const Pose& pose) { writePose(path, {pose, {}}); }
+  static void writeTo(const std::string& path, const XrayCamera& camera) { writeCamera(path, camera); }
+
+  // The file that holds a value; written when it is a new one.
+  template <typename Value>
+  std::string nameOf(const std::string& kind, const Value& value, std::vector<Value>& written) {
+    std::size_t at = 0;
+    while (at < written.size() && !same(written[at], value)) ++at;
+    const std::string name = kind + (at == 0 ? "" : "_" + std::to_string(at + 1)) + ".yaml";
+    if (at == written.size()) {
+      writeTo(beside(name), value);
+      written.push_back(value);
+    }
+    return name;
+  }
+
+  std::string path_;
+  std::filesystem::path folder_;
+  std::set<std::string> names_;
+  std::vector<XrayCamera> cameras_;
+  std::vector<Pose> view_poses_;
+};
+
+}  // namespace
+
+void writeCaseSet(const std::string& path, const CaseSet& set) { CaseWriter(path).write(set); }
 
 }  // namespace angio::io

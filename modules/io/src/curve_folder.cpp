@@ -21,10 +21,6 @@ constexpr double kUnknownRadius_mm = 1;
 
 using Position = std::array<double, 3>;
 
-bool endsWith(const std::string& text, const std::string& end) {
-  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
-}
-
 // Where a curve hangs: its own point, and the tree's row.
 struct Joint {
   Eigen::Index point;
@@ -99,13 +95,13 @@ class CurveTree {
     const NamedCurve& curve = curves_[c];
     for (Eigen::Index i = from; i >= 0 && i < curve.points_mm.cols(); i += step) {
       const Eigen::Vector3d p = curve.points_mm.col(i);
-      if (parent >= 0 && p == rows_[static_cast<std::size_t>(parent)].point_mm) continue;  // No edge without a length.
+      if (parent >= 0 && p == rows_[parent].point_mm) continue;  // No edge without a length.
       if (!known_.insert({{p.x(), p.y(), p.z()}, true}).second) return;
       if (rows_.size() == static_cast<std::size_t>(kMaxPoints)) {
         throw InputError(from_, "controlPoints", "", "must not exceed " + std::to_string(kMaxPoints));
       }
       const int id = static_cast<int>(rows_.size());
-      rows_.push_back({0, id, p, curve.radii_mm[static_cast<std::size_t>(i)], parent});
+      rows_.push_back({0, id, p, curve.radii_mm[i], parent});
       parent = id;
     }
   }

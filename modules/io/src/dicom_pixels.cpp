@@ -9,8 +9,6 @@
 
 #include <opencv2/core.hpp>
 
-#include "dicom_jpeg.hpp"
-#include "dicom_rle.hpp"
 #include "image_formats.hpp"
 
 namespace angio::io {
@@ -26,6 +24,96 @@ constexpr DicomTag kBitsStored{0x0028, 0x0101, "Bits Stored"};
 constexpr DicomTag kHighBit{0x0028, 0x0102, "High Bit"};
 constexpr DicomTag kSigned{0x0028, 0x0103, "Pixel Representation"};
 constexpr DicomTag kPixelData{0x7FE0, 0x0010, "Pixel Data"};
+
+// The processes of JPEG that are decoded; a progressive image can be made to take very long.
+enum class JpegCoding { kSequential, kLossless, kOther };
+
+// What the frame header of a JPEG image says.
+struct JpegFrame {
+  int width_px = 0;
+  int height_px = 0;
+  int bits = 0;
+  int channels = 0;
+  JpegCoding coding = JpegCoding::kOther;
+
+  // "JPEG 512 x 512, 8 bit, 1 channel".
+  std::string formatValue() const {
+    return "JPEG " + std::to_string(width_px) + " x " + std::to_string(height_px) + ", " + std::to_string(bits) +
+           " bit, " + std::to_string(channels) + (channels == 1 ? " channel" : " channels");
+  }
+};
+
+// ISO 10918-1, table B.1: C0 to CF are frame headers but for the tables C4 and CC and the reserved C8.
+bool isFrameHeader(unsigned marker) {
+  return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+}
+
+JpegCoding codingOf(unsigned marker) {
+  if (marker == 0xC0 || marker == 0xC1) return JpegCoding::kSequential;
+  return marker == 0xC3 ? JpegCoding::kLossless : JpegCoding::kOther;
+}
+
+// The first frame header behind a start of image; nothing when the bytes do not begin an image. A header that is not
+// there before the bytes end gives an image of no size.
+std::optional<JpegFrame> readJpegFrame(const unsigned char* bytes, std::size_t size) {
+  if (size < 4 || bytes[0] != 0xFF || bytes[1] != 0xD8) return std::nullopt;
+  const auto word = [&](std::size_t at) { return bytes[at] << 8 | bytes[at + 1]; };
+  std::size_t at = 2;
+  while (at + 4 <= size && bytes[at] == 0xFF) {
+    const unsigned marker = bytes[at + 1];
+    if (marker == 0xFF) {  // Filling.
+      ++at;
+      continue;
+    }
+    if (isFrameHeader(marker) && at + 10 <= size) {
+      return JpegFrame{word(at + 7), word(at + 5), bytes[at + 4], bytes[at + 9], codingOf(marker)};
+    }
+    at += 2 + static_cast<std::size_t>(word(at + 2));
+  }
+  return JpegFrame{};
+}
+
+constexpr std::size_t kRunHeaderBytes = 64;
+
+std::size_t headerWord(const std::uint8_t* packed, std::size_t index) {
+  const std::uint8_t* b = packed + 4 * index;
+  return b[0] | static_cast<std::size_t>(b[1]) << 8 | static_cast<std::size_t>(b[2]) << 16 |
+         static_cast<std::size_t>(b[3]) << 24;
+}
+
+// One byte of every sample, from `at` up to `end`; written every `stride` bytes.
+bool unpackSegment(const std::uint8_t* packed, std::size_t at, std::size_t end, std::size_t samples, std::size_t stride,
+                   std::uint8_t* to) {
+  std::size_t done = 0;
+  while (done < samples) {
+    if (at >= end) return false;
+    const unsigned code = packed[at++];
+    if (code == 128) continue;  // No operation.
+    const bool literal = code < 128;
+    const std::size_t count = literal ? code + 1 : 257 - code;
+    if (count > samples - done || (literal ? count : 1) > end - at) return false;
+    for (std::size_t i = 0; i < count; ++i) to[stride * (done + i)] = packed[literal ? at + i : at];
+    at += literal ? count : 1;
+    done += count;
+  }
+  return true;
+}
+
+// Unpacks one frame of DICOM's run lengths (PS3.5 annex G) into `samples` samples of `bytes_per_sample` bytes, 1 or 2,
+// little endian. False when the packed bytes are no such frame. DCMTK's own decoder trusts the offsets it reads, and
+// leaves its buffer when they are wrong.
+bool unpackRunLengths(const std::uint8_t* packed, std::size_t size, std::size_t samples, int bytes_per_sample,
+                      std::uint8_t* frame) {
+  const auto segments = static_cast<std::size_t>(bytes_per_sample);
+  if (size < kRunHeaderBytes || headerWord(packed, 0) != segments) return false;
+  for (std::size_t s = 0; s < segments; ++s) {
+    const std::size_t begin = headerWord(packed, 1 + s), end = s + 1 < segments ? headerWord(packed, 2 + s) : size;
+    if (begin < kRunHeaderBytes || begin > end || end > size) return false;
+    // The first segment holds the highest bytes.
+    if (!unpackSegment(packed, begin, end, samples, segments, frame + (segments - 1 - s))) return false;
+  }
+  return true;
+}
 
 void registerJpeg() {
   static const bool registered = [] {

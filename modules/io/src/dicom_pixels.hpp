@@ -4,20 +4,13 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
+#include "angio/io/xa_files.hpp"
 #include "dicom_file.hpp"
 
 namespace angio::io {
 
-/// How the pixels of a file are stored, checked against what the file holds.
-struct DicomPixelLayout {
-  int width_px = 0;
-  int height_px = 0;
-  int frames = 0;
-  int bits_allocated = 0;  ///< 8 or 16.
-  int bits_stored = 0;
-  int high_bit = 0;
-  bool is_signed = false;
-  std::string photometric;                ///< MONOCHROME1 (0 is white) or MONOCHROME2.
+/// The same, checked against what the file holds.
+struct DicomPixelLayout : DicomPixels {
   std::vector<unsigned> first_fragments;  ///< Of each frame, when the pixels are compressed.
 };
 

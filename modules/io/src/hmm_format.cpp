@@ -100,8 +100,8 @@ void requireSymmetric(const std::string& path, const HmmPoints& points) {
   std::sort(edges.begin(), edges.end());
   for (const auto& [from, to] : edges) {
     if (std::binary_search(edges.begin(), edges.end(), std::make_pair(to, from))) continue;
-    throw InputError(atLine(path, points.rows[static_cast<std::size_t>(from)].line + 1), "neighbour",
-                     std::to_string(to), "must name point " + std::to_string(from) + " as its neighbour too");
+    throw InputError(atLine(path, points.rows[from].line + 1), "neighbour", std::to_string(to),
+                     "must name point " + std::to_string(from) + " as its neighbour too");
   }
 }
 
@@ -112,18 +112,18 @@ VesselTree readHmmTree(const std::string& path) {
   requireSymmetric(path, points);
   std::vector<char> reached(points.rows.size(), 0);
   std::vector<int> open{points.root};
-  reached[static_cast<std::size_t>(points.root)] = 1;
+  reached[points.root] = 1;
   while (!open.empty()) {
     const int i = open.back();
     open.pop_back();
-    const TreeRow& row = points.rows[static_cast<std::size_t>(i)];
-    for (const int j : points.neighbours[static_cast<std::size_t>(i)]) {
+    const TreeRow& row = points.rows[i];
+    for (const int j : points.neighbours[i]) {
       if (j == row.parent) continue;
-      if (reached[static_cast<std::size_t>(j)]) {
+      if (reached[j]) {
         throw InputError(atLine(path, row.line + 1), "neighbour", std::to_string(j), "the tree must not have a loop");
       }
-      reached[static_cast<std::size_t>(j)] = 1;
-      points.rows[static_cast<std::size_t>(j)].parent = i;
+      reached[j] = 1;
+      points.rows[j].parent = i;
       open.push_back(j);
     }
   }

@@ -7,10 +7,10 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/imaging/png.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/xa_files.hpp"
-#include "dicom_structure.hpp"
-#include "extension.hpp"
+#include "dicom_file.hpp"
 #include "image_formats.hpp"
 
 namespace angio::io {

@@ -24,11 +24,9 @@ constexpr const char* kRadiusName = "Radius";
 
 using Position = std::array<double, 3>;
 
-struct Curve {
-  std::string field;  // For messages.
-  std::vector<Position> points_mm;
-  std::vector<std::optional<double>> radii_mm;
-};
+Position positionOf(const NamedCurve& curve, Eigen::Index i) {
+  return {curve.points_mm(0, i), curve.points_mm(1, i), curve.points_mm(2, i)};
+}
 
 Json parse(const std::string& path) {
   const std::string content = readWholeFile(path, kMaxMarkups);
@@ -83,9 +81,9 @@ std::vector<std::optional<double>> readRadii(const std::string& path, const std:
   return radii;
 }
 
-Curve readCurve(const std::string& path, const std::string& field, const Json& markup) {
-  Curve curve;
-  curve.field = field;
+NamedCurve readCurve(const std::string& path, const std::string& field, const Json& markup) {
+  NamedCurve curve;
+  curve.place = path + ": " + field;
   const std::string frame = textOr(path, field, markup, "coordinateSystem", "LPS");
   if (frame != "LPS" && frame != "RAS")
     throw InputError(path, field + ".coordinateSystem", frame, "must be LPS or RAS");
@@ -93,36 +91,37 @@ Curve readCurve(const std::string& path, const std::string& field, const Json& m
   if (unit != "mm") throw InputError(path, field + ".coordinateUnits", unit, "must be mm");
   const double sign = frame == "RAS" ? -1 : 1;
   const Json& points = need(path, field, markup, "controlPoints", Json::value_t::array);
+  std::vector<Eigen::Vector3d> points_mm;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const std::string name = field + ".controlPoints[" + std::to_string(i) + "]";
     const Json& position = need(path, name, points[i], "position", Json::value_t::array);
     if (position.size() != 3) {
       throw InputError(path, name + ".position", std::to_string(position.size()), "must be 3 numbers");
     }
-    Position point_mm;
+    Eigen::Vector3d& point_mm = points_mm.emplace_back();
     for (std::size_t k = 0; k < 3; ++k) {
       const std::string its_name = name + ".position[" + std::to_string(k) + "]";
       // Zero stays zero: -0 would not be found where ends are compared by their digits.
       point_mm[k] = requireBetween(path, its_name, numberOf(path, its_name, position[k]), -1e4, 1e4);
       if (k < 2 && point_mm[k] != 0) point_mm[k] *= sign;
     }
-    curve.points_mm.push_back(point_mm);
   }
-  if (curve.points_mm.size() < 2) {
+  if (points.size() < 2) {
     throw InputError(path, field + ".controlPoints", std::to_string(points.size()), "a curve must have at least 2");
   }
-  curve.radii_mm = readRadii(path, field, markup, curve.points_mm.size());
+  curve.points_mm = Eigen::Map<const Eigen::Matrix3Xd>(points_mm.front().data(), 3, points.size());
+  curve.radii_mm = readRadii(path, field, markup, points.size());
   return curve;
 }
 
 // Joins curves where an end of one is a point of another.
 class CurveGrowth {
  public:
-  CurveGrowth(const std::string& path, std::vector<Curve>& curves)
+  CurveGrowth(const std::string& path, std::vector<NamedCurve>& curves)
       : path_(path), curves_(curves), added_(curves.size()) {
     for (std::size_t c = 0; c < curves.size(); ++c) {
-      ending_at_[curves[c].points_mm.front()].push_back(c);
-      ending_at_[curves[c].points_mm.back()].push_back(c);
+      ending_at_[positionOf(curves[c], 0)].push_back(c);
+      ending_at_[positionOf(curves[c], curves[c].points_mm.cols() - 1)].push_back(c);
     }
   }
 
@@ -142,22 +141,23 @@ class CurveGrowth {
  private:
   void add(std::size_t c) {
     added_[c] = true;
-    Curve& curve = curves_[c];
-    const bool begins = row_at_.count(curve.points_mm.front()) > 0, ends = row_at_.count(curve.points_mm.back()) > 0;
+    NamedCurve& curve = curves_[c];
+    const Eigen::Index count = curve.points_mm.cols();
+    const bool begins = row_at_.count(positionOf(curve, 0)) > 0, ends = row_at_.count(positionOf(curve, count - 1)) > 0;
     if (begins && ends)
-      throw InputError(path_, curve.field, "", "the tree must not have a loop: both ends are on curves already");
+      throw InputError(curve.place, "", "", "the tree must not have a loop: both ends are on curves already");
     if (ends) {
-      std::reverse(curve.points_mm.begin(), curve.points_mm.end());
+      curve.points_mm = curve.points_mm.rowwise().reverse().eval();
       std::reverse(curve.radii_mm.begin(), curve.radii_mm.end());
     }
     int parent = -1;
-    for (std::size_t i = 0; i < curve.points_mm.size(); ++i) {
-      const Position& p = curve.points_mm[i];
-      if (i > 0 && p == curve.points_mm[i - 1]) continue;  // No edge without a length.
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const Position p = positionOf(curve, i);
+      if (i > 0 && p == positionOf(curve, i - 1)) continue;  // No edge without a length.
       const auto [row, fresh] = row_at_.emplace(p, static_cast<int>(rows_.size()));
       if (!fresh && i > 0) {
         throw InputError(
-            path_, curve.field, "",
+            curve.place, "", "",
             "the tree must not have a loop: control point " + std::to_string(i) + " is on a curve already");
       }
       if (fresh) {
@@ -173,7 +173,7 @@ class CurveGrowth {
   }
 
   const std::string& path_;
-  std::vector<Curve>& curves_;
+  std::vector<NamedCurve>& curves_;
   std::vector<bool> added_;
   std::map<Position, std::vector<std::size_t>> ending_at_;
   std::deque<std::size_t> touching_;
@@ -189,7 +189,7 @@ Json curveOf(const VesselTree& tree, const std::vector<int>& branch, std::size_t
     for (int k = 0; k < 3; ++k) position.push_back(parseNumber("tree", "x_mm", exactMillimetres(tree.points()(k, i))));
     points.push_back(
         {{"id", std::to_string(points.size() + 1)}, {"position", position}, {"positionStatus", "defined"}});
-    const auto& radius = tree.radii()[static_cast<std::size_t>(i)];
+    const auto& radius = tree.radii()[i];
     radii.push_back(radius ? parseNumber("tree", "radius_mm", exactMillimetres(*radius)) : 0.0);
   }
   Json curve = {{"type", "Curve"},         {"coordinateSystem", frame},
@@ -209,11 +209,9 @@ void writeCurves(const std::string& path, const VesselTree& tree, const char* fr
 
 }  // namespace
 
-namespace {
-
-std::vector<Curve> readCurves(const std::string& path) {
+std::vector<NamedCurve> readMrkJsonCurves(const std::string& path) {
   const Json root = parse(path);
-  std::vector<Curve> curves;
+  std::vector<NamedCurve> curves;
   const Json& markups = need(path, "", root, "markups", Json::value_t::array);
   for (std::size_t m = 0; m < markups.size(); ++m) {
     const std::string field = "markups[" + std::to_string(m) + "]";
@@ -225,26 +223,9 @@ std::vector<Curve> readCurves(const std::string& path) {
   return curves;
 }
 
-}  // namespace
-
 VesselTree readMrkJsonTree(const std::string& path) {
-  std::vector<Curve> curves = readCurves(path);
+  std::vector<NamedCurve> curves = readMrkJsonCurves(path);
   return treeOfRows(path, CurveGrowth(path, curves).grown());
-}
-
-std::vector<NamedCurve> readMrkJsonCurves(const std::string& path) {
-  std::vector<NamedCurve> named;
-  for (Curve& curve : readCurves(path)) {
-    NamedCurve one;
-    one.place = path + ": " + curve.field;
-    one.points_mm.resize(3, static_cast<Eigen::Index>(curve.points_mm.size()));
-    for (std::size_t i = 0; i < curve.points_mm.size(); ++i) {
-      one.points_mm.col(static_cast<Eigen::Index>(i)) = Eigen::Map<const Eigen::Vector3d>(curve.points_mm[i].data());
-    }
-    one.radii_mm = std::move(curve.radii_mm);
-    named.push_back(std::move(one));
-  }
-  return named;
 }
 
 void writeMrkJsonTree(const std::string& path, const VesselTree& tree) { writeCurves(path, tree, "LPS"); }

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/case_files.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
@@ -43,20 +44,8 @@ void requireFrame(const std::optional<YamlField>& field, const std::string& fram
   if (field && field->text() != frame) field->refuse("must be " + frame);
 }
 
-template <typename Matrix>
-std::string listOf(const Matrix& row_major) {
-  std::string list = "[";
-  for (Eigen::Index i = 0; i < row_major.size(); ++i) list += (i > 0 ? ", " : "") + exact(row_major.data()[i]);
-  return list + "]\n";
-}
-
-}  // namespace
-
-PoseFile readPose(const std::string& path) {
-  const YamlNode root = readYaml(path);
-  YamlMap map(path, root, "pose");
-  PoseFile result;
-
+// The rotation and translation of a pose file; a rotation that is off by rounding is made exact.
+Pose readTransform(YamlMap& map) {
   const YamlField rotation = map.need("rotation");
   const std::vector<double> entries = rotation.numbers(9);
   const Eigen::Matrix3d R = Eigen::Map<const RowMajor3d>(entries.data());
@@ -65,16 +54,30 @@ PoseFile readPose(const std::string& path) {
     rotation.refuse("must be a rotation matrix; R^T R differs from the identity by " + formatValue(defect) +
                     (R.determinant() <= 0 ? ", and the determinant is not positive" : ""));
   }
-  result.T_camera_model.linear() = nearestRotation(R);
-
+  Pose T = Pose::Identity();
+  T.linear() = nearestRotation(R);
   const YamlField translation = map.need("translation_mm");
   const std::vector<double> t_mm = translation.numbers(3);
   for (std::size_t k = 0; k < 3; ++k) {
     const YamlField item = translation.item(k);
     requireBetween(item.place(), item.key, t_mm[k], -kFarthest_mm, kFarthest_mm);
-    result.T_camera_model.translation()[static_cast<Eigen::Index>(k)] = t_mm[k] / 1e3;
+    T.translation()[static_cast<Eigen::Index>(k)] = t_mm[k] / 1e3;
   }
+  return T;
+}
 
+template <typename Matrix>
+std::vector<double> numbersOf(const Matrix& row_major) {
+  return {row_major.data(), row_major.data() + row_major.size()};
+}
+
+}  // namespace
+
+PoseFile readPose(const std::string& path) {
+  const YamlNode root = readYaml(path);
+  YamlMap map(path, root, "pose");
+  PoseFile result;
+  result.T_camera_model = readTransform(map);
   if (const auto covariance = map.find("covariance")) result.covariance = readCovariance(*covariance);
   requireFrame(map.find("parent"), "camera");
   requireFrame(map.find("child"), "model");
@@ -82,17 +85,27 @@ PoseFile readPose(const std::string& path) {
   return result;
 }
 
+Pose readViewPose(const std::string& path) {
+  const YamlNode root = readYaml(path);
+  YamlMap map(path, root, "pose");
+  const Pose T = readTransform(map);
+  for (const char* key : {"covariance", "parent", "child"}) map.find(key);  // As in other poses; here they say nothing.
+  map.refuseOthers();
+  return T;
+}
+
 void writePose(const std::string& path, const PoseFile& pose) {
   const RowMajor3d R = pose.T_camera_model.linear();
-  const Eigen::Vector3d t = pose.T_camera_model.translation();
   requireFinite(path, "rotation", R.sum());
-  requireFinite(path, "translation_mm", t.sum());
+  requireFinite(path, "translation_mm", pose.T_camera_model.translation().sum());
   if (pose.covariance) requireFinite(path, "covariance", pose.covariance->sum());
-  std::string content = "rotation: " + listOf(R);
-  content += "translation_mm: [" + exactMillimetres(t.x()) + ", " + exactMillimetres(t.y()) + ", " +
-             exactMillimetres(t.z()) + "]\n";
-  if (pose.covariance) content += "covariance: " + listOf(RowMajor6d(*pose.covariance));
-  writeWholeFile(path, content + "parent: camera\nchild: model\n");
+  nlohmann::ordered_json json = {{"rotation", numbersOf(R)}};
+  for (const double x : pose.T_camera_model.translation())
+    json["translation_mm"].push_back(std::stod(exactMillimetres(x)));
+  if (pose.covariance) json["covariance"] = numbersOf(RowMajor6d(*pose.covariance));
+  json["parent"] = "camera";
+  json["child"] = "model";
+  writeWholeFile(path, asYaml(json));
 }
 
 }  // namespace angio::io

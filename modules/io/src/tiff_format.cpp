@@ -19,57 +19,74 @@ constexpr tmsize_t kMaxBlock = tmsize_t{1} << 29;  // 8192 x 8192 x 3 channels o
 // Deflate, the closest of the usual ways to pack, makes a thousand bytes of one.
 constexpr tmsize_t kMaxFromNothing = tmsize_t{1} << 24, kMaxUnpacked = 4096;
 
-struct TiffReading {
-  const std::string& content;
+// A TIFF file in memory, as libtiff reads or writes it.
+struct TiffMemory {
+  std::string_view read;  // What is read; else `written` is written, up to `max_bytes`.
+  std::size_t max_bytes = 0;
+  std::string written;
   std::size_t position = 0;
-  std::string message;
+  std::string message;  // libtiff's first one.
+
+  std::string_view content() const { return read.empty() ? std::string_view(written) : read; }
 };
+
+TiffMemory& memoryOf(thandle_t handle) { return *static_cast<TiffMemory*>(handle); }
 
 int onError(TIFF*, void* user, const char*, const char* format, va_list arguments) {
   char text[256];
   std::vsnprintf(text, sizeof text, format, arguments);
-  auto& reading = *static_cast<TiffReading*>(user);
-  if (reading.message.empty()) reading.message = text;
+  if (memoryOf(user).message.empty()) memoryOf(user).message = text;
   return 1;  // Handled: the global handler, which prints, is not asked.
 }
 
 int onWarning(TIFF*, void*, const char*, const char*, va_list) { return 1; }
 
 tmsize_t readBytes(thandle_t handle, void* to, tmsize_t count) {
-  auto& reading = *static_cast<TiffReading*>(handle);
-  const std::size_t left = reading.content.size() - std::min(reading.position, reading.content.size());
-  const std::size_t n = std::min(left, static_cast<std::size_t>(std::max<tmsize_t>(count, 0)));
-  std::memcpy(to, reading.content.data() + std::min(reading.position, reading.content.size()), n);
-  reading.position += n;
+  TiffMemory& memory = memoryOf(handle);
+  const std::string_view content = memory.content();
+  const std::size_t at = std::min(memory.position, content.size());
+  const std::size_t n = std::min(content.size() - at, static_cast<std::size_t>(std::max<tmsize_t>(count, 0)));
+  std::memcpy(to, content.data() + at, n);
+  memory.position += n;
   return static_cast<tmsize_t>(n);
 }
 
-toff_t seek(thandle_t handle, toff_t offset, int whence) {
-  auto& reading = *static_cast<TiffReading*>(handle);
-  const toff_t start = whence == SEEK_SET ? 0 : whence == SEEK_CUR ? reading.position : reading.content.size();
-  reading.position = static_cast<std::size_t>(start + offset);
-  return reading.position;
+tmsize_t writeBytes(thandle_t handle, void* from, tmsize_t count) {
+  TiffMemory& memory = memoryOf(handle);
+  const std::size_t end = memory.position + static_cast<std::size_t>(count);
+  if (end > memory.max_bytes) return 0;
+  if (end > memory.written.size()) memory.written.resize(end);
+  std::memcpy(memory.written.data() + memory.position, from, static_cast<std::size_t>(count));
+  memory.position = end;
+  return count;
 }
 
-toff_t sizeOf(thandle_t handle) { return static_cast<TiffReading*>(handle)->content.size(); }
+toff_t seek(thandle_t handle, toff_t offset, int whence) {
+  TiffMemory& memory = memoryOf(handle);
+  const toff_t start = whence == SEEK_SET ? 0 : whence == SEEK_CUR ? memory.position : memory.content().size();
+  memory.position = static_cast<std::size_t>(start + offset);
+  return memory.position;
+}
 
-tmsize_t writeNothing(thandle_t, void*, tmsize_t) { return 0; }
+toff_t sizeOf(thandle_t handle) { return memoryOf(handle).content().size(); }
 
 int closeNothing(thandle_t) { return 0; }
 
 using TiffPointer = std::unique_ptr<TIFF, void (*)(TIFF*)>;
 
-TiffPointer open(TiffReading& reading) {
+// `mode`: "rm" or "wm". "m": no memory mapping, so none of its functions is needed.
+TiffPointer open(TiffMemory& memory, const char* mode) {
   const std::unique_ptr<TIFFOpenOptions, void (*)(TIFFOpenOptions*)> options(TIFFOpenOptionsAlloc(),
                                                                              TIFFOpenOptionsFree);
   TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kMaxBlock);
-  TIFFOpenOptionsSetErrorHandlerExtR(options.get(), onError, &reading);
+  TIFFOpenOptionsSetErrorHandlerExtR(options.get(), onError, &memory);
   TIFFOpenOptionsSetWarningHandlerExtR(options.get(), onWarning, nullptr);
-  // "m": no memory mapping, so none of its functions is needed.
-  return {TIFFClientOpenExt("image", "rm", &reading, readBytes, writeNothing, seek, closeNothing, sizeOf, nullptr,
-                            nullptr, options.get()),
+  return {TIFFClientOpenExt("image", mode, &memory, readBytes, writeBytes, seek, closeNothing, sizeOf, nullptr, nullptr,
+                            options.get()),
           TIFFClose};
 }
+
+TiffMemory reading(const std::string& content) { return {content, 0, {}, 0, {}}; }
 
 struct TiffLayout {
   std::uint32_t width = 0, height = 0;
@@ -135,22 +152,47 @@ bool readBlocks(TIFF* tiff, const TiffLayout& layout, std::size_t file_bytes, cv
   return true;
 }
 
-InputError broken(const std::string& path, const TiffReading& reading) {
+InputError broken(const std::string& path, const TiffMemory& memory) {
   return InputError(
       path, "", "",
-      "is not a readable TIFF image: " + (reading.message.empty() ? std::string("broken data") : reading.message));
+      "is not a readable TIFF image: " + (memory.message.empty() ? std::string("broken data") : memory.message));
+}
+
+bool writePage(TIFF* tiff, const cv::Mat& page, std::size_t number, std::size_t count) {
+  const int bytes = static_cast<int>(page.elemSize());
+  TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, static_cast<std::uint32_t>(page.cols));
+  TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, static_cast<std::uint32_t>(page.rows));
+  TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, 8 * bytes);
+  TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, 1);
+  TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+  TIFFSetField(tiff, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
+  TIFFSetField(tiff, TIFFTAG_COMPRESSION, COMPRESSION_ADOBE_DEFLATE);
+  TIFFSetField(tiff, TIFFTAG_PREDICTOR, PREDICTOR_HORIZONTAL);
+  TIFFSetField(tiff, TIFFTAG_ZIPQUALITY, 1);  // Noise packs hardly better with more work.
+  TIFFSetField(tiff, TIFFTAG_SUBFILETYPE, FILETYPE_PAGE);
+  TIFFSetField(tiff, TIFFTAG_PAGENUMBER, static_cast<int>(number), static_cast<int>(count));
+  constexpr int kStripBytes = 1 << 18;  // Big enough to pack well, small enough for every reader.
+  const int strip_rows = std::clamp(kStripBytes / (page.cols * bytes), 1, page.rows);
+  TIFFSetField(tiff, TIFFTAG_ROWSPERSTRIP, static_cast<std::uint32_t>(strip_rows));
+  cv::Mat strip;  // libtiff's predictor works in place.
+  for (int row = 0, n = 0; row < page.rows; row += strip_rows, ++n) {
+    page.rowRange(row, std::min(row + strip_rows, page.rows)).copyTo(strip);
+    const auto size = static_cast<tmsize_t>(strip.total() * strip.elemSize());
+    if (TIFFWriteEncodedStrip(tiff, static_cast<std::uint32_t>(n), strip.data, size) != size) return false;
+  }
+  return TIFFWriteDirectory(tiff) != 0;
 }
 
 }  // namespace
 
 cv::Mat decodeTiff(const std::string& path, const std::string& content, int page) {
-  TiffReading reading{content, 0, {}};
-  const TiffPointer tiff = open(reading);
-  if (!tiff || (page > 0 && !TIFFSetDirectory(tiff.get(), static_cast<tdir_t>(page)))) throw broken(path, reading);
+  TiffMemory memory = reading(content);
+  const TiffPointer tiff = open(memory, "rm");
+  if (!tiff || (page > 0 && !TIFFSetDirectory(tiff.get(), static_cast<tdir_t>(page)))) throw broken(path, memory);
   const TiffLayout layout = readLayout(path, tiff.get());
   cv::Mat image(static_cast<int>(layout.height), static_cast<int>(layout.width),
                 CV_MAKETYPE(layout.bits == 16 ? CV_16U : CV_8U, layout.channels));
-  if (!readBlocks(tiff.get(), layout, content.size(), image)) throw broken(path, reading);
+  if (!readBlocks(tiff.get(), layout, content.size(), image)) throw broken(path, memory);
   if (layout.photometric == PHOTOMETRIC_MINISWHITE) {
     cv::subtract(cv::Scalar::all(layout.bits == 16 ? 65535 : 255), image, image);
   }
@@ -158,15 +200,29 @@ cv::Mat decodeTiff(const std::string& path, const std::string& content, int page
 }
 
 int countTiffPages(const std::string& path, const std::string& content) {
-  TiffReading reading{content, 0, {}};
-  const TiffPointer tiff = open(reading);
-  if (!tiff) throw broken(path, reading);
+  TiffMemory memory = reading(content);
+  const TiffPointer tiff = open(memory, "rm");
+  if (!tiff) throw broken(path, memory);
   int pages = 1;
   for (; !TIFFLastDirectory(tiff.get()); ++pages) {
     if (pages == kMaxPages) throw InputError(path, "pages", "", "must not be more than " + std::to_string(kMaxPages));
-    if (!TIFFReadDirectory(tiff.get())) throw broken(path, reading);
+    if (!TIFFReadDirectory(tiff.get())) throw broken(path, memory);
   }
   return pages;
+}
+
+std::string encodeTiff(const std::string& path, const std::vector<cv::Mat>& pages, std::size_t max_bytes) {
+  TiffMemory memory{{}, max_bytes, {}, 0, {}};
+  {
+    const TiffPointer tiff = open(memory, "wm");
+    bool written = tiff != nullptr;
+    for (std::size_t n = 0; written && n < pages.size(); ++n)
+      written = writePage(tiff.get(), pages[n], n, pages.size());
+    if (!written) {
+      throw InputError(path, "", "", "the frames cannot be encoded within " + std::to_string(max_bytes) + " bytes");
+    }
+  }
+  return std::move(memory.written);
 }
 
 }  // namespace angio::io

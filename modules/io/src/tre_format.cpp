@@ -44,8 +44,7 @@ void readNumbers(const std::string& place, const KeyValue& from, Matrix& to) {
                      "must be " + std::to_string(to.size()) + " numbers");
   }
   for (Eigen::Index i = 0; i < to.size(); ++i) {
-    to(i) =
-        requireBetween(place, from.key, parseNumber(place, from.key, words[static_cast<std::size_t>(i)]), -1e6, 1e6);
+    to(i) = requireBetween(place, from.key, parseNumber(place, from.key, words[i]), -1e6, 1e6);
   }
 }
 
@@ -164,7 +163,7 @@ int parentOf(const std::string& path, const Tube& tube, const std::vector<Tube>&
         atLine(path, tube.line), "ParentPoint", std::to_string(tube.parent_point),
         "must be a point of tube " + std::to_string(tube.parent_id) + ", 0 to " + std::to_string(rows.size() - 1));
   }
-  return rows[static_cast<std::size_t>(tube.parent_point)].id;
+  return rows[tube.parent_point].id;
 }
 
 }  // namespace
@@ -185,12 +184,12 @@ VesselTree readTreTree(const std::string& path) {
   for (const Tube& tube : tubes) parents.push_back(parentOf(path, tube, tubes, tube_of_id));
   std::vector<Eigen::Vector3d> point_of_id(static_cast<std::size_t>(id));
   for (const Tube& tube : tubes) {
-    for (const TreeRow& row : tube.rows) point_of_id[static_cast<std::size_t>(row.id)] = row.point_mm;
+    for (const TreeRow& row : tube.rows) point_of_id[row.id] = row.point_mm;
   }
   for (std::size_t t = 0; t < tubes.size(); ++t) {
     int parent = parents[t];
     for (TreeRow& row : tubes[t].rows) {
-      if (parent >= 0 && row.id != parent && row.point_mm == point_of_id[static_cast<std::size_t>(parent)]) {
+      if (parent >= 0 && row.id != parent && row.point_mm == point_of_id[parent]) {
         same_as.emplace(row.id, parent);
         continue;
       }
@@ -227,7 +226,7 @@ void writeTreTree(const std::string& path, const VesselTree& tree) {
     for (std::size_t i = 0; i < branch.size(); ++i) {
       content += std::to_string(i);
       for (int k = 0; k < 3; ++k) content += " " + exactMillimetres(tree.points()(k, branch[i]));
-      const auto& radius = tree.radii()[static_cast<std::size_t>(branch[i])];
+      const auto& radius = tree.radii()[branch[i]];
       content += " " + (radius ? exactMillimetres(*radius) : "0") + "\n";
     }
     place_of.emplace(branch.back(), std::pair(b, branch.size() - 1));

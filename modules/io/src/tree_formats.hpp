@@ -14,12 +14,12 @@ namespace angio::io {
 /// Reads the vessel tree of one file format; throws InputError.
 using TreeReader = VesselTree(const std::string& path);
 
-TreeReader readCsvTree, readSwcTree, readVtpTree, readVtkTree, readHmmTree, readMrkJsonTree, readTreTree;
+TreeReader readVtpTree, readVtkTree, readHmmTree, readMrkJsonTree, readTreTree;
 
 /// Writes one file format; throws InputError.
 using TreeWriter = void(const std::string& path, const VesselTree& tree);
 
-TreeWriter writeCsvTree, writeSwcTree, writeVtpTree, writeMrkJsonTree, writeTreTree;
+TreeWriter writeVtpTree, writeMrkJsonTree, writeTreTree;
 
 /// The same for a tree in RAS, in the one format that says so.
 TreeWriter writeRasMrkJsonTree;

@@ -15,13 +15,13 @@ constexpr int kMaxEdges = 256;
 }  // namespace
 
 double TrunkMerge::tolerance(int i) const {
-  const auto& radius_mm = rows_[static_cast<std::size_t>(i)].radius_mm;
+  const auto& radius_mm = rows_[i].radius_mm;
   return std::max(kMinTolerance, radius_mm ? kToleranceOfRadius * *radius_mm : 0.0);
 }
 
 std::optional<TrunkMerge::Position> TrunkMerge::startAt(const Eigen::Vector3d& point_mm) const {
   for (const int root : roots_) {
-    const double distance = (rows_[static_cast<std::size_t>(root)].point_mm - point_mm).norm();
+    const double distance = (rows_[root].point_mm - point_mm).norm();
     if (distance <= tolerance(root)) return Position{root, root};
   }
   const auto same = point_at_.find({point_mm.x(), point_mm.y(), point_mm.z()});
@@ -31,7 +31,7 @@ std::optional<TrunkMerge::Position> TrunkMerge::startAt(const Eigen::Vector3d& p
 
 std::optional<TrunkMerge::Position> TrunkMerge::follow(int from, const Eigen::Vector3d& point_mm,
                                                        double step_mm) const {
-  const auto at = [&](int i) -> const Eigen::Vector3d& { return rows_[static_cast<std::size_t>(i)].point_mm; };
+  const auto at = [&](int i) -> const Eigen::Vector3d& { return rows_[i].point_mm; };
   Position best{from, from};
   double best_distance = (at(from) - point_mm).norm();
   double best_tolerance = tolerance(from);
@@ -39,7 +39,7 @@ std::optional<TrunkMerge::Position> TrunkMerge::follow(int from, const Eigen::Ve
   std::vector<std::pair<int, double>> open{{from, 0.0}};  // A point and how far down the tree it is [mm].
   for (std::size_t visited = 0; visited < open.size(); ++visited) {
     const auto [a, depth_mm] = open[visited];
-    for (const int b : children_[static_cast<std::size_t>(a)]) {
+    for (const int b : children_[a]) {
       if (++edges > kMaxEdges) break;
       const Eigen::Vector3d edge = at(b) - at(a);
       const double t = std::clamp(edge.dot(point_mm - at(a)) / edge.squaredNorm(), 0.0, 1.0);
@@ -62,7 +62,7 @@ void TrunkMerge::append(int parent, const Eigen::Vector3d& point_mm, std::option
   rows_.push_back({0, id, point_mm, radius_mm, parent});
   children_.emplace_back();
   point_at_.emplace(std::array<double, 3>{point_mm.x(), point_mm.y(), point_mm.z()}, id);
-  (parent < 0 ? roots_ : children_[static_cast<std::size_t>(parent)]).push_back(id);
+  (parent < 0 ? roots_ : children_[parent]).push_back(id);
 }
 
 void TrunkMerge::addLine(const std::vector<Eigen::Vector3d>& points_mm,
@@ -82,7 +82,7 @@ void TrunkMerge::addLine(const std::vector<Eigen::Vector3d>& points_mm,
   }
   int parent = position->nearest;
   for (; k < points_mm.size(); ++k) {
-    if (points_mm[k] == rows_[static_cast<std::size_t>(parent)].point_mm) continue;  // No edge without a length.
+    if (points_mm[k] == rows_[parent].point_mm) continue;  // No edge without a length.
     append(parent, points_mm[k], radii_mm[k]);
     parent = rows_.back().id;
   }

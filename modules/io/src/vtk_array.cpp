@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "vtk_array.hpp"
-
 #include <zlib.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/io/text.hpp"
+#include "xml.hpp"
 
 namespace angio::io {
 namespace {

@@ -78,7 +78,7 @@ struct VtkLines {
   std::vector<VtkLine> lines;
 
   Position at(int point) const {
-    const Eigen::Vector3d& p = points_mm[static_cast<std::size_t>(point)];
+    const Eigen::Vector3d& p = points_mm[point];
     return {p.x(), p.y(), p.z()};
   }
 };
@@ -153,7 +153,7 @@ void readLines(Words& words, const std::string& keyword, VtkLines& result) {
 void requireAllOnLines(const std::string& path, VtkLines& file) {
   std::vector<char> named(file.points_mm.size(), 0);
   for (const VtkLine& line : file.lines) {
-    for (const int point : line.points) named[static_cast<std::size_t>(point)] = 1;
+    for (const int point : line.points) named[point] = 1;
   }
   for (VtkLine& line : file.lines) {
     const int last = line.points.back();
@@ -171,7 +171,7 @@ class LineGrowth {
  public:
   explicit LineGrowth(VtkLines& file) : file_(file) {
     for (int i = 0; i < static_cast<int>(file.lines.size()); ++i) {
-      const auto& points = file.lines[static_cast<std::size_t>(i)].points;
+      const auto& points = file.lines[i].points;
       lines_ending_at_[file.at(points.front())].push_back(i);
       lines_ending_at_[file.at(points.back())].push_back(i);
       waiting_.insert(i);
@@ -183,7 +183,7 @@ class LineGrowth {
       const int next = touching_.empty() ? *waiting_.begin() : *touching_.begin();
       touching_.erase(next);
       waiting_.erase(next);
-      add(file_.lines[static_cast<std::size_t>(next)]);
+      add(file_.lines[next]);
     }
     return std::move(tree_);
   }
@@ -197,7 +197,7 @@ class LineGrowth {
     if (ends_on_tree) std::reverse(line.points.begin(), line.points.end());
     std::vector<Eigen::Vector3d> points_mm;
     for (const int point : line.points) {
-      points_mm.push_back(file_.points_mm[static_cast<std::size_t>(point)]);
+      points_mm.push_back(file_.points_mm[point]);
       on_tree_.insert(file_.at(point));
       const auto here = lines_ending_at_.find(file_.at(point));
       if (here == lines_ending_at_.end()) continue;

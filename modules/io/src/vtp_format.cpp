@@ -8,7 +8,6 @@
 #include "angio/io/whole_file.hpp"
 #include "tree_formats.hpp"
 #include "trunk_merge.hpp"
-#include "vtk_array.hpp"
 #include "xml.hpp"
 
 namespace angio::io {
@@ -27,11 +26,9 @@ vtkXMLDataElement& child(const XmlDocument& document, vtkXMLDataElement& parent,
 }
 
 vtkXMLDataElement* findArray(vtkXMLDataElement& parent, const char* name) {
-  for (int i = 0; i < parent.GetNumberOfNestedElements(); ++i) {
-    vtkXMLDataElement* const element = parent.GetNestedElement(i);
+  for (vtkXMLDataElement* element : childrenOf(parent, "DataArray")) {
     const char* const its_name = element->GetAttribute("Name");
-    if (std::strcmp(element->GetName(), "DataArray") == 0 && its_name && std::strcmp(its_name, name) == 0)
-      return element;
+    if (its_name && std::strcmp(its_name, name) == 0) return element;
   }
   return nullptr;
 }
@@ -147,14 +144,6 @@ vtkXMLDataElement& polyDataIn(const XmlDocument& document) {
   return child(document, root, "PolyData");
 }
 
-std::vector<vtkXMLDataElement*> piecesOf(vtkXMLDataElement& data) {
-  std::vector<vtkXMLDataElement*> pieces;
-  for (int i = 0; i < data.GetNumberOfNestedElements(); ++i) {
-    if (std::strcmp(data.GetNestedElement(i)->GetName(), "Piece") == 0) pieces.push_back(data.GetNestedElement(i));
-  }
-  return pieces;
-}
-
 }  // namespace
 
 VesselTree readVtpTree(const std::string& path) {
@@ -162,7 +151,7 @@ VesselTree readVtpTree(const std::string& path) {
   vtkXMLDataElement& data = polyDataIn(document);
   Budget budget;
   TrunkMerge tree;
-  for (vtkXMLDataElement* piece : piecesOf(data)) addPiece(document, *piece, budget, tree);
+  for (vtkXMLDataElement* piece : childrenOf(data, "Piece")) addPiece(document, *piece, budget, tree);
   if (tree.rows().size() < 2) {
     throw InputError(document.placeOf(data), "Lines", "", "must hold a line of at least two different points");
   }
@@ -174,7 +163,7 @@ Surface readVtpSurface(const std::string& path) {
   Budget budget{kMaxPoints, kMaxPolygons, 4 * kMaxPolygons};
   std::vector<Eigen::Vector3d> points_mm;
   Surface surface;
-  for (vtkXMLDataElement* piece : piecesOf(polyDataIn(document))) {
+  for (vtkXMLDataElement* piece : childrenOf(polyDataIn(document), "Piece")) {
     const int count = readCount(document, *piece, "NumberOfPoints", budget.points);
     if (count == 0) continue;
     const std::size_t first = points_mm.size();
@@ -191,8 +180,8 @@ Surface readVtpSurface(const std::string& path) {
       for (std::size_t i = 0; i + 3 <= strip.size(); ++i) add(&strip[i], &strip[i] + 3);
     }
   }
-  surface.points_mm.resize(3, static_cast<Eigen::Index>(points_mm.size()));
-  for (std::size_t i = 0; i < points_mm.size(); ++i) surface.points_mm.col(static_cast<Eigen::Index>(i)) = points_mm[i];
+  surface.points_mm.resize(3, points_mm.size());
+  for (std::size_t i = 0; i < points_mm.size(); ++i) surface.points_mm.col(i) = points_mm[i];
   return surface;
 }
 
@@ -202,12 +191,11 @@ void writeVtpTree(const std::string& path, const VesselTree& tree) {
   std::size_t indices = 0, lines = 0;
   for (int i = 0; i < tree.size(); ++i) {
     for (int k = 0; k < 3; ++k) points += exactMillimetres(tree.points()(k, i)) + (k < 2 ? " " : "\n");
-    const auto& radius = tree.radii()[static_cast<std::size_t>(i)];
+    const auto& radius = tree.radii()[i];
     radii += (radius ? exactMillimetres(*radius) : "0") + "\n";
-    if (!tree.children()[static_cast<std::size_t>(i)].empty() || tree.parents()[static_cast<std::size_t>(i)] < 0)
-      continue;
+    if (!tree.children()[i].empty() || tree.parents()[i] < 0) continue;
     std::vector<int> line;
-    for (int at = i; at >= 0; at = tree.parents()[static_cast<std::size_t>(at)]) line.push_back(at);
+    for (int at = i; at >= 0; at = tree.parents()[at]) line.push_back(at);
     indices += line.size();
     if (indices > static_cast<std::size_t>(kMaxPoints) || ++lines > static_cast<std::size_t>(kMaxLines)) {
       throw InputError(path, "lines", "", "from the root to " + std::to_string(lines) + " ends are too many for .vtp");

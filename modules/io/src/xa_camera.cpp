@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "xa_camera.hpp"
+#include "xa_geometry.hpp"
 
 #include <algorithm>
 

@@ -44,20 +44,13 @@ std::optional<double> frameRate(const std::vector<double>& times_ms) {
 
 XaHeader readHeader(const DicomFile& file, const DicomPixelLayout& layout, const XaIncrements& increments) {
   XaHeader header;
+  static_cast<DicomPixels&>(header) = layout;
   const auto text = [&](const DicomTag& tag) { return file.text(tag).value_or(""); };
   header.modality = text(tag::kModality);
   header.manufacturer = text(tag::kManufacturer);
   header.model = text(tag::kModel);
   header.transfer_syntax = file.syntax().name;
-  header.photometric = layout.photometric;
   header.intensity_relationship = text(tag::kIntensityRelationship);
-  header.frames = layout.frames;
-  header.width_px = layout.width_px;
-  header.height_px = layout.height_px;
-  header.bits_allocated = layout.bits_allocated;
-  header.bits_stored = layout.bits_stored;
-  header.high_bit = layout.high_bit;
-  header.is_signed = layout.is_signed;
   header.patient_position = text(tag::kPatientPosition);
   header.positioner_motion = text(tag::kPositionerMotion);
   header.table_motion = text(tag::kTableMotion);
@@ -80,18 +73,6 @@ XaMask readMask(const DicomFile& file, DcmItem& item, int frames) {
   XaMask mask;
   mask.operation = file.text(tag::kMaskOperation, item).value_or("NONE");
   mask.mask_frames = frameNumbers(file, tag::kMaskFrames, item, frames);
-  const auto ranges = frameNumbers(file, tag::kMaskRanges, item, frames);
-  if (ranges.size() % 2 != 0) {
-    throw file.refusal(tag::kMaskRanges, std::to_string(ranges.size()) + " values", "must be pairs of frames");
-  }
-  for (std::size_t i = 0; i < ranges.size(); i += 2) mask.frame_ranges.emplace_back(ranges[i], ranges[i + 1]);
-  const auto averaged = file.numbers(tag::kContrastAveraging, item);
-  if (!averaged.empty()) {
-    mask.contrast_averaging =
-        static_cast<int>(requireBetween(file.path(), tag::kContrastAveraging.label(), averaged.front(), 1, frames));
-  }
-  const auto shift = file.numbers(tag::kMaskShift, item);
-  if (shift.size() == 2) mask.shift_px = {shift[0], shift[1]};
   return mask;
 }
 

@@ -6,7 +6,6 @@
 #include <numeric>
 #include <utility>
 
-#include "xa_camera.hpp"
 #include "xa_tags.hpp"
 
 namespace angio::io {
@@ -27,7 +26,7 @@ std::vector<double> readIncrement(const DicomFile& file, const DicomTag& tag, in
 // PS3.3 C.8.7.5.1.3: one value is the change from frame to frame, many are offsets from the first frame.
 double incrementAt(const std::vector<double>& increments, int frame) {
   if (increments.empty()) return 0;
-  return increments.size() == 1 ? frame * increments.front() : increments[static_cast<std::size_t>(frame)];
+  return increments.size() == 1 ? frame * increments.front() : increments[frame];
 }
 
 std::optional<double> angle(const DicomFile& file, const DicomTag& tag, int frame, double max_deg) {
@@ -200,13 +199,11 @@ XaIncrements readXaIncrements(const DicomFile& file, int frames) {
     if (!increments.frame_times_ms.empty()) break;
     increments.frame_times_ms = readIncrement(file, times, frames);
     for (const double time_ms : increments.frame_times_ms) requireBetween(file.path(), times.label(), time_ms, 0, 1e7);
-    increments.times_from = times.label();
   }
   for (const DicomTag& rate : {tag::kCineRate, tag::kDisplayRate}) {
     const auto rate_hz = increments.frame_times_ms.empty() ? file.number(rate) : std::nullopt;
     if (!rate_hz || *rate_hz == 0) continue;
     increments.frame_times_ms = {1e3 / requireBetween(file.path(), rate.label(), *rate_hz, 1e-3, 1e4)};
-    increments.times_from = rate.label();
   }
   return increments;
 }

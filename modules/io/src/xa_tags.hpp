@@ -21,7 +21,6 @@ constexpr DicomTag kTableVertical{0x0018, 0x1135, "Table Vertical Increment"};
 constexpr DicomTag kTableLateral{0x0018, 0x1136, "Table Lateral Increment"};
 constexpr DicomTag kTableLongitudinal{0x0018, 0x1137, "Table Longitudinal Increment"};
 constexpr DicomTag kTableAngle{0x0018, 0x1138, "Table Angle"};
-constexpr DicomTag kFieldShape{0x0018, 0x1147, "Field of View Shape"};
 constexpr DicomTag kFieldDimensions{0x0018, 0x1149, "Field of View Dimension(s)"};
 constexpr DicomTag kIntensifierSize{0x0018, 0x1162, "Intensifier Size"};
 constexpr DicomTag kImagerSpacing{0x0018, 0x1164, "Imager Pixel Spacing"};
@@ -48,9 +47,6 @@ constexpr DicomTag kPixelSpacing{0x0028, 0x0030, "Pixel Spacing"};
 constexpr DicomTag kCalibrationType{0x0028, 0x0A02, "Pixel Spacing Calibration Type"};
 constexpr DicomTag kIntensityRelationship{0x0028, 0x1040, "Pixel Intensity Relationship"};
 constexpr DicomTag kMaskOperation{0x0028, 0x6101, "Mask Operation"};
-constexpr DicomTag kMaskRanges{0x0028, 0x6102, "Applicable Frame Range"};
 constexpr DicomTag kMaskFrames{0x0028, 0x6110, "Mask Frame Numbers"};
-constexpr DicomTag kContrastAveraging{0x0028, 0x6112, "Contrast Frame Averaging"};
-constexpr DicomTag kMaskShift{0x0028, 0x6114, "Mask Sub-pixel Shift"};
 
 }  // namespace angio::io::tag

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstring>
 #include <sstream>
 
 #include "angio/base/errors.hpp"
@@ -149,6 +150,15 @@ std::string XmlDocument::need(vtkXMLDataElement& element, const char* attribute)
     throw InputError(placeOf(element), std::string(element.GetName()) + "." + attribute, "", "is missing");
   }
   return value;
+}
+
+std::vector<vtkXMLDataElement*> childrenOf(vtkXMLDataElement& parent, const char* name) {
+  std::vector<vtkXMLDataElement*> found;
+  for (int i = 0; i < parent.GetNumberOfNestedElements(); ++i) {
+    vtkXMLDataElement* const element = parent.GetNestedElement(i);
+    if (std::strcmp(element->GetName(), name) == 0) found.push_back(element);
+  }
+  return found;
 }
 
 }  // namespace angio::io

@@ -7,10 +7,14 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "angio/io/namespace.hpp"
 
 namespace angio::io {
+
+/// The elements of this name right under another, in their order.
+std::vector<vtkXMLDataElement*> childrenOf(vtkXMLDataElement& parent, const char* name);
 
 /// The elements of an XML document, with VTK's parser. It may end in VTK's <AppendedData>, which is no XML any more.
 class XmlDocument {
@@ -38,5 +42,11 @@ class XmlDocument {
   std::string content_;
   vtkSmartPointer<vtkXMLDataElement> root_;
 };
+
+/// The numbers of a <DataArray> of a VTK XML file: ascii, binary or appended, compressed with zlib or not.
+///
+/// VTK's own reader believes the counts and sizes in a file; here each is held against what the file can hold before
+/// memory is taken. Throws InputError when there are not `count` numbers.
+std::vector<double> readVtkArray(const XmlDocument& document, vtkXMLDataElement& array, std::size_t count);
 
 }  // namespace angio::io

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/joined.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 
@@ -197,7 +198,7 @@ std::optional<YamlField> YamlMap::find(const std::string& key) {
   asked_.push_back(key);
   const auto at = std::find(node_.keys.begin(), node_.keys.end(), key);
   if (at == node_.keys.end()) return std::nullopt;
-  return YamlField{path_, key, &node_.items[static_cast<std::size_t>(at - node_.keys.begin())]};
+  return YamlField{path_, key, &node_.items[at - node_.keys.begin()]};
 }
 
 YamlField YamlMap::need(const std::string& key) {
@@ -212,10 +213,8 @@ bool YamlMap::knows(const std::string& key) const {
 void YamlMap::refuseOthers() const {
   for (std::size_t i = 0; i < node_.keys.size(); ++i) {
     if (knows(node_.keys[i])) continue;
-    std::string known;
-    for (const std::string& key : asked_) known += (known.empty() ? "" : ", ") + key;
     throw InputError(atLine(path_, node_.key_lines[i]), node_.keys[i], formatValue(node_.items[i]),
-                     "unknown key; there are: " + known);
+                     "unknown key; there are: " + joined(asked_));
   }
 }
 

@@ -2,6 +2,7 @@
 #include "angio/messaging/bus.hpp"
 
 #include <lcm/lcm.h>
+#include <poll.h>
 
 #include <algorithm>
 #include <cctype>
@@ -15,14 +16,12 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/messaging/lcm_datagrams.hpp"
-#include "log_bus.hpp"
+#include "angio/messaging/log_writer.hpp"
 #include "udpm_address.hpp"
 #include "udpm_bus.hpp"
 
 namespace angio::messaging {
 namespace {
-
-constexpr int kMaxDrain = 1000;
 
 // Messages that wait for the next handle(), on one channel (LCM's own number) and on all together; more are dropped.
 constexpr int kMaxWaiting = 30, kMaxWaitingOfAll = 100;
@@ -39,6 +38,13 @@ std::string literal(const std::string& channel) {
   return pattern;
 }
 
+// What stands between the scheme and the options.
+std::string placeOf(const std::string& url) {
+  const std::size_t scheme_end = url.find("://");
+  const std::string behind = scheme_end == url.npos ? "" : url.substr(scheme_end + 3);
+  return behind.substr(0, behind.find('?'));
+}
+
 std::string ruleFor(const std::string& url) {
   if (startsWith(url, "file://"))
     return "cannot be opened: must be a readable log, or with ?mode=w a place to write one";
@@ -47,9 +53,7 @@ std::string ruleFor(const std::string& url) {
 
 // What LCM would refuse with a line of its own on stderr is refused here first.
 void requireOpenable(const std::string& url) {
-  const std::size_t scheme_end = url.find("://");
-  const std::string behind = scheme_end == url.npos ? "" : url.substr(scheme_end + 3);
-  const std::string place = behind.substr(0, behind.find('?'));
+  const std::string place = placeOf(url);
   if (startsWith(url, "file://")) {
     const bool writes = url.find("mode=w") != std::string::npos;
     const std::filesystem::path path(place), folder = path.has_parent_path() ? path.parent_path() : ".";
@@ -91,8 +95,7 @@ class LcmBus final : public Bus {
 
   int handle(std::chrono::milliseconds timeout) override {
     if (handling_) throw std::logic_error("Bus::handle() was called from within a handler");
-    using Count = std::chrono::milliseconds::rep;
-    int wait_ms = static_cast<int>(std::clamp<Count>(timeout.count(), 0, std::numeric_limits<int>::max()));
+    int wait_ms = waitOf(timeout);
     const int most = startsWith(url_, "file://") ? 1 : kMaxDrain;
     int handled = 0;
     while (handled < most && handleOne(wait_ms)) {
@@ -154,6 +157,33 @@ class LcmBus final : public Bus {
   std::unique_ptr<lcm_t, void (*)(lcm_t*)> lcm_;
 };
 
+// "file://name.lcm?mode=w": records what is published. publish() throws std::runtime_error from the message on that
+// could not be written.
+class LogBus final : public Bus {
+ public:
+  explicit LogBus(const std::string& path) : log_(path) {}
+
+  void publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) override {
+    log_.write(channel, bytes.data(), bytes.size());
+    if (log_.failure()) throw std::runtime_error(*log_.failure());
+  }
+
+  void subscribe(const std::string&, Handler) override {}
+  void subscribeAll(Listener) override {}
+
+  // Nothing comes: a program that waits for messages goes on at its pace.
+  int handle(std::chrono::milliseconds timeout) override {
+    poll(nullptr, 0, waitOf(timeout));
+    return 0;
+  }
+
+  bool ended() const override { return true; }
+  std::int64_t refused() const override { return 0; }
+
+ private:
+  LogWriter log_;
+};
+
 }  // namespace
 
 std::optional<std::string> receiveBufferWarning(const std::string& url) {
@@ -169,7 +199,9 @@ std::optional<std::string> receiveBufferWarning(const std::string& url) {
 std::unique_ptr<Bus> openBus(const std::string& url) {
   if (startsWith(url, "udpm://")) return openUdpmBus(url);
   requireOpenable(url);
-  if (startsWith(url, "file://") && url.find("mode=w") != url.npos) return openLogBus(url);
+  if (startsWith(url, "file://") && url.find("mode=w") != url.npos) {
+    return std::make_unique<LogBus>(placeOf(url));
+  }
   return std::make_unique<LcmBus>(url);
 }
 

@@ -6,12 +6,10 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/messaging/any_message.hpp"
+#include "angio/messaging/lcm_datagrams.hpp"
 
 namespace angio::messaging {
 namespace {
-
-// What LCM says to itself when a program begins to listen; lcm-logger writes it down.
-constexpr const char* kSelfTestChannel = "LCM_SELF_TEST";
 
 constexpr std::size_t kMaxChannels = 1000;
 constexpr std::size_t kMaxRecent = 10000;
@@ -67,7 +65,7 @@ void BusMonitor::Channel::count(std::int64_t sequence, std::int64_t time_us) {
 }
 
 void BusMonitor::hear(const std::string& channel, const std::uint8_t* data, std::size_t size, std::int64_t arrival_us) {
-  if (channel == kSelfTestChannel) return;
+  if (channel == kLcmSelfTestChannel) return;  // lcm-logger writes it down.
   if (channels_.size() >= kMaxChannels && channels_.find(channel) == channels_.end()) return;
   Channel& c = channels_[channel];
   ++c.sums.messages;

@@ -10,7 +10,6 @@
 #include <regex>
 
 #include "angio/base/errors.hpp"
-#include "open_descriptor.hpp"
 
 namespace angio::messaging {
 namespace {

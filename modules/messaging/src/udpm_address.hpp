@@ -2,6 +2,7 @@
 #pragma once
 
 #include <netinet/in.h>
+#include <unistd.h>
 
 #include <string>
 
@@ -33,5 +34,21 @@ UdpmAddress parseUdpmUrl(const std::string& url);
 
 /// Throws InputError when this machine has no route to the group or cannot join it.
 void requireRoute(const std::string& url, const UdpmAddress& address);
+
+/// A file descriptor that is closed with this object; none when it is negative.
+class OpenDescriptor {
+ public:
+  explicit OpenDescriptor(int descriptor) : descriptor_(descriptor) {}
+  OpenDescriptor(const OpenDescriptor&) = delete;
+  OpenDescriptor& operator=(const OpenDescriptor&) = delete;
+  ~OpenDescriptor() {
+    if (descriptor_ >= 0) close(descriptor_);
+  }
+
+  int get() const { return descriptor_; }
+
+ private:
+  const int descriptor_;
+};
 
 }  // namespace angio::messaging

@@ -4,9 +4,7 @@
 #include <lcm/lcm.h>
 #include <poll.h>
 
-#include <algorithm>
 #include <exception>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -18,8 +16,6 @@
 
 namespace angio::messaging {
 namespace {
-
-constexpr int kMaxDrain = 1000;
 
 class UdpmBus final : public Bus {
  public:
@@ -52,8 +48,7 @@ class UdpmBus final : public Bus {
 
   int handle(std::chrono::milliseconds timeout) override {
     if (handling_) throw std::logic_error("Bus::handle() was called from within a handler");
-    using Count = std::chrono::milliseconds::rep;
-    int wait_ms = static_cast<int>(std::clamp<Count>(timeout.count(), 0, std::numeric_limits<int>::max()));
+    int wait_ms = waitOf(timeout);
     if (!receiver_) {  // Nothing can come.
       poll(nullptr, 0, wait_ms);
       return 0;

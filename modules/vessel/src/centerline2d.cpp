@@ -8,6 +8,8 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
+#include "angio/vessel/projection.hpp"
+#include "angio/vessel/undistort.hpp"
 
 namespace angio::vessel {
 namespace {
@@ -108,7 +110,7 @@ Eigen::VectorXd mixed(const Eigen::VectorXd& values, const std::vector<Between>&
 // All but the tangents, which have no mean between two.
 Centerline2d resampledAt(const Centerline2d& line, const std::vector<Between>& places) {
   Centerline2d result;
-  result.points_px.resize(2, static_cast<Eigen::Index>(places.size()));
+  result.points_px.resize(2, places.size());
   Eigen::Index n = 0;
   for (const Between& p : places) {
     result.points_px.col(n++) = (1 - p.weight_of_b) * line.points_px.col(p.a) + p.weight_of_b * line.points_px.col(p.b);
@@ -170,6 +172,49 @@ Centerline2d densified(const Centerline2d& centerline, double spacing_px) {
   Centerline2d result = resampledAt(centerline, places);
   result.tangent_rad = Eigen::Map<Eigen::VectorXd>(tangent.data(), static_cast<Eigen::Index>(tangent.size()));
   return result;
+}
+
+Centerline2d projectedCenterline(const VesselTree& tree, const XrayCamera& camera, const Pose& T_camera_model) {
+  std::vector<Eigen::Vector2d> pixels;
+  std::vector<int> branch;
+  int label = 0;
+  for (const auto& chain : tree.branches()) {
+    bool open = false;
+    for (const int i : chain) {
+      const auto pixel = camera.project(T_camera_model * tree.points().col(i));
+      const bool seen = pixel && camera.sees(*pixel);
+      if (seen) {
+        pixels.push_back(*pixel);
+        branch.push_back(label);
+      } else if (open) {
+        ++label;
+      }
+      open = seen;
+    }
+    ++label;
+  }
+  Eigen::Matrix2Xd points(2, pixels.size());
+  for (std::size_t i = 0; i < pixels.size(); ++i) points.col(i) = pixels[i];
+  return makeCenterline(std::move(points), std::move(branch));
+}
+
+Centerline2d undistorted(const Centerline2d& seen, const DetectorDistortion& distortion) {
+  Centerline2d line = seen;
+  std::vector<bool> keep(static_cast<std::size_t>(seen.size()), false);
+  for (Eigen::Index i = 0; i < seen.points_px.cols(); ++i) {
+    Eigen::Matrix2d J;
+    const auto point_px = distortion.undistorted(seen.points_px.col(i), &J);
+    if (!point_px) continue;
+    keep[i] = true;
+    line.points_px.col(i) = *point_px;
+    const Eigen::Vector2d along = J * Eigen::Vector2d(std::cos(seen.tangent_rad[i]), std::sin(seen.tangent_rad[i]));
+    line.tangent_rad[i] = undirected(std::atan2(along.y(), along.x()));
+    // Across the curve: the area's change over the length's.
+    const double across = std::abs(J(0, 0) * J(1, 1) - J(0, 1) * J(1, 0)) / along.norm();
+    if (line.radius_px.size() > 0) line.radius_px[i] *= across;
+    if (line.std_px.size() > 0) line.std_px[i] *= across;
+  }
+  return pointsWhere(line, keep);
 }
 
 }  // namespace angio::vessel

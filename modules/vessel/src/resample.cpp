@@ -94,7 +94,7 @@ ResampledTree resampled(const VesselTree& tree, double spacing_m, int max_points
   }
 
   Eigen::Matrix3Xd matrix(3, points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) matrix.col(static_cast<Eigen::Index>(i)) = points[i];
+  for (std::size_t i = 0; i < points.size(); ++i) matrix.col(i) = points[i];
   return {VesselTree(std::move(matrix), std::move(parents), std::move(radii)), std::move(place)};
 }
 

@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/fnv1a.hpp"
+#include "angio/vessel/model_id.hpp"
 
 namespace angio::vessel {
 namespace {
@@ -124,6 +126,22 @@ Eigen::Matrix3Xd VesselTree::tangents() const {
     result.col(i) = chord.norm() > 0 ? chord.normalized() : Eigen::Vector3d::UnitX();
   }
   return result;
+}
+
+namespace {
+
+constexpr double kPerMetre = 1e9;
+
+}  // namespace
+
+ModelId modelId(const VesselTree& tree) {
+  Fnv1a hash;
+  for (int i = 0; i < tree.size(); ++i) {
+    for (const double x : tree.points().col(i)) hash.add(std::int64_t{std::llround(kPerMetre * x)});
+    hash.add(std::int64_t{tree.parents()[i]});
+  }
+  const auto id = static_cast<std::int64_t>(hash.value());
+  return static_cast<ModelId>(id == 0 ? 1 : id);
 }
 
 }  // namespace angio::vessel

@@ -153,8 +153,8 @@ int extract(const Options& o) {
   writeVesselTree(o.out, tree, frameNamed(o.frame));
   int roots = 0, ends = 0;
   for (int i = 0; i < tree.size(); ++i) {
-    roots += tree.parents()[static_cast<std::size_t>(i)] < 0;
-    ends += tree.children()[static_cast<std::size_t>(i)].empty();
+    roots += tree.parents()[i] < 0;
+    ends += tree.children()[i].empty();
   }
   std::printf("%d trees, %zu branches, %d ends, %.1f mm, %d cycles cut, %d small trees dropped, %.1f s\n", roots,
               tree.branches().size(), ends, 1e3 * tree.length(), result.cycles_cut, result.trees_dropped,

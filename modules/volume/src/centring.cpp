@@ -76,14 +76,14 @@ void smooth(Line& line, double wavelength) {
   }
   Eigen::MatrixX3d right(n, 3);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const double weight = i == 0 && line.begins_at_fork ? 1e9 : line.weights[static_cast<std::size_t>(i)];
+    const double weight = i == 0 && line.begins_at_fork ? 1e9 : line.weights[i];
     entries.emplace_back(i, i, weight);
-    right.row(i) = weight * line.points[static_cast<std::size_t>(i)].transpose();
+    right.row(i) = weight * line.points[i].transpose();
   }
   Eigen::SparseMatrix<double> left(n, n);
   left.setFromTriplets(entries.begin(), entries.end());
   const Eigen::MatrixX3d smoothed = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(left).solve(right);
-  for (Eigen::Index i = 0; i < n; ++i) line.points[static_cast<std::size_t>(i)] = smoothed.row(i).transpose();
+  for (Eigen::Index i = 0; i < n; ++i) line.points[i] = smoothed.row(i).transpose();
 }
 
 double medianRadius(const Line& line) {
@@ -168,8 +168,8 @@ Line lineOf(const SkeletonForest& forest, const SkeletonPath& path, std::size_t 
   Line line;
   line.begins_at_fork = path.parent >= 0;
   for (const int node : path.nodes) {
-    line.points.push_back(forest.nodes[static_cast<std::size_t>(node)]);
-    line.radii.push_back(std::max(0.5, forest.depths[static_cast<std::size_t>(node)]));
+    line.points.push_back(forest.nodes[node]);
+    line.radii.push_back(std::max(0.5, forest.depths[node]));
   }
   const std::vector<double> from_end(line.radii.rbegin(), line.radii.rend());
   const std::size_t most = line.points.size() - 1 - std::max<std::size_t>(last_fork, 1);

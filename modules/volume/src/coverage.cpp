@@ -19,14 +19,14 @@ struct Samples {
 Samples samplesOf(const VesselTree& tree, double spacing_m) {
   Samples samples;
   for (int i = 0; i < tree.size(); ++i) {
-    const int parent = tree.parents()[static_cast<std::size_t>(i)];
+    const int parent = tree.parents()[i];
     if (parent < 0) continue;
     const Eigen::Vector3d from = tree.points().col(parent), along = tree.points().col(i) - from;
     const int pieces = std::max(1, static_cast<int>(std::ceil(along.norm() / spacing_m)));
     for (int k = 0; k < pieces; ++k) {
       samples.points.emplace_back(from + (k + 0.5) / pieces * along);
       samples.lengths.push_back(along.norm() / pieces);
-      samples.radii.push_back(tree.radii()[static_cast<std::size_t>(i)].value_or(0));
+      samples.radii.push_back(tree.radii()[i].value_or(0));
     }
   }
   return samples;
@@ -38,8 +38,8 @@ Coverage coverage(const VesselTree& tree, const VesselTree& other, double distan
   requirePositive("coverage", "distance_m", distance_m);
   const double spacing_m = distance_m / 10;
   const Samples mine = samplesOf(tree, spacing_m), its = samplesOf(other, spacing_m);
-  Eigen::Matrix3Xd points(3, static_cast<Eigen::Index>(its.points.size()));
-  for (std::size_t i = 0; i < its.points.size(); ++i) points.col(static_cast<Eigen::Index>(i)) = its.points[i];
+  Eigen::Matrix3Xd points(3, its.points.size());
+  for (std::size_t i = 0; i < its.points.size(); ++i) points.col(i) = its.points[i];
   const NearestPoint nearest(std::move(points));
   std::vector<double> distances;
   double near = 0, all = 0;

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "dicom_series.hpp"
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -10,6 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/io/dicom_slices.hpp"
 #include "angio/io/xa_files.hpp"
+#include "header_checks.hpp"
 
 namespace angio::volume {
 namespace {

@@ -5,11 +5,10 @@
 #include <cmath>
 
 #include "angio/base/errors.hpp"
-#include "angio/volume/distance_map.hpp"
+#include "angio/volume/shape.hpp"
 #include "angio/volume/thinning.hpp"
 #include "centring.hpp"
 #include "nearest_point.hpp"
-#include "pieces.hpp"
 
 namespace angio::volume {
 namespace {
@@ -57,9 +56,7 @@ void addPath(const std::vector<CenteredPath>& paths, std::size_t p, const std::v
   const CenteredPath& path = paths[p];
   auto& mine = point_at[p];
   mine.assign(path.points.size(), -1);
-  mine[0] = path.parent < 0
-                ? points.add(path.points[0], -1)
-                : point_at[static_cast<std::size_t>(path.parent)][static_cast<std::size_t>(path.parent_place)];
+  mine[0] = path.parent < 0 ? points.add(path.points[0], -1) : point_at[path.parent][path.parent_place];
   std::size_t from = 0;
   for (const int place : forks[p]) {
     const auto to = static_cast<std::size_t>(place);
@@ -74,7 +71,7 @@ void addPath(const std::vector<CenteredPath>& paths, std::size_t p, const std::v
 std::vector<std::vector<int>> cutsOf(const std::vector<CenteredPath>& paths) {
   std::vector<std::vector<int>> cuts(paths.size());
   for (const CenteredPath& path : paths) {
-    if (path.parent >= 0) cuts[static_cast<std::size_t>(path.parent)].push_back(path.parent_place);
+    if (path.parent >= 0) cuts[path.parent].push_back(path.parent_place);
   }
   for (std::size_t p = 0; p < paths.size(); ++p) {
     cuts[p].push_back(static_cast<int>(paths[p].points.size()) - 1);
@@ -89,7 +86,7 @@ std::vector<std::vector<int>> linksOf(const Points& points) {
     const int parent = points.parents[i];
     if (parent < 0) continue;
     links[i].push_back(parent);
-    links[static_cast<std::size_t>(parent)].push_back(static_cast<int>(i));
+    links[parent].push_back(static_cast<int>(i));
   }
   return links;
 }
@@ -119,7 +116,7 @@ void setRadii(const std::vector<double>& spheres, Points& points) {
     if (links[end].size() != 1) continue;
     const auto chain = chainFromEnd(points, links, spheres, end);
     double radius = spheres[chain.back()];
-    for (const int next : links[chain.back()]) radius = std::max(radius, spheres[static_cast<std::size_t>(next)]);
+    for (const int next : links[chain.back()]) radius = std::max(radius, spheres[next]);
     for (const std::size_t i : chain) points.radii[i] = std::max(points.radii[i], radius);
   }
 }
@@ -140,17 +137,17 @@ Points withoutCaps(const Points& points, const std::vector<double>& spheres) {
   std::vector<int> now(points.at.size(), -1);
   for (std::size_t i = 0; i < points.at.size(); ++i) {  // Parents stand before their children.
     if (!keep[i]) continue;
-    now[i] = result.add(points.at[i], parents[i] < 0 ? -1 : now[static_cast<std::size_t>(parents[i])]);
+    now[i] = result.add(points.at[i], parents[i] < 0 ? -1 : now[parents[i]]);
     result.radii.push_back(points.radii[i]);
   }
   return result;
 }
 
 VesselTree treeOf(const Points& points, const VoxelGrid& grid) {
-  Eigen::Matrix3Xd points_m(3, static_cast<Eigen::Index>(points.at.size()));
+  Eigen::Matrix3Xd points_m(3, points.at.size());
   std::vector<std::optional<double>> radii_m;
   for (std::size_t i = 0; i < points.at.size(); ++i) {
-    points_m.col(static_cast<Eigen::Index>(i)) = grid.pointAt(points.at[i]);
+    points_m.col(i) = grid.pointAt(points.at[i]);
     radii_m.emplace_back(points.radii[i] * grid.spacing_m.x());
   }
   return {std::move(points_m), points.parents, std::move(radii_m)};

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "angio/volume/namespace.hpp"
+#include "angio/volume/volume.hpp"
 
 namespace angio::volume {
 
@@ -30,5 +30,15 @@ std::string dataFileBeside(const std::string& path, const std::string& field, st
 /// exactly when packed, at least when not.
 enum class Packing { kNone, kDeflate };
 void checkData(const std::string& path, std::uintmax_t first, std::uintmax_t wanted, Packing packing);
+
+/// Look at a header before a parser that trusts it does: what it claims must be well formed, three-dimensional and
+/// within bounds, and the data must be in the file (or one file beside it). Throw InputError.
+void checkMetaHeader(const std::string& path);
+void checkNiftiHeader(const std::string& path);
+void checkNrrdHeader(const std::string& path);
+
+/// The volume of the one DICOM series in a folder: slices of one size, in their order along the normal, evenly spaced
+/// to a hundredth of a slice's distance. Throws InputError.
+Volume readDicomSeries(const std::string& folder);
 
 }  // namespace angio::volume

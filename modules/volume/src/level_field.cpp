@@ -3,12 +3,62 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "angio/base/errors.hpp"
-#include "angio/volume/distance_map.hpp"
 
 namespace angio::volume {
 namespace {
+
+constexpr float kFar = std::numeric_limits<float>::infinity();
+
+// One line of squared distances after another, each as the lower envelope of parabolas.
+class LineTransform {
+ public:
+  LineTransform(int size, double spacing) : spacing2_(spacing * spacing), line_(static_cast<std::size_t>(size)) {
+    at_.resize(line_.size());
+    from_.resize(line_.size() + 1);
+  }
+
+  void run(float* values, std::size_t stride) {
+    const int n = static_cast<int>(line_.size());
+    int parabolas = 0;
+    for (int q = 0; q < n; ++q) {
+      line_[q] = values[static_cast<std::size_t>(q) * stride];
+      if (line_[q] == kFar) continue;
+      double s = -std::numeric_limits<double>::infinity();
+      while (parabolas > 0) {
+        s = crossing(at_[parabolas - 1], q);
+        if (s > from_[parabolas - 1]) break;
+        --parabolas;
+      }
+      if (parabolas == 0) s = -std::numeric_limits<double>::infinity();
+      at_[parabolas] = q;
+      from_[parabolas] = s;
+      ++parabolas;
+    }
+    if (parabolas == 0) return;
+    from_[parabolas] = std::numeric_limits<double>::infinity();
+    for (int q = 0, k = 0; q < n; ++q) {
+      while (from_[static_cast<std::size_t>(k) + 1] < q) ++k;
+      const int center = at_[k];
+      const double d = q - center;
+      values[static_cast<std::size_t>(q) * stride] = static_cast<float>(spacing2_ * d * d + line_[center]);
+    }
+  }
+
+ private:
+  // Where the parabola of q begins to lie below the one of p < q.
+  double crossing(int p, int q) const {
+    const double fp = line_[p] / spacing2_, fq = line_[q] / spacing2_;
+    return (fq + static_cast<double>(q) * q - fp - static_cast<double>(p) * p) / (2.0 * (q - p));
+  }
+
+  double spacing2_;
+  std::vector<double> line_;
+  std::vector<int> at_;
+  std::vector<double> from_;
+};
 
 constexpr double kOutside = -1;
 constexpr std::size_t kMaxEqualVoxels = std::size_t{1} << 27;
@@ -49,23 +99,35 @@ Volume stretched(const Volume& from, int axis, double spacing_m) {
       : axis == 1 ? static_cast<std::size_t>(from.grid.size.x())
                   : static_cast<std::size_t>(from.grid.size.x()) * static_cast<std::size_t>(from.grid.size.y());
   const std::size_t second = from.grid.size[axis] > 1 ? step : 0;
-  std::size_t out = 0;
-  Eigen::Vector3i v;
-  for (v.z() = 0; v.z() < to.grid.size.z(); ++v.z()) {
-    for (v.y() = 0; v.y() < to.grid.size.y(); ++v.y()) {
-      for (v.x() = 0; v.x() < to.grid.size.x(); ++v.x(), ++out) {
-        Eigen::Vector3i u = v;
-        const auto i = static_cast<std::size_t>(v[axis]);
-        u[axis] = between.first[i];
-        const float* const a = &from.values[from.grid.offset(u)];
-        to.values[out] = a[0] + between.share[i] * (a[second] - a[0]);
-      }
-    }
-  }
+  forEachVoxel(to.grid.size, [&](const Eigen::Vector3i& v, std::size_t out) {
+    Eigen::Vector3i u = v;
+    const auto i = static_cast<std::size_t>(v[axis]);
+    u[axis] = between.first[i];
+    const float* const a = &from.values[from.grid.offset(u)];
+    to.values[out] = a[0] + between.share[i] * (a[second] - a[0]);
+  });
   return to;
 }
 
 }  // namespace
+
+std::vector<float> distanceMap(const VoxelMask& mask, std::uint8_t target) {
+  const VoxelGrid& grid = mask.grid;
+  std::vector<float> squares(grid.count());
+  for (std::size_t i = 0; i < squares.size(); ++i) squares[i] = mask.inside[i] == target ? 0.0F : kFar;
+  const auto nx = static_cast<std::size_t>(grid.size.x()), ny = static_cast<std::size_t>(grid.size.y()),
+             nz = static_cast<std::size_t>(grid.size.z());
+  LineTransform along_x(grid.size.x(), grid.spacing_m.x());
+  for (std::size_t row = 0; row < ny * nz; ++row) along_x.run(&squares[row * nx], 1);
+  LineTransform along_y(grid.size.y(), grid.spacing_m.y());
+  for (std::size_t z = 0; z < nz; ++z) {
+    for (std::size_t x = 0; x < nx; ++x) along_y.run(&squares[z * nx * ny + x], nx);
+  }
+  LineTransform along_z(grid.size.z(), grid.spacing_m.z());
+  for (std::size_t column = 0; column < nx * ny; ++column) along_z.run(&squares[column], nx * ny);
+  for (float& value : squares) value = std::sqrt(value);
+  return squares;
+}
 
 Volume signedDistance(const VoxelMask& mask) {
   Volume level{mask.grid, distanceMap(mask, 0)};
@@ -112,25 +174,18 @@ double LevelField::wallDistance(const Eigen::Vector3d& index, const Eigen::Vecto
 
 Eigen::Matrix3Xd LevelField::wallPoints() const {
   std::vector<Eigen::Vector3d> points;
-  const Eigen::Vector3i& size = level_.grid.size;
-  std::size_t at = 0;
-  Eigen::Vector3i v;
-  for (v.z() = 0; v.z() < size.z(); ++v.z()) {
-    for (v.y() = 0; v.y() < size.y(); ++v.y()) {
-      for (v.x() = 0; v.x() < size.x(); ++v.x(), ++at) {
-        const double here = level_.values[at];
-        if (!(here > 0)) continue;
-        for (int k = 0; k < 6; ++k) {
-          Eigen::Vector3i u = v;
-          u[k / 2] += k % 2 ? 1 : -1;
-          const double there = level_.grid.holds(u) ? level_.values[level_.grid.offset(u)] : -here;
-          if (there <= 0) points.push_back(v.cast<double>() + here / (here - there) * (u - v).cast<double>());
-        }
-      }
+  forEachVoxel(level_.grid.size, [&](const Eigen::Vector3i& v, std::size_t at) {
+    const double here = level_.values[at];
+    if (!(here > 0)) return;
+    for (int k = 0; k < 6; ++k) {
+      Eigen::Vector3i u = v;
+      u[k / 2] += k % 2 ? 1 : -1;
+      const double there = level_.grid.holds(u) ? level_.values[level_.grid.offset(u)] : -here;
+      if (there <= 0) points.push_back(v.cast<double>() + here / (here - there) * (u - v).cast<double>());
     }
-  }
-  Eigen::Matrix3Xd result(3, static_cast<Eigen::Index>(points.size()));
-  for (std::size_t i = 0; i < points.size(); ++i) result.col(static_cast<Eigen::Index>(i)) = points[i];
+  });
+  Eigen::Matrix3Xd result(3, points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) result.col(i) = points[i];
   return result;
 }
 

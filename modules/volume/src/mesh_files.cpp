@@ -15,12 +15,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
 #include <map>
 
 #include "angio/base/errors.hpp"
-#include "stl_format.hpp"
-#include "vtk_surface.hpp"
+#include "angio/io/text.hpp"
+#include "surface_formats.hpp"
 
 namespace angio::volume {
 namespace {
@@ -41,9 +40,7 @@ class VtkSilence {
 
 // With VTK's own readers a broken file ends the program. Points at one place become one: pieces of a surface, and
 // triangles with corners of their own, are joined.
-template <Surface (*kRead)(const std::string& path)>
-vtkSmartPointer<vtkPolyData> readBy(const std::string& path) {
-  const Surface surface = kRead(path);
+vtkSmartPointer<vtkPolyData> meshOf(const Surface& surface) {
   vtkNew<vtkPoints> points;
   std::map<std::array<double, 3>, vtkIdType> point_at;
   std::vector<vtkIdType> point_of;
@@ -55,7 +52,7 @@ vtkSmartPointer<vtkPolyData> readBy(const std::string& path) {
   vtkNew<vtkCellArray> polygons;
   for (const auto& polygon : surface.polygons) {
     polygons->InsertNextCell(static_cast<int>(polygon.size()));
-    for (const int corner : polygon) polygons->InsertCellPoint(point_of[static_cast<std::size_t>(corner)]);
+    for (const int corner : polygon) polygons->InsertCellPoint(point_of[corner]);
   }
   const auto mesh = vtkSmartPointer<vtkPolyData>::New();
   mesh->SetPoints(points);
@@ -65,17 +62,10 @@ vtkSmartPointer<vtkPolyData> readBy(const std::string& path) {
 
 struct MeshFormat {
   const char* extension;
-  vtkSmartPointer<vtkPolyData> (*read)(const std::string& path);
+  Surface (*read)(const std::string& path);
 };
 
-constexpr MeshFormat kFormats[] = {
-    {".stl", readStl}, {".vtp", readBy<readVtpSurface>}, {".vtk", readBy<readVtkSurface>}};
-
-std::string extensionOf(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return extension;
-}
+constexpr MeshFormat kFormats[] = {{".stl", readStlSurface}, {".vtp", readVtpSurface}, {".vtk", readVtkSurface}};
 
 // Positions in LPS; every triangle's corners are points, and every point is finite.
 void check(const std::string& path, vtkPolyData& mesh, PatientFrame frame) {
@@ -129,7 +119,7 @@ VoxelMask readMesh(const std::string& path, double voxel_m, PatientFrame frame) 
   const auto* format = std::find_if(std::begin(kFormats), std::end(kFormats),
                                     [&](const MeshFormat& f) { return extension == f.extension; });
   if (format == std::end(kFormats)) throw InputError(path, "extension", extension, "must be .stl, .vtp or .vtk");
-  const auto mesh = format->read(path);
+  const auto mesh = meshOf(format->read(path));
   check(path, *mesh, frame);
   const auto surface = closed(*mesh);
 

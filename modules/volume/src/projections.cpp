@@ -20,16 +20,10 @@ struct View {
 cv::Mat largestAlong(const Volume& volume, const View& view) {
   const VoxelGrid& grid = volume.grid;
   cv::Mat largest(grid.size[view.down], grid.size[view.right], CV_32F, cv::Scalar(-3e38));
-  std::size_t at = 0;
-  Eigen::Vector3i v;
-  for (v.z() = 0; v.z() < grid.size.z(); ++v.z()) {
-    for (v.y() = 0; v.y() < grid.size.y(); ++v.y()) {
-      for (v.x() = 0; v.x() < grid.size.x(); ++v.x(), ++at) {
-        float& pixel = largest.at<float>(v[view.down], v[view.right]);
-        pixel = std::max(pixel, volume.values[at]);
-      }
-    }
-  }
+  forEachVoxel(grid.size, [&](const Eigen::Vector3i& v, std::size_t at) {
+    float& pixel = largest.at<float>(v[view.down], v[view.right]);
+    pixel = std::max(pixel, volume.values[at]);
+  });
   return largest;
 }
 
@@ -92,7 +86,7 @@ cv::Mat drawView(const Volume& volume, const VesselTree& tree, const View& view)
     }
   }
   for (int i = 0; i < tree.size(); ++i) {
-    if (tree.parents()[static_cast<std::size_t>(i)] >= 0) continue;
+    if (tree.parents()[i] >= 0) continue;
     cv::circle(picture, place(i), 6 << kShift, {40, 40, 255}, cv::FILLED, cv::LINE_AA, kShift);
   }
   return picture;

@@ -7,10 +7,100 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/volume/level_field.hpp"
-#include "pieces.hpp"
 
 namespace angio::volume {
 namespace {
+
+constexpr std::uint8_t kSeen = 2;  // Beside 0 and 1, while pieces are walked.
+
+// All voxels connected to `first` that have its value; they become kSeen.
+void collectPiece(VoxelMask& mask, const Eigen::Vector3i& first, bool by_corners, std::vector<Eigen::Vector3i>& piece) {
+  piece.assign(1, first);
+  std::uint8_t& value = mask.inside[mask.grid.offset(first)];
+  const std::uint8_t wanted = value;
+  value = kSeen;
+  for (std::size_t i = 0; i < piece.size(); ++i) {
+    for (int k = 0; k < 27; ++k) {
+      const Eigen::Vector3i step(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+      if (!by_corners && step.cwiseAbs().sum() != 1) continue;
+      const Eigen::Vector3i next = piece[i] + step;
+      if (!mask.grid.holds(next)) continue;
+      std::uint8_t& its_value = mask.inside[mask.grid.offset(next)];
+      if (its_value != wanted) continue;
+      its_value = kSeen;
+      piece.push_back(next);
+    }
+  }
+}
+
+using Pieces = std::vector<std::vector<std::size_t>>;  // Offsets of the voxels of each.
+
+// Takes the pieces out of the mask.
+Pieces takePieces(VoxelMask& mask) {
+  Pieces pieces;
+  std::vector<Eigen::Vector3i> piece;
+  forEachVoxel(mask.grid.size, [&](const Eigen::Vector3i& first, std::size_t at) {
+    if (mask.inside[at] != 1) return;
+    collectPiece(mask, first, true, piece);
+    auto& offsets = pieces.emplace_back();
+    for (const auto& v : piece) offsets.push_back(mask.grid.offset(v));
+  });
+  std::fill(mask.inside.begin(), mask.inside.end(), std::uint8_t{0});
+  return pieces;
+}
+
+// The inside voxel nearest to a seed, within two voxels.
+std::size_t voxelOfSeed(const VoxelMask& mask, const Eigen::Vector3d& seed_m) {
+  const Eigen::Vector3d index = mask.grid.indexAt(seed_m);
+  const std::string text =
+      formatValue(seed_m.x() * 1e3) + "," + formatValue(seed_m.y() * 1e3) + "," + formatValue(seed_m.z() * 1e3);
+  // Far away it would not even be an integer.
+  if (!(index.cwiseAbs().maxCoeff() < 1e6)) throw InputError("volume", "seed", text, "must lie in the volume");
+  const Eigen::Vector3i middle = index.array().round().cast<int>();
+  double nearest = 1e300;
+  std::size_t found = 0;
+  for (int k = 0; k < 125; ++k) {
+    const Eigen::Vector3i v = middle + Eigen::Vector3i(k % 5 - 2, k / 5 % 5 - 2, k / 25 - 2);
+    if (!mask.grid.holds(v) || mask.inside[mask.grid.offset(v)] != 1) continue;
+    const double distance = (v.cast<double>() - index).cwiseProduct(mask.grid.spacing_m).norm();
+    if (distance < nearest) {
+      nearest = distance;
+      found = mask.grid.offset(v);
+    }
+  }
+  if (nearest == 1e300) throw InputError("volume", "seed", text, "must lie in a vessel, or within two voxels of one");
+  return found;
+}
+
+// Takes away the pieces that hold none of the `wanted` voxels (hysteresis).
+void selectTouched(VoxelMask& mask, const std::vector<std::uint8_t>& wanted) {
+  for (const auto& piece : takePieces(mask)) {
+    if (std::none_of(piece.begin(), piece.end(), [&](std::size_t at) { return wanted[at] != 0; })) continue;
+    for (const std::size_t at : piece) mask.inside[at] = 1;
+  }
+}
+
+// Takes away the connected pieces (26 neighbours) that the settings and seeds [m] do not want. Throws InputError when
+// a seed lies in no piece.
+void selectPieces(VoxelMask& mask, const SelectionSettings& selection, const std::vector<Eigen::Vector3d>& seeds_m) {
+  std::vector<std::size_t> seeds;
+  for (const auto& seed_m : seeds_m) seeds.push_back(voxelOfSeed(mask, seed_m));
+  if (!seeds.empty()) {
+    std::vector<std::uint8_t> wanted(mask.inside.size(), 0);
+    for (const std::size_t seed : seeds) wanted[seed] = 1;
+    selectTouched(mask, wanted);
+  }
+  Pieces pieces = takePieces(mask);
+  std::stable_sort(pieces.begin(), pieces.end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
+  if (selection.max_pieces > 0 && pieces.size() > static_cast<std::size_t>(selection.max_pieces)) {
+    pieces.resize(static_cast<std::size_t>(selection.max_pieces));
+  }
+  const double voxel_mm3 = 1e9 * mask.grid.spacing_m.prod();
+  for (const auto& piece : pieces) {
+    if (static_cast<double>(piece.size()) * voxel_mm3 < selection.smallest_piece_mm3) continue;
+    for (const std::size_t at : piece) mask.inside[at] = 1;
+  }
+}
 
 constexpr int kMargin = 2;  // Voxels around the vessels' box, so that they have an outside everywhere.
 
@@ -20,38 +110,37 @@ struct Box {
 
 Box boxOf(const VoxelMask& mask) {
   Box box{Eigen::Vector3i::Constant(std::numeric_limits<int>::max()), Eigen::Vector3i::Constant(-1)};
-  std::size_t at = 0;
-  Eigen::Vector3i v;
-  for (v.z() = 0; v.z() < mask.grid.size.z(); ++v.z()) {
-    for (v.y() = 0; v.y() < mask.grid.size.y(); ++v.y()) {
-      for (v.x() = 0; v.x() < mask.grid.size.x(); ++v.x(), ++at) {
-        if (!mask.inside[at]) continue;
-        box.low = box.low.cwiseMin(v);
-        box.high = box.high.cwiseMax(v);
-      }
-    }
-  }
+  forEachVoxel(mask.grid.size, [&](const Eigen::Vector3i& v, std::size_t at) {
+    if (!mask.inside[at]) return;
+    box.low = box.low.cwiseMin(v);
+    box.high = box.high.cwiseMax(v);
+  });
   if (box.high.x() < 0)
     throw InputError("volume", "vessels", "", "nothing is left of them: see threshold, labels and selection");
   return box;
 }
 
-VoxelMask cropped(const VoxelMask& mask, const Box& box) {
-  VoxelMask small;
-  small.grid = mask.grid;
-  small.grid.size = (box.high - box.low).array() + 1 + 2 * kMargin;
-  small.grid.origin_m = mask.grid.pointAt((box.low.array() - kMargin).cast<double>().matrix());
-  small.inside.assign(small.grid.count(), 0);
-  Eigen::Vector3i v;
-  for (v.z() = box.low.z(); v.z() <= box.high.z(); ++v.z()) {
-    for (v.y() = box.low.y(); v.y() <= box.high.y(); ++v.y()) {
-      for (v.x() = box.low.x(); v.x() <= box.high.x(); ++v.x()) {
-        const Eigen::Vector3i to = (v - box.low).array() + kMargin;
-        small.inside[small.grid.offset(to)] = mask.inside[mask.grid.offset(v)];
-      }
+// The values in a box that begins at `first`; where it reaches out of the grid they are `outside`.
+template <typename Value>
+std::vector<Value> valuesIn(const VoxelGrid& box, const Eigen::Vector3i& first, const VoxelGrid& grid,
+                            const std::vector<Value>& values, Value outside) {
+  std::vector<Value> result(box.count(), outside);
+  const Eigen::Vector3i from = first.cwiseMax(0), to = (first + box.size).cwiseMin(grid.size);
+  if ((from.array() >= to.array()).any()) return result;
+  for (int z = from.z(); z < to.z(); ++z) {
+    for (int y = from.y(); y < to.y(); ++y) {
+      const Value* const row = &values[grid.offset({from.x(), y, z})];
+      std::copy(row, row + (to.x() - from.x()), &result[box.offset(Eigen::Vector3i(from.x(), y, z) - first)]);
     }
   }
-  return small;
+  return result;
+}
+
+VoxelGrid boxIn(const VoxelGrid& grid, const Box& box, int margin) {
+  VoxelGrid result = grid;
+  result.size = (box.high - box.low).array() + 1 + 2 * margin;
+  result.origin_m = grid.pointAt((box.low.array() - margin).cast<double>().matrix());
+  return result;
 }
 
 // The wanted pieces without holes, in their box.
@@ -59,7 +148,8 @@ VoxelMask cleaned(VoxelMask mask, const SelectionSettings& selection, const std:
                   Box& box) {
   selectPieces(mask, selection, seeds_m);
   box = boxOf(mask);
-  VoxelMask small = cropped(mask, box);
+  VoxelMask small{boxIn(mask.grid, box, kMargin), {}};
+  small.inside = valuesIn(small.grid, box.low.array() - kMargin, mask.grid, mask.inside, std::uint8_t{0});
   fillHoles(small);
   return small;
 }
@@ -112,6 +202,24 @@ Volume shapeBy(const VesselnessSettings& s, const Volume& volume, const Selectio
 }
 
 }  // namespace
+
+void fillHoles(VoxelMask& mask) {
+  // The open outside becomes kSeen, from all voxels of the border.
+  std::vector<Eigen::Vector3i> piece;
+  forEachVoxel(mask.grid.size, [&](const Eigen::Vector3i& v, std::size_t at) {
+    if (mask.inside[at] != 0) return;
+    const bool at_border = (v.array() == 0).any() || (v.array() == mask.grid.size.array() - 1).any();
+    if (at_border) collectPiece(mask, v, false, piece);
+  });
+  for (std::uint8_t& value : mask.inside) value = value == kSeen ? 0 : 1;
+}
+
+Volume cropped(const Volume& volume, const Eigen::Vector3i& low, const Eigen::Vector3i& high, int margin,
+               float outside) {
+  Volume box{boxIn(volume.grid, {low, high}, margin), {}};
+  box.values = valuesIn(box.grid, low.array() - margin, volume.grid, volume.values, outside);
+  return box;
+}
 
 Volume vesselShape(VoxelMask mask, const SelectionSettings& selection, const std::vector<Eigen::Vector3d>& seeds_m) {
   Box box;

@@ -14,40 +14,36 @@ struct Walk {
   std::vector<double> distance, height;  // From the first node; to the farthest end below.
 };
 
-double lengthOf(const SkeletonForest& forest, int a, int b) {
-  return (forest.nodes[static_cast<std::size_t>(a)] - forest.nodes[static_cast<std::size_t>(b)]).norm();
-}
+double lengthOf(const SkeletonForest& forest, int a, int b) { return (forest.nodes[a] - forest.nodes[b]).norm(); }
 
 void walkFrom(const SkeletonForest& forest, int first, Walk& walk) {
   walk.parent.resize(forest.nodes.size(), -1);
   walk.distance.resize(forest.nodes.size(), 0);
   walk.height.resize(forest.nodes.size(), 0);
   walk.order.assign(1, first);
-  walk.parent[static_cast<std::size_t>(first)] = -1;
-  walk.distance[static_cast<std::size_t>(first)] = 0;
+  walk.parent[first] = -1;
+  walk.distance[first] = 0;
   for (std::size_t i = 0; i < walk.order.size(); ++i) {
     const int node = walk.order[i];
-    walk.height[static_cast<std::size_t>(node)] = 0;
-    for (const int next : forest.links[static_cast<std::size_t>(node)]) {
-      if (next == walk.parent[static_cast<std::size_t>(node)]) continue;
-      walk.parent[static_cast<std::size_t>(next)] = node;
-      walk.distance[static_cast<std::size_t>(next)] =
-          walk.distance[static_cast<std::size_t>(node)] + lengthOf(forest, node, next);
+    walk.height[node] = 0;
+    for (const int next : forest.links[node]) {
+      if (next == walk.parent[node]) continue;
+      walk.parent[next] = node;
+      walk.distance[next] = walk.distance[node] + lengthOf(forest, node, next);
       walk.order.push_back(next);
     }
   }
   for (std::size_t i = walk.order.size(); i-- > 1;) {
-    const int node = walk.order[i], parent = walk.parent[static_cast<std::size_t>(node)];
-    double& height = walk.height[static_cast<std::size_t>(parent)];
-    height = std::max(height, walk.height[static_cast<std::size_t>(node)] + lengthOf(forest, node, parent));
+    const int node = walk.order[i], parent = walk.parent[node];
+    double& height = walk.height[parent];
+    height = std::max(height, walk.height[node] + lengthOf(forest, node, parent));
   }
 }
 
 int farthestFrom(const SkeletonForest& forest, int first, Walk& walk) {
   walkFrom(forest, first, walk);
-  return *std::max_element(walk.order.begin(), walk.order.end(), [&](int a, int b) {
-    return walk.distance[static_cast<std::size_t>(a)] < walk.distance[static_cast<std::size_t>(b)];
-  });
+  return *std::max_element(walk.order.begin(), walk.order.end(),
+                           [&](int a, int b) { return walk.distance[a] < walk.distance[b]; });
 }
 
 // visit(first node) for each tree.
@@ -58,7 +54,7 @@ void forEachTree(const SkeletonForest& forest, const Visit& visit) {
   for (std::size_t i = 0; i < forest.nodes.size(); ++i) {
     if (seen[i]) continue;
     walkFrom(forest, static_cast<int>(i), walk);
-    for (const int node : walk.order) seen[static_cast<std::size_t>(node)] = true;
+    for (const int node : walk.order) seen[node] = true;
     visit(static_cast<int>(i));
   }
 }
@@ -77,8 +73,8 @@ SkeletonForest onlyKept(const SkeletonForest& forest, const std::vector<bool>& k
   for (std::size_t i = 0; i < forest.nodes.size(); ++i) {
     if (!keep[i]) continue;
     for (const int other : forest.links[i]) {
-      if (keep[static_cast<std::size_t>(other)]) {
-        result.links[static_cast<std::size_t>(now[i])].push_back(now[static_cast<std::size_t>(other)]);
+      if (keep[other]) {
+        result.links[now[i]].push_back(now[other]);
       }
     }
   }
@@ -90,8 +86,8 @@ double thicknessAt(const SkeletonForest& forest, int end) {
   std::vector<double> depths;
   int before = -1, at = end;
   for (;;) {
-    depths.push_back(forest.depths[static_cast<std::size_t>(at)]);
-    const auto& links = forest.links[static_cast<std::size_t>(at)];
+    depths.push_back(forest.depths[at]);
+    const auto& links = forest.links[at];
     if (links.size() > 2 || (before >= 0 && links.size() == 1) || links.empty()) break;
     const int next = links[0] == before ? links[1] : links[0];
     before = at;
@@ -106,9 +102,8 @@ int rootOf(const SkeletonForest& forest, const std::vector<int>& tree, const std
   int best = tree.front();
   double best_score = -1e300;
   for (const int node : tree) {
-    if (forest.links[static_cast<std::size_t>(node)].size() > 1) continue;
-    const double score =
-        root ? -(forest.nodes[static_cast<std::size_t>(node)] - *root).norm() : thicknessAt(forest, node);
+    if (forest.links[node].size() > 1) continue;
+    const double score = root ? -(forest.nodes[node] - *root).norm() : thicknessAt(forest, node);
     if (score > best_score) {
       best = node;
       best_score = score;
@@ -127,12 +122,10 @@ void addPaths(const SkeletonForest& forest, const Walk& walk, std::vector<Skelet
     for (std::size_t i = paths[p].parent >= 0 ? 1 : 0; i < paths[p].nodes.size(); ++i) {
       const int node = paths[p].nodes[i];
       std::vector<int> children;
-      for (const int next : forest.links[static_cast<std::size_t>(node)]) {
-        if (next != walk.parent[static_cast<std::size_t>(node)]) children.push_back(next);
+      for (const int next : forest.links[node]) {
+        if (next != walk.parent[node]) children.push_back(next);
       }
-      const auto reach = [&](int child) {
-        return walk.height[static_cast<std::size_t>(child)] + lengthOf(forest, node, child);
-      };
+      const auto reach = [&](int child) { return walk.height[child] + lengthOf(forest, node, child); };
       std::sort(children.begin(), children.end(),
                 [&](int a, int b) { return reach(a) != reach(b) ? reach(a) > reach(b) : a < b; });
       for (std::size_t k = 0; k < children.size(); ++k) {
@@ -158,8 +151,8 @@ double farthestOf(const SkeletonForest& forest, const Walk& walk, int fork, int 
     const int node = open.back();
     open.pop_back();
     farthest = std::max(farthest, lengthOf(forest, fork, node));
-    for (const int next : forest.links[static_cast<std::size_t>(node)]) {
-      if (next != walk.parent[static_cast<std::size_t>(node)]) open.push_back(next);
+    for (const int next : forest.links[node]) {
+      if (next != walk.parent[node]) open.push_back(next);
     }
   }
   return farthest;
@@ -176,9 +169,7 @@ SkeletonForest withoutSpurs(const SkeletonForest& forest, double shortest, doubl
     for (const int node : walk.order) {
       const auto n = static_cast<std::size_t>(node);
       if (!keep[n] && node != walk.order.front()) continue;
-      const auto reach = [&](int child) {
-        return walk.height[static_cast<std::size_t>(child)] + lengthOf(forest, node, child);
-      };
+      const auto reach = [&](int child) { return walk.height[child] + lengthOf(forest, node, child); };
       int longest = -1;
       for (const int child : forest.links[n]) {
         if (child != walk.parent[n] && (longest < 0 || reach(child) > reach(longest))) longest = child;
@@ -189,12 +180,12 @@ SkeletonForest withoutSpurs(const SkeletonForest& forest, double shortest, doubl
         // Far longer ways need no second look.
         const bool reaches =
             reach(child) >= 4 * wanted || (reach(child) >= wanted && farthestOf(forest, walk, node, child) >= wanted);
-        if (!reaches) keep[static_cast<std::size_t>(child)] = false;
+        if (!reaches) keep[child] = false;
       }
     }
     for (const int node : walk.order) {  // What hangs on a spur goes with it.
-      const int parent = walk.parent[static_cast<std::size_t>(node)];
-      if (parent >= 0 && !keep[static_cast<std::size_t>(parent)]) keep[static_cast<std::size_t>(node)] = false;
+      const int parent = walk.parent[node];
+      if (parent >= 0 && !keep[parent]) keep[node] = false;
     }
   });
   return onlyKept(forest, keep);
@@ -207,11 +198,11 @@ SkeletonForest withoutSmallTrees(const SkeletonForest& forest, double shortest, 
     walkFrom(forest, first, walk);
     double length = 0;
     for (std::size_t i = 1; i < walk.order.size(); ++i) {
-      length += lengthOf(forest, walk.order[i], walk.parent[static_cast<std::size_t>(walk.order[i])]);
+      length += lengthOf(forest, walk.order[i], walk.parent[walk.order[i]]);
     }
     if (length > 0 && length >= shortest) return;
     ++dropped;
-    for (const int node : walk.order) keep[static_cast<std::size_t>(node)] = false;
+    for (const int node : walk.order) keep[node] = false;
   });
   return onlyKept(forest, keep);
 }
@@ -227,7 +218,7 @@ std::vector<SkeletonPath> pathsOf(const SkeletonForest& forest, const std::optio
   double nearest_distance = 1e300;
   for (std::size_t t = 0; root && t < trees.size(); ++t) {
     for (const int node : trees[t]) {
-      const double distance = (forest.nodes[static_cast<std::size_t>(node)] - *root).norm();
+      const double distance = (forest.nodes[node] - *root).norm();
       if (distance < nearest_distance) {
         nearest = t;
         nearest_distance = distance;

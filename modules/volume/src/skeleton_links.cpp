@@ -14,9 +14,9 @@ class Groups {
  public:
   explicit Groups(std::size_t count) : leader_(count) { std::iota(leader_.begin(), leader_.end(), 0); }
   int of(int i) {
-    while (leader_[static_cast<std::size_t>(i)] != i) {
-      int& leader = leader_[static_cast<std::size_t>(i)];
-      leader = leader_[static_cast<std::size_t>(leader)];
+    while (leader_[i] != i) {
+      int& leader = leader_[i];
+      leader = leader_[leader];
       i = leader;
     }
     return i;
@@ -24,7 +24,7 @@ class Groups {
   bool join(int a, int b) {
     a = of(a), b = of(b);
     if (a == b) return false;
-    leader_[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+    leader_[std::max(a, b)] = std::min(a, b);
     return true;
   }
 
@@ -44,28 +44,21 @@ SkeletonForest linked(const VoxelMask& skeleton, const NearestPoint& wall) {
   const VoxelGrid& grid = skeleton.grid;
   std::unordered_map<std::size_t, int> node_at;
   std::vector<Link> links;
-  std::size_t at = 0;
-  Eigen::Vector3i v;
-  for (v.z() = 0; v.z() < grid.size.z(); ++v.z()) {
-    for (v.y() = 0; v.y() < grid.size.y(); ++v.y()) {
-      for (v.x() = 0; v.x() < grid.size.x(); ++v.x(), ++at) {
-        if (!skeleton.inside[at]) continue;
-        const int node = static_cast<int>(forest.nodes.size());
-        node_at.emplace(at, node);
-        forest.nodes.push_back(v.cast<double>());
-        forest.depths.push_back(wall.distance(v.cast<double>()));
-        for (int k = 0; k < 13; ++k) {  // The neighbours before this one.
-          const Eigen::Vector3i u = v + Eigen::Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-          if (!grid.holds(u)) continue;
-          const auto other = node_at.find(grid.offset(u));
-          if (other == node_at.end()) continue;
-          links.push_back({other->second, node,
-                           std::min(forest.depths[static_cast<std::size_t>(other->second)], forest.depths.back()),
-                           (u - v).cast<double>().norm()});
-        }
-      }
+  forEachVoxel(grid.size, [&](const Eigen::Vector3i& v, std::size_t at) {
+    if (!skeleton.inside[at]) return;
+    const int node = static_cast<int>(forest.nodes.size());
+    node_at.emplace(at, node);
+    forest.nodes.push_back(v.cast<double>());
+    forest.depths.push_back(wall.distance(v.cast<double>()));
+    for (int k = 0; k < 13; ++k) {  // The neighbours before this one.
+      const Eigen::Vector3i u = v + Eigen::Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+      if (!grid.holds(u)) continue;
+      const auto other = node_at.find(grid.offset(u));
+      if (other == node_at.end()) continue;
+      links.push_back({other->second, node, std::min(forest.depths[other->second], forest.depths.back()),
+                       (u - v).cast<double>().norm()});
     }
-  }
+  });
   std::stable_sort(links.begin(), links.end(), [](const Link& a, const Link& b) {
     return a.depth != b.depth ? a.depth > b.depth : a.length < b.length;
   });
@@ -75,8 +68,8 @@ SkeletonForest linked(const VoxelMask& skeleton, const NearestPoint& wall) {
   for (const Link& link : links) {
     if (!groups.join(link.a, link.b)) continue;
     --trees;
-    forest.links[static_cast<std::size_t>(link.a)].push_back(link.b);
-    forest.links[static_cast<std::size_t>(link.b)].push_back(link.a);
+    forest.links[link.a].push_back(link.b);
+    forest.links[link.b].push_back(link.a);
   }
   // A skeleton has no cavities; three voxels that touch each other are no loop.
   forest.cycles_cut = static_cast<int>(trees - eulerNumber(skeleton));

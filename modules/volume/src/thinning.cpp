@@ -35,8 +35,8 @@ constexpr Tables makeTables() {
     if (manhattan(a, 13) <= 2) tables.eighteen |= 1U << a;
     for (int b = 0; b < 27; ++b) {
       if (b == 13) continue;
-      if (touch(a, b)) tables.touching[static_cast<std::size_t>(a)] |= 1U << b;
-      if (manhattan(a, b) == 1 && manhattan(b, 13) <= 2) tables.facing[static_cast<std::size_t>(a)] |= 1U << b;
+      if (touch(a, b)) tables.touching[a] |= 1U << b;
+      if (manhattan(a, b) == 1 && manhattan(b, 13) <= 2) tables.facing[a] |= 1U << b;
     }
   }
   return tables;
@@ -157,19 +157,13 @@ long long eulerNumber(const VoxelMask& mask) {
   std::vector<std::uint64_t> cells;
   const Eigen::Vector3i size = mask.grid.size;
   const auto nx = static_cast<std::uint64_t>(2 * size.x() + 1), ny = static_cast<std::uint64_t>(2 * size.y() + 1);
-  std::size_t voxel = 0;
-  for (int z = 0; z < size.z(); ++z) {
-    for (int y = 0; y < size.y(); ++y) {
-      for (int x = 0; x < size.x(); ++x) {
-        if (!mask.inside[voxel++]) continue;
-        for (int k = 0; k < 27; ++k) {
-          const auto cx = static_cast<std::uint64_t>(2 * x + k % 3), cy = static_cast<std::uint64_t>(2 * y + k / 3 % 3),
-                     cz = static_cast<std::uint64_t>(2 * z + k / 9);
-          cells.push_back(cx + nx * (cy + ny * cz));
-        }
-      }
+  forEachVoxel(size, [&](const Eigen::Vector3i& v, std::size_t at) {
+    if (!mask.inside[at]) return;
+    for (int k = 0; k < 27; ++k) {
+      const auto cx = static_cast<std::uint64_t>(2 * v.x() + k % 3), cz = static_cast<std::uint64_t>(2 * v.z() + k / 9);
+      cells.push_back(cx + nx * (static_cast<std::uint64_t>(2 * v.y() + k / 3 % 3) + ny * cz));
     }
-  }
+  });
   std::sort(cells.begin(), cells.end());
   cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
   long long sum = 0;

@@ -15,7 +15,7 @@ void blur(const VoxelGrid& grid, int axis, double std_voxels, std::vector<float>
   float sum = 0;
   for (int i = 0; i <= reach; ++i) {
     const auto weight = static_cast<float>(std::exp(-0.5 * i * i / (std_voxels * std_voxels)));
-    weights[static_cast<std::size_t>(i)] = weight;
+    weights[i] = weight;
     sum += i == 0 ? weight : 2 * weight;
   }
   for (float& weight : weights) weight /= sum;

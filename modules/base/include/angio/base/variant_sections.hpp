@@ -45,6 +45,13 @@ class VariantSections {
 
   Variant chosen() const { return chosenOf(std::make_index_sequence<std::variant_size_v<Variant>>()); }
 
+  /// The settings of the alternative with this name, chosen or not. Throws as choose() does.
+  Variant named(const std::string& name) const {
+    VariantSections sections = *this;
+    sections.choose(name);
+    return sections.chosen();
+  }
+
   /// One alternative's settings, chosen or not.
   template <typename Settings>
   Settings& of() {

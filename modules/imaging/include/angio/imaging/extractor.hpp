@@ -3,12 +3,10 @@
 
 #include <memory>
 #include <opencv2/core/mat.hpp>
-#include <string>
 #include <variant>
-#include <vector>
 
-#include "angio/imaging/otsu_settings.hpp"
-#include "angio/imaging/ridge_settings.hpp"
+#include "angio/base/variant_sections.hpp"
+#include "angio/imaging/extractor_settings.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
 namespace angio::imaging {
@@ -29,13 +27,10 @@ using ExtractorSettings = std::variant<OtsuSettings, RidgeSettings>;
 /// Throws InputError when a setting is out of its range.
 std::unique_ptr<CenterlineExtractor> makeExtractor(const ExtractorSettings& settings);
 
-/// Names of the methods ("otsu"), in the variant's order.
-std::vector<std::string> extractorNames();
-
-/// Default settings of a method by its name; throws InputError that lists the names there are.
-ExtractorSettings extractorSettingsNamed(const std::string& name);
-
-/// The name of the method that `settings` choose.
-std::string extractorName(const ExtractorSettings& settings);
+/// All methods' settings, a section each by its name, and under `extractor` the one that is chosen: for settings files.
+struct ExtractorSections : VariantSections<ExtractorSettings> {
+  explicit ExtractorSections(const ExtractorSettings& chosen = RidgeSettings{})
+      : VariantSections("extractor", chosen) {}
+};
 
 }  // namespace angio::imaging

@@ -41,6 +41,11 @@ class TextLines {
   int count_ = 0;
 };
 
+/// The extension of a path in small letters, with its dot; empty when there is none.
+std::string extensionOf(const std::string& path);
+
+bool endsWith(std::string_view text, std::string_view end);
+
 /// Without blanks on both sides.
 std::string_view trimmed(std::string_view text);
 

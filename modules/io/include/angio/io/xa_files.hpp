@@ -12,17 +12,23 @@
 
 namespace angio::io {
 
-/// What an X-ray run's file says of the whole run; no name or number of a patient is among it.
-struct XaHeader {
-  std::string modality, manufacturer, model;
-  std::string transfer_syntax;         ///< By name: "JPEG lossless, first-order prediction".
-  std::string photometric;             ///< As stored: MONOCHROME1 or MONOCHROME2.
-  std::string intensity_relationship;  ///< (0028,1040): LIN, LOG, DISP, ...; empty when it is not said.
+/// How the pixels of a DICOM file are stored.
+struct DicomPixels {
   int frames = 0;
-  int width_px = 0;  ///< As stored.
+  int width_px = 0;
   int height_px = 0;
-  int bits_allocated = 0, bits_stored = 0, high_bit = 0;
+  int bits_allocated = 0;  ///< 8 or 16.
+  int bits_stored = 0;
+  int high_bit = 0;
   bool is_signed = false;
+  std::string photometric;  ///< MONOCHROME1 (0 is white) or MONOCHROME2.
+};
+
+/// What an X-ray run's file says of the whole run; no name or number of a patient is among it.
+struct XaHeader : DicomPixels {
+  std::string modality, manufacturer, model;
+  std::string transfer_syntax;          ///< By name: "JPEG lossless, first-order prediction".
+  std::string intensity_relationship;   ///< (0028,1040): LIN, LOG, DISP, ...; empty when it is not said.
   std::string patient_position;         ///< (0018,5100): HFS, FFS, ...; empty when it is not said.
   std::string positioner_motion;        ///< (0018,1500): STATIC or DYNAMIC; empty when it is not said.
   std::string table_motion;             ///< (0018,1134): the same.
@@ -32,11 +38,8 @@ struct XaHeader {
 
 /// One item of the Mask Subtraction Sequence (0028,6100).
 struct XaMask {
-  std::string operation;                               ///< NONE, AVG_SUB, TID or REV_TID.
-  std::vector<int> mask_frames;                        ///< From 0.
-  std::vector<std::pair<int, int>> frame_ranges;       ///< First and last frame that it is for, from 0; all when empty.
-  int contrast_averaging = 1;                          ///< Frames that are averaged before a mask is taken off.
-  Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();  ///< (0028,6114), as stored: rows, columns.
+  std::string operation;         ///< NONE, AVG_SUB, TID or REV_TID.
+  std::vector<int> mask_frames;  ///< From 0.
 };
 
 /// The geometry of one frame as XaRun::image gives it: as seen from the source, u to the right, v down.

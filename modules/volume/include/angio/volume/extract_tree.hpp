@@ -4,11 +4,36 @@
 #include <functional>
 #include <optional>
 
+#include "angio/base/settings.hpp"
 #include "angio/vessel/vessel_tree.hpp"
-#include "angio/volume/centreline_settings.hpp"
 #include "angio/volume/volume.hpp"
 
 namespace angio::volume {
+
+/// Where centrelines end: at the wall, or in the middle of the last sphere that fits into the vessel, as VMTK's do.
+enum class CentrelineEnd { kWall, kSphere };
+
+/// From a vessel's shape to its centrelines. Lengths are in the patient [mm].
+struct CentrelineSettings {
+  static constexpr const char* kName = "centreline";
+
+  double voxel_mm = 0;       ///< Equal voxels that the shape is thinned on; 0 takes the volume's smallest spacing [mm].
+  double min_branch_mm = 3;  ///< Side branches that reach less out of their parent are spurs [mm].
+  static constexpr double min_branch_radii = 0.5;  ///< The same, in radii of the parent.
+  double smallest_tree_mm = 10;                    ///< Trees of less length in all are dropped [mm].
+  static constexpr double smoothing_mm = 5;        ///< Shorter waves of a centreline are noise [mm].
+  static constexpr double smoothing_radii = 4;     ///< The same, in radii of the vessel; the larger counts.
+  CentrelineEnd ends = CentrelineEnd::kWall;
+  double spacing_mm = 1;  ///< Distance between points of the result [mm].
+
+  void visit(SettingsVisitor& v) {
+    v.number("voxel_mm", voxel_mm, 0, 20);
+    v.number("min_branch_mm", min_branch_mm, 0, 1000);
+    v.number("smallest_tree_mm", smallest_tree_mm, 0, 1e4);
+    v.choice("ends", ends, {"wall", "sphere"});
+    v.number("spacing_mm", spacing_mm, 0.05, 100);
+  }
+};
 
 /// Centrelines of vessels, and what had to be done to get a tree.
 struct ExtractedTree {

@@ -43,6 +43,18 @@ struct VoxelGrid {
   }
 };
 
+/// visit(voxel, its place in memory) for all voxels of a grid of this size, in the order of memory.
+template <typename Visit>
+void forEachVoxel(const Eigen::Vector3i& size, const Visit& visit) {
+  std::size_t at = 0;
+  Eigen::Vector3i v;
+  for (v.z() = 0; v.z() < size.z(); ++v.z()) {
+    for (v.y() = 0; v.y() < size.y(); ++v.y()) {
+      for (v.x() = 0; v.x() < size.x(); ++v.x(), ++at) visit(v, at);
+    }
+  }
+}
+
 /// A number per voxel.
 struct Volume {
   VoxelGrid grid;

@@ -1,15 +1,48 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <angio_lcm/carm_command_t.hpp>
+#include <angio_lcm/carm_state_t.hpp>
 #include <angio_lcm/catheter_command_t.hpp>
+#include <angio_lcm/catheter_input_t.hpp>
 #include <angio_lcm/catheter_state_t.hpp>
 #include <angio_lcm/catheter_tip_t.hpp>
+#include <angio_lcm/servo_input_t.hpp>
 
+#include "angio/types/carm_motion.hpp"
 #include "angio/types/catheter.hpp"
+#include "angio/types/loop_input.hpp"
 #include "description.hpp"
-#include "message_text.hpp"
+#include "messages/requests.hpp"
 
 namespace angio::messaging::wire {
+
+template <>
+struct Description<CArmState> : PlainDescription<CArmState, angio_lcm::carm_state_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("sequence", m.sequence);
+    v.array("joint_position", m.joints);
+    v.array("joint_velocity", m.velocity);
+  };
+
+  static std::string line(const CArmState& m) { return jointsText(m.joints); }
+};
+
+template <>
+struct Description<CArmCommand> : PlainDescription<CArmCommand, angio_lcm::carm_command_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("sequence", m.sequence);
+    v.number("frame_sequence", m.frame_sequence);
+    v.number("valid_for_us", m.valid_for_us, kNotNegative);
+    v.array("joint_velocity", m.velocity);
+  };
+
+  static std::string line(const CArmCommand& m) {
+    return answerText(m.frame_sequence, m.valid_for_us) + jointsText(m.velocity, "/s");
+  }
+};
 
 template <>
 struct Description<CatheterState> : PlainDescription<CatheterState, angio_lcm::catheter_state_t> {
@@ -73,6 +106,41 @@ struct Description<CatheterTip> : PlainDescription<CatheterTip, angio_lcm::cathe
     return formatted("frame %lld %s, branch %d at %.1f mm (%.0f %%), tip %.1f %.1f %.1f mm", count(m.frame_sequence),
                      m.status == CatheterTipStatus::kLocated ? "located" : "ambiguous", m.branch, 1e3 * m.arc_length_m,
                      100 * m.probability, 1e3 * m.tip_model.x(), 1e3 * m.tip_model.y(), 1e3 * m.tip_model.z());
+  }
+};
+
+template <>
+struct Description<ServoInput> : PlainDescription<ServoInput, angio_lcm::servo_input_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("frame_sequence", m.frame_sequence);
+    v.number("state_utime", m.state.time_us);
+    v.number("state_sequence", m.state.sequence);
+    v.array("joint_position", m.state.joints);
+    v.array("joint_velocity", m.state.velocity);
+    v.number("verdict", m.verdict, oneOf(kServoVerdictCount));
+    v.message("view", m.view);
+  };
+
+  static std::string line(const ServoInput& m) {
+    return verdictText(m.frame_sequence, m.verdict) + jointsText(m.state.joints);
+  }
+};
+
+template <>
+struct Description<CatheterInput> : PlainDescription<CatheterInput, angio_lcm::catheter_input_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("frame_sequence", m.frame_sequence);
+    v.number("verdict", m.verdict, oneOf(kServoVerdictCount));
+    v.message("arm", m.arm);
+    v.message("drive", m.drive);
+    v.number("view_reached_utime", m.view_reached_us);
+  };
+
+  static std::string line(const CatheterInput& m) {
+    return verdictText(m.frame_sequence, m.verdict) + jointsText(m.arm.joints) + ", " +
+           Description<CatheterState>::line(m.drive);
   }
 };
 

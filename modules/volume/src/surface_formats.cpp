@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "vtk_surface.hpp"
+#include "surface_formats.hpp"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -10,12 +11,45 @@
 #include "angio/base/errors.hpp"
 #include "angio/io/whole_file.hpp"
 
+namespace angio::volume {
+namespace {
+
+constexpr std::size_t kMaxStl = std::size_t{256} << 20;
+constexpr std::size_t kHeader = 84, kTriangle = 50;  // Bytes.
+
+using Corner = std::array<float, 3>;
+using Triangles = std::vector<std::array<Corner, 3>>;
+
+// The number behind a word of the text, which moves on.
+float nextNumber(const std::string& path, std::string_view& text) {
+  constexpr const char* kBlanks = " \t\r\n";
+  text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
+  const std::string_view word = text.substr(0, text.find_first_of(kBlanks));
+  float value = 0;
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error != std::errc() || end != word.data() + word.size()) {
+    throw InputError(path, "vertex", std::string(word.substr(0, 40)), "must be a number");
+  }
+  text.remove_prefix(word.size());
+  return value;
+}
+
+void readText(const std::string& path, std::string_view text, Triangles& triangles) {
+  std::array<Corner, 3> triangle;
+  std::size_t corners = 0;
+  for (auto at = text.find("vertex"); at != std::string_view::npos; at = text.find("vertex")) {
+    text.remove_prefix(at + 6);
+    for (float& x : triangle[corners % 3]) x = nextNumber(path, text);
+    if (++corners % 3 == 0) triangles.push_back(triangle);
+  }
+  if (corners % 3 != 0 || text.find("endsolid") == std::string_view::npos) {
+    throw InputError(path, "triangles", std::to_string(corners / 3), "the file ends within them");
+  }
+}
+
 // VTK User's Guide, "Simple Legacy Formats": four lines of header, then keywords, each with its numbers. Version 5
 // keeps cells as two arrays, offsets and connectivity, where the earlier ones put the number of corners before each
 // cell.
-
-namespace angio::volume {
-namespace {
 
 constexpr std::size_t kMaxVtk = std::size_t{256} << 20;
 constexpr double kMaxNumbers = 1 << 24;
@@ -169,6 +203,39 @@ std::vector<std::vector<int>> readCells(LegacyText& text, std::size_t points) {
 }
 
 }  // namespace
+
+Surface readStlSurface(const std::string& path) {
+  const std::string content = readWholeFile(path, kMaxStl);
+  Triangles triangles;
+  std::uint32_t count = 0;
+  if (content.size() >= kHeader)
+    std::memcpy(&count, &content[kHeader - 4], 4);  // All machines we know are little endian.
+  if (content.size() >= kHeader && content.size() == kHeader + kTriangle * count) {
+    for (std::size_t i = 0; i < count; ++i) {
+      std::array<Corner, 3> triangle;  // Behind its normal.
+      std::memcpy(&triangle, &content[kHeader + kTriangle * i + 12], sizeof triangle);
+      for (const Corner& corner : triangle) {
+        for (const float x : corner) requireFinite(path, "triangle " + std::to_string(i), x);
+      }
+      triangles.push_back(triangle);
+    }
+  } else if (content.compare(0, 5, "solid") == 0) {
+    readText(path, content, triangles);
+  } else {
+    throw InputError(path, "bytes", std::to_string(content.size()),
+                     "must be those of the triangles that the header counts");
+  }
+  Surface surface;
+  surface.points_mm.resize(3, 3 * triangles.size());
+  for (std::size_t i = 0, point = 0; i < triangles.size(); ++i) {
+    auto& corners = surface.polygons.emplace_back();
+    for (const Corner& p : triangles[i]) {
+      surface.points_mm.col(point) << p[0], p[1], p[2];
+      corners.push_back(static_cast<int>(point++));
+    }
+  }
+  return surface;
+}
 
 Surface readVtkSurface(const std::string& path) {
   const std::string content = readWholeFile(path, kMaxVtk);
