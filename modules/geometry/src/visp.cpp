@@ -1,23 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/geometry/visp.hpp"
 
+#include <visp3/core/vpEigenConversion.h>
+
 #include "angio/base/errors.hpp"
 
 namespace angio::geometry {
 
 vpHomogeneousMatrix toVisp(const Pose& T) {
   vpHomogeneousMatrix M;
-  for (unsigned r = 0; r < 3; ++r) {
-    for (unsigned c = 0; c < 4; ++c) M[r][c] = T.matrix()(r, c);
-  }
+  vp::eigen2visp(T.matrix(), M);
   return M;
 }
 
 Pose fromVisp(const vpHomogeneousMatrix& M) {
   Pose T = Pose::Identity();
-  for (unsigned r = 0; r < 3; ++r) {
-    for (unsigned c = 0; c < 4; ++c) T.matrix()(r, c) = M[r][c];
-  }
+  T.affine() = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(M.data).topRows<3>();
   const double defect = rotationDefect(T.linear());
   if (!(defect < 1e-4))
     throw InputError("vpHomogeneousMatrix", "R^T R - I", formatValue(defect), "must be a rotation matrix");
@@ -27,10 +25,8 @@ Pose fromVisp(const vpHomogeneousMatrix& M) {
 }
 
 vpMatrix toVisp(const Eigen::Ref<const Eigen::MatrixXd>& M) {
-  vpMatrix result(static_cast<unsigned>(M.rows()), static_cast<unsigned>(M.cols()));
-  for (Eigen::Index r = 0; r < M.rows(); ++r) {
-    for (Eigen::Index c = 0; c < M.cols(); ++c) result[static_cast<unsigned>(r)][static_cast<unsigned>(c)] = M(r, c);
-  }
+  vpMatrix result;
+  vp::eigen2visp(M, result);
   return result;
 }
 

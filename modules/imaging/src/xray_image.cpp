@@ -40,10 +40,7 @@ cv::Mat fromVisp(const vpImage<unsigned char>& image) {
 }
 
 vpImage<unsigned char> toVisp(const cv::Mat& image) {
-  if (image.empty()) throw InputError("image", "size", "0 x 0", "must have pixels");
-  if (image.type() != CV_8UC1 && image.type() != CV_16UC1) {
-    throw InputError("image", "type", cv::typeToString(image.type()), "must be CV_8UC1 or CV_16UC1");
-  }
+  requireXray(image);
   vpImage<unsigned char> result(static_cast<unsigned>(image.rows), static_cast<unsigned>(image.cols));
   cv::Mat view(image.rows, image.cols, CV_8UC1, result.bitmap);
   if (image.type() == CV_8UC1) {

@@ -268,10 +268,7 @@ DicomPixelLayout readPixelLayout(const DicomFile& file) {
 }
 
 cv::Mat decodeDicomFrame(const DicomFile& file, const DicomPixelLayout& layout, int frame) {
-  if (frame < 0 || frame >= layout.frames) {
-    throw InputError(file.path(), "frame", std::to_string(frame),
-                     "must lie between 0 and " + std::to_string(layout.frames - 1));
-  }
+  requireBetween(file.path(), "frame", frame, 0, layout.frames - 1);
   std::vector<Uint8> buffer(frameBytes(layout) + frameBytes(layout) % 2);  // DCMTK wants an even number.
   const std::string problem = decode(file, layout, static_cast<unsigned>(frame), buffer);
   if (!problem.empty()) {

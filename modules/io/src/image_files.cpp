@@ -70,9 +70,7 @@ int XrayFrames::count() const { return source_->count; }
 
 cv::Mat XrayFrames::frame(int number) const {
   const Source& s = *source_;
-  if (number < 0 || number >= s.count) {
-    throw InputError(s.path, "frame", std::to_string(number), "must lie between 0 and " + std::to_string(s.count - 1));
-  }
+  requireBetween(s.path, "frame", number, 0, s.count - 1);
   switch (s.kind) {
     case Kind::kPng:
       return asGrey(s.path, decodePng(s.path, s.content));

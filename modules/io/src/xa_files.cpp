@@ -103,10 +103,7 @@ XaRun& XaRun::operator=(XaRun&&) noexcept = default;
 XaRun::~XaRun() = default;
 
 XaGeometry XaRun::geometry(int frame) const {
-  if (frame < 0 || frame >= frames()) {
-    throw InputError(contents_->file.path(), "frame", std::to_string(frame),
-                     "must lie between 0 and " + std::to_string(frames() - 1));
-  }
+  requireBetween(contents_->file.path(), "frame", frame, 0, frames() - 1);
   return readXaGeometry(contents_->file, contents_->layout, contents_->increments, frame);
 }
 

@@ -20,18 +20,19 @@ constexpr std::size_t kHeader = 84, kTriangle = 50;  // Bytes.
 using Corner = std::array<float, 3>;
 using Triangles = std::vector<std::array<Corner, 3>>;
 
-// The number behind a word of the text, which moves on.
-float nextNumber(const std::string& path, std::string_view& text) {
+// The next word of a text, which moves on behind it; empty at the end.
+std::string_view nextWord(std::string_view& text) {
   constexpr const char* kBlanks = " \t\r\n";
   text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
   const std::string_view word = text.substr(0, text.find_first_of(kBlanks));
-  float value = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error != std::errc() || end != word.data() + word.size()) {
-    throw InputError(path, "vertex", std::string(word.substr(0, 40)), "must be a number");
-  }
   text.remove_prefix(word.size());
-  return value;
+  return word;
+}
+
+template <typename Number>
+bool parsesWhole(std::string_view word, Number& value) {
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  return error == std::errc() && end == word.data() + word.size();
 }
 
 void readText(const std::string& path, std::string_view text, Triangles& triangles) {
@@ -39,7 +40,10 @@ void readText(const std::string& path, std::string_view text, Triangles& triangl
   std::size_t corners = 0;
   for (auto at = text.find("vertex"); at != std::string_view::npos; at = text.find("vertex")) {
     text.remove_prefix(at + 6);
-    for (float& x : triangle[corners % 3]) x = nextNumber(path, text);
+    for (float& x : triangle[corners % 3]) {
+      const std::string_view word = nextWord(text);
+      if (!parsesWhole(word, x)) throw InputError(path, "vertex", std::string(word.substr(0, 40)), "must be a number");
+    }
     if (++corners % 3 == 0) triangles.push_back(triangle);
   }
   if (corners % 3 != 0 || text.find("endsolid") == std::string_view::npos) {
@@ -108,20 +112,12 @@ class LegacyText {
     return text;
   }
 
-  // Empty at the end.
-  std::string_view word() {
-    constexpr const char* kBlanks = " \t\r\n";
-    rest_.remove_prefix(std::min(rest_.find_first_not_of(kBlanks), rest_.size()));
-    const std::string_view text = rest_.substr(0, rest_.find_first_of(kBlanks));
-    rest_.remove_prefix(text.size());
-    return text;
-  }
+  std::string_view word() { return nextWord(rest_); }
 
   double number(const std::string& field, double low, double high) {
     const std::string_view text = word();
     double value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size()) refuse(field, text, "must be a number");
+    if (!parsesWhole(text, value)) refuse(field, text, "must be a number");
     if (!(value >= low && value <= high)) {
       refuse(field, text, "must lie between " + formatValue(low) + " and " + formatValue(high));
     }
