@@ -77,6 +77,7 @@ TEST_F(PoseSetFiles, HostileFilesAreNamed) {
                 "this one mirrors");
   expectRefusal(with(poses("{rotation: [1, 0, 0, 0, 1, 0, 0, 0, 2], translation_mm: [1, 2, 3]}", kSeen)),
                 "must be a rotation");
+  expectRefusal(with(poses("{translation_mm: [1, 2, 3]}", kSeen)), "T_base_hand.rotation: is missing");
   expectRefusal(with(poses("{rotation: [1, 0, 0, 0, 1, 0, 0, 0, .nan], translation_mm: [1, 2, 3]}", kSeen)),
                 "rotation");
   expectRefusal(with(poses("{rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1], translation_mm: [1, 2, 1e9]}", kSeen)),

@@ -13,32 +13,10 @@ namespace {
 using Json = nlohmann::ordered_json;
 using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
-Eigen::Matrix3d requireRotation(const std::string& place, const std::string& field, const Eigen::Matrix3d& M) {
+void requireRotation(const std::string& place, const std::string& field, const Eigen::Matrix3d& M) {
   const double defect = rotationDefect(M);
   if (!(defect < 1e-3))
     throw InputError(place, field, "R^T R - I up to " + formatValue(defect), "must be a rotation matrix");
-  return nearestRotation(M);
-}
-
-Eigen::Matrix3d readRotation(const YamlField& field, const std::string& name) {
-  return requireRotation(field.place(), name, Eigen::Map<const RowMajor3d>(field.numbers(9).data()));
-}
-
-Pose readPatient(const YamlField& field) {
-  YamlMap map(field.path, *field.node, field.key);
-  Pose T = Pose::Identity();
-  // Named in full: a file that lacks one of them shall say which.
-  const auto rotation = map.find("rotation"), translation = map.find("translation_mm");
-  if (!rotation) throw InputError(field.place(), "T_dsa_cb.rotation", "", "is missing");
-  if (!translation) throw InputError(field.place(), "T_dsa_cb.translation_mm", "", "is missing");
-  T.linear() = readRotation(*rotation, "T_dsa_cb.rotation");
-  const auto mm = translation->numbers(3);
-  for (std::size_t i = 0; i < 3; ++i) {
-    requireBetween(translation->place(), "T_dsa_cb.translation_mm", mm[i], -1e5, 1e5);
-    T.translation()[static_cast<Eigen::Index>(i)] = 1e-3 * mm[i];
-  }
-  map.refuseOthers();
-  return T;
 }
 
 double readLength(YamlMap& map, const std::string& key, double low, double high) {
@@ -159,8 +137,8 @@ CArmFile readCArmFile(const std::string& path) {
   carm.image_width_px = readSize(size, sizes[0]);
   carm.image_height_px = readSize(size, sizes[1]);
   if (const auto field = map.find("l_arm_deg")) carm.l_arm_rad = degToRad(field->number());
-  if (const auto field = map.find("T_dsa_cb")) file.T_dsa_cb = readPatient(*field);
-  if (const auto field = map.find("R_lps_model")) file.R_lps_model = readRotation(*field, "R_lps_model");
+  if (const auto field = map.find("T_dsa_cb")) file.T_dsa_cb = readPoseField(path, *field, nullptr);
+  if (const auto field = map.find("R_lps_model")) file.R_lps_model = readRotation(*field);
   if (const auto field = map.find("machine")) file.machine = field->text();
   if (const auto field = map.find("deviations")) readCArmDeviations(*field, carm.deviations);
   if (const auto field = map.find("calibration")) file.records = readRecords(*field);

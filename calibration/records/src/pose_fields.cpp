@@ -14,6 +14,13 @@ using RowMajor6d = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 constexpr double kFarthest_mm = 100e3;
 constexpr double kRounded = 1e-6;  // What six digits leave.
 
+Matrix6d readCovariance(const YamlField& field) {
+  const std::vector<double> entries = field.numbers(36);
+  return requireCovariance(field, Eigen::Map<const RowMajor6d>(entries.data()), Definiteness::kPositive);
+}
+
+}  // namespace
+
 Eigen::Matrix3d readRotation(const YamlField& field) {
   const std::vector<double> entries = field.numbers(9);
   const Eigen::Matrix3d R = Eigen::Map<const RowMajor3d>(entries.data());
@@ -27,18 +34,16 @@ Eigen::Matrix3d readRotation(const YamlField& field) {
   return nearestRotation(R);
 }
 
-Matrix6d readCovariance(const YamlField& field) {
-  const std::vector<double> entries = field.numbers(36);
-  return requireCovariance(field, Eigen::Map<const RowMajor6d>(entries.data()), Definiteness::kPositive);
-}
-
-}  // namespace
-
 Pose readPoseField(const std::string& path, const YamlField& field, std::optional<Matrix6d>* covariance) {
   YamlMap map(path, *field.node, field.key);
   Pose T = Pose::Identity();
-  T.linear() = readRotation(map.need("rotation"));
-  const YamlField translation = map.need("translation_mm");
+  const auto need = [&](const std::string& key) {
+    const std::string full = field.key + "." + key;
+    if (const auto found = map.find(key)) return YamlField{path, full, found->node};
+    throw InputError(field.place(), full, "", "is missing");
+  };
+  T.linear() = readRotation(need("rotation"));
+  const YamlField translation = need("translation_mm");
   const std::vector<double> t_mm = translation.numbers(3);
   for (std::size_t k = 0; k < 3; ++k) {
     const YamlField item = translation.item(k);

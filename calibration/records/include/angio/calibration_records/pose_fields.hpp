@@ -11,8 +11,12 @@
 
 namespace angio::calibration_records {
 
+/// Reads nine numbers, row by row, as a rotation. Throws InputError that names file, line, key and rule.
+Eigen::Matrix3d readRotation(const YamlField& field);
+
 /// Reads {rotation, translation_mm} [m], and covariance where the caller takes one. Throws InputError that names file,
-/// line, key, value and rule: no rotation, a mirrored one, a translation beyond 100 m, a covariance that is none.
+/// line, key in full ("T_dsa_cb.rotation"), value and rule: no rotation, a mirrored one, a translation beyond 100 m, a
+/// covariance that is none.
 Pose readPoseField(const std::string& path, const YamlField& field, std::optional<Matrix6d>* covariance);
 
 /// Reads primary_deg, secondary_deg and, when it is there, table_mm. Throws InputError that names file, line, key,
