@@ -59,7 +59,7 @@ Centerline2d seenIn(const View& view, CenterlineExtractor& extractor, CaseOutcom
 
 }  // namespace
 
-std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const CaseProgress& progress) {
+std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress) {
   Registrations registrations(settings.registration);
   const auto extractor = makeExtractor(settings.extractor);
   std::vector<CaseOutcome> outcomes;

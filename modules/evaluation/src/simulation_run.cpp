@@ -49,37 +49,54 @@ struct Range {
 
 const std::vector<Range>& ranges() {
   using S = SimulationSettings;
-  static std::vector<Range> ranges;
-  if (!ranges.empty()) return ranges;
-  const auto add = [](const char* name, const char* axis, const char* unit, const std::vector<double>& values,
-                      void (*set)(S&, double)) {
-    ranges.push_back({name, axis, unit, values, set});
-  };
-  add("visible-fraction", "share of the tree in the field of view", "", {1, 0.9, 0.75, 0.6, 0.5, 0.4, 0.3, 0.2},
-      [](S& s, double x) { s.visible_fraction = x; });
-  add("noise", "noise of each image coordinate [px]", " px", {0, 0.5, 1, 1.5, 2, 3},
-      [](S& s, double x) { s.noise_px = x; });
-  add("spurious", "spurious curves per view", "", {0, 2, 5, 10, 20, 40},
-      [](S& s, double x) { s.spurious = static_cast<int>(x); });
-  add("missing", "share of the tree's branches not in the image", "", {0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
-      [](S& s, double x) { s.missing = x; });
-  add("start", "spread of the starts per axis [mm, with the rotations of the table]", " mm", {1, 3, 5, 8, 10, 15},
-      [](S& s, double x) {
-        // The paper's pairs, and one beyond.
-        s.rotation_std_deg = x <= 1 ? 0.5 : x <= 3 ? 1 : x <= 5 ? 2 : x <= 8 ? 3 : x <= 10 ? 5 : 8;
-        s.translation_std_mm = x;
-      });
-  add("focal", "error of the focal length [%]", " %", {0, 0.1, 0.25, 0.5, 1, 2},
-      [](S& s, double x) { s.focal_error_percent = x; });
-  add("calibration", "error between the two views [deg, and twice as many mm]", " deg", {0, 0.1, 0.25, 0.5, 1, 2},
-      [](S& s, double x) {
-        s.views = 2;
-        s.calibration_rotation_error_deg = x;
-        s.calibration_translation_error_mm = 2 * x;
-      });
-  add("deformation", "rms deformation of the tree [mm]", " mm", {0, 0.25, 0.5, 1, 2, 4, 8},
-      [](S& s, double x) { s.deformation_rms_mm = x; });
-  return ranges;
+  static const std::vector<Range> kRanges = {
+      {"visible-fraction",
+       "share of the tree in the field of view",
+       "",
+       {1, 0.9, 0.75, 0.6, 0.5, 0.4, 0.3, 0.2},
+       [](S& s, double x) { s.visible_fraction = x; }},
+      {"noise",
+       "noise of each image coordinate [px]",
+       " px",
+       {0, 0.5, 1, 1.5, 2, 3},
+       [](S& s, double x) { s.noise_px = x; }},
+      {"spurious",
+       "spurious curves per view",
+       "",
+       {0, 2, 5, 10, 20, 40},
+       [](S& s, double x) { s.spurious = static_cast<int>(x); }},
+      {"missing",
+       "share of the tree's branches not in the image",
+       "",
+       {0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
+       [](S& s, double x) { s.missing = x; }},
+      {"start",
+       "spread of the starts per axis [mm, with the rotations of the table]",
+       " mm",
+       {1, 3, 5, 8, 10, 15},
+       [](S& s, double x) {
+         // The paper's pairs, and one beyond.
+         s.rotation_std_deg = x <= 1 ? 0.5 : x <= 3 ? 1 : x <= 5 ? 2 : x <= 8 ? 3 : x <= 10 ? 5 : 8;
+         s.translation_std_mm = x;
+       }},
+      {"focal",
+       "error of the focal length [%]",
+       " %",
+       {0, 0.1, 0.25, 0.5, 1, 2},
+       [](S& s, double x) { s.focal_error_percent = x; }},
+      {"calibration",
+       "error between the two views [deg, and twice as many mm]",
+       " deg",
+       {0, 0.1, 0.25, 0.5, 1, 2},
+       [](S& s, double x) {
+         s.views = 2;
+         s.calibration_rotation_error_deg = x;
+         s.calibration_translation_error_mm = 2 * x;
+       }},
+      {"deformation", "rms deformation of the tree [mm]", " mm", {0, 0.25, 0.5, 1, 2, 4, 8}, [](S& s, double x) {
+         s.deformation_rms_mm = x;
+       }}};
+  return kRanges;
 }
 
 Sweep sweepOver(const Range& range, const SimulationSettings& base) {
@@ -97,7 +114,7 @@ Sweep sweepOver(const Range& range, const SimulationSettings& base) {
 }  // namespace
 
 std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const SimulationSettings& settings,
-                                      const CaseProgress& progress) {
+                                      const Progress& progress) {
   checkSettings("simulation", settings);
   if (setup.trees.empty()) throw InputError("simulation", "trees", "0", "must be at least one");
   const std::size_t entrants = setup.entrants.size(), trees = setup.trees.size();
@@ -260,7 +277,7 @@ std::vector<Sweep> sweepsNamed(const std::string& name, const SimulationSettings
   return sweeps;
 }
 
-Json runSweep(const SimulationSetup& setup, const Sweep& sweep, const CaseProgress& progress) {
+Json runSweep(const SimulationSetup& setup, const Sweep& sweep, const Progress& progress) {
   Json swept = {{"name", sweep.name}, {"quantity", sweep.axis}, {"points", Json::array()}};
   const auto spacing_m = setup.camera.value_or(simulatedCamera()).parameters().pixel_spacing_m;
   int done = 0;

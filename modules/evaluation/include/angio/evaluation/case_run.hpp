@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/pose_error.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"
@@ -35,14 +36,10 @@ struct CaseOutcome {
       error;  ///< Of the pose it started from and of the result, when the truth is known; in the first view.
 };
 
-/// Called after each case with how many are done.
-using CaseProgress = std::function<void(int done)>;
-
 /// Runs every case with one method. The cases of a sequence, at 15 a second, are tracked as a loop tracks its frames:
 /// by GatedPerception with its own defaults, the method searching and tracking; an initial pose stands for what joints
 /// and calibration say of that frame. Throws InputError for files that cannot be read.
-std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings,
-                                  const CaseProgress& progress = {});
+std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress = {});
 
 /// One method's figures over all cases, as people compare methods.
 nlohmann::ordered_json summaryOf(const std::vector<CaseOutcome>& outcomes);

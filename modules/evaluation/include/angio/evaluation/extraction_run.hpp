@@ -59,9 +59,8 @@ class ExtractionScore {
   /// lines are known: required points without a line of their own, and found ones that lie nearest to such a truth and
   /// within its vessel; and how much of what must be found has a line of its own ("own_line_part"). Of the extracted
   /// points within the tolerance the medians of the distance to the true line and of the angle between the two, of all
-  /// of them the median distance, and the root mean square of error over the uncertainty that a point claims, 1 when it
-  /// is right
-  /// ("error_over_sigma", where one claimed any).
+  /// of them the median distance, and the root mean square of error over the uncertainty that a point claims
+  /// ("error_over_sigma", where one claimed any): 1 when it is right.
   Json asJson() const;
 
  private:

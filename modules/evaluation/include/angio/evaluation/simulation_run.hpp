@@ -38,7 +38,7 @@ struct EntrantRun {
 ///
 /// Throws InputError for settings out of their range.
 std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const SimulationSettings& settings,
-                                      const CaseProgress& progress = {});
+                                      const Progress& progress = {});
 
 /// Success over the distance at which the trials start.
 struct CaptureBins {
@@ -100,7 +100,7 @@ std::vector<std::string> sweepNames();
 std::vector<Sweep> sweepsNamed(const std::string& name, const SimulationSettings& base);
 
 /// Runs a sweep: {"name": ..., "quantity": ..., "points": [{"value": x, "label": ..., "summaries": by method}]}.
-Json runSweep(const SimulationSetup& setup, const Sweep& sweep, const CaseProgress& progress = {});
+Json runSweep(const SimulationSetup& setup, const Sweep& sweep, const Progress& progress = {});
 
 /// For people, Markdown.
 std::string sweepTable(const Json& swept);
