@@ -10,7 +10,7 @@
 #include "angio/base/stopwatch.hpp"
 #include "angio/calibration/geometry_calibration.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/statistics.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "calibrate.hpp"
 
 namespace angio::apps {
@@ -88,27 +88,23 @@ struct Figure {
 
 template <typename Trial>
 std::string studied(int trials, const Trial& trial) {
+  constexpr int kThreads = 1;
   ProgressBar bar("calibrating", trials);
-  std::vector<Figure> rows;
-  std::vector<std::vector<double>> values;
-  for (int i = 0; i < trials; ++i) {
-    const std::vector<Figure> figures = trial(i);
-    if (i == 0) rows = figures;
-    values.resize(rows.size());
-    for (std::size_t k = 0; k < rows.size(); ++k) values[k].push_back(figures[k].value);
-    bar.show(i + 1);
-  }
+  const auto records = recordsOf(
+      trials, kThreads, [](int i) { return "trial " + std::to_string(i); }, trial, [&](int done) { bar.show(done); });
   std::string table = formatted("%-44s %8s %8s %8s\n", "", "median", "95 %", "worst");
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    table += formatted("%-44s ", rows[k].name.c_str());
-    if (rows[k].freedom == 0) {
-      table += formatted("%8.4f %8.4f %8.4f\n", percentile(values[k], 0.5), percentile(values[k], 0.95),
-                         percentile(values[k], 1));
+  for (std::size_t k = 0; k < records.front().size(); ++k) {
+    const auto& [name, first, freedom] = records.front()[k];
+    std::vector<double> values;
+    for (const std::vector<Figure>& record : records) values.push_back(record[k].value);
+    table += formatted("%-44s ", name.c_str());
+    if (freedom == 0) {
+      table +=
+          formatted("%8.4f %8.4f %8.4f\n", percentile(values, 0.5), percentile(values, 0.95), percentile(values, 1));
     } else {
       // Where the mean lies in 95 of 100 studies when the covariance is right.
-      const double half = 1.96 * std::sqrt(2 * rows[k].freedom / trials);
-      table += formatted("%8.3f   (95 %% band %.3f to %.3f)\n", mean(values[k]), rows[k].freedom - half,
-                         rows[k].freedom + half);
+      const double half = 1.96 * std::sqrt(2 * freedom / trials);
+      table += formatted("%8.3f   (95 %% band %.3f to %.3f)\n", mean(values), freedom - half, freedom + half);
     }
   }
   return table;
