@@ -49,8 +49,8 @@ class TreeViterbi {
   /// Borrows the area and `px`: 2 x N, where its places are in the image. A catheter has the contrast `level`.
   void run(const WalkArea& area, const Eigen::Matrix2Xf& px, double px_per_m, const DeviceContrast& seen, double level);
 
-  /// The largest displacement along each axis of the image, in steps: as far as the widest vessel of an area has room,
-  /// and no less than 8.
+  /// The largest displacement along each axis of the image, in steps: the radius of the area's widest vessel and the
+  /// slack, between 8 steps and kMaxReach.
   int reach(const WalkArea& area) const;
 
   const Scores& score(int k) const { return scores_[k]; }

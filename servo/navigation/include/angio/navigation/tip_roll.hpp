@@ -16,15 +16,15 @@ namespace angio::navigation {
 /// calculate beforehand. Between drive and tip stands a dead band of nominal width (a play operator).
 class TipRoll {
  public:
-  /// @param deflection  How far tips usually deflection, as a slope. @param dead_band_rad  Of roll, from one side to
+  /// @param deflection  How far tips are usually deflected, as a slope. @param dead_band_rad  Of roll, from one side to
   /// the other.
   TipRoll(double deflection, double dead_band_rad);
 
   /// The drive has rolled to `roll_rad`, and the tip has slid by `slid_m` [m] in the vessel.
   void move(double roll_rad, double slid_m);
 
-  /// The drive has bent the tip, which is usually deflected by as much now as in TipRoll(). A tip that bends more may
-  /// be deflected further, as far as the lumen has room; one that bends less falls back in proportion.
+  /// The drive has bent the tip: `deflection` is now its usual size, as in TipRoll(), positive. A tip that bends more
+  /// may be deflected further, so that its deflection is less sure; one that bends less falls back in proportion.
   void bend(double deflection);
 
   /// What a frame shows of it. Values beyond three standard deviations pull no harder than those.
