@@ -3,13 +3,30 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 #include <vector>
 
-#include "angio/localisation/localiser_settings.hpp"
-#include "curve_samples.hpp"
+#include "angio/localisation/catheter_localiser.hpp"
+#include "angio/localisation/seen_catheter.hpp"
 #include "place_grid.hpp"
 
 namespace angio::localisation {
+
+/// A seen curve as it is compared with paths: points in equal steps, from the tip back.
+struct CurveSamples {
+  std::vector<Eigen::Vector2d> points_px;  ///< The tip first.
+  double step_px = 0;
+  double length_px = 0;
+  double std_px = 1;
+};
+
+constexpr int kMaxSamples = 120;  ///< Longer curves get wider steps.
+
+/// What is wrong with a curve, or nothing: fewer than two points, a coordinate or sigma that is not finite, no length.
+std::optional<std::string> defectOf(const SeenCatheter& seen);
+
+/// The curve from its last point back, or from its first on. The curve must be without defect.
+CurveSamples samplesOf(const SeenCatheter& seen, double step_px, bool tip_is_last);
 
 /// How an image lies against the projected tree, about the projected tip c: a point q of the image shows the tree's
 /// c + ((1 - k) I - roll J)(q - shift - c), with J a quarter turn. In order: shift x, y [px], k [1], roll [rad].

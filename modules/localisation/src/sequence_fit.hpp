@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "angio/localisation/sequence_localiser.hpp"
-#include "place_field.hpp"
+#include "place_grid.hpp"
 
 namespace angio::localisation {
 

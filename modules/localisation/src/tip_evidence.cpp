@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/localisation/tip_evidence.hpp"
+#include "angio/localisation/tip_belief.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -32,10 +32,6 @@ std::optional<double> evidenceAt(const ByArc& known, double arc_m) {
   const double weight = above->first > below->first ? (arc_m - below->first) / (above->first - below->first) : 0;
   return (1 - weight) * below->second + weight * above->second;
 }
-
-}  // namespace
-
-namespace {
 
 const PlaceEvidence* nearestTo(const TipEvidence& evidence, const TipPlace& place) {
   double nearest_m = kSamePlace_m;

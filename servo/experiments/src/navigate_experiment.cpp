@@ -6,7 +6,7 @@
 
 #include "angio/evaluation/experiment.hpp"
 #include "angio/experiments/observers.hpp"
-#include "angio/localisation/tip_on_ray.hpp"
+#include "angio/localisation/catheter_localiser.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
