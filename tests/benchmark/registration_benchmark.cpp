@@ -5,7 +5,7 @@
 #include "angio/registration/alignment_score.hpp"
 #include "angio/registration/registration.hpp"
 #include "field_step.hpp"
-#include "oriented_image.hpp"
+#include "oriented_frame.hpp"
 #include "oriented_model.hpp"
 #include "point_matcher.hpp"
 #include "scene.hpp"
@@ -49,7 +49,8 @@ void sweepNearest(benchmark::State& state) {
   for (auto _ : state) {
     double sum = 0;
     for (int i = 0; i < tree.size(); ++i) {
-      sum += matcher.nearest(*scene.camera.project(start * tree.points().col(i)), -1).distance2_px2;
+      PointMatcher::Nearby nearby;
+      sum += matcher.nearest(*scene.camera.project(start * tree.points().col(i)), nearby).distance2_px2;
     }
     benchmark::DoNotOptimize(sum);
   }

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "../registration/ceres_costs.hpp"
 #include "angio/evaluation/statistics.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/imaging/extractor.hpp"
@@ -19,7 +20,6 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
-#include "angio/registration/ceres_costs.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"

@@ -5,8 +5,8 @@
 
 #include <type_traits>
 
-#include "angio/registration/classification.hpp"
 #include "angio/registration/registration.hpp"
+#include "angio/registration/result.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"

@@ -7,7 +7,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 #include "field_search.hpp"
-#include "oriented_image.hpp"
+#include "oriented_frame.hpp"
 
 namespace angio::test {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "angio/registration/classification.hpp"
+#include "angio/registration/result.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 

@@ -8,11 +8,11 @@
 
 #include <memory>
 
-#include "angio/registration/ceres_costs.hpp"
 #include "angio/test/differences.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "biplane.hpp"
+#include "ceres_costs.hpp"
 #include "rigid_step.hpp"
 
 namespace angio::test {

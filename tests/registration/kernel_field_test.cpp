@@ -7,7 +7,7 @@
 
 #include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
-#include "oriented_image.hpp"
+#include "oriented_frame.hpp"
 
 namespace angio::test {
 namespace {

@@ -9,7 +9,7 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 #include "field_step.hpp"
-#include "oriented_image.hpp"
+#include "oriented_frame.hpp"
 #include "oriented_model.hpp"
 
 namespace angio::test {

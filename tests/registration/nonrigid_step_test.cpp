@@ -8,10 +8,10 @@
 
 #include <algorithm>
 
-#include "angio/registration/ceres_costs.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "biplane.hpp"
+#include "ceres_costs.hpp"
 
 namespace angio::test {
 namespace {

@@ -2,12 +2,12 @@
 // What oriented kernels promise beyond what every method must do.
 #include <gtest/gtest.h>
 
-#include "angio/registration/pose_covariance.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
+#include "fit_classification.hpp"
 
 namespace angio::test {
 namespace {

@@ -15,7 +15,7 @@ Eigen::Matrix2Xd randomPoints(test::Random& random, int n) {
   return points;
 }
 
-TEST(PointMatcher, FindsWhatTryingEveryPointFindsWhateverTheGuess) {
+TEST(PointMatcher, FindsWhatTryingEveryPointFindsWhateverTheLastSearchLeft) {
   test::Random random(1);
   Eigen::Matrix2Xd points = randomPoints(random, 400);
   points.rightCols(30) = points.leftCols(30);  // Bifurcations stand in a centreline several times.
@@ -23,8 +23,9 @@ TEST(PointMatcher, FindsWhatTryingEveryPointFindsWhateverTheGuess) {
   for (int q = 0; q < 300; ++q) {
     const Eigen::Vector2d query(random.uniform(-500, 1500), random.uniform(-500, 1500));
     const double expected = (points.colwise() - query).colwise().squaredNorm().minCoeff();
-    const int guess = q % 3 == 0 ? -1 : static_cast<int>(random.uniform(0, 400));
-    const auto match = matcher.nearest(query, guess);
+    PointMatcher::Nearby nearby;
+    if (q % 3 != 0) nearby.nearest = static_cast<int>(random.uniform(0, 400));
+    const auto match = matcher.nearest(query, nearby);
     EXPECT_NEAR(match.distance2_px2, expected, 1e-9 * expected);
     EXPECT_NEAR((points.col(match.index) - query).squaredNorm(), match.distance2_px2, 1e-9 * expected);
   }
@@ -32,7 +33,8 @@ TEST(PointMatcher, FindsWhatTryingEveryPointFindsWhateverTheGuess) {
 
 TEST(PointMatcher, StandsManyPointsInOnePlace) {
   const PointMatcher matcher(Eigen::Matrix2Xd::Constant(2, 500, 7.0));
-  EXPECT_NEAR(matcher.nearest({10, 11}, -1).distance2_px2, 25, 1e-12);
+  PointMatcher::Nearby nearby;
+  EXPECT_NEAR(matcher.nearest({10, 11}, nearby).distance2_px2, 25, 1e-12);
 }
 
 }  // namespace

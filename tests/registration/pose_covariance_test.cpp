@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/registration/pose_covariance.hpp"
 #include "angio/test/namespace.hpp"
+#include "fit_classification.hpp"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 
 #include "angio/base/stopwatch.hpp"
 #include "angio/perception/patient_observation.hpp"
-#include "angio/registration/classification.hpp"
+#include "angio/registration/result.hpp"
 #include "local_offset_estimator.hpp"
 
 namespace angio::perception {

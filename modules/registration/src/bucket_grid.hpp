@@ -11,7 +11,7 @@
 
 namespace angio::registration {
 
-/// Points of the plane [px] in a grid of cells: the nearest one, exactly, and all within a reach. Cheap to build, so
+/// Points of the plane [px] in a grid of cells: the nearest one, exactly. Cheap to build, so
 /// for points that are looked up about once each. Memory is kept: as many points in a box of the same shape cost no
 /// allocation.
 class BucketGrid {
@@ -70,16 +70,6 @@ class BucketGrid {
       if (found <= reach || coversAll(query, reach)) return {index_[static_cast<std::size_t>(best_slot)], best};
       reach = std::min(2 * reach, found);
     }
-  }
-
-  /// Calls `visit(index, distance2_px2)` for every point up to `reach_px` away, in no particular order.
-  template <typename Visit>
-  void within(const Eigen::Vector2d& query, double reach_px, const Visit& visit) const {
-    if (index_.empty()) return;
-    eachSlot(query, reach_px, [&](int slot) {
-      const double distance2 = distance2At(slot, query);
-      if (distance2 <= reach_px * reach_px) visit(index_[static_cast<std::size_t>(slot)], distance2);
-    });
   }
 
  private:

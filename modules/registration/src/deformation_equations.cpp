@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "deformation_equations.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 namespace angio::registration {
+namespace {
+
+constexpr Eigen::Index kPanel = 16;
+
+}  // namespace
 
 template <int D>
 void DeformationEquations<D>::clear(const DeformationNodes& nodes) {
@@ -126,5 +132,133 @@ template void addLinePull<2>(const DeformedView&, const OrientedModel&, const De
 template void addLinePull<3>(const DeformedView&, const OrientedModel&, const DeformationNodes&,
                              const Eigen::Matrix<double, 3, 3>&, const OrientedPoints&, const LineMatches&, double,
                              double, DeformationEquations<3>&);
+
+template <int D>
+std::optional<DeformationStep<D>> solveModes(const DeformationEquations<D>& data, const DeformationNodes& nodes,
+                                             const Eigen::MatrixXd& modes,
+                                             const Eigen::Ref<const Eigen::Matrix<double, D, Eigen::Dynamic>>& w,
+                                             const Matrix6d& H_pose, const Vector6d& g_pose) {
+  const Eigen::Index K = w.cols(), M = nodes.size();
+  const auto U = modes.leftCols(K);
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6 + D * K, 6 + D * K);  // Lower half.
+  Eigen::VectorXd g(6 + D * K);
+  H.topLeftCorner<6, 6>() = H_pose;
+  g.head<6>() = g_pose;
+  Eigen::MatrixXd column(M, 7);
+  Eigen::MatrixXd UT = U.transpose(), SUT(K, M);  // Nodes in columns: their modes stand together.
+  for (int a = 0; a < D; ++a) {
+    for (int b = 0; b <= a; ++b) {
+      for (Eigen::Index n = 0; n < M; ++n) SUT.col(n) = data.own[static_cast<std::size_t>(n)](a, b) * UT.col(n);
+      for (std::size_t e = 0; e < nodes.edges.size(); ++e) {
+        const double s = data.along[e](a, b);
+        if (s == 0) continue;
+        const auto [parent, child] = nodes.edges[e];
+        SUT.col(parent) += s * UT.col(child);
+        SUT.col(child) += s * UT.col(parent);
+      }
+      // Symmetric, so half of the product is enough: panel by panel, from the diagonal down.
+      for (Eigen::Index j = 0; j < K; j += kPanel) {
+        const Eigen::Index wide = std::min(kPanel, K - j);
+        H.block(6 + a * K + j, 6 + b * K + j, K - j, wide).noalias() =
+            UT.bottomRows(K - j) * SUT.middleRows(j, wide).transpose();
+      }
+      if (a == b) continue;
+      for (Eigen::Index j = 0; j < K; ++j) {
+        for (Eigen::Index i = 0; i < j; ++i) H(6 + a * K + i, 6 + b * K + j) = H(6 + a * K + j, 6 + b * K + i);
+      }
+    }
+    for (Eigen::Index n = 0; n < M; ++n) {
+      column.row(n).head<6>() = data.mixed[static_cast<std::size_t>(n)].col(a);
+      column(n, 6) = data.pull[static_cast<std::size_t>(n)][a];
+    }
+    const Eigen::MatrixXd projected = UT * column;
+    H.block(6 + a * K, 0, K, 6) = projected.leftCols(6);
+    g.segment(6 + a * K, K) = projected.col(6) + w.row(a).transpose();
+    H.block(6 + a * K, 6 + a * K, K, K).diagonal().array() += 1;
+  }
+  Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> cholesky(H);  // In place; reads the lower half.
+  if (cholesky.info() != Eigen::Success) return std::nullopt;
+  const Eigen::VectorXd x = -cholesky.solve(g);
+  if (!x.allFinite()) return std::nullopt;
+  DeformationStep<D> step;
+  step.dx = x.head<6>();
+  const Eigen::MatrixXd of_pose = Eigen::MatrixXd::Identity(g.size(), 6);
+  step.pose_covariance = cholesky.solve(of_pose).topRows<6>();
+  step.change.resize(D, K);
+  for (int a = 0; a < D; ++a) step.change.row(a) = x.segment(6 + a * K, K).transpose();
+  return step;
+}
+
+ChainPrior::ChainPrior(const DeformationNodes& nodes, double std_m, double length_m)
+    : own(static_cast<std::size_t>(nodes.size()), 0.0), along(nodes.edges.size(), 0.0) {
+  const double information = 1 / (std_m * std_m);
+  std::vector<char> has_parent(own.size(), 0);
+  for (std::size_t e = 0; e < nodes.edges.size(); ++e) {
+    const auto [parent, child] = nodes.edges[e];
+    const double s = (nodes.points.col(child) - nodes.points.col(parent)).norm();
+    const double rho = std::min(0.9999, std::exp(-s / length_m));
+    const double given_parent = information / (1 - rho * rho);  // child = rho parent + what is new.
+    own[static_cast<std::size_t>(child)] += given_parent;
+    own[static_cast<std::size_t>(parent)] += rho * rho * given_parent;
+    along[e] -= rho * given_parent;
+    has_parent[static_cast<std::size_t>(child)] = 1;
+  }
+  for (std::size_t n = 0; n < own.size(); ++n) own[n] += has_parent[n] ? 0 : information;
+}
+
+template <int D>
+DeformationStep<D> solveChain(const DeformationEquations<D>& data, const DeformationNodes& nodes,
+                              const ChainPrior& prior, const Eigen::Matrix<double, D, Eigen::Dynamic>& e) {
+  using Block = typename DeformationEquations<D>::Block;
+  using Column = typename DeformationEquations<D>::Column;
+  const Block I = Block::Identity();
+  std::vector<Block> diagonal = data.own, coupling = data.along;
+  std::vector<Column> right(diagonal.size());
+  for (std::size_t n = 0; n < diagonal.size(); ++n) {
+    diagonal[n] += prior.own[n] * I;
+    right[n] = -data.pull[n] - prior.own[n] * e.col(static_cast<Eigen::Index>(n));
+  }
+  for (std::size_t k = 0; k < coupling.size(); ++k) {
+    coupling[k] += prior.along[k] * I;
+    const auto [parent, child] = nodes.edges[k];
+    right[static_cast<std::size_t>(parent)] -= prior.along[k] * e.col(child);
+    right[static_cast<std::size_t>(child)] -= prior.along[k] * e.col(parent);
+  }
+  // A parent comes before its children: from the last edge to the first all that hangs below an edge is done.
+  std::vector<Block> factor(coupling.size());
+  for (std::size_t k = coupling.size(); k-- > 0;) {
+    const auto parent = static_cast<std::size_t>(nodes.edges[k].first),
+               child = static_cast<std::size_t>(nodes.edges[k].second);
+    factor[k] = coupling[k] * diagonal[child].inverse();
+    diagonal[parent] -= factor[k] * coupling[k].transpose();
+    right[parent] -= factor[k] * right[child];
+  }
+  DeformationStep<D> step;
+  step.change.resize(D, nodes.size());
+  std::vector<char> done(diagonal.size(), 0);
+  for (std::size_t k = 0; k < coupling.size(); ++k) {
+    const auto parent = static_cast<std::size_t>(nodes.edges[k].first),
+               child = static_cast<std::size_t>(nodes.edges[k].second);
+    if (!done[parent]) {  // A root.
+      step.change.col(nodes.edges[k].first) = diagonal[parent].inverse() * right[parent];
+      done[parent] = 1;
+    }
+    step.change.col(nodes.edges[k].second) =
+        diagonal[child].inverse() * (right[child] - coupling[k].transpose() * step.change.col(nodes.edges[k].first));
+    done[child] = 1;
+  }
+  return step;
+}
+
+template std::optional<DeformationStep<2>> solveModes<2>(
+    const DeformationEquations<2>&, const DeformationNodes&, const Eigen::MatrixXd&,
+    const Eigen::Ref<const Eigen::Matrix<double, 2, Eigen::Dynamic>>&, const Matrix6d&, const Vector6d&);
+template std::optional<DeformationStep<3>> solveModes<3>(
+    const DeformationEquations<3>&, const DeformationNodes&, const Eigen::MatrixXd&,
+    const Eigen::Ref<const Eigen::Matrix<double, 3, Eigen::Dynamic>>&, const Matrix6d&, const Vector6d&);
+template DeformationStep<2> solveChain<2>(const DeformationEquations<2>&, const DeformationNodes&, const ChainPrior&,
+                                          const Eigen::Matrix<double, 2, Eigen::Dynamic>&);
+template DeformationStep<3> solveChain<3>(const DeformationEquations<3>&, const DeformationNodes&, const ChainPrior&,
+                                          const Eigen::Matrix<double, 3, Eigen::Dynamic>&);
 
 }  // namespace angio::registration

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include "deformation_solver.hpp"
+#include "deformation_equations.hpp"
 #include "pose_prior_term.hpp"
 
 namespace angio::registration {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "angio/registration/deformation_settings.hpp"
+#include "angio/registration/oriented_kernel_settings.hpp"
 #include "oriented_model.hpp"
 
 namespace angio::registration {

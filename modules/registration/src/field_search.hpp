@@ -15,6 +15,9 @@ struct PoseCandidate {
   double score = 0;  ///< In [0, 1]; comparable among candidates of one rung only.
 };
 
+/// Whether `a` comes before `b`, best first.
+inline bool better(const PoseCandidate& a, const PoseCandidate& b) { return a.score > b.score; }
+
 /// Ascends the kernel fields from model to image, one candidate or many.
 class FieldSearch {
  public:
@@ -40,5 +43,18 @@ class FieldSearch {
   const OrientedModel& model_;
   const OrientedKernelSettings& settings_;
 };
+
+/// The model as oriented points of one view, about `spacing_px` apart, each with the length it stands for. `to` is
+/// overwritten.
+void projectedPoints(const OrientedModel& model, const XrayView& view, const Pose& T_camera_centered, double spacing_px,
+                     OrientedPoints& to);
+
+/// For a small image in a large model, as a catheter's in a tree: for each hypothesis of rotation and depth, every
+/// shift in the first view's image plane within reach, by a field of the projected model that is read at the shifted
+/// image points.
+///
+/// Returns at most `keep` poses, best first, that are some millimetres or degrees apart.
+std::vector<PoseCandidate> searchShifts(const OrientedModel& model, const OrientedFrame& frame,
+                                        const std::vector<Pose>& hypotheses, double reach_m, std::size_t keep);
 
 }  // namespace angio::registration

@@ -5,8 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "angio/registration/classification.hpp"
-#include "angio/registration/pose_covariance.hpp"
+#include "angio/registration/result.hpp"
 
 namespace angio::registration {
 namespace {
@@ -48,6 +47,8 @@ double rms(const Eigen::Matrix3Xd& displacements_m) {
 
 std::string millimetres(double length_m) { return std::to_string(static_cast<int>(1e3 * length_m + 0.5)) + " mm"; }
 std::string percent(double share) { return std::to_string(static_cast<int>(100 * share + 0.5)) + " %"; }
+
+Matrix6d symmetric(const Matrix6d& C) { return 0.5 * (C + C.transpose()); }
 
 }  // namespace
 
@@ -147,14 +148,27 @@ std::optional<Matrix6d> covarianceOf(const NormalEquations& at_solution, const s
   const double residuals = 2 * weights / max_weight;
   const double variance_px2 = squares_px2 / std::max(1.0, residuals - 6);
   const Matrix6d about_centroid = variance_px2 * at_solution.H.inverse();
+  return covarianceOfResult(about_centroid, T_camera_centered, centroid);
+}
 
-  // From the twist about the centroid, model axes, to (t, rotation in camera axes): t' = R (v + c x w), dw = R w.
-  const Eigen::Matrix3d R = T_camera_centered.linear();
+// R_true = R exp(w) gives dw = R w in camera axes; t_true = T (c + exp(xi)(-c)) gives dt = R (v + c x w).
+Matrix6d covarianceOfResult(const Matrix6d& about_centroid, const Pose& T_camera_model,
+                            const Eigen::Vector3d& centroid_model) {
+  const Eigen::Matrix3d R = T_camera_model.linear();
   Matrix6d J = Matrix6d::Zero();
-  J.topLeftCorner<3, 3>() = R;
-  J.topRightCorner<3, 3>() = R * skew(centroid);
-  J.bottomRightCorner<3, 3>() = R;
-  return Matrix6d(J * about_centroid * J.transpose());
+  J.topLeftCorner<3, 3>() = J.bottomRightCorner<3, 3>() = R;
+  J.topRightCorner<3, 3>() = R * skew(centroid_model);
+  return symmetric(J * about_centroid * J.transpose());
+}
+
+// w = R^T dw, v = R^T dt - c x w.
+Matrix6d covarianceAboutCentroid(const Matrix6d& of_result, const Pose& T_camera_model,
+                                 const Eigen::Vector3d& centroid_model) {
+  const Eigen::Matrix3d Rt = T_camera_model.linear().transpose();
+  Matrix6d J = Matrix6d::Zero();
+  J.topLeftCorner<3, 3>() = J.bottomRightCorner<3, 3>() = Rt;
+  J.topRightCorner<3, 3>() = -skew(centroid_model) * Rt;
+  return symmetric(J * of_result * J.transpose());
 }
 
 }  // namespace angio::registration

@@ -1,11 +1,22 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include "angio/geometry/se3.hpp"
+#include "angio/registration/namespace.hpp"
 #include "angio/registration/result.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 #include "rigid_step.hpp"
 
 namespace angio::registration {
+
+/// From RegistrationResult's covariance (t; rotation in camera axes) to PosePrior's (twist about the centroid, model
+/// axes), both of the same uncertainty of `T_camera_model`, to first order. They may be singular.
+Matrix6d covarianceAboutCentroid(const Matrix6d& of_result, const Pose& T_camera_model,
+                                 const Eigen::Vector3d& centroid_model);
+
+/// The way back: from PosePrior's covariance to RegistrationResult's.
+Matrix6d covarianceOfResult(const Matrix6d& about_centroid, const Pose& T_camera_model,
+                            const Eigen::Vector3d& centroid_model);
 
 /// Fewer points than this on either side cannot hold six unknowns against noise: sets the status and says so.
 bool tooFewPoints(RegistrationResult& result);

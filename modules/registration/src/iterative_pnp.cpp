@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "iterative_pnp.hpp"
+#include "methods.hpp"
 
 #include <deque>
 

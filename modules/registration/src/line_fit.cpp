@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "oriented_image.hpp"
+#include "oriented_frame.hpp"
 
 namespace angio::registration {
 namespace {

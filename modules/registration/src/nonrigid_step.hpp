@@ -9,7 +9,7 @@
 #include "angio/registration/iterative_pnp_settings.hpp"
 #include "angio/registration/xray_view.hpp"
 #include "angio/vessel/vessel_tree.hpp"
-#include "irls.hpp"
+#include "rigid_step.hpp"
 
 namespace angio::registration {
 

@@ -2,8 +2,8 @@
 #include "oriented_frame.hpp"
 
 #include <algorithm>
-
-#include "oriented_image.hpp"
+#include <cmath>
+#include <tuple>
 
 namespace angio::registration {
 namespace {
@@ -30,12 +30,92 @@ KernelField::Region reachOf(const OrientedPoints& points, double scale_px, const
   return {u_first, v_first, u_last - u_first, v_last - v_first};
 }
 
+constexpr double kLargest_px = 8192;  // No detector is larger: what lies beyond does not count.
+
+Eigen::Vector2f doubleAngle(double tangent_rad) {
+  const auto twice = static_cast<float>(2 * tangent_rad);
+  return {std::cos(twice), std::sin(twice)};
+}
+
+// How certain a point is beside the image's middling one. Bounded: a curve that an extractor is very sure of is still
+// one curve among others, may be the wrong one, and shares with them what an extractor does not know of.
+class Certainty {
+ public:
+  explicit Certainty(const Centerline2d& c) : std_px_(c.std_px) {
+    if (std_px_.size() == 0) return;
+    Eigen::VectorXd sorted = std_px_;
+    const auto middle = sorted.data() + sorted.size() / 2;
+    std::nth_element(sorted.data(), middle, sorted.data() + sorted.size());
+    middle_px_ = *middle;
+  }
+  float between(Eigen::Index a, Eigen::Index b, double weight_of_b) const {
+    if (std_px_.size() == 0) return 1;
+    const double std_px = (1 - weight_of_b) * std_px_[a] + weight_of_b * std_px_[b];
+    return static_cast<float>(std::clamp(middle_px_ / std_px, 0.25, 1.0));
+  }
+
+ private:
+  const Eigen::VectorXd& std_px_;
+  double middle_px_ = 1;
+};
+
+float radiusBetween(const Centerline2d& c, Eigen::Index a, Eigen::Index b, double weight_of_b) {
+  if (c.radius_px.size() == 0) return 0;
+  return static_cast<float>((1 - weight_of_b) * c.radius_px[a] + weight_of_b * c.radius_px[b]);
+}
+
+// A branch: points between its own where they stand far apart, each with the length of line it stands for.
+void addBranch(const Centerline2d& c, const Certainty& certainty, Eigen::Index first, Eigen::Index last,
+               double spacing_px, OrientedPoints& to) {
+  const auto& p = c.points_px;
+  Eigen::Vector2f before = doubleAngle(c.tangent_rad[first]);
+  const int began = to.size();
+  to.begin.push_back(began);
+  to.add(static_cast<float>(p(0, first)), static_cast<float>(p(1, first)), before.x(), before.y(), 0,
+         certainty.between(first, first, 0), radiusBetween(c, first, first, 0));
+  for (Eigen::Index i = first + 1; i <= last; ++i) {
+    const Eigen::Vector2f here = doubleAngle(c.tangent_rad[i]);
+    const Eigen::Vector2d a = p.col(i - 1), step = p.col(i) - a;
+    const double length = step.norm();
+    const bool gap = length > kMaxStep_px;
+    const int pieces = gap ? 1 : std::max(1, static_cast<int>(std::ceil(length / spacing_px - 1e-9)));
+    const float half_mass = gap ? 0 : static_cast<float>(0.5 * length / pieces);
+    for (int k = 1; k <= pieces; ++k) {
+      const double w = static_cast<double>(k) / pieces;
+      const Eigen::Vector2d at = a + w * step;
+      const Eigen::Vector2f along = k == pieces ? here : doubleAngle(std::atan2(step.y(), step.x()));
+      to.mass_px.back() += half_mass;
+      to.add(static_cast<float>(at.x()), static_cast<float>(at.y()), along.x(), along.y(), half_mass,
+             certainty.between(i - 1, i, w), radiusBetween(c, i - 1, i, w));
+    }
+  }
+  if (to.size() == began + 1) to.mass_px.back() = static_cast<float>(spacing_px);  // A branch of one point.
+}
+
+// Without order nobody knows how much line a point stands for; but a line's own kernel sum is 1 when its masses are
+// right.
+void massFromDensity(OrientedPoints& points) {
+  constexpr double kScale_px = 8;
+  KernelField field;
+  const auto [u_least, u_most] = std::minmax_element(points.u.begin(), points.u.end());
+  const auto [v_least, v_most] = std::minmax_element(points.v.begin(), points.v.end());
+  const Eigen::Vector2d least = Eigen::Vector2d(*u_least, *v_least).cwiseMax(-kLargest_px);
+  const Eigen::Vector2d size = (Eigen::Vector2d(*u_most, *v_most) - least).cwiseMin(kLargest_px).cwiseMax(1.0);
+  field.build(points, kScale_px, {least.x(), least.y(), size.x(), size.y()});
+  std::vector<double> sums;
+  for (int i = 0; i < points.size(); ++i)
+    sums.push_back(field.at({points.u[i], points.v[i]}, points.cos2[i], points.sin2[i]).F);
+  const auto middle = sums.begin() + static_cast<std::ptrdiff_t>(sums.size() / 2);
+  std::nth_element(sums.begin(), middle, sums.end());
+  const auto mass = static_cast<float>(1 / std::max(0.05, *middle));
+  for (auto& m : points.mass_px) m = mass;
+}
+
 }  // namespace
 
 void OrientedFrame::begin(const XrayViews& views, const OrientedKernelSettings& settings) {
   views_ = &views;
   if (images_.size() < views.size()) images_.resize(views.size());
-  spacing_px_ = settings.spacing_px;
   point_count_ = 0;
   length_px_ = 0;
   for (std::size_t v = 0; v < views.size(); ++v) {
@@ -61,6 +141,59 @@ const KernelField& OrientedFrame::field(std::size_t view, int scale) {
     image.built[k] = true;
   }
   return image.field[k];
+}
+
+void thinned(const OrientedPoints& points, int stride, OrientedPoints& to) {
+  to.clear();
+  for (std::size_t b = 0; b < points.begin.size(); ++b) {
+    const int branch_end = b + 1 < points.begin.size() ? points.begin[b + 1] : points.size();
+    to.begin.push_back(to.size());
+    for (int begin = points.begin[b]; begin < branch_end; begin += stride) {
+      const int end = std::min(branch_end, begin + stride), middle = (begin + end) / 2;
+      float mass = 0;
+      for (int i = begin; i < end; ++i) mass += points.mass_px[i];
+      to.add(points.u[middle], points.v[middle], points.cos2[middle], points.sin2[middle], mass,
+             points.certainty[middle], points.radius_px[middle]);
+    }
+  }
+  to.pad();
+}
+
+void orientedPoints(const Centerline2d& c, double spacing_px, int max_points, OrientedPoints& to) {
+  to.clear();
+  const Certainty certainty(c);
+  // Branches, or points without order, in the order of where they are: whoever wrote them in another order gets the
+  // same sums, to the last bit.
+  thread_local std::vector<std::pair<Eigen::Index, Eigen::Index>> runs;
+  runs.clear();
+  for (Eigen::Index first = 0; first < c.points_px.cols();) {
+    Eigen::Index last = first;
+    while (c.ordered() && last + 1 < c.points_px.cols() && c.branch[last + 1] == c.branch[first]) ++last;
+    runs.emplace_back(first, last);
+    first = last + 1;
+  }
+  const auto key = [&](const std::pair<Eigen::Index, Eigen::Index>& run) {
+    return std::make_tuple(c.points_px(1, run.first), c.points_px(0, run.first), c.points_px(1, run.second),
+                           c.points_px(0, run.second));
+  };
+  std::sort(runs.begin(), runs.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+  if (c.ordered()) {
+    for (const auto& [first, last] : runs) addBranch(c, certainty, first, last, spacing_px, to);
+  } else {
+    if (!runs.empty()) to.begin.push_back(0);
+    for (const auto& run : runs) {
+      const Eigen::Index i = run.first;
+      const Eigen::Vector2f along = doubleAngle(c.tangent_rad[i]);
+      to.add(static_cast<float>(c.points_px(0, i)), static_cast<float>(c.points_px(1, i)), along.x(), along.y(), 1,
+             certainty.between(i, i, 0), radiusBetween(c, i, i, 0));
+    }
+    if (to.size() > 0) massFromDensity(to);
+  }
+  if (to.size() > max_points) {
+    const OrientedPoints all = to;
+    thinned(all, (all.size() + max_points - 1) / max_points, to);
+  }
+  to.pad();
 }
 
 }  // namespace angio::registration

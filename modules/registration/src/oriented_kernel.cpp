@@ -1,19 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "oriented_kernel.hpp"
+#include "methods.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "angio/base/stopwatch.hpp"
 #include "angio/registration/alignment_score.hpp"
-#include "angio/registration/pose_covariance.hpp"
 #include "deformation_fit.hpp"
 #include "field_search.hpp"
 #include "fit_classification.hpp"
 #include "line_fit.hpp"
 #include "pose_comparison.hpp"
-#include "shift_search.hpp"
-#include "start_draws.hpp"
+#include "pose_prior_term.hpp"
 
 namespace angio::registration {
 namespace {

@@ -26,15 +26,6 @@ class PointMatcher {
     double distance2_px2 = 0;
   };
 
-  /// The nearest point. `guess` (an index, or -1) bounds the search: the last match, as points move little between
-  /// iterations.
-  Match nearest(const Eigen::Vector2d& query, int guess) const {
-    BoundedNearest found;
-    if (guess >= 0) found.addPoint((points_.col(guess) - query).squaredNorm(), static_cast<std::uint32_t>(guess));
-    index_.findNeighbors(found, query.data(), nanoflann::SearchParams());
-    return found.match;
-  }
-
   /// What is kept of one query's search, so that the next search near it is a look at a few candidates.
   struct Nearby {
     static constexpr int kMost = 24;
@@ -44,7 +35,7 @@ class PointMatcher {
     std::array<int, kMost> candidates;
   };
 
-  /// The nearest point, the same as by a fresh search: while a query stays within kReach of where it was searched, its
+  /// The nearest point, exactly: while a query stays within kReach of where it was searched, its
   /// nearest point is among those that were at most 2 kReach further away than the nearest one then (triangle
   /// inequality).
   Match nearest(const Eigen::Vector2d& query, Nearby& nearby) const {
@@ -74,19 +65,6 @@ class PointMatcher {
   }
 
  private:
-  // nanoflann's result set for one neighbour that starts from a bound instead of infinity.
-  struct BoundedNearest {
-    using DistanceType = double;
-    using IndexType = std::uint32_t;
-    Match match{-1, std::numeric_limits<double>::max()};
-    bool full() const { return true; }
-    std::size_t size() const { return 1; }
-    double worstDist() const { return match.distance2_px2; }
-    bool addPoint(double distance2, std::uint32_t index) {
-      if (distance2 < match.distance2_px2) match = {static_cast<int>(index), distance2};
-      return true;
-    }
-  };
   static constexpr double kReach_px = 0.8;
 
   // nanoflann's result set that keeps all points up to 2 kReach further away than the nearest.

@@ -38,8 +38,7 @@ void PoseComparison::rank(const PosePriorTerm& belief, std::vector<PoseCandidate
     const double model = modelShare(belief, candidate);
     candidate.score = model * lines_.explained(*frame_, candidate.T_camera_centered, kCompared_px, plan.max_points);
   }
-  std::sort(candidates.begin(), candidates.end(),
-            [](const PoseCandidate& a, const PoseCandidate& b) { return a.score > b.score; });
+  std::sort(candidates.begin(), candidates.end(), better);
 }
 
 double PoseComparison::score(const PosePriorTerm& belief, const Pose& T_camera_centered) const {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <vector>
+
 #include "angio/registration/iterative_pnp_settings.hpp"
 #include "angio/registration/oriented_kernel_settings.hpp"
 #include "angio/registration/registration.hpp"
@@ -28,5 +30,22 @@ PosePriorTerm priorTerm(const IterativePnpSettings& settings, const PosePrior& p
 
 /// The prior's own covariance, or the settings' standard deviations; in units of a negative log-likelihood (twice).
 PosePriorTerm beliefOf(const PosePrior& prior, const OrientedKernelSettings& settings, const Eigen::Vector3d& centroid);
+
+/// Poses that a search begins at: the belief's own first, then draws around it. One seed, one row of draws.
+class StartDraws {
+ public:
+  /// Normal with the belief's covariance, or even in the box that is to be searched.
+  std::vector<Pose> poses(const PosePriorTerm& belief, const StartSettings& starts, int count);
+
+  /// The same rotations and depths, all where the belief is in the plane: for a search that tries every shift.
+  std::vector<Pose> withoutShift(const PosePriorTerm& belief, const StartSettings& starts, int count);
+
+ private:
+  std::vector<Vector6d> unit_draws_;  // Drawn once: seeding an engine costs more than a step.
+  int seed_ = 0;
+};
+
+/// How far shifts are to be searched [m]: to the box's side, or so many standard deviations of the belief.
+double shiftReach_m(const PosePriorTerm& belief, const StartSettings& starts, double standard_deviations);
 
 }  // namespace angio::registration

@@ -28,10 +28,6 @@ double meanDistance(const VesselTree& tree, const Pose& a, const Pose& b) {
   return ((a * tree.points()) - (b * tree.points())).colwise().norm().mean();
 }
 
-}  // namespace
-
-namespace {
-
 std::mt19937_64 engineFor(int seed, int index) {
   std::seed_seq sequence{seed, index};
   return std::mt19937_64(sequence);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/registration/ceres_costs.hpp"
+#include "ceres_costs.hpp"
 
 #include <cmath>
 

@@ -7,6 +7,10 @@
 
 namespace angio::registration {
 
+/// "Iterative PnP and its application in 3D-2D vascular image registration for robot navigation" (Song et al.):
+/// nearest neighbours on the image side, Gaussian-kernel weights, Levenberg-Marquardt on SE(3), rigid then nonrigid.
+std::unique_ptr<Registration> make(const IterativePnpSettings& settings, const VesselTree& tree);
+
 /// Oriented kernel fields with many starts, and a point-to-line polish from image to model.
 std::unique_ptr<Registration> make(const OrientedKernelSettings& settings, const VesselTree& tree);
 
