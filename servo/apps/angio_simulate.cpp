@@ -24,7 +24,6 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
-#include "angio/simulation/catheter_node.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "angio/simulation/simulated_injector.hpp"
 #include "navigate_options.hpp"

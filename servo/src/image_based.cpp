@@ -1,17 +1,42 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "image_based.hpp"
 
 #include <visp3/visual_features/vpBasicFeature.h>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "angio/base/errors.hpp"
-#include "centerline_samples.hpp"
+#include "angio/servo/namespace.hpp"
+#include "angio/vessel/resample.hpp"
+#include "angio/vessel/vessel_tree.hpp"
 #include "visp_servo_law.hpp"
 
 namespace angio::servo {
 namespace {
+
+constexpr int kPlacesPerSample = 12;  // To choose from.
+constexpr int kMaxPlaces = 20000;
+
+// `count` points on the tree's centreline (3 x N [m]; fewer for a tree that has fewer places), spread well: points in
+// equal steps of arc length, of which each next one is the furthest from all before (Gonzalez 1985). The first is the
+// one furthest from the centroid.
+Eigen::Matrix3Xd spreadSamples(const VesselTree& tree, int count) {
+  const double step_m = tree.length() / (kPlacesPerSample * count);
+  const ResampledTree dense = resampled(tree, step_m, std::max(kMaxPlaces, tree.size()));
+  const Eigen::Matrix3Xd& places = dense.tree.points();
+  const auto samples = std::min<Eigen::Index>(count, places.cols());
+  Eigen::Matrix3Xd chosen(3, samples);
+  Eigen::Index next = 0;
+  (places.colwise() - tree.centroid()).colwise().squaredNorm().maxCoeff(&next);
+  Eigen::RowVectorXd nearest = Eigen::RowVectorXd::Constant(places.cols(), std::numeric_limits<double>::infinity());
+  for (Eigen::Index i = 0; i < samples; ++i) {
+    chosen.col(i) = places.col(next);
+    nearest = nearest.cwiseMin((places.colwise() - places.col(next)).colwise().squaredNorm());
+    nearest.maxCoeff(&next);
+  }
+  return chosen;
+}
 
 constexpr int kMinInView = 8;
 

@@ -4,7 +4,7 @@
 #include <array>
 
 #include "angio/geometry/carm_limits.hpp"
-#include "angio/servo/path_plan_settings.hpp"
+#include "angio/servo/task_settings.hpp"
 
 namespace angio::servo {
 

@@ -7,11 +7,10 @@
 #include <utility>
 
 #include "angio/base/errors.hpp"
+#include "angio/servo/motion_monitor.hpp"
 
 namespace angio::servo {
 namespace {
-
-constexpr const char* kJointNames[kCArmJointCount] = {"primary", "secondary", "table x", "table y", "table z"};
 
 // A degree is 57 radians' worth and a millimetre a thousand metres': what is this far out is no encoder's error.
 constexpr double kImplausible = 3;

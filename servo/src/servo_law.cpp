@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/servo_law.hpp"
 
-#include "hybrid.hpp"
-#include "image_based.hpp"
-#include "position_based.hpp"
+#include "visp_servo_law.hpp"
 
 namespace angio::servo {
 

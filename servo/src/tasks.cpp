@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/tasks.hpp"
 
-#include "centre_task.hpp"
-#include "hold_task.hpp"
-#include "view_task.hpp"
-
 namespace angio::servo {
 
 std::string nameOf(const TaskSettings& settings) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "view_task.hpp"
+#include "angio/servo/tasks.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -37,4 +37,23 @@ class VispServoLaw {
   vpServo servo_;
 };
 
+/// PBVS with ViSP's vpServo on vpFeatureTranslation (cdMc) and vpFeatureThetaU (cdRc).
+///
+/// A C-arm without detector rotation cannot turn its image about the beam, so the third component of theta u is left
+/// out: five features for five joints.
+std::unique_ptr<ServoLaw> make(const PositionBasedSettings& settings, const LawModel& model);
+
+/// IBVS with ViSP's vpServo on one feature that stacks the images of centreline points, with their own depths.
+/// Source: Chaumette & Hutchinson, "Visual servo control I", IEEE Robotics & Automation Magazine 13(4), 2006, eq. 11.
+///
+/// The points that count are those that the goal shows (all, when it shows fewer than eight): they are the same all the
+/// way, so that the error does not jump when one comes into view. Throws InputError when the model has no tree.
+std::unique_ptr<ServoLaw> make(const ImageBasedSettings& settings, const LawModel& model);
+
+/// 2 1/2 D visual servoing with ViSP's vpFeaturePoint, vpFeatureDepth and vpFeatureThetaU (cdRc).
+/// Source: Malis, Chaumette, Boudet, "2 1/2 D visual servoing", IEEE Trans. Robotics and Automation 15(2), 1999.
+///
+/// Throws InputError when the model names no target.
+std::unique_ptr<ServoLaw> make(const HybridSettings& settings, const LawModel& model);
+
 }  // namespace angio::servo

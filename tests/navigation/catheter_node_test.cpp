@@ -15,7 +15,6 @@
 #include "angio/servo/operator.hpp"
 #include "angio/servo/replay.hpp"
 #include "angio/servo/servo_node.hpp"
-#include "angio/simulation/catheter_node.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"

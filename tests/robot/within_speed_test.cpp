@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/robot/within_speed.hpp"
+#include "angio/robot/motion_time.hpp"
 #include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>

@@ -9,7 +9,7 @@
 
 #include "angio/geometry/se3.hpp"
 #include "angio/messaging/channels.hpp"
-#include "angio/simulation/catheter_node.hpp"
+#include "angio/simulation/nodes.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 

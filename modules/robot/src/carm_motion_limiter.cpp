@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "angio/base/errors.hpp"
+#include "angio/robot/motion_time.hpp"
 #include "angio/robot/nearest_in_polytope.hpp"
-#include "angio/robot/within_speed.hpp"
 #include "carm_path.hpp"
 
 namespace angio::robot {

@@ -12,7 +12,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/geometry/visp.hpp"
 #include "angio/messaging/channels.hpp"
-#include "angio/robot/within_speed.hpp"
+#include "angio/robot/motion_time.hpp"
 
 namespace angio::robot {
 namespace {

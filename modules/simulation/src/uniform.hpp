@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "noise.hpp"
+#include "detector.hpp"
 
 namespace angio::simulation {
 

@@ -10,7 +10,7 @@
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
-#include "angio/simulation/simulated_injector.hpp"
+#include "angio/simulation/nodes.hpp"
 
 namespace angio::experiments {
 namespace {

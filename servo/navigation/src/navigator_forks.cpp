@@ -1,15 +1,118 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The navigator in front of a fork and across it: looks, aims, crosses, and sees which branch was entered.
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "angio/geometry/se3.hpp"
+#include "angio/navigation/namespace.hpp"
 #include "angio/navigation/navigator.hpp"
-#include "fork_plan.hpp"
+#include "angio/vessel/tree_topology.hpp"
 #include "route_view.hpp"
 
 namespace angio::navigation {
 namespace {
+
+/// How a tip is to point in front of a fork.
+struct ForkPlan {
+  double angle_rad = 0;  ///< Of the tip in the vessel's frame at the fork, from `across` to `aside`.
+  double bend_rad = 0;   ///< Between the tip and the vessel.
+  double margin_rad =
+      0;  ///< By how much it then points nearer to the wanted branch than to any other; may be negative.
+};
+
+/// What tips a catheter can make [rad].
+struct TipRange {
+  double min_bend_rad = 0;
+  double max_bend_rad = 0;
+};
+
+constexpr int kAngles = 72;
+constexpr int kBends = 13;
+constexpr double kLevers[] = {0.7, 1.3};  // How far ahead a tip feels its way, nobody knows well.
+constexpr double kCloser = 0.03;  // [rad] A larger bend must earn its contact with the wall by this for each step.
+
+// Frame of the vessel that ends at the fork in front of `child`.
+TreeFrame forkFrame(const TreeTopology& map, int child) {
+  const auto parent = map.parent(child);
+  return parent ? map.frame({*parent, map.length_m(*parent)}) : map.frame({child, 0});
+}
+
+double angleBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::acos(std::clamp(a.dot(b), -1.0, 1.0));
+}
+
+struct Fork {
+  TreeFrame frame;
+  Eigen::Vector3d goal;
+  std::vector<Eigen::Vector3d> others;
+};
+
+Fork forkAt(const TreeTopology& map, int wanted, int towards, double lever_m) {
+  const auto parent = map.parent(wanted);
+  Fork fork{forkFrame(map, wanted), Eigen::Vector3d::UnitZ(), {}};
+  fork.goal = fork.frame.along;
+  if (!parent) return fork;
+  bool leads = false;
+  const double parted_m = map.parting_m(*parent) + 0.5 * lever_m;
+  for (const TreeRoute& way : map.waysFrom(*parent, std::max(lever_m, parted_m))) {
+    if (way.child != wanted) {
+      fork.others.push_back(way.direction);
+    } else if (!leads) {
+      fork.goal = way.direction;
+      leads = map.passes(towards, way.last) || map.passes(way.last, towards);
+    }
+  }
+  return fork;
+}
+
+// How much nearer to the goal the tip points than to any other way.
+double marginOf(const Fork& fork, double angle, double bend) {
+  const TreeFrame& f = fork.frame;
+  const Eigen::Vector3d tip =
+      std::cos(bend) * f.along + std::sin(bend) * (std::cos(angle) * f.normal + std::sin(angle) * f.binormal);
+  double nearest = kPi;
+  for (const Eigen::Vector3d& other : fork.others) nearest = std::min(nearest, angleBetween(tip, other));
+  return nearest - angleBetween(tip, fork.goal);
+}
+
+// Direction in which a way through a child leaves its parent, in the parent's frame at the fork: across, aside; sine
+// of the angle long. The way towards `towards`, where several lead through the child.
+Eigen::Vector2d sidewaysOf(const TreeTopology& map, int child, int towards, double lever_m) {
+  const Fork fork = forkAt(map, child, towards, lever_m);
+  return {fork.goal.dot(fork.frame.normal), fork.goal.dot(fork.frame.binormal)};
+}
+
+// The tip that points nearer to the wanted child than to its siblings by the widest margin, when its angle is only
+// known to `std_rad`; with several wanted chains, of forks that follow each other closely, the least of their
+// margins counts: a tip that only slides keeps its angle in the vessel's frame.
+//
+// Children leave a fork as the chords of the first `lever_m` [m] of their ways, or more until those have parted: one
+// that is short goes on as its own children do, and the wanted ones towards `target`.
+ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int target, const TipRange& range,
+                   double std_rad, double lever_m) {
+  std::vector<Fork> forks;
+  for (const int chain : wanted) {
+    for (const double part : kLevers) forks.push_back(forkAt(map, chain, target, part * lever_m));
+  }
+  const auto margin = [&](double angle, double bend) {
+    double least = kPi;
+    for (const Fork& fork : forks) least = std::min(least, marginOf(fork, angle, bend));
+    return least;
+  };
+  ForkPlan best{0, range.min_bend_rad, -10};
+  for (int b = 0; b < kBends; ++b) {
+    const double bend = range.min_bend_rad + b * (range.max_bend_rad - range.min_bend_rad) / (kBends - 1);
+    for (int a = 0; a < kAngles; ++a) {
+      const double angle = 2 * kPi * a / kAngles;
+      const double worst =
+          std::min({margin(angle, bend), margin(angle - std_rad, bend), margin(angle + std_rad, bend)});
+      if (worst - kCloser * b > best.margin_rad) best = {angle, bend, worst - kCloser * b};
+    }
+  }
+  return best;
+}
 
 constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
 constexpr double kMaxAim_s = 8;

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/nodes.hpp"
 
+#include <cmath>
+
+#include "angio/base/errors.hpp"
 #include "angio/messaging/channels.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::lab {
-
 namespace {
 
 const CArmGeometry& checked(const CArmGeometry& carm) {
@@ -71,6 +74,38 @@ Eigen::Vector3d SimulatedXrayNode::inCamera(const Eigen::Vector3d& p_model, cons
 
 double SimulatedXrayNode::patientTime_s(std::int64_t now_us) const {
   return 1e-6 * static_cast<double>(now_us - first_us_.value_or(now_us));
+}
+
+SimulatedInjector::SimulatedInjector(Bus& bus, double after_s)
+    : requests_(bus, kViewRequestChannel), statuses_(bus, kServoStatusChannel) {
+  requireBetween("injector", "after_s", after_s, 0, 3600);
+  after_us_ = std::llround(1e6 * after_s);
+}
+
+bool SimulatedInjector::injects(std::int64_t now_us) {
+  if (const auto request = requests_.take(); request && request->time_us != request_us_) {
+    request_us_ = request->time_us;
+    reached_us_.reset();
+  }
+  const auto status = statuses_.take();
+  if (request_us_ == 0) return false;
+  if (!reached_us_ && status && status->view_reached_us == request_us_) reached_us_ = now_us;
+  return !reached_us_ || now_us - *reached_us_ < after_us_;
+}
+
+SimulatedCatheterNode::SimulatedCatheterNode(Bus& bus, const VesselTree& tree, const CatheterSettings& settings,
+                                             const TreeLocation& start, std::int64_t now_us)
+    : bus_(bus), commands_(bus, kCatheterCommandChannel), catheter_(tree, settings, start, now_us) {}
+
+void SimulatedCatheterNode::listen(std::int64_t now_us) {
+  if (const auto command = commands_.take()) catheter_.obey(*command, now_us);
+}
+
+void SimulatedCatheterNode::report(std::int64_t now_us) {
+  catheter_.advance(now_us);
+  CatheterState state = catheter_.state();
+  state.sequence = ++sequence_;
+  publish(bus_, kCatheterStateChannel, state);
 }
 
 }  // namespace angio::lab

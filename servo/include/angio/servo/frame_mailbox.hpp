@@ -7,9 +7,28 @@
 #include <string>
 
 #include "angio/messaging/mailbox.hpp"
-#include "angio/servo/external_estimates.hpp"
+#include "angio/messaging/messages.hpp"
+#include "angio/servo/namespace.hpp"
 
 namespace angio::servo {
+
+/// What a loop does not estimate itself from its frames, but hears from other programs.
+struct ExternalInputs {
+  bool registration = false;  ///< Where the model is: REGISTRATION.
+  bool tip = false;           ///< Where the catheter's tip is: CATHETER_TIP.
+};
+
+/// What other programs have estimated of one frame.
+struct ExternalEstimates {
+  std::optional<RegistrationMessage> registration;
+  std::optional<CatheterTip> tip;
+};
+
+/// A frame with what has been estimated of it.
+struct FrameWithEstimates {
+  XrayFrame frame;
+  ExternalEstimates external;
+};
 
 /// The newest X-ray frame of a bus, and with it what other programs say of the same frame: such frames wait until that
 /// has come. Messages belong to a frame by its number and its time. Of several that say the same thing the first one

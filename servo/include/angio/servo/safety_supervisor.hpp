@@ -1,17 +1,37 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
 
-#include "angio/servo/machine_command.hpp"
+#include "angio/messaging/messages.hpp"
 #include "angio/servo/message_timing_monitor.hpp"
 #include "angio/servo/motion_monitor.hpp"
+#include "angio/servo/namespace.hpp"
 #include "angio/servo/servo_state_machine.hpp"
 
 namespace angio::servo {
+
+/// Whether a command's velocities are finite numbers.
+inline bool isFinite(const CArmCommand& command) { return command.velocity.allFinite(); }
+inline bool isFinite(const CatheterCommand& command) {
+  return std::isfinite(command.insertion_speed_m_per_s) && std::isfinite(command.roll_speed_rad_per_s) &&
+         std::isfinite(command.bend_speed_rad_per_s);
+}
+
+/// Returns the same command, standing still.
+inline CArmCommand atRest(CArmCommand command) {
+  command.velocity.setZero();
+  return command;
+}
+inline CatheterCommand atRest(CatheterCommand command) {
+  command.insertion_speed_m_per_s = command.roll_speed_rad_per_s = command.bend_speed_rad_per_s = 0;
+  command.valid_for_us = 1;  // Nothing is obeyed for longer than it takes to read it.
+  return command;
+}
 
 /// What is supervised of every machine.
 struct SupervisionSettings {

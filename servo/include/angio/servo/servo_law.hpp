@@ -8,13 +8,54 @@
 #include <optional>
 #include <variant>
 
+#include "angio/base/settings.hpp"
 #include "angio/geometry/carm.hpp"
-#include "angio/servo/hybrid_settings.hpp"
-#include "angio/servo/image_based_settings.hpp"
-#include "angio/servo/position_based_settings.hpp"
+#include "angio/servo/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::servo {
+
+/// How fast a law takes its error away: the error decays as exp(-lambda t) while no limit binds. lambda may grow
+/// towards the goal (ViSP's vpAdaptiveGain), where it no longer asks for more than the arm can do:
+///
+///     lambda(x) = lambda_per_s + (lambda_at_goal_per_s - lambda_per_s) exp(-x / gain_change_deg)
+///
+/// with x the angle between the beams plus the angle under which the source sees the target's error, so that the same
+/// numbers mean the same for every law.
+struct ServoGain {
+  double lambda_per_s = 1.5;        ///< Far from the goal.
+  double lambda_at_goal_per_s = 3;  ///< At the goal.
+  double gain_change_deg = 3;
+
+  void visit(SettingsVisitor& v) {
+    v.number("lambda_per_s", lambda_per_s, 0.01, 20);
+    v.number("lambda_at_goal_per_s", lambda_at_goal_per_s, 0.01, 20);
+    v.number("gain_change_deg", gain_change_deg, 1e-3, 180);
+  }
+};
+
+/// Position-based visual servoing: s = (cdtc, theta u of cdRc), s* = 0.
+struct PositionBasedSettings : ServoGain {
+  static constexpr const char* kName = "position_based";
+};
+
+/// Image-based visual servoing: s are the images of points on the tree's centreline, with the depths that the
+/// registration gives them.
+struct ImageBasedSettings : ServoGain {
+  static constexpr const char* kName = "image_based";
+
+  static constexpr int samples = 40;  ///< Points along the centreline, spread well.
+  static constexpr double max_step_deg =
+      30;  ///< A goal further away is taken in steps of so much: images know only their like.
+
+  void visit(SettingsVisitor& v) { ServoGain::visit(v); }
+};
+
+/// 2 1/2 D visual servoing: s = (the target's image x, y; log(Z / Z*); theta u of cdRc). The target goes straight to
+/// its place in the image, whatever the rotation does.
+struct HybridSettings : ServoGain {
+  static constexpr const char* kName = "hybrid";
+};
 
 /// Where the anatomy is seen and where it should be seen.
 struct LawInput {

@@ -7,7 +7,7 @@
 
 #include "angio/perception/gated_perception.hpp"
 #include "angio/robot/carm_motion_limiter.hpp"
-#include "angio/servo/external_estimates.hpp"
+#include "angio/servo/frame_mailbox.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 #include "angio/servo/tasks.hpp"
 

@@ -5,11 +5,9 @@
 #include <string>
 #include <variant>
 
-#include "angio/servo/centre_task_settings.hpp"
-#include "angio/servo/hold_task_settings.hpp"
 #include "angio/servo/servo_law.hpp"
 #include "angio/servo/task.hpp"
-#include "angio/servo/view_task_settings.hpp"
+#include "angio/servo/task_settings.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::servo {
@@ -38,5 +36,17 @@ TargetNeed targetNeed(const TaskSettings& settings);
 
 /// Throws InputError when a setting is out of its range or of no use with this tree.
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context);
+
+/// Throws InputError when a setting is out of its range, the tree has no such segment, or a pose is none.
+std::unique_ptr<Task> make(const ViewTaskSettings& settings, const TaskContext& context);
+
+/// The target's place in the patient, from this frame's own registration, joints and what the image shows around it, is
+/// predicted from when this frame's command will move the table on. The command is the first step of a plan that keeps
+/// the table's acceleration and brings the predicted target nearest to the wanted ray over the next periods.
+std::unique_ptr<Task> make(const CenterTaskSettings& settings, const TaskContext& context);
+
+/// Predicts the model's pose in the patient frame, its target's place and its rotation, to when this frame's command
+/// will move the arm; the law brings the view back from there, and the predicted motion's own speed is added.
+std::unique_ptr<Task> make(const HoldTaskSettings& settings, const TaskContext& context);
 
 }  // namespace angio::servo

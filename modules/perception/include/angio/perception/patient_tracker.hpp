@@ -1,15 +1,23 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <cstdint>
 #include <optional>
 
 #include "angio/geometry/carm.hpp"
+#include "angio/geometry/se3.hpp"
 #include "angio/motion/motion_predictor.hpp"
-#include "angio/perception/camera_place.hpp"
+#include "angio/perception/namespace.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/types/carm_motion.hpp"
 
 namespace angio::perception {
+
+/// Where the camera was when a frame was exposed, as far as its machine knows.
+struct CameraPlace {
+  std::int64_t time_us = 0;  ///< Of the exposure [us].
+  Pose T_camera_patient = Pose::Identity();
+};
 
 /// What is believed of T_dsa_cb: the calibration at first, then what registrations of trusted frames say.
 ///

@@ -12,4 +12,8 @@ namespace angio::robot {
 /// Source: Biagiotti & Melchiorri, Trajectory Planning for Automatic Machines (2008), section 3.4 (double S).
 double minTime_s(const CArmJoints& from, const CArmJoints& to, const CArmLimits& limits);
 
+/// `wanted` [rad/s, m/s], shortened as a whole until no joint exceeds its speed: its direction is kept. Zero when a
+/// number is not finite.
+CArmJoints withinSpeed(const CArmJoints& wanted, const CArmLimits& limits);
+
 }  // namespace angio::robot

@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include "angio/simulation/bolus_settings.hpp"
 #include "angio/simulation/namespace.hpp"
+#include "angio/simulation/patient_settings.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::simulation {

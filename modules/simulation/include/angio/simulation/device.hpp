@@ -4,8 +4,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "angio/simulation/device_settings.hpp"
 #include "angio/simulation/namespace.hpp"
+#include "angio/simulation/patient_settings.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::simulation {

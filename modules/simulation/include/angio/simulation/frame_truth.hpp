@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "angio/simulation/namespace.hpp"
-#include "angio/simulation/truth_settings.hpp"
+#include "angio/simulation/patient_settings.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
 namespace angio::simulation {

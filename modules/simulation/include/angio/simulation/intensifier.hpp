@@ -14,8 +14,6 @@ class ImageIntensifier {
  public:
   ImageIntensifier(const IntensifierSettings& settings, int width_px, int height_px);
 
-  bool distorts() const { return map_.bend.k1 != 0 || map_.bend.s1_rad != 0; }
-
   /// From the pixel of the pinhole camera to the one of the image: what truth has to go through.
   Eigen::Vector2d distorted(const Eigen::Vector2d& ideal_px) const;
 

@@ -1,13 +1,65 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 
+#include "angio/base/settings.hpp"
 #include "angio/geometry/carm_limits.hpp"
-#include "angio/simulation/command_receiver.hpp"
+#include "angio/simulation/namespace.hpp"
 #include "angio/types/carm_motion.hpp"
 
 namespace angio::simulation {
+
+/// How many commands a simulated machine did not obey, by the reason; each is counted once, by the first that applies.
+struct IgnoredCommands {
+  std::int64_t not_finite = 0;       ///< A velocity was NaN or infinite.
+  std::int64_t bad_validity = 0;     ///< valid_for_us was not in (0, 1 s].
+  std::int64_t out_of_sequence = 0;  ///< Neither a higher sequence than the last one obeyed, nor a later time.
+  std::int64_t too_old = 0;          ///< The frame behind it was too long ago, or still to come.
+  std::int64_t wrong_unit = 0;       ///< So far beyond a speed limit that its numbers mean something else.
+
+  std::int64_t total() const { return not_finite + bad_validity + out_of_sequence + too_old + wrong_unit; }
+};
+
+/// What a receiver asks of a command before it moves by it: the last gate, for it alone sees what arrives and when.
+struct ReceiverSettings {
+  double max_command_age_ms = 300;   ///< Since the frame behind it, by the machine's clock, which is the frames'.
+  double max_command_lead_ms = 100;  ///< That its frame may be ahead of the machine's clock.
+  double max_overspeed = 10;         ///< Times a speed limit: less is cut to the limit, more is in wrong units.
+
+  void visit(SettingsVisitor& v) {
+    v.number("max_command_age_ms", max_command_age_ms, 1, 60e3);
+    v.number("max_command_lead_ms", max_command_lead_ms, 0, 60e3);
+  }
+};
+
+/// Which commands a simulated machine obeys: finite ones, newer than the last, valid for up to 1 s, of now, and in the
+/// right units. One that stands still is never too old.
+class CommandReceiver {
+ public:
+  /// Throws InputError when a setting is out of its range.
+  explicit CommandReceiver(const ReceiverSettings& settings);
+
+  /// Whether a command that arrives at `now_us` [us] is obeyed; counts why not.
+  ///
+  /// @param speeds  Of each axis, by its limit.
+  template <typename Command>
+  bool takes(const Command& command, const Eigen::Ref<const Eigen::VectorXd>& speeds, std::int64_t now_us) {
+    return takes(command.time_us, command.sequence, command.valid_for_us, speeds, now_us);
+  }
+
+  const IgnoredCommands& ignored() const { return ignored_; }
+
+ private:
+  bool takes(std::int64_t time_us, std::int64_t sequence, std::int64_t valid_for_us,
+             const Eigen::Ref<const Eigen::VectorXd>& speeds, std::int64_t now_us);
+
+  ReceiverSettings settings_;
+  IgnoredCommands ignored_;
+  bool commanded_ = false;  // Whether the last ones mean anything yet.
+  std::int64_t last_sequence_ = 0, last_time_us_ = 0;
+};
 
 /// A C-arm whose joints follow commanded velocities within their range, speed and acceleration, and come to rest by
 /// themselves when the last command has run out: silence means stop.

@@ -8,7 +8,7 @@
 #include "angio/navigation/drive_monitor.hpp"
 #include "angio/navigation/view_planner.hpp"
 #include "angio/perception/gated_perception.hpp"
-#include "angio/servo/external_estimates.hpp"
+#include "angio/servo/frame_mailbox.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 
 namespace angio::navigation {

@@ -8,7 +8,7 @@
 #include "angio/base/settings.hpp"
 #include "angio/messaging/messages.hpp"
 #include "angio/navigation/namespace.hpp"
-#include "angio/servo/axis_monitor.hpp"
+#include "angio/servo/motion_monitor.hpp"
 
 namespace angio::navigation {
 

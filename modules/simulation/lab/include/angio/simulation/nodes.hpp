@@ -6,6 +6,7 @@
 #include "angio/lab/namespace.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/simulation/simulated_carm.hpp"
+#include "angio/simulation/simulated_catheter.hpp"
 #include "angio/simulation/simulated_patient.hpp"
 
 namespace angio::lab {
@@ -82,6 +83,48 @@ class SimulatedXrayNode {
   XrayCamera camera_, claimed_camera_;
   std::function<Device(const Eigen::Matrix3Xd& points)> device_;
   std::optional<std::int64_t> first_us_;
+  std::int64_t sequence_ = 0;
+};
+
+/// The person at the injector: injects contrast agent from when a view is asked for (VIEW_REQUEST) until some time
+/// after the C-arm's loop says that it is reached (SERVO_STATUS). Owns no clock: the caller says what time it is.
+class SimulatedInjector {
+ public:
+  /// Borrows the bus, which must outlive it.
+  /// @param after_s  That the injection goes on for when the view is reached [s], >= 0.
+  SimulatedInjector(Bus& bus, double after_s);
+
+  /// Whether contrast agent is injected at `now_us`. To be called at least as often as frames are exposed.
+  bool injects(std::int64_t now_us);
+
+ private:
+  LatestMessage<ViewRequest> requests_;
+  LatestMessage<ServoStatus> statuses_;
+  std::int64_t after_us_;
+  std::int64_t request_us_ = 0;             // Of the view that is being reached, or was; 0: none.
+  std::optional<std::int64_t> reached_us_;  // When it was reached, by the caller's clock.
+};
+
+/// The catheter drive's side of a bus: hears CATHETER_COMMAND and says CATHETER_STATE. Owns no clock: its caller says
+/// what time it is.
+class SimulatedCatheterNode {
+ public:
+  /// Borrows the bus, which must outlive it. Throws InputError as SimulatedCatheter does.
+  SimulatedCatheterNode(Bus& bus, const VesselTree& tree, const CatheterSettings& settings, const TreeLocation& start,
+                        std::int64_t now_us);
+
+  /// Obeys the newest command that waits, as one that arrives now.
+  void listen(std::int64_t now_us);
+
+  /// Moves to `now_us` and publishes the state there.
+  void report(std::int64_t now_us);
+
+  const SimulatedCatheter& catheter() const { return catheter_; }
+
+ private:
+  Bus& bus_;
+  LatestMessage<CatheterCommand> commands_;
+  SimulatedCatheter catheter_;
   std::int64_t sequence_ = 0;
 };
 

@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "angio/messaging/disturbed_bus.hpp"
-#include "angio/simulation/catheter_node.hpp"
 #include "angio/simulation/lab_settings.hpp"
 #include "angio/simulation/nodes.hpp"
 

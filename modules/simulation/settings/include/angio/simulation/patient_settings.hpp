@@ -1,13 +1,73 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include "angio/simulation/bolus_settings.hpp"
-#include "angio/simulation/device_settings.hpp"
+#include "angio/base/settings.hpp"
 #include "angio/simulation/fluoroscopy_settings.hpp"
 #include "angio/simulation/motion_settings.hpp"
-#include "angio/simulation/truth_settings.hpp"
+#include "angio/simulation_settings/namespace.hpp"
 
 namespace angio::simulation_settings {
+
+/// Which injection a bolus has from the start: the one of its settings, or none until one is demanded.
+enum class BolusTrigger { kSettings, kDemand };
+
+/// Injections of contrast agent at the tree's root, and the blood that carries it.
+///
+/// Blood moves at `speed_m_per_s` where the radius is 2 mm, and in proportion to the radius elsewhere, as it does in a
+/// tree of Murray's law. The defaults are plausible for a liver's arteriogram by hand injection; they are nobody's
+/// measurement.
+struct BolusSettings {
+  bool enabled = false;  ///< Otherwise the tree is full of contrast agent at all times.
+  BolusTrigger trigger = BolusTrigger::kSettings;
+  double start_s = 0.3;        ///< Trigger kSettings: when the injection begins, after the first frame.
+  double injection_s = 2;      ///< Trigger kSettings: how long the injection lasts.
+  double speed_m_per_s = 0.3;  ///< Of blood where the radius is 2 mm.
+  double wash_in_s = 0.25;     ///< From a tenth to nine tenths of the full density, at the root.
+  double wash_out_s = 0.8;     ///< Time constant of the end.
+  double dispersion = 0.15;    ///< Fronts get longer by this part of the time since the root.
+
+  void visit(SettingsVisitor& v) {
+    v.flag("enabled", enabled);
+    v.choice("trigger", trigger, {"settings", "demand"});
+    v.number("start_s", start_s, 0, 3600);
+    v.number("injection_s", injection_s, 0.05, 600);
+    v.number("speed_m_per_s", speed_m_per_s, 0.01, 5);
+    v.number("wash_in_s", wash_in_s, 0.01, 30);
+    v.number("wash_out_s", wash_out_s, 0.01, 60);
+  }
+};
+
+enum class DeviceKind { kNone, kCatheter, kGuidewire };
+
+/// A device that is pushed into the tree. Unless set, it has the size and opacity of what it is: a catheter of 5 French
+/// (1.67 mm, its wall filled with barium), or a guidewire of 0.014 inch of steel with 20 mm of platinum coil at its tip
+/// (NIST XCOM at 60 keV: steel 0.95, platinum 8 per mm).
+struct DeviceSettings {
+  DeviceKind kind = DeviceKind::kNone;
+  double diameter_factor = 1;  ///< Of the usual diameter.
+  double opacity_factor = 1;   ///< Of the usual attenuation.
+  int tip_branch = 0;          ///< Which end of the tree it goes for: 0 the farthest from its root, 1 the next...
+  double inserted_mm = 60;     ///< Length inside the tree at the first frame; it ends where the tree does.
+  double speed_mm_per_s = 0;   ///< Of pushing (or, if negative, pulling).
+
+  void visit(SettingsVisitor& v) {
+    v.choice("kind", kind, {"none", "catheter", "guidewire"});
+    v.integer("tip_branch", tip_branch, 0, 100000);
+    v.number("inserted_mm", inserted_mm, 1, 3000);
+    v.number("speed_mm_per_s", speed_mm_per_s, -200, 200);
+  }
+};
+
+/// What counts as visible.
+struct TruthSettings {
+  /// A vessel is seen when what it takes from the beam, over the quantum noise of a square as wide as it is, exceeds
+  /// this: Rose's criterion, 3 to 5 (Rose, J Opt Soc Am 38, 1948).
+  double min_contrast_to_noise = 4;
+  double spacing_px = 1;  ///< Between points of the centrelines.
+  double min_px = 8;      ///< Shorter visible pieces are left out.
+
+  void visit(SettingsVisitor& v) { v.number("spacing_px", spacing_px, 0.2, 50); }
+};
 
 /// All that a simulated X-ray run can be told: how it looks, what is injected, what moves, and what is pushed in.
 struct SimulatedPatientSettings {
