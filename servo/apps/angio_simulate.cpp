@@ -25,7 +25,6 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/simulation/nodes.hpp"
-#include "angio/simulation/simulated_injector.hpp"
 #include "navigate_options.hpp"
 #include "program_bus.hpp"
 #include "run_files.hpp"
