@@ -165,7 +165,8 @@ TaskAnswer CenterTask::answer(const TaskInput& input) {
   const auto wanted = velocity(then, across, arrival_s, input.period_s);
   if (!wanted) return hold("the table does not move the image");
   answer.velocity = wanted;
-  answer.reached = (across * point.position).norm() <= 1e-3 * settings_.reached_mm;
+  answer.target_off_m = (across * point.position).norm();
+  answer.reached = *answer.target_off_m <= 1e-3 * settings_.reached_mm;
   return answer;
 }
 

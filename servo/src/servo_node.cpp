@@ -35,6 +35,8 @@ ServoStatus servoStatus(const ServoReport& report) {
   if (report.task.view_error) {
     status.view_error_rad = report.task.view_error->direction_rad;
     status.target_error_m = report.task.view_error->target_m;
+  } else if (report.task.target_off_m) {
+    status.target_error_m = *report.task.target_off_m;
   }
   if (report.view.reached) status.view_reached_us = report.view.request_us;
   status.image_us = microseconds(report.observation.image_s);

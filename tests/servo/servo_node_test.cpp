@@ -54,6 +54,19 @@ TEST_F(ServoNodes, AnswerWhenFrameAndJointsHaveCome) {
   EXPECT_DOUBLE_EQ(statuses_.peek()->view_error_rad, report->task.view_error->direction_rad);
 }
 
+// A task without a view says how far its target is.
+TEST(ServoStatusOfCenter, SaysTheTargetsError) {
+  test::Stage stage;
+  stage.settings.task = CenterTaskSettings{};
+  stage.joints[2] += 5e-3;
+  ServoLoop loop(stage.settings, stage.tree);
+  const ServoReport report = loop.step(stage.frame(1), stage.state(1));
+  ASSERT_FALSE(report.hold_reason) << *report.hold_reason;
+  const ServoStatus status = servoStatus(report);
+  EXPECT_EQ(status.view_error_rad, 0);
+  EXPECT_NEAR(status.target_error_m, 5e-3, 0.5e-3);
+}
+
 TEST_F(ServoNodes, SayThatAndWhyTheyHold) {
   say(stage_.state(1));
   XrayFrame flat = stage_.frame(3);

@@ -113,11 +113,14 @@ void LiveOverlay::drawPanel(cv::Mat panel, const LiveScene& scene) const {
                                       1e-6 * static_cast<double>(scene.frame.time_us));
   if (const auto& s = scene.status) {
     line(0, frame + nameOf(s->state) + (s->reason.empty() ? "" : ": " + s->reason), stateColor(s->state));
-    // Both are exactly zero for a task without a view, and while nothing is seen.
-    const bool has_view = s->view_error_rad != 0 || s->target_error_m != 0;
-    const std::string view = has_view ? formatted("from the wanted view %.3f deg, %.2f mm   ",
-                                                  radToDeg(s->view_error_rad), 1e3 * s->target_error_m)
-                                      : "";
+    // Both are exactly zero while nothing is seen, and the first one for a task without a view.
+    std::string view;
+    if (s->view_error_rad != 0) {
+      view =
+          formatted("from the wanted view %.3f deg, %.2f mm   ", radToDeg(s->view_error_rad), 1e3 * s->target_error_m);
+    } else if (s->target_error_m != 0) {
+      view = formatted("from the wanted place %.2f mm   ", 1e3 * s->target_error_m);
+    }
     const double spent_ms = 1e-3 * static_cast<double>(s->image_us + s->registration_us + s->control_us);
     line(1, view + (spent_ms > 0 ? formatted("%.0f ms", spent_ms) : ""), kWhite);
   } else {

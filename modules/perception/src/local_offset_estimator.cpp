@@ -17,6 +17,7 @@ constexpr double kCorrelated_px = 8;  // Neighbouring points of a seen vessel er
 constexpr double kFloor_px = 0.3;     // What a curve is off as a whole: radius, overlap, contrast.
 constexpr int kIterations = 8, kNarrowIterations = 5;
 constexpr double kUsualError_px = 1;  // Of a curve that has been matched rightly.
+constexpr double kOff = 0.1;          // Probability that a place lies off where a converged fit has it.
 
 // The place's vessels in the image.
 struct Vessels {
@@ -117,6 +118,17 @@ double costOf(const Laid& laid, const Vessels& vessels, const Seen& seen, double
   return cost;
 }
 
+// That the place lies off where the fit has it. A shift that may go anywhere within the prior explains an image better
+// than none does, whether or not there is one, so that its evidence is compared: its cost and, by Laplace, how much of
+// the prior it leaves.
+double probabilityOff(const Laid& laid, const Vessels& vessels, const Seen& seen, double prior_px) {
+  const double occam = std::log((laid.information * prior_px * prior_px).determinant());
+  Laid fit = laid;
+  fit.shift.setZero();
+  const double against = laid.cost + occam - costOf(fit, vessels, seen, prior_px);
+  return kOff / (kOff + (1 - kOff) * std::exp(0.5 * against));
+}
+
 }  // namespace
 
 LocalOffsetEstimator::LocalOffsetEstimator(const VesselTree& tree, const PointOfInterest& place) : place_(place) {
@@ -177,11 +189,13 @@ std::optional<ImageShift> LocalOffsetEstimator::look(const Centerline2d& centerl
   }
   if (other.cost < best.cost) std::swap(best, other);
   if (best.matched <= 0) return std::nullopt;
-  ImageShift result{best.shift, best.information.inverse() + kFloor_px * kFloor_px * Eigen::Matrix2d::Identity()};
-  // Where it might as well be the other one, that is said.
-  const double others = 1 / (1 + std::exp(0.5 * (other.cost - best.cost)));
+  const Eigen::Matrix2d floor = kFloor_px * kFloor_px * Eigen::Matrix2d::Identity();
+  const double off = probabilityOff(best, vessels, seen, prior_px);
+  ImageShift result{off * best.shift, best.information.inverse() + floor, off};
+  // Where it might as well be the other one, or where the fit has it, that is said.
+  const double others = off / (1 + std::exp(0.5 * (other.cost - best.cost)));
   const Eigen::Vector2d apart = other.shift - best.shift;
-  result.covariance_px += others * apart * apart.transpose();
+  result.covariance_px += others * apart * apart.transpose() + off * (1 - off) * best.shift * best.shift.transpose();
   return result;
 }
 

@@ -42,7 +42,8 @@ struct TaskAnswer {
   std::optional<CArmJoints> velocity;          ///< Before any limit [rad/s, m/s]; nothing: hold.
   std::optional<std::string> hold_reason;      ///< Why it holds; nothing while it has a velocity.
   std::optional<ViewError> view_error;         ///< From the desired view, where the task has one.
-  std::optional<Eigen::Vector2d> pixel_error;  ///< From the target's desired pixel, where the task has one.
+  std::optional<Eigen::Vector2d> pixel_error;  ///< From the target's desired pixel, where the task has one ...
+  std::optional<double> target_off_m;          ///< ... and the same across the beam, at the target's own depth [m].
   bool reached = false;                        ///< The task's end is reached; it goes on keeping it.
 };
 

@@ -17,8 +17,9 @@ struct PointOfInterest {
 
 /// How far the image shows a place from where it has been put.
 struct ImageShift {
-  Eigen::Vector2d shift_px;       ///< From the projected to the seen place.
+  Eigen::Vector2d shift_px;       ///< From the projected to the seen place: the mean over both cases of `probability`.
   Eigen::Matrix2d covariance_px;  ///< Along a single straight vessel nothing is seen: the prior's, there.
+  double probability = 1;         ///< That the place lies off where the registration has it.
 };
 
 /// What a frame shows of a watched place.

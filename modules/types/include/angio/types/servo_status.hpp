@@ -53,8 +53,9 @@ struct ServoStatus {
   std::int64_t transitions = 0;          ///< Changes of state so far.
   std::int64_t transition_time_us = 0;   ///< Of the last one, the loop's clock [us]; 0: there was none.
   ServoCause cause = ServoCause::kNone;  ///< Of the last one.
-  double view_error_rad = 0;             ///< Angle between the seen and the desired beam.
-  double target_error_m = 0;             ///< Distance of the target from its desired place in the camera frame.
+  double view_error_rad = 0;             ///< Angle between the seen and the desired beam; 0 without a desired view.
+  double target_error_m = 0;             ///< Distance of the target from its desired place in the camera frame; of a
+                                         ///< task without a view across the beam alone.
   std::int64_t view_reached_us = 0;      ///< ViewRequest::time_us of the request whose view is reached; 0: none.
   std::int64_t image_us = 0;             ///< Time spent on image to centreline [us].
   std::int64_t registration_us = 0;      ///< On registration [us].
