@@ -138,7 +138,8 @@ struct Options {
   std::vector<int> region;             // x, y, width, height [px]; empty: the whole detector.
   std::optional<int> catheter_branch;  // With a catheter, its tip there.
   double catheter_mm = 30;
-  RunOptions run;  // Without a folder: on the bus.
+  bool xray_only = false;  // Another program on the bus is the C-arm.
+  RunOptions run;          // Without a folder: on the bus.
 };
 
 /// What the settings file may say: the patient's keys at the top, and a section of the catheter's.
@@ -221,18 +222,24 @@ int simulate(const Options& o) {
     const bool over = o.duration_s > 0 && Clock::now() - began >= std::chrono::duration<double>(o.duration_s);
     return !over && !stopped && !machines.failed();
   };
-  machines.start(began, report_period);
+  if (!o.xray_only) machines.start(began, report_period);
   std::int64_t frames = 0;
+  std::optional<std::int64_t> exposed_us;
   for (auto next = began; goesOn();) {
     // The X-ray looks from where the bus says the arm is: what it says of this exposure has to have come round.
-    const auto has_come = [&] { return heard.peek() && heard.peek()->time_us >= monotonic_us(next); };
+    // Another's C-arm has its own clock: its newest state is of this exposure, if none was exposed by it yet.
+    const auto has_come = [&] {
+      if (!heard.peek()) return false;
+      const std::int64_t said_us = heard.peek()->time_us;
+      return o.xray_only ? said_us != exposed_us && Clock::now() >= next : said_us >= monotonic_us(next);
+    };
     while (!has_come() && Clock::now() < next + period && goesOn()) bus->handle(std::chrono::milliseconds(5));
     if (has_come()) {
-      const std::int64_t exposed_us = heard.peek()->time_us;
-      if (on_demand && injector.injects(exposed_us)) {
-        xray.beginInjection(exposed_us);
+      exposed_us = heard.peek()->time_us;
+      if (on_demand && injector.injects(*exposed_us)) {
+        xray.beginInjection(*exposed_us);
       } else {
-        xray.endInjection(exposed_us);
+        xray.endInjection(*exposed_us);
       }
       send(*bus, xray.render(heard.peek()->time_us, heard.peek()->joints), o);
       ++frames;
@@ -241,8 +248,12 @@ int simulate(const Options& o) {
     if (Clock::now() > next + period) next = Clock::now();  // A slow machine drops frames, and makes no burst of them.
   }
   machines.stop();
-  std::cout << frames << " frames shown; " << machines.arm().ignored().total()
-            << " commands refused; commands ran out before the next came: " << machines.arm().ranOut() << "\n";
+  std::cout << frames << " frames shown";
+  if (!o.xray_only) {
+    std::cout << "; " << machines.arm().ignored().total()
+              << " commands refused; commands ran out before the next came: " << machines.arm().ranOut();
+  }
+  std::cout << "\n";
   if (catheter) {
     const CatheterTruth truth = machines.catheter()->catheter().truth();
     std::cout << formatted("the catheter's tip is in branch %d, %.1f mm into it; it touched a wall %d times\n",
@@ -282,6 +293,8 @@ int main(int argc, char** argv) {
                                   "With a catheter and its drive: the branch of the tree that its tip begins in")
                        ->check(CLI::Range(0, 1000000));
   app.add_option("--catheter-mm", o.catheter_mm, "How far into that branch")->check(between(0, 1500))->needs(catheter);
+  app.add_flag("--xray-only", o.xray_only, "Without a C-arm: another program on the bus says CARM_STATE")
+      ->excludes(catheter);
   app.add_option("--disturb", o.disturb, "What happens to messages on their way (.yaml): loss, delay, jitter, ...");
   app.add_option("--settings", o.settings,
                  "Settings of the X-ray, contrast agent, motion, device and catheter (.yaml)");

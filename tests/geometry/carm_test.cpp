@@ -27,6 +27,22 @@ CArmJoints randomJoints(test::Random& random) {
   return joints;
 }
 
+// What xray_frame_t.lcm and the own robot's checklist say of the image.
+TEST(CArm, ImagesAreAsSeenFromTheSource) {
+  const CArmGeometry carm;
+  const auto seen = [&](double primary_deg, const Eigen::Vector3d& place) {
+    CArmJoints joints = CArmJoints::Zero();
+    joints[0] = degToRad(primary_deg);
+    const auto from_middle = carm.camera().project(carm.T_camera_patient(joints) * (0.05 * place));
+    const XrayCamera::Parameters k = carm.camera().parameters();
+    return Eigen::Vector2d(*from_middle - Eigen::Vector2d(k.cx_px, k.cy_px));
+  };
+  EXPECT_LT(seen(0, kLeft).x(), -100) << "the patient's left on the image's left";
+  EXPECT_LT(seen(0, kHead).y(), -100) << "the head up";
+  EXPECT_GT(seen(90, -kPosterior).x(), 100) << "LAO 90: the front on the right";
+  EXPECT_LT(seen(90, kHead).y(), -100);
+}
+
 TEST(CArm, BeamDirectionsAreThoseOfDicom) {
   const double quarter = degToRad(90);
   EXPECT_LT((beamDirection({0, 0}) + kPosterior).norm(), 1e-15) << "the detector is above the patient";

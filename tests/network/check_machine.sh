@@ -1,0 +1,77 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: GPL-2.0-or-later
+# check_machine.sh PROGRAMS SOURCES: angio-check-machine on the robot in another language with a simulated X-ray, and on
+# the simulated machine, over this machine's loopback. Exit code 77: skipped, and why.
+set -euo pipefail
+programs=$1 sources=$2
+for needed in python3 lcm-gen; do
+  command -v "$needed" >/dev/null || { echo "skipped: there is no $needed"; exit 77; }
+done
+folder=$(mktemp -d)
+started=()
+trap 'for id in "${started[@]}"; do kill "$id" 2>/dev/null || true; done; rm -rf "$folder"' EXIT
+port=$((20000 + $$ % 20000))
+own="udpm://239.255.76.67:$port?ttl=0" simulated="udpm://239.255.76.67:$((port + 1))?ttl=0"
+lcm-gen -p --ppath "$folder" "$sources"/modules/messaging/types/*.lcm
+python3 "$sources/examples/06_own_robot/own_robot.py" "$folder" "$port" 50 2>"$folder/err" &
+started+=($!)
+sleep 0.5
+if ! kill -0 "${started[0]}" 2>/dev/null; then
+  grep -qiE "No such device|unreachable|not permitted" "$folder/err" && { echo "skipped: no multicast: $(tail -n 1 "$folder/err")"; exit 77; }
+  cat "$folder/err"
+  exit 1
+fi
+# Small images: two X-rays are rendered at once.
+calibration="$sources/examples/data/hepatic-tace/carm.yaml"
+"$programs/angio-simulate" --bus "$own" --xray-only --frame-rate-hz 10 --duration-s 50 >"$folder/xray.txt" &
+started+=($!)
+"$programs/angio-simulate" --bus "$simulated" --frame-rate-hz 10 --duration-s 50 >"$folder/machine.txt" &
+started+=($!)
+# The table is shown whatever it says; what a busy host may spoil (rates, ages, latencies) is not asserted here.
+check() {
+  local name=$1 code=0
+  shift
+  "$programs/angio-check-machine" --calibration "$calibration" --watch-s 2 --json "$folder/$name.json" "$@" \
+    >"$folder/$name.txt" 2>"$folder/$name.err" || code=$?
+  echo "== $name: exit code $code"
+  cat "$folder/$name.txt"
+  return "$code"
+}
+check own --bus "$own" --move &
+first=$!
+check simulated --bus "$simulated" --move || true
+wait "$first" || true
+python3 - "$folder/own.json" "$folder/simulated.json" <<'CHECK'
+import json, sys
+for path in sys.argv[1:]:
+    rows = {row["name"]: row for row in json.load(open(path))}
+    joints = ["primary", "secondary", "table x", "table y", "table z"]
+    asked = [f"{joint} by {what}" for joint in joints for what in ("its encoder", "the X-ray")]
+    asked += ["joints", "frame geometry", "image orientation", "NaN", "CARM_STATE clock", "XRAY_FRAME clock"]
+    wrong = [rows.get(name, name) for name in asked if name not in rows or rows[name]["verdict"] != "pass"]
+    assert not wrong, (path, wrong)
+    assert {"watchdog", "stop", "latency", "velocities", "frame age"} <= rows.keys(), (path, rows.keys())
+CHECK
+# Watching moves nothing, and says so.
+check watched --bus "$simulated" || true
+python3 - "$folder/watched.json" <<'CHECK'
+import json, sys
+rows = {row["name"]: row for row in json.load(open(sys.argv[1]))}
+assert rows["motion"]["verdict"] == "not_seen", rows["motion"]
+assert rows["image orientation"]["verdict"] == "pass", rows["image orientation"]
+CHECK
+# A machine that another program steers is left alone.
+python3 - "$folder" "$((port + 1))" <<'FOREIGN' &
+import socket, struct, sys, time
+sys.path.insert(0, sys.argv[1])
+from angio_lcm.carm_command_t import carm_command_t
+out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+command = carm_command_t()
+for n in range(40):
+    command.sequence = n + 1
+    out.sendto(struct.pack(">II", 0x4C433032, n) + b"CARM_COMMAND\0" + command.encode(), ("239.255.76.67", int(sys.argv[2])))
+    time.sleep(0.05)
+FOREIGN
+started+=($!)
+if check steered --bus "$simulated" --move; then exit 1; fi
+grep -q "comes from another program" "$folder/steered.err" || { cat "$folder/steered.err"; exit 1; }
