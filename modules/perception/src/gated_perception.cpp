@@ -20,13 +20,17 @@ GatedObservation GatedPerception::adopt(const RegistrationResult& registration, 
 GatedObservation GatedPerception::gated(Observation observation, const CameraPlace& place) {
   GatedObservation result{std::move(observation), std::nullopt, std::nullopt};
   const Observation& seen = result.observation;
-  result.rejection = gate_.rejection(seen.registration, perception_.calibrated_T_camera_model(place),
+  const Pose calibrated = perception_.calibrated_T_camera_model(place);
+  result.rejection = gate_.rejection(seen.registration, calibrated,
                                      seen.tracked ? std::optional(seen.predicted.T_camera_model) : std::nullopt);
   if (result.rejection) {
     perception_.reject();
   } else {
     perception_.accept(seen, place);
     result.patient = PatientObservation{seen.registration.T_camera_model, *seen.registration.covariance};
+    const double expected_m = (calibrated * target_).z();
+    focal_length_.see(place.T_camera_patient.linear().row(2).transpose(),
+                      (seen.registration.T_camera_model * target_).z() - expected_m, expected_m);
   }
   return result;
 }

@@ -9,6 +9,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/perception/frame_geometry.hpp"
 #include "angio/perception/image_reading.hpp"
 #include "angio/perception/perception.hpp"
 #include "observed_machine.hpp"
@@ -28,8 +29,6 @@ constexpr double kRestWindow_s = 0.1;   // ... over so long.
 // Of an image's motion: a fit of 0.1 px beside motions of 1.5 px and more, and patients who are not quite still.
 constexpr double kMinShare = 0.75, kMaxShare = 1.3, kMaxRest = 0.35;
 constexpr double kMinMotion_px = 0.5;  // What moves the image by less shows nothing.
-constexpr double kMaxGeometryError = 0.01;
-constexpr double kMaxPrincipalPoint_px = 20;  // What a calibration of the same detector moves it by at most.
 
 constexpr std::array<const char*, kCArmJointCount> kNames = {"primary", "secondary", "table x", "table y", "table z"};
 
@@ -525,7 +524,7 @@ void MachineCheck::Parts::judgeFrames(std::vector<CheckRow>& rows) const {
   rows.push_back(frames.sequenceRow("XRAY_FRAME"));
   rows.push_back(frames.clockRow("XRAY_FRAME"));
   const std::string late = "of the states' clock, and 300 ms late at most";
-  const std::string focal = "fx is distance / spacing, and the calibration's, within 1 %";
+  const std::string focal = "fx is distance / spacing, and all is the calibration's, within 1 %";
   if (!newest_frame) {
     rows.push_back({"frame age", CheckVerdict::kNotSeen, "no frame came", late});
     rows.push_back({"frame geometry", CheckVerdict::kNotSeen, "no frame came", focal});
@@ -539,32 +538,10 @@ void MachineCheck::Parts::judgeFrames(std::vector<CheckRow>& rows) const {
                               1e3 * sum_age_s / static_cast<double>(frames.count()), 1e3 * oldest_frame_s),
                     late});
   }
+  const auto wrong = contradiction(newest_frame->camera, settings.carm);
   const XrayCamera::Parameters& k = newest_frame->camera.parameters();
-  const XrayCamera calibrated =
-      settings.carm.camera(k.source_detector_distance_m.value_or(settings.carm.source_detector_distance_m));
-  const XrayCamera::Parameters& c = calibrated.parameters();
-  std::string wrong;
-  const auto compare = [&](const char* what, double value, const char* with, double other) {
-    if (wrong.empty() && !(std::abs(value / other - 1) <= kMaxGeometryError)) {
-      wrong = formatted("%s %.6g, %s %.6g", what, value, with, other);
-    }
-  };
-  if (k.pixel_spacing_m && k.source_detector_distance_m) {
-    compare("fx", k.fx_px, "distance / spacing", *k.source_detector_distance_m / *k.pixel_spacing_m);
-  }
-  if (k.pixel_spacing_m) compare("pixel_spacing [m]", *k.pixel_spacing_m, "calibrated", *c.pixel_spacing_m);
-  compare("fx", k.fx_px, "calibrated", c.fx_px);
-  compare("fy", k.fy_px, "calibrated", c.fy_px);
-  if (wrong.empty() && (k.width_px > c.width_px || k.height_px > c.height_px)) {
-    wrong = formatted("%d x %d px, calibrated %d x %d", k.width_px, k.height_px, c.width_px, c.height_px);
-  }
-  if (wrong.empty() && k.width_px == c.width_px && k.height_px == c.height_px &&
-      std::hypot(k.cx_px - c.cx_px, k.cy_px - c.cy_px) > kMaxPrincipalPoint_px) {
-    wrong = formatted("principal point %.1f, %.1f px, calibrated %.1f, %.1f", k.cx_px, k.cy_px, c.cx_px, c.cy_px);
-  }
-  rows.push_back({"frame geometry", wrong.empty() ? CheckVerdict::kPass : CheckVerdict::kFail,
-                  wrong.empty() ? formatted("%d x %d px, fx %.1f px", k.width_px, k.height_px, k.fx_px) : wrong,
-                  focal});
+  rows.push_back({"frame geometry", wrong ? CheckVerdict::kFail : CheckVerdict::kPass,
+                  wrong.value_or(formatted("%d x %d px, fx %.1f px", k.width_px, k.height_px, k.fx_px)), focal});
 }
 
 std::vector<CheckRow> MachineCheck::rows() const {

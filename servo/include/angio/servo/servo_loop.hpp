@@ -95,6 +95,9 @@ class ServoLoop {
   const Eigen::Vector3d& target_model() const { return target_; }
   const Task& task() const { return *task_; }
 
+  /// GatedPerception::focalLengthWarning().
+  std::optional<std::string> focalLengthWarning() const { return perception_.focalLengthWarning(); }
+
  private:
   double periodUntil(const XrayFrame& frame);
   CArmCommand numbered(const XrayFrame& frame) const;

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "angio/perception/frame_geometry.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/perception.hpp"
 #include "angio/perception/registration_gate.hpp"
@@ -38,13 +39,19 @@ class GatedPerception {
   /// Throws InputError when a setting is out of its range.
   GatedPerception(const GatedPerceptionSettings& settings, const VesselTree& tree,
                   const std::optional<PointOfInterest>& point = std::nullopt)
-      : perception_(settings.perception, settings.carm, settings.T_dsa_cb, tree, point),
-        gate_(settings.gate, settings.target_model.value_or(tree.centroid()), settings.need) {}
+      : carm_(settings.carm),
+        target_(settings.target_model.value_or(tree.centroid())),
+        perception_(settings.perception, settings.carm, settings.T_dsa_cb, tree, point),
+        gate_(settings.gate, target_, settings.need) {}
 
-  /// Why a frame must not be read with these joints; nothing when it may.
+  /// Why a frame must not be read with these joints, or contradicts the calibrated geometry; nothing when it may.
   std::optional<std::string> rejection(const XrayFrame& frame, const CArmState& state) const {
-    return gate_.rejection(frame, state);
+    if (auto why = gate_.rejection(frame, state)) return why;
+    return contradiction(frame.camera, carm_);
   }
+
+  /// What all accepted observations together say against the focal length of the frames; nothing: nothing.
+  std::optional<std::string> focalLengthWarning() const { return focal_length_.warning(); }
 
   /// Observes a frame that was exposed while the joints were as in `state`.
   GatedObservation observe(const XrayFrame& frame, const CArmState& state);
@@ -69,8 +76,11 @@ class GatedPerception {
  private:
   GatedObservation gated(Observation observation, const CameraPlace& place);
 
+  CArmGeometry carm_;
+  Eigen::Vector3d target_;
   Perception perception_;
   RegistrationGate gate_;
+  FocalLengthMonitor focal_length_;
 };
 
 }  // namespace angio::perception
