@@ -10,7 +10,7 @@ from angio_lcm.carm_state_t import carm_state_t
 GROUP, PORT = "239.255.76.67", int(sys.argv[2]) if len(sys.argv) > 2 else 7667
 DURATION_S = float(sys.argv[3]) if len(sys.argv) > 3 else math.inf
 FASTEST = [0.44, 0.44, 0.15, 0.15, 0.15]  # rad/s, rad/s, m/s, m/s, m/s: the machine's own limits come first.
-LONGEST_VALID_US = 1_000_000
+LONGEST_VALID_US, SILENCE_US, FURTHEST_AHEAD = 1_000_000, 1_000_000, 1000
 SHORT = 0x4C433032  # An LCM message that fits one datagram: this word, a number, the channel's name, NUL, the bytes.
 
 
@@ -33,18 +33,21 @@ def command_in(datagram):
         command = carm_command_t.decode(data)
     except (ValueError, struct.error):
         return None
-    sound = all(map(math.isfinite, command.joint_velocity)) and 0 < command.valid_for_us <= LONGEST_VALID_US
-    return command if sound else None
+    valid = 0 < command.valid_for_us <= LONGEST_VALID_US or not any(command.joint_velocity)
+    return command if valid and all(map(math.isfinite, command.joint_velocity)) else None
 
 
-bus, state, wanted, valid_until_us, newest = open_bus(), carm_state_t(), [0.0] * 5, 0, (0, 0)
+bus, state, wanted, valid_until_us, whose, newest, heard_us = open_bus(), carm_state_t(), [0.0] * 5, 0, None, 0, 0
 end_s, last_us = time.monotonic() + DURATION_S, time.monotonic_ns() // 1000
 while time.monotonic() < end_s:
     while select.select([bus], [], [], 0.01)[0]:  # Until nothing has come for 10 ms, or the state is due.
-        command = command_in(bus.recv(65535))
-        now_us = time.monotonic_ns() // 1000
-        if command and (command.sequence > newest[0] or command.utime > newest[1]):  # No duplicates, none that is late.
-            newest, wanted, valid_until_us = (command.sequence, command.utime), command.joint_velocity, now_us + command.valid_for_us
+        (datagram, sender), now_us = bus.recvfrom(65535), time.monotonic_ns() // 1000
+        if command := command_in(datagram):  # One program moves the arm, until it is silent; anybody may stop it.
+            follows = sender == whose and 0 < command.sequence - newest <= FURTHEST_AHEAD
+            if follows or (now_us - heard_us > SILENCE_US and any(command.joint_velocity)):
+                whose, newest, heard_us, follows = sender, command.sequence, now_us, True
+            if follows or not any(command.joint_velocity):
+                wanted, valid_until_us = command.joint_velocity, now_us + command.valid_for_us
         if now_us - last_us > 10_000:
             break
     now_us = time.monotonic_ns() // 1000

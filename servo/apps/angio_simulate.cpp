@@ -106,6 +106,10 @@ class SimulatedDevices {
     const std::lock_guard<std::mutex> lock(moving_);
     arm_.listen(monotonic_us());
     if (catheter_) catheter_->listen(monotonic_us());
+    while (const auto news = arm_.takeNews()) std::cerr << "angio-simulate: C-arm: " << *news << "\n";
+    while (const auto news = catheter_ ? catheter_->takeNews() : std::nullopt) {
+      std::cerr << "angio-simulate: catheter: " << *news << "\n";
+    }
   }
 
   void report() {

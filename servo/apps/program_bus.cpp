@@ -31,6 +31,8 @@ class BadNetwork final : public Bus {
 
   void subscribe(const std::string& channel, Handler handler) override { bus_->subscribe(channel, std::move(handler)); }
   void subscribeAll(Listener listener) override { bus_->subscribeAll(std::move(listener)); }
+  void overhear(const std::string& channel, Handler handler) override { bus_->overhear(channel, std::move(handler)); }
+  std::string sender() const override { return bus_->sender(); }
 
   // Sends what is due meanwhile, to the millisecond.
   int handle(std::chrono::milliseconds timeout) override {

@@ -61,10 +61,10 @@ void drive(SimulatedCatheter& catheter, double duration_s, double insertion_m_pe
            double bend_rad_per_s = 0) {
   std::int64_t now_us = catheter.state().time_us;
   for (double left_s = duration_s; left_s > 1e-9; left_s -= 0.5) {
-    catheter.obey(command(now_us + 1, insertion_m_per_s, roll_rad_per_s, bend_rad_per_s, now_us), now_us);
+    catheter.obey(command(now_us / 1000 + 1, insertion_m_per_s, roll_rad_per_s, bend_rad_per_s, now_us), now_us);
     now_us += std::llround(1e6 * std::min(left_s, 0.5));
     catheter.advance(now_us);
-    CatheterCommand rest = command(now_us, 0);
+    CatheterCommand rest = command(now_us / 1000, 0);
     catheter.obey(rest, now_us);
   }
 }

@@ -16,6 +16,12 @@ std::uint64_t hashOf(const std::string& text) {
   return hash.value();
 }
 
+std::uint64_t hashOf(const std::uint8_t* data, std::size_t size) {
+  Fnv1a hash;
+  hash.add(data, size);
+  return hash.value();
+}
+
 std::int64_t after_us(std::int64_t time_us, double delay_ms) {
   const std::int64_t delay_us = std::llround(delay_ms * 1e3), last_us = std::numeric_limits<std::int64_t>::max();
   return time_us > last_us - delay_us ? last_us : time_us + delay_us;
@@ -95,10 +101,35 @@ void DisturbedBus::sendOnItsWay(Link& link, Message message) {
 
 void DisturbedBus::send(Message message, std::int64_t due_us) {
   if (due_us <= now_us_) {
-    bus_.publish(message.channel, message.bytes);
+    hand(message);
   } else {
     under_way_.emplace(due_us, std::move(message));
   }
+}
+
+void DisturbedBus::hand(const Message& message) {
+  constexpr std::size_t kMaxHanded = 1000;
+  const auto overheard = handed_.find(message.channel);
+  if (overheard != handed_.end()) {
+    for (const auto& hashes : overheard->second) {
+      hashes->push_back(hashOf(message.bytes.data(), message.bytes.size()));
+      if (hashes->size() > kMaxHanded) hashes->pop_front();
+    }
+  }
+  bus_.publish(message.channel, message.bytes);
+}
+
+void DisturbedBus::overhear(const std::string& channel, Handler handler) {
+  auto hashes = std::make_shared<std::deque<std::uint64_t>>();
+  handed_[channel].push_back(hashes);
+  bus_.subscribe(channel, [hashes, handler = std::move(handler)](const std::uint8_t* data, std::size_t size) {
+    const auto own = std::find(hashes->begin(), hashes->end(), hashOf(data, size));
+    if (own != hashes->end()) {
+      hashes->erase(own);
+    } else {
+      handler(data, size);
+    }
+  });
 }
 
 void DisturbedBus::advance(std::int64_t now_us) {
@@ -106,7 +137,7 @@ void DisturbedBus::advance(std::int64_t now_us) {
   while (!under_way_.empty() && under_way_.begin()->first <= now_us_) {
     const Message message = std::move(under_way_.begin()->second);
     under_way_.erase(under_way_.begin());  // First: one that cannot be sent must not come again.
-    bus_.publish(message.channel, message.bytes);
+    hand(message);
   }
 }
 

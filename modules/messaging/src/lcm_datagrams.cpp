@@ -34,6 +34,14 @@ std::optional<std::string> channelOf(const std::uint8_t* payload, std::size_t si
 
 }  // namespace
 
+std::string UdpSender::text() const {
+  std::string text;
+  for (int shift = 24; shift >= 0; shift -= 8) {
+    text += std::to_string(address >> shift & 0xff) + (shift > 0 ? "." : ":");
+  }
+  return text + std::to_string(port);
+}
+
 std::optional<LcmMessage> LcmDatagrams::refuse() {
   ++refused_;
   return std::nullopt;

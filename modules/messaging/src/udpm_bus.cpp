@@ -41,6 +41,15 @@ class UdpmBus final : public Bus {
                                                              std::size_t size) { handler(data, size); }}));
   }
 
+  void overhear(const std::string& channel, Handler handler) override {
+    const std::string self = receiver(channel).self().text();
+    subscribe(channel, [this, self, handler = std::move(handler)](const std::uint8_t* data, std::size_t size) {
+      if (sender_ != self) handler(data, size);
+    });
+  }
+
+  std::string sender() const override { return sender_; }
+
   void subscribeAll(Listener listener) override {
     receiver("all channels").wantAll();
     subscriptions_.push_back(std::make_unique<Subscription>(Subscription{std::nullopt, std::move(listener)}));
@@ -79,7 +88,9 @@ class UdpmBus final : public Bus {
   UdpmReceiver& receiver(const std::string& channels) {
     if (receiver_) return *receiver_;
     try {
-      receiver_ = std::make_unique<UdpmReceiver>(address_);
+      receiver_ = std::make_unique<UdpmReceiver>(address_, [this](const std::string& text) {
+        lcm_publish(lcm_.get(), kLcmSelfTestChannel, text.data(), static_cast<unsigned>(text.size()));
+      });
     } catch (const std::exception& error) {
       throw InputError("bus", "url", url_,
                        "cannot receive on " + channels + " (" + error.what() + "): " + kMulticastRule);
@@ -90,6 +101,7 @@ class UdpmBus final : public Bus {
   void handOut(const LcmMessage& message) {
     std::exception_ptr thrown;
     handling_ = true;
+    sender_ = message.sender.text();
     // Handlers may subscribe: only those that were there hear this message.
     for (std::size_t i = 0, count = subscriptions_.size(); i < count; ++i) {
       const Subscription& subscription = *subscriptions_[i];
@@ -101,6 +113,7 @@ class UdpmBus final : public Bus {
       }
     }
     handling_ = false;
+    sender_.clear();
     if (thrown) std::rethrow_exception(thrown);
   }
 
@@ -110,6 +123,7 @@ class UdpmBus final : public Bus {
   std::vector<std::unique_ptr<Subscription>> subscriptions_;
   std::unique_ptr<UdpmReceiver> receiver_;
   bool handling_ = false;
+  std::string sender_;  // Of the message that is being handled.
 };
 
 }  // namespace

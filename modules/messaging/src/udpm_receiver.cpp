@@ -81,7 +81,7 @@ std::thread threadWithoutSignals(Function function) {
 
 }  // namespace
 
-UdpmReceiver::UdpmReceiver(const UdpmAddress& address)
+UdpmReceiver::UdpmReceiver(const UdpmAddress& address, const Say& say)
     : socket_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)),
       ready_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
       stop_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
@@ -90,7 +90,7 @@ UdpmReceiver::UdpmReceiver(const UdpmAddress& address)
   require(ready_.get(), "no event");
   require(stop_.get(), "no event");
   join(address);
-  if (!hearsItself(address)) throw std::runtime_error("nothing comes back from the group");
+  if (!hearsItself(say)) throw std::runtime_error("nothing comes back from the group");
   thread_ = threadWithoutSignals([this] { run(); });
 }
 
@@ -119,21 +119,29 @@ void UdpmReceiver::join(const UdpmAddress& address) {
 }
 
 // As LCM does. A message tells its process and receiver, so that another program's is not taken for it.
-bool UdpmReceiver::hearsItself(const UdpmAddress& address) const {
-  const std::string said = std::string("LC02\0\0\0\0", 8) + kLcmSelfTestChannel + '\0' + "angio self test " +
-                           std::to_string(getpid()) + " " + std::to_string(reinterpret_cast<std::uintptr_t>(this));
+bool UdpmReceiver::hearsItself(const Say& say) {
+  const std::string text =
+      "angio self test " + std::to_string(getpid()) + " " + std::to_string(reinterpret_cast<std::uintptr_t>(this));
+  // Behind LCM's magic word and number.
+  constexpr std::size_t kHeader_bytes = 8;
+  const std::string said = std::string(kLcmSelfTestChannel) + '\0' + text;
   std::string heard(kMaxDatagram_bytes, '\0');
   pollfd waited{socket_.get(), POLLIN, 0};
   using Clock = std::chrono::steady_clock;
   const auto end = Clock::now() + std::chrono::seconds(3);
   while (Clock::now() < end) {
-    sendto(socket_.get(), said.data(), said.size(), 0, reinterpret_cast<const sockaddr*>(&address.group),
-           sizeof address.group);
+    say(text);
     const auto next_try = Clock::now() + std::chrono::milliseconds(100);
     while (Clock::now() < next_try) {
       poll(&waited, 1, 10);
-      const ssize_t size = recv(socket_.get(), heard.data(), heard.size(), 0);
-      if (size >= 0 && heard.compare(0, static_cast<std::size_t>(size), said) == 0) return true;
+      sockaddr_in from{};
+      socklen_t length = sizeof from;
+      const ssize_t size =
+          recvfrom(socket_.get(), heard.data(), heard.size(), 0, reinterpret_cast<sockaddr*>(&from), &length);
+      if (size < static_cast<ssize_t>(kHeader_bytes)) continue;
+      if (heard.compare(kHeader_bytes, static_cast<std::size_t>(size) - kHeader_bytes, said) != 0) continue;
+      self_ = {ntohl(from.sin_addr.s_addr), ntohs(from.sin_port)};
+      return true;
     }
   }
   return false;

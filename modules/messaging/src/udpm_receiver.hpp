@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -50,8 +51,12 @@ class ReceiveQueue {
 /// because the system's buffer may be smaller than one frame. Its memory is bounded by LcmDatagrams and ReceiveQueue.
 class UdpmReceiver {
  public:
-  /// Joins the group and hears one message of its own. Throws std::runtime_error that says why this machine cannot.
-  explicit UdpmReceiver(const UdpmAddress& address);
+  /// Sends a text on the channel kLcmSelfTestChannel, as all messages of this program are sent.
+  using Say = std::function<void(const std::string& text)>;
+
+  /// Joins the group and hears one message of its own, by `say`. Throws std::runtime_error that says why this machine
+  /// cannot.
+  UdpmReceiver(const UdpmAddress& address, const Say& say);
   UdpmReceiver(const UdpmReceiver&) = delete;
   UdpmReceiver& operator=(const UdpmReceiver&) = delete;
   ~UdpmReceiver();
@@ -64,12 +69,15 @@ class UdpmReceiver {
   /// Throws std::runtime_error when receiving has failed.
   std::optional<LcmMessage> next(int wait_ms);
 
+  /// The address that this program's own messages come from.
+  const UdpSender& self() const { return self_; }
+
   /// How many malformed datagrams came so far.
   std::int64_t refused() const { return refused_; }
 
  private:
   void join(const UdpmAddress& address);
-  bool hearsItself(const UdpmAddress& address) const;
+  bool hearsItself(const Say& say);
   void run();
   bool drain(std::vector<std::uint8_t>& datagram);
   void deliver(LcmMessage message);
@@ -78,7 +86,8 @@ class UdpmReceiver {
   std::optional<LcmMessage> pop();
 
   const OpenDescriptor socket_, ready_, stop_;  // ready_ is readable while a message waits or receiving has failed.
-  LcmDatagrams datagrams_;                      // The thread's.
+  UdpSender self_;
+  LcmDatagrams datagrams_;  // The thread's.
   std::atomic<std::int64_t> refused_{0};
 
   mutable std::mutex mutex_;  // Of all below.

@@ -10,6 +10,7 @@
 #include <exception>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/monotonic_clock.hpp"
 #include "angio/geometry/visp.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/robot/motion_time.hpp"
@@ -127,7 +128,10 @@ void LcmCArm::setVelocity(vpControlFrameType frame, const vpColVector& velocity)
 }
 
 vpRobot::vpRobotStateType LcmCArm::setRobotState(vpRobotStateType state) {
-  if (state == STATE_VELOCITY_CONTROL) return vpRobot::setRobotState(state);
+  if (state == STATE_VELOCITY_CONTROL) {
+    if (getRobotState() != STATE_VELOCITY_CONTROL) announce();
+    return vpRobot::setRobotState(state);
+  }
   vpRobot::setRobotState(STATE_STOP);
   send(CArmJoints::Zero());
   if (state == STATE_STOP) return state;
@@ -140,6 +144,14 @@ void LcmCArm::setPosition(vpControlFrameType, const vpColVector&) {
 
 void LcmCArm::getDisplacement(vpControlFrameType, vpColVector&) {
   throw vpRobotException(vpRobotException::notImplementedError, "the C-arm gives positions, not displacements");
+}
+
+void LcmCArm::announce() {
+  ServoSession session;
+  session.time_us = session.session = monotonic_us();
+  session.sequence = ++sessions_;
+  session.command_sequence = sequence_;
+  publish(bus_, kServoSessionChannel, session);
 }
 
 void LcmCArm::send(const CArmJoints& velocity) {

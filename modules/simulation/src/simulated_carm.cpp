@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "angio/base/errors.hpp"
 
@@ -82,8 +83,6 @@ void check(const CArmLimits& limits, const CArmJoints& start) {
   }
 }
 
-constexpr std::int64_t kMaxValidityUs = 1'000'000;
-
 }  // namespace
 
 SimulatedCArm::SimulatedCArm(const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us,
@@ -94,11 +93,12 @@ SimulatedCArm::SimulatedCArm(const CArmLimits& limits, const CArmJoints& start, 
   state_.joints = start;
 }
 
-void SimulatedCArm::obey(const CArmCommand& command, std::int64_t now_us) {
+void SimulatedCArm::obey(const CArmCommand& command, std::int64_t now_us, const std::string& sender) {
   advance(now_us);
-  if (!receiver_.takes(command, command.velocity.cwiseQuotient(limits_.velocity), state_.time_us)) return;
+  if (!receiver_.takes(command, command.velocity.cwiseQuotient(limits_.velocity), state_.time_us, sender)) return;
   wanted_ = command.velocity.cwiseMax(-limits_.velocity).cwiseMin(limits_.velocity);
-  valid_left_us_ = static_cast<std::uint64_t>(command.valid_for_us);
+  valid_left_us_ =
+      static_cast<std::uint64_t>(std::clamp<std::int64_t>(command.valid_for_us, 0, CommandReceiver::kMaxValidity_us));
   in_force_ = true;
 }
 
@@ -133,29 +133,50 @@ CommandReceiver::CommandReceiver(const ReceiverSettings& settings) : settings_(s
 }
 
 bool CommandReceiver::takes(std::int64_t time_us, std::int64_t sequence, std::int64_t valid_for_us,
-                            const Eigen::Ref<const Eigen::VectorXd>& speeds, std::int64_t now_us) {
-  // A lower sequence is newer only with a later time: then its sender has started again, and must not go unheard for
-  // ever.
-  const bool newer = sequence > last_sequence_ || (sequence < last_sequence_ && time_us > last_time_us_);
+                            const Eigen::Ref<const Eigen::VectorXd>& speeds, std::int64_t now_us,
+                            const std::string& sender) {
+  const CommandGate::Command command{sequence, time_us, speeds.isZero(0)};
+  const auto refused = gate_.refusal(command, sender, now_us);
   const double age_ms = 1e-3 * (static_cast<double>(now_us) - static_cast<double>(time_us));
   const bool of_now = age_ms <= settings_.max_command_age_ms && age_ms >= -settings_.max_command_lead_ms;
   if (!speeds.allFinite()) {
     ++ignored_.not_finite;
-  } else if (valid_for_us <= 0 || valid_for_us > kMaxValidityUs) {
+  } else if (!command.stands_still && (valid_for_us <= 0 || valid_for_us > kMaxValidity_us)) {
     ++ignored_.bad_validity;
-  } else if (commanded_ && !newer) {
-    ++ignored_.out_of_sequence;
-  } else if (!of_now && !speeds.isZero(0)) {
+  } else if (refused) {
+    count(*refused, sequence, sender);
+  } else if (!command.stands_still && !of_now) {
     ++ignored_.too_old;
   } else if (speeds.cwiseAbs().maxCoeff() > settings_.max_overspeed) {
     ++ignored_.wrong_unit;  // Cut to the limits it would be full speed, in a direction that nobody meant.
   } else {
-    commanded_ = true;
-    last_sequence_ = sequence;
-    last_time_us_ = time_us;
+    gate_.obeyed(command, sender, now_us);
     return true;
   }
   return false;
+}
+
+void CommandReceiver::count(CommandGate::Refusal refusal, std::int64_t sequence, const std::string& sender) {
+  const std::string command = "a command with sequence " + std::to_string(sequence) +
+                              (sender.empty() ? "" : " from " + sender) + " is not obeyed: ";
+  switch (refusal) {
+    case CommandGate::Refusal::kLate:
+      ++ignored_.out_of_sequence;
+      return;
+    case CommandGate::Refusal::kJumped:
+      if (ignored_.jumped++ == 0) news_.push_back(command + "too far ahead of the last one");
+      return;
+    case CommandGate::Refusal::kOtherSender:
+      if (ignored_.other_sender++ == 0) news_.push_back(command + "another program commands the machine");
+      return;
+  }
+}
+
+std::optional<std::string> CommandReceiver::takeNews() {
+  if (news_.empty()) return std::nullopt;
+  std::string first = std::move(news_.front());
+  news_.pop_front();
+  return first;
 }
 
 }  // namespace angio::simulation

@@ -93,7 +93,7 @@ SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSetti
   feel(tip_m_);
 }
 
-void SimulatedCatheter::obey(const CatheterCommand& command, std::int64_t now_us) {
+void SimulatedCatheter::obey(const CatheterCommand& command, std::int64_t now_us, const std::string& sender) {
   advance(now_us);
   const double insertion_m_per_s = 1e-3 * settings_.max_insertion_speed_mm_per_s;
   const double roll_rad_per_s = degToRad(settings_.max_roll_speed_deg_per_s),
@@ -101,10 +101,10 @@ void SimulatedCatheter::obey(const CatheterCommand& command, std::int64_t now_us
   const Eigen::Vector3d speeds(command.insertion_speed_m_per_s / insertion_m_per_s,
                                command.roll_speed_rad_per_s / roll_rad_per_s,
                                command.bend_speed_rad_per_s / bend_rad_per_s);
-  if (!receiver_.takes(command, speeds, now_us_)) return;
+  if (!receiver_.takes(command, speeds, now_us_, sender)) return;
   origin_ = baseAt(now_us_);
   command_us_ = now_us_;
-  stop_us_ = now_us_ + command.valid_for_us;
+  stop_us_ = now_us_ + std::clamp<std::int64_t>(command.valid_for_us, 0, CommandReceiver::kMaxValidity_us);
   command_ = command;
   command_.insertion_speed_m_per_s = std::clamp(command.insertion_speed_m_per_s, -insertion_m_per_s, insertion_m_per_s);
   command_.roll_speed_rad_per_s = std::clamp(command.roll_speed_rad_per_s, -roll_rad_per_s, roll_rad_per_s);

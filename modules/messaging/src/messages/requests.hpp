@@ -2,9 +2,11 @@
 #pragma once
 
 #include <angio_lcm/servo_request_t.hpp>
+#include <angio_lcm/servo_session_t.hpp>
 #include <angio_lcm/view_request_t.hpp>
 
 #include "angio/types/servo_request.hpp"
+#include "angio/types/servo_session.hpp"
 #include "angio/types/view_request.hpp"
 #include "description.hpp"
 
@@ -23,6 +25,20 @@ struct Description<ServoRequest> : PlainDescription<ServoRequest, angio_lcm::ser
   static std::string line(const ServoRequest& m) {
     static constexpr const char* kNames[kServoRequestKindCount] = {"stop", "arm", "start", "reset", "emergency stop"};
     return kNames[static_cast<int>(m.request)];
+  }
+};
+
+template <>
+struct Description<ServoSession> : PlainDescription<ServoSession, angio_lcm::servo_session_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("sequence", m.sequence);
+    v.number("session", m.session);
+    v.number("command_sequence", m.command_sequence, kNotNegative);
+  };
+
+  static std::string line(const ServoSession& m) {
+    return formatted("session %lld, after command %lld", count(m.session), count(m.command_sequence));
   }
 };
 

@@ -15,14 +15,23 @@ const CArmGeometry& checked(const CArmGeometry& carm) {
   return carm;
 }
 
+// A session first: a command that is as new is one of its own, or one that it ends.
+template <typename Command, typename Machine>
+void obeyAll(HeardMessages<ServoSession>& sessions, HeardMessages<Command>& commands, Machine& machine,
+             std::int64_t now_us) {
+  for (const auto& [session, sender] : sessions.take()) machine.begin(session, now_us, sender);
+  for (const auto& [command, sender] : commands.take()) machine.obey(command, now_us, sender);
+}
+
 }  // namespace
 
 SimulatedCArmNode::SimulatedCArmNode(Bus& bus, const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us)
-    : bus_(bus), commands_(bus, kCArmCommandChannel), arm_(limits, start, now_us) {}
+    : bus_(bus),
+      commands_(bus, kCArmCommandChannel),
+      sessions_(bus, kServoSessionChannel),
+      arm_(limits, start, now_us) {}
 
-void SimulatedCArmNode::listen(std::int64_t now_us) {
-  if (const auto command = commands_.take()) arm_.obey(*command, now_us);
-}
+void SimulatedCArmNode::listen(std::int64_t now_us) { obeyAll(sessions_, commands_, arm_, now_us); }
 
 void SimulatedCArmNode::report(std::int64_t now_us) {
   arm_.advance(now_us);
@@ -95,11 +104,12 @@ bool SimulatedInjector::injects(std::int64_t now_us) {
 
 SimulatedCatheterNode::SimulatedCatheterNode(Bus& bus, const VesselTree& tree, const CatheterSettings& settings,
                                              const TreeLocation& start, std::int64_t now_us)
-    : bus_(bus), commands_(bus, kCatheterCommandChannel), catheter_(tree, settings, start, now_us) {}
+    : bus_(bus),
+      commands_(bus, kCatheterCommandChannel),
+      sessions_(bus, kCatheterSessionChannel),
+      catheter_(tree, settings, start, now_us) {}
 
-void SimulatedCatheterNode::listen(std::int64_t now_us) {
-  if (const auto command = commands_.take()) catheter_.obey(*command, now_us);
-}
+void SimulatedCatheterNode::listen(std::int64_t now_us) { obeyAll(sessions_, commands_, catheter_, now_us); }
 
 void SimulatedCatheterNode::report(std::int64_t now_us) {
   catheter_.advance(now_us);

@@ -40,6 +40,7 @@ struct NodeTraits<ServoLoop> {
   static constexpr const char* kCommandChannel = kCArmCommandChannel;
   static constexpr const char* kInputChannel = kServoInputChannel;
   static constexpr const char* kStatusChannel = kServoStatusChannel;
+  static constexpr const char* kSessionChannel = kServoSessionChannel;
   static constexpr const char* kStateChannels[] = {kCArmStateChannel};
 
   static SafetySupervisor<MotionMonitor> safety(const ServoLoop& loop);
@@ -49,8 +50,8 @@ struct NodeTraits<ServoLoop> {
 };
 
 /// The C-arm's loop on a bus: hears XRAY_FRAME, CARM_STATE and SERVO_REQUEST, publishes CARM_COMMAND, SERVO_INPUT,
-/// SERVO_STATUS, and REGISTRATION of each frame that was looked at. As its settings say, it hears REGISTRATION, and
-/// does not publish it then, and CATHETER_TIP. Made of ServoLoopSettings and a VesselTree.
+/// SERVO_STATUS, SERVO_SESSION, and REGISTRATION of each frame that was looked at. As its settings say, it hears
+/// REGISTRATION, and does not publish it then, and CATHETER_TIP. Made of ServoLoopSettings and a VesselTree.
 using ServoNode = SupervisedNode<ServoLoop>;
 
 /// The messages that say what the loop did.

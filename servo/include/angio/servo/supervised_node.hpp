@@ -20,7 +20,8 @@ namespace angio::servo {
 ///
 ///   Monitor                      compares the machine's motion with its commands
 ///   kMachine                     whose operator is obeyed
-///   kCommandChannel, kInputChannel, kStatusChannel, kStateChannels
+///   kCommandChannel, kInputChannel, kStatusChannel, kSessionChannel
+///   kStateChannels               of the machines that are heard
 ///   States                       hears the machine's states: States(bus), hear(supervisor, now_us),
 ///                                at(time_us, frame_sequence) -> optional<Input>, forget(), refused()
 ///   safety(loop)                 the machine's SafetySupervisor<Monitor>
@@ -31,7 +32,8 @@ template <typename Loop>
 struct NodeTraits;
 
 /// A loop on a bus under its supervisor: hears frames, states and requests, supervises, publishes the command and what
-/// else the loop says. Stands still until an operator has armed and started it.
+/// else the loop says. Stands still until an operator has armed and started it; when it is armed it announces a session
+/// to its machine.
 ///
 /// A loop has the types Input, Command and Report, and
 ///
@@ -74,6 +76,7 @@ class SupervisedNode {
     Report report = answerOf(*next, now_us);
     safety_.commanded(report.command);
     publish(bus_, Traits::kCommandChannel, report.command);
+    session_.command_sequence = report.command.sequence;
     Traits::publish(bus_, loop_, report, safety_.states().state());
     say(Traits::status(report));
     const Stopwatch learning;
@@ -93,10 +96,19 @@ class SupervisedNode {
   void hear(std::int64_t now_us) {
     states_.hear(safety_, now_us);
     for (const ServoRequest& request : requests_.take()) {
+      const ServoState before = states().state();
       const bool refused = safety_.request(request, now_us).has_value();
       if (!refused && request.request == ServoRequestKind::kReset) states_.forget();
+      if (before != ServoState::kArmed && states().state() == ServoState::kArmed) announce(now_us);
     }
     safety_.wait(now_us);
+  }
+
+  // Named by the time: programs that announce at the same microsecond are a fault anyway.
+  void announce(std::int64_t now_us) {
+    session_.time_us = session_.session = now_us;
+    ++session_.sequence;
+    publish(bus_, Traits::kSessionChannel, session_);
   }
 
   // Proposes, asks for permission, and commits to what is sent. Says what a replay needs to know.
@@ -142,6 +154,7 @@ class SupervisedNode {
   SafetySupervisor<typename Traits::Monitor> safety_;
   std::int64_t said_transitions_ = 0;
   ServoStatus last_status_;
+  ServoSession session_;  // The last one that was announced.
 };
 
 }  // namespace angio::servo

@@ -37,6 +37,15 @@ class Bus {
   /// Calls `listener` for each message on any channel, for as long as the bus lives. Throws as subscribe() does.
   virtual void subscribeAll(Listener listener) = 0;
 
+  /// Calls `handler` for each message on the channel that was not published by this object, for as long as the bus
+  /// lives. No recorder writes these down. Only buses that know who sent what have such messages: UDP multicast, and a
+  /// party's side of a bus in simulated time (DisturbedBus); the others never call it.
+  virtual void overhear(const std::string& /*channel*/, Handler /*handler*/) {}
+
+  /// Who sent the message that is being handled, "127.0.0.1:40123"; empty outside a handler, and where the bus does not
+  /// know. A program has one address for as long as its bus lives. On a network it can be forged.
+  virtual std::string sender() const { return {}; }
+
   /// Waits up to `timeout` for a message, hands out all that wait, and returns how many there were; a signal ends the
   /// wait early. At most 1,000 messages a call, so that a fast sender cannot keep the caller for ever. A log (file://)
   /// gives one message a call, so that a reader who looks at its mailboxes between calls misses none.

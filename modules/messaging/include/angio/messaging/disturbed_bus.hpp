@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <limits>
 #include <map>
+#include <memory>
 #include <optional>
 #include <random>
 #include <string>
@@ -81,6 +83,9 @@ class DisturbedBus : public Bus {
   void publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) override;
   void subscribe(const std::string& channel, Handler handler) override { bus_.subscribe(channel, std::move(handler)); }
   void subscribeAll(Listener listener) override { bus_.subscribeAll(std::move(listener)); }
+  /// A message is this party's own when it is, byte for byte and as often, what was handed to the bus.
+  void overhear(const std::string& channel, Handler handler) override;
+  std::string sender() const override { return bus_.sender(); }
   int handle(std::chrono::milliseconds timeout) override { return bus_.handle(timeout); }
   bool ended() const override { return bus_.ended(); }
   std::int64_t refused() const override { return bus_.refused(); }
@@ -106,6 +111,7 @@ class DisturbedBus : public Bus {
   Link& link(const std::string& channel);
   void sendOnItsWay(Link& link, Message message);
   void send(Message message, std::int64_t due_us);
+  void hand(const Message& message);
 
   Bus& bus_;
   DisturbanceSettings everywhere_;
@@ -114,6 +120,9 @@ class DisturbedBus : public Bus {
   std::map<std::string, Link> links_;
   std::multimap<std::int64_t, Message> under_way_;  // By when they are due; equal times in the order of publishing.
   DisturbanceCounts counts_;
+  // Of each overheard channel, hashes of what was handed to the bus and has not come round yet; shared with the
+  // handlers.
+  std::map<std::string, std::vector<std::shared_ptr<std::deque<std::uint64_t>>>> handed_;
 };
 
 }  // namespace angio::messaging

@@ -24,6 +24,9 @@ struct UdpSender {
   std::uint16_t port = 0;     ///< In the host's byte order.
 
   bool operator==(const UdpSender& other) const { return address == other.address && port == other.port; }
+
+  /// "127.0.0.1:40123".
+  std::string text() const;
 };
 
 /// A whole message of LCM's protocol over UDP.

@@ -114,4 +114,34 @@ class MessageQueue {
   std::shared_ptr<std::vector<T>> values_;  // Shared with the bus's handler, which may outlive this object.
 };
 
+/// A message, and who sent it (Bus::sender()).
+template <typename T>
+struct Heard {
+  T value;
+  std::string sender;
+};
+
+/// The same as MessageQueue, with each message's sender.
+template <typename T>
+class HeardMessages {
+ public:
+  /// Throws InputError as Bus::subscribe() does. The bus must live while it hands out messages.
+  HeardMessages(Bus& bus, const std::string& channel) : heard_(std::make_shared<std::vector<Heard<T>>>()) {
+    bus.subscribe(channel, [&bus, box = std::weak_ptr(heard_)](const std::uint8_t* data, std::size_t size) {
+      const auto heard = box.lock();
+      if (!heard) return;
+      Decoded<T> decoded = decode<T>(data, size);
+      if (decoded.value) heard->push_back({std::move(*decoded.value), bus.sender()});
+    });
+  }
+  HeardMessages(const HeardMessages&) = delete;
+  HeardMessages& operator=(const HeardMessages&) = delete;
+
+  /// What has come since the last call, in its order.
+  std::vector<Heard<T>> take() { return std::exchange(*heard_, {}); }
+
+ private:
+  std::shared_ptr<std::vector<Heard<T>>> heard_;
+};
+
 }  // namespace angio::messaging

@@ -5,6 +5,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "angio/messaging/bus.hpp"
@@ -31,6 +32,8 @@ class RecordingBus : public Bus {
   void publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) override;
   void subscribe(const std::string& channel, Handler handler) override;
   void subscribeAll(Listener listener) override;
+  void overhear(const std::string& channel, Handler handler) override { bus_.overhear(channel, std::move(handler)); }
+  std::string sender() const override { return bus_.sender(); }
   int handle(std::chrono::milliseconds timeout) override { return bus_.handle(timeout); }
   bool ended() const override { return bus_.ended(); }
   std::int64_t refused() const override { return bus_.refused(); }

@@ -15,10 +15,10 @@ namespace angio::robot {
 /// A C-arm at the other end of a bus, as a ViSP user knows robots. Five joints in the order and units of CArmJoints;
 /// the end effector is the camera, the reference frame is the patient (iso with the table at zero).
 ///
-/// Hears CARM_STATE and sends CARM_COMMAND. Calls that need the arm's state hand out what waits on the bus first, so
-/// they must not be made from a bus handler; before a first state has come they throw vpRobotException. The arm moves
-/// in STATE_VELOCITY_CONTROL only, and stops by itself when a command has outlived its validity: call setVelocity()
-/// again in time.
+/// Hears CARM_STATE and sends CARM_COMMAND and SERVO_SESSION. Calls that need the arm's state hand out what waits on
+/// the bus first, so they must not be made from a bus handler; before a first state has come they throw
+/// vpRobotException. The arm moves in STATE_VELOCITY_CONTROL only, and stops by itself when a command has outlived its
+/// validity: call setVelocity() again in time.
 class LcmCArm : public vpRobot {
  public:
   using vpRobot::getPosition;
@@ -58,6 +58,7 @@ class LcmCArm : public vpRobot {
   /// sent). The ends of the joints' ranges are for the caller to keep: see CArmMotionLimiter.
   void setVelocity(vpControlFrameType frame, const vpColVector& velocity) override;
 
+  /// STATE_VELOCITY_CONTROL announces a session (SERVO_SESSION), so that the arm obeys this program from now on.
   /// STATE_STOP sends a command that stands still. States other than STATE_STOP and STATE_VELOCITY_CONTROL throw, after
   /// stopping the arm.
   vpRobotStateType setRobotState(vpRobotStateType state) override;
@@ -71,6 +72,7 @@ class LcmCArm : public vpRobot {
  private:
   const CArmState& requireState();
   CArmJoints jointVelocity(vpControlFrameType frame, const vpColVector& velocity);
+  void announce();
   void send(const CArmJoints& velocity);
 
   CArmGeometry geometry_;
@@ -78,7 +80,7 @@ class LcmCArm : public vpRobot {
   Bus& bus_;
   std::chrono::microseconds command_validity_;
   LatestMessage<CArmState> states_;
-  std::int64_t sequence_ = 0;
+  std::int64_t sequence_ = 0, sessions_ = 0;
 };
 
 }  // namespace angio::robot

@@ -3,11 +3,15 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
 
 #include "angio/base/settings.hpp"
 #include "angio/geometry/carm_limits.hpp"
 #include "angio/simulation/namespace.hpp"
 #include "angio/types/carm_motion.hpp"
+#include "angio/types/command_gate.hpp"
 
 namespace angio::simulation {
 
@@ -16,10 +20,14 @@ struct IgnoredCommands {
   std::int64_t not_finite = 0;       ///< A velocity was NaN or infinite.
   std::int64_t bad_validity = 0;     ///< valid_for_us was not in (0, 1 s].
   std::int64_t out_of_sequence = 0;  ///< Neither a higher sequence than the last one obeyed, nor a later time.
+  std::int64_t jumped = 0;           ///< Too far ahead of the last one obeyed (CommandGate).
+  std::int64_t other_sender = 0;     ///< From another sender than the one that is obeyed (CommandGate).
   std::int64_t too_old = 0;          ///< The frame behind it was too long ago, or still to come.
   std::int64_t wrong_unit = 0;       ///< So far beyond a speed limit that its numbers mean something else.
 
-  std::int64_t total() const { return not_finite + bad_validity + out_of_sequence + too_old + wrong_unit; }
+  std::int64_t total() const {
+    return not_finite + bad_validity + out_of_sequence + jumped + other_sender + too_old + wrong_unit;
+  }
 };
 
 /// What a receiver asks of a command before it moves by it: the last gate, for it alone sees what arrives and when.
@@ -34,31 +42,44 @@ struct ReceiverSettings {
   }
 };
 
-/// Which commands a simulated machine obeys: finite ones, newer than the last, valid for up to 1 s, of now, and in the
-/// right units. One that stands still is never too old.
+/// Which commands a simulated machine obeys: those that CommandGate lets pass, finite, valid for up to 1 s, of now, and
+/// in the right units. One that stands still is always obeyed.
 class CommandReceiver {
  public:
   /// Throws InputError when a setting is out of its range.
   explicit CommandReceiver(const ReceiverSettings& settings);
 
+  static constexpr std::int64_t kMaxValidity_us = 1'000'000;
+
   /// Whether a command that arrives at `now_us` [us] is obeyed; counts why not.
   ///
   /// @param speeds  Of each axis, by its limit.
+  /// @param sender  As the bus names it; empty: unknown.
   template <typename Command>
-  bool takes(const Command& command, const Eigen::Ref<const Eigen::VectorXd>& speeds, std::int64_t now_us) {
-    return takes(command.time_us, command.sequence, command.valid_for_us, speeds, now_us);
+  bool takes(const Command& command, const Eigen::Ref<const Eigen::VectorXd>& speeds, std::int64_t now_us,
+             const std::string& sender) {
+    return takes(command.time_us, command.sequence, command.valid_for_us, speeds, now_us, sender);
   }
+
+  /// A session was announced: its commands are obeyed from now on.
+  void begin(const ServoSession& session, std::int64_t now_us, const std::string& sender) {
+    gate_.begin(session, sender, now_us);
+  }
+
+  /// One line on the first command that was too far ahead, and on the first one of another sender; each once.
+  std::optional<std::string> takeNews();
 
   const IgnoredCommands& ignored() const { return ignored_; }
 
  private:
   bool takes(std::int64_t time_us, std::int64_t sequence, std::int64_t valid_for_us,
-             const Eigen::Ref<const Eigen::VectorXd>& speeds, std::int64_t now_us);
+             const Eigen::Ref<const Eigen::VectorXd>& speeds, std::int64_t now_us, const std::string& sender);
+  void count(CommandGate::Refusal refusal, std::int64_t sequence, const std::string& sender);
 
   ReceiverSettings settings_;
   IgnoredCommands ignored_;
-  bool commanded_ = false;  // Whether the last ones mean anything yet.
-  std::int64_t last_sequence_ = 0, last_time_us_ = 0;
+  CommandGate gate_;
+  std::deque<std::string> news_;
 };
 
 /// A C-arm whose joints follow commanded velocities within their range, speed and acceleration, and come to rest by
@@ -76,7 +97,17 @@ class SimulatedCArm {
   /// Takes a command that arrives at `now_us` [us] and holds for its validity from then on; speeds beyond the limits
   /// are cut to them. What CommandReceiver does not take is ignored, and the command before it stays in force until it
   /// runs out. An arrival before the present time counts as now.
-  void obey(const CArmCommand& command, std::int64_t now_us);
+  ///
+  /// @param sender  As the bus names it; empty: unknown.
+  void obey(const CArmCommand& command, std::int64_t now_us, const std::string& sender = {});
+
+  /// A session was announced: its commands are obeyed from now on.
+  void begin(const ServoSession& session, std::int64_t now_us, const std::string& sender = {}) {
+    receiver_.begin(session, now_us, sender);
+  }
+
+  /// As CommandReceiver::takeNews().
+  std::optional<std::string> takeNews() { return receiver_.takeNews(); }
 
   /// Moves to the time `now_us` [us]; an earlier time than the present is ignored.
   void advance(std::int64_t now_us);

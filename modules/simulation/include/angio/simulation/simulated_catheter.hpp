@@ -48,7 +48,17 @@ class SimulatedCatheter {
 
   /// Takes a command that arrives at `now_us` [us] and holds for its validity from then on; speeds beyond the drive's
   /// are cut to them. What CommandReceiver does not take is ignored, and the command before it stays in force.
-  void obey(const CatheterCommand& command, std::int64_t now_us);
+  ///
+  /// @param sender  As the bus names it; empty: unknown.
+  void obey(const CatheterCommand& command, std::int64_t now_us, const std::string& sender = {});
+
+  /// A session was announced: its commands are obeyed from now on.
+  void begin(const ServoSession& session, std::int64_t now_us, const std::string& sender = {}) {
+    receiver_.begin(session, now_us, sender);
+  }
+
+  /// As CommandReceiver::takeNews().
+  std::optional<std::string> takeNews() { return receiver_.takeNews(); }
 
   /// Moves to the time `now_us` [us]; an earlier time than the present is ignored.
   void advance(std::int64_t now_us);

@@ -8,6 +8,7 @@
 #include "angio/types/loop_input.hpp"
 #include "angio/types/registration_message.hpp"
 #include "angio/types/servo_request.hpp"
+#include "angio/types/servo_session.hpp"
 #include "angio/types/servo_status.hpp"
 #include "angio/types/view_request.hpp"
 #include "angio/types/xray_frame.hpp"
@@ -15,7 +16,8 @@
 namespace angio::types {
 
 /// Any of the values that programs send each other.
-using AnyMessage = std::variant<XrayFrame, CArmState, ServoInput, CArmCommand, RegistrationMessage, ServoStatus,
-                                ServoRequest, CatheterState, CatheterCommand, CatheterTip, CatheterInput, ViewRequest>;
+using AnyMessage =
+    std::variant<XrayFrame, CArmState, ServoInput, CArmCommand, RegistrationMessage, ServoStatus, ServoRequest,
+                 CatheterState, CatheterCommand, CatheterTip, CatheterInput, ViewRequest, ServoSession>;
 
 }  // namespace angio::types

@@ -20,5 +20,7 @@ constexpr const char* kCatheterTipChannel = "CATHETER_TIP";
 constexpr const char* kCatheterInputChannel = "CATHETER_INPUT";
 constexpr const char* kCatheterStatusChannel = "CATHETER_STATUS";    ///< A servo_status_t, of the catheter's loop.
 constexpr const char* kCatheterRequestChannel = "CATHETER_REQUEST";  ///< A servo_request_t, for it.
+constexpr const char* kServoSessionChannel = "SERVO_SESSION";        ///< A servo_session_t, of the C-arm's loop.
+constexpr const char* kCatheterSessionChannel = "CATHETER_SESSION";  ///< The same of the catheter's loop.
 
 }  // namespace angio::types

@@ -60,6 +60,7 @@ struct NodeTraits<navigation::CatheterController> {
   static constexpr const char* kCommandChannel = kCatheterCommandChannel;
   static constexpr const char* kInputChannel = kCatheterInputChannel;
   static constexpr const char* kStatusChannel = kCatheterStatusChannel;
+  static constexpr const char* kSessionChannel = kCatheterSessionChannel;
   static constexpr const char* kStateChannels[] = {kCArmStateChannel, kCatheterStateChannel};
 
   static SafetySupervisor<navigation::DriveMonitor> safety(const navigation::CatheterController& loop);
@@ -74,9 +75,9 @@ struct NodeTraits<navigation::CatheterController> {
 namespace angio::navigation {
 
 /// The catheter's controller on a bus: hears XRAY_FRAME, CARM_STATE, CATHETER_STATE and CATHETER_REQUEST, publishes
-/// CATHETER_COMMAND, CATHETER_INPUT, CATHETER_TIP, CATHETER_STATUS, and REGISTRATION of each frame that was looked at.
-/// With `ask_for_views` it hears SERVO_STATUS, and once started it publishes VIEW_REQUEST until the view is reached.
-/// Made of what a CatheterController is made of.
+/// CATHETER_COMMAND, CATHETER_INPUT, CATHETER_TIP, CATHETER_STATUS, CATHETER_SESSION, and REGISTRATION of each frame
+/// that was looked at. With `ask_for_views` it hears SERVO_STATUS, and once started it publishes VIEW_REQUEST until the
+/// view is reached. Made of what a CatheterController is made of.
 using CatheterNode = SupervisedNode<CatheterController>;
 
 }  // namespace angio::navigation

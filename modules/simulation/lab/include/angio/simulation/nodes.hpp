@@ -18,17 +18,21 @@ class SimulatedCArmNode {
   /// Borrows the bus, which must outlive it.
   SimulatedCArmNode(Bus& bus, const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us);
 
-  /// Obeys the newest command that waits, as one that arrives now.
+  /// Obeys the commands that wait, as such that arrive now.
   void listen(std::int64_t now_us);
 
   /// Moves to `now_us` and publishes the state there.
   void report(std::int64_t now_us);
 
+  /// As SimulatedCArm::takeNews().
+  std::optional<std::string> takeNews() { return arm_.takeNews(); }
+
   const SimulatedCArm& arm() const { return arm_; }
 
  private:
   Bus& bus_;
-  LatestMessage<CArmCommand> commands_;
+  HeardMessages<CArmCommand> commands_;
+  HeardMessages<ServoSession> sessions_;
   SimulatedCArm arm_;
   std::int64_t sequence_ = 0;
 };
@@ -113,17 +117,21 @@ class SimulatedCatheterNode {
   SimulatedCatheterNode(Bus& bus, const VesselTree& tree, const CatheterSettings& settings, const TreeLocation& start,
                         std::int64_t now_us);
 
-  /// Obeys the newest command that waits, as one that arrives now.
+  /// Obeys the commands that wait, as such that arrive now.
   void listen(std::int64_t now_us);
 
   /// Moves to `now_us` and publishes the state there.
   void report(std::int64_t now_us);
 
+  /// As SimulatedCatheter::takeNews().
+  std::optional<std::string> takeNews() { return catheter_.takeNews(); }
+
   const SimulatedCatheter& catheter() const { return catheter_; }
 
  private:
   Bus& bus_;
-  LatestMessage<CatheterCommand> commands_;
+  HeardMessages<CatheterCommand> commands_;
+  HeardMessages<ServoSession> sessions_;
   SimulatedCatheter catheter_;
   std::int64_t sequence_ = 0;
 };
