@@ -55,6 +55,8 @@ const char* nameOf(ServoCause cause) {
       return "a joint limit is broken";
     case ServoCause::kMotionDisagrees:
       return "a joint does not do what was commanded";
+    case ServoCause::kSecondSender:
+      return "a channel has a second sender";
   }
   return "unknown";
 }

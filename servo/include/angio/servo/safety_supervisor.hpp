@@ -82,6 +82,9 @@ class FrameSupervisor {
   void doubt(Doubt kind, const std::string& reason, std::int64_t now_us);
   void wait(std::int64_t now_us) { states_.wait(now_us); }
 
+  /// Another program speaks where one must: a fault.
+  void secondSender(const std::string& how, std::int64_t now_us) { fault(ServoCause::kSecondSender, how, now_us); }
+
   const ServoStateMachine& states() const { return states_; }
   bool moves() const { return states_.moves(); }
 

@@ -42,6 +42,8 @@ struct NodeTraits<ServoLoop> {
   static constexpr const char* kStatusChannel = kServoStatusChannel;
   static constexpr const char* kSessionChannel = kServoSessionChannel;
   static constexpr const char* kStateChannels[] = {kCArmStateChannel};
+  static constexpr const char* kStateSenders[] = {"C-arms"};
+  static constexpr const char* kCommands = "C-arm commands";
 
   static SafetySupervisor<MotionMonitor> safety(const ServoLoop& loop);
   static const CArmState& arm(const ServoInput& input) { return input.state; }

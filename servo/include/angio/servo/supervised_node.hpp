@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "angio/base/stopwatch.hpp"
 #include "angio/messaging/channels.hpp"
@@ -12,6 +13,7 @@
 #include "angio/servo/frame_mailbox.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/safety_supervisor.hpp"
+#include "angio/servo/second_senders.hpp"
 
 namespace angio::servo {
 
@@ -21,7 +23,8 @@ namespace angio::servo {
 ///   Monitor                      compares the machine's motion with its commands
 ///   kMachine                     whose operator is obeyed
 ///   kCommandChannel, kInputChannel, kStatusChannel, kSessionChannel
-///   kStateChannels               of the machines that are heard
+///   kStateChannels, kStateSenders   the machines that are heard, and what they are called when there are two
+///   kCommands                    what commands are called
 ///   States                       hears the machine's states: States(bus), hear(supervisor, now_us),
 ///                                at(time_us, frame_sequence) -> optional<Input>, forget(), refused()
 ///   safety(loop)                 the machine's SafetySupervisor<Monitor>
@@ -33,7 +36,8 @@ struct NodeTraits;
 
 /// A loop on a bus under its supervisor: hears frames, states and requests, supervises, publishes the command and what
 /// else the loop says. Stands still until an operator has armed and started it; when it is armed it announces a session
-/// to its machine.
+/// to its machine. Another program that sends its commands or its statuses, or two machines that send where one should,
+/// are a fault from its next answer() on.
 ///
 /// A loop has the types Input, Command and Report, and
 ///
@@ -60,6 +64,7 @@ class SupervisedNode {
         frames_(bus, loop_.externalInputs()),
         states_(bus),
         requests_(bus, Traits::kMachine),
+        second_senders_(bus, watched()),
         safety_(Traits::safety(loop_)) {}
 
   /// Hears what has come, and answers the newest frame that waits; nothing comes back when none does. To be called
@@ -93,12 +98,30 @@ class SupervisedNode {
   const Loop& loop() const { return loop_; }
 
  private:
+  static std::vector<SecondSenders::Watched> watched() {
+    using Kind = SecondSenders::Kind;
+    std::vector<SecondSenders::Watched> all = {
+        {Traits::kCommandChannel, Kind::kCommands, std::string("another program sends ") + Traits::kCommands},
+        {Traits::kStatusChannel, Kind::kStatuses, "a second loop is running"},
+        {kXrayFrameChannel, Kind::kMachine, "two X-rays are sending"}};
+    const char* const* senders = Traits::kStateSenders;
+    for (const char* channel : Traits::kStateChannels) {
+      all.push_back({channel, Kind::kMachine, std::string("two ") + *senders++ + " are sending"});
+    }
+    return all;
+  }
+
   void hear(std::int64_t now_us) {
+    // Before the states: two machines' clocks would else be called one clock that jumps.
+    if (const auto second = second_senders_.take(now_us)) safety_.secondSender(*second, now_us);
     states_.hear(safety_, now_us);
     for (const ServoRequest& request : requests_.take()) {
       const ServoState before = states().state();
       const bool refused = safety_.request(request, now_us).has_value();
-      if (!refused && request.request == ServoRequestKind::kReset) states_.forget();
+      if (!refused && request.request == ServoRequestKind::kReset) {
+        states_.forget();
+        second_senders_.forget();
+      }
       if (before != ServoState::kArmed && states().state() == ServoState::kArmed) announce(now_us);
     }
     safety_.wait(now_us);
@@ -151,6 +174,7 @@ class SupervisedNode {
   FrameMailbox frames_;
   typename Traits::States states_;
   HeardRequests requests_;
+  SecondSenders second_senders_;
   SafetySupervisor<typename Traits::Monitor> safety_;
   std::int64_t said_transitions_ = 0;
   ServoStatus last_status_;

@@ -37,8 +37,9 @@ enum class ServoCause : std::int8_t {
   kJointsImplausible = 13,
   kJointLimitBroken = 14,
   kMotionDisagrees = 15,
+  kSecondSender = 16,
 };
-constexpr int kServoCauseCount = 16;
+constexpr int kServoCauseCount = 17;
 
 /// In words, for people: "emergency stop", "a joint limit is broken".
 const char* nameOf(ServoState state);

@@ -62,6 +62,8 @@ struct NodeTraits<navigation::CatheterController> {
   static constexpr const char* kStatusChannel = kCatheterStatusChannel;
   static constexpr const char* kSessionChannel = kCatheterSessionChannel;
   static constexpr const char* kStateChannels[] = {kCArmStateChannel, kCatheterStateChannel};
+  static constexpr const char* kStateSenders[] = {"C-arms", "catheter drives"};
+  static constexpr const char* kCommands = "catheter commands";
 
   static SafetySupervisor<navigation::DriveMonitor> safety(const navigation::CatheterController& loop);
   static const CArmState& arm(const CatheterInput& input) { return input.arm; }
