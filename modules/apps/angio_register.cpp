@@ -17,6 +17,7 @@
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/messaging/authenticated_bus.hpp"
 #include "angio/perception/perception_node.hpp"
 #include "program_settings.hpp"
 #include "register_views.hpp"
@@ -26,7 +27,7 @@ namespace {
 
 // What registering on a bus needs to know.
 struct BusOptions {
-  std::string bus, tree, calibration, method;
+  std::string bus, key_file, tree, calibration, method;
   double duration_s = 0;  ///< 0: until stopped.
 };
 
@@ -163,7 +164,9 @@ GatedPerceptionSettings settingsOf(const BusOptions& o) {
 int registerOnBus(const BusOptions& o) {
   const GatedPerceptionSettings settings = settingsOf(o);
   const VesselTree tree = readVesselTree(o.tree);
-  const auto bus = openSharedBus(o.bus);
+  const auto bus = withKeyFile(openSharedBus(o.bus), o.key_file,
+                               [](const std::string& line) { std::cerr << "angio-register: " << line << "\n"; });
+  if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-register: " << *warning << "\n";
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-register: " << *warning << "\n";
   PerceptionNode node(*bus, settings, tree);
   std::signal(SIGINT, [](int) { stopped = 1; });
@@ -240,6 +243,7 @@ int main(int argc, char** argv) {
   app.add_option("--out-pose", o.out_pose, "Pose of the model in the camera (.yaml), of a result that converged");
   app.add_option("--overlay", o.overlay, "Picture of the result (.png, .jpg)");
   auto* bus = seen->add_option("--bus", o.live.bus, "Register the frames of a bus (LCM URL) and say so there");
+  app.add_option("--key-file", o.live.key_file, "With --bus: key that the programs on the bus share")->needs(bus);
   app.add_option("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")->needs(bus);
   app.add_option("--duration-s", o.live.duration_s, "With --bus: how long; 0: until stopped")
       ->check(angio::apps::between(0, 86400))

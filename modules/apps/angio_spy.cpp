@@ -5,7 +5,9 @@
 #include <chrono>
 #include <csignal>
 #include <iostream>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,6 +17,7 @@
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/messaging/authenticated_bus.hpp"
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/bus_monitor.hpp"
 #include "angio/messaging/log_reader.hpp"
@@ -72,7 +75,7 @@ nlohmann::ordered_json monitorAsJson(const std::vector<ChannelReport>& channels)
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", json;
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", json, key_file;
   double duration_s = 0;
   bool once = false;
 };
@@ -91,8 +94,10 @@ void redraw(const std::string& url, const std::string& table) {
   std::cout << screen << "\033[J" << std::flush;
 }
 
-std::vector<ChannelReport> listen(const Options& o) {
-  const auto bus = openSharedBus(o.bus);
+std::vector<ChannelReport> listen(const Options& o, std::optional<std::map<std::string, std::int64_t>>& refused) {
+  const auto tell = [](const std::string& line) { std::cerr << "angio-spy: " << line << "\n"; };
+  const auto bus = withKeyFile(openSharedBus(o.bus), o.key_file, tell);
+  if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-spy: " << *warning << "\n";
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-spy: " << *warning << "\n";
   BusMonitor monitor;
   bus->subscribeAll([&](const std::string& channel, const std::uint8_t* data, std::size_t size) {
@@ -114,6 +119,7 @@ std::vector<ChannelReport> listen(const Options& o) {
     }
   }
   if (live) std::cout << "\033[H\033[J";
+  if (const auto* keyed = dynamic_cast<const AuthenticatedBus*>(bus.get())) refused = keyed->causes();
   return monitor.report(monotonic_us());
 }
 
@@ -135,9 +141,19 @@ std::vector<ChannelReport> readLog(const std::string& path) {
 
 int spy(const Options& o) {
   const auto log = logFileOf(o.bus);
-  const auto channels = log ? readLog(*log) : listen(o);
-  if (!o.json.empty()) writeWholeFile(o.json, monitorAsJson(channels).dump(2) + "\n");
+  if (log && !o.key_file.empty()) {
+    throw InputError("command line", "--key-file", o.key_file, "is for a live bus: logs hold plain messages");
+  }
+  std::optional<std::map<std::string, std::int64_t>> refused;  // By cause; nothing without a key.
+  const auto channels = log ? readLog(*log) : listen(o, refused);
+  auto numbers = monitorAsJson(channels);
+  if (refused) numbers["unauthenticated"] = *refused;
+  if (!o.json.empty()) writeWholeFile(o.json, numbers.dump(2) + "\n");
   std::cout << monitorTable(channels);
+  if (refused && refused->empty()) std::cout << "every message that must have one had a valid envelope\n";
+  for (const auto& [cause, times] : refused.value_or(std::map<std::string, std::int64_t>())) {
+    std::cout << formatted("refused %lld messages: ", count(times)) << cause << "\n";
+  }
   return 0;
 }
 
@@ -150,6 +166,9 @@ int main(int argc, char** argv) {
   angio::apps::describeProgram(app, "angio-spy --bus 'file://run.lcm?speed=0' --json run.json");
   angio::apps::Options o;
   app.add_option("--bus", o.bus, "Bus to listen on (LCM URL); file://name.lcm?speed=0 reads a whole log at once");
+  app.add_option(
+      "--key-file", o.key_file,
+      "Key that the programs on the bus share: shows only what has a valid envelope, and says what had none");
   app.add_option("--duration-s", o.duration_s, "How long; 0: until stopped, or 3 with --once")
       ->check(angio::apps::between(0, 86400));
   app.add_flag("--once", o.once, "Only the table at the end, also in a terminal");

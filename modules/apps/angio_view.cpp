@@ -18,6 +18,7 @@
 #include "angio/evaluation/live_overlay.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/any_message.hpp"
+#include "angio/messaging/authenticated_bus.hpp"
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/log_reader.hpp"
 
@@ -27,7 +28,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", tree = exampleDataFile("hepatic-tace/tree.csv"), out, title;
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", key_file, tree = exampleDataFile("hepatic-tace/tree.csv"), out,
+              title;
   double duration_s = 0, film_rate_hz = 15;
   int width_px = 768;
 };
@@ -128,7 +130,8 @@ int viewLog(const std::string& path, const Options& o, const VesselTree& tree) {
 }
 
 int viewBus(const Options& o, const VesselTree& tree) {
-  const auto bus = openSharedBus(o.bus);
+  const auto bus = withKeyFile(openSharedBus(o.bus), o.key_file,
+                               [](const std::string& line) { std::cerr << "angio-view: " << line << "\n"; });
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-view: " << *warning << "\n";
   Viewer viewer(o, tree);
   bus->subscribeAll([&](const std::string& channel, const std::uint8_t* data, std::size_t size) {
@@ -159,6 +162,7 @@ int main(int argc, char** argv) {
   using angio::apps::between;
   angio::apps::Options o;
   app.add_option("--bus", o.bus, "Bus to listen on (LCM URL); file://name.lcm?speed=0 shows each frame of a log");
+  app.add_option("--key-file", o.key_file, "Key that the programs on the bus share");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--out", o.out, "Film (.mp4) or numbered pictures (frames/%04d.png) in place of a window");
   app.add_option("--film-rate-hz", o.film_rate_hz, "Pictures of a film a second")->check(between(0.1, 1000));

@@ -20,7 +20,7 @@ namespace {
 
 struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, record, disturb;
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, record, disturb, key_file;
   RouteOptions way;
   double duration_s = 0;
   bool wait_for_operator = false, ask_for_views = false;
@@ -44,7 +44,8 @@ int navigate(const Options& o) {
   const TreeTopology map(tree);
   const TreeLocation start = o.way.start(map), target = o.way.target(map);
   const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration));
-  const auto bus = openSharedBus(o.bus, o.disturb);
+  const auto bus = openSharedBus(o.bus, o.disturb, o.key_file, "angio-navigate");
+  if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-navigate: " << *warning << "\n";
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";
   RunLog log(*bus, o.record, "angio-navigate");
   CatheterNode node(log.bus(), stage, tree, start, target, settings.controller);
@@ -103,6 +104,9 @@ int main(int argc, char** argv) {
   app.add_flag(
       "--wait-for-operator", o.wait_for_operator,
       "Stand still until CATHETER_REQUEST arms and starts (angio-operator --machine catheter); else started at once");
+  app.add_option(
+      "--key-file", o.key_file,
+      "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused");
   app.add_flag("--ask-for-views", o.ask_for_views,
                "Ask the C-arm for views of the way (VIEW_REQUEST); angio-servo --view-from bus goes there");
   app.add_option("--record", o.record, "Log of all that is heard and said (.lcm)");

@@ -8,6 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/program.hpp"
+#include "angio/messaging/authenticated_bus.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_state_machine.hpp"
 #include "operated_devices.hpp"
@@ -19,7 +20,7 @@ using Clock = std::chrono::steady_clock;
 
 struct Options {
   OperatedMachine machine = OperatedMachine::kCArm;
-  std::string request, bus = "udpm://239.255.76.67:7667?ttl=0";
+  std::string request, bus = "udpm://239.255.76.67:7667?ttl=0", key_file;
   double timeout_s = 3;
 };
 
@@ -47,7 +48,9 @@ bool answers(ServoRequestKind request, ServoState state) {
 
 int ask(const Options& o) {
   const ServoRequestKind kind = kRequests.at(o.request);
-  const auto bus = openSharedBus(o.bus);
+  const auto bus = withKeyFile(openSharedBus(o.bus), o.key_file,
+                               [](const std::string& line) { std::cerr << "angio-operator: " << line << "\n"; });
+  if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-operator: " << *warning << "\n";
   Operator person(*bus, o.machine);
   const auto end = Clock::now() + std::chrono::duration<double>(o.timeout_s);
   // A stop does not wait to be told how things stand.
@@ -81,6 +84,9 @@ int main(int argc, char** argv) {
   app.add_option("request", o.request, "What is asked for")->required()->check(CLI::IsMember(names));
   angio::apps::addMachineOption(app, o.machine, "Whose loop is asked; an emergency stop stops both");
   app.add_option("--bus", o.bus, "Bus (LCM URL)");
+  app.add_option(
+      "--key-file", o.key_file,
+      "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused");
   app.add_option("--timeout-s", o.timeout_s, "How long to wait for the answer")->check(angio::apps::between(0.1, 3600));
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::ask(o); });
 }

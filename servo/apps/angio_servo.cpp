@@ -26,7 +26,8 @@ volatile std::sig_atomic_t stopped = 0;
 int serve(const ServoProgramOptions& o, const ServoSettings& settings, const VesselTree& tree,
           const CArmCalibration& calibration) {
   const ServoLoopSettings loop = settings.loop(calibration);
-  const auto bus = openSharedBus(o.bus, o.disturb);
+  const auto bus = openSharedBus(o.bus, o.disturb, o.key_file, "angio-servo");
+  if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-servo: " << *warning << "\n";
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-servo: " << *warning << "\n";
   RunLog log(*bus, o.record, "angio-servo");
   ServoNode node(log.bus(), loop, tree);

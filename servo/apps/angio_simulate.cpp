@@ -134,7 +134,7 @@ class SimulatedDevices {
 
 struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, disturb;
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, disturb, key_file;
   double start_primary_deg = 0, start_secondary_deg = 0, frame_rate_hz = 15, duration_s = 0;
   std::optional<double> end_primary_deg, end_secondary_deg;
   std::optional<int> seed;
@@ -203,8 +203,10 @@ int simulate(const Options& o) {
     catheter.emplace(SimulatedDevices::Catheter{
         tree, settings.catheter, placeOf(TreeTopology(tree), "catheter", *o.catheter_branch, o.catheter_mm)});
   }
-  const auto bus = openSharedBus(o.bus, o.disturb);
-  SimulatedDevices machines(openSharedBus(o.bus, o.disturb), CArmLimits::typical(),
+  const auto opened = [&] { return openSharedBus(o.bus, o.disturb, o.key_file, "angio-simulate"); };
+  const auto bus = opened();
+  if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-simulate: " << *warning << "\n";
+  SimulatedDevices machines(opened(), CArmLimits::typical(),
                             calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
                                                        calibration.T_dsa_cb * tree.centroid()),
                             catheter);
@@ -279,6 +281,9 @@ int main(int argc, char** argv) {
   using angio::apps::between;
   angio::apps::Options o;
   app.add_option("--bus", o.bus, "Bus (LCM URL)");
+  app.add_option(
+      "--key-file", o.key_file,
+      "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and how the patient really lies (.yaml)");
   app.add_option("--start-primary-deg", o.start_primary_deg, "C-arm angle at the start")->check(between(-110, 110));

@@ -56,10 +56,14 @@ class BadNetwork final : public Bus {
 
 }  // namespace
 
-std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& settings_path) {
-  if (settings_path.empty()) return messaging::openSharedBus(url);
-  const auto settings = readSettings(settings_path, DisturbanceSettings());
-  return std::make_unique<BadNetwork>(messaging::openSharedBus(url), settings);
+std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& settings_path,
+                                   const std::string& key_path, const std::string& program) {
+  const auto tell = [program](const std::string& line) { std::cerr << program << ": " << line << "\n"; };
+  auto bus = messaging::openSharedBus(url);
+  if (!settings_path.empty()) {
+    bus = std::make_unique<BadNetwork>(std::move(bus), readSettings(settings_path, DisturbanceSettings()));
+  }
+  return withKeyFile(std::move(bus), key_path, tell);
 }
 
 RunLog::RunLog(Bus& bus, const std::string& path, const std::string& program) : bus_(bus), program_(program) {

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "angio/apps/namespace.hpp"
+#include "angio/messaging/authenticated_bus.hpp"
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/recording_bus.hpp"
 
@@ -15,8 +16,11 @@ namespace angio::apps {
 /// @param url            LCM URL, as openSharedBus() takes it.
 /// @param settings_path  What happens to all that this program says (.yaml, DisturbanceSettings), in real time; empty:
 ///                       nothing.
-/// Throws InputError as openSharedBus() does, and when the file cannot be read.
-std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& settings_path);
+/// @param key_path       Key file, as AuthenticatedBus takes it; empty: none. The last of all is the envelope.
+/// @param program        Its name, for lines on stderr on messages that are refused.
+/// Throws InputError as openSharedBus() does, and when a file cannot be read.
+std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& settings_path,
+                                   const std::string& key_path, const std::string& program);
 
 /// The log of a program's run, when one was asked for (--record). A log that can no longer be written ends neither the
 /// program nor its loop: the user is told at once, and by the exit code.

@@ -31,6 +31,10 @@ void ServoProgramOptions::addTo(CLI::App& app) {
       ->check(between(0, 1e6));
   app.add_option("--disturb", disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...")
       ->excludes(simulated);
+  app.add_option(
+         "--key-file", key_file,
+         "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused")
+      ->excludes(simulated);
   loop.addTo(app);
   app.add_option("--view-pose", view_pose,
                  "Desired view: as in a registered pose (.yaml), of angio-register --out-pose")

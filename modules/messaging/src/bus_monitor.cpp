@@ -6,6 +6,7 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/messaging/any_message.hpp"
+#include "angio/messaging/authenticated_bus.hpp"
 #include "angio/messaging/lcm_datagrams.hpp"
 
 namespace angio::messaging {
@@ -21,6 +22,7 @@ constexpr double kMaxLatency_us = 10e6;
 std::string typeOf(const std::uint8_t* data, std::size_t size) {
   if (const auto known = messageType(data, size)) return *known;
   if (size < 8) return "too short";
+  if (isEnvelope(data, size)) return "envelope";
   std::string hex = "unknown ";
   for (int i = 0; i < 8; ++i) hex += formatted("%02x", data[i]);
   return hex;
