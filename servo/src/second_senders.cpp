@@ -90,13 +90,15 @@ SecondSenders::SecondSenders(Bus& bus, std::vector<Watched> watched)
 
 std::optional<std::string> SecondSenders::take(std::int64_t now_us) {
   std::optional<std::string> found;
+  bool loop = false;  // Who says statuses and commands is a loop.
   for (const Event& event : std::exchange(*events_, {})) {
     const Watched& watched = watched_[event.watched];
     std::optional<std::string> from = event.sender;
     if (watched.kind == Kind::kMachine) {
       from = watches_[event.watched].hear(event.sender, event.sequence, event.time_us, now_us);
     }
-    if (from && !found) found = watched.what + (from->empty() ? "" : ", from " + *from);
+    const bool says_more = watched.kind == Kind::kStatuses && !std::exchange(loop, true);
+    if (from && (!found || says_more)) found = watched.what + (from->empty() ? "" : ", from " + *from);
   }
   return found;
 }

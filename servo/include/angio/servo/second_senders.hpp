@@ -55,7 +55,8 @@ class SecondSenders {
   SecondSenders(const SecondSenders&) = delete;
   SecondSenders& operator=(const SecondSenders&) = delete;
 
-  /// What was heard since the last call, in words with the senders' addresses: the first that there is.
+  /// What was heard since the last call, in words with the senders' addresses: a second loop, if there is one, or
+  /// the first of the others.
   /// @param now_us  The caller's clock [us].
   std::optional<std::string> take(std::int64_t now_us);
 
