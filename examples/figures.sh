@@ -244,7 +244,7 @@ soak() {
   local before=($(head -1 /proc/stat))
   "$bin"/angio-simulate --bus "$bus" --calibration "$work/carm.yaml" --settings "$work/patient.yaml" --duration-s "$seconds" > "$work/simulate.txt" &
   pids=($!)
-  "$bin"/angio-servo --bus "$bus" --calibration "$work/carm.yaml" --task centre --duration-s "$((seconds + 1))" > "$work/servo.txt" 2> "$work/held.txt" &
+  "$bin"/angio-servo --bus "$bus" --calibration "$work/carm.yaml" --task centre --autostart --duration-s "$((seconds + 1))" > "$work/servo.txt" 2> "$work/held.txt" &
   pids+=($!)
   standstills "${pids[0]}" > "$work/standstills.txt" &
   local witness=$!

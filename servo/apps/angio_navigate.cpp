@@ -3,6 +3,7 @@
 #include <cctype>
 #include <csignal>
 #include <iostream>
+#include <optional>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
@@ -23,7 +24,7 @@ struct Options {
   std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, record, disturb, key_file;
   RouteOptions way;
   double duration_s = 0;
-  bool wait_for_operator = false, ask_for_views = false;
+  bool wait_for_operator = false, autostart = false, ask_for_views = false;
 };
 
 // Two lines that differ in numbers only say the same.
@@ -49,7 +50,13 @@ int navigate(const Options& o) {
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";
   RunLog log(*bus, o.record, "angio-navigate");
   CatheterNode node(log.bus(), stage, tree, start, target, settings.controller);
-  Operator starter(log.bus(), OperatedMachine::kCatheter);
+  std::optional<Operator> starter;
+  if (o.autostart) {
+    starter.emplace(log.bus(), OperatedMachine::kCatheter);
+  } else {
+    std::cerr << "angio-navigate: stands still until it is armed and started (angio-operator --machine catheter, or "
+                 "--autostart)\n";
+  }
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
   const auto began = std::chrono::steady_clock::now();
@@ -60,7 +67,7 @@ int navigate(const Options& o) {
     bus->handle(std::chrono::milliseconds(20));
     const auto now = std::chrono::steady_clock::now();
     const std::int64_t now_us = monotonic_us(now);
-    if (!o.wait_for_operator) starter.start(now_us);
+    if (starter) starter->start(now_us);
     const auto report = node.answer(now_us);
     log.watch();
     if (!report) continue;
@@ -101,9 +108,10 @@ int main(int argc, char** argv) {
   o.way.addTo(app)->required();
   app.add_option("--duration-s", o.duration_s, "How long at most; 0: until it has arrived or is stopped")
       ->check(between(0, 86400));
-  app.add_flag(
-      "--wait-for-operator", o.wait_for_operator,
-      "Stand still until CATHETER_REQUEST arms and starts (angio-operator --machine catheter); else started at once");
+  app.add_flag("--wait-for-operator", o.wait_for_operator,
+               "Stand still until CATHETER_REQUEST arms and starts (angio-operator --machine catheter): the default");
+  app.add_flag("--autostart", o.autostart, "Arm and start at once, without an operator: for simulations and tests")
+      ->excludes("--wait-for-operator");
   app.add_option(
       "--key-file", o.key_file,
       "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused");

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
@@ -31,7 +32,12 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-servo: " << *warning << "\n";
   RunLog log(*bus, o.record, "angio-servo");
   ServoNode node(log.bus(), loop, tree);
-  Operator starter(log.bus());
+  std::optional<Operator> starter;
+  if (o.autostart) {
+    starter.emplace(log.bus());
+  } else {
+    std::cerr << "angio-servo: stands still until it is armed and started (angio-operator, or --autostart)\n";
+  }
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
   const double duration_s = o.duration_s.value_or(0);
@@ -41,7 +47,7 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
   while (!stopped && (duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
     bus->handle(std::chrono::milliseconds(20));
     const std::int64_t now_us = monotonic_us();
-    if (!o.wait_for_operator) starter.start(now_us);
+    if (starter) starter->start(now_us);
     const auto report = node.answer(now_us);
     log.watch();
     if (!report) continue;

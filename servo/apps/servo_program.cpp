@@ -16,8 +16,11 @@ void ServoProgramOptions::addTo(CLI::App& app) {
       app.add_flag("--simulate", simulate, "Simulated X-ray, C-arm and loop in one process, in simulated time");
   app.add_option("--bus", bus, "Bus to listen on (LCM URL) when not simulating")->excludes(simulated);
   app.add_flag("--wait-for-operator", wait_for_operator,
-               "Stand still until SERVO_REQUEST arms and starts (angio-operator); else armed and started at once")
+               "Stand still until SERVO_REQUEST arms and starts (angio-operator): the default on a bus")
       ->excludes(simulated);
+  app.add_flag("--autostart", autostart,
+               "Arm and start at once, without an operator: for simulations and tests, as --simulate does")
+      ->excludes("--wait-for-operator");
   app.add_option("--record", record, "Log of all that is heard and said (.lcm), for angio-replay")->excludes(simulated);
   app.add_option("--tree", tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", calibration,

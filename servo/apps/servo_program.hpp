@@ -24,7 +24,7 @@ struct ServoProgramOptions {
   std::optional<int> seed;
   std::string film, truth, machine, record, disturb, key_file, view_pose;
   double max_age_days = RecordGate().max_age_days;
-  bool simulate = false, wait_for_operator = false;
+  bool simulate = false, wait_for_operator = false, autostart = false;
 
   void addTo(CLI::App& app);
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -75,7 +76,7 @@ struct ServoAndSimulator : TwoPrograms {
 };
 
 TEST_F(ServoAndSimulator, TheLoopAnswersTheFramesOfTheSimulator) {
-  run("angio-servo", {}, {});
+  run("angio-servo", {"--autostart"}, {});
   long frames = 0, held = 0;
   ASSERT_EQ(std::sscanf(answered.out.c_str(), "%ld frames answered, %ld held", &frames, &held), 2) << answered.out;
   EXPECT_GT(frames, 0) << shown.out;
@@ -85,8 +86,39 @@ TEST_F(ServoAndSimulator, TheLoopAnswersTheFramesOfTheSimulator) {
   EXPECT_GT(states->peek()->joints[0], 0) << "the arm has begun to turn towards LAO";
 }
 
+TEST_F(ServoAndSimulator, TheLoopStandsStillUntilAnOperatorStartsIt) {
+  run("angio-servo", {}, {});
+  long frames = 0, held = 0;
+  ASSERT_EQ(std::sscanf(answered.out.c_str(), "%ld frames answered, %ld held", &frames, &held), 2) << answered.out;
+  EXPECT_GT(frames, 0) << shown.out;
+  EXPECT_EQ(held, frames);
+  EXPECT_GT(commands->received(), 0);
+  ASSERT_TRUE(states->peek());
+  EXPECT_EQ(states->peek()->joints[0], 0);
+  EXPECT_NE(answered.err.find("stands still until it is armed and started (angio-operator, or --autostart)"),
+            std::string::npos)
+      << answered.err;
+}
+
+TEST_F(ServoAndSimulator, SpeakInEnvelopesWithAKeyThatIsTheirOwnersAlone) {
+  const test::TemporaryFolder folder;
+  const std::string key = folder.write("key", std::string(40, 'k'));
+  chmod(key.c_str(), 0600);
+  run("angio-servo", {"--autostart", "--key-file", key}, {"--key-file", key});
+  EXPECT_GT(commands->received(), 0);
+  EXPECT_EQ(commands->refused(), commands->received()) << "whoever has no key cannot read them as commands";
+  ASSERT_TRUE(states->peek());
+  EXPECT_GT(states->peek()->joints[0], 0) << "the arm has begun to turn towards LAO";
+  chmod(key.c_str(), 0644);
+  for (const char* program : {"angio-servo", "angio-simulate"}) {
+    const auto refused = test::run(program, {"--bus", url, "--key-file", key, "--duration-s", "1"});
+    EXPECT_EQ(refused.exit_code, 1);
+    EXPECT_EQ(refused.err, std::string(program) + ": " + key + ": may be read by others than its owner: chmod 600\n");
+  }
+}
+
 TEST_F(ServoAndSimulator, TheLoopAnswersWhatAnotherProgramRegisters) {
-  run("angio-servo", {"--perception", "bus"}, {}, "angio-register");
+  run("angio-servo", {"--autostart", "--perception", "bus"}, {}, "angio-register");
   long frames = 0, held = 0;
   ASSERT_EQ(std::sscanf(answered.out.c_str(), "%ld frames answered, %ld held", &frames, &held), 2) << answered.out;
   EXPECT_GT(frames, 0) << shown.out;
@@ -102,10 +134,10 @@ TEST_F(ServoAndSimulator, ALogThatCannotBeWrittenEndsTheRecordingAndNotTheLoop) 
   std::optional<test::RunningProgram> servo;
   {
     const test::FileSizeLimit full(2000);
-    servo.emplace("angio-servo",
-                  std::vector<std::string>{"--bus", url, "--record", log, "--duration-s", test::kSanitized ? "6" : "2",
-                                           "--tree", test::exampleData("hepatic-tace/tree.csv"), "--calibration",
-                                           test::exampleData("hepatic-tace/carm.yaml")});
+    servo.emplace("angio-servo", std::vector<std::string>{"--bus", url, "--autostart", "--record", log, "--duration-s",
+                                                          test::kSanitized ? "6" : "2", "--tree",
+                                                          test::exampleData("hepatic-tace/tree.csv"), "--calibration",
+                                                          test::exampleData("hepatic-tace/carm.yaml")});
   }
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(test::kSanitized ? 6 : 2);
   for (CArmState state; std::chrono::steady_clock::now() < end; ++state.sequence) {
@@ -143,7 +175,7 @@ struct NavigatorAndSimulator : TwoPrograms {
 TEST_F(NavigatorAndSimulator, TheDriveIsSteeredByTheFramesOfTheSimulator) {
   const test::TemporaryFolder folder;
   const std::string log = folder.path("run.lcm");
-  run("angio-navigate", {"--to-branch", "13", "--record", log}, {"--catheter-branch", "0"});
+  run("angio-navigate", {"--autostart", "--to-branch", "13", "--record", log}, {"--catheter-branch", "0"});
   EXPECT_NE(shown.out.find("the catheter's tip is in branch 0, 30.0 mm into it"), std::string::npos) << shown.out;
   long frames = 0, held = 0;
   ASSERT_EQ(std::sscanf(answered.out.c_str(), "waiting; %ld frames answered, %ld held", &frames, &held), 2)

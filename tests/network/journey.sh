@@ -37,10 +37,10 @@ journey() {
     --frame-rate-hz 10 --duration-s $max_s >"$work/lab.out" 2>&1 &
   pids+=($!)
   "$bin/angio-servo" --bus "$bus" "${common[@]}" --task view --view-from bus --settings "$tasks/journey_carm.yaml" \
-    --record "$work/carm.lcm" --duration-s $max_s >"$work/carm.out" 2>&1 &
+    --autostart --record "$work/carm.lcm" --duration-s $max_s >"$work/carm.out" 2>&1 &
   pids+=($!)
   "$bin/angio-navigate" --bus "$bus" "${common[@]}" --to-branch "$branch" --ask-for-views \
-    --record "$work/catheter.lcm" --duration-s $max_s >"$work/catheter.out" 2>"$work/catheter.err" || true
+    --autostart --record "$work/catheter.lcm" --duration-s $max_s >"$work/catheter.out" 2>"$work/catheter.err" || true
   for pid in "${pids[@]}"; do kill -INT "$pid"; done
   for pid in "${pids[@]}"; do wait "$pid" || true; done
   pids=()

@@ -19,7 +19,7 @@ lcm-logger --lcm-url="$bus&recv_buf_size=4194304" "$folder/run.lcm" >/dev/null 2
 logger=$! started+=($!)
 sleep 0.3
 kill -0 "$logger" 2>/dev/null || { echo "skipped: no multicast: $(tail -n 1 "$folder/logger.err")"; exit 77; }
-"$programs/angio-servo" "${shared[@]}" --duration-s 9 >"$folder/servo.out" 2>&1 &
+"$programs/angio-servo" "${shared[@]}" --autostart --duration-s 9 >"$folder/servo.out" 2>&1 &
 servo=$! started+=($!)
 sleep 1
 "$programs/angio-simulate" "${shared[@]}" --duration-s 6 --frame-rate-hz 4 --transport png >/dev/null

@@ -42,7 +42,7 @@ fi
 
 bus='udpm://239.255.76.67:7667?ttl=1'
 shared=(--bus "$bus" --tree "$data/tree.csv" --calibration "$data/carm.yaml")
-ip netns exec "$loop" "$programs/angio-servo" "${shared[@]}" --duration-s 60 --record "$folder/loop.lcm" "${loop_faults[@]}" \
+ip netns exec "$loop" "$programs/angio-servo" "${shared[@]}" --autostart --duration-s 60 --record "$folder/loop.lcm" "${loop_faults[@]}" \
   >"$folder/servo.out" 2>"$folder/servo.err" &
 servo=$! started+=($servo)
 ip netns exec "$machine" "$programs/angio-simulate" "${shared[@]}" --duration-s 60 --frame-rate-hz 5 --transport png --region 256,256,512,512 \
