@@ -25,7 +25,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct Options {
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, json;
+  std::string bus = "udpm://239.255.76.67:7667?ttl=0", key_file, settings, json;
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
   MachineCheckSettings check;
 };
@@ -61,7 +61,7 @@ int check(const Options& o) {
   settings.carm = calibration.carm;
   settings.T_dsa_cb = calibration.T_dsa_cb;
   settings.limits = readServoSettings(o.settings).loop(calibration).limits;
-  const auto bus = openSharedBus(o.bus, "");
+  const auto bus = openSharedBus(o.bus, "", o.key_file, "angio-check-machine");
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-check-machine: " << *warning << "\n";
   // Before this program sends its first command, nobody else must steer the machine; afterwards its own come back.
   std::int64_t sent = 0;
@@ -114,6 +114,7 @@ int main(int argc, char** argv) {
   using angio::apps::between;
   angio::apps::Options o;
   app.add_option("--bus", o.bus, "Bus (LCM URL)");
+  app.add_option("--key-file", o.key_file, "Key that the machine's commands are authenticated with");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt) of what the X-ray shows");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
   app.add_option("--settings", o.settings, "Settings (.yaml), of which the section limits counts");

@@ -30,8 +30,8 @@ if ! kill -0 "${started[angio-spy]}" 2>/dev/null; then
   exit 1
 fi
 begin angio-simulate --frame-rate-hz 5
-begin angio-servo --wait-for-operator --record "$folder/servo.lcm" --view-primary-deg 12 --view-secondary-deg 6
-begin angio-navigate --wait-for-operator --to-branch 13 --record "$folder/navigate.lcm"
+begin angio-servo --record "$folder/servo.lcm" --view-primary-deg 12 --view-secondary-deg 6
+begin angio-navigate --to-branch 13 --record "$folder/navigate.lcm"
 begin angio-register --tree "$data/tree.csv" --calibration "$data/carm.yaml"
 mkdir "$folder/view"
 begin angio-view --out "$folder/view/%04d.png" --film-rate-hz 1
