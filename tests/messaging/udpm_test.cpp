@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <signal.h>
 
+#include <algorithm>
 #include <chrono>
 #include <random>
 #include <thread>
@@ -97,6 +98,27 @@ TEST_F(Udpm, BringsAMessageOfThreeMebibytesAndHearsItself) {
   ASSERT_FALSE(at_sender.empty());
   EXPECT_EQ(at_receiver[0], sent);
   EXPECT_EQ(at_sender[0], sent);
+}
+
+TEST_F(Udpm, TellsWhoSentAMessageAndWhatOthersSaid) {
+  const auto one = openBus(group.url()), other = openBus(group.url());
+  std::vector<std::string> senders, overheard;
+  one->subscribe("A", [&](const std::uint8_t*, std::size_t) { senders.push_back(one->sender()); });
+  one->overhear(
+      "A", [&](const std::uint8_t* data, std::size_t size) { overheard.push_back(std::string(data, data + size)); });
+  one->publish("A", test::bytesOf("its own"));
+  other->publish("A", test::bytesOf("another's"));
+  one->publish("A", test::bytesOf("its own again"));
+  other->publish("A", test::bytesOf("its own"));
+  for (int i = 0; i < 20 && senders.size() < 4; ++i) one->handle(100ms);
+  ASSERT_EQ(senders.size(), 4u);
+  EXPECT_THAT(overheard, testing::UnorderedElementsAre("another's", "its own"));
+  std::sort(senders.begin(), senders.end());
+  EXPECT_EQ(senders[0], senders[1]);
+  EXPECT_NE(senders[1], senders[2]);
+  EXPECT_EQ(senders[2], senders[3]);
+  EXPECT_THAT(senders, testing::Each(testing::MatchesRegex("[0-9.]+:[0-9]+")));
+  EXPECT_EQ(one->sender(), "") << "outside a handler";
 }
 
 TEST_F(Udpm, TakesTheLongestChannelAndRefusesToSendLongerOnes) {

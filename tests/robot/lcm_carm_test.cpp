@@ -64,6 +64,29 @@ TEST_F(LcmCArmTest, KnowsNothingBeforeTheArmHasSpoken) {
   expectStandsStill();
 }
 
+TEST_F(LcmCArmTest, AnnouncesASessionWheneverItTakesTheArmOver) {
+  MessageQueue<ServoSession> sessions(*bus, kServoSessionChannel);
+  const auto announced = [&] {
+    bus->handle(0ms);
+    return sessions.take();
+  };
+  robot.setRobotState(vpRobot::STATE_STOP);
+  EXPECT_TRUE(announced().empty());
+  robot.setRobotState(vpRobot::STATE_VELOCITY_CONTROL);
+  robot.setRobotState(vpRobot::STATE_VELOCITY_CONTROL);
+  const auto first = announced();
+  ASSERT_EQ(first.size(), 1u);
+  EXPECT_EQ(first[0].command_sequence, 1);
+  sendState();
+  robot.setVelocity(vpRobot::ARTICULAR_FRAME, toVector(0.1 * limits.velocity));
+  robot.setRobotState(vpRobot::STATE_STOP);
+  robot.setRobotState(vpRobot::STATE_VELOCITY_CONTROL);
+  const auto second = announced();
+  ASSERT_EQ(second.size(), 1u);
+  EXPECT_EQ(second[0].command_sequence, 3);
+  EXPECT_NE(second[0].session, first[0].session);
+}
+
 TEST_F(LcmCArmTest, PositionIsTheNewestState) {
   sendState();
   state.joints[4] = 0.2;
