@@ -141,13 +141,14 @@ TaskAnswer ViewTask::answer(const TaskInput& input) {
     answer.hold_reason = "the view is out of the arm's reach";
     return answer;
   }
+  const CArmJoints left = *end - then;
   const auto wanted =
-      law_->velocity({toVisp(cMo), toVisp(goal_.T_camera_model), toVisp(carm_.eJe(then)), &input.camera});
+      law_->velocity({toVisp(cMo), toVisp(goal_.T_camera_model), toVisp(carm_.eJe(then)), &input.camera, left});
   if (!wanted) {
     answer.hold_reason = "the control law is singular";
     return answer;
   }
-  answer.velocity = brakable(*wanted, *end - then, input.period_s);
+  answer.velocity = brakable(*wanted, left, input.period_s);
   return answer;
 }
 

@@ -29,6 +29,10 @@ VispServoLaw::VispServoLaw(const ServoGain& gain, const std::optional<Eigen::Vec
 VispServoLaw::~VispServoLaw() { servo_.kill(); }
 
 std::optional<Pose> VispServoLaw::goal(const LawInput& input) {
+  if (input.eJe.getRows() != 6 || input.eJe.getCols() != kCArmJointCount) return std::nullopt;
+  for (unsigned i = 0; i < input.eJe.size(); ++i) {
+    if (!std::isfinite(input.eJe.data[i])) return std::nullopt;
+  }
   seen_ = poseOf(input.cMo);
   Pose desired = poseOf(input.cdMo);
   if (!seen_.matrix().allFinite() || !desired.matrix().allFinite()) return std::nullopt;
@@ -46,20 +50,18 @@ std::optional<Pose> VispServoLaw::goal(const LawInput& input) {
   return desired;
 }
 
+double VispServoLaw::lambda() const {
+  const double change = gain_.lambda_at_goal_per_s - gain_.lambda_per_s;
+  return vpAdaptiveGain(gain_.lambda_at_goal_per_s, gain_.lambda_per_s, change / degToRad(gain_.gain_change_deg))
+      .value(error_rad_);
+}
+
 std::optional<CArmJoints> VispServoLaw::velocity(const LawInput& input) {
-  // Before the copy: ViSP's of an empty matrix is undefined.
-  if (input.eJe.getRows() != 6 || input.eJe.getCols() != kCArmJointCount) return std::nullopt;
   // The goal turns with the camera about the beam, so that a turn about it changes no error.
   vpMatrix eJe = input.eJe;
-  for (unsigned i = 0; i < eJe.size(); ++i) {
-    if (!std::isfinite(eJe.data[i])) return std::nullopt;
-  }
   for (unsigned i = 0; i < kCArmJointCount; ++i) eJe[5][i] = 0;
   servo_.set_eJe(eJe);
-  const double change = gain_.lambda_at_goal_per_s - gain_.lambda_per_s;
-  servo_.setLambda(
-      vpAdaptiveGain(gain_.lambda_at_goal_per_s, gain_.lambda_per_s, change / degToRad(gain_.gain_change_deg))
-          .value(error_rad_));
+  servo_.setLambda(lambda());
   const vpColVector qdot = servo_.computeControlLaw();
   if (servo_.getTaskRank() != kCArmJointCount || qdot.size() != kCArmJointCount) return std::nullopt;
   CArmJoints result;

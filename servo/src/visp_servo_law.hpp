@@ -7,8 +7,8 @@
 
 namespace angio::servo {
 
-/// What the laws have in common: a vpServo task for a camera on an arm that cannot roll, and what must hold before and
-/// after it computes.
+/// What the laws have in common: the gain, a vpServo task for a camera on an arm that cannot roll, and what must hold
+/// before and after it computes.
 class VispServoLaw {
  public:
   VispServoLaw(const ServoGain& gain, const std::optional<Eigen::Vector3d>& target);
@@ -18,11 +18,14 @@ class VispServoLaw {
   ~VispServoLaw();
 
   /// The desired pose, turned about its beam to where the seen one is. Nothing when a number is not finite or the
-  /// target lies behind either source.
+  /// target lies behind either source, or the Jacobian is not 6 x 5.
   std::optional<Pose> goal(const LawInput& input);
 
   /// Where the camera is seen from; valid after goal().
   const Pose& T_camera_model() const { return seen_; }
+
+  /// The gain [1/s] at the seen pose's error; valid after goal().
+  double lambda() const;
 
   vpServo& servo() { return servo_; }
 
@@ -36,6 +39,9 @@ class VispServoLaw {
   double error_rad_ = 0;  // As ServoGain has it.
   vpServo servo_;
 };
+
+/// The way that is left in joint space, times the gain. Nothing comes back without LawInput::joints_left.
+std::unique_ptr<ServoLaw> make(const JointSpaceSettings& settings, const LawModel& model);
 
 /// PBVS with ViSP's vpServo on vpFeatureTranslation (cdMc) and vpFeatureThetaU (cdRc).
 ///

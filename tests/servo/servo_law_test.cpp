@@ -30,6 +30,15 @@ const VesselTree& tree() {
   return kTree;
 }
 
+LawInput inputOf(const Pose& seen, const Pose& desired, const CArmJoints& joints, const XrayCamera* camera) {
+  const Pose T_patient_model = kArm.T_camera_patient(joints).inverse() * seen;
+  const Eigen::Vector3d on_beam = desired.inverse() * Eigen::Vector3d(0, 0, kArm.source_isocenter_distance_m);
+  const Eigen::Vector3d beam = T_patient_model.linear() * desired.linear().row(2).transpose();
+  LawInput input{toVisp(seen), toVisp(desired), toVisp(kArm.eJe(joints)), camera};
+  input.joints_left = kArm.jointsFor(viewAnglesOf(beam), T_patient_model * on_beam) - joints;
+  return input;
+}
+
 // What every law must do, whatever its method.
 template <typename Settings>
 struct ServoLawConformance : testing::Test {
@@ -39,7 +48,7 @@ struct ServoLawConformance : testing::Test {
   std::unique_ptr<ServoLaw> law = makeServoLaw(settings, {&tree(), target});
 
   std::optional<CArmJoints> velocity(const Pose& seen, const Pose& desired, const CArmJoints& joints) {
-    return law->velocity({toVisp(seen), toVisp(desired), toVisp(kArm.eJe(joints)), &camera});
+    return law->velocity(inputOf(seen, desired, joints, &camera));
   }
 
   // From joints q until a time, stepped so finely that nothing but the law is tested. T_patient_model: how the patient
@@ -116,8 +125,7 @@ TYPED_TEST(ServoLawConformance, GoesOnlyByWhatTheCameraSees) {
     const Pose desired = kArm.T_camera_patient(jointsAt(20, 10)) * askew();
     const auto v = this->velocity(seen, desired, q);
     const Pose T_model_other = T_other_model.inverse();
-    const auto w = same->velocity({toVisp(Pose(seen * T_model_other)), toVisp(Pose(desired * T_model_other)),
-                                   toVisp(kArm.eJe(q)), &this->camera});
+    const auto w = same->velocity(inputOf(seen * T_model_other, desired * T_model_other, q, &this->camera));
     ASSERT_TRUE(v && w);
     EXPECT_LT((*v - *w).norm(), 1e-9);
   }
@@ -134,7 +142,7 @@ TYPED_TEST(ServoLawConformance, TheGainGrowsTowardsTheGoalWhenAsked) {
   const Pose desired = kArm.T_camera_patient(jointsAt(20, 10));
   const auto ratioFrom = [&](double primary_deg) {
     const CArmJoints q = jointsAt(primary_deg, 10);
-    const LawInput input{toVisp(kArm.T_camera_patient(q)), toVisp(desired), toVisp(kArm.eJe(q)), &this->camera};
+    const LawInput input = inputOf(kArm.T_camera_patient(q), desired, q, &this->camera);
     return eager->velocity(input)->norm() / steady->velocity(input)->norm();
   };
   EXPECT_NEAR(ratioFrom(20.01), 3, 0.02);
@@ -153,14 +161,18 @@ TYPED_TEST(ServoLawConformance, WhatIsNotANumberGivesNothing) {
     }
     vpMatrix eJe = toVisp(kArm.eJe(q));
     eJe[3][1] = bad;
-    EXPECT_FALSE(this->law->velocity({toVisp(seen), toVisp(desired), eJe, &this->camera}));
+    LawInput input = inputOf(seen, desired, q, &this->camera);
+    input.eJe = eJe;
+    EXPECT_FALSE(this->law->velocity(input));
   }
-  EXPECT_FALSE(this->law->velocity({toVisp(seen), toVisp(desired), vpMatrix(), &this->camera}));
+  LawInput empty = inputOf(seen, desired, q, &this->camera);
+  empty.eJe = vpMatrix();
+  EXPECT_FALSE(this->law->velocity(empty));
   // And the next sound frame is answered as if nothing had been.
   const auto again = this->velocity(seen, desired, q);
   ASSERT_TRUE(again);
-  EXPECT_EQ(*again, *makeServoLaw(this->settings, {&tree(), this->target})
-                         ->velocity({toVisp(seen), toVisp(desired), toVisp(kArm.eJe(q)), &this->camera}));
+  EXPECT_EQ(*again,
+            *makeServoLaw(this->settings, {&tree(), this->target})->velocity(inputOf(seen, desired, q, &this->camera)));
 }
 
 TYPED_TEST(ServoLawConformance, BehindTheSourceThereIsNothing) {
@@ -221,6 +233,47 @@ TYPED_TEST(PoseLaws, TheErrorDecaysExponentially) {
     // Euler's steps lag by lambda^2 dt t / 2 = 0.3 % at the end.
     EXPECT_NEAR(direction() / first, decay, 0.005 * decay) << step;
   }
+}
+
+// qdot = lambda left, for each joint: the sign is that of its way, and ways shrink in proportion, so that the table is
+// on the line from start to goal all the time and the target comes nearer all the time.
+TEST(JointSpace, GoesStraightInAllJointsAtOnce) {
+  JointSpaceSettings settings;
+  settings.lambda_at_goal_per_s = settings.lambda_per_s;
+  const Eigen::Vector3d target = tree().centroid();
+  const auto law = makeServoLaw(settings, {&tree(), target});
+  const Pose T_patient_model = askew();
+  const CArmJoints goal = kArm.jointsFor({degToRad(30), degToRad(15)}, T_patient_model * target);
+  const Pose desired = kArm.T_camera_patient(goal) * T_patient_model;
+  for (const double sign : {1.0, -1.0}) {
+    const CArmJoints start = goal + sign * (CArmJoints() << degToRad(-70), degToRad(35), 0.12, -0.08, 0.2).finished();
+    CArmJoints q = start;
+    const double dt_s = 1e-3;
+    double distance_m = std::numeric_limits<double>::infinity();
+    for (int step = 0; step < 3000; ++step) {
+      const Pose seen = kArm.T_camera_patient(q) * T_patient_model;
+      const double now_m = viewError(seen, desired, target).target_m;
+      ASSERT_LT(now_m, distance_m) << step;
+      distance_m = now_m;
+      const auto v = law->velocity(inputOf(seen, desired, q, nullptr));
+      ASSERT_TRUE(v);
+      for (int i = 0; i < kCArmJointCount; ++i) EXPECT_GT((*v)[i] * (goal[i] - start[i]), 0) << step << " " << i;
+      q += *v * dt_s;
+      const double left = std::pow(1 - settings.lambda_per_s * dt_s, step + 1);
+      ASSERT_LT((q - goal - left * (start - goal)).norm(), 1e-9) << step;
+    }
+  }
+}
+
+TEST(JointSpace, NeedsTheWayThatIsLeft) {
+  const Pose seen = kArm.T_camera_patient(jointsAt(10, 5)), desired = kArm.T_camera_patient(jointsAt(20, 0));
+  const auto law = makeServoLaw(JointSpaceSettings{});
+  LawInput input = inputOf(seen, desired, jointsAt(10, 5), nullptr);
+  EXPECT_TRUE(law->velocity(input));
+  input.joints_left->coeffRef(3) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(law->velocity(input));
+  input.joints_left.reset();
+  EXPECT_FALSE(law->velocity(input));
 }
 
 TEST(ServoLaw, RefusesWhatItCannotWorkWith) {

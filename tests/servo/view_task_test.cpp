@@ -19,7 +19,7 @@ constexpr std::int64_t kPeriod_us = 66'667, kLatency_us = 80'000;
 // The task, the limiter and an arm whose commands come late; what is seen is the truth.
 class Lab {
  public:
-  Lab(const ViewTaskSettings& settings, const ServoLawSettings& law = PositionBasedSettings{})
+  Lab(const ViewTaskSettings& settings, const ServoLawSettings& law = JointSpaceSettings{})
       : task(makeTask(settings, {carm, limits, tree, tree.centroid(), Eigen::Matrix3d::Identity(), law})) {
     Twist askew;
     askew << 0.01, -0.02, 0.005, 0.03, -0.05, 0.04;
@@ -86,8 +86,9 @@ class Lab {
 };
 
 TEST(ViewTask, ReachesEachKindOfGoalByEachLaw) {
-  for (const ServoLawSettings& law : {ServoLawSettings(PositionBasedSettings{}), ServoLawSettings(ImageBasedSettings{}),
-                                      ServoLawSettings(HybridSettings{})}) {
+  for (const ServoLawSettings& law :
+       {ServoLawSettings(JointSpaceSettings{}), ServoLawSettings(PositionBasedSettings{}),
+        ServoLawSettings(ImageBasedSettings{}), ServoLawSettings(HybridSettings{})}) {
     for (const ViewGoal goal : {ViewGoal::kAngles, ViewGoal::kBestView, ViewGoal::kPose}) {
       ViewTaskSettings settings;
       settings.goal = goal;

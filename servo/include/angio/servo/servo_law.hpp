@@ -34,7 +34,14 @@ struct ServoGain {
   }
 };
 
-/// Position-based visual servoing: s = (cdtc, theta u of cdRc), s* = 0.
+/// Joint space: s = the joints, s* = the joints of the goal as the image shows it. All joints go in proportion: the
+/// table goes straight from start to goal, and the target's distance from its goal falls all the way.
+struct JointSpaceSettings : ServoGain {
+  static constexpr const char* kName = "joint_space";
+};
+
+/// Position-based visual servoing: s = (cdtc, theta u of cdRc), s* = 0. The camera goes straight in its own frame; the
+/// table, which has to make up for the arm's turn, may leave by centimetres what start and goal span.
 struct PositionBasedSettings : ServoGain {
   static constexpr const char* kName = "position_based";
 };
@@ -63,6 +70,7 @@ struct LawInput {
   vpHomogeneousMatrix cdMo;  ///< The same as desired.
   vpMatrix eJe;              ///< 6 x 5: velocity of the camera relative to the patient, camera frame, by joints'.
   const XrayCamera* camera = nullptr;  ///< Whose detector bounds what is in view; without one all is. Borrowed.
+  std::optional<CArmJoints> joints_left = std::nullopt;  ///< From the arm's joints to the goal's. For joint_space.
 };
 
 /// Turns a LawInput into joint velocities. Eye-in-hand: the camera is on the arm.
@@ -76,8 +84,8 @@ class ServoLaw {
 
   /// Joint velocities [rad/s, m/s] before any limit.
   ///
-  /// Nothing comes back when the task is singular, a number is not finite, or a point that matters lies behind the
-  /// source: ViSP would hand out a NaN without a word, or throw.
+  /// Nothing comes back when the task is singular, a number is not finite, what the law needs is missing, or a point
+  /// that matters lies behind the source: ViSP would hand out a NaN without a word, or throw.
   virtual std::optional<CArmJoints> velocity(const LawInput& input) = 0;
 };
 
@@ -88,7 +96,7 @@ struct LawModel {
 };
 
 /// The settings type is the choice of the law.
-using ServoLawSettings = std::variant<PositionBasedSettings, ImageBasedSettings, HybridSettings>;
+using ServoLawSettings = std::variant<JointSpaceSettings, PositionBasedSettings, ImageBasedSettings, HybridSettings>;
 
 /// Throws InputError when a setting is out of its range or what the law needs of the model is missing.
 std::unique_ptr<ServoLaw> makeServoLaw(const ServoLawSettings& settings, const LawModel& model = {});

@@ -22,7 +22,7 @@ struct ServoLoopSettings {
   std::optional<Eigen::Vector3d> target_model;                ///< The point that matters [m]; the tree's centroid.
 
   TaskSettings task = ViewTaskSettings{};
-  ServoLawSettings law = PositionBasedSettings{};
+  ServoLawSettings law = JointSpaceSettings{};
   PerceptionSettings perception;
   RegistrationGateSettings supervisor;
   SafetySettings safety;    ///< Of the machine's permission to move: for a node, the loop itself knows no states.
