@@ -5,12 +5,18 @@
 #include <cmath>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/geometry/visp.hpp"
 #include "latency_compensator.hpp"
+#include "way_bounds.hpp"
 
 namespace angio::servo {
 namespace {
 
+// A machine that was told to stand still for longer begins its way anew.
+constexpr std::int64_t kShortHold_us = 1'000'000;
+// Back inside is where an excursion is less than so much of its bound.
+constexpr double kBackInside = 0.9;
 constexpr int kMaxAveraged = 15;  // Frames that a mean which forgets over eight is worth.
 
 // A view as the task works with it.
@@ -84,6 +90,8 @@ class ViewTask final : public Task {
 
  private:
   bool staysInside(const ViewError& error, const TaskInput& input);
+  void followWay(const TaskInput& input, const CArmJoints& rest, bool reached);
+  std::optional<std::string> brokenBound(const CArmJoints& rest, const CArmJoints& end, const Pose& T_patient_model);
   CArmJoints brakable(CArmJoints velocity, const CArmJoints& left, double period_s) const;
 
   ViewTaskSettings settings_;
@@ -93,6 +101,10 @@ class ViewTask final : public Task {
   std::unique_ptr<ServoLaw> law_;
   LatencyCompensator in_flight_;
   int frames_inside_ = 0;
+
+  std::optional<WayStart> way_;          // To the present goal.
+  std::optional<std::int64_t> sent_us_;  // When motion was commanded last.
+  bool table_broken_ = false, target_broken_ = false;
 
   // Of views that are asked for.
   struct Requested {
@@ -118,6 +130,8 @@ std::optional<std::string> ViewTask::waits(const ViewRequest& request) {
     settings_.reached_deg = radToDeg(request.within_rad);
     settings_.reached_mm = 1e3 * request.within_m;
     frames_inside_ = 0;
+    way_.reset();
+    table_broken_ = target_broken_ = false;
   }
   if (progress.reached) return "the view that was asked for is reached";
   return std::nullopt;
@@ -131,8 +145,11 @@ TaskAnswer ViewTask::answer(const TaskInput& input) {
   answer.reached = staysInside(*answer.view_error, input);
   if (requested_ && answer.reached) requested_->progress.reached = true;
   // The law answers to where the arm will be when its command arrives.
-  const CArmJoints then = in_flight_.atArrival(input).joints;
+  const CArmState arrival = in_flight_.atArrival(input);
+  const CArmJoints& then = arrival.joints;
+  const CArmJoints rest = restOf(arrival, limits_);
   const Pose T_patient_model = carm_.T_camera_patient(input.state.joints).inverse() * seen;
+  followWay(input, rest, answer.reached);
   const Pose cMo = carm_.T_camera_patient(then) * T_patient_model;
   const Eigen::Vector3d beam_model = goal_.T_camera_model.linear().row(2);
   const auto end = carm_.reachable(viewAnglesOf(Eigen::Vector3d(T_patient_model.linear() * beam_model)),
@@ -141,6 +158,8 @@ TaskAnswer ViewTask::answer(const TaskInput& input) {
     answer.hold_reason = "the view is out of the arm's reach";
     return answer;
   }
+  answer.hold_reason = brokenBound(rest, *end, T_patient_model);
+  if (answer.hold_reason) return answer;
   const CArmJoints left = *end - then;
   const auto wanted =
       law_->velocity({toVisp(cMo), toVisp(goal_.T_camera_model), toVisp(carm_.eJe(then)), &input.camera, left});
@@ -150,6 +169,38 @@ TaskAnswer ViewTask::answer(const TaskInput& input) {
   }
   answer.velocity = brakable(*wanted, left, input.period_s);
   return answer;
+}
+
+// A way begins where the machine is while no motion is commanded, be it that none is proposed or that proposals are
+// taken back; a short hold ends none, nor does a broken bound. A view that is reached ends it: what comes then is
+// another.
+void ViewTask::followWay(const TaskInput& input, const CArmJoints& rest, bool reached) {
+  if (!input.last_velocity.isZero(0)) sent_us_ = input.time_us;
+  const bool goes_on = table_broken_ || target_broken_ || (sent_us_ && input.time_us - *sent_us_ <= kShortHold_us);
+  if (way_ && goes_on && !reached) return;
+  way_.emplace(input.state.joints, rest);
+}
+
+// Where the arm would come to rest if it were told to stand still now: what it does until then no hold could mend.
+std::optional<std::string> ViewTask::brokenBound(const CArmJoints& rest, const CArmJoints& end,
+                                                 const Pose& T_patient_model) {
+  const Eigen::Vector3d target = T_patient_model * goal_.target_model, goal = goal_.T_camera_model * goal_.target_model;
+  const WayExcursion off = way_->excursion(
+      rest, end, [&](const CArmJoints& q) { return (carm_.T_camera_patient(q) * target - goal).norm(); });
+  const auto broken = [](bool& was, double off_mm, double most_mm) {
+    return was = most_mm > 0 && off_mm > (was ? kBackInside : 1) * most_mm;
+  };
+  const char* kWhatToDo = "move the machine back, ask for another view, or raise view.";
+  if (broken(table_broken_, 1e3 * off.table_m, settings_.max_table_excursion_mm)) {
+    return formatted("the table comes to rest %.1f mm outside the box of start and goal, of %.1f mm allowed: %s%s",
+                     1e3 * off.table_m, settings_.max_table_excursion_mm, kWhatToDo, "max_table_excursion_mm");
+  }
+  if (broken(target_broken_, 1e3 * off.target_m, settings_.max_target_excursion_mm)) {
+    return formatted(
+        "the target comes to rest %.1f mm further from its goal than at the start, of %.1f mm allowed: %s%s",
+        1e3 * off.target_m, settings_.max_target_excursion_mm, kWhatToDo, "max_target_excursion_mm");
+  }
+  return std::nullopt;
 }
 
 // No joint comes in faster than it can brake. Each by itself: one that is there already must not stop the others.

@@ -86,13 +86,13 @@ class Lab {
 };
 
 TEST(ViewTask, ReachesEachKindOfGoalByEachLaw) {
-  for (const ServoLawSettings& law :
-       {ServoLawSettings(JointSpaceSettings{}), ServoLawSettings(PositionBasedSettings{}),
-        ServoLawSettings(ImageBasedSettings{}), ServoLawSettings(HybridSettings{})}) {
+  for (const ServoLawSettings& law : {ServoLawSettings(JointSpaceSettings{}), ServoLawSettings(PositionBasedSettings{}),
+                                      ServoLawSettings(ImageBasedSettings{}), ServoLawSettings(HybridSettings{})}) {
     for (const ViewGoal goal : {ViewGoal::kAngles, ViewGoal::kBestView, ViewGoal::kPose}) {
       ViewTaskSettings settings;
       settings.goal = goal;
       settings.branch = 2;
+      if (law.index() > 0) settings.max_table_excursion_mm = settings.max_target_excursion_mm = 0;
       settings.best_view.step_deg = 5;
       settings.T_camera_model = desiredPose({{degToRad(-45), degToRad(20)}, {0.01, 0, 0}, Eigen::Matrix3d::Identity()},
                                             CArmGeometry().source_isocenter_distance_m);
@@ -119,6 +119,118 @@ TEST(ViewTask, ComesInNotMuchSlowerThanAnyMachineCould) {
   }
   // The latency, and the last degree that the law takes exponentially: ln(1 / 0.1) / 3.
   EXPECT_LT(worst, 2.0);
+}
+
+// The table's largest way out of the box of start and goal, and the target's beyond its distance at the start [mm].
+struct Excursions {
+  double table_mm = 0, target_mm = 0;
+  std::optional<std::string> hold_reason;
+};
+
+Excursions excursionsOf(Lab& lab, int frames = 150) {
+  const Pose desired = *lab.task->desired_T_camera_model();
+  const Eigen::Vector3d on_beam = desired.inverse() * Eigen::Vector3d(0, 0, lab.carm.source_isocenter_distance_m);
+  const Eigen::Vector3d beam = lab.T_patient_model.linear() * desired.linear().row(2).transpose();
+  const CArmJoints goal = *lab.carm.reachable(viewAnglesOf(beam), lab.T_patient_model * on_beam, lab.limits, lab.start);
+  const auto distance_mm = [&](const CArmJoints& q) {
+    return 1e3 * viewError(lab.carm.T_camera_patient(q) * lab.T_patient_model, desired, on_beam).target_m;
+  };
+  Eigen::AlignedBox3d box;
+  box.extend(Eigen::Vector3d(lab.start.tail<3>()));
+  box.extend(Eigen::Vector3d(goal.tail<3>()));
+  Excursions most;
+  for (int i = 0; i < frames; ++i) {
+    const TaskAnswer answer = lab.frame();
+    if (answer.hold_reason && !most.hold_reason) most.hold_reason = answer.hold_reason;
+    const CArmJoints q = lab.arm->state().joints;
+    most.table_mm = std::max(most.table_mm, 1e3 * box.exteriorDistance(Eigen::Vector3d(q.tail<3>())));
+    most.target_mm = std::max(most.target_mm, distance_mm(q) - distance_mm(lab.start));
+  }
+  return most;
+}
+
+TEST(ViewTask, JointSpaceKeepsTheWayBetweenStartAndGoal) {
+  test::Random random(3);
+  for (int i = 0; i < 10; ++i) {
+    ViewTaskSettings settings;
+    settings.primary_deg = random.uniform(-60, 60);
+    settings.secondary_deg = random.uniform(-30, 30);
+    Lab lab(settings);
+    const Excursions most = excursionsOf(lab);
+    EXPECT_FALSE(most.hold_reason) << *most.hold_reason;
+    EXPECT_LT(most.table_mm, 0.5) << i;
+    EXPECT_LT(most.target_mm, 0.5) << i;
+  }
+}
+
+ViewTaskSettings farView() {
+  ViewTaskSettings settings;
+  settings.primary_deg = 30;
+  settings.secondary_deg = 15;
+  settings.max_table_excursion_mm = settings.max_target_excursion_mm = 0;
+  return settings;
+}
+
+// From where the target is in its place already, so that any way of it is one too many.
+struct AngledLab : Lab {
+  explicit AngledLab(const ViewTaskSettings& settings) : Lab(settings, PositionBasedSettings{}) {
+    start = carm.jointsFor({}, T_patient_model * tree.centroid());
+    arm = std::make_unique<SimulatedCArm>(limits, start, 0);
+  }
+};
+
+// The camera's straight way takes the table far out: each bound by itself stops it in time, and says so.
+TEST(ViewTask, HoldsBeforeAWayLeavesItsBounds) {
+  AngledLab free(farView());
+  const Excursions most = excursionsOf(free);
+  EXPECT_FALSE(most.hold_reason);
+  ASSERT_GT(most.table_mm, 30);
+  ViewTaskSettings settings = farView();
+  settings.max_table_excursion_mm = most.table_mm / 2;
+  AngledLab lab(settings);
+  const Excursions bounded = excursionsOf(lab);
+  EXPECT_NE(bounded.hold_reason.value_or("").find("view.max_table_excursion_mm"), std::string::npos);
+  // What one frame adds before the next is looked at.
+  EXPECT_LT(bounded.table_mm, settings.max_table_excursion_mm + 10);
+  EXPECT_TRUE(lab.last.isZero(0)) << "still broken";
+  // Moved back by hand, it goes on.
+  lab.arm = std::make_unique<SimulatedCArm>(lab.limits, lab.start, lab.now_us);
+  EXPECT_TRUE(lab.frame().velocity);
+}
+
+TEST(ViewTask, HoldsBeforeTheTargetGoesTooFar) {
+  AngledLab free(farView());
+  const Excursions most = excursionsOf(free);
+  ASSERT_GT(most.target_mm, 30);
+  ViewTaskSettings settings = farView();
+  settings.max_target_excursion_mm = most.target_mm / 2;
+  AngledLab lab(settings);
+  const Excursions bounded = excursionsOf(lab);
+  EXPECT_NE(bounded.hold_reason.value_or("").find("view.max_target_excursion_mm"), std::string::npos);
+  EXPECT_LT(bounded.target_mm, settings.max_target_excursion_mm + 10);
+  EXPECT_TRUE(lab.last.isZero(0));
+}
+
+// A machine that is not allowed to move begins its way where it stands when it is; one that is held for a moment goes
+// on with the old one.
+TEST(ViewTask, AWayBeginsWhereTheMachineBeginsToMove) {
+  for (const bool begun : {false, true}) {
+    ViewTaskSettings settings;
+    Lab lab(settings);
+    for (int i = 0; i < 5; ++i) {
+      lab.frame();
+      if (!begun) lab.last.setZero();  // Taken back.
+    }
+    CArmJoints elsewhere = lab.arm->state().joints;
+    elsewhere[3] += 0.1;
+    lab.arm = std::make_unique<SimulatedCArm>(lab.limits, elsewhere, lab.now_us);
+    lab.under_way.clear();
+    lab.last.setZero();
+    const TaskAnswer answer = lab.frame();
+    EXPECT_EQ(answer.velocity.has_value(), !begun) << answer.hold_reason.value_or("");
+    if (!begun) continue;
+    EXPECT_NE(answer.hold_reason.value_or("").find("view.max_table_excursion_mm"), std::string::npos);
+  }
 }
 
 TEST(ViewTask, IsNotReachedWhileItIsNotSure) {

@@ -36,6 +36,13 @@ struct ViewTaskSettings {
   double reached_mm = 0.5;                  ///< ... and the target, both with their standard deviations added ...
   static constexpr int reached_frames = 5;  ///< ... for so many trusted frames in a row.
 
+  /// Bounds of the way, of any law, for where the arm would come to rest if it braked now; 0: not watched. Where one is
+  /// broken the task holds until the machine is back
+  /// inside, by a tenth of the bound, or another view is asked for. The way starts where the machine was when it began
+  /// to move for this goal; the goal is where it is seen now.
+  double max_table_excursion_mm = 20;   ///< Of the table from the box that its positions at start and goal span.
+  double max_target_excursion_mm = 10;  ///< Of the target's distance from its goal beyond what it was at the start.
+
   /// Share of the acceleration that the approach counts on: faster than it can brake from it does not come in.
   static constexpr double braking_share = 0.7;
 
@@ -49,6 +56,8 @@ struct ViewTaskSettings {
     v.section("best_view", [&](SettingsVisitor& fields) { best_view.visit(fields); });
     v.number("reached_deg", reached_deg, 1e-4, 10);
     v.number("reached_mm", reached_mm, 1e-3, 100);
+    v.number("max_table_excursion_mm", max_table_excursion_mm, 0, 1000);
+    v.number("max_target_excursion_mm", max_target_excursion_mm, 0, 1000);
   }
 };
 
