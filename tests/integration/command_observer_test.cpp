@@ -189,5 +189,30 @@ TEST(LimitObserver, SeesADriveBeyondItsRangeOrSpeed) {
   EXPECT_THAT(breachOf(state), HasSubstr("axis 1: speed"));
 }
 
+// A straight way leaves nothing; a table that goes 30 mm beside the box of start and goal, and a target that goes 40 mm
+// the wrong way, are seen, and stay seen when the arm is back.
+TEST(WayObserver, SeesHowFarAWayLeavesStartAndGoal) {
+  const CArmGeometry carm;
+  const auto at = [](double primary_rad, double x, double y, double z) {
+    return CArmJoints((CArmJoints() << primary_rad, 0, x, y, z).finished());
+  };
+  const CArmJoints start = at(0, 0, 0, 0), goal = at(0.5, 0.1, -0.05, 0);
+  const Eigen::Vector3d target(-0.1, 0.05, 0);  // At the isocentre when the arm is at its goal.
+  WayObserver observer(carm, start, goal, target);
+  for (double share = 0; share <= 1; share += 0.1) observer.see(start + share * (goal - start));
+  EXPECT_NEAR(observer.maxTable_m(), 0, 1e-12);
+  EXPECT_NEAR(observer.maxTarget_m(), 0, 1e-12);
+  observer.see(at(0.2, 0.05, -0.02, 0.03));
+  EXPECT_NEAR(observer.table_m(), 0.03, 1e-12);
+  EXPECT_LT(observer.target_m(), 0);
+  const double scale = 1 + 0.04 / std::hypot(0.1, 0.05);
+  observer.see(at(0.3, 0.1 - 0.1 * scale, -0.05 + 0.05 * scale, 0));
+  EXPECT_NEAR(observer.target_m(), 0.04, 1e-9);
+  observer.see(goal);
+  EXPECT_NEAR(observer.table_m(), 0, 1e-12);
+  EXPECT_NEAR(observer.maxTarget_m(), 0.04, 1e-9);
+  EXPECT_NEAR(observer.maxTable_m(), 0.04, 1e-9);
+}
+
 }  // namespace
 }  // namespace angio::test

@@ -206,6 +206,10 @@ TEST_F(ServoProgram, AClosedLoopLeavesFiveFiles) {
   EXPECT_EQ(s["frames"], test::kSanitized ? 3 : 15);
   EXPECT_EQ(s["seed"], 1);
   EXPECT_TRUE(s["final_error"]["closed_loop"]["view_deg"].is_number());
+  EXPECT_TRUE(s["way"]["table_excursion_mm"].is_number());
+  EXPECT_TRUE(s["way"]["target_excursion_mm"].is_number());
+  EXPECT_TRUE(s.contains("settled_s"));
+  EXPECT_NE(head.find(",table_excursion_mm,target_excursion_mm"), std::string::npos);
   EXPECT_TRUE(s["latency_ms"]["frame_to_command"]["p99"].is_number());
 }
 

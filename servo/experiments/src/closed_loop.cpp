@@ -6,6 +6,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
+#include "angio/experiments/observers.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/servo/operator.hpp"
 
@@ -56,6 +57,18 @@ class Observer {
     row.target_off_m = truth_.carm.source_isocenter_distance_m * (ray - *wanted_).norm();
   }
 
+  // Of the way from these joints to the desired view, in truth; nothing for a task without one or when no joints see
+  // it.
+  std::optional<WayObserver> way(const CArmJoints& start, const CArmLimits& limits) const {
+    if (!desired_) return std::nullopt;
+    const Eigen::Vector3d on_beam =
+        desired_->inverse() * Eigen::Vector3d(0, 0, truth_.carm.source_isocenter_distance_m);
+    const Eigen::Vector3d beam = truth_.T_dsa_cb.linear() * desired_->linear().row(2).transpose();
+    const auto goal = truth_.carm.reachable(viewAnglesOf(beam), truth_.T_dsa_cb * on_beam, limits, start);
+    if (!goal) return std::nullopt;
+    return WayObserver(truth_.carm, start, *goal, truth_.T_dsa_cb * on_beam);
+  }
+
   ViewError error(const CArmJoints& joints) const {
     if (!desired_) return {};
     return viewError(truth_.carm.T_camera_patient(joints) * truth_.T_dsa_cb, *desired_, target_);
@@ -92,11 +105,16 @@ void runClosed(const VesselTree& tree, const Scenario& world, const ScenarioSett
   Operator person(lab.fromMachines());
   Observer observer(world, servo.loop().task(), loop, tree);
   result.has_view = observer.hasView();
+  auto way = observer.way(lab.arm().state().joints, loop.limits);
+  const auto watchWay = [&] {
+    if (way) way->see(lab.arm().state().joints);
+  };
   const int frames = framesOf(s);
   while (static_cast<int>(result.closed.size()) < frames) {
     Stopwatch watch;
     const std::optional<Exposure> exposure = lab.advance();
     if (arm_watcher) arm_watcher(lab.arm().state());
+    watchWay();
     const double render_s = watch.seconds();
     watch = Stopwatch();
     person.start(lab.now_us());
@@ -108,6 +126,8 @@ void runClosed(const VesselTree& tree, const Scenario& world, const ScenarioSett
     row.render_s = render_s;
     row.joints = exposure->state.joints;
     observer.observe(lab, row);
+    if (way) row.table_excursion_m = way->table_m();
+    if (way) row.target_excursion_m = way->target_m();
     result.closed.push_back(row);
     if (watcher) watcher(*exposure, *report, row);
     if (result.closed.size() == 1 || static_cast<int>(result.closed.size()) == frames) {
@@ -117,7 +137,10 @@ void runClosed(const VesselTree& tree, const Scenario& world, const ScenarioSett
       if (!result.first) result.first = result.last;
     }
   }
-  while (!lab.advance()) continue;  // What the last command still does.
+  while (!lab.advance()) watchWay();  // What the last command still does.
+  watchWay();
+  if (way) result.max_table_excursion_m = way->maxTable_m();
+  if (way) result.max_target_excursion_m = way->maxTarget_m();
   result.closed_end = observer.error(lab.arm().state().joints);
 }
 
@@ -179,7 +202,9 @@ std::pair<ViewAngles, ViewAngles> drawViews(std::mt19937_64& engine, double max_
   const ViewAngles start = drawn(), goal = drawn();
   scenario.start_primary_deg = radToDeg(start.primary_rad);
   scenario.start_secondary_deg = radToDeg(start.secondary_rad);
-  ViewTaskSettings view;
+  const auto* settings = std::get_if<ViewTaskSettings>(&loop.task);
+  ViewTaskSettings view = settings ? *settings : ViewTaskSettings();
+  view.goal = ViewGoal::kAngles;
   view.primary_deg = radToDeg(goal.primary_rad);
   view.secondary_deg = radToDeg(goal.secondary_rad);
   loop.task = view;
@@ -231,6 +256,22 @@ ClosedLoopRun runClosedLoop(const VesselTree& tree, const Scenario& world, const
   runOpen(tree, world, settings, loop, patient, result);
   result.predicted = viewUncertainty(world.calibrated, result.open.back().joints, tree.centroid());
   return result;
+}
+
+std::optional<double> settlingTime_s(const ClosedLoopRun& run) {
+  const auto within = [](const ViewError& e) {
+    return radToDeg(e.direction_rad) <= kViewWithin_deg && 1e3 * e.target_m <= kViewWithin_mm;
+  };
+  if (!run.has_view || !within(run.closed_end)) return std::nullopt;
+  std::optional<double> settled_s;
+  for (const auto& frame : run.closed) {
+    if (!within(frame.true_error)) {
+      settled_s.reset();
+    } else if (!settled_s) {
+      settled_s = frame.time_s - run.closed.front().time_s;
+    }
+  }
+  return settled_s;
 }
 
 int framesOf(const ScenarioSettings& settings) {

@@ -131,6 +131,10 @@ Json closedLoopSummary(const ClosedLoopRun& r) {
   summary["commands_fingerprint"] = fingerprintOf(r.closed);
   if (r.has_view) {
     summary["final_error"] = {{"closed_loop", errorAsJson(r.closed_end)}, {"open_loop", errorAsJson(r.open_end)}};
+    const auto settled_s = settlingTime_s(r);
+    summary["settled_s"] = settled_s ? Json(*settled_s) : Json(nullptr);
+    summary["way"] = {{"table_excursion_mm", 1e3 * r.max_table_excursion_m},
+                      {"target_excursion_mm", 1e3 * r.max_target_excursion_m}};
   } else {
     summary["target_off"] = {{"closed_loop", offAsJson(r.closed)}, {"open_loop", offAsJson(r.open)}};
   }
@@ -165,6 +169,12 @@ std::string closedLoopTable(const Json& summary) {
     const std::string cells = "{view_deg:%12.3f} {target_mm:%12.3f} {roll_deg:%12.3f}\n";
     table += "closed loop            " + filled(cells, summary["final_error"]["closed_loop"]);
     table += "open loop              " + filled(cells, summary["final_error"]["open_loop"]);
+    table += "settling time          ";
+    table += summary["settled_s"].is_null() ? std::string("not settled\n") : filled("{settled_s:%10.2f} s\n", summary);
+    table += filled(
+        "way                    table at most {way/table_excursion_mm:%.1f} mm outside start and goal, target at most "
+        "{way/target_excursion_mm:%.1f} mm further than at the start\n",
+        summary);
   }
   if (summary.contains("predicted_uncertainty")) {
     table += filled("calibration's sigma    {view_deg:%12.3f} {target_mm:%12.3f}\n", summary["predicted_uncertainty"]);
@@ -182,7 +192,8 @@ std::string closedLoopTrace(const ClosedLoopRun& r) {
       "table_x_mm_per_s,table_y_mm_per_s,table_z_mm_per_s,view_error_deg,target_error_mm,roll_deg,seen_view_error_deg,"
       "seen_target_error_mm,open_loop_view_error_deg,open_loop_target_error_mm,target_off_mm,open_loop_target_off_mm,"
       "status,held,model_residual_px,"
-      "image_residual_px,points_2d,image_ms,registration_ms,control_ms,frame_to_command_ms,held_because\n";
+      "image_residual_px,points_2d,image_ms,registration_ms,control_ms,frame_to_command_ms,held_because,"
+      "table_excursion_mm,target_excursion_mm\n";
   for (std::size_t k = 0; k < r.closed.size(); ++k) {
     const ClosedLoopFrame &f = r.closed[k], &o = r.open.at(k);
     trace += formatted("%.4f", f.time_s);
@@ -196,11 +207,12 @@ std::string closedLoopTrace(const ClosedLoopRun& r) {
     trace += f.task.view_error ? formatted(",%.5f,%.5f", radToDeg(f.task.view_error->direction_rad),
                                            1e3 * f.task.view_error->target_m)
                                : ",,";
-    trace += formatted(",%.5f,%.5f,%.4f,%.4f,%s,%d,%.4f,%.4f,%d,%.3f,%.3f,%.3f,%.3f,\"%s\"\n",
+    trace += formatted(",%.5f,%.5f,%.4f,%.4f,%s,%d,%.4f,%.4f,%d,%.3f,%.3f,%.3f,%.3f,\"%s\",%.4f,%.4f\n",
                        radToDeg(o.true_error.direction_rad), 1e3 * o.true_error.target_m, 1e3 * f.target_off_m,
                        1e3 * o.target_off_m, statusName(f.status).c_str(), f.hold_reason ? 1 : 0, f.model_residual_px,
                        f.image_residual_px, f.points_2d, 1e3 * f.image_s, 1e3 * f.registration_s, 1e3 * f.control_s,
-                       1e3 * f.answer_s, quotable(f.hold_reason).c_str());
+                       1e3 * f.answer_s, quotable(f.hold_reason).c_str(), 1e3 * f.table_excursion_m,
+                       1e3 * f.target_excursion_m);
   }
   return trace;
 }

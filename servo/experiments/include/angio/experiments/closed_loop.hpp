@@ -53,8 +53,10 @@ struct ClosedLoopFrame {
   CArmCommand command;                     ///< What the loop answered.
   ViewError true_error;                    ///< Of the real view at the exposure; zero for a task without a view.
   Eigen::Vector3d target_camera = Eigen::Vector3d::Zero();  ///< Where the target really was in the camera then [m].
-  double target_off_m = 0;  ///< Its image from where the task wants it, as a distance at the isocentre.
-  TaskAnswer task;          ///< What the loop believed.
+  double target_off_m = 0;        ///< Its image from where the task wants it, as a distance at the isocentre.
+  double table_excursion_m = 0;   ///< Of the table from the box of the way's start and true goal ...
+  double target_excursion_m = 0;  ///< ... and by how much the target was further from its goal than at the start.
+  TaskAnswer task;                ///< What the loop believed.
   std::optional<std::string> hold_reason;
   RegistrationStatus status = RegistrationStatus::kTooFewPoints;
   double model_residual_px = 0, image_residual_px = 0;
@@ -75,10 +77,18 @@ struct ClosedLoopRun {
   std::vector<ClosedLoopFrame> closed;  ///< With feedback from the images.
   std::vector<ClosedLoopFrame> open;    ///< The same task on calibration alone; only time, joints, command, true error.
   ViewError closed_end, open_end;       ///< True view errors at the end.
-  bool has_view = false;                ///< Whether the task has a view to reach; else target_off_m is what counts.
+  double max_table_excursion_m = 0, max_target_excursion_m = 0;  ///< Of the closed loop, between frames too.
+  bool has_view = false;  ///< Whether the task has a view to reach; else target_off_m is what counts.
   std::optional<ViewUncertainty> predicted;  ///< Of the open loop's end, by the calibration's own records.
   std::optional<ClosedLoopSnapshot> first, last;
 };
+
+/// A view counts as reached, by the truth, while its beam and its target are as near as this.
+constexpr double kViewWithin_deg = 0.1, kViewWithin_mm = 0.5;
+
+/// From when on the closed loop's true view was reached and stayed so to the end [s from the first frame]; nothing when
+/// it was not at the end.
+std::optional<double> settlingTime_s(const ClosedLoopRun& run);
 
 /// Called after each frame of the closed loop with the exposure and what the loop made of it.
 using ClosedLoopObserver = std::function<void(const Exposure&, const ServoReport&, const ClosedLoopFrame&)>;
@@ -96,7 +106,8 @@ ClosedLoopRun runClosedLoop(const VesselTree& tree, const Scenario& world, const
 /// How many frames that will be.
 int framesOf(const ScenarioSettings& settings);
 
-/// Frames, registered, held, a fingerprint of all commands, final errors of both loops, latency p50/p99/max per stage.
+/// Frames, registered, held, a fingerprint of all commands, final errors of both loops, settling time and the way's
+/// largest excursions of the closed one, latency p50/p99/max per stage.
 Json closedLoopSummary(const ClosedLoopRun& run);
 
 /// The same as a table for people.

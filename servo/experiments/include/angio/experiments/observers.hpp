@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <Eigen/Geometry>
 #include <deque>
 #include <limits>
 #include <map>
@@ -8,7 +9,7 @@
 #include <string>
 
 #include "angio/experiments/namespace.hpp"
-#include "angio/geometry/carm_limits.hpp"
+#include "angio/geometry/carm.hpp"
 #include "angio/messaging/messages.hpp"
 #include "angio/simulation/catheter_settings.hpp"
 
@@ -130,6 +131,35 @@ class CommandObserver {
   std::optional<AxesState> last_;
   std::optional<std::string> breach_;
   int unsound_ = 0;
+};
+
+/// Watches how far a machine's true motion leaves what its start and its goal span.
+class WayObserver {
+ public:
+  /// @param goal            True joints at the goal.
+  /// @param target_patient  The point that matters, in the true patient frame [m].
+  WayObserver(const CArmGeometry& truth, const CArmJoints& start, const CArmJoints& goal,
+              const Eigen::Vector3d& target_patient);
+
+  /// The machine's next state.
+  void see(const CArmJoints& joints);
+
+  /// The table's distance from the box of start and goal [m], at the last state and the largest so far.
+  double table_m() const { return table_m_; }
+  double maxTable_m() const { return max_table_m_; }
+
+  /// By how much the target is further from its goal in the camera than at the start [m]: at the last state, negative
+  /// when it is nearer, and the largest so far, at least zero.
+  double target_m() const { return target_m_; }
+  double maxTarget_m() const { return max_target_m_; }
+
+ private:
+  double distance_m(const CArmJoints& joints) const;
+
+  CArmGeometry truth_;
+  Eigen::Vector3d target_, wanted_;
+  Eigen::AlignedBox3d box_;
+  double start_m_, table_m_ = 0, target_m_ = 0, max_table_m_ = 0, max_target_m_ = 0;
 };
 
 }  // namespace angio::experiments
