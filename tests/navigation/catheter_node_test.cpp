@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <opencv2/core.hpp>
 
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
@@ -64,7 +65,9 @@ struct CatheterNodeTest : testing::Test {
     }
     drive->report(now_us + ahead_us);
     bus->handle(std::chrono::milliseconds(0));
-    publish(*bus, kXrayFrameChannel, xray->render(now_us - late_us, arm->arm().state().joints));
+    XrayFrame exposed = xray->render(now_us - late_us, arm->arm().state().joints);
+    if (mirrored) cv::flip(exposed.image, exposed.image, 1);
+    publish(*bus, kXrayFrameChannel, exposed);
     bus->handle(std::chrono::milliseconds(0));
     if (started) person->start(now_us);
     bus->handle(std::chrono::milliseconds(0));
@@ -144,7 +147,7 @@ struct CatheterNodeTest : testing::Test {
   std::unique_ptr<ServoNode> table;
   std::int64_t now_us = 0, ahead_us = 0, late_us = 0;
   std::function<void(CArmState&)> spoil;  // What is wrong with the arm's reports.
-  bool started = true, deaf = false;
+  bool started = true, deaf = false, mirrored = false;
 };
 
 TEST_F(CatheterNodeTest, MakesARoadmapAndPushesOnOnceTheVesselsHaveWashedOut) {
@@ -354,6 +357,19 @@ TEST_F(CatheterNodeTest, CallsAnArmWhoseClockGoesBackAFault) {
   EXPECT_FALSE(steersAgain(*node)) << "frames and joints are not of one time";
   spoil = nullptr;
   EXPECT_TRUE(steersAgain(*node)) << node->states().reason();
+}
+
+TEST_F(CatheterNodeTest, SaysThatTheImageIsMirrored) {
+  mirrored = true;
+  const TreeTopology map(tree);
+  const auto node = nodeTo({map.children(0).front(), 8e-3});
+  std::string why;
+  for (int k = 0; k < 60 && why.find("matches when") == std::string::npos; ++k) {
+    const auto report = frame(*node);
+    ASSERT_TRUE(report && report->hold_reason);
+    why = *report->hold_reason;
+  }
+  EXPECT_NE(why.find("the image matches when mirrored left to right"), std::string::npos) << why;
 }
 
 // Frames are on their way for longer than the drive takes between two reports.

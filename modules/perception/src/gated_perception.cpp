@@ -6,7 +6,15 @@
 namespace angio::perception {
 
 GatedObservation GatedPerception::observe(const XrayFrame& frame, const CArmState& state) {
-  return gated(perception_.observe(frame, state), perception_.placeOf(state));
+  const CameraPlace place = perception_.placeOf(state);
+  GatedObservation result = gated(perception_.observe(frame, state), place);
+  if (!result.rejection) {
+    reading_.accept();
+  } else {
+    if (const auto advice = reading_.advice()) *result.rejection = *advice + "; " + *result.rejection;
+    reading_.reject(result.observation, frame.camera, place);
+  }
+  return result;
 }
 
 GatedObservation GatedPerception::observe(const XrayViews& views, const CameraPlace& place) {

@@ -46,6 +46,16 @@ const char* nameOf(ImageReading reading) {
   return kNames[static_cast<int>(reading)];
 }
 
+std::vector<ImageReading> otherReadings(const XrayCamera& camera) {
+  std::vector<ImageReading> others;
+  for (const ImageReading reading : kImageReadings) {
+    const bool swaps = static_cast<int>(reading) >= static_cast<int>(ImageReading::kTurnedRight);
+    if (reading == ImageReading::kAsSent || (swaps && camera.width_px() != camera.height_px())) continue;
+    others.push_back(reading);
+  }
+  return others;
+}
+
 Centerline2d readAs(ImageReading reading, const Centerline2d& curves, const XrayCamera& camera) {
   const Eigen::Matrix2d M = turnOf(reading);
   const Eigen::Vector2d middle(0.5 * (camera.width_px() - 1), 0.5 * (camera.height_px() - 1));

@@ -285,10 +285,7 @@ void MachineCheck::Parts::nameReading(const XrayFrame& frame, const Observation&
     return;
   }
   const CameraPlace place = perception.placeOf(state);
-  for (const ImageReading reading : kImageReadings) {
-    if (reading == ImageReading::kAsSent) continue;
-    const bool swaps = static_cast<int>(reading) >= static_cast<int>(ImageReading::kTurnedRight);
-    if (swaps && frame.camera.width_px() != frame.camera.height_px()) continue;
+  for (const ImageReading reading : otherReadings(frame.camera)) {
     const Centerline2d read = readAs(reading, observation.centerline, frame.camera);
     const Observation again = perception.observe({XrayView{read, frame.camera}}, place);
     if (again.registration.status != RegistrationStatus::kConverged) continue;

@@ -7,6 +7,7 @@
 #include "angio/perception/frame_geometry.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/perception.hpp"
+#include "angio/perception/reading_search.hpp"
 #include "angio/perception/registration_gate.hpp"
 
 namespace angio::perception {
@@ -53,7 +54,8 @@ class GatedPerception {
   /// What all accepted observations together say against the focal length of the frames; nothing: nothing.
   std::optional<std::string> focalLengthWarning() const { return focal_length_.warning(); }
 
-  /// Observes a frame that was exposed while the joints were as in `state`.
+  /// Observes a frame that was exposed while the joints were as in `state`. A rejection says also in which reading the
+  /// frames would match, once learn() has found that.
   GatedObservation observe(const XrayFrame& frame, const CArmState& state);
 
   /// Observes what was found in the views of one moment, whose first camera stood at `place`.
@@ -62,8 +64,12 @@ class GatedPerception {
   /// Uses another program's registration of the frame.
   GatedObservation adopt(const RegistrationResult& registration, const CArmState& state);
 
-  /// Learns how the patient moves, when what a frame was wanted for is out. Takes some milliseconds now and then.
-  void learn() { perception_.learn(); }
+  /// Learns how the patient moves, when what a frame was wanted for is out. Takes some milliseconds now and then, and
+  /// as long as one search while ReadingSearch looks at frames none of which has registered yet.
+  void learn() {
+    perception_.learn();
+    reading_.tryNext(perception_, gate_);
+  }
 
   ModelId modelId() const { return perception_.modelId(); }
 
@@ -81,6 +87,7 @@ class GatedPerception {
   Perception perception_;
   RegistrationGate gate_;
   FocalLengthMonitor focal_length_;
+  ReadingSearch reading_;
 };
 
 }  // namespace angio::perception

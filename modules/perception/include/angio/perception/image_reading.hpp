@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/perception/namespace.hpp"
@@ -27,6 +28,9 @@ constexpr std::array<ImageReading, 8> kImageReadings = {
 
 /// "mirrored left to right", "turned by 90 deg clockwise", ...; "as sent".
 const char* nameOf(ImageReading reading);
+
+/// Returns the readings besides "as sent" that keep the image's size: all seven of one as wide as high, else three.
+std::vector<ImageReading> otherReadings(const XrayCamera& camera);
 
 /// Returns curves as they would have been found in the image read so, about the image's middle. Positions and tangents
 /// [px, rad]; the rest is kept. Readings that swap rows and columns are for images as wide as high.

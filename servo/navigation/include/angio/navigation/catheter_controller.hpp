@@ -112,8 +112,8 @@ class CatheterController {
   /// The command that was sent for the last frame.
   void commit(const CatheterCommand& sent) { sequence_ = sent.sequence; }
 
-  /// Nothing is learnt between frames.
-  void learn() {}
+  /// What a frame's answer need not wait for: GatedPerception::learn().
+  void learn() { perception_.learn(); }
 
   /// A catheter's controller estimates everything itself.
   ExternalInputs externalInputs() const { return {}; }
