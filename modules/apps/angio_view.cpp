@@ -12,6 +12,7 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/evaluation/film_writer.hpp"
@@ -29,7 +30,7 @@ using Clock = std::chrono::steady_clock;
 
 struct Options {
   std::string bus = "udpm://239.255.76.67:7667?ttl=0", key_file, tree = exampleDataFile("hepatic-tace/tree.csv"), out,
-              title;
+              title, calibration;
   double duration_s = 0, film_rate_hz = 15;
   int width_px = 768;
 };
@@ -78,10 +79,16 @@ class Screen {
   std::unique_ptr<vpDisplayX> window_;
 };
 
+LiveOverlay overlayOf(const Options& o, const VesselTree& tree) {
+  if (o.calibration.empty()) return LiveOverlay(tree, o.width_px);
+  const CArmCalibration calibration = readCArmCalibration(o.calibration);
+  return LiveOverlay(tree, o.width_px, calibration.carm, calibration.R_patient_lps());
+}
+
 class Viewer {
  public:
   Viewer(const Options& o, const VesselTree& tree)
-      : title_(o.title), target_model_(tree.centroid()), overlay_(tree, o.width_px), screen_(o) {}
+      : title_(o.title), target_model_(tree.centroid()), overlay_(overlayOf(o, tree)), screen_(o) {}
 
   void hear(const std::string& channel, const std::uint8_t* data, std::size_t size, std::int64_t arrival_us) {
     auto decoded = decodeAny(data, size);
@@ -164,6 +171,8 @@ int main(int argc, char** argv) {
   app.add_option("--bus", o.bus, "Bus to listen on (LCM URL); file://name.lcm?speed=0 shows each frame of a log");
   app.add_option("--key-file", o.key_file, "Key that the programs on the bus share");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  app.add_option("--calibration", o.calibration,
+                 "C-arm geometry and T_dsa_cb (.yaml), for the letters at the X-ray's edges; an ideal C-arm without");
   app.add_option("--out", o.out, "Film (.mp4) or numbered pictures (frames/%04d.png) in place of a window");
   app.add_option("--film-rate-hz", o.film_rate_hz, "Pictures of a film a second")->check(between(0.1, 1000));
   app.add_option("--width-px", o.width_px, "Of the picture")->check(CLI::Range(320, 4096));

@@ -51,7 +51,7 @@ int simulate(const ServoProgramOptions& o, const ServoSettings& settings, const 
   std::optional<ProgressBar> bar;
   std::optional<FilmWriter> film;
   if (!o.film.empty()) film.emplace(o.film, settings.scenario.lab.frame_rate_hz);
-  LiveOverlay overlay(tree);
+  LiveOverlay overlay(tree, 768, calibration.carm, calibration.R_patient_lps());
   const ServoLoopSettings loop = settings.loop(calibration);
   int done = 0;
   const ClosedLoopRun scenario = runClosedLoop(

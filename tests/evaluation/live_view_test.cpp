@@ -7,6 +7,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_overlay.hpp"
+#include "angio/evaluation/overlay.hpp"
 #include "angio/test/file_size_limit.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
@@ -74,6 +75,51 @@ TEST(LiveOverlay, ShowsTheTreeInTheColorOfTheLoopsState) {
   EXPECT_GT(pixelsOf(overlay.draw(scene), stateColor(ServoState::kHold), xray), 50);
   scene.registration->status_text = "too_few_points";
   EXPECT_EQ(pixelsOf(overlay.draw(scene), stateColor(ServoState::kHold), xray), 0) << "a pose nobody believes";
+}
+
+TEST(PatientLetters, AreThoseOfDicomsPatientOrientation) {
+  EXPECT_EQ(patientLetters(Eigen::Vector3d::UnitX()), "L");
+  EXPECT_EQ(patientLetters(-Eigen::Vector3d::UnitX()), "R");
+  EXPECT_EQ(patientLetters(-Eigen::Vector3d::UnitY()), "A");
+  EXPECT_EQ(patientLetters(5 * Eigen::Vector3d::UnitY()), "P");
+  EXPECT_EQ(patientLetters(Eigen::Vector3d::UnitZ()), "H");
+  EXPECT_EQ(patientLetters(-Eigen::Vector3d::UnitZ()), "F");
+  EXPECT_EQ(patientLetters({std::cos(degToRad(19)), -std::sin(degToRad(19)), 0}), "L");
+  EXPECT_EQ(patientLetters({std::cos(degToRad(21)), -std::sin(degToRad(21)), 0}), "LA");
+  EXPECT_EQ(patientLetters({-0.5, 0, -0.8}), "FR");
+}
+
+// The edges of an image as xray_frame_t has it.
+TEST(PatientLetters, StandAtTheEdgesOfAnImageSeenFromTheSource) {
+  const auto edges = [](double primary_deg, double secondary_deg) {
+    CArmJoints joints = CArmJoints::Zero();
+    joints[0] = degToRad(primary_deg);
+    joints[1] = degToRad(secondary_deg);
+    const Eigen::Matrix3d R = CArmGeometry().T_camera_patient(joints).linear();
+    const Eigen::Vector3d right = R.row(0), down = R.row(1);
+    return patientLetters(-right) + " " + patientLetters(right) + " " + patientLetters(-down) + " " +
+           patientLetters(down);
+  };
+  EXPECT_EQ(edges(0, 0), "L R H F");
+  EXPECT_EQ(edges(90, 0), "P A H F");
+  EXPECT_EQ(edges(-90, 0), "A P H F");
+  EXPECT_EQ(edges(30, 0), "LP RA H F");
+  EXPECT_EQ(edges(0, 30), "L R HP FA") << "from below: up in the image is headwards and backwards";
+}
+
+TEST(PatientLetters, AreDrawnWhereJointsHaveBeenHeard) {
+  const VesselTree tree = test::branchingTree(3);
+  LiveOverlay overlay(tree, 512);
+  LiveScene scene{frameNumber(1), {}, {}, {}, {}, {}, ""};
+  scene.frame.image.setTo(cv::Scalar(20000));
+  const cv::Scalar yellow(0, 225, 255);
+  const cv::Rect edges[] = {{0, 180, 40, 40}, {472, 180, 40, 40}, {236, 0, 40, 40}, {236, 360, 40, 40}};
+  const cv::Mat without = overlay.draw(scene);
+  for (const cv::Rect& edge : edges) EXPECT_EQ(pixelsOf(without, yellow, edge), 0);
+  scene.state.emplace();
+  const cv::Mat with = overlay.draw(scene);
+  for (const cv::Rect& edge : edges) EXPECT_GT(pixelsOf(with, yellow, edge), 20) << edge;
+  EXPECT_EQ(pixelsOf(with, yellow, {60, 60, 380, 280}), 0) << "nothing in the middle";
 }
 
 TEST(LiveFeed, JoinsWhatBelongsToOneFrame) {

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/formatted.hpp"
+#include "angio/evaluation/overlay.hpp"
 #include "angio/types/channels.hpp"
 #include "drawing.hpp"
 
@@ -51,8 +52,13 @@ cv::Scalar stateColor(ServoState state) {
   return kOrange;
 }
 
-LiveOverlay::LiveOverlay(const VesselTree& tree, int width_px)
-    : tree_(tree), model_id_(modelId(tree)), width_px_(std::max(width_px, kNarrowest_px)) {}
+LiveOverlay::LiveOverlay(const VesselTree& tree, int width_px, const CArmGeometry& carm,
+                         const Eigen::Matrix3d& R_patient_lps)
+    : tree_(tree),
+      model_id_(modelId(tree)),
+      width_px_(std::max(width_px, kNarrowest_px)),
+      carm_(carm),
+      R_patient_lps_(R_patient_lps) {}
 
 cv::Mat LiveOverlay::draw(const LiveScene& scene) {
   bar_.push_back(scene.status ? stateColor(scene.status->state) : kGroundColor);
@@ -64,6 +70,7 @@ cv::Mat LiveOverlay::draw(const LiveScene& scene) {
   cv::Mat xray = canvas(cv::Rect(0, 0, width_px_, height));
   cv::resize(greyPicture(scene.frame.image), xray, xray.size(), 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
   drawXray(xray, scene);
+  if (scene.state) drawPatientLetters(xray, carm_.T_camera_patient(scene.state->joints).linear() * R_patient_lps_);
   drawPanel(canvas(cv::Rect(0, height, width_px_, kPanelHeight_px)), scene);
   return canvas;
 }

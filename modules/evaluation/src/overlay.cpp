@@ -51,6 +51,7 @@ void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, co
 namespace {
 
 constexpr int kMargin_px = 6;
+const cv::Scalar kLetterColor(0, 225, 255);
 
 void drawTree(cv::Mat& canvas, const VesselTree& tree, const XrayCamera& camera, const OverlayTree& what) {
   std::vector<std::optional<Eigen::Vector2d>> pixel(static_cast<std::size_t>(tree.size()));
@@ -99,6 +100,39 @@ cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const Xra
   }
   if (!scene.caption.empty()) writeText(canvas, scene.caption, {14, canvas.rows - 14}, cv::Scalar(255, 255, 255));
   return canvas;
+}
+
+std::string patientLetters(const Eigen::Vector3d& direction_lps) {
+  constexpr const char* kLetters[3][2] = {{"L", "R"}, {"P", "A"}, {"H", "F"}};
+  const double least = std::sin(degToRad(20)) * direction_lps.norm();
+  std::vector<int> axes;
+  for (const int axis : {0, 1, 2}) {
+    if (std::abs(direction_lps[axis]) > least) axes.push_back(axis);
+  }
+  std::stable_sort(axes.begin(), axes.end(),
+                   [&](int a, int b) { return std::abs(direction_lps[a]) > std::abs(direction_lps[b]); });
+  std::string letters;
+  for (const int axis : axes) letters += kLetters[axis][direction_lps[axis] < 0];
+  return letters;
+}
+
+void drawPatientLetters(cv::Mat& picture, const Eigen::Matrix3d& R_camera_lps) {
+  const double size = std::max(0.7, picture.cols / 750.0);
+  const int rim = std::max(6, static_cast<int>(std::lround(10 * size)));
+  const auto write = [&](const Eigen::Vector3d& direction_lps, double x, double y) {
+    const std::string letters = patientLetters(direction_lps);
+    const cv::Size box = cv::getTextSize(letters, cv::FONT_HERSHEY_SIMPLEX, size, 2, nullptr);
+    // x and y: the share of what is left beside the letters.
+    const cv::Point at(rim + static_cast<int>(x * (picture.cols - box.width - 2 * rim)),
+                       rim + box.height + static_cast<int>(y * (picture.rows - box.height - 2 * rim)));
+    cv::putText(picture, letters, at, cv::FONT_HERSHEY_SIMPLEX, size, cv::Scalar(0, 0, 0), 6, cv::LINE_AA);
+    cv::putText(picture, letters, at, cv::FONT_HERSHEY_SIMPLEX, size, kLetterColor, 2, cv::LINE_AA);
+  };
+  const Eigen::Vector3d right = R_camera_lps.row(0), down = R_camera_lps.row(1);
+  write(-right, 0, 0.5);
+  write(right, 1, 0.5);
+  write(-down, 0.5, 0);
+  write(down, 0.5, 1);
 }
 
 cv::Mat sideBySide(const std::vector<cv::Mat>& pictures) {

@@ -24,6 +24,9 @@ struct CArmCalibration {
   std::string machine;                     ///< Whose calibration it is; empty when nobody said.
   std::vector<CalibrationRecord> records;  ///< How it came about; none for a file that was written by hand.
 
+  /// Anatomical axes L, P, S in the patient frame.
+  Eigen::Matrix3d R_patient_lps() const { return T_dsa_cb.linear() * R_lps_model.transpose(); }
+
   /// Throws InputError when a matrix is no rotation, a length not positive, or a number not finite.
   void check(const std::string& place) const;
 };

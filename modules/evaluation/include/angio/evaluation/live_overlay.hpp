@@ -34,12 +34,15 @@ struct LiveScene {
 /// catheter tip, and below it the loop's state, its errors, the residual, the joints, and a bar of the last states.
 class LiveOverlay {
  public:
-  /// @param width_px  Of the pictures, >= 320; the X-ray is scaled to it. Borrows the tree.
-  explicit LiveOverlay(const VesselTree& tree, int width_px = 768);
+  /// @param width_px      Of the pictures, >= 320; the X-ray is scaled to it. Borrows the tree.
+  /// @param carm          What joints are read with, for the letters at the X-ray's edges.
+  /// @param R_patient_lps Anatomical axes L, P, S in the patient frame; identity when the patient lies straight.
+  explicit LiveOverlay(const VesselTree& tree, int width_px = 768, const CArmGeometry& carm = {},
+                       const Eigen::Matrix3d& R_patient_lps = Eigen::Matrix3d::Identity());
 
   /// CV_8UC3; pictures of frames of one size have one size. The tree is green while the loop servoes by it or nobody
   /// says whether one does, orange while the loop holds, and is not drawn when the registration did not converge or is
-  /// that of another tree.
+  /// that of another tree. drawPatientLetters() where joints have been heard.
   cv::Mat draw(const LiveScene& scene);
 
  private:
@@ -49,6 +52,8 @@ class LiveOverlay {
   const VesselTree& tree_;
   ModelId model_id_;
   int width_px_;
+  CArmGeometry carm_;
+  Eigen::Matrix3d R_patient_lps_;
   std::deque<cv::Scalar> bar_;  // Colours of the last frames' states, oldest first.
 };
 

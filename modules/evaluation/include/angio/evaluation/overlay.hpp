@@ -35,6 +35,16 @@ extern const cv::Scalar kStartColor, kModelColor, kCenterlineColor;  ///< Blue, 
 /// Draws the X-ray with the extracted centreline and projected trees, CV_8UC3 of the camera's size.
 cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const XrayCamera& camera);
 
+/// Returns where in the patient a direction (axes L, P, S, of any length) leads, in the letters of DICOM's Patient
+/// Orientation (0020,0020): L left, R right, A front, P back, H head, F feet. "LA" for one that leads to the front as
+/// well, by more than 20 deg; the larger share stands first.
+std::string patientLetters(const Eigen::Vector3d& direction_lps);
+
+/// Writes at the middle of each edge of an X-ray's picture (CV_8UC3) where in the patient that edge is.
+///
+/// @param R_camera_lps  Patient axes L, P, S in the camera.
+void drawPatientLetters(cv::Mat& picture, const Eigen::Matrix3d& R_camera_lps);
+
 /// Pictures of one type from left to right, at least one; lower ones have a dark ground below.
 cv::Mat sideBySide(const std::vector<cv::Mat>& pictures);
 
