@@ -119,14 +119,15 @@ std::string patientLetters(const Eigen::Vector3d& direction_lps) {
 void drawPatientLetters(cv::Mat& picture, const Eigen::Matrix3d& R_camera_lps) {
   const double size = std::max(0.7, picture.cols / 750.0);
   const int rim = std::max(6, static_cast<int>(std::lround(10 * size)));
+  const int stroke = std::max(2, static_cast<int>(std::lround(2 * size)));
   const auto write = [&](const Eigen::Vector3d& direction_lps, double x, double y) {
     const std::string letters = patientLetters(direction_lps);
-    const cv::Size box = cv::getTextSize(letters, cv::FONT_HERSHEY_SIMPLEX, size, 2, nullptr);
+    const cv::Size box = cv::getTextSize(letters, cv::FONT_HERSHEY_SIMPLEX, size, stroke, nullptr);
     // x and y: the share of what is left beside the letters.
     const cv::Point at(rim + static_cast<int>(x * (picture.cols - box.width - 2 * rim)),
                        rim + box.height + static_cast<int>(y * (picture.rows - box.height - 2 * rim)));
-    cv::putText(picture, letters, at, cv::FONT_HERSHEY_SIMPLEX, size, cv::Scalar(0, 0, 0), 6, cv::LINE_AA);
-    cv::putText(picture, letters, at, cv::FONT_HERSHEY_SIMPLEX, size, kLetterColor, 2, cv::LINE_AA);
+    cv::putText(picture, letters, at, cv::FONT_HERSHEY_SIMPLEX, size, cv::Scalar(0, 0, 0), stroke + 4, cv::LINE_AA);
+    cv::putText(picture, letters, at, cv::FONT_HERSHEY_SIMPLEX, size, kLetterColor, stroke, cv::LINE_AA);
   };
   const Eigen::Vector3d right = R_camera_lps.row(0), down = R_camera_lps.row(1);
   write(-right, 0, 0.5);
