@@ -17,62 +17,11 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/vessel/model_id.hpp"
+#include "findings.hpp"
+#include "inspect_bus.hpp"
 
 namespace angio::apps {
 namespace {
-
-using Json = nlohmann::ordered_json;
-
-const std::string kUnknown = "not said";
-
-// A number for people: four digits behind the point at most, and the unit after a blank.
-std::string inWords(double number, const std::string& unit) {
-  std::string digits = formatted("%.4f", number == 0 ? 0.0 : number);
-  digits.erase(digits.find_last_not_of('0') + 1);
-  if (digits.back() == '.') digits.pop_back();
-  return (digits == "-0" ? "0" : digits) + (unit.empty() ? "" : " " + unit);
-}
-
-// "31.3 LAO": DICOM's signs in the words of the trade.
-std::string beamInWords(double primary_deg, double secondary_deg) {
-  return inWords(std::abs(primary_deg), primary_deg < 0 ? "deg RAO, " : "deg LAO, ") +
-         inWords(std::abs(secondary_deg), secondary_deg < 0 ? "deg CAU" : "deg CRA");
-}
-
-// One thing a person wants to know of a file: for people a label and words, for programs a key with its unit and a
-// value.
-struct Finding {
-  std::string label, words, key;
-  Json value;
-};
-
-// All of them, in their order.
-struct Findings : std::vector<Finding> {
-  void add(const std::string& label, const std::string& words, const std::string& key, const Json& value) {
-    push_back({label, words, key, value});
-  }
-
-  void text(const char* label, const char* key, const std::string& value) {
-    add(label, value.empty() ? kUnknown : value, key, value.empty() ? Json(nullptr) : Json(value));
-  }
-
-  void count(const char* label, const char* key, std::int64_t value, const char* more = "") {
-    add(label, std::to_string(value) + more, key, value);
-  }
-
-  void number(const char* label, const char* key, const std::optional<double>& value, const char* unit) {
-    add(label, value ? inWords(*value, unit) : kUnknown, key, value ? Json(*value) : Json(nullptr));
-  }
-
-  void length(const char* label, const char* key, const std::optional<double>& length_m) {
-    number(label, key, length_m ? std::optional(1e3 * *length_m) : std::nullopt, "mm");
-  }
-
-  void size(int width_px, int height_px) {
-    add("size", std::to_string(width_px) + " x " + std::to_string(height_px) + " px", "image_size_px",
-        {width_px, height_px});
-  }
-};
 
 void addPixels(const XaHeader& header, Findings& found) {
   found.text("modality", "modality", header.modality);
@@ -165,6 +114,7 @@ struct Options {
   std::string file, out;
   int frame = 0;
   bool json = false;
+  BusToInspect live;
 };
 
 Findings inspectImage(const std::string& path, int frame) {
@@ -258,7 +208,7 @@ void printTable(const Findings& found) {
 }
 
 int inspect(const Options& o) {
-  const Findings found = inspectFile(o);
+  const Findings found = o.live.bus.empty() ? inspectFile(o) : inspectBus(o.live);
   if (o.json) {
     printJson(found);
   } else {
@@ -271,13 +221,32 @@ int inspect(const Options& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app("Says what a DICOM run, an X-ray image, a vessel tree or a camera file holds.", "angio-inspect");
+  CLI::App app("Says what a DICOM run, an X-ray image, a vessel tree, a camera file or a bus's newest frame holds.",
+               "angio-inspect");
   angio::apps::describeProgram(app, "angio-inspect run.dcm --frame 12 --out frame.png");
   angio::apps::Options o;
-  app.add_option("file", o.file, "DICOM run, .png, .tif; tree (.csv, .swc, .vtp, .vtk, HMM .txt); camera (.yaml, .xml)")
-      ->required();
-  app.add_option("--frame", o.frame, "Frame of a run or of a TIFF, from 0")->check(CLI::Range(0, 1000000));
+  auto* file = app.add_option("file", o.file,
+                              "DICOM run, .png, .tif; tree (.csv, .swc, .vtp, .vtk, HMM .txt); camera (.yaml, .xml)");
+  app.add_option("--frame", o.frame, "Frame of a run or of a TIFF, from 0")->check(CLI::Range(0, 1000000))->needs(file);
   app.add_flag("--json", o.json, "JSON instead of columns");
-  app.add_option("--out", o.out, "Picture of the frame (.png, .tif, .jpg), as the camera sees it");
+  app.add_option("--out", o.out, "Picture of the frame (.png, .tif, .jpg), as the camera sees it")->needs(file);
+  auto* bus = app.add_option("--bus", o.live.bus,
+                             "Newest X-ray frame of a bus (LCM URL); file://name.lcm?speed=0: a log's last one")
+                  ->excludes(file);
+  auto* tree = app.add_option("--tree", o.live.tree, "With --bus: vessel tree")->needs(bus);
+  auto* calibration =
+      app.add_option("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")
+          ->needs(bus);
+  bus->needs(tree)->needs(calibration);
+  app.add_option("--picture", o.live.picture,
+                 "With --bus: picture of the frame with the tree by joints and calibration, and where in the patient "
+                 "its edges should be")
+      ->needs(bus);
+  app.add_option("--wait-s", o.live.wait_s, "With --bus: for a frame and joints, at most")
+      ->check(angio::apps::between(0.01, 3600))
+      ->needs(bus);
+  app.parse_complete_callback([&] {
+    if (o.file.empty() && o.live.bus.empty()) throw CLI::RequiredError("file or --bus");
+  });
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::inspect(o); });
 }

@@ -4,13 +4,19 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/messaging/channels.hpp"
+#include "angio/messaging/mailbox.hpp"
+#include "angio/simulation/fluoroscopy.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/program.hpp"
@@ -73,6 +79,86 @@ TEST(Inspect, WhatIsNotThereIsOneLine) {
     EXPECT_EQ(ended.err.rfind("angio-inspect: " + arguments[0], 0), 0U) << ended.err;
   }
   EXPECT_EQ(test::run("angio-inspect", {}).exit_code, 2);
+}
+
+// A log with two frames of the examples' liver and joints around them.
+class InspectBus : public testing::Test {
+ protected:
+  static std::string liver(const char* name) { return test::exampleData(std::string("hepatic-tace/") + name); }
+
+  std::string record(const std::function<void(XrayCamera::Parameters&)>& say, bool with_joints) const {
+    const VesselTree tree = readVesselTree(liver("tree.csv"));
+    CArmCalibration c = readCArmCalibration(liver("carm.yaml"));
+    CArmState state;
+    state.joints = c.carm.jointsFor({degToRad(30), 0}, c.T_dsa_cb * tree.centroid());
+    XrayCamera::Parameters k = c.carm.camera().parameters();
+    say(k);
+    const std::string log = folder_.path("run.lcm");
+    const auto out = openBus("file://" + log + "?mode=w");
+    for (const std::int64_t i : {1, 2}) {
+      XrayFrame frame{i * 100'000, i, {}, XrayCamera(k)};
+      FluoroscopyRenderer renderer(withPlausibleRadii(tree, 0.5e-3), {});
+      frame.image = renderer.render(frame.camera, c.carm.T_camera_patient(state.joints) * c.T_dsa_cb,
+                                    static_cast<std::uint64_t>(i));
+      for (const std::int64_t late_us : {-10'000, 30'000}) {
+        state.time_us = frame.time_us + late_us;
+        ++state.sequence;
+        if (with_joints) publish(*out, kCArmStateChannel, state);
+      }
+      publish(*out, kXrayFrameChannel, frame);
+    }
+    return "file://" + log;
+  }
+
+  nlohmann::json inspected(const std::string& url, const std::string& picture = "") const {
+    std::vector<std::string> words = {
+        "--bus", url, "--tree", liver("tree.csv"), "--calibration", liver("carm.yaml"), "--json", "--wait-s", "2"};
+    if (!picture.empty()) words.insert(words.end(), {"--picture", picture});
+    const auto ended = test::run("angio-inspect", words);
+    EXPECT_EQ(ended.exit_code, 0) << ended.err;
+    return nlohmann::json::parse(ended.out);
+  }
+
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(InspectBus, TellsOfALogsLastFrame) {
+  const std::string picture = folder_.path("picture.png");
+  const auto json = inspected(record([](auto&) {}, true) + "?speed=0", picture);
+  EXPECT_EQ(json["sequence"], 2);
+  EXPECT_EQ(json["bits"], 16);
+  EXPECT_NEAR(json["focal_length_px"][0], 1113 / 0.25355859375, 1e-9);
+  EXPECT_NEAR(json["source_detector_distance_mm"], 1113, 1e-9);
+  EXPECT_TRUE(json["geometry_contradiction"].is_null()) << json["geometry_contradiction"];
+  EXPECT_NEAR(json["age_ms"], 30, 1e-9);
+  EXPECT_NEAR(json["joints"][0], degToRad(30), 1e-9);
+  EXPECT_EQ(json["edges"], (nlohmann::json{{"left", "LP"}, {"right", "RA"}, {"top", "H"}, {"bottom", "F"}}));
+  EXPECT_GT(json["tree_in_image"], 0.9);
+  EXPECT_EQ(cv::imread(picture).size(), cv::Size(1024, 1024));
+}
+
+TEST_F(InspectBus, TellsOfARunningBus) {
+  const auto json = inspected(record([](auto&) {}, true) + "?speed=20");
+  EXPECT_GE(json["sequence"], 1);
+  EXPECT_EQ(json["edges"]["top"], "H");
+}
+
+TEST_F(InspectBus, NamesWhatIsWrong) {
+  const auto json = inspected(record([](auto& k) { k.fx_px *= 1.05, k.fy_px *= 1.05; }, false) + "?speed=0");
+  EXPECT_THAT(std::string(json["geometry_contradiction"]), HasSubstr("contradicts"));
+  EXPECT_TRUE(json["age_ms"].is_null());
+  EXPECT_FALSE(json.contains("edges"));
+  const std::string nothing = folder_.path("nothing.lcm");
+  {
+    const auto out = openBus("file://" + nothing + "?mode=w");
+    out->publish("OTHER", {1, 2});
+  }
+  const auto ended = test::run("angio-inspect", {"--bus", "file://" + nothing + "?speed=0", "--tree", liver("tree.csv"),
+                                                 "--calibration", liver("carm.yaml")});
+  EXPECT_EQ(ended.exit_code, 1);
+  EXPECT_THAT(ended.err, HasSubstr("no X-ray frame has come"));
+  EXPECT_EQ(std::count(ended.err.begin(), ended.err.end(), '\n'), 1) << ended.err;
+  EXPECT_EQ(test::run("angio-inspect", {"--bus", "memq://"}).exit_code, 2) << "--tree and --calibration are needed";
 }
 
 nlohmann::json registered(const std::vector<std::string>& more) {
