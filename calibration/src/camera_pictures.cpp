@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "angio/evaluation/plot.hpp"
+#include "angio/plotting/plot.hpp"
 
 namespace angio::calibration {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
-#include "angio/evaluation/plot.hpp"
+#include "angio/plotting/plot.hpp"
 
 namespace angio::calibration {
 namespace {

@@ -13,7 +13,7 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/evaluation/overlay.hpp"
-#include "angio/evaluation/plot.hpp"
+#include "angio/plotting/plot.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"

@@ -5,7 +5,7 @@
 #include <opencv2/core.hpp>
 
 #include "angio/evaluation/overlay.hpp"
-#include "angio/evaluation/plot.hpp"
+#include "angio/plotting/plot.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 

@@ -5,17 +5,15 @@
 #include <string>
 
 #include "angio/evaluation/namespace.hpp"
+#include "angio/plotting/subpixel.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
 namespace angio::evaluation {
 
 extern const cv::Scalar kGroundColor;  ///< Dark, behind everything.
 
-/// Bits of a pixel's fraction in the points that subpixel makes.
-constexpr int kSubpixelBits = 4;
-
 /// A pixel position for OpenCV's drawing functions.
-cv::Point subpixel(const Eigen::Vector2d& p);
+inline cv::Point subpixel(const Eigen::Vector2d& p) { return plotting::subpixel(cv::Point2d(p.x(), p.y())); }
 
 /// An X-ray (CV_8UC1 or CV_16UC1, not empty) as CV_8UC3, its grey levels spread over the range.
 cv::Mat greyPicture(const cv::Mat& image);

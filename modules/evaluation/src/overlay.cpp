@@ -13,13 +13,6 @@ namespace angio::evaluation {
 const cv::Scalar kGroundColor(24, 20, 18), kStartColor(255, 170, 80), kModelColor(80, 255, 60),
     kCenterlineColor(30, 90, 255);
 
-cv::Point subpixel(const Eigen::Vector2d& p) {
-  const double scale = 1 << kSubpixelBits;
-  // Far outside is far outside: keeps the fixed point numbers from overflowing.
-  const auto fixed = [&](double x) { return static_cast<int>(std::lround(std::clamp(x, -3e4, 3e4) * scale)); };
-  return {fixed(p.x()), fixed(p.y())};
-}
-
 // The darkest and brightest half per cent do not count: a few hot pixels must not make the image grey.
 cv::Mat greyPicture(const cv::Mat& image) {
   cv::Mat color;

@@ -9,7 +9,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/overlay.hpp"
-#include "angio/evaluation/plot.hpp"
+#include "angio/plotting/plot.hpp"
 #include "angio/experiments/closed_loop.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"

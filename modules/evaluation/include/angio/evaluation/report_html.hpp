@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/plot.hpp"
+#include "angio/plotting/plot.hpp"
 #include "angio/evaluation/statistics.hpp"
 
 namespace angio::evaluation {

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/plot.hpp"
+#include "angio/plotting/plot.hpp"
 
-namespace angio::evaluation {
+namespace angio::plotting {
 
 /// What a plot is drawn on. Places are pixels from the upper left corner.
 class PlotCanvas {
@@ -64,4 +64,4 @@ class PictureCanvas final : public PlotCanvas {
   cv::Rect2d frame_;
 };
 
-}  // namespace angio::evaluation
+}  // namespace angio::plotting

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/plot.hpp"
+#include "angio/plotting/plot.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include "angio/base/formatted.hpp"
 #include "plot_canvas.hpp"
 
-namespace angio::evaluation {
+namespace angio::plotting {
 namespace {
 
 constexpr double kLeft_px = 64, kRight_px = 16, kTop_px = 34, kBottom_px = 50, kTitle_px = 20;
@@ -281,4 +281,4 @@ cv::Mat drawPlots(const std::vector<Plot>& plots, int width_px, int height_px) {
   return picture;
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::plotting

@@ -6,9 +6,9 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/formatted.hpp"
-#include "drawing.hpp"
+#include "angio/plotting/subpixel.hpp"
 
-namespace angio::evaluation {
+namespace angio::plotting {
 namespace {
 
 const cv::Scalar kFaint(228, 228, 228), kGuide(166, 159, 154);
@@ -22,7 +22,7 @@ cv::Scalar colorOf(const PlotCanvas::Look& look) {
   return look.part == "guide" ? kGuide : plotColor(look.color);
 }
 
-cv::Point fixed(const cv::Point2d& p) { return subpixel({p.x, p.y}); }
+cv::Point fixed(const cv::Point2d& p) { return subpixel(p); }
 
 std::vector<cv::Point> fixed(const PlotCanvas::Points& points) {
   std::vector<cv::Point> all;
@@ -130,4 +130,4 @@ double PictureCanvas::widthOf(const std::string& words) const {
   return cv::getTextSize(words, cv::FONT_HERSHEY_SIMPLEX, kTextSize, 1, nullptr).width;
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::plotting

@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "angio/evaluation/namespace.hpp"
+#include "angio/plotting/namespace.hpp"
 
-namespace angio::evaluation {
+namespace angio::plotting {
 
 /// One series of a plot. Values that cannot be shown (not finite, not positive on a log axis) leave a gap.
 struct PlotSeries {
@@ -75,4 +75,4 @@ cv::Mat drawPlots(const std::vector<Plot>& plots, int width_px = 900, int height
 /// Text as it may stand in HTML and SVG.
 std::string htmlEscaped(const std::string& text);
 
-}  // namespace angio::evaluation
+}  // namespace angio::plotting
