@@ -15,6 +15,8 @@
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
+#include "angio/types/channels.hpp"
+#include "preview.hpp"
 #include "program_bus.hpp"
 #include "servo_program.hpp"
 
@@ -23,9 +25,31 @@ namespace {
 
 volatile std::sig_atomic_t stopped = 0;
 
+// How long a machine may take to say where it is.
+constexpr std::chrono::seconds kMaxWait(10);
+
+// From where the simulation would start, or the machine on the bus stands.
+int preview(const ServoProgramOptions& o, const ServoSettings& settings, const VesselTree& tree,
+            const CArmCalibration& calibration) {
+  const ServoLoopSettings loop = settings.loop(calibration);
+  if (o.simulate) {
+    const ViewAngles angles{degToRad(settings.scenario.start_primary_deg),
+                            degToRad(settings.scenario.start_secondary_deg)};
+    const Eigen::Vector3d target = loop.target_model.value_or(tree.centroid());
+    return previewTo(o.preview, loop, tree, loop.carm.jointsFor(angles, loop.T_dsa_cb * target));
+  }
+  const auto bus = openSharedBus(o.bus, o.disturb, o.key_file, "angio-servo");
+  const LatestMessage<CArmState> states(*bus, kCArmStateChannel);
+  const auto end = std::chrono::steady_clock::now() + kMaxWait;
+  while (!states.peek() && std::chrono::steady_clock::now() < end) bus->handle(std::chrono::milliseconds(50));
+  if (!states.peek()) throw InputError(o.bus, kCArmStateChannel, "", "no machine says where it is");
+  return previewTo(o.preview, loop, tree, states.peek()->joints);
+}
+
 // Listens until it is stopped; the arm's side stops by itself when no more commands come.
 int serve(const ServoProgramOptions& o, const ServoSettings& settings, const VesselTree& tree,
           const CArmCalibration& calibration) {
+  if (!o.preview.empty()) return preview(o, settings, tree, calibration);
   const ServoLoopSettings loop = settings.loop(calibration);
   const auto bus = openSharedBus(o.bus, o.disturb, o.key_file, "angio-servo");
   if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-servo: " << *warning << "\n";

@@ -43,6 +43,10 @@ void ServoProgramOptions::addTo(CLI::App& app) {
                  "Desired view: as in a registered pose (.yaml), of angio-register --out-pose")
       ->excludes("--view-primary-deg")
       ->excludes("--view-secondary-deg");
+  app.add_option(
+      "--preview", preview,
+      "Folder for the way that would be gone, as a picture and numbers: from the simulation's start, or from "
+      "where the machine on the bus stands; moves nothing");
   app.add_option("--duration-s", duration_s, "How long; 0: the settings' time when simulating, else until stopped")
       ->check(between(0, 86400))
       ->default_str("0");
@@ -88,7 +92,7 @@ int runServoProgram(int argc, char** argv, const std::function<int()>& simulated
   ServoProgramOptions options;
   options.addTo(app);
   return runProgram(app, argc, argv, [&] {
-    if (options.simulate && simulated) return simulated();
+    if (options.simulate && simulated && options.preview.empty()) return simulated();
     const ServoSettings settings = options.effectiveSettings();
     const VesselTree tree = readVesselTree(options.tree);
     const CArmCalibration calibration = options.readCalibration();

@@ -22,7 +22,7 @@ struct ServoProgramOptions {
   LoopOptions loop;
   std::optional<double> duration_s;  // Given, it comes before the settings file's.
   std::optional<int> seed;
-  std::string film, truth, machine, record, disturb, key_file, view_pose;
+  std::string film, truth, machine, record, disturb, key_file, view_pose, preview;
   double max_age_days = RecordGate().max_age_days;
   bool simulate = false, wait_for_operator = false, autostart = false;
 

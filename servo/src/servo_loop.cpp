@@ -234,6 +234,8 @@ CArmCommand OpenLoop::step(const CArmState& state, double period_s) {
   const TaskInput input{state.time_us, settings_.carm.camera(), believed, Matrix6d::Zero(),   believed,
                         state,         last_command_.velocity,  period_s, settings_.latency_s};
   const TaskAnswer answer = task_->answer(input);
+  hold_reason_ =
+      answer.velocity ? std::nullopt : std::optional(answer.hold_reason.value_or("the task asks for no motion"));
   command.velocity = answer.velocity ? limiter_.limit(*answer.velocity, state.joints, settings_.latency_s, period_s)
                                      : limiter_.rest(period_s);
   last_command_ = command;

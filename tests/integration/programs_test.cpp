@@ -241,6 +241,21 @@ TEST_F(ServoProgram, TheExamplesSettingsAreRead) {
                              ": limits: primary_deg = 100, -100: must go up from the least to the most\n");
 }
 
+TEST_F(ServoProgram, AWayIsShownBeforeItIsGone) {
+  const std::string folder = folder_.path("preview");
+  const auto ended = test::run("angio-servo", {"--simulate", "--preview", folder, "--view-primary-deg", "35"});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("nothing was moved"), std::string::npos) << ended.out;
+  EXPECT_FALSE(cv::imread(folder + "/preview.png").empty());
+  const Json way = Json::parse(test::contentOf(folder + "/preview.json"));
+  EXPECT_TRUE(way["arrives"].get<bool>());
+  EXPECT_NEAR(way["joints"][0]["goal"].get<double>(), 35, 10) << "less how the patient lies";
+  EXPECT_LE(way["table_excursion_mm"].get<double>(), 0.1);
+  const auto wild = test::run("angio-servo", {"--simulate", "--preview", folder, "--view-primary-deg", "150"});
+  EXPECT_EQ(wild.exit_code, 1);
+  EXPECT_NE(wild.err.find("would not arrive: "), std::string::npos) << wild.err;
+}
+
 using ExperimentPrograms = ServoProgram;
 
 TEST_F(ExperimentPrograms, TheBestViewIsTheBestOfItsMap) {

@@ -127,6 +127,9 @@ class OpenLoop {
 
   CArmCommand step(const CArmState& state, double period_s);
 
+  /// Why the last step stood still; nothing while the task has a motion.
+  const std::optional<std::string>& holdReason() const { return hold_reason_; }
+
   const Task& task() const { return *task_; }
 
  private:
@@ -134,6 +137,7 @@ class OpenLoop {
   std::unique_ptr<Task> task_;
   CArmMotionLimiter limiter_;
   CArmCommand last_command_;
+  std::optional<std::string> hold_reason_;
 };
 
 }  // namespace angio::servo
