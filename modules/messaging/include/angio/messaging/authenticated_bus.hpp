@@ -33,11 +33,11 @@ std::optional<std::string> unprotectedWarning(const std::string& url, const std:
 ///
 /// The envelope, numbers big-endian:
 ///
-///   bytes 0-7    "ANGIOHM" and the version, 1
-///   bytes 8-15   session: drawn at random by each sender
-///   bytes 16-23  counter: microseconds since 1970 by the sender's clock, or one more than its last one if that is
-///   higher bytes 24-55  HMAC-SHA256, by the key, of: bytes 0-23, the channel's name, a NUL, the message bytes 56- the
-///   message
+///   bytes 0-7    "ANGIOHM" and the version, 1;
+///   bytes 8-15   session: drawn at random by each sender;
+///   bytes 16-23  counter: microseconds since 1970, or one more than the sender's last one if that is more;
+///   bytes 24-55  HMAC-SHA256, by the key, of: bytes 0-23, the channel's name, a NUL, the message;
+///   bytes 56-    the message.
 ///
 /// A receiver takes each counter of a session once, in any order among the last 256. It takes no counter from before it
 /// began to listen, nor one more than 5 s from its own clock: the clocks of the hosts must agree to that. So no message
