@@ -57,7 +57,8 @@ TEST_F(WayPreviews, SayWhyTheTaskWouldNotArrive) {
 
 TEST_F(WayPreviews, AreOfAViewThatIsKnown) {
   settings.task = CenterTaskSettings{};
-  EXPECT_NE(test::refusalOf([&] { previewWay(settings, stage.tree, start()); }).find("must be view"), std::string::npos);
+  EXPECT_NE(test::refusalOf([&] { previewWay(settings, stage.tree, start()); }).find("must be view"),
+            std::string::npos);
   ViewTaskSettings requested;
   requested.goal = ViewGoal::kRequested;
   settings.task = requested;

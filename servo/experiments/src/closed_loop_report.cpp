@@ -9,10 +9,10 @@
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/overlay.hpp"
-#include "angio/plotting/plot.hpp"
 #include "angio/experiments/closed_loop.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/plotting/plot.hpp"
 
 namespace angio::experiments {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "angio/plotting/plot.hpp"
 #include "angio/evaluation/statistics.hpp"
+#include "angio/plotting/plot.hpp"
 
 namespace angio::evaluation {
 
