@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "preview.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <functional>
 #include <iostream>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
@@ -25,6 +29,27 @@ std::vector<double> column(const WayPreview& way, const std::function<double(con
   std::vector<double> values;
   for (const WayPoint& point : way.points) values.push_back(of(point));
   return values;
+}
+
+// What hardly changes is shown on a scale on which it does not.
+void widen(Plot& plot) {
+  const auto atLeast = [](PlotAxis& axis, const std::vector<const std::vector<double>*>& values) {
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (const auto* each : values) {
+      low = std::min(low, *std::min_element(each->begin(), each->end()));
+      high = std::max(high, *std::max_element(each->begin(), each->end()));
+    }
+    constexpr double kLeast = 2;  // deg or mm
+    const double middle = 0.5 * (low + high);
+    if (high - low < kLeast) axis.range = {middle - 0.5 * kLeast, middle + 0.5 * kLeast};
+  };
+  std::vector<const std::vector<double>*> x, y;
+  for (const PlotSeries& series : plot.series) {
+    x.push_back(&series.x);
+    y.push_back(&series.y);
+  }
+  atLeast(plot.x, x);
+  atLeast(plot.y, y);
 }
 
 cv::Mat pictureOf(const WayPreview& way) {
@@ -51,6 +76,7 @@ cv::Mat pictureOf(const WayPreview& way) {
   above.series[0].dashed = true;
   above.series[2].hollow = {true, false};
   above.equal_scale = true;
+  for (Plot* plot : {&angles, &table, &off, &above}) widen(*plot);
   return drawPlots({angles, table, off, above});
 }
 

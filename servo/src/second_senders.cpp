@@ -20,6 +20,9 @@ constexpr double kLate_us = 2e6, kLateNumbers = 1000;
 
 constexpr std::size_t kMaxEvents = 4000;
 
+// What is smaller is decoded as a whole, and counts only if it is sound; an image takes too long for that.
+constexpr std::size_t kSmall_bytes = 10'000;
+
 double between(std::int64_t from, std::int64_t to) { return static_cast<double>(to) - static_cast<double>(from); }
 
 // Every state and frame begins with its fingerprint, its time and its number: an image need not be decoded for them.
@@ -78,6 +81,7 @@ SecondSenders::SecondSenders(Bus& bus, std::vector<Watched> watched)
       constexpr std::size_t kFirstFields_bytes = 24;
       // What is no message of ours is nobody's: it moves nothing and is heard by none.
       if (!events || events->size() >= kMaxEvents || size < kFirstFields_bytes || !messageType(data, size)) return;
+      if (size <= kSmall_bytes && !decodeAny(data, size).value) return;
       events->push_back({i, bus.sender(), numberAt(data + 16), numberAt(data + 8)});
     };
     if (watched_[i].kind == Kind::kMachine) {

@@ -251,7 +251,8 @@ TEST_F(ServoProgram, AWayIsShownBeforeItIsGone) {
   EXPECT_TRUE(way["arrives"].get<bool>());
   EXPECT_NEAR(way["joints"][0]["goal"].get<double>(), 35, 10) << "less how the patient lies";
   EXPECT_LE(way["table_excursion_mm"].get<double>(), 0.1);
-  const auto wild = test::run("angio-servo", {"--simulate", "--preview", folder, "--view-primary-deg", "150"});
+  const auto wild = test::run("angio-servo", {"--simulate", "--preview", folder, "--view-primary-deg", "100",
+                                              "--settings", folder_.write("law.yaml", "law: position_based\n")});
   EXPECT_EQ(wild.exit_code, 1);
   EXPECT_NE(wild.err.find("would not arrive: "), std::string::npos) << wild.err;
 }

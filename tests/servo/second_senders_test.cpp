@@ -140,6 +140,9 @@ TEST_F(TwoParties, RubbishAndItsOwnLateMessagesAreNobodysCommands) {
   side.disturb(kCArmCommandChannel, bad);
   for (int i = 0; i < 10; ++i) {
     bus->publish(kCArmCommandChannel, {1, 2, 3, 4, 5, 6, 7, 8, 9});
+    std::vector<std::uint8_t> cut = encode(last);
+    cut.resize(cut.size() - 4);
+    bus->publish(kCArmCommandChannel, cut);
     frame();
   }
   EXPECT_EQ(node.states().state(), ServoState::kServo);
