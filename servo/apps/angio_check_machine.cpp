@@ -30,6 +30,8 @@ struct Options {
   MachineCheckSettings check;
 };
 
+constexpr std::int64_t kPeriod_us = 20'000;  // Of commands.
+
 volatile std::sig_atomic_t stopped = 0;
 
 Json jsonOf(const std::vector<CheckRow>& rows) {
@@ -64,7 +66,7 @@ int check(const Options& o) {
   const auto bus = openSharedBus(o.bus, "", o.key_file, "angio-check-machine");
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-check-machine: " << *warning << "\n";
   // Before this program sends its first command, nobody else must steer the machine; afterwards its own come back.
-  std::int64_t sent = 0;
+  std::int64_t sent = 0, asked_us = 0;
   MessageQueue<CArmState> states(*bus, kCArmStateChannel);
   MessageQueue<XrayFrame> frames(*bus, kXrayFrameChannel);
   LatestMessage<CArmCommand> commands(*bus, kCArmCommandChannel);
@@ -80,6 +82,9 @@ int check(const Options& o) {
     if (sent == 0 && commands.received() > 0) {
       throw InputError(o.bus, "CARM_COMMAND", "", "comes from another program: end that one first");
     }
+    // Its own commands come round and end the wait: without a period each would be answered by the next.
+    if (now_us - asked_us < kPeriod_us) continue;
+    asked_us = now_us;
     if (const auto command = machine.command(now_us)) {
       bus->publish(kCArmCommandChannel, bytesOf(*command));
       ++sent;

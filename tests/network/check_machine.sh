@@ -37,10 +37,14 @@ check() {
   cat "$folder/$name.txt"
   return "$code"
 }
+"$programs/angio-spy" --bus "$simulated" --once --duration-s 26 --json "$folder/spy.json" >"$folder/spy.txt" 2>&1 &
+started+=($!)
+spy=$!
 check own --bus "$own" --move &
 first=$!
 check simulated --bus "$simulated" --move || true
 wait "$first" || true
+wait "$spy" || true
 python3 - "$folder/own.json" "$folder/simulated.json" <<'CHECK'
 import json, sys
 for path in sys.argv[1:]:
@@ -51,6 +55,12 @@ for path in sys.argv[1:]:
     wrong = [rows.get(name, name) for name in asked if name not in rows or rows[name]["verdict"] != "pass"]
     assert not wrong, (path, wrong)
     assert {"watchdog", "stop", "latency", "velocities", "frame age"} <= rows.keys(), (path, rows.keys())
+CHECK
+# A command every 20 ms, and none in answer to its own that come round.
+python3 - "$folder/spy.json" <<'CHECK'
+import json, sys
+commands = json.load(open(sys.argv[1]))["channels"]["CARM_COMMAND"]["messages"]
+assert 100 < commands < 26 * 60, commands
 CHECK
 # Watching moves nothing, and says so.
 check watched --bus "$simulated" || true
