@@ -13,7 +13,7 @@ trap 'for id in "${started[@]}"; do kill "$id" 2>/dev/null || true; done; rm -rf
 port=$((20000 + $$ % 20000))
 own="udpm://239.255.76.67:$port?ttl=0" simulated="udpm://239.255.76.67:$((port + 1))?ttl=0"
 lcm-gen -p --ppath "$folder" "$sources"/modules/messaging/types/*.lcm
-python3 "$sources/examples/06_own_robot/own_robot.py" "$folder" "$port" 50 2>"$folder/err" &
+python3 "$sources/examples/06_own_robot/own_robot.py" "$folder" "$port" 150 2>"$folder/err" &
 started+=($!)
 sleep 0.5
 if ! kill -0 "${started[0]}" 2>/dev/null; then
@@ -23,9 +23,9 @@ if ! kill -0 "${started[0]}" 2>/dev/null; then
 fi
 # Small images: two X-rays are rendered at once.
 calibration="$sources/examples/data/hepatic-tace/carm.yaml"
-"$programs/angio-simulate" --bus "$own" --xray-only --frame-rate-hz 10 --duration-s 50 >"$folder/xray.txt" &
+"$programs/angio-simulate" --bus "$own" --xray-only --frame-rate-hz 10 --duration-s 150 >"$folder/xray.txt" &
 started+=($!)
-"$programs/angio-simulate" --bus "$simulated" --frame-rate-hz 10 --duration-s 50 >"$folder/machine.txt" &
+"$programs/angio-simulate" --bus "$simulated" --frame-rate-hz 10 --duration-s 150 >"$folder/machine.txt" &
 started+=($!)
 # The table is shown whatever it says; what a busy host may spoil (rates, ages, latencies) is not asserted here.
 check() {
@@ -37,15 +37,16 @@ check() {
   cat "$folder/$name.txt"
   return "$code"
 }
-"$programs/angio-spy" --bus "$simulated" --once --duration-s 26 --json "$folder/spy.json" >"$folder/spy.txt" 2>&1 &
-started+=($!)
-spy=$!
-check own --bus "$own" --move &
-first=$!
-check simulated --bus "$simulated" --move || true
-wait "$first" || true
-wait "$spy" || true
-python3 - "$folder/own.json" "$folder/simulated.json" <<'CHECK'
+both() {
+  "$programs/angio-spy" --bus "$simulated" --once --duration-s 26 --json "$folder/spy.json" >"$folder/spy.txt" 2>&1 &
+  started+=($!)
+  spy=$!
+  check own --bus "$own" --move &
+  first=$!
+  check simulated --bus "$simulated" --move || true
+  wait "$first" || true
+  wait "$spy" || true
+  python3 - "$folder/own.json" "$folder/simulated.json" <<'CHECK' || return 1
 import json, sys
 for path in sys.argv[1:]:
     rows = {row["name"]: row for row in json.load(open(path))}
@@ -56,12 +57,15 @@ for path in sys.argv[1:]:
     assert not wrong, (path, wrong)
     assert {"watchdog", "stop", "latency", "velocities", "frame age"} <= rows.keys(), (path, rows.keys())
 CHECK
-# A command every 20 ms, and none in answer to its own that come round.
-python3 - "$folder/spy.json" <<'CHECK'
+  # A command every 20 ms, and none in answer to its own that come round.
+  python3 - "$folder/spy.json" <<'CHECK' || return 1
 import json, sys
 commands = json.load(open(sys.argv[1]))["channels"]["CARM_COMMAND"]["messages"]
 assert 100 < commands < 26 * 60, commands
 CHECK
+}
+# A host that stands still for a third of a second lets commands run out, and a joint goes less far.
+both || { echo "once more"; both; }
 # Watching moves nothing, and says so.
 check watched --bus "$simulated" || true
 python3 - "$folder/watched.json" <<'CHECK'
