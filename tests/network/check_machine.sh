@@ -66,6 +66,32 @@ CHECK
 }
 # A host that stands still for a third of a second lets commands run out, and a joint goes less far.
 both || { echo "once more"; both; }
+# What is left of the checklist (examples/06_own_robot/README.md): states, the picture, the first motion, its replay.
+tree="$sources/examples/data/hepatic-tace/tree.csv"
+"$programs/angio-spy" --bus "$own" --once --duration-s 1.5 --json "$folder/states.json" >/dev/null
+"$programs/angio-inspect" --bus "$own" --tree "$tree" --calibration "$calibration" --picture "$folder/now.png" | tee "$folder/inspect.txt"
+grep -q "agrees with itself and the calibration" "$folder/inspect.txt" && grep -q "left L, right R, top H, bottom F" "$folder/inspect.txt"
+test -s "$folder/now.png"
+"$programs/angio-servo" --bus "$own" --record "$folder/first.lcm" --settings "$sources/examples/06_own_robot/first_motion.yaml" \
+  --view-primary-deg 6 --view-secondary-deg 3 2>"$folder/servo.err" >"$folder/servo.txt" &
+servo=$!
+started+=("$servo")
+"$programs/angio-operator" arm --bus "$own" --timeout-s 10
+"$programs/angio-operator" start --bus "$own" --timeout-s 10
+sleep 4
+kill -INT "$servo"
+wait "$servo" || { cat "$folder/servo.err"; exit 1; }
+cat "$folder/servo.txt"
+"$programs/angio-spy" --bus "$own" --once --duration-s 1 --json "$folder/after.json" >/dev/null
+"$programs/angio-replay" "$folder/first.lcm" --compare --settings "$sources/examples/06_own_robot/first_motion.yaml" \
+  --view-primary-deg 6 --view-secondary-deg 3 | tee "$folder/replay.txt"
+python3 - "$folder/states.json" "$folder/after.json" <<'CHECK'
+import json, sys
+before, after = (json.load(open(path))["channels"]["CARM_STATE"] for path in sys.argv[1:])
+assert before["undecodable"] == 0 and before["missing"] == 0, before
+moved = float(after["last_value"].split()[0]) - float(before["last_value"].split()[0])
+assert moved > 1, (before, after)  # At 2.5 deg a second, towards LAO 6; it stands where Ctrl-C stopped it.
+CHECK
 # Watching moves nothing, and says so.
 check watched --bus "$simulated" || true
 python3 - "$folder/watched.json" <<'CHECK'
