@@ -123,7 +123,7 @@ void addCalibrateGeometry(CLI::App& app, Work& work) {
       ->required();
   const std::map<std::string, FlexModel> flex{{"none", FlexModel::kNone}, {"low_order", FlexModel::kLowOrder}};
   command->add_option("--flex", o->flex, "Bending of the arm: none, low_order")
-      ->transform(CLI::CheckedTransformer(flex))
+      ->transform(choice(flex))
       ->default_str("low_order");
   command->add_option("--machine", o->machine, "Whose C-arm it is; the view set's when not given");
   command->add_option("--max-calibration-age-days", o->max_age_days, "An older camera is warned of")

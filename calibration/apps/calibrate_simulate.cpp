@@ -100,13 +100,13 @@ void addCalibrateSimulate(CLI::App& app, Work& work) {
   const std::map<std::string, SimulatedImages> images{
       {"none", SimulatedImages::kNone}, {"camera", SimulatedImages::kCamera}, {"all", SimulatedImages::kAll}};
   command->add_option("--images", o->images, "Which views are X-ray images, not tables of beads: none, camera, all")
-      ->transform(CLI::CheckedTransformer(images))
+      ->transform(choice(images))
       ->default_str("camera");
   const std::map<std::string, SimulatedDistortion> distortions{{"none", SimulatedDistortion::kNone},
                                                                {"radial", SimulatedDistortion::kRadial},
                                                                {"intensifier", SimulatedDistortion::kIntensifier}};
   addSetting(*command, *o, "--distortion", &Settings::distortion, "Of the detector: none, radial, intensifier")
-      ->transform(CLI::CheckedTransformer(distortions))
+      ->transform(choice(distortions))
       ->default_str("none");
   const std::map<std::string, HostileData> hostile{{"none", HostileData::kNone},
                                                    {"duplicate-poses", HostileData::kDuplicatePoses},
@@ -116,7 +116,7 @@ void addCalibrateSimulate(CLI::App& app, Work& work) {
                                                    {"other-machine", HostileData::kOtherMachine}};
   addSetting(*command, *o, "--hostile", &Settings::hostile,
              "Data to be refused: duplicate-poses, swapped-beads, wrong-units, mirrored-phantom, other-machine")
-      ->transform(CLI::CheckedTransformer(hostile))
+      ->transform(choice(hostile))
       ->default_str("none");
   const auto count = [&](const char* name, int Settings::*field, const char* about) {
     addSetting(*command, *o, name, field, about)->check(CLI::Range(1, 1000));

@@ -251,10 +251,8 @@ void addEvaluateSimulation(CLI::App& app, Work& work) {
       command
           ->add_option("--from", o->from,
                        "What methods are given: projected centerlines, or what the extractor finds in X-ray images")
-          ->transform(
-              CLI::CheckedTransformer(std::map<std::string, TrialSource>{{"centerlines", TrialSource::kCenterlines},
-                                                                         {"images", TrialSource::kImages}})
-                  .description("{centerlines,images}"))
+          ->transform(choice(std::map<std::string, TrialSource>{{"centerlines", TrialSource::kCenterlines},
+                                                                {"images", TrialSource::kImages}}))
           ->default_str("centerlines");
   auto* axes = addModelAxes(*command, o->model_axes);
   std::string names;

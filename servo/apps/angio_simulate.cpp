@@ -293,7 +293,7 @@ int main(int argc, char** argv) {
   const std::map<std::string, angio::apps::ImageEncoding> encodings{{"raw", angio::apps::ImageEncoding::kRaw},
                                                                     {"png", angio::apps::ImageEncoding::kPng}};
   app.add_option("--transport", o.encoding, "How pixels travel: raw, or png without loss and with half the bytes")
-      ->transform(CLI::CheckedTransformer(encodings))
+      ->transform(angio::apps::choice(encodings))
       ->default_str("raw");
   app.add_option("--region", o.region, "Only this window of the detector is sent: x,y,width,height [px]")
       ->delimiter(',')
@@ -315,7 +315,7 @@ int main(int argc, char** argv) {
                                                                 {"run", angio::apps::FrameFormat::kRun}};
   app.add_option("--frames", o.run.frames, "Frames of the run")->check(CLI::Range(1, 9999))->needs(out);
   app.add_option("--format", o.run.format, "png or tif: a file a frame; run: all in one TIFF")
-      ->transform(CLI::CheckedTransformer(formats))
+      ->transform(angio::apps::choice(formats))
       ->default_str("png")
       ->needs(out);
   app.add_option("--end-primary-deg", o.end_primary_deg, "C-arm angle at the last frame")

@@ -14,7 +14,7 @@ namespace angio::apps {
 inline void addMachineOption(CLI::App& app, OperatedMachine& machine, const std::string& what) {
   static const std::map<std::string, OperatedMachine> kMachines{{"c-arm", OperatedMachine::kCArm},
                                                                 {"catheter", OperatedMachine::kCatheter}};
-  app.add_option("--machine", machine, what)->transform(CLI::CheckedTransformer(kMachines))->default_str("c-arm");
+  app.add_option("--machine", machine, what)->transform(choice(kMachines))->default_str("c-arm");
 }
 
 }  // namespace angio::apps

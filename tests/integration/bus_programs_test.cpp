@@ -48,6 +48,24 @@ class BusPrograms : public testing::Test {
   std::string rubbish_ = folder_.write("rubbish.lcm", std::string(3000, 'x'));
 };
 
+TEST(HelpOfPrograms, IsPrintable) {
+  for (const std::string line :
+       {"angio-simulate", "angio-operator", "angio-servo", "angio-navigate", "angio-register", "angio-inspect",
+        "angio-spy", "angio-view", "angio-replay", "angio-check-machine", "angio-best-view", "angio-evaluate",
+        "angio-evaluate simulation", "angio-simulate-loop", "angio-simulate-loop navigate", "angio-calibrate",
+        "angio-calibrate simulate", "angio-calibrate geometry"}) {
+    const auto space = line.find(' ');
+    std::vector<std::string> words = {"--help"};
+    if (space != std::string::npos) words.insert(words.begin(), line.substr(space + 1));
+    const auto ended = test::run(line.substr(0, space), words);
+    EXPECT_EQ(ended.exit_code, 0) << line;
+    const auto odd = std::find_if(ended.out.begin(), ended.out.end(),
+                                  [](unsigned char c) { return c != '\n' && (c < 0x20 || c >= 0x7f); });
+    EXPECT_EQ(odd, ended.out.end()) << line << ": " << ended.out.substr(odd - ended.out.begin(), 40);
+    EXPECT_EQ(ended.out.find("->"), std::string::npos) << line << " shows values behind names";
+  }
+}
+
 TEST_F(BusPrograms, SpyTellsWhatIsInALog) {
   const auto ended = test::run("angio-spy", {"--bus", url_, "--json", folder_.path("spy.json")});
   ASSERT_EQ(ended.exit_code, 0) << ended.err;

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <map>
 #include <string>
 
 #include "angio/cli/namespace.hpp"
@@ -17,6 +18,15 @@ void describeProgram(CLI::App& app, const std::string& example);
 
 /// Accepts a number within [low, high]; CLI::Range would let "nan" pass.
 CLI::Validator between(double low, double high);
+
+/// Accepts the names of choices and gives their values; --help lists the names, where CLI11's own text has the values
+/// too, of which some are not printable.
+template <typename T>
+CLI::Validator choice(const std::map<std::string, T>& choices) {
+  std::string names;
+  for (const auto& [name, value] : choices) names += (names.empty() ? "{" : ",") + name;
+  return CLI::CheckedTransformer(choices).description(names + "}");
+}
 
 /// Parses the command line and runs `work`, which returns the exit code, with one OpenCV thread.
 ///
