@@ -65,11 +65,14 @@ int check(const Options& o) {
   settings.limits = readServoSettings(o.settings).loop(calibration).limits;
   const auto bus = openSharedBus(o.bus, "", o.key_file, "angio-check-machine");
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-check-machine: " << *warning << "\n";
-  // Before this program sends its first command, nobody else must steer the machine; afterwards its own come back.
+  // Nobody else must steer the machine meanwhile; this program's own commands, as they come round, do not count.
   std::int64_t sent = 0, asked_us = 0;
   MessageQueue<CArmState> states(*bus, kCArmStateChannel);
   MessageQueue<XrayFrame> frames(*bus, kXrayFrameChannel);
-  LatestMessage<CArmCommand> commands(*bus, kCArmCommandChannel);
+  bool steered = false;
+  bus->overhear(kCArmCommandChannel, [&steered](const std::uint8_t* data, std::size_t size) {
+    steered = steered || decode<CArmCommand>(data, size).value.has_value();
+  });
   MachineCheck machine(settings, readVesselTree(o.tree));
   std::signal(SIGINT, [](int) { stopped = 1; });
   std::signal(SIGTERM, [](int) { stopped = 1; });
@@ -79,9 +82,7 @@ int check(const Options& o) {
     const std::int64_t now_us = monotonic_us();
     for (const CArmState& state : states.take()) machine.see(state, now_us);
     for (const XrayFrame& frame : frames.take()) machine.see(frame, now_us);
-    if (sent == 0 && commands.received() > 0) {
-      throw InputError(o.bus, "CARM_COMMAND", "", "comes from another program: end that one first");
-    }
+    if (steered) break;
     // Its own commands come round and end the wait: without a period each would be answered by the next.
     if (now_us - asked_us < kPeriod_us) continue;
     asked_us = now_us;
@@ -92,13 +93,13 @@ int check(const Options& o) {
     if (machine.doing() != doing) std::cerr << (doing = machine.doing()) << "\n";
   }
   // Whatever ended it, the machine is told to stand.
-  if (stopped && sent > 0) {
+  if ((stopped || steered) && sent > 0) {
     CArmCommand rest;
-    rest.time_us = commands.peek() ? commands.peek()->time_us : 0;
     rest.sequence = sent + 1;
     rest.valid_for_us = 200'000;
     publish(*bus, kCArmCommandChannel, rest);
   }
+  if (steered) throw InputError(o.bus, "CARM_COMMAND", "", "comes from another program: end that one first");
   const std::vector<CheckRow> rows = machine.rows();
   std::cout << table(rows);
   if (!o.json.empty()) writeWholeFile(o.json, jsonOf(rows).dump(2) + "\n");

@@ -21,8 +21,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr const char* kJoints[] = {"primary", "secondary", "table x", "table y", "table z"};
-
 double shown(int joint, double value) { return joint < 2 ? radToDeg(value) : 1e3 * value; }
 
 std::vector<double> column(const WayPreview& way, const std::function<double(const WayPoint&)>& of) {
@@ -56,7 +54,7 @@ cv::Mat pictureOf(const WayPreview& way) {
   const std::vector<double> time_s = column(way, [](const WayPoint& p) { return p.time_s; });
   Plot angles{"angles", {"time [s]"}, {"deg"}}, table{"table", {"time [s]"}, {"mm"}};
   for (int joint = 0; joint < kCArmJointCount; ++joint) {
-    PlotSeries series{kJoints[joint], time_s,
+    PlotSeries series{kJointNames[joint], time_s,
                       column(way, [&](const WayPoint& p) { return shown(joint, p.joints[joint]); })};
     series.color = joint < 2 ? joint : joint - 2;
     (joint < 2 ? angles : table).series.push_back(series);
@@ -93,7 +91,7 @@ Json jsonOf(const WayPreview& way, const ServoLoopSettings& settings) {
     double fastest = 0;
     for (const WayPoint& p : way.points) fastest = std::max(fastest, std::abs(p.velocity[joint]));
     json["joints"].push_back(
-        {{"name", kJoints[joint]},
+        {{"name", kJointNames[joint]},
          {"unit", joint < 2 ? "deg" : "mm"},
          {"start", shown(joint, from[joint])},
          {"goal", shown(joint, to[joint])},

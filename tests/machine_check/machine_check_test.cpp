@@ -143,11 +143,10 @@ std::vector<WrongCase> wrongMachines() {
     spoil(machine);
     cases.push_back({name, row, words, machine});
   };
-  const char* const joints[] = {"primary", "secondary", "table x", "table y", "table z"};
   for (int i = 0; i < kCArmJointCount; ++i) {
-    std::string plain = joints[i];
+    std::string plain = kJointNames[i];
     plain.erase(std::remove(plain.begin(), plain.end(), ' '), plain.end());
-    add("sign_of_" + plain, std::string(joints[i]) + " by the X-ray", "the wrong sign",
+    add("sign_of_" + plain, std::string(kJointNames[i]) + " by the X-ray", "the wrong sign",
         [i](auto& m) { m.sign[i] = -1; });
   }
   add("states_in_degrees", "joints", "wrong units",
@@ -162,7 +161,7 @@ std::vector<WrongCase> wrongMachines() {
   add("wrong_focal_length", "frame geometry", "fx", [](auto& m) { m.focal = 1.05; });
   add("late_frames", "frame age", "ms behind", [](auto& m) { m.late_s = 0.5; });
   add("slow_states", "CARM_STATE rate", "Hz", [](auto& m) { m.state_period_us = 100'000; });
-  add("no_watchdog", "watchdog", "silence must mean stop", [](auto& m) { m.obeys_for_ever = true; });
+  add("no_watchdog", "watchdog", "still moving", [](auto& m) { m.obeys_for_ever = true; });
   add("ignores_stops", "stop", "still moving", [](auto& m) { m.ignores_stops = true; });
   add("obeys_nan", "NaN", "moved", [](auto& m) { m.obeys_nan = true; });
   add("slow_to_obey", "latency", "ms", [](auto& m) { m.latency_s = 0.4; });

@@ -2,7 +2,6 @@
 #include "angio/machine_check/machine_check.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -10,8 +9,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/perception/frame_geometry.hpp"
-#include "angio/perception/image_reading.hpp"
-#include "angio/perception/perception.hpp"
+#include "image_check.hpp"
 #include "observed_machine.hpp"
 
 namespace angio::machine_check {
@@ -20,23 +18,11 @@ namespace {
 constexpr std::int64_t kValid_us = 200'000;        // Of commands; what a loop usually sends.
 constexpr std::int64_t kLongValid_us = 1'000'000;  // What a machine obeys at most.
 constexpr double kSettle_s = 0.7;                  // From a command to stand still until the image is looked at.
-constexpr int kLooks = 3;                          // Frames of a look.
 constexpr double kMaxLook_s = 2;                   // That a look may take until its frames have come.
 constexpr double kMaxLatency_s = 0.3;   // From a command to motion: what the loop's own settings can make up for.
 constexpr double kMaxFrameAge_s = 0.3;  // What the supervisor lets pass.
 constexpr double kAtRest = 0.1;         // Share of the check's speed below which a joint stands ...
 constexpr double kRestWindow_s = 0.1;   // ... over so long.
-// Of an image's motion: a fit of 0.1 px beside motions of 1.5 px and more, and patients who are not quite still.
-constexpr double kMinShare = 0.75, kMaxShare = 1.3, kMaxRest = 0.35;
-constexpr double kMinMotion_px = 0.5;  // What moves the image by less shows nothing.
-
-constexpr std::array<const char*, kCArmJointCount> kNames = {"primary", "secondary", "table x", "table y", "table z"};
-
-bool isAngle(int joint) { return joint < 2; }
-
-std::string inUnits(int joint, double value) {
-  return isAngle(joint) ? formatted("%.2f deg", radToDeg(value)) : formatted("%.2f mm", 1e3 * value);
-}
 
 // What is done, one after the other.
 struct Step {
@@ -62,15 +48,6 @@ std::vector<Step> planOf(const MachineCheckSettings& settings) {
   return plan;
 }
 
-// What the X-ray showed while the machine stood.
-struct Look {
-  int frames = 0, converged = 0;
-  std::string status;
-  CArmJoints joints = CArmJoints::Zero();
-  Pose T_camera_model = Pose::Identity();  // Of the last converged frame.
-  Eigen::Matrix2Xd points_px;              // Mean over the converged frames, all points of the tree.
-};
-
 }  // namespace
 
 void MachineCheckSettings::visit(SettingsVisitor& v) {
@@ -82,16 +59,7 @@ void MachineCheckSettings::visit(SettingsVisitor& v) {
 }
 
 struct MachineCheck::Parts {
-  Parts(const MachineCheckSettings& s, const VesselTree& t)
-      : settings(s), tree(t), perception(wide(), s.carm, s.T_dsa_cb, t), plan(planOf(s)) {}
-
-  // Joints of a wrong sign put the tree somewhere else: it is looked for further off than a loop looks.
-  static PerceptionSettings wide() {
-    PerceptionSettings settings;
-    settings.tracker.calibration_rotation_std_deg = 4;
-    settings.tracker.calibration_translation_std_mm = 15;
-    return settings;
-  }
+  Parts(const MachineCheckSettings& s, const VesselTree& t) : settings(s), image(s, t), plan(planOf(s)) {}
 
   double goal(int joint) const { return isAngle(joint) ? degToRad(settings.angle_deg) : 1e-3 * settings.table_mm; }
   double speed(int joint) const {
@@ -104,21 +72,16 @@ struct MachineCheck::Parts {
   void next(std::int64_t now_us);
   void abort(const std::string& why, std::int64_t now_us);
   bool stands() const;
-  void look(const XrayFrame& frame);
-  void nameReading(const XrayFrame& frame, const Observation& observation, const CArmState& state);
-  void judgeMotion(int joint);
+  bool restSeen(const std::string& name, double still_s, double allowed_s, const std::string& asked);
+  void judgeEncoder(int joint);
   void watchMotion(const CArmState& state, std::int64_t now_us);
   CArmCommand commandOf(const CArmJoints& velocity, std::int64_t valid_us = kValid_us);
   std::optional<CArmCommand> move(std::int64_t now_us);
-  void add(const std::string& name, bool good, std::string measured, std::string asked) {
-    found.push_back({name, good ? CheckVerdict::kPass : CheckVerdict::kFail, std::move(measured), std::move(asked)});
-  }
   void judgeStates(std::vector<CheckRow>& rows) const;
   void judgeFrames(std::vector<CheckRow>& rows) const;
 
   MachineCheckSettings settings;
-  VesselTree tree;
-  Perception perception;
+  ImageCheck image;
   std::vector<Step> plan;
   std::size_t at = 0;
   std::optional<std::int64_t> began_us;  // Of the step.
@@ -136,13 +99,10 @@ struct MachineCheck::Parts {
   bool seen_moving = false;                    // Since then.
   std::optional<double> latency_s;             // The largest.
   CArmJoints integrated = CArmJoints::Zero();  // Of the velocities that were reported since the step began.
-  double worst_velocity = 1;                   // Share of the motion that they explain, the worst.
-  bool velocities_seen = false;
-  std::optional<Look> before, now_look;
+  std::optional<double> velocity_share;        // Of a motion that they explain, the worst.
   std::optional<double> rest_after_s;
   std::vector<CheckRow> found;
-  std::optional<CheckRow> orientation;
-  std::optional<std::string> aborted;
+  bool aborted = false;
 };
 
 MachineCheck::MachineCheck(const MachineCheckSettings& settings, const VesselTree& tree) {
@@ -156,7 +116,7 @@ MachineCheck::~MachineCheck() = default;
 void MachineCheck::Parts::next(std::int64_t now_us) {
   if (at + 1 < plan.size()) ++at;
   began_us = now_us;
-  now_look.reset();
+  image.begin();
   rest_after_s.reset();
   if (history.newest()) start = history.newest()->joints;
   integrated.setZero();
@@ -166,7 +126,7 @@ void MachineCheck::Parts::next(std::int64_t now_us) {
 
 void MachineCheck::Parts::abort(const std::string& why, std::int64_t now_us) {
   if (aborted) return;
-  aborted = why;
+  aborted = true;
   found.push_back({"moves as asked", CheckVerdict::kFail, why, "no further than twice what was asked, no other joint"});
   at = plan.size() - 1;
   began_us = now_us;
@@ -196,10 +156,10 @@ void MachineCheck::see(const CArmState& state, std::int64_t now_us) {
   for (int i = 0; i < kCArmJointCount && !p.implausible; ++i) {
     const double margin = isAngle(i) ? degToRad(0.5) : 2e-3;
     if (!std::isfinite(state.joints[i]) || !std::isfinite(state.velocity[i])) {
-      p.implausible = std::string(kNames[static_cast<std::size_t>(i)]) + " is no finite number";
+      p.implausible = std::string(kJointNames[i]) + " is no finite number";
     } else if (state.joints[i] < limits.lower[i] - margin || state.joints[i] > limits.upper[i] + margin) {
-      p.implausible = std::string(kNames[static_cast<std::size_t>(i)]) + " at " + inUnits(i, state.joints[i]) +
-                      ", beyond its range: in wrong units?";
+      p.implausible =
+          std::string(kJointNames[i]) + " at " + inUnits(i, state.joints[i]) + ", beyond its range: in wrong units?";
     }
   }
   if (!state.joints.allFinite() || !state.velocity.allFinite()) return;
@@ -225,9 +185,9 @@ void MachineCheck::Parts::watchMotion(const CArmState& state, std::int64_t now_u
     const double moved = std::abs(state.joints[i] - start[i]);
     const double allowed = moving && i == step().joint ? 2 * goal(i) : 0.5 * goal(i) + (moving ? 0 : goal(i));
     if (moved > allowed) {
-      abort(std::string(kNames[static_cast<std::size_t>(i)]) + " moved by " + inUnits(i, state.joints[i] - start[i]) +
+      abort(std::string(kJointNames[i]) + " moved by " + inUnits(i, state.joints[i] - start[i]) +
                 (moving ? std::string(" when ") + inUnits(step().joint, step().sign * goal(step().joint)) + " of " +
-                              kNames[static_cast<std::size_t>(step().joint)] + " were asked"
+                              kJointNames[step().joint] + " were asked"
                         : " when it was to stand"),
             now_us);
       return;
@@ -245,84 +205,10 @@ void MachineCheck::see(const XrayFrame& frame, std::int64_t now_us) {
     p.oldest_frame_s = std::max(p.oldest_frame_s, std::abs(age_s));
   }
   p.newest_frame = XrayFrame{frame.time_us, frame.sequence, {}, frame.camera};
-  if (looks() && p.history.newest()) p.look(frame);
+  if (looks() && p.history.newest()) p.image.look(frame, p.history.at(frame.time_us));
 }
 
-bool MachineCheck::looks() const {
-  return parts_->step().kind == Step::Kind::kLook && (!parts_->now_look || parts_->now_look->frames < kLooks);
-}
-
-void MachineCheck::Parts::look(const XrayFrame& frame) {
-  if (!now_look) now_look.emplace();
-  const CArmState state = history.at(frame.time_us);
-  const Observation observation = perception.observe(frame, state);
-  ++now_look->frames;
-  now_look->joints = state.joints;
-  now_look->status = statusName(observation.registration.status);
-  if (!observation.registration.reason.empty()) now_look->status += ", " + observation.registration.reason;
-  if (observation.registration.status == RegistrationStatus::kConverged) {
-    const Pose& T = observation.registration.T_camera_model;
-    Eigen::Matrix2Xd px(2, tree.size());
-    for (int i = 0; i < tree.size(); ++i) {
-      const auto seen = frame.camera.project(T * tree.points().col(i));
-      if (!seen) return;
-      px.col(i) = *seen;
-    }
-    const int n = ++now_look->converged;
-    if (n == 1) now_look->points_px = Eigen::Matrix2Xd::Zero(2, tree.size());
-    now_look->points_px += (px - now_look->points_px) / n;
-    now_look->T_camera_model = T;
-  }
-  const bool first = !orientation && now_look->frames == kLooks;
-  if (first) nameReading(frame, observation, state);
-}
-
-void MachineCheck::Parts::nameReading(const XrayFrame& frame, const Observation& observation, const CArmState& state) {
-  const std::string name = "image orientation", asked = "as seen from the source, x right, y down (xray_frame_t)";
-  if (now_look->converged > 0) {
-    orientation = {name, CheckVerdict::kPass, formatted("%d of %d frames register", now_look->converged, kLooks),
-                   asked};
-    return;
-  }
-  const CameraPlace place = perception.placeOf(state);
-  for (const ImageReading reading : otherReadings(frame.camera)) {
-    const Centerline2d read = readAs(reading, observation.centerline, frame.camera);
-    const Observation again = perception.observe({XrayView{read, frame.camera}}, place);
-    if (again.registration.status != RegistrationStatus::kConverged) continue;
-    orientation = {name, CheckVerdict::kFail, std::string("the image matches when ") + nameOf(reading), asked};
-    return;
-  }
-  orientation = {name, CheckVerdict::kNotSeen,
-                 "no registration: " + now_look->status + "; the tree, the calibration or the joints may be wrong",
-                 asked};
-}
-
-// By two looks and the encoders between them.
-void MachineCheck::Parts::judgeMotion(int joint) {
-  const std::string name = std::string(kNames[static_cast<std::size_t>(joint)]) + " by the X-ray";
-  const std::string asked = "the image moves as the joint's sign, unit and axis say";
-  const auto notSeen = [&](const std::string& why) { found.push_back({name, CheckVerdict::kNotSeen, why, asked}); };
-  if (!before || before->converged == 0) return notSeen("no registration before it moved");
-  if (now_look->converged == 0) return notSeen("no registration after it moved: " + now_look->status);
-  const CArmGeometry& carm = settings.carm;
-  const Pose expected = carm.T_camera_patient(now_look->joints) * carm.T_camera_patient(before->joints).inverse() *
-                        before->T_camera_model;
-  Eigen::Matrix2Xd moved(2, tree.size());
-  for (int i = 0; i < tree.size(); ++i) {
-    const auto from = newest_frame->camera.project(before->T_camera_model * tree.points().col(i));
-    const auto to = newest_frame->camera.project(expected * tree.points().col(i));
-    if (!from || !to) return notSeen("the tree is not in front of the source");
-    moved.col(i) = *to - *from;
-  }
-  const double rms_px = std::sqrt(moved.squaredNorm() / tree.size());
-  if (!(rms_px >= kMinMotion_px)) {
-    return notSeen("the encoder moved by " + inUnits(joint, now_look->joints[joint] - before->joints[joint]) +
-                   formatted(", which is %.2f px", rms_px));
-  }
-  const MotionShare share = shareOf(now_look->points_px - before->points_px, moved);
-  add(name, share.share >= kMinShare && share.share <= kMaxShare && share.rest <= kMaxRest,
-      wordsOf(share) + formatted(" (%.1f px)", rms_px), asked);
-}
+bool MachineCheck::looks() const { return parts_->step().kind == Step::Kind::kLook && !parts_->image.complete(); }
 
 bool MachineCheck::finished() const { return parts_->step().kind == Step::Kind::kEnd && parts_->stands(); }
 
@@ -352,6 +238,35 @@ std::optional<CArmCommand> MachineCheck::Parts::move(std::int64_t now_us) {
   return std::nullopt;
 }
 
+// How far the encoder went of what was commanded, and whether the reported velocities explain it.
+void MachineCheck::Parts::judgeEncoder(int joint) {
+  const double moved = history.newest() ? history.newest()->joints[joint] - start[joint] : 0;
+  const double share = moved / goal(joint);
+  if (std::abs(share) > 0.3) {
+    const double explained = integrated[joint] / moved;
+    if (!velocity_share || std::abs(explained - 1) > std::abs(*velocity_share - 1)) velocity_share = explained;
+  }
+  found.push_back(verdictRow(std::string(kJointNames[joint]) + " by its encoder", asExpected(share),
+                             inUnits(joint, moved) + ", " + wordsOf({share, 0}),
+                             "moves by what was commanded, 0.75 to 1.3 times"));
+}
+
+// When the primary angle comes to rest, `still_s` after it was told to or was told nothing more. Whether the row has
+// been written: a little after it should have.
+bool MachineCheck::Parts::restSeen(const std::string& name, double still_s, double allowed_s,
+                                   const std::string& asked) {
+  if (!rest_after_s && still_s > 0.05 && stands()) rest_after_s = still_s;
+  if (still_s < allowed_s + 0.3) return false;
+  if (!history.newest() || !(std::abs(history.newest()->joints[0] - start[0]) > 0.1 * goal(0))) {
+    found.push_back({name, CheckVerdict::kNotSeen, "it did not move", asked});
+  } else {
+    found.push_back(verdictRow(name, rest_after_s && *rest_after_s <= allowed_s,
+                               rest_after_s ? formatted("at rest after %.2f s", *rest_after_s) : "still moving",
+                               asked));
+  }
+  return true;
+}
+
 std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
   using Kind = Step::Kind;
   Parts& p = *parts_;
@@ -371,11 +286,12 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
       }
       return std::nullopt;
     case Kind::kLook: {
-      const bool done = (p.now_look && p.now_look->frames >= kLooks) || passed_s > kMaxLook_s;
-      if (done) {
-        if (!p.now_look) p.now_look.emplace();
-        if (step.joint >= 0) p.judgeMotion(step.joint);
-        if (step.joint < 0) p.before = p.now_look;
+      if (p.image.complete() || passed_s > kMaxLook_s) {
+        if (step.joint >= 0) {
+          p.found.push_back(p.image.motionRow(step.joint));
+        } else {
+          p.image.keep();
+        }
         p.next(now_us);
       }
       return p.settings.move && p.sequence > 0 ? std::optional(p.commandOf(rest)) : std::nullopt;
@@ -391,20 +307,7 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
     }
     case Kind::kRest: {
       if (passed_s < kSettle_s) return p.commandOf(rest);
-      if (step.joint >= 0) {  // After the way out.
-        const std::string name = std::string(kNames[static_cast<std::size_t>(step.joint)]) + " by its encoder";
-        const std::string asked = "moves by what was commanded, 0.75 to 1.3 times";
-        const double moved = p.history.newest() ? p.history.newest()->joints[step.joint] - p.start[step.joint] : 0;
-        const double share = moved / p.goal(step.joint);
-        const MotionShare motion{share, 0};
-        if (std::abs(share) > 0.3) {
-          p.velocities_seen = true;
-          const double explained = p.integrated[step.joint] / moved;
-          if (std::abs(explained - 1) > std::abs(p.worst_velocity - 1)) p.worst_velocity = explained;
-        }
-        p.add(name, share >= kMinShare && share <= kMaxShare, inUnits(step.joint, moved) + ", " + wordsOf(motion),
-              asked);
-      }
+      if (step.joint >= 0) p.judgeEncoder(step.joint);  // After the way out.
       p.next(now_us);
       return p.commandOf(rest);
     }
@@ -414,19 +317,9 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
       const double silent_s = passed_s - 0.5 * p.goal(0) / p.speed(0);
       const double braking_s = p.speed(0) / p.settings.limits.acceleration[0] + p.speed(0) / p.settings.limits.jerk[0];
       const double allowed_s = 1e-6 * kValid_us + kMaxLatency_s + braking_s;
-      if (!p.rest_after_s && silent_s > 0.05 && p.stands()) p.rest_after_s = silent_s;
-      if (silent_s < allowed_s + 0.3) return std::nullopt;
-      const bool moved = p.history.newest() && std::abs(p.history.newest()->joints[0] - p.start[0]) > 0.1 * p.goal(0);
       const std::string asked =
           formatted("at rest %.2f s after the last command, valid for %.1f s", allowed_s, 1e-6 * kValid_us);
-      if (!moved) {
-        p.found.push_back({"watchdog", CheckVerdict::kNotSeen, "it did not move", asked});
-      } else {
-        p.add("watchdog", p.rest_after_s && *p.rest_after_s <= allowed_s,
-              p.rest_after_s ? formatted("at rest after %.2f s", *p.rest_after_s)
-                             : "still moving: silence must mean stop",
-              asked);
-      }
+      if (!p.restSeen("watchdog", silent_s, allowed_s, asked)) return std::nullopt;
       p.next(now_us);
       return p.commandOf(rest);
     }
@@ -442,16 +335,8 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
       if (since_s < moving_s) return p.commandOf(velocity, kLongValid_us);
       const double stopped_s = since_s - moving_s;
       const double allowed_s = kMaxLatency_s + p.speed(0) / p.settings.limits.acceleration[0] + 0.1;
-      if (!p.rest_after_s && stopped_s > 0.02 && p.stands()) p.rest_after_s = stopped_s;
-      if (stopped_s < allowed_s + 0.3) return p.commandOf(rest);
       const std::string asked = formatted("at rest %.2f s after a command to stand still", allowed_s);
-      const bool moved = p.history.newest() && std::abs(p.history.newest()->joints[0] - p.start[0]) > 0.1 * p.goal(0);
-      if (!moved) {
-        p.found.push_back({"stop", CheckVerdict::kNotSeen, "it did not move", asked});
-      } else {
-        p.add("stop", p.rest_after_s && *p.rest_after_s <= allowed_s,
-              p.rest_after_s ? formatted("at rest after %.2f s", *p.rest_after_s) : "still moving", asked);
-      }
+      if (!p.restSeen("stop", stopped_s, allowed_s, asked)) return p.commandOf(rest);
       p.next(now_us);
       return p.commandOf(rest);
     }
@@ -462,8 +347,8 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
       if (passed_s < 0.2 + kMaxLatency_s) return std::nullopt;
       const auto& state = p.history.newest();
       const double moved = state ? (state->joints - p.start).cwiseAbs().maxCoeff() : 0;
-      p.add("NaN", p.stands() && moved < 0.05 * p.goal(0), formatted("moved by %.4f rad", moved),
-            "a command that is no finite number moves nothing");
+      p.found.push_back(verdictRow("NaN", p.stands() && moved < 0.05 * p.goal(0), formatted("moved by %.4f rad", moved),
+                                   "a command that is no finite number moves nothing"));
       p.next(now_us);
       return p.commandOf(rest);
     }
@@ -476,7 +361,7 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
 
 std::string MachineCheck::doing() const {
   const Step& step = parts_->step();
-  const auto joint = [&] { return std::string(kNames[static_cast<std::size_t>(step.joint)]); };
+  const auto joint = [&] { return std::string(kJointNames[step.joint]); };
   switch (step.kind) {
     case Step::Kind::kWatch:
       return "watches";
@@ -546,18 +431,16 @@ std::vector<CheckRow> MachineCheck::rows() const {
   std::vector<CheckRow> rows;
   p.judgeStates(rows);
   p.judgeFrames(rows);
-  rows.push_back(p.orientation.value_or(
-      CheckRow{"image orientation", CheckVerdict::kNotSeen, "no frame was looked at", "as seen from the source"}));
+  rows.push_back(p.image.orientationRow());
   if (!p.settings.move) {
     rows.push_back({"motion", CheckVerdict::kNotSeen, "it was not to be moved", "--move"});
     return rows;
   }
   rows.insert(rows.end(), p.found.begin(), p.found.end());
   const std::string velocities = "joint_velocity is what joint_position changes by, 0.75 to 1.3 times";
-  if (p.velocities_seen) {
-    const bool good = p.worst_velocity >= kMinShare && p.worst_velocity <= kMaxShare;
-    rows.push_back({"velocities", good ? CheckVerdict::kPass : CheckVerdict::kFail,
-                    formatted("%.2f of the motion, of the worst joint", p.worst_velocity), velocities});
+  if (p.velocity_share) {
+    rows.push_back(verdictRow("velocities", asExpected(*p.velocity_share),
+                              formatted("%.2f of the motion, of the worst joint", *p.velocity_share), velocities));
   } else {
     rows.push_back({"velocities", CheckVerdict::kNotSeen, "it did not move", velocities});
   }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "angio/base/formatted.hpp"
 
@@ -14,10 +15,6 @@ constexpr double kRemembered_us = 5e6;
 constexpr double kMaxMissing = 0.01;
 // A clock's rate against ours, over some seconds, with what a message's way may take longer or shorter.
 constexpr double kMaxDrift = 0.02;
-
-CheckRow row(const std::string& name, bool good, std::string measured, std::string asked) {
-  return {name, good ? CheckVerdict::kPass : CheckVerdict::kFail, std::move(measured), std::move(asked)};
-}
 
 }  // namespace
 
@@ -43,16 +40,17 @@ double ObservedChannel::rate_hz() const {
 CheckRow ObservedChannel::rateRow(const std::string& name, double least_hz, double most_hz) const {
   const std::string asked = formatted("%g to %g Hz", least_hz, most_hz);
   if (count_ < 2) return {name + " rate", CheckVerdict::kFail, formatted("%d messages came", int(count_)), asked};
-  return row(name + " rate", rate_hz() >= 0.9 * least_hz && rate_hz() <= 1.1 * most_hz, formatted("%.1f Hz", rate_hz()),
-             asked);
+  return verdictRow(name + " rate", rate_hz() >= 0.9 * least_hz && rate_hz() <= 1.1 * most_hz,
+                    formatted("%.1f Hz", rate_hz()), asked);
 }
 
 CheckRow ObservedChannel::sequenceRow(const std::string& name) const {
   const std::string asked = "rises by one; later times; 1 % missing at most";
   if (count_ < 2) return {name + " order", CheckVerdict::kNotSeen, "too few messages came", asked};
   const double missing = static_cast<double>(missing_) / static_cast<double>(missing_ + count_);
-  return row(name + " order", disordered_ == 0 && missing <= kMaxMissing,
-             formatted("%.1f %% missing, %d not later than the one before", 100 * missing, int(disordered_)), asked);
+  return verdictRow(name + " order", disordered_ == 0 && missing <= kMaxMissing,
+                    formatted("%.1f %% missing, %d not later than the one before", 100 * missing, int(disordered_)),
+                    asked);
 }
 
 CheckRow ObservedChannel::clockRow(const std::string& name) const {
@@ -63,7 +61,7 @@ CheckRow ObservedChannel::clockRow(const std::string& name) const {
   std::string measured = formatted("%.4g s in 1 s", rate);
   if (rate > 0 && std::abs(rate * 1e3 - 1) < 0.1) measured += ": in milliseconds?";
   if (rate > 0 && std::abs(rate * 1e-3 - 1) < 0.1) measured += ": in nanoseconds?";
-  return row(name + " clock", std::abs(rate - 1) <= kMaxDrift, measured, asked);
+  return verdictRow(name + " clock", std::abs(rate - 1) <= kMaxDrift, measured, asked);
 }
 
 void ObservedStates::see(const CArmState& state, std::int64_t now_us) {
@@ -78,6 +76,16 @@ CArmState ObservedStates::at(std::int64_t time_us) const {
     if (std::abs(entry.state.time_us - time_us) < std::abs(nearest->state.time_us - time_us)) nearest = &entry;
   }
   return nearest->state;
+}
+
+bool asExpected(double share) { return share >= 0.75 && share <= 1.3; }
+
+std::string inUnits(int joint, double value) {
+  return isAngle(joint) ? formatted("%.2f deg", radToDeg(value)) : formatted("%.2f mm", 1e3 * value);
+}
+
+CheckRow verdictRow(const std::string& name, bool good, std::string measured, std::string asked) {
+  return {name, good ? CheckVerdict::kPass : CheckVerdict::kFail, std::move(measured), std::move(asked)};
 }
 
 MotionShare shareOf(const Eigen::Matrix2Xd& seen, const Eigen::Matrix2Xd& expected) {

@@ -56,6 +56,15 @@ struct MotionShare {
 /// Of displacements, 2 x N [px], by least squares.
 MotionShare shareOf(const Eigen::Matrix2Xd& seen, const Eigen::Matrix2Xd& expected);
 
+/// Whether a motion is as long as was expected, with what noise and a latency may take from it: 0.75 to 1.3 times.
+bool asExpected(double share);
+
+/// Whether a joint is an angle, and its value for people: "2.00 deg", "9.80 mm".
+inline bool isAngle(int joint) { return joint < 2; }
+std::string inUnits(int joint, double value);
+
+CheckRow verdictRow(const std::string& name, bool good, std::string measured, std::string asked);
+
 /// "as expected", "the other way round", "57 times as far: ...", for people.
 std::string wordsOf(const MotionShare& share);
 

@@ -79,9 +79,6 @@ class AxisMonitor {
   Astray deviation_;
 };
 
-/// What reports call the joints.
-constexpr const char* kJointNames[kCArmJointCount] = {"primary", "secondary", "table x", "table y", "table z"};
-
 struct MotionMonitorSettings {
   double max_latency_ms = 500;  ///< From the frame behind a command until its effect ends, without a newer one.
   static constexpr double min_acceleration = 0.4;  ///< Share of the acceleration limit that the machine uses at least.

@@ -13,6 +13,9 @@ namespace angio::geometry {
 using CArmJoints = Eigen::Matrix<double, 5, 1>;
 constexpr int kCArmJointCount = 5;
 
+/// What reports call the joints.
+constexpr const char* kJointNames[kCArmJointCount] = {"primary", "secondary", "table x", "table y", "table z"};
+
 /// Where the arm may be beyond the range of each single joint, so that detector, table and patient do not touch: a
 /// convex region of joint space, cut out by faces `normal . joints <= bound`. Without faces all is free.
 struct CArmEnvelope {
