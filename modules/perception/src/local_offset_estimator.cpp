@@ -17,7 +17,7 @@ constexpr double kCorrelated_px = 8;  // Neighbouring points of a seen vessel er
 constexpr double kFloor_px = 0.3;     // What a curve is off as a whole: radius, overlap, contrast.
 constexpr int kIterations = 8, kNarrowIterations = 5;
 constexpr double kUsualError_px = 1;  // Of a curve that has been matched rightly.
-constexpr double kOff = 0.1;          // Probability that a place lies off where a converged fit has it.
+constexpr double kOff = 0.02;         // Probability that a place lies off where a converged fit has it.
 
 // The place's vessels in the image.
 struct Vessels {

@@ -43,7 +43,7 @@ class ReadingSearch {
     std::vector<ImageReading> readings;
     std::size_t next = 0;
     double best_score = 0;
-    std::optional<ImageReading> best;
+    std::optional<ImageReading> best = std::nullopt;
   };
 
   bool settled_ = false;
