@@ -9,6 +9,7 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/measured_motion.hpp"
 #include "angio/evaluation/paper.hpp"
 #include "angio/evaluation/simulation_report.hpp"
 #include "angio/io/camera_files.hpp"
@@ -22,7 +23,7 @@ namespace {
 
 struct SimulationOptions {
   MethodOptions method;
-  std::vector<std::string> trees;
+  std::vector<std::string> trees, motions;
   std::string camera, sweep, out, report;
   ModelAxes model_axes = SimulationSettings().model_axes;
   TrialSource from = SimulationSettings().from;
@@ -57,6 +58,10 @@ int evaluateSimulation(const SimulationOptions& o) {
   for (const auto& path : o.trees) {
     setup.trees.push_back(readVesselTree(path));
     tree_names.push_back(std::filesystem::path(path).filename().string());
+  }
+  for (const auto& path : o.motions) setup.motions.push_back(readMeasuredMotion(path));
+  if (!setup.motions.empty() && !(settings.deformation_rms_mm > 0)) {
+    throw InputError("--deformation-field", "--deformation-mm", "0", "must be above 0: the size of the deformation");
   }
   if (!o.camera.empty()) setup.camera = readCamera(o.camera);
   const std::vector<Sweep> sweeps = o.sweep.empty() ? std::vector<Sweep>() : sweepsNamed(o.sweep, settings);
@@ -117,13 +122,14 @@ class GivenFields {
   GivenFields(CLI::App& command, std::shared_ptr<SimulationOptions> o) : command_(command), o_(std::move(o)) {}
 
   template <typename Value>
-  void add(const std::string& name, Value SimulationSettings::*field, const std::string& help) {
+  void add(const std::string& name, Value SimulationSettings::*field, const std::string& help,
+           const std::string& more_names = "") {
     std::string key = name.substr(2);
     std::replace(key.begin(), key.end(), '-', '_');
     const auto set = [o = o_, field](const Value& value) {
       o->given.push_back([field, value](SimulationSettings& s) { s.*field = value; });
     };
-    command_.add_option_function<Value>(name, set, help)
+    command_.add_option_function<Value>(name + more_names, set, help)
         ->default_str(CLI::detail::to_string(SimulationSettings{}.*field))
         ->check(RangeOf(key).validator());
   }
@@ -143,10 +149,14 @@ void addFields(CLI::App& command, const std::shared_ptr<SimulationOptions>& o) {
   fields.add("--even-starts-mm", &S::even_starts_mm, "Starts spread evenly from 0 to this mTRE, for the capture range");
   fields.add("--views", &S::views, "1 or 2, the second about 90 deg from the first");
   fields.add("--visible-fraction", &S::visible_fraction, "Share of the tree in the field of view");
-  fields.add("--missing", &S::missing, "Share of the tree without contrast agent, whole branches");
+  fields.add("--missing", &S::missing, "Share of the tree without contrast agent, whole branches",
+             ",--missing-branches");
+  fields.add("--filled", &S::filled, "Share of the tree in view that is filled, downstream of drawn injection sites");
   fields.add("--spurious", &S::spurious, "Curves per view that are no vessel");
   fields.add("--noise-px", &S::noise_px, "Noise of each image coordinate");
-  fields.add("--deformation-rms-mm", &S::deformation_rms_mm, "Smooth deformation of the tree");
+  fields.add("--deformation-rms-mm", &S::deformation_rms_mm, "Smooth deformation of the tree", ",--deformation-mm");
+  fields.add("--deformation-anisotropy", &S::deformation_anisotropy,
+             "How much more it moves from feet to head than along the other axes");
   fields.add("--focal-error-percent", &S::focal_error_percent, "Error of the focal length the method is told");
   fields.add("--calibration-rotation-error-deg", &S::calibration_rotation_error_deg,
              "Error of the second view against the first, about the isocentre");
@@ -240,6 +250,12 @@ void addEvaluateSimulation(CLI::App& app, Work& work) {
       "views, model axes and spacings, can be set in the section `simulation` of --settings.");
   command->add_option("--tree", o->trees, "Vessel tree (.csv, .swc, .vtp, HMM .txt); may be repeated")
       ->required()
+      ->take_all();
+  command
+      ->add_option(
+          "--deformation-field", o->motions,
+          "Measured motion (.csv: x_mm, y_mm, z_mm, moved_x_mm, moved_y_mm, moved_z_mm) that deforms the tree, "
+          "scaled to it and turned; may be repeated")
       ->take_all();
   command->add_option(
       "--camera", o->camera,

@@ -70,6 +70,11 @@ const std::vector<Range>& ranges() {
        "",
        {0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
        [](S& s, double x) { s.missing = x; }},
+      {"filled",
+       "share of the tree that contrast agent fills, downstream of injection sites",
+       "",
+       {1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.2},
+       [](S& s, double x) { s.filled = x; }},
       {"start",
        "spread of the starts per axis [mm, with the rotations of the table]",
        " mm",
@@ -133,7 +138,11 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
   const auto nameOf = [](int i) { return formatted("%04d", i); };
   const auto one = [&](int i) {
     const std::size_t t = static_cast<std::size_t>(i) % trees;
-    SimulatedTrial trial = simulatedTrial(setup.trees[t], setup.camera, settings, i);
+    // Each tree meets each motion.
+    const std::size_t turn_of_motion = static_cast<std::size_t>(i) + static_cast<std::size_t>(i) / trees;
+    const MeasuredMotion* motion =
+        setup.motions.empty() ? nullptr : &setup.motions[turn_of_motion % setup.motions.size()];
+    SimulatedTrial trial = simulatedTrial(setup.trees[t], setup.camera, settings, i, motion);
     double image_s = 0;
     for (std::size_t v = 0; images && v < trial.cameras.size(); ++v) {
       const cv::Mat image = images->render(trial, t, v, i);

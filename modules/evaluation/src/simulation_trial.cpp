@@ -4,7 +4,9 @@
 #include "angio/geometry/carm.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/vessel/resample.hpp"
+#include "contrast_filling.hpp"
 #include "simulation_image.hpp"
+#include "trial_deformation.hpp"
 
 namespace angio::evaluation {
 namespace {
@@ -42,97 +44,20 @@ Pose secondPlane(const SimulationSettings& s, int index) {
   return turnedAbout(1e-3 * s.source_isocenter_mm, angle_rad * Eigen::Vector3d(axis.x(), axis.y(), 0));
 }
 
-// The best small rigid motion [v; w] through the displacements, about the centroid.
-Twist rigidPartOf(const Eigen::Matrix3Xd& displacements, const Eigen::Matrix3Xd& centered) {
-  Matrix6d normal = Matrix6d::Zero();
-  Vector6d right = Vector6d::Zero();
-  Eigen::Matrix<double, 3, 6> J;
-  J.leftCols<3>().setIdentity();
-  for (Eigen::Index i = 0; i < centered.cols(); ++i) {
-    J.rightCols<3>() = -skew(centered.col(i));
-    normal += J.transpose() * J;
-    right += J.transpose() * displacements.col(i);
-  }
-  return normal.completeOrthogonalDecomposition().solve(right);  // A straight vessel has no roll.
-}
-
-// A smooth field, as the settings describe it, at any points.
-class DeformationField {
- public:
-  DeformationField(const VesselTree& tree, const SimulationSettings& s, int index) : centroid_(tree.centroid()) {
-    SimulationRandom random(s.seed, index, DrawFor::kDeformation);
-    const Eigen::Matrix3Xd& p = tree.points();
-    const double extent_m = (p.rowwise().maxCoeff() - p.rowwise().minCoeff()).maxCoeff();
-    for (int k = 0; k < 4; ++k) {
-      Wave wave;
-      const double wavelength_m = extent_m * random.uniform(1, 3);
-      wave.wave_vector = 2 * kPi / wavelength_m * random.direction<3>();
-      wave.amplitude = random.normals<3>();
-      wave.phase = random.uniform(0, 2 * kPi);
-      waves_.push_back(wave);
-    }
-    rigid_ = rigidPartOf(wavesAt(p), p.colwise() - centroid_);
-    const double rms = std::sqrt(at(p).squaredNorm() / static_cast<double>(p.cols()));
-    scale_ = 1e-3 * s.deformation_rms_mm / std::max(rms, 1e-12);
-  }
-
-  Eigen::Matrix3Xd at(const Eigen::Matrix3Xd& points) const {
-    Eigen::Matrix3Xd d = wavesAt(points);
-    for (Eigen::Index i = 0; i < points.cols(); ++i) {
-      d.col(i) -= rigid_.head<3>() + rigid_.tail<3>().cross(points.col(i) - centroid_);
-    }
-    return scale_ * d;
-  }
-
- private:
-  struct Wave {
-    Eigen::Vector3d wave_vector, amplitude;
-    double phase = 0;
-  };
-
-  Eigen::Matrix3Xd wavesAt(const Eigen::Matrix3Xd& points) const {
-    Eigen::Matrix3Xd d = Eigen::Matrix3Xd::Zero(3, points.cols());
-    for (const auto& wave : waves_) {
-      for (Eigen::Index i = 0; i < points.cols(); ++i) {
-        d.col(i) += wave.amplitude * std::sin(wave.wave_vector.dot(points.col(i) - centroid_) + wave.phase);
-      }
-    }
-    return d;
-  }
-
-  Eigen::Vector3d centroid_;
-  std::vector<Wave> waves_;
-  Twist rigid_ = Twist::Zero();
-  double scale_ = 1;
-};
-
-// Which branches are filled: dropped in random order until the dropped length is as near to the share as whole branches
-// come.
-std::vector<bool> filledBranches(const VesselTree& tree, const SimulationSettings& s, int index) {
-  SimulationRandom random(s.seed, index, DrawFor::kMissing);
-  std::vector<bool> filled(tree.branches().size(), true);
-  double dropped_m = 0;
-  for (const int b : random.order(static_cast<int>(filled.size()))) {
-    const auto& chain = tree.branches()[static_cast<std::size_t>(b)];
+// Of each branch what one view's detector sees, in 3D [m].
+std::vector<double> lengthsInView(const VesselTree& tree, const Eigen::Matrix3Xd& points_camera,
+                                  const XrayCamera& camera) {
+  std::vector<double> lengths_m;
+  for (const auto& chain : tree.branches()) {
     double length_m = 0;
     for (std::size_t k = 1; k < chain.size(); ++k) {
-      length_m += (tree.points().col(chain[k]) - tree.points().col(chain[k - 1])).norm();
+      const Eigen::Vector3d a = points_camera.col(chain[k - 1]), b = points_camera.col(chain[k]);
+      const auto pixel = camera.project(0.5 * (a + b));
+      if (pixel && camera.sees(*pixel)) length_m += (b - a).norm();
     }
-    if (dropped_m + 0.5 * length_m > s.missing * tree.length()) continue;
-    dropped_m += length_m;
-    filled[static_cast<std::size_t>(b)] = false;
+    lengths_m.push_back(length_m);
   }
-  return filled;
-}
-
-// Splitting edges leaves the branches as they are: those of the fine tree are those of the tree.
-Eigen::VectorXd filledPoints(const VesselTree& tree, const std::vector<bool>& filled_branches) {
-  Eigen::VectorXd filled = Eigen::VectorXd::Zero(tree.size());
-  for (std::size_t b = 0; b < filled_branches.size(); ++b) {
-    if (!filled_branches[b]) continue;
-    for (const int i : tree.branches()[b]) filled[i] = 1;
-  }
-  return filled;
+  return lengths_m;
 }
 
 std::vector<Curve> projectedBranches(const VesselTree& tree, const Eigen::Matrix3Xd& points_camera,
@@ -223,7 +148,7 @@ Eigen::Matrix3d lpsOf(ModelAxes axes) {
 XrayCamera simulatedCamera() { return XrayCamera::centered(1024, 1024, 0.308e-3, 1.195); }
 
 SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
-                              const SimulationSettings& settings, int index) {
+                              const SimulationSettings& settings, int index, const MeasuredMotion* motion) {
   checkSettings("simulation", settings);
   SimulatedTrial trial;
   trial.truth = drawnView(tree, settings, index);
@@ -232,11 +157,12 @@ SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCa
   const VesselTree fine = resampled(tree, 1e-3 * settings.tree_spacing_mm, kMaxFinePoints).tree;
   Eigen::Matrix3Xd points = fine.points();
   if (settings.deformation_rms_mm > 0) {
-    const DeformationField field(tree, settings, index);
+    const TrialDeformation field(tree, settings, index, motion);
     trial.displacements_m = field.at(tree.points());
     points += field.at(fine.points());
   }
-  const std::vector<bool> filled = filledBranches(fine, settings, index);
+  // Splitting edges leaves the branches as they are: those of the fine tree are those of the tree.
+  const auto filled = filledBranches(fine, lengthsInView(fine, trial.truth * points, detector), settings, index);
   trial.filled = filledPoints(tree, filled);
   for (int v = 0; v < settings.views; ++v) {
     const Pose T_view_first = v == 0 ? Pose::Identity() : secondPlane(settings, index);

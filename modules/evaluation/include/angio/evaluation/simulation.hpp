@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
+#include "angio/evaluation/measured_motion.hpp"
 #include "angio/evaluation/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
@@ -45,6 +46,7 @@ struct SimulationSettings {
   // Image.
   double visible_fraction = 1;   ///< Share of the tree's projected length inside the field of view.
   double missing = 0;            ///< Share of the tree's length, whole branches, that no view shows: no contrast agent.
+  double filled = 1;             ///< Share of the tree's length in view that is filled, downstream of drawn sites.
   int spurious = 0;              ///< Curves per view that are no vessel, 60 to 250 px long.
   double noise_px = 0;           ///< Of each coordinate, independent. Tangents are estimated from the noisy points.
   double tangent_noise_deg = 0;  ///< On top of that.
@@ -53,8 +55,10 @@ struct SimulationSettings {
 
   /// Of a smooth deformation, rms of |d| over the tree's points: four plane waves with random directions, phases and
   /// wavelengths of 1 to 3 times the tree's extent, less their rigid part (mean shift and small rotation about the
-  /// centroid, least squares), which would be a pose.
+  /// centroid, least squares), which would be a pose. With measured motions one of these instead, carried over to the
+  /// tree by scaling and by a random turn.
   double deformation_rms_mm = 0;
+  double deformation_anisotropy = 1;  ///< Of waves: amplitude from feet to head over that of the other two axes.
 
   // What a method is told differs from what is true by this much, in a random direction.
   double focal_error_percent = 0;
@@ -84,12 +88,14 @@ struct SimulationSettings {
     v.number("source_isocentre_mm", source_isocenter_mm, 10, 10000);
     v.number("visible_fraction", visible_fraction, 0.02, 1);
     v.number("missing", missing, 0, 0.98);
+    v.number("filled", filled, 0.02, 1);
     v.integer("spurious", spurious, 0, 1000);
     v.number("noise_px", noise_px, 0, 100);
     v.number("tangent_noise_deg", tangent_noise_deg, 0, 90);
     v.number("spacing_px", spacing_px, 0, 100);
     v.number("tree_spacing_mm", tree_spacing_mm, 0, 100);
     v.number("deformation_rms_mm", deformation_rms_mm, 0, 1000);
+    v.number("deformation_anisotropy", deformation_anisotropy, 0.01, 100);
     v.number("focal_error_percent", focal_error_percent, 0, 50);
     v.number("principal_point_error_px", principal_point_error_px, 0, 1000);
     v.number("calibration_rotation_error_deg", calibration_rotation_error_deg, 0, 90);
@@ -133,9 +139,10 @@ XrayCamera simulatedCamera();
 ///
 /// With `visible_fraction` f below 1 the detector is cropped to a window about a random place of the tree that shows f
 /// of the projected length of the whole tree, to within 0.02 where whole pixels and the tree allow it. A tree that the
-/// detector itself cuts more than that is cut by the detector. Throws InputError when a setting is out of its range.
+/// detector itself cuts more than that is cut by the detector. A deformation is that of `motion` where one is given.
+/// Throws InputError when a setting is out of its range.
 SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
-                              const SimulationSettings& settings, int index);
+                              const SimulationSettings& settings, int index, const MeasuredMotion* motion = nullptr);
 
 /// What an X-ray image of a trial shows.
 struct TrialTruth {

@@ -20,8 +20,9 @@ struct Entrant {
 
 /// What the trials are made of, and who takes part.
 struct SimulationSetup {
-  std::vector<VesselTree> trees;     ///< At least one. Trial i has tree i modulo their number.
-  std::optional<XrayCamera> camera;  ///< Absent: simulatedCamera().
+  std::vector<VesselTree> trees;        ///< At least one. Trial i has tree i modulo their number.
+  std::optional<XrayCamera> camera;     ///< Absent: simulatedCamera().
+  std::vector<MeasuredMotion> motions;  ///< Of the deformations, in turn from tree to tree; none: waves.
   std::vector<Entrant> entrants;
   ExtractorSettings extractor = RidgeSettings{};  ///< Of trials from images.
 };
@@ -92,7 +93,7 @@ struct Sweep {
   std::vector<Point> points;
 };
 
-/// The names there are: visible-fraction, noise, spurious, missing, start, focal, calibration, deformation.
+/// The names there are: visible-fraction, noise, spurious, missing, filled, start, focal, calibration, deformation.
 std::vector<std::string> sweepNames();
 
 /// The sweep of that name about `base`; `all` of them for "all". A sweep of the calibration needs two views and takes
