@@ -41,10 +41,10 @@ KernelField::Region around(const OrientedPoints& points, double margin_px) {
 }  // namespace
 
 int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const ModelPoints& points, int scale,
-                        int max_steps, PoseCandidate& candidate) const {
+                        int max_steps, double outlier_mass, PoseCandidate& candidate) const {
   PullWeight weight;
-  weight.outlier_mass = static_cast<float>(settings_.outlier_mass);
-  weight.along = static_cast<float>(settings_.along_stiffness);
+  weight.outlier_mass = static_cast<float>(outlier_mass);
+  weight.along = static_cast<float>(OrientedKernelSettings::along_stiffness);
   const double scale_px = kFieldScales_px[static_cast<std::size_t>(scale)];
   for (int step = 0;; ++step) {
     Matrix6d H = Matrix6d::Zero();
@@ -76,8 +76,8 @@ int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const
   }
 }
 
-int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, std::vector<PoseCandidate>& candidates,
-                       std::size_t keep) const {
+int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, double outlier_mass,
+                       std::vector<PoseCandidate>& candidates, std::size_t keep) const {
   struct Rung {
     int subset, scale, steps;
     std::size_t share;  // Candidates that go on, as a divisor of all.
@@ -87,7 +87,9 @@ int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, std::v
   int steps = 0;
   for (const Rung& rung : kRungs) {
     const auto& points = model_.subsets[static_cast<std::size_t>(rung.subset)];
-    for (auto& candidate : candidates) steps += ascend(frame, belief, points, rung.scale, rung.steps, candidate);
+    for (auto& candidate : candidates) {
+      steps += ascend(frame, belief, points, rung.scale, rung.steps, outlier_mass, candidate);
+    }
     keepBest(candidates, std::max(keep, all / rung.share));
   }
   keepBest(candidates, keep);
@@ -95,7 +97,7 @@ int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, std::v
 }
 
 std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const std::vector<Pose>& hypotheses,
-                                                   double reach_m, std::size_t keep,
+                                                   double reach_m, double outlier_mass, std::size_t keep,
                                                    const SearchProgress& progress) const {
   const ModelPoints& points = model_.subsets.front();
   const XrayView& view = frame.views().front();
@@ -140,7 +142,7 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
     }
     float all = 0;
     for (const float w : weight) all += w;
-    const auto outlier_mass = static_cast<float>(settings_.outlier_mass);
+    const auto mass = static_cast<float>(outlier_mass);
     for (int dv = -reach; dv <= reach; dv += kShiftCells) {
       for (int du = -reach; du <= reach; du += kShiftCells) {
         float fit = 0, seen = 0;
@@ -151,7 +153,7 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
           if (c < 0 || r < 0 || c >= field.columns() || r >= field.rows()) continue;
           const float* cell = field.cells() + 4 * (static_cast<std::size_t>(r) * field.columns() + c);
           const float F = std::max(0.0f, 0.5f * (cell[0] + cos2[i] * cell[1] + sin2[i] * cell[2]));
-          fit += weight[i] * F / (F + outlier_mass);
+          fit += weight[i] * F / (F + mass);
         }
         PoseCandidate candidate;
         candidate.score = fit / std::max({1e-9f, seen, static_cast<float>(kMinInView) * all});

@@ -19,29 +19,32 @@ struct PoseCandidate {
 inline bool better(const PoseCandidate& a, const PoseCandidate& b) { return a.score > b.score; }
 
 /// Ascends the kernel fields from model to image, one candidate or many.
+///
+/// How much of the model the image shows is not known, and decides what a point without a match means. `outlier_mass`
+/// is the hypothesis: the kernel sum at which a point is as likely stray as matched, where a single vessel has 1.
+/// Little mass makes every point look for a match, as is right where all vessels are filled with contrast agent; much
+/// mass makes a point count in proportion to what it has found, so that empty branches pull at nothing.
 class FieldSearch {
  public:
-  FieldSearch(const OrientedModel& model, const OrientedKernelSettings& settings)
-      : model_(model), settings_(settings) {}
+  explicit FieldSearch(const OrientedModel& model) : model_(model) {}
 
   /// Takes up to `max_steps` steps at a scale (index into kFieldScales_px) on a part of the model, or until a step
   /// moves the projection by less than a twentieth of the scale; then scores. Returns the steps taken.
   int ascend(OrientedFrame& frame, const PosePriorTerm& belief, const ModelPoints& points, int scale, int max_steps,
-             PoseCandidate& candidate) const;
+             double outlier_mass, PoseCandidate& candidate) const;
 
   /// Successive halving: all candidates a few steps at the coarsest scale on few points, the best of them at the next
   /// scale on more points, and so on. What is left is sorted, best first. Returns the steps taken.
-  int halve(OrientedFrame& frame, const PosePriorTerm& belief, std::vector<PoseCandidate>& candidates,
-            std::size_t keep) const;
+  int halve(OrientedFrame& frame, const PosePriorTerm& belief, double outlier_mass,
+            std::vector<PoseCandidate>& candidates, std::size_t keep) const;
 
   /// Every shift in the image plane on a grid, for each hypothesis of rotation and depth, by one look at the coarsest
   /// field for each; the best come back, at most `keep`.
   std::vector<PoseCandidate> everyShift(OrientedFrame& frame, const std::vector<Pose>& hypotheses, double reach_m,
-                                        std::size_t keep, const SearchProgress& progress) const;
+                                        double outlier_mass, std::size_t keep, const SearchProgress& progress) const;
 
  private:
   const OrientedModel& model_;
-  const OrientedKernelSettings& settings_;
 };
 
 /// The model as oriented points of one view, about `spacing_px` apart, each with the length it stands for. `to` is

@@ -45,6 +45,11 @@ PosePriorTerm shiftsFreed(PosePriorTerm belief) {
   return belief;
 }
 
+PosePriorTerm widenedBy(double factor, PosePriorTerm belief) {
+  belief.information /= factor * factor;
+  return belief;
+}
+
 // A search through a box knows no more of the pose than that it is in it: the box's own spread.
 PosePrior beforeSearch(PosePrior prior, const StartSettings& starts) {
   if (!starts.box() || prior.covariance) return prior;
@@ -55,13 +60,28 @@ PosePrior beforeSearch(PosePrior prior, const StartSettings& starts) {
   return prior;
 }
 
+// Outlier masses of a search: some of the branches may be empty of contrast agent, or most of them.
+constexpr double kSomeEmpty = 5, kMostEmpty = 50;
+
+// One pass of a search: how far the belief is widened, and what a point without a match means.
+struct Attempt {
+  double widened, outlier_mass;
+};
+// The first that settles the question is the last.
+constexpr Attempt kAttempts[] = {{1, kSomeEmpty},   {1, kMostEmpty}, {1.8, kSomeEmpty},
+                                 {1.8, kMostEmpty}, {3, kSomeEmpty}, {3, kMostEmpty}};
+constexpr double kWidest = 3;
+// Of the belief, around what has been found.
+constexpr double kNearby = 0.5;
+constexpr std::size_t kCompared = 4;
+
 class OrientedKernel final : public Registration {
  public:
   OrientedKernel(const OrientedKernelSettings& settings, const VesselTree& tree)
       : settings_(settings),
         given_(tree),
         model_(tree, settings),
-        fields_(model_, settings_),
+        fields_(model_),
         lines_(model_),
         comparison_(model_, fields_, lines_) {
     if (settings_.deformation == Deformation::kNonrigid) deformation_.emplace(model_, settings_.nonrigid);
@@ -82,7 +102,7 @@ class OrientedKernel final : public Registration {
   double spread_px(const PosePriorTerm& belief, const Pose& T_camera_centered) const;
 
   std::vector<PoseCandidate> candidatesByFields(const PosePriorTerm& belief, const StartSettings& starts,
-                                                double widened, const SearchProgress& progress);
+                                                const Attempt& attempt, const SearchProgress& progress);
   std::vector<PoseCandidate> candidatesByShifts(const PosePriorTerm& belief, const StartSettings& starts);
   void classifyAlternatives(const PosePriorTerm& belief, const Pose& T_rigid, const std::vector<PoseCandidate>& others,
                             RegistrationResult& result);
@@ -150,18 +170,19 @@ double OrientedKernel::spread_px(const PosePriorTerm& belief, const Pose& T_came
 
 // For all of the tree in view: starts on the fields. `belief` has been widened so many times.
 std::vector<PoseCandidate> OrientedKernel::candidatesByFields(const PosePriorTerm& belief, const StartSettings& starts,
-                                                              double widened, const SearchProgress& progress) {
+                                                              const Attempt& attempt, const SearchProgress& progress) {
+  const double widened = attempt.widened;
   std::vector<PoseCandidate> candidates;
   if (frame_.viewCount() == 1 && (widened > 2 || starts.box())) {
     // Too wide for draws to hit every basin: all shifts for each draw of rotation and depth.
     candidates = fields_.everyShift(frame_, draws_.withoutShift(belief, starts, 1500),
-                                    shiftReach_m(belief, starts, 2.5), 512, progress);
+                                    shiftReach_m(belief, starts, 2.5), attempt.outlier_mass, 512, progress);
   } else {
     const int count = starts.count > 0 ? starts.count : settings_.starts;
     const int more = starts.box() ? 32 : widened > 2 ? 16 : widened > 1 ? 4 : 1;
     for (const Pose& T : draws_.poses(belief, starts, more * count)) candidates.push_back({T, 0});
   }
-  fields_.halve(frame_, belief, candidates, 4);
+  fields_.halve(frame_, belief, attempt.outlier_mass, candidates, kCompared);
   return candidates;
 }
 
@@ -254,7 +275,7 @@ RegistrationResult OrientedKernel::align(const XrayViews& views, const PosePrior
     while (scale + 1 < kFieldScales && kFieldScales_px[static_cast<std::size_t>(scale) + 1] >= off_px) ++scale;
     for (; scale < kFieldScales; ++scale) {
       const auto& points = model_.subsets[static_cast<std::size_t>(scale) + 1];
-      result.rigid_iterations += fields_.ascend(frame_, *belief, points, scale, 6, candidate);
+      result.rigid_iterations += fields_.ascend(frame_, *belief, points, scale, 6, kSomeEmpty, candidate);
     }
   }
   finish(*belief, candidate.T_camera_centered, plan, result);
@@ -276,18 +297,13 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
   RegistrationResult result;
   const auto belief = begin(views, beforeSearch(prior, starts), prior.T_camera_model, result);
   if (!belief) return result;
-  const LineFitPlan quick = small_ ? kSmallQuick : kQuick;
-  for (const double widened : {1.0, 1.8, 3.0}) {
-    if (widened > 1 && (starts.box() || small_ || prior.covariance)) break;
-    PosePriorTerm wide = *belief;
-    wide.information /= widened * widened;
-    auto candidates = small_ ? candidatesByShifts(wide, starts)
-                             : candidatesByFields(wide, starts, widened, widened > 1 ? SearchProgress() : progress);
-    if (candidates.empty()) break;
+  bool first = true;
+  // Fits the candidates under a belief and keeps the best of them if it is better than what there is.
+  const auto take = [&](PosePriorTerm wide, std::vector<PoseCandidate> candidates) {
     // A small image says little about where it may be: what it does say must not be outweighed by a start that is far
     // off.
     if (small_) wide = shiftsFreed(wide);
-    comparison_.rank(wide, candidates, quick);
+    comparison_.rank(wide, candidates, small_ ? kSmallQuick : kQuick);
     RegistrationResult found = result;
     LineFitPlan plan = kFull;
     if (small_) plan.gate_px = kSmallGate_px;
@@ -296,13 +312,31 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
     const Pose rigid = found.T_camera_model * Eigen::Translation3d(model_.centroid);
     deform(wide, found);
     classifyAlternatives(wide, rigid, candidates, found);
-    const bool first = widened == 1.0;
-    if (first || found.agreement.score() * (1 - *found.ambiguity) > result.agreement.score() * (1 - *result.ambiguity))
-      result = found;
+    const auto merit = [](const RegistrationResult& r) { return r.agreement.score() * (1 - *r.ambiguity); };
+    if (first || merit(found) > merit(result)) result = found;
+    first = false;
+  };
+  const auto settled = [&] {
+    return small_ || result.status == RegistrationStatus::kConverged || *result.ambiguity < kChanceRival;
+  };
+  for (const Attempt& attempt : kAttempts) {
+    if (attempt.widened > 1 && (starts.box() || prior.covariance)) break;
+    const PosePriorTerm wide = widenedBy(attempt.widened, *belief);
+    auto candidates = small_ ? candidatesByShifts(wide, starts)
+                             : candidatesByFields(wide, starts, attempt, first ? progress : SearchProgress());
+    if (candidates.empty()) break;
+    take(wide, std::move(candidates));
+    // What is not explained by luck, and not well, is often right but for the belief's pull: once more from there.
+    if (!settled() && result.agreement.score() >= kChanceScore) {
+      PosePriorTerm there = widenedBy(kNearby, *belief);
+      there.T0_camera_centered = result.T_camera_model * Eigen::Translation3d(model_.centroid);
+      StartSettings nearby = starts;
+      nearby.box_rotation_deg = nearby.box_translation_mm = 0;
+      take(prior.covariance ? *belief : widenedBy(kWidest, *belief),
+           candidatesByFields(there, nearby, {1, attempt.outlier_mass}, {}));
+    }
     // In doubt a little wider; far wider only when nothing has been found.
-    const bool chance = result.agreement.score() < kChanceScore;
-    if (small_ || result.status == RegistrationStatus::kConverged || *result.ambiguity < kChanceRival) break;
-    if (widened > 1 && !chance) break;
+    if (settled() || (attempt.widened > 1 && result.agreement.score() >= kChanceScore)) break;
   }
   if (progress) progress(1);
   result.times.total_s = began.seconds();

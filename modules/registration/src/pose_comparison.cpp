@@ -9,6 +9,8 @@ namespace angio::registration {
 namespace {
 
 constexpr double kCompared_px = 3;
+// A point of the model has found its vessel where the kernel sum is half of a vessel's.
+constexpr double kMatchedMass = 0.5;
 // A different pose is compared where it matters: at the distance that a right fit leaves.
 constexpr double kRival_px = 2;
 // Poses whose points lie further apart than this (rms, about) are different answers.
@@ -27,7 +29,7 @@ PoseComparison::PoseComparison(const OrientedModel& model, FieldSearch& fields, 
 // Share of the model's points in view that have found a vessel; 1 where it does not count.
 double PoseComparison::modelShare(const PosePriorTerm& belief, PoseCandidate& candidate) const {
   if (small_) return 1;
-  fields_.ascend(*frame_, belief, model_.subsets.back(), kFieldScales - 1, 0, candidate);
+  fields_.ascend(*frame_, belief, model_.subsets.back(), kFieldScales - 1, 0, kMatchedMass, candidate);
   return candidate.score;
 }
 
@@ -67,7 +69,7 @@ PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const Pose&
     PosePriorTerm there = belief;
     there.T0_camera_centered = mirrored.T_camera_centered;
     for (int scale = 1; scale < kFieldScales; ++scale) {
-      fields_.ascend(*frame_, there, model_.subsets[static_cast<std::size_t>(scale)], scale, 6, mirrored);
+      fields_.ascend(*frame_, there, model_.subsets[static_cast<std::size_t>(scale)], scale, 6, kMatchedMass, mirrored);
     }
     ask(lines_.fit(*frame_, there, mirrored.T_camera_centered, kQuick).T_camera_centered);
   }

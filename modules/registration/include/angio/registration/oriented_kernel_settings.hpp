@@ -52,8 +52,6 @@ struct OrientedKernelSettings {
   double prior_translation_std_mm = 10;
 
   int starts = 128;  ///< Of a search that does not say how many.
-  double outlier_mass =
-      0.5;  ///< Kernel sum at which a model point is as likely stray as matched; a single vessel has 1.
   static constexpr double along_stiffness =
       0.2;  ///< Stiffness along a vessel relative to across it; 1 never lowers the objective.
 
