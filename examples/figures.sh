@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
-# Without a name: rows, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
+#   examples/figures.sh [rows] [worlds] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
+# Without a name: rows, worlds, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
 # brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer. navigating (part of servoing) takes an aortic arch
 # from steve-dualdevicenav there, or from ARCH; TARGETS=6 runs fewer, FIRST_SEED=1 the journeys that settings were tuned on.
 set -euo pipefail
@@ -50,6 +50,42 @@ rows() {
   done
   clinical
   phantom
+}
+
+# Whole brains in two halves: nothing was tuned on the second. Needs ANGIO_SHARED_DATA.
+worlds() {
+  local half one shared="${ANGIO_SHARED_DATA:-}" trials=${TRIALS:-200}
+  if [ ! -f "$shared/brava/BG05.swc" ]; then echo "### worlds: skipped, ANGIO_SHARED_DATA has no brava/*.swc"; return; fi
+  printf 'iterative_pnp: {outside_image: ignore, prior: covariance}\n' > "$work/best.yaml"
+  for half in "tuned on:BG0002 BG10 BH0006 BH0021 BH0032:case_002 case_054 case_056 case_097" \
+              "held out:BG05 BG18 BH0014 BH0026 BH0037:case_105 case_107 case_109 case_111 case_113"; do
+    local name trees lungs
+    IFS=: read -r name trees lungs <<< "$half"
+    local simulate=("$bin"/angio-evaluate simulation --noise-px 1 --seed 11)
+    local fields=()
+    for one in $trees; do simulate+=(--tree "$shared/brava/$one.swc"); done
+    for one in $lungs; do fields+=(--deformation-field "$shared/lung-motion/$one.csv"); done
+    local ours=("${simulate[@]}" --trials "$trials" --spurious 5 --method oriented_kernel)
+    local wide=(--rotation-std-deg 5 --translation-std-mm 10)
+    echo; echo "### Contrast agent in a part of the vessels, whole brains, $name"
+    echo; echo "half filled, 2 deg / 5 mm"; "${ours[@]}" --filled 0.5
+    echo; echo "the same, iterative_pnp as it is"
+    "${simulate[@]}" --trials 50 --spurious 5 --method iterative_pnp --filled 0.5
+    echo; echo "the same, iterative_pnp at its best: 16 starts, prior as a covariance, what leaves the image ignored"
+    "${simulate[@]}" --trials 50 --spurious 5 --method iterative_pnp --starts 16 --settings "$work/best.yaml" --filled 0.5
+    echo; echo "half filled, 5 deg / 10 mm"; "${ours[@]}" --filled 0.5 "${wide[@]}"
+    echo; echo "30 % filled, 5 deg / 10 mm"; "${ours[@]}" --filled 0.3 "${wide[@]}"
+    echo; echo "all filled, 15 deg / 30 mm"; "${ours[@]}" --rotation-std-deg 15 --translation-std-mm 30
+    echo; echo "half filled, 2 deg / 5 mm, from X-ray images"
+    "$bin"/angio-evaluate simulation $(for one in $trees; do echo --tree "$shared/brava/$one.swc"; done) --seed 11 \
+      --trials "$((trials / 2))" --spurious 5 --method oriented_kernel --from images --filled 0.5
+    for one in 3 5; do
+      echo; echo "bent by $one mm rms, measured motion of lungs, rigid fit, 2 deg / 5 mm"
+      "${ours[@]}" "${fields[@]}" --deformation-mm "$one"
+      echo; echo "the same, nonrigid"
+      "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid
+    done
+  done
 }
 
 paper() {
@@ -279,6 +315,6 @@ speed() {
   "$bin"/angio-benchmark --benchmark_min_time=0.5 2>/dev/null
 }
 
-for part in "${@:-rows seeing paper table1 seeds calibration servoing speed}"; do
+for part in "${@:-rows worlds seeing paper table1 seeds calibration servoing speed}"; do
   for one in $part; do "$one"; done
 done

@@ -110,6 +110,27 @@ TEST_F(SimulationRuns, AllEntrantsSeeTheSameTrials) {
   EXPECT_NE(simulationTable(summaries).find("| again | 100 %"), std::string::npos) << simulationTable(summaries);
 }
 
+// What is not filled must not draw the search: with half of the tree empty, one territory, all but one or two of 40 are
+// found; and none is wrong and trusted.
+TEST_F(SimulationRuns, AHalfFilledTreeIsFound) {
+  setup_.trees = {test::branchingTree(6), test::branchingTree(9, {0.01, 0.02, 0})};
+  setup_.entrants = {{"oriented_kernel", OrientedKernelSettings(), {}}};
+  settings_.trials = 40;
+  settings_.filled = 0.5;
+  settings_.noise_px = 1;
+  settings_.spurious = 5;
+  settings_.rotation_std_deg = 5;
+  settings_.translation_std_mm = 10;
+  int found = 0, trusted = 0;
+  for (const CaseOutcome& o : runSimulation(setup_, settings_).front().outcomes) {
+    const bool right = o.error->mtre_m < kSuccessMtre_m;
+    found += right;
+    trusted += !right && o.result.status == RegistrationStatus::kConverged;
+  }
+  EXPECT_GE(found, 38);
+  EXPECT_EQ(trusted, 0);
+}
+
 TEST_F(SimulationRuns, NoTreeIsRefused) {
   setup_.trees.clear();
   EXPECT_NE(test::refusalOf([&] { runSimulation(setup_, settings_); }).find("trees"), std::string::npos);

@@ -36,9 +36,6 @@ constexpr double kMaxSpread_m = 3e-3, kAloneMaxSpread_m = 1e-3;
 // that is no vessel of this tree. Livers move by up to 25 mm with breath, most of it as one.
 constexpr double kMaxDeformation_m = 10e-3;
 
-// A solver that still moves the picture by more than this has run out of iterations, not come to rest [px].
-constexpr double kAtRest_px = 0.5;
-
 double rms(const Eigen::Matrix3Xd& displacements_m) {
   return displacements_m.cols() == 0
              ? 0.0

@@ -18,6 +18,9 @@ Matrix6d covarianceAboutCentroid(const Matrix6d& of_result, const Pose& T_camera
 Matrix6d covarianceOfResult(const Matrix6d& about_centroid, const Pose& T_camera_model,
                             const Eigen::Vector3d& centroid_model);
 
+/// A solver that still moves the picture by more than this has run out of iterations, not come to rest [px].
+constexpr double kAtRest_px = 0.5;
+
 /// Fewer points than this on either side cannot hold six unknowns against noise: sets the status and says so.
 bool tooFewPoints(RegistrationResult& result);
 

@@ -73,6 +73,7 @@ constexpr Attempt kAttempts[] = {{1, kSomeEmpty},   {1, kMostEmpty}, {1.8, kSome
 constexpr double kWidest = 3;
 // Of the belief, around what has been found.
 constexpr double kNearby = 0.5;
+constexpr int kNearbyRounds = 3;
 constexpr std::size_t kCompared = 4;
 
 class OrientedKernel final : public Registration {
@@ -298,6 +299,7 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
   const auto belief = begin(views, beforeSearch(prior, starts), prior.T_camera_model, result);
   if (!belief) return result;
   bool first = true;
+  std::vector<PoseCandidate> rivals;
   // Fits the candidates under a belief and keeps the best of them if it is better than what there is.
   const auto take = [&](PosePriorTerm wide, std::vector<PoseCandidate> candidates) {
     // A small image says little about where it may be: what it does say must not be outweighed by a start that is far
@@ -311,13 +313,19 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
     found.times.rigid_s = began.seconds() - result.times.prepare_s;
     const Pose rigid = found.T_camera_model * Eigen::Translation3d(model_.centroid);
     deform(wide, found);
-    classifyAlternatives(wide, rigid, candidates, found);
+    // Draws around one pose know no other: what earlier ones came upon is asked as well.
+    rivals.insert(rivals.end(), candidates.begin(), candidates.end());
+    classifyAlternatives(wide, rigid, rivals, found);
     const auto merit = [](const RegistrationResult& r) { return r.agreement.score() * (1 - *r.ambiguity); };
-    if (first || merit(found) > merit(result)) result = found;
+    const bool is_better = first || merit(found) > merit(result);
+    if (is_better) result = found;
     first = false;
+    return is_better;
   };
+  const auto byLuck = [&] { return result.agreement.score() < kChanceScore; };
   const auto settled = [&] {
-    return small_ || result.status == RegistrationStatus::kConverged || *result.ambiguity < kChanceRival;
+    const bool alone = *result.ambiguity < kChanceRival && !byLuck() && result.last_step_px <= kAtRest_px;
+    return small_ || result.status == RegistrationStatus::kConverged || alone;
   };
   for (const Attempt& attempt : kAttempts) {
     if (attempt.widened > 1 && (starts.box() || prior.covariance)) break;
@@ -326,17 +334,20 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
                              : candidatesByFields(wide, starts, attempt, first ? progress : SearchProgress());
     if (candidates.empty()) break;
     take(wide, std::move(candidates));
-    // What is not explained by luck, and not well, is often right but for the belief's pull: once more from there.
-    if (!settled() && result.agreement.score() >= kChanceScore) {
+    // What is explained, and not well, is often near the right pose and kept from it by the belief: once more from
+    // there.
+    const bool try_nearby = attempt.widened > 1 || attempt.outlier_mass > kSomeEmpty || !byLuck();
+    bool moved = try_nearby;
+    for (int round = 0; round < kNearbyRounds && moved && !settled(); ++round) {
       PosePriorTerm there = widenedBy(kNearby, *belief);
       there.T0_camera_centered = result.T_camera_model * Eigen::Translation3d(model_.centroid);
       StartSettings nearby = starts;
       nearby.box_rotation_deg = nearby.box_translation_mm = 0;
-      take(prior.covariance ? *belief : widenedBy(kWidest, *belief),
-           candidatesByFields(there, nearby, {1, attempt.outlier_mass}, {}));
+      moved = take(prior.covariance ? *belief : widenedBy(kWidest, *belief),
+                   candidatesByFields(there, nearby, {1, attempt.outlier_mass}, {}));
     }
     // In doubt a little wider; far wider only when nothing has been found.
-    if (settled() || (attempt.widened > 1 && result.agreement.score() >= kChanceScore)) break;
+    if (settled() || (attempt.widened > 1 && !byLuck())) break;
   }
   if (progress) progress(1);
   result.times.total_s = began.seconds();
