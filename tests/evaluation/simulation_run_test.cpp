@@ -131,6 +131,21 @@ TEST_F(SimulationRuns, AHalfFilledTreeIsFound) {
   EXPECT_EQ(trusted, 0);
 }
 
+// A claim holds for a rigid tree, and not for one that is bent by far more than the covariance of its rigid pose knows.
+TEST_F(SimulationRuns, ClaimsAreHeldAgainstTheTruth) {
+  setup_.entrants = {{"oriented_kernel", OrientedKernelSettings(), {}}};
+  settings_.trials = 8;
+  settings_.noise_px = 1;
+  const auto beyond = [&] {
+    double sum = 0;
+    for (const CaseOutcome& o : runSimulation(setup_, settings_).front().outcomes) sum += o.claim.value().beyond / 8;
+    return sum;
+  };
+  EXPECT_LT(beyond(), 0.2);
+  settings_.deformation_rms_mm = 2;
+  EXPECT_GT(beyond(), 0.5);
+}
+
 TEST_F(SimulationRuns, NoTreeIsRefused) {
   setup_.trees.clear();
   EXPECT_NE(test::refusalOf([&] { runSimulation(setup_, settings_); }).find("trees"), std::string::npos);

@@ -86,6 +86,11 @@ Json caseAsJson(const CaseOutcome& outcome) {
     for (int i = 0; i < 36; ++i) json["covariance"].push_back((*r.covariance)(i / 6, i % 6));
   }
   json["ambiguity"] = orNull(r.ambiguity);
+  if (outcome.claim) {
+    json["claim"] = {{"beyond", outcome.claim->beyond},
+                     {"depth_in_90", outcome.claim->depth_in},
+                     {"plane_in_90", outcome.claim->plane_in}};
+  }
   json["mean_projection_residual_px"] = r.agreement.model_residual_px;
   json["rms_projection_residual_px"] = r.agreement.model_rms_px;
   json["mean_image_residual_px"] = r.agreement.image_residual_px;

@@ -16,6 +16,35 @@ using O = const CaseOutcome&;
 
 constexpr double kGrossFailure_mm = 5;
 
+// Of a 3D normal error, the square of the distance that 99.73 % stay within; and of one axis, 90 %.
+constexpr double kBeyond2 = 14.16, kNinety = 1.6449;
+constexpr Eigen::Index kClaimPoints = 300;
+
+std::optional<CaseOutcome::Claim> claimOf(const VesselTree& tree, const RegistrationResult& result,
+                                          const SimulatedTrial& trial) {
+  CaseOutcome::Claim claim;
+  double count = 0;
+  const Eigen::Index stride = std::max<Eigen::Index>(1, tree.points().cols() / kClaimPoints);
+  for (Eigen::Index i = stride / 2; i < tree.points().cols(); i += stride, ++count) {
+    Eigen::Vector3d model = tree.points().col(i), truth = model;
+    if (result.displacements_m.cols() > i) model += result.displacements_m.col(i);
+    if (trial.displacements_m.cols() > i) truth += trial.displacements_m.col(i);
+    const auto C = pointCovariance(result, model);
+    if (!C) return std::nullopt;
+    const Eigen::Vector3d error = result.T_camera_model * model - trial.truth * truth;
+    const Eigen::Vector3d ray = (result.T_camera_model * model).normalized();
+    const Eigen::Quaterniond to_ray = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray);
+    const auto within = [&](const Eigen::Vector3d& axis) {
+      return std::abs(axis.dot(error)) <= kNinety * std::sqrt(axis.dot(*C * axis));
+    };
+    claim.beyond += error.dot(C->ldlt().solve(error)) > kBeyond2;
+    claim.depth_in += within(ray);
+    claim.plane_in += 0.5 * (within(to_ray * Eigen::Vector3d::UnitX()) + within(to_ray * Eigen::Vector3d::UnitY()));
+  }
+  for (double* share : {&claim.beyond, &claim.depth_in, &claim.plane_in}) *share /= count;
+  return claim;
+}
+
 CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, const StartSettings& starts) {
   const VesselTree& tree = registration.tree();
   CaseOutcome outcome;
@@ -25,9 +54,14 @@ CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, c
   outcome.pixel_at_isocenter_m = (trial.truth * tree.centroid()).z() / camera.parameters().fx_px;
   outcome.start_error = poseError(tree, camera, {trial.start, {}}, truth);
   outcome.error = poseError(tree, camera, {outcome.result.T_camera_model, outcome.result.displacements_m}, truth);
+  outcome.claim = claimOf(tree, outcome.result, trial);
   return outcome;
 }
 
+// More of the tree's points beyond the claim than this, and the claim is wrong.
+constexpr double kMostBeyond = 0.05;
+
+bool isConverged(O o) { return o.result.status == RegistrationStatus::kConverged; }
 bool succeeded(O o) { return o.error && o.error->mtre_m < kSuccessMtre_m; }
 
 // Beside summaryOf's, of trials with their truth.
@@ -38,6 +72,11 @@ std::vector<Column<CaseOutcome>> trialColumns() {
        [](O o) { return !(o.error->mpd_isocenter_m && 1e3 * *o.error->mpd_isocenter_m <= kGrossFailure_mm); }},
       {"", "gfr_nearest_isocentre_5mm_percent", "percent",
        [](O o) { return !(1e3 * o.pixel_at_isocenter_m * o.result.agreement.model_residual_px <= kGrossFailure_mm); }},
+      {"", "converged_percent", "percent", isConverged},
+      {"", "converged_and_wrong_percent", "percent",
+       [](O o) { return isConverged(o) && (!o.claim || o.claim->beyond > kMostBeyond); }},
+      {"", "depth_in_90_percent", kSpread, [](O o) { return o.claim ? Json(100 * o.claim->depth_in) : Json(nullptr); }},
+      {"", "plane_in_90_percent", kSpread, [](O o) { return o.claim ? Json(100 * o.claim->plane_in) : Json(nullptr); }},
       {"", "in_plane_below_2mm_percent", "percent", [](O o) { return o.error->in_plane_m < kSuccessMtre_m; }}};
 }
 
@@ -247,6 +286,12 @@ std::string simulationTable(const Json& summaries) {
                                  {"unbroken", "{capture_range_unbroken_mm:%.0f mm}"},
                                  {"failed, noticed", "{failed_and_noticed_percent:%.0f %%}"},
                                  {"failed, trusted", "{failed_and_trusted_percent:%.0f %%}"}}) +
+         "\n" +
+         figureTable(summaries, {{"method", ""},
+                                 {"converged", "{converged_percent:%.0f %%}"},
+                                 {"converged and wrong", "{converged_and_wrong_percent:%.1f %%}"},
+                                 {"depth in its 90 %", "{depth_in_90_percent/mean:%.0f %%}"},
+                                 {"in-plane in its 90 %", "{plane_in_90_percent/mean:%.0f %%}"}}) +
          "\n" +
          figureTable(summaries, {{"method", ""},
                                  {"mTRE", "{mtre_mm/median:%.3f mm}"},

@@ -32,6 +32,14 @@ struct CaseOutcome {
   double pixel_at_isocenter_m = 0;       ///< Size of the first view's pixel at the depth of the tree's centroid.
   std::optional<bool> followed;          ///< Of a frame of a sequence: whether it passed the gate, and is tracked.
   std::optional<std::string> rejection;  ///< Why the gate rejected it; nothing when it passed, or is of no sequence.
+  /// Of a result with a covariance and a known truth: shares of the tree's points that lie further off than the
+  /// covariance claims.
+  struct Claim {
+    double beyond = 0;    ///< Beyond its ellipsoid of 3 standard deviations (99.7 %).
+    double depth_in = 0;  ///< Share whose depth is within the 90 % interval.
+    double plane_in = 0;  ///< The same across the beam, of both axes.
+  };
+  std::optional<Claim> claim;
   std::optional<PoseError> start_error,
       error;  ///< Of the pose it started from and of the result, when the truth is known; in the first view.
 };
