@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-register: one tree, one X-ray image or centreline (or one of each view), one pose.
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <iostream>
+#include <optional>
 #include <string>
 
 #include "angio/base/errors.hpp"
@@ -39,15 +41,25 @@ struct Options {
   double search_rotation_deg = 0, search_translation_mm = 0;
   double max_age_days = RecordGate{}.max_age_days;
   bool nonrigid = false;
-  BusOptions live;  // Used when it names a bus.
+  bool certify = false;
+  CertificateSettings certificate;  // But for the box, which is the search's when that has one.
+  BusOptions live;                  // Used when it names a bus.
 
   void checkLive() const {
     if (live.calibration.empty()) throw CLI::RequiredError("--calibration with --bus");
     if (!files.cameras.empty() || !files.centerlines.empty() || !files.images.empty()) {
       throw CLI::ExcludesError("--bus", "files of a camera, a centreline or an image");
     }
-    if (!settings.empty() || !out.empty() || !out_pose.empty() || !overlay.empty() || nonrigid) {
-      throw CLI::ExcludesError("--bus", "--settings, --nonrigid, --out, --out-pose and --overlay");
+    if (!settings.empty() || !out.empty() || !out_pose.empty() || !overlay.empty() || nonrigid || certify) {
+      throw CLI::ExcludesError("--bus", "--settings, --nonrigid, --certify, --out, --out-pose and --overlay");
+    }
+  }
+
+  void check() const {
+    files.check();
+    if (certify && nonrigid) throw CLI::ExcludesError("--certify", "--nonrigid");
+    if (certify && std::max(files.images.size(), files.centerlines.size()) > 1) {
+      throw CLI::ExcludesError("--certify", "a second view");
     }
   }
 };
@@ -96,6 +108,37 @@ RegistrationResult searched(Registration& registration, const std::vector<SeenVi
                              [&](double share_done) { bar.show(static_cast<int>(kSteps * share_done)); });
 }
 
+// Looks for what else could be the answer. A pose that has a rival is not trusted.
+PoseCertificate certified(const VesselTree& tree, const SeenView& view, const Pose& initial,
+                          const CertificateSettings& settings, RegistrationResult& result) {
+  constexpr int kSteps = 1000;
+  ProgressBar bar("certifying", kSteps);
+  const auto began = std::chrono::steady_clock::now();
+  const XrayView seen{view.centerline, view.camera, view.T_view_first, view.collimator_px};
+  auto certificate = certify(tree, seen, initial, result.T_camera_model, settings, [&](double closed, double bound) {
+    // Over when the box is closed, and after the time that it may take.
+    const double elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    char note[40];
+    std::snprintf(note, sizeof note, "bound %.2f of the score", bound);
+    bar.show(static_cast<int>(kSteps * std::max(closed, elapsed_s / settings.seconds)), note);
+  });
+  if (certificate.rival && result.status == RegistrationStatus::kConverged) {
+    result.status = RegistrationStatus::kAmbiguous;
+    result.reason = certificate.reason;
+  }
+  return certificate;
+}
+
+std::string captionOf(const PoseCertificate& certificate, const CertificateSettings& settings) {
+  if (!certificate.proven) return certificate.reason;
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "proven: no pose within +-%g deg / +-%g mm and more than %g mm away has %g %% of the score   %.1f s",
+                settings.box_rotation_deg, settings.box_translation_mm, settings.distance_mm,
+                100 * settings.rival_share, certificate.seconds);
+  return text;
+}
+
 // Cameras whose calibration is old may still be right, and whoever asks should know.
 void warnOfOldCameras(const Options& o) {
   for (const std::string& camera : o.files.cameras) {
@@ -123,8 +166,17 @@ int registerOne(const Options& o) {
   outcome.image_s = image_s;
   outcome.result = searched(*makeRegistration(method, tree), views, initial, settings.starts);
 
+  CertificateSettings asked = o.certificate;
+  if (settings.starts.box()) {
+    asked.box_rotation_deg = settings.starts.box_rotation_deg;
+    asked.box_translation_mm = settings.starts.box_translation_mm;
+  }
+  std::optional<PoseCertificate> certificate;
+  if (o.certify) certificate = certified(tree, views.front(), initial, asked, outcome.result);
+
   nlohmann::ordered_json json = {{"method", o.method}};
   json.update(caseAsJson(outcome));
+  if (certificate) json["certificate"] = certificateAsJson(*certificate, asked);
   if (!assumed.empty()) json["assumed"] = assumed;
   json["settings"] = methodAsJson(method);
   json["settings"]["starts"] = settingsAsJson(settings.starts);
@@ -137,6 +189,7 @@ int registerOne(const Options& o) {
   } else {
     writeWholeFile(o.out, json.dump(2) + "\n");
     std::cout << captionOf(outcome) << "\n";
+    if (certificate) std::cout << captionOf(*certificate, asked) << "\n";
   }
   return 0;
 }
@@ -234,6 +287,19 @@ int main(int argc, char** argv) {
       ->check(angio::apps::between(0, 180));
   app.add_option("--search-translation-mm", o.search_translation_mm, "The same for shifts along each axis")
       ->check(angio::apps::between(0, 1000));
+  auto* certify = app.add_flag("--certify", o.certify,
+                               "Prove that no different pose of the box scores nearly as well, or find one; the "
+                               "search's box, or +-45 deg and +-60 mm");
+  app.add_option("--certify-seconds", o.certificate.seconds, "Time for the proof; what is open then is not proven")
+      ->check(angio::apps::between(0, 1e6))
+      ->needs(certify);
+  app.add_option("--certify-distance-mm", o.certificate.distance_mm,
+                 "Poses further away than this are different; depth does not count")
+      ->check(angio::apps::between(0, 1000))
+      ->needs(certify);
+  app.add_option("--certify-threads", o.certificate.threads, "Threads of the proof; 0: as many as the processor has")
+      ->check(CLI::Range(0, 256))
+      ->needs(certify);
   app.add_option("--polarity", o.polarity, "How vessels stand out of the image")
       ->check(CLI::IsMember({"dark", "bright"}));
   app.add_option("--max-calibration-age-days", o.max_age_days, "A camera's older calibration is warned of")
@@ -248,7 +314,7 @@ int main(int argc, char** argv) {
   app.add_option("--duration-s", o.live.duration_s, "With --bus: how long; 0: until stopped")
       ->check(angio::apps::between(0, 86400))
       ->needs(bus);
-  app.parse_complete_callback([&] { o.live.bus.empty() ? o.files.check() : o.checkLive(); });
+  app.parse_complete_callback([&] { o.live.bus.empty() ? o.check() : o.checkLive(); });
   return angio::apps::runProgram(app, argc, argv, [&] {
     o.live.tree = o.tree;
     o.live.method = o.method;

@@ -113,6 +113,25 @@ Json caseAsJson(const CaseOutcome& outcome) {
   return json;
 }
 
+Json certificateAsJson(const PoseCertificate& c, const CertificateSettings& settings) {
+  Json json = {{"proven", c.proven}, {"reason", c.reason}, {"score", c.score}, {"bound", c.bound}};
+  json["rival_pose"] = nullptr;
+  if (c.rival) {
+    Json& rival = json["rival_pose"] = Json::object();
+    for (int i = 0; i < 9; ++i) rival["rotation"].push_back(c.rival->T_camera_model.linear()(i / 3, i % 3));
+    for (int i = 0; i < 3; ++i) rival["translation_mm"].push_back(1e3 * c.rival->T_camera_model.translation()[i]);
+    rival["share_of_score"] = c.rival->share;
+    rival["distance_mm"] = 1e3 * c.rival->distance_m;
+  }
+  json["seconds"] = c.seconds;
+  json["cells"] = c.cells;
+  json["box_rotation_deg"] = settings.box_rotation_deg;
+  json["box_translation_mm"] = settings.box_translation_mm;
+  json["distance_mm"] = settings.distance_mm;
+  json["rival_share"] = settings.rival_share;
+  return json;
+}
+
 Json summaryOf(const std::vector<CaseOutcome>& all) {
   Json summary;
   summary["cases"] = all.size();

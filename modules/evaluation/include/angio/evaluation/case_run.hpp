@@ -12,6 +12,7 @@
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/perception/patient_tracker.hpp"
+#include "angio/registration/certificate.hpp"
 #include "angio/registration/starts.hpp"
 
 namespace angio::evaluation {
@@ -54,6 +55,9 @@ nlohmann::ordered_json summaryOf(const std::vector<CaseOutcome>& outcomes);
 
 /// One case as outside tools read it.
 nlohmann::ordered_json caseAsJson(const CaseOutcome& outcome);
+
+/// A certificate and what was asked for.
+nlohmann::ordered_json certificateAsJson(const PoseCertificate& certificate, const CertificateSettings& settings);
 
 /// Processor, cores, compiler, versions: what a time depends on.
 nlohmann::ordered_json machineAsJson();

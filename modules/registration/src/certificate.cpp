@@ -1,0 +1,510 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/registration/certificate.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <condition_variable>
+#include <cstdio>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include "angio/base/errors.hpp"
+#include "angio/base/stopwatch.hpp"
+#include "explained_raster.hpp"
+#include "pose_bounds.hpp"
+
+namespace angio::registration {
+namespace {
+
+// No pose has the tree's centroid nearer to the source.
+constexpr double kNearest_m = 0.01;
+// A cell whose poses differ by less than this in the image is not divided any more.
+constexpr double kSmallest_px = 0.2;
+constexpr int kMostDoubts = 1000;  // So many such cells, and it is over.
+// Steps from the depth-mirrored pose to the best one near it.
+constexpr double kMirrorTurn_rad = 0.05, kMirrorDepth_m = 0.01, kMirrorRay = 2e-3;
+constexpr double kProgressEvery_s = 0.1;
+
+// The poses of a certificate: rotation vector about the centroid from the box's middle, the centroid's ray and depth.
+struct Coordinates {
+  Eigen::Vector3d rotation;
+  double ray_x, ray_y, depth;
+};
+
+// The box, in which coordinates a pose is, and which poses are the found one.
+class Box {
+ public:
+  Box(const VesselTree& tree, const TreeSamples& samples, const Pose& center, const Pose& found,
+      const CertificateSettings& settings)
+      : center_(center * Eigen::Translation3d(tree.centroid())),
+        found_(found * Eigen::Translation3d(tree.centroid())),
+        half_turn_(degToRad(settings.box_rotation_deg)),
+        half_shift_m_(1e-3 * settings.box_translation_mm),
+        distance_m_(1e-3 * settings.distance_mm),
+        spread_(samples.points * samples.points.transpose() / TreeSamples::kCount),
+        found_ray_(found_.translation().head<2>() / found_.translation().z()) {}
+
+  const Pose& center() const { return center_; }
+  const Pose& found() const { return found_; }
+  /// Half the extent about and along each axis of the camera [rad], [m].
+  Eigen::Vector3d halfTurns() const { return half_turn_ * center_.linear().cwiseAbs().rowwise().sum(); }
+  Eigen::Vector3d halfExtent() const { return half_shift_m_ * center_.linear().cwiseAbs().rowwise().sum(); }
+
+  Pose pose(const Coordinates& c) const {
+    Pose T = Pose::Identity();
+    T.linear() = expSO3(c.rotation) * center_.linear();
+    T.translation() = c.depth * Eigen::Vector3d(c.ray_x, c.ray_y, 1);
+    return T;
+  }
+
+  Coordinates coordinates(const Pose& T) const {
+    const Eigen::Vector3d& t = T.translation();
+    return {logSO3(T.linear() * center_.linear().transpose()), t.x() / t.z(), t.y() / t.z(), t.z()};
+  }
+
+  /// The found pose with near and far exchanged, for a flat tree: from afar both look alike.
+  Pose depthMirrored() const {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread_);
+    const Eigen::Vector3d beam = found_.translation().normalized(), flat = axes.eigenvectors().col(0);
+    Pose mirrored = found_;
+    mirrored.linear() = (Eigen::Matrix3d::Identity() - 2 * beam * beam.transpose()) * found_.linear() *
+                        (Eigen::Matrix3d::Identity() - 2 * flat * flat.transpose());
+    return mirrored;
+  }
+
+  bool contains(const Coordinates& c) const {
+    if ((center_.linear().transpose() * c.rotation).cwiseAbs().maxCoeff() > half_turn_ || c.depth < kNearest_m)
+      return false;
+    const Eigen::Vector3d shift =
+        center_.linear().transpose() * (c.depth * Eigen::Vector3d(c.ray_x, c.ray_y, 1) - center_.translation());
+    return shift.cwiseAbs().maxCoeff() <= half_shift_m_;
+  }
+
+  /// Whether a cell's rotations are all outside the box.
+  bool outside(const PoseCell& cell) const {
+    const Eigen::Matrix3d to_model = center_.linear().transpose();
+    return ((to_model * cell.rotation).cwiseAbs() - to_model.cwiseAbs() * cell.half).maxCoeff() > half_turn_ + 1e-9;
+  }
+
+  /// Whether a ray's cell at these depths has no pose of the box.
+  bool outside(const PoseCell& cell, double ray_x, double ray_y, double half_ray) const {
+    const Eigen::Vector3d shift =
+        center_.linear().transpose() * (cell.depth * Eigen::Vector3d(ray_x, ray_y, 1) - center_.translation());
+    const double sideways = half_ray * (cell.depth + cell.half_depth);
+    const Eigen::Vector3d extent(sideways + std::abs(ray_x) * cell.half_depth,
+                                 sideways + std::abs(ray_y) * cell.half_depth, cell.half_depth);
+    const Eigen::Vector3d reach = center_.linear().transpose().cwiseAbs() * extent;
+    return (shift.cwiseAbs() - reach).maxCoeff() > half_shift_m_ + 1e-9;
+  }
+
+  /// Distance from the found pose [m]: of the rotations, and of the centroid's rays at the found depth.
+  double turned_m(const Eigen::Matrix3d& R) const {
+    const Eigen::Matrix3d change = R - found_.linear();
+    return std::sqrt(std::max(0.0, (change * spread_ * change.transpose()).trace()));
+  }
+  double shifted_m(double ray_x, double ray_y) const {
+    return found_.translation().z() * std::hypot(ray_x - found_ray_.x(), ray_y - found_ray_.y());
+  }
+  double distance_m(const Pose& T) const {
+    return std::hypot(turned_m(T.linear()),
+                      shifted_m(T.translation().x() / T.translation().z(), T.translation().y() / T.translation().z()));
+  }
+  bool isFound(const Pose& T) const { return distance_m(T) <= distance_m_; }
+
+  /// Whether all poses of a cell are the found one; `turned_most_m` is the most that its rotations are turned.
+  bool isFound(double turned_most_m, double ray_x, double ray_y, double half_ray) const {
+    if (turned_most_m > distance_m_) return false;
+    const double shifted = shifted_m(ray_x, ray_y) + std::sqrt(2.0) * half_ray * found_.translation().z();
+    return std::hypot(turned_most_m, shifted) <= distance_m_ * (1 - 1e-9);
+  }
+  double turnedMost_m(const PoseCell& cell) const {
+    return turned_m(expSO3(cell.rotation) * center_.linear()) + cell.half.norm() * std::sqrt(spread_.trace());
+  }
+
+ private:
+  Pose center_, found_;
+  double half_turn_, half_shift_m_, distance_m_;
+  Eigen::Matrix3d spread_;
+  Eigen::Vector2d found_ray_;
+};
+
+// A part of the box that is still open: rotations, depths, and cells of rays on a grid.
+struct Node {
+  PoseCell cell;
+  double half_ray = 0;
+  std::vector<std::pair<std::int32_t, std::int32_t>> rays;  // Cells of the grid of that width.
+  double volume = 1;                                        // Share of the box's rotations and depths.
+};
+
+// The open nodes by their bound, and what has become of the others.
+class Search {
+ public:
+  Search(const VesselTree& tree, const XrayView& view, const Pose& center, const Pose& found,
+         const CertificateSettings& settings)
+      : settings_(settings),
+        samples_(tree),
+        raster_(view.centerline, view.camera),
+        box_(tree, samples_, center, found, settings),
+        view_(view),
+        to_model_(-tree.centroid()) {}
+
+  PoseCertificate run(const CertificateProgress& progress);
+
+ private:
+  struct Worker {
+    explicit Worker(const Search& s) : bounds(s.samples_, s.raster_, s.view_, s.box_.center().linear()) {}
+    PoseBounds bounds;
+    std::vector<Node> children;
+    int children_bound = 0;
+    std::vector<std::pair<std::int32_t, std::int32_t>> kept, finer;
+    long cells = 0;
+    double closed = 0;
+  };
+  enum class Ended { kDone, kOutOfTime, kRival, kTooSmall };
+
+  void openRoot();
+  void work(Worker& worker, const CertificateProgress& progress);
+  Ended divide(Node& node, Worker& worker);
+  bool tryCorners(const Node& node, Worker& worker);
+  bool isRival(const Coordinates& at, int points);
+  bool tryPose(const Coordinates& at, const PoseCell& cell, double half_ray, Worker& worker);
+  Coordinates climbed(Coordinates at, int& points, const PoseCell& cell, double half_ray, Worker& worker) const;
+  double rayOf(std::int32_t place, double middle, double half_ray) const {
+    return middle - root_half_ray_ + (2 * place + 1) * half_ray;
+  }
+  bool outOfTime() const { return began_.seconds() >= settings_.seconds; }
+
+  CertificateSettings settings_;
+  TreeSamples samples_;
+  ExplainedRaster raster_;
+  Box box_;
+  const XrayView& view_;
+  Eigen::Translation3d to_model_;
+  Stopwatch began_;
+  int most_ = 0, found_ = 0, enough_ = 0;  // Points: the most, of the found pose, and those that make a rival.
+  double ray_x_ = 0, ray_y_ = 0, root_half_ray_ = 0;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::vector<std::vector<Node>> open_;  // By bound.
+  int highest_ = -1;                     // No node has a higher bound.
+  std::multiset<int> in_work_;           // Bounds of nodes that are being divided.
+  int left_open_ = -1;                   // Highest bound of nodes that were given up.
+  bool stop_ = false;
+  std::atomic<bool> rival_found_{false};
+  std::atomic<int> best_points_{0};
+  std::optional<Pose> rival_;  // Of the centred model.
+  int rival_points_ = 0;
+  double closed_ = 0;
+  long cells_ = 0;
+  int doubts_ = 0, doubtful_ = -1;  // Cells that were too small to be divided, and their highest bound.
+};
+
+void Search::openRoot() {
+  const Eigen::Vector3d t = box_.center().translation(), extent = box_.halfExtent();
+  const double nearest = std::max(kNearest_m, t.z() - extent.z()), farthest = t.z() + extent.z();
+  if (!(farthest > nearest)) throw InputError("", "box", "", "must be in front of the X-ray source");
+  Node root;
+  root.cell.half = box_.halfTurns();
+  root.cell.depth = 0.5 * (nearest + farthest);
+  root.cell.half_depth = 0.5 * (farthest - nearest);
+  const auto range = [&](double low, double high, double& middle, double& half) {
+    const double least = std::min(low / nearest, low / farthest), most = std::max(high / nearest, high / farthest);
+    middle = 0.5 * (least + most);
+    half = 0.5 * (most - least) + 1e-9;
+  };
+  double half_x = 0, half_y = 0;
+  range(t.x() - extent.x(), t.x() + extent.x(), ray_x_, half_x);
+  range(t.y() - extent.y(), t.y() + extent.y(), ray_y_, half_y);
+  root_half_ray_ = root.half_ray = std::max(half_x, half_y);
+  root.rays = {{0, 0}};
+  open_.resize(static_cast<std::size_t>(most_) + 1);
+  open_.back().push_back(std::move(root));
+  highest_ = most_;
+}
+
+// Bounds a node's cells and divides what is left, in what moves the model most, until that is no ray.
+Search::Ended Search::divide(Node& node, Worker& w) {
+  w.children.clear();
+  w.children_bound = 0;
+  const double turned_most_m = box_.turnedMost_m(node.cell);
+  for (;;) {
+    auto [x_least, x_most] = std::make_pair(HUGE_VAL, -HUGE_VAL);
+    auto [y_least, y_most] = std::make_pair(HUGE_VAL, -HUGE_VAL);
+    for (const auto& [i, j] : node.rays) {
+      const double x = rayOf(i, ray_x_, node.half_ray), y = rayOf(j, ray_y_, node.half_ray);
+      x_least = std::min(x_least, x);
+      x_most = std::max(x_most, x);
+      y_least = std::min(y_least, y);
+      y_most = std::max(y_most, y);
+    }
+    const double spread = 0.5 * std::max(x_most - x_least, y_most - y_least);
+    w.bounds.prepare(node.cell, {0.5 * (x_least + x_most), 0.5 * (y_least + y_most), spread}, node.half_ray);
+    w.kept.clear();
+    int bound = 0;
+    std::pair<double, double> best{0, 0};
+    long looked = 0;
+    for (const auto& [i, j] : node.rays) {
+      if ((++looked & 1023) == 0 && outOfTime()) return Ended::kOutOfTime;
+      const double x = rayOf(i, ray_x_, node.half_ray), y = rayOf(j, ray_y_, node.half_ray);
+      if (box_.outside(node.cell, x, y, node.half_ray) || box_.isFound(turned_most_m, x, y, node.half_ray)) continue;
+      ++w.cells;
+      const int most = w.bounds.atMost(x, y, enough_);
+      if (most < 0) continue;
+      w.kept.emplace_back(i, j);
+      if (most > bound) {
+        bound = most;
+        best = {x, y};
+      }
+    }
+    if (w.kept.empty()) {
+      w.closed += node.volume;
+      return Ended::kDone;
+    }
+    if (tryPose({node.cell.rotation, best.first, best.second, node.cell.depth}, node.cell, node.half_ray, w))
+      return Ended::kRival;
+    if (outOfTime()) return Ended::kOutOfTime;
+
+    const auto& effects = w.bounds.effects_px();
+    const auto widest = std::max_element(effects.begin(), effects.end()) - effects.begin();
+    if (effects[static_cast<std::size_t>(widest)] < kSmallest_px)
+      return tryCorners(node, w) ? Ended::kRival : Ended::kTooSmall;
+    if (widest == 4) {
+      node.half_ray *= 0.5;
+      node.rays.clear();
+      for (const auto& [i, j] : w.kept) {
+        for (int k = 0; k < 4; ++k) node.rays.emplace_back(2 * i + k % 2, 2 * j + k / 2);
+      }
+      continue;
+    }
+    node.rays = w.kept;
+    node.volume *= 0.5;
+    w.children_bound = bound;
+    for (const double side : {-0.5, 0.5}) {
+      Node child = node;
+      if (widest == 3) {
+        child.cell.depth += side * node.cell.half_depth;
+        child.cell.half_depth *= 0.5;
+      } else {
+        child.cell.rotation[widest] += side * node.cell.half[widest];
+        child.cell.half[widest] *= 0.5;
+      }
+      if (box_.outside(child.cell)) {
+        w.closed += child.volume;
+        continue;
+      }
+      w.children.push_back(std::move(child));
+    }
+    return Ended::kDone;
+  }
+}
+
+// Up the score from a pose, in steps of its cell's size and smaller, among the different poses of the box.
+Coordinates Search::climbed(Coordinates at, int& points, const PoseCell& cell, double half_ray, Worker& w) const {
+  std::array<double, 6> step{cell.half.x(), cell.half.y(), cell.half.z(), half_ray, half_ray, cell.half_depth};
+  const double pixel = 1 / view_.camera.parameters().fx_px;
+  for (int k = 0; k < 3; ++k) step[k] = std::min(step[k], 0.1);
+  for (int round = 0; round < 6; ++round) {
+    for (bool better = true; better;) {
+      better = false;
+      for (int k = 0; k < 12; ++k) {
+        Coordinates to = at;
+        const double by = (k % 2 == 0 ? 1 : -1) * std::max(step[k / 2], k / 2 < 5 ? pixel : 1e-3);
+        if (k < 6) {
+          to.rotation[k / 2] += by;
+        } else {
+          (k < 8 ? to.ray_x : k < 10 ? to.ray_y : to.depth) += by;
+        }
+        if (!box_.contains(to)) continue;
+        const Pose T = box_.pose(to);
+        if (box_.isFound(T)) continue;
+        const int there = w.bounds.points(T, points + 1);
+        if (there < 0) continue;
+        points = there;
+        at = to;
+        better = true;
+      }
+    }
+    for (double& s : step) s *= 0.5;
+  }
+  return at;
+}
+
+// Whether a pose, or one near to it, is a rival.
+bool Search::tryPose(const Coordinates& at, const PoseCell& cell, double half_ray, Worker& w) {
+  if (!box_.contains(at)) return false;
+  const Pose T = box_.pose(at);
+  if (box_.isFound(T)) return false;
+  int points = w.bounds.points(T, best_points_ + 1);
+  if (points < 0) return false;
+  best_points_ = points;
+  const Coordinates top = climbed(at, points, cell, half_ray, w);
+  best_points_ = std::max<int>(best_points_, points);
+  return isRival(top, points);
+}
+
+bool Search::isRival(const Coordinates& at, int points) {
+  if (points < enough_) return false;
+  const std::lock_guard lock(mutex_);
+  if (points > rival_points_) {
+    rival_ = box_.pose(at);
+    rival_points_ = points;
+  }
+  return true;
+}
+
+// Whether a different pose of the box in a small cell is a rival; its middle may be the found one.
+bool Search::tryCorners(const Node& node, Worker& w) {
+  for (const auto& [i, j] : w.kept) {
+    for (int corner = 0; corner < 64; ++corner) {
+      const auto side = [&](int k) { return (corner >> k) % 2 == 0 ? -1 : 1; };
+      Coordinates at{node.cell.rotation, rayOf(i, ray_x_, node.half_ray) + side(3) * node.half_ray,
+                     rayOf(j, ray_y_, node.half_ray) + side(4) * node.half_ray,
+                     node.cell.depth + side(5) * node.cell.half_depth};
+      for (int k = 0; k < 3; ++k) at.rotation[k] += side(k) * node.cell.half[k];
+      if (!box_.contains(at)) continue;
+      const Pose T = box_.pose(at);
+      if (!box_.isFound(T) && isRival(at, w.bounds.points(T, enough_))) return true;
+    }
+  }
+  return false;
+}
+
+void Search::work(Worker& w, const CertificateProgress& progress) {
+  double shown_s = 0;
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    while (highest_ >= 0 && open_[static_cast<std::size_t>(highest_)].empty()) --highest_;
+    if (stop_ || (highest_ < 0 && in_work_.empty())) break;
+    if (highest_ < 0) {
+      changed_.wait(lock);
+      continue;
+    }
+    const int bound = highest_;
+    Node node = std::move(open_[static_cast<std::size_t>(bound)].back());
+    open_[static_cast<std::size_t>(bound)].pop_back();
+    const auto mine = in_work_.insert(bound);
+    if (progress && began_.seconds() - shown_s > kProgressEvery_s) {
+      shown_s = began_.seconds();
+      progress(closed_, std::min(1.0, static_cast<double>(*in_work_.rbegin()) / std::max(1, found_)));
+    }
+    lock.unlock();
+    const Ended ended = outOfTime() ? Ended::kOutOfTime : divide(node, w);
+    lock.lock();
+    in_work_.erase(mine);
+    closed_ += w.closed;
+    cells_ += w.cells;
+    w.closed = 0;
+    w.cells = 0;
+    if (ended == Ended::kTooSmall) {
+      // Not closed, and not divided: there is no proof any more, but there may be a rival elsewhere.
+      doubtful_ = std::max(doubtful_, bound);
+      stop_ = stop_ || ++doubts_ >= kMostDoubts;
+    } else if (ended == Ended::kDone) {
+      // A part has no more than the whole.
+      const int its = std::min(w.children_bound, bound);
+      for (Node& child : w.children) open_[static_cast<std::size_t>(its)].push_back(std::move(child));
+      if (!w.children.empty()) highest_ = std::max(highest_, its);
+    } else {
+      stop_ = true;
+      left_open_ = std::max(left_open_, bound);
+    }
+    changed_.notify_all();
+  }
+  changed_.notify_all();
+}
+
+PoseCertificate Search::run(const CertificateProgress& progress) {
+  PoseCertificate result;
+  {
+    const PoseBounds bounds(samples_, raster_, view_, box_.center().linear());
+    found_ = std::max(0, bounds.points(box_.found()));
+    most_ = bounds.mostPoints();
+  }
+  result.score = static_cast<double>(found_) / most_;
+  result.bound = found_ > 0 ? static_cast<double>(most_) / found_ : HUGE_VAL;
+  enough_ = static_cast<int>(std::ceil(settings_.rival_share * found_ - 1e-9));
+  if (found_ == 0 || !(box_.found().translation().z() > 0)) {
+    result.reason = "the image explains nothing of the tree under the found pose";
+    return result;
+  }
+  openRoot();
+  Worker worker(*this);
+  // Looked at first: it is what most often looks the same.
+  PoseCell around;
+  around.half.setConstant(kMirrorTurn_rad);
+  around.half_depth = kMirrorDepth_m;
+  stop_ = tryPose(box_.coordinates(box_.depthMirrored()), around, kMirrorRay, worker);
+  const int threads =
+      settings_.threads > 0 ? settings_.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  std::vector<std::thread> others;
+  for (int k = 1; k < threads; ++k) {
+    others.emplace_back([this] {
+      Worker helper(*this);
+      work(helper, {});
+    });
+  }
+  work(worker, progress);
+  for (auto& other : others) other.join();
+
+  while (highest_ >= 0 && open_[static_cast<std::size_t>(highest_)].empty()) --highest_;
+  const int open = std::max({highest_, left_open_, doubtful_});
+  result.seconds = began_.seconds();
+  result.cells = cells_;
+  result.proven = open < 0;
+  // What was closed has less than enough.
+  result.bound = static_cast<double>(std::max(open, enough_ - 1)) / found_;
+  char text[160] = "";
+  if (rival_) {
+    result.rival = PoseCertificate::Rival{*rival_ * to_model_, static_cast<double>(rival_points_) / found_,
+                                          box_.distance_m(*rival_)};
+    std::snprintf(text, sizeof text, "another pose, %.1f mm away, has %.2f of the score",
+                  1e3 * result.rival->distance_m, result.rival->share);
+  } else if (doubtful_ >= 0 && !outOfTime()) {
+    std::snprintf(text, sizeof text, "not proven: poses finer than the raster may have up to %.2f of the score",
+                  static_cast<double>(doubtful_) / found_);
+  } else if (open >= 0) {
+    std::snprintf(text, sizeof text, "not proven: bound %.2f of the score after %.0f s", result.bound, result.seconds);
+  }
+  result.reason = text;
+  return result;
+}
+
+void requireRange(const char* key, double value, double low, double high) {
+  if (value >= low && value <= high) return;
+  char rule[60];
+  std::snprintf(rule, sizeof rule, "must be from %g to %g", low, high);
+  throw InputError("certificate", key, std::to_string(value), rule);
+}
+
+}  // namespace
+
+double poseDistance_m(const VesselTree& tree, const Pose& a, const Pose& b) {
+  const TreeSamples samples(tree);
+  return Box(tree, samples, a, a, {}).distance_m(b * Eigen::Translation3d(tree.centroid()));
+}
+
+double certifiedScore(const VesselTree& tree, const XrayView& view, const Pose& T_camera_model) {
+  const TreeSamples samples(tree);
+  const ExplainedRaster raster(view.centerline, view.camera);
+  const PoseBounds bounds(samples, raster, view, Eigen::Matrix3d::Identity());
+  const int points = std::max(0, bounds.points(T_camera_model * Eigen::Translation3d(tree.centroid())));
+  return static_cast<double>(points) / bounds.mostPoints();
+}
+
+PoseCertificate certify(const VesselTree& tree, const XrayView& view, const Pose& box_center, const Pose& found,
+                        const CertificateSettings& settings, const CertificateProgress& progress) {
+  requireRange("box_rotation_deg", settings.box_rotation_deg, 0, 180);
+  requireRange("box_translation_mm", settings.box_translation_mm, 0, 1000);
+  requireRange("rival_share", settings.rival_share, 0.01, 1);
+  requireRange("distance_mm", settings.distance_mm, 0, 1000);
+  requireRange("seconds", settings.seconds, 0, 1e6);
+  requireRange("threads", settings.threads, 0, 256);
+  return Search(tree, view, box_center, found, settings).run(progress);
+}
+
+}  // namespace angio::registration

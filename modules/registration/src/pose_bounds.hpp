@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "angio/geometry/se3.hpp"
+#include "angio/geometry/xray_camera.hpp"
+#include "angio/registration/namespace.hpp"
+#include "angio/registration/xray_view.hpp"
+#include "angio/vessel/vessel_tree.hpp"
+#include "explained_raster.hpp"
+
+namespace angio::registration {
+
+/// Places of a tree with the direction of their vessel, about the tree's centroid.
+struct TreeSamples {
+  static constexpr int kCount = 256;  ///< A multiple of the lanes of any vector.
+
+  /// kCount places evenly spaced along the tree, in an order in which each part of the list covers the tree.
+  explicit TreeSamples(const VesselTree& tree);
+
+  Eigen::Matrix3Xd points, tangents;             ///< 3 x kCount [m].
+  std::vector<float> x, y, z, tx, ty, tz, norm;  ///< The same; `norm` is the distance from the centroid, rounded up.
+};
+
+/// Rotations exp(r) R0 with r within `half` of `rotation`, and depths of the centroid within `half_depth` of `depth`.
+struct PoseCell {
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero(), half = Eigen::Vector3d::Zero();  ///< [rad]
+  double depth = 0, half_depth = 0;                                                    ///< [m]
+};
+
+/// Where the centroid's ray meets the plane z = 1, and how far it may be from there in x and in y.
+struct RayCell {
+  double x = 0, y = 0, half = 0;
+};
+
+/// A part of the image with sides along its axes [px].
+struct ImageWindow {
+  double u_least = 0, v_least = 0, u_most = 0, v_most = 0;
+
+  bool contains(double u, double v) const { return u >= u_least && u <= u_most && v >= v_least && v <= v_most; }
+};
+
+/// Returns the part of a view's image in which the tree should be seen: the detector, or a window inside the
+/// collimator's edges.
+ImageWindow openWindow(const XrayView& view);
+
+/// Bounds of the score in all poses of a cell, in points.
+///
+/// A sample that the image explains has kExplained points, one that projects into the open window and is not explained
+/// costs kUnexplained, and one that is not seen has none.
+class PoseBounds {
+ public:
+  static constexpr int kExplained = 1, kUnexplained = 1;
+
+  /// Borrows samples and raster. `R0` is the rotation in the middle of all cells.
+  PoseBounds(const TreeSamples& samples, const ExplainedRaster& raster, const XrayView& view,
+             const Eigen::Matrix3d& R0);
+
+  /// For the bounds that follow: their rotations and depths, and rays of half width `half_ray` whose middles are in
+  /// `rays`.
+  void prepare(const PoseCell& cell, const RayCell& rays, double half_ray);
+
+  /// Points that no pose with the prepared rotations and depths and a ray within half_ray of (x, y) exceeds; or -1 when
+  /// they are less than `enough`.
+  int atMost(double ray_x, double ray_y, int enough) const;
+
+  /// How far in the image the prepared cell moves the samples on average, in u and v, by each of three rotations,
+  /// depth, and the ray: of the ray half, which stands for two dimensions [px].
+  const std::array<double, 5>& effects_px() const { return effects_px_; }
+
+  /// Points of a pose; -1 when they are less than `enough`.
+  int points(const Pose& T_camera_centered, int enough = 0) const;
+
+  static constexpr int mostPoints() { return kExplained * TreeSamples::kCount; }
+
+ private:
+  const TreeSamples& samples_;
+  const ExplainedRaster& raster_;
+  XrayCamera::Parameters camera_;
+  ImageWindow window_;
+  Eigen::Matrix3d R0_;
+  std::array<double, 5> effects_px_{};
+  // Of each level.
+  std::vector<float> radius_, inverse_cell_, last_column_, last_row_;
+  std::vector<std::int32_t> first_, columns_;
+  // Of each sample: its position in cells of its level is (u + x_per_ray ray_x, v + y_per_ray ray_y).
+  std::vector<float> u_, v_, u_per_ray_, v_per_ray_, u_last_, v_last_;
+  // Where on its level a sample must be to be in the window in all poses.
+  std::vector<float> u_seen_, v_seen_, u_seen_to_, v_seen_to_;
+  std::vector<std::int32_t> level_first_, level_columns_;
+  std::vector<std::uint32_t> directions_;
+};
+
+}  // namespace angio::registration

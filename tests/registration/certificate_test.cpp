@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// Certificates: bounds that hold, rivals that are found, and no proof without one.
+#include "angio/registration/certificate.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "angio/registration/starts.hpp"
+#include "angio/test/errors.hpp"
+#include "angio/test/namespace.hpp"
+#include "angio/test/phantoms.hpp"
+#include "angio/vessel/projection.hpp"
+#include "pose_bounds.hpp"
+
+namespace angio::test {
+namespace {
+
+struct Scene {
+  VesselTree tree;
+  XrayCamera camera;
+  Pose truth;
+  Centerline2d image;
+
+  explicit Scene(unsigned seed, XrayCamera seen_by = test::clinicalCamera())
+      : tree(test::branchingTree(seed)), camera(std::move(seen_by)) {
+    test::Random random(seed + 500);
+    truth = test::viewOf(tree, random);
+    image = projectedCenterline(tree, camera, truth);
+  }
+  Scene(VesselTree given, const Pose& T_camera_model)
+      : tree(std::move(given)), camera(test::clinicalCamera()), truth(T_camera_model) {
+    image = projectedCenterline(tree, camera, truth);
+  }
+  XrayView view() const { return {image, camera}; }
+};
+
+// A window that shows a part of the tree.
+XrayCamera window() {
+  XrayCamera::Parameters p = test::clinicalCamera().parameters();
+  p.width_px = p.height_px = 320;
+  p.cx_px -= 340;
+  p.cy_px -= 350;
+  return XrayCamera(p);
+}
+
+// Rays of equal length and equal angles in the plane z = 0, the first along x.
+VesselTree star(int rays, double turn_rad, double length_m) {
+  std::vector<Eigen::Vector3d> points{Eigen::Vector3d::Zero()};
+  std::vector<int> parents{-1};
+  for (int k = 0; k < rays; ++k) {
+    const double angle = k * turn_rad;
+    for (int i = 1; i <= 40; ++i) {
+      parents.push_back(i == 1 ? 0 : static_cast<int>(points.size()) - 1);
+      points.emplace_back(length_m * i / 40 * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0));
+    }
+  }
+  Eigen::Matrix3Xd matrix(3, points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) matrix.col(static_cast<Eigen::Index>(i)) = points[i];
+  return VesselTree(matrix, parents);
+}
+
+Pose inFront(const VesselTree& tree, const Eigen::Matrix3d& R) {
+  Pose T = Pose::Identity();
+  T.linear() = R;
+  T.translation() = Eigen::Vector3d(0, 0, 0.75) - R * tree.centroid();
+  return T;
+}
+
+CertificateSettings boxOf(double rotation_deg, double translation_mm) {
+  CertificateSettings settings;
+  settings.box_rotation_deg = rotation_deg;
+  settings.box_translation_mm = translation_mm;
+  settings.seconds = 200;
+  settings.threads = 2;
+  return settings;
+}
+
+// The law that a proof rests on: no pose of a cell has more points than the cell's bound, whatever the cell's size and
+// place, with poses at its corners as well as inside.
+TEST(Certificate, NoPoseOfACellExceedsItsBound) {
+  int draws = 0, close = 0, pruned = 0;
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    const Scene s = seed % 2 == 0 ? Scene(seed) : Scene(seed, window());
+    const TreeSamples samples(s.tree);
+    const ExplainedRaster raster(s.image, s.camera);
+    const Pose center = s.truth * Eigen::Translation3d(s.tree.centroid());
+    PoseBounds bounds(samples, raster, s.view(), center.linear());
+    test::Random random(seed + 1);
+    for (int c = 0; c < 400; ++c) {
+      // From cells of a tenth of a pixel to half of the box.
+      const double size = std::pow(10, random.uniform(-4, 0));
+      PoseCell cell;
+      const double away = c % 3 == 0 ? size : random.uniform(0, 1);
+      for (int k = 0; k < 3; ++k) {
+        cell.rotation[k] = away * random.uniform(-0.8, 0.8);
+        cell.half[k] = size * random.uniform(0, 0.5);
+      }
+      cell.depth = center.translation().z() + away * random.uniform(-0.06, 0.06);
+      cell.half_depth = size * random.uniform(0, 0.06);
+      if (c % 40 == 0) cell.depth = 0.08;  // Next to the source.
+      const double half_ray = size * random.uniform(0, 0.1), spread = random.uniform(0, 0.05);
+      const RayCell rays{away * random.uniform(-0.06, 0.06), away * random.uniform(-0.06, 0.06), spread};
+      bounds.prepare(cell, rays, half_ray);
+      const double x = rays.x + random.uniform(-spread, spread), y = rays.y + random.uniform(-spread, spread);
+      const int none = -bounds.mostPoints();  // All count, also those that lose more than they have.
+      const int bound = bounds.atMost(x, y, none);
+      for (int i = 0; i < 12; ++i, ++draws) {
+        const auto within = [&] { return i < 4 ? std::copysign(1.0, random.uniform(-1, 1)) : random.uniform(-1, 1); };
+        Eigen::Vector3d r = cell.rotation;
+        for (int k = 0; k < 3; ++k) r[k] += within() * cell.half[k];
+        const double depth = cell.depth + within() * cell.half_depth;
+        const double ray_x = x + within() * half_ray, ray_y = y + within() * half_ray;
+        Pose T = Pose::Identity();
+        T.linear() = expSO3(r) * center.linear();
+        T.translation() = depth * Eigen::Vector3d(ray_x, ray_y, 1);
+        const int points = bounds.points(T, none);
+        ASSERT_LE(points, bound) << "seed " << seed << ", cell " << c << " of size " << size;
+        close += bound > 0 && points > bound - 24;
+      }
+      // Asked for more than there can be, it says so; for as much, it says how much.
+      if (bound <= 0) continue;
+      EXPECT_EQ(bounds.atMost(x, y, bound), bound);
+      EXPECT_EQ(bounds.atMost(x, y, bound + 1), -1);
+      pruned += bound < bounds.mostPoints() / 2;
+    }
+  }
+  EXPECT_GT(draws, 20000);
+  // The bounds say something: some are nearly reached, and many are far from the most.
+  EXPECT_GT(close, 100);
+  EXPECT_GT(pruned, 100);
+}
+
+TEST(Certificate, AWordHoldsAllDirectionsWithinItsRadius) {
+  const Scene s(3);
+  const ExplainedRaster raster(s.image, s.camera);
+  const auto& levels = raster.levels();
+  const auto wordAt = [&](const ExplainedRaster::Level& level, double u, double v) {
+    const auto place = [&](double px, int count) {
+      return static_cast<int>(std::clamp((px + ExplainedRaster::kBefore_px) * level.inverse_cell_px, 0.0, count - 1.0));
+    };
+    return raster.words()[level.first + place(v, level.rows) * level.columns + place(u, level.columns)];
+  };
+  test::Random random(1);
+  for (const auto& level : levels) {
+    ASSERT_TRUE(level.radius_px == 0 || &level == &levels.back() || level.radius_px >= 1);
+    const double radius = std::min(300.0f, level.radius_px);
+    int bits = 0;
+    for (int i = 0; i < 4000; ++i) {
+      const double u = random.uniform(-200, 1224), v = random.uniform(-200, 1224);
+      const auto there =
+          wordAt(levels.front(), u + random.uniform(-radius, radius), v + random.uniform(-radius, radius));
+      ASSERT_EQ(there & ~wordAt(level, u, v), 0u) << level.radius_px << " px at " << u << ", " << v;
+      bits += there != 0;
+    }
+    EXPECT_GT(bits, 20);
+  }
+}
+
+TEST(Certificate, ProvesThatNoOtherPoseScoresNearlyAsWell) {
+  for (const unsigned seed : {1u, 2u}) {
+    const Scene s(seed);
+    const Pose middle = drawnPose(s.truth, s.tree.centroid(), degToRad(4), 4e-3, 1, static_cast<int>(seed));
+    double last_share = 0, last_bound = 0;
+    const auto certificate = certify(s.tree, s.view(), middle, s.truth, boxOf(25, 30), [&](double share, double bound) {
+      EXPECT_GE(share, last_share);
+      last_share = share;
+      last_bound = bound;
+    });
+    EXPECT_TRUE(certificate.proven) << certificate.reason;
+    EXPECT_EQ(certificate.reason, "");
+    EXPECT_FALSE(certificate.rival);
+    EXPECT_LT(certificate.bound, 0.9);
+    EXPECT_GT(certificate.score, 0.8);
+    EXPECT_DOUBLE_EQ(certificate.score, certifiedScore(s.tree, s.view(), s.truth));
+    EXPECT_GT(certificate.cells, 1000);
+    // What it says of all poses holds for those that one can draw.
+    for (int i = 0; i < 40; ++i) {
+      StartSettings box;
+      box.box_rotation_deg = 25;
+      box.box_translation_mm = 30;
+      const Pose other = drawnStart({middle, {}}, s.tree.centroid(), box, i);
+      if (poseDistance_m(s.tree, s.truth, other) > 5e-3) {
+        EXPECT_LE(certifiedScore(s.tree, s.view(), other), certificate.bound * certificate.score);
+      }
+    }
+  }
+}
+
+TEST(Certificate, OneThreadAndTwoProveTheSame) {
+  const Scene s(4);
+  auto settings = boxOf(15, 15);
+  settings.threads = 1;
+  const auto one = certify(s.tree, s.view(), s.truth, s.truth, settings);
+  settings.threads = 2;
+  const auto two = certify(s.tree, s.view(), s.truth, s.truth, settings);
+  EXPECT_TRUE(one.proven);
+  EXPECT_TRUE(two.proven);
+  EXPECT_EQ(one.bound, two.bound);
+}
+
+// A wrong pose is never certified: the true one is its rival.
+TEST(Certificate, AWrongPoseHasTheTrueOneForARival) {
+  for (const unsigned seed : {5u, 6u, 7u}) {
+    const Scene s(seed);
+    Twist off;
+    off << 4e-3, -5e-3, 0, 0.05, -0.08, 0.1;
+    const Pose wrong = test::perturbed(s.truth, s.tree, off);
+    const auto certificate = certify(s.tree, s.view(), s.truth, wrong, boxOf(25, 30));
+    EXPECT_FALSE(certificate.proven);
+    if (certificate.score == 0) continue;  // It explains nothing.
+    ASSERT_TRUE(certificate.rival) << certificate.reason;
+    EXPECT_GE(certificate.rival->share, 0.9);
+    EXPECT_GT(certificate.rival->distance_m, 5e-3);
+  }
+}
+
+// What looks the same from several sides is never certified, and the other side is named.
+TEST(Certificate, ASymmetricTreeHasARivalThatIsReturned) {
+  const VesselTree tree = star(12, kPi / 6, 0.05);  // The same when turned by 30 deg.
+  const Scene s(tree, inFront(tree, expSO3({0.3, 0.2, 0})));
+  const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, boxOf(45, 60));
+  EXPECT_FALSE(certificate.proven);
+  ASSERT_TRUE(certificate.rival) << certificate.reason;
+  EXPECT_GE(certificate.rival->share, 0.9);
+  EXPECT_NEAR(certificate.rival->share,
+              certifiedScore(s.tree, s.view(), certificate.rival->T_camera_model) / certificate.score, 1e-12);
+  EXPECT_NEAR(certificate.rival->distance_m, poseDistance_m(s.tree, s.truth, certificate.rival->T_camera_model), 1e-9);
+  EXPECT_GT(certificate.rival->distance_m, 5e-3);
+}
+
+// A flat tree looks nearly the same with near and far exchanged.
+TEST(Certificate, AFlatTreeHasItsDepthMirrorForARival) {
+  const VesselTree tree = star(5, 1.1, 0.03);
+  const Scene s(tree, inFront(tree, expSO3({0.35, 0, 0})));
+  const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, boxOf(45, 20));
+  EXPECT_FALSE(certificate.proven);
+  ASSERT_TRUE(certificate.rival) << certificate.reason;
+  EXPECT_GE(certificate.rival->share, 0.9);
+  // Tilted to the other side.
+  const Eigen::Vector3d normal = certificate.rival->T_camera_model.linear().col(2);
+  EXPECT_LT(normal.y() * s.truth.linear().col(2).y(), 0);
+}
+
+TEST(Certificate, WithoutTimeNothingIsProven) {
+  const Scene s(8);
+  auto settings = boxOf(45, 60);
+  for (const double seconds : {0.0, 0.005}) {
+    settings.seconds = seconds;
+    const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, settings);
+    EXPECT_FALSE(certificate.proven);
+    EXPECT_FALSE(certificate.rival);
+    EXPECT_GE(certificate.bound, 0.9);
+    EXPECT_EQ(certificate.reason.rfind("not proven: bound ", 0), 0u) << certificate.reason;
+    EXPECT_LT(certificate.seconds, seconds + 1);
+  }
+}
+
+TEST(Certificate, DepthIsNoDistance) {
+  const Scene s(9);
+  Pose deeper = s.truth;
+  const Eigen::Vector3d center = s.truth * s.tree.centroid();
+  deeper.translation() += 0.02 * center / center.z();
+  EXPECT_NEAR(poseDistance_m(s.tree, s.truth, deeper), 0, 1e-9);
+  Pose beside = s.truth;
+  beside.translation().x() += 7e-3;
+  EXPECT_NEAR(poseDistance_m(s.tree, s.truth, beside), 7e-3, 1e-9);
+}
+
+TEST(Certificate, AnImageThatExplainsNothingProvesNothing) {
+  const Scene s(10);
+  Pose behind = s.truth;
+  behind.translation().z() -= 2;
+  for (const Pose& found : {behind, Pose(s.truth * Eigen::Translation3d(0.5, 0, 0))}) {
+    const auto certificate = certify(s.tree, s.view(), s.truth, found, boxOf(10, 10));
+    EXPECT_FALSE(certificate.proven);
+    EXPECT_NE(certificate.reason, "");
+  }
+}
+
+TEST(Certificate, RefusesSettingsOutOfTheirRange) {
+  const Scene s(11);
+  auto settings = boxOf(10, 10);
+  settings.rival_share = 0;
+  EXPECT_THROW(certify(s.tree, s.view(), s.truth, s.truth, settings), InputError);
+}
+
+}  // namespace
+}  // namespace angio::test
