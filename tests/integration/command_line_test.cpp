@@ -79,6 +79,12 @@ TEST(CommandLine, WhatCannotBeMeantIsRefused) {
       {"angio-register",
        {"--tree", "t.csv", "--camera", "c.yaml", "--centerline", "l.csv", "--initial-pose", "p.yaml",
         "--search-translation-mm", "nan"}},
+      {"angio-register",  // A proof is of the rigid tree.
+       {"--tree", "t.csv", "--camera", "c.yaml", "--centerline", "l.csv", "--initial-pose", "p.yaml", "--certify",
+        "--nonrigid"}},
+      {"angio-register",  // No proof is asked for.
+       {"--tree", "t.csv", "--camera", "c.yaml", "--centerline", "l.csv", "--initial-pose", "p.yaml",
+        "--certify-seconds", "5"}},
       {"angio-evaluate", {}},
       {"angio-evaluate", {"cases"}},
       {"angio-servo", {"--simulate", "--bus", "memq://"}},

@@ -131,6 +131,56 @@ TEST(Certificate, NoPoseOfACellExceedsItsBound) {
   EXPECT_GT(pruned, 100);
 }
 
+// The same of each place by itself: a sum could hide one that is too low.
+TEST(Certificate, NoPlaceIsExplainedInACellThatRulesItOut) {
+  int explained = 0, ruled_out = 0;
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    const Scene s = seed % 2 == 0 ? Scene(seed) : Scene(seed, window());
+    const TreeSamples all(s.tree);
+    TreeSamples same = all;
+    const ExplainedRaster raster(s.image, s.camera);
+    const Pose center = s.truth * Eigen::Translation3d(s.tree.centroid());
+    PoseBounds bounds(same, raster, s.view(), center.linear());
+    test::Random random(seed + 50);
+    for (int c = 0; c < 3000; ++c) {
+      const auto one = static_cast<std::size_t>(random.uniform(0, TreeSamples::kCount - 0.01));
+      same.points.colwise() = Eigen::Vector3d(all.points.col(static_cast<Eigen::Index>(one)));
+      same.tangents.colwise() = Eigen::Vector3d(all.tangents.col(static_cast<Eigen::Index>(one)));
+      for (const auto values : {&TreeSamples::x, &TreeSamples::y, &TreeSamples::z, &TreeSamples::tx, &TreeSamples::ty,
+                                &TreeSamples::tz, &TreeSamples::norm})
+        std::fill((same.*values).begin(), (same.*values).end(), (all.*values)[one]);
+      const double size = std::pow(10, random.uniform(-3, -0.5));
+      PoseCell cell;
+      for (int k = 0; k < 3; ++k) {
+        cell.rotation[k] = random.uniform(-0.5, 0.5);
+        cell.half[k] = size * random.uniform(0, 0.5);
+      }
+      cell.depth = center.translation().z() + random.uniform(-0.06, 0.06);
+      cell.half_depth = size * random.uniform(0, 0.06);
+      const double half_ray = size * random.uniform(0, 0.05);
+      const double x = random.uniform(-0.03, 0.03), y = random.uniform(-0.03, 0.03);
+      bounds.prepare(cell, {x, y, 0}, half_ray);
+      const int none = -bounds.mostPoints(), bound = bounds.atMost(x, y, none);
+      ruled_out += bound < bounds.mostPoints();
+      for (int i = 0; i < 24; ++i) {
+        const auto within = [&] { return i < 16 ? std::copysign(1.0, random.uniform(-1, 1)) : random.uniform(-1, 1); };
+        Eigen::Vector3d r = cell.rotation;
+        for (int k = 0; k < 3; ++k) r[k] += within() * cell.half[k];
+        const double depth = cell.depth + within() * cell.half_depth;
+        const double ray_x = x + within() * half_ray, ray_y = y + within() * half_ray;
+        Pose T = Pose::Identity();
+        T.linear() = expSO3(r) * center.linear();
+        T.translation() = depth * Eigen::Vector3d(ray_x, ray_y, 1);
+        const int points = bounds.points(T, none);
+        ASSERT_LE(points, bound) << "seed " << seed << ", cell " << c << " of size " << size;
+        explained += points > 0;
+      }
+    }
+  }
+  EXPECT_GT(explained, 2000);
+  EXPECT_GT(ruled_out, 1000);
+}
+
 TEST(Certificate, AWordHoldsAllDirectionsWithinItsRadius) {
   const Scene s(3);
   const ExplainedRaster raster(s.image, s.camera);
