@@ -79,6 +79,12 @@ worlds() {
     echo; echo "half filled, 2 deg / 5 mm, from X-ray images"
     "$bin"/angio-evaluate simulation $(for one in $trees; do echo --tree "$shared/brava/$one.swc"; done) --seed 11 \
       --trials "$((trials / 2))" --spurious 5 --method oriented_kernel --from images --filled 0.5
+    printf 'starts: {box_rotation_deg: 45, box_translation_mm: 60}\n' > "$work/box.yaml"
+    for one in 1 0.6; do
+      echo; echo "+-45 deg / +-60 mm, $one of the tree in view: searched as a box and certified, two threads, 30 s"
+      "${simulate[@]}" --trials "${CERTIFIED:-10}" --spurious 5 --method oriented_kernel --rotation-std-deg 15 \
+        --translation-std-mm 20 --settings "$work/box.yaml" --visible-fraction "$one" --certify
+    done
     for one in 3 5; do
       echo; echo "bent by $one mm rms, measured motion of lungs, rigid fit, 2 deg / 5 mm"
       "${ours[@]}" "${fields[@]}" --deformation-mm "$one"

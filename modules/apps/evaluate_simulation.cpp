@@ -27,6 +27,8 @@ struct SimulationOptions {
   std::string camera, sweep, out, report;
   ModelAxes model_axes = SimulationSettings().model_axes;
   TrialSource from = SimulationSettings().from;
+  bool certify = false;
+  CertificateSettings certificate;
 
   // Those that are given come before the settings file's.
   std::vector<std::function<void(SimulationSettings&)>> given;
@@ -62,6 +64,10 @@ int evaluateSimulation(const SimulationOptions& o) {
   for (const auto& path : o.motions) setup.motions.push_back(readMeasuredMotion(path));
   if (!setup.motions.empty() && !(settings.deformation_rms_mm > 0)) {
     throw InputError("--deformation-field", "--deformation-mm", "0", "must be above 0: the size of the deformation");
+  }
+  if (o.certify) {
+    if (o.method.nonrigid) throw CLI::ExcludesError("--certify", "--nonrigid");
+    setup.certificate = o.certificate;
   }
   if (!o.camera.empty()) setup.camera = readCamera(o.camera);
   const std::vector<Sweep> sweeps = o.sweep.empty() ? std::vector<Sweep>() : sweepsNamed(o.sweep, settings);
@@ -263,6 +269,11 @@ void addEvaluateSimulation(CLI::App& app, Work& work) {
   o->method.addTo(*command);
   command->add_flag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
   addFields(*command, o);
+  auto* certify =
+      command->add_flag("--certify", o->certify, "Certify every result in a box of +-45 deg / +-60 mm about its start");
+  command->add_option("--certify-seconds", o->certificate.seconds, "Time for each proof")
+      ->check(between(0.1, 86400))
+      ->needs(certify);
   auto* from =
       command
           ->add_option("--from", o->from,

@@ -146,6 +146,23 @@ TEST_F(SimulationRuns, ClaimsAreHeldAgainstTheTruth) {
   EXPECT_GT(beyond(), 0.5);
 }
 
+TEST_F(SimulationRuns, CertifiedTrialsSayWhatIsProven) {
+  setup_.entrants = {{"oriented_kernel", OrientedKernelSettings(), {}}};
+  setup_.certificate.emplace();
+  setup_.certificate->box_rotation_deg = 10;
+  setup_.certificate->box_translation_mm = 15;
+  setup_.certificate->seconds = 60;  // Ends after one or two; sanitizers are slow.
+  settings_.trials = 2;
+  const auto runs = runSimulation(setup_, settings_);
+  for (const CaseOutcome& o : runs.front().outcomes) {
+    EXPECT_TRUE(o.certificate.value().proven) << o.certificate->reason;
+    EXPECT_FALSE(o.certificate_false);
+  }
+  EXPECT_NE(simulationTable(simulationSummaries(runs, 0.3e-3)).find("certificate proven"), std::string::npos);
+  settings_.views = 2;
+  EXPECT_NE(test::refusalOf([&] { runSimulation(setup_, settings_); }).find("views = 2"), std::string::npos);
+}
+
 TEST_F(SimulationRuns, NoTreeIsRefused) {
   setup_.trees.clear();
   EXPECT_NE(test::refusalOf([&] { runSimulation(setup_, settings_); }).find("trees"), std::string::npos);

@@ -58,6 +58,14 @@ CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, c
   return outcome;
 }
 
+void certifyOutcome(const VesselTree& tree, const SimulatedTrial& trial, const CertificateSettings& settings,
+                    CaseOutcome& outcome) {
+  const Pose& found = outcome.result.T_camera_model;
+  outcome.certificate = certify(tree, trial.views().front(), trial.start, found, settings);
+  outcome.certificate_false =
+      outcome.certificate->proven && 1e3 * poseDistance_m(tree, found, trial.truth) > settings.distance_mm;
+}
+
 // More of the tree's points beyond the claim than this, and the claim is wrong.
 constexpr double kMostBeyond = 0.05;
 
@@ -161,6 +169,9 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
                                       const Progress& progress) {
   checkSettings("simulation", settings);
   if (setup.trees.empty()) throw InputError("simulation", "trees", "0", "must be at least one");
+  if (setup.certificate && settings.views > 1) {
+    throw InputError("simulation", "views", std::to_string(settings.views), "must be 1: a certificate is of one view");
+  }
   const std::size_t entrants = setup.entrants.size(), trees = setup.trees.size();
   std::vector<EntrantRun> runs;
   std::vector<std::vector<std::unique_ptr<Registration>>> registrations(entrants);
@@ -193,6 +204,7 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants;
       runs[m].outcomes.push_back(outcomeOf(*registrations[m][t], trial, setup.entrants[m].starts));
       runs[m].outcomes.back().name = nameOf(i);
+      if (setup.certificate) certifyOutcome(setup.trees[t], trial, *setup.certificate, runs[m].outcomes.back());
       runs[m].outcomes.back().image_s = image_s;
       if (progress) progress(++done);
     }
@@ -246,6 +258,13 @@ Json simulationSummary(const std::vector<CaseOutcome>& outcomes, std::optional<d
       return o.error->mpd_px ? Json(1e3 * *pixel_spacing_m * *o.error->mpd_px) : Json(nullptr);
     };
     summarise(outcomes, {{"", "mpd_detector_mm", kSpread, detector_mm}}, summary);
+  }
+  if (!outcomes.empty() && outcomes.front().certificate) {
+    summarise(outcomes,
+              {{"", "certificate/proven_percent", "percent", [](O o) { return o.certificate->proven; }},
+               {"", "certificate/false_percent", "percent", [](O o) { return o.certificate_false; }},
+               {"", "certificate/seconds", "p50 p99 max", [](O o) { return o.certificate->seconds; }}},
+              summary);
   }
   const auto successes = static_cast<int>(std::count_if(outcomes.begin(), outcomes.end(), succeeded));
   const ShareBounds bounds = shareBounds(successes, static_cast<int>(outcomes.size()));
@@ -310,6 +329,13 @@ std::string simulationTable(const Json& summaries) {
                                  {"p99", "{time_ms/total/p99:%.2f}"},
                                  {"max", "{time_ms/total/max:%.2f}"},
                                  {"p50 relative", "{time_p50_relative/ratio:%.2f}"}}) +
+         (!summaries.empty() && summaries.front().contains("certificate")
+              ? "\n" + figureTable(summaries, {{"method", ""},
+                                               {"certificate proven", "{certificate/proven_percent:%.0f %%}"},
+                                               {"false", "{certificate/false_percent:%.1f %%}"},
+                                               {"s p50", "{certificate/seconds/p50:%.1f}"},
+                                               {"max", "{certificate/seconds/max:%.1f}"}})
+              : "") +
          "\nMedians over the trials; \"pose ok\" is within 0.1 deg and 1 mm of the truth at the tree's centroid. "
          "Trusted is what the method itself calls converged.\n";
 }

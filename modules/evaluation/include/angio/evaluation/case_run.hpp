@@ -41,6 +41,10 @@ struct CaseOutcome {
     double plane_in = 0;  ///< The same across the beam, of both axes.
   };
   std::optional<Claim> claim;
+  /// Of a trial that was certified: what the certificate says, and whether it is false: it has proven a pose that is
+  /// another one than the truth.
+  std::optional<PoseCertificate> certificate;
+  bool certificate_false = false;
   std::optional<PoseError> start_error,
       error;  ///< Of the pose it started from and of the result, when the truth is known; in the first view.
 };

@@ -25,6 +25,9 @@ struct SimulationSetup {
   std::vector<MeasuredMotion> motions;  ///< Of the deformations, in turn from tree to tree; none: waves.
   std::vector<Entrant> entrants;
   ExtractorSettings extractor = RidgeSettings{};  ///< Of trials from images.
+  /// Whether every result is certified in a box about its start. Of one view and rigid trees only; takes no part in the
+  /// times.
+  std::optional<CertificateSettings> certificate = std::nullopt;
 };
 
 /// One entrant's outcomes, trial by trial.
