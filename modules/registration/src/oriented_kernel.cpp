@@ -329,6 +329,9 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
   };
   for (const Attempt& attempt : kAttempts) {
     if (attempt.widened > 1 && (starts.box() || prior.covariance)) break;
+    // A fit that is explained fails for what one view leaves open, and a deformed one that is not explained by luck for
+    // what it cannot follow: no emptier tree changes that.
+    if (!first && attempt.outlier_mass > kSomeEmpty && (explained(result) || (deformation_ && !byLuck()))) continue;
     const PosePriorTerm wide = widenedBy(attempt.widened, *belief);
     auto candidates = small_ ? candidatesByShifts(wide, starts)
                              : candidatesByFields(wide, starts, attempt, first ? progress : SearchProgress());
@@ -337,8 +340,9 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
     // What is explained, and not well, is often near the right pose and kept from it by the belief: once more from
     // there.
     const bool try_nearby = attempt.widened > 1 || attempt.outlier_mass > kSomeEmpty || !byLuck();
-    bool moved = try_nearby;
-    for (int round = 0; round < kNearbyRounds && moved && !settled(); ++round) {
+    bool moved = try_nearby && !explained(result);
+    const int rounds = deformation_ ? 1 : kNearbyRounds;
+    for (int round = 0; round < rounds && moved && !settled(); ++round) {
       PosePriorTerm there = widenedBy(kNearby, *belief);
       there.T0_camera_centered = result.T_camera_model * Eigen::Translation3d(model_.centroid);
       StartSettings nearby = starts;
