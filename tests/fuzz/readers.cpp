@@ -15,6 +15,7 @@
 #include "angio/calibration/pose_set.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/evaluation/measured_motion.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
@@ -46,6 +47,13 @@ void readLine(const std::string& path) { checkCenterline(readCenterline(path)); 
 void readShifts(const std::string& path) {
   const Eigen::Matrix3Xd shifts = readDisplacements(path, kPoints);
   promised(shifts.cols() == kPoints && shifts.allFinite(), "each point is displaced");
+}
+
+void readMotion(const std::string& path) {
+  const MeasuredMotion motion = readMeasuredMotion(path);
+  promised(motion.points.cols() == motion.displacements_m.cols() && motion.points.allFinite() &&
+               motion.displacements_m.allFinite(),
+           "each point moves");
 }
 
 void readLog(const std::string& path) {
@@ -220,6 +228,7 @@ std::vector<FileReader> listedReaders() {
       {"tree_hmm", "input.txt", readTree},
       {"centerline", "input.csv", readLine},
       {"displacements", "input.csv", readShifts},
+      {"measured_motion", "input.csv", readMotion},
       {"image_png", "input.png", readImage, {}, withChecksums},
       {"image_tiff", "input.tif", readImage},
       {"image_dicom", "input.dcm", readImage},
