@@ -44,6 +44,23 @@ XrayCamera window() {
   return XrayCamera(p);
 }
 
+// A pose of a cell about a ray: one of its corners, or anywhere in it.
+Pose drawnWithin(const PoseCell& cell, const Eigen::Vector2d& ray, double half_ray, const Pose& center, bool corner,
+                 test::Random& random) {
+  const auto within = [&] {
+    const double at = random.uniform(-1, 1);
+    return corner ? std::copysign(1.0, at) : at;
+  };
+  Eigen::Vector3d r = cell.rotation;
+  for (int k = 0; k < 3; ++k) r[k] += within() * cell.half[k];
+  const double depth = cell.depth + within() * cell.half_depth;
+  const double ray_x = ray.x() + within() * half_ray, ray_y = ray.y() + within() * half_ray;
+  Pose T = Pose::Identity();
+  T.linear() = expSO3(r) * center.linear();
+  T.translation() = depth * Eigen::Vector3d(ray_x, ray_y, 1);
+  return T;
+}
+
 // Rays of equal length and equal angles in the plane z = 0, the first along x.
 VesselTree star(int rays, double turn_rad, double length_m) {
   std::vector<Eigen::Vector3d> points{Eigen::Vector3d::Zero()};
@@ -106,14 +123,7 @@ TEST(Certificate, NoPoseOfACellExceedsItsBound) {
       const int none = -bounds.mostPoints();  // All count, also those that lose more than they have.
       const int bound = bounds.atMost(x, y, none);
       for (int i = 0; i < 12; ++i, ++draws) {
-        const auto within = [&] { return i < 4 ? std::copysign(1.0, random.uniform(-1, 1)) : random.uniform(-1, 1); };
-        Eigen::Vector3d r = cell.rotation;
-        for (int k = 0; k < 3; ++k) r[k] += within() * cell.half[k];
-        const double depth = cell.depth + within() * cell.half_depth;
-        const double ray_x = x + within() * half_ray, ray_y = y + within() * half_ray;
-        Pose T = Pose::Identity();
-        T.linear() = expSO3(r) * center.linear();
-        T.translation() = depth * Eigen::Vector3d(ray_x, ray_y, 1);
+        const Pose T = drawnWithin(cell, {x, y}, half_ray, center, i < 4, random);
         const int points = bounds.points(T, none);
         ASSERT_LE(points, bound) << "seed " << seed << ", cell " << c << " of size " << size;
         close += bound > 0 && points > bound - 24;
@@ -163,14 +173,7 @@ TEST(Certificate, NoPlaceIsExplainedInACellThatRulesItOut) {
       const int none = -bounds.mostPoints(), bound = bounds.atMost(x, y, none);
       ruled_out += bound < bounds.mostPoints();
       for (int i = 0; i < 24; ++i) {
-        const auto within = [&] { return i < 16 ? std::copysign(1.0, random.uniform(-1, 1)) : random.uniform(-1, 1); };
-        Eigen::Vector3d r = cell.rotation;
-        for (int k = 0; k < 3; ++k) r[k] += within() * cell.half[k];
-        const double depth = cell.depth + within() * cell.half_depth;
-        const double ray_x = x + within() * half_ray, ray_y = y + within() * half_ray;
-        Pose T = Pose::Identity();
-        T.linear() = expSO3(r) * center.linear();
-        T.translation() = depth * Eigen::Vector3d(ray_x, ray_y, 1);
+        const Pose T = drawnWithin(cell, {x, y}, half_ray, center, i < 16, random);
         const int points = bounds.points(T, none);
         ASSERT_LE(points, bound) << "seed " << seed << ", cell " << c << " of size " << size;
         explained += points > 0;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/registration/certificate.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -14,123 +13,19 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
+#include "certificate_box.hpp"
 #include "explained_raster.hpp"
 #include "pose_bounds.hpp"
 
 namespace angio::registration {
 namespace {
 
-// No pose has the tree's centroid nearer to the source.
-constexpr double kNearest_m = 0.01;
 // A cell whose poses differ by less than this in the image is not divided any more.
 constexpr double kSmallest_px = 0.2;
 constexpr int kMostDoubts = 1000;  // So many such cells, and it is over.
 // Steps from the depth-mirrored pose to the best one near it.
 constexpr double kMirrorTurn_rad = 0.05, kMirrorDepth_m = 0.01, kMirrorRay = 2e-3;
 constexpr double kProgressEvery_s = 0.1;
-
-// The poses of a certificate: rotation vector about the centroid from the box's middle, the centroid's ray and depth.
-struct Coordinates {
-  Eigen::Vector3d rotation;
-  double ray_x, ray_y, depth;
-};
-
-// The box, in which coordinates a pose is, and which poses are the found one.
-class Box {
- public:
-  Box(const VesselTree& tree, const TreeSamples& samples, const Pose& center, const Pose& found,
-      const CertificateSettings& settings)
-      : center_(center * Eigen::Translation3d(tree.centroid())),
-        found_(found * Eigen::Translation3d(tree.centroid())),
-        half_turn_(degToRad(settings.box_rotation_deg)),
-        half_shift_m_(1e-3 * settings.box_translation_mm),
-        distance_m_(1e-3 * settings.distance_mm),
-        spread_(samples.points * samples.points.transpose() / TreeSamples::kCount),
-        found_ray_(found_.translation().head<2>() / found_.translation().z()) {}
-
-  const Pose& center() const { return center_; }
-  const Pose& found() const { return found_; }
-  /// Half the extent about and along each axis of the camera [rad], [m].
-  Eigen::Vector3d halfTurns() const { return half_turn_ * center_.linear().cwiseAbs().rowwise().sum(); }
-  Eigen::Vector3d halfExtent() const { return half_shift_m_ * center_.linear().cwiseAbs().rowwise().sum(); }
-
-  Pose pose(const Coordinates& c) const {
-    Pose T = Pose::Identity();
-    T.linear() = expSO3(c.rotation) * center_.linear();
-    T.translation() = c.depth * Eigen::Vector3d(c.ray_x, c.ray_y, 1);
-    return T;
-  }
-
-  Coordinates coordinates(const Pose& T) const {
-    const Eigen::Vector3d& t = T.translation();
-    return {logSO3(T.linear() * center_.linear().transpose()), t.x() / t.z(), t.y() / t.z(), t.z()};
-  }
-
-  /// The found pose with near and far exchanged, for a flat tree: from afar both look alike.
-  Pose depthMirrored() const {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread_);
-    const Eigen::Vector3d beam = found_.translation().normalized(), flat = axes.eigenvectors().col(0);
-    Pose mirrored = found_;
-    mirrored.linear() = (Eigen::Matrix3d::Identity() - 2 * beam * beam.transpose()) * found_.linear() *
-                        (Eigen::Matrix3d::Identity() - 2 * flat * flat.transpose());
-    return mirrored;
-  }
-
-  bool contains(const Coordinates& c) const {
-    if ((center_.linear().transpose() * c.rotation).cwiseAbs().maxCoeff() > half_turn_ || c.depth < kNearest_m)
-      return false;
-    const Eigen::Vector3d shift =
-        center_.linear().transpose() * (c.depth * Eigen::Vector3d(c.ray_x, c.ray_y, 1) - center_.translation());
-    return shift.cwiseAbs().maxCoeff() <= half_shift_m_;
-  }
-
-  /// Whether a cell's rotations are all outside the box.
-  bool outside(const PoseCell& cell) const {
-    const Eigen::Matrix3d to_model = center_.linear().transpose();
-    return ((to_model * cell.rotation).cwiseAbs() - to_model.cwiseAbs() * cell.half).maxCoeff() > half_turn_ + 1e-9;
-  }
-
-  /// Whether a ray's cell at these depths has no pose of the box.
-  bool outside(const PoseCell& cell, double ray_x, double ray_y, double half_ray) const {
-    const Eigen::Vector3d shift =
-        center_.linear().transpose() * (cell.depth * Eigen::Vector3d(ray_x, ray_y, 1) - center_.translation());
-    const double sideways = half_ray * (cell.depth + cell.half_depth);
-    const Eigen::Vector3d extent(sideways + std::abs(ray_x) * cell.half_depth,
-                                 sideways + std::abs(ray_y) * cell.half_depth, cell.half_depth);
-    const Eigen::Vector3d reach = center_.linear().transpose().cwiseAbs() * extent;
-    return (shift.cwiseAbs() - reach).maxCoeff() > half_shift_m_ + 1e-9;
-  }
-
-  /// Distance from the found pose [m]: of the rotations, and of the centroid's rays at the found depth.
-  double turned_m(const Eigen::Matrix3d& R) const {
-    const Eigen::Matrix3d change = R - found_.linear();
-    return std::sqrt(std::max(0.0, (change * spread_ * change.transpose()).trace()));
-  }
-  double shifted_m(double ray_x, double ray_y) const {
-    return found_.translation().z() * std::hypot(ray_x - found_ray_.x(), ray_y - found_ray_.y());
-  }
-  double distance_m(const Pose& T) const {
-    return std::hypot(turned_m(T.linear()),
-                      shifted_m(T.translation().x() / T.translation().z(), T.translation().y() / T.translation().z()));
-  }
-  bool isFound(const Pose& T) const { return distance_m(T) <= distance_m_; }
-
-  /// Whether all poses of a cell are the found one; `turned_most_m` is the most that its rotations are turned.
-  bool isFound(double turned_most_m, double ray_x, double ray_y, double half_ray) const {
-    if (turned_most_m > distance_m_) return false;
-    const double shifted = shifted_m(ray_x, ray_y) + std::sqrt(2.0) * half_ray * found_.translation().z();
-    return std::hypot(turned_most_m, shifted) <= distance_m_ * (1 - 1e-9);
-  }
-  double turnedMost_m(const PoseCell& cell) const {
-    return turned_m(expSO3(cell.rotation) * center_.linear()) + cell.half.norm() * std::sqrt(spread_.trace());
-  }
-
- private:
-  Pose center_, found_;
-  double half_turn_, half_shift_m_, distance_m_;
-  Eigen::Matrix3d spread_;
-  Eigen::Vector2d found_ray_;
-};
 
 // A part of the box that is still open: rotations, depths, and cells of rays on a grid.
 struct Node {
@@ -170,9 +65,9 @@ class Search {
   void work(Worker& worker, const CertificateProgress& progress);
   Ended divide(Node& node, Worker& worker);
   bool tryCorners(const Node& node, Worker& worker);
-  bool isRival(const Coordinates& at, int points);
-  bool tryPose(const Coordinates& at, const PoseCell& cell, double half_ray, Worker& worker);
-  Coordinates climbed(Coordinates at, int& points, const PoseCell& cell, double half_ray, Worker& worker) const;
+  bool isRival(const PoseCoordinates& at, int points);
+  bool tryPose(const PoseCoordinates& at, const PoseCell& cell, double half_ray, Worker& worker);
+  PoseCoordinates climbed(PoseCoordinates at, int& points, const PoseCell& cell, double half_ray, Worker& worker) const;
   double rayOf(std::int32_t place, double middle, double half_ray) const {
     return middle - root_half_ray_ + (2 * place + 1) * half_ray;
   }
@@ -181,7 +76,7 @@ class Search {
   CertificateSettings settings_;
   TreeSamples samples_;
   ExplainedRaster raster_;
-  Box box_;
+  CertificateBox box_;
   const XrayView& view_;
   Eigen::Translation3d to_model_;
   Stopwatch began_;
@@ -304,7 +199,8 @@ Search::Ended Search::divide(Node& node, Worker& w) {
 }
 
 // Up the score from a pose, in steps of its cell's size and smaller, among the different poses of the box.
-Coordinates Search::climbed(Coordinates at, int& points, const PoseCell& cell, double half_ray, Worker& w) const {
+PoseCoordinates Search::climbed(PoseCoordinates at, int& points, const PoseCell& cell, double half_ray,
+                                Worker& w) const {
   std::array<double, 6> step{cell.half.x(), cell.half.y(), cell.half.z(), half_ray, half_ray, cell.half_depth};
   const double pixel = 1 / view_.camera.parameters().fx_px;
   for (int k = 0; k < 3; ++k) step[k] = std::min(step[k], 0.1);
@@ -312,7 +208,7 @@ Coordinates Search::climbed(Coordinates at, int& points, const PoseCell& cell, d
     for (bool better = true; better;) {
       better = false;
       for (int k = 0; k < 12; ++k) {
-        Coordinates to = at;
+        PoseCoordinates to = at;
         const double by = (k % 2 == 0 ? 1 : -1) * std::max(step[k / 2], k / 2 < 5 ? pixel : 1e-3);
         if (k < 6) {
           to.rotation[k / 2] += by;
@@ -335,19 +231,19 @@ Coordinates Search::climbed(Coordinates at, int& points, const PoseCell& cell, d
 }
 
 // Whether a pose, or one near to it, is a rival.
-bool Search::tryPose(const Coordinates& at, const PoseCell& cell, double half_ray, Worker& w) {
+bool Search::tryPose(const PoseCoordinates& at, const PoseCell& cell, double half_ray, Worker& w) {
   if (!box_.contains(at)) return false;
   const Pose T = box_.pose(at);
   if (box_.isFound(T)) return false;
   int points = w.bounds.points(T, best_points_ + 1);
   if (points < 0) return false;
   best_points_ = points;
-  const Coordinates top = climbed(at, points, cell, half_ray, w);
+  const PoseCoordinates top = climbed(at, points, cell, half_ray, w);
   best_points_ = std::max<int>(best_points_, points);
   return isRival(top, points);
 }
 
-bool Search::isRival(const Coordinates& at, int points) {
+bool Search::isRival(const PoseCoordinates& at, int points) {
   if (points < enough_) return false;
   const std::lock_guard lock(mutex_);
   if (points > rival_points_) {
@@ -362,9 +258,9 @@ bool Search::tryCorners(const Node& node, Worker& w) {
   for (const auto& [i, j] : w.kept) {
     for (int corner = 0; corner < 64; ++corner) {
       const auto side = [&](int k) { return (corner >> k) % 2 == 0 ? -1 : 1; };
-      Coordinates at{node.cell.rotation, rayOf(i, ray_x_, node.half_ray) + side(3) * node.half_ray,
-                     rayOf(j, ray_y_, node.half_ray) + side(4) * node.half_ray,
-                     node.cell.depth + side(5) * node.cell.half_depth};
+      PoseCoordinates at{node.cell.rotation, rayOf(i, ray_x_, node.half_ray) + side(3) * node.half_ray,
+                         rayOf(j, ray_y_, node.half_ray) + side(4) * node.half_ray,
+                         node.cell.depth + side(5) * node.cell.half_depth};
       for (int k = 0; k < 3; ++k) at.rotation[k] += side(k) * node.cell.half[k];
       if (!box_.contains(at)) continue;
       const Pose T = box_.pose(at);
@@ -438,7 +334,7 @@ PoseCertificate Search::run(const CertificateProgress& progress) {
   PoseCell around;
   around.half.setConstant(kMirrorTurn_rad);
   around.half_depth = kMirrorDepth_m;
-  stop_ = tryPose(box_.coordinates(box_.depthMirrored()), around, kMirrorRay, worker);
+  stop_ = tryPose(box_.coordinates(box_.mirrored()), around, kMirrorRay, worker);
   const int threads =
       settings_.threads > 0 ? settings_.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   std::vector<std::thread> others;
@@ -485,7 +381,7 @@ void requireRange(const char* key, double value, double low, double high) {
 
 double poseDistance_m(const VesselTree& tree, const Pose& a, const Pose& b) {
   const TreeSamples samples(tree);
-  return Box(tree, samples, a, a, {}).distance_m(b * Eigen::Translation3d(tree.centroid()));
+  return CertificateBox(tree, samples, a, a, {}).distance_m(b * Eigen::Translation3d(tree.centroid()));
 }
 
 double certifiedScore(const VesselTree& tree, const XrayView& view, const Pose& T_camera_model) {

@@ -20,6 +20,16 @@ constexpr double kBelievable = 38;
 
 }  // namespace
 
+Pose depthMirrored(const Pose& T_camera_centered, const Eigen::Vector3d& flat_axis) {
+  // Across the beam to the centroid, not across the optical axis: a tree at the detector's edge is seen at a slant.
+  const Eigen::Vector3d beam = T_camera_centered.translation().normalized();
+  const Eigen::Matrix3d S = Eigen::Matrix3d::Identity() - 2 * beam * beam.transpose();
+  const Eigen::Matrix3d P = Eigen::Matrix3d::Identity() - 2 * flat_axis * flat_axis.transpose();
+  Pose mirrored = T_camera_centered;
+  mirrored.linear() = S * T_camera_centered.linear() * P;
+  return mirrored;
+}
+
 PoseComparison::PoseComparison(const OrientedModel& model, FieldSearch& fields, LineFit& lines)
     : model_(model), fields_(fields), lines_(lines) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(model.points * model.points.transpose());
@@ -64,7 +74,7 @@ PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const Pose&
   for (const auto& other : others) ask(other.T_camera_centered);
   // Always asked: what is flat or far looks the same from both sides, and no number of draws need come upon it.
   if (mirrorIsOpen(belief, T_camera_centered)) {
-    PoseCandidate mirrored{depthMirrored(T_camera_centered), 0};
+    PoseCandidate mirrored{depthMirrored(T_camera_centered, flat_axis_), 0};
     // Fitted as if it had been believed: else the belief, which may be in the wrong one of the two, draws it back.
     PosePriorTerm there = belief;
     there.T0_camera_centered = mirrored.T_camera_centered;
@@ -77,19 +87,7 @@ PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const Pose&
 }
 
 bool PoseComparison::mirrorIsOpen(const PosePriorTerm& belief, const Pose& T_camera_centered) const {
-  return !small_ && frame_->viewCount() == 1 && belief.cost(depthMirrored(T_camera_centered)) < kBelievable;
-}
-
-// Seen from afar, a shape and its mirror image in depth look alike; and a flat shape is its own mirror image in its
-// plane. Both mirrors make a turn: where a flat tree would be if near and far were exchanged.
-Pose PoseComparison::depthMirrored(const Pose& T_camera_centered) const {
-  // Across the beam to the centroid, not across the optical axis: a tree at the detector's edge is seen at a slant.
-  const Eigen::Vector3d beam = T_camera_centered.translation().normalized();
-  const Eigen::Matrix3d S = Eigen::Matrix3d::Identity() - 2 * beam * beam.transpose();
-  const Eigen::Matrix3d P = Eigen::Matrix3d::Identity() - 2 * flat_axis_ * flat_axis_.transpose();
-  Pose mirrored = T_camera_centered;
-  mirrored.linear() = S * T_camera_centered.linear() * P;
-  return mirrored;
+  return !small_ && frame_->viewCount() == 1 && belief.cost(depthMirrored(T_camera_centered, flat_axis_)) < kBelievable;
 }
 
 }  // namespace angio::registration

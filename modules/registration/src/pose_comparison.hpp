@@ -11,6 +11,12 @@
 
 namespace angio::registration {
 
+/// Returns the pose of a tree with near and far exchanged, about its centroid: seen from afar, a shape and its mirror
+/// image in depth look alike, and a flat shape is its own mirror image in its plane. Both mirrors make a turn.
+///
+/// @param flat_axis  Along which the tree is thinnest, model axes.
+Pose depthMirrored(const Pose& T_camera_centered, const Eigen::Vector3d& flat_axis);
+
 /// Weighs poses of a tree against each other on one frame, by what they explain: of the image, and of the model too
 /// unless the image shows little of it.
 class PoseComparison {
@@ -40,7 +46,6 @@ class PoseComparison {
 
  private:
   double modelShare(const PosePriorTerm& belief, PoseCandidate& candidate) const;
-  Pose depthMirrored(const Pose& T_camera_centered) const;
 
   const OrientedModel& model_;
   FieldSearch& fields_;
