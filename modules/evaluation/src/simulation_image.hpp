@@ -11,7 +11,18 @@
 namespace angio::evaluation {
 
 /// What a draw is for: each purpose has numbers of its own, so that one setting does not shift another's draws.
-enum class DrawFor { kView, kWindow, kMissing, kSpurious, kNoise, kTangents, kDeformation, kCalibration, kStart, kFilled };
+enum class DrawFor {
+  kView,
+  kWindow,
+  kMissing,
+  kSpurious,
+  kNoise,
+  kTangents,
+  kDeformation,
+  kCalibration,
+  kStart,
+  kFilled
+};
 
 /// Random numbers that are the same with every compiler and library: the standard fixes its engines and seed_seq, but
 /// not its distributions.

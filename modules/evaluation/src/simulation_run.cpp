@@ -8,6 +8,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/evaluation/experiment.hpp"
+#include "angio/perception/patient_observation.hpp"
 
 namespace angio::evaluation {
 namespace {
@@ -22,6 +23,8 @@ constexpr Eigen::Index kClaimPoints = 300;
 
 std::optional<CaseOutcome::Claim> claimOf(const VesselTree& tree, const RegistrationResult& result,
                                           const SimulatedTrial& trial) {
+  if (!result.covariance) return std::nullopt;
+  const PatientObservation seen{result.T_camera_model, *result.covariance};
   CaseOutcome::Claim claim;
   double count = 0;
   const Eigen::Index stride = std::max<Eigen::Index>(1, tree.points().cols() / kClaimPoints);
@@ -29,15 +32,14 @@ std::optional<CaseOutcome::Claim> claimOf(const VesselTree& tree, const Registra
     Eigen::Vector3d model = tree.points().col(i), truth = model;
     if (result.displacements_m.cols() > i) model += result.displacements_m.col(i);
     if (trial.displacements_m.cols() > i) truth += trial.displacements_m.col(i);
-    const auto C = pointCovariance(result, model);
-    if (!C) return std::nullopt;
+    const Eigen::Matrix3d C = seen.pointCovariance(model);
     const Eigen::Vector3d error = result.T_camera_model * model - trial.truth * truth;
     const Eigen::Vector3d ray = (result.T_camera_model * model).normalized();
     const Eigen::Quaterniond to_ray = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray);
     const auto within = [&](const Eigen::Vector3d& axis) {
-      return std::abs(axis.dot(error)) <= kNinety * std::sqrt(axis.dot(*C * axis));
+      return std::abs(axis.dot(error)) <= kNinety * std::sqrt(axis.dot(C * axis));
     };
-    claim.beyond += error.dot(C->ldlt().solve(error)) > kBeyond2;
+    claim.beyond += error.dot(C.ldlt().solve(error)) > kBeyond2;
     claim.depth_in += within(ray);
     claim.plane_in += 0.5 * (within(to_ray * Eigen::Vector3d::UnitX()) + within(to_ray * Eigen::Vector3d::UnitY()));
   }
@@ -86,81 +88,6 @@ std::vector<Column<CaseOutcome>> trialColumns() {
       {"", "depth_in_90_percent", kSpread, [](O o) { return o.claim ? Json(100 * o.claim->depth_in) : Json(nullptr); }},
       {"", "plane_in_90_percent", kSpread, [](O o) { return o.claim ? Json(100 * o.claim->plane_in) : Json(nullptr); }},
       {"", "in_plane_below_2mm_percent", "percent", [](O o) { return o.error->in_plane_m < kSuccessMtre_m; }}};
-}
-
-struct Range {
-  const char *name, *axis, *unit;
-  std::vector<double> values;
-  void (*set)(SimulationSettings&, double);
-};
-
-const std::vector<Range>& ranges() {
-  using S = SimulationSettings;
-  static const std::vector<Range> kRanges = {
-      {"visible-fraction",
-       "share of the tree in the field of view",
-       "",
-       {1, 0.9, 0.75, 0.6, 0.5, 0.4, 0.3, 0.2},
-       [](S& s, double x) { s.visible_fraction = x; }},
-      {"noise",
-       "noise of each image coordinate [px]",
-       " px",
-       {0, 0.5, 1, 1.5, 2, 3},
-       [](S& s, double x) { s.noise_px = x; }},
-      {"spurious",
-       "spurious curves per view",
-       "",
-       {0, 2, 5, 10, 20, 40},
-       [](S& s, double x) { s.spurious = static_cast<int>(x); }},
-      {"missing",
-       "share of the tree's branches not in the image",
-       "",
-       {0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
-       [](S& s, double x) { s.missing = x; }},
-      {"filled",
-       "share of the tree that contrast agent fills, downstream of injection sites",
-       "",
-       {1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.2},
-       [](S& s, double x) { s.filled = x; }},
-      {"start",
-       "spread of the starts per axis [mm, with the rotations of the table]",
-       " mm",
-       {1, 3, 5, 8, 10, 15},
-       [](S& s, double x) {
-         // The paper's pairs, and one beyond.
-         s.rotation_std_deg = x <= 1 ? 0.5 : x <= 3 ? 1 : x <= 5 ? 2 : x <= 8 ? 3 : x <= 10 ? 5 : 8;
-         s.translation_std_mm = x;
-       }},
-      {"focal",
-       "error of the focal length [%]",
-       " %",
-       {0, 0.1, 0.25, 0.5, 1, 2},
-       [](S& s, double x) { s.focal_error_percent = x; }},
-      {"calibration",
-       "error between the two views [deg, and twice as many mm]",
-       " deg",
-       {0, 0.1, 0.25, 0.5, 1, 2},
-       [](S& s, double x) {
-         s.views = 2;
-         s.calibration_rotation_error_deg = x;
-         s.calibration_translation_error_mm = 2 * x;
-       }},
-      {"deformation", "rms deformation of the tree [mm]", " mm", {0, 0.25, 0.5, 1, 2, 4, 8}, [](S& s, double x) {
-         s.deformation_rms_mm = x;
-       }}};
-  return kRanges;
-}
-
-Sweep sweepOver(const Range& range, const SimulationSettings& base) {
-  Sweep sweep{range.name, range.axis, {}};
-  for (const double value : range.values) {
-    Sweep::Point point{value, formatValue(value) + range.unit, base};
-    range.set(point.settings, value);
-    if (sweep.name == "start") point.label = formatValue(point.settings.rotation_std_deg) + " deg, " + point.label;
-    if (sweep.name == "calibration") point.label += ", " + formatValue(2 * value) + " mm";
-    sweep.points.push_back(point);
-  }
-  return sweep;
 }
 
 }  // namespace
@@ -338,62 +265,6 @@ std::string simulationTable(const Json& summaries) {
               : "") +
          "\nMedians over the trials; \"pose ok\" is within 0.1 deg and 1 mm of the truth at the tree's centroid. "
          "Trusted is what the method itself calls converged.\n";
-}
-
-std::vector<std::string> sweepNames() {
-  std::vector<std::string> names;
-  for (const auto& range : ranges()) names.push_back(range.name);
-  return names;
-}
-
-std::vector<Sweep> sweepsNamed(const std::string& name, const SimulationSettings& base) {
-  std::vector<Sweep> sweeps;
-  std::string known = "all";
-  for (const auto& range : ranges()) {
-    if (name == range.name || name == "all") sweeps.push_back(sweepOver(range, base));
-    known += std::string(", ") + range.name;
-  }
-  if (sweeps.empty()) throw InputError("", "sweep", name, "must be one of: " + known);
-  return sweeps;
-}
-
-Json runSweep(const SimulationSetup& setup, const Sweep& sweep, const Progress& progress) {
-  Json swept = {{"name", sweep.name}, {"quantity", sweep.axis}, {"points", Json::array()}};
-  const auto spacing_m = setup.camera.value_or(simulatedCamera()).parameters().pixel_spacing_m;
-  int done = 0;
-  for (const auto& point : sweep.points) {
-    const auto runs = runSimulation(setup, point.settings, [&](int) {
-      ++done;
-      if (progress) progress(done);
-    });
-    swept["points"].push_back(
-        {{"value", point.value}, {"label", point.label}, {"summaries", simulationSummaries(runs, spacing_m)}});
-  }
-  return swept;
-}
-
-std::string sweepTable(const Json& swept) {
-  const auto name = swept["name"].get<std::string>();
-  Json rows = Json::array();
-  for (const Json& point : swept["points"]) {
-    for (const auto& [method, summary] : point["summaries"].items()) {
-      rows.push_back({{"point", point["label"]}, {"method", method}});
-      rows.back().update(summary);
-    }
-  }
-  return "Sweep: " + swept["quantity"].get<std::string>() + "\n\n" +
-         figureTable(rows, {{name.c_str(), "{point:%s}"},
-                            {"method", "{method:%s}"},
-                            {"success, mTRE < 2 mm", "{success_mtre_2mm_percent:%.0f %%}"},
-                            {"95 % bounds",
-                             "{success_mtre_2mm_bounds_percent/0:%.0f} to {success_mtre_2mm_bounds_percent/1:%.0f %%}"},
-                            {"in-plane < 2 mm", "{in_plane_below_2mm_percent:%.0f %%}"},
-                            {"pose ok", "{pose_ok_percent:%.0f %%}"},
-                            {"GFR > 5 px (true)", "{gfr_true_5px_percent:%.0f %%}"},
-                            {"failed, trusted", "{failed_and_trusted_percent:%.0f %%}"},
-                            {"mTRE", "{mtre_mm/median:%.3f mm}"},
-                            {"in-plane", "{in_plane_mm/median:%.3f mm}"},
-                            {"ms p50", "{time_ms/total/p50:%.1f}"}});
 }
 
 }  // namespace angio::evaluation

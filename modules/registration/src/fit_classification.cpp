@@ -103,13 +103,6 @@ bool explained(const RegistrationResult& result) {
          result.last_step_px <= kAtRest_px && rms(result.displacements_m) <= kMaxDeformation_m;
 }
 
-std::optional<Eigen::Matrix3d> pointCovariance(const RegistrationResult& result, const Eigen::Vector3d& point) {
-  if (!result.covariance) return std::nullopt;
-  Eigen::Matrix<double, 3, 6> J;  // R_true = exp(dw) R, t_true = t + dt.
-  J << Eigen::Matrix3d::Identity(), -skew(result.T_camera_model.linear() * point);
-  return J * *result.covariance * J.transpose();
-}
-
 double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const VesselTree& tree) {
   // A point q about the centroid moves by v + w x q; the mean of q is nothing, and so are the mixed terms.
   const Matrix6d C = covarianceAboutCentroid(covariance, T_camera_model, tree.centroid());

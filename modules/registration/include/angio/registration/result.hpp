@@ -79,10 +79,6 @@ struct [[nodiscard]] RegistrationResult {
   RegistrationTimes times;
 };
 
-/// Covariance of the error of a point of the tree under a result, camera axes [m^2], by the covariance of its pose;
-/// nothing when the result has none. `point` is in the model frame [m].
-std::optional<Eigen::Matrix3d> pointCovariance(const RegistrationResult& result, const Eigen::Vector3d& point);
-
 /// Returns whether model and image explain each other as well as a converged result requires, whatever the covariance
 /// leaves open.
 ///
