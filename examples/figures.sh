@@ -236,7 +236,7 @@ servoing() {
   "$simulate_loop" view --runs "${RUNS:-100}" --threads "$threads"
   echo; echo "### centre: 15 mm of breathing and a heartbeat, with prediction and without"
   "$simulate_loop" centre --runs "${RUNS:-100}" --threads "$threads"
-  echo; echo "### centre: five places of the liver that were tuned on and five others, on drawn lines and on simulated X-ray"
+  echo; echo "### centre: six places of the liver that were tuned on and five others, on drawn lines and on simulated X-ray"
   "$bin/test_servo" --gtest_filter='*CenteredLiver*' --gtest_brief=1
   navigating
   echo; echo "### faults: each run is disturbed for a while"
