@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/evaluation/simulation_run.hpp"
 
 namespace angio::evaluation {
