@@ -140,7 +140,8 @@ TEST(FocalLengthMonitor, APatientWhoLiesElsewhereIsNone) {
   EXPECT_FALSE(one.warning());
 }
 
-// Frames and calibration are wrong alike, so that nothing else can notice.
+// Frames and calibration are wrong alike, so that nothing else can notice. Seen through it the tree seems bent, and its
+// depth is too unsure for the task: such frames count as well.
 TEST(FocalLengthMonitor, IsToldByTheLoop) {
   test::Stage stage;
   ServoLoopSettings wrong = stage.settings;
@@ -148,16 +149,14 @@ TEST(FocalLengthMonitor, IsToldByTheLoop) {
   ServoLoop loop(wrong, stage.tree), right(stage.settings, stage.tree);
   const Eigen::Vector3d centroid = stage.tree.centroid();
   std::int64_t sequence = 0;
-  int held = 0;
   for (int k = 0; k < 64; ++k) {  // A walk over the views, 5 to 8 deg at a time.
     const double primary_deg = 55 * std::sin(0.1 * k), secondary_deg = 28 * std::sin(0.23 * k);
     stage.joints = stage.settings.carm.jointsFor({degToRad(primary_deg), degToRad(secondary_deg)}, centroid);
     XrayFrame frame = stage.frame(++sequence);
     right.step(frame, stage.state(sequence));
     frame.camera = wrong.carm.camera();
-    held += loop.step(frame, stage.state(sequence)).hold_reason.has_value();
+    loop.step(frame, stage.state(sequence));
   }
-  EXPECT_LT(held, 32);
   ASSERT_TRUE(loop.focalLengthWarning());
   EXPECT_NE(loop.focalLengthWarning()->find("too long"), std::string::npos) << *loop.focalLengthWarning();
   EXPECT_FALSE(right.focalLengthWarning());

@@ -86,6 +86,9 @@ Json caseAsJson(const CaseOutcome& outcome) {
     for (int i = 0; i < 36; ++i) json["covariance"].push_back((*r.covariance)(i / 6, i % 6));
   }
   json["ambiguity"] = orNull(r.ambiguity);
+  json["deformation_std_mm"] = 1e3 * r.deformation_std_m;
+  json["spread_mm"] = r.spread ? Json(1e3 * r.spread->all_m) : Json(nullptr);
+  json["spread_across_mm"] = r.spread ? Json(1e3 * r.spread->across_m) : Json(nullptr);
   if (outcome.claim) {
     json["claim"] = {{"beyond", outcome.claim->beyond},
                      {"depth_in_90", outcome.claim->depth_in},

@@ -24,7 +24,7 @@ constexpr Eigen::Index kClaimPoints = 300;
 std::optional<CaseOutcome::Claim> claimOf(const VesselTree& tree, const RegistrationResult& result,
                                           const SimulatedTrial& trial) {
   if (!result.covariance) return std::nullopt;
-  const PatientObservation seen{result.T_camera_model, *result.covariance};
+  const PatientObservation seen{result.T_camera_model, *result.covariance, result.points};
   CaseOutcome::Claim claim;
   double count = 0;
   const Eigen::Index stride = std::max<Eigen::Index>(1, tree.points().cols() / kClaimPoints);
@@ -87,6 +87,8 @@ std::vector<Column<CaseOutcome>> trialColumns() {
        [](O o) { return isConverged(o) && (!o.claim || o.claim->beyond > kMostBeyond); }},
       {"", "depth_in_90_percent", kSpread, [](O o) { return o.claim ? Json(100 * o.claim->depth_in) : Json(nullptr); }},
       {"", "plane_in_90_percent", kSpread, [](O o) { return o.claim ? Json(100 * o.claim->plane_in) : Json(nullptr); }},
+      {"", "claimed_spread_mm", kSpread,
+       [](O o) { return o.result.spread ? Json(1e3 * o.result.spread->all_m) : Json(nullptr); }},
       {"", "in_plane_below_2mm_percent", "percent", [](O o) { return o.error->in_plane_m < kSuccessMtre_m; }}};
 }
 
@@ -236,6 +238,7 @@ std::string simulationTable(const Json& summaries) {
          figureTable(summaries, {{"method", ""},
                                  {"converged", "{converged_percent:%.0f %%}"},
                                  {"converged and wrong", "{converged_and_wrong_percent:%.1f %%}"},
+                                 {"claimed spread", "{claimed_spread_mm/median:%.2f mm}"},
                                  {"depth in its 90 %", "{depth_in_90_percent/mean:%.0f %%}"},
                                  {"in-plane in its 90 %", "{plane_in_90_percent/mean:%.0f %%}"}}) +
          "\n" +

@@ -29,16 +29,22 @@ GatedObservation GatedPerception::gated(Observation observation, const CameraPla
   GatedObservation result{std::move(observation), std::nullopt, std::nullopt};
   const Observation& seen = result.observation;
   const Pose calibrated = perception_.calibrated_T_camera_model(place);
-  result.rejection = gate_.rejection(seen.registration, calibrated,
-                                     seen.tracked ? std::optional(seen.predicted.T_camera_model) : std::nullopt);
+  result.rejection = gate_.contradiction(seen.registration, calibrated,
+                                         seen.tracked ? std::optional(seen.predicted.T_camera_model) : std::nullopt);
   if (result.rejection) {
     perception_.reject();
-  } else {
-    perception_.accept(seen, place);
-    result.patient = PatientObservation{seen.registration.T_camera_model, *seen.registration.covariance};
-    const double expected_m = (calibrated * target_).z();
-    focal_length_.see(place.T_camera_patient.linear().row(2).transpose(),
-                      (seen.registration.T_camera_model * target_).z() - expected_m, expected_m);
+    return result;
+  }
+  // What is too unsure for the task is still where the patient is, as well as it is known: it is tracked. A wrong focal
+  // length makes a tree look bent, so that such frames count there as well.
+  perception_.accept(seen, place);
+  const double expected_m = (calibrated * target_).z();
+  focal_length_.see(place.T_camera_patient.linear().row(2).transpose(),
+                    (seen.registration.T_camera_model * target_).z() - expected_m, expected_m);
+  result.rejection = gate_.tooUnsure(seen.registration);
+  if (!result.rejection) {
+    result.patient =
+        PatientObservation{seen.registration.T_camera_model, *seen.registration.covariance, seen.registration.points};
   }
   return result;
 }

@@ -18,6 +18,7 @@ double maxStd(const Eigen::Matrix<double, N, N>& covariance) {
 
 Eigen::Matrix3d PatientObservation::pointCovariance(const Eigen::Vector3d& p_model,
                                                     const Eigen::Matrix3d& R_axes_camera) const {
+  if (points) return R_axes_camera * points->covarianceAt(p_model) * R_axes_camera.transpose();
   Eigen::Matrix<double, 3, 6> J;
   J << R_axes_camera, -R_axes_camera * skew(T_camera_model.linear() * p_model);
   return J * covariance * J.transpose();

@@ -20,6 +20,9 @@ std::unique_ptr<Registration> bendingOf(const PerceptionSettings& settings, cons
   return makeRegistration(bending, tree);
 }
 
+// A rigid fit that speaks for a larger deformation than this does not say well where the points of the tree are.
+constexpr double kBent_m = 0.3e-3;
+
 double rms(const Eigen::Matrix3Xd& displacements_m) {
   return std::sqrt(displacements_m.squaredNorm() / static_cast<double>(displacements_m.cols()));
 }
@@ -133,20 +136,26 @@ Observation Perception::adopt(const RegistrationResult& registration, const CArm
   return observation;
 }
 
-// A tree that a breath deforms is explained in part by a rigid one, and called ambiguous. The deformed fit decides:
-// another tree, or none, needs a larger deformation than a breath causes. Where tracking has been lost no deformed fit
-// is made: a rigid pose has to stand against its alternatives first. The deformed fit leaves depth open in one view,
-// and the rigid pose's covariance takes that over.
+// A tree that a breath deforms is explained in part by a rigid one, and called ambiguous or bent. The deformed fit
+// decides: another tree, or none, needs a larger deformation than a breath causes. Where tracking has been lost no
+// deformed fit is made: a rigid pose has to stand against its alternatives first. What the deformed fit has found is no
+// longer open across the beam. Depth is, in one view: as far as either fit says.
 void Perception::bend(const XrayViews& views, Observation& observation) {
   RegistrationResult& rigid = observation.registration;
-  if (!bending_ || rigid.status != RegistrationStatus::kAmbiguous || !rigid.covariance) return;
+  const bool bent = rigid.status == RegistrationStatus::kConverged && rigid.deformation_std_m > kBent_m;
+  if (!bending_ || !rigid.covariance || (rigid.status != RegistrationStatus::kAmbiguous && !bent)) return;
   const RegistrationResult deformed = bending_->align(views, observation.predicted, rigid.T_camera_model);
   if (!explained(deformed) || deformed.displacements_m.cols() != bending_->tree().size() ||
       !(rms(deformed.displacements_m) <= max_deformation_m_)) {
     return;
   }
   const Eigen::Vector3d centroid = bending_->tree().centroid();
-  (*rigid.covariance)(2, 2) += std::max(0.0, depthVariance_m2(deformed, centroid) - depthVariance_m2(rigid, centroid));
+  const double open_m2 = std::max(depthVariance_m2(deformed, centroid), depthVariance_m2(rigid, centroid));
+  if (rigid.noise_covariance) rigid.covariance = rigid.noise_covariance;
+  (*rigid.covariance)(2, 2) += std::max(0.0, open_m2 - depthVariance_m2(rigid, centroid));
+  rigid.noise_covariance.reset();
+  rigid.spread.reset();
+  rigid.points.reset();
   rigid.displacements_m = countedFrom(rigid.T_camera_model, deformed, bending_->tree());
   rigid.agreement = deformed.agreement;
   rigid.status = RegistrationStatus::kConverged;

@@ -40,6 +40,12 @@ std::optional<std::string> RegistrationGate::rejection(const XrayFrame& frame, c
 
 std::optional<std::string> RegistrationGate::rejection(const RegistrationResult& seen, const Pose& calibrated,
                                                        const std::optional<Pose>& predicted) const {
+  if (const auto why = contradiction(seen, calibrated, predicted)) return why;
+  return tooUnsure(seen);
+}
+
+std::optional<std::string> RegistrationGate::contradiction(const RegistrationResult& seen, const Pose& calibrated,
+                                                           const std::optional<Pose>& predicted) const {
   if (seen.status != RegistrationStatus::kConverged) {
     return "registration " + statusName(seen.status) + ": " + seen.reason;
   }
@@ -57,7 +63,11 @@ std::optional<std::string> RegistrationGate::rejection(const RegistrationResult&
       return far;
     }
   }
-  const PatientObservation patient{seen.T_camera_model, *seen.covariance};
+  return std::nullopt;
+}
+
+std::optional<std::string> RegistrationGate::tooUnsure(const RegistrationResult& seen) const {
+  const PatientObservation patient{seen.T_camera_model, *seen.covariance, seen.points};
   const double std_mm =
       1e3 * (need_ == TargetNeed::kAcrossBeam ? patient.worstStdAcross_m(target_) : patient.worstStd_m(target_));
   if (!(std_mm <= settings_.max_target_std_mm)) {

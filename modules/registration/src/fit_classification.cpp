@@ -4,7 +4,10 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 
+#include "angio/base/formatted.hpp"
 #include "angio/registration/result.hpp"
 
 namespace angio::registration {
@@ -31,6 +34,12 @@ constexpr double kAmbiguousShare = 0.9;
 // right ones on half of a tree 3 are less sure than both limits, and 27 of 33 wrong ones that everything else spoke
 // for.
 constexpr double kMaxSpread_m = 3e-3, kAloneMaxSpread_m = 1e-3;
+// A bent tree that the image explains well keeps its place in the image; its depth is open, and the covariance says so.
+// Who needs depth has to look at it. An image that explains little keeps neither: of a tree bent by 3 mm residuals are
+// as wide as the distances between vessels, and no longer tell how much it is bent.
+constexpr double kMaxAcross_m = 5e-3;
+// From this on a deformation is worth a word.
+constexpr double kBent_m = 0.3e-3;
 
 // A deformation larger than this (rms over the tree) is no breathing: nonrigid points can follow any line, also one
 // that is no vessel of this tree. Livers move by up to 25 mm with breath, most of it as one.
@@ -61,14 +70,33 @@ namespace {
 
 // What an agreement must reach.
 struct Threshold {
-  double share, score, spread_m;
+  double share, score;
+  PlaceSpread spread;
 };
 
-constexpr Threshold kUsual{kConvergedShare, kConvergedScore, kMaxSpread_m};
-constexpr Threshold kAlone{kAloneMinShare, kAloneScore, kAloneMaxSpread_m};
+constexpr Threshold kUsual{
+    kConvergedShare, kConvergedScore, {kMaxSpread_m, std::numeric_limits<double>::infinity(), kMaxAcross_m}};
+constexpr Threshold kAlone{kAloneMinShare, kAloneScore, {kAloneMaxSpread_m, kAloneMaxSpread_m, kMaxAcross_m}};
 
 bool reaches(const AlignmentScore& a, double share, double score) {
   return std::min(a.model_explained, a.image_explained) >= share && a.score() >= score;
+}
+
+// What the image leaves open by more than it may, if anything.
+std::optional<std::string> leftOpen(const Threshold& threshold, const VesselTree& tree,
+                                    const RegistrationResult& result) {
+  PlaceSpread spread;
+  if (result.spread) {
+    spread = *result.spread;
+  } else {
+    spread.noise_m = spread.all_m = spread_m(*result.covariance, result.T_camera_model, tree);
+  }
+  const bool within = spread.noise_m <= threshold.spread.noise_m && spread.all_m <= threshold.spread.all_m;
+  if (within && spread.across_m <= threshold.spread.across_m) return std::nullopt;
+  std::string what = "the image leaves the pose open by more than " + millimetres(threshold.spread.noise_m);
+  if (within) what = formatted("the image leaves the place across the beam open by %.1f mm", 1e3 * spread.across_m);
+  if (!(result.deformation_std_m > kBent_m)) return what;
+  return what + ": the tree seems bent by " + formatted("%.1f mm", 1e3 * result.deformation_std_m);
 }
 
 void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationResult& result) {
@@ -87,8 +115,8 @@ void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationRes
     result.reason = "the solver had not come to rest";
   } else if (deformation_m > kMaxDeformation_m) {
     result.reason = "the tree had to be deformed beyond what an organ does";
-  } else if (!(spread_m(*result.covariance, result.T_camera_model, tree) <= threshold.spread_m)) {
-    result.reason = "the image leaves the pose open by more than " + millimetres(threshold.spread_m);
+  } else if (const auto open = leftOpen(threshold, tree, result)) {
+    result.reason = *open;
   } else {
     result.status = RegistrationStatus::kConverged;
     result.reason.clear();

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "line_step.hpp"
+#include "model_error.hpp"
 #include "oriented_frame.hpp"
 #include "oriented_model.hpp"
 #include "pose_prior_term.hpp"
@@ -34,6 +35,7 @@ struct LineFitResult {
   double matched = 0;                       ///< Share of the points used that have a match.
   double last_step_px = 0;
   int steps = 0;
+  double currency = 0;  ///< What a squared residual counts in the information [1/px^2].
 };
 
 /// Point-to-line fit from image to model: every image point pulls the nearest oriented edge of the projected model onto
@@ -50,6 +52,10 @@ class LineFit {
   LineFitResult fit(const OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_camera_centered,
                     const LineFitPlan& plan);
 
+  /// Returns the residuals of the last fit, matched as they were in its last round, in about `most` groups along the
+  /// vessels; fewer where little matches. `frame` is that of the fit.
+  std::vector<ResidualGroup> residuals(const OrientedFrame& frame, const Pose& T_camera_centered, int most) const;
+
   /// Mean over the image points of exp(-d^2 / 2 scale^2), d their distance to the nearest edge that runs along: how
   /// much of the image the model explains, in [0, 1].
   double explained(const OrientedFrame& frame, const Pose& T_camera_centered, double scale_px, int max_points);
@@ -62,6 +68,7 @@ class LineFit {
   std::vector<LineMatches> matches_;
   std::vector<OrientedPoints> chosen_;
   std::vector<const OrientedPoints*> used_;
+  double tolerance_px_ = 1;  // Of the last fit's weights.
 };
 
 }  // namespace angio::registration

@@ -76,6 +76,55 @@ constexpr double kNearby = 0.5;
 constexpr int kNearbyRounds = 3;
 constexpr std::size_t kCompared = 4;
 
+// Observations from which a deformation is found, and points over which what it leaves open is averaged.
+constexpr int kResidualGroups = 64, kSpreadPoints = 32;
+
+// What is uncertain of a rigid fit: the image's noise and a deformation of the tree, as it was when the fit came to
+// rest.
+class RigidFitError final : public PointUncertainty {
+ public:
+  RigidFitError(ModelError model, const Matrix6d& of_noise, const Eigen::Matrix3d& R_camera_model,
+                const Eigen::Vector3d& centroid)
+      : model_(std::move(model)), of_noise_(of_noise), R_(R_camera_model), centroid_(centroid) {}
+
+  Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const override {
+    const Eigen::Vector3d at = p_model - centroid_;
+    return R_ * (ofNoise(at) + model_.pointCovariance(at)) * R_.transpose();
+  }
+
+  Matrix6d ofTwist() const { return of_noise_ + model_.poseCovariance(); }
+  double amplitude_m() const { return model_.amplitude_m(); }
+
+  // Over the tree's points, of which a few are looked at.
+  PlaceSpread spread(const Eigen::Matrix3Xd& points_centered, const Pose& T_camera_centered) const {
+    PlaceSpread sums_m2;
+    int count = 0;
+    const Eigen::Index stride = std::max<Eigen::Index>(1, points_centered.cols() / kSpreadPoints);
+    for (Eigen::Index i = stride / 2; i < points_centered.cols(); i += stride, ++count) {
+      const Eigen::Vector3d at = points_centered.col(i);
+      const Eigen::Matrix3d noise = ofNoise(at), all = noise + model_.pointCovariance(at);
+      const Eigen::Vector3d ray = R_.transpose() * (T_camera_centered * at).normalized();
+      sums_m2.noise_m += noise.trace();
+      sums_m2.all_m += all.trace();
+      sums_m2.across_m += all.trace() - ray.dot(all * ray);
+    }
+    const auto rms = [&](double sum_m2) { return std::sqrt(std::max(0.0, sum_m2 / std::max(1, count))); };
+    return {rms(sums_m2.noise_m), rms(sums_m2.all_m), rms(sums_m2.across_m)};
+  }
+
+ private:
+  Eigen::Matrix3d ofNoise(const Eigen::Vector3d& at) const {
+    Eigen::Matrix<double, 3, 6> J;
+    J << Eigen::Matrix3d::Identity(), -skew(at);
+    return J * of_noise_ * J.transpose();
+  }
+
+  ModelError model_;
+  Matrix6d of_noise_;
+  Eigen::Matrix3d R_;
+  Eigen::Vector3d centroid_;
+};
+
 class OrientedKernel final : public Registration {
  public:
   OrientedKernel(const OrientedKernelSettings& settings, const VesselTree& tree)
@@ -221,7 +270,15 @@ void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_ce
   result.rigid_iterations += fit.steps;
   result.last_step_px = fit.last_step_px;
   if (fit.information.allFinite() && fit.information.diagonal().minCoeff() > 0) {
-    result.covariance = covarianceOfResult(fit.information.inverse(), result.T_camera_model, model_.centroid);
+    const auto error =
+        std::make_shared<RigidFitError>(ModelError(lines_.residuals(frame_, fit.T_camera_centered, kResidualGroups),
+                                                   fit.information, fit.currency, 1e-3 * settings_.nonrigid.length_mm),
+                                        fit.information.inverse(), fit.T_camera_centered.linear(), model_.centroid);
+    result.covariance = covarianceOfResult(error->ofTwist(), result.T_camera_model, model_.centroid);
+    result.noise_covariance = covarianceOfResult(fit.information.inverse(), result.T_camera_model, model_.centroid);
+    result.deformation_std_m = error->amplitude_m();
+    result.spread = error->spread(model_.points, fit.T_camera_centered);
+    result.points = error;
   }
 }
 
@@ -251,6 +308,10 @@ void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& res
           (1 - place.weight) * fit.displacements_m.col(place.a) + place.weight * fit.displacements_m.col(place.b);
     }
     result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);
+    result.noise_covariance.reset();
+    result.deformation_std_m = 0;
+    result.spread.reset();
+    result.points.reset();
     result.last_step_px = fit.last_step_px;
     result.agreement = deformed;
   }

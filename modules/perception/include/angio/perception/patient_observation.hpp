@@ -1,18 +1,24 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <memory>
+
 #include "angio/geometry/se3.hpp"
 #include "angio/perception/namespace.hpp"
+#include "angio/registration/result.hpp"
 
 namespace angio::perception {
 
-/// Where one trusted frame shows the model: a pose and its covariance.
+/// Where one trusted frame shows the model: a pose, its covariance, and what is known of single points.
 struct PatientObservation {
   Pose T_camera_model = Pose::Identity();
   Matrix6d covariance =
       Matrix6d::Zero();  ///< As RegistrationResult has it: (translation, rotation), camera axes [m, rad].
+  std::shared_ptr<const PointUncertainty> points =
+      {};  ///< As RegistrationResult has it; null: the covariance says all.
 
-  /// Returns the covariance J S J^T of a model point [m^2], where dp = dt - (R p)^ dw.
+  /// Returns the covariance of a model point [m^2]: that of `points`, and without them J S J^T, where
+  /// dp = dt - (R p)^ dw.
   ///
   /// @param R_axes_camera  The axes in which it is wanted, from the camera's; the camera's own by default.
   Eigen::Matrix3d pointCovariance(const Eigen::Vector3d& p_model,

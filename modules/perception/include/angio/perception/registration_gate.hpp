@@ -56,6 +56,13 @@ class RegistrationGate {
   std::optional<std::string> rejection(const RegistrationResult& seen, const Pose& calibrated,
                                        const std::optional<Pose>& predicted) const;
 
+  /// The first half of it: why a registration cannot be right; nothing when it can.
+  std::optional<std::string> contradiction(const RegistrationResult& seen, const Pose& calibrated,
+                                           const std::optional<Pose>& predicted) const;
+
+  /// The second half: why a registration that is right does not say enough of the target; nothing when it does.
+  std::optional<std::string> tooUnsure(const RegistrationResult& seen) const;
+
  private:
   std::optional<std::string> tooFar(const Pose& seen, const Pose& expected, double max_deg, double max_mm,
                                     double max_depth_mm, const char* what) const;

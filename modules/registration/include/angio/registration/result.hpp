@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -51,6 +52,22 @@ struct RegistrationTimes {
   }
 };
 
+/// How uncertain the place of each point of a registered tree is.
+class PointUncertainty {
+ public:
+  virtual ~PointUncertainty() = default;
+  /// Returns the covariance of the error of a point of the tree where the result's pose puts it, camera axes [m^2]:
+  /// noise of the image, and a deformation of the tree that the residuals allow. `p_model` is in the model frame [m].
+  virtual Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const = 0;
+};
+
+/// Standard deviation of the distance of the tree's points from where they are claimed, rms over the tree [m].
+struct PlaceSpread {
+  double noise_m = 0;   ///< By the image's noise alone.
+  double all_m = 0;     ///< By noise and deformation.
+  double across_m = 0;  ///< The same across the rays to the points: depth left out.
+};
+
 /// What a registration says. `T_camera_model` is always a rigid transform; whether it means anything is in `status`.
 struct [[nodiscard]] RegistrationResult {
   RegistrationStatus status = RegistrationStatus::kTooFewPoints;
@@ -64,7 +81,20 @@ struct [[nodiscard]] RegistrationResult {
   /// Covariance of (translation of T_camera_model [m], rotation in camera axes [rad]): a true pose would be
   /// R_true = exp(dw) R, t_true = t + dt. From the last Gauss-Newton Hessian and the residual scale, image points taken
   /// as independent; absent when the solver had no full-rank system.
+  ///
+  /// A rigid fit of `oriented_kernel` also counts what the tree may be bent by: see deformation_std_m.
   std::optional<Matrix6d> covariance;
+
+  /// The part of the covariance that the image's noise alone leaves: what holds where the deformation is known. Absent
+  /// where the covariance says all.
+  std::optional<Matrix6d> noise_covariance;
+  /// Standard deviation, per axis, of the deformation of the tree that a rigid fit's residuals speak for [m], its
+  /// linear part left out. 0 where none was looked for.
+  double deformation_std_m = 0;
+  /// How uncertain the places of the tree's points are; absent where the covariance says all.
+  std::optional<PlaceSpread> spread;
+  /// What is known of single points; null where the covariance says all.
+  std::shared_ptr<const PointUncertainty> points;
 
   /// Score of the best different pose over the best score, in [0, 1]; absent when only one start was tried.
   std::optional<double> ambiguity;
