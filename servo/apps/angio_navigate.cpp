@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-navigate: steers a catheter to a branch of the tree by what X-ray images show, over a bus.
-#include <cctype>
 #include <csignal>
 #include <iostream>
 #include <optional>
@@ -13,6 +12,7 @@
 #include "angio/cli/program.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/servo/operator.hpp"
+#include "loop_warnings.hpp"
 #include "navigate_options.hpp"
 #include "program_bus.hpp"
 
@@ -26,15 +26,6 @@ struct Options {
   double duration_s = 0;
   bool wait_for_operator = false, autostart = false, ask_for_views = false;
 };
-
-// Two lines that differ in numbers only say the same.
-std::string withoutNumbers(const std::string& line) {
-  std::string words;
-  for (const char c : line) {
-    if (std::isdigit(static_cast<unsigned char>(c)) == 0) words += c;
-  }
-  return words;
-}
 
 volatile std::sig_atomic_t stopped = 0;
 
@@ -62,6 +53,7 @@ int navigate(const Options& o) {
   const auto began = std::chrono::steady_clock::now();
   const auto end = began + std::chrono::duration<double>(o.duration_s);
   std::int64_t frames = 0, held = 0;
+  LoopWarnings warnings("angio-navigate");
   std::string said;
   while (!stopped && (o.duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
     bus->handle(std::chrono::milliseconds(20));
@@ -70,6 +62,7 @@ int navigate(const Options& o) {
     if (starter) starter->start(now_us);
     const auto report = node.answer(now_us);
     log.watch();
+    warnings.tell(node);
     if (!report) continue;
     ++frames;
     held += report->hold_reason.has_value();

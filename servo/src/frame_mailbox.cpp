@@ -34,6 +34,14 @@ FrameMailbox::FrameMailbox(Bus& bus, const ExternalInputs& wanted) : wanted_(wan
   if (wanted.tip) tips_ = std::make_unique<MessageQueue<CatheterTip>>(bus, kCatheterTipChannel);
 }
 
+std::vector<std::string> FrameMailbox::awaited() const {
+  std::vector<std::string> channels;
+  if (waiting_.empty()) return channels;
+  if (wanted_.registration && !of(waiting_.back(), heard_registrations_)) channels.push_back(kRegistrationChannel);
+  if (wanted_.tip && !of(waiting_.back(), heard_tips_)) channels.push_back(kCatheterTipChannel);
+  return channels;
+}
+
 std::optional<FrameWithEstimates> FrameMailbox::take() {
   if (auto frame = frames_.take()) waiting_.push_back(std::move(*frame));
   if (waiting_.size() > kMaxFrames) waiting_.pop_front();

@@ -46,7 +46,10 @@ Decoded<AnyMessage> read(const std::uint8_t* data, std::size_t size) {
   };
   const auto fingerprint = fingerprintOf(data, size);
   if (!fingerprint) return refused("too short for a fingerprint");
-  if (*fingerprint != Description<T>::Wire::getHash()) return refused("another type's fingerprint");
+  if (*fingerprint != Description<T>::Wire::getHash()) {
+    const auto other = messageType(data, size);
+    return refused("another type's fingerprint" + (other ? ", " + *other + "'s" : std::string()));
+  }
   if (size > static_cast<std::size_t>(kMaxMessage)) return refused("too long");
   typename Description<T>::Packed packed{};
   FieldReader reader(data + sizeof *fingerprint, size - sizeof *fingerprint);

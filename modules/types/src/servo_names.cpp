@@ -42,7 +42,7 @@ const char* nameOf(ServoCause cause) {
     case ServoCause::kFramesLate:
       return "frames are late";
     case ServoCause::kFramesGone:
-      return "frames are gone";
+      return "no frame can be used";
     case ServoCause::kViewDisagrees:
       return "frames contradict joints and calibration";
     case ServoCause::kClockJumped:

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "angio/messaging/mailbox.hpp"
 #include "angio/messaging/messages.hpp"
@@ -42,6 +43,10 @@ class FrameMailbox {
   std::optional<FrameWithEstimates> take();
 
   std::int64_t refused() const { return frames_.refused(); }  ///< Frames that could not be decoded.
+
+  /// What has been heard of frames; and the channels on which messages are awaited of frames that have come.
+  const ChannelRecord& record() const { return frames_.record(); }
+  std::vector<std::string> awaited() const;
 
  private:
   ExternalInputs wanted_;

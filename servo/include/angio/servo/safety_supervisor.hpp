@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <functional>
 #include <optional>
 #include <string>
 #include <type_traits>
@@ -80,7 +81,7 @@ class FrameSupervisor {
   /// @param beam_patient     The beam's direction there, a unit vector.
   void trust(const Pose& T_patient_model, const Eigen::Vector3d& beam_patient, std::int64_t now_us);
   void doubt(Doubt kind, const std::string& reason, std::int64_t now_us);
-  void wait(std::int64_t now_us) { states_.wait(now_us); }
+  void wait(std::int64_t now_us, const std::function<std::string()>& silence = {}) { states_.wait(now_us, silence); }
 
   /// Another program speaks where one must: a fault.
   void secondSender(const std::string& how, std::int64_t now_us) { fault(ServoCause::kSecondSender, how, now_us); }

@@ -25,6 +25,7 @@ class CArmStates {
   }
   void forget() { history_.forget(); }
   std::int64_t refused() const { return history_.refused(); }
+  std::vector<ChannelRecord> records() const { return {newest_.record()}; }
 
  private:
   LatestMessage<CArmState> newest_;

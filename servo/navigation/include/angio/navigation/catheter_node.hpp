@@ -38,6 +38,7 @@ class CatheterStates {
     drive_.forget();
   }
   std::int64_t refused() const { return arm_.refused() + drive_.refused(); }
+  std::vector<ChannelRecord> records() const { return {newest_arm_.record(), newest_drive_.record()}; }
 
  private:
   LatestMessage<CArmState> newest_arm_;

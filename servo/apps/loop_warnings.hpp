@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "angio/apps/namespace.hpp"
+
+namespace angio::apps {
+
+/// Tells on stderr, a line each, what the user of a loop on a bus should know beside its answers to frames.
+class LoopWarnings {
+ public:
+  /// @param program  Its name, at the beginning of each line.
+  explicit LoopWarnings(std::string program) : program_(std::move(program)) {}
+
+  /// To be called after each SupervisedNode::answer(). Tells why no frame can be answered, again only when the cause is
+  /// another one.
+  template <typename Node>
+  void tell(const Node& node) {
+    tellTrouble(node.trouble());
+  }
+
+ private:
+  void tellTrouble(const std::optional<std::string>& trouble);
+
+  std::string program_, told_trouble_;
+};
+
+/// The line without its digits: two lines that differ in numbers only say the same.
+std::string withoutNumbers(const std::string& line);
+
+}  // namespace angio::apps
