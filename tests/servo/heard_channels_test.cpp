@@ -159,6 +159,56 @@ TEST_F(HeardChannels, SilenceIsToldByWhatWasHeardInstead) {
   EXPECT_EQ(said(), "idle; nothing more has come on XRAY_FRAME, the last from " + kXray);
 }
 
+TEST_F(HeardChannels, TwoMachinesAreCalledThatBeforeTheirClocksAre) {
+  const std::string other = "10.0.0.3:40003";
+  const auto both = [&] {
+    sayState();
+    CArmState second = stage.state(k);
+    second.time_us -= 108;  // One clock, read at another moment.
+    second.sequence += 1000;
+    bus.another(other, kCArmStateChannel, encode(second));
+    sayFrame(encode(stage.frame(k)));
+  };
+  const std::string named = "two C-arms on CARM_STATE: " + kArm + " and " + other + ": stop one";
+  for (int i = 0; i < 3; ++i) step(both);
+  EXPECT_EQ(node.trouble().value_or(""), named);
+  EXPECT_THAT(said(), HasSubstr(named)) << "before anything is armed";
+  ask(ServoRequestKind::kArm);
+  step(both);
+  EXPECT_EQ(state(), ServoState::kFault);
+  EXPECT_EQ(said(), "a second sender: " + named);
+  bus.another(other, kCArmStateChannel, encode(stage.state(k)));
+  sayState();
+  sayFrame(encode(stage.frame(++k)));
+  handle();
+  const auto report = node.answer(now_us());
+  ASSERT_TRUE(report);
+  EXPECT_THAT(report->hold_reason.value_or(""), HasSubstr(named));
+}
+
+// Frames that come less often than every 150 ms: one that takes over may be the only one.
+TEST_F(HeardChannels, ASlowXrayThatTakesOverIsNoClockThatJumps) {
+  const auto slowly = [&](const std::string& sender, std::int64_t clock_us) {
+    for (int i = 0; i < 3; ++i) step([&] { sayState(); });
+    step([&] {
+      sayState();
+      XrayFrame frame = stage.frame(k);
+      frame.time_us += clock_us;
+      bus.another(sender, kXrayFrameChannel, encode(frame));
+    });
+  };
+  slowly(kXray, 0);
+  ask(ServoRequestKind::kArm);
+  slowly(kXray, 0);
+  ASSERT_EQ(state(), ServoState::kArmed) << said();
+  slowly("10.0.0.3:40003", 1'700'000);
+  EXPECT_EQ(state(), ServoState::kFault);
+  EXPECT_EQ(said(), "a second sender: two X-rays on XRAY_FRAME, or one that was started again: " + kXray +
+                        " and now 10.0.0.3:40003: stop one, and reset");
+  slowly(kXray, 0);
+  EXPECT_EQ(node.trouble().value_or(""), "two X-rays on XRAY_FRAME: " + kXray + " and 10.0.0.3:40003: stop one");
+}
+
 // Between two frames a status' number and time stay; an operator has to hear of each change.
 TEST_F(HeardChannels, AnOperatorHearsEachStateWithoutAFrame) {
   ask(ServoRequestKind::kArm);

@@ -56,7 +56,7 @@ const char* nameOf(ServoCause cause) {
     case ServoCause::kMotionDisagrees:
       return "a joint does not do what was commanded";
     case ServoCause::kSecondSender:
-      return "a channel has a second sender";
+      return "a second sender";
   }
   return "unknown";
 }

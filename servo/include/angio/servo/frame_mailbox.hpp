@@ -29,6 +29,7 @@ struct ExternalEstimates {
 struct FrameWithEstimates {
   XrayFrame frame;
   ExternalEstimates external;
+  std::string sender = {};  ///< Of the frame (Bus::sender()); empty: unknown.
 };
 
 /// The newest X-ray frame of a bus, and with it what other programs say of the same frame: such frames wait until that
@@ -53,7 +54,11 @@ class FrameMailbox {
   LatestMessage<XrayFrame> frames_;
   std::unique_ptr<MessageQueue<RegistrationMessage>> registrations_;
   std::unique_ptr<MessageQueue<CatheterTip>> tips_;
-  std::deque<XrayFrame> waiting_;  // Oldest first.
+  struct Waiting {
+    XrayFrame frame;
+    std::string sender;
+  };
+  std::deque<Waiting> waiting_;  // Oldest first.
   std::deque<RegistrationMessage> heard_registrations_;
   std::deque<CatheterTip> heard_tips_;
 };

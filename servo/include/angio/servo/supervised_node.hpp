@@ -24,7 +24,7 @@ namespace angio::servo {
 ///   Monitor                      compares the machine's motion with its commands
 ///   kMachine                     whose operator is obeyed
 ///   kCommandChannel, kInputChannel, kStatusChannel, kSessionChannel
-///   kStateChannels, kStateSenders   the machines that are heard, and what they are called when there are two
+///   kStateChannels, kStateSenders   the machines that are heard, and what several of them are called
 ///   kCommands                    what commands are called
 ///   States                       hears the machine's states: States(bus), hear(supervisor, now_us),
 ///                                at(time_us, frame_sequence) -> optional<Input>, forget(), refused(),
@@ -97,7 +97,8 @@ class SupervisedNode {
     return report;
   }
 
-  /// Why no frame has been answered for 1 s, by what was heard of whom; nothing while frames are answered.
+  /// What a user has to mend, by what was heard of whom: a second sender, or why no frame has been answered for 1 s.
+  /// Nothing when there is neither.
   const std::optional<std::string>& trouble() const { return trouble_; }
 
   /// Frames and states that could not be decoded.
@@ -110,19 +111,20 @@ class SupervisedNode {
  private:
   static std::vector<SecondSenders::Watched> watched() {
     using Kind = SecondSenders::Kind;
-    std::vector<SecondSenders::Watched> all = {
-        {Traits::kCommandChannel, Kind::kCommands, std::string("another program sends ") + Traits::kCommands},
-        {Traits::kStatusChannel, Kind::kStatuses, "a second loop is running"},
-        {kXrayFrameChannel, Kind::kMachine, "two X-rays are sending"}};
+    std::vector<SecondSenders::Watched> all = {{Traits::kCommandChannel, Kind::kCommands, Traits::kCommands},
+                                               {Traits::kStatusChannel, Kind::kStatuses, "loops"},
+                                               {kXrayFrameChannel, Kind::kMachine, "X-rays"}};
     const char* const* senders = Traits::kStateSenders;
     for (const char* channel : Traits::kStateChannels) {
-      all.push_back({channel, Kind::kMachine, std::string("two ") + *senders++ + " are sending"});
+      all.push_back({channel, Kind::kMachine, *senders++});
     }
     return all;
   }
 
   // So long without an answer, a status is said, and why.
   static constexpr double kSilence_us = 1e6;
+  // So long a second sender explains what is wrong.
+  static constexpr double kRecent_us = 2e6;
 
   static double passed_us(std::int64_t from_us, std::int64_t to_us) {
     return static_cast<double>(to_us) - static_cast<double>(from_us);
@@ -133,13 +135,20 @@ class SupervisedNode {
   }
 
   std::optional<std::string> troubleAt(std::int64_t now_us) const {
+    if (second_) return second_;
     return passed_us(*frame_us_, now_us) >= kSilence_us ? std::optional(silence()) : std::nullopt;
   }
 
   void hear(std::int64_t now_us) {
     if (!frame_us_) frame_us_ = said_us_ = now_us;  // Frames, and statuses, are due from the first call on.
     // Before the states: two machines' clocks would else be called one clock that jumps.
-    if (const auto second = second_senders_.take(now_us)) safety_.secondSender(*second, now_us);
+    if (auto second = second_senders_.take(now_us)) {
+      safety_.secondSender(*second, now_us);
+      second_ = std::move(*second);
+      second_us_ = now_us;
+    } else if (second_ && passed_us(second_us_, now_us) > kRecent_us) {
+      second_.reset();
+    }
     states_.hear(safety_, now_us);
     for (const ServoRequest& request : requests_.take()) {
       const ServoState before = states().state();
@@ -147,6 +156,7 @@ class SupervisedNode {
       if (!refused && request.request == ServoRequestKind::kReset) {
         states_.forget();
         second_senders_.forget();
+        second_.reset();
       }
       if (before != ServoState::kArmed && states().state() == ServoState::kArmed) announce(now_us);
     }
@@ -163,7 +173,7 @@ class SupervisedNode {
   // Proposes, asks for permission, and commits to what is sent. Says what a replay needs to know.
   Report answerOf(const FrameWithEstimates& next, std::int64_t now_us) {
     typename Loop::Input input = *states_.at(next.frame.time_us, next.frame.sequence);
-    const auto refused = safety_.begin(next.frame, now_us);
+    const auto refused = safety_.begin(next.frame, now_us, next.sender);
     Report report = refused ? loop_.refuse(next.frame, *refused) : loop_.propose(next.frame, input, next.external);
     if (report.hold_reason) report.hold_reason = explained(*report.hold_reason);
     if (refused) {
@@ -179,8 +189,9 @@ class SupervisedNode {
     return report;
   }
 
-  // What makes a frame doubtful may be a consequence of states that cannot be decoded.
+  // What makes a frame doubtful may be a consequence of two senders, or of states that cannot be decoded.
   std::string explained(const std::string& hold_reason) const {
+    if (second_) return *second_;
     constexpr std::int64_t kBroken = 3;  // In a row: less is a network's.
     for (const ChannelRecord& states : states_.records()) {
       if (states.refused_in_a_row >= kBroken) return *undecodable(states) + "; " + hold_reason;
@@ -216,8 +227,9 @@ class SupervisedNode {
   SecondSenders second_senders_;
   SafetySupervisor<typename Traits::Monitor> safety_;
   std::int64_t said_transitions_ = 0, said_us_ = 0;
-  std::optional<std::int64_t> frame_us_;  // When the last frame was answered, or the first call.
-  std::optional<std::string> trouble_;
+  std::optional<std::int64_t> frame_us_;         // When the last frame was answered, or the first call.
+  std::optional<std::string> trouble_, second_;  // Of a second sender: the last finding, while it is recent.
+  std::int64_t second_us_ = 0;
   ServoStatus last_status_;
   ServoSession session_;  // The last one that was announced.
 };
