@@ -9,6 +9,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/servo/motion_monitor.hpp"
 #include "angio/types/channels.hpp"
+#include "angio/types/time_stamp.hpp"
 
 namespace angio::servo {
 namespace {
@@ -75,6 +76,12 @@ std::optional<Rejection> MessageTimingMonitor::follow(std::optional<Arrival>& la
                                                     ", or one that was started again: " + before.sender + " and now " +
                                                     last->sender + ": stop one, and reset"};
   }
+  if (differentEpochs(before.time_us, last->time_us)) {
+    return Rejection{ServoCause::kClockJumped, "the clock of " + sourceOf({stream.channel, last->sender, 0}) +
+                                                   " counts from another epoch than before: utime " +
+                                                   timeInWords(last->time_us) + " after " +
+                                                   timeInWords(before.time_us)};
+  }
   return Rejection{ServoCause::kClockJumped, what + " went on by " + formatValue(1e-3 * ticked_us) + " ms in " +
                                                  formatValue(1e-3 * passed_us) + " ms"};
 }
@@ -86,6 +93,12 @@ std::optional<Rejection> MessageTimingMonitor::rejection(const XrayFrame& frame,
   last_image_ = frame.image;
   const auto doubt = [](std::string reason) { return Rejection{ServoCause::kFrameDoubted, std::move(reason)}; };
   if (frozen) return doubt("the image is frozen: a new frame with the last one's pixels");
+  const TimeStamp exposed{kXrayFrameChannel, sender, frame.time_us};
+  const std::pair<const std::optional<Arrival>&, const Stream&> states[] = {{joints_, kJoints}, {drive_, kDrive}};
+  for (const auto& [newest, stream] : states) {
+    if (!newest) continue;
+    if (auto far = differentEpochs(exposed, {stream.channel, newest->sender, newest->time_us})) return doubt(*far);
+  }
   const auto tooOld = [&](double age_us, const char* against) -> std::optional<Rejection> {
     if (age_us <= 1e3 * settings_.max_frame_age_ms) return std::nullopt;
     return doubt("the frame is " + formatValue(1e-3 * age_us) + " ms later than " + against + ": at most " +

@@ -453,6 +453,22 @@ TEST_F(CatheterNodeTest, SaysWhatIsWrongOnItsBusAndWhoSendsIt) {
                              "fingerprint, catheter_state_t's"),
             std::string::npos)
       << undecodable;
+  ++now_us;
+  CatheterState drive;
+  drive.time_us = 1'763'938'257'000'000;
+  drive.sequence = 1;
+  CArmState at{now_us, 1, CArmJoints::Zero(), CArmJoints::Zero()};
+  at.joints = arm->arm().state().joints;
+  named.another("10.0.0.1:4", kCatheterStateChannel, encode(drive));
+  named.another("10.0.0.1:5", kCArmStateChannel, encode(at));
+  named.another("10.0.0.1:1", kXrayFrameChannel, encode(xray->render(now_us, at.joints)));
+  named.handle(std::chrono::milliseconds(0));
+  const auto report = node.answer(now_us);
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->hold_reason.value_or("").find("the clocks of XRAY_FRAME from 10.0.0.1:1 and CATHETER_STATE from "
+                                                  "10.0.0.1:4 count from different epochs: utime "),
+            0u)
+      << report->hold_reason.value_or("");
   const std::string two = trouble([&](std::int64_t k) {
     for (const std::string sender : {"10.0.0.1:2", "10.0.0.1:3"}) {
       CatheterState state;

@@ -209,6 +209,52 @@ TEST_F(HeardChannels, ASlowXrayThatTakesOverIsNoClockThatJumps) {
   EXPECT_EQ(node.trouble().value_or(""), "two X-rays on XRAY_FRAME: " + kXray + " and 10.0.0.3:40003: stop one");
 }
 
+TEST_F(HeardChannels, ClocksOfOtherEpochsAreCalledThat) {
+  constexpr std::int64_t kSince1970_us = 1'763'938'257'000'000;
+  ++k;
+  XrayFrame frame = stage.frame(k);
+  frame.time_us += kSince1970_us;
+  sayState();
+  sayFrame(encode(frame));
+  handle();
+  auto report = node.answer(now_us());
+  ASSERT_TRUE(report);
+  const std::string of = "the clocks of XRAY_FRAME from " + kXray + " and CARM_STATE from " + kArm +
+                         " count from different epochs: utime ";
+  EXPECT_EQ(report->hold_reason.value_or(""),
+            of + "1763938257066667 us (since 1970) and 66667 us (1.85e-05 h): set both to one clock");
+  // The other way round, and heard by a node of its own.
+  NamedBus second_bus;
+  ServoNode second(second_bus, stage.settings, stage.tree);
+  CArmState arm = stage.state(k);
+  arm.time_us += kSince1970_us;
+  second_bus.another(kArm, kCArmStateChannel, encode(arm));
+  second_bus.another(kXray, kXrayFrameChannel, encode(stage.frame(k)));
+  second_bus.handle(std::chrono::milliseconds(0));
+  report = second.answer(now_us());
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->hold_reason.value_or(""),
+            of + "66667 us (1.85e-05 h) and 1763938257066667 us (since 1970): set both to one clock");
+}
+
+TEST_F(HeardChannels, AClockThatChangesItsEpochSaysSo) {
+  ask(ServoRequestKind::kArm);
+  step([&] {
+    sayState();
+    sayFrame(encode(stage.frame(k)));
+  });
+  step([&] {
+    sayState();
+    XrayFrame frame = stage.frame(k);
+    frame.time_us += 1'763'938'257'000'000;
+    sayFrame(encode(frame));
+  });
+  EXPECT_EQ(state(), ServoState::kFault);
+  EXPECT_EQ(said(), "a clock jumped: the clock of XRAY_FRAME from " + kXray +
+                        " counts from another epoch than before: utime 1763938257133334 us (since 1970) after 66667 us "
+                        "(1.85e-05 h)");
+}
+
 // Between two frames a status' number and time stay; an operator has to hear of each change.
 TEST_F(HeardChannels, AnOperatorHearsEachStateWithoutAFrame) {
   ask(ServoRequestKind::kArm);
