@@ -123,6 +123,14 @@ std::int64_t sequenceOf(const AnyMessage& message) {
   return std::visit([](const auto& m) { return sequenceOf(m); }, message);
 }
 
+Numbering numberingOf(const AnyMessage& message) {
+  Numbering numbering;
+  numbering.gaps_are_losses = !std::holds_alternative<ServoRequest>(message);
+  numbering.repeats_are_copies =
+      !std::holds_alternative<ServoStatus>(message) && !std::holds_alternative<ViewRequest>(message);
+  return numbering;
+}
+
 std::string describe(const AnyMessage& message) {
   return std::visit([](const auto& m) { return wire::Description<std::decay_t<decltype(m)>>::line(m); }, message);
 }
