@@ -68,7 +68,6 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
   const double duration_s = o.duration_s.value_or(0);
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(duration_s);
   std::int64_t frames = 0, held = 0;
-  bool warned = false;
   LoopWarnings warnings("angio-servo");
   while (!stopped && (duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
     bus->handle(std::chrono::milliseconds(20));
@@ -80,10 +79,6 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
     if (!report) continue;
     ++frames;
     held += report->hold_reason.has_value();
-    if (const auto warning = node.loop().focalLengthWarning(); warning && !warned) {
-      std::cerr << "angio-servo: " << *warning << "\n";
-      warned = true;
-    }
     if (report->hold_reason)
       std::cerr << "frame " << report->command.frame_sequence << " held: " << *report->hold_reason << "\n";
   }

@@ -21,4 +21,9 @@ void LoopWarnings::tellTrouble(const std::optional<std::string>& trouble) {
   told_trouble_ = std::move(words);
 }
 
+void LoopWarnings::tellFocalLength(const std::optional<std::string>& warning) {
+  if (!warning || std::exchange(told_focal_length_, true)) return;
+  std::cerr << program_ << ": " << *warning << "\n";
+}
+
 }  // namespace angio::apps
