@@ -70,8 +70,11 @@ int check(const Options& o) {
   MessageQueue<CArmState> states(*bus, kCArmStateChannel);
   MessageQueue<XrayFrame> frames(*bus, kXrayFrameChannel);
   bool steered = false;
-  bus->overhear(kCArmCommandChannel, [&steered](const std::uint8_t* data, std::size_t size) {
-    steered = steered || decode<CArmCommand>(data, size).value.has_value();
+  std::string by;
+  bus->overhear(kCArmCommandChannel, [&](const std::uint8_t* data, std::size_t size) {
+    if (steered || !decode<CArmCommand>(data, size).value) return;
+    steered = true;
+    by = bus->sender();
   });
   MachineCheck machine(settings, readVesselTree(o.tree));
   std::signal(SIGINT, [](int) { stopped = 1; });
@@ -99,7 +102,8 @@ int check(const Options& o) {
     rest.valid_for_us = 200'000;
     publish(*bus, kCArmCommandChannel, rest);
   }
-  if (steered) throw InputError(o.bus, "CARM_COMMAND", "", "comes from another program: end that one first");
+  if (steered)
+    throw InputError(o.bus, "CARM_COMMAND", "", "comes from another program, " + by + ": end that one first");
   const std::vector<CheckRow> rows = machine.rows();
   std::cout << table(rows);
   if (!o.json.empty()) writeWholeFile(o.json, jsonOf(rows).dump(2) + "\n");
