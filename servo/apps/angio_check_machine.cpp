@@ -9,6 +9,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/vessel_files.hpp"
@@ -123,7 +124,7 @@ int main(int argc, char** argv) {
   angio::apps::describeProgram(app, "angio-check-machine --move --angle-deg 1 --table-mm 5");
   using angio::apps::between;
   angio::apps::Options o;
-  app.add_option("--bus", o.bus, "Bus (LCM URL)");
+  app.add_option("--bus", o.bus, angio::cli::busHelp("Bus"));
   app.add_option("--key-file", o.key_file, "Key that the machine's commands are authenticated with");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt) of what the X-ray shows");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");

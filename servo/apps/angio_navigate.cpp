@@ -8,6 +8,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/vessel_files.hpp"
@@ -95,7 +96,7 @@ int main(int argc, char** argv) {
   angio::apps::describeProgram(app, "angio-navigate --from-branch 0 --to-branch 13");
   using angio::apps::between;
   angio::apps::Options o;
-  app.add_option("--bus", o.bus, "Bus to listen on (LCM URL)");
+  app.add_option("--bus", o.bus, angio::cli::busHelp("Bus to listen on"));
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
   o.way.addTo(app)->required();
