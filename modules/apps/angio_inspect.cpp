@@ -11,6 +11,7 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/image_files.hpp"
@@ -230,9 +231,10 @@ int main(int argc, char** argv) {
   app.add_option("--frame", o.frame, "Frame of a run or of a TIFF, from 0")->check(CLI::Range(0, 1000000))->needs(file);
   app.add_flag("--json", o.json, "JSON instead of columns");
   app.add_option("--out", o.out, "Picture of the frame (.png, .tif, .jpg), as the camera sees it")->needs(file);
-  auto* bus = app.add_option("--bus", o.live.bus,
-                             "Newest X-ray frame of a bus (LCM URL); file://name.lcm?speed=0: a log's last one")
-                  ->excludes(file);
+  auto* bus =
+      app.add_option("--bus", o.live.bus,
+                     angio::cli::busHelp("Newest X-ray frame of a bus") + "; file://name.lcm?speed=0: a log's last one")
+          ->excludes(file);
   auto* tree = app.add_option("--tree", o.live.tree, "With --bus: vessel tree")->needs(bus);
   auto* calibration =
       app.add_option("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")

@@ -11,6 +11,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/calibration_records/record.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
@@ -308,7 +309,8 @@ int main(int argc, char** argv) {
   app.add_option("--out", o.out, "Result (.json); stdout when not given");
   app.add_option("--out-pose", o.out_pose, "Pose of the model in the camera (.yaml), of a result that converged");
   app.add_option("--overlay", o.overlay, "Picture of the result (.png, .jpg)");
-  auto* bus = seen->add_option("--bus", o.live.bus, "Register the frames of a bus (LCM URL) and say so there");
+  auto* bus =
+      seen->add_option("--bus", o.live.bus, angio::cli::busHelp("Register the frames of a bus, and say so there"));
   app.add_option("--key-file", o.live.key_file, "With --bus: key that the programs on the bus share")->needs(bus);
   app.add_option("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")->needs(bus);
   app.add_option("--duration-s", o.live.duration_s, "With --bus: how long; 0: until stopped")

@@ -15,6 +15,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/messaging/authenticated_bus.hpp"
@@ -165,7 +166,8 @@ int main(int argc, char** argv) {
                "angio-spy");
   angio::apps::describeProgram(app, "angio-spy --bus 'file://run.lcm?speed=0' --json run.json");
   angio::apps::Options o;
-  app.add_option("--bus", o.bus, "Bus to listen on (LCM URL); file://name.lcm?speed=0 reads a whole log at once");
+  app.add_option("--bus", o.bus,
+                 angio::cli::busHelp("Bus to listen on") + "; file://name.lcm?speed=0 reads a whole log at once");
   app.add_option(
       "--key-file", o.key_file,
       "Key that the programs on the bus share: shows only what has a valid envelope, and says what had none");

@@ -13,6 +13,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/evaluation/film_writer.hpp"
@@ -168,7 +169,8 @@ int main(int argc, char** argv) {
   angio::apps::describeProgram(app, "angio-view --bus 'file://run.lcm?speed=0' --out run.mp4");
   using angio::apps::between;
   angio::apps::Options o;
-  app.add_option("--bus", o.bus, "Bus to listen on (LCM URL); file://name.lcm?speed=0 shows each frame of a log");
+  app.add_option("--bus", o.bus,
+                 angio::cli::busHelp("Bus to listen on") + "; file://name.lcm?speed=0 shows each frame of a log");
   app.add_option("--key-file", o.key_file, "Key that the programs on the bus share");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration,

@@ -13,6 +13,7 @@
 #include "angio/messaging/mailbox.hpp"
 #include "angio/perception/frame_geometry.hpp"
 #include "angio/perception/state_history.hpp"
+#include "angio/types/time_stamp.hpp"
 
 namespace angio::apps {
 namespace {
@@ -94,8 +95,12 @@ void addJoints(const Heard& heard, Findings& found) {
   const auto age_ms = heard.newest
                           ? std::optional(1e-3 * static_cast<double>(heard.newest->time_us - heard.frame->time_us))
                           : std::nullopt;
-  found.add("age", age_ms ? inWords(*age_ms, "ms when it came, by the newest joints") : "no joints had come before it",
-            "age_ms", age_ms ? Json(*age_ms) : Json(nullptr));
+  const auto far = heard.newest ? differentEpochs({kXrayFrameChannel, "", heard.frame->time_us},
+                                                  {kCArmStateChannel, "", heard.newest->time_us})
+                                : std::nullopt;
+  const std::string age =
+      age_ms ? far.value_or(inWords(*age_ms, "ms when it came, by the newest joints")) : "no joints had come before it";
+  found.add("age", age, "age_ms", age_ms ? Json(*age_ms) : Json(nullptr));
   if (!heard.state) {
     found.add("joints", "none have come", "joints", nullptr);
     return;

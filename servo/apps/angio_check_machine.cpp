@@ -9,6 +9,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/vessel_files.hpp"
@@ -70,8 +71,11 @@ int check(const Options& o) {
   MessageQueue<CArmState> states(*bus, kCArmStateChannel);
   MessageQueue<XrayFrame> frames(*bus, kXrayFrameChannel);
   bool steered = false;
-  bus->overhear(kCArmCommandChannel, [&steered](const std::uint8_t* data, std::size_t size) {
-    steered = steered || decode<CArmCommand>(data, size).value.has_value();
+  std::string by;
+  bus->overhear(kCArmCommandChannel, [&](const std::uint8_t* data, std::size_t size) {
+    if (steered || !decode<CArmCommand>(data, size).value) return;
+    steered = true;
+    by = bus->sender();
   });
   MachineCheck machine(settings, readVesselTree(o.tree));
   std::signal(SIGINT, [](int) { stopped = 1; });
@@ -99,7 +103,8 @@ int check(const Options& o) {
     rest.valid_for_us = 200'000;
     publish(*bus, kCArmCommandChannel, rest);
   }
-  if (steered) throw InputError(o.bus, "CARM_COMMAND", "", "comes from another program: end that one first");
+  if (steered)
+    throw InputError(o.bus, "CARM_COMMAND", "", "comes from another program, " + by + ": end that one first");
   const std::vector<CheckRow> rows = machine.rows();
   std::cout << table(rows);
   if (!o.json.empty()) writeWholeFile(o.json, jsonOf(rows).dump(2) + "\n");
@@ -119,7 +124,7 @@ int main(int argc, char** argv) {
   angio::apps::describeProgram(app, "angio-check-machine --move --angle-deg 1 --table-mm 5");
   using angio::apps::between;
   angio::apps::Options o;
-  app.add_option("--bus", o.bus, "Bus (LCM URL)");
+  app.add_option("--bus", o.bus, angio::cli::busHelp("Bus"));
   app.add_option("--key-file", o.key_file, "Key that the machine's commands are authenticated with");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt) of what the X-ray shows");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");

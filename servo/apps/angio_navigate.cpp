@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-navigate: steers a catheter to a branch of the tree by what X-ray images show, over a bus.
-#include <cctype>
 #include <csignal>
 #include <iostream>
 #include <optional>
@@ -9,10 +8,12 @@
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/servo/operator.hpp"
+#include "loop_warnings.hpp"
 #include "navigate_options.hpp"
 #include "program_bus.hpp"
 
@@ -26,15 +27,6 @@ struct Options {
   double duration_s = 0;
   bool wait_for_operator = false, autostart = false, ask_for_views = false;
 };
-
-// Two lines that differ in numbers only say the same.
-std::string withoutNumbers(const std::string& line) {
-  std::string words;
-  for (const char c : line) {
-    if (std::isdigit(static_cast<unsigned char>(c)) == 0) words += c;
-  }
-  return words;
-}
 
 volatile std::sig_atomic_t stopped = 0;
 
@@ -62,6 +54,7 @@ int navigate(const Options& o) {
   const auto began = std::chrono::steady_clock::now();
   const auto end = began + std::chrono::duration<double>(o.duration_s);
   std::int64_t frames = 0, held = 0;
+  LoopWarnings warnings("angio-navigate");
   std::string said;
   while (!stopped && (o.duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
     bus->handle(std::chrono::milliseconds(20));
@@ -70,6 +63,7 @@ int navigate(const Options& o) {
     if (starter) starter->start(now_us);
     const auto report = node.answer(now_us);
     log.watch();
+    warnings.tell(node);
     if (!report) continue;
     ++frames;
     held += report->hold_reason.has_value();
@@ -102,7 +96,7 @@ int main(int argc, char** argv) {
   angio::apps::describeProgram(app, "angio-navigate --from-branch 0 --to-branch 13");
   using angio::apps::between;
   angio::apps::Options o;
-  app.add_option("--bus", o.bus, "Bus to listen on (LCM URL)");
+  app.add_option("--bus", o.bus, angio::cli::busHelp("Bus to listen on"));
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
   o.way.addTo(app)->required();

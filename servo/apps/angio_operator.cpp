@@ -7,6 +7,7 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/messaging/authenticated_bus.hpp"
 #include "angio/servo/operator.hpp"
@@ -83,7 +84,7 @@ int main(int argc, char** argv) {
   for (const auto& [name, kind] : angio::apps::kRequests) names.push_back(name);
   app.add_option("request", o.request, "What is asked for")->required()->check(CLI::IsMember(names));
   angio::apps::addMachineOption(app, o.machine, "Whose loop is asked; an emergency stop stops both");
-  app.add_option("--bus", o.bus, "Bus (LCM URL)");
+  app.add_option("--bus", o.bus, angio::cli::busHelp("Bus"));
   app.add_option(
       "--key-file", o.key_file,
       "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused");

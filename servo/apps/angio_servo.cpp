@@ -16,6 +16,7 @@
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/types/channels.hpp"
+#include "loop_warnings.hpp"
 #include "preview.hpp"
 #include "program_bus.hpp"
 #include "servo_program.hpp"
@@ -67,20 +68,17 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
   const double duration_s = o.duration_s.value_or(0);
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(duration_s);
   std::int64_t frames = 0, held = 0;
-  bool warned = false;
+  LoopWarnings warnings("angio-servo");
   while (!stopped && (duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
     bus->handle(std::chrono::milliseconds(20));
     const std::int64_t now_us = monotonic_us();
     if (starter) starter->start(now_us);
     const auto report = node.answer(now_us);
     log.watch();
+    warnings.tell(node);
     if (!report) continue;
     ++frames;
     held += report->hold_reason.has_value();
-    if (const auto warning = node.loop().focalLengthWarning(); warning && !warned) {
-      std::cerr << "angio-servo: " << *warning << "\n";
-      warned = true;
-    }
     if (report->hold_reason)
       std::cerr << "frame " << report->command.frame_sequence << " held: " << *report->hold_reason << "\n";
   }

@@ -17,6 +17,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
@@ -280,7 +281,7 @@ int main(int argc, char** argv) {
                                "angio-simulate --out run --frames 60 --start-primary-deg 30 --settings scene.yaml");
   using angio::apps::between;
   angio::apps::Options o;
-  app.add_option("--bus", o.bus, "Bus (LCM URL)");
+  app.add_option("--bus", o.bus, angio::cli::busHelp("Bus"));
   app.add_option(
       "--key-file", o.key_file,
       "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused");

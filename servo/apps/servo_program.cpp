@@ -5,6 +5,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
 
@@ -14,7 +15,7 @@ void ServoProgramOptions::addTo(CLI::App& app) {
   const ServoSettings defaults;
   auto* simulated =
       app.add_flag("--simulate", simulate, "Simulated X-ray, C-arm and loop in one process, in simulated time");
-  app.add_option("--bus", bus, "Bus to listen on (LCM URL) when not simulating")->excludes(simulated);
+  app.add_option("--bus", bus, cli::busHelp("Bus to listen on when not simulating"))->excludes(simulated);
   app.add_flag("--wait-for-operator", wait_for_operator,
                "Stand still until SERVO_REQUEST arms and starts (angio-operator): the default on a bus")
       ->excludes(simulated);

@@ -34,16 +34,25 @@ FrameMailbox::FrameMailbox(Bus& bus, const ExternalInputs& wanted) : wanted_(wan
   if (wanted.tip) tips_ = std::make_unique<MessageQueue<CatheterTip>>(bus, kCatheterTipChannel);
 }
 
+std::vector<std::string> FrameMailbox::awaited() const {
+  std::vector<std::string> channels;
+  if (waiting_.empty()) return channels;
+  if (wanted_.registration && !of(waiting_.back().frame, heard_registrations_))
+    channels.push_back(kRegistrationChannel);
+  if (wanted_.tip && !of(waiting_.back().frame, heard_tips_)) channels.push_back(kCatheterTipChannel);
+  return channels;
+}
+
 std::optional<FrameWithEstimates> FrameMailbox::take() {
-  if (auto frame = frames_.take()) waiting_.push_back(std::move(*frame));
+  if (auto frame = frames_.take()) waiting_.push_back({std::move(*frame), frames_.record().sender});
   if (waiting_.size() > kMaxFrames) waiting_.pop_front();
   if (registrations_) keep(heard_registrations_, registrations_->take());
   if (tips_) keep(heard_tips_, tips_->take());
-  for (auto frame = waiting_.rbegin(); frame != waiting_.rend(); ++frame) {
-    ExternalEstimates external{of(*frame, heard_registrations_), of(*frame, heard_tips_)};
+  for (auto waiting = waiting_.rbegin(); waiting != waiting_.rend(); ++waiting) {
+    ExternalEstimates external{of(waiting->frame, heard_registrations_), of(waiting->frame, heard_tips_)};
     if ((wanted_.registration && !external.registration) || (wanted_.tip && !external.tip)) continue;
-    FrameWithEstimates result{std::move(*frame), std::move(external)};
-    waiting_.erase(waiting_.begin(), frame.base());
+    FrameWithEstimates result{std::move(waiting->frame), std::move(external), std::move(waiting->sender)};
+    waiting_.erase(waiting_.begin(), waiting.base());
     return result;
   }
   return std::nullopt;

@@ -8,6 +8,8 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/servo/motion_monitor.hpp"
+#include "angio/types/channels.hpp"
+#include "angio/types/time_stamp.hpp"
 
 namespace angio::servo {
 namespace {
@@ -44,37 +46,59 @@ void MessageTimingMonitor::forget() {
   last_image_.release();
 }
 
+const MessageTimingMonitor::Stream MessageTimingMonitor::kFrames{kXrayFrameChannel, "frames", "X-rays"};
+const MessageTimingMonitor::Stream MessageTimingMonitor::kJoints{kCArmStateChannel, "joints", "C-arms"};
+const MessageTimingMonitor::Stream MessageTimingMonitor::kDrive{kCatheterStateChannel, "the drive's states",
+                                                                "catheter drives"};
+
 // Order and clock of one sender's messages.
-std::optional<Rejection> MessageTimingMonitor::follow(std::optional<Arrival>& last, std::int64_t now_us,
-                                                      std::int64_t time_us, std::int64_t sequence,
-                                                      const char* what) const {
-  const double lag_us = between_us(time_us, now_us);
+std::optional<Rejection> MessageTimingMonitor::follow(std::optional<Arrival>& last, Arrival next,
+                                                      const Stream& stream) const {
+  const std::string what = stream.messages;
   if (!last) {
-    last = Arrival{now_us, time_us, sequence, lag_us};
+    last = std::move(next);
     return std::nullopt;
   }
-  if (sequence <= last->sequence && time_us <= last->time_us) {
-    return Rejection{ServoCause::kFrameDoubted, std::string(what) + " came twice or late"};
+  if (next.sequence <= last->sequence && next.time_us <= last->time_us) {
+    return Rejection{ServoCause::kFrameDoubted, what + " came twice or late"};
   }
-  const double passed_us = between_us(last->now_us, now_us), ticked_us = between_us(last->time_us, time_us);
-  const bool began_again = sequence < last->sequence;
+  const double passed_us = between_us(last->now_us, next.now_us), ticked_us = between_us(last->time_us, next.time_us);
+  const bool began_again = next.sequence < last->sequence;
   const bool jumped = ticked_us <= 0 || ticked_us - passed_us > 1e3 * settings_.max_clock_jump_ms;
-  const double quickest_us = std::min(lag_us, last->min_lag_us + 1e-6 * settings_.clock_drift_ppm * passed_us);
-  last = Arrival{now_us, time_us, sequence, began_again || jumped ? lag_us : quickest_us};
-  if (began_again) {
-    return Rejection{ServoCause::kFrameDoubted, std::string("the sender of ") + what + " began again"};
+  if (!began_again && !jumped) {
+    next.min_lag_us = std::min(next.min_lag_us, last->min_lag_us + 1e-6 * settings_.clock_drift_ppm * passed_us);
   }
+  const Arrival before = *std::exchange(last, std::move(next));
+  if (began_again) return Rejection{ServoCause::kFrameDoubted, "the sender of " + what + " began again"};
   if (!jumped) return std::nullopt;
-  return Rejection{ServoCause::kClockJumped, std::string(what) + " went on by " + formatValue(1e-3 * ticked_us) +
-                                                 " ms in " + formatValue(1e-3 * passed_us) + " ms"};
+  if (before.sender != last->sender && !before.sender.empty()) {
+    return Rejection{ServoCause::kSecondSender, std::string("two ") + stream.senders + " on " + stream.channel +
+                                                    ", or one that was started again: " + before.sender + " and now " +
+                                                    last->sender + ": stop one, and reset"};
+  }
+  if (differentEpochs(before.time_us, last->time_us)) {
+    return Rejection{ServoCause::kClockJumped, "the clock of " + sourceOf({stream.channel, last->sender, 0}) +
+                                                   " counts from another epoch than before: utime " +
+                                                   timeInWords(last->time_us) + " after " +
+                                                   timeInWords(before.time_us)};
+  }
+  return Rejection{ServoCause::kClockJumped, what + " went on by " + formatValue(1e-3 * ticked_us) + " ms in " +
+                                                 formatValue(1e-3 * passed_us) + " ms"};
 }
 
-std::optional<Rejection> MessageTimingMonitor::rejection(const XrayFrame& frame, std::int64_t now_us) {
-  if (auto wrong = follow(frame_, now_us, frame.time_us, frame.sequence, "frames")) return wrong;
+std::optional<Rejection> MessageTimingMonitor::rejection(const XrayFrame& frame, std::int64_t now_us,
+                                                         const std::string& sender) {
+  if (auto wrong = follow(frame_, arrival(frame, now_us, sender), kFrames)) return wrong;
   const bool frozen = sameImage(frame.image, last_image_);
   last_image_ = frame.image;
   const auto doubt = [](std::string reason) { return Rejection{ServoCause::kFrameDoubted, std::move(reason)}; };
   if (frozen) return doubt("the image is frozen: a new frame with the last one's pixels");
+  const TimeStamp exposed{kXrayFrameChannel, sender, frame.time_us};
+  const std::pair<const std::optional<Arrival>&, const Stream&> states[] = {{joints_, kJoints}, {drive_, kDrive}};
+  for (const auto& [newest, stream] : states) {
+    if (!newest) continue;
+    if (auto far = differentEpochs(exposed, {stream.channel, newest->sender, newest->time_us})) return doubt(*far);
+  }
   const auto tooOld = [&](double age_us, const char* against) -> std::optional<Rejection> {
     if (age_us <= 1e3 * settings_.max_frame_age_ms) return std::nullopt;
     return doubt("the frame is " + formatValue(1e-3 * age_us) + " ms later than " + against + ": at most " +
@@ -111,20 +135,22 @@ std::optional<Rejection> MessageTimingMonitor::implausible(const CArmState& stat
   return std::nullopt;
 }
 
-std::optional<Rejection> MessageTimingMonitor::rejection(const CArmState& state, std::int64_t now_us) {
+std::optional<Rejection> MessageTimingMonitor::rejection(const CArmState& state, std::int64_t now_us,
+                                                         const std::string& sender) {
   if (!state.joints.allFinite() || !state.velocity.allFinite()) {
     return Rejection{ServoCause::kJointsNotFinite, "joint positions or velocities are NaN or infinite"};
   }
   if (joints_ && state.sequence == joints_->sequence && state.time_us == joints_->time_us) return std::nullopt;
-  if (auto wrong = follow(joints_, now_us, state.time_us, state.sequence, "joints")) return wrong;
+  if (auto wrong = follow(joints_, arrival(state, now_us, sender), kJoints)) return wrong;
   const auto wrong = implausible(state);
   last_state_ = state;
   return wrong;
 }
 
-std::optional<Rejection> MessageTimingMonitor::rejection(const CatheterState& state, std::int64_t now_us) {
+std::optional<Rejection> MessageTimingMonitor::rejection(const CatheterState& state, std::int64_t now_us,
+                                                         const std::string& sender) {
   if (drive_ && state.sequence == drive_->sequence && state.time_us == drive_->time_us) return std::nullopt;
-  return follow(drive_, now_us, state.time_us, state.sequence, "the drive's states");
+  return follow(drive_, arrival(state, now_us, sender), kDrive);
 }
 
 }  // namespace angio::servo

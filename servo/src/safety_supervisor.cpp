@@ -39,21 +39,22 @@ std::optional<std::string> FrameSupervisor::raise(const Rejection& rejection, st
 }
 
 // A state that comes twice or late says nothing new, and nothing bad.
-bool FrameSupervisor::sound(const CArmState& newest, std::int64_t now_us) {
-  const auto wrong = timing_.rejection(newest, now_us);
+bool FrameSupervisor::sound(const CArmState& newest, std::int64_t now_us, const std::string& sender) {
+  const auto wrong = timing_.rejection(newest, now_us, sender);
   const bool fault = wrong && wrong->cause != ServoCause::kFrameDoubted;
   unsound_arm_ = fault ? raise(*wrong, now_us) : std::nullopt;
   return !wrong;
 }
 
-bool FrameSupervisor::sound(const CatheterState& newest, std::int64_t now_us) {
-  const auto wrong = timing_.rejection(newest, now_us);
+bool FrameSupervisor::sound(const CatheterState& newest, std::int64_t now_us, const std::string& sender) {
+  const auto wrong = timing_.rejection(newest, now_us, sender);
   if (wrong && wrong->cause != ServoCause::kFrameDoubted) raise(*wrong, now_us);
   return !wrong;
 }
 
-std::optional<std::string> FrameSupervisor::begin(const XrayFrame& frame, std::int64_t now_us) {
-  if (const auto wrong = timing_.rejection(frame, now_us)) return raise(*wrong, now_us);
+std::optional<std::string> FrameSupervisor::begin(const XrayFrame& frame, std::int64_t now_us,
+                                                  const std::string& sender) {
+  if (const auto wrong = timing_.rejection(frame, now_us, sender)) return raise(*wrong, now_us);
   if (unsound_arm_) states_.doubted(Doubt::kUnseen, *unsound_arm_, now_us);
   return unsound_arm_;
 }

@@ -32,6 +32,19 @@ std::int64_t numberAt(const std::uint8_t* data) {
   return static_cast<std::int64_t>(bits);
 }
 
+std::string inWords(const SecondSenders::Watched& watched, const std::string& senders) {
+  const std::string other = senders.empty() ? "another program" : senders;
+  switch (watched.kind) {
+    case SecondSenders::Kind::kCommands:
+      return other + " sends " + watched.what + " on " + watched.channel + ", beside this program: stop one";
+    case SecondSenders::Kind::kStatuses:
+      return "two " + watched.what + " on " + watched.channel + ": this program and " + other + ": stop one";
+    case SecondSenders::Kind::kMachine:
+      break;
+  }
+  return "two " + watched.what + " on " + watched.channel + ": " + senders + ": stop one";
+}
+
 }  // namespace
 
 bool SenderWatch::contradicts(std::int64_t sequence, std::int64_t time_us) const {
@@ -50,10 +63,15 @@ std::optional<std::string> SenderWatch::hear(const std::string& sender, std::int
     return heard != heard_us_.end() && between(heard->second, now_us) <= most_us;
   };
   const bool same = sender == last_sender_, against = same && contradicts(sequence, time_us);
+  // Two that count alike say each number twice; one that does not count says it again and again.
+  repeats_ = same && sequence == last_sequence_ ? repeats_ + (time_us != last_time_us_ ? 1 : 0) : 0;
+  const bool stuck = repeats_ > 1;
   if (!same) {
     if (!last_sender_.empty() && (within(last_sender_, kInTurns_us) || within(sender, kComesAgain_us))) {
-      found = last_sender_ + " and " + sender;
+      found = std::min(last_sender_, sender) + " and " + std::max(last_sender_, sender);
     }
+    contradicted_us_.clear();
+  } else if (stuck) {
     contradicted_us_.clear();
   } else if (against) {
     contradicted_us_.push_back(now_us);
@@ -61,7 +79,7 @@ std::optional<std::string> SenderWatch::hear(const std::string& sender, std::int
         std::remove_if(contradicted_us_.begin(), contradicted_us_.end(),
                        [&](std::int64_t then_us) { return between(then_us, now_us) > kContradictions_us; }),
         contradicted_us_.end());
-    if (contradicted_us_.size() >= kContradictions) found = sender + " twice";
+    if (contradicted_us_.size() >= kContradictions) found = "both from " + sender;
   }
   if (heard_us_.size() > 16) heard_us_.clear();
   heard_us_[sender] = now_us;
@@ -97,12 +115,11 @@ std::optional<std::string> SecondSenders::take(std::int64_t now_us) {
   bool loop = false;  // Who says statuses and commands is a loop.
   for (const Event& event : std::exchange(*events_, {})) {
     const Watched& watched = watched_[event.watched];
-    std::optional<std::string> from = event.sender;
-    if (watched.kind == Kind::kMachine) {
-      from = watches_[event.watched].hear(event.sender, event.sequence, event.time_us, now_us);
-    }
+    const bool machine = watched.kind == Kind::kMachine;
+    const auto senders = machine ? watches_[event.watched].hear(event.sender, event.sequence, event.time_us, now_us)
+                                 : std::optional(event.sender);
     const bool says_more = watched.kind == Kind::kStatuses && !std::exchange(loop, true);
-    if (from && (!found || says_more)) found = watched.what + (from->empty() ? "" : ", from " + *from);
+    if (senders && (!found || says_more)) found = inWords(watched, *senders);
   }
   return found;
 }

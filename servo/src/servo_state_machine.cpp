@@ -174,11 +174,12 @@ void ServoStateMachine::fault(ServoCause cause, const std::string& reason, std::
   change(ServoEvent::kFault, cause, std::string(nameOf(cause)) + ": " + reason, now_us);
 }
 
-void ServoStateMachine::wait(std::int64_t now_us) {
+void ServoStateMachine::wait(std::int64_t now_us, const std::function<std::string()>& silence) {
   if (!clockRuns(now_us) || !last_frame_us_) return;
   const double gap_ms = between_ms(*last_frame_us_, now_us);
   if (gap_ms <= settings_.max_frame_gap_ms) return;
-  const std::string reason = "no frame for " + formatValue(gap_ms) + " ms";
+  const std::string heard = silence ? silence() : std::string();
+  const std::string reason = (heard.empty() ? "no frame" : heard + ",") + " for " + formatValue(gap_ms) + " ms";
   trusted_in_a_row_ = 0;
   change(ServoEvent::kDoubt, ServoCause::kFramesLate, reason, now_us);
   if (gap_ms > settings_.frames_gone_ms) fault(ServoCause::kFramesGone, reason, now_us);

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Builds the fuzzers and runs each for a bounded time: run.sh [seconds, 60] [reader ...]. What is found is left in
+# Builds the fuzzers and runs each for a bounded time: run.sh [seconds, 60] [reader ...]; node_datagrams are those that
+# both machines' nodes hear through a real socket. What is found is left in
 # build-fuzz/findings/<reader>, and made smaller for a minute; the exit code is 1 when anything was found.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -11,7 +12,7 @@ if [[ ! $seconds =~ ^[1-9][0-9]*$ ]]; then
   exit 2
 fi
 cmake --preset fuzz -B "$build" > /dev/null
-cmake --build "$build" --target fuzz_reader > /dev/null
+cmake --build "$build" --target fuzz_reader fuzz_nodes > /dev/null
 
 # Files in memory: a disk would be what is tried. libFuzzer's programs end without taking theirs away.
 memory=/dev/shm
@@ -23,14 +24,16 @@ export UBSAN_OPTIONS=print_stacktrace=1
 limits=(-timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=16384)
 
 fuzz() {  # reader, options and files of libFuzzer ...
-  ANGIO_FUZZ_READER=$1 "$build/bin/fuzz_reader" "${limits[@]}" "${@:2}"
+  local program=fuzz_reader
+  if [[ $1 == node_datagrams ]]; then program=fuzz_nodes; fi
+  ANGIO_FUZZ_READER=$1 "$build/bin/$program" "${limits[@]}" "${@:2}"
 }
 
 readers=("${@:2}")
 if [[ ${#readers[@]} -eq 0 ]]; then
   # Asked for none, the program lists those that it knows.
   list=$(fuzz '' 2>&1 || true)
-  read -ra readers <<< "${list#*must be one of }"
+  read -ra readers <<< "${list#*must be one of } node_datagrams"
 fi
 failed=0
 printf '%-18s %12s %10s %10s\n' reader executions coverage findings

@@ -66,6 +66,15 @@ TEST(HelpOfPrograms, IsPrintable) {
   }
 }
 
+TEST(HelpOfPrograms, SaysHowLargeTheReceiveBufferOfABusIs) {
+  for (const char* program : {"angio-simulate", "angio-operator", "angio-servo", "angio-navigate", "angio-register",
+                              "angio-inspect", "angio-spy", "angio-view", "angio-check-machine"}) {
+    const auto ended = test::run(program, {"--help"});
+    EXPECT_THAT(ended.out, HasSubstr("&recv_buf_size=BYTES")) << program;
+    EXPECT_THAT(ended.out, HasSubstr("4194304")) << program;
+  }
+}
+
 TEST_F(BusPrograms, SpyTellsWhatIsInALog) {
   const auto ended = test::run("angio-spy", {"--bus", url_, "--json", folder_.path("spy.json")});
   ASSERT_EQ(ended.exit_code, 0) << ended.err;

@@ -42,6 +42,35 @@ TEST(BusMonitor, TellsLostDoubledLateAndRestartedApart) {
   EXPECT_EQ(reports[0].undecodable, 0);
 }
 
+// An operator's requests are numbered by the clock: several programs, one after the other, make them.
+TEST(BusMonitor, GapsOfRequestsAndStatusesSaidAgainAreNoLosses) {
+  BusMonitor monitor;
+  std::int64_t now_us = 5'000'000'000;
+  for (int i = 0; i < 4; ++i) {
+    ServoRequest request;
+    request.time_us = request.sequence = now_us += 700'000;
+    hear(monitor, "REQUEST", encode(request), now_us);
+    ServoStatus status;
+    status.frame_sequence = 1 + i / 2;
+    status.time_us = 10 * status.frame_sequence;
+    status.transitions = i;
+    hear(monitor, "STATUS", encode(status), now_us);
+  }
+  ServoRequest again;
+  again.time_us = again.sequence = now_us;
+  hear(monitor, "REQUEST", encode(again), now_us);
+  for (const auto& report : monitor.report(now_us)) {
+    EXPECT_EQ(report.missing, 0) << report.channel;
+    EXPECT_EQ(report.late, 0) << report.channel;
+    EXPECT_EQ(report.duplicates, report.channel == "REQUEST" ? 1 : 0) << report.channel;
+  }
+  ServoStatus later;
+  later.frame_sequence = 9;
+  later.time_us = 90;
+  hear(monitor, "STATUS", encode(later), now_us);
+  EXPECT_EQ(monitor.report(now_us).at(1).missing, 6) << "of frames' numbers, 3 to 8 are losses";
+}
+
 TEST(BusMonitor, RatesAndDelaysAreThoseOfTheLastSeconds) {
   BusMonitor monitor(2);
   // 5 Hz for ten seconds, then 20 Hz for three; each message 30 to 50 ms on its way.

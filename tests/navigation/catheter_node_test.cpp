@@ -18,6 +18,7 @@
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/named_bus.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 
@@ -431,6 +432,52 @@ TEST_F(CatheterNodeTest, AsksForAViewAndRestsUntilItIsReached) {
 
 TEST_F(CatheterNodeTest, RefusesPlacesThatTheTreeDoesNotHave) {
   EXPECT_NE(test::refusalOf([&] { nodeTo({1000, 0}); }).find("target = 1000"), std::string::npos);
+}
+
+TEST_F(CatheterNodeTest, SaysWhatIsWrongOnItsBusAndWhoSendsIt) {
+  NamedBus named;
+  const TreeLocation target{TreeTopology(tree).children(0).front(), 8e-3};
+  CatheterNode node(named, stage, tree, kStart, target, settings);
+  const auto trouble = [&](const std::function<void(std::int64_t)>& say) {
+    for (int i = 0; i < 20; ++i) {
+      now_us += 66'667;
+      say(now_us / 66'667);
+      while (named.handle(std::chrono::milliseconds(0)) > 0) continue;
+      node.answer(now_us);
+    }
+    return node.trouble().value_or("");
+  };
+  const std::string undecodable =
+      trouble([&](std::int64_t) { named.another("10.0.0.1:1", kXrayFrameChannel, encode(CatheterState())); });
+  EXPECT_NE(undecodable.find(" messages on XRAY_FRAME from 10.0.0.1:1 cannot be decoded: xray_frame_t: another type's "
+                             "fingerprint, catheter_state_t's"),
+            std::string::npos)
+      << undecodable;
+  ++now_us;
+  CatheterState drive;
+  drive.time_us = 1'763'938'257'000'000;
+  drive.sequence = 1;
+  CArmState at{now_us, 1, CArmJoints::Zero(), CArmJoints::Zero()};
+  at.joints = arm->arm().state().joints;
+  named.another("10.0.0.1:4", kCatheterStateChannel, encode(drive));
+  named.another("10.0.0.1:5", kCArmStateChannel, encode(at));
+  named.another("10.0.0.1:1", kXrayFrameChannel, encode(xray->render(now_us, at.joints)));
+  named.handle(std::chrono::milliseconds(0));
+  const auto report = node.answer(now_us);
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->hold_reason.value_or("").find("the clocks of XRAY_FRAME from 10.0.0.1:1 and CATHETER_STATE from "
+                                                  "10.0.0.1:4 count from different epochs: utime "),
+            0u)
+      << report->hold_reason.value_or("");
+  const std::string two = trouble([&](std::int64_t k) {
+    for (const std::string sender : {"10.0.0.1:2", "10.0.0.1:3"}) {
+      CatheterState state;
+      state.time_us = now_us - 100;
+      state.sequence = k;
+      named.another(sender, kCatheterStateChannel, encode(state));
+    }
+  });
+  EXPECT_EQ(two, "two catheter drives on CATHETER_STATE: 10.0.0.1:2 and 10.0.0.1:3: stop one");
 }
 
 }  // namespace

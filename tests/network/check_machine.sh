@@ -2,31 +2,16 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # check_machine.sh PROGRAMS SOURCES: angio-check-machine on the robot in another language with a simulated X-ray, and on
 # the simulated machine, over this machine's loopback. Exit code 77: skipped, and why.
-set -euo pipefail
-programs=$1 sources=$2
-for needed in python3 lcm-gen; do
-  command -v "$needed" >/dev/null || { echo "skipped: there is no $needed"; exit 77; }
-done
-folder=$(mktemp -d)
-started=()
-trap 'for id in "${started[@]}"; do kill "$id" 2>/dev/null || true; done; rm -rf "$folder"' EXIT
-port=$((20000 + $$ % 20000))
-own="udpm://239.255.76.67:$port?ttl=0" simulated="udpm://239.255.76.67:$((port + 1))?ttl=0"
-lcm-gen -p --ppath "$folder" "$sources"/modules/messaging/types/*.lcm
-python3 "$sources/examples/06_own_robot/own_robot.py" "$folder" "$port" 150 2>"$folder/err" &
-started+=($!)
-sleep 0.5
-if ! kill -0 "${started[0]}" 2>/dev/null; then
-  grep -qiE "No such device|unreachable|not permitted" "$folder/err" && { echo "skipped: no multicast: $(tail -n 1 "$folder/err")"; exit 77; }
-  cat "$folder/err"
-  exit 1
-fi
+# shellcheck source=tests/network/common.sh
+source "$(dirname "$0")/common.sh"
+python_types
+own=$bus simulated=$(bus_at $((port + 1)))
+begin robot python3 "$sources/examples/06_own_robot/own_robot.py" "$folder" "$port" 150
+listens robot
 # Small images: two X-rays are rendered at once.
-calibration="$sources/examples/data/hepatic-tace/carm.yaml"
-"$programs/angio-simulate" --bus "$own" --xray-only --frame-rate-hz 10 --duration-s 150 >"$folder/xray.txt" &
-started+=($!)
-"$programs/angio-simulate" --bus "$simulated" --frame-rate-hz 10 --duration-s 150 >"$folder/machine.txt" &
-started+=($!)
+calibration=$data/carm.yaml
+begin xray "$programs/angio-simulate" --bus "$own" --xray-only --frame-rate-hz 10 --duration-s 150
+begin machine "$programs/angio-simulate" --bus "$simulated" --frame-rate-hz 10 --duration-s 150
 # The table is shown whatever it says; what a busy host may spoil (rates, ages, latencies) is not asserted here.
 check() {
   local name=$1 code=0
@@ -38,14 +23,12 @@ check() {
   return "$code"
 }
 both() {
-  "$programs/angio-spy" --bus "$simulated" --once --duration-s 26 --json "$folder/spy.json" >"$folder/spy.txt" 2>&1 &
-  started+=($!)
-  spy=$!
+  begin spy "$programs/angio-spy" --bus "$simulated" --once --duration-s 26 --json "$folder/spy.json"
   check own --bus "$own" --move &
   first=$!
   check simulated --bus "$simulated" --move || true
   wait "$first" || true
-  wait "$spy" || true
+  wait "${started[spy]}" || true
   python3 - "$folder/own.json" "$folder/simulated.json" <<'CHECK' || return 1
 import json, sys
 for path in sys.argv[1:]:
@@ -67,21 +50,18 @@ CHECK
 # A host that stands still for a third of a second lets commands run out, and a joint goes less far.
 both || { echo "once more"; both; }
 # What is left of the checklist (examples/06_own_robot/README.md): states, the picture, the first motion, its replay.
-tree="$sources/examples/data/hepatic-tace/tree.csv"
+tree=$data/tree.csv
 "$programs/angio-spy" --bus "$own" --once --duration-s 1.5 --json "$folder/states.json" >/dev/null
 "$programs/angio-inspect" --bus "$own" --tree "$tree" --calibration "$calibration" --picture "$folder/now.png" | tee "$folder/inspect.txt"
 grep -q "agrees with itself and the calibration" "$folder/inspect.txt" && grep -q "left L, right R, top H, bottom F" "$folder/inspect.txt"
 test -s "$folder/now.png"
-"$programs/angio-servo" --bus "$own" --record "$folder/first.lcm" --settings "$sources/examples/06_own_robot/first_motion.yaml" \
-  --view-primary-deg 6 --view-secondary-deg 3 2>"$folder/servo.err" >"$folder/servo.txt" &
-servo=$!
-started+=("$servo")
+begin servo "$programs/angio-servo" --bus "$own" --record "$folder/first.lcm" --view-primary-deg 6 \
+  --view-secondary-deg 3 --settings "$sources/examples/06_own_robot/first_motion.yaml"
 "$programs/angio-operator" arm --bus "$own" --timeout-s 10
 "$programs/angio-operator" start --bus "$own" --timeout-s 10
 sleep 4
-kill -INT "$servo"
-wait "$servo" || { cat "$folder/servo.err"; exit 1; }
-cat "$folder/servo.txt"
+end servo || { cat "$folder/servo.err"; exit 1; }
+cat "$folder/servo.out"
 "$programs/angio-spy" --bus "$own" --once --duration-s 1 --json "$folder/after.json" >/dev/null
 "$programs/angio-replay" "$folder/first.lcm" --compare --settings "$sources/examples/06_own_robot/first_motion.yaml" \
   --view-primary-deg 6 --view-secondary-deg 3 | tee "$folder/replay.txt"
@@ -101,7 +81,7 @@ assert rows["motion"]["verdict"] == "not_seen", rows["motion"]
 assert rows["image orientation"]["verdict"] == "pass", rows["image orientation"]
 CHECK
 # A machine that another program steers is left alone.
-python3 - "$folder" "$((port + 1))" <<'FOREIGN' &
+cat >"$folder/foreign.py" <<'FOREIGN'
 import socket, struct, sys, time
 sys.path.insert(0, sys.argv[1])
 from angio_lcm.carm_command_t import carm_command_t
@@ -112,6 +92,6 @@ for n in range(40):
     out.sendto(struct.pack(">II", 0x4C433032, n) + b"CARM_COMMAND\0" + command.encode(), ("239.255.76.67", int(sys.argv[2])))
     time.sleep(0.05)
 FOREIGN
-started+=($!)
+begin foreign python3 "$folder/foreign.py" "$folder" "$((port + 1))"
 if check steered --bus "$simulated" --move; then exit 1; fi
-grep -q "comes from another program" "$folder/steered.err" || { cat "$folder/steered.err"; exit 1; }
+grep -qE "comes from another program, [0-9.]+:[0-9]+" "$folder/steered.err" || { cat "$folder/steered.err"; exit 1; }

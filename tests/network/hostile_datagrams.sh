@@ -3,44 +3,28 @@
 # hostile_datagrams.sh PROGRAMS SOURCES [COUNT]: COUNT datagrams that are no message of ours, on the bus of every program
 # that listens, two of which record and one of which servoes: all live, none grows, the loop ends where it should.
 # Exit code 77: skipped, and why. MAX_GROWTH_MIB: how much a program may grow.
-set -euo pipefail
-programs=$1 sources=$2 count=${3:-4000}
-for needed in python3 lcm-gen; do
-  command -v "$needed" >/dev/null || { echo "skipped: there is no $needed"; exit 77; }
-done
-folder=$(mktemp -d)
-declare -A started
-end_all() { for id in "${started[@]}"; do kill "$id" 2>/dev/null || true; done; rm -rf "$folder"; }
-trap end_all EXIT
-port=$((20000 + $$ % 20000))
-bus="udpm://239.255.76.67:$port?ttl=0"
-data="$sources/examples/data/hepatic-tace"
-lcm-gen -p --ppath "$folder" "$sources"/modules/messaging/types/*.lcm
-begin() {
-  local name=$1
-  shift
-  "$programs/$name" --bus "$bus" "$@" >"$folder/$name.out" 2>"$folder/$name.err" &
-  started[$name]=$!
-}
-begin angio-spy --once --duration-s 3600
-sleep 0.5
-if ! kill -0 "${started[angio-spy]}" 2>/dev/null; then
-  grep -qiE "No such device|unreachable|not permitted" "$folder/angio-spy.err" && { echo "skipped: no multicast"; exit 77; }
-  cat "$folder/angio-spy.err"
-  exit 1
-fi
-begin angio-simulate --frame-rate-hz 5
-begin angio-servo --record "$folder/servo.lcm" --view-primary-deg 12 --view-secondary-deg 6
-begin angio-navigate --to-branch 13 --record "$folder/navigate.lcm"
-begin angio-register --tree "$data/tree.csv" --calibration "$data/carm.yaml"
+# shellcheck source=tests/network/common.sh
+source "$(dirname "$0")/common.sh"
+count=${3:-4000}
+python_types
+begin angio-spy "$programs/angio-spy" --bus "$bus" --once --duration-s 3600
+listens angio-spy
+begin angio-simulate "$programs/angio-simulate" --bus "$bus" --frame-rate-hz 5
+begin angio-servo "$programs/angio-servo" --bus "$bus" --record "$folder/servo.lcm" --view-primary-deg 12 --view-secondary-deg 6
+begin angio-navigate "$programs/angio-navigate" --bus "$bus" --to-branch 13 --record "$folder/navigate.lcm"
+begin angio-register "$programs/angio-register" --bus "$bus" --tree "$data/tree.csv" --calibration "$data/carm.yaml"
 mkdir "$folder/view"
-begin angio-view --out "$folder/view/%04d.png" --film-rate-hz 1
+begin angio-view "$programs/angio-view" --bus "$bus" --out "$folder/view/%04d.png" --film-rate-hz 1
+# It waits for a start that is refused, as the catheter's loop is idle; and one that no other program's commands end.
+begin angio-operator "$programs/angio-operator" start --machine catheter --bus "$bus" --timeout-s 3600
+begin angio-check-machine "$programs/angio-check-machine" --bus "$(bus_at $((port + 1)))" --watch-s 600
 "$programs/angio-operator" arm --bus "$bus" --timeout-s 20
 "$programs/angio-operator" start --bus "$bus" --timeout-s 20
 memory_kib() { awk "/^VmRSS/ {print \$2}" "/proc/$1/status" 2>/dev/null || echo 0; }
 
 cat >"$folder/hostile.py" <<'HOSTILE'
-"""hostile.py TYPES PORT COUNT SEED: sends datagrams of which none is a message that a program can obey."""
+"""hostile.py TYPES PORT COUNT SEED: sends datagrams of which none is a message that a program can obey, each to PORT and
+the next one."""
 import os, random, socket, struct, sys, time
 
 sys.path.insert(0, sys.argv[1])
@@ -102,7 +86,9 @@ def datagram():
 
 
 for n in range(count):
-    out.sendto(datagram(), ("239.255.76.67", port))
+    hostile = datagram()
+    for to in (port, port + 1):
+        out.sendto(hostile, ("239.255.76.67", to))
     if n % 20 == 0:
         time.sleep(0.01)  # 2,000 a second.
 HOSTILE
@@ -139,11 +125,12 @@ END
 done
 [ "$reached" = 1 ] || failed=1
 for name in angio-servo angio-navigate; do
-  kill -INT "${started[$name]}"
-  wait "${started[$name]}" || { echo "$name: exit code $?"; cat "$folder/$name.err" | tail -n 3; failed=1; }
+  end "$name" || { echo "$name: exit code $?"; tail -n 3 "$folder/$name.err"; failed=1; }
   tail -n 1 "$folder/$name.out"
-  unset "started[$name]"
 done
+# It has heard of no machine, and says so.
+end angio-check-machine || true
+grep -q "was ended before it had finished" "$folder/angio-check-machine.err" || { echo "angio-check-machine ended by itself"; failed=1; }
 for name in servo navigate; do
   "$programs/angio-spy" --bus "file://$folder/$name.lcm?speed=0" --once >"$folder/log.txt" || { echo "$name.lcm cannot be read"; failed=1; }
 done

@@ -2,28 +2,14 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # own_robot.sh PROGRAMS SOURCES: plain ViSP code drives a robot in another language, over this machine's loopback.
 # Exit code 77: skipped, and why.
-set -euo pipefail
-programs=$1 sources=$2
-for needed in python3 lcm-gen; do
-  command -v "$needed" >/dev/null || { echo "skipped: there is no $needed"; exit 77; }
-done
-folder=$(mktemp -d)
-robot=
-trap '[ -z "$robot" ] || kill "$robot" 2>/dev/null || true; rm -rf "$folder"' EXIT
-port=$((20000 + $$ % 20000))
-bus="udpm://239.255.76.67:$port?ttl=0"
-lcm-gen -p --ppath "$folder" "$sources"/modules/messaging/types/*.lcm
+# shellcheck source=tests/network/common.sh
+source "$(dirname "$0")/common.sh"
+python_types
 
 lines=$(wc -l <"$sources/examples/06_own_robot/own_robot.py")
 [ "$lines" -lt 60 ] || { echo "own_robot.py has $lines lines"; exit 1; }
-python3 "$sources/examples/06_own_robot/own_robot.py" "$folder" "$port" 25 2>"$folder/err" &
-robot=$!
-sleep 0.5
-if ! kill -0 "$robot" 2>/dev/null; then
-  grep -qiE "No such device|unreachable|not permitted" "$folder/err" && { echo "skipped: no multicast: $(tail -n 1 "$folder/err")"; exit 77; }
-  cat "$folder/err"
-  exit 1
-fi
+begin robot python3 "$sources/examples/06_own_robot/own_robot.py" "$folder" "$port" 25
+listens robot
 # Rubbish first: a robot must live on.
 python3 - "$port" <<'RUBBISH'
 import os, socket, sys

@@ -2,21 +2,14 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # two_hosts.sh PROGRAMS SOURCES: the machine on one host, the loop on another, a bad network between them. The hosts are
 # network namespaces with a cable of two virtual ends; they end with the test. Exit code 77: skipped, and why.
-set -euo pipefail
-programs=$1 data=$2/examples/data/hepatic-tace
-skip() { echo "skipped: $1"; exit 77; }
-for needed in ip awk; do command -v "$needed" >/dev/null || skip "there is no $needed"; done
-
-machine=angio-m-$$ loop=angio-l-$$ folder=$(mktemp -d) started=()
-finish() {
-  for id in "${started[@]}"; do kill -CONT "$id" 2>/dev/null; kill "$id" 2>/dev/null; done
-  wait 2>/dev/null
+# shellcheck source=tests/network/common.sh
+source "$(dirname "$0")/common.sh"
+need ip awk
+machine=angio-m-$$ loop=angio-l-$$
+at_end() {
   ip netns del "$machine" 2>/dev/null
   ip netns del "$loop" 2>/dev/null
-  rm -rf "$folder"
-  return 0
 }
-trap 'set +e; finish' EXIT
 why=$(ip netns add "$machine" 2>&1) || skip "no network namespaces: $why"
 why=$(ip netns add "$loop" 2>&1) || skip "no network namespaces: $why"
 why=$(ip link add name cable-m netns "$machine" type veth peer name cable-l netns "$loop" 2>&1) || skip "no virtual cable: $why"
@@ -42,12 +35,11 @@ fi
 
 bus='udpm://239.255.76.67:7667?ttl=1'
 shared=(--bus "$bus" --tree "$data/tree.csv" --calibration "$data/carm.yaml")
-ip netns exec "$loop" "$programs/angio-servo" "${shared[@]}" --autostart --duration-s 60 --record "$folder/loop.lcm" "${loop_faults[@]}" \
-  >"$folder/servo.out" 2>"$folder/servo.err" &
-servo=$! started+=($servo)
-ip netns exec "$machine" "$programs/angio-simulate" "${shared[@]}" --duration-s 60 --frame-rate-hz 5 --transport png --region 256,256,512,512 \
-  "${machine_faults[@]}" >"$folder/simulate.out" 2>"$folder/simulate.err" &
-started+=($!)
+begin servo ip netns exec "$loop" "$programs/angio-servo" "${shared[@]}" --autostart --duration-s 60 \
+  --record "$folder/loop.lcm" "${loop_faults[@]}"
+servo=${started[servo]}
+begin simulate ip netns exec "$machine" "$programs/angio-simulate" "${shared[@]}" --duration-s 60 --frame-rate-hz 5 \
+  --transport png --region 256,256,512,512 "${machine_faults[@]}"
 
 # What is on the machine's side of the cable, for some seconds; and again and again until a condition holds.
 spy() { ip netns exec "$machine" "$programs/angio-spy" --bus "$bus" --once --duration-s "$1" >"$folder/spy.txt"; }
@@ -77,7 +69,6 @@ spy 1.5
 
 kill -CONT "$servo"
 await_commands "$resting - 0.5" "commands must flow again"
-kill -INT "$servo"
-wait "$servo"
+end servo
 cat "$folder/servo.out"
 "$programs/angio-replay" "$folder/loop.lcm" --tree "$data/tree.csv" --calibration "$data/carm.yaml" --compare

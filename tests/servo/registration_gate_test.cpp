@@ -156,7 +156,7 @@ TEST_F(RegistrationGates, JointsMustBelongToTheFrame) {
   }
   frame_.time_us = std::numeric_limits<std::int64_t>::max();
   state_.time_us = std::numeric_limits<std::int64_t>::min();
-  EXPECT_NE(frameObjection().find("age of the joints"), std::string::npos) << "the difference does not fit";
+  EXPECT_NE(frameObjection().find("different epochs"), std::string::npos) << "the difference does not fit";
 }
 
 TEST_F(RegistrationGates, JointsMustBeFinite) {

@@ -27,7 +27,7 @@ TEST(SenderWatch, NamesTwoThatSendInTurns) {
   SenderWatch frames;  // Four a second.
   EXPECT_FALSE(frames.hear(kA, 1, 0, 0));
   EXPECT_FALSE(frames.hear(kB, 9, 200'000, 200'000)) << "the first may have ended";
-  EXPECT_EQ(frames.hear(kA, 2, 250'000, 250'000).value_or(""), kB + " and " + kA);
+  EXPECT_EQ(frames.hear(kA, 2, 250'000, 250'000).value_or(""), kA + " and " + kB);
 }
 
 TEST(SenderWatch, TakesOneThatBeginsAgainForOne) {
@@ -56,9 +56,14 @@ TEST(SenderWatch, TellsTwoOfOneAddressByNumbersAndTimes) {
       found = watch.hear(kA, 1000 + k, took_us, took_us);
       if (!found) found = watch.hear(kA, 5 + k, took_us + offset_us, took_us + 3'000);
     }
-    EXPECT_EQ(found.value_or(""), kA + " twice");
+    EXPECT_EQ(found.value_or(""), "both from " + kA);
     EXPECT_LT(took_us, 100'000);
   }
+}
+
+TEST(SenderWatch, DoesNotCallANumberThatStandsStillTwoSenders) {
+  SenderWatch watch;
+  for (std::int64_t k = 1; k < 100; ++k) ASSERT_FALSE(watch.hear(kA, 7, k * 10'000, k * 10'000)) << k;
 }
 
 constexpr std::int64_t kPeriod_us = 66'667;
@@ -105,7 +110,8 @@ TEST_F(TwoParties, ACommandOfAnotherProgramIsAFaultAndReplayedBitForBit) {
   frame();
   EXPECT_EQ(node.states().state(), ServoState::kFault);
   EXPECT_EQ(node.states().log().back().cause, ServoCause::kSecondSender);
-  EXPECT_EQ(node.states().reason(), "a channel has a second sender: another program sends C-arm commands");
+  EXPECT_EQ(node.states().reason(),
+            "a second sender: another program sends C-arm commands on CARM_COMMAND, beside this program: stop one");
   EXPECT_TRUE(last.velocity.isZero(0));
   frame();
   const test::Stage fresh;
@@ -129,7 +135,8 @@ TEST_F(TwoParties, AnothersStatusIsASecondLoop) {
   handle();
   node.answer(k * kPeriod_us + 20'000);
   EXPECT_EQ(node.states().state(), ServoState::kFault) << "without a frame in between";
-  EXPECT_EQ(node.states().reason(), "a channel has a second sender: a second loop is running");
+  EXPECT_EQ(node.states().reason(),
+            "a second sender: two loops on SERVO_STATUS: this program and another program: stop one");
 }
 
 TEST_F(TwoParties, RubbishAndItsOwnLateMessagesAreNobodysCommands) {

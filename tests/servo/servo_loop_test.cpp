@@ -77,7 +77,7 @@ TEST_F(ServoLoops, HoldWhenTheFrameOrTheJointsAreNoGood) {
   expectHold(loop_.step(empty, stage_.state(100)), "image");
   XrayFrame late = good;
   late.time_us = std::numeric_limits<std::int64_t>::min();
-  expectHold(loop_.step(late, stage_.state(100)), "age of the joints");
+  expectHold(loop_.step(late, stage_.state(100)), "different epochs");
   EXPECT_FALSE(loop_.step(good, stage_.state(100)).hold_reason) << "and go on when all is well again";
 }
 

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 
@@ -44,6 +46,20 @@ TEST_F(JointHistories, OutsideAndInGapsTheNearestSaysHowFarOffItIs) {
   EXPECT_EQ(history_.at(900'000)->time_us, 400'000);
   EXPECT_EQ(history_.at(200'000)->time_us, 100'000);
   EXPECT_EQ(history_.at(300'000)->time_us, 400'000);
+}
+
+// One sound message with a wrong time is enough for it: beyond 2^53 us, doubles of neighbouring times are equal.
+TEST_F(JointHistories, TimesThatDoublesDoNotTellApartGiveNumbers) {
+  const std::int64_t far_us = std::int64_t{1} << 56;
+  say(far_us);
+  say(far_us + 2);
+  const auto between = history_.at(far_us + 1);
+  ASSERT_TRUE(between);
+  EXPECT_TRUE(between->joints.allFinite() && between->velocity.allFinite());
+  history_.forget();
+  say(std::numeric_limits<std::int64_t>::min());
+  say(std::numeric_limits<std::int64_t>::max());
+  EXPECT_EQ(history_.at(1)->time_us, std::numeric_limits<std::int64_t>::max()) << "the nearer one";
 }
 
 // After a reset an arm whose clock was set back must not go unheard.

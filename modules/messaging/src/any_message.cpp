@@ -46,7 +46,10 @@ Decoded<AnyMessage> read(const std::uint8_t* data, std::size_t size) {
   };
   const auto fingerprint = fingerprintOf(data, size);
   if (!fingerprint) return refused("too short for a fingerprint");
-  if (*fingerprint != Description<T>::Wire::getHash()) return refused("another type's fingerprint");
+  if (*fingerprint != Description<T>::Wire::getHash()) {
+    const auto other = messageType(data, size);
+    return refused("another type's fingerprint" + (other ? ", " + *other + "'s" : std::string()));
+  }
   if (size > static_cast<std::size_t>(kMaxMessage)) return refused("too long");
   typename Description<T>::Packed packed{};
   FieldReader reader(data + sizeof *fingerprint, size - sizeof *fingerprint);
@@ -118,6 +121,14 @@ std::int64_t timeOf(const AnyMessage& message) {
 
 std::int64_t sequenceOf(const AnyMessage& message) {
   return std::visit([](const auto& m) { return sequenceOf(m); }, message);
+}
+
+Numbering numberingOf(const AnyMessage& message) {
+  Numbering numbering;
+  numbering.gaps_are_losses = !std::holds_alternative<ServoRequest>(message);
+  numbering.repeats_are_copies =
+      !std::holds_alternative<ServoStatus>(message) && !std::holds_alternative<ViewRequest>(message);
+  return numbering;
 }
 
 std::string describe(const AnyMessage& message) {

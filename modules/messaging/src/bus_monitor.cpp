@@ -38,9 +38,11 @@ double difference(std::int64_t a, std::int64_t b) { return static_cast<double>(a
 
 }  // namespace
 
-void BusMonitor::Channel::count(std::int64_t sequence, std::int64_t time_us) {
+void BusMonitor::Channel::count(const AnyMessage& message) {
+  const std::int64_t sequence = sequenceOf(message), time_us = timeOf(message);
+  const Numbering numbering = numberingOf(message);
   if (!newest_sequence || sequence > *newest_sequence) {
-    if (newest_sequence) {
+    if (newest_sequence && numbering.gaps_are_losses) {
       // In doubles: numbers from the wire may lie further apart than an int64 holds.
       const double jumped = difference(sequence, *newest_sequence) - 1;
       sums.missing += static_cast<std::int64_t>(std::min(jumped, 1e15));
@@ -51,6 +53,9 @@ void BusMonitor::Channel::count(std::int64_t sequence, std::int64_t time_us) {
   } else if (sequence < *newest_sequence && time_us > newest_time_us) {
     ++sums.restarts;
     missing.clear();
+  } else if (sequence == *newest_sequence && !numbering.repeats_are_copies) {
+    newest_time_us = std::max(newest_time_us, time_us);
+    return;
   } else {
     const auto awaited = std::find(missing.begin(), missing.end(), sequence);
     if (awaited == missing.end()) {
@@ -80,7 +85,7 @@ void BusMonitor::hear(const std::string& channel, const std::uint8_t* data, std:
     if (decoded.value) {
       c.sums.last_value = describe(*decoded.value);
       arrival.delay_us = difference(arrival_us, timeOf(*decoded.value));
-      c.count(sequenceOf(*decoded.value), timeOf(*decoded.value));
+      c.count(*decoded.value);
     } else {
       ++c.sums.undecodable;
       c.sums.last_error = decoded.error;

@@ -132,13 +132,12 @@ struct PlainDescription {
 inline long long count(std::int64_t number) { return static_cast<long long>(number); }
 
 /// The beginning of a text from the bus, without what would move a terminal's cursor.
-inline std::string harmless(const std::string& text) {
-  constexpr std::size_t kMaxShown = 60;
-  std::string shown = text.substr(0, kMaxShown);
+inline std::string harmless(const std::string& text, std::size_t max_shown = 60) {
+  std::string shown = text.substr(0, max_shown);
   for (char& c : shown) {
     if (c < 0x20 || c >= 0x7f) c = '?';
   }
-  return text.size() > kMaxShown ? shown + "..." : shown;
+  return text.size() > max_shown ? shown + "..." : shown;
 }
 
 inline std::string jointsText(const CArmJoints& q, const char* per_s = "") {

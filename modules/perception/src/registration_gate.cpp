@@ -5,6 +5,8 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/perception/patient_observation.hpp"
+#include "angio/types/channels.hpp"
+#include "angio/types/time_stamp.hpp"
 
 namespace angio::perception {
 namespace {
@@ -32,6 +34,9 @@ std::optional<std::string> RegistrationGate::rejection(const XrayFrame& frame, c
   }
   if (!state.joints.allFinite() || !state.velocity.allFinite()) return "joints are not finite";
   const double age_ms = std::abs(static_cast<double>(frame.time_us) - static_cast<double>(state.time_us)) * 1e-3;
+  if (auto far = differentEpochs({kXrayFrameChannel, "", frame.time_us}, {kCArmStateChannel, "", state.time_us})) {
+    return far;
+  }
   if (!(age_ms <= settings_.max_state_age_ms)) {
     return over("age of the joints [ms]", age_ms, settings_.max_state_age_ms);
   }

@@ -11,7 +11,11 @@ namespace {
 constexpr std::size_t kMaxStates = 256;
 constexpr double kMaxGap_us = 100e3;
 
-double between_us(std::int64_t from, std::int64_t to) { return static_cast<double>(to) - static_cast<double>(from); }
+// Of two times in their order, exact where doubles of the times themselves would be equal, and where their difference
+// does not fit an int64.
+double between_us(std::int64_t from, std::int64_t to) {
+  return static_cast<double>(static_cast<std::uint64_t>(to) - static_cast<std::uint64_t>(from));
+}
 
 // What a state says beside its time and number, so far from one to the other.
 CArmState between(const CArmState& a, const CArmState& b, double weight) {

@@ -144,7 +144,7 @@ bool CommandReceiver::takes(std::int64_t time_us, std::int64_t sequence, std::in
   } else if (!command.stands_still && (valid_for_us <= 0 || valid_for_us > kMaxValidity_us)) {
     ++ignored_.bad_validity;
   } else if (refused) {
-    count(*refused, sequence, sender);
+    count(*refused, sequence, sender, now_us);
   } else if (!command.stands_still && !of_now) {
     ++ignored_.too_old;
   } else if (speeds.cwiseAbs().maxCoeff() > settings_.max_overspeed) {
@@ -156,7 +156,8 @@ bool CommandReceiver::takes(std::int64_t time_us, std::int64_t sequence, std::in
   return false;
 }
 
-void CommandReceiver::count(CommandGate::Refusal refusal, std::int64_t sequence, const std::string& sender) {
+void CommandReceiver::count(CommandGate::Refusal refusal, std::int64_t sequence, const std::string& sender,
+                            std::int64_t now_us) {
   const std::string command = "a command with sequence " + std::to_string(sequence) +
                               (sender.empty() ? "" : " from " + sender) + " is not obeyed: ";
   switch (refusal) {
@@ -167,7 +168,10 @@ void CommandReceiver::count(CommandGate::Refusal refusal, std::int64_t sequence,
       if (ignored_.jumped++ == 0) news_.push_back(command + "too far ahead of the last one");
       return;
     case CommandGate::Refusal::kOtherSender:
-      if (ignored_.other_sender++ == 0) news_.push_back(command + "another program commands the machine");
+      if (ignored_.other_sender++ == 0) {
+        news_.push_back(command + "two programs command the machine, and it obeys " + gate_.sender(now_us) +
+                        ": stop one");
+      }
       return;
   }
 }

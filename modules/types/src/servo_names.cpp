@@ -42,7 +42,7 @@ const char* nameOf(ServoCause cause) {
     case ServoCause::kFramesLate:
       return "frames are late";
     case ServoCause::kFramesGone:
-      return "frames are gone";
+      return "no frame can be used";
     case ServoCause::kViewDisagrees:
       return "frames contradict joints and calibration";
     case ServoCause::kClockJumped:
@@ -56,7 +56,7 @@ const char* nameOf(ServoCause cause) {
     case ServoCause::kMotionDisagrees:
       return "a joint does not do what was commanded";
     case ServoCause::kSecondSender:
-      return "a channel has a second sender";
+      return "a second sender";
   }
   return "unknown";
 }

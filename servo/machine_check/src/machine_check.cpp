@@ -9,6 +9,8 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/perception/frame_geometry.hpp"
+#include "angio/types/channels.hpp"
+#include "angio/types/time_stamp.hpp"
 #include "image_check.hpp"
 #include "observed_machine.hpp"
 
@@ -415,10 +417,12 @@ void MachineCheck::Parts::judgeFrames(std::vector<CheckRow>& rows) const {
   if (states.count() == 0) {
     rows.push_back({"frame age", CheckVerdict::kNotSeen, "no state came", late});
   } else {
+    const auto far = differentEpochs({kXrayFrameChannel, "", newest_frame->time_us},
+                                     {kCArmStateChannel, "", history.newest()->time_us});
+    const std::string ages = formatted("%.0f ms behind the newest state, %.0f ms at most",
+                                       1e3 * sum_age_s / static_cast<double>(frames.count()), 1e3 * oldest_frame_s);
     rows.push_back({"frame age", oldest_frame_s <= kMaxFrameAge_s ? CheckVerdict::kPass : CheckVerdict::kFail,
-                    formatted("%.0f ms behind the newest state, %.0f ms at most",
-                              1e3 * sum_age_s / static_cast<double>(frames.count()), 1e3 * oldest_frame_s),
-                    late});
+                    far.value_or(ages), late});
   }
   const auto wrong = contradiction(newest_frame->camera, settings.carm);
   const XrayCamera::Parameters& k = newest_frame->camera.parameters();

@@ -3,6 +3,9 @@
 
 #include <cmath>
 
+#include "angio/types/channels.hpp"
+#include "angio/types/time_stamp.hpp"
+
 namespace angio::navigation {
 namespace {
 
@@ -52,6 +55,10 @@ std::optional<std::string> CatheterController::rejection(const XrayFrame& frame,
   if (auto why = perception_.rejection(frame, input.arm)) return why;
   if (!heardOf(input.drive)) return "the drive has not been heard";
   const double age_us = std::abs(static_cast<double>(frame.time_us) - static_cast<double>(input.drive.time_us));
+  if (auto far =
+          differentEpochs({kXrayFrameChannel, "", frame.time_us}, {kCatheterStateChannel, "", input.drive.time_us})) {
+    return far;
+  }
   if (!(age_us <= 1e3 * settings_.max_drive_age_ms)) return "the drive's state is not of the frame's time";
   return std::nullopt;
 }

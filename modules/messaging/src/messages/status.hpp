@@ -56,7 +56,7 @@ struct Description<ServoStatus> : PlainDescription<ServoStatus, angio_lcm::servo
     const std::int64_t spent_us = m.image_us / 1000 + m.registration_us / 1000 + m.control_us / 1000;
     return formatted("frame %lld %s, view %.3f deg, target %.2f mm, %lld ms", count(m.frame_sequence), nameOf(m.state),
                      radToDeg(m.view_error_rad), 1e3 * m.target_error_m, count(spent_us)) +
-           (m.reason.empty() ? "" : ": " + harmless(m.reason));
+           (m.reason.empty() ? "" : ": " + harmless(m.reason, 240));
   }
 };
 

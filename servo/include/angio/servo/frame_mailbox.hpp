@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "angio/messaging/mailbox.hpp"
 #include "angio/messaging/messages.hpp"
@@ -28,6 +29,7 @@ struct ExternalEstimates {
 struct FrameWithEstimates {
   XrayFrame frame;
   ExternalEstimates external;
+  std::string sender = {};  ///< Of the frame (Bus::sender()); empty: unknown.
 };
 
 /// The newest X-ray frame of a bus, and with it what other programs say of the same frame: such frames wait until that
@@ -43,12 +45,20 @@ class FrameMailbox {
 
   std::int64_t refused() const { return frames_.refused(); }  ///< Frames that could not be decoded.
 
+  /// What has been heard of frames; and the channels on which messages are awaited of frames that have come.
+  const ChannelRecord& record() const { return frames_.record(); }
+  std::vector<std::string> awaited() const;
+
  private:
   ExternalInputs wanted_;
   LatestMessage<XrayFrame> frames_;
   std::unique_ptr<MessageQueue<RegistrationMessage>> registrations_;
   std::unique_ptr<MessageQueue<CatheterTip>> tips_;
-  std::deque<XrayFrame> waiting_;  // Oldest first.
+  struct Waiting {
+    XrayFrame frame;
+    std::string sender;
+  };
+  std::deque<Waiting> waiting_;  // Oldest first.
   std::deque<RegistrationMessage> heard_registrations_;
   std::deque<CatheterTip> heard_tips_;
 };

@@ -42,13 +42,15 @@ class MessageTimingMonitor {
 
   /// What speaks against a frame that is read at `now_us`, our clock [us]. Keeps its image until the next one: pixels
   /// that are the same under a new sequence number are no new look.
-  std::optional<Rejection> rejection(const XrayFrame& frame, std::int64_t now_us);
+  /// @param sender  As the bus names it, here and below; empty: unknown. Clocks of two senders are not called one that
+  ///                jumps.
+  std::optional<Rejection> rejection(const XrayFrame& frame, std::int64_t now_us, const std::string& sender = {});
 
   /// What speaks against the newest joints. Joints far out of their range or speed are in wrong units.
-  std::optional<Rejection> rejection(const CArmState& state, std::int64_t now_us);
+  std::optional<Rejection> rejection(const CArmState& state, std::int64_t now_us, const std::string& sender = {});
 
   /// What speaks against the newest state of a catheter's drive.
-  std::optional<Rejection> rejection(const CatheterState& state, std::int64_t now_us);
+  std::optional<Rejection> rejection(const CatheterState& state, std::int64_t now_us, const std::string& sender = {});
 
   /// Time of the newest frame, its sender's clock [us]; 0 when none has come.
   std::int64_t newestFrame_us() const { return frame_ ? frame_->time_us : 0; }
@@ -60,10 +62,20 @@ class MessageTimingMonitor {
   struct Arrival {
     std::int64_t now_us, time_us, sequence;
     double min_lag_us;  // Our clock less the sender's, of the quickest message.
+    std::string sender;
   };
+  template <typename Message>
+  static Arrival arrival(const Message& message, std::int64_t now_us, const std::string& sender) {
+    const double lag_us = static_cast<double>(now_us) - static_cast<double>(message.time_us);
+    return {now_us, message.time_us, message.sequence, lag_us, sender};
+  }
+  // What one channel's messages and their senders are called.
+  struct Stream {
+    const char *channel, *messages, *senders;
+  };
+  static const Stream kFrames, kJoints, kDrive;
 
-  std::optional<Rejection> follow(std::optional<Arrival>& last, std::int64_t now_us, std::int64_t time_us,
-                                  std::int64_t sequence, const char* what) const;
+  std::optional<Rejection> follow(std::optional<Arrival>& last, Arrival next, const Stream& stream) const;
   std::optional<Rejection> implausible(const CArmState& state) const;
 
   MessageTimingSettings settings_;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <functional>
 #include <optional>
 #include <string>
 #include <type_traits>
@@ -72,7 +73,8 @@ class FrameSupervisor {
   FrameSupervisor(const SupervisionSettings& settings, const CArmLimits& limits, const Eigen::Vector3d& target_model);
 
   /// Why a frame must not be used; nothing when it may be looked at.
-  std::optional<std::string> begin(const XrayFrame& frame, std::int64_t now_us);
+  /// @param sender  As the bus names it, here and below; empty: unknown.
+  std::optional<std::string> begin(const XrayFrame& frame, std::int64_t now_us, const std::string& sender = {});
 
   /// The frame's registration may move the machine.
   ///
@@ -80,7 +82,7 @@ class FrameSupervisor {
   /// @param beam_patient     The beam's direction there, a unit vector.
   void trust(const Pose& T_patient_model, const Eigen::Vector3d& beam_patient, std::int64_t now_us);
   void doubt(Doubt kind, const std::string& reason, std::int64_t now_us);
-  void wait(std::int64_t now_us) { states_.wait(now_us); }
+  void wait(std::int64_t now_us, const std::function<std::string()>& silence = {}) { states_.wait(now_us, silence); }
 
   /// Another program speaks where one must: a fault.
   void secondSender(const std::string& how, std::int64_t now_us) { fault(ServoCause::kSecondSender, how, now_us); }
@@ -101,8 +103,8 @@ class FrameSupervisor {
 
   /// Whether a state may be used; a fault is raised where it says what cannot be. No frame is looked at until a sound
   /// state of the C-arm has followed.
-  bool sound(const CArmState& newest, std::int64_t now_us);
-  bool sound(const CatheterState& newest, std::int64_t now_us);
+  bool sound(const CArmState& newest, std::int64_t now_us, const std::string& sender);
+  bool sound(const CatheterState& newest, std::int64_t now_us, const std::string& sender);
   void fault(ServoCause cause, const std::string& reason, std::int64_t now_us) { states_.fault(cause, reason, now_us); }
 
  private:
@@ -146,16 +148,16 @@ class SafetySupervisor : public FrameSupervisor {
   }
 
   /// The newest state of the C-arm that holds the camera.
-  void observe(const CArmState& newest, std::int64_t now_us) {
-    const bool usable = sound(newest, now_us);
+  void observe(const CArmState& newest, std::int64_t now_us, const std::string& sender = {}) {
+    const bool usable = sound(newest, now_us, sender);
     if constexpr (std::is_same_v<State, CArmState>) compare(usable, newest, now_us);
   }
 
   /// The newest state of a machine that is not the C-arm.
   template <typename Other, std::enable_if_t<!std::is_same_v<Other, CArmState>, int> = 0>
-  void observe(const Other& newest, std::int64_t now_us) {
+  void observe(const Other& newest, std::int64_t now_us, const std::string& sender = {}) {
     static_assert(std::is_same_v<Other, State>);
-    compare(sound(newest, now_us), newest, now_us);
+    compare(sound(newest, now_us, sender), newest, now_us);
   }
 
   /// Whether a command may be sent as it is: only in SERVO, and only finite numbers.

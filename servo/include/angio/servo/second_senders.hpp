@@ -19,9 +19,9 @@ namespace angio::servo {
 class SenderWatch {
  public:
   /// A message of a named sender has come. Returns "A and B" when two senders send in turns: the other one spoke at
-  /// most 150 ms ago, or this one comes again within 2 s. Two that share an address are told apart by their numbers and
-  /// times, which contradict each other three times in 1 s; what is late or comes twice contradicts nothing. A message
-  /// without a sender says nothing.
+  /// most 150 ms ago, or this one comes again within 2 s. Two that share an address, "both from A", are told apart by
+  /// their numbers and times, which contradict each other three times in 1 s; what is late or comes twice contradicts
+  /// nothing, nor does a number that stands still. A message without a sender says nothing.
   ///
   /// @param time_us  The message's own time, its sender's clock [us].
   /// @param now_us   The caller's clock [us].
@@ -34,6 +34,7 @@ class SenderWatch {
   std::map<std::string, std::int64_t> heard_us_;  // By sender: when it spoke last.
   std::string last_sender_;
   std::int64_t last_sequence_ = 0, last_time_us_ = 0;
+  int repeats_ = 0;  // Of one number in a row, each with another time.
   std::vector<std::int64_t> contradicted_us_;
 };
 
@@ -46,8 +47,7 @@ class SecondSenders {
   struct Watched {
     const char* channel;
     Kind kind;
-    std::string
-        what;  ///< "another program sends C-arm commands", "a second loop is running", "two C-arms are sending".
+    std::string what;  ///< "C-arm commands", "loops", "C-arms".
   };
 
   /// Borrows the bus. Throws InputError as Bus::subscribe() does.
@@ -55,8 +55,8 @@ class SecondSenders {
   SecondSenders(const SecondSenders&) = delete;
   SecondSenders& operator=(const SecondSenders&) = delete;
 
-  /// What was heard since the last call, in words with the senders' addresses: a second loop, if there is one, or
-  /// the first of the others.
+  /// What was heard since the last call, in words with the senders' addresses and what to do: a second loop, if there
+  /// is one, or the first of the others. "two C-arms on CARM_STATE: 10.0.0.1:4000 and 10.0.0.2:4000: stop one".
   /// @param now_us  The caller's clock [us].
   std::optional<std::string> take(std::int64_t now_us);
 

@@ -16,7 +16,7 @@ class CArmStates {
 
   bool heard() const { return !history_.empty(); }
   void hear(SafetySupervisor<MotionMonitor>& safety, std::int64_t now_us) {
-    if (const auto state = newest_.take()) safety.observe(*state, now_us);
+    if (const auto state = newest_.take()) safety.observe(*state, now_us, newest_.record().sender);
   }
   std::optional<ServoInput> at(std::int64_t time_us, std::int64_t frame_sequence) const {
     const auto state = history_.at(time_us);
@@ -25,6 +25,7 @@ class CArmStates {
   }
   void forget() { history_.forget(); }
   std::int64_t refused() const { return history_.refused(); }
+  std::vector<ChannelRecord> records() const { return {newest_.record()}; }
 
  private:
   LatestMessage<CArmState> newest_;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -74,7 +75,10 @@ class ServoStateMachine {
   void trusted(std::int64_t now_us);                                             ///< A frame that may move the machine.
   void doubted(Doubt kind, const std::string& reason, std::int64_t now_us);      ///< One that may not.
   void fault(ServoCause cause, const std::string& reason, std::int64_t now_us);  ///< Latched, unless idle.
-  void wait(std::int64_t now_us);  ///< Time passes; to be called at least as often as frames should come.
+
+  /// Time passes; to be called at least as often as frames should come.
+  /// @param silence  What was heard instead of a frame that can be used, in words; empty: unknown.
+  void wait(std::int64_t now_us, const std::function<std::string()>& silence = {});
 
   ServoState state() const { return state_; }
   bool moves() const { return state_ == ServoState::kServo; }

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "angio/messaging/messages.hpp"
 #include "angio/messaging/namespace.hpp"
 
 namespace angio::messaging {
@@ -19,7 +20,8 @@ struct ChannelReport {
   std::int64_t messages = 0;
   std::int64_t bytes = 0;
   std::int64_t undecodable = 0;  ///< Among the messages of types we know, and those too short for a fingerprint.
-  std::int64_t missing = 0;      ///< Sequence numbers that were jumped over and have not come late since.
+  std::int64_t missing = 0;      ///< Sequence numbers that were jumped over and have not come late since; 0 of types
+                                 ///< whose numbers may have gaps (numberingOf()).
   std::int64_t duplicates = 0;   ///< The newest number again, or one that had not been missing.
   std::int64_t late = 0;         ///< Came after a higher number.
   std::int64_t restarts = 0;     ///< A lower number with a later time: its sender began again.
@@ -59,7 +61,7 @@ class BusMonitor {
     std::optional<std::int64_t> newest_sequence;
     std::int64_t newest_time_us = 0;
     std::deque<std::int64_t> missing;  // The last of them, to know a late one from a duplicate.
-    void count(std::int64_t sequence, std::int64_t time_us);
+    void count(const AnyMessage& message);
   };
 
   std::int64_t window_us_;

@@ -35,16 +35,47 @@ std::int64_t sequenceOf(const Message& message) {
   return wire::sequenceOf(message, 0);
 }
 
+/// What a receiver has heard on its channel, to say why nothing can be done with it.
+struct ChannelRecord {
+  std::string channel;
+  std::int64_t received = 0;            ///< Messages, good or not.
+  std::string sender;                   ///< Of the newest message (Bus::sender()); empty: unknown, or none has come.
+  std::int64_t dropped_in_a_row = 0;    ///< Duplicates and late ones since the newest message.
+  std::int64_t refused_in_a_row = 0;    ///< Messages that could not be decoded since the last one that could.
+  std::string refused_sender, refused;  ///< Who sent the last message that could not be decoded, and why it could not.
+};
+
+namespace wire {
+// Whether a message that repeats number and time of the newest one is newer all the same.
+template <typename Message>
+bool isRevision(const Message&, std::int64_t /*transitions*/) {
+  return false;
+}
+inline bool isRevision(const ServoStatus& status, std::int64_t transitions) {
+  return status.transitions >= transitions;  // A state may change several times between two frames.
+}
+template <typename Message>
+std::int64_t transitionsOf(const Message&) {
+  return 0;
+}
+inline std::int64_t transitionsOf(const ServoStatus& status) { return status.transitions; }
+}  // namespace wire
+
 /// Keeps the newest message of a channel; filled by Bus::handle().
 ///
 /// Newer is what has a higher sequence. A lower one is newer only if its time is later too: then its sender has started
-/// again, and must not go unheard. Duplicates and late ones are dropped and counted.
+/// again, and must not go unheard. Duplicates and late ones are dropped and counted; a status of the same frame is none
+/// unless its transitions are fewer.
 template <typename T>
 class LatestMessage {
  public:
-  /// Throws InputError as Bus::subscribe() does. May end before or after the bus.
+  /// Throws InputError as Bus::subscribe() does. May end before or after the bus, which must live while it hands out
+  /// messages.
   LatestMessage(Bus& bus, const std::string& channel) : box_(std::make_shared<Box>()) {
-    bus.subscribe(channel, [box = box_](const std::uint8_t* data, std::size_t size) { box->put(data, size); });
+    box_->record.channel = channel;
+    bus.subscribe(channel, [&bus, kept = std::weak_ptr(box_)](const std::uint8_t* data, std::size_t size) {
+      if (const auto box = kept.lock()) box->put(data, size, bus);
+    });
   }
   LatestMessage(const LatestMessage&) = delete;
   LatestMessage& operator=(const LatestMessage&) = delete;
@@ -55,36 +86,47 @@ class LatestMessage {
   /// The same, and leaves the box empty until a newer message comes.
   std::optional<T> take() { return std::exchange(box_->value, std::nullopt); }
 
-  std::int64_t received() const { return box_->received; }  ///< Messages on the channel, good or not.
-  std::int64_t dropped() const { return box_->dropped; }    ///< Duplicates and late ones among them.
-  std::int64_t refused() const { return box_->refused; }    ///< Those among them that could not be decoded.
+  std::int64_t received() const { return box_->record.received; }  ///< Messages on the channel, good or not.
+  std::int64_t dropped() const { return box_->dropped; }           ///< Duplicates and late ones among them.
+  std::int64_t refused() const { return box_->refused; }           ///< Those among them that could not be decoded.
 
   /// Why the last refused message was refused; empty when none was.
-  const std::string& lastError() const { return box_->last_error; }
+  const std::string& lastError() const { return box_->record.refused; }
+
+  const ChannelRecord& record() const { return box_->record; }
 
  private:
   struct Box {
     std::optional<T> value;
     std::optional<std::pair<std::int64_t, std::int64_t>> newest;  // Sequence and time, kept when the value is taken.
-    std::int64_t received = 0, dropped = 0, refused = 0;
-    std::string last_error;
+    std::int64_t transitions = 0;                                 // The newest one's, of a status.
+    std::int64_t dropped = 0, refused = 0;
+    ChannelRecord record;
 
-    void put(const std::uint8_t* data, std::size_t size) {
-      ++received;
+    void put(const std::uint8_t* data, std::size_t size, const Bus& bus) {
+      ++record.received;
       Decoded<T> decoded = decode<T>(data, size);
       if (!decoded.value) {
         ++refused;
-        last_error = std::move(decoded.error);
+        ++record.refused_in_a_row;
+        record.refused = std::move(decoded.error);
+        record.refused_sender = bus.sender();
         return;
       }
+      record.refused_in_a_row = 0;
       const std::pair<std::int64_t, std::int64_t> now(sequenceOf(*decoded.value), decoded.value->time_us);
-      const bool newer =
-          !newest || now.first > newest->first || (now.first < newest->first && now.second > newest->second);
+      const bool newer = !newest || now.first > newest->first ||
+                         (now.first < newest->first && now.second > newest->second) ||
+                         (now == *newest && wire::isRevision(*decoded.value, transitions));
       if (!newer) {
         ++dropped;
+        ++record.dropped_in_a_row;
         return;
       }
       newest = now;
+      transitions = wire::transitionsOf(*decoded.value);
+      record.dropped_in_a_row = 0;
+      record.sender = bus.sender();
       value = std::move(decoded.value);
     }
   };

@@ -74,7 +74,7 @@ class CommandReceiver {
  private:
   bool takes(std::int64_t time_us, std::int64_t sequence, std::int64_t valid_for_us,
              const Eigen::Ref<const Eigen::VectorXd>& speeds, std::int64_t now_us, const std::string& sender);
-  void count(CommandGate::Refusal refusal, std::int64_t sequence, const std::string& sender);
+  void count(CommandGate::Refusal refusal, std::int64_t sequence, const std::string& sender, std::int64_t now_us);
 
   ReceiverSettings settings_;
   IgnoredCommands ignored_;

@@ -115,6 +115,9 @@ class CatheterController {
   /// What a frame's answer need not wait for: GatedPerception::learn().
   void learn() { perception_.learn(); }
 
+  /// GatedPerception::focalLengthWarning().
+  std::optional<std::string> focalLengthWarning() const { return perception_.focalLengthWarning(); }
+
   /// A catheter's controller estimates everything itself.
   ExternalInputs externalInputs() const { return {}; }
 

@@ -20,8 +20,8 @@ class CatheterStates {
 
   bool heard() const { return !arm_.empty(); }
   void hear(SafetySupervisor<DriveMonitor>& safety, std::int64_t now_us) {
-    if (const auto arm = newest_arm_.take()) safety.observe(*arm, now_us);
-    if (const auto drive = newest_drive_.take()) safety.observe(*drive, now_us);
+    if (const auto arm = newest_arm_.take()) safety.observe(*arm, now_us, newest_arm_.record().sender);
+    if (const auto drive = newest_drive_.take()) safety.observe(*drive, now_us, newest_drive_.record().sender);
     if (const auto status = carm_loop_.take(); status && status->view_reached_us != 0) {
       reached_us_ = status->view_reached_us;
     }
@@ -38,6 +38,7 @@ class CatheterStates {
     drive_.forget();
   }
   std::int64_t refused() const { return arm_.refused() + drive_.refused(); }
+  std::vector<ChannelRecord> records() const { return {newest_arm_.record(), newest_drive_.record()}; }
 
  private:
   LatestMessage<CArmState> newest_arm_;

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <string>
+
+namespace angio::cli {
+
+/// The text of --help for an option that takes the URL of a bus. @param what  What the program does on it.
+inline std::string busHelp(const std::string& what) {
+  return what +
+         " (LCM URL): udpm://GROUP:PORT?ttl=0 is this machine alone, ttl=1 the local network; "
+         "&recv_buf_size=BYTES is the receive buffer (4194304 unless given; at most net.core.rmem_max)";
+}
+
+}  // namespace angio::cli
