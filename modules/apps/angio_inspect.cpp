@@ -2,6 +2,7 @@
 // angio-inspect: what a file holds, in a person's words.
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -11,11 +12,15 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/bus_help.hpp"
 #include "angio/cli/program.hpp"
+#include "angio/evaluation/branch_picture.hpp"
 #include "angio/io/camera_files.hpp"
+#include "angio/io/curve_folder.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/io/whole_file.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/vessel/model_id.hpp"
 #include "findings.hpp"
@@ -23,6 +28,13 @@
 
 namespace angio::apps {
 namespace {
+
+// A file's letters need not be printable.
+std::string withoutControls(std::string words) {
+  std::replace_if(
+      words.begin(), words.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
+  return words;
+}
 
 void addPixels(const XaHeader& header, Findings& found) {
   found.text("modality", "modality", header.modality);
@@ -112,10 +124,16 @@ Findings inspectRun(const std::string& path, int frame) {
 }
 
 struct Options {
-  std::string file, out;
+  std::string file, out, picture, calibration;
   int frame = 0;
   bool json = false;
   BusToInspect live;
+};
+
+// What a file holds, and what stands below it.
+struct Inspected {
+  Findings found;
+  std::string table = {};
 };
 
 Findings inspectImage(const std::string& path, int frame) {
@@ -128,8 +146,56 @@ Findings inspectImage(const std::string& path, int frame) {
   return found;
 }
 
-Findings inspectTree(const std::string& path) {
-  const VesselTree tree = readVesselTree(path);
+std::string asTable(const std::vector<NumberedBranch>& branches) {
+  std::size_t width = 4;
+  for (const NumberedBranch& branch : branches) width = std::max(width, branch.name.size());
+  const auto row = [width](const std::string& number, const std::string& name, const std::string& parent,
+                           const std::string& length, const std::string& radius) {
+    return formatted("%8s  ", number.c_str()) + name + std::string(width - name.size(), ' ') +
+           formatted("%8s%14s%18s\n", parent.c_str(), length.c_str(), radius.c_str());
+  };
+  std::string table = "\n" + row("branch", "name", "parent", "length [mm]", "mean radius [mm]");
+  for (const NumberedBranch& b : branches) {
+    table +=
+        row(std::to_string(b.number), withoutControls(b.name), b.parent ? std::to_string(*b.parent) : "root",
+            formatted("%.2f", 1e3 * b.length_m), b.mean_radius_m ? formatted("%.2f", 1e3 * *b.mean_radius_m) : "-");
+  }
+  return table;
+}
+
+Json asJson(const std::vector<NumberedBranch>& branches) {
+  Json rows = Json::array();
+  for (const NumberedBranch& b : branches) {
+    rows.push_back({{"number", b.number},
+                    {"name", b.name},
+                    {"parent", b.parent ? Json(*b.parent) : Json(nullptr)},
+                    {"length_mm", 1e3 * b.length_m},
+                    {"mean_radius_mm", b.mean_radius_m ? Json(1e3 * *b.mean_radius_m) : Json(nullptr)}});
+  }
+  return rows;
+}
+
+// Writes the picture and adds its table.
+void showBranches(const VesselTree& tree, const Options& o, Inspected& told) {
+  const bool folder = std::filesystem::is_directory(o.file);
+  const auto branches =
+      numberedBranches(tree, folder ? branchNames(tree, readCurveFolder(o.file)) : std::vector<std::string>());
+  const bool known = !o.calibration.empty();
+  const Eigen::Matrix3d R_lps_model = known ? readCArmFile(o.calibration).R_lps_model : Eigen::Matrix3d::Identity();
+  const std::string axes =
+      known ? "by R_lps_model of the calibration" : "x, y, z of the file taken as L, P, S; --calibration: R_lps_model";
+  writeBranchPicture(o.picture, branchPicture(tree, branches, R_lps_model, "patient's axes: " + axes));
+  told.found.add("patient's axes", axes, "patient_axes", axes);
+  if (o.json) {
+    told.found.add("numbers", "", "branch_table", asJson(branches));
+  } else {
+    told.table = asTable(branches);
+  }
+}
+
+Inspected inspectTree(const Options& o) {
+  requireFolderOf(o.picture);
+  const VesselTree tree = readVesselTree(o.file);
   const Eigen::Vector3d low_mm = 1e3 * tree.points().rowwise().minCoeff();
   const Eigen::Vector3d high_mm = 1e3 * tree.points().rowwise().maxCoeff();
   const auto known =
@@ -145,7 +211,9 @@ Findings inspectTree(const std::string& path) {
     found.add(name, inWords(low_mm[axis], "to ") + inWords(high_mm[axis], "mm"), name + "_mm",
               {low_mm[axis], high_mm[axis]});
   }
-  return found;
+  Inspected told{found};
+  if (!o.picture.empty()) showBranches(tree, o, told);
+  return told;
 }
 
 Findings inspectCamera(const std::string& path) {
@@ -170,16 +238,21 @@ std::string endingOf(const std::string& path) {
 }
 
 // Trees and cameras go by their names, as everywhere; pictures and runs by what they hold.
-Findings inspectFile(const Options& o) {
+Inspected inspectFile(const Options& o) {
   const std::string ending = endingOf(o.file);
   const bool camera = ending == "yaml" || ending == "yml" || ending == "xml";
-  const bool tree = std::set<std::string>{"csv", "swc", "vtp", "vtk", "txt"}.count(ending) > 0;
+  const bool tree = std::set<std::string>{"csv", "swc", "vtp", "vtk", "txt", "tre", "json"}.count(ending) > 0 ||
+                    std::filesystem::is_directory(o.file);
+  if (!tree && !o.picture.empty()) throw InputError(o.file, "--picture", o.picture, "is of a vessel tree or of a bus");
+  if (o.picture.empty() && !o.calibration.empty()) {
+    throw InputError(o.file, "--calibration", o.calibration, "is for --picture of a vessel tree, or for --bus");
+  }
   if ((camera || tree) && !o.out.empty()) throw InputError(o.file, "--out", o.out, "there is no picture in this file");
-  if (camera) return inspectCamera(o.file);
-  if (tree) return inspectTree(o.file);
+  if (camera) return {inspectCamera(o.file)};
+  if (tree) return inspectTree(o);
   auto found = isDicom(o.file) ? inspectRun(o.file, o.frame) : inspectImage(o.file, o.frame);
   if (!o.out.empty()) writeImage(o.out, readXrayImage(o.file, o.frame));
-  return found;
+  return {found};
 }
 
 void printJson(const Findings& found) {
@@ -201,19 +274,20 @@ void printTable(const Findings& found) {
   std::size_t width = 0;
   for (const Finding& one : found) width = std::max(width, one.label.size());
   for (const Finding& one : found) {
-    std::string words = one.words;
-    std::replace_if(
-        words.begin(), words.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
-    std::cout << one.label << std::string(width + 2 - one.label.size(), ' ') << words << "\n";
+    std::cout << one.label << std::string(width + 2 - one.label.size(), ' ') << withoutControls(one.words) << "\n";
   }
 }
 
 int inspect(const Options& o) {
-  const Findings found = o.live.bus.empty() ? inspectFile(o) : inspectBus(o.live);
+  BusToInspect live = o.live;
+  live.calibration = o.calibration;
+  live.picture = o.picture;
+  const Inspected told = live.bus.empty() ? inspectFile(o) : Inspected{inspectBus(live)};
   if (o.json) {
-    printJson(found);
+    printJson(told.found);
   } else {
-    printTable(found);
+    printTable(told.found);
+    std::cout << told.table;
   }
   return 0;
 }
@@ -226,8 +300,10 @@ int main(int argc, char** argv) {
                "angio-inspect");
   angio::apps::describeProgram(app, "angio-inspect run.dcm --frame 12 --out frame.png");
   angio::apps::Options o;
-  auto* file = app.add_option("file", o.file,
-                              "DICOM run, .png, .tif; tree (.csv, .swc, .vtp, .vtk, HMM .txt); camera (.yaml, .xml)");
+  auto* file =
+      app.add_option("file", o.file,
+                     "DICOM run, .png, .tif; tree (.csv, .swc, .vtp, .vtk, .mrk.json or a folder of them, .tre, HMM "
+                     ".txt); camera (.yaml, .xml)");
   app.add_option("--frame", o.frame, "Frame of a run or of a TIFF, from 0")->check(CLI::Range(0, 1000000))->needs(file);
   app.add_flag("--json", o.json, "JSON instead of columns");
   app.add_option("--out", o.out, "Picture of the frame (.png, .tif, .jpg), as the camera sees it")->needs(file);
@@ -237,13 +313,14 @@ int main(int argc, char** argv) {
           ->excludes(file);
   auto* tree = app.add_option("--tree", o.live.tree, "With --bus: vessel tree")->needs(bus);
   auto* calibration =
-      app.add_option("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")
-          ->needs(bus);
+      app.add_option("--calibration", o.calibration,
+                     "C-arm geometry and T_dsa_cb (.yaml); for a tree's picture how the patient lies (R_lps_model)");
   bus->needs(tree)->needs(calibration);
-  app.add_option("--picture", o.live.picture,
-                 "With --bus: picture of the frame with the tree by joints and calibration, and where in the patient "
-                 "its edges should be")
-      ->needs(bus);
+  app.add_option(
+      "--picture", o.picture,
+      "Of a tree: its branches from the front and from the side with the numbers that --to-branch takes "
+      "(.svg, .png), and a table of them. With --bus: the frame with the tree by joints and calibration, and "
+      "where in the patient its edges should be");
   app.add_option("--wait-s", o.live.wait_s, "With --bus: for a frame and joints, at most")
       ->check(angio::apps::between(0.01, 3600))
       ->needs(bus);

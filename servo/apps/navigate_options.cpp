@@ -43,7 +43,9 @@ CLI::Option* RouteOptions::addTo(CLI::App& app) {
       ->check(CLI::Range(0, 1000000));
   app.add_option("--from-mm", from_mm, "How far into it, to a few millimetres")->check(between(0, 1500));
   app.add_option("--to-mm", to_mm, "How far into the branch to go to")->check(between(0, 1500));
-  return app.add_option("--to-branch", to_branch, "The branch to go to")->check(CLI::Range(0, 1000000));
+  return app
+      .add_option("--to-branch", to_branch, "The branch to go to; angio-inspect TREE --picture FILE shows the numbers")
+      ->check(CLI::Range(0, 1000000));
 }
 
 TreeLocation RouteOptions::start(const TreeTopology& map) const { return placeOf(map, "from", from_branch, from_mm); }

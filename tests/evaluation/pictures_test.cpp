@@ -2,12 +2,16 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <map>
 #include <opencv2/core.hpp>
+#include <regex>
 
+#include "angio/evaluation/branch_picture.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/plotting/plot.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
 namespace angio::test {
 namespace {
@@ -101,6 +105,116 @@ TEST(Plots, WhatIsNotANumberLeavesAGap) {
   const int whole = pixelsOf(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, 1, 1, 1})}), plotColor(0));
   const int gap = pixelsOf(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, kNan, 1, 1})}), plotColor(0));
   EXPECT_NEAR(gap, whole / 2, whole / 10);
+}
+
+// Boxes of an SVG's texts of one class, by what they say: letters 6 px wide, 11 px high.
+std::map<std::string, cv::Rect2d> textsOf(const std::string& svg, const std::string& part) {
+  std::map<std::string, cv::Rect2d> boxes;
+  const std::regex text("<text class=\"" + part + "[^\"]*\" x=\"([-.0-9]+)\" y=\"([-.0-9]+)\"[^>]*>([^<]*)</text>");
+  for (std::sregex_iterator at(svg.begin(), svg.end(), text), end; at != end; ++at) {
+    const std::string words = (*at)[3];
+    boxes[words] = {std::stod((*at)[1]), std::stod((*at)[2]) - 11, 6.0 * static_cast<double>(words.size()), 11};
+  }
+  return boxes;
+}
+
+// A line from the lower left to the upper right with labels along a fifth of it.
+std::map<std::string, cv::Rect2d> labelsOnALine(int count) {
+  Plot plot = plotOf({0, 1}, {0, 1});
+  for (int k = 0; k < count; ++k) {
+    const double x = 0.4 + 0.2 * k / count;
+    plot.labels.push_back({{{x, x}}, "label " + std::to_string(k), k});
+  }
+  return textsOf(svgPlotFile({plot}, 900, 600), "name");
+}
+
+TEST(Plots, LabelsDoNotCoverEachOther) {
+  const auto boxes = labelsOnALine(40);
+  ASSERT_EQ(boxes.size(), 40U);
+  for (const auto& [a, box_a] : boxes) {
+    for (const auto& [b, box_b] : boxes) EXPECT_TRUE(a == b || (box_a & box_b).empty()) << a << " and " << b;
+  }
+}
+
+TEST(Plots, LabelsCoverNoLineWhereThereIsRoom) {
+  const auto boxes = labelsOnALine(10);
+  ASSERT_EQ(boxes.size(), 10U);
+  for (const auto& [words, box] : boxes) {
+    // Where the frame has the line: 820 px to the right while it rises 496 px by 1.05.
+    int covered = 0;
+    for (int k = 0; k <= 820; ++k) covered += box.contains({64.0 + k, 550.0 - 496 / 1.05 * k / 820});
+    EXPECT_EQ(covered, 0) << words;
+  }
+}
+
+TEST(Plots, AFileOfThemNeedsNoPageAroundIt) {
+  const std::string svg = svgPlotFile({plotOf({0, 1}, {0, 1}), plotOf({0, 1}, {1, 0})}, 300, 200);
+  EXPECT_EQ(svg.rfind("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"600\" height=\"200\"", 0), 0U);
+  EXPECT_EQ(svg.find("var("), std::string::npos) << "colours that only the page of a report knows";
+  EXPECT_NE(svg.find("<g transform=\"translate(300 0)\">"), std::string::npos);
+}
+
+// A trunk to the patient's left (+ x) that forks to the head (+ z) and to the front (- y), 100 mm each; the branch to
+// the head is the first; model axes L, P, S.
+class BranchPictures : public testing::Test {
+ protected:
+  VesselTree tree_{(Eigen::Matrix3Xd(3, 7) << 0, 0.05, 0.1, 0.1, 0.1, 0.1, 0.1,  //
+                    0, 0, 0, -0.05, -0.1, 0, 0,                                  //
+                    0, 0, 0, 0, 0, 0.05, 0.1)
+                       .finished(),
+                   {-1, 0, 1, 2, 3, 2, 5},
+                   {1e-3, 1e-3, 3e-3, 2e-3, 2e-3, std::nullopt, std::nullopt}};
+};
+
+TEST_F(BranchPictures, NumberWhatATreesTopologyNumbers) {
+  const TreeTopology map(tree_);
+  const auto branches = numberedBranches(tree_, {"trunk", "to the head", ""});
+  ASSERT_EQ(branches.size(), 3U);
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_EQ(branches[k].number, k);
+    EXPECT_EQ(branches[k].parent, map.parent(k));
+    EXPECT_DOUBLE_EQ(branches[k].length_m, map.length_m(k));
+  }
+  EXPECT_NEAR(branches[0].mean_radius_m.value(), 1.5e-3, 1e-12);
+  EXPECT_FALSE(branches[1].mean_radius_m) << "no edge of known radii";
+}
+
+TEST_F(BranchPictures, ShowLeftOnTheLeftAndFrontOnTheRight) {
+  const BranchPicture picture = branchPicture(tree_, numberedBranches(tree_), Eigen::Matrix3d::Identity(), "");
+  ASSERT_EQ(picture.views.size(), 2U);
+  const Plot &front = picture.views[0], &lateral = picture.views[1];
+  EXPECT_EQ(front.sides.left + front.sides.right + front.sides.top + front.sides.bottom, "LRHF");
+  EXPECT_EQ(lateral.sides.left + lateral.sides.right + lateral.sides.top + lateral.sides.bottom, "PAHF");
+  const auto from = [](const Plot& plot, int branch) {
+    const PlotSeries& s = plot.series[branch];
+    return Eigen::Vector2d(s.x.back() - s.x.front(), s.y.back() - s.y.front());
+  };
+  EXPECT_NEAR((from(front, 0) - Eigen::Vector2d(-100, 0)).norm(), 0, 1e-9) << "the patient's left on the left";
+  EXPECT_NEAR((from(front, 1) - Eigen::Vector2d(0, 100)).norm(), 0, 1e-9) << "head up";
+  EXPECT_NEAR((from(lateral, 2) - Eigen::Vector2d(100, 0)).norm(), 0, 1e-9) << "the front on the right";
+  EXPECT_NEAR((from(lateral, 1) - Eigen::Vector2d(0, 100)).norm(), 0, 1e-9);
+}
+
+TEST_F(BranchPictures, NumbersStandOnTheirBranches) {
+  const BranchPicture picture =
+      branchPicture(tree_, numberedBranches(tree_, {"", "", "curve - LVA"}), Eigen::Matrix3d::Identity(), "");
+  for (const Plot& view : picture.views) {
+    std::map<std::string, PlotLabel> labels;
+    for (const PlotLabel& label : view.labels) labels[label.words] = label;
+    ASSERT_EQ(labels.size(), 4U);
+    const std::string words[] = {"0", "1", "2 LVA"};
+    for (int branch = 0; branch < 3; ++branch) {
+      const PlotSeries& line = view.series[branch];
+      ASSERT_EQ(labels.count(words[branch]), 1U);
+      EXPECT_EQ(labels[words[branch]].color, line.color);
+      // The first place is the middle, where these branches have a point.
+      EXPECT_NEAR(labels[words[branch]].places.front().first, line.x[1], 1e-9);
+      EXPECT_NEAR(labels[words[branch]].places.front().second, line.y[1], 1e-9);
+    }
+    EXPECT_NEAR(labels["root"].places.front().first, view.series[0].x.front(), 1e-9);
+    EXPECT_NE(view.series[0].color, view.series[1].color);
+    EXPECT_NE(view.series[1].color, view.series[2].color);
+  }
 }
 
 TEST(Plots, SurviveSeriesWithNothingToShow) {

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
 
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/geometry/se3.hpp"
@@ -65,6 +66,65 @@ TEST(Inspect, OtherFilesAreToldToo) {
   EXPECT_EQ(tree["model_id"], static_cast<std::int64_t>(modelId(readVesselTree(phantom("tree.csv")))));
   EXPECT_THAT(test::run("angio-inspect", {phantom("im5_camera.yaml")}).out, HasSubstr("2383.36 px"));
   EXPECT_THAT(test::run("angio-inspect", {phantom("frames/im5.png")}).out, HasSubstr("512 x 512 px"));
+}
+
+// The refusal of a place behind a branch's end names the branch's length.
+TEST(Inspect, BranchesHaveTheNumbersThatToBranchTakes) {
+  const test::TemporaryFolder folder;
+  const std::string tree = test::exampleData("hepatic-tace/tree.csv");
+  const auto ended = test::run("angio-inspect", {tree, "--json", "--picture", folder.path("tree.svg")});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const auto rows = nlohmann::json::parse(ended.out)["branch_table"];
+  ASSERT_EQ(rows.size(), 103U);
+  std::set<std::string> lengths;
+  for (const auto& row : rows) {
+    const int number = row["number"];
+    if (number % 17 != 13 && number != 0 && number != 102) continue;
+    const auto navigate = test::run("angio-navigate", {"--tree", tree, "--to-branch", std::to_string(number), "--to-mm",
+                                                       "1500", "--bus", "memq://", "--duration-s", "0.1"});
+    EXPECT_EQ(navigate.exit_code, 1);
+    const std::string words = "--to-mm: of branch " + std::to_string(number) + " = 1500: must lie between 0 and ";
+    const auto at = navigate.err.find(words);
+    ASSERT_NE(at, std::string::npos) << navigate.err;
+    EXPECT_NEAR(std::stod(navigate.err.substr(at + words.size())), row["length_mm"], 1e-5) << number;
+    lengths.insert(row["length_mm"].dump());
+  }
+  EXPECT_EQ(lengths.size(), 8U) << "branches of one length would not tell";
+  const auto beyond = test::run("angio-navigate", {"--tree", tree, "--to-branch", "103", "--bus", "memq://"});
+  EXPECT_THAT(beyond.err, HasSubstr("one of the tree's 103 branches, from 0 on"));
+
+  // The picture and the table in words say the same numbers.
+  const std::string svg = test::contentOf(folder.path("tree.svg"));
+  const auto in_words = test::run("angio-inspect", {tree, "--picture", folder.path("tree.png")}).out;
+  for (const auto& row : rows) {
+    EXPECT_THAT(svg, HasSubstr(">" + row["number"].dump() + "</text>"));
+    EXPECT_THAT(in_words,
+                HasSubstr("\n" + std::string(8 - row["number"].dump().size(), ' ') + row["number"].dump() + " "));
+  }
+  EXPECT_FALSE(cv::imread(folder.path("tree.png")).empty());
+}
+
+TEST(Inspect, ABranchPictureThatCannotBeIsOneLine) {
+  const test::TemporaryFolder folder;
+  const std::string tree = phantom("tree.csv"), broken = folder.write("broken.csv", "rubbish\n");
+  const std::vector<std::pair<std::vector<std::string>, std::string>> lines = {
+      {{broken, "--picture", folder.path("a.png")}, broken},
+      {{folder.path("none.csv"), "--picture", folder.path("a.png")}, "none.csv"},
+      {{tree, "--picture", folder.path("no/a.png")}, "no"},
+      {{tree, "--picture", folder.path("a.gif")}, "must be .svg, .png"},
+      {{tree, "--picture", folder.path("a")}, "must be .svg, .png"},
+      {{tree, "--picture", folder.path("a.svg"), "--calibration", folder.path("none.yaml")}, "none.yaml"},
+      {{tree, "--calibration", phantom("tree.csv")}, "--calibration"},
+      {{kRun, "--picture", folder.path("a.png")}, "is of a vessel tree or of a bus"},
+      {{phantom("im5_camera.yaml"), "--picture", folder.path("a.png")}, "is of a vessel tree or of a bus"}};
+  for (const auto& [arguments, words] : lines) {
+    const auto ended = test::run("angio-inspect", arguments);
+    EXPECT_EQ(ended.exit_code, 1) << words;
+    EXPECT_EQ(ended.out, "");
+    EXPECT_EQ(std::count(ended.err.begin(), ended.err.end(), '\n'), 1) << ended.err;
+    EXPECT_THAT(ended.err, HasSubstr(words));
+  }
+  for (const char* name : {"a", "a.png", "a.gif", "a.svg"}) EXPECT_FALSE(std::filesystem::exists(folder.path(name)));
 }
 
 TEST(Inspect, WhatIsNotThereIsOneLine) {

@@ -51,6 +51,11 @@ TEST_F(CurveFolder, IsOneTreeWhereCurvesShareAPoint) {
   EXPECT_DOUBLE_EQ(*tree.radii()[4], 2e-3);
 }
 
+TEST_F(CurveFolder, BranchesAreCalledAsTheirCurves) {
+  EXPECT_EQ(branchNames(readVesselTree(folder.path()), readCurveFolder(folder.path())),
+            (std::vector<std::string>{"Curve (0)", "Curve - LVA", "Curve (0)"}));
+}
+
 TEST_F(CurveFolder, ACurveHangsWhereItBeginsInsideAnother) {
   folder.write("Curve (1).mrk.json", curve({{30, 1.5, 0}, {40, 1.5, 0}}));
   const VesselTree tree = readVesselTree(folder.path());

@@ -42,23 +42,11 @@ figure { margin: 0; padding: 18px 18px 12px; background: var(--paper); border: 1
 figure img { width: 100%; display: block; border-radius: 6px; }
 figcaption { color: var(--soft); font-size: 13.5px; line-height: 1.45; margin-top: 8px; }
 svg { width: 100%; height: auto; display: block; font-size: 12px; }
-svg text { fill: var(--soft); font-variant-numeric: tabular-nums; }
-svg text.label { fill: var(--ink); }
-svg text.note { font-size: 11px; }
-svg polyline { fill: none; }
-svg .rule { stroke: var(--rule); stroke-width: 1; }
-svg .tick { stroke: var(--soft); stroke-width: 1; }
-svg .guide { stroke: var(--guide); stroke-width: 1; stroke-dasharray: 3 4; }
-svg .count { fill: var(--bar); }
-svg .fill { fill: currentColor; }
-svg .line { stroke: currentColor; stroke-width: 2.2; stroke-linejoin: round; stroke-linecap: round; }
-svg .dashed { stroke: currentColor; stroke-width: 1.4; stroke-dasharray: 5 4; opacity: 0.85; }
-svg .band { fill: currentColor; opacity: 0.13; }
-svg .dot { fill: currentColor; stroke: var(--paper); stroke-width: 0.8; }
-svg .ring { fill: none; stroke: currentColor; stroke-width: 1.3; }
-.c0 { color: var(--c0); } .c1 { color: var(--c1); } .c2 { color: var(--c2); }
-.c3 { color: var(--c3); } .c4 { color: var(--c4); } .c5 { color: var(--c5); }
-.legend { list-style: none; display: flex; flex-wrap: wrap; gap: 2px 16px; margin: 0; padding: 0; font-size: 13.5px;
+)css";
+
+// Behind the rules of its plots.
+constexpr const char* kReportStyleEnd =
+    R"css(.legend { list-style: none; display: flex; flex-wrap: wrap; gap: 2px 16px; margin: 0; padding: 0; font-size: 13.5px;
   color: var(--soft); }
 i { display: inline-block; width: 10px; height: 10px; border-radius: 5px; background: currentColor; margin-right: 7px; }
 .card { background: var(--paper); border: 1px solid var(--rule); border-radius: 10px; padding: 16px 20px; }
@@ -216,8 +204,8 @@ std::string page(const std::string& title, const std::string& subtitle, const st
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\">\n" +
-      tagged("title", title) + "\n<style>" + kReportStyle + "</style>\n</head>\n<body>\n<main>\n<header>" +
-      tagged("h1", title) + tagged("p", subtitle) + "</header>\n";
+      tagged("title", title) + "\n<style>" + kReportStyle + svgPlotStyle() + kReportStyleEnd +
+      "</style>\n</head>\n<body>\n<main>\n<header>" + tagged("h1", title) + tagged("p", subtitle) + "</header>\n";
   for (const auto& one : sections_html) text += one;
   return text + "</main>\n</body>\n</html>\n";
 }

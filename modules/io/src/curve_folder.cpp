@@ -6,9 +6,11 @@
 #include <deque>
 #include <filesystem>
 #include <map>
+#include <set>
 
 #include "angio/base/errors.hpp"
 #include "angio/io/text.hpp"
+#include "angio/vessel/tree_topology.hpp"
 #include "tree_formats.hpp"
 
 namespace angio::io {
@@ -138,6 +140,31 @@ std::vector<NamedCurve> readCurveFolder(const std::string& folder) {
 VesselTree joinedCurves(const std::string& from, const std::vector<NamedCurve>& curves) {
   if (curves.empty()) throw InputError(from, "curves", "0", "must be at least one");
   return treeOfRows(from, CurveTree(from, curves).grown());
+}
+
+std::vector<std::string> branchNames(const VesselTree& tree, const std::vector<NamedCurve>& curves) {
+  std::map<Position, std::set<std::size_t>> curves_at;
+  for (std::size_t c = 0; c < curves.size(); ++c) {
+    for (const auto& p_mm : curves[c].points_mm.colwise()) {
+      const Eigen::Vector3d p = p_mm / 1e3;  // As the tree's were.
+      curves_at[{p.x(), p.y(), p.z()}].insert(c);
+    }
+  }
+  std::vector<std::string> names;
+  const TreeTopology map(tree);
+  for (int branch = 0; branch < map.chains(); ++branch) {
+    std::vector<int> on(curves.size(), 0);
+    for (const int i : map.points(branch)) {
+      const Eigen::Vector3d p = tree.points().col(i);
+      const auto found = curves_at.find({p.x(), p.y(), p.z()});
+      if (found == curves_at.end()) continue;
+      for (const std::size_t c : found->second) ++on[c];
+    }
+    const auto most = std::max_element(on.begin(), on.end());
+    const bool named = most != on.end() && *most > 0;
+    names.push_back(named ? curves[static_cast<std::size_t>(most - on.begin())].name : "");
+  }
+  return names;
 }
 
 const NamedCurve& curveOfName(const std::string& from, const std::vector<NamedCurve>& curves, const std::string& name) {

@@ -6,13 +6,14 @@
 #include <tuple>
 
 #include "angio/base/formatted.hpp"
+#include "label_places.hpp"
 #include "plot_canvas.hpp"
 
 namespace angio::plotting {
 namespace {
 
 constexpr double kLeft_px = 64, kRight_px = 16, kTop_px = 34, kBottom_px = 50, kTitle_px = 20;
-constexpr double kDot_px = 3.4, kMark_px = 3, kBarWidth = 0.72;
+constexpr double kDot_px = 3.4, kMark_px = 3, kBarWidth = 0.72, kLabel_px = 14;
 constexpr std::size_t kMaxMarks = 24;  // A line of more points has no marks on them.
 
 // One axis: values to positions along it.
@@ -114,7 +115,8 @@ class Drawing {
   void draw() {
     if (!plot_.ground.empty()) canvas_.ground(plot_.ground, frame_);
     drawCounts();
-    drawAxes();
+    if (!plot_.bare) drawAxes();
+    drawWords();
     for (const PlotGuide& g : plot_.guides) {
       const double at = g.upright ? x_.at(g.at) : y_.at(g.at), right = frame_.br().x;
       canvas_.line(g.upright ? Points{{at, frame_.y}, {at, frame_.br().y}} : Points{{frame_.x, at}, {right, at}},
@@ -128,13 +130,14 @@ class Drawing {
         drawBars(s);
       } else {
         if (s.kind != PlotSeries::Kind::kDots) drawLine(s);
-        const bool marked = s.kind == PlotSeries::Kind::kLine && !s.dashed && s.x.size() <= kMaxMarks;
+        const bool marked = s.marked && s.kind == PlotSeries::Kind::kLine && !s.dashed && s.x.size() <= kMaxMarks;
         if (marked || s.kind == PlotSeries::Kind::kDots) drawDots(s, marked ? kMark_px : kDot_px);
       }
     }
     for (const PlotText& t : plot_.texts) {
       canvas_.text(at(t.x, t.y) + cv::Point2d(t.shift_px), Anchor::kStart, t.words, {"note", t.color});
     }
+    drawLabels();
   }
 
  private:
@@ -163,10 +166,51 @@ class Drawing {
       canvas_.text({x, bottom + 18}, Anchor::kMiddle, words, {"axis"});
     }
     canvas_.line({{left, bottom}, {right, bottom}}, {"tick"});
-    canvas_.text({(left + right) / 2, bottom + 38}, Anchor::kMiddle, plot_.x.label, {"label"});
+  }
+
+  void drawWords() {
+    const double left = frame_.x, right = frame_.br().x, bottom = frame_.br().y;
+    const cv::Point2d middle = 0.5 * (frame_.tl() + frame_.br());
+    canvas_.text({middle.x, bottom + 38}, Anchor::kMiddle, plot_.x.label, {"label"});
     canvas_.text({left - 44, frame_.y - 12}, Anchor::kStart, plot_.y.label, {"label"});
     canvas_.text({left - 44, frame_.y - 14 - kTitle_px}, Anchor::kStart, plot_.title, {"title"});
+    canvas_.text({left + 4, middle.y + 5}, Anchor::kStart, plot_.sides.left, {"title"});
+    canvas_.text({right - 4, middle.y + 5}, Anchor::kEnd, plot_.sides.right, {"title"});
+    canvas_.text({middle.x, frame_.y + 14}, Anchor::kMiddle, plot_.sides.top, {"title"});
+    canvas_.text({middle.x, bottom - 6}, Anchor::kMiddle, plot_.sides.bottom, {"title"});
   }
+
+  void drawLabels() {
+    if (plot_.labels.empty()) return;
+    std::vector<WantedLabel> wanted;
+    for (const PlotLabel& label : plot_.labels) {
+      WantedLabel one{{}, {canvas_.widthOf(label.words) + 4, kLabel_px}};
+      for (const auto& [x, y] : label.places) one.places.push_back(at(x, y));
+      wanted.push_back(std::move(one));
+    }
+    std::vector<Points> lines;
+    for (const PlotSeries& s : plot_.series) {
+      if (s.kind == PlotSeries::Kind::kDots) {
+        forEachShown(s, [&](std::size_t i) {
+          const cv::Point2d p = at(s.x[i], s.y[i]), half(kDot_px, 0);
+          lines.push_back({p - half, p + half});
+        });
+      }
+      if (s.kind != PlotSeries::Kind::kLine && s.kind != PlotSeries::Kind::kSteps) continue;
+      lines.emplace_back();
+      forEachShown(s, [&](std::size_t i) { lines.back().push_back(at(s.x[i], s.y[i])); });
+    }
+    const std::vector<PlacedLabel> placed = placeLabels(wanted, lines, frame_);
+    for (std::size_t i = 0; i < placed.size(); ++i) {
+      if (placed[i].leader) canvas_.line({placed[i].leader->first, placed[i].leader->second}, leadOf(i));
+    }
+    for (std::size_t i = 0; i < placed.size(); ++i) {
+      const cv::Point2d lower_left(placed[i].box.x + 2, placed[i].box.br().y - 3);
+      canvas_.text(lower_left, Anchor::kStart, plot_.labels[i].words, {"name", plot_.labels[i].color});
+    }
+  }
+
+  PlotCanvas::Look leadOf(std::size_t label) const { return {"lead", plot_.labels[label].color}; }
 
   void drawCounts() {
     double highest = 0, nearest = x_.high - x_.low;
@@ -251,6 +295,62 @@ std::string svgPlot(const Plot& plot, int width_px, int height_px) {
   Drawing(canvas, untitled, frameOf(untitled, width_px, height_px, kRight_px)).draw();
   return formatted("<svg viewBox=\"0 0 %d %d\" role=\"img\" aria-label=\"", width_px, height_px) +
          htmlEscaped(plot.y.label + " by " + plot.x.label) + "\">\n" + canvas.svg() + "</svg>\n";
+}
+
+std::string svgPlotStyle() {
+  return R"css(svg text { fill: var(--soft); font-variant-numeric: tabular-nums; }
+svg text.label { fill: var(--ink); }
+svg text.note { font-size: 11px; }
+svg polyline { fill: none; }
+svg .rule { stroke: var(--rule); stroke-width: 1; }
+svg .tick { stroke: var(--soft); stroke-width: 1; }
+svg .guide { stroke: var(--guide); stroke-width: 1; stroke-dasharray: 3 4; }
+svg .lead { stroke: currentColor; stroke-width: 1; }
+svg .count { fill: var(--bar); }
+svg .fill { fill: currentColor; }
+svg .line { stroke: currentColor; stroke-width: 2.2; stroke-linejoin: round; stroke-linecap: round; }
+svg .dashed { stroke: currentColor; stroke-width: 1.4; stroke-dasharray: 5 4; opacity: 0.85; }
+svg .band { fill: currentColor; opacity: 0.13; }
+svg .dot { fill: currentColor; stroke: var(--paper); stroke-width: 0.8; }
+svg .ring { fill: none; stroke: currentColor; stroke-width: 1.3; }
+.c0 { color: var(--c0); } .c1 { color: var(--c1); } .c2 { color: var(--c2); }
+.c3 { color: var(--c3); } .c4 { color: var(--c4); } .c5 { color: var(--c5); }
+)css";
+}
+
+std::string svgPlotFile(const std::vector<Plot>& plots, int width_px, int height_px) {
+  // Not every reader of SVG files knows variables.
+  std::string style = svgPlotStyle();
+  const auto set = [&style](const std::string& variable, const cv::Scalar& bgr) {
+    const std::string name = "var(--" + variable + ")";
+    const std::string color = formatted("#%02x%02x%02x", cvRound(bgr[2]), cvRound(bgr[1]), cvRound(bgr[0]));
+    for (auto found = style.find(name); found != std::string::npos; found = style.find(name)) {
+      style.replace(found, name.size(), color);
+    }
+  };
+  for (int c = 0; c < kPlotColors; ++c) set("c" + std::to_string(c), plotColor(c));
+  for (const char* ink : {"ink", "soft"}) set(ink, plotColor(kInkColor));
+  for (const char* faint : {"rule", "bar", "guide"}) set(faint, cv::Scalar::all(220));
+  set("paper", cv::Scalar::all(255));
+  for (int c = 0; c < kPlotColors; ++c) {
+    style += formatted("svg text.name.c%d { fill: var(--name) }\n", c);
+    set("name", kNameShade * plotColor(c));
+  }
+  style +=
+      "svg { font: 12px sans-serif; }\nsvg text.title { font-size: 14px; font-weight: bold; }\n"
+      "svg text.name { font-weight: bold; paint-order: stroke; stroke: #fff; stroke-width: 3px; "
+      "}\n";
+  const int total_px = width_px * static_cast<int>(plots.size());
+  std::string svg =
+      formatted("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" viewBox=\"0 0 %d %d\">\n",
+                total_px, height_px, total_px, height_px);
+  svg += "<style>\n" + style + "</style>\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n";
+  for (std::size_t i = 0; i < plots.size(); ++i) {
+    SvgCanvas canvas;
+    Drawing(canvas, plots[i], frameOf(plots[i], width_px, height_px, kRight_px)).draw();
+    svg += formatted("<g transform=\"translate(%d 0)\">\n", static_cast<int>(i) * width_px) + canvas.svg() + "</g>\n";
+  }
+  return svg + "</svg>\n";
 }
 
 cv::Mat drawPlots(const std::vector<Plot>& plots, int width_px, int height_px) {

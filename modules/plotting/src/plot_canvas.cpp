@@ -19,6 +19,7 @@ std::string classOf(const PlotCanvas::Look& look) {
 
 cv::Scalar colorOf(const PlotCanvas::Look& look) {
   if (look.part == "rule" || look.part == "count") return kFaint;
+  if (look.part == "name") return kNameShade * plotColor(look.color);
   return look.part == "guide" ? kGuide : plotColor(look.color);
 }
 
@@ -113,7 +114,7 @@ void PictureCanvas::text(const cv::Point2d& at, Anchor anchor, const std::string
   const double size = look.part == "title" ? kTitleSize : kTextSize;
   const double back = anchor == Anchor::kStart ? 0 : (anchor == Anchor::kEnd ? 1 : 0.5) * widthOf(words);
   const cv::Point from(cvRound(at.x - back), cvRound(at.y));
-  if (look.part == "note") {  // On white, so that lines behind do not cross it out.
+  if (look.part == "note" || look.part == "name") {  // On white, so that lines behind do not cross it out.
     const cv::Size box = cv::getTextSize(words, cv::FONT_HERSHEY_SIMPLEX, size, 1, nullptr);
     cv::rectangle(picture_, from + cv::Point(-2, 4), from + cv::Point(box.width + 2, -box.height - 2),
                   cv::Scalar::all(255), cv::FILLED);

@@ -9,6 +9,9 @@
 
 namespace angio::plotting {
 
+/// How much of its series' colour a label keeps: the light ones are hard to read on white.
+constexpr double kNameShade = 0.72;
+
 /// What a plot is drawn on. Places are pixels from the upper left corner.
 class PlotCanvas {
  public:

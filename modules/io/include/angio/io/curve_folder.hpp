@@ -34,4 +34,8 @@ VesselTree joinedCurves(const std::string& from, const std::vector<NamedCurve>& 
 /// InputError for a name of none or of several.
 const NamedCurve& curveOfName(const std::string& from, const std::vector<NamedCurve>& curves, const std::string& name);
 
+/// What each of a joined tree's branches is called, by its number (TreeTopology): the curve that most of its points are
+/// on, the first of several. Empty where it is on none.
+std::vector<std::string> branchNames(const VesselTree& tree, const std::vector<NamedCurve>& curves);
+
 }  // namespace angio::io
