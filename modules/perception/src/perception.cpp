@@ -20,9 +20,6 @@ std::unique_ptr<Registration> bendingOf(const PerceptionSettings& settings, cons
   return makeRegistration(bending, tree);
 }
 
-// A rigid fit that speaks for a larger deformation than this does not say well where the points of the tree are.
-constexpr double kBent_m = 0.3e-3;
-
 double rms(const Eigen::Matrix3Xd& displacements_m) {
   return std::sqrt(displacements_m.squaredNorm() / static_cast<double>(displacements_m.cols()));
 }
@@ -142,7 +139,7 @@ Observation Perception::adopt(const RegistrationResult& registration, const CArm
 // longer open across the beam. Depth is, in one view: as far as either fit says.
 void Perception::bend(const XrayViews& views, Observation& observation) {
   RegistrationResult& rigid = observation.registration;
-  const bool bent = rigid.status == RegistrationStatus::kConverged && rigid.deformation_std_m > kBent_m;
+  const bool bent = rigid.status == RegistrationStatus::kConverged && seemsBent(rigid);
   if (!bending_ || !rigid.covariance || (rigid.status != RegistrationStatus::kAmbiguous && !bent)) return;
   const RegistrationResult deformed = bending_->align(views, observation.predicted, rigid.T_camera_model);
   if (!explained(deformed) || deformed.displacements_m.cols() != bending_->tree().size() ||

@@ -95,7 +95,7 @@ std::optional<std::string> leftOpen(const Threshold& threshold, const VesselTree
   if (within && spread.across_m <= threshold.spread.across_m) return std::nullopt;
   std::string what = "the image leaves the pose open by more than " + millimetres(threshold.spread.noise_m);
   if (within) what = formatted("the image leaves the place across the beam open by %.1f mm", 1e3 * spread.across_m);
-  if (!(result.deformation_std_m > kBent_m)) return what;
+  if (!seemsBent(result)) return what;
   return what + ": the tree seems bent by " + formatted("%.1f mm", 1e3 * result.deformation_std_m);
 }
 
@@ -124,6 +124,8 @@ void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationRes
 }
 
 }  // namespace
+
+bool seemsBent(const RegistrationResult& result) { return result.deformation_std_m > kBent_m; }
 
 bool explained(const RegistrationResult& result) {
   return result.T_camera_model.matrix().allFinite() && result.covariance &&

@@ -109,6 +109,10 @@ struct [[nodiscard]] RegistrationResult {
   RegistrationTimes times;
 };
 
+/// Returns whether a rigid fit speaks for a deformation of the tree by more than 0.3 mm: it does not say well, then,
+/// where the points of the tree are.
+bool seemsBent(const RegistrationResult& result);
+
 /// Returns whether model and image explain each other as well as a converged result requires, whatever the covariance
 /// leaves open.
 ///
