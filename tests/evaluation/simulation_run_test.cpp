@@ -150,8 +150,7 @@ Beyond beyond(const SimulationSetup& setup, const SimulationSettings& settings) 
   return found;
 }
 
-// The claim of the paper's method, whose covariance knows of no deformation, holds for a rigid tree and not for a bent
-// one.
+// The claim of the paper's method, whose covariance knows of no deformation, does not hold for a bent tree.
 TEST_F(SimulationRuns, ClaimsAreHeldAgainstTheTruth) {
   settings_.trials = 8;
   settings_.deformation_rms_mm = 1;
