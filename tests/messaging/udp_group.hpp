@@ -1,50 +1,29 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <cstdint>
 #include <string>
 #include <vector>
 
+#include "angio/test/datagram_socket.hpp"
 #include "angio/test/namespace.hpp"
 
 namespace angio::test {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// A multicast group on this machine, with a port of this process's own, so that test programs at the same time do not
-/// hear each other; and a plain socket that sends any bytes to it, as no LCM program would.
+/// A multicast group of this process's own, and what is sent to it.
 class UdpGroup {
  public:
-  UdpGroup() : socket_(socket(AF_INET, SOCK_DGRAM, 0)) {
-    address_.sin_family = AF_INET;
-    address_.sin_port = htons(static_cast<std::uint16_t>(port_));
-    inet_pton(AF_INET, "239.255.76.67", &address_.sin_addr);
-    const unsigned char ttl = 0;
-    setsockopt(socket_, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
-  }
-  UdpGroup(const UdpGroup&) = delete;
-  UdpGroup& operator=(const UdpGroup&) = delete;
-  ~UdpGroup() { close(socket_); }
-
-  std::string url() const { return "udpm://239.255.76.67:" + std::to_string(port_) + "?ttl=0"; }
+  std::string url() const { return socket_.url(); }
 
   /// Sends one datagram to the group.
-  void send(const Bytes& datagram) const {
-    const auto sent = sendto(socket_, datagram.data(), datagram.size(), 0, reinterpret_cast<const sockaddr*>(&address_),
-                             sizeof address_);
-    EXPECT_EQ(sent, static_cast<ssize_t>(datagram.size()));
-  }
+  void send(const Bytes& datagram) const { EXPECT_TRUE(socket_.send(datagram.data(), datagram.size())); }
 
  private:
-  const int port_ = 20000 + getpid() % 20000;
-  const int socket_;
-  sockaddr_in address_{};
+  const DatagramSocket socket_{DatagramSocket::ownPort()};
 };
 
 /// The bytes of a text, without an end.

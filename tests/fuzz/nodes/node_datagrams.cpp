@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "node_datagrams.hpp"
 
-#include <arpa/inet.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -18,6 +15,7 @@
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/navigation/catheter_node.hpp"
 #include "angio/servo/servo_node.hpp"
+#include "angio/test/datagram_socket.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
 
@@ -45,29 +43,6 @@ bool standsStill(const CArmCommand& command) { return command.velocity.isZero(0)
 bool standsStill(const CatheterCommand& command) {
   return command.insertion_speed_m_per_s == 0 && command.roll_speed_rad_per_s == 0 && command.bend_speed_rad_per_s == 0;
 }
-
-class Socket {
- public:
-  explicit Socket(int port) : socket_(socket(AF_INET, SOCK_DGRAM, 0)) {
-    address_.sin_family = AF_INET;
-    address_.sin_port = htons(static_cast<std::uint16_t>(port));
-    inet_pton(AF_INET, "239.255.76.67", &address_.sin_addr);
-    const unsigned char ttl = 0;
-    setsockopt(socket_, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
-  }
-  Socket(const Socket&) = delete;
-  Socket& operator=(const Socket&) = delete;
-  ~Socket() { close(socket_); }
-
-  // What the system does not send, no node hears.
-  void send(const std::uint8_t* bytes, std::size_t size) const {
-    (void)!sendto(socket_, bytes, size, 0, reinterpret_cast<const sockaddr*>(&address_), sizeof address_);
-  }
-
- private:
-  const int socket_;
-  sockaddr_in address_{};
-};
 
 // Newest number and time of a channel's messages, whoever sent them.
 template <typename Message>
@@ -131,8 +106,8 @@ class RecordedNode {
 class NodesOnSocket::Lab {
  public:
   explicit Lab(int port)
-      : url_("udpm://239.255.76.67:" + std::to_string(port) + "?ttl=0"),
-        sockets_{Socket(port), Socket(port)},
+      : url_(DatagramSocket::urlOf(port)),
+        sockets_{DatagramSocket(port), DatagramSocket(port)},
         servo_(url_, folder_.path("servo.lcm"), ServoLoopSettings(), tree_),
         catheter_(url_, folder_.path("catheter.lcm"), CArmSetup(), tree_, TreeLocation{0, 10e-3},
                   TreeLocation{TreeTopology(tree_).children(0).front(), 5e-3}, CatheterControllerSettings()) {}
@@ -185,7 +160,7 @@ class NodesOnSocket::Lab {
 
   const TemporaryFolder folder_;
   const std::string url_;
-  const Socket sockets_[2];
+  const DatagramSocket sockets_[2];
   const VesselTree tree_ = branchingTree(6);
   std::unique_ptr<Bus> machine_ = [this] {
     auto bus = openBus(url_);
@@ -201,7 +176,7 @@ class NodesOnSocket::Lab {
   std::int64_t now_us_ = 0, frames_said_ = 0;
 };
 
-NodesOnSocket::NodesOnSocket() : lab_(std::make_unique<Lab>(20000 + getpid() % 20000)) {}
+NodesOnSocket::NodesOnSocket() : lab_(std::make_unique<Lab>(DatagramSocket::ownPort())) {}
 NodesOnSocket::~NodesOnSocket() = default;
 
 void NodesOnSocket::receive(const std::uint8_t* bytes, std::size_t size) {
@@ -216,7 +191,7 @@ void NodesOnSocket::receive(const std::uint8_t* bytes, std::size_t size) {
   if (!answers || ++inputs_ % kInputsOfALab == 0) {
     lab_->finish();
     lab_.reset();
-    lab_ = std::make_unique<Lab>(20000 + getpid() % 20000);
+    lab_ = std::make_unique<Lab>(DatagramSocket::ownPort());
   }
   if (first_bytes_ == 0) first_bytes_ = memory_bytes();
   promised(memory_bytes() - first_bytes_ < kMaxGrowth_bytes, "memory is bounded");
