@@ -56,8 +56,9 @@ struct RegistrationTimes {
 class PointUncertainty {
  public:
   virtual ~PointUncertainty() = default;
-  /// Returns the covariance of the error of a point of the tree where the result's pose puts it, camera axes [m^2]:
-  /// noise of the image, and a deformation of the tree that the residuals allow. `p_model` is in the model frame [m].
+  /// Returns the covariance of the error of a point of the tree where the result's pose and displacements put it,
+  /// camera axes [m^2]: noise of the image, and a deformation of the tree that the residuals allow. `p_model` is the
+  /// point as the tree was given, in the model frame [m].
   virtual Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const = 0;
 };
 
@@ -108,6 +109,10 @@ struct [[nodiscard]] RegistrationResult {
   int points_2d = 0;  ///< Image points used.
   RegistrationTimes times;
 };
+
+/// Returns whether a rigid fit speaks for a deformation of the tree by more than 0.3 mm: it does not say well, then,
+/// where the points of the tree are.
+bool seemsBent(const RegistrationResult& result);
 
 /// Returns whether model and image explain each other as well as a converged result requires, whatever the covariance
 /// leaves open.
