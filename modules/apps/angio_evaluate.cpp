@@ -84,6 +84,7 @@ namespace {
 struct CasesOptions {
   MethodOptions method;
   std::string cases, out;
+  bool point_covariance = false;
 };
 
 int evaluateCases(const CasesOptions& o) {
@@ -99,7 +100,8 @@ int evaluateCases(const CasesOptions& o) {
   int done = 0;
   for (const auto& entrant : entrants) {
     const auto outcomes =
-        runCases(set, {entrant.registration, entrant.starts, extractor, settings.tracker}, [&](int) { bar.show(++done, entrant.name); });
+        runCases(set, {entrant.registration, entrant.starts, extractor, settings.tracker, o.point_covariance},
+                 [&](int) { bar.show(++done, entrant.name); });
     auto& entry = json["methods"][entrant.name];
     for (const auto& outcome : outcomes) entry["cases"][outcome.name] = caseAsJson(outcome);
     entry["summary"] = summaries[entrant.name] = summaryOf(outcomes);
@@ -116,6 +118,8 @@ void addEvaluateCases(CLI::App& app, Work& work) {
   command->add_option("cases", o->cases, "Case set (cases.yaml)")->required();
   o->method.addTo(*command);
   command->add_flag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
+  command->add_flag("--point-covariance", o->point_covariance,
+                    "Add the covariance of each point of the tree to each result [mm^2]");
   command->add_option("--out", o->out, "All results (.json)");
   command->callback([o, &work] { work = [o] { return evaluateCases(*o); }; });
 }

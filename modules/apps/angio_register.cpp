@@ -42,7 +42,7 @@ struct Options {
   double search_rotation_deg = 0, search_translation_mm = 0;
   double max_age_days = RecordGate{}.max_age_days;
   bool nonrigid = false;
-  bool certify = false;
+  bool certify = false, point_covariance = false;
   CertificateSettings certificate;  // But for the box, which is the search's when that has one.
   BusOptions live;                  // Used when it names a bus.
 
@@ -166,6 +166,7 @@ int registerOne(const Options& o) {
   outcome.name = o.tree;
   outcome.image_s = image_s;
   outcome.result = searched(*makeRegistration(method, tree), views, initial, settings.starts);
+  addClaims(tree, o.point_covariance, outcome);
 
   CertificateSettings asked = o.certificate;
   if (settings.starts.box()) {
@@ -283,11 +284,14 @@ int main(int argc, char** argv) {
                      "; the settings' choice (ridge) when not given");
   app.add_option("--starts", o.starts, "Starts drawn around the initial pose; 0 takes the settings' count")
       ->check(CLI::Range(0, 10000));
-  app.add_option("--search-rotation-deg", o.search_rotation_deg,
+  app.add_option("--search-rotation-deg,--box-rotation-deg", o.search_rotation_deg,
                  "Search all poses turned by up to so much about each axis; 0 takes the settings' box")
       ->check(angio::apps::between(0, 180));
-  app.add_option("--search-translation-mm", o.search_translation_mm, "The same for shifts along each axis")
+  app.add_option("--search-translation-mm,--box-translation-mm", o.search_translation_mm,
+                 "The same for shifts along each axis")
       ->check(angio::apps::between(0, 1000));
+  app.add_flag("--point-covariance", o.point_covariance,
+               "Add the covariance of each point of the tree to the result [mm^2]");
   auto* certify = app.add_flag("--certify", o.certify,
                                "Prove that no different pose of the box scores nearly as well, or find one; the "
                                "search's box, or +-45 deg and +-60 mm");

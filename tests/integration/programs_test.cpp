@@ -50,20 +50,38 @@ TEST_F(Programs, RegisterFindsThePoseAndDrawsIt) {
   EXPECT_EQ(overlay.type(), CV_8UC3);
 }
 
+// Each point of the tree has a covariance, and what it is good for is said.
+TEST_F(Programs, RegisterSaysHowWellEachPointIsKnown) {
+  auto arguments = registerArguments();
+  arguments.push_back("--point-covariance");
+  const auto ended = test::run("angio-register", arguments);
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const Json result = Json::parse(test::contentOf(folder_.path("result.json")));
+  EXPECT_EQ(result["usable_for"], Json({"centre", "view", "navigate"}));
+  const Json& covariances = result["point_covariance_mm2"];
+  ASSERT_EQ(covariances.size(), static_cast<std::size_t>(tree_.size()));
+  for (const Json& row : covariances) {
+    ASSERT_EQ(row.size(), 6u);
+    // Depth is known worse than what lies across the beam.
+    EXPECT_GT(row[5].get<double>(), row[0].get<double>());
+    EXPECT_GT(row[0].get<double>(), 0);
+  }
+}
+
 // A proof, none for want of time, and the box that is the search's.
 TEST_F(Programs, RegisterCertifiesThatThereIsNoOtherPose) {
   auto arguments = registerArguments();
-  arguments.insert(arguments.end(), {"--certify", "--certify-threads", "2", "--search-rotation-deg", "10",
-                                     "--search-translation-mm", "15", "--certify-seconds", "60"});
+  arguments.insert(arguments.end(), {"--certify", "--certify-threads", "2", "--box-rotation-deg", "10",
+                                     "--box-translation-mm", "15", "--certify-seconds", "60"});
   const auto ended = test::run("angio-register", arguments);
   ASSERT_EQ(ended.exit_code, 0) << ended.err;
   EXPECT_NE(ended.out.find("\nproven: no pose within +-10 deg / +-15 mm and more than 5 mm away has 90 % of the score"),
             std::string::npos)
       << ended.out;
   Json certificate = Json::parse(test::contentOf(folder_.path("result.json")))["certificate"];
-  EXPECT_EQ(certificate["proven"], true);
-  EXPECT_LT(certificate["bound"], 0.9);
-  EXPECT_EQ(certificate["rival_pose"], nullptr);
+  EXPECT_EQ(certificate["proved"], true);
+  EXPECT_LT(certificate["upper_bound"], 0.9);
+  EXPECT_EQ(certificate["rival"], nullptr);
   EXPECT_EQ(certificate["box_rotation_deg"], 10);
   EXPECT_GT(certificate["cells"], 0);
 
@@ -72,8 +90,8 @@ TEST_F(Programs, RegisterCertifiesThatThereIsNoOtherPose) {
   ASSERT_EQ(stopped.exit_code, 0) << stopped.err;
   EXPECT_NE(stopped.out.find("\nnot proven: bound "), std::string::npos) << stopped.out;
   certificate = Json::parse(test::contentOf(folder_.path("result.json")))["certificate"];
-  EXPECT_EQ(certificate["proven"], false);
-  EXPECT_GE(certificate["bound"], 0.9);
+  EXPECT_EQ(certificate["proved"], false);
+  EXPECT_GE(certificate["upper_bound"], 0.9);
 }
 
 // What registration finds in one image is what a C-arm can be sent to.

@@ -306,11 +306,15 @@ TEST(DeformationFit, FindsASmoothDeformation) {
     nothing.displacements_m = Eigen::Matrix3Xd::Zero(3, s.model.size());
     const auto result = fit.fit(s.frame, s.belief(), nothing.T_camera_centered);
     EXPECT_GT(s.projectionError(nothing, truth), 8);
-    // A pixel: what moves along a vessel, and the ends of vessels most, is seen by its neighbours only.
-    EXPECT_LT(s.projectionError(result, truth), 1);
-    // One view says nothing of the beam's direction: what is found lies across it.
-    const Eigen::RowVector3d beam = nothing.T_camera_centered.linear().row(2);
-    EXPECT_LT((beam * result.displacements_m).cwiseAbs().maxCoeff(), 1e-12);
+    // A quarter of a millimetre is 1.2 px: what moves along a vessel, and the ends of vessels most, is seen by its
+    // neighbours only.
+    EXPECT_LT(s.projectionError(result, truth), 1.3);
+    // One view says little of the beam's direction, and the fit knows that.
+    ASSERT_TRUE(result.posterior);
+    const Eigen::Vector3d beam = result.T_camera_centered.linear().row(2);
+    const Eigen::Matrix3d C = result.posterior->pointCovariance(Eigen::Vector3d::Zero());
+    EXPECT_GT(std::sqrt(beam.dot(C * beam)), 1.5e-3);
+    EXPECT_LT(std::sqrt((C.trace() - beam.dot(C * beam)) / 2), 0.5e-3);
   }
 }
 

@@ -89,6 +89,11 @@ Json caseAsJson(const CaseOutcome& outcome) {
   json["deformation_std_mm"] = 1e3 * r.deformation_std_m;
   json["spread_mm"] = r.spread ? Json(1e3 * r.spread->all_m) : Json(nullptr);
   json["spread_across_mm"] = r.spread ? Json(1e3 * r.spread->across_m) : Json(nullptr);
+  json["usable_for"] = outcome.usable_for;
+  for (const Eigen::Matrix3d& C_m2 : outcome.point_covariances_m2) {
+    const Eigen::Matrix3d C = 1e6 * C_m2;
+    json["point_covariance_mm2"].push_back({C(0, 0), C(0, 1), C(0, 2), C(1, 1), C(1, 2), C(2, 2)});
+  }
   if (outcome.claim) {
     json["claim"] = {{"beyond", outcome.claim->beyond},
                      {"depth_in_90", outcome.claim->depth_in},
@@ -117,16 +122,16 @@ Json caseAsJson(const CaseOutcome& outcome) {
 }
 
 Json certificateAsJson(const PoseCertificate& c, const CertificateSettings& settings) {
-  Json json = {{"proven", c.proven}, {"reason", c.reason}, {"score", c.score}, {"bound", c.bound}};
-  json["rival_pose"] = nullptr;
+  Json json = {{"proved", c.proven}, {"reason", c.reason}, {"best_score", c.score}, {"upper_bound", c.bound}};
+  json["rival"] = nullptr;
   if (c.rival) {
-    Json& rival = json["rival_pose"] = Json::object();
+    Json& rival = json["rival"] = Json::object();
     for (int i = 0; i < 9; ++i) rival["rotation"].push_back(c.rival->T_camera_model.linear()(i / 3, i % 3));
     for (int i = 0; i < 3; ++i) rival["translation_mm"].push_back(1e3 * c.rival->T_camera_model.translation()[i]);
     rival["share_of_score"] = c.rival->share;
     rival["distance_mm"] = 1e3 * c.rival->distance_m;
   }
-  json["seconds"] = c.seconds;
+  json["time_ms"] = 1e3 * c.seconds;
   json["cells"] = c.cells;
   json["box_rotation_deg"] = settings.box_rotation_deg;
   json["box_translation_mm"] = settings.box_translation_mm;

@@ -91,6 +91,7 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
       outcome.result = registration.search(views, prior, settings.starts);
     }
     outcome.pixel_at_isocenter_m = (outcome.result.T_camera_model * tree.centroid()).z() / camera.parameters().fx_px;
+    addClaims(tree, settings.point_covariance, outcome);
     if (one.truth_pose) {
       const PlacedTree truth{*one.truth_pose, one.truth_displacements_path
                                                   ? readDisplacements(*one.truth_displacements_path, tree.size())

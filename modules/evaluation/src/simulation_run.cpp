@@ -32,7 +32,7 @@ std::optional<CaseOutcome::Claim> claimOf(const VesselTree& tree, const Registra
     Eigen::Vector3d model = tree.points().col(i), truth = model;
     if (result.displacements_m.cols() > i) model += result.displacements_m.col(i);
     if (trial.displacements_m.cols() > i) truth += trial.displacements_m.col(i);
-    const Eigen::Matrix3d C = seen.pointCovariance(model);
+    const Eigen::Matrix3d C = seen.pointCovariance(tree.points().col(i));
     const Eigen::Vector3d error = result.T_camera_model * model - trial.truth * truth;
     const Eigen::Vector3d ray = (result.T_camera_model * model).normalized();
     const Eigen::Quaterniond to_ray = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray);

@@ -33,8 +33,25 @@ Eigen::Matrix3Xd countedFrom(const Pose& T_camera_model, const RegistrationResul
 
 // Of a point of the tree, along the beam. The result must have a covariance.
 double depthVariance_m2(const RegistrationResult& result, const Eigen::Vector3d& p_model) {
-  return PatientObservation{result.T_camera_model, *result.covariance}.pointCovariance(p_model)(2, 2);
+  return PatientObservation{result.T_camera_model, *result.covariance, result.points}.pointCovariance(p_model)(2, 2);
 }
+
+// What a deformed fit knows of the tree's points, and less of their depth.
+class OpenInDepth final : public PointUncertainty {
+ public:
+  OpenInDepth(std::shared_ptr<const PointUncertainty> points, double added_m2)
+      : points_(std::move(points)), added_m2_(added_m2) {}
+
+  Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const override {
+    Eigen::Matrix3d covariance = points_->covarianceAt(p_model);
+    covariance(2, 2) += added_m2_;
+    return covariance;
+  }
+
+ private:
+  std::shared_ptr<const PointUncertainty> points_;
+  double added_m2_;
+};
 
 Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& place) {
   Eigen::Index nearest = 0;
@@ -149,10 +166,15 @@ void Perception::bend(const XrayViews& views, Observation& observation) {
   const Eigen::Vector3d centroid = bending_->tree().centroid();
   const double open_m2 = std::max(depthVariance_m2(deformed, centroid), depthVariance_m2(rigid, centroid));
   if (rigid.noise_covariance) rigid.covariance = rigid.noise_covariance;
+  rigid.points.reset();
   (*rigid.covariance)(2, 2) += std::max(0.0, open_m2 - depthVariance_m2(rigid, centroid));
   rigid.noise_covariance.reset();
   rigid.spread.reset();
-  rigid.points.reset();
+  // Frames share what is believed of the pose, and must not seem to have found it each anew.
+  const double of_points_m2 = deformed.points ? deformed.points->covarianceAt(centroid)(2, 2) : open_m2;
+  if (deformed.points) {
+    rigid.points = std::make_shared<OpenInDepth>(deformed.points, std::max(0.0, open_m2 - of_points_m2));
+  }
   rigid.displacements_m = countedFrom(rigid.T_camera_model, deformed, bending_->tree());
   rigid.agreement = deformed.agreement;
   rigid.status = RegistrationStatus::kConverged;

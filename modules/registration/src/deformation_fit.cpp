@@ -33,6 +33,9 @@ struct Misfit {
 constexpr Misfit kSmoothMisfit = {1, 15}, kLocalMisfit = {0.3, 4};
 constexpr Misfit kLinesAloneMisfit = {0.5, 4};  // One curve in a large tree: every bend of it counts.
 
+// Observations that decide in the end.
+constexpr int kPosteriorGroups = 400, kPosteriorRounds = 2;
+
 // When the image has less than this of the length of model in view, most vessels have no image and must not be pulled
 // to one.
 constexpr double kShareShown = 0.25;
@@ -55,9 +58,12 @@ class DeformationFit::Run {
         T_(T),
         w_(Field::Zero(D, fit.modes_.cols())),
         e_(Field::Zero(D, fit.nodes_.size())),
-        displaced_(fit.model_.points) {}
+        displaced_(fit.model_.points) {
+    if (fit_.matches_.size() < frame_.viewCount()) fit_.matches_.resize(frame_.viewCount());
+    if (fit_.chosen_.size() < frame_.viewCount()) fit_.chosen_.resize(frame_.viewCount());
+  }
 
-  Result operator()() {
+  Result operator()(Aim aim) {
     const bool full = fit_.settings_.detail == DeformationDetail::kFull;
     const bool lines_alone = shareShown() < kShareShown;
     if (lines_alone) {
@@ -71,6 +77,7 @@ class DeformationFit::Run {
                 false);
     alone_ = lines_alone;
     if (full) followLines(lines_alone ? kLinesAloneLocalRounds : kLocalRounds, kLocalMisfit, true);
+    if (aim == Aim::kResult) conclude();
     result_.T_camera_centered = T_;
     result_.T_camera_centered.linear() = nearestRotation(T_.linear());
     result_.displacements_m = displaced_ - fit_.model_.points;
@@ -88,11 +95,14 @@ class DeformationFit::Run {
   }
   double shareShown();
   void climb(int scale);
+  bool pullLines(const Misfit& misfit, bool local);
+  void tighten();
   void followLines(int rounds, const Misfit& misfit, bool local);
   int match(bool local);
   void stepModes(Eigen::Index max_modes, double extrapolation);
   void stepLocal();
   void moved(const Eigen::Matrix3Xd& before);
+  void conclude();
 
   DeformationFit& fit_;
   OrientedFrame& frame_;
@@ -153,27 +163,37 @@ int DeformationFit::Run<D>::match(bool local) {
   return stride;
 }
 
+// Matches the image and linearises what is left; false where nothing is matched.
+template <int D>
+bool DeformationFit::Run<D>::pullLines(const Misfit& misfit, bool local) {
+  const double point_px = frame_.length_px() / std::max(1, frame_.pointCount()) * match(local);
+  const double noise_px = std::max(noise_px_, misfit.min_noise_px);
+  const double weight = std::min(1.0, point_px / misfit.together_px) / (noise_px * noise_px);
+  data_.clear(fit_.nodes_);
+  for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+    addLinePull<D>(viewOf(v), fit_.model_, fit_.nodes_, directions_, fit_.chosen_[v], fit_.matches_[v], tolerance_px_,
+                   weight, data_);
+  }
+  if (!(data_.weight > 0)) return false;
+  noise_px_ = noiseBehind(data_.squares_px2 / data_.weight, tolerance_px_);
+  return true;
+}
+
+template <int D>
+void DeformationFit::Run<D>::tighten() {
+  gate_px_ = std::clamp(kGateOverNoise * noise_px_, min_gate_px_, gate_px_);
+  tolerance_px_ = std::clamp(kToleranceOverNoise * noise_px_, min_gate_px_ * kMinTolerance, tolerance_px_);
+}
+
 template <int D>
 void DeformationFit::Run<D>::followLines(int rounds, const Misfit& misfit, bool local) {
-  if (fit_.matches_.size() < frame_.viewCount()) fit_.matches_.resize(frame_.viewCount());
-  if (fit_.chosen_.size() < frame_.viewCount()) fit_.chosen_.resize(frame_.viewCount());
   for (int round = 0; round < rounds; ++round) {
-    const double point_px = frame_.length_px() / std::max(1, frame_.pointCount()) * match(local);
-    const double noise_px = std::max(noise_px_, misfit.min_noise_px);
-    const double weight = std::min(1.0, point_px / misfit.together_px) / (noise_px * noise_px);
-    data_.clear(fit_.nodes_);
-    for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
-      addLinePull<D>(viewOf(v), fit_.model_, fit_.nodes_, directions_, fit_.chosen_[v], fit_.matches_[v], tolerance_px_,
-                     weight, data_);
-    }
-    if (!(data_.weight > 0)) return;
-    noise_px_ = noiseBehind(data_.squares_px2 / data_.weight, tolerance_px_);
+    if (!pullLines(misfit, local)) return;
     if (local)
       stepLocal();
     else
       stepModes(w_.cols(), kLineExtrapolation);
-    gate_px_ = std::clamp(kGateOverNoise * noise_px_, min_gate_px_, gate_px_);
-    tolerance_px_ = std::clamp(kToleranceOverNoise * noise_px_, min_gate_px_ * kMinTolerance, tolerance_px_);
+    tighten();
     if (round >= 2 && result_.last_step_px < kRest_px) return;
   }
 }
@@ -210,6 +230,27 @@ void DeformationFit::Run<D>::moved(const Eigen::Matrix3Xd& before) {
   ++result_.iterations;
 }
 
+// Pose and displacements become their posterior means given the matches, which are made again where those are.
+template <int D>
+void DeformationFit::Run<D>::conclude() {
+  for (int round = 0; round < kPosteriorRounds; ++round) {
+    if (!pullLines(kLocalMisfit, true)) return;
+    std::vector<MatchedView> views;
+    for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+      views.push_back({viewOf(v).camera, viewOf(v).T_view_centered, fit_.chosen_[v], fit_.matches_[v]});
+    }
+    const auto groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kPosteriorGroups);
+    if (groups.size() < static_cast<std::size_t>(kFewestGroups)) return;
+    const auto posterior = std::make_shared<DeformationPosterior>(groups, belief_, T_, 1e-3 * fit_.settings_.length_mm);
+    if (!posterior->known()) return;
+    result_.posterior = posterior;
+    result_.pose_covariance = posterior->twistCovariance();
+    T_ = T_ * expSE3(posterior->twist());
+    displaced_ = fit_.model_.points + fit_.nodes_.atPoints(posterior->displacements(fit_.nodes_.points));
+    tighten();
+  }
+}
+
 DeformationFit::DeformationFit(const OrientedModel& model, const DeformationSettings& settings)
     : model_(model),
       settings_((checkSettings("nonrigid", settings), settings)),
@@ -218,10 +259,11 @@ DeformationFit::DeformationFit(const OrientedModel& model, const DeformationSett
       local_(nodes_, 1e-3 * settings.local_std_mm, 1e-3 * settings.local_length_mm),
       local_alone_(nodes_, kLinesAloneLocal * 1e-3 * settings.local_std_mm, 1e-3 * settings.local_length_mm) {}
 
-DeformationFit::Result DeformationFit::fit(OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_rigid) {
-  if (frame.viewCount() > 1) return Run<3>(*this, frame, belief, T_rigid, Eigen::Matrix3d::Identity())();
+DeformationFit::Result DeformationFit::fit(OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_rigid,
+                                           Aim aim) {
+  if (frame.viewCount() > 1) return Run<3>(*this, frame, belief, T_rigid, Eigen::Matrix3d::Identity())(aim);
   const Eigen::Matrix3d R = (frame.views().front().T_view_first * T_rigid).linear();
-  return Run<2>(*this, frame, belief, T_rigid, R.topRows<2>().transpose())();
+  return Run<2>(*this, frame, belief, T_rigid, R.topRows<2>().transpose())(aim);
 }
 
 }  // namespace angio::registration

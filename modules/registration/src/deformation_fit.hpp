@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <memory>
+
 #include "deformation_equations.hpp"
+#include "deformation_posterior.hpp"
 #include "pose_prior_term.hpp"
 
 namespace angio::registration {
@@ -11,10 +14,9 @@ namespace angio::registration {
 /// First from model to image on the kernel fields, coarse to fine (left out when the image shows little of the model,
 /// as a catheter in a tree: most vessels then have no image to be pulled to), then from image to model, line by line.
 /// Both alternate looks and exact joint steps of pose and modes; with DeformationDetail::kFull a correction of each
-/// stretch of vessel comes last. What the image does not reach follows the prior.
-///
-/// One view says nothing about displacement along its beam: displacements are then parallel to its detector. Several
-/// views give all three directions.
+/// stretch of vessel comes last. One view says nothing about displacement along its beam: displacements are then
+/// parallel to its detector. Several views give all three directions. What has been matched then decides: the result is
+/// the mean of pose and deformation given those matches (DeformationPosterior), in all three directions.
 class DeformationFit {
  public:
   /// Does all that depends on the tree only. Borrows the model. Throws InputError when a setting is out of its range.
@@ -28,9 +30,15 @@ class DeformationFit {
     Matrix6d pose_covariance =
         Matrix6d::Identity();  ///< Of the twist about the centroid, model axes, whatever the deformation is.
     double noise_px = 0;       ///< Standard deviation of the matched image points across their edges.
+    /// Of pose and deformation, whose means the others are; null where too little was matched for one.
+    std::shared_ptr<const DeformationPosterior> posterior;
   };
+  /// What a fit is for: to be a result, or to be compared with one, without a posterior.
+  enum class Aim { kResult, kCompare };
+
   /// `frame` and `belief` are those of the rigid search. The same input gives the same result.
-  Result fit(OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_rigid_camera_centered);
+  Result fit(OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_rigid_camera_centered,
+             Aim aim = Aim::kResult);
 
   const DeformationNodes& nodes() const { return nodes_; }
   const Eigen::MatrixXd& modes() const { return modes_; }  ///< M x K, see smoothModes.

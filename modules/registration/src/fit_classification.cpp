@@ -91,7 +91,10 @@ std::optional<std::string> leftOpen(const Threshold& threshold, const VesselTree
   } else {
     spread.noise_m = spread.all_m = spread_m(*result.covariance, result.T_camera_model, tree);
   }
-  const bool within = spread.noise_m <= threshold.spread.noise_m && spread.all_m <= threshold.spread.all_m;
+  // The noise's part means something where the tree is taken to be rigid.
+  const bool deformed = result.spread && result.displacements_m.cols() > 0;
+  const bool within =
+      (deformed || spread.noise_m <= threshold.spread.noise_m) && spread.all_m <= threshold.spread.all_m;
   if (within && spread.across_m <= threshold.spread.across_m) return std::nullopt;
   std::string what = "the image leaves the pose open by more than " + millimetres(threshold.spread.noise_m);
   if (within) what = formatted("the image leaves the place across the beam open by %.1f mm", 1e3 * spread.across_m);
@@ -148,7 +151,9 @@ void classify(const VesselTree& tree, RegistrationResult& result) { judgeBy(kUsu
 void classifyAgainst(double alternative_share, const VesselTree& tree, RegistrationResult& result) {
   result.ambiguity = alternative_share;
   const bool usual = reaches(result.agreement, kUsual.share, kUsual.score);
-  judgeBy(alternative_share <= kAloneShare && !usual ? kAlone : kUsual, tree, result);
+  // A deformed tree follows any line near by: that nothing else fits does not speak for it.
+  const bool deformed = rms(result.displacements_m) > 0;
+  judgeBy(alternative_share <= kAloneShare && !usual && !deformed ? kAlone : kUsual, tree, result);
   if (result.status == RegistrationStatus::kConverged && alternative_share > kAmbiguousShare) {
     result.status = RegistrationStatus::kAmbiguous;
     result.reason = "a different pose fits nearly as well";

@@ -19,10 +19,6 @@ constexpr double kMinNoise_px = 0.05;
 constexpr double kToleranceOverNoise = 3, kGateOverNoise = 4.5;
 constexpr double kMinTolerance_px = 0.3, kMinGate_px = 1;
 
-// A group of residuals stays within this, or their mean place means nothing.
-constexpr double kGroup_m = 15e-3;
-constexpr std::size_t kFewestOfGroup = 8;
-
 }  // namespace
 
 const OrientedPoints& LineFit::chosen(const OrientedFrame& frame, std::size_t view, int max_points) {
@@ -118,73 +114,12 @@ LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& beli
 
 std::vector<ResidualGroup> LineFit::residuals(const OrientedFrame& frame, const Pose& T_camera_centered,
                                               int most) const {
-  std::vector<ResidualGroup> groups;
-  double total = 0, grouped = 0;
-  std::size_t points = 0;
-  for (std::size_t v = 0; v < frame.viewCount(); ++v) points += static_cast<std::size_t>(used_[v]->size());
-  const std::size_t full = std::max<std::size_t>(kFewestOfGroup, points / static_cast<std::size_t>(std::max(1, most)));
+  std::vector<MatchedView> views;
   for (std::size_t v = 0; v < frame.viewCount(); ++v) {
     const XrayView& view = frame.views()[v];
-    const OrientedPoints& image = *used_[v];
-    const LineMatches& matches = matches_[v];
-    const Pose T = view.T_view_first * T_camera_centered;
-    ResidualGroup group;
-    Eigen::Vector2d mean_normal = Eigen::Vector2d::Zero();
-    std::size_t in_group = 0, branch = 0;
-    const auto close = [&] {
-      if (group.weight > 0 && in_group >= kFewestOfGroup) {
-        group.at /= group.weight;
-        group.gradient /= group.weight;
-        group.jacobian /= group.weight;
-        group.residual_px /= group.weight;
-        group.scatter_px2 = std::max(0.0, group.scatter_px2 / group.weight - group.residual_px * group.residual_px);
-        groups.push_back(group);
-      }
-      group = {};
-      in_group = 0;
-    };
-    for (int j = 0; j < image.size(); ++j) {
-      const auto i = static_cast<std::size_t>(j);
-      if (branch < image.begin.size() && j == image.begin[branch]) {
-        close();
-        ++branch;
-      }
-      Eigen::Vector2d normal(matches.normal_u[i], matches.normal_v[i]);
-      if (!(normal.squaredNorm() > 1e-6)) continue;
-      const Eigen::Vector3d at(matches.x[i], matches.y[i], matches.z[i]);
-      // Another vessel, or a bend: the means would say nothing.
-      const double alike = normal.dot(mean_normal) / std::max(1e-9, normal.norm() * mean_normal.norm());
-      if (in_group > 0 && ((at - group.at / group.weight).norm() > kGroup_m || std::abs(alike) < 0.5)) close();
-      if (in_group > 0 && alike < 0) normal = -normal;
-      mean_normal = in_group > 0 ? mean_normal + normal : normal;
-      Eigen::Matrix<double, 2, 3> J;
-      const auto pixel = view.camera.project(T * at, &J);
-      if (!pixel) continue;
-      const double residual_px = normal.dot(*pixel - Eigen::Vector2d(image.u[i], image.v[i]));
-      const double weight = std::exp(-residual_px * residual_px / (2 * tolerance_px_ * tolerance_px_));
-      const Eigen::Vector3d gradient = T.linear().transpose() * J.transpose() * normal;
-      group.at += weight * at;
-      group.gradient += weight * gradient;
-      group.jacobian.head<3>() += weight * gradient;
-      group.jacobian.tail<3>() += weight * at.cross(gradient);
-      group.residual_px += weight * residual_px;
-      group.scatter_px2 += weight * residual_px * residual_px;
-      group.weight += weight;
-      total += weight;
-      if (++in_group >= full) close();
-    }
-    close();
+    views.push_back({view.camera, view.T_view_first * T_camera_centered, *used_[v], matches_[v]});
   }
-  // Short vessels make more groups than there should be: the heaviest say the most.
-  const auto wanted = static_cast<std::size_t>(std::max(1, most));
-  if (groups.size() > wanted) {
-    std::nth_element(groups.begin(), groups.begin() + static_cast<std::ptrdiff_t>(wanted), groups.end(),
-                     [](const ResidualGroup& a, const ResidualGroup& b) { return a.weight > b.weight; });
-    groups.resize(wanted);
-  }
-  for (const ResidualGroup& group : groups) grouped += group.weight;
-  for (ResidualGroup& group : groups) group.pull = group.weight * total / grouped;
-  return groups;
+  return residualGroups(views, model_, model_.points, tolerance_px_, most);
 }
 
 }  // namespace angio::registration

@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "line_step.hpp"
-#include "model_error.hpp"
 #include "oriented_frame.hpp"
 #include "oriented_model.hpp"
 #include "pose_prior_term.hpp"
+#include "residual_groups.hpp"
 
 namespace angio::registration {
 

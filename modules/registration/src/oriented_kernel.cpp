@@ -10,6 +10,7 @@
 #include "field_search.hpp"
 #include "fit_classification.hpp"
 #include "line_fit.hpp"
+#include "model_error.hpp"
 #include "pose_comparison.hpp"
 #include "pose_prior_term.hpp"
 
@@ -34,6 +35,10 @@ constexpr std::size_t kShiftPlaces = 32;
 constexpr double kSameScore = 0.02, kSameResidual_px = 0.05;
 // An alternative with less than this share of the rigid score is none, also when it may be deformed.
 constexpr double kWorthDeforming = 0.5;
+// Alternatives that are deformed; and how near to each other two deformed trees lie across the beam, rms, that are one
+// answer.
+constexpr int kMostDeformed = 3;
+constexpr double kSamePlace_m = 3e-3;
 // What fits to the wrong tree reach: below that score, with an alternative that does nearly as well, nothing has been
 // found.
 constexpr double kChanceScore = 0.12, kChanceRival = 0.5;
@@ -79,51 +84,40 @@ constexpr std::size_t kCompared = 4;
 // Observations from which a deformation is found, and points over which what it leaves open is averaged.
 constexpr int kResidualGroups = 64, kSpreadPoints = 32;
 
-// What is uncertain of a rigid fit: the image's noise and a deformation of the tree, as it was when the fit came to
-// rest.
-class RigidFitError final : public PointUncertainty {
+// What is uncertain of a fit, as it was when the fit came to rest.
+class FitUncertainty final : public PointUncertainty {
  public:
-  RigidFitError(ModelError model, const Matrix6d& of_noise, const Eigen::Matrix3d& R_camera_model,
-                const Eigen::Vector3d& centroid)
-      : model_(std::move(model)), of_noise_(of_noise), R_(R_camera_model), centroid_(centroid) {}
+  FitUncertainty(std::shared_ptr<const TreeError> error, const Eigen::Matrix3d& R_camera_model,
+                 const Eigen::Vector3d& centroid)
+      : error_(std::move(error)), R_(R_camera_model), centroid_(centroid) {}
 
   Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const override {
-    const Eigen::Vector3d at = p_model - centroid_;
-    return R_ * (ofNoise(at) + model_.pointCovariance(at)) * R_.transpose();
-  }
-
-  Matrix6d ofTwist() const { return of_noise_ + model_.poseCovariance(); }
-  double amplitude_m() const { return model_.amplitude_m(); }
-
-  // Over the tree's points, of which a few are looked at.
-  PlaceSpread spread(const Eigen::Matrix3Xd& points_centered, const Pose& T_camera_centered) const {
-    PlaceSpread sums_m2;
-    int count = 0;
-    const Eigen::Index stride = std::max<Eigen::Index>(1, points_centered.cols() / kSpreadPoints);
-    for (Eigen::Index i = stride / 2; i < points_centered.cols(); i += stride, ++count) {
-      const Eigen::Vector3d at = points_centered.col(i);
-      const Eigen::Matrix3d noise = ofNoise(at), all = noise + model_.pointCovariance(at);
-      const Eigen::Vector3d ray = R_.transpose() * (T_camera_centered * at).normalized();
-      sums_m2.noise_m += noise.trace();
-      sums_m2.all_m += all.trace();
-      sums_m2.across_m += all.trace() - ray.dot(all * ray);
-    }
-    const auto rms = [&](double sum_m2) { return std::sqrt(std::max(0.0, sum_m2 / std::max(1, count))); };
-    return {rms(sums_m2.noise_m), rms(sums_m2.all_m), rms(sums_m2.across_m)};
+    return R_ * error_->pointCovariance(p_model - centroid_) * R_.transpose();
   }
 
  private:
-  Eigen::Matrix3d ofNoise(const Eigen::Vector3d& at) const {
-    Eigen::Matrix<double, 3, 6> J;
-    J << Eigen::Matrix3d::Identity(), -skew(at);
-    return J * of_noise_ * J.transpose();
-  }
-
-  ModelError model_;
-  Matrix6d of_noise_;
+  std::shared_ptr<const TreeError> error_;
   Eigen::Matrix3d R_;
   Eigen::Vector3d centroid_;
 };
+
+// Over the tree's points, of which a few are looked at.
+PlaceSpread spreadOf(const TreeError& error, const Eigen::Matrix3Xd& points_centered, const Pose& T_camera_centered) {
+  const Eigen::Matrix3d R_model_camera = T_camera_centered.linear().transpose();
+  PlaceSpread sums_m2;
+  int count = 0;
+  const Eigen::Index stride = std::max<Eigen::Index>(1, points_centered.cols() / kSpreadPoints);
+  for (Eigen::Index i = stride / 2; i < points_centered.cols(); i += stride, ++count) {
+    const Eigen::Vector3d at = points_centered.col(i);
+    const Eigen::Matrix3d all = error.pointCovariance(at);
+    const Eigen::Vector3d ray = R_model_camera * (T_camera_centered * at).normalized();
+    sums_m2.noise_m += error.pointNoise(at).trace();
+    sums_m2.all_m += all.trace();
+    sums_m2.across_m += all.trace() - ray.dot(all * ray);
+  }
+  const auto rms = [&](double sum_m2) { return std::sqrt(std::max(0.0, sum_m2 / std::max(1, count))); };
+  return {rms(sums_m2.noise_m), rms(sums_m2.all_m), rms(sums_m2.across_m)};
+}
 
 class OrientedKernel final : public Registration {
  public:
@@ -156,9 +150,12 @@ class OrientedKernel final : public Registration {
   std::vector<PoseCandidate> candidatesByShifts(const PosePriorTerm& belief, const StartSettings& starts);
   void classifyAlternatives(const PosePriorTerm& belief, const Pose& T_rigid, const std::vector<PoseCandidate>& others,
                             RegistrationResult& result);
+  double acrossBeam_m(const Pose& T_camera_model, const Eigen::Matrix3Xd& points,
+                      const RegistrationResult& result) const;
   void finish(const PosePriorTerm& belief, const Pose& T_camera_centered, const LineFitPlan& plan,
               RegistrationResult& result);
   void deform(const PosePriorTerm& belief, RegistrationResult& result);
+  void setUncertainty(const std::shared_ptr<const TreeError>& error, RegistrationResult& result) const;
 
   OrientedKernelSettings settings_;
   VesselTree given_;
@@ -246,21 +243,46 @@ std::vector<PoseCandidate> OrientedKernel::candidatesByShifts(const PosePriorTer
 // Compares the result with its best alternative. `T_rigid` is its pose before it was deformed.
 void OrientedKernel::classifyAlternatives(const PosePriorTerm& belief, const Pose& T_rigid,
                                           const std::vector<PoseCandidate>& others, RegistrationResult& result) {
-  const PoseCandidate alternative = comparison_.bestRival(belief, T_rigid, others);
   const double own = comparison_.score(belief, T_rigid);
-  double share = own > 0 ? std::min(1.0, alternative.score / own) : 1.0;
-  if (deformation_ && alternative.score > 0 && share > kWorthDeforming) {
+  std::vector<Pose> known{T_rigid};
+  double share = 1;
+  for (int asked = 0;; ++asked) {
+    const PoseCandidate alternative = comparison_.bestRival(belief, known, others);
+    share = own > 0 ? std::min(1.0, alternative.score / own) : 1.0;
+    if (!deformation_ || !(alternative.score > 0) || share <= kWorthDeforming || asked == kMostDeformed) break;
     // Before it is deformed the right pose fits little better than a wrong one.
-    RegistrationResult deformed = result;
-    deformed.T_camera_model = alternative.T_camera_centered * Eigen::Translation3d(-model_.centroid);
+    const Stopwatch stage;
     PosePriorTerm there = belief;
     there.T0_camera_centered = alternative.T_camera_centered;
-    deform(there, deformed);
-    result.times.nonrigid_s += deformed.times.nonrigid_s;
+    const auto fit = deformation_->fit(frame_, there, alternative.T_camera_centered, DeformationFit::Aim::kCompare);
+    const VesselTree& tree = model_.resampled.tree;
+    const Pose T = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
+    const Eigen::Matrix3Xd points = tree.points() + fit.displacements_m;
     const double score = result.agreement.score();
-    share = score > 0 ? std::min(1.0, deformed.agreement.score() / score) : 1.0;
+    const double its_score = agreementOf(tree, points, frame_.views(), T).score();
+    result.times.nonrigid_s += stage.seconds();
+    share = score > 0 ? std::min(1.0, its_score / score) : 1.0;
+    if (acrossBeam_m(T, points, result) > kSamePlace_m) break;
+    // The same answer from elsewhere: the deformation has made up for the difference.
+    known.push_back(alternative.T_camera_centered);
   }
   classifyAgainst(share, model_.resampled.tree, result);
+}
+
+// How far the points of a deformed tree are from where the result has them, across the beam, rms.
+double OrientedKernel::acrossBeam_m(const Pose& T_camera_model, const Eigen::Matrix3Xd& points,
+                                    const RegistrationResult& result) const {
+  double squares_m2 = 0;
+  for (int i = 0; i < given_.size(); ++i) {
+    const auto& place = model_.resampled.place_of_original[static_cast<std::size_t>(i)];
+    const Eigen::Vector3d there =
+        T_camera_model * Eigen::Vector3d((1 - place.weight) * points.col(place.a) + place.weight * points.col(place.b));
+    Eigen::Vector3d here = given_.points().col(i);
+    if (result.displacements_m.cols() > i) here += result.displacements_m.col(i);
+    here = result.T_camera_model * here;
+    squares_m2 += (there - here).cross(here.normalized()).squaredNorm();
+  }
+  return std::sqrt(squares_m2 / std::max(1, given_.size()));
 }
 
 void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_centered, const LineFitPlan& plan,
@@ -270,16 +292,19 @@ void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_ce
   result.rigid_iterations += fit.steps;
   result.last_step_px = fit.last_step_px;
   if (fit.information.allFinite() && fit.information.diagonal().minCoeff() > 0) {
-    const auto error =
-        std::make_shared<RigidFitError>(ModelError(lines_.residuals(frame_, fit.T_camera_centered, kResidualGroups),
-                                                   fit.information, fit.currency, 1e-3 * settings_.nonrigid.length_mm),
-                                        fit.information.inverse(), fit.T_camera_centered.linear(), model_.centroid);
-    result.covariance = covarianceOfResult(error->ofTwist(), result.T_camera_model, model_.centroid);
-    result.noise_covariance = covarianceOfResult(fit.information.inverse(), result.T_camera_model, model_.centroid);
-    result.deformation_std_m = error->amplitude_m();
-    result.spread = error->spread(model_.points, fit.T_camera_centered);
-    result.points = error;
+    setUncertainty(std::make_shared<ModelError>(lines_.residuals(frame_, fit.T_camera_centered, kResidualGroups),
+                                                fit.information, fit.currency, 1e-3 * settings_.nonrigid.length_mm),
+                   result);
   }
+}
+
+void OrientedKernel::setUncertainty(const std::shared_ptr<const TreeError>& error, RegistrationResult& result) const {
+  const Pose& T = result.T_camera_model;
+  result.covariance = covarianceOfResult(error->twistCovariance(), T, model_.centroid);
+  result.noise_covariance = covarianceOfResult(error->noiseCovariance(), T, model_.centroid);
+  result.deformation_std_m = error->amplitude_m();
+  result.spread = spreadOf(*error, model_.points, T * Eigen::Translation3d(model_.centroid));
+  result.points = std::make_shared<FitUncertainty>(error, T.linear(), model_.centroid);
 }
 
 // Deforms the tree if it may and if that explains what the rigid pose does not, and judges what has become of it.
@@ -307,11 +332,15 @@ void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& res
       result.displacements_m.col(i) =
           (1 - place.weight) * fit.displacements_m.col(place.a) + place.weight * fit.displacements_m.col(place.b);
     }
-    result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);
-    result.noise_covariance.reset();
-    result.deformation_std_m = 0;
-    result.spread.reset();
-    result.points.reset();
+    if (fit.posterior) {
+      setUncertainty(fit.posterior, result);
+    } else {
+      result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);
+      result.noise_covariance.reset();
+      result.deformation_std_m = 0;
+      result.spread.reset();
+      result.points.reset();
+    }
     result.last_step_px = fit.last_step_px;
     result.agreement = deformed;
   }

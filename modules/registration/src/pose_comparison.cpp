@@ -58,12 +58,15 @@ double PoseComparison::score(const PosePriorTerm& belief, const Pose& T_camera_c
   return modelShare(belief, candidate) * lines_.explained(*frame_, T_camera_centered, kRival_px, kQuick.max_points);
 }
 
-PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const Pose& T_camera_centered,
+PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const std::vector<Pose>& known,
                                         const std::vector<PoseCandidate>& others) const {
+  const Pose& T_camera_centered = known.front();
   const auto different = [&](const Pose& T) {
-    const Pose between = T_camera_centered.inverse() * T;
-    const double turn_m = model_.radius_m * rotationAngle(between.linear());
-    return std::hypot(between.translation().norm(), turn_m) > kDifferentPose_m;
+    return std::all_of(known.begin(), known.end(), [&](const Pose& other) {
+      const Pose between = other.inverse() * T;
+      const double turn_m = model_.radius_m * rotationAngle(between.linear());
+      return std::hypot(between.translation().norm(), turn_m) > kDifferentPose_m;
+    });
   };
   PoseCandidate best{T_camera_centered, 0};
   const auto ask = [&](const Pose& T) {

@@ -23,6 +23,7 @@ struct CaseRunSettings {
   StartSettings starts;
   ExtractorSettings extractor;
   PatientTrackerSettings tracker;  ///< Of sequences.
+  bool point_covariance = false;   ///< Whether the covariance of each point of the tree is wanted.
 };
 
 /// What became of one case.
@@ -41,6 +42,10 @@ struct CaseOutcome {
     double plane_in = 0;  ///< The same across the beam, of both axes.
   };
   std::optional<Claim> claim;
+  /// Tasks whose needs the claimed covariance of a converged result meets, with the loops' own limit of what may be
+  /// unsure, at 95 % of the tree's places: of "centre", which needs them across the beam, "view" and "navigate".
+  std::vector<std::string> usable_for;
+  std::vector<Eigen::Matrix3d> point_covariances_m2;  ///< Of each point of the tree, camera axes, where asked for.
   /// Of a trial that was certified: what the certificate says, and whether it is false: it has proven a pose that is
   /// another one than the truth.
   std::optional<PoseCertificate> certificate;
@@ -56,6 +61,9 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
 
 /// One method's figures over all cases, as people compare methods.
 nlohmann::ordered_json summaryOf(const std::vector<CaseOutcome>& outcomes);
+
+/// Sets what an outcome's result is usable for and, if asked for, the covariance of each point of the tree.
+void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome);
 
 /// One case as outside tools read it.
 nlohmann::ordered_json caseAsJson(const CaseOutcome& outcome);

@@ -56,8 +56,9 @@ struct RegistrationTimes {
 class PointUncertainty {
  public:
   virtual ~PointUncertainty() = default;
-  /// Returns the covariance of the error of a point of the tree where the result's pose puts it, camera axes [m^2]:
-  /// noise of the image, and a deformation of the tree that the residuals allow. `p_model` is in the model frame [m].
+  /// Returns the covariance of the error of a point of the tree where the result's pose and displacements put it,
+  /// camera axes [m^2]: noise of the image, and a deformation of the tree that the residuals allow. `p_model` is the
+  /// point as the tree was given, in the model frame [m].
   virtual Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const = 0;
 };
 

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <vector>
+
+#include "deformation_process.hpp"
+#include "pose_prior_term.hpp"
+#include "residual_groups.hpp"
+#include "tree_error.hpp"
+
+namespace angio::registration {
+
+/// Pose and deformation of a tree together, given what an image shows of it: a normal distribution.
+///
+/// Before the image is looked at the deformation is a DeformationProcess of unknown amplitude in all three directions,
+/// and the pose is as it is believed. A residual is linear in both; what the model is off over millimetres, which also
+/// displaces it, and the image's noise come on top, and all amplitudes are found from the residuals (errorSizes).
+/// Without a deformation the result is the rigid fit. What the image cannot tell apart, as growth of the tree and its
+/// distance, stays with the belief, and the covariance says how open that is.
+class DeformationPosterior final : public TreeError {
+ public:
+  /// Measured deformations are not drawn from the process: the errors' tails are wider than a normal distribution's.
+  static constexpr double kTails = 1.2;
+
+  /// @param groups    About T_camera_centered and no displacement; at least kFewestGroups.
+  /// @param belief    Of the pose before the image.
+  /// @param length_m  Over which a deformation goes together.
+  /// @param tails     Factor on the amplitude that the residuals speak for.
+  DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
+                       const Pose& T_camera_centered, double length_m, double tails = kTails);
+
+  /// Returns whether there is a distribution: false where the system had no solution.
+  bool known() const { return known_; }
+
+  /// Returns the mean twist from T_camera_centered.
+  const Twist& twist() const { return mean_; }
+
+  /// Returns the mean displacements of places about the centroid [m], both 3 x M, model axes.
+  Eigen::Matrix3Xd displacements(const Eigen::Matrix3Xd& at) const;
+
+  Eigen::Matrix3d pointCovariance(const Eigen::Vector3d& at) const override;
+
+ private:
+  ResidualArrays groups_;
+  DeformationProcess process_;
+  Eigen::LLT<Eigen::MatrixXd> factor_;  // Of the residuals' covariance, the pose known.
+  Eigen::Matrix<double, Eigen::Dynamic, 6> whitened_jacobian_;
+  Eigen::VectorXd weights_;  // Of the groups' residuals in a displacement.
+  Twist mean_ = Twist::Zero();
+  double local_m_ = 0;
+  bool known_ = false;
+};
+
+}  // namespace angio::registration

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "residual_groups.hpp"
+
+namespace angio::registration {
+
+/// n groups of residuals, a quantity at a time.
+struct ResidualArrays {
+  ResidualArrays() = default;
+  explicit ResidualArrays(const std::vector<ResidualGroup>& groups);
+
+  Eigen::Matrix3Xd at, gradient;  ///< 3 x n: see ResidualGroup.
+  Eigen::VectorXd outwards;       ///< Of the residual by a growth about the centroid: at . gradient [px].
+  Eigen::Matrix<double, Eigen::Dynamic, 6> jacobian;
+  Eigen::VectorXd residual_px;
+  Eigen::VectorXd noise_px2;  ///< Variance by the image's noise, whose size is the scatter within groups.
+};
+
+/// What is expected of a tree's deformation before an image is looked at, for an amplitude of 1.
+///
+/// A Gaussian process with zero mean, of three parts: a smooth one with a Matern 5/2 correlation of length L, alike on
+/// every axis; a linear map (strain, and growth alike on all axes, of which one view sees only a change of depth); and
+/// a little that goes together over two centimetres only. The covariance of the displacements of two places a and b is
+/// alike(a, b) I + growth() a b^T.
+class DeformationProcess {
+ public:
+  /// A process of no extent: to be assigned to.
+  DeformationProcess() = default;
+  /// @param groups    The linear part has its size at their radius of gyration.
+  /// @param length_m  L.
+  DeformationProcess(const std::vector<ResidualGroup>& groups, double length_m);
+
+  /// Returns it for all pairs of two sets of places about the centroid [m], 3 x n and 3 x m: n x m.
+  Eigen::MatrixXd alike(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) const;
+  double growth() const;
+
+  /// Returns the covariance of the displacement of one place.
+  Eigen::Matrix3d covariance(const Eigen::Vector3d& at) const;
+
+  /// Returns the covariance of the groups' residuals, n x n [px^2/m^2].
+  Eigen::MatrixXd ofResiduals(const ResidualArrays& groups) const;
+
+  /// Returns the covariance of the groups' residuals with the displacement of a place, n x 3 [px/m].
+  Eigen::Matrix<double, Eigen::Dynamic, 3> withPlace(const ResidualArrays& groups, const Eigen::Vector3d& at) const;
+
+ private:
+  double length_m_ = 1, radius2_m2_ = 1;
+};
+
+/// Returns the correlation, alike on every axis, of what a model is off over millimetres, for all pairs of two sets of
+/// places, 3 x n and 3 x m: n x m.
+Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b);
+
+/// Returns the covariance of the groups' residuals by it, for an amplitude of 1, n x n [px^2/m^2].
+Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups);
+
+/// Standard deviations of the things that explain a residual, each Gaussian with zero mean.
+struct ErrorSizes {
+  double deformation_m = 0;  ///< Per axis, of the smooth part of the deformation.
+  double local_m = 0;        ///< Of what the model is off over millimetres.
+  double together = 1;       ///< How many neighbours of an image's points err alike.
+};
+
+/// Finds the sizes. The restricted likelihood of the residuals (Patterson and Thompson 1971), in which the pose is
+/// anything, is computed on a grid of them, and their squares are averaged over what it leaves. Of more than 64 groups
+/// about 64 are asked.
+ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGroup> groups);
+
+/// With fewer observations beyond the pose's six unknowns nothing can be told of a deformation.
+inline constexpr int kFewestGroups = 12;
+
+}  // namespace angio::registration
