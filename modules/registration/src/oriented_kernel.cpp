@@ -35,10 +35,10 @@ constexpr std::size_t kShiftPlaces = 32;
 constexpr double kSameScore = 0.02, kSameResidual_px = 0.05;
 // An alternative with less than this share of the rigid score is none, also when it may be deformed.
 constexpr double kWorthDeforming = 0.5;
-// Alternatives that are deformed; and how near to each other two deformed trees lie across the beam, rms, that are one
-// answer.
+// Alternatives that are deformed; and how near to each other two deformed trees lie that are one answer: across the
+// beam, rms, and along it in standard deviations of what is claimed.
 constexpr int kMostDeformed = 3;
-constexpr double kSamePlace_m = 3e-3;
+constexpr double kSamePlace_m = 3e-3, kSameDepthStds = 3;
 // What fits to the wrong tree reach: below that score, with an alternative that does nearly as well, nothing has been
 // found.
 constexpr double kChanceScore = 0.12, kChanceRival = 0.5;
@@ -150,8 +150,7 @@ class OrientedKernel final : public Registration {
   std::vector<PoseCandidate> candidatesByShifts(const PosePriorTerm& belief, const StartSettings& starts);
   void classifyAlternatives(const PosePriorTerm& belief, const Pose& T_rigid, const std::vector<PoseCandidate>& others,
                             RegistrationResult& result);
-  double acrossBeam_m(const Pose& T_camera_model, const Eigen::Matrix3Xd& points,
-                      const RegistrationResult& result) const;
+  bool isSamePlace(const Pose& T_camera_model, const Eigen::Matrix3Xd& points, const RegistrationResult& result) const;
   void finish(const PosePriorTerm& belief, const Pose& T_camera_centered, const LineFitPlan& plan,
               RegistrationResult& result);
   void deform(const PosePriorTerm& belief, RegistrationResult& result);
@@ -262,17 +261,19 @@ void OrientedKernel::classifyAlternatives(const PosePriorTerm& belief, const Pos
     const double its_score = agreementOf(tree, points, frame_.views(), T).score();
     result.times.nonrigid_s += stage.seconds();
     share = score > 0 ? std::min(1.0, its_score / score) : 1.0;
-    if (acrossBeam_m(T, points, result) > kSamePlace_m) break;
+    if (!isSamePlace(T, points, result)) break;
     // The same answer from elsewhere: the deformation has made up for the difference.
     known.push_back(alternative.T_camera_centered);
   }
   classifyAgainst(share, model_.resampled.tree, result);
 }
 
-// How far the points of a deformed tree are from where the result has them, across the beam, rms.
-double OrientedKernel::acrossBeam_m(const Pose& T_camera_model, const Eigen::Matrix3Xd& points,
-                                    const RegistrationResult& result) const {
-  double squares_m2 = 0;
+// Whether a deformed tree lies where the result has it, as far as the result claims to know: a tree with near and far
+// exchanged looks the same across the beam.
+bool OrientedKernel::isSamePlace(const Pose& T_camera_model, const Eigen::Matrix3Xd& points,
+                                 const RegistrationResult& result) const {
+  if (!result.spread) return false;
+  double across_m2 = 0, along_m2 = 0;
   for (int i = 0; i < given_.size(); ++i) {
     const auto& place = model_.resampled.place_of_original[static_cast<std::size_t>(i)];
     const Eigen::Vector3d there =
@@ -280,9 +281,12 @@ double OrientedKernel::acrossBeam_m(const Pose& T_camera_model, const Eigen::Mat
     Eigen::Vector3d here = given_.points().col(i);
     if (result.displacements_m.cols() > i) here += result.displacements_m.col(i);
     here = result.T_camera_model * here;
-    squares_m2 += (there - here).cross(here.normalized()).squaredNorm();
+    const double along_m = (there - here).dot(here.normalized());
+    along_m2 += along_m * along_m;
+    across_m2 += (there - here).squaredNorm() - along_m * along_m;
   }
-  return std::sqrt(squares_m2 / std::max(1, given_.size()));
+  const auto rms = [&](double sum_m2) { return std::sqrt(sum_m2 / std::max(1, given_.size())); };
+  return rms(across_m2) <= kSamePlace_m && rms(along_m2) <= kSameDepthStds * result.spread->all_m;
 }
 
 void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_centered, const LineFitPlan& plan,
