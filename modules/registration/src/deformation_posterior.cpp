@@ -4,7 +4,7 @@
 namespace angio::registration {
 DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
                                            const Pose& T_camera_centered, double length_m, double tails)
-    : groups_(groups), process_(groups, length_m) {
+    : groups_(groups), process_(groups, length_m, kGrowth) {
   const Eigen::MatrixXd deformed = process_.ofResiduals(groups_);
   if (!deformed.allFinite() || !groups_.noise_px2.allFinite()) return;
   const ErrorSizes sizes = errorSizes(process_, groups);

@@ -12,7 +12,7 @@ namespace {
 // Variances of the linear part of a deformation at the tree's radius of gyration, over that of the smooth one: a
 // displacement whose nine gradients are free, and growth alike on all axes. Measured motions of lungs carried over to
 // brains: with a quarter of it the depth of a tree bent by 1 mm is claimed too well in one trial of five.
-constexpr double kStrain = 4, kGrowth = 4;
+constexpr double kStrain = 4;
 
 // Variance of what goes together over so short a length only, over that of the smooth part. Without it one deformed
 // fit in five to such a motion of 3 mm claims places in the image that are wrong; with it one in fifty.
@@ -70,8 +70,8 @@ ResidualArrays::ResidualArrays(const std::vector<ResidualGroup>& groups) {
   outwards = at.cwiseProduct(gradient).colwise().sum().transpose();
 }
 
-DeformationProcess::DeformationProcess(const std::vector<ResidualGroup>& groups, double length_m)
-    : length_m_(length_m), radius2_m2_(1e-6) {
+DeformationProcess::DeformationProcess(const std::vector<ResidualGroup>& groups, double length_m, double growth)
+    : length_m_(length_m), radius2_m2_(1e-6), growth_(growth) {
   for (const ResidualGroup& group : groups) radius2_m2_ += group.at.squaredNorm() / static_cast<double>(groups.size());
 }
 
@@ -83,7 +83,7 @@ Eigen::MatrixXd DeformationProcess::alike(const Eigen::Matrix3Xd& a, const Eigen
   return result;
 }
 
-double DeformationProcess::growth() const { return kGrowth / radius2_m2_; }
+double DeformationProcess::growth() const { return growth_ / radius2_m2_; }
 
 Eigen::Matrix3d DeformationProcess::covariance(const Eigen::Vector3d& at) const {
   return (1 + kRough + kStrain / radius2_m2_ * at.squaredNorm()) * Eigen::Matrix3d::Identity() +

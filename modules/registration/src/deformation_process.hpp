@@ -28,11 +28,14 @@ struct ResidualArrays {
 /// alike(a, b) I + growth() a b^T.
 class DeformationProcess {
  public:
+  static constexpr double kGrowth = 4;
+
   /// A process of no extent: to be assigned to.
   DeformationProcess() = default;
   /// @param groups    The linear part has its size at their radius of gyration.
   /// @param length_m  L.
-  DeformationProcess(const std::vector<ResidualGroup>& groups, double length_m);
+  /// @param growth    Variance of a growth alike on all axes, there, over that of the smooth part.
+  DeformationProcess(const std::vector<ResidualGroup>& groups, double length_m, double growth = kGrowth);
 
   /// Returns it for all pairs of two sets of places about the centroid [m], 3 x n and 3 x m: n x m.
   Eigen::MatrixXd alike(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) const;
@@ -48,7 +51,7 @@ class DeformationProcess {
   Eigen::Matrix<double, Eigen::Dynamic, 3> withPlace(const ResidualArrays& groups, const Eigen::Vector3d& at) const;
 
  private:
-  double length_m_ = 1, radius2_m2_ = 1;
+  double length_m_ = 1, radius2_m2_ = 1, growth_ = 0;
 };
 
 /// Returns the correlation, alike on every axis, of what a model is off over millimetres, for all pairs of two sets of
