@@ -54,7 +54,7 @@ Drawn draw(test::Random& random, double deformation_m) {
   drawn.at = 0.05 * random.vector(1).cwiseMax(-1).cwiseMin(1);
 
   // The field at all groups and the place.
-  const DeformationProcess process(drawn.groups, kLength_m);
+  const DeformationProcess process(drawn.groups, kLength_m, DeformationPosterior::kGrowth);
   Eigen::Matrix3Xd places(3, kGroups + 1);
   for (int i = 0; i < kGroups; ++i) places.col(i) = drawn.groups[static_cast<std::size_t>(i)].at;
   places.col(kGroups) = drawn.at;
