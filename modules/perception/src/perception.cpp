@@ -164,17 +164,15 @@ void Perception::bend(const XrayViews& views, Observation& observation) {
     return;
   }
   const Eigen::Vector3d centroid = bending_->tree().centroid();
-  const double open_m2 = std::max(depthVariance_m2(deformed, centroid), depthVariance_m2(rigid, centroid));
+  const double deformed_m2 = depthVariance_m2(deformed, centroid);
+  const double open_m2 = std::max(deformed_m2, depthVariance_m2(rigid, centroid));
   if (rigid.noise_covariance) rigid.covariance = rigid.noise_covariance;
   rigid.points.reset();
   (*rigid.covariance)(2, 2) += std::max(0.0, open_m2 - depthVariance_m2(rigid, centroid));
   rigid.noise_covariance.reset();
   rigid.spread.reset();
   // Frames share what is believed of the pose, and must not seem to have found it each anew.
-  const double of_points_m2 = deformed.points ? deformed.points->covarianceAt(centroid)(2, 2) : open_m2;
-  if (deformed.points) {
-    rigid.points = std::make_shared<OpenInDepth>(deformed.points, std::max(0.0, open_m2 - of_points_m2));
-  }
+  if (deformed.points) rigid.points = std::make_shared<OpenInDepth>(deformed.points, open_m2 - deformed_m2);
   rigid.displacements_m = countedFrom(rigid.T_camera_model, deformed, bending_->tree());
   rigid.agreement = deformed.agreement;
   rigid.status = RegistrationStatus::kConverged;
