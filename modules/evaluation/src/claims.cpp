@@ -10,7 +10,8 @@ namespace {
 
 // A task may be asked for any place of the tree: so many of them must be known well enough.
 constexpr double kMostPlaces = 0.95;
-constexpr Eigen::Index kPlaces = 300;
+// Each asks for a covariance, and that of a deformed fit solves a system of up to 400 unknowns.
+constexpr Eigen::Index kPlaces = 60;
 
 }  // namespace
 
