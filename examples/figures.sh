@@ -61,7 +61,7 @@ worlds() {
               "held out:BG05 BG18 BH0014 BH0026 BH0037:case_105 case_107 case_109 case_111 case_113"; do
     local name trees lungs
     IFS=: read -r name trees lungs <<< "$half"
-    local simulate=("$bin"/angio-evaluate simulation --noise-px 1 --seed 11)
+    local simulate=("$bin"/angio-evaluate simulation --noise-px 1 --seed "${SEED:-11}")
     local fields=()
     for one in $trees; do simulate+=(--tree "$shared/brava/$one.swc"); done
     for one in $lungs; do fields+=(--deformation-field "$shared/lung-motion/$one.csv"); done
@@ -90,6 +90,7 @@ worlds() {
       "${ours[@]}" "${fields[@]}" --deformation-mm "$one"
       echo; echo "the same, nonrigid"
       "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid
+      [ "$one" = 1 ] || { echo; echo "the same, two views"; "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid --views 2; }
     done
   done
 }
