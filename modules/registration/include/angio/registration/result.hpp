@@ -83,14 +83,14 @@ struct [[nodiscard]] RegistrationResult {
   /// R_true = exp(dw) R, t_true = t + dt. From the last Gauss-Newton Hessian and the residual scale, image points taken
   /// as independent; absent when the solver had no full-rank system.
   ///
-  /// A rigid fit of `oriented_kernel` also counts what the tree may be bent by: see deformation_std_m.
+  /// `oriented_kernel` also counts what the tree may be bent by: see deformation_std_m.
   std::optional<Matrix6d> covariance;
 
   /// The part of the covariance that the image's noise alone leaves: what holds where the deformation is known. Absent
   /// where the covariance says all.
   std::optional<Matrix6d> noise_covariance;
-  /// Standard deviation, per axis, of the deformation of the tree that a rigid fit's residuals speak for [m], its
-  /// linear part left out. 0 where none was looked for.
+  /// Standard deviation, per axis, of the deformation of the tree that the residuals of the rigid tree speak for [m],
+  /// its linear part left out. 0 where none was looked for.
   double deformation_std_m = 0;
   /// How uncertain the places of the tree's points are; absent where the covariance says all.
   std::optional<PlaceSpread> spread;
