@@ -288,20 +288,32 @@ std::vector<std::string> allLimits(const std::variant<XrayFrame, T...>*) {
 
 // By our own account, not by the descriptions'; an X-ray frame's are those of its camera.
 TEST(AnyMessage, IsRestrictedAsItsReceiversTrust) {
-  EXPECT_THAT(
-      allLimits(static_cast<const AnyMessage*>(nullptr)),
-      testing::IsSupersetOf({"servo_input_t.verdict in [0, 2]",        "carm_command_t.valid_for_us in [0, inf]",
-                             "registration_t.status in [0, inf]",      "registration_t.rotation: rotation",
-                             "registration_t.covariance: covariance",  "registration_t.mean_residual in [0, inf]",
-                             "registration_t.points_3d in [0, inf]",   "registration_t.points_2d in [0, inf]",
-                             "servo_status_t.transitions in [0, inf]", "servo_status_t.state in [0, 5]",
-                             "servo_status_t.cause in [0, 16]",        "servo_request_t.transitions in [0, inf]",
-                             "servo_request_t.request in [0, 4]",      "servo_session_t.command_sequence in [0, inf]",
-                             "catheter_state_t.bend in [0, inf]",      "catheter_command_t.valid_for_us in [0, inf]",
-                             "catheter_tip_t.status in [0, 2]",        "catheter_tip_t.covariance: covariance",
-                             "catheter_tip_t.branch in [0, inf]",      "catheter_tip_t.tree_point in [0, inf]",
-                             "catheter_tip_t.arc_length in [0, inf]",  "catheter_tip_t.probability in [0, 1]",
-                             "catheter_input_t.verdict in [0, 2]",     "catheter_input_t.drive.bend in [0, inf]"}));
+  EXPECT_THAT(allLimits(static_cast<const AnyMessage*>(nullptr)),
+              testing::IsSupersetOf({"servo_input_t.verdict in [0, 2]",
+                                     "carm_command_t.valid_for_us in [0, inf]",
+                                     "registration_t.status in [0, inf]",
+                                     "carm_state_t.utime in [-4.5036e+15, 4.5036e+15]",
+                                     "registration_t.rotation: rotation",
+                                     "registration_t.covariance: covariance",
+                                     "registration_t.mean_residual in [0, inf]",
+                                     "registration_t.points_3d in [0, inf]",
+                                     "registration_t.points_2d in [0, inf]",
+                                     "servo_status_t.transitions in [0, inf]",
+                                     "servo_status_t.state in [0, 5]",
+                                     "servo_status_t.cause in [0, 16]",
+                                     "servo_request_t.transitions in [0, inf]",
+                                     "servo_request_t.request in [0, 4]",
+                                     "servo_session_t.command_sequence in [0, inf]",
+                                     "catheter_state_t.bend in [0, inf]",
+                                     "catheter_command_t.valid_for_us in [0, inf]",
+                                     "catheter_tip_t.status in [0, 2]",
+                                     "catheter_tip_t.covariance: covariance",
+                                     "catheter_tip_t.branch in [0, inf]",
+                                     "catheter_tip_t.tree_point in [0, inf]",
+                                     "catheter_tip_t.arc_length in [0, inf]",
+                                     "catheter_tip_t.probability in [0, 1]",
+                                     "catheter_input_t.verdict in [0, 2]",
+                                     "catheter_input_t.drive.bend in [0, inf]"}));
 }
 
 }  // namespace

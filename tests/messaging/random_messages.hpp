@@ -35,7 +35,8 @@ inline XrayFrame randomFrame(Random& random, int width, int height, int type) {
     for (std::size_t i = 0; i < wide.step[0]; ++i) wide.ptr(y)[i] = static_cast<std::uint8_t>(random.uniform(0, 256));
   }
   // A window into a wider image: its rows do not follow each other in memory.
-  return {randomInt64(random), randomInt64(random), wide.colRange(1, width + 1), XrayCamera(p)};
+  const auto time_us = static_cast<std::int64_t>(random.uniform(wire::kUtime.low, wire::kUtime.high));
+  return {time_us, randomInt64(random), wide.colRange(1, width + 1), XrayCamera(p)};
 }
 
 template <>

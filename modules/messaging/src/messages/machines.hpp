@@ -20,7 +20,7 @@ namespace angio::messaging::wire {
 template <>
 struct Description<CArmState> : PlainDescription<CArmState, angio_lcm::carm_state_t> {
   static constexpr auto fields = [](auto& v, auto& m) {
-    v.number("utime", m.time_us);
+    v.number("utime", m.time_us, kUtime);
     v.number("sequence", m.sequence);
     v.array("joint_position", m.joints);
     v.array("joint_velocity", m.velocity);
@@ -47,7 +47,7 @@ struct Description<CArmCommand> : PlainDescription<CArmCommand, angio_lcm::carm_
 template <>
 struct Description<CatheterState> : PlainDescription<CatheterState, angio_lcm::catheter_state_t> {
   static constexpr auto fields = [](auto& v, auto& m) {
-    v.number("utime", m.time_us);
+    v.number("utime", m.time_us, kUtime);
     v.number("sequence", m.sequence);
     v.number("insertion", m.insertion_m);
     v.number("roll", m.roll_rad);
@@ -86,7 +86,7 @@ struct Description<CatheterCommand> : PlainDescription<CatheterCommand, angio_lc
 template <>
 struct Description<CatheterTip> : PlainDescription<CatheterTip, angio_lcm::catheter_tip_t> {
   static constexpr auto fields = [](auto& v, auto& m) {
-    v.number("utime", m.time_us);
+    v.number("utime", m.time_us, kUtime);
     v.number("frame_sequence", m.frame_sequence);
     v.number("model_id", m.model_id);
     v.number("status", m.status, oneOf(kCatheterTipStatusCount));
@@ -112,9 +112,9 @@ struct Description<CatheterTip> : PlainDescription<CatheterTip, angio_lcm::cathe
 template <>
 struct Description<ServoInput> : PlainDescription<ServoInput, angio_lcm::servo_input_t> {
   static constexpr auto fields = [](auto& v, auto& m) {
-    v.number("utime", m.time_us);
+    v.number("utime", m.time_us, kUtime);
     v.number("frame_sequence", m.frame_sequence);
-    v.number("state_utime", m.state.time_us);
+    v.number("state_utime", m.state.time_us, kUtime);
     v.number("state_sequence", m.state.sequence);
     v.array("joint_position", m.state.joints);
     v.array("joint_velocity", m.state.velocity);
@@ -130,7 +130,7 @@ struct Description<ServoInput> : PlainDescription<ServoInput, angio_lcm::servo_i
 template <>
 struct Description<CatheterInput> : PlainDescription<CatheterInput, angio_lcm::catheter_input_t> {
   static constexpr auto fields = [](auto& v, auto& m) {
-    v.number("utime", m.time_us);
+    v.number("utime", m.time_us, kUtime);
     v.number("frame_sequence", m.frame_sequence);
     v.number("verdict", m.verdict, oneOf(kServoVerdictCount));
     v.message("arm", m.arm);

@@ -45,7 +45,7 @@ struct Description<ServoSession> : PlainDescription<ServoSession, angio_lcm::ser
 template <>
 struct Description<ViewRequest> : PlainDescription<ViewRequest, angio_lcm::view_request_t> {
   static constexpr auto fields = [](auto& v, auto& m) {
-    v.number("utime", m.time_us);
+    v.number("utime", m.time_us, kUtime);
     v.number("sequence", m.sequence);
     v.number("model_id", m.model_id);
     v.array("beam", m.beam_model);

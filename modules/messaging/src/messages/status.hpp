@@ -13,7 +13,7 @@ namespace angio::messaging::wire {
 template <>
 struct Description<RegistrationMessage> : PlainDescription<RegistrationMessage, angio_lcm::registration_t> {
   static constexpr auto fields = [](auto& v, auto& m) {
-    v.number("utime", m.time_us);
+    v.number("utime", m.time_us, kUtime);
     v.number("frame_sequence", m.frame_sequence);
     v.number("model_id", m.model_id);
     v.number("status", m.status, kNotNegative);

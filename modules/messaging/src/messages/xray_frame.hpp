@@ -19,7 +19,7 @@ struct Description<XrayFrame> {
   static std::optional<std::string> broken(const XrayFrame& frame);
 
   static constexpr auto fields = [](auto& v, auto& m) {
-    v.number("utime", m.utime);
+    v.number("utime", m.utime, kUtime);
     v.number("sequence", m.sequence);
     v.number("width", m.width);
     v.number("height", m.height);
