@@ -46,7 +46,8 @@ std::unique_ptr<Task> make(const ViewTaskSettings& settings, const TaskContext& 
 std::unique_ptr<Task> make(const CenterTaskSettings& settings, const TaskContext& context);
 
 /// Predicts the model's pose in the patient frame, its target's place and its rotation, to when this frame's command
-/// will move the arm; the law brings the view back from there, and the predicted motion's own speed is added.
+/// will move the arm. The command is the first step of a plan that keeps the joints' accelerations and brings the view
+/// nearest to the one at the task's beginning over the next periods, along the predicted motion.
 std::unique_ptr<Task> make(const HoldTaskSettings& settings, const TaskContext& context);
 
 }  // namespace angio::servo
