@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/base/formatted.hpp"
 #include "angio/motion/motion_predictor.hpp"
 #include "joint_trajectory_mpc.hpp"
 #include "latency_compensator.hpp"
@@ -22,6 +23,8 @@ struct SeenPoint {
 
 // Of the two directions across the beam, what of the table's three moves the image hardly at all.
 constexpr double kMinShare = 0.05;
+// Squared, in standard deviations: 99 % of two numbers are nearer.
+constexpr double kContradicts = 9.21;
 // Where a predicted place begins to be unsure.
 constexpr double kSure_m = 0.5e-3;
 
@@ -52,6 +55,7 @@ class CenterTask final : public Task {
 
  private:
   SeenPoint seen(const TaskInput& input) const;
+  std::optional<std::string> contradiction(const TaskInput& input, double depth) const;
   std::optional<MotionPrediction> expected(double time_s) const;
   std::optional<CArmJoints> velocity(const CArmState& then, const Matrix23d& across, double arrival_s,
                                      double period_s) const;
@@ -90,6 +94,19 @@ SeenPoint CenterTask::seen(const TaskInput& input) const {
   point.covariance = depth_variance * ray * ray.transpose();
   point.covariance.topLeftCorner<2, 2>() += m_per_px.asDiagonal() * local.covariance_px * m_per_px.asDiagonal();
   return point;
+}
+
+// What is seen around the target where that is not believed, the registration explaining the image better, and would
+// tell whether the target is centred.
+std::optional<std::string> CenterTask::contradiction(const TaskInput& input, double depth) const {
+  if (!input.place || !input.place->image_shift || input.target_model) return std::nullopt;
+  const ImageShift& local = *input.place->image_shift;
+  const double off_mm = 1e3 * depth / input.camera.parameters().fx_px * local.seen_px.norm();
+  const bool sure = local.seen_px.dot(local.seen_covariance_px.inverse() * local.seen_px) > kContradicts;
+  if (!(local.probability < 0.5 && sure && off_mm > settings_.reached_mm)) return std::nullopt;
+  return formatted(
+      "the image around the target shows it %.1f mm off the registration, with a probability of %.2g: not used", off_mm,
+      local.probability);
 }
 
 std::optional<MotionPrediction> CenterTask::expected(double time_s) const {
@@ -166,6 +183,7 @@ TaskAnswer CenterTask::answer(const TaskInput& input) {
   if (!wanted) return hold("the table does not move the image");
   answer.velocity = wanted;
   answer.target_off_m = (across * point.position).norm();
+  answer.unused = contradiction(input, point.position.z());
   answer.reached = *answer.target_off_m <= 1e-3 * settings_.reached_mm;
   return answer;
 }

@@ -3,6 +3,7 @@
 
 #include <limits>
 
+#include "angio/servo/servo_node.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 #include "moving_patient.hpp"
@@ -130,6 +131,35 @@ TEST_F(CenterInputs, TheTargetIsFollowedWhereItIsSeenForItself) {
   const Eigen::Vector2d seen = *in.camera.project(place.T_camera_model * patient_.target) + place.image_shift->shift_px;
   const Eigen::Vector2d rigid = *in.camera.project(in.T_camera_model * patient_.target);
   EXPECT_LT((*task_->answer(in).pixel_error - (seen - rigid)).norm(), 1e-6);
+}
+
+// An offset that the registration contradicts is said, and is not gone by.
+TEST_F(CenterInputs, WhatIsSeenAroundTheTargetAndNotBelievedIsSaid) {
+  TaskInput in = input(0);
+  const double px_per_m = in.camera.parameters().fx_px / patient_.carm.source_isocenter_distance_m;
+  const Eigen::Vector2d off_px(3e-3 * px_per_m, 0);
+  const auto answer = [&](double off_mm, double probability, double std_px) {
+    const Eigen::Vector2d seen_px = 1e-3 * off_mm * px_per_m * Eigen::Vector2d::UnitX();
+    const Eigen::Matrix2d covariance = std_px * std_px * Eigen::Matrix2d::Identity();
+    in.time_us += 66'667;
+    in.place = PointObservation{in.T_camera_model,
+                                ImageShift{probability * seen_px, covariance, probability, seen_px, covariance}};
+    return task_->answer(in);
+  };
+  const TaskAnswer contradicted = answer(3, 1e-3, 1);
+  ASSERT_TRUE(contradicted.unused && contradicted.velocity);
+  EXPECT_NE(contradicted.unused->find("shows it 3.0 mm off the registration"), std::string::npos)
+      << *contradicted.unused;
+  EXPECT_LT(contradicted.pixel_error->norm(), 1e-2 * off_px.norm()) << "not used";
+  EXPECT_FALSE(answer(3, 0.99, 1).unused) << "believed";
+  EXPECT_FALSE(answer(0.5, 1e-3, 0.1).unused) << "centred either way";
+  EXPECT_FALSE(answer(3, 1e-3, off_px.norm()).unused) << "unsure";
+
+  ServoReport report;
+  report.task = contradicted;
+  EXPECT_EQ(servoStatus(report).reason, *contradicted.unused);
+  report.hold_reason = "a doubt";
+  EXPECT_EQ(servoStatus(report).reason, "a doubt");
 }
 
 TEST(HoldTask, KeepsTheViewOfABreathingPatient) {

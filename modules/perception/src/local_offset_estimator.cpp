@@ -191,7 +191,8 @@ std::optional<ImageShift> LocalOffsetEstimator::look(const Centerline2d& centerl
   if (best.matched <= 0) return std::nullopt;
   const Eigen::Matrix2d floor = kFloor_px * kFloor_px * Eigen::Matrix2d::Identity();
   const double off = probabilityOff(best, vessels, seen, prior_px);
-  ImageShift result{off * best.shift, best.information.inverse() + floor, off};
+  const Eigen::Matrix2d covariance = best.information.inverse() + floor;
+  ImageShift result{off * best.shift, covariance, off, best.shift, covariance};
   // Where it might as well be the other one, or where the fit has it, that is said.
   const double others = off / (1 + std::exp(0.5 * (other.cost - best.cost)));
   const Eigen::Vector2d apart = other.shift - best.shift;

@@ -210,7 +210,9 @@ class SupervisedNode {
   }
 
   void say(ServoStatus status, std::int64_t now_us) {
+    const std::string unused = status.state == ServoState::kServo ? status.reason : "";
     safety_.describe(status);
+    if (status.state == ServoState::kServo && status.reason.empty()) status.reason = unused;
     const bool waits = status.state == ServoState::kIdle || status.state == ServoState::kArmed;
     if (waits && trouble_) status.reason += "; " + *trouble_;
     publish(bus_, Traits::kStatusChannel, status);

@@ -45,6 +45,7 @@ struct TaskAnswer {
   std::optional<Eigen::Vector2d> pixel_error;  ///< From the target's desired pixel, where the task has one ...
   std::optional<double> target_off_m;          ///< ... and the same across the beam, at the target's own depth [m].
   bool reached = false;                        ///< The task's end is reached; it goes on keeping it.
+  std::optional<std::string> unused;           ///< What the frame shows and the task does not go by, and why.
 };
 
 /// How far the C-arm is with a view that was asked for.

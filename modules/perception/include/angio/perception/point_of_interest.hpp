@@ -20,6 +20,10 @@ struct ImageShift {
   Eigen::Vector2d shift_px;       ///< From the projected to the seen place: the mean over both cases of `probability`.
   Eigen::Matrix2d covariance_px;  ///< Along a single straight vessel nothing is seen: the prior's, there.
   double probability = 1;         ///< That the place lies off where the registration has it.
+
+  /// What the image shows if it does: `shift_px` is `probability` times that.
+  Eigen::Vector2d seen_px = shift_px;
+  Eigen::Matrix2d seen_covariance_px = covariance_px;
 };
 
 /// What a frame shows of a watched place.
