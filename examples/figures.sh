@@ -182,10 +182,10 @@ volumes() {
 
 seeds() {
   echo; echo "### Closed and open loop, final error by seed"
-  printf '| seed | closed loop: view [deg] | target [mm] | open loop: view [deg] | target [mm] |\n| --- | --- | --- | --- | --- |\n'
+  printf '| seed | closed loop: view [deg] | target [mm] | open loop: view [deg] | target [mm] | on the way: table outside start and goal [mm] | target further than at the start [mm] |\n| --- | --- | --- | --- | --- | --- | --- |\n'
   for seed in 1 2 3 4 5 6 7 8 9 10; do
     "$bin"/angio-servo --simulate --seed "$seed" --out "$work/seed$seed" > "$work/seed$seed.txt"
-    awk -v seed="$seed" '/^closed loop/ {c=$3" | "$4} /^open loop/ {o=$3" | "$4} END {print "| "seed" | "c" | "o" |"}' "$work/seed$seed.txt"
+    awk -v seed="$seed" '/^closed loop/ {c=$3" | "$4} /^open loop/ {o=$3" | "$4} /^way/ {w=$5" | "$14} END {print "| "seed" | "c" | "o" | "w" |"}' "$work/seed$seed.txt"
   done
 }
 
