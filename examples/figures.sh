@@ -120,6 +120,8 @@ phantom() {
   for method in iterative_pnp oriented_kernel; do
     echo; "$bin"/example-04-static-phantom --method "$method" --starts "${STARTS:-50}"
   done
+  echo; echo "### The same phantom, which is rigid, by fits that may bend it"
+  "$bin"/example-04-static-phantom --method oriented_kernel --nonrigid --starts 25
 }
 
 # From X-ray images: how well centrelines are found, and what becomes of the registration.

@@ -20,6 +20,7 @@
 #include "angio/io/centerline_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/perception/patient_observation.hpp"
 #include "angio/registration/starts.hpp"
 #include "angio/vessel/projection.hpp"
 #include "angio/vessel/resample.hpp"
@@ -28,14 +29,14 @@
 namespace {
 
 // The angles hold to about a degree between the runs, and a pose that is reversed in depth is 3 deg off and more.
-constexpr double kRight_deg = 2, kWrong_deg = 3, kGoodResidual_px = 2;
+constexpr double kRight_deg = 2, kWrong_deg = 3, kGoodResidual_px = 2, kSameDepth_mm = 3;
 
 struct Options {
   std::string cases = angio::cli::exampleDataFile("static-phantom/cases.yaml");
   std::string method = angio::registration::IterativePnpSettings::kName, settings;
   int starts = 20, seed = 7;
   double rotation_deg = 10, translation_mm = 20;
-  bool image = false;
+  bool image = false, nonrigid = false;
 };
 
 // One run, and what was found in it from one start.
@@ -53,6 +54,9 @@ struct Found {
   double residual_px;  // Median, from image points to the projected tree.
   double off_deg;      // From the reference pose.
   double time_s;
+  // Of a nonrigid fit: from the rigid one of the same start, and its claim.
+  double depth_off_m = 0, depth_std_m = 0;
+  double rotation_off = 0;  // In the standard deviations that it claims.
 
   bool trusted() const { return status == angio::registration::RegistrationStatus::kConverged; }
 };
@@ -66,11 +70,28 @@ angio::geometry::Pose between(const angio::geometry::Pose& T_a_model, const angi
   return T_b_model * T_a_model.inverse();
 }
 
+// How far the tree's centroid, displaced with it, lies from where a rigid fit has it along the beam; and what is
+// claimed.
+void compareDepth(const Run& run, const angio::registration::RegistrationResult& rigid,
+                  const angio::registration::RegistrationResult& r, Found& found) {
+  const Eigen::Vector3d centroid = run.tree.centroid();
+  Eigen::Vector3d displaced = centroid;
+  if (r.displacements_m.cols() > 0) displaced += r.displacements_m.rowwise().mean();
+  found.depth_off_m = (r.T_camera_model * displaced - rigid.T_camera_model * centroid).z();
+  if (!r.covariance) return;
+  const angio::perception::PatientObservation seen{r.T_camera_model, *r.covariance, r.points};
+  found.depth_std_m = seen.depthStd_m(centroid);
+  const Eigen::AngleAxisd turn(r.T_camera_model.linear() * rigid.T_camera_model.linear().transpose());
+  const Eigen::Vector3d w = turn.angle() * turn.axis();
+  found.rotation_off = std::sqrt(w.dot(r.covariance->bottomRightCorner<3, 3>().ldlt().solve(w)));
+}
+
 double median(const std::vector<double>& values) { return angio::evaluation::percentile(values, 0.5); }
 double worst(const std::vector<double>& values) { return angio::evaluation::percentile(values, 1); }
 
-double medianResidual(const Run& run, const angio::geometry::Pose& T_camera_model) {
-  const auto projected = angio::vessel::projectedCenterline(run.fine_tree, run.setup.views[0].camera, T_camera_model);
+double medianResidual(const Run& run, const angio::vessel::VesselTree& fine_tree,
+                      const angio::geometry::Pose& T_camera_model) {
+  const auto projected = angio::vessel::projectedCenterline(fine_tree, run.setup.views[0].camera, T_camera_model);
   if (projected.size() == 0) return std::numeric_limits<double>::infinity();
   std::vector<double> distances;
   for (int j = 0; j < run.centerline.size(); ++j) {
@@ -88,6 +109,10 @@ angio::geometry::Matrix6d covarianceOfBox(const Options& o) {
   return variance.asDiagonal();
 }
 
+angio::vessel::VesselTree fine(const angio::vessel::VesselTree& tree) {
+  return angio::vessel::resampled(tree, 0.5e-3, 100000).tree;
+}
+
 std::vector<Run> readRuns(const Options& o, const angio::imaging::ExtractorSettings& extractor) {
   std::vector<Run> runs;
   for (angio::io::Case& setup : angio::io::readCaseSet(o.cases).cases) {
@@ -100,9 +125,9 @@ std::vector<Run> readRuns(const Options& o, const angio::imaging::ExtractorSetti
                     ? angio::imaging::makeExtractor(extractor)->extract(angio::io::readXrayImage(*path, view.camera))
                     : angio::io::readCenterline(*path);
     angio::vessel::VesselTree tree = angio::io::readVesselTree(setup.tree_path);
-    angio::vessel::VesselTree fine_tree = angio::vessel::resampled(tree, 0.5e-3, 100000).tree;
+    angio::vessel::VesselTree fine_tree = fine(tree);
     Run& run = runs.emplace_back(Run{std::move(setup), std::move(seen), std::move(tree), std::move(fine_tree)});
-    run.reference_residual_px = medianResidual(run, *run.setup.truth_pose);
+    run.reference_residual_px = medianResidual(run, run.fine_tree, *run.setup.truth_pose);
   }
   return runs;
 }
@@ -118,15 +143,27 @@ std::vector<std::vector<Found>> findAll(const Options& o, const angio::apps::Pro
   angio::cli::ProgressBar bar("registering", static_cast<int>(runs.size()) * o.starts);
   std::vector<std::vector<Found>> found;
   for (const Run& run : runs) {
-    const auto registration = angio::registration::makeRegistration(settings.of(o.method, std::nullopt), run.tree);
+    using angio::registration::Deformation;
+    const auto registration = angio::registration::makeRegistration(
+        settings.of(o.method, o.nonrigid ? std::optional(Deformation::kNonrigid) : std::nullopt), run.tree);
+    const auto rigid = angio::registration::makeRegistration(settings.of(o.method, Deformation::kRigid), run.tree);
     auto& row = found.emplace_back();
     for (int i = 0; i < o.starts; ++i) {
       const int index = static_cast<int>(found.size() - 1) * o.starts + i;
       const angio::geometry::Pose start =
           angio::registration::drawnStart({*run.setup.truth_pose, {}}, run.tree.centroid(), draws, index);
       const auto r = registration->search(run.centerline, run.setup.views[0].camera, {start, covarianceOfBox(o)}, box);
-      row.push_back({r.status, r.T_camera_model, medianResidual(run, r.T_camera_model),
-                     angleDegrees(r.T_camera_model, *run.setup.truth_pose), r.times.total_s});
+      const bool bent = r.displacements_m.cols() > 0;
+      const double residual_px =
+          bent
+              ? medianResidual(run, fine({run.tree.points() + r.displacements_m, run.tree.parents()}), r.T_camera_model)
+              : medianResidual(run, run.fine_tree, r.T_camera_model);
+      row.push_back({r.status, r.T_camera_model, residual_px, angleDegrees(r.T_camera_model, *run.setup.truth_pose),
+                     r.times.total_s});
+      if (o.nonrigid) {
+        compareDepth(run, rigid->search(run.centerline, run.setup.views[0].camera, {start, covarianceOfBox(o)}, box), r,
+                     row.back());
+      }
       bar.show(index + 1);
     }
   }
@@ -186,6 +223,32 @@ void printPairs(const std::vector<Run>& runs, const std::vector<std::vector<Foun
   }
 }
 
+// The phantom is rigid, and so its depth in a nonrigid fit must be the rigid fit's, or be said to be unknown.
+void printDepths(const std::vector<Run>& runs, const std::vector<std::vector<Found>>& found) {
+  std::printf(
+      "\n| run | depth from the rigid fit's [mm], median (worst) | claimed [mm], median | within %g mm | further, and "
+      "within 3 of the claimed standard deviations | neither, and converged | rotation from the rigid fit's, in the "
+      "standard "
+      "deviations claimed, median (worst) |\n| --- | --- | --- | --- | --- | --- | --- |\n",
+      kSameDepth_mm);
+  for (std::size_t k = 0; k < runs.size(); ++k) {
+    int near = 0, said = 0, wrong = 0;
+    std::vector<double> off_mm, claimed_mm, rotation_off;
+    for (const Found& f : found[k]) {
+      off_mm.push_back(1e3 * std::abs(f.depth_off_m));
+      claimed_mm.push_back(1e3 * f.depth_std_m);
+      rotation_off.push_back(f.rotation_off);
+      const bool within = off_mm.back() <= kSameDepth_mm, within_claim = off_mm.back() <= 3 * claimed_mm.back();
+      near += within;
+      said += !within && within_claim;
+      wrong += !within && !within_claim && f.trusted();
+    }
+    std::printf("| %s | %.2f (%.1f) | %.2f | %d of %zu | %d | %d | %.2f (%.1f) |\n", runs[k].setup.name.c_str(),
+                median(off_mm), worst(off_mm), median(claimed_mm), near, off_mm.size(), said, wrong,
+                median(rotation_off), worst(rotation_off));
+  }
+}
+
 int measure(const Options& o) {
   angio::apps::ProgramSettings settings;
   const auto data_settings = std::filesystem::path(o.cases).parent_path() / "settings.yaml";  // What suits the frames.
@@ -197,6 +260,7 @@ int measure(const Options& o) {
               o.starts, o.rotation_deg, o.translation_mm);
   printRuns(runs, found);
   printPairs(runs, found);
+  if (o.nonrigid) printDepths(runs, found);
   return 0;
 }
 
@@ -216,6 +280,7 @@ int main(int argc, char** argv) {
       ->check(angio::cli::between(0, 180));
   app.add_option("--translation-mm", o.translation_mm, "Starts lie so far from the reference, per axis")
       ->check(angio::cli::between(0, 1000));
+  app.add_flag("--nonrigid", o.nonrigid, "Let the tree bend, and say what becomes of the depth");
   app.add_flag("--image", o.image, "Extract the centrelines from the frames");
   return angio::cli::runProgram(app, argc, argv, [&] { return measure(o); });
 }

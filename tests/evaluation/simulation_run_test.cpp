@@ -76,6 +76,33 @@ TEST(SimulationSummary, HasEveryFigureOfTheTrade) {
   EXPECT_FALSE(simulationSummary({outcomeOf(5, 0.1)}, {}).contains("mpd_detector_mm"));
 }
 
+// What holds on average may fail where fits are poor.
+TEST(SimulationSummary, HoldsClaimsAgainstTheTruthInQuartersOfTheFitsScores) {
+  std::vector<CaseOutcome> outcomes;
+  for (int i = 0; i < 16; ++i) {
+    const int turn = i * 5 % 16;  // Not in their order.
+    CaseOutcome o = outcomeOf(5, 1);
+    o.result.agreement.model_explained = 1 - 0.05 * turn;
+    o.result.agreement.image_explained = 1;
+    const bool poor = turn >= 12;
+    o.claim = CaseOutcome::Claim{};
+    o.claim->beyond = turn == 15 ? 0.2 : 0;
+    o.claim->depth_in = poor ? 0.5 : 1;
+    o.claim->plane_in = 0.9;
+    outcomes.push_back(o);
+  }
+  const auto quarters = simulationSummary(outcomes, {})["claims_by_quarter"];
+  ASSERT_EQ(quarters.size(), 4u);
+  EXPECT_NEAR(quarters[0]["depth_in_90_percent"], 100, 1e-9);
+  EXPECT_NEAR(quarters[2]["lowest_score"], 1 - 0.05 * 11, 1e-9);
+  EXPECT_NEAR(quarters[3]["depth_in_90_percent"], 50, 1e-9);
+  EXPECT_NEAR(quarters[3]["plane_in_90_percent"], 90, 1e-9);
+  EXPECT_NEAR(quarters[2]["converged_and_wrong_percent"], 0, 1e-9);
+  EXPECT_NEAR(quarters[3]["converged_and_wrong_percent"], 25, 1e-9);
+  outcomes.resize(10);
+  EXPECT_TRUE(simulationSummary(outcomes, {})["claims_by_quarter"].is_null()) << "too few";
+}
+
 class SimulationRuns : public testing::Test {
  protected:
   SimulationRuns() {

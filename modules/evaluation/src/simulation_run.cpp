@@ -74,6 +74,40 @@ constexpr double kMostBeyond = 0.05;
 bool isConverged(O o) { return o.result.status == RegistrationStatus::kConverged; }
 bool succeeded(O o) { return o.error && o.error->mtre_m < kSuccessMtre_m; }
 
+bool isConvergedAndWrong(O o) { return isConverged(o) && (!o.claim || o.claim->beyond > kMostBeyond); }
+
+// Whether claims hold where fits are poor as well as where they are good: the trials in quarters, by the score of the
+// fit, best first. Null where there are too few.
+Json claimsByQuarter(const std::vector<CaseOutcome>& outcomes) {
+  constexpr std::size_t kQuarters = 4, kFewest = 4 * kQuarters;
+  std::vector<const CaseOutcome*> claimed;
+  for (const CaseOutcome& o : outcomes) {
+    if (o.claim) claimed.push_back(&o);
+  }
+  if (claimed.size() < kFewest) return nullptr;
+  std::stable_sort(claimed.begin(), claimed.end(), [](const CaseOutcome* a, const CaseOutcome* b) {
+    return a->result.agreement.score() > b->result.agreement.score();
+  });
+  Json quarters = Json::array();
+  for (std::size_t q = 0; q < kQuarters; ++q) {
+    const std::size_t from = q * claimed.size() / kQuarters, to = (q + 1) * claimed.size() / kQuarters;
+    double depth_in = 0, plane_in = 0;
+    int wrong = 0;
+    for (std::size_t i = from; i < to; ++i) {
+      depth_in += claimed[i]->claim->depth_in;
+      plane_in += claimed[i]->claim->plane_in;
+      wrong += isConvergedAndWrong(*claimed[i]);
+    }
+    const double percent = 100 / static_cast<double>(to - from);
+    quarters.push_back({{"trials", to - from},
+                        {"lowest_score", claimed[to - 1]->result.agreement.score()},
+                        {"depth_in_90_percent", percent * depth_in},
+                        {"plane_in_90_percent", percent * plane_in},
+                        {"converged_and_wrong_percent", percent * wrong}});
+  }
+  return quarters;
+}
+
 // Beside summaryOf's, of trials with their truth.
 std::vector<Column<CaseOutcome>> trialColumns() {
   return {
@@ -83,8 +117,7 @@ std::vector<Column<CaseOutcome>> trialColumns() {
       {"", "gfr_nearest_isocentre_5mm_percent", "percent",
        [](O o) { return !(1e3 * o.pixel_at_isocenter_m * o.result.agreement.model_residual_px <= kGrossFailure_mm); }},
       {"", "converged_percent", "percent", isConverged},
-      {"", "converged_and_wrong_percent", "percent",
-       [](O o) { return isConverged(o) && (!o.claim || o.claim->beyond > kMostBeyond); }},
+      {"", "converged_and_wrong_percent", "percent", isConvergedAndWrong},
       {"", "depth_in_90_percent", kSpread, [](O o) { return o.claim ? Json(100 * o.claim->depth_in) : Json(nullptr); }},
       {"", "plane_in_90_percent", kSpread, [](O o) { return o.claim ? Json(100 * o.claim->plane_in) : Json(nullptr); }},
       {"", "claimed_spread_mm", kSpread,
@@ -195,6 +228,7 @@ Json simulationSummary(const std::vector<CaseOutcome>& outcomes, std::optional<d
                {"", "certificate/seconds", "p50 p99 max", [](O o) { return o.certificate->seconds; }}},
               summary);
   }
+  summary["claims_by_quarter"] = claimsByQuarter(outcomes);
   const auto successes = static_cast<int>(std::count_if(outcomes.begin(), outcomes.end(), succeeded));
   const ShareBounds bounds = shareBounds(successes, static_cast<int>(outcomes.size()));
   summary["success_mtre_2mm_bounds_percent"] = {100 * bounds.low, 100 * bounds.high};
@@ -221,6 +255,30 @@ Json simulationSummaries(const std::vector<EntrantRun>& runs, std::optional<doub
   return summaries;
 }
 
+namespace {
+
+// Whether claims hold where fits are poor; empty where there are too few trials.
+std::string quarterTable(const Json& summaries) {
+  const auto lacks = [](const Json& summary) { return summary["claims_by_quarter"].is_null(); };
+  if (std::any_of(summaries.begin(), summaries.end(), lacks)) return "";
+  const auto cell = [](const std::string& name, const std::string& format) {
+    std::string text;
+    for (const char* quarter : {"0", "1", "2", "3"}) {
+      if (!text.empty()) text += " / ";
+      text += "{claims_by_quarter/" + std::string(quarter) + "/" + name + ":" + format + "}";
+    }
+    return text;
+  };
+  const std::string wrong = cell("converged_and_wrong_percent", "%.1f %%"),
+                    depth = cell("depth_in_90_percent", "%.0f %%"), plane = cell("plane_in_90_percent", "%.0f %%");
+  return "\n" + figureTable(summaries, {{"in quarters, best score first", ""},
+                                        {"converged and wrong", wrong.c_str()},
+                                        {"depth in its 90 %", depth.c_str()},
+                                        {"in-plane in its 90 %", plane.c_str()}});
+}
+
+}  // namespace
+
 std::string simulationTable(const Json& summaries) {
   const std::string start = "Starts are off by {start_mtre_mm/median:%.1f mm} mTRE (median).\n\n";
   return (summaries.empty() ? "" : filled(start, summaries.front())) +
@@ -241,7 +299,7 @@ std::string simulationTable(const Json& summaries) {
                                  {"claimed spread", "{claimed_spread_mm/median:%.2f mm}"},
                                  {"depth in its 90 %", "{depth_in_90_percent/mean:%.0f %%}"},
                                  {"in-plane in its 90 %", "{plane_in_90_percent/mean:%.0f %%}"}}) +
-         "\n" +
+         quarterTable(summaries) + "\n" +
          figureTable(summaries, {{"method", ""},
                                  {"mTRE", "{mtre_mm/median:%.3f mm}"},
                                  {"p95", "{mtre_mm/p95:%.3f mm}"},
