@@ -292,7 +292,7 @@ TEST(AnyMessage, IsRestrictedAsItsReceiversTrust) {
               testing::IsSupersetOf({"servo_input_t.verdict in [0, 2]",
                                      "carm_command_t.valid_for_us in [0, inf]",
                                      "registration_t.status in [0, inf]",
-                                     "carm_state_t.utime in [-4.5036e+15, 4.5036e+15]",
+                                     "carm_state_t.utime in [-4.50359963e+15, 4.50359963e+15]",
                                      "registration_t.rotation: rotation",
                                      "registration_t.covariance: covariance",
                                      "registration_t.mean_residual in [0, inf]",
