@@ -48,8 +48,8 @@ TEST_F(JointHistories, OutsideAndInGapsTheNearestSaysHowFarOffItIs) {
   EXPECT_EQ(history_.at(300'000)->time_us, 400'000);
 }
 
-// One sound message with a wrong time is enough for it: beyond 2^53 us, doubles of neighbouring times are equal.
-// The codec refuses what lies further out, so that no difference of two times overflows.
+// The codec refuses what lies further out than 2^52 us, so that doubles tell neighbouring times apart and no difference
+// of two times overflows.
 TEST_F(JointHistories, TheFarthestTimesGiveNumbers) {
   const std::int64_t far_us = std::int64_t{1} << 52;
   say(far_us - 2);

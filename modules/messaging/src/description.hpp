@@ -39,8 +39,9 @@ struct Limits {
   double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
 };
 constexpr Limits kNotNegative{0}, kProbability{0, 1};
-/// Of what frames, states and views say as their time [us]: 142 years either way, so that no difference of two of them
-/// overflows. A command's is not bounded: a stop is obeyed whatever it says.
+/// Of the times of frames and states, and of what is said about a frame [us]: 142 years either way, so that no
+/// difference of two of them overflows. Those of commands and requests are not bounded: a stop is obeyed whatever its
+/// time says.
 constexpr Limits kUtime{-0x1p52, 0x1p52};
 constexpr Limits oneOf(int count) { return {0, count - 1.0}; }
 

@@ -20,13 +20,6 @@ namespace {
 // A byte of deflate gives at most 1032.
 constexpr std::int64_t kMaxDeflated = 1032;
 
-// As a rule of its own: the other fields are checked where they are unpacked.
-std::optional<std::string> wrongTime(std::int64_t time_us) {
-  FieldRules rules;
-  rules.number("utime", time_us, kUtime);
-  return rules.broken();
-}
-
 std::optional<double> known(double value) { return value == 0 ? std::nullopt : std::optional<double>(value); }
 
 int typeOf(const Wire& frame) { return frame.bits == 8 ? CV_8UC1 : CV_16UC1; }
@@ -91,9 +84,6 @@ Wire Description<XrayFrame>::pack(const XrayFrame& frame, ImageEncoding encoding
 }
 
 XrayFrame Description<XrayFrame>::unpack(const Wire& packed) {
-  if (wrongTime(packed.utime)) {
-    throw InputError("", "utime", formatValue(packed.utime), "must be within 2^52 us of 0");
-  }
   if (packed.bits != 8 && packed.bits != 16) throw InputError("", "bits", formatValue(packed.bits), "must be 8 or 16");
   XrayCamera::Parameters p;
   p.width_px = packed.width;
@@ -115,7 +105,9 @@ XrayFrame Description<XrayFrame>::unpack(const Wire& packed) {
 }
 
 std::optional<std::string> Description<XrayFrame>::broken(const XrayFrame& frame) {
-  if (auto wrong = wrongTime(frame.time_us)) return wrong;
+  FieldRules rules;
+  rules.number("utime", frame.time_us, kUtime);
+  if (rules.broken()) return rules.broken();
   const cv::Mat& image = frame.image;
   if (image.dims != 2 || (image.type() != CV_8UC1 && image.type() != CV_16UC1)) {
     return "image: must be of type CV_8UC1 or CV_16UC1";
