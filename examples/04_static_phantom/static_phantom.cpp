@@ -81,8 +81,7 @@ void compareDepth(const Run& run, const angio::registration::RegistrationResult&
   if (!r.covariance) return;
   const angio::perception::PatientObservation seen{r.T_camera_model, *r.covariance, r.points};
   found.depth_std_m = seen.depthStd_m(centroid);
-  const Eigen::AngleAxisd turn(r.T_camera_model.linear() * rigid.T_camera_model.linear().transpose());
-  const Eigen::Vector3d w = turn.angle() * turn.axis();
+  const Eigen::Vector3d w = angio::geometry::logSE3(r.T_camera_model * rigid.T_camera_model.inverse()).tail<3>();
   found.rotation_off = std::sqrt(w.dot(r.covariance->bottomRightCorner<3, 3>().ldlt().solve(w)));
 }
 
@@ -146,21 +145,21 @@ std::vector<std::vector<Found>> findAll(const Options& o, const angio::apps::Pro
     using angio::registration::Deformation;
     const auto registration = angio::registration::makeRegistration(
         settings.of(o.method, o.nonrigid ? std::optional(Deformation::kNonrigid) : std::nullopt), run.tree);
-    const auto rigid = angio::registration::makeRegistration(settings.of(o.method, Deformation::kRigid), run.tree);
+    const auto rigid = o.nonrigid
+                           ? angio::registration::makeRegistration(settings.of(o.method, Deformation::kRigid), run.tree)
+                           : nullptr;
     auto& row = found.emplace_back();
     for (int i = 0; i < o.starts; ++i) {
       const int index = static_cast<int>(found.size() - 1) * o.starts + i;
       const angio::geometry::Pose start =
           angio::registration::drawnStart({*run.setup.truth_pose, {}}, run.tree.centroid(), draws, index);
       const auto r = registration->search(run.centerline, run.setup.views[0].camera, {start, covarianceOfBox(o)}, box);
-      const bool bent = r.displacements_m.cols() > 0;
-      const double residual_px =
-          bent
-              ? medianResidual(run, fine({run.tree.points() + r.displacements_m, run.tree.parents()}), r.T_camera_model)
-              : medianResidual(run, run.fine_tree, r.T_camera_model);
-      row.push_back({r.status, r.T_camera_model, residual_px, angleDegrees(r.T_camera_model, *run.setup.truth_pose),
-                     r.times.total_s});
-      if (o.nonrigid) {
+      const angio::vessel::VesselTree found_tree =
+          r.displacements_m.cols() > 0 ? fine({run.tree.points() + r.displacements_m, run.tree.parents()})
+                                       : run.fine_tree;
+      row.push_back({r.status, r.T_camera_model, medianResidual(run, found_tree, r.T_camera_model),
+                     angleDegrees(r.T_camera_model, *run.setup.truth_pose), r.times.total_s});
+      if (rigid) {
         compareDepth(run, rigid->search(run.centerline, run.setup.views[0].camera, {start, covarianceOfBox(o)}, box), r,
                      row.back());
       }
@@ -228,8 +227,7 @@ void printDepths(const std::vector<Run>& runs, const std::vector<std::vector<Fou
   std::printf(
       "\n| run | depth from the rigid fit's [mm], median (worst) | claimed [mm], median | within %g mm | further, and "
       "within 3 of the claimed standard deviations | neither, and converged | rotation from the rigid fit's, in the "
-      "standard "
-      "deviations claimed, median (worst) |\n| --- | --- | --- | --- | --- | --- | --- |\n",
+      "standard deviations claimed, median (worst) |\n| --- | --- | --- | --- | --- | --- | --- |\n",
       kSameDepth_mm);
   for (std::size_t k = 0; k < runs.size(); ++k) {
     int near = 0, said = 0, wrong = 0;

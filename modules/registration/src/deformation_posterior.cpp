@@ -5,14 +5,14 @@ namespace angio::registration {
 DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
                                            const Pose& T_camera_centered, double length_m, double tails)
     : groups_(groups), process_(groups, length_m, kGrowth) {
-  auto [C, local] = process_.ofResiduals(groups_);
-  if (!C.allFinite() || !groups_.noise_px2.allFinite()) return;
+  const auto [deformed, local] = process_.ofResiduals(groups_);
+  if (!deformed.allFinite() || !groups_.noise_px2.allFinite()) return;
   const ErrorSizes sizes = errorSizes(process_, groups);
   amplitude_m_ = tails * sizes.deformation_m;
   local_m_ = sizes.local_m;
   const Eigen::VectorXd noise_px2 = sizes.together * groups_.noise_px2;
 
-  C = amplitude_m_ * amplitude_m_ * C + local_m_ * local_m_ * local;
+  Eigen::MatrixXd C = amplitude_m_ * amplitude_m_ * deformed + local_m_ * local_m_ * local;
   C.diagonal() += noise_px2;
   factor_.compute(C);
   if (factor_.info() != Eigen::Success) return;

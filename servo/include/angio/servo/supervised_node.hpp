@@ -210,6 +210,7 @@ class SupervisedNode {
   }
 
   void say(ServoStatus status, std::int64_t now_us) {
+    // What the loop says while it servoes is no reason for a state.
     const std::string unused = status.state == ServoState::kServo ? status.reason : "";
     safety_.describe(status);
     if (status.state == ServoState::kServo && status.reason.empty()) status.reason = unused;
