@@ -58,9 +58,8 @@ Drawn draw(test::Random& random, double deformation_m) {
   Eigen::Matrix3Xd places(3, kGroups + 1);
   for (int i = 0; i < kGroups; ++i) places.col(i) = drawn.groups[static_cast<std::size_t>(i)].at;
   places.col(kGroups) = drawn.at;
+  const Eigen::MatrixXd alike = process.alike(places, places);
   const Eigen::Index n = places.cols();
-  Eigen::MatrixXd alike(n, n);
-  for (Eigen::Index j = 0; j < n; ++j) alike.col(j) = process.alike(places, places.col(j)).deformed;
   Eigen::MatrixXd covariance(3 * n, 3 * n);
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index j = 0; j < n; ++j) {

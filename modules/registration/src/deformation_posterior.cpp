@@ -5,14 +5,14 @@ namespace angio::registration {
 DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
                                            const Pose& T_camera_centered, double length_m, double tails)
     : groups_(groups), process_(groups, length_m, kGrowth) {
-  const auto [deformed, local] = process_.ofResiduals(groups_);
+  const Eigen::MatrixXd deformed = process_.ofResiduals(groups_);
   if (!deformed.allFinite() || !groups_.noise_px2.allFinite()) return;
   const ErrorSizes sizes = errorSizes(process_, groups);
   amplitude_m_ = tails * sizes.deformation_m;
   local_m_ = sizes.local_m;
   const Eigen::VectorXd noise_px2 = sizes.together * groups_.noise_px2;
 
-  Eigen::MatrixXd C = amplitude_m_ * amplitude_m_ * deformed + local_m_ * local_m_ * local;
+  Eigen::MatrixXd C = amplitude_m_ * amplitude_m_ * deformed + local_m_ * local_m_ * localErrorOfResiduals(groups_);
   C.diagonal() += noise_px2;
   factor_.compute(C);
   if (factor_.info() != Eigen::Success) return;
@@ -29,20 +29,19 @@ DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& gro
 }
 
 Eigen::Matrix3Xd DeformationPosterior::displacements(const Eigen::Matrix3Xd& at) const {
-  const double deformation2_m2 = amplitude_m_ * amplitude_m_, local2_m2 = local_m_ * local_m_;
-  const Eigen::Matrix3Xd pulls = groups_.gradient * weights_.asDiagonal();
-  Eigen::Matrix3Xd result = deformation2_m2 * process_.growth() * groups_.outwards.dot(weights_) * at;
-  for (Eigen::Index j = 0; j < at.cols(); ++j) {
-    const Correlations with = process_.alike(groups_.at, at.col(j));
-    result.col(j).noalias() += pulls * (deformation2_m2 * with.deformed + local2_m2 * with.local).matrix();
-  }
-  return result;
+  const double deformation2_m2 = amplitude_m_ * amplitude_m_;
+  const Eigen::MatrixXd alike =
+      deformation2_m2 * process_.alike(groups_.at, at) + local_m_ * local_m_ * localCorrelation(groups_.at, at);
+  return groups_.gradient * weights_.asDiagonal() * alike +
+         deformation2_m2 * process_.growth() * groups_.outwards.dot(weights_) * at;
 }
 
 Eigen::Matrix3d DeformationPosterior::pointCovariance(const Eigen::Vector3d& at) const {
   const double deformation2_m2 = amplitude_m_ * amplitude_m_, local2_m2 = local_m_ * local_m_;
-  const Eigen::Matrix<double, Eigen::Dynamic, 3> seen =
-      factor_.matrixL().solve(process_.withPlace(groups_, at, deformation2_m2, local2_m2));
+  const Eigen::VectorXd local = local2_m2 * localCorrelation(groups_.at, at);
+  const Eigen::Matrix<double, Eigen::Dynamic, 3> with =
+      deformation2_m2 * process_.withPlace(groups_, at) + local.asDiagonal() * groups_.gradient.transpose();
+  const Eigen::Matrix<double, Eigen::Dynamic, 3> seen = factor_.matrixL().solve(with);
   const Eigen::Matrix<double, 3, 6> by_twist = jacobian(at) - seen.transpose() * whitened_jacobian_;
   return deformation2_m2 * process_.covariance(at) + local2_m2 * Eigen::Matrix3d::Identity() - seen.transpose() * seen +
          by_twist * twist_ * by_twist.transpose();

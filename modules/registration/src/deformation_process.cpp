@@ -31,17 +31,12 @@ constexpr std::array<double, 2> kTogether = {1, 5};
 constexpr double kFloor_px = 0.05;
 constexpr std::size_t kMostAsked = 64;
 
-auto distances(const Eigen::Ref<const Eigen::Matrix3Xd>& from, const Eigen::Vector3d& to) {
-  return Eigen::ArrayXd((from.colwise() - to).colwise().norm().transpose());
+Eigen::ArrayXXd distances(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
+  Eigen::MatrixXd squares = -2 * a.transpose() * b;
+  squares.colwise() += a.colwise().squaredNorm().transpose();
+  squares.rowwise() += b.colwise().squaredNorm();
+  return squares.array().max(0).sqrt();
 }
-
-// Of a process with a Matern 5/2 correlation, and the little that is rough.
-Eigen::ArrayXd smoothAndRough(const Eigen::ArrayXd& apart_m, double length_m) {
-  const Eigen::ArrayXd d = apart_m / length_m;
-  return (1 + d + d.square() / 3) * (-d).exp() + kRough * (-apart_m / kRough_m).exp();
-}
-
-Eigen::ArrayXd localAlike(const Eigen::ArrayXd& apart_m) { return (-apart_m / kLocal_m).exp(); }
 
 std::vector<ResidualGroup> thinnedTo(std::size_t most, std::vector<ResidualGroup> groups) {
   const std::size_t stride = (groups.size() + most - 1) / most;
@@ -81,11 +76,12 @@ DeformationProcess::DeformationProcess(const std::vector<ResidualGroup>& groups,
   for (const ResidualGroup& group : groups) radius2_m2_ += group.at.squaredNorm() / static_cast<double>(groups.size());
 }
 
-Correlations DeformationProcess::alike(const Eigen::Ref<const Eigen::Matrix3Xd>& places,
-                                       const Eigen::Vector3d& at) const {
-  const Eigen::ArrayXd apart_m = distances(places, at);
-  const Eigen::ArrayXd linear = (places.transpose() * (kStrain / radius2_m2_ * at)).array();
-  return {linear + smoothAndRough(apart_m, length_m_), localAlike(apart_m)};
+Eigen::MatrixXd DeformationProcess::alike(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) const {
+  const Eigen::ArrayXXd apart_m = distances(a, b);
+  const Eigen::ArrayXXd d = apart_m / length_m_;
+  Eigen::MatrixXd result = kStrain / radius2_m2_ * a.transpose() * b;
+  result.array() += (1 + d + d.square() / 3) * (-d).exp() + kRough * (-apart_m / kRough_m).exp();
+  return result;
 }
 
 double DeformationProcess::growth() const { return growth_ / radius2_m2_; }
@@ -95,32 +91,29 @@ Eigen::Matrix3d DeformationProcess::covariance(const Eigen::Vector3d& at) const 
          growth() * at * at.transpose();
 }
 
-ResidualCovariances DeformationProcess::ofResiduals(const ResidualArrays& groups) const {
-  const Eigen::Index n = groups.residual_px.size();
-  ResidualCovariances result{Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, n)};
-  for (Eigen::Index j = 0; j < n; ++j) {
-    const Eigen::Index left = n - j;
-    const Correlations alike_j = alike(groups.at.rightCols(left), groups.at.col(j));
-    const Eigen::ArrayXd same = (groups.gradient.rightCols(left).transpose() * groups.gradient.col(j)).array();
-    result.deformed.col(j).tail(left) =
-        same * alike_j.deformed + growth() * groups.outwards[j] * groups.outwards.tail(left).array();
-    result.local.col(j).tail(left) = same * alike_j.local;
-  }
+Eigen::MatrixXd DeformationProcess::ofResiduals(const ResidualArrays& groups) const {
+  Eigen::MatrixXd result = alike(groups.at, groups.at).cwiseProduct(groups.gradient.transpose() * groups.gradient);
+  result += growth() * groups.outwards * groups.outwards.transpose();
   return result;
 }
 
 Eigen::Matrix<double, Eigen::Dynamic, 3> DeformationProcess::withPlace(const ResidualArrays& groups,
-                                                                       const Eigen::Vector3d& at,
-                                                                       double deformation2_m2, double local2_m2) const {
-  const Correlations with = alike(groups.at, at);
-  const Eigen::VectorXd factor = deformation2_m2 * with.deformed + local2_m2 * with.local;
-  return factor.asDiagonal() * groups.gradient.transpose() +
-         deformation2_m2 * growth() * groups.outwards * at.transpose();
+                                                                       const Eigen::Vector3d& at) const {
+  const Eigen::VectorXd factor = alike(groups.at, at);
+  return factor.asDiagonal() * groups.gradient.transpose() + growth() * groups.outwards * at.transpose();
+}
+
+Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
+  return (-distances(a, b) / kLocal_m).exp();
+}
+
+Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups) {
+  return localCorrelation(groups.at, groups.at).cwiseProduct(groups.gradient.transpose() * groups.gradient);
 }
 
 ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGroup> all) {
   const ResidualArrays groups(thinnedTo(kMostAsked, std::move(all)));
-  const auto [deformed, local] = process.ofResiduals(groups);
+  const Eigen::MatrixXd deformed = process.ofResiduals(groups), local = localErrorOfResiduals(groups);
   const Eigen::Index n = deformed.rows();
   Eigen::MatrixXd design(n, 7);  // Jacobians and residuals.
   design << groups.jacobian, groups.residual_px;

@@ -20,23 +20,12 @@ struct ResidualArrays {
   Eigen::VectorXd noise_px2;  ///< Variance by the image's noise, whose size is the scatter within groups.
 };
 
-/// How n places go with another one, alike on every axis, for amplitudes of 1.
-struct Correlations {
-  Eigen::ArrayXd deformed;  ///< By a deformation.
-  Eigen::ArrayXd local;     ///< By what the model is off over millimetres.
-};
-
-/// Covariances of n residuals for amplitudes of 1, n x n [px^2/m^2]: lower halves, the upper ones are 0.
-struct ResidualCovariances {
-  Eigen::MatrixXd deformed, local;  ///< See Correlations.
-};
-
 /// What is expected of a tree's deformation before an image is looked at, for an amplitude of 1.
 ///
 /// A Gaussian process with zero mean, of three parts: a smooth one with a Matern 5/2 correlation of length L, alike on
 /// every axis; a linear map (strain, and growth alike on all axes, of which one view sees only a change of depth); and
 /// a little that goes together over two centimetres only. The covariance of the displacements of two places a and b is
-/// alike(a, b).deformed I + growth() a b^T.
+/// alike(a, b) I + growth() a b^T.
 class DeformationProcess {
  public:
   static constexpr double kGrowth = 4;
@@ -48,24 +37,29 @@ class DeformationProcess {
   /// @param growth    Variance of a growth alike on all axes, there, over that of the smooth part.
   DeformationProcess(const std::vector<ResidualGroup>& groups, double length_m, double growth = kGrowth);
 
-  /// Returns it between places about the centroid [m], 3 x n, and one more; and the same of what is local.
-  Correlations alike(const Eigen::Ref<const Eigen::Matrix3Xd>& places, const Eigen::Vector3d& at) const;
+  /// Returns it for all pairs of two sets of places about the centroid [m], 3 x n and 3 x m: n x m.
+  Eigen::MatrixXd alike(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) const;
   double growth() const;
 
   /// Returns the covariance of the displacement of one place.
   Eigen::Matrix3d covariance(const Eigen::Vector3d& at) const;
 
-  /// Returns the covariances of the groups' residuals.
-  ResidualCovariances ofResiduals(const ResidualArrays& groups) const;
+  /// Returns the covariance of the groups' residuals, n x n [px^2/m^2].
+  Eigen::MatrixXd ofResiduals(const ResidualArrays& groups) const;
 
-  /// Returns the covariance of the groups' residuals with the displacement of a place, n x 3 [px m], for these
-  /// variances of the deformation and of what is local [m^2].
-  Eigen::Matrix<double, Eigen::Dynamic, 3> withPlace(const ResidualArrays& groups, const Eigen::Vector3d& at,
-                                                     double deformation2_m2, double local2_m2) const;
+  /// Returns the covariance of the groups' residuals with the displacement of a place, n x 3 [px/m].
+  Eigen::Matrix<double, Eigen::Dynamic, 3> withPlace(const ResidualArrays& groups, const Eigen::Vector3d& at) const;
 
  private:
   double length_m_ = 1, radius2_m2_ = 1, growth_ = 0;
 };
+
+/// Returns the correlation, alike on every axis, of what a model is off over millimetres, for all pairs of two sets of
+/// places, 3 x n and 3 x m: n x m.
+Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b);
+
+/// Returns the covariance of the groups' residuals by it, for an amplitude of 1, n x n [px^2/m^2].
+Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups);
 
 /// Standard deviations of the things that explain a residual, each Gaussian with zero mean.
 struct ErrorSizes {

@@ -19,7 +19,7 @@ ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d&
   if (n < kFewestGroups) return;
   groups_ = ResidualArrays(groups);
   process_ = DeformationProcess(groups, length_m);
-  const Eigen::MatrixXd deformed = process_.ofResiduals(groups_).deformed;
+  const Eigen::MatrixXd deformed = process_.ofResiduals(groups_);
   Eigen::Matrix<double, 6, Eigen::Dynamic> pull(6, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const ResidualGroup& group = groups[static_cast<std::size_t>(i)];
@@ -30,17 +30,17 @@ ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d&
   const ErrorSizes sizes = errorSizes(process_, groups);
   amplitude_m_ = kTails * sizes.deformation_m;
   local_m_ = sizes.local_m;
-  by_deformation_ =
-      amplitude_m_ * amplitude_m_ * gain_ * (deformed.selfadjointView<Eigen::Lower>() * gain_.transpose());
+  by_deformation_ = amplitude_m_ * amplitude_m_ * gain_ * deformed * gain_.transpose();
   twist_ += by_deformation_;
 }
 
 Eigen::Matrix3d ModelError::pointCovariance(const Eigen::Vector3d& at) const {
   if (amplitude_m_ == 0 && local_m_ == 0) return pointNoise(at);
   // The twist goes with the displacement of the point itself.
-  const Eigen::Matrix3d mixed = jacobian(at) * gain_ * process_.withPlace(groups_, at, amplitude_m_ * amplitude_m_, 0);
-  return pointNoise(at) + moved(by_deformation_, at) + amplitude_m_ * amplitude_m_ * process_.covariance(at) - mixed -
-         mixed.transpose() + local_m_ * local_m_ * Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d mixed = jacobian(at) * gain_ * process_.withPlace(groups_, at);
+  return pointNoise(at) + moved(by_deformation_, at) +
+         amplitude_m_ * amplitude_m_ * (process_.covariance(at) - mixed - mixed.transpose()) +
+         local_m_ * local_m_ * Eigen::Matrix3d::Identity();
 }
 
 }  // namespace angio::registration
