@@ -102,5 +102,26 @@ TEST(FitClassification, ADeformedTreeIsNotTrustedWhereTheImageLeavesItOpen) {
   EXPECT_EQ(judged(0.5e-3, 0.1), RegistrationStatus::kConverged);
 }
 
+TEST(FitClassification, ALargeDeformationHasToExplainTheImage) {
+  const VesselTree tree = test::branchingTree(3);
+  RegistrationResult result;
+  result.T_camera_model = viewed(tree);
+  result.covariance = diagonal(0.2e-3, 1e-9);
+  result.agreement.model_points = 100;
+  result.agreement.model_explained = 0.9;
+  const auto judged = [&](double deformation_m, double image_explained) {
+    result.displacements_m = Eigen::Matrix3Xd::Constant(3, tree.size(), deformation_m / std::sqrt(3.));
+    result.agreement.image_explained = image_explained;
+    classify(tree, result);
+    EXPECT_EQ(explained(result), result.status == RegistrationStatus::kConverged);
+    return result.status;
+  };
+  EXPECT_EQ(judged(9e-3, 0.7), RegistrationStatus::kConverged);
+  EXPECT_EQ(judged(25e-3, 0.85), RegistrationStatus::kConverged);
+  EXPECT_EQ(judged(25e-3, 0.7), RegistrationStatus::kAmbiguous);
+  EXPECT_NE(result.reason.find("25 mm"), std::string::npos) << result.reason;
+  EXPECT_NE(result.reason.find("70 % of the image"), std::string::npos) << result.reason;
+}
+
 }  // namespace
 }  // namespace angio::test

@@ -41,9 +41,10 @@ constexpr double kMaxAcross_m = 5e-3;
 // From this on a deformation is worth a word.
 constexpr double kBent_m = 0.3e-3;
 
-// A deformation larger than this (rms over the tree) is no breathing: nonrigid points can follow any line, also one
-// that is no vessel of this tree. Livers move by up to 25 mm with breath, most of it as one.
-constexpr double kMaxDeformation_m = 10e-3;
+// A deformation larger than this (rms over the tree) is more than breathing: livers move by up to 25 mm with breath,
+// most of it as one. A stent's wires or a table bend a tree further. Nonrigid points can follow any line, also one that
+// is no vessel of this tree, so that such a fit has to explain nearly all that the image shows.
+constexpr double kLargeDeformation_m = 10e-3, kLargeImageShare = 0.8;
 
 double rms(const Eigen::Matrix3Xd& displacements_m) {
   return displacements_m.cols() == 0
@@ -102,10 +103,17 @@ std::optional<std::string> leftOpen(const Threshold& threshold, const VesselTree
   return what + ": the tree seems bent by " + formatted("%.1f mm", 1e3 * result.deformation_std_m);
 }
 
+// Why a large deformation is not believed, where there is one.
+std::optional<std::string> bentTooFar(const RegistrationResult& result) {
+  const double deformation_m = rms(result.displacements_m);
+  if (deformation_m <= kLargeDeformation_m || result.agreement.image_explained >= kLargeImageShare) return std::nullopt;
+  return "the tree had to be deformed by " + millimetres(deformation_m) + ", and the model explains " +
+         percent(result.agreement.image_explained) + " of the image, less than " + percent(kLargeImageShare);
+}
+
 void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationResult& result) {
   const AlignmentScore& a = result.agreement;
   const double most = std::max(a.model_explained, a.image_explained);
-  const double deformation_m = rms(result.displacements_m);
   result.status = RegistrationStatus::kAmbiguous;
   result.reason = "image explains " + percent(a.model_explained) + " of the model in view, model explains " +
                   percent(a.image_explained) + " of the image";
@@ -116,8 +124,8 @@ void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationRes
     if (most < kDivergedShare) result.status = RegistrationStatus::kDiverged;
   } else if (result.last_step_px > kAtRest_px) {
     result.reason = "the solver had not come to rest";
-  } else if (deformation_m > kMaxDeformation_m) {
-    result.reason = "the tree had to be deformed beyond what an organ does";
+  } else if (const auto why = bentTooFar(result)) {
+    result.reason = *why;
   } else if (const auto open = leftOpen(threshold, tree, result)) {
     result.reason = *open;
   } else {
@@ -133,7 +141,7 @@ bool seemsBent(const RegistrationResult& result) { return result.deformation_std
 bool explained(const RegistrationResult& result) {
   return result.T_camera_model.matrix().allFinite() && result.covariance &&
          result.agreement.model_points >= kFewestPoints && reaches(result.agreement, kUsual.share, kUsual.score) &&
-         result.last_step_px <= kAtRest_px && rms(result.displacements_m) <= kMaxDeformation_m;
+         result.last_step_px <= kAtRest_px && !bentTooFar(result);
 }
 
 double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const VesselTree& tree) {
