@@ -91,6 +91,8 @@ worlds() {
       echo; echo "the same, nonrigid"
       "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid
       [ "$one" = 1 ] || { echo; echo "the same, two views"; "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid --views 2; }
+      echo; echo "the same, the ends of a turn of the C-arm by 6 deg, the patient at rest"
+      "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid --views 2 --turn-deg 6
     done
   done
 }

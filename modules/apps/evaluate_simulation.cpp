@@ -153,7 +153,8 @@ void addFields(CLI::App& command, const std::shared_ptr<SimulationOptions>& o) {
   fields.add("--rotation-std-deg", &S::rotation_std_deg, "Spread of the starts per axis");
   fields.add("--translation-std-mm", &S::translation_std_mm, "Spread of the starts per axis");
   fields.add("--even-starts-mm", &S::even_starts_mm, "Starts spread evenly from 0 to this mTRE, for the capture range");
-  fields.add("--views", &S::views, "1 or 2, the second about 90 deg from the first");
+  fields.add("--views", &S::views, "Views of one moment; the second about 90 deg from the first");
+  fields.add("--turn-deg", &S::turn_deg, "Spread the views over such a turn of the C-arm instead");
   fields.add("--visible-fraction", &S::visible_fraction, "Share of the tree in the field of view");
   fields.add("--missing", &S::missing, "Share of the tree without contrast agent, whole branches",
              ",--missing-branches");

@@ -106,7 +106,7 @@ TEST_F(Evaluate, WhatCannotBeMeantIsRefused) {
   const std::string tree = folder_.path("tree.csv");
   for (const auto& words :
        std::vector<std::vector<std::string>>{{"simulation"},
-                                             {"simulation", "--tree", tree, "--views", "3"},
+                                             {"simulation", "--tree", tree, "--views", "61"},
                                              {"simulation", "--tree", tree, "--noise-px", "nan"},
                                              {"simulation", "--tree", tree, "--visible-fraction", "0"},
                                              {"simulation", "--tree", tree, "--trials", "0"},
@@ -116,6 +116,14 @@ TEST_F(Evaluate, WhatCannotBeMeantIsRefused) {
     const auto ended = test::run("angio-evaluate", words);
     EXPECT_EQ(ended.exit_code, 2) << testing::PrintToString(words) << ended.err;
     EXPECT_EQ(ended.out, "");
+  }
+  // More than two planes are those of a turn, and a turn has more than one.
+  for (const auto& words : std::vector<std::vector<std::string>>{{"--views", "3"}, {"--turn-deg", "6"}}) {
+    std::vector<std::string> all{"simulation", "--tree", tree};
+    all.insert(all.end(), words.begin(), words.end());
+    const auto ended = test::run("angio-evaluate", all);
+    EXPECT_EQ(ended.exit_code, 1) << ended.out;
+    EXPECT_NE(ended.err.find("turn_deg"), std::string::npos) << ended.err;
   }
 }
 

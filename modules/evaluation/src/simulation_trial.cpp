@@ -36,10 +36,11 @@ Pose turnedAbout(double depth_m, const Eigen::Vector3d& rotation_rad,
   return to_center * Eigen::Translation3d(shift_m) * turn * to_center.inverse();
 }
 
-// The second plane: about an axis across the beam.
-Pose secondPlane(const SimulationSettings& s, int index) {
+// Another plane, about an axis across the beam: the second of a biplane system, or one on the way of a turn.
+Pose otherPlane(const SimulationSettings& s, int index, int view) {
   SimulationRandom random(s.seed, index, DrawFor::kView, 1);
-  const double angle_rad = degToRad(random.uniform(70, 110));
+  double angle_rad = degToRad(random.uniform(70, 110));
+  if (s.turn_deg > 0) angle_rad = degToRad(s.turn_deg) * view / (s.views - 1);
   const Eigen::Vector2d axis = random.direction<2>();
   return turnedAbout(1e-3 * s.source_isocenter_mm, angle_rad * Eigen::Vector3d(axis.x(), axis.y(), 0));
 }
@@ -150,6 +151,12 @@ XrayCamera simulatedCamera() { return XrayCamera::centered(1024, 1024, 0.308e-3,
 SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
                               const SimulationSettings& settings, int index, const MeasuredMotion* motion) {
   checkSettings("simulation", settings);
+  if (settings.views > 2 && !(settings.turn_deg > 0)) {
+    throw InputError("simulation", "views", std::to_string(settings.views), "must be 1 or 2 without turn_deg");
+  }
+  if (settings.views < 2 && settings.turn_deg > 0) {
+    throw InputError("simulation", "views", std::to_string(settings.views), "must be at least 2 with turn_deg");
+  }
   SimulatedTrial trial;
   trial.truth = drawnView(tree, settings, index);
   trial.start = drawnTrialStart(tree, trial.truth, settings, index);
@@ -165,7 +172,7 @@ SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCa
   const auto filled = filledBranches(fine, lengthsInView(fine, trial.truth * points, detector), settings, index);
   trial.filled = filledPoints(tree, filled);
   for (int v = 0; v < settings.views; ++v) {
-    const Pose T_view_first = v == 0 ? Pose::Identity() : secondPlane(settings, index);
+    const Pose T_view_first = v == 0 ? Pose::Identity() : otherPlane(settings, index, v);
     const auto branches = projectedBranches(fine, T_view_first * trial.truth * points, detector);
     SimulatedView view = simulatedView(branches, filled, detector, settings, index, v);
     trial.true_views.push_back({view.camera, T_view_first, std::move(view.spurious_px)});

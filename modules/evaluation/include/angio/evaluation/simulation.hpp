@@ -38,6 +38,7 @@ struct SimulationSettings {
 
   // View: the beam is uniform in these ranges of DICOM's angles, the roll of the image in its own.
   int views = 1;  ///< 2: a second plane, its beam 70 to 110 deg from the first one's, about the isocentre.
+  double turn_deg = 0;  ///< Not 0: the views are spread evenly over such a turn of the C-arm, about the isocentre.
   ModelAxes model_axes = ModelAxes::kLps;
   double primary_deg = 0, secondary_deg = 0;                                      ///< Middle.
   double primary_range_deg = 60, secondary_range_deg = 35, roll_range_deg = 180;  ///< +- so much.
@@ -78,7 +79,8 @@ struct SimulationSettings {
     v.number("rotation_std_deg", rotation_std_deg, 0, 180);
     v.number("translation_std_mm", translation_std_mm, 0, 1000);
     v.number("even_starts_mm", even_starts_mm, 0, 1000);
-    v.integer("views", views, 1, 2);
+    v.integer("views", views, 1, 60);
+    v.number("turn_deg", turn_deg, 0, 180);
     v.choice("model_axes", model_axes, {"lps", "ras", "lip"});
     v.number("primary_deg", primary_deg, -180, 180);
     v.number("secondary_deg", secondary_deg, -90, 90);
