@@ -61,6 +61,12 @@ Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& place) 
 
 }  // namespace
 
+OrientedKernelSettings PerceptionSettings::orientedKernelForTracking() {
+  OrientedKernelSettings settings;
+  settings.nonrigid.length_mm = 120;
+  return settings;
+}
+
 IterativePnpSettings PerceptionSettings::iterativePnpForSearch() {
   IterativePnpSettings settings;
   settings.prior = PriorForm::kCovariance;

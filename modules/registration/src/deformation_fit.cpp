@@ -9,6 +9,9 @@
 namespace angio::registration {
 namespace {
 
+// Modes are for bends of half the length too: of a stiffer field the lines that follow are the wrong ones.
+constexpr double kModesLength = 0.5;
+
 // On the fields: scales of 16 and 8 px, few points and the longest modes. An expectation-maximisation step goes too
 // short; a step that extrapolates by less than two gets there in half as many (measured).
 constexpr int kFirstScale = 1, kStepsPerScale = 6, kFieldPoints = 600;
@@ -255,7 +258,8 @@ DeformationFit::DeformationFit(const OrientedModel& model, const DeformationSett
     : model_(model),
       settings_((checkSettings("nonrigid", settings), settings)),
       nodes_(model, 1e-3 * settings.node_mm),
-      modes_(smoothModes(nodes_.points, 1e-3 * settings.std_mm, 1e-3 * settings.length_mm, settings.max_modes)),
+      modes_(smoothModes(nodes_.points, 1e-3 * settings.std_mm, kModesLength * 1e-3 * settings.length_mm,
+                         settings.max_modes)),
       local_(nodes_, 1e-3 * settings.local_std_mm, 1e-3 * settings.local_length_mm),
       local_alone_(nodes_, kLinesAloneLocal * 1e-3 * settings.local_std_mm, 1e-3 * settings.local_length_mm) {}
 

@@ -22,13 +22,13 @@ struct ResidualArrays {
 
 /// What is expected of a tree's deformation before an image is looked at, for an amplitude of 1.
 ///
-/// A Gaussian process with zero mean, of three parts: a smooth one with a Matern 5/2 correlation of length L, alike on
-/// every axis; a linear map (strain, and growth alike on all axes, of which one view sees only a change of depth); and
-/// a little that goes together over two centimetres only. The covariance of the displacements of two places a and b is
-/// alike(a, b) I + growth() a b^T.
+/// A Gaussian process with zero mean, of three parts: a smooth one, alike on every axis, whose correlation is the mean
+/// of Matern 5/2 ones of length L and of half of it; a linear map (strain, and growth alike on all axes, of which one
+/// view sees only a change of depth); and a little that goes together over two centimetres only. The covariance of the
+/// displacements of two places a and b is alike(a, b) I + growth() a b^T.
 class DeformationProcess {
  public:
-  static constexpr double kGrowth = 4;
+  static constexpr double kGrowth = 2;
 
   /// A process of no extent: to be assigned to.
   DeformationProcess() = default;

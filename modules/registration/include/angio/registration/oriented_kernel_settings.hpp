@@ -18,8 +18,8 @@ struct DeformationSettings {
   DeformationDetail detail = DeformationDetail::kFull;
 
   double std_mm = 4;                     ///< Size of the displacement, per axis.
-  double length_mm = 60;                 ///< Points nearer to each other than this move alike.
-  static constexpr int max_modes = 40;   ///< Of the smooth field, per axis.
+  double length_mm = 60;                 ///< Points nearer to each other than this, and than half of it, move alike.
+  static constexpr int max_modes = 60;   ///< Of the smooth field, per axis.
   static constexpr double node_mm = 10;  ///< Displacements are linear along the vessel between nodes so far apart.
 
   static constexpr double local_std_mm = 0.15;   ///< kFull: size of the correction, per axis.
