@@ -13,9 +13,17 @@
 namespace angio::perception {
 namespace {
 
+// See PerceptionSettings::tracking.
+constexpr double kBreathLength = 2;
+
+RegistrationSettings trackingOf(RegistrationSettings settings) {
+  if (auto* ours = std::get_if<OrientedKernelSettings>(&settings)) ours->nonrigid.length_mm *= kBreathLength;
+  return settings;
+}
+
 std::unique_ptr<Registration> bendingOf(const PerceptionSettings& settings, const VesselTree& tree) {
   if (!settings.tracker.follow_motion || !(settings.tracker.max_deformation_mm > 0)) return nullptr;
-  RegistrationSettings bending = settings.tracking;
+  RegistrationSettings bending = trackingOf(settings.tracking);
   std::visit([](auto& chosen) { chosen.deformation = Deformation::kNonrigid; }, bending);
   return makeRegistration(bending, tree);
 }
@@ -61,12 +69,6 @@ Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& place) 
 
 }  // namespace
 
-OrientedKernelSettings PerceptionSettings::orientedKernelForTracking() {
-  OrientedKernelSettings settings;
-  settings.nonrigid.length_mm = 120;
-  return settings;
-}
-
 IterativePnpSettings PerceptionSettings::iterativePnpForSearch() {
   IterativePnpSettings settings;
   settings.prior = PriorForm::kCovariance;
@@ -99,7 +101,7 @@ Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& c
       max_deformation_m_(1e-3 * settings.tracker.max_deformation_mm),
       extractor_(makeExtractor(settings.extractor)),
       search_(makeRegistration(settings.search, tree)),
-      tracking_(makeRegistration(settings.tracking, tree)),
+      tracking_(makeRegistration(trackingOf(settings.tracking), tree)),
       bending_(bendingOf(settings, tree)),
       tracker_(settings.tracker, carm, T_dsa_cb, tree.centroid()),
       place_(place) {

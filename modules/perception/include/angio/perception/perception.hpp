@@ -18,14 +18,15 @@ struct PerceptionSettings {
   ExtractorSettings extractor = RidgeSettings{};
   RegistrationSettings search = OrientedKernelSettings{};  ///< While nothing is tracked ...
   StartSettings search_starts;
-  RegistrationSettings tracking = orientedKernelForTracking();  ///< ... and from frame to frame.
+  /// ... and from frame to frame. A breath bends a tree more smoothly than what makes a tree differ from its CT: of
+  /// `oriented_kernel` deformations are taken to go together over twice the length.
+  RegistrationSettings tracking = OrientedKernelSettings{};
   PatientTrackerSettings tracker;
 
   /// With the paper's method in place of the default: iterative_pnp with the prior that calibration gives, from a dozen
   /// starts; and from a start that is a few pixels off small scales only, and an end to its iterations that fits the
   /// frame rate.
   void useIterativePnp();
-  static OrientedKernelSettings orientedKernelForTracking();  ///< From frame to frame a tree bends as breath bends it.
   static IterativePnpSettings iterativePnpForSearch();
   static IterativePnpSettings iterativePnpForTracking();
 };
