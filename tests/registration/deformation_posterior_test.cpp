@@ -17,6 +17,7 @@ namespace {
 
 using registration::DeformationPosterior;
 using registration::DeformationProcess;
+using registration::ErrorSizes;
 using registration::PosePriorTerm;
 using registration::ResidualArrays;
 using registration::ResidualGroup;
@@ -165,6 +166,34 @@ TEST(DeformationPosterior, TurnsWithTheModel) {
   const Eigen::Vector3d at = R * drawn.at;
   EXPECT_LT((R * meanAt(a, drawn.at) - meanAt(b, at)).norm(), 1e-9);
   EXPECT_TRUE((R * a.pointCovariance(drawn.at) * R.transpose()).isApprox(b.pointCovariance(at), 1e-6));
+}
+
+// Several moments of a patient who does not move are one, and a motion that is anything leaves each to itself.
+TEST(DeformationPosterior, OfStillMomentsIsThatOfOne) {
+  test::Random random(3);
+  const Drawn drawn = draw(random, 2e-3);
+  const ErrorSizes sizes = registration::errorSizes(
+      DeformationProcess(drawn.groups, kLength_m, DeformationPosterior::kGrowth), drawn.groups);
+  registration::Moments moments;
+  for (int i = 0; i < kGroups; ++i) moments.of_group.push_back(i % 3);
+  moments.deformation = Eigen::MatrixXd::Ones(3, 3);
+  moments.shift_m2 = Eigen::MatrixXd::Zero(3, 3);
+  const DeformationPosterior one(drawn.groups, drawn.belief, Pose::Identity(), kLength_m);
+  const DeformationPosterior still(drawn.groups, moments, sizes, drawn.belief, Pose::Identity(), kLength_m);
+  ASSERT_TRUE(one.known() && still.known());
+  EXPECT_NEAR((one.twist() - still.twist()).norm(), 0, 1e-9);
+  EXPECT_NEAR((one.displacements(drawn.at) - still.displacements(drawn.at)).norm(), 0, 1e-9);
+  EXPECT_NEAR((one.pointCovariance(drawn.at) - still.pointCovariance(drawn.at)).norm(), 0, 1e-12);
+
+  // Of a moment without a frame of its own nothing is known but what the others share with it.
+  moments.deformation = Eigen::MatrixXd::Identity(3, 3);
+  moments.shift_m2 = 25e-6 * Eigen::MatrixXd::Identity(3, 3);
+  for (Eigen::Index& moment : moments.of_group) moment = std::min<Eigen::Index>(moment, 1);
+  const DeformationPosterior apart(drawn.groups, moments, sizes, drawn.belief, Pose::Identity(), kLength_m);
+  ASSERT_TRUE(apart.known());
+  EXPECT_NEAR(apart.displacements(drawn.at).norm(), 0, 1e-6)
+      << "but for errors over millimetres, which all moments share";
+  EXPECT_GT(apart.pointCovariance(drawn.at).trace(), 3 * 25e-6);
 }
 
 }  // namespace

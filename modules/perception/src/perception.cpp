@@ -183,6 +183,7 @@ void Perception::bend(const XrayViews& views, Observation& observation) {
   if (deformed.points) rigid.points = std::make_shared<OpenInDepth>(deformed.points, open_m2 - deformed_m2);
   rigid.displacements_m = countedFrom(rigid.T_camera_model, deformed, bending_->tree());
   rigid.agreement = deformed.agreement;
+  rigid.evidence = deformed.evidence;
   rigid.status = RegistrationStatus::kConverged;
   rigid.reason.clear();
   rigid.nonrigid_iterations = deformed.nonrigid_iterations;

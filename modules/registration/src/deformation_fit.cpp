@@ -38,6 +38,8 @@ constexpr Misfit kLinesAloneMisfit = {0.5, 4};  // One curve in a large tree: ev
 
 // Observations that decide in the end.
 constexpr int kPosteriorGroups = 400, kPosteriorRounds = 2;
+// And of a frame among others.
+constexpr int kEvidenceGroups = 64;
 
 // When the image has less than this of the length of model in view, most vessels have no image and must not be pulled
 // to one.
@@ -248,6 +250,10 @@ void DeformationFit::Run<D>::conclude() {
     if (!posterior->known()) return;
     result_.posterior = posterior;
     result_.pose_covariance = posterior->twistCovariance();
+    if (round + 1 == kPosteriorRounds && frame_.viewCount() == 1) {
+      result_.groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kEvidenceGroups);
+      result_.T_groups_camera_centered = T_;
+    }
     T_ = T_ * expSE3(posterior->twist());
     displaced_ = fit_.model_.points + fit_.nodes_.atPoints(posterior->displacements(fit_.nodes_.points));
     tighten();

@@ -32,6 +32,9 @@ class DeformationFit {
     double noise_px = 0;       ///< Standard deviation of the matched image points across their edges.
     /// Of pose and deformation, whose means the others are; null where too little was matched for one.
     std::shared_ptr<const DeformationPosterior> posterior;
+    /// What it was found from, of one view, in fewer groups, about this pose and no displacement; empty without it.
+    std::vector<ResidualGroup> groups;
+    Pose T_groups_camera_centered = Pose::Identity();
   };
   /// What a fit is for: to be a result, or to be compared with one, without a posterior.
   enum class Aim { kResult, kCompare };

@@ -1,19 +1,26 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "deformation_posterior.hpp"
 
+#include <utility>
+
 namespace angio::registration {
 DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
                                            const Pose& T_camera_centered, double length_m, double tails)
-    : groups_(groups), process_(groups, length_m, kGrowth) {
-  const Eigen::MatrixXd deformed = process_.ofResiduals(groups_);
-  if (!deformed.allFinite() || !groups_.noise_px2.allFinite()) return;
-  const ErrorSizes sizes = errorSizes(process_, groups);
+    : DeformationPosterior(groups, {}, errorSizes(DeformationProcess(groups, length_m, kGrowth), groups), belief,
+                           T_camera_centered, length_m, tails) {}
+
+DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& groups, Moments moments,
+                                           const ErrorSizes& sizes, const PosePriorTerm& belief,
+                                           const Pose& T_camera_centered, double length_m, double tails)
+    : groups_(groups), moments_(std::move(moments)), process_(groups, length_m, kGrowth) {
+  if (!groups_.noise_px2.allFinite()) return;
   amplitude_m_ = tails * sizes.deformation_m;
   local_m_ = sizes.local_m;
-  const Eigen::VectorXd noise_px2 = sizes.together * groups_.noise_px2;
+  noise_px2_ = sizes.together * groups_.noise_px2;
 
-  Eigen::MatrixXd C = amplitude_m_ * amplitude_m_ * deformed + local_m_ * local_m_ * localErrorOfResiduals(groups_);
-  C.diagonal() += noise_px2;
+  Eigen::MatrixXd C = covarianceOfResiduals(process_, groups_, moments_, amplitude_m_, local_m_);
+  if (!C.allFinite()) return;
+  C.diagonal() += noise_px2_;
   factor_.compute(C);
   if (factor_.info() != Eigen::Success) return;
   Matrix6d information = Matrix6d::Zero();
@@ -21,29 +28,48 @@ DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& gro
   belief.add(T_camera_centered, information, pull);
   const auto& J = groups_.jacobian;
   whitened_jacobian_ = factor_.matrixL().solve(J);
-  noise_ = (J.transpose() * noise_px2.cwiseInverse().asDiagonal() * J + information).inverse();
+  noise_ = (J.transpose() * noise_px2_.cwiseInverse().asDiagonal() * J + information).inverse();
   twist_ = (whitened_jacobian_.transpose() * whitened_jacobian_ + information).inverse();
   mean_ = -twist_ * (whitened_jacobian_.transpose() * factor_.matrixL().solve(groups_.residual_px) + pull);
   weights_ = -factor_.solve(groups_.residual_px + J * mean_);
   known_ = noise_.allFinite() && twist_.allFinite() && mean_.allFinite() && weights_.allFinite();
 }
 
-Eigen::Matrix3Xd DeformationPosterior::displacements(const Eigen::Matrix3Xd& at) const {
-  const double deformation2_m2 = amplitude_m_ * amplitude_m_;
-  const Eigen::MatrixXd alike =
-      deformation2_m2 * process_.alike(groups_.at, at) + local_m_ * local_m_ * localCorrelation(groups_.at, at);
-  return groups_.gradient * weights_.asDiagonal() * alike +
-         deformation2_m2 * process_.growth() * groups_.outwards.dot(weights_) * at;
+Eigen::ArrayXd DeformationPosterior::ofGroups(const Eigen::MatrixXd& by_moment, Eigen::Index moment) const {
+  Eigen::ArrayXd result(groups_.at.cols());
+  for (Eigen::Index i = 0; i < result.size(); ++i) result[i] = by_moment(moments_.at(i), moment);
+  return result;
+}
+
+Eigen::Matrix3Xd DeformationPosterior::displacements(const Eigen::Matrix3Xd& at, Eigen::Index moment) const {
+  const double deformation2_m2 = amplitude_m_ * amplitude_m_, local2_m2 = local_m_ * local_m_;
+  const Eigen::VectorXd weights = weights_.array() * ofGroups(moments_.deformation, moment);
+  const Eigen::VectorXd shifts = weights_.array() * ofGroups(moments_.shift_m2, moment);
+  Eigen::Matrix3Xd result =
+      groups_.gradient * (weights.asDiagonal() * (deformation2_m2 * process_.alike(groups_.at, at)) +
+                          weights_.asDiagonal() * (local2_m2 * localCorrelation(groups_.at, at))) +
+      deformation2_m2 * process_.growth() * groups_.outwards.dot(weights) * at;
+  result.colwise() += groups_.gradient * shifts;
+  return result;
+}
+
+Eigen::VectorXd DeformationPosterior::normalizedLeftover() const {
+  // Of residuals with covariance C = S + N, N the noise's: what S leaves of them is N C^-1 r.
+  return -(noise_px2_.cwiseSqrt().array() * weights_.array()).matrix();
 }
 
 Eigen::Matrix3d DeformationPosterior::pointCovariance(const Eigen::Vector3d& at) const {
   const double deformation2_m2 = amplitude_m_ * amplitude_m_, local2_m2 = local_m_ * local_m_;
-  const Eigen::VectorXd local = local2_m2 * localCorrelation(groups_.at, at);
+  const Eigen::Index now = newest();
+  const Eigen::VectorXd local =
+      (local2_m2 * localCorrelation(groups_.at, at)).array() + ofGroups(moments_.shift_m2, now);
+  const Eigen::VectorXd deformation = deformation2_m2 * ofGroups(moments_.deformation, now);
   const Eigen::Matrix<double, Eigen::Dynamic, 3> with =
-      deformation2_m2 * process_.withPlace(groups_, at) + local.asDiagonal() * groups_.gradient.transpose();
+      deformation.asDiagonal() * process_.withPlace(groups_, at) + local.asDiagonal() * groups_.gradient.transpose();
   const Eigen::Matrix<double, Eigen::Dynamic, 3> seen = factor_.matrixL().solve(with);
   const Eigen::Matrix<double, 3, 6> by_twist = jacobian(at) - seen.transpose() * whitened_jacobian_;
-  return deformation2_m2 * process_.covariance(at) + local2_m2 * Eigen::Matrix3d::Identity() - seen.transpose() * seen +
+  return deformation2_m2 * moments_.deformation(now, now) * process_.covariance(at) +
+         (local2_m2 + moments_.shift_m2(now, now)) * Eigen::Matrix3d::Identity() - seen.transpose() * seen +
          by_twist * twist_ * by_twist.transpose();
 }
 

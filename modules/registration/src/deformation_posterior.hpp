@@ -19,6 +19,8 @@ namespace angio::registration {
 /// displaces it, and the image's noise come on top, and all amplitudes are found from the residuals (errorSizes).
 /// Without a deformation the result is the rigid fit. What the image cannot tell apart, as growth of the tree and its
 /// distance, stays with the belief, and the covariance says how open that is.
+///
+/// Residuals of several moments are of one pose; the displacements are those of the last moment, the newest.
 class DeformationPosterior final : public TreeError {
  public:
   /// Measured deformations are not drawn from the process: the errors' tails are wider than a normal distribution's.
@@ -33,23 +35,39 @@ class DeformationPosterior final : public TreeError {
   DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
                        const Pose& T_camera_centered, double length_m, double tails = kTails);
 
+  /// The same of several moments.
+  /// @param sizes  Of the errors, as errorSizes() finds them in one of the moments.
+  DeformationPosterior(const std::vector<ResidualGroup>& groups, Moments moments, const ErrorSizes& sizes,
+                       const PosePriorTerm& belief, const Pose& T_camera_centered, double length_m,
+                       double tails = kTails);
+
   /// Returns whether there is a distribution: false where the system had no solution.
   bool known() const { return known_; }
 
   /// Returns the mean twist from T_camera_centered.
   const Twist& twist() const { return mean_; }
 
-  /// Returns the mean displacements of places about the centroid [m], both 3 x M, model axes.
-  Eigen::Matrix3Xd displacements(const Eigen::Matrix3Xd& at) const;
+  /// Returns the mean displacements of places about the centroid [m], both 3 x M, model axes, at the newest moment or
+  /// at another.
+  Eigen::Matrix3Xd displacements(const Eigen::Matrix3Xd& at) const { return displacements(at, newest()); }
+  Eigen::Matrix3Xd displacements(const Eigen::Matrix3Xd& at, Eigen::Index moment) const;
+
+  /// Returns what the mean leaves of the groups' residuals, over the standard deviation that they should have.
+  Eigen::VectorXd normalizedLeftover() const;
 
   Eigen::Matrix3d pointCovariance(const Eigen::Vector3d& at) const override;
 
  private:
+  Eigen::Index newest() const { return moments_.deformation.cols() - 1; }
+  Eigen::ArrayXd ofGroups(const Eigen::MatrixXd& by_moment, Eigen::Index moment) const;
+
   ResidualArrays groups_;
+  Moments moments_;
   DeformationProcess process_;
   Eigen::LLT<Eigen::MatrixXd> factor_;  // Of the residuals' covariance, the pose known.
   Eigen::Matrix<double, Eigen::Dynamic, 6> whitened_jacobian_;
   Eigen::VectorXd weights_;  // Of the groups' residuals in a displacement.
+  Eigen::VectorXd noise_px2_;
   Twist mean_ = Twist::Zero();
   double local_m_ = 0;
   bool known_ = false;

@@ -45,6 +45,34 @@ Eigen::ArrayXXd distances(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) 
 // Correlation by distances over the length: Matern 5/2 but for the factors of sqrt(5).
 Eigen::ArrayXXd matern(const Eigen::ArrayXXd& d) { return (1 + d + d.square() / 3) * (-d).exp(); }
 
+// Jacobians and residuals, in columns of like size for the determinant's sake.
+Eigen::Matrix<double, Eigen::Dynamic, 7> designOf(const ResidualArrays& groups) {
+  Eigen::Matrix<double, Eigen::Dynamic, 7> design(groups.residual_px.size(), 7);
+  design << groups.jacobian, groups.residual_px;
+  for (int k = 0; k < 6; ++k) design.col(k) /= std::max(1e-12, design.col(k).norm());
+  return design;
+}
+
+// `whitened` is the design with the factor's inverse applied, `log_determinant` that of the residuals' covariance.
+double restrictedLikelihood(const Eigen::Ref<const Eigen::Matrix<double, Eigen::Dynamic, 7>>& whitened,
+                            double log_determinant) {
+  const Matrix6d normal = whitened.leftCols<6>().transpose() * whitened.leftCols<6>();
+  const Vector6d right = whitened.leftCols<6>().transpose() * whitened.col(6);
+  const Eigen::LDLT<Matrix6d> of_pose(normal);
+  const double left = whitened.col(6).squaredNorm() - right.dot(of_pose.solve(right));
+  const double log_determinants = log_determinant + of_pose.vectorD().array().max(1e-300).log().sum();
+  return -0.5 * (log_determinants + left);
+}
+
+// A matrix of moments as one of groups.
+Eigen::MatrixXd ofGroups(const Eigen::MatrixXd& by_moment, const Moments& moments, Eigen::Index groups) {
+  Eigen::MatrixXd result(groups, groups);
+  for (Eigen::Index j = 0; j < groups; ++j) {
+    for (Eigen::Index i = 0; i < groups; ++i) result(i, j) = by_moment(moments.at(i), moments.at(j));
+  }
+  return result;
+}
+
 std::vector<ResidualGroup> thinnedTo(std::size_t most, std::vector<ResidualGroup> groups) {
   const std::size_t stride = (groups.size() + most - 1) / most;
   if (stride <= 1) return groups;
@@ -122,16 +150,14 @@ ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGro
   const ResidualArrays groups(thinnedTo(kMostAsked, std::move(all)));
   const Eigen::MatrixXd deformed = process.ofResiduals(groups), local = localErrorOfResiduals(groups);
   const Eigen::Index n = deformed.rows();
-  Eigen::MatrixXd design(n, 7);  // Jacobians and residuals.
-  design << groups.jacobian, groups.residual_px;
-  // Columns of like size, for the determinant's sake.
-  for (int k = 0; k < 6; ++k) design.col(k) /= std::max(1e-12, design.col(k).norm());
+  const Eigen::Matrix<double, Eigen::Dynamic, 7> design = designOf(groups);
 
   struct Weighed {
     double log_likelihood, deformation2_m2, local2_m2, together;
   };
   std::vector<Weighed> tried;
-  Eigen::MatrixXd base(n, n), C(n, n), whitened(n, 7);
+  Eigen::MatrixXd base(n, n), C(n, n);
+  Eigen::Matrix<double, Eigen::Dynamic, 7> whitened(n, 7);
   for (const double together : kTogether) {
     for (const double local_m : kLocalError_m) {
       base = local_m * local_m * local;
@@ -142,13 +168,8 @@ ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGro
         if (factor.info() != Eigen::Success) continue;
         whitened = design;
         factor.matrixL().solveInPlace(whitened);
-        const Matrix6d normal = whitened.leftCols<6>().transpose() * whitened.leftCols<6>();
-        const Vector6d right = whitened.leftCols<6>().transpose() * whitened.col(6);
-        const Eigen::LDLT<Matrix6d> of_pose(normal);
-        const double left = whitened.col(6).squaredNorm() - right.dot(of_pose.solve(right));
-        const double log_determinants =
-            2 * factor.matrixLLT().diagonal().array().log().sum() + of_pose.vectorD().array().max(1e-300).log().sum();
-        const double log_likelihood = -0.5 * (log_determinants + left);
+        const double log_likelihood =
+            restrictedLikelihood(whitened, 2 * factor.matrixLLT().diagonal().array().log().sum());
         if (std::isfinite(log_likelihood)) {
           tried.push_back({log_likelihood, deformation_m * deformation_m, local_m * local_m, together});
         }
@@ -167,6 +188,30 @@ ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGro
   }
   if (tried.empty()) return {};
   return {std::sqrt(mean.deformation2_m2 / sum), std::sqrt(mean.local2_m2 / sum), mean.together / sum};
+}
+
+Eigen::MatrixXd covarianceOfResiduals(const DeformationProcess& process, const ResidualArrays& groups,
+                                      const Moments& moments, double amplitude_m, double local_m) {
+  Eigen::MatrixXd deformed = process.ofResiduals(groups);
+  const bool one_moment = moments.of_group.empty();
+  if (!one_moment) deformed.array() *= ofGroups(moments.deformation, moments, deformed.rows()).array();
+  Eigen::MatrixXd C = amplitude_m * amplitude_m * deformed + local_m * local_m * localErrorOfResiduals(groups);
+  if (!one_moment) {
+    C.array() +=
+        ofGroups(moments.shift_m2, moments, C.rows()).array() * (groups.gradient.transpose() * groups.gradient).array();
+  }
+  return C;
+}
+
+double restrictedLogLikelihood(const DeformationProcess& process, const std::vector<ResidualGroup>& all,
+                               const Moments& moments, const ErrorSizes& sizes) {
+  const ResidualArrays groups(all);
+  Eigen::MatrixXd C = covarianceOfResiduals(process, groups, moments, sizes.deformation_m, sizes.local_m);
+  C.diagonal() += sizes.together * groups.noise_px2;
+  const Eigen::LLT<Eigen::MatrixXd> factor(C);
+  if (factor.info() != Eigen::Success) return std::nan("");
+  const Eigen::Matrix<double, Eigen::Dynamic, 7> whitened = factor.matrixL().solve(designOf(groups));
+  return restrictedLikelihood(whitened, 2 * factor.matrixLLT().diagonal().array().log().sum());
 }
 
 }  // namespace angio::registration

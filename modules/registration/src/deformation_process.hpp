@@ -61,6 +61,16 @@ Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3
 /// Returns the covariance of the groups' residuals by it, for an amplitude of 1, n x n [px^2/m^2].
 Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups);
 
+/// Moments at which a tree was seen, and how its displacements at them go together before they are looked at: the same
+/// deformation at all of them, one that grows and shrinks with what moves the patient, and shifts of the whole.
+struct Moments {
+  std::vector<Eigen::Index> of_group;                         ///< The moment of each group; empty: all are of one.
+  Eigen::MatrixXd deformation = Eigen::MatrixXd::Ones(1, 1);  ///< Factors on the process's covariance, M x M.
+  Eigen::MatrixXd shift_m2 = Eigen::MatrixXd::Zero(1, 1);     ///< Covariance of the shifts, per axis, M x M [m^2].
+
+  Eigen::Index at(Eigen::Index group) const { return of_group.empty() ? 0 : of_group[static_cast<std::size_t>(group)]; }
+};
+
 /// Standard deviations of the things that explain a residual, each Gaussian with zero mean.
 struct ErrorSizes {
   double deformation_m = 0;  ///< Per axis, of the smooth part of the deformation.
@@ -72,6 +82,17 @@ struct ErrorSizes {
 /// anything, is computed on a grid of them, and their squares are averaged over what it leaves. Of more than 64 groups
 /// about 64 are asked.
 ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGroup> groups);
+
+/// Returns the covariance of the groups' residuals without the image's noise [px^2].
+///
+/// @param amplitude_m  Of the deformation.
+Eigen::MatrixXd covarianceOfResiduals(const DeformationProcess& process, const ResidualArrays& groups,
+                                      const Moments& moments, double amplitude_m, double local_m);
+
+/// Returns the restricted log likelihood of residuals of several moments, but for a constant: how well sizes and
+/// moments explain them, whatever the pose is. Not finite where the system has no solution.
+double restrictedLogLikelihood(const DeformationProcess& process, const std::vector<ResidualGroup>& groups,
+                               const Moments& moments, const ErrorSizes& sizes);
 
 /// With fewer observations beyond the pose's six unknowns nothing can be told of a deformation.
 inline constexpr int kFewestGroups = 12;

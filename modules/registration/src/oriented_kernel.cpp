@@ -9,6 +9,8 @@
 #include "deformation_fit.hpp"
 #include "field_search.hpp"
 #include "fit_classification.hpp"
+#include "fit_uncertainty.hpp"
+#include "frame_evidence.hpp"
 #include "line_fit.hpp"
 #include "model_error.hpp"
 #include "pose_comparison.hpp"
@@ -81,43 +83,8 @@ constexpr double kNearby = 0.5;
 constexpr int kNearbyRounds = 3;
 constexpr std::size_t kCompared = 4;
 
-// Observations from which a deformation is found, and points over which what it leaves open is averaged.
-constexpr int kResidualGroups = 64, kSpreadPoints = 32;
-
-// What is uncertain of a fit, as it was when the fit came to rest.
-class FitUncertainty final : public PointUncertainty {
- public:
-  FitUncertainty(std::shared_ptr<const TreeError> error, const Eigen::Matrix3d& R_camera_model,
-                 const Eigen::Vector3d& centroid)
-      : error_(std::move(error)), R_(R_camera_model), centroid_(centroid) {}
-
-  Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const override {
-    return R_ * error_->pointCovariance(p_model - centroid_) * R_.transpose();
-  }
-
- private:
-  std::shared_ptr<const TreeError> error_;
-  Eigen::Matrix3d R_;
-  Eigen::Vector3d centroid_;
-};
-
-// Over the tree's points, of which a few are looked at.
-PlaceSpread spreadOf(const TreeError& error, const Eigen::Matrix3Xd& points_centered, const Pose& T_camera_centered) {
-  const Eigen::Matrix3d R_model_camera = T_camera_centered.linear().transpose();
-  PlaceSpread sums_m2;
-  int count = 0;
-  const Eigen::Index stride = std::max<Eigen::Index>(1, points_centered.cols() / kSpreadPoints);
-  for (Eigen::Index i = stride / 2; i < points_centered.cols(); i += stride, ++count) {
-    const Eigen::Vector3d at = points_centered.col(i);
-    const Eigen::Matrix3d all = error.pointCovariance(at);
-    const Eigen::Vector3d ray = R_model_camera * (T_camera_centered * at).normalized();
-    sums_m2.noise_m += error.pointNoise(at).trace();
-    sums_m2.all_m += all.trace();
-    sums_m2.across_m += all.trace() - ray.dot(all * ray);
-  }
-  const auto rms = [&](double sum_m2) { return std::sqrt(std::max(0.0, sum_m2 / std::max(1, count))); };
-  return {rms(sums_m2.noise_m), rms(sums_m2.all_m), rms(sums_m2.across_m)};
-}
+// Observations from which a deformation is found.
+constexpr int kResidualGroups = 64;
 
 class OrientedKernel final : public Registration {
  public:
@@ -155,6 +122,9 @@ class OrientedKernel final : public Registration {
               RegistrationResult& result);
   void deform(const PosePriorTerm& belief, RegistrationResult& result);
   void setUncertainty(const std::shared_ptr<const TreeError>& error, RegistrationResult& result) const;
+  void keepEvidence(std::vector<ResidualGroup> groups, const Pose& T_camera_centered, const Eigen::Matrix3Xd& displaced,
+                    RegistrationResult& result) const;
+  double length_m() const { return 1e-3 * settings_.nonrigid.length_mm; }
 
   OrientedKernelSettings settings_;
   VesselTree given_;
@@ -296,9 +266,9 @@ void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_ce
   result.rigid_iterations += fit.steps;
   result.last_step_px = fit.last_step_px;
   if (fit.information.allFinite() && fit.information.diagonal().minCoeff() > 0) {
-    setUncertainty(std::make_shared<ModelError>(lines_.residuals(frame_, fit.T_camera_centered, kResidualGroups),
-                                                fit.information, fit.currency, 1e-3 * settings_.nonrigid.length_mm),
-                   result);
+    auto groups = lines_.residuals(frame_, fit.T_camera_centered, kResidualGroups);
+    setUncertainty(std::make_shared<ModelError>(groups, fit.information, fit.currency, length_m()), result);
+    keepEvidence(std::move(groups), fit.T_camera_centered, model_.points, result);
   }
 }
 
@@ -309,6 +279,14 @@ void OrientedKernel::setUncertainty(const std::shared_ptr<const TreeError>& erro
   result.deformation_std_m = error->amplitude_m();
   result.spread = spreadOf(*error, model_.points, T * Eigen::Translation3d(model_.centroid));
   result.points = std::make_shared<FitUncertainty>(error, T.linear(), model_.centroid);
+}
+
+void OrientedKernel::keepEvidence(std::vector<ResidualGroup> groups, const Pose& T_camera_centered,
+                                  const Eigen::Matrix3Xd& displaced, RegistrationResult& result) const {
+  if (frame_.viewCount() != 1) return;
+  result.evidence = std::make_shared<FrameEvidence>(
+      FrameEvidence{frame_.views().front().camera, frame_.views().front().T_view_first * T_camera_centered,
+                    model_.centroid, displaced.rowwise().mean(), std::move(groups)});
 }
 
 // Deforms the tree if it may and if that explains what the rigid pose does not, and judges what has become of it.
@@ -338,12 +316,14 @@ void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& res
     }
     if (fit.posterior) {
       setUncertainty(fit.posterior, result);
+      keepEvidence(fit.groups, fit.T_groups_camera_centered, model_.points + fit.displacements_m, result);
     } else {
       result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);
       result.noise_covariance.reset();
       result.deformation_std_m = 0;
       result.spread.reset();
       result.points.reset();
+      result.evidence.reset();
     }
     result.last_step_px = fit.last_step_px;
     result.agreement = deformed;

@@ -50,6 +50,8 @@ class GroupSums {
     sums_.jacobian.head<3>() += weight * gradient;
     sums_.jacobian.tail<3>() += weight * displaced.cross(gradient);
     sums_.residual_px += weight * (left_px - gradient.dot(displacement));
+    sums_.pixel += weight * pixel;
+    sums_.normal += weight * normal;
     left_px_ += weight * left_px;
     sums_.scatter_px2 += weight * left_px * left_px;
     sums_.weight += weight;
@@ -64,6 +66,8 @@ class GroupSums {
       group.gradient /= sums_.weight;
       group.jacobian /= sums_.weight;
       group.residual_px /= sums_.weight;
+      group.pixel /= sums_.weight;
+      group.normal /= sums_.weight;
       const double mean_px = left_px_ / sums_.weight;
       group.scatter_px2 = std::max(0.0, sums_.scatter_px2 / sums_.weight - mean_px * mean_px);
       groups.push_back(group);

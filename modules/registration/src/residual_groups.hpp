@@ -23,6 +23,9 @@ struct ResidualGroup {
   double scatter_px2 = 0;                              ///< Variance of the points' residuals about their mean.
   double weight = 0;                                   ///< Sum of the points' weights.
   double pull = 0;  ///< The same, with the group's part of the points that are in no group.
+
+  /// Where the points are in the image, and the direction across the vessel there [px].
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero(), normal = Eigen::Vector2d::Zero();
 };
 
 /// The image points of a view, as they have been matched.

@@ -62,6 +62,8 @@ class PointUncertainty {
   virtual Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const = 0;
 };
 
+struct FrameEvidence;  // What a fit has matched in one view, for depthFromMotion().
+
 /// Standard deviation of the distance of the tree's points from where they are claimed, rms over the tree [m].
 struct PlaceSpread {
   double noise_m = 0;   ///< By the image's noise alone.
@@ -96,6 +98,8 @@ struct [[nodiscard]] RegistrationResult {
   std::optional<PlaceSpread> spread;
   /// What is known of single points; null where the covariance says all.
   std::shared_ptr<const PointUncertainty> points;
+  /// What has been matched, of a fit to one view; null where the method keeps nothing.
+  std::shared_ptr<const FrameEvidence> evidence;
 
   /// Score of the best different pose over the best score, in [0, 1]; absent when only one start was tried.
   std::optional<double> ambiguity;

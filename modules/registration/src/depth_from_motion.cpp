@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/registration/depth_from_motion.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "angio/registration/alignment_score.hpp"
+#include "deformation_posterior.hpp"
+#include "fit_classification.hpp"
+#include "fit_uncertainty.hpp"
+#include "frame_evidence.hpp"
+#include "pose_prior_term.hpp"
+
+namespace angio::registration {
+namespace {
+
+// Frames and observations that take part: the system is of the observations' number.
+constexpr std::size_t kMostFrames = 32, kMostGroups = 1200;
+constexpr int kRounds = 2;
+// Over which a deformation goes together, as for a single image.
+const double kLength_m = 1e-3 * DeformationSettings().length_mm;
+// A residual so many standard deviations off was matched with another vessel.
+constexpr double kMismatch = 4;
+
+// The patient moves across the axis of the turn by about as much as along it, and half of that bends the tree. The way
+// in and the way out of a breath differ: a third of the motion lags or leads.
+constexpr double kAcross = 1, kBends = 0.5, kOfLag = 0.33;
+constexpr std::array<double, 4> kLags_s = {-0.4, -0.2, 0.2, 0.4};
+constexpr double kStill_m = 0.1e-3;
+
+// How far a frame may be off for itself, per axis [m].
+constexpr std::array<double, 5> kUnexplained_m = {0.01e-3, 0.05e-3, 0.15e-3, 0.4e-3, 1e-3};
+constexpr std::size_t kMostAsked = 120;
+
+struct Chosen {
+  std::vector<const MovingFrame*> frames;
+  Eigen::Vector3d axis = Eigen::Vector3d::Zero();  // Of the turn, patient axes.
+  double turn_rad = 0;
+};
+
+Eigen::Vector3d beamOf(const MovingFrame& frame) { return frame.T_camera_patient.linear().row(2).transpose(); }
+
+// Evenly over the frames that have something to say, the newest among them.
+Chosen choose(const std::vector<MovingFrame>& frames) {
+  std::vector<const MovingFrame*> all;
+  for (const MovingFrame& frame : frames) {
+    if (frame.evidence && !frame.evidence->groups.empty()) all.push_back(&frame);
+  }
+  Chosen chosen;
+  const std::size_t count = std::min(all.size(), kMostFrames);
+  for (std::size_t k = 0; k < count; ++k) {
+    chosen.frames.push_back(count > 1 ? all[k * (all.size() - 1) / (count - 1)] : all[k]);
+  }
+  for (const MovingFrame* a : chosen.frames) {
+    for (const MovingFrame* b : chosen.frames) {
+      const Eigen::Vector3d across = beamOf(*a).cross(beamOf(*b));
+      const double turn_rad = std::asin(std::min(1.0, across.norm()));
+      if (turn_rad <= chosen.turn_rad) continue;
+      chosen.turn_rad = turn_rad;
+      chosen.axis = across.normalized();
+    }
+  }
+  return chosen;
+}
+
+// How far the patient is along the axis of the turn in each frame, zero mean [m], and the same some time before and
+// after.
+struct Signal {
+  Eigen::VectorXd along_m;
+  Eigen::MatrixXd shifted_m;  // A column for each of kLags_s.
+  double rms_m = 0;
+};
+
+// Between frames linear; before the first and after the last as there.
+double valueAt(const Chosen& chosen, const Eigen::VectorXd& values, double time_s) {
+  const auto after = std::lower_bound(chosen.frames.begin(), chosen.frames.end(), time_s,
+                                      [](const MovingFrame* frame, double t) { return frame->time_s < t; });
+  if (after == chosen.frames.begin()) return values[0];
+  if (after == chosen.frames.end()) return values[values.size() - 1];
+  const auto i = static_cast<Eigen::Index>(after - chosen.frames.begin());
+  const double from_s = (*(after - 1))->time_s, to_s = (*after)->time_s;
+  const double share = to_s > from_s ? (time_s - from_s) / (to_s - from_s) : 0;
+  return (1 - share) * values[i - 1] + share * values[i];
+}
+
+Signal signalOf(const Chosen& chosen) {
+  const auto n = static_cast<Eigen::Index>(chosen.frames.size());
+  Signal signal{Eigen::VectorXd(n), Eigen::MatrixXd::Zero(n, static_cast<Eigen::Index>(kLags_s.size())), 0};
+  for (Eigen::Index f = 0; f < n; ++f) {
+    const MovingFrame& frame = *chosen.frames[static_cast<std::size_t>(f)];
+    const Eigen::Vector3d seen =
+        frame.T_camera_patient.inverse() * (frame.evidence->T_camera_centered * frame.evidence->middle);
+    signal.along_m[f] = chosen.axis.dot(seen);
+  }
+  signal.along_m.array() -= signal.along_m.mean();
+  signal.rms_m = std::sqrt(signal.along_m.squaredNorm() / static_cast<double>(n));
+  if (!(signal.rms_m > kStill_m)) {
+    signal.along_m.setZero();
+    return signal;
+  }
+  for (std::size_t k = 0; k < kLags_s.size(); ++k) {
+    for (Eigen::Index f = 0; f < n; ++f) {
+      const double time_s = chosen.frames[static_cast<std::size_t>(f)]->time_s - kLags_s[k];
+      signal.shifted_m(f, static_cast<Eigen::Index>(k)) = valueAt(chosen, signal.along_m, time_s);
+    }
+  }
+  return signal;
+}
+
+Moments momentsOf(const Signal& signal, std::vector<Eigen::Index> of_group, double unexplained_m, double amplitude_m) {
+  const Eigen::MatrixXd moves = kAcross * kAcross * signal.along_m * signal.along_m.transpose() +
+                                kOfLag * kOfLag * signal.shifted_m * signal.shifted_m.transpose();
+  Moments moments;
+  moments.of_group = std::move(of_group);
+  moments.shift_m2 = moves;
+  moments.shift_m2.diagonal().array() += unexplained_m * unexplained_m;
+  const double bends = kBends / std::max(0.1e-3, amplitude_m);
+  moments.deformation = bends * bends * moves;
+  moments.deformation.array() += 1;
+  return moments;
+}
+
+// All frames' observations about one pose of the patient and the displacements at each.
+class Window {
+ public:
+  Window(const Chosen& chosen, const Pose& T_patient_centered) : T_patient_centered_(T_patient_centered) {
+    const std::size_t each = std::max<std::size_t>(8, kMostGroups / chosen.frames.size());
+    for (std::size_t f = 0; f < chosen.frames.size(); ++f) {
+      const FrameEvidence& evidence = *chosen.frames[f]->evidence;
+      const std::size_t stride = (evidence.groups.size() + each - 1) / each;
+      for (std::size_t i = 0; i < evidence.groups.size(); i += stride) {
+        const ResidualGroup& group = evidence.groups[i];
+        const auto there = evidence.camera.project(evidence.T_camera_centered * group.at);
+        if (!there || !(group.normal.squaredNorm() > 1e-6)) continue;
+        // Means over a group are not quite those of its mean place.
+        const double offset_px = group.residual_px - group.normal.dot(*there - group.pixel);
+        observations_.push_back({&group, &evidence.camera, chosen.frames[f]->T_camera_patient, offset_px,
+                                 static_cast<Eigen::Index>(f), Eigen::Vector3d::Zero()});
+      }
+    }
+  }
+
+  std::size_t size() const { return observations_.size(); }
+
+  // Linear about the pose and the displacements as they are.
+  std::vector<ResidualGroup> groups() const {
+    std::vector<ResidualGroup> result;
+    for (const Observation& o : observations_) {
+      const Pose T = o.T_camera_patient * T_patient_centered_;
+      ResidualGroup group = *o.group;
+      const Eigen::Vector3d displaced = group.at + o.displacement;
+      Eigen::Matrix<double, 2, 3> J;
+      const auto there = o.camera->project(T * displaced, &J);
+      if (there) {
+        group.gradient = T.linear().transpose() * J.transpose() * group.normal;
+        group.jacobian << group.gradient, displaced.cross(group.gradient);
+        group.residual_px = group.normal.dot(*there - group.pixel) + o.offset_px - group.gradient.dot(o.displacement);
+      }
+      result.push_back(group);
+    }
+    return result;
+  }
+
+  std::vector<Eigen::Index> moments() const {
+    std::vector<Eigen::Index> result;
+    for (const Observation& o : observations_) result.push_back(o.moment);
+    return result;
+  }
+
+  void take(const DeformationPosterior& posterior) {
+    for (std::size_t from = 0, to = 0; from < observations_.size(); from = to) {
+      const Eigen::Index moment = observations_[from].moment;
+      while (to < observations_.size() && observations_[to].moment == moment) ++to;
+      Eigen::Matrix3Xd at(3, static_cast<Eigen::Index>(to - from));
+      for (std::size_t i = from; i < to; ++i) at.col(static_cast<Eigen::Index>(i - from)) = observations_[i].group->at;
+      const Eigen::Matrix3Xd displacements_m = posterior.displacements(at, moment);
+      for (std::size_t i = from; i < to; ++i) {
+        observations_[i].displacement = displacements_m.col(static_cast<Eigen::Index>(i - from));
+      }
+    }
+    T_patient_centered_ = T_patient_centered_ * expSE3(posterior.twist());
+    T_patient_centered_.linear() = nearestRotation(T_patient_centered_.linear());
+  }
+
+  void drop(const Eigen::VectorXd& normalized) {
+    std::vector<Observation> kept;
+    for (std::size_t i = 0; i < observations_.size(); ++i) {
+      if (std::abs(normalized[static_cast<Eigen::Index>(i)]) <= kMismatch) kept.push_back(observations_[i]);
+    }
+    observations_ = std::move(kept);
+  }
+
+  const Pose& T_patient_centered() const { return T_patient_centered_; }
+
+ private:
+  struct Observation {
+    const ResidualGroup* group;
+    const XrayCamera* camera;
+    Pose T_camera_patient;
+    double offset_px;
+    Eigen::Index moment;
+    Eigen::Vector3d displacement;
+  };
+  std::vector<Observation> observations_;
+  Pose T_patient_centered_;
+};
+
+// The size for which the residuals speak most; asked of some of them.
+double unexplainedBy(const std::vector<ResidualGroup>& groups, const std::vector<Eigen::Index>& of_group,
+                     const Signal& signal, const ErrorSizes& sizes, double length_m) {
+  std::vector<ResidualGroup> some;
+  std::vector<Eigen::Index> their;
+  const std::size_t stride = (groups.size() + kMostAsked - 1) / kMostAsked;
+  for (std::size_t i = 0; i < groups.size(); i += stride) {
+    some.push_back(groups[i]);
+    their.push_back(of_group[i]);
+  }
+  const DeformationProcess process(some, length_m, DeformationPosterior::kGrowth);
+  double best = -1e300;
+  std::vector<std::pair<double, double>> tried;
+  for (const double unexplained_m : kUnexplained_m) {
+    const Moments moments = momentsOf(signal, their, unexplained_m, sizes.deformation_m);
+    const double log_likelihood = restrictedLogLikelihood(process, some, moments, sizes);
+    if (!std::isfinite(log_likelihood)) continue;
+    tried.emplace_back(log_likelihood, unexplained_m);
+    best = std::max(best, log_likelihood);
+  }
+  double sum = 0, mean2_m2 = 0;
+  for (const auto& [log_likelihood, unexplained_m] : tried) {
+    const double probability = std::exp(log_likelihood - best);
+    sum += probability;
+    mean2_m2 += probability * unexplained_m * unexplained_m;
+  }
+  return sum > 0 ? std::sqrt(mean2_m2 / sum) : kUnexplained_m.back();
+}
+
+}  // namespace
+
+std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& frames, const XrayView& view,
+                                               const PosePrior& prior, const VesselTree& tree) {
+  const Chosen chosen = choose(frames);
+  if (chosen.frames.size() < static_cast<std::size_t>(kFewestFrames) || !(chosen.turn_rad >= kFewestTurn_rad)) {
+    return std::nullopt;
+  }
+  const MovingFrame& newest = *chosen.frames.back();
+  const FrameEvidence& evidence = *newest.evidence;
+  if (evidence.groups.size() < static_cast<std::size_t>(kFewestGroups)) return std::nullopt;
+  const Pose T_patient_camera = newest.T_camera_patient.inverse();
+  const Signal signal = signalOf(chosen);
+  const ErrorSizes sizes =
+      errorSizes(DeformationProcess(evidence.groups, kLength_m, DeformationPosterior::kGrowth), evidence.groups);
+
+  // The belief is of the patient: the centred model's axes are the same in every frame.
+  PosePriorTerm belief = beliefOf(prior, OrientedKernelSettings{}, evidence.centroid);
+  belief.T0_camera_centered = T_patient_camera * belief.T0_camera_centered;
+  Window window(chosen, T_patient_camera * evidence.T_camera_centered);
+  std::shared_ptr<const DeformationPosterior> posterior;
+  double unexplained_m = 0;
+  for (int round = 0; round < kRounds; ++round) {
+    if (window.size() < static_cast<std::size_t>(kFewestGroups)) return std::nullopt;
+    const auto groups = window.groups();
+    if (round == 0) unexplained_m = unexplainedBy(groups, window.moments(), signal, sizes, kLength_m);
+    posterior = std::make_shared<DeformationPosterior>(
+        groups, momentsOf(signal, window.moments(), unexplained_m, sizes.deformation_m), sizes, belief,
+        window.T_patient_centered(), kLength_m);
+    if (!posterior->known()) return std::nullopt;
+    window.take(*posterior);
+    if (round + 1 < kRounds) window.drop(posterior->normalizedLeftover());
+  }
+  const Pose T_camera_centered = newest.T_camera_patient * window.T_patient_centered();
+  DepthFromMotion result;
+  RegistrationResult& seen = result.registration;
+  seen.T_camera_model = T_camera_centered * Eigen::Translation3d(-evidence.centroid);
+  const Eigen::Matrix3Xd centered = tree.points().colwise() - evidence.centroid;
+  seen.displacements_m = posterior->displacements(centered);
+  seen.covariance = covarianceOfResult(posterior->twistCovariance(), seen.T_camera_model, evidence.centroid);
+  seen.noise_covariance = covarianceOfResult(posterior->noiseCovariance(), seen.T_camera_model, evidence.centroid);
+  seen.deformation_std_m = posterior->amplitude_m();
+  seen.spread = spreadOf(*posterior, centered, T_camera_centered);
+  seen.points = std::make_shared<FitUncertainty>(posterior, T_camera_centered.linear(), evidence.centroid);
+  seen.points_3d = tree.size();
+  seen.points_2d = view.centerline.size();
+  seen.agreement = agreementOf(tree, tree.points() + seen.displacements_m, {view}, seen.T_camera_model);
+  classify(tree, seen);
+  result.turn_rad = chosen.turn_rad;
+  result.frames = static_cast<int>(chosen.frames.size());
+  result.patient_motion_m = signal.rms_m;
+  result.unexplained_m = unexplained_m;
+  return result;
+}
+
+}  // namespace angio::registration
