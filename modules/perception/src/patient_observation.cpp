@@ -16,6 +16,8 @@ double maxStd(const Eigen::Matrix<double, N, N>& covariance) {
 
 }  // namespace
 
+double worstStd_m(const Eigen::Matrix3d& covariance_m2) { return maxStd<3>(covariance_m2); }
+
 Eigen::Matrix3d PatientObservation::pointCovariance(const Eigen::Vector3d& p_model,
                                                     const Eigen::Matrix3d& R_axes_camera) const {
   if (points) return R_axes_camera * points->covarianceAt(p_model) * R_axes_camera.transpose();
@@ -29,7 +31,7 @@ double PatientObservation::depthStd_m(const Eigen::Vector3d& p_model) const {
 }
 
 double PatientObservation::worstStd_m(const Eigen::Vector3d& p_model) const {
-  return maxStd<3>(pointCovariance(p_model));
+  return angio::perception::worstStd_m(pointCovariance(p_model));
 }
 
 // Of the point p where it is seen: d(x - z p.x / p.z) and the same of y.

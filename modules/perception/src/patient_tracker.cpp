@@ -6,6 +6,19 @@
 #include "angio/perception/patient_observation.hpp"
 
 namespace angio::perception {
+namespace {
+
+Matrix6d evenCovariance(double translation_mm, double rotation_deg) {
+  Vector6d std_deviation;
+  std_deviation << Eigen::Vector3d::Constant(translation_mm * 1e-3), Eigen::Vector3d::Constant(degToRad(rotation_deg));
+  return std_deviation.cwiseAbs2().asDiagonal();
+}
+
+}  // namespace
+
+Matrix6d PatientTrackerSettings::calibrationCovariance() const {
+  return evenCovariance(calibration_translation_std_mm, calibration_rotation_std_deg);
+}
 
 PatientTracker::PatientTracker(const PatientTrackerSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
                                const Eigen::Vector3d& centroid_model)
@@ -23,14 +36,11 @@ double PatientTracker::sinceFirst_s(std::int64_t time_us) const {
 PosePrior PatientTracker::predict(const CArmJoints& joints) const { return predict(carm_.T_camera_patient(joints)); }
 
 PosePrior PatientTracker::predict(const Pose& T_camera_patient) const {
-  const double translation_mm =
-      tracking_ ? settings_.tracking_translation_std_mm : settings_.calibration_translation_std_mm;
-  const double rotation_deg = tracking_ ? settings_.tracking_rotation_std_deg : settings_.calibration_rotation_std_deg;
-  Vector6d std_deviation;
-  std_deviation << Eigen::Vector3d::Constant(translation_mm * 1e-3), Eigen::Vector3d::Constant(degToRad(rotation_deg));
   PosePrior prior;
   prior.T_camera_model = T_camera_patient * T_dsa_cb_;
-  prior.covariance = Matrix6d(std_deviation.cwiseAbs2().asDiagonal());
+  prior.covariance = tracking_ ? evenCovariance(PatientTrackerSettings::tracking_translation_std_mm,
+                                                PatientTrackerSettings::tracking_rotation_std_deg)
+                               : settings_.calibrationCovariance();
   return prior;
 }
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "angio/base/errors.hpp"
-#include "angio/perception/patient_observation.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/types/channels.hpp"
 #include "angio/types/time_stamp.hpp"
 
@@ -46,7 +46,7 @@ std::optional<std::string> RegistrationGate::rejection(const XrayFrame& frame, c
 std::optional<std::string> RegistrationGate::rejection(const RegistrationResult& seen, const Pose& calibrated,
                                                        const std::optional<Pose>& predicted) const {
   if (const auto why = contradiction(seen, calibrated, predicted)) return why;
-  return tooUnsure(seen);
+  return tooUnsure({seen.T_camera_model, *seen.covariance, seen.points});
 }
 
 std::optional<std::string> RegistrationGate::contradiction(const RegistrationResult& seen, const Pose& calibrated,
@@ -54,6 +54,11 @@ std::optional<std::string> RegistrationGate::contradiction(const RegistrationRes
   if (seen.status != RegistrationStatus::kConverged) {
     return "registration " + statusName(seen.status) + ": " + seen.reason;
   }
+  return misplaced(seen, calibrated, predicted);
+}
+
+std::optional<std::string> RegistrationGate::misplaced(const RegistrationResult& seen, const Pose& calibrated,
+                                                       const std::optional<Pose>& predicted) const {
   if (!seen.T_camera_model.matrix().allFinite() || !seen.covariance || !seen.covariance->allFinite()) {
     return "registration is not finite";
   }
@@ -71,11 +76,17 @@ std::optional<std::string> RegistrationGate::contradiction(const RegistrationRes
   return std::nullopt;
 }
 
-std::optional<std::string> RegistrationGate::tooUnsure(const RegistrationResult& seen) const {
-  const PatientObservation patient{seen.T_camera_model, *seen.covariance, seen.points};
+std::optional<std::string> RegistrationGate::tooUnsure(const PatientObservation& patient) const {
   const double std_mm =
-      1e3 * (need_ == TargetNeed::kAcrossBeam ? patient.worstStdAcross_m(target_) : patient.worstStd_m(target_));
+      1e3 * (need_ == TargetNeed::kEverywhere ? patient.worstStd_m(target_) : patient.worstStdAcross_m(target_));
   if (!(std_mm <= settings_.max_target_std_mm)) {
+    const double across_mm = 1e3 * patient.worstStdAcross_m(target_);
+    if (across_mm <= settings_.max_target_std_mm) {
+      return formatted(
+          "uncertainty of the target is %.1f mm across the beam and %.1f mm in its worst direction, of %g mm "
+          "allowed: centre may go on, view, hold and navigate may not; resolve_depth turns the arm for it",
+          across_mm, std_mm, settings_.max_target_std_mm);
+    }
     return over("uncertainty of the target [mm]", std_mm, settings_.max_target_std_mm);
   }
   return std::nullopt;

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "angio/perception/depth_window.hpp"
 #include "angio/perception/frame_geometry.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/perception.hpp"
@@ -20,6 +21,17 @@ struct GatedObservation {
 
   /// Whether a sound registration says what cannot be: it converged, far from calibration or prediction.
   bool contradicts() const { return rejection && observation.registration.status == RegistrationStatus::kConverged; }
+};
+
+/// Where the target was in a frame, by that and the frames before it, from other places of the C-arm.
+struct ResolvedDepth {
+  Eigen::Vector3d target_camera = Eigen::Vector3d::Zero();  ///< [m].
+  Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();  ///< Of it, camera axes.
+  Pose T_camera_patient = Pose::Identity();                 ///< Where the camera was.
+  DepthFromMotion fit;
+
+  /// Returns the standard deviation of the target in its worst direction [m].
+  double worstStd_m() const { return angio::perception::worstStd_m(covariance_m2); }
 };
 
 /// What frames are observed with, and which observations are used. The same settings track the same frames alike.
@@ -43,7 +55,11 @@ class GatedPerception {
       : carm_(settings.carm),
         target_(settings.target_model.value_or(tree.centroid())),
         perception_(settings.perception, settings.carm, settings.T_dsa_cb, tree, point),
-        gate_(settings.gate, target_, settings.need) {}
+        gate_(settings.gate, target_, settings.need),
+        need_(settings.need),
+        tree_(tree),
+        window_(tree),
+        prior_(settings.perception.tracker.calibrationCovariance()) {}
 
   /// Why a frame must not be read with these joints, or contradicts the calibrated geometry; nothing when it may.
   std::optional<std::string> rejection(const XrayFrame& frame, const CArmState& state) const {
@@ -66,10 +82,14 @@ class GatedPerception {
 
   /// Learns how the patient moves, when what a frame was wanted for is out. Takes some milliseconds now and then, and
   /// as long as one search while ReadingSearch looks at frames none of which has registered yet.
-  void learn() {
-    perception_.learn();
-    reading_.tryNext(perception_, gate_);
-  }
+  /// Where depth is being found (TargetNeed::kResolvingDepth) also resolveDepth(), when the C-arm has come to rest.
+  void learn();
+
+  /// Asks all frames of the last seconds together for the depth. Takes half a second for a large tree.
+  void resolveDepth();
+
+  /// What that said last; nothing before, or where it did not tell.
+  const std::optional<ResolvedDepth>& resolved() const { return resolved_; }
 
   ModelId modelId() const { return perception_.modelId(); }
 
@@ -80,12 +100,17 @@ class GatedPerception {
   Pose tracked_T_camera_model(const CArmJoints& joints) const { return perception_.tracked_T_camera_model(joints); }
 
  private:
-  GatedObservation gated(Observation observation, const CameraPlace& place);
+  GatedObservation gated(Observation observation, const XrayView* view, const CameraPlace& place);
 
   CArmGeometry carm_;
   Eigen::Vector3d target_;
   Perception perception_;
   RegistrationGate gate_;
+  TargetNeed need_;
+  VesselTree tree_;
+  DepthWindow window_;
+  Matrix6d prior_;  // Of the calibrated pose.
+  std::optional<ResolvedDepth> resolved_;
   FocalLengthMonitor focal_length_;
   ReadingSearch reading_;
 };

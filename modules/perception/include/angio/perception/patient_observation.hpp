@@ -9,6 +9,9 @@
 
 namespace angio::perception {
 
+/// Returns the standard deviation in the worst direction [m], of a covariance [m^2].
+double worstStd_m(const Eigen::Matrix3d& covariance_m2);
+
 /// Where one trusted frame shows the model: a pose, its covariance, and what is known of single points.
 struct PatientObservation {
   Pose T_camera_model = Pose::Identity();

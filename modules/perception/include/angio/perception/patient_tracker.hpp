@@ -40,6 +40,9 @@ struct PatientTrackerSettings {
   /// deformed, and trusted when that explains it and deforms it by no more than this (rms over the tree); 0: not asked.
   double max_deformation_mm = 4;
 
+  /// Of the calibrated pose's twist about the tree's centroid, as PosePrior has it.
+  Matrix6d calibrationCovariance() const;
+
   void visit(SettingsVisitor& v) {
     v.number("calibration_rotation_std_deg", calibration_rotation_std_deg, 1e-3, 90);
     v.number("calibration_translation_std_mm", calibration_translation_std_mm, 1e-3, 1000);

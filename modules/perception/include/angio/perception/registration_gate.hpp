@@ -8,6 +8,7 @@
 
 #include "angio/geometry/carm.hpp"
 #include "angio/messaging/messages.hpp"
+#include "angio/perception/patient_observation.hpp"
 #include "angio/perception/target_need.hpp"
 #include "angio/registration/registration.hpp"
 
@@ -60,8 +61,12 @@ class RegistrationGate {
   std::optional<std::string> contradiction(const RegistrationResult& seen, const Pose& calibrated,
                                            const std::optional<Pose>& predicted) const;
 
-  /// The second half: why a registration that is right does not say enough of the target; nothing when it does.
-  std::optional<std::string> tooUnsure(const RegistrationResult& seen) const;
+  /// What of the first half does not ask for the status: why a registration is not where the tree can be.
+  std::optional<std::string> misplaced(const RegistrationResult& seen, const Pose& calibrated,
+                                       const std::optional<Pose>& predicted) const;
+
+  /// The second half: why what is right does not say enough of the target; nothing when it does.
+  std::optional<std::string> tooUnsure(const PatientObservation& patient) const;
 
  private:
   std::optional<std::string> tooFar(const Pose& seen, const Pose& expected, double max_deg, double max_mm,

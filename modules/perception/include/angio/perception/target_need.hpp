@@ -7,8 +7,9 @@ namespace angio::perception {
 
 /// The directions in which the target's uncertainty must be small before a task may move the machine.
 enum class TargetNeed {
-  kAcrossBeam,  ///< In the image. Depth may be open, as one view of a deformed tree leaves it.
-  kEverywhere,  ///< Depth included.
+  kAcrossBeam,     ///< In the image. Depth may be open, as one view of a deformed tree leaves it.
+  kEverywhere,     ///< Depth included.
+  kResolvingDepth  ///< In the image; depth is being found, by frames from several places of the C-arm.
 };
 
 }  // namespace angio::perception
