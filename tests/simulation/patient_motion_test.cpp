@@ -37,6 +37,23 @@ TEST(PatientMotion, NothingHasMovedAtTimeZero) {
   EXPECT_FALSE(PatientMotion({}, kCenter, kTurned, 7).moves());
 }
 
+// Over many seeds, since four waves over a tree's extent are few.
+TEST(PatientMotion, BendsByTheSameAtAllTimes) {
+  MotionSettings settings;
+  settings.bend.rms_mm = 4;
+  test::Random random(2);
+  double squares_mm2 = 0;
+  constexpr int kSeeds = 200;
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    const PatientMotion motion(settings, kCenter, kTurned, static_cast<std::uint64_t>(seed));
+    EXPECT_TRUE(motion.moves());
+    const Eigen::Vector3d at = kCenter + random.vector(0.1), bent = motion.displacement(at, 0);
+    EXPECT_EQ(bent, motion.displacement(at, 3.2));
+    squares_mm2 += 1e6 * bent.squaredNorm() / kSeeds;
+  }
+  EXPECT_NEAR(std::sqrt(squares_mm2), 4, 0.4);
+}
+
 TEST(PatientMotion, IsSmoothInSpaceAndTimeAndTheSameAgain) {
   const PatientMotion motion(everything(), kCenter, kTurned, 7), again(everything(), kCenter, kTurned, 7);
   test::Random random(2);

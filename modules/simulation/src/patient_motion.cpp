@@ -12,6 +12,19 @@ PatientMotion::PatientMotion(const MotionSettings& settings, const Eigen::Vector
                              const Eigen::Matrix3d& R_lps_model, std::uint64_t seed)
     : settings_(settings), center_model_(center_model), R_lps_model_(R_lps_model), seed_(seed) {
   checkSettings("motion", settings);
+  constexpr int kWaves = 4;
+  Uniform uniform(seed_ + 77);
+  const auto direction = [&] {
+    const double z = uniform(-1, 1), angle = uniform(0, 2 * kPi), r = std::sqrt(1 - z * z);
+    return Eigen::Vector3d(r * std::cos(angle), r * std::sin(angle), z);
+  };
+  for (int k = 0; settings_.bend.rms_mm > 0 && k < kWaves; ++k) {
+    // The mean square of a sine is a half.
+    const Eigen::Vector3d amplitude_m = 1e-3 * settings_.bend.rms_mm * std::sqrt(2.0 / kWaves) * direction();
+    const double wavelength_m = 1e-3 * BendSettings::wavelength_mm * uniform(1, 2);
+    const Eigen::Vector3d along = direction();
+    bend_.push_back({amplitude_m, 2 * kPi / wavelength_m * along, uniform(0, 2 * kPi)});
+  }
 }
 
 // Breathing in, 0..1 of the usual depth: sin^2n over each breath, which has an amplitude of its own.
@@ -60,6 +73,7 @@ Eigen::Vector3d PatientMotion::displacement(const Eigen::Vector3d& p_model, doub
     const double turn_rad = degToRad(h.turn_deg) * h.amplitude_mm / 10 * fading * std::exp(-0.5);
     moved += -amplitude / reach * fading * from + turn_rad * axis.cross(from);
   }
+  for (const Wave& wave : bend_) moved += wave.amplitude_m * std::sin(wave.number_per_m.dot(p) + wave.phase_rad);
   return R_lps_model_.transpose() * moved;
 }
 
@@ -88,7 +102,7 @@ bool PatientMotion::moves() const {
   const BreathingSettings& b = settings_.breathing;
   const ShiftSettings& s = settings_.shift;
   const auto any = [](const double* v) { return v[0] != 0 || v[1] != 0 || v[2] != 0; };
-  return b.amplitude_mm > 0 || b.drift_mm_per_min != 0 || settings_.heartbeat.amplitude_mm > 0 ||
+  return !bend_.empty() || b.amplitude_mm > 0 || b.drift_mm_per_min != 0 || settings_.heartbeat.amplitude_mm > 0 ||
          any(s.drift_mm_per_min) || any(s.sudden_mm) || s.sudden_turn_deg != 0;
 }
 

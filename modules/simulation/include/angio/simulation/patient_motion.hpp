@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <vector>
 
 #include "angio/geometry/se3.hpp"
 #include "angio/simulation/motion_settings.hpp"
@@ -11,7 +12,7 @@
 namespace angio::simulation {
 
 /// How a patient's inside moves: a smooth field of displacement, known at every point and time, and the same whenever
-/// it is asked. At time 0 nothing has moved.
+/// it is asked. At time 0 nothing has moved, but for what bends the tree at all times.
 class PatientMotion {
  public:
   /// @param centre_model  The tree's centroid, model frame [m]. @param R_lps_model  Axes L, P, S from the model's.
@@ -19,7 +20,7 @@ class PatientMotion {
   PatientMotion(const MotionSettings& settings, const Eigen::Vector3d& center_model, const Eigen::Matrix3d& R_lps_model,
                 std::uint64_t seed);
 
-  /// Displacement by breathing and heartbeat of what is at `p_model` [m] when nothing moves, model axes [m].
+  /// Displacement by breathing, heartbeat and bend of what is at `p_model` [m] when nothing moves, model axes [m].
   Eigen::Vector3d displacement(const Eigen::Vector3d& p_model, double time_s) const;
 
   /// The same of 3 x N points.
@@ -44,6 +45,11 @@ class PatientMotion {
   Eigen::Vector3d center_model_;
   Eigen::Matrix3d R_lps_model_;
   std::uint64_t seed_;
+  struct Wave {
+    Eigen::Vector3d amplitude_m, number_per_m;
+    double phase_rad;
+  };
+  std::vector<Wave> bend_;
 };
 
 }  // namespace angio::simulation

@@ -62,15 +62,26 @@ struct ShiftSettings {
   }
 };
 
+/// How the patient's vessels differ from the tree at all times, as they do when the tree is of another day, position or
+/// breath: four plane waves of displacement.
+struct BendSettings {
+  double rms_mm = 0;                            ///< Of the displacements' lengths.
+  static constexpr double wavelength_mm = 200;  ///< Of the shortest wave; of the longest twice as much.
+
+  void visit(SettingsVisitor& v) { v.number("rms_mm", rms_mm, 0, 30); }
+};
+
 struct MotionSettings {
   BreathingSettings breathing;
   HeartbeatSettings heartbeat;
   ShiftSettings shift;
+  BendSettings bend;
 
   void visit(SettingsVisitor& v) {
     v.section("breathing", [this](SettingsVisitor& s) { breathing.visit(s); });
     v.section("heartbeat", [this](SettingsVisitor& s) { heartbeat.visit(s); });
     v.section("shift", [this](SettingsVisitor& s) { shift.visit(s); });
+    v.section("bend", [this](SettingsVisitor& s) { bend.visit(s); });
   }
 };
 
