@@ -68,6 +68,7 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
   const double duration_s = o.duration_s.value_or(0);
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(duration_s);
   std::int64_t frames = 0, held = 0;
+  bool reached = false;
   LoopWarnings warnings("angio-servo");
   while (!stopped && (duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
     bus->handle(std::chrono::milliseconds(20));
@@ -81,6 +82,8 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
     held += report->hold_reason.has_value();
     if (report->hold_reason)
       std::cerr << "frame " << report->command.frame_sequence << " held: " << *report->hold_reason << "\n";
+    if (report->task.reached && !reached && report->task.remark) std::cerr << *report->task.remark << "\n";
+    reached = report->task.reached;
   }
   std::cout << frames << " frames answered, " << held << " held, " << node.refused() << " messages refused\n";
   log.finish();

@@ -183,7 +183,7 @@ TaskAnswer CenterTask::answer(const TaskInput& input) {
   if (!wanted) return hold("the table does not move the image");
   answer.velocity = wanted;
   answer.target_off_m = (across * point.position).norm();
-  answer.unused = contradiction(input, point.position.z());
+  answer.remark = contradiction(input, point.position.z());
   answer.reached = *answer.target_off_m <= 1e-3 * settings_.reached_mm;
   return answer;
 }

@@ -201,6 +201,8 @@ std::optional<CArmJoints> ServoLoop::wantedVelocity(const XrayFrame& frame, cons
                   period_s,
                   settings_.latency_s};
   input.place = report.observation.place;
+  input.points = report.patient->points;
+  if (perception_.resolved()) input.depth = &*perception_.resolved();
   if (task_->followsTip()) {
     report.hold_reason = tipRejection(external);
     if (report.hold_reason) {

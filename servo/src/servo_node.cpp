@@ -31,7 +31,7 @@ ServoStatus servoStatus(const ServoReport& report) {
   status.time_us = report.command.time_us;
   status.frame_sequence = report.command.frame_sequence;
   status.state = report.hold_reason ? ServoState::kHold : ServoState::kServo;
-  status.reason = report.hold_reason.value_or(report.task.unused.value_or(""));
+  status.reason = report.hold_reason.value_or(report.task.remark.value_or(""));
   if (report.task.view_error) {
     status.view_error_rad = report.task.view_error->direction_rad;
     status.target_error_m = report.task.view_error->target_m;

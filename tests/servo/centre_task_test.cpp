@@ -147,17 +147,17 @@ TEST_F(CenterInputs, WhatIsSeenAroundTheTargetAndNotBelievedIsSaid) {
     return task_->answer(in);
   };
   const TaskAnswer contradicted = answer(3, 1e-3, 1);
-  ASSERT_TRUE(contradicted.unused && contradicted.velocity);
-  EXPECT_NE(contradicted.unused->find("shows it 3.0 mm off the registration"), std::string::npos)
-      << *contradicted.unused;
+  ASSERT_TRUE(contradicted.remark && contradicted.velocity);
+  EXPECT_NE(contradicted.remark->find("shows it 3.0 mm off the registration"), std::string::npos)
+      << *contradicted.remark;
   EXPECT_LT(contradicted.pixel_error->norm(), 1e-2 * off_px.norm()) << "not used";
-  EXPECT_FALSE(answer(3, 0.99, 1).unused) << "believed";
-  EXPECT_FALSE(answer(0.5, 1e-3, 0.1).unused) << "centred either way";
-  EXPECT_FALSE(answer(3, 1e-3, off_px.norm()).unused) << "unsure";
+  EXPECT_FALSE(answer(3, 0.99, 1).remark) << "believed";
+  EXPECT_FALSE(answer(0.5, 1e-3, 0.1).remark) << "centred either way";
+  EXPECT_FALSE(answer(3, 1e-3, off_px.norm()).remark) << "unsure";
 
   ServoReport report;
   report.task = contradicted;
-  EXPECT_EQ(servoStatus(report).reason, *contradicted.unused);
+  EXPECT_EQ(servoStatus(report).reason, *contradicted.remark);
   report.hold_reason = "a doubt";
   EXPECT_EQ(servoStatus(report).reason, "a doubt");
 }

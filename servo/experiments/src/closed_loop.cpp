@@ -31,6 +31,7 @@ Eigen::Vector3d targetOf(const VesselTree& tree, const ServoLoopSettings& loop) 
 // Where the image of a target is wanted [rays with z = 1]: at the principal point, beside it, or where it was at first.
 std::optional<Eigen::Vector2d> wantedRay(const ServoLoopSettings& loop) {
   if (std::holds_alternative<HoldTaskSettings>(loop.task)) return std::nullopt;
+  if (std::holds_alternative<ResolveDepthTaskSettings>(loop.task)) return std::nullopt;
   const auto* center = std::get_if<CenterTaskSettings>(&loop.task);
   if (!center) return Eigen::Vector2d::Zero();
   const auto camera = loop.carm.camera().parameters();

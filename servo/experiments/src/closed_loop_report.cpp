@@ -26,7 +26,8 @@ cv::Mat overlayOf(const ClosedLoopSnapshot& snapshot, const VesselTree& tree, co
   scene.image = snapshot.frame.image;
   scene.centerline = &snapshot.centerline;
   scene.trees.push_back({snapshot.predicted_T_camera_model, {}, kStartColor, "tree where the calibration puts it"});
-  scene.trees.push_back({snapshot.registration.T_camera_model, {}, kModelColor, "tree as registered"});
+  scene.trees.push_back(
+      {snapshot.registration.T_camera_model, snapshot.registration.displacements_m, kModelColor, "tree as registered"});
   scene.caption =
       when + formatted(": registration %s, mean residual %.2f px", statusName(snapshot.registration.status).c_str(),
                        snapshot.registration.agreement.model_residual_px);
@@ -129,6 +130,10 @@ Json closedLoopSummary(const ClosedLoopRun& r) {
              {"", "held", "sum", [](F f) { return f.hold_reason.has_value(); }}},
             summary);
   summary["commands_fingerprint"] = fingerprintOf(r.closed);
+  if (!r.closed.empty()) {
+    const ClosedLoopFrame& last = r.closed.back();
+    if (const auto& said = last.hold_reason ? last.hold_reason : last.task.remark) summary["said_last"] = *said;
+  }
   if (r.has_view) {
     summary["final_error"] = {{"closed_loop", errorAsJson(r.closed_end)}, {"open_loop", errorAsJson(r.open_end)}};
     const auto settled_s = settlingTime_s(r);
@@ -157,6 +162,7 @@ std::string closedLoopTable(const Json& summary) {
   std::string table =
       filled("{frames:%d} frames, {registered:%d} registered, {held:%d} held; commands {commands_fingerprint:%s}\n\n",
              summary);
+  if (summary.contains("said_last")) table += filled("the last frame: {said_last:%s}\n\n", summary);
   if (summary.contains("target_off")) {
     table += filled(
         "target off its place       rms [mm]   worst [mm]\n"

@@ -95,6 +95,9 @@ class ServoLoop {
   const Eigen::Vector3d& target_model() const { return target_; }
   const Task& task() const { return *task_; }
 
+  /// Where the target was by the frames of a turn, of a task that resolves its depth; nothing before it is known.
+  const std::optional<ResolvedDepth>& resolvedDepth() const { return perception_.resolved(); }
+
   /// GatedPerception::focalLengthWarning().
   std::optional<std::string> focalLengthWarning() const { return perception_.focalLengthWarning(); }
 

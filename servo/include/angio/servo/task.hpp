@@ -6,6 +6,7 @@
 #include <string>
 
 #include "angio/messaging/messages.hpp"
+#include "angio/perception/gated_perception.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/point_of_interest.hpp"
 #include "angio/servo/desired_view.hpp"
@@ -35,6 +36,11 @@ struct TaskInput {
 
   /// What the frame shows of the place that the task watches; nothing: only what the registration says.
   std::optional<PointObservation> place = std::nullopt;
+
+  /// What the frame's registration knows of single points; null: the covariance says all.
+  std::shared_ptr<const PointUncertainty> points = nullptr;
+  /// Where the target was by the frames of a turn, for a task that resolves its depth; null: not known yet. Borrowed.
+  const ResolvedDepth* depth = nullptr;
 };
 
 /// What a task wants. The default stands still.
@@ -45,7 +51,7 @@ struct TaskAnswer {
   std::optional<Eigen::Vector2d> pixel_error;  ///< From the target's desired pixel, where the task has one ...
   std::optional<double> target_off_m;          ///< ... and the same across the beam, at the target's own depth [m].
   bool reached = false;                        ///< The task's end is reached; it goes on keeping it.
-  std::optional<std::string> unused;           ///< What the frame shows and the task does not go by, and why.
+  std::optional<std::string> remark;           ///< What a person should know of the frame while the task goes on.
 };
 
 /// How far the C-arm is with a view that was asked for.

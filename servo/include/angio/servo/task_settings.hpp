@@ -139,4 +139,21 @@ struct HoldTaskSettings {
   }
 };
 
+/// Find the target's depth by a small turn of the arm, when one view leaves it open: see GatedPerception::resolveDepth.
+struct ResolveDepthTaskSettings {
+  static constexpr const char* kName = "resolve_depth";
+  static constexpr bool kPatientMoves = true;  ///< Frames are looked for where the motion is predicted to be.
+  static constexpr TargetNeed kTargetNeed = TargetNeed::kResolvingDepth;
+
+  double max_std_mm = 3;    ///< Of the target in its worst direction: from there on its depth is known.
+  double max_turn_deg = 6;  ///< Of the primary angle, in all.
+  static constexpr double speed_deg_per_s = 6;
+  static constexpr double watch_s = 4;  ///< Before the turn, standing: a breath, of which way and size are then known.
+
+  void visit(SettingsVisitor& v) {
+    v.number("max_std_mm", max_std_mm, 1e-3, 1000);
+    v.number("max_turn_deg", max_turn_deg, 1, 6);
+  }
+};
+
 }  // namespace angio::servo

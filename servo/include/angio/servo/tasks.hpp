@@ -23,7 +23,7 @@ struct TaskContext {
 };
 
 /// The settings type is the choice of the task.
-using TaskSettings = std::variant<ViewTaskSettings, CenterTaskSettings, HoldTaskSettings>;
+using TaskSettings = std::variant<ViewTaskSettings, CenterTaskSettings, HoldTaskSettings, ResolveDepthTaskSettings>;
 
 /// The name of the task that settings choose: "view".
 std::string nameOf(const TaskSettings& settings);
@@ -49,5 +49,9 @@ std::unique_ptr<Task> make(const CenterTaskSettings& settings, const TaskContext
 /// will move the arm. The command is the first step of a plan that keeps the joints' accelerations and brings the view
 /// nearest to the one at the task's beginning over the next periods, along the predicted motion.
 std::unique_ptr<Task> make(const HoldTaskSettings& settings, const TaskContext& context);
+
+/// Where a frame's covariance leaves the target's depth open, watches the patient breathe, turns the arm by the primary
+/// angle, to the side where it has more room, stands still, and says what all frames together know.
+std::unique_ptr<Task> make(const ResolveDepthTaskSettings& settings, const TaskContext& context);
 
 }  // namespace angio::servo

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+
+#include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/servo/servo_loop.hpp"
+#include "angio/servo/servo_node.hpp"
+#include "angio/simulation/simulated_patient.hpp"
+#include "angio/test/phantoms.hpp"
+#include "drawn_frames.hpp"
+
+namespace angio::test {
+namespace {
+
+constexpr int kSide_px = 512;
+constexpr double kPeriod_s = 1.0 / 15;
+
+// The examples' liver in a patient whose own is bent, under an arm that obeys at once.
+class BentLiver : public testing::Test {
+ protected:
+  BentLiver() {
+    const double side_m = calibration_.carm.pixel_spacing_m * calibration_.carm.image_width_px;
+    calibration_.carm.image_width_px = calibration_.carm.image_height_px = kSide_px;
+    calibration_.carm.pixel_spacing_m = side_m / kSide_px;
+    settings_.carm = calibration_.carm;
+    settings_.T_dsa_cb = calibration_.T_dsa_cb;
+    settings_.R_lps_model = calibration_.R_lps_model;
+    settings_.task = ResolveDepthTaskSettings{};
+    OrientedKernelSettings bending;
+    bending.deformation = Deformation::kNonrigid;
+    settings_.perception.search = settings_.perception.tracking = bending;
+    settings_.latency_s = 0;
+  }
+
+  struct Outcome {
+    ServoReport last;
+    double max_turn_rad = 0, other_joints = 0;
+    double depth_off_m = 0;  // Of the target where it was resolved.
+    std::optional<ResolvedDepth> resolved;
+  };
+
+  Outcome run(double bend_mm, double breathing_mm, double duration_s) {
+    const Eigen::Vector3d target = tree_.centroid();
+    ServoLoop loop(settings_, tree_);
+    SimulatedPatientSettings patient_settings;
+    patient_settings.motion.bend.rms_mm = bend_mm;
+    patient_settings.motion.breathing.amplitude_mm = breathing_mm;
+    const SimulatedPatient patient(tree_, patient_settings, {calibration_.R_lps_model, {}});
+    CArmState state;
+    state.joints = settings_.carm.jointsFor({degToRad(20), degToRad(10)}, calibration_.T_dsa_cb * target);
+    const CArmJoints begin = state.joints;
+    Outcome outcome;
+    for (std::int64_t k = 0; static_cast<double>(k) * kPeriod_s < duration_s; ++k) {
+      const double time_s = static_cast<double>(k) * kPeriod_s;
+      state.time_us = std::llround(1e6 * time_s);
+      state.sequence = k;
+      const Pose T = settings_.carm.T_camera_patient(state.joints) * calibration_.T_dsa_cb;
+      XrayFrame frame{state.time_us, k, {}, settings_.carm.camera()};
+      const XrayScene scene = patient.scene(T, time_s);
+      frame.image =
+          drawnFrame(tree_, (T * scene.pointsOf(tree_)).eval(), frame.camera, static_cast<std::uint64_t>(k), kSide_px);
+      outcome.last = loop.step(frame, state);
+      const bool before = loop.resolvedDepth().has_value();
+      loop.learn();
+      if (loop.resolvedDepth() && !before) {
+        outcome.resolved = loop.resolvedDepth();
+        outcome.depth_off_m = outcome.resolved->target_camera.z() - (T * patient.moved(target, time_s)).z();
+      }
+      state.velocity = outcome.last.command.velocity;
+      state.joints += kPeriod_s * state.velocity;
+      outcome.max_turn_rad = std::max(outcome.max_turn_rad, std::abs(state.joints[0] - begin[0]));
+      outcome.other_joints = std::max(outcome.other_joints, (state.joints - begin).tail<4>().norm());
+      if (outcome.last.task.reached) break;
+    }
+    return outcome;
+  }
+
+  const VesselTree tree_ = readVesselTree(exampleData("hepatic-tace/tree.csv"));
+  CArmCalibration calibration_ = readCArmCalibration(exampleData("hepatic-tace/carm.yaml"));
+  ServoLoopSettings settings_;
+};
+
+TEST_F(BentLiver, IsFoundInDepthByATurn) {
+  const Outcome outcome = run(3, 0, 8);
+  ASSERT_TRUE(outcome.resolved) << outcome.last.hold_reason.value_or("");
+  std::printf("depth off by %.2f mm, claimed %.2f mm, turned by %.2f deg\n", 1e3 * outcome.depth_off_m,
+              1e3 * outcome.resolved->worstStd_m(), radToDeg(outcome.max_turn_rad));
+  EXPECT_TRUE(outcome.last.task.reached) << outcome.last.hold_reason.value_or("");
+  EXPECT_LE(std::abs(outcome.depth_off_m), 3e-3);
+  EXPECT_LE(std::abs(outcome.depth_off_m), 3 * outcome.resolved->worstStd_m());
+  EXPECT_NEAR(radToDeg(outcome.max_turn_rad), 6, 0.15);
+  EXPECT_LE(radToDeg(outcome.max_turn_rad), 6.01);
+  EXPECT_EQ(outcome.other_joints, 0);
+  EXPECT_TRUE(outcome.last.command.velocity.isZero(0));
+  // What it cost, and what is known, for the one who asked.
+  const std::string said = servoStatus(outcome.last).reason;
+  EXPECT_NE(said.find("frames"), std::string::npos) << said;
+  EXPECT_NE(said.find("turn of 6.0 deg"), std::string::npos) << said;
+}
+
+TEST_F(BentLiver, IsFoundInDepthWhileItBreathes) {
+  const Outcome outcome = run(3, 12, 8);
+  ASSERT_TRUE(outcome.resolved) << outcome.last.hold_reason.value_or("");
+  std::printf("breathing: depth off by %.2f mm, claimed %.2f mm\n", 1e3 * outcome.depth_off_m,
+              1e3 * outcome.resolved->worstStd_m());
+  EXPECT_LE(std::abs(outcome.depth_off_m), 6e-3);
+  EXPECT_LE(std::abs(outcome.depth_off_m), 3 * outcome.resolved->worstStd_m());
+}
+
+// No dose for what one frame says.
+TEST_F(BentLiver, StraightIsKnownAtOnce) {
+  const Outcome outcome = run(0, 0, 2);
+  EXPECT_TRUE(outcome.last.task.reached) << outcome.last.hold_reason.value_or("");
+  EXPECT_EQ(outcome.max_turn_rad, 0);
+}
+
+// An arm at the end of its range turns to the other side; one without room says that it cannot know.
+TEST_F(BentLiver, TurnsToTheSideThatHasRoom) {
+  settings_.limits.upper[0] = degToRad(21);
+  const Outcome outcome = run(3, 0, 8);
+  ASSERT_TRUE(outcome.resolved);
+  EXPECT_NEAR(radToDeg(outcome.max_turn_rad), 6, 0.15);
+  settings_.limits.lower[0] = degToRad(19.9);
+  settings_.limits.upper[0] = degToRad(20.3);
+  const Outcome without = run(3, 0, 7);
+  EXPECT_FALSE(without.last.task.reached);
+  EXPECT_NE(without.last.hold_reason.value_or("").find("look from elsewhere"), std::string::npos)
+      << without.last.hold_reason.value_or("");
+  EXPECT_TRUE(without.last.command.velocity.isZero(0));
+}
+
+}  // namespace
+}  // namespace angio::test
