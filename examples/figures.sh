@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [worlds] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
+#   examples/figures.sh [rows] [worlds] [turning] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
 # Without a name: rows, worlds, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
 # brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer. navigating (part of servoing) takes an aortic arch
 # from steve-dualdevicenav there, or from ARCH; TARGETS=6 runs fewer, FIRST_SEED=1 the journeys that settings were tuned on.
@@ -52,13 +52,35 @@ rows() {
   phantom
 }
 
-# Whole brains in two halves: nothing was tuned on the second. Needs ANGIO_SHARED_DATA.
+# Whole brains and measured motions of lungs in two halves: nothing was tuned on the second.
+halves=("tuned on:BG0002 BG10 BH0006 BH0021 BH0032:case_002 case_054 case_056 case_097"
+        "held out:BG05 BG18 BH0014 BH0026 BH0037:case_105 case_107 case_109 case_111 case_113")
+
+# Depth by a turn of the C-arm, of brains that are bent, at rest and breathing. Needs ANGIO_SHARED_DATA.
+turning() {
+  local half one bend breath shared="${ANGIO_SHARED_DATA:-}"
+  if [ ! -f "$shared/brava/BG05.swc" ]; then echo "### turning: skipped, ANGIO_SHARED_DATA has no brava/*.swc"; return; fi
+  for half in "${halves[@]}"; do
+    local name trees lungs bent=()
+    IFS=: read -r name trees lungs <<< "$half"
+    for one in $trees; do bent+=(--tree "$shared/brava/$one.swc"); done
+    for one in $lungs; do bent+=(--deformation-field "$shared/lung-motion/$one.csv"); done
+    for bend in 3 5; do
+      for breath in 0 15; do
+        echo; echo "### A turn of 6 deg within 1 s, brains bent by $bend mm rms, breathing $breath mm, $name"
+        "$bin"/angio-evaluate simulation "${bent[@]}" --method oriented_kernel --nonrigid --seed "${SEED:-11}" \
+          --trials "${TRIALS:-40}" --noise-px 1 --spurious 5 --deformation-mm "$bend" --turn-deg 6 --turn-s 1 --breath-mm "$breath"
+      done
+    done
+  done
+}
+
+# Contrast agent in a part of the vessels, and bent trees. Needs ANGIO_SHARED_DATA.
 worlds() {
   local half one shared="${ANGIO_SHARED_DATA:-}" trials=${TRIALS:-200}
   if [ ! -f "$shared/brava/BG05.swc" ]; then echo "### worlds: skipped, ANGIO_SHARED_DATA has no brava/*.swc"; return; fi
   printf 'iterative_pnp: {outside_image: ignore, prior: covariance}\n' > "$work/best.yaml"
-  for half in "tuned on:BG0002 BG10 BH0006 BH0021 BH0032:case_002 case_054 case_056 case_097" \
-              "held out:BG05 BG18 BH0014 BH0026 BH0037:case_105 case_107 case_109 case_111 case_113"; do
+  for half in "${halves[@]}"; do
     local name trees lungs
     IFS=: read -r name trees lungs <<< "$half"
     local simulate=("$bin"/angio-evaluate simulation --noise-px 1 --seed "${SEED:-11}")

@@ -155,6 +155,9 @@ void addFields(CLI::App& command, const std::shared_ptr<SimulationOptions>& o) {
   fields.add("--even-starts-mm", &S::even_starts_mm, "Starts spread evenly from 0 to this mTRE, for the capture range");
   fields.add("--views", &S::views, "Views of one moment; the second about 90 deg from the first");
   fields.add("--turn-deg", &S::turn_deg, "Spread the views over such a turn of the C-arm instead");
+  fields.add("--turn-s", &S::turn_s,
+             "The turn's frames, after 4 s of standing: a sequence, and its last frame's depth");
+  fields.add("--breath-mm", &S::breath_mm, "How far the diaphragm comes down meanwhile");
   fields.add("--visible-fraction", &S::visible_fraction, "Share of the tree in the field of view");
   fields.add("--missing", &S::missing, "Share of the tree without contrast agent, whole branches",
              ",--missing-branches");

@@ -117,14 +117,47 @@ TEST_F(Evaluate, WhatCannotBeMeantIsRefused) {
     EXPECT_EQ(ended.exit_code, 2) << testing::PrintToString(words) << ended.err;
     EXPECT_EQ(ended.out, "");
   }
-  // More than two planes are those of a turn, and a turn has more than one.
-  for (const auto& words : std::vector<std::vector<std::string>>{{"--views", "3"}, {"--turn-deg", "6"}}) {
+  // More than two planes are those of a turn, and a turn has more than one; a sequence turns, and only in it one
+  // breathes.
+  for (const auto& [words, named] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{"--views", "3"}, "turn_deg"},
+           {{"--turn-deg", "6"}, "turn_deg"},
+           {{"--turn-s", "1"}, "turn_deg"},
+           {{"--turn-s", "1", "--turn-deg", "6", "--views", "2"}, "views"},
+           {{"--turn-s", "1", "--turn-deg", "6", "--from", "images"}, "images"},
+           {{"--breath-mm", "5"}, "turn_s"}}) {
     std::vector<std::string> all{"simulation", "--tree", tree};
     all.insert(all.end(), words.begin(), words.end());
     const auto ended = test::run("angio-evaluate", all);
     EXPECT_EQ(ended.exit_code, 1) << ended.out;
-    EXPECT_NE(ended.err.find("turn_deg"), std::string::npos) << ended.err;
+    EXPECT_NE(ended.err.find(named), std::string::npos) << ended.err;
   }
+}
+
+// A bent tree's depth, which one view leaves to the start, by the frames of a turn.
+TEST_F(Evaluate, ATurnIsOneSequence) {
+  const auto depth_mm = [&](std::vector<std::string> more) {
+    std::vector<std::string> words{"simulation",
+                                   "--tree",
+                                   folder_.path("tree.csv"),
+                                   "--method",
+                                   "oriented_kernel",
+                                   "--nonrigid",
+                                   "--trials",
+                                   "3",
+                                   "--seed",
+                                   "5",
+                                   "--deformation-mm",
+                                   "2",
+                                   "--out",
+                                   folder_.path("t.json")};
+    words.insert(words.end(), more.begin(), more.end());
+    const auto ended = test::run("angio-evaluate", words);
+    EXPECT_EQ(ended.exit_code, 0) << ended.err;
+    const Json results = Json::parse(test::contentOf(folder_.path("t.json")));
+    return results["methods"]["oriented_kernel"]["summary"]["depth_mm"]["median"].get<double>();
+  };
+  EXPECT_LT(depth_mm({"--turn-deg", "6", "--turn-s", "1", "--breath-mm", "5"}), 0.5 * depth_mm({}));
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/evaluation/experiment.hpp"
+#include "angio/perception/gated_perception.hpp"
 #include "angio/perception/patient_observation.hpp"
 
 namespace angio::evaluation {
@@ -47,10 +48,46 @@ std::optional<CaseOutcome::Claim> claimOf(const VesselTree& tree, const Registra
   return claim;
 }
 
-CaseOutcome outcomeOf(Registration& registration, const SimulatedTrial& trial, const StartSettings& starts) {
+// The newest frame of a sequence, as a loop that has tracked the ones before sees it.
+RegistrationResult resultOfSequence(const Entrant& entrant, const VesselTree& tree, const SimulatedTrial& trial,
+                                    const SimulationSettings& settings, CaseOutcome& outcome) {
+  GatedPerceptionSettings tracked;
+  tracked.perception.search = tracked.perception.tracking = entrant.registration;
+  tracked.perception.search_starts = entrant.starts;
+  tracked.perception.tracker.follow_motion = true;
+  tracked.perception.tracker.calibration_rotation_std_deg = settings.rotation_std_deg;
+  tracked.perception.tracker.calibration_translation_std_mm = settings.translation_std_mm;
+  tracked.perception.tracker.max_deformation_mm = 2 * std::max(2.0, settings.deformation_rms_mm);
+  tracked.need = TargetNeed::kResolvingDepth;
+  // The patient's frame is the newest camera's; calibration has the model where the trial starts.
+  tracked.T_dsa_cb = trial.start;
+  GatedPerception perception(tracked, tree);
+  GatedObservation seen;
+  const XrayViews views = trial.views();
+  for (std::size_t f = 0; f < views.size(); ++f) {
+    const CameraPlace place{std::llround(1e6 * trial.times_s[f]), views[f].T_view_first};
+    seen = perception.observe({XrayView{views[f].centerline, views[f].camera}}, place);
+    perception.learn();
+  }
+  outcome.rejection = seen.rejection;
+  outcome.followed = !seen.rejection;
+  const Stopwatch stage;
+  perception.resolveDepth();
+  const auto& resolved = perception.resolved();
+  if (!resolved || !resolved->T_camera_patient.isApprox(views.back().T_view_first)) {
+    return seen.observation.registration;
+  }
+  RegistrationResult result = resolved->fit.registration;
+  result.times.total_s = stage.seconds();
+  return result;
+}
+
+CaseOutcome outcomeOf(Registration& registration, const Entrant& entrant, const SimulatedTrial& trial,
+                      const SimulationSettings& settings) {
   const VesselTree& tree = registration.tree();
   CaseOutcome outcome;
-  outcome.result = registration.search(trial.views(), {trial.start, {}}, starts);
+  outcome.result = trial.times_s.empty() ? registration.search(trial.views(), {trial.start, {}}, entrant.starts)
+                                         : resultOfSequence(entrant, tree, trial, settings, outcome);
   const PlacedTree truth{trial.truth, trial.displacements_m};
   const XrayCamera& camera = trial.cameras.front();
   outcome.pixel_at_isocenter_m = (trial.truth * tree.centroid()).z() / camera.parameters().fx_px;
@@ -164,7 +201,7 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
     }
     for (std::size_t turn = 0; turn < entrants; ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants;
-      runs[m].outcomes.push_back(outcomeOf(*registrations[m][t], trial, setup.entrants[m].starts));
+      runs[m].outcomes.push_back(outcomeOf(*registrations[m][t], setup.entrants[m], trial, settings));
       runs[m].outcomes.back().name = nameOf(i);
       if (setup.certificate) certifyOutcome(setup.trees[t], trial, *setup.certificate, runs[m].outcomes.back());
       runs[m].outcomes.back().image_s = image_s;

@@ -3,6 +3,7 @@
 #include "angio/evaluation/simulation.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/registration/starts.hpp"
+#include "angio/simulation/patient_motion.hpp"
 #include "angio/vessel/resample.hpp"
 #include "contrast_filling.hpp"
 #include "simulation_image.hpp"
@@ -43,6 +44,37 @@ Pose otherPlane(const SimulationSettings& s, int index, int view) {
   if (s.turn_deg > 0) angle_rad = degToRad(s.turn_deg) * view / (s.views - 1);
   const Eigen::Vector2d axis = random.direction<2>();
   return turnedAbout(1e-3 * s.source_isocenter_mm, angle_rad * Eigen::Vector3d(axis.x(), axis.y(), 0));
+}
+
+// Where and when the frames of a sequence are taken.
+struct SequenceFrame {
+  double time_s;
+  Pose T_frame_last;
+};
+
+constexpr double kStanding_s = 4, kStandingPeriod_s = 0.25, kTurningPeriod_s = 1.0 / 15;
+
+std::vector<SequenceFrame> sequenceOf(const SimulationSettings& s, const Pose& T_camera_model) {
+  // The patient's long axis, which the primary angle turns about.
+  const Eigen::Vector3d axis = T_camera_model.linear() * lpsOf(s.model_axes).transpose().col(2);
+  std::vector<SequenceFrame> frames;
+  const auto add = [&](double time_s, double left_deg) {
+    frames.push_back({time_s, turnedAbout(1e-3 * s.source_isocenter_mm, -degToRad(left_deg) * axis)});
+  };
+  for (double time_s = 0; time_s < kStanding_s - 1e-9; time_s += kStandingPeriod_s) add(time_s, s.turn_deg);
+  const int turning = std::max(1, static_cast<int>(std::lround(s.turn_s / kTurningPeriod_s)));
+  for (int k = 0; k <= turning; ++k) {
+    const double share = static_cast<double>(k) / turning;
+    add(kStanding_s + s.turn_s * share, s.turn_deg * (1 - share));
+  }
+  return frames;
+}
+
+// As the frames of one trial see the patient breathe: each trial begins in another breath.
+PatientMotion breathOf(const VesselTree& tree, const SimulationSettings& s) {
+  MotionSettings motion;
+  motion.breathing.amplitude_mm = s.breath_mm;
+  return PatientMotion(motion, tree.centroid(), lpsOf(s.model_axes), static_cast<std::uint64_t>(s.seed));
 }
 
 // Of each branch what one view's detector sees, in 3D [m].
@@ -151,10 +183,19 @@ XrayCamera simulatedCamera() { return XrayCamera::centered(1024, 1024, 0.308e-3,
 SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
                               const SimulationSettings& settings, int index, const MeasuredMotion* motion) {
   checkSettings("simulation", settings);
+  if (settings.turn_s > 0 && (settings.views > 1 || !(settings.turn_deg > 0))) {
+    throw InputError("simulation", "turn_s", formatValue(settings.turn_s), "needs turn_deg, and no views beside it");
+  }
+  if (settings.turn_s > 0 && settings.from == TrialSource::kImages) {
+    throw InputError("simulation", "turn_s", formatValue(settings.turn_s), "must be 0: images are of one moment");
+  }
+  if (settings.breath_mm > 0 && !(settings.turn_s > 0)) {
+    throw InputError("simulation", "breath_mm", formatValue(settings.breath_mm), "needs turn_s: views of one moment");
+  }
   if (settings.views > 2 && !(settings.turn_deg > 0)) {
     throw InputError("simulation", "views", std::to_string(settings.views), "must be 1 or 2 without turn_deg");
   }
-  if (settings.views < 2 && settings.turn_deg > 0) {
+  if (settings.views < 2 && settings.turn_deg > 0 && !(settings.turn_s > 0)) {
     throw InputError("simulation", "views", std::to_string(settings.views), "must be at least 2 with turn_deg");
   }
   SimulatedTrial trial;
@@ -171,14 +212,30 @@ SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCa
   // Splitting edges leaves the branches as they are: those of the fine tree are those of the tree.
   const auto filled = filledBranches(fine, lengthsInView(fine, trial.truth * points, detector), settings, index);
   trial.filled = filledPoints(tree, filled);
-  for (int v = 0; v < settings.views; ++v) {
-    const Pose T_view_first = v == 0 ? Pose::Identity() : otherPlane(settings, index, v);
-    const auto branches = projectedBranches(fine, T_view_first * trial.truth * points, detector);
+  const auto addView = [&](const Pose& T_view_first, const Eigen::Matrix3Xd& there, int v, bool first) {
+    const auto branches = projectedBranches(fine, T_view_first * trial.truth * there, detector);
     SimulatedView view = simulatedView(branches, filled, detector, settings, index, v);
     trial.true_views.push_back({view.camera, T_view_first, std::move(view.spurious_px)});
     trial.cameras.push_back(miscalibrated(view.camera, settings, index, v));
     trial.centerlines.push_back(std::move(view.centerline));
-    trial.T_view_first.push_back(v == 0 ? T_view_first : miscalibratedPlane(T_view_first, settings, index));
+    trial.T_view_first.push_back(first ? T_view_first : miscalibratedPlane(T_view_first, settings, index));
+  };
+  if (settings.turn_s > 0) {
+    const PatientMotion breath = breathOf(tree, settings);
+    const double begin_s = SimulationRandom(settings.seed, index, DrawFor::kStart, 1).uniform(0, 1000);
+    const auto frames = sequenceOf(settings, trial.truth);
+    for (std::size_t f = 0; f < frames.size(); ++f) {
+      const double time_s = begin_s + frames[f].time_s;
+      addView(frames[f].T_frame_last, points + breath.displacements(fine.points(), time_s), static_cast<int>(f),
+              f + 1 == frames.size());
+      trial.times_s.push_back(frames[f].time_s);
+    }
+    if (trial.displacements_m.size() == 0) trial.displacements_m.setZero(3, tree.size());
+    trial.displacements_m += breath.displacements(tree.points(), begin_s + frames.back().time_s);
+    return trial;
+  }
+  for (int v = 0; v < settings.views; ++v) {
+    addView(v == 0 ? Pose::Identity() : otherPlane(settings, index, v), points, v, v == 0);
   }
   return trial;
 }

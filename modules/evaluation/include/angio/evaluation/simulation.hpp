@@ -39,6 +39,10 @@ struct SimulationSettings {
   // View: the beam is uniform in these ranges of DICOM's angles, the roll of the image in its own.
   int views = 1;  ///< 2: a second plane, its beam 70 to 110 deg from the first one's, about the isocentre.
   double turn_deg = 0;  ///< Not 0: the views are spread evenly over such a turn of the C-arm, about the isocentre.
+  /// Not 0: the views are the frames of a sequence in place of one moment's: 4 s from where the C-arm stands, and then
+  /// those of the turn, by the primary angle, which takes so long. The last one is what is asked for.
+  double turn_s = 0;
+  double breath_mm = 0;  ///< Of such a sequence: how far the diaphragm comes down.
   ModelAxes model_axes = ModelAxes::kLps;
   double primary_deg = 0, secondary_deg = 0;                                      ///< Middle.
   double primary_range_deg = 60, secondary_range_deg = 35, roll_range_deg = 180;  ///< +- so much.
@@ -81,6 +85,8 @@ struct SimulationSettings {
     v.number("even_starts_mm", even_starts_mm, 0, 1000);
     v.integer("views", views, 1, 60);
     v.number("turn_deg", turn_deg, 0, 180);
+    v.number("turn_s", turn_s, 0, 60);
+    v.number("breath_mm", breath_mm, 0, 60);
     v.choice("model_axes", model_axes, {"lps", "ras", "lip"});
     v.number("primary_deg", primary_deg, -180, 180);
     v.number("secondary_deg", secondary_deg, -90, 90);
@@ -120,7 +126,9 @@ struct SimulatedTrial {
   std::vector<XrayCamera> cameras;        ///< As the method is told, calibration errors included.
   std::vector<Centerline2d> centerlines;  ///< One per camera.
   std::vector<Pose> T_view_first;         ///< As the method is told; the identity for the first view.
-  Pose truth = Pose::Identity();          ///< T_camera_model of the first view.
+  /// Of a sequence: when each view was taken [s], the newest last. "First" is the newest then.
+  std::vector<double> times_s;
+  Pose truth = Pose::Identity();  ///< T_camera_model of the first view.
   Pose start = Pose::Identity();
   Eigen::Matrix3Xd displacements_m;  ///< True, of the tree's points, model axes; empty without deformation.
   std::vector<TrueView> true_views;  ///< One per camera.
