@@ -20,11 +20,7 @@ constexpr int kFramesToAnswer = 15;
 class ResolveDepthTask final : public Task {
  public:
   ResolveDepthTask(const ResolveDepthTaskSettings& settings, const TaskContext& context)
-      : settings_(settings),
-        carm_(context.carm),
-        limits_(context.limits),
-        target_(context.target_model),
-        in_flight_(context.limits) {}
+      : settings_(settings), limits_(context.limits), target_(context.target_model), in_flight_(context.limits) {}
 
   TaskAnswer answer(const TaskInput& input) override;
 
@@ -37,7 +33,6 @@ class ResolveDepthTask final : public Task {
   double velocity(const CArmState& then) const;
 
   ResolveDepthTaskSettings settings_;
-  CArmGeometry carm_;
   CArmLimits limits_;
   Eigen::Vector3d target_;
   LatencyCompensator in_flight_;
@@ -99,24 +94,23 @@ TaskAnswer ResolveDepthTask::answer(const TaskInput& input) {
     return answer;
   }
   const double turned_deg = radToDeg(std::abs(*to_rad_ - *from_rad_));
-  if (!known) {
+  const auto hold = [&](const std::string& why) {
     answer.velocity.reset();
-    answer.hold_reason =
-        formatted("the frames of a turn by %.1f deg do not tell the target's depth: look from elsewhere", turned_deg);
+    answer.hold_reason = why + ": look from elsewhere";
     return answer;
-  }
+  };
+  const std::string silent = formatted("the frames of a turn by %.1f deg do not tell the target's depth", turned_deg);
+  if (!known) return hold(silent);
+  const RegistrationResult& together = input.depth->fit.registration;
+  if (together.status != RegistrationStatus::kConverged) return hold(silent + ", " + together.reason);
   const double std_mm = 1e3 * input.depth->worstStd_m();
   const std::string found = formatted(
       "the target is %.1f mm from the source, known to %.1f mm, of %.1f mm asked, by a "
       "turn of %.1f deg and %d frames",
       1e3 * input.depth->target_camera.z(), std_mm, settings_.max_std_mm, turned_deg, frames_);
-  answer.reached = std_mm <= settings_.max_std_mm;
-  if (answer.reached) {
-    answer.remark = found;
-  } else {
-    answer.velocity.reset();
-    answer.hold_reason = found + ": look from elsewhere";
-  }
+  if (!(std_mm <= settings_.max_std_mm)) return hold(found);
+  answer.reached = true;
+  answer.remark = found;
   return answer;
 }
 

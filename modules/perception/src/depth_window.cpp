@@ -50,7 +50,7 @@ double DepthWindow::turn_rad() const {
 }
 
 std::optional<DepthFromMotion> DepthWindow::fit() const {
-  if (frames_.empty()) return std::nullopt;
+  if (empty()) return std::nullopt;
   return depthFromMotion(std::vector<MovingFrame>(frames_.begin(), frames_.end()), XrayView{centerline_, *camera_},
                          calibrated_, tree_);
 }
