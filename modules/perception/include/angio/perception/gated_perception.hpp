@@ -85,7 +85,7 @@ class GatedPerception {
   /// Where depth is being found (TargetNeed::kResolvingDepth) also resolveDepth(), when the C-arm has come to rest.
   void learn();
 
-  /// Asks all frames of the last seconds together for the depth. Takes half a second for a large tree.
+  /// Asks all frames of the last seconds together for the depth. Takes about a second.
   void resolveDepth();
 
   /// What that said last; nothing before, or where it did not tell.
