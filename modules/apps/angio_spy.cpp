@@ -40,19 +40,28 @@ std::string row(const ChannelReport& r) {
   return text;
 }
 
+struct Heard {
+  std::vector<ChannelReport> channels;
+  std::int64_t unlisted = 0;  // Messages of further channels.
+};
+
+Heard heardBy(const BusMonitor& monitor, std::int64_t now_us) { return {monitor.report(now_us), monitor.unlisted()}; }
+
 // Channels as a table for people: one line of numbers and one of the last value each.
-std::string monitorTable(const std::vector<ChannelReport>& channels) {
-  if (channels.empty()) return "no messages\n";
+std::string monitorTable(const Heard& heard) {
+  if (heard.channels.empty()) return "no messages\n";
   std::string text = formatted("%-18s %-20s %8s %7s %9s %8s %5s %5s %6s %8s %8s %8s\n", "channel", "type", "messages",
                                "Hz", "kB/s", "missing", "twice", "late", "broken", "age s", "delay ms", "+- ms");
-  for (const auto& channel : channels) text += row(channel);
+  for (const auto& channel : heard.channels) text += row(channel);
+  if (heard.unlisted > 0) text += formatted("%lld messages on further channels\n", count(heard.unlisted));
   return text;
 }
 
-// The same for programs: {"channels": {name: {...}}}; latency_s is null where clocks do not allow it.
-nlohmann::ordered_json monitorAsJson(const std::vector<ChannelReport>& channels) {
+// The same for programs: {"channels": {name: {...}}, "unlisted_messages": n}; latency_s is null where clocks do not
+// allow it.
+nlohmann::ordered_json monitorAsJson(const Heard& heard) {
   nlohmann::ordered_json all = {{"channels", nlohmann::ordered_json::object()}};
-  for (const auto& r : channels) {
+  for (const auto& r : heard.channels) {
     all["channels"][r.channel] = {{"type", r.type},
                                   {"messages", r.messages},
                                   {"bytes", r.bytes},
@@ -70,6 +79,7 @@ nlohmann::ordered_json monitorAsJson(const std::vector<ChannelReport>& channels)
                                   {"last_error", r.last_error}};
     if (r.latency_s) all["channels"][r.channel]["latency_s"] = *r.latency_s;
   }
+  all["unlisted_messages"] = heard.unlisted;
   return all;
 }
 
@@ -95,7 +105,7 @@ void redraw(const std::string& url, const std::string& table) {
   std::cout << screen << "\033[J" << std::flush;
 }
 
-std::vector<ChannelReport> listen(const Options& o, std::optional<std::map<std::string, std::int64_t>>& refused) {
+Heard listen(const Options& o, std::optional<std::map<std::string, std::int64_t>>& refused) {
   const auto tell = [](const std::string& line) { std::cerr << "angio-spy: " << line << "\n"; };
   const auto bus = withKeyFile(openSharedBus(o.bus), o.key_file, tell);
   if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-spy: " << *warning << "\n";
@@ -115,17 +125,17 @@ std::vector<ChannelReport> listen(const Options& o, std::optional<std::map<std::
          (duration_s <= 0 || Clock::now() - began < std::chrono::duration<double>(duration_s))) {
     bus->handle(std::chrono::milliseconds(50));
     if (live && Clock::now() >= next) {
-      redraw(o.bus, monitorTable(monitor.report(monotonic_us())));
+      redraw(o.bus, monitorTable(heardBy(monitor, monotonic_us())));
       next = Clock::now() + kRefresh;
     }
   }
   if (live) std::cout << "\033[H\033[J";
   if (const auto* keyed = dynamic_cast<const AuthenticatedBus*>(bus.get())) refused = keyed->causes();
-  return monitor.report(monotonic_us());
+  return heardBy(monitor, monotonic_us());
 }
 
 // A log tells its own time, so its rates are those of the recording.
-std::vector<ChannelReport> readLog(const std::string& path) {
+Heard readLog(const std::string& path) {
   LogReader log(path);
   BusMonitor monitor;
   std::int64_t last_us = 0, messages = 0;
@@ -137,7 +147,7 @@ std::vector<ChannelReport> readLog(const std::string& path) {
   if (log.skipped_bytes() > 0) {
     std::cerr << "angio-spy: " << path << ": " << log.skipped_bytes() << " bytes are no messages\n";
   }
-  return monitor.report(last_us);
+  return heardBy(monitor, last_us);
 }
 
 int spy(const Options& o) {
@@ -146,11 +156,11 @@ int spy(const Options& o) {
     throw InputError("command line", "--key-file", o.key_file, "is for a live bus: logs hold plain messages");
   }
   std::optional<std::map<std::string, std::int64_t>> refused;  // By cause; nothing without a key.
-  const auto channels = log ? readLog(*log) : listen(o, refused);
-  auto numbers = monitorAsJson(channels);
+  const Heard heard = log ? readLog(*log) : listen(o, refused);
+  auto numbers = monitorAsJson(heard);
   if (refused) numbers["unauthenticated"] = *refused;
   if (!o.json.empty()) writeWholeFile(o.json, numbers.dump(2) + "\n");
-  std::cout << monitorTable(channels);
+  std::cout << monitorTable(heard);
   if (refused && refused->empty()) std::cout << "every message that must have one had a valid envelope\n";
   for (const auto& [cause, times] : refused.value_or(std::map<std::string, std::int64_t>())) {
     std::cout << formatted("refused %lld messages: ", count(times)) << cause << "\n";

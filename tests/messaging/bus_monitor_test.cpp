@@ -136,8 +136,13 @@ TEST(BusMonitor, AnythingMayCome) {
 TEST(BusMonitor, ChannelsWithoutEndDoNotFillTheMemory) {
   BusMonitor monitor;
   for (int i = 0; i < 5000; ++i) hear(monitor, "C" + std::to_string(i), {1, 2, 3}, i);
-  EXPECT_EQ(monitor.report(5000).size(), 1000u);
+  EXPECT_EQ(monitor.report(5000).size(), 200u);
   EXPECT_EQ(monitor.report(5000)[0].undecodable, 1);
+  EXPECT_EQ(monitor.unlisted(), 4800);
+  // Messages of our types still find a place, up to 1,000 channels in all.
+  for (int i = 0; i < 5000; ++i) hear(monitor, "S" + std::to_string(i), stateNumber(1, 1), 5000 + i);
+  EXPECT_EQ(monitor.report(10000).size(), 1000u);
+  EXPECT_EQ(monitor.unlisted(), 4800 + 4200);
 }
 
 }  // namespace

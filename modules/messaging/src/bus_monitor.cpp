@@ -13,6 +13,8 @@ namespace angio::messaging {
 namespace {
 
 constexpr std::size_t kMaxChannels = 1000;
+// Fewer of them: a broken sender's invented channels must not take the places of those that matter.
+constexpr std::size_t kMaxUnknownChannels = 200;
 constexpr std::size_t kMaxRecent = 10000;
 constexpr std::size_t kMaxRemembered = 1000;
 // Two clocks that differ by less are taken for one: messages do not travel longer, and machines are not started
@@ -71,10 +73,23 @@ void BusMonitor::Channel::count(const AnyMessage& message) {
   newest_time_us = time_us;
 }
 
+// Null where it is new and there is no place left.
+BusMonitor::Channel* BusMonitor::channelOf(const std::string& name, bool known_type) {
+  const auto found = channels_.find(name);
+  if (found != channels_.end()) return &found->second;
+  if (channels_.size() >= kMaxChannels || (!known_type && unknown_channels_ >= kMaxUnknownChannels)) return nullptr;
+  if (!known_type) ++unknown_channels_;
+  return &channels_[name];
+}
+
 void BusMonitor::hear(const std::string& channel, const std::uint8_t* data, std::size_t size, std::int64_t arrival_us) {
   if (channel == kLcmSelfTestChannel) return;  // lcm-logger writes it down.
-  if (channels_.size() >= kMaxChannels && channels_.find(channel) == channels_.end()) return;
-  Channel& c = channels_[channel];
+  Channel* listed = channelOf(channel, messageType(data, size).has_value());
+  if (listed == nullptr) {
+    ++unlisted_;
+    return;
+  }
+  Channel& c = *listed;
   ++c.sums.messages;
   c.sums.bytes += static_cast<std::int64_t>(size);
   c.sums.type = typeOf(data, size);

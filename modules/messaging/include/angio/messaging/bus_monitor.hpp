@@ -42,12 +42,15 @@ class BusMonitor {
   /// @param window_s  How long the last seconds are, > 0.
   explicit BusMonitor(double window_s = 3) : window_us_(static_cast<std::int64_t>(window_s * 1e6)) {}
 
-  /// A message has arrived; its bytes may be anything. A program that invents channels without end is heard on the
-  /// first 1,000 of them.
+  /// A message has arrived; its bytes may be anything. Channels are listed up to 1,000, and among them up to 200 whose
+  /// first message is of no type we know. A message on a further channel counts in unlisted() only.
   void hear(const std::string& channel, const std::uint8_t* data, std::size_t size, std::int64_t arrival_us);
 
   /// All channels by name, as they stand at `now_us`.
   std::vector<ChannelReport> report(std::int64_t now_us) const;
+
+  /// Messages on channels that are not listed, because too many are.
+  std::int64_t unlisted() const { return unlisted_; }
 
  private:
   struct Arrival {
@@ -64,8 +67,12 @@ class BusMonitor {
     void count(const AnyMessage& message);
   };
 
+  Channel* channelOf(const std::string& name, bool known_type);
+
   std::int64_t window_us_;
   std::map<std::string, Channel> channels_;
+  std::size_t unknown_channels_ = 0;  // Listed ones whose first message was of no type we know.
+  std::int64_t unlisted_ = 0;
 };
 
 }  // namespace angio::messaging
