@@ -33,7 +33,7 @@ struct Udpm : testing::Test {
     }
   }
 
-  const test::UdpGroup group;
+  const test::UdpGroup group{};
 };
 
 TEST_F(Udpm, BringsOneLargeFrameAcrossTheLoopback) {
