@@ -38,6 +38,8 @@ ServoLoopSettings ServoSettings::loop(const CArmCalibration& calibrated) const {
   loop.R_lps_model = calibrated.R_lps_model;
   loop.limits = limits.limits(carm.source_detector_distance_m - carm.source_isocenter_distance_m);
   loop.task = tasks.chosen();
+  const auto& depth = tasks.of<ResolveDepthTaskSettings>();
+  if (depth.first && !std::holds_alternative<ResolveDepthTaskSettings>(loop.task)) loop.depth_first = depth;
   loop.law = laws.chosen();
   loop.latency_s = 1e-3 * latency_ms;
   loop.external_registration = perception == Perceiver::kBus;

@@ -72,9 +72,9 @@ class HoldTask final : public Task {
 // Why the frame's registration could not be taken in.
 std::optional<std::string> HoldTask::take(const TaskInput& input, double time_s) {
   const Pose T_patient_camera = carm_.T_camera_patient(input.state.joints).inverse();
-  const Pose T_patient_model = T_patient_camera * input.T_camera_model;
+  const Pose T_patient_model = T_patient_camera * input.patient().poseAt(target_);
   if (!desired_) {
-    desired_ = input.T_camera_model_tracked;
+    desired_ = input.trackedPoseAt(target_);
     first_R_patient_model_ = T_patient_model.linear();
   }
   const Eigen::Matrix3d R = T_patient_camera.linear();
@@ -142,7 +142,7 @@ TaskAnswer HoldTask::answer(const TaskInput& input) {
   const double time_s = 1e-6 * (static_cast<double>(input.time_us) - static_cast<double>(*first_us_));
   const CArmState then = in_flight_.atArrival(input);
   if (const auto why = take(input, time_s)) return hold(*why);
-  answer.view_error = viewError(input.T_camera_model, *desired_, target_);
+  answer.view_error = viewError(input.patient().poseAt(target_), *desired_, target_);
 
   const double arrival_s = time_s + input.latency_s;
   const auto at_arrival = expected(arrival_s);

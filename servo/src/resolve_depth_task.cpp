@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "latency_compensator.hpp"
 
@@ -17,10 +18,17 @@ constexpr double kGain_per_s = 4, kBrakingShare = 0.5;
 // The frames of a turn are asked together when it is over, in the time of a few of them.
 constexpr int kFramesToAnswer = 15;
 
+// By the frame, and by what a turn has told.
+double targetStd_mm(const TaskInput& input, const Eigen::Vector3d& target_model) {
+  return 1e3 * PatientObservation{input.T_camera_model, input.covariance, input.points, input.places}.worstStd_m(
+                   target_model);
+}
+
 class ResolveDepthTask final : public Task {
  public:
-  ResolveDepthTask(const ResolveDepthTaskSettings& settings, const TaskContext& context)
-      : settings_(settings), limits_(context.limits), target_(context.target_model), in_flight_(context.limits) {}
+  ResolveDepthTask(const ResolveDepthTaskSettings& settings, const CArmLimits& limits,
+                   const Eigen::Vector3d& target_model)
+      : settings_(settings), limits_(limits), target_(target_model), in_flight_(limits) {}
 
   TaskAnswer answer(const TaskInput& input) override;
 
@@ -62,8 +70,7 @@ TaskAnswer ResolveDepthTask::answer(const TaskInput& input) {
   const CArmState then = in_flight_.atArrival(input);
   if (!from_rad_ || frames_there_ == 0) ++frames_;  // What was needed: not what comes after it.
   if (!first_us_) {
-    const PatientObservation seen{input.T_camera_model, input.covariance, input.points};
-    const double std_mm = 1e3 * seen.worstStd_m(target_);
+    const double std_mm = targetStd_mm(input, target_);
     if (std_mm <= settings_.max_std_mm) {
       answer.reached = true;
       answer.remark = formatted("one view knows the target to %.1f mm, of %.1f mm asked", std_mm, settings_.max_std_mm);
@@ -114,11 +121,78 @@ TaskAnswer ResolveDepthTask::answer(const TaskInput& input) {
   return answer;
 }
 
+// A depth that is known is not given up for what frames differ by.
+constexpr double kGivesUp = 1.25;
+
+class DepthFirst final : public Task {
+ public:
+  DepthFirst(const ResolveDepthTaskSettings& settings, const TaskContext& context, std::unique_ptr<Task> task)
+      : settings_(settings), limits_(context.limits), target_(context.target_model), task_(std::move(task)) {}
+
+  std::optional<PointOfInterest> place() const override { return task_->place(); }
+  bool followsTip() const override { return task_->followsTip(); }
+  std::optional<std::string> waits(const ViewRequest& request) override { return task_->waits(request); }
+  ViewProgress progress() const override { return task_->progress(); }
+  TaskAnswer answer(const TaskInput& input) override;
+  void interrupt() override {
+    task_->interrupt();
+    if (resolving_) resolving_->interrupt();
+  }
+  void learn() override { task_->learn(); }
+  std::optional<Pose> desired_T_camera_model() const override { return task_->desired_T_camera_model(); }
+
+ private:
+  ResolveDepthTaskSettings settings_;
+  CArmLimits limits_;
+  Eigen::Vector3d target_;
+  std::unique_ptr<Task> task_;
+  std::unique_ptr<ResolveDepthTask> resolving_;  // While the depth is open.
+  bool known_ = false;
+};
+
+TaskAnswer DepthFirst::answer(const TaskInput& input) {
+  const double std_mm = targetStd_mm(input, target_);
+  known_ = std_mm <= (known_ ? kGivesUp : 1) * settings_.max_std_mm;
+  if (known_) {
+    resolving_.reset();
+    return task_->answer(input);
+  }
+  // A turn has told the depth, at another moment of the breath or not well enough.
+  if (input.places) {
+    resolving_.reset();
+    task_->interrupt();
+    TaskAnswer answer;
+    answer.hold_reason = formatted(
+        "after a turn of %.1f deg this frame knows the target to %.1f mm, of %.1f mm asked: wait for the breath, or "
+        "look "
+        "from elsewhere",
+        input.depth ? radToDeg(input.depth->fit.turn_rad) : 0.0, std_mm, settings_.max_std_mm);
+    return answer;
+  }
+  if (!resolving_) {
+    task_->interrupt();
+    resolving_ = std::make_unique<ResolveDepthTask>(settings_, limits_, target_);
+  }
+  TaskAnswer answer = resolving_->answer(input);
+  // Its own end is not the other task's.
+  answer.reached = false;
+  return answer;
+}
+
 }  // namespace
 
 std::unique_ptr<Task> make(const ResolveDepthTaskSettings& settings, const TaskContext& context) {
   checkSettings(ResolveDepthTaskSettings::kName, settings);
-  return std::make_unique<ResolveDepthTask>(settings, context);
+  return std::make_unique<ResolveDepthTask>(settings, context.limits, context.target_model);
+}
+
+std::unique_ptr<Task> makeDepthFirst(const ResolveDepthTaskSettings& settings, const TaskSettings& task,
+                                     const TaskContext& context) {
+  checkSettings(ResolveDepthTaskSettings::kName, settings);
+  if (!canFollowATurn(task)) {
+    throw InputError(ResolveDepthTaskSettings::kName, "first", "true", "is for view and hold, not for " + nameOf(task));
+  }
+  return std::make_unique<DepthFirst>(settings, context, makeTask(task, context));
 }
 
 }  // namespace angio::servo

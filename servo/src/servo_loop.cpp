@@ -28,6 +28,11 @@ const ServoLoopSettings& checked(const ServoLoopSettings& settings) {
     if (!(defect < 1e-6))
       throw InputError(place, field, "R^T R - I up to " + formatValue(defect), "must be a rotation matrix");
   };
+  const bool resolves = settings.depth_first || std::holds_alternative<ResolveDepthTaskSettings>(settings.task);
+  if (resolves && settings.external_registration) {
+    throw InputError(place, "perception", "bus",
+                     "must be own for resolve_depth: REGISTRATION does not say what was matched");
+  }
   rotation("T_dsa_cb.rotation", settings.T_dsa_cb.linear());
   rotation("R_lps_model", settings.R_lps_model);
   return settings;
@@ -43,20 +48,27 @@ Eigen::Vector3d targetOf(const ServoLoopSettings& settings, const VesselTree& tr
 }
 
 std::unique_ptr<Task> taskOf(const ServoLoopSettings& settings, const VesselTree& tree) {
-  return makeTask(settings.task,
-                  {settings.carm, settings.limits, tree, targetOf(settings, tree), settings.R_lps_model, settings.law});
+  const TaskContext context{settings.carm,        settings.limits, tree, targetOf(settings, tree),
+                            settings.R_lps_model, settings.law};
+  if (settings.depth_first) return makeDepthFirst(*settings.depth_first, settings.task, context);
+  return makeTask(settings.task, context);
 }
 
 }  // namespace
 
 PerceptionSettings ServoLoopSettings::perceptionForTask() const {
   PerceptionSettings settings = perception;
-  settings.tracker.follow_motion |= patientMoves(task);
+  settings.tracker.follow_motion |= patientMoves(task) || depth_first.has_value();
   return settings;
 }
 
 GatedPerceptionSettings ServoLoopSettings::gatedPerception() const {
-  return {perceptionForTask(), supervisor, carm, T_dsa_cb, target_model, targetNeed(task)};
+  return {perceptionForTask(),
+          supervisor,
+          carm,
+          T_dsa_cb,
+          target_model,
+          depth_first ? TargetNeed::kResolvingDepth : targetNeed(task)};
 }
 
 ExternalInputs ServoLoopSettings::externalInputs() const {
@@ -202,6 +214,7 @@ std::optional<CArmJoints> ServoLoop::wantedVelocity(const XrayFrame& frame, cons
                   settings_.latency_s};
   input.place = report.observation.place;
   input.points = report.patient->points;
+  input.places = report.patient->places;
   if (perception_.resolved()) input.depth = &*perception_.resolved();
   if (task_->followsTip()) {
     report.hold_reason = tipRejection(external);

@@ -3,6 +3,16 @@
 
 namespace angio::servo {
 
+// What two poses have between them along the beam is their own noise in depth.
+Pose TaskInput::trackedPoseAt(const Eigen::Vector3d& p_model) const {
+  Pose T = T_camera_model_tracked;
+  if (!places) return T;
+  const Eigen::Vector3d shown = places->placeAt(p_model), ray = shown.normalized();
+  const Eigen::Vector3d averaged = T * p_model - T_camera_model * p_model;
+  T.pretranslate(shown + averaged - ray * ray.dot(averaged) - T * p_model);
+  return T;
+}
+
 std::string nameOf(const TaskSettings& settings) {
   return std::visit([](const auto& chosen) { return std::string(chosen.kName); }, settings);
 }
@@ -10,6 +20,8 @@ std::string nameOf(const TaskSettings& settings) {
 bool patientMoves(const TaskSettings& settings) {
   return std::visit([](const auto& chosen) { return chosen.kPatientMoves; }, settings);
 }
+
+bool canFollowATurn(const TaskSettings& settings) { return targetNeed(settings) == TargetNeed::kEverywhere; }
 
 TargetNeed targetNeed(const TaskSettings& settings) {
   return std::visit([](const auto& chosen) { return chosen.kTargetNeed; }, settings);

@@ -139,7 +139,7 @@ std::optional<std::string> ViewTask::waits(const ViewRequest& request) {
 
 TaskAnswer ViewTask::answer(const TaskInput& input) {
   // The patient lies still, so the average of many frames is the better observation.
-  const Pose& seen = input.T_camera_model_tracked;
+  const Pose seen = input.trackedPoseAt(goal_.target_model);
   TaskAnswer answer;
   answer.view_error = viewError(seen, goal_.T_camera_model, goal_.target_model);
   answer.reached = staysInside(*answer.view_error, input);
@@ -219,7 +219,8 @@ CArmJoints ViewTask::brakable(CArmJoints velocity, const CArmJoints& left, doubl
 bool ViewTask::staysInside(const ViewError& error, const TaskInput& input) {
   const double place_variance = std::pow(input.patient().worstStd_m(goal_.target_model), 2);
   const double direction_variance = input.covariance(3, 3) + input.covariance(4, 4);
-  const double averaged = std::min(frames_inside_ + 1, kMaxAveraged);
+  // What a turn has told is the same in every frame.
+  const double averaged = input.places ? 1 : std::min(frames_inside_ + 1, kMaxAveraged);
   const auto within = [&](double size, double variance, double most) {
     return size + std::sqrt(std::max(0.0, variance) / averaged) <= most;
   };

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <cstdio>
+#include <string>
 
+#include "angio/base/errors.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/servo/servo_loop.hpp"
@@ -38,11 +41,13 @@ class BentLiver : public testing::Test {
   struct Outcome {
     ServoReport last;
     double max_turn_rad = 0, other_joints = 0;
-    double depth_off_m = 0;  // Of the target where it was resolved.
+    double depth_off_m = 0;           // Of the target where it was resolved.
+    Eigen::Vector3d target_camera;    // Where it really is at the end ...
+    Eigen::AlignedBox3d last_breath;  // ... and in the last 4 s.
     std::optional<ResolvedDepth> resolved;
   };
 
-  Outcome run(double bend_mm, double breathing_mm, double duration_s) {
+  Outcome run(double bend_mm, double breathing_mm, double duration_s, bool until_reached = true) {
     const Eigen::Vector3d target = tree_.centroid();
     ServoLoop loop(settings_, tree_);
     SimulatedPatientSettings patient_settings;
@@ -63,6 +68,8 @@ class BentLiver : public testing::Test {
       frame.image =
           drawnFrame(tree_, (T * scene.pointsOf(tree_)).eval(), frame.camera, static_cast<std::uint64_t>(k), kSide_px);
       outcome.last = loop.step(frame, state);
+      outcome.target_camera = T * patient.moved(target, time_s);
+      if (time_s > duration_s - 4) outcome.last_breath.extend(outcome.target_camera);
       const bool before = loop.resolvedDepth().has_value();
       loop.learn();
       if (loop.resolvedDepth() && !before) {
@@ -73,7 +80,7 @@ class BentLiver : public testing::Test {
       state.joints += kPeriod_s * state.velocity;
       outcome.max_turn_rad = std::max(outcome.max_turn_rad, std::abs(state.joints[0] - begin[0]));
       outcome.other_joints = std::max(outcome.other_joints, (state.joints - begin).tail<4>().norm());
-      if (outcome.last.task.reached) break;
+      if (until_reached && outcome.last.task.reached) break;
     }
     return outcome;
   }
@@ -108,6 +115,53 @@ TEST_F(BentLiver, IsFoundInDepthWhileItBreathes) {
               1e3 * outcome.resolved->worstStd_m());
   EXPECT_LE(std::abs(outcome.depth_off_m), 6e-3);
   EXPECT_LE(std::abs(outcome.depth_off_m), 3 * outcome.resolved->worstStd_m());
+}
+
+// What no single frame of a bent tree would allow: a view, with the target at the isocentre's distance.
+TEST_F(BentLiver, IsViewedByWhatATurnHasTold) {
+  ViewTaskSettings view;
+  view.primary_deg = 32;
+  view.secondary_deg = 14;
+  // A bent tree's direction and place are known to about as much.
+  view.reached_deg = 2;
+  view.reached_mm = 2;
+  settings_.task = view;
+  const Outcome without = run(3, 0, 3);
+  EXPECT_FALSE(without.last.task.reached);
+  EXPECT_EQ(without.max_turn_rad, 0);
+  EXPECT_NE(without.last.hold_reason.value_or("").find("resolve_depth turns the arm for it"), std::string::npos);
+
+  settings_.depth_first = ResolveDepthTaskSettings{};
+  for (const double breathing_mm : {0.0, 6.0}) {
+    const Outcome outcome = run(3, breathing_mm, 16);
+    const Eigen::Vector3d off_mm =
+        1e3 * (outcome.target_camera - Eigen::Vector3d(0, 0, settings_.carm.source_isocenter_distance_m));
+    std::printf("breathing %.0f mm: target off by %.2f %.2f %.2f mm, turned %.1f deg, %s\n", breathing_mm, off_mm.x(),
+                off_mm.y(), off_mm.z(), radToDeg(outcome.max_turn_rad), outcome.last.hold_reason.value_or("").c_str());
+    // Of a patient who breathes the direction is not known so well.
+    EXPECT_TRUE(outcome.last.task.reached || breathing_mm > 0) << outcome.last.hold_reason.value_or("");
+    EXPECT_LE(off_mm.head<2>().norm(), 2);
+    EXPECT_LE(std::abs(off_mm.z()), 3);
+  }
+}
+
+TEST_F(BentLiver, IsHeldByWhatATurnHasTold) {
+  settings_.task = HoldTaskSettings{};
+  settings_.depth_first = ResolveDepthTaskSettings{};
+  const Outcome outcome = run(3, 6, 20, false);
+  const Eigen::Vector3d moved_mm = 1e3 * outcome.last_breath.sizes();
+  std::printf("the target moves by %.2f %.2f %.2f mm in the camera\n", moved_mm.x(), moved_mm.y(), moved_mm.z());
+  EXPECT_TRUE(outcome.last.task.reached) << outcome.last.hold_reason.value_or("");
+  EXPECT_LE(moved_mm.norm(), 2);  // Of 6 that the patient breathes, and 8 that one frame has open.
+}
+
+TEST_F(BentLiver, IsNotResolvedForATaskThatDoesNotAsk) {
+  settings_.depth_first = ResolveDepthTaskSettings{};
+  settings_.task = CenterTaskSettings{};
+  EXPECT_THROW(ServoLoop(settings_, tree_), InputError);
+  settings_.task = ViewTaskSettings{};
+  settings_.external_registration = true;  // Says nothing of what was matched.
+  EXPECT_THROW(ServoLoop(settings_, tree_), InputError);
 }
 
 // No dose for what one frame says.

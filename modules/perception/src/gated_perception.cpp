@@ -1,9 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/perception/gated_perception.hpp"
 
+#include <cmath>
 #include <utility>
 
+#include "angio/base/formatted.hpp"
+
 namespace angio::perception {
+namespace {
+
+// Of chi^2 with two degrees of freedom: one frame in 250,000 that is where it should be. So many in a row are no
+// chance.
+constexpr double kContradicts = 25;
+constexpr int kForgets = 3;
+
+}  // namespace
+
 GatedObservation GatedPerception::observe(const XrayFrame& frame, const CArmState& state) {
   const CameraPlace place = perception_.placeOf(state);
   Observation seen = perception_.observe(frame, state);
@@ -41,17 +53,47 @@ GatedObservation GatedPerception::gated(Observation observation, const XrayView*
     perception_.reject();
     return result;
   }
-  // What is too unsure for the task is still where the patient is, as well as it is known: it is tracked. A wrong focal
-  // length makes a tree look bent, so that such frames count there as well.
-  perception_.accept(seen, place);
+  PatientObservation patient{seen.registration.T_camera_model, *seen.registration.covariance, seen.registration.points};
+  result.rejection = placeByTurn(patient, seen.registration, place);
+  // What is too unsure for the task is still where the patient is, as well as it is known: it is tracked. Depth that a
+  // turn has told must not wander from frame to frame. A wrong focal length makes a tree look bent, so that such frames
+  // count there as well.
+  perception_.accept(patient.T_camera_model, patient.covariance, place);
   const double expected_m = (calibrated * target_).z();
   focal_length_.see(place.T_camera_patient.linear().row(2).transpose(),
                     (seen.registration.T_camera_model * target_).z() - expected_m, expected_m);
-  const PatientObservation patient{seen.registration.T_camera_model, *seen.registration.covariance,
-                                   seen.registration.points};
-  result.rejection = gate_.tooUnsure(patient);
+  if (!result.rejection) result.rejection = gate_.tooUnsure(patient);
   if (!result.rejection) result.patient = patient;
   return result;
+}
+
+// Where a turn has told the depth, the observation goes by it. Returns why it cannot; nothing when it does, or no turn
+// has.
+std::optional<std::string> GatedPerception::placeByTurn(PatientObservation& patient, const RegistrationResult& seen,
+                                                        const CameraPlace& place) {
+  if (resolved_tree_ && resolved_tree_->outdated(place.time_us)) forgetDepth();
+  if (!resolved_tree_) return std::nullopt;
+  const auto points = std::make_shared<ResolvedPoints>(resolved_tree_, seen, place.T_camera_patient, place.time_us);
+  const ResolvedTree::Place target = points->at(target_);
+  if (target.mismatch > kContradicts) {
+    const double off_mm = 1e3 * (seen.T_camera_model * target_ - target.camera).norm();
+    if (++contradicted_in_a_row_ >= kForgets) forgetDepth();
+    return formatted(
+        "the target is not where the frames of a turn had it, by %.1f mm and %.1f standard deviations: its depth is "
+        "open",
+        off_mm, std::sqrt(target.mismatch));
+  }
+  contradicted_in_a_row_ = 0;
+  patient = resolved_tree_->pose(target_, seen, place.T_camera_patient, place.time_us);
+  patient.points = points;
+  patient.places = points;
+  return std::nullopt;
+}
+
+void GatedPerception::forgetDepth() {
+  resolved_.reset();
+  resolved_tree_.reset();
+  contradicted_in_a_row_ = 0;
 }
 
 void GatedPerception::resolveDepth() {
@@ -66,14 +108,19 @@ void GatedPerception::resolveDepth() {
       window_.T_camera_patient(),
       *fit,
   };
+  resolved_tree_.reset();
+  if (seen.status == RegistrationStatus::kConverged) {
+    resolved_tree_ = std::make_shared<ResolvedTree>(tree_, *fit, window_.T_camera_patient(), window_.time_us());
+  }
 }
 
 void GatedPerception::learn() {
   perception_.learn();
   reading_.tryNext(perception_, gate_);
   // It takes as long as several frames: once, where the C-arm stands still after a turn.
-  constexpr double kMore_rad = 0.005;
+  constexpr double kMore_rad = 0.005, kEnough_rad = 0.09;
   const double known_rad = resolved_ ? resolved_->fit.turn_rad : 0;
+  if (resolved_tree_ && known_rad > kEnough_rad && gate_.sureEnough(resolved_->worstStd_m())) return;
   if (window_.still() && window_.turn_rad() > known_rad + kMore_rad) resolveDepth();
 }
 

@@ -36,7 +36,7 @@ double PatientObservation::worstStd_m(const Eigen::Vector3d& p_model) const {
 
 // Of the point p where it is seen: d(x - z p.x / p.z) and the same of y.
 double PatientObservation::worstStdAcross_m(const Eigen::Vector3d& p_model) const {
-  const Eigen::Vector3d p = T_camera_model * p_model;
+  const Eigen::Vector3d p = placeAt(p_model);
   Eigen::Matrix<double, 2, 3> across;
   across << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
   return maxStd<2>(across * pointCovariance(p_model) * across.transpose());

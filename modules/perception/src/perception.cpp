@@ -216,7 +216,12 @@ PointObservation Perception::seen(const PointOfInterest& place, const XrayCamera
 }
 
 void Perception::accept(const Observation& observation, const CameraPlace& place) {
-  tracker_.update(observation.registration.T_camera_model, place, observation.registration.covariance);
+  accept(observation.registration.T_camera_model, observation.registration.covariance, place);
+}
+
+void Perception::accept(const Pose& T_camera_model, const std::optional<Matrix6d>& covariance,
+                        const CameraPlace& place) {
+  tracker_.update(T_camera_model, place, covariance);
 }
 
 void Perception::reject() { tracker_.miss(); }

@@ -285,6 +285,7 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   seen.agreement = agreementOf(tree, tree.points() + seen.displacements_m, {view}, seen.T_camera_model);
   classify(tree, seen);
   result.turn_rad = chosen.turn_rad;
+  result.axis = chosen.axis;
   result.frames = static_cast<int>(chosen.frames.size());
   result.patient_motion_m = signal.rms_m;
   result.unexplained_m = unexplained_m;

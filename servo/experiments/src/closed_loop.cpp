@@ -41,8 +41,10 @@ std::optional<Eigen::Vector2d> wantedRay(const ServoLoopSettings& loop) {
 // How far the real view is from the wanted one, for a task that has one, and the target's image from its place.
 class Observer {
  public:
-  Observer(const Scenario& world, const Task& task, const ServoLoopSettings& loop, const VesselTree& tree)
+  Observer(const Scenario& world, const Task& task, const ServoLoopSettings& loop, const VesselTree& tree,
+           const SimulatedPatientSettings& patient)
       : truth_(world.truth),
+        bent_(patient.motion.bend.rms_mm > 0 ? std::optional(tree.points()) : std::nullopt),
         desired_(task.desired_T_camera_model()),
         target_(targetOf(tree, loop)),
         wanted_(wantedRay(loop)) {}
@@ -51,7 +53,7 @@ class Observer {
 
   void observe(const SimulatedLab& lab, ClosedLoopFrame& row) {
     row.time_s = lab.now_s();
-    row.true_error = error(row.joints);
+    row.true_error = error(row.joints, lab);
     row.target_camera = lab.inCamera(target_);
     const Eigen::Vector2d ray = row.target_camera.hnormalized();
     if (!wanted_) wanted_ = ray;
@@ -70,13 +72,25 @@ class Observer {
     return WayObserver(truth_.carm, start, *goal, truth_.T_dsa_cb * on_beam);
   }
 
-  ViewError error(const CArmJoints& joints) const {
+  // With these joints, of the patient as it lies now.
+  ViewError error(const CArmJoints& joints, const SimulatedLab& lab) const {
     if (!desired_) return {};
-    return viewError(truth_.carm.T_camera_patient(joints) * truth_.T_dsa_cb, *desired_, target_);
+    return viewError(truth_.carm.T_camera_patient(joints) * T_patient_model(lab), *desired_, target_);
   }
 
  private:
+  // Of a bent tree: turned as the rigid one is that is nearest to it, with the target where that is.
+  Pose T_patient_model(const SimulatedLab& lab) const {
+    if (!bent_) return truth_.T_dsa_cb;
+    const Pose T_patient_camera = truth_.carm.T_camera_patient(lab.arm().state().joints).inverse();
+    Eigen::Matrix3Xd moved(3, bent_->cols());
+    for (Eigen::Index i = 0; i < moved.cols(); ++i) moved.col(i) = T_patient_camera * lab.inCamera(bent_->col(i));
+    Pose T(Eigen::umeyama(*bent_, moved, false));
+    return T.pretranslate(T_patient_camera * lab.inCamera(target_) - T * target_);
+  }
+
   CArmCalibration truth_;
+  std::optional<Eigen::Matrix3Xd> bent_;  // Points of a tree that is bent.
   std::optional<Pose> desired_;
   Eigen::Vector3d target_;
   std::optional<Eigen::Vector2d> wanted_;
@@ -104,7 +118,7 @@ void runClosed(const VesselTree& tree, const Scenario& world, const ScenarioSett
   SimulatedLab lab = labOf(tree, world, s, loop, patient);
   ServoNode servo(lab.loopSide(), loop, tree);
   Operator person(lab.fromMachines());
-  Observer observer(world, servo.loop().task(), loop, tree);
+  Observer observer(world, servo.loop().task(), loop, tree, patient);
   result.has_view = observer.hasView();
   auto way = observer.way(lab.arm().state().joints, loop.limits);
   const auto watchWay = [&] {
@@ -142,7 +156,7 @@ void runClosed(const VesselTree& tree, const Scenario& world, const ScenarioSett
   watchWay();
   if (way) result.max_table_excursion_m = way->maxTable_m();
   if (way) result.max_target_excursion_m = way->maxTarget_m();
-  result.closed_end = observer.error(lab.arm().state().joints);
+  result.closed_end = observer.error(lab.arm().state().joints, lab);
 }
 
 void runOpen(const VesselTree& tree, const Scenario& world, const ScenarioSettings& s, const ServoLoopSettings& loop,
@@ -151,7 +165,7 @@ void runOpen(const VesselTree& tree, const Scenario& world, const ScenarioSettin
   blind.lab.images = false;
   SimulatedLab lab = labOf(tree, world, blind, loop, patient);
   OpenLoop servo(loop, tree);
-  Observer observer(world, servo.task(), loop, tree);
+  Observer observer(world, servo.task(), loop, tree, patient);
   const int frames = framesOf(s);
   while (static_cast<int>(result.open.size()) < frames) {
     const std::optional<Exposure> exposure = lab.advance();
@@ -164,7 +178,7 @@ void runOpen(const VesselTree& tree, const Scenario& world, const ScenarioSettin
     result.open.push_back(row);
   }
   while (!lab.advance()) continue;
-  result.open_end = observer.error(lab.arm().state().joints);
+  result.open_end = observer.error(lab.arm().state().joints, lab);
 }
 
 }  // namespace

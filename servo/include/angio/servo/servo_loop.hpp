@@ -22,6 +22,7 @@ struct ServoLoopSettings {
   std::optional<Eigen::Vector3d> target_model;                ///< The point that matters [m]; the tree's centroid.
 
   TaskSettings task = ViewTaskSettings{};
+  std::optional<ResolveDepthTaskSettings> depth_first;  ///< Before the task, as often as a depth it needs is open.
   ServoLawSettings law = JointSpaceSettings{};
   PerceptionSettings perception;
   RegistrationGateSettings supervisor;

@@ -31,14 +31,20 @@ struct TaskInput {
   std::optional<Eigen::Vector3d> target_model = std::nullopt;
   Eigen::Matrix3d target_covariance = Eigen::Matrix3d::Zero();  ///< Of it, model axes [m^2].
 
-  /// This frame's own registration.
-  PatientObservation patient() const { return {T_camera_model, covariance}; }
+  /// This frame's own registration, and where the frames of a turn have the tree, where they have told it.
+  PatientObservation patient() const { return {T_camera_model, covariance, places ? points : nullptr, places}; }
+
+  /// The averaged pose, moved so that a point of the model is where patient() has it along the beam, and where it was in
+  /// the average across it. Without `places` the pose as it is.
+  Pose trackedPoseAt(const Eigen::Vector3d& p_model) const;
 
   /// What the frame shows of the place that the task watches; nothing: only what the registration says.
   std::optional<PointObservation> place = std::nullopt;
 
   /// What the frame's registration knows of single points; null: the covariance says all.
   std::shared_ptr<const PointUncertainty> points = nullptr;
+  /// Where points of the model are by the frames of a turn; null: the pose says all.
+  std::shared_ptr<const PointPlaces> places = nullptr;
   /// Where the target was by the frames of a turn, for a task that resolves its depth; null: not known yet. Borrowed.
   const ResolvedDepth* depth = nullptr;
 };

@@ -147,12 +147,14 @@ struct ResolveDepthTaskSettings {
 
   double max_std_mm = 3;    ///< Of the target in its worst direction: from there on its depth is known.
   double max_turn_deg = 6;  ///< Of the primary angle, in all.
+  bool first = false;       ///< Before view or hold, whenever those have to know a depth that is open.
   static constexpr double speed_deg_per_s = 6;
   static constexpr double watch_s = 4;  ///< Before the turn, standing: a breath, of which way and size are then known.
 
   void visit(SettingsVisitor& v) {
     v.number("max_std_mm", max_std_mm, 1e-3, 1000);
     v.number("max_turn_deg", max_turn_deg, 1, 6);
+    v.flag("first", first);
   }
 };
 

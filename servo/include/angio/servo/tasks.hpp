@@ -34,6 +34,9 @@ bool patientMoves(const TaskSettings& settings);
 /// The directions in which a task needs to know its target's place.
 TargetNeed targetNeed(const TaskSettings& settings);
 
+/// Whether a task needs its target's depth, and can go on by what resolve_depth finds: makeDepthFirst().
+bool canFollowATurn(const TaskSettings& settings);
+
 /// Throws InputError when a setting is out of its range or of no use with this tree.
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context);
 
@@ -49,6 +52,12 @@ std::unique_ptr<Task> make(const CenterTaskSettings& settings, const TaskContext
 /// will move the arm. The command is the first step of a plan that keeps the joints' accelerations and brings the view
 /// nearest to the one at the task's beginning over the next periods, along the predicted motion.
 std::unique_ptr<Task> make(const HoldTaskSettings& settings, const TaskContext& context);
+
+/// Another task before which the target's depth is resolved, as often as it is open: while a frame, read with what
+/// turns have told, leaves the target more uncertain than settings.max_std_mm in its worst direction, resolve_depth is
+/// asked, and otherwise `task`. Throws InputError as makeTask() does, and of a task that cannot go by it.
+std::unique_ptr<Task> makeDepthFirst(const ResolveDepthTaskSettings& settings, const TaskSettings& task,
+                                     const TaskContext& context);
 
 /// Where a frame's covariance leaves the target's depth open, watches the patient breathe, turns the arm by the primary
 /// angle, to the side where it has more room, stands still, and says what all frames together know.

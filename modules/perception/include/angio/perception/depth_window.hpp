@@ -38,11 +38,13 @@ class DepthWindow {
 
   /// Where the camera was in the newest frame. There must be one.
   const Pose& T_camera_patient() const { return frames_.back().T_camera_patient; }
+  std::int64_t time_us() const { return newest_us_; }
 
  private:
   VesselTree tree_;
   std::deque<MovingFrame> frames_;
   std::optional<std::int64_t> first_us_;
+  std::int64_t newest_us_ = 0;
   bool still_ = false;
   // Of the newest frame.
   Centerline2d centerline_;

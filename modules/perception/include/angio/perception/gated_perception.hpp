@@ -10,6 +10,7 @@
 #include "angio/perception/perception.hpp"
 #include "angio/perception/reading_search.hpp"
 #include "angio/perception/registration_gate.hpp"
+#include "angio/perception/resolved_tree.hpp"
 
 namespace angio::perception {
 
@@ -82,10 +83,12 @@ class GatedPerception {
 
   /// Learns how the patient moves, when what a frame was wanted for is out. Takes some milliseconds now and then, and
   /// as long as one search while ReadingSearch looks at frames none of which has registered yet.
-  /// Where depth is being found (TargetNeed::kResolvingDepth) also resolveDepth(), when the C-arm has come to rest.
+  /// Where depth is being found (TargetNeed::kResolvingDepth) also resolveDepth(), when the C-arm has come to rest
+  /// after a turn that says more than what is known.
   void learn();
 
-  /// Asks all frames of the last seconds together for the depth. Takes about a second.
+  /// Asks all frames of the last seconds together for the depth. Takes about a second. From then on a frame's
+  /// observation goes by it (ResolvedTree), until frames contradict it or it is outdated.
   void resolveDepth();
 
   /// What that said last; nothing before, or where it did not tell.
@@ -101,6 +104,9 @@ class GatedPerception {
 
  private:
   GatedObservation gated(Observation observation, const XrayView* view, const CameraPlace& place);
+  std::optional<std::string> placeByTurn(PatientObservation& patient, const RegistrationResult& seen,
+                                         const CameraPlace& place);
+  void forgetDepth();
 
   CArmGeometry carm_;
   Eigen::Vector3d target_;
@@ -111,6 +117,8 @@ class GatedPerception {
   DepthWindow window_;
   Matrix6d prior_;  // Of the calibrated pose.
   std::optional<ResolvedDepth> resolved_;
+  std::shared_ptr<const ResolvedTree> resolved_tree_;
+  int contradicted_in_a_row_ = 0;  // By frames, of what was resolved.
   FocalLengthMonitor focal_length_;
   ReadingSearch reading_;
 };

@@ -12,6 +12,14 @@ namespace angio::perception {
 /// Returns the standard deviation in the worst direction [m], of a covariance [m^2].
 double worstStd_m(const Eigen::Matrix3d& covariance_m2);
 
+/// Where points of the model are in a frame, where that is known better than by the pose alone.
+class PointPlaces {
+ public:
+  virtual ~PointPlaces() = default;
+  /// Returns the place of a point of the tree as it was given, model frame [m]: camera axes [m].
+  virtual Eigen::Vector3d placeAt(const Eigen::Vector3d& p_model) const = 0;
+};
+
 /// Where one trusted frame shows the model: a pose, its covariance, and what is known of single points.
 struct PatientObservation {
   Pose T_camera_model = Pose::Identity();
@@ -19,6 +27,19 @@ struct PatientObservation {
       Matrix6d::Zero();  ///< As RegistrationResult has it: (translation, rotation), camera axes [m, rad].
   std::shared_ptr<const PointUncertainty> points =
       {};  ///< As RegistrationResult has it; null: the covariance says all.
+
+  std::shared_ptr<const PointPlaces> places = {};  ///< Null: the pose says all.
+
+  /// Returns where a model point is, camera axes [m].
+  Eigen::Vector3d placeAt(const Eigen::Vector3d& p_model) const {
+    return places ? places->placeAt(p_model) : T_camera_model * p_model;
+  }
+
+  /// Returns the pose, moved so that a model point is there.
+  Pose poseAt(const Eigen::Vector3d& p_model) const {
+    Pose T = T_camera_model;
+    return T.pretranslate(placeAt(p_model) - T * p_model);
+  }
 
   /// Returns the covariance of a model point [m^2]: that of `points`, and without them J S J^T, where
   /// dp = dt - (R p)^ dw.

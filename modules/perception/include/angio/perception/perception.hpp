@@ -75,6 +75,8 @@ class Perception {
   /// Tracks the patient where the observation has it.
   void accept(const Observation& observation, const CArmState& state) { accept(observation, placeOf(state)); }
   void accept(const Observation& observation, const CameraPlace& place);
+  /// ... or where it is known to be better, with the covariance of its registration.
+  void accept(const Pose& T_camera_model, const std::optional<Matrix6d>& covariance, const CameraPlace& place);
 
   /// Counts a frame that could not be trusted.
   void reject();

@@ -68,6 +68,9 @@ class RegistrationGate {
   /// The second half: why what is right does not say enough of the target; nothing when it does.
   std::optional<std::string> tooUnsure(const PatientObservation& patient) const;
 
+  /// Whether a standard deviation of the target is as small as any task asks for.
+  bool sureEnough(double std_m) const { return 1e3 * std_m <= settings_.max_target_std_mm; }
+
  private:
   std::optional<std::string> tooFar(const Pose& seen, const Pose& expected, double max_deg, double max_mm,
                                     double max_depth_mm, const char* what) const;

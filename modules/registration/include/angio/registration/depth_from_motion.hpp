@@ -21,8 +21,9 @@ struct DepthFromMotion {
   /// Of the newest frame: pose, displacements, covariance, what is known of points, agreement with that frame, and the
   /// status that these give.
   RegistrationResult registration;
-  double turn_rad = 0;          ///< Largest angle between two of the frames' beams.
-  int frames = 0;               ///< That took part.
+  double turn_rad = 0;                             ///< Largest angle between two of the frames' beams.
+  Eigen::Vector3d axis = Eigen::Vector3d::Zero();  ///< Of that turn, unit, patient axes.
+  int frames = 0;                                  ///< That took part.
   double patient_motion_m = 0;  ///< How far the patient moved along the axis of the turn, rms over the frames.
   double unexplained_m = 0;     ///< How far each frame is off for itself, per axis, by the residuals.
 };
@@ -31,10 +32,11 @@ struct DepthFromMotion {
 /// deformation, a motion of the patient that all frames share, and one shift of each frame for itself.
 ///
 /// The place of the camera in each frame is taken as exact: 0.1 mm that two places are wrong against each other is 1 mm
-/// in depth over 6 deg, which the covariance does not count. What moves the patient, as the breath does, is read off the
-/// shift of the frames along the axis of the turn, in which depth has no part: across it, and at each place of the tree,
-/// the patient may move by anything smooth that goes with it, or with it up to 0.4 s sooner or later. How far frames are
-/// off for themselves is found from the residuals. Linear about what the frames' own fits have matched, twice.
+/// in depth over 6 deg, which the covariance does not count. What moves the patient, as the breath does, is read off
+/// the shift of the frames along the axis of the turn, in which depth has no part: across it, and at each place of the
+/// tree, the patient may move by anything smooth that goes with it, or with it up to 0.4 s sooner or later. How far
+/// frames are off for themselves is found from the residuals. Linear about what the frames' own fits have matched,
+/// twice.
 ///
 /// @param frames  By time, the newest last; those without evidence are left out.
 /// @param newest  What the newest frame shows.
