@@ -121,9 +121,6 @@ TaskAnswer ResolveDepthTask::answer(const TaskInput& input) {
   return answer;
 }
 
-// A depth that is known is not given up for what frames differ by.
-constexpr double kGivesUp = 1.25;
-
 class DepthFirst final : public Task {
  public:
   DepthFirst(const ResolveDepthTaskSettings& settings, const TaskContext& context, std::unique_ptr<Task> task)
@@ -147,13 +144,11 @@ class DepthFirst final : public Task {
   Eigen::Vector3d target_;
   std::unique_ptr<Task> task_;
   std::unique_ptr<ResolveDepthTask> resolving_;  // While the depth is open.
-  bool known_ = false;
 };
 
 TaskAnswer DepthFirst::answer(const TaskInput& input) {
   const double std_mm = targetStd_mm(input, target_);
-  known_ = std_mm <= (known_ ? kGivesUp : 1) * settings_.max_std_mm;
-  if (known_) {
+  if (std_mm <= settings_.max_std_mm) {
     resolving_.reset();
     return task_->answer(input);
   }

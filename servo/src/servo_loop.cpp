@@ -50,7 +50,12 @@ Eigen::Vector3d targetOf(const ServoLoopSettings& settings, const VesselTree& tr
 std::unique_ptr<Task> taskOf(const ServoLoopSettings& settings, const VesselTree& tree) {
   const TaskContext context{settings.carm,        settings.limits, tree, targetOf(settings, tree),
                             settings.R_lps_model, settings.law};
-  if (settings.depth_first) return makeDepthFirst(*settings.depth_first, settings.task, context);
+  if (settings.depth_first) {
+    // What the gate would refuse of the task alone is refused all the same.
+    ResolveDepthTaskSettings depth = *settings.depth_first;
+    depth.max_std_mm = std::min(depth.max_std_mm, settings.supervisor.max_target_std_mm);
+    return makeDepthFirst(depth, settings.task, context);
+  }
   return makeTask(settings.task, context);
 }
 

@@ -132,6 +132,7 @@ TEST_F(BentLiver, IsViewedByWhatATurnHasTold) {
   EXPECT_NE(without.last.hold_reason.value_or("").find("resolve_depth turns the arm for it"), std::string::npos);
 
   settings_.depth_first = ResolveDepthTaskSettings{};
+  settings_.depth_first->max_std_mm = 100;  // The gate's bound holds.
   for (const double breathing_mm : {0.0, 6.0}) {
     const Outcome outcome = run(3, breathing_mm, 16);
     const Eigen::Vector3d off_mm =
