@@ -118,7 +118,7 @@ TEST(BusMonitor, AnythingMayCome) {
       bytes[static_cast<std::size_t>(random.uniform(0, 1) * bytes.size())] =
           static_cast<std::uint8_t>(random.uniform(0, 256));
     }
-    hear(monitor, std::string("A\033[2J") + static_cast<char>(random.uniform(0, 256)), bytes,
+    hear(monitor, std::string("A\033[2J") + static_cast<char>(static_cast<std::uint8_t>(random.uniform(0, 256))), bytes,
          test::randomInt64(random));
   }
   std::int64_t heard = 0, broken = 0;

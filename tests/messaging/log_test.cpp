@@ -152,7 +152,8 @@ TEST(LogReader, AnyBytesEnd) {
   for (int i = 0; i < 2000; ++i) {
     std::string bytes = content.substr(0, static_cast<std::size_t>(random.uniform(0, 1) * (content.size() + 1)));
     for (int k = 0; k < 4 && !bytes.empty(); ++k) {
-      bytes[static_cast<std::size_t>(random.uniform(0, 1) * bytes.size())] = static_cast<char>(random.uniform(0, 256));
+      bytes[static_cast<std::size_t>(random.uniform(0, 1) * bytes.size())] =
+          static_cast<char>(static_cast<std::uint8_t>(random.uniform(0, 256)));
     }
     std::ofstream(folder.path("bad.lcm"), std::ios::binary) << bytes;
     EXPECT_LE(contentOfLog(folder.path("bad.lcm")).size(), 5u);

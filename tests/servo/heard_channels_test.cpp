@@ -69,7 +69,9 @@ TEST_F(HeardChannels, FramesThatCannotBeDecodedAreNotGone) {
       {cut, "xray_frame_t: "},
       {odd, "xray_frame_t: bits"},
       {another, "xray_frame_t: another type's fingerprint, carm_state_t's"}};
-  for (const auto& [wrong, why] : cases) {
+  for (const auto& one : cases) {
+    const auto& [wrong_frame, why] = one;
+    const auto& wrong = wrong_frame;  // A lambda of C++17 takes no structured binding.
     for (int i = 0; i < 20; ++i) {
       step([&] {
         sayState();
