@@ -159,8 +159,7 @@ TaskAnswer DepthFirst::answer(const TaskInput& input) {
     TaskAnswer answer;
     answer.hold_reason = formatted(
         "after a turn of %.1f deg this frame knows the target to %.1f mm, of %.1f mm asked: wait for the breath, or "
-        "look "
-        "from elsewhere",
+        "look from elsewhere",
         input.depth ? radToDeg(input.depth->fit.turn_rad) : 0.0, std_mm, settings_.max_std_mm);
     return answer;
   }
@@ -184,7 +183,7 @@ std::unique_ptr<Task> make(const ResolveDepthTaskSettings& settings, const TaskC
 std::unique_ptr<Task> makeDepthFirst(const ResolveDepthTaskSettings& settings, const TaskSettings& task,
                                      const TaskContext& context) {
   checkSettings(ResolveDepthTaskSettings::kName, settings);
-  if (!canFollowATurn(task)) {
+  if (targetNeed(task) != TargetNeed::kEverywhere) {
     throw InputError(ResolveDepthTaskSettings::kName, "first", "true", "is for view and hold, not for " + nameOf(task));
   }
   return std::make_unique<DepthFirst>(settings, context, makeTask(task, context));

@@ -21,8 +21,6 @@ bool patientMoves(const TaskSettings& settings) {
   return std::visit([](const auto& chosen) { return chosen.kPatientMoves; }, settings);
 }
 
-bool canFollowATurn(const TaskSettings& settings) { return targetNeed(settings) == TargetNeed::kEverywhere; }
-
 TargetNeed targetNeed(const TaskSettings& settings) {
   return std::visit([](const auto& chosen) { return chosen.kTargetNeed; }, settings);
 }

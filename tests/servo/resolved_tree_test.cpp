@@ -108,9 +108,9 @@ TEST_F(TreeOfATurn, IsTurnedAsTheTurnToldAndAsTheFrameShowsAboutTheBeam) {
     const Eigen::Matrix3d rolled = expSO3(roll_rad * ray) * seen.T_camera_model.linear();
     seen.T_camera_model.linear() = expSO3(tilt_rad * ray.unitOrthogonal()) * rolled;
     seen.T_camera_model.translation() = at - seen.T_camera_model.linear() * target_;
-    const PatientObservation patient = tree_->pose(target_, seen, camera(turned_rad), kEnd_us);
-    EXPECT_LE(rotationAngle(patient.T_camera_model.linear() * rolled.transpose()), 2e-3) << turned_rad;
     const auto p = tree_->at(target_, seen, camera(turned_rad), kEnd_us);
+    const PatientObservation patient = tree_->pose(target_, p, seen, camera(turned_rad));
+    EXPECT_LE(rotationAngle(patient.T_camera_model.linear() * rolled.transpose()), 2e-3) << turned_rad;
     EXPECT_LE((patient.T_camera_model * target_ - p.camera).norm(), 1e-12);
     // Without `points`, the covariance says the same of the point.
     EXPECT_LE((patient.pointCovariance(target_) - p.covariance_m2).norm(), 1e-15);
@@ -119,10 +119,12 @@ TEST_F(TreeOfATurn, IsTurnedAsTheTurnToldAndAsTheFrameShowsAboutTheBeam) {
 
 TEST_F(TreeOfATurn, SaysTheSameByItsPoints) {
   const auto seen = frame(0.3, Eigen::Vector3d::Zero(), 5e-3);
-  const ResolvedPoints points(tree_, seen, camera(0.3), kEnd_us);
+  const ResolvedPoints points(tree_, seen, camera(0.3), kEnd_us, target_);
   const auto p = tree_->at(target_, seen, camera(0.3), kEnd_us);
   EXPECT_EQ(points.placeAt(target_), p.camera);
   EXPECT_EQ(points.covarianceAt(target_), p.covariance_m2);
+  const Eigen::Vector3d other(0, -0.02, 0.001);
+  EXPECT_EQ(points.placeAt(other), tree_->at(other, seen, camera(0.3), kEnd_us).camera);
 }
 
 }  // namespace

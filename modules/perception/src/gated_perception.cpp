@@ -73,7 +73,8 @@ std::optional<std::string> GatedPerception::placeByTurn(PatientObservation& pati
                                                         const CameraPlace& place) {
   if (resolved_tree_ && resolved_tree_->outdated(place.time_us)) forgetDepth();
   if (!resolved_tree_) return std::nullopt;
-  const auto points = std::make_shared<ResolvedPoints>(resolved_tree_, seen, place.T_camera_patient, place.time_us);
+  const auto points =
+      std::make_shared<ResolvedPoints>(resolved_tree_, seen, place.T_camera_patient, place.time_us, target_);
   const ResolvedTree::Place target = points->at(target_);
   if (target.mismatch > kContradicts) {
     const double off_mm = 1e3 * (seen.T_camera_model * target_ - target.camera).norm();
@@ -84,7 +85,7 @@ std::optional<std::string> GatedPerception::placeByTurn(PatientObservation& pati
         off_mm, std::sqrt(target.mismatch));
   }
   contradicted_in_a_row_ = 0;
-  patient = resolved_tree_->pose(target_, seen, place.T_camera_patient, place.time_us);
+  patient = resolved_tree_->pose(target_, target, seen, place.T_camera_patient);
   patient.points = points;
   patient.places = points;
   return std::nullopt;

@@ -16,6 +16,12 @@ double maxStd(const Eigen::Matrix<double, N, N>& covariance) {
 
 }  // namespace
 
+Eigen::Matrix<double, 2, 3> acrossRay(const Eigen::Vector3d& p_camera) {
+  Eigen::Matrix<double, 2, 3> across;
+  across << 1, 0, -p_camera.x() / p_camera.z(), 0, 1, -p_camera.y() / p_camera.z();
+  return across;
+}
+
 double worstStd_m(const Eigen::Matrix3d& covariance_m2) { return maxStd<3>(covariance_m2); }
 
 Eigen::Matrix3d PatientObservation::pointCovariance(const Eigen::Vector3d& p_model,
@@ -34,11 +40,8 @@ double PatientObservation::worstStd_m(const Eigen::Vector3d& p_model) const {
   return angio::perception::worstStd_m(pointCovariance(p_model));
 }
 
-// Of the point p where it is seen: d(x - z p.x / p.z) and the same of y.
 double PatientObservation::worstStdAcross_m(const Eigen::Vector3d& p_model) const {
-  const Eigen::Vector3d p = placeAt(p_model);
-  Eigen::Matrix<double, 2, 3> across;
-  across << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
+  const Eigen::Matrix<double, 2, 3> across = acrossRay(placeAt(p_model));
   return maxStd<2>(across * pointCovariance(p_model) * across.transpose());
 }
 

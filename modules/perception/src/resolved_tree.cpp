@@ -15,21 +15,13 @@ constexpr double kAround_m = 5e-3;
 constexpr double kAlong_m = 50e-3;
 // Of the way along the axis, across it, standard deviation: what organs are taken to do.
 constexpr double kAcross = 1.0 / 3;
-// A patient who lies still for a minute drifts by about this, and by a part of it at once.
+// Drift of a patient who lies still, standard deviations: over a minute, at once, and of the rotation.
 constexpr double kDrift_m_per_root_minute = 1e-3, kAtOnce_m = 0.3e-3;
+const double kTurns_rad = degToRad(0.1);
 constexpr double kOutdated_s = 180;
 constexpr Eigen::Index kLookedAt = 64;  // Of the tree's points.
-// And turns by this.
-const double kTurns_rad = degToRad(0.1);
 // The second time with the way along the axis known.
 constexpr int kRounds = 2;
-
-// Of the point p where it is seen: d(x - z p.x / p.z) and the same of y.
-Eigen::Matrix<double, 2, 3> acrossRay(const Eigen::Vector3d& p) {
-  Eigen::Matrix<double, 2, 3> across;
-  across << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
-  return across;
-}
 
 // Where a registration has a point, with what the tree is bent by around it.
 Eigen::Vector3d placeIn(const RegistrationResult& seen, const Eigen::Vector3d& p_model,
@@ -102,9 +94,9 @@ ResolvedTree::Place ResolvedTree::at(const Eigen::Vector3d& p_model, const Regis
       kAtOnce_m * kAtOnce_m + kDrift_m_per_root_minute * kDrift_m_per_root_minute * age_s(time_us) / 60;
 
   Place place{expected, known};
-  double way_m = 0;
+  double along_axis_m = 0;
   for (int round = 0; round < kRounds; ++round) {
-    const double across2_m2 = kAcross * kAcross * way_m * way_m + drift2_m2;
+    const double across2_m2 = kAcross * kAcross * along_axis_m * along_axis_m + drift2_m2;
     const Eigen::Matrix3d prior =
         known + kAlong_m * kAlong_m * along + across2_m2 * (Eigen::Matrix3d::Identity() - along);
     const Eigen::LDLT<Eigen::Matrix2d> innovation(H * prior * H.transpose() + noise);
@@ -112,14 +104,13 @@ ResolvedTree::Place ResolvedTree::at(const Eigen::Vector3d& p_model, const Regis
     place.camera = expected + gain.transpose() * off;
     place.covariance_m2 = prior - gain.transpose() * H * prior;
     place.mismatch = off.dot(innovation.solve(off));
-    way_m = axis.dot(place.camera - expected);
+    along_axis_m = axis.dot(place.camera - expected);
   }
   return place;
 }
 
-PatientObservation ResolvedTree::pose(const Eigen::Vector3d& p_model, const RegistrationResult& seen,
-                                      const Pose& T_camera_patient, std::int64_t time_us) const {
-  const Place place = at(p_model, seen, T_camera_patient, time_us);
+PatientObservation ResolvedTree::pose(const Eigen::Vector3d& p_model, const Place& place,
+                                      const RegistrationResult& seen, const Pose& T_camera_patient) const {
   const Pose T_camera_then = T_camera_patient * T_patient_camera_;
   const Eigen::Vector3d ray = place.camera.normalized();
   const Eigen::Matrix3d beam = ray * ray.transpose(), across = Eigen::Matrix3d::Identity() - beam;

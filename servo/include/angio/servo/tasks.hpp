@@ -34,9 +34,6 @@ bool patientMoves(const TaskSettings& settings);
 /// The directions in which a task needs to know its target's place.
 TargetNeed targetNeed(const TaskSettings& settings);
 
-/// Whether a task needs its target's depth, and can go on by what resolve_depth finds: makeDepthFirst().
-bool canFollowATurn(const TaskSettings& settings);
-
 /// Throws InputError when a setting is out of its range or of no use with this tree.
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context);
 

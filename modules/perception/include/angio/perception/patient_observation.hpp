@@ -12,6 +12,10 @@ namespace angio::perception {
 /// Returns the standard deviation in the worst direction [m], of a covariance [m^2].
 double worstStd_m(const Eigen::Matrix3d& covariance_m2);
 
+/// Returns the matrix that takes an error of a point p [m, camera axes] to the one across its ray: d(x - z p.x / p.z),
+/// and the same of y.
+Eigen::Matrix<double, 2, 3> acrossRay(const Eigen::Vector3d& p_camera);
+
 /// Where points of the model are in a frame, where that is known better than by the pose alone.
 class PointPlaces {
  public:

@@ -3,8 +3,7 @@
 
 #include <cstdint>
 #include <memory>
-#include <optional>
-#include <string>
+#include <utility>
 
 #include "angio/perception/patient_observation.hpp"
 #include "angio/registration/depth_from_motion.hpp"
@@ -37,11 +36,12 @@ class ResolvedTree {
   Place at(const Eigen::Vector3d& p_model, const RegistrationResult& seen, const Pose& T_camera_patient,
            std::int64_t time_us) const;
 
-  /// The pose of the frame, with its covariance as PatientObservation has it: the model point where at() has it, turned
-  /// as the frame shows about the beam, and as the turn told about the axes across it, which one view of a bent tree
-  /// does not see either.
-  PatientObservation pose(const Eigen::Vector3d& p_model, const RegistrationResult& seen, const Pose& T_camera_patient,
-                          std::int64_t time_us) const;
+  /// The pose of the frame, with its covariance as PatientObservation has it: turned as the frame shows about the beam,
+  /// and as the turn told about the axes across it, which one view of a bent tree does not see either.
+  ///
+  /// @param place  Of the point in the frame, by at(): the pose puts the point there.
+  PatientObservation pose(const Eigen::Vector3d& p_model, const Place& place, const RegistrationResult& seen,
+                          const Pose& T_camera_patient) const;
 
   /// Whether a frame at this time is too late to be read with it.
   bool outdated(std::int64_t time_us) const;
@@ -58,18 +58,24 @@ class ResolvedTree {
   Eigen::Matrix3d R_camera_model_, rotation_rad2_;  // Of the bent tree, then; and how uncertain, camera axes.
 };
 
-/// One frame's points by a ResolvedTree: PatientObservation::points and ::places of it.
+/// One frame's points by a ResolvedTree: PatientObservation::points and ::places of it. The target, which gate and task
+/// ask for several times a frame, is computed once.
 class ResolvedPoints final : public PointUncertainty, public PointPlaces {
  public:
   ResolvedPoints(std::shared_ptr<const ResolvedTree> tree, RegistrationResult seen, const Pose& T_camera_patient,
-                 std::int64_t time_us)
-      : tree_(std::move(tree)), seen_(std::move(seen)), T_camera_patient_(T_camera_patient), time_us_(time_us) {}
+                 std::int64_t time_us, const Eigen::Vector3d& target_model)
+      : tree_(std::move(tree)),
+        seen_(std::move(seen)),
+        T_camera_patient_(T_camera_patient),
+        time_us_(time_us),
+        target_model_(target_model),
+        target_(tree_->at(target_model_, seen_, T_camera_patient_, time_us_)) {}
 
   Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const override { return at(p_model).covariance_m2; }
   Eigen::Vector3d placeAt(const Eigen::Vector3d& p_model) const override { return at(p_model).camera; }
 
   ResolvedTree::Place at(const Eigen::Vector3d& p_model) const {
-    return tree_->at(p_model, seen_, T_camera_patient_, time_us_);
+    return p_model == target_model_ ? target_ : tree_->at(p_model, seen_, T_camera_patient_, time_us_);
   }
 
  private:
@@ -77,6 +83,8 @@ class ResolvedPoints final : public PointUncertainty, public PointPlaces {
   RegistrationResult seen_;
   Pose T_camera_patient_;
   std::int64_t time_us_;
+  Eigen::Vector3d target_model_;
+  ResolvedTree::Place target_;
 };
 
 }  // namespace angio::perception
