@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [worlds] [turning] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
+#   examples/figures.sh [rows] [worlds] [turning] [deformed_view] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
 # Without a name: rows, worlds, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
 # brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer. navigating (part of servoing) takes an aortic arch
 # from steve-dualdevicenav there, or from ARCH; TARGETS=6 runs fewer, FIRST_SEED=1 the journeys that settings were tuned on.
@@ -57,6 +57,15 @@ halves=("tuned on:BG0002 BG10 BH0006 BH0021 BH0032:case_002 case_054 case_056 ca
         "held out:BG05 BG18 BH0014 BH0026 BH0037:case_105 case_107 case_109 case_111 case_113")
 
 # Depth by a turn of the C-arm, of brains that are bent, at rest and breathing. Needs ANGIO_SHARED_DATA.
+deformed_view() {
+  local seed
+  for seed in 1 2 3 4 5 6 7 8; do
+    echo; echo "### view of a bent liver by what a turn told, seed $seed"
+    "$bin"/angio-servo --simulate --autostart --task view --settings examples/08_tasks/deformed_view.yaml --seed "$seed" \
+      --out "$work/deformed_view" | grep -E "registered|view \[deg\]|loop "
+  done
+}
+
 turning() {
   local half one bend breath shared="${ANGIO_SHARED_DATA:-}"
   if [ ! -f "$shared/brava/BG05.swc" ]; then echo "### turning: skipped, ANGIO_SHARED_DATA has no brava/*.swc"; return; fi
