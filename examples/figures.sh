@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [worlds] [turning] [deformed_view] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
+#   examples/figures.sh [rows] [worlds] [turning] [deformed_view] [loop_worlds] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
 # Without a name: rows, worlds, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
 # brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer. navigating (part of servoing) takes an aortic arch
 # from steve-dualdevicenav there, or from ARCH; TARGETS=6 runs fewer, FIRST_SEED=1 the journeys that settings were tuned on.
@@ -63,6 +63,24 @@ deformed_view() {
     echo; echo "### view of a bent liver by what a turn told, seed $seed"
     "$bin"/angio-servo --simulate --autostart --task view --settings examples/08_tasks/deformed_view.yaml --seed "$seed" \
       --out "$work/deformed_view" | grep -E "registered|view \[deg\]|loop "
+  done
+}
+
+# The loop in the clinic's worlds: contrast agent in a part of the vessels, and vessels that a measured motion deforms.
+loop_worlds() {
+  local world one runs=${RUNS:-20} first=${FIRST_SEED:-101} lungs="${ANGIO_SHARED_DATA:-}/lung-motion"
+  for world in "--filled 0.5" "--filled 0.3" "--missing-branches 0.3"; do
+    for one in view centre; do
+      echo; echo "### $one, $world, $runs runs from seed $first"
+      # shellcheck disable=SC2086
+      "$bin"/angio-simulate-loop "$one" --runs "$runs" --first-seed "$first" $world --threads "${THREADS:-1}"
+    done
+  done
+  if [ ! -d "$lungs" ]; then echo "### measured motions: skipped, ANGIO_SHARED_DATA has no lung-motion"; return; fi
+  for one in ${LUNGS:-case_105 case_107 case_109 case_111 case_113}; do
+    echo; echo "### view by what a turn told, the liver deformed by 3 mm rms as $one"
+    "$bin"/angio-servo --simulate --task view --settings examples/08_tasks/deformed_view.yaml --seed "$first" \
+      --deformation-mm 3 --deformation-field "$lungs/$one.csv" --out "$work/loop_worlds" | grep -E "registered|view \\[deg\\]|loop "
   done
 }
 

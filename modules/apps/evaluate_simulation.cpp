@@ -9,7 +9,7 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/measured_motion.hpp"
+#include "angio/io/measured_motion_file.hpp"
 #include "angio/evaluation/paper.hpp"
 #include "angio/evaluation/simulation_report.hpp"
 #include "angio/io/camera_files.hpp"

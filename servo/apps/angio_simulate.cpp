@@ -27,6 +27,7 @@
 #include "angio/messaging/channels.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "navigate_options.hpp"
+#include "patient_options.hpp"
 #include "program_bus.hpp"
 #include "run_files.hpp"
 
@@ -139,6 +140,7 @@ struct Options {
   double start_primary_deg = 0, start_secondary_deg = 0, frame_rate_hz = 15, duration_s = 0;
   std::optional<double> end_primary_deg, end_secondary_deg;
   std::optional<int> seed;
+  PatientOptions patient;
   ImageEncoding encoding = ImageEncoding::kRaw;
   std::vector<int> region;             // x, y, width, height [px]; empty: the whole detector.
   std::optional<int> catheter_branch;  // With a catheter, its tip there.
@@ -163,6 +165,7 @@ struct SimulateSettings {
 SimulateSettings effectiveSettings(const Options& o) {
   SimulateSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
+  o.patient.applyTo(settings.patient);
   settings.patient.fluoroscopy.seed = o.seed.value_or(settings.patient.fluoroscopy.seed);
   return settings;
 }
@@ -306,6 +309,7 @@ int main(int argc, char** argv) {
   app.add_flag("--xray-only", o.xray_only, "Without a C-arm: another program on the bus says CARM_STATE")
       ->excludes(catheter);
   app.add_option("--disturb", o.disturb, "What happens to messages on their way (.yaml): loss, delay, jitter, ...");
+  o.patient.addTo(app);
   app.add_option("--settings", o.settings,
                  "Settings of the X-ray, contrast agent, motion, device and catheter (.yaml)");
   app.add_option("--seed", o.seed, "Seed of anatomy, noise, motion and starts; before the settings file's")

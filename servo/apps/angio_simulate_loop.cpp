@@ -10,6 +10,7 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "patient_options.hpp"
 #include "servo_settings.hpp"
 #include "simulate_loop.hpp"
 
@@ -20,6 +21,7 @@ namespace {
 struct ExperimentOptions {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
   std::string settings, out, machine = "both";
+  PatientOptions patient;
   Runs runs;
   CenterExperimentSettings center;
   double center_duration_s = 30;
@@ -85,6 +87,7 @@ std::pair<CLI::App*, std::shared_ptr<ExperimentOptions>> addExperiment(CLI::App&
       ->add_option("--first-seed", o->runs.first_seed, "Seed of the first run; each has one more than the one before")
       ->check(CLI::Range(0, 2147000000));
   command->add_option("--threads", o->runs.threads, "Runs at a time")->check(CLI::Range(1, 256));
+  o->patient.addTo(*command);
   command->add_option("--settings", o->settings, "Settings (.yaml), as angio-servo's");
   command->add_option("--out", o->out, "All runs and the settings (.json)");
   command->callback([=, &work] {
@@ -93,8 +96,9 @@ std::pair<CLI::App*, std::shared_ptr<ExperimentOptions>> addExperiment(CLI::App&
       ServoSettings usual;
       usual.scenario.calibration_error_deg = 1;
       usual.scenario.calibration_error_mm = 3;
-      Experiment e{*o, readServoSettings(o->settings, usual), readVesselTree(o->tree),
-                   readCArmCalibration(o->calibration), o->runs};
+      ServoSettings settings = readServoSettings(o->settings, usual);
+      o->patient.applyTo(settings.patient);
+      Experiment e{*o, settings, readVesselTree(o->tree), readCArmCalibration(o->calibration), o->runs};
       ProgressBar bar(what, o->runs.count);
       e.runs.done = [&](int done) { bar.show(done); };
       return run(e);

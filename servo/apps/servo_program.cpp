@@ -54,6 +54,7 @@ void ServoProgramOptions::addTo(CLI::App& app) {
   app.add_option("--seed", seed, "Seed of the simulation")
       ->check(CLI::Range(0, 2147483647))
       ->default_str(std::to_string(defaults.scenario.seed));
+  patient.addTo(app, simulated);
   app.add_option("--settings", settings, "Settings (.yaml), sections by part");
   app.add_option("--film", film, "Film of a simulation (.mp4, or numbered pictures, frames/%04d.png)")
       ->needs(simulated);
@@ -63,6 +64,7 @@ void ServoProgramOptions::addTo(CLI::App& app) {
 ServoSettings ServoProgramOptions::effectiveSettings() const {
   ServoSettings effective = readServoSettings(settings);
   loop.applyTo(effective);
+  patient.applyTo(effective.patient);
   effective.scenario.seed = seed.value_or(effective.scenario.seed);
   ViewTaskSettings& view = effective.tasks.of<ViewTaskSettings>();
   if (!view_pose.empty()) {

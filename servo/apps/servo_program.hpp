@@ -11,6 +11,7 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/vessel/vessel_tree.hpp"
+#include "patient_options.hpp"
 #include "servo_settings.hpp"
 
 namespace angio::apps {
@@ -20,6 +21,7 @@ struct ServoProgramOptions {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
   std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, out = "demo-output";
   LoopOptions loop;
+  PatientOptions patient;
   std::optional<double> duration_s;  // Given, it comes before the settings file's.
   std::optional<int> seed;
   std::string film, truth, machine, record, disturb, key_file, view_pose, preview;

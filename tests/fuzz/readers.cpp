@@ -15,7 +15,7 @@
 #include "angio/calibration/pose_set.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
-#include "angio/evaluation/measured_motion.hpp"
+#include "angio/io/measured_motion_file.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"

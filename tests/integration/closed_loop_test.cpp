@@ -141,6 +141,23 @@ TEST(ClosedLoops, ABreathingTargetIsKeptInTheMiddle) {
   EXPECT_GT(rms_mm(r.open), 3) << "and without eyes it goes up and down";
 }
 
+// Contrast agent fills one territory, the rest of the tree is not to be seen.
+TEST(ClosedLoops, AHalfFilledTreeLeadsToTheView) {
+  ScenarioSettings settings;
+  settings.calibration_error_deg = 1;
+  settings.calibration_error_mm = 3;
+  settings.duration_s = test::kSanitized ? 0.2 : 5;
+  SimulatedPatientSettings patient;
+  patient.filling.filled = 0.5;
+  const VesselTree tree = test::hepaticTree();
+  const ClosedLoopRun r =
+      runClosedLoop(tree, randomScenario(tree, test::hepaticCalibration(), settings, {}), settings, {}, patient);
+  if (test::kSanitized) return;
+  EXPECT_LT(radToDeg(r.closed_end.direction_rad), 0.1);
+  EXPECT_LT(1e3 * r.closed_end.target_m, 0.5);
+  EXPECT_GT(1e3 * r.open_end.target_m, 2);
+}
+
 TEST(ClosedLoops, RefuseSettingsOutOfRange) {
   ScenarioSettings settings;
   settings.lab.frame_rate_hz = 0;

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/vessel_files.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/simulation/simulated_patient.hpp"
 #include "angio/test/phantoms.hpp"
@@ -147,6 +148,38 @@ TEST(SimulatedPatient, CarriesInjectionsOnDemandIntoTheScene) {
   EXPECT_GT(most(2), 0.99);
   patient.endInjection(3);
   EXPECT_LT(most(30), 1e-6);
+}
+
+TEST(SimulatedPatient, FillsAPartOfTheBranchesAndCarriesInjectionsIntoThoseOnly) {
+  const VesselTree tree = readVesselTree(exampleData("hepatic-tace/tree.csv"));
+  SimulatedPatientSettings half;
+  half.filling.filled = 0.5;
+  const auto densities = [&](const SimulatedPatientSettings& settings) {
+    return SimulatedPatient(tree, settings).scene(Pose::Identity(), 5).densities;
+  };
+  EXPECT_FALSE(densities({})) << "a tree that is full needs none";
+  const auto filled = densities(half);
+  ASSERT_TRUE(filled);
+  double length_m = 0;
+  for (const auto& branch : tree.branches()) {
+    // All of a branch beyond its first point, which is its parent's too, is filled or none of it.
+    for (std::size_t k = 1; k < branch.size(); ++k) {
+      EXPECT_EQ((*filled)[branch[k]], (*filled)[branch.back()]);
+      if ((*filled)[branch[k]] > 0)
+        length_m += (tree.points().col(branch[k]) - tree.points().col(branch[k - 1])).norm();
+    }
+  }
+  EXPECT_NEAR(length_m / tree.length(), 0.5, 0.1) << "as near as whole branches come";
+  EXPECT_EQ(*filled, *densities(half)) << "the same seed";
+  SimulatedPatientSettings other = half;
+  other.fluoroscopy.seed += 1;
+  EXPECT_NE(*filled, *densities(other));
+  SimulatedPatientSettings without = half;
+  without.filling = {1, 0.3};
+  EXPECT_LT(densities(without)->minCoeff(), 1);
+  half.bolus.enabled = true;
+  EXPECT_EQ((*densities(half)).cwiseProduct(*filled), *densities(half));
+  EXPECT_GT(densities(half)->maxCoeff(), 0);
 }
 
 TEST(Bolus, NeedsRadiiAndSoundSettings) {

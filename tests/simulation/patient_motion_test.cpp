@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/vessel_files.hpp"
 #include "angio/simulation/simulated_patient.hpp"
+#include "angio/test/phantoms.hpp"
 #include "angio/test/random.hpp"
 #include "scenes.hpp"
 
@@ -133,6 +135,37 @@ TEST(PatientMotion, ASuddenShiftTurnsAboutTheTree) {
                    }(),
                    kCenter, kTurned, 1),
                InputError);
+}
+
+// A measured motion deforms the patient's vessels by what is asked for, at all times, and holds no pose; a breath adds.
+TEST(SimulatedPatient, IsDeformedByAMeasuredMotionAtAllTimes) {
+  const auto measured = std::make_shared<MeasuredMotion>();
+  measured->points.resize(3, 1000);
+  measured->displacements_m.setZero(3, 1000);
+  for (int i = 0; i < 1000; ++i) {
+    measured->points.col(i) = 0.03 * Eigen::Vector3d(i % 10, i / 10 % 10, i / 100);
+    measured->displacements_m(2, i) = std::pow(measured->points(0, i) - 0.15, 2);
+  }
+  const VesselTree tree = readVesselTree(exampleData("hepatic-tace/tree.csv"));
+  SimulatedPatientSettings settings;
+  settings.motion.bend = {3, measured};
+  const SimulatedPatient patient(tree, settings);
+  const Eigen::Matrix3Xd d = *patient.scene(Pose::Identity(), 0).displacements_m;
+  EXPECT_NEAR(std::sqrt(d.squaredNorm() / static_cast<double>(d.cols())), 3e-3, 1e-9);
+  EXPECT_LT(d.rowwise().mean().norm(), 1e-6) << "no shift is left in it";
+  EXPECT_EQ(d, *patient.scene(Pose::Identity(), 3.2).displacements_m);
+  for (const int i : {0, 100, 300}) {
+    EXPECT_LT((patient.moved(tree.points().col(i), 1) - tree.points().col(i) - d.col(i)).norm(), 1e-9);
+  }
+  settings.fluoroscopy.seed += 1;
+  EXPECT_GT((*SimulatedPatient(tree, settings).scene(Pose::Identity(), 0).displacements_m - d).norm(), 0.1 * d.norm());
+  settings.fluoroscopy.seed -= 1;
+  settings.motion.breathing.amplitude_mm = 10;
+  const Eigen::Matrix3Xd both = *SimulatedPatient(tree, settings).scene(Pose::Identity(), 2).displacements_m;
+  settings.motion.bend = {};
+  const Eigen::Matrix3Xd breath = *SimulatedPatient(tree, settings).scene(Pose::Identity(), 2).displacements_m;
+  EXPECT_LT((both - breath - d).norm(), 1e-9 * std::sqrt(static_cast<double>(d.size())));
+  EXPECT_GT(breath.norm(), 1e-3);
 }
 
 // The known displacement is the one that the image shows.

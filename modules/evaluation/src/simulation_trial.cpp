@@ -3,11 +3,11 @@
 #include "angio/evaluation/simulation.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/registration/starts.hpp"
+#include "angio/simulation/contrast_filling.hpp"
 #include "angio/simulation/patient_motion.hpp"
+#include "angio/simulation/tree_deformation.hpp"
 #include "angio/vessel/resample.hpp"
-#include "contrast_filling.hpp"
 #include "simulation_image.hpp"
-#include "trial_deformation.hpp"
 
 namespace angio::evaluation {
 namespace {
@@ -75,6 +75,40 @@ PatientMotion breathOf(const VesselTree& tree, const SimulationSettings& s) {
   MotionSettings motion;
   motion.breathing.amplitude_mm = s.breath_mm;
   return PatientMotion(motion, tree.centroid(), lpsOf(s.model_axes), static_cast<std::uint64_t>(s.seed));
+}
+
+// Four plane waves, of wavelengths of 1 to 3 times the tree's extent.
+DisplacementField waves(const VesselTree& tree, const SimulationSettings& s, SimulationRandom random) {
+  struct Wave {
+    Eigen::Vector3d wave_vector, amplitude;
+    double phase = 0;
+  };
+  const Eigen::Matrix3d R = lpsOf(s.model_axes);
+  const Eigen::Vector3d by_axis(1, 1, s.deformation_anisotropy);
+  const double extent_m = (tree.points().rowwise().maxCoeff() - tree.points().rowwise().minCoeff()).maxCoeff();
+  std::vector<Wave> all;
+  for (int k = 0; k < 4; ++k) {
+    Wave wave;
+    const double wavelength_m = extent_m * random.uniform(1, 3);
+    wave.wave_vector = 2 * kPi / wavelength_m * random.direction<3>();
+    wave.amplitude = R.transpose() * by_axis.asDiagonal() * R * random.normals<3>();
+    wave.phase = random.uniform(0, 2 * kPi);
+    all.push_back(wave);
+  }
+  return [all](const Eigen::Vector3d& p) {
+    Eigen::Vector3d d = Eigen::Vector3d::Zero();
+    for (const Wave& wave : all) d += wave.amplitude * std::sin(wave.wave_vector.dot(p) + wave.phase);
+    return d;
+  };
+}
+
+// A measured motion, or waves, drawn for the trial.
+TreeDeformation drawnDeformation(const VesselTree& tree, const SimulationSettings& s, int trial,
+                                 const MeasuredMotion* measured) {
+  SimulationRandom random(s.seed, trial, DrawFor::kDeformation);
+  if (!measured) return {tree, waves(tree, s, random), 1e-3 * s.deformation_rms_mm};
+  const double u = random.uniform(), v = random.uniform(), w = random.uniform();
+  return {tree, carriedOver(*measured, tree, uniformRotation(u, v, w)), 1e-3 * s.deformation_rms_mm};
 }
 
 // Of each branch what one view's detector sees, in 3D [m].
@@ -205,12 +239,16 @@ SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCa
   const VesselTree fine = resampled(tree, 1e-3 * settings.tree_spacing_mm, kMaxFinePoints).tree;
   Eigen::Matrix3Xd points = fine.points();
   if (settings.deformation_rms_mm > 0) {
-    const TrialDeformation field(tree, settings, index, motion);
+    const TreeDeformation field = drawnDeformation(tree, settings, index, motion);
     trial.displacements_m = field.at(tree.points());
     points += field.at(fine.points());
   }
   // Splitting edges leaves the branches as they are: those of the fine tree are those of the tree.
-  const auto filled = filledBranches(fine, lengthsInView(fine, trial.truth * points, detector), settings, index);
+  const FillingDraws draws{
+      SimulationRandom(settings.seed, index, DrawFor::kMissing).order(static_cast<int>(fine.branches().size())),
+      SimulationRandom(settings.seed, index, DrawFor::kFilled).uniform()};
+  const auto filled = filledBranches(fine, lengthsInView(fine, trial.truth * points, detector),
+                                     {settings.filled, settings.missing}, draws);
   trial.filled = filledPoints(tree, filled);
   const auto addView = [&](const Pose& T_view_first, const Eigen::Matrix3Xd& there, int v, bool first) {
     const auto branches = projectedBranches(fine, T_view_first * trial.truth * there, detector);

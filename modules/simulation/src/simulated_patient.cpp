@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/simulated_patient.hpp"
 
+#include <algorithm>
+#include <numeric>
+
 #include "angio/base/errors.hpp"
+#include "angio/simulation/contrast_filling.hpp"
+#include "uniform.hpp"
 
 namespace angio::simulation {
 namespace {
@@ -14,6 +19,34 @@ std::vector<int> devicePath(const VesselTree& tree, const DeviceSettings& settin
                      "must be below " + std::to_string(ends.size()) + ", the number of the tree's ends");
   }
   return pathFromRoot(tree, ends[settings.tip_branch]);
+}
+
+// 1 at the points that contrast agent reaches; empty where it reaches all.
+Eigen::VectorXd reached(const VesselTree& tree, const FillingSettings& settings, std::uint64_t seed) {
+  if (settings.filled >= 1 && settings.missing <= 0) return {};
+  Uniform uniform(seed ^ 0x66696c6c);  // Numbers of its own: no other draw is shifted by a filling.
+  std::vector<double> length_m;
+  for (const auto& branch : tree.branches()) {
+    length_m.push_back(0);
+    for (std::size_t k = 1; k < branch.size(); ++k) {
+      length_m.back() += (tree.points().col(branch[k]) - tree.points().col(branch[k - 1])).norm();
+    }
+  }
+  FillingDraws draws;
+  draws.emptying_order.resize(length_m.size());
+  std::iota(draws.emptying_order.begin(), draws.emptying_order.end(), 0);
+  for (std::size_t i = length_m.size(); i-- > 1;) {
+    const auto j = std::min(i, static_cast<std::size_t>(uniform(0, static_cast<double>(i + 1))));
+    std::swap(draws.emptying_order[i], draws.emptying_order[j]);
+  }
+  draws.first_site = uniform(0, 1);
+  return filledPoints(tree, filledBranches(tree, length_m, settings, draws));
+}
+
+// The motion that PatientMotion makes: without the deformation that is measured.
+MotionSettings withoutMeasured(MotionSettings motion) {
+  if (motion.bend.measured) motion.bend.rms_mm = 0;
+  return motion;
 }
 
 SimulatedPatientSettings checked(const SimulatedPatientSettings& settings) {
@@ -29,15 +62,27 @@ SimulatedPatient::SimulatedPatient(const VesselTree& tree, const SimulatedPatien
       tree_(withPlausibleRadii(tree, settings.fluoroscopy.end_radius_mm * 1e-3)),
       renderer_(tree_, settings.fluoroscopy, surroundings),
       bolus_(tree_, settings.bolus),
-      motion_(settings.motion, tree_.centroid(), surroundings.R_lps_model,
+      filled_(reached(tree_, settings.filling, static_cast<std::uint64_t>(settings.fluoroscopy.seed))),
+      motion_(withoutMeasured(settings.motion), tree_.centroid(), surroundings.R_lps_model,
               static_cast<std::uint64_t>(settings.fluoroscopy.seed)),
-      device_path_(devicePath(tree_, settings.device)) {}
+      device_path_(devicePath(tree_, settings.device)) {
+  const BendSettings& bend = settings.motion.bend;
+  if (!bend.measured || bend.rms_mm <= 0) return;
+  Uniform uniform(static_cast<std::uint64_t>(settings.fluoroscopy.seed) ^ 0x6d65);
+  const double u = uniform(0, 1), v = uniform(0, 1), w = uniform(0, 1);
+  deformation_.emplace(tree_, carriedOver(*bend.measured, tree_, uniformRotation(u, v, w)), 1e-3 * bend.rms_mm);
+  deformed_m_ = deformation_->at(tree_.points());
+}
 
 XrayScene SimulatedPatient::scene(const Pose& T_camera_rest, double time_s) const {
   XrayScene scene;
   scene.T_camera_model = T_camera_rest * motion_.shift(time_s);
   if (motion_.moves()) scene.displacements_m = motion_.displacements(tree_.points(), time_s);
+  if (deformation_) scene.displacements_m = scene.displacements_m ? *scene.displacements_m + deformed_m_ : deformed_m_;
   if (settings_.bolus.enabled) scene.densities = bolus_.densities(time_s);
+  if (filled_.size() > 0) {
+    scene.densities = scene.densities ? Eigen::VectorXd(scene.densities->cwiseProduct(filled_)) : filled_;
+  }
   if (device_path_.empty()) return scene;
   const DeviceSettings& d = settings_.device;
   scene.devices =

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
-#include "angio/evaluation/measured_motion.hpp"
+#include "angio/geometry/measured_motion.hpp"
 #include "angio/evaluation/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"

@@ -5,6 +5,7 @@
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/simulation/patient_motion.hpp"
 #include "angio/simulation/patient_settings.hpp"
+#include "angio/simulation/tree_deformation.hpp"
 
 namespace angio::simulation {
 
@@ -29,7 +30,9 @@ class SimulatedPatient {
 
   /// Where a point of the model at rest [m] has gone by then: model frame of the patient who has not shifted [m].
   Eigen::Vector3d moved(const Eigen::Vector3d& p_model, double time_s) const {
-    return motion_.shift(time_s) * (p_model + motion_.displacement(p_model, time_s));
+    Eigen::Vector3d p = p_model + motion_.displacement(p_model, time_s);
+    if (deformation_) p += deformation_->at(p_model);
+    return motion_.shift(time_s) * p;
   }
 
   /// As FluoroscopyRenderer's.
@@ -45,7 +48,11 @@ class SimulatedPatient {
   VesselTree tree_;
   FluoroscopyRenderer renderer_;
   Bolus bolus_;
+  Eigen::VectorXd filled_;  // 1 at the tree's points that contrast agent reaches, 0 at the others; empty: all are.
   PatientMotion motion_;
+  std::optional<TreeDeformation>
+      deformation_;  // By a measured motion, at all times, of the tree's points: deformed_m_.
+  Eigen::Matrix3Xd deformed_m_;
   std::vector<int> device_path_;  // Points of the tree from its root to where the device goes.
 };
 

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <memory>
+
 #include "angio/base/settings.hpp"
+#include "angio/geometry/measured_motion.hpp"
 #include "angio/simulation_settings/namespace.hpp"
 
 namespace angio::simulation_settings {
@@ -63,10 +66,11 @@ struct ShiftSettings {
 };
 
 /// How the patient's vessels differ from the tree at all times, as they do when the tree is of another day, position or
-/// breath: four plane waves of displacement.
+/// breath: four plane waves of displacement, or a measured motion that is carried over to the tree.
 struct BendSettings {
-  double rms_mm = 0;                            ///< Of the displacements' lengths.
-  static constexpr double wavelength_mm = 200;  ///< Of the shortest wave; of the longest twice as much.
+  double rms_mm = 0;                               ///< Of the displacements' lengths.
+  std::shared_ptr<const MeasuredMotion> measured;  ///< No key: a program reads it from a file. Null: waves.
+  static constexpr double wavelength_mm = 200;     ///< Of the shortest wave; of the longest twice as much.
 
   void visit(SettingsVisitor& v) { v.number("rms_mm", rms_mm, 0, 30); }
 };

@@ -37,6 +37,17 @@ struct BolusSettings {
   }
 };
 
+/// Contrast agent in a part of the vessels for the whole run; branches are filled or empty as a whole.
+struct FillingSettings {
+  double filled = 1;   ///< Share of the tree's length that is filled, downstream of drawn injection sites.
+  double missing = 0;  ///< Share of the tree's length, branches at random, that no contrast agent reaches.
+
+  void visit(SettingsVisitor& v) {
+    v.number("filled", filled, 0.02, 1);
+    v.number("missing", missing, 0, 0.98);
+  }
+};
+
 enum class DeviceKind { kNone, kCatheter, kGuidewire };
 
 /// A device that is pushed into the tree. Unless set, it has the size and opacity of what it is: a catheter of 5 French
@@ -73,6 +84,7 @@ struct TruthSettings {
 struct SimulatedPatientSettings {
   FluoroscopySettings fluoroscopy;
   BolusSettings bolus;
+  FillingSettings filling;
   MotionSettings motion;
   DeviceSettings device;
   TruthSettings truth;
@@ -86,6 +98,7 @@ struct SimulatedPatientSettings {
   void visit(SettingsVisitor& v) {
     fluoroscopy.visit(v);
     v.section("bolus", [this](SettingsVisitor& s) { bolus.visit(s); });
+    v.section("filling", [this](SettingsVisitor& s) { filling.visit(s); });
     v.section("motion", [this](SettingsVisitor& s) { motion.visit(s); });
     v.section("device", [this](SettingsVisitor& s) { device.visit(s); });
     v.section("truth", [this](SettingsVisitor& s) { truth.visit(s); });

@@ -1,21 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "contrast_filling.hpp"
+#include "angio/simulation/contrast_filling.hpp"
 
 #include <algorithm>
 #include <numeric>
 #include <optional>
 
-#include "simulation_image.hpp"
-
-namespace angio::evaluation {
+namespace angio::simulation {
 namespace {
 
 // Empties branches in random order until the emptied length is as near to the share as whole branches come.
-void emptyAtRandom(const std::vector<double>& length, double share, SimulationRandom random,
+void emptyAtRandom(const std::vector<double>& length, double share, const std::vector<int>& order,
                    std::vector<bool>& filled) {
   const double whole = std::accumulate(length.begin(), length.end(), 0.0);
   double emptied = 0;
-  for (const int i : random.order(static_cast<int>(filled.size()))) {
+  for (const int i : order) {
     const auto b = static_cast<std::size_t>(i);
     if (emptied + 0.5 * length[b] > share * whole) continue;
     emptied += length[b];
@@ -44,9 +42,9 @@ std::vector<std::size_t> downstreamOf(std::size_t branch, const std::vector<std:
   return found;
 }
 
-// An index in proportion to the weights.
-std::size_t drawn(const std::vector<double>& weights, SimulationRandom& random) {
-  double left = random.uniform() * std::accumulate(weights.begin(), weights.end(), 0.0);
+// An index in proportion to the weights, by a number in [0, 1).
+std::size_t drawn(const std::vector<double>& weights, double uniform) {
+  double left = uniform * std::accumulate(weights.begin(), weights.end(), 0.0);
   std::size_t last = 0;
   for (std::size_t i = 0; i < weights.size(); ++i) {
     if (!(weights[i] > 0)) continue;
@@ -70,7 +68,7 @@ std::size_t nearestTo(const Eigen::Vector3d& place, const VesselTree& tree, cons
 }
 
 // Fills downstream of sites, among branches that are filled before.
-void fillFromSites(const VesselTree& tree, const std::vector<double>& length, double share, SimulationRandom random,
+void fillFromSites(const VesselTree& tree, const std::vector<double>& length, double share, double draw,
                    std::vector<bool>& filled) {
   const double wanted = share * std::accumulate(length.begin(), length.end(), 0.0);
   const auto next = nextBranches(tree);
@@ -89,7 +87,7 @@ void fillFromSites(const VesselTree& tree, const std::vector<double>& length, do
     const bool whole = std::any_of(fits.begin(), fits.end(), [](double f) { return f > 0; });
     if (!whole && std::none_of(any.begin(), any.end(), [](double a) { return a > 0; })) return;
     const auto& allowed = whole ? fits : any;
-    const std::size_t site = first_site ? nearestTo(*first_site, tree, allowed) : drawn(allowed, random);
+    const std::size_t site = first_site ? nearestTo(*first_site, tree, allowed) : drawn(allowed, draw);
     if (!first_site) first_site = tree.points().col(tree.branches()[site].front());
     for (const std::size_t d : downstream[site]) {
       if (!whole && sum + 0.5 * gain(d) > wanted) return;
@@ -102,12 +100,10 @@ void fillFromSites(const VesselTree& tree, const std::vector<double>& length, do
 }  // namespace
 
 std::vector<bool> filledBranches(const VesselTree& tree, const std::vector<double>& length,
-                                 const SimulationSettings& settings, int trial) {
+                                 const FillingSettings& settings, const FillingDraws& draws) {
   std::vector<bool> filled(tree.branches().size(), true);
-  emptyAtRandom(length, settings.missing, SimulationRandom(settings.seed, trial, DrawFor::kMissing), filled);
-  if (settings.filled < 1) {
-    fillFromSites(tree, length, settings.filled, SimulationRandom(settings.seed, trial, DrawFor::kFilled), filled);
-  }
+  emptyAtRandom(length, settings.missing, draws.emptying_order, filled);
+  if (settings.filled < 1) fillFromSites(tree, length, settings.filled, draws.first_site, filled);
   return filled;
 }
 
@@ -120,4 +116,4 @@ Eigen::VectorXd filledPoints(const VesselTree& tree, const std::vector<bool>& fi
   return filled;
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::simulation

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/measured_motion.hpp"
+#include "angio/io/measured_motion_file.hpp"
 
 #include <vector>
 
 #include "angio/base/errors.hpp"
 #include "angio/io/table.hpp"
 
-namespace angio::evaluation {
+namespace angio::io {
 
 MeasuredMotion readMeasuredMotion(const std::string& path) {
   constexpr std::size_t kFewest = 20;
@@ -38,4 +38,4 @@ MeasuredMotion readMeasuredMotion(const std::string& path) {
   return motion;
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::io
