@@ -23,6 +23,7 @@
 #include "angio/messaging/authenticated_bus.hpp"
 #include "angio/perception/perception_node.hpp"
 #include "program_settings.hpp"
+#include "register_summary.hpp"
 #include "register_views.hpp"
 
 namespace angio::apps {
@@ -42,7 +43,7 @@ struct Options {
   double search_rotation_deg = 0, search_translation_mm = 0;
   double max_age_days = RecordGate{}.max_age_days;
   bool nonrigid = false;
-  bool certify = false, point_covariance = false;
+  bool certify = false, point_covariance = false, json = false;
   CertificateSettings certificate;  // But for the box, which is the search's when that has one.
   BusOptions live;                  // Used when it names a bus.
 
@@ -65,23 +66,6 @@ struct Options {
   }
 };
 
-// A pose that nobody should trust is not written: a file does not say how it came about.
-void writeConverged(const std::string& path, const RegistrationResult& result) {
-  if (result.status != RegistrationStatus::kConverged) {
-    throw InputError(path, "pose", statusName(result.status), "is only written when the registration converged");
-  }
-  writePose(path, {result.T_camera_model, result.covariance});
-}
-
-std::string captionOf(const CaseOutcome& outcome) {
-  const RegistrationResult& r = outcome.result;
-  char text[200];
-  std::snprintf(text, sizeof text, "%s   model to image %.2f px, image to model %.2f px   %.1f ms",
-                statusName(r.status).c_str(), r.agreement.model_residual_px, r.agreement.image_residual_px,
-                1e3 * (outcome.image_s + r.times.total_s));
-  return text;
-}
-
 cv::Mat pictureOf(const std::vector<SeenView>& views, const VesselTree& tree, const Pose& initial,
                   const CaseOutcome& outcome) {
   std::vector<cv::Mat> pictures;
@@ -98,11 +82,12 @@ cv::Mat pictureOf(const std::vector<SeenView>& views, const VesselTree& tree, co
   return sideBySide(pictures);
 }
 
+XrayView viewOf(const SeenView& seen) { return {seen.centerline, seen.camera, seen.T_view_first, seen.collimator_px}; }
+
 RegistrationResult searched(Registration& registration, const std::vector<SeenView>& seen, const Pose& initial,
                             const StartSettings& starts) {
   XrayViews views;
-  for (const SeenView& view : seen)
-    views.push_back({view.centerline, view.camera, view.T_view_first, view.collimator_px});
+  for (const SeenView& view : seen) views.push_back(viewOf(view));
   constexpr int kSteps = 1000;
   ProgressBar bar("searching", kSteps);
   return registration.search(views, {initial, {}}, starts,
@@ -115,14 +100,14 @@ PoseCertificate certified(const VesselTree& tree, const SeenView& view, const Po
   constexpr int kSteps = 1000;
   ProgressBar bar("certifying", kSteps);
   const auto began = std::chrono::steady_clock::now();
-  const XrayView seen{view.centerline, view.camera, view.T_view_first, view.collimator_px};
-  auto certificate = certify(tree, seen, initial, result.T_camera_model, settings, [&](double closed, double bound) {
-    // Over when the box is closed, and after the time that it may take.
-    const double elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-    char note[40];
-    std::snprintf(note, sizeof note, "bound %.2f of the score", bound);
-    bar.show(static_cast<int>(kSteps * std::max(closed, elapsed_s / settings.seconds)), note);
-  });
+  auto certificate =
+      certify(tree, viewOf(view), initial, result.T_camera_model, settings, [&](double closed, double bound) {
+        // Over when the box is closed, and after the time that it may take.
+        const double elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+        char note[40];
+        std::snprintf(note, sizeof note, "bound %.2f of the score", bound);
+        bar.show(static_cast<int>(kSteps * std::max(closed, elapsed_s / settings.seconds)), note);
+      });
   if (certificate.rival && result.status == RegistrationStatus::kConverged) {
     result.status = RegistrationStatus::kAmbiguous;
     result.reason = certificate.reason;
@@ -160,12 +145,18 @@ int registerOne(const Options& o) {
   const auto method = settings.of(o.method, o.nonrigid ? std::optional(Deformation::kNonrigid) : std::nullopt);
 
   const VesselTree tree = readVesselTree(o.tree);
-  const auto [views, initial, image_s, assumed] = readViews(o.files, tree, *makeExtractor(extractor));
+  auto [views, initial, image_s, assumed] = readViews(o.files, tree, *makeExtractor(extractor));
+  if (o.files.initial_pose.empty() && o.files.t_dsa_cb.empty() && !settings.starts.box()) {
+    settings.starts.box_rotation_deg = 180;
+    settings.starts.box_translation_mm = 60;
+    assumed.push_back("nothing of the start: all poses within +-180 deg and +-60 mm are searched");
+  }
   warnOfOldCameras(o);
   CaseOutcome outcome;
   outcome.name = o.tree;
   outcome.image_s = image_s;
-  outcome.result = searched(*makeRegistration(method, tree), views, initial, settings.starts);
+  const auto registration = makeRegistration(method, tree);
+  outcome.result = searched(*registration, views, initial, settings.starts);
   addClaims(tree, o.point_covariance, outcome);
 
   CertificateSettings asked = o.certificate;
@@ -184,16 +175,29 @@ int registerOne(const Options& o) {
   json["settings"]["starts"] = settingsAsJson(settings.starts);
   json["settings"].update(extractorAsJson(extractor));
   json["machine"] = machineAsJson();
-  if (!o.out_pose.empty()) writeConverged(o.out_pose, outcome.result);
-  if (!o.overlay.empty()) writeImage(o.overlay, pictureOf(views, tree, initial, outcome));
-  if (o.out.empty()) {
-    std::cout << json.dump(2) << "\n";
-  } else {
-    writeWholeFile(o.out, json.dump(2) + "\n");
-    std::cout << captionOf(outcome) << "\n";
-    if (certificate) std::cout << captionOf(*certificate, asked) << "\n";
+  const bool converged = outcome.result.status == RegistrationStatus::kConverged;
+  // A pose that nobody should trust is not written: a file does not say how it came about.
+  if (!o.out_pose.empty() && converged) {
+    writePose(o.out_pose, {outcome.result.T_camera_model, outcome.result.covariance});
   }
-  return 0;
+  if (!o.overlay.empty()) writeImage(o.overlay, pictureOf(views, tree, initial, outcome));
+  if (!o.out.empty()) writeWholeFile(o.out, json.dump(2) + "\n");
+  if (o.json) std::cout << json.dump(2) << "\n";
+
+  RegistrationTry tried{views.size(),
+                        !o.files.images.empty() && o.files.centerlines.empty(),
+                        std::visit([](const auto& e) { return std::string(e.kName); }, extractor),
+                        o.nonrigid,
+                        settings.starts,
+                        {}};
+  if (outcome.result.status == RegistrationStatus::kDiverged && views.size() == 1) {
+    tried.matching = matchingReading(*registration, viewOf(views.front()), {initial, {}}, settings.starts);
+  }
+  std::ostream& said = o.json ? std::cerr : std::cout;
+  said << summaryOf(outcome, tried) << "\n";
+  if (!o.out_pose.empty() && !converged) said << o.out_pose << " is not written: the registration did not converge\n";
+  if (certificate) said << captionOf(*certificate, asked) << "\n";
+  return converged ? 0 : kExitNotReached;
 }
 
 using Clock = std::chrono::steady_clock;
@@ -310,7 +314,8 @@ int main(int argc, char** argv) {
   app.add_option("--max-calibration-age-days", o.max_age_days, "A camera's older calibration is warned of")
       ->check(angio::apps::between(0, 1e6));
   app.add_option("--settings", o.settings, "Settings (.yaml), sections by method, starts, extractors");
-  app.add_option("--out", o.out, "Result (.json); stdout when not given");
+  app.add_option("--out", o.out, "Result (.json)");
+  app.add_flag("--json", o.json, "The result to stdout, and what is said of it to stderr");
   app.add_option("--out-pose", o.out_pose, "Pose of the model in the camera (.yaml), of a result that converged");
   app.add_option("--overlay", o.overlay, "Picture of the result (.png, .jpg)");
   auto* bus =

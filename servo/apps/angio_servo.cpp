@@ -16,6 +16,7 @@
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/types/channels.hpp"
+#include "hold_tally.hpp"
 #include "loop_warnings.hpp"
 #include "preview.hpp"
 #include "program_bus.hpp"
@@ -67,7 +68,7 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
   std::signal(SIGTERM, [](int) { stopped = 1; });
   const double duration_s = o.duration_s.value_or(0);
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(duration_s);
-  std::int64_t frames = 0, held = 0;
+  HoldTally tally;
   bool reached = false;
   LoopWarnings warnings("angio-servo");
   while (!stopped && (duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
@@ -78,16 +79,18 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
     log.watch();
     warnings.tell(node);
     if (!report) continue;
-    ++frames;
-    held += report->hold_reason.has_value();
+    tally.count(report->hold_reason);
     if (report->hold_reason)
       std::cerr << "frame " << report->command.frame_sequence << " held: " << *report->hold_reason << "\n";
     if (report->task.reached && !reached && report->task.remark) std::cerr << *report->task.remark << "\n";
     reached = report->task.reached;
   }
-  std::cout << frames << " frames answered, " << held << " held, " << node.refused() << " messages refused\n";
+  std::cout << tally.frames() << " frames answered, " << tally.held() << " held, " << node.refused()
+            << " messages refused\n";
   log.finish();
-  return 0;
+  const auto never_moved = tally.neverMoved();
+  if (never_moved) std::cerr << "angio-servo: " << *never_moved << "\n";
+  return never_moved ? kExitNotReached : 0;
 }
 
 // The simulation is a program of its own, beside this one, so that the loop of a real machine links none. Takes this

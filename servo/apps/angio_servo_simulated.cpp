@@ -11,6 +11,7 @@
 #include "angio/evaluation/live_overlay.hpp"
 #include "angio/experiments/closed_loop.hpp"
 #include "angio/io/settings_files.hpp"
+#include "hold_tally.hpp"
 #include "servo_program.hpp"
 
 namespace angio::apps {
@@ -53,12 +54,13 @@ int simulate(const ServoProgramOptions& o, const ServoSettings& settings, const 
   if (!o.film.empty()) film.emplace(o.film, settings.scenario.lab.frame_rate_hz);
   LiveOverlay overlay(tree, 768, calibration.carm, calibration.R_patient_lps());
   const ServoLoopSettings loop = settings.loop(calibration);
-  int done = 0;
+  HoldTally tally;
   const ClosedLoopRun scenario = runClosedLoop(
       tree, world, settings.scenario, loop, settings.patient,
       [&](const Exposure& exposure, const ServoReport& report, const ClosedLoopFrame&) {
         if (!bar) bar.emplace("servoing", framesOf(settings.scenario));
-        bar->show(++done);
+        tally.count(report.hold_reason);
+        bar->show(tally.frames());
         if (!film) return;
         film->write(
             overlay.draw({exposure.frame, registrationMessage(report), servoStatus(report), std::nullopt,
@@ -72,7 +74,9 @@ int simulate(const ServoProgramOptions& o, const ServoSettings& settings, const 
   summary["machine"] = machineAsJson();
   writeClosedLoop(o.out, scenario, tree, summary);
   std::cout << closedLoopTable(summary) << "\nPictures, trace.csv and summary.json are in " << o.out << "/\n";
-  return 0;
+  const auto never_moved = tally.neverMoved();
+  if (never_moved) std::cerr << "angio-servo: " << *never_moved << "\n";
+  return never_moved ? kExitNotReached : 0;
 }
 
 }  // namespace

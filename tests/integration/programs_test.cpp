@@ -115,12 +115,40 @@ TEST_F(Programs, ARegisteredPoseIsAViewToServoTo) {
   EXPECT_NE(refused.err.find("settings.yaml: view.goal = pose: needs --view-pose"), std::string::npos) << refused.err;
 }
 
-TEST_F(Programs, RegisterPrintsTheResultWhenNoFileIsNamed) {
+TEST_F(Programs, RegisterSaysHowItWentInALineAndPrintsTheResultWhenAsked) {
   auto arguments = registerArguments();
   arguments.resize(8);
   const auto ended = test::run("angio-register", arguments);
   ASSERT_EQ(ended.exit_code, 0) << ended.err;
-  expectTruth(Json::parse(ended.out));
+  EXPECT_EQ(ended.err, "");
+  EXPECT_EQ(ended.out.rfind("converged: model to image 0.", 0), 0u) << ended.out;
+  EXPECT_NE(ended.out.find(" ms; usable for centre, view, navigate\n"), std::string::npos) << ended.out;
+  EXPECT_EQ(std::count(ended.out.begin(), ended.out.end(), '\n'), 1) << ended.out;
+  arguments.push_back("--json");
+  const auto printed = test::run("angio-register", arguments);
+  ASSERT_EQ(printed.exit_code, 0) << printed.err;
+  expectTruth(Json::parse(printed.out));
+  EXPECT_EQ(printed.err.rfind("converged: ", 0), 0u) << printed.err;
+}
+
+// The result is there, the pose is not, and the line says in which reading the image would match.
+TEST_F(Programs, RegisterSaysWhatToTryWhereItDoesNotConverge) {
+  Centerline2d mirrored = readCenterline(folder_.path("centerline.csv"));
+  for (Eigen::Index i = 0; i < mirrored.size(); ++i)
+    mirrored.points_px(0, i) = camera_.width_px() - 1 - mirrored.points_px(0, i);
+  writeCenterline(folder_.path("centerline.csv"), mirrored);
+  auto arguments = registerArguments();
+  arguments.insert(arguments.end(), {"--out-pose", folder_.path("pose.yaml")});
+  const auto ended = test::run("angio-register", arguments);
+  EXPECT_EQ(ended.exit_code, 3) << ended.err;
+  EXPECT_EQ(Json::parse(test::contentOf(folder_.path("result.json")))["status"], "diverged");
+  EXPECT_FALSE(std::filesystem::exists(folder_.path("pose.yaml")));
+  EXPECT_EQ(ended.out.rfind("diverged: ", 0), 0u) << ended.out;
+  for (const char* said : {"Not to be trusted. To try next: the image matches when mirrored left to right; "
+                           "--search-rotation-deg 180 --search-translation-mm 60; a second view",
+                           "pose.yaml is not written: the registration did not converge\n"}) {
+    EXPECT_NE(ended.out.find(said), std::string::npos) << ended.out;
+  }
 }
 
 TEST_F(Programs, RegisterWarnsOfAnOldCalibration) {
@@ -255,6 +283,18 @@ TEST_F(ServoProgram, AClosedLoopLeavesFiveFiles) {
   EXPECT_TRUE(s.contains("settled_s"));
   EXPECT_NE(head.find(",table_excursion_mm,target_excursion_mm"), std::string::npos);
   EXPECT_TRUE(s["latency_ms"]["frame_to_command"]["p99"].is_number());
+}
+
+// No vessel is to be seen: nothing moves, and the exit code and a line say so.
+TEST_F(ServoProgram, ALoopThatNeverMovedSaysWhy) {
+  auto words = arguments("1");
+  const std::string settings = folder_.write("no_vessels.yaml", "fluoroscopy: {contrast_attenuation_per_mm: 0}\n");
+  words.insert(words.end(), {"--settings", settings});
+  const auto ended = test::run("angio-servo", words);
+  EXPECT_EQ(ended.exit_code, 3) << ended.err;
+  EXPECT_EQ(ended.err.rfind("angio-servo: the loop never moved: all of 15 frames were held; ", 0), 0u) << ended.err;
+  EXPECT_EQ(std::count(ended.err.begin(), ended.err.end(), '\n'), 1) << ended.err;
+  EXPECT_TRUE(std::filesystem::is_regular_file(folder_.path("out/summary.json")));
 }
 
 TEST_F(ServoProgram, TheCommandLineComesBeforeTheSettingsFile) {

@@ -28,10 +28,14 @@ CLI::Validator choice(const std::map<std::string, T>& choices) {
   return CLI::CheckedTransformer(choices).description(names + "}");
 }
 
+/// Exit code of work that was done as asked and did not reach what it is for: a registration that did not converge, a
+/// loop that never moved.
+constexpr int kExitNotReached = 3;
+
 /// Parses the command line and runs `work`, which returns the exit code, with one OpenCV thread.
 ///
 /// Exit codes: 0 done, --help and --version; 1 wrong input or failed work, with one line on stderr (a result that
-/// stdout does not take is failed work); 2 wrong command line.
+/// stdout does not take is failed work); 2 wrong command line; 3 see kExitNotReached.
 int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& work);
 
 }  // namespace angio::cli

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "register_summary.hpp"
+
+#include <numeric>
+#include <vector>
+
+#include "angio/base/formatted.hpp"
+
+namespace angio::apps {
+namespace {
+
+std::string joined(const std::vector<std::string>& parts, const char* between) {
+  if (parts.empty()) return {};
+  return std::accumulate(parts.begin() + 1, parts.end(), parts.front(),
+                         [&](const std::string& all, const std::string& part) { return all + between + part; });
+}
+
+// The likeliest first. What has been tried is not told again.
+std::vector<std::string> nextSteps(const RegistrationResult& result, const RegistrationTry& tried) {
+  std::vector<std::string> steps;
+  const bool few = result.status == RegistrationStatus::kTooFewPoints;
+  if (tried.matching) steps.push_back(std::string("the image matches when ") + nameOf(*tried.matching));
+  if (!few && !(tried.starts.box_rotation_deg >= 180)) {
+    steps.push_back("--search-rotation-deg 180 --search-translation-mm 60");
+  }
+  if (tried.from_image) {
+    steps.push_back(tried.extractor == "ridge" ? "--extractor otsu" : "--extractor ridge");
+    steps.push_back("--polarity bright where vessels are brighter than their surroundings");
+  }
+  if (!few && tried.views < 2) steps.push_back("a second view of the same moment");
+  if (result.status == RegistrationStatus::kDiverged && !tried.nonrigid) {
+    steps.push_back("--nonrigid where the vessels may have deformed");
+  }
+  return steps;
+}
+
+}  // namespace
+
+std::string captionOf(const CaseOutcome& outcome) {
+  const RegistrationResult& r = outcome.result;
+  if (r.status == RegistrationStatus::kTooFewPoints) return statusName(r.status);
+  return formatted("%s: model to image %.2f px, image to model %.2f px, %.1f ms", statusName(r.status).c_str(),
+                   r.agreement.model_residual_px, r.agreement.image_residual_px,
+                   1e3 * (outcome.image_s + r.times.total_s));
+}
+
+std::string summaryOf(const CaseOutcome& outcome, const RegistrationTry& tried) {
+  const RegistrationResult& r = outcome.result;
+  std::string line = captionOf(outcome);
+  if (r.status == RegistrationStatus::kConverged) {
+    return line + (outcome.usable_for.empty() ? "; too unsure for any task"
+                                              : "; usable for " + joined(outcome.usable_for, ", "));
+  }
+  if (!r.reason.empty()) line += "; " + r.reason;
+  return line + ". Not to be trusted. To try next: " + joined(nextSteps(r, tried), "; ");
+}
+
+std::optional<ImageReading> matchingReading(Registration& registration, const XrayView& seen, const PosePrior& prior,
+                                            const StartSettings& starts) {
+  std::optional<ImageReading> best;
+  double best_score = 0;
+  for (const ImageReading reading : otherReadings(seen.camera)) {
+    const Centerline2d read = readAs(reading, seen.centerline, seen.camera);
+    const RegistrationResult result = registration.search({XrayView{read, seen.camera}}, prior, starts);
+    if (result.status != RegistrationStatus::kConverged || result.agreement.score() <= best_score) continue;
+    best_score = result.agreement.score();
+    best = reading;
+  }
+  return best;
+}
+
+}  // namespace angio::apps
