@@ -22,6 +22,7 @@
 #include "angio/io/whole_file.hpp"
 #include "angio/messaging/authenticated_bus.hpp"
 #include "angio/perception/perception_node.hpp"
+#include "angio/vessel/model_id.hpp"
 #include "program_settings.hpp"
 #include "register_summary.hpp"
 #include "register_views.hpp"
@@ -178,7 +179,7 @@ int registerOne(const Options& o) {
   const bool converged = outcome.result.status == RegistrationStatus::kConverged;
   // A pose that nobody should trust is not written: a file does not say how it came about.
   if (!o.out_pose.empty() && converged) {
-    writePose(o.out_pose, {outcome.result.T_camera_model, outcome.result.covariance});
+    writePose(o.out_pose, {outcome.result.T_camera_model, outcome.result.covariance, modelId(tree)});
   }
   if (!o.overlay.empty()) writeImage(o.overlay, pictureOf(views, tree, initial, outcome));
   if (!o.out.empty()) writeWholeFile(o.out, json.dump(2) + "\n");

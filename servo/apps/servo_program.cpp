@@ -98,6 +98,7 @@ int runServoProgram(int argc, char** argv, const std::function<int()>& simulated
     if (options.simulate && simulated && options.preview.empty()) return simulated();
     const ServoSettings settings = options.effectiveSettings();
     const VesselTree tree = readVesselTree(options.tree);
+    if (!options.view_pose.empty()) requireTree(options.view_pose, readPose(options.view_pose), tree);
     const CArmCalibration calibration = options.readCalibration();
     return work(options, settings, tree, calibration);
   });

@@ -104,11 +104,17 @@ TEST_F(Programs, ARegisteredPoseIsAViewToServoTo) {
              poseOf(Json::parse(test::contentOf(folder_.path("result.json")))).matrix())
                 .norm(),
             1e-9);
-  const auto ended = test::run(
-      "angio-servo", {"--simulate", "--view-pose", pose, "--duration-s", "0.1", "--out", folder_.path("out")});
+  std::vector<std::string> servoing{"--simulate", "--view-pose",       pose,     "--duration-s",          "0.1",
+                                    "--out",      folder_.path("out"), "--tree", folder_.path("tree.csv")};
+  const auto ended = test::run("angio-servo", servoing);
   ASSERT_EQ(ended.exit_code, 0) << ended.err;
   const Json summary = Json::parse(test::contentOf(folder_.path("out/summary.json")));
   EXPECT_EQ(summary["settings"]["view"]["goal"], "pose");
+  servoing.resize(7);
+  const auto other_tree = test::run("angio-servo", servoing);
+  EXPECT_EQ(other_tree.exit_code, 1);
+  EXPECT_NE(other_tree.err.find("pose.yaml: model_id = "), std::string::npos) << other_tree.err;
+  EXPECT_NE(other_tree.err.find(": must be that of the vessel tree, "), std::string::npos) << other_tree.err;
   const std::string settings = folder_.write("settings.yaml", "view: {goal: pose}\n");
   const auto refused = test::run("angio-servo", {"--simulate", "--settings", settings, "--out", folder_.path("out")});
   EXPECT_EQ(refused.exit_code, 1);

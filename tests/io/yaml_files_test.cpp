@@ -7,6 +7,7 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
+#include "angio/test/phantoms.hpp"
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
 
@@ -60,10 +61,34 @@ TEST(PoseFiles, RoundTripKeepsEveryNumber) {
   const PoseFile pose = somePose();
   writePose(folder.path("p.yaml"), pose);
   const PoseFile back = readPose(folder.path("p.yaml"));
+  EXPECT_EQ(back.model_id, ModelId::kUnknown);
   // Making the rotation exact again costs some roundings.
   EXPECT_LT((back.T_camera_model.linear() - pose.T_camera_model.linear()).cwiseAbs().maxCoeff(), 1e-15);
   EXPECT_LT((back.T_camera_model.translation() - pose.T_camera_model.translation()).cwiseAbs().maxCoeff(), 1e-16);
   EXPECT_LT((*back.covariance - *pose.covariance).cwiseAbs().maxCoeff(), 1e-20);
+}
+
+// All 64 bits of it, which a double does not hold. A pose that names no tree is of any.
+TEST(PoseFiles, APoseIsOfItsTree) {
+  const test::TemporaryFolder folder;
+  const VesselTree tree = test::branchingTree(4), other = test::branchingTree(5);
+  const std::string path = folder.path("p.yaml");
+  PoseFile pose = somePose();
+  pose.model_id = modelId(tree);
+  writePose(path, pose);
+  EXPECT_EQ(readPose(path).model_id, pose.model_id);
+  EXPECT_NO_THROW(requireTree(path, readPose(path), tree));
+  EXPECT_NE(test::refusalOf([&] { requireTree(path, readPose(path), other); }).find("p.yaml: model_id = "),
+            std::string::npos);
+  EXPECT_NO_THROW(requireTree(path, somePose(), other));
+  const auto refused = [&](const std::string& id) {
+    return test::refusalOf([&] {
+      readPose(
+          folder.write("q.yaml", "{rotation: [1,0,0,0,1,0,0,0,1], translation_mm: [0,0,0], model_id: " + id + "}"));
+    });
+  };
+  EXPECT_NE(refused("1.5").find("must be a whole number of 64 bits"), std::string::npos) << refused("1.5");
+  EXPECT_NE(refused("99999999999999999999").find("64 bits"), std::string::npos);
 }
 
 TEST(PoseFiles, RoundedRotationIsMadeExact) {

@@ -2,6 +2,7 @@
 #include "angio/io/pose_files.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <charconv>
 
 #include "angio/base/errors.hpp"
 #include "angio/io/case_files.hpp"
@@ -38,6 +39,15 @@ Matrix6d readCovariance(const YamlField& field) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(symmetric, Eigen::EigenvaluesOnly);
   if (!(solver.eigenvalues().minCoeff() >= -1e-6 * scale)) field.refuse("must be positive semidefinite");
   return symmetric;
+}
+
+// Of 64 bits, which a double does not hold.
+ModelId readModelId(const YamlField& field) {
+  const std::string text = field.text();
+  std::int64_t id = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
+  if (error != std::errc() || end != text.data() + text.size()) field.refuse("must be a whole number of 64 bits");
+  return ModelId{id};
 }
 
 void requireFrame(const std::optional<YamlField>& field, const std::string& frame) {
@@ -79,17 +89,26 @@ PoseFile readPose(const std::string& path) {
   PoseFile result;
   result.T_camera_model = readTransform(map);
   if (const auto covariance = map.find("covariance")) result.covariance = readCovariance(*covariance);
+  if (const auto id = map.find("model_id")) result.model_id = readModelId(*id);
   requireFrame(map.find("parent"), "camera");
   requireFrame(map.find("child"), "model");
   map.refuseOthers();
   return result;
 }
 
+void requireTree(const std::string& path, const PoseFile& pose, const VesselTree& tree) {
+  const ModelId own = modelId(tree);
+  if (pose.model_id == ModelId::kUnknown || pose.model_id == own) return;
+  throw InputError(path, "model_id", std::to_string(static_cast<std::int64_t>(pose.model_id)),
+                   "must be that of the vessel tree, " + std::to_string(static_cast<std::int64_t>(own)));
+}
+
 Pose readViewPose(const std::string& path) {
   const YamlNode root = readYaml(path);
   YamlMap map(path, root, "pose");
   const Pose T = readTransform(map);
-  for (const char* key : {"covariance", "parent", "child"}) map.find(key);  // As in other poses; here they say nothing.
+  for (const char* key : {"covariance", "model_id", "parent", "child"})
+    map.find(key);  // As in other poses; here they say nothing.
   map.refuseOthers();
   return T;
 }
@@ -103,6 +122,7 @@ void writePose(const std::string& path, const PoseFile& pose) {
   for (const double x : pose.T_camera_model.translation())
     json["translation_mm"].push_back(std::stod(exactMillimetres(x)));
   if (pose.covariance) json["covariance"] = numbersOf(RowMajor6d(*pose.covariance));
+  if (pose.model_id != ModelId::kUnknown) json["model_id"] = static_cast<std::int64_t>(pose.model_id);
   json["parent"] = "camera";
   json["child"] = "model";
   writeWholeFile(path, asYaml(json));

@@ -6,6 +6,8 @@
 
 #include "angio/geometry/se3.hpp"
 #include "angio/io/namespace.hpp"
+#include "angio/vessel/model_id.hpp"
+#include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::io {
 
@@ -13,15 +15,19 @@ namespace angio::io {
 struct PoseFile {
   Pose T_camera_model = Pose::Identity();  ///< Model to camera [m].
   std::optional<Matrix6d> covariance;      ///< [translation; rotation], metres and radians.
+  ModelId model_id = ModelId::kUnknown;    ///< The tree that was registered; kUnknown: the file does not say.
 };
 
 /// Reads a pose from YAML: `rotation` (9 numbers, row-major), `translation_mm`, optional `covariance` (36 numbers, flat
-/// or as six rows), `parent: camera` and `child: model`.
+/// or as six rows), `model_id` (as angio-inspect prints it), `parent: camera` and `child: model`.
 ///
 /// A rotation that is off by rounding (rotationDefect below 1e-3) is made exact. Throws InputError that names file,
 /// line, key, value and rule: no rotation, a translation beyond 100 m, a covariance that is not symmetric and positive
 /// semidefinite, other frames, unknown keys.
 PoseFile readPose(const std::string& path);
+
+/// Throws InputError that names the file when the pose is of another tree than this one. Poses that name no tree pass.
+void requireTree(const std::string& path, const PoseFile& pose, const VesselTree& tree);
 
 /// Writes what readPose reads. Throws InputError when the file cannot be written.
 void writePose(const std::string& path, const PoseFile& pose);
