@@ -103,7 +103,7 @@ std::string studied(int trials, const Trial& trial) {
           formatted("%8.4f %8.4f %8.4f\n", percentile(values, 0.5), percentile(values, 0.95), percentile(values, 1));
     } else {
       // Where the mean lies in 95 of 100 studies when the covariance is right.
-      const double half = 1.96 * std::sqrt(2 * freedom / trials);
+      const double half = 1.96 * std::sqrt(2 * freedom / static_cast<double>(records.size()));
       table += formatted("%8.3f   (95 %% band %.3f to %.3f)\n", mean(values), freedom - half, freedom + half);
     }
   }

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/interruption.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/io/whole_file.hpp"
@@ -99,6 +100,7 @@ int evaluateCases(const CasesOptions& o) {
   ProgressBar bar("registering", static_cast<int>(set.cases.size() * entrants.size()));
   int done = 0;
   for (const auto& entrant : entrants) {
+    if (interrupted()) break;
     const auto outcomes =
         runCases(set, {entrant.registration, entrant.starts, extractor, settings.tracker, o.point_covariance},
                  [&](int) { bar.show(++done, entrant.name); });
@@ -129,12 +131,13 @@ void addEvaluateCases(CLI::App& app, Work& work) {
 
 int main(int argc, char** argv) {
   CLI::App app("Runs registrations over many cases and reports what they amount to.", "angio-evaluate");
-  angio::apps::describeProgram(app,
-                               "angio-evaluate cases cases.yaml --method iterative_pnp --out results.json\n"
-                               "  angio-evaluate simulation --tree tree.csv --trials 200 --report report.html\n"
-                               "  angio-evaluate paper --report paper.html\n"
-                               "  angio-evaluate extraction --tree tree.csv --extractor ridge,otsu --sheet sheet.png\n"
-                               "  angio-evaluate catheter examples/data/hepatic-tace/cases.yaml --sheet sheet.png");
+  angio::apps::describeProgram(
+      app,
+      "angio-evaluate cases cases.yaml --method iterative_pnp --out results.json\n"
+      "  angio-evaluate simulation --tree tree.csv --trials 200 --report report.html\n"
+      "  angio-evaluate paper --report paper.html\n"
+      "  angio-evaluate extraction --tree tree.csv --extractor ridge,otsu --sheet sheet.png\n"
+      "  angio-evaluate catheter examples/data/hepatic-tace/cases.yaml --sheet sheet.png");
   app.require_subcommand(1);
   angio::apps::Work work;
   angio::apps::addEvaluateCases(app, work);

@@ -4,6 +4,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/base/interruption.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/extraction_run.hpp"
 #include "angio/io/camera_files.hpp"
@@ -89,6 +90,7 @@ int evaluateExtraction(const ExtractionOptions& o) {
   std::vector<SheetPicture> pictures;
   std::string tables;
   for (const auto& source : sources) {
+    if (interrupted()) break;
     const double tolerance_px = o.tolerance_px > 0 ? o.tolerance_px : source.usual_tolerance_px;
     const auto runs =
         runExtraction(source.samples, entrants, tolerance_px, o.sheet.empty() ? Pictures::kNone : Pictures::kKeep,

@@ -5,6 +5,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/base/interruption.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/film_writer.hpp"
@@ -55,6 +56,7 @@ int simulate(const ServoProgramOptions& o, const ServoSettings& settings, const 
   LiveOverlay overlay(tree, 768, calibration.carm, calibration.R_patient_lps());
   const ServoLoopSettings loop = settings.loop(calibration);
   HoldTally tally;
+  const InterruptionGuard guard;  // Given up, a simulation leaves no half of a film.
   const ClosedLoopRun scenario = runClosedLoop(
       tree, world, settings.scenario, loop, settings.patient,
       [&](const Exposure& exposure, const ServoReport& report, const ClosedLoopFrame&) {

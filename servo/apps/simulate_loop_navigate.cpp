@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "angio/base/formatted.hpp"
+#include "angio/base/interruption.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/film_writer.hpp"
@@ -134,7 +135,10 @@ int simulateNavigation(const NavigateOptions& o) {
   NavigateSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   Json json;
-  for (const std::string& file : o.trees) json["trees"].push_back(simulateTree(file, o, settings));
+  for (const std::string& file : o.trees) {
+    if (interrupted()) break;
+    json["trees"].push_back(simulateTree(file, o, settings));
+  }
   return report(json, navigateExperimentTable(json["trees"]), settingsAsJson(settings), o.out);
 }
 

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <csignal>
+#include <filesystem>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "angio/test/namespace.hpp"
 #include "case_folder.hpp"
@@ -46,6 +50,29 @@ TEST_F(Evaluate, SimulationWritesWhatCasesWrites) {
   EXPECT_EQ(results["settings"]["simulation"]["noise_px"], 0.5);
   EXPECT_TRUE(results["machine"].contains("cores"));
   EXPECT_EQ(test::contentOf(folder_.path("r.html")).find("<!DOCTYPE html>"), 0u);
+}
+
+// Ctrl-C: what is finished is written whole, and a line and the exit code say that it is not all. A busy computer may
+// take longer for the first trial.
+TEST_F(Evaluate, AnInterruptedSimulationKeepsWhatIsFinished) {
+  auto words = simulation({"--out", folder_.path("r.json")});
+  *(std::find(words.begin(), words.end(), "--trials") + 1) = "100000";
+  test::Ended ended;
+  for (const int wait_s : {1, 5, 30, 120}) {
+    test::RunningProgram program("angio-evaluate", words);
+    std::this_thread::sleep_for(std::chrono::seconds(wait_s));
+    program.signal(SIGINT);
+    ended = program.end();
+    ASSERT_EQ(ended.exit_code, 1) << ended.err;
+    ASSERT_EQ(ended.err.rfind("angio-evaluate: interrupted", 0), 0u) << ended.err;
+    if (std::filesystem::exists(folder_.path("r.json"))) break;
+  }
+  EXPECT_EQ(ended.err, "angio-evaluate: interrupted: what was finished before is reported, and no more\n");
+  const Json results = Json::parse(test::contentOf(folder_.path("r.json")));
+  const auto finished = results["methods"].front()["cases"].size();
+  EXPECT_GT(finished, 0u);
+  EXPECT_LT(finished, 100000u);
+  EXPECT_NE(ended.out.find("| " + std::to_string(finished) + " |"), std::string::npos) << ended.out;
 }
 
 TEST_F(Evaluate, TheCommandLineComesBeforeTheSettingsFile) {
@@ -155,7 +182,7 @@ TEST_F(Evaluate, ATurnIsOneSequence) {
     const auto ended = test::run("angio-evaluate", words);
     EXPECT_EQ(ended.exit_code, 0) << ended.err;
     const Json results = Json::parse(test::contentOf(folder_.path("t.json")));
-    return results["methods"]["oriented_kernel"]["summary"]["depth_mm"]["median"].get<double>();
+    return results["methods"]["iterative_pnp"]["summary"]["depth_mm"]["median"].get<double>();
   };
   EXPECT_LT(depth_mm({"--turn-deg", "6", "--turn-s", "1", "--breath-mm", "5"}), 0.5 * depth_mm({}));
 }

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "angio/base/interruption.hpp"
+
 namespace angio::cli {
 namespace {
 
@@ -75,6 +77,7 @@ int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
   try {
     const int code = work();
     if (!std::cout.flush()) throw std::runtime_error("stdout: cannot be written");
+    if (interrupted()) return fail(app, "interrupted: what was finished before is reported, and no more");
     return code;
   } catch (const std::exception& error) {
     return fail(app, error.what());

@@ -64,7 +64,9 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
   const auto extractor = makeExtractor(settings.extractor);
   std::vector<CaseOutcome> outcomes;
   std::map<const Registration*, GatedPerception> trackers;  // Of a sequence: one for each tree.
+  const InterruptionGuard guard;
   for (const auto& one : set.cases) {
+    if (interrupted()) break;
     Registration& registration = registrations.of(one.tree_path);
     const VesselTree& tree = registration.tree();
     const XrayCamera& camera = one.views.front().camera;
@@ -102,6 +104,7 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
     outcomes.push_back(std::move(outcome));
     if (progress) progress(static_cast<int>(outcomes.size()));
   }
+  if (interrupted() && outcomes.empty()) throw Interrupted();
   return outcomes;
 }
 

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/interruption.hpp"
 
 namespace angio::evaluation {
 namespace {
@@ -26,27 +27,32 @@ std::exception_ptr failureOf(const std::string& name) {
 
 }  // namespace
 
-void forEachRun(int count, int threads, const std::function<std::string(int k)>& nameOf,
-                const std::function<void(int k)>& one, const Progress& done) {
+std::vector<bool> forEachRun(int count, int threads, const std::function<std::string(int k)>& nameOf,
+                             const std::function<void(int k)>& one, const Progress& done) {
   std::mutex mutex;
-  int next = 0, finished = 0;
+  int next = 0, finished_count = 0;
+  std::vector<bool> finished(static_cast<std::size_t>(std::max(count, 0)));
   std::exception_ptr failure;
+  const InterruptionGuard guard;
   const auto work = [&] {
     for (;;) {
       std::unique_lock<std::mutex> lock(mutex);
-      if (next >= count || failure) return;
+      if (next >= count || failure || interrupted()) return;
       const int k = next++;
       lock.unlock();
       try {
         one(k);
+      } catch (const Interrupted&) {
+        return;
       } catch (...) {
         lock.lock();
         if (!failure) failure = failureOf(nameOf(k));
         return;
       }
       lock.lock();
-      ++finished;
-      if (done) done(finished);
+      finished[static_cast<std::size_t>(k)] = true;
+      ++finished_count;
+      if (done) done(finished_count);
     }
   };
   std::vector<std::thread> others;
@@ -54,6 +60,8 @@ void forEachRun(int count, int threads, const std::function<std::string(int k)>&
   work();
   for (auto& other : others) other.join();
   if (failure) std::rethrow_exception(failure);
+  if (interrupted() && finished_count == 0) throw Interrupted();
+  return finished;
 }
 
 }  // namespace angio::evaluation

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/base/interruption.hpp"
 #include "angio/messaging/channels.hpp"
 
 namespace angio::lab {
@@ -49,6 +50,7 @@ std::int64_t SimulatedLab::report_us(std::int64_t k) const {
 }
 
 std::optional<Exposure> SimulatedLab::advance() {
+  throwIfInterrupted();
   std::int64_t next = std::min(exposure_us(exposures_), report_us(reports_));
   for (const auto due : {from_machines_.nextDue_us(), from_loop_.nextDue_us()}) {
     if (due) next = std::min(next, std::max(*due, now_us_));

@@ -56,7 +56,8 @@ struct CaseOutcome {
 
 /// Runs every case with one method. The cases of a sequence, at 15 a second, are tracked as a loop tracks its frames:
 /// by GatedPerception with its own defaults, the method searching and tracking; an initial pose stands for what joints
-/// and calibration say of that frame. Throws InputError for files that cannot be read.
+/// and calibration say of that frame. After SIGINT or SIGTERM no case is begun; returns those that are finished. Throws InputError for
+/// files that cannot be read, Interrupted when no case is finished.
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress = {});
 
 /// One method's figures over all cases, as people compare methods.

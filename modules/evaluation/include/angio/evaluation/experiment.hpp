@@ -3,8 +3,10 @@
 
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "angio/base/interruption.hpp"
 #include "angio/evaluation/statistics.hpp"
 
 namespace angio::evaluation {
@@ -55,17 +57,24 @@ void summarise(const std::vector<Record>& records, const std::vector<Column<Reco
 using Progress = std::function<void(int done)>;
 
 /// Runs `one(k)` for k = 0 .. count - 1, up to `threads` at a time, and comes back when all are done. The first failure
-/// comes out here as InputError or std::runtime_error in which `nameOf(k)` names the run, and no more are begun.
-void forEachRun(int count, int threads, const std::function<std::string(int k)>& nameOf,
-                const std::function<void(int k)>& one, const Progress& done = {});
+/// comes out here as InputError or std::runtime_error in which `nameOf(k)` names the run, and no more are begun. After
+/// SIGINT or SIGTERM no more are begun either, and a run that throws Interrupted is given up. Returns which runs are
+/// finished. Throws Interrupted when none is.
+std::vector<bool> forEachRun(int count, int threads, const std::function<std::string(int k)>& nameOf,
+                             const std::function<void(int k)>& one, const Progress& done = {});
 
-/// The same with the record that each run leaves, in their order.
+/// The same with the record that each finished run leaves, in their order.
 template <typename One>
 auto recordsOf(int count, int threads, const std::function<std::string(int k)>& nameOf, const One& one,
                const Progress& done = {}) {
   std::vector<decltype(one(0))> records(static_cast<std::size_t>(count));
-  forEachRun(
+  const std::vector<bool> finished = forEachRun(
       count, threads, nameOf, [&](int k) { records[static_cast<std::size_t>(k)] = one(k); }, done);
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < records.size(); ++k) {
+    if (finished[k]) std::swap(records[kept++], records[k]);
+  }
+  records.resize(kept);
   return records;
 }
 

@@ -49,6 +49,8 @@ class RunningProgram {
     waitpid(id_, nullptr, 0);
   }
 
+  void signal(int number) const { kill(id_, number); }
+
   /// Waits for its end.
   Ended end() {
     int status = 0;

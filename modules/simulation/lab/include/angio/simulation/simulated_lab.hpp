@@ -54,7 +54,7 @@ class SimulatedLab {
   DisturbedBus& fromLoop() { return from_loop_; }
 
   /// Lets time run to the next event: a message arrives, the encoders report, or a frame is exposed. Comes back with
-  /// the exposure, if it was one.
+  /// the exposure, if it was one. Throws Interrupted when the user asked the program to end.
   std::optional<Exposure> advance();
 
   std::int64_t now_us() const { return now_us_; }
