@@ -25,7 +25,7 @@ table1() {
   for prior in paper covariance; do
     for deformation in "" --nonrigid; do
       echo; echo "iterative_pnp $deformation, prior: $prior"
-      "$bin"/angio-evaluate cases "$work/cases/cases.yaml" $deformation --settings "$work/$prior.yaml" --out "$work/$prior$deformation.json"
+      "$bin"/angio-evaluate cases "$work/cases/cases.yaml" --method iterative_pnp $deformation --settings "$work/$prior.yaml" --out "$work/$prior$deformation.json"
       for figure in rms_projection_residual_isocentre_mm rotation_deg centroid_mm; do
         echo "$figure: $(sed -n "/^   \"summary\"/,\$p" "$work/$prior$deformation.json" | grep -A6 "\"$figure\"" | grep -E 'mean|median|p75|p95' | tr -d '\n')"
       done

@@ -33,7 +33,7 @@ constexpr double kRight_deg = 2, kWrong_deg = 3, kGoodResidual_px = 2, kSameDept
 
 struct Options {
   std::string cases = angio::cli::exampleDataFile("static-phantom/cases.yaml");
-  std::string method = angio::registration::IterativePnpSettings::kName, settings;
+  std::string method = angio::registration::OrientedKernelSettings::kName, settings;
   int starts = 20, seed = 7;
   double rotation_deg = 10, translation_mm = 20;
   bool image = false, nonrigid = false;
@@ -266,7 +266,7 @@ int measure(const Options& o) {
 
 int main(int argc, char** argv) {
   CLI::App app("Measures a method on the four runs of the static phantom.", "example-04-static-phantom");
-  angio::cli::describeProgram(app, "example-04-static-phantom --method iterative_pnp --starts 20");
+  angio::cli::describeProgram(app, "example-04-static-phantom --method oriented_kernel --starts 20");
   Options o;
   app.add_option("--cases", o.cases,
                  "Case set whose nominal poses differ as the C-arm's angles do, with reference poses");

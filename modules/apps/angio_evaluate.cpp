@@ -133,7 +133,7 @@ int main(int argc, char** argv) {
   CLI::App app("Runs registrations over many cases and reports what they amount to.", "angio-evaluate");
   angio::apps::describeProgram(
       app,
-      "angio-evaluate cases cases.yaml --method iterative_pnp --out results.json\n"
+      "angio-evaluate cases cases.yaml --method iterative_pnp,oriented_kernel --out results.json\n"
       "  angio-evaluate simulation --tree tree.csv --trials 200 --report report.html\n"
       "  angio-evaluate paper --report paper.html\n"
       "  angio-evaluate extraction --tree tree.csv --extractor ridge,otsu --sheet sheet.png\n"

@@ -24,7 +24,7 @@ void addEvaluateCatheter(CLI::App& app, Work& work);
 
 /// What all of them ask of methods.
 struct MethodOptions {
-  std::vector<std::string> methods = {IterativePnpSettings::kName};
+  std::vector<std::string> methods = {OrientedKernelSettings::kName};
   std::string extractor;  ///< Empty: the settings' choice.
   std::string settings;
   int starts = 0;

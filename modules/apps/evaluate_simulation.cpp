@@ -9,10 +9,10 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/io/measured_motion_file.hpp"
 #include "angio/evaluation/paper.hpp"
 #include "angio/evaluation/simulation_report.hpp"
 #include "angio/io/camera_files.hpp"
+#include "angio/io/measured_motion_file.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/vessel/resample.hpp"
@@ -300,6 +300,7 @@ void addEvaluateSimulation(CLI::App& app, Work& work) {
 
 void addEvaluatePaper(CLI::App& app, Work& work) {
   const auto o = std::make_shared<PaperOptions>();
+  o->method.methods = {IterativePnpSettings::kName};  // The paper's.
   auto* command = app.add_subcommand("paper", "Repeat the simulation experiments of the Iterative PnP paper");
   command->option_defaults()->always_capture_default();
   command->footer(

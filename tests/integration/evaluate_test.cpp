@@ -32,9 +32,9 @@ TEST_F(Evaluate, SimulationWritesWhatCasesWrites) {
                                               "--out", folder_.path("r.json"), "--report", folder_.path("r.html")}));
   ASSERT_EQ(ended.exit_code, 0) << ended.err;
   EXPECT_EQ(ended.err, "");
-  EXPECT_NE(ended.out.find("| iterative_pnp |"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("| oriented_kernel |"), std::string::npos) << ended.out;
   const Json results = Json::parse(test::contentOf(folder_.path("r.json")));
-  const Json& method = results["methods"]["iterative_pnp"];
+  const Json& method = results["methods"]["oriented_kernel"];
   ASSERT_EQ(method["cases"].size(), 2u);
   for (const char* key : {"status", "rotation", "translation_mm", "covariance", "mean_projection_residual_px",
                           "points_3d", "points_2d", "time_ms", "start_error", "error"}) {
@@ -90,11 +90,11 @@ TEST_F(Evaluate, TheCommandLineComesBeforeTheSettingsFile) {
 TEST_F(Evaluate, ASweepHasATableAndItsPoints) {
   const auto ended = test::run("angio-evaluate", simulation({"--sweep", "noise", "--out", folder_.path("r.json")}));
   ASSERT_EQ(ended.exit_code, 0) << ended.err;
-  EXPECT_NE(ended.out.find("| 1.5 px | iterative_pnp |"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("| 1.5 px | oriented_kernel |"), std::string::npos) << ended.out;
   const Json sweep = Json::parse(test::contentOf(folder_.path("r.json")))["sweeps"]["noise"];
   ASSERT_EQ(sweep["points"].size(), 6u);
   EXPECT_EQ(sweep["points"][5]["value"], 3);
-  EXPECT_TRUE(sweep["points"][5]["summaries"]["iterative_pnp"].contains("success_mtre_2mm_percent"));
+  EXPECT_TRUE(sweep["points"][5]["summaries"]["oriented_kernel"].contains("success_mtre_2mm_percent"));
 }
 
 TEST_F(Evaluate, ThePaperStandsBesideUs) {
@@ -182,7 +182,7 @@ TEST_F(Evaluate, ATurnIsOneSequence) {
     const auto ended = test::run("angio-evaluate", words);
     EXPECT_EQ(ended.exit_code, 0) << ended.err;
     const Json results = Json::parse(test::contentOf(folder_.path("t.json")));
-    return results["methods"]["iterative_pnp"]["summary"]["depth_mm"]["median"].get<double>();
+    return results["methods"]["oriented_kernel"]["summary"]["depth_mm"]["median"].get<double>();
   };
   EXPECT_LT(depth_mm({"--turn-deg", "6", "--turn-s", "1", "--breath-mm", "5"}), 0.5 * depth_mm({}));
 }
