@@ -146,8 +146,8 @@ void DeformationFit::Run<D>::climb(int scale) {
     for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
       // Points nearer to each other than the kernel is wide say the same thing: they count as one.
       const double independent = std::min(1.0, pixelsPerMetre(v) * fit_.model_.spacing_m * stride / scale_px);
-      addFieldPull<D>(viewOf(v), fit_.model_, fit_.nodes_, directions_, frame_.field(v, scale), frame_.fieldOfView(v),
-                      pull, stride, independent, data_);
+      data_.addFieldPull(viewOf(v), fit_.model_, fit_.nodes_, directions_, frame_.field(v, scale),
+                         frame_.fieldOfView(v), pull, stride, independent);
     }
     stepModes(kFieldModes[scale], kFieldExtrapolation);
     if (result_.last_step_px < kFieldRest * scale_px) break;
@@ -176,8 +176,8 @@ bool DeformationFit::Run<D>::pullLines(const Misfit& misfit, bool local) {
   const double weight = std::min(1.0, point_px / misfit.together_px) / (noise_px * noise_px);
   data_.clear(fit_.nodes_);
   for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
-    addLinePull<D>(viewOf(v), fit_.model_, fit_.nodes_, directions_, fit_.chosen_[v], fit_.matches_[v], tolerance_px_,
-                   weight, data_);
+    data_.addLinePull(viewOf(v), fit_.model_, fit_.nodes_, directions_, fit_.chosen_[v], fit_.matches_[v],
+                      tolerance_px_, weight);
   }
   if (!(data_.weight > 0)) return false;
   noise_px_ = noiseBehind(data_.squares_px2 / data_.weight, tolerance_px_);
@@ -209,7 +209,7 @@ void DeformationFit::Run<D>::stepModes(Eigen::Index max_modes, double extrapolat
   Vector6d g = data_.g;
   belief_.add(T_, H, g);
   const Eigen::Index count = std::min(max_modes, w_.cols());
-  const auto step = solveModes<D>(data_, fit_.nodes_, fit_.modes_, w_.leftCols(count), H, g);
+  const auto step = data_.solveModes(fit_.nodes_, fit_.modes_, w_.leftCols(count), H, g);
   if (!step) return;
   const Eigen::Matrix3Xd before = T_ * displaced_;
   result_.pose_covariance = step->pose_covariance;
@@ -221,7 +221,7 @@ void DeformationFit::Run<D>::stepModes(Eigen::Index max_modes, double extrapolat
 template <int D>
 void DeformationFit::Run<D>::stepLocal() {
   const Eigen::Matrix3Xd before = T_ * displaced_;
-  e_ += solveChain<D>(data_, fit_.nodes_, alone_ ? fit_.local_alone_ : fit_.local_, e_).change;
+  e_ += data_.solveChain(fit_.nodes_, alone_ ? fit_.local_alone_ : fit_.local_, e_).change;
   moved(before);
 }
 
