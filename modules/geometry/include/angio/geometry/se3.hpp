@@ -25,9 +25,6 @@ Eigen::Matrix3d expSO3(const Eigen::Vector3d& w);
 /// Rotation matrix to rotation vector [rad], angle in [0, pi].
 Eigen::Vector3d logSO3(const Eigen::Matrix3d& R);
 
-/// Left Jacobian of SO(3): exp(w + d) = exp(J d) exp(w) to first order in d. Source: Barfoot (2017), eq. 7.77.
-Eigen::Matrix3d leftJacobianSO3(const Eigen::Vector3d& w);
-
 /// SE(3) exponential of a twist. Source: Barfoot, State Estimation for Robotics (2017), eq. 7.34.
 Pose expSE3(const Twist& xi);
 
