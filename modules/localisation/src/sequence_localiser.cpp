@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "angio/base/errors.hpp"
+#include "angio/vessel/resample.hpp"
 #include "sequence_fit.hpp"
 #include "tip_filter.hpp"
 
@@ -247,10 +248,9 @@ Eigen::Matrix3Xd ofTreePoints(const VesselTree& tree, const PlaceGrid& grid, con
   if (of_places_m.cols() != grid.size()) return result;
   for (std::size_t c = 0; c < tree.branches().size(); ++c) {
     const std::vector<int>& points = tree.branches()[c];
-    double arc_m = 0;
+    const std::vector<double> arc_m = arcLengths(tree, points);
     for (std::size_t k = 1; k < points.size(); ++k) {
-      arc_m += (tree.points().col(points[k]) - tree.points().col(points[k - 1])).norm();
-      result.col(points[k]) = of_places_m.col(placeAt(grid, static_cast<int>(c), arc_m));
+      result.col(points[k]) = of_places_m.col(placeAt(grid, static_cast<int>(c), arc_m[k]));
     }
     int first = grid.last_of_chain[c];
     while (grid.parent[first] >= 0) first = grid.parent[first];

@@ -8,6 +8,7 @@
 #include "angio/base/stopwatch.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/registration/result.hpp"
+#include "angio/vessel/resample.hpp"
 #include "local_offset_estimator.hpp"
 
 namespace angio::perception {
@@ -60,12 +61,6 @@ class OpenInDepth final : public PointUncertainty {
   std::shared_ptr<const PointUncertainty> points_;
   double added_m2_;
 };
-
-Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& place) {
-  Eigen::Index nearest = 0;
-  (tree.points().colwise() - place).colwise().squaredNorm().minCoeff(&nearest);
-  return nearest;
-}
 
 }  // namespace
 

@@ -141,11 +141,7 @@ RegistrationResult IterativePnp::align(const XrayViews& views, const PosePrior& 
     const Stopwatch nonrigid_began;
     const Eigen::Matrix3Xd displacements = alignNonrigid(frame, result);
     points += displacements;
-    for (int i = 0; i < given_.size(); ++i) {
-      const auto& place = model_.place_of_original[static_cast<std::size_t>(i)];
-      result.displacements_m.col(i) =
-          (1 - place.weight) * displacements.col(place.a) + place.weight * displacements.col(place.b);
-    }
+    result.displacements_m = model_.ofOriginal(displacements);
     result.times.nonrigid_s = nonrigid_began.seconds();
   }
   result.agreement = agreementOf(model_.tree, points, frame.views(), result.T_camera_model);

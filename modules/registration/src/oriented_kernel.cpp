@@ -121,9 +121,9 @@ class OrientedKernel final : public Registration {
   void finish(const PosePriorTerm& belief, const Pose& T_camera_centered, const LineFitPlan& plan,
               RegistrationResult& result);
   void deform(const PosePriorTerm& belief, RegistrationResult& result);
-  void setUncertainty(const std::shared_ptr<const TreeError>& error, RegistrationResult& result) const;
   void keepEvidence(std::vector<ResidualGroup> groups, const Pose& T_camera_centered, const Eigen::Matrix3Xd& displaced,
                     RegistrationResult& result) const;
+  Pose centered(const Pose& T_camera_model) const { return T_camera_model * Eigen::Translation3d(model_.centroid); }
   double length_m() const { return 1e-3 * settings_.nonrigid.length_mm; }
 
   OrientedKernelSettings settings_;
@@ -150,7 +150,7 @@ std::optional<PosePriorTerm> OrientedKernel::begin(const XrayViews& views, const
   if (tooFewPoints(result)) return std::nullopt;
   const PosePriorTerm belief = beliefOf(prior, settings_, model_.centroid);
   small_ = settings_.direction == Direction::kImageToModel ||
-           (settings_.direction == Direction::kAuto && imageIsSmall(start * Eigen::Translation3d(model_.centroid)));
+           (settings_.direction == Direction::kAuto && imageIsSmall(centered(start)));
   comparison_.begin(frame_, small_);
   return belief;
 }
@@ -243,11 +243,10 @@ void OrientedKernel::classifyAlternatives(const PosePriorTerm& belief, const Pos
 bool OrientedKernel::isSamePlace(const Pose& T_camera_model, const Eigen::Matrix3Xd& points,
                                  const RegistrationResult& result) const {
   if (!result.spread) return false;
+  const Eigen::Matrix3Xd given = model_.resampled.ofOriginal(points);
   double across_m2 = 0, along_m2 = 0;
   for (int i = 0; i < given_.size(); ++i) {
-    const auto& place = model_.resampled.place_of_original[static_cast<std::size_t>(i)];
-    const Eigen::Vector3d there =
-        T_camera_model * Eigen::Vector3d((1 - place.weight) * points.col(place.a) + place.weight * points.col(place.b));
+    const Eigen::Vector3d there = T_camera_model * Eigen::Vector3d(given.col(i));
     Eigen::Vector3d here = given_.points().col(i);
     if (result.displacements_m.cols() > i) here += result.displacements_m.col(i);
     here = result.T_camera_model * here;
@@ -267,18 +266,10 @@ void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_ce
   result.last_step_px = fit.last_step_px;
   if (fit.information.allFinite() && fit.information.diagonal().minCoeff() > 0) {
     auto groups = lines_.residuals(frame_, fit.T_camera_centered, kResidualGroups);
-    setUncertainty(std::make_shared<ModelError>(groups, fit.information, fit.currency, length_m()), result);
+    const auto error = std::make_shared<ModelError>(groups, fit.information, fit.currency, length_m());
+    setUncertainty(error, model_.points, centered(result.T_camera_model), model_.centroid, result);
     keepEvidence(std::move(groups), fit.T_camera_centered, model_.points, result);
   }
-}
-
-void OrientedKernel::setUncertainty(const std::shared_ptr<const TreeError>& error, RegistrationResult& result) const {
-  const Pose& T = result.T_camera_model;
-  result.covariance = covarianceOfResult(error->twistCovariance(), T, model_.centroid);
-  result.noise_covariance = covarianceOfResult(error->noiseCovariance(), T, model_.centroid);
-  result.deformation_std_m = error->amplitude_m();
-  result.spread = spreadOf(*error, model_.points, T * Eigen::Translation3d(model_.centroid));
-  result.points = std::make_shared<FitUncertainty>(error, T.linear(), model_.centroid);
 }
 
 void OrientedKernel::keepEvidence(std::vector<ResidualGroup> groups, const Pose& T_camera_centered,
@@ -298,7 +289,7 @@ void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& res
     return;
   }
   const Stopwatch stage;
-  const auto fit = deformation_->fit(frame_, belief, result.T_camera_model * Eigen::Translation3d(model_.centroid));
+  const auto fit = deformation_->fit(frame_, belief, centered(result.T_camera_model));
   const Pose deformed_pose = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
   const AlignmentScore deformed = agreementOf(tree, tree.points() + fit.displacements_m, frame_.views(), deformed_pose);
   // Pose and deformation share what one view cannot tell apart: an image that the rigid tree explains as well must not
@@ -309,13 +300,9 @@ void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& res
   result.displacements_m.setZero(3, given_.size());
   if (needed) {
     result.T_camera_model = deformed_pose;
-    for (int i = 0; i < given_.size(); ++i) {
-      const auto& place = model_.resampled.place_of_original[static_cast<std::size_t>(i)];
-      result.displacements_m.col(i) =
-          (1 - place.weight) * fit.displacements_m.col(place.a) + place.weight * fit.displacements_m.col(place.b);
-    }
+    result.displacements_m = model_.resampled.ofOriginal(fit.displacements_m);
     if (fit.posterior) {
-      setUncertainty(fit.posterior, result);
+      setUncertainty(fit.posterior, model_.points, centered(result.T_camera_model), model_.centroid, result);
       keepEvidence(fit.groups, fit.T_groups_camera_centered, model_.points + fit.displacements_m, result);
     } else {
       result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);
@@ -338,7 +325,7 @@ RegistrationResult OrientedKernel::align(const XrayViews& views, const PosePrior
   RegistrationResult result;
   auto belief = begin(views, prior, start, result);
   if (!belief) return result;
-  PoseCandidate candidate{start * Eigen::Translation3d(model_.centroid), 0};
+  PoseCandidate candidate{centered(start), 0};
   LineFitPlan plan = kFull;
   if (small_) {
     // One curve says little, and must not be outweighed by a start that is off.
@@ -355,7 +342,7 @@ RegistrationResult OrientedKernel::align(const XrayViews& views, const PosePrior
   }
   finish(*belief, candidate.T_camera_centered, plan, result);
   result.times.rigid_s = began.seconds() - result.times.prepare_s;
-  const Pose rigid = result.T_camera_model * Eigen::Translation3d(model_.centroid);
+  const Pose rigid = centered(result.T_camera_model);
   deform(*belief, result);
   if (result.status == RegistrationStatus::kConverged && comparison_.mirrorIsOpen(*belief, rigid)) {
     classifyAlternatives(*belief, rigid, {}, result);
@@ -385,7 +372,7 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
     if (small_) plan.gate_px = kSmallGate_px;
     finish(wide, candidates.front().T_camera_centered, plan, found);
     found.times.rigid_s = began.seconds() - result.times.prepare_s;
-    const Pose rigid = found.T_camera_model * Eigen::Translation3d(model_.centroid);
+    const Pose rigid = centered(found.T_camera_model);
     deform(wide, found);
     // Draws around one pose know no other: what earlier ones came upon is asked as well.
     rivals.insert(rivals.end(), candidates.begin(), candidates.end());
@@ -418,7 +405,7 @@ RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrio
     const int rounds = deformation_ ? 1 : kNearbyRounds;
     for (int round = 0; round < rounds && moved && !settled(); ++round) {
       PosePriorTerm there = widenedBy(kNearby, *belief);
-      there.T0_camera_centered = result.T_camera_model * Eigen::Translation3d(model_.centroid);
+      there.T0_camera_centered = centered(result.T_camera_model);
       StartSettings nearby = starts;
       nearby.box_rotation_deg = nearby.box_translation_mm = 0;
       moved = take(prior.covariance ? *belief : widenedBy(kWidest, *belief),
