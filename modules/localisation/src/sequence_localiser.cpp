@@ -194,8 +194,7 @@ std::vector<double> certain(int place, int places) {
 void conclude(SequenceResult& result, const TipFilter& filter, const std::vector<ForwardFrame>& forward,
               const std::vector<int>& way) {
   const auto probability = smoothed(filter, forward);
-  double residual_sum_px = 0;
-  int used = 0;
+  bool used = false;
   for (std::size_t t = 0; t < forward.size(); ++t) {
     TipBelief belief = filter.summarised(probability[t]);
     belief.why = forward[t].outcome.why;
@@ -205,13 +204,11 @@ void conclude(SequenceResult& result, const TipFilter& filter, const std::vector
     if (const Candidate* chosen = candidateAt(forward[t], way[t])) {
       belief.residual_px = chosen->match.residual_px;
       belief.shift_px = chosen->match.misfit.head<2>();
-      residual_sum_px += chosen->match.residual_px;
-      ++used;
+      used = true;
     }
     result.beliefs.push_back(std::move(belief));
     result.path.push_back(filter.summarised(certain(way[t], filter.grid().size())).tip);
   }
-  result.residual_px = used > 0 ? residual_sum_px / used : 0;
 }
 
 // What of a round must stay the same for the rounds to end.
@@ -281,6 +278,7 @@ SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const 
     before = outcome;
     if (result.converged || round >= settings.rounds) {
       conclude(result, filter, forward, way);
+      result.residual_px = outcome.residual_px;
       result.correction = shared.correction;
       result.displacements_m = ofTreePoints(tree, grid, shared.displacements_m);
       return result;
