@@ -33,18 +33,6 @@ MotionPredictorSettings checked(const MotionPredictorSettings& s) {
 
 }  // namespace
 
-std::string motionModelName(MotionModel model) {
-  switch (model) {
-    case MotionModel::kHeld:
-      return "held";
-    case MotionModel::kVelocity:
-      return "velocity";
-    case MotionModel::kHarmonic:
-      return "harmonic";
-  }
-  return "unknown";
-}
-
 struct MotionPredictor::State {
   explicit State(const MotionPredictorSettings& s)
       : settings(s), held(s.judged_over_s, 1e-3 * s.judged_horizon_ms, kFirstError_m), velocity(held) {}
