@@ -99,7 +99,7 @@ void GatedPerception::forgetDepth() {
 }
 
 void GatedPerception::resolveDepth() {
-  const auto fit = window_.fit();
+  const auto fit = window_.fit(tree_);
   if (!fit) return;
   const RegistrationResult& seen = fit->registration;
   resolved_ = ResolvedDepth{

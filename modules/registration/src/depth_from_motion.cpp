@@ -16,8 +16,8 @@
 namespace angio::registration {
 namespace {
 
-// Frames and observations that take part: the system is of the observations' number.
-constexpr std::size_t kMostFrames = 32, kMostGroups = 1200;
+// Observations that take part: the system is of their number.
+constexpr std::size_t kMostGroups = 1200;
 constexpr int kRounds = 2;
 // Over which a deformation goes together, as for a single image.
 const double kLength_m = 1e-3 * DeformationSettings().length_mm;
