@@ -176,7 +176,7 @@ void lookAtFieldBySize(benchmark::State& state) {
   fieldOfView(XrayView{image, scene.camera}, view);
   const Pose T = scene.start(1, 3) * Eigen::Translation3d(model.centroid);
   for (auto _ : state) {
-    benchmark::DoNotOptimize(sampleField(model.all, field, scene.camera, view, T, {}).objective);
+    benchmark::DoNotOptimize(sampleField(model.all, field, scene.camera, view, T, {}).fit);
   }
   state.SetComplexityN(state.range(0));
 }

@@ -156,9 +156,9 @@ TEST(Certificate, NoPlaceIsExplainedInACellThatRulesItOut) {
       const auto one = static_cast<std::size_t>(random.uniform(0, TreeSamples::kCount - 0.01));
       same.points.colwise() = Eigen::Vector3d(all.points.col(static_cast<Eigen::Index>(one)));
       same.tangents.colwise() = Eigen::Vector3d(all.tangents.col(static_cast<Eigen::Index>(one)));
-      for (const auto values : {&TreeSamples::x, &TreeSamples::y, &TreeSamples::z, &TreeSamples::tx, &TreeSamples::ty,
-                                &TreeSamples::tz, &TreeSamples::norm})
-        std::fill((same.*values).begin(), (same.*values).end(), (all.*values)[one]);
+      for (const auto values : {&ModelPoints::x, &ModelPoints::y, &ModelPoints::z, &ModelPoints::tx, &ModelPoints::ty,
+                                &ModelPoints::tz, &ModelPoints::weight})
+        std::fill((same.floats.*values).begin(), (same.floats.*values).end(), (all.floats.*values)[one]);
       const double size = std::pow(10, random.uniform(-3, -0.5));
       PoseCell cell;
       for (int k = 0; k < 3; ++k) {

@@ -148,8 +148,8 @@ TEST(DeformationEquations, LinePullIsTheGradientOfTheSquares) {
   DeformationEquations<3> data;
   data.clear(nodes);
   // A tolerance without end leaves the squares alone.
-  addLinePull<3>({s.camera, s.T_centered, displaced}, s.model, nodes, Eigen::Matrix3d::Identity(), s.frame.points(0),
-                 matches, 1e9, 0.7, data);
+  data.addLinePull({s.camera, s.T_centered, displaced}, s.model, nodes, Eigen::Matrix3d::Identity(), s.frame.points(0),
+                   matches, 1e9, 0.7);
 
   const int some = 12;  // Pose, and a dozen of the nodes.
   const auto halfSquares = [&](const Eigen::VectorXd& x) {
@@ -193,8 +193,8 @@ TEST(DeformationEquations, FieldPullIsTheGradientOfTheLikelihood) {
   pull.along = 0.3f;
   DeformationEquations<3> data;
   data.clear(nodes);
-  addFieldPull<3>({s.camera, s.T_centered, displaced}, s.model, nodes, Eigen::Matrix3d::Identity(), field,
-                  s.frame.fieldOfView(0), pull, 1, 1, data);
+  data.addFieldPull({s.camera, s.T_centered, displaced}, s.model, nodes, Eigen::Matrix3d::Identity(), field,
+                    s.frame.fieldOfView(0), pull, 1, 1);
   const int some = 12;
   const auto likelihood = [&](const Eigen::VectorXd& x) {
     Eigen::Matrix3Xd moved = at;
@@ -233,7 +233,7 @@ TEST(DeformationSolver, SolvesTheDenseSystemOfPoseAndModes) {
   for (int k = 0; k < K; ++k) w.col(k) = s.random.vector(1);
   Matrix6d H_pose = data.H;
   H_pose.diagonal().array() += 1e4;
-  const auto step = solveModes<3>(data, nodes, modes, w, H_pose, data.g);
+  const auto step = data.solveModes(nodes, modes, w, H_pose, data.g);
   ASSERT_TRUE(step);
 
   Eigen::MatrixXd B = Eigen::MatrixXd::Zero(6 + 3 * nodes.size(), 6 + 3 * K);  // From unknowns to pose and nodes.
@@ -259,7 +259,7 @@ TEST(DeformationSolver, EliminatesTheTreeExactly) {
   const DeformationEquations<3> data = someEquations(nodes, s.random);
   const ChainPrior prior(nodes, 0.3e-3, 20e-3);
   const Eigen::Matrix3Xd e = 0.3 * someNodes(nodes, s.random);
-  const auto step = solveChain<3>(data, nodes, prior, e);
+  const auto step = data.solveChain(nodes, prior, e);
   const int n = 3 * nodes.size();
   Eigen::MatrixXd P = Eigen::MatrixXd::Zero(n, n);
   for (int k = 0; k < nodes.size(); ++k)

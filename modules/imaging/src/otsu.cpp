@@ -59,65 +59,60 @@ class Segmentation {
 
   // CV_8UC1, 255 in vessels; nothing when no pixel stands out from the background. `scale` is image pixels per
   // working pixel, and `open` what the collimator leaves of each row. Valid until the next call.
-  const cv::Mat* operator()(const Flattened& image, float scale, const std::vector<RowRange>& open);
+  const cv::Mat* operator()(const Flattened& image, float scale, const std::vector<RowRange>& open) {
+    if (!count(image, open)) return nullptr;
+    const auto weakest = static_cast<float>(
+        std::max(settings_.branch_contrast * otsuThreshold(histogram_), settings_.faintest_absorption));
+    const float strong_factor = static_cast<float>(settings_.noise_factor), weak_factor = kWeakNoise * strong_factor;
+    const auto classesOf = [&](int y) {
+      return [=, value = image.absorption.ptr<float>(y), noise = image.noise.ptr<float>(y)](int x) {
+        return (value[x] > std::max(weakest, weak_factor * noise[x]) ? 1 : 0) +
+               (value[x] > std::max(weakest, strong_factor * noise[x]) ? 1 : 0);
+      };
+    };
+    const double area = settings_.smallest_area_px / (scale * scale);
+    const auto smallest = static_cast<std::size_t>(std::ceil(area));
+    mask_ =
+        regions_(image.absorption.size(), open, classesOf, [&](std::size_t pixels, int) { return pixels >= smallest; });
+    closeHoles(static_cast<int>(area));
+    return &mask_;
+  }
 
  private:
-  bool count(const Flattened& image, const std::vector<RowRange>& open);
-  void closeHoles(int max_area);
+  // Vessels cover a few per cent of the image, and Otsu's threshold of all pixels then splits the background's noise.
+  // So it is taken of the pixels that stand out from that noise. False when there are none.
+  bool count(const Flattened& image, const std::vector<RowRange>& open) {
+    histogram_.assign(kBins, 0);
+    const float factor = static_cast<float>(settings_.noise_factor);
+    const float faintest = static_cast<float>(settings_.faintest_absorption);
+    int counted = 0;
+    for (int y = 0; y < image.absorption.rows; ++y) {
+      const float *value = image.absorption.ptr<float>(y), *noise = image.noise.ptr<float>(y);
+      for (int x = open[y].begin; x < open[y].end; ++x) {
+        if (value[x] <= faintest || value[x] <= factor * noise[x]) continue;
+        ++histogram_[std::min(static_cast<int>(value[x] / kBin), kBins - 1)];
+        ++counted;
+      }
+    }
+    return counted > 0;
+  }
+
+  void closeHoles(int max_area) {
+    cv::bitwise_not(mask_, outside_);
+    const int count = cv::connectedComponentsWithStats(outside_, labels_, stats_, centroids_, 4, CV_32S);
+    for (int label = 1; label < count; ++label) {
+      if (stats_.at<int>(label, cv::CC_STAT_AREA) > max_area) continue;
+      const cv::Rect box(stats_.at<int>(label, cv::CC_STAT_LEFT), stats_.at<int>(label, cv::CC_STAT_TOP),
+                         stats_.at<int>(label, cv::CC_STAT_WIDTH), stats_.at<int>(label, cv::CC_STAT_HEIGHT));
+      mask_(box).setTo(255, labels_(box) == label);
+    }
+  }
 
   OtsuSettings settings_;
   std::vector<int> histogram_;
   Hysteresis regions_;
   cv::Mat mask_, outside_, labels_, stats_, centroids_;
 };
-
-// Vessels cover a few per cent of the image, and Otsu's threshold of all pixels then splits the background's noise. So
-// it is taken of the pixels that stand out from that noise. False when there are none.
-bool Segmentation::count(const Flattened& image, const std::vector<RowRange>& open) {
-  histogram_.assign(kBins, 0);
-  const float factor = static_cast<float>(settings_.noise_factor);
-  const float faintest = static_cast<float>(settings_.faintest_absorption);
-  int counted = 0;
-  for (int y = 0; y < image.absorption.rows; ++y) {
-    const float *value = image.absorption.ptr<float>(y), *noise = image.noise.ptr<float>(y);
-    for (int x = open[y].begin; x < open[y].end; ++x) {
-      if (value[x] <= faintest || value[x] <= factor * noise[x]) continue;
-      ++histogram_[std::min(static_cast<int>(value[x] / kBin), kBins - 1)];
-      ++counted;
-    }
-  }
-  return counted > 0;
-}
-
-const cv::Mat* Segmentation::operator()(const Flattened& image, float scale, const std::vector<RowRange>& open) {
-  if (!count(image, open)) return nullptr;
-  const auto weakest = static_cast<float>(
-      std::max(settings_.branch_contrast * otsuThreshold(histogram_), settings_.faintest_absorption));
-  const float strong_factor = static_cast<float>(settings_.noise_factor), weak_factor = kWeakNoise * strong_factor;
-  const auto classesOf = [&](int y) {
-    return [=, value = image.absorption.ptr<float>(y), noise = image.noise.ptr<float>(y)](int x) {
-      return (value[x] > std::max(weakest, weak_factor * noise[x]) ? 1 : 0) +
-             (value[x] > std::max(weakest, strong_factor * noise[x]) ? 1 : 0);
-    };
-  };
-  const double area = settings_.smallest_area_px / (scale * scale);
-  const auto smallest = static_cast<std::size_t>(std::ceil(area));
-  mask_ =
-      regions_(image.absorption.size(), open, classesOf, [&](std::size_t pixels, int) { return pixels >= smallest; });
-  closeHoles(static_cast<int>(area));
-  return &mask_;
-}
-
-void Segmentation::closeHoles(int max_area) {
-  cv::bitwise_not(mask_, outside_);
-  const int count = cv::connectedComponentsWithStats(outside_, labels_, stats_, centroids_, 4, CV_32S);
-  for (int label = 1; label < count; ++label) {
-    if (stats_.at<int>(label, cv::CC_STAT_AREA) > max_area) continue;
-    const cv::Rect box(stats_.at<int>(label, cv::CC_STAT_LEFT), stats_.at<int>(label, cv::CC_STAT_TOP),
-                       stats_.at<int>(label, cv::CC_STAT_WIDTH), stats_.at<int>(label, cv::CC_STAT_HEIGHT));
-    mask_(box).setTo(255, labels_(box) == label);
-  }
-}
 
 class OtsuExtractor final : public CenterlineExtractor {
  public:

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "angio/base/errors.hpp"
+#include "angio/vessel/resample.hpp"
 
 namespace angio::localisation {
 namespace {
@@ -22,15 +23,6 @@ struct Growing {
     return static_cast<int>(points.size()) - 1;
   }
 };
-
-// Arc length of each point of a chain [m].
-std::vector<double> arcLengths(const VesselTree& tree, const std::vector<int>& chain) {
-  std::vector<double> arc(chain.size(), 0.0);
-  for (std::size_t k = 1; k < chain.size(); ++k) {
-    arc[k] = arc[k - 1] + (tree.points().col(chain[k]) - tree.points().col(chain[k - 1])).norm();
-  }
-  return arc;
-}
 
 // Puts a chain's places into the grid, after `start`; returns the last one.
 int addChain(Growing& growing, const VesselTree& tree, int chain, int start, double spacing_m) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "angio/base/errors.hpp"
+#include "angio/vessel/resample.hpp"
 #include "sequence_fit.hpp"
 #include "tip_filter.hpp"
 
@@ -193,8 +194,7 @@ std::vector<double> certain(int place, int places) {
 void conclude(SequenceResult& result, const TipFilter& filter, const std::vector<ForwardFrame>& forward,
               const std::vector<int>& way) {
   const auto probability = smoothed(filter, forward);
-  double residual_sum_px = 0;
-  int used = 0;
+  bool used = false;
   for (std::size_t t = 0; t < forward.size(); ++t) {
     TipBelief belief = filter.summarised(probability[t]);
     belief.why = forward[t].outcome.why;
@@ -204,13 +204,11 @@ void conclude(SequenceResult& result, const TipFilter& filter, const std::vector
     if (const Candidate* chosen = candidateAt(forward[t], way[t])) {
       belief.residual_px = chosen->match.residual_px;
       belief.shift_px = chosen->match.misfit.head<2>();
-      residual_sum_px += chosen->match.residual_px;
-      ++used;
+      used = true;
     }
     result.beliefs.push_back(std::move(belief));
     result.path.push_back(filter.summarised(certain(way[t], filter.grid().size())).tip);
   }
-  result.residual_px = used > 0 ? residual_sum_px / used : 0;
 }
 
 // What of a round must stay the same for the rounds to end.
@@ -247,10 +245,9 @@ Eigen::Matrix3Xd ofTreePoints(const VesselTree& tree, const PlaceGrid& grid, con
   if (of_places_m.cols() != grid.size()) return result;
   for (std::size_t c = 0; c < tree.branches().size(); ++c) {
     const std::vector<int>& points = tree.branches()[c];
-    double arc_m = 0;
+    const std::vector<double> arc_m = arcLengths(tree, points);
     for (std::size_t k = 1; k < points.size(); ++k) {
-      arc_m += (tree.points().col(points[k]) - tree.points().col(points[k - 1])).norm();
-      result.col(points[k]) = of_places_m.col(placeAt(grid, static_cast<int>(c), arc_m));
+      result.col(points[k]) = of_places_m.col(placeAt(grid, static_cast<int>(c), arc_m[k]));
     }
     int first = grid.last_of_chain[c];
     while (grid.parent[first] >= 0) first = grid.parent[first];
@@ -281,6 +278,7 @@ SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const 
     before = outcome;
     if (result.converged || round >= settings.rounds) {
       conclude(result, filter, forward, way);
+      result.residual_px = outcome.residual_px;
       result.correction = shared.correction;
       result.displacements_m = ofTreePoints(tree, grid, shared.displacements_m);
       return result;

@@ -32,12 +32,6 @@ double medianStep_s(const std::deque<MotionSample>& samples, std::size_t first) 
   return *middle;
 }
 
-std::size_t firstFrom(const std::deque<MotionSample>& samples, double from_s) {
-  const auto first = std::lower_bound(samples.begin(), samples.end(), from_s,
-                                      [](const MotionSample& s, double t) { return s.time_s < t; });
-  return static_cast<std::size_t>(first - samples.begin());
-}
-
 // Squared Mahalanobis distance beyond which a single error counts no more.
 constexpr double kMaxSurprise = 50;
 constexpr double kCovarianceMemory = 3;  // Of judged_over_s: six numbers need more than one.

@@ -33,18 +33,6 @@ MotionPredictorSettings checked(const MotionPredictorSettings& s) {
 
 }  // namespace
 
-std::string motionModelName(MotionModel model) {
-  switch (model) {
-    case MotionModel::kHeld:
-      return "held";
-    case MotionModel::kVelocity:
-      return "velocity";
-    case MotionModel::kHarmonic:
-      return "harmonic";
-  }
-  return "unknown";
-}
-
 struct MotionPredictor::State {
   explicit State(const MotionPredictorSettings& s)
       : settings(s), held(s.judged_over_s, 1e-3 * s.judged_horizon_ms, kFirstError_m), velocity(held) {}
@@ -62,139 +50,129 @@ struct MotionPredictor::State {
   std::optional<double> worse_since_s;  // Since when the simple ways have been much better than the harmonic one.
   bool lost = false;
 
-  void begin(const MotionSample& sample);
-  std::optional<std::string> refusal(const Eigen::Vector3d& z, const Eigen::Matrix3d& R) const;
-  MotionModel chosen() const;
-  PositionEstimate estimate(MotionModel model, double horizon_s) const;
-  bool surprising(const MotionSample& sample) const;
-  bool confirmed(const MotionSample& sample) const;
-  void shiftTo(const MotionSample& sample);
-  void take(const MotionSample& sample);
-  bool lose();
-  void search();
+  void begin(const MotionSample& sample) {
+    *this = State(settings);
+    const double density = std::pow(1e-3 * settings.acceleration_std_mm_per_s2, 2) * settings.acceleration_mean_s;
+    trend.emplace(sample.position, sample.covariance, kFirstSpeed_m_per_s, density);
+    time_s = learn_from_s = searched_s = sample.time_s;
+    samples.push_back(sample);
+  }
+
+  std::optional<std::string> refusal(const Eigen::Vector3d& z, const Eigen::Matrix3d& R) const {
+    if (!z.allFinite() || !R.allFinite()) return "the measurement is not finite";
+    const double largest = R.cwiseAbs().maxCoeff();
+    if ((R - R.transpose()).cwiseAbs().maxCoeff() > 1e-6 * largest ||
+        Eigen::LDLT<Eigen::Matrix3d>(R).vectorD().minCoeff() < -1e-12 * largest) {
+      return "the covariance is none";
+    }
+    return std::nullopt;
+  }
+
+  MotionModel chosen() const {
+    const double simple = std::min(held.error(), velocity.error());
+    if (harmonic && !lost && harmonic->record.judged() && harmonic->record.error() <= kBelieved * simple) {
+      return MotionModel::kHarmonic;
+    }
+    return velocity.error() < held.error() ? MotionModel::kVelocity : MotionModel::kHeld;
+  }
+
+  PositionEstimate estimate(MotionModel model, double horizon_s) const {
+    switch (model) {
+      case MotionModel::kHarmonic: {
+        const PositionEstimate raw = harmonic->filter.ahead(horizon_s);
+        return {raw.position, harmonic->record.honest(raw.covariance, horizon_s)};
+      }
+      case MotionModel::kVelocity: {
+        const PositionEstimate raw = trend->ahead(horizon_s);
+        return {raw.position, velocity.honest(raw.covariance, horizon_s)};
+      }
+      case MotionModel::kHeld:
+        break;
+    }
+    const PositionEstimate raw = trend->held(horizon_s);
+    return {raw.position, held.honest(raw.covariance, horizon_s)};
+  }
+
+  bool surprising(const MotionSample& sample) const {
+    const auto surprised = [&](MotionModel model) {
+      const PositionEstimate expected = estimate(model, 0);
+      return squaredMahalanobis(sample.position - expected.position, expected.covariance + sample.covariance) >
+             settings.gate;
+    };
+    return surprised(MotionModel::kVelocity) && (!harmonic || surprised(MotionModel::kHarmonic));
+  }
+
+  // Two surprises that agree are a change; two that do not are two errors.
+  bool confirmed(const MotionSample& sample) const {
+    if (!suspect) return false;
+    if (suspects >= kMaxSuspects) return true;
+    const double moved_m = kFirstSpeed_m_per_s * (sample.time_s - suspect->time_s);
+    const Eigen::Matrix3d S = sample.covariance + suspect->covariance + moved_m * moved_m * Eigen::Matrix3d::Identity();
+    return squaredMahalanobis(sample.position - suspect->position, S) <= settings.gate;
+  }
+
+  // The whole has moved: what is remembered moves with it, and how it breathes is kept.
+  void shiftTo(const MotionSample& sample) {
+    const Eigen::Vector3d by = sample.position - estimate(chosen(), 0).position;
+    for (MotionSample& old : samples) old.position += by;
+    trend->restart(sample.position, sample.covariance);
+    held.forgetOpen();
+    velocity.forgetOpen();
+    if (harmonic) {
+      harmonic->filter.shift(by, by.norm());
+      harmonic->record.forgetOpen();
+    }
+  }
+
+  void take(const MotionSample& sample) {
+    const MotionSample last = samples.back();
+    trend->correct(sample.position, sample.covariance);
+    for (PredictionRecord* record : {&held, &velocity}) {
+      record->judge(last.time_s, last.position, sample.time_s, sample.position, sample.covariance);
+    }
+    const double horizon_s = 1e-3 * settings.judged_horizon_ms;
+    held.promise(sample.time_s + horizon_s, trend->held(horizon_s));
+    velocity.promise(sample.time_s + horizon_s, trend->ahead(horizon_s));
+    if (harmonic) harmonic->take(last, sample, horizon_s);
+    samples.push_back(sample);
+    while (samples.front().time_s < sample.time_s - settings.memory_s) samples.pop_front();
+  }
+
+  // Whether the motion has just stopped to be what was learnt.
+  bool lose() {
+    if (!harmonic) return false;
+    const double simple = std::min(held.error(), velocity.error());
+    if (harmonic->record.error() <= kBelieved * simple) lost = false;
+    if (harmonic->record.error() <= kLost * simple) {
+      worse_since_s.reset();
+      return false;
+    }
+    if (!worse_since_s) worse_since_s = time_s;
+    if (lost || time_s - *worse_since_s < kLostAfter_s) return false;
+    lost = true;
+    learn_from_s = *worse_since_s;
+    harmonic->filter.widen();
+    return true;
+  }
+
+  void search() {
+    const bool sound = harmonic && !lost;
+    if (sound && harmonic->heart >= 0 && harmonic->breathing >= 0) return;
+    if (time_s - searched_s < search_every_s) return;
+    searched_s = time_s;
+    // What has not been found in a sound motion is perhaps not there.
+    search_every_s = sound ? std::min(2 * search_every_s, kSearchAtLeastEvery_s) : kSearchEvery_s;
+    const std::vector<Oscillator> periods = findPeriods(samples, learn_from_s, settings);
+    if (periods.empty() || (sound && periods.size() <= static_cast<std::size_t>(harmonic->filter.oscillators())))
+      return;
+    HarmonicMotion found = learnt(samples, learn_from_s, periods, settings);
+    // It has to be better than what there is, by the same measurements.
+    if (harmonic && !(found.record.error() < harmonic->record.error())) return;
+    harmonic = std::move(found);
+    search_every_s = kSearchEvery_s;
+    if (harmonic->record.error() <= kBelieved * std::min(held.error(), velocity.error())) lost = false;
+  }
 };
-
-void MotionPredictor::State::begin(const MotionSample& sample) {
-  *this = State(settings);
-  const double density = std::pow(1e-3 * settings.acceleration_std_mm_per_s2, 2) * settings.acceleration_mean_s;
-  trend.emplace(sample.position, sample.covariance, kFirstSpeed_m_per_s, density);
-  time_s = learn_from_s = searched_s = sample.time_s;
-  samples.push_back(sample);
-}
-
-std::optional<std::string> MotionPredictor::State::refusal(const Eigen::Vector3d& z, const Eigen::Matrix3d& R) const {
-  if (!z.allFinite() || !R.allFinite()) return "the measurement is not finite";
-  const double largest = R.cwiseAbs().maxCoeff();
-  if ((R - R.transpose()).cwiseAbs().maxCoeff() > 1e-6 * largest ||
-      Eigen::LDLT<Eigen::Matrix3d>(R).vectorD().minCoeff() < -1e-12 * largest) {
-    return "the covariance is none";
-  }
-  return std::nullopt;
-}
-
-MotionModel MotionPredictor::State::chosen() const {
-  const double simple = std::min(held.error(), velocity.error());
-  if (harmonic && !lost && harmonic->record.judged() && harmonic->record.error() <= kBelieved * simple) {
-    return MotionModel::kHarmonic;
-  }
-  return velocity.error() < held.error() ? MotionModel::kVelocity : MotionModel::kHeld;
-}
-
-PositionEstimate MotionPredictor::State::estimate(MotionModel model, double horizon_s) const {
-  switch (model) {
-    case MotionModel::kHarmonic: {
-      const PositionEstimate raw = harmonic->filter.ahead(horizon_s);
-      return {raw.position, harmonic->record.honest(raw.covariance, horizon_s)};
-    }
-    case MotionModel::kVelocity: {
-      const PositionEstimate raw = trend->ahead(horizon_s);
-      return {raw.position, velocity.honest(raw.covariance, horizon_s)};
-    }
-    case MotionModel::kHeld:
-      break;
-  }
-  const PositionEstimate raw = trend->held(horizon_s);
-  return {raw.position, held.honest(raw.covariance, horizon_s)};
-}
-
-bool MotionPredictor::State::surprising(const MotionSample& sample) const {
-  const auto surprised = [&](MotionModel model) {
-    const PositionEstimate expected = estimate(model, 0);
-    return squaredMahalanobis(sample.position - expected.position, expected.covariance + sample.covariance) >
-           settings.gate;
-  };
-  return surprised(MotionModel::kVelocity) && (!harmonic || surprised(MotionModel::kHarmonic));
-}
-
-// Two surprises that agree are a change; two that do not are two errors.
-bool MotionPredictor::State::confirmed(const MotionSample& sample) const {
-  if (!suspect) return false;
-  if (suspects >= kMaxSuspects) return true;
-  const double moved_m = kFirstSpeed_m_per_s * (sample.time_s - suspect->time_s);
-  const Eigen::Matrix3d S = sample.covariance + suspect->covariance + moved_m * moved_m * Eigen::Matrix3d::Identity();
-  return squaredMahalanobis(sample.position - suspect->position, S) <= settings.gate;
-}
-
-// The whole has moved: what is remembered moves with it, and how it breathes is kept.
-void MotionPredictor::State::shiftTo(const MotionSample& sample) {
-  const Eigen::Vector3d by = sample.position - estimate(chosen(), 0).position;
-  for (MotionSample& old : samples) old.position += by;
-  trend->restart(sample.position, sample.covariance);
-  held.forgetOpen();
-  velocity.forgetOpen();
-  if (harmonic) {
-    harmonic->filter.shift(by, by.norm());
-    harmonic->record.forgetOpen();
-  }
-}
-
-void MotionPredictor::State::take(const MotionSample& sample) {
-  const MotionSample last = samples.back();
-  trend->correct(sample.position, sample.covariance);
-  for (PredictionRecord* record : {&held, &velocity}) {
-    record->judge(last.time_s, last.position, sample.time_s, sample.position, sample.covariance);
-  }
-  const double horizon_s = 1e-3 * settings.judged_horizon_ms;
-  held.promise(sample.time_s + horizon_s, trend->held(horizon_s));
-  velocity.promise(sample.time_s + horizon_s, trend->ahead(horizon_s));
-  if (harmonic) harmonic->take(last, sample, horizon_s);
-  samples.push_back(sample);
-  while (samples.front().time_s < sample.time_s - settings.memory_s) samples.pop_front();
-}
-
-// Whether the motion has just stopped to be what was learnt.
-bool MotionPredictor::State::lose() {
-  if (!harmonic) return false;
-  const double simple = std::min(held.error(), velocity.error());
-  if (harmonic->record.error() <= kBelieved * simple) lost = false;
-  if (harmonic->record.error() <= kLost * simple) {
-    worse_since_s.reset();
-    return false;
-  }
-  if (!worse_since_s) worse_since_s = time_s;
-  if (lost || time_s - *worse_since_s < kLostAfter_s) return false;
-  lost = true;
-  learn_from_s = *worse_since_s;
-  harmonic->filter.widen();
-  return true;
-}
-
-void MotionPredictor::State::search() {
-  const bool sound = harmonic && !lost;
-  if (sound && harmonic->heart >= 0 && harmonic->breathing >= 0) return;
-  if (time_s - searched_s < search_every_s) return;
-  searched_s = time_s;
-  // What has not been found in a sound motion is perhaps not there.
-  search_every_s = sound ? std::min(2 * search_every_s, kSearchAtLeastEvery_s) : kSearchEvery_s;
-  const std::vector<Oscillator> periods = findPeriods(samples, learn_from_s, settings);
-  if (periods.empty() || (sound && periods.size() <= static_cast<std::size_t>(harmonic->filter.oscillators()))) return;
-  HarmonicMotion found = learnt(samples, learn_from_s, periods, settings);
-  // It has to be better than what there is, by the same measurements.
-  if (harmonic && !(found.record.error() < harmonic->record.error())) return;
-  harmonic = std::move(found);
-  search_every_s = kSearchEvery_s;
-  if (harmonic->record.error() <= kBelieved * std::min(held.error(), velocity.error())) lost = false;
-}
 
 MotionPredictor::MotionPredictor(const MotionPredictorSettings& settings)
     : state_(std::make_unique<State>(checked(settings))) {}

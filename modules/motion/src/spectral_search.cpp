@@ -36,18 +36,17 @@ struct Residual {
   Eigen::Matrix3d L_m;   // Root of the mean covariance: what is seen well and what is not need not be axes.
 };
 
-Residual withoutSlow(const std::deque<MotionSample>& samples, double from_s, const PeriodSearch& search) {
-  const auto first = std::lower_bound(samples.begin(), samples.end(), from_s,
-                                      [](const MotionSample& s, double t) { return s.time_s < t; });
-  const Eigen::Index n = samples.end() - first;
+// Of the samples from `first` on.
+Residual withoutSlow(const std::deque<MotionSample>& samples, std::size_t first, const PeriodSearch& search) {
+  const auto n = static_cast<Eigen::Index>(samples.size() - first);
   Residual r;
   r.t.resize(n);
   r.Y.resize(n, 3);
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   for (Eigen::Index i = 0; i < n; ++i) {
-    const MotionSample& sample = first[i];
-    r.t[i] = sample.time_s - first->time_s;
-    r.Y.row(i) = (sample.position - first->position).transpose();
+    const MotionSample& sample = samples[first + i];
+    r.t[i] = sample.time_s - samples[first].time_s;
+    r.Y.row(i) = (sample.position - samples[first].position).transpose();
     covariance += sample.covariance / static_cast<double>(n);
   }
   r.L_m = covariance.llt().matrixL();
@@ -128,14 +127,18 @@ class WaveFit {
 
 }  // namespace
 
+std::size_t firstFrom(const std::deque<MotionSample>& samples, double from_s) {
+  const auto first = std::lower_bound(samples.begin(), samples.end(), from_s,
+                                      [](const MotionSample& s, double t) { return s.time_s < t; });
+  return static_cast<std::size_t>(first - samples.begin());
+}
+
 std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, double from_s,
                                       const PeriodSearch& search) {
   if (search.harmonics < 1 || samples.empty() || !(search.low_hz <= search.high_hz)) return std::nullopt;
-  const auto enough = static_cast<std::size_t>(3 * (3 + 2 * (search.harmonics + search.known_hz.size())));
-  const auto first = std::lower_bound(samples.begin(), samples.end(), from_s,
-                                      [](const MotionSample& s, double t) { return s.time_s < t; });
-  if (static_cast<std::size_t>(samples.end() - first) < enough) return std::nullopt;
-  const Residual r = withoutSlow(samples, from_s, search);
+  const std::size_t first = firstFrom(samples, from_s);
+  if (samples.size() - first < 3 * (3 + 2 * (search.harmonics + search.known_hz.size()))) return std::nullopt;
+  const Residual r = withoutSlow(samples, first, search);
   const double whole = r.Y.squaredNorm();
   if (!(whole > kStill * static_cast<double>(r.t.size()))) return std::nullopt;
   WaveFit fit(r, search.harmonics);
@@ -144,13 +147,14 @@ std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, d
   for (int k = 0; k < steps; ++k) {
     left[static_cast<std::size_t>(k)] = fit.left(search.low_hz + k * search.step_hz);
   }
-  const double best = *std::min_element(left.begin(), left.end());
+  const auto least = std::min_element(left.begin(), left.end());
+  const double best = *least;
   if (!(best <= (1 - search.min_share) * whole)) return std::nullopt;
   // A best that lies at the slow end is the flank of something slower.
   if (left.front() <= best) return std::nullopt;
   // The shortest period among the minima that leave hardly more, rounding of exact fits included.
   const double bound = kNearlyAsGood * best + 1e-3 * whole;
-  int chosen = static_cast<int>(std::min_element(left.begin(), left.end()) - left.begin());
+  int chosen = static_cast<int>(least - left.begin());
   for (int k = steps - 1; k > chosen; --k) {
     const auto i = static_cast<std::size_t>(k);
     const bool minimum = left[i] <= left[i - 1] && (k + 1 == steps || left[i] <= left[i + 1]);

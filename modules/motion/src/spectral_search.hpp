@@ -17,6 +17,9 @@ struct MotionSample {
   Eigen::Matrix3d covariance;
 };
 
+/// Index of the first sample from a time on; their number where there is none.
+std::size_t firstFrom(const std::deque<MotionSample>& samples, double from_s);
+
 /// Where and how a period is looked for.
 struct PeriodSearch {
   double low_hz, high_hz;

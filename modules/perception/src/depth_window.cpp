@@ -8,9 +8,8 @@
 namespace angio::perception {
 namespace {
 
-// Two breaths, and as many frames as depthFromMotion() looks at.
+// Two breaths.
 constexpr double kMemory_s = 8;
-constexpr std::size_t kMostFrames = 32;
 // Frames nearer to each other than both say the same.
 constexpr double kNear_s = 0.24, kNear_rad = 0.005, kStill_rad = 0.5e-3;
 
@@ -50,10 +49,10 @@ double DepthWindow::turn_rad() const {
   return turn_rad;
 }
 
-std::optional<DepthFromMotion> DepthWindow::fit() const {
+std::optional<DepthFromMotion> DepthWindow::fit(const VesselTree& tree) const {
   if (empty()) return std::nullopt;
   return depthFromMotion(std::vector<MovingFrame>(frames_.begin(), frames_.end()), XrayView{centerline_, *camera_},
-                         calibrated_, tree_);
+                         calibrated_, tree);
 }
 
 }  // namespace angio::perception

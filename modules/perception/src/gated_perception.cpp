@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "angio/base/formatted.hpp"
+#include "angio/vessel/resample.hpp"
 
 namespace angio::perception {
 namespace {
@@ -98,13 +99,11 @@ void GatedPerception::forgetDepth() {
 }
 
 void GatedPerception::resolveDepth() {
-  const auto fit = window_.fit();
+  const auto fit = window_.fit(tree_);
   if (!fit) return;
   const RegistrationResult& seen = fit->registration;
-  Eigen::Index nearest = 0;
-  (tree_.points().colwise() - target_).colwise().squaredNorm().minCoeff(&nearest);
   resolved_ = ResolvedDepth{
-      seen.T_camera_model * (target_ + seen.displacements_m.col(nearest)),
+      seen.T_camera_model * (target_ + seen.displacements_m.col(nearestPoint(tree_, target_))),
       PatientObservation{seen.T_camera_model, *seen.covariance, seen.points}.pointCovariance(target_),
       window_.T_camera_patient(),
       *fit,

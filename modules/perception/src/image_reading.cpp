@@ -8,28 +8,10 @@ namespace {
 
 // Where a reading takes a direction of the image as it was sent.
 Eigen::Matrix2d turnOf(ImageReading reading) {
-  const auto rows = [](double xx, double xy, double yx, double yy) {
-    return Eigen::Matrix2d((Eigen::Matrix2d() << xx, xy, yx, yy).finished());
-  };
-  switch (reading) {
-    case ImageReading::kAsSent:
-      return rows(1, 0, 0, 1);
-    case ImageReading::kMirrored:
-      return rows(-1, 0, 0, 1);
-    case ImageReading::kUpsideDown:
-      return rows(1, 0, 0, -1);
-    case ImageReading::kTurnedHalf:
-      return rows(-1, 0, 0, -1);
-    case ImageReading::kTurnedRight:  // What was up is to the right: (0, -1) becomes (1, 0).
-      return rows(0, -1, 1, 0);
-    case ImageReading::kTurnedLeft:
-      return rows(0, 1, -1, 0);
-    case ImageReading::kTransposed:
-      return rows(0, 1, 1, 0);
-    case ImageReading::kAntiTransposed:
-      return rows(0, -1, -1, 0);
-  }
-  return Eigen::Matrix2d::Identity();
+  // By rows. Turned right, what was up is to the right: (0, -1) becomes (1, 0).
+  constexpr double kTurns[][4] = {{1, 0, 0, 1},  {-1, 0, 0, 1}, {1, 0, 0, -1}, {-1, 0, 0, -1},
+                                  {0, -1, 1, 0}, {0, 1, -1, 0}, {0, 1, 1, 0},  {0, -1, -1, 0}};
+  return Eigen::Map<const Eigen::Matrix<double, 2, 2, Eigen::RowMajor>>(kTurns[static_cast<int>(reading)]);
 }
 
 }  // namespace
@@ -49,7 +31,7 @@ const char* nameOf(ImageReading reading) {
 std::vector<ImageReading> otherReadings(const XrayCamera& camera) {
   std::vector<ImageReading> others;
   for (const ImageReading reading : kImageReadings) {
-    const bool swaps = static_cast<int>(reading) >= static_cast<int>(ImageReading::kTurnedRight);
+    const bool swaps = reading >= ImageReading::kTurnedRight;
     if (reading == ImageReading::kAsSent || (swaps && camera.width_px() != camera.height_px())) continue;
     others.push_back(reading);
   }

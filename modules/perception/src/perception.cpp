@@ -8,6 +8,7 @@
 #include "angio/base/stopwatch.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/registration/result.hpp"
+#include "angio/vessel/resample.hpp"
 #include "local_offset_estimator.hpp"
 
 namespace angio::perception {
@@ -61,12 +62,6 @@ class OpenInDepth final : public PointUncertainty {
   double added_m2_;
 };
 
-Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& place) {
-  Eigen::Index nearest = 0;
-  (tree.points().colwise() - place).colwise().squaredNorm().minCoeff(&nearest);
-  return nearest;
-}
-
 }  // namespace
 
 IterativePnpSettings PerceptionSettings::iterativePnpForSearch() {
@@ -107,12 +102,8 @@ Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& c
       place_(place) {
   if (!place_) return;
   place_point_ = nearestPoint(tree, place_->model);
-  if (place_->near_m > 0) nearby_ = std::make_unique<LocalOffsetEstimator>(tree, *place_);
+  if (place_->near_m > 0) nearby_ = std::make_shared<LocalOffsetEstimator>(tree, *place_);
 }
-
-Perception::Perception(Perception&&) noexcept = default;
-Perception& Perception::operator=(Perception&&) noexcept = default;
-Perception::~Perception() = default;
 
 Observation Perception::observe(const XrayFrame& frame, const CArmState& state) {
   Observation observation;
@@ -213,27 +204,6 @@ PointObservation Perception::seen(const PointOfInterest& place, const XrayCamera
   }
   if (nearby_) result.image_shift = nearby_->look(observation.centerline, camera, result.T_camera_model);
   return result;
-}
-
-void Perception::accept(const Observation& observation, const CameraPlace& place) {
-  accept(observation.registration.T_camera_model, observation.registration.covariance, place);
-}
-
-void Perception::accept(const Pose& T_camera_model, const std::optional<Matrix6d>& covariance,
-                        const CameraPlace& place) {
-  tracker_.update(T_camera_model, place, covariance);
-}
-
-void Perception::reject() { tracker_.miss(); }
-
-void Perception::learn() { tracker_.learn(); }
-
-Pose Perception::calibrated_T_camera_model(const CArmJoints& joints) const {
-  return carm_.T_camera_patient(joints) * T_dsa_cb_;
-}
-
-Pose Perception::tracked_T_camera_model(const CArmJoints& joints) const {
-  return tracker_.predict(joints).T_camera_model;
 }
 
 }  // namespace angio::perception

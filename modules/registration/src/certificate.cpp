@@ -47,7 +47,62 @@ class Search {
         view_(view),
         to_model_(-tree.centroid()) {}
 
-  PoseCertificate run(const CertificateProgress& progress);
+  PoseCertificate run(const CertificateProgress& progress) {
+    PoseCertificate result;
+    {
+      const PoseBounds bounds(samples_, raster_, view_, box_.center().linear());
+      found_ = std::max(0, bounds.points(box_.found()));
+      most_ = bounds.mostPoints();
+    }
+    result.score = static_cast<double>(found_) / most_;
+    result.bound = found_ > 0 ? static_cast<double>(most_) / found_ : HUGE_VAL;
+    enough_ = static_cast<int>(std::ceil(settings_.rival_share * found_ - 1e-9));
+    if (found_ == 0 || !(box_.found().translation().z() > 0)) {
+      result.reason = "the image explains nothing of the tree under the found pose";
+      return result;
+    }
+    openRoot();
+    Worker worker(*this);
+    // Looked at first: it is what most often looks the same.
+    PoseCell around;
+    around.half.setConstant(kMirrorTurn_rad);
+    around.half_depth = kMirrorDepth_m;
+    stop_ = tryPose(box_.coordinates(box_.mirrored()), around, kMirrorRay, worker);
+    const int threads =
+        settings_.threads > 0 ? settings_.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    std::vector<std::thread> others;
+    for (int k = 1; k < threads; ++k) {
+      others.emplace_back([this] {
+        Worker helper(*this);
+        work(helper, {});
+      });
+    }
+    work(worker, progress);
+    for (auto& other : others) other.join();
+
+    while (highest_ >= 0 && open_[static_cast<std::size_t>(highest_)].empty()) --highest_;
+    const int open = std::max({highest_, left_open_, doubtful_});
+    result.seconds = began_.seconds();
+    result.cells = cells_;
+    result.proven = open < 0;
+    // What was closed has less than enough.
+    result.bound = static_cast<double>(std::max(open, enough_ - 1)) / found_;
+    char text[160] = "";
+    if (rival_) {
+      result.rival = PoseCertificate::Rival{*rival_ * to_model_, static_cast<double>(rival_points_) / found_,
+                                            box_.distance_m(*rival_)};
+      std::snprintf(text, sizeof text, "another pose, %.1f mm away, has %.2f of the score",
+                    1e3 * result.rival->distance_m, result.rival->share);
+    } else if (doubtful_ >= 0 && !outOfTime()) {
+      std::snprintf(text, sizeof text, "not proven: poses finer than the raster may have up to %.2f of the score",
+                    static_cast<double>(doubtful_) / found_);
+    } else if (open >= 0) {
+      std::snprintf(text, sizeof text, "not proven: bound %.2f of the score after %.0f s", result.bound,
+                    result.seconds);
+    }
+    result.reason = text;
+    return result;
+  }
 
  private:
   struct Worker {
@@ -61,13 +116,220 @@ class Search {
   };
   enum class Ended { kDone, kOutOfTime, kRival, kTooSmall };
 
-  void openRoot();
-  void work(Worker& worker, const CertificateProgress& progress);
-  Ended divide(Node& node, Worker& worker);
-  bool tryCorners(const Node& node, Worker& worker);
-  bool isRival(const PoseCoordinates& at, int points);
-  bool tryPose(const PoseCoordinates& at, const PoseCell& cell, double half_ray, Worker& worker);
-  PoseCoordinates climbed(PoseCoordinates at, int& points, const PoseCell& cell, double half_ray, Worker& worker) const;
+  void openRoot() {
+    const Eigen::Vector3d t = box_.center().translation(), extent = box_.halfExtent();
+    const double nearest = std::max(kNearest_m, t.z() - extent.z()), farthest = t.z() + extent.z();
+    if (!(farthest > nearest)) throw InputError("", "box", "", "must be in front of the X-ray source");
+    Node root;
+    root.cell.half = box_.halfTurns();
+    root.cell.depth = 0.5 * (nearest + farthest);
+    root.cell.half_depth = 0.5 * (farthest - nearest);
+    const auto range = [&](double low, double high, double& middle, double& half) {
+      const double least = std::min(low / nearest, low / farthest), most = std::max(high / nearest, high / farthest);
+      middle = 0.5 * (least + most);
+      half = 0.5 * (most - least) + 1e-9;
+    };
+    double half_x = 0, half_y = 0;
+    range(t.x() - extent.x(), t.x() + extent.x(), ray_x_, half_x);
+    range(t.y() - extent.y(), t.y() + extent.y(), ray_y_, half_y);
+    root_half_ray_ = root.half_ray = std::max(half_x, half_y);
+    root.rays = {{0, 0}};
+    open_.resize(static_cast<std::size_t>(most_) + 1);
+    open_.back().push_back(std::move(root));
+    highest_ = most_;
+  }
+
+  void work(Worker& w, const CertificateProgress& progress) {
+    double shown_s = 0;
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      while (highest_ >= 0 && open_[static_cast<std::size_t>(highest_)].empty()) --highest_;
+      if (stop_ || (highest_ < 0 && in_work_.empty())) break;
+      if (highest_ < 0) {
+        changed_.wait(lock);
+        continue;
+      }
+      const int bound = highest_;
+      Node node = std::move(open_[static_cast<std::size_t>(bound)].back());
+      open_[static_cast<std::size_t>(bound)].pop_back();
+      const auto mine = in_work_.insert(bound);
+      if (progress && began_.seconds() - shown_s > kProgressEvery_s) {
+        shown_s = began_.seconds();
+        progress(closed_, std::min(1.0, static_cast<double>(*in_work_.rbegin()) / std::max(1, found_)));
+      }
+      lock.unlock();
+      const Ended ended = outOfTime() ? Ended::kOutOfTime : divide(node, w);
+      lock.lock();
+      in_work_.erase(mine);
+      closed_ += w.closed;
+      cells_ += w.cells;
+      w.closed = 0;
+      w.cells = 0;
+      if (ended == Ended::kTooSmall) {
+        // Not closed, and not divided: there is no proof any more, but there may be a rival elsewhere.
+        doubtful_ = std::max(doubtful_, bound);
+        stop_ = stop_ || ++doubts_ >= kMostDoubts;
+      } else if (ended == Ended::kDone) {
+        // A part has no more than the whole.
+        const int its = std::min(w.children_bound, bound);
+        for (Node& child : w.children) open_[static_cast<std::size_t>(its)].push_back(std::move(child));
+        if (!w.children.empty()) highest_ = std::max(highest_, its);
+      } else {
+        stop_ = true;
+        left_open_ = std::max(left_open_, bound);
+      }
+      changed_.notify_all();
+    }
+    changed_.notify_all();
+  }
+
+  // Bounds a node's cells and divides what is left, in what moves the model most, until that is no ray.
+  Ended divide(Node& node, Worker& w) {
+    w.children.clear();
+    w.children_bound = 0;
+    const double turned_most_m = box_.turnedMost_m(node.cell);
+    for (;;) {
+      auto [x_least, x_most] = std::make_pair(HUGE_VAL, -HUGE_VAL);
+      auto [y_least, y_most] = std::make_pair(HUGE_VAL, -HUGE_VAL);
+      for (const auto& [i, j] : node.rays) {
+        const double x = rayOf(i, ray_x_, node.half_ray), y = rayOf(j, ray_y_, node.half_ray);
+        x_least = std::min(x_least, x);
+        x_most = std::max(x_most, x);
+        y_least = std::min(y_least, y);
+        y_most = std::max(y_most, y);
+      }
+      const double spread = 0.5 * std::max(x_most - x_least, y_most - y_least);
+      w.bounds.prepare(node.cell, {0.5 * (x_least + x_most), 0.5 * (y_least + y_most), spread}, node.half_ray);
+      w.kept.clear();
+      int bound = 0;
+      std::pair<double, double> best{0, 0};
+      long looked = 0;
+      for (const auto& [i, j] : node.rays) {
+        if ((++looked & 1023) == 0 && outOfTime()) return Ended::kOutOfTime;
+        const double x = rayOf(i, ray_x_, node.half_ray), y = rayOf(j, ray_y_, node.half_ray);
+        if (box_.outside(node.cell, x, y, node.half_ray) || box_.isFound(turned_most_m, x, y, node.half_ray)) continue;
+        ++w.cells;
+        const int most = w.bounds.atMost(x, y, enough_);
+        if (most < 0) continue;
+        w.kept.emplace_back(i, j);
+        if (most > bound) {
+          bound = most;
+          best = {x, y};
+        }
+      }
+      if (w.kept.empty()) {
+        w.closed += node.volume;
+        return Ended::kDone;
+      }
+      if (tryPose({node.cell.rotation, best.first, best.second, node.cell.depth}, node.cell, node.half_ray, w))
+        return Ended::kRival;
+      if (outOfTime()) return Ended::kOutOfTime;
+
+      const auto& effects = w.bounds.effects_px();
+      const auto widest = std::max_element(effects.begin(), effects.end()) - effects.begin();
+      if (effects[static_cast<std::size_t>(widest)] < kSmallest_px)
+        return tryCorners(node, w) ? Ended::kRival : Ended::kTooSmall;
+      if (widest == 4) {
+        node.half_ray *= 0.5;
+        node.rays.clear();
+        for (const auto& [i, j] : w.kept) {
+          for (int k = 0; k < 4; ++k) node.rays.emplace_back(2 * i + k % 2, 2 * j + k / 2);
+        }
+        continue;
+      }
+      node.rays = w.kept;
+      node.volume *= 0.5;
+      w.children_bound = bound;
+      for (const double side : {-0.5, 0.5}) {
+        Node child = node;
+        if (widest == 3) {
+          child.cell.depth += side * node.cell.half_depth;
+          child.cell.half_depth *= 0.5;
+        } else {
+          child.cell.rotation[widest] += side * node.cell.half[widest];
+          child.cell.half[widest] *= 0.5;
+        }
+        if (box_.outside(child.cell)) {
+          w.closed += child.volume;
+          continue;
+        }
+        w.children.push_back(std::move(child));
+      }
+      return Ended::kDone;
+    }
+  }
+
+  // Whether a different pose of the box in a small cell is a rival; its middle may be the found one.
+  bool tryCorners(const Node& node, Worker& w) {
+    for (const auto& [i, j] : w.kept) {
+      for (int corner = 0; corner < 64; ++corner) {
+        const auto side = [&](int k) { return (corner >> k) % 2 == 0 ? -1 : 1; };
+        PoseCoordinates at{node.cell.rotation, rayOf(i, ray_x_, node.half_ray) + side(3) * node.half_ray,
+                           rayOf(j, ray_y_, node.half_ray) + side(4) * node.half_ray,
+                           node.cell.depth + side(5) * node.cell.half_depth};
+        for (int k = 0; k < 3; ++k) at.rotation[k] += side(k) * node.cell.half[k];
+        if (!box_.contains(at)) continue;
+        const Pose T = box_.pose(at);
+        if (!box_.isFound(T) && isRival(at, w.bounds.points(T, enough_))) return true;
+      }
+    }
+    return false;
+  }
+
+  bool isRival(const PoseCoordinates& at, int points) {
+    if (points < enough_) return false;
+    const std::lock_guard lock(mutex_);
+    if (points > rival_points_) {
+      rival_ = box_.pose(at);
+      rival_points_ = points;
+    }
+    return true;
+  }
+
+  // Whether a pose, or one near to it, is a rival.
+  bool tryPose(const PoseCoordinates& at, const PoseCell& cell, double half_ray, Worker& w) {
+    if (!box_.contains(at)) return false;
+    const Pose T = box_.pose(at);
+    if (box_.isFound(T)) return false;
+    int points = w.bounds.points(T, best_points_ + 1);
+    if (points < 0) return false;
+    best_points_ = points;
+    const PoseCoordinates top = climbed(at, points, cell, half_ray, w);
+    best_points_ = std::max<int>(best_points_, points);
+    return isRival(top, points);
+  }
+
+  // Up the score from a pose, in steps of its cell's size and smaller, among the different poses of the box.
+  PoseCoordinates climbed(PoseCoordinates at, int& points, const PoseCell& cell, double half_ray, Worker& w) const {
+    std::array<double, 6> step{cell.half.x(), cell.half.y(), cell.half.z(), half_ray, half_ray, cell.half_depth};
+    const double pixel = 1 / view_.camera.parameters().fx_px;
+    for (int k = 0; k < 3; ++k) step[k] = std::min(step[k], 0.1);
+    for (int round = 0; round < 6; ++round) {
+      for (bool better = true; better;) {
+        better = false;
+        for (int k = 0; k < 12; ++k) {
+          PoseCoordinates to = at;
+          const double by = (k % 2 == 0 ? 1 : -1) * std::max(step[k / 2], k / 2 < 5 ? pixel : 1e-3);
+          if (k < 6) {
+            to.rotation[k / 2] += by;
+          } else {
+            (k < 8 ? to.ray_x : k < 10 ? to.ray_y : to.depth) += by;
+          }
+          if (!box_.contains(to)) continue;
+          const Pose T = box_.pose(to);
+          if (box_.isFound(T)) continue;
+          const int there = w.bounds.points(T, points + 1);
+          if (there < 0) continue;
+          points = there;
+          at = to;
+          better = true;
+        }
+      }
+      for (double& s : step) s *= 0.5;
+    }
+    return at;
+  }
+
   double rayOf(std::int32_t place, double middle, double half_ray) const {
     return middle - root_half_ray_ + (2 * place + 1) * half_ray;
   }
@@ -98,277 +360,6 @@ class Search {
   long cells_ = 0;
   int doubts_ = 0, doubtful_ = -1;  // Cells that were too small to be divided, and their highest bound.
 };
-
-void Search::openRoot() {
-  const Eigen::Vector3d t = box_.center().translation(), extent = box_.halfExtent();
-  const double nearest = std::max(kNearest_m, t.z() - extent.z()), farthest = t.z() + extent.z();
-  if (!(farthest > nearest)) throw InputError("", "box", "", "must be in front of the X-ray source");
-  Node root;
-  root.cell.half = box_.halfTurns();
-  root.cell.depth = 0.5 * (nearest + farthest);
-  root.cell.half_depth = 0.5 * (farthest - nearest);
-  const auto range = [&](double low, double high, double& middle, double& half) {
-    const double least = std::min(low / nearest, low / farthest), most = std::max(high / nearest, high / farthest);
-    middle = 0.5 * (least + most);
-    half = 0.5 * (most - least) + 1e-9;
-  };
-  double half_x = 0, half_y = 0;
-  range(t.x() - extent.x(), t.x() + extent.x(), ray_x_, half_x);
-  range(t.y() - extent.y(), t.y() + extent.y(), ray_y_, half_y);
-  root_half_ray_ = root.half_ray = std::max(half_x, half_y);
-  root.rays = {{0, 0}};
-  open_.resize(static_cast<std::size_t>(most_) + 1);
-  open_.back().push_back(std::move(root));
-  highest_ = most_;
-}
-
-// Bounds a node's cells and divides what is left, in what moves the model most, until that is no ray.
-Search::Ended Search::divide(Node& node, Worker& w) {
-  w.children.clear();
-  w.children_bound = 0;
-  const double turned_most_m = box_.turnedMost_m(node.cell);
-  for (;;) {
-    auto [x_least, x_most] = std::make_pair(HUGE_VAL, -HUGE_VAL);
-    auto [y_least, y_most] = std::make_pair(HUGE_VAL, -HUGE_VAL);
-    for (const auto& [i, j] : node.rays) {
-      const double x = rayOf(i, ray_x_, node.half_ray), y = rayOf(j, ray_y_, node.half_ray);
-      x_least = std::min(x_least, x);
-      x_most = std::max(x_most, x);
-      y_least = std::min(y_least, y);
-      y_most = std::max(y_most, y);
-    }
-    const double spread = 0.5 * std::max(x_most - x_least, y_most - y_least);
-    w.bounds.prepare(node.cell, {0.5 * (x_least + x_most), 0.5 * (y_least + y_most), spread}, node.half_ray);
-    w.kept.clear();
-    int bound = 0;
-    std::pair<double, double> best{0, 0};
-    long looked = 0;
-    for (const auto& [i, j] : node.rays) {
-      if ((++looked & 1023) == 0 && outOfTime()) return Ended::kOutOfTime;
-      const double x = rayOf(i, ray_x_, node.half_ray), y = rayOf(j, ray_y_, node.half_ray);
-      if (box_.outside(node.cell, x, y, node.half_ray) || box_.isFound(turned_most_m, x, y, node.half_ray)) continue;
-      ++w.cells;
-      const int most = w.bounds.atMost(x, y, enough_);
-      if (most < 0) continue;
-      w.kept.emplace_back(i, j);
-      if (most > bound) {
-        bound = most;
-        best = {x, y};
-      }
-    }
-    if (w.kept.empty()) {
-      w.closed += node.volume;
-      return Ended::kDone;
-    }
-    if (tryPose({node.cell.rotation, best.first, best.second, node.cell.depth}, node.cell, node.half_ray, w))
-      return Ended::kRival;
-    if (outOfTime()) return Ended::kOutOfTime;
-
-    const auto& effects = w.bounds.effects_px();
-    const auto widest = std::max_element(effects.begin(), effects.end()) - effects.begin();
-    if (effects[static_cast<std::size_t>(widest)] < kSmallest_px)
-      return tryCorners(node, w) ? Ended::kRival : Ended::kTooSmall;
-    if (widest == 4) {
-      node.half_ray *= 0.5;
-      node.rays.clear();
-      for (const auto& [i, j] : w.kept) {
-        for (int k = 0; k < 4; ++k) node.rays.emplace_back(2 * i + k % 2, 2 * j + k / 2);
-      }
-      continue;
-    }
-    node.rays = w.kept;
-    node.volume *= 0.5;
-    w.children_bound = bound;
-    for (const double side : {-0.5, 0.5}) {
-      Node child = node;
-      if (widest == 3) {
-        child.cell.depth += side * node.cell.half_depth;
-        child.cell.half_depth *= 0.5;
-      } else {
-        child.cell.rotation[widest] += side * node.cell.half[widest];
-        child.cell.half[widest] *= 0.5;
-      }
-      if (box_.outside(child.cell)) {
-        w.closed += child.volume;
-        continue;
-      }
-      w.children.push_back(std::move(child));
-    }
-    return Ended::kDone;
-  }
-}
-
-// Up the score from a pose, in steps of its cell's size and smaller, among the different poses of the box.
-PoseCoordinates Search::climbed(PoseCoordinates at, int& points, const PoseCell& cell, double half_ray,
-                                Worker& w) const {
-  std::array<double, 6> step{cell.half.x(), cell.half.y(), cell.half.z(), half_ray, half_ray, cell.half_depth};
-  const double pixel = 1 / view_.camera.parameters().fx_px;
-  for (int k = 0; k < 3; ++k) step[k] = std::min(step[k], 0.1);
-  for (int round = 0; round < 6; ++round) {
-    for (bool better = true; better;) {
-      better = false;
-      for (int k = 0; k < 12; ++k) {
-        PoseCoordinates to = at;
-        const double by = (k % 2 == 0 ? 1 : -1) * std::max(step[k / 2], k / 2 < 5 ? pixel : 1e-3);
-        if (k < 6) {
-          to.rotation[k / 2] += by;
-        } else {
-          (k < 8 ? to.ray_x : k < 10 ? to.ray_y : to.depth) += by;
-        }
-        if (!box_.contains(to)) continue;
-        const Pose T = box_.pose(to);
-        if (box_.isFound(T)) continue;
-        const int there = w.bounds.points(T, points + 1);
-        if (there < 0) continue;
-        points = there;
-        at = to;
-        better = true;
-      }
-    }
-    for (double& s : step) s *= 0.5;
-  }
-  return at;
-}
-
-// Whether a pose, or one near to it, is a rival.
-bool Search::tryPose(const PoseCoordinates& at, const PoseCell& cell, double half_ray, Worker& w) {
-  if (!box_.contains(at)) return false;
-  const Pose T = box_.pose(at);
-  if (box_.isFound(T)) return false;
-  int points = w.bounds.points(T, best_points_ + 1);
-  if (points < 0) return false;
-  best_points_ = points;
-  const PoseCoordinates top = climbed(at, points, cell, half_ray, w);
-  best_points_ = std::max<int>(best_points_, points);
-  return isRival(top, points);
-}
-
-bool Search::isRival(const PoseCoordinates& at, int points) {
-  if (points < enough_) return false;
-  const std::lock_guard lock(mutex_);
-  if (points > rival_points_) {
-    rival_ = box_.pose(at);
-    rival_points_ = points;
-  }
-  return true;
-}
-
-// Whether a different pose of the box in a small cell is a rival; its middle may be the found one.
-bool Search::tryCorners(const Node& node, Worker& w) {
-  for (const auto& [i, j] : w.kept) {
-    for (int corner = 0; corner < 64; ++corner) {
-      const auto side = [&](int k) { return (corner >> k) % 2 == 0 ? -1 : 1; };
-      PoseCoordinates at{node.cell.rotation, rayOf(i, ray_x_, node.half_ray) + side(3) * node.half_ray,
-                         rayOf(j, ray_y_, node.half_ray) + side(4) * node.half_ray,
-                         node.cell.depth + side(5) * node.cell.half_depth};
-      for (int k = 0; k < 3; ++k) at.rotation[k] += side(k) * node.cell.half[k];
-      if (!box_.contains(at)) continue;
-      const Pose T = box_.pose(at);
-      if (!box_.isFound(T) && isRival(at, w.bounds.points(T, enough_))) return true;
-    }
-  }
-  return false;
-}
-
-void Search::work(Worker& w, const CertificateProgress& progress) {
-  double shown_s = 0;
-  std::unique_lock lock(mutex_);
-  for (;;) {
-    while (highest_ >= 0 && open_[static_cast<std::size_t>(highest_)].empty()) --highest_;
-    if (stop_ || (highest_ < 0 && in_work_.empty())) break;
-    if (highest_ < 0) {
-      changed_.wait(lock);
-      continue;
-    }
-    const int bound = highest_;
-    Node node = std::move(open_[static_cast<std::size_t>(bound)].back());
-    open_[static_cast<std::size_t>(bound)].pop_back();
-    const auto mine = in_work_.insert(bound);
-    if (progress && began_.seconds() - shown_s > kProgressEvery_s) {
-      shown_s = began_.seconds();
-      progress(closed_, std::min(1.0, static_cast<double>(*in_work_.rbegin()) / std::max(1, found_)));
-    }
-    lock.unlock();
-    const Ended ended = outOfTime() ? Ended::kOutOfTime : divide(node, w);
-    lock.lock();
-    in_work_.erase(mine);
-    closed_ += w.closed;
-    cells_ += w.cells;
-    w.closed = 0;
-    w.cells = 0;
-    if (ended == Ended::kTooSmall) {
-      // Not closed, and not divided: there is no proof any more, but there may be a rival elsewhere.
-      doubtful_ = std::max(doubtful_, bound);
-      stop_ = stop_ || ++doubts_ >= kMostDoubts;
-    } else if (ended == Ended::kDone) {
-      // A part has no more than the whole.
-      const int its = std::min(w.children_bound, bound);
-      for (Node& child : w.children) open_[static_cast<std::size_t>(its)].push_back(std::move(child));
-      if (!w.children.empty()) highest_ = std::max(highest_, its);
-    } else {
-      stop_ = true;
-      left_open_ = std::max(left_open_, bound);
-    }
-    changed_.notify_all();
-  }
-  changed_.notify_all();
-}
-
-PoseCertificate Search::run(const CertificateProgress& progress) {
-  PoseCertificate result;
-  {
-    const PoseBounds bounds(samples_, raster_, view_, box_.center().linear());
-    found_ = std::max(0, bounds.points(box_.found()));
-    most_ = bounds.mostPoints();
-  }
-  result.score = static_cast<double>(found_) / most_;
-  result.bound = found_ > 0 ? static_cast<double>(most_) / found_ : HUGE_VAL;
-  enough_ = static_cast<int>(std::ceil(settings_.rival_share * found_ - 1e-9));
-  if (found_ == 0 || !(box_.found().translation().z() > 0)) {
-    result.reason = "the image explains nothing of the tree under the found pose";
-    return result;
-  }
-  openRoot();
-  Worker worker(*this);
-  // Looked at first: it is what most often looks the same.
-  PoseCell around;
-  around.half.setConstant(kMirrorTurn_rad);
-  around.half_depth = kMirrorDepth_m;
-  stop_ = tryPose(box_.coordinates(box_.mirrored()), around, kMirrorRay, worker);
-  const int threads =
-      settings_.threads > 0 ? settings_.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  std::vector<std::thread> others;
-  for (int k = 1; k < threads; ++k) {
-    others.emplace_back([this] {
-      Worker helper(*this);
-      work(helper, {});
-    });
-  }
-  work(worker, progress);
-  for (auto& other : others) other.join();
-
-  while (highest_ >= 0 && open_[static_cast<std::size_t>(highest_)].empty()) --highest_;
-  const int open = std::max({highest_, left_open_, doubtful_});
-  result.seconds = began_.seconds();
-  result.cells = cells_;
-  result.proven = open < 0;
-  // What was closed has less than enough.
-  result.bound = static_cast<double>(std::max(open, enough_ - 1)) / found_;
-  char text[160] = "";
-  if (rival_) {
-    result.rival = PoseCertificate::Rival{*rival_ * to_model_, static_cast<double>(rival_points_) / found_,
-                                          box_.distance_m(*rival_)};
-    std::snprintf(text, sizeof text, "another pose, %.1f mm away, has %.2f of the score",
-                  1e3 * result.rival->distance_m, result.rival->share);
-  } else if (doubtful_ >= 0 && !outOfTime()) {
-    std::snprintf(text, sizeof text, "not proven: poses finer than the raster may have up to %.2f of the score",
-                  static_cast<double>(doubtful_) / found_);
-  } else if (open >= 0) {
-    std::snprintf(text, sizeof text, "not proven: bound %.2f of the score after %.0f s", result.bound, result.seconds);
-  }
-  result.reason = text;
-  return result;
-}
 
 void requireRange(const char* key, double value, double low, double high) {
   if (value >= low && value <= high) return;

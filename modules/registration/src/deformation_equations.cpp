@@ -46,10 +46,10 @@ void DeformationEquations<D>::add(const DeformationNodes& nodes, const Deformati
 }
 
 template <int D>
-void addFieldPull(const DeformedView& view, const OrientedModel& model, const DeformationNodes& nodes,
-                  const Eigen::Matrix<double, 3, D>& directions, const KernelField& field,
-                  const std::vector<HalfPlane>& in_view, const PullWeight& pull, int stride, double weight,
-                  DeformationEquations<D>& to) {
+void DeformationEquations<D>::addFieldPull(const DeformedView& view, const OrientedModel& model,
+                                           const DeformationNodes& nodes, const Directions& directions,
+                                           const KernelField& field, const std::vector<HalfPlane>& in_view,
+                                           const PullWeight& pull_weight, int stride, double view_weight) {
   const Eigen::Matrix3d R = view.T_view_centered.linear();
   const Eigen::Vector3d t = view.T_view_centered.translation();
   const double inverse_scale2 = 1 / (static_cast<double>(field.scale_px()) * field.scale_px());
@@ -74,10 +74,10 @@ void addFieldPull(const DeformedView& view, const OrientedModel& model, const De
     const double sin2 = 2 * tangent.x() * tangent.y() / length2 * length;
     const KernelField::Value value = field.at(*pixel, cos2, sin2);
     const double F = std::max(0.0, value.F);
-    const double w = weight * model.all.weight[k] * length;
-    const double stiffness = w * F / (F + pull.outlier_mass) * inverse_scale2;
+    const double w = view_weight * model.all.weight[k] * length;
+    const double stiffness = w * F / (F + pull_weight.outlier_mass) * inverse_scale2;
     if (!(stiffness > 1e-9 * inverse_scale2)) continue;
-    const Eigen::Vector2d gradient = w / (F + pull.outlier_mass) * value.gradient;
+    const Eigen::Vector2d gradient = w / (F + pull_weight.outlier_mass) * value.gradient;
     // Two residuals, across the vessel and along it, whose squares have the majoriser's gradient and Hessian.
     const Eigen::Vector2d forwards = tangent / std::sqrt(length2), across(-forwards.y(), forwards.x());
     const double isotropic = 1 - length;  // A vessel seen end-on is stiff both ways.
@@ -85,17 +85,18 @@ void addFieldPull(const DeformedView& view, const OrientedModel& model, const De
       const Eigen::Vector3d row = J.transpose() * n;
       Vector6d J6;
       J6 << row, p.cross(row);
-      to.add(nodes, place, w_n, -gradient.dot(n) / w_n, J6, directions.transpose() * row);
+      add(nodes, place, w_n, -gradient.dot(n) / w_n, J6, directions.transpose() * row);
     };
     addResidual(across, stiffness);
-    addResidual(forwards, stiffness * (pull.along + (1 - pull.along) * isotropic));
+    addResidual(forwards, stiffness * (pull_weight.along + (1 - pull_weight.along) * isotropic));
   }
 }
 
 template <int D>
-void addLinePull(const DeformedView& view, const OrientedModel& model, const DeformationNodes& nodes,
-                 const Eigen::Matrix<double, 3, D>& directions, const OrientedPoints& image, const LineMatches& matches,
-                 double tolerance_px, double weight, DeformationEquations<D>& to) {
+void DeformationEquations<D>::addLinePull(const DeformedView& view, const OrientedModel& model,
+                                          const DeformationNodes& nodes, const Directions& directions,
+                                          const OrientedPoints& image, const LineMatches& matches, double tolerance_px,
+                                          double view_weight) {
   const Eigen::Matrix3d R = view.T_view_centered.linear();
   const Eigen::Vector3d t = view.T_view_centered.translation();
   const double inverse = 1 / (2 * tolerance_px * tolerance_px);
@@ -114,43 +115,27 @@ void addLinePull(const DeformedView& view, const OrientedModel& model, const Def
     Vector6d J6;
     J6 << row, p.cross(row);
     const auto place = nodes.stretch_of_edge[static_cast<std::size_t>(match.edge)].at(s);
-    to.add(nodes, place, weight * std::exp(-r * r * inverse), r, J6, directions.transpose() * row);
+    add(nodes, place, view_weight * std::exp(-r * r * inverse), r, J6, directions.transpose() * row);
   }
 }
 
-template struct DeformationEquations<2>;
-template struct DeformationEquations<3>;
-template void addFieldPull<2>(const DeformedView&, const OrientedModel&, const DeformationNodes&,
-                              const Eigen::Matrix<double, 3, 2>&, const KernelField&, const std::vector<HalfPlane>&,
-                              const PullWeight&, int, double, DeformationEquations<2>&);
-template void addFieldPull<3>(const DeformedView&, const OrientedModel&, const DeformationNodes&,
-                              const Eigen::Matrix<double, 3, 3>&, const KernelField&, const std::vector<HalfPlane>&,
-                              const PullWeight&, int, double, DeformationEquations<3>&);
-template void addLinePull<2>(const DeformedView&, const OrientedModel&, const DeformationNodes&,
-                             const Eigen::Matrix<double, 3, 2>&, const OrientedPoints&, const LineMatches&, double,
-                             double, DeformationEquations<2>&);
-template void addLinePull<3>(const DeformedView&, const OrientedModel&, const DeformationNodes&,
-                             const Eigen::Matrix<double, 3, 3>&, const OrientedPoints&, const LineMatches&, double,
-                             double, DeformationEquations<3>&);
-
 template <int D>
-std::optional<DeformationStep<D>> solveModes(const DeformationEquations<D>& data, const DeformationNodes& nodes,
-                                             const Eigen::MatrixXd& modes,
-                                             const Eigen::Ref<const Eigen::Matrix<double, D, Eigen::Dynamic>>& w,
-                                             const Matrix6d& H_pose, const Vector6d& g_pose) {
+std::optional<typename DeformationEquations<D>::Step> DeformationEquations<D>::solveModes(
+    const DeformationNodes& nodes, const Eigen::MatrixXd& modes, const Eigen::Ref<const Field>& w,
+    const Matrix6d& H_pose, const Vector6d& g_pose) const {
   const Eigen::Index K = w.cols(), M = nodes.size();
   const auto U = modes.leftCols(K);
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6 + D * K, 6 + D * K);  // Lower half.
-  Eigen::VectorXd g(6 + D * K);
-  H.topLeftCorner<6, 6>() = H_pose;
-  g.head<6>() = g_pose;
+  Eigen::MatrixXd system = Eigen::MatrixXd::Zero(6 + D * K, 6 + D * K);  // Lower half.
+  Eigen::VectorXd right(6 + D * K);
+  system.topLeftCorner<6, 6>() = H_pose;
+  right.head<6>() = g_pose;
   Eigen::MatrixXd column(M, 7);
   Eigen::MatrixXd UT = U.transpose(), SUT(K, M);  // Nodes in columns: their modes stand together.
   for (int a = 0; a < D; ++a) {
     for (int b = 0; b <= a; ++b) {
-      for (Eigen::Index n = 0; n < M; ++n) SUT.col(n) = data.own[static_cast<std::size_t>(n)](a, b) * UT.col(n);
+      for (Eigen::Index n = 0; n < M; ++n) SUT.col(n) = own[static_cast<std::size_t>(n)](a, b) * UT.col(n);
       for (std::size_t e = 0; e < nodes.edges.size(); ++e) {
-        const double s = data.along[e](a, b);
+        const double s = along[e](a, b);
         if (s == 0) continue;
         const auto [parent, child] = nodes.edges[e];
         SUT.col(parent) += s * UT.col(child);
@@ -159,30 +144,31 @@ std::optional<DeformationStep<D>> solveModes(const DeformationEquations<D>& data
       // Symmetric, so half of the product is enough: panel by panel, from the diagonal down.
       for (Eigen::Index j = 0; j < K; j += kPanel) {
         const Eigen::Index wide = std::min(kPanel, K - j);
-        H.block(6 + a * K + j, 6 + b * K + j, K - j, wide).noalias() =
+        system.block(6 + a * K + j, 6 + b * K + j, K - j, wide).noalias() =
             UT.bottomRows(K - j) * SUT.middleRows(j, wide).transpose();
       }
       if (a == b) continue;
       for (Eigen::Index j = 0; j < K; ++j) {
-        for (Eigen::Index i = 0; i < j; ++i) H(6 + a * K + i, 6 + b * K + j) = H(6 + a * K + j, 6 + b * K + i);
+        for (Eigen::Index i = 0; i < j; ++i)
+          system(6 + a * K + i, 6 + b * K + j) = system(6 + a * K + j, 6 + b * K + i);
       }
     }
     for (Eigen::Index n = 0; n < M; ++n) {
-      column.row(n).head<6>() = data.mixed[static_cast<std::size_t>(n)].col(a);
-      column(n, 6) = data.pull[static_cast<std::size_t>(n)][a];
+      column.row(n).head<6>() = mixed[static_cast<std::size_t>(n)].col(a);
+      column(n, 6) = pull[static_cast<std::size_t>(n)][a];
     }
     const Eigen::MatrixXd projected = UT * column;
-    H.block(6 + a * K, 0, K, 6) = projected.leftCols(6);
-    g.segment(6 + a * K, K) = projected.col(6) + w.row(a).transpose();
-    H.block(6 + a * K, 6 + a * K, K, K).diagonal().array() += 1;
+    system.block(6 + a * K, 0, K, 6) = projected.leftCols(6);
+    right.segment(6 + a * K, K) = projected.col(6) + w.row(a).transpose();
+    system.block(6 + a * K, 6 + a * K, K, K).diagonal().array() += 1;
   }
-  Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> cholesky(H);  // In place; reads the lower half.
+  Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> cholesky(system);  // In place; reads the lower half.
   if (cholesky.info() != Eigen::Success) return std::nullopt;
-  const Eigen::VectorXd x = -cholesky.solve(g);
+  const Eigen::VectorXd x = -cholesky.solve(right);
   if (!x.allFinite()) return std::nullopt;
-  DeformationStep<D> step;
+  Step step;
   step.dx = x.head<6>();
-  const Eigen::MatrixXd of_pose = Eigen::MatrixXd::Identity(g.size(), 6);
+  const Eigen::MatrixXd of_pose = Eigen::MatrixXd::Identity(right.size(), 6);
   step.pose_covariance = cholesky.solve(of_pose).topRows<6>();
   step.change.resize(D, K);
   for (int a = 0; a < D; ++a) step.change.row(a) = x.segment(6 + a * K, K).transpose();
@@ -207,16 +193,15 @@ ChainPrior::ChainPrior(const DeformationNodes& nodes, double std_m, double lengt
 }
 
 template <int D>
-DeformationStep<D> solveChain(const DeformationEquations<D>& data, const DeformationNodes& nodes,
-                              const ChainPrior& prior, const Eigen::Matrix<double, D, Eigen::Dynamic>& e) {
-  using Block = typename DeformationEquations<D>::Block;
-  using Column = typename DeformationEquations<D>::Column;
+typename DeformationEquations<D>::Step DeformationEquations<D>::solveChain(const DeformationNodes& nodes,
+                                                                           const ChainPrior& prior,
+                                                                           const Field& e) const {
   const Block I = Block::Identity();
-  std::vector<Block> diagonal = data.own, coupling = data.along;
+  std::vector<Block> diagonal = own, coupling = along;
   std::vector<Column> right(diagonal.size());
   for (std::size_t n = 0; n < diagonal.size(); ++n) {
     diagonal[n] += prior.own[n] * I;
-    right[n] = -data.pull[n] - prior.own[n] * e.col(static_cast<Eigen::Index>(n));
+    right[n] = -pull[n] - prior.own[n] * e.col(static_cast<Eigen::Index>(n));
   }
   for (std::size_t k = 0; k < coupling.size(); ++k) {
     coupling[k] += prior.along[k] * I;
@@ -233,7 +218,7 @@ DeformationStep<D> solveChain(const DeformationEquations<D>& data, const Deforma
     diagonal[parent] -= factor[k] * coupling[k].transpose();
     right[parent] -= factor[k] * right[child];
   }
-  DeformationStep<D> step;
+  Step step;
   step.change.resize(D, nodes.size());
   std::vector<char> done(diagonal.size(), 0);
   for (std::size_t k = 0; k < coupling.size(); ++k) {
@@ -250,15 +235,7 @@ DeformationStep<D> solveChain(const DeformationEquations<D>& data, const Deforma
   return step;
 }
 
-template std::optional<DeformationStep<2>> solveModes<2>(
-    const DeformationEquations<2>&, const DeformationNodes&, const Eigen::MatrixXd&,
-    const Eigen::Ref<const Eigen::Matrix<double, 2, Eigen::Dynamic>>&, const Matrix6d&, const Vector6d&);
-template std::optional<DeformationStep<3>> solveModes<3>(
-    const DeformationEquations<3>&, const DeformationNodes&, const Eigen::MatrixXd&,
-    const Eigen::Ref<const Eigen::Matrix<double, 3, Eigen::Dynamic>>&, const Matrix6d&, const Vector6d&);
-template DeformationStep<2> solveChain<2>(const DeformationEquations<2>&, const DeformationNodes&, const ChainPrior&,
-                                          const Eigen::Matrix<double, 2, Eigen::Dynamic>&);
-template DeformationStep<3> solveChain<3>(const DeformationEquations<3>&, const DeformationNodes&, const ChainPrior&,
-                                          const Eigen::Matrix<double, 3, Eigen::Dynamic>&);
+template struct DeformationEquations<2>;
+template struct DeformationEquations<3>;
 
 }  // namespace angio::registration

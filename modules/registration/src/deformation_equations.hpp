@@ -10,12 +10,29 @@
 
 namespace angio::registration {
 
+/// A deformed model in one view: what the data terms are linearised at.
+struct DeformedView {
+  const XrayCamera& camera;
+  Pose T_view_centered;
+  const Eigen::Matrix3Xd& points;  ///< Displaced, about the centroid, 3 x N [m].
+};
+
+/// Independent corrections of each stretch of vessel: a normal field along the tree whose covariance falls off as
+/// std^2 exp(-s / length) with the way s along the vessel. Its information matrix follows the tree, and so does the
+/// system with the data: elimination from the leaves is exact and linear in the nodes.
+struct ChainPrior {
+  ChainPrior(const DeformationNodes& nodes, double std_m, double length_m);
+  std::vector<double> own, along;  ///< Information: of nodes, and of edges (off the diagonal) [1/m^2].
+};
+
 /// Normal equations of a data term over the pose (T exp(dx)) and the displacements of the nodes. Each node moves in D
 /// directions: 2, across the beam of a single view, or 3. Sparse: nodes meet along edges of the tree only.
 template <int D>
 struct DeformationEquations {
   using Block = Eigen::Matrix<double, D, D>;
   using Column = Eigen::Matrix<double, D, 1>;
+  using Field = Eigen::Matrix<double, D, Eigen::Dynamic>;
+  using Directions = Eigen::Matrix<double, 3, D>;
 
   Matrix6d H = Matrix6d::Zero();                   ///< Pose with pose.
   Vector6d g = Vector6d::Zero();                   ///< Half the gradient of the sum of squares.
@@ -29,60 +46,37 @@ struct DeformationEquations {
   /// Adds w r^2 of one residual r [px] of a place: J = dr/dx, h = dr/d(its displacement).
   void add(const DeformationNodes& nodes, const DeformationNodes::Place& place, double w, double r, const Vector6d& J,
            const Column& h);
+
+  /// Adds model to image: every `stride`-th model point in view is pulled up the field, as an expectation-maximisation
+  /// step would; a point in the field of one vessel is certain to 1 / scale^2 across its own direction, and to `along`
+  /// of that along it.
+  void addFieldPull(const DeformedView& view, const OrientedModel& model, const DeformationNodes& nodes,
+                    const Directions& directions, const KernelField& field, const std::vector<HalfPlane>& in_view,
+                    const PullWeight& pull_weight, int stride, double view_weight);
+
+  /// Adds image to model: every matched image point pulls its edge onto itself, across the edge. `tolerance_px` is the
+  /// scale of the Gaussian weight of its distance.
+  void addLinePull(const DeformedView& view, const OrientedModel& model, const DeformationNodes& nodes,
+                   const Directions& directions, const OrientedPoints& image, const LineMatches& matches,
+                   double tolerance_px, double view_weight);
+
+  /// A step of pose and field.
+  struct Step {
+    Twist dx = Twist::Zero();
+    /// Of modes: that of the twist, whatever the modes are; of nodes: zero.
+    Matrix6d pose_covariance = Matrix6d::Zero();
+    Field change;  ///< Of the modes' weights, D x K, or of the nodes, D x M.
+  };
+
+  /// Solves data and priors for pose and modes together: nodes move by w modes^T, w (D x K) standard normal, and
+  /// `H_pose`, `g_pose` already hold data and prior of the pose. A dense system of 6 + D K unknowns. Nothing when it
+  /// has no solution.
+  std::optional<Step> solveModes(const DeformationNodes& nodes, const Eigen::MatrixXd& modes,
+                                 const Eigen::Ref<const Field>& w, const Matrix6d& H_pose,
+                                 const Vector6d& g_pose) const;
+
+  /// Solves data and chain prior for the nodes' corrections `e` (D x M) with the pose kept; the change of them.
+  Step solveChain(const DeformationNodes& nodes, const ChainPrior& prior, const Field& e) const;
 };
-
-/// A deformed model in one view: what the data terms are linearised at.
-struct DeformedView {
-  const XrayCamera& camera;
-  Pose T_view_centered;
-  const Eigen::Matrix3Xd& points;  ///< Displaced, about the centroid, 3 x N [m].
-};
-
-/// Model to image: every `stride`-th model point in view is pulled up the field, as an expectation-maximisation step
-/// would; a point in the field of one vessel is certain to 1 / scale^2 across its own direction, and to `along` of that
-/// along it.
-template <int D>
-void addFieldPull(const DeformedView& view, const OrientedModel& model, const DeformationNodes& nodes,
-                  const Eigen::Matrix<double, 3, D>& directions, const KernelField& field,
-                  const std::vector<HalfPlane>& in_view, const PullWeight& pull, int stride, double weight,
-                  DeformationEquations<D>& to);
-
-/// Image to model: every matched image point pulls its edge onto itself, across the edge. `tolerance_px` is the scale
-/// of the Gaussian weight of its distance.
-template <int D>
-void addLinePull(const DeformedView& view, const OrientedModel& model, const DeformationNodes& nodes,
-                 const Eigen::Matrix<double, 3, D>& directions, const OrientedPoints& image, const LineMatches& matches,
-                 double tolerance_px, double weight, DeformationEquations<D>& to);
-
-/// A step of pose and field.
-template <int D>
-struct DeformationStep {
-  Twist dx = Twist::Zero();
-  Matrix6d pose_covariance =
-      Matrix6d::Zero();  ///< Of modes: that of the twist, whatever the modes are; of nodes: zero.
-  Eigen::Matrix<double, D, Eigen::Dynamic> change;  ///< Of the modes' weights, D x K, or of the nodes, D x M.
-};
-
-/// Solves data and priors for pose and modes together: nodes move by w modes^T, w (D x K) standard normal, and
-/// `H_pose`, `g_pose` already hold data and prior of the pose. A dense system of 6 + D K unknowns. Nothing when it has
-/// no solution.
-template <int D>
-std::optional<DeformationStep<D>> solveModes(const DeformationEquations<D>& data, const DeformationNodes& nodes,
-                                             const Eigen::MatrixXd& modes,
-                                             const Eigen::Ref<const Eigen::Matrix<double, D, Eigen::Dynamic>>& w,
-                                             const Matrix6d& H_pose, const Vector6d& g_pose);
-
-/// Independent corrections of each stretch of vessel: a normal field along the tree whose covariance falls off as
-/// std^2 exp(-s / length) with the way s along the vessel. Its information matrix follows the tree, and so does the
-/// system with the data: elimination from the leaves is exact and linear in the nodes.
-struct ChainPrior {
-  ChainPrior(const DeformationNodes& nodes, double std_m, double length_m);
-  std::vector<double> own, along;  ///< Information: of nodes, and of edges (off the diagonal) [1/m^2].
-};
-
-/// Solves data and chain prior for the nodes' corrections `e` (D x M) with the pose kept; the change of them.
-template <int D>
-DeformationStep<D> solveChain(const DeformationEquations<D>& data, const DeformationNodes& nodes,
-                              const ChainPrior& prior, const Eigen::Matrix<double, D, Eigen::Dynamic>& e);
 
 }  // namespace angio::registration

@@ -98,16 +98,134 @@ class DeformationFit::Run {
     const Pose T = frame_.views()[v].T_view_first * T_;
     return frame_.views()[v].camera.parameters().fx_px / std::max(0.05, T.translation().z());
   }
-  double shareShown();
-  void climb(int scale);
-  bool pullLines(const Misfit& misfit, bool local);
-  void tighten();
-  void followLines(int rounds, const Misfit& misfit, bool local);
-  int match(bool local);
-  void stepModes(Eigen::Index max_modes, double extrapolation);
-  void stepLocal();
-  void moved(const Eigen::Matrix3Xd& before);
-  void conclude();
+
+  double shareShown() {
+    double model_px = 0;
+    for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+      const DeformedView view = viewOf(v);
+      fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centered);
+      model_px += fit_.projected_.length_px();
+    }
+    return frame_.length_px() / std::max(1.0, model_px);
+  }
+
+  void climb(int scale) {
+    const double scale_px = kFieldScales_px[static_cast<std::size_t>(scale)];
+    const int stride = std::max(1, fit_.model_.size() / kFieldPoints);
+    PullWeight pull;
+    pull.outlier_mass = static_cast<float>(kOutlierMass);
+    pull.along = static_cast<float>(kAlong);
+    for (int step = 0; step < kStepsPerScale; ++step) {
+      data_.clear(fit_.nodes_);
+      for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+        // Points nearer to each other than the kernel is wide say the same thing: they count as one.
+        const double independent = std::min(1.0, pixelsPerMetre(v) * fit_.model_.spacing_m * stride / scale_px);
+        data_.addFieldPull(viewOf(v), fit_.model_, fit_.nodes_, directions_, frame_.field(v, scale),
+                           frame_.fieldOfView(v), pull, stride, independent);
+      }
+      stepModes(kFieldModes[scale], kFieldExtrapolation);
+      if (result_.last_step_px < kFieldRest * scale_px) break;
+    }
+  }
+
+  // Matches the image and linearises what is left; false where nothing is matched.
+  bool pullLines(const Misfit& misfit, bool local) {
+    const double point_px = frame_.length_px() / std::max(1, frame_.pointCount()) * match(local);
+    const double noise_px = std::max(noise_px_, misfit.min_noise_px);
+    const double weight = std::min(1.0, point_px / misfit.together_px) / (noise_px * noise_px);
+    data_.clear(fit_.nodes_);
+    for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+      data_.addLinePull(viewOf(v), fit_.model_, fit_.nodes_, directions_, fit_.chosen_[v], fit_.matches_[v],
+                        tolerance_px_, weight);
+    }
+    if (!(data_.weight > 0)) return false;
+    noise_px_ = noiseBehind(data_.squares_px2 / data_.weight, tolerance_px_);
+    return true;
+  }
+
+  void tighten() {
+    gate_px_ = std::clamp(kGateOverNoise * noise_px_, min_gate_px_, gate_px_);
+    tolerance_px_ = std::clamp(kToleranceOverNoise * noise_px_, min_gate_px_ * kMinTolerance, tolerance_px_);
+  }
+
+  void followLines(int rounds, const Misfit& misfit, bool local) {
+    for (int round = 0; round < rounds; ++round) {
+      if (!pullLines(misfit, local)) return;
+      if (local)
+        stepLocal();
+      else
+        stepModes(w_.cols(), kLineExtrapolation);
+      tighten();
+      if (round >= 2 && result_.last_step_px < kRest_px) return;
+    }
+  }
+
+  // Matches image points of all views; returns how many stand for one.
+  int match(bool local) {
+    const int wanted = gate_px_ > kWideGate_px ? kWidePoints : kNarrowPoints;
+    const int stride = local ? 1 : std::max(1, (frame_.pointCount() + wanted - 1) / wanted);
+    for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+      const DeformedView view = viewOf(v);
+      fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centered);
+      thinned(frame_.points(v), stride, fit_.chosen_[v]);
+      matchLines(fit_.chosen_[v], fit_.projected_, gate_px_, kMinCos2, fit_.matches_[v]);
+    }
+    return stride;
+  }
+
+  void stepModes(Eigen::Index max_modes, double extrapolation) {
+    Matrix6d H = data_.H;
+    Vector6d g = data_.g;
+    belief_.add(T_, H, g);
+    const Eigen::Index count = std::min(max_modes, w_.cols());
+    const auto step = data_.solveModes(fit_.nodes_, fit_.modes_, w_.leftCols(count), H, g);
+    if (!step) return;
+    const Eigen::Matrix3Xd before = T_ * displaced_;
+    result_.pose_covariance = step->pose_covariance;
+    T_ = T_ * expSE3(extrapolation * step->dx);
+    w_.leftCols(count) += extrapolation * step->change;
+    moved(before);
+  }
+
+  void stepLocal() {
+    const Eigen::Matrix3Xd before = T_ * displaced_;
+    e_ += data_.solveChain(fit_.nodes_, alone_ ? fit_.local_alone_ : fit_.local_, e_).change;
+    moved(before);
+  }
+
+  void moved(const Eigen::Matrix3Xd& before) {
+    const Field at_nodes = w_ * fit_.modes_.transpose() + e_;
+    displaced_ = fit_.model_.points + fit_.nodes_.atPoints(directions_ * at_nodes);
+    const Eigen::Matrix3Xd change = T_ * displaced_ - before;
+    const double rms_m = std::sqrt(change.topRows<2>().squaredNorm() / static_cast<double>(change.cols()));
+    result_.last_step_px = pixelsPerMetre(0) * rms_m;
+    ++result_.iterations;
+  }
+
+  // Pose and displacements become their posterior means given the matches, which are made again where those are.
+  void conclude() {
+    for (int round = 0; round < kPosteriorRounds; ++round) {
+      if (!pullLines(kLocalMisfit, true)) return;
+      std::vector<MatchedView> views;
+      for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+        views.push_back({viewOf(v).camera, viewOf(v).T_view_centered, fit_.chosen_[v], fit_.matches_[v]});
+      }
+      const auto groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kPosteriorGroups);
+      if (groups.size() < static_cast<std::size_t>(kFewestGroups)) return;
+      const auto posterior =
+          std::make_shared<DeformationPosterior>(groups, belief_, T_, 1e-3 * fit_.settings_.length_mm);
+      if (!posterior->known()) return;
+      result_.posterior = posterior;
+      result_.pose_covariance = posterior->twistCovariance();
+      if (round + 1 == kPosteriorRounds && frame_.viewCount() == 1) {
+        result_.groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kEvidenceGroups);
+        result_.T_groups_camera_centered = T_;
+      }
+      T_ = T_ * expSE3(posterior->twist());
+      displaced_ = fit_.model_.points + fit_.nodes_.atPoints(posterior->displacements(fit_.nodes_.points));
+      tighten();
+    }
+  }
 
   DeformationFit& fit_;
   OrientedFrame& frame_;
@@ -122,143 +240,6 @@ class DeformationFit::Run {
   bool alone_ = false;
   Result result_;
 };
-
-template <int D>
-double DeformationFit::Run<D>::shareShown() {
-  double model_px = 0;
-  for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
-    const DeformedView view = viewOf(v);
-    fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centered);
-    model_px += fit_.projected_.length_px();
-  }
-  return frame_.length_px() / std::max(1.0, model_px);
-}
-
-template <int D>
-void DeformationFit::Run<D>::climb(int scale) {
-  const double scale_px = kFieldScales_px[static_cast<std::size_t>(scale)];
-  const int stride = std::max(1, fit_.model_.size() / kFieldPoints);
-  PullWeight pull;
-  pull.outlier_mass = static_cast<float>(kOutlierMass);
-  pull.along = static_cast<float>(kAlong);
-  for (int step = 0; step < kStepsPerScale; ++step) {
-    data_.clear(fit_.nodes_);
-    for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
-      // Points nearer to each other than the kernel is wide say the same thing: they count as one.
-      const double independent = std::min(1.0, pixelsPerMetre(v) * fit_.model_.spacing_m * stride / scale_px);
-      addFieldPull<D>(viewOf(v), fit_.model_, fit_.nodes_, directions_, frame_.field(v, scale), frame_.fieldOfView(v),
-                      pull, stride, independent, data_);
-    }
-    stepModes(kFieldModes[scale], kFieldExtrapolation);
-    if (result_.last_step_px < kFieldRest * scale_px) break;
-  }
-}
-
-// Matches image points of all views; returns how many stand for one.
-template <int D>
-int DeformationFit::Run<D>::match(bool local) {
-  const int wanted = gate_px_ > kWideGate_px ? kWidePoints : kNarrowPoints;
-  const int stride = local ? 1 : std::max(1, (frame_.pointCount() + wanted - 1) / wanted);
-  for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
-    const DeformedView view = viewOf(v);
-    fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centered);
-    thinned(frame_.points(v), stride, fit_.chosen_[v]);
-    matchLines(fit_.chosen_[v], fit_.projected_, gate_px_, kMinCos2, fit_.matches_[v]);
-  }
-  return stride;
-}
-
-// Matches the image and linearises what is left; false where nothing is matched.
-template <int D>
-bool DeformationFit::Run<D>::pullLines(const Misfit& misfit, bool local) {
-  const double point_px = frame_.length_px() / std::max(1, frame_.pointCount()) * match(local);
-  const double noise_px = std::max(noise_px_, misfit.min_noise_px);
-  const double weight = std::min(1.0, point_px / misfit.together_px) / (noise_px * noise_px);
-  data_.clear(fit_.nodes_);
-  for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
-    addLinePull<D>(viewOf(v), fit_.model_, fit_.nodes_, directions_, fit_.chosen_[v], fit_.matches_[v], tolerance_px_,
-                   weight, data_);
-  }
-  if (!(data_.weight > 0)) return false;
-  noise_px_ = noiseBehind(data_.squares_px2 / data_.weight, tolerance_px_);
-  return true;
-}
-
-template <int D>
-void DeformationFit::Run<D>::tighten() {
-  gate_px_ = std::clamp(kGateOverNoise * noise_px_, min_gate_px_, gate_px_);
-  tolerance_px_ = std::clamp(kToleranceOverNoise * noise_px_, min_gate_px_ * kMinTolerance, tolerance_px_);
-}
-
-template <int D>
-void DeformationFit::Run<D>::followLines(int rounds, const Misfit& misfit, bool local) {
-  for (int round = 0; round < rounds; ++round) {
-    if (!pullLines(misfit, local)) return;
-    if (local)
-      stepLocal();
-    else
-      stepModes(w_.cols(), kLineExtrapolation);
-    tighten();
-    if (round >= 2 && result_.last_step_px < kRest_px) return;
-  }
-}
-
-template <int D>
-void DeformationFit::Run<D>::stepModes(Eigen::Index max_modes, double extrapolation) {
-  Matrix6d H = data_.H;
-  Vector6d g = data_.g;
-  belief_.add(T_, H, g);
-  const Eigen::Index count = std::min(max_modes, w_.cols());
-  const auto step = solveModes<D>(data_, fit_.nodes_, fit_.modes_, w_.leftCols(count), H, g);
-  if (!step) return;
-  const Eigen::Matrix3Xd before = T_ * displaced_;
-  result_.pose_covariance = step->pose_covariance;
-  T_ = T_ * expSE3(extrapolation * step->dx);
-  w_.leftCols(count) += extrapolation * step->change;
-  moved(before);
-}
-
-template <int D>
-void DeformationFit::Run<D>::stepLocal() {
-  const Eigen::Matrix3Xd before = T_ * displaced_;
-  e_ += solveChain<D>(data_, fit_.nodes_, alone_ ? fit_.local_alone_ : fit_.local_, e_).change;
-  moved(before);
-}
-
-template <int D>
-void DeformationFit::Run<D>::moved(const Eigen::Matrix3Xd& before) {
-  const Field at_nodes = w_ * fit_.modes_.transpose() + e_;
-  displaced_ = fit_.model_.points + fit_.nodes_.atPoints(directions_ * at_nodes);
-  const Eigen::Matrix3Xd change = T_ * displaced_ - before;
-  const double rms_m = std::sqrt(change.topRows<2>().squaredNorm() / static_cast<double>(change.cols()));
-  result_.last_step_px = pixelsPerMetre(0) * rms_m;
-  ++result_.iterations;
-}
-
-// Pose and displacements become their posterior means given the matches, which are made again where those are.
-template <int D>
-void DeformationFit::Run<D>::conclude() {
-  for (int round = 0; round < kPosteriorRounds; ++round) {
-    if (!pullLines(kLocalMisfit, true)) return;
-    std::vector<MatchedView> views;
-    for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
-      views.push_back({viewOf(v).camera, viewOf(v).T_view_centered, fit_.chosen_[v], fit_.matches_[v]});
-    }
-    const auto groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kPosteriorGroups);
-    if (groups.size() < static_cast<std::size_t>(kFewestGroups)) return;
-    const auto posterior = std::make_shared<DeformationPosterior>(groups, belief_, T_, 1e-3 * fit_.settings_.length_mm);
-    if (!posterior->known()) return;
-    result_.posterior = posterior;
-    result_.pose_covariance = posterior->twistCovariance();
-    if (round + 1 == kPosteriorRounds && frame_.viewCount() == 1) {
-      result_.groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kEvidenceGroups);
-      result_.T_groups_camera_centered = T_;
-    }
-    T_ = T_ * expSE3(posterior->twist());
-    displaced_ = fit_.model_.points + fit_.nodes_.atPoints(posterior->displacements(fit_.nodes_.points));
-    tighten();
-  }
-}
 
 DeformationFit::DeformationFit(const OrientedModel& model, const DeformationSettings& settings)
     : model_(model),

@@ -16,8 +16,8 @@
 namespace angio::registration {
 namespace {
 
-// Frames and observations that take part: the system is of the observations' number.
-constexpr std::size_t kMostFrames = 32, kMostGroups = 1200;
+// Observations that take part: the system is of their number.
+constexpr std::size_t kMostGroups = 1200;
 constexpr int kRounds = 2;
 // Over which a deformation goes together, as for a single image.
 const double kLength_m = 1e-3 * DeformationSettings().length_mm;
@@ -275,11 +275,7 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   seen.T_camera_model = T_camera_centered * Eigen::Translation3d(-evidence.centroid);
   const Eigen::Matrix3Xd centered = tree.points().colwise() - evidence.centroid;
   seen.displacements_m = posterior->displacements(centered);
-  seen.covariance = covarianceOfResult(posterior->twistCovariance(), seen.T_camera_model, evidence.centroid);
-  seen.noise_covariance = covarianceOfResult(posterior->noiseCovariance(), seen.T_camera_model, evidence.centroid);
-  seen.deformation_std_m = posterior->amplitude_m();
-  seen.spread = spreadOf(*posterior, centered, T_camera_centered);
-  seen.points = std::make_shared<FitUncertainty>(posterior, T_camera_centered.linear(), evidence.centroid);
+  setUncertainty(posterior, centered, T_camera_centered, evidence.centroid, seen);
   seen.points_3d = tree.size();
   seen.points_2d = view.centerline.size();
   seen.agreement = agreementOf(tree, tree.points() + seen.displacements_m, {view}, seen.T_camera_model);

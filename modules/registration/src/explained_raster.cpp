@@ -16,6 +16,7 @@ constexpr int kMaxImagePoints = 200000;
 
 // Radii in cells of level 0. A level's own cells are a sixth of its radius at most.
 constexpr int kRadii[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 128};
+static_assert(std::size(kRadii) + 1 == ExplainedRaster::kLevels);
 
 int cellsPerCell(int radius) {
   int cells = 1;

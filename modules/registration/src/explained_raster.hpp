@@ -19,7 +19,7 @@ namespace angio::registration {
 class ExplainedRaster {
  public:
   static constexpr double kReach_px = 4, kReach_rad = 0.175;  ///< How far a point of the image explains.
-  static constexpr int kDirections = 32;
+  static constexpr int kDirections = 32, kLevels = 25;
 
   ExplainedRaster(const Centerline2d& image, const XrayCamera& camera);
 

@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "field_step.hpp"
 
-#include <cmath>
-#include <cstddef>
-
-#include "raw_view.hpp"
-
 // Compiled once for every vector target by the include below; sampleField chooses at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "field_step.cpp"
@@ -17,19 +12,18 @@
 namespace angio::registration {
 // Plain numbers in and out of the vector code.
 struct RawFieldLook {
-  const float *x, *y, *z, *tx, *ty, *tz, *weight;
-  int count;
+  RawPoints points;
+  RawView view;
   const float* cells;
   int columns, rows;
   float u_origin_px, v_origin_px, inverse_cell, inverse_scale2;
-  RawView view;
   const HalfPlane* planes;
   int plane_count;
   float outlier_mass, along;
 };
 struct RawFieldSums {
   RawNormalEquations equations;
-  double objective, fit, seen;
+  double fit, seen;
 };
 }  // namespace angio::registration
 #endif
@@ -39,38 +33,22 @@ namespace angio::registration {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// log(1 + x) for x >= 0 to 1e-4: enough to compare poses by; exponent and a polynomial in the mantissa.
-template <class D, class V>
-V logOnePlus(D d, V x) {
-  const hn::RebindToSigned<D> di;
-  const V y = hn::Add(x, hn::Set(d, 1.0f));
-  const auto bits = hn::BitCast(di, y);
-  const auto exponent = hn::Sub(hn::ShiftRight<23>(bits), hn::Set(di, 127));
-  const V m = hn::BitCast(d, hn::Or(hn::And(bits, hn::Set(di, 0x007fffff)), hn::Set(di, 0x3f800000)));  // [1, 2)
-  // log(m) = 2 atanh(s), s = (m - 1) / (m + 1) <= 1/3.
-  const V s = hn::Div(hn::Sub(m, hn::Set(d, 1.0f)), hn::Add(m, hn::Set(d, 1.0f)));
-  const V s2 = hn::Mul(s, s);
-  V series = hn::MulAdd(s2, hn::Set(d, 1.0f / 7), hn::Set(d, 1.0f / 5));
-  series = hn::MulAdd(s2, series, hn::Set(d, 1.0f / 3));
-  series = hn::MulAdd(s2, series, hn::Set(d, 1.0f));
-  return hn::MulAdd(hn::ConvertTo(d, exponent), hn::Set(d, 0.69314718f), hn::Mul(hn::Add(s, s), series));
-}
-
 void look(const RawFieldLook& in, RawFieldSums& out) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   using V = decltype(hn::Zero(d));
   const auto set = [&](float value) { return hn::Set(d, value); };
   const V zero = hn::Zero(d), one = set(1), half = set(0.5f);
-  V H[21], g[6], objective = zero, fit = zero, seen = zero;
+  V H[21], g[6], fit = zero, seen = zero;
   for (auto& h : H) h = zero;
   for (auto& v : g) v = zero;
 
   const int lanes = static_cast<int>(hn::Lanes(d));
-  for (int first = 0; first < in.count; first += lanes) {
-    const V p[3] = {hn::LoadU(d, in.x + first), hn::LoadU(d, in.y + first), hn::LoadU(d, in.z + first)};
-    const V q[3] = {hn::LoadU(d, in.tx + first), hn::LoadU(d, in.ty + first), hn::LoadU(d, in.tz + first)};
-    V weight = hn::LoadU(d, in.weight + first);
+  for (int first = 0; first < in.points.count; first += lanes) {
+    const auto load = [&](const float* values) { return hn::LoadU(d, values + first); };
+    const V p[3] = {load(in.points.x), load(in.points.y), load(in.points.z)};
+    const V q[3] = {load(in.points.tx), load(in.points.ty), load(in.points.tz)};
+    V weight = load(in.points.weight);
     const auto row = [&](int r, const V* a) {
       return hn::MulAdd(set(in.view.R[3 * r]), a[0],
                         hn::MulAdd(set(in.view.R[3 * r + 1]), a[1], hn::Mul(set(in.view.R[3 * r + 2]), a[2])));
@@ -129,7 +107,6 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
     const V inverse_mass = hn::Div(one, hn::Add(F, set(in.outlier_mass)));
     const V found = hn::Mul(weight, hn::Mul(F, inverse_mass));
     fit = hn::Add(fit, found);
-    objective = hn::MulAdd(weight, logOnePlus(d, hn::Mul(F, set(1 / in.outlier_mass))), objective);
     const V pull = hn::Mul(weight, inverse_mass);                // Of the gradient,
     const V stiffness = hn::Mul(found, set(in.inverse_scale2));  // and of the Hessian.
 
@@ -162,7 +139,6 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
   const auto sum = [&](V value) { return static_cast<double>(hn::GetLane(hn::SumOfLanes(d, value))); };
   for (int k = 0; k < 21; ++k) out.equations.H[k] = sum(H[k]);
   for (int k = 0; k < 6; ++k) out.equations.g[k] = sum(g[k]);
-  out.objective = sum(objective);
   out.fit = sum(fit);
   out.seen = sum(seen);
 }
@@ -217,33 +193,23 @@ void fieldOfView(const XrayView& view, std::vector<HalfPlane>& planes) {
 FieldSums sampleField(const ModelPoints& model, const KernelField& field, const XrayCamera& camera,
                       const std::vector<HalfPlane>& field_of_view, const Pose& T_view_centered,
                       const PullWeight& weight) {
-  RawFieldLook in;
-  in.x = model.x.data();
-  in.y = model.y.data();
-  in.z = model.z.data();
-  in.tx = model.tx.data();
-  in.ty = model.ty.data();
-  in.tz = model.tz.data();
-  in.weight = model.weight.data();
-  in.count = model.count;
-  in.cells = field.cells();
-  in.columns = field.columns();
-  in.rows = field.rows();
-  in.u_origin_px = field.u_origin_px();
-  in.v_origin_px = field.v_origin_px();
-  in.inverse_cell = 1 / field.cell_px();
-  in.inverse_scale2 = 1 / (field.scale_px() * field.scale_px());
-  in.view = rawView(camera, T_view_centered);
-  in.planes = field_of_view.data();
-  in.plane_count = static_cast<int>(field_of_view.size());
-  in.outlier_mass = weight.outlier_mass;
-  in.along = weight.along;
-
+  const RawFieldLook in{model.raw(),
+                        rawView(camera, T_view_centered),
+                        field.cells(),
+                        field.columns(),
+                        field.rows(),
+                        field.u_origin_px(),
+                        field.v_origin_px(),
+                        1 / field.cell_px(),
+                        1 / (field.scale_px() * field.scale_px()),
+                        field_of_view.data(),
+                        static_cast<int>(field_of_view.size()),
+                        weight.outlier_mass,
+                        weight.along};
   RawFieldSums raw;
   HWY_DYNAMIC_DISPATCH(look)(in, raw);
   FieldSums sums;
   raw.equations.addTo(sums.H, sums.g);
-  sums.objective = raw.objective;
   sums.fit = raw.fit;
   sums.seen = raw.seen;
   return sums;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
 #include "angio/geometry/se3.hpp"
 #include "angio/registration/xray_view.hpp"
 #include "kernel_field.hpp"
+#include "raw_view.hpp"
 
 namespace angio::registration {
 
@@ -22,6 +22,10 @@ struct ModelPoints {
   /// Every `stride`-th point of the given ones, beginning in the middle of the first stride.
   static ModelPoints of(const Eigen::Matrix3Xd& points_centered, const Eigen::Matrix3Xd& tangents,
                         const Eigen::VectorXd& weights, int stride);
+
+  RawPoints raw() const {
+    return {x.data(), y.data(), z.data(), tx.data(), ty.data(), tz.data(), weight.data(), count};
+  }
 };
 
 /// Part of the plane in which a view sees: u n_u + v n_v + d >= 0.
@@ -42,11 +46,10 @@ struct PullWeight {
 };
 
 /// What one look at the field says: gradient and approximate (negative) Hessian of the sum of the points'
-/// log-likelihoods, for T exp(dx), and how well the points fit.
+/// log-likelihoods, weight * log(F + outlier mass), for T exp(dx), and how well the points fit.
 struct FieldSums {
   Matrix6d H = Matrix6d::Zero();
   Vector6d g = Vector6d::Zero();  ///< Gradient: the step is (H + prior)^-1 (g - prior).
-  double objective = 0;           ///< Sum of weight * log(F + outlier mass), relative to no vessel.
   double fit = 0;                 ///< Sum of weight * F / (F + outlier mass): points that have found a vessel.
   double seen = 0;                ///< Sum of the weights of points in view.
 };

@@ -76,6 +76,16 @@ int pointsIn(const XrayViews& views) {
   return points;
 }
 
+// How many pixels a metre at a point of the first camera's frame is long, in the view that shows it longest.
+double pixelsPerMetre(const XrayViews& views, const Eigen::Vector3d& p_camera) {
+  double most = 0;
+  for (const XrayView& view : views) {
+    const double depth = std::max(1e-3, (view.T_view_first * p_camera).z());
+    most = std::max(most, view.camera.parameters().fx_px / depth);
+  }
+  return most;
+}
+
 class IterativePnp final : public Registration {
  public:
   IterativePnp(const IterativePnpSettings& settings, const VesselTree& tree)
@@ -88,14 +98,110 @@ class IterativePnp final : public Registration {
   }
 
   using Registration::align;
-  RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override;
+
+  RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override {
+    const Stopwatch began;
+    RegistrationResult result;
+    result.T_camera_model = start;
+    result.points_3d = model_.tree.size();
+    result.points_2d = pointsIn(views);
+    if (nonrigid_) result.displacements_m.setZero(3, given_.size());
+    if (tooFewPoints(result)) return result;
+    const Frame frame(views, settings_.spacing_px);
+    result.points_2d = pointsIn(frame.views());
+    result.times.prepare_s = began.seconds();
+
+    const Eigen::Translation3d to_center(model_.tree.centroid());
+    Pose T_camera_centered = start * to_center;
+    const Stopwatch rigid_began;
+    alignRigid(frame, priorTerm(settings_, prior, model_.tree.centroid()), T_camera_centered, result);
+    result.T_camera_model = T_camera_centered * to_center.inverse();
+    result.times.rigid_s = rigid_began.seconds();
+
+    Eigen::Matrix3Xd points = model_.tree.points();
+    if (nonrigid_) {
+      const Stopwatch nonrigid_began;
+      const Eigen::Matrix3Xd displacements = alignNonrigid(frame, result);
+      points += displacements;
+      result.displacements_m = model_.ofOriginal(displacements);
+      result.times.nonrigid_s = nonrigid_began.seconds();
+    }
+    result.agreement = agreementOf(model_.tree, points, frame.views(), result.T_camera_model);
+    classify(tree(), result);
+    result.times.total_s = began.seconds();
+    return result;
+  }
+
   const VesselTree& tree() const override { return given_; }
 
  private:
-  void alignRigid(const Frame& frame, const PosePriorTerm& prior, Pose& T_camera_centered, RegistrationResult& result);
-  Eigen::Matrix3Xd alignNonrigid(const Frame& frame, RegistrationResult& result);
-  double match(const Frame& frame, const Eigen::Matrix3Xd& points, const Pose& T_camera_points);
-  void weighAll(const Frame& frame, double scale_px);
+  void alignRigid(const Frame& frame, const PosePriorTerm& prior, Pose& T_camera_centered, RegistrationResult& result) {
+    projected_.assign(frame.size(), Projected(model_.tree.size()));
+    pulls_.assign(frame.size(), Pull(model_.tree.size()));
+    LevenbergMarquardt solver;
+    std::optional<ScaleSchedule> schedule;
+    while (result.rigid_iterations < settings_.max_iterations) {
+      const double max_px = match(frame, points_centered_, T_camera_centered);
+      if (!schedule) {
+        const double first = settings_.first_scale_px > 0 ? settings_.first_scale_px : max_px;
+        schedule.emplace(first, settings_.last_scale_px, settings_.halve_every);
+      }
+      weighAll(frame, schedule->scale_px());
+      const auto step = solver.step(points_centered_, frame.views(), T_camera_centered, pulls_, prior);
+      T_camera_centered = step.T_camera_centered;
+      ++result.rigid_iterations;
+      // How far the step moves the projection at most, roughly.
+      result.last_step_px = pixelsPerMetre(frame.views(), T_camera_centered.translation()) *
+                            (step.dx.head<3>().norm() + radius_m_ * step.dx.tail<3>().norm());
+      const bool at_rest = !step.lowered || result.last_step_px < kRestPx;
+      if (at_rest && schedule->atLast()) break;
+      // L2 and Huber know no scale: only rest ends them.
+      if (settings_.kernel != Kernel::kGaussian && at_rest) break;
+      at_rest ? schedule->halve() : schedule->nextIteration();
+    }
+    result.covariance = covarianceOf(normalEquations(points_centered_, frame.views(), T_camera_centered, pulls_, prior),
+                                     pulls_, T_camera_centered, model_.tree.centroid());
+  }
+
+  Eigen::Matrix3Xd alignNonrigid(const Frame& frame, RegistrationResult& result) {
+    Eigen::Matrix3Xd displacements = Eigen::Matrix3Xd::Zero(3, model_.tree.size());
+    pulls_.assign(frame.size(), Pull(model_.tree.size()));
+    std::optional<ScaleSchedule> schedule;
+    while (result.nonrigid_iterations < settings_.nonrigid_iterations) {
+      const double max_px = match(frame, model_.tree.points() + displacements, result.T_camera_model);
+      if (!schedule) {
+        const double first = settings_.nonrigid_first_scale_px > 0 ? settings_.nonrigid_first_scale_px : max_px;
+        schedule.emplace(first, settings_.last_scale_px, settings_.halve_every);
+      }
+      weighAll(frame, schedule->scale_px());
+      const auto solution = nonrigid_->solve(frame.views(), result.T_camera_model, pulls_, displacements);
+      if (!solution) break;
+      const double moved_m = std::sqrt((*solution - displacements).colwise().squaredNorm().mean());
+      displacements = *solution;
+      ++result.nonrigid_iterations;
+      result.last_step_px = pixelsPerMetre(frame.views(), result.T_camera_model * model_.tree.centroid()) * moved_m;
+      if (schedule->atLast() && result.last_step_px < kNonrigidRestPx) break;
+      schedule->nextIteration();
+    }
+    return displacements;
+  }
+
+  // Projects the points into every view and matches them there; returns the largest match distance [px].
+  double match(const Frame& frame, const Eigen::Matrix3Xd& points, const Pose& T_camera_points) {
+    double max_px = 0;
+    for (std::size_t v = 0; v < frame.size(); ++v) {
+      projectPoints(points, frame.views()[v], T_camera_points, settings_.outside_image, projected_[v]);
+      matchNearest(projected_[v], frame.matcher(v), pulls_[v]);
+      max_px = std::max(max_px, pulls_[v].max_distance_px);
+    }
+    return max_px;
+  }
+
+  void weighAll(const Frame& frame, double scale_px) {
+    for (std::size_t v = 0; v < frame.size(); ++v) {
+      weigh(projected_[v], frame.matcher(v), frame.branch(v), settings_, scale_px, pulls_[v]);
+    }
+  }
 
   IterativePnpSettings settings_;
   VesselTree given_;
@@ -106,122 +212,6 @@ class IterativePnp final : public Registration {
   std::vector<Pull> pulls_;           // The same.
   std::optional<NonrigidStep> nonrigid_;
 };
-
-// How many pixels a metre at a point of the first camera's frame is long, in the view that shows it longest.
-double pixelsPerMetre(const XrayViews& views, const Eigen::Vector3d& p_camera) {
-  double most = 0;
-  for (const XrayView& view : views) {
-    const double depth = std::max(1e-3, (view.T_view_first * p_camera).z());
-    most = std::max(most, view.camera.parameters().fx_px / depth);
-  }
-  return most;
-}
-
-RegistrationResult IterativePnp::align(const XrayViews& views, const PosePrior& prior, const Pose& start) {
-  const Stopwatch began;
-  RegistrationResult result;
-  result.T_camera_model = start;
-  result.points_3d = model_.tree.size();
-  result.points_2d = pointsIn(views);
-  if (nonrigid_) result.displacements_m.setZero(3, given_.size());
-  if (tooFewPoints(result)) return result;
-  const Frame frame(views, settings_.spacing_px);
-  result.points_2d = pointsIn(frame.views());
-  result.times.prepare_s = began.seconds();
-
-  const Eigen::Translation3d to_center(model_.tree.centroid());
-  Pose T_camera_centered = start * to_center;
-  const Stopwatch rigid_began;
-  alignRigid(frame, priorTerm(settings_, prior, model_.tree.centroid()), T_camera_centered, result);
-  result.T_camera_model = T_camera_centered * to_center.inverse();
-  result.times.rigid_s = rigid_began.seconds();
-
-  Eigen::Matrix3Xd points = model_.tree.points();
-  if (nonrigid_) {
-    const Stopwatch nonrigid_began;
-    const Eigen::Matrix3Xd displacements = alignNonrigid(frame, result);
-    points += displacements;
-    for (int i = 0; i < given_.size(); ++i) {
-      const auto& place = model_.place_of_original[static_cast<std::size_t>(i)];
-      result.displacements_m.col(i) =
-          (1 - place.weight) * displacements.col(place.a) + place.weight * displacements.col(place.b);
-    }
-    result.times.nonrigid_s = nonrigid_began.seconds();
-  }
-  result.agreement = agreementOf(model_.tree, points, frame.views(), result.T_camera_model);
-  classify(tree(), result);
-  result.times.total_s = began.seconds();
-  return result;
-}
-
-// Projects the points into every view and matches them there; returns the largest match distance [px].
-double IterativePnp::match(const Frame& frame, const Eigen::Matrix3Xd& points, const Pose& T_camera_points) {
-  double max_px = 0;
-  for (std::size_t v = 0; v < frame.size(); ++v) {
-    projectPoints(points, frame.views()[v], T_camera_points, settings_.outside_image, projected_[v]);
-    matchNearest(projected_[v], frame.matcher(v), pulls_[v]);
-    max_px = std::max(max_px, pulls_[v].max_distance_px);
-  }
-  return max_px;
-}
-
-void IterativePnp::weighAll(const Frame& frame, double scale_px) {
-  for (std::size_t v = 0; v < frame.size(); ++v) {
-    weigh(projected_[v], frame.matcher(v), frame.branch(v), settings_, scale_px, pulls_[v]);
-  }
-}
-
-void IterativePnp::alignRigid(const Frame& frame, const PosePriorTerm& prior, Pose& T_camera_centered,
-                              RegistrationResult& result) {
-  projected_.assign(frame.size(), Projected(model_.tree.size()));
-  pulls_.assign(frame.size(), Pull(model_.tree.size()));
-  LevenbergMarquardt solver;
-  std::optional<ScaleSchedule> schedule;
-  while (result.rigid_iterations < settings_.max_iterations) {
-    const double max_px = match(frame, points_centered_, T_camera_centered);
-    if (!schedule) {
-      const double first = settings_.first_scale_px > 0 ? settings_.first_scale_px : max_px;
-      schedule.emplace(first, settings_.last_scale_px, settings_.halve_every);
-    }
-    weighAll(frame, schedule->scale_px());
-    const auto step = solver.step(points_centered_, frame.views(), T_camera_centered, pulls_, prior);
-    T_camera_centered = step.T_camera_centered;
-    ++result.rigid_iterations;
-    // How far the step moves the projection at most, roughly.
-    result.last_step_px = pixelsPerMetre(frame.views(), T_camera_centered.translation()) *
-                          (step.dx.head<3>().norm() + radius_m_ * step.dx.tail<3>().norm());
-    const bool at_rest = !step.lowered || result.last_step_px < kRestPx;
-    if (at_rest && schedule->atLast()) break;
-    // L2 and Huber know no scale: only rest ends them.
-    if (settings_.kernel != Kernel::kGaussian && at_rest) break;
-    at_rest ? schedule->halve() : schedule->nextIteration();
-  }
-  result.covariance = covarianceOf(normalEquations(points_centered_, frame.views(), T_camera_centered, pulls_, prior),
-                                   pulls_, T_camera_centered, model_.tree.centroid());
-}
-
-Eigen::Matrix3Xd IterativePnp::alignNonrigid(const Frame& frame, RegistrationResult& result) {
-  Eigen::Matrix3Xd displacements = Eigen::Matrix3Xd::Zero(3, model_.tree.size());
-  pulls_.assign(frame.size(), Pull(model_.tree.size()));
-  std::optional<ScaleSchedule> schedule;
-  while (result.nonrigid_iterations < settings_.nonrigid_iterations) {
-    const double max_px = match(frame, model_.tree.points() + displacements, result.T_camera_model);
-    if (!schedule) {
-      const double first = settings_.nonrigid_first_scale_px > 0 ? settings_.nonrigid_first_scale_px : max_px;
-      schedule.emplace(first, settings_.last_scale_px, settings_.halve_every);
-    }
-    weighAll(frame, schedule->scale_px());
-    const auto solution = nonrigid_->solve(frame.views(), result.T_camera_model, pulls_, displacements);
-    if (!solution) break;
-    const double moved_m = std::sqrt((*solution - displacements).colwise().squaredNorm().mean());
-    displacements = *solution;
-    ++result.nonrigid_iterations;
-    result.last_step_px = pixelsPerMetre(frame.views(), result.T_camera_model * model_.tree.centroid()) * moved_m;
-    if (schedule->atLast() && result.last_step_px < kNonrigidRestPx) break;
-    schedule->nextIteration();
-  }
-  return displacements;
-}
 
 }  // namespace
 

@@ -100,30 +100,292 @@ class OrientedKernel final : public Registration {
 
   using Registration::align;
   using Registration::search;
-  RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override;
+
+  RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override {
+    const Stopwatch began;
+    RegistrationResult result;
+    auto belief = begin(views, prior, start, result);
+    if (!belief) return result;
+    PoseCandidate candidate{centered(start), 0};
+    LineFitPlan plan = kFull;
+    if (small_) {
+      // One curve says little, and must not be outweighed by a start that is off.
+      belief = shiftsFreed(*belief);
+      plan = {kSmallTracked_px, 500, 100000, 12, 0.1};
+    } else {
+      const double off_px = spread_px(*belief, candidate.T_camera_centered);
+      int scale = 0;
+      while (scale + 1 < kFieldScales && kFieldScales_px[static_cast<std::size_t>(scale) + 1] >= off_px) ++scale;
+      for (; scale < kFieldScales; ++scale) {
+        const auto& points = model_.subsets[static_cast<std::size_t>(scale) + 1];
+        result.rigid_iterations += fields_.ascend(frame_, *belief, points, scale, 6, kSomeEmpty, candidate);
+      }
+    }
+    finish(*belief, candidate.T_camera_centered, plan, result);
+    result.times.rigid_s = began.seconds() - result.times.prepare_s;
+    const Pose rigid = centered(result.T_camera_model);
+    deform(*belief, result);
+    if (result.status == RegistrationStatus::kConverged && comparison_.mirrorIsOpen(*belief, rigid)) {
+      classifyAlternatives(*belief, rigid, {}, result);
+    }
+    result.times.total_s = began.seconds();
+    return result;
+  }
+
   RegistrationResult search(const XrayViews& views, const PosePrior& prior, const StartSettings& starts,
-                            const SearchProgress& progress) override;
+                            const SearchProgress& progress) override {
+    const Stopwatch began;
+    checkSettings("starts", starts);
+    if (starts.count == 1 && !starts.box()) return align(views, prior, prior.T_camera_model);
+    RegistrationResult result;
+    const auto belief = begin(views, beforeSearch(prior, starts), prior.T_camera_model, result);
+    if (!belief) return result;
+    bool first = true;
+    std::vector<PoseCandidate> rivals;
+    // Fits the candidates under a belief and keeps the best of them if it is better than what there is.
+    const auto take = [&](PosePriorTerm wide, std::vector<PoseCandidate> candidates) {
+      // A small image says little about where it may be: what it does say must not be outweighed by a start that is far
+      // off.
+      if (small_) wide = shiftsFreed(wide);
+      comparison_.rank(wide, candidates, small_ ? kSmallQuick : kQuick);
+      RegistrationResult found = result;
+      LineFitPlan plan = kFull;
+      if (small_) plan.gate_px = kSmallGate_px;
+      finish(wide, candidates.front().T_camera_centered, plan, found);
+      found.times.rigid_s = began.seconds() - result.times.prepare_s;
+      const Pose rigid = centered(found.T_camera_model);
+      deform(wide, found);
+      // Draws around one pose know no other: what earlier ones came upon is asked as well.
+      rivals.insert(rivals.end(), candidates.begin(), candidates.end());
+      classifyAlternatives(wide, rigid, rivals, found);
+      const auto merit = [](const RegistrationResult& r) { return r.agreement.score() * (1 - *r.ambiguity); };
+      const bool is_better = first || merit(found) > merit(result);
+      if (is_better) result = found;
+      first = false;
+      return is_better;
+    };
+    const auto byLuck = [&] { return result.agreement.score() < kChanceScore; };
+    const auto settled = [&] {
+      const bool alone = *result.ambiguity < kChanceRival && !byLuck() && result.last_step_px <= kAtRest_px;
+      return small_ || result.status == RegistrationStatus::kConverged || alone;
+    };
+    for (const Attempt& attempt : kAttempts) {
+      if (attempt.widened > 1 && (starts.box() || prior.covariance)) break;
+      // A fit that is explained fails for what one view leaves open, and a deformed one that is not explained by luck
+      // for what it cannot follow: no emptier tree changes that.
+      if (!first && attempt.outlier_mass > kSomeEmpty && (explained(result) || (deformation_ && !byLuck()))) continue;
+      const PosePriorTerm wide = widenedBy(attempt.widened, *belief);
+      auto candidates = small_ ? candidatesByShifts(wide, starts)
+                               : candidatesByFields(wide, starts, attempt, first ? progress : SearchProgress());
+      if (candidates.empty()) break;
+      take(wide, std::move(candidates));
+      // What is explained, and not well, is often near the right pose and kept from it by the belief: once more from
+      // there.
+      const bool try_nearby = attempt.widened > 1 || attempt.outlier_mass > kSomeEmpty || !byLuck();
+      bool moved = try_nearby && !explained(result);
+      const int rounds = deformation_ ? 1 : kNearbyRounds;
+      for (int round = 0; round < rounds && moved && !settled(); ++round) {
+        PosePriorTerm there = widenedBy(kNearby, *belief);
+        there.T0_camera_centered = centered(result.T_camera_model);
+        StartSettings nearby = starts;
+        nearby.box_rotation_deg = nearby.box_translation_mm = 0;
+        moved = take(prior.covariance ? *belief : widenedBy(kWidest, *belief),
+                     candidatesByFields(there, nearby, {1, attempt.outlier_mass}, {}));
+      }
+      // In doubt a little wider; far wider only when nothing has been found.
+      if (settled() || (attempt.widened > 1 && !byLuck())) break;
+    }
+    if (progress) progress(1);
+    result.times.total_s = began.seconds();
+    return result;
+  }
+
   const VesselTree& tree() const override { return given_; }
 
  private:
   /// What all registrations of a frame begin with; nothing when there are too few points.
   std::optional<PosePriorTerm> begin(const XrayViews& views, const PosePrior& prior, const Pose& start,
-                                     RegistrationResult& result);
-  bool imageIsSmall(const Pose& T_camera_centered) const;
-  double spread_px(const PosePriorTerm& belief, const Pose& T_camera_centered) const;
+                                     RegistrationResult& result) {
+    const Stopwatch stage;
+    result.T_camera_model = start;
+    result.points_3d = model_.size();
+    if (deformation_) result.displacements_m.setZero(3, given_.size());
+    frame_.begin(views, settings_);
+    result.points_2d = frame_.pointCount();
+    result.times.prepare_s = stage.seconds();
+    if (tooFewPoints(result)) return std::nullopt;
+    const PosePriorTerm belief = beliefOf(prior, settings_, model_.centroid);
+    small_ = settings_.direction == Direction::kImageToModel ||
+             (settings_.direction == Direction::kAuto && imageIsSmall(centered(start)));
+    comparison_.begin(frame_, small_);
+    return belief;
+  }
 
+  bool imageIsSmall(const Pose& T_camera_centered) const {
+    const ModelPoints& points = model_.subsets.back();
+    double length_px = 0;
+    for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
+      const XrayView& view = frame_.views()[v];
+      const Pose T = view.T_view_first * T_camera_centered;
+      for (int i = 0; i < points.count; ++i) {
+        const Eigen::Vector3d p = T * Eigen::Vector3d(points.x[i], points.y[i], points.z[i]);
+        const auto pixel = view.camera.project(p);
+        if (!pixel || !view.camera.sees(*pixel)) continue;
+        const Eigen::Vector3d t = T.linear() * Eigen::Vector3d(points.tx[i], points.ty[i], points.tz[i]);
+        const Eigen::Vector2d d = (t.head<2>() - p.head<2>() * (t.z() / p.z())) / p.z();
+        length_px += view.camera.parameters().fx_px * d.norm() * points.weight[i] * model_.spacing_m;
+      }
+    }
+    length_px *= static_cast<double>(model_.size()) / points.count;
+    return frame_.length_px() < kSmallImage * length_px;
+  }
+
+  // How far the belief lets the projection be off, rms.
+  double spread_px(const PosePriorTerm& belief, const Pose& T_camera_centered) const {
+    const Matrix6d covariance = belief.information.inverse();
+    const double pixels_per_metre =
+        frame_.views().front().camera.parameters().fx_px / std::max(0.05, T_camera_centered.translation().z());
+    return pixels_per_metre *
+           std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3 +
+                     model_.radius_m * model_.radius_m * covariance.bottomRightCorner<3, 3>().trace() / 3);
+  }
+
+  // For all of the tree in view: starts on the fields. `belief` has been widened so many times.
   std::vector<PoseCandidate> candidatesByFields(const PosePriorTerm& belief, const StartSettings& starts,
-                                                const Attempt& attempt, const SearchProgress& progress);
-  std::vector<PoseCandidate> candidatesByShifts(const PosePriorTerm& belief, const StartSettings& starts);
+                                                const Attempt& attempt, const SearchProgress& progress) {
+    const double widened = attempt.widened;
+    std::vector<PoseCandidate> candidates;
+    if (frame_.viewCount() == 1 && (widened > 2 || starts.box())) {
+      // Too wide for draws to hit every basin: all shifts for each draw of rotation and depth.
+      candidates = fields_.everyShift(frame_, draws_.withoutShift(belief, starts, 1500),
+                                      shiftReach_m(belief, starts, 2.5), attempt.outlier_mass, 512, progress);
+    } else {
+      const int count = starts.count > 0 ? starts.count : settings_.starts;
+      const int more = starts.box() ? 32 : widened > 2 ? 16 : widened > 1 ? 4 : 1;
+      for (const Pose& T : draws_.poses(belief, starts, more * count)) candidates.push_back({T, 0});
+    }
+    fields_.halve(frame_, belief, attempt.outlier_mass, candidates, kCompared);
+    return candidates;
+  }
+
+  // For a small image: shifts of rotations and depths.
+  std::vector<PoseCandidate> candidatesByShifts(const PosePriorTerm& belief, const StartSettings& starts) {
+    return searchShifts(model_, frame_, draws_.withoutShift(belief, starts, kShiftHypotheses),
+                        shiftReach_m(belief, starts, kShiftReach), kShiftPlaces);
+  }
+
+  // Compares the result with its best alternative. `T_rigid` is its pose before it was deformed.
   void classifyAlternatives(const PosePriorTerm& belief, const Pose& T_rigid, const std::vector<PoseCandidate>& others,
-                            RegistrationResult& result);
-  bool isSamePlace(const Pose& T_camera_model, const Eigen::Matrix3Xd& points, const RegistrationResult& result) const;
+                            RegistrationResult& result) {
+    const double own = comparison_.score(belief, T_rigid);
+    std::vector<Pose> known{T_rigid};
+    double share = 1;
+    for (int asked = 0;; ++asked) {
+      const PoseCandidate alternative = comparison_.bestRival(belief, known, others);
+      share = own > 0 ? std::min(1.0, alternative.score / own) : 1.0;
+      if (!deformation_ || !(alternative.score > 0) || share <= kWorthDeforming || asked == kMostDeformed) break;
+      // Before it is deformed the right pose fits little better than a wrong one.
+      const Stopwatch stage;
+      PosePriorTerm there = belief;
+      there.T0_camera_centered = alternative.T_camera_centered;
+      const auto fit = deformation_->fit(frame_, there, alternative.T_camera_centered, DeformationFit::Aim::kCompare);
+      const VesselTree& tree = model_.resampled.tree;
+      const Pose T = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
+      const Eigen::Matrix3Xd points = tree.points() + fit.displacements_m;
+      const double score = result.agreement.score();
+      const double its_score = agreementOf(tree, points, frame_.views(), T).score();
+      result.times.nonrigid_s += stage.seconds();
+      share = score > 0 ? std::min(1.0, its_score / score) : 1.0;
+      if (!isSamePlace(T, points, result)) break;
+      // The same answer from elsewhere: the deformation has made up for the difference.
+      known.push_back(alternative.T_camera_centered);
+    }
+    classifyAgainst(share, model_.resampled.tree, result);
+  }
+
+  // Whether a deformed tree lies where the result has it, as far as the result claims to know: a tree with near and far
+  // exchanged looks the same across the beam.
+  bool isSamePlace(const Pose& T_camera_model, const Eigen::Matrix3Xd& points, const RegistrationResult& result) const {
+    if (!result.spread) return false;
+    const Eigen::Matrix3Xd given = model_.resampled.ofOriginal(points);
+    double across_m2 = 0, along_m2 = 0;
+    for (int i = 0; i < given_.size(); ++i) {
+      const Eigen::Vector3d there = T_camera_model * Eigen::Vector3d(given.col(i));
+      Eigen::Vector3d here = given_.points().col(i);
+      if (result.displacements_m.cols() > i) here += result.displacements_m.col(i);
+      here = result.T_camera_model * here;
+      const double along_m = (there - here).dot(here.normalized());
+      along_m2 += along_m * along_m;
+      across_m2 += (there - here).squaredNorm() - along_m * along_m;
+    }
+    const auto rms = [&](double sum_m2) { return std::sqrt(sum_m2 / std::max(1, given_.size())); };
+    return rms(across_m2) <= kSamePlace_m && rms(along_m2) <= kSameDepthStds * result.spread->all_m;
+  }
+
   void finish(const PosePriorTerm& belief, const Pose& T_camera_centered, const LineFitPlan& plan,
-              RegistrationResult& result);
-  void deform(const PosePriorTerm& belief, RegistrationResult& result);
-  void setUncertainty(const std::shared_ptr<const TreeError>& error, RegistrationResult& result) const;
+              RegistrationResult& result) {
+    const LineFitResult fit = lines_.fit(frame_, belief, T_camera_centered, plan);
+    result.T_camera_model = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
+    result.rigid_iterations += fit.steps;
+    result.last_step_px = fit.last_step_px;
+    if (fit.information.allFinite() && fit.information.diagonal().minCoeff() > 0) {
+      auto groups = lines_.residuals(frame_, fit.T_camera_centered, kResidualGroups);
+      const auto error = std::make_shared<ModelError>(groups, fit.information, fit.currency, length_m());
+      setUncertainty(error, model_.points, centered(result.T_camera_model), model_.centroid, result);
+      keepEvidence(std::move(groups), fit.T_camera_centered, model_.points, result);
+    }
+  }
+
+  // Deforms the tree if it may and if that explains what the rigid pose does not, and judges what has become of it.
+  void deform(const PosePriorTerm& belief, RegistrationResult& result) {
+    const VesselTree& tree = model_.resampled.tree;
+    result.agreement = agreementOf(tree, tree.points(), frame_.views(), result.T_camera_model);
+    if (!deformation_) {
+      classify(tree, result);
+      return;
+    }
+    const Stopwatch stage;
+    const auto fit = deformation_->fit(frame_, belief, centered(result.T_camera_model));
+    const Pose deformed_pose = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
+    const AlignmentScore deformed =
+        agreementOf(tree, tree.points() + fit.displacements_m, frame_.views(), deformed_pose);
+    // Pose and deformation share what one view cannot tell apart: an image that the rigid tree explains as well must
+    // not move it.
+    const AlignmentScore& rigid = result.agreement;
+    const bool needed = rigid.score() < deformed.score() - kSameScore ||
+                        rigid.image_residual_px > 1.1 * deformed.image_residual_px + kSameResidual_px;
+    result.displacements_m.setZero(3, given_.size());
+    if (needed) {
+      result.T_camera_model = deformed_pose;
+      result.displacements_m = model_.resampled.ofOriginal(fit.displacements_m);
+      if (fit.posterior) {
+        setUncertainty(fit.posterior, model_.points, centered(result.T_camera_model), model_.centroid, result);
+        keepEvidence(fit.groups, fit.T_groups_camera_centered, model_.points + fit.displacements_m, result);
+      } else {
+        result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);
+        result.noise_covariance.reset();
+        result.deformation_std_m = 0;
+        result.spread.reset();
+        result.points.reset();
+        result.evidence.reset();
+      }
+      result.last_step_px = fit.last_step_px;
+      result.agreement = deformed;
+    }
+    result.nonrigid_iterations = fit.iterations;
+    result.times.nonrigid_s = stage.seconds();
+    classify(tree, result);
+  }
+
   void keepEvidence(std::vector<ResidualGroup> groups, const Pose& T_camera_centered, const Eigen::Matrix3Xd& displaced,
-                    RegistrationResult& result) const;
+                    RegistrationResult& result) const {
+    if (frame_.viewCount() != 1) return;
+    result.evidence = std::make_shared<FrameEvidence>(
+        FrameEvidence{frame_.views().front().camera, frame_.views().front().T_view_first * T_camera_centered,
+                      model_.centroid, displaced.rowwise().mean(), std::move(groups)});
+  }
+
+  Pose centered(const Pose& T_camera_model) const { return T_camera_model * Eigen::Translation3d(model_.centroid); }
   double length_m() const { return 1e-3 * settings_.nonrigid.length_mm; }
 
   OrientedKernelSettings settings_;
@@ -137,300 +399,6 @@ class OrientedKernel final : public Registration {
   StartDraws draws_;
   bool small_ = false;
 };
-
-std::optional<PosePriorTerm> OrientedKernel::begin(const XrayViews& views, const PosePrior& prior, const Pose& start,
-                                                   RegistrationResult& result) {
-  const Stopwatch stage;
-  result.T_camera_model = start;
-  result.points_3d = model_.size();
-  if (deformation_) result.displacements_m.setZero(3, given_.size());
-  frame_.begin(views, settings_);
-  result.points_2d = frame_.pointCount();
-  result.times.prepare_s = stage.seconds();
-  if (tooFewPoints(result)) return std::nullopt;
-  const PosePriorTerm belief = beliefOf(prior, settings_, model_.centroid);
-  small_ = settings_.direction == Direction::kImageToModel ||
-           (settings_.direction == Direction::kAuto && imageIsSmall(start * Eigen::Translation3d(model_.centroid)));
-  comparison_.begin(frame_, small_);
-  return belief;
-}
-
-bool OrientedKernel::imageIsSmall(const Pose& T_camera_centered) const {
-  const ModelPoints& points = model_.subsets.back();
-  double length_px = 0;
-  for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
-    const XrayView& view = frame_.views()[v];
-    const Pose T = view.T_view_first * T_camera_centered;
-    for (int i = 0; i < points.count; ++i) {
-      const Eigen::Vector3d p = T * Eigen::Vector3d(points.x[i], points.y[i], points.z[i]);
-      const auto pixel = view.camera.project(p);
-      if (!pixel || !view.camera.sees(*pixel)) continue;
-      const Eigen::Vector3d t = T.linear() * Eigen::Vector3d(points.tx[i], points.ty[i], points.tz[i]);
-      const Eigen::Vector2d d = (t.head<2>() - p.head<2>() * (t.z() / p.z())) / p.z();
-      length_px += view.camera.parameters().fx_px * d.norm() * points.weight[i] * model_.spacing_m;
-    }
-  }
-  length_px *= static_cast<double>(model_.size()) / points.count;
-  return frame_.length_px() < kSmallImage * length_px;
-}
-
-// How far the belief lets the projection be off, rms.
-double OrientedKernel::spread_px(const PosePriorTerm& belief, const Pose& T_camera_centered) const {
-  const Matrix6d covariance = belief.information.inverse();
-  const double pixels_per_metre =
-      frame_.views().front().camera.parameters().fx_px / std::max(0.05, T_camera_centered.translation().z());
-  return pixels_per_metre *
-         std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3 +
-                   model_.radius_m * model_.radius_m * covariance.bottomRightCorner<3, 3>().trace() / 3);
-}
-
-// For all of the tree in view: starts on the fields. `belief` has been widened so many times.
-std::vector<PoseCandidate> OrientedKernel::candidatesByFields(const PosePriorTerm& belief, const StartSettings& starts,
-                                                              const Attempt& attempt, const SearchProgress& progress) {
-  const double widened = attempt.widened;
-  std::vector<PoseCandidate> candidates;
-  if (frame_.viewCount() == 1 && (widened > 2 || starts.box())) {
-    // Too wide for draws to hit every basin: all shifts for each draw of rotation and depth.
-    candidates = fields_.everyShift(frame_, draws_.withoutShift(belief, starts, 1500),
-                                    shiftReach_m(belief, starts, 2.5), attempt.outlier_mass, 512, progress);
-  } else {
-    const int count = starts.count > 0 ? starts.count : settings_.starts;
-    const int more = starts.box() ? 32 : widened > 2 ? 16 : widened > 1 ? 4 : 1;
-    for (const Pose& T : draws_.poses(belief, starts, more * count)) candidates.push_back({T, 0});
-  }
-  fields_.halve(frame_, belief, attempt.outlier_mass, candidates, kCompared);
-  return candidates;
-}
-
-// For a small image: shifts of rotations and depths.
-std::vector<PoseCandidate> OrientedKernel::candidatesByShifts(const PosePriorTerm& belief,
-                                                              const StartSettings& starts) {
-  return searchShifts(model_, frame_, draws_.withoutShift(belief, starts, kShiftHypotheses),
-                      shiftReach_m(belief, starts, kShiftReach), kShiftPlaces);
-}
-
-// Compares the result with its best alternative. `T_rigid` is its pose before it was deformed.
-void OrientedKernel::classifyAlternatives(const PosePriorTerm& belief, const Pose& T_rigid,
-                                          const std::vector<PoseCandidate>& others, RegistrationResult& result) {
-  const double own = comparison_.score(belief, T_rigid);
-  std::vector<Pose> known{T_rigid};
-  double share = 1;
-  for (int asked = 0;; ++asked) {
-    const PoseCandidate alternative = comparison_.bestRival(belief, known, others);
-    share = own > 0 ? std::min(1.0, alternative.score / own) : 1.0;
-    if (!deformation_ || !(alternative.score > 0) || share <= kWorthDeforming || asked == kMostDeformed) break;
-    // Before it is deformed the right pose fits little better than a wrong one.
-    const Stopwatch stage;
-    PosePriorTerm there = belief;
-    there.T0_camera_centered = alternative.T_camera_centered;
-    const auto fit = deformation_->fit(frame_, there, alternative.T_camera_centered, DeformationFit::Aim::kCompare);
-    const VesselTree& tree = model_.resampled.tree;
-    const Pose T = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
-    const Eigen::Matrix3Xd points = tree.points() + fit.displacements_m;
-    const double score = result.agreement.score();
-    const double its_score = agreementOf(tree, points, frame_.views(), T).score();
-    result.times.nonrigid_s += stage.seconds();
-    share = score > 0 ? std::min(1.0, its_score / score) : 1.0;
-    if (!isSamePlace(T, points, result)) break;
-    // The same answer from elsewhere: the deformation has made up for the difference.
-    known.push_back(alternative.T_camera_centered);
-  }
-  classifyAgainst(share, model_.resampled.tree, result);
-}
-
-// Whether a deformed tree lies where the result has it, as far as the result claims to know: a tree with near and far
-// exchanged looks the same across the beam.
-bool OrientedKernel::isSamePlace(const Pose& T_camera_model, const Eigen::Matrix3Xd& points,
-                                 const RegistrationResult& result) const {
-  if (!result.spread) return false;
-  double across_m2 = 0, along_m2 = 0;
-  for (int i = 0; i < given_.size(); ++i) {
-    const auto& place = model_.resampled.place_of_original[static_cast<std::size_t>(i)];
-    const Eigen::Vector3d there =
-        T_camera_model * Eigen::Vector3d((1 - place.weight) * points.col(place.a) + place.weight * points.col(place.b));
-    Eigen::Vector3d here = given_.points().col(i);
-    if (result.displacements_m.cols() > i) here += result.displacements_m.col(i);
-    here = result.T_camera_model * here;
-    const double along_m = (there - here).dot(here.normalized());
-    along_m2 += along_m * along_m;
-    across_m2 += (there - here).squaredNorm() - along_m * along_m;
-  }
-  const auto rms = [&](double sum_m2) { return std::sqrt(sum_m2 / std::max(1, given_.size())); };
-  return rms(across_m2) <= kSamePlace_m && rms(along_m2) <= kSameDepthStds * result.spread->all_m;
-}
-
-void OrientedKernel::finish(const PosePriorTerm& belief, const Pose& T_camera_centered, const LineFitPlan& plan,
-                            RegistrationResult& result) {
-  const LineFitResult fit = lines_.fit(frame_, belief, T_camera_centered, plan);
-  result.T_camera_model = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
-  result.rigid_iterations += fit.steps;
-  result.last_step_px = fit.last_step_px;
-  if (fit.information.allFinite() && fit.information.diagonal().minCoeff() > 0) {
-    auto groups = lines_.residuals(frame_, fit.T_camera_centered, kResidualGroups);
-    setUncertainty(std::make_shared<ModelError>(groups, fit.information, fit.currency, length_m()), result);
-    keepEvidence(std::move(groups), fit.T_camera_centered, model_.points, result);
-  }
-}
-
-void OrientedKernel::setUncertainty(const std::shared_ptr<const TreeError>& error, RegistrationResult& result) const {
-  const Pose& T = result.T_camera_model;
-  result.covariance = covarianceOfResult(error->twistCovariance(), T, model_.centroid);
-  result.noise_covariance = covarianceOfResult(error->noiseCovariance(), T, model_.centroid);
-  result.deformation_std_m = error->amplitude_m();
-  result.spread = spreadOf(*error, model_.points, T * Eigen::Translation3d(model_.centroid));
-  result.points = std::make_shared<FitUncertainty>(error, T.linear(), model_.centroid);
-}
-
-void OrientedKernel::keepEvidence(std::vector<ResidualGroup> groups, const Pose& T_camera_centered,
-                                  const Eigen::Matrix3Xd& displaced, RegistrationResult& result) const {
-  if (frame_.viewCount() != 1) return;
-  result.evidence = std::make_shared<FrameEvidence>(
-      FrameEvidence{frame_.views().front().camera, frame_.views().front().T_view_first * T_camera_centered,
-                    model_.centroid, displaced.rowwise().mean(), std::move(groups)});
-}
-
-// Deforms the tree if it may and if that explains what the rigid pose does not, and judges what has become of it.
-void OrientedKernel::deform(const PosePriorTerm& belief, RegistrationResult& result) {
-  const VesselTree& tree = model_.resampled.tree;
-  result.agreement = agreementOf(tree, tree.points(), frame_.views(), result.T_camera_model);
-  if (!deformation_) {
-    classify(tree, result);
-    return;
-  }
-  const Stopwatch stage;
-  const auto fit = deformation_->fit(frame_, belief, result.T_camera_model * Eigen::Translation3d(model_.centroid));
-  const Pose deformed_pose = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
-  const AlignmentScore deformed = agreementOf(tree, tree.points() + fit.displacements_m, frame_.views(), deformed_pose);
-  // Pose and deformation share what one view cannot tell apart: an image that the rigid tree explains as well must not
-  // move it.
-  const AlignmentScore& rigid = result.agreement;
-  const bool needed = rigid.score() < deformed.score() - kSameScore ||
-                      rigid.image_residual_px > 1.1 * deformed.image_residual_px + kSameResidual_px;
-  result.displacements_m.setZero(3, given_.size());
-  if (needed) {
-    result.T_camera_model = deformed_pose;
-    for (int i = 0; i < given_.size(); ++i) {
-      const auto& place = model_.resampled.place_of_original[static_cast<std::size_t>(i)];
-      result.displacements_m.col(i) =
-          (1 - place.weight) * fit.displacements_m.col(place.a) + place.weight * fit.displacements_m.col(place.b);
-    }
-    if (fit.posterior) {
-      setUncertainty(fit.posterior, result);
-      keepEvidence(fit.groups, fit.T_groups_camera_centered, model_.points + fit.displacements_m, result);
-    } else {
-      result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);
-      result.noise_covariance.reset();
-      result.deformation_std_m = 0;
-      result.spread.reset();
-      result.points.reset();
-      result.evidence.reset();
-    }
-    result.last_step_px = fit.last_step_px;
-    result.agreement = deformed;
-  }
-  result.nonrigid_iterations = fit.iterations;
-  result.times.nonrigid_s = stage.seconds();
-  classify(tree, result);
-}
-
-RegistrationResult OrientedKernel::align(const XrayViews& views, const PosePrior& prior, const Pose& start) {
-  const Stopwatch began;
-  RegistrationResult result;
-  auto belief = begin(views, prior, start, result);
-  if (!belief) return result;
-  PoseCandidate candidate{start * Eigen::Translation3d(model_.centroid), 0};
-  LineFitPlan plan = kFull;
-  if (small_) {
-    // One curve says little, and must not be outweighed by a start that is off.
-    belief = shiftsFreed(*belief);
-    plan = {kSmallTracked_px, 500, 100000, 12, 0.1};
-  } else {
-    const double off_px = spread_px(*belief, candidate.T_camera_centered);
-    int scale = 0;
-    while (scale + 1 < kFieldScales && kFieldScales_px[static_cast<std::size_t>(scale) + 1] >= off_px) ++scale;
-    for (; scale < kFieldScales; ++scale) {
-      const auto& points = model_.subsets[static_cast<std::size_t>(scale) + 1];
-      result.rigid_iterations += fields_.ascend(frame_, *belief, points, scale, 6, kSomeEmpty, candidate);
-    }
-  }
-  finish(*belief, candidate.T_camera_centered, plan, result);
-  result.times.rigid_s = began.seconds() - result.times.prepare_s;
-  const Pose rigid = result.T_camera_model * Eigen::Translation3d(model_.centroid);
-  deform(*belief, result);
-  if (result.status == RegistrationStatus::kConverged && comparison_.mirrorIsOpen(*belief, rigid)) {
-    classifyAlternatives(*belief, rigid, {}, result);
-  }
-  result.times.total_s = began.seconds();
-  return result;
-}
-
-RegistrationResult OrientedKernel::search(const XrayViews& views, const PosePrior& prior, const StartSettings& starts,
-                                          const SearchProgress& progress) {
-  const Stopwatch began;
-  checkSettings("starts", starts);
-  if (starts.count == 1 && !starts.box()) return align(views, prior, prior.T_camera_model);
-  RegistrationResult result;
-  const auto belief = begin(views, beforeSearch(prior, starts), prior.T_camera_model, result);
-  if (!belief) return result;
-  bool first = true;
-  std::vector<PoseCandidate> rivals;
-  // Fits the candidates under a belief and keeps the best of them if it is better than what there is.
-  const auto take = [&](PosePriorTerm wide, std::vector<PoseCandidate> candidates) {
-    // A small image says little about where it may be: what it does say must not be outweighed by a start that is far
-    // off.
-    if (small_) wide = shiftsFreed(wide);
-    comparison_.rank(wide, candidates, small_ ? kSmallQuick : kQuick);
-    RegistrationResult found = result;
-    LineFitPlan plan = kFull;
-    if (small_) plan.gate_px = kSmallGate_px;
-    finish(wide, candidates.front().T_camera_centered, plan, found);
-    found.times.rigid_s = began.seconds() - result.times.prepare_s;
-    const Pose rigid = found.T_camera_model * Eigen::Translation3d(model_.centroid);
-    deform(wide, found);
-    // Draws around one pose know no other: what earlier ones came upon is asked as well.
-    rivals.insert(rivals.end(), candidates.begin(), candidates.end());
-    classifyAlternatives(wide, rigid, rivals, found);
-    const auto merit = [](const RegistrationResult& r) { return r.agreement.score() * (1 - *r.ambiguity); };
-    const bool is_better = first || merit(found) > merit(result);
-    if (is_better) result = found;
-    first = false;
-    return is_better;
-  };
-  const auto byLuck = [&] { return result.agreement.score() < kChanceScore; };
-  const auto settled = [&] {
-    const bool alone = *result.ambiguity < kChanceRival && !byLuck() && result.last_step_px <= kAtRest_px;
-    return small_ || result.status == RegistrationStatus::kConverged || alone;
-  };
-  for (const Attempt& attempt : kAttempts) {
-    if (attempt.widened > 1 && (starts.box() || prior.covariance)) break;
-    // A fit that is explained fails for what one view leaves open, and a deformed one that is not explained by luck for
-    // what it cannot follow: no emptier tree changes that.
-    if (!first && attempt.outlier_mass > kSomeEmpty && (explained(result) || (deformation_ && !byLuck()))) continue;
-    const PosePriorTerm wide = widenedBy(attempt.widened, *belief);
-    auto candidates = small_ ? candidatesByShifts(wide, starts)
-                             : candidatesByFields(wide, starts, attempt, first ? progress : SearchProgress());
-    if (candidates.empty()) break;
-    take(wide, std::move(candidates));
-    // What is explained, and not well, is often near the right pose and kept from it by the belief: once more from
-    // there.
-    const bool try_nearby = attempt.widened > 1 || attempt.outlier_mass > kSomeEmpty || !byLuck();
-    bool moved = try_nearby && !explained(result);
-    const int rounds = deformation_ ? 1 : kNearbyRounds;
-    for (int round = 0; round < rounds && moved && !settled(); ++round) {
-      PosePriorTerm there = widenedBy(kNearby, *belief);
-      there.T0_camera_centered = result.T_camera_model * Eigen::Translation3d(model_.centroid);
-      StartSettings nearby = starts;
-      nearby.box_rotation_deg = nearby.box_translation_mm = 0;
-      moved = take(prior.covariance ? *belief : widenedBy(kWidest, *belief),
-                   candidatesByFields(there, nearby, {1, attempt.outlier_mass}, {}));
-    }
-    // In doubt a little wider; far wider only when nothing has been found.
-    if (settled() || (attempt.widened > 1 && !byLuck())) break;
-  }
-  if (progress) progress(1);
-  result.times.total_s = began.seconds();
-  return result;
-}
 
 }  // namespace
 

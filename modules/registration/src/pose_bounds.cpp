@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "pose_bounds.hpp"
 
-#include <algorithm>
 #include <cmath>
-
-#include "angio/vessel/vessel_tree.hpp"
 
 // Compiled once for every vector target by the include below; prepare and atMost choose at run time.
 #undef HWY_TARGET_INCLUDE
@@ -17,29 +14,12 @@
 namespace angio::registration {
 // Plain numbers in and out of the vector code.
 struct RawCell {
-  const float *x, *y, *z, *tx, *ty, *tz, *norm;
-  int count;
-  float R[9];     // Of the cell's middle.
+  RawPoints samples;
+  RawView view;   // Its rotation is that of the cell's middle.
   float G[3][3];  // A step d of the rotation vector turns by G d, to first order; [j] is the turn by a step along j.
   float half[3], half_norm, depth, half_depth;
-  float ray_x, ray_y, ray_x_range, ray_y_range, half_ray;  // Middles of rays lie within the ranges.
-  float fx, fy, cx, cy, before_px;
-  float u_least, v_least, u_most, v_most;  // The open window.
-  const float *radius, *inverse_cell, *last_column, *last_row;
-  const std::int32_t *first, *columns;
-  int levels;
-};
-struct RawBounds {
-  float *u, *v, *u_per_ray, *v_per_ray, *u_last, *v_last, *u_seen, *v_seen, *u_seen_to, *v_seen_to;
-  std::int32_t *first, *columns;
-  std::uint32_t* directions;
-  double effects[5];
-};
-struct RawLook {
-  const float *u, *v, *u_per_ray, *v_per_ray, *u_last, *v_last, *u_seen, *v_seen, *u_seen_to, *v_seen_to;
-  const std::int32_t *first, *columns;
-  const std::uint32_t *directions, *words;
-  int count, points_explained, points_unexplained;
+  float ray_x, ray_y, ray_range, half_ray;  // Middles of rays lie within the range.
+  ImageWindow window;                       // The open one.
 };
 }  // namespace angio::registration
 #endif
@@ -66,23 +46,25 @@ V directionOf(D d, V du, V dv) {
   return hn::IfThenElse(falling, hn::Neg(phi), phi);
 }
 
-void prepareBounds(const RawCell& in, RawBounds& out) {
+void prepareBounds(const RawCell& in, const RasterLevels& levels, BoundedSamples& out) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::RebindToUnsigned<decltype(d)> du32;
   using V = decltype(hn::Zero(d));
   const auto set = [&](float value) { return hn::Set(d, value); };
   const V zero = hn::Zero(d), one = set(1);
+  constexpr float kBefore_px = ExplainedRaster::kBefore_px;
   V effects[5];
   for (auto& e : effects) e = zero;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  for (int first = 0; first < in.count; first += lanes) {
-    const V p[3] = {hn::LoadU(d, in.x + first), hn::LoadU(d, in.y + first), hn::LoadU(d, in.z + first)};
-    const V s[3] = {hn::LoadU(d, in.tx + first), hn::LoadU(d, in.ty + first), hn::LoadU(d, in.tz + first)};
-    const V norm = hn::LoadU(d, in.norm + first);
+  for (int first = 0; first < in.samples.count; first += lanes) {
+    const auto load = [&](const float* values) { return hn::LoadU(d, values + first); };
+    const V p[3] = {load(in.samples.x), load(in.samples.y), load(in.samples.z)};
+    const V s[3] = {load(in.samples.tx), load(in.samples.ty), load(in.samples.tz)};
+    const V norm = load(in.samples.weight);
+    const float* const R = in.view.R;
     const auto row = [&](int r, const V* a) {
-      return hn::MulAdd(set(in.R[3 * r]), a[0],
-                        hn::MulAdd(set(in.R[3 * r + 1]), a[1], hn::Mul(set(in.R[3 * r + 2]), a[2])));
+      return hn::MulAdd(set(R[3 * r]), a[0], hn::MulAdd(set(R[3 * r + 1]), a[1], hn::Mul(set(R[3 * r + 2]), a[2])));
     };
     const V X = row(0, p), Y = row(1, p), Z = row(2, p);
     const V tx = row(0, s), ty = row(1, s), tz = row(2, s);
@@ -93,7 +75,7 @@ void prepareBounds(const RawCell& in, RawBounds& out) {
     const V per_ray = hn::Mul(set(in.depth), inverse);
     const V xm = hn::Mul(hn::MulAdd(set(in.ray_x), set(in.depth), X), inverse);
     const V ym = hn::Mul(hn::MulAdd(set(in.ray_y), set(in.depth), Y), inverse);
-    const V x_spread = hn::Mul(set(in.ray_x_range), per_ray), y_spread = hn::Mul(set(in.ray_y_range), per_ray);
+    const V x_spread = hn::Mul(set(in.ray_range), per_ray), y_spread = hn::Mul(set(in.ray_range), per_ray);
     const V x_slant = hn::Add(one, hn::Add(hn::Abs(xm), x_spread)),
             y_slant = hn::Add(one, hn::Add(hn::Abs(ym), y_spread));
 
@@ -123,8 +105,8 @@ void prepareBounds(const RawCell& in, RawBounds& out) {
     const V far_y = hn::Min(hn::MulAdd(rest, y_slant, hn::MulAdd(y_spread, turn_z, turn_y)), hn::Mul(most, y_slant));
     const V far_z = hn::Min(hn::Add(turn_z, rest), most);
     // A change of depth moves a place along the centroid's ray.
-    const V along_ray_x = hn::MulAdd(set(in.ray_x_range), hn::Abs(Z), hn::Abs(hn::MulSub(set(in.ray_x), Z, X)));
-    const V along_ray_y = hn::MulAdd(set(in.ray_y_range), hn::Abs(Z), hn::Abs(hn::MulSub(set(in.ray_y), Z, Y)));
+    const V along_ray_x = hn::MulAdd(set(in.ray_range), hn::Abs(Z), hn::Abs(hn::MulSub(set(in.ray_x), Z, X)));
+    const V along_ray_y = hn::MulAdd(set(in.ray_range), hn::Abs(Z), hn::Abs(hn::MulSub(set(in.ray_y), Z, Y)));
     const V deeper = hn::Mul(set(in.half_depth), inverse);
     const V sideways = set(in.half_ray * (in.depth + in.half_depth));
     const V nearest = hn::Sub(depth, hn::Add(far_z, set(in.half_depth)));
@@ -132,32 +114,32 @@ void prepareBounds(const RawCell& in, RawBounds& out) {
     const V inverse_nearest = hn::Div(set(1.00001f), hn::Max(nearest, set(0.02f)));
     const V off_x = hn::Mul(inverse_nearest, hn::Add(hn::Add(far_x, sideways), hn::Mul(deeper, along_ray_x)));
     const V off_y = hn::Mul(inverse_nearest, hn::Add(hn::Add(far_y, sideways), hn::Mul(deeper, along_ray_y)));
-    const V radius = hn::Add(hn::Max(hn::Mul(set(in.fx), off_x), hn::Mul(set(in.fy), off_y)), set(0.05f));
+    const V radius = hn::Add(hn::Max(hn::Mul(set(in.view.fx), off_x), hn::Mul(set(in.view.fy), off_y)), set(0.05f));
 
     // The level whose words cover the radius.
     auto level = hn::Zero(di);
-    for (int k = 0; k + 1 < in.levels; ++k) {
-      level = hn::IfThenElse(hn::RebindMask(di, hn::Gt(radius, set(in.radius[k]))), hn::Set(di, k + 1), level);
+    for (int k = 0; k + 1 < levels.kCount; ++k) {
+      level = hn::IfThenElse(hn::RebindMask(di, hn::Gt(radius, set(levels.radius[k]))), hn::Set(di, k + 1), level);
     }
-    level = hn::IfThenElse(hn::RebindMask(di, in_front), level, hn::Set(di, in.levels - 1));
-    const V inverse_cell = hn::GatherIndex(d, in.inverse_cell, level);
-    const V scale_u = hn::Mul(set(in.fx), inverse), scale_v = hn::Mul(set(in.fy), inverse);
-    hn::StoreU(hn::Mul(inverse_cell, hn::MulAdd(scale_u, X, set(in.cx + in.before_px))), d, out.u + first);
-    hn::StoreU(hn::Mul(inverse_cell, hn::MulAdd(scale_v, Y, set(in.cy + in.before_px))), d, out.v + first);
+    level = hn::IfThenElse(hn::RebindMask(di, in_front), level, hn::Set(di, levels.kCount - 1));
+    const V inverse_cell = hn::GatherIndex(d, levels.inverse_cell, level);
+    const V scale_u = hn::Mul(set(in.view.fx), inverse), scale_v = hn::Mul(set(in.view.fy), inverse);
+    hn::StoreU(hn::Mul(inverse_cell, hn::MulAdd(scale_u, X, set(in.view.cx + kBefore_px))), d, out.u + first);
+    hn::StoreU(hn::Mul(inverse_cell, hn::MulAdd(scale_v, Y, set(in.view.cy + kBefore_px))), d, out.v + first);
     hn::StoreU(hn::Mul(inverse_cell, hn::Mul(scale_u, set(in.depth))), d, out.u_per_ray + first);
     hn::StoreU(hn::Mul(inverse_cell, hn::Mul(scale_v, set(in.depth))), d, out.v_per_ray + first);
-    hn::StoreU(hn::GatherIndex(d, in.last_column, level), d, out.u_last + first);
-    hn::StoreU(hn::GatherIndex(d, in.last_row, level), d, out.v_last + first);
+    hn::StoreU(hn::GatherIndex(d, levels.last_column, level), d, out.u_last + first);
+    hn::StoreU(hn::GatherIndex(d, levels.last_row, level), d, out.v_last + first);
     const auto edge = [&](float pixel, V inward) {
-      return hn::Mul(inverse_cell, hn::Add(set(pixel + in.before_px), inward));
+      return hn::Mul(inverse_cell, hn::Add(set(pixel + kBefore_px), inward));
     };
     const auto nowhere = [&](V at) { return hn::IfThenElse(in_front, at, set(1e9f)); };
-    hn::StoreU(nowhere(edge(in.u_least, radius)), d, out.u_seen + first);
-    hn::StoreU(edge(in.u_most, hn::Neg(radius)), d, out.u_seen_to + first);
-    hn::StoreU(nowhere(edge(in.v_least, radius)), d, out.v_seen + first);
-    hn::StoreU(edge(in.v_most, hn::Neg(radius)), d, out.v_seen_to + first);
-    hn::StoreU(hn::GatherIndex(di, in.first, level), di, out.first + first);
-    hn::StoreU(hn::GatherIndex(di, in.columns, level), di, out.columns + first);
+    hn::StoreU(nowhere(edge(in.window.u_least, radius)), d, out.u_seen + first);
+    hn::StoreU(edge(in.window.u_most, hn::Neg(radius)), d, out.u_seen_to + first);
+    hn::StoreU(nowhere(edge(in.window.v_least, radius)), d, out.v_seen + first);
+    hn::StoreU(edge(in.window.v_most, hn::Neg(radius)), d, out.v_seen_to + first);
+    hn::StoreU(hn::GatherIndex(di, levels.first, level), di, out.first + first);
+    hn::StoreU(hn::GatherIndex(di, levels.columns, level), di, out.columns + first);
 
     // Directions that the projected tangent (tx - x tz, ty - y tz) may have: those of a rectangle about its middle.
     const V x_off = hn::Add(x_spread, off_x), y_off = hn::Add(y_spread, off_y);
@@ -167,7 +149,7 @@ void prepareBounds(const RawCell& in, RawBounds& out) {
                              hn::MulAdd(x_off, hn::Abs(tz), set(1e-5f)));
     const V wide_y = hn::Add(hn::MulAdd(second, hn::Add(y_slant, off_y), hn::MulAdd(y_off, bend_z_most, bend_y)),
                              hn::MulAdd(y_off, hn::Abs(tz), set(1e-5f)));
-    const V aspect = set(in.fy / in.fx);
+    const V aspect = set(in.view.fy / in.view.fx);
     const V du = hn::NegMulAdd(xm, tz, tx), dv = hn::Mul(aspect, hn::NegMulAdd(ym, tz, ty));
     const V wide_v = hn::Mul(aspect, wide_y);
     const V length = hn::Sqrt(hn::MulAdd(du, du, hn::Mul(dv, dv)));
@@ -191,7 +173,7 @@ void prepareBounds(const RawCell& in, RawBounds& out) {
     const auto back = hn::And(hn::Sub(hn::Set(du32, 32u), by), hn::Set(du32, 31u));
     hn::StoreU(hn::Or(hn::Shl(ones, by), hn::Shr(ones, back)), du32, out.directions + first);
 
-    const V pixels = hn::IfThenElseZero(in_front, hn::Mul(set(in.fx), inverse_nearest));
+    const V pixels = hn::IfThenElseZero(in_front, hn::Mul(set(in.view.fx), inverse_nearest));
     for (int j = 0; j < 3; ++j) effects[j] = hn::MulAdd(pixels, by_turn[j], effects[j]);
     effects[3] = hn::MulAdd(pixels, hn::Mul(deeper, hn::Add(along_ray_x, along_ray_y)), effects[3]);
     effects[4] = hn::MulAdd(pixels, sideways, effects[4]);
@@ -199,22 +181,22 @@ void prepareBounds(const RawCell& in, RawBounds& out) {
   for (int k = 0; k < 5; ++k) out.effects[k] = hn::GetLane(hn::SumOfLanes(d, effects[k]));
 }
 
-int countAtMost(const RawLook& in, float ray_x, float ray_y, int enough) {
+int countAtMost(const BoundedSamples& in, const std::uint32_t* words, float ray_x, float ray_y, int enough) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::RebindToUnsigned<decltype(d)> du32;
   const auto zero = hn::Zero(d), x = hn::Set(d, ray_x), y = hn::Set(d, ray_y);
   const int lanes = static_cast<int>(hn::Lanes(d));
   // Points are counted from the most there may be downward: a sample that is not explained loses its own.
-  const int most = in.points_explained * in.count, may_lose = most - enough;
+  const int most = PoseBounds::mostPoints(), may_lose = most - enough;
   int lost = 0, next_look = 64;
-  for (int first = 0; first < in.count; first += lanes) {
+  for (int first = 0; first < TreeSamples::kCount; first += lanes) {
     const auto u = hn::MulAdd(x, hn::LoadU(d, in.u_per_ray + first), hn::LoadU(d, in.u + first));
     const auto v = hn::MulAdd(y, hn::LoadU(d, in.v_per_ray + first), hn::LoadU(d, in.v + first));
     const auto c = hn::ConvertTo(di, hn::Max(zero, hn::Min(u, hn::LoadU(d, in.u_last + first))));
     const auto r = hn::ConvertTo(di, hn::Max(zero, hn::Min(v, hn::LoadU(d, in.v_last + first))));
     const auto at = hn::Add(hn::LoadU(di, in.first + first), hn::Add(hn::Mul(r, hn::LoadU(di, in.columns + first)), c));
-    const auto word = hn::GatherIndex(du32, in.words, at);
+    const auto word = hn::GatherIndex(du32, words, at);
     const auto shared = hn::And(word, hn::LoadU(du32, in.directions + first));
     const auto missed = hn::RebindMask(d, hn::Eq(shared, hn::Zero(du32)));
     const auto in_u =
@@ -222,8 +204,8 @@ int countAtMost(const RawLook& in, float ray_x, float ray_y, int enough) {
     const auto in_v =
         hn::And(hn::Ge(v, hn::LoadU(d, in.v_seen + first)), hn::Le(v, hn::LoadU(d, in.v_seen_to + first)));
     const auto seen = hn::And(missed, hn::And(in_u, in_v));
-    lost += in.points_explained * static_cast<int>(hn::CountTrue(d, missed)) +
-            in.points_unexplained * static_cast<int>(hn::CountTrue(d, seen));
+    lost += PoseBounds::kExplained * static_cast<int>(hn::CountTrue(d, missed)) +
+            PoseBounds::kUnexplained * static_cast<int>(hn::CountTrue(d, seen));
     if (first + lanes >= next_look) {
       next_look += 32;
       if (lost > may_lose) return -1;
@@ -290,16 +272,8 @@ TreeSamples::TreeSamples(const VesselTree& tree) : points(3, kCount), tangents(3
       before += length;
     }
   }
-  for (auto* values : {&x, &y, &z, &tx, &ty, &tz, &norm}) values->reserve(kCount);
-  for (Eigen::Index i = 0; i < kCount; ++i) {
-    x.push_back(static_cast<float>(points(0, i)));
-    y.push_back(static_cast<float>(points(1, i)));
-    z.push_back(static_cast<float>(points(2, i)));
-    tx.push_back(static_cast<float>(tangents(0, i)));
-    ty.push_back(static_cast<float>(tangents(1, i)));
-    tz.push_back(static_cast<float>(tangents(2, i)));
-    norm.push_back(static_cast<float>(1.000001 * points.col(i).norm() + 1e-9));
-  }
+  const Eigen::VectorXd norm = (1.000001 * points.colwise().norm().array() + 1e-9).matrix().transpose();
+  floats = ModelPoints::of(points, tangents, norm, 1);
 }
 
 ImageWindow openWindow(const XrayView& view) {
@@ -325,38 +299,27 @@ ImageWindow openWindow(const XrayView& view) {
 
 PoseBounds::PoseBounds(const TreeSamples& samples, const ExplainedRaster& raster, const XrayView& view,
                        const Eigen::Matrix3d& R0)
-    : samples_(samples), raster_(raster), camera_(view.camera.parameters()), window_(openWindow(view)), R0_(R0) {
-  for (const auto& level : raster.levels()) {
-    radius_.push_back(level.radius_px);
-    inverse_cell_.push_back(level.inverse_cell_px);
-    last_column_.push_back(static_cast<float>(level.columns - 1));
-    last_row_.push_back(static_cast<float>(level.rows - 1));
-    first_.push_back(level.first);
-    columns_.push_back(level.columns);
+    : samples_(samples), raster_(raster), camera_(view.camera), window_(openWindow(view)), R0_(R0) {
+  for (int k = 0; k < RasterLevels::kCount; ++k) {
+    const ExplainedRaster::Level& level = raster.levels()[k];
+    levels_.radius[k] = level.radius_px;
+    levels_.inverse_cell[k] = level.inverse_cell_px;
+    levels_.last_column[k] = static_cast<float>(level.columns - 1);
+    levels_.last_row[k] = static_cast<float>(level.rows - 1);
+    levels_.first[k] = level.first;
+    levels_.columns[k] = level.columns;
   }
-  constexpr std::size_t kCount = TreeSamples::kCount;
-  for (auto* values :
-       {&u_, &v_, &u_per_ray_, &v_per_ray_, &u_last_, &v_last_, &u_seen_, &v_seen_, &u_seen_to_, &v_seen_to_})
-    values->assign(kCount, 0.0f);
-  level_first_.assign(kCount, 0);
-  level_columns_.assign(kCount, 0);
-  directions_.assign(kCount, 0);
 }
 
 void PoseBounds::prepare(const PoseCell& cell, const RayCell& rays, double half_ray) {
   // A little more than asked for, so that rounding to single precision leaves nothing out.
   constexpr double kMore = 1 + 1e-5;
+  Pose middle = Pose::Identity();
+  middle.linear() = expSO3(cell.rotation) * R0_;
+  const Eigen::Matrix3d G = leftJacobian(cell.rotation);
   RawCell in{};
-  in.x = samples_.x.data();
-  in.y = samples_.y.data();
-  in.z = samples_.z.data();
-  in.tx = samples_.tx.data();
-  in.ty = samples_.ty.data();
-  in.tz = samples_.tz.data();
-  in.norm = samples_.norm.data();
-  in.count = TreeSamples::kCount;
-  const Eigen::Matrix3d R = expSO3(cell.rotation) * R0_, G = leftJacobian(cell.rotation);
-  for (int i = 0; i < 9; ++i) in.R[i] = static_cast<float>(R(i / 3, i % 3));
+  in.samples = samples_.floats.raw();
+  in.view = rawView(camera_, middle);
   for (int j = 0; j < 3; ++j) {
     for (int k = 0; k < 3; ++k) in.G[j][k] = static_cast<float>(G(k, j));
     in.half[j] = static_cast<float>(kMore * cell.half[j]);
@@ -366,47 +329,22 @@ void PoseBounds::prepare(const PoseCell& cell, const RayCell& rays, double half_
   in.half_depth = static_cast<float>(kMore * cell.half_depth + 1e-7);
   in.ray_x = static_cast<float>(rays.x);
   in.ray_y = static_cast<float>(rays.y);
-  in.ray_x_range = in.ray_y_range = static_cast<float>(kMore * rays.half + 1e-7);
+  in.ray_range = static_cast<float>(kMore * rays.half + 1e-7);
   in.half_ray = static_cast<float>(kMore * half_ray + 1e-7);
-  in.fx = static_cast<float>(camera_.fx_px);
-  in.fy = static_cast<float>(camera_.fy_px);
-  in.cx = static_cast<float>(camera_.cx_px);
-  in.cy = static_cast<float>(camera_.cy_px);
-  in.before_px = static_cast<float>(ExplainedRaster::kBefore_px);
-  in.u_least = static_cast<float>(window_.u_least);
-  in.v_least = static_cast<float>(window_.v_least);
-  in.u_most = static_cast<float>(window_.u_most);
-  in.v_most = static_cast<float>(window_.v_most);
-  in.radius = radius_.data();
-  in.inverse_cell = inverse_cell_.data();
-  in.last_column = last_column_.data();
-  in.last_row = last_row_.data();
-  in.first = first_.data();
-  in.columns = columns_.data();
-  in.levels = static_cast<int>(radius_.size());
-  RawBounds out{u_.data(),           v_.data(),
-                u_per_ray_.data(),   v_per_ray_.data(),
-                u_last_.data(),      v_last_.data(),
-                u_seen_.data(),      v_seen_.data(),
-                u_seen_to_.data(),   v_seen_to_.data(),
-                level_first_.data(), level_columns_.data(),
-                directions_.data(),  {}};
-  HWY_DYNAMIC_DISPATCH(prepareBounds)(in, out);
-  for (std::size_t k = 0; k < effects_px_.size(); ++k) effects_px_[k] = 0.5 * out.effects[k] / TreeSamples::kCount;
+  in.window = window_;
+  HWY_DYNAMIC_DISPATCH(prepareBounds)(in, levels_, bounded_);
+  for (std::size_t k = 0; k < effects_px_.size(); ++k) effects_px_[k] = 0.5 * bounded_.effects[k] / TreeSamples::kCount;
 }
 
 int PoseBounds::atMost(double ray_x, double ray_y, int enough) const {
-  const RawLook in{u_.data(),          v_.data(),         u_per_ray_.data(),   v_per_ray_.data(),
-                   u_last_.data(),     v_last_.data(),    u_seen_.data(),      v_seen_.data(),
-                   u_seen_to_.data(),  v_seen_to_.data(), level_first_.data(), level_columns_.data(),
-                   directions_.data(), raster_.words(),   TreeSamples::kCount, kExplained,
-                   kUnexplained};
-  return HWY_DYNAMIC_DISPATCH(countAtMost)(in, static_cast<float>(ray_x), static_cast<float>(ray_y), enough);
+  return HWY_DYNAMIC_DISPATCH(countAtMost)(bounded_, raster_.words(), static_cast<float>(ray_x),
+                                           static_cast<float>(ray_y), enough);
 }
 
 int PoseBounds::points(const Pose& T, int enough) const {
   int lost = 0;
   const int may_lose = mostPoints() - enough;
+  const XrayCamera::Parameters& c = camera_.parameters();
   for (int i = 0; i < TreeSamples::kCount; ++i) {
     if (lost > may_lose) return -1;
     const Eigen::Vector3d p = T * samples_.points.col(i), t = T.linear() * samples_.tangents.col(i);
@@ -415,8 +353,8 @@ int PoseBounds::points(const Pose& T, int enough) const {
       continue;
     }
     const double x = p.x() / p.z(), y = p.y() / p.z();
-    const double u = camera_.fx_px * x + camera_.cx_px, v = camera_.fy_px * y + camera_.cy_px;
-    if (raster_.explains(u, v, camera_.fx_px * (t.x() - x * t.z()), camera_.fy_px * (t.y() - y * t.z()))) continue;
+    const double u = c.fx_px * x + c.cx_px, v = c.fy_px * y + c.cy_px;
+    if (raster_.explains(u, v, c.fx_px * (t.x() - x * t.z()), c.fy_px * (t.y() - y * t.z()))) continue;
     lost += kExplained + (window_.contains(u, v) ? kUnexplained : 0);
   }
   return lost <= may_lose ? mostPoints() - lost : -1;

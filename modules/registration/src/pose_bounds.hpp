@@ -3,14 +3,10 @@
 
 #include <array>
 #include <cstdint>
-#include <vector>
 
-#include "angio/geometry/se3.hpp"
-#include "angio/geometry/xray_camera.hpp"
-#include "angio/registration/namespace.hpp"
-#include "angio/registration/xray_view.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 #include "explained_raster.hpp"
+#include "field_step.hpp"
 
 namespace angio::registration {
 
@@ -21,8 +17,8 @@ struct TreeSamples {
   /// kCount places evenly spaced along the tree, in an order in which each part of the list covers the tree.
   explicit TreeSamples(const VesselTree& tree);
 
-  Eigen::Matrix3Xd points, tangents;             ///< 3 x kCount [m].
-  std::vector<float> x, y, z, tx, ty, tz, norm;  ///< The same; `norm` is the distance from the centroid, rounded up.
+  Eigen::Matrix3Xd points, tangents;  ///< 3 x kCount [m].
+  ModelPoints floats;                 ///< The same; a weight is the distance from the centroid, rounded up.
 };
 
 /// Rotations exp(r) R0 with r within `half` of `rotation`, and depths of the centroid within `half_depth` of `depth`.
@@ -46,6 +42,27 @@ struct ImageWindow {
 /// Returns the part of a view's image in which the tree should be seen: the detector, or a window inside the
 /// collimator's edges.
 ImageWindow openWindow(const XrayView& view);
+
+/// Of each level of an ExplainedRaster, as vector code reads it.
+struct RasterLevels {
+  static constexpr int kCount = ExplainedRaster::kLevels;
+
+  float radius[kCount], inverse_cell[kCount], last_column[kCount], last_row[kCount];
+  std::int32_t first[kCount], columns[kCount];
+};
+
+/// What a cell of poses makes of each sample, as vector code reads it.
+struct BoundedSamples {
+  static constexpr int kCount = TreeSamples::kCount;
+
+  /// The position in cells of the sample's level is (u + u_per_ray ray_x, v + v_per_ray ray_y).
+  float u[kCount], v[kCount], u_per_ray[kCount], v_per_ray[kCount], u_last[kCount], v_last[kCount];
+  /// Where on its level the sample must be to be in the window in all poses.
+  float u_seen[kCount], v_seen[kCount], u_seen_to[kCount], v_seen_to[kCount];
+  std::int32_t first[kCount], columns[kCount];  ///< Of its level.
+  std::uint32_t directions[kCount];
+  double effects[5];  ///< Sums over the samples, see PoseBounds::effects_px.
+};
 
 /// Bounds of the score in all poses of a cell, in points.
 ///
@@ -79,19 +96,12 @@ class PoseBounds {
  private:
   const TreeSamples& samples_;
   const ExplainedRaster& raster_;
-  XrayCamera::Parameters camera_;
+  XrayCamera camera_;
   ImageWindow window_;
   Eigen::Matrix3d R0_;
   std::array<double, 5> effects_px_{};
-  // Of each level.
-  std::vector<float> radius_, inverse_cell_, last_column_, last_row_;
-  std::vector<std::int32_t> first_, columns_;
-  // Of each sample: its position in cells of its level is (u + x_per_ray ray_x, v + y_per_ray ray_y).
-  std::vector<float> u_, v_, u_per_ray_, v_per_ray_, u_last_, v_last_;
-  // Where on its level a sample must be to be in the window in all poses.
-  std::vector<float> u_seen_, v_seen_, u_seen_to_, v_seen_to_;
-  std::vector<std::int32_t> level_first_, level_columns_;
-  std::vector<std::uint32_t> directions_;
+  RasterLevels levels_;
+  BoundedSamples bounded_{};
 };
 
 }  // namespace angio::registration

@@ -27,6 +27,12 @@ inline RawView rawView(const XrayCamera& camera, const Pose& T_view_centered) {
   return raw;
 }
 
+/// Places with a direction and one more number each, for vector code.
+struct RawPoints {
+  const float *x, *y, *z, *tx, *ty, *tz, *weight;
+  int count;
+};
+
 /// Normal equations of a twist as vector code sums them: the Hessian's lower triangle row by row, and the gradient.
 struct RawNormalEquations {
   double H[21], g[6];

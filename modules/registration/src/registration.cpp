@@ -32,17 +32,8 @@ std::string methodName(const RegistrationSettings& settings) {
 }
 
 std::string statusName(RegistrationStatus status) {
-  switch (status) {
-    case RegistrationStatus::kConverged:
-      return "converged";
-    case RegistrationStatus::kAmbiguous:
-      return "ambiguous";
-    case RegistrationStatus::kDiverged:
-      return "diverged";
-    case RegistrationStatus::kTooFewPoints:
-      break;
-  }
-  return "too_few_points";
+  constexpr const char* kNames[] = {"converged", "ambiguous", "diverged", "too_few_points"};
+  return kNames[static_cast<int>(status)];
 }
 
 bool XrayView::sees(const Eigen::Vector2d& pixel) const {

@@ -7,15 +7,6 @@
 namespace angio::vessel {
 namespace {
 
-// Arc length of each point of a chain, from its start [m].
-std::vector<double> arcLengths(const VesselTree& tree, const std::vector<int>& chain) {
-  std::vector<double> s(chain.size(), 0.0);
-  for (std::size_t k = 1; k < chain.size(); ++k) {
-    s[k] = s[k - 1] + (tree.points().col(chain[k]) - tree.points().col(chain[k - 1])).norm();
-  }
-  return s;
-}
-
 // Where the new points of a chain go, by arc length: first and last are the chain's ends.
 std::vector<double> subdivided(const std::vector<double>& s, double spacing_m) {
   std::vector<double> result{s.front()};
@@ -44,6 +35,29 @@ std::pair<std::size_t, double> locate(const std::vector<double>& s, double at) {
 }
 
 }  // namespace
+
+std::vector<double> arcLengths(const VesselTree& tree, const std::vector<int>& chain) {
+  std::vector<double> s(chain.size(), 0.0);
+  for (std::size_t k = 1; k < chain.size(); ++k) {
+    s[k] = s[k - 1] + (tree.points().col(chain[k]) - tree.points().col(chain[k - 1])).norm();
+  }
+  return s;
+}
+
+Eigen::Index nearestPoint(const VesselTree& tree, const Eigen::Vector3d& place_m) {
+  Eigen::Index nearest = 0;
+  (tree.points().colwise() - place_m).colwise().squaredNorm().minCoeff(&nearest);
+  return nearest;
+}
+
+Eigen::Matrix3Xd ResampledTree::ofOriginal(const Eigen::Matrix3Xd& of_tree) const {
+  Eigen::Matrix3Xd result(3, place_of_original.size());
+  for (std::size_t i = 0; i < place_of_original.size(); ++i) {
+    const Place& place = place_of_original[i];
+    result.col(i) = (1 - place.weight) * of_tree.col(place.a) + place.weight * of_tree.col(place.b);
+  }
+  return result;
+}
 
 ResampledTree resampled(const VesselTree& tree, double spacing_m, int max_points) {
   std::vector<std::vector<double>> positions, wanted;

@@ -14,6 +14,9 @@
 
 namespace angio::localisation {
 
+class TipFilter;
+struct FrameOutcome;
+
 /// Settings of CatheterLocaliser.
 struct LocaliserSettings {
   // Places and motion.
@@ -77,9 +80,8 @@ class CatheterLocaliser {
  public:
   /// Throws InputError when a setting is out of its range.
   CatheterLocaliser(const LocaliserSettings& settings, const VesselTree& tree);
-  ~CatheterLocaliser();
-  CatheterLocaliser(CatheterLocaliser&&) noexcept;
-  CatheterLocaliser& operator=(CatheterLocaliser&&) noexcept;
+  CatheterLocaliser(CatheterLocaliser&&) noexcept = default;
+  CatheterLocaliser& operator=(CatheterLocaliser&&) noexcept = default;
 
   /// Takes one frame's curve. A curve or pose that says nothing (too short, not finite) only predicts.
   [[nodiscard]] TipBelief update(const SeenCatheter& seen, const SeenPose& pose, const CatheterMotion& motion);
@@ -99,11 +101,15 @@ class CatheterLocaliser {
   void reset(int chain, double arc_m, double std_m);
 
   /// The belief as it stands.
-  const TipBelief& belief() const;
+  const TipBelief& belief() const { return belief_; }
 
  private:
-  class Filter;
-  std::unique_ptr<Filter> filter_;
+  void forget();
+  const TipBelief& believed(const FrameOutcome& outcome, double end_std_m = 0);
+
+  std::shared_ptr<TipFilter> filter_;
+  TipBelief belief_;
+  bool seen_before_ = false;
 };
 
 /// The tip's end in 3D, model frame [m]: the point on the ray through the seen tip that is nearest to the believed

@@ -49,18 +49,8 @@ inline bool isFromFrame(const TipBelief& belief) {
 
 /// The name of a status, as tables show it.
 inline const char* statusName(BeliefStatus status) {
-  switch (status) {
-    case BeliefStatus::kUnknown:
-      return "unknown";
-    case BeliefStatus::kSeen:
-      return "seen";
-    case BeliefStatus::kUnsure:
-      return "unsure";
-    case BeliefStatus::kPredicted:
-      return "predicted";
-    default:
-      return "lost";
-  }
+  constexpr const char* kNames[] = {"unknown", "seen", "unsure", "predicted", "lost"};
+  return kNames[static_cast<int>(status)];
 }
 
 /// How well one place of a tree explains what a frame shows of a catheter's tip.

@@ -17,9 +17,6 @@ enum class MotionModel {
   kHarmonic,  ///< Resting position, drift, breathing and heartbeat.
 };
 
-/// "held", "velocity", "harmonic".
-std::string motionModelName(MotionModel model);
-
 /// Where a point will be.
 struct [[nodiscard]] MotionPrediction {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();    ///< [m], frame of the measurements.

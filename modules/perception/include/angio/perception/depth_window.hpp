@@ -15,8 +15,6 @@ namespace angio::perception {
 /// depthFromMotion() is asked of. The same frames give the same answers.
 class DepthWindow {
  public:
-  explicit DepthWindow(const VesselTree& tree) : tree_(tree) {}
-
   /// Takes a frame's registration; one without evidence is left out. A frame that is little later than the last but
   /// one, from nearly there, takes the last one's place: the newest frame is always the last.
   ///
@@ -33,15 +31,14 @@ class DepthWindow {
   /// Whether the camera stood still from the frame before to the newest one.
   bool still() const { return still_; }
 
-  /// Returns where the tree is in the newest frame, by all of them; nothing where they do not tell.
-  std::optional<DepthFromMotion> fit() const;
+  /// Returns where the tree that was registered is in the newest frame, by all of them; nothing where they do not tell.
+  std::optional<DepthFromMotion> fit(const VesselTree& tree) const;
 
   /// Where the camera was in the newest frame. There must be one.
   const Pose& T_camera_patient() const { return frames_.back().T_camera_patient; }
   std::int64_t time_us() const { return newest_us_; }
 
  private:
-  VesselTree tree_;
   std::deque<MovingFrame> frames_;
   std::optional<std::int64_t> first_us_;
   std::int64_t newest_us_ = 0;

@@ -59,7 +59,6 @@ class GatedPerception {
         gate_(settings.gate, target_, settings.need),
         need_(settings.need),
         tree_(tree),
-        window_(tree),
         prior_(settings.perception.tracker.calibrationCovariance()) {}
 
   /// Why a frame must not be read with these joints, or contradicts the calibrated geometry; nothing when it may.

@@ -56,9 +56,6 @@ class Perception {
   /// Throws InputError when a setting is out of its range.
   Perception(const PerceptionSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb, const VesselTree& tree,
              const std::optional<PointOfInterest>& place = std::nullopt);
-  Perception(Perception&&) noexcept;
-  Perception& operator=(Perception&&) noexcept;
-  ~Perception();
 
   /// Observes one frame of 8 or 16 bit that was exposed while the joints were as in `state`. Does not change what is
   /// tracked: accept() or reject() does.
@@ -74,15 +71,19 @@ class Perception {
 
   /// Tracks the patient where the observation has it.
   void accept(const Observation& observation, const CArmState& state) { accept(observation, placeOf(state)); }
-  void accept(const Observation& observation, const CameraPlace& place);
+  void accept(const Observation& observation, const CameraPlace& place) {
+    accept(observation.registration.T_camera_model, observation.registration.covariance, place);
+  }
   /// ... or where it is known to be better, with the covariance of its registration.
-  void accept(const Pose& T_camera_model, const std::optional<Matrix6d>& covariance, const CameraPlace& place);
+  void accept(const Pose& T_camera_model, const std::optional<Matrix6d>& covariance, const CameraPlace& place) {
+    tracker_.update(T_camera_model, place, covariance);
+  }
 
   /// Counts a frame that could not be trusted.
-  void reject();
+  void reject() { tracker_.miss(); }
 
   /// Learns how the patient moves from the observations that were accepted, when what a frame was wanted for is out.
-  void learn();
+  void learn() { tracker_.learn(); }
 
   /// The tree that is looked for.
   ModelId modelId() const { return model_id_; }
@@ -92,9 +93,9 @@ class Perception {
 
   /// Where the model is from there, or with these joints: by calibration alone ...
   Pose calibrated_T_camera_model(const CameraPlace& place) const { return place.T_camera_patient * T_dsa_cb_; }
-  Pose calibrated_T_camera_model(const CArmJoints& joints) const;
+  Pose calibrated_T_camera_model(const CArmJoints& joints) const { return carm_.T_camera_patient(joints) * T_dsa_cb_; }
   /// ... and by all frames that were trusted.
-  Pose tracked_T_camera_model(const CArmJoints& joints) const;
+  Pose tracked_T_camera_model(const CArmJoints& joints) const { return tracker_.predict(joints).T_camera_model; }
 
  private:
   void look(const XrayViews& views, const CameraPlace& place, Observation& observation);
@@ -112,8 +113,8 @@ class Perception {
   std::unique_ptr<Registration> bending_;  // Nothing for a patient who does not move.
   PatientTracker tracker_;
   std::optional<PointOfInterest> place_;
-  Eigen::Index place_point_ = 0;                  // The tree's point that is nearest to the place.
-  std::unique_ptr<LocalOffsetEstimator> nearby_;  // Nothing where the image around the place is not asked.
+  Eigen::Index place_point_ = 0;                        // The tree's point that is nearest to the place.
+  std::shared_ptr<const LocalOffsetEstimator> nearby_;  // Nothing where the image around the place is not asked.
 };
 
 }  // namespace angio::perception

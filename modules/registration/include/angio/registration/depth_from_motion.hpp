@@ -48,6 +48,7 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
                                                const PosePrior& prior, const VesselTree& tree);
 
 constexpr int kFewestFrames = 4;
+constexpr std::size_t kMostFrames = 32;   ///< Of more, as many take part.
 constexpr double kFewestTurn_rad = 0.01;  ///< 0.6 deg: 1 mm in depth is 0.01 mm across the beam.
 
 }  // namespace angio::registration
