@@ -45,7 +45,7 @@ struct Scene {
       seen.joints = view.said;
       seen.source_detector_distance_m = view.source_detector_distance_m;
       for (std::size_t i = 0; i < view.shown.size(); ++i) {
-        const Eigen::Vector2d pixel = view.pixels_px.col(static_cast<Eigen::Index>(i));
+        const Eigen::Vector2d pixel = view.pixels_px.col(i);
         seen.beads.push_back(
             {view.shown[i], pixel + settings.bead_noise_px * draws.vector(1).head<2>(), settings.bead_noise_px});
       }
@@ -72,7 +72,7 @@ double squaredByCovariance(const CalibrationRecord& record, const std::vector<st
   for (std::size_t k = 0; k < names.size(); ++k) {
     const Eigen::Index at = record.placeOf(names[k]).value();
     places.push_back(static_cast<int>(at));
-    error[static_cast<Eigen::Index>(k)] = record.values[at] - truth[k];
+    error[k] = record.values[at] - truth[k];
   }
   const Eigen::MatrixXd covariance = record.covariance(places, places);
   return error.dot(covariance.ldlt().solve(error));
@@ -142,7 +142,7 @@ std::vector<Figure> geometryTrial(Scene scene, bool bends) {
     const CArmParameter& parameter = kCArmPoseParameterNames[k];
     if (!found.record.placeOf(parameter.name)) continue;
     names.push_back(parameter.name);
-    truth.push_back(numbers[static_cast<Eigen::Index>(k)] / parameter.unit);
+    truth.push_back(numbers[k] / parameter.unit);
   }
   double direction = 0, target = 0;
   for (int k = 0; k < kPositions; ++k) {

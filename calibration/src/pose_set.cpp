@@ -254,8 +254,7 @@ void checkPoseSet(const PoseSet& set) {
           "has the very T_camera_object of " + a.name + " though the hand moved: one image was used twice");
     }
   }
-  std::nth_element(distances_m.begin(), distances_m.begin() + static_cast<std::ptrdiff_t>(distances_m.size() / 2),
-                   distances_m.end());
+  std::nth_element(distances_m.begin(), distances_m.begin() + distances_m.size() / 2, distances_m.end());
   const double distance_m = distances_m[distances_m.size() / 2];
   if (distance_m < kNearestObject_m || distance_m > kFarthestObject_m) {
     throw InputError(set.path, "T_camera_object.translation_mm",

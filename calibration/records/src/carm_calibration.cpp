@@ -70,9 +70,9 @@ void readFlex(const YamlField& field, CArmFlex& flex) {
 Json flexAsJson(const CArmFlex& flex) {
   Json rows = Json::array();
   for (int i = 0; i < flex.count; ++i) {
-    const CArmFlexTerm& term = flex.terms[static_cast<std::size_t>(i)];
+    const CArmFlexTerm& term = flex.terms[i];
     Json row = Json::array();
-    for (std::size_t k = 0; k < 6; ++k) row.push_back(term.twist[static_cast<Eigen::Index>(k)] / kFlexUnits[k]);
+    for (std::size_t k = 0; k < 6; ++k) row.push_back(term.twist[k] / kFlexUnits[k]);
     row.push_back(term.frequency_primary);
     row.push_back(term.frequency_secondary);
     row.push_back(radToDeg(term.phase_rad));

@@ -47,8 +47,7 @@ Pose readPoseField(const std::string& path, const YamlField& field, std::optiona
   const std::vector<double> t_mm = translation.numbers(3);
   for (std::size_t k = 0; k < 3; ++k) {
     const YamlField item = translation.item(k);
-    T.translation()[static_cast<Eigen::Index>(k)] =
-        1e-3 * requireBetween(item.place(), item.key, t_mm[k], -kFarthest_mm, kFarthest_mm);
+    T.translation()[k] = 1e-3 * requireBetween(item.place(), item.key, t_mm[k], -kFarthest_mm, kFarthest_mm);
   }
   if (covariance) {
     if (const auto given = map.find("covariance")) *covariance = readCovariance(*given);
@@ -66,7 +65,7 @@ CArmJoints readJoints(YamlMap& map) {
     const std::vector<double> t_mm = table->numbers(3);
     for (std::size_t k = 0; k < 3; ++k) {
       const YamlField item = table->item(k);
-      joints[static_cast<Eigen::Index>(2 + k)] = 1e-3 * requireBetween(item.place(), item.key, t_mm[k], -1e4, 1e4);
+      joints[2 + k] = 1e-3 * requireBetween(item.place(), item.key, t_mm[k], -1e4, 1e4);
     }
   }
   return joints;

@@ -61,7 +61,7 @@ Pose readTransform(YamlMap& map) {
   for (std::size_t k = 0; k < 3; ++k) {
     const YamlField item = translation.item(k);
     requireBetween(item.place(), item.key, t_mm[k], -kFarthest_mm, kFarthest_mm);
-    T.translation()[static_cast<Eigen::Index>(k)] = t_mm[k] / 1e3;
+    T.translation()[k] = t_mm[k] / 1e3;
   }
   return T;
 }

@@ -110,7 +110,7 @@ std::optional<Eigen::Vector3d> directionOf(const std::string& letters) {
   for (const char letter : letters) {
     const auto at = std::string_view("LRPAHF").find(letter);
     if (at == std::string_view::npos) return std::nullopt;
-    direction[static_cast<Eigen::Index>(at / 2)] += at % 2 == 0 ? 1 : -1;
+    direction[at / 2] += at % 2 == 0 ? 1 : -1;
   }
   return direction;
 }

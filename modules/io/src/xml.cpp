@@ -23,8 +23,7 @@ constexpr std::size_t kMaxTag = std::size_t{1} << 16;
 constexpr std::string_view kAppendedData = "<AppendedData";
 
 int lineAt(std::string_view content, std::size_t position) {
-  return 1 +
-         static_cast<int>(std::count(content.begin(), content.begin() + static_cast<std::ptrdiff_t>(position), '\n'));
+  return 1 + static_cast<int>(std::count(content.begin(), content.begin() + position, '\n'));
 }
 
 // The length of the tag (or comment) that begins the text.

@@ -119,7 +119,7 @@ YamlNode readYaml(const std::string& path) {
   std::string content = readWholeFile(path, kMaxYamlFile);
   const auto nul = content.find('\0');
   if (nul != std::string::npos) {
-    const auto line = 1 + std::count(content.begin(), content.begin() + static_cast<std::ptrdiff_t>(nul), '\n');
+    const auto line = 1 + std::count(content.begin(), content.begin() + nul, '\n');
     throw InputError(atLine(path, static_cast<int>(line)), "byte", "0", "must be text, without control characters");
   }
   std::istringstream stream(std::move(content));

@@ -88,7 +88,7 @@ void smooth(Line& line, double wavelength) {
 
 double medianRadius(const Line& line) {
   std::vector<double> radii = line.radii;
-  std::nth_element(radii.begin(), radii.begin() + static_cast<long>(radii.size() / 2), radii.end());
+  std::nth_element(radii.begin(), radii.begin() + radii.size() / 2, radii.end());
   return radii[radii.size() / 2];
 }
 
@@ -119,8 +119,7 @@ std::size_t nodesBehindEnd(const std::vector<double>& radii_from_end) {
   for (std::size_t i = 0; i + 1 < radii_from_end.size(); ++i) {
     const auto reach = static_cast<std::size_t>(std::ceil(2 * radii_from_end[i])) + 2;
     const auto inner = std::min(i + reach, radii_from_end.size());
-    const double thickest = *std::max_element(radii_from_end.begin() + static_cast<long>(i),
-                                              radii_from_end.begin() + static_cast<long>(inner));
+    const double thickest = *std::max_element(radii_from_end.begin() + i, radii_from_end.begin() + inner);
     if (radii_from_end[i] >= kFallen * thickest) break;
     behind = i + 1;
   }
@@ -182,8 +181,8 @@ Line lineOf(const SkeletonForest& forest, const SkeletonPath& path, std::size_t 
 std::size_t cutRoot(Line& line, std::size_t first_fork) {
   // A fork must not become the root, which is moved to the wall.
   const std::size_t cut = std::min({nodesBehindEnd(line.radii), first_fork - 1, line.points.size() - 2});
-  line.points.erase(line.points.begin(), line.points.begin() + static_cast<long>(cut));
-  line.radii.erase(line.radii.begin(), line.radii.begin() + static_cast<long>(cut));
+  line.points.erase(line.points.begin(), line.points.begin() + cut);
+  line.radii.erase(line.radii.begin(), line.radii.begin() + cut);
   return cut;
 }
 
@@ -194,10 +193,8 @@ std::size_t centerBranch(const LevelField& level, const Smoothness& smoothness, 
   const auto reach = static_cast<std::size_t>(std::ceil(2 * parent.radii[place]));
   const std::size_t from = place > reach ? place - reach : 1, shared = place - from;
   line.points.front() = parent.points[place];
-  line.points.insert(line.points.begin(), parent.points.begin() + static_cast<long>(from),
-                     parent.points.begin() + static_cast<long>(place));
-  line.radii.insert(line.radii.begin(), parent.radii.begin() + static_cast<long>(from),
-                    parent.radii.begin() + static_cast<long>(place));
+  line.points.insert(line.points.begin(), parent.points.begin() + from, parent.points.begin() + place);
+  line.radii.insert(line.radii.begin(), parent.radii.begin() + from, parent.radii.begin() + place);
   center(level, smoothness, line);
   std::size_t same = 0;
   while (same < shared) {
@@ -205,8 +202,8 @@ std::size_t centerBranch(const LevelField& level, const Smoothness& smoothness, 
     if ((line.points[next] - parent.points[from + next]).norm() > std::max(0.5, 0.1 * line.radii[next])) break;
     same = next;
   }
-  line.points.erase(line.points.begin(), line.points.begin() + static_cast<long>(same));
-  line.radii.erase(line.radii.begin(), line.radii.begin() + static_cast<long>(same));
+  line.points.erase(line.points.begin(), line.points.begin() + same);
+  line.radii.erase(line.radii.begin(), line.radii.begin() + same);
   line.points.front() = parent.points[from + same];
   return from + same;
 }

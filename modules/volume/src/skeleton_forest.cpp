@@ -93,7 +93,7 @@ double thicknessAt(const SkeletonForest& forest, int end) {
     before = at;
     at = next;
   }
-  const auto middle = depths.begin() + static_cast<long>(depths.size() / 2);
+  const auto middle = depths.begin() + depths.size() / 2;
   std::nth_element(depths.begin(), middle, depths.end());
   return *middle;
 }
