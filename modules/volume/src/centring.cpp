@@ -8,10 +8,10 @@
 #include <cmath>
 #include <cstdint>
 
+#include "angio/geometry/se3.hpp"
+
 namespace angio::volume {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 // A path on its way, with the vessel's radius at each node [voxels].
 struct Line {
@@ -21,12 +21,12 @@ struct Line {
   bool begins_at_fork = false;
 };
 
-std::size_t tangentReach(const Line& line, std::size_t i) {
-  return static_cast<std::size_t>(std::max(2.0, std::ceil(line.radii[i])));
+std::size_t reachAt(const Line& line, std::size_t i, double min_nodes) {
+  return static_cast<std::size_t>(std::max(min_nodes, std::ceil(line.radii[i])));
 }
 
 Eigen::Vector3d tangentAt(const Line& line, std::size_t i) {
-  const std::size_t reach = tangentReach(line, i), last = line.points.size() - 1;
+  const std::size_t reach = reachAt(line, i, 2), last = line.points.size() - 1;
   const Eigen::Vector3d along = line.points[std::min(i + reach, last)] - line.points[i > reach ? i - reach : 0];
   const double length = along.norm();
   return length > 1e-9 ? Eigen::Vector3d(along / length) : Eigen::Vector3d::UnitX();
@@ -140,14 +140,9 @@ std::optional<Eigen::Vector3d> wallAhead(const LevelField& level, const Eigen::V
 }
 
 Eigen::Vector3d innerPoint(const Line& line, std::size_t end) {
-  const auto reach =
-      std::min(line.points.size() - 1, static_cast<std::size_t>(std::max(3.0, std::ceil(line.radii[end]))));
+  const std::size_t reach = std::min(line.points.size() - 1, reachAt(line, end, 3));
   return end == 0 ? line.points[reach] : line.points[end - reach];
 }
-
-}  // namespace
-
-namespace {
 
 // What of each path cannot be cut: another one leaves there.
 struct Forks {
@@ -156,7 +151,7 @@ struct Forks {
   explicit Forks(const std::vector<SkeletonPath>& paths) : first(paths.size(), SIZE_MAX), last(paths.size(), 0) {
     for (const SkeletonPath& path : paths) {
       if (path.parent < 0) continue;
-      const auto p = static_cast<std::size_t>(path.parent), place = static_cast<std::size_t>(path.parent_place);
+      const std::size_t p = path.parent, place = path.parent_place;
       last[p] = std::max(last[p], place);
       first[p] = std::min(first[p], place);
     }
@@ -221,8 +216,7 @@ std::vector<CenteredPath> centered(const LevelField& level, const SkeletonForest
     Line line = lineOf(forest, path, forks.last[p]);
     CenteredPath centered_path;
     if (line.begins_at_fork) {
-      const auto parent = static_cast<std::size_t>(path.parent);
-      const auto place = static_cast<std::size_t>(path.parent_place + moved[parent]);
+      const std::size_t parent = path.parent, place = path.parent_place + moved[parent];
       centered_path.parent = path.parent;
       centered_path.parent_place = static_cast<int>(centerBranch(level, smoothness, lines[parent], place, line));
       moved[p] = static_cast<long>(place) - centered_path.parent_place;
