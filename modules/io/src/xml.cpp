@@ -107,12 +107,10 @@ XmlDocument::XmlDocument(std::string path, std::string content) : path_(std::mov
   if (!parsed || !root_ || !message.empty()) throw brokenXml(path_, message);
 }
 
-int XmlDocument::lineOf(vtkXMLDataElement& element) const {
+std::string XmlDocument::placeOf(vtkXMLDataElement& element) const {
   const auto index = std::max<vtkTypeInt64>(element.GetXMLByteIndex(), 0);
-  return lineAt(content_, std::min(static_cast<std::size_t>(index), content_.size()));
+  return atLine(path_, lineAt(content_, std::min(static_cast<std::size_t>(index), content_.size())));
 }
-
-std::string XmlDocument::placeOf(vtkXMLDataElement& element) const { return atLine(path_, lineOf(element)); }
 
 std::string_view XmlDocument::textOf(vtkXMLDataElement& element) const {
   const auto index = std::max<vtkTypeInt64>(element.GetXMLByteIndex(), 0);
