@@ -24,7 +24,6 @@
 #include "angio/io/xa_files.hpp"
 #include "calibrate.hpp"
 #include "outputs.hpp"
-#include "report_folder.hpp"
 
 namespace angio::apps {
 namespace {
