@@ -13,7 +13,7 @@
 #include "angio/cli/progress_bar.hpp"
 #include "angio/io/settings_files.hpp"
 #include "calibrate.hpp"
-#include "report_folder.hpp"
+#include "outputs.hpp"
 
 namespace angio::apps {
 namespace {

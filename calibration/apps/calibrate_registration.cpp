@@ -24,7 +24,6 @@
 #include "angio/io/xa_files.hpp"
 #include "calibrate.hpp"
 #include "outputs.hpp"
-#include "report_folder.hpp"
 
 namespace angio::apps {
 namespace {
@@ -131,8 +130,8 @@ std::string leaveOneOutTable(const AnatomyResult& all, const SeenViews& seen, co
   std::string table = "\nleft out    predicted rotation off [deg]   T_dsa_cb of the others moves by [deg]\n";
   for (std::size_t i = 0; i < seen.views.size(); ++i) {
     SeenViews others = seen;
-    others.views.erase(others.views.begin() + static_cast<std::ptrdiff_t>(i));
-    others.seen.erase(others.seen.begin() + static_cast<std::ptrdiff_t>(i));
+    others.views.erase(others.views.begin() + i);
+    others.seen.erase(others.seen.begin() + i);
     const AnatomyResult result = anatomyOf(others, tree, o);
     const AnatomyView& view = seen.views[i];
     const Eigen::Matrix3d predicted = view.T_camera_patient.linear() * result.T_dsa_cb.linear();

@@ -57,9 +57,7 @@ std::vector<Match> matches(const ModelPoints& model, const SeenAnatomy& seen, co
       nearest = i;
     }
     if (nearest < 0) continue;
-    found.push_back({model.points.col(in_front[static_cast<std::size_t>(nearest)]),
-                     {-directions(1, nearest), directions(0, nearest)},
-                     q});
+    found.push_back({model.points.col(in_front[nearest]), {-directions(1, nearest), directions(0, nearest)}, q});
   }
   return found;
 }
@@ -138,7 +136,7 @@ class Refinement {
       errors.push_back(match.normal.dot(match.seen_px - *seen_[v].camera.project(T * match.p_model)));
       sizes.push_back(std::abs(errors.back()));
     }
-    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+    const auto middle = sizes.begin() + sizes.size() / 2;
     std::nth_element(sizes.begin(), middle, sizes.end());
     const double std_px = std::max(kMinNoise_px, kMadToSigma * *middle);
     const double share = 1 / std::max(1.0, kCorrelation_px / meanSpacing(seen_[v].centerline));

@@ -140,7 +140,7 @@ class BeadFinder {
       }
     }
     if (sample.empty()) return;
-    std::nth_element(sample.begin(), sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 2), sample.end());
+    std::nth_element(sample.begin(), sample.begin() + sample.size() / 2, sample.end());
     noise_ = 1.4826 * sample[sample.size() / 2] / std::sqrt(20.0);  // Laplacian's weights squared: 16 + 4.
   }
 
@@ -232,7 +232,7 @@ class BeadFinder {
     ShadowGroup best;
     for (int k = 0; k < 4; ++k) {
       ShadowGroup parts = group;
-      BallShadow& one = parts.balls[static_cast<std::size_t>(widest)];
+      BallShadow& one = parts.balls[widest];
       const Eigen::Vector2d side = 0.5 * one.radius_px * Eigen::Vector2d(std::cos(k * kPi / 4), std::sin(k * kPi / 4));
       BallShadow other = one;
       one.radius_px = other.radius_px = 0.75 * one.radius_px;

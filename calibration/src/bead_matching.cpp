@@ -109,7 +109,7 @@ class OrientationVotes {
     const double reach_px = points_px_.colwise().norm().maxCoeff() + bin_px_;
     Eigen::Matrix2Xd detections_px(2, detections.size());
     for (std::size_t i = 0; i < detections.size(); ++i) {
-      detections_px.col(static_cast<Eigen::Index>(i)) = detections[i].center_px;
+      detections_px.col(i) = detections[i].center_px;
     }
     low_px_ = detections_px.rowwise().minCoeff().array() - reach_px;
     const Eigen::Vector2d extent_px = detections_px.rowwise().maxCoeff().array() + reach_px - low_px_.array();
@@ -142,7 +142,7 @@ class OrientationVotes {
     votes.reserve(orientations.size());
     for (const auto& R : orientations) votes.push_back(vote(R, bins));
     const std::size_t kept = std::min(count, votes.size());
-    std::partial_sort(votes.begin(), votes.begin() + static_cast<std::ptrdiff_t>(kept), votes.end(),
+    std::partial_sort(votes.begin(), votes.begin() + kept, votes.end(),
                       [](const OrientationVote& a, const OrientationVote& b) { return a.votes > b.votes; });
     votes.resize(kept);
     return votes;
@@ -171,7 +171,7 @@ class OrientationVotes {
           for (std::size_t k = 0; k < some; ++k) {
             index[k] = static_cast<int>(at_y[k] - y) * columns_ + static_cast<int>(at_x[k] - x);
           }
-          for (std::size_t k = 0; k < some; ++k) ++bins[static_cast<std::size_t>(index[k])];
+          for (std::size_t k = 0; k < some; ++k) ++bins[index[k]];
         }
       }
     }
@@ -184,7 +184,7 @@ class OrientationVotes {
   OrientationVote mostIn(const Votes& bins) const {
     OrientationVote best;
     for (int y = 0; y + 1 < rows_; ++y) {
-      const short* const row = &bins[static_cast<std::size_t>(y * columns_)];
+      const short* const row = &bins[y * columns_];
       const short* const below = row + columns_;
       const auto votes = [&](int x) { return static_cast<short>(row[x] + row[x + 1] + below[x] + below[x + 1]); };
       short most = 0;

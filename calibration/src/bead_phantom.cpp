@@ -29,7 +29,7 @@ static_assert(kCode.size() == kMaxHelixBeads);
 
 Eigen::Matrix3Xd BeadPhantom::positions_m() const {
   Eigen::Matrix3Xd positions(3, beads.size());
-  for (std::size_t i = 0; i < beads.size(); ++i) positions.col(static_cast<Eigen::Index>(i)) = beads[i].position_m;
+  for (std::size_t i = 0; i < beads.size(); ++i) positions.col(i) = beads[i].position_m;
   return positions;
 }
 
@@ -47,8 +47,7 @@ BeadPhantom helixPhantom(const HelixPhantomSettings& settings) {
   for (int i = 0; i < settings.beads; ++i) {
     const double part = static_cast<double>(i) / (settings.beads - 1);
     const double angle_rad = 2 * kPi * settings.turns * part, r_m = 1e-3 * settings.radius_mm;
-    const double diameter_mm =
-        kCode[static_cast<std::size_t>(i)] == 'L' ? settings.large_diameter_mm : settings.small_diameter_mm;
+    const double diameter_mm = kCode[i] == 'L' ? settings.large_diameter_mm : settings.small_diameter_mm;
     phantom.beads.push_back(
         {{r_m * std::cos(angle_rad), r_m * std::sin(angle_rad), 1e-3 * settings.height_mm * (part - 0.5)},
          0.5e-3 * diameter_mm});
@@ -68,9 +67,7 @@ using Triple = std::array<int, 3>;
 
 // A right-handed frame on three points, or a left-handed one.
 Eigen::Isometry3d frameOn(const BeadPhantom& phantom, const Triple& t) {
-  const auto at = [&](int i) {
-    return phantom.beads[static_cast<std::size_t>(t[static_cast<std::size_t>(i)])].position_m;
-  };
+  const auto at = [&](int i) { return phantom.beads[t[i]].position_m; };
   const Eigen::Vector3d x = (at(1) - at(0)).normalized(), z = x.cross(at(2) - at(0)).normalized();
   Eigen::Isometry3d frame = Eigen::Isometry3d::Identity();
   frame.linear() << x, z.cross(x), z;
@@ -129,12 +126,12 @@ class SymmetrySearch {
     return base;
   }
 
-  const Eigen::Vector3d& position(int i) const { return phantom_.beads[static_cast<std::size_t>(i)].position_m; }
+  const Eigen::Vector3d& position(int i) const { return phantom_.beads[i].position_m; }
   double distance(int i, int j) const { return (position(i) - position(j)).norm(); }
   bool near(double a, double b) const { return std::abs(a - b) < 2 * tolerance_m_; }
   bool sameSize(int i, int j) const {
-    const double a = phantom_.beads[static_cast<std::size_t>(i)].radius_m;
-    const double b = phantom_.beads[static_cast<std::size_t>(j)].radius_m;
+    const double a = phantom_.beads[i].radius_m;
+    const double b = phantom_.beads[j].radius_m;
     return std::abs(a - b) <= 0.2 * std::max(a, b);  // What an image cannot tell apart for sure.
   }
 

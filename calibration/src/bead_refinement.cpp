@@ -19,8 +19,7 @@ class Refiner {
  public:
   Refiner(const BeadPhantom& phantom, const std::vector<BeadDetection>& detections, const BeadScale& scale)
       : points_m_(phantom.positions_m().colwise() - phantom.center_m()), scale_(scale), seen_px_(2, detections.size()) {
-    for (std::size_t i = 0; i < detections.size(); ++i)
-      seen_px_.col(static_cast<Eigen::Index>(i)) = detections[i].center_px;
+    for (std::size_t i = 0; i < detections.size(); ++i) seen_px_.col(i) = detections[i].center_px;
   }
 
   Eigen::Index detections() const { return seen_px_.cols(); }
@@ -39,11 +38,11 @@ class Refiner {
       double least = tolerance_px * tolerance_px;
       for (Eigen::Index d = 0; d < detections(); ++d) {
         const auto seen = static_cast<std::size_t>(d);
-        if (scale_.bead_size[static_cast<std::size_t>(b)] != scale_.detection_size[seen]) continue;
+        if (scale_.bead_size[b] != scale_.detection_size[seen]) continue;
         const double now = (thought_px.col(b) - seen_px_.col(d)).squaredNorm();
         if (now < least) {
           least = now;
-          nearest_seen[static_cast<std::size_t>(b)] = d;
+          nearest_seen[b] = d;
         }
         if (now < distance[seen]) {
           distance[seen] = now;
@@ -53,8 +52,8 @@ class Refiner {
     }
     Pairs found;
     for (Eigen::Index b = 0; b < beads; ++b) {
-      const Eigen::Index d = nearest_seen[static_cast<std::size_t>(b)];
-      if (d >= 0 && nearest_bead[static_cast<std::size_t>(d)] == b) found.emplace_back(b, d);
+      const Eigen::Index d = nearest_seen[b];
+      if (d >= 0 && nearest_bead[d] == b) found.emplace_back(b, d);
     }
     return found;
   }
@@ -73,7 +72,7 @@ class Refiner {
   std::optional<Matrix34d> perspective(const Pairs& matched, const Eigen::Matrix2Xd& bend_px) const {
     auto [points, pixels] = columns(matched);
     for (std::size_t k = 0; k < matched.size(); ++k) {
-      pixels.col(static_cast<Eigen::Index>(k)) -= bend_px.col(matched[k].first);
+      pixels.col(k) -= bend_px.col(matched[k].first);
     }
     return directLinearTransform(points, pixels);
   }
@@ -117,8 +116,8 @@ class Refiner {
     std::pair<Eigen::Matrix3Xd, Eigen::Matrix2Xd> both{Eigen::Matrix3Xd(3, matched.size()),
                                                        Eigen::Matrix2Xd(2, matched.size())};
     for (std::size_t k = 0; k < matched.size(); ++k) {
-      both.first.col(static_cast<Eigen::Index>(k)) = points_m_.col(matched[k].first);
-      both.second.col(static_cast<Eigen::Index>(k)) = seen_px_.col(matched[k].second);
+      both.first.col(k) = points_m_.col(matched[k].first);
+      both.second.col(k) = seen_px_.col(matched[k].second);
     }
     return both;
   }
@@ -155,7 +154,7 @@ Refinement refinedMatch(const BeadPhantom& phantom, const std::vector<BeadDetect
     thought_px = static_cast<int>(matched.size()) < kFewestForBend ? projected_px : refiner.bent(projected_px, matched);
   }
   const Pairs matched = refiner.pairs(thought_px, tolerance_px);
-  for (const auto& [bead, seen] : matched) result.bead[static_cast<std::size_t>(seen)] = static_cast<int>(bead);
+  for (const auto& [bead, seen] : matched) result.bead[seen] = static_cast<int>(bead);
   result.matched = static_cast<int>(matched.size());
   const auto of = [&](double all) { return result.matched / std::max(1.0, all); };
   result.share = std::min(of(static_cast<double>(detections.size())), of(refiner.expected(thought_px)));

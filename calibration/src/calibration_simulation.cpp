@@ -18,7 +18,7 @@ void drawDeviations(CArmGeometry& carm, const CalibrationSimulationSettings& s, 
   for (std::size_t k = 0; k < kCArmPoseParameters; ++k) {
     const double unit = kCArmPoseParameterNames[k].unit;
     const double std = unit == 1 ? s.table_scale : unit == 1e-3 ? 1e-3 * s.offset_mm : degToRad(s.offset_deg);
-    values[static_cast<Eigen::Index>(k)] += std * draws.normal();
+    values[k] += std * draws.normal();
   }
   carm.setPoseParameters(values);
   CArmDeviations& d = carm.deviations;
@@ -29,7 +29,7 @@ void drawDeviations(CArmGeometry& carm, const CalibrationSimulationSettings& s, 
   if (s.flex_mm == 0 && s.flex_deg == 0) return;
   d.flex.count = 6;
   for (int i = 0; i < d.flex.count; ++i) {
-    CArmFlexTerm& term = d.flex.terms[static_cast<std::size_t>(i)];
+    CArmFlexTerm& term = d.flex.terms[i];
     term.twist = draws.twist(1e-3 * s.flex_mm, degToRad(s.flex_deg));
     term.frequency_primary = draws.uniform(0.2, 1.9);
     term.frequency_secondary = draws.uniform(-1.9, 1.9);
@@ -76,7 +76,7 @@ SimulatedBeadView viewAt(const SimulatedDevice& machine, const BeadPhantom& phan
     pixels.push_back(*pixel);
   }
   view.pixels_px.resize(2, static_cast<Eigen::Index>(pixels.size()));
-  for (std::size_t i = 0; i < pixels.size(); ++i) view.pixels_px.col(static_cast<Eigen::Index>(i)) = pixels[i];
+  for (std::size_t i = 0; i < pixels.size(); ++i) view.pixels_px.col(i) = pixels[i];
   return view;
 }
 

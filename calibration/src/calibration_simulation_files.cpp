@@ -68,7 +68,7 @@ class PhantomRenderer {
     XrayScene scene;
     scene.T_camera_model = T_camera_phantom;
     for (const int i : shown) {
-      const Bead& bead = phantom_.beads[static_cast<std::size_t>(i)];
+      const Bead& bead = phantom_.beads[i];
       Device ball;  // A line of no length with round ends.
       ball.points.resize(3, 2);
       ball.points << bead.position_m, bead.position_m + Eigen::Vector3d(1e-7, 0, 0);
@@ -104,7 +104,7 @@ std::string tableOf(const SimulatedBeadView& view, const SimulatedDevice& machin
                     const CalibrationSimulationSettings& s, Draws& draws) {
   std::string table = "x_px,y_px,sigma_px,bead\n";
   for (std::size_t i = 0; i < view.shown.size(); ++i) {
-    const Eigen::Vector2d pixel = view.pixels_px.col(static_cast<Eigen::Index>(i));
+    const Eigen::Vector2d pixel = view.pixels_px.col(i);
     Eigen::Vector2d seen_px = machine.distortion ? machine.distortion->distorted(pixel) : pixel;
     seen_px += s.bead_noise_px * draws.vector(1).head<2>();
     table += exact(seen_px.x()) + "," + exact(seen_px.y()) + "," + exact(std::max(s.bead_noise_px, 1e-3)) + "," +
@@ -231,7 +231,7 @@ Json truthOf(const SimulatedDevice& machine, const CalibrationSimulationSettings
   const auto numbers = machine.truth.carm.poseParameters();
   for (std::size_t k = 0; k < kCArmPoseParameters; ++k) {
     const CArmParameter& parameter = kCArmPoseParameterNames[k];
-    json["geometry"][parameter.name] = numbers[static_cast<Eigen::Index>(k)] / parameter.unit;
+    json["geometry"][parameter.name] = numbers[k] / parameter.unit;
   }
   json["settings"] = settingsAsJson(settings);
   return json;

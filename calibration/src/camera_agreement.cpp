@@ -24,10 +24,10 @@ double robustNoise(const CameraBundle& bundle) {
   for (const BundleView& view : bundle.views) {
     const Eigen::Matrix2Xd r = bundle.residualsOf(view);
     for (Eigen::Index i = 0; i < r.cols(); ++i) {
-      if (view.use[static_cast<std::size_t>(i)]) lengths.push_back(r.col(i).norm() / view.stds_px[i]);
+      if (view.use[i]) lengths.push_back(r.col(i).norm() / view.stds_px[i]);
     }
   }
-  const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
+  const auto middle = lengths.begin() + lengths.size() / 2;
   std::nth_element(lengths.begin(), middle, lengths.end());
   return std::max(1e-9, *middle / kRayleighMedian);
 }
@@ -37,7 +37,7 @@ void chooseBeads(CameraBundle& bundle, double largest) {
   for (BundleView& view : bundle.views) {
     const Eigen::Matrix2Xd r = bundle.residualsOf(view);
     for (Eigen::Index i = 0; i < r.cols(); ++i) {
-      view.use[static_cast<std::size_t>(i)] = r.col(i).norm() <= largest * view.stds_px[i];
+      view.use[i] = r.col(i).norm() <= largest * view.stds_px[i];
     }
   }
 }

@@ -236,7 +236,7 @@ ViewInformation informationOf(const CameraBundle& bundle, const BundleView& view
   const double* const blocks[] = {bundle.values.data(), no_step.data()};
   double* jacobians[] = {J_lens.data(), J_pose.data()};
   for (Eigen::Index i = 0; i < view.points_m.cols(); ++i) {
-    if (!view.use[static_cast<std::size_t>(i)]) continue;
+    if (!view.use[i]) continue;
     if (!BeadCost(bundle, view, i).Evaluate(blocks, r.data(), jacobians)) continue;  // Behind the camera.
     sum.lens.noalias() += J_lens.transpose() * J_lens;
     sum.pose.noalias() += J_pose.transpose() * J_pose;

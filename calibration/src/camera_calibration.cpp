@@ -58,7 +58,7 @@ double heldOutSquared(const CameraBundle& bundle, BundleView view, int& points) 
   double squared = 0;
   for (std::size_t i = 1; i < use.size(); i += 2) {
     if (!use[i]) continue;
-    squared += r.col(static_cast<Eigen::Index>(i)).squaredNorm();
+    squared += r.col(i).squaredNorm();
     ++points;
   }
   return squared;
@@ -75,7 +75,7 @@ CalibratedView calibratedView(const BeadView& given, const CameraBundle& bundle,
   for (std::size_t i = 0; i < view.use.size(); ++i) {
     result.is_outlier.push_back(!view.use[i]);
     if (!view.use[i]) continue;
-    result.rms_px += result.residuals_px.col(static_cast<Eigen::Index>(i)).squaredNorm();
+    result.rms_px += result.residuals_px.col(i).squaredNorm();
     ++points;
   }
   result.rms_px = points > 0 ? std::sqrt(result.rms_px / points) : 0;
@@ -149,7 +149,7 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
     mean_depth_m += (view.T_camera_phantom * phantom.center_m()).z() / static_cast<double>(bundle.views.size());
     const Eigen::Matrix2Xd r = bundle.residualsOf(view);
     for (Eigen::Index i = 0; i < r.cols(); ++i) {
-      if (view.use[static_cast<std::size_t>(i)]) squared += r.col(i).squaredNorm();
+      if (view.use[i]) squared += r.col(i).squaredNorm();
     }
   }
   const double freedom = 2.0 * points - static_cast<double>(bundle.values.size() + 6 * bundle.views.size());

@@ -88,13 +88,13 @@ namespace {
 void refuseSwapped(const BeadView& view, const AgreedProjection& agreed, const Eigen::Matrix3Xd& points,
                    const Eigen::Matrix2Xd& seen_px, const std::vector<bool>& fits, double tolerance_px) {
   for (int i = 0; i < static_cast<int>(fits.size()); ++i) {
-    for (int j = 0; j < i && !fits[static_cast<std::size_t>(i)]; ++j) {
-      if (fits[static_cast<std::size_t>(j)]) continue;
+    for (int j = 0; j < i && !fits[i]; ++j) {
+      if (fits[j]) continue;
       if (distance_px(agreed.P, points.col(i), seen_px.col(j)) > tolerance_px ||
           distance_px(agreed.P, points.col(j), seen_px.col(i)) > tolerance_px) {
         continue;
       }
-      const int a = view.beads[static_cast<std::size_t>(j)].bead, b = view.beads[static_cast<std::size_t>(i)].bead;
+      const int a = view.beads[j].bead, b = view.beads[i].bead;
       throw InputError(view.name, "bead", std::to_string(std::min(a, b)) + ", " + std::to_string(std::max(a, b)),
                        "are swapped: each stands where the other must be");
     }
@@ -109,9 +109,9 @@ ViewProjection projectionOf(const BeadPhantom& phantom, const BeadView& view, do
   Eigen::Matrix3Xd points(3, view.beads.size());
   Eigen::Matrix2Xd seen_px(2, view.beads.size());
   for (std::size_t i = 0; i < view.beads.size(); ++i) {
-    const Eigen::Vector3d& point_m = phantom.beads[static_cast<std::size_t>(view.beads[i].bead)].position_m;
-    points.col(static_cast<Eigen::Index>(i)) = T_plane_phantom ? Eigen::Vector3d(*T_plane_phantom * point_m) : point_m;
-    seen_px.col(static_cast<Eigen::Index>(i)) = view.beads[i].center_px;
+    const Eigen::Vector3d& point_m = phantom.beads[view.beads[i].bead].position_m;
+    points.col(i) = T_plane_phantom ? Eigen::Vector3d(*T_plane_phantom * point_m) : point_m;
+    seen_px.col(i) = view.beads[i].center_px;
   }
   const auto agreed = agreedProjection(points, seen_px, tolerance_px, T_plane_phantom.has_value());
   if (!agreed) {
@@ -122,7 +122,7 @@ ViewProjection projectionOf(const BeadPhantom& phantom, const BeadView& view, do
   result.P = agreed->P;
   result.H << agreed->P.leftCols<2>(), agreed->P.col(3);
   result.fits.assign(view.beads.size(), false);
-  for (const int i : agreed->points) result.fits[static_cast<std::size_t>(i)] = true;
+  for (const int i : agreed->points) result.fits[i] = true;
   refuseSwapped(view, *agreed, points, seen_px, result.fits, tolerance_px);
   const std::size_t fitting = agreed->points.size();
   if (static_cast<double>(fitting) < min_share * static_cast<double>(view.beads.size())) {

@@ -46,11 +46,11 @@ double medianResidual_px(const CameraCalibration& result) {
   std::vector<double> lengths;
   for (const CalibratedView& view : result.views) {
     for (Eigen::Index i = 0; i < view.residuals_px.cols(); ++i) {
-      if (!view.is_outlier[static_cast<std::size_t>(i)]) lengths.push_back(view.residuals_px.col(i).norm());
+      if (!view.is_outlier[i]) lengths.push_back(view.residuals_px.col(i).norm());
     }
   }
   if (lengths.empty()) return 1;
-  std::nth_element(lengths.begin(), lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2), lengths.end());
+  std::nth_element(lengths.begin(), lengths.begin() + lengths.size() / 2, lengths.end());
   return std::max(1e-6, lengths[lengths.size() / 2]);
 }
 
@@ -73,7 +73,7 @@ cv::Mat viewOverlay(const CameraCalibration& result, std::size_t index, const cv
     const Eigen::Vector2d seen_px = view.beads[i].center_px;
     const cv::Scalar color = view.is_outlier[i] ? kLeftOut : kSeen;
     cv::circle(picture, canvas.at(seen_px), 7 * kUnit, color, 1, cv::LINE_AA, kShift);
-    const cv::Point at = canvas.at(seen_px + view.residuals_px.col(static_cast<Eigen::Index>(i)));
+    const cv::Point at = canvas.at(seen_px + view.residuals_px.col(i));
     const int arm = 4 * kUnit;
     cv::line(picture, at - cv::Point(arm, 0), at + cv::Point(arm, 0), kProjected, 1, cv::LINE_AA, kShift);
     cv::line(picture, at - cv::Point(0, arm), at + cv::Point(0, arm), kProjected, 1, cv::LINE_AA, kShift);
@@ -94,7 +94,7 @@ ResidualField residualField(const CameraCalibration& result) {
     for (std::size_t i = 0; i < view.beads.size(); ++i) {
       if (view.is_outlier[i]) continue;
       const Eigen::Vector2d from = view.beads[i].center_px;
-      const Eigen::Vector2d to = from + field.enlargement * view.residuals_px.col(static_cast<Eigen::Index>(i));
+      const Eigen::Vector2d to = from + field.enlargement * view.residuals_px.col(i);
       cv::line(field.picture, canvas.at(from), canvas.at(to), color, 1, cv::LINE_AA, Canvas::kShift);
       cv::circle(field.picture, canvas.at(from), 2 << Canvas::kShift, color, cv::FILLED, cv::LINE_AA, Canvas::kShift);
     }

@@ -22,7 +22,7 @@ constexpr double kSameDistance_m = 5e-3;
 constexpr double kNearest_m = 0.1, kFarthest_m = 5;  // From the source to a phantom.
 
 double medianOf(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  const auto middle = values.begin() + values.size() / 2;
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
@@ -104,8 +104,7 @@ Eigen::Matrix3d planarStart(const BeadPhantom& phantom, const Pose& T_plane_phan
     for (std::size_t i = 0; i < views[v].beads.size(); ++i) {
       if (!projections[v].fits[i]) continue;
       const SeenBead& seen = views[v].beads[i];
-      const Eigen::Vector3f mark =
-          (T_plane_phantom * phantom.beads[static_cast<std::size_t>(seen.bead)].position_m).cast<float>();
+      const Eigen::Vector3f mark = (T_plane_phantom * phantom.beads[seen.bead].position_m).cast<float>();
       marks.back().emplace_back(mark.x(), mark.y(), 0.0F);
       pixels.back().emplace_back(static_cast<float>(seen.center_px.x()), static_cast<float>(seen.center_px.y()));
     }
@@ -190,7 +189,7 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
   bundle.parameters = freeParameters(settings, farthest_m - nearest_m > kSameDistance_m);
   bundle.values = Eigen::VectorXd::Zero(bundle.parameters.map.cols());
   for (Eigen::Index k = 0; k < bundle.values.size(); ++k) {
-    const std::string& name = bundle.parameters.names[static_cast<std::size_t>(k)];
+    const std::string& name = bundle.parameters.names[k];
     if (name == "f_px") bundle.values[k] = std::sqrt(K(0, 0) * K(1, 1));
     if (name == "fx_px") bundle.values[k] = K(0, 0);
     if (name == "fy_px") bundle.values[k] = K(1, 1);
@@ -206,8 +205,8 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
     view.seen_px.resize(2, count);
     view.stds_px.resize(count);
     for (Eigen::Index i = 0; i < count; ++i) {
-      const SeenBead& seen = views[v].beads[static_cast<std::size_t>(i)];
-      view.points_m.col(i) = phantom.beads[static_cast<std::size_t>(seen.bead)].position_m;
+      const SeenBead& seen = views[v].beads[i];
+      view.points_m.col(i) = phantom.beads[seen.bead].position_m;
       view.seen_px.col(i) = seen.center_px;
       view.stds_px[i] = seen.std_px;
     }

@@ -48,7 +48,7 @@ Pose phantomStart(const std::vector<ViewObservation>& views, const CArmGeometry&
     }
     far[i] = percentile(distances, 0.5);
   }
-  return says[static_cast<std::size_t>(std::min_element(far.begin(), far.end()) - far.begin())];
+  return says[std::min_element(far.begin(), far.end()) - far.begin()];
 }
 
 double pooledSigma_px(const std::vector<ViewObservation>& views) {

@@ -34,7 +34,7 @@ double rangeOf(const std::vector<ViewObservation>& views, int joint) {
 
 // Known worse than this, an arm's number is not worth having.
 double limitOf(int parameter) {
-  const double unit = kCArmPoseParameterNames[static_cast<std::size_t>(parameter)].unit;
+  const double unit = kCArmPoseParameterNames[parameter].unit;
   return unit == 1 ? 0.02 : unit == 1e-3 ? 5e-3 : degToRad(0.5);
 }
 
@@ -87,8 +87,8 @@ std::vector<std::string> freeObservable(GeometryProblem& problem, const Geometry
     std::vector<std::string> names;
     for (int k = 0; k < kCArmPoseParameters; ++k) {
       if (tableJointOf(k) != joint) continue;
-      problem.free[static_cast<std::size_t>(kFirstArmNumber + k)] = false;
-      names.emplace_back(kCArmPoseParameterNames[static_cast<std::size_t>(k)].name);
+      problem.free[kFirstArmNumber + k] = false;
+      names.emplace_back(kCArmPoseParameterNames[k].name);
     }
     kept.push_back(joined(names) +
                    formatted(": kept, as the table's %c moves by only %.3g mm", "xyz"[joint], 1e3 * range_m));
@@ -100,10 +100,10 @@ std::vector<std::string> freeObservable(GeometryProblem& problem, const Geometry
   const double secondary_deg = radToDeg(rangeOf(views, 1));
   for (std::size_t i = 0; i < places.size(); ++i) {
     const int k = places[i] - kFirstArmNumber;
-    if (k < 0 || k >= kCArmPoseParameters || sigmas[static_cast<Eigen::Index>(i)] < limitOf(k)) continue;
-    const CArmParameter& parameter = kCArmPoseParameterNames[static_cast<std::size_t>(k)];
+    if (k < 0 || k >= kCArmPoseParameters || sigmas[i] < limitOf(k)) continue;
+    const CArmParameter& parameter = kCArmPoseParameterNames[k];
     kept.push_back(formatted("%s stays near the ideal arm's: views at these positions tell it to %.2g only%s",
-                             parameter.name, sigmas[static_cast<Eigen::Index>(i)] / parameter.unit,
+                             parameter.name, sigmas[i] / parameter.unit,
                              secondary_deg < radToDeg(kSmallRange_rad)
                                  ? formatted(", as the secondary angle spans %.3g deg", secondary_deg).c_str()
                                  : ""));

@@ -32,12 +32,12 @@ Sightings sightingsOf(const std::string& place, const BeadPhantom& phantom, cons
   }
   Sightings s{Eigen::Matrix3Xd(3, count), Eigen::Matrix2Xd(2, count)};
   for (Eigen::Index i = 0; i < count; ++i) {
-    const SeenBead& bead = view.beads[static_cast<std::size_t>(i)];
+    const SeenBead& bead = view.beads[i];
     if (bead.bead < 0 || bead.bead >= static_cast<int>(phantom.beads.size())) {
       throw InputError(place, view.name + ".id", std::to_string(bead.bead),
                        "must be a bead of the phantom, 0 to " + std::to_string(phantom.beads.size() - 1));
     }
-    s.points_m.col(i) = phantom.beads[static_cast<std::size_t>(bead.bead)].position_m;
+    s.points_m.col(i) = phantom.beads[bead.bead].position_m;
     s.pixels_px.col(i) = bead.center_px;
   }
   return s;
@@ -88,7 +88,7 @@ Linearised linearised(const Sightings& s, const XrayCamera& camera, const Pose& 
 
 double sigmaOf(const Eigen::VectorXd& residual_px) {
   std::vector<double> sizes(residual_px.size());
-  for (Eigen::Index i = 0; i < residual_px.size(); ++i) sizes[static_cast<std::size_t>(i)] = std::abs(residual_px[i]);
+  for (Eigen::Index i = 0; i < residual_px.size(); ++i) sizes[i] = std::abs(residual_px[i]);
   // The median of |x| of a normal distribution is 0.6745 of its standard deviation.
   return std::max(percentile(sizes, 0.5) / 0.6745, kMinStd_px);
 }
@@ -154,7 +154,7 @@ ViewObservation observeView(const std::string& place, const BeadPhantom& phantom
     if (first.residual_px.segment<2>(2 * i).norm() < outlier_std * std_px) {
       near.push_back(i);
     } else {
-      seen.far_beads.push_back(view.beads[static_cast<std::size_t>(i)].bead);
+      seen.far_beads.push_back(view.beads[i].bead);
     }
   }
   if (near.size() < kFewestBeads) {

@@ -87,7 +87,7 @@ GeometryModel changed(const GeometryModel& model, const Eigen::VectorXd& change)
   d.principal_point_px += camera.segment<2>(2);
   d.principal_point_slope_px_per_m += camera.segment<2>(4);
   for (int i = 0; i < d.flex.count; ++i) {
-    d.flex.terms[static_cast<std::size_t>(i)].twist += change.segment<6>(kFirstFlexNumber + 6 * i);
+    d.flex.terms[i].twist += change.segment<6>(kFirstFlexNumber + 6 * i);
   }
   return other;
 }
@@ -108,9 +108,9 @@ GeometryProblem::GeometryProblem(std::vector<ViewObservation> views, const Geome
   for (std::size_t i = 0; i < views_.size(); ++i) used[i] = !views_[i].held_out;
   for (std::size_t k = 0; k < kCArmPoseParameters; ++k) {
     const double unit = kCArmPoseParameterNames[k].unit;
-    arm_std_[static_cast<Eigen::Index>(k)] = unit == 1      ? kTableStd
-                                             : unit == 1e-3 ? settings.max_offset_mm * 1e-3
-                                                            : degToRad(settings.max_offset_deg);
+    arm_std_[k] = unit == 1      ? kTableStd
+                  : unit == 1e-3 ? settings.max_offset_mm * 1e-3
+                                 : degToRad(settings.max_offset_deg);
   }
   arm_std_[kSourceIsocenterParameter] = kSourceIsocenterStd_m;
 }
@@ -118,7 +118,7 @@ GeometryProblem::GeometryProblem(std::vector<ViewObservation> views, const Geome
 std::vector<int> GeometryProblem::freePlaces() const {
   std::vector<int> places;
   for (int i = 0; i < kModelNumbers; ++i) {
-    if (free[static_cast<std::size_t>(i)]) places.push_back(i);
+    if (free[i]) places.push_back(i);
   }
   return places;
 }
@@ -190,7 +190,7 @@ Eigen::VectorXd GeometryProblem::priorResidual(const GeometryModel& model, Eigen
   }
   const CArmFlex& flex = model.carm.deviations.flex;
   for (int k = 0; k < 6 * flex.count; ++k) {
-    const CArmFlexTerm& term = flex.terms[static_cast<std::size_t>(k / 6)];
+    const CArmFlexTerm& term = flex.terms[k / 6];
     // Arms bend smoothly: the quicker a wave, the smaller.
     const double waves = std::hypot(term.frequency_primary, term.frequency_secondary);
     const double information = waves / (k % 6 < 3 ? scatter.flex_m : scatter.flex_rad);

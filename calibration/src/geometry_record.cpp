@@ -20,9 +20,8 @@ constexpr CArmParameter kCamera[kCameraNumbers] = {{"source_detector_offset_mm",
 
 GeometryNumber geometryNumber(int place) {
   if (place < kFirstFlexNumber) {
-    const CArmParameter& parameter = place < kFirstCameraNumber
-                                         ? kCArmPoseParameterNames[static_cast<std::size_t>(place - kFirstArmNumber)]
-                                         : kCamera[place - kFirstCameraNumber];
+    const CArmParameter& parameter = place < kFirstCameraNumber ? kCArmPoseParameterNames[place - kFirstArmNumber]
+                                                                : kCamera[place - kFirstCameraNumber];
     return {parameter.name, parameter.unit};
   }
   static const char* kTwist[6] = {"vx_mm", "vy_mm", "vz_mm", "wx_deg", "wy_deg", "wz_deg"};
@@ -47,7 +46,7 @@ Eigen::Matrix<double, 6, kModelNumbers> cameraByNumbers(const CArmGeometry& carm
   const double a = joints[0], b = joints[1];
   const Matrix6d by_twist = rightJacobianInverseSE3(flex.at(a, b)).inverse();
   for (int i = 0; i < flex.count; ++i) {
-    J.block<6, 6>(0, kFirstFlexNumber + 6 * i) = by_twist * flex.terms[static_cast<std::size_t>(i)].wave(a, b);
+    J.block<6, 6>(0, kFirstFlexNumber + 6 * i) = by_twist * flex.terms[i].wave(a, b);
   }
   return J;
 }
@@ -62,7 +61,7 @@ Eigen::VectorXd numbersOf(const CArmGeometry& carm) {
   numbers.segment<kCameraNumbers>(kFirstCameraNumber) << d.source_detector_offset_m, d.pixel_aspect,
       d.principal_point_px, d.principal_point_slope_px_per_m;
   for (int i = 0; i < d.flex.count; ++i) {
-    numbers.segment<6>(kFirstFlexNumber + 6 * i) = d.flex.terms[static_cast<std::size_t>(i)].twist;
+    numbers.segment<6>(kFirstFlexNumber + 6 * i) = d.flex.terms[i].twist;
   }
   return numbers;
 }
@@ -98,7 +97,7 @@ CalibrationRecord geometryRecord(const GeometryProblem& problem, const GeometryM
   Eigen::VectorXd per_unit(count);
   Eigen::Index rigid = 0;
   for (Eigen::Index i = 0; i < count; ++i) {
-    const int place = places[static_cast<std::size_t>(i + kPhantomNumbers)];
+    const int place = places[i + kPhantomNumbers];
     const GeometryNumber number = geometryNumber(place);
     record.parameters.push_back(number.name);
     per_unit[i] = 1 / number.unit;

@@ -22,7 +22,7 @@ constexpr double kFirstGate = 1.5;  // The first noise is of few poses.
 double quantile(std::vector<double> values) {
   const auto at = static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
+  return values[at];
 }
 
 std::size_t count(const PoseChoice& chosen) {

@@ -124,12 +124,9 @@ constexpr int kMaxPoses = 2000;
 
 PoseSigma readSigma(const std::string& path, const YamlField& field) {
   YamlMap map(path, *field.node, field.key);
-  PoseSigma sigma;
   const YamlField rotation = map.need("rotation_deg"), translation = map.need("translation_mm");
-  sigma.rotation_rad = degToRad(requireBetween(rotation.place(), rotation.key, rotation.number(), 0, 90));
-  sigma.translation_m = 1e-3 * requireBetween(translation.place(), translation.key, translation.number(), 0, 1e3);
   map.refuseOthers();
-  return sigma;
+  return {degToRad(rotation.between(0, 90)), 1e-3 * translation.between(0, 1e3)};
 }
 
 void readPoints(const std::string& path, HandEyePose& pose) {
@@ -254,8 +251,7 @@ void checkPoseSet(const PoseSet& set) {
           "has the very T_camera_object of " + a.name + " though the hand moved: one image was used twice");
     }
   }
-  std::nth_element(distances_m.begin(), distances_m.begin() + static_cast<std::ptrdiff_t>(distances_m.size() / 2),
-                   distances_m.end());
+  std::nth_element(distances_m.begin(), distances_m.begin() + distances_m.size() / 2, distances_m.end());
   const double distance_m = distances_m[distances_m.size() / 2];
   if (distance_m < kNearestObject_m || distance_m > kFarthestObject_m) {
     throw InputError(set.path, "T_camera_object.translation_mm",

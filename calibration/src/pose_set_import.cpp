@@ -52,7 +52,7 @@ Pose readPoseVector(const std::string& path) {
   map.refuseOthers();
   if (data.node->kind != YamlNode::Kind::kSequence || data.node->items.size() != 6) data.refuse("must be six rows");
   Vector6d v;
-  for (std::size_t k = 0; k < 6; ++k) v[static_cast<Eigen::Index>(k)] = data.item(k).numbers(1)[0];
+  for (std::size_t k = 0; k < 6; ++k) v[k] = data.item(k).numbers(1)[0];
   Pose T = Pose::Identity();
   T.linear() = expSO3(v.tail<3>());
   T.translation() = v.head<3>();

@@ -78,8 +78,7 @@ PhantomView readView(const std::string& path, const YamlField& field) {
   view.is_table = beads.has_value();
   view.joints = joints(map);
   if (const auto distance = map.find("source_detector_distance_mm")) {
-    view.source_detector_distance_m =
-        1e-3 * requireBetween(distance->place(), distance->key, distance->number(), 100, 5000);
+    view.source_detector_distance_m = 1e-3 * distance->between(100, 5000);
   }
   if (const auto held_out = map.find("held_out")) view.held_out = held_out->flag();
   if (const auto machine = map.find("machine")) view.machine = machine->text();

@@ -5,6 +5,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/calibration_records/pose_fields.hpp"
+#include "angio/io/pose_files.hpp"
 #include "angio/io/whole_file.hpp"
 
 namespace angio::calibration_records {
@@ -17,11 +18,6 @@ void requireRotation(const std::string& place, const std::string& field, const E
   const double defect = rotationDefect(M);
   if (!(defect < 1e-3))
     throw InputError(place, field, "R^T R - I up to " + formatValue(defect), "must be a rotation matrix");
-}
-
-double readLength(YamlMap& map, const std::string& key, double low, double high) {
-  const YamlField field = map.need(key);
-  return requireBetween(field.place(), key, field.number(), low, high);
 }
 
 int readSize(const YamlField& field, double size) {
@@ -70,9 +66,9 @@ void readFlex(const YamlField& field, CArmFlex& flex) {
 Json flexAsJson(const CArmFlex& flex) {
   Json rows = Json::array();
   for (int i = 0; i < flex.count; ++i) {
-    const CArmFlexTerm& term = flex.terms[static_cast<std::size_t>(i)];
+    const CArmFlexTerm& term = flex.terms[i];
     Json row = Json::array();
-    for (std::size_t k = 0; k < 6; ++k) row.push_back(term.twist[static_cast<Eigen::Index>(k)] / kFlexUnits[k]);
+    for (std::size_t k = 0; k < 6; ++k) row.push_back(term.twist[k] / kFlexUnits[k]);
     row.push_back(term.frequency_primary);
     row.push_back(term.frequency_secondary);
     row.push_back(radToDeg(term.phase_rad));
@@ -129,9 +125,9 @@ CArmFile readCArmFile(const std::string& path) {
   YamlMap map(path, root, "C-arm");
   CArmFile file;
   CArmGeometry& carm = file.carm;
-  carm.source_isocenter_distance_m = 1e-3 * readLength(map, "source_isocentre_distance_mm", 1, 10000);
-  carm.source_detector_distance_m = 1e-3 * readLength(map, "source_detector_distance_mm", 1, 10000);
-  carm.pixel_spacing_m = 1e-3 * readLength(map, "pixel_spacing_mm", 1e-4, 100);
+  carm.source_isocenter_distance_m = 1e-3 * map.need("source_isocentre_distance_mm").between(1, 10000);
+  carm.source_detector_distance_m = 1e-3 * map.need("source_detector_distance_mm").between(1, 10000);
+  carm.pixel_spacing_m = 1e-3 * map.need("pixel_spacing_mm").between(1e-4, 100);
   const YamlField size = map.need("image_size_px");
   const auto sizes = size.numbers(2);
   carm.image_width_px = readSize(size, sizes[0]);

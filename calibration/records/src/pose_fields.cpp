@@ -4,11 +4,11 @@
 #include <Eigen/Cholesky>
 
 #include "angio/base/errors.hpp"
+#include "angio/io/pose_files.hpp"
 
 namespace angio::calibration_records {
 namespace {
 
-using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using RowMajor6d = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 
 constexpr double kFarthest_mm = 100e3;
@@ -21,19 +21,6 @@ Matrix6d readCovariance(const YamlField& field) {
 
 }  // namespace
 
-Eigen::Matrix3d readRotation(const YamlField& field) {
-  const std::vector<double> entries = field.numbers(9);
-  const Eigen::Matrix3d R = Eigen::Map<const RowMajor3d>(entries.data());
-  if (R.allFinite() && R.determinant() < 0 && rotationDefect(-R) < 1e-3) {
-    field.refuse("must be a rotation matrix; this one mirrors (its determinant is -1)");
-  }
-  const double defect = rotationDefect(R);
-  if (!(defect < 1e-3)) {
-    field.refuse("must be a rotation matrix; R^T R differs from the identity by " + formatValue(defect));
-  }
-  return nearestRotation(R);
-}
-
 Pose readPoseField(const std::string& path, const YamlField& field, std::optional<Matrix6d>* covariance) {
   YamlMap map(path, *field.node, field.key);
   Pose T = Pose::Identity();
@@ -43,13 +30,8 @@ Pose readPoseField(const std::string& path, const YamlField& field, std::optiona
     throw InputError(field.place(), full, "", "is missing");
   };
   T.linear() = readRotation(need("rotation"));
-  const YamlField translation = need("translation_mm");
-  const std::vector<double> t_mm = translation.numbers(3);
-  for (std::size_t k = 0; k < 3; ++k) {
-    const YamlField item = translation.item(k);
-    T.translation()[static_cast<Eigen::Index>(k)] =
-        1e-3 * requireBetween(item.place(), item.key, t_mm[k], -kFarthest_mm, kFarthest_mm);
-  }
+  const std::vector<double> t_mm = need("translation_mm").numbers(3, -kFarthest_mm, kFarthest_mm);
+  T.translation() = 1e-3 * Eigen::Map<const Eigen::Vector3d>(t_mm.data());
   if (covariance) {
     if (const auto given = map.find("covariance")) *covariance = readCovariance(*given);
   }
@@ -60,14 +42,10 @@ Pose readPoseField(const std::string& path, const YamlField& field, std::optiona
 CArmJoints readJoints(YamlMap& map) {
   CArmJoints joints = CArmJoints::Zero();
   const YamlField primary = map.need("primary_deg"), secondary = map.need("secondary_deg");
-  joints[0] = degToRad(requireBetween(primary.place(), primary.key, primary.number(), -180, 180));
-  joints[1] = degToRad(requireBetween(secondary.place(), secondary.key, secondary.number(), -90, 90));
+  joints[0] = degToRad(primary.between(-180, 180));
+  joints[1] = degToRad(secondary.between(-90, 90));
   if (const auto table = map.find("table_mm")) {
-    const std::vector<double> t_mm = table->numbers(3);
-    for (std::size_t k = 0; k < 3; ++k) {
-      const YamlField item = table->item(k);
-      joints[static_cast<Eigen::Index>(2 + k)] = 1e-3 * requireBetween(item.place(), item.key, t_mm[k], -1e4, 1e4);
-    }
+    joints.tail<3>() = 1e-3 * Eigen::Map<const Eigen::Vector3d>(table->numbers(3, -1e4, 1e4).data());
   }
   return joints;
 }

@@ -63,7 +63,7 @@ Eigen::MatrixXd readCovariance(const YamlField& field, std::size_t size) {
   Eigen::MatrixXd covariance(size, size);
   for (std::size_t r = 0; r < size; ++r) {
     const std::vector<double> row = field.item(r).numbers(size);
-    covariance.row(static_cast<Eigen::Index>(r)) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), row.size());
+    covariance.row(r) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), row.size());
   }
   return requireCovariance(field, covariance, Definiteness::kSemi);
 }
@@ -247,7 +247,7 @@ WeakDirection named(const std::vector<std::string>& parameters, const Eigen::Vec
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(),
             [&](Eigen::Index a, Eigen::Index b) { return std::abs(direction[a]) > std::abs(direction[b]); });
-  const auto name = [&](std::size_t k) { return parameters[static_cast<std::size_t>(order[k])]; };
+  const auto name = [&](std::size_t k) { return parameters[order[k]]; };
   const auto change = [&](std::size_t k) { return direction[order[k]] * known_stds[order[k]]; };
   WeakDirection weak;
   weak.name = name(0);

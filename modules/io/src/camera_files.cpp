@@ -64,8 +64,7 @@ std::optional<DetectorDistortion> distortionIn(const YamlField& field, const Xra
 CameraDistanceLaw distanceLawIn(const YamlField& field) {
   YamlMap map(field.path, *field.node, field.key);
   CameraDistanceLaw law;
-  const YamlField offset = map.need("offset_mm");
-  law.offset_m = 1e-3 * requireBetween(offset.place(), offset.key, offset.number(), -kMaxOffset_mm, kMaxOffset_mm);
+  law.offset_m = 1e-3 * map.need("offset_mm").between(-kMaxOffset_mm, kMaxOffset_mm);
   if (const auto slope = map.find("principal_point_slope_px_per_mm")) {
     const auto numbers = slope->numbers(2);
     law.principal_point_slope_px_per_m = 1e3 * Eigen::Vector2d(numbers[0], numbers[1]);
@@ -118,11 +117,6 @@ CameraFile readYamlCamera(const std::string& path) {
 // its files are read here.
 constexpr std::size_t kMaxXmlFile = std::size_t{1} << 20;
 
-std::string_view stripped(std::string_view text) {
-  const auto first = text.find_first_not_of(" \t\r\n");
-  return first == std::string_view::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r\n") - first + 1);
-}
-
 class VispFields {
  public:
   VispFields(const XmlDocument& document, vtkXMLDataElement& parent) : document_(document), parent_(parent) {}
@@ -136,11 +130,11 @@ class VispFields {
     return *found[0];
   }
   double number(const char* name) const {
-    return parseNumber(place(name), name, stripped(document_.textOf(need(name))));
+    return parseNumber(place(name), name, trimmed(document_.textOf(need(name))));
   }
   double positive(const char* name) const { return requirePositive(place(name), name, number(name)); }
   int side(const char* name) const {
-    const int pixels = parseInteger(place(name), name, stripped(document_.textOf(need(name))));
+    const int pixels = parseInteger(place(name), name, trimmed(document_.textOf(need(name))));
     requireBetween(place(name), name, pixels, 1, kMaxImageSide);
     return pixels;
   }
@@ -166,7 +160,7 @@ CameraFile readXmlCamera(const std::string& path) {
   vtkXMLDataElement* plain_model = nullptr;
   std::string types;
   for (vtkXMLDataElement* const model : childrenOf(*cameras[0], "model")) {
-    const std::string type(stripped(document.textOf(VispFields(document, *model).need("type"))));
+    const std::string type(trimmed(document.textOf(VispFields(document, *model).need("type"))));
     types += (types.empty() ? "" : ", ") + type;
     if (type == "perspectiveProjWithoutDistortion") plain_model = model;
   }

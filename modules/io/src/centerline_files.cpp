@@ -25,18 +25,14 @@ struct NumberColumn {
   double (*checked)(const std::string& place, const std::string& name, double value);
 };
 
-double anyLength(const std::string& place, const std::string& name, double value) {
-  return requirePositive(place, name, value);
-}
-
 double modest(const std::string& place, const std::string& name, double value) {
   return requireBetween(place, name, value, -1e3, 1e3);
 }
 
 const NumberColumn kNumberColumns[] = {
     {"tangent_rad", &Centerline2d::tangent_rad, modest},
-    {"radius_px", &Centerline2d::radius_px, anyLength},
-    {"sigma_px", &Centerline2d::std_px, anyLength},
+    {"radius_px", &Centerline2d::radius_px, requirePositive},
+    {"sigma_px", &Centerline2d::std_px, requirePositive},
     {"contrast", &Centerline2d::contrast, modest},
 };
 constexpr std::size_t kNumberColumnCount = std::size(kNumberColumns);

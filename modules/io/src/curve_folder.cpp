@@ -162,7 +162,7 @@ std::vector<std::string> branchNames(const VesselTree& tree, const std::vector<N
     }
     const auto most = std::max_element(on.begin(), on.end());
     const bool named = most != on.end() && *most > 0;
-    names.push_back(named ? curves[static_cast<std::size_t>(most - on.begin())].name : "");
+    names.push_back(named ? curves[most - on.begin()].name : "");
   }
   return names;
 }

@@ -29,14 +29,6 @@ struct DicomSyntax {
 /// Whether a file begins as DICOM files do: 128 bytes, then DICM.
 bool startsAsDicom(const std::string& content);
 
-/// Walks over every element of a DICOM file, nested ones too, and returns its transfer syntax.
-///
-/// DCMTK takes memory by what lengths say and descends as deep as sequences do. After this walk each length lies inside
-/// what holds it, each container is closed, nothing is nested deeper than 16, and there are at most a million elements:
-/// DCMTK's memory is then bounded by the file's size. Throws InputError that names `path` and the place of what is
-/// wrong, or the transfer syntax when it is none of those that are read.
-const DicomSyntax& checkDicomStructure(const std::string& path, const std::string& content);
-
 /// An attribute by group, element and the standard's name.
 struct DicomTag {
   std::uint16_t group;
@@ -51,7 +43,8 @@ struct DicomTag {
 ///
 /// DCMTK, not GDCM: Debian 12 carries its security fixes as they come, while its GDCM is the upstream release of 2023;
 /// it decodes JPEG lossless of 8 to 16 bits; and it gives one frame without decoding the others. Neither can be trusted
-/// with a hostile file as it is, which is what checkDicomStructure and the checks of each frame are for.
+/// with a hostile file as it is: the structure is checked before it reads the file, and each frame before it is
+/// decoded.
 class DicomFile {
  public:
   /// Takes a file's bytes. Throws InputError that names `path` for anything that is no whole DICOM file.

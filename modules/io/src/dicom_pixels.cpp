@@ -9,8 +9,6 @@
 
 #include <opencv2/core.hpp>
 
-#include "image_formats.hpp"
-
 namespace angio::io {
 namespace {
 

@@ -9,6 +9,9 @@
 
 namespace angio::io {
 
+/// The largest image that is read, in each direction [px].
+constexpr unsigned kMaxSide = 8192;
+
 /// The same, checked against what the file holds.
 struct DicomPixelLayout : DicomPixels {
   std::vector<unsigned> first_fragments;  ///< Of each frame, when the pixels are compressed.

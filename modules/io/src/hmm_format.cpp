@@ -18,11 +18,6 @@ struct HmmPoints {
   int root = 0;
 };
 
-void requireLine(TextLines& lines, const std::string& path, const std::string& what) {
-  if (!lines.next())
-    throw InputError(atLine(path, lines.number() + 1), what, "", "is missing: the file ends too early");
-}
-
 // "a;b;c;" as three parts.
 void splitFields(const TextLines& lines, std::vector<std::string_view>& fields) {
   const std::string_view text = trimmed(lines.text());
@@ -75,17 +70,17 @@ HmmPoints readPoints(const std::string& path) {
   const std::string content = readWholeFile(path, kMaxTextFile);
   TextLines lines(path, content);
   HmmPoints result;
-  requireLine(lines, path, "points");
+  lines.need("points");
   const int count = parseInteger(lines.place(), "points", trimmed(lines.text()));
   requireBetween(lines.place(), "points", count, 2, kMaxPoints);
-  requireLine(lines, path, "root");
+  lines.need("root");
   result.root = parseInteger(lines.place(), "root", trimmed(lines.text()));
   requireBetween(lines.place(), "root", result.root, 0, count - 1);
   std::vector<std::string_view> fields;
   for (int i = 0; i < count; ++i) {  // Nothing is reserved: the count may lie.
-    requireLine(lines, path, "point " + std::to_string(i));
+    lines.need("point " + std::to_string(i));
     result.rows.push_back(readPoint(lines, i, fields));
-    requireLine(lines, path, "neighbours of point " + std::to_string(i));
+    lines.need("neighbours of point " + std::to_string(i));
     result.neighbours.push_back(readNeighbours(lines, i, count, fields));
   }
   if (lines.next()) throw InputError(lines.place(), "points", std::to_string(count), "the file has more than it says");

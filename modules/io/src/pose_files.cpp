@@ -54,25 +54,12 @@ void requireFrame(const std::optional<YamlField>& field, const std::string& fram
   if (field && field->text() != frame) field->refuse("must be " + frame);
 }
 
-// The rotation and translation of a pose file; a rotation that is off by rounding is made exact.
+// The rotation and translation of a pose file.
 Pose readTransform(YamlMap& map) {
-  const YamlField rotation = map.need("rotation");
-  const std::vector<double> entries = rotation.numbers(9);
-  const Eigen::Matrix3d R = Eigen::Map<const RowMajor3d>(entries.data());
-  const double defect = rotationDefect(R);
-  if (!(defect < 1e-3)) {
-    rotation.refuse("must be a rotation matrix; R^T R differs from the identity by " + formatValue(defect) +
-                    (R.determinant() <= 0 ? ", and the determinant is not positive" : ""));
-  }
   Pose T = Pose::Identity();
-  T.linear() = nearestRotation(R);
-  const YamlField translation = map.need("translation_mm");
-  const std::vector<double> t_mm = translation.numbers(3);
-  for (std::size_t k = 0; k < 3; ++k) {
-    const YamlField item = translation.item(k);
-    requireBetween(item.place(), item.key, t_mm[k], -kFarthest_mm, kFarthest_mm);
-    T.translation()[static_cast<Eigen::Index>(k)] = t_mm[k] / 1e3;
-  }
+  T.linear() = readRotation(map.need("rotation"));
+  const std::vector<double> t_mm = map.need("translation_mm").numbers(3, -kFarthest_mm, kFarthest_mm);
+  T.translation() = Eigen::Map<const Eigen::Vector3d>(t_mm.data()) / 1e3;
   return T;
 }
 
@@ -82,6 +69,18 @@ std::vector<double> numbersOf(const Matrix& row_major) {
 }
 
 }  // namespace
+
+Eigen::Matrix3d readRotation(const YamlField& field) {
+  const std::vector<double> entries = field.numbers(9);
+  const Eigen::Matrix3d R = Eigen::Map<const RowMajor3d>(entries.data());
+  if (rotationDefect(-R) < 1e-3) field.refuse("must be a rotation matrix; this one mirrors (its determinant is -1)");
+  const double defect = rotationDefect(R);
+  if (!(defect < 1e-3)) {
+    field.refuse("must be a rotation matrix; R^T R differs from the identity by " + formatValue(defect) +
+                 (R.determinant() <= 0 ? ", and the determinant is not positive" : ""));
+  }
+  return nearestRotation(R);
+}
 
 PoseFile readPose(const std::string& path) {
   const YamlNode root = readYaml(path);

@@ -34,7 +34,7 @@ class YamlReader final : public SettingsVisitor {
       : path_(path), map_(path, node, name), former_(former) {}
 
   void number(const char* key, double& value, double low, double high) override {
-    if (const auto field = map_.find(key)) value = requireBetween(field->place(), key, field->number(), low, high);
+    if (const auto field = map_.find(key)) value = field->between(low, high);
   }
   void integer(const char* key, int& value, int low, int high) override {
     const auto field = map_.find(key);
@@ -83,7 +83,6 @@ bool replaceFormerKeys(const std::string& path, YamlNode& node, const YamlMap& m
   for (std::size_t i = node.keys.size(); i-- > 0;) {
     const std::string key = node.keys[i];
     if (map.knows(key)) continue;
-    const auto at = static_cast<std::ptrdiff_t>(i);
     const std::string line = atLine(path, node.key_lines[i]) + ": " + key + " = " + formatValue(node.items[i]) + ": ";
     if (const auto now = former.table.nameNow(former.sections, key, map.asked())) {
       if (std::find(node.keys.begin(), node.keys.end(), *now) != node.keys.end()) {
@@ -95,9 +94,9 @@ bool replaceFormerKeys(const std::string& path, YamlNode& node, const YamlMap& m
       renamed = true;
     } else if (former.table.isConstant(former.sections, key)) {
       former.warn(line + "is a constant now, ignored");
-      node.keys.erase(node.keys.begin() + at);
-      node.key_lines.erase(node.key_lines.begin() + at);
-      node.items.erase(node.items.begin() + at);
+      node.keys.erase(node.keys.begin() + i);
+      node.key_lines.erase(node.key_lines.begin() + i);
+      node.items.erase(node.items.begin() + i);
     }
   }
   return renamed;

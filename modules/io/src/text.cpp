@@ -14,7 +14,7 @@ namespace angio::io {
 namespace {
 
 constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
-constexpr std::string_view kBlanks = " \t";
+constexpr std::string_view kBlanks = " \t", kWhite = " \t\r\n";
 // So that a file that is one endless line costs no more memory than its own size.
 constexpr std::size_t kMaxLine = std::size_t{1} << 20;
 
@@ -38,8 +38,7 @@ std::string atLine(const std::string& path, int line) { return path + ":" + std:
 
 TextLines::TextLines(const std::string& path, std::string_view content) : path_(path), rest_(content) {
   if (rest_.substr(0, kByteOrderMark.size()) == kByteOrderMark) rest_.remove_prefix(kByteOrderMark.size());
-  const auto last = rest_.find_last_not_of(" \t\r\n");
-  rest_ = last == std::string_view::npos ? std::string_view() : rest_.substr(0, last + 1);
+  rest_ = rest_.substr(0, rest_.find_last_not_of(kWhite) + 1);
   count_ = rest_.empty() ? 0 : 1 + static_cast<int>(std::count(rest_.begin(), rest_.end(), '\n'));
 }
 
@@ -64,6 +63,10 @@ bool TextLines::next() {
   return true;
 }
 
+void TextLines::need(const std::string& what) {
+  if (!next()) throw InputError(atLine(path_, number_ + 1), what, "", "is missing: the file ends too early");
+}
+
 std::string extensionOf(const std::string& path) {
   std::string extension = std::filesystem::path(path).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
@@ -76,9 +79,9 @@ bool endsWith(std::string_view text, std::string_view end) {
 }
 
 std::string_view trimmed(std::string_view text) {
-  const auto first = text.find_first_not_of(kBlanks);
+  const auto first = text.find_first_not_of(kWhite);
   if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
+  return text.substr(first, text.find_last_not_of(kWhite) - first + 1);
 }
 
 void splitAt(char separator, std::string_view text, std::vector<std::string_view>& parts) {

@@ -19,14 +19,10 @@ namespace {
 // Branches of a vessel tree are some hundreds at most.
 constexpr int kMaxLines = 10'000;
 
-[[noreturn]] void failAtEnd(const std::string& path, const TextLines& lines, const std::string& what) {
-  throw InputError(atLine(path, lines.number() + 1), what, "", "is missing: the file ends too early");
-}
-
 // The words of a text, wherever its lines break.
 class Words {
  public:
-  Words(const std::string& path, TextLines& lines) : path_(path), lines_(lines) {}
+  explicit Words(TextLines& lines) : lines_(lines) {}
 
   // False at the end of the file.
   bool next() {
@@ -40,7 +36,7 @@ class Words {
   }
 
   std::string_view need(const std::string& what) {
-    if (!next()) failAtEnd(path_, lines_, what);
+    if (!next()) lines_.need(what);
     return word_;
   }
 
@@ -59,7 +55,6 @@ class Words {
   std::string place() const { return lines_.place(); }
 
  private:
-  const std::string& path_;
   TextLines& lines_;
   std::vector<std::string_view> words_;
   std::size_t at_ = 0;
@@ -84,9 +79,9 @@ struct VtkLines {
 };
 
 // The four lines before the points; gives the keyword that the lines stand under.
-std::string readHeader(const std::string& path, TextLines& lines) {
+std::string readHeader(TextLines& lines) {
   const auto need = [&](const std::string& what) {
-    if (!lines.next()) failAtEnd(path, lines, what);
+    lines.need(what);
     return std::string(trimmed(lines.text()));
   };
   const std::string first = need("version");
@@ -221,8 +216,8 @@ class LineGrowth {
 VesselTree readVtkTree(const std::string& path) {
   const std::string content = readWholeFile(path, kMaxTextFile);
   TextLines lines(path, content);
-  const std::string keyword = readHeader(path, lines);
-  Words words(path, lines);
+  const std::string keyword = readHeader(lines);
+  Words words(lines);
   VtkLines file;
   readPoints(words, file);
   readLines(words, keyword, file);

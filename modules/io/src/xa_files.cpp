@@ -59,20 +59,13 @@ XaHeader readHeader(const DicomFile& file, const DicomPixelLayout& layout, const
   return header;
 }
 
-// Frame numbers count from 1 in a file.
-std::vector<int> frameNumbers(const DicomFile& file, const DicomTag& tag, DcmItem& item, int frames) {
-  std::vector<int> numbers;
-  for (const double number : file.numbers(tag, item)) {
-    requireBetween(file.path(), tag.label(), number, 1, frames);
-    numbers.push_back(static_cast<int>(number) - 1);
-  }
-  return numbers;
-}
-
 XaMask readMask(const DicomFile& file, DcmItem& item, int frames) {
   XaMask mask;
   mask.operation = file.text(tag::kMaskOperation, item).value_or("NONE");
-  mask.mask_frames = frameNumbers(file, tag::kMaskFrames, item, frames);
+  for (const double number : file.numbers(tag::kMaskFrames, item)) {
+    requireBetween(file.path(), tag::kMaskFrames.label(), number, 1, frames);
+    mask.mask_frames.push_back(static_cast<int>(number) - 1);  // They count from 1 in a file.
+  }
   return mask;
 }
 

@@ -6,13 +6,6 @@
 
 namespace angio::io {
 
-/// The camera of a frame with its distances; the rest of the result is left alone. Throws InputError that names the
-/// attribute when a value is wrong, or when no camera can be had.
-XaGeometry readXaCamera(const DicomFile& file, const DicomPixelLayout& layout, int frame);
-
-/// "(0018,1164) Imager Pixel Spacing is missing: " and what was done instead.
-std::string missing(const DicomTag& tag, const std::string& instead);
-
 /// Attributes with one value for each frame, or one that is the step from frame to frame; empty when not there.
 struct XaIncrements {
   std::vector<double> primary_deg, secondary_deg;

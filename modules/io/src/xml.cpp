@@ -23,8 +23,7 @@ constexpr std::size_t kMaxTag = std::size_t{1} << 16;
 constexpr std::string_view kAppendedData = "<AppendedData";
 
 int lineAt(std::string_view content, std::size_t position) {
-  return 1 +
-         static_cast<int>(std::count(content.begin(), content.begin() + static_cast<std::ptrdiff_t>(position), '\n'));
+  return 1 + static_cast<int>(std::count(content.begin(), content.begin() + position, '\n'));
 }
 
 // The length of the tag (or comment) that begins the text.
@@ -108,12 +107,10 @@ XmlDocument::XmlDocument(std::string path, std::string content) : path_(std::mov
   if (!parsed || !root_ || !message.empty()) throw brokenXml(path_, message);
 }
 
-int XmlDocument::lineOf(vtkXMLDataElement& element) const {
+std::string XmlDocument::placeOf(vtkXMLDataElement& element) const {
   const auto index = std::max<vtkTypeInt64>(element.GetXMLByteIndex(), 0);
-  return lineAt(content_, std::min(static_cast<std::size_t>(index), content_.size()));
+  return atLine(path_, lineAt(content_, std::min(static_cast<std::size_t>(index), content_.size())));
 }
-
-std::string XmlDocument::placeOf(vtkXMLDataElement& element) const { return atLine(path_, lineOf(element)); }
 
 std::string_view XmlDocument::textOf(vtkXMLDataElement& element) const {
   const auto index = std::max<vtkTypeInt64>(element.GetXMLByteIndex(), 0);

@@ -26,7 +26,6 @@ class XmlDocument {
   vtkXMLDataElement& root() const { return *root_; }
   const std::string& path() const { return path_; }
   std::string placeOf(vtkXMLDataElement& element) const;  ///< "path:line".
-  int lineOf(vtkXMLDataElement& element) const;
 
   /// What stands between the start of an element and the next tag.
   std::string_view textOf(vtkXMLDataElement& element) const;

@@ -6,6 +6,7 @@
 #include <yaml-cpp/parser.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 #include <sstream>
 
@@ -119,7 +120,7 @@ YamlNode readYaml(const std::string& path) {
   std::string content = readWholeFile(path, kMaxYamlFile);
   const auto nul = content.find('\0');
   if (nul != std::string::npos) {
-    const auto line = 1 + std::count(content.begin(), content.begin() + static_cast<std::ptrdiff_t>(nul), '\n');
+    const auto line = 1 + std::count(content.begin(), content.begin() + nul, '\n');
     throw InputError(atLine(path, static_cast<int>(line)), "byte", "0", "must be text, without control characters");
   }
   std::istringstream stream(std::move(content));
@@ -160,6 +161,8 @@ double YamlField::number() const {
 
 double YamlField::positive() const { return requirePositive(place(), key, number()); }
 
+double YamlField::between(double low, double high) const { return requireBetween(place(), key, number(), low, high); }
+
 int YamlField::integer() const {
   if (node->kind != YamlNode::Kind::kScalar || node->quoted) refuse("must be an integer");
   return parseInteger(place(), key, node->scalar);
@@ -184,6 +187,12 @@ std::vector<double> YamlField::numbers(std::size_t count) const {
   }
   std::vector<double> result;
   for (std::size_t i = 0; i < count; ++i) result.push_back(item(i).number());
+  return result;
+}
+
+std::vector<double> YamlField::numbers(std::size_t count, double low, double high) const {
+  const std::vector<double> result = numbers(count);
+  for (std::size_t i = 0; i < count; ++i) requireBetween(item(i).place(), item(i).key, result[i], low, high);
   return result;
 }
 
@@ -216,6 +225,85 @@ void YamlMap::refuseOthers() const {
     throw InputError(atLine(path_, node_.key_lines[i]), node_.keys[i], formatValue(node_.items[i]),
                      "unknown key; there are: " + joined(asked_));
   }
+}
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Words that YAML takes as they are; all else is quoted. JSON's quotes and escapes are YAML's.
+std::string scalarText(const Json& value, const std::string& key) {
+  if (value.is_number_float()) {
+    if (!std::isfinite(value.get<double>())) throw InputError("", key, "", "must be finite");
+    return exact(value.get<double>());
+  }
+  return value.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string keyText(const std::string& key) {
+  const bool plain =
+      !key.empty() && !std::isdigit(static_cast<unsigned char>(key[0])) &&
+      key.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_") == std::string::npos;
+  return plain ? key : Json(key).dump();
+}
+
+bool isFlat(const Json& value) {
+  if (!value.is_structured()) return true;
+  if (value.is_object()) return value.empty();
+  for (const Json& item : value) {
+    if (item.is_structured()) return false;
+  }
+  return true;
+}
+
+std::string flowText(const Json& value, const std::string& key) {
+  if (!value.is_structured()) return scalarText(value, key);
+  if (value.is_object()) return "{}";
+  std::string text = "[";
+  for (const Json& item : value) text += (text.size() > 1 ? ", " : "") + scalarText(item, key);
+  return text + "]";
+}
+
+void writeBlock(const Json& value, const std::string& name, int indent, std::string& text);
+
+// What stands behind "key:" or "-", whose line is still open.
+void writeValue(const Json& value, const std::string& name, int indent, std::string& text) {
+  if (isFlat(value)) {
+    text += " " + flowText(value, name) + "\n";
+    return;
+  }
+  text += "\n";
+  writeBlock(value, name, indent, text);
+}
+
+void writeBlock(const Json& value, const std::string& name, int indent, std::string& text) {
+  const std::string margin(static_cast<std::size_t>(indent), ' ');
+  if (value.is_object()) {
+    for (const auto& [key, item] : value.items()) {
+      text += margin + keyText(key) + ":";
+      writeValue(item, key, indent + 2, text);
+    }
+    return;
+  }
+  for (const Json& item : value) {
+    text += margin + "-";
+    if (item.is_object() && !item.empty()) {
+      std::string block;
+      writeBlock(item, name, indent + 2, block);
+      text += " " + block.substr(margin.size() + 2);  // The first key stands beside the dash.
+    } else {
+      writeValue(item, name, indent + 2, text);
+    }
+  }
+}
+
+}  // namespace
+
+std::string asYaml(const Json& document) {
+  std::string text;
+  if (isFlat(document)) return flowText(document, "document") + "\n";
+  writeBlock(document, "document", 0, text);
+  return text;
 }
 
 }  // namespace angio::io

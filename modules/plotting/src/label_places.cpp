@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 namespace angio::plotting {
 namespace {
@@ -20,7 +20,8 @@ constexpr double kLineCell = 3, kOtherPlace = 2, kCrossing = 25, kOverlap = 2000
 class DrawnLines {
  public:
   DrawnLines(const std::vector<PlotCanvas::Points>& lines, const cv::Rect2d& frame) : corner_(frame.tl()) {
-    cv::Mat1i cells(static_cast<int>(frame.height / kCell_px) + 2, static_cast<int>(frame.width / kCell_px) + 2, 0);
+    cv::Mat1b cells(static_cast<int>(frame.height / kCell_px) + 2, static_cast<int>(frame.width / kCell_px) + 2,
+                    uchar{0});
     for (const PlotCanvas::Points& line : lines) {
       for (std::size_t i = 1; i < line.size(); ++i) {
         const int steps = 1 + static_cast<int>(cv::norm(line[i] - line[i - 1]) / kCell_px);
@@ -30,12 +31,7 @@ class DrawnLines {
         }
       }
     }
-    sums_ = cv::Mat1i(cells.rows + 1, cells.cols + 1, 0);
-    for (int y = 0; y < cells.rows; ++y) {
-      for (int x = 0; x < cells.cols; ++x) {
-        sums_(y + 1, x + 1) = cells(y, x) + sums_(y, x + 1) + sums_(y + 1, x) - sums_(y, x);
-      }
-    }
+    cv::integral(cells, sums_, CV_32S);
   }
 
   int in(const cv::Rect2d& box) const {

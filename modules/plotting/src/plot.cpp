@@ -202,15 +202,14 @@ class Drawing {
     }
     const std::vector<PlacedLabel> placed = placeLabels(wanted, lines, frame_);
     for (std::size_t i = 0; i < placed.size(); ++i) {
-      if (placed[i].leader) canvas_.line({placed[i].leader->first, placed[i].leader->second}, leadOf(i));
+      if (!placed[i].leader) continue;
+      canvas_.line({placed[i].leader->first, placed[i].leader->second}, {"lead", plot_.labels[i].color});
     }
     for (std::size_t i = 0; i < placed.size(); ++i) {
       const cv::Point2d lower_left(placed[i].box.x + 2, placed[i].box.br().y - 3);
       canvas_.text(lower_left, Anchor::kStart, plot_.labels[i].words, {"name", plot_.labels[i].color});
     }
   }
-
-  PlotCanvas::Look leadOf(std::size_t label) const { return {"lead", plot_.labels[label].color}; }
 
   void drawCounts() {
     double highest = 0, nearest = x_.high - x_.low;

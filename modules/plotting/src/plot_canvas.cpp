@@ -23,11 +23,9 @@ cv::Scalar colorOf(const PlotCanvas::Look& look) {
   return look.part == "guide" ? kGuide : plotColor(look.color);
 }
 
-cv::Point fixed(const cv::Point2d& p) { return subpixel(p); }
-
 std::vector<cv::Point> fixed(const PlotCanvas::Points& points) {
   std::vector<cv::Point> all;
-  for (const cv::Point2d& p : points) all.push_back(fixed(p));
+  std::transform(points.begin(), points.end(), std::back_inserter(all), subpixel);
   return all;
 }
 
@@ -55,10 +53,6 @@ void SvgCanvas::shape(const std::string& tag, const Points& points, const Look& 
   for (const cv::Point2d& p : points) svg_ += formatted("%.1f,%.1f ", p.x, p.y);
   svg_ += "\"/>\n";
 }
-
-void SvgCanvas::line(const Points& points, const Look& look) { shape("polyline", points, look); }
-
-void SvgCanvas::area(const Points& corners, const Look& look) { shape("polygon", corners, look); }
 
 void SvgCanvas::circle(const cv::Point2d& center, double radius_px, const Look& look) {
   svg_ +=
@@ -105,7 +99,7 @@ void PictureCanvas::area(const Points& corners, const Look& look) {
 
 void PictureCanvas::circle(const cv::Point2d& center, double radius_px, const Look& look) {
   const int radius = static_cast<int>(std::lround(radius_px * (1 << kSubpixelBits)));
-  cv::circle(picture_, fixed(center), radius, colorOf(look), look.part == "ring" ? 2 : cv::FILLED, cv::LINE_AA,
+  cv::circle(picture_, subpixel(center), radius, colorOf(look), look.part == "ring" ? 2 : cv::FILLED, cv::LINE_AA,
              kSubpixelBits);
 }
 

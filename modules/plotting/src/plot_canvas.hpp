@@ -35,8 +35,8 @@ class PlotCanvas {
 
 class SvgCanvas final : public PlotCanvas {
  public:
-  void line(const Points& points, const Look& look) override;
-  void area(const Points& corners, const Look& look) override;
+  void line(const Points& points, const Look& look) override { shape("polyline", points, look); }
+  void area(const Points& corners, const Look& look) override { shape("polygon", corners, look); }
   void circle(const cv::Point2d& center, double radius_px, const Look& look) override;
   void text(const cv::Point2d& at, Anchor anchor, const std::string& words, const Look& look) override;
   void ground(const cv::Mat&, const cv::Rect2d&) override {}

@@ -8,10 +8,10 @@
 #include <cmath>
 #include <cstdint>
 
+#include "angio/geometry/se3.hpp"
+
 namespace angio::volume {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 // A path on its way, with the vessel's radius at each node [voxels].
 struct Line {
@@ -21,12 +21,12 @@ struct Line {
   bool begins_at_fork = false;
 };
 
-std::size_t tangentReach(const Line& line, std::size_t i) {
-  return static_cast<std::size_t>(std::max(2.0, std::ceil(line.radii[i])));
+std::size_t reachAt(const Line& line, std::size_t i, double min_nodes) {
+  return static_cast<std::size_t>(std::max(min_nodes, std::ceil(line.radii[i])));
 }
 
 Eigen::Vector3d tangentAt(const Line& line, std::size_t i) {
-  const std::size_t reach = tangentReach(line, i), last = line.points.size() - 1;
+  const std::size_t reach = reachAt(line, i, 2), last = line.points.size() - 1;
   const Eigen::Vector3d along = line.points[std::min(i + reach, last)] - line.points[i > reach ? i - reach : 0];
   const double length = along.norm();
   return length > 1e-9 ? Eigen::Vector3d(along / length) : Eigen::Vector3d::UnitX();
@@ -88,7 +88,7 @@ void smooth(Line& line, double wavelength) {
 
 double medianRadius(const Line& line) {
   std::vector<double> radii = line.radii;
-  std::nth_element(radii.begin(), radii.begin() + static_cast<long>(radii.size() / 2), radii.end());
+  std::nth_element(radii.begin(), radii.begin() + radii.size() / 2, radii.end());
   return radii[radii.size() / 2];
 }
 
@@ -119,8 +119,7 @@ std::size_t nodesBehindEnd(const std::vector<double>& radii_from_end) {
   for (std::size_t i = 0; i + 1 < radii_from_end.size(); ++i) {
     const auto reach = static_cast<std::size_t>(std::ceil(2 * radii_from_end[i])) + 2;
     const auto inner = std::min(i + reach, radii_from_end.size());
-    const double thickest = *std::max_element(radii_from_end.begin() + static_cast<long>(i),
-                                              radii_from_end.begin() + static_cast<long>(inner));
+    const double thickest = *std::max_element(radii_from_end.begin() + i, radii_from_end.begin() + inner);
     if (radii_from_end[i] >= kFallen * thickest) break;
     behind = i + 1;
   }
@@ -141,14 +140,9 @@ std::optional<Eigen::Vector3d> wallAhead(const LevelField& level, const Eigen::V
 }
 
 Eigen::Vector3d innerPoint(const Line& line, std::size_t end) {
-  const auto reach =
-      std::min(line.points.size() - 1, static_cast<std::size_t>(std::max(3.0, std::ceil(line.radii[end]))));
+  const std::size_t reach = std::min(line.points.size() - 1, reachAt(line, end, 3));
   return end == 0 ? line.points[reach] : line.points[end - reach];
 }
-
-}  // namespace
-
-namespace {
 
 // What of each path cannot be cut: another one leaves there.
 struct Forks {
@@ -157,7 +151,7 @@ struct Forks {
   explicit Forks(const std::vector<SkeletonPath>& paths) : first(paths.size(), SIZE_MAX), last(paths.size(), 0) {
     for (const SkeletonPath& path : paths) {
       if (path.parent < 0) continue;
-      const auto p = static_cast<std::size_t>(path.parent), place = static_cast<std::size_t>(path.parent_place);
+      const std::size_t p = path.parent, place = path.parent_place;
       last[p] = std::max(last[p], place);
       first[p] = std::min(first[p], place);
     }
@@ -182,8 +176,8 @@ Line lineOf(const SkeletonForest& forest, const SkeletonPath& path, std::size_t 
 std::size_t cutRoot(Line& line, std::size_t first_fork) {
   // A fork must not become the root, which is moved to the wall.
   const std::size_t cut = std::min({nodesBehindEnd(line.radii), first_fork - 1, line.points.size() - 2});
-  line.points.erase(line.points.begin(), line.points.begin() + static_cast<long>(cut));
-  line.radii.erase(line.radii.begin(), line.radii.begin() + static_cast<long>(cut));
+  line.points.erase(line.points.begin(), line.points.begin() + cut);
+  line.radii.erase(line.radii.begin(), line.radii.begin() + cut);
   return cut;
 }
 
@@ -194,10 +188,8 @@ std::size_t centerBranch(const LevelField& level, const Smoothness& smoothness, 
   const auto reach = static_cast<std::size_t>(std::ceil(2 * parent.radii[place]));
   const std::size_t from = place > reach ? place - reach : 1, shared = place - from;
   line.points.front() = parent.points[place];
-  line.points.insert(line.points.begin(), parent.points.begin() + static_cast<long>(from),
-                     parent.points.begin() + static_cast<long>(place));
-  line.radii.insert(line.radii.begin(), parent.radii.begin() + static_cast<long>(from),
-                    parent.radii.begin() + static_cast<long>(place));
+  line.points.insert(line.points.begin(), parent.points.begin() + from, parent.points.begin() + place);
+  line.radii.insert(line.radii.begin(), parent.radii.begin() + from, parent.radii.begin() + place);
   center(level, smoothness, line);
   std::size_t same = 0;
   while (same < shared) {
@@ -205,8 +197,8 @@ std::size_t centerBranch(const LevelField& level, const Smoothness& smoothness, 
     if ((line.points[next] - parent.points[from + next]).norm() > std::max(0.5, 0.1 * line.radii[next])) break;
     same = next;
   }
-  line.points.erase(line.points.begin(), line.points.begin() + static_cast<long>(same));
-  line.radii.erase(line.radii.begin(), line.radii.begin() + static_cast<long>(same));
+  line.points.erase(line.points.begin(), line.points.begin() + same);
+  line.radii.erase(line.radii.begin(), line.radii.begin() + same);
   line.points.front() = parent.points[from + same];
   return from + same;
 }
@@ -224,8 +216,7 @@ std::vector<CenteredPath> centered(const LevelField& level, const SkeletonForest
     Line line = lineOf(forest, path, forks.last[p]);
     CenteredPath centered_path;
     if (line.begins_at_fork) {
-      const auto parent = static_cast<std::size_t>(path.parent);
-      const auto place = static_cast<std::size_t>(path.parent_place + moved[parent]);
+      const std::size_t parent = path.parent, place = path.parent_place + moved[parent];
       centered_path.parent = path.parent;
       centered_path.parent_place = static_cast<int>(centerBranch(level, smoothness, lines[parent], place, line));
       moved[p] = static_cast<long>(place) - centered_path.parent_place;

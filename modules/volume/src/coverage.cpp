@@ -38,9 +38,7 @@ Coverage coverage(const VesselTree& tree, const VesselTree& other, double distan
   requirePositive("coverage", "distance_m", distance_m);
   const double spacing_m = distance_m / 10;
   const Samples mine = samplesOf(tree, spacing_m), its = samplesOf(other, spacing_m);
-  Eigen::Matrix3Xd points(3, its.points.size());
-  for (std::size_t i = 0; i < its.points.size(); ++i) points.col(i) = its.points[i];
-  const NearestPoint nearest(std::move(points));
+  const NearestPoint nearest(Eigen::Map<const Eigen::Matrix3Xd>(its.points.front().data(), 3, its.points.size()));
   std::vector<double> distances;
   double near = 0, all = 0;
   for (std::size_t i = 0; i < mine.points.size(); ++i) {

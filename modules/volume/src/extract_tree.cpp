@@ -26,13 +26,12 @@ struct Points {
   }
 };
 
-// Equal steps of about `spacing` from one place of a path to another, behind the point `last`; the points' numbers.
-std::vector<int> addSteps(const std::vector<Eigen::Vector3d>& path, std::size_t from, std::size_t to, double spacing,
-                          int last, Points& points) {
+// Equal steps of about `spacing` from one place of a path to another, behind the point `last`; the last one's number.
+int addSteps(const std::vector<Eigen::Vector3d>& path, std::size_t from, std::size_t to, double spacing, int last,
+             Points& points) {
   double length = 0;
   for (std::size_t i = from; i < to; ++i) length += (path[i + 1] - path[i]).norm();
   const int steps = std::max(1, static_cast<int>(std::lround(length / spacing)));
-  std::vector<int> added;
   double behind = 0;  // Length up to path[i].
   std::size_t i = from;
   for (int k = 1; k <= steps; ++k) {
@@ -45,9 +44,8 @@ std::vector<int> addSteps(const std::vector<Eigen::Vector3d>& path, std::size_t 
     }
     const double share = k == steps ? 1 : std::min(1.0, (wanted - behind) / std::max(edge, 1e-12));
     last = points.add(path[i] + share * (path[i + 1] - path[i]), last);
-    added.push_back(last);
   }
-  return added;
+  return last;
 }
 
 // A path's points between forks, each fork being a point. Two forks in one place stay one.
@@ -58,11 +56,9 @@ void addPath(const std::vector<CenteredPath>& paths, std::size_t p, const std::v
   mine.assign(path.points.size(), -1);
   mine[0] = path.parent < 0 ? points.add(path.points[0], -1) : point_at[path.parent][path.parent_place];
   std::size_t from = 0;
-  for (const int place : forks[p]) {
-    const auto to = static_cast<std::size_t>(place);
+  for (const std::size_t to : forks[p]) {
     if (to == from) continue;
-    const auto added = addSteps(path.points, from, to, spacing, mine[from], points);
-    mine[to] = added.back();
+    mine[to] = addSteps(path.points, from, to, spacing, mine[from], points);
     from = to;
   }
 }
@@ -101,7 +97,7 @@ std::vector<std::size_t> chainFromEnd(const Points& points, const std::vector<st
     const std::size_t at = chain.back();
     if (chain.size() > 1 && links[at].size() != 2) break;
     const bool came_by_first = chain.size() > 1 && links[at][0] == static_cast<int>(chain[chain.size() - 2]);
-    const auto next = static_cast<std::size_t>(links[at][came_by_first ? 1 : 0]);
+    const std::size_t next = links[at][came_by_first ? 1 : 0];
     if (spheres[next] - spheres[at] < kGrowth * (points.at[next] - points.at[at]).norm()) break;
     chain.push_back(next);
   }

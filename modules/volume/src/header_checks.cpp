@@ -101,9 +101,15 @@ std::size_t voxelsOf(const std::string& path, const std::string& field, const do
   return static_cast<std::size_t>(voxels);
 }
 
+std::size_t bytesOfType(const std::string& path, const char* field, const std::string& type, const TypeSizes& sizes) {
+  const auto found = sizes.find(type);
+  if (found != sizes.end()) return found->second;
+  throw InputError(path, field, type.substr(0, 40), "must be one number a voxel, of a known type");
+}
+
 std::string dataFileBeside(const std::string& path, const std::string& field, std::string_view name) {
-  const bool plain = !name.empty() && name.size() < 200 && name.find_first_of("/\\%") == std::string_view::npos &&
-                     name.find(' ') == std::string_view::npos && name != "LIST";
+  const bool plain =
+      !name.empty() && name.size() < 200 && name.find_first_of("/\\% ") == std::string_view::npos && name != "LIST";
   if (!plain)
     throw InputError(path, field, std::string(name.substr(0, 40)),
                      "must be the plain name of one file in the same folder");
@@ -166,34 +172,15 @@ class NiftiHeader {
   bool swapped_ = false;
 };
 
-std::size_t bytesOfType(const std::string& path, int type) {
-  switch (type) {
-    case 2:
-    case 256:
-      return 1;
-    case 4:
-    case 512:
-      return 2;
-    case 8:
-    case 16:
-    case 768:
-      return 4;
-    case 64:
-    case 1024:
-    case 1280:
-      return 8;
-    default:
-      throw InputError(path, "datatype", std::to_string(type), "must be one number a voxel, of a known type");
-  }
-}
+const TypeSizes kNiftiTypes = {{"2", 1},  {"256", 1}, {"4", 2},  {"512", 2},  {"8", 4},
+                               {"16", 4}, {"768", 4}, {"64", 8}, {"1024", 8}, {"1280", 8}};
 
 // ITK takes the nearest rotation when an affine matrix is none.
 void checkAxes(const std::string& path, const NiftiHeader& header) {
   Eigen::Matrix3d axes;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 4; ++column) {
-      const double value =
-          header.number("srow", 280 + 16 * static_cast<std::size_t>(row) + 4 * static_cast<std::size_t>(column));
+      const double value = header.number("srow", 280 + 16 * row + 4 * column);
       requireBetween(path, "srow", value, -1e4, 1e4);
       if (column < 3) axes(row, column) = value;
     }
@@ -216,13 +203,13 @@ void checkNiftiHeader(const std::string& path) {
   bool three = dimensions >= 3 && dimensions <= 7;
   double sizes[3] = {};
   for (int i = 1; i <= 7 && three && i <= dimensions; ++i) {
-    const int size = header.at<std::int16_t>(40 + 2 * static_cast<std::size_t>(i));
+    const int size = header.at<std::int16_t>(40 + 2 * i);
     if (i <= 3) sizes[i - 1] = size;
     three = i <= 3 || size == 1;
   }
   if (!three) throw InputError(path, "dim", std::to_string(dimensions), "must be 3");
   const std::size_t voxels = voxelsOf(path, "dim", sizes);
-  const std::size_t bytes = bytesOfType(path, header.at<std::int16_t>(70));
+  const std::size_t bytes = bytesOfType(path, "datatype", std::to_string(header.at<std::int16_t>(70)), kNiftiTypes);
   if (header.at<std::int16_t>(72) != static_cast<int>(8 * bytes)) {
     throw InputError(path, "bitpix", std::to_string(header.at<std::int16_t>(72)), "must fit the datatype");
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,6 +23,10 @@ std::vector<double> numbersIn(const std::string& path, const std::string& field,
 
 /// Voxels of a volume with these sizes, each 1 to 65535, kMaxVoxels in all.
 std::size_t voxelsOf(const std::string& path, const std::string& field, const double* sizes);
+
+/// Bytes of a voxel by the name of its type. Throws InputError for a name that is not among them.
+using TypeSizes = std::map<std::string, std::size_t>;
+std::size_t bytesOfType(const std::string& path, const char* field, const std::string& type, const TypeSizes& sizes);
 
 /// A data file that a header names: a plain name, of a regular file in the header's folder. Returns its path.
 std::string dataFileBeside(const std::string& path, const std::string& field, std::string_view name);

@@ -15,16 +15,14 @@ constexpr float kFar = std::numeric_limits<float>::infinity();
 // One line of squared distances after another, each as the lower envelope of parabolas.
 class LineTransform {
  public:
-  LineTransform(int size, double spacing) : spacing2_(spacing * spacing), line_(static_cast<std::size_t>(size)) {
-    at_.resize(line_.size());
-    from_.resize(line_.size() + 1);
-  }
+  LineTransform(int size, double spacing)
+      : spacing2_(spacing * spacing), line_(size), at_(line_.size()), from_(line_.size() + 1) {}
 
   void run(float* values, std::size_t stride) {
     const int n = static_cast<int>(line_.size());
     int parabolas = 0;
     for (int q = 0; q < n; ++q) {
-      line_[q] = values[static_cast<std::size_t>(q) * stride];
+      line_[q] = values[q * stride];
       if (line_[q] == kFar) continue;
       double s = -std::numeric_limits<double>::infinity();
       while (parabolas > 0) {
@@ -40,10 +38,10 @@ class LineTransform {
     if (parabolas == 0) return;
     from_[parabolas] = std::numeric_limits<double>::infinity();
     for (int q = 0, k = 0; q < n; ++q) {
-      while (from_[static_cast<std::size_t>(k) + 1] < q) ++k;
+      while (from_[k + 1] < q) ++k;
       const int center = at_[k];
       const double d = q - center;
-      values[static_cast<std::size_t>(q) * stride] = static_cast<float>(spacing2_ * d * d + line_[center]);
+      values[q * stride] = static_cast<float>(spacing2_ * d * d + line_[center]);
     }
   }
 
@@ -94,17 +92,12 @@ Volume stretched(const Volume& from, int axis, double spacing_m) {
   }
   to.values.resize(to.grid.count());
   const Between between = betweens(to.grid.size[axis], from.grid.size[axis], ratio);
-  const std::size_t step =
-      axis == 0   ? 1
-      : axis == 1 ? static_cast<std::size_t>(from.grid.size.x())
-                  : static_cast<std::size_t>(from.grid.size.x()) * static_cast<std::size_t>(from.grid.size.y());
-  const std::size_t second = from.grid.size[axis] > 1 ? step : 0;
+  const std::size_t second = from.grid.size[axis] > 1 ? from.grid.offset(Eigen::Vector3i::Unit(axis)) : 0;
   forEachVoxel(to.grid.size, [&](const Eigen::Vector3i& v, std::size_t out) {
     Eigen::Vector3i u = v;
-    const auto i = static_cast<std::size_t>(v[axis]);
-    u[axis] = between.first[i];
+    u[axis] = between.first[v[axis]];
     const float* const a = &from.values[from.grid.offset(u)];
-    to.values[out] = a[0] + between.share[i] * (a[second] - a[0]);
+    to.values[out] = a[0] + between.share[v[axis]] * (a[second] - a[0]);
   });
   return to;
 }
@@ -115,8 +108,7 @@ std::vector<float> distanceMap(const VoxelMask& mask, std::uint8_t target) {
   const VoxelGrid& grid = mask.grid;
   std::vector<float> squares(grid.count());
   for (std::size_t i = 0; i < squares.size(); ++i) squares[i] = mask.inside[i] == target ? 0.0F : kFar;
-  const auto nx = static_cast<std::size_t>(grid.size.x()), ny = static_cast<std::size_t>(grid.size.y()),
-             nz = static_cast<std::size_t>(grid.size.z());
+  const std::size_t nx = grid.size.x(), ny = grid.size.y(), nz = grid.size.z();
   LineTransform along_x(grid.size.x(), grid.spacing_m.x());
   for (std::size_t row = 0; row < ny * nz; ++row) along_x.run(&squares[row * nx], 1);
   LineTransform along_y(grid.size.y(), grid.spacing_m.y());
@@ -152,8 +144,8 @@ double LevelField::at(const Eigen::Vector3d& index) const {
   if (!((index.array() >= 0).all() && (index.array() <= size.cast<double>().array() - 1).all())) return kOutside;
   const Eigen::Vector3i v = index.cast<int>().cwiseMin((size.array() - 2).matrix()).cwiseMax(0);
   const Eigen::Vector3d t = index - v.cast<double>();
-  const std::size_t dx = size.x() > 1 ? 1 : 0, dy = size.y() > 1 ? static_cast<std::size_t>(size.x()) : 0;
-  const std::size_t dz = size.z() > 1 ? static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()) : 0;
+  const auto step = [&](int axis) { return size[axis] > 1 ? level_.grid.offset(Eigen::Vector3i::Unit(axis)) : 0; };
+  const std::size_t dx = step(0), dy = step(1), dz = step(2);
   const float* const a = &level_.values[level_.grid.offset(v)];
   const auto row = [&](const float* p) { return p[0] + t.x() * (p[dx] - p[0]); };
   const auto layer = [&](const float* p) { return row(p) + t.y() * (row(p + dy) - row(p)); };
@@ -184,9 +176,7 @@ Eigen::Matrix3Xd LevelField::wallPoints() const {
       if (there <= 0) points.push_back(v.cast<double>() + here / (here - there) * (u - v).cast<double>());
     }
   });
-  Eigen::Matrix3Xd result(3, points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) result.col(i) = points[i];
-  return result;
+  return Eigen::Map<const Eigen::Matrix3Xd>(points.empty() ? nullptr : points[0].data(), 3, points.size());
 }
 
 }  // namespace angio::volume

@@ -3,9 +3,40 @@
 
 #include <algorithm>
 #include <numeric>
+#include <unordered_map>
+
+#include "angio/volume/thinning.hpp"
 
 namespace angio::volume {
 namespace {
+
+// Sets that grow together.
+class Groups {
+ public:
+  explicit Groups(std::size_t count) : leader_(count) { std::iota(leader_.begin(), leader_.end(), 0); }
+  int of(int i) {
+    while (leader_[i] != i) {
+      int& leader = leader_[i];
+      leader = leader_[leader];
+      i = leader;
+    }
+    return i;
+  }
+  bool join(int a, int b) {
+    a = of(a), b = of(b);
+    if (a == b) return false;
+    leader_[std::max(a, b)] = std::min(a, b);
+    return true;
+  }
+
+ private:
+  std::vector<int> leader_;
+};
+
+struct Link {
+  int a, b;
+  double depth, length;
+};
 
 // A tree walked from one of its nodes.
 struct Walk {
@@ -73,9 +104,7 @@ SkeletonForest onlyKept(const SkeletonForest& forest, const std::vector<bool>& k
   for (std::size_t i = 0; i < forest.nodes.size(); ++i) {
     if (!keep[i]) continue;
     for (const int other : forest.links[i]) {
-      if (keep[other]) {
-        result.links[now[i]].push_back(now[other]);
-      }
+      if (keep[other]) result.links[now[i]].push_back(now[other]);
     }
   }
   return result;
@@ -93,7 +122,7 @@ double thicknessAt(const SkeletonForest& forest, int end) {
     before = at;
     at = next;
   }
-  const auto middle = depths.begin() + static_cast<long>(depths.size() / 2);
+  const auto middle = depths.begin() + depths.size() / 2;
   std::nth_element(depths.begin(), middle, depths.end());
   return *middle;
 }
@@ -139,10 +168,6 @@ void addPaths(const SkeletonForest& forest, const Walk& walk, std::vector<Skelet
   }
 }
 
-}  // namespace
-
-namespace {
-
 // How far what begins with a child goes from a fork as the crow flies: a way across a wide vessel may be a long one.
 double farthestOf(const SkeletonForest& forest, const Walk& walk, int fork, int child) {
   double farthest = 0;
@@ -160,6 +185,43 @@ double farthestOf(const SkeletonForest& forest, const Walk& walk, int fork, int 
 
 }  // namespace
 
+SkeletonForest linked(const VoxelMask& skeleton, const NearestPoint& wall) {
+  SkeletonForest forest;
+  const VoxelGrid& grid = skeleton.grid;
+  std::unordered_map<std::size_t, int> node_at;
+  std::vector<Link> links;
+  forEachVoxel(grid.size, [&](const Eigen::Vector3i& v, std::size_t at) {
+    if (!skeleton.inside[at]) return;
+    const int node = static_cast<int>(forest.nodes.size());
+    node_at.emplace(at, node);
+    forest.nodes.push_back(v.cast<double>());
+    forest.depths.push_back(wall.distance(v.cast<double>()));
+    for (int k = 0; k < 13; ++k) {  // The neighbours before this one.
+      const Eigen::Vector3i u = v + Eigen::Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+      if (!grid.holds(u)) continue;
+      const auto other = node_at.find(grid.offset(u));
+      if (other == node_at.end()) continue;
+      links.push_back({other->second, node, std::min(forest.depths[other->second], forest.depths.back()),
+                       (u - v).cast<double>().norm()});
+    }
+  });
+  std::stable_sort(links.begin(), links.end(), [](const Link& a, const Link& b) {
+    return a.depth != b.depth ? a.depth > b.depth : a.length < b.length;
+  });
+  Groups groups(forest.nodes.size());
+  forest.links.resize(forest.nodes.size());
+  int trees = static_cast<int>(forest.nodes.size());
+  for (const Link& link : links) {
+    if (!groups.join(link.a, link.b)) continue;
+    --trees;
+    forest.links[link.a].push_back(link.b);
+    forest.links[link.b].push_back(link.a);
+  }
+  // A skeleton has no cavities; three voxels that touch each other are no loop.
+  forest.cycles_cut = static_cast<int>(trees - eulerNumber(skeleton));
+  return forest;
+}
+
 SkeletonForest withoutSpurs(const SkeletonForest& forest, double shortest, double radii) {
   std::vector<bool> keep(forest.nodes.size(), true);
   Walk walk;
@@ -167,16 +229,15 @@ SkeletonForest withoutSpurs(const SkeletonForest& forest, double shortest, doubl
     // From an end of the longest way, which is no spur.
     walkFrom(forest, farthestFrom(forest, first, walk), walk);
     for (const int node : walk.order) {
-      const auto n = static_cast<std::size_t>(node);
-      if (!keep[n] && node != walk.order.front()) continue;
+      if (!keep[node] && node != walk.order.front()) continue;
       const auto reach = [&](int child) { return walk.height[child] + lengthOf(forest, node, child); };
       int longest = -1;
-      for (const int child : forest.links[n]) {
-        if (child != walk.parent[n] && (longest < 0 || reach(child) > reach(longest))) longest = child;
+      for (const int child : forest.links[node]) {
+        if (child != walk.parent[node] && (longest < 0 || reach(child) > reach(longest))) longest = child;
       }
-      for (const int child : forest.links[n]) {
-        if (child == walk.parent[n] || child == longest) continue;
-        const double wanted = forest.depths[n] + std::max(shortest, radii * forest.depths[n]);
+      for (const int child : forest.links[node]) {
+        if (child == walk.parent[node] || child == longest) continue;
+        const double wanted = forest.depths[node] + std::max(shortest, radii * forest.depths[node]);
         // Far longer ways need no second look.
         const bool reaches =
             reach(child) >= 4 * wanted || (reach(child) >= wanted && farthestOf(forest, walk, node, child) >= wanted);

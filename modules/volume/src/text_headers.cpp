@@ -24,17 +24,6 @@ struct TextHeader {
   }
 };
 
-using TypeSizes = std::map<std::string, std::size_t, std::less<>>;
-
-// Bytes of a voxel.
-std::size_t bytesOfType(const std::string& path, const char* field, const std::string& type, const TypeSizes& sizes) {
-  const auto found = sizes.find(type);
-  if (found == sizes.end()) {
-    throw InputError(path, field, type.substr(0, 40), "must be one number a voxel, of a known type");
-  }
-  return found->second;
-}
-
 // The next line of a header, without its end.
 std::string_view lineAt(const std::string& text, std::size_t at, std::size_t end) {
   std::string_view line = std::string_view(text).substr(at, end - at);
@@ -119,36 +108,31 @@ void checkMetaHeader(const std::string& path) {
     if (find(key).empty()) throw InputError(path, key, "", "is missing");
     return find(key);
   };
-  if (!find("ObjectType").empty() && find("ObjectType") != "Image") {
-    throw InputError(path, "ObjectType", find("ObjectType").substr(0, 40), "must be Image");
-  }
+  const auto requireNumbers = [&](std::initializer_list<const char*> keys, std::size_t count) {
+    for (const char* key : keys) {
+      if (!find(key).empty()) numbersIn(path, key, find(key), count);
+    }
+  };
+  const auto requireOneOf = [&](const char* key, const std::vector<std::string>& allowed, const char* rule) {
+    const std::string value = find(key);
+    if (value.empty() || std::find(allowed.begin(), allowed.end(), value) != allowed.end()) return;
+    throw InputError(path, key, value.substr(0, 40), rule);
+  };
+  requireOneOf("ObjectType", {"Image"}, "must be Image");
   if (numbersIn(path, "NDims", need("NDims"), 1)[0] != 3) throw InputError(path, "NDims", need("NDims"), "must be 3");
   const std::size_t voxels = voxelsOf(path, "DimSize", numbersIn(path, "DimSize", need("DimSize"), 3).data());
   for (const char* key : {"ElementSpacing", "ElementSize"}) {
     if (find(key).empty()) continue;
     for (const double value : numbersIn(path, key, find(key), 3)) requireBetween(path, key, value, 1e-3, 1e3);
   }
-  for (const char* key : {"Offset", "Position", "Origin"}) {
-    if (!find(key).empty()) numbersIn(path, key, find(key), 3);
-  }
-  for (const char* key : {"TransformMatrix", "Rotation", "Orientation"}) {
-    if (!find(key).empty()) numbersIn(path, key, find(key), 9);
-  }
-  if (!find("ElementNumberOfChannels").empty() && find("ElementNumberOfChannels") != "1") {
-    throw InputError(path, "ElementNumberOfChannels", find("ElementNumberOfChannels").substr(0, 40), "must be 1");
-  }
+  requireNumbers({"Offset", "Position", "Origin"}, 3);
+  requireNumbers({"TransformMatrix", "Rotation", "Orientation"}, 9);
+  requireOneOf("ElementNumberOfChannels", {"1"}, "must be 1");
   // MetaIO reads these in several ways; none of them is needed.
-  for (const char* key : {"HeaderSize", "ElementToIntensityFunctionSlope", "ElementToIntensityFunctionOffset"}) {
-    if (!find(key).empty()) numbersIn(path, key, find(key), 1);
-  }
-  if (!find("HeaderSize").empty() && find("HeaderSize") != "0")
-    throw InputError(path, "HeaderSize", find("HeaderSize"), "must be 0");
-  if (!find("BinaryData").empty() && find("BinaryData") != "True") {
-    throw InputError(path, "BinaryData", find("BinaryData").substr(0, 40), "must be True");
-  }
-  if (!find("CompressedData").empty() && find("CompressedData") != "True" && find("CompressedData") != "False") {
-    throw InputError(path, "CompressedData", find("CompressedData").substr(0, 40), "must be True or False");
-  }
+  requireNumbers({"HeaderSize", "ElementToIntensityFunctionSlope", "ElementToIntensityFunctionOffset"}, 1);
+  requireOneOf("HeaderSize", {"0"}, "must be 0");
+  requireOneOf("BinaryData", {"True"}, "must be True");
+  requireOneOf("CompressedData", {"True", "False"}, "must be True or False");
   const std::uintmax_t wanted = voxels * bytesOfType(path, "ElementType", need("ElementType"), kMetaTypes);
   const std::string& data_name = need("ElementDataFile");
   const bool local = data_name == "LOCAL" || data_name == "Local" || data_name == "local";

@@ -64,12 +64,8 @@ class Padded {
     row_ = static_cast<std::size_t>(size_.x()) + 2;
     layer_ = row_ * (static_cast<std::size_t>(size_.y()) + 2);
     inside_.assign(layer_ * (static_cast<std::size_t>(size_.z()) + 2), 0);
-    std::size_t bit = 0;
-    for (int dz = -1; dz <= 1; ++dz) {
-      for (int dy = -1; dy <= 1; ++dy) {
-        for (int dx = -1; dx <= 1; ++dx)
-          steps_[bit++] = dx + dy * static_cast<long>(row_) + dz * static_cast<long>(layer_);
-      }
+    for (int k = 0; k < 27; ++k) {
+      steps_[k] = k % 3 - 1 + (k / 3 % 3 - 1) * static_cast<long>(row_) + (k / 9 - 1) * static_cast<long>(layer_);
     }
     forEach([&](std::size_t at, std::size_t voxel) { inside_[at] = mask.inside[voxel] ? 1 : 0; });
   }
@@ -77,13 +73,9 @@ class Padded {
   // visit(place here, place in the mask)
   template <typename Visit>
   void forEach(const Visit& visit) const {
-    std::size_t voxel = 0;
-    for (int z = 0; z < size_.z(); ++z) {
-      for (int y = 0; y < size_.y(); ++y) {
-        std::size_t at = layer_ * static_cast<std::size_t>(z + 1) + row_ * static_cast<std::size_t>(y + 1) + 1;
-        for (int x = 0; x < size_.x(); ++x) visit(at++, voxel++);
-      }
-    }
+    forEachVoxel(size_, [&](const Eigen::Vector3i& v, std::size_t voxel) {
+      visit(layer_ * (v.z() + 1) + row_ * (v.y() + 1) + v.x() + 1, voxel);
+    });
   }
 
   Neighbourhood around(std::size_t at) const {
@@ -91,9 +83,7 @@ class Padded {
     for (std::size_t k = 0; k < 27; ++k) bits |= static_cast<Neighbourhood>(inside_[neighbour(at, k)]) << k;
     return bits;
   }
-  std::size_t neighbour(std::size_t at, std::size_t bit) const {
-    return static_cast<std::size_t>(static_cast<long>(at) + steps_[bit]);
-  }
+  std::size_t neighbour(std::size_t at, std::size_t bit) const { return at + steps_[bit]; }
   bool inside(std::size_t at) const { return inside_[at] != 0; }
   void remove(std::size_t at) { inside_[at] = 0; }
   std::size_t count() const { return inside_.size(); }

@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <functional>
 #include <iostream>
+#include <map>
 #include <sstream>
 
 #include "angio/base/errors.hpp"
@@ -63,34 +64,21 @@ void convert(const std::vector<char>& bytes, std::size_t count, float* values) {
 using Converter = void(const std::vector<char>&, std::size_t, float*);
 
 Converter* converterOf(itk::IOComponentEnum type) {
-  switch (type) {
-    case itk::IOComponentEnum::UCHAR:
-      return convert<unsigned char>;
-    case itk::IOComponentEnum::CHAR:
-      return convert<signed char>;
-    case itk::IOComponentEnum::USHORT:
-      return convert<unsigned short>;
-    case itk::IOComponentEnum::SHORT:
-      return convert<short>;
-    case itk::IOComponentEnum::UINT:
-      return convert<unsigned int>;
-    case itk::IOComponentEnum::INT:
-      return convert<int>;
-    case itk::IOComponentEnum::ULONG:
-      return convert<unsigned long>;
-    case itk::IOComponentEnum::LONG:
-      return convert<long>;
-    case itk::IOComponentEnum::ULONGLONG:
-      return convert<unsigned long long>;
-    case itk::IOComponentEnum::LONGLONG:
-      return convert<long long>;
-    case itk::IOComponentEnum::FLOAT:
-      return convert<float>;
-    case itk::IOComponentEnum::DOUBLE:
-      return convert<double>;
-    default:
-      return nullptr;
-  }
+  using Type = itk::IOComponentEnum;
+  static const std::map<Type, Converter*> kConverters = {{Type::UCHAR, convert<unsigned char>},
+                                                         {Type::CHAR, convert<signed char>},
+                                                         {Type::USHORT, convert<unsigned short>},
+                                                         {Type::SHORT, convert<short>},
+                                                         {Type::UINT, convert<unsigned int>},
+                                                         {Type::INT, convert<int>},
+                                                         {Type::ULONG, convert<unsigned long>},
+                                                         {Type::LONG, convert<long>},
+                                                         {Type::ULONGLONG, convert<unsigned long long>},
+                                                         {Type::LONGLONG, convert<long long>},
+                                                         {Type::FLOAT, convert<float>},
+                                                         {Type::DOUBLE, convert<double>}};
+  const auto found = kConverters.find(type);
+  return found == kConverters.end() ? nullptr : found->second;
 }
 
 // Runs work of ITK on `path`. What it throws, running out of memory included, becomes an InputError; what it and the
@@ -123,13 +111,11 @@ VoxelGrid gridOf(const std::string& path, itk::ImageIOBase& image) {
   if (!converterOf(image.GetComponentType())) throw InputError(path, "type", "", "must be integers or floats");
 
   VoxelGrid grid;
-  static const char* const kSize[3] = {"size[0]", "size[1]", "size[2]"};
-  static const char* const kSpacing[3] = {"spacing_mm[0]", "spacing_mm[1]", "spacing_mm[2]"};
-  static const char* const kOrigin[3] = {"origin_mm[0]", "origin_mm[1]", "origin_mm[2]"};
   for (unsigned int i = 0; i < 3; ++i) {
-    requireBetween(path, kSize[i], static_cast<double>(image.GetDimensions(i)), 1, 65535);
-    requireBetween(path, kSpacing[i], image.GetSpacing(i), 1e-3, 1e3);
-    requireBetween(path, kOrigin[i], image.GetOrigin(i), -1e4, 1e4);
+    const std::string at = "[" + std::to_string(i) + "]";
+    requireBetween(path, "size" + at, static_cast<double>(image.GetDimensions(i)), 1, 65535);
+    requireBetween(path, "spacing_mm" + at, image.GetSpacing(i), 1e-3, 1e3);
+    requireBetween(path, "origin_mm" + at, image.GetOrigin(i), -1e4, 1e4);
     grid.size[i] = static_cast<int>(image.GetDimensions(i));
     grid.spacing_m[i] = image.GetSpacing(i) / 1e3;
     grid.origin_m[i] = image.GetOrigin(i) / 1e3;

@@ -11,9 +11,6 @@
 
 namespace angio::calibration_records {
 
-/// Reads nine numbers, row by row, as a rotation. Throws InputError that names file, line, key and rule.
-Eigen::Matrix3d readRotation(const YamlField& field);
-
 /// Reads {rotation, translation_mm} [m], and covariance where the caller takes one. Throws InputError that names file,
 /// line, key in full ("T_dsa_cb.rotation"), value and rule: no rotation, a mirrored one, a translation beyond 100 m, a
 /// covariance that is none.

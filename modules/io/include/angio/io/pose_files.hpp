@@ -5,11 +5,15 @@
 #include <string>
 
 #include "angio/geometry/se3.hpp"
-#include "angio/io/namespace.hpp"
+#include "angio/io/yaml.hpp"
 #include "angio/vessel/model_id.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::io {
+
+/// Reads nine numbers, row by row, as a rotation; one that is off by rounding is made exact. Throws InputError that
+/// names file, line, key and rule; a mirrored one is named as such.
+Eigen::Matrix3d readRotation(const YamlField& field);
 
 /// What a pose file holds.
 struct PoseFile {

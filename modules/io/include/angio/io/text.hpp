@@ -28,6 +28,9 @@ class TextLines {
   /// Moves to the next line; false at the end.
   bool next();
 
+  /// Moves to the next line. Throws InputError that names `what` at the end.
+  void need(const std::string& what);
+
   std::string_view text() const { return text_; }
   int number() const { return number_; }                        ///< From 1.
   std::string place() const { return atLine(path_, number_); }  ///< "path:line".
@@ -46,7 +49,7 @@ std::string extensionOf(const std::string& path);
 
 bool endsWith(std::string_view text, std::string_view end);
 
-/// Without blanks on both sides.
+/// Without blanks and line ends on both sides.
 std::string_view trimmed(std::string_view text);
 
 /// The parts between separators; one more than there are separators.

@@ -45,11 +45,13 @@ struct YamlField {
   [[noreturn]] void refuse(const std::string& rule) const;
   double number() const;
   double positive() const;
+  double between(double low, double high) const;
   int integer() const;
   bool flag() const;
   const std::string& text() const;
-  std::vector<double> numbers(std::size_t count) const;  ///< A sequence of just so many.
-  YamlField item(std::size_t i) const;                   ///< Of a sequence: its key is "key[i]".
+  std::vector<double> numbers(std::size_t count) const;                           ///< A sequence of just so many,
+  std::vector<double> numbers(std::size_t count, double low, double high) const;  ///< and each of them within bounds.
+  YamlField item(std::size_t i) const;  ///< Of a sequence: its key is "key[i]".
 };
 
 /// Reads the keys of a map; what nobody asked for is refused at the end.

@@ -21,15 +21,12 @@ struct VoxelGrid {
   Eigen::Matrix3d direction = Eigen::Matrix3d::Identity();  ///< Columns: unit vectors of the axes in the patient.
   Eigen::Vector3d origin_m = Eigen::Vector3d::Zero();       ///< Centre of voxel (0, 0, 0) [m].
 
-  std::size_t count() const {
-    return static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(size.z());
-  }
+  std::size_t count() const { return size.cast<std::size_t>().prod(); }
 
   /// Place of a voxel in memory.
   std::size_t offset(const Eigen::Vector3i& v) const {
-    return static_cast<std::size_t>(v.x()) +
-           static_cast<std::size_t>(size.x()) *
-               (static_cast<std::size_t>(v.y()) + static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(v.z()));
+    const auto row = static_cast<std::size_t>(size.x()), layer = row * static_cast<std::size_t>(size.y());
+    return v.x() + row * v.y() + layer * v.z();
   }
 
   bool holds(const Eigen::Vector3i& v) const { return (v.array() >= 0).all() && (v.array() < size.array()).all(); }

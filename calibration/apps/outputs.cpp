@@ -1,29 +1,26 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "report_folder.hpp"
+#include "outputs.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 #include <system_error>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/report_html.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
 
 namespace angio::apps {
-namespace {
-
-constexpr double kOverviewHeight_px = 480;
-
-}  // namespace
-
 void writeReport(const std::string& folder, const std::string& title, const std::string& subtitle,
                  const std::vector<ReportSection>& sections) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) throw InputError(folder, "report", "", "cannot be made: " + error.message());
+  constexpr double kOverviewHeight_px = 480;
   const auto fileIn = [&](const std::string& name) { return (std::filesystem::path(folder) / name).string(); };
   std::vector<cv::Mat> overview;
   std::vector<std::string> sections_html;
@@ -44,5 +41,28 @@ void writeReport(const std::string& folder, const std::string& title, const std:
 }
 
 std::string printed(const std::string& text) { return "<pre>" + htmlEscaped(text) + "</pre>"; }
+
+std::string transformRow(const std::string& name, const Pose& T, const Eigen::MatrixXd& covariance) {
+  const Eigen::VectorXd sigma = covariance.diagonal().cwiseSqrt();
+  const Eigen::Vector3d t = 1e3 * T.translation(), w = radToDeg(1) * logSO3(T.linear());
+  std::string row = formatted("%-15s", name.c_str());
+  for (int k = 0; k < 3; ++k) row += formatted("  %9.3f +- %-7.3f", t[k], 1e3 * sigma[k]);
+  row += " mm\n" + std::string(15, ' ');
+  for (int k = 0; k < 3; ++k) row += formatted("  %9.4f +- %-7.4f", w[k], radToDeg(sigma[3 + k]));
+  return row + " deg (rotation vector; sigma of turns about the parent's axes)\n";
+}
+
+void writePatient(const std::string& path, CArmFile carm, const Pose& T_dsa_cb, const CalibrationRecord& record) {
+  carm.T_dsa_cb = T_dsa_cb;
+  if (carm.machine.empty()) carm.machine = record.machine;
+  const auto old = std::find_if(carm.records.begin(), carm.records.end(),
+                                [&](const CalibrationRecord& other) { return other.kind == record.kind; });
+  if (old != carm.records.end()) {
+    *old = record;
+  } else {
+    carm.records.push_back(record);
+  }
+  writeCArmFile(path, carm);
+}
 
 }  // namespace angio::apps
