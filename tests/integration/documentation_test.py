@@ -182,7 +182,7 @@ class Programs:
             sub_commands.append(word)
             text = self.help(name, *sub_commands)
         # What follows "Example:" is no list of options; and an option's description may name others.
-        text = text.split("\nExample:")[0]
+        text = re.split(r"\nExamples?:", text)[0]
         lists = "\n".join(re.findall(r"^ +(-.*?)(?:  |$)", text, re.M))
         return set(re.findall(r"(?<![\w-])--[a-z][\w-]*", lists)) | {"--help"}
 
