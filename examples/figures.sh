@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Measures what the figures of the README are made of, and prints it. Build first (./test.sh or ./demo.sh).
+# Measures what the figures of the READMEs are made of, and prints it. Build first (./test.sh or ./demo.sh).
 #   examples/figures.sh [rows] [worlds] [turning] [deformed_view] [loop_worlds] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
 # Without a name: rows, worlds, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
 # brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer. navigating (part of servoing) takes an aortic arch
