@@ -211,7 +211,7 @@ int simulate(const Options& o) {
                             calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
                                                        calibration.T_dsa_cb * tree.centroid()),
                             catheter);
-  SimulatedXrayNode xray(*bus, tree, settings.patient, calibration.carm, calibration.T_dsa_cb);
+  SimulatedXrayNode xray(tree, settings.patient, calibration.carm, calibration.T_dsa_cb);
   if (catheter) xray.show([&](const Eigen::Matrix3Xd& points) { return machines.device(points); });
   const LatestMessage<CArmState> heard(*bus, kCArmStateChannel);
   SimulatedInjector injector(*bus, settings.roadmap_contrast_s);
