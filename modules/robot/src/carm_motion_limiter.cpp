@@ -24,16 +24,9 @@ constexpr int kHalvings = 12;      // A 4000th of a speed is nothing.
 constexpr int kMaxEasings = 4;     // Towards room enough to slide.
 
 void check(const CArmLimits& limits, double command_validity_s) {
+  checkJoints(limits);
   for (int i = 0; i < kCArmJointCount; ++i) {
-    const std::string joint = "[" + std::to_string(i) + "]";
-    requireFinite("c-arm limits", "lower" + joint, limits.lower[i]);
-    requireFinite("c-arm limits", "upper" + joint, limits.upper[i]);
-    requirePositive("c-arm limits", "velocity" + joint, limits.velocity[i]);
-    requirePositive("c-arm limits", "acceleration" + joint, limits.acceleration[i]);
-    requirePositive("c-arm limits", "jerk" + joint, limits.jerk[i]);
-    if (limits.lower[i] > limits.upper[i]) {
-      throw InputError("c-arm limits", "lower" + joint, formatValue(limits.lower[i]), "must not exceed upper" + joint);
-    }
+    requirePositive("c-arm limits", "jerk[" + std::to_string(i) + "]", limits.jerk[i]);
   }
   for (const CArmEnvelope::Face& face : limits.envelope.faces) {
     requireFinite("c-arm envelope", face.name, face.bound);
