@@ -2,7 +2,6 @@
 // angio-register: one tree, one X-ray image or centreline (or one of each view), one pose.
 #include <algorithm>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <iostream>
 #include <optional>
@@ -201,10 +200,6 @@ int registerOne(const Options& o) {
   return converged ? 0 : kExitNotReached;
 }
 
-using Clock = std::chrono::steady_clock;
-
-volatile std::sig_atomic_t stopped = 0;
-
 GatedPerceptionSettings settingsOf(const BusOptions& o) {
   GatedPerceptionSettings node;
   if (o.method == IterativePnpSettings::kName) {
@@ -229,11 +224,9 @@ int registerOnBus(const BusOptions& o) {
   if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-register: " << *warning << "\n";
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-register: " << *warning << "\n";
   PerceptionNode node(*bus, settings, tree);
-  std::signal(SIGINT, [](int) { stopped = 1; });
-  std::signal(SIGTERM, [](int) { stopped = 1; });
-  const auto end = Clock::now() + std::chrono::duration<double>(o.duration_s);
+  const RunTime run(o.duration_s);
   long frames = 0, rejected = 0;
-  while (!stopped && !bus->ended() && (o.duration_s <= 0 || Clock::now() < end)) {
+  while (!run.over() && !bus->ended()) {
     bus->handle(std::chrono::milliseconds(100));
     const auto report = node.observe();
     if (!report) continue;

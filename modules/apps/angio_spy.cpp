@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <csignal>
 #include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -86,15 +85,13 @@ nlohmann::ordered_json monitorAsJson(const Heard& heard) {
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", json, key_file;
+  std::string bus = cli::kUsualBus, json, key_file;
   double duration_s = 0;
   bool once = false;
 };
 
 constexpr double kOnce_s = 3;
 constexpr std::chrono::milliseconds kRefresh(500);
-
-volatile std::sig_atomic_t stopped = 0;
 
 // Over the last picture: lines that have become shorter, and what is below, are cleared.
 void redraw(const std::string& url, const std::string& table) {
@@ -114,15 +111,12 @@ Heard listen(const Options& o, std::optional<std::map<std::string, std::int64_t>
   bus->subscribeAll([&](const std::string& channel, const std::uint8_t* data, std::size_t size) {
     monitor.hear(channel, data, size, monotonic_us());
   });
-  std::signal(SIGINT, [](int) { stopped = 1; });
-  std::signal(SIGTERM, [](int) { stopped = 1; });
   const bool live = !o.once && isatty(STDOUT_FILENO) == 1;
   const double duration_s = o.duration_s > 0 ? o.duration_s : o.once ? kOnce_s : 0;
-  const auto began = Clock::now();
-  auto next = began;
+  const RunTime run(duration_s);
+  auto next = Clock::now();
   if (live) std::cout << "\033[2J";
-  while (!stopped && !bus->ended() &&
-         (duration_s <= 0 || Clock::now() - began < std::chrono::duration<double>(duration_s))) {
+  while (!run.over() && !bus->ended()) {
     bus->handle(std::chrono::milliseconds(50));
     if (live && Clock::now() >= next) {
       redraw(o.bus, monitorTable(heardBy(monitor, monotonic_us())));

@@ -5,7 +5,6 @@
 #include <visp3/gui/vpDisplayX.h>
 
 #include <chrono>
-#include <csignal>
 #include <cstdlib>
 #include <iostream>
 
@@ -27,16 +26,11 @@
 namespace angio::apps {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 struct Options {
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", key_file, tree = exampleDataFile("hepatic-tace/tree.csv"), out,
-              title, calibration;
+  std::string bus = cli::kUsualBus, key_file, tree = exampleDataFile("hepatic-tace/tree.csv"), out, title, calibration;
   double duration_s = 0, film_rate_hz = 15;
   int width_px = 768;
 };
-
-volatile std::sig_atomic_t stopped = 0;
 
 // Where pictures go: ViSP's window or a film.
 class Screen {
@@ -58,7 +52,7 @@ class Screen {
     if (!window_) window_ = open();
     vpDisplay::display(image_);
     vpDisplay::flush(image_);
-    if (vpDisplay::getClick(image_, false)) stopped = 1;
+    if (vpDisplay::getClick(image_, false)) RunTime::end();
   }
 
   int finish() {
@@ -130,7 +124,8 @@ class Viewer {
 int viewLog(const std::string& path, const Options& o, const VesselTree& tree) {
   LogReader log(path);
   Viewer viewer(o, tree);
-  for (auto event = log.next(); event && !stopped; event = log.next()) {
+  const RunTime run;
+  for (auto event = log.next(); event && !run.over(); event = log.next()) {
     viewer.hear(event->channel, event->bytes.data(), event->bytes.size(), event->time_us);
     viewer.draw();
   }
@@ -145,8 +140,8 @@ int viewBus(const Options& o, const VesselTree& tree) {
   bus->subscribeAll([&](const std::string& channel, const std::uint8_t* data, std::size_t size) {
     viewer.hear(channel, data, size, monotonic_us());
   });
-  const auto end = Clock::now() + std::chrono::duration<double>(o.duration_s);
-  while (!stopped && !bus->ended() && (o.duration_s <= 0 || Clock::now() < end)) {
+  const RunTime run(o.duration_s);
+  while (!run.over() && !bus->ended()) {
     bus->handle(std::chrono::milliseconds(50));
     viewer.draw();  // Once for all that came: a slow screen drops frames and does not fall behind.
   }
@@ -155,8 +150,6 @@ int viewBus(const Options& o, const VesselTree& tree) {
 
 int view(const Options& o) {
   const VesselTree tree = readVesselTree(o.tree);
-  std::signal(SIGINT, [](int) { stopped = 1; });
-  std::signal(SIGTERM, [](int) { stopped = 1; });
   const auto log = logFileOf(o.bus);
   return log ? viewLog(*log, o, tree) : viewBus(o, tree);
 }

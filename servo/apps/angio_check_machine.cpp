@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-check-machine: whether a C-arm and an X-ray on the bus keep what the messages promise.
 #include <chrono>
-#include <csignal>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -26,14 +25,12 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct Options {
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", key_file, settings, json;
+  std::string bus = cli::kUsualBus, key_file, settings, json;
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
   MachineCheckSettings check;
 };
 
 constexpr std::int64_t kPeriod_us = 20'000;  // Of commands.
-
-volatile std::sig_atomic_t stopped = 0;
 
 Json jsonOf(const std::vector<CheckRow>& rows) {
   constexpr const char* kVerdicts[] = {"pass", "fail", "not_seen"};
@@ -78,10 +75,9 @@ int check(const Options& o) {
     by = bus->sender();
   });
   MachineCheck machine(settings, readVesselTree(o.tree));
-  std::signal(SIGINT, [](int) { stopped = 1; });
-  std::signal(SIGTERM, [](int) { stopped = 1; });
+  const RunTime run;
   std::string doing;
-  while (!machine.finished() && !stopped) {
+  while (!machine.finished() && !run.over()) {
     bus->handle(std::chrono::milliseconds(10));
     const std::int64_t now_us = monotonic_us();
     for (const CArmState& state : states.take()) machine.see(state, now_us);
@@ -97,7 +93,7 @@ int check(const Options& o) {
     if (machine.doing() != doing) std::cerr << (doing = machine.doing()) << "\n";
   }
   // Whatever ended it, the machine is told to stand.
-  if ((stopped || steered) && sent > 0) {
+  if ((run.over() || steered) && sent > 0) {
     CArmCommand rest;
     rest.sequence = sent + 1;
     rest.valid_for_us = 200'000;
@@ -108,8 +104,8 @@ int check(const Options& o) {
   const std::vector<CheckRow> rows = machine.rows();
   std::cout << table(rows);
   if (!o.json.empty()) writeWholeFile(o.json, jsonOf(rows).dump(2) + "\n");
-  if (stopped) std::cerr << "angio-check-machine: was ended before it had finished\n";
-  return passed(rows) && !stopped ? 0 : 1;
+  if (run.over()) std::cerr << "angio-check-machine: was ended before it had finished\n";
+  return passed(rows) && !run.over() ? 0 : 1;
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-navigate: steers a catheter to a branch of the tree by what X-ray images show, over a bus.
-#include <csignal>
 #include <iostream>
 #include <optional>
 
@@ -22,13 +21,11 @@ namespace {
 
 struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, record, disturb, key_file;
+  std::string bus = cli::kUsualBus, settings, record, disturb, key_file;
   RouteOptions way;
   double duration_s = 0;
   bool wait_for_operator = false, autostart = false, ask_for_views = false;
 };
-
-volatile std::sig_atomic_t stopped = 0;
 
 int navigate(const Options& o) {
   NavigateSettings settings = readNavigateSettings(o.settings);
@@ -49,17 +46,13 @@ int navigate(const Options& o) {
     std::cerr << "angio-navigate: stands still until it is armed and started (angio-operator --machine catheter, or "
                  "--autostart)\n";
   }
-  std::signal(SIGINT, [](int) { stopped = 1; });
-  std::signal(SIGTERM, [](int) { stopped = 1; });
-  const auto began = std::chrono::steady_clock::now();
-  const auto end = began + std::chrono::duration<double>(o.duration_s);
+  const RunTime run(o.duration_s);
   std::int64_t frames = 0, held = 0;
   LoopWarnings warnings("angio-navigate");
   std::string said;
-  while (!stopped && (o.duration_s <= 0 || std::chrono::steady_clock::now() < end)) {
+  while (!run.over()) {
     bus->handle(std::chrono::milliseconds(20));
-    const auto now = std::chrono::steady_clock::now();
-    const std::int64_t now_us = monotonic_us(now);
+    const std::int64_t now_us = monotonic_us();
     if (starter) starter->start(now_us);
     const auto report = node.answer(now_us);
     log.watch();
@@ -75,7 +68,7 @@ int navigate(const Options& o) {
       const auto& belief = report->loop.input.belief;
       const std::string where =
           belief ? formatted(" (branch %d, %.1f mm into it)", belief->tip.chain, 1e3 * belief->tip.arc_m) : "";
-      std::cerr << formatted("%7.2f s  ", std::chrono::duration<double>(now - began).count()) << line << where << "\n";
+      std::cerr << formatted("%7.2f s  ", run.elapsed_s()) << line << where << "\n";
       said = withoutNumbers(line);
     }
     const bool over =
@@ -106,9 +99,7 @@ int main(int argc, char** argv) {
                "Stand still until CATHETER_REQUEST arms and starts (angio-operator --machine catheter): the default");
   app.add_flag("--autostart", o.autostart, "Arm and start at once, without an operator: for simulations and tests")
       ->excludes("--wait-for-operator");
-  app.add_option(
-      "--key-file", o.key_file,
-      "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused");
+  app.add_option("--key-file", o.key_file, angio::cli::kKeyFileHelp);
   app.add_flag("--ask-for-views", o.ask_for_views,
                "Ask the C-arm for views of the way (VIEW_REQUEST); angio-servo --view-from bus goes there");
   app.add_option("--record", o.record, "Log of all that is heard and said (.lcm)");

@@ -21,7 +21,7 @@ using Clock = std::chrono::steady_clock;
 
 struct Options {
   OperatedMachine machine = OperatedMachine::kCArm;
-  std::string request, bus = "udpm://239.255.76.67:7667?ttl=0", key_file;
+  std::string request, bus = cli::kUsualBus, key_file;
   double timeout_s = 3;
 };
 
@@ -85,9 +85,7 @@ int main(int argc, char** argv) {
   app.add_option("request", o.request, "What is asked for")->required()->check(CLI::IsMember(names));
   angio::apps::addMachineOption(app, o.machine, "Whose loop is asked; an emergency stop stops both");
   app.add_option("--bus", o.bus, angio::cli::busHelp("Bus"));
-  app.add_option(
-      "--key-file", o.key_file,
-      "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused");
+  app.add_option("--key-file", o.key_file, angio::cli::kKeyFileHelp);
   app.add_option("--timeout-s", o.timeout_s, "How long to wait for the answer")->check(angio::apps::between(0.1, 3600));
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::ask(o); });
 }

@@ -5,7 +5,6 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <csignal>
 #include <exception>
 #include <iostream>
 #include <memory>
@@ -136,7 +135,7 @@ class SimulatedDevices {
 
 struct Options {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, disturb, key_file;
+  std::string bus = cli::kUsualBus, settings, disturb, key_file;
   double start_primary_deg = 0, start_secondary_deg = 0, frame_rate_hz = 15, duration_s = 0;
   std::optional<double> end_primary_deg, end_secondary_deg;
   std::optional<int> seed;
@@ -191,8 +190,6 @@ int writeFiles(const Options& o) {
 
 constexpr double kReports_hz = 100;
 
-volatile std::sig_atomic_t stopped = 0;
-
 void send(Bus& bus, const XrayFrame& frame, const Options& o) {
   const auto& r = o.region;
   bus.publish(kXrayFrameChannel, encode(r.empty() ? frame : cropped(frame, {r[0], r[1], r[2], r[3]}), o.encoding));
@@ -214,13 +211,11 @@ int simulate(const Options& o) {
                             calibration.carm.jointsFor(anglesOf(o.start_primary_deg, o.start_secondary_deg),
                                                        calibration.T_dsa_cb * tree.centroid()),
                             catheter);
-  SimulatedXrayNode xray(*bus, tree, settings.patient, calibration.carm, calibration.T_dsa_cb);
+  SimulatedXrayNode xray(tree, settings.patient, calibration.carm, calibration.T_dsa_cb);
   if (catheter) xray.show([&](const Eigen::Matrix3Xd& points) { return machines.device(points); });
   const LatestMessage<CArmState> heard(*bus, kCArmStateChannel);
   SimulatedInjector injector(*bus, settings.roadmap_contrast_s);
   const bool on_demand = settings.patient.bolus.enabled && settings.patient.bolus.trigger == BolusTrigger::kDemand;
-  std::signal(SIGINT, [](int) { stopped = 1; });
-  std::signal(SIGTERM, [](int) { stopped = 1; });
 
   // A report comes with every exposure.
   const double reports = std::max(1.0, std::round(kReports_hz / o.frame_rate_hz));
@@ -228,10 +223,8 @@ int simulate(const Options& o) {
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / (o.frame_rate_hz * reports)));
   const auto period = report_period * std::llround(reports);
   const auto began = Clock::now();
-  const auto goesOn = [&] {
-    const bool over = o.duration_s > 0 && Clock::now() - began >= std::chrono::duration<double>(o.duration_s);
-    return !over && !stopped && !machines.failed();
-  };
+  const RunTime run(o.duration_s);
+  const auto goesOn = [&] { return !run.over() && !machines.failed(); };
   if (!o.xray_only) machines.start(began, report_period);
   std::int64_t frames = 0;
   std::optional<std::int64_t> exposed_us;
@@ -285,9 +278,7 @@ int main(int argc, char** argv) {
   using angio::apps::between;
   angio::apps::Options o;
   app.add_option("--bus", o.bus, angio::cli::busHelp("Bus"));
-  app.add_option(
-      "--key-file", o.key_file,
-      "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused");
+  app.add_option("--key-file", o.key_file, angio::cli::kKeyFileHelp);
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and how the patient really lies (.yaml)");
   app.add_option("--start-primary-deg", o.start_primary_deg, "C-arm angle at the start")->check(between(-110, 110));

@@ -1,11 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <algorithm>
+#include <cctype>
+#include <iostream>
 #include <optional>
 #include <string>
 #include <utility>
 
 namespace angio::apps {
+
+/// The line without its digits: two lines that differ in numbers only say the same.
+inline std::string withoutNumbers(std::string line) {
+  const auto digit = [](unsigned char c) { return std::isdigit(c) != 0; };
+  line.erase(std::remove_if(line.begin(), line.end(), digit), line.end());
+  return line;
+}
 
 /// Tells on stderr, a line each, what the user of a loop on a bus should know beside its answers to frames.
 class LoopWarnings {
@@ -17,19 +27,16 @@ class LoopWarnings {
   /// one, and once what the frames say against their focal length.
   template <typename Node>
   void tell(const Node& node) {
-    tellTrouble(node.trouble());
-    tellFocalLength(node.loop().focalLengthWarning());
+    const std::optional<std::string>& trouble = node.trouble();
+    const std::string before = std::exchange(told_trouble_, withoutNumbers(trouble.value_or("")));
+    if (trouble && told_trouble_ != before) std::cerr << program_ << ": " << *trouble << "\n";
+    const auto warning = node.loop().focalLengthWarning();
+    if (warning && !std::exchange(told_focal_length_, true)) std::cerr << program_ << ": " << *warning << "\n";
   }
 
  private:
-  void tellTrouble(const std::optional<std::string>& trouble);
-  void tellFocalLength(const std::optional<std::string>& warning);
-
   std::string program_, told_trouble_;
   bool told_focal_length_ = false;
 };
-
-/// The line without its digits: two lines that differ in numbers only say the same.
-std::string withoutNumbers(const std::string& line);
 
 }  // namespace angio::apps

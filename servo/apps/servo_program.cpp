@@ -5,7 +5,6 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
-#include "angio/cli/bus_help.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
 
@@ -35,10 +34,7 @@ void ServoProgramOptions::addTo(CLI::App& app) {
       ->check(between(0, 1e6));
   app.add_option("--disturb", disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...")
       ->excludes(simulated);
-  app.add_option(
-         "--key-file", key_file,
-         "Key that the programs on the bus share (32 bytes or more, its owner's alone): unsigned messages are refused")
-      ->excludes(simulated);
+  app.add_option("--key-file", key_file, cli::kKeyFileHelp)->excludes(simulated);
   loop.addTo(app);
   app.add_option("--view-pose", view_pose,
                  "Desired view: as in a registered pose (.yaml), of angio-register --out-pose")

@@ -8,6 +8,7 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/calibration_records/record.hpp"
+#include "angio/cli/bus_help.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/vessel/vessel_tree.hpp"
@@ -19,7 +20,7 @@ namespace angio::apps {
 /// The command line of angio-servo, and of what runs its simulations.
 struct ServoProgramOptions {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string bus = "udpm://239.255.76.67:7667?ttl=0", settings, out = "demo-output";
+  std::string bus = cli::kUsualBus, settings, out = "demo-output";
   LoopOptions loop;
   PatientOptions patient;
   std::optional<double> duration_s;  // Given, it comes before the settings file's.

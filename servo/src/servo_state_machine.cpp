@@ -2,6 +2,7 @@
 #include "angio/servo/servo_state_machine.hpp"
 
 #include <cmath>
+#include <utility>
 
 #include "angio/base/errors.hpp"
 
@@ -14,35 +15,20 @@ double between_ms(std::int64_t from_us, std::int64_t to_us) {
   return 1e-3 * (static_cast<double>(to_us) - static_cast<double>(from_us));  // The difference may not fit an integer.
 }
 
-ServoEvent eventOf(ServoRequestKind request) {
+std::pair<ServoEvent, ServoCause> meaningOf(ServoRequestKind request) {
   switch (request) {
     case ServoRequestKind::kArm:
-      return ServoEvent::kArm;
+      return {ServoEvent::kArm, ServoCause::kArmRequested};
     case ServoRequestKind::kStart:
-      return ServoEvent::kStart;
+      return {ServoEvent::kStart, ServoCause::kStartRequested};
     case ServoRequestKind::kReset:
-      return ServoEvent::kReset;
+      return {ServoEvent::kReset, ServoCause::kResetRequested};
     case ServoRequestKind::kEmergencyStop:
-      return ServoEvent::kEmergencyStop;
+      return {ServoEvent::kEmergencyStop, ServoCause::kEmergencyStopRequested};
     case ServoRequestKind::kStop:
       break;
   }
-  return ServoEvent::kStop;  // An unknown number stops, too.
-}
-
-ServoCause causeOf(ServoEvent request) {
-  switch (request) {
-    case ServoEvent::kArm:
-      return ServoCause::kArmRequested;
-    case ServoEvent::kStart:
-      return ServoCause::kStartRequested;
-    case ServoEvent::kReset:
-      return ServoCause::kResetRequested;
-    case ServoEvent::kEmergencyStop:
-      return ServoCause::kEmergencyStopRequested;
-    default:
-      return ServoCause::kStopRequested;
-  }
+  return {ServoEvent::kStop, ServoCause::kStopRequested};  // An unknown number stops, too.
 }
 
 }  // namespace
@@ -128,13 +114,12 @@ std::optional<std::string> ServoStateMachine::refusal(const ServoRequest& reques
 std::optional<std::string> ServoStateMachine::request(const ServoRequest& request, std::int64_t newest_frame_us,
                                                       std::int64_t now_us) {
   clockRuns(now_us);
-  const ServoEvent event = eventOf(request.request);
+  const auto [event, cause] = meaningOf(request.request);
   // What stops is never too late.
   const bool stops = event == ServoEvent::kStop || event == ServoEvent::kEmergencyStop;
   const auto refused = stops ? std::nullopt : refusal(request, newest_frame_us);
   if (!last_request_ || request.time_us > last_request_->time_us) last_request_ = request;
   if (refused) return refused;
-  const ServoCause cause = causeOf(event);
   const ServoState before = state_;
   change(event, cause, nameOf(cause), now_us);
   if (state_ == before && !stops && stateAfter(before, event) == before) {

@@ -70,4 +70,8 @@ std::optional<CArmJoints> VispServoLaw::velocity(const LawInput& input) {
   return result;
 }
 
+std::unique_ptr<ServoLaw> makeServoLaw(const ServoLawSettings& settings, const LawModel& model) {
+  return std::visit([&](const auto& chosen) { return make(chosen, model); }, settings);
+}
+
 }  // namespace angio::servo

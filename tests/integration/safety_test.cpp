@@ -47,14 +47,14 @@ void expectRest(const VesselTree& loops, const VesselTree& patients, const std::
   const auto bus = openBus("memq://");
   const CArmJoints start = settings.carm.jointsFor({0, 0}, settings.T_dsa_cb * target);
   SimulatedCArmNode arm(*bus, settings.limits, start, 0);
-  SimulatedXrayNode xray(*bus, patients, {}, settings.carm, settings.T_dsa_cb);
+  SimulatedXrayNode xray(patients, {}, settings.carm, settings.T_dsa_cb);
   LatestMessage<XrayFrame> shown(*bus, kXrayFrameChannel);
   ServoLoop servo(settings, loops);  // Started, so to speak: nobody but itself holds it.
   const int frames = test::kSanitized ? 1 : 3;
   for (int k = 1; k <= frames; ++k) {
     arm.report(k * 66'667);
     bus->handle(kNoWait);
-    xray.expose(k * 66'667);
+    publish(*bus, kXrayFrameChannel, xray.render(k * 66'667, arm.arm().state().joints));
     bus->handle(kNoWait);
     const auto frame = shown.take();
     ASSERT_TRUE(frame);

@@ -40,7 +40,7 @@ struct CatheterNodeTest : testing::Test {
     bus = openBus("memq://");
     const CArmJoints joints = carm.jointsFor({}, stage.T_dsa_cb * tree.centroid());
     arm = std::make_unique<SimulatedCArmNode>(*bus, stage.limits, joints, 0);
-    xray = std::make_unique<SimulatedXrayNode>(*bus, tree, patient, carm, stage.T_dsa_cb);
+    xray = std::make_unique<SimulatedXrayNode>(tree, patient, carm, stage.T_dsa_cb);
     drive = std::make_unique<SimulatedCatheterNode>(*bus, tree, CatheterSettings(), kStart, 0);
     xray->show([this](const Eigen::Matrix3Xd& points) { return drive->catheter().device(points); });
     person = std::make_unique<Operator>(*bus, OperatedMachine::kCatheter);

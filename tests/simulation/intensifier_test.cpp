@@ -12,14 +12,14 @@ namespace {
 
 TEST(ImageIntensifier, TheInverseComesBack) {
   test::Random random(3);
-  const ImageIntensifier intensifier({0.06, -4}, 1024, 768);
+  const DetectorDistortion intensifier = intensifierDistortion({0.06, -4}, 1024, 768);
   for (int i = 0; i < 200; ++i) {
     const Eigen::Vector2d p(random.uniform(-200, 1224), random.uniform(-200, 968));
-    EXPECT_LT((intensifier.ideal(intensifier.distorted(p)) - p).norm(), 1e-6);
-    EXPECT_LT((intensifier.distorted(intensifier.ideal(p)) - p).norm(), 1e-6);
+    EXPECT_LT((*intensifier.undistorted(intensifier.distorted(p)) - p).norm(), 1e-6);
+    EXPECT_LT((intensifier.distorted(*intensifier.undistorted(p)) - p).norm(), 1e-6);
   }
-  EXPECT_EQ(intensifier.ideal({511.5, 383.5}), Eigen::Vector2d(511.5, 383.5));
-  const ImageIntensifier flat({0, 0}, 1024, 768);
+  EXPECT_EQ(*intensifier.undistorted({511.5, 383.5}), Eigen::Vector2d(511.5, 383.5));
+  const DetectorDistortion flat = intensifierDistortion({0, 0}, 1024, 768);
   EXPECT_LT((flat.distorted({17, 300}) - Eigen::Vector2d(17, 300)).norm(), 1e-9);
   // At the edge: out by 6 %, and by 4 degrees anticlockwise, up on the right.
   const Eigen::Vector2d edge = intensifier.distorted({1023.5, 383.5}) - Eigen::Vector2d(511.5, 383.5);

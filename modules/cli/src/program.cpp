@@ -2,6 +2,7 @@
 #include "angio/cli/program.hpp"
 
 #include <algorithm>
+#include <csignal>
 #include <iostream>
 #include <opencv2/core/utility.hpp>
 #include <sstream>
@@ -13,6 +14,8 @@
 
 namespace angio::cli {
 namespace {
+
+volatile std::sig_atomic_t ended = 0;
 
 int fail(const CLI::App& app, std::string line) {
   std::replace(line.begin(), line.end(), '\n', ' ');
@@ -83,5 +86,17 @@ int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
     return fail(app, error.what());
   }
 }
+
+RunTime::RunTime(double duration_s) : duration_s_(duration_s) {
+  for (const int number : {SIGINT, SIGTERM}) std::signal(number, [](int) { end(); });
+}
+
+bool RunTime::over() const { return ended != 0 || (duration_s_ > 0 && elapsed_s() >= duration_s_); }
+
+double RunTime::elapsed_s() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
+}
+
+void RunTime::end() { ended = 1; }
 
 }  // namespace angio::cli

@@ -9,7 +9,6 @@
 #include "angio/base/errors.hpp"
 #include "angio/robot/motion_time.hpp"
 #include "angio/robot/nearest_in_polytope.hpp"
-#include "carm_path.hpp"
 
 namespace angio::robot {
 namespace {
@@ -23,17 +22,77 @@ constexpr double kReserve = 1e-4;  // To a face [rad, m]: what watching ramps at
 constexpr int kHalvings = 12;      // A 4000th of a speed is nothing.
 constexpr int kMaxEasings = 4;     // Towards room enough to slide.
 
-void check(const CArmLimits& limits, double command_validity_s) {
+// The highest rate at which `left` is used up without using more, when each step of dt_s may take fall * dt_s off the
+// rate: the highest acceleration from which a joint comes to a speed, by its jerk.
+//
+// In units of fall dt and fall dt^2: from rate v it takes n = ceil(v) steps, v + (v - 1) + ... = n v - n (n - 1) / 2
+// long. The continuous sqrt(2 fall left) alone would step over the end.
+double fallingRate(double left, double fall, double dt_s) {
+  if (left <= 0 || fall <= 0) return 0;
+  const double d = left / (fall * dt_s * dt_s);
+  const double n = std::max(1.0, std::ceil(0.5 * (std::sqrt(1 + 8 * d) - 1)));
+  const double in_steps = fall * dt_s * (d / n + 0.5 * (n - 1));
+  return std::min(std::sqrt(2 * fall * left), in_steps);  // In this order: steps too short to count give NaN.
+}
+
+// The velocity after `time_s` of a joint that follows a command with its acceleration.
+double velocityAfter(double start, double commanded, double acceleration, double time_s) {
+  const double change = commanded - start, most = acceleration * time_s;
+  return start + std::clamp(change, -most, most);
+}
+
+// How far it gets in that time.
+double wayAfter(double start, double commanded, double acceleration, double time_s) {
+  const double change = commanded - start;
+  const double ramp_s = std::min(time_s, std::abs(change) / acceleration);
+  const double reached = velocityAfter(start, commanded, acceleration, ramp_s);
+  return 0.5 * (start + reached) * ramp_s + reached * (time_s - ramp_s);
+}
+
+// One step of dt_s from velocity `u` and acceleration `a0` towards velocity `goal`, within acceleration and jerk, such
+// that it comes to the goal without shooting over.
+double stepTowards(double u, double a0, double goal, double acceleration, double jerk, double dt_s) {
+  const double left = goal - u;
+  const double a = std::copysign(std::min(acceleration, fallingRate(std::abs(left), jerk, dt_s)), left);
+  const double within_jerk = std::clamp(a, a0 - jerk * dt_s, a0 + jerk * dt_s);
+  return u + std::clamp(within_jerk, -acceleration, acceleration) * dt_s;
+}
+
+// How much further than now normal . joints gets at most if the arm, which moves at `velocity`, brakes, each joint with
+// its own acceleration: one that was on its way out may stop later than one that was on its way in. Never negative.
+//
+// While braking, normal . way is a sum of parabolas that end one after the other: its highest point lies at an end, or
+// where its slope crosses zero in between.
+double furthest(const CArmJoints& normal, const CArmJoints& velocity, const CArmJoints& acceleration) {
+  std::array<double, kCArmJointCount + 1> ends_s{};  // The first is 0.
   for (int i = 0; i < kCArmJointCount; ++i) {
-    const std::string joint = "[" + std::to_string(i) + "]";
-    requireFinite("c-arm limits", "lower" + joint, limits.lower[i]);
-    requireFinite("c-arm limits", "upper" + joint, limits.upper[i]);
-    requirePositive("c-arm limits", "velocity" + joint, limits.velocity[i]);
-    requirePositive("c-arm limits", "acceleration" + joint, limits.acceleration[i]);
-    requirePositive("c-arm limits", "jerk" + joint, limits.jerk[i]);
-    if (limits.lower[i] > limits.upper[i]) {
-      throw InputError("c-arm limits", "lower" + joint, formatValue(limits.lower[i]), "must not exceed upper" + joint);
+    ends_s[static_cast<std::size_t>(i) + 1] = normal[i] == 0 ? 0 : std::abs(velocity[i]) / acceleration[i];
+  }
+  std::sort(ends_s.begin(), ends_s.end());
+  const auto slopeAt = [&](double t) {
+    double slope = 0;
+    for (int i = 0; i < kCArmJointCount; ++i) {
+      slope += normal[i] * std::copysign(std::max(0.0, std::abs(velocity[i]) - acceleration[i] * t), velocity[i]);
     }
+    return slope;
+  };
+  double way = 0, most = 0, slope = slopeAt(0);
+  for (std::size_t k = 1; k < ends_s.size(); ++k) {
+    const double lasts_s = ends_s[k] - ends_s[k - 1];
+    if (lasts_s <= 0) continue;
+    const double next = slopeAt(ends_s[k]);
+    if (slope > 0 && next < 0) most = std::max(most, way + 0.5 * slope * slope * lasts_s / (slope - next));
+    way += 0.5 * (slope + next) * lasts_s;
+    most = std::max(most, way);
+    slope = next;
+  }
+  return most;
+}
+
+void check(const CArmLimits& limits, double command_validity_s) {
+  checkJoints(limits);
+  for (int i = 0; i < kCArmJointCount; ++i) {
+    requirePositive("c-arm limits", "jerk[" + std::to_string(i) + "]", limits.jerk[i]);
   }
   for (const CArmEnvelope::Face& face : limits.envelope.faces) {
     requireFinite("c-arm envelope", face.name, face.bound);

@@ -18,20 +18,6 @@
 namespace angio::robot {
 namespace {
 
-void check(const CArmLimits& limits, std::chrono::microseconds command_validity) {
-  for (int i = 0; i < kCArmJointCount; ++i) {
-    const std::string joint = "[" + std::to_string(i) + "]";
-    requirePositive("c-arm limits", "velocity" + joint, limits.velocity[i]);
-    requirePositive("c-arm limits", "acceleration" + joint, limits.acceleration[i]);
-    requireFinite("c-arm limits", "lower" + joint, limits.lower[i]);
-    requireFinite("c-arm limits", "upper" + joint, limits.upper[i]);
-    if (limits.lower[i] > limits.upper[i]) {
-      throw InputError("c-arm limits", "lower" + joint, formatValue(limits.lower[i]), "must not exceed upper" + joint);
-    }
-  }
-  requirePositive("c-arm", "command_validity_us", static_cast<double>(command_validity.count()));
-}
-
 bool allFinite(const vpColVector& v) {
   return std::all_of(v.data, v.data + v.size(), [](double x) { return std::isfinite(x); });
 }
@@ -46,7 +32,8 @@ LcmCArm::LcmCArm(const CArmGeometry& geometry, const CArmLimits& limits, Bus& bu
       command_validity_(command_validity),
       states_(bus, kCArmStateChannel) {
   geometry_.check();
-  check(limits_, command_validity_);
+  checkJoints(limits_);
+  requirePositive("c-arm", "command_validity_us", static_cast<double>(command_validity.count()));
   nDof = kCArmJointCount;
   eJeAvailable = fJeAvailable = 1;
 }

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/base/errors.hpp"
+
 namespace angio::robot {
 namespace {
 
@@ -39,6 +41,19 @@ CArmJoints withinSpeed(const CArmJoints& wanted, const CArmLimits& limits) {
     if (std::abs(wanted[i]) > most) factor = std::min(factor, most / std::abs(wanted[i]));
   }
   return factor * wanted;
+}
+
+void checkJoints(const CArmLimits& limits) {
+  for (int i = 0; i < kCArmJointCount; ++i) {
+    const std::string joint = "[" + std::to_string(i) + "]";
+    requireFinite("c-arm limits", "lower" + joint, limits.lower[i]);
+    requireFinite("c-arm limits", "upper" + joint, limits.upper[i]);
+    requirePositive("c-arm limits", "velocity" + joint, limits.velocity[i]);
+    requirePositive("c-arm limits", "acceleration" + joint, limits.acceleration[i]);
+    if (limits.lower[i] > limits.upper[i]) {
+      throw InputError("c-arm limits", "lower" + joint, formatValue(limits.lower[i]), "must not exceed upper" + joint);
+    }
+  }
 }
 
 }  // namespace angio::robot

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <utility>
 
+#include "angio/simulation/intensifier.hpp"
 #include "bands.hpp"
 
 namespace angio::simulation {
@@ -49,11 +50,11 @@ Detector::Detector(const FluoroscopySettings& settings)
 
 void Detector::distort(const cv::Mat& in, cv::Mat& out) {
   if (ideal_px_.size() != in.size()) {
-    const ImageIntensifier map(intensifier_, in.cols, in.rows);
+    const DetectorDistortion map = intensifierDistortion(intensifier_, in.cols, in.rows);
     ideal_px_.create(in.size(), CV_32FC2);
     for (int y = 0; y < in.rows; ++y) {
       for (int x = 0; x < in.cols; ++x) {
-        const Eigen::Vector2d p = map.ideal(Eigen::Vector2d(x, y));
+        const Eigen::Vector2d p = *map.undistorted(Eigen::Vector2d(x, y));
         ideal_px_.at<cv::Vec2f>(y, x) = {static_cast<float>(std::clamp(p.x(), 0.0, in.cols - 1.0)),
                                          static_cast<float>(std::clamp(p.y(), 0.0, in.rows - 1.0))};
       }

@@ -4,10 +4,8 @@
 #include <array>
 #include <cstdint>
 #include <opencv2/core/mat.hpp>
-#include <vector>
 
 #include "angio/simulation/fluoroscopy_settings.hpp"
-#include "angio/simulation/intensifier.hpp"
 #include "angio/simulation/namespace.hpp"
 #include "blur.hpp"
 

@@ -6,6 +6,7 @@
 
 #include "angio/simulation/collimator.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
+#include "angio/simulation/intensifier.hpp"
 #include "renderer_parts.hpp"
 
 namespace angio::simulation {
@@ -95,7 +96,7 @@ class Visibility {
         electronic_variance_(s.electronic_noise_photons * s.electronic_noise_photons),
         least_(min_contrast_to_noise),
         open_(openField(s.collimator, camera.width_px(), camera.height_px())),
-        intensifier_(s.intensifier, camera.width_px(), camera.height_px()) {}
+        intensifier_(intensifierDistortion(s.intensifier, camera.width_px(), camera.height_px())) {}
 
   const std::vector<Eigen::Vector2d>& openFieldIdeal() const { return open_; }
   Eigen::Vector2d inImage(const Eigen::Vector2d& ideal_px) const { return intensifier_.distorted(ideal_px); }
@@ -115,7 +116,7 @@ class Visibility {
   const std::vector<float>& passed_;
   double primary_, scatter_, electronic_variance_, least_;
   std::vector<Eigen::Vector2d> open_;
-  ImageIntensifier intensifier_;
+  DetectorDistortion intensifier_;
 };
 
 // Walks along a stretch, its end left to the next one unless it is the last. `taken` gives the log-attenuation of a

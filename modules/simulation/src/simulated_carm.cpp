@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "angio/base/errors.hpp"
@@ -87,7 +86,7 @@ void check(const CArmLimits& limits, const CArmJoints& start) {
 
 SimulatedCArm::SimulatedCArm(const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us,
                              const ReceiverSettings& receiver)
-    : limits_(limits), receiver_(receiver) {
+    : CommandReceiver(receiver), limits_(limits) {
   check(limits, start);
   state_.time_us = now_us;
   state_.joints = start;
@@ -95,10 +94,9 @@ SimulatedCArm::SimulatedCArm(const CArmLimits& limits, const CArmJoints& start, 
 
 void SimulatedCArm::obey(const CArmCommand& command, std::int64_t now_us, const std::string& sender) {
   advance(now_us);
-  if (!receiver_.takes(command, command.velocity.cwiseQuotient(limits_.velocity), state_.time_us, sender)) return;
+  if (!takes(command, command.velocity.cwiseQuotient(limits_.velocity), state_.time_us, sender)) return;
   wanted_ = command.velocity.cwiseMax(-limits_.velocity).cwiseMin(limits_.velocity);
-  valid_left_us_ =
-      static_cast<std::uint64_t>(std::clamp<std::int64_t>(command.valid_for_us, 0, CommandReceiver::kMaxValidity_us));
+  valid_left_us_ = static_cast<std::uint64_t>(std::clamp<std::int64_t>(command.valid_for_us, 0, kMaxValidity_us));
   in_force_ = true;
 }
 

@@ -73,13 +73,13 @@ double followed(double output, double input, double half_width) {
 
 SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings,
                                      const TreeLocation& start, std::int64_t now_us, const ReceiverSettings& receiver)
-    : settings_(checked(settings)),
+    : CommandReceiver(receiver),
+      settings_(checked(settings)),
       tree_(withPlausibleRadii(tree, kPlausibleEnd_m)),
       map_(tree_),
       now_us_(now_us),
       settled_us_(now_us - now_us % kStepUs),
-      stop_us_(now_us),
-      receiver_(receiver) {
+      stop_us_(now_us) {
   if (start.chain < 0 || start.chain >= map_.chains()) {
     throw InputError("catheter start", "chain", std::to_string(start.chain),
                      "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
@@ -101,10 +101,10 @@ void SimulatedCatheter::obey(const CatheterCommand& command, std::int64_t now_us
   const Eigen::Vector3d speeds(command.insertion_speed_m_per_s / insertion_m_per_s,
                                command.roll_speed_rad_per_s / roll_rad_per_s,
                                command.bend_speed_rad_per_s / bend_rad_per_s);
-  if (!receiver_.takes(command, speeds, now_us_, sender)) return;
+  if (!takes(command, speeds, now_us_, sender)) return;
   origin_ = baseAt(now_us_);
   command_us_ = now_us_;
-  stop_us_ = now_us_ + std::clamp<std::int64_t>(command.valid_for_us, 0, CommandReceiver::kMaxValidity_us);
+  stop_us_ = now_us_ + std::clamp<std::int64_t>(command.valid_for_us, 0, kMaxValidity_us);
   command_ = command;
   command_.insertion_speed_m_per_s = std::clamp(command.insertion_speed_m_per_s, -insertion_m_per_s, insertion_m_per_s);
   command_.roll_speed_rad_per_s = std::clamp(command.roll_speed_rad_per_s, -roll_rad_per_s, roll_rad_per_s);

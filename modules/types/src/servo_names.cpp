@@ -2,63 +2,40 @@
 #include "angio/types/servo_status.hpp"
 
 namespace angio::types {
+namespace {
+
+template <typename Enum, int N>
+const char* nameOf(Enum value, const char* const (&names)[N]) {
+  const int index = static_cast<int>(value);
+  return index >= 0 && index < N ? names[index] : "unknown";
+}
+
+}  // namespace
 
 const char* nameOf(ServoState state) {
-  switch (state) {
-    case ServoState::kHold:
-      return "hold";
-    case ServoState::kServo:
-      return "servo";
-    case ServoState::kIdle:
-      return "idle";
-    case ServoState::kArmed:
-      return "armed";
-    case ServoState::kFault:
-      return "fault";
-    case ServoState::kEmergencyStop:
-      return "emergency stop";
-  }
-  return "unknown";
+  static constexpr const char* kNames[kServoStateCount] = {"hold", "servo", "idle", "armed", "fault", "emergency stop"};
+  return nameOf(state, kNames);
 }
 
 const char* nameOf(ServoCause cause) {
-  switch (cause) {
-    case ServoCause::kNone:
-      return "none";
-    case ServoCause::kStopRequested:
-      return "stop was requested";
-    case ServoCause::kArmRequested:
-      return "arming was requested";
-    case ServoCause::kStartRequested:
-      return "start was requested";
-    case ServoCause::kResetRequested:
-      return "reset was requested";
-    case ServoCause::kEmergencyStopRequested:
-      return "emergency stop was requested";
-    case ServoCause::kFramesTrusted:
-      return "frames are trusted";
-    case ServoCause::kFrameDoubted:
-      return "a frame is in doubt";
-    case ServoCause::kFramesLate:
-      return "frames are late";
-    case ServoCause::kFramesGone:
-      return "no frame can be used";
-    case ServoCause::kViewDisagrees:
-      return "frames contradict joints and calibration";
-    case ServoCause::kClockJumped:
-      return "a clock jumped";
-    case ServoCause::kJointsNotFinite:
-      return "joints are not finite";
-    case ServoCause::kJointsImplausible:
-      return "joints are implausible";
-    case ServoCause::kJointLimitBroken:
-      return "a joint limit is broken";
-    case ServoCause::kMotionDisagrees:
-      return "a joint does not do what was commanded";
-    case ServoCause::kSecondSender:
-      return "a second sender";
-  }
-  return "unknown";
+  static constexpr const char* kNames[kServoCauseCount] = {"none",
+                                                           "stop was requested",
+                                                           "arming was requested",
+                                                           "start was requested",
+                                                           "reset was requested",
+                                                           "emergency stop was requested",
+                                                           "frames are trusted",
+                                                           "a frame is in doubt",
+                                                           "frames are late",
+                                                           "no frame can be used",
+                                                           "frames contradict joints and calibration",
+                                                           "a clock jumped",
+                                                           "joints are not finite",
+                                                           "joints are implausible",
+                                                           "a joint limit is broken",
+                                                           "a joint does not do what was commanded",
+                                                           "a second sender"};
+  return nameOf(cause, kNames);
 }
 
 }  // namespace angio::types

@@ -154,9 +154,8 @@ class Run {
       : machine_{scene},
         lab_(labOf(scene.tree, scene.world, scene.parts.scenario, scene.parts.carm_loop, scene.parts.patient,
                    scene.catheter)),
-        other_bus_(openBus("memq://")),
-        other_(*other_bus_, otherPatient(scene.tree), scene.parts.patient, scene.world.truth.carm,
-               scene.world.truth.T_dsa_cb, scene.parts.carm_loop.carm.camera()),
+        other_(otherPatient(scene.tree), scene.parts.patient, scene.world.truth.carm, scene.world.truth.T_dsa_cb,
+               scene.parts.carm_loop.carm.camera()),
         fault_(kind, Machine::kMachine, scene.parts.scenario.seed, scene.parts.scenario.lab.command_latency_ms,
                1e-3 * course.max_frame_age_ms, lab_, other_),
         limits_(machine_.limits()),
@@ -240,7 +239,6 @@ class Run {
 
   Machine machine_;
   SimulatedLab lab_;
-  std::unique_ptr<Bus> other_bus_;
   SimulatedXrayNode other_;
   InjectedFault fault_;
   LimitObserver limits_;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
@@ -230,14 +229,11 @@ CArmCommand MachineCheck::Parts::commandOf(const CArmJoints& velocity, std::int6
 // A motion of one joint, out or back, as long as it should take and as far as it should go.
 std::optional<CArmCommand> MachineCheck::Parts::move(std::int64_t now_us) {
   const int joint = step().joint;
-  const double duration_s = goal(joint) / speed(joint);
+  if (!(since_s(now_us) < goal(joint) / speed(joint))) return std::nullopt;
+  if (commanded_us == 0) commanded_us = now_us;
   CArmJoints velocity = CArmJoints::Zero();
   velocity[joint] = step().sign * speed(joint);
-  if (since_s(now_us) < duration_s) {
-    if (commanded_us == 0) commanded_us = now_us;
-    return commandOf(velocity);
-  }
-  return std::nullopt;
+  return commandOf(velocity);
 }
 
 // How far the encoder went of what was commanded, and whether the reported velocities explain it.
@@ -274,7 +270,7 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
   Parts& p = *parts_;
   if (!p.began_us) p.began_us = now_us;
   const Step step = p.step();
-  const double passed_s = p.since_s(now_us);
+  const double passed_s = p.since_s(now_us), half_s = 0.5 * p.goal(0) / p.speed(0);
   const CArmJoints rest = CArmJoints::Zero();
   switch (step.kind) {
     case Kind::kWatch:
@@ -287,7 +283,7 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
         p.next(now_us);
       }
       return std::nullopt;
-    case Kind::kLook: {
+    case Kind::kLook:
       if (p.image.complete() || passed_s > kMaxLook_s) {
         if (step.joint >= 0) {
           p.found.push_back(p.image.motionRow(step.joint));
@@ -297,7 +293,6 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
         p.next(now_us);
       }
       return p.settings.move && p.sequence > 0 ? std::optional(p.commandOf(rest)) : std::nullopt;
-    }
     case Kind::kMove: {
       if (auto command = p.move(now_us)) return command;
       // How far it went is seen when it stands.
@@ -307,23 +302,19 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
       p.integrated = integrated;
       return p.commandOf(rest);
     }
-    case Kind::kRest: {
+    case Kind::kRest:
       if (passed_s < kSettle_s) return p.commandOf(rest);
       if (step.joint >= 0) p.judgeEncoder(step.joint);  // After the way out.
-      p.next(now_us);
-      return p.commandOf(rest);
-    }
+      break;
     case Kind::kSilence: {
       // Half of a motion, then nothing more is said.
-      if (passed_s < 0.5 * p.goal(0) / p.speed(0)) return p.move(now_us);
-      const double silent_s = passed_s - 0.5 * p.goal(0) / p.speed(0);
+      if (passed_s < half_s) return p.move(now_us);
       const double braking_s = p.speed(0) / p.settings.limits.acceleration[0] + p.speed(0) / p.settings.limits.jerk[0];
       const double allowed_s = 1e-6 * kValid_us + kMaxLatency_s + braking_s;
       const std::string asked =
           formatted("at rest %.2f s after the last command, valid for %.1f s", allowed_s, 1e-6 * kValid_us);
-      if (!p.restSeen("watchdog", silent_s, allowed_s, asked)) return std::nullopt;
-      p.next(now_us);
-      return p.commandOf(rest);
+      if (!p.restSeen("watchdog", passed_s - half_s, allowed_s, asked)) return std::nullopt;
+      break;
     }
     case Kind::kStop: {
       if (passed_s < kSettle_s) {  // At rest first, whatever the watchdog does.
@@ -332,15 +323,13 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
       }
       CArmJoints velocity = rest;
       velocity[0] = -p.speed(0);
-      const double moving_s = 0.5 * p.goal(0) / p.speed(0), since_s = passed_s - kSettle_s;
+      const double since_s = passed_s - kSettle_s;
       // Valid for so long that no watchdog stops it in time.
-      if (since_s < moving_s) return p.commandOf(velocity, kLongValid_us);
-      const double stopped_s = since_s - moving_s;
+      if (since_s < half_s) return p.commandOf(velocity, kLongValid_us);
       const double allowed_s = kMaxLatency_s + p.speed(0) / p.settings.limits.acceleration[0] + 0.1;
       const std::string asked = formatted("at rest %.2f s after a command to stand still", allowed_s);
-      if (!p.restSeen("stop", stopped_s, allowed_s, asked)) return p.commandOf(rest);
-      p.next(now_us);
-      return p.commandOf(rest);
+      if (!p.restSeen("stop", since_s - half_s, allowed_s, asked)) return p.commandOf(rest);
+      break;
     }
     case Kind::kNan: {
       CArmJoints broken = rest;
@@ -351,44 +340,28 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
       const double moved = state ? (state->joints - p.start).cwiseAbs().maxCoeff() : 0;
       p.found.push_back(verdictRow("NaN", p.stands() && moved < 0.05 * p.goal(0), formatted("moved by %.4f rad", moved),
                                    "a command that is no finite number moves nothing"));
-      p.next(now_us);
-      return p.commandOf(rest);
+      break;
     }
     case Kind::kEnd:
       // A machine that was moved is told to stand until it does, and a little longer.
       return p.sequence > 0 && (!p.stands() || passed_s < 0.3) ? std::optional(p.commandOf(rest)) : std::nullopt;
   }
-  return std::nullopt;
+  p.next(now_us);
+  return p.commandOf(rest);
 }
 
 std::string MachineCheck::doing() const {
   const Step& step = parts_->step();
-  const auto joint = [&] { return std::string(kJointNames[step.joint]); };
-  switch (step.kind) {
-    case Step::Kind::kWatch:
-      return "watches";
-    case Step::Kind::kLook:
-      return "looks at the image";
-    case Step::Kind::kMove:
-      return "moves " + joint();
-    case Step::Kind::kRest:
-      return "waits until it stands";
-    case Step::Kind::kSilence:
-      return "falls silent while it moves";
-    case Step::Kind::kStop:
-      return "stops it";
-    case Step::Kind::kNan:
-      return "sends what is no number";
-    case Step::Kind::kEnd:
-      return "has finished";
-  }
-  return "";
+  static constexpr const char* kWords[] = {
+      "watches",  "looks at the image",      "moves ",      "waits until it stands", "falls silent while it moves",
+      "stops it", "sends what is no number", "has finished"};
+  return kWords[static_cast<int>(step.kind)] +
+         std::string(step.kind == Step::Kind::kMove ? kJointNames[step.joint] : "");
 }
 
 void MachineCheck::Parts::judgeStates(std::vector<CheckRow>& rows) const {
-  rows.push_back(states.rateRow("CARM_STATE", 50, 200));
-  rows.push_back(states.sequenceRow("CARM_STATE"));
-  rows.push_back(states.clockRow("CARM_STATE"));
+  const char* name = kCArmStateChannel;
+  rows.insert(rows.end(), {states.rateRow(name, 50, 200), states.sequenceRow(name), states.clockRow(name)});
   const std::string asked = "radians and metres, within the limits";
   if (states.count() == 0) {
     rows.push_back({"joints", CheckVerdict::kNotSeen, "no state came", asked});
@@ -404,9 +377,8 @@ void MachineCheck::Parts::judgeStates(std::vector<CheckRow>& rows) const {
 }
 
 void MachineCheck::Parts::judgeFrames(std::vector<CheckRow>& rows) const {
-  rows.push_back(frames.rateRow("XRAY_FRAME", 3, 60));
-  rows.push_back(frames.sequenceRow("XRAY_FRAME"));
-  rows.push_back(frames.clockRow("XRAY_FRAME"));
+  const char* name = kXrayFrameChannel;
+  rows.insert(rows.end(), {frames.rateRow(name, 3, 60), frames.sequenceRow(name), frames.clockRow(name)});
   const std::string late = "of the states' clock, and 300 ms late at most";
   const std::string focal = "fx is distance / spacing, and all is the calibration's, within 1 %";
   if (!newest_frame) {
@@ -421,13 +393,13 @@ void MachineCheck::Parts::judgeFrames(std::vector<CheckRow>& rows) const {
                                      {kCArmStateChannel, "", history.newest()->time_us});
     const std::string ages = formatted("%.0f ms behind the newest state, %.0f ms at most",
                                        1e3 * sum_age_s / static_cast<double>(frames.count()), 1e3 * oldest_frame_s);
-    rows.push_back({"frame age", oldest_frame_s <= kMaxFrameAge_s ? CheckVerdict::kPass : CheckVerdict::kFail,
-                    far.value_or(ages), late});
+    rows.push_back(verdictRow("frame age", oldest_frame_s <= kMaxFrameAge_s, far.value_or(ages), late));
   }
   const auto wrong = contradiction(newest_frame->camera, settings.carm);
   const XrayCamera::Parameters& k = newest_frame->camera.parameters();
-  rows.push_back({"frame geometry", wrong ? CheckVerdict::kFail : CheckVerdict::kPass,
-                  wrong.value_or(formatted("%d x %d px, fx %.1f px", k.width_px, k.height_px, k.fx_px)), focal});
+  rows.push_back(verdictRow("frame geometry", !wrong,
+                            wrong.value_or(formatted("%d x %d px, fx %.1f px", k.width_px, k.height_px, k.fx_px)),
+                            focal));
 }
 
 std::vector<CheckRow> MachineCheck::rows() const {
@@ -441,20 +413,17 @@ std::vector<CheckRow> MachineCheck::rows() const {
     return rows;
   }
   rows.insert(rows.end(), p.found.begin(), p.found.end());
-  const std::string velocities = "joint_velocity is what joint_position changes by, 0.75 to 1.3 times";
-  if (p.velocity_share) {
-    rows.push_back(verdictRow("velocities", asExpected(*p.velocity_share),
-                              formatted("%.2f of the motion, of the worst joint", *p.velocity_share), velocities));
-  } else {
-    rows.push_back({"velocities", CheckVerdict::kNotSeen, "it did not move", velocities});
-  }
-  const std::string asked = formatted("%.0f ms at most from a command to motion", 1e3 * kMaxLatency_s);
-  if (p.latency_s) {
-    rows.push_back({"latency", *p.latency_s <= kMaxLatency_s ? CheckVerdict::kPass : CheckVerdict::kFail,
-                    formatted("%.0f ms", 1e3 * *p.latency_s), asked});
-  } else {
-    rows.push_back({"latency", CheckVerdict::kNotSeen, "it did not move", asked});
-  }
+  const auto add = [&](CheckRow row, bool moved) {
+    if (!moved) row.verdict = CheckVerdict::kNotSeen, row.measured = "it did not move";
+    rows.push_back(row);
+  };
+  const double share = p.velocity_share.value_or(0), latency_s = p.latency_s.value_or(0);
+  add(verdictRow("velocities", asExpected(share), formatted("%.2f of the motion, of the worst joint", share),
+                 "joint_velocity is what joint_position changes by, 0.75 to 1.3 times"),
+      p.velocity_share.has_value());
+  add(verdictRow("latency", latency_s <= kMaxLatency_s, formatted("%.0f ms", 1e3 * latency_s),
+                 formatted("%.0f ms at most from a command to motion", 1e3 * kMaxLatency_s)),
+      p.latency_s.has_value());
   return rows;
 }
 
@@ -463,12 +432,10 @@ bool passed(const std::vector<CheckRow>& rows) {
 }
 
 std::string table(const std::vector<CheckRow>& rows) {
+  static constexpr const char* kVerdicts[] = {"pass", "FAIL", "not seen"};
   std::string text;
   for (const CheckRow& r : rows) {
-    const char* verdict = r.verdict == CheckVerdict::kPass   ? "pass"
-                          : r.verdict == CheckVerdict::kFail ? "FAIL"
-                                                             : "not seen";
-    text += formatted("%-8s  %-24s  ", verdict, r.name.c_str()) + r.measured;
+    text += formatted("%-8s  %-24s  ", kVerdicts[static_cast<int>(r.verdict)], r.name.c_str()) + r.measured;
     if (r.verdict == CheckVerdict::kFail) text += "  (asked: " + r.asked + ")";
     text += "\n";
   }

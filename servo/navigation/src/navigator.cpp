@@ -50,24 +50,9 @@ bool sound(const TipBelief& belief, const TreeTopology& map) {
 }  // namespace
 
 const char* stateName(NavigationState state) {
-  switch (state) {
-    case NavigationState::kWaiting:
-      return "waiting";
-    case NavigationState::kFollowing:
-      return "following";
-    case NavigationState::kLooking:
-      return "looking";
-    case NavigationState::kAiming:
-      return "aiming";
-    case NavigationState::kCrossing:
-      return "crossing";
-    case NavigationState::kBackingOff:
-      return "backing off";
-    case NavigationState::kArrived:
-      return "arrived";
-    default:
-      return "given up";
-  }
+  static constexpr const char* kNames[] = {"waiting",  "following",   "looking", "aiming",
+                                           "crossing", "backing off", "arrived", "given up"};
+  return kNames[static_cast<int>(state)];
 }
 
 Navigator::Navigator(const VesselTree& tree, const TreeLocation& target, const NavigatorSettings& settings)

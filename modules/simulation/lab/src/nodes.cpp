@@ -4,8 +4,6 @@
 #include <cmath>
 
 #include "angio/base/errors.hpp"
-#include "angio/messaging/channels.hpp"
-#include "angio/types/channels.hpp"
 
 namespace angio::lab {
 namespace {
@@ -15,53 +13,16 @@ const CArmGeometry& checked(const CArmGeometry& carm) {
   return carm;
 }
 
-// A session first: a command that is as new is one of its own, or one that it ends.
-template <typename Command, typename Machine>
-void obeyAll(HeardMessages<ServoSession>& sessions, HeardMessages<Command>& commands, Machine& machine,
-             std::int64_t now_us) {
-  for (const auto& [session, sender] : sessions.take()) machine.begin(session, now_us, sender);
-  for (const auto& [command, sender] : commands.take()) machine.obey(command, now_us, sender);
-}
-
 }  // namespace
 
-SimulatedCArmNode::SimulatedCArmNode(Bus& bus, const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us)
-    : bus_(bus),
-      commands_(bus, kCArmCommandChannel),
-      sessions_(bus, kServoSessionChannel),
-      arm_(limits, start, now_us) {}
-
-void SimulatedCArmNode::listen(std::int64_t now_us) { obeyAll(sessions_, commands_, arm_, now_us); }
-
-void SimulatedCArmNode::report(std::int64_t now_us) {
-  arm_.advance(now_us);
-  CArmState state = arm_.state();
-  state.sequence = ++sequence_;
-  publish(bus_, kCArmStateChannel, state);
-}
-
-SimulatedXrayNode::SimulatedXrayNode(Bus& bus, const VesselTree& tree, const SimulatedPatientSettings& settings,
+SimulatedXrayNode::SimulatedXrayNode(const VesselTree& tree, const SimulatedPatientSettings& settings,
                                      const CArmGeometry& carm, const Pose& T_patient_model,
                                      const std::optional<XrayCamera>& claimed_camera)
-    : bus_(bus),
-      states_(bus, kCArmStateChannel),
-      patient_(tree, settings, {T_patient_model.linear(), {}}),  // The patient frame has the axes L, P, S.
+    : patient_(tree, settings, {T_patient_model.linear(), {}}),  // The patient frame has the axes L, P, S.
       carm_(checked(carm)),
       T_patient_model_(T_patient_model),
       camera_(carm_.camera()),
       claimed_camera_(claimed_camera.value_or(camera_)) {}
-
-std::optional<XrayFrame> SimulatedXrayNode::expose(std::int64_t now_us) {
-  const auto& state = states_.peek();
-  if (!state) return std::nullopt;
-  return expose(now_us, state->joints);
-}
-
-XrayFrame SimulatedXrayNode::expose(std::int64_t now_us, const CArmJoints& joints) {
-  XrayFrame frame = render(now_us, joints);
-  publish(bus_, kXrayFrameChannel, frame);
-  return frame;
-}
 
 XrayFrame SimulatedXrayNode::blank(std::int64_t now_us) {
   if (!first_us_) first_us_ = now_us;
@@ -100,22 +61,6 @@ bool SimulatedInjector::injects(std::int64_t now_us) {
   if (request_us_ == 0) return false;
   if (!reached_us_ && status && status->view_reached_us == request_us_) reached_us_ = now_us;
   return !reached_us_ || now_us - *reached_us_ < after_us_;
-}
-
-SimulatedCatheterNode::SimulatedCatheterNode(Bus& bus, const VesselTree& tree, const CatheterSettings& settings,
-                                             const TreeLocation& start, std::int64_t now_us)
-    : bus_(bus),
-      commands_(bus, kCatheterCommandChannel),
-      sessions_(bus, kCatheterSessionChannel),
-      catheter_(tree, settings, start, now_us) {}
-
-void SimulatedCatheterNode::listen(std::int64_t now_us) { obeyAll(sessions_, commands_, catheter_, now_us); }
-
-void SimulatedCatheterNode::report(std::int64_t now_us) {
-  catheter_.advance(now_us);
-  CatheterState state = catheter_.state();
-  state.sequence = ++sequence_;
-  publish(bus_, kCatheterStateChannel, state);
 }
 
 }  // namespace angio::lab

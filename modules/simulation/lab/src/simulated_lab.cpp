@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "angio/base/interruption.hpp"
-#include "angio/messaging/channels.hpp"
 
 namespace angio::lab {
 namespace {
@@ -31,7 +30,7 @@ SimulatedLab::SimulatedLab(const VesselTree& tree, const SimulatedPatientSetting
       from_machines_(*bus_, {}, static_cast<std::uint64_t>(patient.fluoroscopy.seed) ^ kMachinesSalt),
       from_loop_(*bus_, {}, static_cast<std::uint64_t>(patient.fluoroscopy.seed) ^ kLoopSalt),
       arm_(from_machines_, world.limits, world.start, 0),
-      xray_(from_machines_, tree, patient, world.carm, world.T_patient_model, world.claimed_camera) {
+      xray_(tree, patient, world.carm, world.T_patient_model, world.claimed_camera) {
   DisturbanceSettings latency;
   latency.delay_ms = settings.command_latency_ms;
   from_loop_.disturb(kCArmCommandChannel, latency);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <functional>
 #include <map>
 #include <string>
@@ -37,5 +38,22 @@ constexpr int kExitNotReached = 3;
 /// Exit codes: 0 done, --help and --version; 1 wrong input or failed work, with one line on stderr (a result that
 /// stdout does not take is failed work); 2 wrong command line; 3 see kExitNotReached.
 int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& work);
+
+/// How long a program listens: until its time is over, or SIGINT or SIGTERM has come.
+class RunTime {
+ public:
+  /// Takes the signals over. @param duration_s  0: without an end of its own.
+  explicit RunTime(double duration_s = 0);
+
+  bool over() const;
+  double elapsed_s() const;
+
+  /// Ends it as a signal does.
+  static void end();
+
+ private:
+  double duration_s_;
+  std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+};
 
 }  // namespace angio::cli

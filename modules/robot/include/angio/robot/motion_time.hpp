@@ -16,4 +16,8 @@ double minTime_s(const CArmJoints& from, const CArmJoints& to, const CArmLimits&
 /// number is not finite.
 CArmJoints withinSpeed(const CArmJoints& wanted, const CArmLimits& limits);
 
+/// Throws InputError that names the joint's limit when a range is empty or not finite, or a speed or an acceleration
+/// not positive.
+void checkJoints(const CArmLimits& limits);
+
 }  // namespace angio::robot

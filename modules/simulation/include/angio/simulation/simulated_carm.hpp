@@ -62,7 +62,7 @@ class CommandReceiver {
   }
 
   /// A session was announced: its commands are obeyed from now on.
-  void begin(const ServoSession& session, std::int64_t now_us, const std::string& sender) {
+  void begin(const ServoSession& session, std::int64_t now_us, const std::string& sender = {}) {
     gate_.begin(session, sender, now_us);
   }
 
@@ -87,7 +87,7 @@ class CommandReceiver {
 ///
 /// Motion between two times is exact (pieces of constant acceleration), so it does not depend on how often `advance` is
 /// called. Each joint brakes in front of the end of its range, and stops there without passing it.
-class SimulatedCArm {
+class SimulatedCArm : public CommandReceiver {
  public:
   /// At rest at `start` at the time `now_us` [us]. Throws InputError when a limit is not finite, a speed or
   /// acceleration not positive, a range empty, or `start` outside the range.
@@ -101,21 +101,11 @@ class SimulatedCArm {
   /// @param sender  As the bus names it; empty: unknown.
   void obey(const CArmCommand& command, std::int64_t now_us, const std::string& sender = {});
 
-  /// A session was announced: its commands are obeyed from now on.
-  void begin(const ServoSession& session, std::int64_t now_us, const std::string& sender = {}) {
-    receiver_.begin(session, now_us, sender);
-  }
-
-  /// As CommandReceiver::takeNews().
-  std::optional<std::string> takeNews() { return receiver_.takeNews(); }
-
   /// Moves to the time `now_us` [us]; an earlier time than the present is ignored.
   void advance(std::int64_t now_us);
 
   /// Joints and velocities at the present time. The sequence number is the sender's to fill in.
   CArmState state() const;
-
-  const IgnoredCommands& ignored() const { return receiver_.ignored(); }
 
   /// How often the last command ran out before another came: the watchdog's stops.
   std::int64_t ranOut() const { return ran_out_; }
@@ -124,7 +114,6 @@ class SimulatedCArm {
   void move(double duration_s, const CArmJoints& wanted_velocity);
 
   CArmLimits limits_;
-  CommandReceiver receiver_;
   CArmState state_;
   CArmJoints wanted_ = CArmJoints::Zero();
   std::uint64_t valid_left_us_ = 0;

@@ -38,7 +38,7 @@ struct CatheterTruth {
 ///
 /// The parts and their magnitudes are our own assumptions, plausible for a microcatheter and nobody's measurement:
 /// friction by Euler's and Eytelwein's capstan equation, wind-up of the shaft as a play operator.
-class SimulatedCatheter {
+class SimulatedCatheter : public CommandReceiver {
  public:
   /// With its tip at `start` at the time `now_us` [us], nothing wound up. Radii that the tree does not know are filled
   /// in by withPlausibleRadii. Throws InputError when a setting is out of its range or `start` is none of the tree's
@@ -52,14 +52,6 @@ class SimulatedCatheter {
   /// @param sender  As the bus names it; empty: unknown.
   void obey(const CatheterCommand& command, std::int64_t now_us, const std::string& sender = {});
 
-  /// A session was announced: its commands are obeyed from now on.
-  void begin(const ServoSession& session, std::int64_t now_us, const std::string& sender = {}) {
-    receiver_.begin(session, now_us, sender);
-  }
-
-  /// As CommandReceiver::takeNews().
-  std::optional<std::string> takeNews() { return receiver_.takeNews(); }
-
   /// Moves to the time `now_us` [us]; an earlier time than the present is ignored.
   void advance(std::int64_t now_us);
 
@@ -70,8 +62,6 @@ class SimulatedCatheter {
 
   /// Its shape where the tree's points stand at 3 x N `points` [m], the tip last: moved tissue takes it along.
   Device device(const Eigen::Matrix3Xd& points) const;
-
-  const IgnoredCommands& ignored() const { return receiver_.ignored(); }
 
  private:
   struct Base {
@@ -107,7 +97,6 @@ class SimulatedCatheter {
   Base origin_{}, settled_{};              // Base when it arrived, and when the tip was last computed.
   CatheterCommand command_;
   bool commanded_ = false;
-  CommandReceiver receiver_;
 };
 
 }  // namespace angio::simulation

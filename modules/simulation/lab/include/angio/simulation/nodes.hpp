@@ -8,53 +8,82 @@
 #include "angio/simulation/simulated_carm.hpp"
 #include "angio/simulation/simulated_catheter.hpp"
 #include "angio/simulation/simulated_patient.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::lab {
 
-/// The robot's side of a bus: a simulated C-arm that hears CARM_COMMAND and says CARM_STATE. Owns no clock: its caller
+/// A simulated machine's side of a bus: hears its commands and sessions, and says its state. Owns no clock: its caller
 /// says what time it is.
-class SimulatedCArmNode {
+template <typename Machine, typename Command>
+class SimulatedMachineNode {
  public:
-  /// Borrows the bus, which must outlive it.
-  SimulatedCArmNode(Bus& bus, const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us);
-
   /// Obeys the commands that wait, as such that arrive now.
-  void listen(std::int64_t now_us);
+  void listen(std::int64_t now_us) {
+    // A session first: a command that is as new is one of its own, or one that it ends.
+    for (const auto& [session, sender] : sessions_.take()) machine_.begin(session, now_us, sender);
+    for (const auto& [command, sender] : commands_.take()) machine_.obey(command, now_us, sender);
+  }
 
   /// Moves to `now_us` and publishes the state there.
-  void report(std::int64_t now_us);
+  void report(std::int64_t now_us) {
+    machine_.advance(now_us);
+    auto state = machine_.state();
+    state.sequence = ++sequence_;
+    publish(bus_, state_channel_, state);
+  }
 
-  /// As SimulatedCArm::takeNews().
-  std::optional<std::string> takeNews() { return arm_.takeNews(); }
+  /// As CommandReceiver::takeNews().
+  std::optional<std::string> takeNews() { return machine_.takeNews(); }
 
-  const SimulatedCArm& arm() const { return arm_; }
+ protected:
+  /// Borrows the bus, which must outlive it; `setup` is what the machine is made of.
+  template <typename... Setup>
+  SimulatedMachineNode(Bus& bus, const char* commands, const char* sessions, const char* states, const Setup&... setup)
+      : bus_(bus), state_channel_(states), commands_(bus, commands), sessions_(bus, sessions), machine_(setup...) {}
+
+  const Machine& machine() const { return machine_; }
 
  private:
   Bus& bus_;
-  HeardMessages<CArmCommand> commands_;
+  std::string state_channel_;
+  HeardMessages<Command> commands_;
   HeardMessages<ServoSession> sessions_;
-  SimulatedCArm arm_;
+  Machine machine_;
   std::int64_t sequence_ = 0;
 };
 
-/// The X-ray's side of a bus: renders the tree from where the C-arm says it is, and publishes XRAY_FRAME with its
-/// camera. How the patient really lies is its secret.
+/// A simulated C-arm that hears CARM_COMMAND and says CARM_STATE.
+class SimulatedCArmNode : public SimulatedMachineNode<SimulatedCArm, CArmCommand> {
+ public:
+  SimulatedCArmNode(Bus& bus, const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us)
+      : SimulatedMachineNode(bus, kCArmCommandChannel, kServoSessionChannel, kCArmStateChannel, limits, start, now_us) {
+  }
+
+  const SimulatedCArm& arm() const { return machine(); }
+};
+
+/// A simulated catheter's drive that hears CATHETER_COMMAND and says CATHETER_STATE.
+class SimulatedCatheterNode : public SimulatedMachineNode<SimulatedCatheter, CatheterCommand> {
+ public:
+  /// Throws InputError as SimulatedCatheter does.
+  SimulatedCatheterNode(Bus& bus, const VesselTree& tree, const CatheterSettings& settings, const TreeLocation& start,
+                        std::int64_t now_us)
+      : SimulatedMachineNode(bus, kCatheterCommandChannel, kCatheterSessionChannel, kCatheterStateChannel, tree,
+                             settings, start, now_us) {}
+
+  const SimulatedCatheter& catheter() const { return machine(); }
+};
+
+/// The X-ray of a lab: renders the tree from where the C-arm is, as a frame with its camera. How the patient really
+/// lies is its secret.
 class SimulatedXrayNode {
  public:
-  /// @param T_patient_model  The truth: the model frame in the patient frame. Borrows the bus.
+  /// @param T_patient_model  The truth: the model frame in the patient frame.
   /// @param claimed_camera   What frames say of their camera, by some calibration; nothing: the true one.
-  SimulatedXrayNode(Bus& bus, const VesselTree& tree, const SimulatedPatientSettings& settings,
-                    const CArmGeometry& carm, const Pose& T_patient_model,
-                    const std::optional<XrayCamera>& claimed_camera = std::nullopt);
+  SimulatedXrayNode(const VesselTree& tree, const SimulatedPatientSettings& settings, const CArmGeometry& carm,
+                    const Pose& T_patient_model, const std::optional<XrayCamera>& claimed_camera = std::nullopt);
 
-  /// Renders and publishes one frame; the first one's time is the patient's time 0. Returns it, or nothing when no
-  /// state has been heard yet.
-  std::optional<XrayFrame> expose(std::int64_t now_us);
-
-  /// The same from joints that are known without the bus.
-  XrayFrame expose(std::int64_t now_us, const CArmJoints& joints);
-
-  /// Renders without publishing.
+  /// Renders one frame; the first one's time is the patient's time 0.
   XrayFrame render(std::int64_t now_us, const CArmJoints& joints);
 
   /// Shows a device in all frames from now on, where the vessels stand at 3 x N points [m] (as
@@ -79,8 +108,6 @@ class SimulatedXrayNode {
  private:
   double patientTime_s(std::int64_t now_us) const;
 
-  Bus& bus_;
-  LatestMessage<CArmState> states_;
   SimulatedPatient patient_;
   CArmGeometry carm_;
   Pose T_patient_model_;
@@ -107,33 +134,6 @@ class SimulatedInjector {
   std::int64_t after_us_;
   std::int64_t request_us_ = 0;             // Of the view that is being reached, or was; 0: none.
   std::optional<std::int64_t> reached_us_;  // When it was reached, by the caller's clock.
-};
-
-/// The catheter drive's side of a bus: hears CATHETER_COMMAND and says CATHETER_STATE. Owns no clock: its caller says
-/// what time it is.
-class SimulatedCatheterNode {
- public:
-  /// Borrows the bus, which must outlive it. Throws InputError as SimulatedCatheter does.
-  SimulatedCatheterNode(Bus& bus, const VesselTree& tree, const CatheterSettings& settings, const TreeLocation& start,
-                        std::int64_t now_us);
-
-  /// Obeys the commands that wait, as such that arrive now.
-  void listen(std::int64_t now_us);
-
-  /// Moves to `now_us` and publishes the state there.
-  void report(std::int64_t now_us);
-
-  /// As SimulatedCatheter::takeNews().
-  std::optional<std::string> takeNews() { return catheter_.takeNews(); }
-
-  const SimulatedCatheter& catheter() const { return catheter_; }
-
- private:
-  Bus& bus_;
-  HeardMessages<CatheterCommand> commands_;
-  HeardMessages<ServoSession> sessions_;
-  SimulatedCatheter catheter_;
-  std::int64_t sequence_ = 0;
 };
 
 }  // namespace angio::lab

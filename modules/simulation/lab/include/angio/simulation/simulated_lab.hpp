@@ -66,7 +66,6 @@ class SimulatedLab {
   void endInjection() { xray_.endInjection(now_us_); }
 
   const SimulatedCArm& arm() const { return arm_.arm(); }
-  const SimulatedXrayNode& xray() const { return xray_; }
 
   /// The catheter at its last report. Throws std::bad_optional_access in a lab without one.
   const SimulatedCatheter& catheter() const { return catheter_.value().catheter(); }
