@@ -21,8 +21,7 @@ const cv::Scalar kGreen(80, 235, 60), kOrange(40, 165, 255), kRed(60, 60, 240), 
 
 // Small text: the picture is smaller than an X-ray.
 void text(cv::Mat& canvas, const std::string& line, const cv::Point& at, const cv::Scalar& color) {
-  cv::putText(canvas, line, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(0, 0, 0), 3, cv::LINE_AA);
-  cv::putText(canvas, line, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, color, 1, cv::LINE_AA);
+  writeText(canvas, line, at, color, 0.5, 1, 2);
 }
 
 constexpr std::size_t kMaxWaiting = 8;           // Half a second of frames: an answer later than that is of no use.

@@ -255,8 +255,6 @@ TrialImages::TrialImages(const std::vector<VesselTree>& trees, const SimulationS
   }
 }
 
-TrialImages::~TrialImages() = default;
-
 XrayScene TrialImages::sceneOf(const SimulatedTrial& trial, std::size_t view) const {
   const SimulatedTrial::TrueView& seen = trial.true_views[view];
   XrayScene scene;
