@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
-#include <cmath>
 #include <numeric>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "angio/imaging/thinning.hpp"

@@ -6,7 +6,6 @@
 #include <opencv2/imgproc.hpp>
 
 namespace angio::imaging {
-namespace {
 
 // Scales are this far apart: a vessel between two of them answers with 95 % at least of what it would at its own.
 constexpr float kStep = 1.6f;
@@ -39,8 +38,6 @@ constexpr float kBendPerDeviator = 1.7320508f;  // Standard deviation of the ben
 
 // Standard deviation of white noise under a Gaussian filter, in that of its bend times the filter's variance.
 constexpr float kValuePerBend = 1.1547005f;
-
-}  // namespace
 
 RidgeScales::RidgeScales(float max_radius) {
   // Variance that the halvings have left in a level [pixels of the level, squared].

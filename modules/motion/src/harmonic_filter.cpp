@@ -6,12 +6,9 @@
 #include <cmath>
 
 namespace angio::motion {
-namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
 constexpr int kDrift = 3;  // Where it begins in the state; the offset is at 0.
-
-}  // namespace
 
 HarmonicFilter::HarmonicFilter(const std::vector<Oscillator>& oscillators, const HarmonicNoise& noise,
                                const Eigen::Vector3d& first_position)

@@ -6,11 +6,8 @@
 #include <cmath>
 
 namespace angio::registration {
-namespace {
 
 constexpr Eigen::Index kPanel = 16;
-
-}  // namespace
 
 template <int D>
 void DeformationEquations<D>::clear(const DeformationNodes& nodes) {

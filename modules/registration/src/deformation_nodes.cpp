@@ -6,12 +6,9 @@
 #include <cmath>
 
 namespace angio::registration {
-namespace {
 
 // Share of the variance at any node that the modes may leave out.
 constexpr double kLeftOut = 1e-3;
-
-}  // namespace
 
 DeformationNodes::DeformationNodes(const OrientedModel& model, double spacing_m) {
   const VesselTree& tree = model.resampled.tree;

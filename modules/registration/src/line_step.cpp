@@ -102,7 +102,6 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace angio::registration {
 HWY_EXPORT(lineSums);
-namespace {
 
 // Two tubes are seen as one line when their centres are nearer to each other than this many radii of what is seen.
 constexpr float kMergedRadii = 1.3f;
@@ -110,8 +109,6 @@ constexpr float kMergedRadii = 1.3f;
 constexpr float kApart_px = 0.5f;
 // What is left of such a point: it still holds the pose across the line, to some pixels.
 constexpr float kSharedCertainty = 0.2f;
-
-}  // namespace
 
 void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double gate_px, double min_cos2,
                 LineMatches& matches) {

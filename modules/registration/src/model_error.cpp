@@ -4,13 +4,10 @@
 #include <Eigen/Cholesky>
 
 namespace angio::registration {
-namespace {
 
 // Measured deformations differ in their ratio of strain to displacement by more than one amplitude can follow: the
 // errors' tails are wider than a normal distribution's.
 constexpr double kTails = 1.5;
-
-}  // namespace
 
 ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d& information, double currency,
                        double length_m) {

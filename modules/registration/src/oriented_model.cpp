@@ -5,11 +5,8 @@
 #include <cmath>
 
 namespace angio::registration {
-namespace {
 
 constexpr int kSmallestSubset = 128, kSubsets = 4;
-
-}  // namespace
 
 OrientedModel::OrientedModel(const VesselTree& given, const OrientedKernelSettings& settings)
     : resampled(angio::registration::resampled(given, settings.spacing_mm * 1e-3, settings.max_points_3d)),

@@ -6,7 +6,6 @@
 #include <cmath>
 
 namespace angio::registration {
-namespace {
 
 constexpr double kCompared_px = 3;
 // A point of the model has found its vessel where the kernel sum is half of a vessel's.
@@ -17,8 +16,6 @@ constexpr double kRival_px = 2;
 constexpr double kDifferentPose_m = 3e-3;
 // What the belief finds less likely than this (chi-square of 6, one in a million) is no alternative.
 constexpr double kBelievable = 38;
-
-}  // namespace
 
 Pose depthMirrored(const Pose& T_camera_centered, const Eigen::Vector3d& flat_axis) {
   // Across the beam to the centroid, not across the optical axis: a tree at the detector's edge is seen at a slant.

@@ -79,13 +79,10 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace angio::registration {
 HWY_EXPORT(nearestEntry);
-namespace {
 
 constexpr int kMaxRows = 64;
 constexpr float kCell_px = 16;
 constexpr float kShortest_px = 0.05f;  // An edge seen shorter than this has no direction.
-
-}  // namespace
 
 void ProjectedEdges::Entries::resize(std::size_t size) {
   for (auto* values : {&u, &v, &du, &dv, &inverse_length2, &cos2, &sin2}) values->resize(size + kPadding);
