@@ -9,6 +9,7 @@
 #include "hysteresis.hpp"
 #include "line_kinds.hpp"
 #include "make_extractors.hpp"
+#include "quantile.hpp"
 #include "ridge_lines.hpp"
 #include "ridge_scales.hpp"
 #include "skeleton_graph.hpp"
@@ -141,11 +142,7 @@ class RidgeExtractor final : public CenterlineExtractor {
         if (stands_out[x] > static_cast<float>(settings_.line_factor)) sample_.push_back(value[x]);
       }
     }
-    if (sample_.empty()) return 0;
-    const auto place =
-        sample_.begin() + static_cast<std::ptrdiff_t>(kStrongPart * static_cast<float>(sample_.size() - 1));
-    std::nth_element(sample_.begin(), place, sample_.end());
-    return *place;
+    return sample_.empty() ? 0 : quantileOf(sample_, kStrongPart);
   }
 
   void clean(SkeletonGraph& graph, float scale) {
