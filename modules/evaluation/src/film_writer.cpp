@@ -46,7 +46,7 @@ bool hasWholeBoxes(const std::string& path) {
     if (got < 8) return false;
     const auto number = [&](int begin, int count) {
       std::uint64_t value = 0;
-      for (int i = 0; i < count; ++i) value = value << 8 | header[static_cast<std::size_t>(begin + i)];
+      for (int i = 0; i < count; ++i) value = value << 8 | header[begin + i];
       return value;
     };
     const std::uint64_t small = number(0, 4), box = small == 1 && got == 16 ? number(8, 8) : small;

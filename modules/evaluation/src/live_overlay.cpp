@@ -92,8 +92,8 @@ void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
   for (const auto& p : tree_.points().colwise()) points.push_back(pixel(p));
   for (std::size_t i = 0; i < points.size(); ++i) {
     const int parent = tree_.parents()[i];
-    if (parent < 0 || !points[i] || !points[static_cast<std::size_t>(parent)]) continue;
-    cv::line(canvas, *points[i], *points[static_cast<std::size_t>(parent)], color, 2, cv::LINE_AA, kSubpixelBits);
+    if (parent < 0 || !points[i] || !points[parent]) continue;
+    cv::line(canvas, *points[i], *points[parent], color, 2, cv::LINE_AA, kSubpixelBits);
   }
   for (Eigen::Index i = 1; i < scene.device_px.cols(); ++i) {
     cv::line(canvas, onCanvas(scene.device_px.col(i - 1)), onCanvas(scene.device_px.col(i)), kTipColor, 2, cv::LINE_AA,

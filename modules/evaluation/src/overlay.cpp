@@ -53,12 +53,12 @@ void drawTree(cv::Mat& canvas, const VesselTree& tree, const XrayCamera& camera,
   for (int i = 0; i < tree.size(); ++i) {
     Eigen::Vector3d p = tree.points().col(i);
     if (what.displacements_m.cols() == tree.size()) p += what.displacements_m.col(i);
-    pixel[static_cast<std::size_t>(i)] = camera.project(what.T_camera_model * p);
+    pixel[i] = camera.project(what.T_camera_model * p);
   }
   for (int i = 0; i < tree.size(); ++i) {
-    const int parent = tree.parents()[static_cast<std::size_t>(i)];
+    const int parent = tree.parents()[i];
     if (parent < 0) continue;
-    const auto &a = pixel[static_cast<std::size_t>(i)], &b = pixel[static_cast<std::size_t>(parent)];
+    const auto &a = pixel[i], &b = pixel[parent];
     if (a && b) cv::line(canvas, subpixel(*a), subpixel(*b), what.color_bgr, 2, cv::LINE_AA, kSubpixelBits);
   }
 }
@@ -150,7 +150,7 @@ cv::Mat tiled(const std::vector<cv::Mat>& pictures, int columns, int gap_px, con
   cv::Mat sheet((count + across - 1) / across * pitch.height, across * pitch.width, CV_8UC3, ground);
   for (int i = 0; i < count; ++i) {
     const cv::Point corner(i % across * pitch.width, i / across * pitch.height);
-    pictures[static_cast<std::size_t>(i)].copyTo(sheet(cv::Rect(corner, size)));
+    pictures[i].copyTo(sheet(cv::Rect(corner, size)));
   }
   return sheet;
 }

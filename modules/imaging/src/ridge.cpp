@@ -109,7 +109,7 @@ class RidgeExtractor final : public CenterlineExtractor {
     std::vector<cv::Point2f> outline = outlineOfField(image);
     for (cv::Point2f& p : outline) p = grid.toWorking(p);
     if (outline.empty()) {
-      open_.assign(static_cast<std::size_t>(grid.size.height), {0, grid.size.width});
+      open_.assign(grid.size.height, {0, grid.size.width});
       return;
     }
     const std::vector<RowRange> seen = rowsInside(outline, grid.size, border + kBlurredEdge);

@@ -43,9 +43,7 @@ HarmonicFilter::HarmonicFilter(const std::vector<Oscillator>& oscillators, const
   }
 }
 
-double HarmonicFilter::frequency_hz(int oscillator) const {
-  return x_[parts_[static_cast<std::size_t>(oscillator)].frequency] / kTwoPi;
-}
+double HarmonicFilter::frequency_hz(int oscillator) const { return x_[parts_[oscillator].frequency] / kTwoPi; }
 
 double HarmonicFilter::damping(double dt_s) const { return std::exp(-dt_s / noise_.amplitude_memory_s); }
 

@@ -80,7 +80,7 @@ class Search {
     work(worker, progress);
     for (auto& other : others) other.join();
 
-    while (highest_ >= 0 && open_[static_cast<std::size_t>(highest_)].empty()) --highest_;
+    while (highest_ >= 0 && open_[highest_].empty()) --highest_;
     const int open = std::max({highest_, left_open_, doubtful_});
     result.seconds = began_.seconds();
     result.cells = cells_;
@@ -141,15 +141,15 @@ class Search {
     double shown_s = 0;
     std::unique_lock lock(mutex_);
     for (;;) {
-      while (highest_ >= 0 && open_[static_cast<std::size_t>(highest_)].empty()) --highest_;
+      while (highest_ >= 0 && open_[highest_].empty()) --highest_;
       if (stop_ || (highest_ < 0 && in_work_.empty())) break;
       if (highest_ < 0) {
         changed_.wait(lock);
         continue;
       }
       const int bound = highest_;
-      Node node = std::move(open_[static_cast<std::size_t>(bound)].back());
-      open_[static_cast<std::size_t>(bound)].pop_back();
+      Node node = std::move(open_[bound].back());
+      open_[bound].pop_back();
       const auto mine = in_work_.insert(bound);
       if (progress && began_.seconds() - shown_s > kProgressEvery_s) {
         shown_s = began_.seconds();
@@ -170,7 +170,7 @@ class Search {
       } else if (ended == Ended::kDone) {
         // A part has no more than the whole.
         const int its = std::min(w.children_bound, bound);
-        for (Node& child : w.children) open_[static_cast<std::size_t>(its)].push_back(std::move(child));
+        for (Node& child : w.children) open_[its].push_back(std::move(child));
         if (!w.children.empty()) highest_ = std::max(highest_, its);
       } else {
         stop_ = true;
@@ -220,8 +220,7 @@ class Search {
 
       const auto& effects = w.bounds.effects_px();
       const auto widest = std::max_element(effects.begin(), effects.end()) - effects.begin();
-      if (effects[static_cast<std::size_t>(widest)] < kSmallest_px)
-        return tryCorners(node, w) ? Ended::kRival : Ended::kTooSmall;
+      if (effects[widest] < kSmallest_px) return tryCorners(node, w) ? Ended::kRival : Ended::kTooSmall;
       if (widest == 4) {
         node.half_ray *= 0.5;
         node.rays.clear();

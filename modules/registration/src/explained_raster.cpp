@@ -31,19 +31,16 @@ void widen(std::uint32_t* words, std::ptrdiff_t count, std::ptrdiff_t stride, in
   int length = 1;  // work[i] is the union of so many words from i on.
   while (2 * length <= 2 * reach + 1) {
     const std::ptrdiff_t on = length * stride;
-    for (std::ptrdiff_t i = 0; i + on < count; ++i)
-      work[static_cast<std::size_t>(i)] |= work[static_cast<std::size_t>(i + on)];
+    for (std::ptrdiff_t i = 0; i + on < count; ++i) work[i] |= work[i + on];
     length *= 2;
   }
   // Two such stretches cover the reach. Before the first word the stretch begins at the first: it may hold more.
   const std::ptrdiff_t back = reach * stride, other = (length - 1 - reach) * stride;
-  const auto from = [&](std::ptrdiff_t i, std::ptrdiff_t by) {
-    return work[static_cast<std::size_t>(i >= by ? i - by : i % stride)];
-  };
+  const auto from = [&](std::ptrdiff_t i, std::ptrdiff_t by) { return work[i >= by ? i - by : i % stride]; };
   const std::ptrdiff_t edge = std::min(count, std::max(back, other));
   for (std::ptrdiff_t i = 0; i < edge; ++i) words[i] = from(i, back) | from(i, other);
   for (std::ptrdiff_t i = edge; i < count; ++i) {
-    words[i] = work[static_cast<std::size_t>(i - back)] | work[static_cast<std::size_t>(i - other)];
+    words[i] = work[i - back] | work[i - other];
   }
 }
 
@@ -139,7 +136,7 @@ ExplainedRaster::ExplainedRaster(const Centerline2d& image, const XrayCamera& ca
              level_rows);
     words_.resize(words_.size() + static_cast<std::size_t>(level_columns) * static_cast<std::size_t>(level_rows), 0);
     for (int r = 0; r < rows; ++r) {
-      std::uint32_t* const to = &words_[static_cast<std::size_t>(first + r / cells * level_columns)];
+      std::uint32_t* const to = &words_[first + r / cells * level_columns];
       const std::uint32_t* const from = &raster[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns)];
       for (int c = 0; c < columns; ++c) to[c / cells] |= from[c];
     }
@@ -165,7 +162,7 @@ bool ExplainedRaster::explains(double u_px, double v_px, double du, double dv) c
     return static_cast<int>(std::clamp((pixel + kBefore_px) * levels_.inverse_cell_px[0], 0.0, last));
   };
   const int c = place(u_px, levels_.last_column[0]), r = place(v_px, levels_.last_row[0]);
-  const std::uint32_t word = words_[static_cast<std::size_t>(r * levels_.columns[0] + c)];
+  const std::uint32_t word = words_[r * levels_.columns[0] + c];
   if (du == 0 && dv == 0) return word != 0;
   return ((word >> directionBin(du, dv)) & 1) != 0;
 }

@@ -141,7 +141,7 @@ double LineSums::togetherness(int points) const {
   double together = 1;
   const double chance = 2 / std::sqrt(std::max(1.0, static_cast<double>(points)));
   for (int k = 0; k < kLags; ++k) {
-    const double correlation = lagged_px2[static_cast<std::size_t>(k)] / std::max(1e-12, squares_px2);
+    const double correlation = lagged_px2[k] / std::max(1e-12, squares_px2);
     if (correlation < chance) break;
     const double lags = k == 0 ? 1 : 0.75 * (1 << k);  // From half-way to the lag before to half-way to the next.
     together += 2 * lags * correlation;
@@ -164,7 +164,7 @@ void resolveMatches(const Eigen::Matrix3Xd& points_centered, const std::vector<s
   for (std::size_t j = 0; j < n; ++j) {
     const auto& match = matches.of_point[j];
     if (match.edge < 0) continue;
-    const auto& edge = edges[static_cast<std::size_t>(match.edge)];
+    const auto& edge = edges[match.edge];
     const auto a = points_centered.col(edge.first), b = points_centered.col(edge.second);
     const double w = match.along;
     matches.x[j] = static_cast<float>(a.x() + w * (b.x() - a.x()));
@@ -187,10 +187,9 @@ void addLineEquations(const OrientedPoints& image, LineMatches& matches, const X
     const int lag = 1 << k;
     float product = 0;
     for (int j = 0; j + lag < image.size(); ++j) {
-      product += matches.weighted_residual[static_cast<std::size_t>(j)] *
-                 matches.weighted_residual[static_cast<std::size_t>(j + lag)];
+      product += matches.weighted_residual[j] * matches.weighted_residual[j + lag];
     }
-    sums.lagged_px2[static_cast<std::size_t>(k)] += product;
+    sums.lagged_px2[k] += product;
   }
 }
 

@@ -19,7 +19,7 @@ ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d&
   const Eigen::MatrixXd deformed = process_.ofResiduals(groups_);
   Eigen::Matrix<double, 6, Eigen::Dynamic> pull(6, n);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const ResidualGroup& group = groups[static_cast<std::size_t>(i)];
+    const ResidualGroup& group = groups[i];
     pull.col(i) = currency * group.pull * group.jacobian;
   }
   gain_ = information.ldlt().solve(pull);

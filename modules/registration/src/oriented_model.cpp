@@ -15,7 +15,7 @@ OrientedModel::OrientedModel(const VesselTree& given, const OrientedKernelSettin
   const VesselTree& tree = resampled.tree;
   Eigen::VectorXd length = Eigen::VectorXd::Zero(tree.size());  // Of vessel that each point stands for.
   for (int i = 0; i < tree.size(); ++i) {
-    const int parent = tree.parents()[static_cast<std::size_t>(i)];
+    const int parent = tree.parents()[i];
     if (parent < 0) continue;
     edges.emplace_back(parent, i);
     const double half = 0.5 * (points.col(i) - points.col(parent)).norm();

@@ -250,7 +250,7 @@ TreeSamples::TreeSamples(const VesselTree& tree) : points(3, kCount), tangents(3
     double left = kSmooth_m;
     for (auto i = static_cast<std::ptrdiff_t>(from); i >= 0 && i < static_cast<std::ptrdiff_t>(branch.size());
          i += way) {
-      const Eigen::Vector3d next = tree.points().col(branch[static_cast<std::size_t>(i)]);
+      const Eigen::Vector3d next = tree.points().col(branch[i]);
       const double length = (next - here).norm();
       if (length >= left) return Eigen::Vector3d(here + left / length * (next - here));
       left -= length;

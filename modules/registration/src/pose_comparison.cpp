@@ -79,7 +79,7 @@ PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const std::
     PosePriorTerm there = belief;
     there.T0_camera_centered = mirrored.T_camera_centered;
     for (int scale = 1; scale < kFieldScales; ++scale) {
-      fields_.ascend(*frame_, there, model_.subsets[static_cast<std::size_t>(scale)], scale, 6, kMatchedMass, mirrored);
+      fields_.ascend(*frame_, there, model_.subsets[scale], scale, 6, kMatchedMass, mirrored);
     }
     ask(lines_.fit(*frame_, there, mirrored.T_camera_centered, kQuick).T_camera_centered);
   }

@@ -96,7 +96,7 @@ void ProjectedEdges::project(const Eigen::Matrix3Xd& points_centered, const std:
   const Eigen::Vector3d t = T_view_centered.translation();
   const auto& c = camera.parameters();
   for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector3d p = R * points_centered.col(static_cast<Eigen::Index>(i)) + t;
+    const Eigen::Vector3d p = R * points_centered.col(i) + t;
     in_front_[i] = p.z() > 1e-3;
     const double inverse = in_front_[i] ? 1 / p.z() : 0;
     u_[i] = static_cast<float>(c.fx_px * p.x() * inverse + c.cx_px);
@@ -134,10 +134,9 @@ void ProjectedEdges::project(const Eigen::Matrix3Xd& points_centered, const std:
   entries_.resize(placed_.size());
   // Each cell's beginning moves to its end while it is filled, which is where the next one begins: put back below.
   for (const auto& [cell, e] : placed_) {
-    const auto a = static_cast<std::size_t>(edges[static_cast<std::size_t>(e)].first),
-               b = static_cast<std::size_t>(edges[static_cast<std::size_t>(e)].second);
+    const auto a = static_cast<std::size_t>(edges[e].first), b = static_cast<std::size_t>(edges[e].second);
     const float du = u_[b] - u_[a], dv = v_[b] - v_[a], inverse = 1 / (du * du + dv * dv);
-    const auto k = static_cast<std::size_t>(cell_begin_[static_cast<std::size_t>(cell)]++);
+    const auto k = static_cast<std::size_t>(cell_begin_[cell]++);
     entries_.u[k] = u_[a];
     entries_.v[k] = v_[a];
     entries_.du[k] = du;
@@ -192,7 +191,7 @@ ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry,
 
 int ProjectedEdges::nearestOfEach(const OrientedPoints& image, float gate_px, float min_cos2,
                                   std::vector<Nearest>& nearest) const {
-  nearest.resize(static_cast<std::size_t>(image.size()));
+  nearest.resize(image.size());
   const auto nearest_entry = HWY_DYNAMIC_DISPATCH(nearestEntry);
   int found = 0;
   for (std::size_t j = 0; j < nearest.size(); ++j) {
