@@ -188,22 +188,22 @@ TEST(Certificate, AWordHoldsAllDirectionsWithinItsRadius) {
   const Scene s(3);
   const ExplainedRaster raster(s.image, s.camera);
   const auto& levels = raster.levels();
-  const auto wordAt = [&](const ExplainedRaster::Level& level, double u, double v) {
-    const auto place = [&](double px, int count) {
-      return static_cast<int>(std::clamp((px + ExplainedRaster::kBefore_px) * level.inverse_cell_px, 0.0, count - 1.0));
+  const auto wordAt = [&](int k, double u, double v) {
+    const auto place = [&](double px, double last) {
+      return static_cast<int>(std::clamp((px + ExplainedRaster::kBefore_px) * levels.inverse_cell_px[k], 0.0, last));
     };
-    return raster.words()[level.first + place(v, level.rows) * level.columns + place(u, level.columns)];
+    return raster
+        .words()[levels.first[k] + place(v, levels.last_row[k]) * levels.columns[k] + place(u, levels.last_column[k])];
   };
   test::Random random(1);
-  for (const auto& level : levels) {
-    ASSERT_TRUE(level.radius_px == 0 || &level == &levels.back() || level.radius_px >= 1);
-    const double radius = std::min(300.0f, level.radius_px);
+  for (int k = 0; k < ExplainedRaster::kLevels; ++k) {
+    ASSERT_TRUE(levels.radius_px[k] == 0 || k + 1 == ExplainedRaster::kLevels || levels.radius_px[k] >= 1);
+    const double radius = std::min(300.0f, levels.radius_px[k]);
     int bits = 0;
     for (int i = 0; i < 4000; ++i) {
       const double u = random.uniform(-200, 1224), v = random.uniform(-200, 1224);
-      const auto there =
-          wordAt(levels.front(), u + random.uniform(-radius, radius), v + random.uniform(-radius, radius));
-      ASSERT_EQ(there & ~wordAt(level, u, v), 0u) << level.radius_px << " px at " << u << ", " << v;
+      const auto there = wordAt(0, u + random.uniform(-radius, radius), v + random.uniform(-radius, radius));
+      ASSERT_EQ(there & ~wordAt(k, u, v), 0u) << levels.radius_px[k] << " px at " << u << ", " << v;
       bits += there != 0;
     }
     EXPECT_GT(bits, 20);

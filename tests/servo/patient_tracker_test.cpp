@@ -22,6 +22,7 @@ class PatientTrackers : public testing::Test {
     const Eigen::Translation3d center(centroid_);
     return arm_.T_camera_patient(q) * T_dsa_cb * center * expSE3(noise) * center.inverse();
   }
+  void update(const Pose& seen, const CArmJoints& q) { tracker_.update(seen, {0, arm_.T_camera_patient(q)}, {}); }
   // Of the point that matters, and of the rotation.
   static double errorMm(const Pose& a, const Pose& b, const Eigen::Vector3d& p) { return 1e3 * (a * p - b * p).norm(); }
   static double errorDeg(const Pose& a, const Pose& b) {
@@ -50,7 +51,7 @@ TEST_F(PatientTrackers, BelieveTheCalibrationFirst) {
 
 TEST_F(PatientTrackers, OnePerfectFrameSaysHowThePatientLies) {
   const CArmJoints q = anyJoints();
-  tracker_.update(measured(truth_, q), q);
+  update(measured(truth_, q), q);
   EXPECT_TRUE(tracker_.tracking());
   for (int i = 0; i < 10; ++i) {
     const CArmJoints other = anyJoints();
@@ -65,7 +66,7 @@ TEST_F(PatientTrackers, AverageNoiseAway) {
   for (int k = 0; k < 300; ++k) {
     const CArmJoints q = anyJoints();
     const Pose seen = measured(truth_, q, random_.twist(1e-3, degToRad(0.3)));
-    tracker_.update(seen, q);
+    update(seen, q);
     if (k < 30) continue;
     const Pose single = arm_.T_camera_patient(q).inverse() * seen;
     single_mm += errorMm(single, truth_, centroid_);
@@ -80,12 +81,12 @@ TEST_F(PatientTrackers, AverageNoiseAway) {
 
 TEST_F(PatientTrackers, AreFastAtFirstAndForgetLater) {
   const CArmJoints q = anyJoints();
-  for (int k = 0; k < 20; ++k) tracker_.update(measured(truth_, q), q);
+  for (int k = 0; k < 20; ++k) update(measured(truth_, q), q);
   Twist step = Twist::Zero();
   step.head<3>() << 2e-3, 0, 0;
   const Eigen::Translation3d center(centroid_);
   const Pose moved = truth_ * center * expSE3(step) * center.inverse();
-  for (int k = 0; k < 8; ++k) tracker_.update(measured(moved, q), q);
+  for (int k = 0; k < 8; ++k) update(measured(moved, q), q);
   // (1 - 1/8)^8 of 2 mm: a pure shift is averaged exactly.
   EXPECT_NEAR(errorMm(tracker_.T_dsa_cb(), moved, centroid_), 2 * std::pow(7.0 / 8, 8), 1e-6);
 }
@@ -93,11 +94,11 @@ TEST_F(PatientTrackers, AreFastAtFirstAndForgetLater) {
 TEST_F(PatientTrackers, LookWideAgainAfterMissesInARow) {
   const CArmJoints q = anyJoints();
   const double wide = tracker_.predict(q).covariance->trace();
-  tracker_.update(measured(truth_, q), q);
+  update(measured(truth_, q), q);
   const double narrow = tracker_.predict(q).covariance->trace();
   EXPECT_LT(narrow, wide);
   for (int k = 1; k < settings_.frames_until_lost; ++k) tracker_.miss();
-  tracker_.update(measured(truth_, q), q);  // One trusted frame and the count begins again.
+  update(measured(truth_, q), q);  // One trusted frame and the count begins again.
   for (int k = 1; k < settings_.frames_until_lost; ++k) tracker_.miss();
   EXPECT_TRUE(tracker_.tracking());
   EXPECT_EQ(tracker_.predict(q).covariance->trace(), narrow);
@@ -105,7 +106,7 @@ TEST_F(PatientTrackers, LookWideAgainAfterMissesInARow) {
   EXPECT_FALSE(tracker_.tracking());
   EXPECT_EQ(tracker_.predict(q).covariance->trace(), wide);
   // What it found afterwards replaces what it lost.
-  tracker_.update(measured(calibrated_, q), q);
+  update(measured(calibrated_, q), q);
   EXPECT_TRUE(tracker_.T_dsa_cb().isApprox(calibrated_, 1e-9));
 }
 

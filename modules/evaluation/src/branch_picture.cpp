@@ -119,8 +119,8 @@ std::vector<NumberedBranch> numberedBranches(const VesselTree& tree, const std::
   const TreeTopology map(tree);
   std::vector<NumberedBranch> branches;
   for (int number = 0; number < map.chains(); ++number) {
-    branches.push_back({number, names.empty() ? "" : names.at(static_cast<std::size_t>(number)), map.parent(number),
-                        map.length_m(number), meanRadius(tree, map.points(number))});
+    branches.push_back({number, names.empty() ? "" : names.at(number), map.parent(number), map.length_m(number),
+                        meanRadius(tree, map.points(number))});
   }
   return branches;
 }

@@ -32,22 +32,6 @@ GatedPerception trackerOf(const CaseRunSettings& settings, const VesselTree& tre
   return GatedPerception(tracked, tree);
 }
 
-// Trees and what depends on them only, shared by the cases that name the same file.
-class Registrations {
- public:
-  explicit Registrations(const RegistrationSettings& settings) : settings_(settings) {}
-
-  Registration& of(const std::string& tree_path) {
-    auto& entry = by_path_[tree_path];
-    if (!entry) entry = makeRegistration(settings_, readVesselTree(tree_path));
-    return *entry;
-  }
-
- private:
-  RegistrationSettings settings_;
-  std::map<std::string, std::unique_ptr<Registration>> by_path_;
-};
-
 Centerline2d seenIn(const View& view, CenterlineExtractor& extractor, CaseOutcome& outcome) {
   if (view.centerline_path) return readCenterline(*view.centerline_path);
   const cv::Mat image = readXrayImage(*view.image_path, view.camera);
@@ -60,15 +44,16 @@ Centerline2d seenIn(const View& view, CenterlineExtractor& extractor, CaseOutcom
 }  // namespace
 
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress) {
-  Registrations registrations(settings.registration);
+  std::map<std::string, std::unique_ptr<Registration>> registrations;  // By their trees' files, which cases share.
   const auto extractor = makeExtractor(settings.extractor);
   std::vector<CaseOutcome> outcomes;
   std::map<const Registration*, GatedPerception> trackers;  // Of a sequence: one for each tree.
   const InterruptionGuard guard;
   for (const auto& one : set.cases) {
     if (interrupted()) break;
-    Registration& registration = registrations.of(one.tree_path);
-    const VesselTree& tree = registration.tree();
+    auto& registration = registrations[one.tree_path];
+    if (!registration) registration = makeRegistration(settings.registration, readVesselTree(one.tree_path));
+    const VesselTree& tree = registration->tree();
     const XrayCamera& camera = one.views.front().camera;
     CaseOutcome outcome;
     outcome.name = one.name;
@@ -82,7 +67,7 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
     PosePrior prior;
     prior.T_camera_model = one.initial_pose;
     if (set.sequence) {
-      GatedPerception& tracker = trackers.try_emplace(&registration, trackerOf(settings, tree)).first->second;
+      GatedPerception& tracker = trackers.try_emplace(registration.get(), trackerOf(settings, tree)).first->second;
       const GatedObservation seen = tracker.observe(views, placeOf(one, outcomes.size()));
       tracker.learn();
       prior.T_camera_model = seen.observation.predicted.T_camera_model;
@@ -90,7 +75,7 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
       outcome.rejection = seen.rejection;
       outcome.followed = !seen.rejection;
     } else {
-      outcome.result = registration.search(views, prior, settings.starts);
+      outcome.result = registration->search(views, prior, settings.starts);
     }
     outcome.pixel_at_isocenter_m = (outcome.result.T_camera_model * tree.centroid()).z() / camera.parameters().fx_px;
     addClaims(tree, settings.point_covariance, outcome);

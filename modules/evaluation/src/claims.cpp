@@ -6,14 +6,11 @@
 #include "angio/perception/registration_gate.hpp"
 
 namespace angio::evaluation {
-namespace {
 
 // A task may be asked for any place of the tree: so many of them must be known well enough.
 constexpr double kMostPlaces = 0.95;
 // Each asks for a covariance, and that of a deformed fit solves a system of up to 400 unknowns.
 constexpr Eigen::Index kPlaces = 60;
-
-}  // namespace
 
 void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome) {
   const RegistrationResult& result = outcome.result;

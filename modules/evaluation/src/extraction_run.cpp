@@ -63,7 +63,7 @@ ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const s
     std::vector<bool> wanted;
     for (int k = 0; k < vessels.size(); ++k) {
       const double diameter_mm = 2 * mm_per_px * vessels.radius_px[k];
-      wanted.push_back(diameter_mm >= thinnest_mm && diameter_mm <= thickest_mm && !lost[static_cast<std::size_t>(k)]);
+      wanted.push_back(diameter_mm >= thinnest_mm && diameter_mm <= thickest_mm && !lost[k]);
     }
     std::vector<bool> own_line = haveOwnLine(truth.all, blurOf_px(settings, trial.true_views.front().camera));
     return ExtractionSample{"simulated " + std::to_string(i),
@@ -82,7 +82,7 @@ ExtractionSamples caseSamples(const CaseSet& set, double radius_px, double contr
     if (!one.truth_pose) throw InputError("case " + one.name, "truth_pose", "", "is missing");
   }
   const auto sample = [=](int i) {
-    const Case& one = set.cases[static_cast<std::size_t>(i)];
+    const Case& one = set.cases[i];
     const View& view = one.views.front();
     const VesselTree tree = resampled(readVesselTree(one.tree_path), kDrawnEdge_m, kMaxDrawnPoints).tree;
     ExtractionSample result;
@@ -97,7 +97,7 @@ ExtractionSamples caseSamples(const CaseSet& set, double radius_px, double contr
 
 ExtractionSamples annotatedSamples(const std::vector<AnnotatedImage>& images) {
   const auto sample = [=](int i) {
-    const AnnotatedImage& annotated = images[static_cast<std::size_t>(i)];
+    const AnnotatedImage& annotated = images[i];
     ExtractionSample result;
     result.name = std::filesystem::path(annotated.image_path).stem().string();
     result.image = readXrayImage(annotated.image_path);
@@ -114,7 +114,7 @@ ExtractionSamples annotatedSamples(const std::vector<AnnotatedImage>& images) {
 
 ExtractionSamples imageSamples(const std::vector<std::string>& paths) {
   const auto sample = [=](int i) {
-    const std::string& path = paths[static_cast<std::size_t>(i)];
+    const std::string& path = paths[i];
     return ExtractionSample{std::filesystem::path(path).stem().string(), readXrayImage(path), {}, {}, {}, {}};
   };
   return {static_cast<int>(paths.size()), sample};

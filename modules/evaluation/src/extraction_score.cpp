@@ -43,8 +43,7 @@ class NearestOnCurve {
 
  private:
   bool joined(Eigen::Index a, Eigen::Index b) const {
-    return curve_.ordered() && a >= 0 && b < curve_.size() &&
-           curve_.branch[static_cast<std::size_t>(a)] == curve_.branch[static_cast<std::size_t>(b)];
+    return curve_.ordered() && a >= 0 && b < curve_.size() && curve_.branch[a] == curve_.branch[b];
   }
 
   void offer(const Eigen::Vector2d& q, Eigen::Index a, Eigen::Index b, Place& best) const {
@@ -90,7 +89,7 @@ Centerline2d pointsOf(const cv::Mat& mask) {
   std::vector<cv::Point> pixels;
   cv::findNonZero(mask, pixels);
   Eigen::Matrix2Xd points(2, static_cast<Eigen::Index>(pixels.size()));
-  for (std::size_t i = 0; i < pixels.size(); ++i) points.col(static_cast<Eigen::Index>(i)) << pixels[i].x, pixels[i].y;
+  for (std::size_t i = 0; i < pixels.size(); ++i) points.col(i) << pixels[i].x, pixels[i].y;
   return makeCenterline(points);
 }
 
@@ -215,7 +214,7 @@ Centerline2d shownIn(const cv::Mat& image, const Centerline2d& projected, double
     return false;
   };
   std::vector<bool> keep(static_cast<std::size_t>(projected.size()));
-  for (int i = 0; i < projected.size(); ++i) keep[static_cast<std::size_t>(i)] = shown(i);
+  for (int i = 0; i < projected.size(); ++i) keep[i] = shown(i);
   return pointsWhere(projected, keep);
 }
 

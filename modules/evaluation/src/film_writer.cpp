@@ -46,7 +46,7 @@ bool hasWholeBoxes(const std::string& path) {
     if (got < 8) return false;
     const auto number = [&](int begin, int count) {
       std::uint64_t value = 0;
-      for (int i = 0; i < count; ++i) value = value << 8 | header[static_cast<std::size_t>(begin + i)];
+      for (int i = 0; i < count; ++i) value = value << 8 | header[begin + i];
       return value;
     };
     const std::uint64_t small = number(0, 4), box = small == 1 && got == 16 ? number(8, 8) : small;
@@ -70,83 +70,54 @@ bool isWholeFilm(const std::string& path, int pictures) {
 
 }  // namespace
 
-// Numbered pictures, or MPEG-4 part 2 in an MP4 file: what Debian's OpenCV writes without other packages, and every
-// player plays.
-class FilmOutput {
- public:
-  FilmOutput(const std::string& path, double frame_rate_hz, bool numbered)
-      : path_(path),
-        partial_(path + ".partial-" + std::to_string(getpid()) + ".mp4"),
-        rate_hz_(frame_rate_hz),
-        numbered_(numbered) {}
-
-  ~FilmOutput() {
-    writer_.release();
-    std::error_code ignored;
-    fs::remove(partial_, ignored);
-  }
-
-  void write(const cv::Mat& picture) {
-    if (numbered_) {
-      writeImage(formatted(path_.c_str(), pictures), picture);
-    } else {
-      if (pictures == 0) open(picture.size());
-      if (picture.size() != size_) throw InputError(path_, "picture", "", "must have the size of the first one");
-      writer_.write(picture);
-    }
-    ++pictures;
-  }
-
-  void finish() {
-    if (numbered_) return;
-    if (pictures == 0) throw InputError(path_, "", "", "would be a film without pictures");
-    writer_.release();
-    if (!isWholeFilm(partial_, pictures)) {
-      throw InputError(path_, "", "", "cannot be written whole: is the disk full?");
-    }
-    std::error_code error;
-    fs::rename(partial_, path_, error);
-    if (error) throw InputError(path_, "", "", "cannot be written: " + error.message());
-  }
-
-  int pictures = 0;
-
- private:
-  void open(const cv::Size& size) {
-    size_ = size;
-    const int codec = cv::VideoWriter::fourcc('m', 'p', '4', 'v');
-    if (!writer_.open(partial_, cv::CAP_FFMPEG, codec, rate_hz_, size_)) {
-      throw InputError(path_, "", "", "cannot be written as a film");
-    }
-  }
-
-  std::string path_, partial_;
-  double rate_hz_;
-  bool numbered_;
-  cv::Size size_;
-  cv::VideoWriter writer_;
-};
-
-FilmWriter::FilmWriter(const std::string& path, double frame_rate_hz) {
+FilmWriter::FilmWriter(const std::string& path, double frame_rate_hz)
+    : path_(path), partial_(path + ".partial-" + std::to_string(getpid()) + ".mp4"), rate_hz_(frame_rate_hz) {
   requireBetween(path, "frame_rate_hz", frame_rate_hz, 0.1, 1000);
   const fs::path folder = fs::path(path).parent_path();
   std::error_code ignored;
   if (!folder.empty() && !fs::is_directory(folder, ignored))
     throw InputError(path, "", "", "its folder does not exist");
   static const std::regex kNumbered(R"([^%]*%(0[1-9])?d[^%]*\.(png|jpg))"), kFilm(R"([^%]*\.mp4)");
-  const bool numbered = std::regex_match(path, kNumbered);
-  if (!numbered && !std::regex_match(path, kFilm)) {
+  numbered_ = std::regex_match(path, kNumbered);
+  if (!numbered_ && !std::regex_match(path, kFilm)) {
     throw InputError(path, "", "", "must be film.mp4, or pictures such as frame%04d.png");
   }
-  output_ = std::make_unique<FilmOutput>(path, frame_rate_hz, numbered);
 }
 
-FilmWriter::FilmWriter(FilmWriter&&) noexcept = default;
-FilmWriter& FilmWriter::operator=(FilmWriter&&) noexcept = default;
-FilmWriter::~FilmWriter() = default;
+FilmWriter::~FilmWriter() {
+  writer_.release();
+  std::error_code ignored;
+  fs::remove(partial_, ignored);
+}
 
-void FilmWriter::write(const cv::Mat& picture) { output_->write(picture); }
-void FilmWriter::finish() { output_->finish(); }
-int FilmWriter::pictures() const { return output_->pictures; }
+void FilmWriter::write(const cv::Mat& picture) {
+  if (numbered_) {
+    writeImage(formatted(path_.c_str(), pictures_), picture);
+  } else {
+    if (pictures_ == 0) {
+      size_ = picture.size();
+      // MPEG-4 part 2: what Debian's OpenCV writes without other packages, and every player plays.
+      const int codec = cv::VideoWriter::fourcc('m', 'p', '4', 'v');
+      if (!writer_.open(partial_, cv::CAP_FFMPEG, codec, rate_hz_, size_)) {
+        throw InputError(path_, "", "", "cannot be written as a film");
+      }
+    }
+    if (picture.size() != size_) throw InputError(path_, "picture", "", "must have the size of the first one");
+    writer_.write(picture);
+  }
+  ++pictures_;
+}
+
+void FilmWriter::finish() {
+  if (numbered_) return;
+  if (pictures_ == 0) throw InputError(path_, "", "", "would be a film without pictures");
+  writer_.release();
+  if (!isWholeFilm(partial_, pictures_)) {
+    throw InputError(path_, "", "", "cannot be written whole: is the disk full?");
+  }
+  std::error_code error;
+  fs::rename(partial_, path_, error);
+  if (error) throw InputError(path_, "", "", "cannot be written: " + error.message());
+}
 
 }  // namespace angio::evaluation

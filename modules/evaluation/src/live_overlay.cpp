@@ -21,8 +21,7 @@ const cv::Scalar kGreen(80, 235, 60), kOrange(40, 165, 255), kRed(60, 60, 240), 
 
 // Small text: the picture is smaller than an X-ray.
 void text(cv::Mat& canvas, const std::string& line, const cv::Point& at, const cv::Scalar& color) {
-  cv::putText(canvas, line, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(0, 0, 0), 3, cv::LINE_AA);
-  cv::putText(canvas, line, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, color, 1, cv::LINE_AA);
+  writeText(canvas, line, at, color, 0.5, 1, 2);
 }
 
 constexpr std::size_t kMaxWaiting = 8;           // Half a second of frames: an answer later than that is of no use.
@@ -93,8 +92,8 @@ void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
   for (const auto& p : tree_.points().colwise()) points.push_back(pixel(p));
   for (std::size_t i = 0; i < points.size(); ++i) {
     const int parent = tree_.parents()[i];
-    if (parent < 0 || !points[i] || !points[static_cast<std::size_t>(parent)]) continue;
-    cv::line(canvas, *points[i], *points[static_cast<std::size_t>(parent)], color, 2, cv::LINE_AA, kSubpixelBits);
+    if (parent < 0 || !points[i] || !points[parent]) continue;
+    cv::line(canvas, *points[i], *points[parent], color, 2, cv::LINE_AA, kSubpixelBits);
   }
   for (Eigen::Index i = 1; i < scene.device_px.cols(); ++i) {
     cv::line(canvas, onCanvas(scene.device_px.col(i - 1)), onCanvas(scene.device_px.col(i)), kTipColor, 2, cv::LINE_AA,

@@ -36,9 +36,11 @@ void drawCurve(cv::Mat& canvas, const Centerline2d& centerline, const cv::Scalar
   }
 }
 
-void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, const cv::Scalar& color_bgr) {
-  cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, 0.75, cv::Scalar(0, 0, 0), 5, cv::LINE_AA);
-  cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, 0.75, color_bgr, 2, cv::LINE_AA);
+void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, const cv::Scalar& color_bgr, double size,
+               int stroke_px, int rim_px) {
+  const cv::Scalar dark(0, 0, 0);
+  cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, size, dark, stroke_px + rim_px, cv::LINE_AA);
+  cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, size, color_bgr, stroke_px, cv::LINE_AA);
 }
 
 namespace {
@@ -51,12 +53,12 @@ void drawTree(cv::Mat& canvas, const VesselTree& tree, const XrayCamera& camera,
   for (int i = 0; i < tree.size(); ++i) {
     Eigen::Vector3d p = tree.points().col(i);
     if (what.displacements_m.cols() == tree.size()) p += what.displacements_m.col(i);
-    pixel[static_cast<std::size_t>(i)] = camera.project(what.T_camera_model * p);
+    pixel[i] = camera.project(what.T_camera_model * p);
   }
   for (int i = 0; i < tree.size(); ++i) {
-    const int parent = tree.parents()[static_cast<std::size_t>(i)];
+    const int parent = tree.parents()[i];
     if (parent < 0) continue;
-    const auto &a = pixel[static_cast<std::size_t>(i)], &b = pixel[static_cast<std::size_t>(parent)];
+    const auto &a = pixel[i], &b = pixel[parent];
     if (a && b) cv::line(canvas, subpixel(*a), subpixel(*b), what.color_bgr, 2, cv::LINE_AA, kSubpixelBits);
   }
 }
@@ -84,12 +86,11 @@ cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const Xra
                                        : greyPicture(scene.image);
   // A broad line, so that the model can be drawn as a fine one on top of it.
   if (scene.centerline) drawCurve(canvas, *scene.centerline, kCenterlineColor, 5);
-  int line = 32;
-  if (scene.centerline) writeText(canvas, "centreline in the image", {14, line}, kCenterlineColor), line += 30;
+  int line = 2;
+  if (scene.centerline) writeText(canvas, "centreline in the image", {14, line += 30}, kCenterlineColor);
   for (const auto& what : scene.trees) {
     drawTree(canvas, tree, camera, what);
-    writeText(canvas, what.label, {14, line}, what.color_bgr);
-    line += 30;
+    writeText(canvas, what.label, {14, line += 30}, what.color_bgr);
   }
   if (!scene.caption.empty()) writeText(canvas, scene.caption, {14, canvas.rows - 14}, cv::Scalar(255, 255, 255));
   return canvas;
@@ -119,8 +120,7 @@ void drawPatientLetters(cv::Mat& picture, const Eigen::Matrix3d& R_camera_lps) {
     // x and y: the share of what is left beside the letters.
     const cv::Point at(rim + static_cast<int>(x * (picture.cols - box.width - 2 * rim)),
                        rim + box.height + static_cast<int>(y * (picture.rows - box.height - 2 * rim)));
-    cv::putText(picture, letters, at, cv::FONT_HERSHEY_SIMPLEX, size, cv::Scalar(0, 0, 0), stroke + 4, cv::LINE_AA);
-    cv::putText(picture, letters, at, cv::FONT_HERSHEY_SIMPLEX, size, kLetterColor, stroke, cv::LINE_AA);
+    writeText(picture, letters, at, kLetterColor, size, stroke, 4);
   };
   const Eigen::Vector3d right = R_camera_lps.row(0), down = R_camera_lps.row(1);
   write(-right, 0, 0.5);
@@ -150,7 +150,7 @@ cv::Mat tiled(const std::vector<cv::Mat>& pictures, int columns, int gap_px, con
   cv::Mat sheet((count + across - 1) / across * pitch.height, across * pitch.width, CV_8UC3, ground);
   for (int i = 0; i < count; ++i) {
     const cv::Point corner(i % across * pitch.width, i / across * pitch.height);
-    pictures[static_cast<std::size_t>(i)].copyTo(sheet(cv::Rect(corner, size)));
+    pictures[i].copyTo(sheet(cv::Rect(corner, size)));
   }
   return sheet;
 }

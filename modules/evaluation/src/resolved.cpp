@@ -81,8 +81,8 @@ std::vector<double> sumBetween(const ShadowProfile& one, const ShadowProfile& ot
   std::vector<double> sum(static_cast<std::size_t>(steps) + 1);
   for (int i = 0; i <= steps; ++i) {
     const double x = apart_px * i / steps;
-    sum[static_cast<std::size_t>(i)] = one.contrast * shadowAt(x, one.radius_px, blur_px) +
-                                       other.contrast * shadowAt(apart_px - x, other.radius_px, blur_px);
+    sum[i] = one.contrast * shadowAt(x, one.radius_px, blur_px) +
+             other.contrast * shadowAt(apart_px - x, other.radius_px, blur_px);
   }
   return sum;
 }
@@ -128,8 +128,8 @@ std::vector<bool> haveOwnLine(const Centerline2d& vessels, double blur_px) {
     const double radius_px = vessels.radius_px[i], max_px = radius_px + widest_px + kReachBlurs * blur_px;
     std::map<int, std::pair<double, Eigen::Index>> beside;  // By branch: how far to the side, and which point.
     for (const auto& [j, distance2] : places.within(p, max_px)) {
-      const int branch = vessels.branch[static_cast<std::size_t>(j)];
-      if (branch == vessels.branch[static_cast<std::size_t>(i)]) continue;
+      const int branch = vessels.branch[j];
+      if (branch == vessels.branch[i]) continue;
       const Eigen::Vector2d to = vessels.points_px.col(j) - p;
       const double ahead = to.dot(along), off = std::abs(to.x() * along.y() - to.y() * along.x());
       if (std::abs(ahead) > kBeside_px || off > radius_px + vessels.radius_px[j] + kReachBlurs * blur_px) continue;
@@ -142,7 +142,7 @@ std::vector<bool> haveOwnLine(const Centerline2d& vessels, double blur_px) {
       if (keepsLine({radius_px, vessels.contrast[i]}, {vessels.radius_px[j], vessels.contrast[j]}, off_px, blur_px)) {
         continue;
       }
-      own[static_cast<std::size_t>(i)] = false;
+      own[i] = false;
       break;
     }
   }
@@ -157,10 +157,10 @@ std::vector<bool> lostInAWider(const Centerline2d& vessels) {
   const double widest_px = vessels.radius_px.maxCoeff();
   for (int i = 0; i < count; ++i) {
     const auto& near = places.within(vessels.points_px.col(i), widest_px);
-    lost[static_cast<std::size_t>(i)] = std::any_of(near.begin(), near.end(), [&](const auto& found) {
+    lost[i] = std::any_of(near.begin(), near.end(), [&](const auto& found) {
       const auto& [j, distance2] = found;
-      return vessels.branch[static_cast<std::size_t>(j)] != vessels.branch[static_cast<std::size_t>(i)] &&
-             vessels.radius_px[j] > vessels.radius_px[i] && distance2 < vessels.radius_px[j] * vessels.radius_px[j];
+      return vessels.branch[j] != vessels.branch[i] && vessels.radius_px[j] > vessels.radius_px[i] &&
+             distance2 < vessels.radius_px[j] * vessels.radius_px[j];
     });
   }
   return lost;

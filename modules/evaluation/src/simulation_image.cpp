@@ -150,7 +150,7 @@ Centerline2d asCenterline(const std::vector<Curve>& curves, const XrayCamera& ca
     ++label;
   }
   Eigen::Matrix2Xd matrix(2, points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) matrix.col(static_cast<Eigen::Index>(i)) = points[i];
+  for (std::size_t i = 0; i < points.size(); ++i) matrix.col(i) = points[i];
   Centerline2d centerline = makeCenterline(std::move(matrix), std::move(branch));
   SimulationRandom turn(settings.seed, trial, DrawFor::kTangents, view);
   for (int i = 0; settings.tangent_noise_deg > 0 && i < centerline.size(); ++i) {

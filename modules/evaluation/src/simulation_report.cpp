@@ -50,7 +50,7 @@ std::string captureFigure(const std::vector<EntrantRun>& runs) {
     const CaptureBins bins = captureBins(runs[m].outcomes);
     PlotSeries s{runs[m].name, {}, {}, static_cast<int>(m)};
     for (int b = 0; b < CaptureBins::kBins; ++b) {
-      const int trials = bins.trials[static_cast<std::size_t>(b)], good = bins.successes[static_cast<std::size_t>(b)];
+      const int trials = bins.trials[b], good = bins.successes[b];
       if (m == 0) plot.counts.emplace_back(b + 0.5, trials);
       if (trials < CaptureBins::kFewestTrials) continue;
       const ShareBounds bounds = shareBounds(good, trials);

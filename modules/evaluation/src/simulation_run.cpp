@@ -231,9 +231,9 @@ CaptureBins captureBins(const std::vector<CaseOutcome>& outcomes) {
 std::optional<double> CaptureBins::farthest_mm(bool unbroken) const {
   std::optional<double> edge_mm;
   for (int b = 0; b < kBins; ++b) {
-    const int count = trials[static_cast<std::size_t>(b)];
+    const int count = trials[b];
     if (count < kFewestTrials) continue;
-    const bool good = successes[static_cast<std::size_t>(b)] >= kSuccess * count;
+    const bool good = successes[b] >= kSuccess * count;
     if (good) edge_mm = b + 1;
     if (!good && unbroken) break;
   }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/base/errors.hpp"
-#include "angio/base/formatted.hpp"
 #include "angio/base/interruption.hpp"
 #include "angio/evaluation/simulation_run.hpp"
 

@@ -187,10 +187,10 @@ Device wireAlong(const Curve& curve, const XrayCamera& camera, const Pose& T_cam
   Device wire;
   wire.diameter_m = kWireDiameter_m;
   wire.attenuation_per_m = kSteel_per_m;
-  wire.points.resize(3, static_cast<Eigen::Index>(curve.size()));
+  wire.points.resize(3, curve.size());
   const Pose T_model_camera = T_camera_model.inverse();
   for (std::size_t i = 0; i < curve.size(); ++i) {
-    wire.points.col(static_cast<Eigen::Index>(i)) = T_model_camera * (depth_m * camera.ray(curve[i]));
+    wire.points.col(i) = T_model_camera * (depth_m * camera.ray(curve[i]));
   }
   return wire;
 }
@@ -292,8 +292,6 @@ TrialImages::TrialImages(const std::vector<VesselTree>& trees, const SimulationS
     renderers_.push_back(std::make_unique<FluoroscopyRenderer>(tree, settings.fluoroscopy, around));
   }
 }
-
-TrialImages::~TrialImages() = default;
 
 XrayScene TrialImages::sceneOf(const SimulatedTrial& trial, std::size_t view) const {
   const SimulatedTrial::TrueView& seen = trial.true_views[view];

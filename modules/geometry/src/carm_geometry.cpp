@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/carm.hpp"

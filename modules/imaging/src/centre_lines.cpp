@@ -173,11 +173,11 @@ Centerline2d sampled(const std::vector<CentreLine>& lines, const WorkingGrid& gr
   result.points_px.resize(2, count);
   result.tangent_rad.resize(count);
   result.radius_px.resize(count);
-  result.branch.reserve(static_cast<std::size_t>(count));
+  result.branch.reserve(count);
   if (measured) {
     result.std_px.resize(count);
     result.contrast.resize(count);
-    result.kind.reserve(static_cast<std::size_t>(count));
+    result.kind.reserve(count);
   }
   Eigen::Index point = 0;
   for (std::size_t b = 0; b < lines.size(); ++b) {

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "field_outline.hpp"
+#include "quantile.hpp"
 #include "ridge_filters.hpp"
 #include "xray_image.hpp"
 
@@ -28,12 +29,6 @@ constexpr double kConvex = 0.95, kSmallestArea = 0.15, kMaxArea = 0.99;
 // How far below the patient's median the border is tried, as a logarithm. Displays lift the shadow and leave it uneven,
 // and patients have dark parts: the sharpest border is taken.
 constexpr float kLevels[] = {0.35f, 0.6f, 1.0f, 1.6f};
-
-float quantile(std::vector<float> sample, double part) {
-  const auto place = sample.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(sample.size() - 1));
-  std::nth_element(sample.begin(), place, sample.end());
-  return *place;
-}
 
 std::vector<float> rimOf(const cv::Mat& small) {
   std::vector<float> rim;
@@ -129,9 +124,9 @@ float sharpPart(const cv::Mat& small, const std::vector<cv::Point2f>& polygon) {
 
 // The field in a small image whose shadow is dark.
 std::vector<cv::Point2f> darkFramed(const cv::Mat& small) {
-  const float shadow = quantile(rimOf(small), 0.5 * kShadowPart);
   const cv::Mat middle = small(cv::Rect(small.cols / 4, small.rows / 4, small.cols / 2, small.rows / 2)).clone();
-  const float patient = quantile(std::vector<float>(middle.begin<float>(), middle.end<float>()), 0.5);
+  std::vector<float> rim = rimOf(small), inner(middle.begin<float>(), middle.end<float>());
+  const float shadow = quantileOf(rim, 0.5 * kShadowPart), patient = quantileOf(inner, 0.5);
   const double all = static_cast<double>(small.total());
   std::vector<cv::Point2f> best;
   float sharpest = kSharpLength;

@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "quantile.hpp"
 #include "skeleton_graph.hpp"
 
 namespace angio::imaging {
@@ -217,8 +218,7 @@ void settleRadii(SkeletonGraph& graph, const cv::Mat& radius) {
       if (r > 0) near.push_back(r);
     }
     if (near.empty()) return;
-    std::nth_element(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(near.size() / 2), near.end());
-    graph.nodes[n].radius = std::max(graph.nodes[n].radius, near[near.size() / 2]);
+    graph.nodes[n].radius = std::max(graph.nodes[n].radius, medianOf(std::move(near)));
   };
   for (const Branch& branch : graph.branches) {
     if (!branch.alive) continue;

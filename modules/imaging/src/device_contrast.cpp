@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "angio/base/errors.hpp"
+#include "quantile.hpp"
 #include "xray_image.hpp"
 
 namespace angio::imaging {
@@ -21,9 +22,7 @@ double noiseOf(const cv::Mat& contrast) {
   for (int y = 0; y < contrast.rows; y += kSampleStep) {
     for (int x = y % 3; x < contrast.cols; x += kSampleStep) sizes.push_back(std::abs(contrast.at<float>(y, x)));
   }
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return std::max(1.4826 * *middle, 1e-6);
+  return std::max(1.4826 * medianOf(std::move(sizes)), 1e-6);
 }
 
 }  // namespace

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "quantile.hpp"
+
 namespace angio::imaging {
 namespace {
 
@@ -48,12 +50,6 @@ void parabolicDilation(cv::Mat& image, cv::Mat& rows, int reach) {
       if (y + k < image.rows) raiseTo(image.ptr<float>(y), rows.ptr<float>(y + k), image.cols, drop(k));
     }
   }
-}
-
-float quantile(std::vector<float>& sample, float part) {
-  const auto place = sample.begin() + static_cast<std::ptrdiff_t>(part * static_cast<float>(sample.size() - 1));
-  std::nth_element(sample.begin(), place, sample.end());
-  return *place;
 }
 
 }  // namespace
@@ -134,7 +130,7 @@ void Flattening::measureNoise() {
           sample_.push_back(row[x]);
         }
       }
-      const float low = quantile(sample_, kLowPart), high = quantile(sample_, kHighPart);
+      const float low = quantileOf(sample_, kLowPart), high = quantileOf(sample_, kHighPart);
       const float sigma = (high - low) / (kHighPlace - kLowPlace);
       block_noise_.at<float>(by, bx) = sigma;
       block_level_.at<float>(by, bx) = high - kHighPlace * sigma;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
+#include "quantile.hpp"
+
 namespace angio::imaging {
 namespace {
 
@@ -57,12 +59,6 @@ bool atBorder(const cv::Point2f& p, const std::vector<RowRange>& open) {
   const int reach = static_cast<int>(kAtBorder);
   return p.x - static_cast<float>(open[y].begin) < kAtBorder || static_cast<float>(open[y].end) - p.x < kAtBorder ||
          !lit(y - reach) || !lit(y + reach);
-}
-
-float medianOf(std::vector<float> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // Contrast over radius at a line's first points [1/working px]: what its content absorbs per length, up to a factor.
@@ -203,12 +199,12 @@ std::size_t catheterPart(std::vector<CentreLine>& lines, std::size_t own, const 
 }
 
 CentreLine cut(CentreLine& line, std::size_t at) {
-  CentreLine rest;
-  const auto from = static_cast<std::ptrdiff_t>(at);
-  rest.line.assign(line.line.begin() + from - 1, line.line.end());
-  rest.radius.assign(line.radius.begin() + from - 1, line.radius.end());
-  rest.sigma.assign(line.sigma.begin() + from - 1, line.sigma.end());
-  rest.contrast.assign(line.contrast.begin() + from - 1, line.contrast.end());
+  CentreLine rest = line;
+  const auto before = static_cast<std::ptrdiff_t>(at) - 1;
+  rest.line.erase(rest.line.begin(), rest.line.begin() + before);
+  for (auto* values : {&rest.radius, &rest.sigma, &rest.contrast}) {
+    values->erase(values->begin(), values->begin() + before);
+  }
   line.line.resize(at);
   for (auto* values : {&line.radius, &line.sigma, &line.contrast}) values->resize(at);
   return rest;
@@ -242,9 +238,7 @@ void dropDilute(std::vector<CentreLine>& lines, float least) {
     return density < least * usual || (density < kAloneFactor * least * usual && !isBranch(line, lines, places));
   };
   std::vector<CentreLine> kept;
-  for (CentreLine& line : lines) {
-    if (!dilute(line)) kept.push_back(line);
-  }
+  std::remove_copy_if(lines.begin(), lines.end(), std::back_inserter(kept), dilute);
   lines = std::move(kept);
 }
 

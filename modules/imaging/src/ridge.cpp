@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
-#include <cmath>
 #include <numeric>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "angio/imaging/thinning.hpp"
@@ -11,6 +9,7 @@
 #include "hysteresis.hpp"
 #include "line_kinds.hpp"
 #include "make_extractors.hpp"
+#include "quantile.hpp"
 #include "ridge_lines.hpp"
 #include "ridge_scales.hpp"
 #include "skeleton_graph.hpp"
@@ -110,7 +109,7 @@ class RidgeExtractor final : public CenterlineExtractor {
     std::vector<cv::Point2f> outline = outlineOfField(image);
     for (cv::Point2f& p : outline) p = grid.toWorking(p);
     if (outline.empty()) {
-      open_.assign(static_cast<std::size_t>(grid.size.height), {0, grid.size.width});
+      open_.assign(grid.size.height, {0, grid.size.width});
       return;
     }
     const std::vector<RowRange> seen = rowsInside(outline, grid.size, border + kBlurredEdge);
@@ -143,11 +142,7 @@ class RidgeExtractor final : public CenterlineExtractor {
         if (stands_out[x] > static_cast<float>(settings_.line_factor)) sample_.push_back(value[x]);
       }
     }
-    if (sample_.empty()) return 0;
-    const auto place =
-        sample_.begin() + static_cast<std::ptrdiff_t>(kStrongPart * static_cast<float>(sample_.size() - 1));
-    std::nth_element(sample_.begin(), place, sample_.end());
-    return *place;
+    return sample_.empty() ? 0 : quantileOf(sample_, kStrongPart);
   }
 
   void clean(SkeletonGraph& graph, float scale) {

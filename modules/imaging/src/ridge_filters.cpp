@@ -243,7 +243,7 @@ void AreaResampler::prepare(Axis& axis, int from, int to) {
   axis.to = to;
   axis.taps = static_cast<int>(std::ceil(step)) + 1;
   axis.stride = to + Plane::kSlack;
-  axis.first.assign(static_cast<std::size_t>(axis.stride), 0);
+  axis.first.assign(axis.stride, 0);
   axis.weight.assign(static_cast<std::size_t>(axis.stride) * axis.taps, 0);
   for (int i = 0; i < to; ++i) {
     const double begin = i * step, end = std::min((i + 1) * step, static_cast<double>(from));

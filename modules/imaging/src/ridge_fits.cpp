@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 #include <utility>
 
+#include "quantile.hpp"
 #include "ridge_lines.hpp"
 
 namespace angio::imaging {
@@ -147,11 +148,10 @@ void RidgeFitting::findEnds(Fitted& line) {
       if (points[place(i)].valid) contrasts.push_back(points[place(i)].contrast);
     }
     if (contrasts.size() < kFewFits) return std::ptrdiff_t{0};
-    const auto middle = contrasts.begin() + static_cast<std::ptrdiff_t>(contrasts.size() / 2);
-    std::nth_element(contrasts.begin(), middle, contrasts.end());
+    const float middle = medianOf(std::move(contrasts));
     const auto fits = [&](std::ptrdiff_t i) {
       const Point& p = points[place(i) - place(i) % kFitEvery];
-      return p.valid && p.contrast > kTailContrast * *middle;
+      return p.valid && p.contrast > kTailContrast * middle;
     };
     const auto most = std::min<std::ptrdiff_t>(n / 3, std::lround(kTailRadii * radius + 4));
     std::ptrdiff_t count = 0;

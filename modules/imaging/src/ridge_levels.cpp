@@ -2,7 +2,6 @@
 #include "ridge_levels.hpp"
 
 #include <algorithm>
-#include <cstdint>
 
 // Compiled once for every vector target by the include below; the best one is chosen at run time.
 #undef HWY_TARGET_INCLUDE

@@ -2,7 +2,6 @@
 #include "ridge_lines.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <opencv2/core.hpp>
 
 namespace angio::imaging {

@@ -5,8 +5,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "quantile.hpp"
+
 namespace angio::imaging {
-namespace {
 
 // Scales are this far apart: a vessel between two of them answers with 95 % at least of what it would at its own.
 constexpr float kStep = 1.6f;
@@ -40,8 +41,6 @@ constexpr float kBendPerDeviator = 1.7320508f;  // Standard deviation of the ben
 // Standard deviation of white noise under a Gaussian filter, in that of its bend times the filter's variance.
 constexpr float kValuePerBend = 1.1547005f;
 
-}  // namespace
-
 RidgeScales::RidgeScales(float max_radius) {
   // Variance that the halvings have left in a level [pixels of the level, squared].
   float blurred = 0;
@@ -56,19 +55,14 @@ RidgeScales::RidgeScales(float max_radius) {
     if (sigma >= kScaleOfRadius * max_radius) break;
   }
   levels_.resize(static_cast<std::size_t>(level) + 1);
-  finer_.resize(levels_.size());
-  near_finer_.resize(levels_.size());
-  pooled_.resize(levels_.size());
-  strongest_.resize(levels_.size());
-  widest_.resize(levels_.size());
-  salience_.resize(levels_.size());
 }
 
 void RidgeScales::analyse(const Plane& absorption, const RidgeThresholds& thresholds) {
-  for (std::size_t l = 1; l < levels_.size(); ++l) halve(l == 1 ? absorption : levels_[l - 1], levels_[l], buffer_);
+  for (std::size_t l = 1; l < levels_.size(); ++l)
+    halve(l == 1 ? absorption : levels_[l - 1].absorption, levels_[l].absorption, buffer_);
   for (std::size_t k = 0; k < scales_.size(); ++k) {
     Scale& scale = scales_[k];
-    const Plane& level = scale.level == 0 ? absorption : levels_[scale.level];
+    const Plane& level = scale.level == 0 ? absorption : levels_[scale.level].absorption;
     scale.filter(level, scale.smoothed);
     measureNoise(scale);
     scale.least = cv::max(thresholds.noise_factor * scale.noise, thresholds.faintest);
@@ -78,8 +72,9 @@ void RidgeScales::analyse(const Plane& absorption, const RidgeThresholds& thresh
     keepLines(static_cast<int>(k));
   }
   for (int level = static_cast<int>(levels_.size()) - 1; level >= 0; --level) {
-    const Plane& size = level == 0 ? absorption : levels_[level];
-    for (auto* planes : {&strongest_, &widest_, &salience_}) (*planes)[level].resize(size.width(), size.height());
+    Level& own = levels_[level];
+    const Plane& size = level == 0 ? absorption : own.absorption;
+    for (Plane* plane : {&own.strongest, &own.widest, &own.salience}) plane->resize(size.width(), size.height());
     gather(level);
   }
 }
@@ -90,18 +85,20 @@ void RidgeScales::gatherFiner(int index) {
   const Scale& scale = scales_[index];
   const Scale& next = scales_[index - kSharper];
   for (int l = next.level; l < scale.level; ++l) {
-    halveToLargest(l == next.level ? next.strength.mat() : pooled_[l], pooled_[l + 1], scratch_);
+    halveToLargest(l == next.level ? next.strength.mat() : levels_[l].pooled, levels_[l + 1].pooled, scratch_);
   }
-  const cv::Mat fresh = next.level < scale.level ? pooled_[scale.level] : next.strength.mat();
-  cv::Mat& gathered = finer_[scale.level];
+  Level& level = levels_[scale.level];
+  const cv::Mat fresh = next.level < scale.level ? level.pooled : next.strength.mat();
   if (index == static_cast<int>(kSharper)) {
-    fresh.copyTo(gathered);
+    fresh.copyTo(level.finer);
   } else {
-    for (int l = scales_[index - 1].level; l < scale.level; ++l) halveToLargest(finer_[l], finer_[l + 1], scratch_);
-    cv::max(gathered, fresh, gathered);
+    for (int l = scales_[index - 1].level; l < scale.level; ++l) {
+      halveToLargest(levels_[l].finer, levels_[l + 1].finer, scratch_);
+    }
+    cv::max(level.finer, fresh, level.finer);
   }
   const int reach = static_cast<int>(std::lround(kNearFiner * scale.level_std));
-  cv::dilate(gathered, near_finer_[scale.level], cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
+  cv::dilate(level.finer, level.near_finer, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
 }
 
 ScaleImage RidgeScales::imageUpTo(float sigma) const {
@@ -154,9 +151,8 @@ void RidgeScales::measureNoise(Scale& scale) {
           sample_.push_back(difference * difference + xy * xy);
         }
       }
-      const auto place = sample_.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<float>(sample_.size()));
-      std::nth_element(sample_.begin(), place, sample_.end());
-      scale.noise.at<float>(by, bx) = kBendPerDeviator * sigma2 * std::sqrt(*place) / kRayleigh;
+      const float square = valueAt(static_cast<std::size_t>(kQuantile * static_cast<float>(sample_.size())), sample_);
+      scale.noise.at<float>(by, bx) = kBendPerDeviator * sigma2 * std::sqrt(square) / kRayleigh;
     }
   }
   cv::medianBlur(scale.noise, scale.noise, 3);
@@ -168,7 +164,7 @@ void RidgeScales::keepLines(int index) {
   if (index < static_cast<int>(kSharper)) return flanks_(image, nullptr, scale.strength);
   const Scale& finer = scales_[index - kSharper];
   const float per_pixel = static_cast<float>(1 << scale.level) / static_cast<float>(1 << finer.level);
-  const FinerImages images{finer.smoothed, per_pixel, near_finer_[scale.level]};
+  const FinerImages images{finer.smoothed, per_pixel, levels_[scale.level].near_finer};
   flanks_(image, &images, scale.strength);
 }
 

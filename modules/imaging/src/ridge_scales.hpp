@@ -31,11 +31,13 @@ class RidgeScales {
   /// Analyses an absorption image. What it gives is valid until the next call.
   void analyse(const Plane& absorption, const RidgeThresholds& thresholds);
 
-  const Plane& strength() const { return strongest_[0]; }  ///< sigma^2 times the curvature; 0 where there is no line.
-  const Plane& radius() const { return widest_[0]; }       ///< Of a vessel that answers most at the scale that won.
-  cv::Mat radiusMat() { return widest_[0].mat(); }
-  cv::Mat salienceMat() { return salience_[0].mat(); }
-  const Plane& salience() const { return salience_[0]; }  ///< Strength as a multiple of the noise at its scale.
+  const Plane& strength() const {
+    return levels_[0].strongest;
+  }                                                          ///< sigma^2 times the curvature; 0 where there is no line.
+  const Plane& radius() const { return levels_[0].widest; }  ///< Of a vessel that answers most at the scale that won.
+  cv::Mat radiusMat() { return levels_[0].widest.mat(); }
+  cv::Mat salienceMat() { return levels_[0].salience.mat(); }
+  const Plane& salience() const { return levels_[0].salience; }  ///< Strength as a multiple of the noise at its scale.
 
   /// The coarsest image whose filter is not wider than `sigma`, or the finest.
   ScaleImage imageUpTo(float sigma) const;
@@ -54,17 +56,23 @@ class RidgeScales {
     cv::Mat noise, least;  // CV_32FC1, a value a block.
   };
 
+  struct Level {
+    Plane absorption, strongest, widest, salience;
+    cv::Mat finer, near_finer, pooled;
+  };
+
   void measureNoise(Scale& scale);
   void gatherFiner(int index);
   void keepLines(int index);
   void gather(int level);
-  StrongestLines linesOf(int level) { return {strongest_[level], widest_[level], salience_[level]}; }
+  StrongestLines linesOf(int level) {
+    return {levels_[level].strongest, levels_[level].widest, levels_[level].salience};
+  }
 
   std::vector<Scale> scales_;
   RidgeFlanks flanks_;
-  std::vector<Plane> levels_, strongest_, widest_, salience_;
+  std::vector<Level> levels_;
   Plane buffer_;
-  std::vector<cv::Mat> finer_, near_finer_, pooled_;  // By level.
   std::vector<float> sample_, scratch_;
 };
 

@@ -15,6 +15,9 @@ using Branch = SkeletonGraph::Branch;
 
 constexpr std::uint8_t kLine = 1, kJunction = 2, kWalked = 3;
 
+// A line of high contrast proves no more than that there is one.
+constexpr float kMaxSalience = 15;
+
 float distanceBetween(const cv::Point2f& a, const cv::Point2f& b) { return static_cast<float>(cv::norm(a - b)); }
 
 class Tracer {
@@ -137,27 +140,6 @@ class Tracer {
   SkeletonGraph graph_;
 };
 
-}  // namespace
-
-SkeletonGraph traceSkeleton(const cv::Mat& skeleton, const cv::Mat& distance) {
-  return Tracer(skeleton, distance).trace();
-}
-
-float lengthOf(const SkeletonGraph& graph, const Branch& branch) {
-  float length = 0;
-  for (std::size_t i = 1; i < branch.line.size(); ++i) length += distanceBetween(branch.line[i - 1], branch.line[i]);
-  if (branch.line.empty()) return length;
-  if (branch.begin >= 0) length += distanceBetween(graph.nodes[branch.begin].position, branch.line.front());
-  if (branch.end >= 0) length += distanceBetween(branch.line.back(), graph.nodes[branch.end].position);
-  if (branch.closed) length += distanceBetween(branch.line.back(), branch.line.front());
-  return length;
-}
-
-namespace {
-
-// A line of high contrast proves no more than that there is one.
-constexpr float kMaxSalience = 15;
-
 class Components {
  public:
   explicit Components(std::size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), 0); }
@@ -198,6 +180,20 @@ Sums sumsOf(const SkeletonGraph& graph, const Branch& branch, const cv::Mat& sal
 }
 
 }  // namespace
+
+SkeletonGraph traceSkeleton(const cv::Mat& skeleton, const cv::Mat& distance) {
+  return Tracer(skeleton, distance).trace();
+}
+
+float lengthOf(const SkeletonGraph& graph, const Branch& branch) {
+  float length = 0;
+  for (std::size_t i = 1; i < branch.line.size(); ++i) length += distanceBetween(branch.line[i - 1], branch.line[i]);
+  if (branch.line.empty()) return length;
+  if (branch.begin >= 0) length += distanceBetween(graph.nodes[branch.begin].position, branch.line.front());
+  if (branch.end >= 0) length += distanceBetween(branch.line.back(), graph.nodes[branch.end].position);
+  if (branch.closed) length += distanceBetween(branch.line.back(), branch.line.front());
+  return length;
+}
 
 void dropWeak(SkeletonGraph& graph, const cv::Mat& salience, const cv::Mat& radius, const EvidenceRules& rules) {
   Components components(graph.nodes.size() + graph.branches.size());

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "angio/base/errors.hpp"
+#include "quantile.hpp"
 #include "xray_image.hpp"
 
 namespace angio::imaging {
@@ -63,21 +64,16 @@ cv::Mat shifted(const cv::Mat& image, const Eigen::Vector2d& shift) {
   return result;
 }
 
-double medianOf(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Root mean square of the difference without its largest part, which contrast agent makes.
-double disagreement(const cv::Mat& live, const cv::Mat& mask, std::vector<float>& scratch) {
-  scratch.clear();
+double disagreement(const cv::Mat& live, const cv::Mat& mask) {
+  std::vector<float> differences;
   const cv::Rect inside(8, 8, live.cols - 16, live.rows - 16);
   const cv::Mat a = live(inside), b = mask(inside);
   for (int y = 0; y < a.rows; y += stride(live)) {
-    for (int x = 0; x < a.cols; x += stride(live)) scratch.push_back(std::abs(a.at<float>(y, x) - b.at<float>(y, x)));
+    for (int x = 0; x < a.cols; x += stride(live))
+      differences.push_back(std::abs(a.at<float>(y, x) - b.at<float>(y, x)));
   }
-  return medianOf(scratch);
+  return medianOf(std::move(differences));
 }
 
 // One step of Gauss and Newton with Tukey's weights.
@@ -122,25 +118,23 @@ Eigen::Vector2d phaseShift(const cv::Mat& live, const cv::Mat& mask, double max_
   cv::createHanningWindow(window, pair.a.size(), CV_32F);
   const cv::Point2d phase = cv::phaseCorrelate(pair.b, pair.a, window);
   const Eigen::Vector2d shift(phase.x, phase.y), shift_px = shift.cwiseProduct(pair.scale);
-  std::vector<float> scratch;
-  const bool better = shift_px.norm() <= max_shift_px &&
-                      disagreement(pair.a, shifted(pair.b, shift), scratch) < disagreement(pair.a, pair.b, scratch);
+  const bool better =
+      shift_px.norm() <= max_shift_px && disagreement(pair.a, shifted(pair.b, shift)) < disagreement(pair.a, pair.b);
   return better ? shift_px : Eigen::Vector2d::Zero();
 }
 
 Eigen::Vector2d refined(const cv::Mat& live, const cv::Mat& mask, const Round& round, const Eigen::Vector2d& from_px,
                         double max_shift_px) {
   const Pair pair(live, mask, round.side);
-  std::vector<float> scratch;
   Eigen::Vector2d shift = from_px.cwiseQuotient(pair.scale);
   for (int i = 0; i < round.steps; ++i) {
     const cv::Mat moved = shifted(pair.b, shift);
-    const Eigen::Vector2d d = step(pair.a, moved, kPerDeviation * disagreement(pair.a, moved, scratch));
+    const Eigen::Vector2d d = step(pair.a, moved, kPerDeviation * disagreement(pair.a, moved));
     if (!d.allFinite() || (shift + d).cwiseProduct(pair.scale).norm() > max_shift_px) break;
     shift += d;
     if (d.norm() < kStill) break;
   }
-  const bool better = disagreement(pair.a, shifted(pair.b, shift), scratch) < disagreement(pair.a, pair.b, scratch);
+  const bool better = disagreement(pair.a, shifted(pair.b, shift)) < disagreement(pair.a, pair.b);
   return better ? Eigen::Vector2d(shift.cwiseProduct(pair.scale)) : Eigen::Vector2d::Zero();
 }
 

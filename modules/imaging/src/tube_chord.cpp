@@ -6,7 +6,6 @@
 #include <cmath>
 
 namespace angio::imaging {
-namespace {
 
 // A sharp chord is this much of a radius blurred: the integral below needs some width.
 constexpr float kSharp = 0.02f;
@@ -19,8 +18,6 @@ constexpr int kEntries = 97;  // To 24: beyond, half a chord is sqrt(3)/2 of the
 // needed, the neighbouring vessel is not.
 constexpr double kTemplateRadii = 1.5, kTemplateBlurs = 2.2;
 constexpr double kWeightEdge = 0.35;
-
-}  // namespace
 
 double blurredChord(double radius, double blur, double x) {
   // With u = r sin(t) the chord's steep ends are sampled as finely as they fall.

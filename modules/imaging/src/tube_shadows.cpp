@@ -5,7 +5,6 @@
 #include <cmath>
 
 namespace angio::imaging {
-namespace {
 
 constexpr int kCell = 16;  // Side of a cell [working px].
 
@@ -20,8 +19,6 @@ constexpr int kStride = 8;
 
 // How far a shadow's blur reaches beyond its tube [px].
 constexpr float kBlurred = 3;
-
-}  // namespace
 
 void TubeShadows::set(const cv::Size& image, std::vector<std::vector<Piece>> tubes) {
   tubes_ = std::move(tubes);

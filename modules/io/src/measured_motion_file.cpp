@@ -24,11 +24,11 @@ MeasuredMotion readMeasuredMotion(const std::string& path) {
     throw InputError(path, "rows", std::to_string(from.size()), "must be at least " + std::to_string(kFewest));
   }
   MeasuredMotion motion;
-  motion.points.resize(3, static_cast<Eigen::Index>(from.size()));
+  motion.points.resize(3, from.size());
   motion.displacements_m.resizeLike(motion.points);
   for (std::size_t i = 0; i < from.size(); ++i) {
-    motion.points.col(static_cast<Eigen::Index>(i)) = from[i];
-    motion.displacements_m.col(static_cast<Eigen::Index>(i)) = to[i] - from[i];
+    motion.points.col(i) = from[i];
+    motion.displacements_m.col(i) = to[i] - from[i];
   }
   const Eigen::Vector3d extent_m = motion.points.rowwise().maxCoeff() - motion.points.rowwise().minCoeff();
   if (!(extent_m.minCoeff() > 1e-3)) {

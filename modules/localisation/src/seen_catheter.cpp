@@ -131,9 +131,9 @@ std::optional<SeenCatheter> seenCatheter(const Centerline2d& seen, const XrayCam
     result.tip_end = hint ? TipEnd::kLast : TipEnd::kUnknown;
     tip_is_last = !hint || (longest->back() - hint->tip_px).norm() <= (longest->front() - hint->tip_px).norm();
   }
-  result.points_px.resize(2, static_cast<Eigen::Index>(longest->size()));
+  result.points_px.resize(2, longest->size());
   for (std::size_t i = 0; i < longest->size(); ++i) {
-    result.points_px.col(static_cast<Eigen::Index>(tip_is_last ? i : longest->size() - 1 - i)) = (*longest)[i];
+    result.points_px.col(tip_is_last ? i : longest->size() - 1 - i) = (*longest)[i];
   }
   result.std_px = sigmaOf(devices, settings.std_px);
   return result;

@@ -9,7 +9,6 @@
 #include "angio/base/formatted.hpp"
 
 namespace angio::localisation {
-namespace {
 
 constexpr double kGate = 4;    // Standard deviations of the tip's place in the image.
 constexpr double kDoubt = 15;  // Nats below the best: a place that a quick look puts there is not looked at again.
@@ -18,8 +17,6 @@ constexpr int kQuickStride = 4;
 
 constexpr double kMaxPeriod_s = 1;
 constexpr double kReach = 4;  // Standard deviations.
-
-}  // namespace
 
 TipFilter::TipFilter(const LocaliserSettings& settings, PlaceGrid grid, const Eigen::Vector3d& centroid_m)
     : settings_(settings), grid_(std::move(grid)), matcher_(settings_, grid_), centroid_m_(centroid_m) {

@@ -6,12 +6,9 @@
 #include <cmath>
 
 namespace angio::motion {
-namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
 constexpr int kDrift = 3;  // Where it begins in the state; the offset is at 0.
-
-}  // namespace
 
 HarmonicFilter::HarmonicFilter(const std::vector<Oscillator>& oscillators, const HarmonicNoise& noise,
                                const Eigen::Vector3d& first_position)
@@ -46,9 +43,7 @@ HarmonicFilter::HarmonicFilter(const std::vector<Oscillator>& oscillators, const
   }
 }
 
-double HarmonicFilter::frequency_hz(int oscillator) const {
-  return x_[parts_[static_cast<std::size_t>(oscillator)].frequency] / kTwoPi;
-}
+double HarmonicFilter::frequency_hz(int oscillator) const { return x_[parts_[oscillator].frequency] / kTwoPi; }
 
 double HarmonicFilter::damping(double dt_s) const { return std::exp(-dt_s / noise_.amplitude_memory_s); }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <deque>
-#include <optional>
 
 #include "angio/motion/motion_predictor_settings.hpp"
 #include "harmonic_filter.hpp"

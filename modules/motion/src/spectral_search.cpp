@@ -59,7 +59,7 @@ Residual withoutSlow(const std::deque<MotionSample>& samples, std::size_t first,
   r.slow.col(1) = u;
   r.slow.col(2) = u.square();
   for (Eigen::Index k = 0; k < known; ++k) {
-    writeWaves(r.t, search.known_hz[static_cast<std::size_t>(k)], 1, r.slow.middleCols<2>(3 + 2 * k));
+    writeWaves(r.t, search.known_hz[k], 1, r.slow.middleCols<2>(3 + 2 * k));
   }
   // Gram and Schmidt, twice for accuracy; a column that has nothing of its own is let go.
   Eigen::Index kept = 0;
@@ -145,7 +145,7 @@ std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, d
   const auto steps = static_cast<int>(std::floor((search.high_hz - search.low_hz) / search.step_hz)) + 1;
   std::vector<double> left(static_cast<std::size_t>(steps));
   for (int k = 0; k < steps; ++k) {
-    left[static_cast<std::size_t>(k)] = fit.left(search.low_hz + k * search.step_hz);
+    left[k] = fit.left(search.low_hz + k * search.step_hz);
   }
   const auto least = std::min_element(left.begin(), left.end());
   const double best = *least;
@@ -164,7 +164,7 @@ std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, d
   }
   FoundPeriod found;
   found.frequency_hz = search.low_hz + chosen * search.step_hz;
-  found.share = 1 - left[static_cast<std::size_t>(chosen)] / whole;
+  found.share = 1 - left[chosen] / whole;
   const Eigen::MatrixXd coefficients = fit.coefficients(found.frequency_hz) * r.L_m.transpose();
   found.amplitude_m.resize(3, search.harmonics);
   for (int h = 0; h < search.harmonics; ++h) {

@@ -8,14 +8,11 @@
 #include "angio/vessel/resample.hpp"
 
 namespace angio::perception {
-namespace {
 
 // Of chi^2 with two degrees of freedom: one frame in 250,000 that is where it should be. So many in a row are no
 // chance.
 constexpr double kContradicts = 25;
 constexpr int kForgets = 3;
-
-}  // namespace
 
 GatedObservation GatedPerception::observe(const XrayFrame& frame, const CArmState& state) {
   const CameraPlace place = perception_.placeOf(state);

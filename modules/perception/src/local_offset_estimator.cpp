@@ -49,7 +49,7 @@ Seen around(const Centerline2d& line, const Eigen::Vector2d& center, double reac
   const auto n = static_cast<Eigen::Index>(kept.size());
   Seen seen{Eigen::Matrix2Xd(2, n), Eigen::Matrix2Xd(2, n), Eigen::VectorXd(n), Eigen::VectorXd(n)};
   for (Eigen::Index k = 0; k < n; ++k) {
-    const Eigen::Index i = kept[static_cast<std::size_t>(k)];
+    const Eigen::Index i = kept[k];
     seen.points.col(k) = line.points_px.col(i);
     seen.tangent[k] = line.tangent_rad[i];
     seen.normals.col(k) << -std::sin(seen.tangent[k]), std::cos(seen.tangent[k]);
@@ -135,7 +135,7 @@ LocalOffsetEstimator::LocalOffsetEstimator(const VesselTree& tree, const PointOf
   const double near_m = place.near_m;
   std::vector<Eigen::Vector3d> points, tangents;
   for (int i = 0; i < tree.size(); ++i) {
-    const int parent = tree.parents()[static_cast<std::size_t>(i)];
+    const int parent = tree.parents()[i];
     if (parent < 0) continue;
     const Eigen::Vector3d a = tree.points().col(parent), step = tree.points().col(i) - a;
     const int pieces = std::max(1, static_cast<int>(std::ceil(step.norm() / kSpacing_m)));
@@ -151,8 +151,8 @@ LocalOffsetEstimator::LocalOffsetEstimator(const VesselTree& tree, const PointOf
   tangents_.resize(3, n);
   weight_.resize(n);
   for (Eigen::Index k = 0; k < n; ++k) {
-    points_.col(k) = points[static_cast<std::size_t>(k)];
-    tangents_.col(k) = tangents[static_cast<std::size_t>(k)];
+    points_.col(k) = points[k];
+    tangents_.col(k) = tangents[k];
     weight_[k] = std::exp(-2 * (points_.col(k) - place_.model).squaredNorm() / (near_m * near_m));
   }
 }

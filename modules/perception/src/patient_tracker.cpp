@@ -57,25 +57,8 @@ PosePrior PatientTracker::predict(const CameraPlace& place) const {
 
 void PatientTracker::update(const Pose& T_camera_model, const CameraPlace& place,
                             const std::optional<Matrix6d>& covariance) {
-  update(T_camera_model, place.T_camera_patient);
-  if (!motion_) return;
-  if (!first_us_) first_us_ = place.time_us;
   const Pose T_patient_camera = place.T_camera_patient.inverse();
-  const Eigen::Matrix3d R = T_patient_camera.linear();
-  const Eigen::Matrix3d spread = covariance
-                                     ? PatientObservation{T_camera_model, *covariance}.pointCovariance(centroid_, R)
-                                     : Eigen::Matrix3d(1e-6 * Eigen::Matrix3d::Identity());
-  // What the predictor leaves out or refuses it predicts without: a trusted frame is one all the same.
-  static_cast<void>(
-      motion_->update(sinceFirst_s(place.time_us), T_patient_camera * (T_camera_model * centroid_), spread));
-}
-
-void PatientTracker::update(const Pose& T_camera_model, const CArmJoints& joints) {
-  update(T_camera_model, carm_.T_camera_patient(joints));
-}
-
-void PatientTracker::update(const Pose& T_camera_model, const Pose& T_camera_patient) {
-  const Pose seen = T_camera_patient.inverse() * T_camera_model;
+  const Pose seen = T_patient_camera * T_camera_model;
   ++trusted_in_a_row_;
   missed_in_a_row_ = 0;
   // A plain mean at first, then one that forgets. About the centroid, where translation and rotation are least
@@ -86,6 +69,15 @@ void PatientTracker::update(const Pose& T_camera_model, const Pose& T_camera_pat
   T_dsa_cb_ = T_dsa_cb_ * to_centroid * expSE3(gain * correction) * to_centroid.inverse();
   T_dsa_cb_.linear() = nearestRotation(T_dsa_cb_.linear());
   tracking_ = true;
+  if (!motion_) return;
+  if (!first_us_) first_us_ = place.time_us;
+  const Eigen::Matrix3d R = T_patient_camera.linear();
+  const Eigen::Matrix3d spread = covariance
+                                     ? PatientObservation{T_camera_model, *covariance}.pointCovariance(centroid_, R)
+                                     : Eigen::Matrix3d(1e-6 * Eigen::Matrix3d::Identity());
+  // What the predictor leaves out or refuses it predicts without: a trusted frame is one all the same.
+  static_cast<void>(
+      motion_->update(sinceFirst_s(place.time_us), T_patient_camera * (T_camera_model * centroid_), spread));
 }
 
 void PatientTracker::miss() {

@@ -43,16 +43,16 @@ struct Silhouette {
 void addEdges(const std::vector<std::pair<int, int>>& pairs, Silhouette& s) {
   s.first_edge.assign(static_cast<std::size_t>(s.size()) + 1, 0);
   for (const auto& [a, b] : pairs) {
-    ++s.first_edge[static_cast<std::size_t>(a)];
-    ++s.first_edge[static_cast<std::size_t>(b)];
+    ++s.first_edge[a];
+    ++s.first_edge[b];
   }
   for (std::size_t k = 1; k < s.first_edge.size(); ++k) s.first_edge[k] += s.first_edge[k - 1];
   s.edges.resize(2 * pairs.size());
   for (const auto& [a, b] : pairs) {  // Places are given out from the last to the first of a point.
     const Eigen::Vector2d d = s.pixel.col(b) - s.pixel.col(a);
     const double length2 = d.squaredNorm(), inverse = length2 > 0 ? 1 / length2 : 0;
-    s.edges[static_cast<std::size_t>(--s.first_edge[static_cast<std::size_t>(a)])] = {d, length2, inverse};
-    s.edges[static_cast<std::size_t>(--s.first_edge[static_cast<std::size_t>(b)])] = {-d, length2, inverse};
+    s.edges[--s.first_edge[a]] = {d, length2, inverse};
+    s.edges[--s.first_edge[b]] = {-d, length2, inverse};
   }
 }
 
@@ -67,15 +67,15 @@ Silhouette silhouetteOf(const VesselTree& tree, const Eigen::Matrix3Xd& points, 
     const auto pixel = view.camera.project(T_view_model * points.col(i));
     if (!pixel || !view.sees(*pixel)) continue;
     s.pixel.col(seen) = *pixel;
-    place[static_cast<std::size_t>(i)] = seen++;
+    place[i] = seen++;
   }
   s.pixel.conservativeResize(2, seen);
   std::vector<std::pair<int, int>> pairs;
   pairs.reserve(place.size());
   for (std::size_t i = 0; i < place.size(); ++i) {
     const int parent = tree.parents()[i];
-    if (parent < 0 || place[i] < 0 || place[static_cast<std::size_t>(parent)] < 0) continue;
-    pairs.emplace_back(place[i], place[static_cast<std::size_t>(parent)]);
+    if (parent < 0 || place[i] < 0 || place[parent] < 0) continue;
+    pairs.emplace_back(place[i], place[parent]);
   }
   addEdges(pairs, s);
   return s;
@@ -128,7 +128,7 @@ class Comparison {
   template <typename Visit>
   void edgesOf(int k, const Visit& visit) const {
     const auto end = static_cast<std::size_t>(model_.first_edge[static_cast<std::size_t>(k) + 1]);
-    for (auto e = static_cast<std::size_t>(model_.first_edge[static_cast<std::size_t>(k)]); e < end; ++e) {
+    for (auto e = static_cast<std::size_t>(model_.first_edge[k]); e < end; ++e) {
       visit(model_.edges[e]);
     }
   }

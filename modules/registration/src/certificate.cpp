@@ -6,12 +6,12 @@
 #include <atomic>
 #include <cmath>
 #include <condition_variable>
-#include <cstdio>
 #include <mutex>
 #include <set>
 #include <thread>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "certificate_box.hpp"
 #include "explained_raster.hpp"
@@ -80,27 +80,25 @@ class Search {
     work(worker, progress);
     for (auto& other : others) other.join();
 
-    while (highest_ >= 0 && open_[static_cast<std::size_t>(highest_)].empty()) --highest_;
+    while (highest_ >= 0 && open_[highest_].empty()) --highest_;
     const int open = std::max({highest_, left_open_, doubtful_});
     result.seconds = began_.seconds();
     result.cells = cells_;
     result.proven = open < 0;
     // What was closed has less than enough.
     result.bound = static_cast<double>(std::max(open, enough_ - 1)) / found_;
-    char text[160] = "";
     if (rival_) {
       result.rival = PoseCertificate::Rival{*rival_ * to_model_, static_cast<double>(rival_points_) / found_,
                                             box_.distance_m(*rival_)};
-      std::snprintf(text, sizeof text, "another pose, %.1f mm away, has %.2f of the score",
-                    1e3 * result.rival->distance_m, result.rival->share);
+      result.reason = formatted("another pose, %.1f mm away, ", 1e3 * result.rival->distance_m) +
+                      formatted("has %.2f of the score", result.rival->share);
     } else if (doubtful_ >= 0 && !outOfTime()) {
-      std::snprintf(text, sizeof text, "not proven: poses finer than the raster may have up to %.2f of the score",
-                    static_cast<double>(doubtful_) / found_);
+      result.reason = formatted("not proven: poses finer than the raster may have up to %.2f of the score",
+                                static_cast<double>(doubtful_) / found_);
     } else if (open >= 0) {
-      std::snprintf(text, sizeof text, "not proven: bound %.2f of the score after %.0f s", result.bound,
-                    result.seconds);
+      result.reason =
+          formatted("not proven: bound %.2f of the score ", result.bound) + formatted("after %.0f s", result.seconds);
     }
-    result.reason = text;
     return result;
   }
 
@@ -110,7 +108,7 @@ class Search {
     PoseBounds bounds;
     std::vector<Node> children;
     int children_bound = 0;
-    std::vector<std::pair<std::int32_t, std::int32_t>> kept, finer;
+    std::vector<std::pair<std::int32_t, std::int32_t>> kept;
     long cells = 0;
     double closed = 0;
   };
@@ -143,15 +141,15 @@ class Search {
     double shown_s = 0;
     std::unique_lock lock(mutex_);
     for (;;) {
-      while (highest_ >= 0 && open_[static_cast<std::size_t>(highest_)].empty()) --highest_;
+      while (highest_ >= 0 && open_[highest_].empty()) --highest_;
       if (stop_ || (highest_ < 0 && in_work_.empty())) break;
       if (highest_ < 0) {
         changed_.wait(lock);
         continue;
       }
       const int bound = highest_;
-      Node node = std::move(open_[static_cast<std::size_t>(bound)].back());
-      open_[static_cast<std::size_t>(bound)].pop_back();
+      Node node = std::move(open_[bound].back());
+      open_[bound].pop_back();
       const auto mine = in_work_.insert(bound);
       if (progress && began_.seconds() - shown_s > kProgressEvery_s) {
         shown_s = began_.seconds();
@@ -172,7 +170,7 @@ class Search {
       } else if (ended == Ended::kDone) {
         // A part has no more than the whole.
         const int its = std::min(w.children_bound, bound);
-        for (Node& child : w.children) open_[static_cast<std::size_t>(its)].push_back(std::move(child));
+        for (Node& child : w.children) open_[its].push_back(std::move(child));
         if (!w.children.empty()) highest_ = std::max(highest_, its);
       } else {
         stop_ = true;
@@ -189,17 +187,12 @@ class Search {
     w.children_bound = 0;
     const double turned_most_m = box_.turnedMost_m(node.cell);
     for (;;) {
-      auto [x_least, x_most] = std::make_pair(HUGE_VAL, -HUGE_VAL);
-      auto [y_least, y_most] = std::make_pair(HUGE_VAL, -HUGE_VAL);
+      Eigen::AlignedBox2d rays;
       for (const auto& [i, j] : node.rays) {
-        const double x = rayOf(i, ray_x_, node.half_ray), y = rayOf(j, ray_y_, node.half_ray);
-        x_least = std::min(x_least, x);
-        x_most = std::max(x_most, x);
-        y_least = std::min(y_least, y);
-        y_most = std::max(y_most, y);
+        rays.extend(Eigen::Vector2d(rayOf(i, ray_x_, node.half_ray), rayOf(j, ray_y_, node.half_ray)));
       }
-      const double spread = 0.5 * std::max(x_most - x_least, y_most - y_least);
-      w.bounds.prepare(node.cell, {0.5 * (x_least + x_most), 0.5 * (y_least + y_most), spread}, node.half_ray);
+      const Eigen::Vector2d middle = 0.5 * (rays.min() + rays.max());
+      w.bounds.prepare(node.cell, {middle.x(), middle.y(), 0.5 * rays.sizes().maxCoeff()}, node.half_ray);
       w.kept.clear();
       int bound = 0;
       std::pair<double, double> best{0, 0};
@@ -227,8 +220,7 @@ class Search {
 
       const auto& effects = w.bounds.effects_px();
       const auto widest = std::max_element(effects.begin(), effects.end()) - effects.begin();
-      if (effects[static_cast<std::size_t>(widest)] < kSmallest_px)
-        return tryCorners(node, w) ? Ended::kRival : Ended::kTooSmall;
+      if (effects[widest] < kSmallest_px) return tryCorners(node, w) ? Ended::kRival : Ended::kTooSmall;
       if (widest == 4) {
         node.half_ray *= 0.5;
         node.rays.clear();
@@ -352,7 +344,6 @@ class Search {
   std::multiset<int> in_work_;           // Bounds of nodes that are being divided.
   int left_open_ = -1;                   // Highest bound of nodes that were given up.
   bool stop_ = false;
-  std::atomic<bool> rival_found_{false};
   std::atomic<int> best_points_{0};
   std::optional<Pose> rival_;  // Of the centred model.
   int rival_points_ = 0;
@@ -360,13 +351,6 @@ class Search {
   long cells_ = 0;
   int doubts_ = 0, doubtful_ = -1;  // Cells that were too small to be divided, and their highest bound.
 };
-
-void requireRange(const char* key, double value, double low, double high) {
-  if (value >= low && value <= high) return;
-  char rule[60];
-  std::snprintf(rule, sizeof rule, "must be from %g to %g", low, high);
-  throw InputError("certificate", key, std::to_string(value), rule);
-}
 
 }  // namespace
 
@@ -385,12 +369,12 @@ double certifiedScore(const VesselTree& tree, const XrayView& view, const Pose& 
 
 PoseCertificate certify(const VesselTree& tree, const XrayView& view, const Pose& box_center, const Pose& found,
                         const CertificateSettings& settings, const CertificateProgress& progress) {
-  requireRange("box_rotation_deg", settings.box_rotation_deg, 0, 180);
-  requireRange("box_translation_mm", settings.box_translation_mm, 0, 1000);
-  requireRange("rival_share", settings.rival_share, 0.01, 1);
-  requireRange("distance_mm", settings.distance_mm, 0, 1000);
-  requireRange("seconds", settings.seconds, 0, 1e6);
-  requireRange("threads", settings.threads, 0, 256);
+  requireBetween("certificate", "box_rotation_deg", settings.box_rotation_deg, 0, 180);
+  requireBetween("certificate", "box_translation_mm", settings.box_translation_mm, 0, 1000);
+  requireBetween("certificate", "rival_share", settings.rival_share, 0.01, 1);
+  requireBetween("certificate", "distance_mm", settings.distance_mm, 0, 1000);
+  requireBetween("certificate", "seconds", settings.seconds, 0, 1e6);
+  requireBetween("certificate", "threads", settings.threads, 0, 256);
   return Search(tree, view, box_center, found, settings).run(progress);
 }
 

@@ -6,19 +6,16 @@
 #include <cmath>
 
 namespace angio::registration {
-namespace {
 
 constexpr Eigen::Index kPanel = 16;
-
-}  // namespace
 
 template <int D>
 void DeformationEquations<D>::clear(const DeformationNodes& nodes) {
   H.setZero();
   g.setZero();
-  mixed.assign(static_cast<std::size_t>(nodes.size()), Eigen::Matrix<double, 6, D>::Zero());
-  pull.assign(static_cast<std::size_t>(nodes.size()), Column::Zero());
-  own.assign(static_cast<std::size_t>(nodes.size()), Block::Zero());
+  mixed.assign(nodes.size(), Eigen::Matrix<double, 6, D>::Zero());
+  pull.assign(nodes.size(), Column::Zero());
+  own.assign(nodes.size(), Block::Zero());
   along.assign(nodes.edges.size(), Block::Zero());
   weight = squares_px2 = 0;
 }
@@ -103,7 +100,7 @@ void DeformationEquations<D>::addLinePull(const DeformedView& view, const Orient
   for (std::size_t j = 0; j < matches.of_point.size(); ++j) {
     const auto& match = matches.of_point[j];
     if (match.edge < 0) continue;
-    const auto& [parent, child] = model.edges[static_cast<std::size_t>(match.edge)];
+    const auto& [parent, child] = model.edges[match.edge];
     const double s = match.along;
     const Eigen::Vector3d p = (1 - s) * view.points.col(parent) + s * view.points.col(child);
     Eigen::Matrix<double, 2, 3> J_view;
@@ -114,7 +111,7 @@ void DeformationEquations<D>::addLinePull(const DeformedView& view, const Orient
     const Eigen::Vector3d row = (J_view * R).transpose() * n;
     Vector6d J6;
     J6 << row, p.cross(row);
-    const auto place = nodes.stretch_of_edge[static_cast<std::size_t>(match.edge)].at(s);
+    const auto place = nodes.stretch_of_edge[match.edge].at(s);
     add(nodes, place, view_weight * std::exp(-r * r * inverse), r, J6, directions.transpose() * row);
   }
 }
@@ -133,7 +130,7 @@ std::optional<typename DeformationEquations<D>::Step> DeformationEquations<D>::s
   Eigen::MatrixXd UT = U.transpose(), SUT(K, M);  // Nodes in columns: their modes stand together.
   for (int a = 0; a < D; ++a) {
     for (int b = 0; b <= a; ++b) {
-      for (Eigen::Index n = 0; n < M; ++n) SUT.col(n) = own[static_cast<std::size_t>(n)](a, b) * UT.col(n);
+      for (Eigen::Index n = 0; n < M; ++n) SUT.col(n) = own[n](a, b) * UT.col(n);
       for (std::size_t e = 0; e < nodes.edges.size(); ++e) {
         const double s = along[e](a, b);
         if (s == 0) continue;
@@ -154,8 +151,8 @@ std::optional<typename DeformationEquations<D>::Step> DeformationEquations<D>::s
       }
     }
     for (Eigen::Index n = 0; n < M; ++n) {
-      column.row(n).head<6>() = mixed[static_cast<std::size_t>(n)].col(a);
-      column(n, 6) = pull[static_cast<std::size_t>(n)][a];
+      column.row(n).head<6>() = mixed[n].col(a);
+      column(n, 6) = pull[n][a];
     }
     const Eigen::MatrixXd projected = UT * column;
     system.block(6 + a * K, 0, K, 6) = projected.leftCols(6);
@@ -184,10 +181,10 @@ ChainPrior::ChainPrior(const DeformationNodes& nodes, double std_m, double lengt
     const double s = (nodes.points.col(child) - nodes.points.col(parent)).norm();
     const double rho = std::min(0.9999, std::exp(-s / length_m));
     const double given_parent = information / (1 - rho * rho);  // child = rho parent + what is new.
-    own[static_cast<std::size_t>(child)] += given_parent;
-    own[static_cast<std::size_t>(parent)] += rho * rho * given_parent;
+    own[child] += given_parent;
+    own[parent] += rho * rho * given_parent;
     along[e] -= rho * given_parent;
-    has_parent[static_cast<std::size_t>(child)] = 1;
+    has_parent[child] = 1;
   }
   for (std::size_t n = 0; n < own.size(); ++n) own[n] += has_parent[n] ? 0 : information;
 }
@@ -201,13 +198,13 @@ typename DeformationEquations<D>::Step DeformationEquations<D>::solveChain(const
   std::vector<Column> right(diagonal.size());
   for (std::size_t n = 0; n < diagonal.size(); ++n) {
     diagonal[n] += prior.own[n] * I;
-    right[n] = -pull[n] - prior.own[n] * e.col(static_cast<Eigen::Index>(n));
+    right[n] = -pull[n] - prior.own[n] * e.col(n);
   }
   for (std::size_t k = 0; k < coupling.size(); ++k) {
     coupling[k] += prior.along[k] * I;
     const auto [parent, child] = nodes.edges[k];
-    right[static_cast<std::size_t>(parent)] -= prior.along[k] * e.col(child);
-    right[static_cast<std::size_t>(child)] -= prior.along[k] * e.col(parent);
+    right[parent] -= prior.along[k] * e.col(child);
+    right[child] -= prior.along[k] * e.col(parent);
   }
   // A parent comes before its children: from the last edge to the first all that hangs below an edge is done.
   std::vector<Block> factor(coupling.size());

@@ -110,7 +110,7 @@ class DeformationFit::Run {
   }
 
   void climb(int scale) {
-    const double scale_px = kFieldScales_px[static_cast<std::size_t>(scale)];
+    const double scale_px = kFieldScales_px[scale];
     const int stride = std::max(1, fit_.model_.size() / kFieldPoints);
     PullWeight pull;
     pull.outlier_mass = static_cast<float>(kOutlierMass);

@@ -6,22 +6,18 @@
 #include <cmath>
 
 namespace angio::registration {
-namespace {
 
 // Share of the variance at any node that the modes may leave out.
 constexpr double kLeftOut = 1e-3;
 
-}  // namespace
-
 DeformationNodes::DeformationNodes(const OrientedModel& model, double spacing_m) {
   const VesselTree& tree = model.resampled.tree;
-  place_of_point.resize(static_cast<std::size_t>(tree.size()));
+  place_of_point.resize(tree.size());
   std::vector<int> node_of_point(place_of_point.size(), -1);
   std::vector<Eigen::Vector3d> nodes;
   stretch_of_edge.resize(model.edges.size());
   std::vector<int> edge_of_child(place_of_point.size(), -1);
-  for (std::size_t e = 0; e < model.edges.size(); ++e)
-    edge_of_child[static_cast<std::size_t>(model.edges[e].second)] = static_cast<int>(e);
+  for (std::size_t e = 0; e < model.edges.size(); ++e) edge_of_child[model.edges[e].second] = static_cast<int>(e);
   for (const auto& chain : tree.branches()) {
     std::vector<double> along(chain.size(), 0);
     for (std::size_t k = 1; k < chain.size(); ++k) {
@@ -29,7 +25,7 @@ DeformationNodes::DeformationNodes(const OrientedModel& model, double spacing_m)
     }
     const int pieces = std::max(1, static_cast<int>(std::lround(along.back() / spacing_m)));
     const double piece_m = std::max(1e-9, along.back() / pieces);
-    int& first = node_of_point[static_cast<std::size_t>(chain.front())];
+    int& first = node_of_point[chain.front()];
     if (first < 0) {
       first = static_cast<int>(nodes.size());
       nodes.push_back(model.points.col(chain.front()));
@@ -43,32 +39,31 @@ DeformationNodes::DeformationNodes(const OrientedModel& model, double spacing_m)
       const double w = step > 0 ? std::clamp((piece * piece_m - along[k - 1]) / step, 0.0, 1.0) : 1.0;
       nodes.push_back((1 - w) * model.points.col(chain[k - 1]) + w * model.points.col(chain[k]));
     }
-    node_of_point[static_cast<std::size_t>(chain.back())] = static_cast<int>(nodes.size()) - 1;
+    node_of_point[chain.back()] = static_cast<int>(nodes.size()) - 1;
     for (std::size_t i = 0; i < chain.size(); ++i) {
       const int piece = std::clamp(static_cast<int>(along[i] / piece_m), 0, pieces - 1);
-      place_of_point[static_cast<std::size_t>(chain[i])] = {first_edge + piece,
-                                                            std::clamp(along[i] / piece_m - piece, 0.0, 1.0)};
+      place_of_point[chain[i]] = {first_edge + piece, std::clamp(along[i] / piece_m - piece, 0.0, 1.0)};
       if (i == 0) continue;
       const double begin = along[i - 1] / piece_m, end = along[i] / piece_m;
       const int on = std::clamp(static_cast<int>(0.5 * (begin + end)), 0, pieces - 1);
-      stretch_of_edge[static_cast<std::size_t>(edge_of_child[static_cast<std::size_t>(chain[i])])] = {
-          first_edge + on, std::clamp(begin - on, 0.0, 1.0), std::clamp(end - on, 0.0, 1.0)};
+      stretch_of_edge[edge_of_child[chain[i]]] = {first_edge + on, std::clamp(begin - on, 0.0, 1.0),
+                                                  std::clamp(end - on, 0.0, 1.0)};
     }
   }
-  points.resize(3, static_cast<Eigen::Index>(nodes.size()));
-  for (std::size_t i = 0; i < nodes.size(); ++i) points.col(static_cast<Eigen::Index>(i)) = nodes[i];
+  points.resize(3, nodes.size());
+  for (std::size_t i = 0; i < nodes.size(); ++i) points.col(i) = nodes[i];
 }
 
 Eigen::Matrix3Xd DeformationNodes::atPoints(const Eigen::Matrix3Xd& at_nodes) const {
   Eigen::Matrix3Xd result(3, static_cast<Eigen::Index>(place_of_point.size()));
   for (std::size_t i = 0; i < place_of_point.size(); ++i) {
     if (place_of_point[i].edge < 0) {
-      result.col(static_cast<Eigen::Index>(i)).setZero();
+      result.col(i).setZero();
       continue;
     }
-    const auto& [parent, child] = edges[static_cast<std::size_t>(place_of_point[i].edge)];
+    const auto& [parent, child] = edges[place_of_point[i].edge];
     const double w = place_of_point[i].weight;
-    result.col(static_cast<Eigen::Index>(i)) = (1 - w) * at_nodes.col(parent) + w * at_nodes.col(child);
+    result.col(i) = (1 - w) * at_nodes.col(parent) + w * at_nodes.col(child);
   }
   return result;
 }

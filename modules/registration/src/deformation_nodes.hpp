@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include "angio/registration/oriented_kernel_settings.hpp"
 #include "oriented_model.hpp"
 
 namespace angio::registration {

@@ -96,7 +96,7 @@ ResidualArrays::ResidualArrays(const std::vector<ResidualGroup>& groups) {
     weight += group.weight;
   }
   for (Eigen::Index i = 0; i < n; ++i) {
-    const ResidualGroup& group = groups[static_cast<std::size_t>(i)];
+    const ResidualGroup& group = groups[i];
     at.col(i) = group.at;
     gradient.col(i) = group.gradient;
     jacobian.row(i) = group.jacobian.transpose();

@@ -89,7 +89,7 @@ Signal signalOf(const Chosen& chosen) {
   const auto n = static_cast<Eigen::Index>(chosen.frames.size());
   Signal signal{Eigen::VectorXd(n), Eigen::MatrixXd::Zero(n, static_cast<Eigen::Index>(kLags_s.size())), 0};
   for (Eigen::Index f = 0; f < n; ++f) {
-    const MovingFrame& frame = *chosen.frames[static_cast<std::size_t>(f)];
+    const MovingFrame& frame = *chosen.frames[f];
     const Eigen::Vector3d seen =
         frame.T_camera_patient.inverse() * (frame.evidence->T_camera_centered * frame.evidence->middle);
     signal.along_m[f] = chosen.axis.dot(seen);
@@ -102,7 +102,7 @@ Signal signalOf(const Chosen& chosen) {
   }
   for (std::size_t k = 0; k < kLags_s.size(); ++k) {
     for (Eigen::Index f = 0; f < n; ++f) {
-      const double time_s = chosen.frames[static_cast<std::size_t>(f)]->time_s - kLags_s[k];
+      const double time_s = chosen.frames[f]->time_s - kLags_s[k];
       signal.shifted_m(f, static_cast<Eigen::Index>(k)) = valueAt(chosen, signal.along_m, time_s);
     }
   }
@@ -174,10 +174,10 @@ class Window {
       const Eigen::Index moment = observations_[from].moment;
       while (to < observations_.size() && observations_[to].moment == moment) ++to;
       Eigen::Matrix3Xd at(3, static_cast<Eigen::Index>(to - from));
-      for (std::size_t i = from; i < to; ++i) at.col(static_cast<Eigen::Index>(i - from)) = observations_[i].group->at;
+      for (std::size_t i = from; i < to; ++i) at.col(i - from) = observations_[i].group->at;
       const Eigen::Matrix3Xd displacements_m = posterior.displacements(at, moment);
       for (std::size_t i = from; i < to; ++i) {
-        observations_[i].displacement = displacements_m.col(static_cast<Eigen::Index>(i - from));
+        observations_[i].displacement = displacements_m.col(i - from);
       }
     }
     T_patient_centered_ = T_patient_centered_ * expSE3(posterior.twist());
@@ -187,7 +187,7 @@ class Window {
   void drop(const Eigen::VectorXd& normalized) {
     std::vector<Observation> kept;
     for (std::size_t i = 0; i < observations_.size(); ++i) {
-      if (std::abs(normalized[static_cast<Eigen::Index>(i)]) <= kMismatch) kept.push_back(observations_[i]);
+      if (std::abs(normalized[i]) <= kMismatch) kept.push_back(observations_[i]);
     }
     observations_ = std::move(kept);
   }

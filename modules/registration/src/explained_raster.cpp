@@ -31,19 +31,16 @@ void widen(std::uint32_t* words, std::ptrdiff_t count, std::ptrdiff_t stride, in
   int length = 1;  // work[i] is the union of so many words from i on.
   while (2 * length <= 2 * reach + 1) {
     const std::ptrdiff_t on = length * stride;
-    for (std::ptrdiff_t i = 0; i + on < count; ++i)
-      work[static_cast<std::size_t>(i)] |= work[static_cast<std::size_t>(i + on)];
+    for (std::ptrdiff_t i = 0; i + on < count; ++i) work[i] |= work[i + on];
     length *= 2;
   }
   // Two such stretches cover the reach. Before the first word the stretch begins at the first: it may hold more.
   const std::ptrdiff_t back = reach * stride, other = (length - 1 - reach) * stride;
-  const auto from = [&](std::ptrdiff_t i, std::ptrdiff_t by) {
-    return work[static_cast<std::size_t>(i >= by ? i - by : i % stride)];
-  };
+  const auto from = [&](std::ptrdiff_t i, std::ptrdiff_t by) { return work[i >= by ? i - by : i % stride]; };
   const std::ptrdiff_t edge = std::min(count, std::max(back, other));
   for (std::ptrdiff_t i = 0; i < edge; ++i) words[i] = from(i, back) | from(i, other);
   for (std::ptrdiff_t i = edge; i < count; ++i) {
-    words[i] = work[static_cast<std::size_t>(i - back)] | work[static_cast<std::size_t>(i - other)];
+    words[i] = work[i - back] | work[i - other];
   }
 }
 
@@ -123,7 +120,8 @@ ExplainedRaster::ExplainedRaster(const Centerline2d& image, const XrayCamera& ca
   }
 
   int reached = 0;
-  for (const int radius : kRadii) {
+  for (int k = 0; k + 1 < kLevels; ++k) {
+    const int radius = kRadii[k];
     if (radius > reached) {
       for (int r = 0; r < rows; ++r)
         widen(&raster[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns)], columns, 1, radius - reached,
@@ -132,38 +130,39 @@ ExplainedRaster::ExplainedRaster(const Centerline2d& image, const XrayCamera& ca
       reached = radius;
     }
     const int cells = cellsPerCell(radius);
-    Level level;
-    level.radius_px = static_cast<float>(radius * kCell_px);
-    level.first = static_cast<int>(words_.size());
-    level.columns = (columns + cells - 1) / cells;
-    level.rows = (rows + cells - 1) / cells;
-    level.inverse_cell_px = 1.0f / static_cast<float>(cells * kCell_px);
-    words_.resize(words_.size() + static_cast<std::size_t>(level.columns) * static_cast<std::size_t>(level.rows), 0);
+    const int first = static_cast<int>(words_.size()), level_columns = (columns + cells - 1) / cells,
+              level_rows = (rows + cells - 1) / cells;
+    setLevel(k, static_cast<float>(radius * kCell_px), 1.0f / static_cast<float>(cells * kCell_px), level_columns,
+             level_rows);
+    words_.resize(words_.size() + static_cast<std::size_t>(level_columns) * static_cast<std::size_t>(level_rows), 0);
     for (int r = 0; r < rows; ++r) {
-      std::uint32_t* const to = &words_[static_cast<std::size_t>(level.first + r / cells * level.columns)];
+      std::uint32_t* const to = &words_[first + r / cells * level_columns];
       const std::uint32_t* const from = &raster[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns)];
       for (int c = 0; c < columns; ++c) to[c / cells] |= from[c];
     }
-    levels_.push_back(level);
   }
   std::uint32_t anywhere = 0;
   for (const std::uint32_t word : raster) anywhere |= word;
-  Level last;
-  last.radius_px = HUGE_VALF;
-  last.first = static_cast<int>(words_.size());
-  levels_.push_back(last);
+  setLevel(kLevels - 1, HUGE_VALF, 0, 1, 1);  // One cell for everything.
   words_.push_back(anywhere);
 }
 
+void ExplainedRaster::setLevel(int k, float radius_px, float inverse_cell_px, int columns, int rows) {
+  levels_.radius_px[k] = radius_px;
+  levels_.inverse_cell_px[k] = inverse_cell_px;
+  levels_.last_column[k] = static_cast<float>(columns - 1);
+  levels_.last_row[k] = static_cast<float>(rows - 1);
+  levels_.first[k] = static_cast<std::int32_t>(words_.size());
+  levels_.columns[k] = columns;
+}
+
 bool ExplainedRaster::explains(double u_px, double v_px, double du, double dv) const {
-  const Level& level = levels_.front();
   // Kept on the raster as numbers: what is next to the source may project anywhere.
-  const auto place = [](double cells, int count) {
-    return static_cast<int>(std::clamp(cells, 0.0, static_cast<double>(count - 1)));
+  const auto place = [this](double pixel, double last) {
+    return static_cast<int>(std::clamp((pixel + kBefore_px) * levels_.inverse_cell_px[0], 0.0, last));
   };
-  const int c = place((u_px + kBefore_px) * level.inverse_cell_px, level.columns),
-            r = place((v_px + kBefore_px) * level.inverse_cell_px, level.rows);
-  const std::uint32_t word = words_[static_cast<std::size_t>(level.first + r * level.columns + c)];
+  const int c = place(u_px, levels_.last_column[0]), r = place(v_px, levels_.last_row[0]);
+  const std::uint32_t word = words_[r * levels_.columns[0] + c];
   if (du == 0 && dv == 0) return word != 0;
   return ((word >> directionBin(du, dv)) & 1) != 0;
 }

@@ -23,14 +23,13 @@ class ExplainedRaster {
 
   ExplainedRaster(const Centerline2d& image, const XrayCamera& camera);
 
-  struct Level {
-    float radius_px = 0;
-    int first = 0;  ///< Word of its first cell.
-    int columns = 1, rows = 1;
-    float inverse_cell_px = 0;  ///< 0: one cell for everything.
+  /// In order of radius, one array a quantity, as vector code reads them; the last is one cell for places that may be
+  /// anywhere.
+  struct Levels {
+    float radius_px[kLevels], inverse_cell_px[kLevels], last_column[kLevels], last_row[kLevels];
+    std::int32_t first[kLevels], columns[kLevels];  ///< Word of the first cell, and cells in a row.
   };
-  /// In order of radius; the last is one cell for places that may be anywhere.
-  const std::vector<Level>& levels() const { return levels_; }
+  const Levels& levels() const { return levels_; }
   const std::uint32_t* words() const { return words_.data(); }
 
   /// Position in cells of a pixel coordinate on a level is (pixel + kBefore_px) * inverse_cell_px, rounded down and
@@ -42,7 +41,10 @@ class ExplainedRaster {
   bool explains(double u_px, double v_px, double du, double dv) const;
 
  private:
-  std::vector<Level> levels_;
+  // Sets all of a level but its words, which are the next to be added.
+  void setLevel(int k, float radius_px, float inverse_cell_px, int columns, int rows);
+
+  Levels levels_;
   std::vector<std::uint32_t> words_;
 };
 

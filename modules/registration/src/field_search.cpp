@@ -45,7 +45,7 @@ int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const
   PullWeight weight;
   weight.outlier_mass = static_cast<float>(outlier_mass);
   weight.along = static_cast<float>(OrientedKernelSettings::along_stiffness);
-  const double scale_px = kFieldScales_px[static_cast<std::size_t>(scale)];
+  const double scale_px = kFieldScales_px[scale];
   for (int step = 0;; ++step) {
     Matrix6d H = Matrix6d::Zero();
     Vector6d g = Vector6d::Zero();
@@ -86,7 +86,7 @@ int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, double
   const std::size_t all = candidates.size();
   int steps = 0;
   for (const Rung& rung : kRungs) {
-    const auto& points = model_.subsets[static_cast<std::size_t>(rung.subset)];
+    const auto& points = model_.subsets[rung.subset];
     for (auto& candidate : candidates) {
       steps += ascend(frame, belief, points, rung.scale, rung.steps, outlier_mass, candidate);
     }

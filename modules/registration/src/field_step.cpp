@@ -10,17 +10,7 @@
 #ifndef ANGIO_FIELD_STEP_RAW
 #define ANGIO_FIELD_STEP_RAW
 namespace angio::registration {
-// Plain numbers in and out of the vector code.
-struct RawFieldLook {
-  RawPoints points;
-  RawView view;
-  const float* cells;
-  int columns, rows;
-  float u_origin_px, v_origin_px, inverse_cell, inverse_scale2;
-  const HalfPlane* planes;
-  int plane_count;
-  float outlier_mass, along;
-};
+// Plain numbers out of the vector code.
 struct RawFieldSums {
   RawNormalEquations equations;
   double fit, seen;
@@ -33,7 +23,8 @@ namespace angio::registration {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-void look(const RawFieldLook& in, RawFieldSums& out) {
+void look(const RawPoints& points, const RawView& view, const KernelField& field, const std::vector<HalfPlane>& planes,
+          const PullWeight& weighing, RawFieldSums& out) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   using V = decltype(hn::Zero(d));
@@ -42,26 +33,29 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
   V H[21], g[6], fit = zero, seen = zero;
   for (auto& h : H) h = zero;
   for (auto& v : g) v = zero;
+  const float* const cells = field.cells();
+  const int columns = field.columns(), rows = field.rows();
+  const float inverse_cell = 1 / field.cell_px(), inverse_scale2 = 1 / (field.scale_px() * field.scale_px());
 
   const int lanes = static_cast<int>(hn::Lanes(d));
-  for (int first = 0; first < in.points.count; first += lanes) {
+  for (int first = 0; first < points.count; first += lanes) {
     const auto load = [&](const float* values) { return hn::LoadU(d, values + first); };
-    const V p[3] = {load(in.points.x), load(in.points.y), load(in.points.z)};
-    const V q[3] = {load(in.points.tx), load(in.points.ty), load(in.points.tz)};
-    V weight = load(in.points.weight);
+    const V p[3] = {load(points.x), load(points.y), load(points.z)};
+    const V q[3] = {load(points.tx), load(points.ty), load(points.tz)};
+    V weight = load(points.weight);
     const auto row = [&](int r, const V* a) {
-      return hn::MulAdd(set(in.view.R[3 * r]), a[0],
-                        hn::MulAdd(set(in.view.R[3 * r + 1]), a[1], hn::Mul(set(in.view.R[3 * r + 2]), a[2])));
+      return hn::MulAdd(set(view.R[3 * r]), a[0],
+                        hn::MulAdd(set(view.R[3 * r + 1]), a[1], hn::Mul(set(view.R[3 * r + 2]), a[2])));
     };
-    const V depth = hn::Add(row(2, p), set(in.view.t[2]));
+    const V depth = hn::Add(row(2, p), set(view.t[2]));
     // Behind the source, or so near to it that a pixel loses its meaning, a point has no image.
     auto visible = hn::Gt(depth, set(1e-3f));
     const V inverse_depth = hn::Div(one, hn::IfThenElse(visible, depth, one));
-    const V X = hn::Mul(hn::Add(row(0, p), set(in.view.t[0])), inverse_depth);
-    const V Y = hn::Mul(hn::Add(row(1, p), set(in.view.t[1])), inverse_depth);
-    const V u = hn::MulAdd(set(in.view.fx), X, set(in.view.cx)), v = hn::MulAdd(set(in.view.fy), Y, set(in.view.cy));
-    for (int k = 0; k < in.plane_count; ++k) {
-      const V side = hn::MulAdd(set(in.planes[k].n_u), u, hn::MulAdd(set(in.planes[k].n_v), v, set(in.planes[k].d)));
+    const V X = hn::Mul(hn::Add(row(0, p), set(view.t[0])), inverse_depth);
+    const V Y = hn::Mul(hn::Add(row(1, p), set(view.t[1])), inverse_depth);
+    const V u = hn::MulAdd(set(view.fx), X, set(view.cx)), v = hn::MulAdd(set(view.fy), Y, set(view.cy));
+    for (const HalfPlane& plane : planes) {
+      const V side = hn::MulAdd(set(plane.n_u), u, hn::MulAdd(set(plane.n_v), v, set(plane.d)));
       visible = hn::And(visible, hn::Ge(side, zero));
     }
 
@@ -77,45 +71,44 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
     seen = hn::Add(seen, weight);
 
     // Bilinear look-up. Points beyond the field read its first cell; they are in view, but nothing pulls them.
-    const V column_at = hn::Mul(hn::Sub(u, set(in.u_origin_px)), set(in.inverse_cell));
-    const V line_at = hn::Mul(hn::Sub(v, set(in.v_origin_px)), set(in.inverse_cell));
-    const auto on_columns =
-        hn::And(hn::Ge(column_at, zero), hn::Lt(column_at, set(static_cast<float>(in.columns - 1))));
-    const auto on_rows = hn::And(hn::Ge(line_at, zero), hn::Lt(line_at, set(static_cast<float>(in.rows - 1))));
+    const V column_at = hn::Mul(hn::Sub(u, set(field.u_origin_px())), set(inverse_cell));
+    const V line_at = hn::Mul(hn::Sub(v, set(field.v_origin_px())), set(inverse_cell));
+    const auto on_columns = hn::And(hn::Ge(column_at, zero), hn::Lt(column_at, set(static_cast<float>(columns - 1))));
+    const auto on_rows = hn::And(hn::Ge(line_at, zero), hn::Lt(line_at, set(static_cast<float>(rows - 1))));
     const auto in_field = hn::And(visible, hn::And(on_columns, on_rows));
     const V column = hn::IfThenElseZero(in_field, column_at), line = hn::IfThenElseZero(in_field, line_at);
     const V column0 = hn::Floor(column), line0 = hn::Floor(line);
     const V a = hn::Sub(column, column0), b = hn::Sub(line, line0);
-    const auto index = hn::ShiftLeft<2>(
-        hn::Add(hn::Mul(hn::ConvertTo(di, line0), hn::Set(di, in.columns)), hn::ConvertTo(di, column0)));
+    const auto index =
+        hn::ShiftLeft<2>(hn::Add(hn::Mul(hn::ConvertTo(di, line0), hn::Set(di, columns)), hn::ConvertTo(di, column0)));
     const auto corner = [&](int offset) {
       const auto at = hn::Add(index, hn::Set(di, 4 * offset));
-      const V G0 = hn::GatherIndex(d, in.cells, at);
-      const V Gc = hn::GatherIndex(d, in.cells + 1, at);
-      const V Gs = hn::GatherIndex(d, in.cells + 2, at);
+      const V G0 = hn::GatherIndex(d, cells, at);
+      const V Gc = hn::GatherIndex(d, cells + 1, at);
+      const V Gs = hn::GatherIndex(d, cells + 2, at);
       return hn::Mul(half, hn::MulAdd(cos2, Gc, hn::MulAdd(sin2, Gs, G0)));
     };
-    const V F00 = corner(0), F10 = corner(1), F01 = corner(in.columns), F11 = corner(in.columns + 1);
+    const V F00 = corner(0), F10 = corner(1), F01 = corner(columns), F11 = corner(columns + 1);
     const V along_top = hn::Sub(F10, F00), along_bottom = hn::Sub(F11, F01);
     const V F_top = hn::MulAdd(a, along_top, F00), F_bottom = hn::MulAdd(a, along_bottom, F01);
     const V F = hn::IfThenElseZero(in_field, hn::Max(zero, hn::MulAdd(b, hn::Sub(F_bottom, F_top), F_top)));
-    const V scale = set(in.inverse_cell);
+    const V scale = set(inverse_cell);
     const V gradient_u =
         hn::IfThenElseZero(in_field, hn::Mul(scale, hn::MulAdd(b, hn::Sub(along_bottom, along_top), along_top)));
     const V gradient_v = hn::IfThenElseZero(in_field, hn::Mul(scale, hn::Sub(F_bottom, F_top)));
 
-    const V inverse_mass = hn::Div(one, hn::Add(F, set(in.outlier_mass)));
+    const V inverse_mass = hn::Div(one, hn::Add(F, set(weighing.outlier_mass)));
     const V found = hn::Mul(weight, hn::Mul(F, inverse_mass));
     fit = hn::Add(fit, found);
-    const V pull = hn::Mul(weight, inverse_mass);                // Of the gradient,
-    const V stiffness = hn::Mul(found, set(in.inverse_scale2));  // and of the Hessian.
+    const V pull = hn::Mul(weight, inverse_mass);             // Of the gradient,
+    const V stiffness = hn::Mul(found, set(inverse_scale2));  // and of the Hessian.
 
     // d(T exp(dx) p) = R (v + w x p): a row r of (projection's Jacobian * R) gives [r, p x r].
     V ju[6], jv[6];
-    const V scale_u = hn::Mul(set(in.view.fx), inverse_depth), scale_v = hn::Mul(set(in.view.fy), inverse_depth);
+    const V scale_u = hn::Mul(set(view.fx), inverse_depth), scale_v = hn::Mul(set(view.fy), inverse_depth);
     for (int k = 0; k < 3; ++k) {
-      ju[k] = hn::Mul(scale_u, hn::NegMulAdd(X, set(in.view.R[6 + k]), set(in.view.R[k])));
-      jv[k] = hn::Mul(scale_v, hn::NegMulAdd(Y, set(in.view.R[6 + k]), set(in.view.R[3 + k])));
+      ju[k] = hn::Mul(scale_u, hn::NegMulAdd(X, set(view.R[6 + k]), set(view.R[k])));
+      jv[k] = hn::Mul(scale_v, hn::NegMulAdd(Y, set(view.R[6 + k]), set(view.R[3 + k])));
     }
     for (int k = 0; k < 3; ++k) {
       const int m = (k + 1) % 3, n = (k + 2) % 3;
@@ -124,8 +117,8 @@ void look(const RawFieldLook& in, RawFieldSums& out) {
     }
     // Stiffness is full across the vessel and a part of it along: the 2 x 2 weight matrix, from the tangent's double
     // angle.
-    const V isotropic = hn::Mul(stiffness, set(0.5f * (1 + in.along)));
-    const V deviator = hn::Mul(stiffness, set(0.5f * (1 - in.along)));
+    const V isotropic = hn::Mul(stiffness, set(0.5f * (1 + weighing.along)));
+    const V deviator = hn::Mul(stiffness, set(0.5f * (1 - weighing.along)));
     const V Wuu = hn::NegMulAdd(deviator, cos2, isotropic), Wvv = hn::MulAdd(deviator, cos2, isotropic);
     const V Wuv = hn::Neg(hn::Mul(deviator, sin2));
     const V pull_u = hn::Mul(pull, gradient_u), pull_v = hn::Mul(pull, gradient_v);
@@ -193,21 +186,8 @@ void fieldOfView(const XrayView& view, std::vector<HalfPlane>& planes) {
 FieldSums sampleField(const ModelPoints& model, const KernelField& field, const XrayCamera& camera,
                       const std::vector<HalfPlane>& field_of_view, const Pose& T_view_centered,
                       const PullWeight& weight) {
-  const RawFieldLook in{model.raw(),
-                        rawView(camera, T_view_centered),
-                        field.cells(),
-                        field.columns(),
-                        field.rows(),
-                        field.u_origin_px(),
-                        field.v_origin_px(),
-                        1 / field.cell_px(),
-                        1 / (field.scale_px() * field.scale_px()),
-                        field_of_view.data(),
-                        static_cast<int>(field_of_view.size()),
-                        weight.outlier_mass,
-                        weight.along};
   RawFieldSums raw;
-  HWY_DYNAMIC_DISPATCH(look)(in, raw);
+  HWY_DYNAMIC_DISPATCH(look)(model.raw(), rawView(camera, T_view_centered), field, field_of_view, weight, raw);
   FieldSums sums;
   raw.equations.addTo(sums.H, sums.g);
   sums.fit = raw.fit;

@@ -57,18 +57,6 @@ std::string percent(double share) { return std::to_string(static_cast<int>(100 *
 
 Matrix6d symmetric(const Matrix6d& C) { return 0.5 * (C + C.transpose()); }
 
-}  // namespace
-
-bool tooFewPoints(RegistrationResult& result) {
-  if (result.points_3d >= kFewestPoints && result.points_2d >= kFewestPoints) return false;
-  result.status = RegistrationStatus::kTooFewPoints;
-  result.reason = std::to_string(result.points_3d) + " model and " + std::to_string(result.points_2d) +
-                  " image points, at least " + std::to_string(kFewestPoints) + " of each are needed";
-  return true;
-}
-
-namespace {
-
 // What an agreement must reach.
 struct Threshold {
   double share, score;
@@ -136,6 +124,14 @@ void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationRes
 
 }  // namespace
 
+bool tooFewPoints(RegistrationResult& result) {
+  if (result.points_3d >= kFewestPoints && result.points_2d >= kFewestPoints) return false;
+  result.status = RegistrationStatus::kTooFewPoints;
+  result.reason = std::to_string(result.points_3d) + " model and " + std::to_string(result.points_2d) +
+                  " image points, at least " + std::to_string(kFewestPoints) + " of each are needed";
+  return true;
+}
+
 bool seemsBent(const RegistrationResult& result) { return result.deformation_std_m > kBent_m; }
 
 bool explained(const RegistrationResult& result) {
@@ -157,11 +153,15 @@ double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const Ve
 void classify(const VesselTree& tree, RegistrationResult& result) { judgeBy(kUsual, tree, result); }
 
 void classifyAgainst(double alternative_share, const VesselTree& tree, RegistrationResult& result) {
-  result.ambiguity = alternative_share;
   const bool usual = reaches(result.agreement, kUsual.share, kUsual.score);
   // A deformed tree follows any line near by: that nothing else fits does not speak for it.
   const bool deformed = rms(result.displacements_m) > 0;
   judgeBy(alternative_share <= kAloneShare && !usual && !deformed ? kAlone : kUsual, tree, result);
+  compareWithRival(alternative_share, result);
+}
+
+void compareWithRival(double alternative_share, RegistrationResult& result) {
+  result.ambiguity = alternative_share;
   if (result.status == RegistrationStatus::kConverged && alternative_share > kAmbiguousShare) {
     result.status = RegistrationStatus::kAmbiguous;
     result.reason = "a different pose fits nearly as well";

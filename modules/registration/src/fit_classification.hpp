@@ -37,6 +37,9 @@ void classify(const VesselTree& tree, RegistrationResult& result);
 /// model, is explained, as when contrast fills half of the tree, if the image holds it three times as well.
 void classifyAgainst(double alternative_share, const VesselTree& tree, RegistrationResult& result);
 
+/// Sets the ambiguity to how well the best different pose does; one that fits nearly as well makes a fit ambiguous.
+void compareWithRival(double alternative_share, RegistrationResult& result);
+
 /// Covariance as RegistrationResult defines it, from the system at the solution and the pulls of all views; nothing
 /// when it is not of full rank.
 std::optional<Matrix6d> covarianceOf(const NormalEquations& at_solution, const std::vector<Pull>& pulls,

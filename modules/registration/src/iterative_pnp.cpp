@@ -21,22 +21,27 @@ constexpr double kNonrigidRestPx = 0.01;
 // The scale l of section III-C: starts at the largest match distance, halves every few iterations, ends at a floor.
 class ScaleSchedule {
  public:
-  ScaleSchedule(double first_px, double last_px, int halve_every)
-      : scale_px_(std::max(first_px, last_px)), last_px_(last_px), halve_every_(halve_every) {}
+  // The settings' first scale, 0 for that distance.
+  ScaleSchedule(double first_px, const IterativePnpSettings& settings)
+      : first_px_(first_px), last_px_(settings.last_scale_px), halve_every_(settings.halve_every) {}
 
-  double scale_px() const { return scale_px_; }
-  bool atLast() const { return scale_px_ <= last_px_; }
+  double scaleOf(double max_distance_px) {
+    if (!scale_px_) scale_px_ = std::max(first_px_ > 0 ? first_px_ : max_distance_px, last_px_);
+    return *scale_px_;
+  }
+  bool atLast() const { return *scale_px_ <= last_px_; }
   void nextIteration() {
     if (++at_this_scale_ >= halve_every_) halve();
   }
   // At rest before its iterations are over, a scale has nothing left to do.
   void halve() {
-    scale_px_ = std::max(last_px_, scale_px_ / 2);
+    scale_px_ = std::max(last_px_, *scale_px_ / 2);
     at_this_scale_ = 0;
   }
 
  private:
-  double scale_px_, last_px_;
+  std::optional<double> scale_px_;
+  double first_px_, last_px_;
   int halve_every_;
   int at_this_scale_ = 0;
 };
@@ -139,14 +144,9 @@ class IterativePnp final : public Registration {
     projected_.assign(frame.size(), Projected(model_.tree.size()));
     pulls_.assign(frame.size(), Pull(model_.tree.size()));
     LevenbergMarquardt solver;
-    std::optional<ScaleSchedule> schedule;
+    ScaleSchedule schedule(settings_.first_scale_px, settings_);
     while (result.rigid_iterations < settings_.max_iterations) {
-      const double max_px = match(frame, points_centered_, T_camera_centered);
-      if (!schedule) {
-        const double first = settings_.first_scale_px > 0 ? settings_.first_scale_px : max_px;
-        schedule.emplace(first, settings_.last_scale_px, settings_.halve_every);
-      }
-      weighAll(frame, schedule->scale_px());
+      weighAll(frame, schedule.scaleOf(match(frame, points_centered_, T_camera_centered)));
       const auto step = solver.step(points_centered_, frame.views(), T_camera_centered, pulls_, prior);
       T_camera_centered = step.T_camera_centered;
       ++result.rigid_iterations;
@@ -154,10 +154,10 @@ class IterativePnp final : public Registration {
       result.last_step_px = pixelsPerMetre(frame.views(), T_camera_centered.translation()) *
                             (step.dx.head<3>().norm() + radius_m_ * step.dx.tail<3>().norm());
       const bool at_rest = !step.lowered || result.last_step_px < kRestPx;
-      if (at_rest && schedule->atLast()) break;
+      if (at_rest && schedule.atLast()) break;
       // L2 and Huber know no scale: only rest ends them.
       if (settings_.kernel != Kernel::kGaussian && at_rest) break;
-      at_rest ? schedule->halve() : schedule->nextIteration();
+      at_rest ? schedule.halve() : schedule.nextIteration();
     }
     result.covariance = covarianceOf(normalEquations(points_centered_, frame.views(), T_camera_centered, pulls_, prior),
                                      pulls_, T_camera_centered, model_.tree.centroid());
@@ -166,22 +166,18 @@ class IterativePnp final : public Registration {
   Eigen::Matrix3Xd alignNonrigid(const Frame& frame, RegistrationResult& result) {
     Eigen::Matrix3Xd displacements = Eigen::Matrix3Xd::Zero(3, model_.tree.size());
     pulls_.assign(frame.size(), Pull(model_.tree.size()));
-    std::optional<ScaleSchedule> schedule;
+    ScaleSchedule schedule(settings_.nonrigid_first_scale_px, settings_);
     while (result.nonrigid_iterations < settings_.nonrigid_iterations) {
-      const double max_px = match(frame, model_.tree.points() + displacements, result.T_camera_model);
-      if (!schedule) {
-        const double first = settings_.nonrigid_first_scale_px > 0 ? settings_.nonrigid_first_scale_px : max_px;
-        schedule.emplace(first, settings_.last_scale_px, settings_.halve_every);
-      }
-      weighAll(frame, schedule->scale_px());
+      const Eigen::Matrix3Xd displaced = model_.tree.points() + displacements;
+      weighAll(frame, schedule.scaleOf(match(frame, displaced, result.T_camera_model)));
       const auto solution = nonrigid_->solve(frame.views(), result.T_camera_model, pulls_, displacements);
       if (!solution) break;
       const double moved_m = std::sqrt((*solution - displacements).colwise().squaredNorm().mean());
       displacements = *solution;
       ++result.nonrigid_iterations;
       result.last_step_px = pixelsPerMetre(frame.views(), result.T_camera_model * model_.tree.centroid()) * moved_m;
-      if (schedule->atLast() && result.last_step_px < kNonrigidRestPx) break;
-      schedule->nextIteration();
+      if (schedule.atLast() && result.last_step_px < kNonrigidRestPx) break;
+      schedule.nextIteration();
     }
     return displacements;
   }

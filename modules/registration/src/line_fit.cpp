@@ -7,7 +7,6 @@
 #include "oriented_frame.hpp"
 
 namespace angio::registration {
-namespace {
 
 // Rounds on a part of the image: enough for gate and weights to follow the noise.
 constexpr int kFirstRounds = 3;
@@ -18,8 +17,6 @@ constexpr double kMinNoise_px = 0.05;
 // Weights fall off at so many times the noise: 98.6 % efficient on normal noise.
 constexpr double kToleranceOverNoise = 3, kGateOverNoise = 4.5;
 constexpr double kMinTolerance_px = 0.3, kMinGate_px = 1;
-
-}  // namespace
 
 const OrientedPoints& LineFit::chosen(const OrientedFrame& frame, std::size_t view, int max_points) {
   const OrientedPoints& all = frame.points(view);

@@ -15,14 +15,7 @@
 #ifndef ANGIO_LINE_STEP_RAW
 #define ANGIO_LINE_STEP_RAW
 namespace angio::registration {
-// Plain numbers in and out of the vector code.
-struct RawLineLook {
-  const float *x, *y, *z, *normal_u, *normal_v, *u, *v;
-  float* weighted_residual;
-  int count;
-  RawView view;
-  float inverse_two_tolerance2;
-};
+// Plain numbers out of the vector code.
 struct RawLineSums {
   RawNormalEquations equations;
   double weight, squares;
@@ -36,7 +29,8 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // Normal equations of the distances across the matched edges; a point without a match has no normal, and no weight.
-void lineSums(const RawLineLook& in, RawLineSums& out) {
+void lineSums(const OrientedPoints& image, const RawView& view, float inverse_two_tolerance2, LineMatches& matches,
+              RawLineSums& out) {
   const hn::ScalableTag<float> d;
   using V = decltype(hn::Zero(d));
   const auto set = [&](float value) { return hn::Set(d, value); };
@@ -45,34 +39,34 @@ void lineSums(const RawLineLook& in, RawLineSums& out) {
   for (auto& h : H) h = zero;
   for (auto& v : g) v = zero;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  for (int first = 0; first < in.count; first += lanes) {
-    const V p[3] = {hn::LoadU(d, in.x + first), hn::LoadU(d, in.y + first), hn::LoadU(d, in.z + first)};
-    const V nu = hn::LoadU(d, in.normal_u + first), nv = hn::LoadU(d, in.normal_v + first);
+  for (int first = 0; first < image.size(); first += lanes) {
+    const V p[3] = {hn::LoadU(d, matches.x.data() + first), hn::LoadU(d, matches.y.data() + first),
+                    hn::LoadU(d, matches.z.data() + first)};
+    const V nu = hn::LoadU(d, matches.normal_u.data() + first), nv = hn::LoadU(d, matches.normal_v.data() + first);
     const auto row = [&](int r) {
       return hn::MulAdd(
-          set(in.view.R[3 * r]), p[0],
-          hn::MulAdd(set(in.view.R[3 * r + 1]), p[1], hn::MulAdd(set(in.view.R[3 * r + 2]), p[2], set(in.view.t[r]))));
+          set(view.R[3 * r]), p[0],
+          hn::MulAdd(set(view.R[3 * r + 1]), p[1], hn::MulAdd(set(view.R[3 * r + 2]), p[2], set(view.t[r]))));
     };
     const V depth = row(2);
     const auto visible = hn::And(hn::Gt(depth, set(1e-3f)), hn::Gt(hn::MulAdd(nu, nu, hn::Mul(nv, nv)), set(1e-3f)));
     const V inverse_depth = hn::Div(one, hn::IfThenElse(visible, depth, one));
     const V X = hn::Mul(row(0), inverse_depth), Y = hn::Mul(row(1), inverse_depth);
-    const V ru = hn::Sub(hn::MulAdd(set(in.view.fx), X, set(in.view.cx)), hn::LoadU(d, in.u + first));
-    const V rv = hn::Sub(hn::MulAdd(set(in.view.fy), Y, set(in.view.cy)), hn::LoadU(d, in.v + first));
+    const V ru = hn::Sub(hn::MulAdd(set(view.fx), X, set(view.cx)), hn::LoadU(d, image.u.data() + first));
+    const V rv = hn::Sub(hn::MulAdd(set(view.fy), Y, set(view.cy)), hn::LoadU(d, image.v.data() + first));
     const V r = hn::IfThenElseZero(visible, hn::MulAdd(nu, ru, hn::Mul(nv, rv)));
     const V r2 = hn::Mul(r, r);
     // exp(-x) as (1 - x / 32)^32, without a table: two parts in a hundred off where it has fallen to a third, and a
     // weight need not be better than that.
-    V weight = hn::Max(zero, hn::NegMulAdd(r2, set(in.inverse_two_tolerance2 / 32), one));
+    V weight = hn::Max(zero, hn::NegMulAdd(r2, set(inverse_two_tolerance2 / 32), one));
     for (int k = 0; k < 5; ++k) weight = hn::Mul(weight, weight);
     weight = hn::IfThenElseZero(visible, weight);
-    const V ku = hn::Mul(hn::Mul(nu, set(in.view.fx)), inverse_depth),
-            kv = hn::Mul(hn::Mul(nv, set(in.view.fy)), inverse_depth);
+    const V ku = hn::Mul(hn::Mul(nu, set(view.fx)), inverse_depth),
+            kv = hn::Mul(hn::Mul(nv, set(view.fy)), inverse_depth);
     const V kz = hn::Neg(hn::MulAdd(ku, X, hn::Mul(kv, Y)));
     V J[6];
     for (int k = 0; k < 3; ++k)
-      J[k] =
-          hn::MulAdd(set(in.view.R[k]), ku, hn::MulAdd(set(in.view.R[3 + k]), kv, hn::Mul(set(in.view.R[6 + k]), kz)));
+      J[k] = hn::MulAdd(set(view.R[k]), ku, hn::MulAdd(set(view.R[3 + k]), kv, hn::Mul(set(view.R[6 + k]), kz)));
     for (int k = 0; k < 3; ++k) {
       const int m = (k + 1) % 3, n = (k + 2) % 3;
       J[3 + k] = hn::MulSub(p[m], J[n], hn::Mul(p[n], J[m]));
@@ -86,7 +80,7 @@ void lineSums(const RawLineLook& in, RawLineSums& out) {
     }
     weights = hn::Add(weights, weight);
     squares = hn::MulAdd(wr, r, squares);
-    hn::StoreU(hn::Mul(hn::Sqrt(weight), r), d, in.weighted_residual + first);
+    hn::StoreU(hn::Mul(hn::Sqrt(weight), r), d, matches.weighted_residual.data() + first);
   }
   const auto sum = [&](V value) { return static_cast<double>(hn::GetLane(hn::SumOfLanes(d, value))); };
   for (int k = 0; k < 21; ++k) out.equations.H[k] = sum(H[k]);
@@ -102,7 +96,6 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace angio::registration {
 HWY_EXPORT(lineSums);
-namespace {
 
 // Two tubes are seen as one line when their centres are nearer to each other than this many radii of what is seen.
 constexpr float kMergedRadii = 1.3f;
@@ -110,8 +103,6 @@ constexpr float kMergedRadii = 1.3f;
 constexpr float kApart_px = 0.5f;
 // What is left of such a point: it still holds the pose across the line, to some pixels.
 constexpr float kSharedCertainty = 0.2f;
-
-}  // namespace
 
 void matchLines(const OrientedPoints& image, const ProjectedEdges& edges, double gate_px, double min_cos2,
                 LineMatches& matches) {
@@ -150,7 +141,7 @@ double LineSums::togetherness(int points) const {
   double together = 1;
   const double chance = 2 / std::sqrt(std::max(1.0, static_cast<double>(points)));
   for (int k = 0; k < kLags; ++k) {
-    const double correlation = lagged_px2[static_cast<std::size_t>(k)] / std::max(1e-12, squares_px2);
+    const double correlation = lagged_px2[k] / std::max(1e-12, squares_px2);
     if (correlation < chance) break;
     const double lags = k == 0 ? 1 : 0.75 * (1 << k);  // From half-way to the lag before to half-way to the next.
     together += 2 * lags * correlation;
@@ -173,7 +164,7 @@ void resolveMatches(const Eigen::Matrix3Xd& points_centered, const std::vector<s
   for (std::size_t j = 0; j < n; ++j) {
     const auto& match = matches.of_point[j];
     if (match.edge < 0) continue;
-    const auto& edge = edges[static_cast<std::size_t>(match.edge)];
+    const auto& edge = edges[match.edge];
     const auto a = points_centered.col(edge.first), b = points_centered.col(edge.second);
     const double w = match.along;
     matches.x[j] = static_cast<float>(a.x() + w * (b.x() - a.x()));
@@ -186,20 +177,9 @@ void resolveMatches(const Eigen::Matrix3Xd& points_centered, const std::vector<s
 
 void addLineEquations(const OrientedPoints& image, LineMatches& matches, const XrayCamera& camera,
                       const Pose& T_view_centered, double tolerance_px, LineSums& sums) {
-  RawLineLook in;
-  in.x = matches.x.data();
-  in.y = matches.y.data();
-  in.z = matches.z.data();
-  in.normal_u = matches.normal_u.data();
-  in.normal_v = matches.normal_v.data();
-  in.u = image.u.data();
-  in.v = image.v.data();
-  in.weighted_residual = matches.weighted_residual.data();
-  in.count = image.size();
-  in.view = rawView(camera, T_view_centered);
-  in.inverse_two_tolerance2 = static_cast<float>(1 / (2 * tolerance_px * tolerance_px));
   RawLineSums raw;
-  HWY_DYNAMIC_DISPATCH(lineSums)(in, raw);
+  const auto inverse_two_tolerance2 = static_cast<float>(1 / (2 * tolerance_px * tolerance_px));
+  HWY_DYNAMIC_DISPATCH(lineSums)(image, rawView(camera, T_view_centered), inverse_two_tolerance2, matches, raw);
   raw.equations.addTo(sums.H, sums.g);
   sums.weight += raw.weight;
   sums.squares_px2 += raw.squares;
@@ -207,10 +187,9 @@ void addLineEquations(const OrientedPoints& image, LineMatches& matches, const X
     const int lag = 1 << k;
     float product = 0;
     for (int j = 0; j + lag < image.size(); ++j) {
-      product += matches.weighted_residual[static_cast<std::size_t>(j)] *
-                 matches.weighted_residual[static_cast<std::size_t>(j + lag)];
+      product += matches.weighted_residual[j] * matches.weighted_residual[j + lag];
     }
-    sums.lagged_px2[static_cast<std::size_t>(k)] += product;
+    sums.lagged_px2[k] += product;
   }
 }
 

@@ -4,13 +4,10 @@
 #include <Eigen/Cholesky>
 
 namespace angio::registration {
-namespace {
 
 // Measured deformations differ in their ratio of strain to displacement by more than one amplitude can follow: the
 // errors' tails are wider than a normal distribution's.
 constexpr double kTails = 1.5;
-
-}  // namespace
 
 ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d& information, double currency,
                        double length_m) {
@@ -22,7 +19,7 @@ ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d&
   const Eigen::MatrixXd deformed = process_.ofResiduals(groups_);
   Eigen::Matrix<double, 6, Eigen::Dynamic> pull(6, n);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const ResidualGroup& group = groups[static_cast<std::size_t>(i)];
+    const ResidualGroup& group = groups[i];
     pull.col(i) = currency * group.pull * group.jacobian;
   }
   gain_ = information.ldlt().solve(pull);

@@ -82,7 +82,7 @@ void NonrigidStep::addView(const XrayView& view, const Pose& T_camera_model, con
     const Eigen::Matrix<double, 2, 3> J = J_projection * T_view_model.linear() * kMillimetre;  // [px/mm]
     const Eigen::Matrix3d block = pull.weight[i] * J.transpose() * J;
     for (int e = 0; e < 6; ++e) {
-      system_.valuePtr()[diagonal_block_[static_cast<std::size_t>(i)][e]] += block(kBlockRow[e], kBlockColumn[e]);
+      system_.valuePtr()[diagonal_block_[i][e]] += block(kBlockRow[e], kBlockColumn[e]);
     }
     const Eigen::Vector2d wanted = pull.target_px.col(i) - *pixel + J * displacements_m.col(i) / kMillimetre;
     rhs.segment<3>(3 * i) += pull.weight[i] * J.transpose() * wanted;

@@ -5,11 +5,8 @@
 #include <cmath>
 
 namespace angio::registration {
-namespace {
 
 constexpr int kSmallestSubset = 128, kSubsets = 4;
-
-}  // namespace
 
 OrientedModel::OrientedModel(const VesselTree& given, const OrientedKernelSettings& settings)
     : resampled(angio::registration::resampled(given, settings.spacing_mm * 1e-3, settings.max_points_3d)),
@@ -18,7 +15,7 @@ OrientedModel::OrientedModel(const VesselTree& given, const OrientedKernelSettin
   const VesselTree& tree = resampled.tree;
   Eigen::VectorXd length = Eigen::VectorXd::Zero(tree.size());  // Of vessel that each point stands for.
   for (int i = 0; i < tree.size(); ++i) {
-    const int parent = tree.parents()[static_cast<std::size_t>(i)];
+    const int parent = tree.parents()[i];
     if (parent < 0) continue;
     edges.emplace_back(parent, i);
     const double half = 0.5 * (points.col(i) - points.col(parent)).norm();

@@ -46,7 +46,7 @@ V directionOf(D d, V du, V dv) {
   return hn::IfThenElse(falling, hn::Neg(phi), phi);
 }
 
-void prepareBounds(const RawCell& in, const RasterLevels& levels, BoundedSamples& out) {
+void prepareBounds(const RawCell& in, const ExplainedRaster::Levels& levels, BoundedSamples& out) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::RebindToUnsigned<decltype(d)> du32;
@@ -118,11 +118,11 @@ void prepareBounds(const RawCell& in, const RasterLevels& levels, BoundedSamples
 
     // The level whose words cover the radius.
     auto level = hn::Zero(di);
-    for (int k = 0; k + 1 < levels.kCount; ++k) {
-      level = hn::IfThenElse(hn::RebindMask(di, hn::Gt(radius, set(levels.radius[k]))), hn::Set(di, k + 1), level);
+    for (int k = 0; k + 1 < ExplainedRaster::kLevels; ++k) {
+      level = hn::IfThenElse(hn::RebindMask(di, hn::Gt(radius, set(levels.radius_px[k]))), hn::Set(di, k + 1), level);
     }
-    level = hn::IfThenElse(hn::RebindMask(di, in_front), level, hn::Set(di, levels.kCount - 1));
-    const V inverse_cell = hn::GatherIndex(d, levels.inverse_cell, level);
+    level = hn::IfThenElse(hn::RebindMask(di, in_front), level, hn::Set(di, ExplainedRaster::kLevels - 1));
+    const V inverse_cell = hn::GatherIndex(d, levels.inverse_cell_px, level);
     const V scale_u = hn::Mul(set(in.view.fx), inverse), scale_v = hn::Mul(set(in.view.fy), inverse);
     hn::StoreU(hn::Mul(inverse_cell, hn::MulAdd(scale_u, X, set(in.view.cx + kBefore_px))), d, out.u + first);
     hn::StoreU(hn::Mul(inverse_cell, hn::MulAdd(scale_v, Y, set(in.view.cy + kBefore_px))), d, out.v + first);
@@ -250,7 +250,7 @@ TreeSamples::TreeSamples(const VesselTree& tree) : points(3, kCount), tangents(3
     double left = kSmooth_m;
     for (auto i = static_cast<std::ptrdiff_t>(from); i >= 0 && i < static_cast<std::ptrdiff_t>(branch.size());
          i += way) {
-      const Eigen::Vector3d next = tree.points().col(branch[static_cast<std::size_t>(i)]);
+      const Eigen::Vector3d next = tree.points().col(branch[i]);
       const double length = (next - here).norm();
       if (length >= left) return Eigen::Vector3d(here + left / length * (next - here));
       left -= length;
@@ -299,17 +299,7 @@ ImageWindow openWindow(const XrayView& view) {
 
 PoseBounds::PoseBounds(const TreeSamples& samples, const ExplainedRaster& raster, const XrayView& view,
                        const Eigen::Matrix3d& R0)
-    : samples_(samples), raster_(raster), camera_(view.camera), window_(openWindow(view)), R0_(R0) {
-  for (int k = 0; k < RasterLevels::kCount; ++k) {
-    const ExplainedRaster::Level& level = raster.levels()[k];
-    levels_.radius[k] = level.radius_px;
-    levels_.inverse_cell[k] = level.inverse_cell_px;
-    levels_.last_column[k] = static_cast<float>(level.columns - 1);
-    levels_.last_row[k] = static_cast<float>(level.rows - 1);
-    levels_.first[k] = level.first;
-    levels_.columns[k] = level.columns;
-  }
-}
+    : samples_(samples), raster_(raster), camera_(view.camera), window_(openWindow(view)), R0_(R0) {}
 
 void PoseBounds::prepare(const PoseCell& cell, const RayCell& rays, double half_ray) {
   // A little more than asked for, so that rounding to single precision leaves nothing out.
@@ -317,22 +307,21 @@ void PoseBounds::prepare(const PoseCell& cell, const RayCell& rays, double half_
   Pose middle = Pose::Identity();
   middle.linear() = expSO3(cell.rotation) * R0_;
   const Eigen::Matrix3d G = leftJacobian(cell.rotation);
-  RawCell in{};
-  in.samples = samples_.floats.raw();
-  in.view = rawView(camera_, middle);
+  const auto more = [](double value) { return static_cast<float>(kMore * value + 1e-7); };
+  RawCell in{samples_.floats.raw(), rawView(camera_, middle)};
   for (int j = 0; j < 3; ++j) {
     for (int k = 0; k < 3; ++k) in.G[j][k] = static_cast<float>(G(k, j));
     in.half[j] = static_cast<float>(kMore * cell.half[j]);
   }
-  in.half_norm = static_cast<float>(kMore * cell.half.norm() + 1e-7);
+  in.half_norm = more(cell.half.norm());
   in.depth = static_cast<float>(cell.depth);
-  in.half_depth = static_cast<float>(kMore * cell.half_depth + 1e-7);
+  in.half_depth = more(cell.half_depth);
   in.ray_x = static_cast<float>(rays.x);
   in.ray_y = static_cast<float>(rays.y);
-  in.ray_range = static_cast<float>(kMore * rays.half + 1e-7);
-  in.half_ray = static_cast<float>(kMore * half_ray + 1e-7);
+  in.ray_range = more(rays.half);
+  in.half_ray = more(half_ray);
   in.window = window_;
-  HWY_DYNAMIC_DISPATCH(prepareBounds)(in, levels_, bounded_);
+  HWY_DYNAMIC_DISPATCH(prepareBounds)(in, raster_.levels(), bounded_);
   for (std::size_t k = 0; k < effects_px_.size(); ++k) effects_px_[k] = 0.5 * bounded_.effects[k] / TreeSamples::kCount;
 }
 

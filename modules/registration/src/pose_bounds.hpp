@@ -43,14 +43,6 @@ struct ImageWindow {
 /// collimator's edges.
 ImageWindow openWindow(const XrayView& view);
 
-/// Of each level of an ExplainedRaster, as vector code reads it.
-struct RasterLevels {
-  static constexpr int kCount = ExplainedRaster::kLevels;
-
-  float radius[kCount], inverse_cell[kCount], last_column[kCount], last_row[kCount];
-  std::int32_t first[kCount], columns[kCount];
-};
-
 /// What a cell of poses makes of each sample, as vector code reads it.
 struct BoundedSamples {
   static constexpr int kCount = TreeSamples::kCount;
@@ -100,7 +92,6 @@ class PoseBounds {
   ImageWindow window_;
   Eigen::Matrix3d R0_;
   std::array<double, 5> effects_px_{};
-  RasterLevels levels_;
   BoundedSamples bounded_{};
 };
 

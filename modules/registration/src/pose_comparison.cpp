@@ -6,7 +6,6 @@
 #include <cmath>
 
 namespace angio::registration {
-namespace {
 
 constexpr double kCompared_px = 3;
 // A point of the model has found its vessel where the kernel sum is half of a vessel's.
@@ -17,8 +16,6 @@ constexpr double kRival_px = 2;
 constexpr double kDifferentPose_m = 3e-3;
 // What the belief finds less likely than this (chi-square of 6, one in a million) is no alternative.
 constexpr double kBelievable = 38;
-
-}  // namespace
 
 Pose depthMirrored(const Pose& T_camera_centered, const Eigen::Vector3d& flat_axis) {
   // Across the beam to the centroid, not across the optical axis: a tree at the detector's edge is seen at a slant.
@@ -82,7 +79,7 @@ PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const std::
     PosePriorTerm there = belief;
     there.T0_camera_centered = mirrored.T_camera_centered;
     for (int scale = 1; scale < kFieldScales; ++scale) {
-      fields_.ascend(*frame_, there, model_.subsets[static_cast<std::size_t>(scale)], scale, 6, kMatchedMass, mirrored);
+      fields_.ascend(*frame_, there, model_.subsets[scale], scale, 6, kMatchedMass, mirrored);
     }
     ask(lines_.fit(*frame_, there, mirrored.T_camera_centered, kQuick).T_camera_centered);
   }

@@ -15,10 +15,7 @@
 #ifndef ANGIO_PROJECTED_EDGES_RAW
 #define ANGIO_PROJECTED_EDGES_RAW
 namespace angio::registration {
-// Plain numbers in and out of the vector code.
-struct RawEntries {
-  const float *u, *v, *du, *dv, *inverse_length2, *cos2, *sin2;
-};
+// Plain numbers out of the vector code.
 struct RawNearest {
   int entry;
   float along, distance2;
@@ -32,7 +29,7 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // The nearest of the entries in several ranges [begin, end): as many of them at a time as there are lanes.
-void nearestEntry(const RawEntries& entries, const int* ranges, int range_count, float u, float v, float cos2,
+void nearestEntry(const EdgeEntries& entries, const int* ranges, int range_count, float u, float v, float cos2,
                   float sin2, float min_cos2, RawNearest& best) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -43,15 +40,15 @@ void nearestEntry(const RawEntries& entries, const int* ranges, int range_count,
   for (int r = 0; r < range_count; ++r) {
     const int end = ranges[2 * r + 1];
     for (int k = ranges[2 * r]; k < end; k += lanes) {
-      const auto x = hn::Sub(hn::Set(d, u), hn::LoadU(d, entries.u + k));
-      const auto y = hn::Sub(hn::Set(d, v), hn::LoadU(d, entries.v + k));
-      const auto du = hn::LoadU(d, entries.du + k), dv = hn::LoadU(d, entries.dv + k);
-      const auto along = hn::Min(
-          one, hn::Max(zero, hn::Mul(hn::MulAdd(x, du, hn::Mul(y, dv)), hn::LoadU(d, entries.inverse_length2 + k))));
+      const auto x = hn::Sub(hn::Set(d, u), hn::LoadU(d, entries.u.data() + k));
+      const auto y = hn::Sub(hn::Set(d, v), hn::LoadU(d, entries.v.data() + k));
+      const auto du = hn::LoadU(d, entries.du.data() + k), dv = hn::LoadU(d, entries.dv.data() + k);
+      const auto along = hn::Min(one, hn::Max(zero, hn::Mul(hn::MulAdd(x, du, hn::Mul(y, dv)),
+                                                            hn::LoadU(d, entries.inverse_length2.data() + k))));
       const auto rx = hn::NegMulAdd(along, du, x), ry = hn::NegMulAdd(along, dv, y);
       const auto distance2 = hn::MulAdd(rx, rx, hn::Mul(ry, ry));
-      const auto cosine = hn::MulAdd(hn::LoadU(d, entries.cos2 + k), hn::Set(d, cos2),
-                                     hn::Mul(hn::LoadU(d, entries.sin2 + k), hn::Set(d, sin2)));
+      const auto cosine = hn::MulAdd(hn::LoadU(d, entries.cos2.data() + k), hn::Set(d, cos2),
+                                     hn::Mul(hn::LoadU(d, entries.sin2.data() + k), hn::Set(d, sin2)));
       const auto index = hn::Iota(di, k);
       auto wins = hn::And(hn::Lt(distance2, best_distance2), hn::Ge(cosine, hn::Set(d, min_cos2)));
       wins = hn::And(wins, hn::RebindMask(d, hn::Lt(index, hn::Set(di, end))));
@@ -79,15 +76,12 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace angio::registration {
 HWY_EXPORT(nearestEntry);
-namespace {
 
 constexpr int kMaxRows = 64;
 constexpr float kCell_px = 16;
 constexpr float kShortest_px = 0.05f;  // An edge seen shorter than this has no direction.
 
-}  // namespace
-
-void ProjectedEdges::Entries::resize(std::size_t size) {
+void EdgeEntries::resize(std::size_t size) {
   for (auto* values : {&u, &v, &du, &dv, &inverse_length2, &cos2, &sin2}) values->resize(size + kPadding);
   edge.resize(size + kPadding);
 }
@@ -102,7 +96,7 @@ void ProjectedEdges::project(const Eigen::Matrix3Xd& points_centered, const std:
   const Eigen::Vector3d t = T_view_centered.translation();
   const auto& c = camera.parameters();
   for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector3d p = R * points_centered.col(static_cast<Eigen::Index>(i)) + t;
+    const Eigen::Vector3d p = R * points_centered.col(i) + t;
     in_front_[i] = p.z() > 1e-3;
     const double inverse = in_front_[i] ? 1 / p.z() : 0;
     u_[i] = static_cast<float>(c.fx_px * p.x() * inverse + c.cx_px);
@@ -140,10 +134,9 @@ void ProjectedEdges::project(const Eigen::Matrix3Xd& points_centered, const std:
   entries_.resize(placed_.size());
   // Each cell's beginning moves to its end while it is filled, which is where the next one begins: put back below.
   for (const auto& [cell, e] : placed_) {
-    const auto a = static_cast<std::size_t>(edges[static_cast<std::size_t>(e)].first),
-               b = static_cast<std::size_t>(edges[static_cast<std::size_t>(e)].second);
+    const auto a = static_cast<std::size_t>(edges[e].first), b = static_cast<std::size_t>(edges[e].second);
     const float du = u_[b] - u_[a], dv = v_[b] - v_[a], inverse = 1 / (du * du + dv * dv);
-    const auto k = static_cast<std::size_t>(cell_begin_[static_cast<std::size_t>(cell)]++);
+    const auto k = static_cast<std::size_t>(cell_begin_[cell]++);
     entries_.u[k] = u_[a];
     entries_.v[k] = v_[a];
     entries_.du[k] = du;
@@ -171,13 +164,6 @@ ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry,
   const int column_first = cellOf(std::max(u - reach, -kCell_px), columns_ - 1),
             column_last = cellOf(u + reach, columns_ - 1);
   const int row_first = cellOf(std::max(v - reach, -kCell_px), rows_ - 1), row_last = cellOf(v + reach, rows_ - 1);
-  const RawEntries entries = {entries_.u.data(),
-                              entries_.v.data(),
-                              entries_.du.data(),
-                              entries_.dv.data(),
-                              entries_.inverse_length2.data(),
-                              entries_.cos2.data(),
-                              entries_.sin2.data()};
   RawNearest found{-1, 0, gate_px * gate_px};
   for (int row = row_first; row <= row_last;) {
     int ranges[2 * kMaxRows], count = 0;
@@ -189,7 +175,7 @@ ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry,
       ranges[2 * count + 1] = end;
       ++count;
     }
-    nearest_entry(entries, ranges, count, u, v, cos2, sin2, min_cos2, found);
+    nearest_entry(entries_, ranges, count, u, v, cos2, sin2, min_cos2, found);
   }
   if (found.entry < 0) return best;
   const auto k = static_cast<std::size_t>(found.entry);
@@ -205,7 +191,7 @@ ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry,
 
 int ProjectedEdges::nearestOfEach(const OrientedPoints& image, float gate_px, float min_cos2,
                                   std::vector<Nearest>& nearest) const {
-  nearest.resize(static_cast<std::size_t>(image.size()));
+  nearest.resize(image.size());
   const auto nearest_entry = HWY_DYNAMIC_DISPATCH(nearestEntry);
   int found = 0;
   for (std::size_t j = 0; j < nearest.size(); ++j) {

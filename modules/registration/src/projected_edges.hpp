@@ -10,8 +10,15 @@
 
 namespace angio::registration {
 
-struct RawEntries;
 struct RawNearest;
+
+/// Of each entry, cell by cell and padded for the widest vectors: where its edge begins, how it goes, one over its
+/// length squared, and twice its angle.
+struct EdgeEntries {
+  std::vector<float> u, v, du, dv, inverse_length2, cos2, sin2;
+  std::vector<int> edge;
+  void resize(std::size_t size);
+};
 
 /// The model as lines in one view: its edges that are in front of the source, projected, in a grid of cells.
 ///
@@ -42,21 +49,14 @@ class ProjectedEdges {
   double length_px() const { return length_px_; }
 
  private:
-  using NearestEntry = void(const RawEntries&, const int* ranges, int range_count, float u, float v, float cos2,
+  using NearestEntry = void(const EdgeEntries&, const int* ranges, int range_count, float u, float v, float cos2,
                             float sin2, float min_cos2, RawNearest&);
   Nearest nearestWith(NearestEntry* nearest_entry, float u, float v, float cos2, float sin2, float gate_px,
                       float min_cos2) const;
 
-  // Of each entry, cell by cell and padded for the widest vectors: where its edge begins, how it goes, one over its
-  // length squared, and twice its angle.
-  struct Entries {
-    std::vector<float> u, v, du, dv, inverse_length2, cos2, sin2;
-    std::vector<int> edge;
-    void resize(std::size_t size);
-  };
   std::vector<float> u_, v_;
   std::vector<char> in_front_;
-  Entries entries_;
+  EdgeEntries entries_;
   std::vector<std::pair<int, int>> placed_;  // Cell and edge.
   std::vector<int> cell_begin_;
   int columns_ = 0, rows_ = 0;

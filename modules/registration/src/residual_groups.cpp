@@ -109,7 +109,7 @@ std::vector<ResidualGroup> residualGroups(const std::vector<MatchedView>& views,
       const auto& match = view.matches.of_point[i];
       const Eigen::Vector2d normal(match.normal_u, match.normal_v);
       if (match.edge < 0 || !(normal.squaredNorm() > 1e-6)) continue;
-      const auto& [parent, child] = model.edges[static_cast<std::size_t>(match.edge)];
+      const auto& [parent, child] = model.edges[match.edge];
       const double s = match.along;
       const Eigen::Vector3d at = (1 - s) * model.points.col(parent) + s * model.points.col(child);
       const Eigen::Vector3d moved = (1 - s) * displaced.col(parent) + s * displaced.col(child);

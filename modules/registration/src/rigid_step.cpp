@@ -88,8 +88,7 @@ void projectPoints(const Eigen::Matrix3Xd& points_centered, const XrayView& view
   const Pose T_view_centered = view.T_view_first * T_camera_centered;
   for (Eigen::Index i = 0; i < points_centered.cols(); ++i) {
     const auto pixel = view.camera.project(T_view_centered * points_centered.col(i));
-    projected.may_pull[static_cast<std::size_t>(i)] =
-        pixel.has_value() && (outside == OutsideImage::kVote || view.sees(*pixel));
+    projected.may_pull[i] = pixel.has_value() && (outside == OutsideImage::kVote || view.sees(*pixel));
     if (pixel) projected.pixel.col(i) = *pixel;
   }
 }
@@ -177,7 +176,7 @@ void weigh(const Projected& projected, const PointMatcher& image, const std::vec
     Eigen::Vector2d weighted = sum * image.point(nearest);
     const int first = std::max(0, nearest - each_side), last = std::min(image.size() - 1, nearest + each_side);
     for (int j = first; j <= last; ++j) {
-      if (j == nearest || branch[static_cast<std::size_t>(j)] != branch[static_cast<std::size_t>(nearest)]) continue;
+      if (j == nearest || branch[j] != branch[nearest]) continue;
       const double w = kernelWeight(settings, (pixel - image.point(j)).squaredNorm(), scale_px);
       sum += w;
       weighted += w * image.point(j);

@@ -5,13 +5,13 @@
 #include <random>
 #include <vector>
 
+#include "fit_classification.hpp"
+
 namespace angio::registration {
 namespace {
 
 // Poses whose points lie further apart than this on average are different answers; nearer ones are one basin.
 constexpr double kDifferentPose_m = 3e-3;
-// A different pose with this share of the best score leaves the choice open.
-constexpr double kAmbiguousShare = 0.9;
 
 // Box-Muller on the engine's own numbers: std::normal_distribution differs between libraries.
 Eigen::Vector3d normal3(std::mt19937_64& engine) {
@@ -104,11 +104,7 @@ RegistrationResult Registration::search(const XrayViews& views, const PosePrior&
     }
   }
   const double score = result.agreement.score();
-  result.ambiguity = score > 0 ? other / score : 1.0;
-  if (result.status == RegistrationStatus::kConverged && *result.ambiguity > kAmbiguousShare) {
-    result.status = RegistrationStatus::kAmbiguous;
-    result.reason = "a different pose fits nearly as well";
-  }
+  compareWithRival(score > 0 ? other / score : 1.0, result);
   return result;
 }
 

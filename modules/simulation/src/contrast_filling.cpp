@@ -26,9 +26,9 @@ std::vector<std::vector<std::size_t>> nextBranches(const VesselTree& tree) {
   const auto& branches = tree.branches();
   std::vector<std::vector<std::size_t>> from_point(static_cast<std::size_t>(tree.size())), next(branches.size());
   for (std::size_t b = 0; b < branches.size(); ++b) {
-    from_point[static_cast<std::size_t>(branches[b].front())].push_back(b);
+    from_point[branches[b].front()].push_back(b);
   }
-  for (std::size_t b = 0; b < branches.size(); ++b) next[b] = from_point[static_cast<std::size_t>(branches[b].back())];
+  for (std::size_t b = 0; b < branches.size(); ++b) next[b] = from_point[branches[b].back()];
   return next;
 }
 

@@ -45,12 +45,12 @@ DisplacementField carriedOver(const MeasuredMotion& motion, const VesselTree& tr
     for (Eigen::Index i = 0; i < points.cols(); ++i) near.emplace_back((points.col(i) - p).squaredNorm(), i);
     const auto count = std::min<std::ptrdiff_t>(kNeighbors, static_cast<std::ptrdiff_t>(near.size()));
     std::nth_element(near.begin(), near.begin() + (count - 1), near.end());
-    const double reach2 = near[static_cast<std::size_t>(count - 1)].first;
+    const double reach2 = near[count - 1].first;
     Eigen::Matrix4d normal = 1e-6 * Eigen::Matrix4d::Identity();
     Eigen::Matrix<double, 4, 3> right = Eigen::Matrix<double, 4, 3>::Zero();
     const double unit_m = std::sqrt(std::max(reach2, 1e-12));
     for (std::ptrdiff_t k = 0; k < count; ++k) {
-      const auto [squared, i] = near[static_cast<std::size_t>(k)];
+      const auto [squared, i] = near[k];
       const double weight = std::exp(-2 * squared / std::max(reach2, 1e-12));
       Eigen::Vector4d basis;
       basis << 1, (points.col(i) - p) / unit_m;

@@ -128,11 +128,7 @@ Eigen::Matrix3Xd VesselTree::tangents() const {
   return result;
 }
 
-namespace {
-
 constexpr double kPerMetre = 1e9;
-
-}  // namespace
 
 ModelId modelId(const VesselTree& tree) {
   Fnv1a hash;

@@ -1,23 +1,20 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <memory>
-#include <opencv2/core/mat.hpp>
+#include <opencv2/videoio.hpp>
 #include <string>
 
 #include "angio/evaluation/namespace.hpp"
 
 namespace angio::evaluation {
 
-class FilmOutput;
-
 /// Writes pictures one after the other: "film.mp4" as a film, or "frames/%04d.png" (.jpg) as numbered files, from 0.
 class FilmWriter {
  public:
   /// Throws InputError when `path` is neither, or its folder does not exist.
   FilmWriter(const std::string& path, double frame_rate_hz);
-  FilmWriter(FilmWriter&&) noexcept;
-  FilmWriter& operator=(FilmWriter&&) noexcept;
+  FilmWriter(const FilmWriter&) = delete;
+  FilmWriter& operator=(const FilmWriter&) = delete;
   ~FilmWriter();  ///< A film that was not finished is thrown away.
 
   /// The next picture, CV_8UC3. All of a film have the size of the first, of an even number of pixels. Throws
@@ -28,10 +25,15 @@ class FilmWriter {
   /// InputError when it is not whole, as on a full disk, and no file is left; a film without pictures cannot be.
   void finish();
 
-  int pictures() const;  ///< Written so far.
+  int pictures() const { return pictures_; }  ///< Written so far.
 
  private:
-  std::unique_ptr<FilmOutput> output_;
+  std::string path_, partial_;
+  double rate_hz_;
+  bool numbered_;
+  int pictures_ = 0;
+  cv::Size size_;
+  cv::VideoWriter writer_;
 };
 
 }  // namespace angio::evaluation

@@ -37,7 +37,7 @@ struct SimulationSettings {
   double even_starts_mm = 0;  ///< Not 0: each draw is scaled so that its mTRE is uniform between 0 and this.
 
   // View: the beam is uniform in these ranges of DICOM's angles, the roll of the image in its own.
-  int views = 1;  ///< 2: a second plane, its beam 70 to 110 deg from the first one's, about the isocentre.
+  int views = 1;        ///< 2: a second plane, its beam 70 to 110 deg from the first one's, about the isocentre.
   double turn_deg = 0;  ///< Not 0: the views are spread evenly over such a turn of the C-arm, about the isocentre.
   /// Not 0: the views are the frames of a sequence in place of one moment's: 4 s from where the C-arm stands, and then
   /// those of the turn, by the primary angle, which takes so long. The last one is what is asked for.
@@ -167,7 +167,6 @@ class TrialImages {
   /// Throws InputError when a setting is out of its range, or `settings` asks for noise of points, which images do not
   /// have.
   TrialImages(const std::vector<VesselTree>& trees, const SimulationSettings& settings);
-  ~TrialImages();
 
   /// One view of a trial of one of the trees. Noise is that of the trial's `index` and view.
   cv::Mat render(const SimulatedTrial& trial, std::size_t tree, std::size_t view, int index);

@@ -70,16 +70,10 @@ class PatientTracker {
   PosePrior predict(const CameraPlace& place) const;
   PosePrior predict(const CArmState& state) const { return predict(placeOf(state)); }
 
-  /// A trusted registration of a frame that was taken with these joints.
-  void update(const Pose& T_camera_model, const CArmJoints& joints);
-
-  /// The same at the frame's time.
+  /// A trusted registration of a frame.
   ///
   /// @param covariance  Of the pose, as RegistrationResult has it; nothing: taken for 1 mm.
   void update(const Pose& T_camera_model, const CameraPlace& place, const std::optional<Matrix6d>& covariance);
-  void update(const Pose& T_camera_model, const CArmState& state, const std::optional<Matrix6d>& covariance) {
-    update(T_camera_model, placeOf(state), covariance);
-  }
 
   /// A frame that could not be trusted.
   void miss();
@@ -94,7 +88,6 @@ class PatientTracker {
 
  private:
   PosePrior predict(const Pose& T_camera_patient) const;
-  void update(const Pose& T_camera_model, const Pose& T_camera_patient);
   double sinceFirst_s(std::int64_t time_us) const;
 
   PatientTrackerSettings settings_;

@@ -7,7 +7,6 @@
 #include "angio/messaging/messages.hpp"
 #include "angio/perception/patient_tracker.hpp"
 #include "angio/perception/point_of_interest.hpp"
-#include "angio/registration/starts.hpp"
 
 namespace angio::perception {
 

@@ -6,7 +6,6 @@
 #include <optional>
 #include <string>
 
-#include "angio/geometry/carm.hpp"
 #include "angio/messaging/messages.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/target_need.hpp"
