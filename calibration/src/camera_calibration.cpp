@@ -8,7 +8,6 @@
 #include "angio/base/formatted.hpp"
 #include "camera_bundle.hpp"
 #include "information.hpp"
-#include "transform_numbers.hpp"
 
 namespace angio::calibration {
 namespace {

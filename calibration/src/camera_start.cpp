@@ -200,7 +200,7 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
     BundleView view;
     view.index = v;
     view.distance_m = stretches[v] * bundle.model.reference_distance_m;
-    const auto count = static_cast<Eigen::Index>(views[v].beads.size());
+    const Eigen::Index count = views[v].beads.size();
     view.points_m.resize(3, count);
     view.seen_px.resize(2, count);
     view.stds_px.resize(count);
