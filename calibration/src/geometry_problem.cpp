@@ -33,14 +33,12 @@ Eigen::Vector4d cameraAt(const CArmGeometry& carm, double encoder_distance_m, Ca
 constexpr double kTableStd = 0.1;               // Scale and direction of a table axis.
 constexpr double kSourceIsocenterStd_m = 0.15;  // Its start is a guess.
 
-struct FreeChange {
-  const std::vector<int>& places;
-  Eigen::VectorXd whole(const double* values) const {
-    Eigen::VectorXd change = Eigen::VectorXd::Zero(kModelNumbers);
-    for (std::size_t i = 0; i < places.size(); ++i) change[places[i]] = values[i];
-    return change;
-  }
-};
+// A change of all numbers from one of those that are free.
+Eigen::VectorXd wholeChange(const std::vector<int>& places, const double* values) {
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(kModelNumbers);
+  change(places) = Eigen::Map<const Eigen::VectorXd>(values, places.size());
+  return change;
+}
 
 // A residual by a change of the free numbers from the start.
 class ChangeCost final : public ceres::CostFunction {
@@ -55,7 +53,7 @@ class ChangeCost final : public ceres::CostFunction {
   }
 
   bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
-    const Eigen::VectorXd change = FreeChange{places_}.whole(parameters[0]);
+    const Eigen::VectorXd change = wholeChange(places_, parameters[0]);
     Eigen::MatrixXd J;
     const bool wants = jacobians && jacobians[0];
     const Eigen::VectorXd r = residual_(changed(start_, change), wants ? &J : nullptr);
@@ -65,7 +63,7 @@ class ChangeCost final : public ceres::CostFunction {
       const Matrix6d turn = rightJacobianInverseSE3(change.head<kPhantomNumbers>()).inverse();
       J.leftCols<kPhantomNumbers>() = (J.leftCols<kPhantomNumbers>() * turn).eval();
       using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-      Eigen::Map<RowMajor>(jacobians[0], J.rows(), static_cast<Eigen::Index>(places_.size())) = J(Eigen::all, places_);
+      Eigen::Map<RowMajor>(jacobians[0], J.rows(), places_.size()) = J(Eigen::all, places_);
     }
     return r.allFinite();
   }
@@ -157,7 +155,7 @@ GeometryModel GeometryProblem::solve(const GeometryModel& start, Loss loss) cons
   ceres::Solve(options, &problem, &summary);
   if (!summary.IsSolutionUsable())
     throw std::runtime_error("the geometry's least squares broke off: " + summary.message);
-  return changed(start, FreeChange{places}.whole(values.data()));
+  return changed(start, wholeChange(places, values.data()));
 }
 
 ViewChange GeometryProblem::residual(const ViewObservation& view, const GeometryModel& model, ViewJacobian* J) const {
