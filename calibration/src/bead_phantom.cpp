@@ -194,12 +194,8 @@ BeadPhantom readBeadPhantom(const std::string& path) {
   const YamlField list = points ? *points : map.need("beads");
   map.refuseOthers();
   const std::size_t fewest = points ? kFewestPoints : kFewestBeads;
-  if (list.node->kind != YamlNode::Kind::kSequence || list.node->items.size() < fewest ||
-      list.node->items.size() > kMaxBeads) {
-    list.refuse("must be a list of " + std::to_string(fewest) + " to " + std::to_string(kMaxBeads));
-  }
-  for (std::size_t i = 0; i < list.node->items.size(); ++i) {
-    const YamlField item = list.item(i);
+  const std::string rule = "must be a list of " + std::to_string(fewest) + " to " + std::to_string(kMaxBeads);
+  for (const YamlField& item : list.items(rule, fewest, kMaxBeads)) {
     const std::vector<double> mm = item.numbers(points ? 3 : 4);
     for (int k = 0; k < 3; ++k) requireBetween(item.place(), item.key, mm[k], -kFarthest_mm, kFarthest_mm);
     if (!points) requireBetween(item.place(), item.key + " diameter_mm", mm[3], kThinnest_mm, kThickest_mm);

@@ -15,7 +15,6 @@ namespace {
 constexpr int kShared = 7, kOfBall = 4;
 constexpr double kUsualScatter = 0.15, kScatterSpread = 0.15, kUsualBlur_px = 0.8, kBlurSpread_px = 0.4,
                  kStretchSpread = 0.05;
-constexpr double kMaxStretch = 0.15;  // Of a pincushion of 8 per cent, at the edge; two balls side by side are more.
 constexpr double kMargin_px = 4, kMargin = 0.5;  // Around a shadow, in pixels and in radii.
 
 struct Pixel {

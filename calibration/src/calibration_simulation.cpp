@@ -75,7 +75,7 @@ SimulatedBeadView viewAt(const SimulatedDevice& machine, const BeadPhantom& phan
     view.shown.push_back(static_cast<int>(i));
     pixels.push_back(*pixel);
   }
-  view.pixels_px.resize(2, static_cast<Eigen::Index>(pixels.size()));
+  view.pixels_px.resize(2, pixels.size());
   for (std::size_t i = 0; i < pixels.size(); ++i) view.pixels_px.col(i) = pixels[i];
   return view;
 }
@@ -87,8 +87,24 @@ double evenly(int index, int base) {
   return place;
 }
 
-bool heldOut(int index, const CalibrationSimulationSettings& s) {
-  return s.held_out_every > 0 && (index + 1) % s.held_out_every == 0;
+struct Placed {
+  CArmJoints joints;
+  double distance_m;
+};
+
+// Views at the places that `place` gives by their numbers.
+template <typename Place>
+std::vector<SimulatedBeadView> viewsAt(const SimulatedDevice& machine, const BeadPhantom& phantom,
+                                       const CalibrationSimulationSettings& s, Stream stream, int count,
+                                       const Place& place) {
+  Draws draws = drawsFor(s, stream);
+  std::vector<SimulatedBeadView> views;
+  for (int i = 0; i < count; ++i) {
+    const Placed at = place(i);
+    views.push_back(viewAt(machine, phantom, s, at.joints, at.distance_m, draws));
+    views.back().held_out = s.held_out_every > 0 && (i + 1) % s.held_out_every == 0;
+  }
+  return views;
 }
 
 constexpr double kMaxDistance_m = 0.1;  // Beyond the usual source-detector distance.
@@ -128,36 +144,27 @@ SimulatedDevice otherMachine(const SimulatedDevice& machine, const CalibrationSi
 
 std::vector<SimulatedBeadView> simulatedCameraViews(const SimulatedDevice& machine, const BeadPhantom& phantom,
                                                     const CalibrationSimulationSettings& s) {
-  Draws draws = drawsFor(s, Stream::kCameraViews);
-  const double usual_m = machine.truth.carm.source_detector_distance_m;
-  std::vector<SimulatedBeadView> views;
-  for (int i = 0; i < s.camera_views; ++i) {
+  return viewsAt(machine, phantom, s, Stream::kCameraViews, s.camera_views, [&](int i) {
     CArmJoints joints;
     // Tilted and shifted so far that most beads stay on the detector: those at its edge tell most.
     joints << kRightAngle * (2 * evenly(i, 2) - 1), degToRad(60) * (evenly(i, 3) - 0.5), 0.02 * (evenly(i, 5) - 0.5),
         0.02 * (evenly(i, 7) - 0.5), 0.02 * (evenly(i, 11) - 0.5);
-    views.push_back(viewAt(machine, phantom, s, joints, usual_m, draws));
-    views.back().held_out = heldOut(i, s);
-  }
-  return views;
+    return Placed{joints, machine.truth.carm.source_detector_distance_m};
+  });
 }
 
 std::vector<SimulatedBeadView> simulatedGeometryViews(const SimulatedDevice& machine, const BeadPhantom& phantom,
                                                       const CalibrationSimulationSettings& s) {
-  Draws draws = drawsFor(s, Stream::kGeometryViews);
   const double usual_m = machine.truth.carm.source_detector_distance_m;
-  std::vector<SimulatedBeadView> views;
-  for (int i = 0; i < s.geometry_views; ++i) {
+  return viewsAt(machine, phantom, s, Stream::kGeometryViews, s.geometry_views, [&](int i) {
     CArmJoints joints = CArmJoints::Zero();
     joints[0] = degToRad(100) * (2 * evenly(i, 2) - 1);
     joints[1] = degToRad(45) * (2 * evenly(i, 3) - 1);
     if (i % 3 == 0)
       joints.tail<3>() << 0.1 * (evenly(i, 5) - 0.5), 0.1 * (evenly(i, 7) - 0.5), 0.1 * (evenly(i, 11) - 0.5);
     const double distance_m = i % 4 == 1 ? usual_m + kMaxDistance_m * (i % 8 == 1 ? 1 : -0.5) : usual_m;
-    views.push_back(viewAt(machine, phantom, s, joints, distance_m, draws));
-    views.back().held_out = heldOut(i, s);
-  }
-  return views;
+    return Placed{joints, distance_m};
+  });
 }
 
 }  // namespace angio::calibration

@@ -98,12 +98,6 @@ ViewInformation informationOf(const CameraBundle& bundle, const BundleView& view
 void checkViews(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
                 const CameraCalibrationSettings& settings);
 
-/// Solves the bundle: robustly first, then by least squares without the beads that are off and without the views that
-/// another K would explain much better. Returns the given numbers of the views left out; the bundle has no longer got
-/// them. Throws InputError that names the views when more of them disagree than may be left out, or beads of a view.
-std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<BeadView>& views,
-                                       const CameraCalibrationSettings& settings);
-
 /// A closed-form start of the bundle, with all views in it (held-out ones too), each bead that fits no projection out
 /// of use. Throws InputError by name for swapped beads, mirrored views, a plane seen at one tilt, and views that fit no
 /// projection.
@@ -114,20 +108,5 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
 /// information at the start: before anything is solved.
 void requireObservable(const CameraBundle& start, const BeadPhantom& phantom, const std::vector<BeadView>& views,
                        const CameraCalibrationSettings& settings);
-
-/// What one view says by itself, without K.
-struct ViewProjection {
-  Matrix34d P = Matrix34d::Zero();                  ///< Of a phantom with depth.
-  Eigen::Matrix3d H = Eigen::Matrix3d::Identity();  ///< Of a flat one, from the axes of its plane.
-  std::vector<bool> fits;                           ///< One a bead of the view.
-};
-
-/// Finds the projection that most of a view's beads agree on, to a hundredth of the detector's width: enough to tell
-/// beads apart, wide enough for a detector's distortion. Throws InputError that names view and beads when two are
-/// swapped, when fewer than `min_share` agree, and when the beads leave the projection open.
-///
-/// @param plane  A flat phantom's own frame, whose z is the plane's normal; absent for one with depth.
-ViewProjection projectionOf(const BeadPhantom& phantom, const BeadView& view, double detector_width_px,
-                            double min_share, const std::optional<Pose>& T_plane_phantom);
 
 }  // namespace angio::calibration

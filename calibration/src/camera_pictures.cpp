@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/plotting/plot.hpp"
+#include "angio/plotting/subpixel.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -21,12 +22,9 @@ struct Canvas {
         size(scale * camera.width_px(), scale * camera.height_px()) {}
 
   cv::Point at(const Eigen::Vector2d& px) const {
-    constexpr int kFraction = 1 << kShift;
-    return {static_cast<int>(std::lround(kFraction * (scale * (px.x() + 0.5) - 0.5))),
-            static_cast<int>(std::lround(kFraction * (scale * (px.y() + 0.5) - 0.5)))};
+    return subpixel({scale * (px.x() + 0.5) - 0.5, scale * (px.y() + 0.5) - 0.5});
   }
 
-  static constexpr int kShift = 4;
   int scale;
   cv::Size size;
 };
@@ -54,21 +52,13 @@ double medianResidual_px(const CameraCalibration& result) {
   return std::max(1e-6, lengths[lengths.size() / 2]);
 }
 
-double roundNumber(double value) {
-  const double power = std::pow(10, std::floor(std::log10(value)));
-  for (const double factor : {5.0, 2.0}) {
-    if (value >= factor * power) return factor * power;
-  }
-  return power;
-}
-
 }  // namespace
 
 cv::Mat viewOverlay(const CameraCalibration& result, std::size_t index, const cv::Mat& image) {
   const Canvas canvas(result.camera.camera);
   const CalibratedView& view = result.views[index];
   cv::Mat picture = inColors(image, canvas);
-  constexpr int kShift = Canvas::kShift, kUnit = 1 << kShift;
+  constexpr int kShift = kSubpixelBits, kUnit = 1 << kShift;
   for (std::size_t i = 0; i < view.beads.size(); ++i) {
     const Eigen::Vector2d seen_px = view.beads[i].center_px;
     const cv::Scalar color = view.is_outlier[i] ? kLeftOut : kSeen;
@@ -85,7 +75,7 @@ ResidualField residualField(const CameraCalibration& result) {
   const Canvas canvas(result.camera.camera);
   // So that the usual arrow is a fortieth of the detector long.
   ResidualField field;
-  field.enlargement = roundNumber(0.025 * result.camera.camera.width_px() / medianResidual_px(result));
+  field.enlargement = roundedDown(0.025 * result.camera.camera.width_px() / medianResidual_px(result));
   field.picture = cv::Mat(canvas.size, CV_8UC3, cv::Scalar::all(255));
   for (std::size_t v = 0; v < result.views.size(); ++v) {
     const CalibratedView& view = result.views[v];
@@ -95,8 +85,8 @@ ResidualField residualField(const CameraCalibration& result) {
       if (view.is_outlier[i]) continue;
       const Eigen::Vector2d from = view.beads[i].center_px;
       const Eigen::Vector2d to = from + field.enlargement * view.residuals_px.col(i);
-      cv::line(field.picture, canvas.at(from), canvas.at(to), color, 1, cv::LINE_AA, Canvas::kShift);
-      cv::circle(field.picture, canvas.at(from), 2 << Canvas::kShift, color, cv::FILLED, cv::LINE_AA, Canvas::kShift);
+      cv::line(field.picture, canvas.at(from), canvas.at(to), color, 1, cv::LINE_AA, kSubpixelBits);
+      cv::circle(field.picture, canvas.at(from), 2 << kSubpixelBits, color, cv::FILLED, cv::LINE_AA, kSubpixelBits);
     }
   }
   return field;

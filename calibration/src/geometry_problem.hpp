@@ -75,7 +75,7 @@ struct GeometryModel {
   Pose T_patient_phantom = Pose::Identity();
 };
 
-/// The model with its numbers (geometry_numbers.hpp) changed by `change`, kModelNumbers of them.
+/// The model with its numbers changed by `change`, kModelNumbers of them.
 GeometryModel changed(const GeometryModel& model, const Eigen::VectorXd& change);
 
 /// Standard deviations of what is random here.

@@ -57,13 +57,6 @@ class HandEyeProblem {
   std::vector<Matrix6d> camera_covariances_;  // Zero where nothing is known.
 };
 
-/// Root mean square distance of the cameras from the object [m].
-double leverOf(const HandEyeEquations& equations);
-
-/// Sum of squares over those `kept` of the poses that agree best: rotations as they are [rad], translations over a
-/// lever.
-double bestSquares(const HandEyeEquations& equations, const HandEyeTransforms& t, std::size_t kept, double lever_m);
-
 /// The start that most poses agree with: see calibrateHandEye.
 HandEyeTransforms robustStart(const HandEyeEquations& equations, HandEyeMount mount, const HandEyeSettings& settings);
 

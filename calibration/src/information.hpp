@@ -3,7 +3,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "angio/calibration/namespace.hpp"
+#include "angio/calibration_records/record.hpp"
 
 namespace angio::calibration {
 
@@ -15,6 +15,13 @@ inline Eigen::MatrixXd covarianceOf(const Eigen::MatrixXd& information, double f
   scaled.diagonal().array() += floor;
   const Eigen::MatrixXd inverse = scaled.ldlt().solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols()));
   return scale.asDiagonal() * inverse * scale.asDiagonal();
+}
+
+/// Fills condition and weak directions of a record by its covariance.
+inline void recordObservability(CalibrationRecord& record) {
+  const Observability seen = observability(record.parameters, record.covariance);
+  record.condition = seen.condition;
+  record.weak_directions = seen.weak_directions;
 }
 
 }  // namespace angio::calibration

@@ -17,6 +17,7 @@
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
+#include "hand_eye_problem.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -94,10 +95,7 @@ PoseOfPoints poseOfPoints(const std::string& place, const XrayCamera& camera, co
   }
   Normal n = normalAt(camera, points_object_m, points_px, found.T_camera_object);
   for (int step = 0; step < kSteps && n.in_front; ++step) {
-    const Vector6d d = n.A.ldlt().solve(n.b);
-    Pose next = found.T_camera_object;
-    next.translation() += d.head<3>();
-    next.linear() = expSO3(d.tail<3>()) * next.linear();
+    const Pose next = movedBy(found.T_camera_object, n.A.ldlt().solve(n.b));
     const Normal there = normalAt(camera, points_object_m, points_px, next);
     if (!there.in_front || !(there.squares < n.squares)) break;
     found.T_camera_object = next;
@@ -120,7 +118,7 @@ namespace fs = std::filesystem;
 
 constexpr double kNearestObject_m = 0.01, kFarthestObject_m = 20;
 constexpr double kSame = 1e-9;  // Two measurements are never so near each other [m, rad].
-constexpr int kMaxPoses = 2000;
+constexpr std::size_t kMaxPoses = 2000;
 
 PoseSigma readSigma(const std::string& path, const YamlField& field) {
   YamlMap map(path, *field.node, field.key);
@@ -137,7 +135,7 @@ void readPoints(const std::string& path, HandEyePose& pose) {
       object.push_back(1e-3 * requireBetween(row.place(), column, row.number(column), -1e4, 1e4));
     }
   });
-  const auto points = static_cast<Eigen::Index>(seen.size() / 2);
+  const std::size_t points = seen.size() / 2;
   pose.points_px = Eigen::Map<Eigen::Matrix2Xd>(seen.data(), 2, points);
   pose.points_object_m = Eigen::Map<Eigen::Matrix3Xd>(object.data(), 3, points);
 }
@@ -223,11 +221,11 @@ PoseSet readPoseSet(const std::string& path, const CArmGeometry* carm) {
     set.camera = readCamera(camera_path);
     set.input_paths.push_back(camera_path);
   }
-  const YamlField poses = map.need("poses");
-  if (poses.node->kind != YamlNode::Kind::kSequence) poses.refuse("must be a list of poses");
-  if (poses.node->items.size() > kMaxPoses) poses.refuse("must hold at most " + std::to_string(kMaxPoses));
+  const YamlField list = map.need("poses");
+  const std::vector<YamlField> poses = list.items("must be a list of poses");
+  if (poses.size() > kMaxPoses) list.refuse("must hold at most " + std::to_string(kMaxPoses));
   PoseReader reader(set, carm);
-  for (std::size_t i = 0; i < poses.node->items.size(); ++i) reader.read(poses.item(i));
+  for (const YamlField& pose : poses) reader.read(pose);
   map.refuseOthers();
   checkPoseSet(set);
   return set;

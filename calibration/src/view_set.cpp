@@ -106,12 +106,8 @@ ViewSet readViewSet(const std::string& path) {
   if (const auto spacing = map.find("pixel_spacing_mm")) set.pixel_spacing_m = 1e-3 * spacing->positive();
   const YamlField views = map.need("views");
   map.refuseOthers();
-  if (views.node->kind != YamlNode::Kind::kSequence || views.node->items.empty()) {
-    views.refuse("must be a list of at least one view");
-  }
   std::map<std::string, std::string> names, paths;  // To the key of the view that had them first.
-  for (std::size_t i = 0; i < views.node->items.size(); ++i) {
-    const YamlField field = views.item(i);
+  for (const YamlField& field : views.items("must be a list of at least one view", 1)) {
     PhantomView view = readView(path, field);
     if (const auto [at, fresh] = names.emplace(view.name, field.key); !fresh) {
       throw InputError(field.place(), field.key + ".name", view.name, "is the name of " + at->second + " already");

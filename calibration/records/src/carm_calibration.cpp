@@ -51,16 +51,16 @@ constexpr std::array<double, kFlexColumns> kFlexUnits = {1e-3,        1e-3, 1e-3
                                                          degToRad(1), 1,    1,    degToRad(1)};
 
 void readFlex(const YamlField& field, CArmFlex& flex) {
-  if (field.node->kind != YamlNode::Kind::kSequence) field.refuse("must be a list of rows");
-  if (field.node->items.size() > CArmFlex::kMaxTerms) {
+  const std::vector<YamlField> rows = field.items("must be a list of rows");
+  if (rows.size() > CArmFlex::kMaxTerms) {
     field.refuse("must not have more than " + std::to_string(CArmFlex::kMaxTerms) + " rows");
   }
-  for (std::size_t i = 0; i < field.node->items.size(); ++i) {
-    auto numbers = field.item(i).numbers(kFlexColumns);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    auto numbers = rows[i].numbers(kFlexColumns);
     for (std::size_t k = 0; k < kFlexColumns; ++k) numbers[k] *= kFlexUnits[k];
     flex.terms[i] = {Eigen::Map<const Twist>(numbers.data()), numbers[6], numbers[7], numbers[8]};
   }
-  flex.count = static_cast<int>(field.node->items.size());
+  flex.count = static_cast<int>(rows.size());
 }
 
 Json flexAsJson(const CArmFlex& flex) {

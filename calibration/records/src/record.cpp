@@ -26,24 +26,22 @@ using Clock = std::chrono::system_clock;
 
 const std::set<std::string> kKinds = {"camera", "geometry", "hand_eye", "registration"};
 
+constexpr const char* kDateFormat = "%Y-%m-%dT%H:%M:%SZ";
+
+std::string dateOf(std::time_t time) {
+  std::tm utc{};
+  gmtime_r(&time, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, kDateFormat, &utc);
+  return text;
+}
+
 std::optional<Clock::time_point> timeOf(const std::string& date) {
   std::tm utc{};
-  int end = 0;
-  if (std::sscanf(date.c_str(), "%4d-%2d-%2dT%2d:%2d:%2dZ%n", &utc.tm_year, &utc.tm_mon, &utc.tm_mday, &utc.tm_hour,
-                  &utc.tm_min, &utc.tm_sec, &end) != 6 ||
-      end != static_cast<int>(date.size()) || date.size() != 20) {
-    return std::nullopt;
-  }
-  utc.tm_year -= 1900;
-  utc.tm_mon -= 1;
-  const std::tm said = utc;
-  const std::time_t seconds = timegm(&utc);
-  // The 31st of February would become a day of March.
-  if (utc.tm_mon != said.tm_mon || utc.tm_mday != said.tm_mday || utc.tm_hour != said.tm_hour ||
-      utc.tm_min != said.tm_min || utc.tm_sec != said.tm_sec) {
-    return std::nullopt;
-  }
-  return Clock::from_time_t(seconds);
+  if (!strptime(date.c_str(), kDateFormat, &utc)) return std::nullopt;
+  const std::time_t time = timegm(&utc);
+  if (dateOf(time) != date) return std::nullopt;  // The 31st of February would become a day of March.
+  return Clock::from_time_t(time);
 }
 
 Json rowsOf(const Eigen::MatrixXd& matrix) {
@@ -52,18 +50,12 @@ Json rowsOf(const Eigen::MatrixXd& matrix) {
   return rows;
 }
 
-std::size_t countOf(const YamlField& list) {
-  if (list.node->kind != YamlNode::Kind::kSequence) list.refuse("must be a list");
-  return list.node->items.size();
-}
-
 Eigen::MatrixXd readCovariance(const YamlField& field, std::size_t size) {
-  const std::string rule = "must be " + std::to_string(size) + " rows, one per parameter";
-  if (countOf(field) != size) field.refuse(rule);
+  const std::vector<YamlField> rows = field.items("must be a list");
+  if (rows.size() != size) field.refuse("must be " + std::to_string(size) + " rows, one per parameter");
   Eigen::MatrixXd covariance(size, size);
   for (std::size_t r = 0; r < size; ++r) {
-    const std::vector<double> row = field.item(r).numbers(size);
-    covariance.row(r) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), row.size());
+    covariance.row(r) = Eigen::Map<const Eigen::RowVectorXd>(rows[r].numbers(size).data(), size);
   }
   return requireCovariance(field, covariance, Definiteness::kSemi);
 }
@@ -100,8 +92,9 @@ WeakDirection readWeak(const YamlField& field) {
 template <typename Item>
 std::vector<Item> listOf(YamlMap& map, const char* key, Item (*read)(const YamlField&)) {
   std::vector<Item> items;
-  const auto list = map.find(key);
-  for (std::size_t i = 0; list && i < countOf(*list); ++i) items.push_back(read(list->item(i)));
+  if (const auto list = map.find(key)) {
+    for (const YamlField& item : list->items("must be a list")) items.push_back(read(item));
+  }
   return items;
 }
 
@@ -113,10 +106,9 @@ CalibrationRecord readRecord(const std::string& path, const std::string& kind, c
   if (!timeOf(record.date)) map.need("date").refuse("must be a date as 2026-01-31T12:00:00Z");
   if (const auto machine = map.find("machine")) record.machine = machine->text();
   record.inputs = listOf(map, "inputs", readInput);
-  const YamlField parameters = map.need("parameters");
-  for (std::size_t i = 0; i < countOf(parameters); ++i) record.parameters.push_back(parameters.item(i).text());
+  for (const YamlField& name : map.need("parameters").items("must be a list")) record.parameters.push_back(name.text());
   const std::vector<double> values = map.need("values").numbers(record.parameters.size());
-  record.values = Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+  record.values = Eigen::Map<const Eigen::VectorXd>(values.data(), values.size());
   record.covariance = readCovariance(map.need("covariance"), record.parameters.size());
   record.condition = map.need("condition").positive();
   record.weak_directions = listOf(map, "weak_directions", readWeak);
@@ -202,14 +194,7 @@ CalibrationInput hashedInput(const std::string& path) {
   return input;
 }
 
-std::string dateNow() {
-  const std::time_t now = Clock::to_time_t(Clock::now());
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text;
-}
+std::string dateNow() { return dateOf(Clock::to_time_t(Clock::now())); }
 
 std::vector<std::string> checkRecords(const std::string& path, const std::vector<CalibrationRecord>& records,
                                       const RecordGate& gate, Clock::time_point now) {

@@ -232,7 +232,6 @@ XrayCamera readCamera(const std::string& path) {
 
 nlohmann::ordered_json cameraAsJson(const CameraFile& file) {
   const auto& p = file.camera.parameters();
-  const auto millimetres = [](double value_m) { return std::stod(exactMillimetres(value_m)); };
   nlohmann::ordered_json json = {{"image_size_px", {p.width_px, p.height_px}},
                                  {"fx_px", p.fx_px},
                                  {"fy_px", p.fy_px},

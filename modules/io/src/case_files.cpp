@@ -22,9 +22,7 @@ constexpr double kSamePlace = 1e-6;
 // What stands in a list, or, for one, in its place.
 std::vector<YamlField> entriesOf(const YamlField& field) {
   if (field.node->kind != YamlNode::Kind::kSequence) return {field};
-  std::vector<YamlField> entries;
-  for (std::size_t i = 0; i < field.node->items.size(); ++i) entries.push_back(field.item(i));
-  return entries;
+  return field.items("must be a list");
 }
 
 // As many entries as there are views.
@@ -73,11 +71,8 @@ class CaseReader {
     map.refuseOthers();
     CaseSet result;
     result.sequence = sequence && sequence->flag();
-    if (cases.node->kind != YamlNode::Kind::kSequence || cases.node->items.empty()) {
-      cases.refuse("must be a list of at least one case");
-    }
-    for (std::size_t i = 0; i < cases.node->items.size(); ++i) {
-      result.cases.push_back(readCase(*cases.item(i).node, tree, {camera, T_view_first}));
+    for (const YamlField& one : cases.items("must be a list of at least one case", 1)) {
+      result.cases.push_back(readCase(*one.node, tree, {camera, T_view_first}));
     }
     return result;
   }

@@ -185,12 +185,11 @@ Json curveOf(const VesselTree& tree, const std::vector<int>& branch, std::size_t
   Json points = Json::array(), radii = Json::array();
   for (const int i : branch) {
     Json position = Json::array();
-    // As text and back: the number of millimetres that divides to the same number of metres.
-    for (int k = 0; k < 3; ++k) position.push_back(parseNumber("tree", "x_mm", exactMillimetres(tree.points()(k, i))));
+    for (int k = 0; k < 3; ++k) position.push_back(millimetres(tree.points()(k, i)));
     points.push_back(
         {{"id", std::to_string(points.size() + 1)}, {"position", position}, {"positionStatus", "defined"}});
     const auto& radius = tree.radii()[i];
-    radii.push_back(radius ? parseNumber("tree", "radius_mm", exactMillimetres(*radius)) : 0.0);
+    radii.push_back(radius ? millimetres(*radius) : 0.0);
   }
   Json curve = {{"type", "Curve"},         {"coordinateSystem", frame},
                 {"coordinateUnits", "mm"}, {"name", "branch " + std::to_string(number)},

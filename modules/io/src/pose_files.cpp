@@ -118,8 +118,7 @@ void writePose(const std::string& path, const PoseFile& pose) {
   requireFinite(path, "translation_mm", pose.T_camera_model.translation().sum());
   if (pose.covariance) requireFinite(path, "covariance", pose.covariance->sum());
   nlohmann::ordered_json json = {{"rotation", numbersOf(R)}};
-  for (const double x : pose.T_camera_model.translation())
-    json["translation_mm"].push_back(std::stod(exactMillimetres(x)));
+  for (const double x : pose.T_camera_model.translation()) json["translation_mm"].push_back(millimetres(x));
   if (pose.covariance) json["covariance"] = numbersOf(RowMajor6d(*pose.covariance));
   if (pose.model_id != ModelId::kUnknown) json["model_id"] = static_cast<std::int64_t>(pose.model_id);
   json["parent"] = "camera";

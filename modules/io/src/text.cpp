@@ -127,19 +127,21 @@ std::string exact(double value) {
   return std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
 }
 
-std::string exactMillimetres(double value_m) {
+double millimetres(double value_m) {
   const double value_mm = value_m * 1e3;
   char text[40];
   // Fifteen digits keep what came from a file as it was: 0.0408 m is 40.8 mm, not 40.800000000000004.
   const std::string_view rounded(
       text, static_cast<std::size_t>(
                 std::to_chars(text, text + sizeof text, value_mm, std::chars_format::general, 15).ptr - text));
-  if (parsed(rounded) / 1e3 == value_m) return exact(parsed(rounded));
+  if (parsed(rounded) / 1e3 == value_m) return parsed(rounded);
   for (const double candidate : {value_mm, std::nextafter(value_mm, -HUGE_VAL), std::nextafter(value_mm, HUGE_VAL)}) {
-    if (candidate / 1e3 == value_m) return exact(candidate);
+    if (candidate / 1e3 == value_m) return candidate;
   }
-  return exact(value_mm);
+  return value_mm;
 }
+
+std::string exactMillimetres(double value_m) { return exact(millimetres(value_m)); }
 
 namespace {
 

@@ -69,9 +69,9 @@ Distances readDistances(const DicomFile& file, int frame, Lines& assumed) {
   return {*detector_m, isocenter_m};
 }
 
-// At the detector, between rows and between columns [m].
+// At the detector, between rows and between columns.
 struct Spacing {
-  double rows_m = 0, columns_m = 0;
+  Eigen::Vector2d mm;
   DicomTag from;
 };
 
@@ -87,32 +87,27 @@ std::optional<Eigen::Vector2d> pairOf(const DicomFile& file, const DicomTag& tag
 Spacing readSpacing(const DicomFile& file, const DicomPixelLayout& layout, const Distances& distances, int frame,
                     Lines& assumed) {
   constexpr double kWidestPixel_mm = 10, kWidestField_mm = 2000;
-  const auto spacing = [](const Eigen::Vector2d& mm, const DicomTag& from) {
-    return Spacing{mm[0] * 1e-3, mm[1] * 1e-3, from};
-  };
   const auto assume = [&](const Eigen::Vector2d& mm, const std::string& how) {
     assumed.push_back(missing(tag::kImagerSpacing, formatValue(mm[0]) + " x " + formatValue(mm[1]) + " mm by " + how));
   };
-  if (const auto mm = pairOf(file, tag::kImagerSpacing, frame, kWidestPixel_mm))
-    return spacing(*mm, tag::kImagerSpacing);
-
+  if (const auto mm = pairOf(file, tag::kImagerSpacing, frame, kWidestPixel_mm)) return {*mm, tag::kImagerSpacing};
   const auto in_patient = pairOf(file, tag::kPixelSpacing, frame, kWidestPixel_mm);
   if (in_patient && distances.isocenter_m) {
     const Eigen::Vector2d mm = *in_patient * distances.detector_m / *distances.isocenter_m;
     assume(mm, tag::kPixelSpacing.label() + ", calibrated by " +
                    file.text(tag::kCalibrationType, frame).value_or("an unknown way") + ", taken at the isocentre");
-    return spacing(mm, tag::kPixelSpacing);
+    return {mm, tag::kPixelSpacing};
   }
   const Eigen::Vector2d size_px(layout.height_px, layout.width_px);
   if (const auto field_mm = pairOf(file, tag::kFieldDimensions, frame, kWidestField_mm)) {
     const Eigen::Vector2d mm = field_mm->cwiseQuotient(size_px);
     assume(mm, tag::kFieldDimensions.label() + " on the whole image");
-    return spacing(mm, tag::kFieldDimensions);
+    return {mm, tag::kFieldDimensions};
   }
   if (const auto size_mm = pairOf(file, tag::kIntensifierSize, frame, kWidestField_mm)) {
     const Eigen::Vector2d mm = Eigen::Vector2d::Constant((*size_mm)[0] / size_px.maxCoeff());
     assume(mm, tag::kIntensifierSize.label() + " on the whole image");
-    return spacing(mm, tag::kIntensifierSize);
+    return {mm, tag::kIntensifierSize};
   }
   throw file.refusal(tag::kImagerSpacing, "",
                      "is missing, and with it the camera: no " + tag::kFieldDimensions.label() + ", " +
@@ -129,11 +124,12 @@ XaGeometry readXaCamera(const DicomFile& file, const DicomPixelLayout& layout, i
   XrayCamera::Parameters p;
   p.width_px = layout.width_px;
   p.height_px = layout.height_px;
-  p.fx_px = distances.detector_m / spacing.columns_m;
-  p.fy_px = distances.detector_m / spacing.rows_m;
+  const double rows_m = spacing.mm[0] * 1e-3, columns_m = spacing.mm[1] * 1e-3;
+  p.fx_px = distances.detector_m / columns_m;
+  p.fy_px = distances.detector_m / rows_m;
   p.cx_px = 0.5 * (layout.width_px - 1);
   p.cy_px = 0.5 * (layout.height_px - 1);
-  if (spacing.columns_m == spacing.rows_m) p.pixel_spacing_m = spacing.rows_m;
+  if (columns_m == rows_m) p.pixel_spacing_m = rows_m;
   p.source_detector_distance_m = distances.detector_m;
   XaGeometry geometry{XrayCamera(p)};
   geometry.source_detector_distance_m = distances.detector_m;

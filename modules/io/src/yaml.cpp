@@ -181,12 +181,19 @@ const std::string& YamlField::text() const {
 
 YamlField YamlField::item(std::size_t i) const { return {path, key + "[" + std::to_string(i) + "]", &node->items[i]}; }
 
+std::vector<YamlField> YamlField::items(const std::string& rule, std::size_t min, std::size_t max) const {
+  const std::size_t count = node->items.size();
+  if (node->kind != YamlNode::Kind::kSequence || count < min || count > max) refuse(rule);
+  std::vector<YamlField> all;
+  for (std::size_t i = 0; i < count; ++i) all.push_back(item(i));
+  return all;
+}
+
 std::vector<double> YamlField::numbers(std::size_t count) const {
-  if (node->kind != YamlNode::Kind::kSequence || node->items.size() != count) {
-    refuse("must be a list of " + std::to_string(count) + " numbers");
-  }
   std::vector<double> result;
-  for (std::size_t i = 0; i < count; ++i) result.push_back(item(i).number());
+  for (const YamlField& entry : items("must be a list of " + std::to_string(count) + " numbers", count, count)) {
+    result.push_back(entry.number());
+  }
   return result;
 }
 

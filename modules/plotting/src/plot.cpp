@@ -31,12 +31,6 @@ struct Scale {
   }
 };
 
-// The largest of 1, 2 and 5 times a power of ten that is not above a value.
-double roundedDown(double value) {
-  const double decade = std::pow(10, std::floor(std::log10(value)));
-  return value >= 5 * decade ? 5 * decade : value >= 2 * decade ? 2 * decade : decade;
-}
-
 Scale scaleOf(const Plot& plot, bool upright) {
   const PlotAxis& axis = upright ? plot.y : plot.x;
   Scale scale;
@@ -286,6 +280,11 @@ cv::Rect2d frameOf(const Plot& plot, double width_px, double height_px, double r
 }
 
 }  // namespace
+
+double roundedDown(double value) {
+  const double decade = std::pow(10, std::floor(std::log10(value)));
+  return value >= 5 * decade ? 5 * decade : value >= 2 * decade ? 2 * decade : decade;
+}
 
 std::string svgPlot(const Plot& plot, int width_px, int height_px) {
   SvgCanvas canvas;

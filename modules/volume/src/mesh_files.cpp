@@ -325,28 +325,18 @@ const MeshFormat* formatOf(const std::string& path) {
 }
 
 // Positions in LPS; every triangle's corners are points, and every point is finite.
-void check(const std::string& path, vtkPolyData& mesh, PatientFrame frame) {
-  const vtkIdType points = mesh.GetNumberOfPoints();
-  for (vtkIdType i = 0; i < points; ++i) {
-    double p[3];
-    mesh.GetPoint(i, p);
-    for (int k = 0; k < 3; ++k) requireBetween(path, "point " + std::to_string(i), p[k], -1e4, 1e4);
-    if (frame == PatientFrame::kRas) mesh.GetPoints()->SetPoint(i, -p[0], -p[1], p[2]);
+void check(const std::string& path, PatientFrame frame, Surface& surface) {
+  for (Eigen::Index i = 0; i < surface.points_mm.cols(); ++i) {
+    for (const double x : surface.points_mm.col(i)) requireBetween(path, "point " + std::to_string(i), x, -1e4, 1e4);
   }
-  for (vtkCellArray* cells : {mesh.GetPolys(), mesh.GetStrips()}) {
-    vtkNew<vtkIdList> corners;
-    for (vtkIdType c = 0; c < cells->GetNumberOfCells(); ++c) {
-      cells->GetCellAtId(c, corners);
-      for (vtkIdType k = 0; k < corners->GetNumberOfIds(); ++k) {
-        if (corners->GetId(k) >= 0 && corners->GetId(k) < points) continue;
-        throw InputError(path, "triangle " + std::to_string(c), std::to_string(corners->GetId(k)),
-                         "must name points of the file");
-      }
+  if (frame == PatientFrame::kRas) surface.points_mm.topRows<2>() *= -1;
+  for (std::size_t t = 0; t < surface.polygons.size(); ++t) {
+    for (const int corner : surface.polygons[t]) {
+      if (corner >= 0 && corner < surface.points_mm.cols()) continue;
+      throw InputError(path, "triangle " + std::to_string(t), std::to_string(corner), "must name points of the file");
     }
   }
-  if (mesh.GetPolys()->GetNumberOfCells() + mesh.GetStrips()->GetNumberOfCells() == 0) {
-    throw InputError(path, "triangles", "0", "must hold a surface");
-  }
+  if (surface.polygons.empty()) throw InputError(path, "triangles", "0", "must hold a surface");
 }
 
 vtkSmartPointer<vtkPolyData> closed(vtkPolyData& mesh) {
@@ -372,9 +362,9 @@ VoxelMask readMesh(const std::string& path, double voxel_m, PatientFrame frame) 
   if (format == std::end(kFormats)) {
     throw InputError(path, "extension", extensionOf(path), "must be .stl, .vtp or .vtk");
   }
-  const auto mesh = meshOf(format->read(path));
-  check(path, *mesh, frame);
-  const auto surface = closed(*mesh);
+  Surface read = format->read(path);
+  check(path, frame, read);
+  const auto surface = closed(*meshOf(read));
 
   const double voxel_mm = 1e3 * voxel_m;
   double bounds[6];

@@ -67,7 +67,8 @@ int parseInteger(const std::string& place, const std::string& field, std::string
 /// The shortest decimal form that reads back as the same number.
 std::string exact(double value);
 
-/// Metres as millimetres, so that reading the text and dividing by 1000 gives the same number again.
+/// Metres as millimetres, so that dividing by 1000 gives the same number again, and their text.
+double millimetres(double value_m);
 std::string exactMillimetres(double value_m);
 
 }  // namespace angio::io

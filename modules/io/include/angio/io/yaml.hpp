@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -52,6 +53,9 @@ struct YamlField {
   std::vector<double> numbers(std::size_t count) const;                           ///< A sequence of just so many,
   std::vector<double> numbers(std::size_t count, double low, double high) const;  ///< and each of them within bounds.
   YamlField item(std::size_t i) const;  ///< Of a sequence: its key is "key[i]".
+
+  /// The items of a sequence; refuses all else by this rule, and fewer or more than these.
+  std::vector<YamlField> items(const std::string& rule, std::size_t min = 0, std::size_t max = SIZE_MAX) const;
 };
 
 /// Reads the keys of a map; what nobody asked for is refused at the end.

@@ -97,6 +97,9 @@ std::string svgPlotFile(const std::vector<Plot>& plots, int width_px, int height
 /// Draws plots below each other, each `width_px` x `height_px` and with as wide a frame, CV_8UC3 on white.
 cv::Mat drawPlots(const std::vector<Plot>& plots, int width_px = 900, int height_px = 260);
 
+/// The largest of 1, 2 and 5 times a power of ten that is not above a positive value.
+double roundedDown(double value);
+
 /// Text as it may stand in HTML and SVG.
 std::string htmlEscaped(const std::string& text);
 
