@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/simulated_patient.hpp"
 
+#include "angio/base/checked.hpp"
 #include "angio/base/errors.hpp"
 
 namespace angio::simulation {
@@ -16,16 +17,11 @@ std::vector<int> devicePath(const VesselTree& tree, const DeviceSettings& settin
   return pathFromRoot(tree, ends[settings.tip_branch]);
 }
 
-SimulatedPatientSettings checked(const SimulatedPatientSettings& settings) {
-  checkSettings("simulation settings", settings);
-  return settings;
-}
-
 }  // namespace
 
 SimulatedPatient::SimulatedPatient(const VesselTree& tree, const SimulatedPatientSettings& settings,
                                    const Surroundings& surroundings)
-    : settings_(checked(settings)),
+    : settings_(checked("simulation settings", settings)),
       tree_(withPlausibleRadii(tree, settings.fluoroscopy.end_radius_mm * 1e-3)),
       renderer_(tree_, settings.fluoroscopy, surroundings),
       bolus_(tree_, settings.bolus),
