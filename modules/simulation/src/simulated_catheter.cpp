@@ -163,7 +163,6 @@ CatheterTruth SimulatedCatheter::truth() const {
   truth.direction_model = heldDirection();
   truth.roll_rad = roll_rad_ + degToRad(settings_.roll_zero_deg);
   truth.bend_rad = degToRad(settings_.tip_angle_deg) + bend_rad_;
-  truth.tip_force_n = tip_force_n_;
   truth.touches_wall = touches_;
   truth.buckled = buckled_;
   truth.wall_contacts = contacts_;
