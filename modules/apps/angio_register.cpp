@@ -2,12 +2,12 @@
 // angio-register: one tree, one X-ray image or centreline (or one of each view), one pose.
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <iostream>
 #include <optional>
 #include <string>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/cli/bus_help.hpp"
@@ -104,9 +104,8 @@ PoseCertificate certified(const VesselTree& tree, const SeenView& view, const Po
       certify(tree, viewOf(view), initial, result.T_camera_model, settings, [&](double closed, double bound) {
         // Over when the box is closed, and after the time that it may take.
         const double elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-        char note[40];
-        std::snprintf(note, sizeof note, "bound %.2f of the score", bound);
-        bar.show(static_cast<int>(kSteps * std::max(closed, elapsed_s / settings.seconds)), note);
+        bar.show(static_cast<int>(kSteps * std::max(closed, elapsed_s / settings.seconds)),
+                 formatted("bound %.2f of the score", bound));
       });
   if (certificate.rival && result.status == RegistrationStatus::kConverged) {
     result.status = RegistrationStatus::kAmbiguous;
@@ -117,12 +116,9 @@ PoseCertificate certified(const VesselTree& tree, const SeenView& view, const Po
 
 std::string captionOf(const PoseCertificate& certificate, const CertificateSettings& settings) {
   if (!certificate.proven) return certificate.reason;
-  char text[200];
-  std::snprintf(text, sizeof text,
-                "proven: no pose within +-%g deg / +-%g mm and more than %g mm away has %g %% of the score   %.1f s",
-                settings.box_rotation_deg, settings.box_translation_mm, settings.distance_mm,
-                100 * settings.rival_share, certificate.seconds);
-  return text;
+  return formatted("proven: no pose within +-%g deg / +-%g mm and more than %g mm away has %g %% of the score   %.1f s",
+                   settings.box_rotation_deg, settings.box_translation_mm, settings.distance_mm,
+                   100 * settings.rival_share, certificate.seconds);
 }
 
 // Cameras whose calibration is old may still be right, and whoever asks should know.

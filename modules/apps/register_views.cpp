@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
@@ -23,9 +24,8 @@ namespace {
 
 // Files of these kinds have no camera of their own; one without a name's ending may be a DICOM run.
 bool isPlainPicture(const std::string& path) {
-  const std::string extension = std::filesystem::path(path).extension().string();
-  return extension == ".png" || extension == ".tif" || extension == ".tiff" || extension == ".PNG" ||
-         extension == ".TIF" || extension == ".TIFF";
+  static const std::set<std::string> kEndings = {".png", ".tif", ".tiff", ".PNG", ".TIF", ".TIFF"};
+  return kEndings.count(std::filesystem::path(path).extension().string()) > 0;
 }
 
 int frameOf(const std::vector<int>& frames, std::size_t view) {

@@ -7,7 +7,6 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/data_folder.hpp"

@@ -17,41 +17,34 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-class BadNetwork final : public Bus {
+class BadNetwork final : public DisturbedBus {
  public:
   BadNetwork(std::unique_ptr<Bus> bus, const DisturbanceSettings& settings)
-      : bus_(std::move(bus)), disturbed_(*bus_, settings, 1) {
-    disturbed_.advance(monotonic_us());
+      : DisturbedBus(*bus, settings, 1), bus_(std::move(bus)) {
+    advance(monotonic_us());
   }
 
   void publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) override {
-    disturbed_.advance(monotonic_us());
-    disturbed_.publish(channel, bytes);
+    advance(monotonic_us());
+    DisturbedBus::publish(channel, bytes);
   }
 
-  void subscribe(const std::string& channel, Handler handler) override { bus_->subscribe(channel, std::move(handler)); }
-  void subscribeAll(Listener listener) override { bus_->subscribeAll(std::move(listener)); }
   void overhear(const std::string& channel, Handler handler) override { bus_->overhear(channel, std::move(handler)); }
-  std::string sender() const override { return bus_->sender(); }
 
   // Sends what is due meanwhile, to the millisecond.
   int handle(std::chrono::milliseconds timeout) override {
     const auto end = Clock::now() + timeout;
     for (;;) {
-      disturbed_.advance(monotonic_us());
+      advance(monotonic_us());
       const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
-      const std::chrono::milliseconds most(disturbed_.nextDue_us() ? 1 : 1000);
+      const std::chrono::milliseconds most(nextDue_us() ? 1 : 1000);
       const int handled = bus_->handle(std::clamp(left, std::chrono::milliseconds(0), most));
       if (handled > 0 || Clock::now() >= end || bus_->ended()) return handled;
     }
   }
 
-  bool ended() const override { return bus_->ended(); }
-  std::int64_t refused() const override { return bus_->refused(); }
-
  private:
   std::unique_ptr<Bus> bus_;
-  DisturbedBus disturbed_;
 };
 
 }  // namespace

@@ -4,7 +4,6 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/experiments/closed_loop.hpp"
-#include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"
 #include "angio/io/displacement_files.hpp"

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <vector>
 
 #include "angio/base/errors.hpp"
@@ -187,14 +186,17 @@ const std::string kPlace = "best view";
 constexpr double kFinestStep_rad = degToRad(0.05);
 constexpr double kAskew_rad = degToRad(5);  // What a patient may lie askew and a best view still be in reach.
 
+void requirePoint(const VesselTree& tree, int point) {
+  if (point >= 0 && point < tree.size()) return;
+  throw InputError(kPlace, "segment", std::to_string(point), "the tree has no such point");
+}
+
 void check(const VesselTree& tree, const TreeSegment& segment, const BestViewScene& scene) {
   if (segment.size() < 2) throw InputError(kPlace, "segment", "", "must have two points at least");
   double length_m = 0;
   for (std::size_t k = 0; k < segment.size(); ++k) {
     const int point = segment[k];
-    if (point < 0 || point >= tree.size()) {
-      throw InputError(kPlace, "segment", std::to_string(point), "the tree has no such point");
-    }
+    requirePoint(tree, point);
     if (k == 0) continue;
     if (tree.parents()[static_cast<std::size_t>(point)] != segment[k - 1]) {
       throw InputError(kPlace, "segment", std::to_string(point), "must be a child of the point before it");
@@ -260,11 +262,7 @@ TreeSegment segmentOfBranch(const VesselTree& tree, int branch) {
 }
 
 TreeSegment segmentBetween(const VesselTree& tree, int first, int last) {
-  for (const int point : {first, last}) {
-    if (point < 0 || point >= tree.size()) {
-      throw InputError(kPlace, "segment", std::to_string(point), "the tree has no such point");
-    }
-  }
+  for (const int point : {first, last}) requirePoint(tree, point);
   TreeSegment segment;
   for (int point = last; point >= 0; point = tree.parents()[static_cast<std::size_t>(point)]) {
     segment.push_back(point);

@@ -3,7 +3,6 @@
 #include <visp3/visual_features/vpBasicFeature.h>
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "angio/base/errors.hpp"

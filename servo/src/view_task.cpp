@@ -178,7 +178,7 @@ void ViewTask::followWay(const TaskInput& input, const CArmJoints& rest, bool re
   if (!input.last_velocity.isZero(0)) sent_us_ = input.time_us;
   const bool goes_on = table_broken_ || target_broken_ || (sent_us_ && input.time_us - *sent_us_ <= kShortHold_us);
   if (way_ && goes_on && !reached) return;
-  way_.emplace(input.state.joints, rest);
+  way_ = WayStart{input.state.joints, rest};
 }
 
 // Where the arm would come to rest if it were told to stand still now: what it does until then no hold could mend.

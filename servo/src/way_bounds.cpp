@@ -10,11 +10,11 @@ CArmJoints restOf(const CArmState& state, const CArmLimits& limits) {
   return (state.joints.array() + 0.5 * v * v.abs() / limits.acceleration.array()).matrix();
 }
 
-WayExcursion WayStart::excursion(const CArmJoints& joints, const CArmJoints& goal,
+WayExcursion WayStart::excursion(const CArmJoints& now, const CArmJoints& goal,
                                  const std::function<double(const CArmJoints&)>& distance_m) const {
-  const CArmJoints least = from_.cwiseMin(rest_).cwiseMin(goal), most = from_.cwiseMax(rest_).cwiseMax(goal);
-  const CArmJoints outside = (joints - most).cwiseMax(least - joints).cwiseMax(CArmJoints::Zero());
-  return {outside.tail<3>().norm(), distance_m(joints) - std::max(distance_m(from_), distance_m(rest_))};
+  const CArmJoints least = joints.cwiseMin(rest).cwiseMin(goal), most = joints.cwiseMax(rest).cwiseMax(goal);
+  const CArmJoints outside = (now - most).cwiseMax(least - now).cwiseMax(CArmJoints::Zero());
+  return {outside.tail<3>().norm(), distance_m(now) - std::max(distance_m(joints), distance_m(rest))};
 }
 
 }  // namespace angio::servo

@@ -19,17 +19,13 @@ struct WayExcursion {
 CArmJoints restOf(const CArmState& state, const CArmLimits& limits);
 
 /// Where a way began: the joints, and where the arm would have come to rest from there if it moved already.
-class WayStart {
- public:
-  WayStart(const CArmJoints& joints, const CArmJoints& rest) : from_(joints), rest_(rest) {}
+struct WayStart {
+  CArmJoints joints, rest;
 
-  /// @param goal       Joints at the goal.
+  /// @param now        The present joints. @param goal  Joints at the goal.
   /// @param distance_m Distance of the target from its goal, by joints; as seen now, for the start as for the present.
-  WayExcursion excursion(const CArmJoints& joints, const CArmJoints& goal,
+  WayExcursion excursion(const CArmJoints& now, const CArmJoints& goal,
                          const std::function<double(const CArmJoints&)>& distance_m) const;
-
- private:
-  CArmJoints from_, rest_;
 };
 
 }  // namespace angio::servo

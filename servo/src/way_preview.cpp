@@ -51,7 +51,7 @@ WayPreview previewWay(const ServoLoopSettings& settings, const VesselTree& tree,
   if (!preview.hold_reason && last.time_s > kMost_s - kPeriod_s) {
     preview.hold_reason = "the view is not reached in " + formatValue(kMost_s) + " s";
   }
-  const WayStart way(start, start);
+  const WayStart way{start, start};
   for (const WayPoint& point : preview.points) {
     const WayExcursion out =
         way.excursion(point.joints, last.joints, [&](const CArmJoints& joints) { return error(joints).target_m; });

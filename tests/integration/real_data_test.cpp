@@ -134,7 +134,7 @@ TEST(StaticPhantom, ADeformedFitWithAnotherDepthSaysThatDepthIsOpen) {
     ++deeper;
     if (d.status != RegistrationStatus::kConverged) continue;
     ASSERT_TRUE(d.points) << run.name;
-    const double claimed_m = PatientObservation{d.T_camera_model, *d.covariance, d.points}.depthStd_m(c);
+    const double claimed_m = PatientObservation::of(d).depthStd_m(c);
     EXPECT_GT(claimed_m, 3e-3) << run.name;
     EXPECT_LT(depth_m, 2 * claimed_m) << run.name;
   }

@@ -4,7 +4,6 @@
 #include <lcm/lcm.h>
 #include <poll.h>
 
-#include <algorithm>
 #include <cctype>
 #include <cerrno>
 #include <exception>

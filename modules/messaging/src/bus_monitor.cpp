@@ -2,12 +2,12 @@
 #include "angio/messaging/bus_monitor.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "angio/base/formatted.hpp"
 #include "angio/messaging/any_message.hpp"
 #include "angio/messaging/authenticated_bus.hpp"
 #include "angio/messaging/lcm_datagrams.hpp"
+#include "description.hpp"
 
 namespace angio::messaging {
 namespace {
@@ -28,12 +28,6 @@ std::string typeOf(const std::uint8_t* data, std::size_t size) {
   std::string hex = "unknown ";
   for (int i = 0; i < 8; ++i) hex += formatted("%02x", data[i]);
   return hex;
-}
-
-std::string printable(std::string name) {
-  std::replace_if(
-      name.begin(), name.end(), [](unsigned char c) { return c < 0x20 || c >= 0x7f; }, '?');
-  return name;
 }
 
 double difference(std::int64_t a, std::int64_t b) { return static_cast<double>(a) - static_cast<double>(b); }
@@ -114,7 +108,7 @@ std::vector<ChannelReport> BusMonitor::report(std::int64_t now_us) const {
   std::vector<ChannelReport> reports;
   for (const auto& [name, channel] : channels_) {
     ChannelReport r = channel.sums;
-    r.channel = printable(name);
+    r.channel = wire::harmless(name, name.size());
     r.age_s = 1e-6 * difference(now_us, channel.recent.back().time_us);
     const auto first = std::find_if(channel.recent.begin(), channel.recent.end(),
                                     [&](const Arrival& a) { return a.time_us >= now_us - window_us_; });

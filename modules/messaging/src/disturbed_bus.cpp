@@ -10,13 +10,7 @@
 namespace angio::messaging {
 namespace {
 
-std::uint64_t hashOf(const std::string& text) {
-  Fnv1a hash;
-  hash.add(text.data(), text.size());
-  return hash.value();
-}
-
-std::uint64_t hashOf(const std::uint8_t* data, std::size_t size) {
+std::uint64_t hashOf(const void* data, std::size_t size) {
   Fnv1a hash;
   hash.add(data, size);
   return hash.value();
@@ -45,7 +39,7 @@ DisturbedBus::Link& DisturbedBus::link(const std::string& channel) {
   if (found != links_.end()) return found->second;
   Link made;
   made.settings = everywhere_;
-  made.engine.seed(seed_ ^ hashOf(channel));
+  made.engine.seed(seed_ ^ hashOf(channel.data(), channel.size()));
   return links_.emplace(channel, std::move(made)).first->second;
 }
 

@@ -51,7 +51,7 @@ GatedObservation GatedPerception::gated(Observation observation, const XrayView*
     perception_.reject();
     return result;
   }
-  PatientObservation patient{seen.registration.T_camera_model, *seen.registration.covariance, seen.registration.points};
+  PatientObservation patient = PatientObservation::of(seen.registration);
   result.rejection = placeByTurn(patient, seen.registration, place);
   // What is too unsure for the task is still where the patient is, as well as it is known: it is tracked. Depth that a
   // turn has told must not wander from frame to frame. A wrong focal length makes a tree look bent, so that such frames
@@ -101,7 +101,7 @@ void GatedPerception::resolveDepth() {
   const RegistrationResult& seen = fit->registration;
   resolved_ = ResolvedDepth{
       seen.T_camera_model * (target_ + seen.displacements_m.col(nearestPoint(tree_, target_))),
-      PatientObservation{seen.T_camera_model, *seen.covariance, seen.points}.pointCovariance(target_),
+      PatientObservation::of(seen).pointCovariance(target_),
       window_.T_camera_patient(),
       *fit,
   };

@@ -42,7 +42,7 @@ Eigen::Matrix3Xd countedFrom(const Pose& T_camera_model, const RegistrationResul
 
 // Of a point of the tree, along the beam. The result must have a covariance.
 double depthVariance_m2(const RegistrationResult& result, const Eigen::Vector3d& p_model) {
-  return PatientObservation{result.T_camera_model, *result.covariance, result.points}.pointCovariance(p_model)(2, 2);
+  return PatientObservation::of(result).pointCovariance(p_model)(2, 2);
 }
 
 // What a deformed fit knows of the tree's points, and less of their depth.

@@ -46,7 +46,7 @@ std::optional<std::string> RegistrationGate::rejection(const XrayFrame& frame, c
 std::optional<std::string> RegistrationGate::rejection(const RegistrationResult& seen, const Pose& calibrated,
                                                        const std::optional<Pose>& predicted) const {
   if (const auto why = contradiction(seen, calibrated, predicted)) return why;
-  return tooUnsure({seen.T_camera_model, *seen.covariance, seen.points});
+  return tooUnsure(PatientObservation::of(seen));
 }
 
 std::optional<std::string> RegistrationGate::contradiction(const RegistrationResult& seen, const Pose& calibrated,

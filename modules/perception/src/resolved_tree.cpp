@@ -30,10 +30,6 @@ Eigen::Vector3d placeIn(const RegistrationResult& seen, const Eigen::Vector3d& p
   return seen.T_camera_model * (p_model + seen.displacements_m * weights);
 }
 
-Eigen::Matrix3d covarianceIn(const RegistrationResult& seen, const Eigen::Vector3d& p_model) {
-  return PatientObservation{seen.T_camera_model, *seen.covariance, seen.points}.pointCovariance(p_model);
-}
-
 }  // namespace
 
 ResolvedTree::ResolvedTree(const VesselTree& tree, const DepthFromMotion& fit, const Pose& T_camera_patient,
@@ -57,7 +53,7 @@ ResolvedTree::ResolvedTree(const VesselTree& tree, const DepthFromMotion& fit, c
   double sum_m2 = 0;
   int count = 0;
   for (Eigen::Index i = stride / 2; i < tree.size(); i += stride, ++count) {
-    sum_m2 += covarianceIn(fit_, tree.points().col(i))(2, 2);
+    sum_m2 += PatientObservation::of(fit_).pointCovariance(tree.points().col(i))(2, 2);
   }
   if (count > 0 && across_m2 > 0) rotation_rad2_ = sum_m2 / (count * across_m2) * Eigen::Matrix3d::Identity();
 }
@@ -82,14 +78,14 @@ ResolvedTree::Place ResolvedTree::at(const Eigen::Vector3d& p_model, const Regis
   const Pose T_camera_then = T_camera_patient * T_patient_camera_;
   const Eigen::Matrix3d R = T_camera_then.linear();
   const Eigen::Vector3d expected = T_camera_then * placeIn(fit_, p_model, around);
-  const Eigen::Matrix3d known = R * covarianceIn(fit_, p_model) * R.transpose();
+  const Eigen::Matrix3d known = R * PatientObservation::of(fit_).pointCovariance(p_model) * R.transpose();
   const Eigen::Vector3d axis = T_camera_patient.linear() * axis_;
   const Eigen::Matrix3d along = axis * axis.transpose();
 
   const Eigen::Vector3d shown = placeIn(seen, p_model, around);
   const Eigen::Matrix<double, 2, 3> H = acrossRay(shown);
   const Eigen::Vector2d off = H * (shown - expected);
-  const Eigen::Matrix2d noise = H * covarianceIn(seen, p_model) * H.transpose();
+  const Eigen::Matrix2d noise = H * PatientObservation::of(seen).pointCovariance(p_model) * H.transpose();
   const double drift2_m2 =
       kAtOnce_m * kAtOnce_m + kDrift_m_per_root_minute * kDrift_m_per_root_minute * age_s(time_us) / 60;
 

@@ -4,8 +4,6 @@
 #include <array>
 #include <cmath>
 
-#include "angio/simulation/fluoroscopy_settings.hpp"
-
 namespace angio::simulation {
 namespace {
 

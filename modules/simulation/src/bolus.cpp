@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/bolus.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include "angio/base/errors.hpp"

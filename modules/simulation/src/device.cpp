@@ -2,7 +2,6 @@
 #include "angio/simulation/device.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 
 #include "angio/base/errors.hpp"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "shapes.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 // Compiled once for every vector target by the include below, which is chosen from at run time.

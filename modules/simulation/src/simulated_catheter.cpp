@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "angio/base/checked.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/simulation/namespace.hpp"
@@ -59,11 +60,6 @@ constexpr double kRest_m = 1e-9;            // Less than that is no motion.
 constexpr double kParted_m = 1e-3;          // Beyond where ways part, they have directions of their own.
 constexpr double kPlausibleEnd_m = 0.6e-3;  // Radius where the tree ends, if it does not say: the renderer's default.
 
-CatheterSettings checked(const CatheterSettings& settings) {
-  checkSettings("catheter", settings);
-  return settings;
-}
-
 // A play operator: what follows `input` with a dead band of `half_width` to either side.
 double followed(double output, double input, double half_width) {
   return std::clamp(output, input - half_width, input + half_width);
@@ -74,7 +70,7 @@ double followed(double output, double input, double half_width) {
 SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings,
                                      const TreeLocation& start, std::int64_t now_us, const ReceiverSettings& receiver)
     : CommandReceiver(receiver),
-      settings_(checked(settings)),
+      settings_(checked("catheter", settings)),
       tree_(withPlausibleRadii(tree, kPlausibleEnd_m)),
       map_(tree_),
       now_us_(now_us),
@@ -167,7 +163,6 @@ CatheterTruth SimulatedCatheter::truth() const {
   truth.direction_model = heldDirection();
   truth.roll_rad = roll_rad_ + degToRad(settings_.roll_zero_deg);
   truth.bend_rad = degToRad(settings_.tip_angle_deg) + bend_rad_;
-  truth.tip_force_n = tip_force_n_;
   truth.touches_wall = touches_;
   truth.buckled = buckled_;
   truth.wall_contacts = contacts_;

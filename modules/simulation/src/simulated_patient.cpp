@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "angio/base/checked.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/simulation/contrast_filling.hpp"
 #include "uniform.hpp"
@@ -49,16 +50,11 @@ MotionSettings withoutMeasured(MotionSettings motion) {
   return motion;
 }
 
-SimulatedPatientSettings checked(const SimulatedPatientSettings& settings) {
-  checkSettings("simulation settings", settings);
-  return settings;
-}
-
 }  // namespace
 
 SimulatedPatient::SimulatedPatient(const VesselTree& tree, const SimulatedPatientSettings& settings,
                                    const Surroundings& surroundings)
-    : settings_(checked(settings)),
+    : settings_(checked("simulation settings", settings)),
       tree_(withPlausibleRadii(tree, settings.fluoroscopy.end_radius_mm * 1e-3)),
       renderer_(tree_, settings.fluoroscopy, surroundings),
       bolus_(tree_, settings.bolus),

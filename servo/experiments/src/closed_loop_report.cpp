@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 

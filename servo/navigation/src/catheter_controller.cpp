@@ -3,16 +3,12 @@
 
 #include <cmath>
 
+#include "angio/base/checked.hpp"
 #include "angio/types/channels.hpp"
 #include "angio/types/time_stamp.hpp"
 
 namespace angio::navigation {
 namespace {
-
-CatheterControllerSettings checked(const CatheterControllerSettings& settings) {
-  checkSettings("catheter controller", settings);
-  return settings;
-}
 
 // A drive that has been heard of numbers its states or knows the time.
 bool heardOf(const CatheterState& drive) { return drive.sequence != 0 || drive.time_us != 0; }
@@ -21,7 +17,7 @@ bool heardOf(const CatheterState& drive) { return drive.sequence != 0 || drive.t
 
 CatheterController::CatheterController(const CArmSetup& setup, const VesselTree& tree, const TreeLocation& start,
                                        const TreeLocation& target, const CatheterControllerSettings& settings)
-    : settings_(checked(settings)),
+    : settings_(checked("catheter controller", settings)),
       setup_(setup),
       centroid_(tree.centroid()),
       perception_({settings.perception, settings.supervisor, setup.carm, setup.T_dsa_cb, centroid_}, tree),

@@ -3,16 +3,13 @@
 
 #include <algorithm>
 
+#include "angio/base/checked.hpp"
+
 namespace angio::navigation {
 namespace {
 
 constexpr double kUsualPeriod_s = 1.0 / 15;
 constexpr double kMaxPeriod_s = 0.2;  // A longer gap is no time in which doubt could have been cleared up.
-
-CatheterLoopSettings checked(const CatheterLoopSettings& settings) {
-  checkSettings("catheter loop", settings);
-  return settings;
-}
 
 // What the navigator believes of how its tip is deflected, as a length.
 TipOffset offsetOf(const TipRoll& roll, double tip_length_m) {
@@ -23,7 +20,7 @@ TipOffset offsetOf(const TipRoll& roll, double tip_length_m) {
 
 CatheterLoop::CatheterLoop(const VesselTree& tree, const TreeLocation& start, const TreeLocation& target,
                            const CatheterLoopSettings& settings)
-    : settings_(checked(settings)),
+    : settings_(checked("catheter loop", settings)),
       navigator_(tree, target, settings.navigator),
       tracer_(tree, settings.tracer),
       localiser_(settings.localiser, tree) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/base/checked.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/imaging/device_contrast.hpp"
 #include "angio/vessel/tree_topology.hpp"
@@ -29,17 +30,12 @@ constexpr double kLevelShare = 0.35;  // Of a trace, that is less dark than its 
 constexpr int kLongLost = 5;          // Frames.
 constexpr double kKeep = 0.8;         // Of the catheter's contrast from frame to frame.
 
-CatheterTracerSettings checked(const CatheterTracerSettings& settings) {
-  checkSettings("catheter tracer", settings);
-  return settings;
-}
-
 }  // namespace
 
 class CatheterTracer::Impl {
  public:
   Impl(const VesselTree& tree, const CatheterTracerSettings& settings)
-      : settings_(checked(settings)), places_(tree), walk_(places_, 1e-3 * settings.slack_mm) {}
+      : settings_(checked("catheter tracer", settings)), places_(tree), walk_(places_, 1e-3 * settings.slack_mm) {}
 
   std::optional<CatheterTrace> trace(const cv::Mat& image, const SeenPose& pose, const TipBelief& expected,
                                      const TipOffset& offset) {

@@ -1,15 +1,22 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/navigation/drive_monitor.hpp"
 
+#include <limits>
+
+#include "angio/base/checked.hpp"
 #include "angio/geometry/se3.hpp"
 
 namespace angio::navigation {
 namespace {
 
-AxisTraits traits(const DriveMonitorSettings& s, const char* name, bool angle) {
+constexpr double kNoEnd = std::numeric_limits<double>::infinity();
+
+AxisTraits traits(const DriveMonitorSettings& s, const char* name, bool angle, double lower, double upper) {
   AxisTraits axis;
   axis.name = name;
   axis.angle = angle;
+  axis.lower = lower;
+  axis.upper = upper;
   axis.acceleration = angle ? degToRad(s.min_acceleration_deg_per_s2) : 1e-3 * s.min_acceleration_mm_per_s2;
   axis.deadband_speed = angle ? degToRad(s.deadband_deg_per_s) : 1e-3 * s.deadband_mm_per_s;
   axis.max_deviation = angle ? degToRad(s.max_deviation_deg) : 1e-3 * s.max_deviation_mm;
@@ -18,25 +25,13 @@ AxisTraits traits(const DriveMonitorSettings& s, const char* name, bool angle) {
   return axis;
 }
 
-AxisTraits insertion(const DriveMonitorSettings& s) {
-  AxisTraits axis = traits(s, "insertion", false);
-  axis.lower = 0;  // It cannot be pulled out further.
-  return axis;
-}
-
-AxisTraits bend(const DriveMonitorSettings& s, double max_rad) {
-  AxisTraits axis = traits(s, "bend", true);
-  axis.lower = 0;
-  axis.upper = max_rad;
-  return axis;
-}
-
 }  // namespace
 
 DriveMonitor::DriveMonitor(const DriveMonitorSettings& settings, double max_bend_rad)
-    : insertion_((checkSettings("drive monitor", settings), insertion(settings))),
-      roll_(traits(settings, "roll", true)),
-      bend_(bend(settings, max_bend_rad)) {}
+    : insertion_(
+          traits(checked("drive monitor", settings), "insertion", false, 0, kNoEnd)),  // Never pulled out further.
+      roll_(traits(settings, "roll", true, -kNoEnd, kNoEnd)),
+      bend_(traits(settings, "bend", true, 0, max_bend_rad)) {}
 
 void DriveMonitor::forget() {
   for (AxisMonitor* axis : {&insertion_, &roll_, &bend_}) axis->forget();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/base/checked.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
 #include "route_view.hpp"
@@ -22,11 +23,6 @@ constexpr int kTriesInAll = 6;           // At all forks, times those at one.
 
 double usualDeflection(const NavigatorSettings& settings, double bend_rad) {
   return kDeflected * std::sin(std::clamp(degToRad(settings.tip_angle_deg) + bend_rad, degToRad(10), 0.5 * kPi));
-}
-
-NavigatorSettings checked(const NavigatorSettings& settings) {
-  checkSettings("navigator", settings);
-  return settings;
 }
 
 bool sound(const NavigationInput& input) {
@@ -56,7 +52,7 @@ const char* stateName(NavigationState state) {
 }
 
 Navigator::Navigator(const VesselTree& tree, const TreeLocation& target, const NavigatorSettings& settings)
-    : settings_(checked(settings)),
+    : settings_(checked("navigator", settings)),
       map_(tree),
       target_(target),
       roll_(usualDeflection(settings, 0), degToRad(settings.dead_band_deg)) {

@@ -16,10 +16,9 @@ namespace {
 
 /// How a tip is to point in front of a fork.
 struct ForkPlan {
-  double angle_rad = 0;  ///< Of the tip in the vessel's frame at the fork, from `across` to `aside`.
-  double bend_rad = 0;   ///< Between the tip and the vessel.
-  double margin_rad =
-      0;  ///< By how much it then points nearer to the wanted branch than to any other; may be negative.
+  double angle_rad = 0;   ///< Of the tip in the vessel's frame at the fork, from `across` to `aside`.
+  double bend_rad = 0;    ///< Between the tip and the vessel.
+  double margin_rad = 0;  ///< By how much it points nearer to the wanted branch than to any other; may be negative.
 };
 
 /// What tips a catheter can make [rad].

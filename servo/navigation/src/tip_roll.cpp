@@ -107,7 +107,7 @@ void TipRoll::entered(const Eigen::Vector2d& direction) {
 }
 
 double TipRoll::angle_rad() const {
-  const Eigen::Vector2d x = turn() * state_.head<2>();
+  const Eigen::Vector2d x = deflection();
   return std::atan2(x.y(), x.x());
 }
 
@@ -117,11 +117,6 @@ double TipRoll::std_rad() const {
   const Eigen::Vector2d sideways(-state_[1] / length, state_[0] / length);
   const double across = std::sqrt(std::max(sideways.dot(P_.topLeftCorner<2, 2>() * sideways), 0.0));
   return std::min(std::atan2(across, length) * 2 / std::sqrt(3.0), unknown);
-}
-
-double TipRoll::imageJacobian(const Eigen::Vector2d& observable_axis) const {
-  const Eigen::Vector2d x = turn() * state_.head<2>();
-  return observable_axis.dot(Eigen::Vector2d(-x.y(), x.x()));
 }
 
 std::optional<TipDeflection> seenDeflection(const SeenCatheter& seen, const XrayCamera& camera,

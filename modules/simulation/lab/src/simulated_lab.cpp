@@ -4,17 +4,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/base/checked.hpp"
 #include "angio/base/interruption.hpp"
 
 namespace angio::lab {
 namespace {
 
 constexpr std::chrono::milliseconds kNoWait(0);
-
-LabSettings checked(const LabSettings& settings) {
-  checkSettings("lab", settings);
-  return settings;
-}
 
 // Each connection has random numbers of its own.
 constexpr std::uint64_t kMachinesSalt = 0x6d61, kLoopSalt = 0x6c6f;
@@ -23,7 +19,7 @@ constexpr std::uint64_t kMachinesSalt = 0x6d61, kLoopSalt = 0x6c6f;
 
 SimulatedLab::SimulatedLab(const VesselTree& tree, const SimulatedPatientSettings& patient, const LabWorld& world,
                            const LabSettings& settings)
-    : period_us_(1e6 / checked(settings).frame_rate_hz),
+    : period_us_(1e6 / checked("lab", settings).frame_rate_hz),
       report_period_us_(1e6 / settings.state_rate_hz),
       images_(settings.images),
       bus_(openBus("memq://")),

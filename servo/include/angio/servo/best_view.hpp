@@ -25,10 +25,8 @@ struct BestViewSettings {
   double step_deg = 2;           ///< Of the map; the best view is then searched for between its nodes.
   double max_primary_deg = 110;  ///< Of LAO and RAO: what is looked at.
   double max_secondary_deg = 50;
-  static constexpr double overlap_weight =
-      1;  ///< A segment wholly covered costs as much as one seen end-on times this.
-  static constexpr double turn_weight =
-      0.01;  ///< What 90 deg away from where the arm is costs: it decides where views are alike.
+  static constexpr double overlap_weight = 1;  ///< A segment all covered costs as much as one seen end-on times this.
+  static constexpr double turn_weight = 0.01;  ///< Cost of 90 deg from where the arm is: decides where views are alike.
   static constexpr double unknown_radius_mm = 1;  ///< Of points that have none.
   static constexpr int max_points = 800;          ///< The tree is thinned to so many.
   static constexpr int segment_points = 40;

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <tuple>
 #include <utility>
 #include <vector>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/joined.hpp"
 #include "angio/base/settings.hpp"
 #include "angio/base/variant_tuple.hpp"
 
@@ -31,16 +33,10 @@ class VariantSections {
 
   /// Throws InputError that lists the names there are.
   void choose(const std::string& name) {
-    std::string all;
     const std::vector<std::string> known = names();
-    for (std::size_t i = 0; i < known.size(); ++i) {
-      if (known[i] == name) {
-        index_ = static_cast<int>(i);
-        return;
-      }
-      all += (i ? ", " : "") + known[i];
-    }
-    throw InputError("settings", key_, name, "must be one of " + all);
+    const auto found = std::find(known.begin(), known.end(), name);
+    if (found == known.end()) throw InputError("settings", key_, name, "must be one of " + joined(known));
+    index_ = static_cast<int>(found - known.begin());
   }
 
   Variant chosen() const { return chosenOf(std::make_index_sequence<std::variant_size_v<Variant>>()); }

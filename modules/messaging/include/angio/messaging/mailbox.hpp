@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -45,22 +47,6 @@ struct ChannelRecord {
   std::string refused_sender, refused;  ///< Who sent the last message that could not be decoded, and why it could not.
 };
 
-namespace wire {
-// Whether a message that repeats number and time of the newest one is newer all the same.
-template <typename Message>
-bool isRevision(const Message&, std::int64_t /*transitions*/) {
-  return false;
-}
-inline bool isRevision(const ServoStatus& status, std::int64_t transitions) {
-  return status.transitions >= transitions;  // A state may change several times between two frames.
-}
-template <typename Message>
-std::int64_t transitionsOf(const Message&) {
-  return 0;
-}
-inline std::int64_t transitionsOf(const ServoStatus& status) { return status.transitions; }
-}  // namespace wire
-
 /// Keeps the newest message of a channel; filled by Bus::handle().
 ///
 /// Newer is what has a higher sequence. A lower one is newer only if its time is later too: then its sender has started
@@ -99,7 +85,7 @@ class LatestMessage {
   struct Box {
     std::optional<T> value;
     std::optional<std::pair<std::int64_t, std::int64_t>> newest;  // Sequence and time, kept when the value is taken.
-    std::int64_t transitions = 0;                                 // The newest one's, of a status.
+    std::int64_t transitions = 0;  // The newest one's, of a status: it may change several times between two frames.
     std::int64_t dropped = 0, refused = 0;
     ChannelRecord record;
 
@@ -115,16 +101,18 @@ class LatestMessage {
       }
       record.refused_in_a_row = 0;
       const std::pair<std::int64_t, std::int64_t> now(sequenceOf(*decoded.value), decoded.value->time_us);
+      std::int64_t of_this = -1;
+      if constexpr (std::is_same_v<T, ServoStatus>) of_this = decoded.value->transitions;
       const bool newer = !newest || now.first > newest->first ||
                          (now.first < newest->first && now.second > newest->second) ||
-                         (now == *newest && wire::isRevision(*decoded.value, transitions));
+                         (now == *newest && of_this >= transitions);
       if (!newer) {
         ++dropped;
         ++record.dropped_in_a_row;
         return;
       }
       newest = now;
-      transitions = wire::transitionsOf(*decoded.value);
+      transitions = std::max<std::int64_t>(of_this, 0);
       record.dropped_in_a_row = 0;
       record.sender = bus.sender();
       value = std::move(decoded.value);
@@ -134,28 +122,6 @@ class LatestMessage {
   std::shared_ptr<Box> box_;  // Shared with the bus's handler, which may outlive this object.
 };
 
-/// Keeps all messages of a channel that can be decoded, in the order of their arrival, until they are taken:
-/// LatestMessage would lose an emergency stop behind what came after it.
-template <typename T>
-class MessageQueue {
- public:
-  /// Throws InputError as Bus::subscribe() does. May end before or after the bus.
-  MessageQueue(Bus& bus, const std::string& channel) : values_(std::make_shared<std::vector<T>>()) {
-    bus.subscribe(channel, [values = values_](const std::uint8_t* data, std::size_t size) {
-      Decoded<T> decoded = decode<T>(data, size);
-      if (decoded.value) values->push_back(std::move(*decoded.value));
-    });
-  }
-  MessageQueue(const MessageQueue&) = delete;
-  MessageQueue& operator=(const MessageQueue&) = delete;
-
-  /// What has come since the last call.
-  std::vector<T> take() { return std::exchange(*values_, {}); }
-
- private:
-  std::shared_ptr<std::vector<T>> values_;  // Shared with the bus's handler, which may outlive this object.
-};
-
 /// A message, and who sent it (Bus::sender()).
 template <typename T>
 struct Heard {
@@ -163,7 +129,8 @@ struct Heard {
   std::string sender;
 };
 
-/// The same as MessageQueue, with each message's sender.
+/// Keeps all messages of a channel that can be decoded, each with its sender, in the order of their arrival, until they
+/// are taken: LatestMessage would lose an emergency stop behind what came after it.
 template <typename T>
 class HeardMessages {
  public:
@@ -183,7 +150,23 @@ class HeardMessages {
   std::vector<Heard<T>> take() { return std::exchange(*heard_, {}); }
 
  private:
-  std::shared_ptr<std::vector<Heard<T>>> heard_;
+  std::shared_ptr<std::vector<Heard<T>>> heard_;  // Shared with the bus's handler, which may outlive this object.
+};
+
+/// The same without the senders.
+template <typename T>
+class MessageQueue {
+ public:
+  MessageQueue(Bus& bus, const std::string& channel) : heard_(bus, channel) {}
+
+  std::vector<T> take() {
+    std::vector<T> values;
+    for (Heard<T>& heard : heard_.take()) values.push_back(std::move(heard.value));
+    return values;
+  }
+
+ private:
+  HeardMessages<T> heard_;
 };
 
 }  // namespace angio::messaging

@@ -34,6 +34,11 @@ struct PatientObservation {
 
   std::shared_ptr<const PointPlaces> places = {};  ///< Null: the pose says all.
 
+  /// Returns what a registration says that has a covariance.
+  static PatientObservation of(const RegistrationResult& seen) {
+    return {seen.T_camera_model, *seen.covariance, seen.points};
+  }
+
   /// Returns where a model point is, camera axes [m].
   Eigen::Vector3d placeAt(const Eigen::Vector3d& p_model) const {
     return places ? places->placeAt(p_model) : T_camera_model * p_model;

@@ -11,10 +11,9 @@ namespace angio::simulation {
 
 /// A body as a grid of linear attenuation, from a CT volume for example.
 struct AttenuationVolume {
-  std::array<int, 3> size{};             ///< Voxels along i, j, k; at least 2 each.
-  std::vector<float> attenuation_per_m;  ///< Of all voxels, i fastest [1/m]; outside there is air, 0.
-  Pose T_model_volume =
-      Pose::Identity();  ///< Volume axes i, j, k [m] into the model frame; voxel (0, 0, 0) is the origin.
+  std::array<int, 3> size{};               ///< Voxels along i, j, k; at least 2 each.
+  std::vector<float> attenuation_per_m;    ///< Of all voxels, i fastest [1/m]; outside there is air, 0.
+  Pose T_model_volume = Pose::Identity();  ///< Volume axes i, j, k [m] into the model frame; origin: voxel (0, 0, 0).
   Eigen::Vector3d spacing_m{1e-3, 1e-3, 1e-3};  ///< Between voxels.
 
   /// Throws InputError that names the field: sizes, spacing, values or pose that cannot be.

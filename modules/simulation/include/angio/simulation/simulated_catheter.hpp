@@ -20,8 +20,7 @@ struct CatheterTruth {
   Eigen::Vector3d direction_model = Eigen::Vector3d::UnitZ();  ///< In which it points, as far as the lumen lets it.
   double roll_rad = 0;        ///< Of the tip, against the vessel's frame (TreeTopology::frame).
   double bend_rad = 0;        ///< Between the tip and the catheter behind it, if nothing held it.
-  double tip_force_n = 0;     ///< With which the wall holds the tip.
-  bool touches_wall = false;  ///< That force is above what counts as a contact.
+  bool touches_wall = false;  ///< The wall holds the tip by more than what counts as a contact.
   bool buckled = false;       ///< The drive pushes, and the catheter bulges instead of going on.
   int wall_contacts = 0;      ///< Since the start, each counted once.
 };

@@ -16,25 +16,21 @@ namespace angio::navigation {
 /// How a catheter's controller observes and steers.
 struct CatheterControllerSettings {
   CatheterLoopSettings loop;
-  PerceptionSettings perception;        ///< Of the roadmap.
-  RegistrationGateSettings supervisor;  ///< The same: which registrations are used.
-  int roadmap_frames = 3;               ///< Accepted registrations in a row that make a roadmap ...
-  static constexpr int washed_out_frames =
-      3;  ///< ... and frames in a row without one, before the catheter alone is looked for.
+  PerceptionSettings perception;               ///< Of the roadmap.
+  RegistrationGateSettings supervisor;         ///< The same: which registrations are used.
+  int roadmap_frames = 3;                      ///< Accepted registrations in a row that make a roadmap ...
+  static constexpr int washed_out_frames = 3;  ///< ... and in a row without one before the catheter alone is sought.
   static constexpr double max_turn_deg = 0.3;  ///< Of the C-arm since the roadmap; more, and another one is needed.
-  static constexpr double max_shift_error_mm =
-      0.5;                        ///< The same, of the table: what the roadmap's unsure depth makes of its way.
-  double max_drive_age_ms = 150;  ///< Between a frame and the drive's state that it is read with.
+  static constexpr double max_shift_error_mm = 0.5;  ///< The same of the table: what an unsure depth makes of its way.
+  double max_drive_age_ms = 150;                     ///< Between a frame and the drive's state that it is read with.
 
   /// Whether the C-arm is asked for the best view of the stretch around the tip (VIEW_REQUEST), and for another when
   /// one leaves doubt. Otherwise it stays where it is.
   bool ask_for_views = false;
   ViewPlannerSettings view;
-  static constexpr double view_within_deg =
-      1;  ///< A view that was asked for is reached when the beam is as near as this ...
-  static constexpr double view_within_mm = 5;  ///< ... and the stretch's middle.
-  static constexpr double roadmap_patience_s =
-      8;  ///< In a view that is reached without a roadmap, until it is asked for again.
+  static constexpr double view_within_deg = 1;     ///< A requested view is reached when the beam is as near as this ...
+  static constexpr double view_within_mm = 5;      ///< ... and the stretch's middle.
+  static constexpr double roadmap_patience_s = 8;  ///< In a view without a roadmap, until it is asked for again.
 
   /// Of the drive's permission to move: for a node, the controller itself knows no states.
   SupervisionSettings safety = forDrive();

@@ -36,14 +36,12 @@ struct NavigatorSettings {
   static constexpr double aim_mm = 4;      ///< Before a fork, the tip is aimed.
   static constexpr double confirm_mm = 2;  ///< Beyond where its branches part, one of them counts as entered.
   static constexpr double sure_mm = 10;    ///< Beyond there, even a doubtful belief of a wrong branch counts.
-  static constexpr double short_mm =
-      9;  ///< Forks that follow each other closer than that are aimed for together where one aim serves.
+  static constexpr double short_mm = 9;    ///< Forks closer to each other are aimed for together where one aim serves.
   static constexpr double back_mm = 6;     ///< Before it, another try begins.
   static constexpr double lever_mm = 5.5;  ///< Along which a branch's direction is taken, give or take a third.
   static constexpr double angle_deg = 8;   ///< Of the tip, good enough.
-  static constexpr double look_std_deg =
-      35;          ///< Less sure of the tip's angle than that, it is turned once around to be seen.
-  int tries = 10;  ///< At one fork.
+  static constexpr double look_std_deg = 35;  ///< Less sure of the tip's angle, it is turned once around to be seen.
+  int tries = 10;                             ///< At one fork.
 
   // Doubts.
   static constexpr double min_probability = 0.6;  ///< Of the branch; below, it stops and waits.

@@ -68,9 +68,6 @@ class TipRoll {
   /// Covariance of deflection().
   Eigen::Matrix2d leanCovariance() const { return turn() * P_.topLeftCorner<2, 2>() * turn().transpose(); }
 
-  /// Slope of the image's deflection by the drive's roll, d y / d roll, for a sight.
-  double imageJacobian(const Eigen::Vector2d& observable_axis) const;
-
  private:
   Eigen::Matrix2d turn() const;  // Of the tip, by the roll that has come through.
 

@@ -12,11 +12,10 @@ namespace angio::navigation {
 
 /// How much of a catheter's way one view must show.
 struct ViewPlannerSettings {
-  double behind_mm = 20;  ///< Of the tip: there the stretch begins that a view is chosen for ...
-  double ahead_mm = 60;   ///< ... and there it ends, or at the target.
-  double renew_mm = 15;   ///< Before its end, it is time for the next.
-  static constexpr double other_deg =
-      30;  ///< A view that doubt asks for lies at least so far from the one that raised it.
+  double behind_mm = 20;                   ///< Of the tip: there the stretch begins that a view is chosen for ...
+  double ahead_mm = 60;                    ///< ... and there it ends, or at the target.
+  double renew_mm = 15;                    ///< Before its end, it is time for the next.
+  static constexpr double other_deg = 30;  ///< A view that doubt asks for lies at least so far from what raised it.
   double max_primary_deg = 90;
   double max_secondary_deg = 45;
   double step_deg = 7.5;  ///< Between the views that are compared.

@@ -12,8 +12,7 @@ struct ScenarioSettings {
   double start_secondary_deg = 0;
   double patient_turn_deg = 4;  ///< How far the patient lies from straight: known to calibration.
   double patient_shift_mm = 15;
-  double calibration_error_deg =
-      3;  ///< How wrong T_dsa_cb is, about an axis across the beam: all of it tilts the view.
+  double calibration_error_deg = 3;  ///< How wrong T_dsa_cb is, about an axis across the beam: all tilts the view.
   double calibration_error_mm = 10;
   double duration_s = 10;
   LabSettings lab;

@@ -7,15 +7,68 @@
 #include <angio_lcm/catheter_input_t.hpp>
 #include <angio_lcm/catheter_state_t.hpp>
 #include <angio_lcm/catheter_tip_t.hpp>
+#include <angio_lcm/registration_t.hpp>
 #include <angio_lcm/servo_input_t.hpp>
+#include <angio_lcm/servo_request_t.hpp>
+#include <angio_lcm/servo_session_t.hpp>
+#include <angio_lcm/servo_status_t.hpp>
+#include <angio_lcm/view_request_t.hpp>
 
-#include "angio/types/carm_motion.hpp"
-#include "angio/types/catheter.hpp"
-#include "angio/types/loop_input.hpp"
+#include "angio/types/any_message.hpp"
 #include "description.hpp"
-#include "messages/requests.hpp"
 
 namespace angio::messaging::wire {
+
+template <>
+struct Description<ServoRequest> : PlainDescription<ServoRequest, angio_lcm::servo_request_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("sequence", m.sequence);
+    v.number("status_utime", m.status_time_us);
+    v.number("transitions", m.transitions, kNotNegative);
+    v.number("request", m.request, oneOf(kServoRequestKindCount));
+  };
+
+  static std::string line(const ServoRequest& m) {
+    static constexpr const char* kNames[kServoRequestKindCount] = {"stop", "arm", "start", "reset", "emergency stop"};
+    return kNames[static_cast<int>(m.request)];
+  }
+};
+
+template <>
+struct Description<ServoSession> : PlainDescription<ServoSession, angio_lcm::servo_session_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("sequence", m.sequence);
+    v.number("session", m.session);
+    v.number("command_sequence", m.command_sequence, kNotNegative);
+  };
+
+  static std::string line(const ServoSession& m) {
+    return formatted("session %lld, after command %lld", count(m.session), count(m.command_sequence));
+  }
+};
+
+template <>
+struct Description<ViewRequest> : PlainDescription<ViewRequest, angio_lcm::view_request_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us, kUtime);
+    v.number("sequence", m.sequence);
+    v.number("model_id", m.model_id);
+    v.array("beam", m.beam_model);
+    v.array("target", m.target_model);
+    v.number("within_angle", m.within_rad, kNotNegative);
+    v.number("within_distance", m.within_m, kNotNegative);
+    v.text("reason", m.reason);
+  };
+
+  static std::string line(const ViewRequest& m) {
+    return formatted("view %lld along %.2f %.2f %.2f, target %.1f %.1f %.1f mm", count(m.sequence), m.beam_model.x(),
+                     m.beam_model.y(), m.beam_model.z(), 1e3 * m.target_model.x(), 1e3 * m.target_model.y(),
+                     1e3 * m.target_model.z()) +
+           (m.reason.empty() ? "" : ": " + harmless(m.reason));
+  }
+};
 
 template <>
 struct Description<CArmState> : PlainDescription<CArmState, angio_lcm::carm_state_t> {
@@ -141,6 +194,56 @@ struct Description<CatheterInput> : PlainDescription<CatheterInput, angio_lcm::c
   static std::string line(const CatheterInput& m) {
     return verdictText(m.frame_sequence, m.verdict) + jointsText(m.arm.joints) + ", " +
            Description<CatheterState>::line(m.drive);
+  }
+};
+
+template <>
+struct Description<RegistrationMessage> : PlainDescription<RegistrationMessage, angio_lcm::registration_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us, kUtime);
+    v.number("frame_sequence", m.frame_sequence);
+    v.number("model_id", m.model_id);
+    v.number("status", m.status, kNotNegative);
+    v.array("rotation", m.T_camera_model.linear(), ArrayRule::kRotation);
+    v.array("translation", m.T_camera_model.translation());
+    v.array("covariance", m.covariance, ArrayRule::kCovariance);
+    v.number("mean_residual", m.mean_residual_px, kNotNegative);
+    v.number("points_3d", m.points_3d, kNotNegative);
+    v.number("points_2d", m.points_2d, kNotNegative);
+    v.text("status_text", m.status_text);
+  };
+
+  static std::string line(const RegistrationMessage& m) {
+    const Eigen::Vector3d t_mm = 1e3 * m.T_camera_model.translation();
+    return formatted("frame %lld ", count(m.frame_sequence)) + harmless(m.status_text) +
+           formatted(", residual %.2f px, model at %.1f %.1f %.1f mm, %d / %d points", m.mean_residual_px, t_mm.x(),
+                     t_mm.y(), t_mm.z(), m.points_3d, m.points_2d);
+  }
+};
+
+template <>
+struct Description<ServoStatus> : PlainDescription<ServoStatus, angio_lcm::servo_status_t> {
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us);
+    v.number("frame_sequence", m.frame_sequence);
+    v.number("transitions", m.transitions, kNotNegative);
+    v.number("transition_utime", m.transition_time_us);
+    v.number("state", m.state, oneOf(kServoStateCount));
+    v.number("cause", m.cause, oneOf(kServoCauseCount));
+    v.number("view_error", m.view_error_rad);
+    v.number("target_error", m.target_error_m);
+    v.number("image_us", m.image_us);
+    v.number("registration_us", m.registration_us);
+    v.number("control_us", m.control_us);
+    v.number("view_reached_utime", m.view_reached_us);
+    v.text("reason", m.reason);
+  };
+
+  static std::string line(const ServoStatus& m) {
+    const std::int64_t spent_us = m.image_us / 1000 + m.registration_us / 1000 + m.control_us / 1000;
+    return formatted("frame %lld %s, view %.3f deg, target %.2f mm, %lld ms", count(m.frame_sequence), nameOf(m.state),
+                     radToDeg(m.view_error_rad), 1e3 * m.target_error_m, count(spent_us)) +
+           (m.reason.empty() ? "" : ": " + harmless(m.reason, 240));
   }
 };
 
