@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
 #include <numeric>
+#include <opencv2/core.hpp>
 #include <optional>
 
 #include "angio/imaging/thinning.hpp"
