@@ -26,7 +26,7 @@ import tempfile
 import time
 
 MAX_LINES, MAX_BYTES = 150, 12288
-SECONDS, PATIENCE = 30, 400  # Of one command of a tour: of processor time, and by the clock on a busy host.
+SECONDS, PATIENCE = 30, 900  # Of one command of a tour: of processor time, and by the clock on a busy host.
 OUTSIDE = {".git", "demo-output", "calibration-output", "tour"}  # Folders that are not the repository's.
 
 faults = []
