@@ -3,7 +3,6 @@
 
 #include <ceres/autodiff_cost_function.h>
 #include <ceres/loss_function.h>
-#include <ceres/normal_prior.h>
 #include <ceres/problem.h>
 #include <ceres/rotation.h>
 #include <ceres/solver.h>
@@ -237,6 +236,17 @@ struct PointCost {
   }
 };
 
+struct ErrorCost {
+  Matrix6d whitening;
+
+  template <typename T>
+  bool operator()(const T* error, T* residual) const {
+    Eigen::Map<Eigen::Matrix<T, 6, 1>> whitened(residual);
+    whitened = whitening.cast<T>() * Eigen::Map<const Eigen::Matrix<T, 6, 1>>(error);
+    return true;
+  }
+};
+
 double imageNoise(const PoseSet& set) {
   double squares = 0, freedom = 0;
   for (const HandEyePose& pose : set.poses) {
@@ -289,8 +299,9 @@ ReprojectionFit solvedByReprojection(const PoseSet& set, const HandEyeProblem& f
         problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PointCost, 2, 6, 6, 6>(cost), nullptr, x.data(),
                                  z.data(), errors[i].data());
       }
-      problem.AddResidualBlock(new ceres::NormalPrior(whiteningOf(hand_covariances[i]), Vector6d::Zero()), nullptr,
-                               errors[i].data());
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<ErrorCost, 6, 6>(new ErrorCost{whiteningOf(hand_covariances[i])}), nullptr,
+          errors[i].data());
       blocks.push_back(errors[i].data());
     }
     if (from.mount() == HandEyeMount::kIdentity) problem.SetParameterBlockConstant(x.data());
