@@ -33,9 +33,10 @@ class HoldTally {
   int held() const { return held_; }
 
   /// Returns nothing when a frame moved the machine or could have; otherwise why none did, the commonest reasons first.
+  /// Nothing either of a run that had hardly time for its start.
   std::optional<std::string> neverMoved() const {
-    if (held_ < frames_) return std::nullopt;
     if (frames_ == 0) return "the loop never moved: no frame was answered";
+    if (held_ < frames_ || frames_ < kStart) return std::nullopt;
     std::vector<Reason> reasons;
     for (const auto& [kind, reason] : reasons_) reasons.push_back(reason);
     std::stable_sort(reasons.begin(), reasons.end(),
@@ -52,6 +53,7 @@ class HoldTally {
     std::string last;
   };
   static constexpr std::size_t kTold = 3;
+  static constexpr int kStart = 8;  // Frames: half a second at 15 a second, of which arming takes a part.
   int frames_ = 0, held_ = 0;
   std::map<std::string, Reason> reasons_;
 };

@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "angio/io/pose_files.hpp"
+#include "angio/perception/image_reading.hpp"
 #include "angio/test/namespace.hpp"
 #include "case_folder.hpp"
 #include "hepatic.hpp"
@@ -104,17 +105,19 @@ TEST_F(Programs, ARegisteredPoseIsAViewToServoTo) {
              poseOf(Json::parse(test::contentOf(folder_.path("result.json")))).matrix())
                 .norm(),
             1e-9);
-  std::vector<std::string> servoing{"--simulate", "--view-pose",       pose,     "--duration-s",          "0.1",
-                                    "--out",      folder_.path("out"), "--tree", folder_.path("tree.csv")};
-  const auto ended = test::run("angio-servo", servoing);
-  ASSERT_EQ(ended.exit_code, 0) << ended.err;
-  const Json summary = Json::parse(test::contentOf(folder_.path("out/summary.json")));
-  EXPECT_EQ(summary["settings"]["view"]["goal"], "pose");
-  servoing.resize(7);
+  // It names its tree, and is refused for another one. A pose that names none is taken for any.
+  EXPECT_EQ(readPose(pose).model_id, modelId(tree_));
+  const std::vector<std::string> servoing{"--simulate", "--view-pose",      pose, "--duration-s", "0.1",
+                                          "--out",      folder_.path("out")};
   const auto other_tree = test::run("angio-servo", servoing);
   EXPECT_EQ(other_tree.exit_code, 1);
   EXPECT_NE(other_tree.err.find("pose.yaml: model_id = "), std::string::npos) << other_tree.err;
   EXPECT_NE(other_tree.err.find(": must be that of the vessel tree, "), std::string::npos) << other_tree.err;
+  writePose(pose, {readPose(pose).T_camera_model, {}});
+  const auto ended = test::run("angio-servo", servoing);
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const Json summary = Json::parse(test::contentOf(folder_.path("out/summary.json")));
+  EXPECT_EQ(summary["settings"]["view"]["goal"], "pose");
   const std::string settings = folder_.write("settings.yaml", "view: {goal: pose}\n");
   const auto refused = test::run("angio-servo", {"--simulate", "--settings", settings, "--out", folder_.path("out")});
   EXPECT_EQ(refused.exit_code, 1);
@@ -139,10 +142,8 @@ TEST_F(Programs, RegisterSaysHowItWentInALineAndPrintsTheResultWhenAsked) {
 
 // The result is there, the pose is not, and the line says in which reading the image would match.
 TEST_F(Programs, RegisterSaysWhatToTryWhereItDoesNotConverge) {
-  Centerline2d mirrored = readCenterline(folder_.path("centerline.csv"));
-  for (Eigen::Index i = 0; i < mirrored.size(); ++i)
-    mirrored.points_px(0, i) = camera_.width_px() - 1 - mirrored.points_px(0, i);
-  writeCenterline(folder_.path("centerline.csv"), mirrored);
+  writeCenterline(folder_.path("centerline.csv"),
+                  readAs(ImageReading::kMirrored, readCenterline(folder_.path("centerline.csv")), camera_));
   auto arguments = registerArguments();
   arguments.insert(arguments.end(), {"--out-pose", folder_.path("pose.yaml")});
   const auto ended = test::run("angio-register", arguments);
