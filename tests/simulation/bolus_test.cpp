@@ -162,18 +162,23 @@ TEST(SimulatedPatient, FillsAPartOfTheBranchesAndCarriesInjectionsIntoThoseOnly)
   ASSERT_TRUE(filled);
   double length_m = 0;
   for (const auto& branch : tree.branches()) {
-    // All of a branch beyond its first point, which is its parent's too, is filled or none of it.
-    for (std::size_t k = 1; k < branch.size(); ++k) {
-      EXPECT_EQ((*filled)[branch[k]], (*filled)[branch.back()]);
-      if ((*filled)[branch[k]] > 0)
-        length_m += (tree.points().col(branch[k]) - tree.points().col(branch[k - 1])).norm();
+    // Of its ends a branch shares the points with its neighbours, of which others may be filled.
+    bool whole = true;
+    for (const int i : branch) whole = whole && (*filled)[i] > 0;
+    for (std::size_t k = 1; k + 1 < branch.size(); ++k) EXPECT_EQ((*filled)[branch[k]], whole ? 1 : 0);
+    for (std::size_t k = 1; whole && k < branch.size(); ++k) {
+      length_m += (tree.points().col(branch[k]) - tree.points().col(branch[k - 1])).norm();
     }
   }
   EXPECT_NEAR(length_m / tree.length(), 0.5, 0.1) << "as near as whole branches come";
   EXPECT_EQ(*filled, *densities(half)) << "the same seed";
-  SimulatedPatientSettings other = half;
-  other.fluoroscopy.seed += 1;
-  EXPECT_NE(*filled, *densities(other));
+  int others = 0;  // Of a small tree some seeds fill the same.
+  for (int seed = 2; seed < 10; ++seed) {
+    SimulatedPatientSettings other = half;
+    other.fluoroscopy.seed = seed;
+    others += *filled != *densities(other);
+  }
+  EXPECT_GT(others, 3);
   SimulatedPatientSettings without = half;
   without.filling = {1, 0.3};
   EXPECT_LT(densities(without)->minCoeff(), 1);
