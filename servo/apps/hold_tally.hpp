@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cctype>
 #include <map>
 #include <optional>
 #include <string>
@@ -10,6 +9,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
+#include "loop_warnings.hpp"
 
 namespace angio::apps {
 
@@ -20,11 +20,7 @@ class HoldTally {
     ++frames_;
     if (!hold_reason) return;
     ++held_;
-    std::string kind = *hold_reason;
-    std::replace_if(
-        kind.begin(), kind.end(), [](unsigned char c) { return std::isdigit(c) != 0; }, '0');
-    kind.erase(std::unique(kind.begin(), kind.end(), [](char a, char b) { return a == '0' && b == '0'; }), kind.end());
-    Reason& reason = reasons_[kind];
+    Reason& reason = reasons_[withoutNumbers(*hold_reason)];
     ++reason.count;
     reason.last = *hold_reason;
   }
