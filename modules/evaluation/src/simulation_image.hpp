@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>
 
+#include "angio/base/shuffled.hpp"
 #include "angio/evaluation/simulation.hpp"
 
 namespace angio::evaluation {
@@ -57,15 +57,9 @@ class SimulationRandom {
     return normals<N>().normalized();
   }
 
-  /// 0 to n - 1 in random order (Fisher and Yates; std::shuffle differs between libraries).
+  /// 0 to n - 1 in random order.
   std::vector<int> order(int n) {
-    std::vector<int> result(static_cast<std::size_t>(n));
-    for (int i = 0; i < n; ++i) result[static_cast<std::size_t>(i)] = i;
-    for (int i = n - 1; i > 0; --i) {
-      const int j = std::min(i, static_cast<int>(uniform() * (i + 1)));
-      std::swap(result[static_cast<std::size_t>(i)], result[static_cast<std::size_t>(j)]);
-    }
-    return result;
+    return shuffled(n, [this] { return uniform(); });
   }
 
  private:

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/simulated_patient.hpp"
 
-#include <algorithm>
-#include <numeric>
-
 #include "angio/base/checked.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/base/shuffled.hpp"
 #include "angio/simulation/contrast_filling.hpp"
+#include "angio/vessel/resample.hpp"
 #include "uniform.hpp"
 
 namespace angio::simulation {
@@ -27,19 +26,9 @@ Eigen::VectorXd reached(const VesselTree& tree, const FillingSettings& settings,
   if (settings.filled >= 1 && settings.missing <= 0) return {};
   Uniform uniform(seed ^ 0x66696c6c);  // Numbers of its own: no other draw is shifted by a filling.
   std::vector<double> length_m;
-  for (const auto& branch : tree.branches()) {
-    length_m.push_back(0);
-    for (std::size_t k = 1; k < branch.size(); ++k) {
-      length_m.back() += (tree.points().col(branch[k]) - tree.points().col(branch[k - 1])).norm();
-    }
-  }
+  for (const auto& branch : tree.branches()) length_m.push_back(arcLengths(tree, branch).back());
   FillingDraws draws;
-  draws.emptying_order.resize(length_m.size());
-  std::iota(draws.emptying_order.begin(), draws.emptying_order.end(), 0);
-  for (std::size_t i = length_m.size(); i-- > 1;) {
-    const auto j = std::min(i, static_cast<std::size_t>(uniform(0, static_cast<double>(i + 1))));
-    std::swap(draws.emptying_order[i], draws.emptying_order[j]);
-  }
+  draws.emptying_order = shuffled(static_cast<int>(length_m.size()), [&] { return uniform(0, 1); });
   draws.first_site = uniform(0, 1);
   return filledPoints(tree, filledBranches(tree, length_m, settings, draws));
 }
