@@ -21,7 +21,8 @@ cv::Mat greyPicture(const cv::Mat& image);
 /// Points of a branch are joined; points without order stay points.
 void drawCurve(cv::Mat& canvas, const Centerline2d& centerline, const cv::Scalar& color_bgr, int width_px);
 
-/// A line of text with a dark rim, whose stroke is `rim_px` wider.
+/// Draws a line of text with a dark rim, whose stroke is `rim_px` wider. A text that would leave the canvas on the
+/// right is drawn smaller.
 void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, const cv::Scalar& color_bgr,
                double size = 0.75, int stroke_px = 2, int rim_px = 3);
 

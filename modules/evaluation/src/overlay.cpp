@@ -39,6 +39,12 @@ void drawCurve(cv::Mat& canvas, const Centerline2d& centerline, const cv::Scalar
 void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, const cv::Scalar& color_bgr, double size,
                int stroke_px, int rim_px) {
   const cv::Scalar dark(0, 0, 0);
+  const int width_px = cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, size, stroke_px, nullptr).width;
+  const double fitting = static_cast<double>(canvas.cols - at.x) / std::max(1, width_px);
+  if (fitting > 0 && fitting < 1) {
+    size *= fitting;
+    stroke_px = std::max(1, static_cast<int>(fitting * stroke_px));
+  }
   cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, size, dark, stroke_px + rim_px, cv::LINE_AA);
   cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, size, color_bgr, stroke_px, cv::LINE_AA);
 }
