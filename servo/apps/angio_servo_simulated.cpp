@@ -73,6 +73,7 @@ int simulate(const ServoProgramOptions& o, const ServoSettings& settings, const 
   auto summary = closedLoopSummary(scenario);
   summary["seed"] = settings.scenario.seed;
   summary["settings"] = settingsAsJson(settings);
+  if (!o.patient.deformation_field.empty()) summary["deformation_field"] = o.patient.deformation_field;
   summary["machine"] = machineAsJson();
   writeClosedLoop(o.out, scenario, tree, summary);
   std::cout << closedLoopTable(summary) << "\nPictures, trace.csv and summary.json are in " << o.out << "/\n";

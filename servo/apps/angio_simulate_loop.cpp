@@ -37,8 +37,9 @@ struct Experiment {
 
   LoopParts parts() const { return {tree, nominal, settings.scenario, settings.loop(nominal), settings.patient}; }
 
-  int report(const Json& json, const std::string& table) const {
-    return apps::report(json, table, settingsAsJson(settings), options.out);
+  int report(Json json, const std::string& table) const {
+    if (!options.patient.deformation_field.empty()) json["deformation_field"] = options.patient.deformation_field;
+    return apps::report(std::move(json), table, settingsAsJson(settings), options.out);
   }
 };
 
