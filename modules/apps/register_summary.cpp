@@ -52,7 +52,8 @@ std::string summaryOf(const CaseOutcome& outcome, const RegistrationTry& tried) 
                                               : "; usable for " + joined(outcome.usable_for, ", "));
   }
   if (!r.reason.empty()) line += "; " + r.reason;
-  return line + ". Not to be trusted. To try next: " + joined(nextSteps(r, tried), "; ");
+  const std::vector<std::string> steps = nextSteps(r, tried);
+  return line + ". Not to be trusted" + (steps.empty() ? "" : ". To try next: " + joined(steps, "; "));
 }
 
 std::optional<ImageReading> matchingReading(Registration& registration, const XrayView& seen, const PosePrior& prior,
