@@ -5,7 +5,6 @@
 #include <memory>
 
 #include "angio/base/errors.hpp"
-#include "angio/base/interruption.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/io/whole_file.hpp"
@@ -100,13 +99,15 @@ int evaluateCases(const CasesOptions& o) {
   ProgressBar bar("registering", static_cast<int>(set.cases.size() * entrants.size()));
   int done = 0;
   for (const auto& entrant : entrants) {
-    if (interrupted()) break;
-    const auto outcomes =
-        runCases(set, {entrant.registration, entrant.starts, extractor, settings.tracker, o.point_covariance},
-                 [&](int) { bar.show(++done, entrant.name); });
-    auto& entry = json["methods"][entrant.name];
-    for (const auto& outcome : outcomes) entry["cases"][outcome.name] = caseAsJson(outcome);
-    entry["summary"] = summaries[entrant.name] = summaryOf(outcomes);
+    const bool goes_on = finishPart(!summaries.empty(), [&] {
+      const auto outcomes =
+          runCases(set, {entrant.registration, entrant.starts, extractor, settings.tracker, o.point_covariance},
+                   [&](int) { bar.show(++done, entrant.name); });
+      auto& entry = json["methods"][entrant.name];
+      for (const auto& outcome : outcomes) entry["cases"][outcome.name] = caseAsJson(outcome);
+      entry["summary"] = summaries[entrant.name] = summaryOf(outcomes);
+    });
+    if (!goes_on) break;
   }
   json["settings"] = entrantsAsJson(entrants);
   json["settings"].update(extractorAsJson(extractor));

@@ -4,7 +4,6 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
-#include "angio/base/interruption.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/extraction_run.hpp"
 #include "angio/io/camera_files.hpp"
@@ -90,14 +89,16 @@ int evaluateExtraction(const ExtractionOptions& o) {
   std::vector<SheetPicture> pictures;
   std::string tables;
   for (const auto& source : sources) {
-    if (interrupted()) break;
-    const double tolerance_px = o.tolerance_px > 0 ? o.tolerance_px : source.usual_tolerance_px;
-    const auto runs =
-        runExtraction(source.samples, entrants, tolerance_px, o.sheet.empty() ? Pictures::kNone : Pictures::kKeep,
-                      [&](int) { bar.show(++done, source.name); });
-    pictures.insert(pictures.end(), runs.front().pictures.begin(), runs.front().pictures.end());
-    json["sources"][source.name] = extractionSummaries(runs);
-    tables += (tables.empty() ? "" : "\n") + source.name + "\n\n" + extractionTable(json["sources"][source.name]);
+    const bool goes_on = finishPart(!tables.empty(), [&] {
+      const double tolerance_px = o.tolerance_px > 0 ? o.tolerance_px : source.usual_tolerance_px;
+      const auto runs =
+          runExtraction(source.samples, entrants, tolerance_px, o.sheet.empty() ? Pictures::kNone : Pictures::kKeep,
+                        [&](int) { bar.show(++done, source.name); });
+      pictures.insert(pictures.end(), runs.front().pictures.begin(), runs.front().pictures.end());
+      json["sources"][source.name] = extractionSummaries(runs);
+      tables += (tables.empty() ? "" : "\n") + source.name + "\n\n" + extractionTable(json["sources"][source.name]);
+    });
+    if (!goes_on) break;
   }
   if (!o.sheet.empty()) writeImage(o.sheet, contactSheet(pictures, o.columns, o.side_px));
   return reported(json, o.out, tables);

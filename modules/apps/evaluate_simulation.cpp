@@ -81,6 +81,7 @@ int evaluateSimulation(const SimulationOptions& o) {
   const auto summaries = simulationSummaries(runs, spacing_m);
   std::vector<Json> swept;
   for (const auto& sweep : sweeps) {
+    if (interrupted()) break;
     swept.push_back(runSweep(setup, sweep, [&](int) { bar.show(++done, sweep.name); }));
   }
 

@@ -5,7 +5,6 @@
 #include <memory>
 
 #include "angio/base/formatted.hpp"
-#include "angio/base/interruption.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/film_writer.hpp"
@@ -136,8 +135,8 @@ int simulateNavigation(const NavigateOptions& o) {
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   Json json;
   for (const std::string& file : o.trees) {
-    if (interrupted()) break;
-    json["trees"].push_back(simulateTree(file, o, settings));
+    const bool goes_on = finishPart(!json.empty(), [&] { json["trees"].push_back(simulateTree(file, o, settings)); });
+    if (!goes_on) break;
   }
   return report(json, navigateExperimentTable(json["trees"]), settingsAsJson(settings), o.out);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/base/errors.hpp"
-#include "angio/base/interruption.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/simulation_run.hpp"
 
 namespace angio::evaluation {
@@ -105,16 +105,15 @@ Json runSweep(const SimulationSetup& setup, const Sweep& sweep, const Progress& 
   const auto spacing_m = setup.camera.value_or(simulatedCamera()).parameters().pixel_spacing_m;
   int done = 0;
   for (const auto& point : sweep.points) {
-    try {
+    const bool goes_on = finishPart(true, [&] {
       const auto runs = runSimulation(setup, point.settings, [&](int) {
         ++done;
         if (progress) progress(done);
       });
       swept["points"].push_back(
           {{"value", point.value}, {"label", point.label}, {"summaries", simulationSummaries(runs, spacing_m)}});
-    } catch (const Interrupted&) {
-      break;
-    }
+    });
+    if (!goes_on) break;
   }
   return swept;
 }

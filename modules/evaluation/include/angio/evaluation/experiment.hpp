@@ -78,4 +78,17 @@ auto recordsOf(int count, int threads, const std::function<std::string(int k)>& 
   return records;
 }
 
+/// Does one part of an experiment of several, and returns whether to go on. After SIGINT or SIGTERM it returns false,
+/// and a part of which nothing is finished is left out; `has_results` of parts before it, or Interrupted goes on its
+/// way.
+template <typename Part>
+bool finishPart(bool has_results, const Part& part) {
+  try {
+    part();
+  } catch (const Interrupted&) {
+    if (!has_results) throw;
+  }
+  return !interrupted();
+}
+
 }  // namespace angio::evaluation
