@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/io/former_keys.hpp"
+#include "angio/io/settings_files.hpp"
 #include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>
@@ -7,7 +7,6 @@
 #include <set>
 #include <sstream>
 
-#include "angio/io/settings_files.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/temporary_folder.hpp"
 

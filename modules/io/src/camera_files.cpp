@@ -12,18 +12,14 @@ namespace angio::io {
 namespace {
 
 // The widest detector a camera file may name, as in XrayCamera [px].
-constexpr double kMaxImageSide = 32768;
+constexpr int kMaxImageSide = 32768;
 
 constexpr double kMaxOffset_mm = 1000;  // Of an encoder; beyond it the file is in other units.
-
-bool isZero(const YamlField& field) {
-  return field.node->kind == YamlNode::Kind::kScalar && field.node->scalar != "none" && field.number() == 0;
-}
 
 // The old forms, which all say that there is none.
 bool isNoDistortion(const YamlField& distortion) {
   if (distortion.node->kind == YamlNode::Kind::kScalar) {
-    if (distortion.node->scalar == "none" || isZero(distortion)) return true;
+    if (distortion.node->scalar == "none" || distortion.number() == 0) return true;
     distortion.refuse("must be zero, or a map with a model");
   }
   if (distortion.node->kind != YamlNode::Kind::kSequence) return false;
@@ -77,14 +73,9 @@ CameraFile readYamlCamera(const std::string& path) {
   const YamlNode root = readYaml(path);
   YamlMap map(path, root, "camera");
   XrayCamera::Parameters p;
-  const YamlField size = map.need("image_size_px");
-  if (size.node->kind != YamlNode::Kind::kSequence || size.node->items.size() != 2) {
-    size.refuse("must be a list of 2 integers: width, height");
-  }
-  p.width_px = size.item(0).integer();
-  p.height_px = size.item(1).integer();
-  requireBetween(size.item(0).place(), "image_size_px[0]", p.width_px, 1, kMaxImageSide);
-  requireBetween(size.item(1).place(), "image_size_px[1]", p.height_px, 1, kMaxImageSide);
+  const auto sides = map.need("image_size_px").items("must be a list of 2 integers: width, height", 2, 2);
+  p.width_px = sides[0].integer(1, kMaxImageSide);
+  p.height_px = sides[1].integer(1, kMaxImageSide);
   p.fx_px = map.need("fx_px").positive();
   p.fy_px = map.need("fy_px").positive();
   p.cx_px = map.need("cx_px").number();

@@ -2,8 +2,6 @@
 #include "angio/io/curve_folder.hpp"
 
 #include <algorithm>
-#include <array>
-#include <deque>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -20,8 +18,6 @@ namespace fs = std::filesystem;
 
 constexpr const char* kExtension = ".mrk.json";
 constexpr double kUnknownRadius_mm = 1;
-
-using Position = std::array<double, 3>;
 
 // Where a curve hangs: its own point, and the tree's row.
 struct Joint {
@@ -76,8 +72,8 @@ class CurveTree {
         return 1;
       }
     }
-    const auto alone = static_cast<std::size_t>(std::find(added_.begin(), added_.end(), false) - added_.begin());
-    throw InputError(curves_[alone].place, "controlPoints", curves_[alone].name,
+    const NamedCurve& alone = curves_[std::find(added_.begin(), added_.end(), false) - added_.begin()];
+    throw InputError(alone.place, "controlPoints", alone.name,
                      "must begin, end or have a point on another curve of " + from_);
   }
 
@@ -98,7 +94,7 @@ class CurveTree {
     for (Eigen::Index i = from; i >= 0 && i < curve.points_mm.cols(); i += step) {
       const Eigen::Vector3d p = curve.points_mm.col(i);
       if (parent >= 0 && p == rows_[parent].point_mm) continue;  // No edge without a length.
-      if (!known_.insert({{p.x(), p.y(), p.z()}, true}).second) return;
+      if (!known_.insert(positionOf(p)).second) return;
       if (rows_.size() == static_cast<std::size_t>(kMaxPoints)) {
         throw InputError(from_, "controlPoints", "", "must not exceed " + std::to_string(kMaxPoints));
       }
@@ -111,7 +107,7 @@ class CurveTree {
   const std::string& from_;
   const std::vector<NamedCurve>& curves_;
   std::vector<bool> added_;
-  std::map<Position, bool> known_;
+  std::set<Position> known_;
   std::vector<TreeRow> rows_;
 };
 
@@ -146,8 +142,7 @@ std::vector<std::string> branchNames(const VesselTree& tree, const std::vector<N
   std::map<Position, std::set<std::size_t>> curves_at;
   for (std::size_t c = 0; c < curves.size(); ++c) {
     for (const auto& p_mm : curves[c].points_mm.colwise()) {
-      const Eigen::Vector3d p = p_mm / 1e3;  // As the tree's were.
-      curves_at[{p.x(), p.y(), p.z()}].insert(c);
+      curves_at[positionOf(p_mm / 1e3)].insert(c);  // As the tree's were.
     }
   }
   std::vector<std::string> names;
@@ -155,8 +150,7 @@ std::vector<std::string> branchNames(const VesselTree& tree, const std::vector<N
   for (int branch = 0; branch < map.chains(); ++branch) {
     std::vector<int> on(curves.size(), 0);
     for (const int i : map.points(branch)) {
-      const Eigen::Vector3d p = tree.points().col(i);
-      const auto found = curves_at.find({p.x(), p.y(), p.z()});
+      const auto found = curves_at.find(positionOf(tree.points().col(i)));
       if (found == curves_at.end()) continue;
       for (const std::size_t c : found->second) ++on[c];
     }

@@ -72,14 +72,8 @@ int XrayFrames::count() const { return source_->count; }
 cv::Mat XrayFrames::frame(int number) const {
   const Source& s = *source_;
   requireBetween(s.path, "frame", number, 0, s.count - 1);
-  switch (s.kind) {
-    case Kind::kPng:
-      return asGrey(s.path, decodePng(s.path, s.content));
-    case Kind::kTiff:
-      return asGrey(s.path, decodeTiff(s.path, s.content, number));
-    case Kind::kDicom:
-      break;
-  }
+  if (s.kind == Kind::kPng) return asGrey(s.path, decodePng(s.path, s.content));
+  if (s.kind == Kind::kTiff) return asGrey(s.path, decodeTiff(s.path, s.content, number));
   // Image methods take a type's full range for granted where they turn bright vessels dark.
   const XaHeader& header = s.run->header();
   cv::Mat image = s.run->image(number);

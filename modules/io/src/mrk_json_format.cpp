@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
-#include <array>
 #include <deque>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -21,12 +20,6 @@ constexpr const char* kSchema =
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
     "markups-schema-v1.0.3.json#";
 constexpr const char* kRadiusName = "Radius";
-
-using Position = std::array<double, 3>;
-
-Position positionOf(const NamedCurve& curve, Eigen::Index i) {
-  return {curve.points_mm(0, i), curve.points_mm(1, i), curve.points_mm(2, i)};
-}
 
 Json parse(const std::string& path) {
   const std::string content = readWholeFile(path, kMaxMarkups);
@@ -120,8 +113,8 @@ class CurveGrowth {
   CurveGrowth(const std::string& path, std::vector<NamedCurve>& curves)
       : path_(path), curves_(curves), added_(curves.size()) {
     for (std::size_t c = 0; c < curves.size(); ++c) {
-      ending_at_[positionOf(curves[c], 0)].push_back(c);
-      ending_at_[positionOf(curves[c], curves[c].points_mm.cols() - 1)].push_back(c);
+      ending_at_[positionOf(curves[c].points_mm.col(0))].push_back(c);
+      ending_at_[positionOf(curves[c].points_mm.rightCols<1>())].push_back(c);
     }
   }
 
@@ -143,7 +136,8 @@ class CurveGrowth {
     added_[c] = true;
     NamedCurve& curve = curves_[c];
     const Eigen::Index count = curve.points_mm.cols();
-    const bool begins = row_at_.count(positionOf(curve, 0)) > 0, ends = row_at_.count(positionOf(curve, count - 1)) > 0;
+    const bool begins = row_at_.count(positionOf(curve.points_mm.col(0))) > 0,
+               ends = row_at_.count(positionOf(curve.points_mm.col(count - 1))) > 0;
     if (begins && ends)
       throw InputError(curve.place, "", "", "the tree must not have a loop: both ends are on curves already");
     if (ends) {
@@ -152,8 +146,9 @@ class CurveGrowth {
     }
     int parent = -1;
     for (Eigen::Index i = 0; i < count; ++i) {
-      const Position p = positionOf(curve, i);
-      if (i > 0 && p == positionOf(curve, i - 1)) continue;  // No edge without a length.
+      const Eigen::Vector3d point_mm = curve.points_mm.col(i);
+      if (i > 0 && point_mm == curve.points_mm.col(i - 1)) continue;  // No edge without a length.
+      const Position p = positionOf(point_mm);
       const auto [row, fresh] = row_at_.emplace(p, static_cast<int>(rows_.size()));
       if (!fresh && i > 0) {
         throw InputError(
@@ -164,7 +159,7 @@ class CurveGrowth {
         if (rows_.size() == static_cast<std::size_t>(kMaxPoints)) {
           throw InputError(path_, "controlPoints", "", "must not exceed " + std::to_string(kMaxPoints));
         }
-        rows_.push_back({0, row->second, {p[0], p[1], p[2]}, curve.radii_mm[i], parent});
+        rows_.push_back({0, row->second, point_mm, curve.radii_mm[i], parent});
         const auto here = ending_at_.find(p);
         if (here != ending_at_.end()) touching_.insert(touching_.end(), here->second.begin(), here->second.end());
       }

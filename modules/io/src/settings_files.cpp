@@ -7,7 +7,6 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/joined.hpp"
-#include "angio/io/former_keys.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/yaml.hpp"
 
@@ -37,11 +36,7 @@ class YamlReader final : public SettingsVisitor {
     if (const auto field = map_.find(key)) value = field->between(low, high);
   }
   void integer(const char* key, int& value, int low, int high) override {
-    const auto field = map_.find(key);
-    if (!field) return;
-    const int found = field->integer();
-    requireBetween(field->place(), key, found, low, high);
-    value = found;
+    if (const auto field = map_.find(key)) value = field->integer(low, high);
   }
   void flag(const char* key, bool& value) override {
     if (const auto field = map_.find(key)) value = field->flag();

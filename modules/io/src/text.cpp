@@ -14,7 +14,7 @@ namespace angio::io {
 namespace {
 
 constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
-constexpr std::string_view kBlanks = " \t", kWhite = " \t\r\n";
+constexpr std::string_view kBlanks = " \t\r\n";
 // So that a file that is one endless line costs no more memory than its own size.
 constexpr std::size_t kMaxLine = std::size_t{1} << 20;
 
@@ -38,7 +38,7 @@ std::string atLine(const std::string& path, int line) { return path + ":" + std:
 
 TextLines::TextLines(const std::string& path, std::string_view content) : path_(path), rest_(content) {
   if (rest_.substr(0, kByteOrderMark.size()) == kByteOrderMark) rest_.remove_prefix(kByteOrderMark.size());
-  rest_ = rest_.substr(0, rest_.find_last_not_of(kWhite) + 1);
+  rest_ = rest_.substr(0, rest_.find_last_not_of(kBlanks) + 1);
   count_ = rest_.empty() ? 0 : 1 + static_cast<int>(std::count(rest_.begin(), rest_.end(), '\n'));
 }
 
@@ -79,9 +79,9 @@ bool endsWith(std::string_view text, std::string_view end) {
 }
 
 std::string_view trimmed(std::string_view text) {
-  const auto first = text.find_first_not_of(kWhite);
+  const auto first = text.find_first_not_of(kBlanks);
   if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(kWhite) - first + 1);
+  return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
 }
 
 void splitAt(char separator, std::string_view text, std::vector<std::string_view>& parts) {
@@ -94,17 +94,16 @@ void splitAt(char separator, std::string_view text, std::vector<std::string_view
   }
 }
 
+std::string_view nextWord(std::string_view& text) {
+  text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
+  const std::string_view word = text.substr(0, text.find_first_of(kBlanks));
+  text.remove_prefix(word.size());
+  return word;
+}
+
 void splitAtBlanks(std::string_view text, std::vector<std::string_view>& parts) {
   parts.clear();
-  for (;;) {
-    const auto first = text.find_first_not_of(kBlanks);
-    if (first == std::string_view::npos) return;
-    text.remove_prefix(first);
-    const auto end = text.find_first_of(kBlanks);
-    parts.push_back(text.substr(0, end));
-    if (end == std::string_view::npos) return;
-    text.remove_prefix(end);
-  }
+  for (auto word = nextWord(text); !word.empty(); word = nextWord(text)) parts.push_back(word);
 }
 
 double parseNumber(const std::string& place, const std::string& field, std::string_view text) {
@@ -181,18 +180,18 @@ std::string TableRow::place() const { return atLine(path_, line_); }
 
 bool TableRow::has(std::string_view column) const { return contains(header_, column); }
 
-std::string_view TableRow::field(std::string_view column) const {
+std::string_view TableRow::text(std::string_view column) const {
   return fields_[std::find(header_.begin(), header_.end(), column) - header_.begin()];
 }
 
-double TableRow::number(const std::string& column) const { return parseNumber(place(), column, field(column)); }
+double TableRow::number(const std::string& column) const { return parseNumber(place(), column, text(column)); }
 
 std::optional<double> TableRow::numberOrBlank(const std::string& column) const {
-  if (field(column).empty()) return std::nullopt;
+  if (text(column).empty()) return std::nullopt;
   return number(column);
 }
 
-int TableRow::integer(const std::string& column) const { return parseInteger(place(), column, field(column)); }
+int TableRow::integer(const std::string& column) const { return parseInteger(place(), column, text(column)); }
 
 void readTable(const std::string& path, const TableColumns& columns,
                const std::function<void(const TableRow&)>& take_row) {

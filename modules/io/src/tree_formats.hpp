@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,6 +27,10 @@ TreeWriter writeRasMrkJsonTree;
 
 /// The curves of one file of 3D Slicer's markups, without names.
 std::vector<NamedCurve> readMrkJsonCurves(const std::string& path);
+
+/// A place to the last digit, to be found by.
+using Position = std::array<double, 3>;
+inline Position positionOf(const Eigen::Vector3d& p) { return {p.x(), p.y(), p.z()}; }
 
 /// One point as it stands in a file.
 struct TreeRow {

@@ -2,7 +2,6 @@
 #include "trunk_merge.hpp"
 
 #include <algorithm>
-#include <limits>
 
 namespace angio::io {
 namespace {
@@ -19,20 +18,20 @@ double TrunkMerge::tolerance(int i) const {
   return std::max(kMinTolerance, radius_mm ? kToleranceOfRadius * *radius_mm : 0.0);
 }
 
-std::optional<TrunkMerge::Position> TrunkMerge::startAt(const Eigen::Vector3d& point_mm) const {
+std::optional<TrunkMerge::Place> TrunkMerge::startAt(const Eigen::Vector3d& point_mm) const {
   for (const int root : roots_) {
     const double distance = (rows_[root].point_mm - point_mm).norm();
-    if (distance <= tolerance(root)) return Position{root, root};
+    if (distance <= tolerance(root)) return Place{root, root};
   }
-  const auto same = point_at_.find({point_mm.x(), point_mm.y(), point_mm.z()});
-  if (same != point_at_.end()) return Position{same->second, same->second};
+  const auto same = point_at_.find(positionOf(point_mm));
+  if (same != point_at_.end()) return Place{same->second, same->second};
   return std::nullopt;
 }
 
-std::optional<TrunkMerge::Position> TrunkMerge::follow(int from, const Eigen::Vector3d& point_mm,
+std::optional<TrunkMerge::Place> TrunkMerge::follow(int from, const Eigen::Vector3d& point_mm,
                                                        double step_mm) const {
   const auto at = [&](int i) -> const Eigen::Vector3d& { return rows_[i].point_mm; };
-  Position best{from, from};
+  Place best{from, from};
   double best_distance = (at(from) - point_mm).norm();
   double best_tolerance = tolerance(from);
   int edges = 0;
@@ -61,7 +60,7 @@ void TrunkMerge::append(int parent, const Eigen::Vector3d& point_mm, std::option
   const int id = static_cast<int>(rows_.size());
   rows_.push_back({0, id, point_mm, radius_mm, parent});
   children_.emplace_back();
-  point_at_.emplace(std::array<double, 3>{point_mm.x(), point_mm.y(), point_mm.z()}, id);
+  point_at_.emplace(positionOf(point_mm), id);
   (parent < 0 ? roots_ : children_[parent]).push_back(id);
 }
 
@@ -72,7 +71,7 @@ void TrunkMerge::addLine(const std::vector<Eigen::Vector3d>& points_mm,
   auto position = startAt(points_mm[0]);
   if (!position) {
     append(-1, points_mm[0], radii_mm[0]);
-    position = Position{rows_.back().id, rows_.back().id};
+    position = Place{rows_.back().id, rows_.back().id};
   } else {
     for (; k < points_mm.size(); ++k) {
       const auto next = follow(position->from, points_mm[k], (points_mm[k] - points_mm[k - 1]).norm());

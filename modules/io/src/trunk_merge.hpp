@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <map>
 #include <optional>
 #include <vector>
@@ -25,20 +24,20 @@ class TrunkMerge {
   const std::vector<TreeRow>& rows() const { return rows_; }
 
  private:
-  struct Position {
+  struct Place {
     int from;     // The line is on the edge behind this point, or at it.
     int nearest;  // Where a branch would begin.
   };
 
-  std::optional<Position> follow(int from, const Eigen::Vector3d& point_mm, double step_mm) const;
-  std::optional<Position> startAt(const Eigen::Vector3d& point_mm) const;
+  std::optional<Place> follow(int from, const Eigen::Vector3d& point_mm, double step_mm) const;
+  std::optional<Place> startAt(const Eigen::Vector3d& point_mm) const;
   double tolerance(int i) const;
   void append(int parent, const Eigen::Vector3d& point_mm, std::optional<double> radius_mm);
 
   std::vector<TreeRow> rows_;
   std::vector<std::vector<int>> children_;
   std::vector<int> roots_;
-  std::map<std::array<double, 3>, int> point_at_;
+  std::map<Position, int> point_at_;
 };
 
 }  // namespace angio::io

@@ -155,12 +155,7 @@ constexpr NumberType kTypes[] = {
 
 std::vector<double> readAscii(std::string_view text, const ArrayLayout& layout, std::size_t count) {
   std::vector<double> numbers;
-  for (;;) {
-    const auto first = text.find_first_not_of(" \t\r\n");
-    if (first == std::string_view::npos) break;
-    text.remove_prefix(first);
-    const std::string_view word = text.substr(0, text.find_first_of(" \t\r\n"));
-    text.remove_prefix(word.size());
+  for (auto word = nextWord(text); !word.empty(); word = nextWord(text)) {
     if (numbers.size() == count) throw layout.wrong("", "must have " + std::to_string(count) + " numbers, has more");
     numbers.push_back(parseNumber(layout.place, layout.name, word));
   }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
-#include <array>
 #include <map>
 #include <set>
 
@@ -66,16 +65,11 @@ struct VtkLine {
   std::vector<int> points;
 };
 
-using Position = std::array<double, 3>;
-
 struct VtkLines {
   std::vector<Eigen::Vector3d> points_mm;
   std::vector<VtkLine> lines;
 
-  Position at(int point) const {
-    const Eigen::Vector3d& p = points_mm[point];
-    return {p.x(), p.y(), p.z()};
-  }
+  Position at(int point) const { return positionOf(points_mm[point]); }
 };
 
 // The four lines before the points; gives the keyword that the lines stand under.

@@ -6,7 +6,6 @@
 #include <vtkXMLDataParser.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cstring>
 #include <sstream>
 
@@ -76,15 +75,10 @@ void keepMessage(vtkObject*, unsigned long, void* first_message, void* message) 
 InputError brokenXml(const std::string& path, const std::string& message) {
   // "... Error parsing XML in stream at line 3, column 7, byte index 120: mismatched tag"
   const auto at = message.find("at line ");
-  const auto reason = message.rfind(": ");
-  std::string line;
-  if (at != std::string::npos) {
-    for (std::size_t i = at + 8; i < message.size() && std::isdigit(static_cast<unsigned char>(message[i])); ++i) {
-      line += message[i];
-    }
-  }
-  std::string why = at != std::string::npos && reason != std::string::npos && reason > at ? message.substr(reason) : "";
-  while (!why.empty() && std::isspace(static_cast<unsigned char>(why.back()))) why.pop_back();
+  if (at == std::string::npos) return InputError(path, "", "", "is not valid XML");
+  const std::string line = message.substr(at + 8, message.find_first_not_of("0123456789", at + 8) - at - 8);
+  const auto reason = message.find(": ", at) == std::string::npos ? message.size() : message.rfind(": ");
+  const std::string why(trimmed(std::string_view(message).substr(reason)));
   return InputError(line.empty() ? path : path + ":" + line, "", "", "is not valid XML" + why);
 }
 

@@ -49,16 +49,14 @@ class TreeBuilder final : public YAML::EventHandler {
   }
   void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
                        YAML::EmitterStyle::value) override {
-    requirePlain(mark, tag, anchor);
-    open(mark, YamlNode::Kind::kSequence);
+    open(mark, tag, anchor, YamlNode::Kind::kSequence);
   }
-  void OnSequenceEnd() override { close(); }
+  void OnSequenceEnd() override { open_.pop_back(); }
   void OnMapStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
                   YAML::EmitterStyle::value) override {
-    requirePlain(mark, tag, anchor);
-    open(mark, YamlNode::Kind::kMap);
+    open(mark, tag, anchor, YamlNode::Kind::kMap);
   }
-  void OnMapEnd() override { close(); }
+  void OnMapEnd() override { open_.pop_back(); }
 
  private:
   struct Open {
@@ -100,13 +98,12 @@ class TreeBuilder final : public YAML::EventHandler {
     return *node;
   }
 
-  void open(const YAML::Mark& mark, YamlNode::Kind kind) {
+  void open(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor, YamlNode::Kind kind) {
+    requirePlain(mark, tag, anchor);
     if (open_.size() == kDeepest) refuse(mark, "nesting", "must not be deeper than " + std::to_string(kDeepest));
     YamlNode& node = add(mark, 0, kind);
     open_.push_back({&node, false, {}});
   }
-
-  void close() { open_.pop_back(); }
 
   const std::string& path_;
   YamlNode root_;
@@ -162,6 +159,12 @@ double YamlField::number() const {
 double YamlField::positive() const { return requirePositive(place(), key, number()); }
 
 double YamlField::between(double low, double high) const { return requireBetween(place(), key, number(), low, high); }
+
+int YamlField::integer(int low, int high) const {
+  const int value = integer();
+  requireBetween(place(), key, value, low, high);
+  return value;
+}
 
 int YamlField::integer() const {
   if (node->kind != YamlNode::Kind::kScalar || node->quoted) refuse("must be an integer");

@@ -26,11 +26,9 @@ class TableRow {
   double number(const std::string& column) const;
   std::optional<double> numberOrBlank(const std::string& column) const;
   int integer(const std::string& column) const;
-  std::string_view text(const std::string& column) const { return field(column); }  ///< As it stands, without blanks.
+  std::string_view text(std::string_view column) const;  ///< As it stands, without blanks.
 
  private:
-  std::string_view field(std::string_view column) const;
-
   std::string path_;
   int line_;
   const std::vector<std::string>& header_;

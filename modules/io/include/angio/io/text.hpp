@@ -55,7 +55,10 @@ std::string_view trimmed(std::string_view text);
 /// The parts between separators; one more than there are separators.
 void splitAt(char separator, std::string_view text, std::vector<std::string_view>& parts);
 
-/// The parts between blanks and tabs.
+/// The next word between blanks and line ends; the text moves on behind it. Empty at the end.
+std::string_view nextWord(std::string_view& text);
+
+/// All words of a text.
 void splitAtBlanks(std::string_view text, std::vector<std::string_view>& parts);
 
 /// The whole text as a finite number, whatever the locale. Throws InputError "place: field = text: rule".

@@ -48,6 +48,7 @@ struct YamlField {
   double positive() const;
   double between(double low, double high) const;
   int integer() const;
+  int integer(int low, int high) const;
   bool flag() const;
   const std::string& text() const;
   std::vector<double> numbers(std::size_t count) const;                           ///< A sequence of just so many,
