@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 #include "angio/base/errors.hpp"
 #include "angio/calibration/bead_detection.hpp"
@@ -248,7 +247,7 @@ BeadMatch matchBeads(const std::string& place, const BeadPhantom& phantom, const
                      "cannot be told apart: no orientation of " + phantom.name +
                          " explains them; is it the right phantom, and most of it in the image?");
   }
-  return {best.bead, best.matched, best.R_camera_phantom};
+  return best;
 }
 
 }  // namespace angio::calibration

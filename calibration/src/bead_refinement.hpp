@@ -19,11 +19,8 @@ struct OrientationVote {
 };
 
 /// An orientation refined to a projection, and what it explains.
-struct Refinement {
-  std::vector<std::optional<int>> bead;  ///< One a detection.
-  int matched = 0;
+struct Refinement : BeadMatch {
   double share = 0;  ///< The lesser of: matched of all seen, matched of those that should be seen where others are.
-  Eigen::Matrix3d R_camera_phantom = Eigen::Matrix3d::Identity();
 };
 
 /// Returns where the detections are, one column each [px].

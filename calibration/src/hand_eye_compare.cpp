@@ -2,7 +2,6 @@
 #include <visp3/vision/vpHandEyeCalibration.h>
 
 #include <Eigen/Core>
-#include <cmath>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 

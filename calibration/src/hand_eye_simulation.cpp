@@ -2,9 +2,7 @@
 #include "angio/calibration/hand_eye_simulation.hpp"
 
 #include <Eigen/Cholesky>
-#include <cmath>
 
-#include "angio/base/errors.hpp"
 #include "angio/registration/starts.hpp"
 #include "hand_eye_problem.hpp"
 

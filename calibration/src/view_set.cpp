@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/view_set.hpp"
 
-#include <algorithm>
 #include <filesystem>
 #include <map>
 
@@ -10,8 +9,6 @@
 #include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/table.hpp"
-#include "angio/io/text.hpp"
-#include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
 
 namespace angio::calibration {

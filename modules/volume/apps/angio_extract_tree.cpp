@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-extract-tree: from a volume, a mask or a mesh to a vessel tree.
 #include <cstdio>
-#include <iostream>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"

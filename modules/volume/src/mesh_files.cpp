@@ -6,7 +6,6 @@
 #include <vtkImageData.h>
 #include <vtkImageStencilData.h>
 #include <vtkNew.h>
-#include <vtkPointData.h>
 #include <vtkPolyData.h>
 #include <vtkPolyDataToImageStencil.h>
 #include <vtkSmartPointer.h>

@@ -4,7 +4,6 @@
 #include <zlib.h>
 
 #include <Eigen/Core>
-#include <array>
 #include <cstdint>
 #include <cstring>
 

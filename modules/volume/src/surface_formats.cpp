@@ -21,15 +21,6 @@ constexpr std::size_t kHeader = 84, kTriangle = 50;  // Bytes.
 using Corner = std::array<float, 3>;
 using Triangles = std::vector<std::array<Corner, 3>>;
 
-// The next word of a text, which moves on behind it; empty at the end.
-std::string_view nextWord(std::string_view& text) {
-  constexpr const char* kBlanks = " \t\r\n";
-  text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
-  const std::string_view word = text.substr(0, text.find_first_of(kBlanks));
-  text.remove_prefix(word.size());
-  return word;
-}
-
 template <typename Number>
 bool parsesWhole(std::string_view word, Number& value) {
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
