@@ -28,8 +28,7 @@ std::optional<TrunkMerge::Place> TrunkMerge::startAt(const Eigen::Vector3d& poin
   return std::nullopt;
 }
 
-std::optional<TrunkMerge::Place> TrunkMerge::follow(int from, const Eigen::Vector3d& point_mm,
-                                                       double step_mm) const {
+std::optional<TrunkMerge::Place> TrunkMerge::follow(int from, const Eigen::Vector3d& point_mm, double step_mm) const {
   const auto at = [&](int i) -> const Eigen::Vector3d& { return rows_[i].point_mm; };
   Place best{from, from};
   double best_distance = (at(from) - point_mm).norm();
