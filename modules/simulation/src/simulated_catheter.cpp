@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "angio/base/checked.hpp"
@@ -60,6 +61,9 @@ constexpr double kRest_m = 1e-9;            // Less than that is no motion.
 constexpr double kParted_m = 1e-3;          // Beyond where ways part, they have directions of their own.
 constexpr double kPlausibleEnd_m = 0.6e-3;  // Radius where the tree ends, if it does not say: the renderer's default.
 
+constexpr double kNoEnd = std::numeric_limits<double>::infinity();  // Of roll.
+const Eigen::Vector3d kNearest(0, -kNoEnd, 0);                      // Where the drive's base ends.
+
 // A play operator: what follows `input` with a dead band of `half_width` to either side.
 double followed(double output, double input, double half_width) {
   return std::clamp(output, input - half_width, input + half_width);
@@ -85,27 +89,20 @@ SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSetti
   tip_m_ = map_.start_m(start.chain) + start.arc_m;
   requireBetween("catheter start", "path_m", tip_m_, 0, 1e-3 * settings_.length_mm);
   roll_rad_ = 0;
-  origin_ = settled_ = {tip_m_, 0, 0};
+  origin_ = settled_ = Base(tip_m_, 0, 0);
   feel(tip_m_);
 }
 
 void SimulatedCatheter::obey(const CatheterCommand& command, std::int64_t now_us, const std::string& sender) {
   advance(now_us);
-  const double insertion_m_per_s = 1e-3 * settings_.max_insertion_speed_mm_per_s;
-  const double roll_rad_per_s = degToRad(settings_.max_roll_speed_deg_per_s),
-               bend_rad_per_s = degToRad(settings_.max_bend_speed_deg_per_s);
-  const Eigen::Vector3d speeds(command.insertion_speed_m_per_s / insertion_m_per_s,
-                               command.roll_speed_rad_per_s / roll_rad_per_s,
-                               command.bend_speed_rad_per_s / bend_rad_per_s);
-  if (!takes(command, speeds, now_us_, sender)) return;
+  const Base most(1e-3 * settings_.max_insertion_speed_mm_per_s, degToRad(settings_.max_roll_speed_deg_per_s),
+                  degToRad(settings_.max_bend_speed_deg_per_s));
+  const Base wanted(command.insertion_speed_m_per_s, command.roll_speed_rad_per_s, command.bend_speed_rad_per_s);
+  if (!takes(command, wanted.cwiseQuotient(most), now_us_, sender)) return;
   origin_ = baseAt(now_us_);
   command_us_ = now_us_;
   stop_us_ = now_us_ + std::clamp<std::int64_t>(command.valid_for_us, 0, kMaxValidity_us);
-  command_ = command;
-  command_.insertion_speed_m_per_s = std::clamp(command.insertion_speed_m_per_s, -insertion_m_per_s, insertion_m_per_s);
-  command_.roll_speed_rad_per_s = std::clamp(command.roll_speed_rad_per_s, -roll_rad_per_s, roll_rad_per_s);
-  command_.bend_speed_rad_per_s = std::clamp(command.bend_speed_rad_per_s, -bend_rad_per_s, bend_rad_per_s);
-  commanded_ = true;
+  speeds_ = wanted.cwiseMax(-most).cwiseMin(most);
 }
 
 void SimulatedCatheter::advance(std::int64_t now_us) {
@@ -114,8 +111,7 @@ void SimulatedCatheter::advance(std::int64_t now_us) {
     settled_us_ += kStepUs;
     const Base base = baseAt(settled_us_);
     const double tip_m = tip_m_;
-    const bool still = base.insertion_m == settled_.insertion_m && base.roll_rad == settled_.roll_rad &&
-                       base.bend_rad == settled_.bend_rad;
+    const bool still = base == settled_;
     settle(base);
     // Nothing moves and nothing will: the rest of the time passes at once.
     if (still && std::abs(tip_m_ - tip_m) < kRest_m && settled_us_ >= stop_us_) {
@@ -125,31 +121,30 @@ void SimulatedCatheter::advance(std::int64_t now_us) {
   now_us_ = now_us;
 }
 
+SimulatedCatheter::Base SimulatedCatheter::furthest() const {
+  return {1e-3 * settings_.length_mm, kNoEnd, degToRad(settings_.max_bend_deg)};
+}
+
 SimulatedCatheter::Base SimulatedCatheter::baseAt(std::int64_t time_us) const {
-  if (!commanded_) return origin_;
   const double passed_s = 1e-6 * static_cast<double>(std::min(time_us, stop_us_) - command_us_);
-  return {
-      std::clamp(origin_.insertion_m + command_.insertion_speed_m_per_s * passed_s, 0.0, 1e-3 * settings_.length_mm),
-      origin_.roll_rad + command_.roll_speed_rad_per_s * passed_s,
-      std::clamp(origin_.bend_rad + command_.bend_speed_rad_per_s * passed_s, 0.0, degToRad(settings_.max_bend_deg))};
+  return (origin_ + speeds_ * passed_s).cwiseMax(kNearest).cwiseMin(furthest());
 }
 
 CatheterState SimulatedCatheter::state() const {
   CatheterState state;
   state.time_us = now_us_;
-  const Base base = baseAt(now_us_);
-  state.insertion_m = base.insertion_m;
-  state.roll_rad = base.roll_rad;
-  state.bend_rad = base.bend_rad;
-  if (commanded_ && now_us_ < stop_us_) {
-    const auto moving = [](double v, double at, double low, double high) {
-      return (v > 0 && at >= high) || (v < 0 && at <= low) ? 0.0 : v;
+  const Base base = baseAt(now_us_), far = furthest();
+  state.insertion_m = base[0];
+  state.roll_rad = base[1];
+  state.bend_rad = base[2];
+  if (now_us_ < stop_us_) {
+    const auto speed = [&](int i) {
+      const bool at_end = (speeds_[i] > 0 && base[i] >= far[i]) || (speeds_[i] < 0 && base[i] <= kNearest[i]);
+      return at_end ? 0.0 : speeds_[i];
     };
-    state.insertion_speed_m_per_s =
-        moving(command_.insertion_speed_m_per_s, base.insertion_m, 0.0, 1e-3 * settings_.length_mm);
-    state.roll_speed_rad_per_s = command_.roll_speed_rad_per_s;
-    state.bend_speed_rad_per_s =
-        moving(command_.bend_speed_rad_per_s, base.bend_rad, 0.0, degToRad(settings_.max_bend_deg));
+    state.insertion_speed_m_per_s = speed(0);
+    state.roll_speed_rad_per_s = speed(1);
+    state.bend_speed_rad_per_s = speed(2);
   }
   state.insertion_force_n = force_n_;
   return state;
@@ -188,15 +183,15 @@ void SimulatedCatheter::settle(const Base& base) {
   settled_ = base;
   const double bends = std::exp(settings_.friction * map_.turned_rad(placeAt(tip_m_)));
   const double wind_up = degToRad(settings_.wind_up_deg_per_m) * tip_m_ * bends;
-  roll_rad_ = followed(roll_rad_, base.roll_rad, 0.5 * degToRad(settings_.roll_backlash_deg) + wind_up);
-  bend_rad_ = followed(bend_rad_, base.bend_rad, 0.5 * degToRad(settings_.bend_backlash_deg));
+  roll_rad_ = followed(roll_rad_, base[1], 0.5 * degToRad(settings_.roll_backlash_deg) + wind_up);
+  bend_rad_ = followed(bend_rad_, base[2], 0.5 * degToRad(settings_.bend_backlash_deg));
   const double before_m = tip_m_;
-  slide(base.insertion_m);
+  slide(base[0]);
   // A shaft that slides has its friction along itself and none about itself: what was wound up comes out at the tip.
   const double let_out = 1 - std::exp(-std::abs(tip_m_ - before_m) / (1e-3 * settings_.unwind_mm));
-  const double lag = base.roll_rad - roll_rad_, play = 0.5 * degToRad(settings_.roll_backlash_deg);
+  const double lag = base[1] - roll_rad_, play = 0.5 * degToRad(settings_.roll_backlash_deg);
   roll_rad_ += let_out * (lag - std::clamp(lag, -play, play));
-  feel(base.insertion_m);
+  feel(base[0]);
 }
 
 double SimulatedCatheter::freePlay() const {

@@ -63,9 +63,8 @@ class SimulatedCatheter : public CommandReceiver {
   Device device(const Eigen::Matrix3Xd& points) const;
 
  private:
-  struct Base {
-    double insertion_m, roll_rad, bend_rad;
-  };
+  using Base = Eigen::Vector3d;  // Insertion [m], roll and bend [rad], or their speeds [m/s, rad/s].
+  Base furthest() const;
   Base baseAt(std::int64_t time_us) const;
   void settle(const Base& base);
   void slide(double insertion_m);
@@ -93,9 +92,8 @@ class SimulatedCatheter : public CommandReceiver {
 
   std::int64_t now_us_, settled_us_;       // The present, and the last multiple of the step that is computed.
   std::int64_t command_us_ = 0, stop_us_;  // When the command in force arrived, and when it ends.
-  Base origin_{}, settled_{};              // Base when it arrived, and when the tip was last computed.
-  CatheterCommand command_;
-  bool commanded_ = false;
+  Base origin_, settled_;                  // Base when it arrived, and when the tip was last computed.
+  Base speeds_ = Base::Zero();             // That it commands.
 };
 
 }  // namespace angio::simulation
