@@ -60,6 +60,12 @@ Goal goalOf(const ViewTaskSettings& settings, const TaskContext& context) {
   return goalOf({angles, context.target_model, context.R_lps_model}, distance_m);
 }
 
+// Joints at which an arm comes to rest that brakes as hard as it can.
+CArmJoints restOf(const CArmState& state, const CArmLimits& limits) {
+  const Eigen::Array<double, kCArmJointCount, 1> v = state.velocity.array();
+  return (state.joints.array() + 0.5 * v * v.abs() / limits.acceleration.array()).matrix();
+}
+
 class ViewTask final : public Task {
  public:
   ViewTask(const ViewTaskSettings& settings, const TaskContext& context)

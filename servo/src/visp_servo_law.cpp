@@ -1,9 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "visp_servo_law.hpp"
 
+#include <visp3/visual_features/vpFeatureDepth.h>
+#include <visp3/visual_features/vpFeaturePoint.h>
+#include <visp3/visual_features/vpFeatureThetaU.h>
+#include <visp3/visual_features/vpFeatureTranslation.h>
 #include <visp3/vs/vpAdaptiveGain.h>
 
 #include <cmath>
+
+#include "angio/base/errors.hpp"
+#include "angio/geometry/visp.hpp"
 
 namespace angio::servo {
 namespace {
@@ -68,6 +75,97 @@ std::optional<CArmJoints> VispServoLaw::velocity(const LawInput& input) {
   for (int i = 0; i < kCArmJointCount; ++i) result[i] = qdot[static_cast<unsigned>(i)];
   if (!result.allFinite()) return std::nullopt;
   return result;
+}
+
+namespace {
+
+class JointSpace final : public ServoLaw {
+ public:
+  JointSpace(const JointSpaceSettings& settings, const LawModel& model) : task_(settings, model.target) {}
+
+  std::optional<CArmJoints> velocity(const LawInput& input) override {
+    if (!input.joints_left || !input.joints_left->allFinite() || !task_.goal(input)) return std::nullopt;
+    return CArmJoints(task_.lambda() * *input.joints_left);
+  }
+
+ private:
+  VispServoLaw task_;
+};
+
+class PositionBased final : public ServoLaw {
+ public:
+  PositionBased(const PositionBasedSettings& settings, const LawModel& model)
+      : translation_(vpFeatureTranslation::cdMc),
+        desired_translation_(vpFeatureTranslation::cdMc),
+        theta_u_(vpFeatureThetaU::cdRc),
+        desired_theta_u_(vpFeatureThetaU::cdRc),
+        task_(settings, model.target) {
+    task_.servo().addFeature(translation_, desired_translation_);
+    task_.servo().addFeature(theta_u_, desired_theta_u_, vpFeatureThetaU::selectTUx() | vpFeatureThetaU::selectTUy());
+  }
+
+  std::optional<CArmJoints> velocity(const LawInput& input) override {
+    const auto goal = task_.goal(input);
+    if (!goal) return std::nullopt;
+    const vpHomogeneousMatrix cdMc = toVisp(Pose(*goal * task_.T_camera_model().inverse()));
+    translation_.buildFrom(cdMc);
+    theta_u_.buildFrom(cdMc);
+    return task_.velocity(input);
+  }
+
+ private:
+  vpFeatureTranslation translation_, desired_translation_;
+  vpFeatureThetaU theta_u_, desired_theta_u_;
+  VispServoLaw task_;  // Last: goes before the features that it holds.
+};
+
+class Hybrid final : public ServoLaw {
+ public:
+  Hybrid(const HybridSettings& settings, const LawModel& model)
+      : target_(*model.target),
+        theta_u_(vpFeatureThetaU::cdRc),
+        desired_theta_u_(vpFeatureThetaU::cdRc),
+        task_(settings, model.target) {
+    task_.servo().addFeature(point_, desired_point_);
+    task_.servo().addFeature(depth_);  // Towards log(Z / Z*) = 0.
+    task_.servo().addFeature(theta_u_, desired_theta_u_, vpFeatureThetaU::selectTUx() | vpFeatureThetaU::selectTUy());
+  }
+
+  std::optional<CArmJoints> velocity(const LawInput& input) override {
+    const auto goal = task_.goal(input);
+    if (!goal) return std::nullopt;
+    const Eigen::Vector3d p = task_.T_camera_model() * target_, pd = *goal * target_;
+    point_.set_xyZ(p.x() / p.z(), p.y() / p.z(), p.z());
+    desired_point_.set_xyZ(pd.x() / pd.z(), pd.y() / pd.z(), pd.z());
+    depth_.buildFrom(p.x() / p.z(), p.y() / p.z(), p.z(), std::log(p.z() / pd.z()));
+    theta_u_.buildFrom(toVisp(Pose(*goal * task_.T_camera_model().inverse())));
+    return task_.velocity(input);
+  }
+
+ private:
+  Eigen::Vector3d target_;
+  vpFeaturePoint point_, desired_point_;
+  vpFeatureDepth depth_;
+  vpFeatureThetaU theta_u_, desired_theta_u_;
+  VispServoLaw task_;  // Last: goes before the features that it holds.
+};
+
+}  // namespace
+
+std::unique_ptr<ServoLaw> make(const JointSpaceSettings& settings, const LawModel& model) {
+  checkSettings(JointSpaceSettings::kName, settings);
+  return std::make_unique<JointSpace>(settings, model);
+}
+
+std::unique_ptr<ServoLaw> make(const PositionBasedSettings& settings, const LawModel& model) {
+  checkSettings(PositionBasedSettings::kName, settings);
+  return std::make_unique<PositionBased>(settings, model);
+}
+
+std::unique_ptr<ServoLaw> make(const HybridSettings& settings, const LawModel& model) {
+  checkSettings(HybridSettings::kName, settings);
+  if (!model.target) throw InputError(HybridSettings::kName, "target", "", "the law needs one");
+  return std::make_unique<Hybrid>(settings, model);
 }
 
 std::unique_ptr<ServoLaw> makeServoLaw(const ServoLawSettings& settings, const LawModel& model) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <functional>
 
 #include "angio/geometry/carm.hpp"
-#include "angio/messaging/messages.hpp"
 #include "angio/servo/namespace.hpp"
 
 namespace angio::servo {
@@ -15,9 +15,6 @@ struct WayExcursion {
   double target_m = 0;  ///< The target's distance from its goal, less what it was at the start; negative: nearer.
 };
 
-/// Joints at which an arm comes to rest that brakes as hard as it can.
-CArmJoints restOf(const CArmState& state, const CArmLimits& limits);
-
 /// Where a way began: the joints, and where the arm would have come to rest from there if it moved already.
 struct WayStart {
   CArmJoints joints, rest;
@@ -25,7 +22,11 @@ struct WayStart {
   /// @param now        The present joints. @param goal  Joints at the goal.
   /// @param distance_m Distance of the target from its goal, by joints; as seen now, for the start as for the present.
   WayExcursion excursion(const CArmJoints& now, const CArmJoints& goal,
-                         const std::function<double(const CArmJoints&)>& distance_m) const;
+                         const std::function<double(const CArmJoints&)>& distance_m) const {
+    const CArmJoints least = joints.cwiseMin(rest).cwiseMin(goal), most = joints.cwiseMax(rest).cwiseMax(goal);
+    const CArmJoints outside = (now - most).cwiseMax(least - now).cwiseMax(CArmJoints::Zero());
+    return {outside.tail<3>().norm(), distance_m(now) - std::max(distance_m(joints), distance_m(rest))};
+  }
 };
 
 }  // namespace angio::servo
