@@ -34,6 +34,16 @@ constexpr ErrorColumn kErrors[] = {
     {"rotation_deg", [](const PoseError& e) { return Json(radToDeg(e.rotation_rad)); }},
     {"centroid_mm", [](const PoseError& e) { return Json(1e3 * e.centroid_m); }}};
 
+// The numbers of a matrix, row by row.
+template <typename Matrix>
+Json numbersOf(const Matrix& matrix) {
+  Json numbers = Json::array();
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    for (Eigen::Index j = 0; j < matrix.cols(); ++j) numbers.push_back(matrix(i, j));
+  }
+  return numbers;
+}
+
 Json errorAsJson(const PoseError& error) {
   Json json;
   for (const auto& [key, value] : kErrors) json[key] = value(error);
@@ -78,13 +88,9 @@ Json caseAsJson(const CaseOutcome& outcome) {
   json["reason"] = r.reason;
   if (outcome.followed) json["followed"] = *outcome.followed;
   if (outcome.rejection) json["rejection"] = *outcome.rejection;
-  for (int i = 0; i < 9; ++i) json["rotation"].push_back(r.T_camera_model.linear()(i / 3, i % 3));
-  for (int i = 0; i < 3; ++i) json["translation_mm"].push_back(1e3 * r.T_camera_model.translation()[i]);
-  json["covariance"] = nullptr;
-  if (r.covariance) {
-    json["covariance"] = Json::array();
-    for (int i = 0; i < 36; ++i) json["covariance"].push_back((*r.covariance)(i / 6, i % 6));
-  }
+  json["rotation"] = numbersOf(r.T_camera_model.linear());
+  json["translation_mm"] = numbersOf(1e3 * r.T_camera_model.translation());
+  json["covariance"] = r.covariance ? numbersOf(*r.covariance) : Json(nullptr);
   json["ambiguity"] = orNull(r.ambiguity);
   json["deformation_std_mm"] = 1e3 * r.deformation_std_m;
   json["spread_mm"] = r.spread ? Json(1e3 * r.spread->all_m) : Json(nullptr);
@@ -105,8 +111,7 @@ Json caseAsJson(const CaseOutcome& outcome) {
   json["model_explained"] = r.agreement.model_explained;
   json["image_explained"] = r.agreement.image_explained;
   for (Eigen::Index i = 0; i < r.displacements_m.cols(); ++i) {
-    const Eigen::Vector3d d = 1e3 * r.displacements_m.col(i);
-    json["displacements_mm"].push_back({d.x(), d.y(), d.z()});
+    json["displacements_mm"].push_back(numbersOf(1e3 * r.displacements_m.col(i)));
   }
   json["points_3d"] = r.points_3d;
   json["points_2d"] = r.points_2d;
@@ -125,11 +130,10 @@ Json certificateAsJson(const PoseCertificate& c, const CertificateSettings& sett
   Json json = {{"proved", c.proven}, {"reason", c.reason}, {"best_score", c.score}, {"upper_bound", c.bound}};
   json["rival"] = nullptr;
   if (c.rival) {
-    Json& rival = json["rival"] = Json::object();
-    for (int i = 0; i < 9; ++i) rival["rotation"].push_back(c.rival->T_camera_model.linear()(i / 3, i % 3));
-    for (int i = 0; i < 3; ++i) rival["translation_mm"].push_back(1e3 * c.rival->T_camera_model.translation()[i]);
-    rival["share_of_score"] = c.rival->share;
-    rival["distance_mm"] = 1e3 * c.rival->distance_m;
+    json["rival"] = {{"rotation", numbersOf(c.rival->T_camera_model.linear())},
+                     {"translation_mm", numbersOf(1e3 * c.rival->T_camera_model.translation())},
+                     {"share_of_score", c.rival->share},
+                     {"distance_mm", 1e3 * c.rival->distance_m}};
   }
   json["time_ms"] = 1e3 * c.seconds;
   json["cells"] = c.cells;

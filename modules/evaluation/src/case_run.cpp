@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/case_run.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -11,12 +12,19 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/perception/gated_perception.hpp"
+#include "angio/perception/patient_observation.hpp"
+#include "angio/perception/registration_gate.hpp"
 
 namespace angio::evaluation {
 namespace {
 
 // Consecutive frames of a case set have no times; fluoroscopy runs at 15 frames a second.
 constexpr double kFramePeriod_us = 1e6 / 15;
+
+// A task may be asked for any place of the tree: so many of them must be known well enough.
+constexpr double kMostPlaces = 0.95;
+// Each asks for a covariance, and that of a deformed fit solves a system of up to 400 unknowns.
+constexpr Eigen::Index kPlaces = 60;
 
 // A case's initial pose is what joints and calibration say: as good as a camera's place in a patient frame that is the
 // model's by calibration.
@@ -42,6 +50,33 @@ Centerline2d seenIn(const View& view, CenterlineExtractor& extractor, CaseOutcom
 }
 
 }  // namespace
+
+void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome) {
+  const RegistrationResult& result = outcome.result;
+  outcome.usable_for.clear();
+  outcome.point_covariances_m2.clear();
+  if (!result.covariance || !result.covariance->allFinite()) return;
+  const PatientObservation seen{result.T_camera_model, *result.covariance, result.points};
+  const Eigen::Matrix3Xd& points = tree.points();
+  if (of_each_point) {
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+      outcome.point_covariances_m2.push_back(seen.pointCovariance(points.col(i)));
+    }
+  }
+  if (result.status != RegistrationStatus::kConverged) return;
+  const double enough_m = 1e-3 * RegistrationGateSettings().max_target_std_mm;
+  double places = 0, across = 0, everywhere = 0;
+  const Eigen::Index stride = std::max<Eigen::Index>(1, points.cols() / kPlaces);
+  for (Eigen::Index i = stride / 2; i < points.cols(); i += stride, ++places) {
+    across += seen.worstStdAcross_m(points.col(i)) <= enough_m;
+    everywhere += seen.worstStd_m(points.col(i)) <= enough_m;
+  }
+  if (across >= kMostPlaces * places) outcome.usable_for.push_back("centre");
+  if (everywhere >= kMostPlaces * places) {
+    outcome.usable_for.push_back("view");
+    outcome.usable_for.push_back("navigate");
+  }
+}
 
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress) {
   std::map<std::string, std::unique_ptr<Registration>> registrations;  // By their trees' files, which cases share.

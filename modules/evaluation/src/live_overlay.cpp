@@ -36,19 +36,9 @@ bool converged(const RegistrationMessage& registration) { return registration.st
 }  // namespace
 
 cv::Scalar stateColor(ServoState state) {
-  switch (state) {
-    case ServoState::kServo:
-      return kGreen;
-    case ServoState::kFault:
-    case ServoState::kEmergencyStop:
-      return kRed;
-    case ServoState::kIdle:
-      return kGrey;
-    case ServoState::kHold:
-    case ServoState::kArmed:
-      break;
-  }
-  return kOrange;
+  if (state == ServoState::kServo) return kGreen;
+  if (state == ServoState::kFault || state == ServoState::kEmergencyStop) return kRed;
+  return state == ServoState::kIdle ? kGrey : kOrange;
 }
 
 LiveOverlay::LiveOverlay(const VesselTree& tree, int width_px, const CArmGeometry& carm,

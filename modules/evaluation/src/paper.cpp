@@ -19,17 +19,14 @@ struct PrintedRow {
   double gfr_percent, mean_pr_mm, p95_pr_mm, p75_pr_mm;
   std::optional<double> time_ms;
 };
-const std::vector<PrintedRow>& printedTable1() {
-  static const std::vector<PrintedRow> kRows = {{"AutoMask", 0, 0.85, 1.50, 1.06, 97004},
-                                                {"Pair-wise DNN", 0, 1.74, 2.54, 2.02, 311.3},
-                                                {"RGRB", 22, 2.21, 3.92, 1.71, {}},
-                                                {"DT-ICP, rigid", 54, 1.80, 6.65, 3.49, 13.2},
-                                                {"DT-ICP", 0, 0.42, 0.72, 0.42, 39.4},
-                                                {"NICP", 8, 0.50, 3.11, 1.14, 385},
-                                                {"Iterative PnP, rigid", 4, 0.39, 0.84, 0.56, 16.9},
-                                                {"Iterative PnP, nonrigid", 0, 0.37, 0.69, 0.44, 45.5}};
-  return kRows;
-}
+constexpr PrintedRow kPrintedTable1[] = {{"AutoMask", 0, 0.85, 1.50, 1.06, 97004},
+                                         {"Pair-wise DNN", 0, 1.74, 2.54, 2.02, 311.3},
+                                         {"RGRB", 22, 2.21, 3.92, 1.71, {}},
+                                         {"DT-ICP, rigid", 54, 1.80, 6.65, 3.49, 13.2},
+                                         {"DT-ICP", 0, 0.42, 0.72, 0.42, 39.4},
+                                         {"NICP", 8, 0.50, 3.11, 1.14, 385},
+                                         {"Iterative PnP, rigid", 4, 0.39, 0.84, 0.56, 16.9},
+                                         {"Iterative PnP, nonrigid", 0, 0.37, 0.69, 0.44, 45.5}};
 
 // Fewest digits that tell small errors from none.
 std::string small(double value) { return formatted(value != 0 && value < 0.01 ? "%.4f" : "%.2f", value); }
@@ -45,14 +42,10 @@ std::string poseCells(const Json& f) {
 
 // One figure over the spread of the starts, the paper's and each method's.
 std::string figureOver(const Json& levels, const std::string& title, const std::string& unit, const char* key) {
-  Plot plot;
-  plot.x.label = "spread of the starts per axis";
-  plot.y.label = unit;
+  // Room at both ends for the names below.
+  Plot plot{"", {"spread of the starts per axis", false, std::pair(0, 1)}, {unit, false, std::pair(0, 1)}};
   plot.x.ticks.emplace();
   plot.series.push_back({"the paper", {}, {}, 4});
-  // Room at both ends for the names below.
-  plot.x.range = {0, 1};
-  plot.y.range = {0, 1};
   for (const Json& level : levels) {
     const double x = level["translation_std_mm"];
     plot.x.ticks->emplace_back(x, filled("{rotation_std_deg:%g}\u00b0, {translation_std_mm:%g} mm", level));
@@ -128,7 +121,7 @@ SimulationSettings paperProtocol(const PaperStart& start, int trials, int seed) 
 
 Json paperAsJson(const std::vector<EntrantRun>& table1, const std::vector<PaperLevel>& table3) {
   Json json;
-  for (const auto& row : printedTable1()) {
+  for (const auto& row : kPrintedTable1) {
     json["table1"]["paper"][row.name] = {{"gfr_percent", row.gfr_percent},
                                          {"mean_pr_mm", row.mean_pr_mm},
                                          {"p95_pr_mm", row.p95_pr_mm},

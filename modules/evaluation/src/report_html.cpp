@@ -75,13 +75,9 @@ std::string base64(const std::vector<unsigned char>& bytes) {
   static const char kLetters[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string text;
   for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    unsigned group = static_cast<unsigned>(bytes[i]) << 16;
-    if (i + 1 < bytes.size()) group |= static_cast<unsigned>(bytes[i + 1]) << 8;
-    if (i + 2 < bytes.size()) group |= bytes[i + 2];
-    text += kLetters[group >> 18 & 63];
-    text += kLetters[group >> 12 & 63];
-    text += i + 1 < bytes.size() ? kLetters[group >> 6 & 63] : '=';
-    text += i + 2 < bytes.size() ? kLetters[group & 63] : '=';
+    unsigned group = 0;
+    for (std::size_t k = i; k < i + 3; ++k) group = group << 8 | (k < bytes.size() ? bytes[k] : 0u);
+    for (std::size_t k = 0; k < 4; ++k) text += i + k <= bytes.size() ? kLetters[group >> (18 - 6 * k) & 63] : '=';
   }
   return text;
 }

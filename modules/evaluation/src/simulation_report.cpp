@@ -40,11 +40,9 @@ double shownError_mm(const CaseOutcome& o) {
 }  // namespace
 
 std::string captureFigure(const std::vector<EntrantRun>& runs) {
-  Plot plot;
-  plot.x.label = "start: mTRE [mm], bins of 1 mm";
-  plot.y.label = "success (mTRE < 2 mm) [%]";
-  plot.x.range = {0, CaptureBins::kBins};
-  plot.y.range = {0, 103};
+  Plot plot{"",
+            {"start: mTRE [mm], bins of 1 mm", false, std::pair(0, CaptureBins::kBins)},
+            {"success (mTRE < 2 mm) [%]", false, std::pair(0, 103)}};
   plot.guides.push_back({95, "95 %"});
   for (std::size_t m = 0; m < runs.size(); ++m) {
     const CaptureBins bins = captureBins(runs[m].outcomes);
@@ -73,10 +71,7 @@ std::string errorFigure(const std::vector<EntrantRun>& runs) {
 }
 
 std::string startAndEndFigure(const std::vector<EntrantRun>& runs) {
-  Plot plot;
-  plot.x.label = "mTRE at the start [mm]";
-  plot.y.label = "mTRE at the end [mm]";
-  plot.y.log = true;
+  Plot plot{"", {"mTRE at the start [mm]"}, {"mTRE at the end [mm]", true}};
   plot.guides.push_back({1e3 * kSuccessMtre_m, "2 mm"});
   double farthest_mm = 1;
   for (std::size_t m = 0; m < runs.size(); ++m) {
@@ -102,10 +97,7 @@ std::string timeFigure(const std::vector<EntrantRun>& runs) {
 }
 
 std::string sweepFigure(const Json& swept) {
-  Plot plot;
-  plot.x.label = swept["quantity"];
-  plot.y.label = "success (mTRE < 2 mm) [%]";
-  plot.y.range = {0, 103};
+  Plot plot{"", {swept["quantity"].get<std::string>()}, {"success (mTRE < 2 mm) [%]", false, std::pair(0, 103)}};
   plot.guides.push_back({95, "95 %"});
   plot.x.ticks.emplace();
   for (const Json& point : swept["points"]) {

@@ -162,6 +162,26 @@ std::vector<Column<CaseOutcome>> trialColumns() {
       {"", "in_plane_below_2mm_percent", "percent", [](O o) { return o.error->in_plane_m < kSuccessMtre_m; }}};
 }
 
+// Whether claims hold where fits are poor; empty where there are too few trials.
+std::string quarterTable(const Json& summaries) {
+  const auto lacks = [](const Json& summary) { return summary["claims_by_quarter"].is_null(); };
+  if (std::any_of(summaries.begin(), summaries.end(), lacks)) return "";
+  const auto cell = [](const std::string& name, const std::string& format) {
+    std::string text;
+    for (const char* quarter : {"0", "1", "2", "3"}) {
+      if (!text.empty()) text += " / ";
+      text += "{claims_by_quarter/" + std::string(quarter) + "/" + name + ":" + format + "}";
+    }
+    return text;
+  };
+  const std::string wrong = cell("converged_and_wrong_percent", "%.1f %%"),
+                    depth = cell("depth_in_90_percent", "%.0f %%"), plane = cell("plane_in_90_percent", "%.0f %%");
+  return "\n" + figureTable(summaries, {{"in quarters, best score first", ""},
+                                        {"converged and wrong", wrong.c_str()},
+                                        {"depth in its 90 %", depth.c_str()},
+                                        {"in-plane in its 90 %", plane.c_str()}});
+}
+
 }  // namespace
 
 std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const SimulationSettings& settings,
@@ -291,30 +311,6 @@ Json simulationSummaries(const std::vector<EntrantRun>& runs, std::optional<doub
   }
   return summaries;
 }
-
-namespace {
-
-// Whether claims hold where fits are poor; empty where there are too few trials.
-std::string quarterTable(const Json& summaries) {
-  const auto lacks = [](const Json& summary) { return summary["claims_by_quarter"].is_null(); };
-  if (std::any_of(summaries.begin(), summaries.end(), lacks)) return "";
-  const auto cell = [](const std::string& name, const std::string& format) {
-    std::string text;
-    for (const char* quarter : {"0", "1", "2", "3"}) {
-      if (!text.empty()) text += " / ";
-      text += "{claims_by_quarter/" + std::string(quarter) + "/" + name + ":" + format + "}";
-    }
-    return text;
-  };
-  const std::string wrong = cell("converged_and_wrong_percent", "%.1f %%"),
-                    depth = cell("depth_in_90_percent", "%.0f %%"), plane = cell("plane_in_90_percent", "%.0f %%");
-  return "\n" + figureTable(summaries, {{"in quarters, best score first", ""},
-                                        {"converged and wrong", wrong.c_str()},
-                                        {"depth in its 90 %", depth.c_str()},
-                                        {"in-plane in its 90 %", plane.c_str()}});
-}
-
-}  // namespace
 
 std::string simulationTable(const Json& summaries) {
   const std::string start = "Starts are off by {start_mtre_mm/median:%.1f mm} mTRE (median).\n\n";

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
+#include <functional>
+
 #include "angio/base/errors.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/simulation_run.hpp"
@@ -7,65 +9,52 @@ namespace angio::evaluation {
 namespace {
 
 struct Range {
+  std::function<void(SimulationSettings&, double)> set;
   const char *name, *axis, *unit;
   std::vector<double> values;
-  void (*set)(SimulationSettings&, double);
 };
+
+template <typename Value>
+Range of(Value SimulationSettings::*field, const char* name, const char* axis, const char* unit,
+         const std::vector<double>& values) {
+  return {[field](SimulationSettings& s, double x) { s.*field = static_cast<Value>(x); }, name, axis, unit, values};
+}
+
+void setStart(SimulationSettings& s, double x) {
+  // The paper's pairs, and one beyond.
+  s.rotation_std_deg = x <= 1 ? 0.5 : x <= 3 ? 1 : x <= 5 ? 2 : x <= 8 ? 3 : x <= 10 ? 5 : 8;
+  s.translation_std_mm = x;
+}
+
+void setCalibration(SimulationSettings& s, double x) {
+  s.views = 2;
+  s.calibration_rotation_error_deg = x;
+  s.calibration_translation_error_mm = 2 * x;
+}
 
 const std::vector<Range>& ranges() {
   using S = SimulationSettings;
   static const std::vector<Range> kRanges = {
-      {"visible-fraction",
-       "share of the tree in the field of view",
-       "",
-       {1, 0.9, 0.75, 0.6, 0.5, 0.4, 0.3, 0.2},
-       [](S& s, double x) { s.visible_fraction = x; }},
-      {"noise",
-       "noise of each image coordinate [px]",
-       " px",
-       {0, 0.5, 1, 1.5, 2, 3},
-       [](S& s, double x) { s.noise_px = x; }},
-      {"spurious",
-       "spurious curves per view",
-       "",
-       {0, 2, 5, 10, 20, 40},
-       [](S& s, double x) { s.spurious = static_cast<int>(x); }},
-      {"missing",
-       "share of the tree's branches not in the image",
-       "",
-       {0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6},
-       [](S& s, double x) { s.missing = x; }},
-      {"filled",
-       "share of the tree that contrast agent fills, downstream of injection sites",
-       "",
-       {1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.2},
-       [](S& s, double x) { s.filled = x; }},
-      {"start",
-       "spread of the starts per axis [mm, with the rotations of the table]",
-       " mm",
-       {1, 3, 5, 8, 10, 15},
-       [](S& s, double x) {
-         // The paper's pairs, and one beyond.
-         s.rotation_std_deg = x <= 1 ? 0.5 : x <= 3 ? 1 : x <= 5 ? 2 : x <= 8 ? 3 : x <= 10 ? 5 : 8;
-         s.translation_std_mm = x;
-       }},
-      {"focal",
-       "error of the focal length [%]",
-       " %",
-       {0, 0.1, 0.25, 0.5, 1, 2},
-       [](S& s, double x) { s.focal_error_percent = x; }},
-      {"calibration",
-       "error between the two views [deg, and twice as many mm]",
-       " deg",
-       {0, 0.1, 0.25, 0.5, 1, 2},
-       [](S& s, double x) {
-         s.views = 2;
-         s.calibration_rotation_error_deg = x;
-         s.calibration_translation_error_mm = 2 * x;
-       }},
-      {"deformation", "rms deformation of the tree [mm]", " mm", {0, 0.25, 0.5, 1, 2, 4, 8}, [](S& s, double x) {
-         s.deformation_rms_mm = x;
-       }}};
+      of(&S::visible_fraction, "visible-fraction", "share of the tree in the field of view", "",
+         {1, 0.9, 0.75, 0.6, 0.5, 0.4, 0.3, 0.2}),
+      of(&S::noise_px, "noise", "noise of each image coordinate [px]", " px", {0, 0.5, 1, 1.5, 2, 3}),
+      of(&S::spurious, "spurious", "spurious curves per view", "", {0, 2, 5, 10, 20, 40}),
+      of(&S::missing, "missing", "share of the tree's branches not in the image", "",
+         {0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6}),
+      of(&S::filled, "filled", "share of the tree that contrast agent fills, downstream of injection sites", "",
+         {1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.2}),
+      Range{setStart,
+            "start",
+            "spread of the starts per axis [mm, with the rotations of the table]",
+            " mm",
+            {1, 3, 5, 8, 10, 15}},
+      of(&S::focal_error_percent, "focal", "error of the focal length [%]", " %", {0, 0.1, 0.25, 0.5, 1, 2}),
+      Range{setCalibration,
+            "calibration",
+            "error between the two views [deg, and twice as many mm]",
+            " deg",
+            {0, 0.1, 0.25, 0.5, 1, 2}},
+      of(&S::deformation_rms_mm, "deformation", "rms deformation of the tree [mm]", " mm", {0, 0.25, 0.5, 1, 2, 4, 8})};
   return kRanges;
 }
 

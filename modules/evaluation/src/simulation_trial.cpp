@@ -179,22 +179,6 @@ Pose drawnTrialStart(const VesselTree& tree, const Pose& truth, const Simulation
   return scaled(factor);
 }
 
-// A guidewire: 0.014 inch of steel, whose attenuation at 60 keV is 0.95 per mm (NIST XCOM).
-constexpr double kWireDiameter_m = 0.36e-3, kSteel_per_m = 950;
-
-// A curve of the image as a wire in the plane of the isocentre.
-Device wireAlong(const Curve& curve, const XrayCamera& camera, const Pose& T_camera_model, double depth_m) {
-  Device wire;
-  wire.diameter_m = kWireDiameter_m;
-  wire.attenuation_per_m = kSteel_per_m;
-  wire.points.resize(3, curve.size());
-  const Pose T_model_camera = T_camera_model.inverse();
-  for (std::size_t i = 0; i < curve.size(); ++i) {
-    wire.points.col(i) = T_model_camera * (depth_m * camera.ray(curve[i]));
-  }
-  return wire;
-}
-
 }  // namespace
 
 XrayViews SimulatedTrial::views() const {
@@ -217,21 +201,17 @@ XrayCamera simulatedCamera() { return XrayCamera::centered(1024, 1024, 0.308e-3,
 SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCamera>& camera,
                               const SimulationSettings& settings, int index, const MeasuredMotion* motion) {
   checkSettings("simulation", settings);
-  if (settings.turn_s > 0 && (settings.views > 1 || !(settings.turn_deg > 0))) {
-    throw InputError("simulation", "turn_s", formatValue(settings.turn_s), "needs turn_deg, and no views beside it");
-  }
-  if (settings.turn_s > 0 && settings.from == TrialSource::kImages) {
-    throw InputError("simulation", "turn_s", formatValue(settings.turn_s), "must be 0: images are of one moment");
-  }
-  if (settings.breath_mm > 0 && !(settings.turn_s > 0)) {
-    throw InputError("simulation", "breath_mm", formatValue(settings.breath_mm), "needs turn_s: views of one moment");
-  }
-  if (settings.views > 2 && !(settings.turn_deg > 0)) {
-    throw InputError("simulation", "views", std::to_string(settings.views), "must be 1 or 2 without turn_deg");
-  }
-  if (settings.views < 2 && settings.turn_deg > 0 && !(settings.turn_s > 0)) {
-    throw InputError("simulation", "views", std::to_string(settings.views), "must be at least 2 with turn_deg");
-  }
+  const bool turns = settings.turn_deg > 0, sequence = settings.turn_s > 0;
+  const auto refuse = [](bool wrong, const char* key, double value, const char* rule) {
+    if (wrong) throw InputError("simulation", key, formatValue(value), rule);
+  };
+  refuse(sequence && (settings.views > 1 || !turns), "turn_s", settings.turn_s,
+         "needs turn_deg, and no views beside it");
+  refuse(sequence && settings.from == TrialSource::kImages, "turn_s", settings.turn_s,
+         "must be 0: images are of one moment");
+  refuse(settings.breath_mm > 0 && !sequence, "breath_mm", settings.breath_mm, "needs turn_s: views of one moment");
+  refuse(settings.views > 2 && !turns, "views", settings.views, "must be 1 or 2 without turn_deg");
+  refuse(settings.views < 2 && turns && !sequence, "views", settings.views, "must be at least 2 with turn_deg");
   SimulatedTrial trial;
   trial.truth = drawnView(tree, settings, index);
   trial.start = drawnTrialStart(tree, trial.truth, settings, index);
@@ -258,7 +238,7 @@ SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCa
     trial.centerlines.push_back(std::move(view.centerline));
     trial.T_view_first.push_back(first ? T_view_first : miscalibratedPlane(T_view_first, settings, index));
   };
-  if (settings.turn_s > 0) {
+  if (sequence) {
     const PatientMotion breath = breathOf(tree, settings);
     const double begin_s = SimulationRandom(settings.seed, index, DrawFor::kStart, 1).uniform(0, 1000);
     const auto frames = sequenceOf(settings, trial.truth);
@@ -276,49 +256,6 @@ SimulatedTrial simulatedTrial(const VesselTree& tree, const std::optional<XrayCa
     addView(v == 0 ? Pose::Identity() : otherPlane(settings, index, v), points, v, v == 0);
   }
   return trial;
-}
-
-TrialImages::TrialImages(const std::vector<VesselTree>& trees, const SimulationSettings& settings)
-    : settings_(settings) {
-  checkSettings("simulation", settings);
-  const auto refuse = [](const char* key, double value) {
-    if (value > 0) throw InputError("simulation", key, std::to_string(value), "must be 0: images have noise by dose");
-  };
-  refuse("noise_px", settings.noise_px);
-  refuse("tangent_noise_deg", settings.tangent_noise_deg);
-  for (const auto& tree : trees) {
-    Surroundings around;
-    around.R_lps_model = lpsOf(settings.model_axes);
-    renderers_.push_back(std::make_unique<FluoroscopyRenderer>(tree, settings.fluoroscopy, around));
-  }
-}
-
-XrayScene TrialImages::sceneOf(const SimulatedTrial& trial, std::size_t view) const {
-  const SimulatedTrial::TrueView& seen = trial.true_views[view];
-  XrayScene scene;
-  scene.T_camera_model = seen.T_view_first * trial.truth;
-  if (trial.displacements_m.size() > 0) scene.displacements_m = trial.displacements_m;
-  scene.densities = trial.filled;
-  for (const Curve& curve : seen.spurious_px) {
-    if (curve.size() < 2) continue;
-    scene.devices.push_back(wireAlong(curve, seen.camera, scene.T_camera_model, 1e-3 * settings_.source_isocenter_mm));
-  }
-  return scene;
-}
-
-cv::Mat TrialImages::render(const SimulatedTrial& trial, std::size_t tree, std::size_t view, int index) {
-  return renderers_[tree]->render(trial.true_views[view].camera, sceneOf(trial, view),
-                                  static_cast<std::uint64_t>(2 * index) + view);
-}
-
-TrialTruth TrialImages::truth(const SimulatedTrial& trial, std::size_t tree, std::size_t view) {
-  const XrayScene scene = sceneOf(trial, view);
-  const XrayCamera& camera = trial.true_views[view].camera;
-  TruthSettings everything;
-  everything.min_contrast_to_noise = 0;
-  everything.min_px = 0;
-  FluoroscopyRenderer& renderer = *renderers_[tree];
-  return {renderer.truth(camera, scene).centerline, renderer.truth(camera, scene, everything).centerline};
 }
 
 }  // namespace angio::evaluation

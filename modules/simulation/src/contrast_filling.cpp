@@ -13,8 +13,7 @@ void emptyAtRandom(const std::vector<double>& length, double share, const std::v
                    std::vector<bool>& filled) {
   const double whole = std::accumulate(length.begin(), length.end(), 0.0);
   double emptied = 0;
-  for (const int i : order) {
-    const auto b = static_cast<std::size_t>(i);
+  for (const int b : order) {
     if (emptied + 0.5 * length[b] > share * whole) continue;
     emptied += length[b];
     filled[b] = false;
