@@ -184,12 +184,6 @@ const Candidate* candidateAt(const ForwardFrame& frame, int place) {
   return best;
 }
 
-std::vector<double> certain(int place, int places) {
-  std::vector<double> result(places, 0.0);
-  result[place] = 1;
-  return result;
-}
-
 // The answer of the last round.
 void conclude(SequenceResult& result, const TipFilter& filter, const std::vector<ForwardFrame>& forward,
               const std::vector<int>& way) {
@@ -207,7 +201,9 @@ void conclude(SequenceResult& result, const TipFilter& filter, const std::vector
       used = true;
     }
     result.beliefs.push_back(std::move(belief));
-    result.path.push_back(filter.summarised(certain(way[t], filter.grid().size())).tip);
+    std::vector<double> certain(filter.grid().size(), 0.0);
+    certain[way[t]] = 1;
+    result.path.push_back(filter.summarised(certain).tip);
   }
 }
 

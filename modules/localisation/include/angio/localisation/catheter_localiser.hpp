@@ -28,11 +28,10 @@ struct LocaliserSettings {
   static constexpr double jump_probability = 1e-6;  ///< That the filter was wrong and the tip is anywhere.
 
   // The image's shift against the pose: a walk that comes back to zero.
-  double shift_std_mm = 3;  ///< Per axis, at the tip's depth.
-  double shift_time_s = 2;  ///< In which it forgets itself.
-  double scale_std_percent =
-      0.5;  ///< Of the image's size against the pose's, besides the pose's covariance; anew each frame.
-  double roll_std_deg = 0.5;  ///< Of its turn in the image, the same.
+  double shift_std_mm = 3;         ///< Per axis, at the tip's depth.
+  double shift_time_s = 2;         ///< In which it forgets itself.
+  double scale_std_percent = 0.5;  ///< Of the image's size, besides the pose's covariance; anew each frame.
+  double roll_std_deg = 0.5;       ///< Of its turn in the image, the same.
 
   // When a belief is sure.
   double near_mm = 1.5;        ///< Places within this of each other are one.

@@ -55,10 +55,9 @@ inline const char* statusName(BeliefStatus status) {
 
 /// How well one place of a tree explains what a frame shows of a catheter's tip.
 struct PlaceEvidence {
-  int chain = 0;     ///< Index into VesselTree::branches().
-  double arc_m = 0;  ///< From the chain's start, along the vessel [m].
-  double log_evidence =
-      0;  ///< Logarithm of the frame's probability given the tip there, up to a constant of the frame.
+  int chain = 0;            ///< Index into VesselTree::branches().
+  double arc_m = 0;         ///< From the chain's start, along the vessel [m].
+  double log_evidence = 0;  ///< Logarithm of the frame's probability given the tip there, up to a constant of it.
   Eigen::Vector3d tip_model = Eigen::Vector3d::Zero();  ///< The tip's end then, beside the axis, model frame [m].
   double end_std_m = 0;  ///< Of tip_model, in the direction that is known least: how far it leans along the beam.
 };
