@@ -96,15 +96,14 @@ Eigen::Matrix3Xd someNodes(const DeformationNodes& nodes, test::Random& random) 
 }
 
 DeformationEquations<3> someEquations(const DeformationNodes& nodes, test::Random& random) {
-  DeformationEquations<3> data;
-  data.clear(nodes);
+  DeformationEquations<3> data(nodes, Eigen::Matrix3d::Identity());
   for (int k = 0; k < 300; ++k) {
     const int edge = std::min(static_cast<int>(random.uniform(0, 1) * static_cast<double>(nodes.edges.size())),
                               static_cast<int>(nodes.edges.size()) - 1);
     const double weight = random.uniform(0, 1), w = random.uniform(0.1, 2), r = random.normal();
     const Twist J = 5000 * random.twist(1, 0.05);
     const Eigen::Vector3d h = random.vector(5000);
-    data.add(nodes, {edge, weight}, w, r, J, h);
+    data.add({edge, weight}, w, r, J, h);
   }
   return data;
 }
@@ -145,11 +144,9 @@ TEST(DeformationEquations, LinePullIsTheGradientOfTheSquares) {
   LineMatches matches;
   matchLines(s.frame.points(0), projected, 20, 0.5, matches);
   ASSERT_GT(matches.matched, 300);
-  DeformationEquations<3> data;
-  data.clear(nodes);
+  DeformationEquations<3> data(nodes, Eigen::Matrix3d::Identity());
   // A tolerance without end leaves the squares alone.
-  data.addLinePull({s.camera, s.T_centered, displaced}, s.model, nodes, Eigen::Matrix3d::Identity(), s.frame.points(0),
-                   matches, 1e9, 0.7);
+  data.addLinePull({s.camera, s.T_centered, displaced}, s.model, s.frame.points(0), matches, 1e9, 0.7);
 
   const int some = 12;  // Pose, and a dozen of the nodes.
   const auto halfSquares = [&](const Eigen::VectorXd& x) {
@@ -191,10 +188,8 @@ TEST(DeformationEquations, FieldPullIsTheGradientOfTheLikelihood) {
   const KernelField& field = s.frame.field(0, 1);
   PullWeight pull;
   pull.along = 0.3f;
-  DeformationEquations<3> data;
-  data.clear(nodes);
-  data.addFieldPull({s.camera, s.T_centered, displaced}, s.model, nodes, Eigen::Matrix3d::Identity(), field,
-                    s.frame.fieldOfView(0), pull, 1, 1);
+  DeformationEquations<3> data(nodes, Eigen::Matrix3d::Identity());
+  data.addFieldPull({s.camera, s.T_centered, displaced}, s.model, field, s.frame.fieldOfView(0), pull, 1, 1);
   const int some = 12;
   const auto likelihood = [&](const Eigen::VectorXd& x) {
     Eigen::Matrix3Xd moved = at;
@@ -233,7 +228,7 @@ TEST(DeformationSolver, SolvesTheDenseSystemOfPoseAndModes) {
   for (int k = 0; k < K; ++k) w.col(k) = s.random.vector(1);
   Matrix6d H_pose = data.H;
   H_pose.diagonal().array() += 1e4;
-  const auto step = data.solveModes(nodes, modes, w, H_pose, data.g);
+  const auto step = data.solveModes(modes, w, H_pose, data.g);
   ASSERT_TRUE(step);
 
   Eigen::MatrixXd B = Eigen::MatrixXd::Zero(6 + 3 * nodes.size(), 6 + 3 * K);  // From unknowns to pose and nodes.
@@ -259,7 +254,7 @@ TEST(DeformationSolver, EliminatesTheTreeExactly) {
   const DeformationEquations<3> data = someEquations(nodes, s.random);
   const ChainPrior prior(nodes, 0.3e-3, 20e-3);
   const Eigen::Matrix3Xd e = 0.3 * someNodes(nodes, s.random);
-  const auto step = data.solveChain(nodes, prior, e);
+  const auto step = data.solveChain(prior, e);
   const int n = 3 * nodes.size();
   Eigen::MatrixXd P = Eigen::MatrixXd::Zero(n, n);
   for (int k = 0; k < nodes.size(); ++k)

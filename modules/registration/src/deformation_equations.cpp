@@ -10,7 +10,7 @@ namespace angio::registration {
 constexpr Eigen::Index kPanel = 16;
 
 template <int D>
-void DeformationEquations<D>::clear(const DeformationNodes& nodes) {
+void DeformationEquations<D>::clear() {
   H.setZero();
   g.setZero();
   mixed.assign(nodes.size(), Eigen::Matrix<double, 6, D>::Zero());
@@ -21,11 +21,9 @@ void DeformationEquations<D>::clear(const DeformationNodes& nodes) {
 }
 
 template <int D>
-void DeformationEquations<D>::add(const DeformationNodes& nodes, const DeformationNodes::Place& place, double w,
-                                  double r, const Vector6d& J, const Column& h) {
-  const auto edge = static_cast<std::size_t>(place.edge);
-  const auto a = static_cast<std::size_t>(nodes.edges[edge].first),
-             b = static_cast<std::size_t>(nodes.edges[edge].second);
+void DeformationEquations<D>::add(const DeformationNodes::Place& place, double w, double r, const Vector6d& J,
+                                  const Column& h) {
+  const auto [a, b] = nodes.edges[place.edge];
   const double wb = place.weight, wa = 1 - wb;
   const Block hh = w * h * h.transpose();
   const Eigen::Matrix<double, 6, D> Jh = w * J * h.transpose();
@@ -37,22 +35,20 @@ void DeformationEquations<D>::add(const DeformationNodes& nodes, const Deformati
   pull[b] += wb * w * r * h;
   own[a] += wa * wa * hh;
   own[b] += wb * wb * hh;
-  along[edge] += wa * wb * hh;
+  along[place.edge] += wa * wb * hh;
   weight += w;
   squares_px2 += w * r * r;
 }
 
 template <int D>
 void DeformationEquations<D>::addFieldPull(const DeformedView& view, const OrientedModel& model,
-                                           const DeformationNodes& nodes, const Directions& directions,
                                            const KernelField& field, const std::vector<HalfPlane>& in_view,
                                            const PullWeight& pull_weight, int stride, double view_weight) {
   const Eigen::Matrix3d R = view.T_view_centered.linear();
   const Eigen::Vector3d t = view.T_view_centered.translation();
   const double inverse_scale2 = 1 / (static_cast<double>(field.scale_px()) * field.scale_px());
   for (int i = (stride - 1) / 2; i < model.size(); i += stride) {
-    const auto k = static_cast<std::size_t>(i);
-    const auto& place = nodes.place_of_point[k];
+    const auto& place = nodes.place_of_point[i];
     if (place.edge < 0) continue;
     const Eigen::Vector3d p = view.points.col(i), p_view = R * p + t;
     Eigen::Matrix<double, 2, 3> J_view;
@@ -64,14 +60,14 @@ void DeformationEquations<D>::addFieldPull(const DeformedView& view, const Orien
     }
     const Eigen::Matrix<double, 2, 3> J = J_view * R;
     // Direction of the projected tangent, and how much of its length is left: a vessel seen end-on has none.
-    const Eigen::Vector2d tangent = J * Eigen::Vector3d(model.all.tx[k], model.all.ty[k], model.all.tz[k]) *
+    const Eigen::Vector2d tangent = J * Eigen::Vector3d(model.all.tx[i], model.all.ty[i], model.all.tz[i]) *
                                     p_view.z() / view.camera.parameters().fx_px;
     const double length2 = std::max(1e-12, tangent.squaredNorm()), length = std::min(1.0, std::sqrt(length2));
     const double cos2 = (tangent.x() * tangent.x() - tangent.y() * tangent.y()) / length2 * length;
     const double sin2 = 2 * tangent.x() * tangent.y() / length2 * length;
     const KernelField::Value value = field.at(*pixel, cos2, sin2);
     const double F = std::max(0.0, value.F);
-    const double w = view_weight * model.all.weight[k] * length;
+    const double w = view_weight * model.all.weight[i] * length;
     const double stiffness = w * F / (F + pull_weight.outlier_mass) * inverse_scale2;
     if (!(stiffness > 1e-9 * inverse_scale2)) continue;
     const Eigen::Vector2d gradient = w / (F + pull_weight.outlier_mass) * value.gradient;
@@ -82,7 +78,7 @@ void DeformationEquations<D>::addFieldPull(const DeformedView& view, const Orien
       const Eigen::Vector3d row = J.transpose() * n;
       Vector6d J6;
       J6 << row, p.cross(row);
-      add(nodes, place, w_n, -gradient.dot(n) / w_n, J6, directions.transpose() * row);
+      add(place, w_n, -gradient.dot(n) / w_n, J6, directions.transpose() * row);
     };
     addResidual(across, stiffness);
     addResidual(forwards, stiffness * (pull_weight.along + (1 - pull_weight.along) * isotropic));
@@ -91,7 +87,6 @@ void DeformationEquations<D>::addFieldPull(const DeformedView& view, const Orien
 
 template <int D>
 void DeformationEquations<D>::addLinePull(const DeformedView& view, const OrientedModel& model,
-                                          const DeformationNodes& nodes, const Directions& directions,
                                           const OrientedPoints& image, const LineMatches& matches, double tolerance_px,
                                           double view_weight) {
   const Eigen::Matrix3d R = view.T_view_centered.linear();
@@ -112,14 +107,14 @@ void DeformationEquations<D>::addLinePull(const DeformedView& view, const Orient
     Vector6d J6;
     J6 << row, p.cross(row);
     const auto place = nodes.stretch_of_edge[match.edge].at(s);
-    add(nodes, place, view_weight * std::exp(-r * r * inverse), r, J6, directions.transpose() * row);
+    add(place, view_weight * std::exp(-r * r * inverse), r, J6, directions.transpose() * row);
   }
 }
 
 template <int D>
 std::optional<typename DeformationEquations<D>::Step> DeformationEquations<D>::solveModes(
-    const DeformationNodes& nodes, const Eigen::MatrixXd& modes, const Eigen::Ref<const Field>& w,
-    const Matrix6d& H_pose, const Vector6d& g_pose) const {
+    const Eigen::MatrixXd& modes, const Eigen::Ref<const Field>& w, const Matrix6d& H_pose,
+    const Vector6d& g_pose) const {
   const Eigen::Index K = w.cols(), M = nodes.size();
   const auto U = modes.leftCols(K);
   Eigen::MatrixXd system = Eigen::MatrixXd::Zero(6 + D * K, 6 + D * K);  // Lower half.
@@ -190,8 +185,7 @@ ChainPrior::ChainPrior(const DeformationNodes& nodes, double std_m, double lengt
 }
 
 template <int D>
-typename DeformationEquations<D>::Step DeformationEquations<D>::solveChain(const DeformationNodes& nodes,
-                                                                           const ChainPrior& prior,
+typename DeformationEquations<D>::Step DeformationEquations<D>::solveChain(const ChainPrior& prior,
                                                                            const Field& e) const {
   const Block I = Block::Identity();
   std::vector<Block> diagonal = own, coupling = along;
@@ -209,8 +203,7 @@ typename DeformationEquations<D>::Step DeformationEquations<D>::solveChain(const
   // A parent comes before its children: from the last edge to the first all that hangs below an edge is done.
   std::vector<Block> factor(coupling.size());
   for (std::size_t k = coupling.size(); k-- > 0;) {
-    const auto parent = static_cast<std::size_t>(nodes.edges[k].first),
-               child = static_cast<std::size_t>(nodes.edges[k].second);
+    const auto [parent, child] = nodes.edges[k];
     factor[k] = coupling[k] * diagonal[child].inverse();
     diagonal[parent] -= factor[k] * coupling[k].transpose();
     right[parent] -= factor[k] * right[child];
@@ -219,14 +212,13 @@ typename DeformationEquations<D>::Step DeformationEquations<D>::solveChain(const
   step.change.resize(D, nodes.size());
   std::vector<char> done(diagonal.size(), 0);
   for (std::size_t k = 0; k < coupling.size(); ++k) {
-    const auto parent = static_cast<std::size_t>(nodes.edges[k].first),
-               child = static_cast<std::size_t>(nodes.edges[k].second);
+    const auto [parent, child] = nodes.edges[k];
     if (!done[parent]) {  // A root.
-      step.change.col(nodes.edges[k].first) = diagonal[parent].inverse() * right[parent];
+      step.change.col(parent) = diagonal[parent].inverse() * right[parent];
       done[parent] = 1;
     }
-    step.change.col(nodes.edges[k].second) =
-        diagonal[child].inverse() * (right[child] - coupling[k].transpose() * step.change.col(nodes.edges[k].first));
+    step.change.col(child) =
+        diagonal[child].inverse() * (right[child] - coupling[k].transpose() * step.change.col(parent));
     done[child] = 1;
   }
   return step;

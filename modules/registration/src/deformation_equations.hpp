@@ -34,6 +34,8 @@ struct DeformationEquations {
   using Field = Eigen::Matrix<double, D, Eigen::Dynamic>;
   using Directions = Eigen::Matrix<double, 3, D>;
 
+  const DeformationNodes& nodes;
+  const Directions directions;
   Matrix6d H = Matrix6d::Zero();                   ///< Pose with pose.
   Vector6d g = Vector6d::Zero();                   ///< Half the gradient of the sum of squares.
   std::vector<Eigen::Matrix<double, 6, D>> mixed;  ///< Pose with node.
@@ -41,24 +43,27 @@ struct DeformationEquations {
   std::vector<Block> own, along;                   ///< Node with itself; parent with child of an edge, symmetric.
   double weight = 0, squares_px2 = 0;              ///< Sums of w and w r^2.
 
-  void clear(const DeformationNodes& nodes);
+  /// Borrows the nodes; `node_directions` are those that each may move in, model axes.
+  DeformationEquations(const DeformationNodes& of_nodes, const Directions& node_directions)
+      : nodes(of_nodes), directions(node_directions) {
+    clear();
+  }
+  void clear();
 
   /// Adds w r^2 of one residual r [px] of a place: J = dr/dx, h = dr/d(its displacement).
-  void add(const DeformationNodes& nodes, const DeformationNodes::Place& place, double w, double r, const Vector6d& J,
-           const Column& h);
+  void add(const DeformationNodes::Place& place, double w, double r, const Vector6d& J, const Column& h);
 
   /// Adds model to image: every `stride`-th model point in view is pulled up the field, as an expectation-maximisation
   /// step would; a point in the field of one vessel is certain to 1 / scale^2 across its own direction, and to `along`
   /// of that along it.
-  void addFieldPull(const DeformedView& view, const OrientedModel& model, const DeformationNodes& nodes,
-                    const Directions& directions, const KernelField& field, const std::vector<HalfPlane>& in_view,
-                    const PullWeight& pull_weight, int stride, double view_weight);
+  void addFieldPull(const DeformedView& view, const OrientedModel& model, const KernelField& field,
+                    const std::vector<HalfPlane>& in_view, const PullWeight& pull_weight, int stride,
+                    double view_weight);
 
   /// Adds image to model: every matched image point pulls its edge onto itself, across the edge. `tolerance_px` is the
   /// scale of the Gaussian weight of its distance.
-  void addLinePull(const DeformedView& view, const OrientedModel& model, const DeformationNodes& nodes,
-                   const Directions& directions, const OrientedPoints& image, const LineMatches& matches,
-                   double tolerance_px, double view_weight);
+  void addLinePull(const DeformedView& view, const OrientedModel& model, const OrientedPoints& image,
+                   const LineMatches& matches, double tolerance_px, double view_weight);
 
   /// A step of pose and field.
   struct Step {
@@ -71,12 +76,11 @@ struct DeformationEquations {
   /// Solves data and priors for pose and modes together: nodes move by w modes^T, w (D x K) standard normal, and
   /// `H_pose`, `g_pose` already hold data and prior of the pose. A dense system of 6 + D K unknowns. Nothing when it
   /// has no solution.
-  std::optional<Step> solveModes(const DeformationNodes& nodes, const Eigen::MatrixXd& modes,
-                                 const Eigen::Ref<const Field>& w, const Matrix6d& H_pose,
+  std::optional<Step> solveModes(const Eigen::MatrixXd& modes, const Eigen::Ref<const Field>& w, const Matrix6d& H_pose,
                                  const Vector6d& g_pose) const;
 
   /// Solves data and chain prior for the nodes' corrections `e` (D x M) with the pose kept; the change of them.
-  Step solveChain(const DeformationNodes& nodes, const ChainPrior& prior, const Field& e) const;
+  Step solveChain(const ChainPrior& prior, const Field& e) const;
 };
 
 }  // namespace angio::registration

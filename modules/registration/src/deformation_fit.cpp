@@ -59,11 +59,11 @@ class DeformationFit::Run {
       : fit_(fit),
         frame_(frame),
         belief_(belief),
-        directions_(directions),
         T_(T),
         w_(Field::Zero(D, fit.modes_.cols())),
         e_(Field::Zero(D, fit.nodes_.size())),
-        displaced_(fit.model_.points) {
+        displaced_(fit.model_.points),
+        data_(fit.nodes_, directions) {
     if (fit_.matches_.size() < frame_.viewCount()) fit_.matches_.resize(frame_.viewCount());
     if (fit_.chosen_.size() < frame_.viewCount()) fit_.chosen_.resize(frame_.viewCount());
   }
@@ -86,7 +86,6 @@ class DeformationFit::Run {
     result_.T_camera_centered = T_;
     result_.T_camera_centered.linear() = nearestRotation(T_.linear());
     result_.displacements_m = displaced_ - fit_.model_.points;
-    result_.noise_px = noise_px_;
     return result_;
   }
 
@@ -116,12 +115,12 @@ class DeformationFit::Run {
     pull.outlier_mass = static_cast<float>(kOutlierMass);
     pull.along = static_cast<float>(kAlong);
     for (int step = 0; step < kStepsPerScale; ++step) {
-      data_.clear(fit_.nodes_);
+      data_.clear();
       for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
         // Points nearer to each other than the kernel is wide say the same thing: they count as one.
         const double independent = std::min(1.0, pixelsPerMetre(v) * fit_.model_.spacing_m * stride / scale_px);
-        data_.addFieldPull(viewOf(v), fit_.model_, fit_.nodes_, directions_, frame_.field(v, scale),
-                           frame_.fieldOfView(v), pull, stride, independent);
+        data_.addFieldPull(viewOf(v), fit_.model_, frame_.field(v, scale), frame_.fieldOfView(v), pull, stride,
+                           independent);
       }
       stepModes(kFieldModes[scale], kFieldExtrapolation);
       if (result_.last_step_px < kFieldRest * scale_px) break;
@@ -133,10 +132,9 @@ class DeformationFit::Run {
     const double point_px = frame_.length_px() / std::max(1, frame_.pointCount()) * match(local);
     const double noise_px = std::max(noise_px_, misfit.min_noise_px);
     const double weight = std::min(1.0, point_px / misfit.together_px) / (noise_px * noise_px);
-    data_.clear(fit_.nodes_);
+    data_.clear();
     for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
-      data_.addLinePull(viewOf(v), fit_.model_, fit_.nodes_, directions_, fit_.chosen_[v], fit_.matches_[v],
-                        tolerance_px_, weight);
+      data_.addLinePull(viewOf(v), fit_.model_, fit_.chosen_[v], fit_.matches_[v], tolerance_px_, weight);
     }
     if (!(data_.weight > 0)) return false;
     noise_px_ = noiseBehind(data_.squares_px2 / data_.weight, tolerance_px_);
@@ -178,7 +176,7 @@ class DeformationFit::Run {
     Vector6d g = data_.g;
     belief_.add(T_, H, g);
     const Eigen::Index count = std::min(max_modes, w_.cols());
-    const auto step = data_.solveModes(fit_.nodes_, fit_.modes_, w_.leftCols(count), H, g);
+    const auto step = data_.solveModes(fit_.modes_, w_.leftCols(count), H, g);
     if (!step) return;
     const Eigen::Matrix3Xd before = T_ * displaced_;
     result_.pose_covariance = step->pose_covariance;
@@ -189,13 +187,13 @@ class DeformationFit::Run {
 
   void stepLocal() {
     const Eigen::Matrix3Xd before = T_ * displaced_;
-    e_ += data_.solveChain(fit_.nodes_, alone_ ? fit_.local_alone_ : fit_.local_, e_).change;
+    e_ += data_.solveChain(alone_ ? fit_.local_alone_ : fit_.local_, e_).change;
     moved(before);
   }
 
   void moved(const Eigen::Matrix3Xd& before) {
     const Field at_nodes = w_ * fit_.modes_.transpose() + e_;
-    displaced_ = fit_.model_.points + fit_.nodes_.atPoints(directions_ * at_nodes);
+    displaced_ = fit_.model_.points + fit_.nodes_.atPoints(data_.directions * at_nodes);
     const Eigen::Matrix3Xd change = T_ * displaced_ - before;
     const double rms_m = std::sqrt(change.topRows<2>().squaredNorm() / static_cast<double>(change.cols()));
     result_.last_step_px = pixelsPerMetre(0) * rms_m;
@@ -230,7 +228,6 @@ class DeformationFit::Run {
   DeformationFit& fit_;
   OrientedFrame& frame_;
   const PosePriorTerm& belief_;
-  const Directions directions_;
   Pose T_;
   Field w_, e_;  // Weights of the modes, and corrections of the nodes [m].
   Eigen::Matrix3Xd displaced_;

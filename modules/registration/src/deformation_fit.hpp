@@ -27,9 +27,8 @@ class DeformationFit {
     Eigen::Matrix3Xd displacements_m;  ///< Of the model's points, 3 x N, model axes.
     int iterations = 0;
     double last_step_px = 0;  ///< Root mean square over the points; steps that extrapolate count as taken.
-    Matrix6d pose_covariance =
-        Matrix6d::Identity();  ///< Of the twist about the centroid, model axes, whatever the deformation is.
-    double noise_px = 0;       ///< Standard deviation of the matched image points across their edges.
+    /// Of the twist about the centroid, model axes, whatever the deformation is.
+    Matrix6d pose_covariance = Matrix6d::Identity();
     /// Of pose and deformation, whose means the others are; null where too little was matched for one.
     std::shared_ptr<const DeformationPosterior> posterior;
     /// What it was found from, of one view, in fewer groups, about this pose and no displacement; empty without it.
@@ -43,9 +42,6 @@ class DeformationFit {
   Result fit(OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_rigid_camera_centered,
              Aim aim = Aim::kResult);
 
-  const DeformationNodes& nodes() const { return nodes_; }
-  const Eigen::MatrixXd& modes() const { return modes_; }  ///< M x K, see smoothModes.
-
  private:
   template <int D>
   class Run;
@@ -53,7 +49,7 @@ class DeformationFit {
   const OrientedModel& model_;
   DeformationSettings settings_;
   DeformationNodes nodes_;
-  Eigen::MatrixXd modes_;
+  Eigen::MatrixXd modes_;           // M x K, see smoothModes.
   ChainPrior local_, local_alone_;  // The second when a few lines are all there is: they may be followed more closely.
   ProjectedEdges projected_;
   std::vector<LineMatches> matches_;
