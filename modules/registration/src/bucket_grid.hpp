@@ -11,9 +11,8 @@
 
 namespace angio::registration {
 
-/// Points of the plane [px] in a grid of cells: the nearest one, exactly. Cheap to build, so
-/// for points that are looked up about once each. Memory is kept: as many points in a box of the same shape cost no
-/// allocation.
+/// Points of the plane [px] in a grid of cells: the nearest one, exactly. Cheap to build, so for points that are looked
+/// up about once each. Memory is kept: as many points in a box of the same shape cost no allocation.
 class BucketGrid {
  public:
   struct Match {
@@ -25,21 +24,20 @@ class BucketGrid {
   void build(const Eigen::Ref<const Eigen::Matrix2Xd>& points_px) {
     const int n = static_cast<int>(points_px.cols());
     setCells(points_px);
-    cell_of_.resize(static_cast<std::size_t>(n));
+    cell_of_.resize(n);
     first_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) + 1, 0);
     for (int i = 0; i < n; ++i) {
       const int cell = row(points_px(1, i)) * columns_ + column(points_px(0, i));
-      cell_of_[static_cast<std::size_t>(i)] = cell;
-      ++first_[static_cast<std::size_t>(cell) + 1];
+      cell_of_[i] = cell;
+      ++first_[cell + 1];
     }
     for (std::size_t c = 1; c < first_.size(); ++c) first_[c] += first_[c - 1];
     // Slots are given out from the last to the first of a cell, so that indices rise within it.
-    x_.resize(static_cast<std::size_t>(n));
-    y_.resize(static_cast<std::size_t>(n));
-    index_.resize(static_cast<std::size_t>(n));
+    x_.resize(n);
+    y_.resize(n);
+    index_.resize(n);
     for (int i = n - 1; i >= 0; --i) {
-      const auto slot =
-          static_cast<std::size_t>(--first_[static_cast<std::size_t>(cell_of_[static_cast<std::size_t>(i)]) + 1]);
+      const int slot = --first_[cell_of_[i] + 1];
       x_[slot] = points_px(0, i);
       y_[slot] = points_px(1, i);
       index_[slot] = i;
@@ -67,7 +65,7 @@ class BucketGrid {
       });
       const double found = std::sqrt(best);
       // What lies in the square's corners may be further away than something outside of it.
-      if (found <= reach || coversAll(query, reach)) return {index_[static_cast<std::size_t>(best_slot)], best};
+      if (found <= reach || coversAll(query, reach)) return {index_[best_slot], best};
       reach = std::min(2 * reach, found);
     }
   }
@@ -105,8 +103,8 @@ class BucketGrid {
     const int left = column(query.x() - reach), right = column(query.x() + reach);
     const int last_row = row(query.y() + reach);
     for (int r = row(query.y() - reach); r <= last_row; ++r) {
-      const int end = first_[static_cast<std::size_t>(r * columns_ + right) + 1];
-      for (int slot = first_[static_cast<std::size_t>(r * columns_ + left)]; slot < end; ++slot) visit(slot);
+      const int end = first_[r * columns_ + right + 1];
+      for (int slot = first_[r * columns_ + left]; slot < end; ++slot) visit(slot);
     }
   }
 
@@ -115,8 +113,7 @@ class BucketGrid {
   }
 
   double distance2At(int slot, const Eigen::Vector2d& query) const {
-    const double dx = x_[static_cast<std::size_t>(slot)] - query.x(),
-                 dy = y_[static_cast<std::size_t>(slot)] - query.y();
+    const double dx = x_[slot] - query.x(), dy = y_[slot] - query.y();
     return dx * dx + dy * dy;
   }
 

@@ -54,17 +54,16 @@ int directionBin(double du, double dv) {
 // two of them.
 double smoothedDirection(const OrientedPoints& points, int begin, int end, int j) {
   const auto apart = [&](int a, int b) { return std::hypot(points.u[a] - points.u[b], points.v[a] - points.v[b]); };
-  int first = j, last = j;
-  for (double along = 0; first > begin; --first) {
-    const double step = apart(first, first - 1);
-    along += step;
-    if (along > kSmooth_px || step > kGap_px) break;
-  }
-  for (double along = 0; last + 1 < end; ++last) {
-    const double step = apart(last, last + 1);
-    along += step;
-    if (along > kSmooth_px || step > kGap_px) break;
-  }
+  const auto reached = [&](int limit, int way) {
+    int at = j;
+    for (double along = 0; at != limit; at += way) {
+      const double step = apart(at, at + way);
+      along += step;
+      if (along > kSmooth_px || step > kGap_px) break;
+    }
+    return at;
+  };
+  const int first = reached(begin, -1), last = reached(end - 1, 1);
   double u = 0, v = 0, uu = 0, uv = 0, vv = 0;
   const int count = last - first + 1;
   for (int i = first; i <= last; ++i) {
@@ -98,6 +97,7 @@ ExplainedRaster::ExplainedRaster(const Centerline2d& image, const XrayCamera& ca
   const auto cellsFor = [](int px) { return static_cast<int>(std::ceil((px + 2 * kBefore_px) / kCell_px)) + 1; };
   const int columns = cellsFor(camera.width_px()), rows = cellsFor(camera.height_px());
   std::vector<std::uint32_t> raster(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows), 0), work;
+  const auto rowOf = [&](int r) { return raster.data() + static_cast<std::ptrdiff_t>(r) * columns; };
 
   OrientedPoints points;
   orientedPoints(image, kImageSpacing_px, kMaxImagePoints, points);
@@ -114,7 +114,7 @@ ExplainedRaster::ExplainedRaster(const Centerline2d& image, const XrayCamera& ca
     for (int r = static_cast<int>(y - reach); r <= static_cast<int>(y + reach); ++r) {
       for (int c = static_cast<int>(x - reach); c <= static_cast<int>(x + reach); ++c) {
         if (std::hypot(c + 0.5 - x, r + 0.5 - y) > reach) continue;
-        raster[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(c)] |= bits;
+        rowOf(r)[c] |= bits;
       }
     }
   }
@@ -123,9 +123,7 @@ ExplainedRaster::ExplainedRaster(const Centerline2d& image, const XrayCamera& ca
   for (int k = 0; k + 1 < kLevels; ++k) {
     const int radius = kRadii[k];
     if (radius > reached) {
-      for (int r = 0; r < rows; ++r)
-        widen(&raster[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns)], columns, 1, radius - reached,
-              work);
+      for (int r = 0; r < rows; ++r) widen(rowOf(r), columns, 1, radius - reached, work);
       widen(raster.data(), static_cast<std::ptrdiff_t>(raster.size()), columns, radius - reached, work);
       reached = radius;
     }
@@ -137,7 +135,7 @@ ExplainedRaster::ExplainedRaster(const Centerline2d& image, const XrayCamera& ca
     words_.resize(words_.size() + static_cast<std::size_t>(level_columns) * static_cast<std::size_t>(level_rows), 0);
     for (int r = 0; r < rows; ++r) {
       std::uint32_t* const to = &words_[first + r / cells * level_columns];
-      const std::uint32_t* const from = &raster[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns)];
+      const std::uint32_t* const from = rowOf(r);
       for (int c = 0; c < columns; ++c) to[c / cells] |= from[c];
     }
   }

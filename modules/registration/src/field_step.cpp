@@ -7,24 +7,13 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#ifndef ANGIO_FIELD_STEP_RAW
-#define ANGIO_FIELD_STEP_RAW
-namespace angio::registration {
-// Plain numbers out of the vector code.
-struct RawFieldSums {
-  RawNormalEquations equations;
-  double fit, seen;
-};
-}  // namespace angio::registration
-#endif
-
 HWY_BEFORE_NAMESPACE();
 namespace angio::registration {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 void look(const RawPoints& points, const RawView& view, const KernelField& field, const std::vector<HalfPlane>& planes,
-          const PullWeight& weighing, RawFieldSums& out) {
+          const PullWeight& weighing, RawNormalEquations& equations, FieldSums& out) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   using V = decltype(hn::Zero(d));
@@ -130,8 +119,8 @@ void look(const RawPoints& points, const RawView& view, const KernelField& field
     }
   }
   const auto sum = [&](V value) { return static_cast<double>(hn::GetLane(hn::SumOfLanes(d, value))); };
-  for (int k = 0; k < 21; ++k) out.equations.H[k] = sum(H[k]);
-  for (int k = 0; k < 6; ++k) out.equations.g[k] = sum(g[k]);
+  for (int k = 0; k < 21; ++k) equations.H[k] = sum(H[k]);
+  for (int k = 0; k < 6; ++k) equations.g[k] = sum(g[k]);
   out.fit = sum(fit);
   out.seen = sum(seen);
 }
@@ -186,12 +175,11 @@ void fieldOfView(const XrayView& view, std::vector<HalfPlane>& planes) {
 FieldSums sampleField(const ModelPoints& model, const KernelField& field, const XrayCamera& camera,
                       const std::vector<HalfPlane>& field_of_view, const Pose& T_view_centered,
                       const PullWeight& weight) {
-  RawFieldSums raw;
-  HWY_DYNAMIC_DISPATCH(look)(model.raw(), rawView(camera, T_view_centered), field, field_of_view, weight, raw);
+  RawNormalEquations equations;
   FieldSums sums;
-  raw.equations.addTo(sums.H, sums.g);
-  sums.fit = raw.fit;
-  sums.seen = raw.seen;
+  const RawView seen = rawView(camera, T_view_centered);
+  HWY_DYNAMIC_DISPATCH(look)(model.raw(), seen, field, field_of_view, weight, equations, sums);
+  equations.addTo(sums.H, sums.g);
   return sums;
 }
 

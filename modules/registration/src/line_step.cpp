@@ -12,17 +12,6 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#ifndef ANGIO_LINE_STEP_RAW
-#define ANGIO_LINE_STEP_RAW
-namespace angio::registration {
-// Plain numbers out of the vector code.
-struct RawLineSums {
-  RawNormalEquations equations;
-  double weight, squares;
-};
-}  // namespace angio::registration
-#endif
-
 HWY_BEFORE_NAMESPACE();
 namespace angio::registration {
 namespace HWY_NAMESPACE {
@@ -30,7 +19,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // Normal equations of the distances across the matched edges; a point without a match has no normal, and no weight.
 void lineSums(const OrientedPoints& image, const RawView& view, float inverse_two_tolerance2, LineMatches& matches,
-              RawLineSums& out) {
+              RawNormalEquations& equations, LineSums& out) {
   const hn::ScalableTag<float> d;
   using V = decltype(hn::Zero(d));
   const auto set = [&](float value) { return hn::Set(d, value); };
@@ -83,10 +72,10 @@ void lineSums(const OrientedPoints& image, const RawView& view, float inverse_tw
     hn::StoreU(hn::Mul(hn::Sqrt(weight), r), d, matches.weighted_residual.data() + first);
   }
   const auto sum = [&](V value) { return static_cast<double>(hn::GetLane(hn::SumOfLanes(d, value))); };
-  for (int k = 0; k < 21; ++k) out.equations.H[k] = sum(H[k]);
-  for (int k = 0; k < 6; ++k) out.equations.g[k] = sum(g[k]);
-  out.weight = sum(weights);
-  out.squares = sum(squares);
+  for (int k = 0; k < 21; ++k) equations.H[k] = sum(H[k]);
+  for (int k = 0; k < 6; ++k) equations.g[k] = sum(g[k]);
+  out.weight += sum(weights);
+  out.squares_px2 += sum(squares);
 }
 
 }  // namespace HWY_NAMESPACE
@@ -177,12 +166,11 @@ void resolveMatches(const Eigen::Matrix3Xd& points_centered, const std::vector<s
 
 void addLineEquations(const OrientedPoints& image, LineMatches& matches, const XrayCamera& camera,
                       const Pose& T_view_centered, double tolerance_px, LineSums& sums) {
-  RawLineSums raw;
+  RawNormalEquations equations;
   const auto inverse_two_tolerance2 = static_cast<float>(1 / (2 * tolerance_px * tolerance_px));
-  HWY_DYNAMIC_DISPATCH(lineSums)(image, rawView(camera, T_view_centered), inverse_two_tolerance2, matches, raw);
-  raw.equations.addTo(sums.H, sums.g);
-  sums.weight += raw.weight;
-  sums.squares_px2 += raw.squares;
+  HWY_DYNAMIC_DISPATCH(lineSums)
+  (image, rawView(camera, T_view_centered), inverse_two_tolerance2, matches, equations, sums);
+  equations.addTo(sums.H, sums.g);
   for (int k = 0; k < LineSums::kLags; ++k) {
     const int lag = 1 << k;
     float product = 0;

@@ -244,12 +244,11 @@ TreeSamples::TreeSamples(const VesselTree& tree) : points(3, kCount), tangents(3
   int k = 0;
   double before = 0;          // Length up to the edge.
   constexpr int kStep = 159;  // Odd, and near to the golden section of the count.
-  const auto along = [&](const std::vector<int>& branch, std::size_t from, const Eigen::Vector3d& at, int way) {
+  const auto along = [&](const std::vector<int>& branch, int from, const Eigen::Vector3d& at, int way) {
     // The place so far along a branch, or its end.
     Eigen::Vector3d here = at;
     double left = kSmooth_m;
-    for (auto i = static_cast<std::ptrdiff_t>(from); i >= 0 && i < static_cast<std::ptrdiff_t>(branch.size());
-         i += way) {
+    for (int i = from; i >= 0 && i < static_cast<int>(branch.size()); i += way) {
       const Eigen::Vector3d next = tree.points().col(branch[i]);
       const double length = (next - here).norm();
       if (length >= left) return Eigen::Vector3d(here + left / length * (next - here));
@@ -259,7 +258,7 @@ TreeSamples::TreeSamples(const VesselTree& tree) : points(3, kCount), tangents(3
     return here;
   };
   for (const auto& branch : tree.branches()) {
-    for (std::size_t i = 1; i < branch.size(); ++i) {
+    for (int i = 1; i < static_cast<int>(branch.size()); ++i) {
       const Eigen::Vector3d a = tree.points().col(branch[i - 1]), b = tree.points().col(branch[i]);
       const double length = (b - a).norm();
       for (; k < kCount && (k + 0.5) * apart <= before + length; ++k) {
@@ -308,7 +307,9 @@ void PoseBounds::prepare(const PoseCell& cell, const RayCell& rays, double half_
   middle.linear() = expSO3(cell.rotation) * R0_;
   const Eigen::Matrix3d G = leftJacobian(cell.rotation);
   const auto more = [](double value) { return static_cast<float>(kMore * value + 1e-7); };
-  RawCell in{samples_.floats.raw(), rawView(camera_, middle)};
+  RawCell in{};
+  in.samples = samples_.floats.raw();
+  in.view = rawView(camera_, middle);
   for (int j = 0; j < 3; ++j) {
     for (int k = 0; k < 3; ++k) in.G[j][k] = static_cast<float>(G(k, j));
     in.half[j] = static_cast<float>(kMore * cell.half[j]);

@@ -12,17 +12,6 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#ifndef ANGIO_PROJECTED_EDGES_RAW
-#define ANGIO_PROJECTED_EDGES_RAW
-namespace angio::registration {
-// Plain numbers out of the vector code.
-struct RawNearest {
-  int entry;
-  float along, distance2;
-};
-}  // namespace angio::registration
-#endif
-
 HWY_BEFORE_NAMESPACE();
 namespace angio::registration {
 namespace HWY_NAMESPACE {
@@ -30,7 +19,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // The nearest of the entries in several ranges [begin, end): as many of them at a time as there are lanes.
 void nearestEntry(const EdgeEntries& entries, const int* ranges, int range_count, float u, float v, float cos2,
-                  float sin2, float min_cos2, RawNearest& best) {
+                  float sin2, float min_cos2, FoundEntry& best) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -113,7 +102,7 @@ void ProjectedEdges::project(const Eigen::Matrix3Xd& points_centered, const std:
   const float u_end = (columns_ - 1) * kCell_px, v_end = (rows_ - 1) * kCell_px;
   const auto inside = [&](float u, float v) { return u > -kCell_px && v > -kCell_px && u < u_end && v < v_end; };
   for (std::size_t e = 0; e < edges.size(); ++e) {
-    const auto a = static_cast<std::size_t>(edges[e].first), b = static_cast<std::size_t>(edges[e].second);
+    const auto [a, b] = edges[e];
     if (!in_front_[a] || !in_front_[b]) continue;
     if (!inside(u_[a], v_[a]) && !inside(u_[b], v_[b])) continue;
     const float du = u_[b] - u_[a], dv = v_[b] - v_[a], length2 = du * du + dv * dv;
@@ -134,7 +123,7 @@ void ProjectedEdges::project(const Eigen::Matrix3Xd& points_centered, const std:
   entries_.resize(placed_.size());
   // Each cell's beginning moves to its end while it is filled, which is where the next one begins: put back below.
   for (const auto& [cell, e] : placed_) {
-    const auto a = static_cast<std::size_t>(edges[e].first), b = static_cast<std::size_t>(edges[e].second);
+    const auto [a, b] = edges[e];
     const float du = u_[b] - u_[a], dv = v_[b] - v_[a], inverse = 1 / (du * du + dv * dv);
     const auto k = static_cast<std::size_t>(cell_begin_[cell]++);
     entries_.u[k] = u_[a];
@@ -164,7 +153,7 @@ ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry,
   const int column_first = cellOf(std::max(u - reach, -kCell_px), columns_ - 1),
             column_last = cellOf(u + reach, columns_ - 1);
   const int row_first = cellOf(std::max(v - reach, -kCell_px), rows_ - 1), row_last = cellOf(v + reach, rows_ - 1);
-  RawNearest found{-1, 0, gate_px * gate_px};
+  FoundEntry found{-1, 0, gate_px * gate_px};
   for (int row = row_first; row <= row_last;) {
     int ranges[2 * kMaxRows], count = 0;
     for (; row <= row_last && count < kMaxRows; ++row) {
@@ -178,7 +167,7 @@ ProjectedEdges::Nearest ProjectedEdges::nearestWith(NearestEntry* nearest_entry,
     nearest_entry(entries_, ranges, count, u, v, cos2, sin2, min_cos2, found);
   }
   if (found.entry < 0) return best;
-  const auto k = static_cast<std::size_t>(found.entry);
+  const int k = found.entry;
   const float inverse_length = std::sqrt(entries_.inverse_length2[k]);
   best.edge = entries_.edge[k];
   best.along = found.along;

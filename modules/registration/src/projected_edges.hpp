@@ -10,14 +10,18 @@
 
 namespace angio::registration {
 
-struct RawNearest;
-
 /// Of each entry, cell by cell and padded for the widest vectors: where its edge begins, how it goes, one over its
 /// length squared, and twice its angle.
 struct EdgeEntries {
   std::vector<float> u, v, du, dv, inverse_length2, cos2, sin2;
   std::vector<int> edge;
   void resize(std::size_t size);
+};
+
+/// What the vector code finds: which entry, where on it, and how far away [px^2].
+struct FoundEntry {
+  int entry;
+  float along, distance2;
 };
 
 /// The model as lines in one view: its edges that are in front of the source, projected, in a grid of cells.
@@ -50,7 +54,7 @@ class ProjectedEdges {
 
  private:
   using NearestEntry = void(const EdgeEntries&, const int* ranges, int range_count, float u, float v, float cos2,
-                            float sin2, float min_cos2, RawNearest&);
+                            float sin2, float min_cos2, FoundEntry&);
   Nearest nearestWith(NearestEntry* nearest_entry, float u, float v, float cos2, float sin2, float gate_px,
                       float min_cos2) const;
 
