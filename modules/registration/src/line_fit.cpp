@@ -53,7 +53,7 @@ LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& beli
   for (int round = 0; round < plan.max_rounds; ++round) {
     // Far from the answer a part of the image says as much as all of it.
     const int max_points = round < kFirstRounds ? std::min(plan.first_points, plan.max_points) : plan.max_points;
-    int points = 0, matched = 0;
+    int points = 0;
     for (std::size_t v = 0; v < frame.viewCount(); ++v) {
       const XrayView& view = frame.views()[v];
       const OrientedPoints& image = chosen(frame, v, max_points);
@@ -63,9 +63,7 @@ LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& beli
       if (round >= kFirstRounds) softenShared(image, projected_, kMinCos2, matches_[v]);
       resolveMatches(model_.points, model_.edges, matches_[v]);
       points += image.size();
-      matched += matches_[v].matched;
     }
-    result.matched = points > 0 ? static_cast<double>(matched) / points : 0;
     for (int step = 0; step < 2; ++step) {
       LineSums sums;
       double pixels_per_metre = 0;

@@ -31,7 +31,6 @@ struct LineFitResult {
   Pose T_camera_centered = Pose::Identity();
   Matrix6d information = Matrix6d::Zero();  ///< Of the twist about the centroid, model axes, prior included; see below.
   double noise_px = 0;                      ///< Standard deviation of the matched points across their edges.
-  double matched = 0;                       ///< Share of the points used that have a match.
   double last_step_px = 0;
   int steps = 0;
   double currency = 0;  ///< What a squared residual counts in the information [1/px^2].

@@ -64,15 +64,19 @@ float radiusBetween(const Centerline2d& c, Eigen::Index a, Eigen::Index b, doubl
   return static_cast<float>((1 - weight_of_b) * c.radius_px[a] + weight_of_b * c.radius_px[b]);
 }
 
+void addPoint(const Centerline2d& c, const Certainty& certainty, Eigen::Index i, float mass, OrientedPoints& to) {
+  const Eigen::Vector2f along = doubleAngle(c.tangent_rad[i]);
+  to.add(static_cast<float>(c.points_px(0, i)), static_cast<float>(c.points_px(1, i)), along.x(), along.y(), mass,
+         certainty.between(i, i, 0), radiusBetween(c, i, i, 0));
+}
+
 // A branch: points between its own where they stand far apart, each with the length of line it stands for.
 void addBranch(const Centerline2d& c, const Certainty& certainty, Eigen::Index first, Eigen::Index last,
                double spacing_px, OrientedPoints& to) {
   const auto& p = c.points_px;
-  Eigen::Vector2f before = doubleAngle(c.tangent_rad[first]);
   const int began = to.size();
   to.begin.push_back(began);
-  to.add(static_cast<float>(p(0, first)), static_cast<float>(p(1, first)), before.x(), before.y(), 0,
-         certainty.between(first, first, 0), radiusBetween(c, first, first, 0));
+  addPoint(c, certainty, first, 0, to);
   for (Eigen::Index i = first + 1; i <= last; ++i) {
     const Eigen::Vector2f here = doubleAngle(c.tangent_rad[i]);
     const Eigen::Vector2d a = p.col(i - 1), step = p.col(i) - a;
@@ -130,17 +134,17 @@ void OrientedFrame::begin(const XrayViews& views, const OrientedKernelSettings& 
 
 const KernelField& OrientedFrame::field(std::size_t view, int scale) {
   Image& image = images_[view];
-  const auto k = static_cast<std::size_t>(scale);
-  if (!image.built[k]) {
+  if (!image.built[scale]) {
     // As many pixels of line a point as the image has on average: a dense centreline is thinned more.
     const double point_px = length_px_ / std::max(1, point_count_);
-    const int stride = std::max(1, static_cast<int>(kFieldScales_px[k] / kPointsPerScale / std::max(0.1, point_px)));
+    const int stride =
+        std::max(1, static_cast<int>(kFieldScales_px[scale] / kPointsPerScale / std::max(0.1, point_px)));
     thinned(image.points, stride, image.thin);
     const XrayCamera& camera = (*views_)[view].camera;
-    image.field[k].build(image.thin, kFieldScales_px[k], reachOf(image.thin, kFieldScales_px[k], camera));
-    image.built[k] = true;
+    image.field[scale].build(image.thin, kFieldScales_px[scale], reachOf(image.thin, kFieldScales_px[scale], camera));
+    image.built[scale] = true;
   }
-  return image.field[k];
+  return image.field[scale];
 }
 
 void thinned(const OrientedPoints& points, int stride, OrientedPoints& to) {
@@ -181,12 +185,7 @@ void orientedPoints(const Centerline2d& c, double spacing_px, int max_points, Or
     for (const auto& [first, last] : runs) addBranch(c, certainty, first, last, spacing_px, to);
   } else {
     if (!runs.empty()) to.begin.push_back(0);
-    for (const auto& run : runs) {
-      const Eigen::Index i = run.first;
-      const Eigen::Vector2f along = doubleAngle(c.tangent_rad[i]);
-      to.add(static_cast<float>(c.points_px(0, i)), static_cast<float>(c.points_px(1, i)), along.x(), along.y(), 1,
-             certainty.between(i, i, 0), radiusBetween(c, i, i, 0));
-    }
+    for (const auto& run : runs) addPoint(c, certainty, run.first, 1, to);
     if (to.size() > 0) massFromDensity(to);
   }
   if (to.size() > max_points) {

@@ -101,12 +101,11 @@ std::vector<ResidualGroup> residualGroups(const std::vector<MatchedView>& views,
     };
     std::size_t branch = 0;
     for (int j = 0; j < view.image.size(); ++j) {
-      const auto i = static_cast<std::size_t>(j);
       if (branch < view.image.begin.size() && j == view.image.begin[branch]) {
         closeAll();
         ++branch;
       }
-      const auto& match = view.matches.of_point[i];
+      const auto& match = view.matches.of_point[j];
       const Eigen::Vector2d normal(match.normal_u, match.normal_v);
       if (match.edge < 0 || !(normal.squaredNorm() > 1e-6)) continue;
       const auto& [parent, child] = model.edges[match.edge];
@@ -121,7 +120,7 @@ std::vector<ResidualGroup> residualGroups(const std::vector<MatchedView>& views,
         }
         takes = open.emplace(open.end(), view, tolerance_px);
       }
-      total += takes->add(at, moved - at, {view.image.u[i], view.image.v[i]}, normal);
+      total += takes->add(at, moved - at, {view.image.u[j], view.image.v[j]}, normal);
       if (takes->size() >= full) {
         takes->closeInto(groups);
         open.erase(takes);
