@@ -15,10 +15,7 @@ Eigen::Vector3d beamDirection(const ViewAngles& angles) {
 ViewAngles viewAnglesOf(const Eigen::Vector3d& beam_direction) {
   const Eigen::Vector3d d = beam_direction.normalized();
   const double level = std::hypot(d.x(), d.y());
-  ViewAngles angles;
-  angles.primary_rad = level < 1e-12 ? 0.0 : std::atan2(d.x(), -d.y());
-  angles.secondary_rad = std::atan2(d.z(), level);
-  return angles;
+  return {level < 1e-12 ? 0.0 : std::atan2(d.x(), -d.y()), std::atan2(d.z(), level)};
 }
 
 Eigen::Matrix3d viewRotation(const ViewAngles& angles) {
@@ -89,10 +86,8 @@ std::vector<CArmJoints> CArmGeometry::allJointsFor(const ViewAngles& angles,
   const CArmJoints upright = jointsFor(angles, target_patient);
   // One beam has two pairs of angles: (a, b) and (a + 180 deg, 180 deg - b).
   CArmJoints other = upright;
-  other[0] += deviations.primary_offset_rad;
-  other[1] += deviations.secondary_offset_rad;
-  other[0] = std::remainder(other[0] + kPi, 2 * kPi);
-  other[1] = std::remainder(kPi - other[1], 2 * kPi);
+  other[0] = std::remainder(upright[0] + deviations.primary_offset_rad + kPi, 2 * kPi);
+  other[1] = std::remainder(kPi - (upright[1] + deviations.secondary_offset_rad), 2 * kPi);
   return {upright, refined(other, beamDirection(angles), target_patient)};
 }
 

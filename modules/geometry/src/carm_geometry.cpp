@@ -12,15 +12,11 @@ constexpr int kTableEntries[8][2] = {{0, 0}, {2, 0}, {0, 1}, {1, 1}, {2, 1}, {0,
 
 // A line that the camera can turn about, camera axes: how fast it moves then.
 Twist turnAbout(const Eigen::Vector3d& axis, const Eigen::Vector3d& point) {
-  Twist twist;
-  twist << -axis.cross(point), axis;
-  return twist;
+  return (Twist() << -axis.cross(point), axis).finished();
 }
 
 Twist shiftAlong(const Eigen::Vector3d& direction) {
-  Twist twist;
-  twist << direction, Eigen::Vector3d::Zero();
-  return twist;
+  return (Twist() << direction, Eigen::Vector3d::Zero()).finished();
 }
 
 // The arm of a C-arm that deviates, before it bends.
@@ -128,10 +124,7 @@ Pose CArmGeometry::T_camera_patient(const CArmJoints& joints) const {
     T.translation() = Eigen::Vector3d(0, 0, source_isocenter_distance_m) + R * joints.tail<3>();
     return T;
   }
-  Pose T = bend(deviations, joints) * rigidArm(*this, joints).T_camera_iso;
-  if (l_arm_rad != 0) T.linear() = T.linear() * R_gantry_iso(l_arm_rad);
-  T.translation() += T.linear() * (deviations.table * joints.tail<3>());
-  return T;
+  return T_camera_patient(joints, nullptr);
 }
 
 Pose CArmGeometry::T_camera_patient(const CArmJoints& joints, CArmPoseJacobian* J) const {

@@ -74,16 +74,13 @@ Pose expSE3(const Twist& xi) {
 }
 
 Twist logSE3(const Pose& T) {
-  Twist xi;
   const Eigen::Vector3d w = logSO3(T.linear());
-  xi << leftJacobianSO3(w).inverse() * T.translation(), w;
-  return xi;
+  return (Twist() << leftJacobianSO3(w).inverse() * T.translation(), w).finished();
 }
 
 Matrix6d adjointSE3(const Pose& T) {
   Matrix6d Ad = Matrix6d::Zero();
-  Ad.topLeftCorner<3, 3>() = T.linear();
-  Ad.bottomRightCorner<3, 3>() = T.linear();
+  Ad.topLeftCorner<3, 3>() = Ad.bottomRightCorner<3, 3>() = T.linear();
   Ad.topRightCorner<3, 3>() = skew(T.translation()) * T.linear();
   return Ad;
 }
@@ -93,8 +90,7 @@ Matrix6d rightJacobianInverseSE3(const Twist& xi) {
   const Eigen::Vector3d v = -xi.head<3>(), w = -xi.tail<3>();
   const Eigen::Matrix3d J_inv = leftJacobianSO3(w).inverse();
   Matrix6d result = Matrix6d::Zero();
-  result.topLeftCorner<3, 3>() = J_inv;
-  result.bottomRightCorner<3, 3>() = J_inv;
+  result.topLeftCorner<3, 3>() = result.bottomRightCorner<3, 3>() = J_inv;
   result.topRightCorner<3, 3>() = -J_inv * leftJacobianQ(v, w) * J_inv;
   return result;
 }

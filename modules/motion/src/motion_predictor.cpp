@@ -77,20 +77,17 @@ struct MotionPredictor::State {
   }
 
   PositionEstimate estimate(MotionModel model, double horizon_s) const {
-    switch (model) {
-      case MotionModel::kHarmonic: {
-        const PositionEstimate raw = harmonic->filter.ahead(horizon_s);
-        return {raw.position, harmonic->record.honest(raw.covariance, horizon_s)};
-      }
-      case MotionModel::kVelocity: {
-        const PositionEstimate raw = trend->ahead(horizon_s);
-        return {raw.position, velocity.honest(raw.covariance, horizon_s)};
-      }
-      case MotionModel::kHeld:
-        break;
-    }
-    const PositionEstimate raw = trend->held(horizon_s);
-    return {raw.position, held.honest(raw.covariance, horizon_s)};
+    const bool oscillates = model == MotionModel::kHarmonic, moves = model == MotionModel::kVelocity;
+    const PositionEstimate raw = oscillates ? harmonic->filter.ahead(horizon_s)
+                                 : moves    ? trend->ahead(horizon_s)
+                                            : trend->held(horizon_s);
+    const PredictionRecord& record = oscillates ? harmonic->record : moves ? velocity : held;
+    return {raw.position, record.honest(raw.covariance, horizon_s)};
+  }
+
+  std::optional<double> frequency_hz(int HarmonicMotion::*oscillator) const {
+    if (!harmonic || (*harmonic).*oscillator < 0) return std::nullopt;
+    return harmonic->filter.frequency_hz((*harmonic).*oscillator);
   }
 
   bool surprising(const MotionSample& sample) const {
@@ -228,7 +225,6 @@ void MotionPredictor::learn() {
 }
 
 std::optional<MotionPrediction> MotionPredictor::predict(double time_s) const {
-  if (!state_->trend) return std::nullopt;
   return predict(time_s, state_->chosen());
 }
 
@@ -246,17 +242,9 @@ std::optional<MotionPrediction> MotionPredictor::predict(double time_s, MotionMo
   return MotionPrediction{e.position, 0.5 * (e.covariance + e.covariance.transpose()), model, false};
 }
 
-std::optional<double> MotionPredictor::breathing_hz() const {
-  const auto& harmonic = state_->harmonic;
-  if (!harmonic || harmonic->breathing < 0) return std::nullopt;
-  return harmonic->filter.frequency_hz(harmonic->breathing);
-}
+std::optional<double> MotionPredictor::breathing_hz() const { return state_->frequency_hz(&HarmonicMotion::breathing); }
 
-std::optional<double> MotionPredictor::heart_hz() const {
-  const auto& harmonic = state_->harmonic;
-  if (!harmonic || harmonic->heart < 0) return std::nullopt;
-  return harmonic->filter.frequency_hz(harmonic->heart);
-}
+std::optional<double> MotionPredictor::heart_hz() const { return state_->frequency_hz(&HarmonicMotion::heart); }
 
 void MotionPredictor::reset() { state_ = std::make_unique<State>(state_->settings); }
 

@@ -156,9 +156,8 @@ std::optional<FoundPeriod> findPeriod(const std::deque<MotionSample>& samples, d
   const double bound = kNearlyAsGood * best + 1e-3 * whole;
   int chosen = static_cast<int>(least - left.begin());
   for (int k = steps - 1; k > chosen; --k) {
-    const auto i = static_cast<std::size_t>(k);
-    const bool minimum = left[i] <= left[i - 1] && (k + 1 == steps || left[i] <= left[i + 1]);
-    if (!minimum || left[i] > bound) continue;
+    const bool minimum = left[k] <= left[k - 1] && (k + 1 == steps || left[k] <= left[k + 1]);
+    if (!minimum || left[k] > bound) continue;
     chosen = k;
     break;
   }

@@ -61,13 +61,9 @@ Seen around(const Centerline2d& line, const Eigen::Vector2d& center, double reac
 
 // The nearest one that runs the same way; -1: none within the gate.
 Eigen::Index match(const Seen& seen, const Eigen::Vector2d& at, double tangent_rad, double gate_px) {
-  Eigen::Index best = -1, first = 0;
-  for (Eigen::Index count = seen.points.cols(); count > 0;) {  // The first one that is not too far to the left.
-    const Eigen::Index half = count / 2;
-    const bool left = seen.points(0, first + half) < at.x() - gate_px;
-    if (left) first += half + 1;
-    count = left ? count - half - 1 : half;
-  }
+  const auto x = seen.points.row(0);
+  const Eigen::Index first = std::lower_bound(x.begin(), x.end(), at.x() - gate_px) - x.begin();
+  Eigen::Index best = -1;
   double best_squared = gate_px * gate_px;
   for (Eigen::Index k = first; k < seen.points.cols() && seen.points(0, k) <= at.x() + gate_px; ++k) {
     const double squared = (seen.points.col(k) - at).squaredNorm();

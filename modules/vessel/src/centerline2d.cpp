@@ -66,33 +66,6 @@ Eigen::VectorXd tangentsAlongBranches(const Eigen::Matrix2Xd& points, const std:
   return tangent;
 }
 
-}  // namespace
-
-double undirected(double angle_rad) { return angle_rad - kPi * std::floor(angle_rad / kPi + 0.5); }
-
-Centerline2d makeCenterline(Eigen::Matrix2Xd points_px, std::vector<int> branch, Eigen::VectorXd radius_px) {
-  const auto n = points_px.cols();
-  if (!branch.empty() && static_cast<Eigen::Index>(branch.size()) != n) {
-    throw InputError("centreline", "branch", std::to_string(branch.size()), "must be as many as points");
-  }
-  if (radius_px.size() != 0 && radius_px.size() != n) {
-    throw InputError("centreline", "radius_px", std::to_string(radius_px.size()), "must be as many as points");
-  }
-  for (Eigen::Index i = 0; i < n && !points_px.allFinite(); ++i) {
-    requireFinite("centreline, point " + std::to_string(i), "x_px", points_px(0, i));
-    requireFinite("centreline, point " + std::to_string(i), "y_px", points_px(1, i));
-  }
-  Centerline2d result;
-  if (n > 0)
-    result.tangent_rad = branch.empty() ? tangentsOfCloud(points_px) : tangentsAlongBranches(points_px, branch);
-  result.points_px = std::move(points_px);
-  result.branch = std::move(branch);
-  result.radius_px = std::move(radius_px);
-  return result;
-}
-
-namespace {
-
 // Where a point of a new centreline comes from: between two points of the old one.
 struct Between {
   int a = 0, b = 0;
@@ -124,6 +97,29 @@ Centerline2d resampledAt(const Centerline2d& line, const std::vector<Between>& p
 }
 
 }  // namespace
+
+double undirected(double angle_rad) { return angle_rad - kPi * std::floor(angle_rad / kPi + 0.5); }
+
+Centerline2d makeCenterline(Eigen::Matrix2Xd points_px, std::vector<int> branch, Eigen::VectorXd radius_px) {
+  const auto n = points_px.cols();
+  if (!branch.empty() && static_cast<Eigen::Index>(branch.size()) != n) {
+    throw InputError("centreline", "branch", std::to_string(branch.size()), "must be as many as points");
+  }
+  if (radius_px.size() != 0 && radius_px.size() != n) {
+    throw InputError("centreline", "radius_px", std::to_string(radius_px.size()), "must be as many as points");
+  }
+  for (Eigen::Index i = 0; i < n && !points_px.allFinite(); ++i) {
+    requireFinite("centreline, point " + std::to_string(i), "x_px", points_px(0, i));
+    requireFinite("centreline, point " + std::to_string(i), "y_px", points_px(1, i));
+  }
+  Centerline2d result;
+  if (n > 0)
+    result.tangent_rad = branch.empty() ? tangentsOfCloud(points_px) : tangentsAlongBranches(points_px, branch);
+  result.points_px = std::move(points_px);
+  result.branch = std::move(branch);
+  result.radius_px = std::move(radius_px);
+  return result;
+}
 
 Centerline2d pointsWhere(const Centerline2d& centerline, const std::vector<bool>& keep) {
   std::vector<Between> places;

@@ -86,8 +86,7 @@ ResampledTree resampled(const VesselTree& tree, double spacing_m, int max_points
 
   for (int i = 0; i < tree.size(); ++i) {
     if (tree.parents()[i] >= 0) continue;
-    const int root = add(tree.points().col(i), -1, tree.radii()[i]);
-    index_of_end[i] = root;
+    const int root = index_of_end[i] = add(tree.points().col(i), -1, tree.radii()[i]);
     place[i] = {root, root, 0};
   }
   for (std::size_t b = 0; b < wanted.size(); ++b) {
