@@ -14,6 +14,7 @@
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/pose_files.hpp"

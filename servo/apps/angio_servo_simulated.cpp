@@ -7,7 +7,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/interruption.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/case_run.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_overlay.hpp"
 #include "angio/experiments/closed_loop.hpp"

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "angio/cli/data_folder.hpp"
-#include "angio/evaluation/case_run.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "angio/experiments/fault_experiment.hpp"
 #include "angio/experiments/task_experiments.hpp"
 #include "angio/io/settings_files.hpp"

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
-#include <fstream>
-#include <thread>
 
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/experiment.hpp"
@@ -176,20 +174,6 @@ std::string summaryTable(const Json& summary_by_method) {
                                          {"failed unnoticed", "{failed_and_trusted_percent:%.0f %%}"},
                                          {"ms", "{time_ms/total/p50:%.1f}"}}) +
          "Medians over the cases; \"pose ok\" is within 0.1 deg and 1 mm of the truth at the tree's centroid.\n";
-}
-
-Json machineAsJson() {
-  Json machine;
-  std::ifstream cpuinfo("/proc/cpuinfo");
-  for (std::string line; std::getline(cpuinfo, line);) {
-    if (line.rfind("model name", 0) == 0) {
-      machine["processor"] = line.substr(line.find(':') + 2);
-      break;
-    }
-  }
-  machine["cores"] = std::thread::hardware_concurrency();
-  machine["compiler"] = __VERSION__;
-  return machine;
 }
 
 }  // namespace angio::evaluation

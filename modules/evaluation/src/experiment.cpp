@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <exception>
+#include <fstream>
 #include <mutex>
+#include <string>
 #include <thread>
 
 #include "angio/base/errors.hpp"
@@ -62,6 +64,20 @@ std::vector<bool> forEachRun(int count, int threads, const std::function<std::st
   if (failure) std::rethrow_exception(failure);
   if (interrupted() && finished_count == 0) throw Interrupted();
   return finished;
+}
+
+Json machineAsJson() {
+  Json machine;
+  std::ifstream cpuinfo("/proc/cpuinfo");
+  for (std::string line; std::getline(cpuinfo, line);) {
+    if (line.rfind("model name", 0) == 0) {
+      machine["processor"] = line.substr(line.find(':') + 2);
+      break;
+    }
+  }
+  machine["cores"] = std::thread::hardware_concurrency();
+  machine["compiler"] = __VERSION__;
+  return machine;
 }
 
 }  // namespace angio::evaluation

@@ -7,6 +7,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/overlay.hpp"
 
 namespace angio::evaluation {

@@ -71,9 +71,6 @@ nlohmann::ordered_json caseAsJson(const CaseOutcome& outcome);
 /// A certificate and what was asked for.
 nlohmann::ordered_json certificateAsJson(const PoseCertificate& certificate, const CertificateSettings& settings);
 
-/// Processor, cores, compiler, versions: what a time depends on.
-nlohmann::ordered_json machineAsJson();
-
 /// The summaries of several methods as a table for people, Markdown.
 std::string summaryTable(const nlohmann::ordered_json& summary_by_method);
 

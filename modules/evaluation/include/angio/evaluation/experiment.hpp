@@ -91,4 +91,7 @@ bool finishPart(bool has_results, const Part& part) {
   return !interrupted();
 }
 
+/// Processor, cores, compiler, versions: what a time depends on.
+Json machineAsJson();
+
 }  // namespace angio::evaluation

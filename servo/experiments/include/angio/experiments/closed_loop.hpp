@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "angio/calibration/view_uncertainty.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/calibration_records/view_uncertainty.hpp"
 #include "angio/evaluation/statistics.hpp"
 #include "angio/experiments/namespace.hpp"
 #include "angio/experiments/scenario_settings.hpp"

@@ -3,10 +3,10 @@
 
 #include <optional>
 
-#include "angio/calibration/namespace.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/calibration_records/namespace.hpp"
 
-namespace angio::calibration {
+namespace angio::calibration_records {
 
 /// How far a view may be from what a calibration says: standard deviations, both axes (all three) together.
 struct ViewUncertainty {
@@ -21,4 +21,4 @@ struct ViewUncertainty {
 std::optional<ViewUncertainty> viewUncertainty(const CArmCalibration& calibration, const CArmJoints& joints,
                                                const Eigen::Vector3d& target_model);
 
-}  // namespace angio::calibration
+}  // namespace angio::calibration_records
