@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Installs, builds, and shows the three tasks on a real liver's arteries, one after another: a C-arm reaches a view, its
-# table keeps a breathing target in the middle, a catheter goes to a branch; all by what simulated X-ray images show.
-# Options are passed on to the first: ./demo.sh --seed 3 --view-primary-deg -20
+# Installs, builds what it runs, and shows the three tasks on a real liver's arteries, one after another: a C-arm reaches
+# a view, its table keeps a breathing target in the middle, a catheter goes to a branch; all by what simulated X-ray
+# images show. Options are passed on to the first: ./demo.sh --seed 3 --view-primary-deg -20
 set -euo pipefail
 cd "$(dirname "$0")"
-.ci/build.sh
+.ci/build.sh demo
 out=demo-output
 
 printf '\n== view: from straight through to LAO 30, CRA 15, with a calibration that is wrong by 3 deg and 10 mm\n\n'

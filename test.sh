@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Installs, builds, and runs the whole test suite. Options are passed on to CTest: ./test.sh -R registration
+# Installs, builds everything, and runs the whole test suite. Options are passed on to CTest: ./test.sh -R registration
 set -euo pipefail
 cd "$(dirname "$0")"
 .ci/build.sh
