@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"

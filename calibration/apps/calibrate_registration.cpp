@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"

@@ -3,6 +3,7 @@
 #include <iostream>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/cli/program.hpp"

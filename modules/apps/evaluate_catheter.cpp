@@ -2,12 +2,14 @@
 // angio-evaluate catheter: where a catheter's tip is in the tree, frame by frame of a sequence.
 #include <algorithm>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/columns.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/io/centerline_files.hpp"

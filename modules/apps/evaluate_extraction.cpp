@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-evaluate extraction: how well centrelines are found in X-ray images.
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"

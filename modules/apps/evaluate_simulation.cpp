@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"

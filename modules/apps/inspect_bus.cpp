@@ -2,6 +2,7 @@
 #include "inspect_bus.hpp"
 
 #include <chrono>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "angio/calibration_records/carm_calibration.hpp"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "register_summary.hpp"
 
+#include <nlohmann/json.hpp>
 #include <numeric>
 #include <vector>
 

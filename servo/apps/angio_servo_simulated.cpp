@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-servo-simulated: what angio-servo --simulate runs, X-ray, C-arm and loop in one process.
 #include <iostream>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "angio/apps/namespace.hpp"

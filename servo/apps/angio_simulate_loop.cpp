@@ -2,6 +2,7 @@
 // angio-simulate-loop: many simulated runs of each task, images and registration in the loop, and what became of them.
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "angio/cli/data_folder.hpp"
 #include "angio/evaluation/experiment.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "run_files.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/experiments/closed_loop.hpp"

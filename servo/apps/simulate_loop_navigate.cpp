@@ -3,6 +3,7 @@
 // the loop.
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "angio/base/formatted.hpp"
 #include "angio/cli/data_folder.hpp"

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <nlohmann/json.hpp>
 
 #include "angio/test/errors.hpp"
 #include "angio/test/temporary_folder.hpp"

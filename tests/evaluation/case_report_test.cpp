@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "angio/evaluation/case_run.hpp"
 #include "angio/test/namespace.hpp"

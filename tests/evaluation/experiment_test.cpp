@@ -4,8 +4,10 @@
 #include <gmock/gmock.h>
 
 #include <atomic>
+#include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/evaluation/columns.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 

@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 
+#include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/evaluation/simulation_run.hpp"

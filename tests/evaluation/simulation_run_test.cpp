@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/paper.hpp"

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "angio/geometry/se3.hpp"
 #include "angio/io/yaml.hpp"
 #include "angio/test/errors.hpp"

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 #include <visp3/core/vpXmlParserCamera.h>
 
+#include <nlohmann/json.hpp>
+
 #include "angio/io/camera_files.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/settings_files.hpp"

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "angio/io/yaml.hpp"
 #include "angio/test/errors.hpp"

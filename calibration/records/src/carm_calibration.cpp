@@ -2,6 +2,7 @@
 #include "angio/calibration_records/carm_calibration.hpp"
 
 #include <array>
+#include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/calibration_records/pose_fields.hpp"

@@ -2,6 +2,7 @@
 #include "angio/calibration_records/pose_fields.hpp"
 
 #include <Eigen/Cholesky>
+#include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/io/pose_files.hpp"

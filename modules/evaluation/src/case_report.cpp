@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "angio/evaluation/case_run.hpp"
+#include "angio/evaluation/columns.hpp"
 #include "angio/evaluation/experiment.hpp"
 
 namespace angio::evaluation {

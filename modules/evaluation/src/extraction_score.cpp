@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <nanoflann.hpp>
+#include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/geometry/se3.hpp"

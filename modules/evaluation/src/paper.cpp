@@ -2,9 +2,11 @@
 #include "angio/evaluation/paper.hpp"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/evaluation/columns.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/simulation_report.hpp"
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/evaluation/experiment.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/camera_files.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/io/text.hpp"

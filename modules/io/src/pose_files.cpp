@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <charconv>
+#include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/io/case_files.hpp"

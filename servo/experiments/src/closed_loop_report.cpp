@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/fnv1a.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/evaluation/columns.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/experiments/closed_loop.hpp"

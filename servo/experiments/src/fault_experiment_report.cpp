@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
+#include <nlohmann/json.hpp>
+
+#include "angio/evaluation/columns.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/experiments/fault_experiment.hpp"
 

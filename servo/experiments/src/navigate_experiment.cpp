@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
+#include "angio/evaluation/columns.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/experiments/observers.hpp"
 #include "angio/localisation/catheter_localiser.hpp"

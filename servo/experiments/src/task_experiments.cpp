@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/experiments/task_experiments.hpp"
 
+#include <nlohmann/json.hpp>
 #include <random>
 
+#include "angio/evaluation/columns.hpp"
 #include "angio/experiments/observers.hpp"
 #include "angio/robot/motion_time.hpp"
 

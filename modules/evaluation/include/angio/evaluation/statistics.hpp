@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,10 +19,10 @@ double mean(const std::vector<double>& values);
 /// is not a number counts as larger than all others: what failed must not disappear.
 double percentile(std::vector<double> values, double share);
 
-/// Null for a value that is not there.
-template <typename Value>
-Json orNull(const std::optional<Value>& value) {
-  return value ? Json(*value) : Json(nullptr);
+/// Null for a value that is not there. The result is a parameter because Json is whole only where this is called.
+template <typename Value, typename Result = Json>
+Result orNull(const std::optional<Value>& value) {
+  return value ? Result(*value) : Result(nullptr);
 }
 
 /// Figures of values by their names, separated by blanks: sum, count, mean, rms, percent (of values that are true),

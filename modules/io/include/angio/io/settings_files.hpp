@@ -3,7 +3,7 @@
 
 #include <functional>
 #include <iostream>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -69,9 +69,9 @@ Settings readSettings(const std::string& path, Settings defaults) {
   return defaults;
 }
 
-/// The same for a struct with `visit`.
-template <typename Settings, typename = IfSettings<Settings>>
-nlohmann::ordered_json settingsAsJson(Settings settings) {
+/// The same for a struct with `visit`. The result is a parameter because it is whole only where this is called.
+template <typename Settings, typename Json = nlohmann::ordered_json, typename = IfSettings<Settings>>
+Json settingsAsJson(Settings settings) {
   return settingsAsJson(std::function<void(SettingsVisitor&)>([&](SettingsVisitor& v) { settings.visit(v); }));
 }
 
