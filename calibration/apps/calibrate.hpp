@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 
 #include "angio/apps/namespace.hpp"
+#include "angio/cli/app_fwd.hpp"
 
 namespace angio::apps {
 

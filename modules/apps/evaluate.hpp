@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "angio/apps/namespace.hpp"
+#include "angio/cli/app_fwd.hpp"
 #include "angio/evaluation/simulation_run.hpp"
 #include "program_settings.hpp"
 

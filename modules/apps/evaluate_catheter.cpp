@@ -8,6 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
+#include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/columns.hpp"
 #include "angio/evaluation/experiment.hpp"

@@ -5,6 +5,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/extraction_run.hpp"
 #include "angio/io/camera_files.hpp"

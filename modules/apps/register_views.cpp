@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "register_views.hpp"
+#include "angio/cli/program.hpp"
 
 #include <algorithm>
 #include <filesystem>

@@ -12,6 +12,7 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
+#include "angio/cli/run_time.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/types/channels.hpp"

@@ -8,6 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/interruption.hpp"
 #include "angio/cli/progress_bar.hpp"
+#include "angio/cli/run_time.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_overlay.hpp"

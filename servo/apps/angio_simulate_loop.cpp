@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "angio/cli/data_folder.hpp"
+#include "angio/cli/program.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/experiments/fault_experiment.hpp"
 #include "angio/experiments/task_experiments.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "navigate_options.hpp"
+#include "angio/cli/program.hpp"
 
 #include "angio/base/errors.hpp"
 #include "angio/io/settings_files.hpp"

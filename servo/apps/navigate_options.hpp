@@ -6,7 +6,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
-#include "angio/cli/program.hpp"
+#include "angio/cli/app_fwd.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/navigation/catheter_node.hpp"
 #include "angio/vessel/tree_topology.hpp"

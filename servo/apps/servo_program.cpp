@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "servo_program.hpp"
+#include "angio/cli/program.hpp"
 
 #include <iostream>
 

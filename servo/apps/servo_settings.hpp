@@ -7,7 +7,7 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/variant_sections.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
-#include "angio/cli/program.hpp"
+#include "angio/cli/app_fwd.hpp"
 #include "angio/experiments/scenario_settings.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/imaging/extractor.hpp"

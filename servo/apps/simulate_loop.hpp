@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "angio/apps/namespace.hpp"
-#include "angio/cli/program.hpp"
+#include "angio/cli/app_fwd.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/statistics.hpp"
 

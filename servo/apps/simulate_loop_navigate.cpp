@@ -7,6 +7,7 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/cli/data_folder.hpp"
+#include "angio/cli/program.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_overlay.hpp"

@@ -2,12 +2,12 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <functional>
 #include <map>
 #include <string>
 
 #include "angio/cli/namespace.hpp"
+#include "angio/cli/run_time.hpp"
 
 namespace angio::cli {
 
@@ -29,31 +29,10 @@ CLI::Validator choice(const std::map<std::string, T>& choices) {
   return CLI::CheckedTransformer(choices).description(names + "}");
 }
 
-/// Exit code of work that was done as asked and did not reach what it is for: a registration that did not converge, a
-/// loop that never moved.
-constexpr int kExitNotReached = 3;
-
 /// Parses the command line and runs `work`, which returns the exit code, with one OpenCV thread.
 ///
 /// Exit codes: 0 done, --help and --version; 1 wrong input or failed work, with one line on stderr (a result that
 /// stdout does not take is failed work); 2 wrong command line; 3 see kExitNotReached.
 int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& work);
-
-/// How long a program listens: until its time is over, or SIGINT or SIGTERM has come.
-class RunTime {
- public:
-  /// Takes the signals over. @param duration_s  0: without an end of its own.
-  explicit RunTime(double duration_s = 0);
-
-  bool over() const;
-  double elapsed_s() const;
-
-  /// Ends it as a signal does.
-  static void end();
-
- private:
-  double duration_s_;
-  std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
-};
 
 }  // namespace angio::cli
