@@ -5,6 +5,7 @@
 
 #include "anatomy_estimate.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/vessel/resample.hpp"
 
 namespace angio::calibration {
@@ -87,9 +88,9 @@ class Refinement {
       for (std::size_t v = 0; v < views_.size(); ++v) {
         if (!from_.views[v].outlier) addView(v, A, b);
       }
-      move(A.ldlt().solve(b));
+      move(solveSymmetric(A, b));
     }
-    AnatomyResult result = state_.result(runs_, A.ldlt().solve(Eigen::MatrixXd::Identity(size, size)));
+    AnatomyResult result = state_.result(runs_, inverseOfSymmetric(A));
     result.views = from_.views;
     result.chi2_per_freedom = from_.chi2_per_freedom;
     result.held_out_rotation_rms_rad = from_.held_out_rotation_rms_rad;

@@ -9,6 +9,7 @@
 #include "anatomy_estimate.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/calibration_records/pose_fields.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/io/yaml.hpp"
 
@@ -61,7 +62,7 @@ class AnatomyProblem {
 
   double sigmas(std::size_t i, const AnatomyEstimate& state) const {
     const Vector6d r = residual(i, state);
-    return std::sqrt(r.dot(covariance(i, state).ldlt().solve(r)));
+    return std::sqrt(r.dot(solveSymmetric(covariance(i, state), r)));
   }
 
   // Gauss-Newton over [dt; dw] of T_dsa_cb and the shifts, the weights anew in each step.
@@ -75,11 +76,11 @@ class AnatomyProblem {
         if (chosen[i]) addView(i, state, robust, A, b);
       }
       state.addShiftPriors(settings_, A, b);
-      const Eigen::VectorXd step = A.ldlt().solve(b);
+      const Eigen::VectorXd step = solveSymmetric(A, b);
       state.move(step);
       if (step.norm() < 1e-12) break;
     }
-    return A.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+    return inverseOfSymmetric(A);
   }
 
   // The views that agree best, whatever the others are: half of them, by what is between their rotations.
@@ -121,7 +122,7 @@ class AnatomyProblem {
     J.block<3, 3>(0, at) = R;
     J.block<3, 3>(3, 3) = R;
     const Vector6d r = residual(i, state);
-    const Matrix6d information = covariance(i, state).ldlt().solve(Matrix6d::Identity());
+    const Matrix6d information = inverseOfSymmetric(covariance(i, state));
     const double squares = r.dot(information * r);
     const double weight = robust ? 1 / (1 + squares / (kRobustScale * kRobustScale)) : 1;
     A += weight * J.transpose() * information * J;

@@ -8,6 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/joined.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "camera_bundle.hpp"
 #include "information.hpp"
 
@@ -158,7 +159,7 @@ JointCovariance jointCovariance(const CameraBundle& bundle, const Eigen::Vector3
   Eigen::RowVectorXd depth_by_lens = Eigen::RowVectorXd::Zero(n);
   double own = 0;
   for (std::size_t v = 0; v < bundle.views.size(); ++v) {
-    const Matrix6d P_inverse = all[v].pose.ldlt().solve(Matrix6d::Identity());
+    const Matrix6d P_inverse = inverseOfSymmetric(all[v].pose);
     const Eigen::MatrixXd G = P_inverse * all[v].cross.transpose();
     Vector6d depth;  // d(centre's z) / d(pose).
     depth << 0, 0, 1, -skew(bundle.views[v].T_camera_phantom.linear() * center_m).row(2).transpose();

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/geometry/decompositions.hpp"
 #include "geometry_problem.hpp"
 
 #include <Eigen/Cholesky>
@@ -107,7 +108,7 @@ Pose bestPose(const Sightings& s, const XrayCamera& camera, Pose T, double outli
       H += weight * J.transpose() * J;
       g += weight * J.transpose() * r;
     }
-    const Twist change = -H.ldlt().solve(g);
+    const Twist change = -solveSymmetric(H, g);
     T = expSE3(change) * T;
     T.linear() = nearestRotation(T.linear());
     if (change.head<3>().norm() < 1e-11 && change.tail<3>().norm() < 1e-11) break;

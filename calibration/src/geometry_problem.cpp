@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "geometry_problem.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 #include <ceres/ceres.h>
 
@@ -60,7 +61,7 @@ class ChangeCost final : public ceres::CostFunction {
     Eigen::Map<Eigen::VectorXd>(residuals, r.size()) = r;
     if (wants) {
       // All changes add up, but those of the phantom's place, which follow each other.
-      const Matrix6d turn = rightJacobianInverseSE3(change.head<kPhantomNumbers>()).inverse();
+      const Matrix6d turn = inverseOf(rightJacobianInverseSE3(change.head<kPhantomNumbers>()));
       J.leftCols<kPhantomNumbers>() = (J.leftCols<kPhantomNumbers>() * turn).eval();
       using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
       Eigen::Map<RowMajor>(jacobians[0], J.rows(), places_.size()) = J(Eigen::all, places_);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "hand_eye_problem.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 #include <ceres/autodiff_cost_function.h>
 #include <ceres/loss_function.h>
@@ -101,7 +102,7 @@ Eigen::MatrixXd inverseInformation(ceres::Problem& problem, const std::vector<do
       for (int b = J.rows[row]; b < J.rows[row + 1]; ++b) A(J.cols[a], J.cols[b]) += J.values[a] * J.values[b];
     }
   }
-  return A.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols()));
+  return inverseOfSymmetric(A);
 }
 
 ceres::Problem::Options sharedLoss() {
@@ -113,7 +114,7 @@ ceres::Problem::Options sharedLoss() {
 }  // namespace
 
 double squaredDistance(const Vector6d& residual, const Matrix6d& covariance) {
-  return residual.dot(covariance.ldlt().solve(residual));
+  return residual.dot(solveSymmetric(covariance, residual));
 }
 
 HandEyeProblem::HandEyeProblem(const PoseSet& set, HandEyeMount mount)

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/pose_set.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
@@ -13,6 +12,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration_records/pose_fields.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/table.hpp"
 #include "angio/io/text.hpp"
@@ -96,7 +96,7 @@ PoseOfPoints poseOfPoints(const std::string& place, const XrayCamera& camera, co
   }
   Normal n = normalAt(camera, points_object_m, points_px, found.T_camera_object);
   for (int step = 0; step < kSteps && n.in_front; ++step) {
-    const Pose next = movedBy(found.T_camera_object, n.A.ldlt().solve(n.b));
+    const Pose next = movedBy(found.T_camera_object, solveSymmetric(n.A, n.b));
     const Normal there = normalAt(camera, points_object_m, points_px, next);
     if (!there.in_front || !(there.squares < n.squares)) break;
     found.T_camera_object = next;
@@ -109,7 +109,7 @@ PoseOfPoints poseOfPoints(const std::string& place, const XrayCamera& camera, co
   }
   const double freedom = std::max(1.0, static_cast<double>(2 * count - 6));
   const double variance = std::max(n.squares / freedom, kMinNoise_px * kMinNoise_px);
-  found.covariance = variance * n.A.ldlt().solve(Matrix6d::Identity());
+  found.covariance = variance * inverseOfSymmetric(n.A);
   return found;
 }
 

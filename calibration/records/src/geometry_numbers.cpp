@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration_records/geometry_numbers.hpp"
 
-#include <Eigen/LU>
-
 #include "angio/base/formatted.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 namespace angio::calibration_records {
 namespace {
@@ -43,7 +42,7 @@ Eigen::Matrix<double, 6, kModelNumbers> cameraByNumbers(const CArmGeometry& carm
   const CArmFlex& flex = carm.deviations.flex;
   if (flex.count == 0) return J;
   const double a = joints[0], b = joints[1];
-  const Matrix6d by_twist = rightJacobianInverseSE3(flex.at(a, b)).inverse();
+  const Matrix6d by_twist = inverseOf(rightJacobianInverseSE3(flex.at(a, b)));
   for (int i = 0; i < flex.count; ++i) {
     J.block<6, 6>(0, kFirstFlexNumber + 6 * i) = by_twist * flex.terms[i].wave(a, b);
   }

@@ -3,6 +3,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/carm.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 namespace angio::geometry {
 namespace {
@@ -178,7 +179,7 @@ Eigen::Matrix<double, 6, 5> CArmGeometry::eJe(const CArmJoints& joints) const {
   J.leftCols<2>() = by_parameters.leftCols<2>();  // An angle and its offset do the same, but for the bending.
   if (deviations.flex.count != 0) {
     const Twist bent = deviations.flex.at(joints[0], joints[1]);
-    J.leftCols<2>() += rightJacobianInverseSE3(bent).inverse() * deviations.flex.derivatives(joints[0], joints[1]);
+    J.leftCols<2>() += inverseOf(rightJacobianInverseSE3(bent)) * deviations.flex.derivatives(joints[0], joints[1]);
   }
   J.block<3, 3>(0, 2) = -T.linear() * deviations.table;
   return J;

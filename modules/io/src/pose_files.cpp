@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/pose_files.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <charconv>
 #include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
@@ -37,8 +37,7 @@ Matrix6d readCovariance(const YamlField& field) {
   // Files are rounded: six digits of the largest variance are what may be asked of them.
   if (!((covariance - covariance.transpose()).cwiseAbs().maxCoeff() <= 1e-6 * scale)) field.refuse("must be symmetric");
   const Matrix6d symmetric = 0.5 * (covariance + covariance.transpose());
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(symmetric, Eigen::EigenvaluesOnly);
-  if (!(solver.eigenvalues().minCoeff() >= -1e-6 * scale)) field.refuse("must be positive semidefinite");
+  if (!(eigenvaluesOfSymmetric(symmetric).minCoeff() >= -1e-6 * scale)) field.refuse("must be positive semidefinite");
   return symmetric;
 }
 

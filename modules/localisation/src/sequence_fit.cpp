@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "sequence_fit.hpp"
+#include "angio/geometry/decompositions.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <cmath>
@@ -171,7 +171,7 @@ class Fit {
     if (deforms()) addFieldPrior(system, field_, grid_, nodes_m, settings_);
     std::vector<FrameBlock> blocks;
     for (const PosedFrame& frame : frames_) blocks.push_back(addFrame(system, frame, correction, nodes_m));
-    const Eigen::VectorXd x = -system.H.ldlt().solve(system.g);
+    const Eigen::VectorXd x = -solveSymmetric(system.H, system.g);
     for (std::size_t f = 0; f < frames_.size(); ++f) {
       frames_[f].shift_px -= blocks[f].B.inverse() * (blocks[f].b + blocks[f].E * x);
     }

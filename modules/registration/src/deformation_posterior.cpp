@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "deformation_posterior.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 #include <utility>
 
@@ -28,8 +29,8 @@ DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& gro
   belief.add(T_camera_centered, information, pull);
   const auto& J = groups_.jacobian;
   whitened_jacobian_ = factor_.matrixL().solve(J);
-  noise_ = (J.transpose() * noise_px2_.cwiseInverse().asDiagonal() * J + information).inverse();
-  twist_ = (whitened_jacobian_.transpose() * whitened_jacobian_ + information).inverse();
+  noise_ = inverseOf(J.transpose() * noise_px2_.cwiseInverse().asDiagonal() * J + information);
+  twist_ = inverseOf(whitened_jacobian_.transpose() * whitened_jacobian_ + information);
   mean_ = -twist_ * (whitened_jacobian_.transpose() * factor_.matrixL().solve(groups_.residual_px) + pull);
   weights_ = -factor_.solve(groups_.residual_px + J * mean_);
   known_ = noise_.allFinite() && twist_.allFinite() && mean_.allFinite() && weights_.allFinite();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "field_search.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -68,7 +69,7 @@ int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const
     if (step == max_steps) return step;
     Vector6d g_belief = Vector6d::Zero();
     belief.add(candidate.T_camera_centered, H, g_belief);
-    const Twist dx = H.ldlt().solve(g - g_belief);
+    const Twist dx = solveSymmetric(H, g - g_belief);
     if (!dx.allFinite()) return step;
     candidate.T_camera_centered = candidate.T_camera_centered * expSE3(dx);
     const double moved_px = pixels_per_metre * (dx.head<3>().norm() + model_.radius_m * dx.tail<3>().norm());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "fit_classification.hpp"
+#include "angio/geometry/decompositions.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -175,8 +175,8 @@ std::optional<Matrix6d> covarianceOf(const NormalEquations& at_solution, const s
   scale << Eigen::Vector3d::Constant(0.05), Eigen::Vector3d::Ones();
   const Matrix6d scaled = scale.asDiagonal() * at_solution.H * scale.asDiagonal();
   if (!scaled.allFinite()) return std::nullopt;
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(scaled);
-  if (!(eigen.eigenvalues()[0] > 1e-10 * eigen.eigenvalues()[5])) return std::nullopt;
+  const Vector6d eigenvalues = eigenvaluesOfSymmetric(scaled);
+  if (!(eigenvalues[0] > 1e-10 * eigenvalues[5])) return std::nullopt;
 
   // Two residuals a point; a point of small weight counts for as much as it weighs.
   double weights = 0, max_weight = 1e-12, squares_px2 = 0;
@@ -187,7 +187,7 @@ std::optional<Matrix6d> covarianceOf(const NormalEquations& at_solution, const s
   }
   const double residuals = 2 * weights / max_weight;
   const double variance_px2 = squares_px2 / std::max(1.0, residuals - 6);
-  const Matrix6d about_centroid = variance_px2 * at_solution.H.inverse();
+  const Matrix6d about_centroid = variance_px2 * inverseOf(at_solution.H);
   return covarianceOfResult(about_centroid, T_camera_centered, centroid);
 }
 

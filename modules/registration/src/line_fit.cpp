@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "line_fit.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -91,7 +92,7 @@ LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& beli
       result.information = H;
       result.currency = currency;
       tolerance_px_ = tolerance;
-      const Twist dx = H.ldlt().solve(g);
+      const Twist dx = solveSymmetric(H, g);
       if (!dx.allFinite()) return result;
       result.T_camera_centered = result.T_camera_centered * expSE3(dx);
       result.last_step_px = pixels_per_metre * (dx.head<3>().norm() + model_.radius_m * dx.tail<3>().norm());

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "model_error.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 #include <Eigen/Cholesky>
 
@@ -11,7 +12,7 @@ constexpr double kTails = 1.5;
 
 ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d& information, double currency,
                        double length_m) {
-  twist_ = noise_ = information.inverse();
+  twist_ = noise_ = inverseOf(information);
   const auto n = static_cast<Eigen::Index>(groups.size());
   if (n < kFewestGroups) return;
   groups_ = ResidualArrays(groups);

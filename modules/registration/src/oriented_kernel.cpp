@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/geometry/decompositions.hpp"
 #include "methods.hpp"
 
 #include <algorithm>
@@ -242,7 +243,7 @@ class OrientedKernel final : public Registration {
 
   // How far the belief lets the projection be off, rms.
   double spread_px(const PosePriorTerm& belief, const Pose& T_camera_centered) const {
-    const Matrix6d covariance = belief.information.inverse();
+    const Matrix6d covariance = inverseOf(belief.information);
     const double pixels_per_metre =
         frame_.views().front().camera.parameters().fx_px / std::max(0.05, T_camera_centered.translation().z());
     return pixels_per_metre *

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "pose_prior_term.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 #include <cmath>
 
@@ -63,7 +64,7 @@ std::vector<Pose> StartDraws::poses(const PosePriorTerm& belief, const StartSett
   while (static_cast<int>(unit_draws_.size()) < count) {
     unit_draws_.push_back(unitDraw(seed_, static_cast<int>(unit_draws_.size())));
   }
-  const Matrix6d L = belief.information.inverse().llt().matrixL().toDenseMatrix();
+  const Matrix6d L = inverseOf(belief.information).llt().matrixL().toDenseMatrix();
   Vector6d half_box;
   half_box << Eigen::Vector3d::Constant(1e-3 * starts.box_translation_mm),
       Eigen::Vector3d::Constant(degToRad(starts.box_rotation_deg));
@@ -88,7 +89,7 @@ std::vector<Pose> StartDraws::withoutShift(const PosePriorTerm& belief, const St
 
 double shiftReach_m(const PosePriorTerm& belief, const StartSettings& starts, double standard_deviations) {
   if (starts.box()) return 1e-3 * starts.box_translation_mm;
-  return standard_deviations * std::sqrt(belief.information.inverse().topLeftCorner<3, 3>().trace() / 3);
+  return standard_deviations * std::sqrt(inverseOf(belief.information).topLeftCorner<3, 3>().trace() / 3);
 }
 
 }  // namespace angio::registration

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "rigid_step.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -123,7 +124,7 @@ LevenbergMarquardt::Step LevenbergMarquardt::step(const Eigen::Matrix3Xd& points
   for (int attempt = 0; attempt < kMaxTries; ++attempt) {
     Matrix6d damped = n.H;
     damped.diagonal() += damping_ * n.H.diagonal() + Vector6d::Constant(1e-12);
-    const Twist dx = -damped.ldlt().solve(n.g);
+    const Twist dx = -solveSymmetric(damped, n.g);
     if (dx.allFinite()) {
       Pose trial = T_camera_centered * expSE3(dx);
       trial.linear() = nearestRotation(trial.linear());

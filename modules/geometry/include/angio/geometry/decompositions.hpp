@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+
+#include "angio/geometry/se3.hpp"
+
+namespace angio::geometry {
+
+// Eigen's decompositions of the sizes that many sources need, compiled once: each of them costs a source seconds. None
+// says whether it succeeded; what comes of a singular or infinite matrix is not finite.
+
+/// A^-1, by LU with partial pivoting.
+Matrix6d inverseOf(const Matrix6d& A);
+
+/// A^-1 of a symmetric matrix that is not negative, by LDLT.
+Matrix6d inverseOfSymmetric(const Matrix6d& A);
+Eigen::MatrixXd inverseOfSymmetric(const Eigen::MatrixXd& A);
+
+/// A^-1 b with a symmetric matrix that is not negative, by LDLT.
+Vector6d solveSymmetric(const Matrix6d& A, const Vector6d& b);
+Eigen::VectorXd solveSymmetric(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
+
+/// Eigenvalues of a symmetric matrix, the smallest first; its lower half is read.
+Vector6d eigenvaluesOfSymmetric(const Matrix6d& A);
+
+}  // namespace angio::geometry

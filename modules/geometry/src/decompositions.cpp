@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/geometry/decompositions.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+namespace angio::geometry {
+
+Matrix6d inverseOf(const Matrix6d& A) { return A.inverse(); }
+
+Matrix6d inverseOfSymmetric(const Matrix6d& A) { return A.ldlt().solve(Matrix6d::Identity()); }
+
+Eigen::MatrixXd inverseOfSymmetric(const Eigen::MatrixXd& A) {
+  return A.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols()));
+}
+
+Vector6d solveSymmetric(const Matrix6d& A, const Vector6d& b) { return A.ldlt().solve(b); }
+
+Eigen::VectorXd solveSymmetric(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) { return A.ldlt().solve(b); }
+
+Vector6d eigenvaluesOfSymmetric(const Matrix6d& A) {
+  return Eigen::SelfAdjointEigenSolver<Matrix6d>(A, Eigen::EigenvaluesOnly).eigenvalues();
+}
+
+}  // namespace angio::geometry
