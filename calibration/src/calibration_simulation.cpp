@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/calibration_simulation.hpp"
 
+#include <algorithm>
+
 namespace angio::calibration {
 namespace {
 

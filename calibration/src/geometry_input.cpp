@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <functional>
 #include <set>
+#include <utility>
 
 #include "angio/base/errors.hpp"
 #include "angio/calibration/geometry_calibration.hpp"

@@ -2,6 +2,7 @@
 #include "angio/calibration/hand_eye_simulation.hpp"
 
 #include <Eigen/Cholesky>
+#include <utility>
 
 #include "angio/registration/starts.hpp"
 #include "hand_eye_problem.hpp"

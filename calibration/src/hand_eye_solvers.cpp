@@ -11,6 +11,7 @@
 #include <limits>
 #include <numeric>
 #include <random>
+#include <utility>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/calib3d.hpp>
 #include <set>
+#include <utility>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <map>
+#include <utility>
 
 #include "angio/base/errors.hpp"
 #include "angio/calibration/bead_detection.hpp"

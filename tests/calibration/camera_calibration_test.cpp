@@ -6,7 +6,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <fstream>
+#include <utility>
 
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/direct_linear.hpp"

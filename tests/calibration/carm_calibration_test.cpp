@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <utility>
 
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <opencv2/core/mat.hpp>
 
 #include "angio/calibration/bead_detection.hpp"

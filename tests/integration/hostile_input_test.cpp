@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <opencv2/core.hpp>
+#include <utility>
 
 #include "angio/io/image_files.hpp"
 #include "angio/test/namespace.hpp"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/experiments/task_experiments.hpp"
 
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <random>
 
