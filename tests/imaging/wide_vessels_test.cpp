@@ -27,7 +27,7 @@ Pose oneMetreAway() {
 }
 
 // A trunk that forks into two; radii of the three branches [m], nothing: unknown. The fork is as wide as the trunk.
-VesselTree fork(std::optional<double> trunk, std::optional<double> left, std::optional<double> right) {
+VesselTree forkedTree(std::optional<double> trunk, std::optional<double> left, std::optional<double> right) {
   Eigen::Matrix3Xd points(3, 5);
   points.setZero();
   points.row(0) << 0, 0.01, 0.02, 0.03, 0.03;
@@ -36,7 +36,7 @@ VesselTree fork(std::optional<double> trunk, std::optional<double> left, std::op
 }
 
 TEST(WideVessels, AreNamedWithTheirWidthAndTheSetting) {
-  const auto said = tooWideVessels(fork(12e-3, 6e-3, 2e-3), camera(), oneMetreAway(), RidgeSettings{});
+  const auto said = tooWideVessels(forkedTree(12e-3, 6e-3, 2e-3), camera(), oneMetreAway(), RidgeSettings{});
   ASSERT_TRUE(said);
   EXPECT_THAT(*said, AllOf(HasSubstr("2 of 3 branches"), HasSubstr("ridge.max_radius_px = 20"),
                            HasSubstr("0 (48 px), 1 (24 px)"), HasSubstr("max_radius_px: 59")));
@@ -44,9 +44,9 @@ TEST(WideVessels, AreNamedWithTheirWidthAndTheSetting) {
 
 // The child's first point is the trunk's, and does not count.
 TEST(WideVessels, WhatIsNarrowUnknownOrBehindTheSourceIsNotNamed) {
-  EXPECT_FALSE(tooWideVessels(fork(4.9e-3, 2e-3, 2e-3), camera(), oneMetreAway(), RidgeSettings{}));
-  EXPECT_FALSE(tooWideVessels(fork({}, {}, {}), camera(), oneMetreAway(), RidgeSettings{}));
-  const VesselTree wide = fork(12e-3, 2e-3, 2e-3);
+  EXPECT_FALSE(tooWideVessels(forkedTree(4.9e-3, 2e-3, 2e-3), camera(), oneMetreAway(), RidgeSettings{}));
+  EXPECT_FALSE(tooWideVessels(forkedTree({}, {}, {}), camera(), oneMetreAway(), RidgeSettings{}));
+  const VesselTree wide = forkedTree(12e-3, 2e-3, 2e-3);
   EXPECT_FALSE(tooWideVessels(wide, camera(), oneMetreAway().inverse(), RidgeSettings{}));
   const auto said = tooWideVessels(wide, camera(), oneMetreAway(), RidgeSettings{});
   ASSERT_TRUE(said);
@@ -56,8 +56,8 @@ TEST(WideVessels, WhatIsNarrowUnknownOrBehindTheSourceIsNotNamed) {
 TEST(WideVessels, TheSettingItNamesEndsIt) {
   RidgeSettings settings;
   settings.max_radius_px = 59;
-  EXPECT_FALSE(tooWideVessels(fork(12e-3, 6e-3, 2e-3), camera(), oneMetreAway(), settings));
-  EXPECT_FALSE(tooWideVessels(fork(12e-3, 6e-3, 2e-3), camera(), oneMetreAway(), OtsuSettings{}));
+  EXPECT_FALSE(tooWideVessels(forkedTree(12e-3, 6e-3, 2e-3), camera(), oneMetreAway(), settings));
+  EXPECT_FALSE(tooWideVessels(forkedTree(12e-3, 6e-3, 2e-3), camera(), oneMetreAway(), OtsuSettings{}));
 }
 
 }  // namespace

@@ -3,7 +3,9 @@
 
 #include <gmock/gmock.h>
 
-#include <functional>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
 
 #include "angio/io/vessel_files.hpp"
 #include "angio/test/errors.hpp"
