@@ -127,7 +127,8 @@ void writeCalibratedCamera(const std::string& path, const CameraCalibration& res
   CalibrationRecord record = result.record;
   record.machine = set.machine;
   record.date = dateNow();
-  record.inputs = {hashedInput(set.path), hashedInput(set.phantom_path)};
+  record.inputs = {hashedInput(set.path)};
+  if (!set.phantom_path.empty()) record.inputs.push_back(hashedInput(set.phantom_path));
   record.inputs.insert(record.inputs.end(), views.begin(), views.end());
   nlohmann::ordered_json json = cameraAsJson(result.camera);
   json["calibration"]["camera"] = recordAsJson(record);
@@ -158,7 +159,7 @@ void writeCameraReport(const std::string& folder, const CameraCalibration& resul
 int calibrate(const CameraOptions& o) {
   const CameraSections settings = settingsOf(o);
   const ViewSet set = readViewSet(o.views);
-  const BeadPhantom phantom = readBeadPhantom(set.phantom_path);
+  const BeadPhantom phantom = phantomOf(set);
   Stopwatch watch;
   SeenViewSet seen;
   {
@@ -191,7 +192,10 @@ void addCalibrateCamera(CLI::App& app, Work& work) {
   command->option_defaults()->always_capture_default();
   command->footer(
       "Example:\n  angio-calibrate camera views.yaml --distortion intensifier --out camera.yaml --report report");
-  command->add_option("views", o->views, "View set (.yaml): X-ray images, or tables of beads")->required();
+  command
+      ->add_option("views", o->views,
+                   "View set (.yaml): images of beads, of a chessboard or of a circle grid, or tables")
+      ->required();
   command->add_option("--distortion", o->distortion, "Of the detector; the settings' choice (none) when not given")
       ->check(CLI::IsMember({"none", "radial", "intensifier"}));
   command->add_flag("--square-pixels", o->square_pixels, "One focal length for both axes");

@@ -97,6 +97,9 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
                                 const std::function<void(int done, int total)>& tell) {
   if (holdsPoses(views_path)) return readPoses(views_path, camera_path);
   const ViewSet set = readViewSet(views_path);
+  if (set.pattern) {
+    throw InputError(views_path, "phantom", "", "is missing: the geometry needs views of beads, or registered poses");
+  }
   for (const auto& view : set.views) {
     if (!view.joints) {
       throw InputError(views_path, view.name + ".primary_deg", "",

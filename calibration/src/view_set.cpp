@@ -11,6 +11,7 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/table.hpp"
 #include "angio/io/yaml.hpp"
+#include "grid_photograph.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -84,7 +85,42 @@ PhantomView readView(const std::string& path, const YamlField& field) {
   return view;
 }
 
+constexpr int kMaxMarksInRow = 44;  // As many rows, and no more than kMaxBeads in all.
+
+FlatPattern readPattern(const YamlField& field, bool chessboard) {
+  YamlMap map(field.path, *field.node, field.key);
+  FlatPattern pattern;
+  const YamlField size = map.need(chessboard ? "corners" : "circles");
+  const auto sides = size.items("must be a list of 2 integers: in a row, and rows", 2, 2);
+  pattern.columns = sides[0].integer(2, kMaxMarksInRow);
+  pattern.rows = sides[1].integer(2, kMaxMarksInRow);
+  pattern.spacing_m = 1e-3 * map.need(chessboard ? "square_mm" : "spacing_mm").between(0.1, 1000);
+  const auto shifted = chessboard ? std::nullopt : map.find("shifted");
+  pattern.kind = chessboard                   ? FlatPattern::Kind::kChessboard
+                 : shifted && shifted->flag() ? FlatPattern::Kind::kShiftedCircles
+                                              : FlatPattern::Kind::kCircles;
+  map.refuseOthers();
+  return pattern;
+}
+
+// What the views are of: one of three keys.
+void readPhantom(const std::string& path, YamlMap& map, ViewSet& set) {
+  const auto chessboard = map.find("chessboard"), circles = map.find("circle_grid");
+  if (!chessboard && !circles) {
+    set.phantom_path = besideFile(path, map.need("phantom"));
+    return;
+  }
+  if ((chessboard && circles) || map.find("phantom")) {
+    (chessboard ? *chessboard : *circles).refuse("must be the only one of phantom, chessboard and circle_grid");
+  }
+  set.pattern = readPattern(chessboard ? *chessboard : *circles, chessboard.has_value());
+}
+
 }  // namespace
+
+BeadPhantom phantomOf(const ViewSet& set) {
+  return set.pattern ? phantomOf(*set.pattern) : readBeadPhantom(set.phantom_path);
+}
 
 ViewSet readViewSet(const std::string& path) {
   const YamlNode root = readYaml(path);
@@ -92,7 +128,7 @@ ViewSet readViewSet(const std::string& path) {
   ViewSet set;
   set.path = path;
   if (const auto machine = map.find("machine")) set.machine = machine->text();
-  set.phantom_path = besideFile(path, map.need("phantom"));
+  readPhantom(path, map, set);
   if (const auto size = map.find("image_size_px")) {
     const std::vector<double> sides = size->numbers(2);
     for (std::size_t i = 0; i < 2; ++i) {
@@ -143,10 +179,13 @@ std::vector<CalibrationInput> hashedViews(const ViewSet& set) {
 namespace {
 
 std::vector<BeadDetection> beadsOf(const PhantomView& view, const BeadPhantom& phantom,
-                                   const BeadDetectionSettings& settings, DetectorOfViews& detector) {
+                                   const std::optional<FlatPattern>& pattern, const BeadDetectionSettings& settings,
+                                   DetectorOfViews& detector) {
   if (view.is_table) return readBeadTable(view.path);
-  if (!phantom.isCoded()) {
-    throw InputError(view.path, "image", "", "must be a table: the phantom " + phantom.name + " is a grid of marks");
+  if (!phantom.isCoded() && !pattern) {
+    throw InputError(view.path, "image", "",
+                     "must be a table: the phantom " + phantom.name +
+                         " is a grid of marks; photographs are read of a chessboard or a circle_grid");
   }
   const cv::Mat image = readXrayImage(view.path);
   if (detector.width_px == 0) {
@@ -158,7 +197,7 @@ std::vector<BeadDetection> beadsOf(const PhantomView& view, const BeadPhantom& p
                      "must be " + std::to_string(detector.width_px) + " x " + std::to_string(detector.height_px) +
                          " as the view set or its first image says");
   }
-  return detectBeads(image, settings);
+  return pattern ? detectPattern(view.path, image, *pattern) : detectBeads(image, settings);
 }
 
 }  // namespace
@@ -170,7 +209,7 @@ SeenViewSet seenViews(const ViewSet& set, const BeadPhantom& phantom, const Bead
   seen.detector = {set.image_width_px, set.image_height_px, set.pixel_spacing_m};
   std::vector<Eigen::Matrix3d> likely;
   for (const PhantomView& view : set.views) {
-    std::vector<BeadDetection> beads = beadsOf(view, phantom, settings, seen.detector);
+    std::vector<BeadDetection> beads = beadsOf(view, phantom, set.pattern, settings, seen.detector);
     BeadView labelled{view.name,
                       {},
                       view.source_detector_distance_m,

@@ -21,6 +21,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/xa_files.hpp"
+#include "angio/io/yaml.hpp"
 #include "angio/vessel/model_id.hpp"
 #include "findings.hpp"
 #include "inspect_bus.hpp"
@@ -109,8 +110,16 @@ void addGeometry(const XaHeader& header, const XaGeometry& g, Findings& found) {
             "stored_mirrored", g.stored_mirrored);
 }
 
+// A camera of one frame, which says where it comes from and what was assumed.
+void writeRunCamera(const std::string& path, const std::string& run, int frame, const XaGeometry& geometry) {
+  std::string said = "# Of " + withoutControls(std::filesystem::path(run).filename().string()) + ", frame " +
+                     std::to_string(frame) + ", by its DICOM attributes; the image as angio-inspect --out writes it.\n";
+  for (const std::string& line : geometry.assumed) said += "# Assumed: " + withoutControls(line) + "\n";
+  writeWholeFile(path, said + asYaml(cameraAsJson({geometry.camera, {}, {}})));
+}
+
 // What a DICOM run says of itself and of one frame; no name or number of a patient.
-Findings inspectRun(const std::string& path, int frame) {
+Findings inspectRun(const std::string& path, int frame, const std::string& camera) {
   const XaRun run(path);
   const XaGeometry geometry = run.geometry(frame);
   Findings found;
@@ -119,11 +128,12 @@ Findings inspectRun(const std::string& path, int frame) {
   found.count("frame", "frame", frame);
   addGeometry(run.header(), geometry, found);
   for (const std::string& line : geometry.assumed) found.add("assumed", line, "assumed", line);
+  if (!camera.empty()) writeRunCamera(camera, path, frame, geometry);
   return found;
 }
 
 struct Options {
-  std::string file, out, picture, calibration;
+  std::string file, out, write_camera, picture, calibration;
   int frame = 0;
   bool json = false;
   BusToInspect live;
@@ -247,9 +257,13 @@ Inspected inspectFile(const Options& o) {
     throw InputError(o.file, "--calibration", o.calibration, "is for --picture of a vessel tree, or for --bus");
   }
   if ((camera || tree) && !o.out.empty()) throw InputError(o.file, "--out", o.out, "there is no picture in this file");
+  if (!o.write_camera.empty() && (camera || tree || !isDicom(o.file))) {
+    throw InputError(o.file, "--write-camera", o.write_camera,
+                     "is of a DICOM run: other files do not say their camera");
+  }
   if (camera) return {inspectCamera(o.file)};
   if (tree) return inspectTree(o);
-  auto found = isDicom(o.file) ? inspectRun(o.file, o.frame) : inspectImage(o.file, o.frame);
+  auto found = isDicom(o.file) ? inspectRun(o.file, o.frame, o.write_camera) : inspectImage(o.file, o.frame);
   if (!o.out.empty()) writeImage(o.out, readXrayImage(o.file, o.frame));
   return {found};
 }
@@ -306,6 +320,9 @@ int main(int argc, char** argv) {
   app.add_option("--frame", o.frame, "Frame of a run or of a TIFF, from 0")->check(CLI::Range(0, 1000000))->needs(file);
   app.add_flag("--json", o.json, "JSON instead of columns");
   app.add_option("--out", o.out, "Picture of the frame (.png, .tif, .jpg), as the camera sees it")->needs(file);
+  app.add_option("--write-camera", o.write_camera,
+                 "Camera of a DICOM run's frame (.yaml): K, pixel and source-detector distance, and what is assumed")
+      ->needs(file);
   auto* bus =
       app.add_option("--bus", o.live.bus,
                      angio::cli::busHelp("Newest X-ray frame of a bus") + "; file://name.lcm?speed=0: a log's last one")

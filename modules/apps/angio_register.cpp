@@ -10,6 +10,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/calibration_records/centered_carm.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/cli/bus_help.hpp"
 #include "angio/cli/program.hpp"
@@ -17,6 +18,7 @@
 #include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/overlay.hpp"
+#include "angio/imaging/wide_vessels.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
@@ -150,6 +152,11 @@ int registerOne(const Options& o) {
     assumed.push_back("nothing of the start: all poses within +-180 deg and +-60 mm are searched");
   }
   warnOfOldCameras(o);
+  if (o.files.t_dsa_cb == kCentered) std::cerr << "angio-register: assumed: " << kCenteredAssumption << "\n";
+  if (o.files.centerlines.empty()) {
+    const auto wide = tooWideVessels(tree, views.front().camera, initial, extractor);
+    if (wide) std::cerr << "angio-register: " << *wide << "\n";
+  }
   CaseOutcome outcome;
   outcome.name = o.tree;
   outcome.image_s = image_s;
@@ -271,8 +278,10 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 1000000));
   app.add_option("--initial-pose", o.files.initial_pose,
                  "Pose to start from (.yaml); without it a DICOM run's angles say where to start");
-  app.add_option("--t-dsa-cb", o.files.t_dsa_cb,
-                 "With angles: the tree in the patient's axes L, P, S from the isocentre (.yaml)");
+  app.add_option(
+      "--t-dsa-cb", o.files.t_dsa_cb,
+      "With angles: the tree in the patient's axes L, P, S from the isocentre (.yaml); or centre: its x, y, z are "
+      "L, P, S of a patient head first supine, its centroid is at the isocentre");
   app.add_option("--method", o.method, "Registration method");
   app.add_flag("--nonrigid", o.nonrigid, "Let the tree deform after the rigid registration");
   app.add_option("--extractor", o.extractor,

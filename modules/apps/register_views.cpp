@@ -10,6 +10,7 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
+#include "angio/calibration_records/centered_carm.hpp"
 #include "angio/imaging/collimator_opening.hpp"
 #include "angio/imaging/subtraction.hpp"
 #include "angio/io/camera_files.hpp"
@@ -47,11 +48,9 @@ const Pose& poseByAngles(const std::optional<XaGeometry>& geometry, const std::s
 
 // Where the tree lies in the patient's axes, with the isocentre as origin.
 Pose treeInPatient(const ViewFiles& files, const VesselTree& tree, std::vector<std::string>& assumed) {
-  if (!files.t_dsa_cb.empty()) return readViewPose(files.t_dsa_cb);
-  assumed.push_back("the tree's axes are taken as the patient's L, P, S, and its centroid at the isocentre");
-  Pose T = Pose::Identity();
-  T.translation() = -tree.centroid();
-  return T;
+  if (!files.t_dsa_cb.empty() && files.t_dsa_cb != kCentered) return readViewPose(files.t_dsa_cb);
+  assumed.push_back(kCenteredAssumption);
+  return centeredInPatient(tree.centroid());
 }
 
 cv::Mat imageOf(const ViewFiles& files, std::size_t view, const XrayCamera& camera) {

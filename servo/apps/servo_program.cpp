@@ -6,6 +6,8 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/calibration_records/centered_carm.hpp"
+#include "angio/imaging/wide_vessels.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
 
@@ -26,10 +28,18 @@ void ServoProgramOptions::addTo(CLI::App& app) {
   app.add_option("--tree", tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", calibration,
                  "C-arm geometry and T_dsa_cb (.yaml); when simulating without --truth, what is made wrong");
+  auto* centered =
+      app.add_option(
+             "--t-dsa-cb", t_dsa_cb,
+             "centre: of --calibration only the C-arm is taken. The tree's x, y, z are L, P, S of a patient head "
+             "first supine, its centroid is at the isocentre")
+          ->check(CLI::IsMember({kCentered}))
+          ->needs(simulated);
   app.add_option(
          "--truth", truth,
          "The simulated C-arm and patient (.yaml), of angio-calibrate simulate; --calibration is what is believed")
-      ->needs(simulated);
+      ->needs(simulated)
+      ->excludes(centered);
   app.add_option("--machine", machine, "The C-arm that is to be moved: a calibration of another one is refused");
   app.add_option("--max-calibration-age-days", max_age_days, "An older calibration is warned of")
       ->check(between(0, 1e6));
@@ -74,8 +84,10 @@ ServoSettings ServoProgramOptions::effectiveSettings() const {
   return effective;
 }
 
-CArmCalibration ServoProgramOptions::readCalibration() const {
-  const CArmCalibration read = readCArmCalibration(calibration);
+CArmCalibration ServoProgramOptions::readCalibration(const VesselTree& tree) const {
+  const CArmCalibration read =
+      t_dsa_cb.empty() ? readCArmCalibration(calibration) : readCenteredCArm(calibration, tree.centroid());
+  if (!t_dsa_cb.empty()) std::cerr << "angio-servo: assumed: " << kCenteredAssumption << "\n";
   const std::string moved = truth.empty() ? machine : readCArmFile(truth).machine;
   for (const auto& warning : checkRecords(calibration, read.records, {moved, max_age_days})) {
     std::cerr << "angio-servo: " << warning << "\n";
@@ -85,6 +97,17 @@ CArmCalibration ServoProgramOptions::readCalibration() const {
   }
   return read;
 }
+
+namespace {
+
+// At the arm's rest: from where it looks changes how wide a vessel is by little.
+void warnOfWideVessels(const ServoSettings& settings, const VesselTree& tree, const CArmCalibration& calibration) {
+  const Pose T_camera_model = calibration.carm.T_camera_patient(CArmJoints::Zero()) * calibration.T_dsa_cb;
+  const auto wide = tooWideVessels(tree, calibration.carm.camera(), T_camera_model, settings.extractors.chosen());
+  if (wide) std::cerr << "angio-servo: " << *wide << "\n";
+}
+
+}  // namespace
 
 int runServoProgram(int argc, char** argv, const std::function<int()>& simulated, const ServoWork& work) {
   CLI::App app("Drives a C-arm to a view of the anatomy by what its X-ray images show.", "angio-servo");
@@ -96,7 +119,8 @@ int runServoProgram(int argc, char** argv, const std::function<int()>& simulated
     const ServoSettings settings = options.effectiveSettings();
     const VesselTree tree = readVesselTree(options.tree);
     if (!options.view_pose.empty()) requireTree(options.view_pose, readPose(options.view_pose), tree);
-    const CArmCalibration calibration = options.readCalibration();
+    const CArmCalibration calibration = options.readCalibration(tree);
+    warnOfWideVessels(settings, tree, calibration);
     return work(options, settings, tree, calibration);
   });
 }

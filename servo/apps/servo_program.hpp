@@ -25,7 +25,7 @@ struct ServoProgramOptions {
   PatientOptions patient;
   std::optional<double> duration_s;  // Given, it comes before the settings file's.
   std::optional<int> seed;
-  std::string film, truth, machine, record, disturb, key_file, view_pose, preview;
+  std::string t_dsa_cb, film, truth, machine, record, disturb, key_file, view_pose, preview;
   double max_age_days = RecordGate().max_age_days;
   bool simulate = false, wait_for_operator = false, autostart = false;
 
@@ -34,9 +34,9 @@ struct ServoProgramOptions {
   /// The settings file's, with what the command line says put over them. Throws InputError.
   ServoSettings effectiveSettings() const;
 
-  /// The calibration of the machine that is to be moved, and of no other; says on stderr when it is old. Throws
-  /// InputError.
-  CArmCalibration readCalibration() const;
+  /// The calibration of the machine that is to be moved, and of no other; with --t-dsa-cb centre the tree's centroid is
+  /// at its isocentre. Says on stderr when it is old, and what is assumed. Throws InputError.
+  CArmCalibration readCalibration(const VesselTree& tree) const;
 };
 
 /// What a program of this command line does, once all files have been read. Its value is the exit code.

@@ -7,6 +7,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <utility>
 
@@ -16,6 +17,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/shared_data.hpp"
+#include "angio/test/temporary_folder.hpp"
 #include "camera_bundle.hpp"
 #include "camera_scenes.hpp"
 
@@ -283,6 +285,27 @@ TEST(CameraCalibration, AgreesWithZhang) {
   EXPECT_NEAR(valueOf(record, "skew_px"), 0.204494, 0.01);
   EXPECT_NEAR(valueOf(record, "k1"), -0.228601, 0.01 * 0.228601);
   EXPECT_NEAR(valueOf(record, "k2"), 0.190353, 0.01 * 0.190353);
+}
+
+// Photographs of a chessboard by a camera that its maker has calibrated (RealSense: 607.6 px, at 323.5, 243.3).
+TEST(CameraCalibration, ReadsPhotographsOfAChessboard) {
+  NEED_SHARED_DATA("visp-handeye/eye-in-hand/franka_image-1.png");
+  const test::TemporaryFolder folder;
+  std::string text = "chessboard: {corners: [9, 6], square_mm: 23.6}\nviews:\n";
+  for (int i = 1; i <= 8; ++i) {
+    const std::string name = "franka_image-" + std::to_string(i) + ".png";
+    text += "  - {name: \"" + std::to_string(i) + "\", image: " + name + "}\n";
+    std::filesystem::copy(test::sharedData("visp-handeye/eye-in-hand/" + name), folder.path(name));
+  }
+  const ViewSet set = readViewSet(folder.write("views.yaml", text));
+  const BeadPhantom board = phantomOf(set);
+  ASSERT_EQ(board.beads.size(), 54U);
+  EXPECT_NEAR((board.beads[53].position_m - Eigen::Vector3d(8 * 0.0236, 5 * 0.0236, 0)).norm(), 0, 1e-12);
+  const SeenViewSet seen = seenViews(set, board);
+  const CameraCalibration result = calibrateCamera(board, seen.detector, seen.views, {});
+  EXPECT_LT(result.record.residual_rms, 1);
+  EXPECT_NEAR(valueOf(result.record, "fx_px"), 607.6, 0.03 * 607.6);
+  EXPECT_NEAR(valueOf(result.record, "fy_px"), 607.6, 0.03 * 607.6);
 }
 
 Eigen::MatrixXd numbersIn(const std::string& path, int columns) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gmock/gmock.h>
 
-#include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/calibration_records/centered_carm.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
@@ -81,6 +81,28 @@ TEST_F(CArmFiles, ALoopIsToldWhatMakesTheMissingPose) {
   writeCArmFile(folder.path("carm.yaml"), crookedFile());
   const std::string said = test::refusalOf([&] { readCArmCalibration(folder.path("carm.yaml")); });
   EXPECT_THAT(said, HasSubstr("T_dsa_cb: is missing: angio-calibrate hand-eye"));
+  EXPECT_THAT(said, HasSubstr("in a simulation --t-dsa-cb centre"));
+}
+
+// What the file says of another tree does not count.
+TEST_F(CArmFiles, ACenteredTreeHasItsCentroidAtTheIsocentre) {
+  test::Random random(5);
+  CArmFile file = crookedFile();
+  const Eigen::Vector3d centroid = random.vector(0.1);
+  for (const bool posed : {false, true}) {
+    if (posed) {
+      file.T_dsa_cb = expSE3(random.twist(0.5, 0.5));
+      file.R_lps_model = expSO3(random.vector(1));
+    }
+    writeCArmFile(folder.path("carm.yaml"), file);
+    const CArmCalibration read = readCenteredCArm(folder.path("carm.yaml"), centroid);
+    EXPECT_EQ((read.T_dsa_cb * centroid).norm(), 0);
+    EXPECT_TRUE(read.T_dsa_cb.linear().isIdentity(0));
+    EXPECT_TRUE(read.R_lps_model.isIdentity(0));
+    EXPECT_EQ(read.machine, "lab-1");
+    EXPECT_EQ(read.records.size(), 1U);
+    EXPECT_EQ(read.carm.l_arm_rad, readCArmFile(folder.path("carm.yaml")).carm.l_arm_rad);
+  }
 }
 
 TEST_F(CArmFiles, BadDeviationsAreNamed) {

@@ -12,9 +12,11 @@
 
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/geometry/se3.hpp"
+#include "angio/io/camera_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/io/xa_files.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
@@ -58,6 +60,37 @@ TEST(Inspect, JsonAndPictureAreOfTheFrame) {
   EXPECT_NEAR(json["field_at_isocentre_mm"][0], 200.0 * 720 / 931, 1e-9);
   EXPECT_EQ(json["assumed"].size(), 2U);
   EXPECT_EQ(cv::norm(readXrayImage(folder.path("frame.png")), readXrayImage(kRun, 1), cv::NORM_INF), 0);
+}
+
+TEST(Inspect, ACameraFileIsTheFramesWithWhatIsAssumed) {
+  const test::TemporaryFolder folder;
+  const std::string file = folder.path("camera.yaml");
+  const auto ended = test::run("angio-inspect", {kRun, "--frame", "2", "--write-camera", file});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const XaGeometry geometry = XaRun(kRun).geometry(2);
+  const auto written = readCamera(file).parameters(), own = geometry.camera.parameters();
+  EXPECT_EQ(written.width_px, own.width_px);
+  EXPECT_EQ(written.height_px, own.height_px);
+  EXPECT_NEAR(written.fx_px, own.fx_px, 1e-9);
+  EXPECT_NEAR(written.fy_px, own.fy_px, 1e-9);
+  EXPECT_NEAR(written.cx_px, own.cx_px, 1e-9);
+  EXPECT_NEAR(written.cy_px, own.cy_px, 1e-9);
+  EXPECT_NEAR(*written.source_detector_distance_m, 0.931, 1e-12);
+  EXPECT_NEAR(*written.pixel_spacing_m, 0.390625e-3, 1e-12);
+  const std::string text = test::contentOf(file);
+  EXPECT_THAT(text, HasSubstr("# Of im5.dcm, frame 2"));
+  ASSERT_FALSE(geometry.assumed.empty());
+  for (const std::string& line : geometry.assumed) EXPECT_THAT(text, HasSubstr("# Assumed: " + line));
+}
+
+TEST(Inspect, OnlyARunHasACameraToWrite) {
+  const test::TemporaryFolder folder;
+  for (const char* name : {"tree.csv", "im5_camera.yaml", "frames/im5.png"}) {
+    const auto ended = test::run("angio-inspect", {phantom(name), "--write-camera", folder.path("camera.yaml")});
+    EXPECT_EQ(ended.exit_code, 1) << name;
+    EXPECT_THAT(ended.err, HasSubstr("--write-camera"));
+  }
+  EXPECT_EQ(folder.files(), 0U);
 }
 
 TEST(Inspect, OtherFilesAreToldToo) {

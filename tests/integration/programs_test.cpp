@@ -304,6 +304,46 @@ TEST_F(ServoProgram, ALoopThatNeverMovedSaysWhy) {
   EXPECT_TRUE(std::filesystem::is_regular_file(folder_.path("out/summary.json")));
 }
 
+// A C-arm that is known, and a tree of which nobody has said where it lies.
+TEST_F(ServoProgram, ATreeWithoutACalibrationIsCentered) {
+  auto words = arguments("0.2");
+  const std::string carm = folder_.write("carm.yaml",
+                                         "source_isocentre_distance_mm: 810\nsource_detector_distance_mm: 1113\n"
+                                         "pixel_spacing_mm: 0.5\nimage_size_px: [512, 512]\n");
+  words[4] = carm;
+  const auto refused = test::run("angio-servo", words);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_NE(refused.err.find(carm + ": T_dsa_cb: is missing: "), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("--t-dsa-cb centre"), std::string::npos) << refused.err;
+  words.insert(words.end(), {"--t-dsa-cb", "centre"});
+  const auto ended = test::run("angio-servo", words);
+  EXPECT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_EQ(ended.err.rfind("angio-servo: assumed: the tree's x, y, z are taken as the patient's L, P, S", 0), 0u)
+      << ended.err;
+  EXPECT_EQ(std::count(ended.err.begin(), ended.err.end(), '\n'), 1) << ended.err;
+  words.erase(words.begin());  // A real machine has a calibration.
+  EXPECT_EQ(test::run("angio-servo", words).exit_code, 2);
+
+  const auto simulated = test::run(
+      "angio-simulate", {"--calibration", carm, "--t-dsa-cb", "centre", "--frames", "1", "--out", folder_.path("run")});
+  EXPECT_EQ(simulated.exit_code, 0) << simulated.err;
+  EXPECT_EQ(simulated.err.rfind("angio-simulate: assumed: ", 0), 0u) << simulated.err;
+}
+
+TEST_F(ServoProgram, VesselsThatAreTooWideToBeSeenAreNamed) {
+  auto words = arguments("0.1");
+  words[2] = folder_.write("aorta.csv",
+                           "id,x_mm,y_mm,z_mm,radius_mm,parent\n0,0,0,-40,12,-1\n1,0,5,0,12,0\n2,20,0,40,3,1\n"
+                           "3,-20,0,40,3,1\n");
+  words.insert(words.end(), {"--t-dsa-cb", "centre"});
+  const auto ended = test::run("angio-servo", words);
+  EXPECT_NE(ended.err.find("1 of 3 branches of the tree have a larger radius in the image than ridge.max_radius_px"),
+            std::string::npos)
+      << ended.err;
+  words.insert(words.end(), {"--settings", folder_.write("wide.yaml", "ridge: {max_radius_px: 100}\n")});
+  EXPECT_EQ(test::run("angio-servo", words).err.find("ridge.max_radius_px"), std::string::npos);
+}
+
 TEST_F(ServoProgram, TheCommandLineComesBeforeTheSettingsFile) {
   const std::string settings =
       folder_.write("settings.yaml", "view: {primary_deg: 12, secondary_deg: 7}\nscenario: {seed: 4}\n");

@@ -74,6 +74,35 @@ cases:
   EXPECT_EQ(b.truth_displacements_path, folder.path("moves.csv"));
 }
 
+// Markups are read as L, P, S whatever they are in; a tree of another kind is read as it stands.
+TEST(CaseFiles, PosesOfMarkupsInRasAreTurned) {
+  const CaseFolder folder;
+  folder.write("curves.mrk.json", "");
+  const auto read = [&](const std::string& of_set, const std::string& of_case, const std::string& more = "") {
+    const std::string text = of_set +
+                             "camera: camera.yaml\ncases:\n  - {name: a, centerline: line.csv, initial_pose: p.yaml, "
+                             "truth_pose: q.yaml" +
+                             of_case + more + "}\n";
+    return readCaseSet(folder.write("cases.yaml", text)).cases.front();
+  };
+  const Case plain = read("tree: tree.csv\nframe: RAS\n", "");
+  EXPECT_TRUE(plain.initial_pose.linear().isIdentity(1e-12));
+  const Case lps = read("tree: curves.mrk.json\nframe: LPS\n", "");
+  EXPECT_TRUE(lps.initial_pose.linear().isIdentity(1e-12));
+  EXPECT_TRUE(read("tree: curves.mrk.json\nframe: RAS\n", ", frame: LPS").truth_pose->linear().isIdentity(1e-12));
+  for (const Case& ras : {read("tree: curves.mrk.json\nframe: RAS\n", ""),
+                          read("tree: tree.csv\n", ", tree: curves.mrk.json, frame: RAS")}) {
+    // The point (1, 2, 3) in R, A, S is (-1, -2, 3) in L, P, S.
+    EXPECT_LT((ras.initial_pose * Eigen::Vector3d(-1, -2, 3) - Eigen::Vector3d(1, 2, 3.7)).norm(), 1e-12);
+    EXPECT_LT((*ras.truth_pose * Eigen::Vector3d(-1, -2, 3) - Eigen::Vector3d(1, 2, 3.8)).norm(), 1e-12);
+  }
+  EXPECT_NE(refusalOf([&] { read("tree: tree.csv\nframe: LAS\n", ""); }).find("frame = LAS: must be LPS or RAS"),
+            std::string::npos);
+  const std::string moved = ", truth_displacements: moves.csv";
+  EXPECT_NE(refusalOf([&] { read("tree: curves.mrk.json\nframe: RAS\n", "", moved); }).find("frame = RAS: must be LPS"),
+            std::string::npos);
+}
+
 std::string turned() {  // By 90 deg about y; the frames' names are the writer's business.
   return "{rotation: [0,0,1,0,1,0,-1,0,0], translation_mm: [-750, 0, 750], parent: lateral, child: frontal}\n";
 }

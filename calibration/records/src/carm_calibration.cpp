@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/calibration_records/centered_carm.hpp"
 #include "angio/calibration_records/pose_fields.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/whole_file.hpp"
@@ -168,9 +169,22 @@ CArmCalibration readCArmCalibration(const std::string& path) {
   CArmFile file = readCArmFile(path);
   if (!file.T_dsa_cb) {
     throw InputError(path, "T_dsa_cb", "",
-                     "is missing: angio-calibrate hand-eye or angio-calibrate registration makes it");
+                     "is missing: angio-calibrate hand-eye or angio-calibrate registration makes it; in a simulation "
+                     "--t-dsa-cb centre does without");
   }
   return {file.carm, *file.T_dsa_cb, file.R_lps_model, file.machine, std::move(file.records)};
+}
+
+CArmCalibration readCenteredCArm(const std::string& path, const Eigen::Vector3d& centroid_model) {
+  CArmFile file = readCArmFile(path);
+  return {file.carm, centeredInPatient(centroid_model), Eigen::Matrix3d::Identity(), file.machine,
+          std::move(file.records)};
+}
+
+Pose centeredInPatient(const Eigen::Vector3d& centroid_model) {
+  Pose T_dsa_cb = Pose::Identity();
+  T_dsa_cb.translation() = -centroid_model;
+  return T_dsa_cb;
 }
 
 void writeCArmCalibration(const std::string& path, const CArmCalibration& c) {

@@ -11,6 +11,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/pose_files.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
 
@@ -57,6 +58,19 @@ std::vector<Eigen::Vector2d> cornersIn(const YamlField& field) {
   return corners;
 }
 
+// Markups say which axes they are in and are read as L, P, S; other trees are read as they stand.
+bool isReadAsLps(const std::string& tree_path) {
+  const std::filesystem::path path(tree_path);
+  return extensionOf(tree_path) == ".json" && extensionOf(path.stem().string()) == ".mrk";
+}
+
+// R, A, S from L, P, S, and back.
+Pose turnedFrame() {
+  Pose T = Pose::Identity();
+  T.linear().diagonal() << -1, -1, 1;
+  return T;
+}
+
 // One set is read by one of these, which remembers the cameras and poses that many cases share.
 class CaseReader {
  public:
@@ -66,38 +80,45 @@ class CaseReader {
     const YamlNode root = readYaml(path_);
     YamlMap map(path_, root, "case set");
     const auto sequence = map.find("sequence");
-    const auto tree = map.find("tree");
+    const auto tree = map.find("tree"), frame = map.find("frame");
     const auto camera = map.find("camera"), T_view_first = map.find("T_view_first");
+    if (frame) isRas(*frame);
     const YamlField cases = map.need("cases");
     map.refuseOthers();
     CaseSet result;
     result.sequence = sequence && sequence->flag();
     for (const YamlField& one : cases.items("must be a list of at least one case", 1)) {
-      result.cases.push_back(readCase(*one.node, tree, {camera, T_view_first}));
+      result.cases.push_back(readCase(*one.node, {tree, frame}, {camera, T_view_first}));
     }
     return result;
   }
 
  private:
+  // What is said of the tree, and of the axes that poses have it in.
+  struct Tree {
+    std::optional<YamlField> file, frame;
+  };
+
   // What is said of the cameras in one place, the set's or a case's.
   struct Cameras {
     std::optional<YamlField> camera, T_view_first;
   };
 
-  Case readCase(const YamlNode& node, const std::optional<YamlField>& set_tree, const Cameras& set_cameras) {
+  Case readCase(const YamlNode& node, const Tree& set_tree, const Cameras& set_cameras) {
     YamlMap map(path_, node, "case");
     Case result;
     const YamlField name = map.need("name");
     result.name = name.text();
     if (!names_.insert(result.name).second) name.refuse("must not be given twice");
-    const auto own_tree = map.find("tree");
+    const Tree own_tree{map.find("tree"), map.find("frame")};
     const Cameras own{map.find("camera"), map.find("T_view_first")};
     const auto centerline = map.find("centerline"), image = map.find("image");
     const YamlField initial_pose = map.need("initial_pose");
     const auto truth_pose = map.find("truth_pose"), truth_displacements = map.find("truth_displacements");
     map.refuseOthers();
 
-    const auto tree = own_tree ? own_tree : set_tree, camera = own.camera ? own.camera : set_cameras.camera;
+    const auto tree = own_tree.file ? own_tree.file : set_tree.file,
+               camera = own.camera ? own.camera : set_cameras.camera;
     if (!tree) throw missing(node, "tree");
     if (!camera) throw missing(node, "camera");
     if (!centerline && !image) throw missing(node, "centerline or image");
@@ -115,7 +136,22 @@ class CaseReader {
     result.initial_pose = readShared(initial_pose, poses_, readPose).T_camera_model;
     if (truth_pose) result.truth_pose = readShared(*truth_pose, poses_, readPose).T_camera_model;
     if (truth_displacements) result.truth_displacements_path = existingFile(*truth_displacements);
+    const auto frame = own_tree.frame ? own_tree.frame : set_tree.frame;
+    if (frame && isRas(*frame) && isReadAsLps(result.tree_path)) toLps(*frame, result);
     return result;
+  }
+
+  static bool isRas(const YamlField& frame) {
+    const std::string name = frame.text();
+    if (name != "LPS" && name != "RAS") frame.refuse("must be LPS or RAS: the axes of the tree that poses are of");
+    return name == "RAS";
+  }
+
+  // Poses are of the tree as it is read.
+  static void toLps(const YamlField& frame, Case& one) {
+    if (one.truth_displacements_path) frame.refuse("must be LPS where truth_displacements stand beside markups");
+    one.initial_pose = one.initial_pose * turnedFrame();
+    if (one.truth_pose) one.truth_pose = *one.truth_pose * turnedFrame();
   }
 
   InputError missing(const YamlNode& node, const std::string& key) const {

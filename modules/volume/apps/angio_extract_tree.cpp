@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-extract-tree: from a volume, a mask or a mesh to a vessel tree.
 #include <cstdio>
+#include <iostream>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
@@ -12,6 +13,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/volume/coverage.hpp"
 #include "angio/volume/extract_tree.hpp"
+#include "angio/volume/labels.hpp"
 #include "angio/volume/mesh_files.hpp"
 #include "angio/volume/projections.hpp"
 #include "angio/volume/shape.hpp"
@@ -133,7 +135,23 @@ Seen readSeen(const Options& o, const ExtractionSettings& settings) {
   return seen;
 }
 
-int extract(const Options& o) {
+// The labels that are vessels: those named, which have to be there, or a map's only one. Vesselness would find tubes in
+// a label map too, and none of them would be a vessel.
+std::vector<int> labelsOf(const Options& o, const Seen& seen) {
+  const std::string& path = seen.labels ? o.mask : o.volume;
+  const Volume& volume = seen.labels ? *seen.labels : seen.volume;
+  if (!o.labels.empty()) requireLabels(path, volume, o.labels);
+  const bool said = !o.labels.empty() || o.threshold || seen.mask || seen.labels;
+  if (said || !isLabelMap(volume)) return o.labels;
+  const std::vector<LabelSize> labels = labelsIn(volume);
+  if (labels.size() > 1) {
+    throw InputError(path, "--label", "", "is needed, as this is a label map. It has " + listOfLabels(labels));
+  }
+  std::cerr << "angio-extract-tree: " << path << " is a mask: vessels are its label " << listOfLabels(labels) << "\n";
+  return {labels.front().label};
+}
+
+int extract(Options o) {
   ExtractionSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   if (!o.ends.empty()) settings.centreline.ends = o.ends == "sphere" ? CentrelineEnd::kSphere : CentrelineEnd::kWall;
@@ -141,6 +159,7 @@ int extract(const Options& o) {
   ProgressBar bar("extracting", kExtractionStages + 2);
   bar.show(0, "reading");
   const Seen seen = readSeen(o, settings);
+  o.labels = labelsOf(o, seen);
   bar.show(1, "vessels");
   const Volume shape = seen.mask ? vesselShape(*seen.mask, settings.selection, o.seeds_m)
                                  : vesselShape(seen.labels ? *seen.labels : seen.volume, shapeOf(o, settings),
@@ -176,7 +195,10 @@ int main(int argc, char** argv) {
       ->required();
   app.add_option("--out", o.out, "Vessel tree (.csv, .swc, .vtp, .mrk.json, .tre)")->required();
   app.add_option("--mask", o.mask, "Label volume of the vessels; the volume itself is only shown");
-  app.add_option("--label", o.labels, "Label of vessels in the mask or volume; may be given again")
+  app.add_option(
+         "--label", o.labels,
+         "Label of vessels in the mask or volume; may be given again. A label map without it is not read, and its "
+         "labels are listed")
       ->allow_extra_args(false);
   app.add_option("--threshold", o.threshold, "Vessels are above this value; without it, what looks like a tube");
   app.add_option("--inside", o.inside, "Side of the threshold")->check(CLI::IsMember({"above", "below"}));

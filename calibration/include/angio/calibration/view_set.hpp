@@ -26,11 +26,20 @@ struct PhantomView {
   std::string machine;                               ///< Empty when the view does not say.
 };
 
+/// A flat pattern whose photographs need no tables: OpenCV finds it.
+struct FlatPattern {
+  enum class Kind { kChessboard, kCircles, kShiftedCircles };  ///< Shifted: every other row, by half of its distance.
+  Kind kind = Kind::kChessboard;
+  int columns = 0, rows = 0;  ///< Of inner corners, or of circles.
+  double spacing_m = 0;       ///< A square's side; the distance of rows of circles.
+};
+
 /// Views of one phantom by one machine.
 struct ViewSet {
-  std::string path;     ///< The file itself, for messages.
-  std::string machine;  ///< Empty when the file does not say.
-  std::string phantom_path;
+  std::string path;                             ///< The file itself, for messages.
+  std::string machine;                          ///< Empty when the file does not say.
+  std::string phantom_path;                     ///< Empty where there is a pattern.
+  std::optional<FlatPattern> pattern;           ///< In place of a phantom.
   int image_width_px = 0, image_height_px = 0;  ///< Zero when images tell.
   std::optional<double> pixel_spacing_m;
   std::vector<PhantomView> views;
@@ -39,7 +48,8 @@ struct ViewSet {
 /// Reads a view set:
 ///
 ///     machine: lab-1                     # optional; a view may name its own
-///     phantom: phantom.yaml
+///     phantom: phantom.yaml              # or chessboard: {corners: [9, 6], square_mm: 23.6}
+///                                        # or circle_grid: {circles: [4, 11], spacing_mm: 20, shifted: true}
 ///     image_size_px: [1024, 1024]        # needed where views are tables of beads
 ///     pixel_spacing_mm: 0.25             # optional
 ///     views:
@@ -55,6 +65,9 @@ struct ViewSet {
 /// keys, a name that stands twice, a path that stands twice, views of different machines (which are named).
 ViewSet readViewSet(const std::string& path);
 
+/// The set's phantom: its file's, or its pattern's marks, row by row. Throws InputError as readBeadPhantom does.
+BeadPhantom phantomOf(const ViewSet& set);
+
 /// The hashes of the views' files, in their order. Throws InputError that names both views when one file is a copy of
 /// another: noise that is counted twice makes every covariance too small.
 std::vector<CalibrationInput> hashedViews(const ViewSet& set);
@@ -66,9 +79,9 @@ struct SeenViewSet {
   std::vector<CalibrationInput> inputs;  ///< Hashes of the views' files.
 };
 
-/// Reads tables and finds beads in images, and tells them apart by their sizes and places where no table says which
-/// they are. Throws InputError that names file, view and rule: an image of another size, images of marks without sizes,
-/// a view whose beads cannot be told apart or are mirrored, a view that is a copy of another.
+/// Reads tables and finds beads, or the set's pattern, in images, and tells them apart by their sizes and places where
+/// no table says which they are. Throws InputError that names file, view and rule: an image of another size, images of
+/// marks without sizes, a view whose beads cannot be told apart or are mirrored, a view that is a copy of another.
 SeenViewSet seenViews(const ViewSet& set, const BeadPhantom& phantom, const BeadDetectionSettings& settings = {},
                       const std::function<void(int done)>& progress = {});
 

@@ -44,6 +44,10 @@ struct CaseSet {
 /// start at the case file's folder. Cameras and poses are read at once; of the other files only their existence is
 /// checked.
 ///
+/// `frame`, LPS or RAS, in the set or in a case, names the patient axes of the tree that the poses are of. A tree is
+/// read as it stands, and nothing is turned; only markups (`.mrk.json`) say which axes they are in and are read as L,
+/// P, S, so that poses of a RAS one are turned with it.
+///
 /// Several views of one moment are lists: `camera`, and in each case `centerline` and `image` with as many entries in
 /// the same order. Where the other cameras stand is said by `T_view_first`, beside `camera` in the set or in a case: a
 /// list of pose files (readViewPose), one for each view; the first is the identity and may be left out. A camera may
