@@ -82,7 +82,7 @@ struct Plot {
 constexpr int kPlotColors = 6, kInkColor = -1, kWarningColor = -2;
 cv::Scalar plotColor(int index);  ///< BGR.
 
-/// The plot as an <svg> element without colours of its own: it has the classes `c0` to `c5`, `line`, `rule`, `guide`,
+/// The plot as an `<svg>` element without colours of its own: it has the classes `c0` to `c5`, `line`, `rule`, `guide`,
 /// `count`, `band` and so on, and the page around it says how they look, light or dark. Without title and legend.
 std::string svgPlot(const Plot& plot, int width_px = 560, int height_px = 320);
 
