@@ -54,6 +54,7 @@ struct PlotSides {
   std::string left, right, top, bottom;
 };
 
+/// An axis: what it says and what it covers.
 struct PlotAxis {
   std::string label;
   bool log = false;
