@@ -30,13 +30,12 @@ function(angio_debian_packages out)
   foreach(_module ${ARGN})
     foreach(_under ${_under_${_module}} ${_module})
       foreach(_package ${_packages_of_${_under}})
-        string(REGEX MATCH "^VispLibraries::(.+)$" _visp "${_package}")
-        string(REGEX REPLACE "::.*" "" _package "${_package}")
-        if(_visp)
+        string(REGEX REPLACE "::.*" "" _whole "${_package}")
+        if(_package MATCHES "^VispLibraries::(.+)$")
           string(REPLACE "_" "-" _part "${CMAKE_MATCH_1}")
           list(APPEND _needed libvisp-${_part}-dev)
-        elseif(DEFINED _debian_${_package})
-          list(APPEND _needed ${_debian_${_package}})
+        elseif(DEFINED _debian_${_whole})
+          list(APPEND _needed ${_debian_${_whole}})
         else()
           message(FATAL_ERROR "AngioPackages.cmake does not know which Debian package brings ${_package}, of module '${_under}'")
         endif()
@@ -73,7 +72,7 @@ set(CPACK_PACKAGE_VENDOR "The AngioServo authors")
 # A packager's own address: -DANGIO_PACKAGE_MAINTAINER="Name <address>".
 set(ANGIO_PACKAGE_MAINTAINER "The AngioServo authors <maintainers@angio.invalid>" CACHE STRING "Maintainer of the Debian packages")
 set(CPACK_PACKAGE_CONTACT "${ANGIO_PACKAGE_MAINTAINER}")
-set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "visual servoing of X-ray C-arms and catheters")
 set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_OUTPUT_FILE_PREFIX ${_folder})
@@ -87,8 +86,7 @@ set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_NAME angio-tools)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_TOOLS_DESCRIPTION "visual servoing of X-ray C-arms and catheters: programs
-The programs of AngioServo, which registers a patient's pre-operative 3D
+set(CPACK_DEBIAN_TOOLS_DESCRIPTION "The programs of AngioServo, which registers a patient's pre-operative 3D
 vessel tree to each live X-ray frame, and with it moves a C-arm, its table
 and a catheter drive over LCM. They register (angio-register), compare
 methods (angio-evaluate), calibrate (angio-calibrate), extract trees from
@@ -101,8 +99,7 @@ set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "${_depends}")
 set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS "${_recommends}")
 set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS "liblcm-bin")
-set(CPACK_DEBIAN_DEV_DESCRIPTION "visual servoing of X-ray C-arms and catheters: C++ libraries
-Headers and static libraries of AngioServo's modules, the message types in
+set(CPACK_DEBIAN_DEV_DESCRIPTION "Headers and static libraries of AngioServo's modules, the message types in
 share/angio/lcm, and the CMake package: find_package(angio COMPONENTS ...)
 finds a module and those under it. What the component registration links is
 in this package's dependencies. What other components link (VTK, DCMTK, ITK,
