@@ -54,23 +54,34 @@ list(REMOVE_ITEM _recommends ${_depends})
 list(JOIN _depends ", " _depends)
 list(JOIN _recommends ", " _recommends)
 
-# Each package's own copyright and changelog. Not part of a plain installation, which has LICENSE.
+# A packager's own: -DANGIO_PACKAGE_MAINTAINER="Name <address>".
+set(ANGIO_PACKAGE_MAINTAINER "The AngioServo authors <maintainers@angio.invalid>" CACHE STRING "Maintainer of the Debian packages")
+set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
+
+# Each package's own copyright and changelogs. Not part of a plain installation, which has LICENSE.
 find_program(ANGIO_GZIP gzip)
 mark_as_advanced(ANGIO_GZIP)
-set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/CHANGELOG.md)
 if(ANGIO_GZIP)
-  file(MAKE_DIRECTORY ${_folder})
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/CHANGELOG.md)
+  string(TIMESTAMP _date "%a, %d %b %Y %H:%M:%S +0000" UTC)
+  file(CONFIGURE OUTPUT ${_folder}/changelog.Debian @ONLY CONTENT
+"angio (@PROJECT_VERSION@-@CPACK_DEBIAN_PACKAGE_RELEASE@) unstable; urgency=medium
+
+  * Packages written by CPack. What changed for users is in changelog.gz.
+
+ -- @ANGIO_PACKAGE_MAINTAINER@  @_date@
+")
   execute_process(COMMAND ${ANGIO_GZIP} -9nc ${PROJECT_SOURCE_DIR}/CHANGELOG.md OUTPUT_FILE ${_folder}/changelog.gz)
+  execute_process(COMMAND ${ANGIO_GZIP} -9nc ${_folder}/changelog.Debian OUTPUT_FILE ${_folder}/changelog.Debian.gz)
 endif()
 foreach(_package angio-tools libangio-dev)
   install(FILES ${_source}/copyright DESTINATION share/doc/${_package} COMPONENT ${_package}-doc EXCLUDE_FROM_ALL)
-  install(FILES ${_folder}/changelog.gz DESTINATION share/doc/${_package} COMPONENT ${_package}-doc EXCLUDE_FROM_ALL OPTIONAL)
+  install(FILES ${_folder}/changelog.gz ${_folder}/changelog.Debian.gz DESTINATION share/doc/${_package}
+          COMPONENT ${_package}-doc EXCLUDE_FROM_ALL OPTIONAL)
 endforeach()
 
 set(CPACK_PACKAGE_NAME angio)
 set(CPACK_PACKAGE_VENDOR "The AngioServo authors")
-# A packager's own address: -DANGIO_PACKAGE_MAINTAINER="Name <address>".
-set(ANGIO_PACKAGE_MAINTAINER "The AngioServo authors <maintainers@angio.invalid>" CACHE STRING "Maintainer of the Debian packages")
 set(CPACK_PACKAGE_CONTACT "${ANGIO_PACKAGE_MAINTAINER}")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "visual servoing of X-ray C-arms and catheters")
 set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
