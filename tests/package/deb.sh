@@ -33,6 +33,7 @@ if ! [ -f "$root/bin/dpkg" ] || ! [ -f "$folder/made" ]; then
   debootstrap --variant=minbase bookworm "$root" "$mirror" >"$folder/debootstrap.txt" || { tail -n 5 "$folder/debootstrap.txt"; exit 1; }
   touch "$folder/made"
 fi
+[ $everything = no ] || rm "$folder/made"  # It will not be bare again.
 cat >"$root/etc/apt/sources.list" <<LIST
 deb $mirror bookworm main
 deb $mirror bookworm-updates main
@@ -55,6 +56,7 @@ mkdir -p /given/home
 chown nobody /given/home
 chmod 755 /given
 
+dpkg --purge angio-tools libangio-dev >/dev/null 2>&1 || true  # Of a run that failed.
 get update
 step "angio-tools: installed with what it depends on, nothing recommended"
 get install --no-install-recommends /given/angio-tools_*.deb
