@@ -12,6 +12,7 @@ packages=(
   libvtk9-dev libdcmtk-dev libpng-dev libtiff-dev zlib1g-dev libssl-dev
   libinsighttoolkit5-dev
   libgtest-dev libgmock-dev libbenchmark-dev
+  doxygen python3
 )
 
 missing=()

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # `cmake --install` gives a package that find_package(angio COMPONENTS ...) finds. Each module is a component of the package, and
 # one of the installation: `cmake --install build --component registration` installs that module alone. The package's own
-# files are the installation's component `package`.
+# files are the installation's component `package`. Programs and example data are `programs` and `data`.
 include(CMakePackageConfigHelpers)
 set(_package_dir lib/cmake/angio)
 
-# angio_find_calls(module links out): the find_dependency() calls for what the module links from outside, one a line.
-function(angio_find_calls module links out)
+# angio_find_calls(module links out packages): the find_dependency() calls for what the module links from outside, one a line; and
+# the packages that they find, where one that gives parts is listed as package::part.
+function(angio_find_calls module links out packages)
   set(_calls)
+  set(_found)
   get_property(_packages GLOBAL PROPERTY ANGIO_PACKAGES)
   foreach(_package ${_packages})
     get_property(_prefix GLOBAL PROPERTY ANGIO_PACKAGE_${_package}_PREFIX)
@@ -24,6 +26,10 @@ function(angio_find_calls module links out)
       list(TRANSFORM _brought REPLACE "^${_prefix}" "")
       list(REMOVE_DUPLICATES _brought)
       list(APPEND _call COMPONENTS ${_brought})
+      list(TRANSFORM _brought PREPEND ${_package}::)
+      list(APPEND _found ${_brought})
+    else()
+      list(APPEND _found ${_package})
     endif()
     list(PREPEND _call ${_package})
     list(JOIN _call " " _call)
@@ -33,6 +39,7 @@ function(angio_find_calls module links out)
     message(FATAL_ERROR "module '${module}' links '${links}', which no package in AngioDependencies.cmake brings")
   endif()
   set(${out} "${_calls}" PARENT_SCOPE)
+  set(${packages} "${_found}" PARENT_SCOPE)
 endfunction()
 
 get_property(_modules GLOBAL PROPERTY ANGIO_MODULES)
@@ -60,7 +67,7 @@ foreach(_module ${_modules})
   list(JOIN _under_${_module} " " _listed)
   string(APPEND _modules_under "set(_angio_under_${_module} ${_listed})\n")
 
-  angio_find_calls(${_module} "${_links}" _find_calls)
+  angio_find_calls(${_module} "${_links}" _find_calls _packages_of_${_module})
   configure_file(${CMAKE_CURRENT_LIST_DIR}/angioComponent.cmake.in ${PROJECT_BINARY_DIR}/components/${_module}.cmake @ONLY)
   install(FILES ${PROJECT_BINARY_DIR}/components/${_module}.cmake DESTINATION ${_package_dir}/components COMPONENT ${_module})
   install(EXPORT angio_${_module} NAMESPACE angio:: DESTINATION ${_package_dir}/components FILE ${_module}Targets.cmake
@@ -75,5 +82,5 @@ install(FILES ${PROJECT_BINARY_DIR}/angioConfig.cmake ${PROJECT_BINARY_DIR}/angi
               ${CMAKE_CURRENT_LIST_DIR}/FindVispLibraries.cmake ${CMAKE_CURRENT_LIST_DIR}/FindLCM.cmake
               ${CMAKE_CURRENT_LIST_DIR}/FindItkLibraries.cmake
         DESTINATION ${_package_dir} COMPONENT package)
-install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples/data/ DESTINATION share/angio/data)
-install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION share/doc/angio)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples/data/ DESTINATION share/angio/data COMPONENT data)
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION share/doc/angio COMPONENT licence)

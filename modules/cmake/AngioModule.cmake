@@ -97,14 +97,14 @@ function(angio_add_program name)
   list(TRANSFORM ARG_PARTS PREPEND angio_)
   target_link_libraries(${name} PRIVATE ${ARG_PARTS} ${ARG_USES} ${ARG_LINKS})
   angio_set_warnings(${name})
-  install(TARGETS ${name} RUNTIME DESTINATION bin)
+  install(TARGETS ${name} RUNTIME DESTINATION bin COMPONENT programs)
 endfunction()
 
 # angio_add_alias(former program): a program under the name it had, for one minor version.
 function(angio_add_alias former program)
   add_custom_command(TARGET ${program} POST_BUILD
     COMMAND ${CMAKE_COMMAND} -E create_symlink ${program} $<TARGET_FILE_DIR:${program}>/${former} VERBATIM)
-  install(FILES $<TARGET_FILE_DIR:${program}>/${former} DESTINATION bin)
+  install(FILES $<TARGET_FILE_DIR:${program}>/${former} DESTINATION bin COMPONENT programs)
 endfunction()
 
 function(angio_set_warnings target)

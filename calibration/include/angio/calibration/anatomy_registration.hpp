@@ -26,6 +26,7 @@ struct AnatomyView {
   Matrix6d covariance = Matrix6d::Zero();                        ///< Of it, as RegistrationResult has it.
 };
 
+/// Expected spreads of a calibration of T_dsa_cb by registered runs, and when a view is an outlier.
 struct AnatomyRegistrationSettings {
   double angle_std_deg = 0.5;  ///< Of the C-arm's angles, per axis: C-arms hold about a degree.
   double shift_std_mm = 30;    ///< Of the isocentre from run to run, per axis; 0: it stays.
@@ -54,6 +55,7 @@ struct RunShift {
   Eigen::Matrix3d covariance;
 };
 
+/// T_dsa_cb by registered runs, how certain it is, and how each run and view fits it.
 struct AnatomyResult {
   Pose T_dsa_cb = Pose::Identity();
   Matrix6d covariance = Matrix6d::Zero();  ///< [m; rad], patient axes; of the mean over runs.

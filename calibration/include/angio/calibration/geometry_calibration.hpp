@@ -26,6 +26,7 @@ struct GeometryCamera : XrayCamera::Parameters {
 /// Whether the bending of the arm is estimated.
 enum class FlexModel { kNone, kLowOrder };
 
+/// What a calibration of the C-arm's geometry estimates, and where its search starts.
 struct GeometrySettings {
   FlexModel flex = FlexModel::kLowOrder;
   static constexpr double flex_std_mm = 0.3;  ///< How much an arm bends: where the search for it starts.

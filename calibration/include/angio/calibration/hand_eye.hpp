@@ -24,6 +24,7 @@ enum class HandEyeResidual {
   kReprojection,  ///< The object's points in the images, and the hands' errors; wants points in every pose.
 };
 
+/// What a hand-eye calibration minimises, and when a pose counts or is an outlier.
 struct HandEyeSettings {
   HandEyeMount mount = HandEyeMount::kUnknown;
   HandEyeResidual residual = HandEyeResidual::kPose;
@@ -51,6 +52,7 @@ struct HandEyePoseFit {
   double reprojection_px = 0;  ///< Root mean square over its points with hands taken as exact; 0 without points.
 };
 
+/// The transforms of a hand-eye calibration, how certain they are, and how each pose fits them.
 struct HandEyeResult {
   HandEyeTransforms transforms;
 

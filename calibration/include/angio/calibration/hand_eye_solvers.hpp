@@ -26,6 +26,7 @@ struct HandEyeEquations {
 
 HandEyeEquations handEyeEquations(const PoseSet& set);
 
+/// The two unknowns of HandEyeEquations.
 struct HandEyeTransforms {
   Pose X = Pose::Identity();
   Pose Z = Pose::Identity();

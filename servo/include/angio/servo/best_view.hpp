@@ -21,6 +21,7 @@ TreeSegment segmentOfBranch(const VesselTree& tree, int branch);
 /// not lie downstream of the first.
 TreeSegment segmentBetween(const VesselTree& tree, int first, int last);
 
+/// Which views are looked at, and what makes one bad.
 struct BestViewSettings {
   double step_deg = 2;           ///< Of the map; the best view is then searched for between its nodes.
   double max_primary_deg = 110;  ///< Of LAO and RAO: what is looked at.
@@ -53,6 +54,7 @@ struct ViewMap {
   double secondary_rad(Eigen::Index row) const { return first_secondary_rad + static_cast<double>(row) * step_rad; }
 };
 
+/// The best view of a segment, and the costs of all views.
 struct BestView {
   ViewAngles angles;  ///< In the patient's own axes.
   ViewCost cost;

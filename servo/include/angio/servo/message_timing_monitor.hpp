@@ -11,6 +11,7 @@
 
 namespace angio::servo {
 
+/// How old messages may be, how far clocks may drift or jump, and how far beyond their range joints may be said to be.
 struct MessageTimingSettings {
   double max_frame_age_ms = 300;    ///< Later than the quickest frames, or than the newest joints.
   double max_clock_jump_ms = 1000;  ///< That a sender's clock may gain on ours between two messages.

@@ -79,6 +79,7 @@ class AxisMonitor {
   Astray deviation_;
 };
 
+/// When a motion counts as one that no command explains, or a command as one that nothing followed.
 struct MotionMonitorSettings {
   double max_latency_ms = 500;  ///< From the frame behind a command until its effect ends, without a newer one.
   static constexpr double min_acceleration = 0.4;  ///< Share of the acceleration limit that the machine uses at least.

@@ -43,6 +43,7 @@ class SenderWatch {
 class SecondSenders {
  public:
   enum class Kind { kCommands, kStatuses, kMachine };
+  /// A channel that one sender at most may speak on.
   struct Watched {
     const char* channel;
     Kind kind;

@@ -33,6 +33,7 @@ class CArmStates {
   LatestMessage<ViewRequest> views_;
 };
 
+/// The C-arm's loop as SupervisedNode runs it: its monitor, its states and its channels.
 template <>
 struct NodeTraits<ServoLoop> {
   using Monitor = MotionMonitor;

@@ -38,6 +38,7 @@ struct ServoTransition {
   std::string reason;        ///< The cause with its numbers, in words.
 };
 
+/// How many frames and how much time the states wait for.
 struct ServoStateSettings {
   int frames_to_start = 3;             ///< Trusted in a row, until the machine moves for the first time after START.
   int frames_to_resume = 2;            ///< The same after a hold.

@@ -10,6 +10,7 @@ namespace angio::base {
 
 template <typename Variant>
 struct VariantTuple;
+/// The tuple of a variant's alternatives, as `type`.
 template <typename... Settings>
 struct VariantTuple<std::variant<Settings...>> {
   using type = std::tuple<Settings...>;

@@ -29,6 +29,8 @@ struct PoseError {
   double centroid_m = 0;    ///< Distance of the centroid under both poses.
 };
 
+/// A tree's place by an estimate or in truth: its pose, and how far its points are displaced in the model frame [m],
+/// 3 x N, without columns when it is rigid.
 struct PlacedTree {
   Pose T_camera_model = Pose::Identity();
   Eigen::Matrix3Xd displacements_m;

@@ -87,6 +87,7 @@ std::string simulationTable(const Json& summary_by_method);
 
 /// One quantity of the simulation over its range, everything else as it was.
 struct Sweep {
+  /// One value of the quantity, and the simulation with it.
   struct Point {
     double value = 0;   ///< On the plot's axis.
     std::string label;  ///< For people: "2 deg, 5 mm".

@@ -17,8 +17,9 @@ constexpr int kCArmJointCount = 5;
 constexpr const char* kJointNames[kCArmJointCount] = {"primary", "secondary", "table x", "table y", "table z"};
 
 /// Where the arm may be beyond the range of each single joint, so that detector, table and patient do not touch: a
-/// convex region of joint space, cut out by faces `normal . joints <= bound`. Without faces all is free.
+/// convex region of joint space, cut out by faces `normal^T joints <= bound`. Without faces all is free.
 struct CArmEnvelope {
+  /// One half-space `normal^T joints <= bound` that the joints have to stay in.
   struct Face {
     std::string name;   ///< What would touch.
     CArmJoints normal;  ///< In the unit of `bound` by rad or m.

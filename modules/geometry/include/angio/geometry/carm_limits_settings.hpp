@@ -23,7 +23,7 @@ struct CArmLimitsSettings {
   /// Throws InputError when a range is empty: what no field shows by itself.
   void check() const;
 
-  /// In rad and m. @param isocentre_detector_m  Of the C-arm: where its detector's front is. Throws InputError as
+  /// In rad and m. @param isocenter_detector_m  Of the C-arm: where its detector's front is. Throws InputError as
   /// check() does, and when the distance is not positive and the envelope asks for it.
   CArmLimits limits(double isocenter_detector_m) const;
 };

@@ -20,10 +20,12 @@ namespace angio::io {
 /// A key is named by itself, or behind the sections it stood in: "sigma" is meant in every section, "ridge.sigma" in
 /// each section `ridge`. An entry counts only where no setting has that key.
 struct FormerKeys {
+  /// A key that has another name now.
   struct Renamed {
     std::string former;  ///< "ridge.sigma"; a section's key can be renamed like any other.
     std::string key;     ///< What it is called now, in the same section: "sigma_px".
   };
+  /// A prefix that has been exchanged in all keys.
   struct Prefix {
     std::string former;  ///< "most_": the prefix that keys had.
     std::string prefix;  ///< "max_": the one that they have. A key without a setting under its new name is unknown.

@@ -28,6 +28,7 @@ namespace wire {
 
 template <typename Any>
 struct Alternatives;
+/// The messages of a variant, counted and found at compile time.
 template <typename... T>
 struct Alternatives<std::variant<T...>> {
   using Pointer = std::variant<const T*...>;

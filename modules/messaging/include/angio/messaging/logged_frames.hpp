@@ -32,6 +32,7 @@ std::optional<T> of(const FrameName& frame, const ByFrame<T>& said) {
 /// The X-ray frames of a log, their images left in the file until they are asked for.
 class LoggedFrames {
  public:
+  /// A frame, and where its event stands in the log file.
   struct Entry {
     FrameName name;
     std::int64_t position_bytes;

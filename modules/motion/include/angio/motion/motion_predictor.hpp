@@ -34,6 +34,7 @@ enum class MotionStatus {
              ///< clock was set back, and everything begins anew.
 };
 
+/// Whether a measurement was taken, and why not.
 struct [[nodiscard]] MotionUpdate {
   MotionStatus status = MotionStatus::kTaken;
   std::string reason;  ///< In words; empty when taken.

@@ -29,6 +29,7 @@ std::optional<std::string> contradiction(const XrayCamera& said, const CArmGeome
 /// least squares over views at least 2 deg apart, with t of 20 mm and kappa of 10 % beforehand.
 class FocalLengthMonitor {
  public:
+  /// Relative error of the frames' focal length, and its standard deviation.
   struct Estimate {
     double error = 0;  ///< kappa: 0.03 where frames say a focal length that is 3 % too long.
     double std = 0;

@@ -53,6 +53,7 @@ struct PatientTrackerSettings {
   }
 };
 
+/// Keeps what is believed of T_dsa_cb, and says by it and the joints where the tree is in a frame.
 class PatientTracker {
  public:
   /// @param T_dsa_cb  Calibrated: the model frame in the patient frame (C-arm frame with the table at zero).

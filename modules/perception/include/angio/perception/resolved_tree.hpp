@@ -58,8 +58,8 @@ class ResolvedTree {
   Eigen::Matrix3d R_camera_model_, rotation_rad2_;  // Of the bent tree, then; and how uncertain, camera axes.
 };
 
-/// One frame's points by a ResolvedTree: PatientObservation::points and ::places of it. The target, which gate and task
-/// ask for several times a frame, is computed once.
+/// One frame's points by a ResolvedTree: PatientObservation::points and PatientObservation::places of it. The target,
+/// which gate and task ask for several times a frame, is computed once.
 class ResolvedPoints final : public PointUncertainty, public PointPlaces {
  public:
   ResolvedPoints(std::shared_ptr<const ResolvedTree> tree, RegistrationResult seen, const Pose& T_camera_patient,

@@ -54,6 +54,7 @@ struct PlotSides {
   std::string left, right, top, bottom;
 };
 
+/// An axis: what it says and what it covers.
 struct PlotAxis {
   std::string label;
   bool log = false;
@@ -82,7 +83,7 @@ struct Plot {
 constexpr int kPlotColors = 6, kInkColor = -1, kWarningColor = -2;
 cv::Scalar plotColor(int index);  ///< BGR.
 
-/// The plot as an <svg> element without colours of its own: it has the classes `c0` to `c5`, `line`, `rule`, `guide`,
+/// The plot as an `<svg>` element without colours of its own: it has the classes `c0` to `c5`, `line`, `rule`, `guide`,
 /// `count`, `band` and so on, and the page around it says how they look, light or dark. Without title and legend.
 std::string svgPlot(const Plot& plot, int width_px = 560, int height_px = 320);
 

@@ -15,7 +15,7 @@ namespace angio::simulation {
 /// it is asked. At time 0 nothing has moved, but for what bends the tree at all times.
 class PatientMotion {
  public:
-  /// @param centre_model  The tree's centroid, model frame [m]. @param R_lps_model  Axes L, P, S from the model's.
+  /// @param center_model  The tree's centroid, model frame [m]. @param R_lps_model  Axes L, P, S from the model's.
   /// Throws InputError when a setting is out of its range.
   PatientMotion(const MotionSettings& settings, const Eigen::Vector3d& center_model, const Eigen::Matrix3d& R_lps_model,
                 std::uint64_t seed);

@@ -73,6 +73,7 @@ struct ClosedLoopSnapshot {
   RegistrationResult registration;
 };
 
+/// Frames and ends of one simulated run, in closed and in open loop.
 struct ClosedLoopRun {
   std::vector<ClosedLoopFrame> closed;  ///< With feedback from the images.
   std::vector<ClosedLoopFrame> open;    ///< The same task on calibration alone; only time, joints, command, true error.

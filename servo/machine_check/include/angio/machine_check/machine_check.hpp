@@ -26,6 +26,7 @@ struct CheckRow {
   std::string asked;     ///< The rule.
 };
 
+/// What is known of the machine, and what a check does with it.
 struct MachineCheckSettings {
   CArmGeometry carm;                          ///< As calibrated.
   CArmLimits limits = CArmLimits::typical();  ///< Of the machine.

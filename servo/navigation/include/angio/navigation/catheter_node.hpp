@@ -53,6 +53,7 @@ class CatheterStates {
 
 namespace angio::servo {
 
+/// The catheter's loop as SupervisedNode runs it: its monitor, its states and its channels.
 template <>
 struct NodeTraits<navigation::CatheterController> {
   using Monitor = navigation::DriveMonitor;

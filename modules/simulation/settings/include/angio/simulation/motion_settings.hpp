@@ -75,6 +75,7 @@ struct BendSettings {
   void visit(SettingsVisitor& v) { v.number("rms_mm", rms_mm, 0, 30); }
 };
 
+/// All motions of a simulated patient.
 struct MotionSettings {
   BreathingSettings breathing;
   HeartbeatSettings heartbeat;
