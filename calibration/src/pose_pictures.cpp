@@ -147,9 +147,10 @@ cv::Mat anatomyOverlay(const AnatomyResult& result, const AnatomyView& view, con
   scene.image = image;
   scene.centerline = &seen.centerline;
   scene.trees = {{view.T_camera_model, {}, kStartColor, "registered in this view alone"},
-                 {jointPose(result, view), {}, kModelColor, "by all views together"}};
+                 {jointPose(result, view), {}, kConvergedColor, "by all views together"}};
   scene.caption = view.name;
   if (const AnatomyViewFit* fit = fitOf(result, view.name)) {
+    if (fit->outlier) scene.trees.back().color_bgr = kRejectedColor;
     scene.caption += formatted(": %.2f deg, %.1f mm apart", radToDeg(fit->rotation_rad), 1e3 * fit->translation_m);
     if (fit->outlier) scene.caption += " - OUTLIER, left out";
   }

@@ -79,7 +79,10 @@ cv::Mat pictureOf(const std::vector<SeenView>& views, const VesselTree& tree, co
     scene.image = view.image;
     scene.centerline = &view.centerline;
     scene.trees.push_back({view.T_view_first * initial, {}, kStartColor, "tree at the initial pose"});
-    scene.trees.push_back({view.T_view_first * r.T_camera_model, r.displacements_m, kModelColor, "tree as registered"});
+    const StatusStyle style = statusStyle(r.status, outcome.usable_for);
+    scene.trees.push_back({view.T_view_first * r.T_camera_model, r.displacements_m, style.color_bgr,
+                           "tree as registered: " + style.words});
+    scene.R_camera_lps = view.R_camera_lps;
     if (pictures.empty()) scene.caption = captionOf(outcome);
     pictures.push_back(drawOverlay(scene, tree, view.camera));
   }

@@ -13,6 +13,7 @@
 #include "angio/evaluation/columns.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/overlay.hpp"
+#include "angio/evaluation/text_band.hpp"
 #include "angio/io/centerline_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
@@ -289,15 +290,16 @@ cv::Mat catheterSheet(const CatheterRoute& way, const std::vector<SequenceFrame>
     const XrayCamera camera = pictured(frames[t].pose.camera, b.shift_px, low, scale, size);
     OverlayScene scene;
     scene.trees.push_back({T, {}, kTreeColor, ""});
-    scene.caption = formatted("%s: %d %.0f", set.cases[t].name.c_str(), b.tip.chain, 1e3 * b.tip.arc_m);
-    cv::Mat canvas = drawOverlay(scene, way.tree, camera);
+    cv::Mat canvas = drawOverlayImage(scene, way.tree, camera);
     std::vector<Eigen::Vector2d> curve;
     for (const auto& p : frames[t].seen.points_px.colwise()) curve.push_back(scale * (p - low));
     const auto path = wayTo(b.tip, way.tree, camera, T);
     drawLine(canvas, path, kPathColor, 2);
     drawLine(canvas, curve, kCurveColor, 1);
     if (!path.empty()) cv::circle(canvas, at(path.back()), 6, kInk, 1, cv::LINE_AA);
-    pictures.push_back(canvas);
+    const std::string caption =
+        formatted("%s: branch %d at %.0f mm", set.cases[t].name.c_str(), b.tip.chain, 1e3 * b.tip.arc_m);
+    pictures.push_back(withBandBelow(canvas, {{caption, cv::Scalar::all(240)}}));
   }
   return tiled(pictures, columns, kMargin_px, kInk);
 }

@@ -150,19 +150,16 @@ Findings inspectBus(const BusToInspect& o) {
   addJoints(heard, found);
   OverlayScene scene;
   scene.image = frame.image;
-  std::optional<Eigen::Matrix3d> R_camera_lps;
   if (heard.state) {
     const Pose T_camera_patient = calibration.carm.T_camera_patient(heard.state->joints);
     const Pose T_camera_model = T_camera_patient * calibration.T_dsa_cb;
-    R_camera_lps = T_camera_patient.linear() * calibration.R_patient_lps();
-    addEdges(*R_camera_lps, found);
+    scene.R_camera_lps = T_camera_patient.linear() * calibration.R_patient_lps();
+    addEdges(*scene.R_camera_lps, found);
     addTree(T_camera_model, frame.camera, tree, found);
-    scene.trees.push_back({T_camera_model, {}, kModelColor, "by joints"});
+    scene.trees.push_back({T_camera_model, {}, kStartColor, "tree by joints and calibration"});
   }
   if (o.picture.empty()) return found;
-  cv::Mat picture = drawOverlay(scene, tree, frame.camera);
-  if (R_camera_lps) drawPatientLetters(picture, *R_camera_lps);
-  writeImage(o.picture, picture);
+  writeImage(o.picture, drawOverlay(scene, tree, frame.camera));
   return found;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "angio/base/formatted.hpp"
+#include "angio/evaluation/overlay.hpp"
 
 namespace angio::apps {
 namespace {
@@ -40,8 +41,7 @@ std::vector<std::string> nextSteps(const RegistrationResult& result, const Regis
 std::string captionOf(const CaseOutcome& outcome) {
   const RegistrationResult& r = outcome.result;
   if (r.status == RegistrationStatus::kTooFewPoints) return statusName(r.status);
-  return formatted("%s: model to image %.2f px, image to model %.2f px, %.1f ms", statusName(r.status).c_str(),
-                   r.agreement.model_residual_px, r.agreement.image_residual_px,
+  return formatted("%s: %s, %.1f ms", statusName(r.status).c_str(), agreementInWords(r.agreement).c_str(),
                    1e3 * (outcome.image_s + r.times.total_s));
 }
 

@@ -144,6 +144,7 @@ SeenViews readViews(const ViewFiles& files, const VesselTree& tree, CenterlineEx
       view.T_view_first = poseByAngles(geometry, image, "--view-pose") * T_first_patient->inverse();
       seen.assumed.push_back(image + ": stands against the first view by the angles, with one isocentre for both");
     }
+    if (T_first_patient) view.R_camera_lps = (view.T_view_first * *T_first_patient).linear();
     view.image = imageOf(files, v, view.camera);
     if (files.centerlines.empty()) {
       const Stopwatch stage;

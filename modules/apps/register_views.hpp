@@ -31,7 +31,8 @@ struct SeenView {
   Pose T_view_first = Pose::Identity();
   cv::Mat image;  ///< Empty when none is given.
   Centerline2d centerline;
-  std::vector<Eigen::Vector2d> collimator_px;  ///< The open field that the image shows; empty: all is open.
+  std::vector<Eigen::Vector2d> collimator_px;        ///< The open field that the image shows; empty: all is open.
+  std::optional<Eigen::Matrix3d> R_camera_lps = {};  ///< Patient axes L, P, S in the camera, where angles say them.
 };
 
 /// All views and where the tree is thought to be.

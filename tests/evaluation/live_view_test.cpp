@@ -77,6 +77,34 @@ TEST(LiveOverlay, ShowsTheTreeInTheColorOfTheLoopsState) {
   EXPECT_EQ(pixelsOf(overlay.draw(scene), stateColor(ServoState::kHold), xray), 0) << "a pose nobody believes";
 }
 
+TEST(LiveOverlay, TextsStandBelowTheXrayAndFitWhateverTheirLength) {
+  const VesselTree tree = test::branchingTree(3);
+  for (const int width_px : {320, 512, 1024}) {
+    LiveOverlay overlay(tree, width_px);
+    LiveScene scene{frameNumber(1), {}, {}, {}, {}, {}, ""};
+    const cv::Mat plain = overlay.draw(scene);
+    scene.title = "a title of a film that is about as long as titles of films are, and a little longer than that";
+    scene.status = statusOf(1, ServoState::kHold);
+    for (int k = 0; k < 40; ++k) scene.status->reason += " because of this";
+    scene.registration = registrationOf(1, Pose::Identity());
+    scene.registration->status_text = "ambiguous";
+    scene.registration->mean_residual_px = 43.75;
+    scene.state.emplace();
+    const cv::Mat full = overlay.draw(scene);
+    ASSERT_EQ(full.size(), plain.size()) << "a film has pictures of one size";
+    // Nothing but the letters, which are in the edges' middles, is drawn on the X-ray.
+    const int xray_px = width_px * 200 / 256, middle_px = xray_px / 2;
+    for (const cv::Rect& corner :
+         {cv::Rect(0, 0, width_px / 3, middle_px - 40), cv::Rect(width_px * 2 / 3, 0, width_px / 3, middle_px - 40),
+          cv::Rect(0, middle_px + 40, width_px / 3, xray_px - middle_px - 40)}) {
+      EXPECT_EQ(cv::norm(full(corner), plain(corner), cv::NORM_INF), 0) << corner;
+    }
+    EXPECT_GT(pixelsOf(full, stateColor(ServoState::kHold), {0, xray_px, width_px, full.rows - xray_px - 30}), 20);
+    const cv::Rect right(width_px - 3, xray_px, 3, full.rows - xray_px - 40);
+    EXPECT_EQ(cv::norm(full(right), plain(right), cv::NORM_INF), 0) << "texts end before the edge";
+  }
+}
+
 TEST(PatientLetters, AreThoseOfDicomsPatientOrientation) {
   EXPECT_EQ(patientLetters(Eigen::Vector3d::UnitX()), "L");
   EXPECT_EQ(patientLetters(-Eigen::Vector3d::UnitX()), "R");

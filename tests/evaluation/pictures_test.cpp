@@ -8,6 +8,7 @@
 
 #include "angio/evaluation/branch_picture.hpp"
 #include "angio/evaluation/overlay.hpp"
+#include "angio/evaluation/text_band.hpp"
 #include "angio/plotting/plot.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
@@ -31,13 +32,13 @@ class Overlays : public testing::Test {
   XrayCamera camera_{{400, 420, 1e5, 1e5, 200, 210, {}, {}}};
 
   OverlayTree shownAt(const Eigen::Vector3d& shift) const {
-    return {Pose(Eigen::Translation3d(shift)), {}, kModelColor, "tree"};
+    return {Pose(Eigen::Translation3d(shift)), {}, kConvergedColor, "tree"};
   }
   cv::Mat draw(const OverlayTree& what, const cv::Mat& image = {}) const {
     OverlayScene scene;
     scene.image = image;
     scene.trees = {what};
-    return drawOverlay(scene, upright_, camera_);
+    return drawOverlayImage(scene, upright_, camera_);
   }
 };
 
@@ -46,17 +47,17 @@ TEST_F(Overlays, TheTreeIsDrawnInItsColorWhereItProjects) {
   ASSERT_EQ(canvas.type(), CV_8UC3);
   ASSERT_EQ(canvas.size(), cv::Size(400, 420));
   for (const int row : {120, 210, 300}) {
-    EXPECT_TRUE(isOf(canvas.at<cv::Vec3b>(row, 300), kModelColor)) << row;
-    EXPECT_FALSE(isOf(canvas.at<cv::Vec3b>(row, 295), kModelColor)) << row;
+    EXPECT_TRUE(isOf(canvas.at<cv::Vec3b>(row, 300), kConvergedColor)) << row;
+    EXPECT_FALSE(isOf(canvas.at<cv::Vec3b>(row, 295), kConvergedColor)) << row;
   }
-  EXPECT_FALSE(isOf(canvas.at<cv::Vec3b>(340, 300), kModelColor)) << "beyond the tree's end";
+  EXPECT_FALSE(isOf(canvas.at<cv::Vec3b>(340, 300), kConvergedColor)) << "beyond the tree's end";
 }
 
 TEST_F(Overlays, PoseAndDisplacementsMoveTheTree) {
-  EXPECT_TRUE(isOf(draw(shownAt({-0.0005, 0, 0})).at<cv::Vec3b>(210, 250), kModelColor));
+  EXPECT_TRUE(isOf(draw(shownAt({-0.0005, 0, 0})).at<cv::Vec3b>(210, 250), kConvergedColor));
   OverlayTree displaced = shownAt({0, 0, 0});
   displaced.displacements_m = Eigen::Vector3d(0.0005, 0, 0).replicate(1, 2);
-  EXPECT_TRUE(isOf(draw(displaced).at<cv::Vec3b>(210, 350), kModelColor));
+  EXPECT_TRUE(isOf(draw(displaced).at<cv::Vec3b>(210, 350), kConvergedColor));
 }
 
 TEST_F(Overlays, TheImageIsTheGround) {
@@ -78,6 +79,127 @@ TEST_F(Overlays, PosesThatMeanNothingLeaveTheGround) {
         cv::countNonZero(canvas.reshape(1) != draw({Pose::Identity(), {}, cv::Scalar(24, 20, 18), ""}).reshape(1)), 0)
         << nowhere.transpose();
   }
+}
+
+// Pixels that are not the same in two pictures of one size.
+int differences(const cv::Mat& a, const cv::Mat& b) { return cv::countNonZero(a.reshape(1) != b.reshape(1)); }
+
+int pixelsIn(const cv::Mat& picture, const cv::Scalar& color) {
+  cv::Mat same;
+  cv::inRange(picture, color, color, same);
+  return cv::countNonZero(same);
+}
+
+TEST_F(Overlays, LegendAndCaptionStandBelowTheImage) {
+  for (const int side : {512, 1024, 2048}) {
+    const XrayCamera camera({side, side, 1e5, 1e5, 0.5 * side, 0.5 * side, {}, {}});
+    OverlayScene scene;
+    scene.image = cv::Mat(side, side, CV_16UC1, cv::Scalar(1000));
+    scene.trees = {{Pose::Identity(), {}, kStartColor, "tree where the calibration puts it"},
+                   {Pose::Identity(), {}, kRejectedColor, "tree as registered: ambiguous, not to be trusted"}};
+    scene.caption = "converged: image to tree 12.34 px, 56 % of the tree in view explained, 1234.5 ms";
+    scene.R_camera_lps = Eigen::Matrix3d::Identity();
+    const cv::Mat image = drawOverlayImage(scene, upright_, camera), whole = drawOverlay(scene, upright_, camera);
+    ASSERT_EQ(image.size(), cv::Size(side, side));
+    ASSERT_EQ(whole.cols, side);
+    ASSERT_GT(whole.rows, side);
+    EXPECT_LT(whole.rows, 1.3 * side) << "a band, not a second picture";
+    EXPECT_EQ(differences(whole.rowRange(0, side), image), 0);
+    const cv::Mat band = whole.rowRange(side, whole.rows);
+    EXPECT_GT(pixelsIn(band, kStartColor), 10);
+    EXPECT_GT(pixelsIn(band, kRejectedColor), 10);
+    const cv::Mat ground(band.rows, 4, CV_8UC3, band.at<cv::Vec3b>(0, 0));
+    EXPECT_EQ(differences(band.colRange(0, 4).clone(), ground), 0);
+    EXPECT_EQ(differences(band.colRange(side - 4, side).clone(), ground), 0) << "texts end before the edge";
+  }
+}
+
+TEST_F(Overlays, NothingButTreesCenterlinesAndLettersIsDrawnOnTheImage) {
+  OverlayScene scene;
+  scene.image = cv::Mat(420, 400, CV_16UC1, cv::Scalar(1000));
+  scene.trees = {{Pose(Eigen::Translation3d(0, 0, -2)), {}, kConvergedColor, "a tree behind the source"}};
+  scene.caption = "a caption";
+  const cv::Mat plain = drawOverlay(scene, upright_, camera_).rowRange(0, 420).clone();
+  EXPECT_EQ(cv::countNonZero(plain.reshape(1)), 0);
+  scene.R_camera_lps = Eigen::Matrix3d::Identity();
+  const cv::Mat lettered = drawOverlay(scene, upright_, camera_).rowRange(0, 420).clone();
+  cv::Mat letters = plain.clone();
+  drawPatientLetters(letters, *scene.R_camera_lps);
+  EXPECT_GT(differences(letters, plain), 100);
+  EXPECT_EQ(differences(letters, lettered), 0);
+}
+
+TEST_F(Overlays, WithoutTextsThereIsNoBand) {
+  EXPECT_EQ(drawOverlay({}, upright_, camera_).size(), cv::Size(400, 420));
+}
+
+TEST(TextBands, LinesFitTheirWidthAndLoseNoWord) {
+  const std::string text = "registration ambiguous:   a different pose fits nearly as well, 0.93 of the score; " +
+                           std::string(90, 'w') + " end";
+  std::string letters;
+  for (const char c : text) letters += c == ' ' ? "" : std::string(1, c);
+  for (const int width_px : {60, 320, 512, 1024, 2048}) {
+    const TextStyle style = textStyle(width_px);
+    std::string joined;
+    for (const std::string& line : wrapped(text, width_px, style)) {
+      EXPECT_LE(textWidth_px(line, style), width_px) << line;
+      for (const char c : line) joined += c == ' ' ? "" : std::string(1, c);
+    }
+    EXPECT_EQ(joined, letters);
+  }
+  EXPECT_TRUE(wrapped("  ", 512, textStyle(512)).empty());
+}
+
+TEST(TextBands, LettersGrowWithThePictureAndStayReadable) {
+  const auto letter = [](int width_px) { return textWidth_px("nnnnnnnnnn", textStyle(width_px)) / 10.0; };
+  EXPECT_GE(letter(320), 7);
+  EXPECT_EQ(letter(320), letter(512));
+  EXPECT_GT(letter(1024), 1.5 * letter(512));
+  EXPECT_NEAR(letter(2048) / letter(1024), 2, 0.1);
+}
+
+TEST(TextBands, HaveRoomForAllLines) {
+  const TextStyle style = textStyle(320);
+  const std::vector<BandEntry> entries{{"a line that is too long for a picture that is as narrow as this one is", {}}};
+  EXPECT_EQ(bandHeight_px({{"short", {}}}, 320, style), style.lineHeight_px() + style.margin_px());
+  EXPECT_EQ(bandHeight_px(entries, 320, style), 2 * style.lineHeight_px() + style.margin_px());
+  EXPECT_EQ(bandHeight_px({{"", {}}}, 320, style), 0);
+}
+
+TEST(StatusStyles, TellByColorAndInWordsHowFarAResultMayBeUsed) {
+  const auto styled = [](RegistrationStatus status, const std::optional<std::vector<std::string>>& usable_for = {}) {
+    return statusStyle(status, usable_for);
+  };
+  const auto converged = RegistrationStatus::kConverged;
+  EXPECT_EQ(styled(converged).color_bgr, kConvergedColor);
+  EXPECT_EQ(styled(converged).words, "converged");
+  EXPECT_EQ(styled(converged, std::vector<std::string>{"centre", "view", "navigate"}).color_bgr, kConvergedColor);
+  EXPECT_EQ(styled(converged, std::vector<std::string>{"centre"}).color_bgr, kLimitedColor);
+  EXPECT_EQ(styled(converged, std::vector<std::string>{"centre"}).words, "converged, usable for centre only");
+  EXPECT_EQ(styled(converged, std::vector<std::string>{}).color_bgr, kLimitedColor);
+  for (const auto status :
+       {RegistrationStatus::kAmbiguous, RegistrationStatus::kDiverged, RegistrationStatus::kTooFewPoints}) {
+    EXPECT_EQ(styled(status).color_bgr, kRejectedColor);
+    EXPECT_EQ(styled(status).words, statusName(status) + ", not to be trusted");
+  }
+}
+
+TEST(AgreementInWords, CountsVesselsWithoutContrastAgentInTheShareAlone) {
+  AlignmentScore agreement;
+  agreement.model_residual_px = 43.75;
+  agreement.image_residual_px = 1.2;
+  agreement.model_explained = 0.56;
+  EXPECT_EQ(agreementInWords(agreement), "image to tree 1.20 px, 56 % of the tree in view explained");
+}
+
+TEST(Tiles, TakeTheRoomOfTheLargestPicture) {
+  const cv::Mat small(10, 20, CV_8UC3, cv::Scalar::all(50)), high(30, 20, CV_8UC3, cv::Scalar::all(90));
+  const cv::Mat sheet = tiled({small, high, small}, 2, 4, cv::Scalar::all(7));
+  ASSERT_EQ(sheet.size(), cv::Size(48, 68));
+  EXPECT_EQ(sheet.at<cv::Vec3b>(9, 0), cv::Vec3b::all(50));
+  EXPECT_EQ(sheet.at<cv::Vec3b>(10, 0), cv::Vec3b::all(7)) << "below a picture that is less high";
+  EXPECT_EQ(sheet.at<cv::Vec3b>(29, 24), cv::Vec3b::all(90));
+  EXPECT_EQ(sheet.at<cv::Vec3b>(34, 0), cv::Vec3b::all(50)) << "the second row";
 }
 
 // Pixels of a colour between the axes, where no legend stands.

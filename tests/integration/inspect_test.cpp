@@ -227,7 +227,9 @@ TEST_F(InspectBus, TellsOfALogsLastFrame) {
   EXPECT_NEAR(json["joints"][0], degToRad(30), 1e-9);
   EXPECT_EQ(json["edges"], (nlohmann::json{{"left", "LP"}, {"right", "RA"}, {"top", "H"}, {"bottom", "F"}}));
   EXPECT_GT(json["tree_in_image"], 0.9);
-  EXPECT_EQ(cv::imread(picture).size(), cv::Size(1024, 1024));
+  const cv::Mat drawn = cv::imread(picture);
+  EXPECT_EQ(drawn.cols, 1024);
+  EXPECT_GT(drawn.rows, 1024) << "the legend stands below the image";
 }
 
 TEST_F(InspectBus, TellsOfARunningBus) {

@@ -47,7 +47,8 @@ TEST_F(Programs, RegisterFindsThePoseAndDrawsIt) {
   EXPECT_TRUE(result["settings"].contains("oriented_kernel") && result["settings"].contains("starts"));
   EXPECT_TRUE(result.contains("machine"));
   const cv::Mat overlay = cv::imread(folder_.path("overlay.png"), cv::IMREAD_UNCHANGED);
-  EXPECT_EQ(overlay.size(), cv::Size(camera_.width_px(), camera_.height_px()));
+  EXPECT_EQ(overlay.cols, camera_.width_px());
+  EXPECT_GT(overlay.rows, camera_.height_px()) << "legend and caption stand below the image";
   EXPECT_EQ(overlay.type(), CV_8UC3);
 }
 
@@ -130,7 +131,7 @@ TEST_F(Programs, RegisterSaysHowItWentInALineAndPrintsTheResultWhenAsked) {
   const auto ended = test::run("angio-register", arguments);
   ASSERT_EQ(ended.exit_code, 0) << ended.err;
   EXPECT_EQ(ended.err, "");
-  EXPECT_EQ(ended.out.rfind("converged: model to image 0.", 0), 0u) << ended.out;
+  EXPECT_EQ(ended.out.rfind("converged: image to tree 0.", 0), 0u) << ended.out;
   EXPECT_NE(ended.out.find(" ms; usable for centre, view, navigate\n"), std::string::npos) << ended.out;
   EXPECT_EQ(std::count(ended.out.begin(), ended.out.end(), '\n'), 1) << ended.out;
   arguments.push_back("--json");
@@ -190,7 +191,8 @@ TEST_F(Programs, RegisterTakesSeveralViews) {
   const Eigen::Matrix3Xd off = poseOf(result) * tree_.points() - truth_ * tree_.points();
   EXPECT_LT(off.row(2).cwiseAbs().mean(), 1e-4) << "depth, as seen from the side";
   const cv::Mat overlay = cv::imread(folder_.path("overlay.png"), cv::IMREAD_UNCHANGED);
-  EXPECT_EQ(overlay.size(), cv::Size(camera_.width_px() + 800, camera_.height_px())) << "both views, side by side";
+  EXPECT_EQ(overlay.cols, camera_.width_px() + 800) << "both views, side by side";
+  EXPECT_GT(overlay.rows, camera_.height_px());
 }
 
 TEST_F(Programs, RegisterSearchesABoxWhenAsked) {

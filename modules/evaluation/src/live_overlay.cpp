@@ -7,21 +7,25 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
+#include "angio/evaluation/text_band.hpp"
 #include "angio/types/channels.hpp"
 #include "drawing.hpp"
 
 namespace angio::evaluation {
 namespace {
 
-constexpr int kPanelHeight_px = 116;
+constexpr int kPanelLines = 8;    // So many lines of text have room at their full size.
+constexpr double kSmaller = 0.9;  // By which letters shrink until more lines have room.
 constexpr std::size_t kBarFrames = 256;
 constexpr int kNarrowest_px = 320;
-const cv::Scalar kGreen(80, 235, 60), kOrange(40, 165, 255), kRed(60, 60, 240), kGrey(150, 150, 150),
-    kWhite(240, 240, 240), kTipColor(255, 220, 60), kTargetColor(250, 120, 255);
+const cv::Scalar kGrey(150, 150, 150), kWhite(240, 240, 240), kTipColor(255, 220, 60), kTargetColor(250, 120, 255);
 
-// Small text: the picture is smaller than an X-ray.
-void text(cv::Mat& canvas, const std::string& line, const cv::Point& at, const cv::Scalar& color) {
-  writeText(canvas, line, at, color, 0.5, 1, 2);
+int barHeight_px(const TextStyle& style) { return static_cast<int>(std::lround(20 * style.size)) + 2; }
+
+// The same for all pictures of a width: a film's have one size.
+int panelHeight_px(int width_px) {
+  const TextStyle style = textStyle(width_px);
+  return kPanelLines * style.lineHeight_px() + 2 * style.margin_px() + barHeight_px(style);
 }
 
 constexpr std::size_t kMaxWaiting = 8;           // Half a second of frames: an answer later than that is of no use.
@@ -36,9 +40,9 @@ bool converged(const RegistrationMessage& registration) { return registration.st
 }  // namespace
 
 cv::Scalar stateColor(ServoState state) {
-  if (state == ServoState::kServo) return kGreen;
-  if (state == ServoState::kFault || state == ServoState::kEmergencyStop) return kRed;
-  return state == ServoState::kIdle ? kGrey : kOrange;
+  if (state == ServoState::kServo) return kConvergedColor;
+  if (state == ServoState::kFault || state == ServoState::kEmergencyStop) return kRejectedColor;
+  return state == ServoState::kIdle ? kGrey : kLimitedColor;
 }
 
 LiveOverlay::LiveOverlay(const VesselTree& tree, int width_px, const CArmGeometry& carm,
@@ -54,19 +58,29 @@ cv::Mat LiveOverlay::draw(const LiveScene& scene) {
   if (bar_.size() > kBarFrames) bar_.pop_front();
   const double scale = static_cast<double>(width_px_) / scene.frame.image.cols;
   const int height = std::max(1, static_cast<int>(std::lround(scale * scene.frame.image.rows)));
+  const int panel_px = panelHeight_px(width_px_);
   // Even numbers of pixels: the common film formats take no others.
-  cv::Mat canvas((height + kPanelHeight_px + 1) / 2 * 2, (width_px_ + 1) / 2 * 2, CV_8UC3, kGroundColor);
+  cv::Mat canvas((height + panel_px + 1) / 2 * 2, (width_px_ + 1) / 2 * 2, CV_8UC3, kGroundColor);
   cv::Mat xray = canvas(cv::Rect(0, 0, width_px_, height));
   cv::resize(greyPicture(scene.frame.image), xray, xray.size(), 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
   drawXray(xray, scene);
   if (scene.state) drawPatientLetters(xray, carm_.T_camera_patient(scene.state->joints).linear() * R_patient_lps_);
-  drawPanel(canvas(cv::Rect(0, height, width_px_, kPanelHeight_px)), scene);
+  drawPanel(canvas(cv::Rect(0, height, width_px_, panel_px)), scene);
   return canvas;
 }
 
+bool LiveOverlay::showsTree(const LiveScene& scene) const {
+  const auto& r = scene.registration;
+  return r && converged(*r) && r->model_id == model_id_;
+}
+
+bool LiveOverlay::showsTip(const LiveScene& scene) const {
+  const auto& tip = scene.tip;
+  return tip && tip->status != CatheterTipStatus::kLost && tip->model_id == model_id_;
+}
+
 void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
-  if (!scene.title.empty()) text(canvas, scene.title, {10, 20}, kWhite);
-  if (!scene.registration || !converged(*scene.registration) || scene.registration->model_id != model_id_) return;
+  if (!showsTree(scene)) return;
   const Pose& T_camera_model = scene.registration->T_camera_model;
   const double scale = static_cast<double>(canvas.cols) / scene.frame.image.cols;
   const auto onCanvas = [&](const Eigen::Vector2d& p_px) {
@@ -77,7 +91,7 @@ void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
     if (!p) return std::nullopt;
     return onCanvas(*p);
   };
-  const cv::Scalar color = scene.status ? stateColor(scene.status->state) : kGreen;
+  const cv::Scalar color = scene.status ? stateColor(scene.status->state) : kConvergedColor;
   std::vector<std::optional<cv::Point>> points;
   for (const auto& p : tree_.points().colwise()) points.push_back(pixel(p));
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -95,57 +109,69 @@ void LiveOverlay::drawXray(cv::Mat& canvas, const LiveScene& scene) const {
       cv::line(canvas, *target - arm, *target + arm, kTargetColor, 2, cv::LINE_AA, kSubpixelBits);
     }
   }
-  if (!scene.tip || scene.tip->status == CatheterTipStatus::kLost || scene.tip->model_id != model_id_) return;
+  if (!showsTip(scene)) return;
   if (const auto tip = pixel(scene.tip->tip_model)) {
     cv::circle(canvas, *tip, 7 * unit, kTipColor, 2, cv::LINE_AA, kSubpixelBits);
   }
 }
 
-void LiveOverlay::drawPanel(cv::Mat panel, const LiveScene& scene) const {
-  const auto line = [&](int row, const std::string& words, const cv::Scalar& color) {
-    text(panel, words, {10, 20 + 22 * row}, color);
-  };
-  const std::string frame = formatted("frame %lld, %.2f s   ", static_cast<long long>(scene.frame.sequence),
+std::vector<BandEntry> LiveOverlay::panelEntries(const LiveScene& scene) const {
+  std::vector<BandEntry> entries;
+  const auto add = [&](const std::string& words, const cv::Scalar& color) { entries.push_back({words, color}); };
+  add(scene.title, kWhite);
+  const std::string frame = formatted("frame %lld, %.2f s", static_cast<long long>(scene.frame.sequence),
                                       1e-6 * static_cast<double>(scene.frame.time_us));
   if (const auto& s = scene.status) {
-    line(0, frame + nameOf(s->state) + (s->reason.empty() ? "" : ": " + s->reason), stateColor(s->state));
+    add(frame + ", " + nameOf(s->state) + (s->reason.empty() ? "" : ": " + s->reason), stateColor(s->state));
     // Both are exactly zero while nothing is seen, and the first one for a task without a view.
     std::string view;
     if (s->view_error_rad != 0) {
-      view =
-          formatted("from the wanted view %.3f deg, %.2f mm   ", radToDeg(s->view_error_rad), 1e3 * s->target_error_m);
+      view = formatted("from the wanted view %.3f deg, %.2f mm", radToDeg(s->view_error_rad), 1e3 * s->target_error_m);
     } else if (s->target_error_m != 0) {
-      view = formatted("from the wanted place %.2f mm   ", 1e3 * s->target_error_m);
+      view = formatted("from the wanted place %.2f mm", 1e3 * s->target_error_m);
     }
     const double spent_ms = 1e-3 * static_cast<double>(s->image_us + s->registration_us + s->control_us);
-    line(1, view + (spent_ms > 0 ? formatted("%.0f ms", spent_ms) : ""), kWhite);
+    add(view + (spent_ms > 0 ? formatted("%s%.0f ms", view.empty() ? "" : ", ", spent_ms) : ""), kWhite);
   } else {
-    line(0, frame, kWhite);
+    add(frame, kWhite);
   }
   if (const auto& r = scene.registration) {
     const bool other = converged(*r) && r->model_id != model_id_;
-    line(2,
-         "registration " + r->status_text.substr(0, 60) +
-             (r->mean_residual_px > 0 ? formatted(", residual %.2f px", r->mean_residual_px) : "") +
-             (other ? ", of another vessel tree" : ""),
-         other ? kOrange : kWhite);
+    // The message has the mean over all vessels in view, those without contrast agent included.
+    add("registration " + r->status_text.substr(0, 60) +
+            (r->mean_residual_px > 0 ? formatted(", whole tree to image %.2f px", r->mean_residual_px) : "") +
+            (other ? ", of another vessel tree" : ""),
+        other           ? kLimitedColor
+        : converged(*r) ? kConvergedColor
+                        : kRejectedColor);
   }
-  std::string machine;
   if (const auto& q = scene.state) {
-    machine = formatted("C-arm %+.2f %+.2f deg, table %+.1f %+.1f %+.1f mm", radToDeg(q->joints[0]),
-                        radToDeg(q->joints[1]), 1e3 * q->joints[2], 1e3 * q->joints[3], 1e3 * q->joints[4]);
+    add(formatted("C-arm %+.2f %+.2f deg, table %+.1f %+.1f %+.1f mm", radToDeg(q->joints[0]), radToDeg(q->joints[1]),
+                  1e3 * q->joints[2], 1e3 * q->joints[3], 1e3 * q->joints[4]),
+        kWhite);
   }
-  if (scene.tip && scene.tip->status != CatheterTipStatus::kLost && scene.tip->model_id == model_id_) {
-    machine += (machine.empty() ? "" : "   ") +
-               formatted("tip in branch %d at %.1f mm", scene.tip->branch, 1e3 * scene.tip->arc_length_m);
+  const bool marked = showsTree(scene);
+  if (marked && scene.target_model) add("cross: target", kTargetColor);
+  if (showsTip(scene)) {
+    add(formatted("%scatheter tip in branch %d at %.1f mm", marked ? "ring: " : "", scene.tip->branch,
+                  1e3 * scene.tip->arc_length_m),
+        kTipColor);
   }
-  line(3, machine, kWhite);
-  const int top = panel.rows - 14;
+  return entries;
+}
+
+void LiveOverlay::drawPanel(cv::Mat panel, const LiveScene& scene) const {
+  const std::vector<BandEntry> entries = panelEntries(scene);
+  TextStyle style = textStyle(panel.cols);
+  const int bar_px = barHeight_px(style), bottom_px = panel.rows - style.margin_px() / 2;
+  while (bandHeight_px(entries, panel.cols, style) > bottom_px - bar_px) style = {kSmaller * style.size, 1};
+  writeBand(panel, entries, style);
+  const int top = bottom_px - bar_px;
   for (std::size_t i = 0; i < bar_.size(); ++i) {
     const auto edge = [&](std::size_t k) {
       return static_cast<int>(k * static_cast<std::size_t>(panel.cols) / kBarFrames);
     };
-    cv::rectangle(panel, {edge(i), top}, {std::max(edge(i), edge(i + 1) - 1), panel.rows - 4}, bar_[i], cv::FILLED);
+    cv::rectangle(panel, {edge(i), top}, {std::max(edge(i), edge(i + 1) - 1), bottom_px}, bar_[i], cv::FILLED);
   }
 }
 

@@ -6,12 +6,14 @@
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
+#include "angio/evaluation/text_band.hpp"
 #include "drawing.hpp"
 
 namespace angio::evaluation {
 
-const cv::Scalar kGroundColor(24, 20, 18), kStartColor(255, 170, 80), kModelColor(80, 255, 60),
-    kCenterlineColor(30, 90, 255);
+const cv::Scalar kGroundColor(24, 20, 18), kStartColor(255, 170, 80), kCenterlineColor(255, 110, 200),
+    kConvergedColor(140, 235, 40), kLimitedColor(0, 160, 255), kRejectedColor(60, 50, 240);
 
 // The darkest and brightest half per cent do not count: a few hot pixels must not make the image grey.
 cv::Mat greyPicture(const cv::Mat& image) {
@@ -52,7 +54,7 @@ void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, co
 namespace {
 
 constexpr int kMargin_px = 6;
-const cv::Scalar kLetterColor(0, 225, 255);
+const cv::Scalar kLetterColor(0, 225, 255), kCaptionColor(240, 240, 240), kSheetVesselColor(30, 90, 255);
 
 void drawTree(cv::Mat& canvas, const VesselTree& tree, const XrayCamera& camera, const OverlayTree& what) {
   std::vector<std::optional<Eigen::Vector2d>> pixel(static_cast<std::size_t>(tree.size()));
@@ -79,27 +81,52 @@ cv::Mat drawn(const SheetPicture& picture, int side_px) {
   for (const CurveKind kind : {CurveKind::kVessel, CurveKind::kDevice}) {
     Centerline2d curves = ofKind(picture.centerline, kind);
     curves.points_px = (scale * (curves.points_px.array() + 0.5) - 0.5).matrix().eval();
-    drawCurve(canvas, curves, kind == CurveKind::kVessel ? kCenterlineColor : kStartColor, 1);
+    drawCurve(canvas, curves, kind == CurveKind::kVessel ? kSheetVesselColor : kStartColor, 1);
   }
-  if (!picture.caption.empty()) writeText(canvas, picture.caption, {10, side_px - 12}, {255, 255, 255});
-  return canvas;
+  return withBandBelow(canvas, {{picture.caption, kCaptionColor}});
+}
+
+std::string joinedTasks(const std::vector<std::string>& tasks) {
+  std::string all;
+  for (const std::string& task : tasks) all += (all.empty() ? "" : ", ") + task;
+  return all;
 }
 
 }  // namespace
 
-cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const XrayCamera& camera) {
+StatusStyle statusStyle(RegistrationStatus status, const std::optional<std::vector<std::string>>& usable_for) {
+  const std::string name = statusName(status);
+  if (status != RegistrationStatus::kConverged) return {kRejectedColor, name + ", not to be trusted"};
+  if (!usable_for) return {kConvergedColor, name};
+  if (usable_for->empty()) return {kLimitedColor, name + ", too unsure for any task"};
+  // The task that needs the most: places of the tree in all directions.
+  const bool all = std::find(usable_for->begin(), usable_for->end(), "navigate") != usable_for->end();
+  return {all ? kConvergedColor : kLimitedColor,
+          name + ", usable for " + joinedTasks(*usable_for) + (all ? "" : " only")};
+}
+
+std::string agreementInWords(const AlignmentScore& agreement) {
+  return formatted("image to tree %.2f px, %.0f %% of the tree in view explained", agreement.image_residual_px,
+                   100 * agreement.model_explained);
+}
+
+cv::Mat drawOverlayImage(const OverlayScene& scene, const VesselTree& tree, const XrayCamera& camera) {
   cv::Mat canvas = scene.image.empty() ? cv::Mat(camera.height_px(), camera.width_px(), CV_8UC3, kGroundColor)
                                        : greyPicture(scene.image);
   // A broad line, so that the model can be drawn as a fine one on top of it.
   if (scene.centerline) drawCurve(canvas, *scene.centerline, kCenterlineColor, 5);
-  int line = 2;
-  if (scene.centerline) writeText(canvas, "centreline in the image", {14, line += 30}, kCenterlineColor);
-  for (const auto& what : scene.trees) {
-    drawTree(canvas, tree, camera, what);
-    writeText(canvas, what.label, {14, line += 30}, what.color_bgr);
-  }
-  if (!scene.caption.empty()) writeText(canvas, scene.caption, {14, canvas.rows - 14}, cv::Scalar(255, 255, 255));
+  for (const auto& what : scene.trees) drawTree(canvas, tree, camera, what);
+  if (scene.R_camera_lps) drawPatientLetters(canvas, *scene.R_camera_lps);
   return canvas;
+}
+
+cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const XrayCamera& camera) {
+  std::vector<BandEntry> entries;
+  const auto stroke = BandEntry::Mark::kStroke;
+  if (scene.centerline) entries.push_back({"centreline in the image", kCenterlineColor, stroke});
+  for (const auto& what : scene.trees) entries.push_back({what.label, what.color_bgr, stroke});
+  entries.push_back({scene.caption, kCaptionColor});
+  return withBandBelow(drawOverlayImage(scene, tree, camera), entries);
 }
 
 std::string patientLetters(const Eigen::Vector3d& direction_lps) {
@@ -152,11 +179,15 @@ cv::Mat sideBySide(const std::vector<cv::Mat>& pictures) {
 
 cv::Mat tiled(const std::vector<cv::Mat>& pictures, int columns, int gap_px, const cv::Scalar& ground) {
   const int count = static_cast<int>(pictures.size()), across = std::min(columns, count);
-  const cv::Size size = pictures.front().size(), pitch(size.width + gap_px, size.height + gap_px);
+  cv::Size pitch(0, 0);
+  for (const cv::Mat& picture : pictures) {
+    pitch.width = std::max(pitch.width, picture.cols + gap_px);
+    pitch.height = std::max(pitch.height, picture.rows + gap_px);
+  }
   cv::Mat sheet((count + across - 1) / across * pitch.height, across * pitch.width, CV_8UC3, ground);
   for (int i = 0; i < count; ++i) {
     const cv::Point corner(i % across * pitch.width, i / across * pitch.height);
-    pictures[i].copyTo(sheet(cv::Rect(corner, size)));
+    pictures[i].copyTo(sheet(cv::Rect(corner, pictures[i].size())));
   }
   return sheet;
 }

@@ -181,7 +181,9 @@ std::string pictureOf(const SimulationReport& r, const EntrantRun& run, std::siz
   OverlayScene scene;
   scene.centerline = &seen;
   scene.trees.push_back({trial.start, {}, kStartColor, "start"});
-  scene.trees.push_back({outcome.result.T_camera_model, outcome.result.displacements_m, kModelColor, "registered"});
+  const StatusStyle style = statusStyle(outcome.result.status);
+  scene.trees.push_back(
+      {outcome.result.T_camera_model, outcome.result.displacements_m, style.color_bgr, "registered: " + style.words});
   const cv::Mat drawn = drawOverlay(scene, tree, enlarged(trial.cameras.front(), factor));
   cv::Mat small;
   const double scale = static_cast<double>(kPictureWidth_px) / drawn.cols;

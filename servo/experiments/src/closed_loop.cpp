@@ -146,9 +146,10 @@ void runClosed(const VesselTree& tree, const Scenario& world, const ScenarioSett
     result.closed.push_back(row);
     if (watcher) watcher(*exposure, *report, row);
     if (result.closed.size() == 1 || static_cast<int>(result.closed.size()) == frames) {
-      result.last =
-          ClosedLoopSnapshot{exposure->frame, report->observation.centerline,
-                             loop.carm.T_camera_patient(row.joints) * loop.T_dsa_cb, report->observation.registration};
+      const Pose T_camera_model = loop.carm.T_camera_patient(row.joints) * loop.T_dsa_cb;
+      result.last = ClosedLoopSnapshot{exposure->frame, report->observation.centerline, T_camera_model,
+                                       report->observation.registration,
+                                       T_camera_model.linear() * world.truth.R_lps_model.transpose()};
       if (!result.first) result.first = result.last;
     }
   }

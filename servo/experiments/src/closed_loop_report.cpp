@@ -27,11 +27,11 @@ cv::Mat overlayOf(const ClosedLoopSnapshot& snapshot, const VesselTree& tree, co
   scene.image = snapshot.frame.image;
   scene.centerline = &snapshot.centerline;
   scene.trees.push_back({snapshot.predicted_T_camera_model, {}, kStartColor, "tree where the calibration puts it"});
-  scene.trees.push_back(
-      {snapshot.registration.T_camera_model, snapshot.registration.displacements_m, kModelColor, "tree as registered"});
-  scene.caption =
-      when + formatted(": registration %s, mean residual %.2f px", statusName(snapshot.registration.status).c_str(),
-                       snapshot.registration.agreement.model_residual_px);
+  const RegistrationResult& r = snapshot.registration;
+  const StatusStyle style = statusStyle(r.status);
+  scene.trees.push_back({r.T_camera_model, r.displacements_m, style.color_bgr, "tree as registered: " + style.words});
+  scene.R_camera_lps = snapshot.R_camera_lps;
+  scene.caption = when + ": " + agreementInWords(r.agreement);
   return drawOverlay(scene, tree, snapshot.frame.camera);
 }
 
@@ -103,11 +103,15 @@ cv::Mat plotOf(const ClosedLoopRun& r) {
 
 // First frame, last frame and plot on one sheet: what a newcomer sees first.
 cv::Mat sheetOf(const cv::Mat& first, const cv::Mat& last, const cv::Mat& plot) {
-  cv::Mat left, right, below, pictures, sheet;
+  cv::Mat below, sheet;
   const int half_px = 620;
-  cv::resize(first, left, {half_px, half_px * first.rows / first.cols}, 0, 0, cv::INTER_AREA);
-  cv::resize(last, right, left.size(), 0, 0, cv::INTER_AREA);
-  cv::hconcat(left, right, pictures);
+  // Their captions may have different numbers of lines.
+  const auto half = [&](const cv::Mat& picture) {
+    cv::Mat resized;
+    cv::resize(picture, resized, {half_px, half_px * picture.rows / picture.cols}, 0, 0, cv::INTER_AREA);
+    return resized;
+  };
+  const cv::Mat pictures = sideBySide({half(first), half(last)});
   cv::resize(plot, below, {2 * half_px, plot.rows * 2 * half_px / plot.cols}, 0, 0, cv::INTER_CUBIC);
   cv::vconcat(pictures, below, sheet);
   return sheet;

@@ -5,8 +5,10 @@
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "angio/evaluation/namespace.hpp"
+#include "angio/evaluation/text_band.hpp"
 #include "angio/types/any_message.hpp"
 #include "angio/types/carm_motion.hpp"
 #include "angio/types/catheter.hpp"
@@ -26,12 +28,13 @@ struct LiveScene {
   std::optional<CatheterTip> tip;                   ///< Of this frame.
   std::optional<CArmState> state;                   ///< The newest joints.
   std::optional<Eigen::Vector3d> target_model;      ///< A point of the model to mark [m].
-  std::string title;                                ///< First line; may be empty.
+  std::string title;                                ///< First line below the X-ray; may be empty.
   Eigen::Matrix2Xd device_px = {};                  ///< What is seen of a catheter [px], in order; may be empty.
 };
 
 /// Pictures of a running loop, for a window or a film: the X-ray with the tree where it was registered, target and
-/// catheter tip, and below it the loop's state, its errors, the residual, the joints, and a bar of the last states.
+/// catheter tip, and below it the title, the loop's state, its errors, the residual, the joints, what the marks are,
+/// and a bar of the last states. Texts wrap; where they still need more room than a picture has, their letters shrink.
 class LiveOverlay {
  public:
   /// @param width_px      Of the pictures, >= 320; the X-ray is scaled to it. Borrows the tree.
@@ -41,13 +44,16 @@ class LiveOverlay {
                        const Eigen::Matrix3d& R_patient_lps = Eigen::Matrix3d::Identity());
 
   /// CV_8UC3; pictures of frames of one size have one size. The tree is green while the loop servoes by it or nobody
-  /// says whether one does, orange while the loop holds, and is not drawn when the registration did not converge or is
+  /// says whether one does, amber while the loop holds, and is not drawn when the registration did not converge or is
   /// that of another tree. drawPatientLetters() where joints have been heard.
   cv::Mat draw(const LiveScene& scene);
 
  private:
   void drawXray(cv::Mat& canvas, const LiveScene& scene) const;
   void drawPanel(cv::Mat panel, const LiveScene& scene) const;
+  std::vector<BandEntry> panelEntries(const LiveScene& scene) const;
+  bool showsTree(const LiveScene& scene) const;
+  bool showsTip(const LiveScene& scene) const;
 
   const VesselTree& tree_;
   ModelId model_id_;
@@ -57,7 +63,7 @@ class LiveOverlay {
   std::deque<cv::Scalar> bar_;  // Colours of the last frames' states, oldest first.
 };
 
-/// The colour in which a state of the loop is shown, BGR: green where it moves, orange where it stands and waits, red
+/// The colour in which a state of the loop is shown, BGR: green where it moves, amber where it stands and waits, red
 /// where it stands until somebody acts.
 cv::Scalar stateColor(ServoState state);
 

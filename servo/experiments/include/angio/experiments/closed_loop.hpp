@@ -71,6 +71,7 @@ struct ClosedLoopSnapshot {
   Centerline2d centerline;
   Pose predicted_T_camera_model = Pose::Identity();  ///< By joints and calibration alone.
   RegistrationResult registration;
+  Eigen::Matrix3d R_camera_lps = Eigen::Matrix3d::Identity();  ///< Patient axes L, P, S by joints and calibration.
 };
 
 /// Frames and ends of one simulated run, in closed and in open loop.
