@@ -43,7 +43,7 @@ TEST(SequenceLocaliser, FollowsTheClinicalCatheter) {
     EXPECT_LT(std::abs(result.path[t].path_m - before_m), 0.016);
   }
   EXPECT_GT(result.path.back().path_m, result.path.front().path_m + 0.05);
-  EXPECT_TRUE(map.passes(result.path.back().chain, result.path[frames.size() / 2].chain));
+  EXPECT_TRUE(map.passes(result.path.back().branch, result.path[frames.size() / 2].branch));
 }
 
 // A known way under a known shift, and vessels that are bent as a catheter would.
@@ -51,8 +51,8 @@ TEST(SequenceLocaliser, FindsAKnownShiftAndDisplacement) {
   const VesselTree tree = readVesselTree(kLiver + "tree.csv");
   const TreeTopology map(tree);
   int leaf = 0;
-  for (int chain = 0; chain < map.chains(); ++chain) {
-    if (map.start_m(chain) + map.length_m(chain) > map.start_m(leaf) + map.length_m(leaf)) leaf = chain;
+  for (int branch = 0; branch < map.branchCount(); ++branch) {
+    if (map.start_m(branch) + map.length_m(branch) > map.start_m(leaf) + map.length_m(leaf)) leaf = branch;
   }
   Pose T = Pose::Identity();
   T.linear() = expSO3({0.3, -0.4, 0.1});
@@ -80,7 +80,7 @@ TEST(SequenceLocaliser, FindsAKnownShiftAndDisplacement) {
   const SequenceResult result = localiseSequence(frames, tree);
   EXPECT_LT(result.residual_px, 2);
   for (std::size_t t = 0; t < frames.size(); ++t) {
-    EXPECT_EQ(result.beliefs[t].tip.chain, leaf);
+    EXPECT_EQ(result.beliefs[t].tip.branch, leaf);
     // What is along the vessel, one view takes for the tip's motion as well as for the vessel's displacement.
     EXPECT_NEAR(result.beliefs[t].tip.arc_m, tips[t].arc_m, 4e-3);
   }

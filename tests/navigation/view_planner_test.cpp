@@ -73,7 +73,7 @@ TEST(ViewPlanner, KeepsAViewThatNoOtherInReachCouldReplace) {
 TEST(ViewPlanner, KnowsWhereARouteWasLeft) {
   const VesselTree made = test::branchingTree(4);
   const TreeTopology map(made);
-  const int target = map.chains() - 1, trunk = map.pathTo(target).front();
+  const int target = map.branchCount() - 1, trunk = map.pathTo(target).front();
   ViewPlannerSettings settings;
   settings.behind_mm = 5;
   settings.ahead_mm = 10;

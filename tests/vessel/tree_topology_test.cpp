@@ -18,9 +18,9 @@ constexpr double kRounding = 1e-12;
 TEST(TreeTopology, PathsLengthsAndPlacesAreTheTrees) {
   const VesselTree tree = test::branchingTree(1);
   const TreeTopology map(tree);
-  ASSERT_EQ(map.chains(), static_cast<int>(tree.branches().size()));
+  ASSERT_EQ(map.branchCount(), static_cast<int>(tree.branches().size()));
   double sum = 0;
-  for (int c = 0; c < map.chains(); ++c) {
+  for (int c = 0; c < map.branchCount(); ++c) {
     sum += map.length_m(c);
     const std::vector<int> path = map.pathTo(c);
     double before = 0;
@@ -38,7 +38,7 @@ TEST(TreeTopology, PathsLengthsAndPlacesAreTheTrees) {
     EXPECT_LT((p - map.point({c, 0.4 * map.length_m(c)})).norm(), kRounding);
   }
   EXPECT_NEAR(sum, tree.length(), 1e-9);
-  EXPECT_THROW(static_cast<void>(map.point({map.chains(), 0})), std::out_of_range);
+  EXPECT_THROW(static_cast<void>(map.point({map.branchCount(), 0})), std::out_of_range);
 }
 
 // A trunk along z and two branches whose lines are one and the same for the first 4 mm; then one goes straight on, the
@@ -87,7 +87,7 @@ TEST(TreeTopology, WaysPartWhereTheyLeaveEachOthersLumens) {
 
 TEST(TreeTopology, FramesAreRightHandedAlongTheVesselAndGoOnIntoTheChildren) {
   const TreeTopology map(test::branchingTree(2));
-  for (int c = 0; c < map.chains(); ++c) {
+  for (int c = 0; c < map.branchCount(); ++c) {
     for (double s = 0; s < map.length_m(c); s += 1.7e-3) {
       const TreeFrame f = map.frame({c, s});
       EXPECT_NEAR(f.along.norm(), 1, 1e-9);

@@ -43,8 +43,8 @@ void CatheterLocaliser::reset() {
   forget();
 }
 
-void CatheterLocaliser::reset(int chain, double arc_m, double std_m) {
-  filter_->reset(chain, arc_m, std_m);
+void CatheterLocaliser::reset(int branch, double arc_m, double std_m) {
+  filter_->reset(branch, arc_m, std_m);
   forget();
 }
 

@@ -245,7 +245,7 @@ Eigen::Matrix3Xd ofTreePoints(const VesselTree& tree, const PlaceGrid& grid, con
     for (std::size_t k = 1; k < points.size(); ++k) {
       result.col(points[k]) = of_places_m.col(placeAt(grid, static_cast<int>(c), arc_m[k]));
     }
-    int first = grid.last_of_chain[c];
+    int first = grid.last_of_branch[c];
     while (grid.parent[first] >= 0) first = grid.parent[first];
     if (tree.parents()[points.front()] < 0) result.col(points.front()) = of_places_m.col(first);
   }

@@ -21,20 +21,20 @@ constexpr double kWorthNaming = 0.01;
 
 namespace {
 
-// The first moments of the places of one chain.
-struct ChainMoments {
+// The first moments of the places of one branch.
+struct BranchMoments {
   double mass = 0, arc_m = 0, arc_squared = 0;
 };
 
 // The place at an arc length, between the grid's.
-TipPlace placeOf(const PlaceGrid& grid, int chain, const ChainMoments& moments) {
+TipPlace placeOf(const PlaceGrid& grid, int branch, const BranchMoments& moments) {
   TipPlace place;
-  place.chain = chain;
+  place.branch = branch;
   place.probability = std::min(moments.mass, 1.0);  // A sum of many may round to more.
   place.arc_m = moments.arc_m / moments.mass;
   const double variance = std::max(0.0, moments.arc_squared / moments.mass - place.arc_m * place.arc_m);
   place.std_m = std::sqrt(variance + grid.spacing_m * grid.spacing_m / 12);
-  int above = grid.last_of_chain[chain];
+  int above = grid.last_of_branch[branch];
   place.path_m = grid.path_m[above] - grid.arc_m[above] + place.arc_m;
   while (grid.parent[above] >= 0 && grid.path_m[grid.parent[above]] >= place.path_m) above = grid.parent[above];
   const int below = grid.parent[above];
@@ -51,11 +51,11 @@ TipPlace placeOf(const PlaceGrid& grid, int chain, const ChainMoments& moments) 
 
 TipFilter::TipFilter(const LocaliserSettings& settings, PlaceGrid grid, const Eigen::Vector3d& centroid_m)
     : settings_(settings), grid_(std::move(grid)), matcher_(settings_, grid_), centroid_m_(centroid_m) {
-  for (const int last : grid_.last_of_chain) {
-    chain_length_m_.push_back(grid_.arc_m[last]);
+  for (const int last : grid_.last_of_branch) {
+    branch_length_m_.push_back(grid_.arc_m[last]);
     int fork = last;
-    while (fork >= 0 && grid_.chain[fork] == grid_.chain[last]) fork = grid_.parent[fork];
-    fork_of_chain_.push_back(fork);
+    while (fork >= 0 && grid_.branch[fork] == grid_.branch[last]) fork = grid_.parent[fork];
+    fork_of_branch_.push_back(fork);
   }
   next_probability_.resize(grid_.size());
   next_shift_.resize(grid_.size());
@@ -73,19 +73,19 @@ void TipFilter::reset() {
   candidates_.clear();
 }
 
-void TipFilter::reset(int chain, double arc_m, double std_m) {
-  if (chain < 0 || chain >= static_cast<int>(chain_length_m_.size())) {
-    throw InputError("catheter localiser", "chain", std::to_string(chain), "must be a branch of the tree");
+void TipFilter::reset(int branch, double arc_m, double std_m) {
+  if (branch < 0 || branch >= static_cast<int>(branch_length_m_.size())) {
+    throw InputError("catheter localiser", "chain", std::to_string(branch), "must be a branch of the tree");
   }
-  requireBetween("catheter localiser", "arc_m", arc_m, 0, chain_length_m_[chain] * (1 + 1e-9));
+  requireBetween("catheter localiser", "arc_m", arc_m, 0, branch_length_m_[branch] * (1 + 1e-9));
   requirePositive("catheter localiser", "std_m", std_m);
   reset();
-  // Along this chain and the way to the root; beyond the chain's end a frame's motion will carry it.
-  const double middle_m = grid_.path_m[grid_.last_of_chain[chain]] - chain_length_m_[chain] + arc_m;
+  // Along this branch and the way to the root; beyond the branch's end a frame's motion will carry it.
+  const double middle_m = grid_.path_m[grid_.last_of_branch[branch]] - branch_length_m_[branch] + arc_m;
   std_m = std::max(std_m, 0.5 * grid_.spacing_m);
   probability_.assign(grid_.size(), 0.0);
   double sum = 0;
-  for (int i = grid_.last_of_chain[chain]; i >= 0; i = grid_.parent[i]) {
+  for (int i = grid_.last_of_branch[branch]; i >= 0; i = grid_.parent[i]) {
     const double off = (grid_.path_m[i] - middle_m) / std_m;
     sum += probability_[i] = std::exp(-0.5 * off * off);
   }
@@ -267,14 +267,14 @@ void TipFilter::weigh(const SeenPose& pose) {
   shift_.swap(next_shift_);
 }
 
-// A belief in words that a navigator reads: chains, arc lengths and how sure.
+// A belief in words that a navigator reads: branches, arc lengths and how sure.
 TipBelief TipFilter::summarised(const std::vector<double>& probability) const {
-  std::vector<ChainMoments> moments(grid_.last_of_chain.size());
+  std::vector<BranchMoments> moments(grid_.last_of_branch.size());
   for (int i = 0; i < grid_.size(); ++i) {
-    ChainMoments& chain = moments[grid_.chain[i]];
-    chain.mass += probability[i];
-    chain.arc_m += probability[i] * grid_.arc_m[i];
-    chain.arc_squared += probability[i] * grid_.arc_m[i] * grid_.arc_m[i];
+    BranchMoments& branch = moments[grid_.branch[i]];
+    branch.mass += probability[i];
+    branch.arc_m += probability[i] * grid_.arc_m[i];
+    branch.arc_squared += probability[i] * grid_.arc_m[i] * grid_.arc_m[i];
   }
   std::vector<int> order(moments.size());
   for (std::size_t c = 0; c < order.size(); ++c) order[c] = static_cast<int>(c);

@@ -155,15 +155,15 @@ FrameTruth FluoroscopyRenderer::truth(const XrayCamera& camera, const XrayScene&
 
   const Eigen::Matrix3Xd points = scene.T_camera_model * scene.pointsOf(parts.tree);
   const auto density = [&](int i) { return scene.densities ? (*scene.densities)[i] : 1.0; };
-  for (const auto& chain : parts.tree.branches()) {
-    for (std::size_t k = 1; k < chain.size(); ++k) {
-      const int a = chain[k - 1], b = chain[k];
+  for (const auto& branch : parts.tree.branches()) {
+    for (std::size_t k = 1; k < branch.size(); ++k) {
+      const int a = branch[k - 1], b = branch[k];
       const double radius = 0.5 * (*parts.tree.radii()[a] + *parts.tree.radii()[b]);
       const auto taken = [&](double part, double length_m) {
         const double filled = (1 - part) * density(a) + part * density(b);
         return -std::log(std::max(parts.contrast.transmission(static_cast<float>(filled * length_m)), 1e-9F));
       };
-      walk({points.col(a), points.col(b), radius}, k + 1 == chain.size(), camera, settings.spacing_px, visibility,
+      walk({points.col(a), points.col(b), radius}, k + 1 == branch.size(), camera, settings.spacing_px, visibility,
            CurveKind::kVessel, taken, branches);
     }
     branches.end(CurveKind::kVessel);

@@ -126,9 +126,9 @@ std::pair<int, int> columns(const Footprint& f, int y, int width) {
 }  // namespace
 
 TubeTree::TubeTree(const VesselTree& tree) {
-  for (const auto& chain : tree.branches()) {
-    for (std::size_t k = 1; k < chain.size(); ++k) {
-      const int from = chain[k - 1], to = chain[k];
+  for (const auto& branch : tree.branches()) {
+    for (std::size_t k = 1; k < branch.size(); ++k) {
+      const int from = branch[k - 1], to = branch[k];
       const double length = (tree.points().col(to) - tree.points().col(from)).norm();
       const double radius = tree.radii()[from].value(), change = tree.radii()[to].value() - radius;
       const double wanted = std::ceil(std::max(std::abs(change) / kRadiusStep, length / kLongest));

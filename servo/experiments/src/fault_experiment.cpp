@@ -299,7 +299,7 @@ FaultResult runFault(OperatedMachine machine, FaultKind kind, const VesselTree& 
   const TreeLocation target = targets[static_cast<std::size_t>(parts.scenario.seed) % targets.size()];
   parts.catheter = navigateCatheter(parts.catheter, parts.scenario.seed);
   const TreeTopology map(full);
-  const double route_m = map.start_m(target.chain) + target.arc_m,
+  const double route_m = map.start_m(target.branch) + target.arc_m,
                uniform = static_cast<double>(engine() >> 11) * 0x1p-53;
   const double before_m = std::max(0.5 * route_m, route_m - kInside_m - uniform * std::max(0.0, route_m - kMinWay_m));
   const LabCatheter catheter{parts.catheter, map.before(target, before_m)};

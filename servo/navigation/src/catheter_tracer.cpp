@@ -188,7 +188,7 @@ class CatheterTracer::Impl {
       const double end_std_m = std::sqrt(std::max(
           Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(unseen, Eigen::EigenvaluesOnly).eigenvalues()[2], 0.0));
       trace.evidence.places.push_back(
-          {places_.chain[place], places_.arc_m[place], value, pose.T_camera_model.inverse() * end, end_std_m});
+          {places_.branch[place], places_.arc_m[place], value, pose.T_camera_model.inverse() * end, end_std_m});
       if (value > best) best = value, trace.evidence.residual_px = off.norm();
     }
     for (PlaceEvidence& one : trace.evidence.places)

@@ -84,7 +84,7 @@ Eigen::Vector2d sidewaysOf(const TreeTopology& map, int child, int towards, doub
 }
 
 // The tip that points nearer to the wanted child than to its siblings by the widest margin, when its angle is only
-// known to `std_rad`; with several wanted chains, of forks that follow each other closely, the least of their
+// known to `std_rad`; with several wanted branches, of forks that follow each other closely, the least of their
 // margins counts: a tip that only slides keeps its angle in the vessel's frame.
 //
 // Children leave a fork as the chords of the first `lever_m` [m] of their ways, or more until those have parted: one
@@ -92,8 +92,8 @@ Eigen::Vector2d sidewaysOf(const TreeTopology& map, int child, int towards, doub
 ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int target, const TipRange& range,
                    double std_rad, double lever_m) {
   std::vector<Fork> forks;
-  for (const int chain : wanted) {
-    for (const double part : kLevers) forks.push_back(forkAt(map, chain, target, part * lever_m));
+  for (const int branch : wanted) {
+    for (const double part : kLevers) forks.push_back(forkAt(map, branch, target, part * lever_m));
   }
   const auto margin = [&](double angle, double bend) {
     double least = kPi;
@@ -139,27 +139,27 @@ NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView
   return aim(input);
 }
 
-// The chains of the route from `next` on that begin at a fork which there is no room to aim in front of.
+// The branches of the route from `next` on that begin at a fork which there is no room to aim in front of.
 std::vector<int> Navigator::closeForks(int next) const {
-  const std::vector<int> route = map_.pathTo(target_.chain);
+  const std::vector<int> route = map_.pathTo(target_.branch);
   auto at = std::find(route.begin(), route.end(), next);
-  std::vector<int> chains{next};
-  while (at + 1 < route.end() && map_.length_m(*at) < 1e-3 * settings_.short_mm) chains.push_back(*++at);
-  return chains;
+  std::vector<int> branches{next};
+  while (at + 1 < route.end() && map_.length_m(*at) < 1e-3 * settings_.short_mm) branches.push_back(*++at);
+  return branches;
 }
 
 void Navigator::planNext(int next) {
   const TipRange range{degToRad(settings_.tip_angle_deg), degToRad(settings_.tip_angle_deg + settings_.max_bend_deg)};
   const double sigma = std::clamp(roll_.std_rad(), degToRad(15), degToRad(60)), lever_m = 1e-3 * settings_.lever_mm;
   // As many of the forks ahead with one aim as one aim can serve.
-  std::vector<int> chains = closeForks(next);
-  ForkPlan plan = planForks(map_, chains, target_.chain, range, sigma, lever_m);
-  while (chains.size() > 1 && plan.margin_rad < kMinMargin_rad) {
-    chains.pop_back();
-    plan = planForks(map_, chains, target_.chain, range, sigma, lever_m);
+  std::vector<int> branches = closeForks(next);
+  ForkPlan plan = planForks(map_, branches, target_.branch, range, sigma, lever_m);
+  while (branches.size() > 1 && plan.margin_rad < kMinMargin_rad) {
+    branches.pop_back();
+    plan = planForks(map_, branches, target_.branch, range, sigma, lever_m);
   }
   const auto tried = static_cast<std::size_t>(tries_[*map_.parent(next)]);
-  planned_ = chains.back();
+  planned_ = branches.back();
   aim_angle_rad_ = plan.angle_rad + kBeside_rad[tried % std::size(kBeside_rad)];
   aim_bend_rad_ = plan.bend_rad - degToRad(settings_.tip_angle_deg);
 }
@@ -197,7 +197,7 @@ NavigationAnswer Navigator::aim(const NavigationInput& input) {
 
 // Whether a belief beside the route is worth a way back.
 bool Navigator::sureOf(const RouteView& view) const {
-  const double beyond_m = -view.to_fork_m, parted_m = map_.parting_m(view.chain);
+  const double beyond_m = -view.to_fork_m, parted_m = map_.parting_m(view.branch);
   return beyond_m >= parted_m + 1e-3 * settings_.sure_mm ||
          (beyond_m >= parted_m + 1e-3 * settings_.confirm_mm && view.beside_probability >= kSure);
 }
@@ -205,23 +205,23 @@ bool Navigator::sureOf(const RouteView& view) const {
 NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView& view) {
   const TipPlace& tip = input.belief->tip;
   const double lever_m = 1e-3 * settings_.lever_mm;
-  const double beyond_m = map_.start_m(tip.chain) + tip.arc_m - map_.start_m(*planned_);
+  const double beyond_m = map_.start_m(tip.branch) + tip.arc_m - map_.start_m(*planned_);
   const double parted_m = map_.parting_m(*map_.parent(*planned_));
   const double through = throughProbability(map_, *planned_, *input.belief, 0);
-  if (map_.passes(tip.chain, *planned_) &&
+  if (map_.passes(tip.branch, *planned_) &&
       beyond_m >= std::max(std::min(1e-3 * settings_.confirm_mm, 0.4 * map_.length_m(*planned_)), parted_m) &&
       (through >= kEntered || beyond_m >= parted_m + 1e-3 * settings_.sure_mm)) {
-    roll_.entered(sidewaysOf(map_, *planned_, target_.chain, lever_m));
+    roll_.entered(sidewaysOf(map_, *planned_, target_.branch, lever_m));
     looked_ = false;
     return follow(input, view);
   }
   if (view.entered && beside_frames_ >= kSteadyFrames && sureOf(view)) {
-    roll_.entered(sidewaysOf(map_, *view.entered, tip.chain, lever_m));
+    roll_.entered(sidewaysOf(map_, *view.entered, tip.branch, lever_m));
     return miss(input, view, "the tip has entered another branch");
   }
   // Back in front of all that was planned, as a catheter that sprang back is.
   const double far_m = 2e-3 * (settings_.aim_mm + settings_.back_mm);
-  if (view.on_route && view.next && view.to_fork_m > far_m && !map_.passes(view.chain, *planned_))
+  if (view.on_route && view.next && view.to_fork_m > far_m && !map_.passes(view.branch, *planned_))
     return follow(input, view);
   // Neither branch is sure where they have long parted: this view does not tell them apart.
   const bool in_doubt = !asked_ahead_ && beyond_m >= parted_m + 2e-3 * settings_.confirm_mm;

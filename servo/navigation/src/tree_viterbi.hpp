@@ -16,12 +16,12 @@ namespace angio::navigation {
 struct WalkPlaces {
   explicit WalkPlaces(const VesselTree& tree);
 
-  int nearest(int of_chain, double at_m) const;  ///< Index of the place at an arc length, or the next one.
+  int nearest(int of_branch, double at_m) const;  ///< Index of the place at an arc length, or the next one.
 
   std::vector<Eigen::Vector3d> points_m;
   std::vector<TreeFrame> frames;
   std::vector<double> path_m, arc_m, radius_m;
-  std::vector<int> chain, parent, chain_first, chain_last;  ///< First and last place of each chain.
+  std::vector<int> branch, parent, branch_first, branch_last;  ///< First and last place of each branch.
 };
 
 /// The places near a tip, parents first, and the way behind it.

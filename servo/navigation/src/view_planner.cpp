@@ -35,22 +35,22 @@ ViewPlanner::ViewPlanner(const VesselTree& tree, const TreeLocation& target, con
                          const ViewPlannerSettings& settings)
     : tree_(tree), map_(tree), target_(target), scene_(scene), settings_(settings) {
   checkSettings("view planner", settings);
-  if (target.chain < 0 || target.chain >= map_.chains()) {
-    throw InputError("view planner", "target", std::to_string(target.chain),
-                     "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
+  if (target.branch < 0 || target.branch >= map_.branchCount()) {
+    throw InputError("view planner", "target", std::to_string(target.branch),
+                     "must be one of the tree's " + std::to_string(map_.branchCount()) + " branches");
   }
-  target_path_m_ = map_.start_m(target.chain) + target.arc_m;
+  target_path_m_ = map_.start_m(target.branch) + target.arc_m;
 }
 
 // Path length of the tip, or of the fork where it has left the route.
 double ViewPlanner::onRoute(const TreeLocation& tip) const {
-  int chain = tip.chain;
-  double path_m = map_.start_m(chain) + tip.arc_m;
-  while (!map_.passes(target_.chain, chain)) {
-    path_m = map_.start_m(chain);
-    const auto parent = map_.parent(chain);
+  int branch = tip.branch;
+  double path_m = map_.start_m(branch) + tip.arc_m;
+  while (!map_.passes(target_.branch, branch)) {
+    path_m = map_.start_m(branch);
+    const auto parent = map_.parent(branch);
     if (!parent) return 0;
-    chain = *parent;
+    branch = *parent;
   }
   return std::min(path_m, target_path_m_);
 }

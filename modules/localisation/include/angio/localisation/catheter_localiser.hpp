@@ -86,7 +86,7 @@ class CatheterLocaliser {
   [[nodiscard]] TipBelief update(const SeenCatheter& seen, const SeenPose& pose, const CatheterMotion& motion);
 
   /// The same, by what somebody else has found each place to be worth; the image's shift is not looked at. Evidence
-  /// that is empty or not finite, or is of chains that are not there, only predicts.
+  /// that is empty or not finite, or is of branches that are not there, only predicts.
   [[nodiscard]] TipBelief update(const TipEvidence& evidence, const CatheterMotion& motion);
 
   /// A frame without a catheter in it: time passes, the tip moves.
@@ -95,9 +95,9 @@ class CatheterLocaliser {
   /// Forgets all frames: every place is as probable as any other.
   void reset();
 
-  /// The same, with the tip known to be about `arc_m` into a chain. Throws InputError for a chain that is not there, or
-  /// an arc length or sigma that cannot be.
-  void reset(int chain, double arc_m, double std_m);
+  /// The same, with the tip known to be about `arc_m` into a branch. Throws InputError for a branch that is not there,
+  /// or an arc length or sigma that cannot be.
+  void reset(int branch, double arc_m, double std_m);
 
   /// The belief as it stands.
   const TipBelief& belief() const { return belief_; }

@@ -76,8 +76,8 @@ struct NavigateResult {
   int looked = 0;                     ///< Frames that were searched for the catheter.
   std::optional<std::string> breach;  ///< A limit that the C-arm exceeded.
   std::vector<double> errors_m;       ///< Of the believed tip from the true one, of each frame that was believed.
-  std::vector<double> arc_errors_m;   ///< The same along the vessels where the chain is right.
-  int wrong_chain = 0;  ///< Frames that were believed with the tip in a wrong chain, 2 mm and more from it.
+  std::vector<double> arc_errors_m;   ///< The same along the vessels where the branch is right.
+  int wrong_branch = 0;  ///< Frames that were believed with the tip in a wrong branch, 2 mm and more from it.
 };
 
 /// Where journeys of a tree go: `count` branches, spread over all that qualify; fewer when there are fewer.

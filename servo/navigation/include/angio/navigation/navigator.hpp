@@ -150,9 +150,9 @@ class Navigator {
   double doubtful_s_ = 0, retreated_m_ = 0;
   bool asked_ = false, asked_ahead_ = false;  // For another view, in this doubt; behind this fork.
   int jumped_ = 0, beside_frames_ = 0, there_frames_ = 0;
-  std::map<int, int> tries_;  // At each fork, by the chain that ends there.
+  std::map<int, int> tries_;  // At each fork, by the branch that ends there.
   int misses_ = 0;
-  std::optional<int> planned_;  // The chain that the aim is for: behind the next fork, or behind some close ones.
+  std::optional<int> planned_;  // The branch that the aim is for: behind the next fork, or behind some close ones.
   double aim_angle_rad_ = 0, aim_bend_rad_ = 0;
   double aimed_s_ = 0, looked_rad_ = 0, last_roll_rad_ = 0;
   bool looked_ = false;   // In this try.
