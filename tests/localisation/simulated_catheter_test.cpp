@@ -46,15 +46,15 @@ void pushInto(const VesselTree& tree, const TreeTopology& map, int leaf, bool to
   const double px_per_m = pose.camera.parameters().fx_px / 0.81, phase = 6 * normal(random);
   const Eigen::Vector2d breath = 2e-3 * px_per_m * Eigen::Vector2d(0.3 * normal(random), 1).normalized();
   const double end_m = map.start_m(leaf) + map.length_m(leaf);
-  const auto way = map.pathTo(leaf);
+  const auto route = map.pathTo(leaf);
   double path_m = std::max(0.03, end_m - 0.06);
   CatheterLocaliser localiser({}, tree);
   for (int frame = 0; frame < 60; ++frame) {
     const double push_m = 1e-3 * std::max(0.0, 1 + 0.5 * normal(random));
     const double moved_m = std::min(push_m * (1 + 0.2 * normal(random)), end_m - 1e-4 - path_m);
     path_m += moved_m;
-    TreeLocation tip{way.front(), 0};
-    for (const int branch : way) {
+    TreeLocation tip{route.front(), 0};
+    for (const int branch : route) {
       if (map.start_m(branch) <= path_m) tip = {branch, path_m - map.start_m(branch)};
     }
     const Eigen::Vector2d shift = std::sin(2 * kPi * frame / 60 + phase) * breath;

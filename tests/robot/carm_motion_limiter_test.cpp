@@ -56,7 +56,7 @@ class Room {
     message.time_us = now_us_;
     message.valid_for_us = std::llround(kValid_s * 1e6);
     message.velocity = command;
-    if (!lost) under_way_.push_back({arrives_us, message, limiter.predicted(joints, kLatency_s)});
+    if (!lost) in_transit_.push_back({arrives_us, message, limiter.predicted(joints, kLatency_s)});
     run(period_s);
     return command;
   }
@@ -66,14 +66,14 @@ class Room {
     for (const std::int64_t end_us = now_us_ + std::llround(duration_s * 1e6); now_us_ < end_us;) {
       const CArmState before = arm_.state();
       std::int64_t next_us = std::min(now_us_ + 1000, end_us);
-      if (!under_way_.empty()) next_us = std::min(next_us, under_way_.front().arrives_us);
+      if (!in_transit_.empty()) next_us = std::min(next_us, in_transit_.front().arrives_us);
       now_us_ = next_us;
       arm_.advance(now_us_);
-      if (!under_way_.empty() && under_way_.front().arrives_us == now_us_) {
-        const CArmJoints missed = arm_.state().joints - under_way_.front().predicted;
+      if (!in_transit_.empty() && in_transit_.front().arrives_us == now_us_) {
+        const CArmJoints missed = arm_.state().joints - in_transit_.front().predicted;
         modelled = std::max(modelled, missed.cwiseAbs().maxCoeff());
-        arm_.obey(under_way_.front().command, now_us_);
-        under_way_.pop_front();
+        arm_.obey(in_transit_.front().command, now_us_);
+        in_transit_.pop_front();
       }
       const CArmState after = arm_.state();
       const double dt_s = 1e-6 * static_cast<double>(after.time_us - before.time_us);
@@ -89,13 +89,13 @@ class Room {
   }
 
  private:
-  struct UnderWay {
+  struct InTransit {
     std::int64_t arrives_us;
     CArmCommand command;
     CArmJoints predicted;
   };
   SimulatedCArm arm_;
-  std::deque<UnderWay> under_way_;
+  std::deque<InTransit> in_transit_;
   std::int64_t now_us_ = 0, sequence_ = 0;
   CArmJoints last_ = CArmJoints::Zero(), last_a_ = CArmJoints::Zero();
   double since_s_ = kDt;

@@ -101,11 +101,11 @@ TEST(LatencyCompensator, AreWhatTheArmWillHaveDone) {
   test::Random random(5);
   SimulatedCArm arm(limits, CArmJoints::Zero(), 0);
   LatencyCompensator in_flight(limits);
-  std::deque<std::pair<std::int64_t, CArmCommand>> under_way;
+  std::deque<std::pair<std::int64_t, CArmCommand>> in_transit;
   const auto advance = [&](std::int64_t until_us) {
-    while (!under_way.empty() && under_way.front().first <= until_us) {
-      arm.obey(under_way.front().second, under_way.front().first);
-      under_way.pop_front();
+    while (!in_transit.empty() && in_transit.front().first <= until_us) {
+      arm.obey(in_transit.front().second, in_transit.front().first);
+      in_transit.pop_front();
     }
     arm.advance(until_us);
   };
@@ -119,7 +119,7 @@ TEST(LatencyCompensator, AreWhatTheArmWillHaveDone) {
     input.latency_s = 1e-6 * kLatency_us;
     const CArmState expected = in_flight.atArrival(input);
     SimulatedCArm copy = arm;
-    for (const auto& [at_us, command] : under_way) {
+    for (const auto& [at_us, command] : in_transit) {
       if (at_us > frame_us + kLatency_us) break;
       copy.advance(at_us);
       copy.obey(command, at_us);
@@ -130,7 +130,7 @@ TEST(LatencyCompensator, AreWhatTheArmWillHaveDone) {
     last.time_us = frame_us;
     ++last.sequence;
     last.valid_for_us = 500'000;
-    under_way.emplace_back(frame_us + kLatency_us, last);
+    in_transit.emplace_back(frame_us + kLatency_us, last);
   }
 }
 

@@ -42,14 +42,14 @@ class Lab {
     command.time_us = now_us;
     command.valid_for_us = 200'000;
     command.velocity = last;
-    under_way.push_back({now_us + kLatency_us, command});
+    in_transit.push_back({now_us + kLatency_us, command});
     for (const std::int64_t end_us = now_us + kPeriod_us; now_us < end_us;) {
-      const bool arrives = !under_way.empty() && under_way.front().first <= end_us;
-      now_us = arrives ? under_way.front().first : end_us;
+      const bool arrives = !in_transit.empty() && in_transit.front().first <= end_us;
+      now_us = arrives ? in_transit.front().first : end_us;
       arm->advance(now_us);
       if (!arrives) continue;
-      arm->obey(under_way.front().second, now_us);
-      under_way.pop_front();
+      arm->obey(in_transit.front().second, now_us);
+      in_transit.pop_front();
     }
     return answer;
   }
@@ -80,7 +80,7 @@ class Lab {
   std::unique_ptr<Task> task;
   std::unique_ptr<SimulatedCArm> arm;
   CArmJoints last = CArmJoints::Zero();
-  std::deque<std::pair<std::int64_t, CArmCommand>> under_way;
+  std::deque<std::pair<std::int64_t, CArmCommand>> in_transit;
   std::int64_t now_us = 0, sequence = 0;
   ViewError error;
 };
@@ -224,7 +224,7 @@ TEST(ViewTask, AWayBeginsWhereTheMachineBeginsToMove) {
     CArmJoints elsewhere = lab.arm->state().joints;
     elsewhere[3] += 0.1;
     lab.arm = std::make_unique<SimulatedCArm>(lab.limits, elsewhere, lab.now_us);
-    lab.under_way.clear();
+    lab.in_transit.clear();
     lab.last.setZero();
     const TaskAnswer answer = lab.frame();
     EXPECT_EQ(answer.velocity.has_value(), !begun) << answer.hold_reason.value_or("");

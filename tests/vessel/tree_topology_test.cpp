@@ -70,17 +70,17 @@ TEST(TreeTopology, WaysPartWhereTheyLeaveEachOthersLumens) {
   EXPECT_EQ(map.parting_m(0, 3e-3), 3e-3);
   EXPECT_EQ(map.parting_m(map.children(0).front()) > 0, !map.children(map.children(0).front()).empty());
 
-  const std::vector<TreeRoute> together = map.waysFrom(0, 4e-3), parted = map.waysFrom(0, 14e-3);
+  const std::vector<TreeRoute> together = map.routesFrom(0, 4e-3), parted = map.routesFrom(0, 14e-3);
   ASSERT_EQ(together.size(), 2u);
   EXPECT_LT((together[0].direction - together[1].direction).norm(), kRounding);
   ASSERT_EQ(parted.size(), 3u);
   int straight = 0;
-  for (const TreeRoute& way : parted) {
-    EXPECT_TRUE(map.passes(way.last, way.child));
-    EXPECT_EQ(*map.parent(way.child), 0);
-    EXPECT_NEAR(way.radius_m, 1.5e-3, kRounding);
-    straight += way.direction.z() > 0.999;
-    EXPECT_TRUE(way.direction.z() > 0.999 || std::abs(std::abs(way.direction.x()) - 10 / std::hypot(10, 4)) < 1e-9);
+  for (const TreeRoute& route : parted) {
+    EXPECT_TRUE(map.passes(route.last, route.child));
+    EXPECT_EQ(*map.parent(route.child), 0);
+    EXPECT_NEAR(route.radius_m, 1.5e-3, kRounding);
+    straight += route.direction.z() > 0.999;
+    EXPECT_TRUE(route.direction.z() > 0.999 || std::abs(std::abs(route.direction.x()) - 10 / std::hypot(10, 4)) < 1e-9);
   }
   EXPECT_EQ(straight, 1);
 }

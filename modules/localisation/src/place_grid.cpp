@@ -68,7 +68,7 @@ PlaceGrid makePlaceGrid(const VesselTree& tree, double spacing_m) {
     if (grid.parent[i] >= 0) grid.children[grid.parent[i]].push_back(i);
   }
   for (int i = 0; i < grid.size(); ++i) {
-    // Backwards there is one way only, so a bifurcation points as its own branch does.
+    // Backwards there is one route only, so a bifurcation points as its own branch does.
     const int from = grid.parent[i] >= 0 ? grid.parent[i] : i;
     const int to = grid.parent[i] >= 0 ? i : grid.children[i].front();
     const Eigen::Vector3d step = grid.points_m.col(to) - grid.points_m.col(from);

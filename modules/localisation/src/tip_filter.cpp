@@ -80,7 +80,7 @@ void TipFilter::reset(int branch, double arc_m, double std_m) {
   requireBetween("catheter localiser", "arc_m", arc_m, 0, branch_length_m_[branch] * (1 + 1e-9));
   requirePositive("catheter localiser", "std_m", std_m);
   reset();
-  // Along this branch and the way to the root; beyond the branch's end a frame's motion will carry it.
+  // Along this branch and the route to the root; a frame's motion carries it beyond the branch's end.
   const double middle_m = grid_.path_m[grid_.last_of_branch[branch]] - branch_length_m_[branch] + arc_m;
   std_m = std::max(std_m, 0.5 * grid_.spacing_m);
   probability_.assign(grid_.size(), 0.0);
@@ -267,7 +267,7 @@ void TipFilter::weigh(const SeenPose& pose) {
   shift_.swap(next_shift_);
 }
 
-// A belief in words that a navigator reads: branches, arc lengths and how sure.
+// A belief as a navigator reads it: branches, arc lengths, standard deviations.
 TipBelief TipFilter::summarised(const std::vector<double>& probability) const {
   std::vector<BranchMoments> moments(grid_.last_of_branch.size());
   for (int i = 0; i < grid_.size(); ++i) {
@@ -308,7 +308,7 @@ TipMotion::TipMotion(const LocaliserSettings& settings, const PlaceGrid& grid, c
   highest_m_ = std::min(mean_m_ + kReach * std_m_, max_m);
 }
 
-// A way back and then ahead into another branch is as unlikely as the shorter of its parts is long.
+// A route back and then ahead into another branch is as unlikely as the shorter of its parts is long.
 void TipMotion::add(int place, double back_m, double ahead_m, double share) {
   const double moved_m = ahead_m - back_m;
   if (moved_m < lowest_m_ || moved_m > highest_m_) return;
@@ -320,10 +320,10 @@ void TipMotion::descend(int place, double back_m, double ahead_m, double share, 
   add(place, back_m, ahead_m, share);
   if (ahead_m - back_m > highest_m_ || ahead_m > kReach * std_m_ + std::abs(mean_m_)) return;
   const auto& children = grid_.children[place];
-  const int ways = static_cast<int>(children.size()) - (except >= 0 ? 1 : 0);
+  const int choices = static_cast<int>(children.size()) - (except >= 0 ? 1 : 0);
   for (const int child : children) {
     if (child == except) continue;
-    descend(child, back_m, ahead_m + grid_.path_m[child] - grid_.path_m[place], share / ways, -1);
+    descend(child, back_m, ahead_m + grid_.path_m[child] - grid_.path_m[place], share / choices, -1);
   }
 }
 

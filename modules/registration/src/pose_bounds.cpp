@@ -244,11 +244,11 @@ TreeSamples::TreeSamples(const VesselTree& tree) : points(3, kCount), tangents(3
   int k = 0;
   double before = 0;          // Length up to the edge.
   constexpr int kStep = 159;  // Odd, and near to the golden section of the count.
-  const auto along = [&](const std::vector<int>& branch, int from, const Eigen::Vector3d& at, int way) {
+  const auto along = [&](const std::vector<int>& branch, int from, const Eigen::Vector3d& at, int direction) {
     // The place so far along a branch, or its end.
     Eigen::Vector3d here = at;
     double left = kSmooth_m;
-    for (int i = from; i >= 0 && i < static_cast<int>(branch.size()); i += way) {
+    for (int i = from; i >= 0 && i < static_cast<int>(branch.size()); i += direction) {
       const Eigen::Vector3d next = tree.points().col(branch[i]);
       const double length = (next - here).norm();
       if (length >= left) return Eigen::Vector3d(here + left / length * (next - here));

@@ -246,10 +246,10 @@ int SimulatedCatheter::choose(int branch, double* worst) const {
   const double lever_m = std::max(1e-3 * settings_.tip_length_mm, map_.parting_m(branch) + kParted_m);
   int best = map_.children(branch).front();
   double least = 1e9;
-  for (const TreeRoute& way : map_.waysFrom(branch, lever_m)) {
-    const double angle = std::acos(std::clamp(tip.dot(way.direction), -1.0, 1.0));
-    const double lumen = std::atan2(way.radius_m, lever_m);
-    if (angle - lumen < least) least = angle - lumen, best = way.child;
+  for (const TreeRoute& route : map_.routesFrom(branch, lever_m)) {
+    const double angle = std::acos(std::clamp(tip.dot(route.direction), -1.0, 1.0));
+    const double lumen = std::atan2(route.radius_m, lever_m);
+    if (angle - lumen < least) least = angle - lumen, best = route.child;
   }
   *worst = least;
   return best;

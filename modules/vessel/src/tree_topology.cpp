@@ -167,43 +167,43 @@ double TreeTopology::radius_m(const TreeLocation& place) const {
   return between(line.radius_m, spotAt(line.arc_m, place.arc_m));
 }
 
-std::vector<TreeRoute> TreeTopology::waysFrom(int branch, double length_m) const {
-  std::vector<TreeRoute> ways;
+std::vector<TreeRoute> TreeTopology::routesFrom(int branch, double length_m) const {
+  std::vector<TreeRoute> routes;
   const Eigen::Vector3d from = lines_.at(branch).place.back();
-  for (const int child : lines_[branch].children) addWays(child, child, length_m, from, ways);
-  return ways;
+  for (const int child : lines_[branch].children) addRoutes(child, child, length_m, from, routes);
+  return routes;
 }
 
-void TreeTopology::addWays(int child, int branch, double left_m, const Eigen::Vector3d& from,
-                           std::vector<TreeRoute>& ways) const {
+void TreeTopology::addRoutes(int child, int branch, double left_m, const Eigen::Vector3d& from,
+                             std::vector<TreeRoute>& routes) const {
   const Line& line = lines_[branch];
   if (left_m > length_m(branch) && !line.children.empty()) {
-    for (const int next : line.children) addWays(child, next, left_m - length_m(branch), from, ways);
+    for (const int next : line.children) addRoutes(child, next, left_m - length_m(branch), from, routes);
     return;
   }
   const TreeLocation end{branch, left_m};
   const Eigen::Vector3d chord = point(end) - from;
-  ways.push_back(
+  routes.push_back(
       {child, branch, radius_m(end), chord.norm() > 0 ? Eigen::Vector3d(chord.normalized()) : frame({child, 0}).along});
 }
 
 double TreeTopology::findParting(int branch) const {
-  const std::vector<TreeRoute> ways = waysFrom(branch, kMaxParting_m);
+  const std::vector<TreeRoute> routes = routesFrom(branch, kMaxParting_m);
   const double fork_m = start_m(branch) + length_m(branch);
-  const auto along = [&](const TreeRoute& way, double s) {
-    int at = way.last;
-    while (at != way.child && start_m(at) > fork_m + s) at = *lines_[at].parent;
+  const auto along = [&](const TreeRoute& route, double s) {
+    int at = route.last;
+    while (at != route.child && start_m(at) > fork_m + s) at = *lines_[at].parent;
     return TreeLocation{at, fork_m + s - start_m(at)};
   };
-  const auto length = [&](const TreeRoute& way) { return start_m(way.last) + length_m(way.last) - fork_m; };
+  const auto length = [&](const TreeRoute& route) { return start_m(route.last) + length_m(route.last) - fork_m; };
   double parted_m = 0;
-  for (std::size_t a = 0; a < ways.size(); ++a) {
-    for (std::size_t b = a + 1; b < ways.size(); ++b) {
-      if (ways[a].child == ways[b].child) continue;
-      const double shorter_m = std::min({kMaxParting_m, length(ways[a]), length(ways[b])});
+  for (std::size_t a = 0; a < routes.size(); ++a) {
+    for (std::size_t b = a + 1; b < routes.size(); ++b) {
+      if (routes[a].child == routes[b].child) continue;
+      const double shorter_m = std::min({kMaxParting_m, length(routes[a]), length(routes[b])});
       double s = 0;
       for (; s < shorter_m; s += kPartingStep_m) {
-        const TreeLocation p = along(ways[a], s), q = along(ways[b], s);
+        const TreeLocation p = along(routes[a], s), q = along(routes[b], s);
         if ((point(p) - point(q)).norm() > std::max(radius_m(p), radius_m(q))) break;
       }
       parted_m = std::max(parted_m, std::min(s, shorter_m));

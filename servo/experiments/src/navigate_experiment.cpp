@@ -26,7 +26,7 @@ TreeLocation startOf(const TreeTopology& map, const TreeLocation& target) {
   return map.before(target, route_m - std::min(kStart_m, 0.5 * route_m));
 }
 
-double narrowestOnWay(const VesselTree& tree, const TreeTopology& map, int branch) {
+double narrowestOnRoute(const VesselTree& tree, const TreeTopology& map, int branch) {
   double least = 1;
   for (const int c : map.pathTo(branch)) {
     for (const int i : map.points(c)) least = std::min(least, *tree.radii()[i]);
@@ -78,7 +78,7 @@ std::vector<TreeLocation> navigateTargets(const VesselTree& tree, const Navigate
     const TreeLocation place{c, std::min(1e-3 * experiment.into_branch_mm, 0.8 * map.length_m(c))};
     if (map.pathTo(c).front() != root || place.arc_m < kMinInto_m || map.start_m(c) < 1e-3 * experiment.min_route_mm)
       continue;
-    if (narrowestOnWay(full, map, c) >= 1e-3 * experiment.min_radius_mm) fit.push_back(place);
+    if (narrowestOnRoute(full, map, c) >= 1e-3 * experiment.min_radius_mm) fit.push_back(place);
   }
   const int n = std::min(count, static_cast<int>(fit.size()));
   for (int k = 0; k < n; ++k)

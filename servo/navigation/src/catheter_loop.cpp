@@ -13,7 +13,7 @@ constexpr double kMaxPeriod_s = 0.2;  // A longer gap is no time in which doubt 
 
 // What the navigator believes of how its tip is deflected, as a length.
 TipOffset offsetOf(const TipRoll& roll, double tip_length_m) {
-  return {tip_length_m * roll.deflection(), tip_length_m * tip_length_m * roll.leanCovariance()};
+  return {tip_length_m * roll.deflection(), tip_length_m * tip_length_m * roll.deflectionCovariance()};
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ namespace {
 
 /// How a tip is to point in front of a fork.
 struct ForkPlan {
-  double angle_rad = 0;   ///< Of the tip in the vessel's frame at the fork, from `across` to `aside`.
+  double angle_rad = 0;   ///< Of the tip in the vessel's frame at the fork, from `normal` to `binormal`.
   double bend_rad = 0;    ///< Between the tip and the vessel.
   double margin_rad = 0;  ///< By how much it points nearer to the wanted branch than to any other; may be negative.
 };
@@ -29,7 +29,7 @@ struct TipRange {
 
 constexpr int kAngles = 72;
 constexpr int kBends = 13;
-constexpr double kLevers[] = {0.7, 1.3};  // How far ahead a tip feels its way, nobody knows well.
+constexpr double kLevers[] = {0.7, 1.3};  // The distance over which a tip chooses a branch is not well known.
 constexpr double kCloser = 0.03;  // [rad] A larger bend must earn its contact with the wall by this for each step.
 
 // Frame of the vessel that ends at the fork in front of `child`.
@@ -55,18 +55,18 @@ Fork forkAt(const TreeTopology& map, int wanted, int towards, double lever_m) {
   if (!parent) return fork;
   bool leads = false;
   const double parted_m = map.parting_m(*parent) + 0.5 * lever_m;
-  for (const TreeRoute& way : map.waysFrom(*parent, std::max(lever_m, parted_m))) {
-    if (way.child != wanted) {
-      fork.others.push_back(way.direction);
+  for (const TreeRoute& route : map.routesFrom(*parent, std::max(lever_m, parted_m))) {
+    if (route.child != wanted) {
+      fork.others.push_back(route.direction);
     } else if (!leads) {
-      fork.goal = way.direction;
-      leads = map.passes(towards, way.last) || map.passes(way.last, towards);
+      fork.goal = route.direction;
+      leads = map.passes(towards, route.last) || map.passes(route.last, towards);
     }
   }
   return fork;
 }
 
-// How much nearer to the goal the tip points than to any other way.
+// How much nearer to the goal the tip points than to any other branch.
 double marginOf(const Fork& fork, double angle, double bend) {
   const TreeFrame& f = fork.frame;
   const Eigen::Vector3d tip =
@@ -76,8 +76,8 @@ double marginOf(const Fork& fork, double angle, double bend) {
   return nearest - angleBetween(tip, fork.goal);
 }
 
-// Direction in which a way through a child leaves its parent, in the parent's frame at the fork: across, aside; sine
-// of the angle long. The way towards `towards`, where several lead through the child.
+// Direction in which a route through a child leaves its parent, in the parent's frame at the fork: normal, binormal.
+// Its length is the sine of the angle. Where several routes lead through the child, it is the one to `towards`.
 Eigen::Vector2d sidewaysOf(const TreeTopology& map, int child, int towards, double lever_m) {
   const Fork fork = forkAt(map, child, towards, lever_m);
   return {fork.goal.dot(fork.frame.normal), fork.goal.dot(fork.frame.binormal)};
@@ -87,8 +87,8 @@ Eigen::Vector2d sidewaysOf(const TreeTopology& map, int child, int towards, doub
 // known to `std_rad`; with several wanted branches, of forks that follow each other closely, the least of their
 // margins counts: a tip that only slides keeps its angle in the vessel's frame.
 //
-// Children leave a fork as the chords of the first `lever_m` [m] of their ways, or more until those have parted: one
-// that is short goes on as its own children do, and the wanted ones towards `target`.
+// Children leave a fork as the chords of the first `lever_m` [m] of their routes, or more until those have parted. A
+// short child goes on as its own children do, a wanted one towards `target`.
 ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int target, const TipRange& range,
                    double std_rad, double lever_m) {
   std::vector<Fork> forks;
@@ -116,7 +116,7 @@ ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int 
 constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
 constexpr double kMaxAim_s = 8;
 constexpr double kFullLook_rad = 2.2 * kPi;
-constexpr double kSure = 0.9;           // Probability of a wrong branch that is worth a way back at once.
+constexpr double kSure = 0.9;           // Probability of a wrong branch that is worth going back at once.
 constexpr double kEntered = 0.8;        // Probability of the wanted branch that is enough to go on.
 constexpr double kMinMargin_rad = 0.1;  // For one aim to serve several forks.
 
@@ -179,7 +179,7 @@ NavigationAnswer Navigator::look(const NavigationInput& input) {
 NavigationAnswer Navigator::aim(const NavigationInput& input) {
   aimed_s_ += input.period_s;
   const double close = degToRad(settings_.angle_deg);
-  // Forwards all the way, unless it is just a little too far.
+  // Forwards, unless it is just a little too far.
   double left =
       std::remainder(aim_angle_rad_ - roll_.angle_rad() - input.drive.roll_speed_rad_per_s * input.latency_s, 2 * kPi);
   const bool turned = std::abs(left) < close;
@@ -195,7 +195,7 @@ NavigationAnswer Navigator::aim(const NavigationInput& input) {
   return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
 }
 
-// Whether a belief beside the route is worth a way back.
+// Whether a belief beside the route is worth going back for.
 bool Navigator::sureOf(const RouteView& view) const {
   const double beyond_m = -view.to_fork_m, parted_m = map_.parting_m(view.branch);
   return beyond_m >= parted_m + 1e-3 * settings_.sure_mm ||

@@ -11,7 +11,7 @@ namespace angio::navigation {
 
 constexpr int kSteadyFrames = 3;  ///< What only fewer frames say may be one bad frame.
 
-/// A belief about a tip as one sees it who has a way to go.
+/// A belief about a tip, relative to a route.
 struct RouteView {
   bool on_route = false;          ///< The tip's branch leads to the target, or is its own.
   int branch = 0;                 ///< The last branch of the route that the tip has come through or is in.

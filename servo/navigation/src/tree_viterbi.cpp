@@ -88,18 +88,18 @@ int WalkPlaces::nearest(int of_branch, double at_m) const {
 WalkArea areaAround(const WalkPlaces& places, const TipBelief& expected, double behind_m, double ahead_m) {
   const std::size_t n = places.points_m.size();
   std::vector<double> nearest(n, 1e9), from(n);
-  std::vector<bool> wanted(n, false), on_way(n);
+  std::vector<bool> wanted(n, false), on_path(n);
   std::vector<TipPlace> tips = expected.alternatives;
   tips.insert(tips.begin(), expected.tip);
   for (const TipPlace& tip : tips) {
-    std::fill(on_way.begin(), on_way.end(), false);
+    std::fill(on_path.begin(), on_path.end(), false);
     const int end = places.nearest(tip.branch, tip.arc_m);
-    for (int i = end; i >= 0; i = places.parent[i]) on_way[i] = true;
+    for (int i = end; i >= 0; i = places.parent[i]) on_path[i] = true;
     for (std::size_t i = 0; i < n; ++i) {
       const int p = places.parent[i];
       const double step = p >= 0 ? places.path_m[i] - places.path_m[p] : 0;
-      from[i] = on_way[i] ? places.path_m[end] - places.path_m[i] : (p >= 0 ? from[p] + step : 1e9);
-      const bool here = on_way[i] ? from[i] <= behind_m : from[i] <= ahead_m;
+      from[i] = on_path[i] ? places.path_m[end] - places.path_m[i] : (p >= 0 ? from[p] + step : 1e9);
+      const bool here = on_path[i] ? from[i] <= behind_m : from[i] <= ahead_m;
       if (here) wanted[i] = true, nearest[i] = std::min(nearest[i], from[i]);
     }
   }

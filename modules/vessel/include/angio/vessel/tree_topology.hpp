@@ -23,17 +23,17 @@ struct EdgePoint {
   double weight = 0;
 };
 
-/// Directions at a place of a vessel: along it, and two across it that turn no more than the vessel does.
+/// Directions at a place of a vessel: along it, and two normal to it that turn no more than the vessel does.
 ///
-/// `across` and `aside` complete `along` to a right-handed frame, carried from the root without twist: what is pushed
-/// along the vessels from there keeps its roll against them.
+/// `normal` and `binormal` complete `along` to a right-handed frame, carried from the root without twist: what is
+/// pushed along the vessels from there keeps its roll against them.
 struct TreeFrame {
   Eigen::Vector3d along = Eigen::Vector3d::UnitZ();
   Eigen::Vector3d normal = Eigen::Vector3d::UnitX();
   Eigen::Vector3d binormal = Eigen::Vector3d::UnitY();
 };
 
-/// A way on from the end of a branch.
+/// A route on from the end of a branch.
 struct TreeRoute {
   int child = 0;                                         ///< The branch that it begins with ...
   int last = 0;                                          ///< ... and the one in which it ends.
@@ -41,7 +41,7 @@ struct TreeRoute {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< From the fork to its end; length 1.
 };
 
-/// A tree as one who travels in it needs it: lengths, frames, and ways from one branch to another.
+/// A tree's lengths, frames, and routes from one branch to another.
 ///
 /// Branches are those of VesselTree::branches(); a branch's parent is the one that ends where it starts. Arc lengths
 /// are clamped to their branch's length. Throws std::out_of_range for a branch that is not there.
@@ -59,7 +59,7 @@ class TreeTopology {
   /// The branches from the root to `branch`, both included.
   std::vector<int> pathTo(int branch) const;
 
-  /// Whether the way from the root to `branch` leads through `other`, itself included.
+  /// Whether the route from the root to `branch` leads through `other`, itself included.
   bool passes(int branch, int other) const;
 
   EdgePoint spot(const TreeLocation& place) const;
@@ -72,10 +72,10 @@ class TreeTopology {
   /// How far the vessel has turned from the root to here, all its bends added up [rad].
   double turned_rad(const TreeLocation& place) const;
 
-  /// All ways on from the end of a branch, `length_m` [m] long, or shorter where the tree ends.
-  std::vector<TreeRoute> waysFrom(int branch, double length_m) const;
+  /// All routes on from the end of a branch, `length_m` [m] long, or shorter where the tree ends.
+  std::vector<TreeRoute> routesFrom(int branch, double length_m) const;
 
-  /// How far beyond the end of a branch the ways through its children still run inside each other's lumens [m]: up to
+  /// How far beyond the end of a branch the routes through its children still run inside each other's lumens [m]: up to
   /// there, what is in one of them is in the others, and forks of short branches are one. At most `max_m` and 12 mm;
   /// radii that the tree does not know count as 1 mm.
   double parting_m(int branch, double max_m = 12e-3) const { return std::min(lines_.at(branch).parting_m, max_m); }
@@ -90,7 +90,8 @@ class TreeTopology {
     std::vector<int> children;
   };
   void layFrames(int branch);
-  void addWays(int child, int branch, double left_m, const Eigen::Vector3d& from, std::vector<TreeRoute>& ways) const;
+  void addRoutes(int child, int branch, double left_m, const Eigen::Vector3d& from,
+                 std::vector<TreeRoute>& routes) const;
   double radius_m(const TreeLocation& place) const;
   double findParting(int branch) const;
 

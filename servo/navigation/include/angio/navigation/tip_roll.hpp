@@ -15,10 +15,10 @@ namespace angio::navigation {
 /// How far a catheter's tip is deflected out of its vessel, as one X-ray frame shows it: the part across the vessel's
 /// image.
 struct TipDeflection {
-  double slope = 0;  ///< Sideways way of the tip for each metre of its length.
+  double slope = 0;  ///< Sideways displacement of the tip for each metre of its length.
   double sigma = 1;  ///< Standard deviation of that.
-  /// The direction in which it is positive, in the vessel's frame at the tip: components `across` and `aside`. Shorter
-  /// than 1: what is deflected along the beam is not seen.
+  /// The direction in which it is positive, in the vessel's frame at the tip: components `normal` and `binormal`.
+  /// Shorter than 1: what is deflected along the beam is not seen.
   Eigen::Vector2d observable_axis = Eigen::Vector2d::Zero();
 };
 
@@ -53,10 +53,10 @@ class TipRoll {
   /// What a frame shows of it. Values beyond three standard deviations pull no harder than those.
   void see(const TipDeflection& deflection);
 
-  /// It has entered a branch that lies in this direction (in the vessel's frame: across, aside; any length).
+  /// It has entered a branch that lies in this direction (in the vessel's frame: normal, binormal; any length).
   void entered(const Eigen::Vector2d& direction);
 
-  /// Angle of the tip in the vessel's frame, from `across` to `aside` [rad].
+  /// Angle of the tip in the vessel's frame, from `normal` to `binormal` [rad].
   double angle_rad() const;
 
   /// Standard deviation of that angle, at most pi / sqrt(3): then nothing is known.
@@ -66,7 +66,7 @@ class TipRoll {
   Eigen::Vector2d deflection() const { return turn() * state_.head<2>(); }
 
   /// Covariance of deflection().
-  Eigen::Matrix2d leanCovariance() const { return turn() * P_.topLeftCorner<2, 2>() * turn().transpose(); }
+  Eigen::Matrix2d deflectionCovariance() const { return turn() * P_.topLeftCorner<2, 2>() * turn().transpose(); }
 
  private:
   Eigen::Matrix2d turn() const;  // Of the tip, by the roll that has come through.

@@ -10,7 +10,7 @@
 
 namespace angio::navigation {
 
-/// How much of a catheter's way one view must show.
+/// How much of a catheter's route one view must show.
 struct ViewPlannerSettings {
   double behind_mm = 20;                   ///< Of the tip: there the stretch begins that a view is chosen for ...
   double ahead_mm = 60;                    ///< ... and there it ends, or at the target.
@@ -32,7 +32,7 @@ struct PlannedView {
   Eigen::Vector3d middle_model = Eigen::Vector3d::Zero();  ///< [m]
 };
 
-/// From where a C-arm looks at a catheter on its way: the best view (bestView) of the stretch around its tip.
+/// Chooses a C-arm's views of a catheter on its route: the best view (bestView) of the stretch around its tip.
 ///
 /// One view serves for as long as the tip stays in its stretch. One that leaves doubt is exchanged for the best of
 /// those that lie well beside it: what runs along one beam, or hides behind another vessel, does not in the other.
