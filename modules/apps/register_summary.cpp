@@ -40,7 +40,7 @@ std::string captionOf(const CaseOutcome& outcome) {
   const RegistrationResult& r = outcome.result;
   if (r.status == RegistrationStatus::kTooFewPoints) return statusName(r.status);
   return formatted("%s: model to image %.2f px, image to model %.2f px, %.1f ms", statusName(r.status).c_str(),
-                   r.agreement.model_residual_px, r.agreement.image_residual_px,
+                   r.alignment.model_residual_px, r.alignment.image_residual_px,
                    1e3 * (outcome.image_s + r.times.total_s));
 }
 
@@ -63,8 +63,8 @@ std::optional<ImageReading> matchingReading(Registration& registration, const Xr
   for (const ImageReading reading : otherReadings(seen.camera)) {
     const Centerline2d read = readAs(reading, seen.centerline, seen.camera);
     const RegistrationResult result = registration.search({XrayView{read, seen.camera}}, prior, starts);
-    if (result.status != RegistrationStatus::kConverged || result.agreement.score() <= best_score) continue;
-    best_score = result.agreement.score();
+    if (result.status != RegistrationStatus::kConverged || result.alignment.score() <= best_score) continue;
+    best_score = result.alignment.score();
     best = reading;
   }
   return best;

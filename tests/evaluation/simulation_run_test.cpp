@@ -82,8 +82,8 @@ TEST(SimulationSummary, HoldsClaimsAgainstTheTruthInQuartersOfTheFitsScores) {
   for (int i = 0; i < 16; ++i) {
     const int turn = i * 5 % 16;  // Not in their order.
     CaseOutcome o = outcomeOf(5, 1);
-    o.result.agreement.model_explained = 1 - 0.05 * turn;
-    o.result.agreement.image_explained = 1;
+    o.result.alignment.model_explained = 1 - 0.05 * turn;
+    o.result.alignment.image_explained = 1;
     const bool poor = turn >= 12;
     o.claim = CaseOutcome::Claim{};
     o.claim->beyond = turn == 15 ? 0.2 : 0;
@@ -281,7 +281,7 @@ TEST_F(SimulationRuns, TheReportStandsAlone) {
 
 TEST(Paper, ATrialWithoutAnAnswerIsAFailure) {
   EntrantRun run{"m", {outcomeOf(5, 0.1), outcomeOf(5, 9, RegistrationStatus::kTooFewPoints)}};
-  run.outcomes[0].result.agreement.model_rms_px = 2;
+  run.outcomes[0].result.alignment.model_rms_px = 2;
   const auto paper = paperAsJson({run}, {});
   const auto& f = paper["table1"]["here"]["m"];
   EXPECT_EQ(f["gfr_percent"], 50);

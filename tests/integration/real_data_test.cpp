@@ -160,11 +160,11 @@ TEST(AneurysmPhantom, ALargeBendIsJudgedByWhatItExplains) {
                          ->search(seen, run.views[0].camera, PosePrior{run.initial_pose, {}}, StartSettings());
       const std::string which = (held ? "held, " : "free, ") + std::to_string(std_mm);
       if (r.status == RegistrationStatus::kConverged) {
-        EXPECT_GE(r.agreement.image_explained, 0.8) << which;
+        EXPECT_GE(r.alignment.image_explained, 0.8) << which;
       }
       if (held && std_mm > 4) {
         // Three quarters of the tree lie on the mask's centreline within 3 px of some hundred that it was moved by.
-        EXPECT_GT(r.agreement.model_explained, 0.7) << which << ": " << r.reason;
+        EXPECT_GT(r.alignment.model_explained, 0.7) << which << ": " << r.reason;
         EXPECT_THAT(r.reason, testing::HasSubstr("of the image")) << which;
       }
     }

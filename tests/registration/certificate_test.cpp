@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Certificates: bounds that hold, rivals that are found, and no proof without one.
+// Certificates: bounds that hold, alternatives that are found, and no proof without one.
 #include "angio/registration/certificate.hpp"
 
 #include <gtest/gtest.h>
@@ -222,7 +222,7 @@ TEST(Certificate, ProvesThatNoOtherPoseScoresNearlyAsWell) {
     });
     EXPECT_TRUE(certificate.proven) << certificate.reason;
     EXPECT_EQ(certificate.reason, "");
-    EXPECT_FALSE(certificate.rival);
+    EXPECT_FALSE(certificate.alternative);
     EXPECT_LT(certificate.bound, 0.9);
     EXPECT_GT(certificate.score, 0.8);
     EXPECT_DOUBLE_EQ(certificate.score, certifiedScore(s.tree, s.view(), s.truth));
@@ -252,7 +252,7 @@ TEST(Certificate, OneThreadAndTwoProveTheSame) {
   EXPECT_EQ(one.bound, two.bound);
 }
 
-// A wrong pose is never certified: the true one is its rival.
+// A wrong pose is never certified: the true one is its alternative.
 TEST(Certificate, AWrongPoseHasTheTrueOneForARival) {
   for (const unsigned seed : {5u, 6u, 7u}) {
     const Scene s(seed);
@@ -262,9 +262,9 @@ TEST(Certificate, AWrongPoseHasTheTrueOneForARival) {
     const auto certificate = certify(s.tree, s.view(), s.truth, wrong, boxOf(25, 30));
     EXPECT_FALSE(certificate.proven);
     if (certificate.score == 0) continue;  // It explains nothing.
-    ASSERT_TRUE(certificate.rival) << certificate.reason;
-    EXPECT_GE(certificate.rival->share, 0.9);
-    EXPECT_GT(certificate.rival->distance_m, 5e-3);
+    ASSERT_TRUE(certificate.alternative) << certificate.reason;
+    EXPECT_GE(certificate.alternative->share, 0.9);
+    EXPECT_GT(certificate.alternative->distance_m, 5e-3);
   }
 }
 
@@ -274,12 +274,13 @@ TEST(Certificate, ASymmetricTreeHasARivalThatIsReturned) {
   const Scene s(tree, inFront(tree, expSO3({0.3, 0.2, 0})));
   const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, boxOf(45, 60));
   EXPECT_FALSE(certificate.proven);
-  ASSERT_TRUE(certificate.rival) << certificate.reason;
-  EXPECT_GE(certificate.rival->share, 0.9);
-  EXPECT_NEAR(certificate.rival->share,
-              certifiedScore(s.tree, s.view(), certificate.rival->T_camera_model) / certificate.score, 1e-12);
-  EXPECT_NEAR(certificate.rival->distance_m, poseDistance_m(s.tree, s.truth, certificate.rival->T_camera_model), 1e-9);
-  EXPECT_GT(certificate.rival->distance_m, 5e-3);
+  ASSERT_TRUE(certificate.alternative) << certificate.reason;
+  EXPECT_GE(certificate.alternative->share, 0.9);
+  EXPECT_NEAR(certificate.alternative->share,
+              certifiedScore(s.tree, s.view(), certificate.alternative->T_camera_model) / certificate.score, 1e-12);
+  EXPECT_NEAR(certificate.alternative->distance_m,
+              poseDistance_m(s.tree, s.truth, certificate.alternative->T_camera_model), 1e-9);
+  EXPECT_GT(certificate.alternative->distance_m, 5e-3);
 }
 
 // A flat tree looks nearly the same with near and far exchanged.
@@ -288,10 +289,10 @@ TEST(Certificate, AFlatTreeHasItsDepthMirrorForARival) {
   const Scene s(tree, inFront(tree, expSO3({0.35, 0, 0})));
   const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, boxOf(45, 20));
   EXPECT_FALSE(certificate.proven);
-  ASSERT_TRUE(certificate.rival) << certificate.reason;
-  EXPECT_GE(certificate.rival->share, 0.9);
+  ASSERT_TRUE(certificate.alternative) << certificate.reason;
+  EXPECT_GE(certificate.alternative->share, 0.9);
   // Tilted to the other side.
-  const Eigen::Vector3d normal = certificate.rival->T_camera_model.linear().col(2);
+  const Eigen::Vector3d normal = certificate.alternative->T_camera_model.linear().col(2);
   EXPECT_LT(normal.y() * s.truth.linear().col(2).y(), 0);
 }
 
@@ -302,7 +303,7 @@ TEST(Certificate, WithoutTimeNothingIsProven) {
     settings.seconds = seconds;
     const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, settings);
     EXPECT_FALSE(certificate.proven);
-    EXPECT_FALSE(certificate.rival);
+    EXPECT_FALSE(certificate.alternative);
     EXPECT_GE(certificate.bound, 0.9);
     EXPECT_EQ(certificate.reason.rfind("not proven: bound ", 0), 0u) << certificate.reason;
     EXPECT_LT(certificate.seconds, seconds + 1);
@@ -334,7 +335,7 @@ TEST(Certificate, AnImageThatExplainsNothingProvesNothing) {
 TEST(Certificate, RefusesSettingsOutOfTheirRange) {
   const Scene s(11);
   auto settings = boxOf(10, 10);
-  settings.rival_share = 0;
+  settings.alternative_share = 0;
   EXPECT_THROW(certify(s.tree, s.view(), s.truth, s.truth, settings), InputError);
 }
 

@@ -123,7 +123,7 @@ Json claimsByQuarter(const std::vector<CaseOutcome>& outcomes) {
   }
   if (claimed.size() < kFewest) return nullptr;
   std::stable_sort(claimed.begin(), claimed.end(), [](const CaseOutcome* a, const CaseOutcome* b) {
-    return a->result.agreement.score() > b->result.agreement.score();
+    return a->result.alignment.score() > b->result.alignment.score();
   });
   Json quarters = Json::array();
   for (std::size_t q = 0; q < kQuarters; ++q) {
@@ -137,7 +137,7 @@ Json claimsByQuarter(const std::vector<CaseOutcome>& outcomes) {
     }
     const double percent = 100 / static_cast<double>(to - from);
     quarters.push_back({{"trials", to - from},
-                        {"lowest_score", claimed[to - 1]->result.agreement.score()},
+                        {"lowest_score", claimed[to - 1]->result.alignment.score()},
                         {"depth_in_90_percent", percent * depth_in},
                         {"plane_in_90_percent", percent * plane_in},
                         {"converged_and_wrong_percent", percent * wrong}});
@@ -152,7 +152,7 @@ std::vector<Column<CaseOutcome>> trialColumns() {
       {"", "gfr_true_isocentre_5mm_percent", "percent",
        [](O o) { return !(o.error->mpd_isocenter_m && 1e3 * *o.error->mpd_isocenter_m <= kGrossFailure_mm); }},
       {"", "gfr_nearest_isocentre_5mm_percent", "percent",
-       [](O o) { return !(1e3 * o.pixel_at_isocenter_m * o.result.agreement.model_residual_px <= kGrossFailure_mm); }},
+       [](O o) { return !(1e3 * o.pixel_at_isocenter_m * o.result.alignment.model_residual_px <= kGrossFailure_mm); }},
       {"", "converged_percent", "percent", isConverged},
       {"", "converged_and_wrong_percent", "percent", isConvergedAndWrong},
       {"", "depth_in_90_percent", kSpread, [](O o) { return o.claim ? Json(100 * o.claim->depth_in) : Json(nullptr); }},

@@ -34,7 +34,7 @@ struct FlankPixels {
   int stride, width, height;
 };
 
-/// What a row of lines is judged by. `finer.values` is null where no finer image is asked.
+/// What a row of lines is scored by. `finer.values` is null where no finer image is asked.
 struct FlankRow {
   FlankPixels image, finer;
   float per_pixel, sigma;

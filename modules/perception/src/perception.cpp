@@ -173,7 +173,7 @@ void Perception::bend(const XrayViews& views, Observation& observation) {
   // Frames share what is believed of the pose, and must not seem to have found it each anew.
   if (deformed.points) rigid.points = std::make_shared<OpenInDepth>(deformed.points, open_m2 - deformed_m2);
   rigid.displacements_m = countedFrom(rigid.T_camera_model, deformed, bending_->tree());
-  rigid.agreement = deformed.agreement;
+  rigid.alignment = deformed.alignment;
   rigid.evidence = deformed.evidence;
   rigid.status = RegistrationStatus::kConverged;
   rigid.reason.clear();

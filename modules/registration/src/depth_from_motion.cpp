@@ -278,7 +278,7 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   setUncertainty(posterior, centered, T_camera_centered, evidence.centroid, seen);
   seen.points_3d = tree.size();
   seen.points_2d = view.centerline.size();
-  seen.agreement = agreementOf(tree, tree.points() + seen.displacements_m, {view}, seen.T_camera_model);
+  seen.alignment = alignmentScore(tree, tree.points() + seen.displacements_m, {view}, seen.T_camera_model);
   classify(tree, seen);
   result.turn_rad = chosen.turn_rad;
   result.axis = chosen.axis;

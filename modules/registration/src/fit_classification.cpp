@@ -57,7 +57,7 @@ std::string percent(double share) { return std::to_string(static_cast<int>(100 *
 
 Matrix6d symmetric(const Matrix6d& C) { return 0.5 * (C + C.transpose()); }
 
-// What an agreement must reach.
+// What an alignment score must reach.
 struct Threshold {
   double share, score;
   PlaceSpread spread;
@@ -94,13 +94,13 @@ std::optional<std::string> leftOpen(const Threshold& threshold, const VesselTree
 // Why a large deformation is not believed, where there is one.
 std::optional<std::string> bentTooFar(const RegistrationResult& result) {
   const double deformation_m = rms(result.displacements_m);
-  if (deformation_m <= kLargeDeformation_m || result.agreement.image_explained >= kLargeImageShare) return std::nullopt;
+  if (deformation_m <= kLargeDeformation_m || result.alignment.image_explained >= kLargeImageShare) return std::nullopt;
   return "the tree had to be deformed by " + millimetres(deformation_m) + ", and the model explains " +
-         percent(result.agreement.image_explained) + " of the image, less than " + percent(kLargeImageShare);
+         percent(result.alignment.image_explained) + " of the image, less than " + percent(kLargeImageShare);
 }
 
-void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationResult& result) {
-  const AlignmentScore& a = result.agreement;
+void classifyBy(const Threshold& threshold, const VesselTree& tree, RegistrationResult& result) {
+  const AlignmentScore& a = result.alignment;
   const double most = std::max(a.model_explained, a.image_explained);
   result.status = RegistrationStatus::kAmbiguous;
   result.reason = "image explains " + percent(a.model_explained) + " of the model in view, model explains " +
@@ -136,7 +136,7 @@ bool seemsBent(const RegistrationResult& result) { return result.deformation_std
 
 bool explained(const RegistrationResult& result) {
   return result.T_camera_model.matrix().allFinite() && result.covariance &&
-         result.agreement.model_points >= kFewestPoints && reaches(result.agreement, kUsual.share, kUsual.score) &&
+         result.alignment.model_points >= kFewestPoints && reaches(result.alignment, kUsual.share, kUsual.score) &&
          result.last_step_px <= kAtRest_px && !bentTooFar(result);
 }
 
@@ -150,17 +150,17 @@ double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const Ve
   return std::sqrt(std::max(0.0, variance_m2));
 }
 
-void classify(const VesselTree& tree, RegistrationResult& result) { judgeBy(kUsual, tree, result); }
+void classify(const VesselTree& tree, RegistrationResult& result) { classifyBy(kUsual, tree, result); }
 
 void classifyAgainst(double alternative_share, const VesselTree& tree, RegistrationResult& result) {
-  const bool usual = reaches(result.agreement, kUsual.share, kUsual.score);
+  const bool usual = reaches(result.alignment, kUsual.share, kUsual.score);
   // A deformed tree follows any line near by: that nothing else fits does not speak for it.
   const bool deformed = rms(result.displacements_m) > 0;
-  judgeBy(alternative_share <= kAloneShare && !usual && !deformed ? kAlone : kUsual, tree, result);
-  compareWithRival(alternative_share, result);
+  classifyBy(alternative_share <= kAloneShare && !usual && !deformed ? kAlone : kUsual, tree, result);
+  compareWithAlternative(alternative_share, result);
 }
 
-void compareWithRival(double alternative_share, RegistrationResult& result) {
+void compareWithAlternative(double alternative_share, RegistrationResult& result) {
   result.ambiguity = alternative_share;
   if (result.status == RegistrationStatus::kConverged && alternative_share > kAmbiguousShare) {
     result.status = RegistrationStatus::kAmbiguous;

@@ -102,8 +102,8 @@ ClosedLoopFrame describe(const ServoReport& report) {
   row.hold_reason = report.hold_reason;
   const Observation& observation = report.observation;
   row.status = observation.registration.status;
-  row.model_residual_px = observation.registration.agreement.model_residual_px;
-  row.image_residual_px = observation.registration.agreement.image_residual_px;
+  row.model_residual_px = observation.registration.alignment.model_residual_px;
+  row.image_residual_px = observation.registration.alignment.image_residual_px;
   row.points_2d = observation.centerline.size();
   row.image_s = observation.image_s;
   row.registration_s = observation.registration_s;

@@ -29,7 +29,7 @@ cv::Mat overlayOf(const ClosedLoopSnapshot& snapshot, const VesselTree& tree, co
       {snapshot.registration.T_camera_model, snapshot.registration.displacements_m, kModelColor, "tree as registered"});
   scene.caption =
       when + formatted(": registration %s, mean residual %.2f px", statusName(snapshot.registration.status).c_str(),
-                       snapshot.registration.agreement.model_residual_px);
+                       snapshot.registration.alignment.model_residual_px);
   return drawOverlay(scene, tree, snapshot.frame.camera);
 }
 

@@ -34,7 +34,7 @@ double narrowestOnRoute(const VesselTree& tree, const TreeTopology& map, int bra
   return least;
 }
 
-void judge(const TipBelief& belief, const std::optional<CatheterTrace>& trace, const SeenPose& pose,
+void score(const TipBelief& belief, const std::optional<CatheterTrace>& trace, const SeenPose& pose,
            const CatheterTruth& truth, NavigateResult& row) {
   if (belief.status != BeliefStatus::kSeen || !trace) return;
   const auto end = tipEnd(trace->evidence, belief.tip);
@@ -234,7 +234,7 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
     const NavigationInput& input = report->loop.input;
     row.looked += input.belief.has_value();
     if (input.belief && report->patient) {
-      judge(*input.belief, report->loop.trace,
+      score(*input.belief, report->loop.trace,
             {journey.exposure().frame.camera, report->patient->T_camera_model, report->patient->covariance}, truth,
             row);
     }

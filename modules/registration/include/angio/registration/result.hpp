@@ -104,7 +104,7 @@ struct [[nodiscard]] RegistrationResult {
   /// Score of the best different pose over the best score, in [0, 1]; absent when only one start was tried.
   std::optional<double> ambiguity;
 
-  AlignmentScore agreement;
+  AlignmentScore alignment;
   /// How far the last step moved the projection: a rigid one roughly and at most, a nonrigid one rms over the points.
   double last_step_px = 0;
   int rigid_iterations = 0;
