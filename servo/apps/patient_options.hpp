@@ -44,7 +44,7 @@ struct PatientOptions {
   void applyTo(SimulatedPatientSettings& patient) const {
     patient.filling.filled = filled.value_or(patient.filling.filled);
     patient.filling.missing = missing.value_or(patient.filling.missing);
-    BendSettings& bend = patient.motion.bend;
+    TreeDeformationSettings& bend = patient.motion.deformation;
     bend.rms_mm = deformation_mm.value_or(bend.rms_mm);
     if (deformation_field.empty()) return;
     if (bend.rms_mm <= 0) {

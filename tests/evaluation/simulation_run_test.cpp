@@ -177,7 +177,7 @@ Beyond beyond(const SimulationSetup& setup, const SimulationSettings& settings) 
   return found;
 }
 
-// The claim of the paper's method, whose covariance knows of no deformation, does not hold for a bent tree.
+// The claim of the paper's method, whose covariance knows of no deformation, does not hold for a deformed tree.
 TEST_F(SimulationRuns, ClaimsAreHeldAgainstTheTruth) {
   settings_.trials = 8;
   settings_.deformation_rms_mm = 1;
@@ -186,8 +186,8 @@ TEST_F(SimulationRuns, ClaimsAreHeldAgainstTheTruth) {
   EXPECT_GT(sum, 0.5);
 }
 
-// A rigid fit says how much the tree may be bent: it converges where the image holds it, and its covariance holds for
-// bent trees as for rigid ones. Of a tree bent by 3 mm nothing converges that is wrong.
+// A rigid fit says how much the tree may be deformed: it converges where the image holds it, and its covariance holds
+// for deformed trees as for rigid ones. Of a tree deformed by 3 mm nothing converges that is wrong.
 TEST_F(SimulationRuns, ARigidFitOfABentTreeSaysSo) {
   setup_.trees = {test::branchingTree(6), test::branchingTree(9, {0.01, 0.02, 0})};
   setup_.entrants = {{"oriented_kernel", OrientedKernelSettings(), {}}};

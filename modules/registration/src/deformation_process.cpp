@@ -12,7 +12,7 @@ namespace {
 
 // Variances of the linear part of a deformation at the tree's radius of gyration, over that of the smooth one: a
 // displacement whose nine gradients are free, and growth alike on all axes. Measured motions of lungs carried over to
-// brains: with a quarter of it the depth of a tree bent by 1 mm is claimed too well in one trial of five.
+// brains: with a quarter of it the depth of a tree deformed by 1 mm is claimed too well in one trial of five.
 constexpr double kStrain = 2;
 
 // As much varies over half the length as over the whole. Measured motions carried over to brains: with the whole alone

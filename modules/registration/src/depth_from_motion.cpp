@@ -24,9 +24,9 @@ const double kLength_m = 1e-3 * DeformationSettings().length_mm;
 // A residual so many standard deviations off was matched with another vessel.
 constexpr double kMismatch = 4;
 
-// The patient moves across the axis of the turn by about as much as along it, and half of that bends the tree. The way
-// in and the way out of a breath differ: a third of the motion lags or leads.
-constexpr double kAcross = 1, kBends = 0.5, kOfLag = 0.33;
+// The patient moves across the axis of the turn by about as much as along it, and half of that deforms the tree. The
+// way in and the way out of a breath differ: a third of the motion lags or leads.
+constexpr double kAcross = 1, kDeforms = 0.5, kOfLag = 0.33;
 constexpr std::array<double, 4> kLags_s = {-0.4, -0.2, 0.2, 0.4};
 constexpr double kStill_m = 0.1e-3;
 
@@ -116,8 +116,8 @@ Moments momentsOf(const Signal& signal, std::vector<Eigen::Index> of_group, doub
   moments.of_group = std::move(of_group);
   moments.shift_m2 = moves;
   moments.shift_m2.diagonal().array() += unexplained_m * unexplained_m;
-  const double bends = kBends / std::max(0.1e-3, amplitude_m);
-  moments.deformation = bends * bends * moves;
+  const double deforms = kDeforms / std::max(0.1e-3, amplitude_m);
+  moments.deformation = deforms * deforms * moves;
   moments.deformation.array() += 1;
   return moments;
 }

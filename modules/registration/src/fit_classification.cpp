@@ -34,16 +34,16 @@ constexpr double kAmbiguousShare = 0.9;
 // right ones on half of a tree 3 are less sure than both limits, and 27 of 33 wrong ones that everything else spoke
 // for.
 constexpr double kMaxSpread_m = 3e-3, kAloneMaxSpread_m = 1e-3;
-// A bent tree that the image explains well keeps its place in the image; its depth is open, and the covariance says so.
-// Who needs depth has to look at it. An image that explains little keeps neither: of a tree bent by 3 mm residuals are
-// as wide as the distances between vessels, and no longer tell how much it is bent.
+// A deformed tree that the image explains well keeps its place in the image; its depth is open, and the covariance says
+// so. Who needs depth has to look at it. An image that explains little keeps neither: of a tree deformed by 3 mm
+// residuals are as wide as the distances between vessels, and no longer tell how much it is deformed.
 constexpr double kMaxAcross_m = 5e-3;
 // From this on a deformation is worth a word.
-constexpr double kBent_m = 0.3e-3;
+constexpr double kDeformed_m = 0.3e-3;
 
 // A deformation larger than this (rms over the tree) is more than breathing: livers move by up to 25 mm with breath,
-// most of it as one. A stent's wires or a table bend a tree further. Nonrigid points can follow any line, also one that
-// is no vessel of this tree, so that such a fit has to explain nearly all that the image shows.
+// most of it as one. A stent's wires or a table deform a tree further. Nonrigid points can follow any line, also one
+// that is no vessel of this tree, so that such a fit has to explain nearly all that the image shows.
 constexpr double kLargeDeformation_m = 10e-3, kLargeImageShare = 0.8;
 
 double rms(const Eigen::Matrix3Xd& displacements_m) {
@@ -87,12 +87,12 @@ std::optional<std::string> leftOpen(const Threshold& threshold, const VesselTree
   if (within && spread.across_m <= threshold.spread.across_m) return std::nullopt;
   std::string what = "the image leaves the pose open by more than " + millimetres(threshold.spread.noise_m);
   if (within) what = formatted("the image leaves the place across the beam open by %.1f mm", 1e3 * spread.across_m);
-  if (!seemsBent(result)) return what;
+  if (!seemsDeformed(result)) return what;
   return what + ": the tree seems bent by " + formatted("%.1f mm", 1e3 * result.deformation_std_m);
 }
 
 // Why a large deformation is not believed, where there is one.
-std::optional<std::string> bentTooFar(const RegistrationResult& result) {
+std::optional<std::string> deformedTooFar(const RegistrationResult& result) {
   const double deformation_m = rms(result.displacements_m);
   if (deformation_m <= kLargeDeformation_m || result.alignment.image_explained >= kLargeImageShare) return std::nullopt;
   return "the tree had to be deformed by " + millimetres(deformation_m) + ", and the model explains " +
@@ -112,7 +112,7 @@ void classifyBy(const Threshold& threshold, const VesselTree& tree, Registration
     if (most < kDivergedShare) result.status = RegistrationStatus::kDiverged;
   } else if (result.last_step_px > kAtRest_px) {
     result.reason = "the solver had not come to rest";
-  } else if (const auto why = bentTooFar(result)) {
+  } else if (const auto why = deformedTooFar(result)) {
     result.reason = *why;
   } else if (const auto open = leftOpen(threshold, tree, result)) {
     result.reason = *open;
@@ -132,12 +132,12 @@ bool tooFewPoints(RegistrationResult& result) {
   return true;
 }
 
-bool seemsBent(const RegistrationResult& result) { return result.deformation_std_m > kBent_m; }
+bool seemsDeformed(const RegistrationResult& result) { return result.deformation_std_m > kDeformed_m; }
 
 bool explained(const RegistrationResult& result) {
   return result.T_camera_model.matrix().allFinite() && result.covariance &&
          result.alignment.model_points >= kFewestPoints && reaches(result.alignment, kUsual.share, kUsual.score) &&
-         result.last_step_px <= kAtRest_px && !bentTooFar(result);
+         result.last_step_px <= kAtRest_px && !deformedTooFar(result);
 }
 
 double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const VesselTree& tree) {

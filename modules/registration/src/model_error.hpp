@@ -10,9 +10,9 @@
 
 namespace angio::registration {
 
-/// The error of a rigid fit to a tree that may be bent.
+/// The error of a rigid fit to a tree that may be deformed.
 ///
-/// A tree that is bent, or was traced a little wrong, leaves residuals that go together along vessels and over
+/// A tree that is deformed, or was traced a little wrong, leaves residuals that go together along vessels and over
 /// centimetres, and the pose has followed them. How large both are is found from the residuals (errorSizes). The fit,
 /// which did not know of the deformation, is a known linear function of it, and so is the error of every point.
 class ModelError final : public TreeError {

@@ -44,7 +44,7 @@ class Observer {
   Observer(const Scenario& world, const Task& task, const ServoLoopSettings& loop, const VesselTree& tree,
            const SimulatedPatientSettings& patient)
       : truth_(world.truth),
-        bent_(patient.motion.bend.rms_mm > 0 ? std::optional(tree.points()) : std::nullopt),
+        deformed_(patient.motion.deformation.rms_mm > 0 ? std::optional(tree.points()) : std::nullopt),
         desired_(task.desired_T_camera_model()),
         target_(targetOf(tree, loop)),
         wanted_(wantedRay(loop)) {}
@@ -78,18 +78,18 @@ class Observer {
   }
 
  private:
-  // Of a bent tree: turned as the rigid one is that is nearest to it, with the target where that is.
+  // Of a deformed tree: turned as the rigid one is that is nearest to it, with the target where that is.
   Pose T_patient_model(const SimulatedLab& lab) const {
-    if (!bent_) return truth_.T_dsa_cb;
+    if (!deformed_) return truth_.T_dsa_cb;
     const Pose T_patient_camera = truth_.carm.T_camera_patient(lab.arm().state().joints).inverse();
-    Eigen::Matrix3Xd moved(3, bent_->cols());
-    for (Eigen::Index i = 0; i < moved.cols(); ++i) moved.col(i) = T_patient_camera * lab.inCamera(bent_->col(i));
-    Pose T(Eigen::umeyama(*bent_, moved, false));
+    Eigen::Matrix3Xd moved(3, deformed_->cols());
+    for (Eigen::Index i = 0; i < moved.cols(); ++i) moved.col(i) = T_patient_camera * lab.inCamera(deformed_->col(i));
+    Pose T(Eigen::umeyama(*deformed_, moved, false));
     return T.pretranslate(T_patient_camera * lab.inCamera(target_) - T * target_);
   }
 
   CArmCalibration truth_;
-  std::optional<Eigen::Matrix3Xd> bent_;  // Points of a tree that is bent.
+  std::optional<Eigen::Matrix3Xd> deformed_;  // Points of a deformed tree.
   std::optional<Pose> desired_;
   Eigen::Vector3d target_;
   std::optional<Eigen::Vector2d> wanted_;

@@ -92,7 +92,7 @@ struct CenterTaskSettings {
   double reached_mm = 1;  ///< At the target: the target is centred when its image is as near as this.
   double max_std_mm = 8;  ///< Of the predicted place across the beam: beyond it the task holds.
 
-  /// How far around the target the image is looked at for how the place itself lies, where a tree that bends is
+  /// How far around the target the image is looked at for how the place itself lies, where a tree that deforms is
   /// registered as a rigid one; 0: not at all. And how far off it may lie, as a standard deviation.
   static constexpr double near_mm = 15;
   static constexpr double near_std_mm = 2;
