@@ -193,8 +193,8 @@ std::optional<std::string> ViewTask::brokenBound(const CArmJoints& rest, const C
   const Eigen::Vector3d target = T_patient_model * goal_.target_model, goal = goal_.T_camera_model * goal_.target_model;
   const TrajectoryExcursion off = trajectory_start_->excursion(
       rest, end, [&](const CArmJoints& q) { return (carm_.T_camera_patient(q) * target - goal).norm(); });
-  const auto broken = [](bool& was, double off_mm, double most_mm) {
-    return was = most_mm > 0 && off_mm > (was ? kBackInside : 1) * most_mm;
+  const auto broken = [](bool& was, double off_mm, double max_mm) {
+    return was = max_mm > 0 && off_mm > (was ? kBackInside : 1) * max_mm;
   };
   const char* kWhatToDo = "move the machine back, ask for another view, or raise view.";
   if (broken(table_broken_, 1e3 * off.table_m, settings_.max_table_excursion_mm)) {

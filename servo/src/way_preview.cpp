@@ -10,7 +10,7 @@ namespace angio::servo {
 namespace {
 
 constexpr double kPeriod_s = 1.0 / 15;
-constexpr double kMost_s = 120;  // The longest motion of the slowest arm.
+constexpr double kMaxDuration_s = 120;  // The longest motion of the slowest arm.
 // Nearer than the image could tell: it has arrived.
 constexpr double kArrived_rad = 1e-4, kArrived_m = 1e-4;
 
@@ -35,7 +35,7 @@ TrajectoryPreview previewTrajectory(const ServoLoopSettings& settings, const Ves
   TrajectoryPreview preview;
   CArmState state;
   state.joints = start;
-  for (int k = 0; k * kPeriod_s <= kMost_s; ++k) {
+  for (int k = 0; k * kPeriod_s <= kMaxDuration_s; ++k) {
     const ViewError off = error(state.joints);
     preview.points.push_back({k * kPeriod_s, state.joints, state.velocity, off.direction_rad, off.target_m});
     if (off.direction_rad <= kArrived_rad && off.target_m <= kArrived_m) break;
@@ -49,8 +49,8 @@ TrajectoryPreview previewTrajectory(const ServoLoopSettings& settings, const Ves
     ++state.sequence;
   }
   const TrajectoryPoint& last = preview.points.back();
-  if (!preview.hold_reason && last.time_s > kMost_s - kPeriod_s) {
-    preview.hold_reason = "the view is not reached in " + formatValue(kMost_s) + " s";
+  if (!preview.hold_reason && last.time_s > kMaxDuration_s - kPeriod_s) {
+    preview.hold_reason = "the view is not reached in " + formatValue(kMaxDuration_s) + " s";
   }
   const TrajectoryStart trajectory{start, start};
   for (const TrajectoryPoint& point : preview.points) {

@@ -120,8 +120,8 @@ TEST(Certificate, NoPoseOfACellExceedsItsBound) {
       const RayCell rays{away * random.uniform(-0.06, 0.06), away * random.uniform(-0.06, 0.06), spread};
       bounds.prepare(cell, rays, half_ray);
       const double x = rays.x + random.uniform(-spread, spread), y = rays.y + random.uniform(-spread, spread);
-      const int none = -bounds.mostPoints();  // All count, also those that lose more than they have.
-      const int bound = bounds.atMost(x, y, none);
+      const int none = -bounds.maxPoints();  // All count, also those that lose more than they have.
+      const int bound = bounds.pointsBound(x, y, none);
       for (int i = 0; i < 12; ++i, ++draws) {
         const Pose T = drawnWithin(cell, {x, y}, half_ray, center, i < 4, random);
         const int points = bounds.points(T, none);
@@ -130,9 +130,9 @@ TEST(Certificate, NoPoseOfACellExceedsItsBound) {
       }
       // Asked for more than there can be, it says so; for as much, it says how much.
       if (bound <= 0) continue;
-      EXPECT_EQ(bounds.atMost(x, y, bound), bound);
-      EXPECT_EQ(bounds.atMost(x, y, bound + 1), -1);
-      pruned += bound < bounds.mostPoints() / 2;
+      EXPECT_EQ(bounds.pointsBound(x, y, bound), bound);
+      EXPECT_EQ(bounds.pointsBound(x, y, bound + 1), -1);
+      pruned += bound < bounds.maxPoints() / 2;
     }
   }
   EXPECT_GT(draws, 20000);
@@ -170,8 +170,8 @@ TEST(Certificate, NoPlaceIsExplainedInACellThatRulesItOut) {
       const double half_ray = size * random.uniform(0, 0.05);
       const double x = random.uniform(-0.03, 0.03), y = random.uniform(-0.03, 0.03);
       bounds.prepare(cell, {x, y, 0}, half_ray);
-      const int none = -bounds.mostPoints(), bound = bounds.atMost(x, y, none);
-      ruled_out += bound < bounds.mostPoints();
+      const int none = -bounds.maxPoints(), bound = bounds.pointsBound(x, y, none);
+      ruled_out += bound < bounds.maxPoints();
       for (int i = 0; i < 24; ++i) {
         const Pose T = drawnWithin(cell, {x, y}, half_ray, center, i < 16, random);
         const int points = bounds.points(T, none);

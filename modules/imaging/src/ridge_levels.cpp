@@ -208,7 +208,7 @@ FlankPixels pixelsOf(const Plane& plane) {
 
 }  // namespace
 
-void halveToLargest(const cv::Mat& from, cv::Mat& to, std::vector<float>& scratch) {
+void halveToMax(const cv::Mat& from, cv::Mat& to, std::vector<float>& scratch) {
   const int cols = from.cols, half = (cols + 1) / 2;
   scratch.resize(static_cast<std::size_t>(cols) + half + 3 * Plane::kSlack);
   float *tallest = scratch.data() + 1, *pooled = tallest + cols + Plane::kSlack;

@@ -91,8 +91,8 @@ PathMatcher::Step PathMatcher::ahead(const Position& from, const Eigen::Vector2d
 double PathMatcher::walk(int place, const Misfit& misfit) {
   const Eigen::Matrix2Xd& U = *projected_;
   const Eigen::Vector2d tip = U.col(place);
-  const double stray_sq = settings_.outlier_px * settings_.outlier_px;
-  const double most = 0.5 * stray_sq / (std_px_ * std_px_) * share_;  // Geman-McClure's bound.
+  const double outlier_sq = settings_.outlier_px * settings_.outlier_px;
+  const double most = 0.5 * outlier_sq / (std_px_ * std_px_) * share_;  // Geman-McClure's bound.
   const int count = static_cast<int>(curve_->points_px.size());
   matches_.clear();
   distance_sum_px_ = 0;
@@ -103,16 +103,16 @@ double PathMatcher::walk(int place, const Misfit& misfit) {
     const Eigen::Vector2d q = shownPoint(curve_->points_px[sample], tip, misfit);
     const Step step = ahead(at, q, step_px_ * (missed + 1));
     if (step.beyond_root) break;
-    energy += most * step.squared_px / (step.squared_px + stray_sq);
+    energy += most * step.squared_px / (step.squared_px + outlier_sq);
     distance_sum_px_ += std::sqrt(step.squared_px);
-    const double trust = stray_sq / (step.squared_px + stray_sq);
+    const double trust = outlier_sq / (step.squared_px + outlier_sq);
     const Eigen::Vector2d along = U.col(grid_.parent[step.to.place]) - U.col(step.to.place);
     const Eigen::Vector2d offset = q - U.col(step.to.place) - step.to.weight * along;
     const Eigen::Vector2d normal = normalAt(along, offset, step.to.weight);
     matches_.push_back({sample, step.to.place, step.to.weight, normal, normal.dot(offset), trust * trust});
-    const bool stray = step.squared_px > stray_sq;
-    missed = stray ? missed + 1 : 0;
-    if (!stray) at = step.to;
+    const bool outlier = step.squared_px > outlier_sq;
+    missed = outlier ? missed + 1 : 0;
+    if (!outlier) at = step.to;
   }
   const int outside = sample < count ? (count - 1 - sample) / stride_ + 1 : 0;
   return energy + outside * kOutsideShare * most;

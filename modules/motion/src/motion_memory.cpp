@@ -21,7 +21,7 @@ constexpr double kBreathingStep = 0.1, kHeartStep = 0.15;
 constexpr double kMinBreaths = 1.2;
 constexpr double kReplay_s = 8, kReplayPeriods = 2;
 constexpr int kHeartHarmonicsSearched = 3;
-constexpr std::size_t kFewestSamples = 10;
+constexpr std::size_t kMinSamples = 10;
 constexpr double kFirstOffsetStd_m = 0.01;
 
 double medianStep_s(const std::deque<MotionSample>& samples, std::size_t first) {
@@ -63,7 +63,7 @@ void HarmonicMotion::take(const MotionSample& last, const MotionSample& sample, 
 std::vector<Oscillator> findPeriods(const std::deque<MotionSample>& samples, double from_s,
                                     const MotionPredictorSettings& settings) {
   const std::size_t first = firstFrom(samples, from_s);
-  if (samples.size() - first < kFewestSamples) return {};
+  if (samples.size() - first < kMinSamples) return {};
   const double end_s = samples.back().time_s, window_s = end_s - samples[first].time_s;
   const double rate_hz = 1 / medianStep_s(samples, first), highest_hz = kOfFrameRate * rate_hz;
   const auto harmonics = [&](int wanted, double frequency_hz) {

@@ -21,8 +21,8 @@ namespace angio::registration {
 namespace {
 
 // A cell whose poses differ by less than this in the image is not divided any more.
-constexpr double kSmallest_px = 0.2;
-constexpr int kMostDoubts = 1000;  // So many such cells, and it is over.
+constexpr double kMinRayCell_px = 0.2;
+constexpr int kMaxDoubts = 1000;  // So many such cells, and it is over.
 // Steps from the depth-mirrored pose to the best one near it.
 constexpr double kMirrorTurn_rad = 0.05, kMirrorDepth_m = 0.01, kMirrorRay = 2e-3;
 constexpr double kProgressEvery_s = 0.1;
@@ -52,10 +52,10 @@ class Search {
     {
       const PoseBounds bounds(samples_, raster_, view_, box_.center().linear());
       found_ = std::max(0, bounds.points(box_.found()));
-      most_ = bounds.mostPoints();
+      max_points_ = bounds.maxPoints();
     }
-    result.score = static_cast<double>(found_) / most_;
-    result.bound = found_ > 0 ? static_cast<double>(most_) / found_ : HUGE_VAL;
+    result.score = static_cast<double>(found_) / max_points_;
+    result.bound = found_ > 0 ? static_cast<double>(max_points_) / found_ : HUGE_VAL;
     enough_ = static_cast<int>(std::ceil(settings_.alternative_share * found_ - 1e-9));
     if (found_ == 0 || !(box_.found().translation().z() > 0)) {
       result.reason = "the image explains nothing of the tree under the found pose";
@@ -132,9 +132,9 @@ class Search {
     range(t.y() - extent.y(), t.y() + extent.y(), ray_y_, half_y);
     root_half_ray_ = root.half_ray = std::max(half_x, half_y);
     root.rays = {{0, 0}};
-    open_.resize(static_cast<std::size_t>(most_) + 1);
+    open_.resize(static_cast<std::size_t>(max_points_) + 1);
     open_.back().push_back(std::move(root));
-    highest_ = most_;
+    highest_ = max_points_;
   }
 
   void work(Worker& w, const CertificateProgress& progress) {
@@ -166,7 +166,7 @@ class Search {
       if (ended == Ended::kTooSmall) {
         // Not closed, and not divided: there is no proof any more, but there may be an alternative elsewhere.
         doubtful_ = std::max(doubtful_, bound);
-        stop_ = stop_ || ++doubts_ >= kMostDoubts;
+        stop_ = stop_ || ++doubts_ >= kMaxDoubts;
       } else if (ended == Ended::kDone) {
         // A part has no more than the whole.
         const int its = std::min(w.children_bound, bound);
@@ -185,7 +185,7 @@ class Search {
   Ended divide(Node& node, Worker& w) {
     w.children.clear();
     w.children_bound = 0;
-    const double turned_most_m = box_.turnedMost_m(node.cell);
+    const double max_turn_m = box_.maxTurn_m(node.cell);
     for (;;) {
       Eigen::AlignedBox2d rays;
       for (const auto& [i, j] : node.rays) {
@@ -200,9 +200,9 @@ class Search {
       for (const auto& [i, j] : node.rays) {
         if ((++looked & 1023) == 0 && outOfTime()) return Ended::kOutOfTime;
         const double x = rayOf(i, ray_x_, node.half_ray), y = rayOf(j, ray_y_, node.half_ray);
-        if (box_.outside(node.cell, x, y, node.half_ray) || box_.isFound(turned_most_m, x, y, node.half_ray)) continue;
+        if (box_.outside(node.cell, x, y, node.half_ray) || box_.isFound(max_turn_m, x, y, node.half_ray)) continue;
         ++w.cells;
-        const int most = w.bounds.atMost(x, y, enough_);
+        const int most = w.bounds.pointsBound(x, y, enough_);
         if (most < 0) continue;
         w.kept.emplace_back(i, j);
         if (most > bound) {
@@ -220,7 +220,7 @@ class Search {
 
       const auto& effects = w.bounds.effects_px();
       const auto widest = std::max_element(effects.begin(), effects.end()) - effects.begin();
-      if (effects[widest] < kSmallest_px) return tryCorners(node, w) ? Ended::kAlternative : Ended::kTooSmall;
+      if (effects[widest] < kMinRayCell_px) return tryCorners(node, w) ? Ended::kAlternative : Ended::kTooSmall;
       if (widest == 4) {
         node.half_ray *= 0.5;
         node.rays.clear();
@@ -334,7 +334,8 @@ class Search {
   const XrayView& view_;
   Eigen::Translation3d to_model_;
   Stopwatch began_;
-  int most_ = 0, found_ = 0, enough_ = 0;  // Points: the most, of the found pose, and those that make an alternative.
+  int max_points_ = 0, found_ = 0,
+      enough_ = 0;  // Points: the most, of the found pose, and those that make an alternative.
   double ray_x_ = 0, ray_y_ = 0, root_half_ray_ = 0;
 
   std::mutex mutex_;
@@ -364,7 +365,7 @@ double certifiedScore(const VesselTree& tree, const XrayView& view, const Pose& 
   const ExplainedRaster raster(view.centerline, view.camera);
   const PoseBounds bounds(samples, raster, view, Eigen::Matrix3d::Identity());
   const int points = std::max(0, bounds.points(T_camera_model * Eigen::Translation3d(tree.centroid())));
-  return static_cast<double>(points) / bounds.mostPoints();
+  return static_cast<double>(points) / bounds.maxPoints();
 }
 
 PoseCertificate certify(const VesselTree& tree, const XrayView& view, const Pose& box_center, const Pose& found,

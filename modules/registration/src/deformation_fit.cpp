@@ -209,7 +209,7 @@ class DeformationFit::Run {
         views.push_back({viewOf(v).camera, viewOf(v).T_view_centered, fit_.chosen_[v], fit_.matches_[v]});
       }
       const auto groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kPosteriorGroups);
-      if (groups.size() < static_cast<std::size_t>(kFewestGroups)) return;
+      if (groups.size() < static_cast<std::size_t>(kMinGroups)) return;
       const auto posterior =
           std::make_shared<DeformationPosterior>(groups, belief_, T_, 1e-3 * fit_.settings_.length_mm);
       if (!posterior->known()) return;

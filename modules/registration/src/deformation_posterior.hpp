@@ -29,7 +29,7 @@ class DeformationPosterior final : public TreeError {
   /// belief's.
   static constexpr double kGrowth = 8;
 
-  /// @param groups    About T_camera_centered and no displacement; at least kFewestGroups.
+  /// @param groups    About T_camera_centered and no displacement; at least kMinGroups.
   /// @param belief    Of the pose before the image.
   /// @param length_m  Over which a deformation goes together.
   /// @param tails     Factor on the amplitude that the residuals speak for.

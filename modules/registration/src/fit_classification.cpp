@@ -13,7 +13,7 @@
 namespace angio::registration {
 namespace {
 
-constexpr int kFewestPoints = 12;
+constexpr int kMinPoints = 12;
 
 // Right poses of fully visible trees, from rendered X-ray images with the tangles and stubs an extractor misses,
 // explain 73 % or more of the model and 85 % of the image (score 0.62); wrong poses, noise images and other patients'
@@ -105,7 +105,7 @@ void classifyBy(const Threshold& threshold, const VesselTree& tree, Registration
   result.status = RegistrationStatus::kAmbiguous;
   result.reason = "image explains " + percent(a.model_explained) + " of the model in view, model explains " +
                   percent(a.image_explained) + " of the image";
-  if (!result.T_camera_model.matrix().allFinite() || !result.covariance || a.model_points < kFewestPoints) {
+  if (!result.T_camera_model.matrix().allFinite() || !result.covariance || a.model_points < kMinPoints) {
     result.status = RegistrationStatus::kDiverged;
     result.reason = "no model in view, or no full-rank system at the solution";
   } else if (!reaches(a, threshold.share, threshold.score)) {
@@ -125,10 +125,10 @@ void classifyBy(const Threshold& threshold, const VesselTree& tree, Registration
 }  // namespace
 
 bool tooFewPoints(RegistrationResult& result) {
-  if (result.points_3d >= kFewestPoints && result.points_2d >= kFewestPoints) return false;
+  if (result.points_3d >= kMinPoints && result.points_2d >= kMinPoints) return false;
   result.status = RegistrationStatus::kTooFewPoints;
   result.reason = std::to_string(result.points_3d) + " model and " + std::to_string(result.points_2d) +
-                  " image points, at least " + std::to_string(kFewestPoints) + " of each are needed";
+                  " image points, at least " + std::to_string(kMinPoints) + " of each are needed";
   return true;
 }
 
@@ -136,7 +136,7 @@ bool seemsDeformed(const RegistrationResult& result) { return result.deformation
 
 bool explained(const RegistrationResult& result) {
   return result.T_camera_model.matrix().allFinite() && result.covariance &&
-         result.alignment.model_points >= kFewestPoints && reaches(result.alignment, kUsual.share, kUsual.score) &&
+         result.alignment.model_points >= kMinPoints && reaches(result.alignment, kUsual.share, kUsual.score) &&
          result.last_step_px <= kAtRest_px && !deformedTooFar(result);
 }
 

@@ -17,7 +17,7 @@ namespace angio::registration {
 /// which did not know of the deformation, is a known linear function of it, and so is the error of every point.
 class ModelError final : public TreeError {
  public:
-  /// @param groups       Of the fit where it came to rest; some dozens. With fewer than kFewestGroups no deformation is
+  /// @param groups       Of the fit where it came to rest; some dozens. With fewer than kMinGroups no deformation is
   ///                     told.
   /// @param information  Of the fit (6 x 6, twist about the centroid, prior included).
   /// @param currency     What a squared residual counts in it [1/px^2].

@@ -39,7 +39,7 @@ constexpr double kSameScore = 0.02, kSameResidual_px = 0.05;
 constexpr double kWorthDeforming = 0.5;
 // Alternatives that are deformed; and how near to each other two deformed trees lie that are one answer: across the
 // beam, rms, and along it in standard deviations of what is claimed.
-constexpr int kMostDeformed = 3;
+constexpr int kMaxDeformed = 3;
 constexpr double kSamePlace_m = 3e-3, kSameDepthStds = 3;
 // What fits to the wrong tree reach: below that score, with an alternative that does nearly as well, nothing has been
 // found.
@@ -68,15 +68,15 @@ PosePrior beforeSearch(PosePrior prior, const StartSettings& starts) {
 }
 
 // Outlier masses of a search: some of the branches may be empty of contrast agent, or most of them.
-constexpr double kSomeEmpty = 5, kMostEmpty = 50;
+constexpr double kSomeEmpty = 5, kMaxEmpty = 50;
 
 // One pass of a search: how far the belief is widened, and what a point without a match means.
 struct Attempt {
   double widened, outlier_mass;
 };
 // The first that settles the question is the last.
-constexpr Attempt kAttempts[] = {{1, kSomeEmpty},   {1, kMostEmpty}, {1.8, kSomeEmpty},
-                                 {1.8, kMostEmpty}, {3, kSomeEmpty}, {3, kMostEmpty}};
+constexpr Attempt kAttempts[] = {{1, kSomeEmpty},  {1, kMaxEmpty},  {1.8, kSomeEmpty},
+                                 {1.8, kMaxEmpty}, {3, kSomeEmpty}, {3, kMaxEmpty}};
 constexpr double kWidest = 3;
 // Of the belief, around what has been found.
 constexpr double kNearby = 0.5;
@@ -283,7 +283,7 @@ class OrientedKernel final : public Registration {
     for (int asked = 0;; ++asked) {
       const PoseCandidate alternative = comparison_.bestAlternative(belief, known, others);
       share = own > 0 ? std::min(1.0, alternative.score / own) : 1.0;
-      if (!deformation_ || !(alternative.score > 0) || share <= kWorthDeforming || asked == kMostDeformed) break;
+      if (!deformation_ || !(alternative.score > 0) || share <= kWorthDeforming || asked == kMaxDeformed) break;
       // Before it is deformed the right pose fits little better than a wrong one.
       const Stopwatch stage;
       PosePriorTerm there = belief;

@@ -10,7 +10,7 @@
 namespace angio::navigation {
 namespace {
 
-constexpr double kShortest_m = 10e-3;  // A stretch that a view can be chosen for.
+constexpr double kMinStretch_m = 10e-3;  // A stretch that a view can be chosen for.
 
 BestViewSettings searchOf(const ViewPlannerSettings& settings) {
   BestViewSettings search;
@@ -62,7 +62,7 @@ std::optional<PlannedView> ViewPlanner::next(const TreeLocation& tip, bool in_do
   const bool behind = stretch_m_ && path_m < stretch_m_->first;
   if (stretch_m_ && !passed && !behind && !in_doubt) return std::nullopt;
   const double to_m = std::min(path_m + 1e-3 * settings_.ahead_mm, target_path_m_);
-  const double from_m = std::max(0.0, std::min(path_m - behind_m, to_m - kShortest_m));
+  const double from_m = std::max(0.0, std::min(path_m - behind_m, to_m - kMinStretch_m));
   const EdgePoint first = map_.spot(map_.before(target_, target_path_m_ - from_m));
   const EdgePoint last = map_.spot(map_.before(target_, target_path_m_ - to_m));
   BestViewScene scene = scene_;

@@ -28,7 +28,7 @@ namespace angio::robot {
 /// Joints that are outside already (moved by hand, another envelope) may move back in but not further out.
 class CArmMotionLimiter {
  public:
-  static constexpr int kMaxFaces = Polytope::kMost - 2 * kCArmJointCount;
+  static constexpr int kMaxFaces = Polytope::kMaxCount - 2 * kCArmJointCount;
 
   /// For an arm at rest. Throws InputError when a limit is not finite or not positive, a range is empty, a face not
   /// finite, or the validity [s] not positive.
