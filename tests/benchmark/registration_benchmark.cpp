@@ -162,8 +162,8 @@ void buildField(benchmark::State& state) {
 }
 BENCHMARK(buildField)->Arg(32)->Arg(16)->Arg(8)->Unit(benchmark::kMicrosecond);
 
-// One look of all points at a field: linear in the 3D points, whatever the 2D points are.
-void lookAtFieldBySize(benchmark::State& state) {
+// One sample of the field at all points: linear in the 3D points, whatever the 2D points are.
+void sampleFieldBySize(benchmark::State& state) {
   const Scene scene;
   const VesselTree tree = scene.treeOf(static_cast<int>(state.range(0)));
   const OrientedModel model(tree, oriented(Deformation::kRigid));
@@ -180,7 +180,7 @@ void lookAtFieldBySize(benchmark::State& state) {
   }
   state.SetComplexityN(state.range(0));
 }
-BENCHMARK(lookAtFieldBySize)->RangeMultiplier(2)->Range(500, 16000)->Unit(benchmark::kMicrosecond)->Complexity();
+BENCHMARK(sampleFieldBySize)->RangeMultiplier(2)->Range(500, 16000)->Unit(benchmark::kMicrosecond)->Complexity();
 
 void alignment_score(benchmark::State& state) {
   const Scene scene;

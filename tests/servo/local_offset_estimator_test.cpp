@@ -28,7 +28,7 @@ TEST_F(LocalShifts, FindWhereTheImageShowsThePlace) {
     const Eigen::Vector2d shift_px = 5 * Eigen::Vector2d(random_.normal(), random_.normal());
     Centerline2d seen = projectedCenterline(tree_, camera_, T_);
     seen.points_px.colwise() += shift_px;
-    const auto found = near.look(seen, camera_, T_);
+    const auto found = near.observe(seen, camera_, T_);
     ASSERT_TRUE(found);
     // The prior of 2 mm pulls by some percent of 5 px. What is less than 1.5 px may be the image's error.
     EXPECT_LT((found->shift_px - shift_px).norm(), shift_px.norm() < 1.5 ? 1.5 : 1) << shift_px.transpose();
@@ -54,7 +54,7 @@ TEST_F(LocalShifts, AreNotDrawnToANeighbour) {
       seen.points_px.col(i) += aside;
       seen.std_px[i] = 0.2;
     }
-    const auto found = near.look(seen, camera_, T_);
+    const auto found = near.observe(seen, camera_, T_);
     ASSERT_TRUE(found);
     EXPECT_LT(found->shift_px.norm(), 0.3 * aside.norm())
         << aside.transpose() << " gives " << found->shift_px.transpose();
@@ -74,7 +74,7 @@ TEST_F(LocalShifts, SayNothingAboutADirectionThatIsNotSeen) {
   T.translation().z() = 0.75;
   Centerline2d seen = projectedCenterline(line, camera_, T);
   seen.points_px.row(1).array() += 4;
-  const auto found = LocalOffsetEstimator(line, {Eigen::Vector3d::Zero(), 15e-3, 2e-3}).look(seen, camera_, T);
+  const auto found = LocalOffsetEstimator(line, {Eigen::Vector3d::Zero(), 15e-3, 2e-3}).observe(seen, camera_, T);
   ASSERT_TRUE(found);
   EXPECT_NEAR(found->shift_px.y(), 4, 0.2);
   EXPECT_NEAR(found->shift_px.x(), 0, 0.01);
@@ -85,13 +85,13 @@ TEST_F(LocalShifts, SayNothingAboutADirectionThatIsNotSeen) {
 
 TEST_F(LocalShifts, NothingNearIsNothing) {
   const LocalOffsetEstimator near(tree_, {target_, 15e-3, 2e-3});
-  EXPECT_FALSE(near.look(Centerline2d{}, camera_, T_));
+  EXPECT_FALSE(near.observe(Centerline2d{}, camera_, T_));
   Pose behind = T_;
   behind.translation().z() -= 2;
-  EXPECT_FALSE(near.look(projectedCenterline(tree_, camera_, T_), camera_, behind));
+  EXPECT_FALSE(near.observe(projectedCenterline(tree_, camera_, T_), camera_, behind));
   Centerline2d far = projectedCenterline(tree_, camera_, T_);
   far.points_px.row(0).array() += 300;
-  EXPECT_FALSE(near.look(far, camera_, T_));
+  EXPECT_FALSE(near.observe(far, camera_, T_));
 }
 
 // What a loop expects of commands under way is what the arm does with them.

@@ -159,7 +159,7 @@ PosedFrame posed(const SequenceFrame& frame, const SeenPose& corrected_pose, con
   const CurveSamples curve = samplesOf(frame.seen, s.step_px, chosen.tip_is_last);
   const Eigen::Matrix2Xd projected = projectionOf(filter.grid(), corrected_pose);
   PathMatcher matcher(s, filter.grid());
-  matcher.look(projected, curve, 1);
+  matcher.prepare(projected, curve, 1);
   MisfitPrior found;
   found.mean = chosen.match.misfit;
   found.information = 1e6 * Eigen::Matrix4d::Identity();

@@ -199,7 +199,7 @@ void TipFilter::collect(const SeenCatheter& seen, const SeenPose& pose, bool tip
   std::optional<Misfit> start;
   const bool many = collected_.size() > kManyPlaces;
   if (many) {
-    matcher_.look(projected_px_, curve, kQuickStride);
+    matcher_.prepare(projected_px_, curve, kQuickStride);
     double best = -1e300;
     for (Candidate& one : collected_) {
       one.match = matcher_.match(one.place, expected(one.place, pose).prior, 1);
@@ -210,7 +210,7 @@ void TipFilter::collect(const SeenCatheter& seen, const SeenPose& pose, bool tip
     };
     collected_.erase(std::remove_if(collected_.begin(), collected_.end(), hopeless), collected_.end());
   }
-  matcher_.look(projected_px_, curve, 1);
+  matcher_.prepare(projected_px_, curve, 1);
   for (Candidate& one : collected_) {
     if (many) start = one.match.misfit;
     one.match = matcher_.match(one.place, expected(one.place, pose).prior, many ? 2 : 3, start);

@@ -153,8 +153,8 @@ LocalOffsetEstimator::LocalOffsetEstimator(const VesselTree& tree, const PointOf
   }
 }
 
-std::optional<ImageShift> LocalOffsetEstimator::look(const Centerline2d& centerline, const XrayCamera& camera,
-                                                     const Pose& T_camera_model) const {
+std::optional<ImageShift> LocalOffsetEstimator::observe(const Centerline2d& centerline, const XrayCamera& camera,
+                                                        const Pose& T_camera_model) const {
   const Eigen::Vector3d target_camera = T_camera_model * place_.model;
   const auto target_px = camera.project(target_camera);
   if (!target_px || points_.cols() == 0 || centerline.size() == 0) return std::nullopt;

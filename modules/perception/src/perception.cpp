@@ -113,7 +113,7 @@ Observation Perception::observe(const XrayFrame& frame, const CArmState& state) 
   observation.centerline = vesselsToMatch(observation.curves);
   observation.image_s = stage.seconds();
 
-  look({XrayView{observation.centerline, frame.camera}}, placeOf(state), observation);
+  registerViews({XrayView{observation.centerline, frame.camera}}, placeOf(state), observation);
   return observation;
 }
 
@@ -121,11 +121,11 @@ Observation Perception::observe(const XrayViews& views, const CameraPlace& place
   Observation observation;
   observation.model_id = model_id_;
   observation.curves = observation.centerline = views.front().centerline;
-  look(views, place, observation);
+  registerViews(views, place, observation);
   return observation;
 }
 
-void Perception::look(const XrayViews& views, const CameraPlace& place, Observation& observation) {
+void Perception::registerViews(const XrayViews& views, const CameraPlace& place, Observation& observation) {
   const Stopwatch stage;
   observation.predicted = tracker_.predict(place);
   observation.tracked = tracker_.tracking();
@@ -202,7 +202,7 @@ PointObservation Perception::seen(const PointOfInterest& place, const XrayCamera
     const Eigen::Vector3d deformed = result.T_camera_model * (place.model + displacements_m.col(place_point_));
     result.T_camera_model.pretranslate(deformed * (rigid.z() / deformed.z()) - rigid);
   }
-  if (nearby_) result.image_shift = nearby_->look(observation.centerline, camera, result.T_camera_model);
+  if (nearby_) result.image_shift = nearby_->observe(observation.centerline, camera, result.T_camera_model);
   return result;
 }
 

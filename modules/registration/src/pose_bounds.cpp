@@ -189,7 +189,7 @@ int countBound(const BoundedSamples& in, const std::uint32_t* words, float ray_x
   const int lanes = static_cast<int>(hn::Lanes(d));
   // Points are counted from the most there may be downward: a sample that is not explained loses its own.
   const int most = PoseBounds::maxPoints(), may_lose = most - enough;
-  int lost = 0, next_look = 64;
+  int lost = 0, next_check = 64;
   for (int first = 0; first < TreeSamples::kCount; first += lanes) {
     const auto u = hn::MulAdd(x, hn::LoadU(d, in.u_per_ray + first), hn::LoadU(d, in.u + first));
     const auto v = hn::MulAdd(y, hn::LoadU(d, in.v_per_ray + first), hn::LoadU(d, in.v + first));
@@ -206,8 +206,8 @@ int countBound(const BoundedSamples& in, const std::uint32_t* words, float ray_x
     const auto seen = hn::And(missed, hn::And(in_u, in_v));
     lost += PoseBounds::kExplained * static_cast<int>(hn::CountTrue(d, missed)) +
             PoseBounds::kUnexplained * static_cast<int>(hn::CountTrue(d, seen));
-    if (first + lanes >= next_look) {
-      next_look += 32;
+    if (first + lanes >= next_check) {
+      next_check += 32;
       if (lost > may_lose) return -1;
     }
   }

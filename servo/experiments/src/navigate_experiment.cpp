@@ -207,7 +207,7 @@ class Journey {
 
 NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibration& nominal,
                                        const TreeLocation& target, const NavigateExperimentSettings& experiment,
-                                       const NavigateParts& parts, int seed, const NavigateObserver& look_on) {
+                                       const NavigateParts& parts, int seed, const NavigateObserver& observer) {
   checkSettings("navigate", experiment);
   const VesselTree full = withPlausibleRadii(tree, 1e-3 * parts.patient.fluoroscopy.end_radius_mm);
   const TreeTopology map(full);
@@ -238,10 +238,10 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
             {journey.exposure().frame.camera, report->patient->T_camera_model, report->patient->covariance}, truth,
             row);
     }
-    if (look_on) {
+    if (observer) {
       ServoStatus status;
       journey.catheter().safety().describe(status);
-      look_on({journey.lab().now_s(), journey.exposure().frame, *report, status, truth});
+      observer({journey.lab().now_s(), journey.exposure().frame, *report, status, truth});
     }
     ++row.frames;
     row.held += report->hold_reason.has_value();

@@ -206,7 +206,7 @@ void MachineCheck::see(const XrayFrame& frame, std::int64_t now_us) {
     p.oldest_frame_s = std::max(p.oldest_frame_s, std::abs(age_s));
   }
   p.newest_frame = XrayFrame{frame.time_us, frame.sequence, {}, frame.camera};
-  if (looks() && p.history.newest()) p.image.look(frame, p.history.at(frame.time_us));
+  if (looks() && p.history.newest()) p.image.observe(frame, p.history.at(frame.time_us));
 }
 
 bool MachineCheck::looks() const { return parts_->step().kind == Step::Kind::kLook && !parts_->image.complete(); }

@@ -76,7 +76,7 @@ CatheterControllerReport CatheterController::propose(const XrayFrame& frame, con
   if (washed_out_) {
     navigate(frame, input.arm, input.drive, report);
   } else {
-    lookForVessels(frame, input.arm, report);
+    searchVessels(frame, input.arm, report);
   }
   CatheterCommand wanted = report.loop.answer.command;
   if (!report.hold_reason && !isFinite(wanted)) report.hold_reason = "the command is not a number";
@@ -130,8 +130,7 @@ bool CatheterController::armHasMoved(const CArmState& arm) const {
          moved.tail<3>().norm() * roadmap_->depth_error > 1e-3 * settings_.max_shift_error_mm;
 }
 
-void CatheterController::lookForVessels(const XrayFrame& frame, const CArmState& arm,
-                                        CatheterControllerReport& report) {
+void CatheterController::searchVessels(const XrayFrame& frame, const CArmState& arm, CatheterControllerReport& report) {
   report.roadmap = true;
   const GatedObservation gated = perception_.observe(frame, arm);
   report.registration = gated.observation.registration;
@@ -156,7 +155,7 @@ void CatheterController::navigate(const XrayFrame& frame, const CArmState& arm, 
                                   CatheterControllerReport& report) {
   const SeenPose pose{frame.camera, setup_.carm.T_camera_patient(arm.joints) * roadmap_->T_patient_model,
                       roadmap_->covariance};
-  report.loop = loop_.step({frame.time_us, frame.sequence, pose, drive}, loop_.look(frame.image, pose));
+  report.loop = loop_.step({frame.time_us, frame.sequence, pose, drive}, loop_.findCatheter(frame.image, pose));
   navigation_ = report.loop.answer.state;
   in_doubt_ = report.loop.answer.another_view;
   report.patient = PatientObservation{pose.T_camera_model, roadmap_->covariance};

@@ -27,7 +27,7 @@ CatheterLoop::CatheterLoop(const VesselTree& tree, const TreeLocation& start, co
   localiser_.reset(start.branch, start.arc_m, 1e-3 * settings.start_std_mm);
 }
 
-std::optional<CatheterTrace> CatheterLoop::look(const cv::Mat& image, const SeenPose& pose) {
+std::optional<CatheterTrace> CatheterLoop::findCatheter(const cv::Mat& image, const SeenPose& pose) {
   return tracer_.trace(image, pose, belief(), offsetOf(navigator_.roll(), 1e-3 * settings_.navigator.tip_length_mm));
 }
 

@@ -97,7 +97,7 @@ class Perception {
   Pose tracked_T_camera_model(const CArmJoints& joints) const { return tracker_.predict(joints).T_camera_model; }
 
  private:
-  void look(const XrayViews& views, const CameraPlace& place, Observation& observation);
+  void registerViews(const XrayViews& views, const CameraPlace& place, Observation& observation);
   void fitDeformed(const XrayViews& views, Observation& observation);
   void compareAlternatives(const XrayViews& views, Observation& observation);
   PointObservation seen(const PointOfInterest& place, const XrayCamera& camera, const Observation& observation) const;

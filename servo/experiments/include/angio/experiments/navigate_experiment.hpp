@@ -109,10 +109,10 @@ struct NavigateMoment {
 using NavigateObserver = std::function<void(const NavigateMoment&)>;
 
 /// One journey through the tree of a C-arm's laboratory: of `nominal`, with the tree's centroid at the isocentre.
-/// `look_on` is called with each frame that the catheter's node answers.
+/// `observer` is called with each frame that the catheter's node answers.
 NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibration& nominal,
                                        const TreeLocation& target, const NavigateExperimentSettings& experiment,
-                                       const NavigateParts& parts, int seed, const NavigateObserver& look_on = {});
+                                       const NavigateParts& parts, int seed, const NavigateObserver& observer = {});
 
 /// Rows of one tree, as JSON and as a table for people.
 Json navigateExperimentAsJson(const std::string& tree_name, const std::vector<NavigateResult>& rows);

@@ -139,7 +139,7 @@ class CatheterController {
   void forgetRoadmap();
   void planView(const XrayFrame& frame, std::int64_t reached_us);
   void ask(const XrayFrame& frame, const PlannedView& view, const std::string& reason);
-  void lookForVessels(const XrayFrame& frame, const CArmState& arm, CatheterControllerReport& report);
+  void searchVessels(const XrayFrame& frame, const CArmState& arm, CatheterControllerReport& report);
   void navigate(const XrayFrame& frame, const CArmState& arm, const CatheterState& drive,
                 CatheterControllerReport& report);
   bool armHasMoved(const CArmState& arm) const;
