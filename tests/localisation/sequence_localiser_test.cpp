@@ -70,11 +70,11 @@ TEST(SequenceLocaliser, FindsAKnownShiftAndDisplacement) {
   std::vector<TreeLocation> tips;
   for (int frame = 0; frame < 8; ++frame) {
     tips.push_back({leaf, map.length_m(leaf) * (0.2 + 0.1 * frame)});
-    SeenPose believed = true_pose;
-    believed.T_camera_model = T;
+    SeenPose estimated = true_pose;
+    estimated.T_camera_model = T;
     const TreeLocation in_bent{leaf, tips.back().arc_m * bent_map.length_m(leaf) / map.length_m(leaf)};
     frames.push_back({test::noisy(test::drawnCatheter(bent_map, in_bent, true_pose), 1, 0.5, random),
-                      believed,
+                      estimated,
                       {0.5, std::nullopt}});
   }
   const SequenceResult result = localiseSequence(frames, tree);

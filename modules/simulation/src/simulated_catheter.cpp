@@ -170,7 +170,7 @@ Device SimulatedCatheter::device(const Eigen::Matrix3Xd& points) const {
   device.attenuation_per_m = settings_.attenuation_per_m;
   device.marker_length_m = 1e-3 * settings_.marker_length_mm;
   device.marker_attenuation_per_m = settings_.marker_length_mm > 0 ? 4000 : 0;
-  const double tip_length_m = 1e-3 * settings_.tip_length_mm, lumen = leaning(placeAt(tip_m_));
+  const double tip_length_m = 1e-3 * settings_.tip_length_mm, lumen = deflection_m(placeAt(tip_m_));
   const TreeFrame frame = map_.frame(placeAt(tip_m_));
   const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
   const Eigen::Vector3d sideways = std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal;
@@ -284,7 +284,7 @@ TreeLocation SimulatedCatheter::placeAt(double path_m) const {
 }
 
 // How far the tip's end stands beside the centreline [m]: as its bend has it, or as far as the lumen lets it.
-double SimulatedCatheter::leaning(const TreeLocation& place) const {
+double SimulatedCatheter::deflection_m(const TreeLocation& place) const {
   const double bend = std::min(degToRad(settings_.tip_angle_deg) + bend_rad_, 0.5 * kPi);
   return std::min(1e-3 * settings_.tip_length_mm * std::sin(bend),
                   std::max(radius(place) - 0.5e-3 * settings_.diameter_mm, 0.0));
@@ -303,7 +303,7 @@ Eigen::Vector3d SimulatedCatheter::heldDirection() const {
   const TreeFrame frame = map_.frame(tip);
   const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
   // The deflection grows as the square of the way from the bend: at its end it rises twice as steeply as on average.
-  const double slope = 2 * leaning(tip) / (1e-3 * settings_.tip_length_mm);
+  const double slope = 2 * deflection_m(tip) / (1e-3 * settings_.tip_length_mm);
   return (frame.along + slope * (std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal)).normalized();
 }
 

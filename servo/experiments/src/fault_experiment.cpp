@@ -120,7 +120,7 @@ struct CatheterMachine {
   static constexpr const char* kCommandChannel = kCatheterCommandChannel;
 
   const Scene& scene;
-  double believed_m = 0;  // Of the tip, from the root.
+  double estimated_m = 0;  // Of the tip, from the root.
 
   AxesLimits limits() const { return scene.catheter->settings; }
   static AxesState state(const SimulatedLab& lab) { return lab.catheter().state(); }
@@ -139,10 +139,10 @@ struct CatheterMachine {
   }
   void hear(const CatheterControllerReport& report) {
     const auto& belief = report.loop.input.belief;
-    if (belief && belief->status == BeliefStatus::kSeen) believed_m = belief->tip.path_m;
+    if (belief && belief->status == BeliefStatus::kSeen) estimated_m = belief->tip.path_m;
   }
   double error(const SimulatedLab& lab, const Node&) const {
-    return 1e3 * std::abs(believed_m - lab.catheter().truth().path_m);
+    return 1e3 * std::abs(estimated_m - lab.catheter().truth().path_m);
   }
 };
 

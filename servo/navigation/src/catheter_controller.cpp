@@ -88,7 +88,7 @@ CatheterControllerReport CatheterController::propose(const XrayFrame& frame, con
 
 void CatheterController::forgetRoadmap() {
   roadmap_.reset();
-  believed_ = unseen_ = 0;
+  located_frames_ = unseen_frames_ = 0;
   washed_out_ = false;
 }
 
@@ -136,16 +136,16 @@ void CatheterController::searchVessels(const XrayFrame& frame, const CArmState& 
   report.registration = gated.observation.registration;
   if (gated.rejection) {
     // Vessels that have been seen and are seen no more have washed out; ones that never were are still awaited.
-    washed_out_ = roadmap_ && ++unseen_ >= settings_.washed_out_frames;
-    if (!roadmap_) believed_ = 0;
+    washed_out_ = roadmap_ && ++unseen_frames_ >= settings_.washed_out_frames;
+    if (!roadmap_) located_frames_ = 0;
     report.hold_reason =
         roadmap_ ? "waits for the contrast agent to wash out" : "waits for a roadmap: " + *gated.rejection;
     report.contradicts = gated.contradicts();
     return;
   }
-  unseen_ = 0;
+  unseen_frames_ = 0;
   report.hold_reason = "looks at the roadmap";
-  if (++believed_ < settings_.roadmap_frames) return;
+  if (++located_frames_ < settings_.roadmap_frames) return;
   const PatientObservation& patient = *gated.patient;
   roadmap_ = Roadmap{arm.joints, setup_.carm.T_camera_patient(arm.joints).inverse() * patient.T_camera_model,
                      patient.covariance, patient.depthStd_m(centroid_) / (patient.T_camera_model * centroid_).z()};

@@ -77,8 +77,8 @@ NavigationAnswer Navigator::step(const NavigationInput& input) {
 NavigationAnswer Navigator::decide(const NavigationInput& input) {
   if (state_ == NavigationState::kArrived || state_ == NavigationState::kGivenUp) return {{}, state_, why_};
   roll_.bend(usualDeflection(settings_, input.drive.bend_rad));
-  const bool believed = input.belief && sound(*input.belief, map_) && isFromFrame(*input.belief);
-  if (!believed) {
+  const bool located = input.belief && sound(*input.belief, map_) && isFromFrame(*input.belief);
+  if (!located) {
     roll_.move(input.drive.roll_rad, 0);
     return doubt(input, input.belief && !input.belief->why.empty() ? input.belief->why : "the tip is not seen");
   }

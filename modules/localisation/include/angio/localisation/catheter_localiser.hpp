@@ -104,7 +104,7 @@ class CatheterLocaliser {
 
  private:
   void forget();
-  const TipBelief& believed(const FrameOutcome& outcome, double end_std_m = 0);
+  const TipBelief& adopt(const FrameOutcome& outcome, double end_std_m = 0);
 
   std::shared_ptr<TipFilter> filter_;
   TipBelief belief_;

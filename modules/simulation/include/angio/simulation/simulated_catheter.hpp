@@ -76,7 +76,7 @@ class SimulatedCatheter : public CommandReceiver {
   double slidingForce() const;
   double radius(const TreeLocation& place) const;
   TreeLocation placeAt(double path_m) const;
-  double leaning(const TreeLocation& place) const;
+  double deflection_m(const TreeLocation& place) const;
   Eigen::Vector3d freeDirection() const;
   Eigen::Vector3d heldDirection() const;
 

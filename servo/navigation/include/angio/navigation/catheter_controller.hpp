@@ -150,7 +150,7 @@ class CatheterController {
   GatedPerception perception_;
   CatheterLoop loop_;
   std::optional<Roadmap> roadmap_;
-  int believed_ = 0, unseen_ = 0;  // Frames in a row, of a roadmap that is being made.
+  int located_frames_ = 0, unseen_frames_ = 0;  // Frames in a row, of a roadmap that is being made.
   bool washed_out_ = false;
   std::optional<ViewPlanner> planner_;  // Nothing where the C-arm stays where it is.
   std::optional<PlannedView> planned_;
