@@ -14,7 +14,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/plotting/plot.hpp"
-#include "angio/servo/way_preview.hpp"
+#include "angio/servo/trajectory_preview.hpp"
 
 namespace angio::apps {
 namespace {

@@ -8,7 +8,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/geometry/visp.hpp"
 #include "latency_compensator.hpp"
-#include "way_bounds.hpp"
+#include "trajectory_bounds.hpp"
 
 namespace angio::servo {
 namespace {

@@ -25,7 +25,7 @@ VesselTree corner() {
   return VesselTree(points, parents);
 }
 
-struct WayViewTest : testing::Test {
+struct ViewPlannerTest : testing::Test {
   VesselTree tree = corner();
   ViewPlanner view{tree, {0, 0.2}, {}, {}};
 };
@@ -34,7 +34,7 @@ double alongBeam(const PlannedView& answer, const Eigen::Vector3d& direction) {
   return std::abs(beamDirection(answer.angles).dot(direction));
 }
 
-TEST_F(WayViewTest, LooksAcrossTheStretchAheadAndAgainWhenThatEnds) {
+TEST_F(ViewPlannerTest, LooksAcrossTheStretchAheadAndAgainWhenThatEnds) {
   const auto first = view.next({0, 0.01}, false);
   ASSERT_TRUE(first);
   // The best of all sees the stretch in its full length; nodes are 7.5 deg apart, and the last search refines them.
@@ -50,7 +50,7 @@ TEST_F(WayViewTest, LooksAcrossTheStretchAheadAndAgainWhenThatEnds) {
   EXPECT_FALSE(view.next({0, 0.199}, false));
 }
 
-TEST_F(WayViewTest, DoubtAsksForAViewFromElsewhere) {
+TEST_F(ViewPlannerTest, DoubtAsksForAViewFromElsewhere) {
   const auto first = view.next({0, 0.01}, false);
   const auto second = view.next({0, 0.01}, true);
   ASSERT_TRUE(first && second);

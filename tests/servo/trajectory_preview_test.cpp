@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/way_preview.hpp"
+#include "angio/servo/trajectory_preview.hpp"
 
 #include <gtest/gtest.h>
 

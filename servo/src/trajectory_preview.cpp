@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/way_preview.hpp"
+#include "angio/servo/trajectory_preview.hpp"
 
 #include <algorithm>
 
 #include "angio/base/errors.hpp"
-#include "way_bounds.hpp"
+#include "trajectory_bounds.hpp"
 
 namespace angio::servo {
 namespace {
