@@ -123,7 +123,8 @@ class Plan {
 };
 
 // The highest speed from which a joint that comes closer by `left` a period at most stands there: v delay + v^2 / 2a =
-// left, with half the time that the acceleration takes to come, and a period, for the delay. All in ways of a period.
+// left, with half the time that the acceleration takes to come, and a period, for the delay. All in motions of a
+// period.
 double brakable(double left, const JointMotion& joint) {
   const double a = joint.max_change, delay = 0.5 * a / joint.max_change_step + 1;
   return std::sqrt(a * a * delay * delay + 2 * a * left) - a * delay;

@@ -46,7 +46,7 @@ TEST(SequenceLocaliser, FollowsTheClinicalCatheter) {
   EXPECT_TRUE(map.passes(result.path.back().branch, result.path[frames.size() / 2].branch));
 }
 
-// A known way under a known shift, and vessels that are bent as a catheter would.
+// A known route under a known shift, and vessels that are deformed as by a catheter.
 TEST(SequenceLocaliser, FindsAKnownShiftAndDisplacement) {
   const VesselTree tree = readVesselTree(kLiver + "tree.csv");
   const TreeTopology map(tree);

@@ -45,7 +45,7 @@ TEST_F(ViewPlannerTest, LooksAcrossTheStretchAheadAndAgainWhenThatEnds) {
   EXPECT_TRUE(view.next({0, 0.06}, false));
   // Back to before what the present view was chosen for.
   EXPECT_TRUE(view.next({0, 0.01}, false));
-  // To the end of the way one view serves.
+  // To the end of the route one view serves.
   ASSERT_TRUE(view.next({0, 0.15}, false));
   EXPECT_FALSE(view.next({0, 0.199}, false));
 }

@@ -14,7 +14,7 @@ namespace {
 // The joint that accelerates as long as it can still stop, brakes then, and whose acceleration takes its time: a search
 // over its highest acceleration and speed by the way each pair makes.
 double bySearch(double d, double v_max, double a_max, double j) {
-  const auto rampWay = [&](double a, double v) {  // To the speed v and back to rest, and how long that takes.
+  const auto rampDistance = [&](double a, double v) {  // To the speed v and back to rest, and how long that takes.
     const double t = a / j + v / a;
     return std::pair(v * t, 2 * t);
   };
@@ -25,8 +25,8 @@ double bySearch(double d, double v_max, double a_max, double j) {
     const double v_ramps = 0.5 * (-a * a / j + std::sqrt(a * a * a * a / (j * j) + 4 * a * d));
     const double v = std::min(v_max, v_ramps);
     if (v < a * a / j * (1 - 1e-12)) continue;
-    const auto [way, time_s] = rampWay(a, v);
-    best = std::min(best, time_s + (d - way) / v);
+    const auto [distance, time_s] = rampDistance(a, v);
+    best = std::min(best, time_s + (d - distance) / v);
   }
   return best;
 }

@@ -94,7 +94,7 @@ TEST_F(LocalShifts, NothingNearIsNothing) {
   EXPECT_FALSE(near.observe(far, camera_, T_));
 }
 
-// What a loop expects of commands under way is what the arm does with them.
+// What a loop expects of commands in transit is what the arm does with them.
 TEST(LatencyCompensator, AreWhatTheArmWillHaveDone) {
   const CArmLimits limits = CArmLimits::typical();
   constexpr std::int64_t kPeriod_us = 66'000, kLatency_us = 80'000;

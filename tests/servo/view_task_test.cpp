@@ -121,7 +121,7 @@ TEST(ViewTask, ComesInNotMuchSlowerThanAnyMachineCould) {
   EXPECT_LT(worst, 2.0);
 }
 
-// The table's largest way out of the box of start and goal, and the target's beyond its distance at the start [mm].
+// The table's largest distance from the box of start and goal, and the target's beyond its distance at the start [mm].
 struct Excursions {
   double table_mm = 0, target_mm = 0;
   std::optional<std::string> hold_reason;
@@ -171,7 +171,7 @@ ViewTaskSettings farView() {
   return settings;
 }
 
-// From where the target is in its place already, so that any way of it is one too many.
+// From where the target is in its place already, so that no motion of it is allowed.
 struct AngledLab : Lab {
   explicit AngledLab(const ViewTaskSettings& settings) : Lab(settings, PositionBasedSettings{}) {
     start = carm.jointsFor({}, T_patient_model * tree.centroid());
@@ -179,7 +179,7 @@ struct AngledLab : Lab {
   }
 };
 
-// The camera's straight way takes the table far out: each bound by itself stops it in time, and says so.
+// The camera's straight path takes the table far out: each bound by itself stops it in time, and says so.
 TEST(ViewTask, HoldsBeforeAWayLeavesItsBounds) {
   AngledLab free(farView());
   const Excursions most = excursionsOf(free);
@@ -211,8 +211,8 @@ TEST(ViewTask, HoldsBeforeTheTargetGoesTooFar) {
   EXPECT_TRUE(lab.last.isZero(0));
 }
 
-// A machine that is not allowed to move begins its way where it stands when it is; one that is held for a moment goes
-// on with the old one.
+// A machine that is not allowed to move starts its trajectory where it stands when it is; one that is held for a moment
+// goes on with the old one.
 TEST(ViewTask, AWayBeginsWhereTheMachineBeginsToMove) {
   for (const bool begun : {false, true}) {
     ViewTaskSettings settings;

@@ -151,7 +151,7 @@ void addFieldPrior(System& system, const PlaceField& field, const PlaceGrid& gri
   }
 }
 
-// One frame's equations with its shift eliminated, and the way back to the shift.
+// One frame's equations with its shift eliminated, and the back substitution of the shift.
 struct FrameBlock {
   Eigen::Matrix2d B;
   Eigen::Vector2d b;

@@ -12,7 +12,7 @@ namespace {
 constexpr double kRemembered_us = 5e6;
 // Share of messages that may be missing: one of a hundred is lost on a busy host.
 constexpr double kMaxMissing = 0.01;
-// A clock's rate against ours, over some seconds, with what a message's way may take longer or shorter.
+// A clock's rate against ours, over some seconds, with the jitter of a message's transport.
 constexpr double kMaxDrift = 0.02;
 
 }  // namespace

@@ -36,10 +36,9 @@ struct ViewTaskSettings {
   double reached_mm = 0.5;                  ///< ... and the target, both with their standard deviations added ...
   static constexpr int reached_frames = 5;  ///< ... for so many trusted frames in a row.
 
-  /// Bounds of the way, of any law, for where the arm would come to rest if it braked now; 0: not watched. Where one is
-  /// broken the task holds until the machine is back
-  /// inside, by a tenth of the bound, or another view is asked for. The way starts where the machine was when it began
-  /// to move for this goal; the goal is where it is seen now.
+  /// Bounds of the trajectory, of any law, where the arm would come to rest if it braked now; 0: not watched. Where one
+  /// is broken the task holds until the machine is back inside, by a tenth of the bound, or another view is asked for.
+  /// The trajectory starts where the machine was when it began to move for this goal; the goal is where it is seen now.
   double max_table_excursion_mm = 20;   ///< Of the table from the box that its positions at start and goal span.
   double max_target_excursion_mm = 10;  ///< Of the target's distance from its goal beyond what it was at the start.
 

@@ -44,7 +44,7 @@ struct NavigateParts {
   ServoLoopSettings carm_loop = withHybridLaw();  ///< Its task becomes the view that is asked for.
   SimulatedPatientSettings patient;  ///< The X-ray and the body's motion; its own device and bolus are not used.
 
-  /// The hybrid law keeps the target near its straight way. By the position-based law whole trees leave a detector of
+  /// The hybrid law keeps the target near its straight path. By the position-based law whole trees leave a detector of
   /// 315 mm on their way to another view, and no registration brings them back.
   static ServoLoopSettings withHybridLaw() {
     ServoLoopSettings loop;
@@ -67,7 +67,7 @@ struct NavigateResult {
   std::string ended;                  ///< "arrived", "given up" and why, or "too long".
   double time_s = 0;                  ///< Simulated.
   double route_m = 0;                 ///< From start to target along the vessels.
-  int forks = 0;                      ///< On the way.
+  int forks = 0;                      ///< On the route.
   int views = 0;                      ///< That the C-arm took.
   int misses = 0;                     ///< Wrong branches and walls that the navigator noticed.
   int wall_contacts = 0;              ///< True ones.
