@@ -80,13 +80,13 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
   const bool located = input.belief && sound(*input.belief, map_) && isFromFrame(*input.belief);
   if (!located) {
     roll_.move(input.drive.roll_rad, 0);
-    return doubt(input, input.belief && !input.belief->why.empty() ? input.belief->why : "the tip is not seen");
+    return holdUnsure(input, input.belief && !input.belief->why.empty() ? input.belief->why : "the tip is not seen");
   }
   const TipPlace& tip = input.belief->tip;
   const double path_m = map_.start_m(tip.branch) + tip.arc_m;
   if (last_path_m_ && std::abs(path_m - *last_path_m_) > kJump_m && ++jumped_ < kSteadyFrames) {
     roll_.move(input.drive.roll_rad, 0);
-    return doubt(input, "the tip seems to have jumped");
+    return holdUnsure(input, "the tip seems to have jumped");
   }
   jumped_ = 0;
   roll_.move(input.drive.roll_rad, last_path_m_ ? path_m - *last_path_m_ : 0.0);
@@ -94,12 +94,12 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
   if (input.deflection) roll_.see(*input.deflection);
 
   const auto view = viewRoute(map_, target_.branch, *input.belief, kNear_m);
-  if (!view) return doubt(input, "no vessel leads from where the tip seems to be to the target");
-  if (!(view->probability >= settings_.min_probability)) return doubt(input, "the tip's branch is not sure");
-  if (!(tip.std_m <= 1e-3 * settings_.max_std_mm)) return doubt(input, "the tip's place is not sure");
+  if (!view) return holdUnsure(input, "no vessel leads from where the tip seems to be to the target");
+  if (!(view->probability >= settings_.min_probability)) return holdUnsure(input, "the tip's branch is not sure");
+  if (!(tip.std_m <= 1e-3 * settings_.max_std_mm)) return holdUnsure(input, "the tip's place is not sure");
   const bool there = tip.branch == target_.branch && tip.arc_m >= target_.arc_m;
   if (there && throughProbability(map_, target_.branch, *input.belief, kSame_m) < kSure) {
-    return doubt(input, "is this the target's branch?");
+    return holdUnsure(input, "is this the target's branch?");
   }
   doubtful_s_ = retreated_m_ = 0;
   asked_ = false;
@@ -126,7 +126,7 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
 }
 
 // Stands still, and after a while goes back to where it was surer, for as far as it may.
-NavigationAnswer Navigator::doubt(const NavigationInput& input, const std::string& why) {
+NavigationAnswer Navigator::holdUnsure(const NavigationInput& input, const std::string& why) {
   doubtful_s_ += input.period_s;
   since_.reset();
   if (doubtful_s_ >= settings_.patience_s && !asked_) {

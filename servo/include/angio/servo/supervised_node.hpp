@@ -202,10 +202,11 @@ class SupervisedNode {
   void classify(const Report& report, const CArmState& arm, std::int64_t now_us) {
     if (!report.hold_reason) {
       const Pose T_patient_camera = loop_.carm().T_camera_patient(arm.joints).inverse();
-      safety_.trust(T_patient_camera * report.patient->T_camera_model, T_patient_camera.linear().col(2), now_us);
+      safety_.accept(T_patient_camera * report.patient->T_camera_model, T_patient_camera.linear().col(2), now_us);
     } else {
-      using Doubt = FrameSupervisor::Doubt;
-      safety_.doubt(report.contradicts ? Doubt::kContradiction : Doubt::kUnseen, *report.hold_reason, now_us);
+      using RejectionKind = FrameSupervisor::RejectionKind;
+      safety_.reject(report.contradicts ? RejectionKind::kContradiction : RejectionKind::kUnseen, *report.hold_reason,
+                     now_us);
     }
   }
 

@@ -122,7 +122,7 @@ class Navigator {
 
  private:
   NavigationAnswer decide(const NavigationInput& input);
-  NavigationAnswer doubt(const NavigationInput& input, const std::string& why);
+  NavigationAnswer holdUnsure(const NavigationInput& input, const std::string& why);
   NavigationAnswer follow(const NavigationInput& input, const RouteView& view);
   NavigationAnswer look(const NavigationInput& input);
   NavigationAnswer aim(const NavigationInput& input);
