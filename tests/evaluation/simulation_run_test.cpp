@@ -188,7 +188,7 @@ TEST_F(SimulationRuns, ClaimsAreHeldAgainstTheTruth) {
 
 // A rigid fit says how much the tree may be deformed: it converges where the image holds it, and its covariance holds
 // for deformed trees as for rigid ones. Of a tree deformed by 3 mm nothing converges that is wrong.
-TEST_F(SimulationRuns, ARigidFitOfABentTreeSaysSo) {
+TEST_F(SimulationRuns, ARigidFitOfADeformedTreeSaysSo) {
   setup_.trees = {test::branchingTree(6), test::branchingTree(9, {0.01, 0.02, 0})};
   setup_.entrants = {{"oriented_kernel", OrientedKernelSettings(), {}}};
   settings_.trials = 30;

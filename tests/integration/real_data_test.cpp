@@ -143,7 +143,7 @@ TEST(StaticPhantom, ADeformedFitWithAnotherDepthSaysThatDepthIsOpen) {
 
 // The phantom was bent by more than a breath bends an organ. How far is no reason to refuse a fit, and no reason to
 // believe one that leaves a fifth of what the mask shows unexplained.
-TEST(AneurysmPhantom, ALargeBendIsJudgedByWhatItExplains) {
+TEST(AneurysmPhantom, ALargeDeformationIsClassifiedByWhatItExplains) {
   const Case run = readCaseSet(test::exampleData("fevar-aaa-phantom/cases.yaml")).cases.at(0);
   const VesselTree tree = readVesselTree(run.tree_path);
   RidgeSettings wide;

@@ -253,7 +253,7 @@ TEST(Certificate, OneThreadAndTwoProveTheSame) {
 }
 
 // A wrong pose is never certified: the true one is its alternative.
-TEST(Certificate, AWrongPoseHasTheTrueOneForARival) {
+TEST(Certificate, AWrongPoseHasTheTrueOneForAnAlternative) {
   for (const unsigned seed : {5u, 6u, 7u}) {
     const Scene s(seed);
     Twist off;
@@ -269,7 +269,7 @@ TEST(Certificate, AWrongPoseHasTheTrueOneForARival) {
 }
 
 // What looks the same from several sides is never certified, and the other side is named.
-TEST(Certificate, ASymmetricTreeHasARivalThatIsReturned) {
+TEST(Certificate, ASymmetricTreeHasAnAlternativeThatIsReturned) {
   const VesselTree tree = star(12, kPi / 6, 0.05);  // The same when turned by 30 deg.
   const Scene s(tree, inFront(tree, expSO3({0.3, 0.2, 0})));
   const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, boxOf(45, 60));
@@ -284,7 +284,7 @@ TEST(Certificate, ASymmetricTreeHasARivalThatIsReturned) {
 }
 
 // A flat tree looks nearly the same with near and far exchanged.
-TEST(Certificate, AFlatTreeHasItsDepthMirrorForARival) {
+TEST(Certificate, AFlatTreeHasItsDepthMirrorForAnAlternative) {
   const VesselTree tree = star(5, 1.1, 0.03);
   const Scene s(tree, inFront(tree, expSO3({0.35, 0, 0})));
   const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, boxOf(45, 20));

@@ -103,7 +103,7 @@ class Turn {
 };
 
 // One frame leaves the depth to the belief, which is 8 mm off; a turn of 6 deg tells it.
-TEST(DepthFromMotion, FindsTheDepthOfABentTree) {
+TEST(DepthFromMotion, FindsTheDepthOfADeformedTree) {
   double alone_m2 = 0, together_m2 = 0;
   constexpr int kTrees = 4;
   for (unsigned seed = 1; seed <= kTrees; ++seed) {

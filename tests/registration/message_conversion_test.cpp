@@ -23,7 +23,7 @@ RegistrationResult someResult() {
   return seen;
 }
 
-TEST(MessageConversion, TheWayBackGivesTheSamePoseAndCovariance) {
+TEST(MessageConversion, TheInverseGivesTheSamePoseAndCovariance) {
   const RegistrationResult seen = someResult();
   const RegistrationMessage message = registrationMessage(seen, ModelId{7}, 10, 20);
   EXPECT_EQ(message.model_id, ModelId{7});

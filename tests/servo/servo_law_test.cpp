@@ -265,7 +265,7 @@ TEST(JointSpace, GoesStraightInAllJointsAtOnce) {
   }
 }
 
-TEST(JointSpace, NeedsTheWayThatIsLeft) {
+TEST(JointSpace, NeedsTheRemainingMotion) {
   const Pose seen = kArm.T_camera_patient(jointsAt(10, 5)), desired = kArm.T_camera_patient(jointsAt(20, 0));
   const auto law = makeServoLaw(JointSpaceSettings{});
   LawInput input = inputOf(seen, desired, jointsAt(10, 5), nullptr);

@@ -149,7 +149,7 @@ Excursions excursionsOf(Lab& lab, int frames = 150) {
   return most;
 }
 
-TEST(ViewTask, JointSpaceKeepsTheWayBetweenStartAndGoal) {
+TEST(ViewTask, JointSpaceKeepsTheTrajectoryBetweenStartAndGoal) {
   test::Random random(3);
   for (int i = 0; i < 10; ++i) {
     ViewTaskSettings settings;
@@ -180,7 +180,7 @@ struct AngledLab : Lab {
 };
 
 // The camera's straight path takes the table far out: each bound by itself stops it in time, and says so.
-TEST(ViewTask, HoldsBeforeAWayLeavesItsBounds) {
+TEST(ViewTask, HoldsBeforeATrajectoryLeavesItsBounds) {
   AngledLab free(farView());
   const Excursions most = excursionsOf(free);
   EXPECT_FALSE(most.hold_reason);
@@ -213,7 +213,7 @@ TEST(ViewTask, HoldsBeforeTheTargetGoesTooFar) {
 
 // A machine that is not allowed to move starts its trajectory where it stands when it is; one that is held for a moment
 // goes on with the old one.
-TEST(ViewTask, AWayBeginsWhereTheMachineBeginsToMove) {
+TEST(ViewTask, ATrajectoryBeginsWhereTheMachineBeginsToMove) {
   for (const bool begun : {false, true}) {
     ViewTaskSettings settings;
     Lab lab(settings);

@@ -40,7 +40,7 @@ TEST(PatientMotion, NothingHasMovedAtTimeZero) {
 }
 
 // Over many seeds, since four waves over a tree's extent are few.
-TEST(PatientMotion, BendsByTheSameAtAllTimes) {
+TEST(PatientMotion, DeformsByTheSameAtAllTimes) {
   MotionSettings settings;
   settings.deformation.rms_mm = 4;
   test::Random random(2);
