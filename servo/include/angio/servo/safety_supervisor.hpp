@@ -123,7 +123,7 @@ class FrameSupervisor {
 ///
 ///   request()    for each of the operator's requests;
 ///   observe()    for each state of the C-arm, and of the machine;
-///   begin()      for each frame, before anything is made of it; a frame that it rejects must not be looked at;
+///   begin()      for each frame, before it is used; a frame that it rejects must not be used;
 ///   accept() or reject() once per frame that begin() let pass, by what the registration is worth;
 ///   permits()    on the command that is proposed; commanded() with the command as it was sent;
 ///   wait()       when no frame came.

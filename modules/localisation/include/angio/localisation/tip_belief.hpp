@@ -21,7 +21,7 @@ struct TipPlace {
   Eigen::Vector3d direction_model = Eigen::Vector3d::UnitX();  ///< Along the vessel, away from the root.
 };
 
-/// What a belief rests on.
+/// What a belief is based on.
 enum class BeliefStatus {
   kUnknown,    ///< Nothing has been seen since the reset: `tip` is only the most probable start.
   kSeen,       ///< This frame's curve, and all before it.
@@ -59,7 +59,7 @@ struct PlaceEvidence {
   double arc_m = 0;         ///< From the branch's start, along the vessel [m].
   double log_evidence = 0;  ///< Logarithm of the frame's probability given the tip there, up to a constant of it.
   Eigen::Vector3d tip_model = Eigen::Vector3d::Zero();  ///< The tip's end then, beside the axis, model frame [m].
-  double end_std_m = 0;  ///< Of tip_model, in the direction that is known least: how far it leans along the beam.
+  double end_std_m = 0;  ///< Of tip_model, in the direction of the largest variance: its offset along the beam.
 };
 
 /// What one frame says of where a tip is, place by place.

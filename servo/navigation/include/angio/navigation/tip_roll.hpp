@@ -22,21 +22,21 @@ struct TipDeflection {
   Eigen::Vector2d observable_axis = Eigen::Vector2d::Zero();
 };
 
-/// Measures how the last `tip_length_m` [m] of a seen catheter deflection against the image of the vessel that they are
-/// in.
+/// Returns the deflection of the last `tip_length_m` [m] of a seen catheter against the image of the vessel that they
+/// are in.
 ///
-/// Nothing comes back when the vessel points too much along the beam, when the tip is behind the source, or when the
+/// Returns nothing when the vessel points too much along the beam, when the tip is behind the source, or when the
 /// curve is too short or does not say which end is its tip.
 std::optional<TipDeflection> seenDeflection(const SeenCatheter& seen, const XrayCamera& camera,
                                             const Pose& T_camera_model, const TreeTopology& map,
                                             const TreeLocation& tip, double tip_length_m);
 
-/// Estimates which way a bent tip points for a given roll of its drive: what zero, wind-up and backlash leave unknown.
+/// Estimates the direction of a bent tip for a given roll of its drive: zero, wind-up and backlash leave it unknown.
 ///
 /// The tip is deflected by x = (p, q) in the vessel's frame when the drive's roll is 0, and by R(roll) x at any other;
-/// a frame sees y = sight . R(roll) x + bias, where the bias is how the whole catheter lies beside the centreline. A
-/// Kalman filter over (p, q, bias): linear, and its row d y / d roll is the image Jacobian of roll that nobody can
-/// calculate beforehand. Between drive and tip stands a dead band of nominal width (a play operator).
+/// a frame measures y = observable_axis . R(roll) x + bias, where the bias is the offset of the whole catheter from the
+/// centreline. The estimate is a linear Kalman filter over (p, q, bias); its row d y / d roll is the image Jacobian of
+/// roll. The dead band between drive and tip has a nominal width (a play operator).
 class TipRoll {
  public:
   /// @param deflection  How far tips are usually deflected, as a slope. @param dead_band_rad  Of roll, from one side to
@@ -50,7 +50,7 @@ class TipRoll {
   /// may be deflected further, so that its deflection is less sure; one that bends less falls back in proportion.
   void bend(double deflection);
 
-  /// What a frame shows of it. Values beyond three standard deviations pull no harder than those.
+  /// Updates the estimate by one frame. Values beyond three standard deviations are clamped to those.
   void see(const TipDeflection& deflection);
 
   /// It has entered a branch that lies in this direction (in the vessel's frame: normal, binormal; any length).
@@ -59,7 +59,7 @@ class TipRoll {
   /// Angle of the tip in the vessel's frame, from `normal` to `binormal` [rad].
   double angle_rad() const;
 
-  /// Standard deviation of that angle, at most pi / sqrt(3): then nothing is known.
+  /// Standard deviation of that angle [rad], at most that of a uniform one, pi / sqrt(3).
   double std_rad() const;
 
   /// How the tip is deflected in the vessel's frame: normal, binormal; sideways for each metre of its length.
