@@ -55,7 +55,7 @@ cv::Mat withoutGround(const cv::Mat& values, double max_radius_px) {
 std::vector<BeadCandidate> blobs(const cv::Mat& above_ground, const cv::Mat& mask,
                                  const BeadDetectionSettings& settings, double min_response) {
   std::vector<double> radii;
-  for (double r = settings.smallest_radius_px; r < settings.max_radius_px * kBlobScaleStep; r *= kBlobScaleStep) {
+  for (double r = settings.min_radius_px; r < settings.max_radius_px * kBlobScaleStep; r *= kBlobScaleStep) {
     radii.push_back(r);
   }
   std::vector<cv::Mat> responses;
@@ -194,7 +194,7 @@ class BeadFinder {
     const bool inside =
         p.x() >= edge && p.y() >= edge && p.x() <= values_.cols - 1 - edge && p.y() <= values_.rows - 1 - edge &&
         mask_.at<unsigned char>(static_cast<int>(std::lround(p.y())), static_cast<int>(std::lround(p.x())));
-    return inside && ball.radius_px > settings_.smallest_radius_px / kBlobScaleStep &&
+    return inside && ball.radius_px > settings_.min_radius_px / kBlobScaleStep &&
            ball.radius_px < settings_.max_radius_px * kBlobScaleStep && contrast > settings_.min_contrast &&
            contrast * std::sqrt(area_px) > settings_.min_significance * noise_ && group.stds_px[k] < 0.5;
   }

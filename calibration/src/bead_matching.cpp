@@ -16,7 +16,7 @@ constexpr double kRadiusSpread = 0.08;  // Standard deviation of an apparent rad
 constexpr double kScaleStep = 0.02;     // Of the scale's logarithm.
 constexpr double kAlsoLikely = 0.7;     // Of the best scale's agreement.
 constexpr std::size_t kMaxScales = 3;
-constexpr std::size_t kFewest = 12;
+constexpr std::size_t kMinCount = 12;
 constexpr std::size_t kRefined = 80;        // Orientations that are refined, those with most votes.
 constexpr double kConclusive = 0.8;         // Share of agreement that ends the search.
 constexpr double kNeighbourhood_rad = 0.7;  // Around likely orientations.
@@ -207,9 +207,9 @@ std::vector<double> radiiOf(const std::string& place, const std::vector<BeadDete
       throw InputError(place, "radius_px", "", "is missing: neither numbers nor sizes tell the beads apart");
     radii.push_back(*seen.radius_px);
   }
-  if (radii.size() < kFewest) {
+  if (radii.size() < kMinCount) {
     throw InputError(place, "beads", std::to_string(radii.size()),
-                     "must be at least " + std::to_string(kFewest) + " to be told apart");
+                     "must be at least " + std::to_string(kMinCount) + " to be told apart");
   }
   return radii;
 }

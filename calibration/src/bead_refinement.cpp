@@ -10,7 +10,7 @@
 namespace angio::calibration {
 namespace {
 
-constexpr int kFewestMatched = 10, kFewestForBend = 40;
+constexpr int kMinMatched = 10, kMinForBend = 40;
 constexpr int kCubic = 10;  // Monomials of two variables up to the third degree.
 
 using Pairs = std::vector<std::pair<Eigen::Index, Eigen::Index>>;  // Bead, detection.
@@ -141,7 +141,7 @@ Refinement refinedMatch(const BeadPhantom& phantom, const std::vector<BeadDetect
   Eigen::Matrix2Xd thought_px = refiner.start(start);
   for (const double tolerance : {1.5 * bin_px, 1.2 * bin_px, bin_px, 0.8 * bin_px, 0.6 * bin_px}) {
     const Pairs matched = refiner.pairs(thought_px, tolerance);
-    if (static_cast<int>(matched.size()) < kFewestMatched) return result;
+    if (static_cast<int>(matched.size()) < kMinMatched) return result;
     const auto P = refiner.affine(matched);
     if (!P) return result;
     thought_px = refiner.projected(*P);
@@ -150,11 +150,11 @@ Refinement refinedMatch(const BeadPhantom& phantom, const std::vector<BeadDetect
   // By and by: how a detector bends the image at its edge shows only when the beads on the way there are matched.
   for (const double share : {0.6, 0.6, 0.5, 0.5, 0.4, 0.4, 0.3, 0.3, 0.2, 0.2, 0.1, 0.1, 0.0, 0.0}) {
     const Pairs matched = refiner.pairs(thought_px, std::max(share * bin_px, tolerance_px));
-    if (static_cast<int>(matched.size()) < kFewestMatched) return result;
+    if (static_cast<int>(matched.size()) < kMinMatched) return result;
     const auto P = refiner.perspective(matched, thought_px - projected_px);
     if (!P) return result;
     projected_px = refiner.projected(*P);
-    thought_px = static_cast<int>(matched.size()) < kFewestForBend ? projected_px : refiner.bent(projected_px, matched);
+    thought_px = static_cast<int>(matched.size()) < kMinForBend ? projected_px : refiner.bent(projected_px, matched);
   }
   const Pairs matched = refiner.pairs(thought_px, tolerance_px);
   for (const auto& [bead, seen] : matched) result.bead[seen] = static_cast<int>(bead);

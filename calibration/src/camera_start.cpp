@@ -169,8 +169,8 @@ Eigen::Matrix3d planarStart(const BeadPhantom& phantom, const Pose& T_plane_phan
   }
   Eigen::Matrix3d K;
   cv::cv2eigen(cv::initCameraMatrix2D(marks, pixels, {detector.width_px, detector.height_px}, 0), K);
-  const double longest_px = 50 * std::hypot(detector.width_px, detector.height_px);
-  if (K.allFinite() && K(0, 0) > 0 && K(0, 0) < longest_px && K(1, 1) > 0 && K(1, 1) < longest_px) return K;
+  const double max_focal_px = 50 * std::hypot(detector.width_px, detector.height_px);
+  if (K.allFinite() && K(0, 0) > 0 && K(0, 0) < max_focal_px && K(1, 1) > 0 && K(1, 1) < max_focal_px) return K;
   throw InputError("views", "tilt", "",
                    "no camera explains the views of a flat phantom: tilt it by more between views");
 }

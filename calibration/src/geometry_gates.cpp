@@ -12,7 +12,7 @@
 namespace angio::calibration {
 namespace {
 
-constexpr std::size_t kFewestPositions = 6;
+constexpr std::size_t kMinPositions = 6;
 constexpr double kMinPrimaryRange_rad = degToRad(20);
 constexpr double kSmallRange_rad = degToRad(10), kSmallRange_m = 10e-3;
 
@@ -58,7 +58,7 @@ void requirePositions(const std::string& place, const std::vector<CArmJoints>& p
       different.push_back(joints);
     }
   }
-  if (different.size() < kFewestPositions) {
+  if (different.size() < kMinPositions) {
     throw InputError(place, "views", formatted("%zu at %zu different positions", positions.size(), different.size()),
                      "there must be at least 6 positions that differ by 0.5 deg or 5 mm: neither axis can be known");
   }

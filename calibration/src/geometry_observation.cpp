@@ -16,7 +16,7 @@
 namespace angio::calibration {
 namespace {
 
-constexpr int kFewestBeads = 8;
+constexpr int kMinBeads = 8;
 constexpr double kMinStd_px = 0.02;  // Beads are never seen better than that: rounding is no outlier.
 constexpr double kMaxMedian_px = 5;  // A pose that explains beads no better explains nothing.
 
@@ -27,9 +27,9 @@ struct Sightings {
 
 Sightings sightingsOf(const std::string& place, const BeadPhantom& phantom, const BeadView& view) {
   const auto count = static_cast<Eigen::Index>(view.beads.size());
-  if (count < kFewestBeads) {
+  if (count < kMinBeads) {
     throw InputError(place, view.name, std::to_string(count) + " beads",
-                     "there must be at least " + std::to_string(kFewestBeads));
+                     "there must be at least " + std::to_string(kMinBeads));
   }
   Sightings s{Eigen::Matrix3Xd(3, count), Eigen::Matrix2Xd(2, count)};
   for (Eigen::Index i = 0; i < count; ++i) {
@@ -158,9 +158,9 @@ ViewObservation observeView(const std::string& place, const BeadPhantom& phantom
       seen.far_beads.push_back(view.beads[i].bead);
     }
   }
-  if (near.size() < kFewestBeads) {
+  if (near.size() < kMinBeads) {
     throw InputError(place, view.name, std::to_string(near.size()) + " beads agree with each other",
-                     "there must be at least " + std::to_string(kFewestBeads));
+                     "there must be at least " + std::to_string(kMinBeads));
   }
   used.points_m = all.points_m(Eigen::all, near);
   used.pixels_px = all.pixels_px(Eigen::all, near);

@@ -85,10 +85,10 @@ cv::Mat residualsByAngle(const GeometryCalibration& result) {
   constexpr auto kDots = PlotSeries::Kind::kDots;
   PlotSeries used{"used", {}, {}, kGood, kDots}, held_out{"held out", {}, {}, kHeldOut, kDots},
       left_out{"left out", {}, {}, kWarningColor, kDots};
-  constexpr double kLargest_px = 17;
+  constexpr double kMaxRadius_px = 17;
   for (const GeometryViewFit& view : result.views) {
     const double x = radToDeg(view.joints[0]), y = radToDeg(view.joints[1]);
-    const double radius_px = std::max(2.0, kLargest_px * std::min(1.5, view.residual / largest));
+    const double radius_px = std::max(2.0, kMaxRadius_px * std::min(1.5, view.residual / largest));
     PlotSeries& s = view.left_out ? left_out : view.held_out ? held_out : used;
     for (const double r : {radius_px, 2.0}) {
       s.x.push_back(x);

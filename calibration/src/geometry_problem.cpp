@@ -185,9 +185,9 @@ Eigen::VectorXd GeometryProblem::priorResidual(const GeometryModel& model, Eigen
   if (camera_.covariance) {
     const Eigen::LLT<Eigen::Matrix4d> whiten(*camera_.covariance);
     CameraJacobian by_camera;
-    const Eigen::Vector4d believed(camera_.fx_px, camera_.fy_px, camera_.cx_px, camera_.cy_px);
+    const Eigen::Vector4d expected(camera_.fx_px, camera_.fy_px, camera_.cx_px, camera_.cy_px);
     r.head<4>() =
-        whiten.matrixL().solve(cameraAt(model.carm, *camera_.source_detector_distance_m, &by_camera) - believed);
+        whiten.matrixL().solve(cameraAt(model.carm, *camera_.source_detector_distance_m, &by_camera) - expected);
     J->block<4, kCameraNumbers>(0, kFirstCameraNumber) = whiten.matrixL().solve(by_camera);
   }
   const CArmFlex& flex = model.carm.deviations.flex;

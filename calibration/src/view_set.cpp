@@ -16,7 +16,7 @@
 namespace angio::calibration {
 namespace {
 
-constexpr double kLargest_px = 32768;
+constexpr double kMaxPixel_px = 32768;
 constexpr int kMaxBeads = 2000;
 
 std::optional<double> positiveIn(const TableRow& row, const char* column) {
@@ -33,7 +33,7 @@ std::vector<BeadDetection> readBeadTable(const std::string& path) {
   readTable(path, {{"x_px", "y_px"}, {"sigma_px", "radius_px", "contrast", "bead"}}, [&](const TableRow& row) {
     BeadDetection seen;
     const auto position = [&](const char* column) {
-      return requireBetween(row.place(), column, row.number(column), -0.5, kLargest_px);
+      return requireBetween(row.place(), column, row.number(column), -0.5, kMaxPixel_px);
     };
     seen.center_px = {position("x_px"), position("y_px")};
     seen.std_px = positiveIn(row, "sigma_px").value_or(1);

@@ -101,7 +101,7 @@ RegistrationResult searched(Registration& registration, const std::vector<SeenVi
                              [&](double share_done) { bar.show(static_cast<int>(kSteps * share_done)); });
 }
 
-// Looks for what else could be the answer. A pose that has a rival is not trusted.
+// Looks for what else could be the answer. A pose that has an alternative is not trusted.
 PoseCertificate certified(const VesselTree& tree, const SeenView& view, const Pose& initial,
                           const CertificateSettings& settings, RegistrationResult& result) {
   constexpr int kSteps = 1000;
@@ -114,7 +114,7 @@ PoseCertificate certified(const VesselTree& tree, const SeenView& view, const Po
         bar.show(static_cast<int>(kSteps * std::max(closed, elapsed_s / settings.seconds)),
                  formatted("bound %.2f of the score", bound));
       });
-  if (certificate.rival && result.status == RegistrationStatus::kConverged) {
+  if (certificate.alternative && result.status == RegistrationStatus::kConverged) {
     result.status = RegistrationStatus::kAmbiguous;
     result.reason = certificate.reason;
   }
@@ -125,7 +125,7 @@ std::string captionOf(const PoseCertificate& certificate, const CertificateSetti
   if (!certificate.proven) return certificate.reason;
   return formatted("proven: no pose within +-%g deg / +-%g mm and more than %g mm away has %g %% of the score   %.1f s",
                    settings.box_rotation_deg, settings.box_translation_mm, settings.distance_mm,
-                   100 * settings.rival_share, certificate.seconds);
+                   100 * settings.alternative_share, certificate.seconds);
 }
 
 // Cameras whose calibration is old may still be right, and whoever asks should know.

@@ -122,13 +122,13 @@ CatheterRoute online(const std::string& name, const std::vector<SequenceFrame>& 
 
 // How far apart two places are along the vessels [m].
 double alongVessels_m(const TreeTopology& map, const TipPlace& a, const TipPlace& b) {
-  const auto to_a = map.pathTo(a.chain), to_b = map.pathTo(b.chain);
+  const auto to_a = map.pathTo(a.branch), to_b = map.pathTo(b.branch);
   std::size_t shared = 0;
   while (shared < to_a.size() && shared < to_b.size() && to_a[shared] == to_b[shared]) ++shared;
   if (shared == 0) return (a.tip_model - b.tip_model).norm();  // Different roots.
   const int last = to_a[shared - 1];
   const double end_m = map.start_m(last) + map.length_m(last);
-  const double at_a_m = map.start_m(a.chain) + a.arc_m, at_b_m = map.start_m(b.chain) + b.arc_m;
+  const double at_a_m = map.start_m(a.branch) + a.arc_m, at_b_m = map.start_m(b.branch) + b.arc_m;
   const double fork_m = std::min({end_m, at_a_m, at_b_m});
   return at_a_m + at_b_m - 2 * fork_m;
 }
@@ -162,12 +162,12 @@ std::vector<Eigen::Vector2d> wayTo(const TipPlace& tip, const VesselTree& tree, 
                                    const Pose& T) {
   const TreeTopology map(tree);
   std::vector<Eigen::Vector2d> line;
-  for (const int chain : map.pathTo(tip.chain)) {
+  for (const int chain : map.pathTo(tip.branch)) {
     double arc_m = 0;
     const std::vector<int>& points = map.points(chain);
     for (std::size_t k = 0; k < points.size(); ++k) {
       if (k > 0) arc_m += (tree.points().col(points[k]) - tree.points().col(points[k - 1])).norm();
-      if (chain == tip.chain && arc_m > tip.arc_m) break;
+      if (chain == tip.branch && arc_m > tip.arc_m) break;
       if (const auto u = camera.project(T * tree.points().col(points[k]))) line.push_back(*u);
     }
   }
@@ -186,7 +186,7 @@ Json catheterAsJson(const CatheterRoute& way, const CaseSet& set) {
     const Eigen::Vector3d tip_mm = 1e3 * b.tip.tip_model;
     Json& one = json["cases"][set.cases[t].name];
     one = {{"status", statusName(b.status)},
-           {"chain", b.tip.chain},
+           {"chain", b.tip.branch},
            {"arc_mm", 1e3 * b.tip.arc_m},
            {"path_mm", 1e3 * b.tip.path_m},
            {"std_mm", 1e3 * b.tip.std_m},
@@ -200,8 +200,8 @@ Json catheterAsJson(const CatheterRoute& way, const CaseSet& set) {
     if (b.residual_px && !way.learnt[t]) left_out_px.push_back(*b.residual_px);
     if (time_s > 0) times_ms.push_back(1e3 * time_s);
     if (t > 0) steps_mm.push_back(1e3 * alongVessels_m(map, way.frames[t - 1].belief.tip, b.tip));
-    if (t == 0 || b.tip.chain != way.frames[t - 1].belief.tip.chain) {
-      chains += (t > 0 ? " " : "") + std::to_string(b.tip.chain);
+    if (t == 0 || b.tip.branch != way.frames[t - 1].belief.tip.branch) {
+      chains += (t > 0 ? " " : "") + std::to_string(b.tip.branch);
     }
   }
   using F = const Located&;
@@ -264,7 +264,7 @@ std::string catheterComparison(const CatheterRoute& a, const CatheterRoute& b) {
   int same = 0;
   for (std::size_t t = 0; t < a.frames.size(); ++t) {
     apart_mm.push_back(1e3 * (a.frames[t].belief.tip.tip_model - b.frames[t].belief.tip.tip_model).norm());
-    same += a.frames[t].belief.tip.chain == b.frames[t].belief.tip.chain;
+    same += a.frames[t].belief.tip.branch == b.frames[t].belief.tip.branch;
   }
   return formatted("tip from that of %s: median %.1f mm, at most %.1f mm; in the same chain in %d frames\n",
                    b.name.c_str(), percentile(apart_mm, 0.5), percentile(apart_mm, 1), same);

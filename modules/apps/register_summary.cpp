@@ -41,7 +41,7 @@ std::vector<std::string> nextSteps(const RegistrationResult& result, const Regis
 std::string captionOf(const CaseOutcome& outcome) {
   const RegistrationResult& r = outcome.result;
   if (r.status == RegistrationStatus::kTooFewPoints) return statusName(r.status);
-  return formatted("%s: %s, %.1f ms", statusName(r.status).c_str(), agreementInWords(r.agreement).c_str(),
+  return formatted("%s: %s, %.1f ms", statusName(r.status).c_str(), alignmentInWords(r.alignment).c_str(),
                    1e3 * (outcome.image_s + r.times.total_s));
 }
 
@@ -64,8 +64,8 @@ std::optional<ImageReading> matchingReading(Registration& registration, const Xr
   for (const ImageReading reading : otherReadings(seen.camera)) {
     const Centerline2d read = readAs(reading, seen.centerline, seen.camera);
     const RegistrationResult result = registration.search({XrayView{read, seen.camera}}, prior, starts);
-    if (result.status != RegistrationStatus::kConverged || result.agreement.score() <= best_score) continue;
-    best_score = result.agreement.score();
+    if (result.status != RegistrationStatus::kConverged || result.alignment.score() <= best_score) continue;
+    best_score = result.alignment.score();
     best = reading;
   }
   return best;

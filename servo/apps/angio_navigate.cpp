@@ -67,7 +67,7 @@ int navigate(const Options& o) {
     if (withoutNumbers(line) != said) {
       const auto& belief = report->loop.input.belief;
       const std::string where =
-          belief ? formatted(" (branch %d, %.1f mm into it)", belief->tip.chain, 1e3 * belief->tip.arc_m) : "";
+          belief ? formatted(" (branch %d, %.1f mm into it)", belief->tip.branch, 1e3 * belief->tip.arc_m) : "";
       std::cerr << formatted("%7.2f s  ", run.elapsed_s()) << line << where << "\n";
       said = withoutNumbers(line);
     }

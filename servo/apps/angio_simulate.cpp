@@ -266,7 +266,7 @@ int simulate(const Options& o) {
   if (catheter) {
     const CatheterTruth truth = machines.catheter()->catheter().truth();
     std::cout << formatted("the catheter's tip is in branch %d, %.1f mm into it; it touched a wall %d times\n",
-                           truth.tip.chain, 1e3 * truth.tip.arc_m, truth.wall_contacts);
+                           truth.tip.branch, 1e3 * truth.tip.arc_m, truth.wall_contacts);
   }
   return 0;
 }

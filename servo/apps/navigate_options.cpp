@@ -8,9 +8,9 @@
 namespace angio::apps {
 
 TreeLocation placeOf(const TreeTopology& map, const std::string& name, int branch, double mm) {
-  if (branch < 0 || branch >= map.chains()) {
+  if (branch < 0 || branch >= map.branchCount()) {
     throw InputError("--" + name + "-branch", "", std::to_string(branch),
-                     "must be one of the tree's " + std::to_string(map.chains()) + " branches, from 0 on");
+                     "must be one of the tree's " + std::to_string(map.branchCount()) + " branches, from 0 on");
   }
   requireBetween("--" + name + "-mm", "of branch " + std::to_string(branch), mm, 0, 1e3 * map.length_m(branch));
   return {branch, 1e-3 * mm};

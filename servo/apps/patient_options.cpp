@@ -33,13 +33,13 @@ void PatientOptions::addTo(CLI::App& app, CLI::Option* needs) {
 void PatientOptions::applyTo(SimulatedPatientSettings& patient) const {
   patient.filling.filled = filled.value_or(patient.filling.filled);
   patient.filling.missing = missing.value_or(patient.filling.missing);
-  BendSettings& bend = patient.motion.bend;
-  bend.rms_mm = deformation_mm.value_or(bend.rms_mm);
+  TreeDeformationSettings& deformation = patient.motion.deformation;
+  deformation.rms_mm = deformation_mm.value_or(deformation.rms_mm);
   if (deformation_field.empty()) return;
-  if (bend.rms_mm <= 0) {
+  if (deformation.rms_mm <= 0) {
     throw InputError("--deformation-field", "--deformation-mm", "0", "must be above 0: the size of the deformation");
   }
-  bend.measured = std::make_shared<const MeasuredMotion>(readMeasuredMotion(deformation_field));
+  deformation.measured = std::make_shared<const MeasuredMotion>(readMeasuredMotion(deformation_field));
 }
 
 }  // namespace angio::apps

@@ -14,7 +14,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/plotting/plot.hpp"
-#include "angio/servo/way_preview.hpp"
+#include "angio/servo/trajectory_preview.hpp"
 
 namespace angio::apps {
 namespace {
@@ -23,9 +23,9 @@ using Json = nlohmann::ordered_json;
 
 double shown(int joint, double value) { return joint < 2 ? radToDeg(value) : 1e3 * value; }
 
-std::vector<double> column(const WayPreview& way, const std::function<double(const WayPoint&)>& of) {
+std::vector<double> column(const TrajectoryPreview& way, const std::function<double(const TrajectoryPoint&)>& of) {
   std::vector<double> values;
-  for (const WayPoint& point : way.points) values.push_back(of(point));
+  for (const TrajectoryPoint& point : way.points) values.push_back(of(point));
   return values;
 }
 
@@ -50,17 +50,17 @@ void widen(Plot& plot) {
   atLeast(plot.y, y);
 }
 
-cv::Mat pictureOf(const WayPreview& way) {
-  const std::vector<double> time_s = column(way, [](const WayPoint& p) { return p.time_s; });
+cv::Mat pictureOf(const TrajectoryPreview& way) {
+  const std::vector<double> time_s = column(way, [](const TrajectoryPoint& p) { return p.time_s; });
   Plot angles{"angles", {"time [s]"}, {"deg"}}, table{"table", {"time [s]"}, {"mm"}};
   for (int joint = 0; joint < kCArmJointCount; ++joint) {
     PlotSeries series{kJointNames[joint], time_s,
-                      column(way, [&](const WayPoint& p) { return shown(joint, p.joints[joint]); })};
+                      column(way, [&](const TrajectoryPoint& p) { return shown(joint, p.joints[joint]); })};
     series.color = joint < 2 ? joint : joint - 2;
     (joint < 2 ? angles : table).series.push_back(series);
   }
   Plot off{"from the goal", {"time [s]"}, {"target [mm]"}};
-  off.series = {{"target", time_s, column(way, [](const WayPoint& p) { return 1e3 * p.target_off_m; })}};
+  off.series = {{"target", time_s, column(way, [](const TrajectoryPoint& p) { return 1e3 * p.target_off_m; })}};
   const CArmJoints &from = way.points.front().joints, &to = way.points.back().joints;
   Plot above{"table from above: start (ring), goal (dot), the box between them",
              {"x, to the patient's left [mm]"},
@@ -68,8 +68,8 @@ cv::Mat pictureOf(const WayPreview& way) {
   const auto x = [](const CArmJoints& q) { return 1e3 * q[2]; };
   const auto z = [](const CArmJoints& q) { return 1e3 * q[4]; };
   above.series = {{"", {x(from), x(to), x(to), x(from), x(from)}, {z(from), z(from), z(to), z(to), z(from)}, 2},
-                  {"", column(way, [&](const WayPoint& p) { return x(p.joints); }),
-                   column(way, [&](const WayPoint& p) { return z(p.joints); })},
+                  {"", column(way, [&](const TrajectoryPoint& p) { return x(p.joints); }),
+                   column(way, [&](const TrajectoryPoint& p) { return z(p.joints); })},
                   {"", {x(from), x(to)}, {z(from), z(to)}, kWarningColor, PlotSeries::Kind::kDots}};
   above.series[0].dashed = true;
   above.series[2].hollow = {true, false};
@@ -78,7 +78,7 @@ cv::Mat pictureOf(const WayPreview& way) {
   return drawPlots({angles, table, off, above});
 }
 
-Json jsonOf(const WayPreview& way, const ServoLoopSettings& settings) {
+Json jsonOf(const TrajectoryPreview& way, const ServoLoopSettings& settings) {
   const CArmJoints &from = way.points.front().joints, &to = way.points.back().joints;
   Json json = {{"arrives", !way.hold_reason}, {"duration_s", way.points.back().time_s}};
   if (way.hold_reason) json["reason"] = *way.hold_reason;
@@ -89,7 +89,7 @@ Json jsonOf(const WayPreview& way, const ServoLoopSettings& settings) {
   json["max_target_excursion_mm"] = view.max_target_excursion_mm;
   for (int joint = 0; joint < kCArmJointCount; ++joint) {
     double fastest = 0;
-    for (const WayPoint& p : way.points) fastest = std::max(fastest, std::abs(p.velocity[joint]));
+    for (const TrajectoryPoint& p : way.points) fastest = std::max(fastest, std::abs(p.velocity[joint]));
     json["joints"].push_back(
         {{"name", kJointNames[joint]},
          {"unit", joint < 2 ? "deg" : "mm"},
@@ -109,7 +109,7 @@ int previewTo(const std::string& folder, const ServoLoopSettings& settings, cons
   std::error_code failed;
   std::filesystem::create_directories(folder, failed);
   if (failed) throw InputError(folder, "preview", "", "cannot be made: " + failed.message());
-  const WayPreview way = previewWay(settings, tree, start);
+  const TrajectoryPreview way = previewTrajectory(settings, tree, start);
   writeWholeFile(folder + "/preview.json", jsonOf(way, settings).dump(2) + "\n");
   std::vector<unsigned char> png;
   cv::imencode(".png", pictureOf(way), png);

@@ -56,7 +56,7 @@ LiveScene sceneOf(const NavigateMoment& m, ModelId model_id) {
     tip.model_id = model_id;
     tip.status = CatheterTipStatus::kLocated;
     tip.tip_model = belief->tip.tip_model;
-    tip.branch = belief->tip.chain;
+    tip.branch = belief->tip.branch;
     tip.arc_length_m = belief->tip.path_m;
     scene.tip = tip;
   }

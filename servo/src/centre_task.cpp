@@ -79,7 +79,8 @@ SeenPoint CenterTask::seen(const TaskInput& input) const {
   point.position = T * target;
   point.covariance = PatientObservation{T, input.covariance}.pointCovariance(target) +
                      T.linear() * input.target_covariance * T.linear().transpose();
-  // A bend that stretches the tree's image passes for a nearer tree, of which the rigid one's covariance knows nothing.
+  // A deformation that stretches the tree's image passes for a nearer tree, of which the rigid one's covariance knows
+  // nothing.
   Eigen::Vector3d ray = point.position / point.position.z();
   const double depth_std_m = 1e-3 * settings_.depth_std_mm;
   point.covariance += depth_std_m * depth_std_m * ray * ray.transpose();

@@ -18,7 +18,7 @@ ViewError viewError(const Pose& T_camera_model, const Pose& desired_T_camera_mod
   const Eigen::Vector3d beam = R.row(2).transpose(), desired_beam = Rd.row(2).transpose();
   ViewError error;
   error.direction_rad = std::atan2(beam.cross(desired_beam).norm(), beam.dot(desired_beam));
-  // Roll is what is left of the rotation once the beams are brought together along the shortest way.
+  // Roll is what is left of the rotation once the beams are brought together along the shortest rotation.
   const Eigen::Matrix3d aligned = R * Eigen::Quaterniond::FromTwoVectors(desired_beam, beam).toRotationMatrix();
   error.roll_rad = rotationAngle(aligned * Rd.transpose());
   error.target_m = (T_camera_model * target_model - desired_T_camera_model * target_model).norm();

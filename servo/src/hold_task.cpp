@@ -12,7 +12,7 @@
 namespace angio::servo {
 namespace {
 
-// A rotation is predicted as the way of a point so far from its axis: the predictor's settings are lengths.
+// A rotation is predicted as the motion of a point so far from its axis: the predictor's settings are lengths.
 constexpr double kLever_m = 0.1;
 // A place whose standard deviation is less than this counts almost fully.
 constexpr double kSure_m = 0.5e-3;
@@ -103,8 +103,8 @@ std::optional<HoldTask::Expected> HoldTask::expected(double time_s) const {
   return result;
 }
 
-// The joints' ways, from `joints`, by which the target comes to its place in the camera and the beam to its direction
-// when the patient is as expected: for small ways, which are all that a breath asks for.
+// The joints' motions, from `joints`, by which the target comes to its place in the camera and the beam to its
+// direction when the patient is as expected: for small motions, which are all that a breath asks for.
 class HoldTask::Keeping {
  public:
   Keeping(const CArmGeometry& carm, const CArmJoints& joints, const Pose& desired, const Eigen::Vector3d& target_model)
@@ -118,7 +118,7 @@ class HoldTask::Keeping {
 
   bool possible() const { return solver_.rcond() > kMinReciprocalCondition; }
 
-  CArmJoints ways(const Pose& T_patient_model) const {
+  CArmJoints motions(const Pose& T_patient_model) const {
     const Pose cMo = T_camera_patient_ * T_patient_model;
     Eigen::Matrix<double, 5, 1> b;
     b << cMo * target_ - desired_ * target_, logSO3(cMo.linear() * desired_.linear().transpose()).head<2>();
@@ -158,7 +158,7 @@ TaskAnswer HoldTask::answer(const TaskInput& input) {
     const auto then_expected = expected(arrival_s + k * input.period_s);
     if (!then_expected || (then_expected->beyond_horizon && k > 1)) break;
     const double unsure = then_expected->place_std_m / kSure_m;
-    paths.add(keeping.ways(then_expected->T_patient_model), 1 / (1 + unsure * unsure));
+    paths.add(keeping.motions(then_expected->T_patient_model), 1 / (1 + unsure * unsure));
   }
   const CArmJoints wanted =
       followingVelocity(paths, {then.velocity, in_flight_.lastChange()}, limits_, settings_.plan, input.period_s);

@@ -122,7 +122,7 @@ class ImageBased final : public ServoLaw {
     if (count < kMinInView) in_view_.assign(in_view_.size(), true);
   }
 
-  // A goal on the way: so much of the turn, and the same share of the target's way.
+  // An intermediate goal: so much of the turn, and the same share of the target's path.
   Pose stepTowards(const Pose& goal) const {
     const Pose& seen = task_.T_camera_model();
     const Eigen::Vector3d turn = logSO3(goal.linear() * seen.linear().transpose());

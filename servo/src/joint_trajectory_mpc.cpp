@@ -17,10 +17,10 @@ using Hessian = Eigen::Matrix<double, kMaxPoints, kMaxPoints>;
 
 // How one joint moves, and what it can: changes are of its velocity from one period to the next.
 struct JointMotion {
-  double velocity;     // Now.
-  double last_change;  // How it came about.
-  double max_change;   // Acceleration times period.
-  double max_bend;     // Between one change and the next: jerk times the period's square.
+  double velocity;         // Now.
+  double last_change;      // How it came about.
+  double max_change;       // Acceleration times period.
+  double max_change_step;  // Between one change and the next: jerk times the period's square.
 };
 
 // What changes of velocity c_1 ... c_n cost, the same for all joints: c . H c / 2 - c . g.
@@ -60,7 +60,7 @@ class Plan {
     Changes out = Changes::Zero();
     double change = joint_.last_change;
     for (int i = 0; i < n_; ++i) {
-      change -= std::clamp(change, -joint_.max_bend, joint_.max_bend);
+      change -= std::clamp(change, -joint_.max_change_step, joint_.max_change_step);
       out[i] = change;
     }
     changes_ = out;
@@ -70,7 +70,7 @@ class Plan {
   double first() {
     for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
       double moved = 0;
-      for (int i = 0; i < n_; ++i) moved = std::max({moved, bendFrom(i), changeOne(i)});
+      for (int i = 0; i < n_; ++i) moved = std::max({moved, changeFrom(i), changeOne(i)});
       if (moved <= kSettled * joint_.max_change) break;
     }
     return changes_[0];
@@ -81,11 +81,11 @@ class Plan {
 
   // One change alone.
   double changeOne(int i) {
-    double low = std::max(-joint_.max_change, before(i) - joint_.max_bend);
-    double high = std::min(joint_.max_change, before(i) + joint_.max_bend);
+    double low = std::max(-joint_.max_change, before(i) - joint_.max_change_step);
+    double high = std::min(joint_.max_change, before(i) + joint_.max_change_step);
     if (i + 1 < n_) {
-      low = std::max(low, changes_[i + 1] - joint_.max_bend);
-      high = std::min(high, changes_[i + 1] + joint_.max_bend);
+      low = std::max(low, changes_[i + 1] - joint_.max_change_step);
+      high = std::min(high, changes_[i + 1] + joint_.max_change_step);
     }
     const double step = stepWithin(left_[i], H_(i, i), low - changes_[i], high - changes_[i]);
     changes_[i] += step;
@@ -94,9 +94,9 @@ class Plan {
   }
 
   // All changes from one on, by as much.
-  double bendFrom(int i) {
-    const double bend = changes_[i] - before(i);
-    double low = -joint_.max_bend - bend, high = joint_.max_bend - bend, gain = 0, cost = 0;
+  double changeFrom(int i) {
+    const double change_step = changes_[i] - before(i);
+    double low = -joint_.max_change_step - change_step, high = joint_.max_change_step - change_step, gain = 0, cost = 0;
     for (int k = i; k < n_; ++k) {
       low = std::max(low, -joint_.max_change - changes_[k]);
       high = std::min(high, joint_.max_change - changes_[k]);
@@ -123,9 +123,10 @@ class Plan {
 };
 
 // The highest speed from which a joint that comes closer by `left` a period at most stands there: v delay + v^2 / 2a =
-// left, with half the time that the acceleration takes to come, and a period, for the delay. All in ways of a period.
+// left, with half the time that the acceleration takes to come, and a period, for the delay. All in motions of a
+// period.
 double brakable(double left, const JointMotion& joint) {
-  const double a = joint.max_change, delay = 0.5 * a / joint.max_bend + 1;
+  const double a = joint.max_change, delay = 0.5 * a / joint.max_change_step + 1;
   return std::sqrt(a * a * delay * delay + 2 * a * left) - a * delay;
 }
 
@@ -152,11 +153,11 @@ CArmJoints followingVelocity(const JointPaths& paths, const JointsMotion& motion
                              const PathPlanSettings& settings, double period_s) {
   CArmJoints result = CArmJoints::Zero();
   if (paths.size() == 0) return result;
-  const double change = settings.acceleration_share * period_s, bend = change * period_s;
+  const double change = settings.acceleration_share * period_s, change_step = change * period_s;
   const Cost cost(paths, settings.effort);
   for (int i = 0; i < kCArmJointCount; ++i) {
     const JointMotion joint{motion.velocity[i], motion.last_change[i], change * limits.acceleration[i],
-                            bend * limits.jerk[i]};
+                            change_step * limits.jerk[i]};
     result[i] = followingVelocity(paths, i, joint, cost, period_s);
   }
   return result;

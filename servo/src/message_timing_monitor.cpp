@@ -123,8 +123,8 @@ std::optional<Rejection> MessageTimingMonitor::implausible(const CArmState& stat
       return Rejection{ServoCause::kJointsImplausible, about(i, state.velocity[i], " a second: in wrong units?")};
     }
     if (last_state_) {
-      const double dt_s = 1e-6 * between_us(last_state_->time_us, state.time_us), way = q - last_state_->joints[i];
-      if (std::abs(way) > kSpeedMargin * limits_.velocity[i] * std::max(0.0, dt_s) + margin) {
+      const double dt_s = 1e-6 * between_us(last_state_->time_us, state.time_us), moved = q - last_state_->joints[i];
+      if (std::abs(moved) > kSpeedMargin * limits_.velocity[i] * std::max(0.0, dt_s) + margin) {
         return Rejection{ServoCause::kJointsImplausible, about(i, q, ", further than it can have moved")};
       }
     }

@@ -61,7 +61,7 @@ void AxisMonitor::forget() {
   sent_.clear();
   last_.reset();
   envelope_ = {};
-  deviation_ = {};
+  excess_ = {};
 }
 
 void AxisMonitor::commanded(std::int64_t time_us, std::int64_t valid_for_us, double velocity) {
@@ -86,8 +86,8 @@ AxisMonitor::Envelope AxisMonitor::target(std::int64_t time_us) const {
     fastest = std::max(fastest, gap ? std::max(v, 0.0) : v);
     covered_until_us = sent->time_us;
     if (sent->time_us < since_us) break;  // The one that was in force when the window began: it must, but may not.
-    result.most = std::max(result.most, v);
-    result.least = std::min(result.least, v);
+    result.max = std::max(result.max, v);
+    result.min = std::min(result.min, v);
   }
   if (sent == sent_.rend()) return result;  // Commands have not come for long enough to demand anything.
   result.floor = std::max(0.0, slowest);
@@ -96,9 +96,9 @@ AxisMonitor::Envelope AxisMonitor::target(std::int64_t time_us) const {
 }
 
 // The integral of the envelope since the last time [rad, m].
-AxisMonitor::Envelope AxisMonitor::explainedWay(const Seen& now) {
+AxisMonitor::Envelope AxisMonitor::explainedMotion(const Seen& now) {
   Envelope& e = envelope_;
-  Envelope way;
+  Envelope motion;
   const double a = traits_.acceleration;
   const double up = traits_.upper - std::max(now.place, last_->place);
   const double down = std::min(now.place, last_->place) - traits_.lower;
@@ -107,35 +107,36 @@ AxisMonitor::Envelope AxisMonitor::explainedWay(const Seen& now) {
     const std::int64_t to_us = std::min(from_us + kStep_us, now.time_us);
     const double dt_s = 1e-6 * static_cast<double>(to_us - from_us), change = a * dt_s;
     const Envelope goal = target(to_us);
-    e.most = std::max(goal.most, approach(e.most, goal.most, change));
-    e.least = std::min(goal.least, approach(e.least, goal.least, change));
+    e.max = std::max(goal.max, approach(e.max, goal.max, change));
+    e.min = std::min(goal.min, approach(e.min, goal.min, change));
     // What is demanded has to be reached from wherever the axis may have been.
-    e.floor = goal.floor > 0 ? std::min(goal.floor, approach(e.floor, goal.floor, change)) : e.least;
-    e.ceiling = goal.ceiling < 0 ? std::max(goal.ceiling, approach(e.ceiling, goal.ceiling, change)) : e.most;
-    way.most += e.most * dt_s;
-    way.least += e.least * dt_s;
-    way.floor += std::min(e.floor, brake_up) * dt_s;
-    way.ceiling += std::max(e.ceiling, -brake_down) * dt_s;
+    e.floor = goal.floor > 0 ? std::min(goal.floor, approach(e.floor, goal.floor, change)) : e.min;
+    e.ceiling = goal.ceiling < 0 ? std::max(goal.ceiling, approach(e.ceiling, goal.ceiling, change)) : e.max;
+    motion.max += e.max * dt_s;
+    motion.min += e.min * dt_s;
+    motion.floor += std::min(e.floor, brake_up) * dt_s;
+    motion.ceiling += std::max(e.ceiling, -brake_down) * dt_s;
     from_us = to_us;
   }
-  return way;
+  return motion;
 }
 
-std::optional<std::string> AxisMonitor::judge(double way, const Envelope& explained, double duration_s) {
-  const double forgotten = traits_.deadband_speed * duration_s;
-  const auto add = [&](double& sum, double excess) { sum = std::max(0.0, sum + excess - forgotten); };
-  add(deviation_.up, way - explained.most);
-  add(deviation_.down, explained.least - way);
-  add(deviation_.lag_up, explained.floor - way);
-  add(deviation_.lag_down, way - explained.ceiling);
-  const auto verdict = [&](double sum, double most, const char* what) -> std::optional<std::string> {
-    if (sum <= most) return std::nullopt;
+std::optional<std::string> AxisMonitor::classify(double motion, const Envelope& explained, double duration_s) {
+  const double deadband = traits_.deadband_speed * duration_s;
+  const auto add = [&](double& sum, double excess) { sum = std::max(0.0, sum + excess - deadband); };
+  add(excess_.deviation_up, motion - explained.max);
+  add(excess_.deviation_down, explained.min - motion);
+  add(excess_.following_error_up, explained.floor - motion);
+  add(excess_.following_error_down, motion - explained.ceiling);
+  const auto verdict = [&](double sum, double max, const char* what) -> std::optional<std::string> {
+    if (sum <= max) return std::nullopt;
     return traits_.name + " " + what + " by " +
            (traits_.angle ? formatValue(radToDeg(sum)) + " deg" : formatValue(1e3 * sum) + " mm");
   };
-  if (auto fault = verdict(std::max(deviation_.up, deviation_.down), traits_.max_deviation, "moved uncommanded"))
+  if (auto fault =
+          verdict(std::max(excess_.deviation_up, excess_.deviation_down), traits_.max_deviation, "moved uncommanded"))
     return fault;
-  return verdict(std::max(deviation_.lag_up, deviation_.lag_down), traits_.max_following_error,
+  return verdict(std::max(excess_.following_error_up, excess_.following_error_down), traits_.max_following_error,
                  "lags behind its commands");
 }
 
@@ -143,13 +144,13 @@ std::optional<std::string> AxisMonitor::measured(std::int64_t time_us, double pl
   const Seen now{time_us, place};
   std::optional<std::string> fault;
   if (!last_ || time_us - kMaxGap_us >= last_->time_us) {
-    const double most = std::max(0.0, velocity), least = std::min(0.0, velocity);
-    envelope_ = {most, least, least, most};
-    deviation_ = {};
+    const double min = std::min(0.0, velocity), max = std::max(0.0, velocity);
+    envelope_ = {min, max, min, max};
+    excess_ = {};
   } else if (time_us <= last_->time_us) {
     return std::nullopt;
   } else {
-    fault = judge(place - last_->place, explainedWay(now), 1e-6 * static_cast<double>(time_us - last_->time_us));
+    fault = classify(place - last_->place, explainedMotion(now), 1e-6 * static_cast<double>(time_us - last_->time_us));
   }
   last_ = now;
   const std::int64_t needed_us = time_us - std::llround(traits_.max_latency_s * 1e6) - kMaxGap_us;

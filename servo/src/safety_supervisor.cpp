@@ -31,7 +31,7 @@ FrameSupervisor::Requested FrameSupervisor::obey(const ServoRequest& request, st
 
 std::optional<std::string> FrameSupervisor::raise(const Rejection& rejection, std::int64_t now_us) {
   if (rejection.cause == ServoCause::kFrameDoubted) {
-    states_.doubted(Doubt::kUnseen, rejection.reason, now_us);
+    states_.reject(RejectionKind::kUnseen, rejection.reason, now_us);
   } else {
     states_.fault(rejection.cause, rejection.reason, now_us);
   }
@@ -55,11 +55,11 @@ bool FrameSupervisor::sound(const CatheterState& newest, std::int64_t now_us, co
 std::optional<std::string> FrameSupervisor::begin(const XrayFrame& frame, std::int64_t now_us,
                                                   const std::string& sender) {
   if (const auto wrong = timing_.rejection(frame, now_us, sender)) return raise(*wrong, now_us);
-  if (unsound_arm_) states_.doubted(Doubt::kUnseen, *unsound_arm_, now_us);
+  if (unsound_arm_) states_.reject(RejectionKind::kUnseen, *unsound_arm_, now_us);
   return unsound_arm_;
 }
 
-void FrameSupervisor::trust(const Pose& T_patient_model, const Eigen::Vector3d& beam_patient, std::int64_t now_us) {
+void FrameSupervisor::accept(const Pose& T_patient_model, const Eigen::Vector3d& beam_patient, std::int64_t now_us) {
   const auto last = std::exchange(last_T_patient_model_, T_patient_model);
   if (last && !states_.moves()) {  // The start guard: frames that are right one by one must be right together.
     const double turned_deg = radToDeg(rotationAngle(T_patient_model.linear() * last->linear().transpose()));
@@ -67,19 +67,19 @@ void FrameSupervisor::trust(const Pose& T_patient_model, const Eigen::Vector3d& 
     const double depth_mm = 1e3 * std::abs(moved.dot(beam_patient)), moved_mm = 1e3 * moved.cross(beam_patient).norm();
     if (!(turned_deg <= settings_.max_start_spread_deg) || !(moved_mm <= settings_.max_start_spread_mm) ||
         !(depth_mm <= settings_.max_start_spread_depth_mm)) {
-      states_.doubted(Doubt::kContradiction,
-                      "consecutive frames disagree by " + formatValue(turned_deg) + " deg, " + formatValue(moved_mm) +
-                          " mm, in depth " + formatValue(depth_mm) + " mm",
-                      now_us);
+      states_.reject(RejectionKind::kContradiction,
+                     "consecutive frames disagree by " + formatValue(turned_deg) + " deg, " + formatValue(moved_mm) +
+                         " mm, in depth " + formatValue(depth_mm) + " mm",
+                     now_us);
       return;
     }
   }
-  states_.trusted(now_us);
+  states_.accept(now_us);
 }
 
-void FrameSupervisor::doubt(Doubt kind, const std::string& reason, std::int64_t now_us) {
+void FrameSupervisor::reject(RejectionKind kind, const std::string& reason, std::int64_t now_us) {
   last_T_patient_model_.reset();
-  states_.doubted(kind, reason, now_us);
+  states_.reject(kind, reason, now_us);
 }
 
 }  // namespace angio::servo

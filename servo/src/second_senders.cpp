@@ -58,9 +58,9 @@ std::optional<std::string> SenderWatch::hear(const std::string& sender, std::int
                                              std::int64_t now_us) {
   if (sender.empty()) return std::nullopt;
   std::optional<std::string> found;
-  const auto within = [&](const std::string& who, double most_us) {
+  const auto within = [&](const std::string& who, double max_us) {
     const auto heard = heard_us_.find(who);
-    return heard != heard_us_.end() && between(heard->second, now_us) <= most_us;
+    return heard != heard_us_.end() && between(heard->second, now_us) <= max_us;
   };
   const bool same = sender == last_sender_, against = same && contradicts(sequence, time_us);
   // Two that count alike say each number twice; one that does not count says it again and again.

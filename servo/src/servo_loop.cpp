@@ -250,9 +250,9 @@ CArmCommand OpenLoop::step(const CArmState& state, double period_s) {
   command.time_us = state.time_us;
   command.sequence = last_command_.sequence + 1;
   command.valid_for_us = settings_.supervisor.commandValidity_us();
-  const Pose believed = settings_.carm.T_camera_patient(state.joints) * settings_.T_dsa_cb;
-  const TaskInput input{state.time_us, settings_.carm.camera(), believed, Matrix6d::Zero(),   believed,
-                        state,         last_command_.velocity,  period_s, settings_.latency_s};
+  const Pose calibrated = settings_.carm.T_camera_patient(state.joints) * settings_.T_dsa_cb;
+  const TaskInput input{state.time_us, settings_.carm.camera(), calibrated, Matrix6d::Zero(),   calibrated,
+                        state,         last_command_.velocity,  period_s,   settings_.latency_s};
   const TaskAnswer answer = task_->answer(input);
   hold_reason_ =
       answer.velocity ? std::nullopt : std::optional(answer.hold_reason.value_or("the task asks for no motion"));

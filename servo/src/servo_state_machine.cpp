@@ -48,9 +48,9 @@ ServoState stateAfter(ServoState state, ServoEvent event) {
       return state == State::kIdle ? State::kArmed : state;
     case ServoEvent::kStart:
       return state == State::kArmed ? State::kHold : state;
-    case ServoEvent::kTrusted:
+    case ServoEvent::kAccepted:
       return state == State::kHold ? State::kServo : state;
-    case ServoEvent::kDoubt:
+    case ServoEvent::kRejected:
       return state == State::kServo ? State::kHold : state;
     case ServoEvent::kFault:
       return active ? State::kFault : state;
@@ -80,7 +80,7 @@ bool ServoStateMachine::clockRuns(std::int64_t now_us) {
 
 void ServoStateMachine::change(ServoEvent event, ServoCause cause, const std::string& reason, std::int64_t now_us) {
   const ServoState next = stateAfter(state_, event);
-  if (next == ServoState::kHold && event == ServoEvent::kDoubt) reason_ = reason;
+  if (next == ServoState::kHold && event == ServoEvent::kRejected) reason_ = reason;
   if (next == state_) return;
   log_.push_back({state_, next, cause, now_us, reason});
   if (log_.size() > kMaxLog) log_.pop_front();
@@ -88,7 +88,7 @@ void ServoStateMachine::change(ServoEvent event, ServoCause cause, const std::st
   state_ = next;
   reason_ = next == ServoState::kServo ? "" : reason;
   if (next == ServoState::kArmed || next == ServoState::kIdle) {  // Both begin afresh.
-    trusted_in_a_row_ = 0;
+    accepted_in_a_row_ = 0;
     has_moved_ = false;
     last_frame_us_.reset();
     contradicted_since_us_.reset();
@@ -128,26 +128,26 @@ std::optional<std::string> ServoStateMachine::request(const ServoRequest& reques
   return std::nullopt;
 }
 
-void ServoStateMachine::trusted(std::int64_t now_us) {
+void ServoStateMachine::accept(std::int64_t now_us) {
   if (!clockRuns(now_us)) return;
   wait(now_us);  // One frame after a long silence does not undo it.
   last_frame_us_ = now_us;
   contradicted_since_us_.reset();
   const int wanted = has_moved_ ? settings_.frames_to_resume : settings_.frames_to_start;
-  if (trusted_in_a_row_ < wanted) ++trusted_in_a_row_;
-  if (trusted_in_a_row_ >= wanted) {
-    change(ServoEvent::kTrusted, ServoCause::kFramesTrusted, nameOf(ServoCause::kFramesTrusted), now_us);
+  if (accepted_in_a_row_ < wanted) ++accepted_in_a_row_;
+  if (accepted_in_a_row_ >= wanted) {
+    change(ServoEvent::kAccepted, ServoCause::kFramesTrusted, nameOf(ServoCause::kFramesTrusted), now_us);
   } else if (state_ == ServoState::kHold) {
-    reason_ = std::to_string(trusted_in_a_row_) + " of " + std::to_string(wanted) + " trusted frames in a row";
+    reason_ = std::to_string(accepted_in_a_row_) + " of " + std::to_string(wanted) + " trusted frames in a row";
   }
 }
 
-void ServoStateMachine::doubted(Doubt kind, const std::string& reason, std::int64_t now_us) {
+void ServoStateMachine::reject(RejectionKind kind, const std::string& reason, std::int64_t now_us) {
   if (!clockRuns(now_us)) return;
   last_frame_us_ = now_us;
-  trusted_in_a_row_ = 0;
-  change(ServoEvent::kDoubt, ServoCause::kFrameDoubted, reason, now_us);
-  if (kind != Doubt::kContradiction) return;  // Seeing nothing for a while does not make a contradiction go away.
+  accepted_in_a_row_ = 0;
+  change(ServoEvent::kRejected, ServoCause::kFrameDoubted, reason, now_us);
+  if (kind != RejectionKind::kContradiction) return;  // Frames without vessels do not end a contradiction.
   if (!contradicted_since_us_) contradicted_since_us_ = now_us;
   if (between_ms(*contradicted_since_us_, now_us) > settings_.max_contradiction_ms) {
     fault(ServoCause::kViewDisagrees, reason, now_us);
@@ -155,7 +155,7 @@ void ServoStateMachine::doubted(Doubt kind, const std::string& reason, std::int6
 }
 
 void ServoStateMachine::fault(ServoCause cause, const std::string& reason, std::int64_t now_us) {
-  trusted_in_a_row_ = 0;
+  accepted_in_a_row_ = 0;
   change(ServoEvent::kFault, cause, std::string(nameOf(cause)) + ": " + reason, now_us);
 }
 
@@ -165,8 +165,8 @@ void ServoStateMachine::wait(std::int64_t now_us, const std::function<std::strin
   if (gap_ms <= settings_.max_frame_gap_ms) return;
   const std::string heard = silence ? silence() : std::string();
   const std::string reason = (heard.empty() ? "no frame" : heard + ",") + " for " + formatValue(gap_ms) + " ms";
-  trusted_in_a_row_ = 0;
-  change(ServoEvent::kDoubt, ServoCause::kFramesLate, reason, now_us);
+  accepted_in_a_row_ = 0;
+  change(ServoEvent::kRejected, ServoCause::kFramesLate, reason, now_us);
   if (gap_ms > settings_.frames_gone_ms) fault(ServoCause::kFramesGone, reason, now_us);
 }
 

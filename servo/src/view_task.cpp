@@ -8,12 +8,12 @@
 #include "angio/base/formatted.hpp"
 #include "angio/geometry/visp.hpp"
 #include "latency_compensator.hpp"
-#include "way_bounds.hpp"
+#include "trajectory_bounds.hpp"
 
 namespace angio::servo {
 namespace {
 
-// A machine that was told to stand still for longer begins its way anew.
+// A machine that was told to stand still for longer starts a new trajectory.
 constexpr std::int64_t kShortHold_us = 1'000'000;
 // Back inside is where an excursion is less than so much of its bound.
 constexpr double kBackInside = 0.9;
@@ -96,7 +96,7 @@ class ViewTask final : public Task {
 
  private:
   bool staysInside(const ViewError& error, const TaskInput& input);
-  void followWay(const TaskInput& input, const CArmJoints& rest, bool reached);
+  void followTrajectory(const TaskInput& input, const CArmJoints& rest, bool reached);
   std::optional<std::string> brokenBound(const CArmJoints& rest, const CArmJoints& end, const Pose& T_patient_model);
   CArmJoints brakable(CArmJoints velocity, const CArmJoints& left, double period_s) const;
 
@@ -108,8 +108,8 @@ class ViewTask final : public Task {
   LatencyCompensator in_flight_;
   int frames_inside_ = 0;
 
-  std::optional<WayStart> way_;          // To the present goal.
-  std::optional<std::int64_t> sent_us_;  // When motion was commanded last.
+  std::optional<TrajectoryStart> trajectory_start_;  // To the present goal.
+  std::optional<std::int64_t> sent_us_;              // When motion was commanded last.
   bool table_broken_ = false, target_broken_ = false;
 
   // Of views that are asked for.
@@ -136,7 +136,7 @@ std::optional<std::string> ViewTask::waits(const ViewRequest& request) {
     settings_.reached_deg = radToDeg(request.within_rad);
     settings_.reached_mm = 1e3 * request.within_m;
     frames_inside_ = 0;
-    way_.reset();
+    trajectory_start_.reset();
     table_broken_ = target_broken_ = false;
   }
   if (progress.reached) return "the view that was asked for is reached";
@@ -155,7 +155,7 @@ TaskAnswer ViewTask::answer(const TaskInput& input) {
   const CArmJoints& then = arrival.joints;
   const CArmJoints rest = restOf(arrival, limits_);
   const Pose T_patient_model = carm_.T_camera_patient(input.state.joints).inverse() * seen;
-  followWay(input, rest, answer.reached);
+  followTrajectory(input, rest, answer.reached);
   const Pose cMo = carm_.T_camera_patient(then) * T_patient_model;
   const Eigen::Vector3d beam_model = goal_.T_camera_model.linear().row(2);
   const auto end = carm_.reachable(viewAnglesOf(Eigen::Vector3d(T_patient_model.linear() * beam_model)),
@@ -177,24 +177,24 @@ TaskAnswer ViewTask::answer(const TaskInput& input) {
   return answer;
 }
 
-// A way begins where the machine is while no motion is commanded, be it that none is proposed or that proposals are
-// taken back; a short hold ends none, nor does a broken bound. A view that is reached ends it: what comes then is
-// another.
-void ViewTask::followWay(const TaskInput& input, const CArmJoints& rest, bool reached) {
+// A trajectory starts where the machine is while no motion is commanded, because none is proposed or because proposals
+// are taken back. A short hold or a broken bound does not end it. A view that is reached ends it; the next motion is
+// another one.
+void ViewTask::followTrajectory(const TaskInput& input, const CArmJoints& rest, bool reached) {
   if (!input.last_velocity.isZero(0)) sent_us_ = input.time_us;
   const bool goes_on = table_broken_ || target_broken_ || (sent_us_ && input.time_us - *sent_us_ <= kShortHold_us);
-  if (way_ && goes_on && !reached) return;
-  way_ = WayStart{input.state.joints, rest};
+  if (trajectory_start_ && goes_on && !reached) return;
+  trajectory_start_ = TrajectoryStart{input.state.joints, rest};
 }
 
 // Where the arm would come to rest if it were told to stand still now: what it does until then no hold could mend.
 std::optional<std::string> ViewTask::brokenBound(const CArmJoints& rest, const CArmJoints& end,
                                                  const Pose& T_patient_model) {
   const Eigen::Vector3d target = T_patient_model * goal_.target_model, goal = goal_.T_camera_model * goal_.target_model;
-  const WayExcursion off = way_->excursion(
+  const TrajectoryExcursion off = trajectory_start_->excursion(
       rest, end, [&](const CArmJoints& q) { return (carm_.T_camera_patient(q) * target - goal).norm(); });
-  const auto broken = [](bool& was, double off_mm, double most_mm) {
-    return was = most_mm > 0 && off_mm > (was ? kBackInside : 1) * most_mm;
+  const auto broken = [](bool& was, double off_mm, double max_mm) {
+    return was = max_mm > 0 && off_mm > (was ? kBackInside : 1) * max_mm;
   };
   const char* kWhatToDo = "move the machine back, ask for another view, or raise view.";
   if (broken(table_broken_, 1e3 * off.table_m, settings_.max_table_excursion_mm)) {

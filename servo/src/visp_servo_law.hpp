@@ -40,7 +40,7 @@ class VispServoLaw {
   vpServo servo_;
 };
 
-/// The way that is left in joint space, times the gain. Nothing comes back without LawInput::joints_left.
+/// The remaining motion in joint space, times the gain. Nothing comes back without LawInput::joints_left.
 std::unique_ptr<ServoLaw> make(const JointSpaceSettings& settings, const LawModel& model);
 
 /// PBVS with ViSP's vpServo on vpFeatureTranslation (cdMc) and vpFeatureThetaU (cdRc).

@@ -74,7 +74,7 @@ void align(benchmark::State& state, const RegistrationSettings& settings, double
   state.counters["rigid_ms"] = 1e3 * result.times.rigid_s;
   state.counters["nonrigid_ms"] = 1e3 * result.times.nonrigid_s;
   state.counters["iterations"] = result.rigid_iterations + result.nonrigid_iterations;
-  state.counters["residual_px"] = result.agreement.model_residual_px;
+  state.counters["residual_px"] = result.alignment.model_residual_px;
   state.SetLabel(statusName(result.status));
 }
 
@@ -162,8 +162,8 @@ void buildField(benchmark::State& state) {
 }
 BENCHMARK(buildField)->Arg(32)->Arg(16)->Arg(8)->Unit(benchmark::kMicrosecond);
 
-// One look of all points at a field: linear in the 3D points, whatever the 2D points are.
-void lookAtFieldBySize(benchmark::State& state) {
+// One sample of the field at all points: linear in the 3D points, whatever the 2D points are.
+void sampleFieldBySize(benchmark::State& state) {
   const Scene scene;
   const VesselTree tree = scene.treeOf(static_cast<int>(state.range(0)));
   const OrientedModel model(tree, oriented(Deformation::kRigid));
@@ -180,18 +180,18 @@ void lookAtFieldBySize(benchmark::State& state) {
   }
   state.SetComplexityN(state.range(0));
 }
-BENCHMARK(lookAtFieldBySize)->RangeMultiplier(2)->Range(500, 16000)->Unit(benchmark::kMicrosecond)->Complexity();
+BENCHMARK(sampleFieldBySize)->RangeMultiplier(2)->Range(500, 16000)->Unit(benchmark::kMicrosecond)->Complexity();
 
-void agreement(benchmark::State& state) {
+void alignment_score(benchmark::State& state) {
   const Scene scene;
   const VesselTree tree = scene.treeOf(kPoints);
   const Centerline2d image = scene.imageOf(kPoints);
   for (auto _ : state) {
-    benchmark::DoNotOptimize(agreementOf(tree, tree.points(), image, scene.camera, scene.truth).score());
+    benchmark::DoNotOptimize(alignmentScore(tree, tree.points(), image, scene.camera, scene.truth).score());
   }
   count(state, tree, image);
 }
-BENCHMARK(agreement)->Unit(benchmark::kMillisecond);
+BENCHMARK(alignment_score)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace angio::benchmarks

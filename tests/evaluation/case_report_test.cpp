@@ -30,7 +30,7 @@ TEST(CaseReport, ACaseHasWhatOutsideToolsRead) {
   for (int i = 0; i < 36; ++i) covariance(i / 6, i % 6) = i;
   r.covariance = covariance;
   r.ambiguity = 0.25;
-  r.agreement.model_residual_px = 0.5;
+  r.alignment.model_residual_px = 0.5;
   r.displacements_m = Eigen::Matrix3Xd::Zero(3, 2);
   r.displacements_m.col(1) << 0.001, 0.002, 0.003;
   r.points_3d = 7;

@@ -189,7 +189,7 @@ TEST(AgreementInWords, CountsVesselsWithoutContrastAgentInTheShareAlone) {
   agreement.model_residual_px = 43.75;
   agreement.image_residual_px = 1.2;
   agreement.model_explained = 0.56;
-  EXPECT_EQ(agreementInWords(agreement), "image to tree 1.20 px, 56 % of the tree in view explained");
+  EXPECT_EQ(alignmentInWords(agreement), "image to tree 1.20 px, 56 % of the tree in view explained");
 }
 
 TEST(Tiles, TakeTheRoomOfTheLargestPicture) {

@@ -83,8 +83,8 @@ TEST(SimulationSummary, HoldsClaimsAgainstTheTruthInQuartersOfTheFitsScores) {
   for (int i = 0; i < 16; ++i) {
     const int turn = i * 5 % 16;  // Not in their order.
     CaseOutcome o = outcomeOf(5, 1);
-    o.result.agreement.model_explained = 1 - 0.05 * turn;
-    o.result.agreement.image_explained = 1;
+    o.result.alignment.model_explained = 1 - 0.05 * turn;
+    o.result.alignment.image_explained = 1;
     const bool poor = turn >= 12;
     o.claim = CaseOutcome::Claim{};
     o.claim->beyond = turn == 15 ? 0.2 : 0;
@@ -178,7 +178,7 @@ Beyond beyond(const SimulationSetup& setup, const SimulationSettings& settings) 
   return found;
 }
 
-// The claim of the paper's method, whose covariance knows of no deformation, does not hold for a bent tree.
+// The claim of the paper's method, whose covariance knows of no deformation, does not hold for a deformed tree.
 TEST_F(SimulationRuns, ClaimsAreHeldAgainstTheTruth) {
   settings_.trials = 8;
   settings_.deformation_rms_mm = 1;
@@ -187,9 +187,9 @@ TEST_F(SimulationRuns, ClaimsAreHeldAgainstTheTruth) {
   EXPECT_GT(sum, 0.5);
 }
 
-// A rigid fit says how much the tree may be bent: it converges where the image holds it, and its covariance holds for
-// bent trees as for rigid ones. Of a tree bent by 3 mm nothing converges that is wrong.
-TEST_F(SimulationRuns, ARigidFitOfABentTreeSaysSo) {
+// A rigid fit says how much the tree may be deformed: it converges where the image holds it, and its covariance holds
+// for deformed trees as for rigid ones. Of a tree deformed by 3 mm nothing converges that is wrong.
+TEST_F(SimulationRuns, ARigidFitOfADeformedTreeSaysSo) {
   setup_.trees = {test::branchingTree(6), test::branchingTree(9, {0.01, 0.02, 0})};
   setup_.entrants = {{"oriented_kernel", OrientedKernelSettings(), {}}};
   settings_.trials = 30;
@@ -282,7 +282,7 @@ TEST_F(SimulationRuns, TheReportStandsAlone) {
 
 TEST(Paper, ATrialWithoutAnAnswerIsAFailure) {
   EntrantRun run{"m", {outcomeOf(5, 0.1), outcomeOf(5, 9, RegistrationStatus::kTooFewPoints)}};
-  run.outcomes[0].result.agreement.model_rms_px = 2;
+  run.outcomes[0].result.alignment.model_rms_px = 2;
   const auto paper = paperAsJson({run}, {});
   const auto& f = paper["table1"]["here"]["m"];
   EXPECT_EQ(f["gfr_percent"], 50);

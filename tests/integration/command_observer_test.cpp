@@ -191,14 +191,14 @@ TEST(LimitObserver, SeesADriveBeyondItsRangeOrSpeed) {
 
 // A straight way leaves nothing; a table that goes 30 mm beside the box of start and goal, and a target that goes 40 mm
 // the wrong way, are seen, and stay seen when the arm is back.
-TEST(WayObserver, SeesHowFarAWayLeavesStartAndGoal) {
+TEST(TrajectoryObserver, SeesHowFarATrajectoryLeavesStartAndGoal) {
   const CArmGeometry carm;
   const auto at = [](double primary_rad, double x, double y, double z) {
     return CArmJoints((CArmJoints() << primary_rad, 0, x, y, z).finished());
   };
   const CArmJoints start = at(0, 0, 0, 0), goal = at(0.5, 0.1, -0.05, 0);
   const Eigen::Vector3d target(-0.1, 0.05, 0);  // At the isocentre when the arm is at its goal.
-  WayObserver observer(carm, start, goal, target);
+  TrajectoryObserver observer(carm, start, goal, target);
   for (double share = 0; share <= 1; share += 0.1) observer.see(start + share * (goal - start));
   EXPECT_NEAR(observer.maxTable_m(), 0, 1e-12);
   EXPECT_NEAR(observer.maxTarget_m(), 0, 1e-12);

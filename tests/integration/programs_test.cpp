@@ -374,7 +374,7 @@ TEST_F(ServoProgram, TheExamplesSettingsAreRead) {
                              ": limits: primary_deg = 100, -100: must go up from the least to the most\n");
 }
 
-TEST_F(ServoProgram, AWayIsShownBeforeItIsGone) {
+TEST_F(ServoProgram, ATrajectoryIsShownBeforeItIsMade) {
   const std::string folder = folder_.path("preview");
   const auto ended = test::run("angio-servo", {"--simulate", "--preview", folder, "--view-primary-deg", "35"});
   ASSERT_EQ(ended.exit_code, 0) << ended.err;

@@ -143,7 +143,7 @@ TEST(StaticPhantom, ADeformedFitWithAnotherDepthSaysThatDepthIsOpen) {
 
 // The phantom was bent by more than a breath bends an organ. How far is no reason to refuse a fit, and no reason to
 // believe one that leaves a fifth of what the mask shows unexplained.
-TEST(AneurysmPhantom, ALargeBendIsJudgedByWhatItExplains) {
+TEST(AneurysmPhantom, ALargeDeformationIsClassifiedByWhatItExplains) {
   const Case run = readCaseSet(test::exampleData("fevar-aaa-phantom/cases.yaml")).cases.at(0);
   const VesselTree tree = readVesselTree(run.tree_path);
   RidgeSettings wide;
@@ -160,11 +160,11 @@ TEST(AneurysmPhantom, ALargeBendIsJudgedByWhatItExplains) {
                          ->search(seen, run.views[0].camera, PosePrior{run.initial_pose, {}}, StartSettings());
       const std::string which = (held ? "held, " : "free, ") + std::to_string(std_mm);
       if (r.status == RegistrationStatus::kConverged) {
-        EXPECT_GE(r.agreement.image_explained, 0.8) << which;
+        EXPECT_GE(r.alignment.image_explained, 0.8) << which;
       }
       if (held && std_mm > 4) {
         // Three quarters of the tree lie on the mask's centreline within 3 px of some hundred that it was moved by.
-        EXPECT_GT(r.agreement.model_explained, 0.7) << which << ": " << r.reason;
+        EXPECT_GT(r.alignment.model_explained, 0.7) << which << ": " << r.reason;
         EXPECT_THAT(r.reason, testing::HasSubstr("of the image")) << which;
       }
     }

@@ -116,6 +116,11 @@ TEST(FormerKeys, WrongUseIsRefused) {
   }
 }
 
+TEST(FormerKeys, SmallestIsMinNow) {
+  EXPECT_EQ(formerKeys().nameNow({}, "smallest_tree_mm", {"min_tree_mm"}), "min_tree_mm");
+  EXPECT_EQ(formerKeys().nameNow({}, "smallest_tree_mm", {"max_tree_mm"}), std::nullopt);
+}
+
 // A key of two sections may have been renamed in one and become a constant in the other.
 TEST(FormerKeys, TheTableNamesAKeyOnce) {
   std::set<std::string> names;

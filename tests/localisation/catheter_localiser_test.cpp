@@ -62,13 +62,13 @@ TEST(CatheterLocaliser, FindsAnExactTipWithoutAStart) {
     CatheterLocaliser localiser({}, tree);
     const TipBelief belief = localiser.update(test::drawnCatheter(map, tip, faceOn()), faceOn(), {});
     EXPECT_EQ(belief.status, BeliefStatus::kSeen) << belief.why;
-    EXPECT_EQ(belief.tip.chain, tip.chain);
+    EXPECT_EQ(belief.tip.branch, tip.branch);
     EXPECT_GT(belief.tip.probability, 0.95);
     // Half of the grid's step, and what the shift's prior leaves open along a vessel that hardly bends.
     EXPECT_NEAR(belief.tip.arc_m, tip.arc_m, 1e-3);
     EXPECT_LT((belief.tip.tip_model - map.point(tip)).norm(), 1e-3);
     EXPECT_GT(belief.tip.direction_model.dot(map.frame(tip).along), 0.98);
-    EXPECT_NEAR(belief.tip.path_m, map.start_m(tip.chain) + belief.tip.arc_m, 1e-9);
+    EXPECT_NEAR(belief.tip.path_m, map.start_m(tip.branch) + belief.tip.arc_m, 1e-9);
     EXPECT_LT(*belief.residual_px, 1);
   }
 }
@@ -81,7 +81,7 @@ TEST(CatheterLocaliser, FindsTheTipAtWhicheverEnd) {
   seen.tip_end = TipEnd::kUnknown;
   CatheterLocaliser localiser({}, tree);
   const TipBelief belief = localiser.update(seen, faceOn(), {});
-  EXPECT_EQ(belief.tip.chain, 1);
+  EXPECT_EQ(belief.tip.branch, 1);
   EXPECT_NEAR(belief.tip.arc_m, 0.02, 1e-3);
 }
 
@@ -100,7 +100,7 @@ TEST(CatheterLocaliser, KeepsBothBranchesUntilTheyPart) {
   for (double arc_m = 0.016; arc_m < 0.035; arc_m += 1e-3) {
     belief = localiser.update(test::drawnCatheter(map, {truth, arc_m}, faceOn()), faceOn(), {});
   }
-  EXPECT_EQ(belief.tip.chain, truth);
+  EXPECT_EQ(belief.tip.branch, truth);
   EXPECT_GT(belief.tip.probability, 0.95);
 }
 
@@ -127,7 +127,7 @@ TEST(CatheterLocaliser, IsNotPulledAwayByAWrongFrame) {
   // The other branch, for one frame: a curve of contrast agent, say.
   TipBelief belief = localiser.update(test::drawnCatheter(map, {2, 0.03}, faceOn()), faceOn(), {});
   belief = localiser.update(test::drawnCatheter(map, {1, 0.02}, faceOn()), faceOn(), {});
-  EXPECT_EQ(belief.tip.chain, 1);
+  EXPECT_EQ(belief.tip.branch, 1);
   EXPECT_NEAR(belief.tip.arc_m, 0.02, 1.5e-3);
   // A line that is nowhere near the tree.
   SeenCatheter stray;
@@ -135,7 +135,7 @@ TEST(CatheterLocaliser, IsNotPulledAwayByAWrongFrame) {
   belief = localiser.update(stray, faceOn(), {});
   EXPECT_NE(belief.status, BeliefStatus::kSeen);
   EXPECT_FALSE(belief.why.empty());
-  EXPECT_EQ(belief.tip.chain, 1);
+  EXPECT_EQ(belief.tip.branch, 1);
 }
 
 TEST(CatheterLocaliser, PredictsByThePushAndGrowsUnsure) {
@@ -173,7 +173,7 @@ TEST(CatheterLocaliser, WhatSaysNothingOnlyPredicts) {
     EXPECT_TRUE(std::isfinite(belief.tip.probability) && belief.tip.probability > 0);
   }
   const TipBelief again = localiser.update(good, faceOn(), {});
-  EXPECT_EQ(again.tip.chain, 1);
+  EXPECT_EQ(again.tip.branch, 1);
   EXPECT_NEAR(again.tip.arc_m, 0.02, 1.5e-3);
 }
 
@@ -182,7 +182,7 @@ TEST(CatheterLocaliser, StartsWhereItIsTold) {
   CatheterLocaliser localiser({}, tree);
   EXPECT_EQ(localiser.belief().status, BeliefStatus::kUnknown);
   localiser.reset(2, 0.01, 1e-3);
-  EXPECT_EQ(localiser.belief().tip.chain, 2);
+  EXPECT_EQ(localiser.belief().tip.branch, 2);
   EXPECT_NEAR(localiser.belief().tip.arc_m, 0.01, 1e-3);
   EXPECT_THROW(localiser.reset(3, 0.01, 1e-3), InputError);
   EXPECT_THROW(localiser.reset(0, 1.0, 1e-3), InputError);
@@ -206,7 +206,7 @@ TEST(CatheterLocaliser, LooksAsFarAsThePoseIsUnsure) {
   unsure.covariance.diagonal() << 1e-4, 1e-4, 1e-4, 1e-8, 1e-8, 1e-8;  // 10 mm.
   CatheterLocaliser wide(settings, tree);
   const TipBelief belief = wide.update(seen, unsure, {});
-  EXPECT_EQ(belief.tip.chain, 1);
+  EXPECT_EQ(belief.tip.branch, 1);
   EXPECT_LT((belief.shift_px - Eigen::Vector2d(30, 30)).norm(), 15);
 }
 
@@ -237,12 +237,12 @@ TEST(CatheterLocaliser, FinePlacesLeaveNoHoleInEvidenceByTheMillimetre) {
       if (mm > 0) places.push_back({2, 1e-3 * mm, value - 3, {}});
     }
     const TipBelief belief = localiser.update(evidenceOf(places), {1.0 / 15, 0.1e-3});
-    const double path_m = map.start_m(belief.tip.chain) + belief.tip.arc_m;
+    const double path_m = map.start_m(belief.tip.branch) + belief.tip.arc_m;
     EXPECT_NEAR(path_m, map.length_m(0) + ahead_m, 0.6e-3) << k;
     EXPECT_LE(belief.tip.probability, 1) << k;  // What a message of a tip refuses.
     EXPECT_LE(belief.near_probability, 1) << k;
   }
-  EXPECT_EQ(localiser.belief().tip.chain, 1);
+  EXPECT_EQ(localiser.belief().tip.branch, 1);
 }
 
 TEST(CatheterLocaliser, IsUnsureWherePlacesFarApartExplainAFrameAlike) {
@@ -251,9 +251,9 @@ TEST(CatheterLocaliser, IsUnsureWherePlacesFarApartExplainAFrameAlike) {
   LocaliserSettings settings;
   settings.min_probability = 0.8;
   CatheterLocaliser localiser(settings, tree);
-  const auto at = [](int chain, double value) {
+  const auto at = [](int branch, double value) {
     std::vector<PlaceEvidence> places;
-    for (int mm = -2; mm <= 2; ++mm) places.push_back({chain, 0.02 + 1e-3 * mm, value - 2 * mm * mm, {}});
+    for (int mm = -2; mm <= 2; ++mm) places.push_back({branch, 0.02 + 1e-3 * mm, value - 2 * mm * mm, {}});
     return places;
   };
   std::vector<PlaceEvidence> both = at(1, 0), other = at(2, -0.5);

@@ -16,11 +16,11 @@ namespace angio::test {
 inline SeenCatheter drawnCatheter(const TreeTopology& map, const TreeLocation& tip, const SeenPose& pose,
                                   const Eigen::Vector2d& shift_px = Eigen::Vector2d::Zero()) {
   std::vector<Eigen::Vector2d> line;
-  for (const int chain : map.pathTo(tip.chain)) {
-    const double end_m = chain == tip.chain ? tip.arc_m : map.length_m(chain);
+  for (const int branch : map.pathTo(tip.branch)) {
+    const double end_m = branch == tip.branch ? tip.arc_m : map.length_m(branch);
     const int steps = std::max(1, static_cast<int>(std::ceil(end_m / 0.5e-3)));
     for (int k = 0; k <= steps; ++k) {
-      const auto u = pose.camera.project(pose.T_camera_model * map.point({chain, end_m * k / steps}));
+      const auto u = pose.camera.project(pose.T_camera_model * map.point({branch, end_m * k / steps}));
       if (!u || !pose.camera.sees(*u + shift_px)) continue;
       if (line.empty() || (*u + shift_px - line.back()).norm() > 1e-9) line.push_back(*u + shift_px);
     }

@@ -43,16 +43,16 @@ TEST(SequenceLocaliser, FollowsTheClinicalCatheter) {
     EXPECT_LT(std::abs(result.path[t].path_m - before_m), 0.016);
   }
   EXPECT_GT(result.path.back().path_m, result.path.front().path_m + 0.05);
-  EXPECT_TRUE(map.passes(result.path.back().chain, result.path[frames.size() / 2].chain));
+  EXPECT_TRUE(map.passes(result.path.back().branch, result.path[frames.size() / 2].branch));
 }
 
-// A known way under a known shift, and vessels that are bent as a catheter would.
+// A known route under a known shift, and vessels that are deformed as by a catheter.
 TEST(SequenceLocaliser, FindsAKnownShiftAndDisplacement) {
   const VesselTree tree = readVesselTree(kLiver + "tree.csv");
   const TreeTopology map(tree);
   int leaf = 0;
-  for (int chain = 0; chain < map.chains(); ++chain) {
-    if (map.start_m(chain) + map.length_m(chain) > map.start_m(leaf) + map.length_m(leaf)) leaf = chain;
+  for (int branch = 0; branch < map.branchCount(); ++branch) {
+    if (map.start_m(branch) + map.length_m(branch) > map.start_m(leaf) + map.length_m(leaf)) leaf = branch;
   }
   Pose T = Pose::Identity();
   T.linear() = expSO3({0.3, -0.4, 0.1});
@@ -70,17 +70,17 @@ TEST(SequenceLocaliser, FindsAKnownShiftAndDisplacement) {
   std::vector<TreeLocation> tips;
   for (int frame = 0; frame < 8; ++frame) {
     tips.push_back({leaf, map.length_m(leaf) * (0.2 + 0.1 * frame)});
-    SeenPose believed = true_pose;
-    believed.T_camera_model = T;
+    SeenPose estimated = true_pose;
+    estimated.T_camera_model = T;
     const TreeLocation in_bent{leaf, tips.back().arc_m * bent_map.length_m(leaf) / map.length_m(leaf)};
     frames.push_back({test::noisy(test::drawnCatheter(bent_map, in_bent, true_pose), 1, 0.5, random),
-                      believed,
+                      estimated,
                       {0.5, std::nullopt}});
   }
   const SequenceResult result = localiseSequence(frames, tree);
   EXPECT_LT(result.residual_px, 2);
   for (std::size_t t = 0; t < frames.size(); ++t) {
-    EXPECT_EQ(result.beliefs[t].tip.chain, leaf);
+    EXPECT_EQ(result.beliefs[t].tip.branch, leaf);
     // What is along the vessel, one view takes for the tip's motion as well as for the vessel's displacement.
     EXPECT_NEAR(result.beliefs[t].tip.arc_m, tips[t].arc_m, 4e-3);
   }

@@ -46,16 +46,16 @@ void pushInto(const VesselTree& tree, const TreeTopology& map, int leaf, bool to
   const double px_per_m = pose.camera.parameters().fx_px / 0.81, phase = 6 * normal(random);
   const Eigen::Vector2d breath = 2e-3 * px_per_m * Eigen::Vector2d(0.3 * normal(random), 1).normalized();
   const double end_m = map.start_m(leaf) + map.length_m(leaf);
-  const auto way = map.pathTo(leaf);
+  const auto route = map.pathTo(leaf);
   double path_m = std::max(0.03, end_m - 0.06);
   CatheterLocaliser localiser({}, tree);
   for (int frame = 0; frame < 60; ++frame) {
     const double push_m = 1e-3 * std::max(0.0, 1 + 0.5 * normal(random));
     const double moved_m = std::min(push_m * (1 + 0.2 * normal(random)), end_m - 1e-4 - path_m);
     path_m += moved_m;
-    TreeLocation tip{way.front(), 0};
-    for (const int chain : way) {
-      if (map.start_m(chain) <= path_m) tip = {chain, path_m - map.start_m(chain)};
+    TreeLocation tip{route.front(), 0};
+    for (const int branch : route) {
+      if (map.start_m(branch) <= path_m) tip = {branch, path_m - map.start_m(branch)};
     }
     const Eigen::Vector2d shift = std::sin(2 * kPi * frame / 60 + phase) * breath;
     const auto exact = test::drawnCatheter(map, tip, pose, shift);
@@ -65,7 +65,7 @@ void pushInto(const VesselTree& tree, const TreeTopology& map, int leaf, bool to
     const TipBelief belief = localiser.update(test::noisy(exact, 1, 1, random), pose, motion);
     if (frame < 10) continue;
     ++score.frames;
-    const bool right = belief.tip.chain == tip.chain;
+    const bool right = belief.tip.branch == tip.branch;
     score.sure += belief.tip.probability > 0.9;
     score.sure_and_right += right && belief.tip.probability > 0.9;
     score.error_mm.push_back(1e3 * (belief.tip.tip_model - map.point(tip)).norm());
@@ -78,8 +78,8 @@ Score scoreOf(bool told, unsigned seed) {
   const VesselTree tree = readVesselTree(std::string(ANGIO_EXAMPLE_DATA) + "/hepatic-tace/tree.csv");
   const TreeTopology map(tree);
   std::vector<int> leaves;
-  for (int chain = 0; chain < map.chains(); ++chain) {
-    if (map.children(chain).empty() && map.start_m(chain) > 0.1) leaves.push_back(chain);
+  for (int branch = 0; branch < map.branchCount(); ++branch) {
+    if (map.children(branch).empty() && map.start_m(branch) > 0.1) leaves.push_back(branch);
   }
   std::mt19937 random(seed);
   Score score;

@@ -45,7 +45,7 @@ std::vector<CheckRow> checked(const WrongMachine& wrong, bool move = true) {
   begin[0] = degToRad(4);
   begin[2] += 3e-3;
   SimulatedCArm arm(settings.limits, begin, 0);
-  std::deque<std::pair<std::int64_t, CArmCommand>> under_way;
+  std::deque<std::pair<std::int64_t, CArmCommand>> in_transit;
   std::deque<XrayFrame> late;
   std::optional<CArmCommand> last;
   std::int64_t sequence = 0, frames = 0, renumbered = 0;
@@ -55,9 +55,9 @@ std::vector<CheckRow> checked(const WrongMachine& wrong, bool move = true) {
     arm.obey(command, now_us);
   };
   for (std::int64_t now_us = 0; now_us < 60'000'000 && !check.finished(); now_us += 10'000) {
-    while (!under_way.empty() && under_way.front().first <= now_us) {
-      CArmCommand command = under_way.front().second;
-      under_way.pop_front();
+    while (!in_transit.empty() && in_transit.front().first <= now_us) {
+      CArmCommand command = in_transit.front().second;
+      in_transit.pop_front();
       if (wrong.obeys_nan && !command.velocity.allFinite()) command.velocity = CArmJoints::Constant(0.02);
       if (!command.velocity.allFinite() || (wrong.ignores_stops && command.velocity.isZero(0))) continue;
       command.velocity = command.velocity.cwiseProduct(wrong.sign).cwiseProduct(wrong.obeyed).eval();
@@ -101,7 +101,7 @@ std::vector<CheckRow> checked(const WrongMachine& wrong, bool move = true) {
     }
     if (now_us % 20'000 != 0) continue;
     if (const auto command = check.command(now_us)) {
-      under_way.emplace_back(now_us + std::llround(1e6 * wrong.latency_s), *command);
+      in_transit.emplace_back(now_us + std::llround(1e6 * wrong.latency_s), *command);
     }
   }
   EXPECT_TRUE(check.finished());

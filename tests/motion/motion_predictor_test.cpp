@@ -43,11 +43,11 @@ struct Course {
   test::Random random{1};
   double noise_mm = 0.2;
   double error2 = 0, held2 = 0, nees = 0;
-  int judged = 0, changes = 0, suspects = 0;
+  int scored = 0, changes = 0, suspects = 0;
   double worst_m = 0;
 
   // Errors are of all three axes, against a hold of the last measured value.
-  void run(const Motion& motion, double from_s, double to_s, double judge_from_s) {
+  void run(const Motion& motion, double from_s, double to_s, double score_from_s) {
     const Eigen::Matrix3d R = diagonal(noise_mm, noise_mm, noise_mm);
     for (auto k = static_cast<int>(std::lround(from_s / kPeriod_s)); k * kPeriod_s < to_s; ++k) {
       const double t = k * kPeriod_s;
@@ -59,18 +59,18 @@ struct Course {
       const auto ahead = predictor.predict(t + kHorizon_s);
       ASSERT_TRUE(ahead);
       predictor.learn();
-      if (t < judge_from_s) continue;
+      if (t < score_from_s) continue;
       const Eigen::Vector3d truth = motion(t + kHorizon_s), error = ahead->position - truth;
       error2 += error.squaredNorm();
       held2 += (seen - truth).squaredNorm();
       nees += error.dot(ahead->covariance.inverse() * error);
       worst_m = std::max(worst_m, error.norm());
-      ++judged;
+      ++scored;
     }
   }
-  double rms_mm() const { return 1e3 * std::sqrt(error2 / judged); }
-  double held_mm() const { return 1e3 * std::sqrt(held2 / judged); }
-  double meanNees() const { return nees / judged; }
+  double rms_mm() const { return 1e3 * std::sqrt(error2 / scored); }
+  double held_mm() const { return 1e3 * std::sqrt(held2 / scored); }
+  double meanNees() const { return nees / scored; }
 };
 
 // What the filter's model can say exactly it predicts exactly, whatever frames are missing and however they are spaced.
@@ -130,7 +130,7 @@ TEST(MotionPredictor, FindsPeriodsAcrossAnObliqueBeam) {
   MotionPredictor predictor;
   test::Random random(1);
   double across2 = 0;
-  int judged = 0;
+  int scored = 0;
   for (double t = 0; t < 40; t += kPeriod_s) {
     const Eigen::Vector3d seen = motion(t) + random.vector(0.2e-3) + 20e-3 * random.normal() * beam;
     ASSERT_NE(predictor.update(t, seen, R).status, MotionStatus::kRefused);
@@ -139,10 +139,10 @@ TEST(MotionPredictor, FindsPeriodsAcrossAnObliqueBeam) {
     const auto ahead = predictor.predict(t + kHorizon_s);
     EXPECT_EQ(ahead->model, MotionModel::kHarmonic) << t;
     across2 += (ahead->position - motion(t + kHorizon_s)).cross(beam).squaredNorm();
-    ++judged;
+    ++scored;
   }
   EXPECT_NEAR(*predictor.breathing_hz(), 0.25, 0.01);
-  EXPECT_LT(1e3 * std::sqrt(across2 / judged), 0.75);
+  EXPECT_LT(1e3 * std::sqrt(across2 / scored), 0.75);
 }
 
 TEST(MotionPredictor, FindsOtherPeriodsToo) {
@@ -197,7 +197,7 @@ TEST(MotionPredictor, ABreathHoldIsNoticed) {
     }
     EXPECT_LT(course.rms_mm(), 0.7);
     // And breathing again.
-    course.error2 = course.judged = 0;
+    course.error2 = course.scored = 0;
     course.run([&](double t) { return breathing(t - 10); }, stop_s + 10, stop_s + 40, stop_s + 25);
     EXPECT_LT(course.rms_mm(), 0.8);
   }
@@ -219,7 +219,7 @@ TEST(MotionPredictor, AShiftIsTakenOverAndOneWrongMeasurementIsNot) {
   EXPECT_EQ(course.changes, 0);
 
   const Motion shifted = [&](double t) { return Eigen::Vector3d(breathing(t) + Eigen::Vector3d(0.02, 0.01, 0)); };
-  course.suspects = course.changes = course.judged = 0;
+  course.suspects = course.changes = course.scored = 0;
   course.error2 = 0;
   course.run(shifted, 25, 26, 26);
   EXPECT_EQ(course.suspects, 1);

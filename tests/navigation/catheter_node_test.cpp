@@ -220,7 +220,7 @@ TEST_F(CatheterNodeTest, StandsStillUntilItIsStartedAndWhenItIsStopped) {
   EXPECT_EQ(node->states().state(), ServoState::kEmergencyStop);
 }
 
-TEST_F(CatheterNodeTest, TheTableKeepsTheTipInTheMiddleOnItsWay) {
+TEST_F(CatheterNodeTest, TheTableKeepsTheTipInTheMiddleOnItsRoute) {
   const TreeTopology map(tree);
   const auto node = nodeTo({map.children(0).front(), 8e-3});
   centerTheTip();

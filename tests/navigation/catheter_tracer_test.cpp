@@ -37,7 +37,7 @@ struct CatheterTracerTest : testing::Test {
 
   TipBelief beliefAt(const TreeLocation& place) const {
     TipBelief belief;
-    belief.tip.chain = place.chain;
+    belief.tip.branch = place.branch;
     belief.tip.arc_m = place.arc_m;
     belief.tip.tip_model = map.point(place);
     return belief;
@@ -47,8 +47,8 @@ struct CatheterTracerTest : testing::Test {
 // In every branch, though it is believed 8 mm further back, most often in another branch.
 TEST_F(CatheterTracerTest, FindsTheTipInTheBranchThatItIsIn) {
   int tried = 0;
-  for (int chain = 1; chain < map.chains(); ++chain) {
-    const TreeLocation tip{chain, 0.6 * map.length_m(chain)};
+  for (int branch = 1; branch < map.branchCount(); ++branch) {
+    const TreeLocation tip{branch, 0.6 * map.length_m(branch)};
     const SimulatedCatheter catheter(tree, {}, tip, 0);
     const Eigen::Vector3d end = catheter.truth().tip_model;
     const auto pixel = pose.camera.project(pose.T_camera_model * end);
@@ -59,21 +59,21 @@ TEST_F(CatheterTracerTest, FindsTheTipInTheBranchThatItIsIn) {
     const TipOffset offset{{beside.dot(frame.normal), beside.dot(frame.binormal)}, Eigen::Matrix2d::Identity() * 1e-6};
     const auto trace = CatheterTracer(tree, {}).trace(shown({catheter.device(tree.points())}), pose,
                                                       beliefAt(map.before(tip, 8e-3)), offset);
-    ASSERT_TRUE(trace) << chain;
+    ASSERT_TRUE(trace) << branch;
     // A pixel is 0.4 mm at the tip; its band is 1.5 mm long.
-    EXPECT_LT((trace->seen.points_px.rightCols<1>() - *pixel).norm(), 2) << chain;
+    EXPECT_LT((trace->seen.points_px.rightCols<1>() - *pixel).norm(), 2) << branch;
     // Where the vessel runs along the beam, other places may do as well; its own must always do.
     double own = -100;
     for (const PlaceEvidence& one : trace->evidence.places) {
-      if (one.chain == chain && std::abs(one.arc_m - tip.arc_m) < 1.5e-3) own = std::max(own, one.log_evidence);
+      if (one.branch == branch && std::abs(one.arc_m - tip.arc_m) < 1.5e-3) own = std::max(own, one.log_evidence);
     }
-    EXPECT_GT(own, -1) << chain;
+    EXPECT_GT(own, -1) << branch;
     TipPlace place;
-    place.chain = chain;
+    place.branch = branch;
     place.arc_m = tip.arc_m;
     const auto found = tipEnd(trace->evidence, place);
-    ASSERT_TRUE(found) << chain;
-    EXPECT_LT((*found - end).norm(), 1.5e-3) << chain;
+    ASSERT_TRUE(found) << branch;
+    EXPECT_LT((*found - end).norm(), 1.5e-3) << branch;
   }
   EXPECT_GE(tried, 3);
 }
@@ -107,7 +107,7 @@ TEST_F(CatheterTracerTest, FindsATipFarBesideTheAxisOfAWideVessel) {
 }
 
 TEST_F(CatheterTracerTest, FindsNoneWhereNoneIs) {
-  const TipBelief belief = beliefAt({map.chains() - 1, 5e-3});
+  const TipBelief belief = beliefAt({map.branchCount() - 1, 5e-3});
   EXPECT_FALSE(tracer.trace(shown({}), pose, belief));
   EXPECT_FALSE(tracer.trace(cv::Mat(512, 512, CV_16UC1, cv::Scalar(20000)), pose, belief));
   SeenPose behind = pose;

@@ -27,7 +27,7 @@ struct WatchedDrive {
   DriveMonitor monitor{DriveMonitorSettings(), degToRad(CatheterSettings().max_bend_deg)};
   test::Random random{7};
   CatheterCommand wanted;
-  std::optional<CatheterCommand> under_way;
+  std::optional<CatheterCommand> in_transit;
   std::int64_t now_us = 0, sequence = 0;
 
   std::optional<std::string> step(const std::function<void(CatheterState&)>& between = {}) {
@@ -36,8 +36,8 @@ struct WatchedDrive {
     command.sequence = ++sequence;
     command.valid_for_us = 300'000;
     monitor.commanded(command);
-    if (under_way) drive.obey(*under_way, under_way->time_us + 80'000);
-    under_way = command;
+    if (in_transit) drive.obey(*in_transit, in_transit->time_us + 80'000);
+    in_transit = command;
     now_us += kFrame_us;
     drive.advance(now_us);
     CatheterState state = drive.state();

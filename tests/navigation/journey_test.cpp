@@ -38,14 +38,14 @@ TEST_F(Journey, ReachesABranchOverViewsThatItAskedFor) {
 TEST_F(Journey, TargetsAlongCurvesAreSpreadOverTheirLengths) {
   experiment.min_route_mm = 0;
   const TreeTopology map(tree);
-  const auto curve = [&](int chain) {
-    Eigen::Matrix3Xd points(3, map.points(chain).size());
-    for (Eigen::Index i = 0; i < points.cols(); ++i) points.col(i) = tree.points().col(map.points(chain)[i]);
+  const auto curve = [&](int branch) {
+    Eigen::Matrix3Xd points(3, map.points(branch).size());
+    for (Eigen::Index i = 0; i < points.cols(); ++i) points.col(i) = tree.points().col(map.points(branch)[i]);
     return points;
   };
   const std::vector<TreeLocation> targets = targetsAlong(tree, experiment, {curve(3), curve(4)}, 5);
   ASSERT_EQ(targets.size(), 5u);
-  for (int k = 0; k < 5; ++k) EXPECT_EQ(targets[k].chain, k % 2 == 0 ? 3 : 4) << k;
+  for (int k = 0; k < 5; ++k) EXPECT_EQ(targets[k].branch, k % 2 == 0 ? 3 : 4) << k;
   EXPECT_LT(targets[0].arc_m, targets[2].arc_m);
   EXPECT_LT(targets[2].arc_m, targets[4].arc_m);
   EXPECT_LT(targets[4].arc_m, map.length_m(3));

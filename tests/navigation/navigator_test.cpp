@@ -20,9 +20,9 @@ NavigationInput inputAt(const TreeTopology& map, const TreeLocation& place) {
   input.latency_s = 0.08;
   TipBelief belief;
   belief.status = BeliefStatus::kSeen;
-  belief.tip.chain = place.chain;
+  belief.tip.branch = place.branch;
   belief.tip.arc_m = place.arc_m;
-  belief.tip.path_m = map.start_m(place.chain) + place.arc_m;
+  belief.tip.path_m = map.start_m(place.branch) + place.arc_m;
   belief.tip.std_m = 1e-3;
   belief.tip.probability = 0.98;
   belief.tip.tip_model = map.point(place);
@@ -37,7 +37,7 @@ bool rests(const CatheterCommand& c) {
 struct NavigatorTest : testing::Test {
   VesselTree tree = test::branchingTree(4);
   TreeTopology map{tree};
-  int target = map.chains() - 1;
+  int target = map.branchCount() - 1;
   Navigator navigator{tree, {target, 3e-3}, {}};
 };
 
@@ -59,7 +59,7 @@ TEST_F(NavigatorTest, EveryDoubtStandsStillAndSaysWhy) {
   lost.belief->status = BeliefStatus::kLost;
   unsure.belief->tip.probability = 0.3;
   vague.belief->tip.std_m = 0.05;
-  wrong.belief->tip.chain = 100000;
+  wrong.belief->tip.branch = 100000;
   sick.belief->tip.arc_m = kNan;
   numb.drive.insertion_m = kNan;
   for (const NavigationInput& input : {unseen, lost, unsure, vague, wrong, sick, numb}) {
@@ -88,7 +88,7 @@ TEST_F(NavigatorTest, DoesNotArriveInABranchThatItIsNotSureOf) {
   }
   ASSERT_GE(other, 0);
   TipPlace beside = input.belief->tip;
-  beside.chain = other;
+  beside.branch = other;
   beside.probability = 0.38;
   beside.tip_model = map.point({other, 4e-3});
   ASSERT_GT((beside.tip_model - input.belief->tip.tip_model).norm(), 2e-3);
@@ -117,7 +117,7 @@ TEST_F(NavigatorTest, PullsBackFromForce) {
 }
 
 TEST_F(NavigatorTest, RefusesATargetThatIsNoPlaceOfTheTree) {
-  EXPECT_NE(test::refusalOf([&] { Navigator(tree, {map.chains(), 0}, {}); }).find("target"), std::string::npos);
+  EXPECT_NE(test::refusalOf([&] { Navigator(tree, {map.branchCount(), 0}, {}); }).find("target"), std::string::npos);
   EXPECT_NE(test::refusalOf([&] { Navigator(tree, {0, 9.0}, {}); }).find("arc_m"), std::string::npos);
 }
 

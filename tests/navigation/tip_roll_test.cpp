@@ -58,13 +58,13 @@ TEST(TipRoll, ABentTipMayBeDeflectedFurther) {
     roll.see({0.1, 0.02, Eigen::Vector2d::UnitX()});
     roll.see({0.0, 0.02, Eigen::Vector2d::UnitY()});
   }
-  const double straight_std = std::sqrt(roll.leanCovariance()(1, 1));
+  const double straight_std = std::sqrt(roll.deflectionCovariance()(1, 1));
   const Eigen::Vector2d straight = roll.deflection();
   roll.bend(0.5);
-  EXPECT_NEAR(std::sqrt(roll.leanCovariance()(1, 1)), std::hypot(straight_std, std::sqrt(0.25 - 0.04)), 1e-9);
+  EXPECT_NEAR(std::sqrt(roll.deflectionCovariance()(1, 1)), std::hypot(straight_std, std::sqrt(0.25 - 0.04)), 1e-9);
   EXPECT_NEAR((roll.deflection() - straight).norm(), 0, 1e-12) << "nobody has seen it yet";
   roll.bend(0.2);
-  EXPECT_LE(std::sqrt(roll.leanCovariance()(1, 1)), 0.2 + 1e-9);
+  EXPECT_LE(std::sqrt(roll.deflectionCovariance()(1, 1)), 0.2 + 1e-9);
   EXPECT_NEAR((roll.deflection() - 0.4 * straight).norm(), 0, 1e-12);
 }
 

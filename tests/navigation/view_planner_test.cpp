@@ -25,7 +25,7 @@ VesselTree corner() {
   return VesselTree(points, parents);
 }
 
-struct WayViewTest : testing::Test {
+struct ViewPlannerTest : testing::Test {
   VesselTree tree = corner();
   ViewPlanner view{tree, {0, 0.2}, {}, {}};
 };
@@ -34,7 +34,7 @@ double alongBeam(const PlannedView& answer, const Eigen::Vector3d& direction) {
   return std::abs(beamDirection(answer.angles).dot(direction));
 }
 
-TEST_F(WayViewTest, LooksAcrossTheStretchAheadAndAgainWhenThatEnds) {
+TEST_F(ViewPlannerTest, LooksAcrossTheStretchAheadAndAgainWhenThatEnds) {
   const auto first = view.next({0, 0.01}, false);
   ASSERT_TRUE(first);
   // The best of all sees the stretch in its full length; nodes are 7.5 deg apart, and the last search refines them.
@@ -45,12 +45,12 @@ TEST_F(WayViewTest, LooksAcrossTheStretchAheadAndAgainWhenThatEnds) {
   EXPECT_TRUE(view.next({0, 0.06}, false));
   // Back to before what the present view was chosen for.
   EXPECT_TRUE(view.next({0, 0.01}, false));
-  // To the end of the way one view serves.
+  // To the end of the route one view serves.
   ASSERT_TRUE(view.next({0, 0.15}, false));
   EXPECT_FALSE(view.next({0, 0.199}, false));
 }
 
-TEST_F(WayViewTest, DoubtAsksForAViewFromElsewhere) {
+TEST_F(ViewPlannerTest, DoubtAsksForAViewFromElsewhere) {
   const auto first = view.next({0, 0.01}, false);
   const auto second = view.next({0, 0.01}, true);
   ASSERT_TRUE(first && second);
@@ -73,7 +73,7 @@ TEST(ViewPlanner, KeepsAViewThatNoOtherInReachCouldReplace) {
 TEST(ViewPlanner, KnowsWhereARouteWasLeft) {
   const VesselTree made = test::branchingTree(4);
   const TreeTopology map(made);
-  const int target = map.chains() - 1, trunk = map.pathTo(target).front();
+  const int target = map.branchCount() - 1, trunk = map.pathTo(target).front();
   ViewPlannerSettings settings;
   settings.behind_mm = 5;
   settings.ahead_mm = 10;

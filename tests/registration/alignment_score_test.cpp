@@ -42,9 +42,9 @@ Centerline2d line(const Eigen::Vector2d& from, const Eigen::Vector2d& to, int n)
   return makeCenterline(points, std::vector<int>(n, 0));
 }
 
-AlignmentScore agreementWith(const Centerline2d& image) {
+AlignmentScore alignmentScoreWith(const Centerline2d& image) {
   const VesselTree tree = straightVessel();
-  return agreementOf(tree, tree.points(), image, plainCamera(), oneMetreAway());
+  return alignmentScore(tree, tree.points(), image, plainCamera(), oneMetreAway());
 }
 
 TEST(AlignmentScore, IsCompleteAtTheTruePoseOfACleanPhantom) {
@@ -53,7 +53,7 @@ TEST(AlignmentScore, IsCompleteAtTheTruePoseOfACleanPhantom) {
     const VesselTree tree = test::branchingTree(seed);
     const XrayCamera camera = test::clinicalCamera();
     const Pose T = test::viewOf(tree, random);
-    const AlignmentScore a = agreementOf(tree, tree.points(), projectedCenterline(tree, camera, T), camera, T);
+    const AlignmentScore a = alignmentScore(tree, tree.points(), projectedCenterline(tree, camera, T), camera, T);
     // The image's tangents are those of chords: at a sharp bend a point or two in a thousand run another way.
     EXPECT_GT(a.model_explained, 0.995);
     EXPECT_GT(a.image_explained, 0.995);
@@ -75,8 +75,8 @@ TEST(AlignmentScore, IsLowAtAWrongPose) {
     Twist off = Twist::Zero();
     off.head<3>() = T.linear().transpose() * Eigen::Vector3d(0.015, 0.010, 0);
     off[5] = 0.3;
-    const AlignmentScore a =
-        agreementOf(tree, tree.points(), projectedCenterline(tree, camera, T), camera, test::perturbed(T, tree, off));
+    const AlignmentScore a = alignmentScore(tree, tree.points(), projectedCenterline(tree, camera, T), camera,
+                                            test::perturbed(T, tree, off));
     // A third of either side by chance: a dense tree's vessels lie a few gates apart.
     EXPECT_LT(a.model_explained, 0.35);
     EXPECT_LT(a.image_explained, 0.35);
@@ -84,17 +84,17 @@ TEST(AlignmentScore, IsLowAtAWrongPose) {
 }
 
 TEST(AlignmentScore, ParallelVesselsAreExplainedUpToTheGate) {
-  const AlignmentScore near = agreementWith(line({50, 102}, {150, 102}, 101));
+  const AlignmentScore near = alignmentScoreWith(line({50, 102}, {150, 102}, 101));
   EXPECT_NEAR(near.score(), 1, 1e-12);
   EXPECT_NEAR(near.model_residual_px, 2, 1e-9);
   EXPECT_NEAR(near.image_residual_px, 2, 1e-9);
   EXPECT_NEAR(near.model_rms_px, 2, 1e-9);
-  EXPECT_EQ(agreementWith(line({50, 103.5}, {150, 103.5}, 101)).score(), 0);
+  EXPECT_EQ(alignmentScoreWith(line({50, 103.5}, {150, 103.5}, 101)).score(), 0);
 }
 
 TEST(AlignmentScore, HalfAVesselExplainsHalfTheOther) {
   // The image holds the left half only: 51 of its points, and the model's first 6 of 11 and none beyond 3 px.
-  const AlignmentScore a = agreementWith(line({50, 100}, {100, 100}, 51));
+  const AlignmentScore a = alignmentScoreWith(line({50, 100}, {100, 100}, 51));
   EXPECT_NEAR(a.model_explained, 6.0 / 11, 1e-12);
   EXPECT_NEAR(a.image_explained, 1, 1e-12);
   EXPECT_NEAR(a.model_residual_px, (10 + 20 + 30 + 40 + 50) / 11.0, 1e-9);
@@ -102,14 +102,14 @@ TEST(AlignmentScore, HalfAVesselExplainsHalfTheOther) {
 }
 
 TEST(AlignmentScore, AVesselThatCrossesExplainsNothing) {
-  const AlignmentScore a = agreementWith(line({100, 50}, {100, 150}, 101));
+  const AlignmentScore a = alignmentScoreWith(line({100, 50}, {100, 150}, 101));
   EXPECT_EQ(a.model_explained, 0);
   EXPECT_EQ(a.image_explained, 0);
 }
 
 TEST(AlignmentScore, MeasuresImagePointsToEdgesNotToModelPoints) {
   // Half way between two model points, 10 px apart, and 1 px aside.
-  const AlignmentScore a = agreementWith(line({55, 101}, {95, 101}, 5));
+  const AlignmentScore a = alignmentScoreWith(line({55, 101}, {95, 101}, 5));
   EXPECT_NEAR(a.image_residual_px, 1, 1e-9);
   EXPECT_NEAR(a.image_explained, 1, 1e-12);
 }
@@ -118,7 +118,7 @@ TEST(AlignmentScore, CountsOnlyTheModelOnTheDetector) {
   const VesselTree tree = straightVessel();
   Pose T = oneMetreAway();
   T.translation().x() = -0.105;  // Half of the vessel and one point leave at the left.
-  const AlignmentScore a = agreementOf(tree, tree.points(), line({5, 100}, {45, 100}, 41), plainCamera(), T);
+  const AlignmentScore a = alignmentScore(tree, tree.points(), line({5, 100}, {45, 100}, 41), plainCamera(), T);
   EXPECT_EQ(a.model_points, 5);
   EXPECT_NEAR(a.score(), 1, 1e-12);
 }
@@ -129,7 +129,7 @@ TEST(AlignmentScore, CountsOnlyTheModelInsideTheCollimator) {
   const XrayCamera camera = plainCamera();
   // Open from 40 to 95 px: the first 5 of 11 points.
   const XrayViews views{{image, camera, Pose::Identity(), {{40, 40}, {95, 40}, {95, 160}, {40, 160}}}};
-  const AlignmentScore a = agreementOf(tree, tree.points(), views, oneMetreAway());
+  const AlignmentScore a = alignmentScore(tree, tree.points(), views, oneMetreAway());
   EXPECT_EQ(a.model_points, 5);
   EXPECT_NEAR(a.model_explained, 1, 1e-12);
 }
@@ -147,7 +147,7 @@ TEST(AlignmentScore, WeighsViewsByTheirPoints) {
   // 11 model points and 101 image points 2 px apart; and 10 mm to the right the same 11 and 51 of their left half.
   const Centerline2d whole = line({50, 102}, {150, 102}, 101), half = line({60, 100}, {110, 100}, 51);
   const AlignmentScore a =
-      agreementOf(tree, tree.points(), {shifted(whole, camera, 0), shifted(half, camera, 0.01)}, oneMetreAway());
+      alignmentScore(tree, tree.points(), {shifted(whole, camera, 0), shifted(half, camera, 0.01)}, oneMetreAway());
   EXPECT_EQ(a.model_points, 22);
   EXPECT_NEAR(a.model_explained, (11 + 6) / 22.0, 1e-12);
   EXPECT_NEAR(a.image_explained, 1, 1e-12);
@@ -161,13 +161,13 @@ TEST(AlignmentScore, AViewThatShowsWhatTheModelDoesNotIsUnexplained) {
   const Centerline2d right = line({50, 100}, {150, 100}, 101), nothing = makeCenterline(Eigen::Matrix2Xd(2, 0));
   // Half a metre away the model is off the detector, and the image there is of something else.
   const AlignmentScore beside =
-      agreementOf(tree, tree.points(), {shifted(right, camera, 0), shifted(right, camera, 0.5)}, oneMetreAway());
+      alignmentScore(tree, tree.points(), {shifted(right, camera, 0), shifted(right, camera, 0.5)}, oneMetreAway());
   EXPECT_EQ(beside.model_points, 11);
   EXPECT_NEAR(beside.model_explained, 1, 1e-12);
   EXPECT_NEAR(beside.image_explained, 0.5, 1e-12);
   // And a model in view where the image shows nothing.
   const AlignmentScore blank =
-      agreementOf(tree, tree.points(), {shifted(right, camera, 0), shifted(nothing, camera, 0)}, oneMetreAway());
+      alignmentScore(tree, tree.points(), {shifted(right, camera, 0), shifted(nothing, camera, 0)}, oneMetreAway());
   EXPECT_NEAR(blank.model_explained, 0.5, 1e-12);
   EXPECT_NEAR(blank.image_explained, 1, 1e-12);
   EXPECT_NEAR(blank.model_residual_px, 0, 1e-9);
@@ -175,12 +175,13 @@ TEST(AlignmentScore, AViewThatShowsWhatTheModelDoesNotIsUnexplained) {
 
 TEST(AlignmentScore, IsNothingWithoutAnImageOrAModelInView) {
   const VesselTree tree = straightVessel();
-  const AlignmentScore empty = agreementWith(makeCenterline(Eigen::Matrix2Xd(2, 0)));
+  const AlignmentScore empty = alignmentScoreWith(makeCenterline(Eigen::Matrix2Xd(2, 0)));
   EXPECT_EQ(empty.score(), 0);
   EXPECT_EQ(empty.model_residual_px, 0);
   Pose behind = oneMetreAway();
   behind.translation().z() = -1;
-  const AlignmentScore none = agreementOf(tree, tree.points(), line({50, 100}, {150, 100}, 11), plainCamera(), behind);
+  const AlignmentScore none =
+      alignmentScore(tree, tree.points(), line({50, 100}, {150, 100}, 11), plainCamera(), behind);
   EXPECT_EQ(none.model_points, 0);
   EXPECT_EQ(none.score(), 0);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Certificates: bounds that hold, rivals that are found, and no proof without one.
+// Certificates: bounds that hold, alternatives that are found, and no proof without one.
 #include "angio/registration/certificate.hpp"
 
 #include <gtest/gtest.h>
@@ -120,8 +120,8 @@ TEST(Certificate, NoPoseOfACellExceedsItsBound) {
       const RayCell rays{away * random.uniform(-0.06, 0.06), away * random.uniform(-0.06, 0.06), spread};
       bounds.prepare(cell, rays, half_ray);
       const double x = rays.x + random.uniform(-spread, spread), y = rays.y + random.uniform(-spread, spread);
-      const int none = -bounds.mostPoints();  // All count, also those that lose more than they have.
-      const int bound = bounds.atMost(x, y, none);
+      const int none = -bounds.maxPoints();  // All count, also those that lose more than they have.
+      const int bound = bounds.pointsBound(x, y, none);
       for (int i = 0; i < 12; ++i, ++draws) {
         const Pose T = drawnWithin(cell, {x, y}, half_ray, center, i < 4, random);
         const int points = bounds.points(T, none);
@@ -130,9 +130,9 @@ TEST(Certificate, NoPoseOfACellExceedsItsBound) {
       }
       // Asked for more than there can be, it says so; for as much, it says how much.
       if (bound <= 0) continue;
-      EXPECT_EQ(bounds.atMost(x, y, bound), bound);
-      EXPECT_EQ(bounds.atMost(x, y, bound + 1), -1);
-      pruned += bound < bounds.mostPoints() / 2;
+      EXPECT_EQ(bounds.pointsBound(x, y, bound), bound);
+      EXPECT_EQ(bounds.pointsBound(x, y, bound + 1), -1);
+      pruned += bound < bounds.maxPoints() / 2;
     }
   }
   EXPECT_GT(draws, 20000);
@@ -170,8 +170,8 @@ TEST(Certificate, NoPlaceIsExplainedInACellThatRulesItOut) {
       const double half_ray = size * random.uniform(0, 0.05);
       const double x = random.uniform(-0.03, 0.03), y = random.uniform(-0.03, 0.03);
       bounds.prepare(cell, {x, y, 0}, half_ray);
-      const int none = -bounds.mostPoints(), bound = bounds.atMost(x, y, none);
-      ruled_out += bound < bounds.mostPoints();
+      const int none = -bounds.maxPoints(), bound = bounds.pointsBound(x, y, none);
+      ruled_out += bound < bounds.maxPoints();
       for (int i = 0; i < 24; ++i) {
         const Pose T = drawnWithin(cell, {x, y}, half_ray, center, i < 16, random);
         const int points = bounds.points(T, none);
@@ -222,7 +222,7 @@ TEST(Certificate, ProvesThatNoOtherPoseScoresNearlyAsWell) {
     });
     EXPECT_TRUE(certificate.proven) << certificate.reason;
     EXPECT_EQ(certificate.reason, "");
-    EXPECT_FALSE(certificate.rival);
+    EXPECT_FALSE(certificate.alternative);
     EXPECT_LT(certificate.bound, 0.9);
     EXPECT_GT(certificate.score, 0.8);
     EXPECT_DOUBLE_EQ(certificate.score, certifiedScore(s.tree, s.view(), s.truth));
@@ -252,8 +252,8 @@ TEST(Certificate, OneThreadAndTwoProveTheSame) {
   EXPECT_EQ(one.bound, two.bound);
 }
 
-// A wrong pose is never certified: the true one is its rival.
-TEST(Certificate, AWrongPoseHasTheTrueOneForARival) {
+// A wrong pose is never certified: the true one is its alternative.
+TEST(Certificate, AWrongPoseHasTheTrueOneForAnAlternative) {
   for (const unsigned seed : {5u, 6u, 7u}) {
     const Scene s(seed);
     Twist off;
@@ -262,36 +262,37 @@ TEST(Certificate, AWrongPoseHasTheTrueOneForARival) {
     const auto certificate = certify(s.tree, s.view(), s.truth, wrong, boxOf(25, 30));
     EXPECT_FALSE(certificate.proven);
     if (certificate.score == 0) continue;  // It explains nothing.
-    ASSERT_TRUE(certificate.rival) << certificate.reason;
-    EXPECT_GE(certificate.rival->share, 0.9);
-    EXPECT_GT(certificate.rival->distance_m, 5e-3);
+    ASSERT_TRUE(certificate.alternative) << certificate.reason;
+    EXPECT_GE(certificate.alternative->share, 0.9);
+    EXPECT_GT(certificate.alternative->distance_m, 5e-3);
   }
 }
 
 // What looks the same from several sides is never certified, and the other side is named.
-TEST(Certificate, ASymmetricTreeHasARivalThatIsReturned) {
+TEST(Certificate, ASymmetricTreeHasAnAlternativeThatIsReturned) {
   const VesselTree tree = star(12, kPi / 6, 0.05);  // The same when turned by 30 deg.
   const Scene s(tree, inFront(tree, expSO3({0.3, 0.2, 0})));
   const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, boxOf(45, 60));
   EXPECT_FALSE(certificate.proven);
-  ASSERT_TRUE(certificate.rival) << certificate.reason;
-  EXPECT_GE(certificate.rival->share, 0.9);
-  EXPECT_NEAR(certificate.rival->share,
-              certifiedScore(s.tree, s.view(), certificate.rival->T_camera_model) / certificate.score, 1e-12);
-  EXPECT_NEAR(certificate.rival->distance_m, poseDistance_m(s.tree, s.truth, certificate.rival->T_camera_model), 1e-9);
-  EXPECT_GT(certificate.rival->distance_m, 5e-3);
+  ASSERT_TRUE(certificate.alternative) << certificate.reason;
+  EXPECT_GE(certificate.alternative->share, 0.9);
+  EXPECT_NEAR(certificate.alternative->share,
+              certifiedScore(s.tree, s.view(), certificate.alternative->T_camera_model) / certificate.score, 1e-12);
+  EXPECT_NEAR(certificate.alternative->distance_m,
+              poseDistance_m(s.tree, s.truth, certificate.alternative->T_camera_model), 1e-9);
+  EXPECT_GT(certificate.alternative->distance_m, 5e-3);
 }
 
 // A flat tree looks nearly the same with near and far exchanged.
-TEST(Certificate, AFlatTreeHasItsDepthMirrorForARival) {
+TEST(Certificate, AFlatTreeHasItsDepthMirrorForAnAlternative) {
   const VesselTree tree = star(5, 1.1, 0.03);
   const Scene s(tree, inFront(tree, expSO3({0.35, 0, 0})));
   const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, boxOf(45, 20));
   EXPECT_FALSE(certificate.proven);
-  ASSERT_TRUE(certificate.rival) << certificate.reason;
-  EXPECT_GE(certificate.rival->share, 0.9);
+  ASSERT_TRUE(certificate.alternative) << certificate.reason;
+  EXPECT_GE(certificate.alternative->share, 0.9);
   // Tilted to the other side.
-  const Eigen::Vector3d normal = certificate.rival->T_camera_model.linear().col(2);
+  const Eigen::Vector3d normal = certificate.alternative->T_camera_model.linear().col(2);
   EXPECT_LT(normal.y() * s.truth.linear().col(2).y(), 0);
 }
 
@@ -302,7 +303,7 @@ TEST(Certificate, WithoutTimeNothingIsProven) {
     settings.seconds = seconds;
     const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, settings);
     EXPECT_FALSE(certificate.proven);
-    EXPECT_FALSE(certificate.rival);
+    EXPECT_FALSE(certificate.alternative);
     EXPECT_GE(certificate.bound, 0.9);
     EXPECT_EQ(certificate.reason.rfind("not proven: bound ", 0), 0u) << certificate.reason;
     EXPECT_LT(certificate.seconds, seconds + 1);
@@ -334,7 +335,7 @@ TEST(Certificate, AnImageThatExplainsNothingProvesNothing) {
 TEST(Certificate, RefusesSettingsOutOfTheirRange) {
   const Scene s(11);
   auto settings = boxOf(10, 10);
-  settings.rival_share = 0;
+  settings.alternative_share = 0;
   EXPECT_THROW(certify(s.tree, s.view(), s.truth, s.truth, settings), InputError);
 }
 

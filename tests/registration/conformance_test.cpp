@@ -107,7 +107,7 @@ void expectFinite(const RegistrationResult& r) {
   if (r.covariance) {
     EXPECT_TRUE(r.covariance->allFinite());
   }
-  const AlignmentScore& a = r.agreement;
+  const AlignmentScore& a = r.alignment;
   for (const double x : {a.model_explained, a.image_explained, a.model_residual_px, a.image_residual_px, a.model_rms_px,
                          r.times.prepare_s, r.times.rigid_s, r.times.nonrigid_s, r.times.total_s}) {
     EXPECT_TRUE(std::isfinite(x));
@@ -146,7 +146,7 @@ TYPED_TEST(RegistrationConformance, ASecondViewFindsTheDepth) {
       const auto result = makeRegistration(settings, s.tree)->align(views, s.prior, s.prior.T_camera_model);
       expectFinite(result);
       EXPECT_EQ(result.status, RegistrationStatus::kConverged) << seed << ": " << result.reason;
-      EXPECT_GT(result.agreement.model_points, 1.9 * s.tree.size()) << "both views count";
+      EXPECT_GT(result.alignment.model_points, 1.9 * s.tree.size()) << "both views count";
       Eigen::Matrix3Xd found = s.tree.points();
       if (result.displacements_m.size() > 0) found += result.displacements_m;
       const Eigen::Vector3d off = (result.T_camera_model * found - s.truth * s.tree.points()).rowwise().mean();
@@ -201,7 +201,7 @@ TYPED_TEST(RegistrationConformance, IsRepeatableBitForBitWhateverCameBetween) {
       EXPECT_EQ(r->T_camera_model.matrix(), first.T_camera_model.matrix());
       EXPECT_EQ(r->displacements_m, first.displacements_m);
       EXPECT_EQ(*r->covariance, *first.covariance);
-      EXPECT_EQ(r->agreement.score(), first.agreement.score());
+      EXPECT_EQ(r->alignment.score(), first.alignment.score());
     }
   }
 }

@@ -137,7 +137,7 @@ TEST(DeformationPosterior, OfARigidTreeIsTheRigidFit) {
 }
 
 // Growth and distance look alike: what a single view says of depth is what was believed, and no more is claimed.
-TEST(DeformationPosterior, ABentTreeKeepsTheDepthThatWasBelieved) {
+TEST(DeformationPosterior, ADeformedTreeKeepsTheDepthOfThePrior) {
   test::Random random(47);
   for (int trial = 0; trial < 10; ++trial) {
     const Drawn drawn = draw(random, 3e-3);

@@ -272,8 +272,8 @@ TEST(DeformationSolver, EliminatesTheTreeExactly) {
   // The prior is the one that is promised: its covariance falls off with the way along the vessel.
   const Eigen::MatrixXd covariance = P.inverse();
   const auto [a, b] = nodes.edges.front();
-  const double way = (nodes.points.col(a) - nodes.points.col(b)).norm();
-  EXPECT_NEAR(covariance(3 * a, 3 * b), 0.09e-6 * std::exp(-way / 20e-3), 1e-12);
+  const double distance = (nodes.points.col(a) - nodes.points.col(b)).norm();
+  EXPECT_NEAR(covariance(3 * a, 3 * b), 0.09e-6 * std::exp(-distance / 20e-3), 1e-12);
   EXPECT_NEAR(covariance(n - 1, n - 1), 0.09e-6, 1e-12);
 }
 

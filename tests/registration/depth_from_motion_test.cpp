@@ -18,18 +18,19 @@ namespace {
 using registration::DepthFromMotion;
 using registration::MovingFrame;
 
-// A tree that is bent by a few millimetres and whose patient breathes, in frames of a C-arm that stands for 4 s and
+// A tree that is deformed by a few millimetres and whose patient breathes, in frames of a C-arm that stands for 4 s and
 // then turns by 6 deg in one. Each is registered as a loop does: from where the one before was.
 class Turn {
  public:
-  Turn(unsigned seed, double bend_m, double breath_m, double turn_deg = 6) : random_(seed), tree_(branchingTree(seed)) {
+  Turn(unsigned seed, double deformation_m, double breath_m, double turn_deg = 6)
+      : random_(seed), tree_(branchingTree(seed)) {
     T_last_ = viewOf(tree_, random_);
     const Eigen::Vector3d a = random_.vector(1), b = random_.vector(1);
-    bend_.resize(3, tree_.size());
+    deformation_.resize(3, tree_.size());
     for (int i = 0; i < tree_.size(); ++i) {
       const Eigen::Vector3d p = (tree_.points().col(i) - tree_.centroid()) / 0.05;
-      bend_.col(i) = bend_m * Eigen::Vector3d(std::sin(2 * p.y() + a.x()), std::sin(1.5 * p.x() + a.y()),
-                                              std::sin(1.5 * p.y() + 1.5 * p.x() + b.x()));
+      deformation_.col(i) = deformation_m * Eigen::Vector3d(std::sin(2 * p.y() + a.x()), std::sin(1.5 * p.x() + a.y()),
+                                                            std::sin(1.5 * p.y() + 1.5 * p.x() + b.x()));
     }
     OrientedKernelSettings settings;
     settings.deformation = Deformation::kNonrigid;
@@ -47,7 +48,7 @@ class Turn {
       const auto lung = [](double t) { return std::pow(std::sin(kPi * t / 4), 4); };
       const Eigen::Vector3d breath = T_last_.linear().transpose() * breath_m *
                                      Eigen::Vector3d(0.3 * lung(time_s - 0.3), lung(time_s), 0.2 * lung(time_s));
-      now_ = (tree_.points() + bend_).colwise() + breath;
+      now_ = (tree_.points() + deformation_).colwise() + breath;
       const Pose T = T_frame_last * T_last_;
       Centerline2d shown = projectedCenterline(VesselTree(now_, tree_.parents()), camera_, T);
       for (Eigen::Index j = 0; j < shown.points_px.cols(); ++j) {
@@ -95,14 +96,14 @@ class Turn {
   XrayCamera camera_ = clinicalCamera();
   Pose T_last_, seen_;
   PosePrior prior_;
-  Eigen::Matrix3Xd bend_, now_;
+  Eigen::Matrix3Xd deformation_, now_;
   Centerline2d shown_;
   RegistrationResult alone_;
   std::vector<MovingFrame> frames_;
 };
 
 // One frame leaves the depth to the belief, which is 8 mm off; a turn of 6 deg tells it.
-TEST(DepthFromMotion, FindsTheDepthOfABentTree) {
+TEST(DepthFromMotion, FindsTheDepthOfADeformedTree) {
   double alone_m2 = 0, together_m2 = 0;
   constexpr int kTrees = 4;
   for (unsigned seed = 1; seed <= kTrees; ++seed) {

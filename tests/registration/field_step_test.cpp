@@ -33,7 +33,7 @@ struct Scene {
     image = projectedCenterline(tree, camera, truth);
   }
 
-  FieldSums look(const KernelField& field, const Pose& T, const PullWeight& weight) const {
+  FieldSums sample(const KernelField& field, const Pose& T, const PullWeight& weight) const {
     std::vector<HalfPlane> view;
     fieldOfView(XrayView{image, camera}, view);
     return sampleField(model.all, field, camera, view, T, weight);
@@ -100,7 +100,7 @@ TEST(FieldStep, StepsNeverLowerTheObjective) {
       const double first = objectiveOf(s.model.all, s, field, T, weight);
       double objective = first;
       for (int step = 0; step < 8; ++step) {
-        const FieldSums sums = s.look(field, T, weight);
+        const FieldSums sums = s.sample(field, T, weight);
         T = T * expSE3(sums.H.ldlt().solve(sums.g));
         const double before = objective;
         objective = objectiveOf(s.model.all, s, field, T, weight);
@@ -115,12 +115,12 @@ TEST(FieldStep, StepsNeverLowerTheObjective) {
 TEST(FieldStep, IsTheSameOnEveryVectorTarget) {
   const Scene s(2);
   const KernelField field = fieldOf(s, 16);
-  const FieldSums widest = s.look(field, s.off, {});
+  const FieldSums widest = s.sample(field, s.off, {});
   const auto targets = fieldStepTargets();
   ASSERT_GE(targets.size(), 1u);
   for (const auto target : targets) {
     useFieldStepTarget(target);
-    const FieldSums sums = s.look(field, s.off, {});
+    const FieldSums sums = s.sample(field, s.off, {});
     // Single precision, and sums of some hundred points in another order.
     EXPECT_LT((sums.H - widest.H).norm(), 1e-4 * widest.H.norm());
     EXPECT_LT((sums.g - widest.g).norm(), 1e-4 * widest.g.norm() + 1e-6 * widest.H.norm());
@@ -133,7 +133,7 @@ TEST(FieldStep, IsTheSameOnEveryVectorTarget) {
 TEST(FieldStep, WhatIsOutOfTheFieldOfViewHasNoVote) {
   Scene s(3);
   const KernelField field = fieldOf(s, 16);
-  const double all = s.look(field, s.off, {}).seen;
+  const double all = s.sample(field, s.off, {}).seen;
   std::vector<HalfPlane> left_half;
   XrayView view{s.image, s.camera};
   view.collimator_px = {{0, 0}, {511, 0}, {511, 1023}, {0, 1023}};
@@ -146,7 +146,7 @@ TEST(FieldStep, WhatIsOutOfTheFieldOfViewHasNoVote) {
   EXPECT_GT(left, 0.1 * all);
   Pose behind = s.off;
   behind.translation().z() = -0.5;
-  EXPECT_EQ(s.look(field, behind, {}).seen, 0);
+  EXPECT_EQ(s.sample(field, behind, {}).seen, 0);
 }
 
 }  // namespace

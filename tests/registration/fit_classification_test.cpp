@@ -47,25 +47,25 @@ TEST(FitClassification, SpreadIsHowFarDrawnPosesMoveTheTree) {
   EXPECT_NEAR(spread_m(covariance, T, tree) / std::sqrt(sum / kDraws), 1, 0.02);
 }
 
-// The same agreement, held well or not by the image.
+// The same alignment score, with a pose that the image determines well or not.
 TEST(FitClassification, WhatTheImageLeavesOpenIsNotTrusted) {
   const VesselTree tree = test::branchingTree(3);
   RegistrationResult result;
   result.T_camera_model = viewed(tree);
-  result.agreement.model_explained = result.agreement.image_explained = 0.9;
-  result.agreement.model_points = 100;
-  const auto judged = [&](double translation_std_m) {
+  result.alignment.model_explained = result.alignment.image_explained = 0.9;
+  result.alignment.model_points = 100;
+  const auto classified = [&](double translation_std_m) {
     // Translation about the centroid, whatever the tree's place: no rotation but what keeps the matrix regular.
     result.covariance = diagonal(translation_std_m, 1e-9);
     classify(tree, result);
     return result.status;
   };
-  EXPECT_EQ(judged(0.2e-3), RegistrationStatus::kConverged);
-  EXPECT_EQ(judged(3e-3), RegistrationStatus::kAmbiguous);
+  EXPECT_EQ(classified(0.2e-3), RegistrationStatus::kConverged);
+  EXPECT_EQ(classified(3e-3), RegistrationStatus::kAmbiguous);
   EXPECT_NE(result.reason.find("3 mm"), std::string::npos) << result.reason;
 
   // Half explained without an alternative: believed when it is held three times as well.
-  result.agreement.model_explained = result.agreement.image_explained = 0.5;
+  result.alignment.model_explained = result.alignment.image_explained = 0.5;
   result.covariance = diagonal(0.2e-3, 1e-9);
   classifyAgainst(0.1, tree, result);
   EXPECT_EQ(result.status, RegistrationStatus::kConverged);
@@ -79,27 +79,27 @@ TEST(FitClassification, ADeformedTreeIsNotTrustedWhereTheImageLeavesItOpen) {
   const VesselTree tree = test::branchingTree(3);
   RegistrationResult result;
   result.T_camera_model = viewed(tree);
-  result.agreement.model_explained = result.agreement.image_explained = 0.9;
-  result.agreement.model_points = 100;
+  result.alignment.model_explained = result.alignment.image_explained = 0.9;
+  result.alignment.model_points = 100;
   result.displacements_m = Eigen::Matrix3Xd::Constant(3, tree.size(), 2e-3);
-  const auto judged = [&](double depth_std_m, double alternative) {
+  const auto classified = [&](double depth_std_m, double alternative) {
     result.covariance = diagonal(0.2e-3, 1e-9);
     (*result.covariance)(2, 2) = depth_std_m * depth_std_m;
     classifyAgainst(alternative, tree, result);
     return result.status;
   };
-  EXPECT_EQ(judged(1e-3, 0.6), RegistrationStatus::kConverged);
-  EXPECT_EQ(judged(8e-3, 0.6), RegistrationStatus::kAmbiguous);
+  EXPECT_EQ(classified(1e-3, 0.6), RegistrationStatus::kConverged);
+  EXPECT_EQ(classified(8e-3, 0.6), RegistrationStatus::kAmbiguous);
   EXPECT_NE(result.reason.find("3 mm"), std::string::npos) << result.reason;
   EXPECT_TRUE(explained(result));
 
   // Half explained, without an alternative: a deformed tree follows any line near by, and is not believed for that; a
   // rigid one is.
-  result.agreement.model_explained = result.agreement.image_explained = 0.5;
-  EXPECT_EQ(judged(0.5e-3, 0.1), RegistrationStatus::kAmbiguous);
+  result.alignment.model_explained = result.alignment.image_explained = 0.5;
+  EXPECT_EQ(classified(0.5e-3, 0.1), RegistrationStatus::kAmbiguous);
   EXPECT_FALSE(explained(result));
   result.displacements_m.setZero();
-  EXPECT_EQ(judged(0.5e-3, 0.1), RegistrationStatus::kConverged);
+  EXPECT_EQ(classified(0.5e-3, 0.1), RegistrationStatus::kConverged);
 }
 
 TEST(FitClassification, ALargeDeformationHasToExplainTheImage) {
@@ -107,18 +107,18 @@ TEST(FitClassification, ALargeDeformationHasToExplainTheImage) {
   RegistrationResult result;
   result.T_camera_model = viewed(tree);
   result.covariance = diagonal(0.2e-3, 1e-9);
-  result.agreement.model_points = 100;
-  result.agreement.model_explained = 0.9;
-  const auto judged = [&](double deformation_m, double image_explained) {
+  result.alignment.model_points = 100;
+  result.alignment.model_explained = 0.9;
+  const auto classified = [&](double deformation_m, double image_explained) {
     result.displacements_m = Eigen::Matrix3Xd::Constant(3, tree.size(), deformation_m / std::sqrt(3.));
-    result.agreement.image_explained = image_explained;
+    result.alignment.image_explained = image_explained;
     classify(tree, result);
     EXPECT_EQ(explained(result), result.status == RegistrationStatus::kConverged);
     return result.status;
   };
-  EXPECT_EQ(judged(9e-3, 0.7), RegistrationStatus::kConverged);
-  EXPECT_EQ(judged(25e-3, 0.85), RegistrationStatus::kConverged);
-  EXPECT_EQ(judged(25e-3, 0.7), RegistrationStatus::kAmbiguous);
+  EXPECT_EQ(classified(9e-3, 0.7), RegistrationStatus::kConverged);
+  EXPECT_EQ(classified(25e-3, 0.85), RegistrationStatus::kConverged);
+  EXPECT_EQ(classified(25e-3, 0.7), RegistrationStatus::kAmbiguous);
   EXPECT_NE(result.reason.find("25 mm"), std::string::npos) << result.reason;
   EXPECT_NE(result.reason.find("70 % of the image"), std::string::npos) << result.reason;
 }

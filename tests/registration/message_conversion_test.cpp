@@ -17,13 +17,13 @@ RegistrationResult someResult() {
   seen.status = RegistrationStatus::kConverged;
   seen.T_camera_model = expSE3(random.twist(1, 1));
   seen.covariance = Matrix6d::Identity() * 1e-6;
-  seen.agreement.model_residual_px = 0.5;
+  seen.alignment.model_residual_px = 0.5;
   seen.points_3d = 12;
   seen.points_2d = 34;
   return seen;
 }
 
-TEST(MessageConversion, TheWayBackGivesTheSamePoseAndCovariance) {
+TEST(MessageConversion, TheInverseGivesTheSamePoseAndCovariance) {
   const RegistrationResult seen = someResult();
   const RegistrationMessage message = registrationMessage(seen, ModelId{7}, 10, 20);
   EXPECT_EQ(message.model_id, ModelId{7});
@@ -35,7 +35,7 @@ TEST(MessageConversion, TheWayBackGivesTheSamePoseAndCovariance) {
   EXPECT_EQ(back.T_camera_model.matrix(), seen.T_camera_model.matrix());
   ASSERT_TRUE(back.covariance);
   EXPECT_EQ(*back.covariance, *seen.covariance);
-  EXPECT_EQ(back.agreement.model_residual_px, 0.5);
+  EXPECT_EQ(back.alignment.model_residual_px, 0.5);
   EXPECT_EQ(back.points_3d, 12);
   EXPECT_EQ(back.points_2d, 34);
 }
@@ -46,7 +46,7 @@ TEST(MessageConversion, WhatIsNotFiniteStaysAtRest) {
   seen.status = RegistrationStatus::kDiverged;
   seen.T_camera_model.translation().x() = kNan;
   (*seen.covariance)(0, 0) = kNan;
-  seen.agreement.model_residual_px = kNan;
+  seen.alignment.model_residual_px = kNan;
   const RegistrationMessage message = registrationMessage(seen, ModelId::kUnknown, 0, 0);
   EXPECT_EQ(message.T_camera_model.matrix(), Pose::Identity().matrix());
   EXPECT_EQ(message.covariance, Matrix6d::Zero());

@@ -115,7 +115,7 @@ TEST(ModelError, TheAmplitudeFollowsTheDeformation) {
 }
 
 // A rigid tree keeps its depth: what is claimed stays below the 3 mm that a converged fit may leave open.
-TEST(ModelError, ARigidTreeIsNotCalledBent) {
+TEST(ModelError, ARigidTreeIsNotCalledDeformed) {
   test::Random random(29);
   for (int trial = 0; trial < 20; ++trial) {
     const Drawn drawn = draw(random, 0);

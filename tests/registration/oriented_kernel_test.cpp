@@ -272,7 +272,7 @@ TEST(OrientedKernel, ASmallImageFindsItsPlaceInALargeTree) {
     OrientedKernelSettings settings;
     const auto result =
         makeRegistration(settings, s.tree)->search(catheter, s.camera, {test::perturbed(s.truth, s.tree, by), {}}, {});
-    EXPECT_LT(result.agreement.image_residual_px, 1.5) << seed;
+    EXPECT_LT(result.alignment.image_residual_px, 1.5) << seed;
     double across = 0;  // Where the pose puts the path, against where it is.
     for (const int i : path) {
       across += (*s.camera.project(result.T_camera_model * s.tree.points().col(i)) -

@@ -13,20 +13,20 @@ namespace {
 
 // The joint that accelerates as long as it can still stop, brakes then, and whose acceleration takes its time: a search
 // over its highest acceleration and speed by the way each pair makes.
-double bySearch(double d, double v_most, double a_most, double j) {
-  const auto rampWay = [&](double a, double v) {  // To the speed v and back to rest, and how long that takes.
+double bySearch(double d, double v_max, double a_max, double j) {
+  const auto rampDistance = [&](double a, double v) {  // To the speed v and back to rest, and how long that takes.
     const double t = a / j + v / a;
     return std::pair(v * t, 2 * t);
   };
   double best = std::numeric_limits<double>::infinity();
   for (int i = 1; i <= 1000; ++i) {
-    const double a = a_most * i / 1000;
+    const double a = a_max * i / 1000;
     // The speed at which the ramps alone make the way, at least what lets the acceleration be reached.
     const double v_ramps = 0.5 * (-a * a / j + std::sqrt(a * a * a * a / (j * j) + 4 * a * d));
-    const double v = std::min(v_most, v_ramps);
+    const double v = std::min(v_max, v_ramps);
     if (v < a * a / j * (1 - 1e-12)) continue;
-    const auto [way, time_s] = rampWay(a, v);
-    best = std::min(best, time_s + (d - way) / v);
+    const auto [distance, time_s] = rampDistance(a, v);
+    best = std::min(best, time_s + (d - distance) / v);
   }
   return best;
 }

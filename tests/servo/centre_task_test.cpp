@@ -42,7 +42,7 @@ TEST(CenterTask, KeepsABreathingTargetWithinAMillimetre) {
   EXPECT_GT(held_mm, 3 * predicted_mm);
 }
 
-// A tree that bends looks nearer or further: along the beam alone, which no table has to follow.
+// A tree that deforms looks nearer or further: along the beam alone, which no table has to follow.
 TEST(CenterTask, FalseDepthsDoNotSpoilWhatIsSeenAcrossTheBeam) {
   MovingPatient patient(1);
   patient.depth_noise_m = 0.5e-3;

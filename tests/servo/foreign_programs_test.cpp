@@ -89,8 +89,8 @@ struct Network : testing::Test {
   // Steps until `done`, at most 5 s; returns how long it took [us].
   template <typename Done>
   std::int64_t until(const Done& done) {
-    const std::int64_t began_us = monotonic_us(), most_us = kSanitized ? 60'000'000 : 5'000'000;
-    while (!done() && monotonic_us() - began_us < most_us) step();
+    const std::int64_t began_us = monotonic_us(), max_us = kSanitized ? 60'000'000 : 5'000'000;
+    while (!done() && monotonic_us() - began_us < max_us) step();
     return monotonic_us() - began_us;
   }
   void run(std::int64_t time_us) {

@@ -140,8 +140,8 @@ TEST(FocalLengthMonitor, APatientWhoLiesElsewhereIsNone) {
   EXPECT_FALSE(one.warning());
 }
 
-// Frames and calibration are wrong alike, so that nothing else can notice. Seen through it the tree seems bent, and its
-// depth is too unsure for the task: such frames count as well.
+// Frames and calibration are wrong alike, so that nothing else can notice. Seen through it the tree seems deformed, and
+// its depth is too unsure for the task: such frames count as well.
 TEST(FocalLengthMonitor, IsToldByTheLoop) {
   test::Stage stage;
   ServoLoopSettings wrong = stage.settings;

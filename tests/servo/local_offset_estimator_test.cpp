@@ -28,7 +28,7 @@ TEST_F(LocalShifts, FindWhereTheImageShowsThePlace) {
     const Eigen::Vector2d shift_px = 5 * Eigen::Vector2d(random_.normal(), random_.normal());
     Centerline2d seen = projectedCenterline(tree_, camera_, T_);
     seen.points_px.colwise() += shift_px;
-    const auto found = near.look(seen, camera_, T_);
+    const auto found = near.observe(seen, camera_, T_);
     ASSERT_TRUE(found);
     // The prior of 2 mm pulls by some percent of 5 px. What is less than 1.5 px may be the image's error.
     EXPECT_LT((found->shift_px - shift_px).norm(), shift_px.norm() < 1.5 ? 1.5 : 1) << shift_px.transpose();
@@ -54,7 +54,7 @@ TEST_F(LocalShifts, AreNotDrawnToANeighbour) {
       seen.points_px.col(i) += aside;
       seen.std_px[i] = 0.2;
     }
-    const auto found = near.look(seen, camera_, T_);
+    const auto found = near.observe(seen, camera_, T_);
     ASSERT_TRUE(found);
     EXPECT_LT(found->shift_px.norm(), 0.3 * aside.norm())
         << aside.transpose() << " gives " << found->shift_px.transpose();
@@ -74,7 +74,7 @@ TEST_F(LocalShifts, SayNothingAboutADirectionThatIsNotSeen) {
   T.translation().z() = 0.75;
   Centerline2d seen = projectedCenterline(line, camera_, T);
   seen.points_px.row(1).array() += 4;
-  const auto found = LocalOffsetEstimator(line, {Eigen::Vector3d::Zero(), 15e-3, 2e-3}).look(seen, camera_, T);
+  const auto found = LocalOffsetEstimator(line, {Eigen::Vector3d::Zero(), 15e-3, 2e-3}).observe(seen, camera_, T);
   ASSERT_TRUE(found);
   EXPECT_NEAR(found->shift_px.y(), 4, 0.2);
   EXPECT_NEAR(found->shift_px.x(), 0, 0.01);
@@ -85,27 +85,27 @@ TEST_F(LocalShifts, SayNothingAboutADirectionThatIsNotSeen) {
 
 TEST_F(LocalShifts, NothingNearIsNothing) {
   const LocalOffsetEstimator near(tree_, {target_, 15e-3, 2e-3});
-  EXPECT_FALSE(near.look(Centerline2d{}, camera_, T_));
+  EXPECT_FALSE(near.observe(Centerline2d{}, camera_, T_));
   Pose behind = T_;
   behind.translation().z() -= 2;
-  EXPECT_FALSE(near.look(projectedCenterline(tree_, camera_, T_), camera_, behind));
+  EXPECT_FALSE(near.observe(projectedCenterline(tree_, camera_, T_), camera_, behind));
   Centerline2d far = projectedCenterline(tree_, camera_, T_);
   far.points_px.row(0).array() += 300;
-  EXPECT_FALSE(near.look(far, camera_, T_));
+  EXPECT_FALSE(near.observe(far, camera_, T_));
 }
 
-// What a loop expects of commands under way is what the arm does with them.
+// What a loop expects of commands in transit is what the arm does with them.
 TEST(LatencyCompensator, AreWhatTheArmWillHaveDone) {
   const CArmLimits limits = CArmLimits::typical();
   constexpr std::int64_t kPeriod_us = 66'000, kLatency_us = 80'000;
   test::Random random(5);
   SimulatedCArm arm(limits, CArmJoints::Zero(), 0);
   LatencyCompensator in_flight(limits);
-  std::deque<std::pair<std::int64_t, CArmCommand>> under_way;
+  std::deque<std::pair<std::int64_t, CArmCommand>> in_transit;
   const auto advance = [&](std::int64_t until_us) {
-    while (!under_way.empty() && under_way.front().first <= until_us) {
-      arm.obey(under_way.front().second, under_way.front().first);
-      under_way.pop_front();
+    while (!in_transit.empty() && in_transit.front().first <= until_us) {
+      arm.obey(in_transit.front().second, in_transit.front().first);
+      in_transit.pop_front();
     }
     arm.advance(until_us);
   };
@@ -119,7 +119,7 @@ TEST(LatencyCompensator, AreWhatTheArmWillHaveDone) {
     input.latency_s = 1e-6 * kLatency_us;
     const CArmState expected = in_flight.atArrival(input);
     SimulatedCArm copy = arm;
-    for (const auto& [at_us, command] : under_way) {
+    for (const auto& [at_us, command] : in_transit) {
       if (at_us > frame_us + kLatency_us) break;
       copy.advance(at_us);
       copy.obey(command, at_us);
@@ -130,7 +130,7 @@ TEST(LatencyCompensator, AreWhatTheArmWillHaveDone) {
     last.time_us = frame_us;
     ++last.sequence;
     last.valid_for_us = 500'000;
-    under_way.emplace_back(frame_us + kLatency_us, last);
+    in_transit.emplace_back(frame_us + kLatency_us, last);
   }
 }
 

@@ -84,10 +84,10 @@ TEST(MotionMonitor, FindsAJointThatMovesByItself) {
     for (int k = 0; k < 30; ++k) ASSERT_FALSE(w.step(CArmJoints::Zero(), 60'000));
     std::optional<std::string> fault;
     int frames = 0;
-    double way = 0;
+    double moved = 0;
     while (!fault && frames < 60) {
-      way += 1e-6 * kFrame_us * speed;
-      fault = w.step(CArmJoints::Zero(), 60'000, [&](CArmState& s) { s.joints[joint] += way; });
+      moved += 1e-6 * kFrame_us * speed;
+      fault = w.step(CArmJoints::Zero(), 60'000, [&](CArmState& s) { s.joints[joint] += moved; });
       ++frames;
     }
     ASSERT_TRUE(fault) << joint;

@@ -96,7 +96,7 @@ inline MovingPatient::Errors MovingPatient::run(Task& task, double duration_s, d
   joints[2] += first_offset_m;
   SimulatedCArm arm(limits, joints, 0);
   CArmMotionLimiter limiter(limits, 0.2);
-  std::deque<std::pair<std::int64_t, CArmCommand>> under_way;  // By arrival.
+  std::deque<std::pair<std::int64_t, CArmCommand>> in_transit;  // By arrival.
   CArmCommand last;
   Errors errors;
   double sum = 0, beams = 0;
@@ -104,9 +104,9 @@ inline MovingPatient::Errors MovingPatient::run(Task& task, double duration_s, d
   std::optional<Eigen::Vector3d> first_beam;
   std::int64_t now_us = 0;
   const auto advance = [&](std::int64_t until_us) {
-    while (!under_way.empty() && under_way.front().first <= until_us) {
-      arm.obey(under_way.front().second, under_way.front().first);
-      under_way.pop_front();
+    while (!in_transit.empty() && in_transit.front().first <= until_us) {
+      arm.obey(in_transit.front().second, in_transit.front().first);
+      in_transit.pop_front();
     }
     arm.advance(until_us);
     now_us = until_us;
@@ -146,7 +146,7 @@ inline MovingPatient::Errors MovingPatient::run(Task& task, double duration_s, d
     last.time_us = frame_us;
     ++last.sequence;
     last.valid_for_us = 200'000;
-    under_way.emplace_back(frame_us + std::llround(1e6 * latency_s), last);
+    in_transit.emplace_back(frame_us + std::llround(1e6 * latency_s), last);
   }
   errors.rms_mm = std::sqrt(sum / std::max(counted, 1));
   errors.beam_rms_deg = std::sqrt(beams / std::max(counted, 1));

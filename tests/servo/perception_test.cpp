@@ -12,7 +12,7 @@ namespace {
 class DeformedPatients : public testing::Test {
  protected:
   // The tree as a deep breath has it: one end has gone by so much, the other hardly at all.
-  VesselTree bent(double by_m) const {
+  VesselTree deformed(double by_m) const {
     Eigen::Matrix3Xd points = stage_.tree.points();
     for (Eigen::Index i = 0; i < points.cols(); ++i) points.col(i) += displacement(points.col(i), by_m);
     return VesselTree(points, stage_.tree.parents(), stage_.tree.radii());
@@ -41,27 +41,27 @@ class DeformedPatients : public testing::Test {
   test::Stage stage_;
 };
 
-// A rigid tree explains a breath in part, and is rightly not believed; a bent one says where each vessel is, to less
-// than the third of a millimetre that is a pixel here.
+// A rigid tree explains a breath in part, and is rightly not believed; a deformed one says where each vessel is, to
+// less than the third of a millimetre that is a pixel here.
 TEST_F(DeformedPatients, AreSeenWhereTheyAre) {
   constexpr double kBreath_m = 0.02;
-  const VesselTree now = bent(kBreath_m);
+  const VesselTree now = deformed(kBreath_m);
   EXPECT_EQ(look(perception(0), now).registration.status, RegistrationStatus::kAmbiguous);
   const RegistrationResult seen = look(perception(10), now).registration;
   ASSERT_EQ(seen.status, RegistrationStatus::kConverged) << seen.reason;
   ASSERT_EQ(seen.displacements_m.cols(), stage_.tree.size());
   const Pose truth = stage_.settings.carm.T_camera_patient(stage_.joints);
-  double rigid_px = 0, bent_px = 0;
+  double rigid_px = 0, deformed_px = 0;
   for (int i = 0; i < now.size(); ++i) {
     const Eigen::Vector2d at = pixel(truth, now.points().col(i));
     const Eigen::Vector3d p = stage_.tree.points().col(i);
     rigid_px += (pixel(seen.T_camera_model, p) - at).norm() / now.size();
-    bent_px += (pixel(seen.T_camera_model, p + seen.displacements_m.col(i)) - at).norm() / now.size();
+    deformed_px += (pixel(seen.T_camera_model, p + seen.displacements_m.col(i)) - at).norm() / now.size();
   }
   RecordProperty("rigid_px", std::to_string(rigid_px));
-  RecordProperty("bent_px", std::to_string(bent_px));
-  EXPECT_LT(bent_px, 1);
-  EXPECT_GT(rigid_px, 2 * bent_px);
+  RecordProperty("bent_px", std::to_string(deformed_px));
+  EXPECT_LT(deformed_px, 1);
+  EXPECT_GT(rigid_px, 2 * deformed_px);
   // One view of a deformed tree does not determine depth, and the covariance says so: millimetres, not the rigid fit's
   // tenths.
   const double depth_mm = 1e3 * (truth * stage_.tree.centroid() - seen.T_camera_model * stage_.tree.centroid()).z();
@@ -70,9 +70,9 @@ TEST_F(DeformedPatients, AreSeenWhereTheyAre) {
   EXPECT_LT(std::abs(depth_mm), 3 * depth_std_mm);
 }
 
-// A watched place is seen where it is, by what bends the tree and by the image around it.
+// A watched place is seen where it is, by what deforms the tree and by the image around it.
 TEST_F(DeformedPatients, AreSeenWhereTheyAreWatched) {
-  const VesselTree now = bent(0.02);
+  const VesselTree now = deformed(0.02);
   const Pose truth = stage_.settings.carm.T_camera_patient(stage_.joints);
   int places = 0;
   for (int i = 20; i < now.size(); i += now.size() / 8) {
@@ -94,7 +94,7 @@ TEST_F(DeformedPatients, AreSeenWhereTheyAreWatched) {
 
 // What a breath does not do is not a breath.
 TEST_F(DeformedPatients, AreNotBelievedBeyondABreath) {
-  EXPECT_NE(look(perception(PatientTrackerSettings().max_deformation_mm), bent(0.02)).registration.status,
+  EXPECT_NE(look(perception(PatientTrackerSettings().max_deformation_mm), deformed(0.02)).registration.status,
             RegistrationStatus::kConverged);
 }
 

@@ -21,10 +21,10 @@ namespace {
 constexpr int kSide_px = 512;
 constexpr double kPeriod_s = 1.0 / 15;
 
-// The examples' liver in a patient whose own is bent, under an arm that obeys at once.
-class BentLiver : public testing::Test {
+// The examples' liver in a patient whose own is deformed, under an arm that obeys at once.
+class DeformedLiver : public testing::Test {
  protected:
-  BentLiver() {
+  DeformedLiver() {
     const double side_m = calibration_.carm.pixel_spacing_m * calibration_.carm.image_width_px;
     calibration_.carm.image_width_px = calibration_.carm.image_height_px = kSide_px;
     calibration_.carm.pixel_spacing_m = side_m / kSide_px;
@@ -32,9 +32,9 @@ class BentLiver : public testing::Test {
     settings_.T_dsa_cb = calibration_.T_dsa_cb;
     settings_.R_lps_model = calibration_.R_lps_model;
     settings_.task = ResolveDepthTaskSettings{};
-    OrientedKernelSettings bending;
-    bending.deformation = Deformation::kNonrigid;
-    settings_.perception.search = settings_.perception.tracking = bending;
+    OrientedKernelSettings deformable;
+    deformable.deformation = Deformation::kNonrigid;
+    settings_.perception.search = settings_.perception.tracking = deformable;
     settings_.latency_s = 0;
   }
 
@@ -47,11 +47,11 @@ class BentLiver : public testing::Test {
     std::optional<ResolvedDepth> resolved;
   };
 
-  Outcome run(double bend_mm, double breathing_mm, double duration_s, bool until_reached = true) {
+  Outcome run(double deformation_mm, double breathing_mm, double duration_s, bool until_reached = true) {
     const Eigen::Vector3d target = tree_.centroid();
     ServoLoop loop(settings_, tree_);
     SimulatedPatientSettings patient_settings;
-    patient_settings.motion.bend.rms_mm = bend_mm;
+    patient_settings.motion.deformation.rms_mm = deformation_mm;
     patient_settings.motion.breathing.amplitude_mm = breathing_mm;
     const SimulatedPatient patient(tree_, patient_settings, {calibration_.R_lps_model, {}});
     CArmState state;
@@ -90,7 +90,7 @@ class BentLiver : public testing::Test {
   ServoLoopSettings settings_;
 };
 
-TEST_F(BentLiver, IsFoundInDepthByATurn) {
+TEST_F(DeformedLiver, IsFoundInDepthByATurn) {
   const Outcome outcome = run(3, 0, 8);
   ASSERT_TRUE(outcome.resolved) << outcome.last.hold_reason.value_or("");
   std::printf("depth off by %.2f mm, claimed %.2f mm, turned by %.2f deg\n", 1e3 * outcome.depth_off_m,
@@ -108,7 +108,7 @@ TEST_F(BentLiver, IsFoundInDepthByATurn) {
   EXPECT_NE(said.find("turn of 6.0 deg"), std::string::npos) << said;
 }
 
-TEST_F(BentLiver, IsFoundInDepthWhileItBreathes) {
+TEST_F(DeformedLiver, IsFoundInDepthWhileItBreathes) {
   const Outcome outcome = run(3, 12, 8);
   ASSERT_TRUE(outcome.resolved) << outcome.last.hold_reason.value_or("");
   std::printf("breathing: depth off by %.2f mm, claimed %.2f mm\n", 1e3 * outcome.depth_off_m,
@@ -117,12 +117,12 @@ TEST_F(BentLiver, IsFoundInDepthWhileItBreathes) {
   EXPECT_LE(std::abs(outcome.depth_off_m), 3 * outcome.resolved->worstStd_m());
 }
 
-// What no single frame of a bent tree would allow: a view, with the target at the isocentre's distance.
-TEST_F(BentLiver, IsViewedByWhatATurnHasTold) {
+// What no single frame of a deformed tree would allow: a view, with the target at the isocentre's distance.
+TEST_F(DeformedLiver, IsViewedByWhatATurnHasTold) {
   ViewTaskSettings view;
   view.primary_deg = 32;
   view.secondary_deg = 14;
-  // A bent tree's direction and place are known to about as much.
+  // A deformed tree's direction and place are known to about as much.
   view.reached_deg = 2;
   view.reached_mm = 2;
   settings_.task = view;
@@ -146,7 +146,7 @@ TEST_F(BentLiver, IsViewedByWhatATurnHasTold) {
   }
 }
 
-TEST_F(BentLiver, IsHeldByWhatATurnHasTold) {
+TEST_F(DeformedLiver, IsHeldByWhatATurnHasTold) {
   settings_.task = HoldTaskSettings{};
   settings_.depth_first = ResolveDepthTaskSettings{};
   const Outcome outcome = run(3, 6, 20, false);
@@ -156,7 +156,7 @@ TEST_F(BentLiver, IsHeldByWhatATurnHasTold) {
   EXPECT_LE(moved_mm.norm(), 2);  // Of 6 that the patient breathes, and 8 that one frame has open.
 }
 
-TEST_F(BentLiver, IsNotResolvedForATaskThatDoesNotAsk) {
+TEST_F(DeformedLiver, IsNotResolvedForATaskThatDoesNotAsk) {
   settings_.depth_first = ResolveDepthTaskSettings{};
   settings_.task = CenterTaskSettings{};
   EXPECT_THROW(ServoLoop(settings_, tree_), InputError);
@@ -166,14 +166,14 @@ TEST_F(BentLiver, IsNotResolvedForATaskThatDoesNotAsk) {
 }
 
 // No dose for what one frame says.
-TEST_F(BentLiver, StraightIsKnownAtOnce) {
+TEST_F(DeformedLiver, StraightIsKnownAtOnce) {
   const Outcome outcome = run(0, 0, 2);
   EXPECT_TRUE(outcome.last.task.reached) << outcome.last.hold_reason.value_or("");
   EXPECT_EQ(outcome.max_turn_rad, 0);
 }
 
 // An arm at the end of its range turns to the other side; one without room says that it cannot know.
-TEST_F(BentLiver, TurnsToTheSideThatHasRoom) {
+TEST_F(DeformedLiver, TurnsToTheSideThatHasRoom) {
   settings_.limits.upper[0] = degToRad(21);
   const Outcome outcome = run(3, 0, 8);
   ASSERT_TRUE(outcome.resolved);

@@ -99,7 +99,7 @@ TEST_F(TreeOfATurn, IsKnownLessAsTimePasses) {
   EXPECT_TRUE(tree_->outdated(kEnd_us - 200'000'000));  // Another clock.
 }
 
-// One view of a bent tree shows how it is turned about the beam, and hardly about the axes across it.
+// One view of a deformed tree shows how it is turned about the beam, and hardly about the axes across it.
 TEST_F(TreeOfATurn, IsTurnedAsTheTurnToldAndAsTheFrameShowsAboutTheBeam) {
   const double roll_rad = 0.02, tilt_rad = 0.05;
   for (const double turned_rad : {0.0, 0.5}) {

@@ -37,7 +37,7 @@ class Safety : public testing::Test {
     XrayFrame f{now_us_, k_, cv::Mat(4, 4, CV_8UC1), XrayCamera::centered(4, 4, 1e-3, 1)};
     f.image.setTo(static_cast<double>(k_ % 251));
     const auto wrong = safety_.begin(f, now_us_);
-    if (!wrong) safety_.trust(seen, Eigen::Vector3d::UnitY(), now_us_);
+    if (!wrong) safety_.accept(seen, Eigen::Vector3d::UnitY(), now_us_);
     safety_.commanded(permits(wanted_) ? command(wanted_) : atRest(command(wanted_)));
     return wrong.value_or("");
   }
@@ -71,7 +71,7 @@ TEST_F(Safety, PermitsMotionInServoOnlyAndNeverANan) {
   CArmJoints nan = wish;
   nan[1] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_FALSE(permits(nan));
-  safety_.doubt(FrameSupervisor::Doubt::kUnseen, "no contrast agent", now_us_);
+  safety_.reject(FrameSupervisor::RejectionKind::kUnseen, "no contrast agent", now_us_);
   EXPECT_FALSE(permits(wish));
 }
 

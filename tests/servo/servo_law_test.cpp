@@ -235,8 +235,8 @@ TYPED_TEST(PoseLaws, TheErrorDecaysExponentially) {
   }
 }
 
-// qdot = lambda left, for each joint: the sign is that of its way, and ways shrink in proportion, so that the table is
-// on the line from start to goal all the time and the target comes nearer all the time.
+// qdot = lambda left, for each joint: the sign is that of its motion, and motions shrink in proportion, so that the
+// table is on the line from start to goal all the time and the target comes nearer all the time.
 TEST(JointSpace, GoesStraightInAllJointsAtOnce) {
   JointSpaceSettings settings;
   settings.lambda_at_goal_per_s = settings.lambda_per_s;
@@ -265,7 +265,7 @@ TEST(JointSpace, GoesStraightInAllJointsAtOnce) {
   }
 }
 
-TEST(JointSpace, NeedsTheWayThatIsLeft) {
+TEST(JointSpace, NeedsTheRemainingMotion) {
   const Pose seen = kArm.T_camera_patient(jointsAt(10, 5)), desired = kArm.T_camera_patient(jointsAt(20, 0));
   const auto law = makeServoLaw(JointSpaceSettings{});
   LawInput input = inputOf(seen, desired, jointsAt(10, 5), nullptr);

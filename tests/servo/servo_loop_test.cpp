@@ -123,11 +123,11 @@ TEST(OpenLoops, GoWhereTheCalibrationPointsToAndNoFurther) {
   OpenLoop loop(stage.settings, stage.tree);
   CArmState state = stage.state(1);
   for (int k = 0; k < 150; ++k) state.joints += loop.step(state, 1.0 / 15).velocity / 15;
-  const Pose believed = stage.settings.carm.T_camera_patient(state.joints) * stage.settings.T_dsa_cb;
+  const Pose calibrated = stage.settings.carm.T_camera_patient(state.joints) * stage.settings.T_dsa_cb;
   const Eigen::Vector3d target = stage.tree.centroid();
   const Pose desired = desiredPose({{degToRad(20), degToRad(10)}, target, Eigen::Matrix3d::Identity()},
                                    stage.settings.carm.source_isocenter_distance_m);
-  const ViewError left = viewError(believed, desired, target);
+  const ViewError left = viewError(calibrated, desired, target);
   // Ten seconds are fifteen time constants, less the time under limits: exp(-12) of half a radian.
   EXPECT_LT(left.direction_rad, 1e-5);
   EXPECT_LT(left.target_m, 1e-5);

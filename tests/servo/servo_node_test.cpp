@@ -133,7 +133,7 @@ TEST(ServoMessages, AResultWithoutNumbersCanBeSent) {
   report.observation.registration.status = RegistrationStatus::kDiverged;
   report.observation.registration.T_camera_model.matrix().setConstant(std::numeric_limits<double>::quiet_NaN());
   report.observation.registration.covariance = Matrix6d(-Matrix6d::Identity());
-  report.observation.registration.agreement.model_residual_px = std::numeric_limits<double>::infinity();
+  report.observation.registration.alignment.model_residual_px = std::numeric_limits<double>::infinity();
   const RegistrationMessage message = registrationMessage(report);
   EXPECT_NO_THROW(encode(message));
   EXPECT_EQ(message.status_text, "diverged");

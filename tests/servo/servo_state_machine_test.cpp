@@ -14,12 +14,12 @@ namespace {
 
 using State = ServoState;
 using Kind = ServoRequestKind;
-using Doubt = ServoStateMachine::Doubt;
+using RejectionKind = ServoStateMachine::RejectionKind;
 
 constexpr std::int64_t kPeriod_us = 66'667;
 
 TEST(ServoStateTable, EveryPairOfStateAndEvent) {
-  // Columns: stop, arm, start, reset, emergency stop, trusted, doubt, fault.
+  // Columns: stop, arm, start, reset, emergency stop, accepted, rejected, fault.
   using Row = std::array<State, kServoEventCount>;
   const State I = State::kIdle, A = State::kArmed, H = State::kHold, S = State::kServo, F = State::kFault,
               E = State::kEmergencyStop;
@@ -53,22 +53,22 @@ class ServoStates : public testing::Test {
     now_us_ += kPeriod_us;
     frame_us_ = now_us_ + 5'000'000;  // The X-ray's clock is another one.
   }
-  void trusted(int frames = 1) {
+  void accept(int frames = 1) {
     for (int i = 0; i < frames; ++i) {
       next();
-      machine_.trusted(now_us_);
+      machine_.accept(now_us_);
     }
   }
-  void doubted(int frames = 1, Doubt kind = Doubt::kUnseen) {
+  void reject(int frames = 1, RejectionKind kind = RejectionKind::kUnseen) {
     for (int i = 0; i < frames; ++i) {
       next();
-      machine_.doubted(kind, "dark", now_us_);
+      machine_.reject(kind, "dark", now_us_);
     }
   }
   void start() {
     EXPECT_EQ(request(Kind::kArm), std::nullopt);
     EXPECT_EQ(request(Kind::kStart), std::nullopt);
-    trusted(settings_.frames_to_start);
+    accept(settings_.frames_to_start);
     EXPECT_TRUE(machine_.moves());
   }
   State state() const { return machine_.state(); }
@@ -80,10 +80,10 @@ class ServoStates : public testing::Test {
 
 TEST_F(ServoStates, BeginsIdleAndTrustedFramesAloneMoveNothing) {
   EXPECT_EQ(state(), State::kIdle);
-  trusted(10);
+  accept(10);
   EXPECT_EQ(state(), State::kIdle);
   request(Kind::kArm);
-  trusted(10);
+  accept(10);
   EXPECT_EQ(state(), State::kArmed);
   EXPECT_EQ(machine_.transitions(), 1);
 }
@@ -91,35 +91,35 @@ TEST_F(ServoStates, BeginsIdleAndTrustedFramesAloneMoveNothing) {
 TEST_F(ServoStates, MovesAfterAsManyTrustedFramesInARowAsTheGuardWants) {
   request(Kind::kArm);
   request(Kind::kStart);
-  trusted(settings_.frames_to_start - 1);
+  accept(settings_.frames_to_start - 1);
   EXPECT_EQ(state(), State::kHold);
-  doubted();
-  trusted(settings_.frames_to_start - 1);
+  reject();
+  accept(settings_.frames_to_start - 1);
   EXPECT_EQ(state(), State::kHold) << "a doubt must start the count again";
   EXPECT_NE(machine_.reason(), "");
-  trusted();
+  accept();
   EXPECT_EQ(state(), State::kServo);
   EXPECT_EQ(machine_.reason(), "");
 }
 
 TEST_F(ServoStates, HoldsOnADoubtAndResumesByItself) {
   start();
-  doubted();
+  reject();
   EXPECT_EQ(state(), State::kHold);
   EXPECT_EQ(machine_.reason(), "dark");
   EXPECT_EQ(machine_.log().back().cause, ServoCause::kFrameDoubted);
-  doubted(100);  // Seeing nothing, however long, is no fault.
+  reject(100);  // Seeing nothing, however long, is no fault.
   EXPECT_EQ(state(), State::kHold);
-  trusted(settings_.frames_to_resume);
+  accept(settings_.frames_to_resume);
   EXPECT_EQ(state(), State::kServo);
 }
 
 TEST_F(ServoStates, AContradictionThatLastsIsAFault) {
   start();
   const int frames = static_cast<int>(1e3 * settings_.max_contradiction_ms / kPeriod_us);
-  doubted(frames, Doubt::kContradiction);
+  reject(frames, RejectionKind::kContradiction);
   EXPECT_EQ(state(), State::kHold);
-  doubted(2, Doubt::kContradiction);
+  reject(2, RejectionKind::kContradiction);
   EXPECT_EQ(state(), State::kFault);
   EXPECT_EQ(machine_.log().back().cause, ServoCause::kViewDisagrees);
 }
@@ -142,7 +142,7 @@ TEST_F(ServoStates, SilenceHoldsAndThenIsAFault) {
 TEST_F(ServoStates, AFrameAfterALongSilenceDoesNotHideIt) {
   start();
   now_us_ += 3'000'000;  // Nobody called wait().
-  machine_.trusted(now_us_);
+  machine_.accept(now_us_);
   EXPECT_EQ(state(), State::kFault);
 }
 
@@ -159,7 +159,7 @@ TEST_F(ServoStates, FaultsAreLatchedAndNeedResetArmAndStart) {
   start();
   machine_.fault(ServoCause::kJointLimitBroken, "primary at 3", now_us_);
   EXPECT_EQ(state(), State::kFault);
-  trusted(10);
+  accept(10);
   for (const Kind kind : {Kind::kArm, Kind::kStart}) {
     EXPECT_NE(request(kind), std::nullopt);
     EXPECT_EQ(state(), State::kFault);
@@ -174,7 +174,7 @@ TEST_F(ServoStates, EmergencyStopWorksFromEveryStateAndIsLatched) {
   for (int begun = 0; begun < 5; ++begun) {
     if (begun >= 1) request(Kind::kArm);
     if (begun >= 2) request(Kind::kStart);
-    if (begun >= 3) trusted(settings_.frames_to_start);
+    if (begun >= 3) accept(settings_.frames_to_start);
     if (begun >= 4) machine_.fault(ServoCause::kMotionDisagrees, "", now_us_);
     // It counts even when it is old, doubled, and answers another state.
     ServoRequest stop;
@@ -183,7 +183,7 @@ TEST_F(ServoStates, EmergencyStopWorksFromEveryStateAndIsLatched) {
     EXPECT_EQ(machine_.request(stop, frame_us_, now_us_), std::nullopt);
     EXPECT_EQ(state(), State::kEmergencyStop) << begun;
     for (const Kind kind : {Kind::kArm, Kind::kStart, Kind::kStop}) request(kind);
-    trusted(5);
+    accept(5);
     EXPECT_EQ(state(), State::kEmergencyStop);
     EXPECT_EQ(request(Kind::kReset), std::nullopt);
     EXPECT_EQ(state(), State::kIdle);
@@ -203,7 +203,7 @@ TEST_F(ServoStates, DoubledLateAndOvertakenRequestsNeverArm) {
   EXPECT_NE(machine_.request(overtaken, frame_us_, now_us_), std::nullopt) << "behind the stop that came after it";
 
   const ServoRequest late = asked(Kind::kArm);
-  trusted(40);  // 2.7 s of frames go by.
+  accept(40);  // 2.7 s of frames go by.
   EXPECT_NE(machine_.request(late, frame_us_, now_us_), std::nullopt);
   EXPECT_EQ(state(), State::kIdle);
 
@@ -214,7 +214,7 @@ TEST_F(ServoStates, DoubledLateAndOvertakenRequestsNeverArm) {
 }
 
 TEST_F(ServoStates, HearsAnOperatorWhoseProgramStartedAgain) {
-  trusted(5);
+  accept(5);
   request(Kind::kArm);
   request(Kind::kStop);
   ServoRequest again = asked(Kind::kArm);
@@ -225,7 +225,7 @@ TEST_F(ServoStates, HearsAnOperatorWhoseProgramStartedAgain) {
 
 TEST_F(ServoStates, AClockThatRunsBackIsAFault) {
   start();
-  machine_.trusted(now_us_ - 1);
+  machine_.accept(now_us_ - 1);
   EXPECT_EQ(state(), State::kFault);
   EXPECT_EQ(machine_.log().back().cause, ServoCause::kClockJumped);
 }
@@ -233,8 +233,8 @@ TEST_F(ServoStates, AClockThatRunsBackIsAFault) {
 TEST_F(ServoStates, EveryChangeIsLoggedWithItsCauseAndTheLogIsBounded) {
   start();
   for (int i = 0; i < 500; ++i) {
-    doubted();
-    trusted(settings_.frames_to_resume);
+    reject();
+    accept(settings_.frames_to_resume);
   }
   EXPECT_EQ(machine_.transitions(), 3 + 1000);
   EXPECT_EQ(machine_.log().size(), 256u);
@@ -270,10 +270,10 @@ TEST_F(ServoStates, NoSequenceOfInputsMovesWithoutArmStartAndTrust) {
         if (r.request == Kind::kArm && before == State::kIdle) transitions_at_arm = machine.transitions();
         if (r.request == Kind::kStart && before == State::kArmed) started = transitions_at_arm == r.transitions;
       } else if (input < 20) {
-        machine.trusted(now_us);
+        machine.accept(now_us);
         ++in_a_row;
       } else if (input < 22) {
-        machine.doubted(input == 20 ? Doubt::kUnseen : Doubt::kContradiction, "x", now_us);
+        machine.reject(input == 20 ? RejectionKind::kUnseen : RejectionKind::kContradiction, "x", now_us);
         in_a_row = 0;
       } else if (input == 22) {
         machine.wait(now_us);

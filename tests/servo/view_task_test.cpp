@@ -42,14 +42,14 @@ class Lab {
     command.time_us = now_us;
     command.valid_for_us = 200'000;
     command.velocity = last;
-    under_way.push_back({now_us + kLatency_us, command});
+    in_transit.push_back({now_us + kLatency_us, command});
     for (const std::int64_t end_us = now_us + kPeriod_us; now_us < end_us;) {
-      const bool arrives = !under_way.empty() && under_way.front().first <= end_us;
-      now_us = arrives ? under_way.front().first : end_us;
+      const bool arrives = !in_transit.empty() && in_transit.front().first <= end_us;
+      now_us = arrives ? in_transit.front().first : end_us;
       arm->advance(now_us);
       if (!arrives) continue;
-      arm->obey(under_way.front().second, now_us);
-      under_way.pop_front();
+      arm->obey(in_transit.front().second, now_us);
+      in_transit.pop_front();
     }
     return answer;
   }
@@ -80,7 +80,7 @@ class Lab {
   std::unique_ptr<Task> task;
   std::unique_ptr<SimulatedCArm> arm;
   CArmJoints last = CArmJoints::Zero();
-  std::deque<std::pair<std::int64_t, CArmCommand>> under_way;
+  std::deque<std::pair<std::int64_t, CArmCommand>> in_transit;
   std::int64_t now_us = 0, sequence = 0;
   ViewError error;
 };
@@ -121,7 +121,7 @@ TEST(ViewTask, ComesInNotMuchSlowerThanAnyMachineCould) {
   EXPECT_LT(worst, 2.0);
 }
 
-// The table's largest way out of the box of start and goal, and the target's beyond its distance at the start [mm].
+// The table's largest distance from the box of start and goal, and the target's beyond its distance at the start [mm].
 struct Excursions {
   double table_mm = 0, target_mm = 0;
   std::optional<std::string> hold_reason;
@@ -149,7 +149,7 @@ Excursions excursionsOf(Lab& lab, int frames = 150) {
   return most;
 }
 
-TEST(ViewTask, JointSpaceKeepsTheWayBetweenStartAndGoal) {
+TEST(ViewTask, JointSpaceKeepsTheTrajectoryBetweenStartAndGoal) {
   test::Random random(3);
   for (int i = 0; i < 10; ++i) {
     ViewTaskSettings settings;
@@ -171,7 +171,7 @@ ViewTaskSettings farView() {
   return settings;
 }
 
-// From where the target is in its place already, so that any way of it is one too many.
+// From where the target is in its place already, so that no motion of it is allowed.
 struct AngledLab : Lab {
   explicit AngledLab(const ViewTaskSettings& settings) : Lab(settings, PositionBasedSettings{}) {
     start = carm.jointsFor({}, T_patient_model * tree.centroid());
@@ -179,8 +179,8 @@ struct AngledLab : Lab {
   }
 };
 
-// The camera's straight way takes the table far out: each bound by itself stops it in time, and says so.
-TEST(ViewTask, HoldsBeforeAWayLeavesItsBounds) {
+// The camera's straight path takes the table far out: each bound by itself stops it in time, and says so.
+TEST(ViewTask, HoldsBeforeATrajectoryLeavesItsBounds) {
   AngledLab free(farView());
   const Excursions most = excursionsOf(free);
   EXPECT_FALSE(most.hold_reason);
@@ -211,9 +211,9 @@ TEST(ViewTask, HoldsBeforeTheTargetGoesTooFar) {
   EXPECT_TRUE(lab.last.isZero(0));
 }
 
-// A machine that is not allowed to move begins its way where it stands when it is; one that is held for a moment goes
-// on with the old one.
-TEST(ViewTask, AWayBeginsWhereTheMachineBeginsToMove) {
+// A machine that is not allowed to move starts its trajectory where it stands when it is; one that is held for a moment
+// goes on with the old one.
+TEST(ViewTask, ATrajectoryBeginsWhereTheMachineBeginsToMove) {
   for (const bool begun : {false, true}) {
     ViewTaskSettings settings;
     Lab lab(settings);
@@ -224,7 +224,7 @@ TEST(ViewTask, AWayBeginsWhereTheMachineBeginsToMove) {
     CArmJoints elsewhere = lab.arm->state().joints;
     elsewhere[3] += 0.1;
     lab.arm = std::make_unique<SimulatedCArm>(lab.limits, elsewhere, lab.now_us);
-    lab.under_way.clear();
+    lab.in_transit.clear();
     lab.last.setZero();
     const TaskAnswer answer = lab.frame();
     EXPECT_EQ(answer.velocity.has_value(), !begun) << answer.hold_reason.value_or("");

@@ -40,18 +40,18 @@ TEST(PatientMotion, NothingHasMovedAtTimeZero) {
 }
 
 // Over many seeds, since four waves over a tree's extent are few.
-TEST(PatientMotion, BendsByTheSameAtAllTimes) {
+TEST(PatientMotion, DeformsByTheSameAtAllTimes) {
   MotionSettings settings;
-  settings.bend.rms_mm = 4;
+  settings.deformation.rms_mm = 4;
   test::Random random(2);
   double squares_mm2 = 0;
   constexpr int kSeeds = 200;
   for (int seed = 0; seed < kSeeds; ++seed) {
     const PatientMotion motion(settings, kCenter, kTurned, static_cast<std::uint64_t>(seed));
     EXPECT_TRUE(motion.moves());
-    const Eigen::Vector3d at = kCenter + random.vector(0.1), bent = motion.displacement(at, 0);
-    EXPECT_EQ(bent, motion.displacement(at, 3.2));
-    squares_mm2 += 1e6 * bent.squaredNorm() / kSeeds;
+    const Eigen::Vector3d at = kCenter + random.vector(0.1), deformed = motion.displacement(at, 0);
+    EXPECT_EQ(deformed, motion.displacement(at, 3.2));
+    squares_mm2 += 1e6 * deformed.squaredNorm() / kSeeds;
   }
   EXPECT_NEAR(std::sqrt(squares_mm2), 4, 0.4);
 }
@@ -148,7 +148,7 @@ TEST(SimulatedPatient, IsDeformedByAMeasuredMotionAtAllTimes) {
   }
   const VesselTree tree = readVesselTree(exampleData("hepatic-tace/tree.csv"));
   SimulatedPatientSettings settings;
-  settings.motion.bend = {3, measured};
+  settings.motion.deformation = {3, measured};
   const SimulatedPatient patient(tree, settings);
   const Eigen::Matrix3Xd d = *patient.scene(Pose::Identity(), 0).displacements_m;
   EXPECT_NEAR(std::sqrt(d.squaredNorm() / static_cast<double>(d.cols())), 3e-3, 1e-9);
@@ -162,7 +162,7 @@ TEST(SimulatedPatient, IsDeformedByAMeasuredMotionAtAllTimes) {
   settings.fluoroscopy.seed -= 1;
   settings.motion.breathing.amplitude_mm = 10;
   const Eigen::Matrix3Xd both = *SimulatedPatient(tree, settings).scene(Pose::Identity(), 2).displacements_m;
-  settings.motion.bend = {};
+  settings.motion.deformation = {};
   const Eigen::Matrix3Xd breath = *SimulatedPatient(tree, settings).scene(Pose::Identity(), 2).displacements_m;
   EXPECT_LT((both - breath - d).norm(), 1e-9 * std::sqrt(static_cast<double>(d.size())));
   EXPECT_GT(breath.norm(), 1e-3);

@@ -64,8 +64,8 @@ TEST(SimulatedCArm, StaysWithinItsLimitsWhateverItIsTold) {
       ASSERT_LE(std::abs(after.velocity[k]), limits.velocity[k]);
       ASSERT_LE(std::abs(after.velocity[k] - before.velocity[k]), limits.acceleration[k] * step_s + kRounding);
       // The way it went is one that its speeds and accelerations allow: no jumps.
-      const double way = after.joints[k] - before.joints[k];
-      ASSERT_LE(std::abs(way - before.velocity[k] * step_s),
+      const double moved = after.joints[k] - before.joints[k];
+      ASSERT_LE(std::abs(moved - before.velocity[k] * step_s),
                 0.5 * limits.acceleration[k] * step_s * step_s + kRounding);
       // What is left of the range is enough to brake.
       const double v = after.velocity[k], stop = v * std::abs(v) / (2 * limits.acceleration[k]);

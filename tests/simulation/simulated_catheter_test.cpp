@@ -148,18 +148,18 @@ TEST_P(SimulatedCatheterAtAFork, EntersTheBranchThatItsTipPointsTo) {
     const double towards_x = (std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal).x();
     SimulatedCatheter catheter(tree, settings, {0, 0.08}, 0);
     drive(catheter, 4, 0.01);
-    const int chain = catheter.truth().tip.chain;
-    ASSERT_NE(chain, 0);
-    EXPECT_GT(map.point({chain, 15e-3}).x() * towards_x, 0) << "roll " << settings.roll_zero_deg;
+    const int branch = catheter.truth().tip.branch;
+    ASSERT_NE(branch, 0);
+    EXPECT_GT(map.point({branch, 15e-3}).x() * towards_x, 0) << "roll " << settings.roll_zero_deg;
     // Pulled back in front of the fork and turned by half a turn, it takes the other one; but across the fork's plane
     // the wind-up, some 15 deg, decides.
     if (std::abs(towards_x) < 0.6) continue;
     drive(catheter, 5, -0.01);
-    ASSERT_EQ(catheter.truth().tip.chain, 0);
+    ASSERT_EQ(catheter.truth().tip.branch, 0);
     drive(catheter, 2, 0, kPi / 2);
     drive(catheter, 2, 0, 0.25);  // What backlash and wind-up keep back.
     drive(catheter, 5, 0.01);
-    EXPECT_NE(catheter.truth().tip.chain, chain);
+    EXPECT_NE(catheter.truth().tip.branch, branch);
     ++tried;
   }
   EXPECT_GE(tried, 6);

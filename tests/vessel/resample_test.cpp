@@ -65,8 +65,8 @@ TEST(Resampled, ThinsToTheLimitAndKeepsEndsAndBifurcations) {
   EXPECT_LE(r.tree.size(), limit + (branches + 1) / 2 + 1);
   EXPECT_GE(r.tree.size(), limit - branches / 2);
   EXPECT_EQ(r.tree.branches().size(), tree.branches().size());
-  for (const auto& chain : tree.branches()) {
-    for (const int end : {chain.front(), chain.back()}) {
+  for (const auto& branch : tree.branches()) {
+    for (const int end : {branch.front(), branch.back()}) {
       EXPECT_LT((pointAt(r, r.place_of_original[end]) - tree.points().col(end)).norm(), 1e-15);
     }
   }

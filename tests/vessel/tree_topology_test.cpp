@@ -18,9 +18,9 @@ constexpr double kRounding = 1e-12;
 TEST(TreeTopology, PathsLengthsAndPlacesAreTheTrees) {
   const VesselTree tree = test::branchingTree(1);
   const TreeTopology map(tree);
-  ASSERT_EQ(map.chains(), static_cast<int>(tree.branches().size()));
+  ASSERT_EQ(map.branchCount(), static_cast<int>(tree.branches().size()));
   double sum = 0;
-  for (int c = 0; c < map.chains(); ++c) {
+  for (int c = 0; c < map.branchCount(); ++c) {
     sum += map.length_m(c);
     const std::vector<int> path = map.pathTo(c);
     double before = 0;
@@ -38,7 +38,7 @@ TEST(TreeTopology, PathsLengthsAndPlacesAreTheTrees) {
     EXPECT_LT((p - map.point({c, 0.4 * map.length_m(c)})).norm(), kRounding);
   }
   EXPECT_NEAR(sum, tree.length(), 1e-9);
-  EXPECT_THROW(static_cast<void>(map.point({map.chains(), 0})), std::out_of_range);
+  EXPECT_THROW(static_cast<void>(map.point({map.branchCount(), 0})), std::out_of_range);
 }
 
 // A trunk along z and two branches whose lines are one and the same for the first 4 mm; then one goes straight on, the
@@ -70,24 +70,24 @@ TEST(TreeTopology, WaysPartWhereTheyLeaveEachOthersLumens) {
   EXPECT_EQ(map.parting_m(0, 3e-3), 3e-3);
   EXPECT_EQ(map.parting_m(map.children(0).front()) > 0, !map.children(map.children(0).front()).empty());
 
-  const std::vector<TreeRoute> together = map.waysFrom(0, 4e-3), parted = map.waysFrom(0, 14e-3);
+  const std::vector<TreeRoute> together = map.routesFrom(0, 4e-3), parted = map.routesFrom(0, 14e-3);
   ASSERT_EQ(together.size(), 2u);
   EXPECT_LT((together[0].direction - together[1].direction).norm(), kRounding);
   ASSERT_EQ(parted.size(), 3u);
   int straight = 0;
-  for (const TreeRoute& way : parted) {
-    EXPECT_TRUE(map.passes(way.last, way.child));
-    EXPECT_EQ(*map.parent(way.child), 0);
-    EXPECT_NEAR(way.radius_m, 1.5e-3, kRounding);
-    straight += way.direction.z() > 0.999;
-    EXPECT_TRUE(way.direction.z() > 0.999 || std::abs(std::abs(way.direction.x()) - 10 / std::hypot(10, 4)) < 1e-9);
+  for (const TreeRoute& route : parted) {
+    EXPECT_TRUE(map.passes(route.last, route.child));
+    EXPECT_EQ(*map.parent(route.child), 0);
+    EXPECT_NEAR(route.radius_m, 1.5e-3, kRounding);
+    straight += route.direction.z() > 0.999;
+    EXPECT_TRUE(route.direction.z() > 0.999 || std::abs(std::abs(route.direction.x()) - 10 / std::hypot(10, 4)) < 1e-9);
   }
   EXPECT_EQ(straight, 1);
 }
 
 TEST(TreeTopology, FramesAreRightHandedAlongTheVesselAndGoOnIntoTheChildren) {
   const TreeTopology map(test::branchingTree(2));
-  for (int c = 0; c < map.chains(); ++c) {
+  for (int c = 0; c < map.branchCount(); ++c) {
     for (double s = 0; s < map.length_m(c); s += 1.7e-3) {
       const TreeFrame f = map.frame({c, s});
       EXPECT_NEAR(f.along.norm(), 1, 1e-9);

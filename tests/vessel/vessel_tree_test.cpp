@@ -108,17 +108,17 @@ TEST(VesselTree, BranchesHoldEveryEdgeOnceAndEndWhereVesselsPart) {
   const Draft d = forest();
   for (const VesselTree& tree : {VesselTree(d.points, d.parents), test::branchingTree(3)}) {
     std::set<std::pair<int, int>> edges;
-    for (const auto& chain : tree.branches()) {
-      ASSERT_GE(chain.size(), 2u);
-      for (std::size_t k = 1; k < chain.size(); ++k) {
-        EXPECT_EQ(tree.parents()[chain[k]], chain[k - 1]);
-        EXPECT_TRUE(edges.emplace(chain[k - 1], chain[k]).second) << "edge seen twice";
-        if (k + 1 < chain.size()) {
-          EXPECT_EQ(tree.children()[chain[k]].size(), 1u);
+    for (const auto& branch : tree.branches()) {
+      ASSERT_GE(branch.size(), 2u);
+      for (std::size_t k = 1; k < branch.size(); ++k) {
+        EXPECT_EQ(tree.parents()[branch[k]], branch[k - 1]);
+        EXPECT_TRUE(edges.emplace(branch[k - 1], branch[k]).second) << "edge seen twice";
+        if (k + 1 < branch.size()) {
+          EXPECT_EQ(tree.children()[branch[k]].size(), 1u);
         }
       }
-      EXPECT_TRUE(tree.parents()[chain.front()] < 0 || tree.children()[chain.front()].size() > 1);
-      EXPECT_NE(tree.children()[chain.back()].size(), 1u);
+      EXPECT_TRUE(tree.parents()[branch.front()] < 0 || tree.children()[branch.front()].size() > 1);
+      EXPECT_NE(tree.children()[branch.back()].size(), 1u);
     }
     const auto roots = std::count(tree.parents().begin(), tree.parents().end(), -1);
     EXPECT_EQ(edges.size(), static_cast<std::size_t>(tree.size() - roots));

@@ -156,10 +156,10 @@ TEST(ExtractTree, ThickSlicesDoNotBreakVessels) {
 TEST(ExtractTree, RefusesWhatCannotBe) {
   const Volume shape = vesselShape(forkVolume(), ThresholdSettings{500, Inside::kAbove}, {}, {});
   CentrelineSettings long_trees, small_voxels, wrong;
-  long_trees.smallest_tree_mm = 5000;
+  long_trees.min_tree_mm = 5000;
   small_voxels.voxel_mm = 0.01;
   wrong.spacing_mm = 0;
-  EXPECT_NE(test::refusalOf([&] { extractTree(shape, long_trees); }).find("smallest_tree_mm = 5000: no tree"),
+  EXPECT_NE(test::refusalOf([&] { extractTree(shape, long_trees); }).find("min_tree_mm = 5000: no tree"),
             std::string::npos);
   EXPECT_NE(test::refusalOf([&] { extractTree(shape, small_voxels); }).find("voxel_mm = 0.01"), std::string::npos);
   EXPECT_NE(test::refusalOf([&] { extractTree(shape, wrong); }).find("spacing_mm = 0"), std::string::npos);

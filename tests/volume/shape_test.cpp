@@ -39,7 +39,7 @@ TEST(Shape, LabelsSeedsAndSizesChoose) {
   EXPECT_EQ(insideOf(vesselShape(volume, LabelSettings{}, {}, {{4e-3, 9e-3, 3e-3}})), 54);
   SelectionSettings one, large;
   one.max_pieces = 1;
-  large.smallest_piece_mm3 = 55;
+  large.min_piece_mm3 = 55;
   EXPECT_EQ(insideOf(vesselShape(volume, LabelSettings{}, one, {})), 54);
   EXPECT_NE(test::refusalOf([&] { vesselShape(volume, LabelSettings{}, large, {}); }).find("nothing is left"),
             std::string::npos);

@@ -36,7 +36,7 @@ std::optional<double> meanRadius(const VesselTree& tree, const std::vector<int>&
 
 // Of each branch another colour than its parent's and siblings', as far as there are enough; used evenly.
 std::vector<int> branchColors(const TreeTopology& map) {
-  std::vector<int> colors(static_cast<std::size_t>(map.chains()), -1), used(kPlotColors, 0);
+  std::vector<int> colors(static_cast<std::size_t>(map.branchCount()), -1), used(kPlotColors, 0);
   const auto paint = [&](int branch, const std::set<int>& taken) {
     int best = -1;
     for (int c = 0; c < kPlotColors; ++c) {
@@ -48,7 +48,7 @@ std::vector<int> branchColors(const TreeTopology& map) {
     return best;
   };
   std::vector<int> open;
-  for (int branch = 0; branch < map.chains(); ++branch) {
+  for (int branch = 0; branch < map.branchCount(); ++branch) {
     if (map.parent(branch)) continue;
     paint(branch, {});
     open.push_back(branch);
@@ -118,7 +118,7 @@ void frame(Plot& plot, double side_mm) {
 std::vector<NumberedBranch> numberedBranches(const VesselTree& tree, const std::vector<std::string>& names) {
   const TreeTopology map(tree);
   std::vector<NumberedBranch> branches;
-  for (int number = 0; number < map.chains(); ++number) {
+  for (int number = 0; number < map.branchCount(); ++number) {
     branches.push_back({number, names.empty() ? "" : names.at(number), map.parent(number), map.length_m(number),
                         meanRadius(tree, map.points(number))});
   }
@@ -147,7 +147,7 @@ BranchPicture branchPicture(const VesselTree& tree, const std::vector<NumberedBr
     plot.bare = plot.equal_scale = true;
     plot.sides = sidesOf(R_camera_lps);
     Eigen::AlignedBox2d box;
-    for (int branch = 0; branch < map.chains(); ++branch) {
+    for (int branch = 0; branch < map.branchCount(); ++branch) {
       PlotSeries line;
       line.color = colors[branch];
       line.marked = false;

@@ -52,12 +52,12 @@ Json errorAsJson(const PoseError& error) {
 
 // Of cases with an answer: one with too few points has no residual.
 std::vector<Column<CaseOutcome>> answerColumns() {
-  return {{"", "mean_projection_residual_px", kSpread, [](O o) { return o.result.agreement.model_residual_px; }},
-          {"", "mean_image_residual_px", kSpread, [](O o) { return o.result.agreement.image_residual_px; }},
+  return {{"", "mean_projection_residual_px", kSpread, [](O o) { return o.result.alignment.model_residual_px; }},
+          {"", "mean_image_residual_px", kSpread, [](O o) { return o.result.alignment.image_residual_px; }},
           {"", "rms_projection_residual_isocentre_mm", kSpread,
-           [](O o) { return 1e3 * o.pixel_at_isocenter_m * o.result.agreement.model_rms_px; }},
+           [](O o) { return 1e3 * o.pixel_at_isocenter_m * o.result.alignment.model_rms_px; }},
           {"", "gfr_nearest_5px_percent", "percent",
-           [](O o) { return o.result.agreement.model_residual_px > kGrossFailurePx; }},
+           [](O o) { return o.result.alignment.model_residual_px > kGrossFailurePx; }},
           {"", "time_ms/rigid", kSpread, [](O o) { return 1e3 * o.result.times.rigid_s; }},
           {"", "time_ms/nonrigid", kSpread, [](O o) { return 1e3 * o.result.times.nonrigid_s; }},
           {"", "time_ms/total", "p50 p99 max", total_ms}};
@@ -105,11 +105,11 @@ Json caseAsJson(const CaseOutcome& outcome) {
                      {"depth_in_90", outcome.claim->depth_in},
                      {"plane_in_90", outcome.claim->plane_in}};
   }
-  json["mean_projection_residual_px"] = r.agreement.model_residual_px;
-  json["rms_projection_residual_px"] = r.agreement.model_rms_px;
-  json["mean_image_residual_px"] = r.agreement.image_residual_px;
-  json["model_explained"] = r.agreement.model_explained;
-  json["image_explained"] = r.agreement.image_explained;
+  json["mean_projection_residual_px"] = r.alignment.model_residual_px;
+  json["rms_projection_residual_px"] = r.alignment.model_rms_px;
+  json["mean_image_residual_px"] = r.alignment.image_residual_px;
+  json["model_explained"] = r.alignment.model_explained;
+  json["image_explained"] = r.alignment.image_explained;
   for (Eigen::Index i = 0; i < r.displacements_m.cols(); ++i) {
     json["displacements_mm"].push_back(numbersOf(1e3 * r.displacements_m.col(i)));
   }
@@ -129,18 +129,18 @@ Json caseAsJson(const CaseOutcome& outcome) {
 Json certificateAsJson(const PoseCertificate& c, const CertificateSettings& settings) {
   Json json = {{"proved", c.proven}, {"reason", c.reason}, {"best_score", c.score}, {"upper_bound", c.bound}};
   json["rival"] = nullptr;
-  if (c.rival) {
-    json["rival"] = {{"rotation", numbersOf(c.rival->T_camera_model.linear())},
-                     {"translation_mm", numbersOf(1e3 * c.rival->T_camera_model.translation())},
-                     {"share_of_score", c.rival->share},
-                     {"distance_mm", 1e3 * c.rival->distance_m}};
+  if (c.alternative) {
+    json["rival"] = {{"rotation", numbersOf(c.alternative->T_camera_model.linear())},
+                     {"translation_mm", numbersOf(1e3 * c.alternative->T_camera_model.translation())},
+                     {"share_of_score", c.alternative->share},
+                     {"distance_mm", 1e3 * c.alternative->distance_m}};
   }
   json["time_ms"] = 1e3 * c.seconds;
   json["cells"] = c.cells;
   json["box_rotation_deg"] = settings.box_rotation_deg;
   json["box_translation_mm"] = settings.box_translation_mm;
   json["distance_mm"] = settings.distance_mm;
-  json["rival_share"] = settings.rival_share;
+  json["rival_share"] = settings.alternative_share;
   return json;
 }
 

@@ -22,7 +22,7 @@ namespace {
 constexpr double kFramePeriod_us = 1e6 / 15;
 
 // A task may be asked for any place of the tree: so many of them must be known well enough.
-constexpr double kMostPlaces = 0.95;
+constexpr double kMinUsableShare = 0.95;
 // Each asks for a covariance, and that of a deformed fit solves a system of up to 400 unknowns.
 constexpr Eigen::Index kPlaces = 60;
 
@@ -71,8 +71,8 @@ void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome)
     across += seen.worstStdAcross_m(points.col(i)) <= enough_m;
     everywhere += seen.worstStd_m(points.col(i)) <= enough_m;
   }
-  if (across >= kMostPlaces * places) outcome.usable_for.push_back("centre");
-  if (everywhere >= kMostPlaces * places) {
+  if (across >= kMinUsableShare * places) outcome.usable_for.push_back("centre");
+  if (everywhere >= kMinUsableShare * places) {
     outcome.usable_for.push_back("view");
     outcome.usable_for.push_back("navigate");
   }

@@ -106,7 +106,7 @@ void ExtractionScore::add(const Centerline2d& found, const Centerline2d& require
     const bool covered = nearest_found(p).distance_px <= tolerance_px_;
     covered_ += covered;
     if (own_line.empty()) continue;
-    ++judged_required_;
+    ++scored_required_;
     if (own.shared(p)) continue;
     ++own_required_;
     own_covered_ += covered;
@@ -172,7 +172,7 @@ Json ExtractionScore::asJson() const {
     json["median_tangent_error_deg"] = radToDeg(percentile(tangent_errors_rad_, 0.5));
   }
   if (own_required_ > 0) {
-    json["own_line_part"] = share(own_required_, judged_required_);
+    json["own_line_part"] = share(own_required_, scored_required_);
     json["own_line_covered"] = share(own_covered_, own_required_);
     json["own_line_correct"] = share(own_correct_, own_found_);
   }

@@ -105,9 +105,9 @@ StatusStyle statusStyle(RegistrationStatus status, const std::optional<std::vect
           name + ", usable for " + joinedTasks(*usable_for) + (all ? "" : " only")};
 }
 
-std::string agreementInWords(const AlignmentScore& agreement) {
-  return formatted("image to tree %.2f px, %.0f %% of the tree in view explained", agreement.image_residual_px,
-                   100 * agreement.model_explained);
+std::string alignmentInWords(const AlignmentScore& alignment) {
+  return formatted("image to tree %.2f px, %.0f %% of the tree in view explained", alignment.image_residual_px,
+                   100 * alignment.model_explained);
 }
 
 cv::Mat drawOverlayImage(const OverlayScene& scene, const VesselTree& tree, const XrayCamera& camera) {

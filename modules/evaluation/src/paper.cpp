@@ -73,9 +73,9 @@ std::vector<Column<CaseOutcome>> paperColumns() {
   using O = const CaseOutcome&;
   // A trial without an answer has no residual: a failure, whatever the field says.
   const auto answered = [](O o) { return o.result.status != RegistrationStatus::kTooFewPoints; };
-  const auto failed = [=](O o) { return !answered(o) || !(o.result.agreement.model_rms_px <= kGrossFailure_px); };
+  const auto failed = [=](O o) { return !answered(o) || !(o.result.alignment.model_rms_px <= kGrossFailure_px); };
   const auto pr_mm = [=](O o) {
-    return answered(o) ? Json(kPaperPixel_mm * o.result.agreement.model_rms_px) : Json(nullptr);
+    return answered(o) ? Json(kPaperPixel_mm * o.result.alignment.model_rms_px) : Json(nullptr);
   };
   const auto rotation_deg = [](O o) { return radToDeg(o.error->rotation_rad); };
   const auto centroid_mm = [](O o) { return 1e3 * o.error->centroid_m; };

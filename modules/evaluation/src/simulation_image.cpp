@@ -6,7 +6,7 @@
 namespace angio::evaluation {
 namespace {
 
-constexpr int kSmallestWindow_px = 32;
+constexpr int kMinWindow_px = 32;
 constexpr double kShareTolerance = 0.02;
 constexpr double kMinSpurious_px = 60, kMaxSpurious_px = 250;
 // Bends of vessels seen in X-ray: radii from about this on [px].
@@ -50,7 +50,7 @@ double lengthOf(const std::vector<Curve>& curves, const Window* inside = nullptr
 // nearer.
 Window windowWithLength(const std::vector<Curve>& curves, const Eigen::Vector2d& center, double length_px,
                         const XrayCamera& camera) {
-  int too_small = kSmallestWindow_px, enough = 2 * camera.width_px() + 2;
+  int too_small = kMinWindow_px, enough = 2 * camera.width_px() + 2;
   while (enough - too_small > 1) {
     const int middle = (enough + too_small) / 2;
     const Window w = windowAbout(center, middle, camera);

@@ -16,7 +16,7 @@ namespace html {
 namespace {
 
 // What cannot be told apart from a perfect answer on a log axis [mm].
-constexpr double kSmallestShown_mm = 1e-5;
+constexpr double kMinShown_mm = 1e-5;
 
 // For each run the share of its trials with less than each value, in percent.
 template <typename Value>
@@ -36,7 +36,7 @@ Plot cumulativePlot(const std::vector<EntrantRun>& runs, const std::string& x_la
 
 double shownError_mm(const CaseOutcome& o) {
   const double mm = 1e3 * o.error->mtre_m;
-  return std::isfinite(mm) ? std::clamp(mm, kSmallestShown_mm, 1e4) : 1e4;
+  return std::isfinite(mm) ? std::clamp(mm, kMinShown_mm, 1e4) : 1e4;
 }
 
 }  // namespace
@@ -52,7 +52,7 @@ std::string captureFigure(const std::vector<EntrantRun>& runs) {
     for (int b = 0; b < CaptureBins::kBins; ++b) {
       const int trials = bins.trials[b], good = bins.successes[b];
       if (m == 0) plot.counts.emplace_back(b + 0.5, trials);
-      if (trials < CaptureBins::kFewestTrials) continue;
+      if (trials < CaptureBins::kMinTrials) continue;
       const ShareBounds bounds = shareBounds(good, trials);
       s.x.push_back(b + 0.5);
       s.y.push_back(100.0 * good / trials);
@@ -62,7 +62,7 @@ std::string captureFigure(const std::vector<EntrantRun>& runs) {
     plot.series.push_back(s);
   }
   return figure("Capture range", plot,
-                "Bands: 95 % confidence (Wilson). Bins with fewer than " + std::to_string(CaptureBins::kFewestTrials) +
+                "Bands: 95 % confidence (Wilson). Bins with fewer than " + std::to_string(CaptureBins::kMinTrials) +
                     " trials are left out; the bars below are the number of trials.");
 }
 

@@ -108,24 +108,24 @@ void certifyOutcome(const VesselTree& tree, const SimulatedTrial& trial, const C
 }
 
 // More of the tree's points beyond the claim than this, and the claim is wrong.
-constexpr double kMostBeyond = 0.05;
+constexpr double kMaxBeyond = 0.05;
 
 bool isConverged(O o) { return o.result.status == RegistrationStatus::kConverged; }
 bool succeeded(O o) { return o.error && o.error->mtre_m < kSuccessMtre_m; }
 
-bool isConvergedAndWrong(O o) { return isConverged(o) && (!o.claim || o.claim->beyond > kMostBeyond); }
+bool isConvergedAndWrong(O o) { return isConverged(o) && (!o.claim || o.claim->beyond > kMaxBeyond); }
 
 // Whether claims hold where fits are poor as well as where they are good: the trials in quarters, by the score of the
 // fit, best first. Null where there are too few.
 Json claimsByQuarter(const std::vector<CaseOutcome>& outcomes) {
-  constexpr std::size_t kQuarters = 4, kFewest = 4 * kQuarters;
+  constexpr std::size_t kQuarters = 4, kMinCount = 4 * kQuarters;
   std::vector<const CaseOutcome*> claimed;
   for (const CaseOutcome& o : outcomes) {
     if (o.claim) claimed.push_back(&o);
   }
-  if (claimed.size() < kFewest) return nullptr;
+  if (claimed.size() < kMinCount) return nullptr;
   std::stable_sort(claimed.begin(), claimed.end(), [](const CaseOutcome* a, const CaseOutcome* b) {
-    return a->result.agreement.score() > b->result.agreement.score();
+    return a->result.alignment.score() > b->result.alignment.score();
   });
   Json quarters = Json::array();
   for (std::size_t q = 0; q < kQuarters; ++q) {
@@ -139,7 +139,7 @@ Json claimsByQuarter(const std::vector<CaseOutcome>& outcomes) {
     }
     const double percent = 100 / static_cast<double>(to - from);
     quarters.push_back({{"trials", to - from},
-                        {"lowest_score", claimed[to - 1]->result.agreement.score()},
+                        {"lowest_score", claimed[to - 1]->result.alignment.score()},
                         {"depth_in_90_percent", percent * depth_in},
                         {"plane_in_90_percent", percent * plane_in},
                         {"converged_and_wrong_percent", percent * wrong}});
@@ -154,7 +154,7 @@ std::vector<Column<CaseOutcome>> trialColumns() {
       {"", "gfr_true_isocentre_5mm_percent", "percent",
        [](O o) { return !(o.error->mpd_isocenter_m && 1e3 * *o.error->mpd_isocenter_m <= kGrossFailure_mm); }},
       {"", "gfr_nearest_isocentre_5mm_percent", "percent",
-       [](O o) { return !(1e3 * o.pixel_at_isocenter_m * o.result.agreement.model_residual_px <= kGrossFailure_mm); }},
+       [](O o) { return !(1e3 * o.pixel_at_isocenter_m * o.result.alignment.model_residual_px <= kGrossFailure_mm); }},
       {"", "converged_percent", "percent", isConverged},
       {"", "converged_and_wrong_percent", "percent", isConvergedAndWrong},
       {"", "depth_in_90_percent", kSpread, [](O o) { return o.claim ? Json(100 * o.claim->depth_in) : Json(nullptr); }},
@@ -254,7 +254,7 @@ std::optional<double> CaptureBins::farthest_mm(bool unbroken) const {
   std::optional<double> edge_mm;
   for (int b = 0; b < kBins; ++b) {
     const int count = trials[b];
-    if (count < kFewestTrials) continue;
+    if (count < kMinTrials) continue;
     const bool good = successes[b] >= kSuccess * count;
     if (good) edge_mm = b + 1;
     if (!good && unbroken) break;

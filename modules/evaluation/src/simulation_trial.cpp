@@ -115,10 +115,10 @@ TreeDeformation drawnDeformation(const VesselTree& tree, const SimulationSetting
 std::vector<double> lengthsInView(const VesselTree& tree, const Eigen::Matrix3Xd& points_camera,
                                   const XrayCamera& camera) {
   std::vector<double> lengths_m;
-  for (const auto& chain : tree.branches()) {
+  for (const auto& branch : tree.branches()) {
     double length_m = 0;
-    for (std::size_t k = 1; k < chain.size(); ++k) {
-      const Eigen::Vector3d a = points_camera.col(chain[k - 1]), b = points_camera.col(chain[k]);
+    for (std::size_t k = 1; k < branch.size(); ++k) {
+      const Eigen::Vector3d a = points_camera.col(branch[k - 1]), b = points_camera.col(branch[k]);
       const auto pixel = camera.project(0.5 * (a + b));
       if (pixel && camera.sees(*pixel)) length_m += (b - a).norm();
     }
@@ -130,9 +130,9 @@ std::vector<double> lengthsInView(const VesselTree& tree, const Eigen::Matrix3Xd
 std::vector<Curve> projectedBranches(const VesselTree& tree, const Eigen::Matrix3Xd& points_camera,
                                      const XrayCamera& camera) {
   std::vector<Curve> curves;
-  for (const auto& chain : tree.branches()) {
+  for (const auto& branch : tree.branches()) {
     Curve curve;
-    for (const int i : chain) {
+    for (const int i : branch) {
       if (const auto pixel = camera.project(points_camera.col(i))) curve.push_back(*pixel);
     }
     curves.push_back(std::move(curve));

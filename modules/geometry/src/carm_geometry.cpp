@@ -77,11 +77,11 @@ void CArmGeometry::check() const {
   requireSmall("l_arm_deg", radToDeg(l_arm_rad), 180);
   const CArmDeviations& d = deviations;
   // In the order of kCArmPoseParameterNames; the distance from source to isocentre is checked above.
-  constexpr double kMost[kFirstTableParameter] = {20, 20, 20, 200, 200, 200, 1e9, 20, 20};
+  constexpr double kMax[kFirstTableParameter] = {20, 20, 20, 200, 200, 200, 1e9, 20, 20};
   const auto values = poseParameters();
   for (int i = 0; i < kFirstTableParameter; ++i) {
     const CArmParameter& parameter = kCArmPoseParameterNames[i];
-    requireSmall("deviations." + std::string(parameter.name), values[i] / parameter.unit, kMost[i]);
+    requireSmall("deviations." + std::string(parameter.name), values[i] / parameter.unit, kMax[i]);
   }
   for (const double x : (d.table - Eigen::Matrix3d::Identity()).reshaped()) requireSmall("deviations.table", x, 0.5);
   requireBetween(place, "deviations.table[3]", d.table(1, 0), 0, 0);

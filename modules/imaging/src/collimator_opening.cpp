@@ -14,7 +14,7 @@ namespace angio::imaging {
 namespace {
 
 constexpr int kSmallSide = 160;  // The field is sought on an image of about this size.
-constexpr int kSmallestSide = 16;
+constexpr int kMinSide = 16;
 
 // Of the image's rim a tenth at least is in shadow where there is a blade, and the patient is in its middle.
 constexpr double kShadowPart = 0.1;
@@ -24,7 +24,7 @@ constexpr double kShadowPart = 0.1;
 constexpr float kRise = 0.25f, kSharpLength = 0.85f, kBorderReach = 3;
 
 // The open part fills its hull and is neither a spot nor everything.
-constexpr double kConvex = 0.95, kSmallestArea = 0.15, kMaxArea = 0.99;
+constexpr double kConvex = 0.95, kMinArea = 0.15, kMaxArea = 0.99;
 
 // How far below the patient's median the border is tried, as a logarithm. Displays lift the shadow and leave it uneven,
 // and patients have dark parts: the sharpest border is taken.
@@ -140,7 +140,7 @@ std::vector<cv::Point2f> darkFramed(const cv::Mat& small) {
     cv::approxPolyDP(hull, polygon, 0.4, true);
     if (polygon.size() < 3) continue;
     const double area = cv::contourArea(hull);
-    if (area < kSmallestArea * all || area > kMaxArea * all || filledArea(region) < kConvex * area) continue;
+    if (area < kMinArea * all || area > kMaxArea * all || filledArea(region) < kConvex * area) continue;
     const float sharp = sharpPart(small, polygon);
     if (sharp <= sharpest) continue;
     sharpest = sharp;
@@ -153,7 +153,7 @@ std::vector<cv::Point2f> darkFramed(const cv::Mat& small) {
 
 std::vector<cv::Point2f> outlineOfField(const cv::Mat& image) {
   const int shorter = std::min(image.cols, image.rows);
-  if (shorter < kSmallestSide) return {};
+  if (shorter < kMinSide) return {};
   const float factor = std::max(1.0f, static_cast<float>(shorter) / kSmallSide);
   AreaResampler shrink;
   Plane plane;

@@ -31,7 +31,7 @@ struct Link {
 class GapClosing {
  public:
   GapClosing(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, cv::Mat& scratch)
-      : graph_(graph), radius_(radius), longest_(max_gap), owner_(scratch) {}
+      : graph_(graph), radius_(radius), max_gap_(max_gap), owner_(scratch) {}
 
   void run() {
     findEnds();
@@ -67,7 +67,7 @@ class GapClosing {
         if (a.branch == b.branch) continue;
         const cv::Point2f between = b.position - a.position;
         const float distance = static_cast<float>(cv::norm(between));
-        if (distance > longest_ || distance < 1e-3f) continue;
+        if (distance > max_gap_ || distance < 1e-3f) continue;
         const float from = a.outwards.dot(between) / distance, to = -b.outwards.dot(between) / distance;
         // Very near ends may be a pixel or two beside each other.
         const float aligned = distance < 4 ? 0.5f : kAligned;
@@ -135,7 +135,7 @@ class GapClosing {
     const Branch& own = graph_.branches[end.branch];
     if (!own.alive || (end.at_begin ? own.begin : own.end) >= 0) return;
     // A side branch begins at its parent's wall, which is a radius from the line that is looked for.
-    for (float s = 2; s <= longest_; s += 0.7f) {
+    for (float s = 2; s <= max_gap_; s += 0.7f) {
       const cv::Point2f p = end.position + s * end.outwards;
       const int hit = nearestOwner(p, end.branch);
       if (hit < 0) continue;
@@ -191,7 +191,7 @@ class GapClosing {
 
   SkeletonGraph& graph_;
   const cv::Mat& radius_;
-  float longest_ = 0;
+  float max_gap_ = 0;
   std::vector<FreeEnd> ends_;
   std::vector<int> moved_;
   cv::Mat& owner_;  // CV_32SC1: the branch at a pixel, or -1.

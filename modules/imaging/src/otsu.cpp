@@ -69,7 +69,7 @@ class Segmentation {
                (value[x] > std::max(weakest, strong_factor * noise[x]) ? 1 : 0);
       };
     };
-    const double area = settings_.smallest_area_px / (scale * scale);
+    const double area = settings_.min_area_px / (scale * scale);
     const auto smallest = static_cast<std::size_t>(std::ceil(area));
     mask_ =
         regions_(image.absorption.size(), open, classesOf, [&](std::size_t pixels, int) { return pixels >= smallest; });

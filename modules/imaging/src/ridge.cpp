@@ -23,7 +23,7 @@ namespace {
 constexpr float kDarkLevel = 0.05f;
 
 // Smaller images hold no line with a background on both sides.
-constexpr int kSmallestSide = 24;
+constexpr int kMinSide = 24;
 
 // Strength of a line at its own scale, in its contrast.
 constexpr float kStrengthPerContrast = 0.4f;
@@ -50,7 +50,7 @@ class RidgeExtractor final : public CenterlineExtractor {
   Centerline2d extract(const cv::Mat& image) override {
     requireXray(image);
     const WorkingGrid grid(image.size(), settings_.border_px, settings_.working_side_px);
-    if (std::min(grid.size.width, grid.size.height) < kSmallestSide) return {};
+    if (std::min(grid.size.width, grid.size.height) < kMinSide) return {};
     prepareFor(grid.scale);
     absorb(image, grid);
     coverShadow(image, grid);

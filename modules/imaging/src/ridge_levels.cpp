@@ -126,7 +126,7 @@ Float valuesAt(const FlankPixels& image, Float x, Float y) {
 
 // Takes lines out of a row: those that do not rise on both sides, and those that a sharper filter sees to be darker
 // beside their middle. Two vessels side by side are one wide line to a coarse filter.
-void judgeRow(const FlankRow& row, const int* columns, int count, float* strength) {
+void scoreRow(const FlankRow& row, const int* columns, int count, float* strength) {
   const FloatTag d;
   const hn::RebindToSigned<FloatTag> whole;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -186,7 +186,7 @@ HWY_EXPORT(doubleRow);
 HWY_EXPORT(poolRow);
 HWY_EXPORT(strongerRow);
 HWY_EXPORT(linesOfRow);
-HWY_EXPORT(judgeRow);
+HWY_EXPORT(scoreRow);
 
 // A row of a level from the next coarser one.
 void doubledRow(const StrongestLines& coarse, int y, int width, float* const* to) {
@@ -208,7 +208,7 @@ FlankPixels pixelsOf(const Plane& plane) {
 
 }  // namespace
 
-void halveToLargest(const cv::Mat& from, cv::Mat& to, std::vector<float>& scratch) {
+void halveToMax(const cv::Mat& from, cv::Mat& to, std::vector<float>& scratch) {
   const int cols = from.cols, half = (cols + 1) / 2;
   scratch.resize(static_cast<std::size_t>(cols) + half + 3 * Plane::kSlack);
   float *tallest = scratch.data() + 1, *pooled = tallest + cols + Plane::kSlack;
@@ -265,7 +265,7 @@ void RidgeFlanks::operator()(const SmoothedImage& image, const FinerImages* fine
     float* values = strength.row(row.y);
     const float* near = finer != nullptr ? finer->lines.ptr<float>(row.y) : nullptr;
     const int count = HWY_DYNAMIC_DISPATCH(linesOfRow)(values, near, width, columns_.data());
-    if (count > 0) HWY_DYNAMIC_DISPATCH(judgeRow)(row, columns_.data(), count, values);
+    if (count > 0) HWY_DYNAMIC_DISPATCH(scoreRow)(row, columns_.data(), count, values);
   }
 }
 

@@ -9,7 +9,7 @@
 namespace angio::imaging {
 
 /// The largest of a pixel and its neighbours, at every other pixel of every other row. CV_32FC1. `scratch` is memory.
-void halveToLargest(const cv::Mat& from, cv::Mat& to, std::vector<float>& scratch);
+void halveToMax(const cv::Mat& from, cv::Mat& to, std::vector<float>& scratch);
 
 /// The strongest line at each pixel: its strength, the radius of a vessel that is it, and the strength in noise.
 struct StrongestLines {
@@ -34,7 +34,7 @@ struct FlankPixels {
   int stride, width, height;
 };
 
-/// What a row of lines is judged by. `finer.values` is null where no finer image is asked.
+/// What a row of lines is scored by. `finer.values` is null where no finer image is asked.
 struct FlankRow {
   FlankPixels image, finer;
   float per_pixel, sigma;

@@ -72,13 +72,13 @@ RidgeFitting::RidgeFitting(float max_radius, const RidgeScales& scales)
                    // A pixel averages over its own square, and so does the interpolation between two of them.
                    return std::sqrt(sigma * sigma + 1.0f / 6);
                  }),
-      largest_(1.6f * max_radius) {}
+      max_radius_(1.6f * max_radius) {}
 
 RidgeFitting::Point RidgeFitting::fitAt(const RidgeScales& scales, const Place& place, Others others) const {
   const cv::Point2f& p = place.position;
   const cv::Point2f normal(-place.along.y, place.along.x);
   Point point;
-  point.radius = std::clamp(place.radius, kThinnest, largest_);
+  point.radius = std::clamp(place.radius, kThinnest, max_radius_);
   std::array<float, TubeTemplates::kSamples> samples;
   for (int step = 0; step < kSteps; ++step) {
     const TubeTemplates::Template& tube = templates_.nearest(point.radius);
@@ -94,8 +94,8 @@ RidgeFitting::Point RidgeFitting::fitAt(const RidgeScales& scales, const Place& 
     point.contrast = fit.contrast;
     point.misfit = fit.misfit;
     point.offset += std::clamp(fit.shift, -0.5f * tube.radius, 0.5f * tube.radius);
-    point.radius =
-        std::clamp(tube.radius + std::clamp(fit.growth, -0.3f * tube.radius, 0.4f * tube.radius), kThinnest, largest_);
+    point.radius = std::clamp(tube.radius + std::clamp(fit.growth, -0.3f * tube.radius, 0.4f * tube.radius), kThinnest,
+                              max_radius_);
     const float noise = scales.noiseAt(image, p);
     const float correlated = std::sqrt(std::max(1.0f, kCorrelation * image.sigma / tube.step));
     const float excess = std::sqrt(std::max(0.0f, point.misfit * point.misfit - kChance * noise * noise));

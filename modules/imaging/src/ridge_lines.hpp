@@ -64,7 +64,7 @@ class RidgeFitting {
   static constexpr float kCorrelation = 3.5449f;  // Gauss-filtered noise is alike over 2 sqrt(pi) of its sigmas.
 
   TubeTemplates templates_;
-  float largest_ = 20;
+  float max_radius_ = 20;
   TubeShadows shadows_;
 };
 

@@ -85,7 +85,7 @@ void RidgeScales::gatherFiner(int index) {
   const Scale& scale = scales_[index];
   const Scale& next = scales_[index - kSharper];
   for (int l = next.level; l < scale.level; ++l) {
-    halveToLargest(l == next.level ? next.strength.mat() : levels_[l].pooled, levels_[l + 1].pooled, scratch_);
+    halveToMax(l == next.level ? next.strength.mat() : levels_[l].pooled, levels_[l + 1].pooled, scratch_);
   }
   Level& level = levels_[scale.level];
   const cv::Mat fresh = next.level < scale.level ? level.pooled : next.strength.mat();
@@ -93,7 +93,7 @@ void RidgeScales::gatherFiner(int index) {
     fresh.copyTo(level.finer);
   } else {
     for (int l = scales_[index - 1].level; l < scale.level; ++l) {
-      halveToLargest(levels_[l].finer, levels_[l + 1].finer, scratch_);
+      halveToMax(levels_[l].finer, levels_[l + 1].finer, scratch_);
     }
     cv::max(level.finer, fresh, level.finer);
   }

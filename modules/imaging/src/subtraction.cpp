@@ -30,7 +30,7 @@ constexpr double kSmoothing = 1.2;
 constexpr double kStill = 0.002;          // Steps below this are no more worth another [small px].
 constexpr double kPerDeviation = 1.4826;  // Standard deviation of a normal distribution, in median deviations.
 
-constexpr int kSmallestSide = 32;
+constexpr int kMinSide = 32;
 
 // Added to both frames, as a part of their mean: it keeps quotients of dark pixels from being noise.
 constexpr double kDarkLevel = 0.02;
@@ -143,7 +143,7 @@ Eigen::Vector2d refined(const cv::Mat& live, const cv::Mat& mask, const Round& r
 Eigen::Vector2d maskShift(const cv::Mat& live, const cv::Mat& mask, double max_shift_px) {
   requirePair(live, mask);
   Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();
-  if (!(max_shift_px > 0) || std::min(live.cols, live.rows) < kSmallestSide) return shift_px;
+  if (!(max_shift_px > 0) || std::min(live.cols, live.rows) < kMinSide) return shift_px;
   shift_px = refined(live, mask, kCoarse, phaseShift(live, mask, max_shift_px), max_shift_px);
   if (std::min(live.cols, live.rows) > kCoarse.side) {
     shift_px = refined(live, mask, kFine, shift_px, max_shift_px);

@@ -140,7 +140,7 @@ TubeTemplates::Fit TubeTemplates::Template::fit(const std::array<float, kSamples
 }
 
 const TubeTemplates::Template& TubeTemplates::nearest(float radius) const {
-  const float place = std::log(std::max(radius, smallest_) / smallest_) / std::log(kRatio);
+  const float place = std::log(std::max(radius, min_radius_) / min_radius_) / std::log(kRatio);
   return templates_[std::min(static_cast<std::size_t>(place + 0.5f), templates_.size() - 1)];
 }
 

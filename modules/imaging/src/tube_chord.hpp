@@ -84,10 +84,10 @@ class TubeTemplates {
     Fit fit(const std::array<float, kSamples>& samples) const;
   };
 
-  /// For radii from `smallest` to `largest`; `blurOf` gives the standard deviation of the image's blur by radius.
+  /// For radii from `min_radius` to `max_radius`; `blurOf` gives the standard deviation of the image's blur by radius.
   template <typename BlurOf>
-  TubeTemplates(float smallest, float largest, BlurOf blurOf) : smallest_(smallest) {
-    for (float radius = smallest; radius < largest * kRatio; radius *= kRatio) add(radius, blurOf(radius));
+  TubeTemplates(float min_radius, float max_radius, BlurOf blurOf) : min_radius_(min_radius) {
+    for (float radius = min_radius; radius < max_radius * kRatio; radius *= kRatio) add(radius, blurOf(radius));
   }
 
   /// The one of the nearest radius.
@@ -97,7 +97,7 @@ class TubeTemplates {
   static constexpr float kRatio = 1.1f;
   void add(float radius, float blur);
 
-  float smallest_ = 1;
+  float min_radius_ = 1;
   std::vector<Template> templates_;
 };
 

@@ -147,7 +147,7 @@ std::vector<std::string> branchNames(const VesselTree& tree, const std::vector<N
   }
   std::vector<std::string> names;
   const TreeTopology map(tree);
-  for (int branch = 0; branch < map.chains(); ++branch) {
+  for (int branch = 0; branch < map.branchCount(); ++branch) {
     std::vector<int> on(curves.size(), 0);
     for (const int i : map.points(branch)) {
       const auto found = curves_at.find(positionOf(tree.points().col(i)));

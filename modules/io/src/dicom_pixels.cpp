@@ -250,9 +250,9 @@ DicomPixelLayout readPixelLayout(const DicomFile& file) {
     throw file.refusal(kPhotometric, layout.photometric, "must be MONOCHROME1 or MONOCHROME2");
   }
   file.integer(kSamples, 1, 1, 1);
-  constexpr int kLargest = static_cast<int>(kMaxSide);
-  layout.height_px = file.integer(kRows, 1, kLargest);
-  layout.width_px = file.integer(kColumns, 1, kLargest);
+  constexpr int kMaxSide_px = static_cast<int>(kMaxSide);
+  layout.height_px = file.integer(kRows, 1, kMaxSide_px);
+  layout.width_px = file.integer(kColumns, 1, kMaxSide_px);
   layout.frames = file.integer(kFrames, 1, 1'000'000, 1);
   layout.bits_allocated = file.integer(kBitsAllocated, 8, 16);
   if (layout.bits_allocated % 8 != 0) {

@@ -9,7 +9,7 @@
 namespace angio::io {
 
 MeasuredMotion readMeasuredMotion(const std::string& path) {
-  constexpr std::size_t kFewest = 20;
+  constexpr std::size_t kMinCount = 20;
   std::vector<Eigen::Vector3d> from, to;
   const std::vector<std::string> columns{"x_mm", "y_mm", "z_mm", "moved_x_mm", "moved_y_mm", "moved_z_mm"};
   readTable(path, {columns, {}}, [&](const TableRow& row) {
@@ -20,8 +20,8 @@ MeasuredMotion readMeasuredMotion(const std::string& path) {
     from.push_back(1e-3 * point(0));
     to.push_back(1e-3 * point(3));
   });
-  if (from.size() < kFewest) {
-    throw InputError(path, "rows", std::to_string(from.size()), "must be at least " + std::to_string(kFewest));
+  if (from.size() < kMinCount) {
+    throw InputError(path, "rows", std::to_string(from.size()), "must be at least " + std::to_string(kMinCount));
   }
   MeasuredMotion motion;
   motion.points.resize(3, from.size());

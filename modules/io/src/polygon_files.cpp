@@ -14,7 +14,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double kLargest_px = 65536;
+constexpr double kMaxPixel_px = 65536;
 // Numbers of a few letters become sixteen bytes each, and lists of them twice that while they grow.
 constexpr std::size_t kMaxAnnotations = std::size_t{128} << 20;
 
@@ -33,7 +33,7 @@ const json& memberOf(const std::string& place, const json& object, const char* k
 }
 
 double pixelIn(const std::string& place, const json& value) {
-  const bool sane = value.is_number() && std::abs(value.get<double>()) <= kLargest_px;
+  const bool sane = value.is_number() && std::abs(value.get<double>()) <= kMaxPixel_px;
   if (!sane) throw InputError(place, "segmentation", formatValue(value), "must be pixels of a detector");
   return value.get<double>();
 }
@@ -41,7 +41,7 @@ double pixelIn(const std::string& place, const json& value) {
 int sizeIn(const std::string& place, const json& image, const char* key) {
   const json& value = memberOf(place, image, key, &json::is_number, "must be a number");
   const double size_px = value.get<double>();
-  if (!(size_px >= 1 && size_px <= kLargest_px))
+  if (!(size_px >= 1 && size_px <= kMaxPixel_px))
     throw InputError(place, key, value.dump(), "must be pixels of an image");
   return static_cast<int>(size_px);
 }

@@ -250,7 +250,8 @@ const FormerKeys& formerKeys() {
        {"longest_", "max_"},
        {"furthest_", "max_"},
        {"least_", "min_"},
-       {"shortest_", "min_"}},
+       {"shortest_", "min_"},
+       {"smallest_", "min_"}},
   };
   return table;
 }

@@ -22,12 +22,12 @@ void CatheterLocaliser::forget() {
 TipBelief CatheterLocaliser::update(const TipEvidence& evidence, const CatheterMotion& motion) {
   filter_->predict(motion);
   const FrameOutcome outcome = filter_->observe(evidence);
-  return believed(outcome, tipEndStd_m(evidence, filter_->summarised(filter_->probability()).tip));
+  return adopt(outcome, tipEndStd_m(evidence, filter_->summarised(filter_->probability()).tip));
 }
 
 TipBelief CatheterLocaliser::update(const SeenCatheter& seen, const SeenPose& pose, const CatheterMotion& motion) {
   filter_->predict(motion);
-  return believed(filter_->observe(seen, pose));
+  return adopt(filter_->observe(seen, pose));
 }
 
 TipBelief CatheterLocaliser::predict(const CatheterMotion& motion) {
@@ -43,12 +43,12 @@ void CatheterLocaliser::reset() {
   forget();
 }
 
-void CatheterLocaliser::reset(int chain, double arc_m, double std_m) {
-  filter_->reset(chain, arc_m, std_m);
+void CatheterLocaliser::reset(int branch, double arc_m, double std_m) {
+  filter_->reset(branch, arc_m, std_m);
   forget();
 }
 
-const TipBelief& CatheterLocaliser::believed(const FrameOutcome& outcome, double end_std_m) {
+const TipBelief& CatheterLocaliser::adopt(const FrameOutcome& outcome, double end_std_m) {
   belief_ = filter_->summarised(filter_->probability());
   belief_.why = outcome.why;
   belief_.residual_px = outcome.residual_px;

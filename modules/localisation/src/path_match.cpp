@@ -42,7 +42,7 @@ double lengthOf(const Eigen::Matrix2Xd& points) {
 
 }  // namespace
 
-void PathMatcher::look(const Eigen::Matrix2Xd& projected_px, const CurveSamples& curve, int stride) {
+void PathMatcher::prepare(const Eigen::Matrix2Xd& projected_px, const CurveSamples& curve, int stride) {
   projected_ = &projected_px;
   curve_ = &curve;
   stride_ = stride;
@@ -53,8 +53,8 @@ void PathMatcher::look(const Eigen::Matrix2Xd& projected_px, const CurveSamples&
   share_ = std::min(1.0, step_px_ / settings_.correlation_px);
 }
 
-Eigen::Vector2d PathMatcher::shownPoint(const Eigen::Vector2d& sample, const Eigen::Vector2d& tip,
-                                        const Misfit& misfit) const {
+Eigen::Vector2d PathMatcher::observedPoint(const Eigen::Vector2d& sample, const Eigen::Vector2d& tip,
+                                           const Misfit& misfit) const {
   const Eigen::Vector2d v = sample - misfit.head<2>() - tip;
   return tip + (1 - misfit[2]) * v - misfit[3] * Eigen::Vector2d(-v.y(), v.x());
 }
@@ -91,8 +91,8 @@ PathMatcher::Step PathMatcher::ahead(const Position& from, const Eigen::Vector2d
 double PathMatcher::walk(int place, const Misfit& misfit) {
   const Eigen::Matrix2Xd& U = *projected_;
   const Eigen::Vector2d tip = U.col(place);
-  const double stray_sq = settings_.outlier_px * settings_.outlier_px;
-  const double most = 0.5 * stray_sq / (std_px_ * std_px_) * share_;  // Geman-McClure's bound.
+  const double outlier_sq = settings_.outlier_px * settings_.outlier_px;
+  const double most = 0.5 * outlier_sq / (std_px_ * std_px_) * share_;  // Geman-McClure's bound.
   const int count = static_cast<int>(curve_->points_px.size());
   matches_.clear();
   distance_sum_px_ = 0;
@@ -100,19 +100,19 @@ double PathMatcher::walk(int place, const Misfit& misfit) {
   Position at{place, 0};
   int missed = 0, sample = stride_;
   for (; sample < count && grid_.parent[at.place] >= 0; sample += stride_) {
-    const Eigen::Vector2d q = shownPoint(curve_->points_px[sample], tip, misfit);
+    const Eigen::Vector2d q = observedPoint(curve_->points_px[sample], tip, misfit);
     const Step step = ahead(at, q, step_px_ * (missed + 1));
     if (step.beyond_root) break;
-    energy += most * step.squared_px / (step.squared_px + stray_sq);
+    energy += most * step.squared_px / (step.squared_px + outlier_sq);
     distance_sum_px_ += std::sqrt(step.squared_px);
-    const double trust = stray_sq / (step.squared_px + stray_sq);
+    const double trust = outlier_sq / (step.squared_px + outlier_sq);
     const Eigen::Vector2d along = U.col(grid_.parent[step.to.place]) - U.col(step.to.place);
     const Eigen::Vector2d offset = q - U.col(step.to.place) - step.to.weight * along;
     const Eigen::Vector2d normal = normalAt(along, offset, step.to.weight);
     matches_.push_back({sample, step.to.place, step.to.weight, normal, normal.dot(offset), trust * trust});
-    const bool stray = step.squared_px > stray_sq;
-    missed = stray ? missed + 1 : 0;
-    if (!stray) at = step.to;
+    const bool outlier = step.squared_px > outlier_sq;
+    missed = outlier ? missed + 1 : 0;
+    if (!outlier) at = step.to;
   }
   const int outside = sample < count ? (count - 1 - sample) / stride_ + 1 : 0;
   return energy + outside * kOutsideShare * most;
@@ -131,7 +131,7 @@ PathMatcher::Equations PathMatcher::equations(int place, const Misfit& x, const 
   const Eigen::Vector2d& seen_tip = curve_->points_px.front();
   const Eigen::Matrix<double, 2, 4> J_tip = jacobian(seen_tip);
   e.H.noalias() += J_tip.transpose() * J_tip / tip_variance_;
-  e.g.noalias() += J_tip.transpose() * (shownPoint(seen_tip, tip, x) - tip) / tip_variance_;
+  e.g.noalias() += J_tip.transpose() * (observedPoint(seen_tip, tip, x) - tip) / tip_variance_;
   for (const SampleMatch& m : matches_) {
     const Eigen::Vector4d j = jacobian(curve_->points_px[m.sample]).transpose() * m.normal;
     const double w = m.trust * share_ / (std_px_ * std_px_);
@@ -153,7 +153,7 @@ PathMatch PathMatcher::match(int place, const MisfitPrior& prior, int iterations
   }
   const double curve_energy = walk(place, x);
   const Eigen::Vector2d tip = projected_->col(place);
-  const double tip_px = (shownPoint(curve_->points_px.front(), tip, x) - tip).norm();
+  const double tip_px = (observedPoint(curve_->points_px.front(), tip, x) - tip).norm();
   const Misfit off = x - prior.mean;
   const double energy = curve_energy + 0.5 * off.dot(prior.information * off) + 0.5 * tip_px * tip_px / tip_variance_;
   const Eigen::LLT<Eigen::Matrix4d> llt(e.H), prior_llt(prior.information);

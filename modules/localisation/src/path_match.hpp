@@ -61,9 +61,9 @@ class PathMatcher {
  public:
   PathMatcher(const LocaliserSettings& settings, const PlaceGrid& grid) : settings_(settings), grid_(grid) {}
 
-  /// The frame: the grid's projection (2 x N [px], all finite; borrowed) and the curve (borrowed). Every `stride`-th of
-  /// its points is looked at.
-  void look(const Eigen::Matrix2Xd& projected_px, const CurveSamples& curve, int stride);
+  /// Sets the frame: the grid's projection (2 x N [px], all finite; borrowed) and the curve (borrowed). Every
+  /// `stride`-th of its points is used.
+  void prepare(const Eigen::Matrix2Xd& projected_px, const CurveSamples& curve, int stride);
 
   /// Finds the misfit that lays the curve's tip on the place's projection and the curve on the path behind it, in
   /// order. `start`: a misfit to begin with; without one the tip and the prior make it.
@@ -92,7 +92,7 @@ class PathMatcher {
   double walk(int place, const Misfit& misfit);
   Step ahead(const Position& from, const Eigen::Vector2d& q, double expected_px) const;
   Equations equations(int place, const Misfit& x, const MisfitPrior& prior) const;
-  Eigen::Vector2d shownPoint(const Eigen::Vector2d& sample, const Eigen::Vector2d& tip, const Misfit& misfit) const;
+  Eigen::Vector2d observedPoint(const Eigen::Vector2d& sample, const Eigen::Vector2d& tip, const Misfit& misfit) const;
 
   const LocaliserSettings& settings_;
   const PlaceGrid& grid_;

@@ -20,7 +20,7 @@ double lengthOf(const Points& points) {
   return length;
 }
 
-// The way out of the curve at its last or first point.
+// The direction out of the curve at its last or first point.
 Eigen::Vector2d outward(const Points& points, bool at_last) {
   const auto at = [&](std::size_t i) { return at_last ? points[points.size() - 1 - i] : points[i]; };
   std::size_t i = 1;

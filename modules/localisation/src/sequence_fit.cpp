@@ -22,7 +22,7 @@ namespace {
 /// take std sqrt(1 - exp(-2 d/length)); on a tree that is a chain of independent steps.
 class PlaceField {
  public:
-  /// A node's place and its nearest node on the way to the root.
+  /// A node's place and its nearest node towards the root.
   struct Node {
     int place = 0;
     int parent = -1;  ///< Index of a node; -1 at the root.
@@ -33,33 +33,33 @@ class PlaceField {
     double weight = 0;
   };
 
-  /// Nodes about every `step_m` along the ways from `tips` to their roots.
+  /// Nodes about every `step_m` along the routes from `tips` to their roots.
   PlaceField(const PlaceGrid& grid, const std::vector<int>& tips, double step_m)
       : grid_(grid), node_below_(grid.size(), -1) {
-    std::vector<int> ways(grid.size(), 0);  // How many used children a place has, plus one for being used.
+    std::vector<int> uses(grid.size(), 0);  // How many used children a place has, plus one for being used.
     for (const int tip : tips) {
-      if (ways[tip] == 0) ways[tip] = 1;
+      if (uses[tip] == 0) uses[tip] = 1;
       for (int at = tip; grid.parent[at] >= 0; at = grid.parent[at]) {
-        const bool known = ways[grid.parent[at]] > 0 && node_below_[at] == -2;
+        const bool known = uses[grid.parent[at]] > 0 && node_below_[at] == -2;
         if (known) break;
         node_below_[at] = -2;  // The edge above has been counted.
-        ways[grid.parent[at]] += ways[grid.parent[at]] == 0 ? 2 : 1;
+        uses[grid.parent[at]] += uses[grid.parent[at]] == 0 ? 2 : 1;
       }
     }
     // Parents first: nodes at roots, forks, ends, and where the last one is a step away.
     std::vector<int> node_above(grid.size(), -1);
     for (int i = 0; i < grid.size(); ++i) {
       node_below_[i] = -1;
-      if (ways[i] == 0) continue;
+      if (uses[i] == 0) continue;
       const int above = grid.parent[i] >= 0 ? node_above[grid.parent[i]] : -1;
       const bool far = above < 0 || grid.path_m[i] - grid.path_m[nodes_[above].place] >= step_m;
       node_above[i] = above;
-      if (!far && ways[i] == 2) continue;
+      if (!far && uses[i] == 2) continue;
       node_above[i] = static_cast<int>(nodes_.size());
       nodes_.push_back({i, above});
     }
     for (int i = grid.size() - 1; i >= 0; --i) {
-      if (ways[i] == 0) continue;
+      if (uses[i] == 0) continue;
       if (nodes_[node_above[i]].place == i) node_below_[i] = node_above[i];
       const int parent = grid.parent[i];
       if (parent >= 0 && nodes_[node_above[parent]].place != parent) node_below_[parent] = node_below_[i];
@@ -68,7 +68,7 @@ class PlaceField {
 
   const std::vector<Node>& nodes() const { return nodes_; }
 
-  /// Where a place of the ways lies; nothing for other places.
+  /// Where a place of the routes lies; nothing for other places.
   std::optional<Between> at(int place) const {
     const int below = node_below_[place];
     if (below < 0) return std::nullopt;
@@ -96,7 +96,7 @@ class PlaceField {
  private:
   const PlaceGrid& grid_;
   std::vector<Node> nodes_;
-  std::vector<int> node_below_;  // Of each place: the node at it or the next one towards the tip; -1 off the ways.
+  std::vector<int> node_below_;  // Of each place: the node at it or the next one towards the tip; -1 off the routes.
 };
 
 constexpr int kSteps = 5;  // For one set of matches, which the next round changes anyway.
@@ -153,7 +153,7 @@ void addFieldPrior(System& system, const PlaceField& field, const PlaceGrid& gri
   }
 }
 
-// One frame's equations with its shift eliminated, and the way back to the shift.
+// One frame's equations with its shift eliminated, and the back substitution of the shift.
 struct FrameBlock {
   Eigen::Matrix2d B;
   Eigen::Vector2d b;

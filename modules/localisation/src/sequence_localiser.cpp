@@ -22,7 +22,7 @@ struct ForwardFrame {
 };
 
 constexpr double kFloor = -1e5;  // Logarithm of what a frame's candidates leave out.
-constexpr double kDoubt = 60;    // Nats below the best way that are followed no more.
+constexpr double kDoubt = 60;    // Nats below the best route that are followed no more.
 
 // Logarithm of the curve's evidence at each place; zero everywhere when the frame said nothing.
 std::vector<double> evidenceOf(const ForwardFrame& frame, int places) {
@@ -79,7 +79,7 @@ std::vector<std::vector<double>> smoothed(const TipFilter& filter, const std::ve
   return result;
 }
 
-// The most probable places of the tip as one way (Viterbi; Rabiner 1989, eq. 30-35).
+// The most probable places of the tip as one route (Viterbi; Rabiner 1989, eq. 30-35).
 std::vector<int> mostProbableRoute(const TipFilter& filter, const std::vector<ForwardFrame>& frames) {
   const int places = filter.grid().size();
   const double log_jump = std::log(filter.settings().jump_probability / places);
@@ -103,13 +103,13 @@ std::vector<int> mostProbableRoute(const TipFilter& filter, const std::vector<Fo
     const std::vector<double> evidence = evidenceOf(frames[t], places);
     for (int i = 0; i < places; ++i) score[i] += evidence[i];
   }
-  std::vector<int> way(frames.size());
+  std::vector<int> route(frames.size());
   int at = static_cast<int>(std::max_element(score.begin(), score.end()) - score.begin());
   for (std::size_t t = frames.size(); t-- > 0;) {
-    way[t] = at;
+    route[t] = at;
     at = before[t][at];
   }
-  return way;
+  return route;
 }
 
 constexpr int kRigidRounds = 4;  // Before the vessels may bend: the path must be found first.
@@ -159,7 +159,7 @@ PosedFrame posed(const SequenceFrame& frame, const SeenPose& corrected_pose, con
   const CurveSamples curve = samplesOf(frame.seen, s.step_px, chosen.tip_is_last);
   const Eigen::Matrix2Xd projected = projectionOf(filter.grid(), corrected_pose);
   PathMatcher matcher(s, filter.grid());
-  matcher.look(projected, curve, 1);
+  matcher.prepare(projected, curve, 1);
   MisfitPrior found;
   found.mean = chosen.match.misfit;
   found.information = 1e6 * Eigen::Matrix4d::Identity();
@@ -186,7 +186,7 @@ const Candidate* candidateAt(const ForwardFrame& frame, int place) {
 
 // The answer of the last round.
 void conclude(SequenceResult& result, const TipFilter& filter, const std::vector<ForwardFrame>& forward,
-              const std::vector<int>& way) {
+              const std::vector<int>& route) {
   const auto probability = smoothed(filter, forward);
   bool used = false;
   for (std::size_t t = 0; t < forward.size(); ++t) {
@@ -195,41 +195,41 @@ void conclude(SequenceResult& result, const TipFilter& filter, const std::vector
     belief.status = forward[t].outcome.used ? BeliefStatus::kSeen
                     : used                  ? BeliefStatus::kPredicted
                                             : BeliefStatus::kUnknown;
-    if (const Candidate* chosen = candidateAt(forward[t], way[t])) {
+    if (const Candidate* chosen = candidateAt(forward[t], route[t])) {
       belief.residual_px = chosen->match.residual_px;
       belief.shift_px = chosen->match.misfit.head<2>();
       used = true;
     }
     result.beliefs.push_back(std::move(belief));
     std::vector<double> certain(filter.grid().size(), 0.0);
-    certain[way[t]] = 1;
+    certain[route[t]] = 1;
     result.path.push_back(filter.summarised(certain).tip);
   }
 }
 
 // What of a round must stay the same for the rounds to end.
 struct RoundOutcome {
-  std::vector<int> way;
+  std::vector<int> route;
   double residual_px = 0;
 };
 
-RoundOutcome outcomeOf(const std::vector<ForwardFrame>& forward, const std::vector<int>& way) {
-  RoundOutcome outcome{way, 0};
+RoundOutcome outcomeOf(const std::vector<ForwardFrame>& forward, const std::vector<int>& route) {
+  RoundOutcome outcome{route, 0};
   int used = 0;
   for (std::size_t t = 0; t < forward.size(); ++t) {
-    if (const Candidate* chosen = candidateAt(forward[t], way[t]))
+    if (const Candidate* chosen = candidateAt(forward[t], route[t]))
       outcome.residual_px += chosen->match.residual_px, ++used;
   }
   outcome.residual_px /= std::max(used, 1);
   return outcome;
 }
 
-// Whether neither the way, but for a place here and there, nor the residual has changed. The correction itself may
+// Whether neither the route, but for a place here and there, nor the residual has changed. The correction itself may
 // still creep where one view does not hold it: in depth, and along the vessels.
 bool atRest(const RoundOutcome& before, const RoundOutcome& now, const PlaceGrid& grid) {
-  if (before.way.size() != now.way.size()) return false;
-  for (std::size_t t = 0; t < now.way.size(); ++t) {
-    const int a = before.way[t], b = now.way[t];
+  if (before.route.size() != now.route.size()) return false;
+  for (std::size_t t = 0; t < now.route.size(); ++t) {
+    const int a = before.route[t], b = now.route[t];
     if (a != b && grid.parent[a] != b && grid.parent[b] != a) return false;
   }
   return std::abs(now.residual_px - before.residual_px) < kSameResidual_px;
@@ -245,7 +245,7 @@ Eigen::Matrix3Xd ofTreePoints(const VesselTree& tree, const PlaceGrid& grid, con
     for (std::size_t k = 1; k < points.size(); ++k) {
       result.col(points[k]) = of_places_m.col(placeAt(grid, static_cast<int>(c), arc_m[k]));
     }
-    int first = grid.last_of_chain[c];
+    int first = grid.last_of_branch[c];
     while (grid.parent[first] >= 0) first = grid.parent[first];
     if (tree.parents()[points.front()] < 0) result.col(points.front()) = of_places_m.col(first);
   }
@@ -267,13 +267,13 @@ SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const 
     TipFilter filter(settingsOfRound(settings, round), displaced(grid, shared.displacements_m), tree.centroid());
     const auto now = corrected(frames, shared.correction);
     const auto forward = forwardPass(filter, now);
-    const auto way = mostProbableRoute(filter, forward);
+    const auto route = mostProbableRoute(filter, forward);
     if (progress) progress(round + 1);
-    const RoundOutcome outcome = outcomeOf(forward, way);
+    const RoundOutcome outcome = outcomeOf(forward, route);
     result.converged = round > kRigidRounds + 1 && atRest(before, outcome, grid);
     before = outcome;
     if (result.converged || round >= settings.rounds) {
-      conclude(result, filter, forward, way);
+      conclude(result, filter, forward, route);
       result.residual_px = outcome.residual_px;
       result.correction = shared.correction;
       result.displacements_m = ofTreePoints(tree, grid, shared.displacements_m);
@@ -282,9 +282,9 @@ SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const 
     std::vector<PosedFrame> posed_frames;
     std::vector<int> tips;
     for (std::size_t t = 0; t < frames.size(); ++t) {
-      if (const Candidate* chosen = candidateAt(forward[t], way[t])) {
+      if (const Candidate* chosen = candidateAt(forward[t], route[t])) {
         posed_frames.push_back(posed(frames[t], now[t].pose, filter, *chosen));
-        tips.push_back(way[t]);
+        tips.push_back(route[t]);
       }
     }
     if (tips.empty()) continue;  // No frame says anything: there is nothing to correct.

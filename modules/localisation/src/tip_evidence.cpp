@@ -10,7 +10,7 @@ namespace angio::localisation {
 namespace {
 
 constexpr double kSamePlace_m = 2e-3;
-constexpr double kBeyond_m = 0.5e-3;  // What is known of a place counts so far beyond the last one of a chain.
+constexpr double kBeyond_m = 0.5e-3;  // What is known of a place counts so far beyond the last one of a branch.
 constexpr double kHole_m = 2e-3;      // Between places that are further apart, nothing is known.
 
 using ByArc = std::vector<std::pair<double, double>>;  // Arc length and log evidence.
@@ -38,7 +38,7 @@ const PlaceEvidence* nearestTo(const TipEvidence& evidence, const TipPlace& plac
   const PlaceEvidence* nearest = nullptr;
   for (const PlaceEvidence& one : evidence.places) {
     const double off_m = std::abs(one.arc_m - place.arc_m);
-    if (one.chain == place.chain && off_m < nearest_m) nearest_m = off_m, nearest = &one;
+    if (one.branch == place.branch && off_m < nearest_m) nearest_m = off_m, nearest = &one;
   }
   return nearest;
 }
@@ -55,12 +55,12 @@ double tipEndStd_m(const TipEvidence& evidence, const TipPlace& place) {
   return nearest ? nearest->end_std_m : 0.0;
 }
 
-// A chain begins where its parent ends: what is known of that place counts for both.
+// A branch begins where its parent ends: what is known of that place counts for both.
 void TipFilter::beginAtForks(std::vector<std::vector<std::pair<double, double>>>& known) const {
   for (std::size_t c = 0; c < known.size(); ++c) {
-    const int fork = fork_of_chain_[c];
+    const int fork = fork_of_branch_[c];
     if (fork < 0 || known[c].empty() || !(known[c].front().first > 0)) continue;
-    const auto parent = static_cast<std::size_t>(grid_.chain[fork]);
+    const auto parent = static_cast<std::size_t>(grid_.branch[fork]);
     if (known[parent].empty() || known[parent].back().first < grid_.arc_m[fork] - kBeyond_m) continue;
     known[c].insert(known[c].begin(), {0.0, known[parent].back().second});
   }
@@ -70,21 +70,21 @@ FrameOutcome TipFilter::observe(const TipEvidence& evidence) {
   FrameOutcome outcome;
   candidates_.clear();
   if (evidence.places.empty()) return outcome.why = "no place explains the tip", outcome;
-  std::vector<ByArc> known(chain_length_m_.size());
+  std::vector<ByArc> known(branch_length_m_.size());
   for (const PlaceEvidence& one : evidence.places) {
-    if (one.chain < 0 || one.chain >= static_cast<int>(known.size()) || !std::isfinite(one.arc_m) ||
+    if (one.branch < 0 || one.branch >= static_cast<int>(known.size()) || !std::isfinite(one.arc_m) ||
         !std::isfinite(one.log_evidence)) {
       return outcome.why = "the evidence of a place is none", outcome;
     }
-    known[one.chain].emplace_back(one.arc_m, one.log_evidence);
+    known[one.branch].emplace_back(one.arc_m, one.log_evidence);
   }
   if (!std::isfinite(evidence.elsewhere)) return outcome.why = "the evidence of other places is not finite", outcome;
-  for (ByArc& chain : known) std::sort(chain.begin(), chain.end());
+  for (ByArc& branch : known) std::sort(branch.begin(), branch.end());
   beginAtForks(known);
 
   double best = -1e300;
   for (int i = 0; i < grid_.size(); ++i) {
-    const auto value = evidenceAt(known[grid_.chain[i]], grid_.arc_m[i]);
+    const auto value = evidenceAt(known[grid_.branch[i]], grid_.arc_m[i]);
     next_probability_[i] = std::log(probability_[i]) + value.value_or(evidence.elsewhere);
     best = std::max(best, next_probability_[i]);
   }

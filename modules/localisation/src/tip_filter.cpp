@@ -21,20 +21,20 @@ constexpr double kWorthNaming = 0.01;
 
 namespace {
 
-// The first moments of the places of one chain.
-struct ChainMoments {
+// The first moments of the places of one branch.
+struct BranchMoments {
   double mass = 0, arc_m = 0, arc_squared = 0;
 };
 
 // The place at an arc length, between the grid's.
-TipPlace placeOf(const PlaceGrid& grid, int chain, const ChainMoments& moments) {
+TipPlace placeOf(const PlaceGrid& grid, int branch, const BranchMoments& moments) {
   TipPlace place;
-  place.chain = chain;
+  place.branch = branch;
   place.probability = std::min(moments.mass, 1.0);  // A sum of many may round to more.
   place.arc_m = moments.arc_m / moments.mass;
   const double variance = std::max(0.0, moments.arc_squared / moments.mass - place.arc_m * place.arc_m);
   place.std_m = std::sqrt(variance + grid.spacing_m * grid.spacing_m / 12);
-  int above = grid.last_of_chain[chain];
+  int above = grid.last_of_branch[branch];
   place.path_m = grid.path_m[above] - grid.arc_m[above] + place.arc_m;
   while (grid.parent[above] >= 0 && grid.path_m[grid.parent[above]] >= place.path_m) above = grid.parent[above];
   const int below = grid.parent[above];
@@ -51,11 +51,11 @@ TipPlace placeOf(const PlaceGrid& grid, int chain, const ChainMoments& moments) 
 
 TipFilter::TipFilter(const LocaliserSettings& settings, PlaceGrid grid, const Eigen::Vector3d& centroid_m)
     : settings_(settings), grid_(std::move(grid)), matcher_(settings_, grid_), centroid_m_(centroid_m) {
-  for (const int last : grid_.last_of_chain) {
-    chain_length_m_.push_back(grid_.arc_m[last]);
+  for (const int last : grid_.last_of_branch) {
+    branch_length_m_.push_back(grid_.arc_m[last]);
     int fork = last;
-    while (fork >= 0 && grid_.chain[fork] == grid_.chain[last]) fork = grid_.parent[fork];
-    fork_of_chain_.push_back(fork);
+    while (fork >= 0 && grid_.branch[fork] == grid_.branch[last]) fork = grid_.parent[fork];
+    fork_of_branch_.push_back(fork);
   }
   next_probability_.resize(grid_.size());
   next_shift_.resize(grid_.size());
@@ -73,19 +73,19 @@ void TipFilter::reset() {
   candidates_.clear();
 }
 
-void TipFilter::reset(int chain, double arc_m, double std_m) {
-  if (chain < 0 || chain >= static_cast<int>(chain_length_m_.size())) {
-    throw InputError("catheter localiser", "chain", std::to_string(chain), "must be a branch of the tree");
+void TipFilter::reset(int branch, double arc_m, double std_m) {
+  if (branch < 0 || branch >= static_cast<int>(branch_length_m_.size())) {
+    throw InputError("catheter localiser", "chain", std::to_string(branch), "must be a branch of the tree");
   }
-  requireBetween("catheter localiser", "arc_m", arc_m, 0, chain_length_m_[chain] * (1 + 1e-9));
+  requireBetween("catheter localiser", "arc_m", arc_m, 0, branch_length_m_[branch] * (1 + 1e-9));
   requirePositive("catheter localiser", "std_m", std_m);
   reset();
-  // Along this chain and the way to the root; beyond the chain's end a frame's motion will carry it.
-  const double middle_m = grid_.path_m[grid_.last_of_chain[chain]] - chain_length_m_[chain] + arc_m;
+  // Along this branch and the route to the root; a frame's motion carries it beyond the branch's end.
+  const double middle_m = grid_.path_m[grid_.last_of_branch[branch]] - branch_length_m_[branch] + arc_m;
   std_m = std::max(std_m, 0.5 * grid_.spacing_m);
   probability_.assign(grid_.size(), 0.0);
   double sum = 0;
-  for (int i = grid_.last_of_chain[chain]; i >= 0; i = grid_.parent[i]) {
+  for (int i = grid_.last_of_branch[branch]; i >= 0; i = grid_.parent[i]) {
     const double off = (grid_.path_m[i] - middle_m) / std_m;
     sum += probability_[i] = std::exp(-0.5 * off * off);
   }
@@ -199,7 +199,7 @@ void TipFilter::collect(const SeenCatheter& seen, const SeenPose& pose, bool tip
   std::optional<Misfit> start;
   const bool many = collected_.size() > kManyPlaces;
   if (many) {
-    matcher_.look(projected_px_, curve, kQuickStride);
+    matcher_.prepare(projected_px_, curve, kQuickStride);
     double best = -1e300;
     for (Candidate& one : collected_) {
       one.match = matcher_.match(one.place, expected(one.place, pose).prior, 1);
@@ -210,7 +210,7 @@ void TipFilter::collect(const SeenCatheter& seen, const SeenPose& pose, bool tip
     };
     collected_.erase(std::remove_if(collected_.begin(), collected_.end(), hopeless), collected_.end());
   }
-  matcher_.look(projected_px_, curve, 1);
+  matcher_.prepare(projected_px_, curve, 1);
   for (Candidate& one : collected_) {
     if (many) start = one.match.misfit;
     one.match = matcher_.match(one.place, expected(one.place, pose).prior, many ? 2 : 3, start);
@@ -267,14 +267,14 @@ void TipFilter::weigh(const SeenPose& pose) {
   shift_.swap(next_shift_);
 }
 
-// A belief in words that a navigator reads: chains, arc lengths and how sure.
+// A belief as a navigator reads it: branches, arc lengths, standard deviations.
 TipBelief TipFilter::summarised(const std::vector<double>& probability) const {
-  std::vector<ChainMoments> moments(grid_.last_of_chain.size());
+  std::vector<BranchMoments> moments(grid_.last_of_branch.size());
   for (int i = 0; i < grid_.size(); ++i) {
-    ChainMoments& chain = moments[grid_.chain[i]];
-    chain.mass += probability[i];
-    chain.arc_m += probability[i] * grid_.arc_m[i];
-    chain.arc_squared += probability[i] * grid_.arc_m[i] * grid_.arc_m[i];
+    BranchMoments& branch = moments[grid_.branch[i]];
+    branch.mass += probability[i];
+    branch.arc_m += probability[i] * grid_.arc_m[i];
+    branch.arc_squared += probability[i] * grid_.arc_m[i] * grid_.arc_m[i];
   }
   std::vector<int> order(moments.size());
   for (std::size_t c = 0; c < order.size(); ++c) order[c] = static_cast<int>(c);
@@ -308,7 +308,7 @@ TipMotion::TipMotion(const LocaliserSettings& settings, const PlaceGrid& grid, c
   highest_m_ = std::min(mean_m_ + kReach * std_m_, max_m);
 }
 
-// A way back and then ahead into another branch is as unlikely as the shorter of its parts is long.
+// A route back and then ahead into another branch is as unlikely as the shorter of its parts is long.
 void TipMotion::add(int place, double back_m, double ahead_m, double share) {
   const double moved_m = ahead_m - back_m;
   if (moved_m < lowest_m_ || moved_m > highest_m_) return;
@@ -320,10 +320,10 @@ void TipMotion::descend(int place, double back_m, double ahead_m, double share, 
   add(place, back_m, ahead_m, share);
   if (ahead_m - back_m > highest_m_ || ahead_m > kReach * std_m_ + std::abs(mean_m_)) return;
   const auto& children = grid_.children[place];
-  const int ways = static_cast<int>(children.size()) - (except >= 0 ? 1 : 0);
+  const int choices = static_cast<int>(children.size()) - (except >= 0 ? 1 : 0);
   for (const int child : children) {
     if (child == except) continue;
-    descend(child, back_m, ahead_m + grid_.path_m[child] - grid_.path_m[place], share / ways, -1);
+    descend(child, back_m, ahead_m + grid_.path_m[child] - grid_.path_m[place], share / choices, -1);
   }
 }
 

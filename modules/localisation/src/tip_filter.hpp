@@ -59,7 +59,7 @@ class TipFilter {
   TipFilter(const LocaliserSettings& settings, PlaceGrid grid, const Eigen::Vector3d& centroid_m);
 
   void reset();
-  void reset(int chain, double arc_m, double std_m);
+  void reset(int branch, double arc_m, double std_m);
 
   /// Time passes; the tip and the shift move.
   void predict(const CatheterMotion& motion);
@@ -104,8 +104,8 @@ class TipFilter {
   PlaceGrid grid_;
   PathMatcher matcher_;
   Eigen::Vector3d centroid_m_;
-  std::vector<double> chain_length_m_;
-  std::vector<int> fork_of_chain_;  // The place in front of its first one; -1 where a root is.
+  std::vector<double> branch_length_m_;
+  std::vector<int> fork_of_branch_;  // The place in front of its first one; -1 where a root is.
 
   std::vector<double> probability_, next_probability_;
   std::vector<Shift> shift_, next_shift_;

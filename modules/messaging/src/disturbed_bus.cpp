@@ -49,7 +49,7 @@ void DisturbedBus::disturb(const std::string& channel, const DisturbanceSettings
   disturbed.settings = settings;
   if (settings.burst_probability == 0) disturbed.in_burst = false;
   if (settings.stalled) return;
-  for (auto& bytes : std::exchange(disturbed.stalled, {})) sendOnItsWay(disturbed, {channel, std::move(bytes)});
+  for (auto& bytes : std::exchange(disturbed.stalled, {})) transmit(disturbed, {channel, std::move(bytes)});
 }
 
 void DisturbedBus::publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) {
@@ -74,15 +74,15 @@ void DisturbedBus::publish(const std::string& channel, const std::vector<std::ui
   }
   if (link.happens(link.settings.duplicate_probability)) {
     ++counts_.duplicated;
-    sendOnItsWay(link, message);
+    transmit(link, message);
     const double after_ms = link.uniform() * link.settings.reorder_delay_ms;
-    under_way_.emplace(after_us(std::max(link.last_due_us, now_us_), after_ms), std::move(message));
+    in_transit_.emplace(after_us(std::max(link.last_due_us, now_us_), after_ms), std::move(message));
   } else {
-    sendOnItsWay(link, std::move(message));
+    transmit(link, std::move(message));
   }
 }
 
-void DisturbedBus::sendOnItsWay(Link& link, Message message) {
+void DisturbedBus::transmit(Link& link, Message message) {
   std::int64_t due_us = after_us(now_us_, link.settings.delay_ms + link.uniform() * link.settings.jitter_ms);
   if (link.happens(link.settings.reorder_probability)) {
     ++counts_.overtaken;
@@ -97,7 +97,7 @@ void DisturbedBus::send(Message message, std::int64_t due_us) {
   if (due_us <= now_us_) {
     hand(message);
   } else {
-    under_way_.emplace(due_us, std::move(message));
+    in_transit_.emplace(due_us, std::move(message));
   }
 }
 
@@ -128,15 +128,15 @@ void DisturbedBus::overhear(const std::string& channel, Handler handler) {
 
 void DisturbedBus::advance(std::int64_t now_us) {
   now_us_ = std::max(now_us_, now_us);
-  while (!under_way_.empty() && under_way_.begin()->first <= now_us_) {
-    const Message message = std::move(under_way_.begin()->second);
-    under_way_.erase(under_way_.begin());  // First: one that cannot be sent must not come again.
+  while (!in_transit_.empty() && in_transit_.begin()->first <= now_us_) {
+    const Message message = std::move(in_transit_.begin()->second);
+    in_transit_.erase(in_transit_.begin());  // First: one that cannot be sent must not come again.
     hand(message);
   }
 }
 
 std::optional<std::int64_t> DisturbedBus::nextDue_us() const {
-  return under_way_.empty() ? std::nullopt : std::optional(under_way_.begin()->first);
+  return in_transit_.empty() ? std::nullopt : std::optional(in_transit_.begin()->first);
 }
 
 }  // namespace angio::messaging

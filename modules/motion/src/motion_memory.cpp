@@ -21,7 +21,7 @@ constexpr double kBreathingStep = 0.1, kHeartStep = 0.15;
 constexpr double kMinBreaths = 1.2;
 constexpr double kReplay_s = 8, kReplayPeriods = 2;
 constexpr int kHeartHarmonicsSearched = 3;
-constexpr std::size_t kFewestSamples = 10;
+constexpr std::size_t kMinSamples = 10;
 constexpr double kFirstOffsetStd_m = 0.01;
 
 double medianStep_s(const std::deque<MotionSample>& samples, std::size_t first) {
@@ -34,7 +34,7 @@ double medianStep_s(const std::deque<MotionSample>& samples, std::size_t first) 
 
 // Squared Mahalanobis distance beyond which a single error counts no more.
 constexpr double kMaxSurprise = 50;
-constexpr double kCovarianceMemory = 3;  // Of judged_over_s: six numbers need more than one.
+constexpr double kCovarianceMemory = 3;  // Of scoring_memory_s: six numbers need more than one.
 
 constexpr double kMinShare = 0.22;  // Of a covariance that is left when predictions come true far too well.
 
@@ -54,16 +54,16 @@ Eigen::Matrix3d sum(const Eigen::Matrix3d& P, const Eigen::Matrix3d& E) {
 
 }  // namespace
 
-void HarmonicMotion::take(const MotionSample& last, const MotionSample& sample, double judged_horizon_s) {
+void HarmonicMotion::take(const MotionSample& last, const MotionSample& sample, double scoring_horizon_s) {
   filter.correct(sample.position, sample.covariance);
-  record.judge(last.time_s, last.position, sample.time_s, sample.position, sample.covariance);
-  record.promise(sample.time_s + judged_horizon_s, filter.ahead(judged_horizon_s));
+  record.score(last.time_s, last.position, sample.time_s, sample.position, sample.covariance);
+  record.add(sample.time_s + scoring_horizon_s, filter.ahead(scoring_horizon_s));
 }
 
 std::vector<Oscillator> findPeriods(const std::deque<MotionSample>& samples, double from_s,
                                     const MotionPredictorSettings& settings) {
   const std::size_t first = firstFrom(samples, from_s);
-  if (samples.size() - first < kFewestSamples) return {};
+  if (samples.size() - first < kMinSamples) return {};
   const double end_s = samples.back().time_s, window_s = end_s - samples[first].time_s;
   const double rate_hz = 1 / medianStep_s(samples, first), highest_hz = kOfFrameRate * rate_hz;
   const auto harmonics = [&](int wanted, double frequency_hz) {
@@ -119,9 +119,9 @@ HarmonicMotion learnt(const std::deque<MotionSample>& samples, double from_s, co
   HarmonicNoise noise{settings.amplitude_memory_s, 1e-3 * settings.offset_walk_mm, 1e-3 * settings.drift_std_mm_per_s,
                       kFirstOffsetStd_m};
   for (const Oscillator& period : periods) noise.first_offset_std_m += period.amplitude_m.norm();
-  const double horizon_s = 1e-3 * settings.judged_horizon_ms;
+  const double horizon_s = 1e-3 * settings.scoring_horizon_ms;
   HarmonicMotion motion{HarmonicFilter(periods, noise, samples[first].position),
-                        PredictionRecord(settings.judged_over_s, horizon_s, 0)};
+                        PredictionRecord(settings.scoring_memory_s, horizon_s, 0)};
   for (std::size_t k = 0; k < periods.size(); ++k) {
     (periods[k].low_hz >= settings.heart_low_hz ? motion.heart : motion.breathing) = static_cast<int>(k);
   }
@@ -141,21 +141,21 @@ Eigen::Matrix3d PredictionRecord::honest(const Eigen::Matrix3d& covariance, doub
   return sum(covariance, std::max(1.0, horizon_s / horizon_s_) * lacking_);
 }
 
-void PredictionRecord::judge(double last_time_s, const Eigen::Vector3d& last_position, double time_s,
+void PredictionRecord::score(double last_time_s, const Eigen::Vector3d& last_position, double time_s,
                              const Eigen::Vector3d& position, const Eigen::Matrix3d& R) {
   while (!open_.empty() && open_.front().time_s <= time_s) {
-    const Promise promise = open_.front();
+    const Prediction prediction = open_.front();
     open_.pop_front();
-    if (promise.time_s < last_time_s) continue;
-    const double part = (promise.time_s - last_time_s) / std::max(time_s - last_time_s, 1e-9);
-    const Eigen::Vector3d error = last_position + part * (position - last_position) - promise.estimate.position;
-    // Every promise is judged for its own share of time, whatever the frame rate.
-    const double kept = std::exp(-(time_s - last_time_s) / judged_over_s_);
+    if (prediction.time_s < last_time_s) continue;
+    const double part = (prediction.time_s - last_time_s) / std::max(time_s - last_time_s, 1e-9);
+    const Eigen::Vector3d error = last_position + part * (position - last_position) - prediction.estimate.position;
+    // Every prediction counts for its own share of time, whatever the frame rate.
+    const double kept = std::exp(-(time_s - last_time_s) / scoring_memory_s_);
     error_sum_ = kept * error_sum_ + (1 - kept) * squaredMahalanobis(error, R);
     weight_ = kept * weight_ + (1 - kept);
-    const Eigen::Matrix3d claimed = promise.estimate.covariance + R;
-    const double surprise = squaredMahalanobis(error, sum(promise.estimate.covariance, lacking_) + R);
-    const double learnt = 1 - std::exp(-(time_s - last_time_s) / (kCovarianceMemory * judged_over_s_));
+    const Eigen::Matrix3d claimed = prediction.estimate.covariance + R;
+    const double surprise = squaredMahalanobis(error, sum(prediction.estimate.covariance, lacking_) + R);
+    const double learnt = 1 - std::exp(-(time_s - last_time_s) / (kCovarianceMemory * scoring_memory_s_));
     lacking_ += learnt * (std::min(1.0, kMaxSurprise / surprise) * error * error.transpose() - claimed - lacking_);
   }
 }

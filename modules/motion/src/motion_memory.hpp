@@ -9,44 +9,44 @@
 
 namespace angio::motion {
 
-/// How one way to predict has done: its past predictions against what was measured then.
+/// Scores one method of prediction: its past predictions against what was measured then.
 class PredictionRecord {
  public:
-  /// @param judged_over_s    Time constant of the error by which the ways are compared; a covariance takes three times
-  /// that.
-  /// @param horizon_s        At which the promises are made.
-  /// @param first_error_m    What the covariances are taken to lack before anything has been judged.
-  PredictionRecord(double judged_over_s, double horizon_s, double first_error_m)
-      : judged_over_s_(judged_over_s),
+  /// @param scoring_memory_s  Time constant of the error by which the methods are compared; that of a covariance is
+  /// three times as long.
+  /// @param horizon_s         Horizon of the predictions.
+  /// @param first_error_m     What the covariances are taken to lack before anything has been scored.
+  PredictionRecord(double scoring_memory_s, double horizon_s, double first_error_m)
+      : scoring_memory_s_(scoring_memory_s),
         horizon_s_(horizon_s),
         lacking_(first_error_m * first_error_m * Eigen::Matrix3d::Identity()) {}
 
-  /// A prediction that will be judged when its time has come.
-  void promise(double time_s, const PositionEstimate& estimate) { open_.push_back({time_s, estimate}); }
+  /// A prediction for a later time, to be scored then.
+  void add(double time_s, const PositionEstimate& estimate) { open_.push_back({time_s, estimate}); }
 
-  /// Judges what was promised for times up to a measurement's, of which the ones between two measurements are held
-  /// against the straight line between them.
-  void judge(double last_time_s, const Eigen::Vector3d& last_position, double time_s, const Eigen::Vector3d& position,
+  /// Scores the predictions for times up to a measurement's. Those between two measurements are compared with the
+  /// straight line between them.
+  void score(double last_time_s, const Eigen::Vector3d& last_position, double time_s, const Eigen::Vector3d& position,
              const Eigen::Matrix3d& R);
 
-  /// Promises that were made before a shift would be judged by what they could not know.
+  /// Drops the predictions that are still to be scored: those from before a shift do not contain it.
   void forgetOpen() { open_.clear(); }
 
-  bool judged() const { return weight_ > 0; }
+  bool scored() const { return weight_ > 0; }
 
-  /// Mean squared error, in units of the measurement's noise, lately; infinite before anything has been judged.
+  /// Mean squared error, in units of the measurement's noise, lately; infinite before anything has been scored.
   double error() const;
 
-  /// The covariance with what it has been found to lack: as much up to the horizon of the promises, more beyond it.
+  /// The covariance with what it has been found to lack: as much up to the horizon of the predictions, more beyond it.
   Eigen::Matrix3d honest(const Eigen::Matrix3d& covariance, double horizon_s) const;
 
  private:
-  struct Promise {
+  struct Prediction {
     double time_s;
     PositionEstimate estimate;
   };
-  double judged_over_s_, horizon_s_;
-  std::deque<Promise> open_;
+  double scoring_memory_s_, horizon_s_;
+  std::deque<Prediction> open_;
   double error_sum_ = 0, weight_ = 0;
   Eigen::Matrix3d lacking_;  // Mean of error error^T - P - R: with eigenvalues that may be negative.
 };
@@ -57,8 +57,8 @@ struct HarmonicMotion {
   PredictionRecord record;
   int breathing = -1, heart = -1;  // The filter's oscillators; -1: not found.
 
-  /// Corrects the filter, which is at the sample's time, and judges and promises.
-  void take(const MotionSample& last, const MotionSample& sample, double judged_horizon_s);
+  /// Corrects the filter, which is at the sample's time, scores old predictions and adds a new one.
+  void take(const MotionSample& last, const MotionSample& sample, double scoring_horizon_s);
 };
 
 /// The periods that are in the samples from a time on: breathing, heart, both or none.

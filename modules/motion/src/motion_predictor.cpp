@@ -13,8 +13,8 @@ namespace {
 constexpr double kFirstSpeed_m_per_s = 25e-3, kFirstError_m = 2e-3;
 // Measurements in a row that may be left out, whatever they say.
 constexpr int kMaxSuspects = 3;
-// How much worse than the simple ways the harmonic one may be before it is not believed, and before it is let go.
-constexpr double kBelieved = 1.1, kLost = 1.5;
+// How much worse than the simple models the harmonic one may be before it is not used, and before it is dropped.
+constexpr double kTrusted = 1.1, kLost = 1.5;
 constexpr double kLostAfter_s = 0.5;
 // How often periods are looked for while there are none, and at least while some are missing.
 constexpr double kSearchEvery_s = 1, kSearchAtLeastEvery_s = 16;
@@ -35,7 +35,7 @@ MotionPredictorSettings checked(const MotionPredictorSettings& s) {
 
 struct MotionPredictor::State {
   explicit State(const MotionPredictorSettings& s)
-      : settings(s), held(s.judged_over_s, 1e-3 * s.judged_horizon_ms, kFirstError_m), velocity(held) {}
+      : settings(s), held(s.scoring_memory_s, 1e-3 * s.scoring_horizon_ms, kFirstError_m), velocity(held) {}
 
   MotionPredictorSettings settings;
   std::deque<MotionSample> samples;  // The last memory_s.
@@ -47,7 +47,7 @@ struct MotionPredictor::State {
   int suspects = 0, late = 0;  // In a row.
   double learn_from_s = 0;     // What came before belongs to another motion.
   double searched_s = 0, search_every_s = kSearchEvery_s;
-  std::optional<double> worse_since_s;  // Since when the simple ways have been much better than the harmonic one.
+  std::optional<double> worse_since_s;  // Since when the simple models have been much better than the harmonic one.
   bool lost = false;
 
   void begin(const MotionSample& sample) {
@@ -70,7 +70,7 @@ struct MotionPredictor::State {
 
   MotionModel chosen() const {
     const double simple = std::min(held.error(), velocity.error());
-    if (harmonic && !lost && harmonic->record.judged() && harmonic->record.error() <= kBelieved * simple) {
+    if (harmonic && !lost && harmonic->record.scored() && harmonic->record.error() <= kTrusted * simple) {
       return MotionModel::kHarmonic;
     }
     return velocity.error() < held.error() ? MotionModel::kVelocity : MotionModel::kHeld;
@@ -125,11 +125,11 @@ struct MotionPredictor::State {
     const MotionSample last = samples.back();
     trend->correct(sample.position, sample.covariance);
     for (PredictionRecord* record : {&held, &velocity}) {
-      record->judge(last.time_s, last.position, sample.time_s, sample.position, sample.covariance);
+      record->score(last.time_s, last.position, sample.time_s, sample.position, sample.covariance);
     }
-    const double horizon_s = 1e-3 * settings.judged_horizon_ms;
-    held.promise(sample.time_s + horizon_s, trend->held(horizon_s));
-    velocity.promise(sample.time_s + horizon_s, trend->ahead(horizon_s));
+    const double horizon_s = 1e-3 * settings.scoring_horizon_ms;
+    held.add(sample.time_s + horizon_s, trend->held(horizon_s));
+    velocity.add(sample.time_s + horizon_s, trend->ahead(horizon_s));
     if (harmonic) harmonic->take(last, sample, horizon_s);
     samples.push_back(sample);
     while (samples.front().time_s < sample.time_s - settings.memory_s) samples.pop_front();
@@ -139,7 +139,7 @@ struct MotionPredictor::State {
   bool lose() {
     if (!harmonic) return false;
     const double simple = std::min(held.error(), velocity.error());
-    if (harmonic->record.error() <= kBelieved * simple) lost = false;
+    if (harmonic->record.error() <= kTrusted * simple) lost = false;
     if (harmonic->record.error() <= kLost * simple) {
       worse_since_s.reset();
       return false;
@@ -167,7 +167,7 @@ struct MotionPredictor::State {
     if (harmonic && !(found.record.error() < harmonic->record.error())) return;
     harmonic = std::move(found);
     search_every_s = kSearchEvery_s;
-    if (harmonic->record.error() <= kBelieved * std::min(held.error(), velocity.error())) lost = false;
+    if (harmonic->record.error() <= kTrusted * std::min(held.error(), velocity.error())) lost = false;
   }
 };
 

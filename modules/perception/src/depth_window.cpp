@@ -36,7 +36,7 @@ void DepthWindow::add(const RegistrationResult& registration, const XrayView& vi
     }
   }
   frames_.push_back(frame);
-  while (frames_.size() > kMostFrames || frames_.front().time_s < time_s - kMemory_s) frames_.pop_front();
+  while (frames_.size() > kMaxTurnFrames || frames_.front().time_s < time_s - kMemory_s) frames_.pop_front();
   newest_us_ = place.time_us;
   centerline_ = view.centerline;
   camera_.emplace(view.camera);

@@ -16,7 +16,7 @@ constexpr double kMaxShift_m = 0.5e-3;  // Of the principal point, at the isocen
 constexpr double kMaxDistance_m = 5, kMaxSpacing_m = 5e-3;
 constexpr double kEdge_px = 1;  // Of sizes: a detector's last row or column may be left out.
 
-constexpr double kDepthStd_m = 5e-3;  // Of a view: what a tree that bends looks nearer or further by.
+constexpr double kDepthStd_m = 5e-3;  // Of a view: what a tree that deforms looks nearer or further by.
 constexpr double kMinTurn_rad = 0.035;
 constexpr double kSure = 3;  // Standard deviations.
 

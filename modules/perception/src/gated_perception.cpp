@@ -43,7 +43,7 @@ GatedObservation GatedPerception::gated(Observation observation, const XrayView*
   const Pose calibrated = perception_.calibrated_T_camera_model(place);
   const std::optional<Pose> predicted = seen.tracked ? std::optional(seen.predicted.T_camera_model) : std::nullopt;
   result.rejection = gate_.contradiction(seen.registration, calibrated, predicted);
-  // A tree that is bent far is explained in part by one frame alone, and by several together all the same.
+  // A tree that is deformed far is explained in part by one frame alone, and by several together all the same.
   if (need_ == TargetNeed::kResolvingDepth && view && !gate_.misplaced(seen.registration, calibrated, predicted)) {
     window_.add(seen.registration, *view, {calibrated, prior_}, place);
   }
@@ -54,8 +54,8 @@ GatedObservation GatedPerception::gated(Observation observation, const XrayView*
   PatientObservation patient = PatientObservation::of(seen.registration);
   result.rejection = placeByTurn(patient, seen.registration, place);
   // What is too unsure for the task is still where the patient is, as well as it is known: it is tracked. Depth that a
-  // turn has told must not wander from frame to frame. A wrong focal length makes a tree look bent, so that such frames
-  // count there as well.
+  // turn has told must not wander from frame to frame. A wrong focal length makes a tree look deformed, so that such
+  // frames count there as well.
   perception_.accept(patient.T_camera_model, patient.covariance, place);
   const double expected_m = (calibrated * target_).z();
   focal_length_.see(place.T_camera_patient.linear().row(2).transpose(),

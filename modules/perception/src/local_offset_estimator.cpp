@@ -103,13 +103,13 @@ Laid laidFrom(const Vessels& vessels, const Seen& seen, double prior_px, double 
 // How badly they lie: Geman and McClure's cost of the distances, which no point exceeds that finds nothing, and the
 // prior's. How sure each seen point is does not count: a sure neighbour is no better a match than an unsure vessel.
 double costOf(const Laid& laid, const Vessels& vessels, const Seen& seen, double prior_px) {
-  constexpr double kMost = kScale_px * kScale_px / (kUsualError_px * kUsualError_px);
+  constexpr double kMaxCost = kScale_px * kScale_px / (kUsualError_px * kUsualError_px);
   double cost = laid.shift.squaredNorm() / (prior_px * prior_px);
   for (Eigen::Index k = 0; k < vessels.points.cols(); ++k) {
     const Eigen::Vector2d at = vessels.points.col(k) + laid.shift;
     const Eigen::Index i = match(seen, at, vessels.tangent[k], 2 * kScale_px);
     const double residual = i < 0 ? 0 : seen.normals.col(i).dot(seen.points.col(i) - at) / kScale_px;
-    cost += kMost * vessels.weight[k] * (i < 0 ? 1 : residual * residual / (1 + residual * residual));
+    cost += kMaxCost * vessels.weight[k] * (i < 0 ? 1 : residual * residual / (1 + residual * residual));
   }
   return cost;
 }
@@ -153,8 +153,8 @@ LocalOffsetEstimator::LocalOffsetEstimator(const VesselTree& tree, const PointOf
   }
 }
 
-std::optional<ImageShift> LocalOffsetEstimator::look(const Centerline2d& centerline, const XrayCamera& camera,
-                                                     const Pose& T_camera_model) const {
+std::optional<ImageShift> LocalOffsetEstimator::observe(const Centerline2d& centerline, const XrayCamera& camera,
+                                                        const Pose& T_camera_model) const {
   const Eigen::Vector3d target_camera = T_camera_model * place_.model;
   const auto target_px = camera.project(target_camera);
   if (!target_px || points_.cols() == 0 || centerline.size() == 0) return std::nullopt;

@@ -16,8 +16,8 @@ class LocalOffsetEstimator {
   LocalOffsetEstimator(const VesselTree& tree, const PointOfInterest& place);
 
   /// Nothing when no vessel near the place is in the image and in the picture.
-  std::optional<ImageShift> look(const Centerline2d& centerline, const XrayCamera& camera,
-                                 const Pose& T_camera_model) const;
+  std::optional<ImageShift> observe(const Centerline2d& centerline, const XrayCamera& camera,
+                                    const Pose& T_camera_model) const;
 
  private:
   Eigen::Matrix3Xd points_, tangents_;  // Model frame, within near_m, about kSpacing_m apart.

@@ -22,11 +22,11 @@ RegistrationSettings trackingOf(RegistrationSettings settings) {
   return settings;
 }
 
-std::unique_ptr<Registration> bendingOf(const PerceptionSettings& settings, const VesselTree& tree) {
+std::unique_ptr<Registration> deformableOf(const PerceptionSettings& settings, const VesselTree& tree) {
   if (!settings.tracker.follow_motion || !(settings.tracker.max_deformation_mm > 0)) return nullptr;
-  RegistrationSettings bending = trackingOf(settings.tracking);
-  std::visit([](auto& chosen) { chosen.deformation = Deformation::kNonrigid; }, bending);
-  return makeRegistration(bending, tree);
+  RegistrationSettings deformable = trackingOf(settings.tracking);
+  std::visit([](auto& chosen) { chosen.deformation = Deformation::kNonrigid; }, deformable);
+  return makeRegistration(deformable, tree);
 }
 
 double rms(const Eigen::Matrix3Xd& displacements_m) {
@@ -97,7 +97,7 @@ Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& c
       extractor_(makeExtractor(settings.extractor)),
       search_(makeRegistration(settings.search, tree)),
       tracking_(makeRegistration(trackingOf(settings.tracking), tree)),
-      bending_(bendingOf(settings, tree)),
+      deformable_(deformableOf(settings, tree)),
       tracker_(settings.tracker, carm, T_dsa_cb, tree.centroid()),
       place_(place) {
   if (!place_) return;
@@ -113,7 +113,7 @@ Observation Perception::observe(const XrayFrame& frame, const CArmState& state) 
   observation.centerline = vesselsToMatch(observation.curves);
   observation.image_s = stage.seconds();
 
-  look({XrayView{observation.centerline, frame.camera}}, placeOf(state), observation);
+  registerViews({XrayView{observation.centerline, frame.camera}}, placeOf(state), observation);
   return observation;
 }
 
@@ -121,18 +121,18 @@ Observation Perception::observe(const XrayViews& views, const CameraPlace& place
   Observation observation;
   observation.model_id = model_id_;
   observation.curves = observation.centerline = views.front().centerline;
-  look(views, place, observation);
+  registerViews(views, place, observation);
   return observation;
 }
 
-void Perception::look(const XrayViews& views, const CameraPlace& place, Observation& observation) {
+void Perception::registerViews(const XrayViews& views, const CameraPlace& place, Observation& observation) {
   const Stopwatch stage;
   observation.predicted = tracker_.predict(place);
   observation.tracked = tracker_.tracking();
   const PosePrior& predicted = observation.predicted;
   observation.registration = observation.tracked ? tracking_->align(views, predicted, predicted.T_camera_model)
                                                  : search_->search(views, predicted, search_starts_);
-  if (observation.tracked) bend(views, observation);
+  if (observation.tracked) fitDeformed(views, observation);
   if (observation.tracked) compareAlternatives(views, observation);
   if (place_ && observation.registration.status == RegistrationStatus::kConverged) {
     observation.place = seen(*place_, views.front().camera, observation);
@@ -149,20 +149,20 @@ Observation Perception::adopt(const RegistrationResult& registration, const CArm
   return observation;
 }
 
-// A tree that a breath deforms is explained in part by a rigid one, and called ambiguous or bent. The deformed fit
+// A tree that a breath deforms is explained in part by a rigid one, and called ambiguous or deformed. The deformed fit
 // decides: another tree, or none, needs a larger deformation than a breath causes. Where tracking has been lost no
 // deformed fit is made: a rigid pose has to stand against its alternatives first. What the deformed fit has found is no
 // longer open across the beam. Depth is, in one view: as far as either fit says.
-void Perception::bend(const XrayViews& views, Observation& observation) {
+void Perception::fitDeformed(const XrayViews& views, Observation& observation) {
   RegistrationResult& rigid = observation.registration;
-  const bool bent = rigid.status == RegistrationStatus::kConverged && seemsBent(rigid);
-  if (!bending_ || !rigid.covariance || (rigid.status != RegistrationStatus::kAmbiguous && !bent)) return;
-  const RegistrationResult deformed = bending_->align(views, observation.predicted, rigid.T_camera_model);
-  if (!explained(deformed) || deformed.displacements_m.cols() != bending_->tree().size() ||
+  const bool seems_deformed = rigid.status == RegistrationStatus::kConverged && seemsDeformed(rigid);
+  if (!deformable_ || !rigid.covariance || (rigid.status != RegistrationStatus::kAmbiguous && !seems_deformed)) return;
+  const RegistrationResult deformed = deformable_->align(views, observation.predicted, rigid.T_camera_model);
+  if (!explained(deformed) || deformed.displacements_m.cols() != deformable_->tree().size() ||
       !(rms(deformed.displacements_m) <= max_deformation_m_)) {
     return;
   }
-  const Eigen::Vector3d centroid = bending_->tree().centroid();
+  const Eigen::Vector3d centroid = deformable_->tree().centroid();
   const double deformed_m2 = depthVariance_m2(deformed, centroid);
   const double open_m2 = std::max(deformed_m2, depthVariance_m2(rigid, centroid));
   if (rigid.noise_covariance) rigid.covariance = rigid.noise_covariance;
@@ -172,8 +172,8 @@ void Perception::bend(const XrayViews& views, Observation& observation) {
   rigid.spread.reset();
   // Frames share what is believed of the pose, and must not seem to have found it each anew.
   if (deformed.points) rigid.points = std::make_shared<OpenInDepth>(deformed.points, open_m2 - deformed_m2);
-  rigid.displacements_m = countedFrom(rigid.T_camera_model, deformed, bending_->tree());
-  rigid.agreement = deformed.agreement;
+  rigid.displacements_m = countedFrom(rigid.T_camera_model, deformed, deformable_->tree());
+  rigid.alignment = deformed.alignment;
   rigid.evidence = deformed.evidence;
   rigid.status = RegistrationStatus::kConverged;
   rigid.reason.clear();
@@ -202,7 +202,7 @@ PointObservation Perception::seen(const PointOfInterest& place, const XrayCamera
     const Eigen::Vector3d deformed = result.T_camera_model * (place.model + displacements_m.col(place_point_));
     result.T_camera_model.pretranslate(deformed * (rigid.z() / deformed.z()) - rigid);
   }
-  if (nearby_) result.image_shift = nearby_->look(observation.centerline, camera, result.T_camera_model);
+  if (nearby_) result.image_shift = nearby_->observe(observation.centerline, camera, result.T_camera_model);
   return result;
 }
 

@@ -34,8 +34,8 @@ void ReadingSearch::tryNext(Perception& perception, const RegistrationGate& gate
   const Centerline2d read = readAs(reading, t.curves, t.camera);
   const RegistrationResult result = perception.observe({XrayView{read, t.camera}}, t.place).registration;
   const bool passes = !gate.rejection(result, perception.calibrated_T_camera_model(t.place), std::nullopt);
-  if (passes && result.agreement.score() > t.best_score) {
-    t.best_score = result.agreement.score();
+  if (passes && result.alignment.score() > t.best_score) {
+    t.best_score = result.alignment.score();
     t.best = reading;
   }
   if (t.next < t.readings.size()) return;

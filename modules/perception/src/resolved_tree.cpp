@@ -23,7 +23,7 @@ constexpr Eigen::Index kLookedAt = 64;  // Of the tree's points.
 // The second time with the way along the axis known.
 constexpr int kRounds = 2;
 
-// Where a registration has a point, with what the tree is bent by around it.
+// Where a registration has a point, with what the tree is deformed by around it.
 Eigen::Vector3d placeIn(const RegistrationResult& seen, const Eigen::Vector3d& p_model,
                         const Eigen::VectorXd& weights) {
   if (seen.displacements_m.cols() != weights.size()) return seen.T_camera_model * p_model;
@@ -42,12 +42,13 @@ ResolvedTree::ResolvedTree(const VesselTree& tree, const DepthFromMotion& fit, c
       R_camera_model_(fit_.T_camera_model.linear()),
       rotation_rad2_(fit_.covariance->bottomRightCorner<3, 3>()) {
   if (fit_.displacements_m.cols() != tree.size()) return;
-  // How a bent tree is turned is how the rigid one is that is nearest to it: of a fit, pose and deformation share it.
-  const Eigen::Matrix3Xd bent = fit_.T_camera_model * (tree.points() + fit_.displacements_m);
-  const Pose nearest(Eigen::umeyama(tree.points(), bent, false));
+  // How a deformed tree is turned is how the rigid one is that is nearest to it: of a fit, pose and deformation share
+  // it.
+  const Eigen::Matrix3Xd deformed = fit_.T_camera_model * (tree.points() + fit_.displacements_m);
+  const Pose nearest(Eigen::umeyama(tree.points(), deformed, false));
   R_camera_model_ = nearest.linear();
   // No point is further off than by its own uncertainty: as if all of that were a rotation.
-  const Eigen::Matrix3Xd centered = bent.colwise() - bent.rowwise().mean();
+  const Eigen::Matrix3Xd centered = deformed.colwise() - deformed.rowwise().mean();
   const double across_m2 = centered.topRows<2>().squaredNorm() / (2.0 * static_cast<double>(tree.size()));
   const Eigen::Index stride = std::max<Eigen::Index>(1, tree.size() / kLookedAt);
   double sum_m2 = 0;

@@ -149,8 +149,8 @@ class Comparison {
 
 }  // namespace
 
-AlignmentScore agreementOf(const VesselTree& tree, const Eigen::Matrix3Xd& points_model, const XrayViews& views,
-                           const Pose& T_camera_model, const AlignmentScoreGate& gate) {
+AlignmentScore alignmentScore(const VesselTree& tree, const Eigen::Matrix3Xd& points_model, const XrayViews& views,
+                              const Pose& T_camera_model, const AlignmentScoreGate& gate) {
   Tally model, image;
   for (const XrayView& view : views) {
     const Silhouette seen = silhouetteOf(tree, points_model, view, T_camera_model);

@@ -21,8 +21,8 @@ namespace angio::registration {
 namespace {
 
 // A cell whose poses differ by less than this in the image is not divided any more.
-constexpr double kSmallest_px = 0.2;
-constexpr int kMostDoubts = 1000;  // So many such cells, and it is over.
+constexpr double kMinRayCell_px = 0.2;
+constexpr int kMaxDoubts = 1000;  // So many such cells, and it is over.
 // Steps from the depth-mirrored pose to the best one near it.
 constexpr double kMirrorTurn_rad = 0.05, kMirrorDepth_m = 0.01, kMirrorRay = 2e-3;
 constexpr double kProgressEvery_s = 0.1;
@@ -52,11 +52,11 @@ class Search {
     {
       const PoseBounds bounds(samples_, raster_, view_, box_.center().linear());
       found_ = std::max(0, bounds.points(box_.found()));
-      most_ = bounds.mostPoints();
+      max_points_ = bounds.maxPoints();
     }
-    result.score = static_cast<double>(found_) / most_;
-    result.bound = found_ > 0 ? static_cast<double>(most_) / found_ : HUGE_VAL;
-    enough_ = static_cast<int>(std::ceil(settings_.rival_share * found_ - 1e-9));
+    result.score = static_cast<double>(found_) / max_points_;
+    result.bound = found_ > 0 ? static_cast<double>(max_points_) / found_ : HUGE_VAL;
+    enough_ = static_cast<int>(std::ceil(settings_.alternative_share * found_ - 1e-9));
     if (found_ == 0 || !(box_.found().translation().z() > 0)) {
       result.reason = "the image explains nothing of the tree under the found pose";
       return result;
@@ -87,11 +87,11 @@ class Search {
     result.proven = open < 0;
     // What was closed has less than enough.
     result.bound = static_cast<double>(std::max(open, enough_ - 1)) / found_;
-    if (rival_) {
-      result.rival = PoseCertificate::Rival{*rival_ * to_model_, static_cast<double>(rival_points_) / found_,
-                                            box_.distance_m(*rival_)};
-      result.reason = formatted("another pose, %.1f mm away, ", 1e3 * result.rival->distance_m) +
-                      formatted("has %.2f of the score", result.rival->share);
+    if (alternative_) {
+      result.alternative = PoseCertificate::Alternative{
+          *alternative_ * to_model_, static_cast<double>(alternative_points_) / found_, box_.distance_m(*alternative_)};
+      result.reason = formatted("another pose, %.1f mm away, ", 1e3 * result.alternative->distance_m) +
+                      formatted("has %.2f of the score", result.alternative->share);
     } else if (doubtful_ >= 0 && !outOfTime()) {
       result.reason = formatted("not proven: poses finer than the raster may have up to %.2f of the score",
                                 static_cast<double>(doubtful_) / found_);
@@ -112,7 +112,7 @@ class Search {
     long cells = 0;
     double closed = 0;
   };
-  enum class Ended { kDone, kOutOfTime, kRival, kTooSmall };
+  enum class Ended { kDone, kOutOfTime, kAlternative, kTooSmall };
 
   void openRoot() {
     const Eigen::Vector3d t = box_.center().translation(), extent = box_.halfExtent();
@@ -132,9 +132,9 @@ class Search {
     range(t.y() - extent.y(), t.y() + extent.y(), ray_y_, half_y);
     root_half_ray_ = root.half_ray = std::max(half_x, half_y);
     root.rays = {{0, 0}};
-    open_.resize(static_cast<std::size_t>(most_) + 1);
+    open_.resize(static_cast<std::size_t>(max_points_) + 1);
     open_.back().push_back(std::move(root));
-    highest_ = most_;
+    highest_ = max_points_;
   }
 
   void work(Worker& w, const CertificateProgress& progress) {
@@ -164,9 +164,9 @@ class Search {
       w.closed = 0;
       w.cells = 0;
       if (ended == Ended::kTooSmall) {
-        // Not closed, and not divided: there is no proof any more, but there may be a rival elsewhere.
+        // Not closed, and not divided: there is no proof any more, but there may be an alternative elsewhere.
         doubtful_ = std::max(doubtful_, bound);
-        stop_ = stop_ || ++doubts_ >= kMostDoubts;
+        stop_ = stop_ || ++doubts_ >= kMaxDoubts;
       } else if (ended == Ended::kDone) {
         // A part has no more than the whole.
         const int its = std::min(w.children_bound, bound);
@@ -185,7 +185,7 @@ class Search {
   Ended divide(Node& node, Worker& w) {
     w.children.clear();
     w.children_bound = 0;
-    const double turned_most_m = box_.turnedMost_m(node.cell);
+    const double max_turn_m = box_.maxTurn_m(node.cell);
     for (;;) {
       Eigen::AlignedBox2d rays;
       for (const auto& [i, j] : node.rays) {
@@ -200,9 +200,9 @@ class Search {
       for (const auto& [i, j] : node.rays) {
         if ((++looked & 1023) == 0 && outOfTime()) return Ended::kOutOfTime;
         const double x = rayOf(i, ray_x_, node.half_ray), y = rayOf(j, ray_y_, node.half_ray);
-        if (box_.outside(node.cell, x, y, node.half_ray) || box_.isFound(turned_most_m, x, y, node.half_ray)) continue;
+        if (box_.outside(node.cell, x, y, node.half_ray) || box_.isFound(max_turn_m, x, y, node.half_ray)) continue;
         ++w.cells;
-        const int most = w.bounds.atMost(x, y, enough_);
+        const int most = w.bounds.pointsBound(x, y, enough_);
         if (most < 0) continue;
         w.kept.emplace_back(i, j);
         if (most > bound) {
@@ -215,12 +215,12 @@ class Search {
         return Ended::kDone;
       }
       if (tryPose({node.cell.rotation, best.first, best.second, node.cell.depth}, node.cell, node.half_ray, w))
-        return Ended::kRival;
+        return Ended::kAlternative;
       if (outOfTime()) return Ended::kOutOfTime;
 
       const auto& effects = w.bounds.effects_px();
       const auto widest = std::max_element(effects.begin(), effects.end()) - effects.begin();
-      if (effects[widest] < kSmallest_px) return tryCorners(node, w) ? Ended::kRival : Ended::kTooSmall;
+      if (effects[widest] < kMinRayCell_px) return tryCorners(node, w) ? Ended::kAlternative : Ended::kTooSmall;
       if (widest == 4) {
         node.half_ray *= 0.5;
         node.rays.clear();
@@ -251,7 +251,7 @@ class Search {
     }
   }
 
-  // Whether a different pose of the box in a small cell is a rival; its middle may be the found one.
+  // Whether a different pose of the box in a small cell is an alternative; its middle may be the found one.
   bool tryCorners(const Node& node, Worker& w) {
     for (const auto& [i, j] : w.kept) {
       for (int corner = 0; corner < 64; ++corner) {
@@ -262,23 +262,23 @@ class Search {
         for (int k = 0; k < 3; ++k) at.rotation[k] += side(k) * node.cell.half[k];
         if (!box_.contains(at)) continue;
         const Pose T = box_.pose(at);
-        if (!box_.isFound(T) && isRival(at, w.bounds.points(T, enough_))) return true;
+        if (!box_.isFound(T) && isAlternative(at, w.bounds.points(T, enough_))) return true;
       }
     }
     return false;
   }
 
-  bool isRival(const PoseCoordinates& at, int points) {
+  bool isAlternative(const PoseCoordinates& at, int points) {
     if (points < enough_) return false;
     const std::lock_guard lock(mutex_);
-    if (points > rival_points_) {
-      rival_ = box_.pose(at);
-      rival_points_ = points;
+    if (points > alternative_points_) {
+      alternative_ = box_.pose(at);
+      alternative_points_ = points;
     }
     return true;
   }
 
-  // Whether a pose, or one near to it, is a rival.
+  // Whether a pose, or one near to it, is an alternative.
   bool tryPose(const PoseCoordinates& at, const PoseCell& cell, double half_ray, Worker& w) {
     if (!box_.contains(at)) return false;
     const Pose T = box_.pose(at);
@@ -288,7 +288,7 @@ class Search {
     best_points_ = points;
     const PoseCoordinates top = climbed(at, points, cell, half_ray, w);
     best_points_ = std::max<int>(best_points_, points);
-    return isRival(top, points);
+    return isAlternative(top, points);
   }
 
   // Up the score from a pose, in steps of its cell's size and smaller, among the different poses of the box.
@@ -334,7 +334,8 @@ class Search {
   const XrayView& view_;
   Eigen::Translation3d to_model_;
   Stopwatch began_;
-  int most_ = 0, found_ = 0, enough_ = 0;  // Points: the most, of the found pose, and those that make a rival.
+  int max_points_ = 0, found_ = 0,
+      enough_ = 0;  // Points: the most, of the found pose, and those that make an alternative.
   double ray_x_ = 0, ray_y_ = 0, root_half_ray_ = 0;
 
   std::mutex mutex_;
@@ -345,8 +346,8 @@ class Search {
   int left_open_ = -1;                   // Highest bound of nodes that were given up.
   bool stop_ = false;
   std::atomic<int> best_points_{0};
-  std::optional<Pose> rival_;  // Of the centred model.
-  int rival_points_ = 0;
+  std::optional<Pose> alternative_;  // Of the centred model.
+  int alternative_points_ = 0;
   double closed_ = 0;
   long cells_ = 0;
   int doubts_ = 0, doubtful_ = -1;  // Cells that were too small to be divided, and their highest bound.
@@ -364,14 +365,14 @@ double certifiedScore(const VesselTree& tree, const XrayView& view, const Pose& 
   const ExplainedRaster raster(view.centerline, view.camera);
   const PoseBounds bounds(samples, raster, view, Eigen::Matrix3d::Identity());
   const int points = std::max(0, bounds.points(T_camera_model * Eigen::Translation3d(tree.centroid())));
-  return static_cast<double>(points) / bounds.mostPoints();
+  return static_cast<double>(points) / bounds.maxPoints();
 }
 
 PoseCertificate certify(const VesselTree& tree, const XrayView& view, const Pose& box_center, const Pose& found,
                         const CertificateSettings& settings, const CertificateProgress& progress) {
   requireBetween("certificate", "box_rotation_deg", settings.box_rotation_deg, 0, 180);
   requireBetween("certificate", "box_translation_mm", settings.box_translation_mm, 0, 1000);
-  requireBetween("certificate", "rival_share", settings.rival_share, 0.01, 1);
+  requireBetween("certificate", "rival_share", settings.alternative_share, 0.01, 1);
   requireBetween("certificate", "distance_mm", settings.distance_mm, 0, 1000);
   requireBetween("certificate", "seconds", settings.seconds, 0, 1e6);
   requireBetween("certificate", "threads", settings.threads, 0, 256);

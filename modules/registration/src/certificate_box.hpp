@@ -96,13 +96,13 @@ class CertificateBox {
   }
   bool isFound(const Pose& T) const { return distance_m(T) <= distance_m_; }
 
-  /// Whether all poses of a cell are the found one; `turned_most_m` is the most that its rotations are turned.
-  bool isFound(double turned_most_m, double ray_x, double ray_y, double half_ray) const {
-    if (turned_most_m > distance_m_) return false;
+  /// Whether all poses of a cell are the found one; `max_turn_m` is the most that its rotations are turned.
+  bool isFound(double max_turn_m, double ray_x, double ray_y, double half_ray) const {
+    if (max_turn_m > distance_m_) return false;
     const double shifted = shifted_m(ray_x, ray_y) + std::sqrt(2.0) * half_ray * found_.translation().z();
-    return std::hypot(turned_most_m, shifted) <= distance_m_ * (1 - 1e-9);
+    return std::hypot(max_turn_m, shifted) <= distance_m_ * (1 - 1e-9);
   }
-  double turnedMost_m(const PoseCell& cell) const {
+  double maxTurn_m(const PoseCell& cell) const {
     return turned_m(expSO3(cell.rotation) * center_.linear()) + cell.half.norm() * std::sqrt(spread_.trace());
   }
 

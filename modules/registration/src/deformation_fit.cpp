@@ -9,7 +9,7 @@
 namespace angio::registration {
 namespace {
 
-// Modes are for bends of half the length too: of a stiffer field the lines that follow are the wrong ones.
+// Modes are for deformations of half the length too: of a stiffer field the lines that follow are the wrong ones.
 constexpr double kModesLength = 0.5;
 
 // On the fields: scales of 16 and 8 px, few points and the longest modes. An expectation-maximisation step goes too
@@ -29,7 +29,7 @@ constexpr double kWideGate_px = 5;  // While matches are this uncertain, fewer p
 constexpr int kWidePoints = 1000, kNarrowPoints = 1300;
 
 // What the model itself leaves unexplained, and the length of vessel over which that stays the same: the smooth modes
-// are no better than a pixel, and the pose must not bend to make up for it.
+// are no better than a pixel, and the pose must not change to make up for it.
 struct Misfit {
   double min_noise_px, together_px;
 };
@@ -209,7 +209,7 @@ class DeformationFit::Run {
         views.push_back({viewOf(v).camera, viewOf(v).T_view_centered, fit_.chosen_[v], fit_.matches_[v]});
       }
       const auto groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kPosteriorGroups);
-      if (groups.size() < static_cast<std::size_t>(kFewestGroups)) return;
+      if (groups.size() < static_cast<std::size_t>(kMinGroups)) return;
       const auto posterior =
           std::make_shared<DeformationPosterior>(groups, belief_, T_, 1e-3 * fit_.settings_.length_mm);
       if (!posterior->known()) return;

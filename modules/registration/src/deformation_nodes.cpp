@@ -18,36 +18,36 @@ DeformationNodes::DeformationNodes(const OrientedModel& model, double spacing_m)
   stretch_of_edge.resize(model.edges.size());
   std::vector<int> edge_of_child(place_of_point.size(), -1);
   for (std::size_t e = 0; e < model.edges.size(); ++e) edge_of_child[model.edges[e].second] = static_cast<int>(e);
-  for (const auto& chain : tree.branches()) {
-    std::vector<double> along(chain.size(), 0);
-    for (std::size_t k = 1; k < chain.size(); ++k) {
-      along[k] = along[k - 1] + (model.points.col(chain[k]) - model.points.col(chain[k - 1])).norm();
+  for (const auto& branch : tree.branches()) {
+    std::vector<double> along(branch.size(), 0);
+    for (std::size_t k = 1; k < branch.size(); ++k) {
+      along[k] = along[k - 1] + (model.points.col(branch[k]) - model.points.col(branch[k - 1])).norm();
     }
     const int pieces = std::max(1, static_cast<int>(std::lround(along.back() / spacing_m)));
     const double piece_m = std::max(1e-9, along.back() / pieces);
-    int& first = node_of_point[chain.front()];
+    int& first = node_of_point[branch.front()];
     if (first < 0) {
       first = static_cast<int>(nodes.size());
-      nodes.push_back(model.points.col(chain.front()));
+      nodes.push_back(model.points.col(branch.front()));
     }
     const int first_edge = static_cast<int>(edges.size());
     std::size_t k = 1;
     for (int piece = 1; piece <= pieces; ++piece) {
       edges.emplace_back(piece == 1 ? first : static_cast<int>(nodes.size()) - 1, static_cast<int>(nodes.size()));
-      while (k + 1 < chain.size() && along[k] < piece * piece_m) ++k;
+      while (k + 1 < branch.size() && along[k] < piece * piece_m) ++k;
       const double step = along[k] - along[k - 1];
       const double w = step > 0 ? std::clamp((piece * piece_m - along[k - 1]) / step, 0.0, 1.0) : 1.0;
-      nodes.push_back((1 - w) * model.points.col(chain[k - 1]) + w * model.points.col(chain[k]));
+      nodes.push_back((1 - w) * model.points.col(branch[k - 1]) + w * model.points.col(branch[k]));
     }
-    node_of_point[chain.back()] = static_cast<int>(nodes.size()) - 1;
-    for (std::size_t i = 0; i < chain.size(); ++i) {
+    node_of_point[branch.back()] = static_cast<int>(nodes.size()) - 1;
+    for (std::size_t i = 0; i < branch.size(); ++i) {
       const int piece = std::clamp(static_cast<int>(along[i] / piece_m), 0, pieces - 1);
-      place_of_point[chain[i]] = {first_edge + piece, std::clamp(along[i] / piece_m - piece, 0.0, 1.0)};
+      place_of_point[branch[i]] = {first_edge + piece, std::clamp(along[i] / piece_m - piece, 0.0, 1.0)};
       if (i == 0) continue;
       const double begin = along[i - 1] / piece_m, end = along[i] / piece_m;
       const int on = std::clamp(static_cast<int>(0.5 * (begin + end)), 0, pieces - 1);
-      stretch_of_edge[edge_of_child[chain[i]]] = {first_edge + on, std::clamp(begin - on, 0.0, 1.0),
-                                                  std::clamp(end - on, 0.0, 1.0)};
+      stretch_of_edge[edge_of_child[branch[i]]] = {first_edge + on, std::clamp(begin - on, 0.0, 1.0),
+                                                   std::clamp(end - on, 0.0, 1.0)};
     }
   }
   points.resize(3, nodes.size());

@@ -25,10 +25,11 @@ class DeformationPosterior final : public TreeError {
  public:
   /// Measured deformations are not drawn from the process: the errors' tails are wider than a normal distribution's.
   static constexpr double kTails = 2.2;
-  /// Trees that bend smoothly grow by more than the process of a rigid fit's errors has it: depth is then the belief's.
+  /// Trees that deform smoothly grow by more than the process of a rigid fit's errors has it: depth is then the
+  /// belief's.
   static constexpr double kGrowth = 8;
 
-  /// @param groups    About T_camera_centered and no displacement; at least kFewestGroups.
+  /// @param groups    About T_camera_centered and no displacement; at least kMinGroups.
   /// @param belief    Of the pose before the image.
   /// @param length_m  Over which a deformation goes together.
   /// @param tails     Factor on the amplitude that the residuals speak for.

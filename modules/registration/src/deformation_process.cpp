@@ -12,7 +12,7 @@ namespace {
 
 // Variances of the linear part of a deformation at the tree's radius of gyration, over that of the smooth one: a
 // displacement whose nine gradients are free, and growth alike on all axes. Measured motions of lungs carried over to
-// brains: with a quarter of it the depth of a tree bent by 1 mm is claimed too well in one trial of five.
+// brains: with a quarter of it the depth of a tree deformed by 1 mm is claimed too well in one trial of five.
 constexpr double kStrain = 2;
 
 // As much varies over half the length as over the whole. Measured motions carried over to brains: with the whole alone
@@ -33,7 +33,7 @@ constexpr std::array<double, 4> kLocalError_m = {0.01e-3, 0.06e-3, 0.12e-3, 0.2e
 // How many neighbouring points of a centreline err alike: drawn ones singly, extracted ones by the filter's width.
 constexpr std::array<double, 2> kTogether = {1, 5};
 constexpr double kFloor_px = 0.05;
-constexpr std::size_t kMostAsked = 64;
+constexpr std::size_t kMaxAsked = 64;
 
 Eigen::ArrayXXd distances(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
   Eigen::MatrixXd squares = -2 * a.transpose() * b;
@@ -147,7 +147,7 @@ Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups) {
 }
 
 ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGroup> all) {
-  const ResidualArrays groups(thinnedTo(kMostAsked, std::move(all)));
+  const ResidualArrays groups(thinnedTo(kMaxAsked, std::move(all)));
   const Eigen::MatrixXd deformed = process.ofResiduals(groups), local = localErrorOfResiduals(groups);
   const Eigen::Index n = deformed.rows();
   const Eigen::Matrix<double, Eigen::Dynamic, 7> design = designOf(groups);

@@ -95,6 +95,6 @@ double restrictedLogLikelihood(const DeformationProcess& process, const std::vec
                                const Moments& moments, const ErrorSizes& sizes);
 
 /// With fewer observations beyond the pose's six unknowns nothing can be told of a deformation.
-inline constexpr int kFewestGroups = 12;
+inline constexpr int kMinGroups = 12;
 
 }  // namespace angio::registration

@@ -17,22 +17,22 @@ namespace angio::registration {
 namespace {
 
 // Observations that take part: the system is of their number.
-constexpr std::size_t kMostGroups = 1200;
+constexpr std::size_t kMaxGroups = 1200;
 constexpr int kRounds = 2;
 // Over which a deformation goes together, as for a single image.
 const double kLength_m = 1e-3 * DeformationSettings().length_mm;
 // A residual so many standard deviations off was matched with another vessel.
 constexpr double kMismatch = 4;
 
-// The patient moves across the axis of the turn by about as much as along it, and half of that bends the tree. The way
-// in and the way out of a breath differ: a third of the motion lags or leads.
-constexpr double kAcross = 1, kBends = 0.5, kOfLag = 0.33;
+// The patient moves across the axis of the turn by about as much as along it, and half of that deforms the tree. The
+// way in and the way out of a breath differ: a third of the motion lags or leads.
+constexpr double kAcross = 1, kDeforms = 0.5, kOfLag = 0.33;
 constexpr std::array<double, 4> kLags_s = {-0.4, -0.2, 0.2, 0.4};
 constexpr double kStill_m = 0.1e-3;
 
 // How far a frame may be off for itself, per axis [m].
 constexpr std::array<double, 5> kUnexplained_m = {0.01e-3, 0.05e-3, 0.15e-3, 0.4e-3, 1e-3};
-constexpr std::size_t kMostAsked = 120;
+constexpr std::size_t kMaxAsked = 120;
 
 struct Chosen {
   std::vector<const MovingFrame*> frames;
@@ -49,7 +49,7 @@ Chosen choose(const std::vector<MovingFrame>& frames) {
     if (frame.evidence && !frame.evidence->groups.empty()) all.push_back(&frame);
   }
   Chosen chosen;
-  const std::size_t count = std::min(all.size(), kMostFrames);
+  const std::size_t count = std::min(all.size(), kMaxTurnFrames);
   for (std::size_t k = 0; k < count; ++k) {
     chosen.frames.push_back(count > 1 ? all[k * (all.size() - 1) / (count - 1)] : all[k]);
   }
@@ -116,8 +116,8 @@ Moments momentsOf(const Signal& signal, std::vector<Eigen::Index> of_group, doub
   moments.of_group = std::move(of_group);
   moments.shift_m2 = moves;
   moments.shift_m2.diagonal().array() += unexplained_m * unexplained_m;
-  const double bends = kBends / std::max(0.1e-3, amplitude_m);
-  moments.deformation = bends * bends * moves;
+  const double deforms = kDeforms / std::max(0.1e-3, amplitude_m);
+  moments.deformation = deforms * deforms * moves;
   moments.deformation.array() += 1;
   return moments;
 }
@@ -126,7 +126,7 @@ Moments momentsOf(const Signal& signal, std::vector<Eigen::Index> of_group, doub
 class Window {
  public:
   Window(const Chosen& chosen, const Pose& T_patient_centered) : T_patient_centered_(T_patient_centered) {
-    const std::size_t each = std::max<std::size_t>(8, kMostGroups / chosen.frames.size());
+    const std::size_t each = std::max<std::size_t>(8, kMaxGroups / chosen.frames.size());
     for (std::size_t f = 0; f < chosen.frames.size(); ++f) {
       const FrameEvidence& evidence = *chosen.frames[f]->evidence;
       const std::size_t stride = (evidence.groups.size() + each - 1) / each;
@@ -212,7 +212,7 @@ double unexplainedBy(const std::vector<ResidualGroup>& groups, const std::vector
                      const Signal& signal, const ErrorSizes& sizes, double length_m) {
   std::vector<ResidualGroup> some;
   std::vector<Eigen::Index> their;
-  const std::size_t stride = (groups.size() + kMostAsked - 1) / kMostAsked;
+  const std::size_t stride = (groups.size() + kMaxAsked - 1) / kMaxAsked;
   for (std::size_t i = 0; i < groups.size(); i += stride) {
     some.push_back(groups[i]);
     their.push_back(of_group[i]);
@@ -241,12 +241,12 @@ double unexplainedBy(const std::vector<ResidualGroup>& groups, const std::vector
 std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& frames, const XrayView& view,
                                                const PosePrior& prior, const VesselTree& tree) {
   const Chosen chosen = choose(frames);
-  if (chosen.frames.size() < static_cast<std::size_t>(kFewestFrames) || !(chosen.turn_rad >= kFewestTurn_rad)) {
+  if (chosen.frames.size() < static_cast<std::size_t>(kMinTurnFrames) || !(chosen.turn_rad >= kMinBeamTurn_rad)) {
     return std::nullopt;
   }
   const MovingFrame& newest = *chosen.frames.back();
   const FrameEvidence& evidence = *newest.evidence;
-  if (evidence.groups.size() < static_cast<std::size_t>(kFewestGroups)) return std::nullopt;
+  if (evidence.groups.size() < static_cast<std::size_t>(kMinGroups)) return std::nullopt;
   const Pose T_patient_camera = newest.T_camera_patient.inverse();
   const Signal signal = signalOf(chosen);
   const ErrorSizes sizes =
@@ -259,7 +259,7 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   std::shared_ptr<const DeformationPosterior> posterior;
   double unexplained_m = 0;
   for (int round = 0; round < kRounds; ++round) {
-    if (window.size() < static_cast<std::size_t>(kFewestGroups)) return std::nullopt;
+    if (window.size() < static_cast<std::size_t>(kMinGroups)) return std::nullopt;
     const auto groups = window.groups();
     if (round == 0) unexplained_m = unexplainedBy(groups, window.moments(), signal, sizes, kLength_m);
     posterior = std::make_shared<DeformationPosterior>(
@@ -278,7 +278,7 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   setUncertainty(posterior, centered, T_camera_centered, evidence.centroid, seen);
   seen.points_3d = tree.size();
   seen.points_2d = view.centerline.size();
-  seen.agreement = agreementOf(tree, tree.points() + seen.displacements_m, {view}, seen.T_camera_model);
+  seen.alignment = alignmentScore(tree, tree.points() + seen.displacements_m, {view}, seen.T_camera_model);
   classify(tree, seen);
   result.turn_rad = chosen.turn_rad;
   result.axis = chosen.axis;

@@ -54,10 +54,10 @@ int directionBin(double du, double dv) {
 // two of them.
 double smoothedDirection(const OrientedPoints& points, int begin, int end, int j) {
   const auto apart = [&](int a, int b) { return std::hypot(points.u[a] - points.u[b], points.v[a] - points.v[b]); };
-  const auto reached = [&](int limit, int way) {
+  const auto reached = [&](int limit, int direction) {
     int at = j;
-    for (double along = 0; at != limit; at += way) {
-      const double step = apart(at, at + way);
+    for (double along = 0; at != limit; at += direction) {
+      const double step = apart(at, at + direction);
       along += step;
       if (along > kSmooth_px || step > kGap_px) break;
     }

@@ -33,10 +33,9 @@ constexpr float kOutlierMass = 0.5f;
 constexpr double kApart_m = 3e-3, kApart_rad = 0.035;
 
 KernelField::Region around(const OrientedPoints& points, double margin_px) {
-  const auto [u_least, u_most] = std::minmax_element(points.u.begin(), points.u.end());
-  const auto [v_least, v_most] = std::minmax_element(points.v.begin(), points.v.end());
-  return {*u_least - margin_px, *v_least - margin_px, *u_most - *u_least + 2 * margin_px,
-          *v_most - *v_least + 2 * margin_px};
+  const auto [u_min, u_max] = std::minmax_element(points.u.begin(), points.u.end());
+  const auto [v_min, v_max] = std::minmax_element(points.v.begin(), points.v.end());
+  return {*u_min - margin_px, *v_min - margin_px, *u_max - *u_min + 2 * margin_px, *v_max - *v_min + 2 * margin_px};
 }
 
 }  // namespace
@@ -105,10 +104,10 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
   const KernelField& field = frame.field(0, 0);
   const float step_px = field.cell_px();
   // The detector in cells of the field, which may cover less.
-  const int column_least = static_cast<int>(std::floor(-field.u_origin_px() / step_px)),
-            row_least = static_cast<int>(std::floor(-field.v_origin_px() / step_px));
-  const int column_most = column_least + static_cast<int>(view.camera.width_px() / step_px),
-            row_most = row_least + static_cast<int>(view.camera.height_px() / step_px);
+  const int column_min = static_cast<int>(std::floor(-field.u_origin_px() / step_px)),
+            row_min = static_cast<int>(std::floor(-field.v_origin_px() / step_px));
+  const int column_max = column_min + static_cast<int>(view.camera.width_px() / step_px),
+            row_max = row_min + static_cast<int>(view.camera.height_px() / step_px);
   std::vector<int> column, row;
   std::vector<float> cos2, sin2, weight;
   std::vector<PoseCandidate> found;
@@ -149,7 +148,7 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
         float fit = 0, seen = 0;
         for (std::size_t i = 0; i < column.size(); ++i) {
           const int c = column[i] + du, r = row[i] + dv;
-          if (c < column_least || r < row_least || c > column_most || r > row_most) continue;
+          if (c < column_min || r < row_min || c > column_max || r > row_max) continue;
           seen += weight[i];
           if (c < 0 || r < 0 || c >= field.columns() || r >= field.rows()) continue;
           const float* cell = field.cells() + 4 * (static_cast<std::size_t>(r) * field.columns() + c);

@@ -12,8 +12,9 @@ namespace angio::registration {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-void look(const RawPoints& points, const RawView& view, const KernelField& field, const std::vector<HalfPlane>& planes,
-          const PullWeight& weighing, RawNormalEquations& equations, FieldSums& out) {
+void samplePoints(const RawPoints& points, const RawView& view, const KernelField& field,
+                  const std::vector<HalfPlane>& planes, const PullWeight& weighing, RawNormalEquations& equations,
+                  FieldSums& out) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   using V = decltype(hn::Zero(d));
@@ -131,7 +132,7 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace angio::registration {
-HWY_EXPORT(look);
+HWY_EXPORT(samplePoints);
 
 ModelPoints ModelPoints::of(const Eigen::Matrix3Xd& points_centered, const Eigen::Matrix3Xd& tangents,
                             const Eigen::VectorXd& weights, int stride) {
@@ -178,7 +179,7 @@ FieldSums sampleField(const ModelPoints& model, const KernelField& field, const 
   RawNormalEquations equations;
   FieldSums sums;
   const RawView seen = rawView(camera, T_view_centered);
-  HWY_DYNAMIC_DISPATCH(look)(model.raw(), seen, field, field_of_view, weight, equations, sums);
+  HWY_DYNAMIC_DISPATCH(samplePoints)(model.raw(), seen, field, field_of_view, weight, equations, sums);
   equations.addTo(sums.H, sums.g);
   return sums;
 }

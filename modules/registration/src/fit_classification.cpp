@@ -13,7 +13,7 @@
 namespace angio::registration {
 namespace {
 
-constexpr int kFewestPoints = 12;
+constexpr int kMinPoints = 12;
 
 // Right poses of fully visible trees, from rendered X-ray images with the tangles and stubs an extractor misses,
 // explain 73 % or more of the model and 85 % of the image (score 0.62); wrong poses, noise images and other patients'
@@ -34,16 +34,16 @@ constexpr double kAmbiguousShare = 0.9;
 // right ones on half of a tree 3 are less sure than both limits, and 27 of 33 wrong ones that everything else spoke
 // for.
 constexpr double kMaxSpread_m = 3e-3, kAloneMaxSpread_m = 1e-3;
-// A bent tree that the image explains well keeps its place in the image; its depth is open, and the covariance says so.
-// Who needs depth has to look at it. An image that explains little keeps neither: of a tree bent by 3 mm residuals are
-// as wide as the distances between vessels, and no longer tell how much it is bent.
+// A deformed tree that the image explains well keeps its place in the image; its depth is open, and the covariance says
+// so. Who needs depth has to look at it. An image that explains little keeps neither: of a tree deformed by 3 mm
+// residuals are as wide as the distances between vessels, and no longer tell how much it is deformed.
 constexpr double kMaxAcross_m = 5e-3;
 // From this on a deformation is worth a word.
-constexpr double kBent_m = 0.3e-3;
+constexpr double kDeformed_m = 0.3e-3;
 
 // A deformation larger than this (rms over the tree) is more than breathing: livers move by up to 25 mm with breath,
-// most of it as one. A stent's wires or a table bend a tree further. Nonrigid points can follow any line, also one that
-// is no vessel of this tree, so that such a fit has to explain nearly all that the image shows.
+// most of it as one. A stent's wires or a table deform a tree further. Nonrigid points can follow any line, also one
+// that is no vessel of this tree, so that such a fit has to explain nearly all that the image shows.
 constexpr double kLargeDeformation_m = 10e-3, kLargeImageShare = 0.8;
 
 double rms(const Eigen::Matrix3Xd& displacements_m) {
@@ -57,7 +57,7 @@ std::string percent(double share) { return std::to_string(static_cast<int>(100 *
 
 Matrix6d symmetric(const Matrix6d& C) { return 0.5 * (C + C.transpose()); }
 
-// What an agreement must reach.
+// What an alignment score must reach.
 struct Threshold {
   double share, score;
   PlaceSpread spread;
@@ -87,32 +87,32 @@ std::optional<std::string> leftOpen(const Threshold& threshold, const VesselTree
   if (within && spread.across_m <= threshold.spread.across_m) return std::nullopt;
   std::string what = "the image leaves the pose open by more than " + millimetres(threshold.spread.noise_m);
   if (within) what = formatted("the image leaves the place across the beam open by %.1f mm", 1e3 * spread.across_m);
-  if (!seemsBent(result)) return what;
+  if (!seemsDeformed(result)) return what;
   return what + ": the tree seems bent by " + formatted("%.1f mm", 1e3 * result.deformation_std_m);
 }
 
 // Why a large deformation is not believed, where there is one.
-std::optional<std::string> bentTooFar(const RegistrationResult& result) {
+std::optional<std::string> deformedTooFar(const RegistrationResult& result) {
   const double deformation_m = rms(result.displacements_m);
-  if (deformation_m <= kLargeDeformation_m || result.agreement.image_explained >= kLargeImageShare) return std::nullopt;
+  if (deformation_m <= kLargeDeformation_m || result.alignment.image_explained >= kLargeImageShare) return std::nullopt;
   return "the tree had to be deformed by " + millimetres(deformation_m) + ", and the model explains " +
-         percent(result.agreement.image_explained) + " of the image, less than " + percent(kLargeImageShare);
+         percent(result.alignment.image_explained) + " of the image, less than " + percent(kLargeImageShare);
 }
 
-void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationResult& result) {
-  const AlignmentScore& a = result.agreement;
+void classifyBy(const Threshold& threshold, const VesselTree& tree, RegistrationResult& result) {
+  const AlignmentScore& a = result.alignment;
   const double most = std::max(a.model_explained, a.image_explained);
   result.status = RegistrationStatus::kAmbiguous;
   result.reason = "image explains " + percent(a.model_explained) + " of the model in view, model explains " +
                   percent(a.image_explained) + " of the image";
-  if (!result.T_camera_model.matrix().allFinite() || !result.covariance || a.model_points < kFewestPoints) {
+  if (!result.T_camera_model.matrix().allFinite() || !result.covariance || a.model_points < kMinPoints) {
     result.status = RegistrationStatus::kDiverged;
     result.reason = "no model in view, or no full-rank system at the solution";
   } else if (!reaches(a, threshold.share, threshold.score)) {
     if (most < kDivergedShare) result.status = RegistrationStatus::kDiverged;
   } else if (result.last_step_px > kAtRest_px) {
     result.reason = "the solver had not come to rest";
-  } else if (const auto why = bentTooFar(result)) {
+  } else if (const auto why = deformedTooFar(result)) {
     result.reason = *why;
   } else if (const auto open = leftOpen(threshold, tree, result)) {
     result.reason = *open;
@@ -125,19 +125,19 @@ void judgeBy(const Threshold& threshold, const VesselTree& tree, RegistrationRes
 }  // namespace
 
 bool tooFewPoints(RegistrationResult& result) {
-  if (result.points_3d >= kFewestPoints && result.points_2d >= kFewestPoints) return false;
+  if (result.points_3d >= kMinPoints && result.points_2d >= kMinPoints) return false;
   result.status = RegistrationStatus::kTooFewPoints;
   result.reason = std::to_string(result.points_3d) + " model and " + std::to_string(result.points_2d) +
-                  " image points, at least " + std::to_string(kFewestPoints) + " of each are needed";
+                  " image points, at least " + std::to_string(kMinPoints) + " of each are needed";
   return true;
 }
 
-bool seemsBent(const RegistrationResult& result) { return result.deformation_std_m > kBent_m; }
+bool seemsDeformed(const RegistrationResult& result) { return result.deformation_std_m > kDeformed_m; }
 
 bool explained(const RegistrationResult& result) {
   return result.T_camera_model.matrix().allFinite() && result.covariance &&
-         result.agreement.model_points >= kFewestPoints && reaches(result.agreement, kUsual.share, kUsual.score) &&
-         result.last_step_px <= kAtRest_px && !bentTooFar(result);
+         result.alignment.model_points >= kMinPoints && reaches(result.alignment, kUsual.share, kUsual.score) &&
+         result.last_step_px <= kAtRest_px && !deformedTooFar(result);
 }
 
 double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const VesselTree& tree) {
@@ -150,17 +150,17 @@ double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const Ve
   return std::sqrt(std::max(0.0, variance_m2));
 }
 
-void classify(const VesselTree& tree, RegistrationResult& result) { judgeBy(kUsual, tree, result); }
+void classify(const VesselTree& tree, RegistrationResult& result) { classifyBy(kUsual, tree, result); }
 
 void classifyAgainst(double alternative_share, const VesselTree& tree, RegistrationResult& result) {
-  const bool usual = reaches(result.agreement, kUsual.share, kUsual.score);
+  const bool usual = reaches(result.alignment, kUsual.share, kUsual.score);
   // A deformed tree follows any line near by: that nothing else fits does not speak for it.
   const bool deformed = rms(result.displacements_m) > 0;
-  judgeBy(alternative_share <= kAloneShare && !usual && !deformed ? kAlone : kUsual, tree, result);
-  compareWithRival(alternative_share, result);
+  classifyBy(alternative_share <= kAloneShare && !usual && !deformed ? kAlone : kUsual, tree, result);
+  compareWithAlternative(alternative_share, result);
 }
 
-void compareWithRival(double alternative_share, RegistrationResult& result) {
+void compareWithAlternative(double alternative_share, RegistrationResult& result) {
   result.ambiguity = alternative_share;
   if (result.status == RegistrationStatus::kConverged && alternative_share > kAmbiguousShare) {
     result.status = RegistrationStatus::kAmbiguous;

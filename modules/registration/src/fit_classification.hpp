@@ -14,7 +14,7 @@ namespace angio::registration {
 Matrix6d covarianceAboutCentroid(const Matrix6d& of_result, const Pose& T_camera_model,
                                  const Eigen::Vector3d& centroid_model);
 
-/// The way back: from PosePrior's covariance to RegistrationResult's.
+/// The inverse: from PosePrior's covariance to RegistrationResult's.
 Matrix6d covarianceOfResult(const Matrix6d& about_centroid, const Pose& T_camera_model,
                             const Eigen::Vector3d& centroid_model);
 
@@ -28,8 +28,9 @@ bool tooFewPoints(RegistrationResult& result);
 /// the points [m].
 double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const VesselTree& tree);
 
-/// Sets status and reason from the agreement of model and image, and from how well the image determines the pose, of a
-/// rigid and of a deformed tree alike: depth under deformation is open in one view, so that such a result is ambiguous.
+/// Sets status and reason from the alignment score of model and image, and from how well the image determines the pose,
+/// of a rigid and of a deformed tree alike: depth under deformation is open in one view, so that such a result is
+/// ambiguous.
 void classify(const VesselTree& tree, RegistrationResult& result);
 
 /// The same when it is known how well the best different pose does (score over this pose's, 0 to 1): one that fits
@@ -38,7 +39,7 @@ void classify(const VesselTree& tree, RegistrationResult& result);
 void classifyAgainst(double alternative_share, const VesselTree& tree, RegistrationResult& result);
 
 /// Sets the ambiguity to how well the best different pose does; one that fits nearly as well makes a fit ambiguous.
-void compareWithRival(double alternative_share, RegistrationResult& result);
+void compareWithAlternative(double alternative_share, RegistrationResult& result);
 
 /// Covariance as RegistrationResult defines it, from the system at the solution and the pulls of all views; nothing
 /// when it is not of full rank.

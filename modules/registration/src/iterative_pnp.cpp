@@ -131,7 +131,7 @@ class IterativePnp final : public Registration {
       result.displacements_m = model_.ofOriginal(displacements);
       result.times.nonrigid_s = nonrigid_began.seconds();
     }
-    result.agreement = agreementOf(model_.tree, points, frame.views(), result.T_camera_model);
+    result.alignment = alignmentScore(model_.tree, points, frame.views(), result.T_camera_model);
     classify(tree(), result);
     result.times.total_s = began.seconds();
     return result;

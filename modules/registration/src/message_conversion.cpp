@@ -19,7 +19,7 @@ RegistrationMessage registrationMessage(const RegistrationResult& seen, ModelId 
   if (seen.covariance && seen.covariance->allFinite() && seen.covariance->diagonal().minCoeff() >= 0) {
     message.covariance = *seen.covariance;
   }
-  if (std::isfinite(seen.agreement.model_residual_px)) message.mean_residual_px = seen.agreement.model_residual_px;
+  if (std::isfinite(seen.alignment.model_residual_px)) message.mean_residual_px = seen.alignment.model_residual_px;
   message.points_3d = seen.points_3d;
   message.points_2d = seen.points_2d;
   return message;
@@ -32,7 +32,7 @@ RegistrationResult registrationResult(const RegistrationMessage& message) {
   result.T_camera_model = message.T_camera_model;
   // Zero is what a message says that knows none.
   if (message.covariance.diagonal().minCoeff() > 0) result.covariance = message.covariance;
-  result.agreement.model_residual_px = message.mean_residual_px;
+  result.alignment.model_residual_px = message.mean_residual_px;
   result.points_3d = message.points_3d;
   result.points_2d = message.points_2d;
   return result;

@@ -14,7 +14,7 @@ ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d&
                        double length_m) {
   twist_ = noise_ = inverseOf(information);
   const auto n = static_cast<Eigen::Index>(groups.size());
-  if (n < kFewestGroups) return;
+  if (n < kMinGroups) return;
   groups_ = ResidualArrays(groups);
   process_ = DeformationProcess(groups, length_m);
   const Eigen::MatrixXd deformed = process_.ofResiduals(groups_);

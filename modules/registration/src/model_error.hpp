@@ -10,14 +10,14 @@
 
 namespace angio::registration {
 
-/// The error of a rigid fit to a tree that may be bent.
+/// The error of a rigid fit to a tree that may be deformed.
 ///
-/// A tree that is bent, or was traced a little wrong, leaves residuals that go together along vessels and over
+/// A tree that is deformed, or was traced a little wrong, leaves residuals that go together along vessels and over
 /// centimetres, and the pose has followed them. How large both are is found from the residuals (errorSizes). The fit,
 /// which did not know of the deformation, is a known linear function of it, and so is the error of every point.
 class ModelError final : public TreeError {
  public:
-  /// @param groups       Of the fit where it came to rest; some dozens. With fewer than kFewestGroups no deformation is
+  /// @param groups       Of the fit where it came to rest; some dozens. With fewer than kMinGroups no deformation is
   ///                     told.
   /// @param information  Of the fit (6 x 6, twist about the centroid, prior included).
   /// @param currency     What a squared residual counts in it [1/px^2].

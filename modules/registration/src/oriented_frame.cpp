@@ -30,7 +30,7 @@ KernelField::Region reachOf(const OrientedPoints& points, double scale_px, const
   return {u_first, v_first, u_last - u_first, v_last - v_first};
 }
 
-constexpr double kLargest_px = 8192;  // No detector is larger: what lies beyond does not count.
+constexpr double kMaxPixel_px = 8192;  // No detector is larger: what lies beyond does not count.
 
 Eigen::Vector2f doubleAngle(double tangent_rad) {
   const auto twice = static_cast<float>(2 * tangent_rad);
@@ -101,10 +101,10 @@ void addBranch(const Centerline2d& c, const Certainty& certainty, Eigen::Index f
 void massFromDensity(OrientedPoints& points) {
   constexpr double kScale_px = 8;
   KernelField field;
-  const auto [u_least, u_most] = std::minmax_element(points.u.begin(), points.u.end());
-  const auto [v_least, v_most] = std::minmax_element(points.v.begin(), points.v.end());
-  const Eigen::Vector2d least = Eigen::Vector2d(*u_least, *v_least).cwiseMax(-kLargest_px);
-  const Eigen::Vector2d size = (Eigen::Vector2d(*u_most, *v_most) - least).cwiseMin(kLargest_px).cwiseMax(1.0);
+  const auto [u_min, u_max] = std::minmax_element(points.u.begin(), points.u.end());
+  const auto [v_min, v_max] = std::minmax_element(points.v.begin(), points.v.end());
+  const Eigen::Vector2d least = Eigen::Vector2d(*u_min, *v_min).cwiseMax(-kMaxPixel_px);
+  const Eigen::Vector2d size = (Eigen::Vector2d(*u_max, *v_max) - least).cwiseMin(kMaxPixel_px).cwiseMax(1.0);
   field.build(points, kScale_px, {least.x(), least.y(), size.x(), size.y()});
   std::vector<double> sums;
   for (int i = 0; i < points.size(); ++i)

@@ -40,11 +40,11 @@ constexpr double kSameScore = 0.02, kSameResidual_px = 0.05;
 constexpr double kWorthDeforming = 0.5;
 // Alternatives that are deformed; and how near to each other two deformed trees lie that are one answer: across the
 // beam, rms, and along it in standard deviations of what is claimed.
-constexpr int kMostDeformed = 3;
+constexpr int kMaxDeformed = 3;
 constexpr double kSamePlace_m = 3e-3, kSameDepthStds = 3;
 // What fits to the wrong tree reach: below that score, with an alternative that does nearly as well, nothing has been
 // found.
-constexpr double kChanceScore = 0.12, kChanceRival = 0.5;
+constexpr double kChanceScore = 0.12, kChanceAlternative = 0.5;
 // The belief with its translations as uncertain as far as shifts are searched.
 PosePriorTerm shiftsFreed(PosePriorTerm belief) {
   Vector6d scale = Vector6d::Ones();
@@ -69,15 +69,15 @@ PosePrior beforeSearch(PosePrior prior, const StartSettings& starts) {
 }
 
 // Outlier masses of a search: some of the branches may be empty of contrast agent, or most of them.
-constexpr double kSomeEmpty = 5, kMostEmpty = 50;
+constexpr double kSomeEmpty = 5, kMaxEmpty = 50;
 
 // One pass of a search: how far the belief is widened, and what a point without a match means.
 struct Attempt {
   double widened, outlier_mass;
 };
 // The first that settles the question is the last.
-constexpr Attempt kAttempts[] = {{1, kSomeEmpty},   {1, kMostEmpty}, {1.8, kSomeEmpty},
-                                 {1.8, kMostEmpty}, {3, kSomeEmpty}, {3, kMostEmpty}};
+constexpr Attempt kAttempts[] = {{1, kSomeEmpty},  {1, kMaxEmpty},  {1.8, kSomeEmpty},
+                                 {1.8, kMaxEmpty}, {3, kSomeEmpty}, {3, kMaxEmpty}};
 constexpr double kWidest = 3;
 // Of the belief, around what has been found.
 constexpr double kNearby = 0.5;
@@ -142,7 +142,7 @@ class OrientedKernel final : public Registration {
     const auto belief = begin(views, beforeSearch(prior, starts), prior.T_camera_model, result);
     if (!belief) return result;
     bool first = true;
-    std::vector<PoseCandidate> rivals;
+    std::vector<PoseCandidate> alternatives;
     // Fits the candidates under a belief and keeps the best of them if it is better than what there is.
     const auto take = [&](PosePriorTerm wide, std::vector<PoseCandidate> candidates) {
       // A small image says little about where it may be: what it does say must not be outweighed by a start that is far
@@ -157,17 +157,17 @@ class OrientedKernel final : public Registration {
       const Pose rigid = centered(found.T_camera_model);
       deform(wide, found);
       // Draws around one pose know no other: what earlier ones came upon is asked as well.
-      rivals.insert(rivals.end(), candidates.begin(), candidates.end());
-      classifyAlternatives(wide, rigid, rivals, found);
-      const auto merit = [](const RegistrationResult& r) { return r.agreement.score() * (1 - *r.ambiguity); };
+      alternatives.insert(alternatives.end(), candidates.begin(), candidates.end());
+      classifyAlternatives(wide, rigid, alternatives, found);
+      const auto merit = [](const RegistrationResult& r) { return r.alignment.score() * (1 - *r.ambiguity); };
       const bool is_better = first || merit(found) > merit(result);
       if (is_better) result = found;
       first = false;
       return is_better;
     };
-    const auto byLuck = [&] { return result.agreement.score() < kChanceScore; };
+    const auto byLuck = [&] { return result.alignment.score() < kChanceScore; };
     const auto settled = [&] {
-      const bool alone = *result.ambiguity < kChanceRival && !byLuck() && result.last_step_px <= kAtRest_px;
+      const bool alone = *result.ambiguity < kChanceAlternative && !byLuck() && result.last_step_px <= kAtRest_px;
       return small_ || result.status == RegistrationStatus::kConverged || alone;
     };
     for (const Attempt& attempt : kAttempts) {
@@ -282,9 +282,9 @@ class OrientedKernel final : public Registration {
     std::vector<Pose> known{T_rigid};
     double share = 1;
     for (int asked = 0;; ++asked) {
-      const PoseCandidate alternative = comparison_.bestRival(belief, known, others);
+      const PoseCandidate alternative = comparison_.bestAlternative(belief, known, others);
       share = own > 0 ? std::min(1.0, alternative.score / own) : 1.0;
-      if (!deformation_ || !(alternative.score > 0) || share <= kWorthDeforming || asked == kMostDeformed) break;
+      if (!deformation_ || !(alternative.score > 0) || share <= kWorthDeforming || asked == kMaxDeformed) break;
       // Before it is deformed the right pose fits little better than a wrong one.
       const Stopwatch stage;
       PosePriorTerm there = belief;
@@ -293,8 +293,8 @@ class OrientedKernel final : public Registration {
       const VesselTree& tree = model_.resampled.tree;
       const Pose T = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
       const Eigen::Matrix3Xd points = tree.points() + fit.displacements_m;
-      const double score = result.agreement.score();
-      const double its_score = agreementOf(tree, points, frame_.views(), T).score();
+      const double score = result.alignment.score();
+      const double its_score = alignmentScore(tree, points, frame_.views(), T).score();
       result.times.nonrigid_s += stage.seconds();
       share = score > 0 ? std::min(1.0, its_score / score) : 1.0;
       if (!isSamePlace(T, points, result)) break;
@@ -337,10 +337,10 @@ class OrientedKernel final : public Registration {
     }
   }
 
-  // Deforms the tree if it may and if that explains what the rigid pose does not, and judges what has become of it.
+  // Deforms the tree if that is allowed and explains what the rigid pose does not, and classifies the result.
   void deform(const PosePriorTerm& belief, RegistrationResult& result) {
     const VesselTree& tree = model_.resampled.tree;
-    result.agreement = agreementOf(tree, tree.points(), frame_.views(), result.T_camera_model);
+    result.alignment = alignmentScore(tree, tree.points(), frame_.views(), result.T_camera_model);
     if (!deformation_) {
       classify(tree, result);
       return;
@@ -349,10 +349,10 @@ class OrientedKernel final : public Registration {
     const auto fit = deformation_->fit(frame_, belief, centered(result.T_camera_model));
     const Pose deformed_pose = fit.T_camera_centered * Eigen::Translation3d(-model_.centroid);
     const AlignmentScore deformed =
-        agreementOf(tree, tree.points() + fit.displacements_m, frame_.views(), deformed_pose);
+        alignmentScore(tree, tree.points() + fit.displacements_m, frame_.views(), deformed_pose);
     // Pose and deformation share what one view cannot tell apart: an image that the rigid tree explains as well must
     // not move it.
-    const AlignmentScore& rigid = result.agreement;
+    const AlignmentScore& rigid = result.alignment;
     const bool needed = rigid.score() < deformed.score() - kSameScore ||
                         rigid.image_residual_px > 1.1 * deformed.image_residual_px + kSameResidual_px;
     result.displacements_m.setZero(3, given_.size());
@@ -371,7 +371,7 @@ class OrientedKernel final : public Registration {
         result.evidence.reset();
       }
       result.last_step_px = fit.last_step_px;
-      result.agreement = deformed;
+      result.alignment = deformed;
     }
     result.nonrigid_iterations = fit.iterations;
     result.times.nonrigid_s = stage.seconds();

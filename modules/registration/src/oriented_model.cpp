@@ -6,7 +6,7 @@
 
 namespace angio::registration {
 
-constexpr int kSmallestSubset = 128, kSubsets = 4;
+constexpr int kMinSubset = 128, kSubsets = 4;
 
 OrientedModel::OrientedModel(const VesselTree& given, const OrientedKernelSettings& settings)
     : resampled(angio::registration::resampled(given, settings.spacing_mm * 1e-3, settings.max_points_3d)),
@@ -28,7 +28,7 @@ OrientedModel::OrientedModel(const VesselTree& given, const OrientedKernelSettin
   const Eigen::VectorXd weights = length / spacing_m;
   all = ModelPoints::of(points, tangents, weights, 1);
   for (int k = 0; k < kSubsets; ++k) {
-    subsets.push_back(ModelPoints::of(points, tangents, weights, std::max(1, tree.size() / (kSmallestSubset << k))));
+    subsets.push_back(ModelPoints::of(points, tangents, weights, std::max(1, tree.size() / (kMinSubset << k))));
   }
 }
 

@@ -28,11 +28,11 @@ class PointMatcher {
 
   /// What is kept of one query's search, so that the next search near it is a look at a few candidates.
   struct Nearby {
-    static constexpr int kMost = 24;
+    static constexpr int kMaxCount = 24;
     Eigen::Vector2d anchor{0, 0};  // Where the search was made.
     int count = 0;                 // 0: nothing is known.
     int nearest = -1;
-    std::array<int, kMost> candidates;
+    std::array<int, kMaxCount> candidates;
   };
 
   /// The nearest point, exactly: while a query stays within kReach of where it was searched, its
@@ -103,7 +103,7 @@ class PointMatcher {
     nearby.count = 0;
     for (const Match& match : found_) {
       if (match.distance2_px2 > result.reach2_px2) continue;
-      if (nearby.count == Nearby::kMost) {  // Too many to keep: the next search is a full one.
+      if (nearby.count == Nearby::kMaxCount) {  // Too many to keep: the next search is a full one.
         nearby.count = 0;
         break;
       }

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-// Compiled once for every vector target by the include below; prepare and atMost choose at run time.
+// Compiled once for every vector target by the include below; prepare and pointsBound choose at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "pose_bounds.cpp"
 #include <hwy/foreach_target.h>
@@ -134,20 +134,20 @@ void prepareBounds(const RawCell& in, const ExplainedRaster::Levels& levels, Bou
       return hn::Mul(inverse_cell, hn::Add(set(pixel + kBefore_px), inward));
     };
     const auto nowhere = [&](V at) { return hn::IfThenElse(in_front, at, set(1e9f)); };
-    hn::StoreU(nowhere(edge(in.window.u_least, radius)), d, out.u_seen + first);
-    hn::StoreU(edge(in.window.u_most, hn::Neg(radius)), d, out.u_seen_to + first);
-    hn::StoreU(nowhere(edge(in.window.v_least, radius)), d, out.v_seen + first);
-    hn::StoreU(edge(in.window.v_most, hn::Neg(radius)), d, out.v_seen_to + first);
+    hn::StoreU(nowhere(edge(in.window.u_min, radius)), d, out.u_seen + first);
+    hn::StoreU(edge(in.window.u_max, hn::Neg(radius)), d, out.u_seen_to + first);
+    hn::StoreU(nowhere(edge(in.window.v_min, radius)), d, out.v_seen + first);
+    hn::StoreU(edge(in.window.v_max, hn::Neg(radius)), d, out.v_seen_to + first);
     hn::StoreU(hn::GatherIndex(di, levels.first, level), di, out.first + first);
     hn::StoreU(hn::GatherIndex(di, levels.columns, level), di, out.columns + first);
 
     // Directions that the projected tangent (tx - x tz, ty - y tz) may have: those of a rectangle about its middle.
     const V x_off = hn::Add(x_spread, off_x), y_off = hn::Add(y_spread, off_y);
     const V more = set(in.half_norm);  // A unit vector moves no further, nor along z.
-    const V bend_z_most = hn::Min(hn::Add(bend_z, second), more);
-    const V wide_x = hn::Add(hn::MulAdd(second, hn::Add(x_slant, off_x), hn::MulAdd(x_off, bend_z_most, bend_x)),
+    const V bend_z_max = hn::Min(hn::Add(bend_z, second), more);
+    const V wide_x = hn::Add(hn::MulAdd(second, hn::Add(x_slant, off_x), hn::MulAdd(x_off, bend_z_max, bend_x)),
                              hn::MulAdd(x_off, hn::Abs(tz), set(1e-5f)));
-    const V wide_y = hn::Add(hn::MulAdd(second, hn::Add(y_slant, off_y), hn::MulAdd(y_off, bend_z_most, bend_y)),
+    const V wide_y = hn::Add(hn::MulAdd(second, hn::Add(y_slant, off_y), hn::MulAdd(y_off, bend_z_max, bend_y)),
                              hn::MulAdd(y_off, hn::Abs(tz), set(1e-5f)));
     const V aspect = set(in.view.fy / in.view.fx);
     const V du = hn::NegMulAdd(xm, tz, tx), dv = hn::Mul(aspect, hn::NegMulAdd(ym, tz, ty));
@@ -181,15 +181,15 @@ void prepareBounds(const RawCell& in, const ExplainedRaster::Levels& levels, Bou
   for (int k = 0; k < 5; ++k) out.effects[k] = hn::GetLane(hn::SumOfLanes(d, effects[k]));
 }
 
-int countAtMost(const BoundedSamples& in, const std::uint32_t* words, float ray_x, float ray_y, int enough) {
+int countBound(const BoundedSamples& in, const std::uint32_t* words, float ray_x, float ray_y, int enough) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::RebindToUnsigned<decltype(d)> du32;
   const auto zero = hn::Zero(d), x = hn::Set(d, ray_x), y = hn::Set(d, ray_y);
   const int lanes = static_cast<int>(hn::Lanes(d));
   // Points are counted from the most there may be downward: a sample that is not explained loses its own.
-  const int most = PoseBounds::mostPoints(), may_lose = most - enough;
-  int lost = 0, next_look = 64;
+  const int most = PoseBounds::maxPoints(), may_lose = most - enough;
+  int lost = 0, next_check = 64;
   for (int first = 0; first < TreeSamples::kCount; first += lanes) {
     const auto u = hn::MulAdd(x, hn::LoadU(d, in.u_per_ray + first), hn::LoadU(d, in.u + first));
     const auto v = hn::MulAdd(y, hn::LoadU(d, in.v_per_ray + first), hn::LoadU(d, in.v + first));
@@ -206,8 +206,8 @@ int countAtMost(const BoundedSamples& in, const std::uint32_t* words, float ray_
     const auto seen = hn::And(missed, hn::And(in_u, in_v));
     lost += PoseBounds::kExplained * static_cast<int>(hn::CountTrue(d, missed)) +
             PoseBounds::kUnexplained * static_cast<int>(hn::CountTrue(d, seen));
-    if (first + lanes >= next_look) {
-      next_look += 32;
+    if (first + lanes >= next_check) {
+      next_check += 32;
       if (lost > may_lose) return -1;
     }
   }
@@ -221,7 +221,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace angio::registration {
 HWY_EXPORT(prepareBounds);
-HWY_EXPORT(countAtMost);
+HWY_EXPORT(countBound);
 namespace {
 
 // Integral over [0, 1] of exp(s [r]): how a step of a rotation vector turns.
@@ -244,11 +244,11 @@ TreeSamples::TreeSamples(const VesselTree& tree) : points(3, kCount), tangents(3
   int k = 0;
   double before = 0;          // Length up to the edge.
   constexpr int kStep = 159;  // Odd, and near to the golden section of the count.
-  const auto along = [&](const std::vector<int>& branch, int from, const Eigen::Vector3d& at, int way) {
+  const auto along = [&](const std::vector<int>& branch, int from, const Eigen::Vector3d& at, int direction) {
     // The place so far along a branch, or its end.
     Eigen::Vector3d here = at;
     double left = kSmooth_m;
-    for (int i = from; i >= 0 && i < static_cast<int>(branch.size()); i += way) {
+    for (int i = from; i >= 0 && i < static_cast<int>(branch.size()); i += direction) {
       const Eigen::Vector3d next = tree.points().col(branch[i]);
       const double length = (next - here).norm();
       if (length >= left) return Eigen::Vector3d(here + left / length * (next - here));
@@ -289,8 +289,8 @@ ImageWindow openWindow(const XrayView& view) {
   for (double share = 1; share > 0; share -= 0.01) {
     const Eigen::Vector2d half = 0.5 * share * (most - least);
     window = {middle.x() - half.x(), middle.y() - half.y(), middle.x() + half.x(), middle.y() + half.y()};
-    if (view.sees({window.u_least, window.v_least}) && view.sees({window.u_most, window.v_least}) &&
-        view.sees({window.u_least, window.v_most}) && view.sees({window.u_most, window.v_most}))
+    if (view.sees({window.u_min, window.v_min}) && view.sees({window.u_max, window.v_min}) &&
+        view.sees({window.u_min, window.v_max}) && view.sees({window.u_max, window.v_max}))
       return window;
   }
   return {1, 1, 0, 0};  // Nothing has to be seen.
@@ -326,14 +326,14 @@ void PoseBounds::prepare(const PoseCell& cell, const RayCell& rays, double half_
   for (std::size_t k = 0; k < effects_px_.size(); ++k) effects_px_[k] = 0.5 * bounded_.effects[k] / TreeSamples::kCount;
 }
 
-int PoseBounds::atMost(double ray_x, double ray_y, int enough) const {
-  return HWY_DYNAMIC_DISPATCH(countAtMost)(bounded_, raster_.words(), static_cast<float>(ray_x),
-                                           static_cast<float>(ray_y), enough);
+int PoseBounds::pointsBound(double ray_x, double ray_y, int enough) const {
+  return HWY_DYNAMIC_DISPATCH(countBound)(bounded_, raster_.words(), static_cast<float>(ray_x),
+                                          static_cast<float>(ray_y), enough);
 }
 
 int PoseBounds::points(const Pose& T, int enough) const {
   int lost = 0;
-  const int may_lose = mostPoints() - enough;
+  const int may_lose = maxPoints() - enough;
   const XrayCamera::Parameters& c = camera_.parameters();
   for (int i = 0; i < TreeSamples::kCount; ++i) {
     if (lost > may_lose) return -1;
@@ -347,7 +347,7 @@ int PoseBounds::points(const Pose& T, int enough) const {
     if (raster_.explains(u, v, c.fx_px * (t.x() - x * t.z()), c.fy_px * (t.y() - y * t.z()))) continue;
     lost += kExplained + (window_.contains(u, v) ? kUnexplained : 0);
   }
-  return lost <= may_lose ? mostPoints() - lost : -1;
+  return lost <= may_lose ? maxPoints() - lost : -1;
 }
 
 }  // namespace angio::registration

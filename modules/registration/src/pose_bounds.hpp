@@ -34,9 +34,9 @@ struct RayCell {
 
 /// A part of the image with sides along its axes [px].
 struct ImageWindow {
-  double u_least = 0, v_least = 0, u_most = 0, v_most = 0;
+  double u_min = 0, v_min = 0, u_max = 0, v_max = 0;
 
-  bool contains(double u, double v) const { return u >= u_least && u <= u_most && v >= v_least && v <= v_most; }
+  bool contains(double u, double v) const { return u >= u_min && u <= u_max && v >= v_min && v <= v_max; }
 };
 
 /// Returns the part of a view's image in which the tree should be seen: the detector, or a window inside the
@@ -74,7 +74,7 @@ class PoseBounds {
 
   /// Points that no pose with the prepared rotations and depths and a ray within half_ray of (x, y) exceeds; or -1 when
   /// they are less than `enough`.
-  int atMost(double ray_x, double ray_y, int enough) const;
+  int pointsBound(double ray_x, double ray_y, int enough) const;
 
   /// How far in the image the prepared cell moves the samples on average, in u and v, by each of three rotations,
   /// depth, and the ray: of the ray half, which stands for two dimensions [px].
@@ -83,7 +83,7 @@ class PoseBounds {
   /// Points of a pose; -1 when they are less than `enough`.
   int points(const Pose& T_camera_centered, int enough = 0) const;
 
-  static constexpr int mostPoints() { return kExplained * TreeSamples::kCount; }
+  static constexpr int maxPoints() { return kExplained * TreeSamples::kCount; }
 
  private:
   const TreeSamples& samples_;

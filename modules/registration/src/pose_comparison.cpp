@@ -11,7 +11,7 @@ constexpr double kCompared_px = 3;
 // A point of the model has found its vessel where the kernel sum is half of a vessel's.
 constexpr double kMatchedMass = 0.5;
 // A different pose is compared where it matters: at the distance that a right fit leaves.
-constexpr double kRival_px = 2;
+constexpr double kAlternative_px = 2;
 // Poses whose points lie further apart than this (rms, about) are different answers.
 constexpr double kDifferentPose_m = 3e-3;
 // What the belief finds less likely than this (chi-square of 6, one in a million) is no alternative.
@@ -52,11 +52,12 @@ void PoseComparison::rank(const PosePriorTerm& belief, std::vector<PoseCandidate
 
 double PoseComparison::score(const PosePriorTerm& belief, const Pose& T_camera_centered) const {
   PoseCandidate candidate{T_camera_centered, 1};
-  return modelShare(belief, candidate) * lines_.explained(*frame_, T_camera_centered, kRival_px, kQuick.max_points);
+  return modelShare(belief, candidate) *
+         lines_.explained(*frame_, T_camera_centered, kAlternative_px, kQuick.max_points);
 }
 
-PoseCandidate PoseComparison::bestRival(const PosePriorTerm& belief, const std::vector<Pose>& known,
-                                        const std::vector<PoseCandidate>& others) const {
+PoseCandidate PoseComparison::bestAlternative(const PosePriorTerm& belief, const std::vector<Pose>& known,
+                                              const std::vector<PoseCandidate>& others) const {
   const Pose& T_camera_centered = known.front();
   const auto different = [&](const Pose& T) {
     return std::all_of(known.begin(), known.end(), [&](const Pose& other) {

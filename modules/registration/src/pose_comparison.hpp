@@ -37,8 +37,8 @@ class PoseComparison {
 
   /// The best pose among `others`, and the depth-mirrored one where the belief allows it, that differs from all of
   /// `known`; the first of these with a score of 0 when there is none.
-  PoseCandidate bestRival(const PosePriorTerm& belief, const std::vector<Pose>& known_T_camera_centered,
-                          const std::vector<PoseCandidate>& others) const;
+  PoseCandidate bestAlternative(const PosePriorTerm& belief, const std::vector<Pose>& known_T_camera_centered,
+                                const std::vector<PoseCandidate>& others) const;
 
   /// Whether one view may be taken for the tree with near and far exchanged: only one is seen, and the belief does not
   /// rule it out.

@@ -68,7 +68,7 @@ HWY_EXPORT(nearestEntry);
 
 constexpr int kMaxRows = 64;
 constexpr float kCell_px = 16;
-constexpr float kShortest_px = 0.05f;  // An edge seen shorter than this has no direction.
+constexpr float kMinLength_px = 0.05f;  // An edge seen shorter than this has no direction.
 
 void EdgeEntries::resize(std::size_t size) {
   for (auto* values : {&u, &v, &du, &dv, &inverse_length2, &cos2, &sin2}) values->resize(size + kPadding);
@@ -106,7 +106,7 @@ void ProjectedEdges::project(const Eigen::Matrix3Xd& points_centered, const std:
     if (!in_front_[a] || !in_front_[b]) continue;
     if (!inside(u_[a], v_[a]) && !inside(u_[b], v_[b])) continue;
     const float du = u_[b] - u_[a], dv = v_[b] - v_[a], length2 = du * du + dv * dv;
-    if (!(length2 > kShortest_px * kShortest_px) || !(length2 < 1e8f)) continue;
+    if (!(length2 > kMinLength_px * kMinLength_px) || !(length2 < 1e8f)) continue;
     const float length = std::sqrt(length2);
     length_px_ += length;
     const int pieces = length <= kCell_px ? 1 : static_cast<int>(std::ceil(length / kCell_px));

@@ -14,7 +14,7 @@ namespace {
 
 // A group stays within this, or its mean place means nothing.
 constexpr double kGroup_m = 15e-3;
-constexpr std::size_t kFewestOfGroup = 8;
+constexpr std::size_t kMinOfGroup = 8;
 // Where vessels cross or run side by side in the image, its points belong now to one and now to the other.
 constexpr std::size_t kOpen = 4;
 
@@ -60,7 +60,7 @@ class GroupSums {
   }
 
   void closeInto(std::vector<ResidualGroup>& groups) {
-    if (sums_.weight > 0 && size_ >= kFewestOfGroup) {
+    if (sums_.weight > 0 && size_ >= kMinOfGroup) {
       ResidualGroup group = sums_;
       group.at /= sums_.weight;
       group.gradient /= sums_.weight;
@@ -92,7 +92,7 @@ std::vector<ResidualGroup> residualGroups(const std::vector<MatchedView>& views,
   std::size_t points = 0;
   for (const MatchedView& view : views) points += static_cast<std::size_t>(view.image.size());
   const auto wanted = static_cast<std::size_t>(std::max(1, most));
-  const std::size_t full = std::max(kFewestOfGroup, points / wanted);
+  const std::size_t full = std::max(kMinOfGroup, points / wanted);
   for (const MatchedView& view : views) {
     std::vector<GroupSums> open;
     const auto closeAll = [&] {

@@ -90,7 +90,7 @@ RegistrationResult Registration::search(const XrayViews& views, const PosePrior&
     results.push_back(
         align(views, prior, i == 0 ? prior.T_camera_model : drawnStart(prior, tree().centroid(), starts, i)));
     times += results.back().times;
-    if (results.back().agreement.score() > results[best].agreement.score()) best = results.size() - 1;
+    if (results.back().alignment.score() > results[best].alignment.score()) best = results.size() - 1;
     if (progress) progress((i + 1.0) / count);
   }
   RegistrationResult result = results[best];
@@ -100,11 +100,11 @@ RegistrationResult Registration::search(const XrayViews& views, const PosePrior&
   double other = 0;
   for (const auto& r : results) {
     if (meanDistance(tree(), r.T_camera_model, result.T_camera_model) > kDifferentPose_m) {
-      other = std::max(other, r.agreement.score());
+      other = std::max(other, r.alignment.score());
     }
   }
-  const double score = result.agreement.score();
-  compareWithRival(score > 0 ? other / score : 1.0, result);
+  const double score = result.alignment.score();
+  compareWithAlternative(score > 0 ? other / score : 1.0, result);
   return result;
 }
 

@@ -42,7 +42,7 @@ double velocityAfter(double start, double commanded, double acceleration, double
 }
 
 // How far it gets in that time.
-double wayAfter(double start, double commanded, double acceleration, double time_s) {
+double distanceAfter(double start, double commanded, double acceleration, double time_s) {
   const double change = commanded - start;
   const double ramp_s = std::min(time_s, std::abs(change) / acceleration);
   const double reached = velocityAfter(start, commanded, acceleration, ramp_s);
@@ -61,8 +61,8 @@ double stepTowards(double u, double a0, double goal, double acceleration, double
 // How much further than now normal . joints gets at most if the arm, which moves at `velocity`, brakes, each joint with
 // its own acceleration: one that was on its way out may stop later than one that was on its way in. Never negative.
 //
-// While braking, normal . way is a sum of parabolas that end one after the other: its highest point lies at an end, or
-// where its slope crosses zero in between.
+// While braking, normal . distance is a sum of parabolas that end one after the other: its highest point lies at an
+// end, or where its slope crosses zero in between.
 double furthest(const CArmJoints& normal, const CArmJoints& velocity, const CArmJoints& acceleration) {
   std::array<double, kCArmJointCount + 1> ends_s{};  // The first is 0.
   for (int i = 0; i < kCArmJointCount; ++i) {
@@ -76,14 +76,14 @@ double furthest(const CArmJoints& normal, const CArmJoints& velocity, const CArm
     }
     return slope;
   };
-  double way = 0, most = 0, slope = slopeAt(0);
+  double distance = 0, most = 0, slope = slopeAt(0);
   for (std::size_t k = 1; k < ends_s.size(); ++k) {
     const double lasts_s = ends_s[k] - ends_s[k - 1];
     if (lasts_s <= 0) continue;
     const double next = slopeAt(ends_s[k]);
-    if (slope > 0 && next < 0) most = std::max(most, way + 0.5 * slope * slope * lasts_s / (slope - next));
-    way += 0.5 * (slope + next) * lasts_s;
-    most = std::max(most, way);
+    if (slope > 0 && next < 0) most = std::max(most, distance + 0.5 * slope * slope * lasts_s / (slope - next));
+    distance += 0.5 * (slope + next) * lasts_s;
+    most = std::max(most, distance);
     slope = next;
   }
   return most;
@@ -204,10 +204,10 @@ CArmJoints CArmMotionLimiter::predicted(const CArmJoints& joints, double age_s) 
   for (auto piece = past_.rbegin(); piece != past_.rend() && age_s > 0; ++piece) {
     const double from_s = std::max(0.0, piece->duration_s - age_s);
     for (int i = 0; i < kCArmJointCount; ++i) {
-      const auto way = [&](double t) {
-        return wayAfter(piece->start[i], piece->commanded[i], limits_.acceleration[i], t);
+      const auto distance = [&](double t) {
+        return distanceAfter(piece->start[i], piece->commanded[i], limits_.acceleration[i], t);
       };
-      now[i] += way(piece->duration_s) - way(from_s);
+      now[i] += distance(piece->duration_s) - distance(from_s);
     }
     age_s -= piece->duration_s;
   }
@@ -217,7 +217,7 @@ CArmJoints CArmMotionLimiter::predicted(const CArmJoints& joints, double age_s) 
 bool CArmMotionLimiter::stopsInside(int i, double q, double command, double lower, double upper, double dt_s) const {
   double u = velocity_[i], a = acceleration_[i], step_s = dt_s;
   for (int k = 0; k < kMaxPlanSteps; ++k) {
-    q += wayAfter(u, command, limits_.acceleration[i], step_s);
+    q += distanceAfter(u, command, limits_.acceleration[i], step_s);
     if (q > upper + kRounding || q < lower - kRounding) return false;
     a = (command - u) / step_s;
     u = command;
@@ -294,8 +294,8 @@ CArmMotionLimiter::FaceVector CArmMotionLimiter::missingModule(const CArmJoints&
   std::size_t near_count = 0;
   for (Eigen::Index f = 0; f < faces; ++f) {
     const CArmEnvelope::Face& face = limits_.envelope.faces[static_cast<std::size_t>(f)];
-    const double way = face.normal.cwiseAbs().dot(speed.cwiseProduct(max_s));
-    if (!(face.room(joints) > way + kReserve)) near[near_count++] = f;
+    const double distance = face.normal.cwiseAbs().dot(speed.cwiseProduct(max_s));
+    if (!(face.room(joints) > distance + kReserve)) near[near_count++] = f;
   }
   CArmJoints q = joints, u = velocity_, command = first;
   double step_s = dt_s;
@@ -303,7 +303,7 @@ CArmMotionLimiter::FaceVector CArmMotionLimiter::missingModule(const CArmJoints&
     const auto stopped = [&](double after_s) {
       CArmJoints position = q, velocity;
       for (int i = 0; i < kCArmJointCount; ++i) {
-        position[i] += wayAfter(u[i], command[i], limits_.acceleration[i], after_s);
+        position[i] += distanceAfter(u[i], command[i], limits_.acceleration[i], after_s);
         velocity[i] = velocityAfter(u[i], command[i], limits_.acceleration[i], after_s);
       }
       for (std::size_t n = 0; n < near_count; ++n) {

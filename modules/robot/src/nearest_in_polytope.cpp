@@ -39,18 +39,18 @@ CArmJoints nearestInPolytope(const CArmJoints& wanted, const Polytope& polytope,
     for (int i = 0; i < active.count; ++i) {
       A.col(i) = polytope.normals.row(active.faces[static_cast<std::size_t>(i)]).transpose();
     }
-    // The way to `wanted` within the active faces, and the multipliers that hold it there (eq. 16.39), by A = Q R.
-    CArmJoints way = wanted - x;
+    // The move to `wanted` within the active faces, and the multipliers that hold it there (eq. 16.39), by A = Q R.
+    CArmJoints move = wanted - x;
     Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kCArmJointCount, 1> multipliers(active.count);
     if (active.count > 0) {
       const Eigen::HouseholderQR<decltype(A)> qr(A);
-      way.applyOnTheLeft(qr.householderQ().adjoint());
+      move.applyOnTheLeft(qr.householderQ().adjoint());
       multipliers =
-          qr.matrixQR().topRows(active.count).template triangularView<Eigen::Upper>().solve(way.head(active.count));
-      way.head(active.count).setZero();
-      way.applyOnTheLeft(qr.householderQ());
+          qr.matrixQR().topRows(active.count).template triangularView<Eigen::Upper>().solve(move.head(active.count));
+      move.head(active.count).setZero();
+      move.applyOnTheLeft(qr.householderQ());
     }
-    if (way.norm() <= 1e-12 * (1 + wanted.norm())) {
+    if (move.norm() <= 1e-12 * (1 + wanted.norm())) {
       int released = -1;
       for (int i = 0; i < active.count; ++i) {
         const int face = active.faces[static_cast<std::size_t>(i)];
@@ -66,15 +66,15 @@ CArmJoints nearestInPolytope(const CArmJoints& wanted, const Polytope& polytope,
     int blocking = -1;
     for (int k = 0; k < polytope.size(); ++k) {
       if (active.holds(k)) continue;
-      const double speed = polytope.normals.row(k).dot(way);
-      if (speed <= 1e-12 * way.norm()) continue;
+      const double speed = polytope.normals.row(k).dot(move);
+      if (speed <= 1e-12 * move.norm()) continue;
       const double until = std::max(0.0, polytope.bounds[k] - polytope.normals.row(k).dot(x)) / speed;
       if (until < length) {
         length = until;
         blocking = k;
       }
     }
-    x += length * way;
+    x += length * move;
     if (blocking >= 0) active.add(blocking);
   }
   return x;

@@ -27,7 +27,7 @@ struct Stretch {
 // A ray along the vessel would meet much of it; what bends away does not count.
 constexpr double kMinSine = 0.25;
 
-constexpr double kLongest_px = 1e5;  // Of a stretch; one that comes near the source has no end.
+constexpr double kMaxLength_px = 1e5;  // Of a stretch; one that comes near the source has no end.
 
 // Length of the ray's way through a tube at a point of its axis.
 double chord(const Stretch& s, const Eigen::Vector3d& p) {
@@ -94,7 +94,7 @@ class Visibility {
         primary_(photons / (1 + s.detector.scatter_to_primary)),
         scatter_(s.detector.scatter_to_primary),
         electronic_variance_(s.electronic_noise_photons * s.electronic_noise_photons),
-        least_(min_contrast_to_noise),
+        min_contrast_to_noise_(min_contrast_to_noise),
         open_(openField(s.collimator, camera.width_px(), camera.height_px())),
         intensifier_(intensifierDistortion(s.intensifier, camera.width_px(), camera.height_px())) {}
 
@@ -108,13 +108,13 @@ class Visibility {
     const int i = static_cast<int>(px.x() + 0.5) / Anatomy::kCell, j = static_cast<int>(px.y() + 0.5) / Anatomy::kCell;
     const double beam = passed_[static_cast<std::size_t>(j) * Anatomy::nodesAcross(camera_.width_px()) + i];
     const double noise = std::sqrt(primary_ * (beam + scatter_) + electronic_variance_);
-    return primary_ * beam * taken / noise * std::max(2 * radius_px, 1.0) >= least_;
+    return primary_ * beam * taken / noise * std::max(2 * radius_px, 1.0) >= min_contrast_to_noise_;
   }
 
  private:
   const XrayCamera& camera_;
   const std::vector<float>& passed_;
-  double primary_, scatter_, electronic_variance_, least_;
+  double primary_, scatter_, electronic_variance_, min_contrast_to_noise_;
   std::vector<Eigen::Vector2d> open_;
   DetectorDistortion intensifier_;
 };
@@ -126,7 +126,7 @@ void walk(const Stretch& stretch, bool last, const XrayCamera& camera, double sp
           CurveKind kind, const Attenuation& attenuation, Branches& branches) {
   const auto from = camera.project(stretch.a), to = camera.project(stretch.b);
   if (!from || !to) return branches.end(kind);
-  const double length_px = std::min((*to - *from).norm(), kLongest_px);
+  const double length_px = std::min((*to - *from).norm(), kMaxLength_px);
   const int steps = std::max(1, static_cast<int>(std::ceil(length_px / spacing_px)));
   for (int k = 0; k < steps + (last ? 1 : 0); ++k) {
     const double part = static_cast<double>(k) / steps;
@@ -155,15 +155,15 @@ FrameTruth FluoroscopyRenderer::truth(const XrayCamera& camera, const XrayScene&
 
   const Eigen::Matrix3Xd points = scene.T_camera_model * scene.pointsOf(parts.tree);
   const auto density = [&](int i) { return scene.densities ? (*scene.densities)[i] : 1.0; };
-  for (const auto& chain : parts.tree.branches()) {
-    for (std::size_t k = 1; k < chain.size(); ++k) {
-      const int a = chain[k - 1], b = chain[k];
+  for (const auto& branch : parts.tree.branches()) {
+    for (std::size_t k = 1; k < branch.size(); ++k) {
+      const int a = branch[k - 1], b = branch[k];
       const double radius = 0.5 * (*parts.tree.radii()[a] + *parts.tree.radii()[b]);
       const auto taken = [&](double part, double length_m) {
         const double filled = (1 - part) * density(a) + part * density(b);
         return -std::log(std::max(parts.contrast.transmission(static_cast<float>(filled * length_m)), 1e-9F));
       };
-      walk({points.col(a), points.col(b), radius}, k + 1 == chain.size(), camera, settings.spacing_px, visibility,
+      walk({points.col(a), points.col(b), radius}, k + 1 == branch.size(), camera, settings.spacing_px, visibility,
            CurveKind::kVessel, taken, branches);
     }
     branches.end(CurveKind::kVessel);

@@ -18,12 +18,12 @@ PatientMotion::PatientMotion(const MotionSettings& settings, const Eigen::Vector
     const double z = uniform(-1, 1), angle = uniform(0, 2 * kPi), r = std::sqrt(1 - z * z);
     return Eigen::Vector3d(r * std::cos(angle), r * std::sin(angle), z);
   };
-  for (int k = 0; settings_.bend.rms_mm > 0 && k < kWaves; ++k) {
+  for (int k = 0; settings_.deformation.rms_mm > 0 && k < kWaves; ++k) {
     // The mean square of a sine is a half.
-    const Eigen::Vector3d amplitude_m = 1e-3 * settings_.bend.rms_mm * std::sqrt(2.0 / kWaves) * direction();
-    const double wavelength_m = 1e-3 * BendSettings::wavelength_mm * uniform(1, 2);
+    const Eigen::Vector3d amplitude_m = 1e-3 * settings_.deformation.rms_mm * std::sqrt(2.0 / kWaves) * direction();
+    const double wavelength_m = 1e-3 * TreeDeformationSettings::wavelength_mm * uniform(1, 2);
     const Eigen::Vector3d along = direction();
-    bend_.push_back({amplitude_m, 2 * kPi / wavelength_m * along, uniform(0, 2 * kPi)});
+    deformation_.push_back({amplitude_m, 2 * kPi / wavelength_m * along, uniform(0, 2 * kPi)});
   }
 }
 
@@ -73,7 +73,7 @@ Eigen::Vector3d PatientMotion::displacement(const Eigen::Vector3d& p_model, doub
     const double turn_rad = degToRad(h.turn_deg) * h.amplitude_mm / 10 * fading * std::exp(-0.5);
     moved += -amplitude / reach * fading * from + turn_rad * axis.cross(from);
   }
-  for (const Wave& wave : bend_) moved += wave.amplitude_m * std::sin(wave.number_per_m.dot(p) + wave.phase_rad);
+  for (const Wave& wave : deformation_) moved += wave.amplitude_m * std::sin(wave.number_per_m.dot(p) + wave.phase_rad);
   return R_lps_model_.transpose() * moved;
 }
 
@@ -102,8 +102,8 @@ bool PatientMotion::moves() const {
   const BreathingSettings& b = settings_.breathing;
   const ShiftSettings& s = settings_.shift;
   const auto any = [](const double* v) { return v[0] != 0 || v[1] != 0 || v[2] != 0; };
-  return !bend_.empty() || b.amplitude_mm > 0 || b.drift_mm_per_min != 0 || settings_.heartbeat.amplitude_mm > 0 ||
-         any(s.drift_mm_per_min) || any(s.sudden_mm) || s.sudden_turn_deg != 0;
+  return !deformation_.empty() || b.amplitude_mm > 0 || b.drift_mm_per_min != 0 ||
+         settings_.heartbeat.amplitude_mm > 0 || any(s.drift_mm_per_min) || any(s.sudden_mm) || s.sudden_turn_deg != 0;
 }
 
 }  // namespace angio::simulation

@@ -22,7 +22,7 @@ constexpr int kRounds = 30;  // Of smoothing: rounds off what is shorter than ab
 // The line of a catheter, 3 x N [m], tip last, where the tree's points stand at `points`: as straight as the lumen
 // lets it be, and its last `tip_length_m` leaning over to `deflected_m` at the end.
 //
-// @param path  Chains from the root to the tip, which is `tip_m` along them. @param tree  With all radii known.
+// @param path  Branches from the root to the tip, which is `tip_m` along them. @param tree  With all radii known.
 Eigen::Matrix3Xd catheterShape(const TreeTopology& map, const VesselTree& tree, const Eigen::Matrix3Xd& points,
                                const std::vector<int>& path, double tip_m, double radius_m, double tip_length_m,
                                const Eigen::Vector3d& deflected_m) {
@@ -80,13 +80,13 @@ SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSetti
       now_us_(now_us),
       settled_us_(now_us - now_us % kStepUs),
       stop_us_(now_us) {
-  if (start.chain < 0 || start.chain >= map_.chains()) {
-    throw InputError("catheter start", "chain", std::to_string(start.chain),
-                     "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
+  if (start.branch < 0 || start.branch >= map_.branchCount()) {
+    throw InputError("catheter start", "chain", std::to_string(start.branch),
+                     "must be one of the tree's " + std::to_string(map_.branchCount()) + " branches");
   }
-  requireBetween("catheter start", "arc_m", start.arc_m, 0, map_.length_m(start.chain));
-  path_ = map_.pathTo(start.chain);
-  tip_m_ = map_.start_m(start.chain) + start.arc_m;
+  requireBetween("catheter start", "arc_m", start.arc_m, 0, map_.length_m(start.branch));
+  path_ = map_.pathTo(start.branch);
+  tip_m_ = map_.start_m(start.branch) + start.arc_m;
   requireBetween("catheter start", "path_m", tip_m_, 0, 1e-3 * settings_.length_mm);
   roll_rad_ = 0;
   origin_ = settled_ = Base(tip_m_, 0, 0);
@@ -170,7 +170,7 @@ Device SimulatedCatheter::device(const Eigen::Matrix3Xd& points) const {
   device.attenuation_per_m = settings_.attenuation_per_m;
   device.marker_length_m = 1e-3 * settings_.marker_length_mm;
   device.marker_attenuation_per_m = settings_.marker_length_mm > 0 ? 4000 : 0;
-  const double tip_length_m = 1e-3 * settings_.tip_length_mm, lumen = leaning(placeAt(tip_m_));
+  const double tip_length_m = 1e-3 * settings_.tip_length_mm, lumen = deflection_m(placeAt(tip_m_));
   const TreeFrame frame = map_.frame(placeAt(tip_m_));
   const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
   const Eigen::Vector3d sideways = std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal;
@@ -216,17 +216,17 @@ void SimulatedCatheter::slide(double insertion_m) {
 }
 
 bool SimulatedCatheter::advanceTip(double step_m) {
-  const int chain = path_.back();
-  const double left_m = map_.start_m(chain) + map_.length_m(chain) - tip_m_;
+  const int branch = path_.back();
+  const double left_m = map_.start_m(branch) + map_.length_m(branch) - tip_m_;
   if (step_m < left_m) {
     const TreeLocation ahead = placeAt(tip_m_ + step_m);
     if (radius(ahead) < 0.5e-3 * settings_.diameter_mm) return false;
     tip_m_ += step_m;
     return true;
   }
-  if (map_.children(chain).empty()) return false;
+  if (map_.children(branch).empty()) return false;
   double beside = 0;
-  const int child = choose(chain, &beside);
+  const int child = choose(branch, &beside);
   if (beside > degToRad(settings_.cone_deg)) return false;
   path_.push_back(child);
   tip_m_ += left_m;
@@ -241,15 +241,15 @@ void SimulatedCatheter::retractTip(double step_m) {
 // The child through which that way leads whose lumen the free tip points least beside, and how far beside. The tip
 // decides where the ways part, before which all of them are one lumen, and by where they have got to along its own
 // length: it is too stiff for what turns back and forth in less.
-int SimulatedCatheter::choose(int chain, double* worst) const {
+int SimulatedCatheter::choose(int branch, double* worst) const {
   const Eigen::Vector3d tip = freeDirection();
-  const double lever_m = std::max(1e-3 * settings_.tip_length_mm, map_.parting_m(chain) + kParted_m);
-  int best = map_.children(chain).front();
+  const double lever_m = std::max(1e-3 * settings_.tip_length_mm, map_.parting_m(branch) + kParted_m);
+  int best = map_.children(branch).front();
   double least = 1e9;
-  for (const TreeRoute& way : map_.waysFrom(chain, lever_m)) {
-    const double angle = std::acos(std::clamp(tip.dot(way.direction), -1.0, 1.0));
-    const double lumen = std::atan2(way.radius_m, lever_m);
-    if (angle - lumen < least) least = angle - lumen, best = way.child;
+  for (const TreeRoute& route : map_.routesFrom(branch, lever_m)) {
+    const double angle = std::acos(std::clamp(tip.dot(route.direction), -1.0, 1.0));
+    const double lumen = std::atan2(route.radius_m, lever_m);
+    if (angle - lumen < least) least = angle - lumen, best = route.child;
   }
   *worst = least;
   return best;
@@ -278,13 +278,13 @@ double SimulatedCatheter::radius(const TreeLocation& place) const {
 }
 
 TreeLocation SimulatedCatheter::placeAt(double path_m) const {
-  auto chain = path_.rbegin();
-  while (chain + 1 != path_.rend() && path_m < map_.start_m(*chain)) ++chain;
-  return {*chain, path_m - map_.start_m(*chain)};
+  auto branch = path_.rbegin();
+  while (branch + 1 != path_.rend() && path_m < map_.start_m(*branch)) ++branch;
+  return {*branch, path_m - map_.start_m(*branch)};
 }
 
 // How far the tip's end stands beside the centreline [m]: as its bend has it, or as far as the lumen lets it.
-double SimulatedCatheter::leaning(const TreeLocation& place) const {
+double SimulatedCatheter::deflection_m(const TreeLocation& place) const {
   const double bend = std::min(degToRad(settings_.tip_angle_deg) + bend_rad_, 0.5 * kPi);
   return std::min(1e-3 * settings_.tip_length_mm * std::sin(bend),
                   std::max(radius(place) - 0.5e-3 * settings_.diameter_mm, 0.0));
@@ -303,7 +303,7 @@ Eigen::Vector3d SimulatedCatheter::heldDirection() const {
   const TreeFrame frame = map_.frame(tip);
   const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
   // The deflection grows as the square of the way from the bend: at its end it rises twice as steeply as on average.
-  const double slope = 2 * leaning(tip) / (1e-3 * settings_.tip_length_mm);
+  const double slope = 2 * deflection_m(tip) / (1e-3 * settings_.tip_length_mm);
   return (frame.along + slope * (std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal)).normalized();
 }
 

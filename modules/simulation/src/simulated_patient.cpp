@@ -35,7 +35,7 @@ Eigen::VectorXd reached(const VesselTree& tree, const FillingSettings& settings,
 
 // The motion that PatientMotion makes: without the deformation that is measured.
 MotionSettings withoutMeasured(MotionSettings motion) {
-  if (motion.bend.measured) motion.bend.rms_mm = 0;
+  if (motion.deformation.measured) motion.deformation.rms_mm = 0;
   return motion;
 }
 
@@ -51,11 +51,12 @@ SimulatedPatient::SimulatedPatient(const VesselTree& tree, const SimulatedPatien
       motion_(withoutMeasured(settings.motion), tree_.centroid(), surroundings.R_lps_model,
               static_cast<std::uint64_t>(settings.fluoroscopy.seed)),
       device_path_(devicePath(tree_, settings.device)) {
-  const BendSettings& bend = settings.motion.bend;
-  if (!bend.measured || bend.rms_mm <= 0) return;
+  const TreeDeformationSettings& deformation = settings.motion.deformation;
+  if (!deformation.measured || deformation.rms_mm <= 0) return;
   Uniform uniform(static_cast<std::uint64_t>(settings.fluoroscopy.seed) ^ 0x6d65);
   const double u = uniform(0, 1), v = uniform(0, 1), w = uniform(0, 1);
-  deformation_.emplace(tree_, carriedOver(*bend.measured, tree_, uniformRotation(u, v, w)), 1e-3 * bend.rms_mm);
+  deformation_.emplace(tree_, carriedOver(*deformation.measured, tree_, uniformRotation(u, v, w)),
+                       1e-3 * deformation.rms_mm);
   deformed_m_ = deformation_->at(tree_.points());
 }
 

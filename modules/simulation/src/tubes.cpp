@@ -84,7 +84,7 @@ namespace {
 HWY_EXPORT(meetTube);
 
 constexpr double kRadiusStep = 0.04e-3;  // [m] Takes 0.6 % of the beam at most, half of a pixel's noise.
-constexpr double kLongest = 4e-3;        // [m] Keeps single precision at the tube's scale.
+constexpr double kMaxLength = 4e-3;      // [m] Keeps single precision at the tube's scale.
 constexpr double kNearest = 1e-3;        // [m] From the source; the cone of a tube that touches it has no bounds.
 constexpr int kMaxPieces = 256;          // Of one edge.
 constexpr double kEmpty = 1e-3;          // Density; takes nothing from the beam that a pixel could show.
@@ -126,12 +126,12 @@ std::pair<int, int> columns(const Footprint& f, int y, int width) {
 }  // namespace
 
 TubeTree::TubeTree(const VesselTree& tree) {
-  for (const auto& chain : tree.branches()) {
-    for (std::size_t k = 1; k < chain.size(); ++k) {
-      const int from = chain[k - 1], to = chain[k];
+  for (const auto& branch : tree.branches()) {
+    for (std::size_t k = 1; k < branch.size(); ++k) {
+      const int from = branch[k - 1], to = branch[k];
       const double length = (tree.points().col(to) - tree.points().col(from)).norm();
       const double radius = tree.radii()[from].value(), change = tree.radii()[to].value() - radius;
-      const double wanted = std::ceil(std::max(std::abs(change) / kRadiusStep, length / kLongest));
+      const double wanted = std::ceil(std::max(std::abs(change) / kRadiusStep, length / kMaxLength));
       const int count = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMaxPieces)));
       for (int p = 0; p < count; ++p) {
         pieces_.push_back({from, to, static_cast<double>(p) / count, static_cast<double>(p + 1) / count,

@@ -174,9 +174,9 @@ Centerline2d projectedCenterline(const VesselTree& tree, const XrayCamera& camer
   std::vector<Eigen::Vector2d> pixels;
   std::vector<int> branch;
   int label = 0;
-  for (const auto& chain : tree.branches()) {
+  for (const auto& points_of_branch : tree.branches()) {
     bool open = false;
-    for (const int i : chain) {
+    for (const int i : points_of_branch) {
       const auto pixel = camera.project(T_camera_model * tree.points().col(i));
       const bool seen = pixel && camera.sees(*pixel);
       if (seen) {

@@ -7,7 +7,7 @@
 namespace angio::vessel {
 namespace {
 
-// Where the new points of a chain go, by arc length: first and last are the chain's ends.
+// Where the new points of a branch go, by arc length: first and last are the branch's ends.
 std::vector<double> subdivided(const std::vector<double>& s, double spacing_m) {
   std::vector<double> result{s.front()};
   for (std::size_t k = 1; k < s.size(); ++k) {
@@ -36,10 +36,10 @@ std::pair<std::size_t, double> locate(const std::vector<double>& s, double at) {
 
 }  // namespace
 
-std::vector<double> arcLengths(const VesselTree& tree, const std::vector<int>& chain) {
-  std::vector<double> s(chain.size(), 0.0);
-  for (std::size_t k = 1; k < chain.size(); ++k) {
-    s[k] = s[k - 1] + (tree.points().col(chain[k]) - tree.points().col(chain[k - 1])).norm();
+std::vector<double> arcLengths(const VesselTree& tree, const std::vector<int>& branch) {
+  std::vector<double> s(branch.size(), 0.0);
+  for (std::size_t k = 1; k < branch.size(); ++k) {
+    s[k] = s[k - 1] + (tree.points().col(branch[k]) - tree.points().col(branch[k - 1])).norm();
   }
   return s;
 }
@@ -62,8 +62,8 @@ Eigen::Matrix3Xd ResampledTree::ofOriginal(const Eigen::Matrix3Xd& of_tree) cons
 ResampledTree resampled(const VesselTree& tree, double spacing_m, int max_points) {
   std::vector<std::vector<double>> positions, wanted;
   std::size_t count = 0;
-  for (const auto& chain : tree.branches()) {
-    positions.push_back(arcLengths(tree, chain));
+  for (const auto& branch : tree.branches()) {
+    positions.push_back(arcLengths(tree, branch));
     wanted.push_back(subdivided(positions.back(), spacing_m));
     count += wanted.back().size();
   }
@@ -90,19 +90,19 @@ ResampledTree resampled(const VesselTree& tree, double spacing_m, int max_points
     place[i] = {root, root, 0};
   }
   for (std::size_t b = 0; b < wanted.size(); ++b) {
-    const auto& chain = tree.branches()[b];
+    const auto& branch = tree.branches()[b];
     const auto& s = positions[b];
-    std::vector<int> index{index_of_end[chain.front()]};
+    std::vector<int> index{index_of_end[branch.front()]};
     for (std::size_t k = 1; k < wanted[b].size(); ++k) {
       const auto [at, w] = locate(s, wanted[b][k]);
-      const Eigen::Vector3d p = (1 - w) * tree.points().col(chain[at]) + w * tree.points().col(chain[at + 1]);
-      const auto &r0 = tree.radii()[chain[at]], &r1 = tree.radii()[chain[at + 1]];
+      const Eigen::Vector3d p = (1 - w) * tree.points().col(branch[at]) + w * tree.points().col(branch[at + 1]);
+      const auto &r0 = tree.radii()[branch[at]], &r1 = tree.radii()[branch[at + 1]];
       index.push_back(add(p, index.back(), r0 && r1 ? std::optional((1 - w) * *r0 + w * *r1) : w < 0.5 ? r0 : r1));
     }
-    index_of_end[chain.back()] = index.back();
-    for (std::size_t k = 1; k < chain.size(); ++k) {
+    index_of_end[branch.back()] = index.back();
+    for (std::size_t k = 1; k < branch.size(); ++k) {
       const auto [at, w] = locate(wanted[b], s[k]);
-      place[chain[k]] = {index[at], index[at + 1], w};
+      place[branch[k]] = {index[at], index[at + 1], w};
     }
   }
 

@@ -45,8 +45,8 @@ double angleBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 }  // namespace
 
 TreeTopology::TreeTopology(const VesselTree& tree) : lines_(tree.branches().size()) {
-  std::vector<int> ending(tree.size(), -1);  // The chain that ends at a point.
-  for (int c = 0; c < chains(); ++c) {
+  std::vector<int> ending(tree.size(), -1);  // The branch that ends at a point.
+  for (int c = 0; c < branchCount(); ++c) {
     Line& line = lines_[c];
     line.points = tree.branches()[c];
     ending[line.points.back()] = c;
@@ -57,14 +57,14 @@ TreeTopology::TreeTopology(const VesselTree& tree) : lines_(tree.branches().size
       line.radius_m.push_back(tree.radii()[i].value_or(kUnknownRadius_m));
     }
   }
-  for (int c = 0; c < chains(); ++c) {
+  for (int c = 0; c < branchCount(); ++c) {
     const int before = ending[lines_[c].points.front()];
     if (before < 0) continue;
     lines_[c].parent = before;
     lines_[before].children.push_back(c);
   }
   std::vector<int> open;
-  for (int c = chains() - 1; c >= 0; --c) {
+  for (int c = branchCount() - 1; c >= 0; --c) {
     if (!lines_[c].parent) open.push_back(c);
   }
   while (!open.empty()) {
@@ -76,21 +76,21 @@ TreeTopology::TreeTopology(const VesselTree& tree) : lines_(tree.branches().size
       open.push_back(child);
     }
   }
-  for (int c = 0; c < chains(); ++c) lines_[c].parting_m = findParting(c);
+  for (int c = 0; c < branchCount(); ++c) lines_[c].parting_m = findParting(c);
 }
 
 TreeLocation TreeTopology::before(const TreeLocation& place, double back_m) const {
-  TreeLocation at{place.chain, std::min(place.arc_m, length_m(place.chain)) - back_m};
-  while (at.arc_m < 0 && lines_[at.chain].parent) {
-    at.chain = *lines_[at.chain].parent;
-    at.arc_m += lines_[at.chain].arc_m.back();
+  TreeLocation at{place.branch, std::min(place.arc_m, length_m(place.branch)) - back_m};
+  while (at.arc_m < 0 && lines_[at.branch].parent) {
+    at.branch = *lines_[at.branch].parent;
+    at.arc_m += lines_[at.branch].arc_m.back();
   }
   at.arc_m = std::max(at.arc_m, 0.0);
   return at;
 }
 
-void TreeTopology::layFrames(int chain) {
-  Line& line = lines_[chain];
+void TreeTopology::layFrames(int branch) {
+  Line& line = lines_[branch];
   Eigen::Vector3d last_along, last_normal;
   double turned = 0;
   if (line.parent) {
@@ -100,8 +100,8 @@ void TreeTopology::layFrames(int chain) {
     turned = before.turned_rad.back();
   }
   for (std::size_t k = 0; k < line.points.size(); ++k) {
-    const Eigen::Vector3d ahead = point({chain, line.arc_m[k] + kChord_m});
-    const Eigen::Vector3d chord = ahead - point(before({chain, line.arc_m[k]}, kChord_m));
+    const Eigen::Vector3d ahead = point({branch, line.arc_m[k] + kChord_m});
+    const Eigen::Vector3d chord = ahead - point(before({branch, line.arc_m[k]}, kChord_m));
     Eigen::Vector3d along = Eigen::Vector3d::UnitZ();
     if (chord.norm() > 0) {
       along = chord.normalized();
@@ -122,32 +122,32 @@ void TreeTopology::layFrames(int chain) {
   }
 }
 
-std::vector<int> TreeTopology::pathTo(int chain) const {
-  std::vector<int> path{chain};
+std::vector<int> TreeTopology::pathTo(int branch) const {
+  std::vector<int> path{branch};
   while (lines_.at(path.back()).parent) path.push_back(*lines_[path.back()].parent);
   std::reverse(path.begin(), path.end());
   return path;
 }
 
-bool TreeTopology::passes(int chain, int other) const {
-  std::optional<int> at = chain;
+bool TreeTopology::passes(int branch, int other) const {
+  std::optional<int> at = branch;
   while (at && *at != other) at = lines_.at(*at).parent;
   return at.has_value();
 }
 
 EdgePoint TreeTopology::spot(const TreeLocation& place) const {
-  const Line& line = lines_.at(place.chain);
+  const Line& line = lines_.at(place.branch);
   const Spot at = spotAt(line.arc_m, place.arc_m);
   return {line.points[at.below], line.points[at.below + 1], at.weight};
 }
 
 Eigen::Vector3d TreeTopology::point(const TreeLocation& place) const {
-  const Line& line = lines_.at(place.chain);
+  const Line& line = lines_.at(place.branch);
   return between(line.place, spotAt(line.arc_m, place.arc_m));
 }
 
 TreeFrame TreeTopology::frame(const TreeLocation& place) const {
-  const Line& line = lines_.at(place.chain);
+  const Line& line = lines_.at(place.branch);
   const Spot at = spotAt(line.arc_m, place.arc_m);
   TreeFrame frame;
   const Eigen::Vector3d along = between(line.along, at);
@@ -158,52 +158,52 @@ TreeFrame TreeTopology::frame(const TreeLocation& place) const {
 }
 
 double TreeTopology::turned_rad(const TreeLocation& place) const {
-  const Line& line = lines_.at(place.chain);
+  const Line& line = lines_.at(place.branch);
   return between(line.turned_rad, spotAt(line.arc_m, place.arc_m));
 }
 
 double TreeTopology::radius_m(const TreeLocation& place) const {
-  const Line& line = lines_.at(place.chain);
+  const Line& line = lines_.at(place.branch);
   return between(line.radius_m, spotAt(line.arc_m, place.arc_m));
 }
 
-std::vector<TreeRoute> TreeTopology::waysFrom(int chain, double length_m) const {
-  std::vector<TreeRoute> ways;
-  const Eigen::Vector3d from = lines_.at(chain).place.back();
-  for (const int child : lines_[chain].children) addWays(child, child, length_m, from, ways);
-  return ways;
+std::vector<TreeRoute> TreeTopology::routesFrom(int branch, double length_m) const {
+  std::vector<TreeRoute> routes;
+  const Eigen::Vector3d from = lines_.at(branch).place.back();
+  for (const int child : lines_[branch].children) addRoutes(child, child, length_m, from, routes);
+  return routes;
 }
 
-void TreeTopology::addWays(int child, int chain, double left_m, const Eigen::Vector3d& from,
-                           std::vector<TreeRoute>& ways) const {
-  const Line& line = lines_[chain];
-  if (left_m > length_m(chain) && !line.children.empty()) {
-    for (const int next : line.children) addWays(child, next, left_m - length_m(chain), from, ways);
+void TreeTopology::addRoutes(int child, int branch, double left_m, const Eigen::Vector3d& from,
+                             std::vector<TreeRoute>& routes) const {
+  const Line& line = lines_[branch];
+  if (left_m > length_m(branch) && !line.children.empty()) {
+    for (const int next : line.children) addRoutes(child, next, left_m - length_m(branch), from, routes);
     return;
   }
-  const TreeLocation end{chain, left_m};
+  const TreeLocation end{branch, left_m};
   const Eigen::Vector3d chord = point(end) - from;
-  ways.push_back(
-      {child, chain, radius_m(end), chord.norm() > 0 ? Eigen::Vector3d(chord.normalized()) : frame({child, 0}).along});
+  routes.push_back(
+      {child, branch, radius_m(end), chord.norm() > 0 ? Eigen::Vector3d(chord.normalized()) : frame({child, 0}).along});
 }
 
-double TreeTopology::findParting(int chain) const {
-  const std::vector<TreeRoute> ways = waysFrom(chain, kMaxParting_m);
-  const double fork_m = start_m(chain) + length_m(chain);
-  const auto along = [&](const TreeRoute& way, double s) {
-    int at = way.last;
-    while (at != way.child && start_m(at) > fork_m + s) at = *lines_[at].parent;
+double TreeTopology::findParting(int branch) const {
+  const std::vector<TreeRoute> routes = routesFrom(branch, kMaxParting_m);
+  const double fork_m = start_m(branch) + length_m(branch);
+  const auto along = [&](const TreeRoute& route, double s) {
+    int at = route.last;
+    while (at != route.child && start_m(at) > fork_m + s) at = *lines_[at].parent;
     return TreeLocation{at, fork_m + s - start_m(at)};
   };
-  const auto length = [&](const TreeRoute& way) { return start_m(way.last) + length_m(way.last) - fork_m; };
+  const auto length = [&](const TreeRoute& route) { return start_m(route.last) + length_m(route.last) - fork_m; };
   double parted_m = 0;
-  for (std::size_t a = 0; a < ways.size(); ++a) {
-    for (std::size_t b = a + 1; b < ways.size(); ++b) {
-      if (ways[a].child == ways[b].child) continue;
-      const double shorter_m = std::min({kMaxParting_m, length(ways[a]), length(ways[b])});
+  for (std::size_t a = 0; a < routes.size(); ++a) {
+    for (std::size_t b = a + 1; b < routes.size(); ++b) {
+      if (routes[a].child == routes[b].child) continue;
+      const double shorter_m = std::min({kMaxParting_m, length(routes[a]), length(routes[b])});
       double s = 0;
       for (; s < shorter_m; s += kPartingStep_m) {
-        const TreeLocation p = along(ways[a], s), q = along(ways[b], s);
+        const TreeLocation p = along(routes[a], s), q = along(routes[b], s);
         if ((point(p) - point(q)).norm() > std::max(radius_m(p), radius_m(q))) break;
       }
       parted_m = std::max(parted_m, std::min(s, shorter_m));

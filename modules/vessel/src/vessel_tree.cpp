@@ -83,7 +83,7 @@ VesselTree::VesselTree(Eigen::Matrix3Xd points_m, std::vector<int> parents, std:
   centroid_ = points_.rowwise().mean();
 
   // Depth first, so that neighbouring branches stand near each other.
-  std::vector<std::pair<int, int>> open;  // Start of a chain and its second point.
+  std::vector<std::pair<int, int>> open;  // Start of a branch and its second point.
   for (int i = size() - 1; i >= 0; --i) {
     if (parents_[i] >= 0) continue;
     for (const int child : children_[i]) open.emplace_back(i, child);
@@ -91,10 +91,10 @@ VesselTree::VesselTree(Eigen::Matrix3Xd points_m, std::vector<int> parents, std:
   while (!open.empty()) {
     auto [start, next] = open.back();
     open.pop_back();
-    std::vector<int> chain{start, next};
-    while (children_[chain.back()].size() == 1) chain.push_back(children_[chain.back()].front());
-    for (const int child : children_[chain.back()]) open.emplace_back(chain.back(), child);
-    branches_.push_back(std::move(chain));
+    std::vector<int> branch{start, next};
+    while (children_[branch.back()].size() == 1) branch.push_back(children_[branch.back()].front());
+    for (const int child : children_[branch.back()]) open.emplace_back(branch.back(), child);
+    branches_.push_back(std::move(branch));
   }
 }
 

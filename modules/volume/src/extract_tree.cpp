@@ -173,9 +173,9 @@ ExtractedTree extractTree(const Volume& shape, const CentrelineSettings& setting
   SkeletonForest forest = linked(thinned(mask, depth_m), wall);
   int trees_dropped = 0;
   forest = withoutSpurs(forest, settings.min_branch_mm / voxel_mm, settings.min_branch_radii);
-  forest = withoutSmallTrees(forest, settings.smallest_tree_mm / voxel_mm, trees_dropped);
+  forest = withoutSmallTrees(forest, settings.min_tree_mm / voxel_mm, trees_dropped);
   if (forest.nodes.empty()) {
-    throw InputError("volume", "smallest_tree_mm", formatValue(settings.smallest_tree_mm), "no tree is that long");
+    throw InputError("volume", "min_tree_mm", formatValue(settings.min_tree_mm), "no tree is that long");
   }
 
   begin(3, "centring");
@@ -190,9 +190,9 @@ ExtractedTree extractTree(const Volume& shape, const CentrelineSettings& setting
   for (std::size_t p = 0; p < paths.size(); ++p) {
     addPath(paths, p, cuts, settings.spacing_mm / voxel_mm, point_at, points);
   }
-  constexpr double kLeast = 0.5;  // No vessel that voxels show is narrower than one [voxels].
+  constexpr double kMinRadius = 0.5;  // No vessel that voxels show is narrower than one [voxels].
   std::vector<double> spheres;
-  for (const auto& point : points.at) spheres.push_back(std::max(kLeast, wall.distance(point)));
+  for (const auto& point : points.at) spheres.push_back(std::max(kMinRadius, wall.distance(point)));
   setRadii(spheres, points);
   if (settings.ends == CentrelineEnd::kSphere) points = withoutCaps(points, spheres);
   return {treeOf(points, fine.grid), forest.cycles_cut, trees_dropped};

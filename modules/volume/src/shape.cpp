@@ -97,7 +97,7 @@ void selectPieces(VoxelMask& mask, const SelectionSettings& selection, const std
   }
   const double voxel_mm3 = 1e9 * mask.grid.spacing_m.prod();
   for (const auto& piece : pieces) {
-    if (static_cast<double>(piece.size()) * voxel_mm3 < selection.smallest_piece_mm3) continue;
+    if (static_cast<double>(piece.size()) * voxel_mm3 < selection.min_piece_mm3) continue;
     for (const std::size_t at : piece) mask.inside[at] = 1;
   }
 }
@@ -277,11 +277,11 @@ std::vector<Curvatures> curvatures(const Volume& volume, double std_m) {
 std::vector<float> vesselness(const Volume& volume, const VesselnessSettings& settings) {
   checkSettings(VesselnessSettings::kName, settings);
   std::vector<float> best(volume.values.size(), 0.0F);
-  const double ratio = settings.max_radius_mm / settings.smallest_radius_mm;
+  const double ratio = settings.max_radius_mm / settings.min_radius_mm;
   for (int s = 0; s < settings.scales; ++s) {
     const double share = settings.scales > 1 ? static_cast<double>(s) / (settings.scales - 1) : 0;
     // A bar's response peaks where the Gaussian is as wide as its radius over sqrt(2), in two dimensions of three.
-    const double std_m = settings.smallest_radius_mm * std::pow(ratio, share) / 1e3 / std::sqrt(2.0);
+    const double std_m = settings.min_radius_mm * std::pow(ratio, share) / 1e3 / std::sqrt(2.0);
     const auto found = curvatures(volume, std_m);
     float strongest = 0;
     for (const Curvatures& c : found) strongest = std::max(strongest, c.third);

@@ -44,7 +44,7 @@ class Observer {
   Observer(const Scenario& world, const Task& task, const ServoLoopSettings& loop, const VesselTree& tree,
            const SimulatedPatientSettings& patient)
       : truth_(world.truth),
-        bent_(patient.motion.bend.rms_mm > 0 ? std::optional(tree.points()) : std::nullopt),
+        deformed_(patient.motion.deformation.rms_mm > 0 ? std::optional(tree.points()) : std::nullopt),
         desired_(task.desired_T_camera_model()),
         target_(targetOf(tree, loop)),
         wanted_(wantedRay(loop)) {}
@@ -60,16 +60,15 @@ class Observer {
     row.target_off_m = truth_.carm.source_isocenter_distance_m * (ray - *wanted_).norm();
   }
 
-  // Of the way from these joints to the desired view, in truth; nothing for a task without one or when no joints see
-  // it.
-  std::optional<WayObserver> way(const CArmJoints& start, const CArmLimits& limits) const {
+  // Of the true motion from these joints to the desired view; nothing for a task without one or when no joints see it.
+  std::optional<TrajectoryObserver> trajectory(const CArmJoints& start, const CArmLimits& limits) const {
     if (!desired_) return std::nullopt;
     const Eigen::Vector3d on_beam =
         desired_->inverse() * Eigen::Vector3d(0, 0, truth_.carm.source_isocenter_distance_m);
     const Eigen::Vector3d beam = truth_.T_dsa_cb.linear() * desired_->linear().row(2).transpose();
     const auto goal = truth_.carm.reachable(viewAnglesOf(beam), truth_.T_dsa_cb * on_beam, limits, start);
     if (!goal) return std::nullopt;
-    return WayObserver(truth_.carm, start, *goal, truth_.T_dsa_cb * on_beam);
+    return TrajectoryObserver(truth_.carm, start, *goal, truth_.T_dsa_cb * on_beam);
   }
 
   // With these joints, of the patient as it lies now.
@@ -79,18 +78,18 @@ class Observer {
   }
 
  private:
-  // Of a bent tree: turned as the rigid one is that is nearest to it, with the target where that is.
+  // Of a deformed tree: turned as the rigid one is that is nearest to it, with the target where that is.
   Pose T_patient_model(const SimulatedLab& lab) const {
-    if (!bent_) return truth_.T_dsa_cb;
+    if (!deformed_) return truth_.T_dsa_cb;
     const Pose T_patient_camera = truth_.carm.T_camera_patient(lab.arm().state().joints).inverse();
-    Eigen::Matrix3Xd moved(3, bent_->cols());
-    for (Eigen::Index i = 0; i < moved.cols(); ++i) moved.col(i) = T_patient_camera * lab.inCamera(bent_->col(i));
-    Pose T(Eigen::umeyama(*bent_, moved, false));
+    Eigen::Matrix3Xd moved(3, deformed_->cols());
+    for (Eigen::Index i = 0; i < moved.cols(); ++i) moved.col(i) = T_patient_camera * lab.inCamera(deformed_->col(i));
+    Pose T(Eigen::umeyama(*deformed_, moved, false));
     return T.pretranslate(T_patient_camera * lab.inCamera(target_) - T * target_);
   }
 
   CArmCalibration truth_;
-  std::optional<Eigen::Matrix3Xd> bent_;  // Points of a tree that is bent.
+  std::optional<Eigen::Matrix3Xd> deformed_;  // Points of a deformed tree.
   std::optional<Pose> desired_;
   Eigen::Vector3d target_;
   std::optional<Eigen::Vector2d> wanted_;
@@ -103,8 +102,8 @@ ClosedLoopFrame describe(const ServoReport& report) {
   row.hold_reason = report.hold_reason;
   const Observation& observation = report.observation;
   row.status = observation.registration.status;
-  row.model_residual_px = observation.registration.agreement.model_residual_px;
-  row.image_residual_px = observation.registration.agreement.image_residual_px;
+  row.model_residual_px = observation.registration.alignment.model_residual_px;
+  row.image_residual_px = observation.registration.alignment.image_residual_px;
   row.points_2d = observation.centerline.size();
   row.image_s = observation.image_s;
   row.registration_s = observation.registration_s;
@@ -120,16 +119,16 @@ void runClosed(const VesselTree& tree, const Scenario& world, const ScenarioSett
   Operator person(lab.fromMachines());
   Observer observer(world, servo.loop().task(), loop, tree, patient);
   result.has_view = observer.hasView();
-  auto way = observer.way(lab.arm().state().joints, loop.limits);
-  const auto watchWay = [&] {
-    if (way) way->see(lab.arm().state().joints);
+  auto trajectory = observer.trajectory(lab.arm().state().joints, loop.limits);
+  const auto watchTrajectory = [&] {
+    if (trajectory) trajectory->see(lab.arm().state().joints);
   };
   const int frames = framesOf(s);
   while (static_cast<int>(result.closed.size()) < frames) {
     Stopwatch watch;
     const std::optional<Exposure> exposure = lab.advance();
     if (arm_watcher) arm_watcher(lab.arm().state());
-    watchWay();
+    watchTrajectory();
     const double render_s = watch.seconds();
     watch = Stopwatch();
     person.start(lab.now_us());
@@ -141,8 +140,8 @@ void runClosed(const VesselTree& tree, const Scenario& world, const ScenarioSett
     row.render_s = render_s;
     row.joints = exposure->state.joints;
     observer.observe(lab, row);
-    if (way) row.table_excursion_m = way->table_m();
-    if (way) row.target_excursion_m = way->target_m();
+    if (trajectory) row.table_excursion_m = trajectory->table_m();
+    if (trajectory) row.target_excursion_m = trajectory->target_m();
     result.closed.push_back(row);
     if (watcher) watcher(*exposure, *report, row);
     if (result.closed.size() == 1 || static_cast<int>(result.closed.size()) == frames) {
@@ -153,10 +152,10 @@ void runClosed(const VesselTree& tree, const Scenario& world, const ScenarioSett
       if (!result.first) result.first = result.last;
     }
   }
-  while (!lab.advance()) watchWay();  // What the last command still does.
-  watchWay();
-  if (way) result.max_table_excursion_m = way->maxTable_m();
-  if (way) result.max_target_excursion_m = way->maxTarget_m();
+  while (!lab.advance()) watchTrajectory();  // What the last command still does.
+  watchTrajectory();
+  if (trajectory) result.max_table_excursion_m = trajectory->maxTable_m();
+  if (trajectory) result.max_target_excursion_m = trajectory->maxTarget_m();
   result.closed_end = observer.error(lab.arm().state().joints, lab);
 }
 

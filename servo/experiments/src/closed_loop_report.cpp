@@ -31,7 +31,7 @@ cv::Mat overlayOf(const ClosedLoopSnapshot& snapshot, const VesselTree& tree, co
   const StatusStyle style = statusStyle(r.status);
   scene.trees.push_back({r.T_camera_model, r.displacements_m, style.color_bgr, "tree as registered: " + style.words});
   scene.R_camera_lps = snapshot.R_camera_lps;
-  scene.caption = when + ": " + agreementInWords(r.agreement);
+  scene.caption = when + ": " + alignmentInWords(r.alignment);
   return drawOverlay(scene, tree, snapshot.frame.camera);
 }
 

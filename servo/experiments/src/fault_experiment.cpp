@@ -120,7 +120,7 @@ struct CatheterMachine {
   static constexpr const char* kCommandChannel = kCatheterCommandChannel;
 
   const Scene& scene;
-  double believed_m = 0;  // Of the tip, from the root.
+  double estimated_m = 0;  // Of the tip, from the root.
 
   AxesLimits limits() const { return scene.catheter->settings; }
   static AxesState state(const SimulatedLab& lab) { return lab.catheter().state(); }
@@ -139,10 +139,10 @@ struct CatheterMachine {
   }
   void hear(const CatheterControllerReport& report) {
     const auto& belief = report.loop.input.belief;
-    if (belief && belief->status == BeliefStatus::kSeen) believed_m = belief->tip.path_m;
+    if (belief && belief->status == BeliefStatus::kSeen) estimated_m = belief->tip.path_m;
   }
   double error(const SimulatedLab& lab, const Node&) const {
-    return 1e3 * std::abs(believed_m - lab.catheter().truth().path_m);
+    return 1e3 * std::abs(estimated_m - lab.catheter().truth().path_m);
   }
 };
 
@@ -299,7 +299,7 @@ FaultResult runFault(OperatedMachine machine, FaultKind kind, const VesselTree& 
   const TreeLocation target = targets[static_cast<std::size_t>(parts.scenario.seed) % targets.size()];
   parts.catheter = navigateCatheter(parts.catheter, parts.scenario.seed);
   const TreeTopology map(full);
-  const double route_m = map.start_m(target.chain) + target.arc_m,
+  const double route_m = map.start_m(target.branch) + target.arc_m,
                uniform = static_cast<double>(engine() >> 11) * 0x1p-53;
   const double before_m = std::max(0.5 * route_m, route_m - kInside_m - uniform * std::max(0.0, route_m - kMinWay_m));
   const LabCatheter catheter{parts.catheter, map.before(target, before_m)};

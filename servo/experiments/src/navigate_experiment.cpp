@@ -24,28 +24,28 @@ constexpr double kSamePoint_m = 1e-6;
 constexpr double kMinInto_m = 5e-3;  // A shorter branch is hardly a place to go to.
 
 TreeLocation startOf(const TreeTopology& map, const TreeLocation& target) {
-  const double route_m = map.start_m(target.chain) + target.arc_m;
+  const double route_m = map.start_m(target.branch) + target.arc_m;
   return map.before(target, route_m - std::min(kStart_m, 0.5 * route_m));
 }
 
-double narrowestOnWay(const VesselTree& tree, const TreeTopology& map, int chain) {
+double narrowestOnRoute(const VesselTree& tree, const TreeTopology& map, int branch) {
   double least = 1;
-  for (const int c : map.pathTo(chain)) {
+  for (const int c : map.pathTo(branch)) {
     for (const int i : map.points(c)) least = std::min(least, *tree.radii()[i]);
   }
   return least;
 }
 
-void judge(const TipBelief& belief, const std::optional<CatheterTrace>& trace, const SeenPose& pose,
+void score(const TipBelief& belief, const std::optional<CatheterTrace>& trace, const SeenPose& pose,
            const CatheterTruth& truth, NavigateResult& row) {
   if (belief.status != BeliefStatus::kSeen || !trace) return;
   const auto end = tipEnd(trace->evidence, belief.tip);
   const double error_m = (end.value_or(tipOnRay(belief.tip, trace->seen, pose)) - truth.tip_model).norm();
   row.errors_m.push_back(error_m);
-  if (belief.tip.chain == truth.tip.chain) {
+  if (belief.tip.branch == truth.tip.branch) {
     row.arc_errors_m.push_back(std::abs(belief.tip.arc_m - truth.tip.arc_m));
   } else {
-    row.wrong_chain += error_m > 2e-3;
+    row.wrong_branch += error_m > 2e-3;
   }
 }
 
@@ -72,15 +72,15 @@ std::vector<TreeLocation> navigateTargets(const VesselTree& tree, const Navigate
   const VesselTree full = withPlausibleRadii(tree, 0.6e-3);
   const TreeTopology map(full);
   // Journeys begin at the root that most branches hang on.
-  std::vector<int> hanging(map.chains(), 0);
-  for (int c = 0; c < map.chains(); ++c) ++hanging[map.pathTo(c).front()];
+  std::vector<int> hanging(map.branchCount(), 0);
+  for (int c = 0; c < map.branchCount(); ++c) ++hanging[map.pathTo(c).front()];
   const auto root = static_cast<int>(std::max_element(hanging.begin(), hanging.end()) - hanging.begin());
   std::vector<TreeLocation> fit, spread;
-  for (int c = 0; c < map.chains(); ++c) {
+  for (int c = 0; c < map.branchCount(); ++c) {
     const TreeLocation place{c, std::min(1e-3 * experiment.into_branch_mm, 0.8 * map.length_m(c))};
     if (map.pathTo(c).front() != root || place.arc_m < kMinInto_m || map.start_m(c) < 1e-3 * experiment.min_route_mm)
       continue;
-    if (narrowestOnWay(full, map, c) >= 1e-3 * experiment.min_radius_mm) fit.push_back(place);
+    if (narrowestOnRoute(full, map, c) >= 1e-3 * experiment.min_radius_mm) fit.push_back(place);
   }
   const int n = std::min(count, static_cast<int>(fit.size()));
   for (int k = 0; k < n; ++k)
@@ -91,9 +91,9 @@ std::vector<TreeLocation> navigateTargets(const VesselTree& tree, const Navigate
 std::vector<TreeLocation> targetsAlong(const VesselTree& tree, const NavigateExperimentSettings& experiment,
                                        const std::vector<Eigen::Matrix3Xd>& curves, int count) {
   const TreeTopology map(withPlausibleRadii(tree, 0.6e-3));
-  // Where each of the tree's points is; a fork's is the end of the chain that leads to it.
+  // Where each of the tree's points is; a fork's is the end of the branch that leads to it.
   std::vector<std::optional<TreeLocation>> places(static_cast<std::size_t>(tree.size()));
-  for (int c = 0; c < map.chains(); ++c) {
+  for (int c = 0; c < map.branchCount(); ++c) {
     double arc_m = 0;
     int before = map.points(c).front();
     for (const int i : map.points(c)) {
@@ -110,7 +110,7 @@ std::vector<TreeLocation> targetsAlong(const VesselTree& tree, const NavigateExp
       if ((tree.points().colwise() - curve.col(k)).colwise().squaredNorm().minCoeff(&i) > kSamePoint_m * kSamePoint_m)
         continue;
       const auto& place = places[static_cast<std::size_t>(i)];
-      if (place && map.start_m(place->chain) + place->arc_m >= 1e-3 * experiment.min_route_mm) fit.push_back(*place);
+      if (place && map.start_m(place->branch) + place->arc_m >= 1e-3 * experiment.min_route_mm) fit.push_back(*place);
     }
     if (!fit.empty()) along.push_back(std::move(fit));
   }
@@ -209,7 +209,7 @@ class Journey {
 
 NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibration& nominal,
                                        const TreeLocation& target, const NavigateExperimentSettings& experiment,
-                                       const NavigateParts& parts, int seed, const NavigateObserver& look_on) {
+                                       const NavigateParts& parts, int seed, const NavigateObserver& observer) {
   checkSettings("navigate", experiment);
   const VesselTree full = withPlausibleRadii(tree, 1e-3 * parts.patient.fluoroscopy.end_radius_mm);
   const TreeTopology map(full);
@@ -221,8 +221,8 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
   NavigateResult row;
   row.seed = seed;
   row.target = target;
-  row.route_m = map.start_m(target.chain) + target.arc_m - map.start_m(start.chain) - start.arc_m;
-  row.forks = static_cast<int>(map.pathTo(target.chain).size()) - 1;
+  row.route_m = map.start_m(target.branch) + target.arc_m - map.start_m(start.branch) - start.arc_m;
+  row.forks = static_cast<int>(map.pathTo(target.branch).size()) - 1;
   row.ended = "too long";
   std::int64_t request_us = 0;
   while (journey.lab().now_s() < experiment.max_s) {
@@ -236,14 +236,14 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
     const NavigationInput& input = report->loop.input;
     row.looked += input.belief.has_value();
     if (input.belief && report->patient) {
-      judge(*input.belief, report->loop.trace,
+      score(*input.belief, report->loop.trace,
             {journey.exposure().frame.camera, report->patient->T_camera_model, report->patient->covariance}, truth,
             row);
     }
-    if (look_on) {
+    if (observer) {
       ServoStatus status;
       journey.catheter().safety().describe(status);
-      look_on({journey.lab().now_s(), journey.exposure().frame, *report, status, truth});
+      observer({journey.lab().now_s(), journey.exposure().frame, *report, status, truth});
     }
     ++row.frames;
     row.held += report->hold_reason.has_value();
@@ -253,7 +253,7 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
     const NavigationState state = journey.catheter().loop().navigation();
     if (state == NavigationState::kArrived || state == NavigationState::kGivenUp) {
       const std::string& why = report->loop.answer.why;
-      row.reached = state == NavigationState::kArrived && truth.tip.chain == target.chain;
+      row.reached = state == NavigationState::kArrived && truth.tip.branch == target.branch;
       row.ended = stateName(state) + (why.empty() ? "" : ": " + why);
       break;
     }
@@ -279,7 +279,7 @@ const std::vector<Column<NavigateResult>>& columns() {
   };
   static const std::vector<Column<NavigateResult>> kColumns = {
       {"seed", "", "", [](R r) { return r.seed; }},
-      {"branch", "", "", [](R r) { return r.target.chain; }},
+      {"branch", "", "", [](R r) { return r.target.branch; }},
       {"into_branch_mm", "", "", [](R r) { return 1e3 * r.target.arc_m; }},
       {"reached", "reached", "sum", [](R r) { return r.reached; }},
       {"ended", "", "", [](R r) { return r.ended; }},
@@ -296,7 +296,7 @@ const std::vector<Column<NavigateResult>>& columns() {
       {"", "frames", "sum", [](R r) { return r.frames; }},
       {"", "held", "sum", [](R r) { return r.held; }},
       {"", "limits_exceeded", "sum", [](R r) { return r.breach.has_value(); }},
-      {"", "wrong_chain", "sum", [](R r) { return r.wrong_chain; }},
+      {"", "wrong_chain", "sum", [](R r) { return r.wrong_branch; }},
       {"", "tip_error_mm", "median p95", [=](R r) { return millimetres(r.errors_m); }},
       {"", "along_vessel_mm", "median p95", [=](R r) { return millimetres(r.arc_errors_m); }}};
   return kColumns;

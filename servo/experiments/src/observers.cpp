@@ -108,19 +108,19 @@ void CommandObserver::see(const AxesState& state) {
   last_ = state;
 }
 
-WayObserver::WayObserver(const CArmGeometry& truth, const CArmJoints& start, const CArmJoints& goal,
-                         const Eigen::Vector3d& target_patient)
+TrajectoryObserver::TrajectoryObserver(const CArmGeometry& truth, const CArmJoints& start, const CArmJoints& goal,
+                                       const Eigen::Vector3d& target_patient)
     : truth_(truth), target_(target_patient), wanted_(truth.T_camera_patient(goal) * target_patient) {
   box_.extend(Eigen::Vector3d(start.tail<3>()));
   box_.extend(Eigen::Vector3d(goal.tail<3>()));
   start_m_ = distance_m(start);
 }
 
-double WayObserver::distance_m(const CArmJoints& joints) const {
+double TrajectoryObserver::distance_m(const CArmJoints& joints) const {
   return (truth_.T_camera_patient(joints) * target_ - wanted_).norm();
 }
 
-void WayObserver::see(const CArmJoints& joints) {
+void TrajectoryObserver::see(const CArmJoints& joints) {
   table_m_ = box_.exteriorDistance(Eigen::Vector3d(joints.tail<3>()));
   target_m_ = distance_m(joints) - start_m_;
   max_table_m_ = std::max(max_table_m_, table_m_);

@@ -207,8 +207,8 @@ Json centerExperiment(const LoopParts& parts, const CenterExperimentSettings& ex
 }
 
 std::string centerExperimentTable(const Json& summary) {
-  const auto line = [](const std::string& way) {
-    return "{" + way + "/rms_mm:%10.3f}" + spread(way + "/rms_mm_of_runs", "%10.3f") + "\n";
+  const auto line = [](const std::string& law) {
+    return "{" + law + "/rms_mm:%10.3f}" + spread(law + "/rms_mm_of_runs", "%10.3f") + "\n";
   };
   const std::string table =
       "centre: {predicted/succeeded:%d} of {runs:%d} runs keep the target within {within_mm:%g} mm rms at the "

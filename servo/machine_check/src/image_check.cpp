@@ -40,7 +40,7 @@ std::optional<Eigen::Matrix2Xd> ImageCheck::project(const XrayCamera& camera, co
   return px;
 }
 
-void ImageCheck::look(const XrayFrame& frame, const CArmState& state) {
+void ImageCheck::observe(const XrayFrame& frame, const CArmState& state) {
   const Observation observation = perception_.observe(frame, state);
   ++now_.frames;
   now_.joints = state.joints;

@@ -22,7 +22,7 @@ class ImageCheck {
   bool complete() const { return now_.frames >= kFrames; }
 
   /// One frame of it, and the machine's state at its exposure.
-  void look(const XrayFrame& frame, const CArmState& state);
+  void observe(const XrayFrame& frame, const CArmState& state);
 
   /// The next motion begins where this look was.
   void keep() { before_ = now_; }

@@ -74,12 +74,12 @@ struct MachineCheck::Parts {
   void abort(const std::string& why, std::int64_t now_us);
   bool stands() const;
   bool restSeen(const std::string& name, double still_s, double allowed_s, const std::string& asked);
-  void judgeEncoder(int joint);
+  void checkEncoder(int joint);
   void watchMotion(const CArmState& state, std::int64_t now_us);
   CArmCommand commandOf(const CArmJoints& velocity, std::int64_t valid_us = kValid_us);
   std::optional<CArmCommand> move(std::int64_t now_us);
-  void judgeStates(std::vector<CheckRow>& rows) const;
-  void judgeFrames(std::vector<CheckRow>& rows) const;
+  void checkStates(std::vector<CheckRow>& rows) const;
+  void checkFrames(std::vector<CheckRow>& rows) const;
 
   MachineCheckSettings settings;
   ImageCheck image;
@@ -206,7 +206,7 @@ void MachineCheck::see(const XrayFrame& frame, std::int64_t now_us) {
     p.oldest_frame_s = std::max(p.oldest_frame_s, std::abs(age_s));
   }
   p.newest_frame = XrayFrame{frame.time_us, frame.sequence, {}, frame.camera};
-  if (looks() && p.history.newest()) p.image.look(frame, p.history.at(frame.time_us));
+  if (looks() && p.history.newest()) p.image.observe(frame, p.history.at(frame.time_us));
 }
 
 bool MachineCheck::looks() const { return parts_->step().kind == Step::Kind::kLook && !parts_->image.complete(); }
@@ -237,7 +237,7 @@ std::optional<CArmCommand> MachineCheck::Parts::move(std::int64_t now_us) {
 }
 
 // How far the encoder went of what was commanded, and whether the reported velocities explain it.
-void MachineCheck::Parts::judgeEncoder(int joint) {
+void MachineCheck::Parts::checkEncoder(int joint) {
   const double moved = history.newest() ? history.newest()->joints[joint] - start[joint] : 0;
   const double share = moved / goal(joint);
   if (std::abs(share) > 0.3) {
@@ -304,7 +304,7 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
     }
     case Kind::kRest:
       if (passed_s < kSettle_s) return p.commandOf(rest);
-      if (step.joint >= 0) p.judgeEncoder(step.joint);  // After the way out.
+      if (step.joint >= 0) p.checkEncoder(step.joint);  // After the way out.
       break;
     case Kind::kSilence: {
       // Half of a motion, then nothing more is said.
@@ -359,7 +359,7 @@ std::string MachineCheck::doing() const {
          std::string(step.kind == Step::Kind::kMove ? kJointNames[step.joint] : "");
 }
 
-void MachineCheck::Parts::judgeStates(std::vector<CheckRow>& rows) const {
+void MachineCheck::Parts::checkStates(std::vector<CheckRow>& rows) const {
   const char* name = kCArmStateChannel;
   rows.insert(rows.end(), {states.rateRow(name, 50, 200), states.sequenceRow(name), states.clockRow(name)});
   const std::string asked = "radians and metres, within the limits";
@@ -376,7 +376,7 @@ void MachineCheck::Parts::judgeStates(std::vector<CheckRow>& rows) const {
   }
 }
 
-void MachineCheck::Parts::judgeFrames(std::vector<CheckRow>& rows) const {
+void MachineCheck::Parts::checkFrames(std::vector<CheckRow>& rows) const {
   const char* name = kXrayFrameChannel;
   rows.insert(rows.end(), {frames.rateRow(name, 3, 60), frames.sequenceRow(name), frames.clockRow(name)});
   const std::string late = "of the states' clock, and 300 ms late at most";
@@ -405,8 +405,8 @@ void MachineCheck::Parts::judgeFrames(std::vector<CheckRow>& rows) const {
 std::vector<CheckRow> MachineCheck::rows() const {
   const Parts& p = *parts_;
   std::vector<CheckRow> rows;
-  p.judgeStates(rows);
-  p.judgeFrames(rows);
+  p.checkStates(rows);
+  p.checkFrames(rows);
   rows.push_back(p.image.orientationRow());
   if (!p.settings.move) {
     rows.push_back({"motion", CheckVerdict::kNotSeen, "it was not to be moved", "--move"});

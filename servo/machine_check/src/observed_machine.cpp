@@ -12,7 +12,7 @@ namespace {
 constexpr double kRemembered_us = 5e6;
 // Share of messages that may be missing: one of a hundred is lost on a busy host.
 constexpr double kMaxMissing = 0.01;
-// A clock's rate against ours, over some seconds, with what a message's way may take longer or shorter.
+// A clock's rate against ours, over some seconds, with the jitter of a message's transport.
 constexpr double kMaxDrift = 0.02;
 
 }  // namespace
@@ -36,10 +36,10 @@ double ObservedChannel::rate_hz() const {
   return passed_s > 0 ? static_cast<double>(count_ - 1) / passed_s : 0;
 }
 
-CheckRow ObservedChannel::rateRow(const std::string& name, double least_hz, double most_hz) const {
-  const std::string asked = formatted("%g to %g Hz", least_hz, most_hz);
+CheckRow ObservedChannel::rateRow(const std::string& name, double min_hz, double max_hz) const {
+  const std::string asked = formatted("%g to %g Hz", min_hz, max_hz);
   if (count_ < 2) return {name + " rate", CheckVerdict::kFail, formatted("%d messages came", int(count_)), asked};
-  return verdictRow(name + " rate", rate_hz() >= 0.9 * least_hz && rate_hz() <= 1.1 * most_hz,
+  return verdictRow(name + " rate", rate_hz() >= 0.9 * min_hz && rate_hz() <= 1.1 * max_hz,
                     formatted("%.1f Hz", rate_hz()), asked);
 }
 

@@ -18,7 +18,7 @@ class ObservedChannel {
   std::int64_t count() const { return count_; }
   double rate_hz() const;
 
-  CheckRow rateRow(const std::string& name, double least_hz, double most_hz) const;
+  CheckRow rateRow(const std::string& name, double min_hz, double max_hz) const;
   CheckRow sequenceRow(const std::string& name) const;
 
   /// Whether its clock runs in microseconds, as ours does.

@@ -76,7 +76,7 @@ CatheterControllerReport CatheterController::propose(const XrayFrame& frame, con
   if (washed_out_) {
     navigate(frame, input.arm, input.drive, report);
   } else {
-    lookForVessels(frame, input.arm, report);
+    searchVessels(frame, input.arm, report);
   }
   CatheterCommand wanted = report.loop.answer.command;
   if (!report.hold_reason && !isFinite(wanted)) report.hold_reason = "the command is not a number";
@@ -88,7 +88,7 @@ CatheterControllerReport CatheterController::propose(const XrayFrame& frame, con
 
 void CatheterController::forgetRoadmap() {
   roadmap_.reset();
-  believed_ = unseen_ = 0;
+  located_frames_ = unseen_frames_ = 0;
   washed_out_ = false;
 }
 
@@ -98,7 +98,7 @@ void CatheterController::planView(const XrayFrame& frame, std::int64_t reached_u
   if (request_ && reached_us != request_->time_us) return;
   if (!view_since_us_) view_since_us_ = frame.time_us;
   const TipPlace& tip = loop_.belief().tip;
-  if (const auto view = planner_->next({tip.chain, tip.arc_m}, in_doubt_)) {
+  if (const auto view = planner_->next({tip.branch, tip.arc_m}, in_doubt_)) {
     ask(frame, *view, !request_ ? "the journey begins" : in_doubt_ ? "the last one leaves doubt" : "the tip goes on");
   } else if (!washed_out_ &&
              1e-6 * static_cast<double>(frame.time_us - *view_since_us_) > settings_.roadmap_patience_s) {
@@ -130,23 +130,22 @@ bool CatheterController::armHasMoved(const CArmState& arm) const {
          moved.tail<3>().norm() * roadmap_->depth_error > 1e-3 * settings_.max_shift_error_mm;
 }
 
-void CatheterController::lookForVessels(const XrayFrame& frame, const CArmState& arm,
-                                        CatheterControllerReport& report) {
+void CatheterController::searchVessels(const XrayFrame& frame, const CArmState& arm, CatheterControllerReport& report) {
   report.roadmap = true;
   const GatedObservation gated = perception_.observe(frame, arm);
   report.registration = gated.observation.registration;
   if (gated.rejection) {
     // Vessels that have been seen and are seen no more have washed out; ones that never were are still awaited.
-    washed_out_ = roadmap_ && ++unseen_ >= settings_.washed_out_frames;
-    if (!roadmap_) believed_ = 0;
+    washed_out_ = roadmap_ && ++unseen_frames_ >= settings_.washed_out_frames;
+    if (!roadmap_) located_frames_ = 0;
     report.hold_reason =
         roadmap_ ? "waits for the contrast agent to wash out" : "waits for a roadmap: " + *gated.rejection;
     report.contradicts = gated.contradicts();
     return;
   }
-  unseen_ = 0;
+  unseen_frames_ = 0;
   report.hold_reason = "looks at the roadmap";
-  if (++believed_ < settings_.roadmap_frames) return;
+  if (++located_frames_ < settings_.roadmap_frames) return;
   const PatientObservation& patient = *gated.patient;
   roadmap_ = Roadmap{arm.joints, setup_.carm.T_camera_patient(arm.joints).inverse() * patient.T_camera_model,
                      patient.covariance, patient.depthStd_m(centroid_) / (patient.T_camera_model * centroid_).z()};
@@ -156,7 +155,7 @@ void CatheterController::navigate(const XrayFrame& frame, const CArmState& arm, 
                                   CatheterControllerReport& report) {
   const SeenPose pose{frame.camera, setup_.carm.T_camera_patient(arm.joints) * roadmap_->T_patient_model,
                       roadmap_->covariance};
-  report.loop = loop_.step({frame.time_us, frame.sequence, pose, drive}, loop_.look(frame.image, pose));
+  report.loop = loop_.step({frame.time_us, frame.sequence, pose, drive}, loop_.findCatheter(frame.image, pose));
   navigation_ = report.loop.answer.state;
   in_doubt_ = report.loop.answer.another_view;
   report.patient = PatientObservation{pose.T_camera_model, roadmap_->covariance};

@@ -13,7 +13,7 @@ constexpr double kMaxPeriod_s = 0.2;  // A longer gap is no time in which doubt 
 
 // What the navigator believes of how its tip is deflected, as a length.
 TipOffset offsetOf(const TipRoll& roll, double tip_length_m) {
-  return {tip_length_m * roll.deflection(), tip_length_m * tip_length_m * roll.leanCovariance()};
+  return {tip_length_m * roll.deflection(), tip_length_m * tip_length_m * roll.deflectionCovariance()};
 }
 
 }  // namespace
@@ -24,10 +24,10 @@ CatheterLoop::CatheterLoop(const VesselTree& tree, const TreeLocation& start, co
       navigator_(tree, target, settings.navigator),
       tracer_(tree, settings.tracer),
       localiser_(settings.localiser, tree) {
-  localiser_.reset(start.chain, start.arc_m, 1e-3 * settings.start_std_mm);
+  localiser_.reset(start.branch, start.arc_m, 1e-3 * settings.start_std_mm);
 }
 
-std::optional<CatheterTrace> CatheterLoop::look(const cv::Mat& image, const SeenPose& pose) {
+std::optional<CatheterTrace> CatheterLoop::findCatheter(const cv::Mat& image, const SeenPose& pose) {
   return tracer_.trace(image, pose, belief(), offsetOf(navigator_.roll(), 1e-3 * settings_.navigator.tip_length_mm));
 }
 
@@ -51,7 +51,7 @@ CatheterReport CatheterLoop::step(const CatheterFrame& frame, const std::optiona
   if (trace) {
     const TipPlace& tip = input.belief->tip;
     input.deflection = seenDeflection(trace->seen, frame.pose.camera, frame.pose.T_camera_model, navigator_.map(),
-                                      {tip.chain, tip.arc_m}, 1e-3 * settings_.navigator.tip_length_mm);
+                                      {tip.branch, tip.arc_m}, 1e-3 * settings_.navigator.tip_length_mm);
   }
   report.answer = navigator_.step(input);
   return report;

@@ -26,8 +26,8 @@ CatheterTip tipMessage(const CatheterControllerReport& report, const TreeTopolog
   message.tip_model = tip.tip_model;
   const Eigen::Matrix3d along = tip.direction_model * tip.direction_model.transpose();
   message.covariance = tip.std_m * tip.std_m * along + kTipStd_m * kTipStd_m * (Eigen::Matrix3d::Identity() - along);
-  message.branch = tip.chain;
-  message.tree_point = map.spot({tip.chain, tip.arc_m}).a;
+  message.branch = tip.branch;
+  message.tree_point = map.spot({tip.branch, tip.arc_m}).a;
   message.arc_length_m = tip.path_m;
   message.probability = tip.probability;
   return message;

@@ -43,47 +43,48 @@ class CatheterTracer::Impl {
     if (!(tip_camera.z() > 0)) return std::nullopt;
     px_per_m_ = pose.camera.parameters().fx_px / tip_camera.z();
     const WalkArea area = areaAround(places_, expected, 1e-3 * settings_.behind_mm, 1e-3 * settings_.ahead_mm);
-    const auto way = projected(area, pose);
-    if (!way) return std::nullopt;
-    const DeviceContrast seen = deviceContrast(image, way->window, 1e-3 * settings_.diameter_mm * px_per_m_);
+    const auto projection = projected(area, pose);
+    if (!projection) return std::nullopt;
+    const DeviceContrast seen = deviceContrast(image, projection->window, 1e-3 * settings_.diameter_mm * px_per_m_);
     const bool first = !level_;
-    auto found = best(area, *way, seen, first ? kFirstLevel * seen.noise : *level_);
-    if (found && first) found = best(area, *way, seen, *level_);
+    auto found = best(area, *projection, seen, first ? kFirstLevel * seen.noise : *level_);
+    if (found && first) found = best(area, *projection, seen, *level_);
     // One that is lost for long may be so because its contrast was taken for another's.
     lost_ = found ? 0 : lost_ + 1;
     if (lost_ >= kLongLost) level_.reset();
-    if (found) weigh(area, *way, pose, offset, *found);
+    if (found) weigh(area, *projection, pose, offset, *found);
     return found;
   }
 
  private:
-  struct Way {
+  struct ProjectedArea {
     Eigen::Matrix2Xf px;  // Of the area's places.
     cv::Rect window;
   };
 
-  std::optional<Way> projected(const WalkArea& area, const SeenPose& pose) const {
-    Way way;
-    way.px.resize(2, static_cast<Eigen::Index>(area.places.size()));
+  std::optional<ProjectedArea> projected(const WalkArea& area, const SeenPose& pose) const {
+    ProjectedArea projection;
+    projection.px.resize(2, static_cast<Eigen::Index>(area.places.size()));
     Eigen::AlignedBox2f box;
     for (std::size_t k = 0; k < area.places.size(); ++k) {
       const auto u = pose.camera.project(pose.T_camera_model * places_.points_m[area.places[k]]);
       if (!u || !u->allFinite()) return std::nullopt;
-      way.px.col(static_cast<Eigen::Index>(k)) = u->cast<float>();
+      projection.px.col(static_cast<Eigen::Index>(k)) = u->cast<float>();
       box.extend(u->cast<float>());
     }
     const double margin = walk_.reach(area) * TreeViterbi::kStep_m * px_per_m_ + 20;
-    way.window =
+    projection.window =
         cv::Rect(cv::Point(static_cast<int>(box.min().x() - margin), static_cast<int>(box.min().y() - margin)),
                  cv::Point(static_cast<int>(box.max().x() + margin), static_cast<int>(box.max().y() + margin)));
-    way.window &= cv::Rect(0, 0, pose.camera.width_px(), pose.camera.height_px());
-    if (way.window.width < 20 || way.window.height < 20) return std::nullopt;
-    return way;
+    projection.window &= cv::Rect(0, 0, pose.camera.width_px(), pose.camera.height_px());
+    if (projection.window.width < 20 || projection.window.height < 20) return std::nullopt;
+    return projection;
   }
 
-  std::optional<CatheterTrace> best(const WalkArea& area, const Way& way, const DeviceContrast& seen, double level) {
+  std::optional<CatheterTrace> best(const WalkArea& area, const ProjectedArea& projection, const DeviceContrast& seen,
+                                    double level) {
     level = std::max(level, kMinLevel * seen.noise);
-    walk_.run(area, way.px, px_per_m_, seen, level);
+    walk_.run(area, projection.px, px_per_m_, seen, level);
     const TreeViterbi& walk = walk_;
     double most = -1e300;
     int end = -1, end_u = 0;
@@ -161,14 +162,14 @@ class CatheterTracer::Impl {
 
   // What each place is worth as the tip's: by the seen tip's distance from it, loose across the vessel and tight along
   // it, and by what the line to it lacks of a catheter's.
-  void weigh(const WalkArea& area, const Way& way, const SeenPose& pose, const TipOffset& offset,
+  void weigh(const WalkArea& area, const ProjectedArea& projection, const SeenPose& pose, const TipOffset& offset,
              CatheterTrace& trace) const {
     const Eigen::Vector2d tip = trace.seen.points_px.rightCols<1>();
     double best = -1e300;
     for (std::size_t k = 0; k < area.places.size(); ++k) {
       if (area.from_tip_m[k] > 1e-3 * settings_.ahead_mm) continue;
       const int place = area.places[k];
-      const Eigen::Vector2d off = tip - way.px.col(static_cast<Eigen::Index>(k)).cast<double>();
+      const Eigen::Vector2d off = tip - projection.px.col(static_cast<Eigen::Index>(k)).cast<double>();
       const auto lacks = walk_.lack(static_cast<int>(k), off.cast<float>());
       if (!lacks) continue;
       const Eigen::Vector3d p = pose.T_camera_model * places_.points_m[place];
@@ -188,7 +189,7 @@ class CatheterTracer::Impl {
       const double end_std_m = std::sqrt(std::max(
           Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(unseen, Eigen::EigenvaluesOnly).eigenvalues()[2], 0.0));
       trace.evidence.places.push_back(
-          {places_.chain[place], places_.arc_m[place], value, pose.T_camera_model.inverse() * end, end_std_m});
+          {places_.branch[place], places_.arc_m[place], value, pose.T_camera_model.inverse() * end, end_std_m});
       if (value > best) best = value, trace.evidence.residual_px = off.norm();
     }
     for (PlaceEvidence& one : trace.evidence.places)

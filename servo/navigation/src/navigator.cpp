@@ -33,7 +33,7 @@ bool sound(const NavigationInput& input) {
 }
 
 bool sound(const TipPlace& tip, const TreeTopology& map) {
-  return tip.chain >= 0 && tip.chain < map.chains() && std::isfinite(tip.arc_m) && std::isfinite(tip.std_m) &&
+  return tip.branch >= 0 && tip.branch < map.branchCount() && std::isfinite(tip.arc_m) && std::isfinite(tip.std_m) &&
          std::isfinite(tip.probability);
 }
 
@@ -56,11 +56,11 @@ Navigator::Navigator(const VesselTree& tree, const TreeLocation& target, const N
       map_(tree),
       target_(target),
       roll_(usualDeflection(settings, 0), degToRad(settings.dead_band_deg)) {
-  if (target.chain < 0 || target.chain >= map_.chains()) {
-    throw InputError("navigator", "target", std::to_string(target.chain),
-                     "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
+  if (target.branch < 0 || target.branch >= map_.branchCount()) {
+    throw InputError("navigator", "target", std::to_string(target.branch),
+                     "must be one of the tree's " + std::to_string(map_.branchCount()) + " branches");
   }
-  requireBetween("navigator", "target arc_m", target.arc_m, 0, map_.length_m(target.chain));
+  requireBetween("navigator", "target arc_m", target.arc_m, 0, map_.length_m(target.branch));
 }
 
 NavigationAnswer Navigator::step(const NavigationInput& input) {
@@ -77,29 +77,29 @@ NavigationAnswer Navigator::step(const NavigationInput& input) {
 NavigationAnswer Navigator::decide(const NavigationInput& input) {
   if (state_ == NavigationState::kArrived || state_ == NavigationState::kGivenUp) return {{}, state_, why_};
   roll_.bend(usualDeflection(settings_, input.drive.bend_rad));
-  const bool believed = input.belief && sound(*input.belief, map_) && isFromFrame(*input.belief);
-  if (!believed) {
+  const bool located = input.belief && sound(*input.belief, map_) && isFromFrame(*input.belief);
+  if (!located) {
     roll_.move(input.drive.roll_rad, 0);
-    return doubt(input, input.belief && !input.belief->why.empty() ? input.belief->why : "the tip is not seen");
+    return holdUnsure(input, input.belief && !input.belief->why.empty() ? input.belief->why : "the tip is not seen");
   }
   const TipPlace& tip = input.belief->tip;
-  const double path_m = map_.start_m(tip.chain) + tip.arc_m;
+  const double path_m = map_.start_m(tip.branch) + tip.arc_m;
   if (last_path_m_ && std::abs(path_m - *last_path_m_) > kJump_m && ++jumped_ < kSteadyFrames) {
     roll_.move(input.drive.roll_rad, 0);
-    return doubt(input, "the tip seems to have jumped");
+    return holdUnsure(input, "the tip seems to have jumped");
   }
   jumped_ = 0;
   roll_.move(input.drive.roll_rad, last_path_m_ ? path_m - *last_path_m_ : 0.0);
   last_path_m_ = path_m;
   if (input.deflection) roll_.see(*input.deflection);
 
-  const auto view = viewRoute(map_, target_.chain, *input.belief, kNear_m);
-  if (!view) return doubt(input, "no vessel leads from where the tip seems to be to the target");
-  if (!(view->probability >= settings_.min_probability)) return doubt(input, "the tip's branch is not sure");
-  if (!(tip.std_m <= 1e-3 * settings_.max_std_mm)) return doubt(input, "the tip's place is not sure");
-  const bool there = tip.chain == target_.chain && tip.arc_m >= target_.arc_m;
-  if (there && throughProbability(map_, target_.chain, *input.belief, kSame_m) < kSure) {
-    return doubt(input, "is this the target's branch?");
+  const auto view = viewRoute(map_, target_.branch, *input.belief, kNear_m);
+  if (!view) return holdUnsure(input, "no vessel leads from where the tip seems to be to the target");
+  if (!(view->probability >= settings_.min_probability)) return holdUnsure(input, "the tip's branch is not sure");
+  if (!(tip.std_m <= 1e-3 * settings_.max_std_mm)) return holdUnsure(input, "the tip's place is not sure");
+  const bool there = tip.branch == target_.branch && tip.arc_m >= target_.arc_m;
+  if (there && throughProbability(map_, target_.branch, *input.belief, kSame_m) < kSure) {
+    return holdUnsure(input, "is this the target's branch?");
   }
   doubtful_s_ = retreated_m_ = 0;
   asked_ = false;
@@ -126,7 +126,7 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
 }
 
 // Stands still, and after a while goes back to where it was surer, for as far as it may.
-NavigationAnswer Navigator::doubt(const NavigationInput& input, const std::string& why) {
+NavigationAnswer Navigator::holdUnsure(const NavigationInput& input, const std::string& why) {
   doubtful_s_ += input.period_s;
   since_.reset();
   if (doubtful_s_ >= settings_.patience_s && !asked_) {
@@ -183,12 +183,12 @@ NavigationAnswer Navigator::follow(const NavigationInput& input, const RouteView
 // Pulls back to in front of the fork that was missed, or from a wall; then tries again, for as often as it may.
 NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& view, const std::string& why) {
   ++misses_;
-  const double path_m = map_.start_m(input.belief->tip.chain) + input.belief->tip.arc_m;
+  const double path_m = map_.start_m(input.belief->tip.branch) + input.belief->tip.arc_m;
   // What is held just beyond a fork may still stand in front of it: that is the one to be tried again.
-  const auto parent = map_.parent(view.chain);
-  const bool fresh = parent && view.on_route && path_m - map_.start_m(view.chain) < 1e-3 * settings_.back_mm;
-  const int chain = fresh ? *parent : view.chain;
-  int& tries = tries_[chain];
+  const auto parent = map_.parent(view.branch);
+  const bool fresh = parent && view.on_route && path_m - map_.start_m(view.branch) < 1e-3 * settings_.back_mm;
+  const int branch = fresh ? *parent : view.branch;
+  int& tries = tries_[branch];
   if (++tries > settings_.tries || misses_ > kTriesInAll * settings_.tries) {
     state_ = NavigationState::kGivenUp;
     why_ = why + ", " + std::to_string(misses_) + " times";
@@ -197,10 +197,10 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
   looked_ = false;
   why_ = why;
   state_ = NavigationState::kBackingOff;
-  const double start_m = map_.start_m(chain), fork_m = start_m + map_.length_m(chain);
-  // Elsewhere each time: in a short chain, where exactly the tip stands decides what it can still be aimed for.
+  const double start_m = map_.start_m(branch), fork_m = start_m + map_.length_m(branch);
+  // Elsewhere each time: in a short branch, where exactly the tip stands decides what it can still be aimed for.
   const double back_m = 1e-3 * (settings_.back_mm + 0.7 * tries);
-  const double min_m = start_m + std::min(2e-3, (0.2 + 0.15 * (tries % 5)) * map_.length_m(chain));
+  const double min_m = start_m + std::min(2e-3, (0.2 + 0.15 * (tries % 5)) * map_.length_m(branch));
   back_to_m_ = std::max(std::min(fork_m, path_m) - back_m, min_m);
   NavigationAnswer answer = backOff(input, view);
   answer.another_view = tries % 2 == 0;
@@ -208,7 +208,7 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
 }
 
 NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteView& view) {
-  const double path_m = map_.start_m(input.belief->tip.chain) + input.belief->tip.arc_m;
+  const double path_m = map_.start_m(input.belief->tip.branch) + input.belief->tip.arc_m;
   if (path_m <= back_to_m_ && view.on_route) return follow(input, view);
   if (path_m <= 1e-3) return follow(input, view);
   NavigationAnswer answer = go(input, -1e-3 * settings_.back_speed_mm_per_s, 0, 0);

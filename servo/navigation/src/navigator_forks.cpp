@@ -16,7 +16,7 @@ namespace {
 
 /// How a tip is to point in front of a fork.
 struct ForkPlan {
-  double angle_rad = 0;   ///< Of the tip in the vessel's frame at the fork, from `across` to `aside`.
+  double angle_rad = 0;   ///< Of the tip in the vessel's frame at the fork, from `normal` to `binormal`.
   double bend_rad = 0;    ///< Between the tip and the vessel.
   double margin_rad = 0;  ///< By how much it points nearer to the wanted branch than to any other; may be negative.
 };
@@ -29,7 +29,7 @@ struct TipRange {
 
 constexpr int kAngles = 72;
 constexpr int kBends = 13;
-constexpr double kLevers[] = {0.7, 1.3};  // How far ahead a tip feels its way, nobody knows well.
+constexpr double kLevers[] = {0.7, 1.3};  // The distance over which a tip chooses a branch is not well known.
 constexpr double kCloser = 0.03;  // [rad] A larger bend must earn its contact with the wall by this for each step.
 
 // Frame of the vessel that ends at the fork in front of `child`.
@@ -55,18 +55,18 @@ Fork forkAt(const TreeTopology& map, int wanted, int towards, double lever_m) {
   if (!parent) return fork;
   bool leads = false;
   const double parted_m = map.parting_m(*parent) + 0.5 * lever_m;
-  for (const TreeRoute& way : map.waysFrom(*parent, std::max(lever_m, parted_m))) {
-    if (way.child != wanted) {
-      fork.others.push_back(way.direction);
+  for (const TreeRoute& route : map.routesFrom(*parent, std::max(lever_m, parted_m))) {
+    if (route.child != wanted) {
+      fork.others.push_back(route.direction);
     } else if (!leads) {
-      fork.goal = way.direction;
-      leads = map.passes(towards, way.last) || map.passes(way.last, towards);
+      fork.goal = route.direction;
+      leads = map.passes(towards, route.last) || map.passes(route.last, towards);
     }
   }
   return fork;
 }
 
-// How much nearer to the goal the tip points than to any other way.
+// How much nearer to the goal the tip points than to any other branch.
 double marginOf(const Fork& fork, double angle, double bend) {
   const TreeFrame& f = fork.frame;
   const Eigen::Vector3d tip =
@@ -76,24 +76,24 @@ double marginOf(const Fork& fork, double angle, double bend) {
   return nearest - angleBetween(tip, fork.goal);
 }
 
-// Direction in which a way through a child leaves its parent, in the parent's frame at the fork: across, aside; sine
-// of the angle long. The way towards `towards`, where several lead through the child.
+// Direction in which a route through a child leaves its parent, in the parent's frame at the fork: normal, binormal.
+// Its length is the sine of the angle. Where several routes lead through the child, it is the one to `towards`.
 Eigen::Vector2d sidewaysOf(const TreeTopology& map, int child, int towards, double lever_m) {
   const Fork fork = forkAt(map, child, towards, lever_m);
   return {fork.goal.dot(fork.frame.normal), fork.goal.dot(fork.frame.binormal)};
 }
 
 // The tip that points nearer to the wanted child than to its siblings by the widest margin, when its angle is only
-// known to `std_rad`; with several wanted chains, of forks that follow each other closely, the least of their
+// known to `std_rad`; with several wanted branches, of forks that follow each other closely, the least of their
 // margins counts: a tip that only slides keeps its angle in the vessel's frame.
 //
-// Children leave a fork as the chords of the first `lever_m` [m] of their ways, or more until those have parted: one
-// that is short goes on as its own children do, and the wanted ones towards `target`.
+// Children leave a fork as the chords of the first `lever_m` [m] of their routes, or more until those have parted. A
+// short child goes on as its own children do, a wanted one towards `target`.
 ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int target, const TipRange& range,
                    double std_rad, double lever_m) {
   std::vector<Fork> forks;
-  for (const int chain : wanted) {
-    for (const double part : kLevers) forks.push_back(forkAt(map, chain, target, part * lever_m));
+  for (const int branch : wanted) {
+    for (const double part : kLevers) forks.push_back(forkAt(map, branch, target, part * lever_m));
   }
   const auto margin = [&](double angle, double bend) {
     double least = kPi;
@@ -116,7 +116,7 @@ ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int 
 constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
 constexpr double kMaxAim_s = 8;
 constexpr double kFullLook_rad = 2.2 * kPi;
-constexpr double kSure = 0.9;           // Probability of a wrong branch that is worth a way back at once.
+constexpr double kSure = 0.9;           // Probability of a wrong branch that is worth going back at once.
 constexpr double kEntered = 0.8;        // Probability of the wanted branch that is enough to go on.
 constexpr double kMinMargin_rad = 0.1;  // For one aim to serve several forks.
 
@@ -139,27 +139,27 @@ NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView
   return aim(input);
 }
 
-// The chains of the route from `next` on that begin at a fork which there is no room to aim in front of.
+// The branches of the route from `next` on that begin at a fork which there is no room to aim in front of.
 std::vector<int> Navigator::closeForks(int next) const {
-  const std::vector<int> route = map_.pathTo(target_.chain);
+  const std::vector<int> route = map_.pathTo(target_.branch);
   auto at = std::find(route.begin(), route.end(), next);
-  std::vector<int> chains{next};
-  while (at + 1 < route.end() && map_.length_m(*at) < 1e-3 * settings_.short_mm) chains.push_back(*++at);
-  return chains;
+  std::vector<int> branches{next};
+  while (at + 1 < route.end() && map_.length_m(*at) < 1e-3 * settings_.short_mm) branches.push_back(*++at);
+  return branches;
 }
 
 void Navigator::planNext(int next) {
   const TipRange range{degToRad(settings_.tip_angle_deg), degToRad(settings_.tip_angle_deg + settings_.max_bend_deg)};
   const double sigma = std::clamp(roll_.std_rad(), degToRad(15), degToRad(60)), lever_m = 1e-3 * settings_.lever_mm;
   // As many of the forks ahead with one aim as one aim can serve.
-  std::vector<int> chains = closeForks(next);
-  ForkPlan plan = planForks(map_, chains, target_.chain, range, sigma, lever_m);
-  while (chains.size() > 1 && plan.margin_rad < kMinMargin_rad) {
-    chains.pop_back();
-    plan = planForks(map_, chains, target_.chain, range, sigma, lever_m);
+  std::vector<int> branches = closeForks(next);
+  ForkPlan plan = planForks(map_, branches, target_.branch, range, sigma, lever_m);
+  while (branches.size() > 1 && plan.margin_rad < kMinMargin_rad) {
+    branches.pop_back();
+    plan = planForks(map_, branches, target_.branch, range, sigma, lever_m);
   }
   const auto tried = static_cast<std::size_t>(tries_[*map_.parent(next)]);
-  planned_ = chains.back();
+  planned_ = branches.back();
   aim_angle_rad_ = plan.angle_rad + kBeside_rad[tried % std::size(kBeside_rad)];
   aim_bend_rad_ = plan.bend_rad - degToRad(settings_.tip_angle_deg);
 }
@@ -179,7 +179,7 @@ NavigationAnswer Navigator::look(const NavigationInput& input) {
 NavigationAnswer Navigator::aim(const NavigationInput& input) {
   aimed_s_ += input.period_s;
   const double close = degToRad(settings_.angle_deg);
-  // Forwards all the way, unless it is just a little too far.
+  // Forwards, unless it is just a little too far.
   double left =
       std::remainder(aim_angle_rad_ - roll_.angle_rad() - input.drive.roll_speed_rad_per_s * input.latency_s, 2 * kPi);
   const bool turned = std::abs(left) < close;
@@ -195,9 +195,9 @@ NavigationAnswer Navigator::aim(const NavigationInput& input) {
   return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
 }
 
-// Whether a belief beside the route is worth a way back.
+// Whether a belief beside the route is worth going back for.
 bool Navigator::sureOf(const RouteView& view) const {
-  const double beyond_m = -view.to_fork_m, parted_m = map_.parting_m(view.chain);
+  const double beyond_m = -view.to_fork_m, parted_m = map_.parting_m(view.branch);
   return beyond_m >= parted_m + 1e-3 * settings_.sure_mm ||
          (beyond_m >= parted_m + 1e-3 * settings_.confirm_mm && view.beside_probability >= kSure);
 }
@@ -205,23 +205,23 @@ bool Navigator::sureOf(const RouteView& view) const {
 NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView& view) {
   const TipPlace& tip = input.belief->tip;
   const double lever_m = 1e-3 * settings_.lever_mm;
-  const double beyond_m = map_.start_m(tip.chain) + tip.arc_m - map_.start_m(*planned_);
+  const double beyond_m = map_.start_m(tip.branch) + tip.arc_m - map_.start_m(*planned_);
   const double parted_m = map_.parting_m(*map_.parent(*planned_));
   const double through = throughProbability(map_, *planned_, *input.belief, 0);
-  if (map_.passes(tip.chain, *planned_) &&
+  if (map_.passes(tip.branch, *planned_) &&
       beyond_m >= std::max(std::min(1e-3 * settings_.confirm_mm, 0.4 * map_.length_m(*planned_)), parted_m) &&
       (through >= kEntered || beyond_m >= parted_m + 1e-3 * settings_.sure_mm)) {
-    roll_.entered(sidewaysOf(map_, *planned_, target_.chain, lever_m));
+    roll_.entered(sidewaysOf(map_, *planned_, target_.branch, lever_m));
     looked_ = false;
     return follow(input, view);
   }
   if (view.entered && beside_frames_ >= kSteadyFrames && sureOf(view)) {
-    roll_.entered(sidewaysOf(map_, *view.entered, tip.chain, lever_m));
+    roll_.entered(sidewaysOf(map_, *view.entered, tip.branch, lever_m));
     return miss(input, view, "the tip has entered another branch");
   }
   // Back in front of all that was planned, as a catheter that sprang back is.
   const double far_m = 2e-3 * (settings_.aim_mm + settings_.back_mm);
-  if (view.on_route && view.next && view.to_fork_m > far_m && !map_.passes(view.chain, *planned_))
+  if (view.on_route && view.next && view.to_fork_m > far_m && !map_.passes(view.branch, *planned_))
     return follow(input, view);
   // Neither branch is sure where they have long parted: this view does not tell them apart.
   const bool in_doubt = !asked_ahead_ && beyond_m >= parted_m + 2e-3 * settings_.confirm_mm;

@@ -6,24 +6,24 @@
 
 namespace angio::navigation {
 
-std::optional<RouteView> viewRoute(const TreeTopology& map, int target_chain, const TipBelief& belief, double near_m) {
+std::optional<RouteView> viewRoute(const TreeTopology& map, int target_branch, const TipBelief& belief, double near_m) {
   const TipPlace& tip = belief.tip;
-  const std::vector<int> taken = map.pathTo(tip.chain), route = map.pathTo(target_chain);
+  const std::vector<int> taken = map.pathTo(tip.branch), route = map.pathTo(target_branch);
   std::size_t common = 0;
   while (common < taken.size() && common < route.size() && taken[common] == route[common]) ++common;
   if (common == 0) return std::nullopt;
 
   RouteView view;
-  view.chain = route[common - 1];
+  view.branch = route[common - 1];
   view.on_route = common == taken.size();
   if (common < route.size()) view.next = route[common];
   if (!view.on_route) view.entered = taken[common];
-  view.to_fork_m = map.start_m(view.chain) + map.length_m(view.chain) - (map.start_m(tip.chain) + tip.arc_m);
+  view.to_fork_m = map.start_m(view.branch) + map.length_m(view.branch) - (map.start_m(tip.branch) + tip.arc_m);
   view.probability = tip.probability;
   if (view.entered) view.beside_probability = tip.probability;
   for (const TipPlace& other : belief.alternatives) {
     const bool near = (other.tip_model - tip.tip_model).norm() < near_m;
-    const bool same_branch = view.entered && map.passes(other.chain, *view.entered);
+    const bool same_branch = view.entered && map.passes(other.branch, *view.entered);
     if (near || same_branch) view.probability += other.probability;
     if (same_branch) view.beside_probability += other.probability;
   }
@@ -31,12 +31,12 @@ std::optional<RouteView> viewRoute(const TreeTopology& map, int target_chain, co
   return view;
 }
 
-double throughProbability(const TreeTopology& map, int chain, const TipBelief& belief, double near_m) {
-  const bool through = map.passes(belief.tip.chain, chain);
+double throughProbability(const TreeTopology& map, int branch, const TipBelief& belief, double near_m) {
+  const bool through = map.passes(belief.tip.branch, branch);
   double probability = through ? belief.tip.probability : 0.0;
   for (const TipPlace& other : belief.alternatives) {
     const bool same = through && (other.tip_model - belief.tip.tip_model).norm() < near_m;
-    if (same || map.passes(other.chain, chain)) probability += other.probability;
+    if (same || map.passes(other.branch, branch)) probability += other.probability;
   }
   return std::min(probability, 1.0);
 }

@@ -8,8 +8,8 @@ namespace angio::navigation {
 namespace {
 
 constexpr double kBias = 0.2;            // Usual size of the bias, as a slope.
-constexpr double kBiasLength_m = 10e-3;  // On this way it becomes another.
-constexpr double kTurnLength_m = 0.1;    // On this way the tip turns by about a radian that nobody wanted.
+constexpr double kBiasLength_m = 10e-3;  // Over this length it becomes another.
+constexpr double kTurnLength_m = 0.1;    // Over this length the tip turns by about a radian without a command.
 constexpr double kTurnByRoll = 0.15;     // Share of a roll that does not come through, or comes through later.
 constexpr double kEnteredSigma = 0.7;    // In parts of the usual deflection: a fork takes tips from a wide cone.
 

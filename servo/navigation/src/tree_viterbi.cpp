@@ -46,10 +46,10 @@ void addCarried(const Scores& from, Scores& across, Scores& scores) {
 
 WalkPlaces::WalkPlaces(const VesselTree& tree) {
   const TreeTopology map(tree);
-  chain_first.assign(map.chains(), -1);
-  chain_last.assign(map.chains(), -1);
+  branch_first.assign(map.branchCount(), -1);
+  branch_last.assign(map.branchCount(), -1);
   std::vector<int> waiting;
-  for (int c = map.chains() - 1; c >= 0; --c) {
+  for (int c = map.branchCount() - 1; c >= 0; --c) {
     if (!map.parent(c)) waiting.push_back(c);
   }
   while (!waiting.empty()) {
@@ -57,8 +57,8 @@ WalkPlaces::WalkPlaces(const VesselTree& tree) {
     waiting.pop_back();
     const double length = map.length_m(c);
     const int steps = std::max(1, static_cast<int>(std::ceil(length / kSpacing_m)));
-    int before = map.parent(c) ? chain_last[*map.parent(c)] : -1;
-    chain_first[c] = static_cast<int>(points_m.size());
+    int before = map.parent(c) ? branch_last[*map.parent(c)] : -1;
+    branch_first[c] = static_cast<int>(points_m.size());
     for (int k = before < 0 ? 0 : 1; k <= steps; ++k) {
       const TreeLocation place{c, length * k / steps};
       const EdgePoint spot = map.spot(place);
@@ -67,18 +67,18 @@ WalkPlaces::WalkPlaces(const VesselTree& tree) {
       frames.push_back(map.frame(place));
       path_m.push_back(map.start_m(c) + place.arc_m);
       arc_m.push_back(place.arc_m);
-      chain.push_back(c);
+      branch.push_back(c);
       radius_m.push_back((1 - spot.weight) * a.value_or(1e-3) + spot.weight * b.value_or(1e-3));
       parent.push_back(before);
       before = static_cast<int>(points_m.size()) - 1;
     }
-    chain_last[c] = before;
+    branch_last[c] = before;
     for (const int child : map.children(c)) waiting.push_back(child);
   }
 }
 
-int WalkPlaces::nearest(int of_chain, double at_m) const {
-  const int first = chain_first[of_chain], last = chain_last[of_chain];
+int WalkPlaces::nearest(int of_branch, double at_m) const {
+  const int first = branch_first[of_branch], last = branch_last[of_branch];
   const double start_m = parent[first] >= 0 ? path_m[parent[first]] : path_m[first];
   const auto from = path_m.begin() + first, to = path_m.begin() + last + 1;
   const auto at = std::lower_bound(from, to, start_m + at_m);
@@ -88,18 +88,18 @@ int WalkPlaces::nearest(int of_chain, double at_m) const {
 WalkArea areaAround(const WalkPlaces& places, const TipBelief& expected, double behind_m, double ahead_m) {
   const std::size_t n = places.points_m.size();
   std::vector<double> nearest(n, 1e9), from(n);
-  std::vector<bool> wanted(n, false), on_way(n);
+  std::vector<bool> wanted(n, false), on_path(n);
   std::vector<TipPlace> tips = expected.alternatives;
   tips.insert(tips.begin(), expected.tip);
   for (const TipPlace& tip : tips) {
-    std::fill(on_way.begin(), on_way.end(), false);
-    const int end = places.nearest(tip.chain, tip.arc_m);
-    for (int i = end; i >= 0; i = places.parent[i]) on_way[i] = true;
+    std::fill(on_path.begin(), on_path.end(), false);
+    const int end = places.nearest(tip.branch, tip.arc_m);
+    for (int i = end; i >= 0; i = places.parent[i]) on_path[i] = true;
     for (std::size_t i = 0; i < n; ++i) {
       const int p = places.parent[i];
       const double step = p >= 0 ? places.path_m[i] - places.path_m[p] : 0;
-      from[i] = on_way[i] ? places.path_m[end] - places.path_m[i] : (p >= 0 ? from[p] + step : 1e9);
-      const bool here = on_way[i] ? from[i] <= behind_m : from[i] <= ahead_m;
+      from[i] = on_path[i] ? places.path_m[end] - places.path_m[i] : (p >= 0 ? from[p] + step : 1e9);
+      const bool here = on_path[i] ? from[i] <= behind_m : from[i] <= ahead_m;
       if (here) wanted[i] = true, nearest[i] = std::min(nearest[i], from[i]);
     }
   }

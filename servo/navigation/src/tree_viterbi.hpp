@@ -16,25 +16,25 @@ namespace angio::navigation {
 struct WalkPlaces {
   explicit WalkPlaces(const VesselTree& tree);
 
-  int nearest(int of_chain, double at_m) const;  ///< Index of the place at an arc length, or the next one.
+  int nearest(int of_branch, double at_m) const;  ///< Index of the place at an arc length, or the next one.
 
   std::vector<Eigen::Vector3d> points_m;
   std::vector<TreeFrame> frames;
   std::vector<double> path_m, arc_m, radius_m;
-  std::vector<int> chain, parent, chain_first, chain_last;  ///< First and last place of each chain.
+  std::vector<int> branch, parent, branch_first, branch_last;  ///< First and last place of each branch.
 };
 
-/// The places near a tip, parents first, and the way behind it.
+/// The places near a tip, parents first, and the path behind it.
 struct WalkArea {
   std::vector<int> places;         ///< Indices of WalkPlaces.
   std::vector<int> parent;         ///< Indices into `places`, -1 where the area begins.
   std::vector<double> from_tip_m;  ///< Along the vessels, from the believed tip or an alternative of it.
 };
 
-/// All within `ahead_m` of a believed tip, and its way back for `behind_m`.
+/// All places within `ahead_m` of a believed tip, and the path back from it for `behind_m`.
 WalkArea areaAround(const WalkPlaces& places, const TipBelief& expected, double behind_m, double ahead_m);
 
-/// All ways of a dark line through an area at once: for each place and each displacement of its image, the best score
+/// All paths of a dark line through an area at once: for each place and each displacement of its image, the best score
 /// of a line that comes there from where the area begins (Viterbi over a tree).
 class TreeViterbi {
  public:

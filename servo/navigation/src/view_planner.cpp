@@ -10,7 +10,7 @@
 namespace angio::navigation {
 namespace {
 
-constexpr double kShortest_m = 10e-3;  // A stretch that a view can be chosen for.
+constexpr double kMinStretch_m = 10e-3;  // A stretch that a view can be chosen for.
 
 BestViewSettings searchOf(const ViewPlannerSettings& settings) {
   BestViewSettings search;
@@ -35,22 +35,22 @@ ViewPlanner::ViewPlanner(const VesselTree& tree, const TreeLocation& target, con
                          const ViewPlannerSettings& settings)
     : tree_(tree), map_(tree), target_(target), scene_(scene), settings_(settings) {
   checkSettings("view planner", settings);
-  if (target.chain < 0 || target.chain >= map_.chains()) {
-    throw InputError("view planner", "target", std::to_string(target.chain),
-                     "must be one of the tree's " + std::to_string(map_.chains()) + " branches");
+  if (target.branch < 0 || target.branch >= map_.branchCount()) {
+    throw InputError("view planner", "target", std::to_string(target.branch),
+                     "must be one of the tree's " + std::to_string(map_.branchCount()) + " branches");
   }
-  target_path_m_ = map_.start_m(target.chain) + target.arc_m;
+  target_path_m_ = map_.start_m(target.branch) + target.arc_m;
 }
 
 // Path length of the tip, or of the fork where it has left the route.
 double ViewPlanner::onRoute(const TreeLocation& tip) const {
-  int chain = tip.chain;
-  double path_m = map_.start_m(chain) + tip.arc_m;
-  while (!map_.passes(target_.chain, chain)) {
-    path_m = map_.start_m(chain);
-    const auto parent = map_.parent(chain);
+  int branch = tip.branch;
+  double path_m = map_.start_m(branch) + tip.arc_m;
+  while (!map_.passes(target_.branch, branch)) {
+    path_m = map_.start_m(branch);
+    const auto parent = map_.parent(branch);
     if (!parent) return 0;
-    chain = *parent;
+    branch = *parent;
   }
   return std::min(path_m, target_path_m_);
 }
@@ -62,7 +62,7 @@ std::optional<PlannedView> ViewPlanner::next(const TreeLocation& tip, bool in_do
   const bool behind = stretch_m_ && path_m < stretch_m_->first;
   if (stretch_m_ && !passed && !behind && !in_doubt) return std::nullopt;
   const double to_m = std::min(path_m + 1e-3 * settings_.ahead_mm, target_path_m_);
-  const double from_m = std::max(0.0, std::min(path_m - behind_m, to_m - kShortest_m));
+  const double from_m = std::max(0.0, std::min(path_m - behind_m, to_m - kMinStretch_m));
   const EdgePoint first = map_.spot(map_.before(target_, target_path_m_ - from_m));
   const EdgePoint last = map_.spot(map_.before(target_, target_path_m_ - to_m));
   BestViewScene scene = scene_;

@@ -25,7 +25,7 @@ struct BeadDetection {
 
 /// How beads are found.
 struct BeadDetectionSettings {
-  double smallest_radius_px = 2.5;
+  double min_radius_px = 2.5;
   double max_radius_px = 14;
   static constexpr double min_contrast = 0.1;    ///< Natural logarithm, in the shadow's middle.
   static constexpr double min_significance = 8;  ///< The contrast over its noise in an area of the bead's size.
@@ -34,7 +34,7 @@ struct BeadDetectionSettings {
   double max_stretch = 0;                        ///< Of round shadows, of their squared radius: see throughIntensifier.
 
   void visit(SettingsVisitor& v) {
-    v.number("smallest_radius_px", smallest_radius_px, 1.5, 100);
+    v.number("min_radius_px", min_radius_px, 1.5, 100);
     v.number("max_radius_px", max_radius_px, 2, 200);
     v.number("border_px", border_px, 0, 1000);
   }

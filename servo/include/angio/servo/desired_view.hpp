@@ -9,7 +9,7 @@ namespace angio::servo {
 /// A view of the anatomy: beam angles in the patient's own axes, and the point of the model that shall lie at the
 /// isocentre.
 struct DesiredView {
-  ViewAngles angles;                                          ///< LAO/CRA positive, of the anatomy, not of the room.
+  ViewAngles angles;  ///< LAO/CRA positive, of the anatomy, not of the examination room.
   Eigen::Vector3d target_model = Eigen::Vector3d::Zero();     ///< [m].
   Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();  ///< Patient axes L, P, S from the model's axes.
 };

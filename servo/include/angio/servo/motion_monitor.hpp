@@ -23,12 +23,12 @@ struct AxisTraits {
   double lower = -std::numeric_limits<double>::infinity(), upper = -lower;  ///< Its range.
   double acceleration = 1;                                                  ///< That it uses at least.
   double deadband_speed = 0;       ///< Differences that come more slowly are encoders' noise.
-  double max_deviation = 1;        ///< Way that no command explains, until it counts as astray.
-  double max_following_error = 1;  ///< Way that was commanded and not made, until it counts as stalled.
+  double max_deviation = 1;        ///< Motion that no command explains, before it is reported.
+  double max_following_error = 1;  ///< Commanded motion that was not made, before it is reported.
   double max_latency_s = 0.5;      ///< From the frame behind a command until its effect ends, without a newer one.
 };
 
-/// Compares the way that an axis makes with the ways that the commands of the last `max_latency_s` allow.
+/// Compares the motion of an axis with the motions that the commands of the last `max_latency_s` allow.
 ///
 /// Between two states an axis may go as fast as the fastest of those commands (rest is always one of them) or as it
 /// still brakes; it must go as fast as the slowest of them, once it could have accelerated, and not at the end of its
@@ -53,11 +53,11 @@ class AxisMonitor {
 
  private:
   struct Envelope {                 // Of the velocity [rad/s, m/s]:
-    double most = 0, least = 0;     // it may be between these,
+    double min = 0, max = 0;        // it may be between these,
     double floor = 0, ceiling = 0;  // and must be at least, and at most, this.
   };
-  struct Astray {  // Ways beyond the envelope [rad, m].
-    double up = 0, down = 0, lag_up = 0, lag_down = 0;
+  struct Excess {  // Motion beyond the envelope, up and down the axis [rad, m].
+    double deviation_up = 0, deviation_down = 0, following_error_up = 0, following_error_down = 0;
   };
   struct Sent {
     std::int64_t time_us, valid_for_us;
@@ -69,23 +69,23 @@ class AxisMonitor {
   };
 
   Envelope target(std::int64_t time_us) const;
-  Envelope explainedWay(const Seen& now);
-  std::optional<std::string> judge(double way, const Envelope& explained, double duration_s);
+  Envelope explainedMotion(const Seen& now);
+  std::optional<std::string> classify(double motion, const Envelope& explained, double duration_s);
 
   AxisTraits traits_;
   std::deque<Sent> sent_;
   std::optional<Seen> last_;
   Envelope envelope_;
-  Astray deviation_;
+  Excess excess_;
 };
 
 /// When a motion counts as one that no command explains, or a command as one that nothing followed.
 struct MotionMonitorSettings {
   double max_latency_ms = 500;  ///< From the frame behind a command until its effect ends, without a newer one.
   static constexpr double min_acceleration = 0.4;  ///< Share of the acceleration limit that the machine uses at least.
-  double max_deviation_deg = 1.0;                  ///< Way that no command explains, until a joint counts as astray.
+  double max_deviation_deg = 1.0;                  ///< Motion that no command explains, before it is reported.
   double max_deviation_mm = 5;
-  double max_following_error_deg = 4;  ///< Way that was commanded and not made, until a joint counts as stalled.
+  double max_following_error_deg = 4;  ///< Commanded motion that was not made, before it is reported.
   double max_following_error_mm = 20;
   static constexpr double deadband_share =
       0.02;  ///< Of a joint's speed limit: differences that come more slowly are encoders' noise.
@@ -99,7 +99,7 @@ struct MotionMonitorSettings {
   }
 };
 
-/// Compares the way that each joint of the C-arm makes with its commands, see AxisMonitor.
+/// Compares the motion of each joint of the C-arm with its commands, see AxisMonitor.
 class MotionMonitor {
  public:
   using State = CArmState;

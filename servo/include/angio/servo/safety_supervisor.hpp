@@ -65,7 +65,7 @@ struct SafetySettings : SupervisionSettings {
 /// joints, and the agreement of the first registrations.
 class FrameSupervisor {
  public:
-  using Doubt = ServoStateMachine::Doubt;
+  using RejectionKind = ServoStateMachine::RejectionKind;
 
   /// @param limits        Of the C-arm that holds the camera.
   /// @param target_model  The point whose place matters, in the model frame [m].
@@ -80,8 +80,8 @@ class FrameSupervisor {
   ///
   /// @param T_patient_model  The model in the patient frame, as this frame's registration and its joints say.
   /// @param beam_patient     The beam's direction there, a unit vector.
-  void trust(const Pose& T_patient_model, const Eigen::Vector3d& beam_patient, std::int64_t now_us);
-  void doubt(Doubt kind, const std::string& reason, std::int64_t now_us);
+  void accept(const Pose& T_patient_model, const Eigen::Vector3d& beam_patient, std::int64_t now_us);
+  void reject(RejectionKind kind, const std::string& reason, std::int64_t now_us);
   void wait(std::int64_t now_us, const std::function<std::string()>& silence = {}) { states_.wait(now_us, silence); }
 
   /// Another program speaks where one must: a fault.
@@ -123,8 +123,8 @@ class FrameSupervisor {
 ///
 ///   request()    for each of the operator's requests;
 ///   observe()    for each state of the C-arm, and of the machine;
-///   begin()      for each frame, before anything is made of it; a frame that it rejects must not be looked at;
-///   trust() or doubt()   once per frame that begin() let pass, by what the registration is worth;
+///   begin()      for each frame, before it is used; a frame that it rejects must not be used;
+///   accept() or reject() once per frame that begin() let pass, by what the registration is worth;
 ///   permits()    on the command that is proposed; commanded() with the command as it was sent;
 ///   wait()       when no frame came.
 ///

@@ -35,7 +35,7 @@ struct ServoGain {
 };
 
 /// Joint space: s = the joints, s* = the joints of the goal as the image shows it. All joints go in proportion: the
-/// table goes straight from start to goal, and the target's distance from its goal falls all the way.
+/// table goes straight from start to goal, and the target's distance from its goal falls all the time.
 struct JointSpaceSettings : ServoGain {
   static constexpr const char* kName = "joint_space";
 };
@@ -76,8 +76,8 @@ struct LawInput {
 /// Turns a LawInput into joint velocities. Eye-in-hand: the camera is on the arm.
 ///
 /// A C-arm without detector rotation cannot turn its image about the beam. So every law takes the desired image turned
-/// about its beam to where the seen one is, once the beams are brought together along the shortest way: a roll that no
-/// joint mends is no error, and costs neither the view's direction nor the target's place.
+/// about its beam to where the seen one is, once the beams are brought together along the shortest rotation: a roll
+/// that no joint mends is no error, and costs neither the view's direction nor the target's place.
 class ServoLaw {
  public:
   virtual ~ServoLaw() = default;

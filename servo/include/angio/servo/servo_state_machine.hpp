@@ -21,8 +21,8 @@ enum class ServoEvent {
   kStart,
   kReset,
   kEmergencyStop,
-  kTrusted,  ///< As many trusted frames in a row as are wanted.
-  kDoubt,    ///< A frame that must not move anything, or none for a moment.
+  kAccepted,  ///< As many accepted frames in a row as are wanted.
+  kRejected,  ///< A frame that must not move anything, or none for a moment.
   kFault,
 };
 constexpr int kServoEventCount = 8;
@@ -40,7 +40,7 @@ struct ServoTransition {
 
 /// How many frames and how much time the states wait for.
 struct ServoStateSettings {
-  int frames_to_start = 3;             ///< Trusted in a row, until the machine moves for the first time after START.
+  int frames_to_start = 3;             ///< Accepted in a row, until the machine moves for the first time after START.
   int frames_to_resume = 2;            ///< The same after a hold.
   double max_frame_gap_ms = 250;       ///< No frame for longer: hold.
   double frames_gone_ms = 2000;        ///< No frame for longer: fault.
@@ -62,8 +62,8 @@ struct ServoStateSettings {
 /// fault.
 class ServoStateMachine {
  public:
-  /// Why a frame is doubted: it shows too little, or something that cannot be.
-  enum class Doubt { kUnseen, kContradiction };
+  /// Why a frame is rejected: it shows too little, or it contradicts joints and calibration.
+  enum class RejectionKind { kUnseen, kContradiction };
 
   /// Throws InputError when a setting is out of its range.
   explicit ServoStateMachine(const ServoStateSettings& settings);
@@ -73,9 +73,9 @@ class ServoStateMachine {
   /// @param newest_frame_us  Time of the newest frame, its sender's clock; 0: none has come.
   std::optional<std::string> request(const ServoRequest& request, std::int64_t newest_frame_us, std::int64_t now_us);
 
-  void trusted(std::int64_t now_us);                                             ///< A frame that may move the machine.
-  void doubted(Doubt kind, const std::string& reason, std::int64_t now_us);      ///< One that may not.
-  void fault(ServoCause cause, const std::string& reason, std::int64_t now_us);  ///< Latched, unless idle.
+  void accept(std::int64_t now_us);  ///< A frame that may move the machine.
+  void reject(RejectionKind kind, const std::string& reason, std::int64_t now_us);  ///< One that may not.
+  void fault(ServoCause cause, const std::string& reason, std::int64_t now_us);     ///< Latched, unless idle.
 
   /// Time passes; to be called at least as often as frames should come.
   /// @param silence  What was heard instead of a frame that can be used, in words; empty: unknown.
@@ -106,7 +106,7 @@ class ServoStateMachine {
   std::string reason_ = "idle";
   std::int64_t transitions_ = 0;
   std::deque<ServoTransition> log_;
-  int trusted_in_a_row_ = 0;
+  int accepted_in_a_row_ = 0;
   bool has_moved_ = false;  // Since START: a hold resumes sooner than a start begins.
   std::optional<std::int64_t> now_us_, last_frame_us_, contradicted_since_us_;
   std::optional<ServoRequest> last_request_;

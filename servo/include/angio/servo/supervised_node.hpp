@@ -179,7 +179,7 @@ class SupervisedNode {
     if (refused) {
       input.verdict = ServoVerdict::kRefused;
     } else {
-      judge(report, Traits::arm(input), now_us);
+      classify(report, Traits::arm(input), now_us);
       const bool permitted = safety_.permits(report.command);
       input.verdict = permitted ? ServoVerdict::kPermitted : ServoVerdict::kTakenBack;
       if (!permitted) Loop::withhold(report, report.hold_reason.value_or(safety_.states().reason()));
@@ -199,13 +199,14 @@ class SupervisedNode {
     return hold_reason;
   }
 
-  void judge(const Report& report, const CArmState& arm, std::int64_t now_us) {
+  void classify(const Report& report, const CArmState& arm, std::int64_t now_us) {
     if (!report.hold_reason) {
       const Pose T_patient_camera = loop_.carm().T_camera_patient(arm.joints).inverse();
-      safety_.trust(T_patient_camera * report.patient->T_camera_model, T_patient_camera.linear().col(2), now_us);
+      safety_.accept(T_patient_camera * report.patient->T_camera_model, T_patient_camera.linear().col(2), now_us);
     } else {
-      using Doubt = FrameSupervisor::Doubt;
-      safety_.doubt(report.contradicts ? Doubt::kContradiction : Doubt::kUnseen, *report.hold_reason, now_us);
+      using RejectionKind = FrameSupervisor::RejectionKind;
+      safety_.reject(report.contradicts ? RejectionKind::kContradiction : RejectionKind::kUnseen, *report.hold_reason,
+                     now_us);
     }
   }
 

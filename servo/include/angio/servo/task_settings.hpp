@@ -36,10 +36,9 @@ struct ViewTaskSettings {
   double reached_mm = 0.5;                  ///< ... and the target, both with their standard deviations added ...
   static constexpr int reached_frames = 5;  ///< ... for so many trusted frames in a row.
 
-  /// Bounds of the way, of any law, for where the arm would come to rest if it braked now; 0: not watched. Where one is
-  /// broken the task holds until the machine is back
-  /// inside, by a tenth of the bound, or another view is asked for. The way starts where the machine was when it began
-  /// to move for this goal; the goal is where it is seen now.
+  /// Bounds of the trajectory, of any law, where the arm would come to rest if it braked now; 0: not watched. Where one
+  /// is broken the task holds until the machine is back inside, by a tenth of the bound, or another view is asked for.
+  /// The trajectory starts where the machine was when it began to move for this goal; the goal is where it is seen now.
   double max_table_excursion_mm = 20;   ///< Of the table from the box that its positions at start and goal span.
   double max_target_excursion_mm = 10;  ///< Of the target's distance from its goal beyond what it was at the start.
 
@@ -92,7 +91,7 @@ struct CenterTaskSettings {
   double reached_mm = 1;  ///< At the target: the target is centred when its image is as near as this.
   double max_std_mm = 8;  ///< Of the predicted place across the beam: beyond it the task holds.
 
-  /// How far around the target the image is looked at for how the place itself lies, where a tree that bends is
+  /// How far around the target the image is looked at for how the place itself lies, where a tree that deforms is
   /// registered as a rigid one; 0: not at all. And how far off it may lie, as a standard deviation.
   static constexpr double near_mm = 15;
   static constexpr double near_std_mm = 2;

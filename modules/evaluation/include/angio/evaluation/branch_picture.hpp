@@ -14,7 +14,7 @@ namespace angio::evaluation {
 
 /// A branch as a person chooses it.
 struct NumberedBranch {
-  int number = 0;  ///< TreeLocation::chain: what a catheter's loop takes for the branch to go to.
+  int number = 0;  ///< TreeLocation::branch: what a catheter's loop takes for the branch to go to.
   std::string name;
   std::optional<int> parent;  ///< None where a root is.
   double length_m = 0;

@@ -66,7 +66,7 @@ class ExtractionScore {
  private:
   double tolerance_px_;
   double covered_ = 0, required_ = 0, correct_ = 0, found_ = 0;
-  double own_covered_ = 0, own_required_ = 0, own_correct_ = 0, own_found_ = 0, judged_required_ = 0;
+  double own_covered_ = 0, own_required_ = 0, own_correct_ = 0, own_found_ = 0, scored_required_ = 0;
   std::vector<double> errors_px_, tangent_errors_rad_, distances_px_;
   double squared_ratios_ = 0;
   int ratios_ = 0;

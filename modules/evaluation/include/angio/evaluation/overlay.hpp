@@ -52,7 +52,7 @@ StatusStyle statusStyle(RegistrationStatus status,
 
 /// Returns how well image and tree agree, in words: the mean distance from what the image shows to the tree, and the
 /// share of the tree in view that the image explains. Vessels without contrast agent count in the share alone.
-std::string agreementInWords(const AlignmentScore& agreement);
+std::string alignmentInWords(const AlignmentScore& alignment);
 
 /// Draws the X-ray with the extracted centreline, the projected trees and, where the patient's axes are known,
 /// drawPatientLetters(). CV_8UC3 of the camera's size, without any other text.

@@ -46,8 +46,8 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
 
 /// Success over the distance at which the trials start.
 struct CaptureBins {
-  static constexpr int kBins = 20;          ///< Of 1 mm mTRE at the start, from 0.
-  static constexpr int kFewestTrials = 10;  ///< A bin with fewer says nothing.
+  static constexpr int kBins = 20;       ///< Of 1 mm mTRE at the start, from 0.
+  static constexpr int kMinTrials = 10;  ///< A bin with fewer says nothing.
   static constexpr double kSuccess = 0.95;
 
   std::vector<int> trials = std::vector<int>(kBins, 0), successes = std::vector<int>(kBins, 0);

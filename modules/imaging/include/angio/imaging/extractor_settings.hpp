@@ -25,7 +25,7 @@ struct OtsuSettings {
       4;                          ///< A vessel stands out from the background's spread by this factor at its strongest.
   double branch_contrast = 0.12;  ///< Thin branches reach on from vessels down to this part of Otsu's threshold.
   double min_branch_px = 12;      ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
-  double smallest_area_px = 60;   ///< Smaller connected regions are noise, smaller holes are closed [px^2].
+  double min_area_px = 60;        ///< Smaller connected regions are noise, smaller holes are closed [px^2].
   double border_px = 4;           ///< Margin of the detector that is not looked at [px].
   double spacing_px = 2;          ///< Distance between points of the result [px].
 
@@ -34,7 +34,7 @@ struct OtsuSettings {
     v.number("smoothing_px", smoothing_px, 0, 20);
     v.number("branch_contrast", branch_contrast, 0.01, 1);
     v.number("min_branch_px", min_branch_px, 0, 1000);
-    v.number("smallest_area_px", smallest_area_px, 0, 1e6);
+    v.number("min_area_px", min_area_px, 0, 1e6);
     v.number("border_px", border_px, 0, 1000);
     v.number("spacing_px", spacing_px, 0.5, 50);
   }

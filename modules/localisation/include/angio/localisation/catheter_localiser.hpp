@@ -29,21 +29,21 @@ struct LocaliserSettings {
 
   // The image's shift against the pose: a walk that comes back to zero.
   double shift_std_mm = 3;         ///< Per axis, at the tip's depth.
-  double shift_time_s = 2;         ///< In which it forgets itself.
+  double shift_time_s = 2;         ///< Its correlation time.
   double scale_std_percent = 0.5;  ///< Of the image's size, besides the pose's covariance; anew each frame.
   double roll_std_deg = 0.5;       ///< Of its turn in the image, the same.
 
   // When a belief is sure.
   double near_mm = 1.5;        ///< Places within this of each other are one.
-  double min_probability = 0;  ///< That the tip is so near to the believed place; below, the belief is unsure.
+  double min_probability = 0;  ///< That the tip is so near to the estimated place; below, the belief is unsure.
 
-  // How a curve resembles a path.
+  // Similarity of a curve and a path.
   static constexpr double step_px = 10;  ///< Between the points of the curve that are looked at.
   double model_std_px = 2;  ///< Of the vessel's place besides the curve's own noise: the tree is not quite rigid.
   static constexpr double tip_std_px = 3;       ///< Of the seen tip along the vessel.
-  double outlier_px = 12;                       ///< Points of the curve further off than this count no more.
-  static constexpr double correlation_px = 40;  ///< Along the curve over which its errors are one and the same.
-  double lost_px = 15;                          ///< A mean distance above this explains nothing.
+  double outlier_px = 12;                       ///< Distance from which a point of the curve counts as an outlier.
+  static constexpr double correlation_px = 40;  ///< Length of the curve over which its errors are correlated.
+  double lost_px = 15;                          ///< Mean distance above which the tip counts as lost.
 
   void visit(SettingsVisitor& v) {
     v.number("spacing_mm", spacing_mm, 0.1, 20);
@@ -67,10 +67,10 @@ struct SeenPose {
   Matrix6d covariance = Matrix6d::Zero();
 };
 
-/// Follows a catheter's tip inside a vessel tree, by what one X-ray frame after another shows.
+/// Tracks a catheter's tip inside a vessel tree from frame to frame.
 ///
 /// A hidden Markov model over places of the tree (about one a millimetre), after Ambrosini et al., IEEE TMI 36(3),
-/// 2017. A place is judged by the whole curve: the path from the root to it must lie under the curve in order, from the
+/// 2017. A place is scored by the whole curve: the path from the root to it must lie under the curve in order, from the
 /// tip back, so that a vessel that merely crosses it does not count. The image's shift against the pose (breathing,
 /// what the registration left) is unknown in each place and carried along with it.
 ///
@@ -85,8 +85,8 @@ class CatheterLocaliser {
   /// Takes one frame's curve. A curve or pose that says nothing (too short, not finite) only predicts.
   [[nodiscard]] TipBelief update(const SeenCatheter& seen, const SeenPose& pose, const CatheterMotion& motion);
 
-  /// The same, by what somebody else has found each place to be worth; the image's shift is not looked at. Evidence
-  /// that is empty or not finite, or is of chains that are not there, only predicts.
+  /// The same, by the evidence of each place; the image's shift is not estimated. Evidence that is empty or not finite,
+  /// or is of branches that are not there, only predicts.
   [[nodiscard]] TipBelief update(const TipEvidence& evidence, const CatheterMotion& motion);
 
   /// A frame without a catheter in it: time passes, the tip moves.
@@ -95,25 +95,26 @@ class CatheterLocaliser {
   /// Forgets all frames: every place is as probable as any other.
   void reset();
 
-  /// The same, with the tip known to be about `arc_m` into a chain. Throws InputError for a chain that is not there, or
-  /// an arc length or sigma that cannot be.
-  void reset(int chain, double arc_m, double std_m);
+  /// The same, with the tip known to be about `arc_m` into a branch. Throws InputError for a branch that is not there,
+  /// or an arc length or sigma that cannot be.
+  void reset(int branch, double arc_m, double std_m);
 
   /// The belief as it stands.
   const TipBelief& belief() const { return belief_; }
 
  private:
   void forget();
-  const TipBelief& believed(const FrameOutcome& outcome, double end_std_m = 0);
+  const TipBelief& adopt(const FrameOutcome& outcome, double end_std_m = 0);
 
   std::shared_ptr<TipFilter> filter_;
   TipBelief belief_;
   bool seen_before_ = false;
 };
 
-/// The tip's end in 3D, model frame [m]: the point on the ray through the seen tip that is nearest to the believed
-/// place on the vessel's axis. A catheter leans on the wall of a wide vessel; the image shows how far, but for what it
-/// leans along the beam. The place on the axis itself comes back when the image does not tell which end is the tip.
+/// The tip's end in 3D, model frame [m]: the point on the ray through the seen tip that is nearest to the
+/// estimated place on the vessel's axis. In a wide vessel a catheter lies at the wall; the image shows its offset from
+/// the axis except along the beam. Returns the place on the axis itself when the image does not show which end is the
+/// tip.
 Eigen::Vector3d tipOnRay(const TipPlace& place, const SeenCatheter& seen, const SeenPose& pose);
 
 }  // namespace angio::localisation

@@ -47,13 +47,13 @@ struct SequenceResult {
   Eigen::Matrix3Xd displacements_m;
 
   std::vector<TipBelief> beliefs;  ///< One a frame, by all frames (forward and backward).
-  std::vector<TipPlace> path;      ///< One a frame: the most probable way of the tip as a whole (Viterbi).
+  std::vector<TipPlace> path;      ///< One a frame: the most probable route of the tip as a whole (Viterbi).
   double residual_px = 0;          ///< Mean of the frames'.
-  bool converged = false;          ///< The way and the residual have come to rest.
+  bool converged = false;          ///< The route and the residual have settled.
 };
 
 /// Localises a catheter in all frames at once: finds what the poses lack in common, each frame's own shift, and the
-/// tip's way through the tree. Coarse to fine: the tree's path is looked for under a large shift first.
+/// tip's route through the tree. Coarse to fine: the tree's path is looked for under a large shift first.
 ///
 /// `progress` is called after each round. Throws InputError when a setting is out of its range or there is no frame.
 SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const VesselTree& tree,

@@ -61,7 +61,7 @@ class DisturbedBus : public Bus {
   /// InputError when a setting is out of its range.
   DisturbedBus(Bus& bus, const DisturbanceSettings& everywhere, std::uint64_t seed);
 
-  /// From now on, messages that are published on this channel go through `settings`; those under way are not changed.
+  /// From now on, messages that are published on this channel go through `settings`; those in transit are not changed.
   /// Throws InputError when a setting is out of its range.
   void disturb(const std::string& channel, const DisturbanceSettings& settings);
 
@@ -74,7 +74,7 @@ class DisturbedBus : public Bus {
   /// which is 0 at first, counts as the present.
   void advance(std::int64_t now_us);
 
-  /// When the next message is due [us]; nothing when none is under way.
+  /// When the next message is due [us]; nothing when none is in transit.
   std::optional<std::int64_t> nextDue_us() const;
 
   const DisturbanceCounts& counts() const { return counts_; }
@@ -109,7 +109,7 @@ class DisturbedBus : public Bus {
   };
 
   Link& link(const std::string& channel);
-  void sendOnItsWay(Link& link, Message message);
+  void transmit(Link& link, Message message);
   void send(Message message, std::int64_t due_us);
   void hand(const Message& message);
 
@@ -118,7 +118,7 @@ class DisturbedBus : public Bus {
   std::uint64_t seed_;
   std::int64_t now_us_ = 0;
   std::map<std::string, Link> links_;
-  std::multimap<std::int64_t, Message> under_way_;  // By when they are due; equal times in the order of publishing.
+  std::multimap<std::int64_t, Message> in_transit_;  // By when they are due; equal times in the order of publishing.
   DisturbanceCounts counts_;
   // Of each overheard channel, hashes of what was handed to the bus and has not come round yet; shared with the
   // handlers.

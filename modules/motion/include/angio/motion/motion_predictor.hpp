@@ -42,12 +42,12 @@ struct [[nodiscard]] MotionUpdate {
 
 /// Predicts where a point of a breathing patient will be, from where it has been.
 ///
-/// Three ways to predict run side by side, and the one whose own predictions have lately come true best is believed:
-/// the last position, kept (best for what wanders at random); constant velocity; and a harmonic Kalman filter of
-/// resting position, drift and two oscillators, breathing and heartbeat, with harmonics, whose frequencies are found in
-/// the memory by least squares and followed by the filter. Oscillators are driven by noise, after the state space form
-/// of a quasi-periodic Gaussian process. Source: Solin & Saerkkae, Explicit link between periodic covariance functions
-/// and state space models, AISTATS 2014. Covariances are mended by what past predictions' errors were against theirs.
+/// Three models run side by side, and the one whose recent predictions were best is used: the last position, kept (best
+/// for what wanders at random); constant velocity; and a harmonic Kalman filter of resting position, drift and two
+/// oscillators, breathing and heartbeat, with harmonics, whose frequencies are found in the memory by least squares and
+/// followed by the filter. Oscillators are driven by noise, after the state space form of a quasi-periodic Gaussian
+/// process. Source: Solin & Saerkkae, Explicit link between periodic covariance functions and state space models,
+/// AISTATS 2014. Covariances are mended by what past predictions' errors were against theirs.
 ///
 /// Knows no clock; the same measurements give the same predictions, bit for bit.
 class MotionPredictor {
@@ -73,7 +73,7 @@ class MotionPredictor {
   /// earlier time, or for one that is no number.
   std::optional<MotionPrediction> predict(double time_s) const;
 
-  /// The same by one of the ways; nothing either when that one has not learnt enough yet.
+  /// The same by one of the models; nothing either when that one has not learnt enough yet.
   std::optional<MotionPrediction> predict(double time_s, MotionModel model) const;
 
   std::optional<double> breathing_hz() const;  ///< As followed; nothing before it has been found.

@@ -32,8 +32,8 @@ struct MotionPredictorSettings {
   static constexpr double gate = 21.1;    ///< Squared Mahalanobis distance of a surprise: 99.99 % of three numbers.
   static constexpr double max_gap_s = 3;  ///< Without a measurement for longer, everything is forgotten.
   double max_horizon_ms = 700;            ///< Nothing is predicted further ahead.
-  static constexpr double judged_horizon_ms = 130;  ///< The horizon at which the ways to predict are compared.
-  static constexpr double judged_over_s = 3;        ///< The time over which they are.
+  static constexpr double scoring_horizon_ms = 130;  ///< The horizon at which the models are compared.
+  static constexpr double scoring_memory_s = 3;      ///< Time constant of that comparison.
 
   void visit(SettingsVisitor& v) {
     v.number("breathing_low_hz", breathing_low_hz, 0.02, 10);

@@ -11,7 +11,7 @@
 namespace angio::perception {
 
 /// How an image has to be read so that it is as xray_frame_t wants it: seen from the source, x right and y down. The
-/// eight ways in which a display may turn and mirror it.
+/// eight orientations in which a display may turn and mirror it.
 enum class ImageReading {
   kAsSent,
   kMirrored,     ///< Left to right.

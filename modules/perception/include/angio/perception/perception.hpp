@@ -17,7 +17,7 @@ struct PerceptionSettings {
   ExtractorSettings extractor = RidgeSettings{};
   RegistrationSettings search = OrientedKernelSettings{};  ///< While nothing is tracked ...
   StartSettings search_starts;
-  /// ... and from frame to frame. A breath bends a tree more smoothly than what makes a tree differ from its CT: of
+  /// ... and from frame to frame. A breath deforms a tree more smoothly than what makes a tree differ from its CT: of
   /// `oriented_kernel` deformations are taken to go together over twice the length.
   RegistrationSettings tracking = OrientedKernelSettings{};
   PatientTrackerSettings tracker;
@@ -97,8 +97,8 @@ class Perception {
   Pose tracked_T_camera_model(const CArmJoints& joints) const { return tracker_.predict(joints).T_camera_model; }
 
  private:
-  void look(const XrayViews& views, const CameraPlace& place, Observation& observation);
-  void bend(const XrayViews& views, Observation& observation);
+  void registerViews(const XrayViews& views, const CameraPlace& place, Observation& observation);
+  void fitDeformed(const XrayViews& views, Observation& observation);
   void compareAlternatives(const XrayViews& views, Observation& observation);
   PointObservation seen(const PointOfInterest& place, const XrayCamera& camera, const Observation& observation) const;
 
@@ -109,7 +109,7 @@ class Perception {
   double max_deformation_m_;
   std::unique_ptr<CenterlineExtractor> extractor_;
   std::unique_ptr<Registration> search_, tracking_;
-  std::unique_ptr<Registration> bending_;  // Nothing for a patient who does not move.
+  std::unique_ptr<Registration> deformable_;  // Nothing for a patient who does not move.
   PatientTracker tracker_;
   std::optional<PointOfInterest> place_;
   Eigen::Index place_point_ = 0;                        // The tree's point that is nearest to the place.

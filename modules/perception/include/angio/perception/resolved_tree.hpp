@@ -11,8 +11,8 @@
 
 namespace angio::perception {
 
-/// Where a tree is in the patient by the frames of a turn, for the frames that come after it. One view of a bent tree
-/// does not see its depth: across the beam a point is where a frame shows it, along it where the turn had it.
+/// Where a tree is in the patient by the frames of a turn, for the frames that come after it. One view of a deformed
+/// tree does not see its depth: across the beam a point is where a frame shows it, along it where the turn had it.
 ///
 /// A patient who breathes is elsewhere than at the end of the turn. Along the axis of the turn, which is that of the
 /// breath, only the frame says where; across it each point may be off by a third of that way, and by a drift.
@@ -37,7 +37,7 @@ class ResolvedTree {
            std::int64_t time_us) const;
 
   /// The pose of the frame, with its covariance as PatientObservation has it: turned as the frame shows about the beam,
-  /// and as the turn told about the axes across it, which one view of a bent tree does not see either.
+  /// and as the turn told about the axes across it, which one view of a deformed tree does not see either.
   ///
   /// @param place  Of the point in the frame, by at(): the pose puts the point there.
   PatientObservation pose(const Eigen::Vector3d& p_model, const Place& place, const RegistrationResult& seen,
@@ -55,7 +55,7 @@ class ResolvedTree {
   Pose T_patient_camera_;
   Eigen::Vector3d axis_;
   std::int64_t time_us_;
-  Eigen::Matrix3d R_camera_model_, rotation_rad2_;  // Of the bent tree, then; and how uncertain, camera axes.
+  Eigen::Matrix3d R_camera_model_, rotation_rad2_;  // Of the deformed tree, then; and how uncertain, camera axes.
 };
 
 /// One frame's points by a ResolvedTree: PatientObservation::points and PatientObservation::places of it. The target,

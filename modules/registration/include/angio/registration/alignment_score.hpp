@@ -20,14 +20,14 @@ struct AlignmentScoreGate {
 /// Every point of every view counts once. Only what a view sees of the model counts (detector and collimator); image
 /// points of a view that should show nothing of the model are unexplained, and so are model points where a view shows
 /// nothing. Residuals are over the points that have another side to be measured to.
-AlignmentScore agreementOf(const VesselTree& tree, const Eigen::Matrix3Xd& points_model, const XrayViews& views,
-                           const Pose& T_camera_model, const AlignmentScoreGate& gate = {});
+AlignmentScore alignmentScore(const VesselTree& tree, const Eigen::Matrix3Xd& points_model, const XrayViews& views,
+                              const Pose& T_camera_model, const AlignmentScoreGate& gate = {});
 
 /// One view.
-inline AlignmentScore agreementOf(const VesselTree& tree, const Eigen::Matrix3Xd& points_model,
-                                  const Centerline2d& centerline, const XrayCamera& camera, const Pose& T_camera_model,
-                                  const AlignmentScoreGate& gate = {}) {
-  return agreementOf(tree, points_model, {XrayView{centerline, camera}}, T_camera_model, gate);
+inline AlignmentScore alignmentScore(const VesselTree& tree, const Eigen::Matrix3Xd& points_model,
+                                     const Centerline2d& centerline, const XrayCamera& camera,
+                                     const Pose& T_camera_model, const AlignmentScoreGate& gate = {}) {
+  return alignmentScore(tree, points_model, {XrayView{centerline, camera}}, T_camera_model, gate);
 }
 
 }  // namespace angio::registration

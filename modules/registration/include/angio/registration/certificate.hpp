@@ -15,7 +15,7 @@ namespace angio::registration {
 struct CertificateSettings {
   double box_rotation_deg = 45;    ///< +- about each axis, as a rotation vector in model axes.
   double box_translation_mm = 60;  ///< +- along each model axis, of the tree's centroid.
-  double rival_share = 0.9;        ///< Of the found pose's score: a different pose that reaches it is a rival.
+  double alternative_share = 0.9;  ///< Of the found pose's score: a different pose that reaches it is an alternative.
   double distance_mm = 5;          ///< Poses further from the found one than this are different; see poseDistance_m.
   double seconds = 30;             ///< After so long it stops without a proof.
   int threads = 0;                 ///< 0: as many as the processor has.
@@ -23,17 +23,17 @@ struct CertificateSettings {
 
 /// What is known of all other poses of a box.
 struct PoseCertificate {
-  bool proven = false;  ///< No different pose of the box reaches `rival_share` of the found pose's score.
+  bool proven = false;  ///< No different pose of the box reaches `alternative_share` of the found pose's score.
   double score = 0;     ///< Of the found pose, see certifiedScore.
   double bound = 0;     ///< No different pose of the box has a higher score than this times `score`.
 
   /// A different pose of the box that reaches the share.
-  struct Rival {
+  struct Alternative {
     Pose T_camera_model = Pose::Identity();
     double share = 0;       ///< Of the found pose's score; may be above 1.
     double distance_m = 0;  ///< From the found pose.
   };
-  std::optional<Rival> rival;
+  std::optional<Alternative> alternative;
 
   double seconds = 0;
   long cells = 0;      ///< Bounds that were computed.

@@ -42,13 +42,13 @@ struct DepthFromMotion {
 /// @param newest  What the newest frame shows.
 /// @param prior   Of the pose in the newest frame, by calibration.
 /// @param tree    The tree that was registered.
-/// Returns nothing when fewer than kFewestFrames are left, the beams differ by less than kFewestTurn_rad, or the
+/// Returns nothing when fewer than kMinTurnFrames are left, the beams differ by less than kMinBeamTurn_rad, or the
 /// system has no solution.
 std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& frames, const XrayView& newest,
                                                const PosePrior& prior, const VesselTree& tree);
 
-constexpr int kFewestFrames = 4;
-constexpr std::size_t kMostFrames = 32;   ///< Of more, as many take part.
-constexpr double kFewestTurn_rad = 0.01;  ///< 0.6 deg: 1 mm in depth is 0.01 mm across the beam.
+constexpr int kMinTurnFrames = 4;
+constexpr std::size_t kMaxTurnFrames = 32;  ///< Of more, as many take part.
+constexpr double kMinBeamTurn_rad = 0.01;   ///< 0.6 deg: 1 mm in depth is 0.01 mm across the beam.
 
 }  // namespace angio::registration

@@ -11,8 +11,8 @@ namespace angio::registration {
 RegistrationMessage registrationMessage(const RegistrationResult& seen, ModelId model_id, std::int64_t frame_time_us,
                                         std::int64_t frame_sequence);
 
-/// The way back, as far as a message goes: without agreement, ambiguity and displacements; without a covariance where
-/// the message has zero for it.
+/// The inverse, as far as a message goes: without alignment score, ambiguity and displacements; without a covariance
+/// where the message has zero for it.
 RegistrationResult registrationResult(const RegistrationMessage& message);
 
 }  // namespace angio::registration

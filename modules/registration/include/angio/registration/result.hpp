@@ -85,7 +85,7 @@ struct [[nodiscard]] RegistrationResult {
   /// R_true = exp(dw) R, t_true = t + dt. From the last Gauss-Newton Hessian and the residual scale, image points taken
   /// as independent; absent when the solver had no full-rank system.
   ///
-  /// `oriented_kernel` also counts what the tree may be bent by: see deformation_std_m.
+  /// `oriented_kernel` also counts what the tree may be deformed by: see deformation_std_m.
   std::optional<Matrix6d> covariance;
 
   /// The part of the covariance that the image's noise alone leaves: what holds where the deformation is known. Absent
@@ -104,7 +104,7 @@ struct [[nodiscard]] RegistrationResult {
   /// Score of the best different pose over the best score, in [0, 1]; absent when only one start was tried.
   std::optional<double> ambiguity;
 
-  AlignmentScore agreement;
+  AlignmentScore alignment;
   /// How far the last step moved the projection: a rigid one roughly and at most, a nonrigid one rms over the points.
   double last_step_px = 0;
   int rigid_iterations = 0;
@@ -116,7 +116,7 @@ struct [[nodiscard]] RegistrationResult {
 
 /// Returns whether a rigid fit speaks for a deformation of the tree by more than 0.3 mm: it does not say well, then,
 /// where the points of the tree are.
-bool seemsBent(const RegistrationResult& result);
+bool seemsDeformed(const RegistrationResult& result);
 
 /// Returns whether model and image explain each other as well as a converged result requires, whatever the covariance
 /// leaves open.

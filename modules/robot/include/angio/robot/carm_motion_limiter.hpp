@@ -16,7 +16,7 @@ namespace angio::robot {
 /// One command is made in four steps:
 ///
 /// 1. `wanted` is shortened as a whole to the joints' speeds (withinSpeed), and each joint aims at it by the shortest
-///    jerk-limited way that does not shoot over.
+///    jerk-limited motion that does not overshoot.
 /// 2. For each joint, the velocities from which it can still stop inside its range, keeping its jerk.
 /// 3. Of those that also run into no face of the envelope, the nearest to the aim (nearestInPolytope, velocities in
 ///    units of the joints' speeds): a joint that is blocked lets the others go on, and at a slanting face they slide.
@@ -28,7 +28,7 @@ namespace angio::robot {
 /// Joints that are outside already (moved by hand, another envelope) may move back in but not further out.
 class CArmMotionLimiter {
  public:
-  static constexpr int kMaxFaces = Polytope::kMost - 2 * kCArmJointCount;
+  static constexpr int kMaxFaces = Polytope::kMaxCount - 2 * kCArmJointCount;
 
   /// For an arm at rest. Throws InputError when a limit is not finite or not positive, a range is empty, a face not
   /// finite, or the validity [s] not positive.
@@ -39,7 +39,7 @@ class CArmMotionLimiter {
   ///
   /// @param wanted    Joint velocities [rad/s, m/s].
   /// @param joints    As measured ...
-  /// @param age_s     ... this long before the command takes effect (latency): the arm's way since then is added, by
+  /// @param age_s     ... this long before the command takes effect (latency): the arm's motion since then is added, by
   ///                  the commands that were sent.
   /// @param period_s  Since the command before [s, > 0], which was in force for so long, and until the next one.
   CArmJoints propose(const CArmJoints& wanted, const CArmJoints& joints, double age_s, double period_s);

@@ -6,11 +6,11 @@
 
 namespace angio::robot {
 
-/// Half-spaces normals.row(k) . x <= bounds[k], at most kMost of them, so that nothing is allocated.
+/// Half-spaces normals.row(k) . x <= bounds[k], at most kMaxCount of them, so that nothing is allocated.
 struct Polytope {
-  static constexpr int kMost = 48;
-  Eigen::Matrix<double, Eigen::Dynamic, kCArmJointCount, Eigen::RowMajor, kMost, kCArmJointCount> normals;
-  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMost, 1> bounds;
+  static constexpr int kMaxCount = 48;
+  Eigen::Matrix<double, Eigen::Dynamic, kCArmJointCount, Eigen::RowMajor, kMaxCount, kCArmJointCount> normals;
+  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxCount, 1> bounds;
   int size() const { return static_cast<int>(bounds.size()); }
 };
 

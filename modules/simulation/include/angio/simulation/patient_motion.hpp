@@ -12,7 +12,7 @@
 namespace angio::simulation {
 
 /// How a patient's inside moves: a smooth field of displacement, known at every point and time, and the same whenever
-/// it is asked. At time 0 nothing has moved, but for what bends the tree at all times.
+/// it is asked. At time 0 nothing has moved, but for what deforms the tree at all times.
 class PatientMotion {
  public:
   /// @param center_model  The tree's centroid, model frame [m]. @param R_lps_model  Axes L, P, S from the model's.
@@ -20,7 +20,8 @@ class PatientMotion {
   PatientMotion(const MotionSettings& settings, const Eigen::Vector3d& center_model, const Eigen::Matrix3d& R_lps_model,
                 std::uint64_t seed);
 
-  /// Displacement by breathing, heartbeat and bend of what is at `p_model` [m] when nothing moves, model axes [m].
+  /// Displacement by breathing, heartbeat and deformation of what is at `p_model` [m] when nothing moves, model axes
+  /// [m].
   Eigen::Vector3d displacement(const Eigen::Vector3d& p_model, double time_s) const;
 
   /// The same of 3 x N points.
@@ -49,7 +50,7 @@ class PatientMotion {
     Eigen::Vector3d amplitude_m, number_per_m;
     double phase_rad;
   };
-  std::vector<Wave> bend_;
+  std::vector<Wave> deformation_;
 };
 
 }  // namespace angio::simulation

@@ -70,20 +70,20 @@ class SimulatedCatheter : public CommandReceiver {
   void slide(double insertion_m);
   bool advanceTip(double step_m);
   void retractTip(double step_m);
-  int choose(int chain, double* worst) const;
+  int choose(int branch, double* worst) const;
   void feel(double insertion_m);
   double freePlay() const;
   double slidingForce() const;
   double radius(const TreeLocation& place) const;
   TreeLocation placeAt(double path_m) const;
-  double leaning(const TreeLocation& place) const;
+  double deflection_m(const TreeLocation& place) const;
   Eigen::Vector3d freeDirection() const;
   Eigen::Vector3d heldDirection() const;
 
   CatheterSettings settings_;
   VesselTree tree_;
   TreeTopology map_;
-  std::vector<int> path_;           // Chains from the root to the tip.
+  std::vector<int> path_;           // Branches from the root to the tip.
   double tip_m_;                    // Of the tip along the path, from the root.
   double roll_rad_, bend_rad_ = 0;  // Of the tip; roll without the zero's offset.
   double force_n_ = 0, tip_force_n_ = 0;

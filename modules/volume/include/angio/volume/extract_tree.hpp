@@ -20,7 +20,7 @@ struct CentrelineSettings {
   double voxel_mm = 0;       ///< Equal voxels that the shape is thinned on; 0 takes the volume's smallest spacing [mm].
   double min_branch_mm = 3;  ///< Side branches that reach less out of their parent are spurs [mm].
   static constexpr double min_branch_radii = 0.5;  ///< The same, in radii of the parent.
-  double smallest_tree_mm = 10;                    ///< Trees of less length in all are dropped [mm].
+  double min_tree_mm = 10;                         ///< Trees of less length in all are dropped [mm].
   static constexpr double smoothing_mm = 5;        ///< Shorter waves of a centreline are noise [mm].
   static constexpr double smoothing_radii = 4;     ///< The same, in radii of the vessel; the larger counts.
   CentrelineEnd ends = CentrelineEnd::kWall;
@@ -29,7 +29,7 @@ struct CentrelineSettings {
   void visit(SettingsVisitor& v) {
     v.number("voxel_mm", voxel_mm, 0, 20);
     v.number("min_branch_mm", min_branch_mm, 0, 1000);
-    v.number("smallest_tree_mm", smallest_tree_mm, 0, 1e4);
+    v.number("min_tree_mm", min_tree_mm, 0, 1e4);
     v.choice("ends", ends, {"wall", "sphere"});
     v.number("spacing_mm", spacing_mm, 0.05, 100);
   }

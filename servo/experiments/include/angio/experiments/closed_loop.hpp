@@ -54,7 +54,7 @@ struct ClosedLoopFrame {
   ViewError true_error;                    ///< Of the real view at the exposure; zero for a task without a view.
   Eigen::Vector3d target_camera = Eigen::Vector3d::Zero();  ///< Where the target really was in the camera then [m].
   double target_off_m = 0;        ///< Its image from where the task wants it, as a distance at the isocentre.
-  double table_excursion_m = 0;   ///< Of the table from the box of the way's start and true goal ...
+  double table_excursion_m = 0;   ///< Of the table from the box of the start and the true goal ...
   double target_excursion_m = 0;  ///< ... and by how much the target was further from its goal than at the start.
   TaskAnswer task;                ///< What the loop believed.
   std::optional<std::string> hold_reason;

@@ -44,7 +44,7 @@ struct NavigateParts {
   ServoLoopSettings carm_loop = withHybridLaw();  ///< Its task becomes the view that is asked for.
   SimulatedPatientSettings patient;  ///< The X-ray and the body's motion; its own device and bolus are not used.
 
-  /// The hybrid law keeps the target near its straight way. By the position-based law whole trees leave a detector of
+  /// The hybrid law keeps the target near its straight path. By the position-based law whole trees leave a detector of
   /// 315 mm on their way to another view, and no registration brings them back.
   static ServoLoopSettings withHybridLaw() {
     ServoLoopSettings loop;
@@ -67,7 +67,7 @@ struct NavigateResult {
   std::string ended;                  ///< "arrived", "given up" and why, or "too long".
   double time_s = 0;                  ///< Simulated.
   double route_m = 0;                 ///< From start to target along the vessels.
-  int forks = 0;                      ///< On the way.
+  int forks = 0;                      ///< On the route.
   int views = 0;                      ///< That the C-arm took.
   int misses = 0;                     ///< Wrong branches and walls that the navigator noticed.
   int wall_contacts = 0;              ///< True ones.
@@ -76,8 +76,8 @@ struct NavigateResult {
   int looked = 0;                     ///< Frames that were searched for the catheter.
   std::optional<std::string> breach;  ///< A limit that the C-arm exceeded.
   std::vector<double> errors_m;       ///< Of the believed tip from the true one, of each frame that was believed.
-  std::vector<double> arc_errors_m;   ///< The same along the vessels where the chain is right.
-  int wrong_chain = 0;  ///< Frames that were believed with the tip in a wrong chain, 2 mm and more from it.
+  std::vector<double> arc_errors_m;   ///< The same along the vessels where the branch is right.
+  int wrong_branch = 0;  ///< Frames that were believed with the tip in a wrong branch, 2 mm and more from it.
 };
 
 /// Where journeys of a tree go: `count` branches, spread over all that qualify; fewer when there are fewer.
@@ -109,10 +109,10 @@ struct NavigateMoment {
 using NavigateObserver = std::function<void(const NavigateMoment&)>;
 
 /// One journey through the tree of a C-arm's laboratory: of `nominal`, with the tree's centroid at the isocentre.
-/// `look_on` is called with each frame that the catheter's node answers.
+/// `observer` is called with each frame that the catheter's node answers.
 NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibration& nominal,
                                        const TreeLocation& target, const NavigateExperimentSettings& experiment,
-                                       const NavigateParts& parts, int seed, const NavigateObserver& look_on = {});
+                                       const NavigateParts& parts, int seed, const NavigateObserver& observer = {});
 
 /// Rows of one tree, as JSON and as a table for people.
 Json navigateExperimentAsJson(const std::string& tree_name, const std::vector<NavigateResult>& rows);

@@ -134,12 +134,12 @@ class CommandObserver {
 };
 
 /// Watches how far a machine's true motion leaves what its start and its goal span.
-class WayObserver {
+class TrajectoryObserver {
  public:
   /// @param goal            True joints at the goal.
   /// @param target_patient  The point that matters, in the true patient frame [m].
-  WayObserver(const CArmGeometry& truth, const CArmJoints& start, const CArmJoints& goal,
-              const Eigen::Vector3d& target_patient);
+  TrajectoryObserver(const CArmGeometry& truth, const CArmJoints& start, const CArmJoints& goal,
+                     const Eigen::Vector3d& target_patient);
 
   /// The machine's next state.
   void see(const CArmJoints& joints);

@@ -43,7 +43,7 @@ std::string viewExperimentTable(const Json& summary);
 /// Many closed-loop simulations of the task `centre`, each of another point of the tree in another patient who
 /// breathes, seen from another side; and each once more by the same task without prediction.
 struct CenterExperimentSettings {
-  double breathing_mm = 15;  ///< Of the target: what is nearer to the feet moves less, so that the tree bends.
+  double breathing_mm = 15;  ///< Of the target: what is nearer to the feet moves less, so that the tree deforms.
   double heartbeat_mm = 2;   ///< Of the target, in systole.
   double learn_s = 12;       ///< Errors count from then on: two breaths, and some.
 

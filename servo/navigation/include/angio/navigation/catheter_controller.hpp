@@ -20,19 +20,19 @@ struct CatheterControllerSettings {
   RegistrationGateSettings supervisor;         ///< The same: which registrations are used.
   int roadmap_frames = 3;                      ///< Accepted registrations in a row that make a roadmap ...
   static constexpr int washed_out_frames = 3;  ///< ... and in a row without one before the catheter alone is sought.
-  static constexpr double max_turn_deg = 0.3;  ///< Of the C-arm since the roadmap; more, and another one is needed.
+  static constexpr double max_turn_deg = 0.3;  ///< Of the C-arm since the roadmap, above which a new one is made.
   static constexpr double max_shift_error_mm = 0.5;  ///< The same of the table: what an unsure depth makes of its way.
   double max_drive_age_ms = 150;                     ///< Between a frame and the drive's state that it is read with.
 
   /// Whether the C-arm is asked for the best view of the stretch around the tip (VIEW_REQUEST), and for another when
-  /// one leaves doubt. Otherwise it stays where it is.
+  /// one is ambiguous. Otherwise it stays where it is.
   bool ask_for_views = false;
   ViewPlannerSettings view;
   static constexpr double view_within_deg = 1;     ///< A requested view is reached when the beam is as near as this ...
   static constexpr double view_within_mm = 5;      ///< ... and the stretch's middle.
   static constexpr double roadmap_patience_s = 8;  ///< In a view without a roadmap, until it is asked for again.
 
-  /// Of the drive's permission to move: for a node, the controller itself knows no states.
+  /// Supervision of the drive; used by a node, not by the controller itself.
   SupervisionSettings safety = forDrive();
   DriveMonitorSettings drive;
 
@@ -139,7 +139,7 @@ class CatheterController {
   void forgetRoadmap();
   void planView(const XrayFrame& frame, std::int64_t reached_us);
   void ask(const XrayFrame& frame, const PlannedView& view, const std::string& reason);
-  void lookForVessels(const XrayFrame& frame, const CArmState& arm, CatheterControllerReport& report);
+  void searchVessels(const XrayFrame& frame, const CArmState& arm, CatheterControllerReport& report);
   void navigate(const XrayFrame& frame, const CArmState& arm, const CatheterState& drive,
                 CatheterControllerReport& report);
   bool armHasMoved(const CArmState& arm) const;
@@ -150,7 +150,7 @@ class CatheterController {
   GatedPerception perception_;
   CatheterLoop loop_;
   std::optional<Roadmap> roadmap_;
-  int believed_ = 0, unseen_ = 0;  // Frames in a row, of a roadmap that is being made.
+  int located_frames_ = 0, unseen_frames_ = 0;  // Frames in a row, of a roadmap that is being made.
   bool washed_out_ = false;
   std::optional<ViewPlanner> planner_;  // Nothing where the C-arm stays where it is.
   std::optional<PlannedView> planned_;

@@ -60,7 +60,7 @@ class CatheterLoop {
                const CatheterLoopSettings& settings);
 
   /// The catheter in a frame, looked for where it is believed to be. Throws as CatheterTracer does.
-  std::optional<CatheterTrace> look(const cv::Mat& image, const SeenPose& pose);
+  std::optional<CatheterTrace> findCatheter(const cv::Mat& image, const SeenPose& pose);
 
   /// Answers a frame in which the catheter was seen like that, or not. A trace without evidence is only a curve.
   CatheterReport step(const CatheterFrame& frame, const std::optional<CatheterTrace>& trace);

@@ -28,7 +28,7 @@ struct CatheterTracerSettings {
   }
 };
 
-/// How far a tip's end stands beside its vessel's axis, in the vessel's frame: across, aside [m].
+/// How far a tip's end stands beside its vessel's axis, in the vessel's frame: normal, binormal [m].
 struct TipOffset {
   Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity() * 1e-6;
@@ -45,7 +45,7 @@ struct CatheterTrace {
 /// Traces a catheter in frames without contrast agent: the dark line along one of the projected vessels that ends at
 /// its radio-opaque tip.
 ///
-/// Every way through the tree near the believed tip is followed at once: a place of a vessel and a displacement of the
+/// Every path through the tree near the believed tip is followed at once: a place of a vessel and a displacement of the
 /// image there (the catheter rests against walls and cuts bends) score by the darkness of the line up to there, by
 /// its smoothness, and by the band at its end (Viterbi's algorithm over the tree). The best end wins, so that a gap or
 /// a crossing does not end the trace and a branch without a line in it is not entered.

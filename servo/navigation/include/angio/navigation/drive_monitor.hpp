@@ -32,7 +32,7 @@ struct DriveMonitorSettings {
   }
 };
 
-/// Compares the ways that a catheter's drive pushes, rolls and bends with its commands, see AxisMonitor. Of the
+/// Compares how a catheter's drive pushes, rolls and bends with its commands, see AxisMonitor. Of the
 /// catheter's tip, which may well stand still, it says nothing.
 class DriveMonitor {
  public:

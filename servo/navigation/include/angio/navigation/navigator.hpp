@@ -15,7 +15,7 @@
 
 namespace angio::navigation {
 
-/// What the navigator knows of its catheter, and how carefully it goes.
+/// The catheter's dimensions, speeds and bounds of the navigator.
 struct NavigatorSettings {
   // The catheter, by its data sheet.
   double tip_length_mm = 6;
@@ -33,23 +33,24 @@ struct NavigatorSettings {
 
   // Forks.
   static constexpr double slow_mm = 12;
-  static constexpr double aim_mm = 4;      ///< Before a fork, the tip is aimed.
-  static constexpr double confirm_mm = 2;  ///< Beyond where its branches part, one of them counts as entered.
-  static constexpr double sure_mm = 10;    ///< Beyond there, even a doubtful belief of a wrong branch counts.
-  static constexpr double short_mm = 9;    ///< Forks closer to each other are aimed for together where one aim serves.
-  static constexpr double back_mm = 6;     ///< Before it, another try begins.
-  static constexpr double lever_mm = 5.5;  ///< Along which a branch's direction is taken, give or take a third.
-  static constexpr double angle_deg = 8;   ///< Of the tip, good enough.
-  static constexpr double look_std_deg = 35;  ///< Less sure of the tip's angle, it is turned once around to be seen.
+  static constexpr double aim_mm = 4;  ///< Before a fork, the tip is aimed.
+  static constexpr double confirm_mm =
+      2;                                 ///< Distance beyond the parting of branches from which one counts as entered.
+  static constexpr double sure_mm = 10;  ///< The same distance for a wrong branch of low probability.
+  static constexpr double short_mm = 9;  ///< Forks closer to each other are aimed for together where one aim serves.
+  static constexpr double back_mm = 6;   ///< Distance to retreat before a fork is tried again.
+  static constexpr double lever_mm = 5.5;     ///< Along which a branch's direction is taken, give or take a third.
+  static constexpr double angle_deg = 8;      ///< Of the tip, good enough.
+  static constexpr double look_std_deg = 35;  ///< Standard deviation of the tip's angle above which it is turned once.
   int tries = 10;                             ///< At one fork.
 
-  // Doubts.
+  // Uncertainty and resistance.
   static constexpr double min_probability = 0.6;  ///< Of the branch; below, it stops and waits.
   static constexpr double max_std_mm = 5;         ///< Of the place along it; above, it stops and waits.
-  static constexpr double patience_s = 2;         ///< Then it pulls back slowly, as far as `retreat_mm`.
+  static constexpr double patience_s = 2;         ///< Time of waiting before it pulls back slowly, by `retreat_mm`.
   static constexpr double retreat_mm = 25;
   double max_force_n = 0.8;               ///< At the drive; above, it pulls back.
-  static constexpr double stall_mm = 12;  ///< Pushed or pulled without the tip's following: it stands against a wall.
+  static constexpr double stall_mm = 12;  ///< Pushed or pulled without motion of the tip: it is at a wall.
 
   void visit(SettingsVisitor& v) {
     v.number("tip_length_mm", tip_length_mm, 1, 50);
@@ -78,14 +79,14 @@ struct NavigationInput {
 };
 
 enum class NavigationState {
-  kWaiting,     ///< Does not know enough to move.
+  kWaiting,     ///< The tip's place is unknown or uncertain.
   kFollowing,   ///< Pushes along the route.
-  kLooking,     ///< Turns the tip around, to see how it lies.
+  kLooking,     ///< Turns the tip once around, to observe its direction.
   kAiming,      ///< Turns and bends the tip in front of a fork.
   kCrossing,    ///< Pushes across the fork.
-  kBackingOff,  ///< Pulls back: to a fork it missed, from a wall, or out of doubt.
+  kBackingOff,  ///< Pulls back: to a missed fork, from a wall, or from lasting uncertainty.
   kArrived,
-  kGivenUp  ///< Has tried as often as it may; stands still until it gets another target.
+  kGivenUp  ///< The number of tries is used up; stands still until it gets another target.
 };
 
 const char* stateName(NavigationState state);
@@ -95,7 +96,7 @@ struct NavigationAnswer {
   CatheterCommand command;
   NavigationState state = NavigationState::kWaiting;
   std::string why;            ///< Why it stands still or goes back; empty when all is well.
-  bool another_view = false;  ///< Another view would help: doubt has lasted, or a fork has been missed again.
+  bool another_view = false;  ///< Another view would help: the tip is uncertain, or a fork was missed again.
 };
 
 struct RouteView;
@@ -103,10 +104,10 @@ struct RouteView;
 /// Steers a catheter's tip through the vessels to a place: the task `navigate`.
 ///
 /// It pushes along the route; in front of each fork it turns and bends the tip so that it points into the wanted branch
-/// by the widest margin, pushes across, and sees by the belief which branch was entered; from a wrong one it pulls back
-/// and tries again. Which way the tip points is estimated from what turning it does in the image (TipRoll). It stands
-/// still without a belief, backs off from force, from walls and from lasting doubt, and never moves on a number that is
-/// not finite.
+/// by the widest margin, pushes across, and takes from the belief which branch was entered. From a wrong one it pulls
+/// back and tries again. The tip's direction is estimated from what its turns do in the image (TipRoll). Without a
+/// belief it stands still. It backs off from force, from walls and from lasting uncertainty. It never moves on a number
+/// that is not finite.
 ///
 /// Knows neither clock nor bus; the same inputs give the same answers.
 class Navigator {
@@ -122,7 +123,7 @@ class Navigator {
 
  private:
   NavigationAnswer decide(const NavigationInput& input);
-  NavigationAnswer doubt(const NavigationInput& input, const std::string& why);
+  NavigationAnswer holdUnsure(const NavigationInput& input, const std::string& why);
   NavigationAnswer follow(const NavigationInput& input, const RouteView& view);
   NavigationAnswer look(const NavigationInput& input);
   NavigationAnswer aim(const NavigationInput& input);
@@ -145,14 +146,14 @@ class Navigator {
   std::string why_;
   std::int64_t sequence_ = 0;
 
-  std::optional<double> last_path_m_;               // Of the tip, when it was last believed.
+  std::optional<double> last_path_m_;               // Of the tip, when it was last located.
   std::optional<std::pair<double, double>> since_;  // Drive and tip when both last moved together.
   double doubtful_s_ = 0, retreated_m_ = 0;
-  bool asked_ = false, asked_ahead_ = false;  // For another view, in this doubt; behind this fork.
+  bool asked_ = false, asked_ahead_ = false;  // For another view, while uncertain; behind this fork.
   int jumped_ = 0, beside_frames_ = 0, there_frames_ = 0;
-  std::map<int, int> tries_;  // At each fork, by the chain that ends there.
+  std::map<int, int> tries_;  // At each fork, by the branch that ends there.
   int misses_ = 0;
-  std::optional<int> planned_;  // The chain that the aim is for: behind the next fork, or behind some close ones.
+  std::optional<int> planned_;  // The branch that the aim is for: behind the next fork, or behind some close ones.
   double aim_angle_rad_ = 0, aim_bend_rad_ = 0;
   double aimed_s_ = 0, looked_rad_ = 0, last_roll_rad_ = 0;
   bool looked_ = false;   // In this try.

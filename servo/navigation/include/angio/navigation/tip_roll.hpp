@@ -15,28 +15,28 @@ namespace angio::navigation {
 /// How far a catheter's tip is deflected out of its vessel, as one X-ray frame shows it: the part across the vessel's
 /// image.
 struct TipDeflection {
-  double slope = 0;  ///< Sideways way of the tip for each metre of its length.
+  double slope = 0;  ///< Sideways displacement of the tip for each metre of its length.
   double sigma = 1;  ///< Standard deviation of that.
-  /// The direction in which it is positive, in the vessel's frame at the tip: components `across` and `aside`. Shorter
-  /// than 1: what is deflected along the beam is not seen.
+  /// The direction in which it is positive, in the vessel's frame at the tip: components `normal` and `binormal`.
+  /// Shorter than 1: what is deflected along the beam is not seen.
   Eigen::Vector2d observable_axis = Eigen::Vector2d::Zero();
 };
 
-/// Measures how the last `tip_length_m` [m] of a seen catheter deflection against the image of the vessel that they are
-/// in.
+/// Returns the deflection of the last `tip_length_m` [m] of a seen catheter against the image of the vessel that they
+/// are in.
 ///
-/// Nothing comes back when the vessel points too much along the beam, when the tip is behind the source, or when the
+/// Returns nothing when the vessel points too much along the beam, when the tip is behind the source, or when the
 /// curve is too short or does not say which end is its tip.
 std::optional<TipDeflection> seenDeflection(const SeenCatheter& seen, const XrayCamera& camera,
                                             const Pose& T_camera_model, const TreeTopology& map,
                                             const TreeLocation& tip, double tip_length_m);
 
-/// Estimates which way a bent tip points for a given roll of its drive: what zero, wind-up and backlash leave unknown.
+/// Estimates the direction of a bent tip for a given roll of its drive: zero, wind-up and backlash leave it unknown.
 ///
 /// The tip is deflected by x = (p, q) in the vessel's frame when the drive's roll is 0, and by R(roll) x at any other;
-/// a frame sees y = sight . R(roll) x + bias, where the bias is how the whole catheter lies beside the centreline. A
-/// Kalman filter over (p, q, bias): linear, and its row d y / d roll is the image Jacobian of roll that nobody can
-/// calculate beforehand. Between drive and tip stands a dead band of nominal width (a play operator).
+/// a frame measures y = observable_axis . R(roll) x + bias, where the bias is the offset of the whole catheter from the
+/// centreline. The estimate is a linear Kalman filter over (p, q, bias); its row d y / d roll is the image Jacobian of
+/// roll. The dead band between drive and tip has a nominal width (a play operator).
 class TipRoll {
  public:
   /// @param deflection  How far tips are usually deflected, as a slope. @param dead_band_rad  Of roll, from one side to
@@ -50,23 +50,23 @@ class TipRoll {
   /// may be deflected further, so that its deflection is less sure; one that bends less falls back in proportion.
   void bend(double deflection);
 
-  /// What a frame shows of it. Values beyond three standard deviations pull no harder than those.
+  /// Updates the estimate by one frame. Values beyond three standard deviations are clamped to those.
   void see(const TipDeflection& deflection);
 
-  /// It has entered a branch that lies in this direction (in the vessel's frame: across, aside; any length).
+  /// It has entered a branch that lies in this direction (in the vessel's frame: normal, binormal; any length).
   void entered(const Eigen::Vector2d& direction);
 
-  /// Angle of the tip in the vessel's frame, from `across` to `aside` [rad].
+  /// Angle of the tip in the vessel's frame, from `normal` to `binormal` [rad].
   double angle_rad() const;
 
-  /// Standard deviation of that angle, at most pi / sqrt(3): then nothing is known.
+  /// Standard deviation of that angle [rad], at most that of a uniform one, pi / sqrt(3).
   double std_rad() const;
 
   /// How the tip is deflected in the vessel's frame: normal, binormal; sideways for each metre of its length.
   Eigen::Vector2d deflection() const { return turn() * state_.head<2>(); }
 
   /// Covariance of deflection().
-  Eigen::Matrix2d leanCovariance() const { return turn() * P_.topLeftCorner<2, 2>() * turn().transpose(); }
+  Eigen::Matrix2d deflectionCovariance() const { return turn() * P_.topLeftCorner<2, 2>() * turn().transpose(); }
 
  private:
   Eigen::Matrix2d turn() const;  // Of the tip, by the roll that has come through.

@@ -10,12 +10,12 @@
 
 namespace angio::navigation {
 
-/// How much of a catheter's way one view must show.
+/// How much of a catheter's route one view must show.
 struct ViewPlannerSettings {
-  double behind_mm = 20;                   ///< Of the tip: there the stretch begins that a view is chosen for ...
-  double ahead_mm = 60;                    ///< ... and there it ends, or at the target.
-  double renew_mm = 15;                    ///< Before its end, it is time for the next.
-  static constexpr double other_deg = 30;  ///< A view that doubt asks for lies at least so far from what raised it.
+  double behind_mm = 20;                   ///< From the tip back to the start of the stretch that a view is chosen for.
+  double ahead_mm = 60;                    ///< From the tip to the end of that stretch, which is at the target at most.
+  double renew_mm = 15;                    ///< Distance before that end from which the next view is chosen.
+  static constexpr double other_deg = 30;  ///< If ambiguous, the next view is at least so far from the present one.
   double max_primary_deg = 90;
   double max_secondary_deg = 45;
   double step_deg = 7.5;  ///< Between the views that are compared.
@@ -32,20 +32,20 @@ struct PlannedView {
   Eigen::Vector3d middle_model = Eigen::Vector3d::Zero();  ///< [m]
 };
 
-/// From where a C-arm looks at a catheter on its way: the best view (bestView) of the stretch around its tip.
+/// Chooses a C-arm's views of a catheter on its route: the best view (bestView) of the stretch around its tip.
 ///
-/// One view serves for as long as the tip stays in its stretch. One that leaves doubt is exchanged for the best of
-/// those that lie well beside it: what runs along one beam, or hides behind another vessel, does not in the other.
+/// A view is kept while the tip stays in its stretch. If it is ambiguous, the best view at least `other_deg` away
+/// replaces it: a vessel that runs along one beam, or behind another vessel, does not in the other.
 class ViewPlanner {
  public:
   /// Throws InputError when a setting is out of its range or the target is none of the tree's places.
   ViewPlanner(const VesselTree& tree, const TreeLocation& target, const BestViewScene& scene,
               const ViewPlannerSettings& settings);
 
-  /// Where to look from next, with the tip believed to be at `tip`; nothing while the present view serves, or when
-  /// doubt asks for another and none is in reach. The first call always answers. Throws InputError as bestView() does.
+  /// Returns the next view, with the tip estimated to be at `tip`. Returns nothing while the present view is kept, or
+  /// when another is needed and none is in reach. The first call always returns one. Throws InputError as bestView().
   ///
-  /// @param in_doubt  The present view does not tell what must be known.
+  /// @param in_doubt  The present view is ambiguous.
   std::optional<PlannedView> next(const TreeLocation& tip, bool in_doubt);
 
  private:

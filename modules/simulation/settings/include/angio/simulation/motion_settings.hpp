@@ -67,7 +67,7 @@ struct ShiftSettings {
 
 /// How the patient's vessels differ from the tree at all times, as they do when the tree is of another day, position or
 /// breath: four plane waves of displacement, or a measured motion that is carried over to the tree.
-struct BendSettings {
+struct TreeDeformationSettings {
   double rms_mm = 0;                               ///< Of the displacements' lengths.
   std::shared_ptr<const MeasuredMotion> measured;  ///< No key: a program reads it from a file. Null: waves.
   static constexpr double wavelength_mm = 200;     ///< Of the shortest wave; of the longest twice as much.
@@ -80,13 +80,13 @@ struct MotionSettings {
   BreathingSettings breathing;
   HeartbeatSettings heartbeat;
   ShiftSettings shift;
-  BendSettings bend;
+  TreeDeformationSettings deformation;
 
   void visit(SettingsVisitor& v) {
     v.section("breathing", [this](SettingsVisitor& s) { breathing.visit(s); });
     v.section("heartbeat", [this](SettingsVisitor& s) { heartbeat.visit(s); });
     v.section("shift", [this](SettingsVisitor& s) { shift.visit(s); });
-    v.section("bend", [this](SettingsVisitor& s) { bend.visit(s); });
+    v.section("bend", [this](SettingsVisitor& s) { deformation.visit(s); });
   }
 };
 

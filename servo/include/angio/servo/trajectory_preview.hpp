@@ -9,24 +9,24 @@
 
 namespace angio::servo {
 
-/// One moment of a way that has not been gone.
-struct WayPoint {
+/// One moment of a predicted trajectory.
+struct TrajectoryPoint {
   double time_s = 0;
   CArmJoints joints = CArmJoints::Zero();
   CArmJoints velocity = CArmJoints::Zero();
   double view_off_rad = 0, target_off_m = 0;  ///< From the desired view, as ViewError.
 };
 
-/// The way that a view's task would take if the patient lay as calibrated and the arm did what it is told.
-struct WayPreview {
-  std::vector<WayPoint> points;              ///< From the start on, a frame's time apart.
-  double max_table_m = 0, max_target_m = 0;  ///< As WayExcursion, the largest; no less than zero.
+/// The trajectory of a view task if the patient lies as calibrated and the arm follows every command.
+struct TrajectoryPreview {
+  std::vector<TrajectoryPoint> points;       ///< From the start on, a frame's time apart.
+  double max_table_m = 0, max_target_m = 0;  ///< As TrajectoryExcursion, the largest; no less than zero.
   std::optional<std::string> hold_reason;    ///< Why the task would not go on: it ends there. Nothing where it arrives.
 };
 
-/// Goes the way by the task, law and limits of a loop, in thought. Latency is none.
+/// Predicts the trajectory by the task, law and limits of a loop, without latency. Nothing moves.
 ///
 /// Throws InputError as ServoLoop does, and when the task is no view or waits to be asked for one.
-WayPreview previewWay(const ServoLoopSettings& settings, const VesselTree& tree, const CArmJoints& start);
+TrajectoryPreview previewTrajectory(const ServoLoopSettings& settings, const VesselTree& tree, const CArmJoints& start);
 
 }  // namespace angio::servo

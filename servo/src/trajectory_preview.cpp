@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/servo/way_preview.hpp"
+#include "angio/servo/trajectory_preview.hpp"
 
 #include <algorithm>
 
 #include "angio/base/errors.hpp"
-#include "way_bounds.hpp"
+#include "trajectory_bounds.hpp"
 
 namespace angio::servo {
 namespace {
 
 constexpr double kPeriod_s = 1.0 / 15;
-constexpr double kMost_s = 120;  // The slowest arm's longest way.
+constexpr double kMaxDuration_s = 120;  // The longest motion of the slowest arm.
 // Nearer than the image could tell: it has arrived.
 constexpr double kArrived_rad = 1e-4, kArrived_m = 1e-4;
 
 }  // namespace
 
-WayPreview previewWay(const ServoLoopSettings& settings, const VesselTree& tree, const CArmJoints& start) {
+TrajectoryPreview previewTrajectory(const ServoLoopSettings& settings, const VesselTree& tree,
+                                    const CArmJoints& start) {
   const auto* view = std::get_if<ViewTaskSettings>(&settings.task);
   if (!view || view->goal == ViewGoal::kRequested) {
     throw InputError(
@@ -31,10 +32,10 @@ WayPreview previewWay(const ServoLoopSettings& settings, const VesselTree& tree,
   const auto error = [&](const CArmJoints& joints) {
     return viewError(settings.carm.T_camera_patient(joints) * settings.T_dsa_cb, desired, target);
   };
-  WayPreview preview;
+  TrajectoryPreview preview;
   CArmState state;
   state.joints = start;
-  for (int k = 0; k * kPeriod_s <= kMost_s; ++k) {
+  for (int k = 0; k * kPeriod_s <= kMaxDuration_s; ++k) {
     const ViewError off = error(state.joints);
     preview.points.push_back({k * kPeriod_s, state.joints, state.velocity, off.direction_rad, off.target_m});
     if (off.direction_rad <= kArrived_rad && off.target_m <= kArrived_m) break;
@@ -47,14 +48,14 @@ WayPreview previewWay(const ServoLoopSettings& settings, const VesselTree& tree,
     state.joints += kPeriod_s * state.velocity;
     ++state.sequence;
   }
-  const WayPoint& last = preview.points.back();
-  if (!preview.hold_reason && last.time_s > kMost_s - kPeriod_s) {
-    preview.hold_reason = "the view is not reached in " + formatValue(kMost_s) + " s";
+  const TrajectoryPoint& last = preview.points.back();
+  if (!preview.hold_reason && last.time_s > kMaxDuration_s - kPeriod_s) {
+    preview.hold_reason = "the view is not reached in " + formatValue(kMaxDuration_s) + " s";
   }
-  const WayStart way{start, start};
-  for (const WayPoint& point : preview.points) {
-    const WayExcursion out =
-        way.excursion(point.joints, last.joints, [&](const CArmJoints& joints) { return error(joints).target_m; });
+  const TrajectoryStart trajectory{start, start};
+  for (const TrajectoryPoint& point : preview.points) {
+    const TrajectoryExcursion out = trajectory.excursion(
+        point.joints, last.joints, [&](const CArmJoints& joints) { return error(joints).target_m; });
     preview.max_table_m = std::max(preview.max_table_m, out.table_m);
     preview.max_target_m = std::max(preview.max_target_m, out.target_m);
   }
