@@ -298,7 +298,7 @@ cv::Mat catheterSheet(const CatheterRoute& way, const std::vector<SequenceFrame>
     drawLine(canvas, curve, kCurveColor, 1);
     if (!path.empty()) cv::circle(canvas, at(path.back()), 6, kInk, 1, cv::LINE_AA);
     const std::string caption =
-        formatted("%s: branch %d at %.0f mm", set.cases[t].name.c_str(), b.tip.chain, 1e3 * b.tip.arc_m);
+        formatted("%s: branch %d at %.0f mm", set.cases[t].name.c_str(), b.tip.branch, 1e3 * b.tip.arc_m);
     pictures.push_back(withBandBelow(canvas, {{caption, cv::Scalar::all(240)}}));
   }
   return tiled(pictures, columns, kMargin_px, kInk);
