@@ -85,6 +85,12 @@ int run(const std::string& url) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 2 || (argc == 2 && argv[1][0] == '-')) {
+    std::printf(
+        "Usage: example-07-plain-visp [BUS]\n\nMoves a C-arm by plain ViSP. BUS: an LCM URL; without it a "
+        "simulated arm in this process.\n");
+    return argc == 2 && std::string(argv[1]) == "--help" ? 0 : 2;
+  }
   try {
     return run(argc > 1 ? argv[1] : "memq://");
   } catch (const std::exception& error) {

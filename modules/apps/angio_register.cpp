@@ -13,6 +13,7 @@
 #include "angio/calibration_records/centered_carm.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/cli/bus_help.hpp"
+#include "angio/cli/further_options.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/case_run.hpp"
@@ -138,6 +139,7 @@ void warnOfOldCameras(const Options& o) {
 }
 
 int registerOne(const Options& o) {
+  for (const auto& path : {o.out, o.out_pose, o.overlay}) requireFolderOf(path);
   ProgramSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   if (o.starts > 0) settings.starts.count = o.starts;
@@ -278,7 +280,8 @@ int main(int argc, char** argv) {
   app.add_option("--mask-frame", o.files.mask_frames,
                  "Frame of the same file without contrast agent, which is subtracted; once for all images or for each")
       ->allow_extra_args(false)
-      ->check(CLI::Range(0, 1000000));
+      ->check(CLI::Range(0, 1000000))
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--initial-pose", o.files.initial_pose,
                  "Pose to start from (.yaml); without it a DICOM run's angles say where to start");
   app.add_option(
@@ -291,7 +294,8 @@ int main(int argc, char** argv) {
                  "How centrelines are found in images: " + angio::apps::listOfExtractors() +
                      "; the settings' choice (ridge) when not given");
   app.add_option("--starts", o.starts, "Starts drawn around the initial pose; 0 takes the settings' count")
-      ->check(CLI::Range(0, 10000));
+      ->check(CLI::Range(0, 10000))
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--search-rotation-deg,--box-rotation-deg", o.search_rotation_deg,
                  "Search all poses turned by up to so much about each axis; 0 takes the settings' box")
       ->check(angio::apps::between(0, 180));
@@ -299,24 +303,30 @@ int main(int argc, char** argv) {
                  "The same for shifts along each axis")
       ->check(angio::apps::between(0, 1000));
   app.add_flag("--point-covariance", o.point_covariance,
-               "Add the covariance of each point of the tree to the result [mm^2]");
+               "Add the covariance of each point of the tree to the result [mm^2]")
+      ->group(angio::cli::kFurtherOptions);
   auto* certify = app.add_flag("--certify", o.certify,
                                "Prove that no different pose of the box scores nearly as well, or find one; the "
                                "search's box, or +-45 deg and +-60 mm");
   app.add_option("--certify-seconds", o.certificate.seconds, "Time for the proof; what is open then is not proven")
       ->check(angio::apps::between(0, 1e6))
-      ->needs(certify);
+      ->needs(certify)
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--certify-distance-mm", o.certificate.distance_mm,
                  "Poses further away than this are different; depth does not count")
       ->check(angio::apps::between(0, 1000))
-      ->needs(certify);
+      ->needs(certify)
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--certify-threads", o.certificate.threads, "Threads of the proof; 0: as many as the processor has")
       ->check(CLI::Range(0, 256))
-      ->needs(certify);
+      ->needs(certify)
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--polarity", o.polarity, "How vessels stand out of the image")
-      ->check(CLI::IsMember({"dark", "bright"}));
+      ->check(CLI::IsMember({"dark", "bright"}))
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--max-calibration-age-days", o.max_age_days, "A camera's older calibration is warned of")
-      ->check(angio::apps::between(0, 1e6));
+      ->check(angio::apps::between(0, 1e6))
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--settings", o.settings, "Settings (.yaml), sections by method, starts, extractors");
   app.add_option("--out", o.out, "Result (.json)");
   app.add_flag("--json", o.json, "The result to stdout, and what is said of it to stderr");
@@ -324,7 +334,9 @@ int main(int argc, char** argv) {
   app.add_option("--overlay", o.overlay, "Picture of the result (.png, .jpg)");
   auto* bus =
       seen->add_option("--bus", o.live.bus, angio::cli::busHelp("Register the frames of a bus, and say so there"));
-  app.add_option("--key-file", o.live.key_file, "With --bus: key that the programs on the bus share")->needs(bus);
+  app.add_option("--key-file", o.live.key_file, "With --bus: key that the programs on the bus share")
+      ->needs(bus)
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")->needs(bus);
   app.add_option("--duration-s", o.live.duration_s, "With --bus: how long; 0: until stopped")
       ->check(angio::apps::between(0, 86400))

@@ -8,8 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "angio/cli/data_folder.hpp"
+#include "angio/cli/further_options.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/paper.hpp"
 #include "angio/evaluation/simulation_report.hpp"
 #include "angio/io/camera_files.hpp"
@@ -127,7 +129,8 @@ class RangeOf final : public SettingsVisitor {
 // Options that set one field when they are given. "--noise-px" is the key noise_px, whose range holds here as well.
 class GivenFields {
  public:
-  GivenFields(CLI::App& command, std::shared_ptr<SimulationOptions> o) : command_(command), o_(std::move(o)) {}
+  GivenFields(CLI::App& command, std::shared_ptr<SimulationOptions> o, std::string group)
+      : command_(command), o_(std::move(o)), group_(std::move(group)) {}
 
   template <typename Value>
   void add(const std::string& name, Value SimulationSettings::*field, const std::string& help,
@@ -139,27 +142,30 @@ class GivenFields {
     };
     command_.add_option_function<Value>(name + more_names, set, help)
         ->default_str(CLI::detail::to_string(SimulationSettings{}.*field))
+        ->group(group_)
         ->check(RangeOf(key).validator());
   }
 
  private:
   CLI::App& command_;
   std::shared_ptr<SimulationOptions> o_;
+  std::string group_;
 };
 
 void addFields(CLI::App& command, const std::shared_ptr<SimulationOptions>& o) {
   using S = SimulationSettings;
-  GivenFields fields(command, o);
+  GivenFields fields(command, o, "Options"), further(command, o, cli::kFurtherOptions);
   fields.add("--trials", &S::trials, "Number of trials, split over the trees");
   fields.add("--seed", &S::seed, "Seed of all draws");
   fields.add("--rotation-std-deg", &S::rotation_std_deg, "Spread of the starts per axis");
   fields.add("--translation-std-mm", &S::translation_std_mm, "Spread of the starts per axis");
-  fields.add("--even-starts-mm", &S::even_starts_mm, "Starts spread evenly from 0 to this mTRE, for the capture range");
+  further.add("--even-starts-mm", &S::even_starts_mm,
+              "Starts spread evenly from 0 to this mTRE, for the capture range");
   fields.add("--views", &S::views, "Views of one moment; the second about 90 deg from the first");
-  fields.add("--turn-deg", &S::turn_deg, "Spread the views over such a turn of the C-arm instead");
-  fields.add("--turn-s", &S::turn_s,
-             "The turn's frames, after 4 s of standing: a sequence, and its last frame's depth");
-  fields.add("--breath-mm", &S::breath_mm, "How far the diaphragm comes down meanwhile");
+  further.add("--turn-deg", &S::turn_deg, "Spread the views over such a turn of the C-arm instead");
+  further.add("--turn-s", &S::turn_s,
+              "The turn's frames, after 4 s of standing: a sequence, and its last frame's depth");
+  further.add("--breath-mm", &S::breath_mm, "How far the diaphragm comes down meanwhile");
   fields.add("--visible-fraction", &S::visible_fraction, "Share of the tree in the field of view");
   fields.add("--missing", &S::missing, "Share of the tree without contrast agent, whole branches",
              ",--missing-branches");
@@ -167,12 +173,12 @@ void addFields(CLI::App& command, const std::shared_ptr<SimulationOptions>& o) {
   fields.add("--spurious", &S::spurious, "Curves per view that are no vessel");
   fields.add("--noise-px", &S::noise_px, "Noise of each image coordinate");
   fields.add("--deformation-rms-mm", &S::deformation_rms_mm, "Smooth deformation of the tree", ",--deformation-mm");
-  fields.add("--deformation-anisotropy", &S::deformation_anisotropy,
-             "How much more it moves from feet to head than along the other axes");
-  fields.add("--focal-error-percent", &S::focal_error_percent, "Error of the focal length the method is told");
-  fields.add("--calibration-rotation-error-deg", &S::calibration_rotation_error_deg,
-             "Error of the second view against the first, about the isocentre");
-  fields.add("--calibration-translation-error-mm", &S::calibration_translation_error_mm, "The same");
+  further.add("--deformation-anisotropy", &S::deformation_anisotropy,
+              "How much more it moves from feet to head than along the other axes");
+  further.add("--focal-error-percent", &S::focal_error_percent, "Error of the focal length the method is told");
+  further.add("--calibration-rotation-error-deg", &S::calibration_rotation_error_deg,
+              "Error of the second view against the first, about the isocentre");
+  further.add("--calibration-translation-error-mm", &S::calibration_translation_error_mm, "The same");
 }
 
 // As many points as the paper's trees have, about two thousand for the bundled one.
@@ -235,7 +241,10 @@ int evaluatePaper(const PaperOptions& o) {
   for (const auto& start : paperStarts()) {
     const bool known = &start == &paperTable1Start();  // The rigid half of Table I is this row.
     const auto half = table1.begin() + static_cast<std::ptrdiff_t>(rigid.size());
-    table3.push_back({start, known ? std::vector<EntrantRun>(table1.begin(), half) : run(rigid, start)});
+    const bool goes_on = finishPart(true, [&] {
+      table3.push_back({start, known ? std::vector<EntrantRun>(table1.begin(), half) : run(rigid, start)});
+    });
+    if (!goes_on) break;
   }
 
   const auto spacing_m = simulatedCamera().parameters().pixel_spacing_m;

@@ -18,6 +18,7 @@
 #include "angio/calibration_records/centered_carm.hpp"
 #include "angio/cli/bus_help.hpp"
 #include "angio/cli/data_folder.hpp"
+#include "angio/cli/further_options.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/imaging/xray_frame.hpp"
@@ -284,7 +285,7 @@ int main(int argc, char** argv) {
   using angio::apps::between;
   angio::apps::Options o;
   app.add_option("--bus", o.bus, angio::cli::busHelp("Bus"));
-  app.add_option("--key-file", o.key_file, angio::cli::kKeyFileHelp);
+  app.add_option("--key-file", o.key_file, angio::cli::kKeyFileHelp)->group(angio::cli::kFurtherOptions);
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and how the patient really lies (.yaml)");
   app.add_option("--t-dsa-cb", o.t_dsa_cb,
@@ -299,17 +300,21 @@ int main(int argc, char** argv) {
                                                                     {"png", angio::apps::ImageEncoding::kPng}};
   app.add_option("--transport", o.encoding, "How pixels travel: raw, or png without loss and with half the bytes")
       ->transform(angio::apps::choice(encodings))
-      ->default_str("raw");
+      ->default_str("raw")
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--region", o.region, "Only this window of the detector is sent: x,y,width,height [px]")
       ->delimiter(',')
-      ->expected(4);
+      ->expected(4)
+      ->group(angio::cli::kFurtherOptions);
   auto* catheter = app.add_option("--catheter-branch", o.catheter_branch,
                                   "With a catheter and its drive: the branch of the tree that its tip begins in")
                        ->check(CLI::Range(0, 1000000));
   app.add_option("--catheter-mm", o.catheter_mm, "How far into that branch")->check(between(0, 1500))->needs(catheter);
   app.add_flag("--xray-only", o.xray_only, "Without a C-arm: another program on the bus says CARM_STATE")
-      ->excludes(catheter);
-  app.add_option("--disturb", o.disturb, "What happens to messages on their way (.yaml): loss, delay, jitter, ...");
+      ->excludes(catheter)
+      ->group(angio::cli::kFurtherOptions);
+  app.add_option("--disturb", o.disturb, "What happens to messages on their way (.yaml): loss, delay, jitter, ...")
+      ->group(angio::cli::kFurtherOptions);
   o.patient.addTo(app);
   app.add_option("--settings", o.settings,
                  "Settings of the X-ray, contrast agent, motion, device and catheter (.yaml)");
@@ -323,21 +328,26 @@ int main(int argc, char** argv) {
   app.add_option("--format", o.run.format, "png or tif: a file a frame; run: all in one TIFF")
       ->transform(angio::apps::choice(formats))
       ->default_str("png")
-      ->needs(out);
+      ->needs(out)
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--end-primary-deg", o.end_primary_deg, "C-arm angle at the last frame")
       ->check(between(-110, 110))
-      ->needs(out);
+      ->needs(out)
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--end-secondary-deg", o.end_secondary_deg, "C-arm angle at the last frame")
       ->check(between(-55, 55))
-      ->needs(out);
+      ->needs(out)
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--start-rotation-deg", o.run.start_rotation_deg,
                  "Spread of the calibration error in the initial poses, per axis; one draw a run")
       ->check(between(0, 180))
-      ->needs(out);
+      ->needs(out)
+      ->group(angio::cli::kFurtherOptions);
   app.add_option("--start-translation-mm", o.run.start_translation_mm,
                  "Spread of the calibration error in the initial poses, per axis; one draw a run")
       ->check(between(0, 1000))
-      ->needs(out);
+      ->needs(out)
+      ->group(angio::cli::kFurtherOptions);
   return angio::apps::runProgram(
       app, argc, argv, [&] { return o.run.folder.empty() ? angio::apps::simulate(o) : angio::apps::writeFiles(o); });
 }

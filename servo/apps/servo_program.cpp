@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "servo_program.hpp"
+#include "angio/cli/further_options.hpp"
 #include "angio/cli/program.hpp"
 
 #include <iostream>
@@ -39,22 +40,27 @@ void ServoProgramOptions::addTo(CLI::App& app) {
          "--truth", truth,
          "The simulated C-arm and patient (.yaml), of angio-calibrate simulate; --calibration is what is believed")
       ->needs(simulated)
-      ->excludes(centered);
-  app.add_option("--machine", machine, "The C-arm that is to be moved: a calibration of another one is refused");
+      ->excludes(centered)
+      ->group(cli::kFurtherOptions);
+  app.add_option("--machine", machine, "The C-arm that is to be moved: a calibration of another one is refused")
+      ->group(cli::kFurtherOptions);
   app.add_option("--max-calibration-age-days", max_age_days, "An older calibration is warned of")
-      ->check(between(0, 1e6));
+      ->check(between(0, 1e6))
+      ->group(cli::kFurtherOptions);
   app.add_option("--disturb", disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...")
-      ->excludes(simulated);
-  app.add_option("--key-file", key_file, cli::kKeyFileHelp)->excludes(simulated);
+      ->excludes(simulated)
+      ->group(cli::kFurtherOptions);
+  app.add_option("--key-file", key_file, cli::kKeyFileHelp)->excludes(simulated)->group(cli::kFurtherOptions);
   loop.addTo(app);
   app.add_option("--view-pose", view_pose,
                  "Desired view: as in a registered pose (.yaml), of angio-register --out-pose")
       ->excludes("--view-primary-deg")
       ->excludes("--view-secondary-deg");
   app.add_option(
-      "--preview", preview,
-      "Folder for the way that would be gone, as a picture and numbers: from the simulation's start, or from "
-      "where the machine on the bus stands; moves nothing");
+         "--preview", preview,
+         "Folder for the way that would be gone, as a picture and numbers: from the simulation's start, or from "
+         "where the machine on the bus stands; moves nothing")
+      ->group(cli::kFurtherOptions);
   app.add_option("--duration-s", duration_s, "How long; 0: the settings' time when simulating, else until stopped")
       ->check(between(0, 86400))
       ->default_str("0");

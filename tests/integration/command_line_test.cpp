@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cctype>
+
 #include "angio/test/namespace.hpp"
 #include "angio/test/program.hpp"
 
@@ -33,6 +36,53 @@ TEST_P(CommandLines, AnUnknownOptionIsAWrongCommandLine) {
   EXPECT_EQ(ended.exit_code, 2);
   EXPECT_EQ(ended.out, "");
   EXPECT_NE(ended.err, "");
+}
+
+// What is on one screen, or nearly; --help-all has the rest, and no option is in neither.
+TEST(CommandLine, HelpIsShortAndPrintable) {
+  const std::vector<std::vector<std::string>> programs = {{"angio-best-view"},
+                                                          {"angio-calibrate", "camera"},
+                                                          {"angio-calibrate", "geometry"},
+                                                          {"angio-calibrate", "hand-eye"},
+                                                          {"angio-calibrate", "registration"},
+                                                          {"angio-calibrate", "simulate"},
+                                                          {"angio-calibrate"},
+                                                          {"angio-check-machine"},
+                                                          {"angio-evaluate", "cases"},
+                                                          {"angio-evaluate", "catheter"},
+                                                          {"angio-evaluate", "extraction"},
+                                                          {"angio-evaluate", "paper"},
+                                                          {"angio-evaluate", "simulation"},
+                                                          {"angio-evaluate"},
+                                                          {"angio-inspect"},
+                                                          {"angio-navigate"},
+                                                          {"angio-operator"},
+                                                          {"angio-register"},
+                                                          {"angio-replay"},
+                                                          {"angio-servo"},
+                                                          {"angio-simulate"},
+                                                          {"angio-simulate-loop", "view"},
+                                                          {"angio-simulate-loop", "navigate"},
+                                                          {"angio-simulate-loop"},
+                                                          {"angio-spy"},
+                                                          {"angio-view"}};
+  for (const auto& words : programs) {
+    const auto helpBy = [&words](const char* flag) {
+      std::vector<std::string> arguments(words.begin() + 1, words.end());
+      arguments.emplace_back(flag);
+      const auto ended = test::run(words.front(), arguments);
+      EXPECT_EQ(ended.exit_code, 0) << words.front() << ended.err;
+      return ended.out;
+    };
+    const std::string help = helpBy("--help"), all = helpBy("--help-all");
+    EXPECT_LE(std::count(help.begin(), help.end(), '\n'), 60) << help;
+    for (const char c : help + all) {
+      ASSERT_TRUE(c == '\n' || std::isprint(static_cast<unsigned char>(c))) << words.front() << ": " << int(c);
+    }
+    EXPECT_GE(all.size(), help.size()) << all;
+  }
+  EXPECT_EQ(test::run("angio-servo", {"--help"}).out.find("--preview"), std::string::npos);
+  EXPECT_NE(test::run("angio-servo", {"--help-all"}).out.find("--preview"), std::string::npos);
 }
 
 TEST(CommandLine, DefaultsStandInTheHelp) {

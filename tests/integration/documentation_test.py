@@ -162,13 +162,13 @@ class Programs:
         self.absent = set()
 
     @functools.lru_cache(maxsize=None)
-    def help(self, name, *sub_commands):
-        """What --help prints; None when the program is not built here (an optional component)."""
+    def help(self, name, *sub_commands, flag="--help"):
+        """What --help or --help-all prints; None when the program is not built here (an optional component)."""
         program = self.folder / name
         if not program.exists():
             self.absent.add(name)
             return None
-        found = subprocess.run([program, *sub_commands, "--help"], capture_output=True, text=True, timeout=120, check=False)
+        found = subprocess.run([program, *sub_commands, flag], capture_output=True, text=True, timeout=120, check=False)
         return found.stdout if found.returncode == 0 else ""
 
     def options(self, name, words):
@@ -182,10 +182,13 @@ class Programs:
                 break
             sub_commands.append(word)
             text = self.help(name, *sub_commands)
+        # Of a program with sub-commands it would have theirs as well.
+        if "\nFurther options:" in text:
+            text = self.help(name, *sub_commands, flag="--help-all")
         # What follows "Example:" is no list of options; and an option's description may name others.
         text = re.split(r"\nExamples?:", text)[0]
         lists = "\n".join(re.findall(r"^ +(-.*?)(?:  |$)", text, re.M))
-        return set(re.findall(r"(?<![\w-])--[a-z][\w-]*", lists)) | {"--help"}
+        return set(re.findall(r"(?<![\w-])--[a-z][\w-]*", lists)) | {"--help", "--help-all"}
 
 
 def check_program(programs, document, number, name, words, comment):

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <csignal>
 #include <iostream>
+#include <memory>
 #include <opencv2/core/utility.hpp>
 #include <sstream>
 #include <stdexcept>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "angio/base/interruption.hpp"
+#include "angio/cli/further_options.hpp"
 
 namespace angio::cli {
 namespace {
@@ -43,6 +45,31 @@ std::vector<std::string> withPresentNames(const CLI::App& app, int argc, char** 
   return arguments;
 }
 
+// Help that names further options only when all is asked for.
+class ShortHelp final : public CLI::Formatter {
+ public:
+  std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
+    all_ = mode == CLI::AppFormatMode::All;
+    return Formatter::make_help(app, std::move(name), mode);
+  }
+
+  std::string make_group(std::string group, bool is_positional,
+                         std::vector<const CLI::Option*> options) const override {
+    if (!all_ && group == kFurtherOptions) return "\nFurther options: --help-all\n";
+    return Formatter::make_group(std::move(group), is_positional, std::move(options));
+  }
+
+ private:
+  mutable bool all_ = false;
+};
+
+void shortenHelp(CLI::App& app, const std::shared_ptr<ShortHelp>& formatter) {
+  app.formatter(formatter);
+  // A group of options is an application without a name.
+  if (!app.get_name().empty()) app.set_help_all_flag("--help-all", "Print this help with all options and exit");
+  for (CLI::App* command : app.get_subcommands({})) shortenHelp(*command, formatter);
+}
+
 }  // namespace
 
 std::string programVersion() { return ANGIO_VERSION; }
@@ -70,6 +97,7 @@ int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
   std::vector<std::string> arguments = withPresentNames(app, argc, argv);
   std::vector<char*> pointers;
   for (std::string& argument : arguments) pointers.push_back(argument.data());
+  shortenHelp(app, std::make_shared<ShortHelp>());
   try {
     app.parse(argc, pointers.data());
   } catch (const CLI::ParseError& error) {

@@ -131,6 +131,7 @@ Json paperAsJson(const std::vector<EntrantRun>& table1, const std::vector<PaperL
                                          {"time_ms", row.time_ms ? Json(*row.time_ms) : Json(nullptr)}};
   }
   json["table1"]["here"] = figuresByName(table1);
+  json["table3"] = Json::array();
   for (const auto& level : table3) {
     const PaperStart& p = level.start;
     json["table3"].push_back({{"rotation_std_deg", p.rotation_std_deg},
@@ -190,7 +191,13 @@ std::string paperTable3(const Json& paper) {
 std::string paperReportHtml(const std::vector<EntrantRun>& table1, const Json& paper, const std::string& tree_name,
                             const Json& settings_shown) {
   const auto size = table1.empty() ? 0 : table1.front().outcomes.size();
-  const Json& levels = paper["table3"];
+  const Json& levels = paper["table3"];  // None when the experiment was interrupted.
+  const auto over_starts = [&] {
+    return html::grid({figureOver(levels, "Projection residual", "mean PR [mm]", "mean_pr_mm"),
+                       figureOver(levels, "Gross failures", "GFR, PR > 5 px [%]", "gfr_percent"),
+                       figureOver(levels, "Rotation left", "mean [deg]", "mean_rotation_deg"),
+                       figureOver(levels, "Translation left", "mean [mm]", "mean_centroid_mm")});
+  };
   return html::page(
       "Beside the paper",
       "Its simulation experiments on " + tree_name + ", " + std::to_string(size) +
@@ -201,12 +208,7 @@ std::string paperReportHtml(const std::vector<EntrantRun>& table1, const Json& p
        html::section("The same, trial by trial",
                      html::grid({html::errorFigure(table1), html::timeFigure(table1), html::startAndEndFigure(table1),
                                  html::captureFigure(table1)})),
-       html::section("Table III",
-                     html::grid({figureOver(levels, "Projection residual", "mean PR [mm]", "mean_pr_mm"),
-                                 figureOver(levels, "Gross failures", "GFR, PR > 5 px [%]", "gfr_percent"),
-                                 figureOver(levels, "Rotation left", "mean [deg]", "mean_rotation_deg"),
-                                 figureOver(levels, "Translation left", "mean [mm]", "mean_centroid_mm")}) +
-                         html::fromMarkdown(paperTable3(paper))),
+       html::section("Table III", (levels.empty() ? "" : over_starts()) + html::fromMarkdown(paperTable3(paper))),
        html::settingsSection(settings_shown)});
 }
 
