@@ -281,6 +281,7 @@ int simulate(const HandEyeOptions& o, const CArmGeometry& carm) {
 }
 
 int calibrate(HandEyeOptions o) {
+  requireFolderOf(o.out);
   if (o.known_mount) o.settings.mount = HandEyeMount::kIdentity;
   if (o.reprojection) o.settings.residual = HandEyeResidual::kReprojection;
   std::optional<CArmFile> carm;

@@ -231,6 +231,7 @@ void writeAnatomyReport(const std::string& folder, const std::string& cases_path
 }
 
 int calibrate(const RegistrationOptions& o) {
+  requireFolderOf(o.out);
   const AnatomyCases cases = readAnatomyCases(o);
   ProgressBar bar("registering", static_cast<int>(cases.set.cases.size()));
   CaseRunSettings how{registrationSettingsNamed(o.method), {}, {}};

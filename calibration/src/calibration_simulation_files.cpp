@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/mat.hpp>
 #include <opencv2/imgproc.hpp>
@@ -13,6 +12,7 @@
 #include "angio/calibration/pose_set.hpp"
 #include "angio/geometry/distortion.hpp"
 #include "angio/io/camera_files.hpp"
+#include "angio/io/claimed_folder.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/text.hpp"
@@ -87,12 +87,6 @@ class PhantomRenderer {
 
 using Json = nlohmann::ordered_json;
 
-void makeFolder(const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) throw InputError(folder, "", "", "cannot be made: " + error.message());
-}
-
 // Labels of two beads, one for the other: as a slip in a table has them.
 int labelOf(int bead, HostileData hostile) {
   constexpr int kFirst = 20, kSecond = 61;
@@ -126,9 +120,8 @@ class ViewWriter {
       : to_(to),
         settings_(settings),
         renderer_(to.images ? std::optional<PhantomRenderer>(std::in_place, phantom, settings.seed) : std::nullopt),
-        draws_(static_cast<std::uint64_t>(settings.seed) * 7919 + (to.has_joints ? 1 : 0)) {
-    makeFolder(to.folder);
-  }
+        draws_(static_cast<std::uint64_t>(settings.seed) * 7919 + (to.has_joints ? 1 : 0)),
+        claimed_(to.folder) {}
 
   void write(const SimulatedDevice& machine, const SimulatedBeadView& view) {
     const int index = static_cast<int>(views_.size()) + 1;
@@ -169,6 +162,7 @@ class ViewWriter {
   const CalibrationSimulationSettings& settings_;
   std::optional<PhantomRenderer> renderer_;
   Draws draws_;
+  ClaimedFolder claimed_;
   Json views_ = Json::array();
 };
 
@@ -264,8 +258,7 @@ void writeCalibrationData(const std::string& folder, const CArmCalibration& nomi
   // A slip in labels needs labels.
   const bool labelled = s.hostile == HostileData::kSwappedBeads;
 
-  makeFolder(folder + "/truth");
-  makeFolder(folder + "/hand-eye");
+  const ClaimedFolder claimed(folder), truth(folder + "/truth"), hand_eye(folder + "/hand-eye");
   writeBeadPhantom(folder + "/phantom.yaml", filed(phantom, s.hostile));
   writeCArmCalibration(folder + "/truth/carm.yaml", machine.truth);
   writeWholeFile(folder + "/truth.json", truthOf(machine, s).dump(2) + "\n");

@@ -145,6 +145,7 @@ Heard readLog(const std::string& path) {
 }
 
 int spy(const Options& o) {
+  requireFolderOf(o.json);
   const auto log = logFileOf(o.bus);
   if (log && !o.key_file.empty()) {
     throw InputError("command line", "--key-file", o.key_file, "is for a live bus: logs hold plain messages");

@@ -56,6 +56,7 @@ std::vector<std::uint8_t> bytesOf(CArmCommand command) {
 }
 
 int check(const Options& o) {
+  requireFolderOf(o.json);
   MachineCheckSettings settings = o.check;
   const CArmCalibration calibration = readCArmCalibration(o.calibration);
   settings.carm = calibration.carm;

@@ -101,6 +101,7 @@ Replayed replayMachine(const Options& o) {
 }
 
 int replayLog(const Options& o) {
+  requireFolderOf(o.out);
   const Replayed replayed = replayMachine(o);
   const ReplaySummary& summary = replayed.summary;
   if (!o.out.empty()) writeWholeFile(o.out, replayed.table);

@@ -13,6 +13,7 @@
 #include "angio/evaluation/film_writer.hpp"
 #include "angio/evaluation/live_overlay.hpp"
 #include "angio/experiments/closed_loop.hpp"
+#include "angio/io/claimed_folder.hpp"
 #include "angio/io/settings_files.hpp"
 #include "hold_tally.hpp"
 #include "servo_program.hpp"
@@ -51,7 +52,7 @@ int simulate(const ServoProgramOptions& o, const ServoSettings& settings, const 
              const CArmCalibration& calibration) {
   if (!o.simulate) throw InputError("command line", "--simulate", "", "is needed: this program does nothing else");
   const Scenario world = worldOf(o, settings, tree, calibration);
-  makeFolder(o.out);  // Before the work, not after it.
+  const ClaimedFolder claimed(o.out);  // Before the work, not after it.
   std::optional<ProgressBar> bar;
   std::optional<FilmWriter> film;
   if (!o.film.empty()) film.emplace(o.film, settings.scenario.lab.frame_rate_hz);

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <functional>
 #include <iostream>
 #include <limits>
@@ -12,6 +11,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/io/claimed_folder.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/plotting/plot.hpp"
 #include "angio/servo/trajectory_preview.hpp"
@@ -106,9 +106,7 @@ Json jsonOf(const TrajectoryPreview& way, const ServoLoopSettings& settings) {
 
 int previewTo(const std::string& folder, const ServoLoopSettings& settings, const VesselTree& tree,
               const CArmJoints& start) {
-  std::error_code failed;
-  std::filesystem::create_directories(folder, failed);
-  if (failed) throw InputError(folder, "preview", "", "cannot be made: " + failed.message());
+  const ClaimedFolder claimed(folder);
   const TrajectoryPreview way = previewTrajectory(settings, tree, start);
   writeWholeFile(folder + "/preview.json", jsonOf(way, settings).dump(2) + "\n");
   std::vector<unsigned char> png;

@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
+#include <filesystem>
 #include <iostream>
 #include <stdexcept>
 #include <utility>
 
+#include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/messaging/disturbed_bus.hpp"
@@ -59,7 +61,8 @@ std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& se
   return withKeyFile(std::move(bus), key_path, tell);
 }
 
-RunLog::RunLog(Bus& bus, const std::string& path, const std::string& program) : bus_(bus), program_(program) {
+RunLog::RunLog(Bus& bus, const std::string& path, const std::string& program)
+    : bus_(bus), path_(path), program_(program) {
   if (path.empty()) return;
   std::signal(SIGXFSZ, SIG_IGN);  // A limit on the size of files is an error of the log, not the end of the loop.
   recording_.emplace(bus, path);
@@ -76,6 +79,9 @@ void RunLog::finish() {
     std::cout.flush();
     throw std::runtime_error(*failure);
   }
+  const double megabytes = 1e-6 * static_cast<double>(std::filesystem::file_size(path_));
+  const double minutes = std::max(watch_.seconds(), 1e-3) / 60;
+  std::cout << formatted("%s: %.1f MB recorded, %.0f MB a minute\n", path_.c_str(), megabytes, megabytes / minutes);
 }
 
 }  // namespace angio::apps

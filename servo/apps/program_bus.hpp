@@ -6,6 +6,7 @@
 #include <string>
 
 #include "angio/apps/namespace.hpp"
+#include "angio/base/stopwatch.hpp"
 #include "angio/messaging/authenticated_bus.hpp"
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/recording_bus.hpp"
@@ -35,12 +36,14 @@ class RunLog {
   /// Says on stderr, once, that recording has ended early.
   void watch();
 
-  /// Closes the log. Throws std::runtime_error that says why when messages are missing from it.
+  /// Closes the log, and says on stdout how large it is and how fast it grew. Throws std::runtime_error that says why
+  /// when messages are missing from it.
   void finish();
 
  private:
   Bus& bus_;
-  std::string program_;
+  std::string path_, program_;
+  Stopwatch watch_;
   std::optional<RecordingBus> recording_;
   bool told_ = false;
 };

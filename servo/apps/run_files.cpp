@@ -8,6 +8,7 @@
 #include "angio/experiments/closed_loop.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"
+#include "angio/io/claimed_folder.hpp"
 #include "angio/io/displacement_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/settings_files.hpp"
@@ -117,7 +118,7 @@ class RunWriter {
 
 void writeRun(const VesselTree& tree, const CArmCalibration& calibration, const SimulatedPatientSettings& settings,
               const RunOptions& options, const std::function<void(int done)>& progress) {
-  makeFolder(options.folder);
+  const ClaimedFolder claimed(options.folder);
   RunWriter writer(tree, calibration, settings, options);
   for (int i = 0; i < options.frames; ++i) {
     writer.write(i);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/io/whole_file.hpp"
+#include "angio/io/claimed_folder.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
@@ -50,6 +51,18 @@ TEST(WholeFile, FailureLeavesNothingBehind) {
   if (std::filesystem::exists("/dev/full")) {
     EXPECT_NE(refusalOf([] { writeWholeFile("/dev/full", "x"); }).find("not a regular file"), std::string::npos);
   }
+}
+
+TEST(ClaimedFolder, IsOneProgramsUntilItEnds) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path("a/run");
+  {
+    const ClaimedFolder mine(path);
+    EXPECT_EQ(refusalOf([&] { ClaimedFolder again(path); }), path + ": is being written by another program");
+  }
+  const ClaimedFolder again(path);
+  folder.write("file", "");
+  EXPECT_NE(refusalOf([&] { ClaimedFolder no_folder(folder.path("file")); }).find("cannot be"), std::string::npos);
 }
 
 TEST(WholeFile, LinkKeepsPointingToItsTarget) {

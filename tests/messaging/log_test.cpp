@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gmock/gmock.h>
 
+#include <filesystem>
+
 #include "angio/base/errors.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/recording_bus.hpp"
@@ -55,6 +57,19 @@ TEST(RecordingBus, RefusesAPlaceThatCannotBeWritten) {
   EXPECT_THROW(RecordingBus(*bus, "/no/such/folder/x.lcm"), InputError);
   EXPECT_THROW(RecordingBus(*bus, "/tmp"), InputError);
   EXPECT_THROW(RecordingBus(*bus, "/dev/full"), InputError);
+}
+
+TEST(RecordingBus, RefusesALogThatIsBeingRecorded) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path("run.lcm");
+  const auto bus = openBus("memq://");
+  {
+    RecordingBus first(*bus, path);
+    first.publish("OUT", {9});
+    EXPECT_THROW(RecordingBus(*bus, path), InputError);
+    EXPECT_EQ(first.finish(), std::nullopt);
+  }
+  EXPECT_GT(std::filesystem::file_size(path), 0u);
 }
 
 TEST(RecordingBus, OnAFullDiskItSaysSoKeepsWhatItHasAndTheBusGoesOn) {

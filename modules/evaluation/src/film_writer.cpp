@@ -16,6 +16,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/io/image_files.hpp"
+#include "angio/io/whole_file.hpp"
 
 namespace angio::evaluation {
 namespace {
@@ -73,10 +74,7 @@ bool isWholeFilm(const std::string& path, int pictures) {
 FilmWriter::FilmWriter(const std::string& path, double frame_rate_hz)
     : path_(path), partial_(path + ".partial-" + std::to_string(getpid()) + ".mp4"), rate_hz_(frame_rate_hz) {
   requireBetween(path, "frame_rate_hz", frame_rate_hz, 0.1, 1000);
-  const fs::path folder = fs::path(path).parent_path();
-  std::error_code ignored;
-  if (!folder.empty() && !fs::is_directory(folder, ignored))
-    throw InputError(path, "", "", "its folder does not exist");
+  requireFolderOf(path);
   static const std::regex kNumbered(R"([^%]*%(0[1-9])?d[^%]*\.(png|jpg))"), kFilm(R"([^%]*\.mp4)");
   numbered_ = std::regex_match(path, kNumbered);
   if (!numbered_ && !std::regex_match(path, kFilm)) {

@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -53,6 +54,14 @@ void requireName(const std::string& path) {
   if (path.find('\0') != std::string::npos) throw InputError(path, "path", "", "must not hold a NUL byte");
 }
 
+// The file that is written under this name: of a link the file that it leads to.
+std::string targetOf(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_symlink(path, ignored)) return path;
+  const auto linked = std::filesystem::weakly_canonical(path, ignored);
+  return ignored ? path : linked.string();
+}
+
 // Returns 0 or the error.
 int writeAll(int fd, const std::string& content) {
   std::size_t done = 0;
@@ -99,12 +108,7 @@ std::string readWholeFile(const std::string& path, std::size_t max_bytes) {
 
 void writeWholeFile(const std::string& path, const std::string& content) {
   requireName(path);
-  std::error_code ignored;
-  std::string target = path;
-  if (std::filesystem::is_symlink(path, ignored)) {
-    const auto linked = std::filesystem::weakly_canonical(path, ignored);
-    if (!ignored) target = linked.string();
-  }
+  const std::string target = targetOf(path);
   struct stat info {};
   if (::stat(target.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
     throw InputError(path, "", "", S_ISDIR(info.st_mode) ? "is a folder, not a file" : "is not a regular file");
@@ -130,8 +134,13 @@ void writeWholeFile(const std::string& path, const std::string& content) {
 
 void requireFolderOf(const std::string& path) {
   if (path.empty()) return;
-  const auto folder = std::filesystem::absolute(path).parent_path();
+  const auto folder = std::filesystem::absolute(targetOf(path)).parent_path();
   if (!std::filesystem::is_directory(folder)) throw InputError(path, "", "", "its folder must exist");
+  // writeWholeFile() makes a new file there, whatever the old one permits.
+  if (::access(folder.c_str(), W_OK) != 0) throw failure(path, "cannot be written", errno);
+  struct statvfs space {};
+  const bool full = ::statvfs(folder.c_str(), &space) == 0 && space.f_blocks > 0 && space.f_bfree == 0;
+  if (full) throw failure(path, "cannot be written", ENOSPC);
 }
 
 }  // namespace angio::io

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -120,8 +121,14 @@ LogWriter::LogWriter(const std::string& path) : path_(path) {
   if (::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
     throw InputError(path, "", "", "must be a regular file, or none yet");
   }
-  file_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  // Cut only when it is ours: another program may be recording into it.
+  file_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
   if (file_ < 0) throw InputError(path, "", "", "cannot be written: " + causeOf(errno));
+  const bool taken = ::flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  if (!taken && ::ftruncate(file_, 0) == 0) return;
+  const std::string cause = taken ? "is being written by another program" : "cannot be written: " + causeOf(errno);
+  ::close(std::exchange(file_, -1));
+  throw InputError(path, "", "", cause);
 }
 
 void LogWriter::write(const std::string& channel, const std::uint8_t* data, std::size_t size) {

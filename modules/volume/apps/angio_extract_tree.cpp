@@ -11,6 +11,7 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/io/whole_file.hpp"
 #include "angio/volume/coverage.hpp"
 #include "angio/volume/extract_tree.hpp"
 #include "angio/volume/labels.hpp"
@@ -152,6 +153,7 @@ std::vector<int> labelsOf(const Options& o, const Seen& seen) {
 }
 
 int extract(Options o) {
+  for (const auto& path : {o.out, o.picture}) requireFolderOf(path);
   ExtractionSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   if (!o.ends.empty()) settings.centreline.ends = o.ends == "sphere" ? CentrelineEnd::kSphere : CentrelineEnd::kWall;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -228,14 +227,7 @@ std::string closedLoopTrace(const ClosedLoopRun& r) {
   return trace;
 }
 
-void makeFolder(const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) throw InputError(folder, "", "", "cannot be made: " + error.message());
-}
-
 void writeClosedLoop(const std::string& folder, const ClosedLoopRun& run, const VesselTree& tree, const Json& summary) {
-  makeFolder(folder);
   const std::string base = folder + "/";
   const cv::Mat first = overlayOf(*run.first, tree, "first frame");
   const cv::Mat last = overlayOf(*run.last, tree, "last frame"), plot = plotOf(run);

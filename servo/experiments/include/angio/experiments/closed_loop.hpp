@@ -118,12 +118,8 @@ std::string closedLoopTable(const Json& summary);
 /// One row per frame of the closed loop, with the open loop's error beside it; header with units.
 std::string closedLoopTrace(const ClosedLoopRun& run);
 
-/// Makes the folder when it is missing. Throws InputError when that cannot be done.
-void makeFolder(const std::string& folder);
-
 /// Writes overlay_first.png, overlay_last.png, plot.png, all three on sheet.jpg, trace.csv and summary.json into
-/// `folder`, which is made when it is missing. `summary` is what summary.json holds. Throws InputError when a file
-/// cannot be written.
+/// `folder`, which exists. `summary` is what summary.json holds. Throws InputError when a file cannot be written.
 void writeClosedLoop(const std::string& folder, const ClosedLoopRun& run, const VesselTree& tree, const Json& summary);
 
 }  // namespace angio::experiments
