@@ -234,7 +234,8 @@ int calibrate(const RegistrationOptions& o) {
   requireFolderOf(o.out);
   const AnatomyCases cases = readAnatomyCases(o);
   ProgressBar bar("registering", static_cast<int>(cases.set.cases.size()));
-  CaseRunSettings how{registrationSettingsNamed(o.method), {}, {}};
+  CaseRunSettings how;
+  how.registration = registrationSettingsNamed(o.method);
   how.starts.box_rotation_deg = o.search_rotation_deg;
   how.starts.box_translation_mm = o.search_translation_mm;
   const auto outcomes = runCases(cases.set, how, [&](int done) { bar.show(done); });

@@ -90,9 +90,9 @@ ServoSettings ServoProgramOptions::effectiveSettings() const {
   return effective;
 }
 
-CArmCalibration ServoProgramOptions::readCalibration(const VesselTree& tree) const {
+CArmCalibration ServoProgramOptions::readCalibration(const VesselTree& model) const {
   const CArmCalibration read =
-      t_dsa_cb.empty() ? readCArmCalibration(calibration) : readCenteredCArm(calibration, tree.centroid());
+      t_dsa_cb.empty() ? readCArmCalibration(calibration) : readCenteredCArm(calibration, model.centroid());
   if (!t_dsa_cb.empty()) std::cerr << "angio-servo: assumed: " << kCenteredAssumption << "\n";
   const std::string moved = truth.empty() ? machine : readCArmFile(truth).machine;
   for (const auto& warning : checkRecords(calibration, read.records, {moved, max_age_days})) {

@@ -36,7 +36,7 @@ struct ServoProgramOptions {
 
   /// The calibration of the machine that is to be moved, and of no other; with --t-dsa-cb centre the tree's centroid is
   /// at its isocentre. Says on stderr when it is old, and what is assumed. Throws InputError.
-  CArmCalibration readCalibration(const VesselTree& tree) const;
+  CArmCalibration readCalibration(const VesselTree& model) const;
 };
 
 /// What a program of this command line does, once all files have been read. Its value is the exit code.

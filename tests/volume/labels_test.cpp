@@ -12,6 +12,7 @@
 #include "angio/test/namespace.hpp"
 #include "angio/test/program.hpp"
 #include "angio/test/random.hpp"
+#include "angio/volume/coverage.hpp"
 #include "phantom.hpp"
 
 namespace angio::test {
