@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "servo_settings.hpp"
+#include "angio/cli/further_options.hpp"
 #include "angio/cli/program.hpp"
 
 #include "angio/base/errors.hpp"
@@ -86,7 +87,8 @@ void LoopOptions::addTo(CLI::App& app) {
   app.add_option("--perception", perception,
                  "Who registers frames: own, or bus: another program says REGISTRATION of each (angio-register --bus)")
       ->check(CLI::IsMember({"own", "bus"}))
-      ->default_str("own");
+      ->default_str("own")
+      ->group(cli::kFurtherOptions);
   app.add_option(
          "--centre-on", center_on,
          "What centre keeps: target, a point of the tree, or catheter_tip, of which angio-navigate says where it is")

@@ -36,10 +36,13 @@ VesselTree forkedTree(std::optional<double> trunk, std::optional<double> left, s
 }
 
 TEST(WideVessels, AreNamedWithTheirWidthAndTheSetting) {
-  const auto said = tooWideVessels(forkedTree(12e-3, 6e-3, 2e-3), camera(), oneMetreAway(), RidgeSettings{});
+  const VesselTree tree = forkedTree(12e-3, 6e-3, 2e-3);
+  const auto said = tooWideVessels(tree, camera(), oneMetreAway(), RidgeSettings{});
   ASSERT_TRUE(said);
-  EXPECT_THAT(*said, AllOf(HasSubstr("2 of 3 branches"), HasSubstr("ridge.max_radius_px = 20"),
-                           HasSubstr("0 (48 px), 1 (24 px)"), HasSubstr("max_radius_px: 59")));
+  const int left = tree.branches()[1].back() == 3 ? 1 : 2;
+  EXPECT_THAT(*said,
+              AllOf(HasSubstr("2 of 3 branches"), HasSubstr("ridge.max_radius_px = 20"),
+                    HasSubstr("0 (48 px), " + std::to_string(left) + " (24 px)"), HasSubstr("max_radius_px: 59")));
 }
 
 // The child's first point is the trunk's, and does not count.

@@ -55,7 +55,7 @@ class ShortHelp final : public CLI::Formatter {
 
   std::string make_group(std::string group, bool is_positional,
                          std::vector<const CLI::Option*> options) const override {
-    if (!all_ && group == kFurtherOptions) return "\nFurther options: --help-all\n";
+    if (!all_ && group == kFurtherOptions) return "Further options: --help-all\n";
     return Formatter::make_group(std::move(group), is_positional, std::move(options));
   }
 
