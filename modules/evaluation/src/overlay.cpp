@@ -7,6 +7,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/base/joined.hpp"
 #include "angio/evaluation/text_band.hpp"
 #include "drawing.hpp"
 
@@ -86,12 +87,6 @@ cv::Mat drawn(const SheetPicture& picture, int side_px) {
   return withBandBelow(canvas, {{picture.caption, kCaptionColor}});
 }
 
-std::string joinedTasks(const std::vector<std::string>& tasks) {
-  std::string all;
-  for (const std::string& task : tasks) all += (all.empty() ? "" : ", ") + task;
-  return all;
-}
-
 }  // namespace
 
 StatusStyle statusStyle(RegistrationStatus status, const std::optional<std::vector<std::string>>& usable_for) {
@@ -101,8 +96,7 @@ StatusStyle statusStyle(RegistrationStatus status, const std::optional<std::vect
   if (usable_for->empty()) return {kLimitedColor, name + ", too unsure for any task"};
   // The task that needs the most: places of the tree in all directions.
   const bool all = std::find(usable_for->begin(), usable_for->end(), "navigate") != usable_for->end();
-  return {all ? kConvergedColor : kLimitedColor,
-          name + ", usable for " + joinedTasks(*usable_for) + (all ? "" : " only")};
+  return {all ? kConvergedColor : kLimitedColor, name + ", usable for " + joined(*usable_for) + (all ? "" : " only")};
 }
 
 std::string alignmentInWords(const AlignmentScore& alignment) {
