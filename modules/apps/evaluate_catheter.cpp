@@ -162,12 +162,12 @@ std::vector<Eigen::Vector2d> wayTo(const TipPlace& tip, const VesselTree& tree, 
                                    const Pose& T) {
   const TreeTopology map(tree);
   std::vector<Eigen::Vector2d> line;
-  for (const int chain : map.pathTo(tip.branch)) {
+  for (const int branch : map.pathTo(tip.branch)) {
     double arc_m = 0;
-    const std::vector<int>& points = map.points(chain);
+    const std::vector<int>& points = map.points(branch);
     for (std::size_t k = 0; k < points.size(); ++k) {
       if (k > 0) arc_m += (tree.points().col(points[k]) - tree.points().col(points[k - 1])).norm();
-      if (chain == tip.branch && arc_m > tip.arc_m) break;
+      if (branch == tip.branch && arc_m > tip.arc_m) break;
       if (const auto u = camera.project(T * tree.points().col(points[k]))) line.push_back(*u);
     }
   }
@@ -226,7 +226,7 @@ Json catheterAsJson(const CatheterRoute& way, const CaseSet& set) {
 std::string catheterTable(const std::string& name, const Json& way) {
   std::string table =
       name +
-      "\n\nframe      status     chain  arc mm  from root mm  sigma mm  probability  residual px  shift mm x, y\n";
+      "\n\nframe      status    branch  arc mm  from root mm  sigma mm  probability  residual px  shift mm x, y\n";
   for (const auto& [frame, located] : way["cases"].items()) {
     Json row = located;
     row["residual_px"] = located.value("residual_px", 0.0);
@@ -242,10 +242,10 @@ std::string catheterTable(const std::string& name, const Json& way) {
 std::string catheterSummary(const Json& way) {
   const Json& summary = way["summary"];
   std::string text =
-      "located in {seen:%d} of {frames:%d} frames, in one chain with more than 90 % in {probability_above_0.9:%d}\n"
+      "located in {seen:%d} of {frames:%d} frames, in one branch with more than 90 % in {probability_above_0.9:%d}\n"
       "residual of the curve against the path from the root: mean {mean_residual_px:%.2f px}, largest "
       "{max_residual_px:%.2f px}, within 3 px in {within_3_px:%d}\n"
-      "chains in order: " +
+      "branches in order: " +
       summary["chains"].get<std::string>() +
       "\n"
       "from frame to frame along the vessels: median {median_step_mm:%.1f mm}, at most {max_step_mm:%.1f mm}\n";
@@ -266,7 +266,7 @@ std::string catheterComparison(const CatheterRoute& a, const CatheterRoute& b) {
     apart_mm.push_back(1e3 * (a.frames[t].belief.tip.tip_model - b.frames[t].belief.tip.tip_model).norm());
     same += a.frames[t].belief.tip.branch == b.frames[t].belief.tip.branch;
   }
-  return formatted("tip from that of %s: median %.1f mm, at most %.1f mm; in the same chain in %d frames\n",
+  return formatted("tip from that of %s: median %.1f mm, at most %.1f mm; in the same branch in %d frames\n",
                    b.name.c_str(), percentile(apart_mm, 0.5), percentile(apart_mm, 1), same);
 }
 
