@@ -56,10 +56,9 @@ void ServoProgramOptions::addTo(CLI::App& app) {
                  "Desired view: as in a registered pose (.yaml), of angio-register --out-pose")
       ->excludes("--view-primary-deg")
       ->excludes("--view-secondary-deg");
-  app.add_option(
-         "--preview", preview,
-         "Folder for the way that would be gone, as a picture and numbers: from the simulation's start, or from "
-         "where the machine on the bus stands; moves nothing")
+  app.add_option("--preview", preview,
+                 "Folder for the planned trajectory, as a picture and numbers: from the simulation's start, or from "
+                 "where the machine on the bus stands; moves nothing")
       ->group(cli::kFurtherOptions);
   app.add_option("--duration-s", duration_s, "How long; 0: the settings' time when simulating, else until stopped")
       ->check(between(0, 86400))

@@ -155,7 +155,8 @@ class StaticPhantom : public testing::Test {
     const CaseSet set = readCaseSet(test::exampleData("static-phantom/cases.yaml"));
     const AnatomyAngleSet angles = readAnatomyAngles(test::exampleData("static-phantom/angles.yaml"));
     tree_ = std::make_unique<VesselTree>(readVesselTree(set.cases[0].tree_path));
-    CaseRunSettings how{registrationSettingsNamed(OrientedKernelSettings::kName), {}, {}};
+    CaseRunSettings how;
+    how.registration = registrationSettingsNamed(OrientedKernelSettings::kName);
     how.starts.box_rotation_deg = 10;
     how.starts.box_translation_mm = 30;
     const auto outcomes = runCases(set, how);

@@ -14,7 +14,7 @@ namespace angio::messaging {
 /// fails, the log is cut back to its last whole message, and no more are written.
 class LogWriter {
  public:
-  /// Replaces a file of this name. Throws InputError that names the file when it cannot be written.
+  /// Replaces a file. Throws InputError that names it when it cannot be written, or while another LogWriter writes it.
   explicit LogWriter(const std::string& path);
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
