@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "angio/geometry/distortion.hpp"
+#include "angio/geometry/so3.hpp"
 
 namespace angio::calibration {
 
@@ -96,15 +97,6 @@ LensParameters freeParameters(const CameraCalibrationSettings& settings, bool se
 }
 
 namespace {
-
-// d exp(w) q / dw = -skew(exp(w) q) Jl(w), the left Jacobian of SO(3). Source: Barfoot (2017), eq. 7.77.
-Eigen::Matrix3d leftJacobianSO3(const Eigen::Vector3d& w) {
-  const double angle2 = w.squaredNorm(), angle = std::sqrt(angle2);
-  const Eigen::Matrix3d W = skew(w);
-  if (angle < 1e-4) return Eigen::Matrix3d::Identity() + 0.5 * W + W * W / 6;
-  return Eigen::Matrix3d::Identity() + (1 - std::cos(angle)) / angle2 * W +
-         (angle - std::sin(angle)) / (angle2 * angle) * W * W;
-}
 
 class BeadCost final : public ceres::CostFunction {
  public:

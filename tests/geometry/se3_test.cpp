@@ -8,6 +8,7 @@
 #include <unsupported/Eigen/MatrixFunctions>
 #include <vector>
 
+#include "angio/geometry/so3.hpp"
 #include "angio/test/differences.hpp"
 #include "angio/test/random.hpp"
 
@@ -99,6 +100,19 @@ TEST_P(Se3Laws, RightJacobianInverseIsTheDerivativeOfTheLogarithm) {
 INSTANTIATE_TEST_SUITE_P(Angles, Se3Laws,
                          testing::Values(0.0, 1e-9, 1e-5, 1e-3, 0.0099999, 0.0100001, 0.1, 1.0, 2.5, kPi - 1e-3,
                                          kPi - 1e-6));
+
+TEST(Rotation, LeftJacobianIsTheDerivativeOfTheTurnedPoint) {
+  test::Random random(7);
+  for (const double angle : {0.0, 1e-6, 0.01, 0.7, 3.0}) {
+    const Eigen::Vector3d w = angle * random.direction(), q(0.3, -1.2, 0.5);
+    const Eigen::Matrix3d J = -skew(expSO3(w) * q) * leftJacobianSO3(w);
+    for (int j = 0; j < 3; ++j) {
+      const Eigen::Vector3d h = 1e-6 * Eigen::Vector3d::Unit(j);
+      const Eigen::Vector3d slope = (expSO3(w + h) * q - expSO3(w - h) * q) / 2e-6;
+      EXPECT_LT((J.col(j) - slope).norm(), 1e-8) << angle << " " << j;
+    }
+  }
+}
 
 TEST(Rotation, LogarithmAtHalfATurnHasThatAngleAndTurnsTheSame) {
   test::Random random(5);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "angio/geometry/so3.hpp"
+
 namespace angio::geometry {
 namespace {
 
@@ -24,12 +26,6 @@ AngleSeries angleSeries(double a) {
   return {std::sin(a) / a, (1 - std::cos(a)) / s, (a - std::sin(a)) / (s * a), (1 - s / 2 - std::cos(a)) / (s * s)};
 }
 
-Eigen::Matrix3d leftJacobianSO3(const Eigen::Vector3d& w) {
-  const auto c = angleSeries(w.norm());
-  const Eigen::Matrix3d W = skew(w);
-  return Eigen::Matrix3d::Identity() + c.a1 * W + c.a2 * W * W;
-}
-
 // Coupling of translation and rotation in the left Jacobian of SE(3), Barfoot eq. 7.86.
 Eigen::Matrix3d leftJacobianQ(const Eigen::Vector3d& v, const Eigen::Vector3d& w) {
   const double a = w.norm(), s = a * a;
@@ -43,6 +39,12 @@ Eigen::Matrix3d leftJacobianQ(const Eigen::Vector3d& v, const Eigen::Vector3d& w
 }
 
 }  // namespace
+
+Eigen::Matrix3d leftJacobianSO3(const Eigen::Vector3d& w) {
+  const auto c = angleSeries(w.norm());
+  const Eigen::Matrix3d W = skew(w);
+  return Eigen::Matrix3d::Identity() + c.a1 * W + c.a2 * W * W;
+}
 
 Eigen::Matrix3d skew(const Eigen::Vector3d& a) {
   Eigen::Matrix3d S;

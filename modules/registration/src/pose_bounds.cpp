@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "angio/geometry/so3.hpp"
+
 // Compiled once for every vector target by the include below; prepare and pointsBound choose at run time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "pose_bounds.cpp"
@@ -224,16 +226,6 @@ HWY_EXPORT(prepareBounds);
 HWY_EXPORT(countBound);
 namespace {
 
-// Integral over [0, 1] of exp(s [r]): how a step of a rotation vector turns.
-// Source: Barfoot, State Estimation for Robotics (2017), eq. 7.37.
-Eigen::Matrix3d leftJacobian(const Eigen::Vector3d& r) {
-  const double angle = r.norm();
-  const Eigen::Matrix3d S = skew(r);
-  if (angle < 1e-4) return Eigen::Matrix3d::Identity() + 0.5 * S + S * S / 6;
-  return Eigen::Matrix3d::Identity() + (1 - std::cos(angle)) / (angle * angle) * S +
-         (angle - std::sin(angle)) / (angle * angle * angle) * S * S;
-}
-
 // A vessel's direction is that of a chord so far to both sides.
 constexpr double kSmooth_m = 1.5e-3;
 
@@ -305,7 +297,7 @@ void PoseBounds::prepare(const PoseCell& cell, const RayCell& rays, double half_
   constexpr double kMore = 1 + 1e-5;
   Pose middle = Pose::Identity();
   middle.linear() = expSO3(cell.rotation) * R0_;
-  const Eigen::Matrix3d G = leftJacobian(cell.rotation);
+  const Eigen::Matrix3d G = leftJacobianSO3(cell.rotation);
   const auto more = [](double value) { return static_cast<float>(kMore * value + 1e-7); };
   RawCell in{};
   in.samples = samples_.floats.raw();
