@@ -184,7 +184,8 @@ std::unique_ptr<Task> makeDepthFirst(const ResolveDepthTaskSettings& settings, c
                                      const TaskContext& context) {
   checkSettings(ResolveDepthTaskSettings::kName, settings);
   if (targetNeed(task) != TargetNeed::kEverywhere) {
-    throw InputError(ResolveDepthTaskSettings::kName, "first", "true", "is for view and hold, not for " + nameOf(task));
+    throw InputError(ResolveDepthTaskSettings::kName, "first", "true",
+                     "is for hold, and for a view that is not asked for over the bus");
   }
   return std::make_unique<DepthFirst>(settings, context, makeTask(task, context));
 }

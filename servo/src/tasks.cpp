@@ -22,7 +22,7 @@ bool patientMoves(const TaskSettings& settings) {
 }
 
 TargetNeed targetNeed(const TaskSettings& settings) {
-  return std::visit([](const auto& chosen) { return chosen.kTargetNeed; }, settings);
+  return std::visit([](const auto& chosen) { return chosen.targetNeed(); }, settings);
 }
 
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context) {

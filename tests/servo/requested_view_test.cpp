@@ -100,6 +100,36 @@ TEST_F(RequestedView, IsReachedSaidAndReplayed) {
   EXPECT_EQ(again.equal, again.commands) << again.first_difference.value_or("");
 }
 
+// Depth that one view leaves open holds a view that is measured by it, and none that is for looking.
+TEST_F(RequestedView, IsReachedWhereDepthIsOpen) {
+  ServoLoopSettings settings = test::moving(stage.settings);
+  const auto answered = [&] {
+    ServoInput input;
+    input.state = stage.state(1);
+    return ServoLoop(settings, stage.tree).propose(stage.frame(1), input);
+  };
+  const ServoReport first = answered();
+  ASSERT_TRUE(first.observation.registration.covariance);
+  const PatientObservation patient = PatientObservation::of(first.observation.registration);
+  const Eigen::Vector3d target = stage.tree.centroid();
+  ASSERT_GT(patient.worstStd_m(target), 2 * patient.worstStdAcross_m(target));
+  settings.supervisor.max_target_std_mm =
+      1e3 * std::sqrt(patient.worstStd_m(target) * patient.worstStdAcross_m(target));
+  const auto held = answered().hold_reason;
+  EXPECT_NE(held.value_or("").find("view and hold may not"), std::string::npos) << held.value_or("");
+
+  ServoNode node(*bus, requested(settings), stage.tree);
+  test::start(*bus, node);
+  frame(node);
+  const ViewRequest view = request(4, 1);
+  for (int i = 0; i < 100 && statuses.peek()->view_reached_us != view.time_us; ++i) {
+    publish(*bus, kViewRequestChannel, view);
+    frame(node);
+  }
+  EXPECT_EQ(statuses.peek()->view_reached_us, view.time_us) << statuses.peek()->reason;
+  EXPECT_LT(offBeam_deg(view), 0.3);
+}
+
 TEST_F(RequestedView, OfAnotherTreeIsNotObeyed) {
   ServoNode node(*bus, requested(stage.settings), stage.tree);
   test::start(*bus, node);

@@ -72,10 +72,8 @@ void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome)
     everywhere += seen.worstStd_m(points.col(i)) <= enough_m;
   }
   if (across >= kMinUsableShare * places) outcome.usable_for.push_back("centre");
-  if (everywhere >= kMinUsableShare * places) {
-    outcome.usable_for.push_back("view");
-    outcome.usable_for.push_back("navigate");
-  }
+  if (everywhere >= kMinUsableShare * places) outcome.usable_for.push_back("view");
+  if (across >= kMinUsableShare * places) outcome.usable_for.push_back("navigate");
 }
 
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress) {

@@ -84,7 +84,7 @@ std::optional<std::string> RegistrationGate::tooUnsure(const PatientObservation&
     if (across_mm <= settings_.max_target_std_mm) {
       return formatted(
           "uncertainty of the target is %.1f mm across the beam and %.1f mm in its worst direction, of %g mm "
-          "allowed: centre may go on, view, hold and navigate may not; resolve_depth turns the arm for it",
+          "allowed: centre and navigate may go on, view and hold may not; resolve_depth turns the arm for it",
           across_mm, std_mm, settings_.max_target_std_mm);
     }
     return over("uncertainty of the target [mm]", std_mm, settings_.max_target_std_mm);

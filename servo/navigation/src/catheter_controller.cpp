@@ -20,7 +20,9 @@ CatheterController::CatheterController(const CArmSetup& setup, const VesselTree&
     : settings_(checked("catheter controller", settings)),
       setup_(setup),
       centroid_(tree.centroid()),
-      perception_({settings.perception, settings.supervisor, setup.carm, setup.T_dsa_cb, centroid_}, tree),
+      perception_(
+          {settings.perception, settings.supervisor, setup.carm, setup.T_dsa_cb, centroid_, TargetNeed::kAcrossBeam},
+          tree),
       loop_(tree, start, target, settings.loop) {
   if (!settings.ask_for_views) return;
   planner_.emplace(tree, target, bestViewScene(setup.carm, setup.limits, setup.R_lps_model), settings.view);

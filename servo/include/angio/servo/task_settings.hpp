@@ -21,7 +21,11 @@ enum class ViewGoal {
 struct ViewTaskSettings {
   static constexpr const char* kName = "view";
   static constexpr bool kPatientMoves = false;
-  static constexpr TargetNeed kTargetNeed = TargetNeed::kEverywhere;
+
+  /// A requested view is for looking, and is corrected by what is seen from there.
+  TargetNeed targetNeed() const {
+    return goal == ViewGoal::kRequested ? TargetNeed::kAcrossBeam : TargetNeed::kEverywhere;
+  }
 
   ViewGoal goal = ViewGoal::kAngles;
   double primary_deg = 30;    ///< LAO positive. For kAngles.
@@ -82,7 +86,7 @@ enum class CenterOn { kTarget, kCatheterTip };
 struct CenterTaskSettings {
   static constexpr const char* kName = "centre";
   static constexpr bool kPatientMoves = true;  ///< Frames are looked for where the motion is predicted to be.
-  static constexpr TargetNeed kTargetNeed = TargetNeed::kAcrossBeam;  ///< The image's middle has no depth.
+  static TargetNeed targetNeed() { return TargetNeed::kAcrossBeam; }  ///< The image's middle has no depth.
 
   CenterOn on = CenterOn::kTarget;
   bool predict = true;           ///< Not: the target is taken to stay where it was seen last.
@@ -117,7 +121,7 @@ struct CenterTaskSettings {
 struct HoldTaskSettings {
   static constexpr const char* kName = "hold";
   static constexpr bool kPatientMoves = true;  ///< Frames are looked for where the motion is predicted to be.
-  static constexpr TargetNeed kTargetNeed = TargetNeed::kEverywhere;
+  static TargetNeed targetNeed() { return TargetNeed::kEverywhere; }
 
   bool predict = true;       ///< Not: the patient is taken to stay as seen last.
   double reached_deg = 0.2;  ///< The view is kept while the beam is as near as this ...
@@ -142,7 +146,7 @@ struct HoldTaskSettings {
 struct ResolveDepthTaskSettings {
   static constexpr const char* kName = "resolve_depth";
   static constexpr bool kPatientMoves = true;  ///< Frames are looked for where the motion is predicted to be.
-  static constexpr TargetNeed kTargetNeed = TargetNeed::kResolvingDepth;
+  static TargetNeed targetNeed() { return TargetNeed::kResolvingDepth; }
 
   double max_std_mm = 3;    ///< Of the target in its worst direction: from there on its depth is known.
   double max_turn_deg = 6;  ///< Of the primary angle, in all.
