@@ -9,10 +9,12 @@
 #include <limits>
 #include <opencv2/core.hpp>
 
+#include "angio/geometry/se3.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/simulation/simulated_catheter.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/test/random.hpp"
 #include "angio/vessel/tree_topology.hpp"
 
 namespace angio::test {
@@ -103,6 +105,53 @@ TEST_F(CatheterTracerTest, FindsATipFarBesideTheAxisOfAWideVessel) {
     ASSERT_TRUE(trace) << roll_deg;
     const Eigen::Vector2d pixel = *pose.camera.project(pose.T_camera_model * end);
     EXPECT_LT((trace->seen.points_px.rightCols<1>() - pixel).norm(), 2) << roll_deg;
+
+    // Half of the deflection is believed, and that vaguely. How long it is where no wall holds it tells the rest of it,
+    // also along the beam, of which the image says nothing.
+    const TreeFrame frame = map.frame(tip);
+    const Eigen::Vector3d beside = end - map.point(tip);
+    TipOffset offset{{0.5 * beside.dot(frame.normal), 0.5 * beside.dot(frame.binormal)},
+                     Eigen::Matrix2d::Identity() * 9e-6};
+    TipPlace place;
+    place.branch = tip.branch;
+    place.arc_m = tip.arc_m;
+    const auto off_mm = [&] {
+      const auto found = CatheterTracer(tree, {}).trace(shown({catheter.device(tree.points())}), pose,
+                                                        beliefAt(map.before(tip, 8e-3)), offset);
+      return 1e3 * (tipEnd(found->evidence, place).value() - end).norm();
+    };
+    const bool along_beam = std::abs((pose.T_camera_model.linear() * beside).z()) > 4e-3;
+    EXPECT_EQ(off_mm() > 2, along_beam) << roll_deg;
+    offset.free_m = beside.norm();
+    EXPECT_LT(off_mm(), 1) << roll_deg;
+  }
+}
+
+// Against samples: of directions and lengths as they are known, each worth what the Gaussian gives it.
+TEST(TipOffset, OfKnownLengthIsWhatSamplesSay) {
+  test::Random random(3);
+  Eigen::Matrix2d covariance;
+  covariance << 4e-6, 1e-6, 1e-6, 2e-6;
+  const TipOffset offset{{0.4e-3, -1.1e-3}, covariance, 0};
+  const double length_m = 2.5e-3;
+  const TipOffset known = ofLength(offset, length_m);
+  double sum = 0;
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+  for (int i = 0; i < 200000; ++i) {
+    const double angle = random.uniform(-kPi, kPi), length = length_m * (1 + random.normal() / 6);
+    const Eigen::Vector2d x = length * Eigen::Vector2d(std::cos(angle), std::sin(angle)), from = x - offset.mean_m;
+    const double weight = length * std::exp(-0.5 * from.dot(covariance.inverse() * from));
+    sum += weight, mean += weight * x, second += weight * x * x.transpose();
+  }
+  mean /= sum;
+  // Sums stop at two standard deviations of the length.
+  EXPECT_LT((known.mean_m - mean).norm(), 0.05e-3);
+  EXPECT_LT((known.covariance - (second / sum - mean * mean.transpose())).norm(), 0.2e-6);
+  // Unknown, or contradicted: as it was.
+  for (const double none : {0.0, 1.0}) {
+    EXPECT_EQ(ofLength(offset, none).mean_m, offset.mean_m) << none;
+    EXPECT_EQ(ofLength(offset, none).covariance, offset.covariance) << none;
   }
 }
 

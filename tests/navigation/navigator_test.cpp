@@ -6,6 +6,7 @@
 
 #include <limits>
 
+#include "angio/geometry/se3.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 
@@ -68,6 +69,26 @@ TEST_F(NavigatorTest, EveryDoubtStandsStillAndSaysWhy) {
     EXPECT_EQ(answer.state, NavigationState::kWaiting);
     EXPECT_FALSE(answer.why.empty());
   }
+}
+
+// A tip that may stand on either side of the axis, along the beam, is turned once: what its turn shows tells which.
+TEST_F(NavigatorTest, TurnsATipOnceWhosePlaceBesideTheAxisIsOpen) {
+  NavigationInput input = inputAt(map, {map.pathTo(target).front(), 10e-3});
+  input.belief->status = BeliefStatus::kUnsure;
+  double turned_rad = 0;
+  for (int i = 0; i < 100; ++i) {
+    const NavigationAnswer answer = navigator.step(input);
+    if (answer.state != NavigationState::kLooking) break;
+    EXPECT_EQ(answer.command.insertion_speed_m_per_s, 0);
+    EXPECT_GT(answer.command.roll_speed_rad_per_s, 0);
+    input.drive.roll_rad += answer.command.roll_speed_rad_per_s * input.period_s;
+    turned_rad = input.drive.roll_rad;
+  }
+  EXPECT_GT(turned_rad, 2 * kPi);
+  EXPECT_LT(turned_rad, 2.5 * kPi);
+  // Nothing was seen of the turn: it goes on all the same, and does not turn again at this place.
+  EXPECT_GT(navigator.step(input).command.insertion_speed_m_per_s, 0);
+  EXPECT_EQ(navigator.step(input).state, NavigationState::kFollowing);
 }
 
 TEST_F(NavigatorTest, StopsWhereItWasToGo) {

@@ -50,22 +50,33 @@ TEST(TipRoll, ABackAndForthWithinTheDeadBandDoesNotTurnTheTip) {
   EXPECT_EQ(roll.angle_rad(), before);
 }
 
-// A tip that was seen to point one way and is bent may be deflected far beyond that; straight again, it is not.
-TEST(TipRoll, ABentTipMayBeDeflectedFurther) {
+// A tip that was seen to point one way and is bent may be deflected far beyond that, the same way; straight again, it
+// is not.
+TEST(TipRoll, ABentTipMayBeDeflectedFurtherTheSameWay) {
   TipRoll roll(0.2, 0);
   for (int i = 0; i < 20; ++i) {
     roll.move(0, 0);
-    roll.see({0.1, 0.02, Eigen::Vector2d::UnitX()});
+    roll.see({0.2, 0.02, Eigen::Vector2d::UnitX()});
     roll.see({0.0, 0.02, Eigen::Vector2d::UnitY()});
   }
-  const double straight_std = std::sqrt(roll.deflectionCovariance()(1, 1));
   const Eigen::Vector2d straight = roll.deflection();
+  const Eigen::Matrix2d sure = roll.deflectionCovariance();
+  const double angle_std_rad = roll.std_rad();
   roll.bend(0.5);
-  EXPECT_NEAR(std::sqrt(roll.deflectionCovariance()(1, 1)), std::hypot(straight_std, std::sqrt(0.25 - 0.04)), 1e-9);
+  const Eigen::Matrix2d bent = roll.deflectionCovariance();
   EXPECT_NEAR((roll.deflection() - straight).norm(), 0, 1e-12) << "nobody has seen it yet";
+  // Along it, by what the bend may add; across it in proportion, so that its angle is no surer when it is seen.
+  const Eigen::Vector2d along = straight.normalized(), across(-along.y(), along.x());
+  const double may_add = std::min(1.0, straight.squaredNorm() / 0.04) * (0.25 - 0.04);
+  EXPECT_NEAR(across.dot(bent * across), 6.25 * across.dot(sure * across), 1e-9);
+  EXPECT_NEAR(along.dot(bent * along), 6.25 * along.dot(sure * along) + may_add, 1e-9);
+  for (int i = 0; i < 20; ++i) roll.see({0.5, 0.02, Eigen::Vector2d::UnitX()});
+  EXPECT_GT(roll.deflection().x(), 0.4);
+  EXPECT_LT(roll.std_rad(), 1.2 * angle_std_rad) << "a bend does not turn it";
+  const Eigen::Vector2d far = roll.deflection();
   roll.bend(0.2);
+  EXPECT_NEAR((roll.deflection() - 0.4 * far).norm(), 0, 1e-12);
   EXPECT_LE(std::sqrt(roll.deflectionCovariance()(1, 1)), 0.2 + 1e-9);
-  EXPECT_NEAR((roll.deflection() - 0.4 * straight).norm(), 0, 1e-12);
 }
 
 }  // namespace

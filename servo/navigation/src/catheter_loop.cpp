@@ -12,8 +12,10 @@ constexpr double kUsualPeriod_s = 1.0 / 15;
 constexpr double kMaxPeriod_s = 0.2;  // A longer gap is no time in which doubt could have been cleared up.
 
 // What the navigator believes of how its tip is deflected, as a length.
-TipOffset offsetOf(const TipRoll& roll, double tip_length_m) {
-  return {tip_length_m * roll.deflection(), tip_length_m * tip_length_m * roll.deflectionCovariance()};
+TipOffset offsetOf(const Navigator& navigator, double tip_length_m) {
+  const TipRoll& roll = navigator.roll();
+  return {tip_length_m * roll.deflection(), tip_length_m * tip_length_m * roll.deflectionCovariance(),
+          tip_length_m * navigator.freeDeflection()};
 }
 
 }  // namespace
@@ -28,7 +30,7 @@ CatheterLoop::CatheterLoop(const VesselTree& tree, const TreeLocation& start, co
 }
 
 std::optional<CatheterTrace> CatheterLoop::findCatheter(const cv::Mat& image, const SeenPose& pose) {
-  return tracer_.trace(image, pose, belief(), offsetOf(navigator_.roll(), 1e-3 * settings_.navigator.tip_length_mm));
+  return tracer_.trace(image, pose, belief(), offsetOf(navigator_, 1e-3 * settings_.navigator.tip_length_mm));
 }
 
 CatheterReport CatheterLoop::step(const CatheterFrame& frame, const std::optional<CatheterTrace>& trace) {

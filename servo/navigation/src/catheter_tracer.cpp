@@ -23,12 +23,14 @@ constexpr double kMinLevel = 3;
 constexpr double kMaxUnseen = 0.5;
 constexpr double kTipStd_m = 0.3e-3;  // Of a tip across a vessel that has no width.
 constexpr double kSeen_px = 1;
-constexpr double kLackWeight = 0.5;   // Errors of a line are alike from frame to frame.
-constexpr double kFrameWorth = 0.3;   // Of a frame whose errors were its own: a bend or a deflection stays for many.
-constexpr double kFloor = -12;        // Nats: no frame is surer than that.
-constexpr double kLevelShare = 0.35;  // Of a trace, that is less dark than its catheter is taken to be.
-constexpr int kLongLost = 5;          // Frames.
-constexpr double kKeep = 0.8;         // Of the catheter's contrast from frame to frame.
+constexpr double kLackWeight = 0.5;     // Errors of a line are alike from frame to frame.
+constexpr double kFrameWorth = 0.3;     // Of a frame whose errors were its own: a bend or a deflection stays for many.
+constexpr double kFloor = -12;          // Nats: no frame is surer than that.
+constexpr double kLevelShare = 0.35;    // Of a trace, that is less dark than its catheter is taken to be.
+constexpr double kLengthStd = 1.0 / 6;  // Of a deflection's length, in parts of it.
+constexpr int kDirections = 36, kLengths = 2;  // That are tried, of the latter to either side.
+constexpr int kLongLost = 5;                   // Frames.
+constexpr double kKeep = 0.8;                  // Of the catheter's contrast from frame to frame.
 
 }  // namespace
 
@@ -164,6 +166,8 @@ class CatheterTracer::Impl {
   // it, and by what the line to it lacks of a catheter's.
   void weigh(const WalkArea& area, const ProjectedArea& projection, const SeenPose& pose, const TipOffset& offset,
              CatheterTrace& trace) const {
+    TipOffset known;        // At the last place's ...
+    double of_length = -1;  // ... length: in a wide vessel it is that of all.
     const Eigen::Vector2d tip = trace.seen.points_px.rightCols<1>();
     double best = -1e300;
     for (std::size_t k = 0; k < area.places.size(); ++k) {
@@ -175,21 +179,21 @@ class CatheterTracer::Impl {
       const Eigen::Vector3d p = pose.T_camera_model * places_.points_m[place];
       Eigen::Matrix<double, 2, 3> J;
       pose.camera.project(p, &J);
-      const Beside beside = besideAxis(place, pose, offset);
+      const double length_m = std::min(offset.free_m, room(place));
+      if (length_m != of_length) known = ofLength(offset, of_length = length_m);
+      const Beside beside = besideAxis(place, pose);
       Eigen::Matrix<double, 3, 6> moved;
       moved << Eigen::Matrix3d::Identity(), -skew(p - pose.T_camera_model.translation());
-      const Eigen::Matrix2d S = J * (beside.covariance + moved * pose.covariance * moved.transpose()) * J.transpose() +
-                                kSeen_px * kSeen_px * Eigen::Matrix2d::Identity();
-      const Eigen::Vector2d left = off - J * beside.mean_m, weighed = S.inverse() * left;
-      const double value = -0.5 * left.dot(weighed) - 0.5 * std::log(S.determinant()) - kLackWeight * *lacks;
-      const Eigen::Vector3d end = p + beside.mean_m + beside.covariance * J.transpose() * weighed;
-      // What the image leaves open of it: above all how far it is deflected along the beam.
-      const Eigen::Matrix3d unseen =
-          beside.covariance - beside.covariance * J.transpose() * S.inverse() * J * beside.covariance;
-      const double end_std_m = std::sqrt(std::max(
-          Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(unseen, Eigen::EigenvaluesOnly).eigenvalues()[2], 0.0));
-      trace.evidence.places.push_back(
-          {places_.branch[place], places_.arc_m[place], value, pose.T_camera_model.inverse() * end, end_std_m});
+      // Of the seen tip for a given offset.
+      const Eigen::Matrix2d seen = J * (beside.rest + moved * pose.covariance * moved.transpose()) * J.transpose() +
+                                   kSeen_px * kSeen_px * Eigen::Matrix2d::Identity();
+      const TipOffset expected = withinWall(known, place);
+      const Eigen::Matrix2d B = J * beside.sideways, S = seen + B * expected.covariance * B.transpose();
+      const Eigen::Vector2d left = off - B * expected.mean_m;
+      const double value = -0.5 * left.dot(S.inverse() * left) - 0.5 * std::log(S.determinant()) - kLackWeight * *lacks;
+      const TipEndEstimate end = endOf(withinWall(offset, place), length_m, beside, J, seen, off);
+      trace.evidence.places.push_back({places_.branch[place], places_.arc_m[place], value,
+                                       pose.T_camera_model.inverse() * (p + end.from_axis_m), end.std_m});
       if (value > best) best = value, trace.evidence.residual_px = off.norm();
     }
     for (PlaceEvidence& one : trace.evidence.places)
@@ -197,26 +201,52 @@ class CatheterTracer::Impl {
     trace.evidence.elsewhere = kFloor;
   }
 
-  // Where a tip's end is against the axis, camera frame.
+  // How far the wall lets a catheter be beside the axis [m].
+  double room(int place) const { return std::max(places_.radius_m[place] - 0.5e-3 * settings_.diameter_mm, 0.0); }
+
+  // The wall holds what would be deflected further.
+  TipOffset withinWall(TipOffset offset, int place) const {
+    const double room_m = room(place), variance = 0.5 * offset.covariance.trace();
+    offset.mean_m *= std::min(1.0, room_m / std::max(offset.mean_m.norm(), 1e-9));
+    offset.covariance *= std::min(1.0, 0.5 * room_m * room_m / std::max(variance, 1e-12));
+    return offset;
+  }
+
+  // What takes an offset to the camera frame, and how far a tip's end is from where that puts it [m^2].
   struct Beside {
-    Eigen::Vector3d mean_m;
-    Eigen::Matrix3d covariance;
+    Eigen::Matrix<double, 3, 2> sideways;
+    Eigen::Matrix3d rest;
   };
-  Beside besideAxis(int place, const SeenPose& pose, const TipOffset& offset) const {
+  Beside besideAxis(int place, const SeenPose& pose) const {
     const TreeFrame& frame = places_.frames[place];
-    const double room_m = std::max(places_.radius_m[place] - 0.5e-3 * settings_.diameter_mm, 0.0);
     Eigen::Matrix<double, 3, 2> sideways;
     sideways << frame.normal, frame.binormal;
     sideways = (pose.T_camera_model.linear() * sideways).eval();
-    const Eigen::Vector3d along = pose.T_camera_model.linear() * frame.along;
-    // The wall holds what would deflection further.
-    const double held = std::min(1.0, room_m / std::max(offset.mean_m.norm(), 1e-9));
-    const double spread = std::min(1.0, 0.5 * room_m * room_m / std::max(0.5 * offset.covariance.trace(), 1e-12));
-    const double along_m = 1e-3 * settings_.along_std_mm;
-    Beside result{held * sideways * offset.mean_m, along_m * along_m * along * along.transpose()};
-    result.covariance += sideways * (spread * offset.covariance + kTipStd_m * kTipStd_m * Eigen::Matrix2d::Identity()) *
-                         sideways.transpose();
-    return result;
+    const Eigen::Vector3d along = 1e-3 * settings_.along_std_mm * (pose.T_camera_model.linear() * frame.along);
+    return {sideways, along * along.transpose() + kTipStd_m * kTipStd_m * sideways * sideways.transpose()};
+  }
+
+  // Where a tip's end is against the axis by its seen place `off` beside the axis' image, camera axes.
+  struct TipEndEstimate {
+    Eigen::Vector3d from_axis_m;
+    double std_m;  // In the direction of the largest variance: above all, how far along the beam it is deflected.
+  };
+  static TipEndEstimate endOf(const TipOffset& offset, double length_m, const Beside& beside,
+                              const Eigen::Matrix<double, 2, 3>& J, const Eigen::Matrix2d& seen,
+                              const Eigen::Vector2d& off) {
+    const Eigen::Matrix2d B = J * beside.sideways;
+    const Eigen::Matrix2d gain =
+        offset.covariance * B.transpose() * (seen + B * offset.covariance * B.transpose()).inverse();
+    // The length is asked last: it says how far along the beam what is seen across it leaves.
+    const TipOffset found = ofLength(
+        {offset.mean_m + gain * (off - B * offset.mean_m), offset.covariance - gain * B * offset.covariance, 0},
+        length_m);
+    const Eigen::Matrix<double, 3, 2> rest_gain = beside.rest * J.transpose() * seen.inverse();
+    const Eigen::Matrix3d unseen =
+        beside.sideways * found.covariance * beside.sideways.transpose() + beside.rest - rest_gain * J * beside.rest;
+    const double variance =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(unseen, Eigen::EigenvaluesOnly).eigenvalues()[2];
+    return {beside.sideways * found.mean_m + rest_gain * (off - B * found.mean_m), std::sqrt(std::max(variance, 0.0))};
   }
 
   CatheterTracerSettings settings_;
@@ -226,6 +256,32 @@ class CatheterTracer::Impl {
   int lost_ = 0;                 // Frames.
   std::optional<double> level_;  // The catheter's contrast.
 };
+
+TipOffset ofLength(const TipOffset& offset, double length_m) {
+  if (!(length_m > 0)) return offset;
+  // No narrower than the directions are apart.
+  const double apart_m = kPi / kDirections * length_m;
+  const Eigen::Matrix2d information = (offset.covariance + apart_m * apart_m * Eigen::Matrix2d::Identity()).inverse();
+  double sum = 0;
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+  for (int i = -kLengths; i <= kLengths; ++i) {
+    const double off = 2.0 * i / kLengths, length = length_m * (1 + kLengthStd * off);
+    for (int k = 0; k < kDirections; ++k) {
+      const double angle = 2 * kPi * k / kDirections;
+      const Eigen::Vector2d x = length * Eigen::Vector2d(std::cos(angle), std::sin(angle)), from = x - offset.mean_m;
+      const double weight = length * std::exp(-0.5 * (from.dot(information * from) + off * off));
+      sum += weight;
+      mean += weight * x;
+      second += weight * x * x.transpose();
+    }
+  }
+  if (!(sum > 1e-12 * length_m)) return offset;
+  TipOffset known = offset;
+  known.mean_m = mean / sum;
+  known.covariance = second / sum - known.mean_m * known.mean_m.transpose();
+  return known;
+}
 
 CatheterTracer::CatheterTracer(const VesselTree& tree, const CatheterTracerSettings& settings)
     : impl_(std::make_unique<Impl>(tree, settings)) {}

@@ -21,8 +21,9 @@ constexpr double kFirmSlide_m = 1.5e-3;  // The tip has moved.
 constexpr double kJump_m = 6e-3;         // Between two frames: more than any command does.
 constexpr int kTriesInAll = 6;           // At all forks, times those at one.
 
-double usualDeflection(const NavigatorSettings& settings, double bend_rad) {
-  return kDeflected * std::sin(std::clamp(degToRad(settings.tip_angle_deg) + bend_rad, degToRad(10), 0.5 * kPi));
+// Of a tip that no wall holds, as a slope.
+double freeSlope(const NavigatorSettings& settings, double bend_rad) {
+  return std::sin(std::clamp(degToRad(settings.tip_angle_deg) + bend_rad, degToRad(10), 0.5 * kPi));
 }
 
 bool sound(const NavigationInput& input) {
@@ -55,7 +56,8 @@ Navigator::Navigator(const VesselTree& tree, const TreeLocation& target, const N
     : settings_(checked("navigator", settings)),
       map_(tree),
       target_(target),
-      roll_(usualDeflection(settings, 0), degToRad(settings.dead_band_deg)) {
+      free_deflection_(freeSlope(settings, 0)),
+      roll_(kDeflected * free_deflection_, degToRad(settings.dead_band_deg)) {
   if (target.branch < 0 || target.branch >= map_.branchCount()) {
     throw InputError("navigator", "target", std::to_string(target.branch),
                      "must be one of the tree's " + std::to_string(map_.branchCount()) + " branches");
@@ -76,7 +78,8 @@ NavigationAnswer Navigator::step(const NavigationInput& input) {
 
 NavigationAnswer Navigator::decide(const NavigationInput& input) {
   if (state_ == NavigationState::kArrived || state_ == NavigationState::kGivenUp) return {{}, state_, why_};
-  roll_.bend(usualDeflection(settings_, input.drive.bend_rad));
+  free_deflection_ = freeSlope(settings_, input.drive.bend_rad);
+  roll_.bend(kDeflected * free_deflection_);
   const bool located = input.belief && sound(*input.belief, map_) && isFromFrame(*input.belief);
   if (!located) {
     roll_.move(input.drive.roll_rad, 0);
@@ -168,6 +171,8 @@ NavigationAnswer Navigator::follow(const NavigationInput& input, const RouteView
     if (sureOf(view)) return miss(input, view, "the tip is beside the route");
     return go(input, 1e-3 * settings_.fork_speed_mm_per_s, 0, 0);  // Branches part further on.
   }
+  // In a wide vessel a tip stands beside the axis, and one view does not show how far along the beam. A turn does.
+  if (input.belief->status == BeliefStatus::kUnsure && shouldLook()) return startLook(input);
   if (!view.next) {  // In the target's branch.
     const double left_m = target_.arc_m - input.belief->tip.arc_m;
     return go(input,
@@ -194,7 +199,7 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
     why_ = why + ", " + std::to_string(misses_) + " times";
     return {{}, state_, why_};
   }
-  looked_ = false;
+  looked_at_m_.reset();
   why_ = why;
   state_ = NavigationState::kBackingOff;
   const double start_m = map_.start_m(branch), fork_m = start_m + map_.length_m(branch);

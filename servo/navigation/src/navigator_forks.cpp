@@ -116,6 +116,7 @@ ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int 
 constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
 constexpr double kMaxAim_s = 8;
 constexpr double kFullLook_rad = 2.2 * kPi;
+constexpr double kLooked_m = 30e-3;     // A tip that has slid further may have turned.
 constexpr double kSure = 0.9;           // Probability of a wrong branch that is worth going back at once.
 constexpr double kEntered = 0.8;        // Probability of the wanted branch that is enough to go on.
 constexpr double kMinMargin_rad = 0.1;  // For one aim to serve several forks.
@@ -127,12 +128,7 @@ constexpr double kBeside_rad[] = {0, 0, 1.05, -1.05, 2.1, -2.1, 3.14, 0.5, -0.5,
 
 // Starts to look or to aim.
 NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView& view) {
-  if (!looked_ && roll_.std_rad() > degToRad(settings_.look_std_deg)) {
-    state_ = NavigationState::kLooking;
-    looked_rad_ = 0;
-    last_roll_rad_ = input.drive.roll_rad;
-    return look(input);
-  }
+  if (shouldLook()) return startLook(input);
   state_ = NavigationState::kAiming;
   aimed_s_ = 0;
   planNext(*view.next);
@@ -164,12 +160,25 @@ void Navigator::planNext(int next) {
   aim_bend_rad_ = plan.bend_rad - degToRad(settings_.tip_angle_deg);
 }
 
+// Whether the tip's direction is too unsure, and a turn has not just shown it.
+bool Navigator::shouldLook() const {
+  const bool looked = looked_at_m_ && std::abs(*last_path_m_ - *looked_at_m_) < kLooked_m;
+  return !looked && roll_.std_rad() > degToRad(settings_.look_std_deg);
+}
+
+NavigationAnswer Navigator::startLook(const NavigationInput& input) {
+  state_ = NavigationState::kLooking;
+  looked_rad_ = 0;
+  last_roll_rad_ = input.drive.roll_rad;
+  return look(input);
+}
+
 // One turn, always the same way round: backlash and wind-up then stay on one side.
 NavigationAnswer Navigator::look(const NavigationInput& input) {
   looked_rad_ += std::abs(input.drive.roll_rad - last_roll_rad_);
   last_roll_rad_ = input.drive.roll_rad;
   if (looked_rad_ >= kFullLook_rad) {
-    looked_ = true;
+    looked_at_m_ = *last_path_m_;
     state_ = NavigationState::kFollowing;
     return go(input, 0, 0, 0);
   }
@@ -212,7 +221,7 @@ NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView&
       beyond_m >= std::max(std::min(1e-3 * settings_.confirm_mm, 0.4 * map_.length_m(*planned_)), parted_m) &&
       (through >= kEntered || beyond_m >= parted_m + 1e-3 * settings_.sure_mm)) {
     roll_.entered(sidewaysOf(map_, *planned_, target_.branch, lever_m));
-    looked_ = false;
+    looked_at_m_.reset();
     return follow(input, view);
   }
   if (view.entered && beside_frames_ >= kSteadyFrames && sureOf(view)) {

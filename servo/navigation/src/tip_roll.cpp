@@ -67,15 +67,17 @@ void TipRoll::move(double roll_rad, double slid_m) {
 }
 
 void TipRoll::bend(double deflection) {
+  // A tip that bends less falls back in proportion. One that bends more goes on in its direction as far as the wall
+  // lets it, which its bend does not tell: its angle stays as sure as it was, its length becomes less sure.
   const double ratio = deflection / deflection_;
+  P_.topRows<2>() *= ratio;
+  P_.leftCols<2>() *= ratio;
+  Eigen::Ref<Eigen::Vector2d> x = state_.head<2>();
   if (ratio < 1) {
-    state_.head<2>() *= ratio;
-    P_.topRows<2>() *= ratio;
-    P_.leftCols<2>() *= ratio;
+    x *= ratio;
   } else {
-    const double gained = deflection * deflection - deflection_ * deflection_;
-    P_(0, 0) += gained;
-    P_(1, 1) += gained;
+    const double before = deflection_ * deflection_, gained = deflection * deflection - before;
+    P_.topLeftCorner<2, 2>() += gained / std::max(x.squaredNorm(), before) * x * x.transpose();
   }
   deflection_ = deflection;
 }

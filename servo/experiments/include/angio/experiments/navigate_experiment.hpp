@@ -75,6 +75,7 @@ struct NavigateResult {
   int frames = 0, held = 0;           ///< And those on which the drive stood still.
   int looked = 0;                     ///< Frames that were searched for the catheter.
   std::optional<std::string> breach;  ///< A limit that the C-arm exceeded.
+  int near_of_all = 0;                ///< Frames whose tip was within 1.5 mm of the estimate, believed or not.
   std::vector<double> errors_m;       ///< Of the believed tip from the true one, of each frame that was believed.
   std::vector<double> arc_errors_m;   ///< The same along the vessels where the branch is right.
   int wrong_branch = 0;  ///< Frames that were believed with the tip in a wrong branch, 2 mm and more from it.

@@ -32,7 +32,14 @@ struct CatheterTracerSettings {
 struct TipOffset {
   Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity() * 1e-6;
+  double free_m = 0;  ///< How far the tip's bend deflects it where no wall holds it; 0 where that is not known.
 };
+
+/// Returns what is known of an offset whose length is known too, as `length_m` [m] with a standard deviation of a sixth
+/// of it: mean and covariance of the product of both densities, by sums over directions and lengths. A seen side of the
+/// offset then tells how far it stands along the beam, up to the side. Returns `offset` where `length_m` is 0 or less,
+/// and where both contradict each other.
+TipOffset ofLength(const TipOffset& offset, double length_m);
 
 /// A catheter found in a frame.
 struct CatheterTrace {

@@ -119,12 +119,17 @@ class Navigator {
 
   const TreeTopology& map() const { return map_; }
   const TipRoll& roll() const { return roll_; }
+
+  /// How far the tip's bend deflects it where no wall holds it, for each metre of its length.
+  double freeDeflection() const { return free_deflection_; }
   int misses() const { return misses_; }  ///< Wrong branches entered, and walls met.
 
  private:
   NavigationAnswer decide(const NavigationInput& input);
   NavigationAnswer holdUnsure(const NavigationInput& input, const std::string& why);
   NavigationAnswer follow(const NavigationInput& input, const RouteView& view);
+  bool shouldLook() const;
+  NavigationAnswer startLook(const NavigationInput& input);
   NavigationAnswer look(const NavigationInput& input);
   NavigationAnswer aim(const NavigationInput& input);
   NavigationAnswer cross(const NavigationInput& input, const RouteView& view);
@@ -141,6 +146,7 @@ class Navigator {
   NavigatorSettings settings_;
   TreeTopology map_;
   TreeLocation target_;
+  double free_deflection_;
   TipRoll roll_;
   NavigationState state_ = NavigationState::kFollowing;
   std::string why_;
@@ -156,8 +162,8 @@ class Navigator {
   std::optional<int> planned_;  // The branch that the aim is for: behind the next fork, or behind some close ones.
   double aim_angle_rad_ = 0, aim_bend_rad_ = 0;
   double aimed_s_ = 0, looked_rad_ = 0, last_roll_rad_ = 0;
-  bool looked_ = false;   // In this try.
-  double back_to_m_ = 0;  // Path length to pull back to.
+  std::optional<double> looked_at_m_;  // Along the path, in this try.
+  double back_to_m_ = 0;               // Path length to pull back to.
 };
 
 }  // namespace angio::navigation
