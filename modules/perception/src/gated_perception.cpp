@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/perception/gated_perception.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -13,6 +14,20 @@ namespace angio::perception {
 // chance.
 constexpr double kContradicts = 25;
 constexpr int kForgets = 3;
+
+namespace {
+
+// Of a point along the beam, what the image's noise does not explain, where pose and deformation were fitted as one.
+// A rigid pose that a deformed fit only explains has no spread: its depth is held by the rigid tree.
+double sharedVariance_m2(const PatientObservation& patient, const RegistrationResult& seen,
+                         const Eigen::Vector3d& p_model) {
+  if (!seen.points || !seen.spread || seen.displacements_m.cols() == 0) return 0;
+  const auto along = [&](const PatientObservation& of) { return of.pointCovariance(p_model)(2, 2); };
+  const double noise_m2 = seen.noise_covariance ? along({seen.T_camera_model, *seen.noise_covariance}) : 0.0;
+  return std::max(0.0, along(patient) - noise_m2);
+}
+
+}  // namespace
 
 GatedObservation GatedPerception::observe(const XrayFrame& frame, const CArmState& state) {
   const CameraPlace place = perception_.placeOf(state);
@@ -56,7 +71,8 @@ GatedObservation GatedPerception::gated(Observation observation, const XrayView*
   // What is too unsure for the task is still where the patient is, as well as it is known: it is tracked. Depth that a
   // turn has told must not wander from frame to frame. A wrong focal length makes a tree look deformed, so that such
   // frames count there as well.
-  perception_.accept(patient.T_camera_model, patient.covariance, place);
+  perception_.accept(patient.T_camera_model, patient.covariance, place,
+                     sharedVariance_m2(patient, seen.registration, target_));
   const double expected_m = (calibrated * target_).z();
   focal_length_.see(place.T_camera_patient.linear().row(2).transpose(),
                     (seen.registration.T_camera_model * target_).z() - expected_m, expected_m);

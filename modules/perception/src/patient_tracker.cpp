@@ -2,6 +2,7 @@
 #include "angio/perception/patient_tracker.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "angio/perception/patient_observation.hpp"
 
@@ -22,7 +23,11 @@ Matrix6d PatientTrackerSettings::calibrationCovariance() const {
 
 PatientTracker::PatientTracker(const PatientTrackerSettings& settings, const CArmGeometry& carm, const Pose& T_dsa_cb,
                                const Eigen::Vector3d& centroid_model)
-    : settings_(settings), carm_(carm), T_dsa_cb_(T_dsa_cb), centroid_(centroid_model) {
+    : settings_(settings),
+      carm_(carm),
+      T_dsa_cb_(T_dsa_cb),
+      centroid_(centroid_model),
+      calibrated_centroid_(T_dsa_cb * centroid_model) {
   checkSettings("tracker", settings_);
   carm_.check();
   if (settings_.follow_motion) motion_.emplace(settings_.motion);
@@ -56,9 +61,16 @@ PosePrior PatientTracker::predict(const CameraPlace& place) const {
 }
 
 void PatientTracker::update(const Pose& T_camera_model, const CameraPlace& place,
-                            const std::optional<Matrix6d>& covariance) {
+                            const std::optional<Matrix6d>& covariance, double shared_depth_m2) {
   const Pose T_patient_camera = place.T_camera_patient.inverse();
-  const Pose seen = T_patient_camera * T_camera_model;
+  Pose seen = T_patient_camera * T_camera_model;
+  // A frame is fitted about what the frames before it have said: a depth that each of them draws a little the same way,
+  // and none can see, would wander without an end.
+  const double calibrated_m2 = std::pow(1e-3 * settings_.calibration_translation_std_mm, 2);
+  const Eigen::Vector3d beam = T_patient_camera.linear().col(2);
+  const double off_m = beam.dot(seen * centroid_ - calibrated_centroid_);
+  const Eigen::Vector3d back_m = shared_depth_m2 / (shared_depth_m2 + calibrated_m2) * off_m * beam;
+  seen.pretranslate(-back_m);
   ++trusted_in_a_row_;
   missed_in_a_row_ = 0;
   // A plain mean at first, then one that forgets. About the centroid, where translation and rotation are least
@@ -77,7 +89,7 @@ void PatientTracker::update(const Pose& T_camera_model, const CameraPlace& place
                                      : Eigen::Matrix3d(1e-6 * Eigen::Matrix3d::Identity());
   // What the predictor leaves out or refuses it predicts without: a trusted frame is one all the same.
   static_cast<void>(
-      motion_->update(sinceFirst_s(place.time_us), T_patient_camera * (T_camera_model * centroid_), spread));
+      motion_->update(sinceFirst_s(place.time_us), T_patient_camera * (T_camera_model * centroid_) - back_m, spread));
 }
 
 void PatientTracker::miss() {

@@ -73,8 +73,11 @@ class PatientTracker {
 
   /// A trusted registration of a frame.
   ///
-  /// @param covariance  Of the pose, as RegistrationResult has it; nothing: taken for 1 mm.
-  void update(const Pose& T_camera_model, const CameraPlace& place, const std::optional<Matrix6d>& covariance);
+  /// @param covariance       Of the pose, as RegistrationResult has it; nothing: taken for 1 mm.
+  /// @param shared_depth_m2  Variance of the centroid along the beam that all frames share, as that of a deformation:
+  /// frames do not average it out, so that the calibration keeps its weight against all of them together.
+  void update(const Pose& T_camera_model, const CameraPlace& place, const std::optional<Matrix6d>& covariance,
+              double shared_depth_m2 = 0);
 
   /// A frame that could not be trusted.
   void miss();
@@ -94,7 +97,8 @@ class PatientTracker {
   PatientTrackerSettings settings_;
   CArmGeometry carm_;
   Pose T_dsa_cb_;
-  Eigen::Vector3d centroid_;
+  Eigen::Vector3d centroid_;             // Model frame.
+  Eigen::Vector3d calibrated_centroid_;  // Patient frame.
   bool tracking_ = false;
   int trusted_in_a_row_ = 0;
   int missed_in_a_row_ = 0;

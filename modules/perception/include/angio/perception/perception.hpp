@@ -73,9 +73,10 @@ class Perception {
   void accept(const Observation& observation, const CameraPlace& place) {
     accept(observation.registration.T_camera_model, observation.registration.covariance, place);
   }
-  /// ... or where it is known to be better, with the covariance of its registration.
-  void accept(const Pose& T_camera_model, const std::optional<Matrix6d>& covariance, const CameraPlace& place) {
-    tracker_.update(T_camera_model, place, covariance);
+  /// ... or where it is known to be better, with the covariance of its registration: PatientTracker::update().
+  void accept(const Pose& T_camera_model, const std::optional<Matrix6d>& covariance, const CameraPlace& place,
+              double shared_depth_m2 = 0) {
+    tracker_.update(T_camera_model, place, covariance, shared_depth_m2);
   }
 
   /// Counts a frame that could not be trusted.
