@@ -157,7 +157,7 @@ void writeCameraReport(const std::string& folder, const CameraCalibration& resul
 }
 
 int calibrate(const CameraOptions& o) {
-  requireFolderOf(o.out);
+  const ClaimedOutputs claimed(o.out, o.report);
   const CameraSections settings = settingsOf(o);
   const ViewSet set = readViewSet(o.views);
   const BeadPhantom phantom = phantomOf(set);

@@ -12,7 +12,6 @@
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/io/settings_files.hpp"
-#include "angio/io/whole_file.hpp"
 #include "calibrate.hpp"
 #include "outputs.hpp"
 
@@ -78,7 +77,7 @@ void writeGeometryReport(const std::string& folder, const std::string& views, co
 }
 
 int calibrate(const GeometryOptions& o) {
-  requireFolderOf(o.out);
+  const ClaimedOutputs claimed(o.out, o.report);
   Settings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   settings.geometry.flex = o.flex.value_or(settings.geometry.flex);

@@ -281,7 +281,8 @@ int simulate(const HandEyeOptions& o, const CArmGeometry& carm) {
 }
 
 int calibrate(HandEyeOptions o) {
-  requireFolderOf(o.out);
+  const ClaimedOutputs claimed(o.out, o.report);
+  requireFolderOf(o.write_poses);
   if (o.known_mount) o.settings.mount = HandEyeMount::kIdentity;
   if (o.reprojection) o.settings.residual = HandEyeResidual::kReprojection;
   std::optional<CArmFile> carm;

@@ -231,7 +231,7 @@ void writeAnatomyReport(const std::string& folder, const std::string& cases_path
 }
 
 int calibrate(const RegistrationOptions& o) {
-  requireFolderOf(o.out);
+  const ClaimedOutputs claimed(o.out, o.report);
   const AnatomyCases cases = readAnatomyCases(o);
   ProgressBar bar("registering", static_cast<int>(cases.set.cases.size()));
   CaseRunSettings how;

@@ -11,14 +11,18 @@
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/report_html.hpp"
-#include "angio/io/claimed_folder.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
 
 namespace angio::apps {
+
+ClaimedOutputs::ClaimedOutputs(const std::string& out, const std::string& report) {
+  requireFolderOf(out);
+  if (!report.empty()) report_.emplace(report);
+}
+
 void writeReport(const std::string& folder, const std::string& title, const std::string& subtitle,
                  const std::vector<ReportSection>& sections) {
-  const ClaimedFolder claimed(folder);
   constexpr double kOverviewHeight_px = 480;
   const auto fileIn = [&](const std::string& name) { return (std::filesystem::path(folder) / name).string(); };
   std::vector<cv::Mat> overview;

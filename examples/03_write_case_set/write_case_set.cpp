@@ -5,13 +5,13 @@
 // deviation per axis, about the tree's centroid). With --image the frames are rendered instead, and the centreline is
 // for the extractor.
 #include <cstdio>
-#include <filesystem>
 
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/centerline_files.hpp"
+#include "angio/io/claimed_folder.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
@@ -43,7 +43,7 @@ int write(const Options& o) {
                    R_lps_model;
   truth.translation() = Eigen::Vector3d(0, 0, carm.source_isocenter_distance_m) - truth.linear() * tree.centroid();
 
-  std::filesystem::create_directories(o.out);
+  const angio::io::ClaimedFolder claimed(o.out);
   const std::string base = o.out + "/";
   angio::io::writeVesselTree(base + "tree.csv", tree);
   angio::io::writeCamera(base + "camera.yaml", carm.camera());

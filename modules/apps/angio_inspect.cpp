@@ -203,7 +203,6 @@ void showBranches(const VesselTree& tree, const Options& o, Inspected& told) {
 }
 
 Inspected inspectTree(const Options& o) {
-  requireFolderOf(o.picture);
   const VesselTree tree = readVesselTree(o.file);
   const Eigen::Vector3d low_mm = 1e3 * tree.points().rowwise().minCoeff();
   const Eigen::Vector3d high_mm = 1e3 * tree.points().rowwise().maxCoeff();
@@ -292,6 +291,7 @@ void printTable(const Findings& found) {
 }
 
 int inspect(const Options& o) {
+  for (const auto& path : {o.out, o.write_camera, o.picture}) requireFolderOf(path);
   BusToInspect live = o.live;
   live.calibration = o.calibration;
   live.picture = o.picture;

@@ -13,6 +13,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/run_time.hpp"
+#include "angio/io/claimed_folder.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/types/channels.hpp"
@@ -32,6 +33,7 @@ constexpr std::chrono::seconds kMaxWait(10);
 int preview(const ServoProgramOptions& o, const ServoSettings& settings, const VesselTree& tree,
             const CArmCalibration& calibration) {
   const ServoLoopSettings loop = settings.loop(calibration);
+  const ClaimedFolder claimed(o.preview);  // Before the wait for a machine, not after it.
   if (o.simulate) {
     const ViewAngles angles{degToRad(settings.scenario.start_primary_deg),
                             degToRad(settings.scenario.start_secondary_deg)};

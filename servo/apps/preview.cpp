@@ -11,7 +11,6 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/io/claimed_folder.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/plotting/plot.hpp"
 #include "angio/servo/trajectory_preview.hpp"
@@ -106,7 +105,6 @@ Json jsonOf(const TrajectoryPreview& way, const ServoLoopSettings& settings) {
 
 int previewTo(const std::string& folder, const ServoLoopSettings& settings, const VesselTree& tree,
               const CArmJoints& start) {
-  const ClaimedFolder claimed(folder);
   const TrajectoryPreview way = previewTrajectory(settings, tree, start);
   writeWholeFile(folder + "/preview.json", jsonOf(way, settings).dump(2) + "\n");
   std::vector<unsigned char> png;

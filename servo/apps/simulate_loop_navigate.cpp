@@ -131,7 +131,7 @@ Json simulateTree(const std::string& file, const NavigateOptions& o, const Navig
 }
 
 int simulateNavigation(const NavigateOptions& o) {
-  requireFolderOf(o.out);
+  for (const auto& path : {o.out, o.film}) requireFolderOf(path);
   if (!o.film.empty() && o.trees.size() > 1) throw InputError("--film", "", o.film, "is of one tree's first journey");
   NavigateSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);

@@ -59,6 +59,15 @@ TEST(RecordingBus, RefusesAPlaceThatCannotBeWritten) {
   EXPECT_THROW(RecordingBus(*bus, "/dev/full"), InputError);
 }
 
+TEST(RecordingBus, RefusesAFullDiskAndLeavesNoFile) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path("run.lcm");
+  const auto bus = openBus("memq://");
+  const test::FileSizeLimit full(0);
+  EXPECT_THROW(RecordingBus(*bus, path), InputError);
+  EXPECT_FALSE(std::filesystem::exists(path));
+}
+
 TEST(RecordingBus, RefusesALogThatIsBeingRecorded) {
   const test::TemporaryFolder folder;
   const std::string path = folder.path("run.lcm");

@@ -139,8 +139,11 @@ void requireFolderOf(const std::string& path) {
   // writeWholeFile() makes a new file there, whatever the old one permits.
   if (::access(folder.c_str(), W_OK) != 0) throw failure(path, "cannot be written", errno);
   struct statvfs space {};
-  const bool full = ::statvfs(folder.c_str(), &space) == 0 && space.f_blocks > 0 && space.f_bfree == 0;
-  if (full) throw failure(path, "cannot be written", ENOSPC);
+  if (::statvfs(folder.c_str(), &space) != 0) return;
+  // What is kept for root is no space for others. File systems without a fixed number of files say that they have none.
+  const auto free_blocks = ::geteuid() == 0 ? space.f_bfree : space.f_bavail;
+  const bool full = space.f_blocks > 0 && free_blocks == 0, crowded = space.f_files > 0 && space.f_ffree == 0;
+  if (full || crowded) throw failure(path, "cannot be written", ENOSPC);
 }
 
 }  // namespace angio::io

@@ -118,6 +118,7 @@ std::optional<std::string> logFileOf(const std::string& url) {
 
 LogWriter::LogWriter(const std::string& path) : path_(path) {
   struct stat info {};
+  const bool is_new = ::lstat(path.c_str(), &info) != 0;
   if (::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
     throw InputError(path, "", "", "must be a regular file, or none yet");
   }
@@ -125,9 +126,12 @@ LogWriter::LogWriter(const std::string& path) : path_(path) {
   file_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
   if (file_ < 0) throw InputError(path, "", "", "cannot be written: " + causeOf(errno));
   const bool taken = ::flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-  if (!taken && ::ftruncate(file_, 0) == 0) return;
+  // An empty file comes to be on a full disk, too: a byte is tried.
+  const auto empty = [this] { return ::ftruncate(file_, 0) == 0; };
+  if (!taken && empty() && ::pwrite(file_, "", 1, 0) == 1 && empty()) return;
   const std::string cause = taken ? "is being written by another program" : "cannot be written: " + causeOf(errno);
   ::close(std::exchange(file_, -1));
+  if (!taken && is_new) ::unlink(path.c_str());
   throw InputError(path, "", "", cause);
 }
 
