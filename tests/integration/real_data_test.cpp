@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "../registration/ceres_costs.hpp"
 #include "angio/evaluation/statistics.hpp"
@@ -25,10 +26,13 @@
 #include "angio/registration/registration.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/test/program.hpp"
 #include "angio/test/shared_data.hpp"
+#include "angio/test/temporary_folder.hpp"
 #include "angio/vessel/projection.hpp"
 #include "angio/vessel/prune.hpp"
 #include "angio/vessel/resample.hpp"
+#include "hepatic.hpp"
 
 namespace angio::test {
 namespace {
@@ -262,6 +266,25 @@ TEST(Brava, TreesAreReadAndTakenApartWhereTheyAreJoined) {
     EXPECT_EQ(std::count(forest.parents().begin(), forest.parents().end(), -1), 5);
   }
   EXPECT_EQ(trees, 10);
+}
+
+// One view of an arch leaves some millimetres of depth open: the C-arm goes to the view that the catheter asks for all
+// the same, and the catheter, in a vessel five times as wide as its tip is deflected, is where it is said to be.
+TEST(AorticArch, ACatheterIsSteeredWhereOneViewLeavesDepthOpen) {
+  NEED_SHARED_DATA("steve-dualdevicenav");
+  if (test::kSanitized) GTEST_SKIP() << "too slow under a sanitizer";
+  const test::TemporaryFolder folder;
+  const std::string settings = folder.write("short.yaml", "study: {max_s: 24}\n");
+  const auto ended =
+      test::run("angio-simulate-loop", {"navigate", "--targets", "1", "--tree", test::sharedData("steve-dualdevicenav"),
+                                        "--target-names", "LCCA", "--root=-298,59.4,-64.9", "--max-edge-mm", "25",
+                                        "--calibration", test::exampleData("../08_tasks/arch_carm.yaml"), "--settings",
+                                        settings, "--out", folder.path("journey.json")});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const auto journey = nlohmann::json::parse(test::contentOf(folder.path("journey.json")))["trees"][0];
+  EXPECT_GT(journey["frames_with_catheter"], 60) << journey["each"][0]["ended"];
+  EXPECT_GT(journey["within_1.5_of_all"], 0.7);
+  EXPECT_EQ(journey["limits_exceeded"], 0);
 }
 
 }  // namespace
