@@ -136,11 +136,11 @@ TEST_F(ServoAndSimulator, ALogThatCannotBeWrittenEndsTheRecordingAndNotTheLoop) 
   {
     const test::FileSizeLimit full(2000);
     servo.emplace("angio-servo", std::vector<std::string>{"--bus", url, "--autostart", "--record", log, "--duration-s",
-                                                          test::kSanitized ? "6" : "2", "--tree",
+                                                          test::kSanitized ? "6" : "4", "--tree",
                                                           test::exampleData("hepatic-tace/tree.csv"), "--calibration",
                                                           test::exampleData("hepatic-tace/carm.yaml")});
   }
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(test::kSanitized ? 6 : 2);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(test::kSanitized ? 6 : 4);
   for (CArmState state; std::chrono::steady_clock::now() < end; ++state.sequence) {
     publish(*bus, kCArmStateChannel, state);
     bus->handle(std::chrono::milliseconds(10));
