@@ -259,6 +259,13 @@ class CatheterTracer::Impl {
 
 TipOffset ofLength(const TipOffset& offset, double length_m) {
   if (!(length_m > 0)) return offset;
+  static const Eigen::Matrix<double, 2, kDirections> kUnits = [] {  // Asked for each place of each frame.
+    Eigen::Matrix<double, 2, kDirections> units;
+    for (int k = 0; k < kDirections; ++k) {
+      units.col(k) << std::cos(2 * kPi * k / kDirections), std::sin(2 * kPi * k / kDirections);
+    }
+    return units;
+  }();
   // No narrower than the directions are apart.
   const double apart_m = kPi / kDirections * length_m;
   const Eigen::Matrix2d information = (offset.covariance + apart_m * apart_m * Eigen::Matrix2d::Identity()).inverse();
@@ -268,8 +275,7 @@ TipOffset ofLength(const TipOffset& offset, double length_m) {
   for (int i = -kLengths; i <= kLengths; ++i) {
     const double off = 2.0 * i / kLengths, length = length_m * (1 + kLengthStd * off);
     for (int k = 0; k < kDirections; ++k) {
-      const double angle = 2 * kPi * k / kDirections;
-      const Eigen::Vector2d x = length * Eigen::Vector2d(std::cos(angle), std::sin(angle)), from = x - offset.mean_m;
+      const Eigen::Vector2d x = length * kUnits.col(k), from = x - offset.mean_m;
       const double weight = length * std::exp(-0.5 * (from.dot(information * from) + off * off));
       sum += weight;
       mean += weight * x;
