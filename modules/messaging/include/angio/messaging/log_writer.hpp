@@ -14,7 +14,7 @@ namespace angio::messaging {
 /// fails, the log is cut back to its last whole message, and no more are written.
 class LogWriter {
  public:
-  /// Replaces a file. Throws InputError that names it when it cannot be written, or while another LogWriter writes it.
+  /// Replaces a file. Throws InputError that names it: not writable, a full disk, or written by another LogWriter.
   explicit LogWriter(const std::string& path);
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;

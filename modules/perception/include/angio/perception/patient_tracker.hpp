@@ -74,8 +74,8 @@ class PatientTracker {
   /// A trusted registration of a frame.
   ///
   /// @param covariance       Of the pose, as RegistrationResult has it; nothing: taken for 1 mm.
-  /// @param shared_depth_m2  Variance of the centroid along the beam that all frames share, as that of a deformation:
-  /// frames do not average it out, so that the calibration keeps its weight against all of them together.
+  /// @param shared_depth_m2  Variance of the tree's place along the beam that all frames share, as that of a
+  /// deformation [m^2]. Frames do not average it out: the calibration keeps its weight against all of them together.
   void update(const Pose& T_camera_model, const CameraPlace& place, const std::optional<Matrix6d>& covariance,
               double shared_depth_m2 = 0);
 
