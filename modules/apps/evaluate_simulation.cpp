@@ -110,12 +110,12 @@ class RangeOf final : public SettingsVisitor {
 
   CLI::Validator validator() const { return between(low_, high_); }
 
-  void number(const char* key, double&, double low, double high) override { found(key, low, high); }
-  void integer(const char* key, int&, int low, int high) override { found(key, low, high); }
-  void flag(const char*, bool&) override {}
-  void numbers(const char*, double*, int, double, double) override {}
-  void choiceIndex(const char*, int&, const std::vector<std::string>&) override {}
-  void section(const char*, const std::function<void(SettingsVisitor&)>&) override {}
+  void number(const char* key, double&, double low, double high, const char*) override { found(key, low, high); }
+  void integer(const char* key, int&, int low, int high, const char*) override { found(key, low, high); }
+  void flag(const char*, bool&, const char*) override {}
+  void numbers(const char*, double*, int, double, double, const char*) override {}
+  void choiceIndex(const char*, int&, const std::vector<std::string>&, const char*) override {}
+  void section(const char*, const std::function<void(SettingsVisitor&)>&, const char*) override {}
 
  private:
   void found(const char* key, double low, double high) {

@@ -153,12 +153,13 @@ struct Options {
 struct SimulateSettings {
   SimulatedPatientSettings patient;
   CatheterSettings catheter;
-  double roadmap_contrast_s = 1.5;  ///< With `bolus: {trigger: demand}`: injected for after a view is reached.
+  double roadmap_contrast_s = 1.5;
 
   void visit(SettingsVisitor& v) {
     patient.visit(v);
     v.section("catheter", [this](SettingsVisitor& s) { catheter.visit(s); });
-    v.number("roadmap_contrast_s", roadmap_contrast_s, 0, 60);
+    v.number("roadmap_contrast_s", roadmap_contrast_s, 0, 60,
+             "With the bolus' trigger demand: how long is injected after a view is reached");
   }
 };
 

@@ -9,27 +9,34 @@
 namespace angio::apps {
 
 void ServoSettings::visit(SettingsVisitor& v) {
-  const auto section = [&v](const char* key, auto& settings) {
-    v.section(key, [&](SettingsVisitor& inner) { settings.visit(inner); });
+  const auto section = [&v](const char* key, auto& settings, const char* meaning) {
+    v.section(
+        key, [&](SettingsVisitor& inner) { settings.visit(inner); }, meaning);
   };
-  section("scenario", scenario);
-  section("fluoroscopy", patient);
+  section("scenario", scenario, "Of a simulation: start, calibration error, duration");
+  section("fluoroscopy", patient, "Of a simulation: X-ray, contrast agent, motion and device");
   tasks.visit(v);
   laws.visit(v);
-  v.number("latency_ms", latency_ms, 0, 2000);
+  v.number("latency_ms", latency_ms, 0, 2000, "Time from an exposure until its command moves the machine");
   extractors.visit(v);
-  v.choice("method", method, {OrientedKernelSettings::kName, IterativePnpSettings::kName});
-  v.choice("perception", perception, {"own", "bus"});
-  v.integer("starts", starts, 0, 100000);
-  section(OrientedKernelSettings::kName, oriented_kernel);
-  v.section(IterativePnpSettings::kName, [&](SettingsVisitor& inner) {
-    inner.section("search", [&](SettingsVisitor& s) { search.visit(s); });
-    inner.section("tracking", [&](SettingsVisitor& s) { tracking.visit(s); });
-  });
-  section("tracker", tracker);
-  section("limits", limits);
-  section("supervisor", supervisor);
-  section("safety", safety);
+  v.choice("method", method, {OrientedKernelSettings::kName, IterativePnpSettings::kName}, "Method of registration");
+  v.choice("perception", perception, {"own", "bus"},
+           "Who registers frames: this program, or another one on the bus by its REGISTRATION");
+  v.integer("starts", starts, 0, 100000, "Starts of a search; 0: as many as the method needs");
+  section(OrientedKernelSettings::kName, oriented_kernel, "With method oriented_kernel");
+  v.section(
+      IterativePnpSettings::kName,
+      [&](SettingsVisitor& inner) {
+        inner.section(
+            "search", [&](SettingsVisitor& s) { search.visit(s); }, "While nothing is tracked");
+        inner.section(
+            "tracking", [&](SettingsVisitor& s) { tracking.visit(s); }, "From frame to frame");
+      },
+      "With method iterative_pnp");
+  section("tracker", tracker, "From frame to frame: where the next registration is looked for");
+  section("limits", limits, "Limits of the C-arm, by its data sheet");
+  section("supervisor", supervisor, "Which registrations are used");
+  section("safety", safety, "When the machine holds or stops");
 }
 
 ServoLoopSettings ServoSettings::loop(const CArmCalibration& calibrated) const {

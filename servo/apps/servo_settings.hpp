@@ -21,16 +21,16 @@ namespace angio::apps {
 struct ServoSettings {
   ScenarioSettings scenario;
   SimulatedPatientSettings patient;
-  VariantSections<TaskSettings> tasks{"task", ServoLoopSettings().task};
-  VariantSections<ServoLawSettings> laws{"law", ServoLoopSettings().law};
+  VariantSections<TaskSettings> tasks{"task", ServoLoopSettings().task, "What the loop does"};
+  VariantSections<ServoLawSettings> laws{"law", ServoLoopSettings().law, "Control law by which a view is reached"};
   double latency_ms = 1e3 * ServoLoopSettings().latency_s;
   ExtractorSections extractors{PerceptionSettings().extractor};
   enum class Method { kOrientedKernel, kIterativePnp } method = Method::kOrientedKernel;
   OrientedKernelSettings oriented_kernel;
   IterativePnpSettings search = PerceptionSettings::iterativePnpForSearch();      // Of iterative_pnp, while nothing is
   IterativePnpSettings tracking = PerceptionSettings::iterativePnpForTracking();  // tracked, and from frame to frame.
-  enum class Perceiver { kOwn, kBus } perception = Perceiver::kOwn;  ///< Bus: another program's REGISTRATION.
-  int starts = 0;                                                    ///< Of a search; 0: as many as the method needs.
+  enum class Perceiver { kOwn, kBus } perception = Perceiver::kOwn;
+  int starts = 0;
   PatientTrackerSettings tracker;
   CArmLimitsSettings limits;
   RegistrationGateSettings supervisor;

@@ -15,7 +15,7 @@ enum class Color { kRed, kBlue };
 
 struct Inner {
   double spacing_mm = 1;
-  void visit(SettingsVisitor& v) { v.number("spacing_mm", spacing_mm, 0, 10); }
+  void visit(SettingsVisitor& v) { v.number("spacing_mm", spacing_mm, 0, 10, "Distance between points"); }
 };
 
 struct Outer {
@@ -24,9 +24,9 @@ struct Outer {
   Color color = Color::kRed;
   Inner inner;
   void visit(SettingsVisitor& v) {
-    v.integer("iterations", iterations, 1, 100);
-    v.flag("on", on);
-    v.choice("colour", color, {"red", "blue"});
+    v.integer("iterations", iterations, 1, 100, "Most iterations");
+    v.flag("on", on, "Whether anything happens");
+    v.choice("colour", color, {"red", "blue"}, "Its colour");
     v.section("inner", [&](SettingsVisitor& fields) { inner.visit(fields); });
   }
 };

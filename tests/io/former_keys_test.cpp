@@ -20,8 +20,8 @@ struct Inner {
   double spacing_mm = 2;
   int max_lines = 7;
   void visit(SettingsVisitor& v) {
-    v.number("spacing_mm", spacing_mm, 0, 10);
-    v.integer("max_lines", max_lines, 1, 100);
+    v.number("spacing_mm", spacing_mm, 0, 10, "Distance between points");
+    v.integer("max_lines", max_lines, 1, 100, "Most lines");
   }
 };
 
@@ -30,8 +30,8 @@ struct Outer {
   double least_share = 0.5;  // Has a former prefix, and is what it is called.
   Inner inner;
   void visit(SettingsVisitor& v) {
-    v.integer("iterations", iterations, 1, 100);
-    v.number("least_share", least_share, 0, 1);
+    v.integer("iterations", iterations, 1, 100, "Most iterations");
+    v.number("least_share", least_share, 0, 1, "A share");
     v.section("inner", [&](SettingsVisitor& w) { inner.visit(w); });
   }
 };

@@ -110,7 +110,7 @@ enum class Color { kRed, kGreen };
 
 struct Inner {
   double spacing_mm = 2;
-  void visit(SettingsVisitor& v) { v.number("spacing_mm", spacing_mm, 0, 10); }
+  void visit(SettingsVisitor& v) { v.number("spacing_mm", spacing_mm, 0, 10, "Distance between points"); }
 };
 
 struct Outer {
@@ -119,9 +119,9 @@ struct Outer {
   Color color = Color::kRed;
   Inner inner;
   void visit(SettingsVisitor& v) {
-    v.integer("iterations", iterations, 1, 100);
-    v.flag("nonrigid", nonrigid);
-    v.choice("colour", color, {"red", "green"});
+    v.integer("iterations", iterations, 1, 100, "Most iterations");
+    v.flag("nonrigid", nonrigid, "Whether the tree may deform");
+    v.choice("colour", color, {"red", "green"}, "Its colour");
     v.section("inner", [&](SettingsVisitor& w) { inner.visit(w); });
   }
 };

@@ -10,20 +10,20 @@ class RangeCheck final : public SettingsVisitor {
  public:
   explicit RangeCheck(std::string place) : place_(std::move(place)) {}
 
-  void number(const char* key, double& value, double low, double high) override {
+  void number(const char* key, double& value, double low, double high, const char*) override {
     requireBetween(place_, key, value, low, high);
   }
-  void integer(const char* key, int& value, int low, int high) override {
+  void integer(const char* key, int& value, int low, int high, const char*) override {
     requireBetween(place_, key, value, low, high);
   }
-  void flag(const char*, bool&) override {}
-  void numbers(const char* key, double* values, int count, double low, double high) override {
+  void flag(const char*, bool&, const char*) override {}
+  void numbers(const char* key, double* values, int count, double low, double high, const char*) override {
     for (int i = 0; i < count; ++i) requireBetween(place_, key + ("[" + std::to_string(i) + "]"), values[i], low, high);
   }
-  void choiceIndex(const char* key, int& index, const std::vector<std::string>& names) override {
+  void choiceIndex(const char* key, int& index, const std::vector<std::string>& names, const char*) override {
     requireBetween(place_, key, index, 0, static_cast<double>(names.size()) - 1);
   }
-  void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields) override {
+  void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields, const char*) override {
     RangeCheck inner(place_ + "." + key);
     visit_fields(inner);
   }

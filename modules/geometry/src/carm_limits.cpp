@@ -47,18 +47,23 @@ CArmEnvelope CArmEnvelope::typical(double isocenter_detector_m) {
 }
 
 void CArmLimitsSettings::visit(SettingsVisitor& v) {
-  v.numbers("primary_deg", primary_deg, 2, -360, 360);
-  v.numbers("secondary_deg", secondary_deg, 2, -360, 360);
-  v.numbers("table_x_mm", table_x_mm, 2, -3000, 3000);
-  v.numbers("table_y_mm", table_y_mm, 2, -3000, 3000);
-  v.numbers("table_z_mm", table_z_mm, 2, -3000, 3000);
-  v.numbers("angle_speeds_deg_per_s", angle_speeds_deg_per_s, 2, 1e-3, 1e3);
-  v.numbers("angle_accelerations_deg_per_s2", angle_accelerations_deg_per_s2, 2, 1e-3, 1e4);
-  v.numbers("angle_jerks_deg_s3", angle_jerks_deg_s3, 2, 1e-3, 1e6);
-  v.numbers("table_speeds_mm_per_s", table_speeds_mm_per_s, 3, 1e-3, 1e4);
-  v.numbers("table_accelerations_mm_per_s2", table_accelerations_mm_per_s2, 3, 1e-3, 1e5);
-  v.numbers("table_jerks_mm_s3", table_jerks_mm_s3, 3, 1e-3, 1e7);
-  v.choice("envelope", envelope, {"none", "typical"});
+  v.numbers("primary_deg", primary_deg, 2, -360, 360, "Range of the primary angle: least and most");
+  v.numbers("secondary_deg", secondary_deg, 2, -360, 360, "Range of the secondary angle: least and most");
+  v.numbers("table_x_mm", table_x_mm, 2, -3000, 3000, "Range of the table along x: least and most");
+  v.numbers("table_y_mm", table_y_mm, 2, -3000, 3000, "Range of the table along y: least and most");
+  v.numbers("table_z_mm", table_z_mm, 2, -3000, 3000, "Range of the table along z: least and most");
+  v.numbers("angle_speeds_deg_per_s", angle_speeds_deg_per_s, 2, 1e-3, 1e3,
+            "Largest speeds of the primary and the secondary angle");
+  v.numbers("angle_accelerations_deg_per_s2", angle_accelerations_deg_per_s2, 2, 1e-3, 1e4,
+            "Largest accelerations of the primary and the secondary angle");
+  v.numbers("angle_jerks_deg_s3", angle_jerks_deg_s3, 2, 1e-3, 1e6,
+            "Largest jerks of the primary and the secondary angle");
+  v.numbers("table_speeds_mm_per_s", table_speeds_mm_per_s, 3, 1e-3, 1e4, "Largest speeds of the table along x, y, z");
+  v.numbers("table_accelerations_mm_per_s2", table_accelerations_mm_per_s2, 3, 1e-3, 1e5,
+            "Largest accelerations of the table along x, y, z");
+  v.numbers("table_jerks_mm_s3", table_jerks_mm_s3, 3, 1e-3, 1e7, "Largest jerks of the table along x, y, z");
+  v.choice("envelope", envelope, {"none", "typical"},
+           "Where detector, table and patient would touch: nowhere, or as of a typical machine");
 }
 
 void CArmLimitsSettings::check() const {

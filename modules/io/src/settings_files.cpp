@@ -33,30 +33,30 @@ class YamlReader final : public SettingsVisitor {
   YamlReader(const std::string& path, const YamlNode& node, const std::string& name, Former& former)
       : path_(path), map_(path, node, name), former_(former) {}
 
-  void number(const char* key, double& value, double low, double high) override {
+  void number(const char* key, double& value, double low, double high, const char*) override {
     if (const auto field = map_.find(key)) value = field->between(low, high);
   }
-  void integer(const char* key, int& value, int low, int high) override {
+  void integer(const char* key, int& value, int low, int high, const char*) override {
     if (const auto field = map_.find(key)) value = field->integer(low, high);
   }
-  void flag(const char* key, bool& value) override {
+  void flag(const char* key, bool& value, const char*) override {
     if (const auto field = map_.find(key)) value = field->flag();
   }
-  void numbers(const char* key, double* values, int count, double low, double high) override {
+  void numbers(const char* key, double* values, int count, double low, double high, const char*) override {
     const auto field = map_.find(key);
     if (!field) return;
     const auto found = field->numbers(static_cast<std::size_t>(count));
     for (const double value : found) requireBetween(field->place(), key, value, low, high);
     std::copy(found.begin(), found.end(), values);
   }
-  void choiceIndex(const char* key, int& index, const std::vector<std::string>& names) override {
+  void choiceIndex(const char* key, int& index, const std::vector<std::string>& names, const char*) override {
     const auto field = map_.find(key);
     if (!field) return;
     const auto at = std::find(names.begin(), names.end(), field->text());
     if (at == names.end()) field->refuse("must be one of " + joined(names));
     index = static_cast<int>(at - names.begin());
   }
-  void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields) override {
+  void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields, const char*) override {
     const auto field = map_.find(key);
     if (!field) return;
     former_.sections.push_back(key);
@@ -113,16 +113,16 @@ class JsonWriter final : public SettingsVisitor {
  public:
   nlohmann::ordered_json json = nlohmann::ordered_json::object();
 
-  void number(const char* key, double& value, double, double) override { json[key] = value; }
-  void integer(const char* key, int& value, int, int) override { json[key] = value; }
-  void flag(const char* key, bool& value) override { json[key] = value; }
-  void numbers(const char* key, double* values, int count, double, double) override {
+  void number(const char* key, double& value, double, double, const char*) override { json[key] = value; }
+  void integer(const char* key, int& value, int, int, const char*) override { json[key] = value; }
+  void flag(const char* key, bool& value, const char*) override { json[key] = value; }
+  void numbers(const char* key, double* values, int count, double, double, const char*) override {
     json[key] = std::vector<double>(values, values + count);
   }
-  void choiceIndex(const char* key, int& index, const std::vector<std::string>& names) override {
+  void choiceIndex(const char* key, int& index, const std::vector<std::string>& names, const char*) override {
     json[key] = names.at(static_cast<std::size_t>(index));
   }
-  void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields) override {
+  void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields, const char*) override {
     JsonWriter inner;
     visit_fields(inner);
     json[key] = std::move(inner.json);

@@ -52,11 +52,11 @@ std::vector<Step> planOf(const MachineCheckSettings& settings) {
 }  // namespace
 
 void MachineCheckSettings::visit(SettingsVisitor& v) {
-  v.number("watch_s", watch_s, 0.5, 600);
-  v.number("angle_deg", angle_deg, 0.1, 10);
-  v.number("table_mm", table_mm, 0.5, 50);
-  v.number("angle_speed_deg_per_s", angle_speed_deg_per_s, 0.1, 10);
-  v.number("table_speed_mm_per_s", table_speed_mm_per_s, 0.5, 50);
+  v.number("watch_s", watch_s, 0.5, 600, "How long it only watches at first");
+  v.number("angle_deg", angle_deg, 0.1, 10, "How far each angle is moved out and back");
+  v.number("table_mm", table_mm, 0.5, 50, "How far the table is moved out and back along each axis");
+  v.number("angle_speed_deg_per_s", angle_speed_deg_per_s, 0.1, 10, "Speed of the angles");
+  v.number("table_speed_mm_per_s", table_speed_mm_per_s, 0.5, 50, "Speed of the table");
 }
 
 struct MachineCheck::Parts {

@@ -28,13 +28,15 @@ struct AnatomyView {
 
 /// Expected spreads of a calibration of T_dsa_cb by registered runs, and when a view is an outlier.
 struct AnatomyRegistrationSettings {
-  double angle_std_deg = 0.5;  ///< Of the C-arm's angles, per axis: C-arms hold about a degree.
-  double shift_std_mm = 30;    ///< Of the isocentre from run to run, per axis; 0: it stays.
-  double outlier_gate = 4.5;   ///< A view further off than so many sigma (of six dimensions) is an outlier.
+  double angle_std_deg = 0.5;
+  double shift_std_mm = 30;
+  double outlier_gate = 4.5;  ///< A view further off than so many sigma (of six dimensions) is an outlier.
 
   void visit(SettingsVisitor& v) {
-    v.number("angle_std_deg", angle_std_deg, 1e-4, 30);
-    v.number("shift_std_mm", shift_std_mm, 0, 1000);
+    v.number("angle_std_deg", angle_std_deg, 1e-4, 30,
+             "Standard deviation of the C-arm's angles, per axis: C-arms hold about a degree");
+    v.number("shift_std_mm", shift_std_mm, 0, 1000,
+             "Standard deviation of the isocentre from run to run, per axis; 0: it stays");
   }
 };
 

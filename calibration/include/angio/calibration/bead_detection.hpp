@@ -29,14 +29,14 @@ struct BeadDetectionSettings {
   double max_radius_px = 14;
   static constexpr double min_contrast = 0.1;    ///< Natural logarithm, in the shadow's middle.
   static constexpr double min_significance = 8;  ///< The contrast over its noise in an area of the bead's size.
-  double border_px = 1;                          ///< A centre nearer to the image's edge is not looked for.
-  static constexpr double max_misfit = 3;        ///< Residual of the profile over the image's noise; more is no ball.
-  double max_stretch = 0;                        ///< Of round shadows, of their squared radius: see throughIntensifier.
+  double border_px = 1;
+  static constexpr double max_misfit = 3;  ///< Residual of the profile over the image's noise; more is no ball.
+  double max_stretch = 0;                  ///< Of round shadows, of their squared radius: see throughIntensifier.
 
   void visit(SettingsVisitor& v) {
-    v.number("min_radius_px", min_radius_px, 1.5, 100);
-    v.number("max_radius_px", max_radius_px, 2, 200);
-    v.number("border_px", border_px, 0, 1000);
+    v.number("min_radius_px", min_radius_px, 1.5, 100, "Radius of the smallest bead's shadow");
+    v.number("max_radius_px", max_radius_px, 2, 200, "Radius of the largest bead's shadow");
+    v.number("border_px", border_px, 0, 1000, "A bead's centre nearer to the image's edge is not looked for");
   }
 
   /// The same for an image intensifier, whose pincushion of 8 per cent stretches shadows at its edge; a stretch that

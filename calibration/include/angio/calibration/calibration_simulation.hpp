@@ -28,46 +28,53 @@ struct CalibrationSimulationSettings {
   int camera_views = 20;
   int geometry_views = 48;
   int hand_eye_poses = 15;
-  int held_out_every = 7;            ///< Of camera and geometry views; 0: none. Not by 2 or 3, which place the angles.
-  double bead_noise_px = 0.1;        ///< Of a bead's place in a table, each axis.
-  double missing_beads = 0.03;       ///< Share that is not in an image or table.
-  double encoder_noise_deg = 0.005;  ///< Of the angles that a view's file says.
-  double encoder_noise_mm = 0.05;    ///< The same of table positions.
-  double pose_noise_deg = 0.1;       ///< Of the anatomy's registered poses, each axis.
+  int held_out_every = 7;  ///< Of camera and geometry views; 0: none. Not by 2 or 3, which place the angles.
+  double bead_noise_px = 0.1;
+  double missing_beads = 0.03;
+  double encoder_noise_deg = 0.005;
+  double encoder_noise_mm = 0.05;
+  double pose_noise_deg = 0.1;
   double pose_noise_mm = 0.3;
-  double offset_deg = 0.4;        ///< How far the machine is from ideal, each angle,
-  double offset_mm = 3;           ///< each length,
-  double table_scale = 0.004;     ///< each entry of the table's axes,
-  double principal_point_px = 8;  ///< and each coordinate of the principal point.
-  double flex_mm = 0.12;          ///< How far it bends, each of 6 terms whose waves no model has,
-  double flex_deg = 0.012;        ///< and each angle.
-  double patient_turn_deg = 4;    ///< How far the patient lies from straight,
-  double patient_shift_mm = 15;   ///< and from the middle.
+  double offset_deg = 0.4;
+  double offset_mm = 3;
+  double table_scale = 0.004;
+  double principal_point_px = 8;
+  double flex_mm = 0.12;
+  double flex_deg = 0.012;
+  double patient_turn_deg = 4;
+  double patient_shift_mm = 15;
   SimulatedDistortion distortion = SimulatedDistortion::kNone;
   HostileData hostile = HostileData::kNone;
 
   void visit(SettingsVisitor& v) {
-    v.integer("seed", seed, 0, 2147483647);
-    v.integer("camera_views", camera_views, 1, 1000);
-    v.integer("geometry_views", geometry_views, 1, 1000);
-    v.integer("hand_eye_poses", hand_eye_poses, 1, 1000);
-    v.number("bead_noise_px", bead_noise_px, 0, 10);
-    v.number("missing_beads", missing_beads, 0, 0.8);
-    v.number("encoder_noise_deg", encoder_noise_deg, 0, 5);
-    v.number("encoder_noise_mm", encoder_noise_mm, 0, 20);
-    v.number("pose_noise_deg", pose_noise_deg, 0, 10);
-    v.number("pose_noise_mm", pose_noise_mm, 0, 50);
-    v.number("offset_deg", offset_deg, 0, 5);
-    v.number("offset_mm", offset_mm, 0, 30);
-    v.number("table_scale", table_scale, 0, 0.1);
-    v.number("principal_point_px", principal_point_px, 0, 100);
-    v.number("flex_mm", flex_mm, 0, 5);
-    v.number("flex_deg", flex_deg, 0, 0.5);
-    v.number("patient_turn_deg", patient_turn_deg, 0, 45);
-    v.number("patient_shift_mm", patient_shift_mm, 0, 200);
-    v.choice("distortion", distortion, {"none", "radial", "intensifier"});
+    v.integer("seed", seed, 0, 2147483647, "Seed of all draws");
+    v.integer("camera_views", camera_views, 1, 1000, "Views that the camera is calibrated by");
+    v.integer("geometry_views", geometry_views, 1, 1000, "Views that the C-arm's geometry is calibrated by");
+    v.integer("hand_eye_poses", hand_eye_poses, 1, 1000, "Registered poses of the anatomy");
+    v.number("bead_noise_px", bead_noise_px, 0, 10, "Standard deviation of a bead's place in a table, each axis");
+    v.number("missing_beads", missing_beads, 0, 0.8, "Share of the beads that is not in an image or table");
+    v.number("encoder_noise_deg", encoder_noise_deg, 0, 5, "Standard deviation of the angles that a view's file says");
+    v.number("encoder_noise_mm", encoder_noise_mm, 0, 20,
+             "Standard deviation of the table positions that a view's file says");
+    v.number("pose_noise_deg", pose_noise_deg, 0, 10,
+             "Standard deviation of the rotation of the anatomy's registered poses, each axis");
+    v.number("pose_noise_mm", pose_noise_mm, 0, 50,
+             "Standard deviation of the translation of the anatomy's registered poses, each axis");
+    v.number("offset_deg", offset_deg, 0, 5, "How far each angle of the machine is from ideal, a standard deviation");
+    v.number("offset_mm", offset_mm, 0, 30, "How far each length of the machine is from ideal, a standard deviation");
+    v.number("table_scale", table_scale, 0, 0.1,
+             "How far each entry of the table's axes is from ideal, a standard deviation");
+    v.number("principal_point_px", principal_point_px, 0, 100,
+             "How far each coordinate of the principal point is from the image's centre, a standard deviation");
+    v.number("flex_mm", flex_mm, 0, 5, "How far the machine bends, each of 6 terms whose waves no model has");
+    v.number("flex_deg", flex_deg, 0, 0.5,
+             "How far the machine bends in each angle, each of 6 terms whose waves no model has");
+    v.number("patient_turn_deg", patient_turn_deg, 0, 45, "How far the patient lies from straight");
+    v.number("patient_shift_mm", patient_shift_mm, 0, 200, "How far the patient lies from the middle");
+    v.choice("distortion", distortion, {"none", "radial", "intensifier"}, "Distortion of the simulated detector");
     v.choice("hostile", hostile,
-             {"none", "duplicate-poses", "swapped-beads", "wrong-units", "mirrored-phantom", "other-machine"});
+             {"none", "duplicate-poses", "swapped-beads", "wrong-units", "mirrored-phantom", "other-machine"},
+             "What is wrong with the data on purpose");
   }
 };
 

@@ -34,9 +34,9 @@ enum class LensKind { kNone, kRadial, kIntensifier };
 /// How a camera is calibrated.
 struct CameraCalibrationSettings {
   LensKind distortion = LensKind::kNone;
-  bool square_pixels = false;  ///< One focal length for both axes.
-  bool skew = false;           ///< Columns may lean (not with an intensifier).
-  double noise_px = 0;         ///< Standard deviation of a bead's centre per axis; 0: measured by the residuals.
+  bool square_pixels = false;
+  bool skew = false;
+  double noise_px = 0;
   static constexpr double outlier_stds =
       6;  ///< A bead farther off, in robust standard deviations, is left out and named.
   static constexpr double max_outlier_share =
@@ -46,10 +46,12 @@ struct CameraCalibrationSettings {
   static constexpr int max_iterations = 100;
 
   void visit(SettingsVisitor& v) {
-    v.choice("distortion", distortion, {"none", "radial", "intensifier"});
-    v.flag("square_pixels", square_pixels);
-    v.flag("skew", skew);
-    v.number("noise_px", noise_px, 0, 100);
+    v.choice("distortion", distortion, {"none", "radial", "intensifier"},
+             "Distortion of the detector that is estimated");
+    v.flag("square_pixels", square_pixels, "One focal length for both axes");
+    v.flag("skew", skew, "Columns may lean (not with an intensifier)");
+    v.number("noise_px", noise_px, 0, 100,
+             "Standard deviation of a bead's centre per axis; 0: measured by the residuals");
   }
 };
 

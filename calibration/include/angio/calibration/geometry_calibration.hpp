@@ -31,8 +31,8 @@ struct GeometrySettings {
   FlexModel flex = FlexModel::kLowOrder;
   static constexpr double flex_std_mm = 0.3;  ///< How much an arm bends: where the search for it starts.
   static constexpr double flex_std_deg = 0.03;
-  double source_isocenter_distance_mm = 780;  ///< Where the search starts.
-  double pose_scatter_mm = 0.3;               ///< Where the search for what joints do not explain starts, each axis.
+  double source_isocenter_distance_mm = 780;
+  double pose_scatter_mm = 0.3;  ///< Where the search for what joints do not explain starts, each axis.
   double pose_scatter_deg = 0.03;
   static constexpr double outlier_std = 4;          ///< Beads further off than this do not count.
   static constexpr double outlier_view_factor = 4;  ///< Views that are worse than the usual by this do not count.
@@ -40,8 +40,9 @@ struct GeometrySettings {
   static constexpr double max_offset_mm = 15;  ///< and each length.
 
   void visit(SettingsVisitor& v) {
-    v.choice("flex", flex, {"none", "low_order"});
-    v.number("source_isocentre_distance_mm", source_isocenter_distance_mm, 100, 5000);
+    v.choice("flex", flex, {"none", "low_order"}, "Model of how the C-arm bends");
+    v.number("source_isocentre_distance_mm", source_isocenter_distance_mm, 100, 5000,
+             "Distance from source to isocentre where the search starts");
   }
 };
 

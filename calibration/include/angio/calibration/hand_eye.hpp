@@ -31,14 +31,14 @@ struct HandEyeSettings {
   double min_turn_deg = 1;    ///< Turns about a second axis, root mean square over pairs, from which on a pose counts.
   double outlier_gate = 5.3;  ///< A pose further off than so many sigma (of six dimensions) is an outlier.
   static constexpr double min_share = 0.6;  ///< Of the poses, that must be explained by one transform.
-  int starts = 100;                         ///< Draws of few poses each, for a start that outliers do not pull.
+  int starts = 100;
   int seed = 1;
 
   void visit(SettingsVisitor& v) {
-    v.choice("mount", mount, {"unknown", "identity"});
-    v.choice("residual", residual, {"pose", "reprojection"});
-    v.integer("starts", starts, 0, 10000);
-    v.integer("seed", seed, 0, 2147483647);
+    v.choice("mount", mount, {"unknown", "identity"}, "What is known of how the camera sits on the C-arm");
+    v.choice("residual", residual, {"pose", "reprojection"}, "What is minimised");
+    v.integer("starts", starts, 0, 10000, "Draws of few poses each, for a start that outliers do not pull");
+    v.integer("seed", seed, 0, 2147483647, "Seed of the draws");
   }
 };
 

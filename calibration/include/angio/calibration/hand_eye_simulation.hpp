@@ -12,26 +12,31 @@ namespace angio::calibration {
 /// about two axes only. A model of known place is seen with noise.
 struct OrbitSettings {
   int poses = 15;
-  double max_primary_deg = 45;    ///< LAO and RAO.
-  double max_secondary_deg = 30;  ///< CRA and CAU; 0: a single axis.
-  double camera_noise_deg = 0.1;  ///< Of T_camera_object, per axis.
+  double max_primary_deg = 45;
+  double max_secondary_deg = 30;
+  double camera_noise_deg = 0.1;
   double camera_noise_mm = 0.3;
-  double hand_noise_deg = 0;  ///< Of the C-arm's own pose: turns about its isocentre.
+  double hand_noise_deg = 0;
   double hand_noise_mm = 0;
-  double mount_deg =
-      1;  ///< How the camera sits off where the C-arm's geometry has it, per axis; 0 with mount_mm 0: exactly.
+  double mount_deg = 1;
   double mount_mm = 5;
 
   void visit(SettingsVisitor& v) {
-    v.integer("poses", poses, 1, 10000);
-    v.number("max_primary_deg", max_primary_deg, 0, 120);
-    v.number("max_secondary_deg", max_secondary_deg, 0, 60);
-    v.number("camera_noise_deg", camera_noise_deg, 0, 45);
-    v.number("camera_noise_mm", camera_noise_mm, 0, 1000);
-    v.number("hand_noise_deg", hand_noise_deg, 0, 45);
-    v.number("hand_noise_mm", hand_noise_mm, 0, 1000);
-    v.number("mount_deg", mount_deg, 0, 45);
-    v.number("mount_mm", mount_mm, 0, 1000);
+    v.integer("poses", poses, 1, 10000, "Number of simulated poses");
+    v.number("max_primary_deg", max_primary_deg, 0, 120, "Largest LAO and RAO");
+    v.number("max_secondary_deg", max_secondary_deg, 0, 60, "Largest CRA and CAU; 0: a single axis");
+    v.number("camera_noise_deg", camera_noise_deg, 0, 45,
+             "Standard deviation of the rotation of T_camera_object, per axis");
+    v.number("camera_noise_mm", camera_noise_mm, 0, 1000,
+             "Standard deviation of the translation of T_camera_object, per axis");
+    v.number("hand_noise_deg", hand_noise_deg, 0, 45,
+             "Standard deviation of the C-arm's own pose: turns about its isocentre");
+    v.number("hand_noise_mm", hand_noise_mm, 0, 1000, "Standard deviation of the C-arm's own pose: shifts");
+    v.number("mount_deg", mount_deg, 0, 45,
+             "How far the camera is turned from where the C-arm's geometry has it, per axis; 0 with mount_mm 0: "
+             "exactly there");
+    v.number("mount_mm", mount_mm, 0, 1000,
+             "How far the camera is shifted from where the C-arm's geometry has it, per axis");
   }
 };
 

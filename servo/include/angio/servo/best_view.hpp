@@ -23,8 +23,8 @@ TreeSegment segmentBetween(const VesselTree& tree, int first, int last);
 
 /// Which views are looked at, and what makes one bad.
 struct BestViewSettings {
-  double step_deg = 2;           ///< Of the map; the best view is then searched for between its nodes.
-  double max_primary_deg = 110;  ///< Of LAO and RAO: what is looked at.
+  double step_deg = 2;  ///< Of the map; the best view is then searched for between its nodes.
+  double max_primary_deg = 110;
   double max_secondary_deg = 50;
   static constexpr double overlap_weight = 1;  ///< A segment all covered costs as much as one seen end-on times this.
   static constexpr double turn_weight = 0.01;  ///< Cost of 90 deg from where the arm is: decides where views are alike.
@@ -33,8 +33,8 @@ struct BestViewSettings {
   static constexpr int segment_points = 40;
 
   void visit(SettingsVisitor& v) {
-    v.number("max_primary_deg", max_primary_deg, 1, 180);
-    v.number("max_secondary_deg", max_secondary_deg, 1, 89);
+    v.number("max_primary_deg", max_primary_deg, 1, 180, "Largest LAO and RAO that is looked at");
+    v.number("max_secondary_deg", max_secondary_deg, 1, 89, "Largest CRA and CAU that is looked at");
   }
 };
 

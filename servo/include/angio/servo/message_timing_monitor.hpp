@@ -13,16 +13,18 @@ namespace angio::servo {
 
 /// How old messages may be, how far clocks may drift or jump, and how far beyond their range joints may be said to be.
 struct MessageTimingSettings {
-  double max_frame_age_ms = 300;    ///< Later than the quickest frames, or than the newest joints.
-  double max_clock_jump_ms = 1000;  ///< That a sender's clock may gain on ours between two messages.
+  double max_frame_age_ms = 300;
+  double max_clock_jump_ms = 1000;
   static constexpr double clock_drift_ppm =
-      200;  ///< That it may lose for ever: what is called the quickest frame follows.
+      200;  ///< That a sender's clock may lose for ever: what is called the quickest frame follows.
   static constexpr double limit_margin_deg = 0.5;  ///< Beyond the end of a range, for encoders.
   static constexpr double limit_margin_mm = 2;
 
   void visit(SettingsVisitor& v) {
-    v.number("max_frame_age_ms", max_frame_age_ms, 1, 10e3);
-    v.number("max_clock_jump_ms", max_clock_jump_ms, 1, 600e3);
+    v.number("max_frame_age_ms", max_frame_age_ms, 1, 10e3,
+             "How much later than the quickest frames, or than the newest joints, a frame may be");
+    v.number("max_clock_jump_ms", max_clock_jump_ms, 1, 600e3,
+             "How much a sender's clock may gain on ours between two messages");
   }
 };
 

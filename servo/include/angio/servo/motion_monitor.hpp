@@ -81,21 +81,24 @@ class AxisMonitor {
 
 /// When a motion counts as one that no command explains, or a command as one that nothing followed.
 struct MotionMonitorSettings {
-  double max_latency_ms = 500;  ///< From the frame behind a command until its effect ends, without a newer one.
+  double max_latency_ms = 500;
   static constexpr double min_acceleration = 0.4;  ///< Share of the acceleration limit that the machine uses at least.
-  double max_deviation_deg = 1.0;                  ///< Motion that no command explains, before it is reported.
+  double max_deviation_deg = 1.0;
   double max_deviation_mm = 5;
-  double max_following_error_deg = 4;  ///< Commanded motion that was not made, before it is reported.
+  double max_following_error_deg = 4;
   double max_following_error_mm = 20;
   static constexpr double deadband_share =
       0.02;  ///< Of a joint's speed limit: differences that come more slowly are encoders' noise.
 
   void visit(SettingsVisitor& v) {
-    v.number("max_latency_ms", max_latency_ms, 0, 10e3);
-    v.number("max_deviation_deg", max_deviation_deg, 0.01, 90);
-    v.number("max_deviation_mm", max_deviation_mm, 0.1, 1000);
-    v.number("max_following_error_deg", max_following_error_deg, 0.01, 90);
-    v.number("max_following_error_mm", max_following_error_mm, 0.1, 1000);
+    v.number("max_latency_ms", max_latency_ms, 0, 10e3,
+             "Time from the frame behind a command until its effect ends, without a newer one");
+    v.number("max_deviation_deg", max_deviation_deg, 0.01, 90, "Turn that no command explains, before it is reported");
+    v.number("max_deviation_mm", max_deviation_mm, 0.1, 1000, "Shift that no command explains, before it is reported");
+    v.number("max_following_error_deg", max_following_error_deg, 0.01, 90,
+             "Commanded turn that was not made, before it is reported");
+    v.number("max_following_error_mm", max_following_error_mm, 0.1, 1000,
+             "Commanded shift that was not made, before it is reported");
   }
 };
 

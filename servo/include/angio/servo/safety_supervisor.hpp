@@ -38,16 +38,20 @@ inline CatheterCommand atRest(CatheterCommand command) {
 struct SupervisionSettings {
   ServoStateSettings states;
   MessageTimingSettings freshness;
-  double max_start_spread_deg = 1;  ///< Between the patient's poses in consecutive frames, until the machine moves.
-  double max_start_spread_mm = 5;   ///< Of the target, across the beam.
-  double max_start_spread_depth_mm = 30;  ///< Along it: one view sees depth poorly, above all of a deformed tree.
+  double max_start_spread_deg = 1;
+  double max_start_spread_mm = 5;
+  double max_start_spread_depth_mm = 30;
 
   void visit(SettingsVisitor& v) {
     v.section("states", [this](SettingsVisitor& inner) { states.visit(inner); });
     v.section("freshness", [this](SettingsVisitor& inner) { freshness.visit(inner); });
-    v.number("max_start_spread_deg", max_start_spread_deg, 0.01, 180);
-    v.number("max_start_spread_mm", max_start_spread_mm, 0.01, 1000);
-    v.number("max_start_spread_depth_mm", max_start_spread_depth_mm, 0.01, 1000);
+    v.number("max_start_spread_deg", max_start_spread_deg, 0.01, 180,
+             "Largest turn between the patient's poses in consecutive frames, until the machine moves");
+    v.number("max_start_spread_mm", max_start_spread_mm, 0.01, 1000,
+             "Largest shift of the target between consecutive frames across the beam, until the machine moves");
+    v.number("max_start_spread_depth_mm", max_start_spread_depth_mm, 0.01, 1000,
+             "Largest shift of the target between consecutive frames along the beam, until the machine moves: one view "
+             "sees depth poorly, above all of a deformed tree");
   }
 };
 

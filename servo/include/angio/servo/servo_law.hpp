@@ -23,14 +23,15 @@ namespace angio::servo {
 /// with x the angle between the beams plus the angle under which the source sees the target's error, so that the same
 /// numbers mean the same for every law.
 struct ServoGain {
-  double lambda_per_s = 1.5;        ///< Far from the goal.
-  double lambda_at_goal_per_s = 3;  ///< At the goal.
+  double lambda_per_s = 1.5;
+  double lambda_at_goal_per_s = 3;
   double gain_change_deg = 3;
 
   void visit(SettingsVisitor& v) {
-    v.number("lambda_per_s", lambda_per_s, 0.01, 20);
-    v.number("lambda_at_goal_per_s", lambda_at_goal_per_s, 0.01, 20);
-    v.number("gain_change_deg", gain_change_deg, 1e-3, 180);
+    v.number("lambda_per_s", lambda_per_s, 0.01, 20, "Gain far from the goal");
+    v.number("lambda_at_goal_per_s", lambda_at_goal_per_s, 0.01, 20, "Gain at the goal");
+    v.number("gain_change_deg", gain_change_deg, 1e-3, 180,
+             "Distance from the goal over which the gain grows to lambda_at_goal_per_s");
   }
 };
 

@@ -40,19 +40,22 @@ struct ServoTransition {
 
 /// How many frames and how much time the states wait for.
 struct ServoStateSettings {
-  int frames_to_start = 3;             ///< Accepted in a row, until the machine moves for the first time after START.
-  int frames_to_resume = 2;            ///< The same after a hold.
-  double max_frame_gap_ms = 250;       ///< No frame for longer: hold.
-  double frames_gone_ms = 2000;        ///< No frame for longer: fault.
-  double max_contradiction_ms = 2000;  ///< Frames that contradict joints and calibration, for longer: fault.
-  double max_request_age_ms = 2000;    ///< Between the status that a request answers and the newest frame.
+  int frames_to_start = 3;
+  int frames_to_resume = 2;  ///< Accepted in a row after a hold.
+  double max_frame_gap_ms = 250;
+  double frames_gone_ms = 2000;
+  double max_contradiction_ms = 2000;
+  double max_request_age_ms = 2000;
 
   void visit(SettingsVisitor& v) {
-    v.integer("frames_to_start", frames_to_start, 1, 1000);
-    v.number("max_frame_gap_ms", max_frame_gap_ms, 1, 60e3);
-    v.number("frames_gone_ms", frames_gone_ms, 1, 600e3);
-    v.number("max_contradiction_ms", max_contradiction_ms, 1, 600e3);
-    v.number("max_request_age_ms", max_request_age_ms, 1, 600e3);
+    v.integer("frames_to_start", frames_to_start, 1, 1000,
+              "Frames accepted in a row, until the machine moves for the first time after START");
+    v.number("max_frame_gap_ms", max_frame_gap_ms, 1, 60e3, "No frame for longer: hold");
+    v.number("frames_gone_ms", frames_gone_ms, 1, 600e3, "No frame for longer: fault");
+    v.number("max_contradiction_ms", max_contradiction_ms, 1, 600e3,
+             "Frames that contradict joints and calibration, for longer: fault");
+    v.number("max_request_age_ms", max_request_age_ms, 1, 600e3,
+             "Largest time between the status that a request answers and the newest frame");
   }
 };
 

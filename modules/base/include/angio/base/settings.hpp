@@ -13,24 +13,26 @@ namespace angio::base {
 /// once.
 ///
 /// A settings struct offers `void visit(SettingsVisitor& v)`, with one line per field:
-///     v.integer("iterations", iterations, 1, 1000);
-/// Keys carry units (`spacing_mm`); the values behind them are in the unit the key names.
+///     v.integer("iterations", iterations, 1, 1000, "Most iterations of the search");
+/// Keys carry units (`spacing_mm`); the values behind them are in the unit the key names. `meaning` says in a few words
+/// what the field is, for who reads a settings file: it is the field's documentation, and stands nowhere else.
 class SettingsVisitor {
  public:
   virtual ~SettingsVisitor() = default;
-  virtual void number(const char* key, double& value, double low, double high) = 0;
-  virtual void integer(const char* key, int& value, int low, int high) = 0;
-  virtual void flag(const char* key, bool& value) = 0;
+  virtual void number(const char* key, double& value, double low, double high, const char* meaning) = 0;
+  virtual void integer(const char* key, int& value, int low, int high, const char* meaning) = 0;
+  virtual void flag(const char* key, bool& value, const char* meaning) = 0;
   /// A list of exactly `count` numbers, each within [low, high].
-  virtual void numbers(const char* key, double* values, int count, double low, double high) = 0;
-  virtual void choiceIndex(const char* key, int& index, const std::vector<std::string>& names) = 0;
-  virtual void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields) = 0;
+  virtual void numbers(const char* key, double* values, int count, double low, double high, const char* meaning) = 0;
+  virtual void choiceIndex(const char* key, int& index, const std::vector<std::string>& names, const char* meaning) = 0;
+  virtual void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields,
+                       const char* meaning = "") = 0;
 
   /// An enum whose values count from 0, by its names.
   template <typename Enum>
-  void choice(const char* key, Enum& value, const std::vector<std::string>& names) {
+  void choice(const char* key, Enum& value, const std::vector<std::string>& names, const char* meaning) {
     int index = static_cast<int>(value);
-    choiceIndex(key, index, names);
+    choiceIndex(key, index, names, meaning);
     value = static_cast<Enum>(index);
   }
 };

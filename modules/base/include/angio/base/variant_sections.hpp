@@ -19,15 +19,17 @@ namespace angio::base {
 template <typename Variant>
 class VariantSections {
  public:
-  /// @param key  What the choice is called in a settings file: "task".
-  VariantSections(const char* key, const Variant& chosen) : key_(key), index_(static_cast<int>(chosen.index())) {
+  /// @param key      What the choice is called in a settings file: "task".
+  /// @param meaning  What it chooses, in a few words.
+  VariantSections(const char* key, const Variant& chosen, const char* meaning)
+      : key_(key), meaning_(meaning), index_(static_cast<int>(chosen.index())) {
     std::visit([this](const auto& s) { std::get<std::decay_t<decltype(s)>>(settings_) = s; }, chosen);
   }
 
   static std::vector<std::string> names() { return namesOf(std::make_index_sequence<std::variant_size_v<Variant>>()); }
 
   void visit(SettingsVisitor& v) {
-    v.choiceIndex(key_, index_, names());
+    v.choiceIndex(key_, index_, names(), meaning_);
     std::apply([&](auto&... each) { (visitSection(v, each), ...); }, settings_);
   }
 
@@ -72,11 +74,14 @@ class VariantSections {
   }
 
   template <typename Settings>
-  static void visitSection(SettingsVisitor& v, Settings& settings) {
-    v.section(Settings::kName, [&](SettingsVisitor& inner) { settings.visit(inner); });
+  void visitSection(SettingsVisitor& v, Settings& settings) const {
+    const std::string meaning = std::string("With ") + key_ + " " + Settings::kName;
+    v.section(
+        Settings::kName, [&](SettingsVisitor& inner) { settings.visit(inner); }, meaning.c_str());
   }
 
   const char* key_;
+  const char* meaning_;
   int index_;
   OneOfEach<Variant> settings_;
 };

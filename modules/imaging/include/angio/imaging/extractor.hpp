@@ -30,7 +30,7 @@ std::unique_ptr<CenterlineExtractor> makeExtractor(const ExtractorSettings& sett
 /// All methods' settings, a section each by its name, and under `extractor` the one that is chosen: for settings files.
 struct ExtractorSections : VariantSections<ExtractorSettings> {
   explicit ExtractorSections(const ExtractorSettings& chosen = RidgeSettings{})
-      : VariantSections("extractor", chosen) {}
+      : VariantSections("extractor", chosen, "How vessels are found in images") {}
 };
 
 }  // namespace angio::imaging

@@ -17,26 +17,29 @@ struct OtsuSettings {
 
   Polarity polarity = Polarity::kDark;
   static constexpr double background_px =
-      48;                     ///< Width of what counts as background structure; must exceed the widest vessel [px].
-  double smoothing_px = 1.5;  ///< Standard deviation of the noise filter before the threshold [px].
+      48;  ///< Width of what counts as background structure; must exceed the widest vessel [px].
+  double smoothing_px = 1.5;
   static constexpr double faintest_absorption =
       0.02;  ///< Weaker contrast is never a vessel, however little noise there is.
   static constexpr double noise_factor =
-      4;                          ///< A vessel stands out from the background's spread by this factor at its strongest.
-  double branch_contrast = 0.12;  ///< Thin branches reach on from vessels down to this part of Otsu's threshold.
-  double min_branch_px = 12;      ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
-  double min_area_px = 60;        ///< Smaller connected regions are noise, smaller holes are closed [px^2].
-  double border_px = 4;           ///< Margin of the detector that is not looked at [px].
-  double spacing_px = 2;          ///< Distance between points of the result [px].
+      4;  ///< A vessel stands out from the background's spread by this factor at its strongest.
+  double branch_contrast = 0.12;
+  double min_branch_px = 12;
+  double min_area_px = 60;
+  double border_px = 4;
+  double spacing_px = 2;
 
   void visit(SettingsVisitor& v) {
-    v.choice("polarity", polarity, {"dark", "bright"});
-    v.number("smoothing_px", smoothing_px, 0, 20);
-    v.number("branch_contrast", branch_contrast, 0.01, 1);
-    v.number("min_branch_px", min_branch_px, 0, 1000);
-    v.number("min_area_px", min_area_px, 0, 1e6);
-    v.number("border_px", border_px, 0, 1000);
-    v.number("spacing_px", spacing_px, 0.5, 50);
+    v.choice("polarity", polarity, {"dark", "bright"}, "How vessels stand out from the background");
+    v.number("smoothing_px", smoothing_px, 0, 20, "Standard deviation of the noise filter before the threshold");
+    v.number("branch_contrast", branch_contrast, 0.01, 1,
+             "Thin branches reach on from vessels down to this part of Otsu's threshold");
+    v.number("min_branch_px", min_branch_px, 0, 1000,
+             "Shorter branches with a free end are spurs and are dropped; measured from the wall");
+    v.number("min_area_px", min_area_px, 0, 1e6,
+             "Smaller connected regions are noise, smaller holes are closed; in square pixels");
+    v.number("border_px", border_px, 0, 1000, "Margin of the detector that is not looked at");
+    v.number("spacing_px", spacing_px, 0.5, 50, "Distance between points of the result");
   }
 };
 
@@ -59,7 +62,7 @@ struct RidgeSettings {
   static constexpr const char* kName = "ridge";
 
   Polarity polarity = Polarity::kDark;
-  double max_radius_px = 20;  ///< Of a vessel; with the image's size it says how coarse the coarsest scale is [px].
+  double max_radius_px = 20;
   static constexpr double noise_factor = 1.7;  ///< A line's pixels stand out from the noise by this factor.
   static constexpr double line_factor = 4;     ///< A whole line stands out by this one at least, on average.
   static constexpr double evidence =
@@ -69,22 +72,26 @@ struct RidgeSettings {
   static constexpr double relative_contrast =
       0.1;                        ///< Nor is one that is weaker than this part of the image's strong vessels.
   double relative_density = 0.6;  ///< Nor a faint line whose contrast over width is below this part of what is usual.
-  double min_branch_px = 4;       ///< Shorter branches with a free end are spurs and are dropped; from the wall [px].
+  double min_branch_px = 4;
   static constexpr double min_line_px = 40;  ///< Shorter lines that stand alone are dropped [px].
   static constexpr double max_gap_px = 24;   ///< Wider gaps between two ends of one line stay open [px].
-  double border_px = 4;   ///< Margin of the detector, and of the collimator's opening, not looked at [px].
-  double spacing_px = 2;  ///< Distance between points of the result [px].
-  /// Shorter side of the grid that larger images are shrunk to [working px]. A finer one tells thin vessels from their
-  /// neighbours that are a few pixels away, as the brain's are; the time goes with its square.
+  double border_px = 4;
+  double spacing_px = 2;
+  // A finer grid tells thin vessels from their neighbours that are a few pixels away, as the brain's are; the time goes
+  // with its square.
   int working_side_px = 704;
 
   void visit(SettingsVisitor& v) {
-    v.choice("polarity", polarity, {"dark", "bright"});
-    v.number("max_radius_px", max_radius_px, 1, 500);
-    v.number("min_branch_px", min_branch_px, 0, 1000);
-    v.number("border_px", border_px, 0, 1000);
-    v.number("spacing_px", spacing_px, 0.5, 50);
-    v.integer("working_side_px", working_side_px, 64, 4096);
+    v.choice("polarity", polarity, {"dark", "bright"}, "How vessels stand out from the background");
+    v.number("max_radius_px", max_radius_px, 1, 500,
+             "Radius of the widest vessel; with the image's size it says how coarse the coarsest scale is");
+    v.number("min_branch_px", min_branch_px, 0, 1000,
+             "Shorter branches with a free end are spurs and are dropped; measured from the wall");
+    v.number("border_px", border_px, 0, 1000,
+             "Margin of the detector, and of the collimator's opening, that is not looked at");
+    v.number("spacing_px", spacing_px, 0.5, 50, "Distance between points of the result");
+    v.integer("working_side_px", working_side_px, 64, 4096,
+              "Shorter side of the grid that larger images are shrunk to");
   }
 };
 

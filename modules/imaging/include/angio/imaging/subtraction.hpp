@@ -11,9 +11,11 @@ namespace angio::imaging {
 
 /// How a mask frame is laid over a live one before it is subtracted.
 struct SubtractionSettings {
-  double max_shift_px = 16;  ///< The patient has breathed by less; 0 takes the mask as it is [px].
+  double max_shift_px = 16;
 
-  void visit(SettingsVisitor& v) { v.number("max_shift_px", max_shift_px, 0, 1000); }
+  void visit(SettingsVisitor& v) {
+    v.number("max_shift_px", max_shift_px, 0, 1000, "The patient has breathed by less; 0 takes the mask as it is");
+  }
 };
 
 /// The shift that moves `mask` onto `live` [px], as far as one shift can: live(p) looks like mask(p - shift).

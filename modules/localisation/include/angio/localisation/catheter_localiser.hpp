@@ -20,16 +20,17 @@ struct FrameOutcome;
 /// Settings of CatheterLocaliser.
 struct LocaliserSettings {
   // Places and motion.
-  double spacing_mm = 1;           ///< Between places on the tree.
-  double max_speed_mm_per_s = 60;  ///< Of the tip along the vessel, when nothing says how far it was pushed.
-  static constexpr double speed_std_mm_per_s = 10;  ///< The same, usual size.
+  double spacing_mm = 1;
+  double max_speed_mm_per_s = 60;
+  static constexpr double speed_std_mm_per_s =
+      10;                                  ///< Usual speed of the tip, when nothing says how far it was pushed.
   static constexpr double slip_std = 0.3;  ///< Share of a pushed length that friction and bends take or give back.
   double backlash_mm = 0.5;                ///< Motion of the tip that no push explains, a frame.
   static constexpr double jump_probability = 1e-6;  ///< That the filter was wrong and the tip is anywhere.
 
   // The image's shift against the pose: a walk that comes back to zero.
-  double shift_std_mm = 3;         ///< Per axis, at the tip's depth.
-  double shift_time_s = 2;         ///< Its correlation time.
+  double shift_std_mm = 3;
+  double shift_time_s = 2;         ///< Correlation time of the shift.
   double scale_std_percent = 0.5;  ///< Of the image's size, besides the pose's covariance; anew each frame.
   double roll_std_deg = 0.5;       ///< Of its turn in the image, the same.
 
@@ -46,9 +47,11 @@ struct LocaliserSettings {
   double lost_px = 15;                          ///< Mean distance above which the tip counts as lost.
 
   void visit(SettingsVisitor& v) {
-    v.number("spacing_mm", spacing_mm, 0.1, 20);
-    v.number("max_speed_mm_per_s", max_speed_mm_per_s, 0.1, 1000);
-    v.number("shift_std_mm", shift_std_mm, 0.01, 100);
+    v.number("spacing_mm", spacing_mm, 0.1, 20, "Distance between places on the tree");
+    v.number("max_speed_mm_per_s", max_speed_mm_per_s, 0.1, 1000,
+             "Largest speed of the tip along the vessel, when nothing says how far it was pushed");
+    v.number("shift_std_mm", shift_std_mm, 0.01, 100,
+             "Standard deviation of the image's shift against the pose, per axis, at the tip's depth");
   }
 };
 

@@ -28,12 +28,13 @@ struct SeenCatheterSettings {
   static constexpr double max_turn_deg = 60;  ///< A gap is crossed about straight on.
   static constexpr double min_piece_px = 15;  ///< Shorter pieces are noise unless a gap's other side needs them.
   static constexpr double min_curve_px = 40;  ///< A shorter catheter says nothing.
-  double border_px = 25;                      ///< An end this near to the detector's border leaves the image there.
-  double std_px = 1;                          ///< Of points whose extractor does not say.
+  double border_px = 25;
+  double std_px = 1;
 
   void visit(SettingsVisitor& v) {
-    v.number("border_px", border_px, 0, 1000);
-    v.number("std_px", std_px, 0.01, 100);
+    v.number("border_px", border_px, 0, 1000,
+             "A catheter's end this near to the detector's border leaves the image there");
+    v.number("std_px", std_px, 0.01, 100, "Standard deviation of points whose extractor does not say one");
   }
 };
 

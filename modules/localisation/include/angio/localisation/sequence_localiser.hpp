@@ -19,21 +19,24 @@ struct SequenceFrame {
 struct SequenceSettings {
   LocaliserSettings localiser;
 
-  // How wrong the frames' poses may be, all in the same way; per axis.
   double pose_translation_std_mm = 40;
   double pose_rotation_std_deg = 3;
 
-  // How far the vessels are from where the tree has them, the same in all frames: a catheter bends what it lies in.
-  double deformation_std_mm = 2;      ///< Per axis; 0: the tree is rigid.
-  double deformation_length_mm = 40;  ///< Along the vessel, over which it is about the same.
+  // A catheter bends what it lies in.
+  double deformation_std_mm = 2;
+  double deformation_length_mm = 40;  ///< Length along the vessel over which the deformation is about the same.
 
   static constexpr int rounds = 20;  ///< Of finding the path and then the pose, at most.
 
   void visit(SettingsVisitor& v) {
     v.section("localiser", [&](SettingsVisitor& inner) { localiser.visit(inner); });
-    v.number("pose_translation_std_mm", pose_translation_std_mm, 0.01, 1000);
-    v.number("pose_rotation_std_deg", pose_rotation_std_deg, 0.001, 90);
-    v.number("deformation_std_mm", deformation_std_mm, 0, 100);
+    v.number("pose_translation_std_mm", pose_translation_std_mm, 0.01, 1000,
+             "Standard deviation of the frames' poses, all wrong in the same way, per axis");
+    v.number("pose_rotation_std_deg", pose_rotation_std_deg, 0.001, 90,
+             "Standard deviation of the frames' rotations, all wrong in the same way, per axis");
+    v.number(
+        "deformation_std_mm", deformation_std_mm, 0, 100,
+        "How far the vessels are from where the tree has them, the same in all frames, per axis; 0: the tree is rigid");
   }
 };
 

@@ -20,28 +20,33 @@ namespace angio::messaging {
 
 /// What a network does to the messages of one channel. The default does nothing.
 struct DisturbanceSettings {
-  double loss_probability = 0;        ///< Of each message by itself.
-  double burst_probability = 0;       ///< That losses in a row begin with a message ...
-  double burst_messages = 10;         ///< ... and how many they are on average (geometric, Gilbert's model).
-  double delay_ms = 0;                ///< Of each message.
-  double jitter_ms = 0;               ///< Up to this much more, uniformly; messages keep their order.
-  double duplicate_probability = 0;   ///< That a message comes twice, the second time up to reorder_delay_ms later.
-  double reorder_probability = 0;     ///< That a message is overtaken by those behind it ...
-  double reorder_delay_ms = 100;      ///< ... as many as come in up to this time.
-  double corruption_probability = 0;  ///< That one to four bytes of a message are others.
-  bool stalled = false;               ///< Nothing comes through; all of it at once when this ends.
+  double loss_probability = 0;
+  double burst_probability = 0;
+  double burst_messages = 10;
+  double delay_ms = 0;
+  double jitter_ms = 0;
+  double duplicate_probability = 0;
+  double reorder_probability = 0;
+  double reorder_delay_ms = 100;
+  double corruption_probability = 0;
+  bool stalled = false;
 
   void visit(SettingsVisitor& v) {
-    v.number("loss_probability", loss_probability, 0, 1);
-    v.number("burst_probability", burst_probability, 0, 1);
-    v.number("burst_messages", burst_messages, 1, 1e6);
-    v.number("delay_ms", delay_ms, 0, 60e3);
-    v.number("jitter_ms", jitter_ms, 0, 60e3);
-    v.number("duplicate_probability", duplicate_probability, 0, 1);
-    v.number("reorder_probability", reorder_probability, 0, 1);
-    v.number("reorder_delay_ms", reorder_delay_ms, 0, 60e3);
-    v.number("corruption_probability", corruption_probability, 0, 1);
-    v.flag("stalled", stalled);
+    v.number("loss_probability", loss_probability, 0, 1, "Probability that a message is lost, each by itself");
+    v.number("burst_probability", burst_probability, 0, 1, "Probability that losses in a row begin with a message");
+    v.number("burst_messages", burst_messages, 1, 1e6, "Losses in a row, on average (geometric, Gilbert's model)");
+    v.number("delay_ms", delay_ms, 0, 60e3, "Delay of each message");
+    v.number("jitter_ms", jitter_ms, 0, 60e3,
+             "Further delay of each message, uniform up to this; messages keep their order");
+    v.number("duplicate_probability", duplicate_probability, 0, 1,
+             "Probability that a message comes twice, the second time up to reorder_delay_ms later");
+    v.number("reorder_probability", reorder_probability, 0, 1,
+             "Probability that a message is overtaken by those behind it");
+    v.number("reorder_delay_ms", reorder_delay_ms, 0, 60e3,
+             "Messages that come in up to this time later overtake one that is reordered");
+    v.number("corruption_probability", corruption_probability, 0, 1,
+             "Probability that one to four bytes of a message are others");
+    v.flag("stalled", stalled, "Nothing comes through; all of it at once when this ends");
   }
 };
 

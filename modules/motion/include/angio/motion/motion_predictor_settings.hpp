@@ -11,13 +11,13 @@ namespace angio::motion {
 /// The defaults are those of an organ under the diaphragm: breaths of 15 mm in 4 s that differ by 15 % from each other,
 /// a heartbeat of a few millimetres, a slow drift, seen 15 times a second to some tenths of a millimetre.
 struct MotionPredictorSettings {
-  double breathing_low_hz = 0.1, breathing_high_hz = 0.6;  ///< Where breathing is looked for.
-  double heart_low_hz = 0.7, heart_high_hz = 3;            ///< Where the heart is.
-  static constexpr int breathing_harmonics = 3;            ///< Lujan's sin^4 has two.
+  double breathing_low_hz = 0.1, breathing_high_hz = 0.6;
+  double heart_low_hz = 0.7, heart_high_hz = 3;
+  static constexpr int breathing_harmonics = 3;  ///< Lujan's sin^4 has two.
   static constexpr int heart_harmonics =
       5;  ///< As many of them as half the frame rate allows; 0: no heart is looked for.
-  static constexpr double breaths_to_learn = 2;     ///< Before as many have been seen, nothing is taken for periodic.
-  double memory_s = 20;                             ///< What frequencies are looked for in.
+  static constexpr double breaths_to_learn = 2;  ///< Before as many have been seen, nothing is taken for periodic.
+  double memory_s = 20;
   static constexpr double amplitude_memory_s = 25;  ///< Over this time a harmonic's amplitude and phase are forgotten.
   static constexpr double drift_std_mm_per_s =
       0.5;  ///< Of the resting position: its speed; it changes over `amplitude_memory_s`.
@@ -36,11 +36,11 @@ struct MotionPredictorSettings {
   static constexpr double scoring_memory_s = 3;      ///< Time constant of that comparison.
 
   void visit(SettingsVisitor& v) {
-    v.number("breathing_low_hz", breathing_low_hz, 0.02, 10);
-    v.number("breathing_high_hz", breathing_high_hz, 0.02, 10);
-    v.number("heart_low_hz", heart_low_hz, 0.1, 20);
-    v.number("heart_high_hz", heart_high_hz, 0.1, 20);
-    v.number("memory_s", memory_s, 2, 120);
+    v.number("breathing_low_hz", breathing_low_hz, 0.02, 10, "Lowest frequency at which breathing is looked for");
+    v.number("breathing_high_hz", breathing_high_hz, 0.02, 10, "Highest frequency at which breathing is looked for");
+    v.number("heart_low_hz", heart_low_hz, 0.1, 20, "Lowest frequency at which the heartbeat is looked for");
+    v.number("heart_high_hz", heart_high_hz, 0.1, 20, "Highest frequency at which the heartbeat is looked for");
+    v.number("memory_s", memory_s, 2, 120, "Length of the past that frequencies are looked for in");
   }
 };
 

@@ -24,32 +24,36 @@ struct CameraPlace {
 /// The joints say where the camera is, so all that a frame can teach is how the patient lies: one small, slow unknown.
 /// With `follow_motion` the place of the tree's centroid is a quick one as well, which breathes.
 struct PatientTrackerSettings {
-  double calibration_rotation_std_deg = 2;    ///< Of the calibration, per axis: how far a first registration may look.
-  double calibration_translation_std_mm = 6;  ///< Per axis.
+  double calibration_rotation_std_deg = 2;
+  double calibration_translation_std_mm = 6;
   static constexpr double tracking_rotation_std_deg = 0.7;  ///< Between two frames, once a frame has been trusted.
   static constexpr double tracking_translation_std_mm = 3;
-  double memory_frames = 8;   ///< Trusted frames that are averaged over; 1: only the newest counts.
-  int frames_until_lost = 3;  ///< Untrusted frames in a row after which the search is wide again.
+  double memory_frames = 8;  ///< Trusted frames that are averaged over; 1: only the newest counts.
+  int frames_until_lost = 3;
 
-  /// Whether the next frame is looked for where the centroid's motion is predicted to be, and not where it has been on
-  /// average. `memory_frames` is of the rotation then. Tasks for a patient who moves, centre and hold, want it.
+  // `memory_frames` is of the rotation alone with it. Tasks for a patient who moves, centre and hold, want it.
   bool follow_motion = false;
   MotionPredictorSettings motion;
 
-  /// With `follow_motion`: a tracked frame that the rigid tree explains only in part is asked once more with the tree
-  /// deformed, and trusted when that explains it and deforms it by no more than this (rms over the tree); 0: not asked.
   double max_deformation_mm = 4;
 
   /// Of the calibrated pose's twist about the tree's centroid, as PosePrior has it.
   Matrix6d calibrationCovariance() const;
 
   void visit(SettingsVisitor& v) {
-    v.number("calibration_rotation_std_deg", calibration_rotation_std_deg, 1e-3, 90);
-    v.number("calibration_translation_std_mm", calibration_translation_std_mm, 1e-3, 1000);
-    v.integer("frames_until_lost", frames_until_lost, 1, 1000);
-    v.flag("follow_motion", follow_motion);
+    v.number("calibration_rotation_std_deg", calibration_rotation_std_deg, 1e-3, 90,
+             "Standard deviation of the calibration's rotation, per axis: how far a first registration may look");
+    v.number("calibration_translation_std_mm", calibration_translation_std_mm, 1e-3, 1000,
+             "Standard deviation of the calibration's translation, per axis: how far a first registration may look");
+    v.integer("frames_until_lost", frames_until_lost, 1, 1000,
+              "Untrusted frames in a row after which the search is wide again");
+    v.flag("follow_motion", follow_motion,
+           "The next frame is looked for where the centroid's motion is predicted to be, and not where it has been on "
+           "average");
     v.section("motion", [this](SettingsVisitor& fields) { motion.visit(fields); });
-    v.number("max_deformation_mm", max_deformation_mm, 0, 100);
+    v.number("max_deformation_mm", max_deformation_mm, 0, 100,
+             "With follow_motion: largest deformation (rms over the tree) by which a frame that the rigid tree "
+             "explains only in part may still be trusted; 0: not tried");
   }
 };
 

@@ -15,26 +15,35 @@ namespace angio::perception {
 
 /// Bounds on what a registration may say before it moves a machine. Every bound that is exceeded ends in a hold.
 struct RegistrationGateSettings {
-  double max_state_age_ms = 200;           ///< Between the frame and the joints it is read with.
-  double max_calibration_offset_deg = 12;  ///< Largest disagreement with the calibration: a creeping error ends here.
+  double max_state_age_ms = 200;
+  double max_calibration_offset_deg = 12;
   double max_calibration_offset_mm = 40;
-  double max_innovation_deg = 2.5;      ///< Largest disagreement with the prediction while tracking.
-  double max_innovation_mm = 10;        ///< Across the beam.
-  double max_innovation_depth_mm = 30;  ///< Along it: one view sees depth poorly, above all of a tree that deforms.
-  double max_target_std_mm = 3;   ///< Standard deviation of the target, in the worst direction that the task needs.
-  double command_valid_ms = 200;  ///< How long a C-arm's command may be obeyed: three frames at 15 a second.
+  double max_innovation_deg = 2.5;
+  double max_innovation_mm = 10;
+  double max_innovation_depth_mm = 30;
+  double max_target_std_mm = 3;
+  double command_valid_ms = 200;
 
   std::int64_t commandValidity_us() const { return std::llround(command_valid_ms * 1e3); }
 
   void visit(SettingsVisitor& v) {
-    v.number("max_state_age_ms", max_state_age_ms, 1, 10000);
-    v.number("max_calibration_offset_deg", max_calibration_offset_deg, 0.01, 180);
-    v.number("max_calibration_offset_mm", max_calibration_offset_mm, 0.01, 1000);
-    v.number("max_innovation_deg", max_innovation_deg, 0.01, 180);
-    v.number("max_innovation_mm", max_innovation_mm, 0.01, 1000);
-    v.number("max_innovation_depth_mm", max_innovation_depth_mm, 0.01, 1000);
-    v.number("max_target_std_mm", max_target_std_mm, 1e-3, 1000);
-    v.number("command_valid_ms", command_valid_ms, 10, 1000);
+    v.number("max_state_age_ms", max_state_age_ms, 1, 10000,
+             "Largest time between a frame and the joints it is read with");
+    v.number("max_calibration_offset_deg", max_calibration_offset_deg, 0.01, 180,
+             "Largest rotation between registration and calibration: a creeping error ends here");
+    v.number("max_calibration_offset_mm", max_calibration_offset_mm, 0.01, 1000,
+             "Largest shift between registration and calibration: a creeping error ends here");
+    v.number("max_innovation_deg", max_innovation_deg, 0.01, 180,
+             "Largest rotation between registration and prediction while tracking");
+    v.number("max_innovation_mm", max_innovation_mm, 0.01, 1000,
+             "Largest shift between registration and prediction while tracking, across the beam");
+    v.number("max_innovation_depth_mm", max_innovation_depth_mm, 0.01, 1000,
+             "Largest shift between registration and prediction while tracking, along the beam: one view sees depth "
+             "poorly, above all of a tree that deforms");
+    v.number("max_target_std_mm", max_target_std_mm, 1e-3, 1000,
+             "Standard deviation of the target, in the worst direction that the task needs");
+    v.number("command_valid_ms", command_valid_ms, 10, 1000,
+             "How long a C-arm's command may be obeyed: three frames at 15 a second");
   }
 };
 

@@ -17,8 +17,8 @@ enum class DeformationDetail {
 struct DeformationSettings {
   DeformationDetail detail = DeformationDetail::kFull;
 
-  double std_mm = 4;                     ///< Size of the displacement, per axis.
-  double length_mm = 60;                 ///< Points nearer to each other than this, and than half of it, move alike.
+  double std_mm = 4;
+  double length_mm = 60;
   static constexpr int max_modes = 60;   ///< Of the smooth field, per axis.
   static constexpr double node_mm = 10;  ///< Displacements are linear along the vessel between nodes so far apart.
 
@@ -26,9 +26,10 @@ struct DeformationSettings {
   static constexpr double local_length_mm = 20;  ///< kFull: length along the vessel over which it stays the same.
 
   void visit(SettingsVisitor& v) {
-    v.choice("detail", detail, {"low_rank", "full"});
-    v.number("std_mm", std_mm, 1e-3, 1e3);
-    v.number("length_mm", length_mm, 1, 1e4);
+    v.choice("detail", detail, {"low_rank", "full"},
+             "A smooth field of some tens of modes, or on top of it a small correction of each stretch of vessel");
+    v.number("std_mm", std_mm, 1e-3, 1e3, "Standard deviation of the displacement, per axis");
+    v.number("length_mm", length_mm, 1, 1e4, "Points nearer to each other than this, and than half of it, move alike");
   }
 };
 
@@ -51,26 +52,30 @@ struct OrientedKernelSettings {
   double prior_rotation_std_deg = 5;
   double prior_translation_std_mm = 10;
 
-  int starts = 128;  ///< Of a search that does not say how many.
+  int starts = 128;
   static constexpr double along_stiffness =
       0.2;  ///< Stiffness along a vessel relative to across it; 1 never lowers the objective.
 
-  double spacing_mm = 1;  ///< Longest edge of the model; 0 keeps the points as they are.
-  double spacing_px = 2;  ///< Longest step of the image's centreline.
+  double spacing_mm = 1;
+  double spacing_px = 2;
   int max_points_3d = 15000;
-  static constexpr int max_points_2d = 4000;  ///< More are thinned evenly.
+  static constexpr int max_points_2d = 4000;  ///< Of the image; more are thinned evenly.
 
   DeformationSettings nonrigid;
 
   void visit(SettingsVisitor& v) {
-    v.choice("deformation", deformation, {"rigid", "nonrigid"});
-    v.choice("direction", direction, {"auto", "model_to_image", "image_to_model"});
-    v.number("prior_rotation_std_deg", prior_rotation_std_deg, 1e-3, 180);
-    v.number("prior_translation_std_mm", prior_translation_std_mm, 1e-3, 1e4);
-    v.integer("starts", starts, 1, 100000);
-    v.number("spacing_mm", spacing_mm, 0, 100);
-    v.number("spacing_px", spacing_px, 0.1, 100);
-    v.integer("max_points_3d", max_points_3d, 10, 100000);
+    v.choice("deformation", deformation, {"rigid", "nonrigid"}, "Whether the tree may deform");
+    v.choice(
+        "direction", direction, {"auto", "model_to_image", "image_to_model"},
+        "Which side looks for its match on the other; auto: image to model when the image shows little of the model");
+    v.number("prior_rotation_std_deg", prior_rotation_std_deg, 1e-3, 180,
+             "Standard deviation of the start's rotation, per axis, when the start brings no covariance");
+    v.number("prior_translation_std_mm", prior_translation_std_mm, 1e-3, 1e4,
+             "Standard deviation of the start's translation, per axis, when the start brings no covariance");
+    v.integer("starts", starts, 1, 100000, "Starts of a search that does not say how many");
+    v.number("spacing_mm", spacing_mm, 0, 100, "Longest edge of the model; 0 keeps the points as they are");
+    v.number("spacing_px", spacing_px, 0.1, 100, "Longest step of the image's centreline");
+    v.integer("max_points_3d", max_points_3d, 10, 100000, "Most points of the model");
     v.section("nonrigid", [&](SettingsVisitor& inner) { nonrigid.visit(inner); });
   }
 };

@@ -11,25 +11,25 @@ namespace angio::simulation {
 /// (Medical Design Briefs, The benefits of embedding marker bands vs. swaging); the band's length and opacity are ours.
 struct CatheterSettings {
   double diameter_mm = 0.7;
-  double attenuation_per_m = 300;  ///< Linear, above blood's: a braid and a filled wall.
-  double marker_length_mm = 1.5;   ///< Of platinum, at the tip.
-  double tip_length_mm = 6;        ///< From its bend to its end.
-  double tip_angle_deg = 25;       ///< As it was shaped.
-  double max_bend_deg = 90;        ///< That steering adds; 0: it cannot be steered.
-  double roll_zero_deg = 0;        ///< Where the bend points when the drive's roll is 0: nobody tells the loop.
-  double length_mm = 1500;         ///< That the drive can push in.
+  double attenuation_per_m = 300;
+  double marker_length_mm = 1.5;
+  double tip_length_mm = 6;
+  double tip_angle_deg = 25;
+  double max_bend_deg = 90;
+  double roll_zero_deg = 0;
+  double length_mm = 1500;
 
   double insertion_backlash_mm = 0.6;
   double roll_backlash_deg = 6;
   double bend_backlash_deg = 2;
   static constexpr double slack_mm_per_rad = 0.1;  ///< Between the inner and the outer wall, for each radian of bends.
-  double friction = 0.02;                          ///< Coulomb's, between catheter and wall.
-  static constexpr double drag_n_per_m = 0.5;      ///< Of a straight catheter.
+  double friction = 0.02;
+  static constexpr double drag_n_per_m = 0.5;  ///< Of a straight catheter.
   static constexpr double wind_up_deg_per_m =
       60;  ///< Of the shaft, before the tip turns; it grows with bends as friction does.
-  static constexpr double unwind_mm = 20;                  ///< Sliding that lets two thirds of the wind-up out.
-  static constexpr double stiffness_n_per_m = 400;         ///< Of the catheter in compression.
-  double buckling_force_n = 1;                             ///< More than that cannot be pushed through it.
+  static constexpr double unwind_mm = 20;           ///< Sliding that lets two thirds of the wind-up out.
+  static constexpr double stiffness_n_per_m = 400;  ///< Of the catheter in compression.
+  double buckling_force_n = 1;
   static constexpr double tip_stiffness_n_per_rad = 0.05;  ///< Of the tip against its bend.
   static constexpr double contact_force_n = 0.05;          ///< At the tip, from where it counts as a contact.
   static constexpr double cone_deg = 70;  ///< A tip that points further beside a branch's lumen does not enter it.
@@ -39,22 +39,24 @@ struct CatheterSettings {
   double max_bend_speed_deg_per_s = 90;
 
   void visit(SettingsVisitor& v) {
-    v.number("diameter_mm", diameter_mm, 0.1, 5);
-    v.number("attenuation_per_m", attenuation_per_m, 0, 1e4);
-    v.number("marker_length_mm", marker_length_mm, 0, 50);
-    v.number("tip_length_mm", tip_length_mm, 1, 50);
-    v.number("tip_angle_deg", tip_angle_deg, 0, 120);
-    v.number("max_bend_deg", max_bend_deg, 0, 120);
-    v.number("roll_zero_deg", roll_zero_deg, -360, 360);
-    v.number("length_mm", length_mm, 10, 5000);
-    v.number("insertion_backlash_mm", insertion_backlash_mm, 0, 20);
-    v.number("roll_backlash_deg", roll_backlash_deg, 0, 180);
-    v.number("bend_backlash_deg", bend_backlash_deg, 0, 60);
-    v.number("friction", friction, 0, 0.5);
-    v.number("buckling_force_n", buckling_force_n, 0.01, 100);
-    v.number("max_insertion_speed_mm_per_s", max_insertion_speed_mm_per_s, 0.1, 200);
-    v.number("max_roll_speed_deg_per_s", max_roll_speed_deg_per_s, 1, 3600);
-    v.number("max_bend_speed_deg_per_s", max_bend_speed_deg_per_s, 1, 720);
+    v.number("diameter_mm", diameter_mm, 0.1, 5, "Diameter of the catheter");
+    v.number("attenuation_per_m", attenuation_per_m, 0, 1e4,
+             "Linear attenuation above that of blood: a braid and a filled wall");
+    v.number("marker_length_mm", marker_length_mm, 0, 50, "Length of the platinum marker at the tip");
+    v.number("tip_length_mm", tip_length_mm, 1, 50, "Length of the tip from its bend to its end");
+    v.number("tip_angle_deg", tip_angle_deg, 0, 120, "Angle of the tip as it was shaped");
+    v.number("max_bend_deg", max_bend_deg, 0, 120, "Largest bend that steering adds; 0: it cannot be steered");
+    v.number("roll_zero_deg", roll_zero_deg, -360, 360,
+             "Where the bend points when the drive's roll is 0: nobody tells the loop");
+    v.number("length_mm", length_mm, 10, 5000, "Length that the drive can push in");
+    v.number("insertion_backlash_mm", insertion_backlash_mm, 0, 20, "Backlash of the insertion");
+    v.number("roll_backlash_deg", roll_backlash_deg, 0, 180, "Backlash of the roll");
+    v.number("bend_backlash_deg", bend_backlash_deg, 0, 60, "Backlash of the bend");
+    v.number("friction", friction, 0, 0.5, "Coulomb's coefficient of friction between catheter and wall");
+    v.number("buckling_force_n", buckling_force_n, 0.01, 100, "Largest force that can be pushed through the catheter");
+    v.number("max_insertion_speed_mm_per_s", max_insertion_speed_mm_per_s, 0.1, 200, "Largest speed of the insertion");
+    v.number("max_roll_speed_deg_per_s", max_roll_speed_deg_per_s, 1, 3600, "Largest speed of the roll");
+    v.number("max_bend_speed_deg_per_s", max_bend_speed_deg_per_s, 1, 720, "Largest speed of the bend");
   }
 };
 

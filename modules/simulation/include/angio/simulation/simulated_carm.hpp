@@ -32,13 +32,15 @@ struct IgnoredCommands {
 
 /// What a receiver asks of a command before it moves by it: the last gate, for it alone sees what arrives and when.
 struct ReceiverSettings {
-  double max_command_age_ms = 300;   ///< Since the frame behind it, by the machine's clock, which is the frames'.
-  double max_command_lead_ms = 100;  ///< That its frame may be ahead of the machine's clock.
-  double max_overspeed = 10;         ///< Times a speed limit: less is cut to the limit, more is in wrong units.
+  double max_command_age_ms = 300;
+  double max_command_lead_ms = 100;
+  double max_overspeed = 10;  ///< Times a speed limit: less is cut to the limit, more is in wrong units.
 
   void visit(SettingsVisitor& v) {
-    v.number("max_command_age_ms", max_command_age_ms, 1, 60e3);
-    v.number("max_command_lead_ms", max_command_lead_ms, 0, 60e3);
+    v.number("max_command_age_ms", max_command_age_ms, 1, 60e3,
+             "Largest time since the frame behind a command, by the machine's clock, which is the frames'");
+    v.number("max_command_lead_ms", max_command_lead_ms, 0, 60e3,
+             "How far a command's frame may be ahead of the machine's clock");
   }
 };
 

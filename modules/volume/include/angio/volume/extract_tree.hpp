@@ -17,21 +17,23 @@ enum class CentrelineEnd { kWall, kSphere };
 struct CentrelineSettings {
   static constexpr const char* kName = "centreline";
 
-  double voxel_mm = 0;       ///< Equal voxels that the shape is thinned on; 0 takes the volume's smallest spacing [mm].
-  double min_branch_mm = 3;  ///< Side branches that reach less out of their parent are spurs [mm].
-  static constexpr double min_branch_radii = 0.5;  ///< The same, in radii of the parent.
-  double min_tree_mm = 10;                         ///< Trees of less length in all are dropped [mm].
-  static constexpr double smoothing_mm = 5;        ///< Shorter waves of a centreline are noise [mm].
-  static constexpr double smoothing_radii = 4;     ///< The same, in radii of the vessel; the larger counts.
+  double voxel_mm = 0;
+  double min_branch_mm = 3;
+  static constexpr double min_branch_radii = 0.5;  ///< Least reach of side branches as well, in radii of the parent.
+  double min_tree_mm = 10;
+  static constexpr double smoothing_mm = 5;     ///< Shorter waves of a centreline are noise [mm].
+  static constexpr double smoothing_radii = 4;  ///< The same, in radii of the vessel; the larger counts.
   CentrelineEnd ends = CentrelineEnd::kWall;
-  double spacing_mm = 1;  ///< Distance between points of the result [mm].
+  double spacing_mm = 1;
 
   void visit(SettingsVisitor& v) {
-    v.number("voxel_mm", voxel_mm, 0, 20);
-    v.number("min_branch_mm", min_branch_mm, 0, 1000);
-    v.number("min_tree_mm", min_tree_mm, 0, 1e4);
-    v.choice("ends", ends, {"wall", "sphere"});
-    v.number("spacing_mm", spacing_mm, 0.05, 100);
+    v.number("voxel_mm", voxel_mm, 0, 20,
+             "Side of the equal voxels that the shape is thinned on; 0 takes the volume's smallest spacing");
+    v.number("min_branch_mm", min_branch_mm, 0, 1000, "Side branches that reach less out of their parent are spurs");
+    v.number("min_tree_mm", min_tree_mm, 0, 1e4, "Trees of less length in all are dropped");
+    v.choice("ends", ends, {"wall", "sphere"},
+             "Where a centreline ends: at the vessel's wall, or at the centre of the last sphere inside it");
+    v.number("spacing_mm", spacing_mm, 0.05, 100, "Distance between points of the result");
   }
 };
 

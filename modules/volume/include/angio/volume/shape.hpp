@@ -29,19 +29,20 @@ struct ThresholdSettings {
 struct VesselnessSettings {
   static constexpr const char* kName = "vesselness";
 
-  double min_radius_mm = 1;  ///< Of the vessels that are looked for [mm].
-  double max_radius_mm = 4;  ///< [mm].
-  int scales = 3;            ///< Radii looked at, in equal ratios.
+  double min_radius_mm = 1;
+  double max_radius_mm = 4;
+  int scales = 3;  ///< Radii looked at, in equal ratios.
   static constexpr double uniformity =
       0.5;  ///< The paper's tau: small values let weak vessels answer like strong ones.
   double strong = 0.8;
   double weak = 0.5;
 
   void visit(SettingsVisitor& v) {
-    v.number("min_radius_mm", min_radius_mm, 0.05, 100);
-    v.number("max_radius_mm", max_radius_mm, 0.05, 100);
-    v.number("strong", strong, 0, 1);
-    v.number("weak", weak, 0, 1);
+    v.number("min_radius_mm", min_radius_mm, 0.05, 100, "Radius of the thinnest vessels that are looked for");
+    v.number("max_radius_mm", max_radius_mm, 0.05, 100, "Radius of the widest vessels that are looked for");
+    v.number("strong", strong, 0, 1, "Vesselness from which on a voxel is a vessel's");
+    v.number("weak", weak, 0, 1,
+             "Vesselness from which on a voxel is a vessel's when it hangs together with a strong one");
   }
 };
 
@@ -52,12 +53,12 @@ using ShapeSettings = std::variant<LabelSettings, ThresholdSettings, VesselnessS
 struct SelectionSettings {
   static constexpr const char* kName = "selection";
 
-  int max_pieces = 0;         ///< Only so many, by volume; 0 keeps all.
-  double min_piece_mm3 = 30;  ///< Smaller ones are noise [mm^3].
+  int max_pieces = 0;
+  double min_piece_mm3 = 30;
 
   void visit(SettingsVisitor& v) {
-    v.integer("max_pieces", max_pieces, 0, 100000);
-    v.number("min_piece_mm3", min_piece_mm3, 0, 1e9);
+    v.integer("max_pieces", max_pieces, 0, 100000, "Only so many pieces are kept, by volume; 0 keeps all");
+    v.number("min_piece_mm3", min_piece_mm3, 0, 1e9, "Smaller pieces are noise");
   }
 };
 

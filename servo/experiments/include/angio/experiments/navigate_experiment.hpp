@@ -16,23 +16,25 @@ namespace angio::experiments {
 /// lab. The catheter's controller asks for views, the C-arm's loop goes there by what the images show, and an injector
 /// fills the vessels with contrast agent while a view is being reached and until a roadmap can have been made.
 struct NavigateExperimentSettings {
-  double roadmap_contrast_s = 1.5;              ///< That contrast agent is injected for after a view is reached.
-  double max_s = 240;                           ///< A journey that takes longer has failed.
+  double roadmap_contrast_s = 1.5;
+  double max_s = 240;
   static constexpr double min_radius_mm = 0.4;  ///< Targets are branches that no narrower vessel leads to.
-  double min_route_mm = 60;                     ///< From the root to the target.
+  double min_route_mm = 60;
   static constexpr double into_branch_mm = 10;  ///< The target in its branch, or four fifths of a shorter one.
-  double calibration_error_deg = 1;             ///< Of T_dsa_cb.
+  double calibration_error_deg = 1;
   double calibration_error_mm = 3;
-  int detector_px = 512;  ///< Width and height of the detector's image: fluoroscopy reads its pixels out in fours.
+  int detector_px = 512;
   LabSettings lab;
 
   void visit(SettingsVisitor& v) {
-    v.number("roadmap_contrast_s", roadmap_contrast_s, 0, 60);
-    v.number("max_s", max_s, 1, 1e4);
-    v.number("min_route_mm", min_route_mm, 0, 1000);
-    v.number("calibration_error_deg", calibration_error_deg, 0, 10);
-    v.number("calibration_error_mm", calibration_error_mm, 0, 50);
-    v.integer("detector_px", detector_px, 256, 2048);
+    v.number("roadmap_contrast_s", roadmap_contrast_s, 0, 60,
+             "How long contrast agent is injected after a view is reached");
+    v.number("max_s", max_s, 1, 1e4, "A journey that takes longer has failed");
+    v.number("min_route_mm", min_route_mm, 0, 1000, "Least way from the root to the target");
+    v.number("calibration_error_deg", calibration_error_deg, 0, 10, "Error of the rotation of T_dsa_cb");
+    v.number("calibration_error_mm", calibration_error_mm, 0, 50, "Error of the translation of T_dsa_cb");
+    v.integer("detector_px", detector_px, 256, 2048,
+              "Width and height of the detector's image: fluoroscopy reads its pixels out in fours");
     v.section("lab", [this](SettingsVisitor& s) { lab.visit(s); });
   }
 };

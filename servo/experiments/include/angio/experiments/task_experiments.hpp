@@ -43,13 +43,14 @@ std::string viewExperimentTable(const Json& summary);
 /// Many closed-loop simulations of the task `centre`, each of another point of the tree in another patient who
 /// breathes, seen from another side; and each once more by the same task without prediction.
 struct CenterExperimentSettings {
-  double breathing_mm = 15;  ///< Of the target: what is nearer to the feet moves less, so that the tree deforms.
-  double heartbeat_mm = 2;   ///< Of the target, in systole.
-  double learn_s = 12;       ///< Errors count from then on: two breaths, and some.
+  double breathing_mm = 15;
+  double heartbeat_mm = 2;
+  double learn_s = 12;  ///< Errors count from then on: two breaths, and some.
 
   void visit(SettingsVisitor& v) {
-    v.number("breathing_mm", breathing_mm, 0, 60);
-    v.number("heartbeat_mm", heartbeat_mm, 0, 20);
+    v.number("breathing_mm", breathing_mm, 0, 60,
+             "Motion of the target by breathing: what is nearer to the feet moves less, so that the tree deforms");
+    v.number("heartbeat_mm", heartbeat_mm, 0, 20, "Motion of the target in systole");
   }
 };
 Json centerExperiment(const LoopParts& parts, const CenterExperimentSettings& experiment,

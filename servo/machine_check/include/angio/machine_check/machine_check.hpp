@@ -31,9 +31,9 @@ struct MachineCheckSettings {
   CArmGeometry carm;                          ///< As calibrated.
   CArmLimits limits = CArmLimits::typical();  ///< Of the machine.
   Pose T_dsa_cb = Pose::Identity();           ///< The tree in the patient frame, as calibrated.
-  double watch_s = 3;                         ///< That it only watches at first.
-  bool move = false;                          ///< Whether it moves the machine then; each joint out and back.
-  double angle_deg = 2, table_mm = 10;        ///< How far.
+  double watch_s = 3;
+  bool move = false;  ///< Whether it moves the machine after watching; each joint out and back.
+  double angle_deg = 2, table_mm = 10;
   double angle_speed_deg_per_s = 2, table_speed_mm_per_s = 10;
 
   void visit(SettingsVisitor& v);

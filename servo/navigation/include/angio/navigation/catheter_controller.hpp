@@ -16,16 +16,15 @@ namespace angio::navigation {
 /// How a catheter's controller observes and steers.
 struct CatheterControllerSettings {
   CatheterLoopSettings loop;
-  PerceptionSettings perception;               ///< Of the roadmap.
-  RegistrationGateSettings supervisor;         ///< The same: which registrations are used.
-  int roadmap_frames = 3;                      ///< Accepted registrations in a row that make a roadmap ...
-  static constexpr int washed_out_frames = 3;  ///< ... and in a row without one before the catheter alone is sought.
-  static constexpr double max_turn_deg = 0.3;  ///< Of the C-arm since the roadmap, above which a new one is made.
+  PerceptionSettings perception;        ///< Of the roadmap.
+  RegistrationGateSettings supervisor;  ///< The same: which registrations are used.
+  int roadmap_frames = 3;
+  static constexpr int washed_out_frames =
+      3;  ///< Frames in a row without an accepted one before the catheter alone is sought.
+  static constexpr double max_turn_deg = 0.3;        ///< Of the C-arm since the roadmap, above which a new one is made.
   static constexpr double max_shift_error_mm = 0.5;  ///< The same of the table: what an unsure depth makes of its way.
-  double max_drive_age_ms = 150;                     ///< Between a frame and the drive's state that it is read with.
+  double max_drive_age_ms = 150;
 
-  /// Whether the C-arm is asked for the best view of the stretch around the tip (VIEW_REQUEST), and for another when
-  /// one is ambiguous. Otherwise it stays where it is.
   bool ask_for_views = false;
   ViewPlannerSettings view;
   static constexpr double view_within_deg = 1;     ///< A requested view is reached when the beam is as near as this ...
@@ -46,9 +45,12 @@ struct CatheterControllerSettings {
   void visit(SettingsVisitor& v) {
     loop.visit(v);
     v.section("supervisor", [this](SettingsVisitor& s) { supervisor.visit(s); });
-    v.integer("roadmap_frames", roadmap_frames, 1, 1000);
-    v.number("max_drive_age_ms", max_drive_age_ms, 1, 10e3);
-    v.flag("ask_for_views", ask_for_views);
+    v.integer("roadmap_frames", roadmap_frames, 1, 1000, "Accepted registrations in a row that make a roadmap");
+    v.number("max_drive_age_ms", max_drive_age_ms, 1, 10e3,
+             "Largest time between a frame and the drive's state that it is read with");
+    v.flag("ask_for_views", ask_for_views,
+           "The C-arm is asked for the best view of the stretch around the tip (VIEW_REQUEST), and for another when "
+           "one is ambiguous; otherwise it stays where it is");
     v.section("view", [this](SettingsVisitor& s) { view.visit(s); });
     safety.visit(v);
     v.section("drive", [this](SettingsVisitor& s) { drive.visit(s); });

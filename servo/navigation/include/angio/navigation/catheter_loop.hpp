@@ -25,13 +25,13 @@ struct CatheterLoopSettings {
   CatheterTracerSettings tracer;
   LocaliserSettings localiser = besideDrive();
   static constexpr double start_std_mm = 5;  ///< Of the place where the tip is said to be at first.
-  double latency_ms = 80;                    ///< From an exposure until its command moves the drive.
+  double latency_ms = 80;
 
   void visit(SettingsVisitor& v) {
     v.section("navigator", [this](SettingsVisitor& s) { navigator.visit(s); });
     v.section("tracer", [this](SettingsVisitor& s) { tracer.visit(s); });
     v.section("localiser", [this](SettingsVisitor& s) { localiser.visit(s); });
-    v.number("latency_ms", latency_ms, 0, 1000);
+    v.number("latency_ms", latency_ms, 0, 1000, "Time from an exposure until its command moves the drive");
   }
 };
 

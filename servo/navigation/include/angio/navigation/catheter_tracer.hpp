@@ -13,18 +13,18 @@ namespace angio::navigation {
 
 /// What the tracer knows of the catheter, and how far it looks.
 struct CatheterTracerSettings {
-  double diameter_mm = 0.7;                    ///< Of the catheter.
-  double marker_length_mm = 1.5;               ///< Of the radio-opaque band at its tip.
-  double behind_mm = 80;                       ///< Of the believed tip, the trace begins.
-  double ahead_mm = 30;                        ///< Of it, along any vessel, a tip is looked for.
+  double diameter_mm = 0.7;
+  double marker_length_mm = 1.5;
+  double behind_mm = 80;  ///< How far behind the believed tip the trace begins.
+  double ahead_mm = 30;
   static constexpr double slack_mm = 0.8;      ///< The image may show vessels beside where the pose has them.
   static constexpr double along_std_mm = 0.6;  ///< Of a tip beside the cross-section that its place stands for.
   static constexpr double marker_ratio = 2;    ///< The band is more than so many times as dark as the catheter.
 
   void visit(SettingsVisitor& v) {
-    v.number("diameter_mm", diameter_mm, 0.1, 5);
-    v.number("marker_length_mm", marker_length_mm, 0.1, 20);
-    v.number("ahead_mm", ahead_mm, 5, 200);
+    v.number("diameter_mm", diameter_mm, 0.1, 5, "Diameter of the catheter");
+    v.number("marker_length_mm", marker_length_mm, 0.1, 20, "Length of the radio-opaque band at the catheter's tip");
+    v.number("ahead_mm", ahead_mm, 5, 200, "How far ahead of the believed tip, along any vessel, a tip is looked for");
   }
 };
 

@@ -13,22 +13,28 @@ namespace angio::navigation {
 
 /// What a catheter's drive does with its commands when it is sound.
 struct DriveMonitorSettings {
-  double max_latency_ms = 500;  ///< From the frame behind a command until its effect ends, without a newer.
+  double max_latency_ms = 500;
   static constexpr double min_acceleration_mm_per_s2 = 50;  ///< That the drive uses at least.
   static constexpr double min_acceleration_deg_per_s2 = 500;
-  double max_deviation_mm = 3;         ///< Pushed or pulled without a command that explains it.
-  double max_deviation_deg = 20;       ///< Rolled or bent so.
-  double max_following_error_mm = 10;  ///< Commanded and not made: it is stuck, at its end, or stopped by itself.
+  double max_deviation_mm = 3;
+  double max_deviation_deg = 20;
+  double max_following_error_mm = 10;
   double max_following_error_deg = 90;
   static constexpr double deadband_mm_per_s = 0.2;  ///< Differences that come more slowly are encoders' noise.
   static constexpr double deadband_deg_per_s = 2;
 
   void visit(SettingsVisitor& v) {
-    v.number("max_latency_ms", max_latency_ms, 0, 10e3);
-    v.number("max_deviation_mm", max_deviation_mm, 0.1, 100);
-    v.number("max_deviation_deg", max_deviation_deg, 1, 720);
-    v.number("max_following_error_mm", max_following_error_mm, 0.1, 100);
-    v.number("max_following_error_deg", max_following_error_deg, 1, 720);
+    v.number("max_latency_ms", max_latency_ms, 0, 10e3,
+             "Time from the frame behind a command until its effect ends, without a newer one");
+    v.number("max_deviation_mm", max_deviation_mm, 0.1, 100,
+             "Pushed or pulled without a command that explains it, before it is reported");
+    v.number("max_deviation_deg", max_deviation_deg, 1, 720,
+             "Rolled or bent without a command that explains it, before it is reported");
+    v.number("max_following_error_mm", max_following_error_mm, 0.1, 100,
+             "Commanded push or pull that was not made, before it is reported: the catheter is stuck, at its end, or "
+             "stopped by itself");
+    v.number("max_following_error_deg", max_following_error_deg, 1, 720,
+             "Commanded roll or bend that was not made, before it is reported");
   }
 };
 

@@ -19,17 +19,17 @@ namespace angio::navigation {
 struct NavigatorSettings {
   // The catheter, by its data sheet.
   double tip_length_mm = 6;
-  double tip_angle_deg = 25;                   ///< As it was shaped.
-  double max_bend_deg = 90;                    ///< That steering adds; 0: it cannot be steered.
+  double tip_angle_deg = 25;
+  double max_bend_deg = 90;
   static constexpr double dead_band_deg = 30;  ///< Of roll, between drive and tip, from one side to the other.
 
   // Speeds.
   double speed_mm_per_s = 12;
-  double fork_speed_mm_per_s = 4;  ///< Within `slow_mm` of a fork, and across it.
+  double fork_speed_mm_per_s = 4;
   double back_speed_mm_per_s = 8;
   double roll_speed_deg_per_s = 120;
   double bend_speed_deg_per_s = 60;
-  double valid_for_ms = 300;  ///< How long a command may be obeyed.
+  double valid_for_ms = 300;
 
   // Forks.
   static constexpr double slow_mm = 12;
@@ -42,28 +42,29 @@ struct NavigatorSettings {
   static constexpr double lever_mm = 5.5;     ///< Along which a branch's direction is taken, give or take a third.
   static constexpr double angle_deg = 8;      ///< Of the tip, good enough.
   static constexpr double look_std_deg = 35;  ///< Standard deviation of the tip's angle above which it is turned once.
-  int tries = 10;                             ///< At one fork.
+  int tries = 10;
 
   // Uncertainty and resistance.
   static constexpr double min_probability = 0.6;  ///< Of the branch; below, it stops and waits.
   static constexpr double max_std_mm = 5;         ///< Of the place along it; above, it stops and waits.
   static constexpr double patience_s = 2;         ///< Time of waiting before it pulls back slowly, by `retreat_mm`.
   static constexpr double retreat_mm = 25;
-  double max_force_n = 0.8;               ///< At the drive; above, it pulls back.
+  double max_force_n = 0.8;
   static constexpr double stall_mm = 12;  ///< Pushed or pulled without motion of the tip: it is at a wall.
 
   void visit(SettingsVisitor& v) {
-    v.number("tip_length_mm", tip_length_mm, 1, 50);
-    v.number("tip_angle_deg", tip_angle_deg, 0, 120);
-    v.number("max_bend_deg", max_bend_deg, 0, 120);
-    v.number("speed_mm_per_s", speed_mm_per_s, 0.1, 50);
-    v.number("fork_speed_mm_per_s", fork_speed_mm_per_s, 0.1, 50);
-    v.number("back_speed_mm_per_s", back_speed_mm_per_s, 0.1, 50);
-    v.number("roll_speed_deg_per_s", roll_speed_deg_per_s, 1, 720);
-    v.number("bend_speed_deg_per_s", bend_speed_deg_per_s, 1, 720);
-    v.number("valid_for_ms", valid_for_ms, 20, 1000);
-    v.integer("tries", tries, 1, 100);
-    v.number("max_force_n", max_force_n, 0.01, 20);
+    v.number("tip_length_mm", tip_length_mm, 1, 50,
+             "Length of the catheter's tip from its bend to its end, by its data sheet");
+    v.number("tip_angle_deg", tip_angle_deg, 0, 120, "Angle of the tip as it was shaped");
+    v.number("max_bend_deg", max_bend_deg, 0, 120, "Largest bend that steering adds; 0: it cannot be steered");
+    v.number("speed_mm_per_s", speed_mm_per_s, 0.1, 50, "Speed of pushing away from forks");
+    v.number("fork_speed_mm_per_s", fork_speed_mm_per_s, 0.1, 50, "Speed of pushing near a fork and across it");
+    v.number("back_speed_mm_per_s", back_speed_mm_per_s, 0.1, 50, "Speed of pulling back");
+    v.number("roll_speed_deg_per_s", roll_speed_deg_per_s, 1, 720, "Speed of the roll");
+    v.number("bend_speed_deg_per_s", bend_speed_deg_per_s, 1, 720, "Speed of the bend");
+    v.number("valid_for_ms", valid_for_ms, 20, 1000, "How long a command may be obeyed");
+    v.integer("tries", tries, 1, 100, "Tries at one fork");
+    v.number("max_force_n", max_force_n, 0.01, 20, "Force at the drive above which it pulls back");
   }
 };
 

@@ -21,8 +21,8 @@ struct ViewPlannerSettings {
   double step_deg = 7.5;  ///< Between the views that are compared.
 
   void visit(SettingsVisitor& v) {
-    v.number("max_primary_deg", max_primary_deg, 1, 110);
-    v.number("max_secondary_deg", max_secondary_deg, 1, 55);
+    v.number("max_primary_deg", max_primary_deg, 1, 110, "Largest LAO and RAO of the views that are compared");
+    v.number("max_secondary_deg", max_secondary_deg, 1, 55, "Largest CRA and CAU of the views that are compared");
   }
 };
 

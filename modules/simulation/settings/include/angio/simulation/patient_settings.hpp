@@ -17,34 +17,36 @@ enum class BolusTrigger { kSettings, kDemand };
 /// tree of Murray's law. The defaults are plausible for a liver's arteriogram by hand injection; they are nobody's
 /// measurement.
 struct BolusSettings {
-  bool enabled = false;  ///< Otherwise the tree is full of contrast agent at all times.
+  bool enabled = false;
   BolusTrigger trigger = BolusTrigger::kSettings;
-  double start_s = 0.3;        ///< Trigger kSettings: when the injection begins, after the first frame.
-  double injection_s = 2;      ///< Trigger kSettings: how long the injection lasts.
-  double speed_m_per_s = 0.3;  ///< Of blood where the radius is 2 mm.
-  double wash_in_s = 0.25;     ///< From a tenth to nine tenths of the full density, at the root.
-  double wash_out_s = 0.8;     ///< Time constant of the end.
-  double dispersion = 0.15;    ///< Fronts get longer by this part of the time since the root.
+  double start_s = 0.3;
+  double injection_s = 2;
+  double speed_m_per_s = 0.3;
+  double wash_in_s = 0.25;
+  double wash_out_s = 0.8;
+  double dispersion = 0.15;  ///< Fronts get longer by this part of the time since the root.
 
   void visit(SettingsVisitor& v) {
-    v.flag("enabled", enabled);
-    v.choice("trigger", trigger, {"settings", "demand"});
-    v.number("start_s", start_s, 0, 3600);
-    v.number("injection_s", injection_s, 0.05, 600);
-    v.number("speed_m_per_s", speed_m_per_s, 0.01, 5);
-    v.number("wash_in_s", wash_in_s, 0.01, 30);
-    v.number("wash_out_s", wash_out_s, 0.01, 60);
+    v.flag("enabled", enabled, "Contrast agent comes and goes; otherwise the tree is full of it at all times");
+    v.choice("trigger", trigger, {"settings", "demand"}, "What begins an injection: these settings, or a demand");
+    v.number("start_s", start_s, 0, 3600, "With trigger settings: when the injection begins, after the first frame");
+    v.number("injection_s", injection_s, 0.05, 600, "With trigger settings: how long the injection lasts");
+    v.number("speed_m_per_s", speed_m_per_s, 0.01, 5, "Speed of blood where the radius is 2 mm");
+    v.number("wash_in_s", wash_in_s, 0.01, 30, "Time from a tenth to nine tenths of the full density, at the root");
+    v.number("wash_out_s", wash_out_s, 0.01, 60, "Time constant of the contrast agent's end");
   }
 };
 
 /// Contrast agent in a part of the vessels for the whole run; branches are filled or empty as a whole.
 struct FillingSettings {
-  double filled = 1;   ///< Share of the tree's length that is filled, downstream of drawn injection sites.
-  double missing = 0;  ///< Share of the tree's length, branches at random, that no contrast agent reaches.
+  double filled = 1;
+  double missing = 0;
 
   void visit(SettingsVisitor& v) {
-    v.number("filled", filled, 0.02, 1);
-    v.number("missing", missing, 0, 0.98);
+    v.number("filled", filled, 0.02, 1,
+             "Share of the tree's length that is filled, downstream of drawn injection sites");
+    v.number("missing", missing, 0, 0.98,
+             "Share of the tree's length, branches at random, that no contrast agent reaches");
   }
 };
 
@@ -57,15 +59,17 @@ struct DeviceSettings {
   DeviceKind kind = DeviceKind::kNone;
   double diameter_factor = 1;  ///< Of the usual diameter.
   double opacity_factor = 1;   ///< Of the usual attenuation.
-  int tip_branch = 0;          ///< Which end of the tree it goes for: 0 the farthest from its root, 1 the next...
-  double inserted_mm = 60;     ///< Length inside the tree at the first frame; it ends where the tree does.
-  double speed_mm_per_s = 0;   ///< Of pushing (or, if negative, pulling).
+  int tip_branch = 0;
+  double inserted_mm = 60;
+  double speed_mm_per_s = 0;
 
   void visit(SettingsVisitor& v) {
-    v.choice("kind", kind, {"none", "catheter", "guidewire"});
-    v.integer("tip_branch", tip_branch, 0, 100000);
-    v.number("inserted_mm", inserted_mm, 1, 3000);
-    v.number("speed_mm_per_s", speed_mm_per_s, -200, 200);
+    v.choice("kind", kind, {"none", "catheter", "guidewire"}, "Device in the vessels");
+    v.integer("tip_branch", tip_branch, 0, 100000,
+              "Which end of the tree the device goes for: 0 the farthest from its root, 1 the next, ...");
+    v.number("inserted_mm", inserted_mm, 1, 3000,
+             "Length inside the tree at the first frame; it ends where the tree does");
+    v.number("speed_mm_per_s", speed_mm_per_s, -200, 200, "Speed of pushing (or, if negative, pulling)");
   }
 };
 
@@ -74,10 +78,12 @@ struct TruthSettings {
   /// A vessel is seen when what it takes from the beam, over the quantum noise of a square as wide as it is, exceeds
   /// this: Rose's criterion, 3 to 5 (Rose, J Opt Soc Am 38, 1948).
   double min_contrast_to_noise = 4;
-  double spacing_px = 1;  ///< Between points of the centrelines.
-  double min_px = 8;      ///< Shorter visible pieces are left out.
+  double spacing_px = 1;
+  double min_px = 8;  ///< Shorter visible pieces are left out.
 
-  void visit(SettingsVisitor& v) { v.number("spacing_px", spacing_px, 0.2, 50); }
+  void visit(SettingsVisitor& v) {
+    v.number("spacing_px", spacing_px, 0.2, 50, "Distance between points of the true centrelines");
+  }
 };
 
 /// All that a simulated X-ray run can be told: how it looks, what is injected, what moves, and what is pushed in.
