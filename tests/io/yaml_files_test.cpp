@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <visp3/core/vpXmlParserCamera.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "angio/io/camera_files.hpp"
@@ -144,6 +145,63 @@ TEST(SettingsFiles, JsonOfSettingsReadsBackAsSettings) {
   s.inner.spacing_mm = 0.1;
   const auto json = settingsAsJson(s);
   EXPECT_EQ(settingsAsJson(readSettings(folder.write("s.yaml", json.dump(1)), Outer{})), json);
+}
+
+struct OfEachKind {
+  double number = 1.0 / 3, large = 1e5;
+  int integer = -7;
+  bool flag = true;
+  double numbers[3] = {0.1, -2, 1e-9};
+  int word = 1, digits = 1, not_a_flag = 0;
+  Inner inner;
+
+  void visit(SettingsVisitor& v) {
+    v.number("number", number, 1e-3, 1e6, "A number");
+    v.number("large", large, 0, 1e6, "A large number");
+    v.integer("integer", integer, -10, 2147483647, "An integer");
+    v.flag("flag", flag, "A flag");
+    v.numbers("numbers", numbers, 3, -2.5, 1, "Three numbers");
+    v.choiceIndex("word", word, {"red", "dark_green"}, "A word");
+    v.choiceIndex("digits", digits, {"8", "16"}, "A word of digits");
+    v.choiceIndex("not_a_flag", not_a_flag, {"on", "it's \"off\": 2 # \\"}, "A word that YAML may take for a flag");
+    v.section(
+        "inner", [&](SettingsVisitor& w) { inner.visit(w); }, "What is inside");
+  }
+};
+
+TEST(SettingsFiles, YamlOfSettingsHasMeaningsAndRanges) {
+  EXPECT_EQ(settingsAsYaml(OfEachKind{}),
+            "number: 0.3333333333333333  # A number; 0.001 to 1e+06\n"
+            "large: 1e+05  # A large number; 0 to 1e+06\n"
+            "integer: -7  # An integer; -10 to 2147483647\n"
+            "flag: true  # A flag; true or false\n"
+            "numbers: [0.1, -2, 1e-09]  # Three numbers; each -2.5 to 1\n"
+            "word: dark_green  # A word; one of red, dark_green\n"
+            "digits: \"16\"  # A word of digits; one of 8, 16\n"
+            "not_a_flag: \"on\"  # A word that YAML may take for a flag; one of on, it's \"off\": 2 # \\\n"
+            "inner:  # What is inside\n"
+            "  spacing_mm: 2  # Distance between points; 0 to 10\n");
+  EXPECT_NE(settingsAsYaml(Outer{}).find("\ninner:\n  spacing_mm: 2  # "), std::string::npos)
+      << settingsAsYaml(Outer{});
+}
+
+TEST(SettingsFiles, YamlOfSettingsReadsBackTheSame) {
+  const TemporaryFolder folder;
+  OfEachKind s;
+  s.number = 0.1 + 0.2;
+  s.large = 123456.789;
+  s.integer = 2147483647;
+  s.flag = false;
+  s.numbers[1] = -2.5000000000000004 + 1e-15;
+  s.word = 0;
+  s.digits = 0;
+  s.not_a_flag = 1;
+  s.inner.spacing_mm = std::nextafter(2.0, 3.0);
+  const OfEachKind read = readSettings(folder.write("s.yaml", settingsAsYaml(s)), OfEachKind{});
+  EXPECT_EQ(settingsAsJson(read), settingsAsJson(s));
+  EXPECT_EQ(read.number, s.number);
+  EXPECT_EQ(read.inner.spacing_mm, s.inner.spacing_mm);
+  EXPECT_EQ(settingsAsYaml(read), settingsAsYaml(s));
 }
 
 TEST(SettingsFiles, ErrorsNameLineKeyValueAndRule) {

@@ -2,8 +2,10 @@
 #include "angio/io/settings_files.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 
 #include "angio/base/errors.hpp"
@@ -129,6 +131,54 @@ class JsonWriter final : public SettingsVisitor {
   }
 };
 
+// Words that YAML takes for a text; all else is quoted.
+std::string choiceText(const std::string& name) {
+  static const std::set<std::string> kOtherwiseRead = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"};
+  const bool plain = !name.empty() && !std::isdigit(static_cast<unsigned char>(name[0])) &&
+                     name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos &&
+                     kOtherwiseRead.count(name) == 0;
+  return plain ? name : nlohmann::json(name).dump();
+}
+
+class YamlPrinter final : public SettingsVisitor {
+ public:
+  explicit YamlPrinter(std::string& text, int indent = 0) : text_(text), indent_(indent) {}
+
+  void number(const char* key, double& value, double low, double high, const char* meaning) override {
+    line(key, exact(value), meaning, exact(low) + " to " + exact(high));
+  }
+  void integer(const char* key, int& value, int low, int high, const char* meaning) override {
+    line(key, std::to_string(value), meaning, std::to_string(low) + " to " + std::to_string(high));
+  }
+  void flag(const char* key, bool& value, const char* meaning) override {
+    line(key, value ? "true" : "false", meaning, "true or false");
+  }
+  void numbers(const char* key, double* values, int count, double low, double high, const char* meaning) override {
+    std::vector<std::string> each;
+    for (int i = 0; i < count; ++i) each.push_back(exact(values[i]));
+    line(key, "[" + joined(each) + "]", meaning, "each " + exact(low) + " to " + exact(high));
+  }
+  void choiceIndex(const char* key, int& index, const std::vector<std::string>& names, const char* meaning) override {
+    line(key, choiceText(names.at(static_cast<std::size_t>(index))), meaning, "one of " + joined(names));
+  }
+  void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields,
+               const char* meaning) override {
+    text_ += margin() + key + ":" + (*meaning ? std::string("  # ") + meaning : "") + "\n";
+    YamlPrinter inner(text_, indent_ + 2);
+    visit_fields(inner);
+  }
+
+ private:
+  std::string margin() const { return std::string(static_cast<std::size_t>(indent_), ' '); }
+
+  void line(const std::string& key, const std::string& value, const std::string& meaning, const std::string& values) {
+    text_ += margin() + key + ": " + value + "  # " + meaning + "; " + values + "\n";
+  }
+
+  std::string& text_;
+  int indent_;
+};
+
 }  // namespace
 
 void readSettings(const std::string& path, const std::function<void(SettingsVisitor&)>& visit_fields,
@@ -142,6 +192,13 @@ nlohmann::ordered_json settingsAsJson(const std::function<void(SettingsVisitor&)
   JsonWriter writer;
   visit_fields(writer);
   return std::move(writer.json);
+}
+
+std::string settingsAsYaml(const std::function<void(SettingsVisitor&)>& visit_fields) {
+  std::string text;
+  YamlPrinter printer(text);
+  visit_fields(printer);
+  return text;
 }
 
 namespace {

@@ -60,6 +60,10 @@ void readSettings(const std::string& path, const std::function<void(SettingsVisi
 /// The effective settings, in the order of the fields: numbers, integers, booleans, names of choices, nested objects.
 nlohmann::ordered_json settingsAsJson(const std::function<void(SettingsVisitor&)>& visit_fields);
 
+/// The effective settings as YAML that readSettings reads back the same: a line for each key with a comment of its
+/// meaning and of its range or choices, nested maps for sections.
+std::string settingsAsYaml(const std::function<void(SettingsVisitor&)>& visit_fields);
+
 /// A type that `visit`s its fields.
 template <typename Settings>
 using IfSettings = decltype(std::declval<Settings&>().visit(std::declval<SettingsVisitor&>()));
@@ -75,6 +79,18 @@ Settings readSettings(const std::string& path, Settings defaults) {
 template <typename Settings, typename Json = nlohmann::ordered_json, typename = IfSettings<Settings>>
 Json settingsAsJson(Settings settings) {
   return settingsAsJson(std::function<void(SettingsVisitor&)>([&](SettingsVisitor& v) { settings.visit(v); }));
+}
+
+/// The same for a struct with `visit`.
+template <typename Settings, typename = IfSettings<Settings>>
+std::string settingsAsYaml(Settings settings) {
+  return settingsAsYaml(std::function<void(SettingsVisitor&)>([&](SettingsVisitor& v) { settings.visit(v); }));
+}
+
+/// The settings that are in force with this file, the defaults when `path` is empty: for --print-settings.
+template <typename Settings>
+std::string settingsInForce(const std::string& path) {
+  return settingsAsYaml(path.empty() ? Settings{} : readSettings(path, Settings{}));
 }
 
 }  // namespace angio::io
