@@ -203,7 +203,8 @@ void addCalibrateCamera(CLI::App& app, Work& work) {
   command->add_flag("--skew", o->skew, "Let the detector's columns lean");
   command->add_option("--noise-px", o->noise_px, "Known error of a bead's centre per axis; 0: by the residuals")
       ->check(between(0, 100));
-  command->add_option("--settings", o->settings, "Settings (.yaml), sections camera and bead_detection");
+  addSettingsOptions(*command, o->settings, "Settings (.yaml), sections camera and bead_detection",
+                     settingsInForce<CameraSections>);
   command->add_option("--out", o->out, "The camera with its record (.yaml)");
   command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
   command->callback([o, &work] { work = [o] { return calibrate(*o); }; });

@@ -129,7 +129,8 @@ void addCalibrateGeometry(CLI::App& app, Work& work) {
   command->add_option("--machine", o->machine, "Whose C-arm it is; the view set's when not given");
   command->add_option("--max-calibration-age-days", o->max_age_days, "An older camera is warned of")
       ->check(between(0, 1e6));
-  command->add_option("--settings", o->settings, "Settings (.yaml), sections detection and geometry");
+  addSettingsOptions(*command, o->settings, "Settings (.yaml), sections detection and geometry",
+                     settingsInForce<Settings>);
   command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
   command->callback([o, &work] { work = [o] { return calibrate(*o); }; });
 }

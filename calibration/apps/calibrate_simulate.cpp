@@ -335,7 +335,7 @@ void addCalibrateSimulate(CLI::App& app, Work& work) {
   command->add_option_function<double>("--flex-mm", bend, "How far the arm bends; its turns follow in proportion")
       ->check(between(0, 5))
       ->default_str(CLI::detail::to_string(Settings().flex_mm));
-  command->add_option("--settings", o->settings, "Settings of the simulation (.yaml)");
+  addSettingsOptions(*command, o->settings, "Settings of the simulation (.yaml)", settingsInForce<Settings>);
   command->callback([o, &work] {
     work = [o] {
       if (o->study.empty() && o->out.empty()) throw InputError("--out", "", "", "or --study must be given");

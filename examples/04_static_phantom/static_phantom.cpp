@@ -247,11 +247,16 @@ void printDepths(const std::vector<Run>& runs, const std::vector<std::vector<Fou
   }
 }
 
-int measure(const Options& o) {
+angio::apps::ProgramSettings settingsOf(const Options& o) {
   angio::apps::ProgramSettings settings;
   const auto data_settings = std::filesystem::path(o.cases).parent_path() / "settings.yaml";  // What suits the frames.
   if (std::filesystem::exists(data_settings)) settings = angio::io::readSettings(data_settings.string(), settings);
   if (!o.settings.empty()) settings = angio::io::readSettings(o.settings, settings);
+  return settings;
+}
+
+int measure(const Options& o) {
+  const angio::apps::ProgramSettings settings = settingsOf(o);
   const std::vector<Run> runs = readRuns(o, settings.extractors.chosen());
   const auto found = findAll(o, settings, runs);
   std::printf("%s, %d starts a run, uniform in +-%g deg and +-%g mm about and along each axis\n\n", o.method.c_str(),
@@ -271,7 +276,8 @@ int main(int argc, char** argv) {
   app.add_option("--cases", o.cases,
                  "Case set whose nominal poses differ as the C-arm's angles do, with reference poses");
   app.add_option("--method", o.method, "Registration method");
-  app.add_option("--settings", o.settings, "Settings (.yaml) over those beside the case set");
+  angio::cli::addSettingsOptions(app, o.settings, "Settings (.yaml) over those beside the case set",
+                                 [&o](const std::string&) { return angio::io::settingsAsYaml(settingsOf(o)); });
   app.add_option("--starts", o.starts, "Starts a run")->check(CLI::Range(1, 10000));
   app.add_option("--seed", o.seed, "Seed of the starts")->check(CLI::Range(0, 2147483647));
   app.add_option("--rotation-deg", o.rotation_deg, "Starts lie so far from the reference, per axis")

@@ -14,13 +14,13 @@
 
 namespace angio::apps {
 
-void MethodOptions::addTo(CLI::App& command) {
+void MethodOptions::addTo(CLI::App& command, const std::function<std::string(const std::string& path)>& as_yaml) {
   command.add_option("--method", methods, "Methods, separated by commas")->delimiter(',');
   command.add_option("--starts", starts, "Starts drawn around the initial pose; 0 takes the settings' count")
       ->check(CLI::Range(0, 10000));
   command.add_option("--extractor", extractor,
                      "Centrelines of images: " + listOfExtractors() + "; the settings' choice when not given");
-  command.add_option("--settings", settings, "Settings (.yaml), sections by method, starts, extractors");
+  addSettingsOptions(command, settings, "Settings (.yaml), sections by method, starts, extractors", as_yaml);
 }
 
 std::vector<Entrant> MethodOptions::entrants(const ProgramSettings& of_file) const {
@@ -121,7 +121,7 @@ void addEvaluateCases(CLI::App& app, Work& work) {
   auto* command = app.add_subcommand("cases", "Run every case of a case set");
   command->option_defaults()->always_capture_default();
   command->add_option("cases", o->cases, "Case set (cases.yaml)")->required();
-  o->method.addTo(*command);
+  o->method.addTo(*command, settingsInForce<ProgramSettings>);
   command->add_flag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
   command->add_flag("--point-covariance", o->point_covariance,
                     "Add the covariance of each point of the tree to each result [mm^2]");

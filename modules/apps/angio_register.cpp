@@ -327,7 +327,8 @@ int main(int argc, char** argv) {
   app.add_option("--max-calibration-age-days", o.max_age_days, "A camera's older calibration is warned of")
       ->check(angio::apps::between(0, 1e6))
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--settings", o.settings, "Settings (.yaml), sections by method, starts, extractors");
+  angio::apps::addSettingsOptions(app, o.settings, "Settings (.yaml), sections by method, starts, extractors",
+                                  angio::io::settingsInForce<angio::apps::ProgramSettings>);
   app.add_option("--out", o.out, "Result (.json)");
   app.add_flag("--json", o.json, "The result to stdout, and what is said of it to stderr");
   app.add_option("--out-pose", o.out_pose, "Pose of the model in the camera (.yaml), of a result that converged");

@@ -30,7 +30,8 @@ struct MethodOptions {
   int starts = 0;
   bool nonrigid = false;
 
-  void addTo(CLI::App& command);
+  /// @param as_yaml  For --print-settings: what is in force with a settings file.
+  void addTo(CLI::App& command, const std::function<std::string(const std::string& path)>& as_yaml);
 
   /// Each method with its settings. Throws InputError for a name that is not there or is there twice.
   std::vector<Entrant> entrants(const ProgramSettings& of_file) const;

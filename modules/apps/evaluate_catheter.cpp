@@ -355,7 +355,8 @@ void addEvaluateCatheter(CLI::App& app, Work& work) {
                    "Of the run frame by frame: these come first, to learn the pose from")
       ->check(CLI::Range(1, 100000));
   command->add_flag("--rigid", o->rigid, "The vessels are where the tree has them, but for one pose");
-  command->add_option("--settings", o->settings, "Settings (.yaml), sections sequence and catheter");
+  addSettingsOptions(*command, o->settings, "Settings (.yaml), sections sequence and catheter",
+                     settingsInForce<CatheterFile>);
   command->add_option("--out", o->out, "All results (.json)");
   command->add_option("--sheet", o->sheet, "Picture of all frames (.png, .jpg)");
   command->add_option("--columns", o->columns, "Of the sheet")->check(CLI::Range(1, 100));

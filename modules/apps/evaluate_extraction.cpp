@@ -139,7 +139,8 @@ void addEvaluateExtraction(CLI::App& app, Work& work) {
       ->check(CLI::Range(1.0, 100.0));
   command->add_option("--shown-contrast", o->shown_contrast, "is this much darker than its sides (natural logarithm)")
       ->check(CLI::Range(0.001, 10.0));
-  command->add_option("--settings", o->settings, "Settings (.yaml), sections by extractor, and fluoroscopy");
+  addSettingsOptions(*command, o->settings, "Settings (.yaml), sections by extractor, and fluoroscopy",
+                     settingsInForce<ExtractionFile>);
   command->add_option("--out", o->out, "Scores (.json)");
   command->add_option("--sheet", o->sheet, "Picture of what the first extractor found in each image (.png, .jpg)");
   command->add_option("--columns", o->columns, "Of the sheet")->check(CLI::Range(1, 100));

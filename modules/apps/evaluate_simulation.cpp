@@ -201,23 +201,18 @@ std::vector<Entrant> deformed(std::vector<Entrant> entrants, Deformation deforma
   return entrants;
 }
 
-std::vector<Entrant> entrantsOf(const PaperOptions& o) {
+ProgramSettings paperSettings(const std::string& path) {
+  if (!path.empty()) return readSettings(path, ProgramSettings());
   ProgramSettings settings;
-  if (!o.method.settings.empty()) settings = readSettings(o.method.settings, settings);
-  std::vector<Entrant> entrants = o.method.entrants(settings);
-  for (auto& entrant : entrants) {
-    auto* of_paper = std::get_if<IterativePnpSettings>(&entrant.registration);
-    if (!of_paper || !o.method.settings.empty()) continue;
-    // The paper matches one point to one point; our default fills in between, which helps where they do not correspond.
-    of_paper->neighbours_each_side = 0;
-    of_paper->spacing_px = 0;
-  }
-  return entrants;
+  // The paper matches one point to one point; our default fills in between, which helps where they do not correspond.
+  settings.of<IterativePnpSettings>().neighbours_each_side = 0;
+  settings.of<IterativePnpSettings>().spacing_px = 0;
+  return settings;
 }
 
 int evaluatePaper(const PaperOptions& o) {
   for (const auto& path : {o.out, o.report}) requireFolderOf(path);
-  const std::vector<Entrant> entrants = entrantsOf(o);
+  const std::vector<Entrant> entrants = o.method.entrants(paperSettings(o.method.settings));
   SimulationSetup setup;
   setup.trees.push_back(resampled(readVesselTree(o.tree), kTreeSpacing_m, kMaxTreePoints).tree);
   const auto rigid = deformed(entrants, Deformation::kRigid), nonrigid = deformed(entrants, Deformation::kNonrigid);
@@ -281,7 +276,7 @@ void addEvaluateSimulation(CLI::App& app, Work& work) {
   command->add_option(
       "--camera", o->camera,
       "X-ray camera (.yaml, ViSP .xml); when not given 1024 x 1024 pixels of 0.308 mm, 1195 mm from the source");
-  o->method.addTo(*command);
+  o->method.addTo(*command, settingsInForce<SimulationFile>);
   command->add_flag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
   addFields(*command, o);
   auto* certify =
@@ -321,7 +316,7 @@ void addEvaluatePaper(CLI::App& app, Work& work) {
   addModelAxes(*command, o->model_axes);
   command->add_option("--trials", o->trials, "Trials of each row")->check(CLI::Range(1, 100000));
   command->add_option("--seed", o->seed, "Seed of all draws")->check(CLI::Range(0, 2147483647));
-  o->method.addTo(*command);
+  o->method.addTo(*command, [](const std::string& path) { return settingsAsYaml(paperSettings(path)); });
   command->add_option("--out", o->out, "All results (.json)");
   command->add_option("--report", o->report, "Report with curves (.html)");
   command->callback([o, &work] { work = [o] { return evaluatePaper(*o); }; });

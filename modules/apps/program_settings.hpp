@@ -30,6 +30,12 @@ class ProgramSettings {
     visitSection(v, "tracker", tracker);
   }
 
+  /// The section of one method.
+  template <typename Method>
+  Method& of() {
+    return std::get<Method>(methods_);
+  }
+
   /// The settings of one method; `nonrigid` asks for a deformation whatever the file says.
   RegistrationSettings of(const std::string& name, std::optional<Deformation> deformation) const {
     RegistrationSettings chosen = registrationSettingsNamed(name);

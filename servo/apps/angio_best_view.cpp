@@ -231,7 +231,8 @@ int main(int argc, char** argv) {
   auto* to = app.add_option("--to-point", o.to, "... downstream to this one")->check(CLI::Range(0, 1000000000));
   from->needs(to)->excludes(branch);
   to->needs(from);
-  app.add_option("--settings", o.settings, "Settings (.yaml), as angio-servo's: limits, and view's best_view");
+  angio::apps::addSettingsOptions(app, o.settings, "Settings (.yaml), as angio-servo's: limits, and view's best_view",
+                                  angio::apps::servoSettingsAsYaml);
   app.add_option("--picture", o.picture, "The map, drawn (.png, .jpg)");
   app.add_option("--out", o.out, "The map, in numbers (.json)");
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::showBestView(o); });

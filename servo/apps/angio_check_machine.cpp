@@ -125,7 +125,8 @@ int main(int argc, char** argv) {
   app.add_option("--key-file", o.key_file, "Key that the machine's commands are authenticated with");
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt) of what the X-ray shows");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
-  app.add_option("--settings", o.settings, "Settings (.yaml), of which the section limits counts");
+  angio::apps::addSettingsOptions(app, o.settings, "Settings (.yaml), of which the section limits counts",
+                                  angio::apps::servoSettingsAsYaml);
   auto* move = app.add_flag("--move", o.check.move, "Move each joint a little, out and back: nobody near the machine");
   app.add_option("--angle-deg", o.check.angle_deg, "How far, of the angles")->check(between(0.1, 10))->needs(move);
   app.add_option("--table-mm", o.check.table_mm, "How far, of the table")->check(between(0.5, 50))->needs(move);

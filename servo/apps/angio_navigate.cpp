@@ -104,7 +104,8 @@ int main(int argc, char** argv) {
                "Ask the C-arm for views of the way (VIEW_REQUEST); angio-servo --view-from bus goes there");
   app.add_option("--record", o.record, "Log of all that is heard and said (.lcm)");
   app.add_option("--disturb", o.disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...");
-  app.add_option("--settings", o.settings,
-                 "Settings (.yaml): navigator, tracer, localiser, supervisor, states, freshness, limits, ...");
+  angio::apps::addSettingsOptions(
+      app, o.settings, "Settings (.yaml): navigator, tracer, localiser, supervisor, states, freshness, limits, ...",
+      angio::apps::navigateSettingsAsYaml);
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::navigate(o); });
 }

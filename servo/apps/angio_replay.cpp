@@ -133,8 +133,12 @@ int main(int argc, char** argv) {
   app.add_option("log", o.log, "Log of the bus")->required();
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
-  app.add_option("--settings", o.settings, "Settings (.yaml), as for angio-servo or angio-navigate");
   angio::apps::addMachineOption(app, o.machine, "Whose loop: angio-servo's, or with --to-branch angio-navigate's");
+  angio::apps::addSettingsOptions(
+      app, o.settings, "Settings (.yaml), as for angio-servo or angio-navigate", [&o](const std::string& path) {
+        return o.machine == angio::apps::OperatedMachine::kCatheter ? angio::apps::navigateSettingsAsYaml(path)
+                                                                    : angio::apps::servoSettingsAsYaml(path);
+      });
   o.loop.addTo(app);
   o.way.addTo(app);
   app.add_flag("--ask-for-views", o.ask_for_views, "As angio-navigate was run");

@@ -317,8 +317,9 @@ int main(int argc, char** argv) {
   app.add_option("--disturb", o.disturb, "What happens to messages on their way (.yaml): loss, delay, jitter, ...")
       ->group(angio::cli::kFurtherOptions);
   o.patient.addTo(app);
-  app.add_option("--settings", o.settings,
-                 "Settings of the X-ray, contrast agent, motion, device and catheter (.yaml)");
+  angio::apps::addSettingsOptions(app, o.settings,
+                                  "Settings of the X-ray, contrast agent, motion, device and catheter (.yaml)",
+                                  angio::io::settingsInForce<angio::apps::SimulateSettings>);
   app.add_option("--seed", o.seed, "Seed of anatomy, noise, motion and starts; before the settings file's")
       ->check(CLI::Range(0, 2147483647));
   auto* out = app.add_option("--out", o.run.folder, "Folder for a run in files, without a bus")->excludes(catheter);

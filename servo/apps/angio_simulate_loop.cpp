@@ -74,6 +74,13 @@ int failSafely(const Experiment& e) {
   return json["unsafe"].get<int>() == 0 ? 0 : 1;
 }
 
+ServoSettings experimentSettings(const std::string& path) {
+  ServoSettings usual;
+  usual.scenario.calibration_error_deg = 1;
+  usual.scenario.calibration_error_mm = 3;
+  return readServoSettings(path, usual);
+}
+
 // Adds a sub-command with the options of all; calibration error, latency and duration come from `settings`. `what` its
 // runs do is shown while they do it.
 template <typename Run>
@@ -91,15 +98,13 @@ std::pair<CLI::App*, std::shared_ptr<ExperimentOptions>> addExperiment(CLI::App&
       ->check(CLI::Range(0, 2147000000));
   command->add_option("--threads", o->runs.threads, "Runs at a time")->check(CLI::Range(1, 256));
   o->patient.addTo(*command);
-  command->add_option("--settings", o->settings, "Settings (.yaml), as angio-servo's");
+  addSettingsOptions(*command, o->settings, "Settings (.yaml), as angio-servo's",
+                     [](const std::string& path) { return settingsAsYaml(experimentSettings(path)); });
   command->add_option("--out", o->out, "All runs and the settings (.json)");
   command->callback([=, &work] {
     work = [=] {
       requireFolderOf(o->out);
-      ServoSettings usual;
-      usual.scenario.calibration_error_deg = 1;
-      usual.scenario.calibration_error_mm = 3;
-      ServoSettings settings = readServoSettings(o->settings, usual);
+      ServoSettings settings = experimentSettings(o->settings);
       o->patient.applyTo(settings.patient);
       Experiment e{*o, settings, readVesselTree(o->tree), readCArmCalibration(o->calibration), o->runs};
       ProgressBar bar(what, o->runs.count);

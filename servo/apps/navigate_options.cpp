@@ -39,6 +39,8 @@ NavigateSettings readNavigateSettings(const std::string& path) {
   return settings;
 }
 
+std::string navigateSettingsAsYaml(const std::string& path) { return settingsAsYaml(readNavigateSettings(path)); }
+
 CLI::Option* RouteOptions::addTo(CLI::App& app) {
   app.add_option("--from-branch", from_branch, "The branch that the catheter's tip is in at first")
       ->check(CLI::Range(0, 1000000));

@@ -30,6 +30,9 @@ struct NavigateSettings {
 /// A settings file's, or the usual ones when `path` is empty. Throws InputError that names the file.
 NavigateSettings readNavigateSettings(const std::string& path);
 
+/// The same as --print-settings prints them.
+std::string navigateSettingsAsYaml(const std::string& path);
+
 /// What a command line says of a catheter's way.
 struct RouteOptions {
   int from_branch = 0;

@@ -67,7 +67,7 @@ void ServoProgramOptions::addTo(CLI::App& app) {
       ->check(CLI::Range(0, 2147483647))
       ->default_str(std::to_string(defaults.scenario.seed));
   patient.addTo(app, simulated);
-  app.add_option("--settings", settings, "Settings (.yaml), sections by part");
+  addSettingsOptions(app, settings, "Settings (.yaml), sections by part", servoSettingsAsYaml);
   app.add_option("--film", film, "Film of a simulation (.mp4, or numbered pictures, frames/%04d.png)")
       ->needs(simulated);
   app.add_option("--out", out, "Folder for pictures, trace.csv and summary.json of a simulation");

@@ -77,6 +77,8 @@ ServoSettings readServoSettings(const std::string& path, ServoSettings usual) {
   return settings;
 }
 
+std::string servoSettingsAsYaml(const std::string& path) { return settingsAsYaml(readServoSettings(path)); }
+
 void LoopOptions::addTo(CLI::App& app) {
   const ServoSettings usual;
   const auto& view = usual.tasks.of<ViewTaskSettings>();

@@ -45,6 +45,9 @@ struct ServoSettings {
 /// A settings file's, or `usual` where it says nothing, or when `path` is empty. Throws InputError that names the file.
 ServoSettings readServoSettings(const std::string& path, ServoSettings usual = {});
 
+/// The same as --print-settings prints them.
+std::string servoSettingsAsYaml(const std::string& path);
+
 /// What a command line says of a loop; what is given comes before the settings file's.
 struct LoopOptions {
   std::string task, view_from, perception, center_on;

@@ -168,7 +168,7 @@ void addSimulateNavigate(CLI::App& app, Work& work) {
   command->add_option("--first-seed", o->first_seed, "Seed of the first journey")->check(CLI::Range(0, 2147000000));
   command->add_option("--threads", o->threads, "Journeys at a time")->check(CLI::Range(1, 256));
   command->add_option("--film", o->film, "Film of the first journey (.mp4, or numbered pictures), of one tree");
-  command->add_option("--settings", o->settings, "Settings (.yaml)");
+  addSettingsOptions(*command, o->settings, "Settings (.yaml)", settingsInForce<NavigateSettings>);
   command->add_option("--out", o->out, "All journeys and the settings (.json)");
   command->callback([o, &work] { work = [o] { return simulateNavigation(*o); }; });
 }

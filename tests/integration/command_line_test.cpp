@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cctype>
+#include <sstream>
 
 #include "angio/test/namespace.hpp"
 #include "angio/test/program.hpp"
+#include "angio/test/temporary_folder.hpp"
 
 namespace angio::test {
 namespace {
@@ -83,6 +85,78 @@ TEST(CommandLine, HelpIsShortAndPrintable) {
   }
   EXPECT_EQ(test::run("angio-servo", {"--help"}).out.find("--preview"), std::string::npos);
   EXPECT_NE(test::run("angio-servo", {"--help-all"}).out.find("--preview"), std::string::npos);
+}
+
+// What is printed is a settings file of the same program, and says of each key what it is. What else a command line
+// must have is not asked for.
+TEST(CommandLine, PrintedSettingsAreASettingsFile) {
+  const std::vector<std::vector<std::string>> programs = {{"angio-best-view"},
+                                                          {"angio-calibrate", "camera"},
+                                                          {"angio-calibrate", "geometry"},
+                                                          {"angio-calibrate", "simulate"},
+                                                          {"angio-check-machine"},
+                                                          {"angio-evaluate", "cases"},
+                                                          {"angio-evaluate", "catheter"},
+                                                          {"angio-evaluate", "extraction"},
+                                                          {"angio-evaluate", "paper"},
+                                                          {"angio-evaluate", "simulation"},
+                                                          {"angio-navigate"},
+                                                          {"angio-register"},
+                                                          {"angio-replay"},
+                                                          {"angio-replay", "--machine", "catheter"},
+                                                          {"angio-servo"},
+                                                          {"angio-simulate"},
+                                                          {"angio-simulate-loop", "view"},
+                                                          {"angio-simulate-loop", "faults"},
+                                                          {"angio-simulate-loop", "centre"},
+                                                          {"angio-simulate-loop", "navigate"}};
+  const TemporaryFolder folder;
+  for (const auto& words : programs) {
+    const std::string name = words.front() + (words.size() > 1 ? " " + words[1] : "");
+    std::vector<std::string> arguments(words.begin() + 1, words.end());
+    arguments.emplace_back("--print-settings");
+    const auto printed = test::run(words.front(), arguments);
+    EXPECT_EQ(printed.exit_code, 0) << name << printed.err;
+    EXPECT_EQ(printed.err, "") << name;
+    EXPECT_NE(printed.out.find("  # "), std::string::npos) << name << printed.out;
+
+    std::istringstream lines(printed.out);
+    for (std::string line; std::getline(lines, line);) {
+      const auto comment = line.find("  # ");
+      const std::string key = line.substr(0, comment);
+      const bool is_section = !key.empty() && key.back() == ':';
+      if (is_section) continue;
+      ASSERT_NE(comment, std::string::npos) << name << ": " << line;
+      const std::string meaning = line.substr(comment + 4);
+      EXPECT_TRUE(std::isupper(static_cast<unsigned char>(meaning[0])) ||
+                  std::isdigit(static_cast<unsigned char>(meaning[0])))
+          << name << ": " << line;
+      EXPECT_NE(meaning.rfind("; "), std::string::npos) << name << ": " << line;
+    }
+
+    arguments.insert(arguments.end(), {"--settings", folder.write("printed.yaml", printed.out)});
+    const auto again = test::run(words.front(), arguments);
+    EXPECT_EQ(again.exit_code, 0) << name << again.err;
+    EXPECT_EQ(again.err, "") << name;
+    EXPECT_EQ(again.out, printed.out) << name;
+  }
+}
+
+TEST(CommandLine, PrintedSettingsAreThoseInForce) {
+  const TemporaryFolder folder;
+  const std::string path = folder.write("s.yaml", "view: {reached_mm: 0.75}\n");
+  for (const std::vector<std::string>& order :
+       {std::vector<std::string>{"--settings", path, "--print-settings"}, {"--print-settings", "--settings", path}}) {
+    const auto printed = test::run("angio-servo", order);
+    EXPECT_EQ(printed.exit_code, 0) << printed.err;
+    EXPECT_NE(printed.out.find("  reached_mm: 0.75  # "), std::string::npos) << printed.out;
+  }
+  const auto refused =
+      test::run("angio-servo", {"--print-settings", "--settings", folder.write("bad.yaml", "latency_ms: -1\n")});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_EQ(refused.out, "");
+  EXPECT_NE(refused.err.find("bad.yaml:1: latency_ms = -1: must lie between 0 and 2000"), std::string::npos)
+      << refused.err;
 }
 
 TEST(CommandLine, DefaultsStandInTheHelp) {

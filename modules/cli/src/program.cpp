@@ -93,6 +93,19 @@ CLI::Validator between(double low, double high) {
   return CLI::Validator(check, range.str());
 }
 
+void addSettingsOptions(CLI::App& app, std::string& path, const std::string& help,
+                        const std::function<std::string(const std::string& path)>& as_yaml) {
+  app.add_option("--settings", path, help);
+  // Like --help it goes before the check of what is required; options are read in the order in which they were added.
+  const auto print = [&path, as_yaml] {
+    if (!(std::cout << as_yaml(path)).flush()) throw std::runtime_error("stdout: cannot be written");
+    throw CLI::Success();
+  };
+  app.add_flag_callback("--print-settings", print,
+                        "Print all settings with their meanings and ranges, for a file of --settings, and exit")
+      ->group(kFurtherOptions);
+}
+
 int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& work) {
   std::vector<std::string> arguments = withPresentNames(app, argc, argv);
   std::vector<char*> pointers;
@@ -102,6 +115,8 @@ int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
     app.parse(argc, pointers.data());
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
+  } catch (const std::exception& error) {  // Of settings that were to be printed.
+    return fail(app, error.what());
   }
   // A second thread is for the user to ask for; and images come out the same whatever the machine.
   cv::setNumThreads(1);

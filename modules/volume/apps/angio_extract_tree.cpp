@@ -215,7 +215,8 @@ int main(int argc, char** argv) {
   app.add_option("--mesh-frame", o.mesh_frame, "Axes of a mesh")->check(CLI::IsMember({"LPS", "RAS"}));
   app.add_option("--mesh-voxel-mm", o.mesh_voxel_mm, "Voxels that a mesh is filled with [mm]")
       ->check(angio::apps::between(0.01, 20));
-  app.add_option("--settings", o.settings, "Settings (.yaml): vesselness, selection, centreline");
+  angio::apps::addSettingsOptions(app, o.settings, "Settings (.yaml): vesselness, selection, centreline",
+                                  angio::io::settingsInForce<angio::apps::ExtractionSettings>);
   app.add_option("--picture", o.picture, "Projections of the volume with the tree (.png, .jpg)");
   app.add_option("--compare", o.compare, "Another tree: prints how much of each lies near the other");
   app.add_option("--compare-frame", o.compare_frame, "Its axes")->check(CLI::IsMember({"LPS", "RAS"}));

@@ -29,10 +29,16 @@ CLI::Validator choice(const std::map<std::string, T>& choices) {
   return CLI::CheckedTransformer(choices).description(names + "}");
 }
 
+/// Gives a program or one of its sub-commands --settings, whose file is `path`, and --print-settings, which ends the
+/// program with exit code 0 once `as_yaml(path)` is on stdout, whatever else the command line lacks; `path` is empty
+/// when no file is given. Options that `as_yaml` depends on must have been added before.
+void addSettingsOptions(CLI::App& app, std::string& path, const std::string& help,
+                        const std::function<std::string(const std::string& path)>& as_yaml);
+
 /// Parses the command line and runs `work`, which returns the exit code, with one OpenCV thread.
 ///
-/// Exit codes: 0 done, --help and --version; 1 wrong input or failed work, with one line on stderr (a result that
-/// stdout does not take is failed work); 2 wrong command line; 3 see kExitNotReached.
+/// Exit codes: 0 done, --help, --version and --print-settings; 1 wrong input or failed work, with one line on stderr (a
+/// result that stdout does not take is failed work); 2 wrong command line; 3 see kExitNotReached.
 int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& work);
 
 }  // namespace angio::cli
