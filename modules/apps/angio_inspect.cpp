@@ -291,7 +291,8 @@ void printTable(const Findings& found) {
 }
 
 int inspect(const Options& o) {
-  for (const auto& path : {o.out, o.write_camera, o.picture}) requireFolderOf(path);
+  for (const auto& path : {o.write_camera, o.picture}) requireFolderOf(path);
+  requireImagePath(o.out);
   BusToInspect live = o.live;
   live.calibration = o.calibration;
   live.picture = o.picture;

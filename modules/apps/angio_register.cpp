@@ -139,7 +139,8 @@ void warnOfOldCameras(const Options& o) {
 }
 
 int registerOne(const Options& o) {
-  for (const auto& path : {o.out, o.out_pose, o.overlay}) requireFolderOf(path);
+  for (const auto& path : {o.out, o.out_pose}) requireFolderOf(path);
+  requireImagePath(o.overlay);
   ProgramSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   if (o.starts > 0) settings.starts.count = o.starts;

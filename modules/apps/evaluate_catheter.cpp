@@ -305,7 +305,8 @@ cv::Mat catheterSheet(const CatheterRoute& way, const std::vector<SequenceFrame>
 }
 
 int evaluateCatheter(const CatheterOptions& o) {
-  for (const auto& path : {o.out, o.sheet}) requireFolderOf(path);
+  requireFolderOf(o.out);
+  requireImagePath(o.sheet);
   CatheterFile file;
   if (!o.settings.empty()) file = readSettings(o.settings, file);
   if (o.rigid) file.sequence.deformation_std_mm = 0;

@@ -74,7 +74,8 @@ std::vector<Source> sourcesOf(const ExtractionOptions& o, const ExtractionFile& 
 }
 
 int evaluateExtraction(const ExtractionOptions& o) {
-  for (const auto& path : {o.out, o.sheet}) requireFolderOf(path);
+  requireFolderOf(o.out);
+  requireImagePath(o.sheet);
   ExtractionFile file;
   if (!o.settings.empty()) file = readSettings(o.settings, file);
   std::vector<ExtractionEntrant> entrants;

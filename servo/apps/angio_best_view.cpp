@@ -189,7 +189,7 @@ Json asJson(const BestView& best, const BestViewSettings& settings) {
 }
 
 int showBestView(const Options& o) {
-  requireFolderOf(o.picture);
+  requireImagePath(o.picture);
   requireFolderOf(o.out);
   const VesselTree tree = readVesselTree(o.tree);
   if (o.branch < 0 && o.from < 0) {

@@ -168,7 +168,14 @@ TEST_F(HostileInput, ResultsThatCannotBeWrittenAreFailures) {
   arguments = registerArguments();
   arguments[11] = folder_.path("no-such-folder/overlay.png");
   one_line(test::run("angio-register", arguments), "no-such-folder/overlay.png");
+  arguments = registerArguments();
+  arguments[11] = folder_.path("overlay.bmp");
+  one_line(test::run("angio-register", arguments), "must be .png, .tif, .tiff, .jpg or .jpeg");
   EXPECT_FALSE(std::filesystem::exists(folder_.path("result.json")));
+  // Before the work, which would take hours.
+  one_line(test::run("angio-evaluate", {"extraction", "--trials", "100000", "--tree",
+                                        test::exampleData("hepatic-tace/tree.csv"), "--sheet", "sheet.bmp"}),
+           "sheet.bmp: extension = .bmp");
   arguments.resize(8);  // To stdout, which is full.
   one_line(test::RunningProgram("angio-register", arguments, "/dev/full").end(), "stdout");
 }

@@ -43,6 +43,14 @@ cv::Mat asGrey(const std::string& path, const cv::Mat& image) {
   return grey;
 }
 
+std::string writtenExtension(const std::string& path) {
+  const std::string extension = extensionOf(path);
+  for (const char* known : {".png", ".tif", ".tiff", ".jpg", ".jpeg"}) {
+    if (extension == known) return extension;
+  }
+  throw InputError(path, "extension", extension, "must be .png, .tif, .tiff, .jpg or .jpeg");
+}
+
 }  // namespace
 
 struct XrayFrames::Source {
@@ -94,12 +102,15 @@ cv::Mat readXrayImage(const std::string& path, const XrayCamera& camera, int fra
   return image;
 }
 
+void requireImagePath(const std::string& path) {
+  if (path.empty()) return;
+  writtenExtension(path);
+  requireFolderOf(path);
+}
+
 void writeImage(const std::string& path, const cv::Mat& image) {
-  const std::string extension = extensionOf(path);
+  const std::string extension = writtenExtension(path);
   const bool jpeg = extension == ".jpg" || extension == ".jpeg";
-  if (!jpeg && extension != ".png" && extension != ".tif" && extension != ".tiff") {
-    throw InputError(path, "extension", extension, "must be .png, .tif, .tiff, .jpg or .jpeg");
-  }
   const bool deep = !image.empty() && image.type() == CV_16UC1;
   if (image.empty() || !(image.type() == CV_8UC1 || image.type() == CV_8UC3 || (deep && !jpeg))) {
     throw InputError(path, "image", image.empty() ? "empty" : cv::typeToString(image.type()),

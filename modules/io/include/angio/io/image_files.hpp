@@ -45,6 +45,10 @@ cv::Mat readXrayImage(const std::string& path, const XrayCamera& camera, int fra
 /// red) or, but not for JPEG, CV_16UC1. Throws InputError for other types and when the file cannot be written.
 void writeImage(const std::string& path, const cv::Mat& image);
 
+/// Throws InputError when writeImage() could not write there, by extension or folder: better before hours of work than
+/// after. An empty path is none.
+void requireImagePath(const std::string& path);
+
 /// Writes frames as the pages of one TIFF (.tif, .tiff), compressed without loss, whole or not at all; XrayFrames reads
 /// them back. At least one and at most 10,000 frames, all of one size and all CV_8UC1 or all CV_16UC1. Throws
 /// InputError otherwise, for more than 1 GiB, and when the file cannot be written.
