@@ -244,6 +244,7 @@ void duplicate(std::vector<SimulatedBeadView>& views) {
 void writeCalibrationData(const std::string& folder, const CArmCalibration& nominal,
                           const Eigen::Vector3d& center_model, const CalibrationSimulationSettings& s,
                           SimulatedImages images, const std::function<void(int done, int total)>& tell) {
+  const ClaimedFolder claimed(folder), truth(folder + "/truth"), hand_eye(folder + "/hand-eye");
   const SimulatedDevice machine = simulatedMachine(nominal, center_model, s), other = otherMachine(machine, s);
   const BeadPhantom phantom = helixPhantom();
   std::vector<SimulatedBeadView> camera_views = simulatedCameraViews(machine, phantom, s),
@@ -258,7 +259,6 @@ void writeCalibrationData(const std::string& folder, const CArmCalibration& nomi
   // A slip in labels needs labels.
   const bool labelled = s.hostile == HostileData::kSwappedBeads;
 
-  const ClaimedFolder claimed(folder), truth(folder + "/truth"), hand_eye(folder + "/hand-eye");
   writeBeadPhantom(folder + "/phantom.yaml", filed(phantom, s.hostile));
   writeCArmCalibration(folder + "/truth/carm.yaml", machine.truth);
   writeWholeFile(folder + "/truth.json", truthOf(machine, s).dump(2) + "\n");
