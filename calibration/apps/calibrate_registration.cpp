@@ -169,7 +169,8 @@ void writePatientFile(const std::string& path, const Pose& T_dsa_cb, const Anato
   writeWholeFile(path, asYaml(file));
 }
 
-void writeAnatomy(const RegistrationOptions& o, const AnatomyCases& cases, const AnatomyResult& result) {
+void writeAnatomy(const RegistrationOptions& o, const AnatomyCases& cases, const VesselTree& tree,
+                  const AnatomyResult& result) {
   const CalibrationRecord record = anatomyRecord(result, cases.angles.machine, cases.input_paths);
   const Pose T_dsa_cb = patientOfRun(result, o.run);
   if (!cases.carm) return writePatientFile(o.out, T_dsa_cb, result, record);
@@ -177,7 +178,7 @@ void writeAnatomy(const RegistrationOptions& o, const AnatomyCases& cases, const
   if (!machine.empty() && !record.machine.empty() && machine != record.machine) {
     throw InputError(o.carm, "machine", machine, "must be the angles' machine, " + record.machine);
   }
-  writePatient(o.out, *cases.carm, T_dsa_cb, record);
+  writePatient(o.out, *cases.carm, T_dsa_cb, record, modelId(tree));
 }
 
 // For a person: T_dsa_cb, the runs' shifts, each view against the others. `left_out` names those that were not
@@ -253,7 +254,7 @@ int calibrate(const RegistrationOptions& o) {
   }
   const VesselTree tree = readVesselTree(cases.set.cases.front().tree_path);
   const AnatomyResult result = anatomyOf(seen, tree, o);
-  if (!o.out.empty()) writeAnatomy(o, cases, result);
+  if (!o.out.empty()) writeAnatomy(o, cases, tree, result);
   const std::string table = anatomyTable(result, outcomes, left_out);
   if (!o.report.empty()) writeAnatomyReport(o.report, o.cases, result, seen, tree, table);
   std::cout << table;

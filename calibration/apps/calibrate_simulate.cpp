@@ -48,12 +48,13 @@ CalibrationSimulationSettings effectiveSettings(const SimulateOptions& o) {
 int simulate(const SimulateOptions& o) {
   const CalibrationSimulationSettings settings = effectiveSettings(o);
   const VesselTree tree = readVesselTree(o.tree);
+  CArmCalibration nominal = readCArmCalibration(o.nominal);
+  nominal.model_id = modelId(tree);
   std::optional<ProgressBar> bar;
-  writeCalibrationData(o.out, readCArmCalibration(o.nominal), tree.centroid(), settings, o.images,
-                       [&](int done, int total) {
-                         if (!bar) bar.emplace("rendering", total);
-                         bar->show(done);
-                       });
+  writeCalibrationData(o.out, nominal, tree.centroid(), settings, o.images, [&](int done, int total) {
+    if (!bar) bar.emplace("rendering", total);
+    bar->show(done);
+  });
   bar.reset();
   std::cout << settings.camera_views << " views for the camera, " << settings.geometry_views << " for the geometry and "
             << settings.hand_eye_poses << " poses of the anatomy are in " << o.out << "/, their truth in " << o.out

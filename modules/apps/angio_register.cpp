@@ -211,7 +211,7 @@ int registerOne(const Options& o) {
   return converged ? 0 : kExitNotReached;
 }
 
-GatedPerceptionSettings settingsOf(const BusOptions& o) {
+GatedPerceptionSettings settingsOf(const BusOptions& o, const VesselTree& tree) {
   GatedPerceptionSettings node;
   if (o.method == IterativePnpSettings::kName) {
     node.perception.useIterativePnp();
@@ -220,7 +220,7 @@ GatedPerceptionSettings settingsOf(const BusOptions& o) {
         "angio-register", "--method", o.method,
         std::string("must be ") + OrientedKernelSettings::kName + " or " + IterativePnpSettings::kName + " on a bus");
   }
-  const CArmCalibration calibration = readCArmCalibration(o.calibration);
+  const CArmCalibration calibration = readCArmCalibration(o.calibration, tree);
   node.carm = calibration.carm;
   node.T_dsa_cb = calibration.T_dsa_cb;
   return node;
@@ -228,8 +228,8 @@ GatedPerceptionSettings settingsOf(const BusOptions& o) {
 
 // Registers frame after frame, and says so on the bus, until it is stopped.
 int registerOnBus(const BusOptions& o) {
-  const GatedPerceptionSettings settings = settingsOf(o);
   const VesselTree tree = readVesselTree(o.tree);
+  const GatedPerceptionSettings settings = settingsOf(o, tree);
   const auto bus = withKeyFile(openSharedBus(o.bus), o.key_file,
                                [](const std::string& line) { std::cerr << "angio-register: " << line << "\n"; });
   if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-register: " << *warning << "\n";

@@ -76,7 +76,7 @@ class Screen {
 
 LiveOverlay overlayOf(const Options& o, const VesselTree& tree) {
   if (o.calibration.empty()) return LiveOverlay(tree, o.width_px);
-  const CArmCalibration calibration = readCArmCalibration(o.calibration);
+  const CArmCalibration calibration = readCArmCalibration(o.calibration, tree);
   return LiveOverlay(tree, o.width_px, calibration.carm, calibration.R_patient_lps());
 }
 

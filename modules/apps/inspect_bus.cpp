@@ -137,8 +137,8 @@ void addTree(const Pose& T_camera_model, const XrayCamera& camera, const VesselT
 }  // namespace
 
 Findings inspectBus(const BusToInspect& o) {
-  const CArmCalibration calibration = readCArmCalibration(o.calibration);
   const VesselTree tree = readVesselTree(o.tree);
+  const CArmCalibration calibration = readCArmCalibration(o.calibration, tree);
   const auto log = logFileOf(o.bus);
   const Heard heard = log ? ofLog(*log) : ofBus(o);
   if (!heard.frame) throw std::runtime_error(o.bus + ": no X-ray frame has come");

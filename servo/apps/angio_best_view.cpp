@@ -198,7 +198,7 @@ int showBestView(const Options& o) {
   }
   const ServoSettings lab = readServoSettings(o.settings);
   const BestViewSettings& settings = lab.tasks.of<ViewTaskSettings>().best_view;
-  const CArmCalibration calibration = readCArmCalibration(o.calibration);
+  const CArmCalibration calibration = readCArmCalibration(o.calibration, tree);
   const ServoLoopSettings loop = lab.loop(calibration);
   const BestViewScene scene = bestViewScene(loop.carm, loop.limits, loop.R_lps_model);
   const TreeSegment segment = o.branch >= 0 ? segmentOfBranch(tree, o.branch) : segmentBetween(tree, o.from, o.to);

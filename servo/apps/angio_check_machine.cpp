@@ -58,7 +58,8 @@ std::vector<std::uint8_t> bytesOf(CArmCommand command) {
 int check(const Options& o) {
   requireFolderOf(o.json);
   MachineCheckSettings settings = o.check;
-  const CArmCalibration calibration = readCArmCalibration(o.calibration);
+  const VesselTree tree = readVesselTree(o.tree);
+  const CArmCalibration calibration = readCArmCalibration(o.calibration, tree);
   settings.carm = calibration.carm;
   settings.T_dsa_cb = calibration.T_dsa_cb;
   settings.limits = readServoSettings(o.settings).loop(calibration).limits;
@@ -75,7 +76,7 @@ int check(const Options& o) {
     steered = true;
     by = bus->sender();
   });
-  MachineCheck machine(settings, readVesselTree(o.tree));
+  MachineCheck machine(settings, tree);
   const RunTime run;
   std::string doing;
   while (!machine.finished() && !run.over()) {

@@ -33,7 +33,7 @@ int navigate(const Options& o) {
   const VesselTree tree = readVesselTree(o.tree);
   const TreeTopology map(tree);
   const TreeLocation start = o.way.start(map), target = o.way.target(map);
-  const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration));
+  const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration, tree));
   const auto bus = openSharedBus(o.bus, o.disturb, o.key_file, "angio-navigate");
   if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-navigate: " << *warning << "\n";
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";

@@ -56,7 +56,8 @@ std::string row(const Command& c, const std::vector<double>& velocity, bool held
 Replayed replayCArm(const Options& o, ProgressBar& bar) {
   ServoSettings settings = readServoSettings(o.settings);
   o.loop.applyTo(settings);
-  const ServoLoopSettings loop = settings.loop(readCArmCalibration(o.calibration));
+  const VesselTree tree = readVesselTree(o.tree);
+  const ServoLoopSettings loop = settings.loop(readCArmCalibration(o.calibration, tree));
   Replayed result{
       "frame_sequence,utime_us,sequence,valid_for_us,primary_rad_per_s,secondary_rad_per_s,table_x_m_per_s,"
       "table_y_m_per_s,table_z_m_per_s,held,as_logged\n",
@@ -66,7 +67,7 @@ Replayed replayCArm(const Options& o, ProgressBar& bar) {
     result.table += row(c, {c.velocity.begin(), c.velocity.end()}, f.report.hold_reason.has_value(), f.logged);
     bar.show(static_cast<int>(kBarSteps * f.part));
   };
-  result.summary = replay<ServoLoop>(o.log, watch, loop, readVesselTree(o.tree));
+  result.summary = replay<ServoLoop>(o.log, watch, loop, tree);
   return result;
 }
 
@@ -75,7 +76,7 @@ Replayed replayDrive(const Options& o, ProgressBar& bar) {
   settings.controller.ask_for_views |= o.ask_for_views;
   const VesselTree tree = readVesselTree(o.tree);
   const TreeTopology map(tree);
-  const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration));
+  const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration, tree));
   Replayed result{
       "frame_sequence,utime_us,sequence,valid_for_us,insertion_m_per_s,roll_rad_per_s,bend_rad_per_s,held,as_logged\n",
       {}};

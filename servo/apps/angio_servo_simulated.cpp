@@ -45,7 +45,7 @@ Scenario worldOf(const ServoProgramOptions& o, const ServoSettings& settings, co
     throw InputError(o.settings, "scenario", "",
                      "patient_* and calibration_error_* must not be given with --truth, which has both");
   }
-  return {readCArmCalibration(o.truth), calibration};
+  return {readCArmCalibration(o.truth, tree), calibration};
 }
 
 int simulate(const ServoProgramOptions& o, const ServoSettings& settings, const VesselTree& tree,

@@ -15,7 +15,6 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
-#include "angio/calibration_records/centered_carm.hpp"
 #include "angio/cli/bus_help.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/further_options.hpp"
@@ -26,6 +25,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/channels.hpp"
 #include "angio/simulation/nodes.hpp"
+#include "centered_option.hpp"
 #include "navigate_options.hpp"
 #include "patient_options.hpp"
 #include "program_bus.hpp"
@@ -175,16 +175,10 @@ ViewAngles anglesOf(double primary_deg, double secondary_deg) {
   return {degToRad(primary_deg), degToRad(secondary_deg)};
 }
 
-CArmCalibration calibrationFor(const Options& o, const VesselTree& tree) {
-  if (o.t_dsa_cb.empty()) return readCArmCalibration(o.calibration);
-  std::cerr << "angio-simulate: assumed: " << kCenteredAssumption << "\n";
-  return readCenteredCArm(o.calibration, tree.centroid());
-}
-
 int writeFiles(const Options& o) {
   const SimulatedPatientSettings settings = effectiveSettings(o).patient;
   const VesselTree tree = readVesselTree(o.tree);
-  const CArmCalibration calibration = calibrationFor(o, tree);
+  const CArmCalibration calibration = readCalibration("angio-simulate", o.calibration, o.t_dsa_cb, tree);
   RunOptions run = o.run;
   run.frame_rate_hz = o.frame_rate_hz;
   run.from = anglesOf(o.start_primary_deg, o.start_secondary_deg);
@@ -206,7 +200,7 @@ void send(Bus& bus, const XrayFrame& frame, const Options& o) {
 int simulate(const Options& o) {
   const SimulateSettings settings = effectiveSettings(o);
   const VesselTree tree = readVesselTree(o.tree);
-  const CArmCalibration calibration = calibrationFor(o, tree);
+  const CArmCalibration calibration = readCalibration("angio-simulate", o.calibration, o.t_dsa_cb, tree);
   std::optional<SimulatedDevices::Catheter> catheter;
   if (o.catheter_branch) {
     catheter.emplace(SimulatedDevices::Catheter{
@@ -289,10 +283,7 @@ int main(int argc, char** argv) {
   app.add_option("--key-file", o.key_file, angio::cli::kKeyFileHelp)->group(angio::cli::kFurtherOptions);
   app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", o.calibration, "C-arm geometry and how the patient really lies (.yaml)");
-  app.add_option("--t-dsa-cb", o.t_dsa_cb,
-                 "centre: of --calibration only the C-arm is taken. The tree's x, y, z are L, P, S of a patient head "
-                 "first supine, its centroid is at the isocentre")
-      ->check(CLI::IsMember({angio::apps::kCentered}));
+  angio::apps::addCenteredOption(app, o.t_dsa_cb);
   app.add_option("--start-primary-deg", o.start_primary_deg, "C-arm angle at the start")->check(between(-110, 110));
   app.add_option("--start-secondary-deg", o.start_secondary_deg, "C-arm angle at the start")->check(between(-55, 55));
   app.add_option("--frame-rate-hz", o.frame_rate_hz, "Frames a second")->check(between(0.1, 100));

@@ -12,6 +12,7 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "centered_option.hpp"
 #include "patient_options.hpp"
 #include "servo_settings.hpp"
 #include "simulate_loop.hpp"
@@ -22,7 +23,7 @@ namespace {
 // What the experiments ask for.
 struct ExperimentOptions {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string settings, out, machine = "both";
+  std::string t_dsa_cb, settings, out, machine = "both";
   PatientOptions patient;
   Runs runs;
   CenterExperimentSettings center;
@@ -92,6 +93,7 @@ std::pair<CLI::App*, std::shared_ptr<ExperimentOptions>> addExperiment(CLI::App&
   CLI::App* command = app.add_subcommand(name, help);
   command->add_option("--tree", o->tree, "Vessel tree");
   command->add_option("--calibration", o->calibration, "C-arm geometry and T_dsa_cb (.yaml): what is made wrong");
+  addCenteredOption(*command, o->t_dsa_cb);
   command->add_option("--runs", o->runs.count, "How many runs")->check(CLI::Range(1, 100000));
   command
       ->add_option("--first-seed", o->runs.first_seed, "Seed of the first run; each has one more than the one before")
@@ -106,7 +108,9 @@ std::pair<CLI::App*, std::shared_ptr<ExperimentOptions>> addExperiment(CLI::App&
       requireFolderOf(o->out);
       ServoSettings settings = experimentSettings(o->settings);
       o->patient.applyTo(settings.patient);
-      Experiment e{*o, settings, readVesselTree(o->tree), readCArmCalibration(o->calibration), o->runs};
+      const VesselTree tree = readVesselTree(o->tree);
+      const CArmCalibration nominal = readCalibration(command->get_name(), o->calibration, o->t_dsa_cb, tree);
+      Experiment e{*o, settings, tree, nominal, o->runs};
       ProgressBar bar(what, o->runs.count);
       e.runs.done = [&](int done) { bar.show(done); };
       return run(e);

@@ -7,10 +7,10 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
-#include "angio/calibration_records/centered_carm.hpp"
 #include "angio/imaging/wide_vessels.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "centered_option.hpp"
 
 namespace angio::apps {
 
@@ -29,13 +29,7 @@ void ServoProgramOptions::addTo(CLI::App& app) {
   app.add_option("--tree", tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.add_option("--calibration", calibration,
                  "C-arm geometry and T_dsa_cb (.yaml); when simulating without --truth, what is made wrong");
-  auto* centered =
-      app.add_option(
-             "--t-dsa-cb", t_dsa_cb,
-             "centre: of --calibration only the C-arm is taken. The tree's x, y, z are L, P, S of a patient head "
-             "first supine, its centroid is at the isocentre")
-          ->check(CLI::IsMember({kCentered}))
-          ->needs(simulated);
+  auto* centered = addCenteredOption(app, t_dsa_cb)->needs(simulated);
   app.add_option(
          "--truth", truth,
          "The simulated C-arm and patient (.yaml), of angio-calibrate simulate; --calibration is what is believed")
@@ -90,9 +84,7 @@ ServoSettings ServoProgramOptions::effectiveSettings() const {
 }
 
 CArmCalibration ServoProgramOptions::readCalibration(const VesselTree& model) const {
-  const CArmCalibration read =
-      t_dsa_cb.empty() ? readCArmCalibration(calibration) : readCenteredCArm(calibration, model.centroid());
-  if (!t_dsa_cb.empty()) std::cerr << "angio-servo: assumed: " << kCenteredAssumption << "\n";
+  const CArmCalibration read = apps::readCalibration("angio-servo", calibration, t_dsa_cb, model);
   const std::string moved = truth.empty() ? machine : readCArmFile(truth).machine;
   for (const auto& warning : checkRecords(calibration, read.records, {moved, max_age_days})) {
     std::cerr << "angio-servo: " << warning << "\n";
@@ -123,7 +115,7 @@ int runServoProgram(int argc, char** argv, const std::function<int()>& simulated
     if (options.simulate && simulated && options.preview.empty()) return simulated();
     const ServoSettings settings = options.effectiveSettings();
     const VesselTree tree = readVesselTree(options.tree);
-    if (!options.view_pose.empty()) requireTree(options.view_pose, readPose(options.view_pose), tree);
+    if (!options.view_pose.empty()) requireTree(options.view_pose, readPose(options.view_pose).model_id, tree);
     const CArmCalibration calibration = options.readCalibration(tree);
     warnOfWideVessels(settings, tree, calibration);
     return work(options, settings, tree, calibration);

@@ -4,6 +4,7 @@
 #include "angio/calibration_records/centered_carm.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
+#include "angio/test/phantoms.hpp"
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
 
@@ -82,6 +83,24 @@ TEST_F(CArmFiles, ALoopIsToldWhatMakesTheMissingPose) {
   const std::string said = test::refusalOf([&] { readCArmCalibration(folder.path("carm.yaml")); });
   EXPECT_THAT(said, HasSubstr("T_dsa_cb: is missing: angio-calibrate hand-eye"));
   EXPECT_THAT(said, HasSubstr("in a simulation --t-dsa-cb centre"));
+}
+
+TEST_F(CArmFiles, ATreeIsNotPlacedByTheCalibrationOfAnother) {
+  const VesselTree tree = test::branchingTree(4), other = test::branchingTree(5);
+  CArmFile file = crookedFile();
+  file.T_dsa_cb = Pose::Identity();
+  const std::string path = folder.path("carm.yaml");
+  writeCArmFile(path, file);
+  EXPECT_NO_THROW(readCArmCalibration(path, other));  // Nobody said of which it is.
+  file.model_id = modelId(tree);
+  writeCArmFile(path, file);
+  EXPECT_EQ(readCArmCalibration(path, tree).model_id, modelId(tree));
+  const std::string said = test::refusalOf([&] { readCArmCalibration(path, other); });
+  EXPECT_THAT(said, HasSubstr("carm.yaml: model_id = "));
+  EXPECT_THAT(said, HasSubstr("in a simulation give --t-dsa-cb centre"));
+  EXPECT_EQ(readCenteredCArm(path, other.centroid()).model_id, ModelId::kUnknown);
+  writeCArmCalibration(path, readCArmCalibration(path));
+  EXPECT_EQ(readCArmFile(path).model_id, modelId(tree));
 }
 
 // What the file says of another tree does not count.

@@ -137,6 +137,7 @@ CArmFile readCArmFile(const std::string& path) {
   if (const auto field = map.find("l_arm_deg")) carm.l_arm_rad = degToRad(field->number());
   if (const auto field = map.find("T_dsa_cb")) file.T_dsa_cb = readPoseField(path, *field, nullptr);
   if (const auto field = map.find("R_lps_model")) file.R_lps_model = readRotation(*field);
+  if (const auto field = map.find("model_id")) file.model_id = readModelId(*field);
   if (const auto field = map.find("machine")) file.machine = field->text();
   if (const auto field = map.find("deviations")) readCArmDeviations(*field, carm.deviations);
   if (const auto field = map.find("calibration")) file.records = readRecords(*field);
@@ -160,6 +161,7 @@ void writeCArmFile(const std::string& path, const CArmFile& file) {
   const Json deviations = carmDeviationsAsJson(file.carm.deviations);
   if (!deviations.empty()) json["deviations"] = deviations;
   if (file.T_dsa_cb) json["T_dsa_cb"] = poseAsJson(*file.T_dsa_cb);
+  if (file.model_id != ModelId::kUnknown) json["model_id"] = static_cast<std::int64_t>(file.model_id);
   if (!file.R_lps_model.isIdentity(0)) json["R_lps_model"] = matrixAsJson(file.R_lps_model);
   for (const auto& record : file.records) json["calibration"][record.kind] = recordAsJson(record);
   writeWholeFile(path, asYaml(json));
@@ -172,7 +174,14 @@ CArmCalibration readCArmCalibration(const std::string& path) {
                      "is missing: angio-calibrate hand-eye or angio-calibrate registration makes it; in a simulation "
                      "--t-dsa-cb centre does without");
   }
-  return {file.carm, *file.T_dsa_cb, file.R_lps_model, file.machine, std::move(file.records)};
+  return {file.carm, *file.T_dsa_cb, file.R_lps_model, file.machine, std::move(file.records), file.model_id};
+}
+
+CArmCalibration readCArmCalibration(const std::string& path, const VesselTree& tree) {
+  CArmCalibration calibration = readCArmCalibration(path);
+  requireTree(path, calibration.model_id, tree,
+              ": T_dsa_cb is of another tree. Calibrate with this one, or in a simulation give --t-dsa-cb centre");
+  return calibration;
 }
 
 CArmCalibration readCenteredCArm(const std::string& path, const Eigen::Vector3d& centroid_model) {
@@ -188,7 +197,7 @@ Pose centeredInPatient(const Eigen::Vector3d& centroid_model) {
 }
 
 void writeCArmCalibration(const std::string& path, const CArmCalibration& c) {
-  writeCArmFile(path, {c.carm, c.T_dsa_cb, c.R_lps_model, c.machine, c.records});
+  writeCArmFile(path, {c.carm, c.T_dsa_cb, c.R_lps_model, c.machine, c.records, c.model_id});
 }
 
 CArmCalibration miscalibrated(const CArmCalibration& truth, const Eigen::Vector3d& center_model,

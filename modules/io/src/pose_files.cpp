@@ -41,15 +41,6 @@ Matrix6d readCovariance(const YamlField& field) {
   return symmetric;
 }
 
-// Of 64 bits, which a double does not hold.
-ModelId readModelId(const YamlField& field) {
-  const std::string text = field.text();
-  std::int64_t id = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  if (error != std::errc() || end != text.data() + text.size()) field.refuse("must be a whole number of 64 bits");
-  return ModelId{id};
-}
-
 void requireFrame(const std::optional<YamlField>& field, const std::string& frame) {
   if (field && field->text() != frame) field->refuse("must be " + frame);
 }
@@ -95,11 +86,20 @@ PoseFile readPose(const std::string& path) {
   return result;
 }
 
-void requireTree(const std::string& path, const PoseFile& pose, const VesselTree& tree) {
+// Of 64 bits, which a double does not hold.
+ModelId readModelId(const YamlField& field) {
+  const std::string text = field.text();
+  std::int64_t id = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
+  if (error != std::errc() || end != text.data() + text.size()) field.refuse("must be a whole number of 64 bits");
+  return ModelId{id};
+}
+
+void requireTree(const std::string& path, ModelId model_id, const VesselTree& tree, const std::string& remedy) {
   const ModelId own = modelId(tree);
-  if (pose.model_id == ModelId::kUnknown || pose.model_id == own) return;
-  throw InputError(path, "model_id", std::to_string(static_cast<std::int64_t>(pose.model_id)),
-                   "must be that of the vessel tree, " + std::to_string(static_cast<std::int64_t>(own)));
+  if (model_id == ModelId::kUnknown || model_id == own) return;
+  throw InputError(path, "model_id", std::to_string(static_cast<std::int64_t>(model_id)),
+                   "must be that of the vessel tree, " + std::to_string(static_cast<std::int64_t>(own)) + remedy);
 }
 
 Pose readViewPose(const std::string& path) {

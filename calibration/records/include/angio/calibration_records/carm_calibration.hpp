@@ -7,6 +7,7 @@
 
 #include "angio/calibration_records/record.hpp"
 #include "angio/geometry/carm.hpp"
+#include "angio/vessel/model_id.hpp"
 
 namespace angio::calibration_records {
 
@@ -23,6 +24,7 @@ struct CArmCalibration {
 
   std::string machine;                     ///< Whose calibration it is; empty when nobody said.
   std::vector<CalibrationRecord> records;  ///< How it came about; none for a file that was written by hand.
+  ModelId model_id = ModelId::kUnknown;    ///< The tree of T_dsa_cb; kUnknown when nobody said.
 
   /// Anatomical axes L, P, S in the patient frame.
   Eigen::Matrix3d R_patient_lps() const { return T_dsa_cb.linear() * R_lps_model.transpose(); }
@@ -38,11 +40,13 @@ struct CArmFile {
   Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();
   std::string machine;
   std::vector<CalibrationRecord> records;
+  ModelId model_id = ModelId::kUnknown;
 };
 
 /// Reads a C-arm file (YAML): source_isocentre_distance_mm, source_detector_distance_mm, pixel_spacing_mm,
-/// image_size_px; optionally machine, T_dsa_cb: {rotation, translation_mm}, R_lps_model (identity when it is not
-/// there), the records under calibration, and how the C-arm deviates (CArmDeviations; all zero when not there):
+/// image_size_px; optionally machine, T_dsa_cb: {rotation, translation_mm}, model_id of the tree of T_dsa_cb,
+/// R_lps_model (identity when it is not there), the records under calibration, and how the C-arm deviates
+/// (CArmDeviations; all zero when not there):
 ///
 ///     deviations:
 ///       primary_offset_deg: 0.1            # and secondary_offset_deg, axis_skew_deg, axis_gap_mm, source_right_mm,
@@ -64,6 +68,9 @@ void writeCArmFile(const std::string& path, const CArmFile& file);
 /// Reads a C-arm file that a loop can be run with. Throws InputError as readCArmFile does, and for a file without
 /// T_dsa_cb one that says what makes it.
 CArmCalibration readCArmCalibration(const std::string& path);
+
+/// The same for a loop with this tree. Throws InputError for a T_dsa_cb of another tree; one that names no tree passes.
+CArmCalibration readCArmCalibration(const std::string& path, const VesselTree& tree);
 
 /// Writes a whole calibration as a C-arm file.
 void writeCArmCalibration(const std::string& path, const CArmCalibration& calibration);

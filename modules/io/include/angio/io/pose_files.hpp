@@ -30,8 +30,12 @@ struct PoseFile {
 /// semidefinite, other frames, unknown keys.
 PoseFile readPose(const std::string& path);
 
-/// Throws InputError that names the file when the pose is of another tree than this one. Poses that name no tree pass.
-void requireTree(const std::string& path, const PoseFile& pose, const VesselTree& tree);
+/// Reads a `model_id`, as angio-inspect prints it: a whole number.
+ModelId readModelId(const YamlField& field);
+
+/// Throws InputError that names the file when its `model_id` is of another tree than this one; kUnknown passes.
+/// `remedy` ends the line: what to do where that is meant.
+void requireTree(const std::string& path, ModelId model_id, const VesselTree& tree, const std::string& remedy = "");
 
 /// Writes what readPose reads. Throws InputError when the file cannot be written.
 void writePose(const std::string& path, const PoseFile& pose);
