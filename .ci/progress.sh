@@ -16,6 +16,8 @@ while IFS= read -r line || [ -n "$line" ]; do
   fi
   count=${BASH_REMATCH[1]} total=${BASH_REMATCH[2]} what=${BASH_REMATCH[3]##* }
   [[ $what =~ ^(.*/)?CMakeFiles/[^/]*\.dir/(.*)\.o$ ]] && what=${BASH_REMATCH[1]}${BASH_REMATCH[2]}
+  # Of several sources in one: their folder.
+  what=${what%/Unity/unity_*}
   # Too early to tell at first; seconds are rounded up.
   left=
   if [ $((20 * count)) -ge "$total" ]; then

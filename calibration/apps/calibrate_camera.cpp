@@ -156,7 +156,7 @@ void writeCameraReport(const std::string& folder, const CameraCalibration& resul
                  {"coverage.png", "Beads seen in each part of the detector", coverageMap(result)}}}});
 }
 
-int calibrate(const CameraOptions& o) {
+int runCamera(const CameraOptions& o) {
   const ClaimedOutputs claimed(o.out, o.report);
   const CameraSections settings = settingsOf(o);
   const ViewSet set = readViewSet(o.views);
@@ -207,7 +207,7 @@ void addCalibrateCamera(CLI::App& app, Work& work) {
                      settingsInForce<CameraSections>);
   command->add_option("--out", o->out, "The camera with its record (.yaml)");
   command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
-  command->callback([o, &work] { work = [o] { return calibrate(*o); }; });
+  command->callback([o, &work] { work = [o] { return runCamera(*o); }; });
 }
 
 }  // namespace angio::apps

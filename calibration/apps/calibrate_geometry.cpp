@@ -76,7 +76,7 @@ void writeGeometryReport(const std::string& folder, const std::string& views, co
               {{"Pictures", "", pictures}, {"Numbers", printed(tableOf(found)), {}}});
 }
 
-int calibrate(const GeometryOptions& o) {
+int runGeometry(const GeometryOptions& o) {
   const ClaimedOutputs claimed(o.out, o.report);
   Settings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
@@ -132,7 +132,7 @@ void addCalibrateGeometry(CLI::App& app, Work& work) {
   addSettingsOptions(*command, o->settings, "Settings (.yaml), sections detection and geometry",
                      settingsInForce<Settings>);
   command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
-  command->callback([o, &work] { work = [o] { return calibrate(*o); }; });
+  command->callback([o, &work] { work = [o] { return runGeometry(*o); }; });
 }
 
 }  // namespace angio::apps

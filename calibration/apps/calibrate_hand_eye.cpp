@@ -262,7 +262,7 @@ std::string otherSolvers(const CArmGeometry& carm, const HandEyeOptions& o) {
 }
 
 // Errors over simulated trials, and with --compare those of the other solvers.
-int simulate(const HandEyeOptions& o, const CArmGeometry& carm) {
+int simulateHandEye(const HandEyeOptions& o, const CArmGeometry& carm) {
   const auto known = trialsWith(HandEyeMount::kIdentity, "angio, mount known", carm, o);
   std::pair<std::string, std::string> unknown;
   if (o.settings.mount == HandEyeMount::kUnknown) {
@@ -280,14 +280,14 @@ int simulate(const HandEyeOptions& o, const CArmGeometry& carm) {
   return 0;
 }
 
-int calibrate(HandEyeOptions o) {
+int runHandEye(HandEyeOptions o) {
   const ClaimedOutputs claimed(o.out, o.report);
   requireFolderOf(o.write_poses);
   if (o.known_mount) o.settings.mount = HandEyeMount::kIdentity;
   if (o.reprojection) o.settings.residual = HandEyeResidual::kReprojection;
   std::optional<CArmFile> carm;
   if (!o.carm.empty()) carm = readCArmFile(o.carm);
-  if (o.trials > 0) return simulate(o, carm ? carm->carm : CArmGeometry());
+  if (o.trials > 0) return simulateHandEye(o, carm ? carm->carm : CArmGeometry());
   const PoseSet set = posesOf(o, carm);
   if (carm) requireMachine(o.carm, *carm, set);
   if (carm && set.setup != HandEyeSetup::kEyeInHand)
@@ -362,7 +362,7 @@ void addCalibrateHandEye(CLI::App& app, Work& work) {
   addSimulation(*command, *o);
   command->callback([o, &work] {
     o->settings.seed = o->seed;
-    work = [o] { return calibrate(*o); };
+    work = [o] { return runHandEye(*o); };
   });
 }
 

@@ -231,7 +231,7 @@ void writeAnatomyReport(const std::string& folder, const std::string& cases_path
                {"Numbers", printed(table), {}}});
 }
 
-int calibrate(const RegistrationOptions& o) {
+int runRegistration(const RegistrationOptions& o) {
   const ClaimedOutputs claimed(o.out, o.report);
   const AnatomyCases cases = readAnatomyCases(o);
   ProgressBar bar("registering", static_cast<int>(cases.set.cases.size()));
@@ -297,7 +297,7 @@ void addCalibrateRegistration(CLI::App& app, Work& work) {
       ->check(between(2, 100));
   command->add_flag("--refine,!--no-refine", o->refine, "Refine jointly on the image points of all views");
   command->add_flag("--leave-one-out", o->leave_one_out, "Also each view's rotation as the others alone predict it");
-  command->callback([o, &work] { work = [o] { return calibrate(*o); }; });
+  command->callback([o, &work] { work = [o] { return runRegistration(*o); }; });
 }
 
 }  // namespace angio::apps

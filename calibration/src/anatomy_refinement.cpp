@@ -15,9 +15,9 @@ constexpr double kSpacing_m = 0.5e-3;   // Of model points: a pixel or two apart
 constexpr double kFarthest_px = 8;      // Of a match; what is further off belongs to no vessel of the model,
 constexpr double kOtherWay = 0.88;      // and so does what runs more than 28 deg differently (its cosine).
 constexpr double kCorrelation_px = 10;  // Neighbours on a curve err together: so much of it is one observation.
-constexpr double kMinNoise_px = 0.05;
+constexpr double kMinAnatomyNoise_px = 0.05;
 constexpr double kMadToSigma = 1.4826;
-constexpr int kIterations = 20;
+constexpr int kRefinementIterations = 20;
 
 struct Match {
   Eigen::Vector3d p_model;
@@ -63,10 +63,10 @@ std::vector<Match> matches(const ModelPoints& model, const SeenAnatomy& seen, co
   return found;
 }
 
-class Refinement {
+class PoseRefinement {
  public:
-  Refinement(const AnatomyResult& from, const std::vector<AnatomyView>& views, const std::vector<SeenAnatomy>& seen,
-             const VesselTree& tree, const AnatomyRegistrationSettings& settings)
+  PoseRefinement(const AnatomyResult& from, const std::vector<AnatomyView>& views, const std::vector<SeenAnatomy>& seen,
+                 const VesselTree& tree, const AnatomyRegistrationSettings& settings)
       : runs_(views),
         model_(resampled(tree, kSpacing_m, 20000).tree),
         views_(views),
@@ -81,7 +81,7 @@ class Refinement {
   AnatomyResult solve() {
     const auto size = static_cast<Eigen::Index>(6 + 3 * runs_.names.size() + 3 * views_.size());
     Eigen::MatrixXd A(size, size);
-    for (int iteration = 0; iteration < kIterations; ++iteration) {
+    for (int iteration = 0; iteration < kRefinementIterations; ++iteration) {
       A.setZero();
       Eigen::VectorXd b = Eigen::VectorXd::Zero(size);
       addPriors(A, b);
@@ -139,7 +139,7 @@ class Refinement {
     }
     const auto middle = sizes.begin() + sizes.size() / 2;
     std::nth_element(sizes.begin(), middle, sizes.end());
-    const double std_px = std::max(kMinNoise_px, kMadToSigma * *middle);
+    const double std_px = std::max(kMinAnatomyNoise_px, kMadToSigma * *middle);
     const double share = 1 / std::max(1.0, kCorrelation_px / meanSpacing(seen_[v].centerline));
     const Eigen::Matrix3d R = turns_[v] * views_[v].T_camera_patient.linear();
     const Eigen::Index shift = shiftAt(runs_.of_view[v]), turn = turnAt(v);
@@ -187,7 +187,7 @@ AnatomyResult refineAnatomy(const AnatomyResult& result, const std::vector<Anato
   if (views.size() != seen.size() || views.size() != result.views.size()) {
     throw InputError("registration", "views", std::to_string(seen.size()), "must each have a centreline");
   }
-  return Refinement(result, views, seen, tree, settings).solve();
+  return PoseRefinement(result, views, seen, tree, settings).solve();
 }
 
 }  // namespace angio::calibration

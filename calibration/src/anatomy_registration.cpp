@@ -18,7 +18,7 @@ namespace angio::calibration {
 namespace {
 
 constexpr int kIterations = 30;
-constexpr double kRobustScale = 3;  // Sigma of a six-dimensional residual at which views lose weight.
+constexpr double kViewScale = 3;  // Sigma of a six-dimensional residual at which views lose weight.
 
 using Choice = std::vector<bool>;
 
@@ -125,7 +125,7 @@ class AnatomyProblem {
     const Vector6d r = residual(i, state);
     const Matrix6d information = inverseOfSymmetric(covariance(i, state));
     const double squares = r.dot(information * r);
-    const double weight = robust ? 1 / (1 + squares / (kRobustScale * kRobustScale)) : 1;
+    const double weight = robust ? 1 / (1 + squares / (kViewScale * kViewScale)) : 1;
     A += weight * J.transpose() * information * J;
     b += weight * J.transpose() * information * r;
   }
@@ -148,14 +148,14 @@ void requireViews(const std::vector<AnatomyView>& views) {
   }
 }
 
-std::size_t count(const Choice& chosen) {
+std::size_t countOfViews(const Choice& chosen) {
   return static_cast<std::size_t>(std::count(chosen.begin(), chosen.end(), true));
 }
 
 // The other views' prediction of each view's rotation.
 void predictEach(const AnatomyProblem& problem, const AnatomyEstimate& state, const Choice& used,
                  AnatomyResult& result) {
-  if (count(used) < 3) return;
+  if (countOfViews(used) < 3) return;
   double squares = 0;
   for (std::size_t i = 0; i < used.size(); ++i) {
     if (!used[i]) continue;
@@ -167,7 +167,7 @@ void predictEach(const AnatomyProblem& problem, const AnatomyEstimate& state, co
     result.views[i].held_out_rotation_rad = angle;
     squares += angle * angle;
   }
-  result.held_out_rotation_rms_rad = std::sqrt(squares / static_cast<double>(count(used)));
+  result.held_out_rotation_rms_rad = std::sqrt(squares / static_cast<double>(countOfViews(used)));
 }
 
 }  // namespace
@@ -185,10 +185,11 @@ AnatomyResult registerAnatomy(const std::vector<AnatomyView>& views, const Eigen
   for (int round = 0; round < kIterations; ++round) {
     const Choice before = used;
     for (std::size_t i = 0; i < views.size(); ++i) used[i] = problem.sigmas(i, state) < settings.outlier_gate;
-    if (2 * count(used) <= views.size() && views.size() > 1) {
-      throw InputError("registration", "views",
-                       std::to_string(count(used)) + " of " + std::to_string(views.size()) + " agree on one T_dsa_cb",
-                       "more than half must: are the angles those of the views, and the registrations right?");
+    if (2 * countOfViews(used) <= views.size() && views.size() > 1) {
+      throw InputError(
+          "registration", "views",
+          std::to_string(countOfViews(used)) + " of " + std::to_string(views.size()) + " agree on one T_dsa_cb",
+          "more than half must: are the angles those of the views, and the registrations right?");
     }
     if (round > 0 && before == used) break;
     covariance = problem.solve(state, used, false);
@@ -202,7 +203,7 @@ AnatomyResult registerAnatomy(const std::vector<AnatomyView>& views, const Eigen
     if (used[i]) chi2 += sigmas * sigmas;
   }
   // A shift that is free takes up its run's translations.
-  const auto free = 6.0 * static_cast<double>(count(used)) - 6 -
+  const auto free = 6.0 * static_cast<double>(countOfViews(used)) - 6 -
                     (settings.shift_std_mm > 0 ? 3.0 * (static_cast<double>(problem.runs().names.size()) - 1) : 0);
   result.chi2_per_freedom = chi2 / std::max(1.0, free);
   predictEach(problem, state, used, result);

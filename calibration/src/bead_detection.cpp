@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kBlobScaleStep = 1.25;  // Between the radii that are looked for.
 constexpr double kBlobOfRadius = 0.58;   // Standard deviation of the blob that answers a ball's shadow best, in radii.
-constexpr int kMargin_px = 2;            // Of the open field, where its edge is soft.
+constexpr int kFieldMargin_px = 2;       // Of the open field, where its edge is soft.
 
 // What may be a ball, and how much of a blob it is.
 struct BeadCandidate {
@@ -31,7 +31,7 @@ cv::Mat openPixels(const cv::Mat& image) {
   const OpenField field = findOpenField(image);
   if (field.polygon_px.empty()) return cv::Mat(image.size(), CV_8UC1, cv::Scalar(255));
   cv::Mat inner;
-  cv::erode(field.mask, inner, cv::Mat(), {-1, -1}, kMargin_px, cv::BORDER_CONSTANT, cv::Scalar(255));
+  cv::erode(field.mask, inner, cv::Mat(), {-1, -1}, kFieldMargin_px, cv::BORDER_CONSTANT, cv::Scalar(255));
   return inner;
 }
 

@@ -155,7 +155,7 @@ class SymmetrySearch {
   double tolerance_m_;
 };
 
-constexpr std::size_t kMinBeads = 8, kMinPoints = 4, kMaxBeads = 2000;
+constexpr std::size_t kMinPhantomBeads = 8, kMinPoints = 4, kMaxBeads = 2000;
 constexpr double kFarthest_mm = 1000, kMinExtent_mm = 10;
 constexpr double kThinnest_mm = 0.2, kThickest_mm = 20;
 constexpr double kIndistinct_m = 0.5e-3;
@@ -193,7 +193,7 @@ BeadPhantom readBeadPhantom(const std::string& path) {
   const auto points = map.find("points");
   const YamlField list = points ? *points : map.need("beads");
   map.refuseOthers();
-  const std::size_t fewest = points ? kMinPoints : kMinBeads;
+  const std::size_t fewest = points ? kMinPoints : kMinPhantomBeads;
   const std::string rule = "must be a list of " + std::to_string(fewest) + " to " + std::to_string(kMaxBeads);
   for (const YamlField& item : list.items(rule, fewest, kMaxBeads)) {
     const std::vector<double> mm = item.numbers(points ? 3 : 4);

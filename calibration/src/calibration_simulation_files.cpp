@@ -94,8 +94,8 @@ int labelOf(int bead, HostileData hostile) {
   return bead == kFirst ? kSecond : bead == kSecond ? kFirst : bead;
 }
 
-std::string tableOf(const SimulatedBeadView& view, const SimulatedDevice& machine,
-                    const CalibrationSimulationSettings& s, Draws& draws) {
+std::string tableOfBeads(const SimulatedBeadView& view, const SimulatedDevice& machine,
+                         const CalibrationSimulationSettings& s, Draws& draws) {
   std::string table = "x_px,y_px,sigma_px,bead\n";
   for (std::size_t i = 0; i < view.shown.size(); ++i) {
     const Eigen::Vector2d pixel = view.pixels_px.col(i);
@@ -134,7 +134,7 @@ class ViewWriter {
                                    static_cast<std::uint64_t>(index)));
       entry["image"] = "v" + name + ".png";
     } else {
-      writeWholeFile(to_.folder + "/v" + name + ".csv", tableOf(view, machine, settings_, draws_));
+      writeWholeFile(to_.folder + "/v" + name + ".csv", tableOfBeads(view, machine, settings_, draws_));
       entry["beads"] = "v" + name + ".csv";
     }
     entry["source_detector_distance_mm"] = 1e3 * view.source_detector_distance_m;

@@ -15,7 +15,7 @@
 namespace angio::calibration {
 namespace {
 
-constexpr double kRobustScale = 2.5;        // Of Cauchy's loss, in standard deviations.
+constexpr double kCauchyScale = 2.5;        // Of Cauchy's loss, in standard deviations.
 constexpr double kRayleighMedian = 1.1774;  // Median length of a residual of unit variance in each axis.
 // Views do not share one camera when K's of their own explain them better than chance by this factor, and their mean
 // square falls by this factor: no real bead is so well known that the first alone says much.
@@ -106,9 +106,9 @@ std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<B
     const auto require = [&](bool usable) {
       if (!usable) throw InputError("views", "bundle", "", "no camera explains them: the solver found no answer");
     };
-    require(bundle.solve(kRobustScale * robustNoise(bundle), settings.max_iterations));
+    require(bundle.solve(kCauchyScale * robustNoise(bundle), settings.max_iterations));
     chooseBeads(bundle, settings.outlier_stds * robustNoise(bundle));
-    require(bundle.solve(kRobustScale * robustNoise(bundle), settings.max_iterations));
+    require(bundle.solve(kCauchyScale * robustNoise(bundle), settings.max_iterations));
     const auto unused = mostlyUnused(bundle), foreign = unused ? unused : mostForeign(bundle);
     if (foreign) {
       left_out.push_back(bundle.views[*foreign].index);
@@ -207,7 +207,8 @@ CalibratedView calibratedView(const BeadView& given, const CameraBundle& bundle,
   return result;
 }
 
-CameraFile cameraOf(const CameraBundle& bundle, const DetectorOfViews& detector, const std::vector<BeadView>& views) {
+CameraFile cameraOfBundle(const CameraBundle& bundle, const DetectorOfViews& detector,
+                          const std::vector<BeadView>& views) {
   const LensNumbers lens = bundle.lens();
   XrayCamera::Parameters p;
   p.width_px = detector.width_px;
@@ -264,7 +265,7 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
   }
   const std::vector<std::size_t> left_out = solveRobustly(bundle, views, settings);
 
-  CameraCalibration result{cameraOf(bundle, detector, views), {}, {}, 0};
+  CameraCalibration result{cameraOfBundle(bundle, detector, views), {}, {}, 0};
   double squared = 0, weighted = 0, mean_depth_m = 0;
   int points = 0;
   for (const BundleView& view : bundle.views) {

@@ -13,7 +13,7 @@ namespace angio::calibration {
 namespace {
 
 constexpr double kWorstNoise_px = 0.5;  // Of beads found by any means; settings may know better.
-constexpr std::size_t kMinBeads = 8, kMinMarks = 5;
+constexpr std::size_t kMinSeenBeads = 8, kMinMarks = 5;
 constexpr double kSame_px = 2;  // Root mean square: nobody moves a phantom so little on purpose.
 
 // Whether two views show their common beads in one place.
@@ -51,7 +51,7 @@ void checkViews(const BeadPhantom& phantom, const DetectorOfViews& detector, con
                 const CameraCalibrationSettings& settings) {
   checkSettings("camera calibration", settings);
   const bool flat = phantom.isPlanar();
-  const std::size_t fewest_beads = flat ? kMinMarks : kMinBeads, fewest_views = flat ? 3 : 1;
+  const std::size_t fewest_beads = flat ? kMinMarks : kMinSeenBeads, fewest_views = flat ? 3 : 1;
   std::size_t used = 0;
   for (const BeadView& view : views) {
     used += !view.held_out;

@@ -160,7 +160,7 @@ std::vector<bool> consensus(GeometryProblem problem, const GeometryModel& start,
   return best;
 }
 
-std::string namesOf(const std::vector<ViewObservation>& views, const std::vector<bool>& chosen) {
+std::string namesOfViews(const std::vector<ViewObservation>& views, const std::vector<bool>& chosen) {
   std::vector<std::string> names;
   for (std::size_t i = 0; i < views.size(); ++i) {
     if (chosen[i]) names.push_back(views[i].name);
@@ -184,7 +184,7 @@ void requireOneMachine(const std::string& place, const GeometryProblem& problem,
   const auto views = countOf(all);
   if (4 * countOf(second) >= views) {
     throw InputError(
-        place, "views", namesOf(problem.views(), second),
+        place, "views", namesOfViews(problem.views(), second),
         formatted("%d of %d views fit one another but not the other %d: they are of another C-arm, or what "
                   "they show has moved",
                   static_cast<int>(countOf(second)), static_cast<int>(views), static_cast<int>(countOf(first))));

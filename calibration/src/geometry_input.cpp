@@ -14,7 +14,7 @@ namespace angio::calibration {
 namespace {
 
 // Of fx, fy, cx, cy; a camera with square pixels has one focal length for both.
-std::optional<Eigen::Matrix4d> covarianceOf(const std::vector<CalibrationRecord>& records) {
+std::optional<Eigen::Matrix4d> cameraCovariance(const std::vector<CalibrationRecord>& records) {
   for (const auto& record : records) {
     if (record.kind != "camera") continue;
     const auto placeOf = [&](const char* name) { return static_cast<int>(record.placeOf(name).value_or(-1)); };
@@ -119,7 +119,7 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
   });
   requireImageSize(camera_path, file, seen.detector);
   input.camera = cameraOf(camera_path, file, cameraInViews(set));
-  input.camera.covariance = covarianceOf(input.records);
+  input.camera.covariance = cameraCovariance(input.records);
   for (const std::string& path : {views_path, set.phantom_path, camera_path}) input.inputs.push_back(hashedInput(path));
   input.inputs.insert(input.inputs.end(), seen.inputs.begin(), seen.inputs.end());
   input.views = seen.views;

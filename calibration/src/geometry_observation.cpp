@@ -45,7 +45,7 @@ Sightings sightingsOf(const std::string& place, const BeadPhantom& phantom, cons
 }
 
 // Without a start. The linear solution takes any K; its depth is then corrected to the one that is known.
-Pose startOf(const std::string& place, const BeadView& view, const XrayCamera& camera, const Sightings& s) {
+Pose startOfView(const std::string& place, const BeadView& view, const XrayCamera& camera, const Sightings& s) {
   const auto agreed = agreedProjection(s.points_m, s.pixels_px, 0.01 * camera.width_px(), false);
   if (!agreed) throw InputError(place, view.name, "", "no camera sees the phantom's beads like this");
   const ProjectionParts parts = decomposed(agreed->P);
@@ -141,7 +141,7 @@ ViewObservation observeView(const std::string& place, const BeadPhantom& phantom
   seen.held_out = view.held_out;
   const auto& K = camera.parameters();
   seen.camera_px << K.fx_px, K.fy_px, K.cx_px, K.cy_px;
-  seen.T_camera_phantom = bestPose(all, camera, startOf(place, view, camera, all), outlier_std);
+  seen.T_camera_phantom = bestPose(all, camera, startOfView(place, view, camera, all), outlier_std);
   const Linearised first = linearised(all, camera, seen.T_camera_phantom);
   const double std_px = sigmaOf(first.residual_px);
   if (!(0.6745 * std_px < kMaxMedian_px)) {

@@ -25,7 +25,7 @@ double quantile(std::vector<double> values) {
   return values[at];
 }
 
-std::size_t count(const PoseChoice& chosen) {
+std::size_t countOfPoses(const PoseChoice& chosen) {
   return static_cast<std::size_t>(std::count(chosen.begin(), chosen.end(), true));
 }
 
@@ -45,7 +45,7 @@ class HandEyeEstimate {
       const PoseChoice before = used;
       gate(round == 0 ? kFirstGate : 1);
       if (round > 1 && before == used) break;
-      if (count(used) < minPoses()) break;
+      if (countOfPoses(used) < minPoses()) break;
       if (!problem_.noiseGiven()) measure();
       transforms = problem_.solved(transforms, used, covariances, HandEyeProblem::Loss::kSquares);
       if (!problem_.noiseGiven()) measure();
@@ -67,7 +67,7 @@ class HandEyeEstimate {
   // Degrees of freedom of so many numbers a pose.
   double freedom(double per_pose) const {
     const int parameters = problem_.mount() == HandEyeMount::kIdentity ? 6 : 12;
-    return std::max(1.0, per_pose * static_cast<double>(count(used)) - parameters * per_pose / 6);
+    return std::max(1.0, per_pose * static_cast<double>(countOfPoses(used)) - parameters * per_pose / 6);
   }
 
   // Distance of a pose from its prediction by its covariance.
@@ -111,7 +111,7 @@ class HandEyeEstimate {
       known_shifts += known[i].topLeftCorner<3, 3>().trace();
       known_turns += known[i].bottomRightCorner<3, 3>().trace();
     }
-    const double numbers = 3 * static_cast<double>(count(used));
+    const double numbers = 3 * static_cast<double>(countOfPoses(used));
     noise.rotation_rad = std::sqrt(std::max(0.0, turns / freedom(3) - known_turns / numbers));
     noise.translation_m = std::sqrt(std::max(0.0, shifts / freedom(3) - known_shifts / numbers));
     covariances = problem_.covariances(transforms, noise);
@@ -137,7 +137,7 @@ constexpr double kMaxShareOfTurns = 0.2;   // nor may it be more of the turns be
 constexpr double kNoiseOff = 5;            // Standard deviations of chi^2 from which on noise is worth a warning,
 constexpr double kScaleOff = 5;            // and of a scale.
 
-std::string namesOf(const PoseSet& set, const PoseChoice& chosen) {
+std::string namesOfPoses(const PoseSet& set, const PoseChoice& chosen) {
   std::vector<std::string> names;
   for (std::size_t i = 0; i < chosen.size(); ++i) {
     if (chosen[i]) names.push_back(set.poses[i].name);
@@ -158,7 +158,7 @@ void refuseTwoMachines(const PoseSet& set, const HandEyeProblem& problem, const 
                        const HandEyeEstimate& first) {
   PoseChoice others(first.used);
   others.flip();
-  if (count(others) < kMinOther) return;
+  if (countOfPoses(others) < kMinOther) return;
   const HandEyeEquations equations = equationsOf(problem.equations(), others);
   if (settings.mount == HandEyeMount::kUnknown &&
       motionSpread(equations).across_rad < degToRad(settings.min_turn_deg)) {
@@ -174,16 +174,16 @@ void refuseTwoMachines(const PoseSet& set, const HandEyeProblem& problem, const 
                std::sqrt(squaredDistance(problem.residual(i, second), covariances[i])) < 2 * settings.outlier_gate;
     agree_first[i] = !agree[i] && first.sigmas(i) < 2 * settings.outlier_gate;
   }
-  if (static_cast<double>(count(agree)) < kOtherShare * static_cast<double>(count(others))) return;
+  if (static_cast<double>(countOfPoses(agree)) < kOtherShare * static_cast<double>(countOfPoses(others))) return;
   throw InputError(set.path, "poses", "two machines, or a camera or object that was moved in between",
-                   namesOf(set, agree) + " fit one transform and " + namesOf(set, agree_first) +
+                   namesOfPoses(set, agree) + " fit one transform and " + namesOfPoses(set, agree_first) +
                        " another: all must be of one set-up");
 }
 
 void requireAgreement(const PoseSet& set, const HandEyeProblem& problem, const HandEyeSettings& settings,
                       const HandEyeEstimate& estimate) {
   refuseTwoMachines(set, problem, settings, estimate);
-  const std::size_t used = count(estimate.used);
+  const std::size_t used = countOfPoses(estimate.used);
   if (static_cast<double>(used) < settings.min_share * static_cast<double>(set.poses.size()) ||
       used < estimate.minPoses()) {
     throw InputError(
@@ -212,7 +212,7 @@ void requireAgreement(const PoseSet& set, const HandEyeProblem& problem, const H
 // Each pose predicted from the others (from those of the other folds, when there are many).
 std::optional<HandEyeResiduals> heldOut(const HandEyeProblem& problem, const HandEyeSettings& settings,
                                         const HandEyeEstimate& estimate) {
-  const std::size_t used = count(estimate.used);
+  const std::size_t used = countOfPoses(estimate.used);
   if (used <= estimate.minPoses()) return std::nullopt;
   const std::size_t folds = std::min(used, kMaxFolds);
   double turns = 0, shifts = 0, predicted = 0;
@@ -254,7 +254,7 @@ void fillResiduals(const PoseSet& set, const HandEyeProblem& problem, const Hand
     turns += r.tail<3>().squaredNorm();
     shifts += r.head<3>().squaredNorm();
   }
-  const auto used = static_cast<double>(count(estimate.used));
+  const auto used = static_cast<double>(countOfPoses(estimate.used));
   result.residuals = {std::sqrt(turns / used), std::sqrt(shifts / used)};
   result.noise = {std::sqrt(turns / estimate.freedom(3)), std::sqrt(shifts / estimate.freedom(3))};
   result.noise_given = problem.noiseGiven();

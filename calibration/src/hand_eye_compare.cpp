@@ -24,7 +24,7 @@ struct CvPoses {
 };
 
 // What a solver left in its outputs; it may be anything.
-std::optional<Pose> poseOf(const cv::Mat& R, const cv::Mat& t) {
+std::optional<Pose> poseOfOpenCv(const cv::Mat& R, const cv::Mat& t) {
   if (R.total() != 9 || t.total() != 3) return std::nullopt;
   Eigen::Matrix3d rotation;
   Eigen::Vector3d translation;
@@ -82,7 +82,7 @@ void compareOpenCv(const HandEyeEquations& e, std::vector<ComparedSolver>& all) 
     all.push_back(tried(name, e, [&, chosen = method](std::optional<Pose>& X, std::optional<Pose>&) {
       cv::Mat R, t;
       cv::calibrateHandEye(hands.R, hands.t, cameras.R, cameras.t, R, t, chosen);
-      X = poseOf(R, t);
+      X = poseOfOpenCv(R, t);
     }));
   }
   // Its world is our object and its base ours: it takes T_camera_world and T_gripper_base.
@@ -96,7 +96,7 @@ void compareOpenCv(const HandEyeEquations& e, std::vector<ComparedSolver>& all) 
       cv::Mat R_base_world, t_base_world, R_gripper_cam, t_gripper_cam;
       cv::calibrateRobotWorldHandEye(cameras.R, cameras.t, gripper_base.R, gripper_base.t, R_base_world, t_base_world,
                                      R_gripper_cam, t_gripper_cam, chosen);
-      const auto world = poseOf(R_base_world, t_base_world), camera = poseOf(R_gripper_cam, t_gripper_cam);
+      const auto world = poseOfOpenCv(R_base_world, t_base_world), camera = poseOfOpenCv(R_gripper_cam, t_gripper_cam);
       if (!world || !camera) return;
       Z = world->inverse();
       X = camera->inverse();

@@ -24,11 +24,11 @@
 namespace angio::calibration {
 namespace {
 
-constexpr double kMinNoise_px = 1e-6;
+constexpr double kMinFileNoise_px = 1e-6;
 constexpr double kWorstFit = 0.05;  // Of the object's size in the image.
 constexpr int kSteps = 20;
 
-Pose startOf(const XrayCamera& camera, const Eigen::Matrix3Xd& object, const Eigen::Matrix2Xd& seen) {
+Pose startOfPattern(const XrayCamera& camera, const Eigen::Matrix3Xd& object, const Eigen::Matrix2Xd& seen) {
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> pixels;
   for (Eigen::Index i = 0; i < object.cols(); ++i) {
@@ -91,7 +91,7 @@ PoseOfPoints poseOfPoints(const std::string& place, const XrayCamera& camera, co
   if (!(extent[1] > 1e-3 * extent[0])) throw InputError(place, "points", "", "must not lie in a line");
   PoseOfPoints found{Pose::Identity(), Matrix6d::Zero(), 0};
   try {
-    found.T_camera_object = startOf(camera, points_object_m, points_px);
+    found.T_camera_object = startOfPattern(camera, points_object_m, points_px);
   } catch (const cv::Exception&) {
     throw InputError(place, "points", "", "no pose of the object explains them");
   }
@@ -109,7 +109,7 @@ PoseOfPoints poseOfPoints(const std::string& place, const XrayCamera& camera, co
                      "no pose of the object explains them: are they in order, and not mirrored?");
   }
   const double freedom = std::max(1.0, static_cast<double>(2 * count - 6));
-  const double variance = std::max(n.squares / freedom, kMinNoise_px * kMinNoise_px);
+  const double variance = std::max(n.squares / freedom, kMinFileNoise_px * kMinFileNoise_px);
   found.covariance = variance * inverseOfSymmetric(n.A);
   return found;
 }
@@ -268,7 +268,7 @@ Json stdAsJson(const PoseSigma& sigma) {
   return {{"rotation_deg", radToDeg(sigma.rotation_rad)}, {"translation_mm", 1e3 * sigma.translation_m}};
 }
 
-std::string tableOf(const HandEyePose& pose) {
+std::string tableOfMarks(const HandEyePose& pose) {
   std::string table = "x_px,y_px,x_mm,y_mm,z_mm\n";
   for (Eigen::Index i = 0; i < pose.points_px.cols(); ++i) {
     // A thousandth of a pixel is finer than any detector of points.
@@ -303,7 +303,7 @@ void writePoseSet(const std::string& path, const PoseSet& set) {
     }
     if (pose.points_px.cols() > 0) {
       entry["points"] = "points_" + pose.name + ".csv";
-      writeWholeFile((folder / entry["points"].get<std::string>()).string(), tableOf(pose));
+      writeWholeFile((folder / entry["points"].get<std::string>()).string(), tableOfMarks(pose));
     } else {
       entry["T_camera_object"] = poseAsJson(pose.T_camera_object, pose.covariance);
     }

@@ -21,7 +21,7 @@ namespace {
 constexpr std::size_t kMaxSamples = std::size_t{64} << 20;
 
 // A 4 x 4 matrix of a JSON file as a pose.
-Pose poseOf(const std::string& place, const std::string& field, const nlohmann::json& rows) {
+Pose poseOfRows(const std::string& place, const std::string& field, const nlohmann::json& rows) {
   Eigen::Matrix4d M;
   bool good = rows.is_array() && rows.size() == 4;
   for (std::size_t r = 0; good && r < 4; ++r) {
@@ -114,8 +114,8 @@ PoseSet readMoveItSamples(const std::string& path, HandEyeSetup setup) {
     if (!samples[i].is_array() || samples[i].size() != 2) throw InputError(place, "", "", "must be a pair of matrices");
     HandEyePose pose;
     pose.name = name;
-    pose.T_base_hand = poseOf(place, "T_base_hand", samples[i][0]);
-    pose.T_camera_object = poseOf(place, "T_camera_object", samples[i][1]);
+    pose.T_base_hand = poseOfRows(place, "T_base_hand", samples[i][0]);
+    pose.T_camera_object = poseOfRows(place, "T_camera_object", samples[i][1]);
     set.poses.push_back(std::move(pose));
   }
   checkPoseSet(set);

@@ -17,7 +17,7 @@ namespace angio::calibration {
 namespace {
 
 constexpr double kMaxPixel_px = 32768;
-constexpr int kMaxBeads = 2000;
+constexpr int kMaxSeenBeads = 2000;
 
 std::optional<double> positiveIn(const TableRow& row, const char* column) {
   if (!row.has(column)) return std::nullopt;
@@ -41,12 +41,12 @@ std::vector<BeadDetection> readBeadTable(const std::string& path) {
     seen.contrast = positiveIn(row, "contrast");
     if (row.has("bead") && !row.text("bead").empty()) {
       seen.bead = row.integer("bead");
-      requireBetween(row.place(), "bead", *seen.bead, 0, kMaxBeads - 1);
+      requireBetween(row.place(), "bead", *seen.bead, 0, kMaxSeenBeads - 1);
     }
     if (!beads.empty() && beads.front().bead.has_value() != seen.bead.has_value()) {
       throw InputError(row.place(), "bead", std::string(row.text("bead")), "must be given for all beads or for none");
     }
-    if (beads.size() == kMaxBeads) throw InputError(row.place(), "", "", "there must not be more than 2000 beads");
+    if (beads.size() == kMaxSeenBeads) throw InputError(row.place(), "", "", "there must not be more than 2000 beads");
     beads.push_back(seen);
   });
   return beads;
@@ -85,7 +85,7 @@ PhantomView readView(const std::string& path, const YamlField& field) {
   return view;
 }
 
-constexpr int kMaxMarksInRow = 44;  // As many rows, and no more than kMaxBeads in all.
+constexpr int kMaxMarksInRow = 44;  // As many rows, and no more than kMaxSeenBeads in all.
 
 FlatPattern readPattern(const YamlField& field, bool chessboard) {
   YamlMap map(field.path, *field.node, field.key);

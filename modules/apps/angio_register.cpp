@@ -122,7 +122,7 @@ PoseCertificate certified(const VesselTree& tree, const SeenView& view, const Po
   return certificate;
 }
 
-std::string captionOf(const PoseCertificate& certificate, const CertificateSettings& settings) {
+std::string certificateLine(const PoseCertificate& certificate, const CertificateSettings& settings) {
   if (!certificate.proven) return certificate.reason;
   return formatted("proven: no pose within +-%g deg / +-%g mm and more than %g mm away has %g %% of the score   %.1f s",
                    settings.box_rotation_deg, settings.box_translation_mm, settings.distance_mm,
@@ -207,7 +207,7 @@ int registerOne(const Options& o) {
   std::ostream& said = o.json ? std::cerr : std::cout;
   said << summaryOf(outcome, tried) << "\n";
   if (!o.out_pose.empty() && !converged) said << o.out_pose << " is not written: the registration did not converge\n";
-  if (certificate) said << captionOf(*certificate, asked) << "\n";
+  if (certificate) said << certificateLine(*certificate, asked) << "\n";
   return converged ? 0 : kExitNotReached;
 }
 

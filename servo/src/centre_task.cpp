@@ -25,8 +25,6 @@ struct SeenPoint {
 constexpr double kMinShare = 0.05;
 // Squared, in standard deviations: 99 % of two numbers are nearer.
 constexpr double kContradicts = 9.21;
-// Where a predicted place begins to be unsure.
-constexpr double kSure_m = 0.5e-3;
 
 class CenterTask final : public Task {
  public:

@@ -14,8 +14,6 @@ namespace {
 
 // A rotation is predicted as the motion of a point so far from its axis: the predictor's settings are lengths.
 constexpr double kLever_m = 0.1;
-// A place whose standard deviation is less than this counts almost fully.
-constexpr double kSure_m = 0.5e-3;
 // Below this the arm's two angles turn it about one axis.
 constexpr double kMinReciprocalCondition = 1e-4;
 

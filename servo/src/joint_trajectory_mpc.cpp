@@ -130,8 +130,8 @@ double brakable(double left, const JointMotion& joint) {
   return std::sqrt(a * a * delay * delay + 2 * a * left) - a * delay;
 }
 
-double followingVelocity(const JointPaths& paths, int which, const JointMotion& joint, const Cost& cost,
-                         double period_s) {
+double velocityOfJoint(const JointPaths& paths, int which, const JointMotion& joint, const Cost& cost,
+                       double period_s) {
   const double velocity = joint.velocity + Plan(paths, which, joint, cost, period_s).first();
   const double along = paths.size() > 1 ? (paths.place(which, 1) - paths.place(which, 0)) / period_s : 0;
   const double left = paths.place(which, 0) - along * period_s, nearing = velocity - along;
@@ -158,7 +158,7 @@ CArmJoints followingVelocity(const JointPaths& paths, const JointsMotion& motion
   for (int i = 0; i < kCArmJointCount; ++i) {
     const JointMotion joint{motion.velocity[i], motion.last_change[i], change * limits.acceleration[i],
                             change_step * limits.jerk[i]};
-    result[i] = followingVelocity(paths, i, joint, cost, period_s);
+    result[i] = velocityOfJoint(paths, i, joint, cost, period_s);
   }
   return result;
 }

@@ -8,6 +8,9 @@
 
 namespace angio::servo {
 
+/// A predicted place whose standard deviation is less than this counts almost fully in a path.
+inline constexpr double kSure_m = 0.5e-3;
+
 /// Where joints should be after each of the next periods.
 class JointPaths {
  public:

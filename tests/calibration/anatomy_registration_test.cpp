@@ -67,7 +67,7 @@ int outliersOf(const AnatomyResult& result) {
       std::count_if(result.views.begin(), result.views.end(), [](const auto& view) { return view.outlier; }));
 }
 
-Vector6d errorOf(const Pose& found, const Pose& truth) {
+Vector6d poseErrorOf(const Pose& found, const Pose& truth) {
   Vector6d error;
   error << truth.translation() - found.translation(), logSO3(truth.linear() * found.linear().transpose());
   return error;
@@ -79,7 +79,7 @@ TEST(AnatomyRegistration, IsExactWithoutErrors) {
   for (const int views : {1, 2, 5}) {
     const Anatomy anatomy = simulated(random, views, settings, 0);
     const AnatomyResult result = registerAnatomy(anatomy.views, kCenter, settings);
-    EXPECT_LT(errorOf(result.T_dsa_cb, anatomy.T_dsa_cb).norm(), 1e-9);
+    EXPECT_LT(poseErrorOf(result.T_dsa_cb, anatomy.T_dsa_cb).norm(), 1e-9);
     for (const RunShift& run : result.runs) EXPECT_LT(run.shift_m.norm(), 1e-9);
   }
 }
@@ -92,7 +92,7 @@ TEST(AnatomyRegistration, CovarianceIsRight) {
   for (int i = 0; i < trials; ++i) {
     const Anatomy anatomy = simulated(random, 6, settings, 1);
     const AnatomyResult result = registerAnatomy(anatomy.views, kCenter, settings);
-    const Vector6d error = errorOf(result.T_dsa_cb, anatomy.T_dsa_cb);
+    const Vector6d error = poseErrorOf(result.T_dsa_cb, anatomy.T_dsa_cb);
     nees += error.dot(result.covariance.ldlt().solve(error)) / trials;
   }
   // 3.3 standard deviations of the mean of 200 chi^2 (6).
@@ -109,7 +109,7 @@ TEST(AnatomyRegistration, AViewReversedInDepthIsNamedAndLeftOut) {
   const AnatomyResult result = registerAnatomy(anatomy.views, kCenter, settings);
   EXPECT_EQ(outliersOf(result), 1);
   EXPECT_TRUE(result.views[2].outlier);
-  EXPECT_LT(errorOf(result.T_dsa_cb, anatomy.T_dsa_cb).tail<3>().norm(), degToRad(1));
+  EXPECT_LT(poseErrorOf(result.T_dsa_cb, anatomy.T_dsa_cb).tail<3>().norm(), degToRad(1));
 }
 
 TEST(AnatomyRegistration, WhatCannotBeIsRefused) {

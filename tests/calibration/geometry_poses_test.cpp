@@ -19,7 +19,7 @@ namespace {
 using testing::Contains;
 using testing::HasSubstr;
 
-struct Scene {
+struct PosesScene {
   SimulatedDevice machine;
   PoseSet set;
   GeometryCamera camera;
@@ -34,12 +34,12 @@ Matrix6d registrationCovariance(test::Random& random) {
   return mixed * sigma.cwiseAbs2().asDiagonal() * mixed.transpose();
 }
 
-Scene sceneOf(int seed) {
+PosesScene posesSceneOf(int seed) {
   CalibrationSimulationSettings settings;
   settings.seed = seed;
   settings.flex_mm = settings.flex_deg = 0;
   test::Random random(static_cast<unsigned>(seed));
-  Scene scene;
+  PosesScene scene;
   scene.machine = simulatedMachine({}, Eigen::Vector3d::Zero(), settings);
   const CArmGeometry& carm = scene.machine.truth.carm;
   scene.set.path = "poses.yaml";
@@ -60,10 +60,10 @@ Scene sceneOf(int seed) {
   return scene;
 }
 
-GeometryCalibration calibrate(const Scene& scene) { return calibrateGeometry(scene.set, scene.camera); }
+GeometryCalibration calibratePoses(const PosesScene& scene) { return calibrateGeometry(scene.set, scene.camera); }
 
-std::string refusal(const Scene& scene) {
-  return test::refusalOf([&] { calibrate(scene); });
+std::string refusalOfPoses(const PosesScene& scene) {
+  return test::refusalOf([&] { calibratePoses(scene); });
 }
 
 // Error of the arm's numbers that the record has, in its units.
@@ -71,7 +71,7 @@ struct ArmError {
   Eigen::VectorXd error;
   Eigen::MatrixXd covariance;
 };
-ArmError errorOf(const GeometryCalibration& found, const CArmGeometry& truth) {
+ArmError armErrorOf(const GeometryCalibration& found, const CArmGeometry& truth) {
   std::vector<int> places;
   std::vector<double> errors;
   for (std::size_t k = 0; k < kCArmPoseParameters; ++k) {
@@ -108,11 +108,11 @@ TEST(GeometryFromPoses, FindsTheArmWithinItsCovariance) {
   double sum = 0;
   Eigen::Index numbers = 0;
   for (int seed = 1; seed <= 12; ++seed) {
-    const Scene scene = sceneOf(seed);
-    const GeometryCalibration found = calibrate(scene);
+    const PosesScene scene = posesSceneOf(seed);
+    const GeometryCalibration found = calibratePoses(scene);
     EXPECT_THAT(found.kept, testing::ElementsAre(HasSubstr("the camera (source_detector_offset_mm")));
     EXPECT_EQ(found.carm.camera().parameters().fx_px, scene.camera.fx_px);
-    const ArmError arm = errorOf(found, scene.machine.truth.carm);
+    const ArmError arm = armErrorOf(found, scene.machine.truth.carm);
     EXPECT_EQ(arm.error.size(), kCArmPoseParameters);
     sum += arm.error.dot(arm.covariance.ldlt().solve(arm.error));
     numbers += arm.error.size();
@@ -128,29 +128,30 @@ TEST(GeometryFromPoses, FindsTheArmWithinItsCovariance) {
 }
 
 TEST(GeometryFromPoses, NoiseThatNobodyGaveIsMeasured) {
-  Scene scene = sceneOf(2);
+  PosesScene scene = posesSceneOf(2);
   test::Random random(3);
   const CArmGeometry& carm = scene.machine.truth.carm;
   for (HandEyePose& pose : scene.set.poses) {
     pose.covariance.reset();
     pose.T_camera_object = carm.T_camera_patient(*pose.joints) * expSE3(random.twist(3e-4, degToRad(0.1)));
   }
-  const GeometryCalibration found = calibrate(scene);
+  const GeometryCalibration found = calibratePoses(scene);
   // 48 poses of three axes tell a standard deviation to 6 %.
   EXPECT_NEAR(found.pose_scatter_m, 3e-4, 1e-4);
   EXPECT_NEAR(radToDeg(found.pose_scatter_rad), 0.1, 0.03);
-  const ArmError arm = errorOf(found, carm);
+  const ArmError arm = armErrorOf(found, carm);
   EXPECT_LT(arm.error.dot(arm.covariance.ldlt().solve(arm.error)) / static_cast<double>(arm.error.size()), 3);
 }
 
 TEST(GeometryFromPoses, WhatMotionsCannotTellIsNamed) {
-  Scene scene = sceneOf(4);
+  PosesScene scene = posesSceneOf(4);
   std::vector<HandEyePose> still;
   for (const HandEyePose& pose : scene.set.poses) {
     if (pose.joints->tail<3>().norm() < 1e-3) still.push_back(pose);
   }
   scene.set.poses = still;
-  EXPECT_THAT(calibrate(scene).kept, Contains(HasSubstr("primary_offset_deg, table_xx, table_zx: kept, as the table")));
+  EXPECT_THAT(calibratePoses(scene).kept,
+              Contains(HasSubstr("primary_offset_deg, table_xx, table_zx: kept, as the table")));
 
   for (HandEyePose& pose : scene.set.poses) {
     const CArmJoints before = *pose.joints;
@@ -159,39 +160,39 @@ TEST(GeometryFromPoses, WhatMotionsCannotTellIsNamed) {
     pose.T_camera_object =
         carm.T_camera_patient(*pose.joints) * carm.T_camera_patient(before).inverse() * pose.T_camera_object;
   }
-  EXPECT_THAT(calibrate(scene).kept, Contains(testing::AllOf(HasSubstr("axis_skew_deg stays near"),
-                                                             HasSubstr("secondary angle spans 0 deg"))));
+  EXPECT_THAT(calibratePoses(scene).kept, Contains(testing::AllOf(HasSubstr("axis_skew_deg stays near"),
+                                                                  HasSubstr("secondary angle spans 0 deg"))));
 }
 
 TEST(GeometryFromPoses, HostilePosesAreRefusedOrNamed) {
-  const Scene sound = sceneOf(5);
-  Scene scene = sound;
+  const PosesScene sound = posesSceneOf(5);
+  PosesScene scene = sound;
   scene.set.poses[3].joints.reset();
-  EXPECT_THAT(refusal(scene), HasSubstr("p4.primary_deg: is missing"));
+  EXPECT_THAT(refusalOfPoses(scene), HasSubstr("p4.primary_deg: is missing"));
 
   scene = sound;
   for (auto& pose : scene.set.poses) (*pose.joints)[0] *= 0.05;
-  EXPECT_THAT(refusal(scene), HasSubstr("must span at least 20 deg: the primary axis"));
+  EXPECT_THAT(refusalOfPoses(scene), HasSubstr("must span at least 20 deg: the primary axis"));
 
   scene = sound;
   scene.set.poses.resize(5);
-  EXPECT_THAT(refusal(scene), HasSubstr("5 at 5 different positions"));
+  EXPECT_THAT(refusalOfPoses(scene), HasSubstr("5 at 5 different positions"));
 
   scene = sound;
   for (auto& pose : scene.set.poses) (*pose.joints)[0] *= -1;
-  EXPECT_THAT(refusal(scene), HasSubstr("angles of another sign"));
+  EXPECT_THAT(refusalOfPoses(scene), HasSubstr("angles of another sign"));
 
   scene = sound;
   for (auto& pose : scene.set.poses) pose.T_camera_object.translation() *= 1e-3;
-  EXPECT_THAT(refusal(scene), HasSubstr("is the file in millimetres"));
+  EXPECT_THAT(refusalOfPoses(scene), HasSubstr("is the file in millimetres"));
 
   scene = sound;
-  for (std::size_t i = 0; i < scene.set.poses.size(); i += 2) scene.set.poses[i] = sceneOf(6).set.poses[i];
-  EXPECT_THAT(refusal(scene), HasSubstr("fit one another but not the other"));
+  for (std::size_t i = 0; i < scene.set.poses.size(); i += 2) scene.set.poses[i] = posesSceneOf(6).set.poses[i];
+  EXPECT_THAT(refusalOfPoses(scene), HasSubstr("fit one another but not the other"));
 
   scene = sound;
   (*scene.set.poses[7].joints)[0] += degToRad(3);
-  const GeometryCalibration found = calibrate(scene);
+  const GeometryCalibration found = calibratePoses(scene);
   EXPECT_TRUE(found.views[7].left_out);
   EXPECT_THAT(found.doubts, Contains(HasSubstr("view p8 is left out")));
 }

@@ -38,14 +38,14 @@ PoseSet robotPoses(HandEyeSetup setup, const std::function<Pose(test::Random&, i
 
 Pose anywhere(test::Random& random, int) { return expSE3(random.twist(0.3, 0.4)); }
 
-std::string refusalOf(const PoseSet& set) {
+std::string refusalOfSet(const PoseSet& set) {
   return test::refusalOf([&] { calibrateHandEye(set); });
 }
 
 class BothSetups : public testing::TestWithParam<HandEyeSetup> {
  protected:
   void expectRefusal(const PoseSet& set, const std::string& words) {
-    const std::string said = refusalOf(set);
+    const std::string said = refusalOfSet(set);
     EXPECT_EQ(said.rfind("poses.yaml: ", 0), 0u) << said;
     EXPECT_NE(said.find(words), std::string::npos) << said;
   }
@@ -119,7 +119,7 @@ TEST_P(BothSetups, HalfOfAnotherMachineIsNamedPoseByPose) {
   const Pose other = expSE3((Twist() << 0.03, -0.02, 0.05, 0.1, 0.2, -0.1).finished());
   for (std::size_t i = 0; i < set.poses.size(); i += 2)
     set.poses[i].T_camera_object = other * set.poses[i].T_camera_object;
-  const std::string said = refusalOf(set);
+  const std::string said = refusalOfSet(set);
   EXPECT_NE(said.find("two machines"), std::string::npos) << said;
   const bool odd_first = said.find("p1, p3, p5, p7, p9, p11, p13, p15") != std::string::npos;
   const bool even_first = said.find("p0, p2, p4, p6, p8, p10, p12, p14") != std::string::npos;

@@ -46,7 +46,7 @@ class CaseRuns : public testing::Test {
   XrayCamera camera_ = test::clinicalCamera();
   Pose truth_ = test::viewOf(tree_, random_);
   std::string cases_;
-  CaseRunSettings settings_{IterativePnpSettings{}, {}, OtsuSettings{}};
+  CaseRunSettings settings_{IterativePnpSettings{}, {}, OtsuSettings{}, {}};
 };
 
 TEST_F(CaseRuns, CleanViewsAreFoundAndSummedUp) {

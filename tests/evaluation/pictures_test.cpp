@@ -11,13 +11,13 @@
 #include "angio/evaluation/text_band.hpp"
 #include "angio/plotting/plot.hpp"
 #include "angio/test/namespace.hpp"
+#include "angio/test/not_a_number.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/tree_topology.hpp"
 
 namespace angio::test {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // The middle of an antialiased line keeps nine tenths of its colour.
@@ -203,7 +203,7 @@ TEST(Tiles, TakeTheRoomOfTheLargestPicture) {
 }
 
 // Pixels of a colour between the axes, where no legend stands.
-int pixelsOf(const cv::Mat& plot, const cv::Scalar& color) {
+int pixelsOfPlot(const cv::Mat& plot, const cv::Scalar& color) {
   const cv::Mat inside = plot.colRange(80, plot.cols - 120);
   cv::Mat same;
   cv::inRange(inside, color, color, same);
@@ -219,13 +219,13 @@ TEST(Plots, StandBelowEachOther) {
   ASSERT_EQ(plot.type(), CV_8UC3);
   ASSERT_EQ(plot.size(), cv::Size(700, 400));
   // A line across 500 pixels, two wide.
-  EXPECT_GT(pixelsOf(plot.rowRange(0, 200), plotColor(0)), 400);
-  EXPECT_GT(pixelsOf(plot.rowRange(200, 400), plotColor(0)), 400);
+  EXPECT_GT(pixelsOfPlot(plot.rowRange(0, 200), plotColor(0)), 400);
+  EXPECT_GT(pixelsOfPlot(plot.rowRange(200, 400), plotColor(0)), 400);
 }
 
 TEST(Plots, WhatIsNotANumberLeavesAGap) {
-  const int whole = pixelsOf(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, 1, 1, 1})}), plotColor(0));
-  const int gap = pixelsOf(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, kNan, 1, 1})}), plotColor(0));
+  const int whole = pixelsOfPlot(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, 1, 1, 1})}), plotColor(0));
+  const int gap = pixelsOfPlot(drawPlots({plotOf({0, 1, 2, 3, 4}, {1, 1, kNan, 1, 1})}), plotColor(0));
   EXPECT_NEAR(gap, whole / 2, whole / 10);
 }
 

@@ -16,7 +16,7 @@
 namespace angio::test {
 namespace {
 
-CaseOutcome outcomeOf(double start_mm, double end_mm, RegistrationStatus status = RegistrationStatus::kConverged) {
+CaseOutcome trialOutcome(double start_mm, double end_mm, RegistrationStatus status = RegistrationStatus::kConverged) {
   CaseOutcome o;
   o.result.status = status;
   o.start_error = PoseError{};
@@ -30,8 +30,8 @@ CaseOutcome outcomeOf(double start_mm, double end_mm, RegistrationStatus status 
 
 std::vector<CaseOutcome> inBin(int bin, int good, int bad) {
   std::vector<CaseOutcome> outcomes;
-  for (int i = 0; i < good; ++i) outcomes.push_back(outcomeOf(bin + 0.5, 0.1));
-  for (int i = 0; i < bad; ++i) outcomes.push_back(outcomeOf(bin + 0.5, 5));
+  for (int i = 0; i < good; ++i) outcomes.push_back(trialOutcome(bin + 0.5, 0.1));
+  for (int i = 0; i < bad; ++i) outcomes.push_back(trialOutcome(bin + 0.5, 5));
   return outcomes;
 }
 
@@ -65,7 +65,8 @@ TEST(ShareBound, IsWilsons) {
 
 TEST(SimulationSummary, HasEveryFigureOfTheTrade) {
   const auto s = simulationSummary(
-      {outcomeOf(5, 0.1), outcomeOf(5, 1), outcomeOf(5, 4), outcomeOf(5, 9, RegistrationStatus::kDiverged)}, 0.3e-3);
+      {trialOutcome(5, 0.1), trialOutcome(5, 1), trialOutcome(5, 4), trialOutcome(5, 9, RegistrationStatus::kDiverged)},
+      0.3e-3);
   EXPECT_EQ(s["success_mtre_2mm_percent"], 50);
   EXPECT_EQ(s["failed_and_trusted_percent"], 25);
   EXPECT_EQ(s["failed_and_noticed_percent"], 25);
@@ -74,7 +75,7 @@ TEST(SimulationSummary, HasEveryFigureOfTheTrade) {
   EXPECT_NEAR(s["mpd_detector_mm"]["max"], 27, 1e-9);  // 90 px of 0.3 mm.
   EXPECT_NEAR(s["mpd_isocentre_mm"]["max"], 18, 1e-9);
   EXPECT_TRUE(s["capture_range_mm"].is_null());
-  EXPECT_FALSE(simulationSummary({outcomeOf(5, 0.1)}, {}).contains("mpd_detector_mm"));
+  EXPECT_FALSE(simulationSummary({trialOutcome(5, 0.1)}, {}).contains("mpd_detector_mm"));
 }
 
 // What holds on average may fail where fits are poor.
@@ -82,7 +83,7 @@ TEST(SimulationSummary, HoldsClaimsAgainstTheTruthInQuartersOfTheFitsScores) {
   std::vector<CaseOutcome> outcomes;
   for (int i = 0; i < 16; ++i) {
     const int turn = i * 5 % 16;  // Not in their order.
-    CaseOutcome o = outcomeOf(5, 1);
+    CaseOutcome o = trialOutcome(5, 1);
     o.result.alignment.model_explained = 1 - 0.05 * turn;
     o.result.alignment.image_explained = 1;
     const bool poor = turn >= 12;
@@ -281,7 +282,7 @@ TEST_F(SimulationRuns, TheReportStandsAlone) {
 }
 
 TEST(Paper, ATrialWithoutAnAnswerIsAFailure) {
-  EntrantRun run{"m", {outcomeOf(5, 0.1), outcomeOf(5, 9, RegistrationStatus::kTooFewPoints)}};
+  EntrantRun run{"m", {trialOutcome(5, 0.1), trialOutcome(5, 9, RegistrationStatus::kTooFewPoints)}};
   run.outcomes[0].result.alignment.model_rms_px = 2;
   const auto paper = paperAsJson({run}, {});
   const auto& f = paper["table1"]["here"]["m"];

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/evaluation/statistics.hpp"
 #include "angio/test/namespace.hpp"
+#include "angio/test/not_a_number.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +10,6 @@
 
 namespace angio::test {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 TEST(Statistics, KnowsPercentilesOfAShortList) {
   // numpy.percentile([3, 1, 4, 1, 5], ...) with its default, linear interpolation.

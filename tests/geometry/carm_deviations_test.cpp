@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kDegree = kPi / 180;
 
-CArmJoints randomJoints(test::Random& random) {
+CArmJoints anyJoints(test::Random& random) {
   CArmJoints joints;
   const double primary = random.uniform(-110, 110), secondary = random.uniform(-55, 55);
   joints << primary * kDegree, secondary * kDegree, random.vector(0.1);
@@ -62,7 +62,7 @@ TEST(CArmDeviations, TheChainIsTheOneThatIsWrittenDown) {
   test::Random random(11);
   for (int i = 0; i < 50; ++i) {
     const CArmGeometry carm = crooked(random);
-    const CArmJoints q = randomJoints(random);
+    const CArmJoints q = anyJoints(random);
     EXPECT_LT((carm.T_camera_patient(q).matrix() - byTheChain(carm, q).matrix()).cwiseAbs().maxCoeff(), 1e-14);
   }
 }
@@ -72,7 +72,7 @@ TEST(CArmDeviations, NoneIsTheIdealArm) {
   const CArmGeometry ideal;
   EXPECT_FALSE(ideal.deviations.movesCamera());
   for (int i = 0; i < 50; ++i) {
-    const CArmJoints q = randomJoints(random);
+    const CArmJoints q = anyJoints(random);
     CArmPoseJacobian J;
     const Pose by_chain = ideal.T_camera_patient(q, &J);  // Which takes no short cut.
     EXPECT_LT((by_chain.matrix() - ideal.T_camera_patient(q).matrix()).cwiseAbs().maxCoeff(), 1e-15);
@@ -86,7 +86,7 @@ TEST(CArmDeviations, EJeIsTheCamerasVelocityRelativeToThePatient) {
   test::Random random(13);
   for (int i = 0; i < 50; ++i) {
     const CArmGeometry carm = crooked(random);
-    const CArmJoints at = randomJoints(random);
+    const CArmJoints at = anyJoints(random);
     const Pose T = carm.T_camera_patient(at);
     const auto motion = [&](const Eigen::VectorXd& q) -> Eigen::VectorXd {
       return logSE3(T * carm.T_camera_patient(q).inverse());
@@ -100,7 +100,7 @@ TEST(CArmDeviations, ParametersMoveTheCameraAsTheirJacobianSays) {
   test::Random random(14);
   for (int i = 0; i < 50; ++i) {
     const CArmGeometry carm = crooked(random);
-    const CArmJoints q = randomJoints(random);
+    const CArmJoints q = anyJoints(random);
     CArmPoseJacobian J;
     const Pose T = carm.T_camera_patient(q, &J);
     const auto motion = [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {

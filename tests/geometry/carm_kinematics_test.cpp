@@ -29,7 +29,7 @@ CArmGeometry armWith(double l_arm_deg, bool deviating) {
   return arm;
 }
 
-CArmJoints randomJoints(test::Random& random, const CArmLimits& limits) {
+CArmJoints jointsWithin(test::Random& random, const CArmLimits& limits) {
   return CArmJoints::NullaryExpr([&](Eigen::Index i) { return random.uniform(limits.lower[i], limits.upper[i]); });
 }
 
@@ -48,7 +48,7 @@ TEST(CArmKinematics, JointsComeBackFromWhatTheCameraSees) {
       const CArmGeometry arm = armWith(l_arm_deg, deviating);
       test::Random random(1);
       for (int i = 0; i < 200; ++i) {
-        const CArmJoints joints = randomJoints(random, limits);
+        const CArmJoints joints = jointsWithin(random, limits);
         const Pose T = arm.T_camera_patient(joints);
         // Newton's steps end at the rounding of a metre; cos 60 deg doubles it.
         EXPECT_LT((arm.jointsFor(anglesSeen(T), targetSeen(arm, T)) - joints).norm(), 1e-11) << l_arm_deg << deviating;
@@ -111,7 +111,7 @@ TEST(CArmKinematics, AnLArmTurnsBothAxesAboutTheVertical) {
   const Eigen::AngleAxisd turn(degToRad(25), Eigen::Vector3d::UnitY());
   test::Random random(3);
   for (int i = 0; i < 50; ++i) {
-    const CArmJoints joints = randomJoints(random, CArmLimits::typical());
+    const CArmJoints joints = jointsWithin(random, CArmLimits::typical());
     CArmJoints angles = joints;
     angles.tail<3>().setZero();
     // Where the source is, seen from the patient.
@@ -134,7 +134,7 @@ TEST(CArmKinematics, EJeOfAnLArmIsTheCamerasVelocity) {
   for (const bool deviating : {false, true}) {
     const CArmGeometry arm = armWith(-35, deviating);
     for (int i = 0; i < 20; ++i) {
-      const CArmJoints at = randomJoints(random, CArmLimits::typical());
+      const CArmJoints at = jointsWithin(random, CArmLimits::typical());
       const Pose T = arm.T_camera_patient(at);
       const auto motion = [&](const Eigen::VectorXd& joints) -> Eigen::VectorXd {
         return logSE3(T * arm.T_camera_patient(joints).inverse());
@@ -163,7 +163,7 @@ TEST(CArmEnvelope, NeverLetsTheDetectorTouchTheTable) {
   test::Random random(5);
   int inside = 0;
   for (int i = 0; i < 20000; ++i) {
-    const CArmJoints joints = randomJoints(random, limits);
+    const CArmJoints joints = jointsWithin(random, limits);
     if (envelope.violated(joints)) continue;
     ++inside;
     for (const double side : {1.0, -1.0}) {

@@ -14,7 +14,7 @@
 namespace angio::test {
 namespace {
 
-XrayCamera camera() {
+XrayCamera vispCamera() {
   XrayCamera::Parameters p;
   p.width_px = 960;
   p.height_px = 800;
@@ -66,19 +66,19 @@ TEST(Visp, MatrixKeepsRowsAndColumns) {
 
 TEST(Visp, ProjectsAsOurCameraDoes) {
   test::Random random(3);
-  const auto parameters = toVisp(camera());
+  const auto parameters = toVisp(vispCamera());
   for (int i = 0; i < 50; ++i) {
     const Eigen::Vector3d p(random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1), random.uniform(0.4, 1));
     double u = 0, v = 0;
     vpMeterPixelConversion::convertPoint(parameters, p.x() / p.z(), p.y() / p.z(), u, v);
-    EXPECT_LT((*camera().project(p) - Eigen::Vector2d(u, v)).norm(), 1e-10);
+    EXPECT_LT((*vispCamera().project(p) - Eigen::Vector2d(u, v)).norm(), 1e-10);
   }
 }
 
 TEST(Visp, CameraComesBackWithItsSizeGiven) {
-  const XrayCamera back = fromVisp(toVisp(camera()), 960, 800);
+  const XrayCamera back = fromVisp(toVisp(vispCamera()), 960, 800);
   const Eigen::Vector3d p(0.02, -0.05, 0.8);
-  EXPECT_EQ(*back.project(p), *camera().project(p));
+  EXPECT_EQ(*back.project(p), *vispCamera().project(p));
   EXPECT_EQ(back.width_px(), 960);
   EXPECT_EQ(back.height_px(), 800);
 }

@@ -14,7 +14,7 @@ using test::clinicalScene;
 using test::Scene;
 using test::Vessel;
 
-Centerline2d extract(const Scene& scene) { return makeExtractor(RidgeSettings{})->extract(test::render(scene)); }
+Centerline2d extractRidges(const Scene& scene) { return makeExtractor(RidgeSettings{})->extract(test::render(scene)); }
 
 // Absorptions of vessels behind each other add.
 void addDense(Scene& scene, const Vessel& vessel, int times) {
@@ -50,7 +50,7 @@ TEST(Devices, DenseCatheterFromTheBorderIsADeviceAndTheTreeIsNot) {
   Scene scene = clinicalScene({test::randomTree(2, 1024, 1024)});
   const Vessel catheter{test::arcTube({-100, 1100}, 600, -1.45, -0.1, 5)};
   addDense(scene, catheter, 2);
-  const Told what = told(extract(scene), {catheter});
+  const Told what = told(extractRidges(scene), {catheter});
   EXPECT_GT(what.of_devices, 0.8);
   EXPECT_LT(what.of_others, 0.05);  // It goes on into the vessel that lies in line with its tip.
 }
@@ -59,8 +59,9 @@ TEST(Devices, CatheterAloneOrNoDenserThanTheVesselsIsTakenForAVessel) {
   const Vessel catheter{test::arcTube({-100, 1100}, 600, -1.45, -0.1, 5)};
   Scene alone = clinicalScene({});
   addDense(alone, catheter, 2);
-  EXPECT_EQ(ofKind(extract(alone), CurveKind::kDevice).size(), 0);
-  EXPECT_EQ(ofKind(extract(clinicalScene({test::randomTree(2, 1024, 1024), catheter})), CurveKind::kDevice).size(), 0);
+  EXPECT_EQ(ofKind(extractRidges(alone), CurveKind::kDevice).size(), 0);
+  EXPECT_EQ(
+      ofKind(extractRidges(clinicalScene({test::randomTree(2, 1024, 1024), catheter})), CurveKind::kDevice).size(), 0);
 }
 
 // A field of view inside of a tree: vessels of even width from border to border, without branches.
@@ -70,7 +71,7 @@ TEST(Devices, VesselsThatCrossTheFieldOfViewStayVessels) {
                    {test::straightTube({150, 0}, {220, 511}, 3)},
                    {test::arcTube({520, 520}, 330, 3.17, 4.68, 4)},
                    {test::straightTube({0, 430}, {300, 511}, 2.5)}};
-  const Centerline2d found = extract(scene);
+  const Centerline2d found = extractRidges(scene);
   EXPECT_GT(test::coverage(scene, found, 1.5), 0.9);
   EXPECT_EQ(ofKind(found, CurveKind::kDevice).size(), 0);
 }
@@ -80,7 +81,7 @@ TEST(Devices, WiresInsideTheImageAreDevicesAndTheTreeIsNot) {
     Scene scene;
     scene.vessels = {test::randomTree(seed, 512, 512)};
     for (const Vessel& wire : kWires) addDense(scene, wire, kSteel);
-    const Told what = told(extract(scene), kWires);
+    const Told what = told(extractRidges(scene), kWires);
     EXPECT_GT(what.of_devices, 0.7) << seed;  // One of the four may be joined to a vessel that it ends at.
     EXPECT_LT(what.of_others, 0.02) << seed;
   }
@@ -92,7 +93,7 @@ TEST(Devices, VesselsAmongManyWiresAreNotTakenForBones) {
   vessels.vessels = {{test::straightTube({40, 260}, {470, 235}, 3.5)}, {test::straightTube({280, 30}, {300, 480}, 3)}};
   Scene scene = vessels;
   for (const Vessel& wire : kWires) addDense(scene, wire, kSteel);
-  const Centerline2d found = extract(scene);
+  const Centerline2d found = extractRidges(scene);
   EXPECT_GT(test::coverage(vessels, ofKind(found, CurveKind::kVessel), 1.5), 0.95);
   EXPECT_GT(told(found, kWires).of_devices, 0.9);
 }

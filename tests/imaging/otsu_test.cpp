@@ -24,7 +24,7 @@ using test::medianDistance;
 using test::precision;
 using test::Scene;
 
-Centerline2d extract(const cv::Mat& image, const OtsuSettings& settings = {}) {
+Centerline2d extractOtsu(const cv::Mat& image, const OtsuSettings& settings = {}) {
   return makeExtractor(settings)->extract(image);
 }
 
@@ -35,7 +35,7 @@ TEST_P(VesselWidth, LineRadiusAndTangentAreThoseOfTheTube) {
   const double radius = GetParam();
   const Eigen::Vector2d from(100, 200), to(900, 520);
   const Scene scene = clinicalScene({{test::straightTube(from, to, radius)}});
-  const Centerline2d found = extract(test::render(scene));
+  const Centerline2d found = extractOtsu(test::render(scene));
   ASSERT_GT(found.size(), 0);
   EXPECT_EQ(branches(found), 1u);
   // The goal is 0.4 px; measured 0.04 to 0.07 at this noise.
@@ -56,7 +56,7 @@ INSTANTIATE_TEST_SUITE_P(OneToSixMillimetres, VesselWidth, testing::Values(2.5, 
 TEST(OtsuExtractor, FollowsBendsWithoutCuttingThem) {
   for (const double bend_px : {50.0, 150.0}) {
     const Scene scene = clinicalScene({{test::arcTube({500, 500}, bend_px, 0.3, 4.0, 6)}});
-    const Centerline2d found = extract(test::render(scene));
+    const Centerline2d found = extractOtsu(test::render(scene));
     // Smoothing over 2 working pixels pulls a bend of 50 px inwards by 0.2 px.
     EXPECT_LT(medianDistance(found, scene), 0.3) << bend_px;
     std::vector<double> errors;
@@ -70,7 +70,7 @@ TEST(OtsuExtractor, FollowsBendsWithoutCuttingThem) {
 
 TEST(OtsuExtractor, VesselsReachTheEdgeOfTheImage) {
   const Scene scene = clinicalScene({{test::straightTube({-50, 200}, {1100, 520}, 6)}});
-  const Centerline2d found = extract(test::render(scene));
+  const Centerline2d found = extractOtsu(test::render(scene));
   EXPECT_EQ(branches(found), 1u);
   // Four pixels of border, and the last step of the line.
   EXPECT_LT(found.points_px.row(0).minCoeff(), 8);
@@ -81,7 +81,7 @@ TEST(OtsuExtractor, BifurcationIsThreeBranchesThatMeet) {
   const Scene scene =
       clinicalScene({{test::straightTube({500, 100}, {500, 500}, 10), test::straightTube({500, 500}, {250, 850}, 7),
                       test::straightTube({500, 500}, {750, 850}, 7)}});
-  const Centerline2d found = extract(test::render(scene));
+  const Centerline2d found = extractOtsu(test::render(scene));
   EXPECT_EQ(branches(found), 3u);
   int meeting = 0;
   for (int i = 0; i < found.size(); ++i) {
@@ -96,7 +96,7 @@ TEST(OtsuExtractor, BifurcationIsThreeBranchesThatMeet) {
 TEST(OtsuExtractor, CrossingIsFourBranches) {
   const Scene scene =
       clinicalScene({{test::straightTube({200, 300}, {820, 740}, 8)}, {test::straightTube({250, 800}, {760, 240}, 6)}});
-  const Centerline2d found = extract(test::render(scene));
+  const Centerline2d found = extractOtsu(test::render(scene));
   EXPECT_EQ(branches(found), 4u);
   EXPECT_LT(medianDistance(found, scene), 0.3);
   EXPECT_GT(coverage(scene, found, 2), 0.98);
@@ -106,7 +106,7 @@ TEST(OtsuExtractor, FindsTheWholeTreeAndNothingElse) {
   for (unsigned seed = 1; seed <= 4; ++seed) {
     Scene scene = clinicalScene({test::randomTree(seed, 1024, 1024)});
     scene.seed = seed;
-    const Centerline2d found = extract(test::render(scene));
+    const Centerline2d found = extractOtsu(test::render(scene));
     EXPECT_GT(coverage(scene, found, 3), 0.95) << seed;
     EXPECT_GT(precision(scene, found, 3), 0.95) << seed;
     EXPECT_LT(medianDistance(found, scene), 0.3) << seed;
@@ -117,7 +117,7 @@ TEST(OtsuExtractor, PointsOfABranchAreInOrderAndEvenlySpaced) {
   const Scene scene = clinicalScene({test::randomTree(2, 1024, 1024)});
   OtsuSettings settings;
   settings.spacing_px = 3;
-  const Centerline2d found = extract(test::render(scene), settings);
+  const Centerline2d found = extractOtsu(test::render(scene), settings);
   std::vector<double> steps;
   for (int i = 1; i < found.size(); ++i) {
     if (found.branch[i] != found.branch[i - 1]) continue;
@@ -132,26 +132,26 @@ TEST(OtsuExtractor, FindsNoVesselWhereThereIsNone) {
   for (const double noise : {0.0, 0.005, 0.02, 0.05}) {
     Scene scene = clinicalScene({});
     scene.noise = noise;
-    EXPECT_EQ(extract(test::render(scene)).size(), 0) << noise;
+    EXPECT_EQ(extractOtsu(test::render(scene)).size(), 0) << noise;
   }
-  EXPECT_EQ(extract(cv::Mat(600, 800, CV_16UC1, cv::Scalar(20000))).size(), 0);
-  EXPECT_EQ(extract(cv::Mat(600, 800, CV_8UC1, cv::Scalar(0))).size(), 0);
-  EXPECT_EQ(extract(cv::Mat(1, 1, CV_8UC1, cv::Scalar(7))).size(), 0);
+  EXPECT_EQ(extractOtsu(cv::Mat(600, 800, CV_16UC1, cv::Scalar(20000))).size(), 0);
+  EXPECT_EQ(extractOtsu(cv::Mat(600, 800, CV_8UC1, cv::Scalar(0))).size(), 0);
+  EXPECT_EQ(extractOtsu(cv::Mat(1, 1, CV_8UC1, cv::Scalar(7))).size(), 0);
 }
 
 TEST(OtsuExtractor, CollimatorIsNoVessel) {
   cv::Mat image = test::render(clinicalScene({}));
   for (const cv::Rect& blade : {cv::Rect(0, 0, 1024, 40), cv::Rect(0, 0, 90, 1024)}) image(blade).setTo(900);
-  EXPECT_EQ(extract(image).size(), 0);
+  EXPECT_EQ(extractOtsu(image).size(), 0);
   image(cv::Rect(1020, 0, 4, 1024)).setTo(0);
-  EXPECT_EQ(extract(image).size(), 0);
+  EXPECT_EQ(extractOtsu(image).size(), 0);
 }
 
 TEST(OtsuExtractor, NegativeGivesTheSameCentreline) {
   const cv::Mat image = test::render(clinicalScene({test::randomTree(3, 1024, 1024)}));
   OtsuSettings bright;
   bright.polarity = Polarity::kBright;
-  const Centerline2d dark = extract(image), negative = extract(test::negative(image), bright);
+  const Centerline2d dark = extractOtsu(image), negative = extractOtsu(test::negative(image), bright);
   ASSERT_EQ(negative.size(), dark.size());
   // Rounding of the shrunken image goes the other way in the negative: half a grey value of 30,000.
   EXPECT_LT((negative.points_px - dark.points_px).colwise().norm().maxCoeff(), 0.05);
@@ -162,7 +162,7 @@ TEST(OtsuExtractor, EightBitsGiveTheSameCentreline) {
   const cv::Mat image = test::render(scene);
   cv::Mat eight;
   image.convertTo(eight, CV_8U, 1.0 / 257);
-  const Centerline2d fine = extract(image), coarse = extract(eight);
+  const Centerline2d fine = extractOtsu(image), coarse = extractOtsu(eight);
   std::vector<double> distances;
   for (int i = 0; i < coarse.size(); ++i) distances.push_back(distanceTo(fine, coarse.points_px.col(i)));
   // Points lie 2 px apart, so that the nearest is up to 1 px away along the line.
@@ -176,15 +176,15 @@ TEST(OtsuExtractor, ExposureDoesNotMatter) {
   const cv::Mat image = test::render(scene);
   cv::Mat dim;
   image.convertTo(dim, CV_16U, 0.1);
-  EXPECT_LT(medianDistance(extract(dim), scene), 0.3);
-  EXPECT_GT(coverage(scene, extract(dim), 3), 0.95);
+  EXPECT_LT(medianDistance(extractOtsu(dim), scene), 0.3);
+  EXPECT_GT(coverage(scene, extractOtsu(dim), 3), 0.95);
 }
 
 TEST(OtsuExtractor, MirroredImageGivesTheMirroredCentreline) {
   const cv::Mat image = test::render(clinicalScene({test::randomTree(1, 1024, 1024)}));
   cv::Mat mirrored;
   cv::flip(image, mirrored, 1);
-  const Centerline2d found = extract(image), seen = extract(mirrored);
+  const Centerline2d found = extractOtsu(image), seen = extractOtsu(mirrored);
   std::vector<double> distances;
   for (int i = 0; i < seen.size(); ++i) {
     distances.push_back(distanceTo(found, Eigen::Vector2d(1023 - seen.points_px(0, i), seen.points_px(1, i))));
@@ -212,17 +212,17 @@ TEST(OtsuExtractor, ReadsViewsAndVispImages) {
   Scene scene;
   scene.vessels = {{test::straightTube({60, 60}, {440, 400}, 4)}};
   const cv::Mat image = test::render(scene);
-  EXPECT_LT(medianDistance(extract(fromVisp(toVisp(image))), scene), 0.4);
+  EXPECT_LT(medianDistance(extractOtsu(fromVisp(toVisp(image))), scene), 0.4);
   cv::Mat wide(600, 700, CV_16UC1, cv::Scalar(1));
   const cv::Mat view = wide(cv::Rect(31, 17, image.cols, image.rows));
   image.copyTo(view);
-  EXPECT_EQ(extract(view).points_px, extract(image).points_px);
+  EXPECT_EQ(extractOtsu(view).points_px, extractOtsu(image).points_px);
 }
 
 TEST(OtsuExtractor, RefusesWrongImagesAndSettings) {
-  EXPECT_THROW(extract(cv::Mat()), InputError);
-  EXPECT_THROW(extract(cv::Mat(64, 64, CV_32FC1, cv::Scalar(1))), InputError);
-  EXPECT_THROW(extract(cv::Mat(64, 64, CV_8UC3, cv::Scalar(1))), InputError);
+  EXPECT_THROW(extractOtsu(cv::Mat()), InputError);
+  EXPECT_THROW(extractOtsu(cv::Mat(64, 64, CV_32FC1, cv::Scalar(1))), InputError);
+  EXPECT_THROW(extractOtsu(cv::Mat(64, 64, CV_8UC3, cv::Scalar(1))), InputError);
   OtsuSettings settings;
   settings.spacing_px = 0;
   EXPECT_THROW(makeExtractor(settings), InputError);

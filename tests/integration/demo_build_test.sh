@@ -18,11 +18,11 @@ done
 
 shown=$(printf '%s\n' '@1/30 Building CXX object modules/base/CMakeFiles/angio_base.dir/src/errors.cpp.o' \
   'a warning of the compiler' '@2/30 Linking CXX static library modules/base/libangio_base.a' \
-  '@15/30 Linking CXX executable bin/angio-servo' '@30/30 Linking CXX executable bin/angio-replay' \
+  '@15/30 Building CXX object servo/CMakeFiles/angio_servo.dir/Unity/unity_1_cxx.cxx.o' '@30/30 Linking CXX executable bin/angio-replay' \
   'ninja: no work to do.' | .ci/progress.sh)
 expected='Building: 1 of 30: modules/base/src/errors.cpp
 a warning of the compiler
-Building: 15 of 30, less than a minute left: bin/angio-servo
+Building: 15 of 30, less than a minute left: servo
 Building: 30 of 30: bin/angio-replay'
 [ "$shown" = "$expected" ] || fail "the line of progress is:
 $shown"

@@ -31,8 +31,8 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-std::string phantom(const std::string& name) { return test::exampleData("static-phantom/" + name); }
-const std::string kRun = phantom("dicom/im5.dcm");
+std::string phantomFile(const std::string& name) { return test::exampleData("static-phantom/" + name); }
+const std::string kRun = phantomFile("dicom/im5.dcm");
 
 TEST(Inspect, ARunIsToldInAPersonsWordsAndWithoutNames) {
   const auto ended = test::run("angio-inspect", {kRun, "--frame", "2"});
@@ -86,7 +86,7 @@ TEST(Inspect, ACameraFileIsTheFramesWithWhatIsAssumed) {
 TEST(Inspect, OnlyARunHasACameraToWrite) {
   const test::TemporaryFolder folder;
   for (const char* name : {"tree.csv", "im5_camera.yaml", "frames/im5.png"}) {
-    const auto ended = test::run("angio-inspect", {phantom(name), "--write-camera", folder.path("camera.yaml")});
+    const auto ended = test::run("angio-inspect", {phantomFile(name), "--write-camera", folder.path("camera.yaml")});
     EXPECT_EQ(ended.exit_code, 1) << name;
     EXPECT_THAT(ended.err, HasSubstr("--write-camera"));
   }
@@ -94,11 +94,11 @@ TEST(Inspect, OnlyARunHasACameraToWrite) {
 }
 
 TEST(Inspect, OtherFilesAreToldToo) {
-  EXPECT_THAT(test::run("angio-inspect", {phantom("tree.csv")}).out, HasSubstr("807.06"));
-  const auto tree = nlohmann::json::parse(test::run("angio-inspect", {phantom("tree.csv"), "--json"}).out);
-  EXPECT_EQ(tree["model_id"], static_cast<std::int64_t>(modelId(readVesselTree(phantom("tree.csv")))));
-  EXPECT_THAT(test::run("angio-inspect", {phantom("im5_camera.yaml")}).out, HasSubstr("2383.36 px"));
-  EXPECT_THAT(test::run("angio-inspect", {phantom("frames/im5.png")}).out, HasSubstr("512 x 512 px"));
+  EXPECT_THAT(test::run("angio-inspect", {phantomFile("tree.csv")}).out, HasSubstr("807.06"));
+  const auto tree = nlohmann::json::parse(test::run("angio-inspect", {phantomFile("tree.csv"), "--json"}).out);
+  EXPECT_EQ(tree["model_id"], static_cast<std::int64_t>(modelId(readVesselTree(phantomFile("tree.csv")))));
+  EXPECT_THAT(test::run("angio-inspect", {phantomFile("im5_camera.yaml")}).out, HasSubstr("2383.36 px"));
+  EXPECT_THAT(test::run("angio-inspect", {phantomFile("frames/im5.png")}).out, HasSubstr("512 x 512 px"));
 }
 
 // The refusal of a place behind a branch's end names the branch's length.
@@ -139,7 +139,7 @@ TEST(Inspect, BranchesHaveTheNumbersThatToBranchTakes) {
 
 TEST(Inspect, ABranchPictureThatCannotBeIsOneLine) {
   const test::TemporaryFolder folder;
-  const std::string tree = phantom("tree.csv"), broken = folder.write("broken.csv", "rubbish\n");
+  const std::string tree = phantomFile("tree.csv"), broken = folder.write("broken.csv", "rubbish\n");
   const std::vector<std::pair<std::vector<std::string>, std::string>> lines = {
       {{broken, "--picture", folder.path("a.png")}, broken},
       {{folder.path("none.csv"), "--picture", folder.path("a.png")}, "none.csv"},
@@ -147,9 +147,9 @@ TEST(Inspect, ABranchPictureThatCannotBeIsOneLine) {
       {{tree, "--picture", folder.path("a.gif")}, "must be .svg, .png"},
       {{tree, "--picture", folder.path("a")}, "must be .svg, .png"},
       {{tree, "--picture", folder.path("a.svg"), "--calibration", folder.path("none.yaml")}, "none.yaml"},
-      {{tree, "--calibration", phantom("tree.csv")}, "--calibration"},
+      {{tree, "--calibration", phantomFile("tree.csv")}, "--calibration"},
       {{kRun, "--picture", folder.path("a.png")}, "is of a vessel tree or of a bus"},
-      {{phantom("im5_camera.yaml"), "--picture", folder.path("a.png")}, "is of a vessel tree or of a bus"}};
+      {{phantomFile("im5_camera.yaml"), "--picture", folder.path("a.png")}, "is of a vessel tree or of a bus"}};
   for (const auto& [arguments, words] : lines) {
     const auto ended = test::run("angio-inspect", arguments);
     EXPECT_EQ(ended.exit_code, 1) << words;
@@ -164,7 +164,7 @@ TEST(Inspect, WhatIsNotThereIsOneLine) {
   const test::TemporaryFolder folder;
   const std::string cut = folder.write("cut.dcm", test::contentOf(kRun).substr(0, 5000));
   for (const auto& arguments : std::vector<std::vector<std::string>>{
-           {kRun, "--frame", "3"}, {cut}, {folder.path("none.dcm")}, {phantom("tree.csv"), "--out", "a.png"}}) {
+           {kRun, "--frame", "3"}, {cut}, {folder.path("none.dcm")}, {phantomFile("tree.csv"), "--out", "a.png"}}) {
     const auto ended = test::run("angio-inspect", arguments);
     EXPECT_EQ(ended.exit_code, 1);
     EXPECT_EQ(ended.out, "");
@@ -258,9 +258,10 @@ TEST_F(InspectBus, NamesWhatIsWrong) {
 
 nlohmann::json registered(const std::vector<std::string>& more, int exit_code = 0) {
   const test::TemporaryFolder folder;
-  std::vector<std::string> arguments = {"--tree",     phantom("tree.csv"),       "--image", kRun,
-                                        "--settings", phantom("settings.yaml"),  "--out",   folder.path("result.json"),
-                                        "--overlay",  folder.path("picture.png")};
+  std::vector<std::string> arguments = {
+      "--tree",     phantomFile("tree.csv"),      "--image", kRun,
+      "--settings", phantomFile("settings.yaml"), "--out",   folder.path("result.json"),
+      "--overlay",  folder.path("picture.png")};
   arguments.insert(arguments.end(), more.begin(), more.end());
   const auto ended = test::run("angio-register", arguments);
   EXPECT_EQ(ended.exit_code, exit_code) << ended.err << ended.out;
@@ -271,8 +272,8 @@ nlohmann::json registered(const std::vector<std::string>& more, int exit_code = 
 // The reference is a fit to the same frame by hand-made files, and the nominal pose is 0.6 deg and 14 mm from it. Other
 // ways to extract the centreline move the fit by 0.1 deg; one view leaves depth open to some millimetres.
 TEST(Inspect, ARunRegistersWithoutACameraFile) {
-  const Pose reference = readPose(phantom("im5_reference.yaml")).T_camera_model;
-  const auto json = registered({"--frame", "2", "--t-dsa-cb", phantom("dicom/t_dsa_cb.yaml")});
+  const Pose reference = readPose(phantomFile("im5_reference.yaml")).T_camera_model;
+  const auto json = registered({"--frame", "2", "--t-dsa-cb", phantomFile("dicom/t_dsa_cb.yaml")});
   EXPECT_EQ(json["status"], "converged");
   EXPECT_EQ(json["assumed"].size(), 2U);
   Eigen::Matrix3d R;
@@ -280,7 +281,7 @@ TEST(Inspect, ARunRegistersWithoutACameraFile) {
   for (int i = 0; i < 9; ++i) R(i / 3, i % 3) = json["rotation"][static_cast<std::size_t>(i)];
   for (int i = 0; i < 3; ++i) t_mm[i] = json["translation_mm"][static_cast<std::size_t>(i)];
   EXPECT_LT(radToDeg(rotationAngle(R * reference.linear().transpose())), 0.4);
-  const Eigen::Vector3d center = readVesselTree(phantom("tree.csv")).centroid();
+  const Eigen::Vector3d center = readVesselTree(phantomFile("tree.csv")).centroid();
   const Eigen::Vector3d off_mm = 1e3 * (R * center + 1e-3 * t_mm - reference * center);
   EXPECT_LT(off_mm.head<2>().norm(), 1) << off_mm.transpose();
   EXPECT_LT(std::abs(off_mm.z()), 5) << off_mm.transpose();
@@ -297,7 +298,7 @@ TEST(Inspect, WithoutAPlaceOfTheTreeItIsPutAtTheIsocenterAndSaid) {
 }
 
 TEST(Inspect, TwoRunsStandByTheirAngles) {
-  const auto json = registered({"--image", kRun, "--frame", "2", "--t-dsa-cb", phantom("dicom/t_dsa_cb.yaml")});
+  const auto json = registered({"--image", kRun, "--frame", "2", "--t-dsa-cb", phantomFile("dicom/t_dsa_cb.yaml")});
   EXPECT_EQ(json["status"], "converged");
   EXPECT_EQ(json["assumed"].size(), 5U) << json["assumed"];
 }
@@ -308,14 +309,14 @@ TEST(Inspect, AMaskFrameIsSubtracted) {
 }
 
 TEST(Inspect, RegistrationRefusesWhatSaysTooLittle) {
-  const std::vector<std::string> tree = {"--tree", phantom("tree.csv")};
+  const std::vector<std::string> tree = {"--tree", phantomFile("tree.csv")};
   const auto ended = [&](std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), tree.begin(), tree.end());
     return test::run("angio-register", arguments);
   };
-  const std::string png = phantom("frames/im5.png"), pose = phantom("im5_nominal.yaml");
+  const std::string png = phantomFile("frames/im5.png"), pose = phantomFile("im5_nominal.yaml");
   EXPECT_EQ(ended({"--image", png, "--initial-pose", pose}).exit_code, 2);
-  EXPECT_EQ(ended({"--image", png, "--camera", phantom("im5_camera.yaml")}).exit_code, 2);
+  EXPECT_EQ(ended({"--image", png, "--camera", phantomFile("im5_camera.yaml")}).exit_code, 2);
   EXPECT_EQ(ended({"--image", kRun, "--initial-pose", pose, "--t-dsa-cb", pose}).exit_code, 2);
   EXPECT_EQ(ended({"--image", kRun, "--frame", "0", "--frame", "1"}).exit_code, 2);
   EXPECT_EQ(ended({"--image", kRun, "--mask-frame", "0", "--mask-frame", "1"}).exit_code, 2);

@@ -20,7 +20,7 @@ using test::refusalOf;
 using test::TemporaryFolder;
 
 // One curve with a radius of 2 mm everywhere.
-std::string curve(const std::vector<Eigen::Vector3d>& points_mm) {
+std::string curveText(const std::vector<Eigen::Vector3d>& points_mm) {
   std::string points, radii;
   for (const Eigen::Vector3d& p : points_mm) {
     const std::string comma = points.empty() ? "" : ",";
@@ -34,8 +34,8 @@ std::string curve(const std::vector<Eigen::Vector3d>& points_mm) {
 
 struct CurveFolder : testing::Test {
   void SetUp() override {
-    folder.write("Curve (0).mrk.json", curve({{0, 0, 0}, {10, 0, 0}, {20, 0, 0}, {30, 0, 0}}));
-    folder.write("Curve - LVA.mrk.json", curve({{10, 0, 0}, {15, 10, 0}, {20, 20, 0}}));
+    folder.write("Curve (0).mrk.json", curveText({{0, 0, 0}, {10, 0, 0}, {20, 0, 0}, {30, 0, 0}}));
+    folder.write("Curve - LVA.mrk.json", curveText({{10, 0, 0}, {15, 10, 0}, {20, 20, 0}}));
     folder.write("notes.txt", "no curve");
   }
   std::string refusal() const {
@@ -57,7 +57,7 @@ TEST_F(CurveFolder, BranchesAreCalledAsTheirCurves) {
 }
 
 TEST_F(CurveFolder, ACurveHangsWhereItBeginsInsideAnother) {
-  folder.write("Curve (1).mrk.json", curve({{30, 1.5, 0}, {40, 1.5, 0}}));
+  folder.write("Curve (1).mrk.json", curveText({{30, 1.5, 0}, {40, 1.5, 0}}));
   const VesselTree tree = readVesselTree(folder.path());
   ASSERT_EQ(tree.size(), 8);
   EXPECT_EQ(tree.points().col(6), Eigen::Vector3d(0.030, 0.0015, 0));
@@ -65,7 +65,7 @@ TEST_F(CurveFolder, ACurveHangsWhereItBeginsInsideAnother) {
 }
 
 TEST_F(CurveFolder, ACurveMayPointTheOtherWay) {
-  folder.write("Curve (1).mrk.json", curve({{40, 1.5, 0}, {30, 1.5, 0}}));
+  folder.write("Curve (1).mrk.json", curveText({{40, 1.5, 0}, {30, 1.5, 0}}));
   const VesselTree tree = readVesselTree(folder.path());
   ASSERT_EQ(tree.size(), 8);
   EXPECT_EQ(tree.points().col(6), Eigen::Vector3d(0.030, 0.0015, 0));
@@ -73,7 +73,7 @@ TEST_F(CurveFolder, ACurveMayPointTheOtherWay) {
 }
 
 TEST_F(CurveFolder, ARingStaysOpenInFrontOfWhereItWouldClose) {
-  folder.write("Curve - RVA.mrk.json", curve({{30, 0, 0}, {30, 10, 0}, {20, 20, 0}}));
+  folder.write("Curve - RVA.mrk.json", curveText({{30, 0, 0}, {30, 10, 0}, {20, 20, 0}}));
   const VesselTree tree = readVesselTree(folder.path());
   ASSERT_EQ(tree.size(), 7);
   EXPECT_EQ(tree.points().col(6), Eigen::Vector3d(0.030, 0.010, 0));
@@ -90,7 +90,7 @@ TEST_F(CurveFolder, NamesAreTheFilesOrTheirLastWord) {
 }
 
 TEST_F(CurveFolder, RefusalsAreOneLineThatNamesFileAndRule) {
-  const std::string far = folder.write("Curve (9).mrk.json", curve({{100, 0, 0}, {110, 0, 0}}));
+  const std::string far = folder.write("Curve (9).mrk.json", curveText({{100, 0, 0}, {110, 0, 0}}));
   EXPECT_NE(refusal().find("Curve (9)"), std::string::npos) << refusal();
   EXPECT_NE(refusal().find("must begin, end or have a point on another curve"), std::string::npos) << refusal();
   folder.write("Curve (9).mrk.json", "{");

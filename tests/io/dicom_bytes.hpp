@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "angio/io/xa_files.hpp"
 #include "angio/test/namespace.hpp"
 
 namespace angio::test {
@@ -96,5 +97,8 @@ class DicomBytes {
   std::map<std::uint32_t, std::pair<std::string, std::string>> elements_;
   std::string syntax_ = "1.2.840.10008.1.2.1";
 };
+
+/// A run of those bytes.
+inline XaRun made(const DicomBytes& bytes) { return XaRun("made.dcm", bytes.file()); }
 
 }  // namespace angio::test

@@ -10,6 +10,7 @@
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/test/text.hpp"
 #include "dicom_bytes.hpp"
 
 namespace angio::test {
@@ -81,12 +82,6 @@ TEST(HostileDicom, ChangedBytesAreReadOrRefusedInSilence) {
 }
 
 // The file with one place of it changed.
-std::string with(std::string content, const std::string& what, const std::string& instead) {
-  const auto at = content.find(what);
-  EXPECT_NE(at, std::string::npos);
-  return content.replace(at, what.size(), instead);
-}
-
 std::string refused(const std::string& content) {
   return refusalOf([&] { XaRun("a.dcm", content); });
 }

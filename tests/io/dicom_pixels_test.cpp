@@ -25,8 +25,6 @@ using test::refusalOf;
 using test::TemporaryFolder;
 using testing::HasSubstr;
 
-XaRun made(const DicomBytes& bytes) { return XaRun("made.dcm", bytes.file()); }
-
 // Two frames of noise, `bits` deep, as a file and as what they are.
 struct Noise {
   DicomBytes bytes;

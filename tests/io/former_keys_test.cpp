@@ -16,7 +16,7 @@ namespace {
 using test::refusalOf;
 using test::TemporaryFolder;
 
-struct Inner {
+struct FormerInner {
   double spacing_mm = 2;
   int max_lines = 7;
   void visit(SettingsVisitor& v) {
@@ -25,10 +25,10 @@ struct Inner {
   }
 };
 
-struct Outer {
+struct FormerOuter {
   int iterations = 20;
   double least_share = 0.5;  // Has a former prefix, and is what it is called.
-  Inner inner;
+  FormerInner inner;
   void visit(SettingsVisitor& v) {
     v.integer("iterations", iterations, 1, 100, "Most iterations");
     v.number("least_share", least_share, 0, 1, "A share");
@@ -41,7 +41,7 @@ const FormerKeys kTable = {{"inner.scale_px", "tolerance"},
                            {{"most_", "max_"}, {"least_", "min_"}}};
 
 struct Read {
-  Outer settings;
+  FormerOuter settings;
   std::string warnings;
 };
 
@@ -71,7 +71,7 @@ TEST(FormerKeys, AKeyOfOneSectionIsUnknownInOthers) {
   const TemporaryFolder folder;
   const std::string path = folder.write("s.yaml", "scale_px: 1\n");
   std::ostringstream warnings;
-  Outer s;
+  FormerOuter s;
   EXPECT_NE(refusalOf([&] {
               readSettings(
                   path, [&](SettingsVisitor& v) { s.visit(v); }, kTable, warnings);

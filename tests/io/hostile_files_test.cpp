@@ -15,6 +15,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/test/text.hpp"
 
 namespace angio::test {
 namespace {
@@ -41,7 +42,7 @@ const std::string kHmmLoop = "3\n0\n1;0;0" + kHmmRest + "1;2;\n2;0;0" + kHmmRest
 const std::string kVtk =
     "# vtk DataFile Version 2.0\ntitle\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 float\n0 0 0 1 0 0\n2 0 0\n"
     "2 1 0\n2 0 1\nCELLS 3 10\n3 0 1 2\n2 2 3\n2 2 4\nCELL_TYPES 3\n4\n4\n3\n";
-const std::string kCamera =
+const std::string kCameraText =
     "image_size_px: [64, 48]\nfx_px: 1000\nfy_px: 1000\ncx_px: 32\ncy_px: 24\npixel_spacing_mm: 0.3\n"
     "source_detector_distance_mm: 1200\ndistortion: [0, 0]\n";
 const std::string kVispCamera =
@@ -52,12 +53,6 @@ const std::string kVispCamera =
 const std::string kPose =
     "rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1]\ntranslation_mm: [1, 2, 700]\nparent: camera\nchild: model\ncovariance: "
     "[1,0,0,0,0,0,0,1,0,0,0,0,0,0,1,0,0,0,0,0,0,1,0,0,0,0,0,0,1,0,0,0,0,0,0,1]\n";
-
-std::string with(std::string text, const std::string& what, const std::string& instead) {
-  const auto at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), instead);
-}
 
 std::vector<Reader> allReaders() {
   const auto tree = [](const std::string& path) { readVesselTree(path); };
@@ -183,19 +178,19 @@ std::vector<Reader> allReaders() {
         {"x_px,y_px,tangent_rad\n1,2,nan\n", ":2: tangent_rad = nan"}}},
       {"c.yaml",
        camera,
-       kCamera,
+       kCameraText,
        {{"", ":1: image_size_px: is missing"},
-        {with(kCamera, "fx_px: 1000", "fx_px: -5"), ":2: fx_px = -5: must be a positive number"},
-        {with(kCamera, "fx_px: 1000", "fx_px: ~"), ":2: fx_px = "},
-        {with(kCamera, "fx_px: 1000\n", ""), ":1: fx_px: is missing"},
-        {with(kCamera, "[64, 48]", "[64]"), ":1: image_size_px = (list of 1)"},
-        {with(kCamera, "[64, 48]", "[64, 0]"), ":1: image_size_px[1] = 0"},
-        {with(kCamera, "[64, 48]", "[64.5, 48]"), ":1: image_size_px[0] = 64.5: must be an integer"},
-        {with(kCamera, "[64, 48]", "[99999, 48]"), ":1: image_size_px[0] = 99999"},
-        {with(kCamera, "[0, 0]", "[0, 0.1]"), ":8: distortion[1] = 0.1: must be zero"},
-        {with(kCamera, "[0, 0]", "0.2"), ":8: distortion = 0.2: must be zero"},
-        {with(kCamera, "[0, 0]", "{k: 1}"), ":8: model: is missing"},
-        {kCamera + "skew: 0\n", ":9: skew = 0: unknown key"}}},
+        {with(kCameraText, "fx_px: 1000", "fx_px: -5"), ":2: fx_px = -5: must be a positive number"},
+        {with(kCameraText, "fx_px: 1000", "fx_px: ~"), ":2: fx_px = "},
+        {with(kCameraText, "fx_px: 1000\n", ""), ":1: fx_px: is missing"},
+        {with(kCameraText, "[64, 48]", "[64]"), ":1: image_size_px = (list of 1)"},
+        {with(kCameraText, "[64, 48]", "[64, 0]"), ":1: image_size_px[1] = 0"},
+        {with(kCameraText, "[64, 48]", "[64.5, 48]"), ":1: image_size_px[0] = 64.5: must be an integer"},
+        {with(kCameraText, "[64, 48]", "[99999, 48]"), ":1: image_size_px[0] = 99999"},
+        {with(kCameraText, "[0, 0]", "[0, 0.1]"), ":8: distortion[1] = 0.1: must be zero"},
+        {with(kCameraText, "[0, 0]", "0.2"), ":8: distortion = 0.2: must be zero"},
+        {with(kCameraText, "[0, 0]", "{k: 1}"), ":8: model: is missing"},
+        {kCameraText + "skew: 0\n", ":9: skew = 0: unknown key"}}},
       {"c.xml",
        camera,
        kVispCamera,

@@ -7,6 +7,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/test/text.hpp"
 
 namespace angio::test {
 namespace {
@@ -24,12 +25,6 @@ const std::string kTre =
     "0 10 0 0 1 4 0 \n1 20 0 0 1 4 0 \n2 30 0 5 1 0 0 \n"
     "ObjectType = Tube\nObjectSubType = Vessel\nNDims = 3\nID = 2\nParentID = 1\nBinaryData = False\nParentPoint = 1\n"
     "Root = False\nPointDim = x y z r\nNPoints = 2\nPoints = \n100 10 3 1\n100 10 6 1\n";
-
-std::string with(std::string text, const std::string& what, const std::string& instead) {
-  const auto at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), instead);
-}
 
 TEST(TreFiles, TubesStandInTheirPlaceAndHangTogether) {
   const TemporaryFolder folder;

@@ -28,8 +28,6 @@ using test::refusalOf;
 using testing::Contains;
 using testing::HasSubstr;
 
-XaRun made(const DicomBytes& bytes) { return XaRun("made.dcm", bytes.file()); }
-
 std::uint64_t checksum(const cv::Mat& image) {
   std::uint64_t sum = 0;
   for (std::size_t i = 0; i < image.total(); ++i) sum += image.data[i] * (i % 251 + 1);

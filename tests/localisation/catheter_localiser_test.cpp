@@ -232,9 +232,9 @@ TEST(CatheterLocaliser, FinePlacesLeaveNoHoleInEvidenceByTheMillimetre) {
     std::vector<PlaceEvidence> places;
     for (int mm = -6; mm <= 6; ++mm) {
       const double off = (1e-3 * mm - ahead_m) / 0.7e-3, value = std::max(-0.5 * off * off, -12.0);
-      if (mm <= 0) places.push_back({0, map.length_m(0) + 1e-3 * mm, value, {}});
-      if (mm > 0) places.push_back({1, 1e-3 * mm, value, {}});
-      if (mm > 0) places.push_back({2, 1e-3 * mm, value - 3, {}});
+      if (mm <= 0) places.push_back({0, map.length_m(0) + 1e-3 * mm, value});
+      if (mm > 0) places.push_back({1, 1e-3 * mm, value});
+      if (mm > 0) places.push_back({2, 1e-3 * mm, value - 3});
     }
     const TipBelief belief = localiser.update(evidenceOf(places), {1.0 / 15, 0.1e-3});
     const double path_m = map.start_m(belief.tip.branch) + belief.tip.arc_m;
@@ -253,7 +253,7 @@ TEST(CatheterLocaliser, IsUnsureWherePlacesFarApartExplainAFrameAlike) {
   CatheterLocaliser localiser(settings, tree);
   const auto at = [](int branch, double value) {
     std::vector<PlaceEvidence> places;
-    for (int mm = -2; mm <= 2; ++mm) places.push_back({branch, 0.02 + 1e-3 * mm, value - 2 * mm * mm, {}});
+    for (int mm = -2; mm <= 2; ++mm) places.push_back({branch, 0.02 + 1e-3 * mm, value - 2 * mm * mm});
     return places;
   };
   std::vector<PlaceEvidence> both = at(1, 0), other = at(2, -0.5);

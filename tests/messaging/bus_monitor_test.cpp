@@ -12,7 +12,7 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-Bytes stateNumber(std::int64_t sequence, std::int64_t time_us) {
+Bytes stateBytes(std::int64_t sequence, std::int64_t time_us) {
   CArmState state;
   state.sequence = sequence;
   state.time_us = time_us;
@@ -29,7 +29,7 @@ TEST(BusMonitor, TellsLostDoubledLateAndRestartedApart) {
   // 3 and 4 are jumped over, 4 comes late; 5 comes twice; then the sender begins again at 1.
   for (const auto& [sequence, time_us] :
        {std::pair<int, int>{1, 10}, {2, 20}, {5, 50}, {4, 40}, {5, 50}, {6, 60}, {1, 70}, {2, 80}}) {
-    hear(monitor, "S", stateNumber(sequence, time_us), now_us += 1000);
+    hear(monitor, "S", stateBytes(sequence, time_us), now_us += 1000);
   }
   const auto reports = monitor.report(now_us);
   ASSERT_EQ(reports.size(), 1u);
@@ -78,7 +78,7 @@ TEST(BusMonitor, RatesAndDelaysAreThoseOfTheLastSeconds) {
   const auto send = [&](std::int64_t period_us) {
     time_us += period_us;
     ++sequence;
-    hear(monitor, "S", stateNumber(sequence, time_us),
+    hear(monitor, "S", stateBytes(sequence, time_us),
          time_us + 30'000 + 10'000 * (sequence % 3));  // 110 % 3 = 2: the last one takes 50 ms.
   };
   for (int i = 0; i < 50; ++i) send(200'000);
@@ -98,7 +98,7 @@ TEST(BusMonitor, RatesAndDelaysAreThoseOfTheLastSeconds) {
 
 TEST(BusMonitor, ADifferentClockGivesNoLatency) {
   BusMonitor monitor;
-  for (int i = 1; i < 5; ++i) hear(monitor, "S", stateNumber(i, 1000 * i), 1'700'000'000'000'000 + 1000 * i + i);
+  for (int i = 1; i < 5; ++i) hear(monitor, "S", stateBytes(i, 1000 * i), 1'700'000'000'000'000 + 1000 * i + i);
   const auto r = monitor.report(1'700'000'000'005'000).at(0);
   EXPECT_FALSE(r.latency_s);
   EXPECT_NEAR(r.delay_spread_s, 3e-6, 1e-12);
@@ -140,7 +140,7 @@ TEST(BusMonitor, ChannelsWithoutEndDoNotFillTheMemory) {
   EXPECT_EQ(monitor.report(5000)[0].undecodable, 1);
   EXPECT_EQ(monitor.unlisted(), 4800);
   // Messages of our types still find a place, up to 1,000 channels in all.
-  for (int i = 0; i < 5000; ++i) hear(monitor, "S" + std::to_string(i), stateNumber(1, 1), 5000 + i);
+  for (int i = 0; i < 5000; ++i) hear(monitor, "S" + std::to_string(i), stateBytes(1, 1), 5000 + i);
   EXPECT_EQ(monitor.report(10000).size(), 1000u);
   EXPECT_EQ(monitor.unlisted(), 4800 + 4200);
 }

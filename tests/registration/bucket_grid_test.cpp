@@ -9,7 +9,7 @@
 namespace angio::test {
 namespace {
 
-Eigen::Matrix2Xd randomPoints(test::Random& random, int n) {
+Eigen::Matrix2Xd pointsInGrid(test::Random& random, int n) {
   Eigen::Matrix2Xd points(2, n);
   for (int i = 0; i < n; ++i) {
     const double x = random.uniform(0, 1000), y = random.uniform(0, 1000);
@@ -35,16 +35,16 @@ TEST(BucketGrid, FindsWhatTryingEveryPointFinds) {
   test::Random random(1);
   BucketGrid grid;
   for (const int n : {400, 1, 2, 12, 3000}) {
-    const Eigen::Matrix2Xd points = randomPoints(random, n);
+    const Eigen::Matrix2Xd points = pointsInGrid(random, n);
     grid.build(points);
     expectExact(grid, points, random, 200);
   }
   // Two heaps with nothing between them, and a line: cells are mostly empty, or in one row.
-  Eigen::Matrix2Xd heaps = 0.01 * randomPoints(random, 500);
+  Eigen::Matrix2Xd heaps = 0.01 * pointsInGrid(random, 500);
   heaps.rightCols(250).array() += 990;
   grid.build(heaps);
   expectExact(grid, heaps, random, 200);
-  Eigen::Matrix2Xd line = randomPoints(random, 300);
+  Eigen::Matrix2Xd line = pointsInGrid(random, 300);
   line.row(1).setConstant(500);
   grid.build(line);
   expectExact(grid, line, random, 200);
@@ -65,7 +65,7 @@ TEST(BucketGrid, PlacesOnPointsAndOnBordersOfCellsAreNoExceptions) {
 
 TEST(BucketGrid, OfPointsInOnePlaceTheFirstIsTaken) {
   test::Random random(2);
-  Eigen::Matrix2Xd points = randomPoints(random, 300);
+  Eigen::Matrix2Xd points = pointsInGrid(random, 300);
   points.rightCols(100) = points.leftCols(100);  // Bifurcations stand in a centreline several times.
   BucketGrid grid;
   grid.build(points);

@@ -16,19 +16,19 @@
 namespace angio::test {
 namespace {
 
-struct Scene {
+struct CertificateScene {
   VesselTree tree;
   XrayCamera camera;
   Pose truth;
   Centerline2d image;
 
-  explicit Scene(unsigned seed, XrayCamera seen_by = test::clinicalCamera())
+  explicit CertificateScene(unsigned seed, XrayCamera seen_by = test::clinicalCamera())
       : tree(test::branchingTree(seed)), camera(std::move(seen_by)) {
     test::Random random(seed + 500);
     truth = test::viewOf(tree, random);
     image = projectedCenterline(tree, camera, truth);
   }
-  Scene(VesselTree given, const Pose& T_camera_model)
+  CertificateScene(VesselTree given, const Pose& T_camera_model)
       : tree(std::move(given)), camera(test::clinicalCamera()), truth(T_camera_model) {
     image = projectedCenterline(tree, camera, truth);
   }
@@ -98,7 +98,7 @@ CertificateSettings boxOf(double rotation_deg, double translation_mm) {
 TEST(Certificate, NoPoseOfACellExceedsItsBound) {
   int draws = 0, close = 0, pruned = 0;
   for (unsigned seed = 0; seed < 6; ++seed) {
-    const Scene s = seed % 2 == 0 ? Scene(seed) : Scene(seed, window());
+    const CertificateScene s = seed % 2 == 0 ? CertificateScene(seed) : CertificateScene(seed, window());
     const TreeSamples samples(s.tree);
     const ExplainedRaster raster(s.image, s.camera);
     const Pose center = s.truth * Eigen::Translation3d(s.tree.centroid());
@@ -145,7 +145,7 @@ TEST(Certificate, NoPoseOfACellExceedsItsBound) {
 TEST(Certificate, NoPlaceIsExplainedInACellThatRulesItOut) {
   int explained = 0, ruled_out = 0;
   for (unsigned seed = 0; seed < 4; ++seed) {
-    const Scene s = seed % 2 == 0 ? Scene(seed) : Scene(seed, window());
+    const CertificateScene s = seed % 2 == 0 ? CertificateScene(seed) : CertificateScene(seed, window());
     const TreeSamples all(s.tree);
     TreeSamples same = all;
     const ExplainedRaster raster(s.image, s.camera);
@@ -185,7 +185,7 @@ TEST(Certificate, NoPlaceIsExplainedInACellThatRulesItOut) {
 }
 
 TEST(Certificate, AWordHoldsAllDirectionsWithinItsRadius) {
-  const Scene s(3);
+  const CertificateScene s(3);
   const ExplainedRaster raster(s.image, s.camera);
   const auto& levels = raster.levels();
   const auto wordAt = [&](int k, double u, double v) {
@@ -212,7 +212,7 @@ TEST(Certificate, AWordHoldsAllDirectionsWithinItsRadius) {
 
 TEST(Certificate, ProvesThatNoOtherPoseScoresNearlyAsWell) {
   for (const unsigned seed : {1u, 2u}) {
-    const Scene s(seed);
+    const CertificateScene s(seed);
     const Pose middle = drawnPose(s.truth, s.tree.centroid(), degToRad(4), 4e-3, 1, static_cast<int>(seed));
     double last_share = 0, last_bound = 0;
     const auto certificate = certify(s.tree, s.view(), middle, s.truth, boxOf(25, 30), [&](double share, double bound) {
@@ -241,7 +241,7 @@ TEST(Certificate, ProvesThatNoOtherPoseScoresNearlyAsWell) {
 }
 
 TEST(Certificate, OneThreadAndTwoProveTheSame) {
-  const Scene s(4);
+  const CertificateScene s(4);
   auto settings = boxOf(15, 15);
   settings.threads = 1;
   const auto one = certify(s.tree, s.view(), s.truth, s.truth, settings);
@@ -255,7 +255,7 @@ TEST(Certificate, OneThreadAndTwoProveTheSame) {
 // A wrong pose is never certified: the true one is its alternative.
 TEST(Certificate, AWrongPoseHasTheTrueOneForAnAlternative) {
   for (const unsigned seed : {5u, 6u, 7u}) {
-    const Scene s(seed);
+    const CertificateScene s(seed);
     Twist off;
     off << 4e-3, -5e-3, 0, 0.05, -0.08, 0.1;
     const Pose wrong = test::perturbed(s.truth, s.tree, off);
@@ -271,7 +271,7 @@ TEST(Certificate, AWrongPoseHasTheTrueOneForAnAlternative) {
 // What looks the same from several sides is never certified, and the other side is named.
 TEST(Certificate, ASymmetricTreeHasAnAlternativeThatIsReturned) {
   const VesselTree tree = star(12, kPi / 6, 0.05);  // The same when turned by 30 deg.
-  const Scene s(tree, inFront(tree, expSO3({0.3, 0.2, 0})));
+  const CertificateScene s(tree, inFront(tree, expSO3({0.3, 0.2, 0})));
   const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, boxOf(45, 60));
   EXPECT_FALSE(certificate.proven);
   ASSERT_TRUE(certificate.alternative) << certificate.reason;
@@ -286,7 +286,7 @@ TEST(Certificate, ASymmetricTreeHasAnAlternativeThatIsReturned) {
 // A flat tree looks nearly the same with near and far exchanged.
 TEST(Certificate, AFlatTreeHasItsDepthMirrorForAnAlternative) {
   const VesselTree tree = star(5, 1.1, 0.03);
-  const Scene s(tree, inFront(tree, expSO3({0.35, 0, 0})));
+  const CertificateScene s(tree, inFront(tree, expSO3({0.35, 0, 0})));
   const auto certificate = certify(s.tree, s.view(), s.truth, s.truth, boxOf(45, 20));
   EXPECT_FALSE(certificate.proven);
   ASSERT_TRUE(certificate.alternative) << certificate.reason;
@@ -297,7 +297,7 @@ TEST(Certificate, AFlatTreeHasItsDepthMirrorForAnAlternative) {
 }
 
 TEST(Certificate, WithoutTimeNothingIsProven) {
-  const Scene s(8);
+  const CertificateScene s(8);
   auto settings = boxOf(45, 60);
   for (const double seconds : {0.0, 0.005}) {
     settings.seconds = seconds;
@@ -311,7 +311,7 @@ TEST(Certificate, WithoutTimeNothingIsProven) {
 }
 
 TEST(Certificate, DepthIsNoDistance) {
-  const Scene s(9);
+  const CertificateScene s(9);
   Pose deeper = s.truth;
   const Eigen::Vector3d center = s.truth * s.tree.centroid();
   deeper.translation() += 0.02 * center / center.z();
@@ -322,7 +322,7 @@ TEST(Certificate, DepthIsNoDistance) {
 }
 
 TEST(Certificate, AnImageThatExplainsNothingProvesNothing) {
-  const Scene s(10);
+  const CertificateScene s(10);
   Pose behind = s.truth;
   behind.translation().z() -= 2;
   for (const Pose& found : {behind, Pose(s.truth * Eigen::Translation3d(0.5, 0, 0))}) {
@@ -333,7 +333,7 @@ TEST(Certificate, AnImageThatExplainsNothingProvesNothing) {
 }
 
 TEST(Certificate, RefusesSettingsOutOfTheirRange) {
-  const Scene s(11);
+  const CertificateScene s(11);
   auto settings = boxOf(10, 10);
   settings.alternative_share = 0;
   EXPECT_THROW(certify(s.tree, s.view(), s.truth, s.truth, settings), InputError);

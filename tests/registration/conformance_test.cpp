@@ -235,7 +235,7 @@ TYPED_TEST(RegistrationConformance, TheOrderOfBranchesInTheImageDoesNotMatter) {
 }
 
 // Points without order, everywhere on the detector.
-Centerline2d randomPoints(test::Random& random, int n) {
+Centerline2d randomCurve(test::Random& random, int n) {
   Eigen::Matrix2Xd points(2, n);
   for (int i = 0; i < n; ++i) points.col(i) << random.uniform(0, 1023), random.uniform(0, 1023);
   return makeCenterline(points);
@@ -266,7 +266,7 @@ TYPED_TEST(RegistrationConformance, NeverSaysConvergedOnWhatIsNotItsTree) {
     test::Random random(seed + 50);
     const Scene stranger(seed + 20);
     // Another tree in the same place, seen from the side from which this one is looked for.
-    const Centerline2d images[] = {randomPoints(random, 1500), randomCurves(random, 25),
+    const Centerline2d images[] = {randomCurve(random, 1500), randomCurves(random, 25),
                                    projectedCenterline(stranger.tree, s.camera, s.truth)};
     for (const auto& settings : variants(TypeParam{})) {
       const auto registration = makeRegistration(settings, s.tree);

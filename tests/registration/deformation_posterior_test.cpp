@@ -22,20 +22,20 @@ using registration::PosePriorTerm;
 using registration::ResidualArrays;
 using registration::ResidualGroup;
 
-constexpr double kLength_m = 60e-3, kFocal_px = 3880, kDepth_m = 0.8, kNoise_px = 1;
+constexpr double kFieldLength_m = 60e-3, kPosteriorFocal_px = 3880, kPosteriorDepth_m = 0.8, kPosteriorNoise_px = 1;
 constexpr double kTurnStd_rad = 0.035, kShiftStd_m = 5e-3;
-constexpr int kGroups = 60, kPoints = 60;  // Points of a group.
+constexpr int kGroups = 60, kPosteriorPoints = 60;  // Points of a group.
 
 // Residuals of a tree 100 mm wide whose pose and deformation are drawn from what the posterior takes them to be drawn
 // from, and one place more, of which only the truth is known.
-struct Drawn {
+struct DrawnPosterior {
   std::vector<ResidualGroup> groups;
   PosePriorTerm belief;
   Eigen::Vector3d at = Eigen::Vector3d::Zero(), moved_m = Eigen::Vector3d::Zero();
 };
 
-Drawn draw(test::Random& random, double deformation_m) {
-  Drawn drawn;
+DrawnPosterior drawPosterior(test::Random& random, double deformation_m) {
+  DrawnPosterior drawn;
   drawn.belief.information.diagonal() << Eigen::Vector3d::Constant(1 / (kShiftStd_m * kShiftStd_m)),
       Eigen::Vector3d::Constant(1 / (kTurnStd_rad * kTurnStd_rad));
   Twist twist;
@@ -43,19 +43,19 @@ Drawn draw(test::Random& random, double deformation_m) {
   for (int i = 0; i < kGroups; ++i) {
     ResidualGroup group;
     group.at = 0.05 * random.vector(1).cwiseMax(-1).cwiseMin(1);
-    const double angle = random.uniform(0, kPi), z = kDepth_m + group.at.z();
+    const double angle = random.uniform(0, kPi), z = kPosteriorDepth_m + group.at.z();
     // Across the vessel, seen along z by a camera with perspective.
-    group.gradient = kFocal_px / z * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0);
+    group.gradient = kPosteriorFocal_px / z * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0);
     group.gradient.z() = -group.gradient.head<2>().dot(group.at.head<2>()) / z;
     group.jacobian << group.gradient, group.at.cross(group.gradient);
-    group.weight = group.pull = kPoints;
-    group.scatter_px2 = kNoise_px * kNoise_px;
+    group.weight = group.pull = kPosteriorPoints;
+    group.scatter_px2 = kPosteriorNoise_px * kPosteriorNoise_px;
     drawn.groups.push_back(group);
   }
   drawn.at = 0.05 * random.vector(1).cwiseMax(-1).cwiseMin(1);
 
   // The field at all groups and the place.
-  const DeformationProcess process(drawn.groups, kLength_m, DeformationPosterior::kGrowth);
+  const DeformationProcess process(drawn.groups, kFieldLength_m, DeformationPosterior::kGrowth);
   Eigen::Matrix3Xd places(3, kGroups + 1);
   for (int i = 0; i < kGroups; ++i) places.col(i) = drawn.groups[static_cast<std::size_t>(i)].at;
   places.col(kGroups) = drawn.at;
@@ -77,7 +77,7 @@ Drawn draw(test::Random& random, double deformation_m) {
   for (int i = 0; i < kGroups; ++i) {
     ResidualGroup& group = drawn.groups[static_cast<std::size_t>(i)];
     group.residual_px = -group.gradient.dot(field.segment<3>(3 * i)) - group.jacobian.dot(twist) +
-                        kNoise_px / std::sqrt(static_cast<double>(kPoints)) * random.normal();
+                        kPosteriorNoise_px / std::sqrt(static_cast<double>(kPosteriorPoints)) * random.normal();
   }
   drawn.moved_m = field.tail<3>() + twist.head<3>() + twist.tail<3>().cross(drawn.at);
   return drawn;
@@ -96,8 +96,9 @@ TEST(DeformationPosterior, RanksOfTheTruthAreEven) {
   std::array<std::array<int, kBins>, 3> ranks{};
   constexpr std::array<double, 4> kAmplitudes_m = {0.2e-3, 0.4e-3, 0.8e-3, 1.6e-3};
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Drawn drawn = draw(random, kAmplitudes_m[static_cast<std::size_t>(trial) % kAmplitudes_m.size()]);
-    const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kLength_m, 1);
+    const DrawnPosterior drawn =
+        drawPosterior(random, kAmplitudes_m[static_cast<std::size_t>(trial) % kAmplitudes_m.size()]);
+    const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, 1);
     ASSERT_TRUE(posterior.known());
     const Eigen::Vector3d error = meanAt(posterior, drawn.at) - drawn.moved_m;
     const Eigen::Matrix3d C = posterior.pointCovariance(drawn.at);
@@ -118,18 +119,19 @@ TEST(DeformationPosterior, RanksOfTheTruthAreEven) {
 // Without a deformation nothing but the pose is left, and it is the weighed least squares of residuals and belief.
 TEST(DeformationPosterior, OfARigidTreeIsTheRigidFit) {
   test::Random random(43);
-  const Drawn drawn = draw(random, 0);
-  const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kLength_m);
+  const DrawnPosterior drawn = drawPosterior(random, 0);
+  const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m);
   ASSERT_TRUE(posterior.known());
   Matrix6d H = drawn.belief.information;
   Vector6d g = Vector6d::Zero();
   for (const ResidualGroup& group : drawn.groups) {
-    H += kPoints * group.jacobian * group.jacobian.transpose();
-    g += kPoints * group.residual_px * group.jacobian;
+    H += kPosteriorPoints * group.jacobian * group.jacobian.transpose();
+    g += kPosteriorPoints * group.residual_px * group.jacobian;
   }
   const Twist fit = -H.ldlt().solve(g);
   const Eigen::Vector3d expected = fit.head<3>() + fit.tail<3>().cross(drawn.at);
-  // In the image to a tenth of a pixel; in depth the fit is known to 1.5 mm (kNoise_px, 3,600 points, a tree of 50 mm).
+  // In the image to a tenth of a pixel; in depth the fit is known to 1.5 mm (kPosteriorNoise_px, 3,600 points, a tree
+  // of 50 mm).
   EXPECT_LT((meanAt(posterior, drawn.at) - expected).head<2>().norm(), 0.02e-3);
   EXPECT_NEAR(meanAt(posterior, drawn.at).z(), expected.z(), 1.5e-3);
   EXPECT_LT(posterior.amplitude_m(), 0.1e-3);
@@ -140,8 +142,8 @@ TEST(DeformationPosterior, OfARigidTreeIsTheRigidFit) {
 TEST(DeformationPosterior, ADeformedTreeKeepsTheDepthOfThePrior) {
   test::Random random(47);
   for (int trial = 0; trial < 10; ++trial) {
-    const Drawn drawn = draw(random, 3e-3);
-    const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kLength_m);
+    const DrawnPosterior drawn = drawPosterior(random, 3e-3);
+    const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m);
     ASSERT_TRUE(posterior.known());
     EXPECT_GT(std::sqrt(posterior.twistCovariance()(2, 2)), 0.8 * kShiftStd_m);
     EXPECT_LT(std::abs(posterior.twist()[2]), kShiftStd_m);
@@ -153,16 +155,16 @@ TEST(DeformationPosterior, ADeformedTreeKeepsTheDepthOfThePrior) {
 // The law does not depend on the axes of the model.
 TEST(DeformationPosterior, TurnsWithTheModel) {
   test::Random random(53);
-  const Drawn drawn = draw(random, 1e-3);
+  const DrawnPosterior drawn = drawPosterior(random, 1e-3);
   const Eigen::Matrix3d R = expSO3(Eigen::Vector3d(0.4, -0.7, 0.2));
-  Drawn turned = drawn;
+  DrawnPosterior turned = drawn;
   for (ResidualGroup& group : turned.groups) {
     group.at = R * group.at;
     group.gradient = R * group.gradient;
     group.jacobian << group.gradient, group.at.cross(group.gradient);
   }
-  const DeformationPosterior a(drawn.groups, drawn.belief, Pose::Identity(), kLength_m);
-  const DeformationPosterior b(turned.groups, drawn.belief, Pose::Identity(), kLength_m);
+  const DeformationPosterior a(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m);
+  const DeformationPosterior b(turned.groups, drawn.belief, Pose::Identity(), kFieldLength_m);
   const Eigen::Vector3d at = R * drawn.at;
   EXPECT_LT((R * meanAt(a, drawn.at) - meanAt(b, at)).norm(), 1e-9);
   EXPECT_TRUE((R * a.pointCovariance(drawn.at) * R.transpose()).isApprox(b.pointCovariance(at), 1e-6));
@@ -171,15 +173,15 @@ TEST(DeformationPosterior, TurnsWithTheModel) {
 // Several moments of a patient who does not move are one, and a motion that is anything leaves each to itself.
 TEST(DeformationPosterior, OfStillMomentsIsThatOfOne) {
   test::Random random(3);
-  const Drawn drawn = draw(random, 2e-3);
+  const DrawnPosterior drawn = drawPosterior(random, 2e-3);
   const ErrorSizes sizes = registration::errorSizes(
-      DeformationProcess(drawn.groups, kLength_m, DeformationPosterior::kGrowth), drawn.groups);
+      DeformationProcess(drawn.groups, kFieldLength_m, DeformationPosterior::kGrowth), drawn.groups);
   registration::Moments moments;
   for (int i = 0; i < kGroups; ++i) moments.of_group.push_back(i % 3);
   moments.deformation = Eigen::MatrixXd::Ones(3, 3);
   moments.shift_m2 = Eigen::MatrixXd::Zero(3, 3);
-  const DeformationPosterior one(drawn.groups, drawn.belief, Pose::Identity(), kLength_m);
-  const DeformationPosterior still(drawn.groups, moments, sizes, drawn.belief, Pose::Identity(), kLength_m);
+  const DeformationPosterior one(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m);
+  const DeformationPosterior still(drawn.groups, moments, sizes, drawn.belief, Pose::Identity(), kFieldLength_m);
   ASSERT_TRUE(one.known() && still.known());
   EXPECT_NEAR((one.twist() - still.twist()).norm(), 0, 1e-9);
   EXPECT_NEAR((one.displacements(drawn.at) - still.displacements(drawn.at)).norm(), 0, 1e-9);
@@ -189,7 +191,7 @@ TEST(DeformationPosterior, OfStillMomentsIsThatOfOne) {
   moments.deformation = Eigen::MatrixXd::Identity(3, 3);
   moments.shift_m2 = 25e-6 * Eigen::MatrixXd::Identity(3, 3);
   for (Eigen::Index& moment : moments.of_group) moment = std::min<Eigen::Index>(moment, 1);
-  const DeformationPosterior apart(drawn.groups, moments, sizes, drawn.belief, Pose::Identity(), kLength_m);
+  const DeformationPosterior apart(drawn.groups, moments, sizes, drawn.belief, Pose::Identity(), kFieldLength_m);
   ASSERT_TRUE(apart.known());
   EXPECT_NEAR(apart.displacements(drawn.at).norm(), 0, 1e-6)
       << "but for errors over millimetres, which all moments share";

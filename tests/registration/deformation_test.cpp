@@ -25,7 +25,7 @@ Eigen::Matrix3Xd wave(const VesselTree& tree, double size_m) {
   return d;
 }
 
-struct Scene {
+struct DeformedScene {
   test::Random random{5};
   VesselTree tree = test::branchingTree(3);
   XrayCamera camera = test::clinicalCamera();
@@ -38,7 +38,7 @@ struct Scene {
   XrayViews views;
   OrientedFrame frame;
 
-  Scene() {
+  DeformedScene() {
     T_second_first = Eigen::Translation3d(0, 0, 0.75) * Eigen::AngleAxisd(kPi / 2, Eigen::Vector3d::UnitY()) *
                      Eigen::Translation3d(0, 0, -0.75);
     centerlines.reserve(2);
@@ -134,7 +134,7 @@ Dense denseOf(const DeformationEquations<3>& data, const DeformationNodes& nodes
 }
 
 TEST(DeformationEquations, LinePullIsTheGradientOfTheSquares) {
-  Scene s;
+  DeformedScene s;
   s.show(wave(s.tree, 1e-3));
   const DeformationNodes nodes(s.model, 10e-3);
   const Eigen::Matrix3Xd at = someNodes(nodes, s.random);
@@ -180,7 +180,7 @@ TEST(DeformationEquations, LinePullIsTheGradientOfTheSquares) {
 }
 
 TEST(DeformationEquations, FieldPullIsTheGradientOfTheLikelihood) {
-  Scene s;
+  DeformedScene s;
   s.show(wave(s.tree, 1e-3));
   const DeformationNodes nodes(s.model, 10e-3);
   const Eigen::Matrix3Xd at = someNodes(nodes, s.random);
@@ -219,7 +219,7 @@ TEST(DeformationEquations, FieldPullIsTheGradientOfTheLikelihood) {
 }
 
 TEST(DeformationSolver, SolvesTheDenseSystemOfPoseAndModes) {
-  Scene s;
+  DeformedScene s;
   const DeformationNodes nodes(s.model, 10e-3);
   const DeformationEquations<3> data = someEquations(nodes, s.random);
   const Eigen::MatrixXd modes = smoothModes(nodes.points, 4e-3, 60e-3, 24);
@@ -249,7 +249,7 @@ TEST(DeformationSolver, SolvesTheDenseSystemOfPoseAndModes) {
 }
 
 TEST(DeformationSolver, EliminatesTheTreeExactly) {
-  Scene s;
+  DeformedScene s;
   const DeformationNodes nodes(s.model, 10e-3);
   const DeformationEquations<3> data = someEquations(nodes, s.random);
   const ChainPrior prior(nodes, 0.3e-3, 20e-3);
@@ -278,7 +278,7 @@ TEST(DeformationSolver, EliminatesTheTreeExactly) {
 }
 
 TEST(DeformationModes, HaveThePromisedCovariance) {
-  const Scene s;
+  const DeformedScene s;
   const DeformationNodes nodes(s.model, 10e-3);
   const Eigen::MatrixXd modes = smoothModes(nodes.points, 4e-3, 60e-3, 300);
   for (const int i : {0, 7, nodes.size() - 1}) {
@@ -290,7 +290,7 @@ TEST(DeformationModes, HaveThePromisedCovariance) {
 
 TEST(DeformationFit, FindsASmoothDeformation) {
   for (const auto detail : {DeformationDetail::kLowRank, DeformationDetail::kFull}) {
-    Scene s;
+    DeformedScene s;
     const Eigen::Matrix3Xd truth = wave(s.tree, 2e-3);
     s.show(truth);
     DeformationSettings settings;
@@ -315,7 +315,7 @@ TEST(DeformationFit, FindsASmoothDeformation) {
 
 TEST(DeformationFit, FindsNoneWhereThereIsNone) {
   for (const double noise_px : {0.0, 1.0}) {
-    Scene s;
+    DeformedScene s;
     const Eigen::Matrix3Xd none = Eigen::Matrix3Xd::Zero(3, s.tree.size());
     s.show(none, 1, noise_px);
     DeformationFit fit(s.model, {});
@@ -325,7 +325,7 @@ TEST(DeformationFit, FindsNoneWhereThereIsNone) {
 }
 
 TEST(DeformationFit, DoesNotMindTheOrderOfPoints) {
-  Scene s;
+  DeformedScene s;
   const int n = s.tree.size();
   Eigen::Matrix3Xd points(3, n);
   std::vector<int> parents(static_cast<std::size_t>(n));
@@ -348,7 +348,7 @@ TEST(DeformationFit, DoesNotMindTheOrderOfPoints) {
 }
 
 TEST(DeformationFit, SeesAlongTheBeamWithTwoViews) {
-  Scene s;
+  DeformedScene s;
   const Eigen::Matrix3Xd truth = wave(s.tree, 2e-3);
   s.show(truth, 2);
   DeformationFit fit(s.model, {});
@@ -364,7 +364,7 @@ TEST(DeformationFit, SeesAlongTheBeamWithTwoViews) {
 }
 
 TEST(DeformationFit, RefusesSettingsOutOfRange) {
-  const Scene s;
+  const DeformedScene s;
   DeformationSettings settings;
   settings.length_mm = -1;
   EXPECT_THROW(DeformationFit(s.model, settings), InputError);

@@ -16,7 +16,7 @@ namespace angio::test {
 namespace {
 
 // A tree, an image of it, and a pose that is off by some pixels.
-struct Scene {
+struct FieldScene {
   OrientedKernelSettings settings;
   VesselTree tree;
   XrayCamera camera = test::clinicalCamera();
@@ -24,7 +24,7 @@ struct Scene {
   Centerline2d image;
   OrientedModel model;
 
-  explicit Scene(unsigned seed) : tree(test::branchingTree(seed)), model(tree, settings) {
+  explicit FieldScene(unsigned seed) : tree(test::branchingTree(seed)), model(tree, settings) {
     test::Random random(seed + 60);
     truth = test::viewOf(tree, random);
     Twist by;
@@ -40,7 +40,7 @@ struct Scene {
   }
 };
 
-KernelField fieldOf(const Scene& s, double scale) {
+KernelField fieldOf(const FieldScene& s, double scale) {
   OrientedPoints points;
   orientedPoints(s.image, 2, 10000, points);
   KernelField field;
@@ -49,7 +49,7 @@ KernelField fieldOf(const Scene& s, double scale) {
 }
 
 // The points' log-likelihood, relative to no vessel: weight * log(1 + F / outlier mass) of each that is in view.
-double objectiveOf(const ModelPoints& model, const Scene& s, const KernelField& field, const Pose& T,
+double objectiveOf(const ModelPoints& model, const FieldScene& s, const KernelField& field, const Pose& T,
                    const PullWeight& pull) {
   double sum = 0;
   for (int i = 0; i < model.count; ++i) {
@@ -66,7 +66,7 @@ double objectiveOf(const ModelPoints& model, const Scene& s, const KernelField& 
 }
 
 TEST(FieldStep, GradientIsThatOfTheObjective) {
-  const Scene s(1);
+  const FieldScene s(1);
   const KernelField field = fieldOf(s, 32);
   PullWeight weight;
   // A step is linear in how the points move, their directions held: so do these. Half a pixel is beyond single
@@ -92,7 +92,7 @@ TEST(FieldStep, GradientIsThatOfTheObjective) {
 // With the majoriser's full stiffness a step is the exact all-pairs re-weighted one: none may lower the objective.
 TEST(FieldStep, StepsNeverLowerTheObjective) {
   for (unsigned seed = 0; seed < 4; ++seed) {
-    const Scene s(seed);
+    const FieldScene s(seed);
     for (const double scale : {32.0, 16.0, 8.0}) {
       const KernelField field = fieldOf(s, scale);
       PullWeight weight;
@@ -113,7 +113,7 @@ TEST(FieldStep, StepsNeverLowerTheObjective) {
 }
 
 TEST(FieldStep, IsTheSameOnEveryVectorTarget) {
-  const Scene s(2);
+  const FieldScene s(2);
   const KernelField field = fieldOf(s, 16);
   const FieldSums widest = s.sample(field, s.off, {});
   const auto targets = fieldStepTargets();
@@ -131,7 +131,7 @@ TEST(FieldStep, IsTheSameOnEveryVectorTarget) {
 }
 
 TEST(FieldStep, WhatIsOutOfTheFieldOfViewHasNoVote) {
-  Scene s(3);
+  FieldScene s(3);
   const KernelField field = fieldOf(s, 16);
   const double all = s.sample(field, s.off, {}).seen;
   std::vector<HalfPlane> left_half;

@@ -10,12 +10,12 @@ namespace angio::test {
 namespace {
 
 // Points at known distances from an image of a few points.
-struct Scene {
+struct IrlsScene {
   Projected projected{4};
   PointMatcher image{(Eigen::Matrix2Xd(2, 3) << 0, 100, 106, 0, 0, 0).finished()};
   Pull pull{4};
 
-  Scene() {
+  IrlsScene() {
     projected.pixel << 3, 100, 103, 0,  //
         4, 2, 0, 0;
     projected.may_pull = {1, 1, 1, 0};
@@ -24,7 +24,7 @@ struct Scene {
 };
 
 TEST(MatchNearest, FindsTheNearestAndSkipsWhatMayNotPull) {
-  const Scene s;
+  const IrlsScene s;
   EXPECT_EQ(s.pull.nearest[0], 0);
   EXPECT_EQ(s.pull.nearest[1], 1);
   EXPECT_EQ(s.pull.nearest[3], -1);
@@ -33,7 +33,7 @@ TEST(MatchNearest, FindsTheNearestAndSkipsWhatMayNotPull) {
 }
 
 TEST(Weigh, GaussianHuberAndL2AreAsDefined) {
-  Scene s;
+  IrlsScene s;
   IterativePnpSettings settings;
   weigh(s.projected, s.image, {}, settings, 4, s.pull);
   EXPECT_NEAR(s.pull.weight[0], std::exp(-25.0 / 32), 1e-14);
@@ -55,7 +55,7 @@ TEST(Weigh, GaussianHuberAndL2AreAsDefined) {
 }
 
 TEST(Weigh, NeighboursAlongTheBranchPullLikeTheirSum) {
-  Scene s;
+  IrlsScene s;
   IterativePnpSettings settings;
   settings.neighbours_each_side = 2;
   const double scale = 40;
@@ -90,7 +90,7 @@ TEST(Weigh, NeighboursAlongTheBranchPullLikeTheirSum) {
 }
 
 TEST(Weigh, WithoutBranchesTheNearestPullsAlone) {
-  Scene s;
+  IrlsScene s;
   IterativePnpSettings settings;
   settings.neighbours_each_side = 2;
   weigh(s.projected, s.image, {}, settings, 4, s.pull);
@@ -99,7 +99,7 @@ TEST(Weigh, WithoutBranchesTheNearestPullsAlone) {
 }
 
 TEST(Weigh, AWeightThatUnderflowsLeavesAFiniteTarget) {
-  Scene s;
+  IrlsScene s;
   IterativePnpSettings settings;
   weigh(s.projected, s.image, {}, settings, 0.05, s.pull);
   EXPECT_EQ(s.pull.weight[0], 0);

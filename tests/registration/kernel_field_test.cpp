@@ -12,7 +12,7 @@
 namespace angio::test {
 namespace {
 
-OrientedPoints randomPoints(unsigned seed, int count) {
+OrientedPoints randomOrientedPoints(unsigned seed, int count) {
   test::Random random(seed);
   OrientedPoints points;
   for (int j = 0; j < count; ++j) {
@@ -36,7 +36,7 @@ double bruteForce(const OrientedPoints& points, const Eigen::Vector2d& at, doubl
 }
 
 TEST(KernelField, IsTheSumOverAllPairs) {
-  const OrientedPoints points = randomPoints(1, 300);
+  const OrientedPoints points = randomOrientedPoints(1, 300);
   test::Random random(2);
   for (const double scale : {32.0, 16.0, 8.0}) {
     KernelField field;
@@ -62,7 +62,7 @@ TEST(KernelField, IsTheSumOverAllPairs) {
 }
 
 TEST(KernelField, GradientIsThatOfTheValueItReads) {
-  const OrientedPoints points = randomPoints(3, 200);
+  const OrientedPoints points = randomOrientedPoints(3, 200);
   KernelField field;
   field.build(points, 16, KernelField::Region::detector(300, 200));
   test::Random random(4);

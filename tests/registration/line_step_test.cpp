@@ -15,7 +15,7 @@
 namespace angio::test {
 namespace {
 
-struct Scene {
+struct LineScene {
   VesselTree tree;
   XrayCamera camera = test::clinicalCamera();
   OrientedModel model;
@@ -23,7 +23,7 @@ struct Scene {
   OrientedPoints image;
   ProjectedEdges edges;
 
-  explicit Scene(unsigned seed) : tree(test::branchingTree(seed)), model(tree, {}) {
+  explicit LineScene(unsigned seed) : tree(test::branchingTree(seed)), model(tree, {}) {
     test::Random random(seed + 40);
     const Pose truth = test::viewOf(tree, random);
     T = truth * Eigen::Translation3d(tree.centroid());
@@ -33,7 +33,7 @@ struct Scene {
 };
 
 TEST(ProjectedEdges, FindTheNearestEdgeThatRunsAlong) {
-  const Scene s(1);
+  const LineScene s(1);
   test::Random random(5);
   int found = 0;
   for (int i = 0; i < 3000; ++i) {
@@ -67,7 +67,7 @@ TEST(ProjectedEdges, FindTheNearestEdgeThatRunsAlong) {
 
 // The residual of each match against its own numeric derivative, through the sums that the vector code makes.
 TEST(LineEquations, GradientAndHessianAreThoseOfTheSum) {
-  Scene s(2);
+  LineScene s(2);
   Twist by;
   by << 0.4e-3, -0.3e-3, 0.5e-3, 2e-3, -1e-3, 1.5e-3;
   const Pose T = s.T * expSE3(by);
@@ -97,7 +97,7 @@ TEST(LineEquations, GradientAndHessianAreThoseOfTheSum) {
 }
 
 TEST(LineEquations, AreTheSameOnEveryVectorTarget) {
-  Scene s(4);
+  LineScene s(4);
   const Pose T = s.T * expSE3((Twist() << 0.3e-3, -0.2e-3, 0.4e-3, 1e-3, -1e-3, 2e-3).finished());
   s.edges.project(s.model.points, s.model.edges, s.camera, T);
   const auto sumsHere = [&] {

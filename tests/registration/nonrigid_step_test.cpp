@@ -52,7 +52,7 @@ std::vector<PairWeight> paperPairs(const VesselTree& tree, const IterativePnpSet
 }
 
 // Seen from the front and from the side.
-struct Scene {
+struct NonrigidScene {
   test::Random random{11};
   VesselTree tree = smallTree(random);
   XrayCamera camera = test::clinicalCamera();
@@ -62,7 +62,7 @@ struct Scene {
   IterativePnpSettings settings;
   std::vector<Pull> pulls{2, Pull(tree.size())};
 
-  Scene() {
+  NonrigidScene() {
     settings.lambda2 = 1.5;
     settings.regulariser_neighbours = 3;
     for (std::size_t v = 0; v < 2; ++v) {
@@ -81,7 +81,7 @@ struct Scene {
 };
 
 TEST(NonrigidStep, SolvesTheDenseNormalEquations) {
-  Scene s;
+  NonrigidScene s;
   const int n = s.tree.size();
   const Eigen::Matrix3Xd at = Eigen::Matrix3Xd::NullaryExpr(3, n, [&] { return 1e-3 * s.random.normal(); });
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(3 * n, 3 * n);  // [px^2 / mm^2]
@@ -131,7 +131,7 @@ struct Size {
 };
 
 TEST(NonrigidStep, ComesToRestWhereCeresDoes) {
-  Scene s;
+  NonrigidScene s;
   const int n = s.tree.size();
   Eigen::Matrix3Xd reference = Eigen::Matrix3Xd::Zero(3, n);
   Twist xi = Twist::Zero();
@@ -180,7 +180,7 @@ TEST(NonrigidStep, ComesToRestWhereCeresDoes) {
 }
 
 TEST(NonrigidStep, ReturnsToRestWhenTheImageIsTheProjectionItself) {
-  Scene s;
+  NonrigidScene s;
   for (std::size_t v = 0; v < 2; ++v) {
     s.pulls[v].weight.setOnes();
     for (int i = 0; i < s.tree.size(); ++i) s.pulls[v].target_px.col(i) = s.pixel(v, s.tree.points().col(i));
@@ -193,7 +193,7 @@ TEST(NonrigidStep, ReturnsToRestWhenTheImageIsTheProjectionItself) {
 }
 
 TEST(NonrigidStep, MovingEveryPointAlikeCostsItsSizeOnly) {
-  Scene s;
+  NonrigidScene s;
   const NonrigidStep step(s.tree, s.settings);
   const Eigen::Vector3d shift_mm(1, -2, 0.5);
   const Eigen::Matrix3Xd alike = (1e-3 * shift_mm).replicate(1, s.tree.size());

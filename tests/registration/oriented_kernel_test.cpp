@@ -8,17 +8,18 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 #include "fit_classification.hpp"
+#include "mean_distance.hpp"
 
 namespace angio::test {
 namespace {
 
-struct Scene {
+struct KernelScene {
   VesselTree tree;
   XrayCamera camera = test::clinicalCamera();
   Pose truth;
   Centerline2d image;
 
-  explicit Scene(unsigned seed, XrayCamera seen_by = test::clinicalCamera())
+  explicit KernelScene(unsigned seed, XrayCamera seen_by = test::clinicalCamera())
       : tree(test::branchingTree(seed)), camera(std::move(seen_by)) {
     test::Random random(seed + 200);
     truth = test::viewOf(tree, random);
@@ -26,11 +27,7 @@ struct Scene {
   }
 };
 
-double meanDistance(const VesselTree& tree, const Pose& a, const Pose& b) {
-  return ((a * tree.points()) - (b * tree.points())).colwise().norm().mean();
-}
-
-Centerline2d noisy(const Centerline2d& image, double noise_px, test::Random& random) {
+Centerline2d withNoise(const Centerline2d& image, double noise_px, test::Random& random) {
   Eigen::Matrix2Xd points = image.points_px;
   for (int i = 0; i < points.cols(); ++i) {
     const double dx = random.normal(), dy = random.normal();
@@ -41,7 +38,7 @@ Centerline2d noisy(const Centerline2d& image, double noise_px, test::Random& ran
 
 TEST(OrientedKernel, FindsThePoseFromStartsThatLoseTheVessel) {
   for (unsigned seed = 0; seed < 6; ++seed) {
-    const Scene s(seed);
+    const KernelScene s(seed);
     const auto registration = makeRegistration(OrientedKernelSettings(), s.tree);
     for (int i = 0; i < 4; ++i) {
       const Pose start = drawnPose(s.truth, s.tree.centroid(), degToRad(5), 10e-3, 31, i);
@@ -60,13 +57,13 @@ TEST(OrientedKernel, HoldsDepthWhenHalfOfTheTreeIsOutOfView) {
   window.cy_px -= 330;
   int half_seen = 0;
   for (unsigned seed = 0; seed < 8; ++seed) {
-    const Scene s(seed, XrayCamera(window));
-    const Scene whole(seed);
+    const KernelScene s(seed, XrayCamera(window));
+    const KernelScene whole(seed);
     const double share = static_cast<double>(s.image.size()) / whole.image.size();
     if (share < 0.25 || share > 0.75) continue;
     ++half_seen;
     test::Random random(seed);
-    const Centerline2d image = noisy(s.image, 1, random);
+    const Centerline2d image = withNoise(s.image, 1, random);
     const Pose start = drawnPose(s.truth, s.tree.centroid(), degToRad(2), 5e-3, 5, static_cast<int>(seed));
     const auto result = makeRegistration(OrientedKernelSettings(), s.tree)->search(image, s.camera, {start, {}}, {});
     EXPECT_LT(meanDistance(s.tree, result.T_camera_model, s.truth), 2e-3) << seed << ": " << share;
@@ -76,14 +73,14 @@ TEST(OrientedKernel, HoldsDepthWhenHalfOfTheTreeIsOutOfView) {
 
 TEST(OrientedKernel, TwoViewsAreOneProblemAndHoldDepthToHundredthsOfAMillimetre) {
   for (unsigned seed = 0; seed < 3; ++seed) {
-    const Scene s(seed);
+    const KernelScene s(seed);
     test::Random random(seed + 9);
     // The second plane stands across the first one, about the tree.
     const Eigen::Translation3d to_iso(0, 0, 0.75);
     const Pose T_second_first =
         Pose(to_iso * Eigen::AngleAxisd(degToRad(85), Eigen::Vector3d::UnitY()) * to_iso.inverse());
-    const Centerline2d first = noisy(s.image, 1, random);
-    const Centerline2d second = noisy(projectedCenterline(s.tree, s.camera, T_second_first * s.truth), 1, random);
+    const Centerline2d first = withNoise(s.image, 1, random);
+    const Centerline2d second = withNoise(projectedCenterline(s.tree, s.camera, T_second_first * s.truth), 1, random);
     const Pose start = drawnPose(s.truth, s.tree.centroid(), degToRad(5), 10e-3, 8, static_cast<int>(seed));
     const XrayViews views = {{first, s.camera}, {second, s.camera, T_second_first}};
     const auto result = makeRegistration(OrientedKernelSettings(), s.tree)->search(views, {start, {}}, {});
@@ -97,7 +94,7 @@ TEST(OrientedKernel, TwoViewsAreOneProblemAndHoldDepthToHundredthsOfAMillimetre)
 TEST(OrientedKernel, CertainPointsCountMore) {
   double squares_knowing = 0, squares_not = 0;
   for (unsigned seed = 0; seed < 12; ++seed) {
-    const Scene s(seed % 6);
+    const KernelScene s(seed % 6);
     test::Random random(seed + 70);
     Eigen::Matrix2Xd points = s.image.points_px;
     Eigen::VectorXd std_px(points.cols());
@@ -126,8 +123,8 @@ TEST(OrientedKernel, CovarianceIsTheScatterUnderPixelNoise) {
   const int trials = 500;
   double sum = 0;
   for (int trial = 0; trial < trials; ++trial) {
-    static const std::vector<Scene> scenes = [] {
-      std::vector<Scene> some;
+    static const std::vector<KernelScene> scenes = [] {
+      std::vector<KernelScene> some;
       for (unsigned seed = 0; seed < 5; ++seed) some.emplace_back(seed);
       return some;
     }();
@@ -136,12 +133,12 @@ TEST(OrientedKernel, CovarianceIsTheScatterUnderPixelNoise) {
       OrientedKernelSettings settings;
       settings.prior_rotation_std_deg = 10;  // The prior is no part of this.
       settings.prior_translation_std_mm = 100;
-      for (const Scene& s : scenes) some.push_back(makeRegistration(settings, s.tree));
+      for (const KernelScene& s : scenes) some.push_back(makeRegistration(settings, s.tree));
       return some;
     }();
-    const Scene& s = scenes[static_cast<std::size_t>(trial) % scenes.size()];
+    const KernelScene& s = scenes[static_cast<std::size_t>(trial) % scenes.size()];
     test::Random random(static_cast<unsigned>(trial) + 1000);
-    const Centerline2d image = noisy(s.image, 1, random);
+    const Centerline2d image = withNoise(s.image, 1, random);
     const Pose start = drawnPose(s.truth, s.tree.centroid(), degToRad(0.3), 1e-3, 77, trial);
     auto& registration = *registrations[static_cast<std::size_t>(trial) % scenes.size()];
     const auto result = registration.align(image, s.camera, {start, {}});
@@ -184,7 +181,7 @@ TEST(OrientedKernel, ADepthMirroredFitIsNotTrusted) {
       const Eigen::Vector2d q = warped.points_px.col(i);
       warped.points_px.col(i) += 2 * Eigen::Vector2d(std::sin(q.y() / 120 + seed), std::sin(q.x() / 140 + 2 * seed));
     }
-    const Centerline2d image = noisy(warped, 0.7, random);
+    const Centerline2d image = withNoise(warped, 0.7, random);
     Vector6d variance;
     variance << Eigen::Vector3d::Constant(4e-6), Eigen::Vector3d::Constant(std::pow(degToRad(5), 2));
     const PosePrior prior{mirrored, Matrix6d(variance.asDiagonal())};
@@ -208,7 +205,7 @@ TEST(OrientedKernel, ADepthMirroredFitIsNotTrusted) {
 TEST(OrientedKernel, ASearchTrustsNothingInWhatIsNotItsTree) {
   int trusted = 0, looked = 0;
   for (unsigned seed = 0; seed < 6; ++seed) {
-    const Scene s(seed), stranger(seed + 40);
+    const KernelScene s(seed), stranger(seed + 40);
     test::Random random(seed);
     Eigen::Matrix2Xd scattered(2, 1500);
     for (int i = 0; i < 1500; ++i) {
@@ -229,9 +226,9 @@ TEST(OrientedKernel, ASearchTrustsNothingInWhatIsNotItsTree) {
 
 // Mirroring model and image is another patient and another detector, but the same problem.
 TEST(OrientedKernel, MirroringBothSidesMirrorsTheAnswer) {
-  const Scene s(3);
+  const KernelScene s(3);
   test::Random random(4);
-  const Centerline2d image = noisy(s.image, 0.5, random);
+  const Centerline2d image = withNoise(s.image, 0.5, random);
   const Eigen::Vector3d flip(-1, 1, 1);
   const VesselTree mirrored_tree(flip.asDiagonal() * s.tree.points(), s.tree.parents(), s.tree.radii());
   Eigen::Matrix2Xd pixels = image.points_px;
@@ -257,7 +254,7 @@ TEST(OrientedKernel, MirroringBothSidesMirrorsTheAnswer) {
 TEST(OrientedKernel, ASmallImageFindsItsPlaceInALargeTree) {
   int right = 0;
   for (unsigned seed = 0; seed < 6; ++seed) {
-    const Scene s(seed);
+    const KernelScene s(seed);
     // From the root to an end: one path through the tree.
     std::vector<int> path;
     for (int at = s.tree.branches().back().back(); at >= 0; at = s.tree.parents()[static_cast<std::size_t>(at)])
@@ -287,7 +284,7 @@ TEST(OrientedKernel, ASmallImageFindsItsPlaceInALargeTree) {
 }
 
 TEST(OrientedKernel, ABoxOfPosesIsSearchedToItsCorners) {
-  const Scene s(2);
+  const KernelScene s(2);
   const auto registration = makeRegistration(OrientedKernelSettings(), s.tree);
   StartSettings box;
   box.box_rotation_deg = 45;

@@ -31,7 +31,7 @@ Matrix6d someCovariance(test::Random& random, double translation_m, double rotat
   return A * A.transpose() / 6;
 }
 
-Vector6d draw(test::Random& random, const Matrix6d& covariance) {
+Vector6d drawTwist(test::Random& random, const Matrix6d& covariance) {
   return covariance.llt().matrixL() * random.twist(1, 1);
 }
 
@@ -48,7 +48,7 @@ TEST(PoseCovariance, GoesFromOneMeaningToTheOtherAndBack) {
   double sum = 0;
   Matrix6d scatter = Matrix6d::Zero();
   for (int i = 0; i < draws; ++i) {
-    const Pose drawn = about(T, draw(random, about_centroid));
+    const Pose drawn = about(T, drawTwist(random, about_centroid));
     Vector6d e;
     e << drawn.translation() - T.translation(), logSO3(drawn.linear() * T.linear().transpose());
     sum += normalized(e, of_result);

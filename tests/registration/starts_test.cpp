@@ -7,15 +7,12 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
+#include "mean_distance.hpp"
 
 namespace angio::test {
 namespace {
 
-double meanDistance(const VesselTree& tree, const Pose& a, const Pose& b) {
-  return ((a * tree.points()) - (b * tree.points())).colwise().norm().mean();
-}
-
-struct Scene {
+struct StartScene {
   VesselTree tree;
   XrayCamera camera = test::clinicalCamera();
   Pose truth;
@@ -23,7 +20,7 @@ struct Scene {
   Centerline2d image;
   IterativePnpSettings settings;
 
-  explicit Scene(unsigned seed) : tree(test::branchingTree(seed)) {
+  explicit StartScene(unsigned seed) : tree(test::branchingTree(seed)) {
     test::Random random(seed + 200);
     truth = test::viewOf(tree, random);
     Twist off;
@@ -39,7 +36,7 @@ struct Scene {
 TEST(Search, FindsThePoseWhereTheFirstStartFails) {
   int rescued = 0;
   for (unsigned seed = 0; seed < 12 && rescued == 0; ++seed) {  // About one start in five fails.
-    Scene s(seed);
+    StartScene s(seed);
     const auto registration = makeRegistration(s.settings, s.tree);
     const auto one = registration->align(s.image, s.camera, s.prior);
     if (meanDistance(s.tree, one.T_camera_model, s.truth) < 10e-3) continue;
@@ -63,7 +60,7 @@ TEST(Search, FindsThePoseWhereTheFirstStartFails) {
 }
 
 TEST(Search, OneStartIsPlainAlignmentWithoutAmbiguity) {
-  Scene s(0);
+  StartScene s(0);
   const auto registration = makeRegistration(s.settings, s.tree);
   const auto one = registration->search(s.image, s.camera, s.prior, StartSettings());
   EXPECT_FALSE(one.ambiguity);
@@ -103,7 +100,7 @@ TEST(Search, APoseThatFitsAsWellAsAnotherIsAmbiguous) {
 }
 
 TEST(Search, RefusesStartsThatAreNone) {
-  Scene s(0);
+  StartScene s(0);
   StartSettings starts;
   starts.count = -1;
   const auto registration = makeRegistration(s.settings, s.tree);

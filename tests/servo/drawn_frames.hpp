@@ -11,6 +11,9 @@
 
 namespace angio::test {
 
+inline constexpr int kSide_px = 512;           ///< Of a drawn image.
+inline constexpr double kPeriod_s = 1.0 / 15;  ///< Of drawn frames.
+
 /// Draws a tree as lines of one width on smooth noise: an image that shares nothing with the simulated X-ray, neither
 /// radii nor attenuation, scatter or quanta. `points` are the tree's, in the camera frame [m], 3 x N.
 inline cv::Mat drawnFrame(const VesselTree& tree, const Eigen::Matrix3Xd& points, const XrayCamera& camera,

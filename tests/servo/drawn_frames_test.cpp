@@ -16,9 +16,6 @@
 namespace angio::test {
 namespace {
 
-constexpr int kSide_px = 512;
-constexpr double kPeriod_s = 1.0 / 15;
-
 // How far the target really was from the image's middle, as a distance at the isocentre.
 struct Kept {
   Eigen::Vector2d mean_mm = Eigen::Vector2d::Zero();

@@ -16,8 +16,7 @@ namespace {
 using testing::HasSubstr;
 using testing::StartsWith;
 
-constexpr std::int64_t kPeriod_us = 66'667;
-const std::string kXray = "10.0.0.1:40001", kArm = "10.0.0.2:40002";
+const std::string kXrayAddress = "10.0.0.1:40001", kArmAddress = "10.0.0.2:40002";
 
 // A C-arm's node, and the last status that it said, as an operator hears it.
 struct HeardChannels : testing::Test {
@@ -34,8 +33,8 @@ struct HeardChannels : testing::Test {
     while (bus.handle(std::chrono::milliseconds(0)) > 0) continue;
   }
   std::int64_t now_us() const { return k * kPeriod_us; }
-  void sayState() { bus.another(kArm, kCArmStateChannel, encode(stage.state(k))); }
-  void sayFrame(std::vector<std::uint8_t> bytes) { bus.another(kXray, kXrayFrameChannel, std::move(bytes)); }
+  void sayState() { bus.another(kArmAddress, kCArmStateChannel, encode(stage.state(k))); }
+  void sayFrame(std::vector<std::uint8_t> bytes) { bus.another(kXrayAddress, kXrayFrameChannel, std::move(bytes)); }
   void ask(ServoRequestKind kind) {
     person.ask(kind, now_us());
     handle();
@@ -80,7 +79,7 @@ TEST_F(HeardChannels, FramesThatCannotBeDecodedAreNotGone) {
     }
     EXPECT_EQ(state(), ServoState::kIdle);
     EXPECT_THAT(said(), HasSubstr("; ")) << "an operator hears of it before anything is armed";
-    EXPECT_THAT(said(), HasSubstr(" messages on XRAY_FRAME from " + kXray + " cannot be decoded: " + why));
+    EXPECT_THAT(said(), HasSubstr(" messages on XRAY_FRAME from " + kXrayAddress + " cannot be decoded: " + why));
     ask(ServoRequestKind::kArm);
     ask(ServoRequestKind::kStart);
     ASSERT_EQ(state(), ServoState::kHold);
@@ -93,7 +92,7 @@ TEST_F(HeardChannels, FramesThatCannotBeDecodedAreNotGone) {
     EXPECT_EQ(state(), ServoState::kFault);
     EXPECT_EQ(node.states().log().back().cause, ServoCause::kFramesGone);
     EXPECT_THAT(said(), StartsWith("no frame can be used: "));
-    EXPECT_THAT(said(), HasSubstr(" messages on XRAY_FRAME from " + kXray + " cannot be decoded: " + why));
+    EXPECT_THAT(said(), HasSubstr(" messages on XRAY_FRAME from " + kXrayAddress + " cannot be decoded: " + why));
     EXPECT_TRUE(node.trouble());
     ask(ServoRequestKind::kReset);
     for (int i = 0; i < 3; ++i) {
@@ -108,15 +107,15 @@ TEST_F(HeardChannels, FramesThatCannotBeDecodedAreNotGone) {
 }
 
 TEST_F(HeardChannels, StatesThatCannotBeDecodedAreNamed) {
-  const auto rubbish = [&] { bus.another(kArm, kCArmStateChannel, std::vector<std::uint8_t>(104, 1)); };
+  const auto rubbish = [&] { bus.another(kArmAddress, kCArmStateChannel, std::vector<std::uint8_t>(104, 1)); };
   for (int i = 0; i < 20; ++i) {
     step([&] {
       rubbish();
       sayFrame(encode(stage.frame(k)));
     });
   }
-  const std::string named = " messages on CARM_STATE from " + kArm + " cannot be decoded: carm_state_t: ";
-  EXPECT_THAT(said(), HasSubstr("frames come from " + kXray + ", but "));
+  const std::string named = " messages on CARM_STATE from " + kArmAddress + " cannot be decoded: carm_state_t: ";
+  EXPECT_THAT(said(), HasSubstr("frames come from " + kXrayAddress + ", but "));
   EXPECT_THAT(said(), HasSubstr(named));
   // When the arm has been heard once, frames are answered, and held.
   step([&] {
@@ -140,7 +139,7 @@ TEST_F(HeardChannels, SilenceIsToldByWhatWasHeardInstead) {
   for (int i = 0; i < 20; ++i) step([] {});
   EXPECT_EQ(said(), "idle; nothing has come on XRAY_FRAME");
   for (int i = 0; i < 20; ++i) step([&] { sayFrame(encode(stage.frame(k))); });
-  EXPECT_EQ(said(), "idle; frames come from " + kXray + ", but nothing has come on CARM_STATE");
+  EXPECT_EQ(said(), "idle; frames come from " + kXrayAddress + ", but nothing has come on CARM_STATE");
   XrayFrame frame = stage.frame(k);
   for (int i = 0; i < 20; ++i) {
     step([&] {
@@ -149,7 +148,7 @@ TEST_F(HeardChannels, SilenceIsToldByWhatWasHeardInstead) {
       sayFrame(encode(frame));
     });
   }
-  EXPECT_THAT(said(), HasSubstr(" messages on XRAY_FRAME from " + kXray + " came twice or late"));
+  EXPECT_THAT(said(), HasSubstr(" messages on XRAY_FRAME from " + kXrayAddress + " came twice or late"));
   for (int i = 0; i < 20; ++i) {
     step([&] {
       sayState();
@@ -158,7 +157,7 @@ TEST_F(HeardChannels, SilenceIsToldByWhatWasHeardInstead) {
   }
   EXPECT_EQ(said(), "idle");
   for (int i = 0; i < 40; ++i) step([&] { sayState(); });
-  EXPECT_EQ(said(), "idle; nothing more has come on XRAY_FRAME, the last from " + kXray);
+  EXPECT_EQ(said(), "idle; nothing more has come on XRAY_FRAME, the last from " + kXrayAddress);
 }
 
 TEST_F(HeardChannels, TwoMachinesAreCalledThatBeforeTheirClocksAre) {
@@ -171,7 +170,7 @@ TEST_F(HeardChannels, TwoMachinesAreCalledThatBeforeTheirClocksAre) {
     bus.another(other, kCArmStateChannel, encode(second));
     sayFrame(encode(stage.frame(k)));
   };
-  const std::string named = "two C-arms on CARM_STATE: " + kArm + " and " + other + ": stop one";
+  const std::string named = "two C-arms on CARM_STATE: " + kArmAddress + " and " + other + ": stop one";
   for (int i = 0; i < 3; ++i) step(both);
   EXPECT_EQ(node.trouble().value_or(""), named);
   EXPECT_THAT(said(), HasSubstr(named)) << "before anything is armed";
@@ -199,16 +198,16 @@ TEST_F(HeardChannels, ASlowXrayThatTakesOverIsNoClockThatJumps) {
       bus.another(sender, kXrayFrameChannel, encode(frame));
     });
   };
-  slowly(kXray, 0);
+  slowly(kXrayAddress, 0);
   ask(ServoRequestKind::kArm);
-  slowly(kXray, 0);
+  slowly(kXrayAddress, 0);
   ASSERT_EQ(state(), ServoState::kArmed) << said();
   slowly("10.0.0.3:40003", 1'700'000);
   EXPECT_EQ(state(), ServoState::kFault);
-  EXPECT_EQ(said(), "a second sender: two X-rays on XRAY_FRAME, or one that was started again: " + kXray +
+  EXPECT_EQ(said(), "a second sender: two X-rays on XRAY_FRAME, or one that was started again: " + kXrayAddress +
                         " and now 10.0.0.3:40003: stop one, and reset");
-  slowly(kXray, 0);
-  EXPECT_EQ(node.trouble().value_or(""), "two X-rays on XRAY_FRAME: " + kXray + " and 10.0.0.3:40003: stop one");
+  slowly(kXrayAddress, 0);
+  EXPECT_EQ(node.trouble().value_or(""), "two X-rays on XRAY_FRAME: " + kXrayAddress + " and 10.0.0.3:40003: stop one");
 }
 
 TEST_F(HeardChannels, ClocksOfOtherEpochsAreCalledThat) {
@@ -221,7 +220,7 @@ TEST_F(HeardChannels, ClocksOfOtherEpochsAreCalledThat) {
   handle();
   auto report = node.answer(now_us());
   ASSERT_TRUE(report);
-  const std::string of = "the clocks of XRAY_FRAME from " + kXray + " and CARM_STATE from " + kArm +
+  const std::string of = "the clocks of XRAY_FRAME from " + kXrayAddress + " and CARM_STATE from " + kArmAddress +
                          " count from different epochs: utime ";
   EXPECT_EQ(report->hold_reason.value_or(""),
             of + "1763938257066667 us (since 1970) and 66667 us (1.85e-05 h): set both to one clock");
@@ -230,8 +229,8 @@ TEST_F(HeardChannels, ClocksOfOtherEpochsAreCalledThat) {
   ServoNode second(second_bus, stage.settings, stage.tree);
   CArmState arm = stage.state(k);
   arm.time_us += kSince1970_us;
-  second_bus.another(kArm, kCArmStateChannel, encode(arm));
-  second_bus.another(kXray, kXrayFrameChannel, encode(stage.frame(k)));
+  second_bus.another(kArmAddress, kCArmStateChannel, encode(arm));
+  second_bus.another(kXrayAddress, kXrayFrameChannel, encode(stage.frame(k)));
   second_bus.handle(std::chrono::milliseconds(0));
   report = second.answer(now_us());
   ASSERT_TRUE(report);
@@ -252,7 +251,7 @@ TEST_F(HeardChannels, AClockThatChangesItsEpochSaysSo) {
     sayFrame(encode(frame));
   });
   EXPECT_EQ(state(), ServoState::kFault);
-  EXPECT_EQ(said(), "a clock jumped: the clock of XRAY_FRAME from " + kXray +
+  EXPECT_EQ(said(), "a clock jumped: the clock of XRAY_FRAME from " + kXrayAddress +
                         " counts from another epoch than before: utime 1763938257133334 us (since 1970) after 66667 us "
                         "(1.85e-05 h)");
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/servo/message_timing_monitor.hpp"
 #include "angio/test/namespace.hpp"
+#include "frame_period.hpp"
 
 #include <gmock/gmock.h>
 
@@ -11,7 +12,7 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr std::int64_t kPeriod_us = 66'667, kOtherClock_us = -3'000'000'000;
+constexpr std::int64_t kOtherClock_us = -3'000'000'000;
 
 class Freshness : public testing::Test {
  protected:

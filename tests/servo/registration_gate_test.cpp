@@ -7,11 +7,10 @@
 #include <limits>
 
 #include "angio/test/errors.hpp"
+#include "angio/test/not_a_number.hpp"
 
 namespace angio::test {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // A frame and a registration that pass every gate; each test closes one.
 class RegistrationGates : public testing::Test {

@@ -12,8 +12,6 @@
 namespace angio::test {
 namespace {
 
-constexpr std::int64_t kPeriod_us = 66'667;
-
 ServoLoopSettings requested(ServoLoopSettings settings) {
   settings = test::moving(settings);
   ViewTaskSettings view;

@@ -18,9 +18,6 @@
 namespace angio::test {
 namespace {
 
-constexpr int kSide_px = 512;
-constexpr double kPeriod_s = 1.0 / 15;
-
 // The examples' liver in a patient whose own is deformed, under an arm that obeys at once.
 class DeformedLiver : public testing::Test {
  protected:

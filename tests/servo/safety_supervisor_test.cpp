@@ -8,11 +8,10 @@
 #include <limits>
 
 #include "angio/test/errors.hpp"
+#include "frame_period.hpp"
 
 namespace angio::test {
 namespace {
-
-constexpr std::int64_t kPeriod_us = 66'667;
 
 // An operator who wants to servo, a machine that does what it is told, and frames that can be trusted.
 class Safety : public testing::Test {

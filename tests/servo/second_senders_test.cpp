@@ -66,8 +66,6 @@ TEST(SenderWatch, DoesNotCallANumberThatStandsStillTwoSenders) {
   for (std::int64_t k = 1; k < 100; ++k) ASSERT_FALSE(watch.hear(kA, 7, k * 10'000, k * 10'000)) << k;
 }
 
-constexpr std::int64_t kPeriod_us = 66'667;
-
 // A loop that servoes at its party's side of a bus, while another party may speak as well.
 struct TwoParties : testing::Test {
   void SetUp() override {

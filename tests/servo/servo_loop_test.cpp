@@ -7,12 +7,11 @@
 #include <limits>
 
 #include "angio/test/errors.hpp"
+#include "angio/test/not_a_number.hpp"
 #include "stage.hpp"
 
 namespace angio::test {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 class ServoLoops : public testing::Test {
  protected:

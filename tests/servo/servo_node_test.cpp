@@ -140,8 +140,6 @@ TEST(ServoMessages, AResultWithoutNumbersCanBeSent) {
   EXPECT_NO_THROW(encode(servoStatus(report)));
 }
 
-constexpr std::int64_t kPeriod_us = 66'667;
-
 // A loop under its supervisor, whose arm does what it is told.
 struct SupervisedRun : testing::Test {
   // One frame of the arm where it is; returns the command that answers it.

@@ -8,6 +8,7 @@
 
 #include "angio/test/errors.hpp"
 #include "angio/test/random.hpp"
+#include "frame_period.hpp"
 
 namespace angio::test {
 namespace {
@@ -15,8 +16,6 @@ namespace {
 using State = ServoState;
 using Kind = ServoRequestKind;
 using RejectionKind = ServoStateMachine::RejectionKind;
-
-constexpr std::int64_t kPeriod_us = 66'667;
 
 TEST(ServoStateTable, EveryPairOfStateAndEvent) {
   // Columns: stop, arm, start, reset, emergency stop, accepted, rejected, fault.

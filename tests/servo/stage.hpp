@@ -6,6 +6,7 @@
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
+#include "frame_period.hpp"
 
 namespace angio::test {
 
@@ -31,7 +32,7 @@ class Stage {
 
   /// The X-ray of `patient` from where `joints` are.
   XrayFrame frameOf(const VesselTree& patient, std::int64_t sequence, const FluoroscopySettings& look = {}) const {
-    XrayFrame frame{sequence * 66'667, sequence, {}, settings.carm.camera()};
+    XrayFrame frame{sequence * kPeriod_us, sequence, {}, settings.carm.camera()};
     FluoroscopyRenderer renderer(withPlausibleRadii(patient, look.end_radius_mm * 1e-3), look);
     frame.image =
         renderer.render(frame.camera, settings.carm.T_camera_patient(joints), static_cast<std::uint64_t>(sequence));
@@ -39,7 +40,7 @@ class Stage {
   }
   XrayFrame frame(std::int64_t sequence) const { return frameOf(tree, sequence); }
 
-  CArmState state(std::int64_t sequence) const { return {sequence * 66'667, sequence, joints, CArmJoints::Zero()}; }
+  CArmState state(std::int64_t sequence) const { return {sequence * kPeriod_us, sequence, joints, CArmJoints::Zero()}; }
 };
 
 /// The same loop's settings, which move with the first frame that is trusted.

@@ -13,8 +13,6 @@
 namespace angio::test {
 namespace {
 
-constexpr std::int64_t kPeriod_us = 66'667;
-
 // A perception node and a loop on one bus, before an arm that stands where it is.
 struct ToldLoop : testing::Test {
   void expose(std::int64_t k, bool seen = true) {

@@ -10,11 +10,12 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
+#include "frame_period.hpp"
 
 namespace angio::test {
 namespace {
 
-constexpr std::int64_t kPeriod_us = 66'667, kLatency_us = 80'000;
+constexpr std::int64_t kLatency_us = 80'000;
 
 // The task, the limiter and an arm whose commands come late; what is seen is the truth.
 class Lab {

@@ -17,7 +17,7 @@ namespace {
 // make more of it. A micrometre of contrast is 0.007 % of the beam.
 constexpr double kTolerance = 1e-6;  // [m]
 
-XrayCamera camera() { return XrayCamera::centered(400, 300, 0.25e-3, 1.1); }
+XrayCamera wideCamera() { return XrayCamera::centered(400, 300, 0.25e-3, 1.1); }
 
 VesselTree segments(const std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>>& ends, double radius_m) {
   Eigen::Matrix3Xd points(3, 2 * ends.size());
@@ -30,7 +30,7 @@ VesselTree segments(const std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d
   return VesselTree(points, parents, std::vector<std::optional<double>>(parents.size(), radius_m));
 }
 
-cv::Mat pathLength(const VesselTree& tree, const XrayCamera& seen_by = camera(), const Pose& T = Pose::Identity()) {
+cv::Mat pathLength(const VesselTree& tree, const XrayCamera& seen_by = wideCamera(), const Pose& T = Pose::Identity()) {
   return FluoroscopyRenderer(tree, {}).pathLength(seen_by, T);
 }
 
@@ -50,7 +50,7 @@ TEST(PathLength, IsTheChordOfACylinderAtAnyAngleToTheBeam) {
     int inside = 0;
     for (int y = 0; y < path.rows; ++y) {
       for (int x = 0; x < path.cols; ++x) {
-        const Eigen::Vector3d d = camera().ray({x, y}).normalized();
+        const Eigen::Vector3d d = wideCamera().ray({x, y}).normalized();
         const double sine = u.cross(d).norm(), miss = std::abs(center.dot(u.cross(d))) / sine;
         const double chord = miss < r ? 2 * std::sqrt(r * r - miss * miss) / sine : 0;
         const Eigen::Vector3d nearest = center + u * ((center.dot(d) * d - center).dot(u) / (sine * sine));
@@ -70,7 +70,7 @@ TEST(PathLength, IsTheChordOfASphereForATubeWithoutLength) {
   const cv::Mat path = pathLength(segments({{center, center + Eigen::Vector3d(0, 0, 1e-9)}}, r));
   for (int y = 0; y < path.rows; ++y) {
     for (int x = 0; x < path.cols; ++x) {
-      const double miss = center.cross(camera().ray({x, y}).normalized()).norm();
+      const double miss = center.cross(wideCamera().ray({x, y}).normalized()).norm();
       const double chord = miss < r ? 2 * std::sqrt(r * r - miss * miss) : 0;
       ASSERT_NEAR(path.at<float>(y, x), chord, chord < 1e-4 ? 5e-6 : kTolerance) << x << ", " << y;
     }
@@ -78,7 +78,7 @@ TEST(PathLength, IsTheChordOfASphereForATubeWithoutLength) {
 }
 
 TEST(PathLength, SeesAVesselEndOn) {
-  XrayCamera::Parameters p = camera().parameters();
+  XrayCamera::Parameters p = wideCamera().parameters();
   p.cx_px = 200, p.cy_px = 150;  // A pixel whose ray runs exactly along the axis.
   const cv::Mat path = pathLength(segments({{{0, 0, 0.70}, {0, 0, 0.73}}}, 1.5e-3), XrayCamera(p));
   EXPECT_NEAR(path.at<float>(150, 200), 0.033, kTolerance);
@@ -140,7 +140,7 @@ TEST(PathLength, LeavesOutWhatLiesBehindTheSource) {
 TEST(PathLength, IsDeepestOnTheProjectedCentreline) {
   const Eigen::Vector3d a(-0.02, -0.03, 0.72), b(0.025, 0.03, 0.78);
   const cv::Mat path = pathLength(segments({{a, b}}, 1e-3));
-  const Eigen::Vector2d start = *camera().project(a), end = *camera().project(b);
+  const Eigen::Vector2d start = *wideCamera().project(a), end = *wideCamera().project(b);
   double bias = 0;
   for (int y = 60; y < 240; ++y) {
     double mass = 0, moment = 0;

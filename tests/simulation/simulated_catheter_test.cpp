@@ -44,8 +44,8 @@ VesselTree fork(double radius_m = 2e-3, int shared_mm = 0) {
   return VesselTree(matrix, parents, std::vector<std::optional<double>>(points.size(), radius_m));
 }
 
-CatheterCommand command(std::int64_t sequence, double insertion_m_per_s, double roll_rad_per_s = 0,
-                        double bend_rad_per_s = 0, std::int64_t time_us = 0) {
+CatheterCommand catheterCommand(std::int64_t sequence, double insertion_m_per_s, double roll_rad_per_s = 0,
+                                double bend_rad_per_s = 0, std::int64_t time_us = 0) {
   CatheterCommand c;
   c.time_us = time_us;
   c.sequence = sequence;
@@ -61,10 +61,11 @@ void drive(SimulatedCatheter& catheter, double duration_s, double insertion_m_pe
            double bend_rad_per_s = 0) {
   std::int64_t now_us = catheter.state().time_us;
   for (double left_s = duration_s; left_s > 1e-9; left_s -= 0.5) {
-    catheter.obey(command(now_us / 1000 + 1, insertion_m_per_s, roll_rad_per_s, bend_rad_per_s, now_us), now_us);
+    catheter.obey(catheterCommand(now_us / 1000 + 1, insertion_m_per_s, roll_rad_per_s, bend_rad_per_s, now_us),
+                  now_us);
     now_us += std::llround(1e6 * std::min(left_s, 0.5));
     catheter.advance(now_us);
-    CatheterCommand rest = command(now_us / 1000, 0);
+    CatheterCommand rest = catheterCommand(now_us / 1000, 0);
     catheter.obey(rest, now_us);
   }
 }
@@ -73,7 +74,7 @@ TEST(SimulatedCatheter, StandsStillWithoutCommandsAndWhenTheyRunOut) {
   SimulatedCatheter catheter(fork(), {}, {0, 0.03}, 0);
   catheter.advance(5'000'000);
   EXPECT_EQ(catheter.truth().path_m, 0.03);
-  CatheterCommand c = command(1, 0.01, 0, 0, 5'000'000);
+  CatheterCommand c = catheterCommand(1, 0.01, 0, 0, 5'000'000);
   c.valid_for_us = 200'000;
   catheter.obey(c, 5'000'000);
   catheter.advance(60'000'000);
@@ -83,10 +84,10 @@ TEST(SimulatedCatheter, StandsStillWithoutCommandsAndWhenTheyRunOut) {
 
 TEST(SimulatedCatheter, IgnoresWhatMustNotMoveIt) {
   SimulatedCatheter catheter(fork(), {}, {0, 0.03}, 0);
-  catheter.obey(command(1, kNan), 0);
-  catheter.obey(command(2, 0, kNan), 0);
-  catheter.obey(command(3, 0, 0, std::numeric_limits<double>::infinity()), 0);
-  CatheterCommand c = command(4, 0.01);
+  catheter.obey(catheterCommand(1, kNan), 0);
+  catheter.obey(catheterCommand(2, 0, kNan), 0);
+  catheter.obey(catheterCommand(3, 0, 0, std::numeric_limits<double>::infinity()), 0);
+  CatheterCommand c = catheterCommand(4, 0.01);
   for (const std::int64_t validity : {std::int64_t{0}, std::int64_t{-5}, std::int64_t{1'000'001}}) {
     c.valid_for_us = validity;
     catheter.obey(c, 0);
@@ -95,18 +96,18 @@ TEST(SimulatedCatheter, IgnoresWhatMustNotMoveIt) {
   EXPECT_EQ(catheter.state().insertion_m, 0.03);
   EXPECT_EQ(catheter.ignored().not_finite, 3);
   EXPECT_EQ(catheter.ignored().bad_validity, 3);
-  catheter.obey(command(8, 0.01, 0, 0, 699'999), 1'000'000);
-  catheter.obey(command(8, 0.01, 0, 0, 1'100'001), 1'000'000);
+  catheter.obey(catheterCommand(8, 0.01, 0, 0, 699'999), 1'000'000);
+  catheter.obey(catheterCommand(8, 0.01, 0, 0, 1'100'001), 1'000'000);
   EXPECT_EQ(catheter.ignored().too_old, 2);
-  catheter.obey(command(8, 4, 0, 0, 1'000'000), 1'000'000);  // Millimetres for metres ...
-  catheter.obey(command(8, 0, 120, 0, 1'000'000), 1'000'000);
-  catheter.obey(command(8, 0, 0, 60, 1'000'000), 1'000'000);  // ... and degrees for radians.
+  catheter.obey(catheterCommand(8, 4, 0, 0, 1'000'000), 1'000'000);  // Millimetres for metres ...
+  catheter.obey(catheterCommand(8, 0, 120, 0, 1'000'000), 1'000'000);
+  catheter.obey(catheterCommand(8, 0, 0, 60, 1'000'000), 1'000'000);  // ... and degrees for radians.
   EXPECT_EQ(catheter.ignored().wrong_unit, 3);
   catheter.advance(1'000'000);
   EXPECT_EQ(catheter.state().insertion_m, 0.03);
-  catheter.obey(command(9, 0.01, 0, 0, 1'000'000), 1'000'000);
-  catheter.obey(command(9, -0.01, 0, 0, 1'000'000), 1'000'000);
-  catheter.obey(command(8, -0.01, 0, 0, 1'000'000), 1'000'000);
+  catheter.obey(catheterCommand(9, 0.01, 0, 0, 1'000'000), 1'000'000);
+  catheter.obey(catheterCommand(9, -0.01, 0, 0, 1'000'000), 1'000'000);
+  catheter.obey(catheterCommand(8, -0.01, 0, 0, 1'000'000), 1'000'000);
   EXPECT_EQ(catheter.ignored().out_of_sequence, 2);
   catheter.advance(1'500'000);
   EXPECT_GT(catheter.state().insertion_m, 0.03);
@@ -119,7 +120,7 @@ TEST(SimulatedCatheter, MovesTheSameHoweverOftenItIsAsked) {
   std::int64_t now_us = 0;
   for (int i = 1; i < 60; ++i) {
     const CatheterCommand c =
-        command(i, random.uniform(-0.01, 0.03), random.uniform(-3, 3), random.uniform(-1, 1), now_us);
+        catheterCommand(i, random.uniform(-0.01, 0.03), random.uniform(-3, 3), random.uniform(-1, 1), now_us);
     often.obey(c, now_us);
     seldom.obey(c, now_us);
     const std::int64_t next_us = now_us + static_cast<std::int64_t>(random.uniform(1, 1'200'000));
@@ -220,7 +221,7 @@ TEST(SimulatedCatheterNode, ObeysAndReportsOnTheBus) {
   const auto bus = openBus("memq://");
   SimulatedCatheterNode node(*bus, fork(), {}, {0, 0.03}, 0);
   LatestMessage<CatheterState> states(*bus, kCatheterStateChannel);
-  publish(*bus, kCatheterCommandChannel, command(1, 0.01));
+  publish(*bus, kCatheterCommandChannel, catheterCommand(1, 0.01));
   bus->handle(std::chrono::milliseconds(0));
   node.listen(0);
   node.report(500'000);

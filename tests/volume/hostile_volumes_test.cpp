@@ -8,6 +8,7 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/test/text.hpp"
 #include "angio/volume/volume_files.hpp"
 #include "phantom.hpp"
 
@@ -20,12 +21,6 @@ Volume plainVolume() {
   volume.grid.spacing_m.setConstant(1e-3);
   volume.values.assign(36, 7);
   return volume;
-}
-
-std::string with(std::string text, const std::string& what, const std::string& instead) {
-  const auto at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), instead);
 }
 
 template <typename T>

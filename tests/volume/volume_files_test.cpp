@@ -7,6 +7,7 @@
 
 #include "angio/test/random.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/test/text.hpp"
 #include "phantom.hpp"
 
 namespace angio::test {
@@ -32,12 +33,6 @@ std::string packed(const std::string& bytes, int window) {
   out.resize(out.size() - stream.avail_out);
   deflateEnd(&stream);
   return out;
-}
-
-std::string with(std::string text, const std::string& what, const std::string& instead) {
-  const auto at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), instead);
 }
 
 void expectSame(const Volume& back, const Volume& volume, const std::string& name) {

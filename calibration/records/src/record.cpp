@@ -50,7 +50,7 @@ Json rowsOf(const Eigen::MatrixXd& matrix) {
   return rows;
 }
 
-Eigen::MatrixXd readCovariance(const YamlField& field, std::size_t size) {
+Eigen::MatrixXd readRecordCovariance(const YamlField& field, std::size_t size) {
   const std::vector<YamlField> rows = field.items("must be a list");
   if (rows.size() != size) field.refuse("must be " + std::to_string(size) + " rows, one per parameter");
   Eigen::MatrixXd covariance(size, size);
@@ -109,7 +109,7 @@ CalibrationRecord readRecord(const std::string& path, const std::string& kind, c
   for (const YamlField& name : map.need("parameters").items("must be a list")) record.parameters.push_back(name.text());
   const std::vector<double> values = map.need("values").numbers(record.parameters.size());
   record.values = Eigen::Map<const Eigen::VectorXd>(values.data(), values.size());
-  record.covariance = readCovariance(map.need("covariance"), record.parameters.size());
+  record.covariance = readRecordCovariance(map.need("covariance"), record.parameters.size());
   record.condition = map.need("condition").positive();
   record.weak_directions = listOf(map, "weak_directions", readWeak);
   record.residual_unit = map.need("residual_unit").text();

@@ -17,7 +17,7 @@ constexpr double kGrossFailurePx = 5, kPoseOk_deg = 0.1, kPoseOk_mm = 1;
 double total_ms(O o) { return 1e3 * (o.image_s + o.result.times.total_s); }
 
 bool converged(O o) { return o.result.status == RegistrationStatus::kConverged; }
-bool succeeded(O o) { return o.error->mtre_m < kSuccessMtre_m; }
+bool caseSucceeded(O o) { return o.error->mtre_m < kSuccessMtre_m; }
 
 // What there is to say of an error, of one case and as a spread.
 struct ErrorColumn {
@@ -71,11 +71,11 @@ std::vector<Column<CaseOutcome>> truthColumns() {
   }
   const auto percent = [&](const char* key, bool (*holds)(O)) { columns.push_back({"", key, "percent", holds}); };
   percent("gfr_true_5px_percent", [](O o) { return !(o.error->mpd_px && *o.error->mpd_px <= kGrossFailurePx); });
-  percent("success_mtre_2mm_percent", succeeded);
+  percent("success_mtre_2mm_percent", caseSucceeded);
   percent("pose_ok_percent",
           [](O o) { return radToDeg(o.error->rotation_rad) < kPoseOk_deg && 1e3 * o.error->centroid_m < kPoseOk_mm; });
-  percent("failed_and_noticed_percent", [](O o) { return !succeeded(o) && !converged(o); });
-  percent("failed_and_trusted_percent", [](O o) { return !succeeded(o) && converged(o); });
+  percent("failed_and_noticed_percent", [](O o) { return !caseSucceeded(o) && !converged(o); });
+  percent("failed_and_trusted_percent", [](O o) { return !caseSucceeded(o) && converged(o); });
   return columns;
 }
 

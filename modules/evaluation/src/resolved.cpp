@@ -14,7 +14,7 @@
 namespace angio::evaluation {
 namespace {
 
-constexpr double kStep_px = 0.5;  // Between the places where a sum of shadows is looked at.
+constexpr double kShadowStep_px = 0.5;  // Between the places where a sum of shadows is looked at.
 
 // Branches that differ by more run across each other.
 constexpr double kAlong_rad = kPi / 6;
@@ -77,7 +77,7 @@ double shadowAt(double x_px, double radius_px, double blur_px) {
 
 // The sum of two shadows from the axis of the one to that of the other, which all its maxima lie between.
 std::vector<double> sumBetween(const ShadowProfile& one, const ShadowProfile& other, double apart_px, double blur_px) {
-  const int steps = std::max(8, static_cast<int>(std::ceil(apart_px / kStep_px)));
+  const int steps = std::max(8, static_cast<int>(std::ceil(apart_px / kShadowStep_px)));
   std::vector<double> sum(static_cast<std::size_t>(steps) + 1);
   for (int i = 0; i <= steps; ++i) {
     const double x = apart_px * i / steps;

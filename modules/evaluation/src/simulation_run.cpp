@@ -111,7 +111,7 @@ void certifyOutcome(const VesselTree& tree, const SimulatedTrial& trial, const C
 constexpr double kMaxBeyond = 0.05;
 
 bool isConverged(O o) { return o.result.status == RegistrationStatus::kConverged; }
-bool succeeded(O o) { return o.error && o.error->mtre_m < kSuccessMtre_m; }
+bool trialSucceeded(O o) { return o.error && o.error->mtre_m < kSuccessMtre_m; }
 
 bool isConvergedAndWrong(O o) { return isConverged(o) && (!o.claim || o.claim->beyond > kMaxBeyond); }
 
@@ -244,7 +244,7 @@ CaptureBins captureBins(const std::vector<CaseOutcome>& outcomes) {
     if (!(start_mm < CaptureBins::kBins)) continue;
     const auto b = static_cast<std::size_t>(start_mm);
     ++bins.trials[b];
-    bins.successes[b] += succeeded(o);
+    bins.successes[b] += trialSucceeded(o);
   }
   return bins;
 }
@@ -288,7 +288,7 @@ Json simulationSummary(const std::vector<CaseOutcome>& outcomes, std::optional<d
               summary);
   }
   summary["claims_by_quarter"] = claimsByQuarter(outcomes);
-  const auto successes = static_cast<int>(std::count_if(outcomes.begin(), outcomes.end(), succeeded));
+  const auto successes = static_cast<int>(std::count_if(outcomes.begin(), outcomes.end(), trialSucceeded));
   const ShareBounds bounds = shareBounds(successes, static_cast<int>(outcomes.size()));
   summary["success_mtre_2mm_bounds_percent"] = {100 * bounds.low, 100 * bounds.high};
   const CaptureBins bins = captureBins(outcomes);

@@ -11,10 +11,10 @@
 namespace angio::imaging {
 namespace {
 
-constexpr float kStairFilter = 2.5f;   // Takes the staircase of the pixel grid out of a line [working px].
-constexpr float kFinalFilter = 2.0f;   // Takes out what noise the profiles leave [working px].
-constexpr float kOffsetFilter = 3.0f;  // Over how far profiles are averaged [working px].
-constexpr float kTangentRadii = 0.4f;  // Half of the length that a result's tangent is taken over.
+constexpr float kCentreLineStairFilter = 2.5f;  // Takes the staircase of the pixel grid out of a line [working px].
+constexpr float kFinalFilter = 2.0f;            // Takes out what noise the profiles leave [working px].
+constexpr float kOffsetFilter = 3.0f;           // Over how far profiles are averaged [working px].
+constexpr float kTangentRadii = 0.4f;           // Half of the length that a result's tangent is taken over.
 
 // A background that changes from one side of a line to the other by this much absorption, and by this part of the
 // line's own, is the shadow of a collimator: soft tissue bends slowly. Looked at this far from the line's walls
@@ -36,7 +36,7 @@ class Centring {
     std::vector<Track> tracks;
     for (const auto& branch : graph_.branches) {
       if (!branch.alive || (branch.line.size() < 2 && branch.begin < 0)) continue;
-      if (auto track = recentered(trackOf(graph_, branch, kStairFilter))) tracks.push_back(std::move(*track));
+      if (auto track = recentered(trackOf(graph_, branch, kCentreLineStairFilter))) tracks.push_back(std::move(*track));
     }
     meet(graph_, tracks);
     std::vector<CentreLine> result;

@@ -14,7 +14,7 @@ namespace angio::imaging {
 namespace {
 
 constexpr int kSmallSide = 160;  // The field is sought on an image of about this size.
-constexpr int kMinSide = 16;
+constexpr int kMinOpeningSide = 16;
 
 // Of the image's rim a tenth at least is in shadow where there is a blade, and the patient is in its middle.
 constexpr double kShadowPart = 0.1;
@@ -153,7 +153,7 @@ std::vector<cv::Point2f> darkFramed(const cv::Mat& small) {
 
 std::vector<cv::Point2f> outlineOfField(const cv::Mat& image) {
   const int shorter = std::min(image.cols, image.rows);
-  if (shorter < kMinSide) return {};
+  if (shorter < kMinOpeningSide) return {};
   const float factor = std::max(1.0f, static_cast<float>(shorter) / kSmallSide);
   AreaResampler shrink;
   Plane plane;

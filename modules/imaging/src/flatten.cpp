@@ -11,16 +11,16 @@ namespace angio::imaging {
 namespace {
 
 // Working pixels per pixel of the background's image: the widest vessel is still several of them.
-constexpr int kCoarse = 4;
+constexpr int kCoarseStep = 4;
 
 // Added to every pixel, as a part of the mean: it keeps the logarithm of black pixels finite, and the noise of a
 // collimator's shadow, or of an image stretched to full black, from being the strongest absorption there is. Vessels
 // lose a little contrast by it where the body is thick, and noise as much.
-constexpr double kDarkLevel = 0.2;
+constexpr double kFlatDarkLevel = 0.2;
 
 // Noise is measured in blocks of this many working pixels, at every other one of them: in the logarithm it rises where
 // the body is thick, so that one number for the image would find vessels in the noise of its darkest part.
-constexpr int kBlock = 32;
+constexpr int kNoiseBlock = 32;
 
 // Quantiles of a block that vessels hardly reach, even where they cover half of it, and where a normal distribution has
 // them in standard deviations.
@@ -90,7 +90,7 @@ Flattened Flattening::operator()(const cv::Mat& image, const WorkingGrid& grid) 
   const double full = image.depth() == CV_8U ? 255 : 65535;
   const bool negative = settings_.polarity == Polarity::kBright;
   const double mean = cv::mean(shrunken_)[0];
-  const double level = kDarkLevel * (negative ? full - mean : mean) + 1e-3;
+  const double level = kFlatDarkLevel * (negative ? full - mean : mean) + 1e-3;
   shrunken_.convertTo(absorption_, CV_32F, negative ? -1 : 1, (negative ? full : 0) + level);
   cv::log(absorption_, absorption_);
   estimateBackground(grid);
@@ -105,9 +105,10 @@ Flattened Flattening::operator()(const cv::Mat& image, const WorkingGrid& grid) 
 // they absorb, where a mean or a wide median would be pulled along by them. The element is a paraboloid: a flat one
 // would cut the tops of the tissue's smooth hills off and leave them standing as vessels.
 void Flattening::estimateBackground(const WorkingGrid& grid) {
-  const cv::Size coarse_size(std::max(1, grid.size.width / kCoarse), std::max(1, grid.size.height / kCoarse));
+  const cv::Size coarse_size(std::max(1, grid.size.width / kCoarseStep), std::max(1, grid.size.height / kCoarseStep));
   cv::resize(absorption_, coarse_, coarse_size, 0, 0, cv::INTER_AREA);
-  const int reach = std::max(1, static_cast<int>(std::lround(0.5 * settings_.background_px / (grid.scale * kCoarse))));
+  const int reach =
+      std::max(1, static_cast<int>(std::lround(0.5 * settings_.background_px / (grid.scale * kCoarseStep))));
   // The edge goes on outside, so that a dark rim of the detector counts as background however narrow it is.
   cv::copyMakeBorder(coarse_, closed_, 2 * reach, 2 * reach, 2 * reach, 2 * reach, cv::BORDER_REPLICATE);
   parabolicDilation(closed_, rows_, reach);
@@ -118,7 +119,7 @@ void Flattening::estimateBackground(const WorkingGrid& grid) {
 }
 
 void Flattening::measureNoise() {
-  const int rows = std::max(1, absorption_.rows / kBlock), cols = std::max(1, absorption_.cols / kBlock);
+  const int rows = std::max(1, absorption_.rows / kNoiseBlock), cols = std::max(1, absorption_.cols / kNoiseBlock);
   block_level_.create(rows, cols, CV_32F);
   block_noise_.create(rows, cols, CV_32F);
   for (int by = 0; by < rows; ++by) {

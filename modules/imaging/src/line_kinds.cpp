@@ -108,19 +108,19 @@ bool isEven(const std::vector<float>& values, float median) {
 }
 
 // A line's middling values.
-struct Profile {
+struct LineProfile {
   float radius = 0, contrast = 0, density = 0;
   std::size_t length = 0;
 };
 
-Profile profileOf(const CentreLine& line, std::size_t count) {
+LineProfile profileOf(const CentreLine& line, std::size_t count) {
   return {medianWithin(line.radius, 0, count), medianWithin(line.contrast, 0, count),
           medianOf(densitiesOf(line, count)), count};
 }
 
 // Median density, by length, of the profiles that take part; 0 when they bring less than `length`.
 template <typename TakesPart>
-float densityOf(const std::vector<Profile>& profiles, std::size_t length, const TakesPart& takes_part) {
+float densityOf(const std::vector<LineProfile>& profiles, std::size_t length, const TakesPart& takes_part) {
   std::vector<std::pair<float, std::size_t>> others;
   std::size_t total = 0;
   for (std::size_t l = 0; l < profiles.size(); ++l) {
@@ -138,7 +138,7 @@ float densityOf(const std::vector<Profile>& profiles, std::size_t length, const 
   return 0;
 }
 
-bool isWire(const CentreLine& line, const Profile& own, const std::vector<Profile>& profiles) {
+bool isWire(const CentreLine& line, const LineProfile& own, const std::vector<LineProfile>& profiles) {
   if (own.length < kMinWire || own.radius > kThin || own.contrast < kWireContrast) return false;
   if (!isEven(line.radius, own.radius) || !isEven(line.contrast, own.contrast)) return false;
   const float wider =
@@ -186,7 +186,7 @@ int branchesOff(const std::vector<CentreLine>& lines, std::size_t own, std::size
 }
 
 // How much of a line from the border on is a catheter [points].
-std::size_t catheterPart(std::vector<CentreLine>& lines, std::size_t own, const std::vector<Profile>& profiles,
+std::size_t catheterPart(std::vector<CentreLine>& lines, std::size_t own, const std::vector<LineProfile>& profiles,
                          const std::vector<RowRange>& open, std::size_t shortest) {
   CentreLine& line = lines[own];
   if (!atBorder(line.line.front(), open) && atBorder(line.line.back(), open)) reverse(line);
@@ -243,7 +243,7 @@ void dropDilute(std::vector<CentreLine>& lines, float least) {
 }
 
 void tellDevices(std::vector<CentreLine>& lines, const std::vector<RowRange>& open, float shortest) {
-  std::vector<Profile> profiles;
+  std::vector<LineProfile> profiles;
   for (const CentreLine& line : lines) profiles.push_back(profileOf(line, line.line.size()));
   for (std::size_t l = 0; l < lines.size(); ++l) {
     if (isWire(lines[l], profiles[l], profiles)) lines[l].kind = CurveKind::kDevice;

@@ -30,10 +30,10 @@ constexpr double kSmoothing = 1.2;
 constexpr double kStill = 0.002;          // Steps below this are no more worth another [small px].
 constexpr double kPerDeviation = 1.4826;  // Standard deviation of a normal distribution, in median deviations.
 
-constexpr int kMinSide = 32;
+constexpr int kMinSubtractedSide = 32;
 
 // Added to both frames, as a part of their mean: it keeps quotients of dark pixels from being noise.
-constexpr double kDarkLevel = 0.02;
+constexpr double kSubtractedDarkLevel = 0.02;
 
 void requirePair(const cv::Mat& live, const cv::Mat& mask) {
   requireXray(live);
@@ -50,7 +50,7 @@ cv::Mat prepared(const cv::Mat& image, const cv::Size& size) {
   cv::Mat small, slow;
   cv::resize(image, small, size, 0, 0, cv::INTER_AREA);
   small.convertTo(small, CV_32F);
-  small += kDarkLevel * cv::mean(small)[0] + 1e-3;
+  small += kSubtractedDarkLevel * cv::mean(small)[0] + 1e-3;
   cv::log(small, small);
   cv::GaussianBlur(small, small, cv::Size(), kSmoothing);
   cv::GaussianBlur(small, slow, cv::Size(), 16);
@@ -143,7 +143,7 @@ Eigen::Vector2d refined(const cv::Mat& live, const cv::Mat& mask, const Round& r
 Eigen::Vector2d maskShift(const cv::Mat& live, const cv::Mat& mask, double max_shift_px) {
   requirePair(live, mask);
   Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();
-  if (!(max_shift_px > 0) || std::min(live.cols, live.rows) < kMinSide) return shift_px;
+  if (!(max_shift_px > 0) || std::min(live.cols, live.rows) < kMinSubtractedSide) return shift_px;
   shift_px = refined(live, mask, kCoarse, phaseShift(live, mask, max_shift_px), max_shift_px);
   if (std::min(live.cols, live.rows) > kCoarse.side) {
     shift_px = refined(live, mask, kFine, shift_px, max_shift_px);
@@ -158,7 +158,7 @@ cv::Mat subtracted(const cv::Mat& live, const cv::Mat& mask, const SubtractionSe
   live.convertTo(above, CV_32F);
   mask.convertTo(below, CV_32F);
   if (!shift.isZero(0)) below = shifted(below, shift);
-  const double dark = kDarkLevel * cv::mean(above)[0] + 1e-3;
+  const double dark = kSubtractedDarkLevel * cv::mean(above)[0] + 1e-3;
   above += dark;
   below += dark;
   cv::Mat result;

@@ -11,7 +11,7 @@ namespace angio::imaging {
 constexpr float kSharp = 0.02f;
 
 // Of the half widths' table: all lengths in standard deviations of the blur, which makes one table do for every filter.
-constexpr double kStep = 0.25;
+constexpr double kChordStep = 0.25;
 constexpr int kEntries = 97;  // To 24: beyond, half a chord is sqrt(3)/2 of the radius up to a constant.
 
 // How far a template's samples reach, and where their weight has fallen to a half: the background on both sides is
@@ -55,7 +55,7 @@ namespace {
 std::array<float, kEntries> halfWidths() {
   std::array<float, kEntries> table{};
   for (int i = 0; i < kEntries; ++i) {
-    const double radius = std::max(kStep * i, 1e-3), level = 0.5 * blurredChord(radius, 1, 0);
+    const double radius = std::max(kChordStep * i, 1e-3), level = 0.5 * blurredChord(radius, 1, 0);
     double low = 0, high = radius + 3;
     for (int k = 0; k < 30; ++k) {
       const double middle = 0.5 * (low + high);
@@ -74,12 +74,12 @@ float tubeRadius(float half_width, float blur) {
   const float sigma = std::sqrt(blur * blur + 1.0f / 6), wanted = half_width / sigma;
   if (wanted <= kTable.front()) return 0;
   if (wanted >= kTable.back()) {
-    return sigma * (static_cast<float>(kStep * (kEntries - 1)) + (wanted - kTable.back()) / 0.8660254f);
+    return sigma * (static_cast<float>(kChordStep * (kEntries - 1)) + (wanted - kTable.back()) / 0.8660254f);
   }
   const auto above = std::upper_bound(kTable.begin(), kTable.end(), wanted);
   const float step = *above - *(above - 1);
   const float place = static_cast<float>(above - kTable.begin() - 1) + (wanted - *(above - 1)) / step;
-  return sigma * static_cast<float>(kStep) * place;
+  return sigma * static_cast<float>(kChordStep) * place;
 }
 
 void TubeTemplates::add(float radius, float blur) {

@@ -9,7 +9,7 @@ namespace angio::imaging {
 constexpr int kCell = 16;  // Side of a cell [working px].
 
 // A tube is entered in the cells that its shadow, and the profile of a vessel like it, may reach [radii, px].
-constexpr float kReachRadii = 1.5f, kReach = 6;
+constexpr float kReachRadii = 1.5f, kShadowReach = 6;
 
 // Pieces are entered some at a time, and a run goes on over gaps as long as two of these.
 constexpr int kAtOnce = 4;
@@ -37,7 +37,7 @@ void TubeShadows::set(const cv::Size& image, std::vector<std::vector<Piece>> tub
 void TubeShadows::enter(int tube, int first, int last) {
   const Piece& piece = tubes_[tube][(first + last) / 2];
   if (!(piece.contrast > 0)) return;
-  const float reach = kReachRadii * piece.radius + kReach;
+  const float reach = kReachRadii * piece.radius + kShadowReach;
   const auto cellAt = [](float at, int count) { return std::clamp(static_cast<int>(at) / kCell, 0, count - 1); };
   const int right = cellAt(piece.position.x + reach, columns_), bottom = cellAt(piece.position.y + reach, rows_);
   for (int y = cellAt(piece.position.y - reach, rows_); y <= bottom; ++y) {

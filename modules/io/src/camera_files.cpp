@@ -178,7 +178,7 @@ struct CameraFormat {
   CameraFile (*read)(const std::string& path);
 };
 
-constexpr CameraFormat kFormats[] = {
+constexpr CameraFormat kCameraFormats[] = {
     {".yaml", readYamlCamera},
     {".yml", readYamlCamera},
     {".xml", readXmlCamera},
@@ -210,7 +210,7 @@ CameraFile CameraFile::at(double source_detector_distance_m) const {
 CameraFile readCameraFile(const std::string& path) {
   const std::string extension = extensionOf(path);
   std::string known;
-  for (const CameraFormat& format : kFormats) {
+  for (const CameraFormat& format : kCameraFormats) {
     if (extension == format.extension) return format.read(path);
     known += std::string(known.empty() ? "" : ", ") + format.extension;
   }

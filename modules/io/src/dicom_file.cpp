@@ -22,7 +22,7 @@ constexpr std::size_t kMetaStart = 132;
 constexpr std::uint32_t kUndefined = 0xFFFFFFFF;
 constexpr std::uint32_t kItem = 0xFFFEE000, kItemEnd = 0xFFFEE00D, kSequenceEnd = 0xFFFEE0DD;
 constexpr std::uint32_t kPixels = 0x7FE00010, kMetaLength = 0x00020000, kTransferSyntax = 0x00020010;
-constexpr int kDeepest = 16;
+constexpr int kDeepestSequence = 16;
 // DCMTK keeps the elements of one item in a list sorted by tag: many in the wrong order would take it quadratic time.
 constexpr int kMaxInItem = 4096;
 constexpr int kMaxElements = 1'000'000;
@@ -129,7 +129,7 @@ class Walker {
 
   // The elements up to `end`, or up to the item's end mark.
   void walkItem(const Coding& coding, std::size_t end, bool until_mark, int depth) {
-    if (depth > kDeepest) throw refusal(at_, "must not be nested so deeply");
+    if (depth > kDeepestSequence) throw refusal(at_, "must not be nested so deeply");
     for (int count = 0; until_mark || at_ < end; ++count) {
       if (count > kMaxInItem) throw refusal(at_, "must not have so many elements in one item");
       const std::size_t start = at_;

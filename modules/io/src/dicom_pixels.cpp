@@ -218,7 +218,7 @@ std::string decode(const DicomFile& file, const DicomPixelLayout& layout, unsign
 }
 
 // Stored bits at the bottom of the word, from zero, more is brighter.
-cv::Mat asGrey(const DicomPixelLayout& layout, cv::Mat frame) {
+cv::Mat greyFrame(const DicomPixelLayout& layout, cv::Mat frame) {
   const int largest = (1 << layout.bits_stored) - 1, shift = layout.high_bit + 1 - layout.bits_stored;
   const int sign = layout.is_signed ? 1 << (layout.bits_stored - 1) : 0;
   const bool turned = layout.photometric == "MONOCHROME1";
@@ -273,7 +273,7 @@ cv::Mat decodeDicomFrame(const DicomFile& file, const DicomPixelLayout& layout, 
     throw file.refusal(kPixelData, "frame " + std::to_string(frame), "cannot be decoded: " + problem);
   }
   const int type = layout.bits_allocated == 8 ? CV_8UC1 : CV_16UC1;
-  return asGrey(layout, cv::Mat(layout.height_px, layout.width_px, type, buffer.data()).clone());
+  return greyFrame(layout, cv::Mat(layout.height_px, layout.width_px, type, buffer.data()).clone());
 }
 
 }  // namespace angio::io

@@ -66,7 +66,7 @@ std::vector<int> readNeighbours(const TextLines& lines, int index, int count, st
   return neighbours;
 }
 
-HmmPoints readPoints(const std::string& path) {
+HmmPoints readHmmPoints(const std::string& path) {
   const std::string content = readWholeFile(path, kMaxTextFile);
   TextLines lines(path, content);
   HmmPoints result;
@@ -103,7 +103,7 @@ void requireSymmetric(const std::string& path, const HmmPoints& points) {
 }  // namespace
 
 VesselTree readHmmTree(const std::string& path) {
-  HmmPoints points = readPoints(path);
+  HmmPoints points = readHmmPoints(path);
   requireSymmetric(path, points);
   std::vector<char> reached(points.rows.size(), 0);
   std::vector<int> open{points.root};

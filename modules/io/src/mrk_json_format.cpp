@@ -53,8 +53,8 @@ double numberOf(const std::string& path, const std::string& field, const Json& v
   return requireFinite(path, field, value.get<double>());
 }
 
-std::vector<std::optional<double>> readRadii(const std::string& path, const std::string& field, const Json& markup,
-                                             std::size_t points) {
+std::vector<std::optional<double>> readMarkupRadii(const std::string& path, const std::string& field,
+                                                   const Json& markup, std::size_t points) {
   std::vector<std::optional<double>> radii(points);
   if (!markup.contains("measurements")) return radii;
   for (const Json& measurement : need(path, field, markup, "measurements", Json::value_t::array)) {
@@ -103,7 +103,7 @@ NamedCurve readCurve(const std::string& path, const std::string& field, const Js
     throw InputError(path, field + ".controlPoints", std::to_string(points.size()), "a curve must have at least 2");
   }
   curve.points_mm = Eigen::Map<const Eigen::Matrix3Xd>(points_mm.front().data(), 3, points.size());
-  curve.radii_mm = readRadii(path, field, markup, points.size());
+  curve.radii_mm = readMarkupRadii(path, field, markup, points.size());
   return curve;
 }
 

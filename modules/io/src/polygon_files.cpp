@@ -19,7 +19,7 @@ constexpr double kMaxPixel_px = 65536;
 constexpr std::size_t kMaxAnnotations = std::size_t{128} << 20;
 
 // As a message has it. Lists are not written out: one in another, a file of some 100 KB exhausts the stack.
-std::string formatValue(const json& value) {
+std::string jsonText(const json& value) {
   if (value.is_structured()) return value.is_array() ? "(list of " + std::to_string(value.size()) + ")" : "(map)";
   return value.dump().substr(0, 40);
 }
@@ -28,13 +28,13 @@ const json& memberOf(const std::string& place, const json& object, const char* k
                      const char* rule) {
   const auto found = object.is_object() ? object.find(key) : object.end();
   if (!object.is_object() || found == object.end()) throw InputError(place, key, "", "is missing");
-  if (!((*found).*is)()) throw InputError(place, key, formatValue(*found), rule);
+  if (!((*found).*is)()) throw InputError(place, key, jsonText(*found), rule);
   return *found;
 }
 
 double pixelIn(const std::string& place, const json& value) {
   const bool sane = value.is_number() && std::abs(value.get<double>()) <= kMaxPixel_px;
-  if (!sane) throw InputError(place, "segmentation", formatValue(value), "must be pixels of a detector");
+  if (!sane) throw InputError(place, "segmentation", jsonText(value), "must be pixels of a detector");
   return value.get<double>();
 }
 
@@ -48,7 +48,7 @@ int sizeIn(const std::string& place, const json& image, const char* key) {
 
 std::vector<Eigen::Vector2d> polygonIn(const std::string& place, const json& numbers) {
   if (!numbers.is_array() || numbers.size() < 6 || numbers.size() % 2 != 0) {
-    throw InputError(place, "segmentation", formatValue(numbers),
+    throw InputError(place, "segmentation", jsonText(numbers),
                      "must be lists x1, y1, x2, y2, ... of at least three corners");
   }
   std::vector<Eigen::Vector2d> corners;

@@ -96,7 +96,7 @@ struct TreeFormat {
   TreeWriter* write_ras;  // For a tree in RAS; null when the format does not say what it is in.
 };
 
-constexpr TreeFormat kFormats[] = {
+constexpr TreeFormat kTreeFormats[] = {
     {".csv", readCsvTree, writeCsvTree, nullptr}, {".swc", readSwcTree, writeSwcTree, nullptr},
     {".vtp", readVtpTree, writeVtpTree, nullptr}, {".vtk", readVtkTree, nullptr, nullptr},
     {".txt", readHmmTree, nullptr, nullptr},      {".mrk.json", readMrkJsonTree, writeMrkJsonTree, writeRasMrkJsonTree},
@@ -158,7 +158,7 @@ VesselTree readVesselTree(const std::string& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) return joinedCurves(path, readCurveFolder(path));
   std::string known;
-  for (const TreeFormat& format : kFormats) {
+  for (const TreeFormat& format : kTreeFormats) {
     if (hasExtension(path, format.extension)) return format.read(path);
     known += std::string(known.empty() ? "" : ", ") + format.extension;
   }
@@ -173,7 +173,7 @@ VesselTree withOtherFrame(const VesselTree& tree) {
 
 void writeVesselTree(const std::string& path, const VesselTree& tree, PatientFrame frame) {
   std::string known;
-  for (const TreeFormat& format : kFormats) {
+  for (const TreeFormat& format : kTreeFormats) {
     if (!format.write) continue;
     if (hasExtension(path, format.extension)) {
       if (frame == PatientFrame::kLps) return format.write(path, tree);

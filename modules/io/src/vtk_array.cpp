@@ -127,7 +127,7 @@ std::string inflateBlocks(ByteSource& source, const ArrayLayout& layout, std::si
 }
 
 template <typename T>
-std::vector<double> numbersOf(std::string bytes, bool swapped) {
+std::vector<double> numbersIn(std::string bytes, bool swapped) {
   std::vector<double> numbers;
   numbers.reserve(bytes.size() / sizeof(T));
   for (std::size_t i = 0; i + sizeof(T) <= bytes.size(); i += sizeof(T)) {
@@ -146,11 +146,11 @@ struct NumberType {
 };
 
 constexpr NumberType kTypes[] = {
-    {"Float32", 4, numbersOf<float>},        {"Float64", 8, numbersOf<double>},
-    {"Int32", 4, numbersOf<std::int32_t>},   {"Int64", 8, numbersOf<std::int64_t>},
-    {"UInt32", 4, numbersOf<std::uint32_t>}, {"UInt64", 8, numbersOf<std::uint64_t>},
-    {"Int16", 2, numbersOf<std::int16_t>},   {"UInt16", 2, numbersOf<std::uint16_t>},
-    {"Int8", 1, numbersOf<std::int8_t>},     {"UInt8", 1, numbersOf<std::uint8_t>},
+    {"Float32", 4, numbersIn<float>},        {"Float64", 8, numbersIn<double>},
+    {"Int32", 4, numbersIn<std::int32_t>},   {"Int64", 8, numbersIn<std::int64_t>},
+    {"UInt32", 4, numbersIn<std::uint32_t>}, {"UInt64", 8, numbersIn<std::uint64_t>},
+    {"Int16", 2, numbersIn<std::int16_t>},   {"UInt16", 2, numbersIn<std::uint16_t>},
+    {"Int8", 1, numbersIn<std::int8_t>},     {"UInt8", 1, numbersIn<std::uint8_t>},
 };
 
 std::vector<double> readAscii(std::string_view text, const ArrayLayout& layout, std::size_t count) {

@@ -16,7 +16,7 @@ namespace angio::io {
 namespace {
 
 // Branches of a vessel tree are some hundreds at most.
-constexpr int kMaxLines = 10'000;
+constexpr int kMaxVtkLines = 10'000;
 
 // The words of a text, wherever its lines break.
 class Words {
@@ -73,7 +73,7 @@ struct VtkLines {
 };
 
 // The four lines before the points; gives the keyword that the lines stand under.
-std::string readHeader(TextLines& lines) {
+std::string readVtkHeader(TextLines& lines) {
   const auto need = [&](const std::string& what) {
     lines.need(what);
     return std::string(trimmed(lines.text()));
@@ -93,7 +93,7 @@ std::string readHeader(TextLines& lines) {
                    "must be DATASET UNSTRUCTURED_GRID or DATASET POLYDATA");
 }
 
-void readPoints(Words& words, VtkLines& result) {
+void readVtkPoints(Words& words, VtkLines& result) {
   words.needWord("POINTS");
   const int count = words.needInteger("points", 2, kMaxPoints);
   words.need("type");
@@ -118,8 +118,8 @@ void requireOnce(const VtkLine& line) {
 
 void readLines(Words& words, const std::string& keyword, VtkLines& result) {
   words.needWord(keyword);
-  const int count = words.needInteger("lines", 1, kMaxLines);
-  int left = words.needInteger("size", 1, kMaxPoints + kMaxLines);
+  const int count = words.needInteger("lines", 1, kMaxVtkLines);
+  int left = words.needInteger("size", 1, kMaxPoints + kMaxVtkLines);
   const int last = static_cast<int>(result.points_mm.size()) - 1;
   for (int i = 0; i < count; ++i) {
     const int length = words.needInteger("points of a line", 2, kMaxPoints);
@@ -210,10 +210,10 @@ class LineGrowth {
 VesselTree readVtkTree(const std::string& path) {
   const std::string content = readWholeFile(path, kMaxTextFile);
   TextLines lines(path, content);
-  const std::string keyword = readHeader(lines);
+  const std::string keyword = readVtkHeader(lines);
   Words words(lines);
   VtkLines file;
-  readPoints(words, file);
+  readVtkPoints(words, file);
   readLines(words, keyword, file);
   // What may follow are attributes.
   if (words.next() && words.word() != "POINT_DATA" && words.word() != "CELL_DATA" && words.word() != "METADATA") {

@@ -14,9 +14,9 @@ namespace {
 
 constexpr std::size_t kMaxVtpFile = std::size_t{64} << 20;
 // Outlets of a vessel tree are some dozens; comparing the beginnings of lines is quadratic in their number.
-constexpr int kMaxLines = 10'000;
+constexpr int kMaxVtpLines = 10'000;
 constexpr int kMaxPolygons = 4'000'000;
-constexpr const char* kRadiusName = "MaximumInscribedSphereRadius";
+constexpr const char* kVmtkRadiusName = "MaximumInscribedSphereRadius";
 
 vtkXMLDataElement& child(const XmlDocument& document, vtkXMLDataElement& parent, const char* name) {
   vtkXMLDataElement* const found = parent.FindNestedElementWithName(name);
@@ -41,7 +41,7 @@ vtkXMLDataElement& needArray(const XmlDocument& document, vtkXMLDataElement& par
 // What a file may still hold: many pieces can name the same few bytes.
 struct Budget {
   int points = kMaxPoints;
-  int cells = kMaxLines;
+  int cells = kMaxVtpLines;
   int indices = kMaxPoints;
 };
 
@@ -86,7 +86,7 @@ std::vector<std::vector<std::size_t>> readCells(const XmlDocument& document, vtk
   return result;
 }
 
-std::vector<Eigen::Vector3d> readPoints(const XmlDocument& document, vtkXMLDataElement& piece, int count) {
+std::vector<Eigen::Vector3d> readVtpPoints(const XmlDocument& document, vtkXMLDataElement& piece, int count) {
   vtkXMLDataElement& points_array = child(document, child(document, piece, "Points"), "DataArray");
   const auto numbers = readVtkArray(document, points_array, 3 * static_cast<std::size_t>(count));
   std::vector<Eigen::Vector3d> points_mm;
@@ -102,16 +102,16 @@ std::vector<Eigen::Vector3d> readPoints(const XmlDocument& document, vtkXMLDataE
   return points_mm;
 }
 
-std::vector<std::optional<double>> readRadii(const XmlDocument& document, vtkXMLDataElement& piece, int count) {
+std::vector<std::optional<double>> readVtpRadii(const XmlDocument& document, vtkXMLDataElement& piece, int count) {
   std::vector<std::optional<double>> radii_mm(static_cast<std::size_t>(count));
   vtkXMLDataElement* const point_data = piece.FindNestedElementWithName("PointData");
-  vtkXMLDataElement* const radius_array = point_data ? findArray(*point_data, kRadiusName) : nullptr;
+  vtkXMLDataElement* const radius_array = point_data ? findArray(*point_data, kVmtkRadiusName) : nullptr;
   if (!radius_array) return radii_mm;
   const auto numbers = readVtkArray(document, *radius_array, radii_mm.size());
   for (std::size_t i = 0; i < radii_mm.size(); ++i) {
     if (!(numbers[i] >= 0 && numbers[i] <= 999)) {
-      requireBetween(document.placeOf(*radius_array), "point " + std::to_string(i) + ", " + kRadiusName, numbers[i], 0,
-                     999);
+      requireBetween(document.placeOf(*radius_array), "point " + std::to_string(i) + ", " + kVmtkRadiusName, numbers[i],
+                     0, 999);
     }
     radii_mm[i] = knownRadius(numbers[i]);
   }
@@ -121,8 +121,8 @@ std::vector<std::optional<double>> readRadii(const XmlDocument& document, vtkXML
 void addPiece(const XmlDocument& document, vtkXMLDataElement& piece, Budget& budget, TrunkMerge& tree) {
   const int count = readCount(document, piece, "NumberOfPoints", budget.points);
   if (count == 0) return;
-  const auto points_mm = readPoints(document, piece, count);
-  const auto radii_mm = readRadii(document, piece, count);
+  const auto points_mm = readVtpPoints(document, piece, count);
+  const auto radii_mm = readVtpRadii(document, piece, count);
   for (const auto& indices : readCells(document, piece, "Lines", count, budget)) {
     std::vector<Eigen::Vector3d> line_mm;
     std::vector<std::optional<double>> line_radii_mm;
@@ -166,7 +166,7 @@ Surface readVtpSurface(const std::string& path) {
     const int count = readCount(document, *piece, "NumberOfPoints", budget.points);
     if (count == 0) continue;
     const std::size_t first = points_mm.size();
-    const auto its_points_mm = readPoints(document, *piece, count);
+    const auto its_points_mm = readVtpPoints(document, *piece, count);
     points_mm.insert(points_mm.end(), its_points_mm.begin(), its_points_mm.end());
     const auto add = [&](const auto from, const auto to) {
       std::vector<int>& polygon = surface.polygons.emplace_back();
@@ -196,7 +196,7 @@ void writeVtpTree(const std::string& path, const VesselTree& tree) {
     std::vector<int> line;
     for (int at = i; at >= 0; at = tree.parents()[at]) line.push_back(at);
     indices += line.size();
-    if (indices > static_cast<std::size_t>(kMaxPoints) || ++lines > static_cast<std::size_t>(kMaxLines)) {
+    if (indices > static_cast<std::size_t>(kMaxPoints) || ++lines > static_cast<std::size_t>(kMaxVtpLines)) {
       throw InputError(path, "lines", "", "from the root to " + std::to_string(lines) + " ends are too many for .vtp");
     }
     for (std::size_t k = line.size(); k-- > 0;) connectivity += std::to_string(line[k]) + (k > 0 ? " " : "\n");
@@ -210,8 +210,8 @@ void writeVtpTree(const std::string& path, const VesselTree& tree) {
       "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\">\n"
       "<PolyData>\n<Piece NumberOfPoints=\"" +
           std::to_string(tree.size()) + "\" NumberOfVerts=\"0\" NumberOfLines=\"" + std::to_string(lines) +
-          "\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n<PointData Scalars=\"" + kRadiusName + "\">\n" +
-          array("type=\"Float64\" Name=\"" + std::string(kRadiusName) + "\"", radii) + "</PointData>\n<Points>\n" +
+          "\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n<PointData Scalars=\"" + kVmtkRadiusName + "\">\n" +
+          array("type=\"Float64\" Name=\"" + std::string(kVmtkRadiusName) + "\"", radii) + "</PointData>\n<Points>\n" +
           array("type=\"Float64\" Name=\"Points\" NumberOfComponents=\"3\"", points) + "</Points>\n<Lines>\n" +
           array("type=\"Int64\" Name=\"connectivity\"", connectivity) +
           array("type=\"Int64\" Name=\"offsets\"", offsets) + "</Lines>\n</Piece>\n</PolyData>\n</VTKFile>\n");

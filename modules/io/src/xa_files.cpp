@@ -42,7 +42,7 @@ std::optional<double> frameRate(const std::vector<double>& times_ms) {
   return 1e3 * static_cast<double>(times_ms.end() - first) / total_ms;
 }
 
-XaHeader readHeader(const DicomFile& file, const DicomPixelLayout& layout, const XaIncrements& increments) {
+XaHeader readXaHeader(const DicomFile& file, const DicomPixelLayout& layout, const XaIncrements& increments) {
   XaHeader header;
   static_cast<DicomPixels&>(header) = layout;
   const auto text = [&](const DicomTag& tag) { return file.text(tag).value_or(""); };
@@ -85,7 +85,7 @@ XaRun::XaRun(const std::string& path, std::string content)
     : contents_(std::make_unique<Contents>(path, std::move(content))) {
   const DicomFile& file = contents_->file;
   checkKind(file);
-  header_ = readHeader(file, contents_->layout, contents_->increments);
+  header_ = readXaHeader(file, contents_->layout, contents_->increments);
   constexpr DicomTag kMaskSequence{0x0028, 0x6100, "Mask Subtraction Sequence"};
   for (DcmItem* item : file.items(kMaskSequence)) masks_.push_back(readMask(file, *item, header_.frames));
   geometry(0);  // A run without a camera is refused here and not at its first frame.

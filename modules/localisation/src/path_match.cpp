@@ -34,7 +34,7 @@ Eigen::Vector2d normalAt(const Eigen::Vector2d& along, const Eigen::Vector2d& of
   return offset.normalized();
 }
 
-double lengthOf(const Eigen::Matrix2Xd& points) {
+double pathLength_px(const Eigen::Matrix2Xd& points) {
   double length = 0;
   for (int i = 1; i < points.cols(); ++i) length += (points.col(i) - points.col(i - 1)).norm();
   return length;
@@ -172,7 +172,7 @@ std::optional<std::string> defectOf(const SeenCatheter& seen) {
   if (!seen.points_px.allFinite() || seen.points_px.cwiseAbs().maxCoeff() > 1e6)
     return "a point of the curve is not finite or absurd";
   if (!(seen.std_px > 0) || !std::isfinite(seen.std_px)) return "the curve's sigma is not positive";
-  if (!(lengthOf(seen.points_px) > 1)) return "the curve has no length";
+  if (!(pathLength_px(seen.points_px) > 1)) return "the curve has no length";
   return std::nullopt;
 }
 
@@ -180,7 +180,7 @@ CurveSamples samplesOf(const SeenCatheter& seen, double step_px, bool tip_is_las
   const Eigen::Matrix2Xd points = tip_is_last ? seen.points_px.rowwise().reverse().eval() : seen.points_px;
   CurveSamples samples;
   samples.std_px = seen.std_px;
-  samples.length_px = lengthOf(points);
+  samples.length_px = pathLength_px(points);
   samples.step_px = std::max(step_px, samples.length_px / kMaxSamples);
   double next = 0, walked = 0;
   for (int i = 1; i < points.cols(); ++i) {

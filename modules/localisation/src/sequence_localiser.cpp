@@ -21,8 +21,8 @@ struct ForwardFrame {
   std::vector<Candidate> candidates;  ///< Empty when the frame was not used.
 };
 
-constexpr double kFloor = -1e5;  // Logarithm of what a frame's candidates leave out.
-constexpr double kDoubt = 60;    // Nats below the best route that are followed no more.
+constexpr double kFloor = -1e5;     // Logarithm of what a frame's candidates leave out.
+constexpr double kRouteDoubt = 60;  // Nats below the best route that are followed no more.
 
 // Logarithm of the curve's evidence at each place; zero everywhere when the frame said nothing.
 std::vector<double> evidenceOf(const ForwardFrame& frame, int places) {
@@ -92,7 +92,7 @@ std::vector<int> mostProbableRoute(const TipFilter& filter, const std::vector<Fo
       std::fill(before[t].begin(), before[t].end(), best);
       TipMotion motion(filter.settings(), filter.grid(), frames[t].motion);
       for (int i = 0; i < places; ++i) {
-        if (score[i] < score[best] - kDoubt) continue;
+        if (score[i] < score[best] - kRouteDoubt) continue;
         for (const Reach& to : motion.from(i)) {
           const double candidate = score[i] + std::log(std::max(to.probability, 1e-300));
           if (candidate > next[to.place]) next[to.place] = candidate, before[t][to.place] = i;

@@ -10,8 +10,8 @@
 
 namespace angio::localisation {
 
-constexpr double kGate = 4;    // Standard deviations of the tip's place in the image.
-constexpr double kDoubt = 15;  // Nats below the best: a place that a quick look puts there is not looked at again.
+constexpr double kGate = 4;         // Standard deviations of the tip's place in the image.
+constexpr double kQuickDoubt = 15;  // Nats below the best: a place that a quick look puts there is not looked at again.
 constexpr std::size_t kManyPlaces = 60;  // Fewer are looked at in full at once.
 constexpr int kQuickStride = 4;
 
@@ -206,7 +206,7 @@ void TipFilter::collect(const SeenCatheter& seen, const SeenPose& pose, bool tip
       best = std::max(best, one.match.log_evidence + std::log(probability_[one.place]));
     }
     const auto hopeless = [&](const Candidate& one) {
-      return one.match.log_evidence + std::log(probability_[one.place]) < best - kDoubt;
+      return one.match.log_evidence + std::log(probability_[one.place]) < best - kQuickDoubt;
     };
     collected_.erase(std::remove_if(collected_.begin(), collected_.end(), hopeless), collected_.end());
   }

@@ -28,7 +28,7 @@ constexpr std::size_t kLogHeader_bytes = 28;
 // A channel is shorter than this in LCM's own reader.
 constexpr std::size_t kLogMaxChannel_bytes = 1000;
 
-std::uint64_t bigEndian(const char* bytes, int count) {
+std::uint64_t bigEndianOf(const char* bytes, int count) {
   std::uint64_t number = 0;
   for (int i = 0; i < count; ++i) number = number << 8 | static_cast<unsigned char>(bytes[i]);
   return number;
@@ -68,10 +68,10 @@ std::optional<LogEvent> LogReader::next() {
   while (size_ - position_ >= static_cast<std::int64_t>(kLogHeader_bytes)) {
     file_.seekg(position_);
     if (!file_.read(header.data(), header.size())) break;
-    const auto channel_length = static_cast<std::int32_t>(bigEndian(&header[20], 4));
-    const auto data_length = static_cast<std::int32_t>(bigEndian(&header[24], 4));
+    const auto channel_length = static_cast<std::int32_t>(bigEndianOf(&header[20], 4));
+    const auto data_length = static_cast<std::int32_t>(bigEndianOf(&header[24], 4));
     const std::int64_t behind = size_ - position_ - static_cast<std::int64_t>(kLogHeader_bytes);
-    const bool sound = bigEndian(header.data(), 4) == kLogMagic && channel_length > 0 &&
+    const bool sound = bigEndianOf(header.data(), 4) == kLogMagic && channel_length > 0 &&
                        channel_length < static_cast<std::int32_t>(kLogMaxChannel_bytes) && data_length >= 0 &&
                        std::int64_t{channel_length} + data_length <= behind;
     if (!sound) {
@@ -80,7 +80,7 @@ std::optional<LogEvent> LogReader::next() {
     }
     LogEvent event;
     event.position_bytes = position_;
-    event.time_us = static_cast<std::int64_t>(bigEndian(&header[12], 8));
+    event.time_us = static_cast<std::int64_t>(bigEndianOf(&header[12], 8));
     event.channel.resize(static_cast<std::size_t>(channel_length));
     event.bytes.resize(static_cast<std::size_t>(data_length));
     file_.read(event.channel.data(), channel_length);

@@ -51,7 +51,7 @@ namespace {
 constexpr std::size_t kMaxDatagram_bytes = 65536;
 
 // Datagrams between two looks at whether the thread is to end.
-constexpr int kMaxDrain = 1000;
+constexpr int kMaxDatagramsAtOnce = 1000;
 
 std::runtime_error failed(const std::string& what, int error) {
   return std::runtime_error(what + ": " + std::generic_category().message(error));
@@ -195,7 +195,7 @@ void UdpmReceiver::run() {
 
 // Takes what waits in the socket. Returns false when receiving has failed.
 bool UdpmReceiver::drain(std::vector<std::uint8_t>& datagram) {
-  for (int i = 0; i < kMaxDrain; ++i) {
+  for (int i = 0; i < kMaxDatagramsAtOnce; ++i) {
     sockaddr_in from{};
     socklen_t length = sizeof from;
     const ssize_t size =

@@ -16,14 +16,13 @@ constexpr double kModesLength = 0.5;
 // short; a step that extrapolates by less than two gets there in half as many (measured).
 constexpr int kFirstScale = 1, kStepsPerScale = 6, kFieldPoints = 600;
 constexpr Eigen::Index kFieldModes[kFieldScales] = {16, 16, 24};
-constexpr double kOutlierMass = 0.5, kAlong = 0.1, kFieldExtrapolation = 1.8, kFieldRest = 0.03;
+constexpr double kFitOutlierMass = 0.5, kAlong = 0.1, kFieldExtrapolation = 1.8, kFieldRest = 0.03;
 
 // On the lines: rounds of matching and one step. The least tolerance is a share of the least gate.
 constexpr int kSmoothRounds = 6, kLocalRounds = 2, kLinesAloneRounds = 16, kLinesAloneLocalRounds = 5;
 constexpr double kLinesAloneLocal = 4;  // Times the correction that is expected otherwise.
 constexpr double kFirstGate_px = 12, kGateOverNoise = 6, kToleranceOverNoise = 3;
-constexpr double kMinGate_px = 1, kLinesAloneGate_px = 24, kLinesAloneMinGate_px = 10, kMinTolerance = 0.3,
-                 kMinCos2 = 0.5;
+constexpr double kMinGate_px = 1, kLinesAloneGate_px = 24, kLinesAloneMinGate_px = 10, kMinTolerance = 0.3;
 constexpr double kLineExtrapolation = 1.5, kRest_px = 0.02;
 constexpr double kWideGate_px = 5;  // While matches are this uncertain, fewer points are enough.
 constexpr int kWidePoints = 1000, kNarrowPoints = 1300;
@@ -112,7 +111,7 @@ class DeformationFit::Run {
     const double scale_px = kFieldScales_px[scale];
     const int stride = std::max(1, fit_.model_.size() / kFieldPoints);
     PullWeight pull;
-    pull.outlier_mass = static_cast<float>(kOutlierMass);
+    pull.outlier_mass = static_cast<float>(kFitOutlierMass);
     pull.along = static_cast<float>(kAlong);
     for (int step = 0; step < kStepsPerScale; ++step) {
       data_.clear();

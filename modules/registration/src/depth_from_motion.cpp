@@ -32,7 +32,7 @@ constexpr double kStill_m = 0.1e-3;
 
 // How far a frame may be off for itself, per axis [m].
 constexpr std::array<double, 5> kUnexplained_m = {0.01e-3, 0.05e-3, 0.15e-3, 0.4e-3, 1e-3};
-constexpr std::size_t kMaxAsked = 120;
+constexpr std::size_t kMaxAskedOfMotion = 120;
 
 struct Chosen {
   std::vector<const MovingFrame*> frames;
@@ -212,7 +212,7 @@ double unexplainedBy(const std::vector<ResidualGroup>& groups, const std::vector
                      const Signal& signal, const ErrorSizes& sizes, double length_m) {
   std::vector<ResidualGroup> some;
   std::vector<Eigen::Index> their;
-  const std::size_t stride = (groups.size() + kMaxAsked - 1) / kMaxAsked;
+  const std::size_t stride = (groups.size() + kMaxAskedOfMotion - 1) / kMaxAskedOfMotion;
   for (std::size_t i = 0; i < groups.size(); i += stride) {
     some.push_back(groups[i]);
     their.push_back(of_group[i]);

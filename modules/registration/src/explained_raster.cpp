@@ -10,7 +10,7 @@ namespace angio::registration {
 namespace {
 
 constexpr int kCell_px = 2;
-constexpr double kImageSpacing_px = 2;
+constexpr double kRasterSpacing_px = 2;
 constexpr double kSmooth_px = 8, kGap_px = 8;  // A line is fitted so far to both sides, and not over gaps.
 constexpr int kMaxImagePoints = 200000;
 
@@ -100,7 +100,7 @@ ExplainedRaster::ExplainedRaster(const Centerline2d& image, const XrayCamera& ca
   const auto rowOf = [&](int r) { return raster.data() + static_cast<std::ptrdiff_t>(r) * columns; };
 
   OrientedPoints points;
-  orientedPoints(image, kImageSpacing_px, kMaxImagePoints, points);
+  orientedPoints(image, kRasterSpacing_px, kMaxImagePoints, points);
   std::size_t branch = 0;
   for (int j = 0; j < points.size(); ++j) {
     while (branch + 1 < points.begin.size() && points.begin[branch + 1] <= j) ++branch;

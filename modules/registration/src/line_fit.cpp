@@ -11,13 +11,11 @@ namespace angio::registration {
 
 // Rounds on a part of the image: enough for gate and weights to follow the noise.
 constexpr int kFirstRounds = 3;
-// Matches run the same way to within 30 deg.
-constexpr double kMinCos2 = 0.5;
 // Below this the model's own edges, which are chords of deforms, are no better than the image [px].
 constexpr double kMinNoise_px = 0.05;
 // Weights fall off at so many times the noise: 98.6 % efficient on normal noise.
-constexpr double kToleranceOverNoise = 3, kGateOverNoise = 4.5;
-constexpr double kMinTolerance_px = 0.3, kMinGate_px = 1;
+constexpr double kLineToleranceOverNoise = 3, kLineGateOverNoise = 4.5;
+constexpr double kMinTolerance_px = 0.3, kMinLineGate_px = 1;
 
 const OrientedPoints& LineFit::chosen(const OrientedFrame& frame, std::size_t view, int max_points) {
   const OrientedPoints& all = frame.points(view);
@@ -99,10 +97,10 @@ LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& beli
       ++result.steps;
       if (result.last_step_px < plan.rest * result.noise_px) break;
     }
-    const bool settled = gate <= 1.1 * std::max(kMinGate_px, kGateOverNoise * result.noise_px);
+    const bool settled = gate <= 1.1 * std::max(kMinLineGate_px, kLineGateOverNoise * result.noise_px);
     if (round >= kFirstRounds && settled && result.last_step_px < plan.rest * result.noise_px) break;
-    gate = std::clamp(kGateOverNoise * result.noise_px, kMinGate_px, gate);
-    tolerance = std::clamp(kToleranceOverNoise * result.noise_px, kMinTolerance_px, tolerance);
+    gate = std::clamp(kLineGateOverNoise * result.noise_px, kMinLineGate_px, gate);
+    tolerance = std::clamp(kLineToleranceOverNoise * result.noise_px, kMinTolerance_px, tolerance);
   }
   result.T_camera_centered.linear() = nearestRotation(result.T_camera_centered.linear());
   return result;

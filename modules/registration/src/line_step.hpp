@@ -9,6 +9,9 @@
 
 namespace angio::registration {
 
+/// Matches run the same way to within 30 deg: cosine squared.
+inline constexpr double kMinCos2 = 0.5;
+
 /// Matches of one view: which image points lie on which model edge.
 struct LineMatches {
   std::vector<ProjectedEdges::Nearest> of_point;  ///< One per image point.

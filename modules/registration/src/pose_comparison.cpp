@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit_classification.hpp"
+
 namespace angio::registration {
 
 constexpr double kCompared_px = 3;
@@ -12,8 +14,6 @@ constexpr double kCompared_px = 3;
 constexpr double kMatchedMass = 0.5;
 // A different pose is compared where it matters: at the distance that a right fit leaves.
 constexpr double kAlternative_px = 2;
-// Poses whose points lie further apart than this (rms, about) are different answers.
-constexpr double kDifferentPose_m = 3e-3;
 // What the belief finds less likely than this (chi-square of 6, one in a million) is no alternative.
 constexpr double kBelievable = 38;
 

@@ -10,9 +10,6 @@
 namespace angio::registration {
 namespace {
 
-// Poses whose points lie further apart than this on average are different answers; nearer ones are one basin.
-constexpr double kDifferentPose_m = 3e-3;
-
 // Box-Muller on the engine's own numbers: std::normal_distribution differs between libraries.
 Eigen::Vector3d normal3(std::mt19937_64& engine) {
   Eigen::Vector3d result;

@@ -30,7 +30,8 @@ std::vector<int> endsFirst(const VesselTree& tree) {
   return order;
 }
 
-std::vector<double> arcLengths(const VesselTree& tree, const std::vector<int>& branch) {
+// As vessel::arcLengths, but without contraction (CMakeLists.txt): the same radii with and without FMA.
+std::vector<double> lengthsAlong(const VesselTree& tree, const std::vector<int>& branch) {
   std::vector<double> s(branch.size(), 0.0);
   for (std::size_t k = 1; k < branch.size(); ++k) {
     s[k] = s[k - 1] + (tree.points().col(branch[k]) - tree.points().col(branch[k - 1])).norm();
@@ -95,7 +96,7 @@ VesselTree withPlausibleRadii(const VesselTree& tree, double end_radius_m) {
   }
   for (auto b = order.rbegin(); b != order.rend(); ++b) {  // Parents first, so that the start's radius is there.
     const std::vector<int>& branch = branches[*b];
-    const std::vector<double> s = arcLengths(tree, branch);
+    const std::vector<double> s = lengthsAlong(tree, branch);
     const auto known = knownPlaces(tree, branch);
     if (known.empty()) {
       leaveParent(branch, s, *radii[branch.front()], own[*b], radii);

@@ -63,10 +63,10 @@ struct MeshFormat {
   Surface (*read)(const std::string& path);
 };
 
-constexpr MeshFormat kFormats[] = {{".stl", readStlSurface}, {".vtp", readVtpSurface}, {".vtk", readVtkSurface}};
+constexpr MeshFormat kMeshFormats[] = {{".stl", readStlSurface}, {".vtp", readVtpSurface}, {".vtk", readVtkSurface}};
 
 const MeshFormat* formatOf(const std::string& path) {
-  return std::find_if(std::begin(kFormats), std::end(kFormats),
+  return std::find_if(std::begin(kMeshFormats), std::end(kMeshFormats),
                       [extension = extensionOf(path)](const MeshFormat& f) { return extension == f.extension; });
 }
 
@@ -99,13 +99,13 @@ vtkSmartPointer<vtkPolyData> closed(vtkPolyData& mesh) {
 
 }  // namespace
 
-bool isMesh(const std::string& path) { return formatOf(path) != std::end(kFormats); }
+bool isMesh(const std::string& path) { return formatOf(path) != std::end(kMeshFormats); }
 
 VoxelMask readMesh(const std::string& path, double voxel_m, PatientFrame frame) {
   requirePositive(path, "voxel_m", voxel_m);
   const VtkSilence silence;
   const MeshFormat* const format = formatOf(path);
-  if (format == std::end(kFormats)) {
+  if (format == std::end(kMeshFormats)) {
     throw InputError(path, "extension", extensionOf(path), "must be .stl, .vtp or .vtk");
   }
   Surface read = format->read(path);

@@ -176,7 +176,7 @@ itk::ImageIOBase::Pointer make() {
   return Image::New().GetPointer();
 }
 
-const VolumeFormat kFormats[] = {
+const VolumeFormat kVolumeFormats[] = {
     {".mha", make<itk::MetaImageIO>, checkMetaHeader},   {".mhd", make<itk::MetaImageIO>, checkMetaHeader},
     {".nii", make<itk::NiftiImageIO>, checkNiftiHeader}, {".nii.gz", make<itk::NiftiImageIO>, checkNiftiHeader},
     {".nrrd", make<itk::NrrdImageIO>, checkNrrdHeader},  {".nhdr", make<itk::NrrdImageIO>, checkNrrdHeader},
@@ -268,7 +268,7 @@ Volume readVolume(const std::string& path) {
   if (std::filesystem::is_directory(path, ignored)) return readDicomSeries(path);
   const std::string name = inSmallLetters(path);
   std::string known;
-  for (const VolumeFormat& format : kFormats) {
+  for (const VolumeFormat& format : kVolumeFormats) {
     known += std::string(known.empty() ? "" : ", ") + format.extension;
     if (!endsWith(name, format.extension)) continue;
     format.check(path);

@@ -20,7 +20,7 @@ Eigen::Vector3d randomDirection(std::mt19937_64& engine) {
   return {r * std::cos(angle), r * std::sin(angle), z};
 }
 
-ViewAngles startOf(const ScenarioSettings& s) {
+ViewAngles startAngles(const ScenarioSettings& s) {
   return {degToRad(s.start_primary_deg), degToRad(s.start_secondary_deg)};
 }
 
@@ -251,7 +251,7 @@ SimulatedLab labOf(const VesselTree& tree, const Scenario& world, const Scenario
   lab.carm = world.truth.carm;
   lab.limits = loop.limits;
   lab.T_patient_model = world.truth.T_dsa_cb;
-  lab.start = loop.carm.jointsFor(startOf(settings), loop.T_dsa_cb * targetOf(tree, loop));
+  lab.start = loop.carm.jointsFor(startAngles(settings), loop.T_dsa_cb * targetOf(tree, loop));
   lab.claimed_camera = loop.carm.camera();
   lab.catheter = catheter;
   SimulatedPatientSettings seeded = patient;

@@ -8,12 +8,12 @@
 namespace angio::experiments {
 namespace {
 
-const char* nameOf(OperatedMachine machine) { return machine == OperatedMachine::kCArm ? "carm" : "catheter"; }
+const char* machineName(OperatedMachine machine) { return machine == OperatedMachine::kCArm ? "carm" : "catheter"; }
 
-const std::vector<Column<FaultResult>>& columns() {
+const std::vector<Column<FaultResult>>& faultColumns() {
   using R = const FaultResult&;
   static const std::vector<Column<FaultResult>> kColumns = {
-      {"machine", "", "", [](R r) { return nameOf(r.machine); }},
+      {"machine", "", "", [](R r) { return machineName(r.machine); }},
       {"seed", "", "", [](R r) { return r.seed; }},
       {"fault", "", "", [](R r) { return r.fault; }},
       {"servoed_before", "servoed_before", "sum", [](R r) { return r.moved_before; }},
@@ -31,7 +31,7 @@ const std::vector<Column<FaultResult>>& columns() {
 
 Json summaryOf(const std::vector<FaultResult>& rows, const char* machine, const char* fault) {
   Json json = {{"machine", machine}, {"fault", fault}, {"runs", rows.size()}};
-  summarise(rows, columns(), json);
+  summarise(rows, faultColumns(), json);
   if (json["recovered"] > 0) return json;
   json.erase("recovery_s");
   json.erase("error_at_end");
@@ -50,13 +50,13 @@ Json faultExperimentAsJson(const std::vector<FaultResult>& rows) {
       of_kind[static_cast<int>(row.kind)].push_back(row);
     }
     for (const auto& some : of_kind) {
-      if (!some.empty()) json["faults"].push_back(summaryOf(some, nameOf(machine), nameOf(some.front().kind)));
+      if (!some.empty()) json["faults"].push_back(summaryOf(some, machineName(machine), nameOf(some.front().kind)));
     }
     if (all.empty()) continue;
-    json["faults"].push_back(summaryOf(all, nameOf(machine), "all"));
+    json["faults"].push_back(summaryOf(all, machineName(machine), "all"));
     json["unsafe"] = json["unsafe"].get<int>() + json["faults"].back()["unsafe"].get<int>();
   }
-  json["each"] = rowsOf(rows, columns());
+  json["each"] = rowsOf(rows, faultColumns());
   return json;
 }
 

@@ -269,7 +269,7 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
 
 namespace {
 
-const std::vector<Column<NavigateResult>>& columns() {
+const std::vector<Column<NavigateResult>>& navigateColumns() {
   using R = const NavigateResult&;
   const auto near = [](R r) {
     return std::count_if(r.errors_m.begin(), r.errors_m.end(), [](double e) { return e <= kNear_m; });
@@ -309,7 +309,7 @@ const std::vector<Column<NavigateResult>>& columns() {
 
 Json navigateExperimentAsJson(const std::string& tree_name, const std::vector<NavigateResult>& rows) {
   Json json = {{"tree", tree_name}, {"targets", rows.size()}};
-  summarise(rows, columns(), json);
+  summarise(rows, navigateColumns(), json);
   const auto share = [&](const char* of, const char* all) {
     return json[of].get<double>() / std::max(1, json[all].get<int>());
   };
@@ -317,7 +317,7 @@ Json navigateExperimentAsJson(const std::string& tree_name, const std::vector<Na
   json["within_1.5_of_all"] = share("near_of_all", "frames_with_catheter");
   json.erase("near");
   json.erase("near_of_all");
-  json["each"] = rowsOf(rows, columns());
+  json["each"] = rowsOf(rows, navigateColumns());
   return json;
 }
 

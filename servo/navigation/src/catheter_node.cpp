@@ -6,8 +6,8 @@
 namespace angio::navigation {
 namespace {
 
-constexpr double kSurelyHere = 0.9;   // Probability of a branch from which on a tip is located.
-constexpr double kTipStd_m = 0.5e-3;  // Across the vessel, of a tip that is seen.
+constexpr double kSurelyHere = 0.9;       // Probability of a branch from which on a tip is located.
+constexpr double kSeenTipStd_m = 0.5e-3;  // Across the vessel, of a tip that is seen.
 
 CatheterTip tipMessage(const CatheterControllerReport& report, const TreeTopology& map, ModelId model_id) {
   CatheterTip message;
@@ -25,7 +25,8 @@ CatheterTip tipMessage(const CatheterControllerReport& report, const TreeTopolog
   if (!branch_sure || !place_sure) message.reason = place_sure ? "the tip's branch is not sure" : belief->why;
   message.tip_model = tip.tip_model;
   const Eigen::Matrix3d along = tip.direction_model * tip.direction_model.transpose();
-  message.covariance = tip.std_m * tip.std_m * along + kTipStd_m * kTipStd_m * (Eigen::Matrix3d::Identity() - along);
+  message.covariance =
+      tip.std_m * tip.std_m * along + kSeenTipStd_m * kSeenTipStd_m * (Eigen::Matrix3d::Identity() - along);
   message.branch = tip.branch;
   message.tree_point = map.spot({tip.branch, tip.arc_m}).a;
   message.arc_length_m = tip.path_m;

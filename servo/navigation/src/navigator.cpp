@@ -12,9 +12,9 @@
 namespace angio::navigation {
 namespace {
 
-constexpr double kNear_m = 4e-3;  // Places closer than that are one for the question where to go ...
-constexpr double kSame_m = 2e-3;  // ... and these for the question where it has arrived.
-constexpr double kSure = 0.9;     // Probability of the target's branch.
+constexpr double kNear_m = 4e-3;       // Places closer than that are one for the question where to go ...
+constexpr double kSame_m = 2e-3;       // ... and these for the question where it has arrived.
+constexpr double kSureOfTarget = 0.9;  // Probability of the target's branch.
 constexpr double kBendGain_per_s = 3;
 constexpr double kDeflected = 0.5;       // Of what its bend would deflect a free tip by, a tip in a vessel usually is.
 constexpr double kFirmSlide_m = 1.5e-3;  // The tip has moved.
@@ -101,7 +101,7 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
   if (!(view->probability >= settings_.min_probability)) return holdUnsure(input, "the tip's branch is not sure");
   if (!(tip.std_m <= 1e-3 * settings_.max_std_mm)) return holdUnsure(input, "the tip's place is not sure");
   const bool there = tip.branch == target_.branch && tip.arc_m >= target_.arc_m;
-  if (there && throughProbability(map_, target_.branch, *input.belief, kSame_m) < kSure) {
+  if (there && throughProbability(map_, target_.branch, *input.belief, kSame_m) < kSureOfTarget) {
     return holdUnsure(input, "is this the target's branch?");
   }
   doubtful_s_ = retreated_m_ = 0;

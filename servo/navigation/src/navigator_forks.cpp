@@ -116,10 +116,10 @@ ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int 
 constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
 constexpr double kMaxAim_s = 8;
 constexpr double kFullLook_rad = 2.2 * kPi;
-constexpr double kLooked_m = 30e-3;     // A tip that has slid further may have turned.
-constexpr double kSure = 0.9;           // Probability of a wrong branch that is worth going back at once.
-constexpr double kEntered = 0.8;        // Probability of the wanted branch that is enough to go on.
-constexpr double kMinMargin_rad = 0.1;  // For one aim to serve several forks.
+constexpr double kLooked_m = 30e-3;         // A tip that has slid further may have turned.
+constexpr double kSureOfWrongBranch = 0.9;  // Probability of a wrong branch that is worth going back at once.
+constexpr double kEntered = 0.8;            // Probability of the wanted branch that is enough to go on.
+constexpr double kMinMargin_rad = 0.1;      // For one aim to serve several forks.
 
 // Where further tries at a fork aim beside the plan [rad]: a wrong idea of the tip's angle is wrong again.
 constexpr double kBeside_rad[] = {0, 0, 1.05, -1.05, 2.1, -2.1, 3.14, 0.5, -0.5, 1.6};
@@ -208,7 +208,7 @@ NavigationAnswer Navigator::aim(const NavigationInput& input) {
 bool Navigator::sureOf(const RouteView& view) const {
   const double beyond_m = -view.to_fork_m, parted_m = map_.parting_m(view.branch);
   return beyond_m >= parted_m + 1e-3 * settings_.sure_mm ||
-         (beyond_m >= parted_m + 1e-3 * settings_.confirm_mm && view.beside_probability >= kSure);
+         (beyond_m >= parted_m + 1e-3 * settings_.confirm_mm && view.beside_probability >= kSureOfWrongBranch);
 }
 
 NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView& view) {

@@ -22,7 +22,7 @@ constexpr std::int64_t kMaxDeflated = 1032;
 
 std::optional<double> known(double value) { return value == 0 ? std::nullopt : std::optional<double>(value); }
 
-int typeOf(const Wire& frame) { return frame.bits == 8 ? CV_8UC1 : CV_16UC1; }
+int matTypeOf(const Wire& frame) { return frame.bits == 8 ? CV_8UC1 : CV_16UC1; }
 
 std::int64_t imageBytes(const Wire& frame) { return std::int64_t{frame.width} * frame.height * (frame.bits / 8); }
 
@@ -40,7 +40,7 @@ cv::Mat rawImage(const Wire& frame) {
   if (imageBytes(frame) != frame.size) {
     throw InputError("", "size", formatValue(frame.size), "must be width * height * bits / 8");
   }
-  cv::Mat image(frame.height, frame.width, typeOf(frame));
+  cv::Mat image(frame.height, frame.width, matTypeOf(frame));
   std::memcpy(image.data, frame.pixels.data(), frame.pixels.size());
   return image;
 }
@@ -57,7 +57,7 @@ cv::Mat pngImage(const Wire& frame) {
     throw InputError("", "size", formatValue(frame.size), "is too small for the image it promises");
   }
   cv::Mat image = decodePng("pixels", content);
-  if (image.type() != typeOf(frame)) throw InputError("", "pixels", "", "must be grey");
+  if (image.type() != matTypeOf(frame)) throw InputError("", "pixels", "", "must be grey");
   return image;
 }
 

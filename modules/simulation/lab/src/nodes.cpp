@@ -8,7 +8,7 @@
 namespace angio::lab {
 namespace {
 
-const CArmGeometry& checked(const CArmGeometry& carm) {
+const CArmGeometry& checkedCArm(const CArmGeometry& carm) {
   carm.check();
   return carm;
 }
@@ -19,7 +19,7 @@ SimulatedXrayNode::SimulatedXrayNode(const VesselTree& tree, const SimulatedPati
                                      const CArmGeometry& carm, const Pose& T_patient_model,
                                      const std::optional<XrayCamera>& claimed_camera)
     : patient_(tree, settings, {T_patient_model.linear(), {}}),  // The patient frame has the axes L, P, S.
-      carm_(checked(carm)),
+      carm_(checkedCArm(carm)),
       T_patient_model_(T_patient_model),
       camera_(carm_.camera()),
       claimed_camera_(claimed_camera.value_or(camera_)) {}
