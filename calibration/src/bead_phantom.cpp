@@ -2,7 +2,6 @@
 #include "angio/calibration/bead_phantom.hpp"
 
 #include <Eigen/Core>
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -12,6 +11,7 @@
 #include <string_view>
 
 #include "angio/base/errors.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
@@ -37,8 +37,8 @@ Eigen::Vector3d BeadPhantom::center_m() const { return positions_m().rowwise().m
 
 bool BeadPhantom::isPlanar() const {
   const Eigen::Matrix3Xd centered = positions_m().colwise() - center_m();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(centered * centered.transpose());
-  return spread.eigenvalues()[0] < 1e-6 * spread.eigenvalues()[2];
+  const Eigen::Vector3d spread = eigenOfSymmetric(centered * centered.transpose()).values;
+  return spread[0] < 1e-6 * spread[2];
 }
 
 BeadPhantom helixPhantom(const HelixPhantomSettings& settings) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "camera_bundle.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -12,6 +11,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/joined.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "information.hpp"
 
 namespace angio::calibration {
@@ -106,9 +106,9 @@ Pose planeFrame(const BeadPhantom& phantom) {
   const Eigen::Matrix3Xd points = phantom.positions_m();
   if (points.row(2).cwiseAbs().maxCoeff() == 0) return T;
   const Eigen::Matrix3Xd centered = points.colwise() - phantom.center_m();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(centered * centered.transpose());
+  const SymmetricEigen3 spread = eigenOfSymmetric(centered * centered.transpose());
   Eigen::Matrix3d axes;
-  axes << spread.eigenvectors().col(2), spread.eigenvectors().col(1), Eigen::Vector3d::Zero();
+  axes << spread.vectors.col(2), spread.vectors.col(1), Eigen::Vector3d::Zero();
   axes.col(2) = axes.col(0).cross(axes.col(1));
   T.linear() = axes.transpose();
   T.translation() = -axes.transpose() * phantom.center_m();

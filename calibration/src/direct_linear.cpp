@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/direct_linear.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 #include <Eigen/LU>
 #include <Eigen/QR>
-#include <Eigen/SVD>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -50,11 +50,9 @@ std::optional<Eigen::Matrix<double, 3, kRows + 1>> linearMap(const Eigen::Matrix
   const Eigen::Index rows = std::max<Eigen::Index>(2 * count, kUnknowns);
   Eigen::MatrixXd padded = Eigen::MatrixXd::Zero(rows, kUnknowns);
   padded.topRows(2 * count) = A;
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(padded);
-  const Eigen::MatrixXd R = qr.matrixQR().topRows(kUnknowns).triangularView<Eigen::Upper>();
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(R, Eigen::ComputeFullV);
-  if (!(svd.singularValues()[kUnknowns - 2] > kOpen * svd.singularValues()[0])) return std::nullopt;
-  const Eigen::VectorXd v = svd.matrixV().col(kUnknowns - 1);
+  const SingularValues svd = singularValuesOf(triangularFactor(padded), Eigen::ComputeFullV);
+  if (!(svd.values[kUnknowns - 2] > kOpen * svd.values[0])) return std::nullopt;
+  const Eigen::VectorXd v = svd.V.col(kUnknowns - 1);
   Eigen::Matrix<double, 3, kColumns> M;
   for (int row = 0; row < 3; ++row) M.row(row) = v.segment<kColumns>(row * kColumns).transpose();
   M = N_pixel.inverse() * M * N_point;

@@ -3,7 +3,6 @@
 #include "geometry_problem.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/QR>
 #include <algorithm>
 #include <map>
 
@@ -171,8 +170,8 @@ ViewObservation observeView(const std::string& place, const BeadPhantom& phantom
   const Linearised l = linearised(used, camera, seen.T_camera_phantom);
   Eigen::MatrixXd system(l.J.rows(), kViewChanges + 1);
   system << l.J, l.residual_px;
-  const Eigen::MatrixXd R = Eigen::HouseholderQR<Eigen::MatrixXd>(system).matrixQR().topRows(kViewChanges + 1);
-  seen.upper = R.topLeftCorner<kViewChanges, kViewChanges>().triangularView<Eigen::Upper>();
+  const Eigen::MatrixXd R = triangularFactor(system);
+  seen.upper = R.topLeftCorner<kViewChanges, kViewChanges>();
   seen.offset = R.topRightCorner<kViewChanges, 1>();
   seen.unexplained_px2 = R(kViewChanges, kViewChanges) * R(kViewChanges, kViewChanges);
   return seen;

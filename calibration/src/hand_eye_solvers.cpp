@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/hand_eye_solvers.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <Eigen/SVD>
@@ -15,6 +14,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "hand_eye_problem.hpp"
 
 namespace angio::calibration {
@@ -227,10 +227,10 @@ MotionSpread motionSpread(const HandEyeEquations& e) {
   if (pairs == 0) return spread;
   // In the axes of the hand at pose j, so of all poses: what all of them share is an axis fixed in the hand. X maps to
   // the hand's axes; motions H_j^-1 H_i are A of AX = XB.
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(M / pairs);
-  spread.main_axis = solver.eigenvectors().col(2);
-  spread.along_rad = std::sqrt(std::max(0.0, solver.eigenvalues()[2]));
-  spread.across_rad = std::sqrt(std::max(0.0, solver.eigenvalues()[1]));
+  const SymmetricEigen3 axes = eigenOfSymmetric(M / pairs);
+  spread.main_axis = axes.vectors.col(2);
+  spread.along_rad = std::sqrt(std::max(0.0, axes.values[2]));
+  spread.across_rad = std::sqrt(std::max(0.0, axes.values[1]));
   return spread;
 }
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <Eigen/Cholesky>
-
 #include "angio/calibration_records/record.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 namespace angio::calibration {
 
@@ -13,7 +12,7 @@ inline Eigen::MatrixXd covarianceOf(const Eigen::MatrixXd& information, double f
   const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
   scaled.diagonal().array() += floor;
-  const Eigen::MatrixXd inverse = scaled.ldlt().solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols()));
+  const Eigen::MatrixXd inverse = inverseOfSymmetric(Eigen::MatrixXd(scaled));
   return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
 

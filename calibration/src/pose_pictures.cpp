@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/pose_pictures.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
 
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/overlay.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/plotting/plot.hpp"
 
 namespace angio::calibration {
@@ -42,12 +42,12 @@ Eigen::Vector2d onDisc(const Eigen::Vector3d& axis) {
 
 cv::Mat ellipsoidBars(const std::string& title, const std::string& unit, const Eigen::Matrix3d& covariance,
                       double per_unit, int color) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
+  const SymmetricEigen3 axes = eigenOfSymmetric(covariance);
   BarChart bars{title, unit, color};
   for (int k = 2; k >= 0; --k) {
-    const Eigen::Vector3d axis = withPositiveLargest(solver.eigenvectors().col(k));
+    const Eigen::Vector3d axis = withPositiveLargest(axes.vectors.col(k));
     bars.add(formatted("%.2f %.2f %.2f", axis.x(), axis.y(), axis.z()),
-             per_unit * std::sqrt(std::max(0.0, solver.eigenvalues()[k])), false);
+             per_unit * std::sqrt(std::max(0.0, axes.values[k])), false);
   }
   return drawPlots({bars.plot}, 520, 270);
 }

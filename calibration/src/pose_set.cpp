@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/pose_set.hpp"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -87,7 +86,7 @@ PoseOfPoints poseOfPoints(const std::string& place, const XrayCamera& camera, co
     throw InputError(place, "points", std::to_string(count), "must be at least 4, each with its pixel");
   }
   const Eigen::Matrix3Xd centered = points_object_m.colwise() - points_object_m.rowwise().mean();
-  const Eigen::Vector3d extent = Eigen::JacobiSVD<Eigen::MatrixXd>(centered).singularValues().head<3>();
+  const Eigen::Vector3d extent = singularValuesOf(centered).values.head<3>();
   if (!(extent[1] > 1e-3 * extent[0])) throw InputError(place, "points", "", "must not lie in a line");
   PoseOfPoints found{Pose::Identity(), Matrix6d::Zero(), 0};
   try {

@@ -31,6 +31,26 @@ TEST(Decompositions, AnInverseTimesItsMatrixIsOne) {
   }
 }
 
+TEST(Decompositions, ComeBackToTheirMatrix) {
+  Random random(7);
+  for (int trial = 0; trial < 20; ++trial) {
+    Eigen::MatrixXd A(9, 4);
+    for (double& a : A.reshaped()) a = random.normal();
+    const SingularValues svd = singularValuesOf(A, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    EXPECT_LT((svd.U * svd.values.asDiagonal() * svd.V.transpose() - A).cwiseAbs().maxCoeff(), 1e-13);
+    EXPECT_GE(svd.values.minCoeff(), 0);
+    EXPECT_GE(svd.values[0], svd.values[3]);
+    EXPECT_EQ(singularValuesOf(A).V.size(), 0);
+    const Eigen::MatrixXd R = triangularFactor(A);
+    EXPECT_TRUE(R.isUpperTriangular(0));
+    EXPECT_LT((R.transpose() * R - A.transpose() * A).cwiseAbs().maxCoeff(), 1e-12);
+    const Eigen::Matrix3d S = A.topLeftCorner<3, 3>().transpose() * A.topLeftCorner<3, 3>();
+    const SymmetricEigen3 eigen = eigenOfSymmetric(S);
+    EXPECT_LT((eigen.vectors * eigen.values.asDiagonal() * eigen.vectors.transpose() - S).cwiseAbs().maxCoeff(), 1e-12);
+    EXPECT_LE(eigen.values[0], eigen.values[2]);
+  }
+}
+
 // Loops answer with the same commands, bit for bit, wherever a decomposition is compiled.
 TEST(Decompositions, GiveEigensOwnBits) {
   for (unsigned seed = 1; seed < 20; ++seed) {

@@ -4,7 +4,6 @@
 #include <openssl/evp.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <ctime>
@@ -16,6 +15,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration_records/pose_fields.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/io/whole_file.hpp"
 
 namespace angio::calibration_records {
@@ -259,18 +259,18 @@ Observability observability(const std::vector<std::string>& parameters, const Ei
   // Scaled first: metres beside radians and pixels would cost digits.
   const Eigen::VectorXd sigmas = covariance.diagonal().cwiseSqrt(), inverse = sigmas.cwiseInverse();
   const Eigen::MatrixXd information =
-      (inverse.asDiagonal() * covariance * inverse.asDiagonal()).ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+      inverseOfSymmetric(Eigen::MatrixXd(inverse.asDiagonal() * covariance * inverse.asDiagonal()));
   const Eigen::VectorXd own = information.diagonal().cwiseMax(1).cwiseSqrt();  // Exactly: at least 1.
   const Eigen::MatrixXd scaled = own.cwiseInverse().asDiagonal() * information * own.cwiseInverse().asDiagonal();
   // Of a positive definite matrix, singular values are eigenvalues: falling.
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled, Eigen::ComputeFullU);
-  const double largest = svd.singularValues()[0];
-  const Eigen::VectorXd eigenvalues = svd.singularValues().cwiseMax(1e-15 * largest);
+  const SingularValues svd = singularValuesOf(scaled, Eigen::ComputeFullU);
+  const double largest = svd.values[0];
+  const Eigen::VectorXd eigenvalues = svd.values.cwiseMax(1e-15 * largest);
   Observability result;
   result.condition = largest / eigenvalues[size - 1];
   for (Eigen::Index i = size - 1; i >= 0 && eigenvalues[i] * threshold < 1; --i) {
     result.weak_directions.push_back(
-        named(parameters, svd.matrixU().col(i), sigmas.cwiseQuotient(own), 1 / std::sqrt(eigenvalues[i])));
+        named(parameters, svd.U.col(i), sigmas.cwiseQuotient(own), 1 / std::sqrt(eigenvalues[i])));
   }
   return result;
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/registration/certificate.hpp"
 #include "pose_bounds.hpp"
 #include "pose_comparison.hpp"
@@ -52,10 +52,7 @@ class CertificateBox {
   }
 
   /// The found pose with near and far exchanged.
-  Pose mirrored() const {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread_);
-    return depthMirrored(found_, axes.eigenvectors().col(0));
-  }
+  Pose mirrored() const { return depthMirrored(found_, eigenOfSymmetric(spread_).vectors.col(0)); }
 
   bool contains(const PoseCoordinates& c) const {
     if ((center_.linear().transpose() * c.rotation).cwiseAbs().maxCoeff() > half_turn_ || c.depth < kNearest_m)

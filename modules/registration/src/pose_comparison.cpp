@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "pose_comparison.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "angio/geometry/decompositions.hpp"
 #include "fit_classification.hpp"
 
 namespace angio::registration {
@@ -29,8 +29,7 @@ Pose depthMirrored(const Pose& T_camera_centered, const Eigen::Vector3d& flat_ax
 
 PoseComparison::PoseComparison(const OrientedModel& model, FieldSearch& fields, LineFit& lines)
     : model_(model), fields_(fields), lines_(lines) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(model.points * model.points.transpose());
-  flat_axis_ = axes.eigenvectors().col(0);
+  flat_axis_ = eigenOfSymmetric(model.points * model.points.transpose()).vectors.col(0);
 }
 
 // Share of the model's points in view that have found a vessel; 1 where it does not count.
