@@ -68,23 +68,29 @@ std::string settingsAsYaml(const std::function<void(SettingsVisitor&)>& visit_fi
 template <typename Settings>
 using IfSettings = decltype(std::declval<Settings&>().visit(std::declval<SettingsVisitor&>()));
 
+/// What visits the fields of `settings`, which must outlive it.
+template <typename Settings, typename = IfSettings<Settings>>
+std::function<void(SettingsVisitor&)> fieldsOf(Settings& settings) {
+  return [&settings](SettingsVisitor& v) { settings.visit(v); };
+}
+
 /// The same for a struct with `visit`: `defaults` overwritten by the file.
 template <typename Settings, typename = IfSettings<Settings>>
 Settings readSettings(const std::string& path, Settings defaults) {
-  readSettings(path, std::function<void(SettingsVisitor&)>([&](SettingsVisitor& v) { defaults.visit(v); }));
+  readSettings(path, fieldsOf(defaults));
   return defaults;
 }
 
 /// The same for a struct with `visit`. The result is a parameter because it is whole only where this is called.
 template <typename Settings, typename Json = nlohmann::ordered_json, typename = IfSettings<Settings>>
 Json settingsAsJson(Settings settings) {
-  return settingsAsJson(std::function<void(SettingsVisitor&)>([&](SettingsVisitor& v) { settings.visit(v); }));
+  return settingsAsJson(fieldsOf(settings));
 }
 
 /// The same for a struct with `visit`.
 template <typename Settings, typename = IfSettings<Settings>>
 std::string settingsAsYaml(Settings settings) {
-  return settingsAsYaml(std::function<void(SettingsVisitor&)>([&](SettingsVisitor& v) { settings.visit(v); }));
+  return settingsAsYaml(fieldsOf(settings));
 }
 
 /// The settings that are in force with this file, the defaults when `path` is empty: for --print-settings.
