@@ -2,20 +2,14 @@
 #include "register_summary.hpp"
 
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <vector>
 
 #include "angio/base/formatted.hpp"
+#include "angio/base/joined.hpp"
 #include "angio/evaluation/overlay.hpp"
 
 namespace angio::apps {
 namespace {
-
-std::string joined(const std::vector<std::string>& parts, const char* between) {
-  if (parts.empty()) return {};
-  return std::accumulate(parts.begin() + 1, parts.end(), parts.front(),
-                         [&](const std::string& all, const std::string& part) { return all + between + part; });
-}
 
 // The likeliest first. What has been tried is not told again.
 std::vector<std::string> nextSteps(const RegistrationResult& result, const RegistrationTry& tried) {
@@ -49,12 +43,12 @@ std::string summaryOf(const CaseOutcome& outcome, const RegistrationTry& tried) 
   const RegistrationResult& r = outcome.result;
   std::string line = captionOf(outcome);
   if (r.status == RegistrationStatus::kConverged) {
-    return line + (outcome.usable_for.empty() ? "; too unsure for any task"
-                                              : "; usable for " + joined(outcome.usable_for, ", "));
+    return line +
+           (outcome.usable_for.empty() ? "; too unsure for any task" : "; usable for " + joined(outcome.usable_for));
   }
   if (!r.reason.empty()) line += "; " + r.reason;
   const std::vector<std::string> steps = nextSteps(r, tried);
-  return line + ". Not to be trusted" + (steps.empty() ? "" : ". To try next: " + joined(steps, "; "));
+  return line + ". Not to be trusted" + (steps.empty() ? "" : ". To try next: " + joined(steps, steps.size(), "; "));
 }
 
 std::optional<ImageReading> matchingReading(Registration& registration, const XrayView& seen, const PosePrior& prior,

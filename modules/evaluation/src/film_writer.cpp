@@ -13,6 +13,7 @@
 #include <regex>
 #include <string_view>
 
+#include "angio/base/big_endian.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/io/image_files.hpp"
@@ -45,12 +46,8 @@ bool hasWholeBoxes(const std::string& path) {
     const auto got = file.gcount();
     file.clear();
     if (got < 8) return false;
-    const auto number = [&](int begin, int count) {
-      std::uint64_t value = 0;
-      for (int i = 0; i < count; ++i) value = value << 8 | header[begin + i];
-      return value;
-    };
-    const std::uint64_t small = number(0, 4), box = small == 1 && got == 16 ? number(8, 8) : small;
+    const std::uint64_t small = bigEndian<std::uint32_t>(&header[0]);
+    const std::uint64_t box = small == 1 && got == 16 ? bigEndian<std::uint64_t>(&header[8]) : small;
     if (box < 8 || box > size - at) return false;
     indexed = indexed || std::string_view(reinterpret_cast<const char*>(&header[4]), 4) == "moov";
     at += box;

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "angio/base/big_endian.hpp"
 #include "angio/base/errors.hpp"
 
 namespace angio::imaging {
@@ -98,19 +99,13 @@ bool writePixels(PngWork& writing, unsigned width, unsigned height, int bits) {
   return true;
 }
 
-std::uint32_t bigEndian(std::string_view bytes) {
-  std::uint32_t number = 0;
-  for (const char byte : bytes.substr(0, 4)) number = number << 8 | static_cast<unsigned char>(byte);
-  return number;
-}
-
 }  // namespace
 
 std::optional<PngHeader> pngHeader(std::string_view content) {
   // Signature, and a first chunk IHDR of 13 bytes: width, height, bits, colour type, and three more, interlacing last.
   constexpr std::string_view kStart("\x89PNG\r\n\x1a\n\0\0\0\rIHDR", 16);
   if (content.size() < kStart.size() + 13 || content.substr(0, kStart.size()) != kStart) return std::nullopt;
-  return PngHeader{bigEndian(content.substr(16)), bigEndian(content.substr(20)), content[24],
+  return PngHeader{bigEndian<std::uint32_t>(&content[16]), bigEndian<std::uint32_t>(&content[20]), content[24],
                    content[25] == PNG_COLOR_TYPE_GRAY && content[28] == PNG_INTERLACE_NONE};
 }
 

@@ -16,6 +16,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "angio/base/big_endian.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/messaging/channels.hpp"
 #include "udpm_address.hpp"
@@ -32,12 +33,6 @@ constexpr std::size_t kMaxCounters = 256, kMaxSessions = 256;
 
 void put(std::uint8_t* at, std::uint64_t number) {
   for (int i = 0; i < 8; ++i) at[i] = static_cast<std::uint8_t>(number >> (56 - 8 * i));
-}
-
-std::uint64_t numberAt(const std::uint8_t* at) {
-  std::uint64_t number = 0;
-  for (int i = 0; i < 8; ++i) number = number << 8 | at[i];
-  return number;
 }
 
 std::uint64_t randomNumber() {
@@ -96,11 +91,11 @@ class AuthenticatedBus::Ear {
     const std::uint8_t* message = data + kEnvelope_bytes;
     const auto tag = bus_.tagOf(data, channel, message, size - kEnvelope_bytes);
     if (CRYPTO_memcmp(tag.data(), data + kHead_bytes, kTag_bytes) != 0) return refuse("another key");
-    const auto counter = static_cast<std::int64_t>(numberAt(data + 16));
+    const auto counter = bigEndian<std::int64_t>(data + 16);
     const std::int64_t now_us = bus_.clock_();
     if (counter < bus_.began_us_) return refuse("from before this program began");
     if (counter < now_us - kMaxAge_us || counter > now_us + kMaxAge_us) return refuse("its clock is too far from ours");
-    const std::uint64_t session = numberAt(data + 8);
+    const std::uint64_t session = bigEndian<std::uint64_t>(data + 8);
     if ((others_ && session == bus_.session_) || !taken_.take(session, counter, now_us)) return refuse("replayed");
     size -= kEnvelope_bytes;
     return message;

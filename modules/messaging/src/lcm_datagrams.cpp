@@ -5,6 +5,8 @@
 #include <iterator>
 #include <utility>
 
+#include "angio/base/big_endian.hpp"
+
 namespace angio::messaging {
 namespace {
 
@@ -17,12 +19,6 @@ constexpr std::size_t kShortHeader_bytes = 8, kLongHeader_bytes = 20;
 
 // Bookkeeping of one fragment, so that many small ones are bounded as well.
 constexpr std::size_t kFragmentCost_bytes = 128;
-
-std::uint32_t bigEndian(const std::uint8_t* bytes, int count) {
-  std::uint32_t number = 0;
-  for (int i = 0; i < count; ++i) number = number << 8 | bytes[i];
-  return number;
-}
 
 // The channel at the beginning of a payload; nothing when it is empty, too long or has no end.
 std::optional<std::string> channelOf(const std::uint8_t* payload, std::size_t size) {
@@ -49,15 +45,15 @@ std::optional<LcmMessage> LcmDatagrams::refuse() {
 
 std::optional<LcmMessage> LcmDatagrams::take(const UdpSender& sender, const std::uint8_t* datagram, std::size_t size) {
   if (size < kShortHeader_bytes) return refuse();
-  const std::uint32_t magic = bigEndian(datagram, 4);
+  const auto magic = bigEndian<std::uint32_t>(datagram);
   if (magic == kMagicShort) return takeShort(sender, datagram + kShortHeader_bytes, size - kShortHeader_bytes);
   if (magic != kMagicLong || size < kLongHeader_bytes) return refuse();
   Header header{};
-  header.sequence = bigEndian(datagram + 4, 4);
-  header.message_bytes = bigEndian(datagram + 8, 4);
-  header.offset = bigEndian(datagram + 12, 4);
-  header.number = static_cast<std::uint16_t>(bigEndian(datagram + 16, 2));
-  header.fragments = static_cast<std::uint16_t>(bigEndian(datagram + 18, 2));
+  header.sequence = bigEndian<std::uint32_t>(datagram + 4);
+  header.message_bytes = bigEndian<std::uint32_t>(datagram + 8);
+  header.offset = bigEndian<std::uint32_t>(datagram + 12);
+  header.number = bigEndian<std::uint16_t>(datagram + 16);
+  header.fragments = bigEndian<std::uint16_t>(datagram + 18);
   return takeFragment(sender, header, datagram + kLongHeader_bytes, size - kLongHeader_bytes);
 }
 

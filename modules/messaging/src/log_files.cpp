@@ -13,6 +13,7 @@
 #include <system_error>
 #include <utility>
 
+#include "angio/base/big_endian.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/log_writer.hpp"
@@ -27,12 +28,6 @@ constexpr std::size_t kLogHeader_bytes = 28;
 
 // A channel is shorter than this in LCM's own reader.
 constexpr std::size_t kLogMaxChannel_bytes = 1000;
-
-std::uint64_t bigEndianOf(const char* bytes, int count) {
-  std::uint64_t number = 0;
-  for (int i = 0; i < count; ++i) number = number << 8 | static_cast<unsigned char>(bytes[i]);
-  return number;
-}
 
 std::string causeOf(int error) { return std::generic_category().message(error); }
 
@@ -68,10 +63,10 @@ std::optional<LogEvent> LogReader::next() {
   while (size_ - position_ >= static_cast<std::int64_t>(kLogHeader_bytes)) {
     file_.seekg(position_);
     if (!file_.read(header.data(), header.size())) break;
-    const auto channel_length = static_cast<std::int32_t>(bigEndianOf(&header[20], 4));
-    const auto data_length = static_cast<std::int32_t>(bigEndianOf(&header[24], 4));
+    const auto channel_length = bigEndian<std::int32_t>(&header[20]);
+    const auto data_length = bigEndian<std::int32_t>(&header[24]);
     const std::int64_t behind = size_ - position_ - static_cast<std::int64_t>(kLogHeader_bytes);
-    const bool sound = bigEndianOf(header.data(), 4) == kLogMagic && channel_length > 0 &&
+    const bool sound = bigEndian<std::uint32_t>(header.data()) == kLogMagic && channel_length > 0 &&
                        channel_length < static_cast<std::int32_t>(kLogMaxChannel_bytes) && data_length >= 0 &&
                        std::int64_t{channel_length} + data_length <= behind;
     if (!sound) {
@@ -80,7 +75,7 @@ std::optional<LogEvent> LogReader::next() {
     }
     LogEvent event;
     event.position_bytes = position_;
-    event.time_us = static_cast<std::int64_t>(bigEndianOf(&header[12], 8));
+    event.time_us = bigEndian<std::int64_t>(&header[12]);
     event.channel.resize(static_cast<std::size_t>(channel_length));
     event.bytes.resize(static_cast<std::size_t>(data_length));
     file_.read(event.channel.data(), channel_length);

@@ -9,10 +9,11 @@
 namespace angio::base {
 
 /// Names in one line, "a, b, c"; of more than `most` of them the first, and ", ...".
-inline std::string joined(const std::vector<std::string>& names, std::size_t most = static_cast<std::size_t>(-1)) {
+inline std::string joined(const std::vector<std::string>& names, std::size_t most = static_cast<std::size_t>(-1),
+                          const char* between = ", ") {
   std::string line;
-  for (std::size_t i = 0; i < names.size() && i < most; ++i) line += (i == 0 ? "" : ", ") + names[i];
-  return names.size() > most ? line + ", ..." : line;
+  for (std::size_t i = 0; i < names.size() && i < most; ++i) line += (i == 0 ? "" : between) + names[i];
+  return names.size() > most ? line + between + "..." : line;
 }
 
 }  // namespace angio::base
