@@ -190,7 +190,6 @@ TaskAnswer CenterTask::answer(const TaskInput& input) {
 }  // namespace
 
 std::unique_ptr<Task> make(const CenterTaskSettings& settings, const TaskContext& context) {
-  checkSettings(CenterTaskSettings::kName, settings);
   return std::make_unique<CenterTask>(settings, context);
 }
 

@@ -170,7 +170,6 @@ TaskAnswer HoldTask::answer(const TaskInput& input) {
 }  // namespace
 
 std::unique_ptr<Task> make(const HoldTaskSettings& settings, const TaskContext& context) {
-  checkSettings(HoldTaskSettings::kName, settings);
   return std::make_unique<HoldTask>(settings, context);
 }
 

@@ -146,7 +146,6 @@ class ImageBased final : public ServoLaw {
 }  // namespace
 
 std::unique_ptr<ServoLaw> make(const ImageBasedSettings& settings, const LawModel& model) {
-  checkSettings(ImageBasedSettings::kName, settings);
   if (!model.tree) throw InputError(ImageBasedSettings::kName, "tree", "", "the law needs one");
   return std::make_unique<ImageBased>(settings, model);
 }

@@ -176,7 +176,6 @@ TaskAnswer DepthFirst::answer(const TaskInput& input) {
 }  // namespace
 
 std::unique_ptr<Task> make(const ResolveDepthTaskSettings& settings, const TaskContext& context) {
-  checkSettings(ResolveDepthTaskSettings::kName, settings);
   return std::make_unique<ResolveDepthTask>(settings, context.limits, context.target_model);
 }
 

@@ -26,7 +26,7 @@ TargetNeed targetNeed(const TaskSettings& settings) {
 }
 
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context) {
-  return std::visit([&](const auto& chosen) { return make(chosen, context); }, settings);
+  return madeOf(settings, [&](const auto& chosen) { return make(chosen, context); });
 }
 
 }  // namespace angio::servo

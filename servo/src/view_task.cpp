@@ -240,7 +240,6 @@ bool ViewTask::staysInside(const ViewError& error, const TaskInput& input) {
 }  // namespace
 
 std::unique_ptr<Task> make(const ViewTaskSettings& settings, const TaskContext& context) {
-  checkSettings(ViewTaskSettings::kName, settings);
   return std::make_unique<ViewTask>(settings, context);
 }
 

@@ -153,23 +153,20 @@ class Hybrid final : public ServoLaw {
 }  // namespace
 
 std::unique_ptr<ServoLaw> make(const JointSpaceSettings& settings, const LawModel& model) {
-  checkSettings(JointSpaceSettings::kName, settings);
   return std::make_unique<JointSpace>(settings, model);
 }
 
 std::unique_ptr<ServoLaw> make(const PositionBasedSettings& settings, const LawModel& model) {
-  checkSettings(PositionBasedSettings::kName, settings);
   return std::make_unique<PositionBased>(settings, model);
 }
 
 std::unique_ptr<ServoLaw> make(const HybridSettings& settings, const LawModel& model) {
-  checkSettings(HybridSettings::kName, settings);
   if (!model.target) throw InputError(HybridSettings::kName, "target", "", "the law needs one");
   return std::make_unique<Hybrid>(settings, model);
 }
 
 std::unique_ptr<ServoLaw> makeServoLaw(const ServoLawSettings& settings, const LawModel& model) {
-  return std::visit([&](const auto& chosen) { return make(chosen, model); }, settings);
+  return madeOf(settings, [&](const auto& chosen) { return make(chosen, model); });
 }
 
 }  // namespace angio::servo

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/joined.hpp"
 #include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/simulation_run.hpp"
 
@@ -81,12 +82,10 @@ std::vector<std::string> sweepNames() {
 
 std::vector<Sweep> sweepsNamed(const std::string& name, const SimulationSettings& base) {
   std::vector<Sweep> sweeps;
-  std::string known = "all";
   for (const auto& range : ranges()) {
     if (name == range.name || name == "all") sweeps.push_back(sweepOver(range, base));
-    known += std::string(", ") + range.name;
   }
-  if (sweeps.empty()) throw InputError("", "sweep", name, "must be one of: " + known);
+  if (sweeps.empty()) throw InputError("", "sweep", name, "must be one of all, " + joined(sweepNames()));
   return sweeps;
 }
 

@@ -7,12 +7,7 @@
 namespace angio::imaging {
 
 std::unique_ptr<CenterlineExtractor> makeExtractor(const ExtractorSettings& settings) {
-  return std::visit(
-      [](const auto& chosen) {
-        checkSettings(chosen.kName, chosen);
-        return make(chosen);
-      },
-      settings);
+  return madeOf(settings, [](const auto& chosen) { return make(chosen); });
 }
 
 }  // namespace angio::imaging

@@ -5,6 +5,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
+#include "angio/io/format_table.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
@@ -207,15 +208,7 @@ CameraFile CameraFile::at(double source_detector_distance_m) const {
   return moved;
 }
 
-CameraFile readCameraFile(const std::string& path) {
-  const std::string extension = extensionOf(path);
-  std::string known;
-  for (const CameraFormat& format : kCameraFormats) {
-    if (extension == format.extension) return format.read(path);
-    known += std::string(known.empty() ? "" : ", ") + format.extension;
-  }
-  throw InputError(path, "extension", extension, "must be one of " + known);
-}
+CameraFile readCameraFile(const std::string& path) { return formatOf(path, kCameraFormats).read(path); }
 
 XrayCamera readCamera(const std::string& path) {
   const CameraFile file = readCameraFile(path);

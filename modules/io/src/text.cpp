@@ -67,11 +67,22 @@ void TextLines::need(const std::string& what) {
   if (!next()) throw InputError(atLine(path_, number_ + 1), what, "", "is missing: the file ends too early");
 }
 
+namespace {
+
+std::string inSmallLetters(std::string text) {
+  for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return text;
+}
+
+}  // namespace
+
 std::string extensionOf(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c); });
-  return extension;
+  return inSmallLetters(std::filesystem::path(path).extension().string());
+}
+
+bool hasExtension(const std::string& path, std::string_view extension) {
+  const std::string name = inSmallLetters(std::filesystem::path(path).filename().string());
+  return name.size() > extension.size() && endsWith(name, extension);
 }
 
 bool endsWith(std::string_view text, std::string_view end) {

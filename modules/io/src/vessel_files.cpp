@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <unordered_map>
 
 #include "angio/base/errors.hpp"
 #include "angio/io/curve_folder.hpp"
+#include "angio/io/format_table.hpp"
 #include "angio/io/table.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
@@ -103,13 +105,6 @@ constexpr TreeFormat kTreeFormats[] = {
     {".tre", readTreTree, writeTreTree, nullptr},
 };
 
-// The last part of the name, or the last two where a format wants two.
-bool hasExtension(const std::string& path, const std::string& wanted) {
-  const std::string last = extensionOf(path);
-  if (std::count(wanted.begin(), wanted.end(), '.') == 1) return last == wanted;
-  return extensionOf(std::filesystem::path(path).stem().string()) + last == wanted;
-}
-
 }  // namespace
 
 VesselTree treeOfRows(const std::string& path, const std::vector<TreeRow>& rows) {
@@ -157,12 +152,7 @@ std::optional<double> knownRadius(double radius_mm) {
 VesselTree readVesselTree(const std::string& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) return joinedCurves(path, readCurveFolder(path));
-  std::string known;
-  for (const TreeFormat& format : kTreeFormats) {
-    if (hasExtension(path, format.extension)) return format.read(path);
-    known += std::string(known.empty() ? "" : ", ") + format.extension;
-  }
-  throw InputError(path, "extension", extensionOf(path), "must be one of " + known);
+  return formatOf(path, kTreeFormats).read(path);
 }
 
 VesselTree withOtherFrame(const VesselTree& tree) {
@@ -172,16 +162,12 @@ VesselTree withOtherFrame(const VesselTree& tree) {
 }
 
 void writeVesselTree(const std::string& path, const VesselTree& tree, PatientFrame frame) {
-  std::string known;
-  for (const TreeFormat& format : kTreeFormats) {
-    if (!format.write) continue;
-    if (hasExtension(path, format.extension)) {
-      if (frame == PatientFrame::kLps) return format.write(path, tree);
-      return (format.write_ras ? format.write_ras : format.write)(path, withOtherFrame(tree));
-    }
-    known += std::string(known.empty() ? "" : ", ") + format.extension;
-  }
-  throw InputError(path, "extension", extensionOf(path), "must be one of " + known);
+  std::vector<TreeFormat> written;
+  std::copy_if(std::begin(kTreeFormats), std::end(kTreeFormats), std::back_inserter(written),
+               [](const TreeFormat& format) { return format.write != nullptr; });
+  const TreeFormat& format = formatOf(path, written);
+  if (frame == PatientFrame::kLps) return format.write(path, tree);
+  (format.write_ras ? format.write_ras : format.write)(path, withOtherFrame(tree));
 }
 
 }  // namespace angio::io

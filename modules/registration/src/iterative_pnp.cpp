@@ -212,7 +212,6 @@ class IterativePnp final : public Registration {
 }  // namespace
 
 std::unique_ptr<Registration> make(const IterativePnpSettings& settings, const VesselTree& tree) {
-  checkSettings(IterativePnpSettings::kName, settings);
   return std::make_unique<IterativePnp>(settings, tree);
 }
 

@@ -404,7 +404,6 @@ class OrientedKernel final : public Registration {
 }  // namespace
 
 std::unique_ptr<Registration> make(const OrientedKernelSettings& settings, const VesselTree& tree) {
-  checkSettings(OrientedKernelSettings::kName, settings);
   return std::make_unique<OrientedKernel>(settings, tree);
 }
 

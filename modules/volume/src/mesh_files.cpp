@@ -16,7 +16,7 @@
 #include <map>
 
 #include "angio/base/errors.hpp"
-#include "angio/io/text.hpp"
+#include "angio/io/format_table.hpp"
 #include "surface_formats.hpp"
 
 namespace angio::volume {
@@ -65,11 +65,6 @@ struct MeshFormat {
 
 constexpr MeshFormat kMeshFormats[] = {{".stl", readStlSurface}, {".vtp", readVtpSurface}, {".vtk", readVtkSurface}};
 
-const MeshFormat* formatOf(const std::string& path) {
-  return std::find_if(std::begin(kMeshFormats), std::end(kMeshFormats),
-                      [extension = extensionOf(path)](const MeshFormat& f) { return extension == f.extension; });
-}
-
 // Positions in LPS; every triangle's corners are points, and every point is finite.
 void check(const std::string& path, PatientFrame frame, Surface& surface) {
   for (Eigen::Index i = 0; i < surface.points_mm.cols(); ++i) {
@@ -99,16 +94,15 @@ vtkSmartPointer<vtkPolyData> closed(vtkPolyData& mesh) {
 
 }  // namespace
 
-bool isMesh(const std::string& path) { return formatOf(path) != std::end(kMeshFormats); }
+bool isMesh(const std::string& path) {
+  return std::any_of(std::begin(kMeshFormats), std::end(kMeshFormats),
+                     [&](const MeshFormat& format) { return hasExtension(path, format.extension); });
+}
 
 VoxelMask readMesh(const std::string& path, double voxel_m, PatientFrame frame) {
   requirePositive(path, "voxel_m", voxel_m);
   const VtkSilence silence;
-  const MeshFormat* const format = formatOf(path);
-  if (format == std::end(kMeshFormats)) {
-    throw InputError(path, "extension", extensionOf(path), "must be .stl, .vtp or .vtk");
-  }
-  Surface read = format->read(path);
+  Surface read = formatOf(path, kMeshFormats).read(path);
   check(path, frame, read);
   const auto surface = closed(*meshOf(read));
 

@@ -19,7 +19,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/io/dicom_slices.hpp"
-#include "angio/io/text.hpp"
+#include "angio/io/format_table.hpp"
 #include "angio/io/xa_files.hpp"
 #include "header_checks.hpp"
 
@@ -160,11 +160,6 @@ void readValues(const std::string& path, itk::ImageIOBase& image, const VoxelGri
   }
 }
 
-std::string inSmallLetters(std::string text) {
-  for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return text;
-}
-
 struct VolumeFormat {
   const char* extension;
   itk::ImageIOBase::Pointer (*open)();
@@ -266,25 +261,18 @@ Volume readDicomSeries(const std::string& folder) {
 Volume readVolume(const std::string& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) return readDicomSeries(path);
-  const std::string name = inSmallLetters(path);
-  std::string known;
-  for (const VolumeFormat& format : kVolumeFormats) {
-    known += std::string(known.empty() ? "" : ", ") + format.extension;
-    if (!endsWith(name, format.extension)) continue;
-    format.check(path);
-    Volume volume;
-    withItk(path, [&] {
-      const itk::ImageIOBase::Pointer image = format.open();
-      image->SetFileName(path);
-      image->ReadImageInformation();
-      volume.grid = gridOf(path, *image);
-      volume.values.resize(volume.grid.count());
-      readValues(path, *image, volume.grid, volume.values.data());
-    });
-    return volume;
-  }
-  throw InputError(path, "extension", std::filesystem::path(path).extension().string(),
-                   "must be one of " + known + ", or the folder of a DICOM series");
+  const VolumeFormat& format = formatOf(path, kVolumeFormats, ", or the folder of a DICOM series");
+  format.check(path);
+  Volume volume;
+  withItk(path, [&] {
+    const itk::ImageIOBase::Pointer image = format.open();
+    image->SetFileName(path);
+    image->ReadImageInformation();
+    volume.grid = gridOf(path, *image);
+    volume.values.resize(volume.grid.count());
+    readValues(path, *image, volume.grid, volume.values.data());
+  });
+  return volume;
 }
 
 }  // namespace angio::volume

@@ -37,7 +37,8 @@ TargetNeed targetNeed(const TaskSettings& settings);
 /// Throws InputError when a setting is out of its range or of no use with this tree.
 std::unique_ptr<Task> makeTask(const TaskSettings& settings, const TaskContext& context);
 
-/// Throws InputError when a setting is out of its range, the tree has no such segment, or a pose is none.
+/// What makeTask() calls with settings that are in their ranges. Throws InputError when the tree has no such segment,
+/// or a pose is none.
 std::unique_ptr<Task> make(const ViewTaskSettings& settings, const TaskContext& context);
 
 /// The target's place in the patient, from this frame's own registration, joints and what the image shows around it, is

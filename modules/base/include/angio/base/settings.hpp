@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "angio/base/namespace.hpp"
@@ -40,10 +41,27 @@ class SettingsVisitor {
 /// Throws InputError that names `place`, key, value and rule when a field is out of its range or not finite.
 void checkSettings(const std::string& place, const std::function<void(SettingsVisitor&)>& visit_fields);
 
+/// What visits the fields of `settings`, which must outlive it.
+template <typename Settings>
+std::function<void(SettingsVisitor&)> fieldsOf(Settings& settings) {
+  return [&settings](SettingsVisitor& v) { settings.visit(v); };
+}
+
 /// The same for a struct with `visit`.
 template <typename Settings>
 void checkSettings(const std::string& place, Settings settings) {
-  checkSettings(place, std::function<void(SettingsVisitor&)>([&](SettingsVisitor& v) { settings.visit(v); }));
+  checkSettings(place, fieldsOf(settings));
+}
+
+/// What `make` returns for the alternative that a variant of settings holds, once that has been checked: by its
+/// `kName`, and as checkSettings() does.
+template <typename Variant, typename Make>
+auto madeOf(const Variant& settings, const Make& make) {
+  const auto checked = [&](const auto& chosen) {
+    checkSettings(chosen.kName, chosen);
+    return make(chosen);
+  };
+  return std::visit(checked, settings);
 }
 
 }  // namespace angio::base

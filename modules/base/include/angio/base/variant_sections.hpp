@@ -37,7 +37,7 @@ class VariantSections {
   void choose(const std::string& name) {
     const std::vector<std::string> known = names();
     const auto found = std::find(known.begin(), known.end(), name);
-    if (found == known.end()) throw InputError("settings", key_, name, "must be one of " + joined(known));
+    if (found == known.end()) throw InputError("", key_, name, "must be one of " + joined(known));
     index_ = static_cast<int>(found - known.begin());
   }
 

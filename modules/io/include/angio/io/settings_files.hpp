@@ -68,12 +68,6 @@ std::string settingsAsYaml(const std::function<void(SettingsVisitor&)>& visit_fi
 template <typename Settings>
 using IfSettings = decltype(std::declval<Settings&>().visit(std::declval<SettingsVisitor&>()));
 
-/// What visits the fields of `settings`, which must outlive it.
-template <typename Settings, typename = IfSettings<Settings>>
-std::function<void(SettingsVisitor&)> fieldsOf(Settings& settings) {
-  return [&settings](SettingsVisitor& v) { settings.visit(v); };
-}
-
 /// The same for a struct with `visit`: `defaults` overwritten by the file.
 template <typename Settings, typename = IfSettings<Settings>>
 Settings readSettings(const std::string& path, Settings defaults) {

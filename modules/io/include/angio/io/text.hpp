@@ -47,6 +47,9 @@ class TextLines {
 /// The extension of a path in small letters, with its dot; empty when there is none.
 std::string extensionOf(const std::string& path);
 
+/// Whether a path ends, behind a name, with an extension given in small letters: ".csv", ".nii.gz".
+bool hasExtension(const std::string& path, std::string_view extension);
+
 bool endsWith(std::string_view text, std::string_view end);
 
 /// Without blanks and line ends on both sides.
