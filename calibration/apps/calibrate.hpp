@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <functional>
-
 #include "angio/apps/namespace.hpp"
 #include "angio/cli/app_fwd.hpp"
 
 namespace angio::apps {
-
-/// What the chosen sub-command does; returns the exit code.
-using Work = std::function<int()>;
 
 /// Each adds its sub-command, which sets `work` when it is chosen.
 void addCalibrateCamera(CLI::App& app, Work& work);

@@ -190,7 +190,6 @@ int runCamera(const CameraOptions& o) {
 void addCalibrateCamera(CLI::App& app, Work& work) {
   const auto o = std::make_shared<CameraOptions>();
   auto* command = app.add_subcommand("camera", "K, distortion and their uncertainty, from views of beads or of a grid");
-  command->option_defaults()->always_capture_default();
   command->footer(
       "Example:\n  angio-calibrate camera views.yaml --distortion intensifier --out camera.yaml --report report");
   command

@@ -112,7 +112,6 @@ void addCalibrateGeometry(CLI::App& app, Work& work) {
   const auto o = std::make_shared<GeometryOptions>();
   auto* command = app.add_subcommand(
       "geometry", "How a C-arm's joints move its camera, from views of a bead phantom or registered poses");
-  command->option_defaults()->always_capture_default();
   command->footer(
       "Example:\n  angio-calibrate geometry calibration/geometry/views.yaml --camera camera.yaml --out carm.yaml\n\n"
       "Views: over the range of both angles, some with the table moved along each axis, the phantom at rest on it; "

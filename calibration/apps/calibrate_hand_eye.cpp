@@ -308,7 +308,6 @@ int runHandEye(HandEyeOptions o) {
 
 void addSimulation(CLI::App& command, HandEyeOptions& o) {
   auto* group = command.add_option_group("Simulation", "Instead of poses: a C-arm's orbit LAO/RAO + CRA/CAU");
-  group->option_defaults()->always_capture_default();
   group->add_option("--simulate-trials", o.trials, "So many simulated sets; prints errors against the truth")
       ->check(CLI::Range(0, 100000));
   group->add_option("--simulate-poses", o.orbit.poses, "Poses of each")->check(CLI::Range(1, 1000));
@@ -328,7 +327,6 @@ void addCalibrateHandEye(CLI::App& app, Work& work) {
   const auto o = std::make_shared<HandEyeOptions>();
   auto* command =
       app.add_subcommand("hand-eye", "Where the camera sits on the machine, and the model in the patient's frame");
-  command->option_defaults()->always_capture_default();
   command->footer(
       "Examples:\n  angio-calibrate hand-eye poses.yaml --carm carm.yaml --out lab.yaml\n"
       "  angio-calibrate hand-eye poses.yaml --compare\n"
@@ -351,7 +349,6 @@ void addCalibrateHandEye(CLI::App& app, Work& work) {
   command->add_option("--seed", o->seed, "Of all draws")->check(CLI::Range(0, 1000000000));
   auto* imports =
       command->add_option_group("Imports", "Poses of other programs; --write-poses makes a pose set of them");
-  imports->option_defaults()->always_capture_default();
   imports->add_option("--moveit", o->moveit, "Samples of MoveIt's calibration (.json)");
   imports->add_option("--setup", o->setup, "of these: eye_in_hand or eye_to_hand")
       ->check(CLI::IsMember({"eye_in_hand", "eye_to_hand"}));

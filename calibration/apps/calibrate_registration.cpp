@@ -268,7 +268,6 @@ void addCalibrateRegistration(CLI::App& app, Work& work) {
   const auto o = std::make_shared<RegistrationOptions>();
   auto* command =
       app.add_subcommand("registration", "T_dsa_cb and a shift per run from the anatomy, registered in several views");
-  command->option_defaults()->always_capture_default();
   command->footer(
       "Examples:\n  angio-calibrate registration cases.yaml --carm carm.yaml --out lab.yaml\n"
       "  angio-calibrate registration examples/data/static-phantom/cases.yaml --leave-one-out");

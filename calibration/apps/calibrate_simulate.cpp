@@ -280,7 +280,6 @@ void addCalibrateSimulate(CLI::App& app, Work& work) {
   const auto o = std::make_shared<SimulateOptions>();
   using Settings = CalibrationSimulationSettings;
   auto* command = app.add_subcommand("simulate", "Write calibration data of a simulated C-arm, with their truth");
-  command->option_defaults()->always_capture_default();
   command->footer(
       "Examples:\n  angio-calibrate simulate --out calibration --seed 3\n"
       "  angio-calibrate simulate --study camera --trials 200");

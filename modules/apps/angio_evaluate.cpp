@@ -119,7 +119,6 @@ int evaluateCases(const CasesOptions& o) {
 void addEvaluateCases(CLI::App& app, Work& work) {
   const auto o = std::make_shared<CasesOptions>();
   auto* command = app.add_subcommand("cases", "Run every case of a case set");
-  command->option_defaults()->always_capture_default();
   command->add_option("cases", o->cases, "Case set (cases.yaml)")->required();
   o->method.addTo(*command, settingsInForce<ProgramSettings>);
   command->add_flag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");

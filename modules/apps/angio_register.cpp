@@ -271,7 +271,6 @@ int main(int argc, char** argv) {
   addViews(app, "--view-pose", o.files.view_poses,
            "Where the camera of view 2, 3, ... stands: T_view_first (.yaml). DICOM runs have angles");
   auto* seen = app.add_option_group("What is seen", "At least one of them")->require_option(1, 2);
-  seen->option_defaults()->always_capture_default();
   addViews(*seen, "--centerline", o.files.centerlines,
            "2D centreline (.csv) of each view; with --image the image is only shown");
   addViews(*seen, "--image", o.files.images, "X-ray image (.png, .tif) or DICOM run (.dcm) of each view");

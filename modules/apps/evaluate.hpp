@@ -13,9 +13,6 @@
 
 namespace angio::apps {
 
-/// A sub-command's work; returns the exit code.
-using Work = std::function<int()>;
-
 // Each adds its sub-command to the program, and becomes its work when the command line chooses it.
 void addEvaluateSimulation(CLI::App& app, Work& work);
 void addEvaluatePaper(CLI::App& app, Work& work);

@@ -345,7 +345,6 @@ int evaluateCatheter(const CatheterOptions& o) {
 void addEvaluateCatheter(CLI::App& app, Work& work) {
   const auto o = std::make_shared<CatheterOptions>();
   auto* command = app.add_subcommand("catheter", "Locate a catheter's tip in the tree, in each frame of a sequence");
-  command->option_defaults()->always_capture_default();
   command->footer("Example:\n  angio-evaluate catheter examples/data/hepatic-tace/cases.yaml --sheet sheet.png");
   command
       ->add_option("cases", o->cases, "Case set (cases.yaml) whose centrelines are a catheter's, in the order of time")

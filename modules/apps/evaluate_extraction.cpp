@@ -112,12 +112,10 @@ int evaluateExtraction(const ExtractionOptions& o) {
 void addEvaluateExtraction(CLI::App& app, Work& work) {
   const auto o = std::make_shared<ExtractionOptions>();
   auto* command = app.add_subcommand("extraction", "Compare extracted centrelines with what X-ray images show");
-  command->option_defaults()->always_capture_default();
   command->footer(
       "Examples:\n  angio-evaluate extraction --tree a.swc --trials 50 --sheet sheet.png\n  angio-evaluate extraction "
       "--cases cases.yaml\n  angio-evaluate extraction --annotations annotations.json");
   auto* images = command->add_option_group("Images", "At least one of them; a table each")->require_option(1, 4);
-  images->option_defaults()->always_capture_default();
   images->add_option("--tree", o->trees, "Simulated views of a vessel tree; may be repeated")->take_all();
   images->add_option("--cases", o->cases, "Case set (.yaml) whose cases have images and true poses");
   images->add_option("--annotations", o->annotations, "Images with polygons drawn by people (COCO, .json)");

@@ -259,7 +259,6 @@ int evaluatePaper(const PaperOptions& o) {
 void addEvaluateSimulation(CLI::App& app, Work& work) {
   const auto o = std::make_shared<SimulationOptions>();
   auto* command = app.add_subcommand("simulation", "Run simulated trials with known truth");
-  command->option_defaults()->always_capture_default();
   command->footer(
       "Example:\n  angio-evaluate simulation --tree a.swc --tree b.swc --trials 200 --visible-fraction 0.5 "
       "--noise-px 1 --spurious 5 --sweep noise --report report.html\n\nAll fields of the simulation, also "
@@ -308,7 +307,6 @@ void addEvaluatePaper(CLI::App& app, Work& work) {
   const auto o = std::make_shared<PaperOptions>();
   o->method.methods = {IterativePnpSettings::kName};  // The paper's.
   auto* command = app.add_subcommand("paper", "Repeat the simulation experiments of the Iterative PnP paper");
-  command->option_defaults()->always_capture_default();
   command->footer(
       "Example:\n  angio-evaluate paper --trials 100 --report paper.html\n\nWithout --settings, iterative_pnp "
       "matches one image point to one point of the tree, as the paper does.");

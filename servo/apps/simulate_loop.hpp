@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <functional>
 #include <string>
 
 #include "angio/apps/namespace.hpp"
@@ -10,9 +9,6 @@
 #include "angio/evaluation/statistics.hpp"
 
 namespace angio::apps {
-
-/// What the chosen sub-command does; returns the exit code.
-using Work = std::function<int()>;
 
 /// Prints an experiment's table, and writes all of it with its settings as JSON where `out` names a file. Returns 0.
 int report(Json json, const std::string& table, const Json& settings, const std::string& out);

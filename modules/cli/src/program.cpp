@@ -106,7 +106,7 @@ void addSettingsOptions(CLI::App& app, std::string& path, const std::string& hel
       ->group(kFurtherOptions);
 }
 
-int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& work) {
+int runProgram(CLI::App& app, int argc, char** argv, const Work& work) {
   std::vector<std::string> arguments = withPresentNames(app, argc, argv);
   std::vector<char*> pointers;
   for (std::string& argument : arguments) pointers.push_back(argument.data());

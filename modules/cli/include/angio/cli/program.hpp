@@ -6,7 +6,7 @@
 #include <map>
 #include <string>
 
-#include "angio/cli/namespace.hpp"
+#include "angio/cli/app_fwd.hpp"
 #include "angio/cli/run_time.hpp"
 
 namespace angio::cli {
@@ -39,6 +39,6 @@ void addSettingsOptions(CLI::App& app, std::string& path, const std::string& hel
 ///
 /// Exit codes: 0 done, --help, --version and --print-settings; 1 wrong input or failed work, with one line on stderr (a
 /// result that stdout does not take is failed work); 2 wrong command line; 3 see kExitNotReached.
-int runProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& work);
+int runProgram(CLI::App& app, int argc, char** argv, const Work& work);
 
 }  // namespace angio::cli
