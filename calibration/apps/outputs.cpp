@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
-#include <system_error>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"

@@ -5,7 +5,6 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/bead_phantom.hpp"
 #include "angio/calibration/calibration_simulation.hpp"

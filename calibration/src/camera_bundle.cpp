@@ -6,7 +6,6 @@
 #include <ceres/solver.h>
 
 #include <Eigen/Cholesky>
-#include <cmath>
 #include <limits>
 
 #include "angio/geometry/distortion.hpp"

@@ -9,7 +9,6 @@
 #include <iostream>
 
 #include "angio/apps/namespace.hpp"
-#include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/bus_help.hpp"

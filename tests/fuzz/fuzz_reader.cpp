@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // A libFuzzer program for all readers: ANGIO_FUZZ_READER names the one that it tries.
-#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <functional>
 #include <opencv2/core.hpp>
 #include <vector>
 

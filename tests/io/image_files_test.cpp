@@ -5,9 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 
-#include "angio/io/whole_file.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/temporary_folder.hpp"
 

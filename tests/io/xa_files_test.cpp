@@ -6,9 +6,7 @@
 
 #include <gmock/gmock.h>
 
-#include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <opencv2/core.hpp>
 
 #include "angio/io/case_files.hpp"

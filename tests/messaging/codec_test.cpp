@@ -5,10 +5,8 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <limits>
-#include <memory>
 
 #include "angio/base/errors.hpp"
 #include "angio/imaging/xray_frame.hpp"

@@ -6,8 +6,6 @@
 #include <ceres/rotation.h>
 #include <gtest/gtest.h>
 
-#include <memory>
-
 #include "angio/test/differences.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"

@@ -4,8 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/LU>
-
 #include "angio/test/random.hpp"
 
 namespace angio::test {

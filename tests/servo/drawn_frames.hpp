@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/geometry/xray_camera.hpp"

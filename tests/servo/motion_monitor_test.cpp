@@ -4,7 +4,6 @@
 
 #include <gmock/gmock.h>
 
-#include <cmath>
 #include <functional>
 
 #include "angio/robot/carm_motion_limiter.hpp"

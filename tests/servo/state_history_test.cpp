@@ -4,8 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
-
 #include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 

@@ -4,8 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
 #include "angio/test/phantoms.hpp"
 #include "scenes.hpp"
 

@@ -3,7 +3,6 @@
 
 #include <openssl/evp.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <ctime>

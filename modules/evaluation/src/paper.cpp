@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/columns.hpp"
 #include "angio/evaluation/experiment.hpp"

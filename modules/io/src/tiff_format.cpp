@@ -9,7 +9,6 @@
 #include <cstring>
 #include <memory>
 #include <opencv2/core.hpp>
-#include <optional>
 
 #include "angio/base/errors.hpp"
 #include "dicom_pixels.hpp"

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "pose_bounds.hpp"
 
-#include <cmath>
-
 #include "angio/geometry/so3.hpp"
 
 // Compiled once for every vector target by the include below; prepare and pointsBound choose at run time.

@@ -3,7 +3,6 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "angio/base/errors.hpp"
 #include "angio/base/fnv1a.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/evaluation/columns.hpp"

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/perception/frame_geometry.hpp"
 #include "angio/types/channels.hpp"

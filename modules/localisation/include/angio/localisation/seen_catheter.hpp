@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <string>
 
 #include "angio/base/settings.hpp"
 #include "angio/geometry/xray_camera.hpp"

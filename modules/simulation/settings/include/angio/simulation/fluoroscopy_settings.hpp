@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "angio/base/settings.hpp"
 #include "angio/simulation_settings/namespace.hpp"
 
