@@ -10,6 +10,9 @@
 
 namespace angio::io {
 
+/// Of one file. Branches of a vessel tree are some hundreds; comparing their beginnings is quadratic in their number.
+constexpr int kMaxVtkLines = 10'000;
+
 /// Grows a tree from lines that all run from a source to an outlet, so that each repeats the trunk before it.
 ///
 /// The beginning of a line that follows the tree grown so far within a tenth of the vessel's radius (and at least 0.1

@@ -15,9 +15,6 @@
 namespace angio::io {
 namespace {
 
-// Branches of a vessel tree are some hundreds at most.
-constexpr int kMaxVtkLines = 10'000;
-
 // The words of a text, wherever its lines break.
 class Words {
  public:

@@ -13,8 +13,6 @@ namespace angio::io {
 namespace {
 
 constexpr std::size_t kMaxVtpFile = std::size_t{64} << 20;
-// Outlets of a vessel tree are some dozens; comparing the beginnings of lines is quadratic in their number.
-constexpr int kMaxVtpLines = 10'000;
 constexpr int kMaxPolygons = 4'000'000;
 constexpr const char* kVmtkRadiusName = "MaximumInscribedSphereRadius";
 
@@ -41,7 +39,7 @@ vtkXMLDataElement& needArray(const XmlDocument& document, vtkXMLDataElement& par
 // What a file may still hold: many pieces can name the same few bytes.
 struct Budget {
   int points = kMaxPoints;
-  int cells = kMaxVtpLines;
+  int cells = kMaxVtkLines;
   int indices = kMaxPoints;
 };
 
@@ -196,7 +194,7 @@ void writeVtpTree(const std::string& path, const VesselTree& tree) {
     std::vector<int> line;
     for (int at = i; at >= 0; at = tree.parents()[at]) line.push_back(at);
     indices += line.size();
-    if (indices > static_cast<std::size_t>(kMaxPoints) || ++lines > static_cast<std::size_t>(kMaxVtpLines)) {
+    if (indices > static_cast<std::size_t>(kMaxPoints) || ++lines > static_cast<std::size_t>(kMaxVtkLines)) {
       throw InputError(path, "lines", "", "from the root to " + std::to_string(lines) + " ends are too many for .vtp");
     }
     for (std::size_t k = line.size(); k-- > 0;) connectivity += std::to_string(line[k]) + (k > 0 ? " " : "\n");

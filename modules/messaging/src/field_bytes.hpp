@@ -4,17 +4,13 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
-#include <type_traits>
 #include <vector>
 
+#include "angio/base/big_endian.hpp"
 #include "description.hpp"
 
 // A message's fields to bytes and back, as LCM lays them out: one after the other, big-endian, without padding.
 namespace angio::messaging::wire {
-
-template <typename Value>
-using BitsOf = std::conditional_t<sizeof(Value) == 8, std::uint64_t,
-                                  std::conditional_t<sizeof(Value) == 4, std::uint32_t, std::uint8_t>>;
 
 /// Visits a message's fields and appends them to bytes. Asks for no rule.
 class FieldWriter {
@@ -109,11 +105,9 @@ class FieldReader {
   void get(Value& value) {
     if (left_ < sizeof value) fail("truncated");
     if (broken_) return;
-    BitsOf<Value> bits = 0;
-    for (std::size_t i = 0; i < sizeof bits; ++i) bits = static_cast<BitsOf<Value>>(std::uint64_t{bits} << 8 | at_[i]);
-    std::memcpy(&value, &bits, sizeof bits);
-    at_ += sizeof bits;
-    left_ -= sizeof bits;
+    value = bigEndian<Value>(at_);
+    at_ += sizeof value;
+    left_ -= sizeof value;
   }
 
   const std::uint8_t* at_;

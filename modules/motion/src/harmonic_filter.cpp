@@ -7,7 +7,6 @@
 
 namespace angio::motion {
 
-constexpr double kTwoPi = 6.283185307179586;
 constexpr int kDrift = 3;  // Where it begins in the state; the offset is at 0.
 
 HarmonicFilter::HarmonicFilter(const std::vector<Oscillator>& oscillators, const HarmonicNoise& noise,

@@ -9,6 +9,8 @@
 
 namespace angio::motion {
 
+constexpr double kTwoPi = 6.283185307179586;  ///< Of a phase in a period [rad].
+
 /// A position with its covariance.
 struct PositionEstimate {
   Eigen::Vector3d position;

@@ -5,10 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "harmonic_filter.hpp"
+
 namespace angio::motion {
 namespace {
 
-constexpr double kFullTurn_rad = 6.283185307179586;
 constexpr double kNearlyAsGood = 1.15;  // Of what the best leaves unexplained.
 // Squared Mahalanobis distance of a sample from what is slow, on average, up to which nothing moves: noise has 3.
 constexpr double kStill = 1;
@@ -16,7 +17,7 @@ constexpr double kStill = 1;
 // Cosine and sine of f, 2 f ...: N x 2 harmonics.
 void writeWaves(const Eigen::VectorXd& t, double frequency_hz, int harmonics, Eigen::Ref<Eigen::MatrixXd> A) {
   for (Eigen::Index i = 0; i < t.size(); ++i) {
-    const double angle = kFullTurn_rad * frequency_hz * t[i], c = std::cos(angle), s = std::sin(angle);
+    const double angle = kTwoPi * frequency_hz * t[i], c = std::cos(angle), s = std::sin(angle);
     double ch = c, sh = s;
     for (int h = 0; h < harmonics; ++h) {
       A(i, 2 * h) = ch;

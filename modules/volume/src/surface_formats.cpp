@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "angio/base/big_endian.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
@@ -57,19 +58,15 @@ struct NumberType {
 };
 
 template <typename T>
-double bigEndian(const char* bytes) {
-  char swapped[sizeof(T)];
-  std::reverse_copy(bytes, bytes + sizeof(T), swapped);
-  T value;
-  std::memcpy(&value, swapped, sizeof value);
-  return static_cast<double>(value);
+double valueOf(const char* bytes) {
+  return static_cast<double>(bigEndian<T>(bytes));
 }
 
-constexpr NumberType kTypes[] = {{"float", 4, bigEndian<float>},
-                                 {"double", 8, bigEndian<double>},
-                                 {"int", 4, bigEndian<std::int32_t>},
-                                 {"vtktypeint32", 4, bigEndian<std::int32_t>},
-                                 {"vtktypeint64", 8, bigEndian<std::int64_t>}};
+constexpr NumberType kTypes[] = {{"float", 4, valueOf<float>},
+                                 {"double", 8, valueOf<double>},
+                                 {"int", 4, valueOf<std::int32_t>},
+                                 {"vtktypeint32", 4, valueOf<std::int32_t>},
+                                 {"vtktypeint64", 8, valueOf<std::int64_t>}};
 
 class LegacyText {
  public:
