@@ -14,8 +14,8 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/machine_check/machine_check.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
+#include "angio/types/channels.hpp"
 #include "program_bus.hpp"
 #include "servo_settings.hpp"
 

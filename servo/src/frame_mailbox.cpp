@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "angio/messaging/channels.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::servo {
 namespace {

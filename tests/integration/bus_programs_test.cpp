@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/program.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

@@ -17,12 +17,12 @@
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/xa_files.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/program.hpp"
+#include "angio/types/channels.hpp"
 #include "angio/vessel/model_id.hpp"
 
 namespace angio::test {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gtest/gtest.h>
 
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/servo/servo_loop.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "angio/test/namespace.hpp"
+#include "angio/types/channels.hpp"
 #include "hepatic.hpp"
 
 namespace angio::test {

@@ -7,13 +7,13 @@
 #include <optional>
 
 #include "angio/base/errors.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/test/file_size_limit.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/program.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/types/channels.hpp"
 #include "hepatic.hpp"
 
 namespace angio::test {

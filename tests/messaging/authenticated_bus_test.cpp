@@ -7,12 +7,12 @@
 #include <numeric>
 
 #include "angio/base/errors.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

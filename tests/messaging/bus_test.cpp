@@ -8,8 +8,8 @@
 #include <filesystem>
 
 #include "angio/base/errors.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

@@ -9,12 +9,12 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/messaging/bus.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/types/channels.hpp"
 #include "random_messages.hpp"
 #include "udp_group.hpp"
 

@@ -10,7 +10,6 @@
 
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/io/vessel_files.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/servo/operator.hpp"
@@ -21,6 +20,7 @@
 #include "angio/test/named_bus.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

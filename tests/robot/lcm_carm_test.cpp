@@ -10,7 +10,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/visp.hpp"
-#include "angio/messaging/channels.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

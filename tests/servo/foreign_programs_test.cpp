@@ -10,9 +10,9 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/messaging/authenticated_bus.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "angio/test/namespace.hpp"
+#include "angio/types/channels.hpp"
 #include "stage.hpp"
 
 namespace angio::test {

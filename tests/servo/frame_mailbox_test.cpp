@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "angio/messaging/channels.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

@@ -4,10 +4,10 @@
 
 #include <gmock/gmock.h>
 
-#include "angio/messaging/channels.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/test/named_bus.hpp"
 #include "angio/test/namespace.hpp"
+#include "angio/types/channels.hpp"
 #include "stage.hpp"
 
 namespace angio::test {

@@ -5,11 +5,11 @@
 #include <gmock/gmock.h>
 
 #include "angio/base/errors.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/types/channels.hpp"
 #include "stage.hpp"
 
 namespace angio::test {

@@ -3,12 +3,12 @@
 
 #include <gtest/gtest.h>
 
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/disturbed_bus.hpp"
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/servo/replay.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/types/channels.hpp"
 #include "stage.hpp"
 
 namespace angio::test {

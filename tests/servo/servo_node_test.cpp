@@ -6,11 +6,11 @@
 
 #include <limits>
 
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/disturbed_bus.hpp"
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/servo/replay.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/types/channels.hpp"
 #include "stage.hpp"
 
 namespace angio::test {

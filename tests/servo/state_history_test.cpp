@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

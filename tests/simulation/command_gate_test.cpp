@@ -5,11 +5,11 @@
 
 #include <limits>
 
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/disturbed_bus.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

@@ -8,10 +8,10 @@
 #include <limits>
 
 #include "angio/geometry/se3.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

@@ -6,9 +6,9 @@
 
 #include <opencv2/core.hpp>
 
-#include "angio/messaging/channels.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

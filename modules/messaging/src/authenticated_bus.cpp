@@ -18,7 +18,7 @@
 
 #include "angio/base/big_endian.hpp"
 #include "angio/base/errors.hpp"
-#include "angio/messaging/channels.hpp"
+#include "angio/types/channels.hpp"
 #include "udpm_address.hpp"
 
 namespace angio::messaging {

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "angio/messaging/channels.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::perception {
 

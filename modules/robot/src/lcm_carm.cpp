@@ -12,8 +12,8 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/geometry/visp.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/robot/motion_time.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::robot {
 namespace {

@@ -7,8 +7,8 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/experiments/observers.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/servo/operator.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::experiments {
 namespace {

@@ -6,11 +6,11 @@
 #include "angio/base/errors.hpp"
 #include "angio/experiments/navigate_experiment.hpp"
 #include "angio/experiments/observers.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
+#include "angio/types/channels.hpp"
 #include "injected_fault.hpp"
 
 namespace angio::experiments {

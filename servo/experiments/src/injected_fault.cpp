@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "angio/base/formatted.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/codec.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::experiments {
 namespace {

@@ -10,7 +10,6 @@
 #include <opencv2/core.hpp>
 #include <stdexcept>
 
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/navigation/catheter_node.hpp"
@@ -18,6 +17,7 @@
 #include "angio/test/datagram_socket.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::test {
 namespace {

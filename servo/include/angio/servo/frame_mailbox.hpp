@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "angio/messaging/mailbox.hpp"
-#include "angio/messaging/messages.hpp"
 #include "angio/servo/namespace.hpp"
+#include "angio/types/any_message.hpp"
 
 namespace angio::servo {
 

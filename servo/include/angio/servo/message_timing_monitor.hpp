@@ -6,8 +6,8 @@
 #include <string>
 
 #include "angio/base/settings.hpp"
-#include "angio/messaging/messages.hpp"
 #include "angio/servo/namespace.hpp"
+#include "angio/types/any_message.hpp"
 
 namespace angio::servo {
 

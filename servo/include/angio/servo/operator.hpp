@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/servo/namespace.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::servo {
 

@@ -8,11 +8,11 @@
 #include <type_traits>
 #include <utility>
 
-#include "angio/messaging/messages.hpp"
 #include "angio/servo/message_timing_monitor.hpp"
 #include "angio/servo/motion_monitor.hpp"
 #include "angio/servo/namespace.hpp"
 #include "angio/servo/servo_state_machine.hpp"
+#include "angio/types/any_message.hpp"
 
 namespace angio::servo {
 

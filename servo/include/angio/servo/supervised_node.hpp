@@ -8,13 +8,13 @@
 #include <vector>
 
 #include "angio/base/stopwatch.hpp"
-#include "angio/messaging/channels.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/servo/frame_mailbox.hpp"
 #include "angio/servo/heard_channels.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/safety_supervisor.hpp"
 #include "angio/servo/second_senders.hpp"
+#include "angio/types/channels.hpp"
 
 namespace angio::servo {
 

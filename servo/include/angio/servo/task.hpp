@@ -5,11 +5,11 @@
 #include <optional>
 #include <string>
 
-#include "angio/messaging/messages.hpp"
 #include "angio/perception/gated_perception.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/point_of_interest.hpp"
 #include "angio/servo/desired_view.hpp"
+#include "angio/types/any_message.hpp"
 #include "angio/types/view_request.hpp"
 
 namespace angio::servo {
@@ -34,8 +34,8 @@ struct TaskInput {
   /// This frame's own registration, and where the frames of a turn have the tree, where they have told it.
   PatientObservation patient() const { return {T_camera_model, covariance, places ? points : nullptr, places}; }
 
-  /// The averaged pose, moved so that a point of the model is where patient() has it along the beam, and where it was in
-  /// the average across it. Without `places` the pose as it is.
+  /// The averaged pose, moved so that a point of the model is where patient() has it along the beam, and where it was
+  /// in the average across it. Without `places` the pose as it is.
   Pose trackedPoseAt(const Eigen::Vector3d& p_model) const;
 
   /// What the frame shows of the place that the task watches; nothing: only what the registration says.

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "angio/messaging/messages.hpp"
 #include "angio/messaging/namespace.hpp"
+#include "angio/types/any_message.hpp"
 
 namespace angio::messaging {
 

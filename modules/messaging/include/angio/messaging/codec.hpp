@@ -9,8 +9,8 @@
 #include <variant>
 #include <vector>
 
-#include "angio/messaging/messages.hpp"
 #include "angio/messaging/namespace.hpp"
+#include "angio/types/any_message.hpp"
 
 namespace angio::messaging {
 

@@ -4,9 +4,10 @@
 #include <memory>
 
 #include "angio/imaging/extractor.hpp"
-#include "angio/messaging/messages.hpp"
 #include "angio/perception/patient_tracker.hpp"
 #include "angio/perception/point_of_interest.hpp"
+#include "angio/types/any_message.hpp"
+#include "angio/vessel/model_id.hpp"
 
 namespace angio::perception {
 

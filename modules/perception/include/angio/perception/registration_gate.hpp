@@ -6,10 +6,10 @@
 #include <optional>
 #include <string>
 
-#include "angio/messaging/messages.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/target_need.hpp"
 #include "angio/registration/registration.hpp"
+#include "angio/types/any_message.hpp"
 
 namespace angio::perception {
 

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "angio/messaging/bus.hpp"
-#include "angio/messaging/messages.hpp"
 #include "angio/perception/namespace.hpp"
+#include "angio/types/any_message.hpp"
 
 namespace angio::perception {
 

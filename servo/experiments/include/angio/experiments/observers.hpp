@@ -10,8 +10,8 @@
 
 #include "angio/experiments/namespace.hpp"
 #include "angio/geometry/carm.hpp"
-#include "angio/messaging/messages.hpp"
 #include "angio/simulation/catheter_settings.hpp"
+#include "angio/types/any_message.hpp"
 
 namespace angio::experiments {
 

@@ -5,9 +5,9 @@
 #include <string>
 
 #include "angio/base/settings.hpp"
-#include "angio/messaging/messages.hpp"
 #include "angio/navigation/namespace.hpp"
 #include "angio/servo/motion_monitor.hpp"
+#include "angio/types/any_message.hpp"
 
 namespace angio::navigation {
 

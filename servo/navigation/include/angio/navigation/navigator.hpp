@@ -8,9 +8,9 @@
 
 #include "angio/base/settings.hpp"
 #include "angio/localisation/tip_belief.hpp"
-#include "angio/messaging/messages.hpp"
 #include "angio/navigation/namespace.hpp"
 #include "angio/navigation/tip_roll.hpp"
+#include "angio/types/any_message.hpp"
 #include "angio/vessel/tree_topology.hpp"
 
 namespace angio::navigation {
