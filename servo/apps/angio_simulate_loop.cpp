@@ -109,7 +109,7 @@ std::pair<CLI::App*, std::shared_ptr<ExperimentOptions>> addExperiment(CLI::App&
       ServoSettings settings = experimentSettings(o->settings);
       o->patient.applyTo(settings.patient);
       const VesselTree tree = readVesselTree(o->tree);
-      const CArmCalibration nominal = readCalibration(command->get_name(), o->calibration, o->t_dsa_cb, tree);
+      const CArmCalibration nominal = readCalibration("angio-simulate-loop", o->calibration, o->t_dsa_cb, tree);
       Experiment e{*o, settings, tree, nominal, o->runs};
       ProgressBar bar(what, o->runs.count);
       e.runs.done = [&](int done) { bar.show(done); };

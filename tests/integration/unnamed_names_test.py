@@ -4,6 +4,7 @@
 same parameters it is the compiler's error, with others it may be called in place of what was meant. So no two sources of a target
 have one name there. unnamed_names_test.py BUILD"""
 import collections
+import json
 import pathlib
 import re
 import sys
@@ -30,9 +31,11 @@ def unnamed(source):
 def main():
     build = pathlib.Path(sys.argv[1])
     targets = collections.defaultdict(list)
-    for made in build.rglob("CMakeFiles/*.dir/Unity/unity_*.cxx"):
-        target = made.parent.parent
-        targets[target] += [pathlib.Path(path) for path in re.findall(r'#include "([^"]+)"', made.read_text())]
+    # Those that are compiled: a target that has become smaller leaves files of an earlier build behind.
+    for command in json.loads(build.joinpath("compile_commands.json").read_text()):
+        made = pathlib.Path(command["file"])
+        if made.match("CMakeFiles/*.dir/Unity/unity_*.cxx"):
+            targets[made.parent.parent] += [pathlib.Path(path) for path in re.findall(r'#include "([^"]+)"', made.read_text())]
     seen, wrong = 0, []
     for target, sources in targets.items():
         having = collections.defaultdict(list)

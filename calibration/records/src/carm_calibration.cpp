@@ -180,7 +180,8 @@ CArmCalibration readCArmCalibration(const std::string& path) {
 CArmCalibration readCArmCalibration(const std::string& path, const VesselTree& tree) {
   CArmCalibration calibration = readCArmCalibration(path);
   requireTree(path, calibration.model_id, tree,
-              ": T_dsa_cb is of another tree. Calibrate with this one, or in a simulation give --t-dsa-cb centre");
+              ": T_dsa_cb is of another tree. Calibrate with this one, leave model_id out where both trees are in one "
+              "frame, or in a simulation give --t-dsa-cb centre");
   return calibration;
 }
 
