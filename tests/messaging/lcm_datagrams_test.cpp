@@ -9,6 +9,8 @@
 namespace angio::test {
 namespace {
 
+using Bytes = std::vector<std::uint8_t>;
+
 using namespace std::string_literals;
 using test::Bytes;
 using test::LongDatagram;

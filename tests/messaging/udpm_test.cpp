@@ -21,6 +21,8 @@
 namespace angio::test {
 namespace {
 
+using Bytes = std::vector<std::uint8_t>;
+
 using namespace std::chrono_literals;
 using namespace std::string_literals;
 

@@ -21,13 +21,13 @@ constexpr double kWeightEdge = 0.35;
 
 double blurredChord(double radius, double blur, double x) {
   // With u = r sin(t) the chord's steep ends are sampled as finely as they fall.
-  constexpr int kSteps = 96;
+  constexpr int kChordSteps = 96;
   double sum = 0;
-  for (int i = 0; i < kSteps; ++i) {
-    const double t = M_PI * ((i + 0.5) / kSteps - 0.5), d = (x - radius * std::sin(t)) / blur;
+  for (int i = 0; i < kChordSteps; ++i) {
+    const double t = M_PI * ((i + 0.5) / kChordSteps - 0.5), d = (x - radius * std::sin(t)) / blur;
     sum += std::cos(t) * std::cos(t) * std::exp(-0.5 * d * d);
   }
-  return sum * (M_PI / kSteps) * radius / (blur * std::sqrt(2 * M_PI));
+  return sum * (M_PI / kChordSteps) * radius / (blur * std::sqrt(2 * M_PI));
 }
 
 TubeChord::TubeChord() {

@@ -28,8 +28,8 @@ void AttenuationVolume::check() const {
 }
 
 float attenuationOfHounsfield(float hu) {
-  constexpr float kWater = 20.6F, kBoneFactor = 1.6F;
-  return kWater * (1 + std::max(hu, -1000.0F) / 1000 * (hu > 0 ? kBoneFactor : 1.0F));
+  constexpr float kWaterAttenuation_per_m = 20.6F, kBoneFactor = 1.6F;
+  return kWaterAttenuation_per_m * (1 + std::max(hu, -1000.0F) / 1000 * (hu > 0 ? kBoneFactor : 1.0F));
 }
 
 VolumeRays::VolumeRays(const AttenuationVolume& volume, const Pose& T_camera_model) : volume_(&volume) {
