@@ -87,7 +87,7 @@ ServoSettings experimentSettings(const std::string& path) {
 template <typename Run>
 std::pair<CLI::App*, std::shared_ptr<ExperimentOptions>> addExperiment(CLI::App& app, Work& work, const char* name,
                                                                        const char* help, int runs, const char* what,
-                                                                       const Run& run) {
+                                                                       Run run) {
   const auto o = std::make_shared<ExperimentOptions>();
   o->runs.count = runs;
   CLI::App* command = app.add_subcommand(name, help);

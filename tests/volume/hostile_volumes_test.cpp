@@ -124,9 +124,9 @@ TEST(HostileVolumes, CutOrChangedFilesAreReadOrRefusedInSilence) {
                                    {"v.nii", test::nifti(volume)},
                                    {"v.nrrd", test::nrrd(volume)}}) {
     int refused = 0;
-    const auto tryTo = [&](const std::string& content) {
+    const auto tryTo = [&, name = file](const std::string& content) {
       try {
-        readVolume(folder.write(file, content));
+        readVolume(folder.write(name, content));
       } catch (const InputError& error) {
         ++refused;
         EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
