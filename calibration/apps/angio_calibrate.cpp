@@ -4,8 +4,8 @@
 #include "calibrate.hpp"
 
 int main(int argc, char** argv) {
-  CLI::App app("Calibrates an X-ray C-arm: camera, geometry, and where the pre-operative model lies in it.",
-               "angio-calibrate");
+  angio::cli::Command app("Calibrates an X-ray C-arm: camera, geometry, and where the pre-operative model lies in it.",
+                          "angio-calibrate");
   angio::apps::describeProgram(
       app,
       "angio-calibrate simulate --out calibration\n"
@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
       "  angio-calibrate geometry calibration/geometry/views.yaml --camera camera.yaml --out carm.yaml\n"
       "  angio-calibrate hand-eye calibration/hand-eye/poses.yaml --carm carm.yaml --out lab.yaml\n"
       "  angio-calibrate registration cases.yaml --carm carm.yaml --out lab.yaml");
-  app.require_subcommand(1);
+  app.requireSubcommand();
   angio::apps::Work work;
   angio::apps::addCalibrateCamera(app, work);
   angio::apps::addCalibrateGeometry(app, work);

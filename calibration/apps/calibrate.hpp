@@ -2,15 +2,15 @@
 #pragma once
 
 #include "angio/apps/namespace.hpp"
-#include "angio/cli/app_fwd.hpp"
+#include "angio/cli/command_line_fwd.hpp"
 
 namespace angio::apps {
 
 /// Each adds its sub-command, which sets `work` when it is chosen.
-void addCalibrateCamera(CLI::App& app, Work& work);
-void addCalibrateGeometry(CLI::App& app, Work& work);
-void addCalibrateHandEye(CLI::App& app, Work& work);
-void addCalibrateRegistration(CLI::App& app, Work& work);
-void addCalibrateSimulate(CLI::App& app, Work& work);
+void addCalibrateCamera(cli::Command& app, Work& work);
+void addCalibrateGeometry(cli::Command& app, Work& work);
+void addCalibrateHandEye(cli::Command& app, Work& work);
+void addCalibrateRegistration(cli::Command& app, Work& work);
+void addCalibrateSimulate(cli::Command& app, Work& work);
 
 }  // namespace angio::apps

@@ -187,26 +187,26 @@ int runCamera(const CameraOptions& o) {
 
 }  // namespace
 
-void addCalibrateCamera(CLI::App& app, Work& work) {
+void addCalibrateCamera(cli::Command& app, Work& work) {
   const auto o = std::make_shared<CameraOptions>();
-  auto* command = app.add_subcommand("camera", "K, distortion and their uncertainty, from views of beads or of a grid");
+  auto* command = app.addSubcommand("camera", "K, distortion and their uncertainty, from views of beads or of a grid");
   command->footer(
       "Example:\n  angio-calibrate camera views.yaml --distortion intensifier --out camera.yaml --report report");
   command
-      ->add_option("views", o->views,
-                   "View set (.yaml): images of beads, of a chessboard or of a circle grid, or tables")
+      ->addOption("views", o->views,
+                  "View set (.yaml): images of beads, of a chessboard or of a circle grid, or tables")
       ->required();
-  command->add_option("--distortion", o->distortion, "Of the detector; the settings' choice (none) when not given")
-      ->check(CLI::IsMember({"none", "radial", "intensifier"}));
-  command->add_flag("--square-pixels", o->square_pixels, "One focal length for both axes");
-  command->add_flag("--skew", o->skew, "Let the detector's columns lean");
-  command->add_option("--noise-px", o->noise_px, "Known error of a bead's centre per axis; 0: by the residuals")
+  command->addOption("--distortion", o->distortion, "Of the detector; the settings' choice (none) when not given")
+      ->check(cli::oneOf({"none", "radial", "intensifier"}));
+  command->addFlag("--square-pixels", o->square_pixels, "One focal length for both axes");
+  command->addFlag("--skew", o->skew, "Let the detector's columns lean");
+  command->addOption("--noise-px", o->noise_px, "Known error of a bead's centre per axis; 0: by the residuals")
       ->check(between(0, 100));
   addSettingsOptions(*command, o->settings, "Settings (.yaml), sections camera and bead_detection",
                      settingsInForce<CameraSections>);
-  command->add_option("--out", o->out, "The camera with its record (.yaml)");
-  command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
-  command->callback([o, &work] { work = [o] { return runCamera(*o); }; });
+  command->addOption("--out", o->out, "The camera with its record (.yaml)");
+  command->addOption("--report", o->report, "Folder for pictures and a page (index.html)");
+  command->onChosen([o, &work] { work = [o] { return runCamera(*o); }; });
 }
 
 }  // namespace angio::apps

@@ -108,30 +108,30 @@ int runGeometry(const GeometryOptions& o) {
 
 }  // namespace
 
-void addCalibrateGeometry(CLI::App& app, Work& work) {
+void addCalibrateGeometry(cli::Command& app, Work& work) {
   const auto o = std::make_shared<GeometryOptions>();
-  auto* command = app.add_subcommand(
+  auto* command = app.addSubcommand(
       "geometry", "How a C-arm's joints move its camera, from views of a bead phantom or registered poses");
   command->footer(
       "Example:\n  angio-calibrate geometry calibration/geometry/views.yaml --camera camera.yaml --out carm.yaml\n\n"
       "Views: over the range of both angles, some with the table moved along each axis, the phantom at rest on it; "
       "some with other source-detector distances; some held out. Or poses as hand-eye reads them, with their angles.");
-  command->add_option("views", o->views, "Views of a phantom, or registered poses, with their angles (.yaml)")
+  command->addOption("views", o->views, "Views of a phantom, or registered poses, with their angles (.yaml)")
       ->required();
-  command->add_option("--camera", o->camera, "Camera, of angio-calibrate camera (.yaml)")->required();
-  command->add_option("--out", o->out, "C-arm file (.yaml); T_dsa_cb is for hand-eye or registration to add")
+  command->addOption("--camera", o->camera, "Camera, of angio-calibrate camera (.yaml)")->required();
+  command->addOption("--out", o->out, "C-arm file (.yaml); T_dsa_cb is for hand-eye or registration to add")
       ->required();
   const std::map<std::string, FlexModel> flex{{"none", FlexModel::kNone}, {"low_order", FlexModel::kLowOrder}};
-  command->add_option("--flex", o->flex, "Bending of the arm: none, low_order")
-      ->transform(choice(flex))
-      ->default_str("low_order");
-  command->add_option("--machine", o->machine, "Whose C-arm it is; the view set's when not given");
-  command->add_option("--max-calibration-age-days", o->max_age_days, "An older camera is warned of")
+  command->addOption("--flex", o->flex, "Bending of the arm: none, low_order")
+      ->check(choice(flex))
+      ->defaultText("low_order");
+  command->addOption("--machine", o->machine, "Whose C-arm it is; the view set's when not given");
+  command->addOption("--max-calibration-age-days", o->max_age_days, "An older camera is warned of")
       ->check(between(0, 1e6));
   addSettingsOptions(*command, o->settings, "Settings (.yaml), sections detection and geometry",
                      settingsInForce<Settings>);
-  command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
-  command->callback([o, &work] { work = [o] { return runGeometry(*o); }; });
+  command->addOption("--report", o->report, "Folder for pictures and a page (index.html)");
+  command->onChosen([o, &work] { work = [o] { return runGeometry(*o); }; });
 }
 
 }  // namespace angio::apps

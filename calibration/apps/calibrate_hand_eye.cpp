@@ -306,58 +306,57 @@ int runHandEye(HandEyeOptions o) {
   return 0;
 }
 
-void addSimulation(CLI::App& command, HandEyeOptions& o) {
-  auto* group = command.add_option_group("Simulation", "Instead of poses: a C-arm's orbit LAO/RAO + CRA/CAU");
-  group->add_option("--simulate-trials", o.trials, "So many simulated sets; prints errors against the truth")
-      ->check(CLI::Range(0, 100000));
-  group->add_option("--simulate-poses", o.orbit.poses, "Poses of each")->check(CLI::Range(1, 1000));
-  group->add_option("--noise-deg", o.orbit.camera_noise_deg, "Of the camera's poses, per axis")->check(between(0, 45));
-  group->add_option("--noise-mm", o.orbit.camera_noise_mm, "Of the camera's poses, per axis")->check(between(0, 1000));
-  group->add_option("--hand-noise-deg", o.orbit.hand_noise_deg, "Of the C-arm's angles")->check(between(0, 45));
-  group->add_option("--hand-noise-mm", o.orbit.hand_noise_mm, "Of the C-arm's place")->check(between(0, 1000));
-  group->add_option("--lao-deg", o.orbit.max_primary_deg, "The orbit goes to LAO and RAO of this")
+void addSimulation(cli::Command& command, HandEyeOptions& o) {
+  auto* group = command.addGroup("Simulation", "Instead of poses: a C-arm's orbit LAO/RAO + CRA/CAU");
+  group->addOption("--simulate-trials", o.trials, "So many simulated sets; prints errors against the truth")
+      ->check(cli::wholeBetween(0, 100000));
+  group->addOption("--simulate-poses", o.orbit.poses, "Poses of each")->check(cli::wholeBetween(1, 1000));
+  group->addOption("--noise-deg", o.orbit.camera_noise_deg, "Of the camera's poses, per axis")->check(between(0, 45));
+  group->addOption("--noise-mm", o.orbit.camera_noise_mm, "Of the camera's poses, per axis")->check(between(0, 1000));
+  group->addOption("--hand-noise-deg", o.orbit.hand_noise_deg, "Of the C-arm's angles")->check(between(0, 45));
+  group->addOption("--hand-noise-mm", o.orbit.hand_noise_mm, "Of the C-arm's place")->check(between(0, 1000));
+  group->addOption("--lao-deg", o.orbit.max_primary_deg, "The orbit goes to LAO and RAO of this")
       ->check(between(0, 120));
-  group->add_option("--cra-deg", o.orbit.max_secondary_deg, "and to CRA and CAU of this; 0: a single axis")
+  group->addOption("--cra-deg", o.orbit.max_secondary_deg, "and to CRA and CAU of this; 0: a single axis")
       ->check(between(0, 60));
 }
 
 }  // namespace
 
-void addCalibrateHandEye(CLI::App& app, Work& work) {
+void addCalibrateHandEye(cli::Command& app, Work& work) {
   const auto o = std::make_shared<HandEyeOptions>();
   auto* command =
-      app.add_subcommand("hand-eye", "Where the camera sits on the machine, and the model in the patient's frame");
+      app.addSubcommand("hand-eye", "Where the camera sits on the machine, and the model in the patient's frame");
   command->footer(
       "Examples:\n  angio-calibrate hand-eye poses.yaml --carm carm.yaml --out lab.yaml\n"
       "  angio-calibrate hand-eye poses.yaml --compare\n"
       "  angio-calibrate hand-eye --simulate-trials 200");
-  command->add_option("poses", o->poses, "Pose set (poses.yaml)");
-  command->add_option("--carm", o->carm,
-                      "C-arm file (.yaml): hands may be angles, and the result is this file with T_dsa_cb");
-  command->add_option("--out", o->out, "Result (.yaml)");
-  command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
-  command->add_flag("--known-mount", o->known_mount,
-                    "The hand is the camera, as the C-arm file has it: one pose is enough");
-  command->add_flag("--reprojection", o->reprojection, "Refine on the object's points in the images");
-  command->add_flag("--compare", o->compare, "Also what OpenCV's and ViSP's solvers say of the same poses");
-  command->add_option("--reference", o->reference,
-                      "Pose (.yaml: rotation, translation_mm) to compare the camera's place with");
-  command->add_option("--min-turn-deg", o->settings.min_turn_deg, "Turns about a second axis (rms) below this are none")
+  command->addOption("poses", o->poses, "Pose set (poses.yaml)");
+  command->addOption("--carm", o->carm,
+                     "C-arm file (.yaml): hands may be angles, and the result is this file with T_dsa_cb");
+  command->addOption("--out", o->out, "Result (.yaml)");
+  command->addOption("--report", o->report, "Folder for pictures and a page (index.html)");
+  command->addFlag("--known-mount", o->known_mount,
+                   "The hand is the camera, as the C-arm file has it: one pose is enough");
+  command->addFlag("--reprojection", o->reprojection, "Refine on the object's points in the images");
+  command->addFlag("--compare", o->compare, "Also what OpenCV's and ViSP's solvers say of the same poses");
+  command->addOption("--reference", o->reference,
+                     "Pose (.yaml: rotation, translation_mm) to compare the camera's place with");
+  command->addOption("--min-turn-deg", o->settings.min_turn_deg, "Turns about a second axis (rms) below this are none")
       ->check(between(1e-6, 90));
-  command->add_option("--outlier-gate", o->settings.outlier_gate, "Poses further off than so many sigma are left out")
+  command->addOption("--outlier-gate", o->settings.outlier_gate, "Poses further off than so many sigma are left out")
       ->check(between(2, 100));
-  command->add_option("--seed", o->seed, "Of all draws")->check(CLI::Range(0, 1000000000));
-  auto* imports =
-      command->add_option_group("Imports", "Poses of other programs; --write-poses makes a pose set of them");
-  imports->add_option("--moveit", o->moveit, "Samples of MoveIt's calibration (.json)");
-  imports->add_option("--setup", o->setup, "of these: eye_in_hand or eye_to_hand")
-      ->check(CLI::IsMember({"eye_in_hand", "eye_to_hand"}));
-  imports->add_option("--visp", o->visp, "Folder of ViSP's eye-in-hand data: franka_image-1.png, ...");
-  imports->add_option("--board", o->board, "Inner corners of its chessboard");
-  imports->add_option("--square-mm", o->square_mm, "Side of its squares")->check(between(0.01, 1000));
-  imports->add_option("--write-poses", o->write_poses, "Pose set (.yaml) of what was read");
+  command->addOption("--seed", o->seed, "Of all draws")->check(cli::wholeBetween(0, 1000000000));
+  auto* imports = command->addGroup("Imports", "Poses of other programs; --write-poses makes a pose set of them");
+  imports->addOption("--moveit", o->moveit, "Samples of MoveIt's calibration (.json)");
+  imports->addOption("--setup", o->setup, "of these: eye_in_hand or eye_to_hand")
+      ->check(cli::oneOf({"eye_in_hand", "eye_to_hand"}));
+  imports->addOption("--visp", o->visp, "Folder of ViSP's eye-in-hand data: franka_image-1.png, ...");
+  imports->addOption("--board", o->board, "Inner corners of its chessboard");
+  imports->addOption("--square-mm", o->square_mm, "Side of its squares")->check(between(0.01, 1000));
+  imports->addOption("--write-poses", o->write_poses, "Pose set (.yaml) of what was read");
   addSimulation(*command, *o);
-  command->callback([o, &work] {
+  command->onChosen([o, &work] {
     o->settings.seed = o->seed;
     work = [o] { return runHandEye(*o); };
   });

@@ -264,39 +264,38 @@ int runRegistration(const RegistrationOptions& o) {
 
 }  // namespace
 
-void addCalibrateRegistration(CLI::App& app, Work& work) {
+void addCalibrateRegistration(cli::Command& app, Work& work) {
   const auto o = std::make_shared<RegistrationOptions>();
   auto* command =
-      app.add_subcommand("registration", "T_dsa_cb and a shift per run from the anatomy, registered in several views");
+      app.addSubcommand("registration", "T_dsa_cb and a shift per run from the anatomy, registered in several views");
   command->footer(
       "Examples:\n  angio-calibrate registration cases.yaml --carm carm.yaml --out lab.yaml\n"
       "  angio-calibrate registration examples/data/static-phantom/cases.yaml --leave-one-out");
-  command->add_option("cases", o->cases, "Case set (cases.yaml) of one tree; each case's first view is used")
+  command->addOption("cases", o->cases, "Case set (cases.yaml) of one tree; each case's first view is used")
       ->required();
-  command->add_option(
-      "--angles", o->angles,
-      "The C-arm's angles (.yaml); otherwise angles.yaml beside the case set, or those of DICOM images");
-  command->add_option("--carm", o->carm, "C-arm file (.yaml): the result is this file with T_dsa_cb");
-  command->add_option("--out", o->out, "Result (.yaml)");
-  command->add_option("--report", o->report, "Folder for pictures and a page (index.html)");
-  command->add_option("--run", o->run, "T_dsa_cb of this run, its shift included, instead of the runs' mean");
-  command->add_option("--method", o->method, "Registration method");
+  command->addOption("--angles", o->angles,
+                     "The C-arm's angles (.yaml); otherwise angles.yaml beside the case set, or those of DICOM images");
+  command->addOption("--carm", o->carm, "C-arm file (.yaml): the result is this file with T_dsa_cb");
+  command->addOption("--out", o->out, "Result (.yaml)");
+  command->addOption("--report", o->report, "Folder for pictures and a page (index.html)");
+  command->addOption("--run", o->run, "T_dsa_cb of this run, its shift included, instead of the runs' mean");
+  command->addOption("--method", o->method, "Registration method");
   command
-      ->add_option("--search-rotation-deg", o->search_rotation_deg, "Poses are searched so far about the initial ones")
+      ->addOption("--search-rotation-deg", o->search_rotation_deg, "Poses are searched so far about the initial ones")
       ->check(between(0, 180));
-  command->add_option("--search-translation-mm", o->search_translation_mm, "and so far along each axis")
+  command->addOption("--search-translation-mm", o->search_translation_mm, "and so far along each axis")
       ->check(between(0, 1000));
-  command->add_option("--angle-sigma-deg", o->settings.angle_std_deg, "Errors of the C-arm's angles")
+  command->addOption("--angle-sigma-deg", o->settings.angle_std_deg, "Errors of the C-arm's angles")
       ->check(between(1e-4, 30));
   command
-      ->add_option("--shift-sigma-mm", o->settings.shift_std_mm,
-                   "The isocentre moves so much from run to run; 0: not at all")
+      ->addOption("--shift-sigma-mm", o->settings.shift_std_mm,
+                  "The isocentre moves so much from run to run; 0: not at all")
       ->check(between(0, 1000));
-  command->add_option("--outlier-gate", o->settings.outlier_gate, "Views further off than so many sigma are left out")
+  command->addOption("--outlier-gate", o->settings.outlier_gate, "Views further off than so many sigma are left out")
       ->check(between(2, 100));
-  command->add_flag("--refine,!--no-refine", o->refine, "Refine jointly on the image points of all views");
-  command->add_flag("--leave-one-out", o->leave_one_out, "Also each view's rotation as the others alone predict it");
-  command->callback([o, &work] { work = [o] { return runRegistration(*o); }; });
+  command->addFlag("--refine,!--no-refine", o->refine, "Refine jointly on the image points of all views");
+  command->addFlag("--leave-one-out", o->leave_one_out, "Also each view's rotation as the others alone predict it");
+  command->onChosen([o, &work] { work = [o] { return runRegistration(*o); }; });
 }
 
 }  // namespace angio::apps

@@ -265,47 +265,45 @@ int study(const SimulateOptions& o) {
 
 // An option that sets one of the settings.
 template <typename Value>
-CLI::Option* addSetting(CLI::App& command, SimulateOptions& o, const std::string& name,
+cli::Option* addSetting(cli::Command& command, SimulateOptions& o, const std::string& name,
                         Value CalibrationSimulationSettings::*field, const std::string& about) {
   const auto set = [&o, field](const Value& value) {
     o.overrides.push_back([field, value](CalibrationSimulationSettings& s) { s.*field = value; });
   };
-  const CalibrationSimulationSettings usual;
-  return command.add_option_function<Value>(name, set, about)->default_str(CLI::detail::to_string(usual.*field));
+  return command.addSetter<Value>(name, set, about, CalibrationSimulationSettings{}.*field);
 }
 
 }  // namespace
 
-void addCalibrateSimulate(CLI::App& app, Work& work) {
+void addCalibrateSimulate(cli::Command& app, Work& work) {
   const auto o = std::make_shared<SimulateOptions>();
   using Settings = CalibrationSimulationSettings;
-  auto* command = app.add_subcommand("simulate", "Write calibration data of a simulated C-arm, with their truth");
+  auto* command = app.addSubcommand("simulate", "Write calibration data of a simulated C-arm, with their truth");
   command->footer(
       "Examples:\n  angio-calibrate simulate --out calibration --seed 3\n"
       "  angio-calibrate simulate --study camera --trials 200");
-  auto* out = command->add_option("--out", o->out, "Folder");
+  auto* out = command->addOption("--out", o->out, "Folder");
   command
-      ->add_option(
-          "--study", o->study,
-          "No files: calibrate simulated machines and print errors against the truth: camera, geometry, timing")
-      ->check(CLI::IsMember({"camera", "geometry", "timing"}))
+      ->addOption("--study", o->study,
+                  "No files: calibrate simulated machines and print errors against the truth: camera, geometry, timing")
+      ->check(cli::oneOf({"camera", "geometry", "timing"}))
       ->excludes(out);
-  command->add_option("--trials", o->trials, "Of a study")->check(CLI::Range(1, 100000));
+  command->addOption("--trials", o->trials, "Of a study")->check(cli::wholeBetween(1, 100000));
   addSetting(*command, *o, "--seed", &Settings::seed, "Seed of machine, patient and noise")
-      ->check(CLI::Range(0, 2147483647));
-  command->add_option("--tree", o->tree, "Vessel tree of the patient");
-  command->add_option("--nominal", o->nominal, "The C-arm and patient that are drawn around (.yaml)");
+      ->check(cli::wholeBetween(0, 2147483647));
+  command->addOption("--tree", o->tree, "Vessel tree of the patient");
+  command->addOption("--nominal", o->nominal, "The C-arm and patient that are drawn around (.yaml)");
   const std::map<std::string, SimulatedImages> images{
       {"none", SimulatedImages::kNone}, {"camera", SimulatedImages::kCamera}, {"all", SimulatedImages::kAll}};
-  command->add_option("--images", o->images, "Which views are X-ray images, not tables of beads: none, camera, all")
-      ->transform(choice(images))
-      ->default_str("camera");
+  command->addOption("--images", o->images, "Which views are X-ray images, not tables of beads: none, camera, all")
+      ->check(choice(images))
+      ->defaultText("camera");
   const std::map<std::string, SimulatedDistortion> distortions{{"none", SimulatedDistortion::kNone},
                                                                {"radial", SimulatedDistortion::kRadial},
                                                                {"intensifier", SimulatedDistortion::kIntensifier}};
   addSetting(*command, *o, "--distortion", &Settings::distortion, "Of the detector: none, radial, intensifier")
-      ->transform(choice(distortions))
-      ->default_str("none");
+      ->check(choice(distortions))
+      ->defaultText("none");
   const std::map<std::string, HostileData> hostile{{"none", HostileData::kNone},
                                                    {"duplicate-poses", HostileData::kDuplicatePoses},
                                                    {"swapped-beads", HostileData::kSwappedBeads},
@@ -314,10 +312,10 @@ void addCalibrateSimulate(CLI::App& app, Work& work) {
                                                    {"other-machine", HostileData::kOtherMachine}};
   addSetting(*command, *o, "--hostile", &Settings::hostile,
              "Data to be refused: duplicate-poses, swapped-beads, wrong-units, mirrored-phantom, other-machine")
-      ->transform(choice(hostile))
-      ->default_str("none");
+      ->check(choice(hostile))
+      ->defaultText("none");
   const auto count = [&](const char* name, int Settings::*field, const char* about) {
-    addSetting(*command, *o, name, field, about)->check(CLI::Range(1, 1000));
+    addSetting(*command, *o, name, field, about)->check(cli::wholeBetween(1, 1000));
   };
   count("--camera-views", &Settings::camera_views, "Views for the camera");
   count("--geometry-views", &Settings::geometry_views, "Views for the geometry");
@@ -332,11 +330,12 @@ void addCalibrateSimulate(CLI::App& app, Work& work) {
       s.flex_mm = flex_mm;
     });
   };
-  command->add_option_function<double>("--flex-mm", bend, "How far the arm bends; its turns follow in proportion")
-      ->check(between(0, 5))
-      ->default_str(CLI::detail::to_string(Settings().flex_mm));
+  command
+      ->addSetter<double>("--flex-mm", bend, "How far the arm bends; its turns follow in proportion",
+                          Settings().flex_mm)
+      ->check(between(0, 5));
   addSettingsOptions(*command, o->settings, "Settings of the simulation (.yaml)", settingsInForce<Settings>);
-  command->callback([o, &work] {
+  command->onChosen([o, &work] {
     work = [o] {
       if (o->study.empty() && o->out.empty()) throw InputError("--out", "", "", "or --study must be given");
       return o->study.empty() ? simulate(*o) : study(*o);

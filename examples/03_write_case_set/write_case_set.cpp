@@ -81,21 +81,23 @@ int write(const Options& o) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Writes a simulated case set with known truth for angio-evaluate.", "example-03-write-case-set");
+  angio::cli::Command app("Writes a simulated case set with known truth for angio-evaluate.",
+                          "example-03-write-case-set");
   angio::cli::describeProgram(
       app, "example-03-write-case-set --cases 100 --out cases && angio-evaluate cases cases/cases.yaml");
   Options o;
-  app.add_option("--tree", o.tree, "Vessel tree");
-  app.add_option("--out", o.out, "Folder");
-  app.add_option("--cases", o.cases, "Number of starts")->check(CLI::Range(1, 100000));
-  app.add_option("--seed", o.seed, "Seed of the starts")->check(CLI::Range(0, 2147483647));
-  app.add_option("--rotation-std-deg", o.rotation_std_deg, "Spread of the starts per axis")
-      ->check(CLI::Range(0.0, 180.0));
-  app.add_option("--translation-std-mm", o.translation_std_mm, "Spread of the starts per axis")
-      ->check(CLI::Range(0.0, 1000.0));
-  app.add_option("--spacing-mm", o.spacing_mm, "Distance between points of the tree")->check(CLI::Range(0.05, 100.0));
-  app.add_option("--primary-deg", o.primary_deg, "View: LAO positive")->check(CLI::Range(-180.0, 180.0));
-  app.add_option("--secondary-deg", o.secondary_deg, "View: CRA positive")->check(CLI::Range(-90.0, 90.0));
-  app.add_flag("--image", o.image, "Render X-ray images instead of projecting centrelines");
+  app.addOption("--tree", o.tree, "Vessel tree");
+  app.addOption("--out", o.out, "Folder");
+  app.addOption("--cases", o.cases, "Number of starts")->check(angio::cli::wholeBetween(1, 100000));
+  app.addOption("--seed", o.seed, "Seed of the starts")->check(angio::cli::wholeBetween(0, 2147483647));
+  app.addOption("--rotation-std-deg", o.rotation_std_deg, "Spread of the starts per axis")
+      ->check(angio::cli::between(0.0, 180.0));
+  app.addOption("--translation-std-mm", o.translation_std_mm, "Spread of the starts per axis")
+      ->check(angio::cli::between(0.0, 1000.0));
+  app.addOption("--spacing-mm", o.spacing_mm, "Distance between points of the tree")
+      ->check(angio::cli::between(0.05, 100.0));
+  app.addOption("--primary-deg", o.primary_deg, "View: LAO positive")->check(angio::cli::between(-180.0, 180.0));
+  app.addOption("--secondary-deg", o.secondary_deg, "View: CRA positive")->check(angio::cli::between(-90.0, 90.0));
+  app.addFlag("--image", o.image, "Render X-ray images instead of projecting centrelines");
   return angio::cli::runProgram(app, argc, argv, [&] { return write(o); });
 }

@@ -270,21 +270,21 @@ int measure(const Options& o) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Measures a method on the four runs of the static phantom.", "example-04-static-phantom");
+  angio::cli::Command app("Measures a method on the four runs of the static phantom.", "example-04-static-phantom");
   angio::cli::describeProgram(app, "example-04-static-phantom --method oriented_kernel --starts 20");
   Options o;
-  app.add_option("--cases", o.cases,
-                 "Case set whose nominal poses differ as the C-arm's angles do, with reference poses");
-  app.add_option("--method", o.method, "Registration method");
+  app.addOption("--cases", o.cases,
+                "Case set whose nominal poses differ as the C-arm's angles do, with reference poses");
+  app.addOption("--method", o.method, "Registration method");
   angio::cli::addSettingsOptions(app, o.settings, "Settings (.yaml) over those beside the case set",
                                  [&o](const std::string&) { return angio::io::settingsAsYaml(settingsOf(o)); });
-  app.add_option("--starts", o.starts, "Starts a run")->check(CLI::Range(1, 10000));
-  app.add_option("--seed", o.seed, "Seed of the starts")->check(CLI::Range(0, 2147483647));
-  app.add_option("--rotation-deg", o.rotation_deg, "Starts lie so far from the reference, per axis")
+  app.addOption("--starts", o.starts, "Starts a run")->check(angio::cli::wholeBetween(1, 10000));
+  app.addOption("--seed", o.seed, "Seed of the starts")->check(angio::cli::wholeBetween(0, 2147483647));
+  app.addOption("--rotation-deg", o.rotation_deg, "Starts lie so far from the reference, per axis")
       ->check(angio::cli::between(0, 180));
-  app.add_option("--translation-mm", o.translation_mm, "Starts lie so far from the reference, per axis")
+  app.addOption("--translation-mm", o.translation_mm, "Starts lie so far from the reference, per axis")
       ->check(angio::cli::between(0, 1000));
-  app.add_flag("--nonrigid", o.nonrigid, "Let the tree bend, and say what becomes of the depth");
-  app.add_flag("--image", o.image, "Extract the centrelines from the frames");
+  app.addFlag("--nonrigid", o.nonrigid, "Let the tree bend, and say what becomes of the depth");
+  app.addFlag("--image", o.image, "Extract the centrelines from the frames");
   return angio::cli::runProgram(app, argc, argv, [&] { return measure(o); });
 }

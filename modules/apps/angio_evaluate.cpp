@@ -14,12 +14,12 @@
 
 namespace angio::apps {
 
-void MethodOptions::addTo(CLI::App& command, const std::function<std::string(const std::string& path)>& as_yaml) {
-  command.add_option("--method", methods, "Methods, separated by commas")->delimiter(',');
-  command.add_option("--starts", starts, "Starts drawn around the initial pose; 0 takes the settings' count")
-      ->check(CLI::Range(0, 10000));
-  command.add_option("--extractor", extractor,
-                     "Centrelines of images: " + listOfExtractors() + "; the settings' choice when not given");
+void MethodOptions::addTo(cli::Command& command, const std::function<std::string(const std::string& path)>& as_yaml) {
+  command.addOption("--method", methods, "Methods, separated by commas")->delimiter(',');
+  command.addOption("--starts", starts, "Starts drawn around the initial pose; 0 takes the settings' count")
+      ->check(cli::wholeBetween(0, 10000));
+  command.addOption("--extractor", extractor,
+                    "Centrelines of images: " + listOfExtractors() + "; the settings' choice when not given");
   addSettingsOptions(command, settings, "Settings (.yaml), sections by method, starts, extractors", as_yaml);
 }
 
@@ -37,7 +37,7 @@ std::vector<Entrant> MethodOptions::entrants(const ProgramSettings& of_file) con
   return result;
 }
 
-CLI::Option* addModelAxes(CLI::App& command, ModelAxes& axes) {
+cli::Option* addModelAxes(cli::Command& command, ModelAxes& axes) {
   const std::map<std::string, ModelAxes> names = {
       {"lps", ModelAxes::kLps}, {"ras", ModelAxes::kRas}, {"lip", ModelAxes::kLip}};
   std::string standard;
@@ -45,10 +45,9 @@ CLI::Option* addModelAxes(CLI::App& command, ModelAxes& axes) {
     if (value == axes) standard = name;
   }
   return command
-      .add_option("--model-axes", axes,
-                  "Where the tree's x, y, z point in the patient: lps, ras or lip (left, inferior, posterior)")
-      ->transform(CLI::CheckedTransformer(names, CLI::ignore_case).description(""))
-      ->default_str(standard);
+      .addOption("--model-axes", axes, "Where the tree's x, y, z point in the patient; lip: left, inferior, posterior")
+      ->check(choice(names))
+      ->defaultText(standard);
 }
 
 int reported(Json json, const std::string& out, const std::string& text) {
@@ -116,23 +115,23 @@ int evaluateCases(const CasesOptions& o) {
   return reported(json, o.out, summaryTable(summaries));
 }
 
-void addEvaluateCases(CLI::App& app, Work& work) {
+void addEvaluateCases(cli::Command& app, Work& work) {
   const auto o = std::make_shared<CasesOptions>();
-  auto* command = app.add_subcommand("cases", "Run every case of a case set");
-  command->add_option("cases", o->cases, "Case set (cases.yaml)")->required();
+  auto* command = app.addSubcommand("cases", "Run every case of a case set");
+  command->addOption("cases", o->cases, "Case set (cases.yaml)")->required();
   o->method.addTo(*command, settingsInForce<ProgramSettings>);
-  command->add_flag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
-  command->add_flag("--point-covariance", o->point_covariance,
-                    "Add the covariance of each point of the tree to each result [mm^2]");
-  command->add_option("--out", o->out, "All results (.json)");
-  command->callback([o, &work] { work = [o] { return evaluateCases(*o); }; });
+  command->addFlag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
+  command->addFlag("--point-covariance", o->point_covariance,
+                   "Add the covariance of each point of the tree to each result [mm^2]");
+  command->addOption("--out", o->out, "All results (.json)");
+  command->onChosen([o, &work] { work = [o] { return evaluateCases(*o); }; });
 }
 
 }  // namespace
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app("Runs registrations over many cases and reports what they amount to.", "angio-evaluate");
+  angio::cli::Command app("Runs registrations over many cases and reports what they amount to.", "angio-evaluate");
   angio::apps::describeProgram(
       app,
       "angio-evaluate cases cases.yaml --method iterative_pnp,oriented_kernel --out results.json\n"
@@ -140,7 +139,7 @@ int main(int argc, char** argv) {
       "  angio-evaluate paper --report paper.html\n"
       "  angio-evaluate extraction --tree tree.csv --extractor ridge,otsu --sheet sheet.png\n"
       "  angio-evaluate catheter examples/data/hepatic-tace/cases.yaml --sheet sheet.png");
-  app.require_subcommand(1);
+  app.requireSubcommand();
   angio::apps::Work work;
   angio::apps::addEvaluateCases(app, work);
   angio::apps::addEvaluateSimulation(app, work);

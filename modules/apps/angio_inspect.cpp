@@ -310,39 +310,41 @@ int inspect(const Options& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app("Says what a DICOM run, an X-ray image, a vessel tree, a camera file or a bus's newest frame holds.",
-               "angio-inspect");
+  angio::cli::Command app(
+      "Says what a DICOM run, an X-ray image, a vessel tree, a camera file or a bus's newest frame holds.",
+      "angio-inspect");
   angio::apps::describeProgram(app, "angio-inspect run.dcm --frame 12 --out frame.png");
   angio::apps::Options o;
   auto* file =
-      app.add_option("file", o.file,
-                     "DICOM run, .png, .tif; tree (.csv, .swc, .vtp, .vtk, .mrk.json or a folder of them, .tre, HMM "
-                     ".txt); camera (.yaml, .xml)");
-  app.add_option("--frame", o.frame, "Frame of a run or of a TIFF, from 0")->check(CLI::Range(0, 1000000))->needs(file);
-  app.add_flag("--json", o.json, "JSON instead of columns");
-  app.add_option("--out", o.out, "Picture of the frame (.png, .tif, .jpg), as the camera sees it")->needs(file);
-  app.add_option("--write-camera", o.write_camera,
-                 "Camera of a DICOM run's frame (.yaml): K, pixel and source-detector distance, and what is assumed")
+      app.addOption("file", o.file,
+                    "DICOM run, .png, .tif; tree (.csv, .swc, .vtp, .vtk, .mrk.json or a folder of them, .tre, HMM "
+                    ".txt); camera (.yaml, .xml)");
+  app.addOption("--frame", o.frame, "Frame of a run or of a TIFF, from 0")
+      ->check(angio::cli::wholeBetween(0, 1000000))
+      ->needs(file);
+  app.addFlag("--json", o.json, "JSON instead of columns");
+  app.addOption("--out", o.out, "Picture of the frame (.png, .tif, .jpg), as the camera sees it")->needs(file);
+  app.addOption("--write-camera", o.write_camera,
+                "Camera of a DICOM run's frame (.yaml): K, pixel and source-detector distance, and what is assumed")
       ->needs(file);
   auto* bus =
-      app.add_option("--bus", o.live.bus,
-                     angio::cli::busHelp("Newest X-ray frame of a bus") + "; file://name.lcm?speed=0: a log's last one")
+      app.addOption("--bus", o.live.bus,
+                    angio::cli::busHelp("Newest X-ray frame of a bus") + "; file://name.lcm?speed=0: a log's last one")
           ->excludes(file);
-  auto* tree = app.add_option("--tree", o.live.tree, "With --bus: vessel tree")->needs(bus);
+  auto* tree = app.addOption("--tree", o.live.tree, "With --bus: vessel tree")->needs(bus);
   auto* calibration =
-      app.add_option("--calibration", o.calibration,
-                     "C-arm geometry and T_dsa_cb (.yaml); for a tree's picture how the patient lies (R_lps_model)");
+      app.addOption("--calibration", o.calibration,
+                    "C-arm geometry and T_dsa_cb (.yaml); for a tree's picture how the patient lies (R_lps_model)");
   bus->needs(tree)->needs(calibration);
-  app.add_option(
-      "--picture", o.picture,
-      "Of a tree: its branches from the front and from the side with the numbers that --to-branch takes "
-      "(.svg, .png), and a table of them. With --bus: the frame with the tree by joints and calibration, and "
-      "where in the patient its edges should be");
-  app.add_option("--wait-s", o.live.wait_s, "With --bus: for a frame and joints, at most")
+  app.addOption("--picture", o.picture,
+                "Of a tree: its branches from the front and from the side with the numbers that --to-branch takes "
+                "(.svg, .png), and a table of them. With --bus: the frame with the tree by joints and calibration, and "
+                "where in the patient its edges should be");
+  app.addOption("--wait-s", o.live.wait_s, "With --bus: for a frame and joints, at most")
       ->check(angio::apps::between(0.01, 3600))
       ->needs(bus);
-  app.parse_complete_callback([&] {
-    if (o.file.empty() && o.live.bus.empty()) throw CLI::RequiredError("file or --bus");
+  app.onRead([&] {
+    if (o.file.empty() && o.live.bus.empty()) angio::cli::refuseWithout("file or --bus");
   });
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::inspect(o); });
 }

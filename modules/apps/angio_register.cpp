@@ -53,20 +53,20 @@ struct Options {
   BusOptions live;                  // Used when it names a bus.
 
   void checkLive() const {
-    if (live.calibration.empty()) throw CLI::RequiredError("--calibration with --bus");
+    if (live.calibration.empty()) cli::refuseWithout("--calibration with --bus");
     if (!files.cameras.empty() || !files.centerlines.empty() || !files.images.empty()) {
-      throw CLI::ExcludesError("--bus", "files of a camera, a centreline or an image");
+      cli::refuseBoth("--bus", "files of a camera, a centreline or an image");
     }
     if (!settings.empty() || !out.empty() || !out_pose.empty() || !overlay.empty() || nonrigid || certify) {
-      throw CLI::ExcludesError("--bus", "--settings, --nonrigid, --certify, --out, --out-pose and --overlay");
+      cli::refuseBoth("--bus", "--settings, --nonrigid, --certify, --out, --out-pose and --overlay");
     }
   }
 
   void check() const {
     files.check();
-    if (certify && nonrigid) throw CLI::ExcludesError("--certify", "--nonrigid");
+    if (certify && nonrigid) cli::refuseBoth("--certify", "--nonrigid");
     if (certify && std::max(files.images.size(), files.centerlines.size()) > 1) {
-      throw CLI::ExcludesError("--certify", "a second view");
+      cli::refuseBoth("--certify", "a second view");
     }
   }
 };
@@ -255,94 +255,93 @@ int registerOnBus(const BusOptions& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app("Finds the pose of a pre-operative vessel tree in one X-ray image.", "angio-register");
+  angio::cli::Command app("Finds the pose of a pre-operative vessel tree in one X-ray image.", "angio-register");
   angio::apps::describeProgram(
       app,
       "angio-register --tree tree.csv --camera camera.yaml --image frame.png --initial-pose start.yaml "
       "--out result.json --overlay picture.png");
   angio::apps::Options o;
-  app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)")->required();
+  app.addOption("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)")->required();
   // Each may be given again for a further view; each takes one file at a time.
-  const auto addViews = [](CLI::App& to, const char* name, std::vector<std::string>& files, const char* help) {
-    return to.add_option(name, files, help)->allow_extra_args(false);
-  };
+  const auto addViews = [](angio::cli::Command& to, const char* name, std::vector<std::string>& files,
+                           const char* help) { return to.addOption(name, files, help)->oneAtATime(); };
   addViews(app, "--camera", o.files.cameras,
            "X-ray camera (.yaml, ViSP .xml); once for each view. DICOM runs need none");
   addViews(app, "--view-pose", o.files.view_poses,
            "Where the camera of view 2, 3, ... stands: T_view_first (.yaml). DICOM runs have angles");
-  auto* seen = app.add_option_group("What is seen", "At least one of them")->require_option(1, 2);
+  auto* seen = app.addGroup("What is seen", "At least one of them", 2);
   addViews(*seen, "--centerline", o.files.centerlines,
            "2D centreline (.csv) of each view; with --image the image is only shown");
   addViews(*seen, "--image", o.files.images, "X-ray image (.png, .tif) or DICOM run (.dcm) of each view");
-  app.add_option("--frame", o.files.frames, "Frame of a run or of a TIFF, from 0; once for all images or for each")
-      ->allow_extra_args(false)
-      ->check(CLI::Range(0, 1000000));
-  app.add_option("--mask-frame", o.files.mask_frames,
-                 "Frame of the same file without contrast agent, which is subtracted; once for all images or for each")
-      ->allow_extra_args(false)
-      ->check(CLI::Range(0, 1000000))
+  app.addOption("--frame", o.files.frames, "Frame of a run or of a TIFF, from 0; once for all images or for each")
+      ->oneAtATime()
+      ->check(angio::cli::wholeBetween(0, 1000000));
+  app.addOption("--mask-frame", o.files.mask_frames,
+                "Frame of the same file without contrast agent, which is subtracted; once for all images or for each")
+      ->oneAtATime()
+      ->check(angio::cli::wholeBetween(0, 1000000))
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--initial-pose", o.files.initial_pose,
-                 "Pose to start from (.yaml); without it a DICOM run's angles say where to start");
-  app.add_option(
+  app.addOption("--initial-pose", o.files.initial_pose,
+                "Pose to start from (.yaml); without it a DICOM run's angles say where to start");
+  app.addOption(
       "--t-dsa-cb", o.files.t_dsa_cb,
       "With angles: the tree in the patient's axes L, P, S from the isocentre (.yaml); or centre: its x, y, z are "
       "L, P, S of a patient head first supine, its centroid is at the isocentre");
-  app.add_option("--method", o.method, "Registration method");
-  app.add_flag("--nonrigid", o.nonrigid, "Let the tree deform after the rigid registration");
-  app.add_option("--extractor", o.extractor,
-                 "How centrelines are found in images: " + angio::apps::listOfExtractors() +
-                     "; the settings' choice (ridge) when not given");
-  app.add_option("--starts", o.starts, "Starts drawn around the initial pose; 0 takes the settings' count")
-      ->check(CLI::Range(0, 10000))
+  app.addOption("--method", o.method, "Registration method");
+  app.addFlag("--nonrigid", o.nonrigid, "Let the tree deform after the rigid registration");
+  app.addOption("--extractor", o.extractor,
+                "How centrelines are found in images: " + angio::apps::listOfExtractors() +
+                    "; the settings' choice (ridge) when not given");
+  app.addOption("--starts", o.starts, "Starts drawn around the initial pose; 0 takes the settings' count")
+      ->check(angio::cli::wholeBetween(0, 10000))
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--search-rotation-deg,--box-rotation-deg", o.search_rotation_deg,
-                 "Search all poses turned by up to so much about each axis; 0 takes the settings' box")
+  app.addOption("--search-rotation-deg,--box-rotation-deg", o.search_rotation_deg,
+                "Search all poses turned by up to so much about each axis; 0 takes the settings' box")
       ->check(angio::apps::between(0, 180));
-  app.add_option("--search-translation-mm,--box-translation-mm", o.search_translation_mm,
-                 "The same for shifts along each axis")
+  app.addOption("--search-translation-mm,--box-translation-mm", o.search_translation_mm,
+                "The same for shifts along each axis")
       ->check(angio::apps::between(0, 1000));
-  app.add_flag("--point-covariance", o.point_covariance,
-               "Add the covariance of each point of the tree to the result [mm^2]")
+  app.addFlag("--point-covariance", o.point_covariance,
+              "Add the covariance of each point of the tree to the result [mm^2]")
       ->group(angio::cli::kFurtherOptions);
-  auto* certify = app.add_flag("--certify", o.certify,
-                               "Prove that no different pose of the box scores nearly as well, or find one; the "
-                               "search's box, or +-45 deg and +-60 mm");
-  app.add_option("--certify-seconds", o.certificate.seconds, "Time for the proof; what is open then is not proven")
+  auto* certify = app.addFlag("--certify", o.certify,
+                              "Prove that no different pose of the box scores nearly as well, or find one; the "
+                              "search's box, or +-45 deg and +-60 mm");
+  app.addOption("--certify-seconds", o.certificate.seconds, "Time for the proof; what is open then is not proven")
       ->check(angio::apps::between(0, 1e6))
       ->needs(certify)
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--certify-distance-mm", o.certificate.distance_mm,
-                 "Poses further away than this are different; depth does not count")
+  app.addOption("--certify-distance-mm", o.certificate.distance_mm,
+                "Poses further away than this are different; depth does not count")
       ->check(angio::apps::between(0, 1000))
       ->needs(certify)
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--certify-threads", o.certificate.threads, "Threads of the proof; 0: as many as the processor has")
-      ->check(CLI::Range(0, 256))
+  app.addOption("--certify-threads", o.certificate.threads, "Threads of the proof; 0: as many as the processor has")
+      ->check(angio::cli::wholeBetween(0, 256))
       ->needs(certify)
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--polarity", o.polarity, "How vessels stand out of the image")
-      ->check(CLI::IsMember({"dark", "bright"}))
+  app.addOption("--polarity", o.polarity, "How vessels stand out of the image")
+      ->check(angio::cli::oneOf({"dark", "bright"}))
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--max-calibration-age-days", o.max_age_days, "A camera's older calibration is warned of")
+  app.addOption("--max-calibration-age-days", o.max_age_days, "A camera's older calibration is warned of")
       ->check(angio::apps::between(0, 1e6))
       ->group(angio::cli::kFurtherOptions);
   angio::apps::addSettingsOptions(app, o.settings, "Settings (.yaml), sections by method, starts, extractors",
                                   angio::io::settingsInForce<angio::apps::ProgramSettings>);
-  app.add_option("--out", o.out, "Result (.json)");
-  app.add_flag("--json", o.json, "The result to stdout, and what is said of it to stderr");
-  app.add_option("--out-pose", o.out_pose, "Pose of the model in the camera (.yaml), of a result that converged");
-  app.add_option("--overlay", o.overlay, "Picture of the result (.png, .jpg)");
+  app.addOption("--out", o.out, "Result (.json)");
+  app.addFlag("--json", o.json, "The result to stdout, and what is said of it to stderr");
+  app.addOption("--out-pose", o.out_pose, "Pose of the model in the camera (.yaml), of a result that converged");
+  app.addOption("--overlay", o.overlay, "Picture of the result (.png, .jpg)");
   auto* bus =
-      seen->add_option("--bus", o.live.bus, angio::cli::busHelp("Register the frames of a bus, and say so there"));
-  app.add_option("--key-file", o.live.key_file, "With --bus: key that the programs on the bus share")
+      seen->addOption("--bus", o.live.bus, angio::cli::busHelp("Register the frames of a bus, and say so there"));
+  app.addOption("--key-file", o.live.key_file, "With --bus: key that the programs on the bus share")
       ->needs(bus)
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")->needs(bus);
-  app.add_option("--duration-s", o.live.duration_s, "With --bus: how long; 0: until stopped")
+  app.addOption("--calibration", o.live.calibration, "With --bus: C-arm geometry and T_dsa_cb (.yaml)")->needs(bus);
+  app.addOption("--duration-s", o.live.duration_s, "With --bus: how long; 0: until stopped")
       ->check(angio::apps::between(0, 86400))
       ->needs(bus);
-  app.parse_complete_callback([&] { o.live.bus.empty() ? o.check() : o.checkLive(); });
+  app.onRead([&] { o.live.bus.empty() ? o.check() : o.checkLive(); });
   return angio::apps::runProgram(app, argc, argv, [&] {
     o.live.tree = o.tree;
     o.live.method = o.method;

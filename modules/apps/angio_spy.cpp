@@ -167,18 +167,17 @@ int spy(const Options& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app("Shows what is on a bus: channels, rates, gaps, delays and last values. Ends with a table.",
-               "angio-spy");
+  angio::cli::Command app("Shows what is on a bus: channels, rates, gaps, delays and last values. Ends with a table.",
+                          "angio-spy");
   angio::apps::describeProgram(app, "angio-spy --bus 'file://run.lcm?speed=0' --json run.json");
   angio::apps::Options o;
-  app.add_option("--bus", o.bus,
-                 angio::cli::busHelp("Bus to listen on") + "; file://name.lcm?speed=0 reads a whole log at once");
-  app.add_option(
-      "--key-file", o.key_file,
-      "Key that the programs on the bus share: shows only what has a valid envelope, and says what had none");
-  app.add_option("--duration-s", o.duration_s, "How long; 0: until stopped, or 3 with --once")
+  app.addOption("--bus", o.bus,
+                angio::cli::busHelp("Bus to listen on") + "; file://name.lcm?speed=0 reads a whole log at once");
+  app.addOption("--key-file", o.key_file,
+                "Key that the programs on the bus share: shows only what has a valid envelope, and says what had none");
+  app.addOption("--duration-s", o.duration_s, "How long; 0: until stopped, or 3 with --once")
       ->check(angio::apps::between(0, 86400));
-  app.add_flag("--once", o.once, "Only the table at the end, also in a terminal");
-  app.add_option("--json", o.json, "File for the same numbers");
+  app.addFlag("--once", o.once, "Only the table at the end, also in a terminal");
+  app.addOption("--json", o.json, "File for the same numbers");
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::spy(o); });
 }

@@ -157,20 +157,21 @@ int view(const Options& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app("Shows the X-ray with the registered tree and the loop's state, from a bus or a log.", "angio-view");
+  angio::cli::Command app("Shows the X-ray with the registered tree and the loop's state, from a bus or a log.",
+                          "angio-view");
   angio::apps::describeProgram(app, "angio-view --bus 'file://run.lcm?speed=0' --out run.mp4");
   using angio::apps::between;
   angio::apps::Options o;
-  app.add_option("--bus", o.bus,
-                 angio::cli::busHelp("Bus to listen on") + "; file://name.lcm?speed=0 shows each frame of a log");
-  app.add_option("--key-file", o.key_file, "Key that the programs on the bus share");
-  app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
-  app.add_option("--calibration", o.calibration,
-                 "C-arm geometry and T_dsa_cb (.yaml), for the letters at the X-ray's edges; an ideal C-arm without");
-  app.add_option("--out", o.out, "Film (.mp4) or numbered pictures (frames/%04d.png) in place of a window");
-  app.add_option("--film-rate-hz", o.film_rate_hz, "Pictures of a film a second")->check(between(0.1, 1000));
-  app.add_option("--width-px", o.width_px, "Of the picture")->check(CLI::Range(320, 4096));
-  app.add_option("--title", o.title, "First line in the picture");
-  app.add_option("--duration-s", o.duration_s, "How long; 0: until stopped")->check(between(0, 86400));
+  app.addOption("--bus", o.bus,
+                angio::cli::busHelp("Bus to listen on") + "; file://name.lcm?speed=0 shows each frame of a log");
+  app.addOption("--key-file", o.key_file, "Key that the programs on the bus share");
+  app.addOption("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  app.addOption("--calibration", o.calibration,
+                "C-arm geometry and T_dsa_cb (.yaml), for the letters at the X-ray's edges; an ideal C-arm without");
+  app.addOption("--out", o.out, "Film (.mp4) or numbered pictures (frames/%04d.png) in place of a window");
+  app.addOption("--film-rate-hz", o.film_rate_hz, "Pictures of a film a second")->check(between(0.1, 1000));
+  app.addOption("--width-px", o.width_px, "Of the picture")->check(angio::cli::wholeBetween(320, 4096));
+  app.addOption("--title", o.title, "First line in the picture");
+  app.addOption("--duration-s", o.duration_s, "How long; 0: until stopped")->check(between(0, 86400));
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::view(o); });
 }

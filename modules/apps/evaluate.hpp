@@ -6,17 +6,17 @@
 #include <vector>
 
 #include "angio/apps/namespace.hpp"
-#include "angio/cli/app_fwd.hpp"
+#include "angio/cli/command_line_fwd.hpp"
 #include "angio/evaluation/simulation_run.hpp"
 #include "program_settings.hpp"
 
 namespace angio::apps {
 
 // Each adds its sub-command to the program, and becomes its work when the command line chooses it.
-void addEvaluateSimulation(CLI::App& app, Work& work);
-void addEvaluatePaper(CLI::App& app, Work& work);
-void addEvaluateExtraction(CLI::App& app, Work& work);
-void addEvaluateCatheter(CLI::App& app, Work& work);
+void addEvaluateSimulation(cli::Command& app, Work& work);
+void addEvaluatePaper(cli::Command& app, Work& work);
+void addEvaluateExtraction(cli::Command& app, Work& work);
+void addEvaluateCatheter(cli::Command& app, Work& work);
 
 /// What all of them ask of methods.
 struct MethodOptions {
@@ -27,14 +27,14 @@ struct MethodOptions {
   bool nonrigid = false;
 
   /// @param as_yaml  For --print-settings: what is in force with a settings file.
-  void addTo(CLI::App& command, const std::function<std::string(const std::string& path)>& as_yaml);
+  void addTo(cli::Command& command, const std::function<std::string(const std::string& path)>& as_yaml);
 
   /// Each method with its settings. Throws InputError for a name that is not there or is there twice.
   std::vector<Entrant> entrants(const ProgramSettings& of_file) const;
 };
 
 /// The option --model-axes; `axes` is its default.
-CLI::Option* addModelAxes(CLI::App& command, ModelAxes& axes);
+cli::Option* addModelAxes(cli::Command& command, ModelAxes& axes);
 
 /// Ends a sub-command: writes the results with the machine where `out` names a file, and prints the text. Returns 0.
 int reported(Json json, const std::string& out, const std::string& text);

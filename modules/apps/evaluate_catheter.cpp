@@ -342,26 +342,26 @@ int evaluateCatheter(const CatheterOptions& o) {
 
 }  // namespace
 
-void addEvaluateCatheter(CLI::App& app, Work& work) {
+void addEvaluateCatheter(cli::Command& app, Work& work) {
   const auto o = std::make_shared<CatheterOptions>();
-  auto* command = app.add_subcommand("catheter", "Locate a catheter's tip in the tree, in each frame of a sequence");
+  auto* command = app.addSubcommand("catheter", "Locate a catheter's tip in the tree, in each frame of a sequence");
   command->footer("Example:\n  angio-evaluate catheter examples/data/hepatic-tace/cases.yaml --sheet sheet.png");
   command
-      ->add_option("cases", o->cases, "Case set (cases.yaml) whose centrelines are a catheter's, in the order of time")
+      ->addOption("cases", o->cases, "Case set (cases.yaml) whose centrelines are a catheter's, in the order of time")
       ->required();
-  command->add_option("--period-s", o->period_s, "From frame to frame [s]")->check(CLI::Range(0.001, 100.0));
+  command->addOption("--period-s", o->period_s, "From frame to frame [s]")->check(cli::between(0.001, 100.0));
   command
-      ->add_option("--learn-frames", o->learn_frames,
-                   "Of the run frame by frame: these come first, to learn the pose from")
-      ->check(CLI::Range(1, 100000));
-  command->add_flag("--rigid", o->rigid, "The vessels are where the tree has them, but for one pose");
+      ->addOption("--learn-frames", o->learn_frames,
+                  "Of the run frame by frame: these come first, to learn the pose from")
+      ->check(cli::wholeBetween(1, 100000));
+  command->addFlag("--rigid", o->rigid, "The vessels are where the tree has them, but for one pose");
   addSettingsOptions(*command, o->settings, "Settings (.yaml), sections sequence and catheter",
                      settingsInForce<CatheterFile>);
-  command->add_option("--out", o->out, "All results (.json)");
-  command->add_option("--sheet", o->sheet, "Picture of all frames (.png, .jpg)");
-  command->add_option("--columns", o->columns, "Of the sheet")->check(CLI::Range(1, 100));
-  command->add_option("--side-px", o->side_px, "Width of each picture on it")->check(CLI::Range(50, 2000));
-  command->callback([o, &work] { work = [o] { return evaluateCatheter(*o); }; });
+  command->addOption("--out", o->out, "All results (.json)");
+  command->addOption("--sheet", o->sheet, "Picture of all frames (.png, .jpg)");
+  command->addOption("--columns", o->columns, "Of the sheet")->check(cli::wholeBetween(1, 100));
+  command->addOption("--side-px", o->side_px, "Width of each picture on it")->check(cli::wholeBetween(50, 2000));
+  command->onChosen([o, &work] { work = [o] { return evaluateCatheter(*o); }; });
 }
 
 }  // namespace angio::apps

@@ -109,42 +109,42 @@ int evaluateExtraction(const ExtractionOptions& o) {
 
 }  // namespace
 
-void addEvaluateExtraction(CLI::App& app, Work& work) {
+void addEvaluateExtraction(cli::Command& app, Work& work) {
   const auto o = std::make_shared<ExtractionOptions>();
-  auto* command = app.add_subcommand("extraction", "Compare extracted centrelines with what X-ray images show");
+  auto* command = app.addSubcommand("extraction", "Compare extracted centrelines with what X-ray images show");
   command->footer(
       "Examples:\n  angio-evaluate extraction --tree a.swc --trials 50 --sheet sheet.png\n  angio-evaluate extraction "
       "--cases cases.yaml\n  angio-evaluate extraction --annotations annotations.json");
-  auto* images = command->add_option_group("Images", "At least one of them; a table each")->require_option(1, 4);
-  images->add_option("--tree", o->trees, "Simulated views of a vessel tree; may be repeated")->take_all();
-  images->add_option("--cases", o->cases, "Case set (.yaml) whose cases have images and true poses");
-  images->add_option("--annotations", o->annotations, "Images with polygons drawn by people (COCO, .json)");
-  images->add_option("--image", o->images, "Images without a truth: for their times and the sheet")->take_all();
-  command->add_option("--extractor", o->extractors, "Extractors, separated by commas: " + listOfExtractors())
+  auto* images = command->addGroup("Images", "At least one of them; a table each", 4);
+  images->addOption("--tree", o->trees, "Simulated views of a vessel tree; may be repeated")->takeAll();
+  images->addOption("--cases", o->cases, "Case set (.yaml) whose cases have images and true poses");
+  images->addOption("--annotations", o->annotations, "Images with polygons drawn by people (COCO, .json)");
+  images->addOption("--image", o->images, "Images without a truth: for their times and the sheet")->takeAll();
+  command->addOption("--extractor", o->extractors, "Extractors, separated by commas: " + listOfExtractors())
       ->delimiter(',');
   command
-      ->add_option("--tolerance-px", o->tolerance_px,
-                   "Lines within this of each other are the same; 0: 1.5 of simulated images, 3 of others")
-      ->check(CLI::Range(0.0, 100.0));
-  command->add_option("--trials", o->trials, "Number of simulated images, split over the trees")
-      ->check(CLI::Range(1, 100000));
-  command->add_option("--seed", o->seed, "Seed of all draws")->check(CLI::Range(0, 2147483647));
-  command->add_option("--camera", o->camera, "Camera of simulated images (.yaml, ViSP .xml)");
+      ->addOption("--tolerance-px", o->tolerance_px,
+                  "Lines within this of each other are the same; 0: 1.5 of simulated images, 3 of others")
+      ->check(cli::between(0.0, 100.0));
+  command->addOption("--trials", o->trials, "Number of simulated images, split over the trees")
+      ->check(cli::wholeBetween(1, 100000));
+  command->addOption("--seed", o->seed, "Seed of all draws")->check(cli::wholeBetween(0, 2147483647));
+  command->addOption("--camera", o->camera, "Camera of simulated images (.yaml, ViSP .xml)");
   addModelAxes(*command, o->model_axes);
-  command->add_option("--thinnest-mm", o->thinnest_mm, "Simulated vessels from this width on must be found")
-      ->check(CLI::Range(0.0, 100.0));
-  command->add_option("--thickest-mm", o->thickest_mm, "and to this one")->check(CLI::Range(0.0, 100.0));
-  command->add_option("--radius-px", o->radius_px, "Of the vessels of a case set: what an image shows of its tree")
-      ->check(CLI::Range(1.0, 100.0));
-  command->add_option("--shown-contrast", o->shown_contrast, "is this much darker than its sides (natural logarithm)")
-      ->check(CLI::Range(0.001, 10.0));
+  command->addOption("--thinnest-mm", o->thinnest_mm, "Simulated vessels from this width on must be found")
+      ->check(cli::between(0.0, 100.0));
+  command->addOption("--thickest-mm", o->thickest_mm, "and to this one")->check(cli::between(0.0, 100.0));
+  command->addOption("--radius-px", o->radius_px, "Of the vessels of a case set: what an image shows of its tree")
+      ->check(cli::between(1.0, 100.0));
+  command->addOption("--shown-contrast", o->shown_contrast, "is this much darker than its sides (natural logarithm)")
+      ->check(cli::between(0.001, 10.0));
   addSettingsOptions(*command, o->settings, "Settings (.yaml), sections by extractor, and fluoroscopy",
                      settingsInForce<ExtractionFile>);
-  command->add_option("--out", o->out, "Scores (.json)");
-  command->add_option("--sheet", o->sheet, "Picture of what the first extractor found in each image (.png, .jpg)");
-  command->add_option("--columns", o->columns, "Of the sheet")->check(CLI::Range(1, 100));
-  command->add_option("--side-px", o->side_px, "Of each picture on it")->check(CLI::Range(50, 2000));
-  command->callback([o, &work] { work = [o] { return evaluateExtraction(*o); }; });
+  command->addOption("--out", o->out, "Scores (.json)");
+  command->addOption("--sheet", o->sheet, "Picture of what the first extractor found in each image (.png, .jpg)");
+  command->addOption("--columns", o->columns, "Of the sheet")->check(cli::wholeBetween(1, 100));
+  command->addOption("--side-px", o->side_px, "Of each picture on it")->check(cli::wholeBetween(50, 2000));
+  command->onChosen([o, &work] { work = [o] { return evaluateExtraction(*o); }; });
 }
 
 }  // namespace angio::apps

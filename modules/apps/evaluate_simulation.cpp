@@ -69,7 +69,7 @@ int evaluateSimulation(const SimulationOptions& o) {
     throw InputError("--deformation-field", "--deformation-mm", "0", "must be above 0: the size of the deformation");
   }
   if (o.certify) {
-    if (o.method.nonrigid) throw CLI::ExcludesError("--certify", "--nonrigid");
+    if (o.method.nonrigid) cli::refuseBoth("--certify", "--nonrigid");
     setup.certificate = o.certificate;
   }
   if (!o.camera.empty()) setup.camera = readCamera(o.camera);
@@ -108,7 +108,7 @@ class RangeOf final : public SettingsVisitor {
  public:
   explicit RangeOf(const std::string& key) : key_(key) { SimulationSettings().visit(*this); }
 
-  CLI::Validator validator() const { return between(low_, high_); }
+  cli::Check validator() const { return between(low_, high_); }
 
   void number(const char* key, double&, double low, double high, const char*) override { found(key, low, high); }
   void integer(const char* key, int&, int low, int high, const char*) override { found(key, low, high); }
@@ -129,7 +129,7 @@ class RangeOf final : public SettingsVisitor {
 // Options that set one field when they are given. "--noise-px" is the key noise_px, whose range holds here as well.
 class GivenFields {
  public:
-  GivenFields(CLI::App& command, std::shared_ptr<SimulationOptions> o, std::string group)
+  GivenFields(cli::Command& command, std::shared_ptr<SimulationOptions> o, std::string group)
       : command_(command), o_(std::move(o)), group_(std::move(group)) {}
 
   template <typename Value>
@@ -140,19 +140,18 @@ class GivenFields {
     const auto set = [o = o_, field](const Value& value) {
       o->given.push_back([field, value](SimulationSettings& s) { s.*field = value; });
     };
-    command_.add_option_function<Value>(name + more_names, set, help)
-        ->default_str(CLI::detail::to_string(SimulationSettings{}.*field))
+    command_.addSetter<Value>(name + more_names, set, help, SimulationSettings{}.*field)
         ->group(group_)
         ->check(RangeOf(key).validator());
   }
 
  private:
-  CLI::App& command_;
+  cli::Command& command_;
   std::shared_ptr<SimulationOptions> o_;
   std::string group_;
 };
 
-void addFields(CLI::App& command, const std::shared_ptr<SimulationOptions>& o) {
+void addFields(cli::Command& command, const std::shared_ptr<SimulationOptions>& o) {
   using S = SimulationSettings;
   GivenFields fields(command, o, "Options"), further(command, o, cli::kFurtherOptions);
   fields.add("--trials", &S::trials, "Number of trials, split over the trees");
@@ -256,68 +255,67 @@ int evaluatePaper(const PaperOptions& o) {
 
 }  // namespace
 
-void addEvaluateSimulation(CLI::App& app, Work& work) {
+void addEvaluateSimulation(cli::Command& app, Work& work) {
   const auto o = std::make_shared<SimulationOptions>();
-  auto* command = app.add_subcommand("simulation", "Run simulated trials with known truth");
+  auto* command = app.addSubcommand("simulation", "Run simulated trials with known truth");
   command->footer(
       "Example:\n  angio-evaluate simulation --tree a.swc --tree b.swc --trials 200 --visible-fraction 0.5 "
       "--noise-px 1 --spurious 5 --sweep noise --report report.html\n\nAll fields of the simulation, also "
       "views, model axes and spacings, can be set in the section `simulation` of --settings.");
-  command->add_option("--tree", o->trees, "Vessel tree (.csv, .swc, .vtp, HMM .txt); may be repeated")
+  command->addOption("--tree", o->trees, "Vessel tree (.csv, .swc, .vtp, HMM .txt); may be repeated")
       ->required()
-      ->take_all();
+      ->takeAll();
   command
-      ->add_option(
-          "--deformation-field", o->motions,
-          "Measured motion (.csv: x_mm, y_mm, z_mm, moved_x_mm, moved_y_mm, moved_z_mm) that deforms the tree, "
-          "scaled to it and turned; may be repeated")
-      ->take_all();
-  command->add_option(
+      ->addOption("--deformation-field", o->motions,
+                  "Measured motion (.csv: x_mm, y_mm, z_mm, moved_x_mm, moved_y_mm, moved_z_mm) that deforms the tree, "
+                  "scaled to it and turned; may be repeated")
+      ->takeAll();
+  command->addOption(
       "--camera", o->camera,
       "X-ray camera (.yaml, ViSP .xml); when not given 1024 x 1024 pixels of 0.308 mm, 1195 mm from the source");
   o->method.addTo(*command, settingsInForce<SimulationFile>);
-  command->add_flag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
+  command->addFlag("--nonrigid", o->method.nonrigid, "Let the tree deform after the rigid registration");
   addFields(*command, o);
   auto* certify =
-      command->add_flag("--certify", o->certify, "Certify every result in a box of +-45 deg / +-60 mm about its start");
-  command->add_option("--certify-seconds", o->certificate.seconds, "Time for each proof")
+      command->addFlag("--certify", o->certify, "Certify every result in a box of +-45 deg / +-60 mm about its start");
+  command->addOption("--certify-seconds", o->certificate.seconds, "Time for each proof")
       ->check(between(0.1, 86400))
       ->needs(certify);
   auto* from =
       command
-          ->add_option("--from", o->from,
-                       "What methods are given: projected centerlines, or what the extractor finds in X-ray images")
-          ->transform(choice(std::map<std::string, TrialSource>{{"centerlines", TrialSource::kCenterlines},
-                                                                {"images", TrialSource::kImages}}))
-          ->default_str("centerlines");
+          ->addOption("--from", o->from,
+                      "What methods are given: projected centerlines, or what the extractor finds in X-ray images")
+          ->check(choice(std::map<std::string, TrialSource>{{"centerlines", TrialSource::kCenterlines},
+                                                            {"images", TrialSource::kImages}}))
+          ->defaultText("centerlines");
   auto* axes = addModelAxes(*command, o->model_axes);
   std::string names;
   for (const auto& name : sweepNames()) names += name + ", ";
-  command->add_option("--sweep", o->sweep, "Besides, over a range of: " + names + "or all");
-  command->add_option("--out", o->out, "All results (.json)");
-  command->add_option("--report", o->report, "Report with curves and pictures (.html)");
-  command->callback([o, axes, from, &work] {
-    if (from->count() > 0) o->given.push_back([o](SimulationSettings& s) { s.from = o->from; });
-    if (axes->count() > 0) o->given.push_back([o](SimulationSettings& s) { s.model_axes = o->model_axes; });
+  command->addOption("--sweep", o->sweep, "Besides, over a range of: " + names + "or all");
+  command->addOption("--out", o->out, "All results (.json)");
+  command->addOption("--report", o->report, "Report with curves and pictures (.html)");
+  command->onChosen([o, axes, from, &work] {
+    if (from->given()) o->given.push_back([o](SimulationSettings& s) { s.from = o->from; });
+    if (axes->given()) o->given.push_back([o](SimulationSettings& s) { s.model_axes = o->model_axes; });
     work = [o] { return evaluateSimulation(*o); };
   });
 }
 
-void addEvaluatePaper(CLI::App& app, Work& work) {
+void addEvaluatePaper(cli::Command& app, Work& work) {
   const auto o = std::make_shared<PaperOptions>();
   o->method.methods = {IterativePnpSettings::kName};  // The paper's.
-  auto* command = app.add_subcommand("paper", "Repeat the simulation experiments of the Iterative PnP paper");
+  auto* command = app.addSubcommand("paper", "Repeat the simulation experiments of the Iterative PnP paper");
   command->footer(
       "Example:\n  angio-evaluate paper --trials 100 --report paper.html\n\nWithout --settings, iterative_pnp "
       "matches one image point to one point of the tree, as the paper does.");
-  command->add_option("--tree", o->tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  command->addOption("--tree", o->tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   addModelAxes(*command, o->model_axes);
-  command->add_option("--trials", o->trials, "Trials of each row")->check(CLI::Range(1, 100000));
-  command->add_option("--seed", o->seed, "Seed of all draws")->check(CLI::Range(0, 2147483647));
+  command->addOption("--trials", o->trials, "Trials of each row")->check(cli::wholeBetween(1, 100000));
+  command->addOption("--seed", o->seed, "Seed of all draws")->check(cli::wholeBetween(0, 2147483647));
   o->method.addTo(*command, [](const std::string& path) { return settingsAsYaml(paperSettings(path)); });
-  command->add_option("--out", o->out, "All results (.json)");
-  command->add_option("--report", o->report, "Report with curves (.html)");
-  command->callback([o, &work] { work = [o] { return evaluatePaper(*o); }; });
+  command->addOption("--out", o->out, "All results (.json)");
+  command->addOption("--report", o->report, "Report with curves (.html)");
+  command->onChosen([o, &work] { work = [o] { return evaluatePaper(*o); }; });
 }
 
 }  // namespace angio::apps

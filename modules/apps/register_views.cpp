@@ -101,22 +101,21 @@ void ViewFiles::check() const {
   const std::size_t views = cameras.empty() ? images.size() : cameras.size();
   const auto check = [](const char* option, std::size_t given, std::size_t wanted, const char* rule) {
     if (given == wanted) return;
-    throw CLI::ValidationError(option,
-                               std::to_string(given) + " given, must be " + std::to_string(wanted) + ": " + rule);
+    cli::refuseValue(option, std::to_string(given) + " given, must be " + std::to_string(wanted) + ": " + rule);
   };
   const bool plain = images.empty() || std::any_of(images.begin(), images.end(), isPlainPicture);
-  if (cameras.empty() && plain) throw CLI::ValidationError("--camera", "is needed: only DICOM runs bring theirs");
+  if (cameras.empty() && plain) cli::refuseValue("--camera", "is needed: only DICOM runs bring theirs");
   if (initial_pose.empty() && (images.empty() || isPlainPicture(images.front()))) {
-    throw CLI::ValidationError("--initial-pose", "is needed: only DICOM runs have angles");
+    cli::refuseValue("--initial-pose", "is needed: only DICOM runs have angles");
   }
   if (!initial_pose.empty() && !t_dsa_cb.empty()) {
-    throw CLI::ValidationError("--t-dsa-cb", "must not stand beside --initial-pose, which it is there to find");
+    cli::refuseValue("--t-dsa-cb", "must not stand beside --initial-pose, which it is there to find");
   }
   if (!centerlines.empty()) check("--centerline", centerlines.size(), views, "one for each camera");
   if (!images.empty()) check("--image", images.size(), views, "one for each camera");
   if (frames.size() > 1) check("--frame", frames.size(), views, "one for all images, or one for each");
   if (mask_frames.size() > 1) check("--mask-frame", mask_frames.size(), views, "one for all images, or one for each");
-  if (!mask_frames.empty() && images.empty()) throw CLI::ValidationError("--mask-frame", "is of --image");
+  if (!mask_frames.empty() && images.empty()) cli::refuseValue("--mask-frame", "is of --image");
   if (!view_poses.empty() || !cameras.empty()) {
     check("--view-pose", view_poses.size(), views - 1, "one for each camera but the first");
   }

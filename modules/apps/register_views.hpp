@@ -21,7 +21,7 @@ struct ViewFiles {
   std::vector<int> mask_frames;  ///< Without contrast agent, to be subtracted; one is for all images, none for none.
   std::string initial_pose, t_dsa_cb;
 
-  /// Throws CLI::ValidationError for what the command line can say wrongly of the views.
+  /// Ends as refuseValue() does for what the command line can say wrongly of the views.
   void check() const;
 };
 

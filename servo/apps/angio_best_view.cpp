@@ -216,24 +216,25 @@ int showBestView(const Options& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app(
+  angio::cli::Command app(
       "Finds the view of least foreshortening and overlap of a vessel, over all angles that the arm reaches. Without a "
       "vessel: lists the tree's branches.",
       "angio-best-view");
   angio::apps::describeProgram(app, "angio-best-view --branch 12 --picture map.png");
   angio::apps::Options o;
-  app.add_option("--tree", o.tree, "Vessel tree");
-  app.add_option("--calibration", o.calibration, "C-arm geometry, and how the patient's axes lie (.yaml)");
-  auto* branch =
-      app.add_option("--branch", o.branch, "Vessel: the branch of this number")->check(CLI::Range(0, 1000000000));
-  auto* from =
-      app.add_option("--from-point", o.from, "Or: from this point of the tree ...")->check(CLI::Range(0, 1000000000));
-  auto* to = app.add_option("--to-point", o.to, "... downstream to this one")->check(CLI::Range(0, 1000000000));
+  app.addOption("--tree", o.tree, "Vessel tree");
+  app.addOption("--calibration", o.calibration, "C-arm geometry, and how the patient's axes lie (.yaml)");
+  auto* branch = app.addOption("--branch", o.branch, "Vessel: the branch of this number")
+                     ->check(angio::cli::wholeBetween(0, 1000000000));
+  auto* from = app.addOption("--from-point", o.from, "Or: from this point of the tree ...")
+                   ->check(angio::cli::wholeBetween(0, 1000000000));
+  auto* to =
+      app.addOption("--to-point", o.to, "... downstream to this one")->check(angio::cli::wholeBetween(0, 1000000000));
   from->needs(to)->excludes(branch);
   to->needs(from);
   angio::apps::addSettingsOptions(app, o.settings, "Settings (.yaml), as angio-servo's: limits, and view's best_view",
                                   angio::apps::servoSettingsAsYaml);
-  app.add_option("--picture", o.picture, "The map, drawn (.png, .jpg)");
-  app.add_option("--out", o.out, "The map, in numbers (.json)");
+  app.addOption("--picture", o.picture, "The map, drawn (.png, .jpg)");
+  app.addOption("--out", o.out, "The map, in numbers (.json)");
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::showBestView(o); });
 }

@@ -114,7 +114,7 @@ int check(const Options& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app(
+  angio::cli::Command app(
       "Whether a C-arm and an X-ray on the bus keep what the messages promise: rates, clocks, units, geometry and "
       "orientation of the image by watching; with --move also sign, unit and axis of each joint by what the X-ray "
       "shows, latency, watchdog and stop. Exit code 1 when a row fails.",
@@ -122,16 +122,16 @@ int main(int argc, char** argv) {
   angio::apps::describeProgram(app, "angio-check-machine --move --angle-deg 1 --table-mm 5");
   using angio::apps::between;
   angio::apps::Options o;
-  app.add_option("--bus", o.bus, angio::cli::busHelp("Bus"));
-  app.add_option("--key-file", o.key_file, "Key that the machine's commands are authenticated with");
-  app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt) of what the X-ray shows");
-  app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
+  app.addOption("--bus", o.bus, angio::cli::busHelp("Bus"));
+  app.addOption("--key-file", o.key_file, "Key that the machine's commands are authenticated with");
+  app.addOption("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt) of what the X-ray shows");
+  app.addOption("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
   angio::apps::addSettingsOptions(app, o.settings, "Settings (.yaml), of which the section limits counts",
                                   angio::apps::servoSettingsAsYaml);
-  auto* move = app.add_flag("--move", o.check.move, "Move each joint a little, out and back: nobody near the machine");
-  app.add_option("--angle-deg", o.check.angle_deg, "How far, of the angles")->check(between(0.1, 10))->needs(move);
-  app.add_option("--table-mm", o.check.table_mm, "How far, of the table")->check(between(0.5, 50))->needs(move);
-  app.add_option("--watch-s", o.check.watch_s, "How long it watches first")->check(between(0.5, 600));
-  app.add_option("--json", o.json, "File for the table (.json)");
+  auto* move = app.addFlag("--move", o.check.move, "Move each joint a little, out and back: nobody near the machine");
+  app.addOption("--angle-deg", o.check.angle_deg, "How far, of the angles")->check(between(0.1, 10))->needs(move);
+  app.addOption("--table-mm", o.check.table_mm, "How far, of the table")->check(between(0.5, 50))->needs(move);
+  app.addOption("--watch-s", o.check.watch_s, "How long it watches first")->check(between(0.5, 600));
+  app.addOption("--json", o.json, "File for the table (.json)");
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::check(o); });
 }

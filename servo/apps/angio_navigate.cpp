@@ -85,25 +85,25 @@ int navigate(const Options& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app("Steers a catheter to a branch of the tree by what X-ray images show.", "angio-navigate");
+  angio::cli::Command app("Steers a catheter to a branch of the tree by what X-ray images show.", "angio-navigate");
   angio::apps::describeProgram(app, "angio-navigate --from-branch 0 --to-branch 13");
   using angio::apps::between;
   angio::apps::Options o;
-  app.add_option("--bus", o.bus, angio::cli::busHelp("Bus to listen on"));
-  app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
-  app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
+  app.addOption("--bus", o.bus, angio::cli::busHelp("Bus to listen on"));
+  app.addOption("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  app.addOption("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
   o.way.addTo(app)->required();
-  app.add_option("--duration-s", o.duration_s, "How long at most; 0: until it has arrived or is stopped")
+  app.addOption("--duration-s", o.duration_s, "How long at most; 0: until it has arrived or is stopped")
       ->check(between(0, 86400));
-  app.add_flag("--wait-for-operator", o.wait_for_operator,
-               "Stand still until CATHETER_REQUEST arms and starts (angio-operator --machine catheter): the default");
-  app.add_flag("--autostart", o.autostart, "Arm and start at once, without an operator: for simulations and tests")
+  app.addFlag("--wait-for-operator", o.wait_for_operator,
+              "Stand still until CATHETER_REQUEST arms and starts (angio-operator --machine catheter): the default");
+  app.addFlag("--autostart", o.autostart, "Arm and start at once, without an operator: for simulations and tests")
       ->excludes("--wait-for-operator");
-  app.add_option("--key-file", o.key_file, angio::cli::kKeyFileHelp);
-  app.add_flag("--ask-for-views", o.ask_for_views,
-               "Ask the C-arm for views of the way (VIEW_REQUEST); angio-servo --view-from bus goes there");
-  app.add_option("--record", o.record, "Log of all that is heard and said (.lcm)");
-  app.add_option("--disturb", o.disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...");
+  app.addOption("--key-file", o.key_file, angio::cli::kKeyFileHelp);
+  app.addFlag("--ask-for-views", o.ask_for_views,
+              "Ask the C-arm for views of the way (VIEW_REQUEST); angio-servo --view-from bus goes there");
+  app.addOption("--record", o.record, "Log of all that is heard and said (.lcm)");
+  app.addOption("--disturb", o.disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...");
   angio::apps::addSettingsOptions(
       app, o.settings, "Settings (.yaml): navigator, tracer, localiser, supervisor, states, freshness, limits, ...",
       angio::apps::navigateSettingsAsYaml);

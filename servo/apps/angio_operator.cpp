@@ -77,15 +77,16 @@ int ask(const Options& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app("Arms, starts and stops a servo loop on the bus, and waits for its answer.", "angio-operator");
+  angio::cli::Command app("Arms, starts and stops a servo loop on the bus, and waits for its answer.",
+                          "angio-operator");
   angio::apps::describeProgram(app, "angio-operator arm && angio-operator start; angio-operator emergency-stop");
   angio::apps::Options o;
   std::vector<std::string> names;
   for (const auto& [name, kind] : angio::apps::kRequests) names.push_back(name);
-  app.add_option("request", o.request, "What is asked for")->required()->check(CLI::IsMember(names));
+  app.addOption("request", o.request, "What is asked for")->required()->check(angio::cli::oneOf(names));
   angio::apps::addMachineOption(app, o.machine, "Whose loop is asked; an emergency stop stops both");
-  app.add_option("--bus", o.bus, angio::cli::busHelp("Bus"));
-  app.add_option("--key-file", o.key_file, angio::cli::kKeyFileHelp);
-  app.add_option("--timeout-s", o.timeout_s, "How long to wait for the answer")->check(angio::apps::between(0.1, 3600));
+  app.addOption("--bus", o.bus, angio::cli::busHelp("Bus"));
+  app.addOption("--key-file", o.key_file, angio::cli::kKeyFileHelp);
+  app.addOption("--timeout-s", o.timeout_s, "How long to wait for the answer")->check(angio::apps::between(0.1, 3600));
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::ask(o); });
 }

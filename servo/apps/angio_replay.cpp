@@ -124,16 +124,16 @@ int replayLog(const Options& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app(
+  angio::cli::Command app(
       "Sends a log of the bus (lcm-logger, or --record of angio-servo or angio-navigate) through the loop again. Given "
       "the same tree, "
       "calibration and settings, the commands are the same, bit for bit.",
       "angio-replay");
   angio::apps::describeProgram(app, "angio-replay run.lcm --compare --out commands.csv");
   angio::apps::Options o;
-  app.add_option("log", o.log, "Log of the bus")->required();
-  app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
-  app.add_option("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
+  app.addOption("log", o.log, "Log of the bus")->required();
+  app.addOption("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  app.addOption("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
   angio::apps::addMachineOption(app, o.machine, "Whose loop: angio-servo's, or with --to-branch angio-navigate's");
   angio::apps::addSettingsOptions(
       app, o.settings, "Settings (.yaml), as for angio-servo or angio-navigate", [&o](const std::string& path) {
@@ -142,8 +142,8 @@ int main(int argc, char** argv) {
       });
   o.loop.addTo(app);
   o.way.addTo(app);
-  app.add_flag("--ask-for-views", o.ask_for_views, "As angio-navigate was run");
-  app.add_option("--out", o.out, "File for the commands (.csv)");
-  app.add_flag("--compare", o.compare, "Fail at the first command that is not the logged one");
+  app.addFlag("--ask-for-views", o.ask_for_views, "As angio-navigate was run");
+  app.addOption("--out", o.out, "File for the commands (.csv)");
+  app.addFlag("--compare", o.compare, "Fail at the first command that is not the logged one");
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::replayLog(o); });
 }

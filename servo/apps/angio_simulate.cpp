@@ -271,7 +271,7 @@ int simulate(const Options& o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app(
+  angio::cli::Command app(
       "Simulated X-ray and C-arm: publishes frames and joint states, obeys velocity commands. With --out: writes a run "
       "of frames with its truth, for angio-evaluate cases.",
       "angio-simulate");
@@ -279,65 +279,65 @@ int main(int argc, char** argv) {
                                "angio-simulate --out run --frames 60 --start-primary-deg 30 --settings scene.yaml");
   using angio::apps::between;
   angio::apps::Options o;
-  app.add_option("--bus", o.bus, angio::cli::busHelp("Bus"));
-  app.add_option("--key-file", o.key_file, angio::cli::kKeyFileHelp)->group(angio::cli::kFurtherOptions);
-  app.add_option("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
-  app.add_option("--calibration", o.calibration, "C-arm geometry and how the patient really lies (.yaml)");
+  app.addOption("--bus", o.bus, angio::cli::busHelp("Bus"));
+  app.addOption("--key-file", o.key_file, angio::cli::kKeyFileHelp)->group(angio::cli::kFurtherOptions);
+  app.addOption("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  app.addOption("--calibration", o.calibration, "C-arm geometry and how the patient really lies (.yaml)");
   angio::apps::addCenteredOption(app, o.t_dsa_cb);
-  app.add_option("--start-primary-deg", o.start_primary_deg, "C-arm angle at the start")->check(between(-110, 110));
-  app.add_option("--start-secondary-deg", o.start_secondary_deg, "C-arm angle at the start")->check(between(-55, 55));
-  app.add_option("--frame-rate-hz", o.frame_rate_hz, "Frames a second")->check(between(0.1, 100));
-  app.add_option("--duration-s", o.duration_s, "How long; 0: until stopped")->check(between(0, 86400));
+  app.addOption("--start-primary-deg", o.start_primary_deg, "C-arm angle at the start")->check(between(-110, 110));
+  app.addOption("--start-secondary-deg", o.start_secondary_deg, "C-arm angle at the start")->check(between(-55, 55));
+  app.addOption("--frame-rate-hz", o.frame_rate_hz, "Frames a second")->check(between(0.1, 100));
+  app.addOption("--duration-s", o.duration_s, "How long; 0: until stopped")->check(between(0, 86400));
   const std::map<std::string, angio::apps::ImageEncoding> encodings{{"raw", angio::apps::ImageEncoding::kRaw},
                                                                     {"png", angio::apps::ImageEncoding::kPng}};
-  app.add_option("--transport", o.encoding, "How pixels travel: raw, or png without loss and with half the bytes")
-      ->transform(angio::apps::choice(encodings))
-      ->default_str("raw")
+  app.addOption("--transport", o.encoding, "How pixels travel: raw, or png without loss and with half the bytes")
+      ->check(angio::apps::choice(encodings))
+      ->defaultText("raw")
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--region", o.region, "Only this window of the detector is sent: x,y,width,height [px]")
+  app.addOption("--region", o.region, "Only this window of the detector is sent: x,y,width,height [px]")
       ->delimiter(',')
       ->expected(4)
       ->group(angio::cli::kFurtherOptions);
-  auto* catheter = app.add_option("--catheter-branch", o.catheter_branch,
-                                  "With a catheter and its drive: the branch of the tree that its tip begins in")
-                       ->check(CLI::Range(0, 1000000));
-  app.add_option("--catheter-mm", o.catheter_mm, "How far into that branch")->check(between(0, 1500))->needs(catheter);
-  app.add_flag("--xray-only", o.xray_only, "Without a C-arm: another program on the bus says CARM_STATE")
+  auto* catheter = app.addOption("--catheter-branch", o.catheter_branch,
+                                 "With a catheter and its drive: the branch of the tree that its tip begins in")
+                       ->check(angio::cli::wholeBetween(0, 1000000));
+  app.addOption("--catheter-mm", o.catheter_mm, "How far into that branch")->check(between(0, 1500))->needs(catheter);
+  app.addFlag("--xray-only", o.xray_only, "Without a C-arm: another program on the bus says CARM_STATE")
       ->excludes(catheter)
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--disturb", o.disturb, "What happens to messages on their way (.yaml): loss, delay, jitter, ...")
+  app.addOption("--disturb", o.disturb, "What happens to messages on their way (.yaml): loss, delay, jitter, ...")
       ->group(angio::cli::kFurtherOptions);
   o.patient.addTo(app);
   angio::apps::addSettingsOptions(app, o.settings,
                                   "Settings of the X-ray, contrast agent, motion, device and catheter (.yaml)",
                                   angio::io::settingsInForce<angio::apps::SimulateSettings>);
-  app.add_option("--seed", o.seed, "Seed of anatomy, noise, motion and starts; before the settings file's")
-      ->check(CLI::Range(0, 2147483647));
-  auto* out = app.add_option("--out", o.run.folder, "Folder for a run in files, without a bus")->excludes(catheter);
+  app.addOption("--seed", o.seed, "Seed of anatomy, noise, motion and starts; before the settings file's")
+      ->check(angio::cli::wholeBetween(0, 2147483647));
+  auto* out = app.addOption("--out", o.run.folder, "Folder for a run in files, without a bus")->excludes(catheter);
   const std::map<std::string, angio::apps::FrameFormat> formats{{"png", angio::apps::FrameFormat::kPng},
                                                                 {"tif", angio::apps::FrameFormat::kTiff},
                                                                 {"run", angio::apps::FrameFormat::kRun}};
-  app.add_option("--frames", o.run.frames, "Frames of the run")->check(CLI::Range(1, 9999))->needs(out);
-  app.add_option("--format", o.run.format, "png or tif: a file a frame; run: all in one TIFF")
-      ->transform(angio::apps::choice(formats))
-      ->default_str("png")
+  app.addOption("--frames", o.run.frames, "Frames of the run")->check(angio::cli::wholeBetween(1, 9999))->needs(out);
+  app.addOption("--format", o.run.format, "png or tif: a file a frame; run: all in one TIFF")
+      ->check(angio::apps::choice(formats))
+      ->defaultText("png")
       ->needs(out)
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--end-primary-deg", o.end_primary_deg, "C-arm angle at the last frame")
+  app.addOption("--end-primary-deg", o.end_primary_deg, "C-arm angle at the last frame")
       ->check(between(-110, 110))
       ->needs(out)
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--end-secondary-deg", o.end_secondary_deg, "C-arm angle at the last frame")
+  app.addOption("--end-secondary-deg", o.end_secondary_deg, "C-arm angle at the last frame")
       ->check(between(-55, 55))
       ->needs(out)
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--start-rotation-deg", o.run.start_rotation_deg,
-                 "Spread of the calibration error in the initial poses, per axis; one draw a run")
+  app.addOption("--start-rotation-deg", o.run.start_rotation_deg,
+                "Spread of the calibration error in the initial poses, per axis; one draw a run")
       ->check(between(0, 180))
       ->needs(out)
       ->group(angio::cli::kFurtherOptions);
-  app.add_option("--start-translation-mm", o.run.start_translation_mm,
-                 "Spread of the calibration error in the initial poses, per axis; one draw a run")
+  app.addOption("--start-translation-mm", o.run.start_translation_mm,
+                "Spread of the calibration error in the initial poses, per axis; one draw a run")
       ->check(between(0, 1000))
       ->needs(out)
       ->group(angio::cli::kFurtherOptions);

@@ -85,25 +85,24 @@ ServoSettings experimentSettings(const std::string& path) {
 // Adds a sub-command with the options of all; calibration error, latency and duration come from `settings`. `what` its
 // runs do is shown while they do it.
 template <typename Run>
-std::pair<CLI::App*, std::shared_ptr<ExperimentOptions>> addExperiment(CLI::App& app, Work& work, const char* name,
-                                                                       const char* help, int runs, const char* what,
-                                                                       Run run) {
+std::pair<cli::Command*, std::shared_ptr<ExperimentOptions>> addExperiment(cli::Command& app, Work& work,
+                                                                           const char* name, const char* help, int runs,
+                                                                           const char* what, Run run) {
   const auto o = std::make_shared<ExperimentOptions>();
   o->runs.count = runs;
-  CLI::App* command = app.add_subcommand(name, help);
-  command->add_option("--tree", o->tree, "Vessel tree");
-  command->add_option("--calibration", o->calibration, "C-arm geometry and T_dsa_cb (.yaml): what is made wrong");
+  cli::Command* command = app.addSubcommand(name, help);
+  command->addOption("--tree", o->tree, "Vessel tree");
+  command->addOption("--calibration", o->calibration, "C-arm geometry and T_dsa_cb (.yaml): what is made wrong");
   addCenteredOption(*command, o->t_dsa_cb);
-  command->add_option("--runs", o->runs.count, "How many runs")->check(CLI::Range(1, 100000));
-  command
-      ->add_option("--first-seed", o->runs.first_seed, "Seed of the first run; each has one more than the one before")
-      ->check(CLI::Range(0, 2147000000));
-  command->add_option("--threads", o->runs.threads, "Runs at a time")->check(CLI::Range(1, 256));
+  command->addOption("--runs", o->runs.count, "How many runs")->check(cli::wholeBetween(1, 100000));
+  command->addOption("--first-seed", o->runs.first_seed, "Seed of the first run; each has one more than the one before")
+      ->check(cli::wholeBetween(0, 2147000000));
+  command->addOption("--threads", o->runs.threads, "Runs at a time")->check(cli::wholeBetween(1, 256));
   o->patient.addTo(*command);
   addSettingsOptions(*command, o->settings, "Settings (.yaml), as angio-servo's",
                      [](const std::string& path) { return settingsAsYaml(experimentSettings(path)); });
-  command->add_option("--out", o->out, "All runs and the settings (.json)");
-  command->callback([=, &work] {
+  command->addOption("--out", o->out, "All runs and the settings (.json)");
+  command->onChosen([=, &work] {
     work = [=] {
       requireFolderOf(o->out);
       ServoSettings settings = experimentSettings(o->settings);
@@ -119,7 +118,7 @@ std::pair<CLI::App*, std::shared_ptr<ExperimentOptions>> addExperiment(CLI::App&
   return {command, o};
 }
 
-void addExperiments(CLI::App& app, Work& work) {
+void addExperiments(cli::Command& app, Work& work) {
   addExperiment(app, work, "view", "Reach a view: true errors, settling times, limits", 100, "reaching views",
                 simulateViews);
   addSimulateNavigate(app, work);
@@ -127,15 +126,15 @@ void addExperiments(CLI::App& app, Work& work) {
       app, work, "faults",
       "Faults of network, clocks, images and programs: unsafe motions, recovery; exit code 1 on any unsafe one", 1000,
       "failing safely", failSafely);
-  faults->add_option("--machine", of_faults->machine, "Whose loop: carm, catheter, or both by turns")
-      ->check(CLI::IsMember({"carm", "catheter", "both"}));
+  faults->addOption("--machine", of_faults->machine, "Whose loop: carm, catheter, or both by turns")
+      ->check(cli::oneOf({"carm", "catheter", "both"}));
   const auto [centre, of_centre] =
       addExperiment(app, work, "centre", "Keep a target centred while the patient breathes: true distances", 100,
                     "keeping targets centred", keepCentered);
-  centre->add_option("--duration-s", of_centre->center_duration_s, "Of each run")->check(CLI::Range(1.0, 3600.0));
-  centre->add_option("--learn-s", of_centre->center.learn_s, "Errors count from then on");
-  centre->add_option("--breathing-mm", of_centre->center.breathing_mm, "Of the target");
-  centre->add_option("--heartbeat-mm", of_centre->center.heartbeat_mm, "Of the target");
+  centre->addOption("--duration-s", of_centre->center_duration_s, "Of each run")->check(cli::between(1.0, 3600.0));
+  centre->addOption("--learn-s", of_centre->center.learn_s, "Errors count from then on");
+  centre->addOption("--breathing-mm", of_centre->center.breathing_mm, "Of the target");
+  centre->addOption("--heartbeat-mm", of_centre->center.heartbeat_mm, "Of the target");
 }
 
 }  // namespace
@@ -152,10 +151,11 @@ int report(Json json, const std::string& table, const Json& settings, const std:
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app("Runs the tasks in closed loops against the simulated lab, many times, and says how they ended.",
-               "angio-simulate-loop");
+  angio::cli::Command app(
+      "Runs the tasks in closed loops against the simulated lab, many times, and says how they ended.",
+      "angio-simulate-loop");
   angio::apps::describeProgram(app, "angio-simulate-loop view --runs 100 --threads 2 --out views.json");
-  app.require_subcommand(1);
+  app.requireSubcommand();
   angio::apps::Work work;
   angio::apps::addExperiments(app, work);
   return angio::apps::runProgram(app, argc, argv, [&] { return work(); });

@@ -8,12 +8,12 @@
 
 namespace angio::apps {
 
-CLI::Option* addCenteredOption(CLI::App& app, std::string& t_dsa_cb) {
+cli::Option* addCenteredOption(cli::Command& app, std::string& t_dsa_cb) {
   return app
-      .add_option("--t-dsa-cb", t_dsa_cb,
-                  "centre: of --calibration only the C-arm is taken. The tree's x, y, z are L, P, S of a patient head "
-                  "first supine, its centroid is at the isocentre")
-      ->check(CLI::IsMember({kCentered}));
+      .addOption("--t-dsa-cb", t_dsa_cb,
+                 "centre: of --calibration only the C-arm is taken. The tree's x, y, z are L, P, S of a patient head "
+                 "first supine, its centroid is at the isocentre")
+      ->check(cli::oneOf({kCentered}));
 }
 
 CArmCalibration readCalibration(const std::string& program, const std::string& file, const std::string& t_dsa_cb,

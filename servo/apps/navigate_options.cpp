@@ -41,14 +41,14 @@ NavigateSettings readNavigateSettings(const std::string& path) {
 
 std::string navigateSettingsAsYaml(const std::string& path) { return settingsAsYaml(readNavigateSettings(path)); }
 
-CLI::Option* RouteOptions::addTo(CLI::App& app) {
-  app.add_option("--from-branch", from_branch, "The branch that the catheter's tip is in at first")
-      ->check(CLI::Range(0, 1000000));
-  app.add_option("--from-mm", from_mm, "How far into it, to a few millimetres")->check(between(0, 1500));
-  app.add_option("--to-mm", to_mm, "How far into the branch to go to")->check(between(0, 1500));
+cli::Option* RouteOptions::addTo(cli::Command& app) {
+  app.addOption("--from-branch", from_branch, "The branch that the catheter's tip is in at first")
+      ->check(cli::wholeBetween(0, 1000000));
+  app.addOption("--from-mm", from_mm, "How far into it, to a few millimetres")->check(between(0, 1500));
+  app.addOption("--to-mm", to_mm, "How far into the branch to go to")->check(between(0, 1500));
   return app
-      .add_option("--to-branch", to_branch, "The branch to go to; angio-inspect TREE --picture FILE shows the numbers")
-      ->check(CLI::Range(0, 1000000));
+      .addOption("--to-branch", to_branch, "The branch to go to; angio-inspect TREE --picture FILE shows the numbers")
+      ->check(cli::wholeBetween(0, 1000000));
 }
 
 TreeLocation RouteOptions::start(const TreeTopology& map) const { return placeOf(map, "from", from_branch, from_mm); }

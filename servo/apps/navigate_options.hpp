@@ -6,7 +6,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
-#include "angio/cli/app_fwd.hpp"
+#include "angio/cli/command_line_fwd.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/navigation/catheter_node.hpp"
 #include "angio/vessel/tree_topology.hpp"
@@ -40,7 +40,7 @@ struct RouteOptions {
   double from_mm = 30, to_mm = 10;
 
   /// Returns the option without which there is no way.
-  CLI::Option* addTo(CLI::App& app);
+  cli::Option* addTo(cli::Command& app);
 
   /// Throw InputError that names the option when the tree has no such place, or the way has no end.
   TreeLocation start(const TreeTopology& map) const;

@@ -11,10 +11,10 @@
 namespace angio::apps {
 
 /// The option --machine.
-inline void addMachineOption(CLI::App& app, OperatedMachine& machine, const std::string& what) {
+inline void addMachineOption(cli::Command& app, OperatedMachine& machine, const std::string& what) {
   static const std::map<std::string, OperatedMachine> kMachines{{"c-arm", OperatedMachine::kCArm},
                                                                 {"catheter", OperatedMachine::kCatheter}};
-  app.add_option("--machine", machine, what)->transform(choice(kMachines))->default_str("c-arm");
+  app.addOption("--machine", machine, what)->check(choice(kMachines))->defaultText("c-arm");
 }
 
 }  // namespace angio::apps

@@ -9,22 +9,22 @@
 
 namespace angio::apps {
 
-void PatientOptions::addTo(CLI::App& app, CLI::Option* needs) {
-  CLI::Option* const all[] = {
-      app.add_option("--filled", filled,
-                     "Share of the simulated vessels that contrast agent fills, downstream of drawn sites")
+void PatientOptions::addTo(cli::Command& app, cli::Option* needs) {
+  cli::Option* const all[] = {
+      app.addOption("--filled", filled,
+                    "Share of the simulated vessels that contrast agent fills, downstream of drawn sites")
           ->check(between(0.02, 1))
-          ->default_str("1"),
-      app.add_option("--missing-branches", missing,
-                     "Share of the simulated vessels, branches at random, that no contrast agent reaches")
+          ->defaultText("1"),
+      app.addOption("--missing-branches", missing,
+                    "Share of the simulated vessels, branches at random, that no contrast agent reaches")
           ->check(between(0, 0.98))
-          ->default_str("0"),
-      app.add_option("--deformation-mm", deformation_mm,
-                     "How far the simulated vessels are deformed against the tree at all times (rms)")
+          ->defaultText("0"),
+      app.addOption("--deformation-mm", deformation_mm,
+                    "How far the simulated vessels are deformed against the tree at all times (rms)")
           ->check(between(0, 30))
-          ->default_str("0"),
-      app.add_option("--deformation-field", deformation_field,
-                     "A measured motion (.csv) that deforms them; otherwise smooth waves do")};
+          ->defaultText("0"),
+      app.addOption("--deformation-field", deformation_field,
+                    "A measured motion (.csv) that deforms them; otherwise smooth waves do")};
   for (auto* option : all) {
     if (needs) option->needs(needs);
   }

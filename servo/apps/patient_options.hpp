@@ -5,7 +5,7 @@
 #include <string>
 
 #include "angio/apps/namespace.hpp"
-#include "angio/cli/app_fwd.hpp"
+#include "angio/cli/command_line_fwd.hpp"
 #include "angio/simulation/patient_settings.hpp"
 
 namespace angio::apps {
@@ -16,7 +16,7 @@ struct PatientOptions {
   std::string deformation_field;
 
   /// @param needs  An option without which these are refused; null: none.
-  void addTo(CLI::App& app, CLI::Option* needs = nullptr);
+  void addTo(cli::Command& app, cli::Option* needs = nullptr);
 
   /// Throws InputError for a field without a size, or one that cannot be read.
   void applyTo(SimulatedPatientSettings& patient) const;

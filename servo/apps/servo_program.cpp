@@ -14,57 +14,55 @@
 
 namespace angio::apps {
 
-void ServoProgramOptions::addTo(CLI::App& app) {
+void ServoProgramOptions::addTo(cli::Command& app) {
   const ServoSettings defaults;
   auto* simulated =
-      app.add_flag("--simulate", simulate, "Simulated X-ray, C-arm and loop in one process, in simulated time");
-  app.add_option("--bus", bus, cli::busHelp("Bus to listen on when not simulating"))->excludes(simulated);
-  app.add_flag("--wait-for-operator", wait_for_operator,
-               "Stand still until SERVO_REQUEST arms and starts (angio-operator): the default on a bus")
+      app.addFlag("--simulate", simulate, "Simulated X-ray, C-arm and loop in one process, in simulated time");
+  app.addOption("--bus", bus, cli::busHelp("Bus to listen on when not simulating"))->excludes(simulated);
+  app.addFlag("--wait-for-operator", wait_for_operator,
+              "Stand still until SERVO_REQUEST arms and starts (angio-operator): the default on a bus")
       ->excludes(simulated);
-  app.add_flag("--autostart", autostart,
-               "Arm and start at once, without an operator: for simulations and tests, as --simulate does")
+  app.addFlag("--autostart", autostart,
+              "Arm and start at once, without an operator: for simulations and tests, as --simulate does")
       ->excludes("--wait-for-operator");
-  app.add_option("--record", record, "Log of all that is heard and said (.lcm), for angio-replay")->excludes(simulated);
-  app.add_option("--tree", tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
-  app.add_option("--calibration", calibration,
-                 "C-arm geometry and T_dsa_cb (.yaml); when simulating without --truth, what is made wrong");
+  app.addOption("--record", record, "Log of all that is heard and said (.lcm), for angio-replay")->excludes(simulated);
+  app.addOption("--tree", tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  app.addOption("--calibration", calibration,
+                "C-arm geometry and T_dsa_cb (.yaml); when simulating without --truth, what is made wrong");
   auto* centered = addCenteredOption(app, t_dsa_cb)->needs(simulated);
-  app.add_option(
+  app.addOption(
          "--truth", truth,
          "The simulated C-arm and patient (.yaml), of angio-calibrate simulate; --calibration is what is believed")
       ->needs(simulated)
       ->excludes(centered)
       ->group(cli::kFurtherOptions);
-  app.add_option("--machine", machine, "The C-arm that is to be moved: a calibration of another one is refused")
+  app.addOption("--machine", machine, "The C-arm that is to be moved: a calibration of another one is refused")
       ->group(cli::kFurtherOptions);
-  app.add_option("--max-calibration-age-days", max_age_days, "An older calibration is warned of")
+  app.addOption("--max-calibration-age-days", max_age_days, "An older calibration is warned of")
       ->check(between(0, 1e6))
       ->group(cli::kFurtherOptions);
-  app.add_option("--disturb", disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...")
+  app.addOption("--disturb", disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...")
       ->excludes(simulated)
       ->group(cli::kFurtherOptions);
-  app.add_option("--key-file", key_file, cli::kKeyFileHelp)->excludes(simulated)->group(cli::kFurtherOptions);
+  app.addOption("--key-file", key_file, cli::kKeyFileHelp)->excludes(simulated)->group(cli::kFurtherOptions);
   loop.addTo(app);
-  app.add_option("--view-pose", view_pose,
-                 "Desired view: as in a registered pose (.yaml), of angio-register --out-pose")
+  app.addOption("--view-pose", view_pose, "Desired view: as in a registered pose (.yaml), of angio-register --out-pose")
       ->excludes("--view-primary-deg")
       ->excludes("--view-secondary-deg");
-  app.add_option("--preview", preview,
-                 "Folder for the planned trajectory, as a picture and numbers: from the simulation's start, or from "
-                 "where the machine on the bus stands; moves nothing")
+  app.addOption("--preview", preview,
+                "Folder for the planned trajectory, as a picture and numbers: from the simulation's start, or from "
+                "where the machine on the bus stands; moves nothing")
       ->group(cli::kFurtherOptions);
-  app.add_option("--duration-s", duration_s, "How long; 0: the settings' time when simulating, else until stopped")
+  app.addOption("--duration-s", duration_s, "How long; 0: the settings' time when simulating, else until stopped")
       ->check(between(0, 86400))
-      ->default_str("0");
-  app.add_option("--seed", seed, "Seed of the simulation")
-      ->check(CLI::Range(0, 2147483647))
-      ->default_str(std::to_string(defaults.scenario.seed));
+      ->defaultText("0");
+  app.addOption("--seed", seed, "Seed of the simulation")
+      ->check(cli::wholeBetween(0, 2147483647))
+      ->defaultText(std::to_string(defaults.scenario.seed));
   patient.addTo(app, simulated);
   addSettingsOptions(app, settings, "Settings (.yaml), sections by part", servoSettingsAsYaml);
-  app.add_option("--film", film, "Film of a simulation (.mp4, or numbered pictures, frames/%04d.png)")
-      ->needs(simulated);
-  app.add_option("--out", out, "Folder for pictures, trace.csv and summary.json of a simulation");
+  app.addOption("--film", film, "Film of a simulation (.mp4, or numbered pictures, frames/%04d.png)")->needs(simulated);
+  app.addOption("--out", out, "Folder for pictures, trace.csv and summary.json of a simulation");
 }
 
 ServoSettings ServoProgramOptions::effectiveSettings() const {
@@ -107,7 +105,7 @@ void warnOfWideVessels(const ServoSettings& settings, const VesselTree& tree, co
 }  // namespace
 
 int runServoProgram(int argc, char** argv, const std::function<int()>& simulated, const ServoWork& work) {
-  CLI::App app("Drives a C-arm to a view of the anatomy by what its X-ray images show.", "angio-servo");
+  cli::Command app("Drives a C-arm to a view of the anatomy by what its X-ray images show.", "angio-servo");
   describeProgram(app, "angio-servo --simulate --seed 3 --out demo-output");
   ServoProgramOptions options;
   options.addTo(app);

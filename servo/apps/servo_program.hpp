@@ -8,8 +8,8 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/calibration_records/record.hpp"
-#include "angio/cli/app_fwd.hpp"
 #include "angio/cli/bus_help.hpp"
+#include "angio/cli/command_line_fwd.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 #include "patient_options.hpp"
@@ -29,7 +29,7 @@ struct ServoProgramOptions {
   double max_age_days = RecordGate().max_age_days;
   bool simulate = false, wait_for_operator = false, autostart = false;
 
-  void addTo(CLI::App& app);
+  void addTo(cli::Command& app);
 
   /// The settings file's, with what the command line says put over them. Throws InputError.
   ServoSettings effectiveSettings() const;

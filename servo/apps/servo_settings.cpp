@@ -79,30 +79,30 @@ ServoSettings readServoSettings(const std::string& path, ServoSettings usual) {
 
 std::string servoSettingsAsYaml(const std::string& path) { return settingsAsYaml(readServoSettings(path)); }
 
-void LoopOptions::addTo(CLI::App& app) {
+void LoopOptions::addTo(cli::Command& app) {
   const ServoSettings usual;
   const auto& view = usual.tasks.of<ViewTaskSettings>();
-  app.add_option("--task", task, "What to do")->check(CLI::IsMember(usual.tasks.names()))->default_str("view");
-  app.add_option("--view-primary-deg", view_primary_deg, "Desired view of the anatomy: LAO positive, RAO negative")
+  app.addOption("--task", task, "What to do")->check(cli::oneOf(usual.tasks.names()))->defaultText("view");
+  app.addOption("--view-primary-deg", view_primary_deg, "Desired view of the anatomy: LAO positive, RAO negative")
       ->check(between(-110, 110))
-      ->default_str(formatValue(view.primary_deg));
-  app.add_option("--view-secondary-deg", view_secondary_deg, "Desired view of the anatomy: CRA positive, CAU negative")
+      ->defaultText(formatValue(view.primary_deg));
+  app.addOption("--view-secondary-deg", view_secondary_deg, "Desired view of the anatomy: CRA positive, CAU negative")
       ->check(between(-55, 55))
-      ->default_str(formatValue(view.secondary_deg));
-  app.add_option("--view-from", view_from,
-                 "Who says which view: settings (or the angles here), or bus: VIEW_REQUEST, as of angio-navigate")
-      ->check(CLI::IsMember({"settings", "bus"}))
-      ->default_str("settings");
-  app.add_option("--perception", perception,
-                 "Who registers frames: own, or bus: another program says REGISTRATION of each (angio-register --bus)")
-      ->check(CLI::IsMember({"own", "bus"}))
-      ->default_str("own")
+      ->defaultText(formatValue(view.secondary_deg));
+  app.addOption("--view-from", view_from,
+                "Who says which view: settings (or the angles here), or bus: VIEW_REQUEST, as of angio-navigate")
+      ->check(cli::oneOf({"settings", "bus"}))
+      ->defaultText("settings");
+  app.addOption("--perception", perception,
+                "Who registers frames: own, or bus: another program says REGISTRATION of each (angio-register --bus)")
+      ->check(cli::oneOf({"own", "bus"}))
+      ->defaultText("own")
       ->group(cli::kFurtherOptions);
-  app.add_option(
+  app.addOption(
          "--centre-on", center_on,
          "What centre keeps: target, a point of the tree, or catheter_tip, of which angio-navigate says where it is")
-      ->check(CLI::IsMember({"target", "catheter_tip"}))
-      ->default_str("target");
+      ->check(cli::oneOf({"target", "catheter_tip"}))
+      ->defaultText("target");
 }
 
 bool LoopOptions::given() const {

@@ -7,7 +7,7 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/variant_sections.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
-#include "angio/cli/app_fwd.hpp"
+#include "angio/cli/command_line_fwd.hpp"
 #include "angio/experiments/scenario_settings.hpp"
 #include "angio/geometry/carm_limits_settings.hpp"
 #include "angio/imaging/extractor.hpp"
@@ -53,7 +53,7 @@ struct LoopOptions {
   std::string task, view_from, perception, center_on;
   std::optional<double> view_primary_deg, view_secondary_deg;
 
-  void addTo(CLI::App& app);
+  void addTo(cli::Command& app);
   bool given() const;
   void applyTo(ServoSettings& settings) const;
 };

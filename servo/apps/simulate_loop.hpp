@@ -4,7 +4,7 @@
 #include <string>
 
 #include "angio/apps/namespace.hpp"
-#include "angio/cli/app_fwd.hpp"
+#include "angio/cli/command_line_fwd.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/statistics.hpp"
 
@@ -14,6 +14,6 @@ namespace angio::apps {
 int report(Json json, const std::string& table, const Json& settings, const std::string& out);
 
 /// Adds the sub-command navigate, which sets `work` when it is chosen.
-void addSimulateNavigate(CLI::App& app, Work& work);
+void addSimulateNavigate(cli::Command& app, Work& work);
 
 }  // namespace angio::apps

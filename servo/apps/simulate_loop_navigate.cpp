@@ -145,32 +145,33 @@ int simulateNavigation(const NavigateOptions& o) {
 
 }  // namespace
 
-void addSimulateNavigate(CLI::App& app, Work& work) {
+void addSimulateNavigate(cli::Command& app, Work& work) {
   const auto o = std::make_shared<NavigateOptions>();
   o->trees = {exampleDataFile("hepatic-tace/tree.csv")};
-  CLI::App* command =
-      app.add_subcommand("navigate", "Bring a catheter to branches: reached, wall contacts, tip errors");
-  command->add_option("--tree", o->trees, "Vessel trees; their own row each");
-  command->add_option("--calibration", o->calibration,
-                      "C-arm geometry (.yaml); the tree's centroid is at the isocentre");
-  command->add_option("--max-edge-mm", o->max_edge_mm, "Longer edges join what no vessel joins")
-      ->check(CLI::Range(0.1, 1e4));
-  command->add_option("--targets", o->targets, "Branches of each tree to go to")->check(CLI::Range(1, 100000));
+  cli::Command* command =
+      app.addSubcommand("navigate", "Bring a catheter to branches: reached, wall contacts, tip errors");
+  command->addOption("--tree", o->trees, "Vessel trees; their own row each");
+  command->addOption("--calibration", o->calibration,
+                     "C-arm geometry (.yaml); the tree's centroid is at the isocentre");
+  command->addOption("--max-edge-mm", o->max_edge_mm, "Longer edges join what no vessel joins")
+      ->check(cli::between(0.1, 1e4));
+  command->addOption("--targets", o->targets, "Branches of each tree to go to")->check(cli::wholeBetween(1, 100000));
   command
-      ->add_option("--target-names", o->target_names,
-                   "Curves of a folder of .mrk.json files to go to, by name or its last word: LCCA,LVA")
+      ->addOption("--target-names", o->target_names,
+                  "Curves of a folder of .mrk.json files to go to, by name or its last word: LCCA,LVA")
       ->delimiter(',');
   command
-      ->add_option("--root", o->root_mm,
-                   "Where catheters come in: the tree is cut there, and its longer side stays: x,y,z [mm]")
+      ->addOption("--root", o->root_mm,
+                  "Where catheters come in: the tree is cut there, and its longer side stays: x,y,z [mm]")
       ->delimiter(',')
       ->expected(3);
-  command->add_option("--first-seed", o->first_seed, "Seed of the first journey")->check(CLI::Range(0, 2147000000));
-  command->add_option("--threads", o->threads, "Journeys at a time")->check(CLI::Range(1, 256));
-  command->add_option("--film", o->film, "Film of the first journey (.mp4, or numbered pictures), of one tree");
+  command->addOption("--first-seed", o->first_seed, "Seed of the first journey")
+      ->check(cli::wholeBetween(0, 2147000000));
+  command->addOption("--threads", o->threads, "Journeys at a time")->check(cli::wholeBetween(1, 256));
+  command->addOption("--film", o->film, "Film of the first journey (.mp4, or numbered pictures), of one tree");
   addSettingsOptions(*command, o->settings, "Settings (.yaml)", settingsInForce<NavigateSettings>);
-  command->add_option("--out", o->out, "All journeys and the settings (.json)");
-  command->callback([o, &work] { work = [o] { return simulateNavigation(*o); }; });
+  command->addOption("--out", o->out, "All journeys and the settings (.json)");
+  command->onChosen([o, &work] { work = [o] { return simulateNavigation(*o); }; });
 }
 
 }  // namespace angio::apps

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/cli/program.hpp"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <csignal>
 #include <iostream>
 #include <memory>
 #include <opencv2/core/utility.hpp>
-#include <sstream>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -19,9 +19,9 @@ namespace {
 
 volatile std::sig_atomic_t ended = 0;
 
-int fail(const CLI::App& app, std::string line) {
+int fail(const Command& app, std::string line) {
   std::replace(line.begin(), line.end(), '\n', ' ');
-  std::cerr << app.get_name() << ": " << line << "\n";
+  std::cerr << app.name() << ": " << line << "\n";
   return 1;
 }
 
@@ -32,13 +32,13 @@ constexpr std::pair<const char*, const char*> kFormerOptions[] = {
     {"--longest-edge-mm", "--max-edge-mm"}};
 
 // The command line with options under their present names; says so on stderr for each that was renamed.
-std::vector<std::string> withPresentNames(const CLI::App& app, int argc, char** argv) {
+std::vector<std::string> withPresentNames(const Command& app, int argc, char** argv) {
   std::vector<std::string> arguments(argv, argv + argc);
   for (std::string& argument : arguments) {
     const std::string name = argument.substr(0, argument.find('='));
     for (const auto& [former, present] : kFormerOptions) {
       if (name != former) continue;
-      std::cerr << app.get_name() << ": " << former << " is called " << present << " now\n";
+      std::cerr << app.name() << ": " << former << " is called " << present << " now\n";
       argument = present + argument.substr(name.size());
     }
   }
@@ -74,47 +74,34 @@ void shortenHelp(CLI::App& app, const std::shared_ptr<ShortHelp>& formatter) {
 
 std::string programVersion() { return ANGIO_VERSION; }
 
-void describeProgram(CLI::App& app, const std::string& example) {
-  app.set_version_flag("--version", app.get_name() + " " + programVersion());
-  app.option_defaults()->always_capture_default();
+void describeProgram(Command& app, const std::string& example) {
+  app.app().set_version_flag("--version", app.name() + " " + programVersion());
+  app.app().option_defaults()->always_capture_default();
   app.footer("Example:\n  " + example + "\n\nResearch software, not a medical device.");
 }
 
-CLI::Validator between(double low, double high) {
-  std::ostringstream range;
-  range << "FLOAT in [" << low << " - " << high << "]";
-  const auto check = [low, high](const std::string& input) {
-    double value = 0;
-    const bool good = CLI::detail::lexical_cast(input, value) && value >= low && value <= high;
-    return good ? std::string()
-                : "Value " + input + " must lie between " + CLI::detail::to_string(low) + " and " +
-                      CLI::detail::to_string(high);
-  };
-  return CLI::Validator(check, range.str());
-}
-
-void addSettingsOptions(CLI::App& app, std::string& path, const std::string& help,
+void addSettingsOptions(Command& app, std::string& path, const std::string& help,
                         const std::function<std::string(const std::string& path)>& as_yaml) {
-  app.add_option("--settings", path, help);
+  app.addOption("--settings", path, help);
   // Like --help it goes before the check of what is required; options are read in the order in which they were added.
   const auto print = [&path, as_yaml] {
     if (!(std::cout << as_yaml(path)).flush()) throw std::runtime_error("stdout: cannot be written");
     throw CLI::Success();
   };
-  app.add_flag_callback("--print-settings", print,
-                        "Print all settings with their meanings and ranges, for a file of --settings, and exit")
+  app.addFlag("--print-settings", print,
+              "Print all settings with their meanings and ranges, for a file of --settings, and exit")
       ->group(kFurtherOptions);
 }
 
-int runProgram(CLI::App& app, int argc, char** argv, const Work& work) {
+int runProgram(Command& app, int argc, char** argv, const Work& work) {
   std::vector<std::string> arguments = withPresentNames(app, argc, argv);
   std::vector<char*> pointers;
   for (std::string& argument : arguments) pointers.push_back(argument.data());
-  shortenHelp(app, std::make_shared<ShortHelp>());
+  shortenHelp(app.app(), std::make_shared<ShortHelp>());
   try {
-    app.parse(argc, pointers.data());
+    app.app().parse(argc, pointers.data());
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
+    return app.app().exit(error) == 0 ? 0 : 2;
   } catch (const std::exception& error) {  // Of settings that were to be printed.
     return fail(app, error.what());
   }

@@ -57,10 +57,10 @@ Eigen::Vector3d pointOf(const std::string& text, const std::string& frame) {
   double x = 0, y = 0, z = 0;
   char rest = 0;
   if (std::sscanf(text.c_str(), "%lf,%lf,%lf%c", &x, &y, &z, &rest) != 3) {
-    throw CLI::ValidationError(text, "must be x,y,z in millimetres");
+    cli::refuseValue(text, "must be x,y,z in millimetres");
   }
   const Eigen::Vector3d point_mm(x, y, z);
-  if (!(point_mm.cwiseAbs().maxCoeff() < 1e4)) throw CLI::ValidationError(text, "must lie within 10,000 mm");
+  if (!(point_mm.cwiseAbs().maxCoeff() < 1e4)) cli::refuseValue(text, "must lie within 10,000 mm");
   return (frame == "RAS" ? Eigen::Vector3d(-1, -1, 1) : Eigen::Vector3d(1, 1, 1)).cwiseProduct(point_mm / 1e3);
 }
 
@@ -187,41 +187,40 @@ int extract(Options o) {
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  CLI::App app("Extracts a vessel tree from a volume.", "angio-extract-tree");
+  angio::cli::Command app("Extracts a vessel tree from a volume.", "angio-extract-tree");
   angio::apps::describeProgram(
       app, "angio-extract-tree aorta.mha --threshold 1000 --seed 20,30,40 --out tree.csv --picture tree.png");
   angio::apps::Options o;
-  app.add_option(
+  app.addOption(
          "volume", o.volume,
          "Volume (.mha, .mhd, .nii, .nii.gz, .nrrd, .nhdr), folder of a DICOM series, or surface (.stl, .vtp, .vtk)")
       ->required();
-  app.add_option("--out", o.out, "Vessel tree (.csv, .swc, .vtp, .mrk.json, .tre)")->required();
-  app.add_option("--mask", o.mask, "Label volume of the vessels; the volume itself is only shown");
-  app.add_option(
+  app.addOption("--out", o.out, "Vessel tree (.csv, .swc, .vtp, .mrk.json, .tre)")->required();
+  app.addOption("--mask", o.mask, "Label volume of the vessels; the volume itself is only shown");
+  app.addOption(
          "--label", o.labels,
          "Label of vessels in the mask or volume; may be given again. A label map without it is not read, and its "
          "labels are listed")
-      ->allow_extra_args(false);
-  app.add_option("--threshold", o.threshold, "Vessels are above this value; without it, what looks like a tube");
-  app.add_option("--inside", o.inside, "Side of the threshold")->check(CLI::IsMember({"above", "below"}));
-  app.add_option("--seed", o.seeds, "x,y,z [mm] in a vessel: only what is connected; may be given again")
-      ->allow_extra_args(false);
-  app.add_option("--root", o.root, "x,y,z [mm]: the tree begins at the end nearest to it");
-  app.add_option("--ends", o.ends, "Where lines end: at the wall, or in the last sphere that fits, as VMTK's")
-      ->check(CLI::IsMember({"wall", "sphere"}));
-  app.add_option("--frame", o.frame, "Axes of the result, of seeds and of the root")
-      ->check(CLI::IsMember({"LPS", "RAS"}));
-  app.add_option("--box", o.box, "Two corners x,y,z [mm]: only what lies between them")->expected(2);
-  app.add_option("--mesh-frame", o.mesh_frame, "Axes of a mesh")->check(CLI::IsMember({"LPS", "RAS"}));
-  app.add_option("--mesh-voxel-mm", o.mesh_voxel_mm, "Voxels that a mesh is filled with [mm]")
+      ->oneAtATime();
+  app.addOption("--threshold", o.threshold, "Vessels are above this value; without it, what looks like a tube");
+  app.addOption("--inside", o.inside, "Side of the threshold")->check(angio::cli::oneOf({"above", "below"}));
+  app.addOption("--seed", o.seeds, "x,y,z [mm] in a vessel: only what is connected; may be given again")->oneAtATime();
+  app.addOption("--root", o.root, "x,y,z [mm]: the tree begins at the end nearest to it");
+  app.addOption("--ends", o.ends, "Where lines end: at the wall, or in the last sphere that fits, as VMTK's")
+      ->check(angio::cli::oneOf({"wall", "sphere"}));
+  app.addOption("--frame", o.frame, "Axes of the result, of seeds and of the root")
+      ->check(angio::cli::oneOf({"LPS", "RAS"}));
+  app.addOption("--box", o.box, "Two corners x,y,z [mm]: only what lies between them")->expected(2);
+  app.addOption("--mesh-frame", o.mesh_frame, "Axes of a mesh")->check(angio::cli::oneOf({"LPS", "RAS"}));
+  app.addOption("--mesh-voxel-mm", o.mesh_voxel_mm, "Voxels that a mesh is filled with [mm]")
       ->check(angio::apps::between(0.01, 20));
   angio::apps::addSettingsOptions(app, o.settings, "Settings (.yaml): vesselness, selection, centreline",
                                   angio::io::settingsInForce<angio::apps::ExtractionSettings>);
-  app.add_option("--picture", o.picture, "Projections of the volume with the tree (.png, .jpg)");
-  app.add_option("--compare", o.compare, "Another tree: prints how much of each lies near the other");
-  app.add_option("--compare-frame", o.compare_frame, "Its axes")->check(CLI::IsMember({"LPS", "RAS"}));
-  app.add_option("--compare-mm", o.compare_mm, "What is near; default: the volume's smallest spacing")
+  app.addOption("--picture", o.picture, "Projections of the volume with the tree (.png, .jpg)");
+  app.addOption("--compare", o.compare, "Another tree: prints how much of each lies near the other");
+  app.addOption("--compare-frame", o.compare_frame, "Its axes")->check(angio::cli::oneOf({"LPS", "RAS"}));
+  app.addOption("--compare-mm", o.compare_mm, "What is near; default: the volume's smallest spacing")
       ->check(angio::apps::between(1e-3, 1e3));
-  app.parse_complete_callback([&] { angio::apps::readPoints(o); });
+  app.onRead([&] { angio::apps::readPoints(o); });
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::extract(o); });
 }

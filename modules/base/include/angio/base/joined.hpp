@@ -8,7 +8,7 @@
 
 namespace angio::base {
 
-/// Names in one line, "a, b, c"; of more than `most` of them the first, and ", ...".
+/// Names in one line, "a, b, c", or with what is given `between` them; of more than `most` the first, and "...".
 inline std::string joined(const std::vector<std::string>& names, std::size_t most = static_cast<std::size_t>(-1),
                           const char* between = ", ") {
   std::string line;

@@ -5,13 +5,11 @@
 
 #include "angio/cli/namespace.hpp"
 
-// For headers: only sources that define options need CLI11 itself, which angio/cli/program.hpp includes.
-namespace CLI {
-class App;
-class Option;
-}  // namespace CLI
-
+// For headers: only sources that define options need the types themselves.
 namespace angio::cli {
+
+class Command;
+class Option;
 
 /// What a program does, or the sub-command that its command line chose; returns the exit code.
 using Work = std::function<int()>;
