@@ -63,6 +63,7 @@ TEST_F(Evaluate, AnInterruptedSimulationKeepsWhatIsFinished) {
     std::this_thread::sleep_for(std::chrono::seconds(wait_s));
     program.signal(SIGINT);
     ended = program.end();
+    if (ended.exit_code == 128 + SIGINT) continue;  // Before it had begun.
     ASSERT_EQ(ended.exit_code, 1) << ended.err;
     ASSERT_EQ(ended.err.rfind("angio-evaluate: interrupted", 0), 0u) << ended.err;
     if (std::filesystem::exists(folder_.path("r.json"))) break;
