@@ -64,7 +64,7 @@ class Option {
   Option* required();
   Option* needs(const Option* other);
   Option* excludes(const Option* other);
-  Option* excludes(const std::string& other);  ///< By its name. Throws std::invalid_argument when it is not there yet.
+  Option* excludes(const std::string& other);  ///< By its name. Throws CLI11's error when it has not been added yet.
   Option* group(const std::string& name);      ///< Under which --help has it; without a name --help leaves it out.
   Option* defaultText(const std::string& text);
   Option* delimiter(char between_values);
@@ -135,7 +135,8 @@ class Command {
   /// Calls `act` when the command line chose this sub-command, and has been read.
   void onChosen(const std::function<void()>& act);
 
-  /// Calls `act` once the command line has been read, before it is known to be complete.
+  /// Calls `act` once the command line has been read and nothing required is missing, before any work: for what its
+  /// options must not say together.
   void onRead(const std::function<void()>& act);
 
   CLI::App& app();
