@@ -23,11 +23,13 @@ struct Outer {
   bool on = true;
   Color color = Color::kRed;
   Inner inner;
+  double gate = 4;
   void visit(SettingsVisitor& v) {
     v.integer("iterations", iterations, 1, 100, "Most iterations");
     v.flag("on", on, "Whether anything happens");
     v.choice("colour", color, {"red", "blue"}, "Its colour");
     v.section("inner", [&](SettingsVisitor& fields) { inner.visit(fields); });
+    v.fixed("gate", gate, 2, 100);
   }
 };
 
@@ -45,6 +47,13 @@ TEST(CheckSettings, NamesPlaceKeyValueAndRule) {
   settings.iterations = 0;
   EXPECT_EQ(test::refusalOf([&] { checkSettings("s.yaml", settings); }),
             "s.yaml: iterations = 0: must lie between 1 and 100");
+}
+
+TEST(CheckSettings, RefusesWhatOnlyCodeSets) {
+  Outer settings;
+  settings.gate = 1;
+  EXPECT_EQ(test::refusalOf([&] { checkSettings("s.yaml", settings); }),
+            "s.yaml: gate = 1: must lie between 2 and 100");
 }
 
 TEST(CheckSettings, NamesTheSectionAndRefusesNaN) {

@@ -7,10 +7,10 @@
 #include <random>
 #include <string>
 
-#include "angio/base/errors.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/test/errors.hpp"
 #include "drawn_catheter.hpp"
 
 namespace angio::test {
@@ -90,9 +90,6 @@ TEST(SequenceLocaliser, FindsAKnownShiftAndDisplacement) {
 TEST(SequenceLocaliser, RefusesWhatIsNoSequence) {
   const VesselTree tree = readVesselTree(kLiver + "tree.csv");
   EXPECT_THROW(localiseSequence({}, tree), InputError);
-  SequenceSettings settings;
-  settings.deformation_length_mm = 0;
-  EXPECT_THROW(localiseSequence({}, tree, settings), InputError);
   SequenceFrame empty{
       {Eigen::Matrix2Xd(2, 0), 1, TipEnd::kLast},
       {XrayCamera::centered(1024, 1024, 0.00025, 1.0), Pose(Eigen::Translation3d(0, 0, 0.8)), Matrix6d::Zero()},
@@ -100,6 +97,12 @@ TEST(SequenceLocaliser, RefusesWhatIsNoSequence) {
   const SequenceResult result = localiseSequence({empty, empty}, tree);
   EXPECT_EQ(result.beliefs[1].status, BeliefStatus::kUnknown);
   EXPECT_FALSE(result.beliefs[1].why.empty());
+  SequenceSettings settings;
+  settings.deformation_length_mm = 0;
+  EXPECT_EQ(refusalOf([&] {
+              localiseSequence({empty, empty}, tree, settings);
+            }),
+            "sequence localiser: deformation_length_mm = 0: must lie between 1 and 10000");
 }
 
 }  // namespace

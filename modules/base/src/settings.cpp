@@ -23,6 +23,9 @@ class RangeCheck final : public SettingsVisitor {
   void choiceIndex(const char* key, int& index, const std::vector<std::string>& names, const char*) override {
     requireBetween(place_, key, index, 0, static_cast<double>(names.size()) - 1);
   }
+  void fixed(const char* name, double value, double low, double high) override {
+    requireBetween(place_, name, value, low, high);
+  }
   void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields, const char*) override {
     RangeCheck inner(place_ + "." + key);
     visit_fields(inner);

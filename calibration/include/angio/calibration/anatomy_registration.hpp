@@ -37,6 +37,7 @@ struct AnatomyRegistrationSettings {
              "Standard deviation of the C-arm's angles, per axis: C-arms hold about a degree");
     v.number("shift_std_mm", shift_std_mm, 0, 1000,
              "Standard deviation of the isocentre from run to run, per axis; 0: it stays");
+    v.fixed("outlier_gate", outlier_gate, 2, 100);
   }
 };
 

@@ -75,6 +75,7 @@ struct CalibrationSimulationSettings {
     v.choice("hostile", hostile,
              {"none", "duplicate-poses", "swapped-beads", "wrong-units", "mirrored-phantom", "other-machine"},
              "What is wrong with the data on purpose");
+    v.fixed("held_out_every", held_out_every, 0, 1000);
   }
 };
 

@@ -43,6 +43,8 @@ struct GeometrySettings {
     v.choice("flex", flex, {"none", "low_order"}, "Model of how the C-arm bends");
     v.number("source_isocentre_distance_mm", source_isocenter_distance_mm, 100, 5000,
              "Distance from source to isocentre where the search starts");
+    v.fixed("pose_scatter_mm", pose_scatter_mm, 1e-4, 20);
+    v.fixed("pose_scatter_deg", pose_scatter_deg, 1e-5, 5);
   }
 };
 

@@ -39,6 +39,8 @@ struct HandEyeSettings {
     v.choice("residual", residual, {"pose", "reprojection"}, "What is minimised");
     v.integer("starts", starts, 0, 10000, "Draws of few poses each, for a start that outliers do not pull");
     v.integer("seed", seed, 0, 2147483647, "Seed of the draws");
+    v.fixed("min_turn_deg", min_turn_deg, 1e-6, 90);
+    v.fixed("outlier_gate", outlier_gate, 2, 100);
   }
 };
 

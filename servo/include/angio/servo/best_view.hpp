@@ -35,6 +35,7 @@ struct BestViewSettings {
   void visit(SettingsVisitor& v) {
     v.number("max_primary_deg", max_primary_deg, 1, 180, "Largest LAO and RAO that is looked at");
     v.number("max_secondary_deg", max_secondary_deg, 1, 89, "Largest CRA and CAU that is looked at");
+    v.fixed("step_deg", step_deg, 0.25, 30);
   }
 };
 

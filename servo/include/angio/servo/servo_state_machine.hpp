@@ -56,6 +56,7 @@ struct ServoStateSettings {
              "Frames that contradict joints and calibration, for longer: fault");
     v.number("max_request_age_ms", max_request_age_ms, 1, 600e3,
              "Largest time between the status that a request answers and the newest frame");
+    v.fixed("frames_to_resume", frames_to_resume, 1, 1000);
   }
 };
 

@@ -29,6 +29,9 @@ class SettingsVisitor {
   virtual void section(const char* key, const std::function<void(SettingsVisitor&)>& visit_fields,
                        const char* meaning = "") = 0;
 
+  /// A number that only code sets: no key of settings files, but checked as the others are.
+  virtual void fixed(const char* /*name*/, double /*value*/, double /*low*/, double /*high*/) {}
+
   /// An enum whose values count from 0, by its names.
   template <typename Enum>
   void choice(const char* key, Enum& value, const std::vector<std::string>& names, const char* meaning) {

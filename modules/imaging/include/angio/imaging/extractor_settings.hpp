@@ -92,6 +92,7 @@ struct RidgeSettings {
     v.number("spacing_px", spacing_px, 0.5, 50, "Distance between points of the result");
     v.integer("working_side_px", working_side_px, 64, 4096,
               "Shorter side of the grid that larger images are shrunk to");
+    v.fixed("relative_density", relative_density, 0, 1);
   }
 };
 

@@ -52,6 +52,15 @@ struct LocaliserSettings {
              "Largest speed of the tip along the vessel, when nothing says how far it was pushed");
     v.number("shift_std_mm", shift_std_mm, 0.01, 100,
              "Standard deviation of the image's shift against the pose, per axis, at the tip's depth");
+    v.fixed("backlash_mm", backlash_mm, 0.01, 20);
+    v.fixed("shift_time_s", shift_time_s, 0.01, 1000);
+    v.fixed("scale_std_percent", scale_std_percent, 0.01, 50);
+    v.fixed("roll_std_deg", roll_std_deg, 0.01, 90);
+    v.fixed("near_mm", near_mm, 0, 200);
+    v.fixed("min_probability", min_probability, 0, 1);
+    v.fixed("model_std_px", model_std_px, 0.1, 50);
+    v.fixed("outlier_px", outlier_px, 1, 500);
+    v.fixed("lost_px", lost_px, 1, 1000);
   }
 };
 

@@ -37,6 +37,7 @@ struct SequenceSettings {
     v.number(
         "deformation_std_mm", deformation_std_mm, 0, 100,
         "How far the vessels are from where the tree has them, the same in all frames, per axis; 0: the tree is rigid");
+    v.fixed("deformation_length_mm", deformation_length_mm, 1, 10000);
   }
 };
 

@@ -41,6 +41,7 @@ struct MotionPredictorSettings {
     v.number("heart_low_hz", heart_low_hz, 0.1, 20, "Lowest frequency at which the heartbeat is looked for");
     v.number("heart_high_hz", heart_high_hz, 0.1, 20, "Highest frequency at which the heartbeat is looked for");
     v.number("memory_s", memory_s, 2, 120, "Length of the past that frequencies are looked for in");
+    v.fixed("max_horizon_ms", max_horizon_ms, 1, 5000);
   }
 };
 

@@ -54,6 +54,7 @@ struct PatientTrackerSettings {
     v.number("max_deformation_mm", max_deformation_mm, 0, 100,
              "With follow_motion: largest deformation (rms over the tree) by which a frame that the rigid tree "
              "explains only in part may still be trusted; 0: not tried");
+    v.fixed("memory_frames", memory_frames, 1, 1000);
   }
 };
 

@@ -41,6 +41,7 @@ struct ReceiverSettings {
              "Largest time since the frame behind a command, by the machine's clock, which is the frames'");
     v.number("max_command_lead_ms", max_command_lead_ms, 0, 60e3,
              "How far a command's frame may be ahead of the machine's clock");
+    v.fixed("max_overspeed", max_overspeed, 1, 1000);
   }
 };
 

@@ -43,6 +43,7 @@ struct VesselnessSettings {
     v.number("strong", strong, 0, 1, "Vesselness from which on a voxel is a vessel's");
     v.number("weak", weak, 0, 1,
              "Vesselness from which on a voxel is a vessel's when it hangs together with a strong one");
+    v.fixed("scales", scales, 1, 20);
   }
 };
 

@@ -51,6 +51,7 @@ struct CenterExperimentSettings {
     v.number("breathing_mm", breathing_mm, 0, 60,
              "Motion of the target by breathing: what is nearer to the feet moves less, so that the tree deforms");
     v.number("heartbeat_mm", heartbeat_mm, 0, 20, "Motion of the target in systole");
+    v.fixed("learn_s", learn_s, 0, 3600);
   }
 };
 Json centerExperiment(const LoopParts& parts, const CenterExperimentSettings& experiment,

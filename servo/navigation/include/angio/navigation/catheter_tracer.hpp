@@ -25,6 +25,7 @@ struct CatheterTracerSettings {
     v.number("diameter_mm", diameter_mm, 0.1, 5, "Diameter of the catheter");
     v.number("marker_length_mm", marker_length_mm, 0.1, 20, "Length of the radio-opaque band at the catheter's tip");
     v.number("ahead_mm", ahead_mm, 5, 200, "How far ahead of the believed tip, along any vessel, a tip is looked for");
+    v.fixed("behind_mm", behind_mm, 20, 500);
   }
 };
 

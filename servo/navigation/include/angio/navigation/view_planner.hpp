@@ -23,6 +23,10 @@ struct ViewPlannerSettings {
   void visit(SettingsVisitor& v) {
     v.number("max_primary_deg", max_primary_deg, 1, 110, "Largest LAO and RAO of the views that are compared");
     v.number("max_secondary_deg", max_secondary_deg, 1, 55, "Largest CRA and CAU of the views that are compared");
+    v.fixed("behind_mm", behind_mm, 0, 1000);
+    v.fixed("ahead_mm", ahead_mm, 10, 1000);
+    v.fixed("renew_mm", renew_mm, 0, 1000);
+    v.fixed("step_deg", step_deg, 0.5, 15);
   }
 };
 

@@ -31,6 +31,10 @@ struct BreathingSettings {
     v.number("variation", variation, 0, 0.5, "Standard deviation of a breath's amplitude, relative");
     v.number("drift_mm_per_min", drift_mm_per_min, -30, 30, "Drift of the resting position, towards the feet");
     v.number("diaphragm_mm", diaphragm_mm, -300, 300, "How far the diaphragm is above the tree's centroid");
+    v.fixed("forward_mm", forward_mm, -10, 10);
+    v.fixed("sharpness", sharpness, 1, 10);
+    v.fixed("hysteresis", hysteresis, 0, 0.5);
+    v.fixed("reach_mm", reach_mm, 20, 1000);
   }
 };
 
@@ -48,6 +52,7 @@ struct HeartbeatSettings {
     v.number("turn_deg", turn_deg, -30, 30, "Turn at the heart's centre, for each 10 mm of amplitude");
     v.numbers("centre_mm", center_mm, 3, -300, 300,
               "Centre of the heart, from the tree's centroid: left, posterior, up");
+    v.fixed("reach_mm", reach_mm, 10, 300);
   }
 };
 

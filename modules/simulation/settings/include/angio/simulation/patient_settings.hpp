@@ -34,6 +34,7 @@ struct BolusSettings {
     v.number("speed_m_per_s", speed_m_per_s, 0.01, 5, "Speed of blood where the radius is 2 mm");
     v.number("wash_in_s", wash_in_s, 0.01, 30, "Time from a tenth to nine tenths of the full density, at the root");
     v.number("wash_out_s", wash_out_s, 0.01, 60, "Time constant of the contrast agent's end");
+    v.fixed("dispersion", dispersion, 0, 2);
   }
 };
 
@@ -70,6 +71,8 @@ struct DeviceSettings {
     v.number("inserted_mm", inserted_mm, 1, 3000,
              "Length inside the tree at the first frame; it ends where the tree does");
     v.number("speed_mm_per_s", speed_mm_per_s, -200, 200, "Speed of pushing (or, if negative, pulling)");
+    v.fixed("diameter_factor", diameter_factor, 0.1, 10);
+    v.fixed("opacity_factor", opacity_factor, 0, 10);
   }
 };
 
@@ -83,6 +86,8 @@ struct TruthSettings {
 
   void visit(SettingsVisitor& v) {
     v.number("spacing_px", spacing_px, 0.2, 50, "Distance between points of the true centrelines");
+    v.fixed("min_contrast_to_noise", min_contrast_to_noise, 0, 1000);
+    v.fixed("min_px", min_px, 0, 1000);
   }
 };
 
