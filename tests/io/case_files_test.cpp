@@ -74,10 +74,12 @@ cases:
   EXPECT_EQ(b.truth_displacements_path, folder.path("moves.csv"));
 }
 
-// Markups are read as L, P, S whatever they are in; a tree of another kind is read as it stands.
-TEST(CaseFiles, PosesOfMarkupsInRasAreTurned) {
+// A tree whose file says its axes is read as L, P, S; another is read as it stands.
+TEST(CaseFiles, PosesOfTreesThatSayRasAreTurned) {
   const CaseFolder folder;
   folder.write("curves.mrk.json", "");
+  folder.write("tree.csv", "id,x_mm,y_mm,z_mm,radius_mm,parent\n0,1,2,3,,-1\n1,1,2,4,,0\n");
+  folder.write("other.csv", "id,x_mm,y_mm,z_mm,radius_mm,parent,frame\n0,1,2,3,,-1,RAS\n1,1,2,4,,0,RAS\n");
   const auto read = [&](const std::string& of_set, const std::string& of_case, const std::string& more = "") {
     const std::string text = of_set +
                              "camera: camera.yaml\ncases:\n  - {name: a, centerline: line.csv, initial_pose: p.yaml, "
@@ -90,7 +92,7 @@ TEST(CaseFiles, PosesOfMarkupsInRasAreTurned) {
   const Case lps = read("tree: curves.mrk.json\nframe: LPS\n", "");
   EXPECT_TRUE(lps.initial_pose.linear().isIdentity(1e-12));
   EXPECT_TRUE(read("tree: curves.mrk.json\nframe: RAS\n", ", frame: LPS").truth_pose->linear().isIdentity(1e-12));
-  for (const Case& ras : {read("tree: curves.mrk.json\nframe: RAS\n", ""),
+  for (const Case& ras : {read("tree: curves.mrk.json\nframe: RAS\n", ""), read("tree: other.csv\nframe: RAS\n", ""),
                           read("tree: tree.csv\n", ", tree: curves.mrk.json, frame: RAS")}) {
     // The point (1, 2, 3) in R, A, S is (-1, -2, 3) in L, P, S.
     EXPECT_LT((ras.initial_pose * Eigen::Vector3d(-1, -2, 3) - Eigen::Vector3d(1, 2, 3.7)).norm(), 1e-12);

@@ -123,16 +123,37 @@ TEST(VesselFiles, LinesToEachEndGiveBackTheSameTree) {
   for (const auto& [point, edge] : edgesOf(back)) EXPECT_TRUE(edges.count(point) > 0);
 }
 
-TEST(VesselFiles, FrameTurnsXAndYAndOnlyMarkupsSaySo) {
+TEST(VesselFiles, FrameTurnsXAndYUnlessTheFileSaysIt) {
   const TemporaryFolder folder;
   const VesselTree tree = writtenTree(folder);
-  for (const char* name : {"tree.csv", "tree.swc", "tree.tre"}) {
+  for (const char* name : {"tree.swc", "tree.tre"}) {
     writeVesselTree(folder.path(name), tree, PatientFrame::kRas);
+    EXPECT_FALSE(saysItsFrame(folder.path(name)));
     EXPECT_EQ(edgesOf(withOtherFrame(readVesselTree(folder.path(name)))), edgesOf(tree)) << name;
   }
-  writeVesselTree(folder.path("tree.mrk.json"), tree, PatientFrame::kRas);
-  EXPECT_EQ(edgesOf(readVesselTree(folder.path("tree.mrk.json"))), edgesOf(tree));
-  EXPECT_NE(test::contentOf(folder.path("tree.mrk.json")).find("\"RAS\""), std::string::npos);
+  for (const char* name : {"tree.csv", "tree.mrk.json"}) {
+    for (const PatientFrame frame : {PatientFrame::kLps, PatientFrame::kRas}) {
+      writeVesselTree(folder.path(name), tree, frame);
+      EXPECT_TRUE(saysItsFrame(folder.path(name)));
+      EXPECT_EQ(edgesOf(readVesselTree(folder.path(name))), edgesOf(tree)) << name;
+    }
+    EXPECT_NE(test::contentOf(folder.path(name)).find("RAS"), std::string::npos) << name;
+  }
+  writeVesselTree(folder.path("plain.csv"), tree);
+  EXPECT_FALSE(saysItsFrame(folder.path("plain.csv")));
+}
+
+TEST(VesselFiles, CsvInRasIsTurnedAndSaysOneFrameInAllRows) {
+  const TemporaryFolder folder;
+  const auto read = [&](const std::string& first, const std::string& second) {
+    return readVesselTree(folder.write(
+        "t.csv", "frame,id,x_mm,y_mm,z_mm,radius_mm,parent\n" + first + ",0,1,2,3,,-1\n" + second + ",1,1,2,4,,0\n"));
+  };
+  EXPECT_EQ(read("RAS", "RAS").points().col(1), Eigen::Vector3d(-1, -2, 4) / 1e3);
+  EXPECT_EQ(read("LPS", "LPS").points().col(1), Eigen::Vector3d(1, 2, 4) / 1e3);
+  EXPECT_NE(refusalOf([&] { read("RAS", "LPS"); }).find("t.csv:3: frame = LPS: must be RAS, as in the rows before"),
+            std::string::npos);
+  EXPECT_NE(refusalOf([&] { read("LAS", "LAS"); }).find("t.csv:2: frame = LAS: must be LPS or RAS"), std::string::npos);
 }
 
 struct DecimalComma : std::numpunct<char> {

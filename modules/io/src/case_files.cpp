@@ -12,6 +12,7 @@
 #include "angio/io/camera_files.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/text.hpp"
+#include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
 
@@ -56,12 +57,6 @@ std::vector<Eigen::Vector2d> cornersIn(const YamlField& field) {
     field.refuse("must be the corners of a convex polygon, in order");
   }
   return corners;
-}
-
-// Markups say which axes they are in and are read as L, P, S; other trees are read as they stand.
-bool isReadAsLps(const std::string& tree_path) {
-  const std::filesystem::path path(tree_path);
-  return extensionOf(tree_path) == ".json" && extensionOf(path.stem().string()) == ".mrk";
 }
 
 // R, A, S from L, P, S, and back.
@@ -137,7 +132,7 @@ class CaseReader {
     if (truth_pose) result.truth_pose = readShared(*truth_pose, poses_, readPose).T_camera_model;
     if (truth_displacements) result.truth_displacements_path = existingFile(*truth_displacements);
     const auto frame = own_tree.frame ? own_tree.frame : set_tree.frame;
-    if (frame && isRas(*frame) && isReadAsLps(result.tree_path)) toLps(*frame, result);
+    if (frame && isRas(*frame) && saysItsFrame(result.tree_path)) toLps(*frame, result);
     return result;
   }
 
@@ -149,7 +144,8 @@ class CaseReader {
 
   // Poses are of the tree as it is read.
   static void toLps(const YamlField& frame, Case& one) {
-    if (one.truth_displacements_path) frame.refuse("must be LPS where truth_displacements stand beside markups");
+    if (one.truth_displacements_path)
+      frame.refuse("must be LPS where truth_displacements stand beside a tree that says its axes");
     one.initial_pose = one.initial_pose * turnedFrame();
     if (one.truth_pose) one.truth_pose = *one.truth_pose * turnedFrame();
   }

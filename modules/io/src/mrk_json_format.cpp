@@ -195,12 +195,6 @@ Json curveOf(const VesselTree& tree, const std::vector<int>& branch, std::size_t
   return curve;
 }
 
-void writeCurves(const std::string& path, const VesselTree& tree, const char* frame) {
-  Json markups = Json::array();
-  for (const auto& branch : tree.branches()) markups.push_back(curveOf(tree, branch, markups.size() + 1, frame));
-  writeWholeFile(path, Json{{"@schema", kSchema}, {"markups", markups}}.dump(1) + "\n");
-}
-
 }  // namespace
 
 std::vector<NamedCurve> readMrkJsonCurves(const std::string& path) {
@@ -222,8 +216,11 @@ VesselTree readMrkJsonTree(const std::string& path) {
   return treeOfRows(path, CurveGrowth(path, curves).grown());
 }
 
-void writeMrkJsonTree(const std::string& path, const VesselTree& tree) { writeCurves(path, tree, "LPS"); }
-
-void writeRasMrkJsonTree(const std::string& path, const VesselTree& tree) { writeCurves(path, tree, "RAS"); }
+void writeMrkJsonTree(const std::string& path, const VesselTree& tree, std::optional<PatientFrame> frame) {
+  const char* name = frame == PatientFrame::kRas ? "RAS" : "LPS";
+  Json markups = Json::array();
+  for (const auto& branch : tree.branches()) markups.push_back(curveOf(tree, branch, markups.size() + 1, name));
+  writeWholeFile(path, Json{{"@schema", kSchema}, {"markups", markups}}.dump(1) + "\n");
+}
 
 }  // namespace angio::io

@@ -209,7 +209,7 @@ VesselTree readTreTree(const std::string& path) {
   return treeOfRows(path, rows);
 }
 
-void writeTreTree(const std::string& path, const VesselTree& tree) {
+void writeTreTree(const std::string& path, const VesselTree& tree, std::optional<PatientFrame>) {
   std::map<int, std::pair<std::size_t, std::size_t>> place_of;  // Last points: tube and number in it.
   std::string content = "ObjectType = Scene\nNDims = 3\nNObjects = " + std::to_string(tree.branches().size()) + "\n";
   for (std::size_t b = 0; b < tree.branches().size(); ++b) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "angio/io/curve_folder.hpp"
+#include "angio/io/vessel_files.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::io {
@@ -17,13 +18,10 @@ using TreeReader = VesselTree(const std::string& path);
 
 TreeReader readVtpTree, readVtkTree, readHmmTree, readMrkJsonTree, readTreTree;
 
-/// Writes one file format; throws InputError.
-using TreeWriter = void(const std::string& path, const VesselTree& tree);
+/// Writes one file format; throws InputError. `frame` is what the tree's points are in, for the formats that say so.
+using TreeWriter = void(const std::string& path, const VesselTree& tree, std::optional<PatientFrame> frame);
 
 TreeWriter writeVtpTree, writeMrkJsonTree, writeTreTree;
-
-/// The same for a tree in RAS, in the one format that says so.
-TreeWriter writeRasMrkJsonTree;
 
 /// The curves of one file of 3D Slicer's markups, without names.
 std::vector<NamedCurve> readMrkJsonCurves(const std::string& path);

@@ -22,9 +22,17 @@ std::string placeOf(const std::string& path, const TreeRow& row) {
   return row.line > 0 ? atLine(path, row.line) : path;
 }
 
-VesselTree readCsvTree(const std::string& path) {
-  std::vector<TreeRow> rows;
-  readTable(path, {{"id", "x_mm", "y_mm", "z_mm", "radius_mm", "parent"}, {}}, [&](const TableRow& from) {
+// Names of a tree's patient axes in files.
+constexpr const char *kLps = "LPS", *kRas = "RAS";
+
+struct CsvTree {
+  std::vector<TreeRow> rows;  ///< In LPS where the file says its axes, else as they stand.
+  std::string frame;          ///< As the file says, or empty.
+};
+
+CsvTree readCsvRows(const std::string& path) {
+  CsvTree read;
+  readTable(path, {{"id", "x_mm", "y_mm", "z_mm", "radius_mm", "parent"}, {"frame"}}, [&](const TableRow& from) {
     TreeRow row;
     row.line = from.line();
     row.id = from.integer("id");
@@ -32,19 +40,30 @@ VesselTree readCsvTree(const std::string& path) {
     row.point_mm = Eigen::Vector3d{from.number("x_mm"), from.number("y_mm"), from.number("z_mm")};
     row.radius_mm = from.numberOrBlank("radius_mm");
     row.parent = from.integer("parent");
-    rows.push_back(row);
+    if (from.has("frame")) {
+      const std::string frame(from.text("frame"));
+      if (frame != kLps && frame != kRas) throw InputError(from.place(), "frame", frame, "must be LPS or RAS");
+      if (!read.rows.empty() && frame != read.frame)
+        throw InputError(from.place(), "frame", frame, "must be " + read.frame + ", as in the rows before");
+      if (frame == kRas) row.point_mm.head<2>() *= -1;
+      read.frame = frame;
+    }
+    read.rows.push_back(row);
   });
-  return treeOfRows(path, rows);
+  return read;
 }
 
-void writeCsvTree(const std::string& path, const VesselTree& tree) {
-  std::string content = "id,x_mm,y_mm,z_mm,radius_mm,parent\n";
+VesselTree readCsvTree(const std::string& path) { return treeOfRows(path, readCsvRows(path).rows); }
+
+void writeCsvTree(const std::string& path, const VesselTree& tree, std::optional<PatientFrame> frame) {
+  const std::string last = frame ? std::string(",") + (*frame == PatientFrame::kRas ? kRas : kLps) + "\n" : "\n";
+  std::string content = std::string("id,x_mm,y_mm,z_mm,radius_mm,parent") + (frame ? ",frame\n" : "\n");
   for (int i = 0; i < tree.size(); ++i) {
     content += std::to_string(i);
     for (int k = 0; k < 3; ++k) content += "," + exactMillimetres(tree.points()(k, i));
     const auto& radius = tree.radii()[i];
     content += "," + (radius ? exactMillimetres(*radius) : "");
-    content += "," + std::to_string(tree.parents()[i]) + "\n";
+    content += "," + std::to_string(tree.parents()[i]) + last;
   }
   writeWholeFile(path, content);
 }
@@ -77,7 +96,7 @@ VesselTree readSwcTree(const std::string& path) {
   return treeOfRows(path, rows);
 }
 
-void writeSwcTree(const std::string& path, const VesselTree& tree) {
+void writeSwcTree(const std::string& path, const VesselTree& tree, std::optional<PatientFrame>) {
   std::string content = "# id type x_mm y_mm z_mm radius_mm parent; radius 0 is unknown\n";
   for (int i = 0; i < tree.size(); ++i) {
     // Type 0 is "undefined": the format's types are parts of nerve cells. Ids begin at 1, as its readers expect.
@@ -94,15 +113,14 @@ void writeSwcTree(const std::string& path, const VesselTree& tree) {
 struct TreeFormat {
   const char* extension;
   TreeReader* read;
-  TreeWriter* write;      // Null for formats that are only read.
-  TreeWriter* write_ras;  // For a tree in RAS; null when the format does not say what it is in.
+  TreeWriter* write;  // Null for formats that are only read.
 };
 
 constexpr TreeFormat kTreeFormats[] = {
-    {".csv", readCsvTree, writeCsvTree, nullptr}, {".swc", readSwcTree, writeSwcTree, nullptr},
-    {".vtp", readVtpTree, writeVtpTree, nullptr}, {".vtk", readVtkTree, nullptr, nullptr},
-    {".txt", readHmmTree, nullptr, nullptr},      {".mrk.json", readMrkJsonTree, writeMrkJsonTree, writeRasMrkJsonTree},
-    {".tre", readTreTree, writeTreTree, nullptr},
+    {".csv", readCsvTree, writeCsvTree}, {".swc", readSwcTree, writeSwcTree},
+    {".vtp", readVtpTree, writeVtpTree}, {".vtk", readVtkTree, nullptr},
+    {".txt", readHmmTree, nullptr},      {".mrk.json", readMrkJsonTree, writeMrkJsonTree},
+    {".tre", readTreTree, writeTreTree},
 };
 
 }  // namespace
@@ -155,19 +173,24 @@ VesselTree readVesselTree(const std::string& path) {
   return formatOf(path, kTreeFormats).read(path);
 }
 
+bool saysItsFrame(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return true;  // Of markups.
+  const auto reader = formatOf(path, kTreeFormats).read;
+  return reader == readMrkJsonTree || (reader == readCsvTree && !readCsvRows(path).frame.empty());
+}
+
 VesselTree withOtherFrame(const VesselTree& tree) {
   Eigen::Matrix3Xd points_m = tree.points();
   points_m.topRows<2>() *= -1;
   return {std::move(points_m), tree.parents(), tree.radii()};
 }
 
-void writeVesselTree(const std::string& path, const VesselTree& tree, PatientFrame frame) {
+void writeVesselTree(const std::string& path, const VesselTree& tree, std::optional<PatientFrame> frame) {
   std::vector<TreeFormat> written;
   std::copy_if(std::begin(kTreeFormats), std::end(kTreeFormats), std::back_inserter(written),
                [](const TreeFormat& format) { return format.write != nullptr; });
-  const TreeFormat& format = formatOf(path, written);
-  if (frame == PatientFrame::kLps) return format.write(path, tree);
-  (format.write_ras ? format.write_ras : format.write)(path, withOtherFrame(tree));
+  formatOf(path, written).write(path, frame == PatientFrame::kRas ? withOtherFrame(tree) : tree, frame);
 }
 
 }  // namespace angio::io

@@ -182,7 +182,7 @@ Surface readVtpSurface(const std::string& path) {
   return surface;
 }
 
-void writeVtpTree(const std::string& path, const VesselTree& tree) {
+void writeVtpTree(const std::string& path, const VesselTree& tree, std::optional<PatientFrame>) {
   // Points stand once; lines that share a trunk name them again, as VMTK's copy them.
   std::string points, radii, connectivity, offsets;
   std::size_t indices = 0, lines = 0;

@@ -89,7 +89,7 @@ void printCoverage(const char* what, const Coverage& coverage, double distance_m
 
 void compare(const Options& o, const VesselTree& tree, const VoxelGrid& grid) {
   VesselTree reference = readVesselTree(o.compare);
-  if (o.compare_frame == "RAS") reference = withOtherFrame(reference);
+  if (o.compare_frame == "RAS" && !saysItsFrame(o.compare)) reference = withOtherFrame(reference);
   const double distance_m = o.compare_mm ? *o.compare_mm / 1e3 : grid.spacing_m.minCoeff();
   printCoverage("reference near tree", coverage(reference, tree, distance_m), distance_m);
   printCoverage("tree near reference", coverage(tree, reference, distance_m), distance_m);
@@ -218,7 +218,8 @@ int main(int argc, char** argv) {
                                   angio::io::settingsInForce<angio::apps::ExtractionSettings>);
   app.addOption("--picture", o.picture, "Projections of the volume with the tree (.png, .jpg)");
   app.addOption("--compare", o.compare, "Another tree: prints how much of each lies near the other");
-  app.addOption("--compare-frame", o.compare_frame, "Its axes")->check(angio::cli::oneOf({"LPS", "RAS"}));
+  app.addOption("--compare-frame", o.compare_frame, "Its axes, where its file does not say them")
+      ->check(angio::cli::oneOf({"LPS", "RAS"}));
   app.addOption("--compare-mm", o.compare_mm, "What is near; default: the volume's smallest spacing")
       ->check(angio::apps::between(1e-3, 1e3));
   app.onRead([&] { angio::apps::readPoints(o); });

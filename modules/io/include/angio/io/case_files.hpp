@@ -44,9 +44,9 @@ struct CaseSet {
 /// start at the case file's folder. Cameras and poses are read at once; of the other files only their existence is
 /// checked.
 ///
-/// `frame`, LPS or RAS, in the set or in a case, names the patient axes of the tree that the poses are of. A tree is
-/// read as it stands, and nothing is turned; only markups (`.mrk.json`) say which axes they are in and are read as L,
-/// P, S, so that poses of a RAS one are turned with it.
+/// `frame`, LPS or RAS, in the set or in a case, names the patient axes of the tree that the poses are of. A tree
+/// whose file says its axes (saysItsFrame(), which reads it where `frame` is RAS) is read as L, P, S, so that poses of
+/// a RAS one are turned with it. Another tree is read as it stands, and nothing is turned.
 ///
 /// Several views of one moment are lists: `camera`, and in each case `centerline` and `image` with as many entries in
 /// the same order. Where the other cameras stand is said by `T_view_first`, beside `camera` in the set or in a case: a

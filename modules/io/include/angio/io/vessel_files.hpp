@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "angio/io/namespace.hpp"
@@ -11,6 +12,7 @@ namespace angio::io {
 /// Reads a vessel tree; lengths are millimetres in every file. The extension (in any case) is the choice of the format:
 ///
 /// - `.csv`: `id,x_mm,y_mm,z_mm,radius_mm,parent`; ids are any integers, parent -1 at a root, radius blank if unknown.
+///   With a column `frame`, LPS or RAS in all rows, points in RAS are turned to LPS.
 /// - `.swc`: `id type x y z radius parent`, `#` begins a comment; a radius that is not positive is unknown.
 /// - `.vtp`: VMTK centrelines: polylines from one source to many outlets with MaximumInscribedSphereRadius. The
 ///   trunk that the lines repeat, exactly or to a tenth of its radius, becomes one.
@@ -33,6 +35,10 @@ VesselTree readVesselTree(const std::string& path);
 /// scene). z is to the head in both.
 enum class PatientFrame { kLps, kRas };
 
+/// Whether the tree's file says which patient axes it is in, so that readVesselTree() returns LPS: all markups, and
+/// .csv with a column `frame`. Other trees are read as they stand. Throws InputError.
+bool saysItsFrame(const std::string& path);
+
 /// A tree with x and y turned around: LPS as RAS, and RAS as LPS.
 VesselTree withOtherFrame(const VesselTree& tree);
 
@@ -40,8 +46,9 @@ VesselTree withOtherFrame(const VesselTree& tree);
 /// branch) or `.tre` (a tube a branch), by extension. Ids are point indices (from 0; from 1 in .swc). Lengths have as
 /// many digits as it takes to read the same number back.
 ///
-/// A tree in LPS is written in `frame`; only .mrk.json can say which one it is. Throws InputError for another extension
-/// or when the file cannot be written.
-void writeVesselTree(const std::string& path, const VesselTree& tree, PatientFrame frame = PatientFrame::kLps);
+/// With `frame` the tree is in LPS and is written in `frame`, which .csv and .mrk.json say; without it points are
+/// written as they are, which .mrk.json calls LPS. Throws InputError for another extension or when the file cannot be
+/// written.
+void writeVesselTree(const std::string& path, const VesselTree& tree, std::optional<PatientFrame> frame = {});
 
 }  // namespace angio::io
