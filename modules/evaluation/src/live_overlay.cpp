@@ -35,7 +35,7 @@ bool silent(const std::optional<std::int64_t>& last_us, std::int64_t now_us) {
   return !last_us || now_us - *last_us > kSilence_us || now_us < *last_us;
 }
 
-bool converged(const RegistrationMessage& registration) { return registration.status_text == "converged"; }
+bool saysConverged(const RegistrationMessage& registration) { return registration.status_text == "converged"; }
 
 }  // namespace
 
@@ -71,7 +71,7 @@ cv::Mat LiveOverlay::draw(const LiveScene& scene) {
 
 bool LiveOverlay::showsTree(const LiveScene& scene) const {
   const auto& r = scene.registration;
-  return r && converged(*r) && r->model_id == model_id_;
+  return r && saysConverged(*r) && r->model_id == model_id_;
 }
 
 bool LiveOverlay::showsTip(const LiveScene& scene) const {
@@ -136,14 +136,14 @@ std::vector<BandEntry> LiveOverlay::panelEntries(const LiveScene& scene) const {
     add(frame, kWhite);
   }
   if (const auto& r = scene.registration) {
-    const bool other = converged(*r) && r->model_id != model_id_;
+    const bool other = saysConverged(*r) && r->model_id != model_id_;
     // The message has the mean over all vessels in view, those without contrast agent included.
     add("registration " + r->status_text.substr(0, 60) +
             (r->mean_residual_px > 0 ? formatted(", whole tree to image %.2f px", r->mean_residual_px) : "") +
             (other ? ", of another vessel tree" : ""),
-        other           ? kLimitedColor
-        : converged(*r) ? kConvergedColor
-                        : kRejectedColor);
+        other               ? kLimitedColor
+        : saysConverged(*r) ? kConvergedColor
+                            : kRejectedColor);
   }
   if (const auto& q = scene.state) {
     add(formatted("C-arm %+.2f %+.2f deg, table %+.1f %+.1f %+.1f mm", radToDeg(q->joints[0]), radToDeg(q->joints[1]),
