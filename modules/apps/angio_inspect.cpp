@@ -216,7 +216,7 @@ Inspected inspectTree(const Options& o) {
   found.count("model id", "model_id", static_cast<std::int64_t>(modelId(tree)), " in messages");
   const bool said = saysItsFrame(o.file);
   found.add("axes", said ? "L, P, S, as the file says or turned to them" : "the file's own; it does not say which",
-            "frame", said ? Json("LPS") : Json(nullptr));
+            "patient_frame", said ? Json("LPS") : Json(nullptr));
   for (const int axis : {0, 1, 2}) {
     const std::string name(1, "xyz"[axis]);
     found.add(name, inWords(low_mm[axis], "to ") + inWords(high_mm[axis], "mm"), name + "_mm",

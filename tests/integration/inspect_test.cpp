@@ -97,6 +97,11 @@ TEST(Inspect, OtherFilesAreToldToo) {
   EXPECT_THAT(test::run("angio-inspect", {phantomFile("tree.csv")}).out, HasSubstr("807.06"));
   const auto tree = nlohmann::json::parse(test::run("angio-inspect", {phantomFile("tree.csv"), "--json"}).out);
   EXPECT_EQ(tree["model_id"], static_cast<std::int64_t>(modelId(readVesselTree(phantomFile("tree.csv")))));
+  EXPECT_TRUE(tree["patient_frame"].is_null());
+  const test::TemporaryFolder folder;
+  const std::string ras =
+      folder.write("ras.csv", "id,x_mm,y_mm,z_mm,radius_mm,parent,frame\n0,1,2,3,,-1,RAS\n1,1,2,4,,0,RAS\n");
+  EXPECT_EQ(nlohmann::json::parse(test::run("angio-inspect", {ras, "--json"}).out)["patient_frame"], "LPS");
   EXPECT_THAT(test::run("angio-inspect", {phantomFile("im5_camera.yaml")}).out, HasSubstr("2383.36 px"));
   EXPECT_THAT(test::run("angio-inspect", {phantomFile("frames/im5.png")}).out, HasSubstr("512 x 512 px"));
 }

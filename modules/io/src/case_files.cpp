@@ -132,7 +132,7 @@ class CaseReader {
     if (truth_pose) result.truth_pose = readShared(*truth_pose, poses_, readPose).T_camera_model;
     if (truth_displacements) result.truth_displacements_path = existingFile(*truth_displacements);
     const auto frame = own_tree.frame ? own_tree.frame : set_tree.frame;
-    if (frame && isRas(*frame) && saysItsFrame(result.tree_path)) toLps(*frame, result);
+    if (frame && isRas(*frame) && readShared(*tree, trees_that_say_, saysItsFrame)) toLps(*frame, result);
     return result;
   }
 
@@ -223,6 +223,7 @@ class CaseReader {
   std::string path_;
   std::filesystem::path folder_;
   std::set<std::string> names_;
+  std::map<std::string, bool> trees_that_say_;  // Whether a tree's file says its axes.
   std::map<std::string, XrayCamera> cameras_;
   std::map<std::string, PoseFile> poses_;
   std::map<std::string, Pose> view_poses_;

@@ -77,12 +77,11 @@ std::vector<std::optional<double>> readMarkupRadii(const std::string& path, cons
 NamedCurve readCurve(const std::string& path, const std::string& field, const Json& markup) {
   NamedCurve curve;
   curve.place = path + ": " + field;
-  const std::string frame = textOr(path, field, markup, "coordinateSystem", "LPS");
-  if (frame != "LPS" && frame != "RAS")
-    throw InputError(path, field + ".coordinateSystem", frame, "must be LPS or RAS");
+  const PatientFrame frame = frameNamed(path, field + ".coordinateSystem",
+                                        textOr(path, field, markup, "coordinateSystem", nameOf(PatientFrame::kLps)));
   const std::string unit = textOr(path, field, markup, "coordinateUnits", "mm");
   if (unit != "mm") throw InputError(path, field + ".coordinateUnits", unit, "must be mm");
-  const double sign = frame == "RAS" ? -1 : 1;
+  const double sign = frame == PatientFrame::kRas ? -1 : 1;
   const Json& points = need(path, field, markup, "controlPoints", Json::value_t::array);
   std::vector<Eigen::Vector3d> points_mm;
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -217,7 +216,7 @@ VesselTree readMrkJsonTree(const std::string& path) {
 }
 
 void writeMrkJsonTree(const std::string& path, const VesselTree& tree, std::optional<PatientFrame> frame) {
-  const char* name = frame == PatientFrame::kRas ? "RAS" : "LPS";
+  const char* name = nameOf(frame.value_or(PatientFrame::kLps));
   Json markups = Json::array();
   for (const auto& branch : tree.branches()) markups.push_back(curveOf(tree, branch, markups.size() + 1, name));
   writeWholeFile(path, Json{{"@schema", kSchema}, {"markups", markups}}.dump(1) + "\n");

@@ -18,6 +18,12 @@ using TreeReader = VesselTree(const std::string& path);
 
 TreeReader readVtpTree, readVtkTree, readHmmTree, readMrkJsonTree, readTreTree;
 
+/// What files call patient axes.
+inline const char* nameOf(PatientFrame frame) { return frame == PatientFrame::kRas ? "RAS" : "LPS"; }
+
+/// The axes of that name. Throws InputError that names `place` and `field`.
+PatientFrame frameNamed(const std::string& place, const std::string& field, const std::string& name);
+
 /// Writes one file format; throws InputError. `frame` is what the tree's points are in, for the formats that say so.
 using TreeWriter = void(const std::string& path, const VesselTree& tree, std::optional<PatientFrame> frame);
 

@@ -22,12 +22,9 @@ std::string placeOf(const std::string& path, const TreeRow& row) {
   return row.line > 0 ? atLine(path, row.line) : path;
 }
 
-// Names of a tree's patient axes in files.
-constexpr const char *kLps = "LPS", *kRas = "RAS";
-
 struct CsvTree {
-  std::vector<TreeRow> rows;  ///< In LPS where the file says its axes, else as they stand.
-  std::string frame;          ///< As the file says, or empty.
+  std::vector<TreeRow> rows;          ///< In LPS where the file says its axes, else as they stand.
+  std::optional<PatientFrame> frame;  ///< As the file says.
 };
 
 CsvTree readCsvRows(const std::string& path) {
@@ -41,11 +38,11 @@ CsvTree readCsvRows(const std::string& path) {
     row.radius_mm = from.numberOrBlank("radius_mm");
     row.parent = from.integer("parent");
     if (from.has("frame")) {
-      const std::string frame(from.text("frame"));
-      if (frame != kLps && frame != kRas) throw InputError(from.place(), "frame", frame, "must be LPS or RAS");
-      if (!read.rows.empty() && frame != read.frame)
-        throw InputError(from.place(), "frame", frame, "must be " + read.frame + ", as in the rows before");
-      if (frame == kRas) row.point_mm.head<2>() *= -1;
+      const PatientFrame frame = frameNamed(from.place(), "frame", std::string(from.text("frame")));
+      if (read.frame && frame != *read.frame)
+        throw InputError(from.place(), "frame", nameOf(frame),
+                         std::string("must be ") + nameOf(*read.frame) + ", as in the rows before");
+      if (frame == PatientFrame::kRas) row.point_mm.head<2>() *= -1;
       read.frame = frame;
     }
     read.rows.push_back(row);
@@ -56,7 +53,7 @@ CsvTree readCsvRows(const std::string& path) {
 VesselTree readCsvTree(const std::string& path) { return treeOfRows(path, readCsvRows(path).rows); }
 
 void writeCsvTree(const std::string& path, const VesselTree& tree, std::optional<PatientFrame> frame) {
-  const std::string last = frame ? std::string(",") + (*frame == PatientFrame::kRas ? kRas : kLps) + "\n" : "\n";
+  const std::string last = frame ? std::string(",") + nameOf(*frame) + "\n" : "\n";
   std::string content = std::string("id,x_mm,y_mm,z_mm,radius_mm,parent") + (frame ? ",frame\n" : "\n");
   for (int i = 0; i < tree.size(); ++i) {
     content += std::to_string(i);
@@ -125,6 +122,12 @@ constexpr TreeFormat kTreeFormats[] = {
 
 }  // namespace
 
+PatientFrame frameNamed(const std::string& place, const std::string& field, const std::string& name) {
+  for (const PatientFrame frame : {PatientFrame::kLps, PatientFrame::kRas})
+    if (name == nameOf(frame)) return frame;
+  throw InputError(place, field, name, "must be LPS or RAS");
+}
+
 VesselTree treeOfRows(const std::string& path, const std::vector<TreeRow>& rows) {
   const auto n = static_cast<Eigen::Index>(rows.size());
   std::unordered_map<int, int> index_of_id;
@@ -177,7 +180,7 @@ bool saysItsFrame(const std::string& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) return true;  // Of markups.
   const auto reader = formatOf(path, kTreeFormats).read;
-  return reader == readMrkJsonTree || (reader == readCsvTree && !readCsvRows(path).frame.empty());
+  return reader == readMrkJsonTree || (reader == readCsvTree && readCsvRows(path).frame);
 }
 
 VesselTree withOtherFrame(const VesselTree& tree) {
