@@ -61,10 +61,12 @@ TEST(FaultExperiment, CountsByMachineAndFault) {
   FaultResult good, bad;
   good.kind = bad.kind = FaultKind::kStall;
   good.recovered_s = 0.4;
+  good.error_at_end = 0.25;
   good.moved_before = true;
   bad.machine = OperatedMachine::kCatheter;
   bad.breach = "moved";
   bad.unsound_commands = 3;
+  bad.recovered_s = 0.2;  // Without an error: where the tip was, was not known at the end.
   const auto json = faultExperimentAsJson({good, bad, good});
   EXPECT_EQ(json["unsafe"], 1);
   ASSERT_EQ(json["faults"].size(), 4u) << "a fault's line, and all, of each machine";
@@ -72,9 +74,13 @@ TEST(FaultExperiment, CountsByMachineAndFault) {
   EXPECT_EQ(json["faults"][0]["runs"], 2);
   EXPECT_EQ(json["faults"][0]["recovered"], 2);
   EXPECT_EQ(json["faults"][0]["recovery_s"]["max"], 0.4);
+  EXPECT_EQ(json["faults"][0]["error_at_end"]["max"], 0.25);
   EXPECT_EQ(json["faults"][2]["machine"], "catheter");
   EXPECT_EQ(json["faults"][2]["unsafe"], 1);
   EXPECT_EQ(json["faults"][2]["unsound_commands_at_the_machine"], 3);
+  EXPECT_EQ(json["faults"][2]["recovery_s"]["max"], 0.2);
+  EXPECT_FALSE(json["faults"][2].contains("error_at_end"));
+  EXPECT_FALSE(json["each"][1].contains("error_at_end"));
   EXPECT_EQ(json["faults"][3]["fault"], "all");
   EXPECT_THAT(faultExperimentTable(json), HasSubstr("catheter, seed 0, : moved"));
 }

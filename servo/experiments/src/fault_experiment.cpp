@@ -103,9 +103,9 @@ struct CArmMachine {
   }
   static void assist(SimulatedLab&, const std::optional<ServoStatus>&) {}
   void hear(const ServoReport&) {}
-  double error(const SimulatedLab& lab, const Node& node) const {
+  std::optional<double> error(const SimulatedLab& lab, const Node& node) const {
     const auto desired = node.loop().task().desired_T_camera_model();
-    if (!desired) return 0;
+    if (!desired) return std::nullopt;
     const CArmCalibration& truth = scene.world.truth;
     const Pose seen = truth.carm.T_camera_patient(lab.arm().state().joints) * truth.T_dsa_cb;
     const auto target = scene.parts.carm_loop.target_model.value_or(scene.tree.centroid());
@@ -120,7 +120,7 @@ struct CatheterMachine {
   static constexpr const char* kCommandChannel = kCatheterCommandChannel;
 
   const Scene& scene;
-  double estimated_m = 0;  // Of the tip, from the root.
+  std::optional<double> estimated_m = {};  // Of the tip, from the root; nothing: the newest frame did not tell.
 
   AxesLimits limits() const { return scene.catheter->settings; }
   static AxesState state(const SimulatedLab& lab) { return lab.catheter().state(); }
@@ -139,10 +139,12 @@ struct CatheterMachine {
   }
   void hear(const CatheterControllerReport& report) {
     const auto& belief = report.loop.input.belief;
+    estimated_m.reset();
     if (belief && belief->status == BeliefStatus::kSeen) estimated_m = belief->tip.path_m;
   }
-  double error(const SimulatedLab& lab, const Node&) const {
-    return 1e3 * std::abs(estimated_m - lab.catheter().truth().path_m);
+  std::optional<double> error(const SimulatedLab& lab, const Node&) const {
+    if (!estimated_m) return std::nullopt;
+    return 1e3 * std::abs(*estimated_m - lab.catheter().truth().path_m);
   }
 };
 
@@ -204,7 +206,7 @@ class Run {
   std::int64_t now_us() const { return lab_.now_us(); }
   const InjectedFault& fault() const { return fault_; }
   bool servoes() const { return node_ && node_->states().moves(); }
-  double error() const { return machine_.error(lab_, *node_); }  // While the node runs.
+  std::optional<double> error() const { return machine_.error(lab_, *node_); }  // While the node runs.
   // Since when it has servoed steadily, since the fault's end if that has come.
   std::optional<std::int64_t> recovered_us() const { return steady_ ? recovered_us_ : std::nullopt; }
   std::optional<std::string> breach() const { return limits_.breach() ? limits_.breach() : commands_.breach(); }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "angio/evaluation/columns.hpp"
@@ -19,12 +20,12 @@ const std::vector<Column<FaultResult>>& faultColumns() {
       {"servoed_before", "servoed_before", "sum", [](R r) { return r.moved_before; }},
       {"", "unsafe", "sum", [](R r) { return r.breach.has_value(); }},
       {"unsound_commands", "unsound_commands_at_the_machine", "sum", [](R r) { return r.unsound_commands; }},
-      {"error_at_fault", "", "", [](R r) { return r.error_at_fault; }},
-      {"error_at_end", "", "", [](R r) { return r.error_at_end; }},
+      {"error_at_fault", "", "", [](R r) { return orNull(r.error_at_fault); }},
+      {"error_at_end", "", "", [](R r) { return orNull(r.error_at_end); }},
       {"changes", "", "", [](R r) { return r.causes; }},
       {"", "recovered", "sum", [](R r) { return r.recovered_s.has_value(); }},
       {"recovered_s", "recovery_s", "p50 max", [](R r) { return orNull(r.recovered_s); }},
-      {"", "error_at_end", "p50 max", [](R r) { return r.recovered_s ? Json(r.error_at_end) : Json(nullptr); }},
+      {"", "error_at_end", "p50 max", [](R r) { return r.recovered_s ? orNull(r.error_at_end) : Json(); }},
       {"breach", "", "", [](R r) { return orNull(r.breach); }}};
   return kColumns;
 }
@@ -32,9 +33,9 @@ const std::vector<Column<FaultResult>>& faultColumns() {
 Json summaryOf(const std::vector<FaultResult>& rows, const char* machine, const char* fault) {
   Json json = {{"machine", machine}, {"fault", fault}, {"runs", rows.size()}};
   summarise(rows, faultColumns(), json);
-  if (json["recovered"] > 0) return json;
-  json.erase("recovery_s");
-  json.erase("error_at_end");
+  const auto some = [&](auto has) { return std::any_of(rows.begin(), rows.end(), has); };
+  if (json["recovered"] == 0) json.erase("recovery_s");
+  if (!some([](const FaultResult& r) { return r.recovered_s && r.error_at_end; })) json.erase("error_at_end");
   return json;
 }
 

@@ -42,8 +42,9 @@ struct FaultResult {
   bool moved_before = false;          ///< It servoed when the fault began.
   std::vector<std::string> causes;    ///< Why the state changed while the fault lasted.
   std::optional<double> recovered_s;  ///< From the fault's end until it servoed steadily; nothing: it did not.
-  /// True ones: of the C-arm's view [deg], or of how far the catheter's tip was believed to be from the root [mm].
-  double error_at_fault = 0, error_at_end = 0;
+  /// True ones: of the C-arm's view [deg], or of how far the catheter's tip was believed to be from the root [mm];
+  /// nothing: where the tip was, was not known.
+  std::optional<double> error_at_fault, error_at_end;
 };
 
 /// What a run is made of, beside the anatomy.
