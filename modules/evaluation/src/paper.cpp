@@ -69,15 +69,15 @@ std::string figureOver(const Json& levels, const std::string& title, const std::
 // What the tables say of the trials of one method. PR is a trial's root mean square distance from projected model
 // points to the nearest image points: small for a wrong pose, too. The pose errors are against the truth.
 std::vector<Column<CaseOutcome>> paperColumns() {
-  using O = const CaseOutcome&;
+  using Outcome = const CaseOutcome&;
   // A trial without an answer has no residual: a failure, whatever the field says.
-  const auto answered = [](O o) { return o.result.status != RegistrationStatus::kTooFewPoints; };
-  const auto failed = [=](O o) { return !answered(o) || !(o.result.alignment.model_rms_px <= kGrossFailure_px); };
-  const auto pr_mm = [=](O o) {
+  const auto answered = [](Outcome o) { return o.result.status != RegistrationStatus::kTooFewPoints; };
+  const auto failed = [=](Outcome o) { return !answered(o) || !(o.result.alignment.model_rms_px <= kGrossFailure_px); };
+  const auto pr_mm = [=](Outcome o) {
     return answered(o) ? Json(kPaperPixel_mm * o.result.alignment.model_rms_px) : Json(nullptr);
   };
-  const auto rotation_deg = [](O o) { return radToDeg(o.error->rotation_rad); };
-  const auto centroid_mm = [](O o) { return 1e3 * o.error->centroid_m; };
+  const auto rotation_deg = [](Outcome o) { return radToDeg(o.error->rotation_rad); };
+  const auto centroid_mm = [](Outcome o) { return 1e3 * o.error->centroid_m; };
   return {{"", "gfr_percent", "percent", failed},
           {"", "mean_pr_mm", "mean", pr_mm},
           {"", "p75_pr_mm", "p75", pr_mm},
@@ -86,8 +86,8 @@ std::vector<Column<CaseOutcome>> paperColumns() {
           {"", "mean_centroid_mm", "mean", centroid_mm},
           {"", "median_rotation_deg", "median", rotation_deg},
           {"", "median_centroid_mm", "median", centroid_mm},
-          {"", "pose_ok_percent", "percent", [=](O o) { return rotation_deg(o) < 0.1 && centroid_mm(o) < 1; }},
-          {"", "time_ms", "median", [](O o) { return 1e3 * (o.image_s + o.result.times.total_s); }}};
+          {"", "pose_ok_percent", "percent", [=](Outcome o) { return rotation_deg(o) < 0.1 && centroid_mm(o) < 1; }},
+          {"", "time_ms", "median", [](Outcome o) { return 1e3 * (o.image_s + o.result.times.total_s); }}};
 }
 
 Json figuresByName(const std::vector<EntrantRun>& runs) {
