@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-calibrate hand-eye: where the camera sits on the machine, and the object (or the patient's model) in its frame.
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -18,6 +17,7 @@
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/statistics.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
@@ -200,7 +200,7 @@ std::optional<std::string> doubtOfMount(const HandEyeResult& result) {
   constexpr double kCertain = 35;  // Chi^2 of six dimensions, beyond any doubt.
   Vector6d off;
   off << result.transforms.X.translation(), logSO3(result.transforms.X.linear());
-  if (off.dot(result.covariance.topLeftCorner<6, 6>().ldlt().solve(off)) < kCertain) return std::nullopt;
+  if (squaredMahalanobis(off, result.covariance.topLeftCorner<6, 6>()) < kCertain) return std::nullopt;
   return formatted("the camera sits %.2f deg and %.1f mm off where the C-arm file has it: calibrate the geometry first",
                    radToDeg(off.tail<3>().norm()), 1e3 * off.head<3>().norm());
 }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-calibrate simulate: a set of calibration data with known truth.
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -18,6 +17,7 @@
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/experiment.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "calibrate.hpp"
@@ -121,7 +121,7 @@ double squaredByCovariance(const CalibrationRecord& record, const std::vector<st
     error[k] = record.values[at] - truth[k];
   }
   const Eigen::MatrixXd covariance = record.covariance(places, places);
-  return error.dot(covariance.ldlt().solve(error));
+  return squaredMahalanobis(error, covariance);
 }
 
 // A row of a study's table and its value in one trial. With `freedom` it is a squared error by its covariance, whose

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/camera_calibration.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -56,7 +55,7 @@ OwnCamera ownCamera(const CameraBundle& bundle, const BundleView& view) {
   Eigen::MatrixXd S = at.reducedLens();
   S.diagonal() *= 1 + 1e-9;  // One view of a plane leaves K open.
   const Eigen::VectorXd gradient = at.reducedGradient();
-  return {at.squared, gradient.dot(S.ldlt().solve(gradient)), at.residuals};
+  return {at.squared, squaredMahalanobis(gradient, S), at.residuals};
 }
 
 // Place of the view that gains most by a K of its own, if the views do not share one.

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/geometry/decompositions.hpp"
 #include "geometry_problem.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <map>
 
@@ -11,6 +9,7 @@
 #include "angio/base/joined.hpp"
 #include "angio/calibration/direct_linear.hpp"
 #include "angio/evaluation/statistics.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -207,7 +206,7 @@ ViewObservation observePose(const HandEyePose& pose, const std::optional<PoseSig
   Matrix6d twist_by_place = Matrix6d::Identity();
   twist_by_place.topRightCorner<3, 3>() = skew(pose.T_camera_object.translation());
   const Matrix6d covariance = twist_by_place * placeCovariance(pose, usual) * twist_by_place.transpose();
-  seen.upper.topLeftCorner<6, 6>() = Matrix6d(covariance.inverse()).llt().matrixU();
+  seen.upper.topLeftCorner<6, 6>() = lowerFactorOf(inverseOf(covariance)).transpose();
   return seen;
 }
 

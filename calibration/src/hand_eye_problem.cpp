@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "hand_eye_problem.hpp"
-#include "angio/geometry/decompositions.hpp"
 
 #include <ceres/autodiff_cost_function.h>
 #include <ceres/loss_function.h>
@@ -8,11 +7,11 @@
 #include <ceres/rotation.h>
 #include <ceres/solver.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 #include "angio/base/errors.hpp"
+#include "angio/geometry/decompositions.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -43,8 +42,7 @@ struct Moved {
 
 // W with W^T W = covariance^-1.
 Matrix6d whiteningOf(const Matrix6d& covariance) {
-  const Matrix6d L = covariance.llt().matrixL();
-  return L.triangularView<Eigen::Lower>().solve(Matrix6d::Identity());
+  return lowerFactorOf(covariance).triangularView<Eigen::Lower>().solve(Matrix6d::Identity());
 }
 
 struct HandEyeCost {

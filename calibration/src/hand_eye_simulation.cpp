@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/hand_eye_simulation.hpp"
 
-#include <Eigen/Cholesky>
 #include <utility>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/registration/starts.hpp"
 #include "hand_eye_problem.hpp"
 
@@ -77,7 +77,7 @@ std::vector<HandEyeTrial> handEyeTrials(const CArmGeometry& carm, const OrbitSet
     const HandEyeResult result = calibrateHandEye(simulated.set, settings);
     const auto error = errorOf(result.transforms, simulated.truth);
     const Eigen::VectorXd free = error.tail(result.covariance.rows());
-    all.push_back({error, free.dot(result.covariance.ldlt().solve(free))});
+    all.push_back({error, squaredMahalanobis(free, result.covariance)});
     if (tell) tell(trial + 1);
   }
   return all;

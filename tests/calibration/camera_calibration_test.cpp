@@ -5,7 +5,6 @@
 #include <ceres/gradient_checker.h>
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -14,6 +13,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/direct_linear.hpp"
 #include "angio/calibration/view_set.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/shared_data.hpp"
@@ -78,8 +78,8 @@ TEST(CameraCalibration, CovarianceIsThatOfItsErrors) {
     const CameraCalibration result = calibrateCamera(phantom, kDetector, scene.views, settings);
     const Eigen::Vector4d error = result.record.values.head<4>() - Eigen::Vector4d(p.fx_px, p.fy_px, p.cx_px, p.cy_px);
     const Eigen::Matrix4d covariance = result.record.covariance.topLeftCorner<4, 4>();
-    all += error.dot(covariance.ldlt().solve(error)) / kTrials;
-    principal += error.tail<2>().dot(covariance.bottomRightCorner<2, 2>().ldlt().solve(error.tail<2>())) / kTrials;
+    all += squaredMahalanobis(Eigen::VectorXd(error), covariance) / kTrials;
+    principal += squaredMahalanobis(Eigen::VectorXd(error.tail<2>()), covariance.bottomRightCorner<2, 2>()) / kTrials;
     double mean_depth_m = 0;
     for (std::size_t v = 0; v < scene.views.size(); ++v) {
       mean_depth_m += (scene.T_camera_phantom[v] * phantom.center_m()).z() / 20;

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gmock/gmock.h>
 
-#include <Eigen/Cholesky>
-
 #include "angio/calibration/calibration_simulation.hpp"
 #include "angio/calibration/geometry_calibration.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
@@ -49,7 +48,7 @@ PosesScene posesSceneOf(int seed) {
     pose.name = "p" + std::to_string(scene.set.poses.size());
     pose.joints = view.said;
     pose.covariance = registrationCovariance(random);
-    const Vector6d error = pose.covariance->llt().matrixL() * Vector6d(random.twist(1, 1));
+    const Vector6d error = lowerFactorOf(*pose.covariance) * Vector6d(random.twist(1, 1));
     pose.T_camera_object = carm.T_camera_patient(view.joints) * scene.machine.truth.T_dsa_cb;
     pose.T_camera_object.translation() += error.head<3>();
     pose.T_camera_object.linear() = expSO3(error.tail<3>()) * pose.T_camera_object.linear();
@@ -98,7 +97,7 @@ TEST(GeometryFromPoses, APoseWeighsAsItsCovarianceSays) {
     moved.translation() += place.head<3>();
     moved.linear() = expSO3(place.tail<3>()) * moved.linear();
     const Twist twist = logSE3(moved * pose.T_camera_object.inverse());
-    const double expected = place.dot(pose.covariance->llt().solve(place));
+    const double expected = squaredMahalanobis(place, *pose.covariance);
     // Second order of a change of 1e-5.
     EXPECT_NEAR((seen.upper.topLeftCorner<6, 6>() * twist).squaredNorm() / expected, 1, 1e-4);
   }
@@ -114,7 +113,7 @@ TEST(GeometryFromPoses, FindsTheArmWithinItsCovariance) {
     EXPECT_EQ(found.carm.camera().parameters().fx_px, scene.camera.fx_px);
     const ArmError arm = armErrorOf(found, scene.machine.truth.carm);
     EXPECT_EQ(arm.error.size(), kCArmPoseParameters);
-    sum += arm.error.dot(arm.covariance.ldlt().solve(arm.error));
+    sum += squaredMahalanobis(arm.error, arm.covariance);
     numbers += arm.error.size();
     // By the other five sixths, a view is hardly worse than by all.
     EXPECT_EQ(found.record.residual_unit, "mm");
@@ -140,7 +139,7 @@ TEST(GeometryFromPoses, NoiseThatNobodyGaveIsMeasured) {
   EXPECT_NEAR(found.pose_scatter_m, 3e-4, 1e-4);
   EXPECT_NEAR(radToDeg(found.pose_scatter_rad), 0.1, 0.03);
   const ArmError arm = armErrorOf(found, carm);
-  EXPECT_LT(arm.error.dot(arm.covariance.ldlt().solve(arm.error)) / static_cast<double>(arm.error.size()), 3);
+  EXPECT_LT(squaredMahalanobis(arm.error, arm.covariance) / static_cast<double>(arm.error.size()), 3);
 }
 
 TEST(GeometryFromPoses, WhatMotionsCannotTellIsNamed) {

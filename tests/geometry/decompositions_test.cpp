@@ -58,11 +58,18 @@ TEST(Decompositions, GiveEigensOwnBits) {
     const Vector6d b = Random(seed + 100).twist(1, 1);
     EXPECT_EQ(inverseOf(A), Matrix6d(A.inverse()));
     EXPECT_EQ(solveSymmetric(A, b), Vector6d(A.ldlt().solve(b)));
+    EXPECT_EQ(squaredMahalanobis(b, A), b.dot(A.ldlt().solve(b)));
+    EXPECT_EQ(lowerFactorOf(A), Matrix6d(A.llt().matrixL()));
+    const Eigen::Vector3d b3 = b.head<3>();
+    const Eigen::Matrix3d A3 = A.topLeftCorner<3, 3>();
+    EXPECT_EQ(squaredMahalanobis(b3, A3), b3.dot(A3.ldlt().solve(b3)));
     EXPECT_EQ(inverseOfSymmetric(A), Matrix6d(A.ldlt().solve(Matrix6d::Identity())));
     EXPECT_EQ(eigenvaluesOfSymmetric(A), Eigen::SelfAdjointEigenSolver<Matrix6d>(A).eigenvalues());
     const Eigen::MatrixXd any = A;
+    EXPECT_EQ(lowerFactorOf(any), Eigen::MatrixXd(any.llt().matrixL()));
     const Eigen::VectorXd right = b;
     EXPECT_EQ(solveSymmetric(any, right), Eigen::VectorXd(any.ldlt().solve(right)));
+    EXPECT_EQ(squaredMahalanobis(right, any), right.dot(any.ldlt().solve(right)));
   }
 }
 

@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "angio/geometry/decompositions.hpp"
+
 namespace angio::registration {
 namespace {
 
@@ -45,7 +47,7 @@ bool ProjectionCost::Evaluate(double const* const* parameters, double* residuals
 }
 
 PosePriorCost::PosePriorCost(const Pose& T0, const Pose& T, const Matrix6d& information)
-    : T0_inverse_T_(T0.inverse() * T), sqrt_information_(information.llt().matrixU()) {}
+    : T0_inverse_T_(T0.inverse() * T), sqrt_information_(lowerFactorOf(information).transpose()) {}
 
 bool PosePriorCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   const Eigen::Map<const Vector6d> xi(parameters[0]);

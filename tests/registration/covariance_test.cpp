@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gtest/gtest.h>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/registration/registration.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
@@ -49,7 +50,7 @@ double normalizedError(const RegistrationResult& result, const Pose& truth) {
   Vector6d e;
   e << truth.translation() - result.T_camera_model.translation(),
       logSO3(truth.linear() * result.T_camera_model.linear().transpose());
-  return e.dot(result.covariance->ldlt().solve(e));
+  return squaredMahalanobis(e, *result.covariance);
 }
 
 TEST(Covariance, PredictsTheScatterOfPosesUnderPixelNoise) {

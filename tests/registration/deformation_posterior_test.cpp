@@ -3,12 +3,12 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 
@@ -71,7 +71,7 @@ DrawnPosterior drawPosterior(test::Random& random, double deformation_m) {
   covariance.diagonal().array() += 1e-9;
   Eigen::VectorXd white(3 * n);
   for (Eigen::Index i = 0; i < 3 * n; ++i) white[i] = random.normal();
-  const Eigen::MatrixXd root = covariance.llt().matrixL();
+  const Eigen::MatrixXd root = lowerFactorOf(covariance);
   const Eigen::VectorXd field = deformation_m * root * white;
 
   for (int i = 0; i < kGroups; ++i) {
@@ -128,7 +128,7 @@ TEST(DeformationPosterior, OfARigidTreeIsTheRigidFit) {
     H += kPosteriorPoints * group.jacobian * group.jacobian.transpose();
     g += kPosteriorPoints * group.residual_px * group.jacobian;
   }
-  const Twist fit = -H.ldlt().solve(g);
+  const Twist fit = -solveSymmetric(H, g);
   const Eigen::Vector3d expected = fit.head<3>() + fit.tail<3>().cross(drawn.at);
   // In the image to a tenth of a pixel; in depth the fit is known to 1.5 mm (kPosteriorNoise_px, 3,600 points, a tree
   // of 50 mm).

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 #include "angio/base/errors.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/test/differences.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
@@ -242,7 +242,7 @@ TEST(DeformationSolver, SolvesTheDenseSystemOfPoseAndModes) {
   H.diagonal().head<6>().array() += 1e4;
   H.diagonal().tail(3 * K).array() += 1;
   for (int a = 0; a < 3; ++a) g.segment(6 + a * K, K) += w.row(a).transpose();
-  const Eigen::VectorXd x = -H.ldlt().solve(g);
+  const Eigen::VectorXd x = -solveSymmetric(H, g);
   EXPECT_LT((step->dx - x.head<6>()).norm(), 1e-8 * x.head<6>().norm());  // Condition numbers near 1e6.
   for (int a = 0; a < 3; ++a)
     EXPECT_LT((step->change.row(a).transpose() - x.segment(6 + a * K, K)).norm(), 1e-8 * x.norm());
@@ -266,7 +266,8 @@ TEST(DeformationSolver, EliminatesTheTreeExactly) {
   }
   const Dense dense = denseOf(data, nodes);
   const Eigen::Map<const Eigen::VectorXd> e_flat(e.data(), n);
-  const Eigen::VectorXd x = -(dense.H.bottomRightCorner(n, n) + P).ldlt().solve(dense.g.tail(n) + P * e_flat);
+  const Eigen::VectorXd x = -solveSymmetric(Eigen::MatrixXd(dense.H.bottomRightCorner(n, n) + P),
+                                            Eigen::VectorXd(dense.g.tail(n) + P * e_flat));
   EXPECT_LT((Eigen::Map<const Eigen::VectorXd>(step.change.data(), n) - x).norm(), 1e-9 * x.norm());
 
   // The prior is the one that is promised: its covariance falls off with the way along the vessel.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
@@ -101,7 +102,7 @@ TEST(FieldStep, StepsNeverLowerTheObjective) {
       double objective = first;
       for (int step = 0; step < 8; ++step) {
         const FieldSums sums = s.sample(field, T, weight);
-        T = T * expSE3(sums.H.ldlt().solve(sums.g));
+        T = T * expSE3(solveSymmetric(sums.H, sums.g));
         const double before = objective;
         objective = objectiveOf(s.model.all, s, field, T, weight);
         // Bilinear cells are not Gaussians to the last digit: at rest the objective may waver by a thousandth.

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/registration/result.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
@@ -32,7 +33,7 @@ TEST(FitClassification, SpreadIsHowFarDrawnPosesMoveTheTree) {
   Matrix6d covariance = diagonal(2e-3, 4e-3);
   covariance.topRightCorner<3, 3>().setConstant(1e-6);
   covariance.bottomLeftCorner<3, 3>() = covariance.topRightCorner<3, 3>().transpose();
-  const Matrix6d L = covariance.llt().matrixL();
+  const Matrix6d L = lowerFactorOf(covariance);
   test::Random random(11);
   const Eigen::Matrix3Xd turned = T.linear() * tree.points();
   double sum = 0;

@@ -6,6 +6,7 @@
 #include <ceres/rotation.h>
 #include <gtest/gtest.h>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/test/differences.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
@@ -182,7 +183,7 @@ TEST(PosePriorCost, JacobiansAgreeThreeWays) {
       const Eigen::Matrix<double, 6, 6> A = Eigen::Matrix<double, 6, 6>::NullaryExpr([&] { return random.normal(); });
       const Matrix6d information = A * A.transpose() + Matrix6d::Identity();
       const PosePriorCost cost(T0, T, information);
-      const Matrix6d sqrt_information = information.llt().matrixU();
+      const Matrix6d sqrt_information = lowerFactorOf(information).transpose();
       const ceres::AutoDiffCostFunction<PriorTwin, 6, 6> twin(new PriorTwin{T0.inverse() * T, sqrt_information});
       const std::vector<const double*> parameters{xi.data()};
       // Ridders' extrapolation keeps about ten digits of a smooth function.

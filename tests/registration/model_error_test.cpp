@@ -3,11 +3,11 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
 
@@ -41,7 +41,7 @@ Drawn draw(test::Random& random, double deformation_m, int count = 60) {
       K(i, j) = (1 + d + d * d / 3) * std::exp(-d) + (i == j ? 1e-9 : 0);
     }
   }
-  const Eigen::MatrixXd root = K.llt().matrixL();
+  const Eigen::MatrixXd root = lowerFactorOf(K);
   const double radius_m = std::sqrt(places.colwise().squaredNorm().mean());
   Eigen::MatrixXd field(3, n);
   for (int axis = 0; axis < 3; ++axis) {
@@ -71,7 +71,7 @@ Drawn draw(test::Random& random, double deformation_m, int count = 60) {
     right -= drawn.currency * kPoints * group.jacobian * group.residual_px;
     drawn.groups.push_back(group);
   }
-  const Vector6d moved = drawn.information.ldlt().solve(right);  // The rigid fit.
+  const Vector6d moved = solveSymmetric(drawn.information, right);  // The rigid fit.
   for (ResidualGroup& group : drawn.groups) group.residual_px += group.jacobian.dot(moved);
   drawn.at = places.col(count);
   drawn.error_m = moved.head<3>() + moved.tail<3>().cross(drawn.at) - field.col(count);
@@ -90,7 +90,7 @@ TEST(ModelError, ClaimsHoldForDeformationsOfEverySize) {
     for (int trial = 0; trial < kTrials; ++trial) {
       const Drawn drawn = draw(random, deformation_m);
       const ModelError error(drawn.groups, drawn.information, drawn.currency, kLength_m);
-      const double squared = drawn.error_m.dot(error.pointCovariance(drawn.at).ldlt().solve(drawn.error_m));
+      const double squared = squaredMahalanobis(drawn.error_m, error.pointCovariance(drawn.at));
       squares += squared;
       beyond += squared > 14.16;
     }

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "biplane.hpp"
@@ -104,7 +105,7 @@ TEST(NonrigidStep, SolvesTheDenseNormalEquations) {
       b.segment<3>(3 * i) += pull.weight[i] * J.transpose() * (pull.target_px.col(i) - u + J * at.col(i) * 1e3);
     }
   }
-  const Eigen::VectorXd dense = A.llt().solve(b);
+  const Eigen::VectorXd dense = solveSymmetric(A, b);
   const auto solved = NonrigidStep(s.tree, s.settings).solve(s.views, s.T, s.pulls, at);
   ASSERT_TRUE(solved);
   // Millimetres; the system's condition number is near 1e4.

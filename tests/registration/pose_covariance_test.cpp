@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/test/random.hpp"
 
 namespace angio::test {
@@ -32,10 +33,10 @@ Matrix6d someCovariance(test::Random& random, double translation_m, double rotat
 }
 
 Vector6d drawTwist(test::Random& random, const Matrix6d& covariance) {
-  return covariance.llt().matrixL() * random.twist(1, 1);
+  return lowerFactorOf(covariance) * random.twist(1, 1);
 }
 
-double normalized(const Twist& xi, const Matrix6d& covariance) { return xi.dot(covariance.ldlt().solve(xi)); }
+double normalized(const Twist& xi, const Matrix6d& covariance) { return squaredMahalanobis(xi, covariance); }
 
 TEST(PoseCovariance, GoesFromOneMeaningToTheOtherAndBack) {
   test::Random random(1);
@@ -57,7 +58,7 @@ TEST(PoseCovariance, GoesFromOneMeaningToTheOtherAndBack) {
   // Chi-square with six degrees of freedom: a standard deviation of sqrt(12), over sqrt(4000); four of them.
   EXPECT_NEAR(sum / draws, 6, 0.22);
   // The mean above holds the trace only. Whitened, the scatter is the identity up to sqrt(2/n) = 0.022 an entry; five.
-  const Matrix6d L_inverse = Matrix6d(of_result.llt().matrixL()).inverse();
+  const Matrix6d L_inverse = inverseOf(lowerFactorOf(of_result));
   EXPECT_LT((L_inverse * scatter * L_inverse.transpose() - Matrix6d::Identity()).cwiseAbs().maxCoeff(), 0.11);
 
   const Matrix6d back = covarianceAboutCentroid(of_result, T, kCentroid);

@@ -10,6 +10,7 @@
 #include "angio/base/stopwatch.hpp"
 #include "angio/evaluation/columns.hpp"
 #include "angio/evaluation/experiment.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/perception/gated_perception.hpp"
 #include "angio/perception/patient_observation.hpp"
 
@@ -42,7 +43,7 @@ std::optional<CaseOutcome::Claim> claimOf(const VesselTree& tree, const Registra
     const auto within = [&](const Eigen::Vector3d& axis) {
       return std::abs(axis.dot(error)) <= kNinety * std::sqrt(axis.dot(C * axis));
     };
-    claim.beyond += error.dot(C.ldlt().solve(error)) > kBeyond2;
+    claim.beyond += squaredMahalanobis(error, C) > kBeyond2;
     claim.depth_in += within(ray);
     claim.plane_in += 0.5 * (within(to_ray * Eigen::Vector3d::UnitX()) + within(to_ray * Eigen::Vector3d::UnitY()));
   }

@@ -21,6 +21,22 @@ Vector6d solveSymmetric(const Matrix6d& A, const Vector6d& b) { return A.ldlt().
 
 Eigen::VectorXd solveSymmetric(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) { return A.ldlt().solve(b); }
 
+double squaredMahalanobis(const Eigen::Vector3d& error, const Eigen::Matrix3d& covariance) {
+  return error.dot(covariance.ldlt().solve(error));
+}
+
+double squaredMahalanobis(const Vector6d& error, const Matrix6d& covariance) {
+  return error.dot(solveSymmetric(covariance, error));
+}
+
+double squaredMahalanobis(const Eigen::VectorXd& error, const Eigen::MatrixXd& covariance) {
+  return error.dot(solveSymmetric(covariance, error));
+}
+
+Matrix6d lowerFactorOf(const Matrix6d& A) { return A.llt().matrixL(); }
+
+Eigen::MatrixXd lowerFactorOf(const Eigen::MatrixXd& A) { return A.llt().matrixL(); }
+
 Vector6d eigenvaluesOfSymmetric(const Matrix6d& A) {
   return Eigen::SelfAdjointEigenSolver<Matrix6d>(A, Eigen::EigenvaluesOnly).eigenvalues();
 }

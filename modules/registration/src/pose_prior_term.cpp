@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "pose_prior_term.hpp"
-#include "angio/geometry/decompositions.hpp"
 
 #include <cmath>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/registration/starts.hpp"
 
 namespace angio::registration {
@@ -64,7 +64,7 @@ std::vector<Pose> StartDraws::poses(const PosePriorTerm& belief, const StartSett
   while (static_cast<int>(unit_draws_.size()) < count) {
     unit_draws_.push_back(unitDraw(seed_, static_cast<int>(unit_draws_.size())));
   }
-  const Matrix6d L = inverseOf(belief.information).llt().matrixL().toDenseMatrix();
+  const Matrix6d L = lowerFactorOf(inverseOf(belief.information));
   Vector6d half_box;
   half_box << Eigen::Vector3d::Constant(1e-3 * starts.box_translation_mm),
       Eigen::Vector3d::Constant(degToRad(starts.box_rotation_deg));

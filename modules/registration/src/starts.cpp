@@ -5,6 +5,7 @@
 #include <random>
 #include <vector>
 
+#include "angio/geometry/decompositions.hpp"
 #include "fit_classification.hpp"
 
 namespace angio::registration {
@@ -72,7 +73,7 @@ Pose drawnStart(const PosePrior& prior, const Eigen::Vector3d& center_model, con
     return drawnPose(prior.T_camera_model, center_model, degToRad(starts.rotation_std_deg),
                      starts.translation_std_mm * 1e-3, starts.seed, index);
   }
-  const Vector6d xi = prior.covariance->llt().matrixL() * unitDraw(starts.seed, index);
+  const Vector6d xi = lowerFactorOf(*prior.covariance).triangularView<Eigen::Lower>() * unitDraw(starts.seed, index);
   return offsetAbout(prior.T_camera_model, center_model, xi.head<3>(), xi.tail<3>());
 }
 

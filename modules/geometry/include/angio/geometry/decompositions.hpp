@@ -21,6 +21,16 @@ Eigen::MatrixXd inverseOfSymmetric(const Eigen::MatrixXd& A);
 Vector6d solveSymmetric(const Matrix6d& A, const Vector6d& b);
 Eigen::VectorXd solveSymmetric(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
 
+/// e^T C^-1 e of an error and its covariance, by LDLT: chi-square of as many degrees of freedom as the error has
+/// numbers, where the covariance is right.
+double squaredMahalanobis(const Eigen::Vector3d& error, const Eigen::Matrix3d& covariance);
+double squaredMahalanobis(const Vector6d& error, const Matrix6d& covariance);
+double squaredMahalanobis(const Eigen::VectorXd& error, const Eigen::MatrixXd& covariance);
+
+/// Lower triangular L with L L^T = A, of a positive matrix; its lower half is read.
+Matrix6d lowerFactorOf(const Matrix6d& A);
+Eigen::MatrixXd lowerFactorOf(const Eigen::MatrixXd& A);
+
 /// Eigenvalues of a symmetric matrix, the smallest first; its lower half is read.
 Vector6d eigenvaluesOfSymmetric(const Matrix6d& A);
 
