@@ -454,12 +454,12 @@ TEST_F(CatheterNodeTest, SaysWhatIsWrongOnItsBusAndWhoSendsIt) {
             std::string::npos)
       << undecodable;
   ++now_us;
-  CatheterState drive;
-  drive.time_us = 1'763'938'257'000'000;
-  drive.sequence = 1;
+  CatheterState drive_state;
+  drive_state.time_us = 1'763'938'257'000'000;
+  drive_state.sequence = 1;
   CArmState at{now_us, 1, CArmJoints::Zero(), CArmJoints::Zero()};
   at.joints = arm->arm().state().joints;
-  named.another("10.0.0.1:4", kCatheterStateChannel, encode(drive));
+  named.another("10.0.0.1:4", kCatheterStateChannel, encode(drive_state));
   named.another("10.0.0.1:5", kCArmStateChannel, encode(at));
   named.another("10.0.0.1:1", kXrayFrameChannel, encode(xray->render(now_us, at.joints)));
   named.handle(std::chrono::milliseconds(0));
