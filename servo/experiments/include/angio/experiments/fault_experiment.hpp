@@ -43,7 +43,7 @@ struct FaultResult {
   std::vector<std::string> causes;    ///< Why the state changed while the fault lasted.
   std::optional<double> recovered_s;  ///< From the fault's end until it servoed steadily; nothing: it did not.
   /// True ones: of the C-arm's view [deg], or of how far the catheter's tip was believed to be from the root [mm];
-  /// nothing: where the tip was, was not known.
+  /// nothing: there was no desired view, or where the tip was, was not known.
   std::optional<double> error_at_fault, error_at_end;
 };
 
