@@ -58,7 +58,7 @@ function(angio_add_module module)
         endif()
       endif()
     endforeach()
-    angio_share_headers(angio_${module} 9)
+    angio_set_unity_batches(angio_${module} 9)
     angio_set_warnings(angio_${module})
   else()
     set(_public INTERFACE)
@@ -118,9 +118,9 @@ function(angio_add_alias former program)
   install(FILES $<TARGET_FILE_DIR:${program}>/${former} DESTINATION bin COMPONENT programs)
 endfunction()
 
-# angio_share_headers(target usual): compiles the target's sources in equal parts of about `usual`, each as one source. Parts of
+# angio_set_unity_batches(target usual): compiles the target's sources in equal parts of about `usual`, each as one source. Parts of
 # exactly that many would leave a rest of a few, for which all headers are read once more.
-function(angio_share_headers target usual)
+function(angio_set_unity_batches target usual)
   get_target_property(_sources ${target} SOURCES)
   set(_count 0)
   foreach(_source ${_sources})

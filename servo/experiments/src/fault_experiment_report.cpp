@@ -33,9 +33,9 @@ const std::vector<Column<FaultResult>>& faultColumns() {
 Json summaryOf(const std::vector<FaultResult>& rows, const char* machine, const char* fault) {
   Json json = {{"machine", machine}, {"fault", fault}, {"runs", rows.size()}};
   summarise(rows, faultColumns(), json);
-  const auto some = [&](auto has) { return std::any_of(rows.begin(), rows.end(), has); };
   if (json["recovered"] == 0) json.erase("recovery_s");
-  if (!some([](const FaultResult& r) { return r.recovered_s && r.error_at_end; })) json.erase("error_at_end");
+  const auto known = [](const FaultResult& r) { return r.recovered_s && r.error_at_end; };
+  if (std::none_of(rows.begin(), rows.end(), known)) json.erase("error_at_end");
   return json;
 }
 
