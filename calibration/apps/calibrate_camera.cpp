@@ -17,10 +17,10 @@
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/report_html.hpp"
-#include "angio/evaluation/statistics.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/results/statistics.hpp"
 #include "calibrate.hpp"
 #include "outputs.hpp"
 

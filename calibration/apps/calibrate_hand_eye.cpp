@@ -16,11 +16,11 @@
 #include "angio/calibration_records/pose_fields.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/statistics.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
+#include "angio/results/statistics.hpp"
 #include "calibrate.hpp"
 #include "outputs.hpp"
 

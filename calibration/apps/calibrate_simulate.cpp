@@ -16,10 +16,10 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/experiment.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/results/experiment.hpp"
 #include "calibrate.hpp"
 
 namespace angio::apps {

@@ -8,10 +8,10 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/report_html.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/results/overlay.hpp"
 
 namespace angio::apps {
 

@@ -7,7 +7,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/evaluation/statistics.hpp"
+#include "angio/results/statistics.hpp"
 #include "geometry_problem.hpp"
 
 namespace angio::calibration {

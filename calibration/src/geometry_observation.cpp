@@ -8,8 +8,8 @@
 #include "angio/base/formatted.hpp"
 #include "angio/base/joined.hpp"
 #include "angio/calibration/direct_linear.hpp"
-#include "angio/evaluation/statistics.hpp"
 #include "angio/geometry/decompositions.hpp"
+#include "angio/results/statistics.hpp"
 
 namespace angio::calibration {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "angio/base/formatted.hpp"
-#include "angio/evaluation/overlay.hpp"
 #include "angio/plotting/plot.hpp"
+#include "angio/results/overlay.hpp"
 
 namespace angio::calibration {
 namespace {

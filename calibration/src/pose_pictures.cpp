@@ -6,9 +6,9 @@
 #include <opencv2/core.hpp>
 
 #include "angio/base/formatted.hpp"
-#include "angio/evaluation/overlay.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "angio/plotting/plot.hpp"
+#include "angio/results/overlay.hpp"
 
 namespace angio::calibration {
 namespace {

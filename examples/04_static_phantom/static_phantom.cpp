@@ -14,7 +14,6 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/statistics.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"
@@ -22,6 +21,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/registration/starts.hpp"
+#include "angio/results/statistics.hpp"
 #include "angio/vessel/projection.hpp"
 #include "angio/vessel/resample.hpp"
 #include "program_settings.hpp"
@@ -85,8 +85,8 @@ void compareDepth(const Run& run, const angio::registration::RegistrationResult&
   found.rotation_off = std::sqrt(w.dot(r.covariance->bottomRightCorner<3, 3>().ldlt().solve(w)));
 }
 
-double median(const std::vector<double>& values) { return angio::evaluation::percentile(values, 0.5); }
-double worst(const std::vector<double>& values) { return angio::evaluation::percentile(values, 1); }
+double median(const std::vector<double>& values) { return angio::results::percentile(values, 0.5); }
+double worst(const std::vector<double>& values) { return angio::results::percentile(values, 1); }
 
 double medianResidual(const Run& run, const angio::vessel::VesselTree& fine_tree,
                       const angio::geometry::Pose& T_camera_model) {

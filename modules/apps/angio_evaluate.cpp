@@ -8,8 +8,8 @@
 #include "angio/base/errors.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/experiment.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/results/experiment.hpp"
 #include "evaluate.hpp"
 
 namespace angio::apps {

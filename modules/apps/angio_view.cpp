@@ -14,13 +14,13 @@
 #include "angio/cli/bus_help.hpp"
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
-#include "angio/evaluation/film_writer.hpp"
-#include "angio/evaluation/live_overlay.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/any_message.hpp"
 #include "angio/messaging/authenticated_bus.hpp"
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/log_reader.hpp"
+#include "angio/results/film_writer.hpp"
+#include "angio/results/live_overlay.hpp"
 
 namespace angio::apps {
 namespace {

@@ -6,13 +6,13 @@
 #include <stdexcept>
 
 #include "angio/calibration_records/carm_calibration.hpp"
-#include "angio/evaluation/overlay.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/mailbox.hpp"
 #include "angio/perception/frame_geometry.hpp"
 #include "angio/perception/state_history.hpp"
+#include "angio/results/overlay.hpp"
 #include "angio/types/channels.hpp"
 #include "angio/types/time_stamp.hpp"
 

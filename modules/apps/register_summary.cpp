@@ -6,7 +6,7 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/base/joined.hpp"
-#include "angio/evaluation/overlay.hpp"
+#include "angio/results/overlay.hpp"
 
 namespace angio::apps {
 namespace {

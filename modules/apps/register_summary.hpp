@@ -5,8 +5,8 @@
 #include <string>
 
 #include "angio/apps/namespace.hpp"
-#include "angio/evaluation/case_run.hpp"
 #include "angio/perception/image_reading.hpp"
+#include "angio/results/case_run.hpp"
 
 namespace angio::apps {
 

@@ -3,23 +3,11 @@
 # angio_give_namespace(space folder modules...)
 #
 # Writes angio/<space>/namespace.hpp in the folder: namespace angio::<space>, in which those modules need not be named. A name of
-# any other module is an error of the compiler's, so the layers hold in the code as they do in the linker's lists. A module's part
-# stands for the module's namespace.
+# any other module is an error of the compiler's, so the layers hold in the code as they do in the linker's lists.
 function(angio_give_namespace space folder)
   set(_includes)
   set(_usings)
-  set(_spaces)
   foreach(_used ${ARGN})
-    get_property(_whole GLOBAL PROPERTY ANGIO_PART_OF_${_used})
-    if(_whole)
-      list(APPEND _spaces ${_whole})
-    else()
-      list(APPEND _spaces ${_used})
-    endif()
-  endforeach()
-  list(REMOVE_DUPLICATES _spaces)
-  list(REMOVE_ITEM _spaces ${space})
-  foreach(_used ${_spaces})
     string(APPEND _includes "#include \"angio/${_used}/namespace.hpp\"\n")
     string(APPEND _usings "using namespace angio::${_used};\n")
   endforeach()
@@ -34,16 +22,12 @@ namespace angio::@space@ {
 ")
 endfunction()
 
-# angio_add_module(module SOURCES ... USES modules... [LINKS outside, seen in headers] [HIDES outside, seen in sources only]
-#                  [PART_OF module])
+# angio_add_module(module SOURCES ... USES modules... [LINKS outside, seen in headers] [HIDES outside, seen in sources only])
 #
 # Adds the library angio::<module> with the module's own include folder, which is a component of the installed package. USES accepts
 # only modules that already stand. A module without SOURCES is its headers alone: who uses it links nothing of it.
-#
-# PART_OF makes it a library of its own of some sources of a module that the same folder adds next: programs that need no more
-# build no more. It has that module's headers and namespace.
 function(angio_add_module module)
-  cmake_parse_arguments(ARG "" "PART_OF" "SOURCES;USES;LINKS;HIDES" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;USES;LINKS;HIDES" ${ARGN})
   if(ARG_SOURCES)
     set(_public PUBLIC)
     add_library(angio_${module} STATIC ${ARG_SOURCES})
@@ -75,11 +59,7 @@ function(angio_add_module module)
   target_include_directories(angio_${module} ${_public}
     $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<BUILD_INTERFACE:${CMAKE_CURRENT_BINARY_DIR}/include>
     $<INSTALL_INTERFACE:include>)
-  if(ARG_PART_OF)
-    set_property(GLOBAL PROPERTY ANGIO_PART_OF_${module} ${ARG_PART_OF})
-  else()
-    angio_give_namespace(${module} ${CMAKE_CURRENT_BINARY_DIR}/include ${ARG_USES})
-  endif()
+  angio_give_namespace(${module} ${CMAKE_CURRENT_BINARY_DIR}/include ${ARG_USES})
   target_link_libraries(angio_${module} ${_public} ${ARG_LINKS})
   target_compile_features(angio_${module} ${_public} cxx_std_17)
   set_property(GLOBAL APPEND PROPERTY ANGIO_MODULES ${module})

@@ -6,12 +6,12 @@
 
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
-#include "angio/evaluation/experiment.hpp"
 #include "angio/experiments/fault_experiment.hpp"
 #include "angio/experiments/task_experiments.hpp"
 #include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/results/experiment.hpp"
 #include "centered_option.hpp"
 #include "patient_options.hpp"
 #include "servo_settings.hpp"

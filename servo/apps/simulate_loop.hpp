@@ -6,7 +6,7 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/cli/command_line_fwd.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/statistics.hpp"
+#include "angio/results/statistics.hpp"
 
 namespace angio::apps {
 

@@ -7,10 +7,10 @@
 #include <cmath>
 #include <memory>
 
-#include "angio/evaluation/case_run.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "angio/io/centerline_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/results/case_run.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/random.hpp"

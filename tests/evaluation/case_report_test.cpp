@@ -4,7 +4,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "angio/evaluation/case_run.hpp"
+#include "angio/results/case_run.hpp"
 #include "angio/test/namespace.hpp"
 
 namespace angio::test {

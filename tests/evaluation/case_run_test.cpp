@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/case_run.hpp"
+#include "angio/results/case_run.hpp"
 #include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/experiment.hpp"
+#include "angio/results/experiment.hpp"
 
 #include <gmock/gmock.h>
 
@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "angio/base/errors.hpp"
-#include "angio/evaluation/columns.hpp"
+#include "angio/results/columns.hpp"
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 

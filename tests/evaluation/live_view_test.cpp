@@ -5,9 +5,9 @@
 #include <opencv2/videoio.hpp>
 
 #include "angio/base/errors.hpp"
-#include "angio/evaluation/film_writer.hpp"
-#include "angio/evaluation/live_overlay.hpp"
-#include "angio/evaluation/overlay.hpp"
+#include "angio/results/film_writer.hpp"
+#include "angio/results/live_overlay.hpp"
+#include "angio/results/overlay.hpp"
 #include "angio/test/file_size_limit.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"

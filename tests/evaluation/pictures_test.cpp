@@ -7,9 +7,9 @@
 #include <regex>
 
 #include "angio/evaluation/branch_picture.hpp"
-#include "angio/evaluation/overlay.hpp"
-#include "angio/evaluation/text_band.hpp"
 #include "angio/plotting/plot.hpp"
+#include "angio/results/overlay.hpp"
+#include "angio/results/text_band.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/not_a_number.hpp"
 #include "angio/test/phantoms.hpp"

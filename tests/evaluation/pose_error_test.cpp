@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/pose_error.hpp"
+#include "angio/results/pose_error.hpp"
 #include "angio/test/namespace.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/statistics.hpp"
+#include "angio/results/statistics.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/not_a_number.hpp"
 

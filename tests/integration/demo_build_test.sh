@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# demo.sh's target builds the programs that demo.sh runs and no other, no test and not the whole calibration; the line of
-# progress says what ninja's lines say, and keeps all others: demo_build_test.sh BUILD. Run in the sources' folder.
+# demo.sh's target builds the programs that demo.sh runs and no other, no test and not the whole calibration, and its first
+# picture waits for no simulation; the line of progress says what ninja's lines say, and keeps all others: demo_build_test.sh BUILD. Run in the sources' folder.
 set -euo pipefail
 build=$1
 fail() { printf '%s\n' "$1" >&2; exit 1; }
@@ -15,6 +15,8 @@ run=$({ grep -o 'build/bin/[a-z-]*' demo.sh | sed 's/^build.//'; echo bin/angio-
 for other in '^tests/' 'libangio_calibration\.a$' 'libangio_evaluation\.a$'; do
   if grep -q "$other" <<< "$inputs"; then fail "the demo's target needs $(grep -m 1 "$other" <<< "$inputs")"; fi
 done
+first=$(ninja -C "$build" -t inputs angio-register)
+if grep -q 'libangio_simulation\.a$' <<< "$first"; then fail "angio-register needs the simulation"; fi
 
 shown=$(printf '%s\n' '@1/30 Building CXX object modules/base/CMakeFiles/angio_base.dir/src/errors.cpp.o' \
   'a warning of the compiler' '@2/30 Linking CXX static library modules/base/libangio_base.a' \

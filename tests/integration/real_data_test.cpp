@@ -13,7 +13,6 @@
 #include <nlohmann/json.hpp>
 
 #include "../registration/ceres_costs.hpp"
-#include "angio/evaluation/statistics.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"
@@ -23,6 +22,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/registration/registration.hpp"
+#include "angio/results/statistics.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
 #include "angio/test/program.hpp"

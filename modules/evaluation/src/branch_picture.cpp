@@ -10,10 +10,10 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/evaluation/overlay.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/results/overlay.hpp"
 #include "angio/vessel/tree_topology.hpp"
 
 namespace angio::evaluation {

@@ -10,9 +10,9 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
-#include "angio/evaluation/experiment.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/results/experiment.hpp"
 #include "angio/vessel/projection.hpp"
 #include "angio/vessel/resample.hpp"
 

@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 
 #include "angio/base/formatted.hpp"
-#include "angio/evaluation/columns.hpp"
-#include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/simulation_report.hpp"
+#include "angio/results/columns.hpp"
+#include "angio/results/experiment.hpp"
 
 namespace angio::evaluation {
 namespace {

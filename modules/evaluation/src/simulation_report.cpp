@@ -8,8 +8,8 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/evaluation/experiment.hpp"
-#include "angio/evaluation/overlay.hpp"
+#include "angio/results/experiment.hpp"
+#include "angio/results/overlay.hpp"
 
 namespace angio::evaluation {
 namespace html {

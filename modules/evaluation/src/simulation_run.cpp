@@ -8,11 +8,11 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
-#include "angio/evaluation/columns.hpp"
-#include "angio/evaluation/experiment.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "angio/perception/gated_perception.hpp"
 #include "angio/perception/patient_observation.hpp"
+#include "angio/results/columns.hpp"
+#include "angio/results/experiment.hpp"
 
 namespace angio::evaluation {
 namespace {

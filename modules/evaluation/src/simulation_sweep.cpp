@@ -4,8 +4,8 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/joined.hpp"
-#include "angio/evaluation/experiment.hpp"
 #include "angio/evaluation/simulation_run.hpp"
+#include "angio/results/experiment.hpp"
 
 namespace angio::evaluation {
 namespace {

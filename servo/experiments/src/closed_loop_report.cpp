@@ -5,13 +5,13 @@
 
 #include "angio/base/fnv1a.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/evaluation/columns.hpp"
-#include "angio/evaluation/experiment.hpp"
-#include "angio/evaluation/overlay.hpp"
 #include "angio/experiments/closed_loop.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/plotting/plot.hpp"
+#include "angio/results/columns.hpp"
+#include "angio/results/experiment.hpp"
+#include "angio/results/overlay.hpp"
 
 namespace angio::experiments {
 namespace {

@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "angio/evaluation/columns.hpp"
-#include "angio/evaluation/experiment.hpp"
 #include "angio/experiments/fault_experiment.hpp"
+#include "angio/results/columns.hpp"
+#include "angio/results/experiment.hpp"
 
 namespace angio::experiments {
 namespace {

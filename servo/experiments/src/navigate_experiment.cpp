@@ -5,10 +5,10 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "angio/evaluation/columns.hpp"
-#include "angio/evaluation/experiment.hpp"
 #include "angio/experiments/observers.hpp"
 #include "angio/localisation/catheter_localiser.hpp"
+#include "angio/results/columns.hpp"
+#include "angio/results/experiment.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/fluoroscopy.hpp"

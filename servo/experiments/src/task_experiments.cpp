@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "angio/evaluation/columns.hpp"
 #include "angio/experiments/observers.hpp"
+#include "angio/results/columns.hpp"
 #include "angio/robot/motion_time.hpp"
 
 namespace angio::experiments {

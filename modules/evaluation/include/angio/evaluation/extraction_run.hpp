@@ -5,12 +5,12 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/overlay.hpp"
 #include "angio/evaluation/simulation.hpp"
-#include "angio/evaluation/statistics.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/polygon_files.hpp"
+#include "angio/results/overlay.hpp"
+#include "angio/results/statistics.hpp"
 
 namespace angio::evaluation {
 

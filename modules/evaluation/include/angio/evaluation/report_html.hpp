@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/statistics.hpp"
 #include "angio/plotting/plot.hpp"
+#include "angio/results/statistics.hpp"
 
 namespace angio::evaluation {
 

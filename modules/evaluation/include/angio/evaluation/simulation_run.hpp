@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/case_run.hpp"
 #include "angio/evaluation/simulation.hpp"
-#include "angio/evaluation/statistics.hpp"
+#include "angio/results/case_run.hpp"
+#include "angio/results/statistics.hpp"
 
 namespace angio::evaluation {
 

@@ -8,9 +8,9 @@
 
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/calibration_records/view_uncertainty.hpp"
-#include "angio/evaluation/statistics.hpp"
 #include "angio/experiments/namespace.hpp"
 #include "angio/experiments/scenario_settings.hpp"
+#include "angio/results/statistics.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/simulation/simulated_lab.hpp"
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include "angio/evaluation/experiment.hpp"
 #include "angio/experiments/closed_loop.hpp"
+#include "angio/results/experiment.hpp"
 
 namespace angio::experiments {
 

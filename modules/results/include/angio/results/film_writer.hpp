@@ -4,9 +4,9 @@
 #include <opencv2/videoio.hpp>
 #include <string>
 
-#include "angio/evaluation/namespace.hpp"
+#include "angio/results/namespace.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 /// Writes pictures one after the other: "film.mp4" as a film, or "frames/%04d.png" (.jpg) as numbered files, from 0.
 class FilmWriter {
@@ -36,4 +36,4 @@ class FilmWriter {
   cv::VideoWriter writer_;
 };
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

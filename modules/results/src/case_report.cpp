@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "angio/evaluation/case_run.hpp"
-#include "angio/evaluation/columns.hpp"
-#include "angio/evaluation/experiment.hpp"
+#include "angio/results/case_run.hpp"
+#include "angio/results/columns.hpp"
+#include "angio/results/experiment.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 namespace {
 
 using O = const CaseOutcome&;
@@ -178,4 +178,4 @@ std::string summaryTable(const Json& summary_by_method) {
          "Medians over the cases; \"pose ok\" is within 0.1 deg and 1 mm of the truth at the tree's centroid.\n";
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "angio/base/interruption.hpp"
-#include "angio/evaluation/statistics.hpp"
+#include "angio/results/statistics.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 // An experiment is a number of runs that do not depend on each other, each of which leaves one record; columns.hpp has
 // what is reported of the records.
@@ -55,4 +55,4 @@ bool finishPart(bool has_results, const Part& part) {
 /// Processor, cores, compiler, versions: what a time depends on.
 Json machineAsJson();
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

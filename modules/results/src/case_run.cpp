@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/case_run.hpp"
+#include "angio/results/case_run.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/registration_gate.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 namespace {
 
 // Consecutive frames of a case set have no times; fluoroscopy runs at 15 frames a second.
@@ -126,4 +126,4 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
   return outcomes;
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/film_writer.hpp"
+#include "angio/results/film_writer.hpp"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -19,7 +19,7 @@
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 namespace {
 
 namespace fs = std::filesystem;
@@ -115,4 +115,4 @@ void FilmWriter::finish() {
   if (error) throw InputError(path_, "", "", "cannot be written: " + error.message());
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

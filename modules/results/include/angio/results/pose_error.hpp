@@ -3,12 +3,12 @@
 
 #include <optional>
 
-#include "angio/evaluation/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/results/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 /// mTRE below this is a success [m].
 constexpr double kSuccessMtre_m = 2e-3;
@@ -39,4 +39,4 @@ struct PlacedTree {
 PoseError poseError(const VesselTree& tree, const XrayCamera& camera, const PlacedTree& estimate,
                     const PlacedTree& truth);
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

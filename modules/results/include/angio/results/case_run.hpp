@@ -6,15 +6,15 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/experiment.hpp"
-#include "angio/evaluation/pose_error.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/perception/patient_tracker.hpp"
 #include "angio/registration/certificate.hpp"
 #include "angio/registration/starts.hpp"
+#include "angio/results/experiment.hpp"
+#include "angio/results/pose_error.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 /// How cases are run.
 struct CaseRunSettings {
@@ -55,8 +55,8 @@ struct CaseOutcome {
 
 /// Runs every case with one method. The cases of a sequence, at 15 a second, are tracked as a loop tracks its frames:
 /// by GatedPerception with its own defaults, the method searching and tracking; an initial pose stands for what joints
-/// and calibration say of that frame. After SIGINT or SIGTERM no case is begun; returns those that are finished. Throws InputError for
-/// files that cannot be read, Interrupted when no case is finished.
+/// and calibration say of that frame. After SIGINT or SIGTERM no case is begun; returns those that are finished. Throws
+/// InputError for files that cannot be read, Interrupted when no case is finished.
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress = {});
 
 /// One method's figures over all cases, as people compare methods.
@@ -74,4 +74,4 @@ nlohmann::ordered_json certificateAsJson(const PoseCertificate& certificate, con
 /// The summaries of several methods as a table for people, Markdown.
 std::string summaryTable(const nlohmann::ordered_json& summary_by_method);
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

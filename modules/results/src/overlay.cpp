@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/overlay.hpp"
+#include "angio/results/overlay.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,10 +8,10 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/joined.hpp"
-#include "angio/evaluation/text_band.hpp"
+#include "angio/results/text_band.hpp"
 #include "drawing.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 const cv::Scalar kGroundColor(24, 20, 18), kStartColor(255, 170, 80), kCenterlineColor(255, 110, 200),
     kConvergedColor(140, 235, 40), kLimitedColor(0, 160, 255), kRejectedColor(60, 50, 240);
@@ -198,4 +198,4 @@ cv::Mat contactSheet(const std::vector<SheetPicture>& pictures, int columns, int
   return sheet;
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

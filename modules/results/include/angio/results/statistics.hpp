@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/namespace.hpp"
+#include "angio/results/namespace.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 using Json = nlohmann::ordered_json;
 
@@ -48,4 +48,4 @@ struct TableColumn {
 /// One row for each summary of a list or an object, as Markdown.
 std::string figureTable(const Json& summaries, const std::vector<TableColumn>& columns);
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

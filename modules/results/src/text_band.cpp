@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/text_band.hpp"
+#include "angio/results/text_band.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 
 #include "drawing.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 namespace {
 
 constexpr double kMinSize = 0.45;              // Smaller letters of this font are hard to read.
@@ -103,4 +103,4 @@ cv::Mat withBandBelow(const cv::Mat& picture, const std::vector<BandEntry>& entr
   return whole;
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/pose_error.hpp"
+#include "angio/results/pose_error.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 namespace {
 
 Eigen::Matrix3Xd placed(const VesselTree& tree, const PlacedTree& where) {
@@ -37,4 +37,4 @@ PoseError poseError(const VesselTree& tree, const XrayCamera& camera, const Plac
   return error;
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

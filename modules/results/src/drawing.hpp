@@ -4,11 +4,11 @@
 #include <opencv2/core/mat.hpp>
 #include <string>
 
-#include "angio/evaluation/namespace.hpp"
 #include "angio/plotting/subpixel.hpp"
+#include "angio/results/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 extern const cv::Scalar kGroundColor;  ///< Dark, behind everything.
 
@@ -26,4 +26,4 @@ void drawCurve(cv::Mat& canvas, const Centerline2d& centerline, const cv::Scalar
 void writeText(cv::Mat& canvas, const std::string& text, const cv::Point& at, const cv::Scalar& color_bgr,
                double size = 0.75, int stroke_px = 2, int rim_px = 3);
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

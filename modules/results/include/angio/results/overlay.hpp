@@ -6,14 +6,14 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/namespace.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/registration/result.hpp"
+#include "angio/results/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 /// One thing to look at in an overlay: a tree under a pose, in a colour, with its line in the legend.
 struct OverlayTree {
@@ -90,4 +90,4 @@ struct SheetPicture {
 /// devices in blue. CV_8UC3. Throws InputError without pictures or with columns or side below 1.
 cv::Mat contactSheet(const std::vector<SheetPicture>& pictures, int columns, int side_px);
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

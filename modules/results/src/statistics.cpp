@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/statistics.hpp"
+#include "angio/results/statistics.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@
 
 #include "angio/base/formatted.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 namespace {
 
 void addNumbers(const Json& value, std::vector<double>& numbers) {
@@ -109,4 +109,4 @@ std::string figureTable(const Json& summaries, const std::vector<TableColumn>& c
   return markdownTable(rows);
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

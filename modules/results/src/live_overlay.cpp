@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/live_overlay.hpp"
+#include "angio/results/live_overlay.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/base/formatted.hpp"
-#include "angio/evaluation/overlay.hpp"
-#include "angio/evaluation/text_band.hpp"
+#include "angio/results/overlay.hpp"
+#include "angio/results/text_band.hpp"
 #include "angio/types/channels.hpp"
 #include "drawing.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 namespace {
 
 constexpr int kPanelLines = 8;    // So many lines of text have room at their full size.
@@ -221,4 +221,4 @@ std::optional<LiveScene> LiveFeed::hear(const std::string& channel, AnyMessage m
   return std::nullopt;
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "angio/evaluation/statistics.hpp"
+#include "angio/results/statistics.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 // What is reported of an experiment's records is a list of columns.
 
@@ -52,4 +52,4 @@ void summarise(const std::vector<Record>& records, const std::vector<Column<Reco
   }
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

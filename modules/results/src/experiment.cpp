@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "angio/evaluation/experiment.hpp"
+#include "angio/results/experiment.hpp"
 
 #include <algorithm>
 #include <exception>
@@ -12,7 +12,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/interruption.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 namespace {
 
 // What a run threw, with its name in front.
@@ -81,4 +81,4 @@ Json machineAsJson() {
   return machine;
 }
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/namespace.hpp"
-#include "angio/evaluation/text_band.hpp"
+#include "angio/results/namespace.hpp"
+#include "angio/results/text_band.hpp"
 #include "angio/types/any_message.hpp"
 #include "angio/types/carm_motion.hpp"
 #include "angio/types/catheter.hpp"
@@ -18,7 +18,7 @@
 #include "angio/vessel/model_id.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 /// One frame and what the bus says of it.
 struct LiveScene {
@@ -84,4 +84,4 @@ class LiveFeed {
   std::optional<std::int64_t> last_carm_status_us_, last_status_us_, last_registration_us_;
 };
 
-}  // namespace angio::evaluation
+}  // namespace angio::results

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "angio/evaluation/namespace.hpp"
+#include "angio/results/namespace.hpp"
 
-namespace angio::evaluation {
+namespace angio::results {
 
 /// Size of the letters in a band: what OpenCV's drawing functions take.
 struct TextStyle {
@@ -46,4 +46,4 @@ void writeBand(cv::Mat band, const std::vector<BandEntry>& entries, const TextSt
 /// Returns a picture (CV_8UC3) with a band of entries below it; the picture itself without entries.
 cv::Mat withBandBelow(const cv::Mat& picture, const std::vector<BandEntry>& entries);
 
-}  // namespace angio::evaluation
+}  // namespace angio::results
