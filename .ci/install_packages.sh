@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Installs the Debian packages that building, testing and running need; does nothing when all are there.
+# install_packages.sh [build]: installs the Debian packages that building, testing and running need, or only those that
+# building and running do; does nothing when all are there.
 set -euo pipefail
 
 packages=(
@@ -12,8 +13,8 @@ packages=(
   libvtk9-dev libdcmtk-dev libpng-dev libtiff-dev zlib1g-dev libssl-dev
   libinsighttoolkit5-dev
   libgtest-dev libgmock-dev libbenchmark-dev
-  doxygen python3
 )
+[ "${1:-}" = build ] || packages+=(doxygen python3)
 
 missing=()
 for package in "${packages[@]}"; do
