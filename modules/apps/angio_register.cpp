@@ -26,6 +26,7 @@
 #include "angio/results/case_run.hpp"
 #include "angio/results/experiment.hpp"
 #include "angio/results/overlay.hpp"
+#include "angio/types/channels.hpp"
 #include "angio/vessel/model_id.hpp"
 #include "program_settings.hpp"
 #include "register_summary.hpp"
@@ -38,6 +39,7 @@ namespace {
 struct BusOptions {
   std::string bus, key_file, tree, calibration, method;
   double duration_s = 0;  ///< 0: until stopped.
+  bool point_covariance = false;
 };
 
 struct Options {
@@ -243,6 +245,12 @@ int registerOnBus(const BusOptions& o) {
     if (!report) continue;
     ++frames;
     rejected += report->rejection.has_value();
+    if (report->message && o.point_covariance) {
+      const RegistrationMessage& said = *report->message;
+      const auto points =
+          registrationPoints(report->observation.registration, tree, said.model_id, said.time_us, said.frame_sequence);
+      if (points) publish(*bus, kRegistrationPointsChannel, *points);
+    }
     if (report->rejection) {
       std::cerr << "frame " << report->frame_sequence << " rejected: " << *report->rejection << "\n";
     }
@@ -301,8 +309,9 @@ int main(int argc, char** argv) {
   app.addOption("--search-translation-mm,--box-translation-mm", o.search_translation_mm,
                 "The same for shifts along each axis")
       ->check(angio::apps::between(0, 1000));
-  app.addFlag("--point-covariance", o.point_covariance,
-              "Add the covariance of each point of the tree to the result [mm^2]")
+  app.addFlag(
+         "--point-covariance", o.point_covariance,
+         "Add the covariance of each point of the tree to the result [mm^2]; with --bus say it: REGISTRATION_POINTS")
       ->group(angio::cli::kFurtherOptions);
   auto* certify = app.addFlag("--certify", o.certify,
                               "Prove that no different pose of the box scores nearly as well, or find one; the "
@@ -345,6 +354,7 @@ int main(int argc, char** argv) {
   return angio::apps::runProgram(app, argc, argv, [&] {
     o.live.tree = o.tree;
     o.live.method = o.method;
+    o.live.point_covariance = o.point_covariance;
     return o.live.bus.empty() ? angio::apps::registerOne(o) : angio::apps::registerOnBus(o.live);
   });
 }

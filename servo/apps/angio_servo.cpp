@@ -8,12 +8,14 @@
 #include <filesystem>
 #include <iostream>
 #include <optional>
+#include <tuple>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/run_time.hpp"
 #include "angio/io/claimed_folder.hpp"
+#include "angio/perception/patient_observation.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "angio/types/channels.hpp"
@@ -77,6 +79,13 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
     warnings.tell(node);
     if (!report) continue;
     tally.count(report->hold_reason);
+    if (o.point_covariance && report->observed) {
+      const auto& [registration, model_id] = std::tie(report->observation.registration, report->observation.model_id);
+      if (const auto points = registrationPoints(registration, tree, model_id, report->command.time_us,
+                                                 report->command.frame_sequence)) {
+        publish(log.bus(), kRegistrationPointsChannel, *points);
+      }
+    }
     if (report->hold_reason)
       std::cerr << "frame " << report->command.frame_sequence << " held: " << *report->hold_reason << "\n";
     if (report->task.reached && !reached && report->task.remark) std::cerr << *report->task.remark << "\n";

@@ -26,6 +26,10 @@ void ServoProgramOptions::addTo(cli::Command& app) {
               "Arm and start at once, without an operator: for simulations and tests, as --simulate does")
       ->excludes("--wait-for-operator");
   app.addOption("--record", record, "Log of all that is heard and said (.lcm), for angio-replay")->excludes(simulated);
+  app.addFlag("--point-covariance", point_covariance,
+              "Say of each frame also how uncertain each point of the tree is: REGISTRATION_POINTS")
+      ->excludes(simulated)
+      ->group(cli::kFurtherOptions);
   app.addOption("--tree", tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.addOption("--calibration", calibration,
                 "C-arm geometry and T_dsa_cb (.yaml); when simulating without --truth, what is made wrong");

@@ -27,7 +27,7 @@ struct ServoProgramOptions {
   std::optional<int> seed;
   std::string t_dsa_cb, film, truth, machine, record, disturb, key_file, view_pose, preview;
   double max_age_days = RecordGate().max_age_days;
-  bool simulate = false, wait_for_operator = false, autostart = false;
+  bool simulate = false, wait_for_operator = false, autostart = false, point_covariance = false;
 
   void addTo(cli::Command& app);
 

@@ -51,6 +51,14 @@ class RandomFields {
   void text(const char*, std::string& text) {
     text = std::string(static_cast<std::size_t>(random_.uniform(0, 80)), 'x') + "\xc3\xa4\n\033[2J";
   }
+  template <int Rows>
+  void columns(const char*, const char*, wire::Columns<Rows>& values, const wire::WhichRows<Rows>& not_negative) {
+    values.resize(Rows, static_cast<Eigen::Index>(random_.uniform(1, 5)));
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+      const double value = random_.normal();
+      values.data()[i] = static_cast<float>(not_negative[static_cast<std::size_t>(i % Rows)] ? std::abs(value) : value);
+    }
+  }
 
  private:
   Random& random_;
@@ -94,6 +102,11 @@ class FieldValues {
              const std::vector<std::uint8_t>& bytes) {
     number(size_name, size);
     list_.emplace_back(name, bytes);
+  }
+  template <int Rows, typename Rule>
+  void columns(const std::string& count_name, const std::string& name, const wire::Columns<Rows>& values, const Rule&) {
+    number(count_name, static_cast<std::int32_t>(values.cols()));
+    for (Eigen::Index i = 0; i < values.size(); ++i) number(name + "[" + std::to_string(i) + "]", values.data()[i]);
   }
 
  private:
@@ -152,6 +165,12 @@ class FieldChange {
   void bytes(const char* size_name, std::int32_t& size, const char* name, std::vector<std::uint8_t>& bytes) {
     number(size_name, size);
     if (isIt(name)) change(0, [&] { bytes.front() ^= 1; });
+  }
+  template <int Rows>
+  void columns(const char*, const char* name, wire::Columns<Rows>& values, const wire::WhichRows<Rows>& not_negative) {
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+      number(name, values.data()[i], not_negative[static_cast<std::size_t>(i % Rows)] ? wire::kNotNegative : Limits());
+    }
   }
 
  private:
@@ -231,6 +250,17 @@ class FieldHash {
     update(1);  // Of variable length.
     add(size_name);
   }
+  template <int Rows, typename Rule>
+  void columns(const std::string& count_name, const std::string& name, const wire::Columns<Rows>&, const Rule&) {
+    number(count_name, std::int32_t());
+    add(name);
+    add("float");
+    update(2);
+    update(1);  // Of variable length, ...
+    add(count_name);
+    update(0);  // ... and each of constant length.
+    add(std::to_string(Rows));
+  }
 
  private:
   void update(int c) {
@@ -274,6 +304,10 @@ class FieldPlaces {
     add(&m, sizeof m, alignof(T));
   }
   void text(const char*, const std::string& text) { add(&text, sizeof text, alignof(std::string)); }
+  template <int Rows, typename Rule>
+  void columns(const char*, const char*, const wire::Columns<Rows>& values, const Rule&) {
+    add(&values, sizeof values, alignof(wire::Columns<Rows>));
+  }
 
  private:
   void add(const void* begin, std::size_t size, std::size_t alignment) {
@@ -310,6 +344,13 @@ class FieldLimits {
     for (const std::string& line : of(m)) lines_.push_back(name + "." + line);
   }
   void text(const std::string&, const std::string&) {}
+  template <int Rows>
+  void columns(const std::string&, const std::string& name, const wire::Columns<Rows>&,
+               const wire::WhichRows<Rows>& not_negative) {
+    for (std::size_t i = 0; i < Rows; ++i) {
+      if (not_negative[i]) lines_.push_back(name + "[][" + std::to_string(i) + "] in [0, inf]");
+    }
+  }
 
  private:
   std::vector<std::string> lines_;

@@ -313,7 +313,10 @@ TEST(AnyMessage, IsRestrictedAsItsReceiversTrust) {
                                      "catheter_tip_t.arc_length in [0, inf]",
                                      "catheter_tip_t.probability in [0, 1]",
                                      "catheter_input_t.verdict in [0, 2]",
-                                     "catheter_input_t.drive.bend in [0, inf]"}));
+                                     "catheter_input_t.drive.bend in [0, inf]",
+                                     "registration_points_t.covariance[][0] in [0, inf]",
+                                     "registration_points_t.covariance[][3] in [0, inf]",
+                                     "registration_points_t.covariance[][5] in [0, inf]"}));
 }
 
 }  // namespace

@@ -54,7 +54,8 @@ out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 SHORT, LONG = 0x4C433032, 0x4C433033
 channels = {"CARM_STATE": "carm_state_t", "CARM_COMMAND": "carm_command_t", "SERVO_REQUEST": "servo_request_t",
             "SERVO_STATUS": "servo_status_t", "SERVO_INPUT": "servo_input_t", "XRAY_FRAME": "xray_frame_t",
-            "REGISTRATION": "registration_t", "CATHETER_STATE": "catheter_state_t", "CATHETER_TIP": "catheter_tip_t",
+            "REGISTRATION": "registration_t", "REGISTRATION_POINTS": "registration_points_t",
+            "CATHETER_STATE": "catheter_state_t", "CATHETER_TIP": "catheter_tip_t",
             "CATHETER_COMMAND": "catheter_command_t", "CATHETER_REQUEST": "servo_request_t", "VIEW_REQUEST": "view_request_t"}
 
 

@@ -24,7 +24,7 @@ journey() {
   begin lab "$programs/angio-simulate" --bus "$bus" "${common[@]}" --settings "$tasks/journey_lab.yaml" \
     --catheter-branch 0 --frame-rate-hz 10 --duration-s $max_s
   begin carm "$programs/angio-servo" --bus "$bus" "${common[@]}" --task view --view-from bus \
-    --settings "$tasks/journey_carm.yaml" --autostart --record "$work/carm.lcm" --duration-s $max_s
+    --settings "$tasks/journey_carm.yaml" --point-covariance --autostart --record "$work/carm.lcm" --duration-s $max_s
   "$programs/angio-navigate" --bus "$bus" "${common[@]}" --to-branch "$branch" --ask-for-views \
     --autostart --record "$work/catheter.lcm" --duration-s $max_s >"$work/catheter.out" 2>"$work/catheter.err" || true
   end lab || true
@@ -46,4 +46,12 @@ views=$(grep -c 'held: waits for a view' "$work/catheter.err" || true)
   --ask-for-views || fail "the catheter's log is not replayed bit for bit"
 "$programs/angio-replay" "$work/carm.lcm" --task view --view-from bus --settings "$tasks/journey_carm.yaml" "${common[@]}" \
   --compare || fail "the C-arm's log is not replayed bit for bit"
+# How many messages of a channel are in the C-arm's log.
+messages() {
+  python3 -c 'import json, sys
+print(json.load(open(sys.argv[1]))["channels"].get(sys.argv[2], {"messages": 0})["messages"])' "$work/spy.json" "$1"
+}
+"$programs/angio-spy" --bus "file://$work/carm.lcm?speed=0" --json "$work/spy.json" >/dev/null
+[ "$(messages REGISTRATION)" -gt 0 ] && [ "$(messages REGISTRATION_POINTS)" -eq "$(messages REGISTRATION)" ] ||
+  fail "$(messages REGISTRATION_POINTS) of $(messages REGISTRATION) registrations said how uncertain their points are"
 echo "arrived in branch $branch over $views views; both logs are replayed bit for bit"

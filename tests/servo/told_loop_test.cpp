@@ -2,6 +2,8 @@
 // A loop that is told by other programs what its frames show.
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "angio/messaging/recording_bus.hpp"
 #include "angio/perception/perception_node.hpp"
 #include "angio/servo/replay.hpp"
@@ -65,6 +67,34 @@ TEST_F(ToldLoop, DoesAsOneThatLooksItselfAndIsReplayed) {
   const ReplaySummary again = replay<ServoLoop>(log, {}, told(settings), stage.tree);
   EXPECT_EQ(again.answered, 4);
   EXPECT_EQ(again.equal, 4) << again.first_difference.value_or("");
+}
+
+// One row a point, of the error where the pose puts it; and nothing that a bus would refuse.
+TEST_F(ToldLoop, IsToldHowUncertainEachPointIs) {
+  publish(*bus, kCArmStateChannel, stage.state(1));
+  publish(*bus, kXrayFrameChannel, stage.frame(1));
+  handle();
+  const auto seen = eyes.observe();
+  ASSERT_TRUE(seen && !seen->rejection);
+  RegistrationResult registration = seen->observation.registration;
+  const auto said = registrationPoints(registration, stage.tree, seen->observation.model_id, kPeriod_us, 1);
+  ASSERT_TRUE(said);
+  ASSERT_EQ(said->covariance.cols(), stage.tree.size());
+  EXPECT_NO_THROW(encode(*said));
+  const PatientObservation patient = PatientObservation::of(registration);
+  for (Eigen::Index i = 0; i < stage.tree.size(); i += 7) {
+    const Eigen::Matrix3d C = patient.pointCovariance(stage.tree.points().col(i));
+    const auto six = said->covariance.col(i).cast<double>().eval();
+    Eigen::Matrix3d row;
+    row << six[0], six[1], six[2], six[1], six[3], six[4], six[2], six[4], six[5];
+    EXPECT_LE((row - C).norm(), 1e-6 * C.norm()) << "point " << i;
+    EXPECT_GT(six[5], six[0]) << "depth is what one view shows least";
+  }
+  registration.points.reset();
+  (*registration.covariance)(0, 0) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(registrationPoints(registration, stage.tree, seen->observation.model_id, kPeriod_us, 1));
+  registration.covariance.reset();
+  EXPECT_FALSE(registrationPoints(registration, stage.tree, seen->observation.model_id, kPeriod_us, 1));
 }
 
 TEST_F(ToldLoop, StandsStillWhereNobodySaysAnything) {

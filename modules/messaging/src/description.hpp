@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <Eigen/Core>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -27,6 +29,8 @@ namespace angio::messaging::wire {
 ///                         v.message(name, m)             A struct with a description of its own.
 ///                         v.text(name, text)             Stands last.
 ///                         v.bytes(name of the size, size, name, bytes)   Stands last.
+///                         v.columns(name of their count, name, matrix, not_negative)   Floats, column by column; which
+///                                                      rows must not be negative. Stands last.
 ///   line(m)             The message in one line for people.
 template <typename T>
 struct Description;
@@ -47,6 +51,12 @@ constexpr Limits oneOf(int count) { return {0, count - 1.0}; }
 
 /// What an array of numbers must be, beside finite; a covariance: with a diagonal that is not negative.
 enum class ArrayRule { kNone, kCovariance, kRotation };
+
+/// As many columns of floats as there are.
+template <int Rows>
+using Columns = Eigen::Matrix<float, Rows, Eigen::Dynamic>;
+template <int Rows>
+using WhichRows = std::array<bool, static_cast<std::size_t>(Rows)>;
 
 /// Visits a message's fields and keeps the first rule that one of them breaks.
 class FieldRules {
@@ -77,6 +87,16 @@ class FieldRules {
   void text(const char* name, const std::string& text) {
     if (text.find('\0') != std::string::npos) fail(name, "must not contain a NUL");
     if (static_cast<std::int64_t>(text.size()) > kMaxMessage) fail(name, "is too long");
+  }
+
+  template <int Rows>
+  void columns(const char* count_name, const char* name, const Columns<Rows>& values,
+               const WhichRows<Rows>& not_negative) {
+    if (values.cols() > kMaxMessage / (Rows * static_cast<Eigen::Index>(sizeof(float))))
+      fail(count_name, "is too large");
+    for (Eigen::Index i = 0; i < values.size() && !broken_; ++i) {
+      check(name, i, values.data()[i], not_negative[static_cast<std::size_t>(i % Rows)] ? kNotNegative : Limits());
+    }
   }
 
  private:

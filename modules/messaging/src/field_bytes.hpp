@@ -40,6 +40,11 @@ class FieldWriter {
     put(size);
     bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
   }
+  template <int Rows, typename Rule>
+  void columns(const char*, const char*, const Columns<Rows>& values, const Rule&) {
+    put(static_cast<std::int32_t>(values.cols()));
+    for (Eigen::Index i = 0; i < values.size(); ++i) put(values.data()[i]);
+  }
 
  private:
   template <typename Value>
@@ -94,6 +99,17 @@ class FieldReader {
     if (broken_) return;
     bytes.assign(at_, at_ + left_);
     left_ = 0;
+  }
+  template <int Rows, typename Rule>
+  void columns(const char*, const char*, Columns<Rows>& values, const Rule&) {
+    std::int32_t count = 0;
+    get(count);
+    if (count < 0 || static_cast<std::size_t>(count) * Rows * sizeof(float) != left_) {
+      fail("its number of points is not that of its bytes");
+    }
+    if (broken_) return;
+    values.resize(Rows, count);
+    for (Eigen::Index i = 0; i < values.size(); ++i) get(values.data()[i]);
   }
 
  private:

@@ -32,6 +32,24 @@ Eigen::Matrix3d PatientObservation::pointCovariance(const Eigen::Vector3d& p_mod
   return J * covariance * J.transpose();
 }
 
+std::optional<RegistrationPoints> registrationPoints(const RegistrationResult& seen, const VesselTree& tree,
+                                                     ModelId model_id, std::int64_t frame_time_us,
+                                                     std::int64_t frame_sequence) {
+  if (!seen.covariance || !seen.covariance->allFinite()) return std::nullopt;
+  RegistrationPoints said{frame_time_us, frame_sequence, model_id, {}};
+  const PatientObservation patient = PatientObservation::of(seen);
+  said.covariance.resize(6, tree.size());
+  for (Eigen::Index i = 0; i < tree.size(); ++i) {
+    const Eigen::Matrix3d C = patient.pointCovariance(tree.points().col(i));
+    Eigen::Matrix<double, 6, 1> six;
+    six << C(0, 0), C(0, 1), C(0, 2), C(1, 1), C(1, 2), C(2, 2);
+    said.covariance.col(i) = six.cast<float>();
+  }
+  if (!said.covariance.allFinite()) return std::nullopt;
+  for (const int variance : {0, 3, 5}) said.covariance.row(variance) = said.covariance.row(variance).cwiseMax(0.0F);
+  return said;
+}
+
 double PatientObservation::depthStd_m(const Eigen::Vector3d& p_model) const {
   return std::sqrt(std::max(0.0, pointCovariance(p_model)(2, 2)));
 }

@@ -7,6 +7,7 @@
 #include <angio_lcm/catheter_input_t.hpp>
 #include <angio_lcm/catheter_state_t.hpp>
 #include <angio_lcm/catheter_tip_t.hpp>
+#include <angio_lcm/registration_points_t.hpp>
 #include <angio_lcm/registration_t.hpp>
 #include <angio_lcm/servo_input_t.hpp>
 #include <angio_lcm/servo_request_t.hpp>
@@ -218,6 +219,28 @@ struct Description<RegistrationMessage> : PlainDescription<RegistrationMessage, 
     return formatted("frame %lld ", count(m.frame_sequence)) + harmless(m.status_text) +
            formatted(", residual %.2f px, model at %.1f %.1f %.1f mm, %d / %d points", m.mean_residual_px, t_mm.x(),
                      t_mm.y(), t_mm.z(), m.points_3d, m.points_2d);
+  }
+};
+
+template <>
+struct Description<RegistrationPoints> : PlainDescription<RegistrationPoints, angio_lcm::registration_points_t> {
+  // Which of xx, xy, xz, yy, yz, zz are.
+  static constexpr std::array<bool, 6> kVariances = {true, false, false, true, false, true};
+
+  static constexpr auto fields = [](auto& v, auto& m) {
+    v.number("utime", m.time_us, kUtime);
+    v.number("frame_sequence", m.frame_sequence);
+    v.number("model_id", m.model_id);
+    v.columns("points", "covariance", m.covariance, kVariances);
+  };
+
+  /// The worst of the points' standard deviations, along the camera's axes.
+  static std::string line(const RegistrationPoints& m) {
+    const auto worst_mm = [&](Eigen::Index row) {
+      return m.covariance.cols() > 0 ? 1e3 * std::sqrt(m.covariance.row(row).maxCoeff()) : 0.0;
+    };
+    return formatted("frame %lld, %lld points, %.2f x %.2f mm across, %.2f mm in depth at most",
+                     count(m.frame_sequence), count(m.covariance.cols()), worst_mm(0), worst_mm(3), worst_mm(5));
   }
 };
 

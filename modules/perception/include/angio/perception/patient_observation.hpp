@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "angio/geometry/se3.hpp"
 #include "angio/perception/namespace.hpp"
 #include "angio/registration/result.hpp"
+#include "angio/types/registration_points.hpp"
+#include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::perception {
 
@@ -23,6 +27,11 @@ class PointPlaces {
   /// Returns the place of a point of the tree as it was given, model frame [m]: camera axes [m].
   virtual Eigen::Vector3d placeAt(const Eigen::Vector3d& p_model) const = 0;
 };
+
+/// Returns what a registration says of each point of the tree, for a bus; nothing when it knows no covariance.
+std::optional<RegistrationPoints> registrationPoints(const RegistrationResult& seen, const VesselTree& tree,
+                                                     ModelId model_id, std::int64_t frame_time_us,
+                                                     std::int64_t frame_sequence);
 
 /// Where one trusted frame shows the model: a pose, its covariance, and what is known of single points.
 struct PatientObservation {

@@ -7,6 +7,7 @@
 #include "angio/types/catheter.hpp"
 #include "angio/types/loop_input.hpp"
 #include "angio/types/registration_message.hpp"
+#include "angio/types/registration_points.hpp"
 #include "angio/types/servo_request.hpp"
 #include "angio/types/servo_session.hpp"
 #include "angio/types/servo_status.hpp"
@@ -16,8 +17,8 @@
 namespace angio::types {
 
 /// Any of the values that programs send each other.
-using AnyMessage =
-    std::variant<XrayFrame, CArmState, ServoInput, CArmCommand, RegistrationMessage, ServoStatus, ServoRequest,
-                 CatheterState, CatheterCommand, CatheterTip, CatheterInput, ViewRequest, ServoSession>;
+using AnyMessage = std::variant<XrayFrame, CArmState, ServoInput, CArmCommand, RegistrationMessage, ServoStatus,
+                                ServoRequest, CatheterState, CatheterCommand, CatheterTip, CatheterInput, ViewRequest,
+                                ServoSession, RegistrationPoints>;
 
 }  // namespace angio::types

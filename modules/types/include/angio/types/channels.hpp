@@ -10,6 +10,7 @@ constexpr const char* kXrayFrameChannel = "XRAY_FRAME";
 constexpr const char* kCArmStateChannel = "CARM_STATE";
 constexpr const char* kCArmCommandChannel = "CARM_COMMAND";
 constexpr const char* kRegistrationChannel = "REGISTRATION";
+constexpr const char* kRegistrationPointsChannel = "REGISTRATION_POINTS";
 constexpr const char* kServoStatusChannel = "SERVO_STATUS";
 constexpr const char* kServoInputChannel = "SERVO_INPUT";
 constexpr const char* kServoRequestChannel = "SERVO_REQUEST";
