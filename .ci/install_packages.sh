@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# install_packages.sh [build]: installs the Debian packages that building, testing and running need, or only those that
-# building and running do; does nothing when all are there.
+# install_packages.sh [demo]: installs the Debian packages that building, testing and running need, or only those that what
+# demo.sh runs needs; does nothing when all are there.
 set -euo pipefail
 
 packages=(
@@ -10,11 +10,11 @@ packages=(
   libopencv-dev libeigen3-dev libceres-dev libnanoflann-dev libhwy-dev
   liblcm-dev liblcm-bin
   libyaml-cpp-dev nlohmann-json3-dev libcli11-dev
-  libvtk9-dev libdcmtk-dev libpng-dev libtiff-dev zlib1g-dev libssl-dev
-  libinsighttoolkit5-dev
+  libexpat1-dev libdcmtk-dev libpng-dev libtiff-dev zlib1g-dev libssl-dev
   libgtest-dev libgmock-dev libbenchmark-dev
 )
-[ "${1:-}" = build ] || packages+=(doxygen python3)
+# Volumes, the API reference, and tests.
+[ "${1:-}" = demo ] || packages+=(libinsighttoolkit5-dev libvtk9-dev doxygen python3)
 
 missing=()
 for package in "${packages[@]}"; do

@@ -28,12 +28,19 @@ angio_find_package(hwy hwy:: CONFIG)
 angio_find_package(yaml-cpp yaml-cpp)
 angio_find_package(nlohmann_json nlohmann_json::)
 angio_find_package(CLI11 CLI11::)
-# Before VTK, which finds the same ones for itself only.
 angio_find_package(ZLIB ZLIB::)
 angio_find_package(OpenSSL OpenSSL::)
 angio_find_package(PNG PNG::)
 angio_find_package(TIFF TIFF::)
 angio_find_package(DCMTK DCMTK:: 3.6.7 CONFIG)
-angio_find_package(VTK VTK:: 9.1 COMPONENTS CommonCore IOXMLParser)
+angio_find_package(EXPAT EXPAT::)
 angio_find_package(VispLibraries visp:: COMPONENTS core visual_features vs robot vision gui)
 angio_find_package(LCM lcm::)
+
+# Of volumes, and of tests that read what VTK writes: half of all that has to be installed, so that who builds no more than the
+# demo needs neither. Behind the others, which VTK finds for itself only.
+set(_parts 9.1 COMPONENTS CommonCore CommonDataModel FiltersCore FiltersModeling ImagingStencil IOXML)
+find_package(VTK ${_parts} QUIET)
+if(VTK_FOUND)
+  angio_know_package(VTK VTK:: ${_parts})
+endif()

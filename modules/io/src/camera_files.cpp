@@ -113,10 +113,10 @@ constexpr std::size_t kMaxXmlFile = std::size_t{1} << 20;
 
 class VispFields {
  public:
-  VispFields(const XmlDocument& document, vtkXMLDataElement& parent) : document_(document), parent_(parent) {}
+  VispFields(const XmlDocument& document, const XmlElement& parent) : document_(document), parent_(parent) {}
 
-  vtkXMLDataElement& need(const char* name) const {
-    const auto found = childrenOf(parent_, name);
+  const XmlElement& need(const char* name) const {
+    const auto found = parent_.childrenOf(name);
     if (found.size() != 1) {
       throw InputError(document_.placeOf(parent_), name, found.empty() ? "" : std::to_string(found.size()),
                        found.empty() ? "is missing" : "must not be given twice");
@@ -137,12 +137,12 @@ class VispFields {
   std::string place(const char* name) const { return document_.placeOf(need(name)); }
 
   const XmlDocument& document_;
-  vtkXMLDataElement& parent_;
+  const XmlElement& parent_;
 };
 
 CameraFile readXmlCamera(const std::string& path) {
   const XmlDocument document(path, readWholeFile(path, kMaxXmlFile));
-  const auto cameras = childrenOf(document.root(), "camera");
+  const auto cameras = document.root().childrenOf("camera");
   if (cameras.size() != 1) {
     throw InputError(document.placeOf(document.root()), "camera", std::to_string(cameras.size()),
                      "there must be just one");
@@ -151,9 +151,9 @@ CameraFile readXmlCamera(const std::string& path) {
   XrayCamera::Parameters p;
   p.width_px = camera.side("image_width");
   p.height_px = camera.side("image_height");
-  vtkXMLDataElement* plain_model = nullptr;
+  const XmlElement* plain_model = nullptr;
   std::string types;
-  for (vtkXMLDataElement* const model : childrenOf(*cameras[0], "model")) {
+  for (const XmlElement* const model : cameras[0]->childrenOf("model")) {
     const std::string type(trimmed(document.textOf(VispFields(document, *model).need("type"))));
     types += (types.empty() ? "" : ", ") + type;
     if (type == "perspectiveProjWithoutDistortion") plain_model = model;

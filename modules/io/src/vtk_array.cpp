@@ -163,11 +163,11 @@ std::vector<double> readAscii(std::string_view text, const ArrayLayout& layout, 
 }
 
 // The bytes of a binary or appended array.
-ByteSource sourceOf(const XmlDocument& document, vtkXMLDataElement& array, const ArrayLayout& layout) {
+ByteSource sourceOf(const XmlDocument& document, const XmlElement& array, const ArrayLayout& layout) {
   const std::string format = document.need(array, "format");
   if (format == "binary") return {document.textOf(array), true};
   if (format != "appended") throw layout.wrong(format, "the format must be ascii, binary or appended");
-  vtkXMLDataElement* const element = document.root().FindNestedElementWithName("AppendedData");
+  const XmlElement* const element = document.root().child("AppendedData");
   const auto data = document.appendedData();
   if (!element || !data) throw layout.wrong(format, "there are no appended data");
   const std::string encoding = document.need(*element, "encoding");
@@ -179,13 +179,14 @@ ByteSource sourceOf(const XmlDocument& document, vtkXMLDataElement& array, const
   return {data->substr(static_cast<std::size_t>(offset)), encoding == "base64"};
 }
 
-ArrayLayout layoutOf(const XmlDocument& document, vtkXMLDataElement& array) {
+ArrayLayout layoutOf(const XmlDocument& document, const XmlElement& array) {
   ArrayLayout layout;
   layout.place = document.placeOf(array);
-  layout.name = array.GetAttribute("Name") ? array.GetAttribute("Name") : "DataArray";
-  const auto attribute = [&](const char* name, const char* otherwise) {
-    const char* const value = document.root().GetAttribute(name);
-    return std::string(value ? value : otherwise);
+  const std::string* const name = array.attribute("Name");
+  layout.name = name ? *name : "DataArray";
+  const auto attribute = [&](const char* wanted, const char* otherwise) {
+    const std::string* const value = document.root().attribute(wanted);
+    return value ? *value : std::string(otherwise);
   };
   const std::string order = attribute("byte_order", "LittleEndian"), header = attribute("header_type", "UInt32");
   const std::string compressor = attribute("compressor", "");
@@ -204,7 +205,7 @@ ArrayLayout layoutOf(const XmlDocument& document, vtkXMLDataElement& array) {
 
 }  // namespace
 
-std::vector<double> readVtkArray(const XmlDocument& document, vtkXMLDataElement& array, std::size_t count) {
+std::vector<double> readVtkArray(const XmlDocument& document, const XmlElement& array, std::size_t count) {
   const ArrayLayout layout = layoutOf(document, array);
   const std::string type_name = document.need(array, "type");
   const auto* const type = std::find_if(std::begin(kTypes), std::end(kTypes),

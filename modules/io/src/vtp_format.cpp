@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include <cstring>
-
 #include "angio/base/errors.hpp"
 #include "angio/io/surface_files.hpp"
 #include "angio/io/text.hpp"
@@ -16,22 +14,22 @@ constexpr std::size_t kMaxVtpFile = std::size_t{64} << 20;
 constexpr int kMaxPolygons = 4'000'000;
 constexpr const char* kVmtkRadiusName = "MaximumInscribedSphereRadius";
 
-vtkXMLDataElement& child(const XmlDocument& document, vtkXMLDataElement& parent, const char* name) {
-  vtkXMLDataElement* const found = parent.FindNestedElementWithName(name);
+const XmlElement& child(const XmlDocument& document, const XmlElement& parent, const char* name) {
+  const XmlElement* const found = parent.child(name);
   if (!found) throw InputError(document.placeOf(parent), name, "", "is missing");
   return *found;
 }
 
-vtkXMLDataElement* findArray(vtkXMLDataElement& parent, const char* name) {
-  for (vtkXMLDataElement* element : childrenOf(parent, "DataArray")) {
-    const char* const its_name = element->GetAttribute("Name");
-    if (its_name && std::strcmp(its_name, name) == 0) return element;
+const XmlElement* findArray(const XmlElement& parent, const char* name) {
+  for (const XmlElement* element : parent.childrenOf("DataArray")) {
+    const std::string* const its_name = element->attribute("Name");
+    if (its_name && *its_name == name) return element;
   }
   return nullptr;
 }
 
-vtkXMLDataElement& needArray(const XmlDocument& document, vtkXMLDataElement& parent, const char* name) {
-  vtkXMLDataElement* const found = findArray(parent, name);
+const XmlElement& needArray(const XmlDocument& document, const XmlElement& parent, const char* name) {
+  const XmlElement* const found = findArray(parent, name);
   if (!found) throw InputError(document.placeOf(parent), name, "", "is missing");
   return *found;
 }
@@ -43,7 +41,7 @@ struct Budget {
   int indices = kMaxPoints;
 };
 
-int readCount(const XmlDocument& document, vtkXMLDataElement& piece, const char* name, int& budget) {
+int readCount(const XmlDocument& document, const XmlElement& piece, const char* name, int& budget) {
   const int count = parseInteger(document.placeOf(piece), name, document.need(piece, name));
   requireBetween(document.placeOf(piece), name, count, 0, budget);
   budget -= count;
@@ -51,12 +49,12 @@ int readCount(const XmlDocument& document, vtkXMLDataElement& piece, const char*
 }
 
 // Connectivity and offsets of a piece's cells ("Lines", "Polys", "Strips"), held against the number of points.
-std::vector<std::vector<std::size_t>> readCells(const XmlDocument& document, vtkXMLDataElement& piece,
+std::vector<std::vector<std::size_t>> readCells(const XmlDocument& document, const XmlElement& piece,
                                                 const std::string& kind, int points, Budget& budget) {
   const int count = readCount(document, piece, ("NumberOf" + kind).c_str(), budget.cells);
   if (count == 0) return {};
-  vtkXMLDataElement& lines = child(document, piece, kind.c_str());
-  vtkXMLDataElement& offsets_array = needArray(document, lines, "offsets");
+  const XmlElement& lines = child(document, piece, kind.c_str());
+  const XmlElement& offsets_array = needArray(document, lines, "offsets");
   const auto offsets = readVtkArray(document, offsets_array, static_cast<std::size_t>(count));
   double before = 0;
   for (const double offset : offsets) {
@@ -67,7 +65,7 @@ std::vector<std::vector<std::size_t>> readCells(const XmlDocument& document, vtk
     before = offset;
   }
   budget.indices -= static_cast<int>(before);
-  vtkXMLDataElement& connectivity_array = needArray(document, lines, "connectivity");
+  const XmlElement& connectivity_array = needArray(document, lines, "connectivity");
   const auto connectivity = readVtkArray(document, connectivity_array, static_cast<std::size_t>(before));
   std::vector<std::vector<std::size_t>> result;
   std::size_t i = 0;
@@ -84,8 +82,8 @@ std::vector<std::vector<std::size_t>> readCells(const XmlDocument& document, vtk
   return result;
 }
 
-std::vector<Eigen::Vector3d> readVtpPoints(const XmlDocument& document, vtkXMLDataElement& piece, int count) {
-  vtkXMLDataElement& points_array = child(document, child(document, piece, "Points"), "DataArray");
+std::vector<Eigen::Vector3d> readVtpPoints(const XmlDocument& document, const XmlElement& piece, int count) {
+  const XmlElement& points_array = child(document, child(document, piece, "Points"), "DataArray");
   const auto numbers = readVtkArray(document, points_array, 3 * static_cast<std::size_t>(count));
   std::vector<Eigen::Vector3d> points_mm;
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
@@ -100,10 +98,10 @@ std::vector<Eigen::Vector3d> readVtpPoints(const XmlDocument& document, vtkXMLDa
   return points_mm;
 }
 
-std::vector<std::optional<double>> readVtpRadii(const XmlDocument& document, vtkXMLDataElement& piece, int count) {
+std::vector<std::optional<double>> readVtpRadii(const XmlDocument& document, const XmlElement& piece, int count) {
   std::vector<std::optional<double>> radii_mm(static_cast<std::size_t>(count));
-  vtkXMLDataElement* const point_data = piece.FindNestedElementWithName("PointData");
-  vtkXMLDataElement* const radius_array = point_data ? findArray(*point_data, kVmtkRadiusName) : nullptr;
+  const XmlElement* const point_data = piece.child("PointData");
+  const XmlElement* const radius_array = point_data ? findArray(*point_data, kVmtkRadiusName) : nullptr;
   if (!radius_array) return radii_mm;
   const auto numbers = readVtkArray(document, *radius_array, radii_mm.size());
   for (std::size_t i = 0; i < radii_mm.size(); ++i) {
@@ -116,7 +114,7 @@ std::vector<std::optional<double>> readVtpRadii(const XmlDocument& document, vtk
   return radii_mm;
 }
 
-void addPiece(const XmlDocument& document, vtkXMLDataElement& piece, Budget& budget, TrunkMerge& tree) {
+void addPiece(const XmlDocument& document, const XmlElement& piece, Budget& budget, TrunkMerge& tree) {
   const int count = readCount(document, piece, "NumberOfPoints", budget.points);
   if (count == 0) return;
   const auto points_mm = readVtpPoints(document, piece, count);
@@ -133,10 +131,10 @@ void addPiece(const XmlDocument& document, vtkXMLDataElement& piece, Budget& bud
 }
 
 // The element that holds the pieces.
-vtkXMLDataElement& polyDataIn(const XmlDocument& document) {
-  vtkXMLDataElement& root = document.root();
-  if (std::strcmp(root.GetName(), "VTKFile") != 0 || document.need(root, "type") != "PolyData") {
-    throw InputError(document.placeOf(root), "", root.GetName(), "must be a VTKFile of type PolyData");
+const XmlElement& polyDataIn(const XmlDocument& document) {
+  const XmlElement& root = document.root();
+  if (root.name != "VTKFile" || document.need(root, "type") != "PolyData") {
+    throw InputError(document.placeOf(root), "", root.name, "must be a VTKFile of type PolyData");
   }
   return child(document, root, "PolyData");
 }
@@ -145,10 +143,10 @@ vtkXMLDataElement& polyDataIn(const XmlDocument& document) {
 
 VesselTree readVtpTree(const std::string& path) {
   const XmlDocument document(path, readWholeFile(path, kMaxVtpFile));
-  vtkXMLDataElement& data = polyDataIn(document);
+  const XmlElement& data = polyDataIn(document);
   Budget budget;
   TrunkMerge tree;
-  for (vtkXMLDataElement* piece : childrenOf(data, "Piece")) addPiece(document, *piece, budget, tree);
+  for (const XmlElement* piece : data.childrenOf("Piece")) addPiece(document, *piece, budget, tree);
   if (tree.rows().size() < 2) {
     throw InputError(document.placeOf(data), "Lines", "", "must hold a line of at least two different points");
   }
@@ -160,7 +158,7 @@ Surface readVtpSurface(const std::string& path) {
   Budget budget{kMaxPoints, kMaxPolygons, 4 * kMaxPolygons};
   std::vector<Eigen::Vector3d> points_mm;
   Surface surface;
-  for (vtkXMLDataElement* piece : childrenOf(polyDataIn(document), "Piece")) {
+  for (const XmlElement* piece : polyDataIn(document).childrenOf("Piece")) {
     const int count = readCount(document, *piece, "NumberOfPoints", budget.points);
     if (count == 0) continue;
     const std::size_t first = points_mm.size();

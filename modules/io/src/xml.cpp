@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "xml.hpp"
 
-#include <vtkCallbackCommand.h>
-#include <vtkNew.h>
-#include <vtkXMLDataParser.h>
+#include <expat.h>
 
 #include <algorithm>
-#include <cstring>
-#include <sstream>
+#include <memory>
+#include <type_traits>
 
 #include "angio/base/errors.hpp"
 #include "angio/io/text.hpp"
@@ -15,9 +13,9 @@
 namespace angio::io {
 namespace {
 
-// Elements are taken apart recursively, so that their number bounds the stack; a file of ours has some dozens.
+// An element's children go with it recursively, so that their number bounds the stack; a file of ours has some dozens.
 constexpr int kMaxTags = 2000;
-// Expat begins a tag again with every piece of the file it is given, which takes the square of its length.
+// A tag of ours has some hundred bytes.
 constexpr std::size_t kMaxTag = std::size_t{1} << 16;
 constexpr std::string_view kAppendedData = "<AppendedData";
 
@@ -66,51 +64,85 @@ void requireTame(const std::string& path, std::string_view content) {
   }
 }
 
-// The parser reports to whoever observes it, and only else to the terminal.
-void keepMessage(vtkObject*, unsigned long, void* first_message, void* message) {
-  auto& kept = *static_cast<std::string*>(first_message);
-  if (kept.empty() && message) kept = static_cast<const char*>(message);
-}
+// Gathers the elements that Expat reports, below `top`.
+struct Gathering {
+  XmlElement top;
+  // From the outside in. Elements move with their sisters once they are closed only.
+  std::vector<XmlElement*> open = {&top};
+  bool appended = false;
+  XML_Parser parser = nullptr;
 
-InputError brokenXml(const std::string& path, const std::string& message) {
-  // "... Error parsing XML in stream at line 3, column 7, byte index 120: mismatched tag"
-  const auto at = message.find("at line ");
-  if (at == std::string::npos) return InputError(path, "", "", "is not valid XML");
-  const std::string line = message.substr(at + 8, message.find_first_not_of("0123456789", at + 8) - at - 8);
-  const auto reason = message.find(": ", at) == std::string::npos ? message.size() : message.rfind(": ");
-  const std::string why(trimmed(std::string_view(message).substr(reason)));
-  return InputError(line.empty() ? path : path + ":" + line, "", "", "is not valid XML" + why);
+  static void XMLCALL begin(void* self, const XML_Char* name, const XML_Char** attributes) {
+    auto& all = *static_cast<Gathering*>(self);
+    XmlElement& element = all.open.back()->children.emplace_back();
+    element.name = name;
+    for (; *attributes; attributes += 2) element.attributes.emplace_back(attributes[0], attributes[1]);
+    element.at = static_cast<std::size_t>(XML_GetCurrentByteIndex(all.parser));
+    all.open.push_back(&element);
+    if (element.name != kAppendedData.substr(1)) return;
+    all.appended = true;
+    XML_StopParser(all.parser, XML_FALSE);
+  }
+  static void XMLCALL end(void* self, const XML_Char*) { static_cast<Gathering*>(self)->open.pop_back(); }
+};
+
+// Where what is XML ends: behind the tag of <AppendedData>.
+std::string_view markupOf(std::string_view content) {
+  const auto appended = content.find(kAppendedData);
+  if (appended == std::string_view::npos) return content;
+  return content.substr(0, appended + tagLength(content.substr(appended)));
 }
 
 }  // namespace
 
+const std::string* XmlElement::attribute(std::string_view wanted) const {
+  for (const auto& [its_name, value] : attributes) {
+    if (its_name == wanted) return &value;
+  }
+  return nullptr;
+}
+
+const XmlElement* XmlElement::child(std::string_view wanted) const {
+  for (const XmlElement& element : children) {
+    if (element.name == wanted) return &element;
+  }
+  return nullptr;
+}
+
+std::vector<const XmlElement*> XmlElement::childrenOf(std::string_view wanted) const {
+  std::vector<const XmlElement*> found;
+  for (const XmlElement& element : children) {
+    if (element.name == wanted) found.push_back(&element);
+  }
+  return found;
+}
+
 XmlDocument::XmlDocument(std::string path, std::string content) : path_(std::move(path)), content_(std::move(content)) {
   requireTame(path_, content_);
-  std::istringstream stream(content_);
-  std::string message;
-  vtkNew<vtkCallbackCommand> observer;
-  observer->SetCallback(keepMessage);
-  observer->SetClientData(&message);
-  vtkNew<vtkXMLDataParser> parser;
-  parser->AddObserver("ErrorEvent", observer);
-  parser->AddObserver("WarningEvent", observer);
-  parser->SetStream(&stream);
-  parser->SetIgnoreCharacterData(1);  // It would be gathered bit by bit; textOf looks at the file instead.
-  const bool parsed = parser->Parse() != 0;
-  root_ = parser->GetRootElement();
-  if (!parsed || !root_ || !message.empty()) throw brokenXml(path_, message);
+  const std::string_view markup = markupOf(content_);
+  const std::unique_ptr<std::remove_pointer_t<XML_Parser>, decltype(&XML_ParserFree)> parser(XML_ParserCreate(nullptr),
+                                                                                             XML_ParserFree);
+  Gathering all;
+  all.parser = parser.get();
+  XML_SetUserData(parser.get(), &all);
+  XML_SetElementHandler(parser.get(), Gathering::begin, Gathering::end);
+  const bool parsed =
+      XML_Parse(parser.get(), markup.data(), static_cast<int>(markup.size()), XML_TRUE) == XML_STATUS_OK;
+  if ((!parsed && !all.appended) || all.top.children.empty()) {
+    throw InputError(atLine(path_, static_cast<int>(XML_GetCurrentLineNumber(parser.get()))), "", "",
+                     std::string("is not valid XML: ") + XML_ErrorString(XML_GetErrorCode(parser.get())));
+  }
+  root_ = std::move(all.top.children.front());
 }
 
-std::string XmlDocument::placeOf(vtkXMLDataElement& element) const {
-  const auto index = std::max<vtkTypeInt64>(element.GetXMLByteIndex(), 0);
-  return atLine(path_, lineAt(content_, std::min(static_cast<std::size_t>(index), content_.size())));
+std::string XmlDocument::placeOf(const XmlElement& element) const {
+  return atLine(path_, lineAt(content_, element.at));
 }
 
-std::string_view XmlDocument::textOf(vtkXMLDataElement& element) const {
-  const auto index = std::max<vtkTypeInt64>(element.GetXMLByteIndex(), 0);
+std::string_view XmlDocument::textOf(const XmlElement& element) const {
   const std::string_view content = content_;
   char quote = 0;
-  for (auto i = static_cast<std::size_t>(index); i < content.size(); ++i) {
+  for (std::size_t i = element.at; i < content.size(); ++i) {
     if (quote) {
       if (content[i] == quote) quote = 0;
     } else if (content[i] == '"' || content[i] == '\'') {
@@ -135,21 +167,10 @@ std::optional<std::string_view> XmlDocument::appendedData() const {
   return content.substr(first + 1);
 }
 
-std::string XmlDocument::need(vtkXMLDataElement& element, const char* attribute) const {
-  const char* value = element.GetAttribute(attribute);
-  if (!value) {
-    throw InputError(placeOf(element), std::string(element.GetName()) + "." + attribute, "", "is missing");
-  }
-  return value;
-}
-
-std::vector<vtkXMLDataElement*> childrenOf(vtkXMLDataElement& parent, const char* name) {
-  std::vector<vtkXMLDataElement*> found;
-  for (int i = 0; i < parent.GetNumberOfNestedElements(); ++i) {
-    vtkXMLDataElement* const element = parent.GetNestedElement(i);
-    if (std::strcmp(element->GetName(), name) == 0) found.push_back(element);
-  }
-  return found;
+std::string XmlDocument::need(const XmlElement& element, const char* attribute) const {
+  const std::string* const value = element.attribute(attribute);
+  if (!value) throw InputError(placeOf(element), element.name + "." + attribute, "", "is missing");
+  return *value;
 }
 
 }  // namespace angio::io

@@ -1,51 +1,61 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
-#include <vtkSmartPointer.h>
-#include <vtkXMLDataElement.h>
-
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "angio/io/namespace.hpp"
 
 namespace angio::io {
 
-/// The elements of this name right under another, in their order.
-std::vector<vtkXMLDataElement*> childrenOf(vtkXMLDataElement& parent, const char* name);
+/// An element of an XML document, without its text.
+struct XmlElement {
+  std::string name;
+  std::vector<std::pair<std::string, std::string>> attributes;
+  std::vector<XmlElement> children;
+  std::size_t at = 0;  ///< Where its tag begins in the document [bytes].
 
-/// The elements of an XML document, with VTK's parser. It may end in VTK's <AppendedData>, which is no XML any more.
+  /// An attribute's value; null when it has none of this name.
+  const std::string* attribute(std::string_view wanted) const;
+  /// The first element of this name right under it, or null; and all of them, in their order.
+  const XmlElement* child(std::string_view wanted) const;
+  std::vector<const XmlElement*> childrenOf(std::string_view wanted) const;
+};
+
+/// The elements of an XML document, by Expat. It may end in VTK's <AppendedData>, which is no XML any more.
 class XmlDocument {
  public:
   /// Throws InputError "path:line: ..." for broken XML, document types (they can define entities that explode) more
   /// than 2000 tags and tags beyond 64 KiB.
   XmlDocument(std::string path, std::string content);
 
-  vtkXMLDataElement& root() const { return *root_; }
+  const XmlElement& root() const { return root_; }
   const std::string& path() const { return path_; }
-  std::string placeOf(vtkXMLDataElement& element) const;  ///< "path:line".
+  std::string placeOf(const XmlElement& element) const;  ///< "path:line".
 
   /// What stands between the start of an element and the next tag.
-  std::string_view textOf(vtkXMLDataElement& element) const;
+  std::string_view textOf(const XmlElement& element) const;
 
   /// What stands behind the underscore of <AppendedData>, up to the end of the file.
   std::optional<std::string_view> appendedData() const;
 
   /// An attribute; throws InputError when it is missing.
-  std::string need(vtkXMLDataElement& element, const char* attribute) const;
+  std::string need(const XmlElement& element, const char* attribute) const;
 
  private:
   std::string path_;
   std::string content_;
-  vtkSmartPointer<vtkXMLDataElement> root_;
+  XmlElement root_;
 };
 
 /// The numbers of a <DataArray> of a VTK XML file: ascii, binary or appended, compressed with zlib or not.
 ///
 /// VTK's own reader believes the counts and sizes in a file; here each is held against what the file can hold before
 /// memory is taken. Throws InputError when there are not `count` numbers.
-std::vector<double> readVtkArray(const XmlDocument& document, vtkXMLDataElement& array, std::size_t count);
+std::vector<double> readVtkArray(const XmlDocument& document, const XmlElement& array, std::size_t count);
 
 }  // namespace angio::io
