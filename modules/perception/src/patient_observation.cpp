@@ -1,20 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/perception/patient_observation.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "angio/geometry/decompositions.hpp"
+
 namespace angio::perception {
-namespace {
-
-template <int N>
-double maxStd(const Eigen::Matrix<double, N, N>& covariance) {
-  using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>>;
-  return std::sqrt(std::max(0.0, Solver(covariance, Eigen::EigenvaluesOnly).eigenvalues()[N - 1]));
-}
-
-}  // namespace
 
 Eigen::Matrix<double, 2, 3> acrossRay(const Eigen::Vector3d& p_camera) {
   Eigen::Matrix<double, 2, 3> across;
@@ -22,7 +14,9 @@ Eigen::Matrix<double, 2, 3> acrossRay(const Eigen::Vector3d& p_camera) {
   return across;
 }
 
-double worstStd_m(const Eigen::Matrix3d& covariance_m2) { return maxStd<3>(covariance_m2); }
+double worstStd_m(const Eigen::Matrix3d& covariance_m2) {
+  return std::sqrt(std::max(0.0, eigenOfSymmetric(covariance_m2).values[2]));
+}
 
 Eigen::Matrix3d PatientObservation::pointCovariance(const Eigen::Vector3d& p_model,
                                                     const Eigen::Matrix3d& R_axes_camera) const {
@@ -60,7 +54,9 @@ double PatientObservation::worstStd_m(const Eigen::Vector3d& p_model) const {
 
 double PatientObservation::worstStdAcross_m(const Eigen::Vector3d& p_model) const {
   const Eigen::Matrix<double, 2, 3> across = acrossRay(placeAt(p_model));
-  return maxStd<2>(across * pointCovariance(p_model) * across.transpose());
+  const Eigen::Matrix2d C = across * pointCovariance(p_model) * across.transpose();
+  // The larger eigenvalue.
+  return std::sqrt(std::max(0.0, 0.5 * C.trace() + std::hypot(0.5 * (C(0, 0) - C(1, 1)), C(0, 1))));
 }
 
 }  // namespace angio::perception

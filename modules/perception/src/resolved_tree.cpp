@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/perception/resolved_tree.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -96,11 +96,11 @@ ResolvedTree::Place ResolvedTree::at(const Eigen::Vector3d& p_model, const Regis
     const double across2_m2 = kAcross * kAcross * along_axis_m * along_axis_m + drift2_m2;
     const Eigen::Matrix3d prior =
         known + kAlong_m * kAlong_m * along + across2_m2 * (Eigen::Matrix3d::Identity() - along);
-    const Eigen::LDLT<Eigen::Matrix2d> innovation(H * prior * H.transpose() + noise);
-    const Eigen::Matrix<double, 2, 3> gain = innovation.solve(H * prior);
+    const Eigen::Matrix2d information = (H * prior * H.transpose() + noise).inverse();
+    const Eigen::Matrix<double, 2, 3> gain = information * H * prior;
     place.camera = expected + gain.transpose() * off;
     place.covariance_m2 = prior - gain.transpose() * H * prior;
-    place.mismatch = off.dot(innovation.solve(off));
+    place.mismatch = off.dot(information * off);
     along_axis_m = axis.dot(place.camera - expected);
   }
   return place;
