@@ -13,6 +13,7 @@
 #include <thread>
 #include <utility>
 
+#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/bus_help.hpp"
@@ -198,6 +199,10 @@ void send(Bus& bus, const XrayFrame& frame, const Options& o) {
 }
 
 int simulate(const Options& o) {
+  if (o.bus.rfind("file://", 0) == 0) {
+    throw InputError("angio-simulate", "--bus", o.bus,
+                     "must be live, as machines hear commands there: --out writes a run to files");
+  }
   const SimulateSettings settings = effectiveSettings(o);
   const VesselTree tree = readVesselTree(o.tree);
   const CArmCalibration calibration = readCalibration("angio-simulate", o.calibration, o.t_dsa_cb, tree);

@@ -102,6 +102,9 @@ TEST_F(BusPrograms, SayInOneLineWhatIsWrong) {
   const std::string tree = test::exampleData("hepatic-tace/tree.csv");
   expectOneLine(test::run("angio-view", {"--bus", url_, "--tree", tree}), 1, "there is no display");
   expectOneLine(test::run("angio-view", {"--bus", url_, "--tree", tree, "--out", "film.avi"}), 1, "film.avi");
+  for (const std::string& log : {url_, "file://" + folder_.path("new.lcm") + "?mode=w"}) {
+    expectOneLine(test::run("angio-simulate", {"--bus", log, "--duration-s", "1"}), 1, "must be live");
+  }
   const std::vector<std::string> loop = {"--tree", tree, "--calibration", test::exampleData("hepatic-tace/carm.yaml")};
   const auto replayed = [&](const std::string& log) {
     auto words = loop;
