@@ -154,9 +154,8 @@ std::string paperTable1(const Json& paper) {
     table += "| paper: " + name +
              filled(
                  " | {gfr_percent:%.0f %%} | {mean_pr_mm:%.2f} | {p95_pr_mm:%.2f} | {p75_pr_mm:%.2f} | "
-                 "{time_ms:%.1f} | ",
-                 row) +
-             (name == "Iterative PnP, rigid" ? "0.46 deg, 7.09 mm" : "-") + " | - | - |\n";
+                 "{time_ms:%.1f} | - | - | - |\n",
+                 row);
   }
   for (const auto& [name, f] : paper["table1"]["here"].items()) {
     table += "| " + name + filled(" | {gfr_percent:%.0f %%} | ", f) + small(f["mean_pr_mm"]) + " | " +
