@@ -79,7 +79,7 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
     warnings.tell(node);
     if (!report) continue;
     tally.count(report->hold_reason);
-    if (o.point_covariance && report->observed) {
+    if (o.point_covariance && report->observed && !loop.external_registration) {
       const auto& [registration, model_id] = std::tie(report->observation.registration, report->observation.model_id);
       if (const auto points = registrationPoints(registration, tree, model_id, report->command.time_us,
                                                  report->command.frame_sequence)) {

@@ -224,7 +224,7 @@ struct Description<RegistrationMessage> : PlainDescription<RegistrationMessage, 
 
 template <>
 struct Description<RegistrationPoints> : PlainDescription<RegistrationPoints, angio_lcm::registration_points_t> {
-  // Which of xx, xy, xz, yy, yz, zz are.
+  // Which of xx, xy, xz, yy, yz, zz are variances.
   static constexpr std::array<bool, 6> kVariances = {true, false, false, true, false, true};
 
   static constexpr auto fields = [](auto& v, auto& m) {
