@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# install_packages.sh [demo]: installs the Debian packages that building, testing and running need, or only those that what
-# demo.sh runs needs; does nothing when all are there.
+# install_packages.sh [demo]: installs the Debian packages that building, testing and running need, or only those that
+# demo.sh needs; does nothing when all are there.
 set -euo pipefail
 
 packages=(
