@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <iostream>
 #include <optional>
-#include <tuple>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
@@ -80,8 +79,8 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
     if (!report) continue;
     tally.count(report->hold_reason);
     if (o.point_covariance && report->observed && !loop.external_registration) {
-      const auto& [registration, model_id] = std::tie(report->observation.registration, report->observation.model_id);
-      if (const auto points = registrationPoints(registration, tree, model_id, report->command.time_us,
+      const Observation& seen = report->observation;
+      if (const auto points = registrationPoints(seen.registration, tree, seen.model_id, report->command.time_us,
                                                  report->command.frame_sequence)) {
         publish(log.bus(), kRegistrationPointsChannel, *points);
       }
