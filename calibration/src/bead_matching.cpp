@@ -86,12 +86,11 @@ std::vector<Eigen::Matrix3d> orientationGrid(double step_rad) {
   std::vector<Eigen::Matrix3d> grid;
   grid.reserve(directions * turns);
   for (int i = 0; i < directions; ++i) {
-    const double z = 1 - (2 * i + 1.0) / directions, r = std::sqrt(1 - z * z), a = golden_rad * i;
-    const Eigen::Matrix3d towards = Eigen::Quaterniond::FromTwoVectors(
-                                        Eigen::Vector3d(r * std::cos(a), r * std::sin(a), z), Eigen::Vector3d::UnitZ())
-                                        .toRotationMatrix();
+    const double z = 1 - (2 * i + 1.0) / directions, a = golden_rad * i;
+    // The shortest turn of the direction (r cos a, r sin a, z) onto the z axis.
+    const Eigen::AngleAxisd towards(std::acos(z), Eigen::Vector3d(std::sin(a), -std::cos(a), 0));
     for (int k = 0; k < turns; ++k) {
-      grid.push_back(Eigen::AngleAxisd(2 * kPi * k / turns, Eigen::Vector3d::UnitZ()) * towards);
+      grid.push_back((Eigen::AngleAxisd(2 * kPi * k / turns, Eigen::Vector3d::UnitZ()) * towards).toRotationMatrix());
     }
   }
   return grid;

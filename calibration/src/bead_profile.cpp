@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "bead_profile.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
+
+#include "angio/geometry/decompositions.hpp"
+#include "information.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -73,27 +75,72 @@ double softThickness(const ShadowGroup& group, const BallShadow& ball, const Eig
   return g;
 }
 
+// Pixels' sum of squares, and its normal equations.
+struct Sums {
+  double squares = 0;
+  Eigen::MatrixXd H;
+  Eigen::VectorXd gradient;
+};
+
+Eigen::Index placeOf(std::size_t ball) { return kShared + kOfBall * static_cast<Eigen::Index>(ball); }
+
 // Of a group of so many balls: matrices of a size that is known are summed without a call for each pixel.
-template <int kBalls>
+template <std::size_t kBalls>
+Sums sumsOf(const std::vector<Pixel>& pixels, const Eigen::Vector2d& origin_px, const ShadowGroup& group) {
+  constexpr int kSize = kShared + kOfBall * static_cast<int>(kBalls);
+  using Vector = Eigen::Matrix<double, kSize, 1>;
+  Eigen::Matrix<double, kSize, kSize> H = Eigen::Matrix<double, kSize, kSize>::Zero();
+  Vector gradient = Vector::Zero();
+  double squares = 0;
+  std::array<ShapeJacobian, kBalls> shapes;
+  std::array<double, kBalls> thickness;
+  for (const Pixel& pixel : pixels) {
+    double depth = 0;
+    for (std::size_t k = 0; k < kBalls; ++k) {
+      thickness[k] = softThickness(group, group.balls[k], pixel.at_px, &shapes[k]);
+      depth += group.balls[k].depth * thickness[k];
+    }
+    const Eigen::Vector3d place(1, pixel.at_px.x() - origin_px.x(), pixel.at_px.y() - origin_px.y());
+    const double ground = group.ground.dot(place), passed = std::exp(-depth);
+    const double left = group.scatter + (1 - group.scatter) * passed;
+    const double r = pixel.weight * (ground * left - pixel.value);
+    squares += r * r;
+    Vector J;
+    J.template head<3>() = left * place;
+    J[3] = ground * (1 - passed);
+    J.template segment<3>(4).setZero();
+    const double by_depth = -ground * (1 - group.scatter) * passed;
+    for (std::size_t k = 0; k < kBalls; ++k) {
+      J.template segment<3>(placeOf(k)) = by_depth * group.balls[k].depth * shapes[k].template head<3>();
+      J[placeOf(k) + 3] = by_depth * thickness[k];
+      J.template segment<3>(4) += by_depth * group.balls[k].depth * shapes[k].template tail<3>();
+    }
+    J *= pixel.weight;
+    H.noalias() += J * J.transpose();
+    gradient += r * J;
+  }
+  return {squares, H, gradient};
+}
+
+using Summing = Sums (*)(const std::vector<Pixel>&, const Eigen::Vector2d&, const ShadowGroup&);
+
+template <std::size_t... kLess>
+Summing summingOf(std::size_t balls, std::index_sequence<kLess...>) {
+  static constexpr std::array<Summing, sizeof...(kLess)> kSummings{sumsOf<kLess + 1>...};
+  return kSummings.at(balls - 1);
+}
+
+// Of the pixels around a group.
 class GroupFit {
  public:
-  static constexpr int kSize = kShared + kOfBall * kBalls;
-  using Vector = Eigen::Matrix<double, kSize, 1>;
-  using Matrix = Eigen::Matrix<double, kSize, kSize>;
-
-  // Sum of squares, and its normal equations.
-  struct Sums {
-    double squares = 0;
-    Matrix H = Matrix::Zero();
-    Vector gradient = Vector::Zero();
-  };
-
   GroupFit(std::vector<Pixel> pixels, const ShadowGroup& start)
-      : pixels_(std::move(pixels)), origin_px_(start.balls.front().center_px) {}
+      : pixels_(std::move(pixels)),
+        origin_px_(start.balls.front().center_px),
+        pixel_sums_(summingOf(start.balls.size(), std::make_index_sequence<kMaxBalls>())) {}
 
   std::size_t pixels() const { return pixels_.size(); }
 
-  // The ground and depths to start from: the brighter half of what is seen is ground.
+  // The ground to start from: the brighter part of what is seen.
   void startIn(ShadowGroup& group) const {
     std::vector<double> values;
     for (const Pixel& pixel : pixels_) values.push_back(pixel.value);
@@ -103,49 +150,20 @@ class GroupFit {
   }
 
   Sums sums(const ShadowGroup& group) const {
-    Sums sums;
-    std::array<ShapeJacobian, kBalls> shapes;
-    std::array<double, kBalls> thickness;
-    for (const Pixel& pixel : pixels_) {
-      double depth = 0;
-      for (std::size_t k = 0; k < kBalls; ++k) {
-        thickness[k] = softThickness(group, group.balls[k], pixel.at_px, &shapes[k]);
-        depth += group.balls[k].depth * thickness[k];
-      }
-      const Eigen::Vector3d place(1, pixel.at_px.x() - origin_px_.x(), pixel.at_px.y() - origin_px_.y());
-      const double ground = group.ground.dot(place), passed = std::exp(-depth);
-      const double left = group.scatter + (1 - group.scatter) * passed;
-      const double r = pixel.weight * (ground * left - pixel.value);
-      sums.squares += r * r;
-      Vector J;
-      J.template head<3>() = left * place;
-      J[3] = ground * (1 - passed);
-      J.template segment<3>(4).setZero();
-      const double by_depth = -ground * (1 - group.scatter) * passed;
-      for (std::size_t k = 0; k < kBalls; ++k) {
-        const auto at = kShared + kOfBall * static_cast<Eigen::Index>(k);
-        J.template segment<3>(at) = by_depth * group.balls[k].depth * shapes[k].template head<3>();
-        J[at + 3] = by_depth * thickness[k];
-        J.template segment<3>(4) += by_depth * group.balls[k].depth * shapes[k].template tail<3>();
-      }
-      J *= pixel.weight;
-      sums.H.noalias() += J * J.transpose();
-      sums.gradient += r * J;
-    }
+    Sums sums = pixel_sums_(pixels_, origin_px_, group);
     addPriors(group, sums);
     return sums;
   }
 
-  static ShadowGroup moved(ShadowGroup group, const Vector& step) {
-    group.ground += step.template head<3>();
+  static ShadowGroup moved(ShadowGroup group, const Eigen::VectorXd& step) {
+    group.ground += step.head<3>();
     group.scatter = std::clamp(group.scatter + step[3], 0.0, 0.6);
     group.blur_px = std::clamp(group.blur_px + step[4], 0.2, 3.0);
-    group.stretch =
-        (group.stretch + step.template segment<2>(5)).cwiseMax(-group.max_stretch).cwiseMin(group.max_stretch);
+    group.stretch = (group.stretch + step.segment<2>(5)).cwiseMax(-group.max_stretch).cwiseMin(group.max_stretch);
     for (std::size_t k = 0; k < group.balls.size(); ++k) {
-      const auto at = kShared + kOfBall * static_cast<Eigen::Index>(k);
+      const Eigen::Index at = placeOf(k);
       BallShadow& ball = group.balls[k];
-      ball.center_px += step.template segment<2>(at);
+      ball.center_px += step.segment<2>(at);
       ball.radius_px *= std::exp(std::clamp(step[at + 2] / ball.radius_px, -0.3, 0.3));
       ball.depth = std::clamp(ball.depth + step[at + 3], 1e-3, 20.0);
     }
@@ -162,32 +180,32 @@ class GroupFit {
     sums.H(4, 4) += strength / (kBlurSpread_px * kBlurSpread_px);
     sums.gradient[3] += strength * ds / kScatterSpread;
     sums.gradient[4] += strength * db / kBlurSpread_px;
-    sums.H.diagonal().template segment<2>(5).array() += strength / (kStretchSpread * kStretchSpread);
-    sums.gradient.template segment<2>(5) += strength / (kStretchSpread * kStretchSpread) * group.stretch;
+    sums.H.diagonal().segment<2>(5).array() += strength / (kStretchSpread * kStretchSpread);
+    sums.gradient.segment<2>(5) += strength / (kStretchSpread * kStretchSpread) * group.stretch;
   }
 
   std::vector<Pixel> pixels_;
   Eigen::Vector2d origin_px_;
+  Summing pixel_sums_;
 };
 
-template <int kBalls>
 ShadowGroup fittedTo(std::vector<Pixel> pixels, ShadowGroup group) {
-  using Fit = GroupFit<kBalls>;
-  const Fit fit(std::move(pixels), group);
-  if (fit.pixels() < 3 * static_cast<std::size_t>(Fit::kSize)) return group;
+  const auto size = static_cast<std::size_t>(placeOf(group.balls.size()));
+  const GroupFit fit(std::move(pixels), group);
+  if (fit.pixels() < 3 * size) return group;
   fit.startIn(group);
-  typename Fit::Sums sums = fit.sums(group);
+  Sums sums = fit.sums(group);
   double damping = 1e-3;
   for (int i = 0; i < 40; ++i) {
-    typename Fit::Matrix damped = sums.H;
+    Eigen::MatrixXd damped = sums.H;
     damped.diagonal() *= 1 + damping;
-    const typename Fit::Vector step = -damped.ldlt().solve(sums.gradient);
+    const Eigen::VectorXd step = -solveSymmetric(damped, sums.gradient);
     if (!step.allFinite()) return group;
-    const ShadowGroup next = Fit::moved(group, step);
-    const typename Fit::Sums now = fit.sums(next);
+    const ShadowGroup next = GroupFit::moved(group, step);
+    const Sums now = fit.sums(next);
     if (now.squares < sums.squares) {
       double largest = 0;
-      for (std::size_t k = 0; k < kBalls; ++k) {
+      for (std::size_t k = 0; k < group.balls.size(); ++k) {
         largest = std::max(largest, (next.balls[k].center_px - group.balls[k].center_px).norm());
       }
       const bool still = sums.squares - now.squares < 1e-6 * sums.squares && largest < 1e-4;
@@ -199,30 +217,16 @@ ShadowGroup fittedTo(std::vector<Pixel> pixels, ShadowGroup group) {
       break;
     }
   }
-  const double variance = sums.squares / static_cast<double>(fit.pixels() - static_cast<std::size_t>(Fit::kSize));
-  const typename Fit::Vector scale = sums.H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  typename Fit::Matrix scaled = scale.asDiagonal() * sums.H * scale.asDiagonal();
-  scaled.diagonal().array() += 1e-10;
-  const typename Fit::Matrix covariance = scaled.ldlt().solve(Fit::Matrix::Identity());
+  const double variance = sums.squares / static_cast<double>(fit.pixels() - size);
+  const Eigen::VectorXd variances = covarianceOf(sums.H, 1e-10).diagonal();
   group.stds_px.clear();
-  for (std::size_t k = 0; k < kBalls; ++k) {
-    const auto at = kShared + kOfBall * static_cast<Eigen::Index>(k);
-    const double x = covariance(at, at) * scale[at] * scale[at];
-    const double y = covariance(at + 1, at + 1) * scale[at + 1] * scale[at + 1];
-    group.stds_px.push_back(std::sqrt(std::max(0.0, 0.5 * variance * (x + y))));
+  for (std::size_t k = 0; k < group.balls.size(); ++k) {
+    const double both = variances.segment<2>(placeOf(k)).sum();
+    group.stds_px.push_back(std::sqrt(std::max(0.0, 0.5 * variance * both)));
   }
   group.noise = std::sqrt(variance);
   group.fitted = group.ground[0] > 0;
   return group;
-}
-
-template <std::size_t... kLess>
-ShadowGroup fittedOf(const cv::Mat& image, const cv::Mat& mask, ShadowGroup group, std::index_sequence<kLess...>) {
-  using Fitting = ShadowGroup (*)(std::vector<Pixel>, ShadowGroup);
-  static constexpr std::array<Fitting, sizeof...(kLess)> kFittings{fittedTo<static_cast<int>(kLess) + 1>...};
-  group.fitted = false;
-  std::vector<Pixel> pixels = pixelsOf(image, mask, group);
-  return kFittings.at(group.balls.size() - 1)(std::move(pixels), std::move(group));
 }
 
 }  // namespace
@@ -237,7 +241,9 @@ double ShadowGroup::contrast(std::size_t ball) const {
 }
 
 ShadowGroup fittedGroup(const cv::Mat& image, const cv::Mat& mask, ShadowGroup group) {
-  return fittedOf(image, mask, std::move(group), std::make_index_sequence<kMaxBalls>());
+  group.fitted = false;
+  std::vector<Pixel> pixels = pixelsOf(image, mask, group);
+  return fittedTo(std::move(pixels), std::move(group));
 }
 
 }  // namespace angio::calibration

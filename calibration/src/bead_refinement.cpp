@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "bead_refinement.hpp"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <utility>
 
 #include "angio/calibration/direct_linear.hpp"
+#include "least_squares.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -58,10 +58,10 @@ class Refiner {
 
   std::optional<Matrix34d> affine(const Pairs& matched) const {
     const auto [points, pixels] = columns(matched);
-    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(points.colwise().homogeneous().transpose());
-    if (qr.rank() < 4) return std::nullopt;
+    const LeastSquares map = leastSquares(points.colwise().homogeneous().transpose(), pixels.transpose());
+    if (map.rank < 4) return std::nullopt;
     Matrix34d P = Matrix34d::Zero();
-    P.topRows<2>() = qr.solve(pixels.transpose()).transpose();
+    P.topRows<2>() = map.solution.transpose();
     P(2, 3) = 1;
     return P;
   }
@@ -92,7 +92,7 @@ class Refiner {
       A.row(k) = monomials(thought_px.col(matched[k].first));
       b.row(k) = (seen_px_.col(matched[k].second) - thought_px.col(matched[k].first)).transpose();
     }
-    const Eigen::MatrixXd c = A.colPivHouseholderQr().solve(b);
+    const Eigen::MatrixXd c = leastSquares(A, b).solution;
     Eigen::Matrix2Xd moved = thought_px;
     for (Eigen::Index i = 0; i < moved.cols(); ++i) moved.col(i) += (monomials(thought_px.col(i)) * c).transpose();
     return moved;

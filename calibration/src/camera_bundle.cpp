@@ -5,9 +5,9 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
-#include <Eigen/Cholesky>
 #include <limits>
 
+#include "angio/geometry/decompositions.hpp"
 #include "angio/geometry/distortion.hpp"
 #include "angio/geometry/so3.hpp"
 
@@ -208,10 +208,12 @@ Pose fittedPose(const CameraBundle& bundle, const BundleView& view) {
   return alone.views.front().T_camera_phantom;
 }
 
-Eigen::MatrixXd ViewInformation::reducedLens() const { return lens - cross * pose.ldlt().solve(cross.transpose()); }
+Eigen::MatrixXd ViewInformation::reducedLens() const {
+  return lens - cross * inverseOfSymmetric(pose) * cross.transpose();
+}
 
 Eigen::VectorXd ViewInformation::reducedGradient() const {
-  return lens_gradient - cross * pose.ldlt().solve(pose_gradient);
+  return lens_gradient - cross * solveSymmetric(pose, pose_gradient);
 }
 
 ViewInformation informationOf(const CameraBundle& bundle, const BundleView& view) {

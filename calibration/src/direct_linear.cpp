@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/calibration/direct_linear.hpp"
-#include "angio/geometry/decompositions.hpp"
 
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <random>
+
+#include "least_squares.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -36,21 +36,17 @@ std::optional<Eigen::Matrix<double, 3, kRows + 1>> linearMap(const Eigen::Matrix
   if (2 * count < kUnknowns - 1 || pixels.cols() != count) return std::nullopt;
   const auto N_point = normalisation<kRows>(points);
   const auto N_pixel = normalisation<2>(pixels);
-  Eigen::Matrix<double, Eigen::Dynamic, kUnknowns> A(2 * count, kUnknowns);
-  A.setZero();
+  // The triangular factor has the same singular vectors; its SVD does not grow with the points.
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(std::max<Eigen::Index>(2 * count, kUnknowns), kUnknowns);
   for (Eigen::Index i = 0; i < count; ++i) {
     const Eigen::Matrix<double, 1, kColumns> X = (N_point * points.col(i).homogeneous()).transpose();
     const Eigen::Vector3d x = N_pixel * pixels.col(i).homogeneous();
-    A.template block<1, kColumns>(2 * i, 0) = X;
-    A.template block<1, kColumns>(2 * i, 2 * kColumns) = -x.x() * X;
-    A.template block<1, kColumns>(2 * i + 1, kColumns) = X;
-    A.template block<1, kColumns>(2 * i + 1, 2 * kColumns) = -x.y() * X;
+    A.block<1, kColumns>(2 * i, 0) = X;
+    A.block<1, kColumns>(2 * i, 2 * kColumns) = -x.x() * X;
+    A.block<1, kColumns>(2 * i + 1, kColumns) = X;
+    A.block<1, kColumns>(2 * i + 1, 2 * kColumns) = -x.y() * X;
   }
-  // The triangular factor has the same singular vectors; its SVD does not grow with the points.
-  const Eigen::Index rows = std::max<Eigen::Index>(2 * count, kUnknowns);
-  Eigen::MatrixXd padded = Eigen::MatrixXd::Zero(rows, kUnknowns);
-  padded.topRows(2 * count) = A;
-  const SingularValues svd = singularValuesOf(triangularFactor(padded), Eigen::ComputeFullV);
+  const SingularValues svd = singularValuesOf(triangularFactor(A), Eigen::ComputeFullV);
   if (!(svd.values[kUnknowns - 2] > kOpen * svd.values[0])) return std::nullopt;
   const Eigen::VectorXd v = svd.V.col(kUnknowns - 1);
   Eigen::Matrix<double, 3, kColumns> M;
@@ -82,18 +78,16 @@ ProjectionParts decomposed(const Matrix34d& P) {
     M.row(0) *= -1;
     p4[0] *= -1;
   }
-  // RQ by the QR of the matrix turned round: M = K R.
-  Eigen::Matrix3d exchange;
-  exchange << 0, 0, 1, 0, 1, 0, 1, 0, 0;
-  const Eigen::HouseholderQR<Eigen::Matrix3d> qr((exchange * M).transpose());
-  Eigen::Matrix3d upper = qr.matrixQR().triangularView<Eigen::Upper>();
-  const Eigen::Matrix3d Q = qr.householderQ();
-  Eigen::Matrix3d K = exchange * upper.transpose() * exchange;
-  Eigen::Matrix3d R = exchange * Q.transpose();
-  for (int i = 0; i < 3; ++i) {
-    if (K(i, i) >= 0) continue;
-    K.col(i) *= -1;
-    R.row(i) *= -1;
+  // M = K R: rows of R one after the other from the last, as K is upper triangular.
+  Eigen::Matrix3d K = Eigen::Matrix3d::Zero(), R;
+  for (int i = 2; i >= 0; --i) {
+    Eigen::RowVector3d row = M.row(i);
+    for (int k = 2; k > i; --k) {
+      K(i, k) = row.dot(R.row(k));
+      row -= K(i, k) * R.row(k);
+    }
+    K(i, i) = row.norm();
+    R.row(i) = row / K(i, i);
   }
   parts.T_camera_model = Pose::Identity();
   parts.T_camera_model.linear() = nearestRotation(R);

@@ -10,6 +10,7 @@
 #include "angio/calibration/direct_linear.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "angio/results/statistics.hpp"
+#include "least_squares.hpp"
 
 namespace angio::calibration {
 namespace {

@@ -25,10 +25,10 @@ Line axisOf(CArmGeometry carm, int joint) {
   low[joint] = -degToRad(30);
   high[joint] = degToRad(30);
   const Pose turn = carm.T_camera_patient(high).inverse() * carm.T_camera_patient(low);
-  const Eigen::Vector3d axis = logSO3(turn.linear()).normalized();
-  // Points of the axis stay: (I - R) p = t, of least length.
-  const Eigen::Matrix3d moved = Eigen::Matrix3d::Identity() - turn.linear();
-  return {moved.completeOrthogonalDecomposition().solve(turn.translation()), axis};
+  const Eigen::Vector3d rotation = logSO3(turn.linear()), axis = rotation.normalized();
+  // Points of the axis stay: (I - R) p = t. Of those, the one nearest to the isocentre.
+  const Eigen::Vector3d t = turn.translation() - axis * axis.dot(turn.translation());
+  return {0.5 * (t + axis.cross(t) / std::tan(0.5 * rotation.norm())), axis};
 }
 
 Line beamOf(CArmGeometry carm) {

@@ -4,12 +4,13 @@
 
 #include <ceres/ceres.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <stdexcept>
 #include <utility>
+
+#include "least_squares.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -131,14 +132,14 @@ GeometryModel GeometryProblem::solve(const GeometryModel& start, Loss loss) cons
   ceres::Problem problem;
   for (std::size_t i = 0; i < views_.size(); ++i) {
     if (!used[i]) continue;
-    const Eigen::LLT<ViewMatrix> whiten(variance(views_[i], scatter));
-    const auto whitened = [this, whiten, &view = views_[i]](const GeometryModel& model, Eigen::MatrixXd* J) {
+    const Eigen::MatrixXd lower = factorOfVariance(views_[i], scatter);
+    const auto in_stds = [this, lower, &view = views_[i]](const GeometryModel& model, Eigen::MatrixXd* J) {
       ViewJacobian by_numbers;
       const ViewChange r = residual(view, model, J ? &by_numbers : nullptr);
-      if (J) *J = whiten.matrixL().solve(by_numbers);
-      return Eigen::VectorXd(whiten.matrixL().solve(r));
+      if (J) *J = whitened(lower, by_numbers);
+      return Eigen::VectorXd(whitened(lower, r));
     };
-    problem.AddResidualBlock(new ChangeCost(kViewChanges, start, places, whitened),
+    problem.AddResidualBlock(new ChangeCost(kViewChanges, start, places, in_stds),
                              loss == Loss::kCauchy ? new ceres::CauchyLoss(view_loss_) : nullptr, values.data());
   }
   const auto prior = [this](const GeometryModel& model, Eigen::MatrixXd* J) {
@@ -174,21 +175,20 @@ ViewChange GeometryProblem::residual(const ViewObservation& view, const Geometry
     J->topRows<6>() = -from_left * cameraByNumbers(carm, view.joints);
     J->block<6, kPhantomNumbers>(0, 0) = from_left * adjointSE3(T);
     J->block<4, kCameraNumbers>(6, kFirstCameraNumber) = by_camera;
-    *J = (view.upper.triangularView<Eigen::Upper>() * (*J)).eval();
+    *J = (view.upper * *J).eval();
   }
-  return view.upper.triangularView<Eigen::Upper>() * change + view.offset;
+  return view.upper * change + view.offset;
 }
 
 Eigen::VectorXd GeometryProblem::priorResidual(const GeometryModel& model, Eigen::MatrixXd* J) const {
   Eigen::VectorXd r = Eigen::VectorXd::Zero(kPriorRows);
   J->setZero(kPriorRows, kModelNumbers);
   if (camera_.covariance) {
-    const Eigen::LLT<Eigen::Matrix4d> whiten(*camera_.covariance);
+    const Eigen::MatrixXd lower = lowerFactorOf(Eigen::MatrixXd(*camera_.covariance));
     CameraJacobian by_camera;
     const Eigen::Vector4d expected(camera_.fx_px, camera_.fy_px, camera_.cx_px, camera_.cy_px);
-    r.head<4>() =
-        whiten.matrixL().solve(cameraAt(model.carm, *camera_.source_detector_distance_m, &by_camera) - expected);
-    J->block<4, kCameraNumbers>(0, kFirstCameraNumber) = whiten.matrixL().solve(by_camera);
+    r.head<4>() = whitened(lower, cameraAt(model.carm, *camera_.source_detector_distance_m, &by_camera) - expected);
+    J->block<4, kCameraNumbers>(0, kFirstCameraNumber) = whitened(lower, by_camera);
   }
   const CArmFlex& flex = model.carm.deviations.flex;
   for (int k = 0; k < 6 * flex.count; ++k) {
@@ -209,10 +209,7 @@ Eigen::VectorXd GeometryProblem::priorResidual(const GeometryModel& model, Eigen
 
 namespace {
 
-double logDeterminant(const Eigen::MatrixXd& positive) {
-  const Eigen::LLT<Eigen::MatrixXd> factor(positive);
-  return 2 * Eigen::MatrixXd(factor.matrixL()).diagonal().array().log().sum();
-}
+double logDeterminant(const Eigen::MatrixXd& lower_factor) { return 2 * lower_factor.diagonal().array().log().sum(); }
 
 }  // namespace
 
@@ -245,8 +242,7 @@ GeometryProblem::Linear GeometryProblem::linear(const GeometryModel& model) cons
 ViewMatrix GeometryProblem::variance(const ViewObservation& view, const PoseScatter& s) const {
   // About the phantom's middle: encoders and bending turn the arm about the isocentre, not about the source.
   const Eigen::Translation3d to_middle(view.T_camera_phantom * phantom_center_m_);
-  const Matrix6d by_scatter =
-      view.upper.topLeftCorner<6, 6>().triangularView<Eigen::Upper>() * adjointSE3(Pose(to_middle));
+  const Matrix6d by_scatter = view.upper.topLeftCorner<6, 6>() * adjointSE3(Pose(to_middle));
   Vector6d variances;
   variances << Eigen::Vector3d::Constant(s.translation_m * s.translation_m),
       Eigen::Vector3d::Constant(s.rotation_rad * s.rotation_rad);
@@ -255,11 +251,15 @@ ViewMatrix GeometryProblem::variance(const ViewObservation& view, const PoseScat
   return V;
 }
 
+Eigen::MatrixXd GeometryProblem::factorOfVariance(const ViewObservation& view, const PoseScatter& s) const {
+  return lowerFactorOf(Eigen::MatrixXd(variance(view, s)));
+}
+
 double GeometryProblem::surprise(const ViewObservation& view, const GeometryModel& model) const {
   const ViewChange r = residual(view, model);
   // The first six rows are the pose's.
   const Matrix6d V = variance(view, scatter).topLeftCorner<6, 6>();
-  return std::sqrt(r.head<6>().dot(V.llt().solve(r.head<6>())) / 6);
+  return std::sqrt(squaredMahalanobis(Vector6d(r.head<6>()), V) / 6);
 }
 
 Twist GeometryProblem::miss(const ViewObservation& view, const GeometryModel& model) const {
@@ -286,7 +286,8 @@ Eigen::MatrixXd GeometryProblem::information(const GeometryModel& model) const {
   const Linear l = linear(model);
   Eigen::MatrixXd H = l.prior_J.transpose() * l.prior_J;
   for (std::size_t i = 0; i < l.views.size(); ++i) {
-    H += l.J[i].transpose() * variance(*l.views[i], scatter).llt().solve(l.J[i]);
+    const Eigen::MatrixXd J = whitened(factorOfVariance(*l.views[i], scatter), l.J[i]);
+    H += J.transpose() * J;
   }
   return H;
 }
@@ -305,17 +306,18 @@ double GeometryProblem::unlikelihood(const Linear& l, const Eigen::VectorXd& sca
   Eigen::VectorXd g = prior_J.transpose() * prior_residual;
   double sum = prior_residual.squaredNorm(), determinant = -2 * weight.array().log().sum();
   for (std::size_t i = 0; i < l.views.size(); ++i) {
-    const Eigen::LLT<ViewMatrix> whiten(variance(*l.views[i], s));
-    const Eigen::Matrix<double, kViewChanges, Eigen::Dynamic> J = whiten.matrixL().solve(l.J[i]);
-    const ViewChange r = whiten.matrixL().solve(l.residual[i]);
+    const Eigen::MatrixXd lower = factorOfVariance(*l.views[i], s);
+    const Eigen::MatrixXd J = whitened(lower, l.J[i]);
+    const Eigen::VectorXd r = whitened(lower, l.residual[i]);
     H.selfadjointView<Eigen::Lower>().rankUpdate(J.transpose());
     g += J.transpose() * r;
     sum += r.squaredNorm();
-    determinant += 2 * ViewMatrix(whiten.matrixL()).diagonal().array().log().sum();
+    determinant += logDeterminant(lower);
   }
   H = scale.asDiagonal() * Eigen::MatrixXd(H.selfadjointView<Eigen::Lower>()) * scale.asDiagonal();
   g = scale.asDiagonal() * g;
-  return determinant + logDeterminant(H) + sum - g.dot(H.llt().solve(g));
+  const Eigen::MatrixXd lower = lowerFactorOf(H);
+  return determinant + logDeterminant(lower) + sum - whitened(lower, g).squaredNorm();
 }
 
 PoseScatter GeometryProblem::likeliestScatter(const GeometryModel& model, double reach) const {

@@ -94,6 +94,7 @@ class GeometryProblem {
                       Eigen::Matrix<double, kViewChanges, kModelNumbers>* J = nullptr) const;
 
   /// Variance of that change: noise and scatter.
+  Eigen::MatrixXd factorOfVariance(const ViewObservation& view, const PoseScatter& s) const;  // Lower.
   Eigen::Matrix<double, kViewChanges, kViewChanges> variance(const ViewObservation& view,
                                                              const PoseScatter& scatter) const;
 

@@ -2,8 +2,6 @@
 #include "angio/calibration/hand_eye_solvers.hpp"
 
 #include <Eigen/LU>
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -16,6 +14,7 @@
 #include "angio/base/formatted.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "hand_eye_problem.hpp"
+#include "least_squares.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -110,8 +109,8 @@ HandEyeTransforms solveShah(const HandEyeEquations& e) {
       for (int c = 0; c < 3; ++c) K.block<3, 3>(3 * r, 3 * c) += e.cameras[i].linear()(r, c) * R_h;
     }
   }
-  const Eigen::JacobiSVD<Matrix9d> svd(K, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d X = unstacked(svd.matrixU().col(0)), Z = unstacked(svd.matrixV().col(0));
+  const SingularValues svd = singularValuesOf(K, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d X = unstacked(svd.U.col(0)), Z = unstacked(svd.V.col(0));
   if (X.determinant() < 0) {
     X = -X;
     Z = -Z;
@@ -281,11 +280,11 @@ std::optional<TranslationScale> translationScale(const HandEyeEquations& e) {
   if (rows < 9) return std::nullopt;
   const double column = A.col(6).norm();
   A.col(6) /= column;
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(A, Eigen::ComputeThinU | Eigen::ComputeThinV);
-  if (!(svd.singularValues()[6] > 1e-9 * svd.singularValues()[0])) return std::nullopt;
-  const Eigen::VectorXd solution = svd.solve(b);
+  const SingularValues svd = singularValuesOf(A, Eigen::ComputeThinU | Eigen::ComputeThinV);
+  if (!(svd.values[6] > 1e-9 * svd.values[0])) return std::nullopt;
+  const Eigen::VectorXd solution = svd.V * (svd.U.transpose() * b).cwiseQuotient(svd.values);
   const double variance = (A * solution - b).squaredNorm() / static_cast<double>(rows - 7);
-  const Eigen::VectorXd last = svd.matrixV().row(6).transpose().cwiseQuotient(svd.singularValues());
+  const Eigen::VectorXd last = svd.V.row(6).transpose().cwiseQuotient(svd.values);
   const TranslationScale scale{solution[6] / column, std::sqrt(variance) * last.norm() / column};
   if (!(scale.sigma < kScaleKnown * std::abs(scale.value))) return std::nullopt;
   return scale;

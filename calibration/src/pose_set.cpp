@@ -19,6 +19,7 @@
 #include "angio/io/whole_file.hpp"
 #include "angio/io/yaml.hpp"
 #include "hand_eye_problem.hpp"
+#include "least_squares.hpp"
 
 namespace angio::calibration {
 namespace {

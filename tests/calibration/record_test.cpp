@@ -9,6 +9,7 @@
 
 #include "angio/test/errors.hpp"
 #include "angio/test/temporary_folder.hpp"
+#include "information.hpp"
 
 namespace angio::test {
 namespace {

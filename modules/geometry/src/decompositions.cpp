@@ -4,8 +4,6 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <Eigen/QR>
-#include <Eigen/SVD>
 
 namespace angio::geometry {
 
@@ -44,19 +42,6 @@ Vector6d eigenvaluesOfSymmetric(const Matrix6d& A) {
 SymmetricEigen3 eigenOfSymmetric(const Eigen::Matrix3d& A) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(A);
   return {solver.eigenvalues(), solver.eigenvectors()};
-}
-
-SingularValues singularValuesOf(const Eigen::MatrixXd& A, unsigned vectors) {
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(A, vectors);
-  SingularValues result{svd.singularValues(), {}, {}};
-  if (svd.computeU()) result.U = svd.matrixU();
-  if (svd.computeV()) result.V = svd.matrixV();
-  return result;
-}
-
-Eigen::MatrixXd triangularFactor(const Eigen::MatrixXd& A) {
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(A);
-  return qr.matrixQR().topRows(A.cols()).triangularView<Eigen::Upper>();
 }
 
 }  // namespace angio::geometry

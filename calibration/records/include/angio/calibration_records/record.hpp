@@ -75,20 +75,6 @@ CalibrationInput hashedInput(const std::string& path);
 /// Now, in UTC, as records have it.
 std::string dateNow();
 
-/// How well parameters can be told apart, from their covariance.
-///
-/// The information matrix is scaled to a unit diagonal, so that a parameter counts in units of the standard deviation
-/// it would have if all others were known. A direction is weak when its eigenvalue there is below 1 / `threshold`: the
-/// data leave it open sqrt(threshold) times wider than that. It is named by the parameters that share in it, with what
-/// each changes by while the first changes by one: "fx_px + 0.19 z_mm". Throws InputError when the covariance has
-/// another size, is not finite, or has a variance that is not positive.
-struct Observability {
-  double condition = 1;                        ///< Largest over smallest eigenvalue.
-  std::vector<WeakDirection> weak_directions;  ///< The weakest first.
-};
-Observability observability(const std::vector<std::string>& parameters, const Eigen::MatrixXd& covariance,
-                            double threshold = 100);
-
 /// How a program takes the records of a file that it reads.
 struct RecordGate {
   std::string machine;        ///< The machine that is to be moved; empty: not known, and not checked.

@@ -43,16 +43,4 @@ struct SymmetricEigen3 {
 /// Of a symmetric matrix; its lower half is read.
 SymmetricEigen3 eigenOfSymmetric(const Eigen::Matrix3d& A);
 
-/// A = U diag(values) V^T, the largest value first.
-struct SingularValues {
-  Eigen::VectorXd values;
-  Eigen::MatrixXd U, V;  ///< Empty where they were not asked for.
-};
-
-/// By Jacobi's method. @param vectors  Eigen's flags of what is wanted beside the values, as Eigen::ComputeFullV.
-SingularValues singularValuesOf(const Eigen::MatrixXd& A, unsigned vectors = 0);
-
-/// R of A = Q R by Householder's method: upper triangular, with as many rows as A has columns. A has at least as many.
-Eigen::MatrixXd triangularFactor(const Eigen::MatrixXd& A);
-
 }  // namespace angio::geometry
