@@ -200,8 +200,7 @@ void send(Bus& bus, const XrayFrame& frame, const Options& o) {
 
 int simulate(const Options& o) {
   if (o.bus.rfind("file://", 0) == 0) {
-    throw InputError("angio-simulate", "--bus", o.bus,
-                     "must be live, as machines hear commands there: --out writes a run to files");
+    throw InputError("bus", "url", o.bus, "must be live, as machines hear commands there: --out writes a run to files");
   }
   const SimulateSettings settings = effectiveSettings(o);
   const VesselTree tree = readVesselTree(o.tree);
