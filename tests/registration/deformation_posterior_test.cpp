@@ -55,7 +55,7 @@ DrawnPosterior drawPosterior(test::Random& random, double deformation_m) {
   drawn.at = 0.05 * random.vector(1).cwiseMax(-1).cwiseMin(1);
 
   // The field at all groups and the place.
-  const DeformationProcess process(drawn.groups, kFieldLength_m, DeformationPosterior::kGrowth);
+  const DeformationProcess process(drawn.groups, kFieldLength_m, kOneViewShape);
   Eigen::Matrix3Xd places(3, kGroups + 1);
   for (int i = 0; i < kGroups; ++i) places.col(i) = drawn.groups[static_cast<std::size_t>(i)].at;
   places.col(kGroups) = drawn.at;
@@ -98,7 +98,7 @@ TEST(DeformationPosterior, RanksOfTheTruthAreEven) {
   for (int trial = 0; trial < kTrials; ++trial) {
     const DrawnPosterior drawn =
         drawPosterior(random, kAmplitudes_m[static_cast<std::size_t>(trial) % kAmplitudes_m.size()]);
-    const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, 1);
+    const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, kOneViewShape, 1);
     ASSERT_TRUE(posterior.known());
     const Eigen::Vector3d error = meanAt(posterior, drawn.at) - drawn.moved_m;
     const Eigen::Matrix3d C = posterior.pointCovariance(drawn.at);
@@ -120,7 +120,7 @@ TEST(DeformationPosterior, RanksOfTheTruthAreEven) {
 TEST(DeformationPosterior, OfARigidTreeIsTheRigidFit) {
   test::Random random(43);
   const DrawnPosterior drawn = drawPosterior(random, 0);
-  const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m);
+  const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, kOneViewShape);
   ASSERT_TRUE(posterior.known());
   Matrix6d H = drawn.belief.information;
   Vector6d g = Vector6d::Zero();
@@ -143,7 +143,7 @@ TEST(DeformationPosterior, ADeformedTreeKeepsTheDepthOfThePrior) {
   test::Random random(47);
   for (int trial = 0; trial < 10; ++trial) {
     const DrawnPosterior drawn = drawPosterior(random, 3e-3);
-    const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m);
+    const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, kOneViewShape);
     ASSERT_TRUE(posterior.known());
     EXPECT_GT(std::sqrt(posterior.twistCovariance()(2, 2)), 0.8 * kShiftStd_m);
     EXPECT_LT(std::abs(posterior.twist()[2]), kShiftStd_m);
@@ -163,8 +163,8 @@ TEST(DeformationPosterior, TurnsWithTheModel) {
     group.gradient = R * group.gradient;
     group.jacobian << group.gradient, group.at.cross(group.gradient);
   }
-  const DeformationPosterior a(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m);
-  const DeformationPosterior b(turned.groups, drawn.belief, Pose::Identity(), kFieldLength_m);
+  const DeformationPosterior a(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, kOneViewShape);
+  const DeformationPosterior b(turned.groups, drawn.belief, Pose::Identity(), kFieldLength_m, kOneViewShape);
   const Eigen::Vector3d at = R * drawn.at;
   EXPECT_LT((R * meanAt(a, drawn.at) - meanAt(b, at)).norm(), 1e-9);
   EXPECT_TRUE((R * a.pointCovariance(drawn.at) * R.transpose()).isApprox(b.pointCovariance(at), 1e-6));
@@ -174,14 +174,15 @@ TEST(DeformationPosterior, TurnsWithTheModel) {
 TEST(DeformationPosterior, OfStillMomentsIsThatOfOne) {
   test::Random random(3);
   const DrawnPosterior drawn = drawPosterior(random, 2e-3);
-  const ErrorSizes sizes = registration::errorSizes(
-      DeformationProcess(drawn.groups, kFieldLength_m, DeformationPosterior::kGrowth), drawn.groups);
+  const ErrorSizes sizes =
+      registration::errorSizes(DeformationProcess(drawn.groups, kFieldLength_m, kOneViewShape), drawn.groups);
   registration::Moments moments;
   for (int i = 0; i < kGroups; ++i) moments.of_group.push_back(i % 3);
   moments.deformation = Eigen::MatrixXd::Ones(3, 3);
   moments.shift_m2 = Eigen::MatrixXd::Zero(3, 3);
-  const DeformationPosterior one(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m);
-  const DeformationPosterior still(drawn.groups, moments, sizes, drawn.belief, Pose::Identity(), kFieldLength_m);
+  const DeformationPosterior one(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, kOneViewShape);
+  const DeformationPosterior still(drawn.groups, moments, sizes, drawn.belief, Pose::Identity(), kFieldLength_m,
+                                   kOneViewShape);
   ASSERT_TRUE(one.known() && still.known());
   EXPECT_NEAR((one.twist() - still.twist()).norm(), 0, 1e-9);
   EXPECT_NEAR((one.displacements(drawn.at) - still.displacements(drawn.at)).norm(), 0, 1e-9);
@@ -191,7 +192,8 @@ TEST(DeformationPosterior, OfStillMomentsIsThatOfOne) {
   moments.deformation = Eigen::MatrixXd::Identity(3, 3);
   moments.shift_m2 = 25e-6 * Eigen::MatrixXd::Identity(3, 3);
   for (Eigen::Index& moment : moments.of_group) moment = std::min<Eigen::Index>(moment, 1);
-  const DeformationPosterior apart(drawn.groups, moments, sizes, drawn.belief, Pose::Identity(), kFieldLength_m);
+  const DeformationPosterior apart(drawn.groups, moments, sizes, drawn.belief, Pose::Identity(), kFieldLength_m,
+                                   kOneViewShape);
   ASSERT_TRUE(apart.known());
   EXPECT_NEAR(apart.displacements(drawn.at).norm(), 0, 1e-6)
       << "but for errors over millimetres, which all moments share";

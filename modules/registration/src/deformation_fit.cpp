@@ -36,9 +36,7 @@ constexpr Misfit kSmoothMisfit = {1, 15}, kLocalMisfit = {0.3, 4};
 constexpr Misfit kLinesAloneMisfit = {0.5, 4};  // One curve in a large tree: every bend of it counts.
 
 // Observations that decide in the end.
-constexpr int kPosteriorGroups = 400, kPosteriorRounds = 2;
-// And of a frame among others.
-constexpr int kEvidenceGroups = 64;
+constexpr int kPosteriorRounds = 2;
 
 // When the image has less than this of the length of model in view, most vessels have no image and must not be pulled
 // to one.
@@ -201,21 +199,23 @@ class DeformationFit::Run {
 
   // Pose and displacements become their posterior means given the matches, which are made again where those are.
   void conclude() {
+    const bool one_view = frame_.viewCount() == 1;
     for (int round = 0; round < kPosteriorRounds; ++round) {
       if (!pullLines(kLocalMisfit, true)) return;
       std::vector<MatchedView> views;
       for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
         views.push_back({viewOf(v).camera, viewOf(v).T_view_centered, fit_.chosen_[v], fit_.matches_[v]});
       }
-      const auto groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kPosteriorGroups);
+      const auto groups =
+          residualGroups(views, fit_.model_, displaced_, tolerance_px_, one_view ? kOneViewGroups : kViewsGroups);
       if (groups.size() < static_cast<std::size_t>(kMinGroups)) return;
-      const auto posterior =
-          std::make_shared<DeformationPosterior>(groups, belief_, T_, 1e-3 * fit_.settings_.length_mm);
+      const auto posterior = std::make_shared<DeformationPosterior>(
+          groups, belief_, T_, 1e-3 * fit_.settings_.length_mm, one_view ? kOneViewShape : kViewsShape);
       if (!posterior->known()) return;
       result_.posterior = posterior;
       result_.pose_covariance = posterior->twistCovariance();
-      if (round + 1 == kPosteriorRounds && frame_.viewCount() == 1) {
-        result_.groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kEvidenceGroups);
+      if (round + 1 == kPosteriorRounds && one_view) {
+        result_.groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kCoarseGroups);
         result_.T_groups_camera_centered = T_;
       }
       T_ = T_ * expSE3(posterior->twist());

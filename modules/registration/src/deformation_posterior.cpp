@@ -6,14 +6,16 @@
 
 namespace angio::registration {
 DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
-                                           const Pose& T_camera_centered, double length_m, double tails)
-    : DeformationPosterior(groups, {}, errorSizes(DeformationProcess(groups, length_m, kGrowth), groups), belief,
-                           T_camera_centered, length_m, tails) {}
+                                           const Pose& T_camera_centered, double length_m, const ProcessShape& shape,
+                                           double tails)
+    : DeformationPosterior(groups, {}, errorSizes(DeformationProcess(groups, length_m, shape), groups), belief,
+                           T_camera_centered, length_m, shape, tails) {}
 
 DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& groups, Moments moments,
                                            const ErrorSizes& sizes, const PosePriorTerm& belief,
-                                           const Pose& T_camera_centered, double length_m, double tails)
-    : groups_(groups), moments_(std::move(moments)), process_(groups, length_m, kGrowth) {
+                                           const Pose& T_camera_centered, double length_m, const ProcessShape& shape,
+                                           double tails)
+    : groups_(groups), moments_(std::move(moments)), process_(groups, length_m, shape) {
   if (!groups_.noise_px2.allFinite()) return;
   amplitude_m_ = tails * sizes.deformation_m;
   local_m_ = sizes.local_m;
@@ -33,6 +35,9 @@ DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& gro
   twist_ = inverseOf(whitened_jacobian_.transpose() * whitened_jacobian_ + information);
   mean_ = -twist_ * (whitened_jacobian_.transpose() * factor_.matrixL().solve(groups_.residual_px) + pull);
   weights_ = -factor_.solve(groups_.residual_px + J * mean_);
+  claims2_ = shape.claims * shape.claims;
+  noise_ *= claims2_;
+  twist_ *= claims2_;
   known_ = noise_.allFinite() && twist_.allFinite() && mean_.allFinite() && weights_.allFinite();
 }
 
@@ -69,8 +74,9 @@ Eigen::Matrix3d DeformationPosterior::pointCovariance(const Eigen::Vector3d& at)
       deformation.asDiagonal() * process_.withPlace(groups_, at) + local.asDiagonal() * groups_.gradient.transpose();
   const Eigen::Matrix<double, Eigen::Dynamic, 3> seen = factor_.matrixL().solve(with);
   const Eigen::Matrix<double, 3, 6> by_twist = jacobian(at) - seen.transpose() * whitened_jacobian_;
-  return deformation2_m2 * moments_.deformation(now, now) * process_.covariance(at) +
-         (local2_m2 + moments_.shift_m2(now, now)) * Eigen::Matrix3d::Identity() - seen.transpose() * seen +
+  return claims2_ *
+             (deformation2_m2 * moments_.deformation(now, now) * process_.covariance(at) +
+              (local2_m2 + moments_.shift_m2(now, now)) * Eigen::Matrix3d::Identity() - seen.transpose() * seen) +
          by_twist * twist_ * by_twist.transpose();
 }
 

@@ -25,22 +25,21 @@ class DeformationPosterior final : public TreeError {
  public:
   /// Measured deformations are not drawn from the process: the errors' tails are wider than a normal distribution's.
   static constexpr double kTails = 2.2;
-  /// Trees that deform smoothly grow by more than the process of a rigid fit's errors has it: depth is then the
-  /// belief's.
-  static constexpr double kGrowth = 8;
 
   /// @param groups    About T_camera_centered and no displacement; at least kMinGroups.
   /// @param belief    Of the pose before the image.
   /// @param length_m  Over which a deformation goes together.
+  /// @param shape     Of the process.
   /// @param tails     Factor on the amplitude that the residuals speak for.
   DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
-                       const Pose& T_camera_centered, double length_m, double tails = kTails);
+                       const Pose& T_camera_centered, double length_m, const ProcessShape& shape,
+                       double tails = kTails);
 
   /// The same of several moments.
   /// @param sizes  Of the errors, as errorSizes() finds them in one of the moments.
   DeformationPosterior(const std::vector<ResidualGroup>& groups, Moments moments, const ErrorSizes& sizes,
                        const PosePriorTerm& belief, const Pose& T_camera_centered, double length_m,
-                       double tails = kTails);
+                       const ProcessShape& shape, double tails = kTails);
 
   /// Returns whether there is a distribution: false where the system had no solution.
   bool known() const { return known_; }
@@ -70,7 +69,7 @@ class DeformationPosterior final : public TreeError {
   Eigen::VectorXd weights_;  // Of the groups' residuals in a displacement.
   Eigen::VectorXd noise_px2_;
   Twist mean_ = Twist::Zero();
-  double local_m_ = 0;
+  double local_m_ = 0, claims2_ = 1;
   bool known_ = false;
 };
 

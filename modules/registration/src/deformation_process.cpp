@@ -15,9 +15,8 @@ namespace {
 // brains: with a quarter of it the depth of a tree deformed by 1 mm is claimed too well in one trial of five.
 constexpr double kStrain = 2;
 
-// As much varies over half the length as over the whole. Measured motions carried over to brains: with the whole alone
-// a deformed fit to two views of one of 5 mm is 0.97 mm off in space, with both 0.79 mm.
-constexpr double kShorter = 0.5;
+// The shorter lengths of a process, of its length.
+constexpr double kHalf = 1.0 / 2, kShort = 1.0 / 6;
 
 // Variance of what goes together over so short a length only, over that of the smooth part. Without it one deformed
 // fit in five to such a motion of 3 mm claims places in the image that are wrong; with it one in fifty.
@@ -35,15 +34,20 @@ constexpr std::array<double, 2> kTogether = {1, 5};
 constexpr double kFloor_px = 0.05;
 constexpr std::size_t kMaxAsked = 64;
 
-Eigen::ArrayXXd distances(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
-  Eigen::MatrixXd squares = -2 * a.transpose() * b;
-  squares.colwise() += a.colwise().squaredNorm().transpose();
-  squares.rowwise() += b.colwise().squaredNorm();
-  return squares.array().max(0).sqrt();
+// Of many places from one [m].
+void distances(const Eigen::Matrix3Xd& from, const Eigen::Vector3d& to, Eigen::ArrayXd& apart_m) {
+  apart_m = (from.row(0).array() - to.x()).square() + (from.row(1).array() - to.y()).square() +
+            (from.row(2).array() - to.z()).square();
+  apart_m = apart_m.sqrt();
 }
 
-// Correlation by distances over the length: Matern 5/2 but for the factors of sqrt(5).
-Eigen::ArrayXXd matern(const Eigen::ArrayXXd& d) { return (1 + d + d.square() / 3) * (-d).exp(); }
+// Adds a share of a correlation by distances over the length: Matern 5/2 but for the factors of sqrt(5).
+template <typename Column>
+void addMatern(double share, double length_m, const Eigen::ArrayXd& apart_m, Column&& to) {
+  if (share == 0) return;
+  const double inverse = 1 / length_m;
+  to += share * (1 + inverse * apart_m + (inverse * inverse / 3) * apart_m.square()) * (-inverse * apart_m).exp();
+}
 
 // Jacobians and residuals, in columns of like size for the determinant's sake.
 Eigen::Matrix<double, Eigen::Dynamic, 7> designOf(const ResidualArrays& groups) {
@@ -106,20 +110,27 @@ ResidualArrays::ResidualArrays(const std::vector<ResidualGroup>& groups) {
   outwards = at.cwiseProduct(gradient).colwise().sum().transpose();
 }
 
-DeformationProcess::DeformationProcess(const std::vector<ResidualGroup>& groups, double length_m, double growth)
-    : length_m_(length_m), radius2_m2_(1e-6), growth_(growth) {
+DeformationProcess::DeformationProcess(const std::vector<ResidualGroup>& groups, double length_m,
+                                       const ProcessShape& shape)
+    : length_m_(length_m), radius2_m2_(1e-6), shape_(shape) {
   for (const ResidualGroup& group : groups) radius2_m2_ += group.at.squaredNorm() / static_cast<double>(groups.size());
 }
 
 Eigen::MatrixXd DeformationProcess::alike(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) const {
-  const Eigen::ArrayXXd apart_m = distances(a, b);
-  const Eigen::ArrayXXd d = apart_m / length_m_;
-  Eigen::MatrixXd result = kStrain / radius2_m2_ * a.transpose() * b;
-  result.array() += 0.5 * (matern(d) + matern(d / kShorter)) + kRough * (-apart_m / kRough_m).exp();
+  Eigen::MatrixXd result(a.cols(), b.cols());
+  Eigen::ArrayXd apart_m(a.cols());  // A column at a time stays in the cache.
+  for (Eigen::Index j = 0; j < b.cols(); ++j) {
+    distances(a, b.col(j), apart_m);
+    auto column = result.col(j).array();
+    column = (kStrain / radius2_m2_ * a.transpose() * b.col(j)).array() + kRough * (-apart_m / kRough_m).exp();
+    addMatern(shape_.over_long, length_m_, apart_m, column);
+    addMatern(shape_.over_half, kHalf * length_m_, apart_m, column);
+    addMatern(shape_.over_short, kShort * length_m_, apart_m, column);
+  }
   return result;
 }
 
-double DeformationProcess::growth() const { return growth_ / radius2_m2_; }
+double DeformationProcess::growth() const { return shape_.growth / radius2_m2_; }
 
 Eigen::Matrix3d DeformationProcess::covariance(const Eigen::Vector3d& at) const {
   return (1 + kRough + kStrain / radius2_m2_ * at.squaredNorm()) * Eigen::Matrix3d::Identity() +
@@ -127,8 +138,11 @@ Eigen::Matrix3d DeformationProcess::covariance(const Eigen::Vector3d& at) const 
 }
 
 Eigen::MatrixXd DeformationProcess::ofResiduals(const ResidualArrays& groups) const {
-  Eigen::MatrixXd result = alike(groups.at, groups.at).cwiseProduct(groups.gradient.transpose() * groups.gradient);
-  result += growth() * groups.outwards * groups.outwards.transpose();
+  Eigen::MatrixXd result = alike(groups.at, groups.at);
+  for (Eigen::Index j = 0; j < result.cols(); ++j) {
+    result.col(j).array() *= (groups.gradient.transpose() * groups.gradient.col(j)).array();
+    result.col(j) += growth() * groups.outwards[j] * groups.outwards;
+  }
   return result;
 }
 
@@ -139,11 +153,21 @@ Eigen::Matrix<double, Eigen::Dynamic, 3> DeformationProcess::withPlace(const Res
 }
 
 Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
-  return (-distances(a, b) / kLocal_m).exp();
+  Eigen::MatrixXd result(a.cols(), b.cols());
+  Eigen::ArrayXd apart_m(a.cols());
+  for (Eigen::Index j = 0; j < b.cols(); ++j) {
+    distances(a, b.col(j), apart_m);
+    result.col(j) = (-apart_m / kLocal_m).exp();
+  }
+  return result;
 }
 
 Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups) {
-  return localCorrelation(groups.at, groups.at).cwiseProduct(groups.gradient.transpose() * groups.gradient);
+  Eigen::MatrixXd result = localCorrelation(groups.at, groups.at);
+  for (Eigen::Index j = 0; j < result.cols(); ++j) {
+    result.col(j).array() *= (groups.gradient.transpose() * groups.gradient.col(j)).array();
+  }
+  return result;
 }
 
 ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGroup> all) {
@@ -195,7 +219,9 @@ Eigen::MatrixXd covarianceOfResiduals(const DeformationProcess& process, const R
   Eigen::MatrixXd deformed = process.ofResiduals(groups);
   const bool one_moment = moments.of_group.empty();
   if (!one_moment) deformed.array() *= ofGroups(moments.deformation, moments, deformed.rows()).array();
-  Eigen::MatrixXd C = amplitude_m * amplitude_m * deformed + local_m * local_m * localErrorOfResiduals(groups);
+  deformed *= amplitude_m * amplitude_m;
+  deformed += local_m * local_m * localErrorOfResiduals(groups);
+  Eigen::MatrixXd C = std::move(deformed);
   if (!one_moment) {
     C.array() +=
         ofGroups(moments.shift_m2, moments, C.rows()).array() * (groups.gradient.transpose() * groups.gradient).array();

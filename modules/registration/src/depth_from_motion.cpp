@@ -217,7 +217,7 @@ double unexplainedBy(const std::vector<ResidualGroup>& groups, const std::vector
     some.push_back(groups[i]);
     their.push_back(of_group[i]);
   }
-  const DeformationProcess process(some, length_m, DeformationPosterior::kGrowth);
+  const DeformationProcess process(some, length_m, kOneViewShape);
   double best = -1e300;
   std::vector<std::pair<double, double>> tried;
   for (const double unexplained_m : kUnexplained_m) {
@@ -249,8 +249,7 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   if (evidence.groups.size() < static_cast<std::size_t>(kMinGroups)) return std::nullopt;
   const Pose T_patient_camera = newest.T_camera_patient.inverse();
   const Signal signal = signalOf(chosen);
-  const ErrorSizes sizes =
-      errorSizes(DeformationProcess(evidence.groups, kLength_m, DeformationPosterior::kGrowth), evidence.groups);
+  const ErrorSizes sizes = errorSizes(DeformationProcess(evidence.groups, kLength_m, kOneViewShape), evidence.groups);
 
   // The belief is of the patient: the centred model's axes are the same in every frame.
   PosePriorTerm belief = beliefOf(prior, OrientedKernelSettings{}, evidence.centroid);
@@ -264,7 +263,7 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
     if (round == 0) unexplained_m = unexplainedBy(groups, window.moments(), signal, sizes, kLength_m);
     posterior = std::make_shared<DeformationPosterior>(
         groups, momentsOf(signal, window.moments(), unexplained_m, sizes.deformation_m), sizes, belief,
-        window.T_patient_centered(), kLength_m);
+        window.T_patient_centered(), kLength_m, kOneViewShape);
     if (!posterior->known()) return std::nullopt;
     window.take(*posterior);
     if (round + 1 < kRounds) window.drop(posterior->normalizedLeftover());

@@ -106,14 +106,13 @@ LineFitResult LineFit::fit(const OrientedFrame& frame, const PosePriorTerm& beli
   return result;
 }
 
-std::vector<ResidualGroup> LineFit::residuals(const OrientedFrame& frame, const Pose& T_camera_centered,
-                                              int most) const {
+std::vector<ResidualGroup> LineFit::residuals(const OrientedFrame& frame, const Pose& T_camera_centered) const {
   std::vector<MatchedView> views;
   for (std::size_t v = 0; v < frame.viewCount(); ++v) {
     const XrayView& view = frame.views()[v];
     views.push_back({view.camera, view.T_view_first * T_camera_centered, *used_[v], matches_[v]});
   }
-  return residualGroups(views, model_, model_.points, tolerance_px_, most);
+  return residualGroups(views, model_, model_.points, tolerance_px_, kCoarseGroups);
 }
 
 }  // namespace angio::registration

@@ -50,9 +50,9 @@ class LineFit {
   LineFitResult fit(const OrientedFrame& frame, const PosePriorTerm& belief, const Pose& T_camera_centered,
                     const LineFitPlan& plan);
 
-  /// Returns the residuals of the last fit, matched as they were in its last round, in about `most` groups along the
-  /// vessels; fewer where little matches. `frame` is that of the fit.
-  std::vector<ResidualGroup> residuals(const OrientedFrame& frame, const Pose& T_camera_centered, int most) const;
+  /// Returns the residuals of the last fit, matched as they were in its last round, in some dozens of groups along the
+  /// vessels. `frame` is that of the fit.
+  std::vector<ResidualGroup> residuals(const OrientedFrame& frame, const Pose& T_camera_centered) const;
 
   /// Mean over the image points of exp(-d^2 / 2 scale^2), d their distance to the nearest edge that runs along: how
   /// much of the image the model explains, in [0, 1].

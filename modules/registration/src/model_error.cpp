@@ -16,7 +16,7 @@ ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d&
   const auto n = static_cast<Eigen::Index>(groups.size());
   if (n < kMinGroups) return;
   groups_ = ResidualArrays(groups);
-  process_ = DeformationProcess(groups, length_m);
+  process_ = DeformationProcess(groups, length_m, kRigidShape);
   const Eigen::MatrixXd deformed = process_.ofResiduals(groups_);
   Eigen::Matrix<double, 6, Eigen::Dynamic> pull(6, n);
   for (Eigen::Index i = 0; i < n; ++i) {

@@ -84,9 +84,6 @@ constexpr double kNearby = 0.5;
 constexpr int kNearbyRounds = 3;
 constexpr std::size_t kCompared = 4;
 
-// Observations from which a deformation is found.
-constexpr int kResidualGroups = 64;
-
 class OrientedKernel final : public Registration {
  public:
   OrientedKernel(const OrientedKernelSettings& settings, const VesselTree& tree)
@@ -330,7 +327,7 @@ class OrientedKernel final : public Registration {
     result.rigid_iterations += fit.steps;
     result.last_step_px = fit.last_step_px;
     if (fit.information.allFinite() && fit.information.diagonal().minCoeff() > 0) {
-      auto groups = lines_.residuals(frame_, fit.T_camera_centered, kResidualGroups);
+      auto groups = lines_.residuals(frame_, fit.T_camera_centered);
       const auto error = std::make_shared<ModelError>(groups, fit.information, fit.currency, length_m());
       setUncertainty(error, model_.points, centered(result.T_camera_model), model_.centroid, result);
       keepEvidence(std::move(groups), fit.T_camera_centered, model_.points, result);

@@ -12,16 +12,14 @@
 namespace angio::registration {
 namespace {
 
-// A group stays within this, or its mean place means nothing.
-constexpr double kGroup_m = 15e-3;
-constexpr std::size_t kMinOfGroup = 8;
 // Where vessels cross or run side by side in the image, its points belong now to one and now to the other.
 constexpr std::size_t kOpen = 4;
 
 // Sums over the points of a group; its means when it is closed.
 class GroupSums {
  public:
-  GroupSums(const MatchedView& view, double tolerance_px) : view_(&view), tolerance_px_(tolerance_px) {}
+  GroupSums(const MatchedView& view, double tolerance_px, const Grouping& grouping)
+      : view_(&view), grouping_(&grouping), tolerance_px_(tolerance_px) {}
 
   std::size_t size() const { return size_; }
 
@@ -29,7 +27,7 @@ class GroupSums {
   bool breaksAt(const Eigen::Vector3d& at, const Eigen::Vector2d& normal) const {
     if (size_ == 0) return false;
     const double alike = normal.dot(normal_) / std::max(1e-9, normal.norm() * normal_.norm());
-    return (at - sums_.at / sums_.weight).norm() > kGroup_m || std::abs(alike) < 0.5;
+    return (at - sums_.at / sums_.weight).norm() > grouping_->reach_m || std::abs(alike) < grouping_->alike;
   }
 
   // Returns the point's weight.
@@ -49,7 +47,8 @@ class GroupSums {
     sums_.gradient += weight * gradient;
     sums_.jacobian.head<3>() += weight * gradient;
     sums_.jacobian.tail<3>() += weight * displaced.cross(gradient);
-    sums_.residual_px += weight * (left_px - gradient.dot(displacement));
+    displacement_ += weight * displacement;
+    displaced_px_ += weight * gradient.dot(displacement);
     sums_.pixel += weight * pixel;
     sums_.normal += weight * normal;
     left_px_ += weight * left_px;
@@ -60,15 +59,16 @@ class GroupSums {
   }
 
   void closeInto(std::vector<ResidualGroup>& groups) {
-    if (sums_.weight > 0 && size_ >= kMinOfGroup) {
+    if (sums_.weight > 0 && size_ >= grouping_->least) {
       ResidualGroup group = sums_;
       group.at /= sums_.weight;
       group.gradient /= sums_.weight;
       group.jacobian /= sums_.weight;
-      group.residual_px /= sums_.weight;
       group.pixel /= sums_.weight;
       group.normal /= sums_.weight;
       const double mean_px = left_px_ / sums_.weight;
+      const double displaced_px = grouping_->of_mean_place ? group.gradient.dot(displacement_) : displaced_px_;
+      group.residual_px = mean_px - displaced_px / sums_.weight;
       group.scatter_px2 = std::max(0.0, sums_.scatter_px2 / sums_.weight - mean_px * mean_px);
       groups.push_back(group);
     }
@@ -76,23 +76,26 @@ class GroupSums {
 
  private:
   const MatchedView* view_;
+  const Grouping* grouping_;
   double tolerance_px_;
   ResidualGroup sums_;
   Eigen::Vector2d normal_ = Eigen::Vector2d::Zero();
-  double left_px_ = 0;
+  Eigen::Vector3d displacement_ = Eigen::Vector3d::Zero();
+  double left_px_ = 0, displaced_px_ = 0;
   std::size_t size_ = 0;
 };
 
 }  // namespace
 
 std::vector<ResidualGroup> residualGroups(const std::vector<MatchedView>& views, const OrientedModel& model,
-                                          const Eigen::Matrix3Xd& displaced, double tolerance_px, int most) {
+                                          const Eigen::Matrix3Xd& displaced, double tolerance_px,
+                                          const Grouping& grouping) {
   std::vector<ResidualGroup> groups;
   double total = 0, grouped = 0;
   std::size_t points = 0;
   for (const MatchedView& view : views) points += static_cast<std::size_t>(view.image.size());
-  const auto wanted = static_cast<std::size_t>(std::max(1, most));
-  const std::size_t full = std::max(kMinOfGroup, points / wanted);
+  const auto wanted = static_cast<std::size_t>(std::max(1, grouping.most));
+  const std::size_t full = std::max(grouping.least, points / wanted);
   for (const MatchedView& view : views) {
     std::vector<GroupSums> open;
     const auto closeAll = [&] {
@@ -118,7 +121,7 @@ std::vector<ResidualGroup> residualGroups(const std::vector<MatchedView>& views,
           open.front().closeInto(groups);
           open.erase(open.begin());
         }
-        takes = open.emplace(open.end(), view, tolerance_px);
+        takes = open.emplace(open.end(), view, tolerance_px, grouping);
       }
       total += takes->add(at, moved - at, {view.image.u[j], view.image.v[j]}, normal);
       if (takes->size() >= full) {
