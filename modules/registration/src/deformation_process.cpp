@@ -34,19 +34,39 @@ constexpr std::array<double, 2> kTogether = {1, 5};
 constexpr double kFloor_px = 0.05;
 constexpr std::size_t kMaxAsked = 64;
 
-// Of many places from one [m].
-void distances(const Eigen::Matrix3Xd& from, const Eigen::Vector3d& to, Eigen::ArrayXd& apart_m) {
-  apart_m = (from.row(0).array() - to.x()).square() + (from.row(1).array() - to.y()).square() +
-            (from.row(2).array() - to.z()).square();
-  apart_m = apart_m.sqrt();
+Eigen::MatrixXd distances(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
+  Eigen::MatrixXd squares = -2 * a.transpose() * b;
+  squares.colwise() += a.colwise().squaredNorm().transpose();
+  squares.rowwise() += b.colwise().squaredNorm();
+  squares = squares.cwiseMax(0).cwiseSqrt();
+  return squares;
+}
+
+// Matrices of a thousand rows are made some columns at a time, which stay in the cache. `make` is told the first and
+// how many.
+template <typename Make>
+void inColumns(Eigen::Index columns, Make&& make) {
+  constexpr Eigen::Index kSome = 16;
+  for (Eigen::Index first = 0, count = 0; first < columns; first += count) {
+    const Eigen::Index left = columns - first;
+    count = left <= kSome + 1 ? left : kSome;  // No last one by itself.
+    make(first, count);
+  }
 }
 
 // Adds a share of a correlation by distances over the length: Matern 5/2 but for the factors of sqrt(5).
-template <typename Column>
-void addMatern(double share, double length_m, const Eigen::ArrayXd& apart_m, Column&& to) {
+void addMatern(double share, const Eigen::ArrayXXd& apart_m, double length_m, Eigen::ArrayXXd& to) {
   if (share == 0) return;
-  const double inverse = 1 / length_m;
-  to += share * (1 + inverse * apart_m + (inverse * inverse / 3) * apart_m.square()) * (-inverse * apart_m).exp();
+  const Eigen::ArrayXXd d = apart_m / length_m;
+  to += share * ((1 + d + d.square() / 3) * (-d).exp());
+}
+
+// Element by element, what residuals see of displacements that go together like that.
+void asResiduals(const ResidualArrays& groups, Eigen::MatrixXd& together) {
+  inColumns(together.cols(), [&](Eigen::Index first, Eigen::Index count) {
+    const Eigen::MatrixXd seen = groups.gradient.transpose() * groups.gradient.middleCols(first, count);
+    together.middleCols(first, count).array() *= seen.array();
+  });
 }
 
 // Jacobians and residuals, in columns of like size for the determinant's sake.
@@ -118,15 +138,17 @@ DeformationProcess::DeformationProcess(const std::vector<ResidualGroup>& groups,
 
 Eigen::MatrixXd DeformationProcess::alike(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) const {
   Eigen::MatrixXd result(a.cols(), b.cols());
-  Eigen::ArrayXd apart_m(a.cols());  // A column at a time stays in the cache.
-  for (Eigen::Index j = 0; j < b.cols(); ++j) {
-    distances(a, b.col(j), apart_m);
-    auto column = result.col(j).array();
-    column = (kStrain / radius2_m2_ * a.transpose() * b.col(j)).array() + kRough * (-apart_m / kRough_m).exp();
-    addMatern(shape_.over_long, length_m_, apart_m, column);
-    addMatern(shape_.over_half, kHalf * length_m_, apart_m, column);
-    addMatern(shape_.over_short, kShort * length_m_, apart_m, column);
-  }
+  inColumns(b.cols(), [&](Eigen::Index first, Eigen::Index count) {
+    const Eigen::Matrix3Xd some = b.middleCols(first, count);
+    const Eigen::ArrayXXd apart_m = distances(a, some).array();
+    Eigen::ArrayXXd smooth = Eigen::ArrayXXd::Zero(a.cols(), count);
+    addMatern(shape_.over_long, apart_m, length_m_, smooth);
+    addMatern(shape_.over_half, apart_m, kHalf * length_m_, smooth);
+    addMatern(shape_.over_short, apart_m, kShort * length_m_, smooth);
+    smooth += kRough * (-apart_m / kRough_m).exp();
+    result.middleCols(first, count) = kStrain / radius2_m2_ * a.transpose() * some;
+    result.middleCols(first, count) += smooth.matrix();
+  });
   return result;
 }
 
@@ -139,10 +161,8 @@ Eigen::Matrix3d DeformationProcess::covariance(const Eigen::Vector3d& at) const 
 
 Eigen::MatrixXd DeformationProcess::ofResiduals(const ResidualArrays& groups) const {
   Eigen::MatrixXd result = alike(groups.at, groups.at);
-  for (Eigen::Index j = 0; j < result.cols(); ++j) {
-    result.col(j).array() *= (groups.gradient.transpose() * groups.gradient.col(j)).array();
-    result.col(j) += growth() * groups.outwards[j] * groups.outwards;
-  }
+  asResiduals(groups, result);
+  result += growth() * groups.outwards * groups.outwards.transpose();
   return result;
 }
 
@@ -154,19 +174,15 @@ Eigen::Matrix<double, Eigen::Dynamic, 3> DeformationProcess::withPlace(const Res
 
 Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
   Eigen::MatrixXd result(a.cols(), b.cols());
-  Eigen::ArrayXd apart_m(a.cols());
-  for (Eigen::Index j = 0; j < b.cols(); ++j) {
-    distances(a, b.col(j), apart_m);
-    result.col(j) = (-apart_m / kLocal_m).exp();
-  }
+  inColumns(b.cols(), [&](Eigen::Index first, Eigen::Index count) {
+    result.middleCols(first, count) = (-distances(a, b.middleCols(first, count)) / kLocal_m).array().exp();
+  });
   return result;
 }
 
 Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups) {
   Eigen::MatrixXd result = localCorrelation(groups.at, groups.at);
-  for (Eigen::Index j = 0; j < result.cols(); ++j) {
-    result.col(j).array() *= (groups.gradient.transpose() * groups.gradient.col(j)).array();
-  }
+  asResiduals(groups, result);
   return result;
 }
 

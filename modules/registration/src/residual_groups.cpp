@@ -47,8 +47,8 @@ class GroupSums {
     sums_.gradient += weight * gradient;
     sums_.jacobian.head<3>() += weight * gradient;
     sums_.jacobian.tail<3>() += weight * displaced.cross(gradient);
+    sums_.residual_px += weight * (left_px - gradient.dot(displacement));
     displacement_ += weight * displacement;
-    displaced_px_ += weight * gradient.dot(displacement);
     sums_.pixel += weight * pixel;
     sums_.normal += weight * normal;
     left_px_ += weight * left_px;
@@ -67,8 +67,10 @@ class GroupSums {
       group.pixel /= sums_.weight;
       group.normal /= sums_.weight;
       const double mean_px = left_px_ / sums_.weight;
-      const double displaced_px = grouping_->of_mean_place ? group.gradient.dot(displacement_) : displaced_px_;
-      group.residual_px = mean_px - displaced_px / sums_.weight;
+      group.residual_px /= sums_.weight;
+      if (grouping_->of_mean_place) {
+        group.residual_px = mean_px - group.gradient.dot(displacement_) / sums_.weight;
+      }
       group.scatter_px2 = std::max(0.0, sums_.scatter_px2 / sums_.weight - mean_px * mean_px);
       groups.push_back(group);
     }
@@ -81,7 +83,7 @@ class GroupSums {
   ResidualGroup sums_;
   Eigen::Vector2d normal_ = Eigen::Vector2d::Zero();
   Eigen::Vector3d displacement_ = Eigen::Vector3d::Zero();
-  double left_px_ = 0, displaced_px_ = 0;
+  double left_px_ = 0;
   std::size_t size_ = 0;
 };
 
