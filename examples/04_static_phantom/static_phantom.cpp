@@ -58,8 +58,8 @@ struct Found {
   double time_s;
   // Of a nonrigid fit: from the rigid one of the same start, and its claim.
   double depth_off_m = 0, depth_std_m = 0;
-  bool depth_known = true;  // A loop may move by it: the task `view` takes the result.
-  double rotation_off = 0;  // In the standard deviations that it claims.
+  bool depth_known = false;  // A loop may move by it: the task `view` takes the result.
+  double rotation_off = 0;   // In the standard deviations that it claims.
 
   bool trusted() const { return status == angio::registration::RegistrationStatus::kConverged; }
 };

@@ -35,7 +35,7 @@ struct Misfit {
 constexpr Misfit kSmoothMisfit = {1, 15}, kLocalMisfit = {0.3, 4};
 constexpr Misfit kLinesAloneMisfit = {0.5, 4};  // One curve in a large tree: every bend of it counts.
 
-// Observations that decide in the end.
+// How often the image is matched for the posterior, which decides in the end.
 constexpr int kPosteriorRounds = 2;
 
 // When the image has less than this of the length of model in view, most vessels have no image and must not be pulled

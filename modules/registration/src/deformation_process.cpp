@@ -232,12 +232,11 @@ ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGro
 
 Eigen::MatrixXd covarianceOfResiduals(const DeformationProcess& process, const ResidualArrays& groups,
                                       const Moments& moments, double amplitude_m, double local_m) {
-  Eigen::MatrixXd deformed = process.ofResiduals(groups);
+  Eigen::MatrixXd C = process.ofResiduals(groups);
   const bool one_moment = moments.of_group.empty();
-  if (!one_moment) deformed.array() *= ofGroups(moments.deformation, moments, deformed.rows()).array();
-  deformed *= amplitude_m * amplitude_m;
-  deformed += local_m * local_m * localErrorOfResiduals(groups);
-  Eigen::MatrixXd C = std::move(deformed);
+  if (!one_moment) C.array() *= ofGroups(moments.deformation, moments, C.rows()).array();
+  C *= amplitude_m * amplitude_m;
+  C += local_m * local_m * localErrorOfResiduals(groups);
   if (!one_moment) {
     C.array() +=
         ofGroups(moments.shift_m2, moments, C.rows()).array() * (groups.gradient.transpose() * groups.gradient).array();

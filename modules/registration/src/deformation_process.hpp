@@ -30,7 +30,7 @@ struct ProcessShape {
   double claims = 1;
 };
 
-/// Of the error of a rigid fit: what goes together over less is not told by some dozens of groups.
+/// Of the error of a rigid fit.
 inline constexpr ProcessShape kRigidShape{2, 0.5, 0.5, 0};
 /// Of a fit that deforms to one view. Trees that deform smoothly grow by more than a rigid fit's errors have it: depth
 /// is then the belief's.

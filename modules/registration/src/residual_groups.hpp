@@ -42,7 +42,8 @@ struct Grouping {
   double reach_m;     ///< A point further than this from a group's mean place begins another group ...
   double alike;       ///< ... as does one whose normal makes an angle of a smaller cosine with the group's.
   std::size_t least;  ///< Groups of fewer points are left out.
-  /// What a residual would be without displacement: as the mean place sees it, or as each point does, in the mean.
+  /// What a residual would be without displacement: as the mean place sees it, or as each point does, in the mean. In
+  /// one view the former draws depth from the belief, to which it should be left.
   bool of_mean_place;
 };
 /// As few as say what a rigid fit is off by, and what a frame among others shows.
@@ -50,7 +51,7 @@ inline constexpr Grouping kCoarseGroups{64, 15e-3, 0.5, 8, false};
 /// For a deformation that follows them in one view ...
 inline constexpr Grouping kOneViewGroups{400, 15e-3, 0.5, 8, false};
 /// ... and in several. Displacements and gradients change along a vessel, and the mean of their products is not the
-/// product of their means: of brains deformed by 5 mm groups of 15 mm are 1.5 px off (rms), those of 10 mm 0.9 px.
+/// product of their means: of brains deformed by 5 mm groups that reach 15 mm are 1.5 px off (rms), 10 mm 0.9 px.
 inline constexpr Grouping kViewsGroups{1000, 10e-3, 0.8, 3, true};
 
 /// Returns the residuals in groups along the vessels.
