@@ -166,12 +166,18 @@ class IterativePnp final : public Registration {
   Eigen::Matrix3Xd alignNonrigid(const Frame& frame, RegistrationResult& result) {
     Eigen::Matrix3Xd displacements = Eigen::Matrix3Xd::Zero(3, model_.tree.size());
     pulls_.assign(frame.size(), Pull(model_.tree.size()));
+    DampedNonrigid solver(*nonrigid_);
     ScaleSchedule schedule(settings_.nonrigid_first_scale_px, settings_);
     while (result.nonrigid_iterations < settings_.nonrigid_iterations) {
       const Eigen::Matrix3Xd displaced = model_.tree.points() + displacements;
       weighAll(frame, schedule.scaleOf(match(frame, displaced, result.T_camera_model)));
-      const auto solution = nonrigid_->solve(frame.views(), result.T_camera_model, pulls_, displacements);
-      if (!solution) break;
+      const auto solution = solver.step(frame.views(), result.T_camera_model, pulls_, displacements);
+      if (!solution) {
+        if (schedule.atLast()) break;
+        schedule.halve();
+        ++result.nonrigid_iterations;
+        continue;
+      }
       const double moved_m = std::sqrt((*solution - displacements).colwise().squaredNorm().mean());
       displacements = *solution;
       ++result.nonrigid_iterations;

@@ -2,6 +2,7 @@
 #include "nonrigid_step.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <nanoflann.hpp>
 
@@ -13,6 +14,7 @@ constexpr double kMillimetre = 1e-3;
 // Lower half of a 3 x 3 block, in the order of diagonal_block_.
 constexpr int kBlockRow[6] = {0, 1, 2, 1, 2, 2};
 constexpr int kBlockColumn[6] = {0, 0, 0, 1, 1, 2};
+constexpr int kDiagonal[3] = {0, 3, 5};
 
 // Sum of the weights of |r_i - r_j|^2 by pair, i > j. The paper's sums run over ordered pairs, so a chain edge counts
 // twice.
@@ -91,16 +93,55 @@ void NonrigidStep::addView(const XrayView& view, const Pose& T_camera_model, con
 
 std::optional<Eigen::Matrix3Xd> NonrigidStep::solve(const XrayViews& views, const Pose& T_camera_model,
                                                     const std::vector<Pull>& pulls,
-                                                    const Eigen::Matrix3Xd& displacements_m) {
+                                                    const Eigen::Matrix3Xd& displacements_m, double damping) {
   const auto n = points_m_.cols();
   std::copy(regulariser_values_.begin(), regulariser_values_.end(), system_.valuePtr());
   Eigen::VectorXd rhs = Eigen::VectorXd::Zero(3 * n);
   for (std::size_t v = 0; v < views.size(); ++v) addView(views[v], T_camera_model, pulls[v], displacements_m, rhs);
+  if (damping > 0) {
+    for (Eigen::Index i = 0; i < n; ++i) {
+      for (int k = 0; k < 3; ++k) {
+        double& diagonal = system_.valuePtr()[diagonal_block_[static_cast<std::size_t>(i)][kDiagonal[k]]];
+        rhs[3 * i + k] += damping * diagonal * displacements_m(k, i) / kMillimetre;
+        diagonal += damping * diagonal;
+      }
+    }
+  }
   cholesky_.factorize(system_);
   if (cholesky_.info() != Eigen::Success) return std::nullopt;
   const Eigen::VectorXd solution = cholesky_.solve(rhs);
   if (!solution.allFinite()) return std::nullopt;
   return Eigen::Map<const Eigen::Matrix3Xd>(solution.data(), 3, n) * kMillimetre;
+}
+
+double NonrigidStep::cost(const XrayViews& views, const Pose& T_camera_model, const std::vector<Pull>& pulls,
+                          const Eigen::Matrix3Xd& displacements_m) const {
+  double sum = regulariser(displacements_m);
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const Pose T_view_model = views[v].T_view_first * T_camera_model;
+    for (Eigen::Index i = 0; i < points_m_.cols(); ++i) {
+      if (pulls[v].weight[i] == 0) continue;
+      const auto pixel = views[v].camera.project(T_view_model * (points_m_.col(i) + displacements_m.col(i)));
+      if (!pixel) return std::numeric_limits<double>::infinity();
+      sum += pulls[v].weight[i] * (*pixel - pulls[v].target_px.col(i)).squaredNorm();
+    }
+  }
+  return sum;
+}
+
+std::optional<Eigen::Matrix3Xd> DampedNonrigid::step(const XrayViews& views, const Pose& T_camera_model,
+                                                     const std::vector<Pull>& pulls,
+                                                     const Eigen::Matrix3Xd& displacements_m) {
+  const double cost_px2 = system_.cost(views, T_camera_model, pulls, displacements_m);
+  for (int attempt = 0; attempt < kMaxTries; ++attempt) {
+    auto solved = system_.solve(views, T_camera_model, pulls, displacements_m, damping_);
+    if (solved && system_.cost(views, T_camera_model, pulls, *solved) <= cost_px2) {
+      damping_ = std::max(kMinDamping, damping_ / 5);
+      return solved;
+    }
+    damping_ = std::min(kMaxDamping, damping_ * 10);
+  }
+  return std::nullopt;
 }
 
 double NonrigidStep::regulariser(const Eigen::Matrix3Xd& displacements_m) const {

@@ -23,9 +23,16 @@ class NonrigidStep {
   NonrigidStep(const VesselTree& tree, const IterativePnpSettings& settings);
 
   /// One Gauss-Newton step for fixed weights and targets, one pull for each view, linearised at `displacements_m` (3 x
-  /// N, model axes). Returns the new displacements [m], or nothing when the system could not be solved.
+  /// N, model axes). Returns the new displacements [m], or nothing when the system could not be solved. `damping` makes
+  /// it a step of Levenberg and Marquardt: a share of the system's diagonal that holds the displacements where they
+  /// are.
   std::optional<Eigen::Matrix3Xd> solve(const XrayViews& views, const Pose& T_camera_model,
-                                        const std::vector<Pull>& pulls, const Eigen::Matrix3Xd& displacements_m);
+                                        const std::vector<Pull>& pulls, const Eigen::Matrix3Xd& displacements_m,
+                                        double damping = 0);
+
+  /// What it minimises [px^2]; infinite where a matched point is behind a source.
+  double cost(const XrayViews& views, const Pose& T_camera_model, const std::vector<Pull>& pulls,
+              const Eigen::Matrix3Xd& displacements_m) const;
 
   /// lambda2 * E_reg of displacements [m], in the cost's currency [px^2]; lengths count in mm as in the paper.
   double regulariser(const Eigen::Matrix3Xd& displacements_m) const;
@@ -46,6 +53,21 @@ class NonrigidStep {
   std::vector<double> regulariser_values_;          // Values of system_ without data.
   std::vector<std::array<int, 6>> diagonal_block_;  // Where the lower half of each 3 x 3 block lies among the values.
   Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> cholesky_;
+};
+
+/// Levenberg-Marquardt on the displacements, one step at a time, as the paper has it for both halves (section III-D).
+class DampedNonrigid {
+ public:
+  /// Borrows the system.
+  explicit DampedNonrigid(NonrigidStep& system) : system_(system) {}
+
+  /// Returns displacements that cost no more than the given ones; nothing where no step is found that does.
+  std::optional<Eigen::Matrix3Xd> step(const XrayViews& views, const Pose& T_camera_model,
+                                       const std::vector<Pull>& pulls, const Eigen::Matrix3Xd& displacements_m);
+
+ private:
+  NonrigidStep& system_;
+  double damping_ = kFirstDamping;
 };
 
 }  // namespace angio::registration

@@ -8,9 +8,6 @@
 namespace angio::registration {
 namespace {
 
-constexpr int kMaxTries = 6;
-constexpr double kMinDamping = 1e-9, kMaxDamping = 1e6;
-
 // One view's share of the data term.
 void addView(const Eigen::Matrix3Xd& points_centered, const XrayCamera& camera, const Pose& T_view_centered,
              const Pull& pull, NormalEquations& sum) {

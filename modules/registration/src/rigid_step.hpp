@@ -67,6 +67,10 @@ NormalEquations normalEquations(const Eigen::Matrix3Xd& points_centered, const X
 double irlsCost(const Eigen::Matrix3Xd& points_centered, const XrayViews& views, const Pose& T_camera_centered,
                 const std::vector<Pull>& pulls, const PosePriorTerm& prior);
 
+/// Of Levenberg and Marquardt's steps: damping relative to the system's diagonal, and how often one step is tried.
+inline constexpr double kFirstDamping = 1e-4, kMinDamping = 1e-9, kMaxDamping = 1e6;
+inline constexpr int kMaxTries = 6;
+
 /// Levenberg-Marquardt on SE(3), one step at a time, T <- T exp(dx) about the tree's centroid (paper, section III-D).
 class LevenbergMarquardt {
  public:
@@ -79,7 +83,7 @@ class LevenbergMarquardt {
             const std::vector<Pull>& pulls, const PosePriorTerm& prior);
 
  private:
-  double damping_ = 1e-4;  // Relative to the Hessian's diagonal, so that metres and radians are damped alike.
+  double damping_ = kFirstDamping;  // Relative, so that metres and radians are damped alike.
 };
 
 }  // namespace angio::registration
