@@ -67,6 +67,20 @@ TEST(Search, OneStartIsPlainAlignmentWithoutAmbiguity) {
   EXPECT_EQ(one.T_camera_model.matrix(), registration->align(s.image, s.camera, s.prior).T_camera_model.matrix());
 }
 
+TEST(PriorInForce, IsSaid) {
+  StartScene s(0);
+  PosePrior given = s.prior;
+  given.covariance = Matrix6d(1e-4 * Matrix6d::Identity());
+  const auto inForce = [&](const RegistrationSettings& settings, const PosePrior& prior) {
+    return makeRegistration(settings, s.tree)->align(s.image, s.camera, prior).prior;
+  };
+  EXPECT_EQ(inForce(IterativePnpSettings(), s.prior), PriorInForce::kLambda);
+  EXPECT_EQ(inForce(s.settings, s.prior), PriorInForce::kSettingsCovariance);
+  EXPECT_EQ(inForce(IterativePnpSettings(), given), PriorInForce::kGivenCovariance);
+  EXPECT_EQ(inForce(OrientedKernelSettings(), s.prior), PriorInForce::kSettingsCovariance);
+  EXPECT_EQ(inForce(OrientedKernelSettings(), given), PriorInForce::kGivenCovariance);
+}
+
 TEST(Search, APoseThatFitsAsWellAsAnotherIsAmbiguous) {
   // A straight vessel may turn about itself, or slide along a longer one in the image: many poses fit it equally.
   Eigen::Matrix3Xd points = Eigen::Matrix3Xd::Zero(3, 61);

@@ -119,7 +119,9 @@ class IterativePnp final : public Registration {
     const Eigen::Translation3d to_center(model_.tree.centroid());
     Pose T_camera_centered = start * to_center;
     const Stopwatch rigid_began;
-    alignRigid(frame, priorTerm(settings_, prior, model_.tree.centroid()), T_camera_centered, result);
+    const PosePriorTerm held = priorTerm(settings_, prior, model_.tree.centroid());
+    result.prior = held.source;
+    alignRigid(frame, held, T_camera_centered, result);
     result.T_camera_model = T_camera_centered * to_center.inverse();
     result.times.rigid_s = rigid_began.seconds();
 

@@ -213,6 +213,7 @@ class OrientedKernel final : public Registration {
     result.times.prepare_s = stage.seconds();
     if (tooFewPoints(result)) return std::nullopt;
     const PosePriorTerm belief = beliefOf(prior, settings_, model_.centroid);
+    result.prior = belief.source;
     small_ = settings_.direction == Direction::kImageToModel ||
              (settings_.direction == Direction::kAuto && imageIsSmall(centered(start)));
     comparison_.begin(frame_, small_);

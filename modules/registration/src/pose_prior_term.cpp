@@ -17,6 +17,7 @@ PosePriorTerm gaussianTerm(const PosePrior& prior, const Settings& settings, con
   PosePriorTerm term{prior.T_camera_model * Eigen::Translation3d(centroid)};
   if (prior.covariance) {
     term.information = unit * prior.covariance->inverse();
+    term.source = PriorInForce::kGivenCovariance;
     return term;
   }
   const double translation_m = 1e-3 * settings.prior_translation_std_mm,
@@ -50,6 +51,7 @@ PosePriorTerm priorTerm(const IterativePnpSettings& settings, const PosePrior& p
   const double per_metre = settings.prior_length_unit == LengthUnit::kMillimetre ? 1e3 : 1.0;
   term.information.diagonal().head<3>().setConstant(settings.lambda1 * per_metre * per_metre);
   term.information.diagonal().tail<3>().setConstant(settings.lambda1);
+  term.source = PriorInForce::kLambda;
   return term;
 }
 

@@ -6,6 +6,7 @@
 #include "angio/registration/iterative_pnp_settings.hpp"
 #include "angio/registration/oriented_kernel_settings.hpp"
 #include "angio/registration/registration.hpp"
+#include "angio/registration/result.hpp"
 
 namespace angio::registration {
 
@@ -18,6 +19,7 @@ namespace angio::registration {
 struct PosePriorTerm {
   Pose T0_camera_centered = Pose::Identity();
   Matrix6d information = Matrix6d::Zero();  ///< Per m^2 and rad^2, in the unit that the data term counts in.
+  PriorInForce source = PriorInForce::kSettingsCovariance;
 
   double cost(const Pose& T_camera_centered) const;
 

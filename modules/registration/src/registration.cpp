@@ -24,6 +24,11 @@ std::string statusName(RegistrationStatus status) {
   return kNames[static_cast<int>(status)];
 }
 
+std::string priorName(PriorInForce prior) {
+  constexpr const char* kNames[] = {"lambda", "covariance of the settings", "covariance given with the start"};
+  return kNames[static_cast<int>(prior)];
+}
+
 bool XrayView::sees(const Eigen::Vector2d& pixel) const {
   if (!camera.sees(pixel)) return false;
   // Inside a convex polygon every edge has the point on the same side, whichever way round the corners go.

@@ -105,6 +105,7 @@ Json caseAsJson(const CaseOutcome& outcome) {
                      {"depth_in_90", outcome.claim->depth_in},
                      {"plane_in_90", outcome.claim->plane_in}};
   }
+  json["prior"] = priorName(r.prior);
   json["mean_projection_residual_px"] = r.alignment.model_residual_px;
   json["rms_projection_residual_px"] = r.alignment.model_rms_px;
   json["mean_image_residual_px"] = r.alignment.image_residual_px;

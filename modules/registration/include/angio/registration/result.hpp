@@ -21,6 +21,16 @@ enum class RegistrationStatus {
 /// "converged", "ambiguous", "diverged", "too_few_points".
 std::string statusName(RegistrationStatus status);
 
+/// What held the pose at its start: E_init of the paper's eq. 4.
+enum class PriorInForce {
+  kLambda,              ///< One lambda for radians and lengths together, as the paper has it.
+  kSettingsCovariance,  ///< The standard deviations of the settings.
+  kGivenCovariance,     ///< A covariance that came with the start, from calibration or tracking; before the settings.
+};
+
+/// "lambda", "covariance of the settings", "covariance given with the start".
+std::string priorName(PriorInForce prior);
+
 /// How well model and image explain each other under a pose. A point is explained when the other side has a vessel
 /// within the gate that runs the same way.
 struct AlignmentScore {
@@ -104,6 +114,7 @@ struct [[nodiscard]] RegistrationResult {
   /// Score of the best different pose over the best score, in [0, 1]; absent when only one start was tried.
   std::optional<double> ambiguity;
 
+  PriorInForce prior = PriorInForce::kSettingsCovariance;
   AlignmentScore alignment;
   /// How far the last step moved the projection: a rigid one roughly and at most, a nonrigid one rms over the points.
   double last_step_px = 0;
