@@ -36,8 +36,8 @@ table1() {
 
 rows() {
   local trees=(--tree examples/data/hepatic-tace/tree.csv --tree examples/data/static-phantom/tree.csv "${brains[@]}")
-  local simulate=("$bin"/angio-evaluate simulation "${trees[@]}" --method iterative_pnp,oriented_kernel --trials "${TRIALS:-100}" --seed 11)
-  echo "### Registration on simulated views, both methods on the same trials: ${#trees[@]} / 2 trees"
+  local simulate=("$bin"/angio-evaluate simulation "${trees[@]}" --method iterative_pnp,iterative_pnp:best,oriented_kernel --trials "${TRIALS:-100}" --seed 11)
+  echo "### Registration on simulated views, all methods on the same trials: ${#trees[@]} / 2 trees"
   echo; echo "noise-free, 2 deg / 5 mm"; "${simulate[@]}"
   echo; echo "noise-free, 5 deg / 10 mm"; "${simulate[@]}" --rotation-std-deg 5 --translation-std-mm 10
   echo; echo "half of the tree in view, 1 px noise, 5 spurious curves, 2 deg / 5 mm"
@@ -106,7 +106,6 @@ turning() {
 worlds() {
   local half one shared="${ANGIO_SHARED_DATA:-}" trials=${TRIALS:-200}
   if [ ! -f "$shared/brava/BG05.swc" ]; then echo "### worlds: skipped, ANGIO_SHARED_DATA has no brava/*.swc"; return; fi
-  printf 'iterative_pnp: {outside_image: ignore, prior: covariance}\n' > "$work/best.yaml"
   for half in "${halves[@]}"; do
     local name trees lungs
     IFS=: read -r name trees lungs <<< "$half"
@@ -121,7 +120,7 @@ worlds() {
     echo; echo "the same, iterative_pnp as it is"
     "${simulate[@]}" --trials 50 --spurious 5 --method iterative_pnp --filled 0.5
     echo; echo "the same, iterative_pnp at its best: 16 starts, prior as a covariance, what leaves the image ignored"
-    "${simulate[@]}" --trials 50 --spurious 5 --method iterative_pnp --starts 16 --settings "$work/best.yaml" --filled 0.5
+    "${simulate[@]}" --trials 50 --spurious 5 --method iterative_pnp:best --filled 0.5
     echo; echo "half filled, 5 deg / 10 mm"; "${ours[@]}" --filled 0.5 "${wide[@]}"
     echo; echo "30 % filled, 5 deg / 10 mm"; "${ours[@]}" --filled 0.3 "${wide[@]}"
     echo; echo "all filled, 15 deg / 30 mm"; "${ours[@]}" --rotation-std-deg 15 --translation-std-mm 30
@@ -148,7 +147,7 @@ worlds() {
 
 paper() {
   echo; echo "### The paper's Tables I and III"
-  "$bin"/angio-evaluate paper --trials "${TRIALS:-100}" --method iterative_pnp,oriented_kernel
+  "$bin"/angio-evaluate paper --trials "${TRIALS:-100}"
 }
 
 clinical() {

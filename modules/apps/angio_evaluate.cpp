@@ -15,7 +15,9 @@
 namespace angio::apps {
 
 void MethodOptions::addTo(cli::Command& command, const std::function<std::string(const std::string& path)>& as_yaml) {
-  command.addOption("--method", methods, "Methods, separated by commas")->delimiter(',');
+  command
+      .addOption("--method", methods, "Methods, separated by commas; iterative_pnp:paper, :huber and :best are presets")
+      ->delimiter(',');
   command.addOption("--starts", starts, "Starts drawn around the initial pose; 0 takes the settings' count")
       ->check(cli::wholeBetween(0, 10000));
   command.addOption("--extractor", extractor,
@@ -31,6 +33,7 @@ std::vector<Entrant> MethodOptions::entrants(const ProgramSettings& of_file) con
     }
     Entrant entrant{name, of_file.of(name, nonrigid ? std::optional(Deformation::kNonrigid) : std::nullopt),
                     of_file.starts};
+    if (const int own = startsOfPreset(name); own > 0) entrant.starts.count = own;
     if (starts > 0) entrant.starts.count = starts;
     result.push_back(entrant);
   }

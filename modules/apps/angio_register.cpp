@@ -145,6 +145,7 @@ int registerOne(const Options& o) {
   requireImagePath(o.overlay);
   ProgramSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
+  if (const int own = startsOfPreset(o.method); own > 0) settings.starts.count = own;
   if (o.starts > 0) settings.starts.count = o.starts;
   if (o.search_rotation_deg > 0) settings.starts.box_rotation_deg = o.search_rotation_deg;
   if (o.search_translation_mm > 0) settings.starts.box_translation_mm = o.search_translation_mm;

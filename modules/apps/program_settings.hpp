@@ -36,12 +36,13 @@ class ProgramSettings {
     return std::get<Method>(methods_);
   }
 
-  /// The settings of one method; `nonrigid` asks for a deformation whatever the file says.
+  /// The settings of one method, or of a preset, which the file leaves as it is; `deformation` counts whatever the file
+  /// says.
   RegistrationSettings of(const std::string& name, std::optional<Deformation> deformation) const {
     RegistrationSettings chosen = registrationSettingsNamed(name);
     std::visit(
         [&](auto& s) {
-          s = std::get<std::decay_t<decltype(s)>>(methods_);
+          if (!isPreset(name)) s = std::get<std::decay_t<decltype(s)>>(methods_);
           if (deformation) s.deformation = *deformation;
         },
         chosen);

@@ -67,6 +67,40 @@ TEST(Search, OneStartIsPlainAlignmentWithoutAmbiguity) {
   EXPECT_EQ(one.T_camera_model.matrix(), registration->align(s.image, s.camera, s.prior).T_camera_model.matrix());
 }
 
+// As printed the scale starts at the largest squared distance and halves every 5 iterations, whether or not it has come
+// to rest: the count of iterations tells.
+TEST(Presets, ThePapersScheduleRunsItsFullLength) {
+  StartScene s(3);
+  Twist off;
+  off << 1e-3, -2e-3, 2e-3, degToRad(1), 0, degToRad(0.5);
+  s.prior.T_camera_model = test::perturbed(s.truth, s.tree, off);
+  double largest2 = 0;
+  for (int i = 0; i < s.tree.size(); ++i) {
+    const Eigen::Vector2d pixel = *s.camera.project(s.prior.T_camera_model * s.tree.points().col(i));
+    largest2 = std::max(largest2, (s.image.points_px.colwise() - pixel).colwise().squaredNorm().minCoeff());
+  }
+  const int halvings = static_cast<int>(std::ceil(std::log2(largest2)));
+  ASSERT_GT(halvings, 4);
+  const auto paper = makeRegistration(registrationSettingsNamed("iterative_pnp:paper"), s.tree);
+  const auto printed = paper->align(s.image, s.camera, s.prior);
+  EXPECT_GT(printed.rigid_iterations, 5 * halvings);
+  EXPECT_LE(printed.rigid_iterations, 100);
+  const auto own = makeRegistration(IterativePnpSettings(), s.tree)->align(s.image, s.camera, s.prior);
+  EXPECT_LT(own.rigid_iterations, printed.rigid_iterations);
+}
+
+TEST(Presets, AreFoundByTheirNamesAndOthersRefused) {
+  const auto paper = std::get<IterativePnpSettings>(registrationSettingsNamed("iterative_pnp:paper"));
+  EXPECT_EQ(paper.neighbours_each_side, 0);
+  EXPECT_EQ(paper.prior, PriorForm::kPaper);
+  const auto best = std::get<IterativePnpSettings>(registrationSettingsNamed("iterative_pnp:best"));
+  EXPECT_EQ(best.prior, PriorForm::kCovariance);
+  EXPECT_EQ(startsOfPreset("iterative_pnp:best"), 16);
+  EXPECT_EQ(startsOfPreset("iterative_pnp"), 0);
+  EXPECT_THAT(test::refusalOf([] { registrationSettingsNamed("iterative_pnp:bset"); }),
+              testing::AllOf(testing::HasSubstr("iterative_pnp:bset"), testing::HasSubstr("iterative_pnp:best")));
+}
+
 TEST(PriorInForce, IsSaid) {
   StartScene s(0);
   PosePrior given = s.prior;

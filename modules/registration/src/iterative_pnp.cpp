@@ -18,22 +18,28 @@ constexpr double kRestPx = 1e-3;
 // The same for the displacements, rms over the points: a fiftieth of what an image's centreline is known to [px].
 constexpr double kNonrigidRestPx = 0.01;
 
-// The scale l of section III-C: starts at the largest match distance, halves every few iterations, ends at a floor.
+// The scale l of section III-C: starts at the largest match distance, squared as printed, halves every few iterations,
+// ends at a floor.
 class ScaleSchedule {
  public:
   // The settings' first scale, 0 for that distance.
   ScaleSchedule(double first_px, const IterativePnpSettings& settings)
-      : first_px_(first_px), last_px_(settings.last_scale_px), halve_every_(settings.halve_every) {}
+      : first_px_(first_px),
+        last_px_(settings.last_scale_px),
+        halve_every_(settings.halve_every),
+        as_printed_(settings.schedule == Schedule::kPaper) {}
 
   double scaleOf(double max_distance_px) {
-    if (!scale_px_) scale_px_ = std::max(first_px_ > 0 ? first_px_ : max_distance_px, last_px_);
+    const double by_distance = as_printed_ ? max_distance_px * max_distance_px : max_distance_px;
+    if (!scale_px_) scale_px_ = std::max(first_px_ > 0 ? first_px_ : by_distance, last_px_);
     return *scale_px_;
   }
   bool atLast() const { return *scale_px_ <= last_px_; }
   void nextIteration() {
     if (++at_this_scale_ >= halve_every_) halve();
   }
-  // At rest before its iterations are over, a scale has nothing left to do.
+  // At rest before its iterations are over, a scale has nothing left to do: the next one begins, but in the paper.
+  void atRest() { as_printed_ ? nextIteration() : halve(); }
   void halve() {
     scale_px_ = std::max(last_px_, *scale_px_ / 2);
     at_this_scale_ = 0;
@@ -43,6 +49,7 @@ class ScaleSchedule {
   std::optional<double> scale_px_;
   double first_px_, last_px_;
   int halve_every_;
+  bool as_printed_;
   int at_this_scale_ = 0;
 };
 
@@ -159,7 +166,7 @@ class IterativePnp final : public Registration {
       if (at_rest && schedule.atLast()) break;
       // L2 and Huber know no scale: only rest ends them.
       if (settings_.kernel != Kernel::kGaussian && at_rest) break;
-      at_rest ? schedule.halve() : schedule.nextIteration();
+      at_rest ? schedule.atRest() : schedule.nextIteration();
     }
     result.covariance = covarianceOf(normalEquations(points_centered_, frame.views(), T_camera_centered, pulls_, prior),
                                      pulls_, T_camera_centered, model_.tree.centroid());
@@ -169,14 +176,14 @@ class IterativePnp final : public Registration {
     Eigen::Matrix3Xd displacements = Eigen::Matrix3Xd::Zero(3, model_.tree.size());
     pulls_.assign(frame.size(), Pull(model_.tree.size()));
     DampedNonrigid solver(*nonrigid_);
-    ScaleSchedule schedule(settings_.nonrigid_first_scale_px, settings_);
+    ScaleSchedule schedule(settings_.schedule == Schedule::kPaper ? 0 : settings_.nonrigid_first_scale_px, settings_);
     while (result.nonrigid_iterations < settings_.nonrigid_iterations) {
       const Eigen::Matrix3Xd displaced = model_.tree.points() + displacements;
       weighAll(frame, schedule.scaleOf(match(frame, displaced, result.T_camera_model)));
       const auto solution = solver.step(frame.views(), result.T_camera_model, pulls_, displacements);
       if (!solution) {
         if (schedule.atLast()) break;
-        schedule.halve();
+        schedule.atRest();
         ++result.nonrigid_iterations;
         continue;
       }

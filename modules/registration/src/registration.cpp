@@ -1,18 +1,57 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/registration/registration.hpp"
 
+#include "angio/base/errors.hpp"
+#include "angio/base/joined.hpp"
 #include "angio/base/variant_sections.hpp"
 #include "angio/registration/xray_view.hpp"
 #include "methods.hpp"
 
 namespace angio::registration {
+namespace {
+
+struct Preset {
+  std::string name;
+  RegistrationSettings settings;
+  int starts;
+};
+
+const std::vector<Preset>& presets() {
+  using Pnp = IterativePnpSettings;
+  Pnp huber = Pnp::asInThePaper();
+  huber.kernel = Kernel::kHuber;
+  const std::string name = Pnp::kName;
+  static const std::vector<Preset> kPresets = {{name + ":paper", Pnp::asInThePaper(), 0},
+                                               {name + ":huber", huber, 0},
+                                               {name + ":best", Pnp::atItsBest(), Pnp::kBestStarts}};
+  return kPresets;
+}
+
+}  // namespace
 
 std::unique_ptr<Registration> makeRegistration(const RegistrationSettings& settings, const VesselTree& tree) {
   return madeOf(settings, [&](const auto& chosen) { return make(chosen, tree); });
 }
 
 RegistrationSettings registrationSettingsNamed(const std::string& name) {
+  for (const Preset& preset : presets()) {
+    if (name == preset.name) return preset.settings;
+  }
+  if (isPreset(name)) {
+    std::vector<std::string> names;
+    for (const Preset& preset : presets()) names.push_back(preset.name);
+    throw InputError("", "method", name, "must be one of the presets " + joined(names));
+  }
   return VariantSections<RegistrationSettings>("method", {}, "").named(name);
+}
+
+bool isPreset(const std::string& name) { return name.find(':') != std::string::npos; }
+
+int startsOfPreset(const std::string& name) {
+  for (const Preset& preset : presets()) {
+    if (name == preset.name) return preset.starts;
+  }
+  return 0;
 }
 
 std::string methodName(const RegistrationSettings& settings) {

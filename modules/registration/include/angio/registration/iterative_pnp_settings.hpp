@@ -15,6 +15,12 @@ enum class PriorForm {
   kCovariance,  ///< Information matrix: what is known of the start, from calibration or tracking.
 };
 
+/// How the scale of the kernel goes.
+enum class Schedule {
+  kOwn,    ///< From the largest match distance; halves early where a scale has come to rest. Deformations from 16 px.
+  kPaper,  ///< As printed in section III-C: from the largest *squared* match distance, half every 5 iterations.
+};
+
 enum class LengthUnit { kMillimetre, kMetre };
 enum class OutsideImage { kVote, kIgnore };
 enum class Deformation { kRigid, kNonrigid };
@@ -28,7 +34,8 @@ struct IterativePnpSettings {
 
   Deformation deformation = Deformation::kRigid;
 
-  // Scale of the kernel, section III-C: starts at the largest match distance, halves every 5 iterations.
+  // Scale of the kernel, section III-C.
+  Schedule schedule = Schedule::kOwn;
   double first_scale_px = 0;
   double last_scale_px = 1;
   static constexpr int halve_every = 5;
@@ -48,20 +55,43 @@ struct IterativePnpSettings {
   double lambda2 = 1;
   double w1 = 0.1, w2 = 10, w3 = 1;
   int regulariser_neighbours = 4;
-  static constexpr double nonrigid_first_scale_px = 16;  ///< 0: the largest match distance; open in the paper [px].
+  static constexpr double nonrigid_first_scale_px = 16;  ///< With schedule kOwn; open in the paper [px].
   int nonrigid_iterations = 20;
 
   double spacing_mm = 1;
   double spacing_px = 2;
   int max_points_3d = 3000;
 
+  /// Everything as the paper has it: one match a point, its own points, its schedule to the end, its prior, points off
+  /// the detector matched like others.
+  static IterativePnpSettings asInThePaper() {
+    IterativePnpSettings s;
+    s.schedule = Schedule::kPaper;
+    s.neighbours_each_side = 0;
+    s.spacing_mm = s.spacing_px = 0;
+    // From the square of 300 px to 1 px are 17 halvings.
+    s.max_iterations = s.nonrigid_iterations = 100;
+    return s;
+  }
+  /// The best that was found for it, with kBestStarts starts.
+  static IterativePnpSettings atItsBest() {
+    IterativePnpSettings s;
+    s.outside_image = OutsideImage::kIgnore;
+    s.prior = PriorForm::kCovariance;
+    return s;
+  }
+  static constexpr int kBestStarts = 16;
+
   void visit(SettingsVisitor& v) {
     v.choice("kernel", kernel, {"gaussian", "l2", "huber"},
              "Loss: Gaussian kernel (the paper's own), L2 or Huber (its DT-ICP, with Levenberg-Marquardt)");
     v.number("huber_px", huber_px, 1e-3, 1e3, "Where Huber's loss turns linear; used with kernel huber only");
     v.choice("deformation", deformation, {"rigid", "nonrigid"}, "Whether the tree may deform");
-    v.number("first_scale_px", first_scale_px, 0, 1e4,
-             "First scale of the kernel; 0: the largest match distance, as in the paper");
+    v.choice(
+        "schedule", schedule, {"own", "paper"},
+        "Scale of the kernel: from the largest match distance, halved early where it rests; or as the paper prints "
+        "it, from the largest squared distance, halved every 5 iterations");
+    v.number("first_scale_px", first_scale_px, 0, 1e4, "First scale of the kernel; 0: as the schedule has it");
     v.number("last_scale_px", last_scale_px, 0.05, 100,
              "Scale of the kernel at which its halving ends; open in the paper");
     v.integer("max_iterations", max_iterations, 1, 1000, "Largest number of iterations");

@@ -103,8 +103,16 @@ using RegistrationSettings = std::variant<IterativePnpSettings, OrientedKernelSe
 /// Throws InputError when a setting is out of its range.
 std::unique_ptr<Registration> makeRegistration(const RegistrationSettings& settings, const VesselTree& tree);
 
-/// Default settings of a method by its name ("iterative_pnp"); throws InputError that lists the names there are.
+/// Default settings of a method by its name ("iterative_pnp"), or those of a preset of it: "iterative_pnp:paper", all
+/// as the paper has it; "iterative_pnp:huber", the same with Huber's loss in place of the kernel; "iterative_pnp:best",
+/// the best that was found for it. Throws InputError that lists the names there are.
 RegistrationSettings registrationSettingsNamed(const std::string& name);
+
+/// Whether a method's name names a preset, which no settings file changes.
+bool isPreset(const std::string& name);
+
+/// How many starts belong to a preset; 0 where it leaves them open, and for methods that are none.
+int startsOfPreset(const std::string& name);
 
 /// The name of the method that `settings` choose.
 std::string methodName(const RegistrationSettings& settings);
