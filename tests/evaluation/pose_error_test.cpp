@@ -36,6 +36,7 @@ TEST_F(PoseErrors, AShiftAlongTheBeamIsAllDepth) {
   EXPECT_NEAR(e.depth_m, 0.007, kRounding_m);
   EXPECT_NEAR(e.in_plane_m, 0, kRounding_m);
   EXPECT_NEAR(e.centroid_m, 0.007, kRounding_m);
+  EXPECT_NEAR(e.source_m, 0.007, kRounding_m);
   EXPECT_NEAR(e.rotation_rad, 0, 1e-12);
 }
 
@@ -61,6 +62,8 @@ TEST_F(PoseErrors, ATurnAboutTheBeamThroughTheCentroid) {
   EXPECT_NEAR(e.centroid_m, 0, kRounding_m);
   EXPECT_NEAR(e.depth_m, 0, kRounding_m);
   EXPECT_NEAR(e.mtre_m, 2 * std::sin(angle / 2) * arm, kRounding_m);
+  // The source goes round the beam through the centroid.
+  EXPECT_NEAR(e.source_m, 2 * std::sin(angle / 2) * center.translation().head<2>().norm(), kRounding_m);
 }
 
 TEST_F(PoseErrors, DisplacementsAreOfTheModelAndCountWithThePose) {

@@ -288,7 +288,7 @@ TEST_F(SimulationRuns, TheReportStandsAlone) {
 
 TEST(Paper, ATrialWithoutAnAnswerIsAFailure) {
   EntrantRun run{"m", {trialOutcome(5, 0.1), trialOutcome(5, 9, RegistrationStatus::kTooFewPoints)}};
-  run.outcomes[0].result.alignment.model_rms_px = 2;
+  run.outcomes[0].projection_residual_px = 2;
   const auto paper = paperAsJson({run}, {});
   const auto& f = paper["table1"]["here"]["m"];
   EXPECT_EQ(f["gfr_percent"], 50);
@@ -302,6 +302,27 @@ TEST(Paper, ATrialWithoutAnAnswerIsAFailure) {
   EXPECT_NE(table3.find("| paper: Iterative PnP | 0.43 | 0 % | 0.46 deg, 7.09 mm | - | - |"), std::string::npos)
       << table3;
   EXPECT_NE(table.find("| m | 50 % | 0.60 |"), std::string::npos) << table;
+}
+
+// Two points 40 px apart, each 5 px from its image point; a third one is off the detector, and counts as well.
+TEST(Paper, ResidualIsOfAllProjectedPoints) {
+  const XrayCamera camera = test::clinicalCamera();
+  const double depth_m = 0.7, pixel_m = depth_m / camera.parameters().fx_px;
+  const auto at = [&](double u_px, double v_px) {
+    const auto& c = camera.parameters();
+    return Eigen::Vector3d((u_px - c.cx_px) * pixel_m, (v_px - c.cy_px) * depth_m / c.fy_px, depth_m);
+  };
+  Eigen::Matrix3Xd points(3, 3);
+  points << at(100, 100), at(140, 100), at(-50, 100);
+  Eigen::Matrix2Xd image(2, 2);
+  image << 103, 143, 104, 104;
+  const Centerline2d centerline = makeCenterline(image, {0, 0});
+  const auto residual_px = projectionResidual_px(points, Pose::Identity(), {centerline, camera});
+  ASSERT_TRUE(residual_px);
+  EXPECT_NEAR(*residual_px, std::sqrt((25 + 25 + 153 * 153 + 16) / 3.0), 1e-9);
+
+  points.col(2).z() = -depth_m;
+  EXPECT_FALSE(projectionResidual_px(points, Pose::Identity(), {centerline, camera}));
 }
 
 TEST(SvgPlots, SurviveSeriesWithNothingToShow) {

@@ -8,6 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
+#include "angio/evaluation/paper.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "angio/perception/gated_perception.hpp"
 #include "angio/perception/patient_observation.hpp"
@@ -96,6 +97,9 @@ CaseOutcome outcomeOf(Registration& registration, const Entrant& entrant, const 
   outcome.pixel_at_isocenter_m = (trial.truth * tree.centroid()).z() / camera.parameters().fx_px;
   outcome.start_error = poseError(tree, camera, {trial.start, {}}, truth);
   outcome.error = poseError(tree, camera, {outcome.result.T_camera_model, outcome.result.displacements_m}, truth);
+  Eigen::Matrix3Xd points = tree.points();
+  if (outcome.result.displacements_m.cols() == points.cols()) points += outcome.result.displacements_m;
+  outcome.projection_residual_px = projectionResidual_px(points, outcome.result.T_camera_model, trial.views().front());
   outcome.claim = claimOf(tree, outcome.result, trial);
   return outcome;
 }

@@ -32,7 +32,8 @@ constexpr ErrorColumn kErrors[] = {
     {"mpd_isocentre_mm",
      [](const PoseError& e) { return e.mpd_isocenter_m ? Json(1e3 * *e.mpd_isocenter_m) : Json(nullptr); }},
     {"rotation_deg", [](const PoseError& e) { return Json(radToDeg(e.rotation_rad)); }},
-    {"centroid_mm", [](const PoseError& e) { return Json(1e3 * e.centroid_m); }}};
+    {"centroid_mm", [](const PoseError& e) { return Json(1e3 * e.centroid_m); }},
+    {"source_mm", [](const PoseError& e) { return Json(1e3 * e.source_m); }}};
 
 // The numbers of a matrix, row by row.
 template <typename Matrix>
@@ -106,6 +107,7 @@ Json caseAsJson(const CaseOutcome& outcome) {
                      {"plane_in_90", outcome.claim->plane_in}};
   }
   json["prior"] = priorName(r.prior);
+  if (outcome.projection_residual_px) json["rms_of_all_points_px"] = *outcome.projection_residual_px;
   json["mean_projection_residual_px"] = r.alignment.model_residual_px;
   json["rms_projection_residual_px"] = r.alignment.model_rms_px;
   json["mean_image_residual_px"] = r.alignment.image_residual_px;

@@ -34,6 +34,8 @@ PoseError poseError(const VesselTree& tree, const XrayCamera& camera, const Plac
   }
   error.rotation_rad = rotationAngle(estimate.T_camera_model.linear() * truth.T_camera_model.linear().transpose());
   error.centroid_m = (estimate.T_camera_model * tree.centroid() - truth.T_camera_model * tree.centroid()).norm();
+  error.source_m =
+      (estimate.T_camera_model.inverse().translation() - truth.T_camera_model.inverse().translation()).norm();
   return error;
 }
 

@@ -24,6 +24,14 @@ const std::vector<PaperStart>& paperStarts();
 /// The spread of Table I: 2 deg, 5 mm.
 const PaperStart& paperTable1Start();
 
+/// The paper's PR ("root mean square error of all the projected source points"): distances from the projections of all
+/// of the tree's points, on the detector or off it, to the nearest image point [px]. It is small for a wrong pose that
+/// lays the tree over the image, too. Nothing where a point is behind the source, or the image is empty.
+///
+/// @param points_model  The tree's points, displaced or not, 3 x N [m].
+std::optional<double> projectionResidual_px(const Eigen::Matrix3Xd& points_model, const Pose& T_camera_model,
+                                            const XrayView& view);
+
 /// Noise-free, everything in view, one 2D point per point of the tree; the view, which the paper does not tell, is
 /// another one in every trial.
 SimulationSettings paperProtocol(const PaperStart& start, int trials, int seed);

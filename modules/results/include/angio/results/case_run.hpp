@@ -49,6 +49,8 @@ struct CaseOutcome {
   /// another one than the truth.
   std::optional<PoseCertificate> certificate;
   bool certificate_false = false;
+  /// Of a trial: the paper's PR, see projectionResidual_px().
+  std::optional<double> projection_residual_px;
   std::optional<PoseError> start_error,
       error;  ///< Of the pose it started from and of the result, when the truth is known; in the first view.
 };

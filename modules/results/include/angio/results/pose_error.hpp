@@ -27,6 +27,7 @@ struct PoseError {
 
   double rotation_rad = 0;  ///< Angle between the poses.
   double centroid_m = 0;    ///< Distance of the centroid under both poses.
+  double source_m = 0;      ///< Distance of the camera's source under both, seen from the model.
 };
 
 /// A tree's place by an estimate or in truth: its pose, and how far its points are displaced in the model frame [m],
