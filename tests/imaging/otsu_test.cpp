@@ -113,6 +113,24 @@ TEST(OtsuExtractor, FindsTheWholeTreeAndNothingElse) {
   }
 }
 
+// A thick vessel and a thin one beside it. Otsu's threshold of all pixels parts the thick one from all else, the thin
+// one among it; a part of the threshold, held off the noise, keeps both.
+TEST(OtsuExtractor, ThePlainCutLosesTheFaintVessel) {
+  const Scene scene = clinicalScene(
+      {{test::straightTube({100, 200}, {900, 300}, 15)}, {test::straightTube({100, 700}, {900, 800}, 2.5)}});
+  const cv::Mat image = test::render(scene);
+  const auto found = [&](OtsuCut cut, double from_v_px) {
+    OtsuSettings settings;
+    settings.cut = cut;
+    const Centerline2d lines = extractOtsu(image, settings);
+    return (lines.points_px.row(1).array() > from_v_px && lines.points_px.row(1).array() < from_v_px + 300).count();
+  };
+  EXPECT_GT(found(OtsuCut::kGated, 100), 300);  // 800 px in steps of 2.
+  EXPECT_GT(found(OtsuCut::kGated, 600), 300);
+  EXPECT_GT(found(OtsuCut::kPlain, 100), 300);
+  EXPECT_LT(found(OtsuCut::kPlain, 600), 50);
+}
+
 TEST(OtsuExtractor, PointsOfABranchAreInOrderAndEvenlySpaced) {
   const Scene scene = clinicalScene({test::randomTree(2, 1024, 1024)});
   OtsuSettings settings;

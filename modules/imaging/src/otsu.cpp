@@ -59,10 +59,13 @@ class Segmentation {
   // CV_8UC1, 255 in vessels; nothing when no pixel stands out from the background. `scale` is image pixels per
   // working pixel, and `open` what the collimator leaves of each row. Valid until the next call.
   const cv::Mat* operator()(const Flattened& image, float scale, const std::vector<RowRange>& open) {
+    const bool plain = settings_.cut == OtsuCut::kPlain;
     if (!count(image, open)) return nullptr;
-    const auto weakest = static_cast<float>(
-        std::max(settings_.branch_contrast * otsuThreshold(histogram_), settings_.faintest_absorption));
-    const float strong_factor = static_cast<float>(settings_.noise_factor), weak_factor = kWeakNoise * strong_factor;
+    const float otsu = otsuThreshold(histogram_);
+    const auto weakest =
+        plain ? otsu : static_cast<float>(std::max(settings_.branch_contrast * otsu, settings_.faintest_absorption));
+    const float strong_factor = plain ? 0 : static_cast<float>(settings_.noise_factor),
+                weak_factor = kWeakNoise * strong_factor;
     const auto classesOf = [&](int y) {
       return [=, value = image.absorption.ptr<float>(y), noise = image.noise.ptr<float>(y)](int x) {
         return (value[x] > std::max(weakest, weak_factor * noise[x]) ? 1 : 0) +
@@ -79,11 +82,13 @@ class Segmentation {
 
  private:
   // Vessels cover a few per cent of the image, and Otsu's threshold of all pixels then splits the background's noise.
-  // So it is taken of the pixels that stand out from that noise. False when there are none.
+  // So it is taken of the pixels that stand out from that noise; the plain cut is of all pixels that absorb. False when
+  // there are none.
   bool count(const Flattened& image, const std::vector<RowRange>& open) {
     histogram_.assign(kBins, 0);
-    const float factor = static_cast<float>(settings_.noise_factor);
-    const float faintest = static_cast<float>(settings_.faintest_absorption);
+    const bool plain = settings_.cut == OtsuCut::kPlain;
+    const float factor = plain ? 0 : static_cast<float>(settings_.noise_factor);
+    const float faintest = plain ? 0 : static_cast<float>(settings_.faintest_absorption);
     int counted = 0;
     for (int y = 0; y < image.absorption.rows; ++y) {
       const float *value = image.absorption.ptr<float>(y), *noise = image.noise.ptr<float>(y);

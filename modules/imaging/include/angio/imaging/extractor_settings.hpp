@@ -8,7 +8,15 @@ namespace angio::imaging {
 
 enum class Polarity { kDark, kBright };  ///< How vessels stand out from the background.
 
-/// The paper's segmentation (section III-A): background flattening, Otsu's threshold, thinning to centrelines.
+/// Where the otsu extractor parts vessels from the background.
+enum class OtsuCut {
+  kGated,  ///< At a part of Otsu's threshold of the pixels that stand out from the noise, and never within the noise.
+  kPlain,  ///< At Otsu's threshold of all pixels, as the paper names it.
+};
+
+/// The paper's segmentation (section III-A): background flattening, Otsu's threshold, thinning to centrelines. Its cut
+/// is by default ours and no longer Otsu's alone: vessels cover a few per cent of an image, and the plain threshold
+/// parts strong vessels from faint ones, or halves the noise.
 ///
 /// Lengths are in pixels of the image. Absorption is the natural logarithm of how much a vessel weakens the beam: 0.1
 /// is a vessel 10 % darker than its surroundings.
@@ -16,6 +24,7 @@ struct OtsuSettings {
   static constexpr const char* kName = "otsu";
 
   Polarity polarity = Polarity::kDark;
+  OtsuCut cut = OtsuCut::kGated;
   static constexpr double background_px =
       48;  ///< Width of what counts as background structure; must exceed the widest vessel [px].
   double smoothing_px = 1.5;
@@ -31,9 +40,11 @@ struct OtsuSettings {
 
   void visit(SettingsVisitor& v) {
     v.choice("polarity", polarity, {"dark", "bright"}, "How vessels stand out from the background");
+    v.choice("cut", cut, {"gated", "plain"},
+             "The threshold: a part of Otsu's of what stands out from the noise, or Otsu's of all pixels");
     v.number("smoothing_px", smoothing_px, 0, 20, "Standard deviation of the noise filter before the threshold");
     v.number("branch_contrast", branch_contrast, 0.01, 1,
-             "Thin branches reach on from vessels down to this part of Otsu's threshold");
+             "With cut gated: thin branches reach on from vessels down to this part of Otsu's threshold");
     v.number("min_branch_px", min_branch_px, 0, 1000,
              "Shorter branches with a free end are spurs and are dropped; measured from the wall");
     v.number("min_area_px", min_area_px, 0, 1e6,
