@@ -180,6 +180,9 @@ seeing() {
   local liver=(--tree examples/data/hepatic-tace/tree.csv --model-axes lip) coronary=(--tree examples/data/static-phantom/tree.csv)
   echo; echo "### Centrelines in simulated angiograms, vessels of 1-6 mm: liver, then coronary arteries"
   "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7
+  echo "otsu: {cut: plain}" > "$work/plain.yaml"
+  echo; echo "liver, Otsu's threshold of all pixels"
+  "$bin"/angio-evaluate extraction "${liver[@]}" --trials 20 --seed 7 --extractor otsu --settings "$work/plain.yaml"
   echo; "$bin"/angio-evaluate extraction "${coronary[@]}" --trials "${TRIALS:-40}" --seed 7
   if [ ${#brains[@]} -gt 0 ]; then
     local brain_images=("$bin"/angio-evaluate extraction "${brains[@]}" --trials "${TRIALS:-40}" --seed 7)
@@ -190,6 +193,8 @@ seeing() {
   fi
   echo; echo "### Centrelines in real frames: static phantom against the fitted tree, ARCADE against polygons"
   "$bin"/angio-evaluate extraction --cases examples/data/static-phantom/cases.yaml
+  echo; echo "the same, Otsu's threshold of all pixels"
+  "$bin"/angio-evaluate extraction --cases examples/data/static-phantom/cases.yaml --extractor otsu --settings "$work/plain.yaml"
   if [ -d "$shared/arcade-sample" ]; then
     echo; "$bin"/angio-evaluate extraction --annotations "$shared/arcade-sample/annotations.json"
   fi
