@@ -148,6 +148,12 @@ worlds() {
 paper() {
   echo; echo "### The paper's Tables I and III"
   "$bin"/angio-evaluate paper --trials "${TRIALS:-100}"
+  local harder
+  for harder in "--spurious 5 --noise-px 1" "--filled 0.5" "--visible-fraction 0.5"; do
+    echo; echo "the kernel, Huber's loss and the best, starts off by 2 deg / 5 mm, $harder"
+    "$bin"/angio-evaluate simulation --tree examples/data/hepatic-tace/tree.csv --model-axes lip --seed 1 $harder \
+      --trials "${TRIALS:-100}" --method iterative_pnp:paper,iterative_pnp:huber,iterative_pnp:best
+  done
 }
 
 clinical() {

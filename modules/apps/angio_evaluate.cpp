@@ -78,6 +78,7 @@ Json entrantsAsJson(const std::vector<Entrant>& entrants) {
   Json json;
   for (const auto& entrant : entrants) {
     json[entrant.name] = methodAsJson(entrant.registration)[methodName(entrant.registration)];
+    if (entrant.starts.count != entrants.front().starts.count) json[entrant.name]["starts"] = entrant.starts.count;
   }
   if (!entrants.empty()) json["starts"] = settingsAsJson(entrants.front().starts);
   return json;
