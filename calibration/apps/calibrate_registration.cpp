@@ -237,6 +237,7 @@ int runRegistration(const RegistrationOptions& o) {
   ProgressBar bar("registering", static_cast<int>(cases.set.cases.size()));
   CaseRunSettings how;
   how.registration = registrationSettingsNamed(o.method);
+  how.starts.count = startsOfPreset(o.method);
   how.starts.box_rotation_deg = o.search_rotation_deg;
   how.starts.box_translation_mm = o.search_translation_mm;
   const auto outcomes = runCases(cases.set, how, [&](int done) { bar.show(done); });

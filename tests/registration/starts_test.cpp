@@ -113,6 +113,9 @@ TEST(PriorInForce, IsSaid) {
   EXPECT_EQ(inForce(IterativePnpSettings(), given), PriorInForce::kGivenCovariance);
   EXPECT_EQ(inForce(OrientedKernelSettings(), s.prior), PriorInForce::kSettingsCovariance);
   EXPECT_EQ(inForce(OrientedKernelSettings(), given), PriorInForce::kGivenCovariance);
+  s.image = makeCenterline(Eigen::Matrix2Xd(2, 0));  // Too few points to begin with.
+  EXPECT_EQ(inForce(IterativePnpSettings(), s.prior), PriorInForce::kLambda);
+  EXPECT_EQ(inForce(OrientedKernelSettings(), given), PriorInForce::kGivenCovariance);
 }
 
 TEST(Search, APoseThatFitsAsWellAsAnotherIsAmbiguous) {

@@ -97,9 +97,12 @@ CaseOutcome outcomeOf(Registration& registration, const Entrant& entrant, const 
   outcome.pixel_at_isocenter_m = (trial.truth * tree.centroid()).z() / camera.parameters().fx_px;
   outcome.start_error = poseError(tree, camera, {trial.start, {}}, truth);
   outcome.error = poseError(tree, camera, {outcome.result.T_camera_model, outcome.result.displacements_m}, truth);
-  Eigen::Matrix3Xd points = tree.points();
-  if (outcome.result.displacements_m.cols() == points.cols()) points += outcome.result.displacements_m;
-  outcome.projection_residual_px = projectionResidual_px(points, outcome.result.T_camera_model, trial.views().front());
+  if (trial.times_s.empty()) {  // Of a sequence the tree has moved since the first view.
+    Eigen::Matrix3Xd points = tree.points();
+    if (outcome.result.displacements_m.cols() == points.cols()) points += outcome.result.displacements_m;
+    outcome.projection_residual_px =
+        projectionResidual_px(points, outcome.result.T_camera_model, trial.views().front());
+  }
   outcome.claim = claimOf(tree, outcome.result, trial);
   return outcome;
 }

@@ -275,6 +275,7 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   const Eigen::Matrix3Xd centered = tree.points().colwise() - evidence.centroid;
   seen.displacements_m = posterior->displacements(centered);
   setUncertainty(posterior, centered, T_camera_centered, evidence.centroid, seen);
+  seen.prior = belief.source;
   seen.points_3d = tree.size();
   seen.points_2d = view.centerline.size();
   seen.alignment = alignmentScore(tree, tree.points() + seen.displacements_m, {view}, seen.T_camera_model);

@@ -118,6 +118,8 @@ class IterativePnp final : public Registration {
     result.points_3d = model_.tree.size();
     result.points_2d = pointsIn(views);
     if (nonrigid_) result.displacements_m.setZero(3, given_.size());
+    const PosePriorTerm held = priorTerm(settings_, prior, model_.tree.centroid());
+    result.prior = held.source;
     if (tooFewPoints(result)) return result;
     const Frame frame(views, settings_.spacing_px);
     result.points_2d = pointsIn(frame.views());
@@ -126,8 +128,6 @@ class IterativePnp final : public Registration {
     const Eigen::Translation3d to_center(model_.tree.centroid());
     Pose T_camera_centered = start * to_center;
     const Stopwatch rigid_began;
-    const PosePriorTerm held = priorTerm(settings_, prior, model_.tree.centroid());
-    result.prior = held.source;
     alignRigid(frame, held, T_camera_centered, result);
     result.T_camera_model = T_camera_centered * to_center.inverse();
     result.times.rigid_s = rigid_began.seconds();

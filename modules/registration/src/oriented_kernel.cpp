@@ -211,9 +211,9 @@ class OrientedKernel final : public Registration {
     frame_.begin(views, settings_);
     result.points_2d = frame_.pointCount();
     result.times.prepare_s = stage.seconds();
-    if (tooFewPoints(result)) return std::nullopt;
     const PosePriorTerm belief = beliefOf(prior, settings_, model_.centroid);
     result.prior = belief.source;
+    if (tooFewPoints(result)) return std::nullopt;
     small_ = settings_.direction == Direction::kImageToModel ||
              (settings_.direction == Direction::kAuto && imageIsSmall(centered(start)));
     comparison_.begin(frame_, small_);
