@@ -133,15 +133,12 @@ std::optional<Eigen::Matrix3Xd> DampedNonrigid::step(const XrayViews& views, con
                                                      const std::vector<Pull>& pulls,
                                                      const Eigen::Matrix3Xd& displacements_m) {
   const double cost_px2 = system_.cost(views, T_camera_model, pulls, displacements_m);
-  for (int attempt = 0; attempt < kMaxTries; ++attempt) {
-    auto solved = system_.solve(views, T_camera_model, pulls, displacements_m, damping_);
-    if (solved && system_.cost(views, T_camera_model, pulls, *solved) <= cost_px2) {
-      damping_ = std::max(kMinDamping, damping_ / 5);
-      return solved;
-    }
-    damping_ = std::min(kMaxDamping, damping_ * 10);
-  }
-  return std::nullopt;
+  std::optional<Eigen::Matrix3Xd> solved;
+  const bool lowered = damping_.step([&](double damping) {
+    solved = system_.solve(views, T_camera_model, pulls, displacements_m, damping);
+    return solved && system_.cost(views, T_camera_model, pulls, *solved) <= cost_px2;
+  });
+  return lowered ? solved : std::nullopt;
 }
 
 double NonrigidStep::regulariser(const Eigen::Matrix3Xd& displacements_m) const {

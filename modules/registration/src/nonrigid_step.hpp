@@ -67,7 +67,7 @@ class DampedNonrigid {
 
  private:
   NonrigidStep& system_;
-  double damping_ = kFirstDamping;
+  Damping damping_;
 };
 
 }  // namespace angio::registration

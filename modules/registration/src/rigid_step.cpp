@@ -118,21 +118,20 @@ LevenbergMarquardt::Step LevenbergMarquardt::step(const Eigen::Matrix3Xd& points
                                                   const Pose& T_camera_centered, const std::vector<Pull>& pulls,
                                                   const PosePriorTerm& prior) {
   const auto n = normalEquations(points_centered, views, T_camera_centered, pulls, prior);
-  for (int attempt = 0; attempt < kMaxTries; ++attempt) {
+  Step step{T_camera_centered};
+  step.lowered = damping_.step([&](double damping) {
     Matrix6d damped = n.H;
-    damped.diagonal() += damping_ * n.H.diagonal() + Vector6d::Constant(1e-12);
+    damped.diagonal() += damping * n.H.diagonal() + Vector6d::Constant(1e-12);
     const Twist dx = -solveSymmetric(damped, n.g);
-    if (dx.allFinite()) {
-      Pose trial = T_camera_centered * expSE3(dx);
-      trial.linear() = nearestRotation(trial.linear());
-      if (irlsCost(points_centered, views, trial, pulls, prior) <= n.cost_px2) {
-        damping_ = std::max(kMinDamping, damping_ / 5);
-        return {trial, dx, true};
-      }
-    }
-    damping_ = std::min(kMaxDamping, damping_ * 10);
-  }
-  return {T_camera_centered, Twist::Zero(), false};
+    if (!dx.allFinite()) return false;
+    Pose trial = T_camera_centered * expSE3(dx);
+    trial.linear() = nearestRotation(trial.linear());
+    if (!(irlsCost(points_centered, views, trial, pulls, prior) <= n.cost_px2)) return false;
+    step.T_camera_centered = trial;
+    step.dx = dx;
+    return true;
+  });
+  return step;
 }
 
 void matchNearest(const Projected& projected, const PointMatcher& image, Pull& pull) {

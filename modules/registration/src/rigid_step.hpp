@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <vector>
 
 #include "angio/registration/iterative_pnp_settings.hpp"
@@ -67,9 +68,27 @@ NormalEquations normalEquations(const Eigen::Matrix3Xd& points_centered, const X
 double irlsCost(const Eigen::Matrix3Xd& points_centered, const XrayViews& views, const Pose& T_camera_centered,
                 const std::vector<Pull>& pulls, const PosePriorTerm& prior);
 
-/// Of Levenberg and Marquardt's steps: damping relative to the system's diagonal, and how often one step is tried.
-inline constexpr double kFirstDamping = 1e-4, kMinDamping = 1e-9, kMaxDamping = 1e6;
-inline constexpr int kMaxTries = 6;
+/// Levenberg and Marquardt's damping, relative to the system's diagonal: less after a step that lowers the cost, more
+/// until one does.
+class Damping {
+ public:
+  /// @param lowers  Takes a damping, and says whether the step with it is one and does not raise the cost.
+  /// Returns whether a step was found, within a few tries.
+  template <typename Try>
+  bool step(const Try& lowers) {
+    for (int attempt = 0; attempt < 6; ++attempt) {
+      if (lowers(value_)) {
+        value_ = std::max(1e-9, value_ / 5);
+        return true;
+      }
+      value_ = std::min(1e6, value_ * 10);
+    }
+    return false;
+  }
+
+ private:
+  double value_ = 1e-4;
+};
 
 /// Levenberg-Marquardt on SE(3), one step at a time, T <- T exp(dx) about the tree's centroid (paper, section III-D).
 class LevenbergMarquardt {
@@ -83,7 +102,7 @@ class LevenbergMarquardt {
             const std::vector<Pull>& pulls, const PosePriorTerm& prior);
 
  private:
-  double damping_ = kFirstDamping;  // Relative, so that metres and radians are damped alike.
+  Damping damping_;  // Relative, so that metres and radians are damped alike.
 };
 
 }  // namespace angio::registration
