@@ -191,13 +191,15 @@ struct PaperOptions {
   ModelAxes model_axes = ModelAxes::kLip;  // The bundled tree's: y runs down the patient.
 };
 
-// Rigid or nonrigid, whatever the settings say.
-std::vector<Entrant> deformed(std::vector<Entrant> entrants, Deformation deformation) {
-  for (auto& entrant : entrants) {
-    std::visit([&](auto& s) { s.deformation = deformation; }, entrant.registration);
+// Rigid or nonrigid, whatever the settings say; of methods that are rigid no nonrigid one.
+std::vector<Entrant> deformed(const std::vector<Entrant>& entrants, Deformation deformation) {
+  std::vector<Entrant> result;
+  for (Entrant entrant : entrants) {
+    if (!setDeformation(entrant.registration, deformation)) continue;
     entrant.name += deformation == Deformation::kRigid ? ", rigid" : ", nonrigid";
+    result.push_back(std::move(entrant));
   }
-  return entrants;
+  return result;
 }
 
 int evaluatePaper(const PaperOptions& o) {

@@ -37,15 +37,17 @@ class ProgramSettings {
   }
 
   /// The settings of one method, or of a preset, which the file leaves as it is; `deformation` counts whatever the file
-  /// says.
+  /// says. Throws InputError where a rigid method is to be nonrigid.
   RegistrationSettings of(const std::string& name, std::optional<Deformation> deformation) const {
     RegistrationSettings chosen = registrationSettingsNamed(name);
     std::visit(
         [&](auto& s) {
           if (!isPreset(name)) s = std::get<std::decay_t<decltype(s)>>(methods_);
-          if (deformation) s.deformation = *deformation;
         },
         chosen);
+    if (deformation && !setDeformation(chosen, *deformation)) {
+      throw InputError("--nonrigid", "--method", name, "must be a method that lets the tree deform");
+    }
     return chosen;
   }
 

@@ -49,16 +49,11 @@ struct Rounding<OrientedKernelSettings> {
   static constexpr double kSame_m = 40e-6;
 };
 
-template <typename Settings, typename = void>
-struct HasDeformation : std::false_type {};
-template <typename Settings>
-struct HasDeformation<Settings, std::void_t<decltype(std::declval<Settings&>().deformation)>> : std::true_type {};
-
 // Rigid, and nonrigid where the method can.
 template <typename Settings>
 std::vector<Settings> variants(const Settings& rigid) {
   std::vector<Settings> all{rigid};
-  if constexpr (HasDeformation<Settings>::value) {
+  if constexpr (CanDeform<Settings>::value) {
     all.push_back(rigid);
     all.back().deformation = Deformation::kNonrigid;
   }
@@ -293,7 +288,7 @@ TYPED_TEST(RegistrationConformance, SaysWhenThereAreTooFewPoints) {
       EXPECT_EQ(r->T_camera_model.matrix(), s.prior.T_camera_model.matrix()) << "what was known stays what is known";
       expectFinite(*r);
     }
-    if constexpr (HasDeformation<TypeParam>::value) {
+    if constexpr (CanDeform<TypeParam>::value) {
       const int rows = settings.deformation == Deformation::kNonrigid ? s.tree.size() : 0;
       EXPECT_EQ(empty.displacements_m.cols(), rows) << "one for each point of the tree, also when none was found";
     }
@@ -355,7 +350,7 @@ double meanDistanceAcross(const Scene& s, const Pose& pose, const Eigen::Matrix3
 // An image of lines shows where a vessel has gone across itself, hardly how far along itself: nearest points slide. So
 // the pixel is asked for across the vessels, and along them only that the nonrigid half improves on the rigid one.
 TYPED_TEST(RegistrationConformance, NonrigidFollowsASmoothDeformationInTheImagePlane) {
-  if constexpr (!HasDeformation<TypeParam>::value) {
+  if constexpr (!CanDeform<TypeParam>::value) {
     GTEST_SKIP() << "a rigid method";
   } else {
     for (unsigned seed = 0; seed < 3; ++seed) {

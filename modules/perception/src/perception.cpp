@@ -25,7 +25,7 @@ RegistrationSettings trackingOf(RegistrationSettings settings) {
 std::unique_ptr<Registration> deformableOf(const PerceptionSettings& settings, const VesselTree& tree) {
   if (!settings.tracker.follow_motion || !(settings.tracker.max_deformation_mm > 0)) return nullptr;
   RegistrationSettings deformable = trackingOf(settings.tracking);
-  std::visit([](auto& chosen) { chosen.deformation = Deformation::kNonrigid; }, deformable);
+  if (!setDeformation(deformable, Deformation::kNonrigid)) return nullptr;
   return makeRegistration(deformable, tree);
 }
 

@@ -10,16 +10,20 @@ namespace angio::registration {
 
 namespace {
 
+// What came with the start, times `unit` over a variance.
+PosePriorTerm givenTerm(const PosePrior& prior, const Eigen::Vector3d& centroid, double unit) {
+  PosePriorTerm term{prior.T_camera_model * Eigen::Translation3d(centroid)};
+  term.information = unit * prior.covariance->inverse();
+  term.source = PriorInForce::kGivenCovariance;
+  return term;
+}
+
 // The prior's own covariance, or the settings' standard deviations, times `unit` over a variance.
 template <typename Settings>
 PosePriorTerm gaussianTerm(const PosePrior& prior, const Settings& settings, const Eigen::Vector3d& centroid,
                            double unit) {
+  if (prior.covariance) return givenTerm(prior, centroid, unit);
   PosePriorTerm term{prior.T_camera_model * Eigen::Translation3d(centroid)};
-  if (prior.covariance) {
-    term.information = unit * prior.covariance->inverse();
-    term.source = PriorInForce::kGivenCovariance;
-    return term;
-  }
   const double translation_m = 1e-3 * settings.prior_translation_std_mm,
                rotation_rad = degToRad(settings.prior_rotation_std_deg);
   term.information.diagonal().head<3>().setConstant(unit / (translation_m * translation_m));
@@ -58,6 +62,13 @@ PosePriorTerm priorTerm(const IterativePnpSettings& settings, const PosePrior& p
 PosePriorTerm beliefOf(const PosePrior& prior, const OrientedKernelSettings& settings,
                        const Eigen::Vector3d& centroid) {
   return gaussianTerm(prior, settings, centroid, 1);
+}
+
+PosePriorTerm givenPrior(const PosePrior& prior, const Eigen::Vector3d& centroid) {
+  if (prior.covariance) return givenTerm(prior, centroid, 1);
+  PosePriorTerm none{prior.T_camera_model * Eigen::Translation3d(centroid)};
+  none.source = PriorInForce::kNone;
+  return none;
 }
 
 std::vector<Pose> StartDraws::poses(const PosePriorTerm& belief, const StartSettings& starts, int count) {

@@ -33,6 +33,10 @@ PosePriorTerm priorTerm(const IterativePnpSettings& settings, const PosePrior& p
 /// The prior's own covariance, or the settings' standard deviations; in units of a negative log-likelihood (twice).
 PosePriorTerm beliefOf(const PosePrior& prior, const OrientedKernelSettings& settings, const Eigen::Vector3d& centroid);
 
+/// The term of a method without a prior of its own, in square pixels as the data term of a match known to 1 px: what
+/// came with the start, or nothing.
+PosePriorTerm givenPrior(const PosePrior& prior, const Eigen::Vector3d& centroid);
+
 /// Poses that a search begins at: the belief's own first, then draws around it. One seed, one row of draws.
 class StartDraws {
  public:

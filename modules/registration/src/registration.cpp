@@ -58,13 +58,26 @@ std::string methodName(const RegistrationSettings& settings) {
   return std::visit([](const auto& chosen) -> std::string { return chosen.kName; }, settings);
 }
 
+bool setDeformation(RegistrationSettings& settings, Deformation deformation) {
+  return std::visit(
+      [&](auto& chosen) {
+        if constexpr (CanDeform<std::decay_t<decltype(chosen)>>::value) {
+          chosen.deformation = deformation;
+          return true;
+        } else {
+          return deformation == Deformation::kRigid;
+        }
+      },
+      settings);
+}
+
 std::string statusName(RegistrationStatus status) {
   constexpr const char* kNames[] = {"converged", "ambiguous", "diverged", "too_few_points"};
   return kNames[static_cast<int>(status)];
 }
 
 std::string priorName(PriorInForce prior) {
-  constexpr const char* kNames[] = {"lambda", "covariance of the settings", "covariance given with the start"};
+  constexpr const char* kNames[] = {"lambda", "covariance of the settings", "covariance given with the start", "none"};
   return kNames[static_cast<int>(prior)];
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/base/settings.hpp"
+#include "angio/registration/deformation.hpp"
 #include "angio/registration/namespace.hpp"
 
 namespace angio::registration {
@@ -23,7 +24,6 @@ enum class Schedule {
 
 enum class LengthUnit { kMillimetre, kMetre };
 enum class OutsideImage { kVote, kIgnore };
-enum class Deformation { kRigid, kNonrigid };
 
 /// The paper's Iterative PnP with its own parameters as defaults. What the paper leaves open is a setting, and says so.
 struct IterativePnpSettings {

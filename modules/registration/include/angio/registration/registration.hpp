@@ -117,4 +117,8 @@ int startsOfPreset(const std::string& name);
 /// The name of the method that `settings` choose.
 std::string methodName(const RegistrationSettings& settings);
 
+/// Chooses rigid or nonrigid. Returns false, and changes nothing, where a nonrigid registration is asked of a method
+/// that is rigid.
+bool setDeformation(RegistrationSettings& settings, Deformation deformation);
+
 }  // namespace angio::registration

@@ -26,9 +26,10 @@ enum class PriorInForce {
   kLambda,              ///< One lambda for radians and lengths together, as the paper has it.
   kSettingsCovariance,  ///< The standard deviations of the settings.
   kGivenCovariance,     ///< A covariance that came with the start, from calibration or tracking; before the settings.
+  kNone,                ///< Nothing: the start is where the solver begins, and no more.
 };
 
-/// "lambda", "covariance of the settings", "covariance given with the start".
+/// "lambda", "covariance of the settings", "covariance given with the start", "none".
 std::string priorName(PriorInForce prior);
 
 /// How well model and image explain each other under a pose. A point is explained when the other side has a vessel

@@ -8,11 +8,15 @@
 #include "angio/registration/namespace.hpp"
 #include "angio/vessel/centerline2d.hpp"
 
+namespace cv {
+class Mat;
+}
+
 namespace angio::registration {
 
 /// What one X-ray view shows. A biplane system gives two of one moment: one problem over one pose.
 ///
-/// Borrows the centreline and the camera: both must outlive the view.
+/// Borrows the centreline, the camera and the image: they must outlive the view.
 struct XrayView {
   const Centerline2d& centerline;
   const XrayCamera& camera;
@@ -22,6 +26,10 @@ struct XrayView {
   /// Corners of the collimated field [px], convex, in order; empty: the whole detector is open. What lies outside has
   /// no image.
   std::vector<Eigen::Vector2d> collimator_px = {};
+
+  /// The X-ray image, CV_8UC1 or CV_16UC1 of the detector's size, vessels dark; null where it is not at hand. Only
+  /// methods that need it look at it (imageNeeded()).
+  const cv::Mat* image = nullptr;
 
   /// Whether a pixel position lies on the detector and inside the collimator.
   bool sees(const Eigen::Vector2d& pixel) const;
