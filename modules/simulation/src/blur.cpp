@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bands.hpp"
+#include "angio/base/row_bands.hpp"
 
 // Compiled once for every vector target by the include below, which is chosen from at run time.
 #undef HWY_TARGET_INCLUDE

@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "angio/base/row_bands.hpp"
 #include "angio/simulation/intensifier.hpp"
-#include "bands.hpp"
 
 namespace angio::simulation {
 namespace {

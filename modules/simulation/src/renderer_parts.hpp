@@ -3,10 +3,10 @@
 
 #include "anatomy.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
+#include "angio/tubes/tubes.hpp"
 #include "beam.hpp"
 #include "detector.hpp"
 #include "scatter.hpp"
-#include "tubes.hpp"
 
 namespace angio::simulation {
 

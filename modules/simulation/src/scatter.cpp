@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "bands.hpp"
+#include "angio/base/row_bands.hpp"
 
 namespace angio::simulation {
 namespace {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "angio/simulation/fluoroscopy_settings.hpp"
+#include "angio/tubes/tubes.hpp"
 #include "shapes.hpp"
-#include "tubes.hpp"
 
 namespace angio::simulation {
 

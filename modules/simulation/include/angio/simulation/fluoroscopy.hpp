@@ -13,17 +13,10 @@
 #include "angio/simulation/device.hpp"
 #include "angio/simulation/fluoroscopy_settings.hpp"
 #include "angio/simulation/frame_truth.hpp"
+#include "angio/vessel/plausible_radii.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::simulation {
-
-/// The tree with every radius known: those it has are kept, the others follow Murray's law.
-///
-/// Ends have `end_radius_m` [m]; where branches part, the cube of the parent's radius is the sum of the cubes of its
-/// children's, up to 4 mm. A branch is constant but for its first millimetres, where it leaves its parent's radius
-/// smoothly. A branch that knows some of its radii is interpolated between them. Throws InputError unless end_radius_m
-/// is positive. Source: Murray, The physiological principle of minimum work, PNAS 12 (1926).
-VesselTree withPlausibleRadii(const VesselTree& tree, double end_radius_m);
 
 /// What is in front of the detector when a frame is taken.
 struct XrayScene {

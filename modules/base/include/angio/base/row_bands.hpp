@@ -5,9 +5,9 @@
 #include <thread>
 #include <vector>
 
-#include "angio/simulation/namespace.hpp"
+#include "angio/base/namespace.hpp"
 
-namespace angio::simulation {
+namespace angio::base {
 
 /// Rows of an image for one thread, [top, bottom).
 struct RowBand {
@@ -30,4 +30,4 @@ void forBands(int threads, int rows, const Work& work, int step = 1) {
   for (std::thread& other : others) other.join();
 }
 
-}  // namespace angio::simulation
+}  // namespace angio::base

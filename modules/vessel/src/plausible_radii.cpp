@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/vessel/plausible_radii.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
 #include "angio/base/errors.hpp"
-#include "angio/simulation/fluoroscopy.hpp"
 
-namespace angio::simulation {
+namespace angio::vessel {
 namespace {
 
 constexpr double kWidest = 4e-3;  // [m]
@@ -107,4 +108,4 @@ VesselTree withPlausibleRadii(const VesselTree& tree, double end_radius_m) {
   return VesselTree(tree.points(), tree.parents(), std::move(radii));
 }
 
-}  // namespace angio::simulation
+}  // namespace angio::vessel

@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "angio/base/errors.hpp"
-#include "angio/simulation/fluoroscopy.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/vessel/plausible_radii.hpp"
 
 namespace angio::test {
 namespace {

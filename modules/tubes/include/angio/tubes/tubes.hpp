@@ -6,12 +6,13 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
+#include "angio/base/row_bands.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
+#include "angio/tubes/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
-#include "bands.hpp"
 
-namespace angio::simulation {
+namespace angio::tubes {
 
 /// A straight tube with round ends: all points within `radius_m` of the segment from a to b [m].
 struct Tube {
@@ -73,4 +74,4 @@ class PathLengths {
   cv::Mat result_;
 };
 
-}  // namespace angio::simulation
+}  // namespace angio::tubes

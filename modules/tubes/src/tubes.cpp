@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "tubes.hpp"
+#include "angio/tubes/tubes.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,7 @@
 
 #ifndef ANGIO_TUBES_RAW
 #define ANGIO_TUBES_RAW
-namespace angio::simulation {
+namespace angio::tubes {
 // What all rays of one row share, and how they change from pixel to pixel. A ray is p = o + t d with d = (dx, dy, 1),
 // where o is its point at the depth of the tube's end a, relative to a: small numbers, so that single precision is
 // enough.
@@ -24,11 +24,11 @@ struct TubeRow {
 struct TubeAxis {
   float x, y, z, length, radius;
 };
-}  // namespace angio::simulation
+}  // namespace angio::tubes
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace angio::simulation {
+namespace angio::tubes {
 namespace HWY_NAMESPACE {
 
 // Entry and exit of each ray, as depth t from the tube's end a; exit is not above entry where the ray misses.
@@ -74,11 +74,11 @@ void meetTube(const TubeAxis& u, const TubeRow& row, int count, float* __restric
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace angio::simulation
+}  // namespace angio::tubes
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace angio::simulation {
+namespace angio::tubes {
 namespace {
 
 HWY_EXPORT(meetTube);
@@ -261,5 +261,5 @@ const cv::Mat& PathLengths::compute(const std::vector<Tube>& tubes, const XrayCa
   return result_;
 }
 
-}  // namespace angio::simulation
+}  // namespace angio::tubes
 #endif  // HWY_ONCE
