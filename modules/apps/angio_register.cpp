@@ -92,7 +92,10 @@ cv::Mat pictureOf(const std::vector<SeenView>& views, const VesselTree& tree, co
   return sideBySide(pictures);
 }
 
-XrayView viewOf(const SeenView& seen) { return {seen.centerline, seen.camera, seen.T_view_first, seen.collimator_px}; }
+XrayView viewOf(const SeenView& seen) {
+  return {seen.centerline, seen.camera, seen.T_view_first, seen.collimator_px,
+          seen.image.empty() ? nullptr : &seen.image};
+}
 
 RegistrationResult searched(Registration& registration, const std::vector<SeenView>& seen, const Pose& initial,
                             const StartSettings& starts) {
@@ -204,7 +207,8 @@ int registerOne(const Options& o) {
                         o.nonrigid,
                         settings.starts,
                         {}};
-  if (outcome.result.status == RegistrationStatus::kDiverged && views.size() == 1) {
+  // Another reading turns the centreline, not the image.
+  if (outcome.result.status == RegistrationStatus::kDiverged && views.size() == 1 && !imageNeeded(method)) {
     tried.matching = matchingReading(*registration, viewOf(views.front()), {initial, {}}, settings.starts);
   }
   std::ostream& said = o.json ? std::cerr : std::cout;

@@ -86,12 +86,18 @@ RegistrationResult resultOfSequence(const Entrant& entrant, const VesselTree& tr
   return result;
 }
 
+// `images` are those of the views; none where no method needs them.
 CaseOutcome outcomeOf(Registration& registration, const Entrant& entrant, const SimulatedTrial& trial,
-                      const SimulationSettings& settings) {
+                      const std::vector<cv::Mat>& images, const SimulationSettings& settings) {
   const VesselTree& tree = registration.tree();
   CaseOutcome outcome;
-  outcome.result = trial.times_s.empty() ? registration.search(trial.views(), {trial.start, {}}, entrant.starts)
-                                         : resultOfSequence(entrant, tree, trial, settings, outcome);
+  if (trial.times_s.empty()) {
+    XrayViews views = trial.views();
+    for (std::size_t v = 0; v < images.size(); ++v) views[v].image = &images[v];
+    outcome.result = registration.search(views, {trial.start, {}}, entrant.starts);
+  } else {
+    outcome.result = resultOfSequence(entrant, tree, trial, settings, outcome);
+  }
   const PlacedTree truth{trial.truth, trial.displacements_m};
   const XrayCamera& camera = trial.cameras.front();
   outcome.pixel_at_isocenter_m = (trial.truth * tree.centroid()).z() / camera.parameters().fx_px;
@@ -210,8 +216,19 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
       registrations[m].push_back(makeRegistration(setup.entrants[m].registration, tree));
     }
   }
-  std::optional<TrialImages> images;
-  if (settings.from == TrialSource::kImages) images.emplace(setup.trees, settings);
+  // Methods that look at the image have it also where the others are given the centreline as it projects.
+  const bool extracts = settings.from == TrialSource::kImages;
+  const bool looks = std::any_of(setup.entrants.begin(), setup.entrants.end(),
+                                 [](const Entrant& entrant) { return imageNeeded(entrant.registration); });
+  if (looks && settings.turn_s > 0) {
+    throw InputError("simulation", "turn_s", formatValue(settings.turn_s), "must be 0: a method needs images");
+  }
+  std::optional<TrialImages> renderer;
+  if (extracts || looks) {
+    SimulationSettings rendered = settings;
+    if (!extracts) rendered.noise_px = rendered.tangent_noise_deg = 0;  // Of the centreline, not of the image.
+    renderer.emplace(setup.trees, rendered);
+  }
   const auto extractor = makeExtractor(setup.extractor);
   int done = 0;
   const auto nameOf = [](int i) { return formatted("%04d", i); };
@@ -223,15 +240,17 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
         setup.motions.empty() ? nullptr : &setup.motions[turn_of_motion % setup.motions.size()];
     SimulatedTrial trial = simulatedTrial(setup.trees[t], setup.camera, settings, i, motion);
     double image_s = 0;
-    for (std::size_t v = 0; images && v < trial.cameras.size(); ++v) {
-      const cv::Mat image = images->render(trial, t, v, i);
+    std::vector<cv::Mat> images;
+    for (std::size_t v = 0; renderer && v < trial.cameras.size(); ++v) {
+      images.push_back(renderer->render(trial, t, v, i));
+      if (!extracts) continue;
       const Stopwatch stage;
-      trial.centerlines[v] = vesselsToMatch(extractor->extract(image));
+      trial.centerlines[v] = vesselsToMatch(extractor->extract(images.back()));
       image_s += stage.seconds();
     }
     for (std::size_t turn = 0; turn < entrants; ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants;
-      runs[m].outcomes.push_back(outcomeOf(*registrations[m][t], setup.entrants[m], trial, settings));
+      runs[m].outcomes.push_back(outcomeOf(*registrations[m][t], setup.entrants[m], trial, images, settings));
       runs[m].outcomes.back().name = nameOf(i);
       if (setup.certificate) certifyOutcome(setup.trees[t], trial, *setup.certificate, runs[m].outcomes.back());
       runs[m].outcomes.back().image_s = image_s;

@@ -113,7 +113,9 @@ Observation Perception::observe(const XrayFrame& frame, const CArmState& state) 
   observation.centerline = vesselsToMatch(observation.curves);
   observation.image_s = stage.seconds();
 
-  registerViews({XrayView{observation.centerline, frame.camera}}, placeOf(state), observation);
+  XrayView view{observation.centerline, frame.camera};
+  view.image = &frame.image;
+  registerViews({view}, placeOf(state), observation);
   return observation;
 }
 

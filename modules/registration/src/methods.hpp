@@ -14,4 +14,10 @@ std::unique_ptr<Registration> make(const IterativePnpSettings& settings, const V
 /// Oriented kernel fields with many starts, and a point-to-line polish from image to model.
 std::unique_ptr<Registration> make(const OrientedKernelSettings& settings, const VesselTree& tree);
 
+/// Gradients at the vessels' silhouettes against those of the X-ray image, and a motion most of them agree on.
+std::unique_ptr<Registration> make(const RgrbSettings& settings, const VesselTree& tree);
+
+/// Radiographs of the tree against the X-ray image, inside a mask.
+std::unique_ptr<Registration> make(const AutoMaskSettings& settings, const VesselTree& tree);
+
 }  // namespace angio::registration

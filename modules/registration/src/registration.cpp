@@ -5,6 +5,7 @@
 #include "angio/base/joined.hpp"
 #include "angio/base/variant_sections.hpp"
 #include "angio/registration/xray_view.hpp"
+#include "image_needed.hpp"
 #include "methods.hpp"
 
 namespace angio::registration {
@@ -18,11 +19,13 @@ struct Preset {
 
 const std::vector<Preset>& presets() {
   using Pnp = IterativePnpSettings;
-  Pnp huber = Pnp::asInThePaper();
+  Pnp huber = Pnp::asInThePaper(), squares = huber;
   huber.kernel = Kernel::kHuber;
+  squares.kernel = Kernel::kL2;
   const std::string name = Pnp::kName;
   static const std::vector<Preset> kPresets = {{name + ":paper", Pnp::asInThePaper(), 0},
                                                {name + ":huber", huber, 0},
+                                               {name + ":l2", squares, 0},
                                                {name + ":best", Pnp::atItsBest(), Pnp::kBestStarts}};
   return kPresets;
 }
@@ -69,6 +72,10 @@ bool setDeformation(RegistrationSettings& settings, Deformation deformation) {
         }
       },
       settings);
+}
+
+bool imageNeeded(const RegistrationSettings& settings) {
+  return std::visit([](const auto& chosen) { return NeedsImage<std::decay_t<decltype(chosen)>>::value; }, settings);
 }
 
 std::string statusName(RegistrationStatus status) {

@@ -40,9 +40,14 @@ GatedPerception trackerOf(const CaseRunSettings& settings, const VesselTree& tre
   return GatedPerception(tracked, tree);
 }
 
-Centerline2d seenIn(const View& view, CenterlineExtractor& extractor, CaseOutcome& outcome) {
+// Empty where it is not needed, or there is none.
+cv::Mat imageOf(const View& view, bool needed) {
+  if (!view.image_path || (view.centerline_path && !needed)) return {};
+  return readXrayImage(*view.image_path, view.camera);
+}
+
+Centerline2d seenIn(const View& view, const cv::Mat& image, CenterlineExtractor& extractor, CaseOutcome& outcome) {
   if (view.centerline_path) return readCenterline(*view.centerline_path);
-  const cv::Mat image = readXrayImage(*view.image_path, view.camera);
   const Stopwatch stage;
   Centerline2d centerline = vesselsToMatch(extractor.extract(image));
   outcome.image_s += stage.seconds();
@@ -90,12 +95,17 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
     const XrayCamera& camera = one.views.front().camera;
     CaseOutcome outcome;
     outcome.name = one.name;
+    std::vector<cv::Mat> images;
     std::vector<Centerline2d> centerlines;
-    for (const View& view : one.views) centerlines.push_back(seenIn(view, *extractor, outcome));
+    for (const View& view : one.views) {
+      images.push_back(imageOf(view, imageNeeded(settings.registration)));
+      centerlines.push_back(seenIn(view, images.back(), *extractor, outcome));
+    }
     XrayViews views;
     for (std::size_t v = 0; v < one.views.size(); ++v) {
       const View& view = one.views[v];
-      views.push_back({centerlines[v], view.camera, view.T_view_first, view.collimator_px});
+      views.push_back({centerlines[v], view.camera, view.T_view_first, view.collimator_px,
+                       images[v].empty() ? nullptr : &images[v]});
     }
     PosePrior prior;
     prior.T_camera_model = one.initial_pose;

@@ -7,10 +7,12 @@
 #include <variant>
 
 #include "angio/base/settings.hpp"
+#include "angio/registration/automask_settings.hpp"
 #include "angio/registration/iterative_pnp_settings.hpp"
 #include "angio/registration/namespace.hpp"
 #include "angio/registration/oriented_kernel_settings.hpp"
 #include "angio/registration/result.hpp"
+#include "angio/registration/rgrb_settings.hpp"
 #include "angio/registration/xray_view.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
@@ -69,7 +71,8 @@ class Registration {
   ///
   /// @param start  Where the solver begins: there is one answer near it.
   ///
-  /// Never throws on a poor image: that is a status in the result.
+  /// Never throws on a poor image: that is a status in the result. Throws InputError where the method needs an image
+  /// (imageNeeded()) and a view has none.
   virtual RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) = 0;
 
   /// Finds the pose from several starts, or in a box of poses, and says how much better it is than the best different
@@ -98,14 +101,14 @@ class Registration {
 };
 
 /// The settings type is the choice of the method: a new method is its settings, its source and one name here.
-using RegistrationSettings = std::variant<IterativePnpSettings, OrientedKernelSettings>;
+using RegistrationSettings = std::variant<IterativePnpSettings, OrientedKernelSettings, RgrbSettings, AutoMaskSettings>;
 
 /// Throws InputError when a setting is out of its range.
 std::unique_ptr<Registration> makeRegistration(const RegistrationSettings& settings, const VesselTree& tree);
 
 /// Default settings of a method by its name ("iterative_pnp"), or those of a preset of it: "iterative_pnp:paper", all
-/// as the paper has it; "iterative_pnp:huber", the same with Huber's loss in place of the kernel; "iterative_pnp:best",
-/// the best that was found for it. Throws InputError that lists the names there are.
+/// as the paper has it; "iterative_pnp:huber" and "iterative_pnp:l2", the same with Huber's loss or squares in place of
+/// the kernel; "iterative_pnp:best", the best that was found for it. Throws InputError that lists the names there are.
 RegistrationSettings registrationSettingsNamed(const std::string& name);
 
 /// Whether a method's name names a preset, which no settings file changes.
@@ -120,5 +123,8 @@ std::string methodName(const RegistrationSettings& settings);
 /// Chooses rigid or nonrigid. Returns false, and changes nothing, where a nonrigid registration is asked of a method
 /// that is rigid.
 bool setDeformation(RegistrationSettings& settings, Deformation deformation);
+
+/// Whether a method looks at the X-ray images: each view must have its own.
+bool imageNeeded(const RegistrationSettings& settings);
 
 }  // namespace angio::registration
