@@ -1,24 +1,20 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// angio-evaluate simulation: trials with known truth. angio-evaluate paper: the simulation experiments of the Iterative
-// PnP paper beside its printed figures.
+// angio-evaluate simulation: trials with known truth.
 #include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "angio/cli/data_folder.hpp"
 #include "angio/cli/further_options.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/evaluation/paper.hpp"
 #include "angio/evaluation/simulation_report.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/measured_motion_file.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/results/experiment.hpp"
-#include "angio/vessel/resample.hpp"
 #include "evaluate.hpp"
 
 namespace angio::apps {
@@ -180,71 +176,6 @@ void addFields(cli::Command& command, const std::shared_ptr<SimulationOptions>& 
   further.add("--calibration-translation-error-mm", &S::calibration_translation_error_mm, "The same");
 }
 
-// As many points as the paper's trees have, about two thousand for the bundled one.
-constexpr double kTreeSpacing_m = 1e-3;
-constexpr int kMaxTreePoints = 15000;
-
-struct PaperOptions {
-  MethodOptions method;
-  std::string tree = exampleDataFile("hepatic-tace/tree.csv"), out, report;
-  int trials = 100, seed = 1;
-  ModelAxes model_axes = ModelAxes::kLip;  // The bundled tree's: y runs down the patient.
-};
-
-// Rigid or nonrigid, whatever the settings say; of methods that are rigid no nonrigid one.
-std::vector<Entrant> deformed(const std::vector<Entrant>& entrants, Deformation deformation) {
-  std::vector<Entrant> result;
-  for (Entrant entrant : entrants) {
-    if (!setDeformation(entrant.registration, deformation)) continue;
-    entrant.name += deformation == Deformation::kRigid ? ", rigid" : ", nonrigid";
-    result.push_back(std::move(entrant));
-  }
-  return result;
-}
-
-int evaluatePaper(const PaperOptions& o) {
-  for (const auto& path : {o.out, o.report}) requireFolderOf(path);
-  ProgramSettings file;
-  if (!o.method.settings.empty()) file = readSettings(o.method.settings, file);
-  const std::vector<Entrant> entrants = o.method.entrants(file);
-  SimulationSetup setup;
-  setup.trees.push_back(resampled(readVesselTree(o.tree), kTreeSpacing_m, kMaxTreePoints).tree);
-  const auto rigid = deformed(entrants, Deformation::kRigid), nonrigid = deformed(entrants, Deformation::kNonrigid);
-  std::vector<Entrant> both = rigid;
-  both.insert(both.end(), nonrigid.begin(), nonrigid.end());
-  const auto protocol = [&](const PaperStart& start) {
-    SimulationSettings settings = paperProtocol(start, o.trials, o.seed);
-    settings.model_axes = o.model_axes;
-    return settings;
-  };
-
-  const std::size_t levels = paperStarts().size();
-  ProgressBar bar("registering", o.trials * static_cast<int>(both.size() * levels));
-  int done = 0;
-  setup.entrants = both;
-  const auto run = [&](const PaperStart& start) {
-    return runSimulation(setup, protocol(start), [&](int) { bar.show(++done); });
-  };
-  const auto table1 = run(paperTable1Start());
-  std::vector<PaperLevel> table3;
-  for (const auto& start : paperStarts()) {
-    const bool known = &start == &paperTable1Start();  // Table I is this row.
-    const bool goes_on = finishPart(true, [&] { table3.push_back({start, known ? table1 : run(start)}); });
-    if (!goes_on) break;
-  }
-
-  const auto spacing_m = simulatedCamera().parameters().pixel_spacing_m;
-  auto json = runsAsJson(table1, simulationSummaries(table1, spacing_m));
-  const Json paper = json["paper"] = paperAsJson(table1, table3);
-  json["settings"] = entrantsAsJson(both);
-  json["settings"]["simulation"] = settingsAsJson(protocol(paperTable1Start()));
-  json["settings"]["simulation"]["tree"] = std::filesystem::path(o.tree).filename().string();
-  if (!o.report.empty()) {
-    writeWholeFile(o.report, paperReportHtml(table1, paper, json["settings"]["simulation"]["tree"], json["settings"]));
-  }
-  return reported(json, o.out, paperTable1(paper) + "\n" + paperTable3(paper));
-}
-
 }  // namespace
 
 void addEvaluateSimulation(cli::Command& app, Work& work) {
@@ -291,25 +222,6 @@ void addEvaluateSimulation(cli::Command& app, Work& work) {
     if (axes->given()) o->given.push_back([o](SimulationSettings& s) { s.model_axes = o->model_axes; });
     work = [o] { return evaluateSimulation(*o); };
   });
-}
-
-void addEvaluatePaper(cli::Command& app, Work& work) {
-  const auto o = std::make_shared<PaperOptions>();
-  const std::string papers = IterativePnpSettings::kName;
-  o->method.methods = {papers + ":paper", papers + ":huber", papers, papers + ":best", OrientedKernelSettings::kName};
-  auto* command = app.addSubcommand("paper", "Repeat the simulation experiments of the Iterative PnP paper");
-  command->footer(
-      "Example:\n  angio-evaluate paper --trials 100 --report paper.html\n\nThe paper's method stands as "
-      "the paper has it (iterative_pnp:paper), with Huber's loss in place of its kernel (iterative_pnp:huber), by our "
-      "defaults, and at the best settings found for it (iterative_pnp:best).");
-  command->addOption("--tree", o->tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
-  addModelAxes(*command, o->model_axes);
-  command->addOption("--trials", o->trials, "Trials of each row")->check(cli::wholeBetween(1, 100000));
-  command->addOption("--seed", o->seed, "Seed of all draws")->check(cli::wholeBetween(0, 2147483647));
-  o->method.addTo(*command, settingsInForce<ProgramSettings>);
-  command->addOption("--out", o->out, "All results (.json)");
-  command->addOption("--report", o->report, "Report with curves (.html)");
-  command->onChosen([o, &work] { work = [o] { return evaluatePaper(*o); }; });
 }
 
 }  // namespace angio::apps

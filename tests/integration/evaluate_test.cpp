@@ -110,6 +110,31 @@ TEST_F(Evaluate, ThePaperStandsBesideUs) {
   EXPECT_EQ(test::contentOf(folder_.path("p.html")).find("<!DOCTYPE html>"), 0u);
 }
 
+TEST_F(Evaluate, ThePapersTableOfRealImagesAndItsFiguresAreRunByName) {
+  const std::string tree = folder_.path("tree.csv"), out = folder_.path("p.json"), report = folder_.path("p.html");
+  const auto ended =
+      test::run("angio-evaluate", {"paper", "--tree", tree, "--trials", "2", "--table", "2", "--figure", "loss",
+                                   "--figure", "visible-fraction", "--figure", "3d-3d", "--method",
+                                   "iterative_pnp:huber,rgrb", "--out", out, "--report", report});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const Json paper = Json::parse(test::contentOf(out))["paper"];
+  EXPECT_FALSE(paper.contains("table1"));
+  EXPECT_FALSE(paper.contains("table3"));
+  const Json& sets = paper["table2"]["here"];
+  ASSERT_EQ(sets.size(), 3u);
+  EXPECT_EQ(sets[0]["registrations"], 4);  // Four runs of the phantom, a start each.
+  EXPECT_TRUE(sets[0]["methods"].contains("rgrb, rigid"));
+  EXPECT_EQ(sets[2]["registrations"], 37);
+  EXPECT_FALSE(sets[2]["methods"].contains("rgrb, rigid")) << "its frames are centrelines";
+  EXPECT_FALSE(sets[2]["methods"]["iterative_pnp:huber, rigid"].contains("median_in_plane_mm")) << "no reference";
+  ASSERT_EQ(paper["losses"].size(), 5u);
+  EXPECT_TRUE(paper["losses"][0]["here"].contains("iterative_pnp:l2"));
+  EXPECT_EQ(paper["visible_fraction"]["points"].size(), 8u);
+  EXPECT_EQ(paper["point_sets"].size(), 12u);
+  EXPECT_NE(ended.out.find("| the paper's | DT-ICP | 16 % | 4.68 |"), std::string::npos) << ended.out;
+  EXPECT_NE(test::contentOf(report).find("What a match costs"), std::string::npos);
+}
+
 TEST_F(Evaluate, WrongInputIsOneLine) {
   const std::string tree = folder_.path("tree.csv");
   const std::vector<std::pair<std::vector<std::string>, std::string>> wrong = {
@@ -120,6 +145,7 @@ TEST_F(Evaluate, WrongInputIsOneLine) {
       {{"simulation", "--tree", tree, "--out", folder_.path("no/where.json")}, "folder must exist"},
       {{"simulation", "--tree", tree, "--settings", folder_.write("bad.yaml", "simulation: {missing: 3}\n")},
        "bad.yaml:1"},
+      {{"simulation", "--tree", tree, "--method", "rgrb", "--nonrigid"}, "lets the tree deform"},
       {{"paper", "--tree", "none.csv"}, "none.csv"}};
   for (const auto& [words, named] : wrong) {
     const auto ended = test::run("angio-evaluate", words);
@@ -140,7 +166,9 @@ TEST_F(Evaluate, WhatCannotBeMeantIsRefused) {
                                              {"simulation", "--tree", tree, "--trials", "0"},
                                              {"simulation", "--tree", tree, "--trials", "2.5"},
                                              {"simulation", "--tree", tree, "--model-axes", "xyz"},
-                                             {"paper", "--trials", "-1"}}) {
+                                             {"paper", "--trials", "-1"},
+                                             {"paper", "--table", "4"},
+                                             {"paper", "--figure", "noise"}}) {
     const auto ended = test::run("angio-evaluate", words);
     EXPECT_EQ(ended.exit_code, 2) << testing::PrintToString(words) << ended.err;
     EXPECT_EQ(ended.out, "");

@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "angio/base/formatted.hpp"
+#include "angio/evaluation/paper_real.hpp"
+#include "angio/evaluation/point_sets.hpp"
 #include "angio/evaluation/simulation_report.hpp"
 #include "angio/results/columns.hpp"
 #include "angio/results/experiment.hpp"
@@ -54,7 +56,8 @@ std::string figureOver(const Json& levels, const std::string& title, const std::
   // Room at both ends for the names below.
   Plot plot{"", {"spread of the starts per axis", false, std::pair(0, 1)}, {unit, false, std::pair(0, 1)}};
   plot.x.ticks.emplace();
-  plot.series.push_back({"the paper", {}, {}, 4});
+  const bool printed = !levels.empty() && levels.front()["paper"].contains(key);
+  plot.series.push_back({printed ? "the paper" : "", {}, {}, 4});
   for (const Json& level : levels) {
     const double x = level["translation_std_mm"];
     plot.x.ticks->emplace_back(x, filled("{rotation_std_deg:%g}\u00b0, {translation_std_mm:%g} mm", level));
@@ -64,7 +67,7 @@ std::string figureOver(const Json& levels, const std::string& title, const std::
       plot.series[s].y.push_back(figures[key]);
       plot.y.range->second = std::max(plot.y.range->second, 1.05 * plot.series[s].y.back());
     };
-    add(0, level["paper"]);
+    if (printed) add(0, level["paper"]);
     std::size_t s = 0;
     for (const auto& [name, figures] : level["here"].items()) {
       if (!isDrawn(name)) continue;
@@ -73,6 +76,29 @@ std::string figureOver(const Json& levels, const std::string& title, const std::
     }
   }
   return html::figure(title, plot);
+}
+
+// The losses of a match's distance that the paper compares, at the last scale of the kernel and our limit of Huber's.
+std::string lossFigure() {
+  const IterativePnpSettings paper = IterativePnpSettings::asInThePaper();
+  Plot plot{"", {"distance of a match [px]", false, std::pair(0, 10)}, {"loss", false, std::pair(0, 12)}};
+  PlotSeries kernel{"kernel, scale 1 px", {}, {}, 0}, wide{"kernel, scale 4 px", {}, {}, 1},
+      huber{formatted("Huber, %g px", paper.huber_px), {}, {}, 2}, squares{"squares", {}, {}, 3};
+  for (double d = 0; d <= 10; d += 0.1) {
+    const auto add = [&](PlotSeries& series, double loss) {
+      series.x.push_back(d);
+      series.y.push_back(loss);
+      series.marked = false;
+    };
+    const double h = paper.huber_px;
+    add(kernel, 1 - std::exp(-d * d / 2));
+    add(wide, 16 * (1 - std::exp(-d * d / (2 * 16))));
+    add(huber, d <= h ? d * d / 2 : h * (d - h / 2));
+    add(squares, d * d / 2);
+  }
+  plot.series = {kernel, wide, huber, squares};
+  return html::figure("What a match costs", plot,
+                      "Squares and Huber's loss alike near zero, where the kernels are too.");
 }
 
 // What the tables say of the trials of one method. The pose errors are against the truth.
@@ -151,16 +177,17 @@ SimulationSettings paperProtocol(const PaperStart& start, int trials, int seed) 
 }
 
 Json paperAsJson(const std::vector<EntrantRun>& table1, const std::vector<PaperLevel>& table3) {
-  Json json;
-  for (const auto& row : kPrintedTable1) {
-    json["table1"]["paper"][row.name] = {{"gfr_percent", row.gfr_percent},
-                                         {"mean_pr_mm", row.mean_pr_mm},
-                                         {"p95_pr_mm", row.p95_pr_mm},
-                                         {"p75_pr_mm", row.p75_pr_mm},
-                                         {"time_ms", row.time_ms ? Json(*row.time_ms) : Json(nullptr)}};
+  Json json = Json::object();
+  if (!table1.empty()) {
+    for (const auto& row : kPrintedTable1) {
+      json["table1"]["paper"][row.name] = {{"gfr_percent", row.gfr_percent},
+                                           {"mean_pr_mm", row.mean_pr_mm},
+                                           {"p95_pr_mm", row.p95_pr_mm},
+                                           {"p75_pr_mm", row.p75_pr_mm},
+                                           {"time_ms", row.time_ms ? Json(*row.time_ms) : Json(nullptr)}};
+    }
+    json["table1"]["here"] = figuresByName(table1);
   }
-  json["table1"]["here"] = figuresByName(table1);
-  json["table3"] = Json::array();
   for (const auto& level : table3) {
     const PaperStart& p = level.start;
     json["table3"].push_back({{"rotation_std_deg", p.rotation_std_deg},
@@ -218,32 +245,68 @@ std::string paperTable3(const Json& paper) {
          "centroid / at the source.\n";
 }
 
-std::string paperReportHtml(const std::vector<EntrantRun>& table1, const Json& paper, const std::string& tree_name,
-                            const Json& settings_shown) {
-  const auto size = table1.empty() ? 0 : table1.front().outcomes.size();
-  const Json& levels = paper["table3"];  // None when the experiment was interrupted.
+std::string lossTable(const Json& levels) {
+  std::string table =
+      "Losses: the paper's method with its kernel, with Huber's loss and with squares\n\n"
+      "| start, std per axis | method | mean PR [mm] | GFR, PR > 5 px | pose ok |\n| --- | --- | --- | --- | --- |\n";
+  for (const Json& level : levels) {
+    for (const auto& [name, f] : level["here"].items()) {
+      table += filled("| {rotation_std_deg:%g deg}, {translation_std_mm:%g mm}", level) + " | " + name + " | " +
+               small(f["mean_pr_mm"]) + filled(" | {gfr_percent:%.0f %%} | {pose_ok_percent:%.0f %%} |\n", f);
+    }
+  }
+  return table;
+}
+
+std::string paperReportHtml(const PaperReport& report) {
+  const Json& paper = report.paper;
   std::vector<EntrantRun> drawn;
-  for (const EntrantRun& run : table1) {
+  for (const EntrantRun& run : report.table1) {
     if (isDrawn(run.name)) drawn.push_back(run);
   }
-  const auto over_starts = [&] {
-    return html::grid({figureOver(levels, "Projection residual, rigid", "mean PR [mm]", "mean_pr_mm"),
-                       figureOver(levels, "Gross failures, rigid", "GFR, PR > 5 px [%]", "gfr_percent"),
-                       figureOver(levels, "Rotation left, rigid", "mean [deg]", "mean_rotation_deg"),
-                       figureOver(levels, "Translation left at the centroid, rigid", "mean [mm]", "mean_centroid_mm")});
-  };
-  return html::page(
-      "Beside the paper",
-      "Its simulation experiments on " + tree_name + ", " + std::to_string(size) +
-          " trials per row, noise-free, one image point per point of the tree, another view in every trial. The "
-          "paper's tree, views and the unit of lengths in its prior are not known. " +
-          html::machineLine(),
-      {html::section("Table I", html::fromMarkdown(paperTable1(paper))),
-       html::section("The same, trial by trial, rigid",
-                     html::grid({html::errorFigure(drawn), html::timeFigure(drawn), html::startAndEndFigure(drawn),
-                                 html::captureFigure(drawn)})),
-       html::section("Table III", (levels.empty() ? "" : over_starts()) + html::fromMarkdown(paperTable3(paper))),
-       html::settingsSection(settings_shown)});
+  std::vector<std::string> sections;
+  if (paper.contains("table1")) {
+    sections.push_back(html::section("Table I", html::fromMarkdown(paperTable1(paper))));
+    sections.push_back(html::section("The same, trial by trial, rigid",
+                                     html::grid({html::errorFigure(drawn), html::timeFigure(drawn),
+                                                 html::startAndEndFigure(drawn), html::captureFigure(drawn)})));
+  }
+  if (paper.contains("table2")) {
+    sections.push_back(html::section("Table II", html::fromMarkdown(paperTable2(paper["table2"]))));
+  }
+  if (paper.contains("table3")) {  // Not there when the experiment was interrupted.
+    const Json& levels = paper["table3"];
+    const auto over_starts =
+        html::grid({figureOver(levels, "Projection residual, rigid", "mean PR [mm]", "mean_pr_mm"),
+                    figureOver(levels, "Gross failures, rigid", "GFR, PR > 5 px [%]", "gfr_percent"),
+                    figureOver(levels, "Rotation left, rigid", "mean [deg]", "mean_rotation_deg"),
+                    figureOver(levels, "Translation left at the centroid, rigid", "mean [mm]", "mean_centroid_mm")});
+    sections.push_back(html::section("Table III", over_starts + html::fromMarkdown(paperTable3(paper))));
+  }
+  if (paper.contains("losses")) {
+    const Json& levels = paper["losses"];
+    sections.push_back(html::section(
+        "Losses", html::grid({lossFigure(), figureOver(levels, "Gross failures", "GFR, PR > 5 px [%]", "gfr_percent"),
+                              figureOver(levels, "Right poses", "pose ok [%]", "pose_ok_percent")}) +
+                      html::fromMarkdown(lossTable(levels))));
+  }
+  if (paper.contains("visible_fraction")) {
+    sections.push_back(html::section(
+        "A part of the tree in view",
+        html::sweepFigure(paper["visible_fraction"]) + html::fromMarkdown(sweepTable(paper["visible_fraction"]))));
+  }
+  if (paper.contains("point_sets")) {
+    sections.push_back(
+        html::section("The losses from 3D to 3D",
+                      pointSetFigure(paper["point_sets"]) + html::fromMarkdown(pointSetTable(paper["point_sets"]))));
+  }
+  sections.push_back(html::settingsSection(report.settings_shown));
+  return html::page("Beside the paper",
+                    "Its experiments on " + report.tree_name +
+                        ": noise-free, one image point per point of the tree, another view in every trial. The paper's "
+                        "tree, views and the unit of lengths in its prior are not known. " +
+                        html::machineLine(),
+                    sections);
 }
 
 }  // namespace angio::evaluation

@@ -42,15 +42,29 @@ struct PaperLevel {
   std::vector<EntrantRun> runs;
 };
 
-/// Both tables: {"table1": {"paper": ..., "here": {method: figures}}, "table3": [{..., "paper": ..., "here": ...}]}.
+/// Tables I and III, those that were run: {"table1": {"paper": ..., "here": {method: figures}}, "table3": [{...,
+/// "paper":
+/// ..., "here": ...}]}.
 Json paperAsJson(const std::vector<EntrantRun>& table1, const std::vector<PaperLevel>& table3);
 
 /// Of that, Table I with the paper's rows above ours, and Table III with them beside ours, Markdown.
 std::string paperTable1(const Json& paper);
 std::string paperTable3(const Json& paper);
 
+/// The paper's figure of losses, measured: what iterative_pnp leaves over the spread of the starts with each loss. Of
+/// levels that were run with methods that differ in their loss alone; Markdown.
+std::string lossTable(const Json& levels);
+
+/// What a report shows: what was run of it.
+struct PaperReport {
+  const std::vector<EntrantRun>& table1;
+  const Json& paper;  ///< As paperAsJson() has it; "table2", "losses", "visible_fraction" and "point_sets" beside it
+                      ///< where they were run.
+  std::string tree_name;
+  Json settings_shown;
+};
+
 /// One self-contained HTML page.
-std::string paperReportHtml(const std::vector<EntrantRun>& table1, const Json& paper, const std::string& tree_name,
-                            const Json& settings_shown);
+std::string paperReportHtml(const PaperReport& report);
 
 }  // namespace angio::evaluation

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// angio-evaluate paper: the experiments of the Iterative PnP paper beside its printed figures.
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "angio/cli/data_folder.hpp"
+#include "angio/cli/program.hpp"
+#include "angio/cli/progress_bar.hpp"
+#include "angio/evaluation/paper.hpp"
+#include "angio/evaluation/paper_real.hpp"
+#include "angio/evaluation/point_sets.hpp"
+#include "angio/evaluation/simulation_report.hpp"
+#include "angio/io/vessel_files.hpp"
+#include "angio/io/whole_file.hpp"
+#include "angio/results/experiment.hpp"
+#include "angio/vessel/resample.hpp"
+#include "evaluate.hpp"
+
+namespace angio::apps {
+namespace {
+
+// As many points as the paper's trees have, about two thousand for the bundled one.
+constexpr double kTreeSpacing_m = 1e-3;
+constexpr int kMaxTreePoints = 15000;
+
+// Of Table II: each of the phantom's runs from so many starts, spread as Table I's.
+constexpr int kTrialsForStart = 4;
+
+const std::string kLoss = "loss", kVisibleFraction = "visible-fraction", kPointSets = "3d-3d";
+
+struct PaperOptions {
+  MethodOptions method;
+  std::string tree = exampleDataFile("hepatic-tace/tree.csv"), out, report;
+  std::vector<int> tables;
+  std::vector<std::string> figures;
+  int trials = 100, seed = 1;
+  ModelAxes model_axes = ModelAxes::kLip;  // The bundled tree's: y runs down the patient.
+
+  bool asksFor(int table) const { return std::find(tables.begin(), tables.end(), table) != tables.end(); }
+  bool asksFor(const std::string& figure) const {
+    return std::find(figures.begin(), figures.end(), figure) != figures.end();
+  }
+};
+
+// Rigid or nonrigid, whatever the settings say; of methods that are rigid no nonrigid one.
+std::vector<Entrant> deformed(const std::vector<Entrant>& entrants, Deformation deformation) {
+  std::vector<Entrant> result;
+  for (Entrant entrant : entrants) {
+    if (!setDeformation(entrant.registration, deformation)) continue;
+    entrant.name += deformation == Deformation::kRigid ? ", rigid" : ", nonrigid";
+    result.push_back(std::move(entrant));
+  }
+  return result;
+}
+
+// The experiments that are asked for, one after the other, and what they say.
+class PaperExperiments {
+ public:
+  explicit PaperExperiments(const PaperOptions& o)
+      : o_(o),
+        file_(o.method.settings.empty() ? ProgramSettings() : readSettings(o.method.settings, ProgramSettings())) {
+    setup_.trees.push_back(resampled(readVesselTree(o.tree), kTreeSpacing_m, kMaxTreePoints).tree);
+    const std::vector<Entrant> entrants = o.method.entrants(file_);
+    rigid_ = deformed(entrants, Deformation::kRigid);
+    both_ = rigid_;
+    for (Entrant& entrant : deformed(entrants, Deformation::kNonrigid)) both_.push_back(std::move(entrant));
+    total_ = static_cast<int>(both_.size()) * o.trials * (o.asksFor(3) ? 5 : o.asksFor(1) ? 1 : 0);
+    if (o.asksFor(kLoss)) total_ += 3 * 5 * o.trials;
+    if (o.asksFor(kVisibleFraction)) {
+      total_ += static_cast<int>(rigid_.size() * visibleFraction().points.size()) * o.trials;
+    }
+    if (o.asksFor(kPointSets)) total_ += pointSetStudySize(o.trials);
+    if (o.asksFor(2)) real_ = realCases();
+    for (const RealCases& cases : real_) total_ += static_cast<int>(cases.set.cases.size() * entrantsOf(cases).size());
+  }
+
+  int report() {
+    bar_.emplace("registering", total_);
+    const bool goes_on = (!o_.asksFor(1) && !o_.asksFor(3)) || tables1And3();
+    if (goes_on && o_.asksFor(2)) table2();
+    if (!interrupted() && o_.asksFor(kLoss)) losses();
+    if (!interrupted() && o_.asksFor(kVisibleFraction)) visible();
+    if (!interrupted() && o_.asksFor(kPointSets)) {
+      paper_["point_sets"] = pointSetStudy(setup_.trees.front(), o_.trials, o_.seed, [&](int) { bar_->show(++done_); });
+    }
+
+    Json json;
+    if (!table1_.empty()) {
+      json = runsAsJson(table1_, simulationSummaries(table1_, simulatedCamera().parameters().pixel_spacing_m));
+    }
+    json["paper"] = paper_;
+    json["settings"] = entrantsAsJson(both_);
+    json["settings"]["simulation"] = settingsAsJson(protocol(paperTable1Start()));
+    json["settings"]["simulation"]["tree"] = std::filesystem::path(o_.tree).filename().string();
+    if (!o_.report.empty()) {
+      writeWholeFile(o_.report,
+                     paperReportHtml({table1_, paper_, json["settings"]["simulation"]["tree"], json["settings"]}));
+    }
+    return reported(json, o_.out, tables());
+  }
+
+ private:
+  SimulationSettings protocol(const PaperStart& start) const {
+    SimulationSettings settings = paperProtocol(start, o_.trials, o_.seed);
+    settings.model_axes = o_.model_axes;
+    return settings;
+  }
+
+  std::vector<EntrantRun> run(const std::vector<Entrant>& entrants, const PaperStart& start) {
+    setup_.entrants = entrants;
+    return runSimulation(setup_, protocol(start), [&](int) { bar_->show(++done_); });
+  }
+
+  std::vector<PaperLevel> overStarts(const std::vector<Entrant>& entrants) {
+    std::vector<PaperLevel> levels;
+    for (const auto& start : paperStarts()) {
+      const bool known = &start == &paperTable1Start() && &entrants == &both_;  // Table I is this row.
+      if (!finishPart(true, [&] { levels.push_back({start, known ? table1_ : run(entrants, start)}); })) break;
+    }
+    return levels;
+  }
+
+  // Returns whether the rest is wanted still.
+  bool tables1And3() {
+    table1_ = run(both_, paperTable1Start());
+    std::vector<PaperLevel> table3;
+    if (o_.asksFor(3) && !interrupted()) table3 = overStarts(both_);
+    paper_ = paperAsJson(table1_, table3);
+    return !interrupted();
+  }
+
+  // The data that stand in for the paper's.
+  std::vector<RealCases> realCases() const {
+    const CaseSet phantom =
+        withDrawnStarts(readCaseSet(exampleDataFile("static-phantom/cases.yaml")), paperTable1Start().rotation_std_deg,
+                        paperTable1Start().translation_std_mm, std::max(1, o_.trials / kTrialsForStart), o_.seed);
+    return {{"static phantom, DSA", phantom, true},
+            {"static phantom, found by the extractor", seenByImages(phantom), true},
+            {"clinical catheter run", readCaseSet(exampleDataFile("hepatic-tace/cases.yaml")), false}};
+  }
+  std::vector<Entrant> entrantsOf(const RealCases& cases) const {
+    std::vector<Entrant> able;
+    for (const Entrant& entrant : both_) {
+      if (cases.has_images || !imageNeeded(entrant.registration)) able.push_back(entrant);
+    }
+    return able;
+  }
+  void table2() {
+    const ExtractorSettings extractor = chosenExtractor(file_, o_.method.extractor);
+    std::vector<RealRuns> all;
+    for (const RealCases& cases : real_) {
+      const bool goes_on = finishPart(true, [&] {
+        all.push_back(runRealCases(cases, entrantsOf(cases), extractor, [&](int) { bar_->show(++done_); }));
+      });
+      if (!goes_on) break;
+    }
+    paper_["table2"] = paperTable2AsJson(all);
+  }
+
+  void losses() {
+    MethodOptions by_loss;
+    by_loss.methods.clear();
+    for (const char* loss : {":paper", ":huber", ":l2"})
+      by_loss.methods.push_back(IterativePnpSettings::kName + std::string(loss));
+    paper_["losses"] = paperAsJson({}, overStarts(by_loss.entrants(file_)))["table3"];
+  }
+
+  Sweep visibleFraction() const { return sweepsNamed(kVisibleFraction, protocol(paperTable1Start())).front(); }
+  void visible() {
+    setup_.entrants = rigid_;
+    paper_["visible_fraction"] = runSweep(setup_, visibleFraction(), [&](int) { bar_->show(++done_); });
+  }
+
+  std::string tables() const {
+    std::string text;
+    const auto add = [&](const char* part, const auto& table) {
+      if (paper_.contains(part)) text += (text.empty() ? "" : "\n") + table(paper_);
+    };
+    if (o_.asksFor(1)) add("table1", paperTable1);
+    add("table2", [](const Json& paper) { return paperTable2(paper["table2"]); });
+    add("table3", paperTable3);
+    add("losses", [](const Json& paper) { return lossTable(paper["losses"]); });
+    add("visible_fraction", [](const Json& paper) { return sweepTable(paper["visible_fraction"]); });
+    add("point_sets", [](const Json& paper) { return pointSetTable(paper["point_sets"]); });
+    return text;
+  }
+
+  const PaperOptions& o_;
+  ProgramSettings file_;
+  SimulationSetup setup_;
+  std::vector<Entrant> rigid_, both_;
+  std::vector<RealCases> real_;
+  int total_ = 0, done_ = 0;
+  std::optional<ProgressBar> bar_;
+  std::vector<EntrantRun> table1_;
+  Json paper_ = Json::object();
+};
+
+int evaluatePaper(PaperOptions o) {
+  for (const auto& path : {o.out, o.report}) requireFolderOf(path);
+  if (o.tables.empty() && o.figures.empty()) o.tables = {1, 3};
+  return PaperExperiments(o).report();
+}
+
+}  // namespace
+
+void addEvaluatePaper(cli::Command& app, Work& work) {
+  const auto o = std::make_shared<PaperOptions>();
+  const std::string papers = IterativePnpSettings::kName;
+  o->method.methods = {papers + ":paper", papers + ":huber", papers, papers + ":best", OrientedKernelSettings::kName};
+  auto* command = app.addSubcommand("paper", "Repeat the experiments of the Iterative PnP paper");
+  command->footer(
+      "Example:\n  angio-evaluate paper --table 1 --table 3 --trials 100 --report paper.html\n\nThe paper's method "
+      "stands as "
+      "the paper has it (iterative_pnp:paper), with Huber's loss in place of its kernel (iterative_pnp:huber), by our "
+      "defaults, and at the best settings found for it (iterative_pnp:best).");
+  command->addOption("--tree", o->tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
+  addModelAxes(*command, o->model_axes);
+  command
+      ->addOption("--table", o->tables,
+                  "Table I, II (on real images) or III; may be repeated; when not given I and III")
+      ->check(cli::wholeBetween(1, 3))
+      ->takeAll();
+  command
+      ->addOption(
+          "--figure", o->figures,
+          "What each loss leaves, here or from 3D to 3D, or what a part of the tree in view does; may be repeated")
+      ->check(cli::oneOf({kLoss, kVisibleFraction, kPointSets}))
+      ->takeAll();
+  command
+      ->addOption("--trials", o->trials,
+                  "Trials of each row; in Table II a quarter of it, from each of the phantom's runs")
+      ->check(cli::wholeBetween(1, 100000));
+  command->addOption("--seed", o->seed, "Seed of all draws")->check(cli::wholeBetween(0, 2147483647));
+  o->method.addTo(*command, settingsInForce<ProgramSettings>);
+  command->addOption("--out", o->out, "All results (.json)");
+  command->addOption("--report", o->report, "Report with curves (.html)");
+  command->onChosen([o, &work] { work = [o] { return evaluatePaper(*o); }; });
+}
+
+}  // namespace angio::apps
