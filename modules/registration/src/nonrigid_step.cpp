@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <map>
-#include <nanoflann.hpp>
 
 namespace angio::registration {
 namespace {
@@ -15,29 +13,6 @@ constexpr double kMillimetre = 1e-3;
 constexpr int kBlockRow[6] = {0, 1, 2, 1, 2, 2};
 constexpr int kBlockColumn[6] = {0, 0, 0, 1, 1, 2};
 constexpr int kDiagonal[3] = {0, 3, 5};
-
-// Sum of the weights of |r_i - r_j|^2 by pair, i > j. The paper's sums run over ordered pairs, so a chain edge counts
-// twice.
-std::map<std::pair<int, int>, double> pairWeights(const VesselTree& tree, const IterativePnpSettings& settings) {
-  std::map<std::pair<int, int>, double> weights;
-  const auto add = [&](int i, int j, double weight) {
-    if (i != j && weight > 0) weights[{std::max(i, j), std::min(i, j)}] += weight;
-  };
-  for (int i = 0; i < tree.size(); ++i) {
-    if (tree.parents()[i] >= 0) add(i, tree.parents()[i], 2 * settings.w2);
-  }
-  const Eigen::MatrixX3d rows = tree.points().transpose();
-  const nanoflann::KDTreeEigenMatrixAdaptor<Eigen::MatrixX3d, 3> index(3, rows, 10);
-  const auto wanted = static_cast<std::size_t>(settings.regulariser_neighbours) + 1;  // The point itself comes first.
-  std::vector<Eigen::Index> neighbour(wanted);
-  std::vector<double> distance2(wanted);
-  for (int i = 0; i < tree.size(); ++i) {
-    const Eigen::Vector3d p = tree.points().col(i);
-    const std::size_t found = index.index->knnSearch(p.data(), wanted, neighbour.data(), distance2.data());
-    for (std::size_t k = 0; k < found; ++k) add(i, static_cast<int>(neighbour[k]), settings.w3);
-  }
-  return weights;
-}
 
 }  // namespace
 
@@ -50,8 +25,7 @@ NonrigidStep::NonrigidStep(const VesselTree& tree, const IterativePnpSettings& s
                            kBlockRow[e] == kBlockColumn[e] ? own_weight_ : 0);
     }
   }
-  for (const auto& [pair, weight] : pairWeights(tree, settings)) {
-    const auto [i, j] = pair;
+  for (const auto& [i, j, weight] : displacementPairs(tree, settings)) {
     couplings_.push_back({i, j, settings.lambda2 * weight});
     for (int k = 0; k < 3; ++k) {
       entries.emplace_back(3 * i + k, 3 * j + k, -couplings_.back().weight);

@@ -9,6 +9,7 @@
 #include "angio/registration/iterative_pnp_settings.hpp"
 #include "angio/registration/xray_view.hpp"
 #include "angio/vessel/vessel_tree.hpp"
+#include "displacement_pairs.hpp"
 #include "rigid_step.hpp"
 
 namespace angio::registration {
@@ -38,17 +39,12 @@ class NonrigidStep {
   double regulariser(const Eigen::Matrix3Xd& displacements_m) const;
 
  private:
-  struct Coupling {
-    int i, j;
-    double weight;
-  };
-
   void addView(const XrayView& view, const Pose& T_camera_model, const Pull& pull,
                const Eigen::Matrix3Xd& displacements_m, Eigen::VectorXd& rhs);
 
   Eigen::Matrix3Xd points_m_;
-  double own_weight_;                // lambda2 w1
-  std::vector<Coupling> couplings_;  // lambda2 times the weight of |r_i - r_j|^2
+  double own_weight_;                        // lambda2 w1
+  std::vector<DisplacementPair> couplings_;  // Weights times lambda2.
   Eigen::SparseMatrix<double> system_;
   std::vector<double> regulariser_values_;          // Values of system_ without data.
   std::vector<std::array<int, 6>> diagonal_block_;  // Where the lower half of each 3 x 3 block lies among the values.
