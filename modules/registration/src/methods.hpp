@@ -11,6 +11,10 @@ namespace angio::registration {
 /// nearest neighbours on the image side, Gaussian-kernel weights, Levenberg-Marquardt on SE(3), rigid then nonrigid.
 std::unique_ptr<Registration> make(const IterativePnpSettings& settings, const VesselTree& tree);
 
+/// NICP, "Registration and analysis of vascular images" (Aylward et al. 2003): ascends the weighted mean of the image's
+/// blurred centreline at the projected model, coarse to fine. Rigid.
+std::unique_ptr<Registration> make(const NicpSettings& settings, const VesselTree& tree);
+
 /// Oriented kernel fields with many starts, and a point-to-line polish from image to model.
 std::unique_ptr<Registration> make(const OrientedKernelSettings& settings, const VesselTree& tree);
 

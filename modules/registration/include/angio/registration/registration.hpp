@@ -10,6 +10,7 @@
 #include "angio/registration/automask_settings.hpp"
 #include "angio/registration/iterative_pnp_settings.hpp"
 #include "angio/registration/namespace.hpp"
+#include "angio/registration/nicp_settings.hpp"
 #include "angio/registration/oriented_kernel_settings.hpp"
 #include "angio/registration/result.hpp"
 #include "angio/registration/rgrb_settings.hpp"
@@ -101,7 +102,7 @@ class Registration {
 };
 
 /// The settings type is the choice of the method: a new method is its settings, its source and one name here.
-using RegistrationSettings = std::variant<IterativePnpSettings, OrientedKernelSettings, RgrbSettings, AutoMaskSettings>;
+using RegistrationSettings = std::variant<IterativePnpSettings, OrientedKernelSettings, NicpSettings, RgrbSettings, AutoMaskSettings>;
 
 /// Throws InputError when a setting is out of its range.
 std::unique_ptr<Registration> makeRegistration(const RegistrationSettings& settings, const VesselTree& tree);

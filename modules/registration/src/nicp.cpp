@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include <algorithm>
+#include <cmath>
+#include <deque>
+
+#include "angio/base/stopwatch.hpp"
+#include "angio/registration/alignment_score.hpp"
+#include "angio/vessel/resample.hpp"
+#include "fit_classification.hpp"
+#include "methods.hpp"
+#include "ridge_step.hpp"
+
+namespace angio::registration {
+namespace {
+
+// Rest: a step that moves no projected point by more than this [px], at the last scale.
+constexpr double kNicpRest_px = 1e-3;
+// At the scales before it, in standard deviations of the blur: what is left is the next scale's.
+constexpr double kNicpCoarseRest = 0.05;
+// Steps at each scale; the last one has to come to rest.
+constexpr int kNicpCoarseSteps = 12;
+constexpr int kNicpLastSteps = 40;
+// Where matches for the covariance lose their weight: the distance at which the alignment score takes a point as
+// explained [px].
+constexpr double kNicpMatch_px = 3;
+
+// From coarse to fine: halved from the first scale on, and the last one; that alone when the first is no coarser.
+std::vector<double> nicpScales(const NicpSettings& settings) {
+  std::vector<double> scales_px;
+  for (double scale_px = settings.first_scale_px; scale_px > settings.last_scale_px; scale_px /= 2) {
+    scales_px.push_back(scale_px);
+  }
+  scales_px.push_back(settings.last_scale_px);
+  return scales_px;
+}
+
+// What depends on the frame only.
+class RidgeFrame {
+ public:
+  RidgeFrame(const XrayViews& given, const std::vector<double>& scales_px) : images_of_scale_(scales_px.size()) {
+    for (const XrayView& view : given) {
+      seen_.emplace_back(densified(view.centerline, NicpSettings::spacing_px), view.camera, scales_px);
+      views_.push_back({seen_.back().centerline, view.camera, view.T_view_first, view.collimator_px});
+      for (std::size_t s = 0; s < scales_px.size(); ++s) images_of_scale_[s].push_back(&seen_.back().images[s]);
+    }
+  }
+  RidgeFrame(const RidgeFrame&) = delete;
+  RidgeFrame& operator=(const RidgeFrame&) = delete;
+
+  const XrayViews& views() const { return views_; }
+  std::size_t scales() const { return images_of_scale_.size(); }
+  const std::vector<const RidgeImage*>& images(std::size_t scale) const { return images_of_scale_[scale]; }
+  const PointMatcher& matcher(std::size_t view) const { return seen_[view].matcher; }
+  int points() const {
+    int points = 0;
+    for (const Seen& seen : seen_) points += seen.centerline.size();
+    return points;
+  }
+
+ private:
+  struct Seen {
+    Seen(Centerline2d points, const XrayCamera& camera, const std::vector<double>& scales_px)
+        : centerline(std::move(points)),
+          matcher(centerline.points_px),
+          images(ridgeImages(centerline, NicpSettings::spacing_px, camera, scales_px)) {}
+
+    Centerline2d centerline;
+    PointMatcher matcher;
+    std::vector<RidgeImage> images;
+  };
+
+  std::deque<Seen> seen_;  // A deque's elements stay where they are.
+  XrayViews views_;        // Borrows from seen_.
+  std::vector<std::vector<const RidgeImage*>> images_of_scale_;
+};
+
+class Nicp final : public Registration {
+ public:
+  Nicp(const NicpSettings& settings, const VesselTree& tree)
+      : scales_px_(nicpScales(settings)),
+        given_(tree),
+        model_(resampled(tree, settings.spacing_mm * 1e-3, settings.max_points_3d)),
+        points_(weightedPoints(model_.tree)) {
+    radius_m_ = std::sqrt(points_.centered.colwise().squaredNorm().maxCoeff());
+  }
+
+  using Registration::align;
+
+  RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override {
+    const Stopwatch began;
+    RegistrationResult result;
+    result.T_camera_model = start;
+    result.points_3d = model_.tree.size();
+    for (const XrayView& view : views) result.points_2d += view.centerline.size();
+    const PosePriorTerm held = givenPrior(prior, model_.tree.centroid());
+    result.prior = held.source;
+    if (tooFewPoints(result)) return result;
+    const RidgeFrame frame(views, scales_px_);
+    result.points_2d = frame.points();
+    result.times.prepare_s = began.seconds();
+
+    const Stopwatch rigid_began;
+    const Eigen::Translation3d to_center(model_.tree.centroid());
+    Pose T_camera_centered = start * to_center;
+    for (std::size_t scale = 0; scale < frame.scales(); ++scale) climb(frame, scale, held, T_camera_centered, result);
+    result.covariance = covarianceAt(frame, held, T_camera_centered);
+    result.T_camera_model = T_camera_centered * to_center.inverse();
+    result.times.rigid_s = rigid_began.seconds();
+
+    result.alignment = alignmentScore(model_.tree, model_.tree.points(), frame.views(), result.T_camera_model);
+    classify(tree(), result);
+    result.times.total_s = began.seconds();
+    return result;
+  }
+
+  const VesselTree& tree() const override { return given_; }
+
+ private:
+  // To rest at one scale, or as far as its steps go.
+  void climb(const RidgeFrame& frame, std::size_t scale, const PosePriorTerm& prior, Pose& T_camera_centered,
+             RegistrationResult& result) const {
+    const bool last = scale + 1 == frame.scales();
+    const double rest_px = last ? kNicpRest_px : kNicpCoarseRest * scales_px_[scale];
+    const bool in_plane = frame.views().size() == 1 && scales_px_[scale] > NicpSettings::in_plane_above_px;
+    const RidgeFreedom freedom = in_plane ? RidgeFreedom::kInPlane : RidgeFreedom::kAll;
+    RidgeAscent solver;
+    for (int k = 0; k < (last ? kNicpLastSteps : kNicpCoarseSteps); ++k) {
+      const auto step = solver.step(points_, frame.views(), frame.images(scale), T_camera_centered, prior, freedom);
+      T_camera_centered = step.T_camera_centered;
+      ++result.rigid_iterations;
+      result.last_step_px = movedAtMost_px(frame.views(), T_camera_centered, step.dx);
+      if (!step.lowered || result.last_step_px < rest_px) break;
+    }
+  }
+
+  // How far a step moves the projection at most, roughly [px].
+  double movedAtMost_px(const XrayViews& views, const Pose& T_camera_centered, const Twist& dx) const {
+    double px_per_m = 0;
+    for (const XrayView& view : views) {
+      const double depth_m = std::max(1e-3, (view.T_view_first * T_camera_centered.translation()).z());
+      px_per_m = std::max(px_per_m, view.camera.parameters().fx_px / depth_m);
+    }
+    return px_per_m * (dx.head<3>().norm() + radius_m_ * dx.tail<3>().norm());
+  }
+
+  // The metric is no likelihood. The covariance is that of the projected points' distances from the nearest image
+  // points: their Gauss-Newton Hessian at the solution, and their own spread, as iterative_pnp has it.
+  std::optional<Matrix6d> covarianceAt(const RidgeFrame& frame, const PosePriorTerm& prior,
+                                       const Pose& T_camera_centered) const {
+    IterativePnpSettings gaussian;
+    gaussian.neighbours_each_side = 0;
+    Projected projected(model_.tree.size());
+    std::vector<Pull> pulls(frame.views().size(), Pull(model_.tree.size()));
+    for (std::size_t v = 0; v < pulls.size(); ++v) {
+      projectPoints(points_.centered, frame.views()[v], T_camera_centered, OutsideImage::kIgnore, projected);
+      matchNearest(projected, frame.matcher(v), pulls[v]);
+      weigh(projected, frame.matcher(v), {}, gaussian, kNicpMatch_px, pulls[v]);
+    }
+    return covarianceOf(normalEquations(points_.centered, frame.views(), T_camera_centered, pulls, prior), pulls,
+                        T_camera_centered, model_.tree.centroid());
+  }
+
+  std::vector<double> scales_px_;
+  VesselTree given_;
+  ResampledTree model_;
+  WeightedPoints points_;
+  double radius_m_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Registration> make(const NicpSettings& settings, const VesselTree& tree) {
+  return std::make_unique<Nicp>(settings, tree);
+}
+
+}  // namespace angio::registration
