@@ -70,6 +70,16 @@ class BucketGrid {
     }
   }
 
+  /// Visits all points within `reach_px` of a finite place: their index, and where they are from there (x, y) [px].
+  template <typename Visit>
+  void eachWithin(const Eigen::Vector2d& query, double reach_px, const Visit& visit) const {
+    if (index_.empty()) return;
+    eachSlot(query, reach_px, [&](int slot) {
+      const double x = x_[slot] - query.x(), y = y_[slot] - query.y();
+      if (x * x + y * y <= reach_px * reach_px) visit(index_[slot], x, y);
+    });
+  }
+
  private:
   static constexpr double kMinCell_px = 4;
   static constexpr double kCellsPerPoint = 8;
