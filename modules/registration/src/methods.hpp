@@ -28,4 +28,8 @@ std::unique_ptr<Registration> make(const AutoMaskSettings& settings, const Vesse
 /// space, lowered by a gradient flow on SE(3); rigid.
 std::unique_ptr<Registration> make(const CvoSettings& settings, const VesselTree& tree);
 
+/// "Nonrigid 2D/3D registration of coronary artery models" (Rivest-Henault et al.) as the paper compares with it: the
+/// distance transform of the image's centreline at every projected point; affine, rigid, then nonrigid.
+std::unique_ptr<Registration> make(const DtIcpSettings& settings, const VesselTree& tree);
+
 }  // namespace angio::registration

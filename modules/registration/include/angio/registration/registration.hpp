@@ -9,6 +9,7 @@
 #include "angio/base/settings.hpp"
 #include "angio/registration/automask_settings.hpp"
 #include "angio/registration/cvo_settings.hpp"
+#include "angio/registration/dt_icp_settings.hpp"
 #include "angio/registration/iterative_pnp_settings.hpp"
 #include "angio/registration/namespace.hpp"
 #include "angio/registration/nicp_settings.hpp"
@@ -103,8 +104,8 @@ class Registration {
 };
 
 /// The settings type is the choice of the method: a new method is its settings, its source and one name here.
-using RegistrationSettings = std::variant<IterativePnpSettings, OrientedKernelSettings, CvoSettings, NicpSettings,
-                                          RgrbSettings, AutoMaskSettings>;
+using RegistrationSettings = std::variant<IterativePnpSettings, OrientedKernelSettings, DtIcpSettings, NicpSettings,
+                                          CvoSettings, RgrbSettings, AutoMaskSettings>;
 
 /// Throws InputError when a setting is out of its range.
 std::unique_ptr<Registration> makeRegistration(const RegistrationSettings& settings, const VesselTree& tree);
