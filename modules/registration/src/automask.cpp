@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <opencv2/core.hpp>
 #include <opencv2/core/optim.hpp>
 #include <opencv2/imgproc.hpp>
@@ -21,27 +20,13 @@ namespace angio::registration {
 namespace {
 
 // Images are compared at these parts of their size, coarse first.
-constexpr int kBinnings[] = {16, 8, 4};
+constexpr int kBinnings[] = {32, 16, 8, 4};
 // A vessel is drawn at least so wide, with as much less in it: one that falls between rays would come and go with the
 // pose [px of the binned image].
 constexpr double kMinRadius_px = 0.75;
 // Larger than any difference of correlations.
 constexpr double kNoImage = 10;
 constexpr int kMaxEvaluations = 400;
-
-// Values to ranks, those of equal values to their mean rank.
-void toRanks(std::vector<float>& values, std::vector<int>& order) {
-  order.resize(values.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return values[a] < values[b]; });
-  for (std::size_t from = 0; from < order.size();) {
-    std::size_t to = from;
-    const float value = values[order[from]];
-    while (to < order.size() && values[order[to]] == value) ++to;
-    for (std::size_t k = from; k < to; ++k) values[order[k]] = 0.5F * static_cast<float>(from + to - 1);
-    from = to;
-  }
-}
 
 // In [-1, 1]; nothing where one side does not vary.
 std::optional<double> correlation(const std::vector<float>& a, const std::vector<float>& b) {
@@ -133,10 +118,8 @@ class MaskedView {
 // function of a turn and a shift about the centroid, in units of its first steps.
 class MaskedMismatch final : public cv::MinProblemSolver::Function {
  public:
-  MaskedMismatch(std::vector<MaskedView>& views, MaskMetric metric, const Pose& T_camera_centered)
-      : views_(views), ranks_(metric == MaskMetric::kRanks), T_(T_camera_centered) {
+  MaskedMismatch(std::vector<MaskedView>& views, const Pose& T_camera_centered) : views_(views), T_(T_camera_centered) {
     for (const MaskedView& view : views_) view.appendSeen(seen_);
-    if (ranks_) toRanks(seen_, order_);
   }
 
   static Pose moved(const Pose& T_camera_centered, const double* x) {
@@ -156,18 +139,15 @@ class MaskedMismatch final : public cv::MinProblemSolver::Function {
     const Pose T = moved(T_, x);
     if (!T.matrix().allFinite()) return kNoImage;
     for (MaskedView& view : views_) view.appendDrawn(T, drawn_);
-    if (ranks_) toRanks(drawn_, order_);
     const auto found = correlation(seen_, drawn_);
     return found ? 1 - *found : kNoImage;
   }
 
  private:
   std::vector<MaskedView>& views_;
-  bool ranks_;
   Pose T_;
   std::vector<float> seen_;
   mutable std::vector<float> drawn_;
-  mutable std::vector<int> order_;
 };
 
 class AutoMask final : public Registration {
@@ -244,8 +224,7 @@ class AutoMask final : public Registration {
     std::size_t pixels = 0;
     for (const MaskedView& view : masked) pixels += view.size();
     if (pixels == 0) return;
-    const cv::Ptr<cv::MinProblemSolver::Function> mismatch(
-        new MaskedMismatch(masked, settings_.metric, T_camera_centered));
+    const cv::Ptr<cv::MinProblemSolver::Function> mismatch(new MaskedMismatch(masked, T_camera_centered));
     const cv::Mat first = step * cv::Mat::ones(1, 6, CV_64F);
     const auto simplex = cv::DownhillSolver::create(
         mismatch, first, {cv::TermCriteria::MAX_ITER + cv::TermCriteria::EPS, kMaxEvaluations, 1e-6});

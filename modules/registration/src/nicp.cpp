@@ -8,6 +8,7 @@
 #include "angio/vessel/resample.hpp"
 #include "fit_classification.hpp"
 #include "methods.hpp"
+#include "nearest_covariance.hpp"
 #include "ridge_step.hpp"
 
 namespace angio::registration {
@@ -20,10 +21,6 @@ constexpr double kNicpCoarseRest = 0.05;
 // Steps at each scale; the last one has to come to rest.
 constexpr int kNicpCoarseSteps = 12;
 constexpr int kNicpLastSteps = 40;
-// Where matches for the covariance lose their weight: the distance at which the alignment score takes a point as
-// explained [px].
-constexpr double kNicpMatch_px = 3;
-
 // From coarse to fine: halved from the first scale on, and the last one; that alone when the first is no coarser.
 std::vector<double> nicpScales(const NicpSettings& settings) {
   std::vector<double> scales_px;
@@ -50,7 +47,6 @@ class RidgeFrame {
   const XrayViews& views() const { return views_; }
   std::size_t scales() const { return images_of_scale_.size(); }
   const std::vector<const RidgeImage*>& images(std::size_t scale) const { return images_of_scale_[scale]; }
-  const PointMatcher& matcher(std::size_t view) const { return seen_[view].matcher; }
   int points() const {
     int points = 0;
     for (const Seen& seen : seen_) points += seen.centerline.size();
@@ -60,12 +56,9 @@ class RidgeFrame {
  private:
   struct Seen {
     Seen(Centerline2d points, const XrayCamera& camera, const std::vector<double>& scales_px)
-        : centerline(std::move(points)),
-          matcher(centerline.points_px),
-          images(ridgeImages(centerline, NicpSettings::spacing_px, camera, scales_px)) {}
+        : centerline(std::move(points)), images(ridgeImages(centerline, NicpSettings::spacing_px, camera, scales_px)) {}
 
     Centerline2d centerline;
-    PointMatcher matcher;
     std::vector<RidgeImage> images;
   };
 
@@ -103,7 +96,9 @@ class Nicp final : public Registration {
     const Eigen::Translation3d to_center(model_.tree.centroid());
     Pose T_camera_centered = start * to_center;
     for (std::size_t scale = 0; scale < frame.scales(); ++scale) climb(frame, scale, held, T_camera_centered, result);
-    result.covariance = covarianceAt(frame, held, T_camera_centered);
+    // The metric is no likelihood.
+    result.covariance =
+        covarianceByNearest(points_.centered, frame.views(), T_camera_centered, held, model_.tree.centroid());
     result.T_camera_model = T_camera_centered * to_center.inverse();
     result.times.rigid_s = rigid_began.seconds();
 
@@ -141,23 +136,6 @@ class Nicp final : public Registration {
       px_per_m = std::max(px_per_m, view.camera.parameters().fx_px / depth_m);
     }
     return px_per_m * (dx.head<3>().norm() + radius_m_ * dx.tail<3>().norm());
-  }
-
-  // The metric is no likelihood. The covariance is that of the projected points' distances from the nearest image
-  // points: their Gauss-Newton Hessian at the solution, and their own spread, as iterative_pnp has it.
-  std::optional<Matrix6d> covarianceAt(const RidgeFrame& frame, const PosePriorTerm& prior,
-                                       const Pose& T_camera_centered) const {
-    IterativePnpSettings gaussian;
-    gaussian.neighbours_each_side = 0;
-    Projected projected(model_.tree.size());
-    std::vector<Pull> pulls(frame.views().size(), Pull(model_.tree.size()));
-    for (std::size_t v = 0; v < pulls.size(); ++v) {
-      projectPoints(points_.centered, frame.views()[v], T_camera_centered, OutsideImage::kIgnore, projected);
-      matchNearest(projected, frame.matcher(v), pulls[v]);
-      weigh(projected, frame.matcher(v), {}, gaussian, kNicpMatch_px, pulls[v]);
-    }
-    return covarianceOf(normalEquations(points_.centered, frame.views(), T_camera_centered, pulls, prior), pulls,
-                        T_camera_centered, model_.tree.centroid());
   }
 
   std::vector<double> scales_px_;

@@ -6,20 +6,14 @@
 
 namespace angio::registration {
 
-/// How AutoMask compares two images inside its mask.
-enum class MaskMetric {
-  kRanks,        ///< Correlation of the pixels' ranks (Spearman): the source's choice.
-  kCorrelation,  ///< Normalised cross-correlation.
-};
-
 /// AutoMask: the X-ray image against digitally reconstructed radiographs of the tree, inside a mask about the projected
 /// tree. Source: Steininger et al., "Auto-masked 2D/3D image registration and its validation with clinical cone-beam
-/// computed tomography", Phys. Med. Biol. 57 (2012).
+/// computed tomography", Phys. Med. Biol. 57 (2012). It compares pixels by their ranks; here they are compared by their
+/// values.
 struct AutoMaskSettings {
   static constexpr const char* kName = "automask";
   static constexpr bool kNeedsImage = true;
 
-  MaskMetric metric = MaskMetric::kCorrelation;
   double mask_margin_mm = 8;
 
   // First steps of the simplex, of the order of what a start is off.
@@ -29,9 +23,8 @@ struct AutoMaskSettings {
   static constexpr double end_radius_mm = 0.6;
 
   void visit(SettingsVisitor& v) {
-    v.choice("metric", metric, {"ranks", "correlation"}, "How images are compared: by their pixels' ranks or values");
     v.number("mask_margin_mm", mask_margin_mm, 0.5, 100,
-             "The mask reaches so far beyond the projected tree, at the tree's depth; half of it on finer images");
+             "The mask reaches so far beyond the projected tree, at the tree's depth; half as far at each finer step");
   }
 };
 

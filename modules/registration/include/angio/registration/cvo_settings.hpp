@@ -21,8 +21,9 @@ struct CvoSettings {
 
   CvoObjective objective = CvoObjective::kDistance;
   double first_scale_px = 24;
-  double direction_std_deg = 20;
 
+  /// Of the kernel of the angle between vessels' directions; without directions (180) as many starts are found.
+  static constexpr double direction_std_deg = 20;
   /// Length scale at which the flow ends: twice the noise of a centreline, and more than its pixels [px].
   static constexpr double last_scale_px = 2;
   static constexpr double scale_decay = 0.7;  ///< From one scale to the next: the factor of the source's program.
@@ -35,8 +36,6 @@ struct CvoSettings {
              "Distance of model and image in the kernel's space; or their inner product alone, as the source has it "
              "for points in 3D");
     v.number("first_scale_px", first_scale_px, 2, 1e3, "First length scale of the kernel");
-    v.number("direction_std_deg", direction_std_deg, 1, 180,
-             "Standard deviation of the kernel of the angle between vessels' directions");
   }
 };
 
