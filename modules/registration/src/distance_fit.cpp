@@ -142,6 +142,9 @@ StageResult PoseFit::solve(bool with_strain, int max_iterations, double function
   } else {
     problem.SetParameterBlockConstant(strain_.data());
   }
+  // A start without an image ends here: the solver would tell it on the error stream, silent or not.
+  double first_cost = 0;
+  if (!problem.Evaluate(ceres::Problem::EvaluateOptions(), &first_cost, nullptr, nullptr, nullptr)) return {};
   PoseMotion motion(pose_, frame_.views(), radius_m_);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
