@@ -93,6 +93,11 @@ BENCHMARK_CAPTURE(align, nonrigid_2deg_5mm_covariance, nonrigid(kCovariance), 2,
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(align, nonrigid_2deg_5mm_paper, nonrigid(kPaper), 2, 5, kPoints)->Unit(benchmark::kMillisecond);
 
+// The methods that the paper compares with, as they come.
+BENCHMARK_CAPTURE(align, dt_icp_2deg_5mm, DtIcpSettings{}, 2, 5, kPoints)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(align, nicp_2deg_5mm, NicpSettings{}, 2, 5, kPoints)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(align, cvo_2deg_5mm, CvoSettings{}, 2, 5, kPoints)->Unit(benchmark::kMillisecond);
+
 void rigidByModelSize(benchmark::State& state) {
   align(state, kCovariance, 1, 3, static_cast<int>(state.range(0)));
   state.SetComplexityN(state.range(0));
