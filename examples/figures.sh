@@ -121,6 +121,8 @@ worlds() {
     "${simulate[@]}" --trials 50 --spurious 5 --method iterative_pnp --filled 0.5
     echo; echo "the same, iterative_pnp at its best: 16 starts, prior as a covariance, what leaves the image ignored"
     "${simulate[@]}" --trials 50 --spurious 5 --method iterative_pnp:best --filled 0.5
+    echo; echo "the same, the methods that the paper compares with"
+    "${simulate[@]}" --trials 50 --spurious 5 --method nicp,cvo,dt_icp --filled 0.5
     echo; echo "half filled, 5 deg / 10 mm"; "${ours[@]}" --filled 0.5 "${wide[@]}"
     echo; echo "30 % filled, 5 deg / 10 mm"; "${ours[@]}" --filled 0.3 "${wide[@]}"
     echo; echo "all filled, 15 deg / 30 mm"; "${ours[@]}" --rotation-std-deg 15 --translation-std-mm 30
