@@ -136,8 +136,8 @@ class PaperExperiments {
     const CaseSet phantom =
         withDrawnStarts(readCaseSet(exampleDataFile("static-phantom/cases.yaml")), paperTable1Start().rotation_std_deg,
                         paperTable1Start().translation_std_mm, std::max(1, o_.trials / kTrialsForStart), o_.seed);
-    return {{"static phantom, DSA", phantom, true},
-            {"static phantom, found by the extractor", seenByImages(phantom), true},
+    return {{"static phantom, its centrelines", phantom, true},
+            {"static phantom, by the extractor", seenByImages(phantom), true},
             {"clinical catheter run", readCaseSet(exampleDataFile("hepatic-tace/cases.yaml")), false}};
   }
   std::vector<Entrant> entrantsOf(const RealCases& cases) const {

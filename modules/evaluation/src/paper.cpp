@@ -82,10 +82,11 @@ std::string figureOver(const Json& levels, const std::string& title, const std::
 std::string lossFigure() {
   const IterativePnpSettings paper = IterativePnpSettings::asInThePaper();
   Plot plot{"", {"distance of a match [px]", false, std::pair(0, 10)}, {"loss", false, std::pair(0, 12)}};
-  PlotSeries kernel{"kernel, scale 1 px", {}, {}, 0}, wide{"kernel, scale 4 px", {}, {}, 1},
-      huber{formatted("Huber, %g px", paper.huber_px), {}, {}, 2}, squares{"squares", {}, {}, 3};
+  PlotSeries kernel{"kernel, scale 1 px", {}, {}, 0}, wide{"kernel, scale 4 px", {}, {}, 5},
+      huber{formatted("Huber, %g px", paper.huber_px), {}, {}, 1}, squares{"squares", {}, {}, 2};
   for (double d = 0; d <= 10; d += 0.1) {
     const auto add = [&](PlotSeries& series, double loss) {
+      if (loss > plot.y.range->second) return;
       series.x.push_back(d);
       series.y.push_back(loss);
       series.marked = false;
