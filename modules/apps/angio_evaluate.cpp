@@ -31,8 +31,10 @@ std::vector<Entrant> MethodOptions::entrants(const ProgramSettings& of_file) con
     for (const auto& other : result) {
       if (other.name == name) throw InputError("", "method", name, "must be named once");
     }
-    Entrant entrant{name, of_file.of(name, nonrigid ? std::optional(Deformation::kNonrigid) : std::nullopt),
-                    of_file.starts};
+    Entrant entrant{name, of_file.of(name, std::nullopt), of_file.starts};
+    if (nonrigid && !setDeformation(entrant.registration, Deformation::kNonrigid)) {
+      std::cerr << "angio-evaluate: " << name << " is rigid: it takes part without deformation\n";
+    }
     if (const int own = startsOfPreset(name); own > 0) entrant.starts.count = own;
     if (starts > 0) entrant.starts.count = starts;
     result.push_back(entrant);
@@ -105,9 +107,10 @@ int evaluateCases(const CasesOptions& o) {
   int done = 0;
   for (const auto& entrant : entrants) {
     const bool goes_on = finishPart(!summaries.empty(), [&] {
-      const auto outcomes =
-          runCases(set, {entrant.registration, entrant.starts, extractor, settings.tracker, o.point_covariance},
-                   [&](int) { bar.show(++done, entrant.name); });
+      const auto outcomes = runCases(
+          set,
+          {entrant.registration, entrant.starts, extractor, settings.tracker, o.point_covariance, o.method.nonrigid},
+          [&](int) { bar.show(++done, entrant.name); });
       auto& entry = json["methods"][entrant.name];
       for (const auto& outcome : outcomes) entry["cases"][outcome.name] = caseAsJson(outcome);
       entry["summary"] = summaries[entrant.name] = summaryOf(outcomes);

@@ -120,6 +120,9 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
     } else {
       outcome.result = registration->search(views, prior, settings.starts);
     }
+    if (settings.displacements && outcome.result.displacements_m.cols() == 0) {
+      outcome.result.displacements_m.setZero(3, tree.size());
+    }
     outcome.pixel_at_isocenter_m = (outcome.result.T_camera_model * tree.centroid()).z() / camera.parameters().fx_px;
     addClaims(tree, settings.point_covariance, outcome);
     if (one.truth_pose) {

@@ -23,6 +23,7 @@ struct CaseRunSettings {
   ExtractorSettings extractor;
   PatientTrackerSettings tracker;  ///< Of sequences.
   bool point_covariance = false;   ///< Whether the covariance of each point of the tree is wanted.
+  bool displacements = false;      ///< Whether every result has displacements: of a rigid method they are zero.
 };
 
 /// What became of one case.
