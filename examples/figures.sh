@@ -150,6 +150,8 @@ worlds() {
 paper() {
   echo; echo "### The paper's Tables I and III"
   "$bin"/angio-evaluate paper --trials "${TRIALS:-100}"
+  echo; echo "the methods it compares with, at other settings"
+  "$bin"/angio-evaluate paper --trials "${TRIALS:-100}" --method nicp:source,cvo:source,dt_icp:l2
   echo; echo "Table II's analogue, parts of the tree in view, losses"
   "$bin"/angio-evaluate paper --table 2 --figure visible-fraction --trials "${REAL_TRIALS:-40}" \
     --method automask,rgrb,dt_icp,nicp,cvo,iterative_pnp:paper,iterative_pnp:huber,iterative_pnp,iterative_pnp:best,oriented_kernel

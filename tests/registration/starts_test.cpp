@@ -97,6 +97,9 @@ TEST(Presets, AreFoundByTheirNamesAndOthersRefused) {
   EXPECT_EQ(best.prior, PriorForm::kCovariance);
   EXPECT_EQ(startsOfPreset("iterative_pnp:best"), 16);
   EXPECT_EQ(startsOfPreset("iterative_pnp"), 0);
+  EXPECT_EQ(std::get<CvoSettings>(registrationSettingsNamed("cvo:source")).objective, CvoObjective::kInnerProduct);
+  EXPECT_LE(std::get<NicpSettings>(registrationSettingsNamed("nicp:source")).first_scale_px,
+            NicpSettings::in_plane_above_px);
   EXPECT_THAT(test::refusalOf([] { registrationSettingsNamed("iterative_pnp:bset"); }),
               testing::AllOf(testing::HasSubstr("iterative_pnp:bset"), testing::HasSubstr("iterative_pnp:best")));
 }

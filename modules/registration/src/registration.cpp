@@ -23,10 +23,19 @@ const std::vector<Preset>& presets() {
   huber.kernel = Kernel::kHuber;
   squares.kernel = Kernel::kL2;
   const std::string name = Pnp::kName;
+  NicpSettings nicp;
+  nicp.first_scale_px = NicpSettings::in_plane_above_px;  // The whole pose moves at every scale.
+  CvoSettings cvo;
+  cvo.objective = CvoObjective::kInnerProduct;
+  DtIcpSettings dt_icp;
+  dt_icp.loss = DistanceLoss::kL2;
   static const std::vector<Preset> kPresets = {{name + ":paper", Pnp::asInThePaper(), 0},
                                                {name + ":huber", huber, 0},
                                                {name + ":l2", squares, 0},
-                                               {name + ":best", Pnp::atItsBest(), Pnp::kBestStarts}};
+                                               {name + ":best", Pnp::atItsBest(), Pnp::kBestStarts},
+                                               {std::string(NicpSettings::kName) + ":source", nicp, 0},
+                                               {std::string(CvoSettings::kName) + ":source", cvo, 0},
+                                               {std::string(DtIcpSettings::kName) + ":l2", dt_icp, 0}};
   return kPresets;
 }
 

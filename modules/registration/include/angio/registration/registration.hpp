@@ -110,9 +110,9 @@ using RegistrationSettings = std::variant<IterativePnpSettings, OrientedKernelSe
 /// Throws InputError when a setting is out of its range.
 std::unique_ptr<Registration> makeRegistration(const RegistrationSettings& settings, const VesselTree& tree);
 
-/// Default settings of a method by its name ("iterative_pnp"), or those of a preset of it: "iterative_pnp:paper", all
-/// as the paper has it; "iterative_pnp:huber" and "iterative_pnp:l2", the same with Huber's loss or squares in place of
-/// the kernel; "iterative_pnp:best", the best that was found for it. Throws InputError that lists the names there are.
+/// Default settings of a method by its name, or those of a preset: "iterative_pnp:paper", as printed, ":huber" and
+/// ":l2", so with another loss, ":best", the best found; "nicp:source" and "cvo:source", as their sources have it where
+/// ours differ; "dt_icp:l2". Throws InputError that lists the names there are.
 RegistrationSettings registrationSettingsNamed(const std::string& name);
 
 /// Whether a method's name names a preset, which no settings file changes.
