@@ -2,7 +2,7 @@
 include(${CMAKE_CURRENT_LIST_DIR}/project.cmake)
 
 file(REMOVE_RECURSE ${WORK})
-foreach(component package base geometry types vessel registration)
+foreach(component package base geometry types vessel tubes registration)
   run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${WORK}/prefix --component ${component})
 endforeach()
 set(absent)
