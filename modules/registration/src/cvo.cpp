@@ -2,6 +2,7 @@
 #include "angio/base/stopwatch.hpp"
 #include "angio/registration/alignment_score.hpp"
 #include "angio/vessel/resample.hpp"
+#include "densified_views.hpp"
 #include "fit_classification.hpp"
 #include "kernel_flow.hpp"
 #include "methods.hpp"
@@ -21,16 +22,6 @@ constexpr int kPieceLengths = 6;
 // Pieces are no longer than this share of the scale, in the image, where there are such.
 constexpr double kPieceOfScale = 0.5;
 
-// How long a metre is at a point of the first camera's frame, in the view that magnifies it most [px].
-double magnification(const XrayViews& views, const Eigen::Vector3d& p_camera) {
-  double largest = 0;
-  for (const XrayView& view : views) {
-    const double depth_m = std::max(1e-3, (view.T_view_first * p_camera).z());
-    largest = std::max(largest, view.camera.parameters().fx_px / depth_m);
-  }
-  return largest;
-}
-
 class Cvo final : public Registration {
  public:
   Cvo(const CvoSettings& settings, const VesselTree& tree)
@@ -45,10 +36,7 @@ class Cvo final : public Registration {
 
   RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override {
     const Stopwatch began;
-    RegistrationResult result;
-    result.T_camera_model = start;
-    result.points_3d = scored_.size();
-    for (const XrayView& view : views) result.points_2d += view.centerline.size();
+    RegistrationResult result = resultAt(start, scored_.size(), views);
     const PosePriorTerm held = givenPrior(prior, given_.centroid());
     result.prior = held.source;
     if (tooFewPoints(result)) return result;
@@ -79,7 +67,7 @@ class Cvo final : public Registration {
     double scale_px = std::max(settings_.first_scale_px, settings_.last_scale_px);
     while (true) {
       const bool last = scale_px <= settings_.last_scale_px;
-      const ModelSamples& model = levelFor(scale_px / magnification(views, flow.pose().translation()));
+      const ModelSamples& model = levelFor(scale_px / pixelsPerMetre(views, flow.pose().translation()));
       if (!flow.begin(model, PairKernel(scale_px, degToRad(settings_.direction_std_deg), settings_.objective))) return;
       const double rest_px = last ? kLastRest_px : kRestShare * scale_px;
       for (int k = 0; k < (last ? kMaxLastSteps : kMaxSteps); ++k) {
@@ -102,16 +90,9 @@ class Cvo final : public Registration {
   }
 
   void score(const XrayViews& given, RegistrationResult& result) const {
-    std::vector<Centerline2d> images;
-    images.reserve(given.size());  // The views borrow them.
-    XrayViews views;
-    result.points_2d = 0;
-    for (const XrayView& view : given) {
-      images.push_back(densified(view.centerline, settings_.spacing_px));
-      views.push_back({images.back(), view.camera, view.T_view_first, view.collimator_px});
-      result.points_2d += images.back().size();
-    }
-    result.alignment = alignmentScore(scored_, scored_.points(), views, result.T_camera_model);
+    const DensifiedViews seen(given, settings_.spacing_px);
+    result.points_2d = pointsIn(seen.views());
+    result.alignment = alignmentScore(scored_, scored_.points(), seen.views(), result.T_camera_model);
   }
 
   CvoSettings settings_;

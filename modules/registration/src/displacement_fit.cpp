@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "displacement_fit.hpp"
 
-#include <ceres/solver.h>
-
 #include <cmath>
 
 namespace angio::registration {
@@ -19,8 +17,8 @@ void storeScaledIdentity(double scale, double* jacobian) {
   Eigen::Map<Eigen::Matrix3d>{jacobian} = scale * Eigen::Matrix3d::Identity();
 }
 
-// Ends a solve whose steps no longer move the points, and keeps how far the last one did.
-class DisplacementMotion final : public ceres::IterationCallback {
+// Of the points.
+class DisplacementMotion final : public StageMotion {
  public:
   DisplacementMotion(const Eigen::Matrix3Xd& displacements_m, double pixels_per_metre)
       : displacements_m_(displacements_m), last_(displacements_m), pixels_per_metre_(pixels_per_metre) {}
@@ -31,12 +29,11 @@ class DisplacementMotion final : public ceres::IterationCallback {
     last_ = displacements_m_;
     return last_step_px_ < kDisplacementRestPx ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
   }
-  double last_step_px() const { return last_step_px_; }
 
  private:
   const Eigen::Matrix3Xd& displacements_m_;
   Eigen::Matrix3Xd last_;
-  double pixels_per_metre_, last_step_px_ = 0;
+  double pixels_per_metre_;
 };
 
 }  // namespace
@@ -93,26 +90,10 @@ StageResult DisplacementFit::solve(const DistanceFrame& frame, const ceres::Loss
   for (std::size_t k = 0; k < pairs_.size(); ++k) {
     problem.AddResidualBlock(&pair_costs_[k], nullptr, r.col(pairs_[k].i).data(), r.col(pairs_[k].j).data());
   }
-  DisplacementMotion motion(r, pixelsPerMetreAt(views, p_first.rowwise().mean()));
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  options.max_num_iterations = max_iterations;
-  options.function_tolerance = kDisplacementTolerance;
-  options.max_trust_region_radius = kMaxTrustRegion;
-  options.logging_type = ceres::SILENT;
-  options.update_state_every_iteration = true;
-  options.callbacks = {&motion};
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
-
-  StageResult result;
-  result.solved = summary.IsSolutionUsable();
-  if (!result.solved) return result;
-  displacements_m = T_camera_model.linear().transpose() * r;
-  result.iterations = static_cast<int>(summary.iterations.size()) - 1;
-  result.last_step_px = motion.last_step_px();
-  result.first_cost = summary.initial_cost;
-  result.cost = summary.final_cost;
+  DisplacementMotion motion(r, pixelsPerMetre(views, p_first.rowwise().mean()));
+  const StageResult result =
+      solveStage(problem, ceres::SPARSE_NORMAL_CHOLESKY, max_iterations, kDisplacementTolerance, motion);
+  if (result.solved) displacements_m = T_camera_model.linear().transpose() * r;
   return result;
 }
 

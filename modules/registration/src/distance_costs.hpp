@@ -31,9 +31,9 @@ class PoseManifold final : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
-/// The loss of the distance of a projected point from a view's centreline, as a residual whose square it is:
-/// sqrt(rho(d^2
-/// + kSoft_px^2)), and its derivative.
+/// The loss of the distance of a projected point from a view's centreline, as a residual whose square it is,
+/// sqrt(rho(d^2 + kSoft_px^2)),
+/// and its derivative.
 ///
 /// The loss stands inside, as Gauss-Newton then sees the curvature that the square root of Huber's loss has; weights
 /// that Ceres puts before a residual see twice as much where the loss is linear, and take half the steps. kSoft_px is

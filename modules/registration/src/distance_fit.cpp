@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "distance_fit.hpp"
 
-#include <ceres/problem.h>
 #include <ceres/solver.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "angio/geometry/decompositions.hpp"
+#include "fit_classification.hpp"
 
 namespace angio::registration {
 namespace {
@@ -21,18 +21,8 @@ constexpr double kAffineTolerance = 1e-2, kRigidTolerance = 1e-4;
 // it, small enough for one view to determine it beside the distance from the source.
 constexpr double kStrainForOnePixel = 0.02;
 
-// Whether any direction of the pose is left open; lengths count in units of a tree's size, as radians do.
-bool isFullRank(const Matrix6d& H) {
-  Vector6d scale;
-  scale << Eigen::Vector3d::Constant(0.05), Eigen::Vector3d::Ones();
-  const Matrix6d scaled = scale.asDiagonal() * H * scale.asDiagonal();
-  if (!scaled.allFinite()) return false;
-  const Vector6d eigenvalues = eigenvaluesOfSymmetric(scaled);
-  return eigenvalues[0] > 1e-10 * eigenvalues[5];
-}
-
-// Ends a solve whose steps no longer move the picture, and keeps how far the last one did.
-class PoseMotion final : public ceres::IterationCallback {
+// Of the pose.
+class PoseMotion final : public StageMotion {
  public:
   PoseMotion(const PoseBlock& pose, const XrayViews& views, double radius_m)
       : pose_(pose), last_(pose), views_(views), radius_m_(radius_m) {}
@@ -45,7 +35,6 @@ class PoseMotion final : public ceres::IterationCallback {
     last_step_px_ = moved_px(step);
     return last_step_px_ < kPoseRestPx ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
   }
-  double last_step_px() const { return last_step_px_; }
 
  private:
   // In the view that shows it most; what goes along the beam moves the picture by its growth only.
@@ -65,7 +54,7 @@ class PoseMotion final : public ceres::IterationCallback {
   const PoseBlock& pose_;
   PoseBlock last_;
   const XrayViews& views_;
-  double radius_m_, last_step_px_ = 0;
+  double radius_m_;
 };
 
 }  // namespace
@@ -78,25 +67,30 @@ ChosenLoss::ChosenLoss(const DtIcpSettings& settings) {
   }
 }
 
-DistanceFrame::DistanceFrame(const XrayViews& given, double spacing_px) {
-  for (const XrayView& view : given) {
-    fields_.emplace_back(view.centerline, view.camera);  // Lines: points on them change nothing.
-    centerlines_.push_back(densified(view.centerline, spacing_px));
-    views_.push_back({centerlines_.back(), view.camera, view.T_view_first, view.collimator_px});
-  }
+DistanceFrame::DistanceFrame(const XrayViews& given, double spacing_px) : densified_(given, spacing_px) {
+  // Lines: points on them change nothing.
+  for (const XrayView& view : given) fields_.emplace_back(view.centerline, view.camera);
 }
 
 bool DistanceFrame::usable() const {
   return std::none_of(fields_.begin(), fields_.end(), [](const DistanceField& field) { return field.empty(); });
 }
 
-double pixelsPerMetreAt(const XrayViews& views, const Eigen::Vector3d& p_camera) {
-  double most = 0;
-  for (const XrayView& view : views) {
-    const double depth_m = std::max(1e-3, (view.T_view_first * p_camera).z());
-    most = std::max(most, view.camera.parameters().fx_px / depth_m);
-  }
-  return most;
+StageResult solveStage(ceres::Problem& problem, ceres::LinearSolverType linear_solver, int max_iterations,
+                       double function_tolerance, StageMotion& motion) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = linear_solver;
+  options.max_num_iterations = max_iterations;
+  options.function_tolerance = function_tolerance;
+  options.max_trust_region_radius = kMaxTrustRegion;
+  options.logging_type = ceres::SILENT;
+  options.update_state_every_iteration = true;
+  options.callbacks = {&motion};
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  if (!summary.IsSolutionUsable()) return {};
+  return {true, static_cast<int>(summary.iterations.size()) - 1, motion.last_step_px(), summary.initial_cost,
+          summary.final_cost};
 }
 
 PoseFit::PoseFit(const DistanceFrame& frame, const ceres::LossFunction& loss, const Eigen::Matrix3Xd& points_centered,
@@ -146,27 +140,12 @@ StageResult PoseFit::solve(bool with_strain, int max_iterations, double function
   double first_cost = 0;
   if (!problem.Evaluate(ceres::Problem::EvaluateOptions(), &first_cost, nullptr, nullptr, nullptr)) return {};
   PoseMotion motion(pose_, frame_.views(), radius_m_);
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
-  options.max_num_iterations = max_iterations;
-  options.function_tolerance = function_tolerance;
-  options.max_trust_region_radius = kMaxTrustRegion;
-  options.logging_type = ceres::SILENT;
-  options.update_state_every_iteration = true;
-  options.callbacks = {&motion};
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
-
-  StageResult result;
-  result.solved = summary.IsSolutionUsable();
+  const StageResult result =
+      solveStage(problem, ceres::DENSE_NORMAL_CHOLESKY, max_iterations, function_tolerance, motion);
   if (!result.solved) return result;
   Pose T = poseOf(pose_);
   T.linear() = nearestRotation(T.linear());
   pose_ = blockOf(T);
-  result.iterations = static_cast<int>(summary.iterations.size()) - 1;
-  result.last_step_px = motion.last_step_px();
-  result.first_cost = summary.initial_cost;
-  result.cost = summary.final_cost;
   return result;
 }
 

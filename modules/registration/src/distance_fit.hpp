@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <ceres/iteration_callback.h>
+#include <ceres/problem.h>
+#include <ceres/types.h>
+
 #include <deque>
 #include <vector>
 
 #include "angio/registration/dt_icp_settings.hpp"
 #include "angio/registration/xray_view.hpp"
+#include "densified_views.hpp"
 #include "distance_costs.hpp"
 #include "distance_field.hpp"
 #include "pose_prior_term.hpp"
@@ -28,26 +33,20 @@ class DistanceFrame {
  public:
   /// Borrows what the views borrow. @param spacing_px  Longest step of the centrelines in views().
   DistanceFrame(const XrayViews& given, double spacing_px);
-  DistanceFrame(const DistanceFrame&) = delete;
-  DistanceFrame& operator=(const DistanceFrame&) = delete;
 
-  const XrayViews& views() const { return views_; }
+  const XrayViews& views() const { return densified_.views(); }
   const DistanceField& field(std::size_t view) const { return fields_[view]; }
   /// Whether every view shows a centreline near its detector.
   bool usable() const;
 
  private:
-  std::deque<Centerline2d> centerlines_;  // A deque's elements stay where they are.
-  std::deque<DistanceField> fields_;
-  XrayViews views_;  // Borrows from centerlines_.
+  DensifiedViews densified_;
+  std::deque<DistanceField> fields_;  // A deque's elements stay where they are.
 };
 
 /// Largest radius of Ceres' trust region, the inverse of its smallest damping: with a larger one the first steps beside
 /// the centreline, where distances have their kink, are refused for many tries. `iterative_pnp` begins with the same.
 constexpr double kMaxTrustRegion = 1e4;
-
-/// Returns how many pixels a metre at a point of the first camera's frame is long, in the view that shows it longest.
-double pixelsPerMetreAt(const XrayViews& views, const Eigen::Vector3d& p_camera);
 
 /// How a stage ended.
 struct StageResult {
@@ -56,6 +55,19 @@ struct StageResult {
   double last_step_px = 0;          ///< Of the projection: roughly and at most.
   double first_cost = 0, cost = 0;  ///< Ceres' own, half the sum [px^2].
 };
+
+/// Ends a solve whose steps no longer move the picture, and keeps how far the last one did.
+class StageMotion : public ceres::IterationCallback {
+ public:
+  double last_step_px() const { return last_step_px_; }
+
+ protected:
+  double last_step_px_ = 0;
+};
+
+/// Ceres' Levenberg-Marquardt for one stage: silent, with the bounded trust region, as far as `motion` lets it.
+StageResult solveStage(ceres::Problem& problem, ceres::LinearSolverType linear_solver, int max_iterations,
+                       double function_tolerance, StageMotion& motion);
 
 /// The affine and the rigid stage on one frame: Ceres' Levenberg-Marquardt on the pose about the centroid, dense.
 ///

@@ -37,17 +37,13 @@ class DtIcp final : public Registration {
 
   RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override {
     const Stopwatch began;
-    RegistrationResult result;
-    result.T_camera_model = start;
-    result.points_3d = model_.tree.size();
-    for (const XrayView& view : views) result.points_2d += view.centerline.size();
+    RegistrationResult result = resultAt(start, model_.tree.size(), views);
     if (nonrigid_) result.displacements_m.setZero(3, given_.size());
     const PosePriorTerm held = givenPrior(prior, model_.tree.centroid());
     result.prior = held.source;
     if (tooFewPoints(result)) return result;
     const DistanceFrame frame(views, kJudgedSpacing_px);
-    result.points_2d = 0;
-    for (const XrayView& view : frame.views()) result.points_2d += view.centerline.size();
+    result.points_2d = pointsIn(frame.views());
     result.times.prepare_s = began.seconds();
 
     Eigen::Matrix3Xd points = model_.tree.points();

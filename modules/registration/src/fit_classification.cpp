@@ -9,6 +9,7 @@
 
 #include "angio/base/formatted.hpp"
 #include "angio/registration/result.hpp"
+#include "densified_views.hpp"
 
 namespace angio::registration {
 namespace {
@@ -124,6 +125,14 @@ void classifyBy(const Threshold& threshold, const VesselTree& tree, Registration
 
 }  // namespace
 
+RegistrationResult resultAt(const Pose& start, int points_3d, const XrayViews& views) {
+  RegistrationResult result;
+  result.T_camera_model = start;
+  result.points_3d = points_3d;
+  result.points_2d = pointsIn(views);
+  return result;
+}
+
 bool tooFewPoints(RegistrationResult& result) {
   if (result.points_3d >= kMinPoints && result.points_2d >= kMinPoints) return false;
   result.status = RegistrationStatus::kTooFewPoints;
@@ -168,15 +177,19 @@ void compareWithAlternative(double alternative_share, RegistrationResult& result
   }
 }
 
-std::optional<Matrix6d> covarianceOf(const NormalEquations& at_solution, const std::vector<Pull>& pulls,
-                                     const Pose& T_camera_centered, const Eigen::Vector3d& centroid) {
-  // Unit lengths of the tree's size make metres and radians comparable for the rank test.
+bool isFullRank(const Matrix6d& H) {
+  // Unit lengths of the tree's size make metres and radians comparable.
   Vector6d scale;
   scale << Eigen::Vector3d::Constant(0.05), Eigen::Vector3d::Ones();
-  const Matrix6d scaled = scale.asDiagonal() * at_solution.H * scale.asDiagonal();
-  if (!scaled.allFinite()) return std::nullopt;
+  const Matrix6d scaled = scale.asDiagonal() * H * scale.asDiagonal();
+  if (!scaled.allFinite()) return false;
   const Vector6d eigenvalues = eigenvaluesOfSymmetric(scaled);
-  if (!(eigenvalues[0] > 1e-10 * eigenvalues[5])) return std::nullopt;
+  return eigenvalues[0] > 1e-10 * eigenvalues[5];
+}
+
+std::optional<Matrix6d> covarianceOf(const NormalEquations& at_solution, const std::vector<Pull>& pulls,
+                                     const Pose& T_camera_centered, const Eigen::Vector3d& centroid) {
+  if (!isFullRank(at_solution.H)) return std::nullopt;
 
   // Two residuals a point; a point of small weight counts for as much as it weighs.
   double weights = 0, max_weight = 1e-12, squares_px2 = 0;

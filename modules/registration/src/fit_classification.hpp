@@ -24,6 +24,9 @@ constexpr double kAtRest_px = 0.5;
 /// Poses whose points lie further apart than this on average are different answers; nearer ones are one basin.
 constexpr double kDifferentPose_m = 3e-3;
 
+/// A result before anything is solved: at its start, with the points there are on either side.
+RegistrationResult resultAt(const Pose& start, int points_3d, const XrayViews& views);
+
 /// Fewer points than this on either side cannot hold six unknowns against noise: sets the status and says so.
 bool tooFewPoints(RegistrationResult& result);
 
@@ -43,6 +46,10 @@ void classifyAgainst(double alternative_share, const VesselTree& tree, Registrat
 
 /// Sets the ambiguity to how well the best different pose does; one that fits nearly as well makes a fit ambiguous.
 void compareWithAlternative(double alternative_share, RegistrationResult& result);
+
+/// Whether a system of a twist about the centroid (m, rad) leaves no direction open: lengths of a tree's size count
+/// like radians.
+bool isFullRank(const Matrix6d& H);
 
 /// Covariance as RegistrationResult defines it, from the system at the solution and the pulls of all views; nothing
 /// when it is not of full rank.

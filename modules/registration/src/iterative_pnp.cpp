@@ -6,6 +6,7 @@
 #include "angio/base/stopwatch.hpp"
 #include "angio/registration/alignment_score.hpp"
 #include "angio/vessel/resample.hpp"
+#include "densified_views.hpp"
 #include "fit_classification.hpp"
 #include "nonrigid_step.hpp"
 #include "rigid_step.hpp"
@@ -56,47 +57,19 @@ class ScaleSchedule {
 // What depends on the frame only: the views with their points put in equal steps.
 class Frame {
  public:
-  Frame(const XrayViews& given, double spacing_px) {
-    for (const XrayView& view : given) {
-      images_.emplace_back(densified(view.centerline, spacing_px));
-      views_.push_back({images_.back().centerline, view.camera, view.T_view_first, view.collimator_px});
-    }
+  Frame(const XrayViews& given, double spacing_px) : densified_(given, spacing_px) {
+    for (const XrayView& view : views()) matchers_.emplace_back(view.centerline.points_px);
   }
-  Frame(const Frame&) = delete;
-  Frame& operator=(const Frame&) = delete;
 
-  const XrayViews& views() const { return views_; }
-  std::size_t size() const { return views_.size(); }
-  const PointMatcher& matcher(std::size_t view) const { return images_[view].matcher; }
-  const std::vector<int>& branch(std::size_t view) const { return images_[view].centerline.branch; }
+  const XrayViews& views() const { return densified_.views(); }
+  std::size_t size() const { return views().size(); }
+  const PointMatcher& matcher(std::size_t view) const { return matchers_[view]; }
+  const std::vector<int>& branch(std::size_t view) const { return views()[view].centerline.branch; }
 
  private:
-  struct Image {
-    explicit Image(Centerline2d seen) : centerline(std::move(seen)), matcher(centerline.points_px) {}
-
-    Centerline2d centerline;
-    PointMatcher matcher;
-  };
-
-  std::deque<Image> images_;  // A deque's elements stay where they are.
-  XrayViews views_;           // Borrows from images_.
+  DensifiedViews densified_;
+  std::deque<PointMatcher> matchers_;
 };
-
-int pointsIn(const XrayViews& views) {
-  int points = 0;
-  for (const XrayView& view : views) points += view.centerline.size();
-  return points;
-}
-
-// How many pixels a metre at a point of the first camera's frame is long, in the view that shows it longest.
-double pixelsPerMetre(const XrayViews& views, const Eigen::Vector3d& p_camera) {
-  double most = 0;
-  for (const XrayView& view : views) {
-    const double depth = std::max(1e-3, (view.T_view_first * p_camera).z());
-    most = std::max(most, view.camera.parameters().fx_px / depth);
-  }
-  return most;
-}
 
 class IterativePnp final : public Registration {
  public:
@@ -113,10 +86,7 @@ class IterativePnp final : public Registration {
 
   RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override {
     const Stopwatch began;
-    RegistrationResult result;
-    result.T_camera_model = start;
-    result.points_3d = model_.tree.size();
-    result.points_2d = pointsIn(views);
+    RegistrationResult result = resultAt(start, model_.tree.size(), views);
     if (nonrigid_) result.displacements_m.setZero(3, given_.size());
     const PosePriorTerm held = priorTerm(settings_, prior, model_.tree.centroid());
     result.prior = held.source;
@@ -159,9 +129,7 @@ class IterativePnp final : public Registration {
       const auto step = solver.step(points_centered_, frame.views(), T_camera_centered, pulls_, prior);
       T_camera_centered = step.T_camera_centered;
       ++result.rigid_iterations;
-      // How far the step moves the projection at most, roughly.
-      result.last_step_px = pixelsPerMetre(frame.views(), T_camera_centered.translation()) *
-                            (step.dx.head<3>().norm() + radius_m_ * step.dx.tail<3>().norm());
+      result.last_step_px = movedAtMost_px(frame.views(), T_camera_centered, step.dx, radius_m_);
       const bool at_rest = !step.lowered || result.last_step_px < kRestPx;
       if (at_rest && schedule.atLast()) break;
       // L2 and Huber know no scale: only rest ends them.

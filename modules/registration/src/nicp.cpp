@@ -6,6 +6,7 @@
 #include "angio/base/stopwatch.hpp"
 #include "angio/registration/alignment_score.hpp"
 #include "angio/vessel/resample.hpp"
+#include "densified_views.hpp"
 #include "fit_classification.hpp"
 #include "methods.hpp"
 #include "nearest_covariance.hpp"
@@ -34,36 +35,23 @@ std::vector<double> nicpScales(const NicpSettings& settings) {
 // What depends on the frame only.
 class RidgeFrame {
  public:
-  RidgeFrame(const XrayViews& given, const std::vector<double>& scales_px) : images_of_scale_(scales_px.size()) {
-    for (const XrayView& view : given) {
-      seen_.emplace_back(densified(view.centerline, NicpSettings::spacing_px), view.camera, scales_px);
-      views_.push_back({seen_.back().centerline, view.camera, view.T_view_first, view.collimator_px});
-      for (std::size_t s = 0; s < scales_px.size(); ++s) images_of_scale_[s].push_back(&seen_.back().images[s]);
+  RidgeFrame(const XrayViews& given, const std::vector<double>& scales_px)
+      : densified_(given, NicpSettings::spacing_px), images_of_scale_(scales_px.size()) {
+    for (const XrayView& view : views()) {
+      images_.push_back(ridgeImages(view.centerline, NicpSettings::spacing_px, view.camera, scales_px));
+      for (std::size_t s = 0; s < scales_px.size(); ++s) images_of_scale_[s].push_back(&images_.back()[s]);
     }
   }
   RidgeFrame(const RidgeFrame&) = delete;
   RidgeFrame& operator=(const RidgeFrame&) = delete;
 
-  const XrayViews& views() const { return views_; }
+  const XrayViews& views() const { return densified_.views(); }
   std::size_t scales() const { return images_of_scale_.size(); }
   const std::vector<const RidgeImage*>& images(std::size_t scale) const { return images_of_scale_[scale]; }
-  int points() const {
-    int points = 0;
-    for (const Seen& seen : seen_) points += seen.centerline.size();
-    return points;
-  }
 
  private:
-  struct Seen {
-    Seen(Centerline2d points, const XrayCamera& camera, const std::vector<double>& scales_px)
-        : centerline(std::move(points)), images(ridgeImages(centerline, NicpSettings::spacing_px, camera, scales_px)) {}
-
-    Centerline2d centerline;
-    std::vector<RidgeImage> images;
-  };
-
-  std::deque<Seen> seen_;  // A deque's elements stay where they are.
-  XrayViews views_;        // Borrows from seen_.
+  DensifiedViews densified_;
+  std::deque<std::vector<RidgeImage>> images_;  // A deque's elements stay where they are.
   std::vector<std::vector<const RidgeImage*>> images_of_scale_;
 };
 
@@ -81,15 +69,12 @@ class Nicp final : public Registration {
 
   RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override {
     const Stopwatch began;
-    RegistrationResult result;
-    result.T_camera_model = start;
-    result.points_3d = model_.tree.size();
-    for (const XrayView& view : views) result.points_2d += view.centerline.size();
+    RegistrationResult result = resultAt(start, model_.tree.size(), views);
     const PosePriorTerm held = givenPrior(prior, model_.tree.centroid());
     result.prior = held.source;
     if (tooFewPoints(result)) return result;
     const RidgeFrame frame(views, scales_px_);
-    result.points_2d = frame.points();
+    result.points_2d = pointsIn(frame.views());
     result.times.prepare_s = began.seconds();
 
     const Stopwatch rigid_began;
@@ -123,19 +108,9 @@ class Nicp final : public Registration {
       const auto step = solver.step(points_, frame.views(), frame.images(scale), T_camera_centered, prior, freedom);
       T_camera_centered = step.T_camera_centered;
       ++result.rigid_iterations;
-      result.last_step_px = movedAtMost_px(frame.views(), T_camera_centered, step.dx);
+      result.last_step_px = movedAtMost_px(frame.views(), T_camera_centered, step.dx, radius_m_);
       if (!step.lowered || result.last_step_px < rest_px) break;
     }
-  }
-
-  // How far a step moves the projection at most, roughly [px].
-  double movedAtMost_px(const XrayViews& views, const Pose& T_camera_centered, const Twist& dx) const {
-    double px_per_m = 0;
-    for (const XrayView& view : views) {
-      const double depth_m = std::max(1e-3, (view.T_view_first * T_camera_centered.translation()).z());
-      px_per_m = std::max(px_per_m, view.camera.parameters().fx_px / depth_m);
-    }
-    return px_per_m * (dx.head<3>().norm() + radius_m_ * dx.tail<3>().norm());
   }
 
   std::vector<double> scales_px_;
