@@ -44,10 +44,10 @@ TEST(ImageMethods, FindANearPoseInAnIdealRadiograph) {
     for (unsigned seed = 0; seed < 3; ++seed) {
       const SeenTree s(seed);
       const Pose start = drawnPose(s.truth, s.tree.centroid(), degToRad(0.5), 1e-3, 3, static_cast<int>(seed));
-      const auto result = makeRegistration(settings, s.tree)->align({s.view()}, {start, {}}, start);
+      const auto result = makeRegistration(settings, s.tree)->align({s.view()}, {start, Matrix6d::Identity()}, start);
       // The paper counts a residual of 2 mm as found, and its pixels are 0.3 mm; both methods stay below a pixel.
       EXPECT_LT(result.alignment.model_rms_px, 1) << methodName(settings) << " " << seed;
-      EXPECT_EQ(result.prior, PriorInForce::kNone);
+      EXPECT_EQ(result.prior, PriorInForce::kNone) << "what came with the start is not looked at";
     }
   }
 }
@@ -62,6 +62,13 @@ TEST(ImageMethods, RefuseAViewWithoutAnImage) {
                 }),
                 testing::AllOf(testing::HasSubstr(methodName(settings)), testing::HasSubstr("needs the X-ray image")));
   }
+  const cv::Mat small(s.image, cv::Rect(0, 0, 100, 100));
+  XrayView cut = s.view();
+  cut.image = &small;
+  EXPECT_THAT(test::refusalOf([&] {
+                (void)makeRegistration(RgrbSettings{}, s.tree)->align({cut}, {s.truth, {}}, s.truth);
+              }),
+              testing::HasSubstr("of their camera's size"));
   EXPECT_FALSE(imageNeeded(OrientedKernelSettings{}));
   EXPECT_FALSE(imageNeeded(IterativePnpSettings{}));
 }

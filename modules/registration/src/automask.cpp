@@ -58,7 +58,8 @@ class MaskedView {
   MaskedView(const cv::Mat& attenuation, const XrayView& view, int binning)
       : camera_(binned(view.camera, binning)), T_view_first_(view.T_view_first) {
     const cv::Size size(camera_.width_px(), camera_.height_px());
-    cv::resize(attenuation(cv::Rect(0, 0, size.width * binning, size.height * binning)), seen_, size, 0, 0,
+    const cv::Rect whole({0, 0}, attenuation.size());  // A detector may be smaller than one binned pixel.
+    cv::resize(attenuation(cv::Rect(0, 0, size.width * binning, size.height * binning) & whole), seen_, size, 0, 0,
                cv::INTER_AREA);
     open_ = cv::Mat(size, CV_8U, cv::Scalar(255));
     if (view.collimator_px.empty()) return;
@@ -160,14 +161,11 @@ class AutoMask final : public Registration {
 
   using Registration::align;
 
-  RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override {
+  RegistrationResult align(const XrayViews& views, const PosePrior&, const Pose& start) override {
     requireImages(views, AutoMaskSettings::kName);
     const Stopwatch began;
-    RegistrationResult result;
-    result.T_camera_model = start;
-    result.prior = PriorInForce::kNone;
-    result.points_3d = tree_.size();
-    for (const XrayView& view : views) result.points_2d += view.centerline.size();
+    RegistrationResult result = resultAt(start, tree_.size(), views);
+    result.prior = PriorInForce::kNone;  // Nothing holds the pose at its start, and the covariance counts nothing.
     if (tooFewPoints(result)) return result;
     std::vector<cv::Mat> attenuations;
     for (const XrayView& view : views) attenuations.push_back(vesselAttenuation(*view.image));
@@ -189,7 +187,7 @@ class AutoMask final : public Registration {
     result.T_camera_model = T_camera_centered * to_center.inverse();
     result.times.rigid_s = rigid_began.seconds();
     result.covariance = covarianceByNearest(points_centered_, views, T_camera_centered,
-                                            givenPrior(prior, tree_.centroid()), tree_.centroid());
+                                            PosePriorTerm{T_camera_centered}, tree_.centroid());
     result.alignment = alignmentScore(tree_, tree_.points(), views, result.T_camera_model);
     classify(tree_, result);
     result.times.total_s = began.seconds();

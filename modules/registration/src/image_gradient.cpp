@@ -4,6 +4,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "angio/base/errors.hpp"
+#include "image_needed.hpp"
+
 namespace angio::registration {
 namespace {
 
@@ -11,6 +14,18 @@ namespace {
 constexpr double kAnatomy_px = 40;
 
 }  // namespace
+
+void requireImages(const XrayViews& views, const char* method) {
+  for (const XrayView& view : views) {
+    if (!view.image)
+      throw InputError("", "method", method, "needs the X-ray image of each view, not its centreline alone");
+    const bool fits = view.image->cols == view.camera.width_px() && view.image->rows == view.camera.height_px();
+    const int type = view.image->type();
+    if (!fits || (type != CV_8UC1 && type != CV_16UC1)) {
+      throw InputError("", "method", method, "needs images of one channel, 8 or 16 bits, and of their camera's size");
+    }
+  }
+}
 
 cv::Mat vesselAttenuation(const cv::Mat& image) {
   cv::Mat logs, wide;

@@ -3,7 +3,6 @@
 
 #include <type_traits>
 
-#include "angio/base/errors.hpp"
 #include "angio/registration/xray_view.hpp"
 
 namespace angio::registration {
@@ -14,12 +13,7 @@ struct NeedsImage : std::false_type {};
 template <typename Settings>
 struct NeedsImage<Settings, std::void_t<decltype(Settings::kNeedsImage)>> : std::true_type {};
 
-/// Throws InputError that names the method when a view has no image.
-inline void requireImages(const XrayViews& views, const char* method) {
-  for (const XrayView& view : views) {
-    if (!view.image)
-      throw InputError("", "method", method, "needs the X-ray image of each view, not its centreline alone");
-  }
-}
+/// Throws InputError that names the method when a view has no image, or one that is not of its detector.
+void requireImages(const XrayViews& views, const char* method);
 
 }  // namespace angio::registration

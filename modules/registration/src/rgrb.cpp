@@ -45,8 +45,8 @@ struct SurfacePoints {
   Eigen::VectorXd radii_m;
 };
 
-SurfacePoints surfaceOf(const VesselTree& tree_with_radii) {
-  const VesselTree& tree = tree_with_radii;
+// All radii of the tree must be known.
+SurfacePoints surfaceOf(const VesselTree& tree) {
   SurfacePoints surface{tree.points().colwise() - tree.centroid(), Eigen::Matrix3Xd::Zero(3, tree.size()),
                         Eigen::VectorXd::Zero(tree.size())};
   for (int i = 0; i < tree.size(); ++i) {
@@ -68,15 +68,11 @@ class Rgrb final : public Registration {
 
   using Registration::align;
 
-  RegistrationResult align(const XrayViews& views, const PosePrior& prior, const Pose& start) override {
+  RegistrationResult align(const XrayViews& views, const PosePrior&, const Pose& start) override {
     requireImages(views, RgrbSettings::kName);
     const Stopwatch began;
-    RegistrationResult result;
-    result.T_camera_model = start;
-    result.points_3d = tree_.size();
-    for (const XrayView& view : views) result.points_2d += view.centerline.size();
-    const PosePriorTerm held = givenPrior(prior, tree_.centroid());
-    result.prior = held.source;
+    RegistrationResult result = resultAt(start, tree_.size(), views);
+    result.prior = PriorInForce::kNone;  // Nothing holds the pose at its start, and the covariance counts nothing.
     if (tooFewPoints(result)) return result;
     std::vector<ImageGradient> gradients;
     for (const XrayView& view : views) gradients.emplace_back(vesselAttenuation(*view.image), kGradientSmoothing_px);
@@ -107,7 +103,8 @@ class Rgrb final : public Registration {
     }
     result.T_camera_model = T_camera_centered * to_center.inverse();
     result.times.rigid_s = rigid_began.seconds();
-    result.covariance = covarianceByNearest(surface_.points_centered, views, T_camera_centered, held, tree_.centroid());
+    result.covariance = covarianceByNearest(surface_.points_centered, views, T_camera_centered,
+                                            PosePriorTerm{T_camera_centered}, tree_.centroid());
     result.alignment = alignmentScore(tree_, tree_.points(), views, result.T_camera_model);
     classify(tree_, result);
     result.times.total_s = began.seconds();
@@ -207,9 +204,7 @@ class Rgrb final : public Registration {
       if (found > most) most = found, best = dx;
     }
     for (int round = 0; round < 3; ++round) {
-      const Twist dx =
-          solved(matches, [&](std::size_t m) { return agrees(matches[m], best) ? matches[m].strength : 0.0; });
-      best = dx;
+      best = solved(matches, [&](std::size_t m) { return agrees(matches[m], best) ? matches[m].strength : 0.0; });
     }
     return best;
   }
