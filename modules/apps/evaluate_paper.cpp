@@ -66,14 +66,16 @@ class PaperExperiments {
     rigid_ = deformed(entrants, Deformation::kRigid);
     both_ = rigid_;
     for (Entrant& entrant : deformed(entrants, Deformation::kNonrigid)) both_.push_back(std::move(entrant));
-    total_ = static_cast<int>(both_.size()) * o.trials * (o.asksFor(3) ? 5 : o.asksFor(1) ? 1 : 0);
-    if (o.asksFor(kLoss)) total_ += 3 * 5 * o.trials;
+    const auto levels = static_cast<int>(paperStarts().size());
+    total_ = static_cast<int>(both_.size()) * o.trials * (o.asksFor(3) ? levels : o.asksFor(1) ? 1 : 0);
+    if (o.asksFor(kLoss)) total_ += static_cast<int>(byLoss().size()) * levels * o.trials;
     if (o.asksFor(kVisibleFraction)) {
       total_ += static_cast<int>(rigid_.size() * visibleFraction().points.size()) * o.trials;
     }
     if (o.asksFor(kPointSets)) total_ += pointSetStudySize(o.trials);
     if (o.asksFor(2)) real_ = realCases();
-    for (const RealCases& cases : real_) total_ += static_cast<int>(cases.set.cases.size() * entrantsOf(cases).size());
+    for (const RealCases& cases : real_)
+      total_ += static_cast<int>(cases.set.cases.size() * ableToRun(cases, both_).size());
   }
 
   int report() {
@@ -140,32 +142,24 @@ class PaperExperiments {
             {"static phantom, by the extractor", seenByImages(phantom), true},
             {"clinical catheter run", readCaseSet(exampleDataFile("hepatic-tace/cases.yaml")), false}};
   }
-  std::vector<Entrant> entrantsOf(const RealCases& cases) const {
-    std::vector<Entrant> able;
-    for (const Entrant& entrant : both_) {
-      if (cases.has_images || !imageNeeded(entrant.registration)) able.push_back(entrant);
-    }
-    return able;
-  }
   void table2() {
     const ExtractorSettings extractor = chosenExtractor(file_, o_.method.extractor);
     std::vector<RealRuns> all;
     for (const RealCases& cases : real_) {
-      const bool goes_on = finishPart(true, [&] {
-        all.push_back(runRealCases(cases, entrantsOf(cases), extractor, [&](int) { bar_->show(++done_); }));
-      });
+      const bool goes_on = finishPart(
+          true, [&] { all.push_back(runRealCases(cases, both_, extractor, [&](int) { bar_->show(++done_); })); });
       if (!goes_on) break;
     }
     paper_["table2"] = paperTable2AsJson(all);
   }
 
-  void losses() {
-    MethodOptions by_loss;
-    by_loss.methods.clear();
-    for (const char* loss : {":paper", ":huber", ":l2"})
-      by_loss.methods.push_back(IterativePnpSettings::kName + std::string(loss));
-    paper_["losses"] = paperAsJson({}, overStarts(by_loss.entrants(file_)))["table3"];
+  std::vector<Entrant> byLoss() const {
+    const std::string name = IterativePnpSettings::kName;
+    MethodOptions options;
+    options.methods = {name + ":paper", name + ":huber", name + ":l2"};
+    return options.entrants(file_);
   }
+  void losses() { paper_["losses"] = paperAsJson({}, overStarts(byLoss()))["table3"]; }
 
   Sweep visibleFraction() const { return sweepsNamed(kVisibleFraction, protocol(paperTable1Start())).front(); }
   void visible() {

@@ -85,14 +85,21 @@ CaseSet seenByImages(CaseSet set) {
   return set;
 }
 
+std::vector<Entrant> ableToRun(const RealCases& cases, const std::vector<Entrant>& entrants) {
+  std::vector<Entrant> able;
+  for (const Entrant& entrant : entrants) {
+    if (cases.has_images || !imageNeeded(entrant.registration)) able.push_back(entrant);
+  }
+  return able;
+}
+
 RealRuns runRealCases(const RealCases& cases, const std::vector<Entrant>& entrants, const ExtractorSettings& extractor,
                       const Progress& progress) {
   CaseSet each = cases.set;
   each.sequence = false;
   RealRuns result{cases.name, {}};
   int done = 0;
-  for (const Entrant& entrant : entrants) {
-    if (imageNeeded(entrant.registration) && !cases.has_images) continue;
+  for (const Entrant& entrant : ableToRun(cases, entrants)) {
     result.runs.push_back(
         {entrant.name, runCases(each, {entrant.registration, entrant.starts, extractor, {}}, [&](int) {
            if (progress) progress(++done);

@@ -23,8 +23,7 @@ struct RealCases {
 /// reference.
 CaseSet withDrawnStarts(const CaseSet& set, double rotation_std_deg, double translation_std_mm, int count, int seed);
 
-/// The set with what its views are seen as: by images, in which an extractor finds centrelines, or by the centrelines
-/// that stand in its files.
+/// The set without the centrelines of its files: an extractor finds them in its images.
 CaseSet seenByImages(CaseSet set);
 
 /// What became of one set: methods that cannot run on it are left out.
@@ -33,7 +32,10 @@ struct RealRuns {
   std::vector<EntrantRun> runs;
 };
 
-/// Runs every entrant on every case of a set. `progress` counts registrations.
+/// The entrants that can run on a set: not those that look at the image where it has none.
+std::vector<Entrant> ableToRun(const RealCases& cases, const std::vector<Entrant>& entrants);
+
+/// Runs every entrant that can on every case of a set. `progress` counts registrations.
 RealRuns runRealCases(const RealCases& cases, const std::vector<Entrant>& entrants, const ExtractorSettings& extractor,
                       const Progress& progress = {});
 
