@@ -154,7 +154,7 @@ paper() {
   "$bin"/angio-evaluate paper --trials "${TRIALS:-100}" --method nicp:source,cvo:source,dt_icp:l2
   echo; echo "Table II's analogue, parts of the tree in view, losses"
   "$bin"/angio-evaluate paper --table 2 --figure visible-fraction --trials "${REAL_TRIALS:-40}" \
-    --method automask,rgrb,dt_icp,nicp,cvo,iterative_pnp:paper,iterative_pnp:huber,iterative_pnp,iterative_pnp:best,oriented_kernel
+    --method automask,pairwise_dnn,rgrb,dt_icp,nicp,cvo,iterative_pnp:paper,iterative_pnp:huber,iterative_pnp,iterative_pnp:best,oriented_kernel
   "$bin"/angio-evaluate paper --figure loss --figure 3d-3d --trials "${TRIALS:-100}"
   local harder
   for harder in "--spurious 5 --noise-px 1" "--filled 0.5" "--visible-fraction 0.5"; do

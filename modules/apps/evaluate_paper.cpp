@@ -203,11 +203,17 @@ int evaluatePaper(PaperOptions o) {
 void addEvaluatePaper(cli::Command& app, Work& work) {
   const auto o = std::make_shared<PaperOptions>();
   const std::string papers = IterativePnpSettings::kName;
-  o->method.methods = {AutoMaskSettings::kName, RgrbSettings::kName,
-                       DtIcpSettings::kName,    NicpSettings::kName,
-                       CvoSettings::kName,      papers + ":paper",
-                       papers + ":huber",       papers,
-                       papers + ":best",        OrientedKernelSettings::kName};
+  o->method.methods = {AutoMaskSettings::kName,
+                       PairwiseDnnSettings::kName,
+                       RgrbSettings::kName,
+                       DtIcpSettings::kName,
+                       NicpSettings::kName,
+                       CvoSettings::kName,
+                       papers + ":paper",
+                       papers + ":huber",
+                       papers,
+                       papers + ":best",
+                       OrientedKernelSettings::kName};
   auto* command = app.addSubcommand("paper", "Repeat the experiments of the Iterative PnP paper");
   command->footer(
       "Example:\n  angio-evaluate paper --table 1 --table 3 --trials 100 --report paper.html\n\nThe paper's method "

@@ -21,7 +21,7 @@ endmacro()
 
 angio_find_package(Threads Threads::)
 angio_find_package(Eigen3 Eigen3:: 3.4 NO_MODULE)
-angio_find_package(OpenCV opencv_ 4.5 COMPONENTS core imgproc imgcodecs ximgproc calib3d videoio)
+angio_find_package(OpenCV opencv_ 4.5 COMPONENTS core imgproc imgcodecs ximgproc calib3d dnn videoio)
 angio_find_package(Ceres Ceres:: 2.1)
 angio_find_package(nanoflann nanoflann::)
 angio_find_package(hwy hwy:: CONFIG)

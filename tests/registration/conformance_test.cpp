@@ -62,6 +62,26 @@ std::vector<Settings> variants(const Settings& rigid) {
   return all;
 }
 
+/// What a method can tell of a clean image. Half a pixel is a tenth of a millimetre in the patient, and a tenth of the
+/// distance between vessels that cross.
+template <typename Settings>
+struct Accuracy {
+  static constexpr double kRight_px = 0.5;
+  /// Of the centroid in two views, which have a pixel of noise for those who look at the centreline: it is 0.2 mm in
+  /// the patient, and hundreds of points share it; in one view it leaves several times this in depth.
+  static constexpr double kRightInTwoViews_m = 0.1e-3;
+  /// Whether one view tells depth well enough to be believed.
+  static constexpr bool kOneViewTellsDepth = true;
+};
+
+/// A network that sees 96 x 96 pixels: one of them is five of the image. It says that it does not know depth.
+template <>
+struct Accuracy<PairwiseDnnSettings> {
+  static constexpr double kRight_px = 3;
+  static constexpr double kRightInTwoViews_m = 0.5e-3;
+  static constexpr bool kOneViewTellsDepth = false;
+};
+
 struct Scene {
   VesselTree tree;
   XrayCamera camera = test::clinicalCamera();
@@ -145,9 +165,14 @@ TYPED_TEST(RegistrationConformance, RecoversAKnownPose) {
     ASSERT_GT(meanPixelDistance(s, s.prior.T_camera_model, s.tree.points(), s.truth, s.tree.points()), 5);
     const auto result = this->aligned(this->clean, s.tree, s.image, s.camera, s.prior, s.shown());
     expectFinite(result);
-    EXPECT_EQ(result.status, RegistrationStatus::kConverged) << seed << ": " << result.reason;
-    // Half a pixel is a tenth of a millimetre in the patient, and a tenth of the distance between vessels that cross.
-    EXPECT_LT(meanPixelDistance(s, result.T_camera_model, s.tree.points(), s.truth, s.tree.points()), 0.5);
+    if (Accuracy<TypeParam>::kOneViewTellsDepth) {
+      EXPECT_EQ(result.status, RegistrationStatus::kConverged) << seed << ": " << result.reason;
+    } else {
+      EXPECT_TRUE(explained(result));
+      EXPECT_THAT(result.reason, testing::HasSubstr("leaves the pose open")) << seed;
+    }
+    EXPECT_LT(meanPixelDistance(s, result.T_camera_model, s.tree.points(), s.truth, s.tree.points()),
+              Accuracy<TypeParam>::kRight_px);
   }
 }
 
@@ -168,9 +193,7 @@ TYPED_TEST(RegistrationConformance, ASecondViewFindsTheDepth) {
       Eigen::Matrix3Xd found = s.tree.points();
       if (result.displacements_m.size() > 0) found += result.displacements_m;
       const Eigen::Vector3d off = (result.T_camera_model * found - s.truth * s.tree.points()).rowwise().mean();
-      // A pixel of noise is 0.2 mm in the patient, and hundreds of points share it; in one view it leaves several times
-      // this in depth.
-      EXPECT_LT(off.norm(), 0.1e-3) << seed;
+      EXPECT_LT(off.norm(), Accuracy<TypeParam>::kRightInTwoViews_m) << seed;
     }
   }
 }

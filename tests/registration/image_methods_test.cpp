@@ -37,7 +37,7 @@ struct SeenTree {
   }
 };
 
-std::vector<RegistrationSettings> imageMethods() { return {AutoMaskSettings{}, RgrbSettings{}}; }
+std::vector<RegistrationSettings> imageMethods() { return {AutoMaskSettings{}, RgrbSettings{}, PairwiseDnnSettings{}}; }
 
 TEST(ImageMethods, FindANearPoseInAnIdealRadiograph) {
   for (const auto& settings : imageMethods()) {
@@ -45,8 +45,9 @@ TEST(ImageMethods, FindANearPoseInAnIdealRadiograph) {
       const SeenTree s(seed);
       const Pose start = drawnPose(s.truth, s.tree.centroid(), degToRad(0.5), 1e-3, 3, static_cast<int>(seed));
       const auto result = makeRegistration(settings, s.tree)->align({s.view()}, {start, Matrix6d::Identity()}, start);
-      // The paper counts a residual of 2 mm as found, and its pixels are 0.3 mm; both methods stay below a pixel.
-      EXPECT_LT(result.alignment.model_rms_px, 1) << methodName(settings) << " " << seed;
+      // The paper counts a residual of 2 mm as found, and its pixels are 0.3 mm. A network's is five of the image.
+      const bool network = std::holds_alternative<PairwiseDnnSettings>(settings);
+      EXPECT_LT(result.alignment.model_rms_px, network ? 3 : 1) << methodName(settings) << " " << seed;
       EXPECT_EQ(result.prior, PriorInForce::kNone) << "what came with the start is not looked at";
     }
   }

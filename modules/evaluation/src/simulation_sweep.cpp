@@ -124,7 +124,7 @@ std::string sweepTable(const Json& swept) {
                              "{success_mtre_2mm_bounds_percent/0:%.0f} to {success_mtre_2mm_bounds_percent/1:%.0f %%}"},
                             {"in-plane < 2 mm", "{in_plane_below_2mm_percent:%.0f %%}"},
                             {"pose ok", "{pose_ok_percent:%.0f %%}"},
-                            {"GFR > 5 px (true)", "{gfr_true_5px_percent:%.0f %%}"},
+                            {"mPD > 5 px", "{gfr_true_5px_percent:%.0f %%}"},
                             {"failed, trusted", "{failed_and_trusted_percent:%.0f %%}"},
                             {"mTRE", "{mtre_mm/median:%.3f mm}"},
                             {"in-plane", "{in_plane_mm/median:%.3f mm}"},

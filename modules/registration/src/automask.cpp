@@ -9,20 +9,21 @@
 #include "angio/registration/alignment_score.hpp"
 #include "angio/tubes/tubes.hpp"
 #include "angio/vessel/plausible_radii.hpp"
+#include "drawn_tubes.hpp"
 #include "fit_classification.hpp"
 #include "image_gradient.hpp"
 #include "image_needed.hpp"
 #include "methods.hpp"
 #include "nearest_covariance.hpp"
 #include "pose_prior_term.hpp"
+#include "projected_motion.hpp"
 
 namespace angio::registration {
 namespace {
 
 // Images are compared at these parts of their size, coarse first.
 constexpr int kBinnings[] = {32, 16, 8, 4};
-// A vessel is drawn at least so wide, with as much less in it: one that falls between rays would come and go with the
-// pose [px of the binned image].
+// A vessel is drawn at least so wide [px of the binned image].
 constexpr double kMinRadius_px = 0.75;
 // Larger than any difference of correlations.
 constexpr double kNoImage = 10;
@@ -73,13 +74,7 @@ class MaskedView {
 
   // Widens the tree's tubes to what the pixels can show.
   void setTubes(const std::vector<Tube>& tubes, double depth_m) {
-    const double min_radius_m = kMinRadius_px * depth_m / camera_.parameters().fx_px;
-    tubes_ = tubes;
-    for (Tube& tube : tubes_) {
-      if (tube.radius_m >= min_radius_m) continue;
-      tube.density *= (tube.radius_m * tube.radius_m) / (min_radius_m * min_radius_m);
-      tube.radius_m = min_radius_m;
-    }
+    tubes_ = withMinRadius(tubes, kMinRadius_px * depth_m / camera_.parameters().fx_px);
   }
 
   // The mask about the tree as it is projected now: pixels within `margin_m` of it, at its depth.
@@ -183,7 +178,7 @@ class AutoMask final : public Registration {
     // A simplex has no gradient that says that it is at rest: a second one that begins where the first has ended does.
     const Pose rested = T_camera_centered;
     alignAt(kBinnings[std::size(kBinnings) - 1], margin_m, step, views, attenuations, T_camera_centered, result);
-    result.last_step_px = movedBetween(rested, T_camera_centered, views.front());
+    result.last_step_px = projectedMotion_px(points_centered_, views.front(), rested, T_camera_centered);
     result.T_camera_model = T_camera_centered * to_center.inverse();
     result.times.rigid_s = rigid_began.seconds();
     result.covariance = covarianceByNearest(points_centered_, views, T_camera_centered,
@@ -197,20 +192,6 @@ class AutoMask final : public Registration {
   const VesselTree& tree() const override { return tree_; }
 
  private:
-  // Of the projected tree, rms [px].
-  double movedBetween(const Pose& a, const Pose& b, const XrayView& view) const {
-    double squares = 0;
-    int seen = 0;
-    for (Eigen::Index i = 0; i < points_centered_.cols(); ++i) {
-      const auto from = view.camera.project(view.T_view_first * (a * points_centered_.col(i)));
-      const auto to = view.camera.project(view.T_view_first * (b * points_centered_.col(i)));
-      if (!from || !to) continue;
-      squares += (*to - *from).squaredNorm();
-      ++seen;
-    }
-    return std::sqrt(squares / std::max(1, seen));
-  }
-
   void alignAt(int binning, double margin_m, double step, const XrayViews& views,
                const std::vector<cv::Mat>& attenuations, Pose& T_camera_centered, RegistrationResult& result) {
     std::vector<MaskedView> masked;

@@ -8,13 +8,6 @@
 #include "image_needed.hpp"
 
 namespace angio::registration {
-namespace {
-
-// What is wider than this is anatomy, not a vessel [px].
-constexpr double kAnatomy_px = 40;
-
-}  // namespace
-
 void requireImages(const XrayViews& views, const char* method) {
   for (const XrayView& view : views) {
     if (!view.image)

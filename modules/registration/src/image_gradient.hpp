@@ -21,8 +21,11 @@ class ImageGradient {
   cv::Mat du_, dv_;
 };
 
+/// What is wider than this is anatomy, not a vessel [px].
+constexpr double kAnatomy_px = 40;
+
 /// Log-attenuation of what is not wider than a vessel: the logarithm of an X-ray image turned round, less the same
-/// smoothed over 40 px. CV_32FC1 from CV_8UC1 or CV_16UC1.
+/// smoothed over kAnatomy_px. CV_32FC1 from CV_8UC1 or CV_16UC1.
 cv::Mat vesselAttenuation(const cv::Mat& image);
 
 }  // namespace angio::registration

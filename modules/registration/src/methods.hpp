@@ -24,6 +24,9 @@ std::unique_ptr<Registration> make(const RgrbSettings& settings, const VesselTre
 /// Radiographs of the tree against the X-ray image, inside a mask.
 std::unique_ptr<Registration> make(const AutoMaskSettings& settings, const VesselTree& tree);
 
+/// A network's answer to a picture of the image and one of the tree, until it says that nothing moves.
+std::unique_ptr<Registration> make(const PairwiseDnnSettings& settings, const VesselTree& tree);
+
 /// Continuous visual odometry (Ghaffari, Clark et al.): the distance of model and image in a reproducing kernel Hilbert
 /// space, lowered by a gradient flow on SE(3); rigid.
 std::unique_ptr<Registration> make(const CvoSettings& settings, const VesselTree& tree);

@@ -175,7 +175,7 @@ std::string summaryTable(const Json& summary_by_method) {
                                          {"true projection [px]", "{mpd_px/median:%.3f}"},
                                          {"pose error", "{rotation_deg/median:%.3f deg}, {centroid_mm/median:%.3f mm}"},
                                          {"pose ok", "{pose_ok_percent:%.0f %%}"},
-                                         {"GFR > 5 px (true)", "{gfr_true_5px_percent:%.0f %%}"},
+                                         {"mPD > 5 px", "{gfr_true_5px_percent:%.0f %%}"},
                                          {"failed unnoticed", "{failed_and_trusted_percent:%.0f %%}"},
                                          {"ms", "{time_ms/total/p50:%.1f}"}}) +
          "Medians over the cases; \"pose ok\" is within 0.1 deg and 1 mm of the truth at the tree's centroid.\n";

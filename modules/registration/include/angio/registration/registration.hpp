@@ -14,6 +14,7 @@
 #include "angio/registration/namespace.hpp"
 #include "angio/registration/nicp_settings.hpp"
 #include "angio/registration/oriented_kernel_settings.hpp"
+#include "angio/registration/pairwise_dnn_settings.hpp"
 #include "angio/registration/result.hpp"
 #include "angio/registration/rgrb_settings.hpp"
 #include "angio/registration/xray_view.hpp"
@@ -105,7 +106,7 @@ class Registration {
 
 /// The settings type is the choice of the method: a new method is its settings, its source and one name here.
 using RegistrationSettings = std::variant<IterativePnpSettings, OrientedKernelSettings, DtIcpSettings, NicpSettings,
-                                          CvoSettings, RgrbSettings, AutoMaskSettings>;
+                                          CvoSettings, RgrbSettings, AutoMaskSettings, PairwiseDnnSettings>;
 
 /// Throws InputError when a setting is out of its range.
 std::unique_ptr<Registration> makeRegistration(const RegistrationSettings& settings, const VesselTree& tree);
