@@ -10,31 +10,20 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
-#include "angio/base/formatted.hpp"
-#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/bus_help.hpp"
 #include "angio/cli/program.hpp"
-#include "angio/evaluation/branch_picture.hpp"
 #include "angio/io/camera_files.hpp"
-#include "angio/io/curve_folder.hpp"
 #include "angio/io/image_files.hpp"
-#include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/io/yaml.hpp"
-#include "angio/vessel/model_id.hpp"
 #include "findings.hpp"
 #include "inspect_bus.hpp"
+#include "inspect_conversion.hpp"
+#include "inspect_tree.hpp"
 
 namespace angio::apps {
 namespace {
-
-// A file's letters need not be printable.
-std::string withoutControls(std::string words) {
-  std::replace_if(
-      words.begin(), words.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
-  return words;
-}
 
 void addPixels(const XaHeader& header, Findings& found) {
   found.text("modality", "modality", header.modality);
@@ -137,12 +126,7 @@ struct Options {
   int frame = 0;
   bool json = false;
   BusToInspect live;
-};
-
-// What a file holds, and what stands below it.
-struct Inspected {
-  Findings found;
-  std::string table = {};
+  PoseToConvert conversion;
 };
 
 Findings inspectImage(const std::string& path, int frame) {
@@ -153,78 +137,6 @@ Findings inspectImage(const std::string& path, int frame) {
   found.size(image.cols, image.rows);
   found.count("bits", "bits_stored", 8 * static_cast<int>(image.elemSize()));
   return found;
-}
-
-std::string asTable(const std::vector<NumberedBranch>& branches) {
-  std::size_t width = 4;
-  for (const NumberedBranch& branch : branches) width = std::max(width, branch.name.size());
-  const auto row = [width](const std::string& number, const std::string& name, const std::string& parent,
-                           const std::string& length, const std::string& radius) {
-    return formatted("%8s  ", number.c_str()) + name + std::string(width - name.size(), ' ') +
-           formatted("%8s%14s%18s\n", parent.c_str(), length.c_str(), radius.c_str());
-  };
-  std::string table = "\n" + row("branch", "name", "parent", "length [mm]", "mean radius [mm]");
-  for (const NumberedBranch& b : branches) {
-    table +=
-        row(std::to_string(b.number), withoutControls(b.name), b.parent ? std::to_string(*b.parent) : "root",
-            formatted("%.2f", 1e3 * b.length_m), b.mean_radius_m ? formatted("%.2f", 1e3 * *b.mean_radius_m) : "-");
-  }
-  return table;
-}
-
-Json asJson(const std::vector<NumberedBranch>& branches) {
-  Json rows = Json::array();
-  for (const NumberedBranch& b : branches) {
-    rows.push_back({{"number", b.number},
-                    {"name", b.name},
-                    {"parent", b.parent ? Json(*b.parent) : Json(nullptr)},
-                    {"length_mm", 1e3 * b.length_m},
-                    {"mean_radius_mm", b.mean_radius_m ? Json(1e3 * *b.mean_radius_m) : Json(nullptr)}});
-  }
-  return rows;
-}
-
-// Writes the picture and adds its table.
-void showBranches(const VesselTree& tree, const Options& o, Inspected& told) {
-  const bool folder = std::filesystem::is_directory(o.file);
-  const auto branches =
-      numberedBranches(tree, folder ? branchNames(tree, readCurveFolder(o.file)) : std::vector<std::string>());
-  const bool known = !o.calibration.empty();
-  const Eigen::Matrix3d R_lps_model = known ? readCArmFile(o.calibration).R_lps_model : Eigen::Matrix3d::Identity();
-  const std::string axes =
-      known ? "by R_lps_model of the calibration" : "x, y, z of the file taken as L, P, S; --calibration: R_lps_model";
-  writeBranchPicture(o.picture, branchPicture(tree, branches, R_lps_model, "patient's axes: " + axes));
-  told.found.add("patient's axes", axes, "patient_axes", axes);
-  if (o.json) {
-    told.found.add("numbers", "", "branch_table", asJson(branches));
-  } else {
-    told.table = asTable(branches);
-  }
-}
-
-Inspected inspectTree(const Options& o) {
-  const VesselTree tree = readVesselTree(o.file);
-  const Eigen::Vector3d low_mm = 1e3 * tree.points().rowwise().minCoeff();
-  const Eigen::Vector3d high_mm = 1e3 * tree.points().rowwise().maxCoeff();
-  const auto known =
-      std::count_if(tree.radii().begin(), tree.radii().end(), [](const auto& r) { return r.has_value(); });
-  Findings found;
-  found.count("points", "points", tree.size());
-  found.count("branches", "branches", static_cast<std::int64_t>(tree.branches().size()));
-  found.length("length", "length_mm", tree.length());
-  found.count("radii", "known_radii", known, " known");
-  found.count("model id", "model_id", static_cast<std::int64_t>(modelId(tree)), " in messages");
-  const bool said = saysItsFrame(o.file);
-  found.add("axes", said ? "L, P, S, as the file says or turned to them" : "the file's own; it does not say which",
-            "patient_frame", said ? Json("LPS") : Json(nullptr));
-  for (const int axis : {0, 1, 2}) {
-    const std::string name(1, "xyz"[axis]);
-    found.add(name, inWords(low_mm[axis], "to ") + inWords(high_mm[axis], "mm"), name + "_mm",
-              {low_mm[axis], high_mm[axis]});
-  }
-  Inspected told{found};
-  if (!o.picture.empty()) showBranches(tree, o, told);
-  return told;
 }
 
 Findings inspectCamera(const std::string& path) {
@@ -264,7 +176,7 @@ Inspected inspectFile(const Options& o) {
                      "is of a DICOM run: other files do not say their camera");
   }
   if (camera) return {inspectCamera(o.file)};
-  if (tree) return inspectTree(o);
+  if (tree) return inspectTree({o.file, o.picture, o.calibration, o.json});
   auto found = isDicom(o.file) ? inspectRun(o.file, o.frame, o.write_camera) : inspectImage(o.file, o.frame);
   if (!o.out.empty()) writeImage(o.out, readXrayImage(o.file, o.frame));
   return {found};
@@ -295,6 +207,10 @@ void printTable(const Findings& found) {
 
 int inspect(const Options& o) {
   for (const auto& path : {o.write_camera, o.picture}) requireFolderOf(path);
+  if (!o.conversion.convention.empty()) {
+    convertPose(o.conversion, o.file, o.frame, o.out, o.write_camera);
+    return 0;
+  }
   requireImagePath(o.out);
   BusToInspect live = o.live;
   live.calibration = o.calibration;
@@ -321,14 +237,18 @@ int main(int argc, char** argv) {
   auto* file =
       app.addOption("file", o.file,
                     "DICOM run, .png, .tif; tree (.csv, .swc, .vtp, .vtk, .mrk.json or a folder of them, .tre, HMM "
-                    ".txt); camera (.yaml, .xml)");
-  app.addOption("--frame", o.frame, "Frame of a run or of a TIFF, from 0")
+                    ".txt); camera (.yaml, .xml); with --convert-pose a pose or a projection (.yaml), an RTK geometry "
+                    "(.xml), an ITK transform (.tfm) or a DICOM run");
+  app.addOption("--frame", o.frame, "Frame of a run or of a TIFF, projection of an RTK geometry, from 0")
       ->check(angio::cli::wholeBetween(0, 1000000))
       ->needs(file);
   app.addFlag("--json", o.json, "JSON instead of columns");
-  app.addOption("--out", o.out, "Picture of the frame (.png, .tif, .jpg), as the camera sees it")->needs(file);
+  app.addOption("--out", o.out,
+                "Picture of the frame (.png, .tif, .jpg), as the camera sees it; what --convert-pose makes")
+      ->needs(file);
   app.addOption("--write-camera", o.write_camera,
-                "Camera of a DICOM run's frame (.yaml): K, pixel and source-detector distance, and what is assumed")
+                "Camera of a DICOM run's frame (.yaml): K, pixel and source-detector distance, and what is assumed; "
+                "with --convert-pose the camera of the projection")
       ->needs(file);
   auto* bus =
       app.addOption("--bus", o.live.bus,
@@ -346,6 +266,7 @@ int main(int argc, char** argv) {
   app.addOption("--wait-s", o.live.wait_s, "With --bus: for a frame and joints, at most")
       ->check(angio::apps::between(0.01, 3600))
       ->needs(bus);
+  angio::apps::addConversionOptions(app, o.conversion, file);
   app.onRead([&] {
     if (o.file.empty() && o.live.bus.empty()) angio::cli::refuseWithout("file or --bus");
   });

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <nlohmann/json.hpp>
@@ -16,6 +17,13 @@ namespace angio::apps {
 using Json = nlohmann::ordered_json;
 
 inline const std::string kUnknown = "not said";
+
+/// With a question mark for each letter that cannot be printed: a file may hold any.
+inline std::string withoutControls(std::string words) {
+  std::replace_if(
+      words.begin(), words.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
+  return words;
+}
 
 /// A number for people: four digits behind the point at most, and the unit after a blank.
 inline std::string inWords(double number, const std::string& unit) {

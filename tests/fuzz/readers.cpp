@@ -16,7 +16,9 @@
 #include "angio/calibration/pose_set.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
-#include "angio/io/measured_motion_file.hpp"
+#include "angio/conventions/projection_files.hpp"
+#include "angio/conventions/rtk_geometry_file.hpp"
+#include "angio/conventions/tfm_file.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
@@ -24,6 +26,7 @@
 #include "angio/io/dicom_slices.hpp"
 #include "angio/io/displacement_files.hpp"
 #include "angio/io/image_files.hpp"
+#include "angio/io/measured_motion_file.hpp"
 #include "angio/io/polygon_files.hpp"
 #include "angio/io/pose_files.hpp"
 #include "angio/io/settings_files.hpp"
@@ -55,6 +58,20 @@ void readMotion(const std::string& path) {
   promised(motion.points.cols() == motion.displacements_m.cols() && motion.points.allFinite() &&
                motion.displacements_m.allFinite(),
            "each point moves");
+}
+
+void readGeometry(const std::string& path) {
+  for (const RtkProjection& p : readRtkGeometry(path)) promised(rtkMatrix(p).allFinite(), "a matrix has numbers");
+}
+
+void promiseRigid(const Pose& T) {
+  promised(rotationDefect(T.linear()) < 1e-9 && T.translation().allFinite(), "a pose is rigid");
+}
+
+void readTransform(const std::string& path) { promiseRigid(poseOf(readTfm(path), path)); }
+
+void readAProjection(const std::string& path) {
+  promiseRigid(readProjection({path, "", 0, {}}).projection.T_camera_model);
 }
 
 void readLog(const std::string& path) {
@@ -238,6 +255,9 @@ std::vector<FileReader> listedReaders() {
       {"camera_yaml", "input.yaml", readACamera},
       {"camera_xml", "input.xml", readACamera},
       {"pose", "input.yaml", readAPose},
+      {"projection", "input.yaml", readAProjection},
+      {"rtk_geometry", "input.xml", readGeometry},
+      {"itk_transform", "input.tfm", readTransform},
       {"settings", "input.yaml", readSomeSettings},
       {"case_set", "input.yaml", readCases, {"camera.yaml", "pose.yaml", "tree.csv", "line.csv"}},
       {"coco_polygons", "input.json", readPolygons},

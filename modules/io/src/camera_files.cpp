@@ -8,8 +8,8 @@
 #include "angio/io/format_table.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/io/xml.hpp"
 #include "angio/io/yaml.hpp"
-#include "xml.hpp"
 
 namespace angio::io {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/io/text.hpp"
-#include "xml.hpp"
+#include "angio/io/xml.hpp"
 
 namespace angio::io {
 namespace {

@@ -3,9 +3,9 @@
 #include "angio/io/surface_files.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/io/xml.hpp"
 #include "tree_formats.hpp"
 #include "trunk_merge.hpp"
-#include "xml.hpp"
 
 namespace angio::io {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "xml.hpp"
+#include "angio/io/xml.hpp"
 
 #include <expat.h>
 
@@ -13,8 +13,8 @@
 namespace angio::io {
 namespace {
 
-// An element's children go with it recursively, so that their number bounds the stack; a file of ours has some dozens.
-constexpr int kMaxTags = 2000;
+// An element's children go with it recursively, so that their depth bounds the stack.
+constexpr std::size_t kMaxDepth = 100;
 // A tag of ours has some hundred bytes.
 constexpr std::size_t kMaxTag = std::size_t{1} << 16;
 constexpr std::string_view kAppendedData = "<AppendedData";
@@ -43,14 +43,18 @@ std::size_t tagLength(std::string_view text) {
   return text.size();
 }
 
-void requireTame(const std::string& path, std::string_view content) {
+void requireTame(const std::string& path, std::string_view content, const XmlBounds& bounds) {
   const std::string_view markup = content.substr(0, content.find(kAppendedData));
   const auto nul = markup.find('\0');
   if (nul != std::string_view::npos) {
     throw InputError(atLine(path, lineAt(content, nul)), "byte", "0", "must be XML text");
   }
   for (const std::string_view forbidden : {"<!DOCTYPE", "<!ENTITY"}) {
-    const auto at = markup.find(forbidden);
+    auto at = markup.find(forbidden);
+    if (at != std::string_view::npos && !bounds.declaration.empty() &&
+        markup.substr(at, bounds.declaration.size()) == bounds.declaration) {
+      at = markup.find(forbidden, at + 1);
+    }
     if (at == std::string_view::npos) continue;
     throw InputError(atLine(path, lineAt(content, at)), "", std::string(forbidden), "must not be used here");
   }
@@ -59,7 +63,9 @@ void requireTame(const std::string& path, std::string_view content) {
   for (auto at = markup.find('<'); at != std::string_view::npos;) {
     const std::size_t length = tagLength(markup.substr(at));
     if (length > kMaxTag) throw InputError(place(at), "tag", std::to_string(length), "must not exceed 65,536 bytes");
-    if (++tags > kMaxTags) throw InputError(place(at), "tags", std::to_string(tags), "must not exceed 2000");
+    if (++tags > bounds.max_tags) {
+      throw InputError(place(at), "tags", std::to_string(tags), "must not exceed " + std::to_string(bounds.max_tags));
+    }
     at = markup.find('<', at + length);
   }
 }
@@ -69,7 +75,7 @@ struct Gathering {
   XmlElement top;
   // From the outside in. Elements move with their sisters once they are closed only.
   std::vector<XmlElement*> open = {&top};
-  bool appended = false;
+  bool appended = false, deep = false;
   XML_Parser parser = nullptr;
 
   static void XMLCALL begin(void* self, const XML_Char* name, const XML_Char** attributes) {
@@ -79,6 +85,10 @@ struct Gathering {
     for (; *attributes; attributes += 2) element.attributes.emplace_back(attributes[0], attributes[1]);
     element.at = static_cast<std::size_t>(XML_GetCurrentByteIndex(all.parser));
     all.open.push_back(&element);
+    if (all.open.size() > kMaxDepth) {
+      all.deep = true;
+      XML_StopParser(all.parser, XML_FALSE);
+    }
     if (element.name != kAppendedData.substr(1)) return;
     all.appended = true;
     XML_StopParser(all.parser, XML_FALSE);
@@ -117,8 +127,9 @@ std::vector<const XmlElement*> XmlElement::childrenOf(std::string_view wanted) c
   return found;
 }
 
-XmlDocument::XmlDocument(std::string path, std::string content) : path_(std::move(path)), content_(std::move(content)) {
-  requireTame(path_, content_);
+XmlDocument::XmlDocument(std::string path, std::string content, const XmlBounds& bounds)
+    : path_(std::move(path)), content_(std::move(content)) {
+  requireTame(path_, content_, bounds);
   const std::string_view markup = markupOf(content_);
   const std::unique_ptr<std::remove_pointer_t<XML_Parser>, decltype(&XML_ParserFree)> parser(XML_ParserCreate(nullptr),
                                                                                              XML_ParserFree);
@@ -128,6 +139,10 @@ XmlDocument::XmlDocument(std::string path, std::string content) : path_(std::mov
   XML_SetElementHandler(parser.get(), Gathering::begin, Gathering::end);
   const bool parsed =
       XML_Parse(parser.get(), markup.data(), static_cast<int>(markup.size()), XML_TRUE) == XML_STATUS_OK;
+  if (all.deep) {
+    throw InputError(atLine(path_, static_cast<int>(XML_GetCurrentLineNumber(parser.get()))), "elements", "",
+                     "must not be nested deeper than " + std::to_string(kMaxDepth));
+  }
   if ((!parsed && !all.appended) || all.top.children.empty()) {
     throw InputError(atLine(path_, static_cast<int>(XML_GetCurrentLineNumber(parser.get()))), "", "",
                      std::string("is not valid XML: ") + XML_ErrorString(XML_GetErrorCode(parser.get())));

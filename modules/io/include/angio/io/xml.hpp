@@ -26,12 +26,18 @@ struct XmlElement {
   std::vector<const XmlElement*> childrenOf(std::string_view wanted) const;
 };
 
+/// What a document may be beyond a small one that declares nothing.
+struct XmlBounds {
+  int max_tags = 2000;
+  std::string_view declaration = {};  ///< The one document type that may be declared, as "<!DOCTYPE NAME>".
+};
+
 /// The elements of an XML document, by Expat. It may end in VTK's <AppendedData>, which is no XML any more.
 class XmlDocument {
  public:
-  /// Throws InputError "path:line: ..." for broken XML, document types (they can define entities that explode) more
-  /// than 2000 tags and tags beyond 64 KiB.
-  XmlDocument(std::string path, std::string content);
+  /// Throws InputError "path:line: ..." for broken XML, other document types (they can define entities that explode),
+  /// more tags, tags beyond 64 KiB and elements nested deeper than 100.
+  XmlDocument(std::string path, std::string content, const XmlBounds& bounds = {});
 
   const XmlElement& root() const { return root_; }
   const std::string& path() const { return path_; }
