@@ -122,7 +122,7 @@ Findings inspectRun(const std::string& path, int frame, const std::string& camer
 }
 
 struct Options {
-  std::string file, out, write_camera, picture, calibration;
+  std::string file, out, write_camera, picture, calibration, write_urdf;
   int frame = 0;
   bool json = false;
   BusToInspect live;
@@ -206,9 +206,13 @@ void printTable(const Findings& found) {
 }
 
 int inspect(const Options& o) {
-  for (const auto& path : {o.write_camera, o.picture}) requireFolderOf(path);
+  for (const auto& path : {o.write_camera, o.picture, o.write_urdf}) requireFolderOf(path);
   if (!o.conversion.convention.empty()) {
     convertPose(o.conversion, o.file, o.frame, o.out, o.write_camera);
+    return 0;
+  }
+  if (!o.write_urdf.empty()) {
+    writeUrdf(o.file, o.write_urdf);
     return 0;
   }
   requireImagePath(o.out);
@@ -267,6 +271,7 @@ int main(int argc, char** argv) {
       ->check(angio::apps::between(0.01, 3600))
       ->needs(bus);
   angio::apps::addConversionOptions(app, o.conversion, file);
+  angio::apps::addUrdfOption(app, o.write_urdf, file);
   app.onRead([&] {
     if (o.file.empty() && o.live.bus.empty()) angio::cli::refuseWithout("file or --bus");
   });

@@ -5,8 +5,10 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/joined.hpp"
+#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/cli/further_options.hpp"
 #include "angio/cli/program.hpp"
+#include "angio/conventions/carm_urdf.hpp"
 #include "angio/conventions/projection_files.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/whole_file.hpp"
@@ -70,6 +72,23 @@ void convertPose(const PoseToConvert& o, const std::string& file, int frame, con
     writeProjection(out, o.convention, seen.projection, world);
   }
   if (!write_camera.empty()) writeCamera(write_camera, seen.projection.camera);
+}
+
+void addUrdfOption(cli::Command& app, std::string& out, const cli::Option* file) {
+  app.addOption("--write-urdf", out,
+                "Of a C-arm file (carm.yaml): the calibrated arm and its table as a robot description, with the limits "
+                "of a typical machine (.urdf)")
+      ->needs(file)
+      ->excludes("--convert-pose");
+}
+
+void writeUrdf(const std::string& carm_file, const std::string& out) {
+  const CArmFile file = readCArmFile(carm_file);
+  const CArmUrdf urdf = carmAsUrdf(file.carm, CArmLimits::typical(), file.machine);
+  writeWholeFile(out, urdf.text);
+  if (urdf.left_out_mm == 0 && urdf.left_out_deg == 0) return;
+  std::cerr << out << ": lacks the arm's bending, which moves the camera by up to " << formatValue(urdf.left_out_mm)
+            << " mm and " << formatValue(urdf.left_out_deg) << " deg\n";
 }
 
 }  // namespace angio::apps

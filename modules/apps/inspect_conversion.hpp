@@ -25,4 +25,11 @@ void addConversionOptions(cli::Command& app, PoseToConvert& o, const cli::Option
 void convertPose(const PoseToConvert& o, const std::string& file, int frame, const std::string& out,
                  const std::string& write_camera);
 
+/// Adds --write-urdf of the option `file`.
+void addUrdfOption(cli::Command& app, std::string& out, const cli::Option* file);
+
+/// Writes the C-arm of a C-arm file as a robot description, with the limits of a typical machine, and says on stderr
+/// what a URDF cannot say of it. Throws InputError that names what is wrong.
+void writeUrdf(const std::string& carm_file, const std::string& out);
+
 }  // namespace angio::apps

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// angio-inspect --convert-pose.
+// angio-inspect --convert-pose and --write-urdf.
 #include <gmock/gmock.h>
 
 #include "angio/conventions/rtk_geometry_file.hpp"
@@ -66,6 +66,16 @@ TEST_F(ConvertPose, WhatIsWrongGetsOneLineAndLeavesNothing) {
       run("angio-inspect", {pose, "--camera", camera, "--convert-pose", "visp", "--out", folder.path("a.tfm")});
   EXPECT_EQ(ending.exit_code, 1);
   EXPECT_EQ(folder.files(), 0U);
+}
+
+TEST_F(ConvertPose, ACArmFileBecomesARobot) {
+  const std::string urdf = folder.path("carm.urdf");
+  const auto ended = run("angio-inspect", {exampleData("hepatic-tace/carm.yaml"), "--write-urdf", urdf});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_THAT(contentOf(urdf), HasSubstr("<origin xyz=\"0 0 1.113\""));
+  const auto wrong = run("angio-inspect", {camera, "--write-urdf", folder.path("b.urdf")});
+  EXPECT_EQ(wrong.exit_code, 1);
+  EXPECT_THAT(wrong.err, HasSubstr("source_isocentre_distance_mm"));
 }
 
 }  // namespace

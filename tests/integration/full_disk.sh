@@ -96,6 +96,7 @@ refuses angio-inspect "$phantom/dicom/im5.dcm" --frame 2 --out @/frame.png --wri
 refuses angio-inspect "$phantom/dicom/im5.dcm" --write-camera @/camera.yaml
 stops angio-inspect "$phantom/dicom/im5.dcm" --out @/frame.tif
 refuses angio-inspect "$phantom/dicom/im5.dcm" --convert-pose rtk --out @/geometry.xml --write-camera "$(beside camera.yaml)"
+refuses angio-inspect "$carm" --write-urdf @/carm.urdf
 refuses angio-inspect "${on_bus[@]}" --wait-s 3600 --picture @/frame.png
 
 refuses angio-spy --bus "$bus" --duration-s 86400 --json @/spy.json
