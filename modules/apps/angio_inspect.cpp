@@ -11,12 +11,15 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/cli/bus_help.hpp"
+#include "angio/cli/further_options.hpp"
 #include "angio/cli/program.hpp"
+#include "angio/conventions/xray_projection.hpp"
 #include "angio/io/camera_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/io/yaml.hpp"
+#include "angle_signs_option.hpp"
 #include "findings.hpp"
 #include "inspect_bus.hpp"
 #include "inspect_conversion.hpp"
@@ -99,6 +102,24 @@ void addGeometry(const XaHeader& header, const XaGeometry& g, Findings& found) {
             "stored_mirrored", g.stored_mirrored);
 }
 
+// Where source and detector are, in the patient's axes from the isocentre.
+void addPlaces(const XrayProjection& projection, Findings& found) {
+  const Eigen::Vector3d source_mm = 1e3 * sourceInModel(projection);
+  found.add("source",
+            inWords(source_mm.x(), "mm L, ") + inWords(source_mm.y(), "mm P, ") + inWords(source_mm.z(), "mm S"),
+            "source_lps_mm", {source_mm.x(), source_mm.y(), source_mm.z()});
+  Eigen::Matrix4d detector_mm = detectorInModel(projection);
+  for (const int column : {0, 1, 3}) detector_mm.col(column).head<3>() *= 1e3;  // The third is a direction.
+  Json rows = Json::array();
+  for (int row = 0; row < 4; ++row) {
+    rows.push_back({detector_mm(row, 0), detector_mm(row, 1), detector_mm(row, 2), detector_mm(row, 3)});
+  }
+  const Eigen::Vector3d corner_mm = detector_mm.topRightCorner<3, 1>();
+  found.add("first pixel",
+            inWords(corner_mm.x(), "mm L, ") + inWords(corner_mm.y(), "mm P, ") + inWords(corner_mm.z(), "mm S"),
+            "detector_matrix_lps_mm", rows);
+}
+
 // A camera of one frame, which says where it comes from and what was assumed.
 void writeRunCamera(const std::string& path, const std::string& run, int frame, const XaGeometry& geometry) {
   std::string said = "# Of " + withoutControls(std::filesystem::path(run).filename().string()) + ", frame " +
@@ -108,14 +129,15 @@ void writeRunCamera(const std::string& path, const std::string& run, int frame, 
 }
 
 // What a DICOM run says of itself and of one frame; no name or number of a patient.
-Findings inspectRun(const std::string& path, int frame, const std::string& camera) {
-  const XaRun run(path);
+Findings inspectRun(const std::string& path, int frame, const std::string& camera, XaAngleSigns signs) {
+  const XaRun run(path, signs);
   const XaGeometry geometry = run.geometry(frame);
   Findings found;
   addPixels(run.header(), found);
   addMasks(run, found);
   found.count("frame", "frame", frame);
   addGeometry(run.header(), geometry, found);
+  if (geometry.T_camera_patient) addPlaces({*geometry.T_camera_patient, geometry.camera}, found);
   for (const std::string& line : geometry.assumed) found.add("assumed", line, "assumed", line);
   if (!camera.empty()) writeRunCamera(camera, path, frame, geometry);
   return found;
@@ -124,6 +146,7 @@ Findings inspectRun(const std::string& path, int frame, const std::string& camer
 struct Options {
   std::string file, out, write_camera, picture, calibration, write_urdf;
   int frame = 0;
+  XaAngleSigns angle_signs = XaAngleSigns::kLaoCra;
   bool json = false;
   BusToInspect live;
   PoseToConvert conversion;
@@ -177,7 +200,8 @@ Inspected inspectFile(const Options& o) {
   }
   if (camera) return {inspectCamera(o.file)};
   if (tree) return inspectTree({o.file, o.picture, o.calibration, o.json});
-  auto found = isDicom(o.file) ? inspectRun(o.file, o.frame, o.write_camera) : inspectImage(o.file, o.frame);
+  auto found =
+      isDicom(o.file) ? inspectRun(o.file, o.frame, o.write_camera, o.angle_signs) : inspectImage(o.file, o.frame);
   if (!o.out.empty()) writeImage(o.out, readXrayImage(o.file, o.frame));
   return {found};
 }
@@ -208,7 +232,7 @@ void printTable(const Findings& found) {
 int inspect(const Options& o) {
   for (const auto& path : {o.write_camera, o.picture, o.write_urdf}) requireFolderOf(path);
   if (!o.conversion.convention.empty()) {
-    convertPose(o.conversion, o.file, o.frame, o.out, o.write_camera);
+    convertPose(o.conversion, o.file, o.frame, o.angle_signs, o.out, o.write_camera);
     return 0;
   }
   if (!o.write_urdf.empty()) {
@@ -254,6 +278,7 @@ int main(int argc, char** argv) {
                 "Camera of a DICOM run's frame (.yaml): K, pixel and source-detector distance, and what is assumed; "
                 "with --convert-pose the camera of the projection")
       ->needs(file);
+  angio::apps::addAngleSignsOption(app, o.angle_signs)->needs(file)->group(angio::cli::kFurtherOptions);
   auto* bus =
       app.addOption("--bus", o.live.bus,
                     angio::cli::busHelp("Newest X-ray frame of a bus") + "; file://name.lcm?speed=0: a log's last one")

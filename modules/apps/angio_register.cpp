@@ -294,6 +294,7 @@ int main(int argc, char** argv) {
       ->oneAtATime()
       ->check(angio::cli::wholeBetween(0, 1000000))
       ->group(angio::cli::kFurtherOptions);
+  angio::apps::addReadingOptions(app, o.files);
   app.addOption("--initial-pose", o.files.initial_pose,
                 "Pose to start from (.yaml); without it a DICOM run's angles say where to start");
   app.addOption(

@@ -55,11 +55,11 @@ void addConversionOptions(cli::Command& app, PoseToConvert& o, const cli::Option
       ->group(cli::kFurtherOptions);
 }
 
-void convertPose(const PoseToConvert& o, const std::string& file, int frame, const std::string& out,
-                 const std::string& write_camera) {
+void convertPose(const PoseToConvert& o, const std::string& file, int frame, XaAngleSigns angle_signs,
+                 const std::string& out, const std::string& write_camera) {
   requireFolderOf(out);
   const WorldFrame world = worldOf(o);
-  const ConvertedProjection seen = readProjection({file, o.camera, frame, world});
+  const ConvertedProjection seen = readProjection({file, o.camera, frame, world, angle_signs});
   const std::string described = describeProjection(o.convention, seen.projection, world);
   if (seen.flip != PictureFlip::kNone) {
     std::cerr << file << ": its picture has to be flipped "

@@ -6,6 +6,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/cli/command_line_fwd.hpp"
+#include "angio/io/xa_files.hpp"
 
 namespace angio::apps {
 
@@ -22,8 +23,8 @@ void addConversionOptions(cli::Command& app, PoseToConvert& o, const cli::Option
 
 /// Converts the pose of `file`, its frame or projection `frame`, to `out`, or to stdout where that is empty, and writes
 /// its camera to `write_camera` unless that is empty. Throws InputError that names what is wrong.
-void convertPose(const PoseToConvert& o, const std::string& file, int frame, const std::string& out,
-                 const std::string& write_camera);
+void convertPose(const PoseToConvert& o, const std::string& file, int frame, XaAngleSigns angle_signs,
+                 const std::string& out, const std::string& write_camera);
 
 /// Adds --write-urdf of the option `file`.
 void addUrdfOption(cli::Command& app, std::string& out, const cli::Option* file);

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "register_views.hpp"
-#include "angio/cli/program.hpp"
 
 #include <algorithm>
 #include <filesystem>
@@ -11,6 +10,8 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/calibration_records/centered_carm.hpp"
+#include "angio/cli/further_options.hpp"
+#include "angio/cli/program.hpp"
 #include "angio/imaging/collimator_opening.hpp"
 #include "angio/imaging/subtraction.hpp"
 #include "angio/io/camera_files.hpp"
@@ -20,6 +21,7 @@
 #include "angio/io/pose_files.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/vessel/undistort.hpp"
+#include "angle_signs_option.hpp"
 
 namespace angio::apps {
 namespace {
@@ -37,7 +39,7 @@ int frameOf(const std::vector<int>& frames, std::size_t view) {
 // The run's geometry at a view's frame, where something is asked of it that no other file says.
 std::optional<XaGeometry> geometryOf(const ViewFiles& files, std::size_t view) {
   if (!files.cameras.empty() && !(view == 0 && files.initial_pose.empty())) return std::nullopt;
-  return XaRun(files.images[view]).geometry(frameOf(files.frames, view));
+  return XaRun(files.images[view], files.angle_signs).geometry(frameOf(files.frames, view));
 }
 
 const Pose& poseByAngles(const std::optional<XaGeometry>& geometry, const std::string& image, const char* option) {
@@ -53,19 +55,24 @@ Pose treeInPatient(const ViewFiles& files, const VesselTree& tree, std::vector<s
   return centeredInPatient(tree.centroid());
 }
 
+// A frame as seen from the source.
+cv::Mat frameSeen(const ViewFiles& files, std::size_t view, const XrayCamera& camera, const std::vector<int>& frames) {
+  cv::Mat image = readXrayImage(files.images[view], camera, frameOf(frames, view));
+  if (files.flip != "none") cv::flip(image, image, files.flip == "left-right" ? 1 : files.flip == "up-down" ? 0 : -1);
+  return image;
+}
+
 cv::Mat imageOf(const ViewFiles& files, std::size_t view, const XrayCamera& camera) {
   if (files.images.empty()) return {};
-  const cv::Mat image = readXrayImage(files.images[view], camera, frameOf(files.frames, view));
-  if (files.mask_frames.empty()) return image;
-  return subtracted(image, readXrayImage(files.images[view], camera, frameOf(files.mask_frames, view)));
+  const cv::Mat image = frameSeen(files, view, camera, files.frames);
+  return files.mask_frames.empty() ? image : subtracted(image, frameSeen(files, view, camera, files.mask_frames));
 }
 
 // The centreline and the open field of an image; the shutters are where they are, also when a mask was subtracted.
 void look(const ViewFiles& files, std::size_t index, CenterlineExtractor& extractor, SeenView& view) {
   view.centerline = vesselsToMatch(extractor.extract(view.image));
   const bool whole = files.mask_frames.empty();
-  const cv::Mat plain =
-      whole ? view.image : readXrayImage(files.images[index], view.camera, frameOf(files.frames, index));
+  const cv::Mat plain = whole ? view.image : frameSeen(files, index, view.camera, files.frames);
   view.collimator_px = findOpenField(plain).polygon_px;
 }
 
@@ -96,6 +103,15 @@ void undistort(SeenView& view, const DetectorDistortion& distortion) {
 }
 
 }  // namespace
+
+void addReadingOptions(cli::Command& app, ViewFiles& files) {
+  addAngleSignsOption(app, files.angle_signs)->group(cli::kFurtherOptions);
+  app.addOption("--flip", files.flip,
+                "How images have to be flipped to be the ones as seen from the source, of which the cameras are: where "
+                "they were stored as a display showed them")
+      ->check(cli::oneOf({"none", "left-right", "up-down", "both"}))
+      ->group(cli::kFurtherOptions);
+}
 
 void ViewFiles::check() const {
   const std::size_t views = cameras.empty() ? images.size() : cameras.size();

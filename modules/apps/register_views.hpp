@@ -7,9 +7,11 @@
 #include <vector>
 
 #include "angio/apps/namespace.hpp"
+#include "angio/cli/command_line_fwd.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/geometry/xray_camera.hpp"
 #include "angio/imaging/extractor.hpp"
+#include "angio/io/xa_files.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::apps {
@@ -20,10 +22,17 @@ struct ViewFiles {
   std::vector<int> frames;       ///< Of the images; one is for all of them.
   std::vector<int> mask_frames;  ///< Without contrast agent, to be subtracted; one is for all images, none for none.
   std::string initial_pose, t_dsa_cb;
+  XaAngleSigns angle_signs = XaAngleSigns::kLaoCra;  ///< Of DICOM runs.
+  /// What has to be done to every image so that it is the one as seen from the source, of which the cameras are: none,
+  /// left-right, up-down or both.
+  std::string flip = "none";
 
   /// Ends as refuseValue() does for what the command line can say wrongly of the views.
   void check() const;
 };
+
+/// Adds the options that say how images and angles are to be read: --angle-signs, --flip.
+void addReadingOptions(cli::Command& app, ViewFiles& files);
 
 /// One view as its files say it.
 struct SeenView {

@@ -86,6 +86,20 @@ TEST_F(ProjectionFiles, ARunSaysItsPoseByItsAngles) {
   EXPECT_LT((seen.T_camera_model.translation() - Eigen::Vector3d(0, 0, 0.72)).norm(), 1e-12);
 }
 
+// A ray from the source through a pixel of the detector is seen in that pixel, wherever on it.
+TEST(XrayProjectionPlaces, SourceAndDetectorAreWhereTheirRaysAreSeen) {
+  Random random(12);
+  for (int trial = 0; trial < 20; ++trial) {
+    const XrayProjection ours = randomProjection(random);
+    const Eigen::Vector2d pixel(random.uniform(0, 640), random.uniform(0, 480));
+    const Eigen::Vector3d source = sourceInModel(ours);
+    const Eigen::Vector3d middle = (detectorInModel(ours) * Eigen::Vector4d(pixel.x(), pixel.y(), 0, 1)).head<3>();
+    const Eigen::Vector3d on_ray = source + random.uniform(0.2, 0.9) * (middle - source);
+    EXPECT_LT((*ours.camera.project(ours.T_camera_model * on_ray) - pixel).norm(), 1e-9);
+    EXPECT_NEAR((ours.T_camera_model * middle).z(), *ours.camera.parameters().source_detector_distance_m, 1e-12);
+  }
+}
+
 TEST_F(ProjectionFiles, AnUnknownConventionIsAnsweredWithTheTable) {
   Random random(1);
   const std::string line = refusalOf([&] { describeProjection("plastimatch", randomProjection(random), {}); });

@@ -71,7 +71,7 @@ void promiseRigid(const Pose& T) {
 void readTransform(const std::string& path) { promiseRigid(poseOf(readTfm(path), path)); }
 
 void readAProjection(const std::string& path) {
-  promiseRigid(readProjection({path, "", 0, {}}).projection.T_camera_model);
+  promiseRigid(readProjection({path, "", 0, {}, {}}).projection.T_camera_model);
 }
 
 void readLog(const std::string& path) {

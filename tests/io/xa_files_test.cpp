@@ -238,6 +238,51 @@ TEST(XaRun, FlipsAndOrientationsDecideWhatIsMirrored) {
   EXPECT_THAT(refusalOf([&] { made(bytes); }), HasSubstr("(0018,7034) Field of View Horizontal Flip = MAYBE"));
 }
 
+// By hand: a field of 4 x 3 pixels of 0.4 mm on a detector of 8 x 6 mm with elements of 0.2 mm. It begins 10 elements
+// from the left and 5 from the top, so its middle is at (2.8, 1.6) mm and the detector's, where the beam's axis is, at
+// (4, 3): 3 px to the right and 3.5 px down, and as seen from the source to the left.
+TEST(XaRun, AFieldBesideTheDetectorsMiddleMovesThePrincipalPoint) {
+  DicomBytes bytes;
+  bytes.set(0x00187022, "DS", "0.2\\0.2").set(0x00187026, "DS", "6\\8").set(0x00187030, "IS", "5\\10");
+  const auto principalPoint = [&] {
+    const auto p = made(bytes).geometry(0).camera.parameters();
+    return Eigen::Vector2d(p.cx_px, p.cy_px);
+  };
+  EXPECT_LT((principalPoint() - Eigen::Vector2d(1.5 - 3, 1 + 3.5)).norm(), 1e-9);
+  EXPECT_THAT(made(bytes).geometry(0).assumed, Contains(HasSubstr("by (0018,7030) Field of View Origin")));
+  bytes.set(0x00187034, "CS", "YES");  // Then the file's picture is the one as seen from the source.
+  EXPECT_LT((principalPoint() - Eigen::Vector2d(1.5 - 3, 1 + 3.5)).norm(), 1e-9);
+  bytes.set(0x00187028, "IS", "2\\1");  // The active area begins 0.4 mm further down and 0.2 mm further right.
+  EXPECT_LT((principalPoint() - Eigen::Vector2d(1.5 - 3.5, 1 + 4.5)).norm(), 1e-9);
+  bytes.remove(0x00187028);
+  // Turned clockwise by a quarter: on the detector the field is 1.2 mm wide and 1.6 mm high, its middle at (2.6, 1.8)
+  // mm, and the axis 1.4 mm to the right and 1.2 mm down. What is right is down then, and what is down is left.
+  bytes.set(0x00187032, "DS", "90");
+  EXPECT_LT((principalPoint() - Eigen::Vector2d(1.5 + 3, 1 + 3.5)).norm(), 1e-9);
+  bytes.remove(0x00187032).set(0x00187030, "IS", "12\\16");
+  EXPECT_LT((principalPoint() - Eigen::Vector2d(1.5, 1)).norm(), 1e-9) << "a field in the middle";
+  bytes.set(0x00187030, "IS", "5000\\16");
+  EXPECT_THAT(refusalOf([&] { made(bytes); }), HasSubstr("(0018,7030) Field of View Origin = 5000: must lie on"));
+  bytes.set(0x00187030, "IS", "5\\10").remove(0x00187026);
+  EXPECT_LT((principalPoint() - Eigen::Vector2d(1.5, 1)).norm(), 1e-9);
+  EXPECT_THAT(made(bytes).geometry(0).assumed, Contains(HasSubstr("does not say it without (0018,7022)")));
+}
+
+// The patient's directions at the picture's edges follow the signs: what is on the overlay.
+TEST(XaRun, SignsOfAnglesAreAskedFor) {
+  const auto beam = [](XaAngleSigns signs) {
+    const XaGeometry g = XaRun("made.dcm", DicomBytes().file(), signs).geometry(0);  // 30, -20.
+    return Eigen::Vector2d(radToDeg(g.patient_angles->primary_rad), radToDeg(g.patient_angles->secondary_rad));
+  };
+  EXPECT_LT((beam(XaAngleSigns::kLaoCra) - Eigen::Vector2d(30, -20)).norm(), 1e-9);
+  EXPECT_LT((beam(XaAngleSigns::kRaoCra) - Eigen::Vector2d(-30, -20)).norm(), 1e-9);
+  EXPECT_LT((beam(XaAngleSigns::kLaoCau) - Eigen::Vector2d(30, 20)).norm(), 1e-9);
+  EXPECT_LT((beam(XaAngleSigns::kRaoCau) - Eigen::Vector2d(-30, 20)).norm(), 1e-9);
+  const XaGeometry g = XaRun("made.dcm", DicomBytes().file(), XaAngleSigns::kRaoCra).geometry(0);
+  EXPECT_LT((g.T_camera_patient->linear() - viewRotation({degToRad(-30), degToRad(-20)})).norm(), 1e-9);
+  EXPECT_THAT(g.assumed, Contains(HasSubstr("+ is taken as RAO and CRA, as is asked for")));
+}
+
 std::string floatBytes(float value) {
   std::string bytes(4, '\0');
   std::memcpy(bytes.data(), &value, 4);

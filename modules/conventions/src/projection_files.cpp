@@ -137,7 +137,7 @@ ConvertedProjection readFromRun(const ProjectionSource& source) {
   if (!source.camera.empty()) {
     throw InputError(source.path, "camera", source.camera, "must not stand beside a DICOM run, which says its own");
   }
-  const XaGeometry geometry = XaRun(source.path).geometry(source.frame);
+  const XaGeometry geometry = XaRun(source.path, source.angle_signs).geometry(source.frame);
   if (geometry.T_camera_patient) return {{*geometry.T_camera_patient, geometry.camera}};
   throw InputError(source.path, "pose", "", "is not said: " + joined(geometry.assumed, 3, "; "));
 }

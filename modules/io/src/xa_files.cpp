@@ -79,10 +79,10 @@ bool isDicom(const std::string& path) {
   return startsAsDicom(beginning);
 }
 
-XaRun::XaRun(const std::string& path) : XaRun(path, readWholeFile(path)) {}
+XaRun::XaRun(const std::string& path, XaAngleSigns signs) : XaRun(path, readWholeFile(path), signs) {}
 
-XaRun::XaRun(const std::string& path, std::string content)
-    : contents_(std::make_unique<Contents>(path, std::move(content))) {
+XaRun::XaRun(const std::string& path, std::string content, XaAngleSigns signs)
+    : contents_(std::make_unique<Contents>(path, std::move(content))), signs_(signs) {
   const DicomFile& file = contents_->file;
   checkKind(file);
   header_ = readXaHeader(file, contents_->layout, contents_->increments);
@@ -97,7 +97,7 @@ XaRun::~XaRun() = default;
 
 XaGeometry XaRun::geometry(int frame) const {
   requireBetween(contents_->file.path(), "frame", frame, 0, frames() - 1);
-  return readXaGeometry(contents_->file, contents_->layout, contents_->increments, frame);
+  return readXaGeometry(contents_->file, contents_->layout, contents_->increments, frame, signs_);
 }
 
 cv::Mat XaRun::storedImage(int frame) const { return decodeDicomFrame(contents_->file, contents_->layout, frame); }

@@ -6,138 +6,11 @@
 #include <numeric>
 #include <utility>
 
+#include "xa_camera.hpp"
 #include "xa_tags.hpp"
 
 namespace angio::io {
 namespace {
-
-using Lines = std::vector<std::string>;
-
-// "(0018,1164) Imager Pixel Spacing is missing: " and what was done instead.
-std::string missing(const DicomTag& tag, const std::string& instead) { return tag.label() + " is missing: " + instead; }
-
-// Metres; from a tenth of a C-arm to ten of them.
-std::optional<double> distance(const DicomFile& file, const DicomTag& tag, int frame) {
-  const auto distance_mm = file.number(tag, frame);
-  if (!distance_mm || *distance_mm == 0) return std::nullopt;  // Zero is how machines say that they do not know.
-  return 1e-3 * requireBetween(file.path(), tag.label(), *distance_mm, 100, 10000);
-}
-
-std::optional<double> magnificationOf(const DicomFile& file, int frame) {
-  const auto factor = file.number(tag::kMagnification, frame);
-  if (!factor || *factor == 0) return std::nullopt;
-  return requireBetween(file.path(), tag::kMagnification.label(), *factor, 1, 10);
-}
-
-struct Distances {
-  double detector_m = 0;
-  std::optional<double> isocenter_m;
-};
-
-Distances readDistances(const DicomFile& file, int frame, Lines& assumed) {
-  auto detector_m = distance(file, tag::kSourceDetector, frame);
-  auto isocenter_m = distance(file, tag::kSourcePatient, frame);
-  if (!isocenter_m) {
-    isocenter_m = distance(file, tag::kSourceIsocenter, frame);
-    if (isocenter_m) assumed.push_back(missing(tag::kSourcePatient, tag::kSourceIsocenter.label() + " stands for it"));
-  }
-  const auto factor = magnificationOf(file, frame);
-  if (!detector_m) {
-    if (!factor || !isocenter_m) {
-      throw file.refusal(tag::kSourceDetector, "",
-                         "is missing, and with it the camera: " + tag::kMagnification.label() + " and " +
-                             tag::kSourcePatient.label() + " do not replace it");
-    }
-    detector_m = *isocenter_m * *factor;
-    assumed.push_back(
-        missing(tag::kSourceDetector,
-                formatValue(*detector_m * 1e3) + " mm by the magnification factor and " + tag::kSourcePatient.label()));
-  } else if (!isocenter_m && factor) {
-    isocenter_m = *detector_m / *factor;
-    assumed.push_back(
-        missing(tag::kSourcePatient, formatValue(*isocenter_m * 1e3) + " mm by " + tag::kMagnification.label()));
-  } else if (!isocenter_m) {
-    assumed.push_back(missing(tag::kSourcePatient, "no pose by the angles, no magnification"));
-  } else if (factor && std::abs(*factor * *isocenter_m / *detector_m - 1) > 0.01) {
-    assumed.push_back(tag::kMagnification.label() + " = " + formatValue(*factor) + " is not used: the distances say " +
-                      formatValue(*detector_m / *isocenter_m));
-  }
-  if (isocenter_m && *isocenter_m > *detector_m) {
-    throw file.refusal(tag::kSourcePatient, formatValue(*isocenter_m * 1e3),
-                       "must not exceed " + tag::kSourceDetector.label() + " = " + formatValue(*detector_m * 1e3));
-  }
-  return {*detector_m, isocenter_m};
-}
-
-// At the detector, between rows and between columns.
-struct Spacing {
-  Eigen::Vector2d mm;
-  DicomTag from;
-};
-
-// Two positive numbers, the first again for the second when there is one only; nothing when missing or zero.
-std::optional<Eigen::Vector2d> pairOf(const DicomFile& file, const DicomTag& tag, int frame, double largest) {
-  const auto values = file.numbers(tag, frame);
-  if (values.empty() || values.front() == 0) return std::nullopt;
-  const Eigen::Vector2d pair(values[0], values.size() > 1 ? values[1] : values[0]);
-  for (const double value : pair) requireBetween(file.path(), tag.label(), value, 1e-3, largest);
-  return pair;
-}
-
-Spacing readSpacing(const DicomFile& file, const DicomPixelLayout& layout, const Distances& distances, int frame,
-                    Lines& assumed) {
-  constexpr double kWidestPixel_mm = 10, kWidestField_mm = 2000;
-  const auto assume = [&](const Eigen::Vector2d& mm, const std::string& how) {
-    assumed.push_back(missing(tag::kImagerSpacing, formatValue(mm[0]) + " x " + formatValue(mm[1]) + " mm by " + how));
-  };
-  if (const auto mm = pairOf(file, tag::kImagerSpacing, frame, kWidestPixel_mm)) return {*mm, tag::kImagerSpacing};
-  const auto in_patient = pairOf(file, tag::kPixelSpacing, frame, kWidestPixel_mm);
-  if (in_patient && distances.isocenter_m) {
-    const Eigen::Vector2d mm = *in_patient * distances.detector_m / *distances.isocenter_m;
-    assume(mm, tag::kPixelSpacing.label() + ", calibrated by " +
-                   file.text(tag::kCalibrationType, frame).value_or("an unknown way") + ", taken at the isocentre");
-    return {mm, tag::kPixelSpacing};
-  }
-  const Eigen::Vector2d size_px(layout.height_px, layout.width_px);
-  if (const auto field_mm = pairOf(file, tag::kFieldDimensions, frame, kWidestField_mm)) {
-    const Eigen::Vector2d mm = field_mm->cwiseQuotient(size_px);
-    assume(mm, tag::kFieldDimensions.label() + " on the whole image");
-    return {mm, tag::kFieldDimensions};
-  }
-  if (const auto size_mm = pairOf(file, tag::kIntensifierSize, frame, kWidestField_mm)) {
-    const Eigen::Vector2d mm = Eigen::Vector2d::Constant((*size_mm)[0] / size_px.maxCoeff());
-    assume(mm, tag::kIntensifierSize.label() + " on the whole image");
-    return {mm, tag::kIntensifierSize};
-  }
-  throw file.refusal(tag::kImagerSpacing, "",
-                     "is missing, and with it the camera: no " + tag::kFieldDimensions.label() + ", " +
-                         tag::kIntensifierSize.label() + ", or " + tag::kPixelSpacing.label() + " with " +
-                         tag::kSourcePatient.label() + " replaces it");
-}
-
-// The camera of a frame with its distances; the rest of the result is left alone.
-XaGeometry readXaCamera(const DicomFile& file, const DicomPixelLayout& layout, int frame) {
-  Lines assumed;
-  const Distances distances = readDistances(file, frame, assumed);
-  const Spacing spacing = readSpacing(file, layout, distances, frame, assumed);
-  assumed.push_back("the principal point is taken at the image's centre: no attribute says it");
-  XrayCamera::Parameters p;
-  p.width_px = layout.width_px;
-  p.height_px = layout.height_px;
-  const double rows_m = spacing.mm[0] * 1e-3, columns_m = spacing.mm[1] * 1e-3;
-  p.fx_px = distances.detector_m / columns_m;
-  p.fy_px = distances.detector_m / rows_m;
-  p.cx_px = 0.5 * (layout.width_px - 1);
-  p.cy_px = 0.5 * (layout.height_px - 1);
-  if (columns_m == rows_m) p.pixel_spacing_m = rows_m;
-  p.source_detector_distance_m = distances.detector_m;
-  XaGeometry geometry{XrayCamera(p)};
-  geometry.source_detector_distance_m = distances.detector_m;
-  geometry.source_isocenter_distance_m = distances.isocenter_m;
-  geometry.spacing_from = spacing.from.label();
-  geometry.assumed = std::move(assumed);
-  return geometry;
-}
 
 // Angles of the two conventions that differ by more are no rounding [rad].
 const double kAgreement_rad = degToRad(2);
@@ -187,13 +60,20 @@ TableAngles readTableAngles(const DicomFile& file, int frame) {
 }
 
 std::optional<ViewAngles> readPatientAngles(const DicomFile& file, const XaIncrements& increments, int frame,
-                                            Lines& assumed) {
+                                            XaAngleSigns signs, Lines& assumed) {
   const auto primary = angle(file, tag::kPrimary, frame, 360), secondary = angle(file, tag::kSecondary, frame, 360);
   if (!primary && !secondary) return std::nullopt;
   if (!primary) assumed.push_back(missing(tag::kPrimary, "0 deg"));
   if (!secondary) assumed.push_back(missing(tag::kSecondary, "0 deg"));
-  return ViewAngles{primary.value_or(0) + degToRad(incrementAt(increments.primary_deg, frame)),
-                    secondary.value_or(0) + degToRad(incrementAt(increments.secondary_deg, frame))};
+  const bool rao = signs == XaAngleSigns::kRaoCra || signs == XaAngleSigns::kRaoCau;
+  const bool cau = signs == XaAngleSigns::kLaoCau || signs == XaAngleSigns::kRaoCau;
+  if (rao || cau) {
+    assumed.push_back(tag::kPrimary.label() + " and " + tag::kSecondary.label() + ": + is taken as " +
+                      (rao ? "RAO and " : "LAO and ") + (cau ? "CAU" : "CRA") + ", as is asked for");
+  }
+  const double primary_rad = primary.value_or(0) + degToRad(incrementAt(increments.primary_deg, frame));
+  const double secondary_rad = secondary.value_or(0) + degToRad(incrementAt(increments.secondary_deg, frame));
+  return ViewAngles{rao ? -primary_rad : primary_rad, cau ? -secondary_rad : secondary_rad};
 }
 
 std::optional<IsocenterAngles> readIsocenterAngles(const DicomFile& file, int frame, Lines& assumed) {
@@ -266,15 +146,6 @@ bool readMirroring(const DicomFile& file, const std::optional<ViewAngles>& angle
   return mirrored;
 }
 
-// Clockwise, of what is stored against the detector [rad].
-double fieldRotation(const DicomFile& file, int frame) {
-  const double rotation_deg = file.number(tag::kFieldRotation, frame).value_or(0);
-  if (rotation_deg != 0 && rotation_deg != 90 && rotation_deg != 180 && rotation_deg != 270) {
-    throw file.refusal(tag::kFieldRotation, formatValue(rotation_deg), "must be 0, 90, 180 or 270");
-  }
-  return degToRad(rotation_deg);
-}
-
 // The camera's axes by whichever angles the file has; the detector's tell more, and its picture need not be upright.
 Eigen::Matrix3d cameraRotation(const XaGeometry& geometry, bool by_isocenter, double field_rotation_rad,
                                const Eigen::Matrix3d& R_isocenter_patient, Lines& assumed) {
@@ -335,12 +206,13 @@ XaIncrements readXaIncrements(const DicomFile& file, int frames) {
 }
 
 XaGeometry readXaGeometry(const DicomFile& file, const DicomPixelLayout& layout, const XaIncrements& increments,
-                          int frame) {
+                          int frame, XaAngleSigns signs) {
   XaGeometry g = readXaCamera(file, layout, frame);
-  g.patient_angles = readPatientAngles(file, increments, frame, g.assumed);
+  g.patient_angles = readPatientAngles(file, increments, frame, signs, g.assumed);
   g.isocenter_angles = readIsocenterAngles(file, frame, g.assumed);
   g.table_angles = readTableAngles(file, frame);
   g.stored_mirrored = readMirroring(file, g.patient_angles, frame, g.assumed);
+  placePrincipalPoint(file, frame, g);
   g.time_s = timeAt(increments, frame);
   const bool by_isocenter = g.isocenter_angles.has_value();
   const auto position = patientPosition(file, frame, g.assumed);

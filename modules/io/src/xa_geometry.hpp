@@ -18,6 +18,6 @@ XaIncrements readXaIncrements(const DicomFile& file, int frames);
 
 /// Throws InputError that names the attribute when a value is wrong, or when no camera can be had.
 XaGeometry readXaGeometry(const DicomFile& file, const DicomPixelLayout& layout, const XaIncrements& increments,
-                          int frame);
+                          int frame, XaAngleSigns signs);
 
 }  // namespace angio::io

@@ -6,6 +6,7 @@
 
 #include "angio/conventions/world_frame.hpp"
 #include "angio/conventions/xray_projection.hpp"
+#include "angio/io/xa_files.hpp"
 
 namespace angio::conventions {
 
@@ -22,6 +23,7 @@ struct ProjectionSource {
   std::string camera;  ///< Camera file; empty: `path` says the camera itself.
   int frame = 0;       ///< Of an RTK geometry or of a DICOM run, from 0.
   WorldFrame world;    ///< How the model lies where the file has no key for it: .xml and .tfm.
+  XaAngleSigns angle_signs = XaAngleSigns::kLaoCra;  ///< Of a DICOM run.
 };
 
 /// Reads a pose and a camera of any convention:

@@ -13,6 +13,13 @@ struct XrayProjection {
   XrayCamera camera;
 };
 
+/// Where the source is, in the model's frame [m].
+Eigen::Vector3d sourceInModel(const XrayProjection& projection);
+
+/// The detector in the model's frame [m]: takes the pixel (u, v, 0, 1) to its middle; the third column is the beam's
+/// direction. Throws InputError when the camera does not say its source-detector distance.
+Eigen::Matrix4d detectorInModel(const XrayProjection& projection);
+
 /// What has to be done to another program's picture so that it is the one as seen from the source, and the other way
 /// round: programs that look from the detector to the source have their pictures mirrored.
 enum class PictureFlip { kNone, kLeftRight, kUpDown };

@@ -42,6 +42,10 @@ struct XaMask {
   std::vector<int> mask_frames;  ///< From 0.
 };
 
+/// What a positive primary and a positive secondary angle mean in a file. DICOM says LAO and CRA; machines and reports
+/// that count the other way are read by saying so.
+enum class XaAngleSigns { kLaoCra, kRaoCra, kLaoCau, kRaoCau };
+
 /// The geometry of one frame as XaRun::image gives it: as seen from the source, u to the right, v down.
 struct XaGeometry {
   explicit XaGeometry(const XrayCamera& seen_by) : camera(seen_by) {}
@@ -77,10 +81,11 @@ class XaRun {
  public:
   /// Throws InputError that names file, attribute, value and rule: no DICOM file or a broken one, pixels that are no
   /// grey frames of 8 to 16 bits or coded otherwise than without loss, by run length or JPEG, and no way to a camera.
-  explicit XaRun(const std::string& path);
+  /// @param signs  Of the patient-based angles; those against the equipment are DICOM's.
+  explicit XaRun(const std::string& path, XaAngleSigns signs = XaAngleSigns::kLaoCra);
 
   /// The same of a file's bytes that are in memory already; `path` is for messages only.
-  XaRun(const std::string& path, std::string content);
+  XaRun(const std::string& path, std::string content, XaAngleSigns signs = XaAngleSigns::kLaoCra);
   XaRun(XaRun&&) noexcept;
   XaRun& operator=(XaRun&&) noexcept;
   ~XaRun();
@@ -106,6 +111,7 @@ class XaRun {
   std::unique_ptr<Contents> contents_;
   XaHeader header_;
   std::vector<XaMask> masks_;
+  XaAngleSigns signs_;
 };
 
 }  // namespace angio::io

@@ -32,7 +32,7 @@ struct XmlBounds {
   std::string_view declaration = {};  ///< The one document type that may be declared, as "<!DOCTYPE NAME>".
 };
 
-/// The elements of an XML document, by Expat. It may end in VTK's <AppendedData>, which is no XML any more.
+/// The elements of an XML document, by Expat. It may end in VTK's AppendedData, which is no XML any more.
 class XmlDocument {
  public:
   /// Throws InputError "path:line: ..." for broken XML, other document types (they can define entities that explode),
@@ -46,7 +46,7 @@ class XmlDocument {
   /// What stands between the start of an element and the next tag.
   std::string_view textOf(const XmlElement& element) const;
 
-  /// What stands behind the underscore of <AppendedData>, up to the end of the file.
+  /// What stands behind the underscore of AppendedData, up to the end of the file.
   std::optional<std::string_view> appendedData() const;
 
   /// An attribute; throws InputError when it is missing.
@@ -58,7 +58,7 @@ class XmlDocument {
   XmlElement root_;
 };
 
-/// The numbers of a <DataArray> of a VTK XML file: ascii, binary or appended, compressed with zlib or not.
+/// The numbers of a DataArray of a VTK XML file: ascii, binary or appended, compressed with zlib or not.
 ///
 /// VTK's own reader believes the counts and sizes in a file; here each is held against what the file can hold before
 /// memory is taken. Throws InputError when there are not `count` numbers.
