@@ -262,11 +262,11 @@ int main(int argc, char** argv) {
       "angio-inspect");
   angio::apps::describeProgram(app, "angio-inspect run.dcm --frame 12 --out frame.png");
   angio::apps::Options o;
-  auto* file =
-      app.addOption("file", o.file,
-                    "DICOM run, .png, .tif; tree (.csv, .swc, .vtp, .vtk, .mrk.json or a folder of them, .tre, HMM "
-                    ".txt); camera (.yaml, .xml); with --convert-pose a pose or a projection (.yaml), an RTK geometry "
-                    "(.xml), an ITK transform (.tfm) or a DICOM run");
+  auto* file = app.addOption(
+      "file", o.file,
+      "DICOM run, .png, .tif, .jpg; tree (.csv, .swc, .vtp, .vtk, .mrk.json or a folder of them, .tre, HMM "
+      ".txt); camera (.yaml, .xml); with --convert-pose a pose or a projection (.yaml), an RTK geometry "
+      "(.xml), an ITK transform (.tfm) or a DICOM run");
   app.addOption("--frame", o.frame, "Frame of a run or of a TIFF, projection of an RTK geometry, from 0")
       ->check(angio::cli::wholeBetween(0, 1000000))
       ->needs(file);

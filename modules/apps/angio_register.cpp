@@ -285,7 +285,7 @@ int main(int argc, char** argv) {
   auto* seen = app.addGroup("What is seen", "At least one of them", 2);
   addViews(*seen, "--centerline", o.files.centerlines,
            "2D centreline (.csv) of each view; with --image the image is only shown");
-  addViews(*seen, "--image", o.files.images, "X-ray image (.png, .tif) or DICOM run (.dcm) of each view");
+  addViews(*seen, "--image", o.files.images, "X-ray image (.png, .tif, .jpg) or DICOM run (.dcm) of each view");
   app.addOption("--frame", o.files.frames, "Frame of a run or of a TIFF, from 0; once for all images or for each")
       ->oneAtATime()
       ->check(angio::cli::wholeBetween(0, 1000000));

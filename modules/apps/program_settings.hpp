@@ -12,6 +12,7 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/perception/patient_tracker.hpp"
 #include "angio/registration/starts.hpp"
+#include "extractor_options.hpp"
 
 namespace angio::apps {
 
@@ -68,13 +69,6 @@ inline nlohmann::ordered_json methodAsJson(const RegistrationSettings& method) {
 /// The extractor that an option names, or else the file's choice.
 inline ExtractorSettings chosenExtractor(const ProgramSettings& settings, const std::string& option) {
   return option.empty() ? settings.extractors.chosen() : settings.extractors.named(option);
-}
-
-/// The names of extractors, for the help of options.
-inline std::string listOfExtractors() {
-  std::string list;
-  for (const auto& name : ExtractorSections::names()) list += (list.empty() ? "" : " or ") + name;
-  return list;
 }
 
 /// An extractor's effective settings under its name.

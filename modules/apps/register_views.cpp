@@ -2,7 +2,6 @@
 #include "register_views.hpp"
 
 #include <algorithm>
-#include <filesystem>
 #include <opencv2/imgproc.hpp>
 #include <set>
 
@@ -19,6 +18,7 @@
 #include "angio/io/centerline_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/pose_files.hpp"
+#include "angio/io/text.hpp"
 #include "angio/io/xa_files.hpp"
 #include "angio/vessel/undistort.hpp"
 #include "angle_signs_option.hpp"
@@ -28,8 +28,8 @@ namespace {
 
 // Files of these kinds have no camera of their own; one without a name's ending may be a DICOM run.
 bool isPlainPicture(const std::string& path) {
-  static const std::set<std::string> kEndings = {".png", ".tif", ".tiff", ".PNG", ".TIF", ".TIFF"};
-  return kEndings.count(std::filesystem::path(path).extension().string()) > 0;
+  static const std::set<std::string> kEndings = {".png", ".tif", ".tiff", ".jpg", ".jpeg"};
+  return kEndings.count(extensionOf(path)) > 0;
 }
 
 int frameOf(const std::vector<int>& frames, std::size_t view) {

@@ -48,6 +48,23 @@ TEST(ExtractionRun, EveryExtractorIsAskedOfEverySampleAndScored) {
   EXPECT_THAT(table, testing::HasSubstr("| ridge | 2 |"));
 }
 
+// A share of nothing is no 0 %.
+TEST(ExtractionRun, ImagesWithoutATruthAreNotScored) {
+  const test::TemporaryFolder folder;
+  cv::Mat image(200, 200, CV_8U, cv::Scalar(180));
+  cv::line(image, {20, 30}, {180, 150}, cv::Scalar(100), 5, cv::LINE_AA);
+  writeImage(folder.path("a.png"), image);
+  const auto runs =
+      runExtraction(imageSamples({folder.path("a.png")}), {{"ridge", RidgeSettings{}}}, 3, Pictures::kNone);
+  const auto summaries = extractionSummaries(runs);
+  EXPECT_FALSE(summaries["ridge"].contains("covered"));
+  EXPECT_EQ(summaries["ridge"]["images_with_truth"], 0);
+  EXPECT_NEAR(summaries["ridge"]["vessels_px"], 200, 20);  // The line's length; its ends are rounded.
+  const std::string table = extractionTable(summaries);
+  EXPECT_THAT(table, testing::HasSubstr("There is no truth to these images"));
+  EXPECT_THAT(table, testing::Not(testing::HasSubstr("covered")));
+}
+
 TEST(SimulatedSamples, WantVesselsOfTheGivenWidthOutsideWiderOnes) {
   const auto all = simulatedSamples({liver()}, {}, fromImages(1), 0, 100).at(0);
   const auto wide = simulatedSamples({liver()}, {}, fromImages(1), 3, 100).at(0);

@@ -249,6 +249,7 @@ std::vector<FileReader> listedReaders() {
       {"measured_motion", "input.csv", readMotion},
       {"image_png", "input.png", readImage, {}, withChecksums},
       {"image_tiff", "input.tif", readImage},
+      {"image_jpeg", "input.jpg", readImage},
       {"image_dicom", "input.dcm", readImage},
       {"xa_run", "input.dcm", readRun},
       {"dicom_slice", "input.dcm", readSlice},

@@ -47,6 +47,7 @@ std::vector<FileReader> volumeReaders() {
       {"volume_nhdr", "input.nhdr", readAVolume, {"voxels.raw", "voxels.zraw"}},
       {"volume_dicom", "input.dcm", readASeries, {"slice.dcm"}},
       {"mesh_stl", "input.stl", readAMesh},
+      {"mesh_obj", "input.obj", readAMesh},
       {"mesh_vtp", "input.vtp", readAMesh},
       {"mesh_vtk", "input.vtk", readAMesh},
   };

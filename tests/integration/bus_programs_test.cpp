@@ -52,8 +52,8 @@ TEST(HelpOfPrograms, IsPrintable) {
   for (const std::string line :
        {"angio-simulate", "angio-operator", "angio-servo", "angio-navigate", "angio-register", "angio-inspect",
         "angio-spy", "angio-view", "angio-replay", "angio-check-machine", "angio-best-view", "angio-evaluate",
-        "angio-evaluate simulation", "angio-simulate-loop", "angio-simulate-loop navigate", "angio-calibrate",
-        "angio-calibrate simulate", "angio-calibrate geometry"}) {
+        "angio-extract-centerline", "angio-evaluate simulation", "angio-simulate-loop", "angio-simulate-loop navigate",
+        "angio-calibrate", "angio-calibrate simulate", "angio-calibrate geometry"}) {
     const auto space = line.find(' ');
     std::vector<std::string> words = {"--help"};
     if (space != std::string::npos) words.insert(words.begin(), line.substr(space + 1));

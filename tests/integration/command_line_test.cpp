@@ -15,8 +15,12 @@ namespace {
 class CommandLines : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Programs, CommandLines,
                          testing::Values("angio-register", "angio-evaluate", "angio-servo", "angio-simulate",
-                                         "angio-navigate"),
-                         [](const auto& program) { return std::string(program.param).substr(6); });
+                                         "angio-navigate", "angio-extract-centerline"),
+                         [](const auto& program) {
+                           std::string name = std::string(program.param).substr(6);
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
+                         });
 
 TEST_P(CommandLines, HelpHasDefaultsAndAnExample) {
   const auto ended = test::run(GetParam(), {"--help"});
@@ -56,6 +60,7 @@ TEST(CommandLine, HelpIsShortAndPrintable) {
                                                           {"angio-evaluate", "paper"},
                                                           {"angio-evaluate", "simulation"},
                                                           {"angio-evaluate"},
+                                                          {"angio-extract-centerline"},
                                                           {"angio-inspect"},
                                                           {"angio-navigate"},
                                                           {"angio-operator"},
@@ -100,6 +105,7 @@ TEST(CommandLine, PrintedSettingsAreASettingsFile) {
                                                           {"angio-evaluate", "extraction"},
                                                           {"angio-evaluate", "paper"},
                                                           {"angio-evaluate", "simulation"},
+                                                          {"angio-extract-centerline"},
                                                           {"angio-navigate"},
                                                           {"angio-register"},
                                                           {"angio-replay"},

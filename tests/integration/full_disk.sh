@@ -90,6 +90,11 @@ refuses angio-register "${run[@]}" --overlay @/overlay.png --out "$(beside resul
 refuses angio-register "${run[@]}" --out-pose @/pose.yaml --out "$(beside result.json)"
 stops angio-register "${run[@]}" --overlay @/overlay.png
 
+seen=(angio-extract-centerline "$phantom/dicom/im5.dcm" --frame 2)
+refuses "${seen[@]}" --out @/line.csv --overlay "$(beside overlay.png)"
+stops "${seen[@]}" --out @/line.csv
+stops "${seen[@]}" --out made/line.csv --overlay @/overlay.png
+
 refuses angio-inspect "$tree" --picture @/tree.png
 stops angio-inspect "$tree" --picture @/tree.svg
 refuses angio-inspect "$phantom/dicom/im5.dcm" --frame 2 --out @/frame.png --write-camera "$(beside camera.yaml)"

@@ -55,6 +55,27 @@ TEST(ImageFiles, GreyStoredAsColorPassesColourDoesNot) {
   }
 }
 
+TEST(ImageFiles, JpegKeepsItsGreyLevelsAndRefusesColoursAndCutFiles) {
+  const TemporaryFolder folder;
+  cv::Mat smooth(40, 56, CV_8UC1), color;
+  for (int y = 0; y < smooth.rows; ++y) {
+    for (int x = 0; x < smooth.cols; ++x) smooth.at<unsigned char>(y, x) = static_cast<unsigned char>(20 + 3 * x + y);
+  }
+  cv::merge(std::vector<cv::Mat>{smooth, smooth, smooth}, color);
+  for (const cv::Mat& image : {smooth, color}) {
+    writeImage(folder.path("a.JPG"), image);
+    const cv::Mat read = readXrayImage(folder.path("a.JPG"));
+    ASSERT_EQ(read.type(), CV_8UC1);
+    EXPECT_LE(cv::norm(read, smooth, cv::NORM_INF), 4);  // What quality 95 leaves of a slope.
+  }
+  const std::string whole = contentOf(folder.path("a.JPG"));
+  color(cv::Rect(8, 8, 16, 16)).setTo(cv::Scalar(0, 0, 255));
+  writeImage(folder.path("b.jpg"), color);
+  EXPECT_NE(refusalOf([&] { readXrayImage(folder.path("b.jpg")); }).find("b.jpg: channels = 3"), std::string::npos);
+  const std::string cut = folder.write("c.jpg", whole.substr(0, whole.size() - 40));
+  EXPECT_NE(refusalOf([&] { readXrayImage(cut); }).find("c.jpg: is not a readable JPEG"), std::string::npos);
+}
+
 // Little endian, one strip, 2 x 1 pixels 10 and 200; the photometric interpretation is the last byte but 16 of the
 // entries.
 std::string smallTiff(int photometric, const std::string& width = std::string("\2\0\0\0", 4)) {
@@ -104,6 +125,10 @@ TEST(ImageFiles, CutOrChangedFilesAreReadOrRefusedInSilence) {
       writeImage(folder.path(name), pattern(type).rowRange(0, 5));
       goods.push_back(contentOf(folder.path(name)));
     }
+  }
+  for (const int type : {CV_8UC1, CV_8UC3}) {
+    writeImage(folder.path("a.jpg"), pattern(type).rowRange(0, 5));
+    goods.push_back(contentOf(folder.path("a.jpg")));
   }
   writeImageSequence(folder.path("a.tif"), std::vector<cv::Mat>(2, pattern(CV_16UC1).rowRange(0, 5)));
   goods.push_back(contentOf(folder.path("a.tif")));
@@ -174,7 +199,7 @@ TEST(ImageFiles, OtherFilesAndTypesAreRefused) {
   const auto says = [&](const std::string& message, const std::string& expected) {
     EXPECT_NE(message.find(expected), std::string::npos) << message;
   };
-  says(refusalOf([&] { readXrayImage(folder.write("a.png", "")); }), "a.png: must be a PNG, TIFF or DICOM image");
+  says(refusalOf([&] { readXrayImage(folder.write("a.png", "")); }), "a.png: must be a PNG, TIFF, JPEG or DICOM image");
   says(refusalOf([&] { writeImage(folder.path("a.bmp"), pattern(CV_8UC1)); }), "extension = .bmp");
   says(refusalOf([&] { writeImage(folder.path("a.jpg"), pattern(CV_16UC1)); }), "CV_16UC1");
   says(refusalOf([&] { writeImage(folder.path("a.png"), cv::Mat()); }), "empty");

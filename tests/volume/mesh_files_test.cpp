@@ -105,6 +105,23 @@ std::string binaryVtk(const std::vector<Triangle>& triangles) {
          points + "\nTRIANGLE_STRIPS " + n + " " + std::to_string(4 * triangles.size()) + "\n" + cells + "\n";
 }
 
+// Corners with textures and normals, without, and counted from the last point back.
+std::string waveObj(const std::vector<Triangle>& triangles) {
+  std::string text = "# a pipe\nmtllib none.mtl\no pipe\nvn 0 0 1\nvt 0 0\n";
+  std::size_t points = 0;
+  for (const Triangle& triangle : triangles) {
+    for (const auto& c : triangle) {
+      text += "v " + test::number(c.x()) + " " + test::number(c.y()) + " " + test::number(c.z()) + "\n";
+    }
+    points += 3;
+    const std::string a = std::to_string(points - 2), b = std::to_string(points - 1), c = std::to_string(points);
+    const std::string forms[] = {"f " + a + "/1/1 " + b + "/1/1 " + c + "/1/1\n",
+                                 "f " + a + "//1 " + b + "//1 " + c + "//1\n", "f -3 -2 -1\n"};
+    text += forms[points / 3 % 3];
+  }
+  return text;
+}
+
 // The first half of the triangles as polygons of one piece, the others as strips of a second one.
 std::string xmlVtp(const std::vector<Triangle>& triangles) {
   const auto array = [](const char* attributes, const std::string& numbers) {
@@ -140,7 +157,8 @@ TEST(MeshFiles, OneSurfaceFillsTheSameVoxelsWhateverItsFormat) {
   for (const auto& [name, content] : {std::pair<std::string, std::string>{"a.vtk", legacyVtk(openPipe(), 3)},
                                       {"b.vtk", legacyVtk(openPipe(), 5)},
                                       {"c.vtk", binaryVtk(openPipe())},
-                                      {"d.vtp", xmlVtp(openPipe())}}) {
+                                      {"d.vtp", xmlVtp(openPipe())},
+                                      {"e.obj", waveObj(openPipe())}}) {
     const VoxelMask mask = read(name, content);
     EXPECT_EQ(mask.grid.size, expected.grid.size) << name;
     EXPECT_EQ(mask.inside, expected.inside) << name;
@@ -180,6 +198,10 @@ TEST(MeshFiles, BrokenOnesAreRefusedInSilence) {
   EXPECT_NE(refusal("a.stl", "solid\nvertex 1 2 x\n", 1e-3).find("vertex = x: must be a number"), std::string::npos);
   EXPECT_NE(refusal("a.stl", "solid\nendsolid\n", 1e-3).find("triangles = 0: must hold a surface"), std::string::npos);
   EXPECT_NE(refusal("a.stl", good, 1e-6).find("would make more than"), std::string::npos);
+  EXPECT_NE(
+      refusal("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 3\n", 1e-3).find(":3: corner = 3: must be a point above it, of 2"),
+      std::string::npos);
+  EXPECT_NE(refusal("a.obj", "v 0 0\n", 1e-3).find(":1: position_mm"), std::string::npos);
   EXPECT_NE(refusal("a.vtp", "<VTKFile", 1e-3).find("is not valid XML"), std::string::npos);
   EXPECT_NE(refusal("a.vtk", "# vtk", 1e-3).find(":1: first line: must begin"), std::string::npos);
   const std::string vtk = legacyVtk(openPipe(), 3);

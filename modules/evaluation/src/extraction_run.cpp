@@ -48,6 +48,26 @@ double blurOf_px(const SimulationSettings& settings, const XrayCamera& camera) {
   return std::sqrt(light_px * light_px + spot_px * spot_px + 1.0 / 12);
 }
 
+double lengthOf_px(const Centerline2d& line) {
+  double length_px = 0;
+  for (int i = 1; i < line.size(); ++i) {
+    if (line.branch[i] == line.branch[i - 1]) length_px += (line.points_px.col(i) - line.points_px.col(i - 1)).norm();
+  }
+  return length_px;
+}
+
+void score(const Centerline2d& found, const ExtractionSample& sample, ExtractionRun& run) {
+  run.vessels_px.push_back(lengthOf_px(ofKind(found, CurveKind::kVessel)));
+  run.devices_px.push_back(lengthOf_px(ofKind(found, CurveKind::kDevice)));
+  if (!sample.has_truth) return;
+  ++run.scored;
+  if (sample.mask.empty()) {
+    run.score.add(found, sample.required, sample.allowed, sample.own_line);
+  } else {
+    run.score.addMask(found, sample.mask);
+  }
+}
+
 }  // namespace
 
 ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const std::optional<XrayCamera>& camera,
@@ -116,7 +136,11 @@ ExtractionSamples annotatedSamples(const std::vector<AnnotatedImage>& images) {
 ExtractionSamples imageSamples(const std::vector<std::string>& paths) {
   const auto sample = [=](int i) {
     const std::string& path = paths[i];
-    return ExtractionSample{std::filesystem::path(path).stem().string(), readXrayImage(path), {}, {}, {}, {}};
+    ExtractionSample result;
+    result.name = std::filesystem::path(path).stem().string();
+    result.image = readXrayImage(path);
+    result.has_truth = false;
+    return result;
   };
   return {static_cast<int>(paths.size()), sample};
 }
@@ -127,7 +151,7 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
   std::vector<ExtractionRun> runs;
   std::vector<std::unique_ptr<CenterlineExtractor>> extractors;
   for (const auto& entrant : entrants) {
-    runs.push_back({entrant.name, ExtractionScore(tolerance_px), {}, {}});
+    runs.push_back({entrant.name, ExtractionScore(tolerance_px), 0, {}, {}, {}, {}});
     extractors.push_back(makeExtractor(entrant.settings));
   }
   int done = 0;
@@ -138,11 +162,7 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
       const Stopwatch stage;
       const Centerline2d found = extractors[m]->extract(sample.image);
       runs[m].times_s.push_back(stage.seconds());
-      if (sample.mask.empty()) {
-        runs[m].score.add(found, sample.required, sample.allowed, sample.own_line);
-      } else {
-        runs[m].score.addMask(found, sample.mask);
-      }
+      score(found, sample, runs[m]);
       if (pictures == Pictures::kKeep) runs[m].pictures.push_back({sample.image, found, sample.name});
       if (progress) progress(++done);
     }
@@ -158,14 +178,28 @@ Json extractionSummaries(const std::vector<ExtractionRun>& runs) {
   for (const auto& run : runs) {
     Json times_ms = Json::array();
     for (const double time_s : run.times_s) times_ms.push_back(1e3 * time_s);
-    json[run.name] = run.score.asJson();
+    if (run.scored > 0) json[run.name] = run.score.asJson();
     json[run.name]["images"] = run.times_s.size();
+    json[run.name]["images_with_truth"] = run.scored;
+    json[run.name]["vessels_px"] = figuresOf(Json(run.vessels_px), "mean");
+    json[run.name]["devices_px"] = figuresOf(Json(run.devices_px), "mean");
     json[run.name]["time_ms"] = figuresOf(times_ms, "p50 p99");
   }
   return json;
 }
 
 std::string extractionTable(const Json& summaries) {
+  const bool scored = std::any_of(summaries.begin(), summaries.end(),
+                                  [](const Json& summary) { return summary.at("images_with_truth") > 0; });
+  if (!scored) {
+    return "There is no truth to these images: nothing is scored.\n\n" +
+           figureTable(summaries, {{"extractor", ""},
+                                   {"images", "{images:%d}"},
+                                   {"vessels found, mean", "{vessels_px:%.0f px}"},
+                                   {"devices found, mean", "{devices_px:%.0f px}"},
+                                   {"ms p50", "{time_ms/p50:%.1f}"},
+                                   {"p99", "{time_ms/p99:%.1f}"}});
+  }
   return figureTable(summaries, {{"extractor", ""},
                                  {"images", "{images:%d}"},
                                  {"truth covered", "{100*covered:%.1f %%}"},

@@ -11,12 +11,13 @@
 #include "angio/io/whole_file.hpp"
 #include "angio/io/xa_files.hpp"
 #include "dicom_pixels.hpp"
+#include "jpeg_format.hpp"
 #include "tiff_format.hpp"
 
 namespace angio::io {
 namespace {
 
-enum class Kind { kPng, kTiff, kDicom };
+enum class Kind { kPng, kTiff, kJpeg, kDicom };
 
 Kind kindOf(const std::string& path, const std::string& content) {
   using namespace std::string_view_literals;
@@ -25,8 +26,9 @@ Kind kindOf(const std::string& path, const std::string& content) {
   for (const auto start : {"II*\0"sv, "MM\0*"sv, "II+\0"sv, "MM\0+"sv}) {
     if (starts(start)) return Kind::kTiff;
   }
+  if (starts("\xff\xd8\xff"sv)) return Kind::kJpeg;
   if (startsAsDicom(content)) return Kind::kDicom;
-  throw InputError(path, "", "", "must be a PNG, TIFF or DICOM image");
+  throw InputError(path, "", "", "must be a PNG, TIFF, JPEG or DICOM image");
 }
 
 cv::Mat asGrey(const std::string& path, const cv::Mat& image) {
@@ -81,6 +83,7 @@ cv::Mat XrayFrames::frame(int number) const {
   requireBetween(s.path, "frame", number, 0, s.count - 1);
   if (s.kind == Kind::kPng) return asGrey(s.path, decodePng(s.path, s.content));
   if (s.kind == Kind::kTiff) return asGrey(s.path, decodeTiff(s.path, s.content, number));
+  if (s.kind == Kind::kJpeg) return decodeJpeg(s.path, s.content);
   // Image methods take a type's full range for granted where they turn bright vessels dark.
   const XaHeader& header = s.run->header();
   cv::Mat image = s.run->image(number);

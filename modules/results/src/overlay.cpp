@@ -72,6 +72,14 @@ void drawTree(cv::Mat& canvas, const VesselTree& tree, const XrayCamera& camera,
   }
 }
 
+void drawKinds(cv::Mat& canvas, const Centerline2d& seen, double scale) {
+  for (const CurveKind kind : {CurveKind::kVessel, CurveKind::kDevice}) {
+    Centerline2d curves = ofKind(seen, kind);
+    curves.points_px = (scale * (curves.points_px.array() + 0.5) - 0.5).matrix().eval();
+    drawCurve(canvas, curves, kind == CurveKind::kVessel ? kSheetVesselColor : kStartColor, 1);
+  }
+}
+
 cv::Mat drawn(const SheetPicture& picture, int side_px) {
   const double scale = static_cast<double>(side_px) / std::max(picture.image.cols, picture.image.rows);
   cv::Mat scaled;
@@ -79,11 +87,7 @@ cv::Mat drawn(const SheetPicture& picture, int side_px) {
   cv::Mat canvas(side_px, side_px, CV_8UC3, kGroundColor);
   const cv::Rect frame(0, 0, std::min(side_px, scaled.cols), std::min(side_px, scaled.rows));
   greyPicture(scaled)(frame).copyTo(canvas(frame));
-  for (const CurveKind kind : {CurveKind::kVessel, CurveKind::kDevice}) {
-    Centerline2d curves = ofKind(picture.centerline, kind);
-    curves.points_px = (scale * (curves.points_px.array() + 0.5) - 0.5).matrix().eval();
-    drawCurve(canvas, curves, kind == CurveKind::kVessel ? kSheetVesselColor : kStartColor, 1);
-  }
+  drawKinds(canvas, picture.centerline, scale);
   return withBandBelow(canvas, {{picture.caption, kCaptionColor}});
 }
 
@@ -121,6 +125,13 @@ cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const Xra
   for (const auto& what : scene.trees) entries.push_back({what.label, what.color_bgr, stroke});
   entries.push_back({scene.caption, kCaptionColor});
   return withBandBelow(drawOverlayImage(scene, tree, camera), entries);
+}
+
+cv::Mat drawCenterline(const cv::Mat& image, const Centerline2d& seen) {
+  cv::Mat canvas = greyPicture(image);
+  drawKinds(canvas, seen, 1);
+  const auto stroke = BandEntry::Mark::kStroke;
+  return withBandBelow(canvas, {{"vessels", kSheetVesselColor, stroke}, {"devices", kStartColor, stroke}});
 }
 
 std::string patientLetters(const Eigen::Vector3d& direction_lps) {

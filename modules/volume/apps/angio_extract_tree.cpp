@@ -191,9 +191,9 @@ int main(int argc, char** argv) {
   angio::apps::describeProgram(
       app, "angio-extract-tree aorta.mha --threshold 1000 --seed 20,30,40 --out tree.csv --picture tree.png");
   angio::apps::Options o;
-  app.addOption(
-         "volume", o.volume,
-         "Volume (.mha, .mhd, .nii, .nii.gz, .nrrd, .nhdr), folder of a DICOM series, or surface (.stl, .vtp, .vtk)")
+  app.addOption("volume", o.volume,
+                "Volume (.mha, .mhd, .nii, .nii.gz, .nrrd, .nhdr), folder of a DICOM series, or surface (.stl, .obj, "
+                ".vtp, .vtk)")
       ->required();
   app.addOption("--out", o.out, "Vessel tree (.csv, .swc, .vtp, .mrk.json, .tre)")->required();
   app.addOption("--mask", o.mask, "Label volume of the vessels; the volume itself is only shown");

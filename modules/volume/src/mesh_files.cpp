@@ -63,7 +63,8 @@ struct MeshFormat {
   Surface (*read)(const std::string& path);
 };
 
-constexpr MeshFormat kMeshFormats[] = {{".stl", readStlSurface}, {".vtp", readVtpSurface}, {".vtk", readVtkSurface}};
+constexpr MeshFormat kMeshFormats[] = {
+    {".stl", readStlSurface}, {".obj", readObjSurface}, {".vtp", readVtpSurface}, {".vtk", readVtkSurface}};
 
 // Positions in LPS; every triangle's corners are points, and every point is finite.
 void check(const std::string& path, PatientFrame frame, Surface& surface) {

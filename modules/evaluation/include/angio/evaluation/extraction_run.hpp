@@ -85,6 +85,7 @@ struct ExtractionSample {
   Centerline2d allowed;        ///< and what may be; or, in their place:
   cv::Mat mask;                ///< the regions that people have drawn, CV_8UC1; empty when there are none.
   std::vector<bool> own_line;  ///< Of what may be: whether it has a line of its own (haveOwnLine); empty: not known.
+  bool has_truth = true;       ///< False: nobody knows what is to be found, and nothing is scored.
 };
 
 /// Images that are made or read when they are asked for.
@@ -106,7 +107,7 @@ ExtractionSamples caseSamples(const CaseSet& set, double radius_px, double contr
 /// Images with regions drawn by people.
 ExtractionSamples annotatedSamples(const std::vector<AnnotatedImage>& images);
 
-/// Images without a truth: nothing must be found, and nothing is right.
+/// Images without a truth: nothing is scored.
 ExtractionSamples imageSamples(const std::vector<std::string>& paths);
 
 /// An extractor as it takes part, under the name it has in results.
@@ -115,11 +116,12 @@ struct ExtractionEntrant {
   ExtractorSettings settings;
 };
 
-/// One entrant's score over all samples, its times, and what it saw.
+/// One entrant's score over all samples that have a truth, its times, and what it saw.
 struct ExtractionRun {
   std::string name;
   ExtractionScore score;
-  std::vector<double> times_s;
+  int scored = 0;                                       ///< Samples that have a truth.
+  std::vector<double> times_s, vessels_px, devices_px;  ///< Of each sample; lengths of what was found.
   std::vector<SheetPicture> pictures;
 };
 
@@ -130,7 +132,8 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
                                          const std::vector<ExtractionEntrant>& entrants, double tolerance_px,
                                          Pictures pictures, const std::function<void(int done)>& progress = {});
 
-/// Scores and times by entrant, for other programs and for people (Markdown).
+/// Scores, lengths and times by entrant, for other programs and for people (Markdown). Where no image has a truth there
+/// are no scores.
 Json extractionSummaries(const std::vector<ExtractionRun>& runs);
 std::string extractionTable(const Json& summary_by_entrant);
 

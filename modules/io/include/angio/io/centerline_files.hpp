@@ -9,7 +9,7 @@
 namespace angio::io {
 
 /// Reads a 2D centreline from CSV with a header: `x_px,y_px` and optionally `branch`, `tangent_rad`, `radius_px`,
-/// `std_px`, `contrast` and `kind` (vessel or device), in any order. At least one point. Points of one branch need
+/// `sigma_px`, `contrast` and `kind` (vessel or device), in any order. At least one point. Points of one branch need
 /// not stand together in the file: they are brought together in their order. Tangents that are not given are estimated
 /// as in makeCenterline.
 ///

@@ -11,8 +11,8 @@
 
 namespace angio::io {
 
-/// The X-ray frames of one file, by its content: a PNG is one frame, a TIFF has one to a page, a DICOM run its own
-/// (see XaRun, which knows their geometry too). The file is held in memory and frames are decoded when asked for.
+/// The X-ray frames of one file, by its content: a PNG or JPEG is one frame, a TIFF has one to a page, a DICOM run its
+/// own (see XaRun, which knows their geometry too). The file is held in memory and frames are decoded when asked for.
 class XrayFrames {
  public:
   /// Throws InputError that names the file when it is of no such kind, or broken as far as that shows without decoding.

@@ -62,6 +62,10 @@ cv::Mat drawOverlayImage(const OverlayScene& scene, const VesselTree& tree, cons
 /// lines as the texts need.
 cv::Mat drawOverlay(const OverlayScene& scene, const VesselTree& tree, const XrayCamera& camera);
 
+/// Draws an X-ray with what was seen in it: vessels in red, devices in blue, and a legend in a band below. CV_8UC3 of
+/// the image's width.
+cv::Mat drawCenterline(const cv::Mat& image, const Centerline2d& seen);
+
 /// Returns where in the patient a direction (axes L, P, S, of any length) leads, in the letters of DICOM's Patient
 /// Orientation (0020,0020): L left, R right, A front, P back, H head, F feet. "LA" for one that leads to the front as
 /// well, by more than 20 deg; the larger share stands first.

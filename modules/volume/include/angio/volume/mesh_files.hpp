@@ -8,7 +8,7 @@
 
 namespace angio::volume {
 
-/// Whether a path's extension is that of a surface: .stl, .vtp, .vtk.
+/// Whether a path's extension is that of a surface: .stl, .obj, .vtp, .vtk.
 bool isMesh(const std::string& path);
 
 /// Reads a surface (millimetres, in `frame`) and marks the voxels inside it, on cubes of `voxel_m` [m]. STL and legacy
