@@ -10,6 +10,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/joined.hpp"
+#include "angio/io/settings_values.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/yaml.hpp"
 
@@ -111,6 +112,29 @@ void readFields(const std::string& path, YamlNode node, const std::string& name,
   reader.map().refuseOthers();
 }
 
+// A document in memory as a file's would be read. It has no lines.
+YamlNode nodeOf(const nlohmann::ordered_json& value) {
+  constexpr int kNoLine = 0;
+  YamlNode node;
+  node.line = kNoLine;
+  if (value.is_structured()) {
+    node.kind = value.is_object() ? YamlNode::Kind::kMap : YamlNode::Kind::kSequence;
+    for (const auto& item : value) node.items.push_back(nodeOf(item));
+    if (value.is_object()) {
+      for (const auto& item : value.items()) node.keys.push_back(item.key());
+      node.key_lines.assign(node.keys.size(), kNoLine);
+    }
+  } else if (!value.is_null()) {
+    node.kind = YamlNode::Kind::kScalar;
+    node.quoted = value.is_string();
+    // JSON has no word for a number that is not finite.
+    node.scalar = value.is_string()         ? value.get<std::string>()
+                  : value.is_number_float() ? exact(value.get<double>())
+                                            : value.dump();
+  }
+  return node;
+}
+
 class JsonWriter final : public SettingsVisitor {
  public:
   nlohmann::ordered_json json = nlohmann::ordered_json::object();
@@ -185,6 +209,14 @@ void readSettings(const std::string& path, const std::function<void(SettingsVisi
                   const FormerKeys& table, std::ostream& warnings) {
   Former former{table, {}, {}};
   readFields(path, readYaml(path), "settings", visit_fields, former);
+  for (const std::string& line : former.warnings) warnings << line << "\n";
+}
+
+void setSettings(const std::string& name, const nlohmann::ordered_json& values,
+                 const std::function<void(SettingsVisitor&)>& visit_fields, const FormerKeys& table,
+                 std::ostream& warnings) {
+  Former former{table, {}, {}};
+  readFields(name, nodeOf(values), name, visit_fields, former);
   for (const std::string& line : former.warnings) warnings << line << "\n";
 }
 

@@ -34,7 +34,8 @@ double parsed(std::string_view text) {
 
 }  // namespace
 
-std::string atLine(const std::string& path, int line) { return path + ":" + std::to_string(line); }
+// Values that are in no file have no line: 0.
+std::string atLine(const std::string& path, int line) { return line == 0 ? path : path + ":" + std::to_string(line); }
 
 TextLines::TextLines(const std::string& path, std::string_view content) : path_(path), rest_(content) {
   if (rest_.substr(0, kByteOrderMark.size()) == kByteOrderMark) rest_.remove_prefix(kByteOrderMark.size());
