@@ -26,20 +26,7 @@ void MethodOptions::addTo(cli::Command& command, const std::function<std::string
 }
 
 std::vector<Entrant> MethodOptions::entrants(const ProgramSettings& of_file) const {
-  std::vector<Entrant> result;
-  for (const auto& name : methods) {
-    for (const auto& other : result) {
-      if (other.name == name) throw InputError("", "method", name, "must be named once");
-    }
-    Entrant entrant{name, of_file.of(name, std::nullopt), of_file.starts};
-    if (nonrigid && !setDeformation(entrant.registration, Deformation::kNonrigid)) {
-      std::cerr << "angio-evaluate: " << name << " is rigid: it takes part without deformation\n";
-    }
-    if (const int own = startsOfPreset(name); own > 0) entrant.starts.count = own;
-    if (starts > 0) entrant.starts.count = starts;
-    result.push_back(entrant);
-  }
-  return result;
+  return entrantsOf(*this, of_file, std::cerr);
 }
 
 cli::Option* addModelAxes(cli::Command& command, ModelAxes& axes) {
@@ -62,30 +49,6 @@ int reported(Json json, const std::string& out, const std::string& text) {
   return 0;
 }
 
-Json runsAsJson(const std::vector<EntrantRun>& runs, const Json& summaries) {
-  Json json;
-  for (const auto& run : runs) {
-    auto& entry = json["methods"][run.name];
-    for (const auto& outcome : run.outcomes) {
-      auto one = caseAsJson(outcome);
-      one.erase("displacements_mm");
-      entry["cases"][outcome.name] = one;
-    }
-    entry["summary"] = summaries[run.name];
-  }
-  return json;
-}
-
-Json entrantsAsJson(const std::vector<Entrant>& entrants) {
-  Json json;
-  for (const auto& entrant : entrants) {
-    json[entrant.name] = methodAsJson(entrant.registration)[methodName(entrant.registration)];
-    if (entrant.starts.count != entrants.front().starts.count) json[entrant.name]["starts"] = entrant.starts.count;
-  }
-  if (!entrants.empty()) json["starts"] = settingsAsJson(entrants.front().starts);
-  return json;
-}
-
 namespace {
 
 struct CasesOptions {
@@ -98,28 +61,13 @@ int evaluateCases(const CasesOptions& o) {
   requireFolderOf(o.out);
   ProgramSettings settings;
   if (!o.method.settings.empty()) settings = readSettings(o.method.settings, settings);
-  const std::vector<Entrant> entrants = o.method.entrants(settings);
-  const ExtractorSettings extractor = chosenExtractor(settings, o.method.extractor);
+  const CasesAsked asked{o.method.entrants(settings), chosenExtractor(settings, o.method.extractor), settings.tracker,
+                         o.point_covariance, o.method.nonrigid};
   const CaseSet set = readCaseSet(o.cases);
 
-  Json json, summaries;
-  ProgressBar bar("registering", static_cast<int>(set.cases.size() * entrants.size()));
-  int done = 0;
-  for (const auto& entrant : entrants) {
-    const bool goes_on = finishPart(!summaries.empty(), [&] {
-      const auto outcomes = runCases(
-          set,
-          {entrant.registration, entrant.starts, extractor, settings.tracker, o.point_covariance, o.method.nonrigid},
-          [&](int) { bar.show(++done, entrant.name); });
-      auto& entry = json["methods"][entrant.name];
-      for (const auto& outcome : outcomes) entry["cases"][outcome.name] = caseAsJson(outcome);
-      entry["summary"] = summaries[entrant.name] = summaryOf(outcomes);
-    });
-    if (!goes_on) break;
-  }
-  json["settings"] = entrantsAsJson(entrants);
-  json["settings"].update(extractorAsJson(extractor));
-  return reported(json, o.out, summaryTable(summaries));
+  ProgressBar bar("registering", static_cast<int>(set.cases.size() * asked.entrants.size()));
+  const Json json = casesResults(set, asked, [&](int done, const std::string& entrant) { bar.show(done, entrant); });
+  return reported(json, o.out, summaryTable(summariesOf(json)));
 }
 
 void addEvaluateCases(cli::Command& app, Work& work) {

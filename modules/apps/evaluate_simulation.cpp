@@ -84,11 +84,8 @@ int evaluateSimulation(const SimulationOptions& o) {
     swept.push_back(runSweep(setup, sweep, [&](int) { bar.show(++done, sweep.name); }));
   }
 
-  auto json = runsAsJson(runs, summaries);
+  auto json = simulationResults(setup, settings, runs, summaries);
   for (const Json& sweep : swept) json["sweeps"][sweep["name"].get<std::string>()] = sweep;
-  json["settings"] = entrantsAsJson(setup.entrants);
-  if (settings.from == TrialSource::kImages) json["settings"].update(extractorAsJson(setup.extractor));
-  json["settings"]["simulation"] = settingsAsJson(settings);
   json["settings"]["simulation"]["trees"] = tree_names;
   if (!o.report.empty()) {
     writeWholeFile(o.report,
