@@ -13,8 +13,9 @@ packages=(
   libexpat1-dev libdcmtk-dev libpng-dev libtiff-dev libjpeg62-turbo-dev zlib1g-dev libssl-dev
   libgtest-dev libgmock-dev libbenchmark-dev
 )
-# Volumes, the API reference, and tests.
-[ "${1:-}" = demo ] || packages+=(libinsighttoolkit5-dev libvtk9-dev doxygen python3)
+# Volumes, the Python module, the API reference, and tests.
+[ "${1:-}" = demo ] || packages+=(libinsighttoolkit5-dev libvtk9-dev doxygen python3
+  python3-dev pybind11-dev python3-numpy python3-matplotlib python3-pytest)
 
 missing=()
 for package in "${packages[@]}"; do

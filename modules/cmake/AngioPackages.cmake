@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# `cpack -G DEB` in the build folder writes two Debian packages: angio-tools has the programs and the example data, libangio-dev the
-# modules. Who links a module needs the development packages of what it links: libangio-dev depends on those of `registration`,
-# the module that stands alone, and recommends those of the others. tests/package/deb.sh tries both packages on a bare Debian.
+# `cpack -G DEB` in the build folder writes three Debian packages: angio-tools has the programs and the example data, libangio-dev the
+# modules, and python3-angio, where that is built, the Python module. Who links a module needs the development packages of what it links: libangio-dev depends on those of `registration`,
+# the module that stands alone, and recommends those of the others. tests/package/deb.sh tries the packages on a bare Debian.
 set(_source ${PROJECT_SOURCE_DIR}/modules/cmake/packages)
 set(_folder ${PROJECT_BINARY_DIR}/packages)
 
@@ -76,7 +76,11 @@ if(ANGIO_GZIP)
   execute_process(COMMAND ${ANGIO_GZIP} -9nc ${PROJECT_SOURCE_DIR}/CHANGELOG.md OUTPUT_FILE ${_folder}/changelog.gz)
   execute_process(COMMAND ${ANGIO_GZIP} -9nc ${_folder}/changelog.Debian OUTPUT_FILE ${_folder}/changelog.Debian.gz)
 endif()
-foreach(_package angio-tools libangio-dev)
+set(_packages angio-tools libangio-dev)
+if(ANGIO_HAVE_PYTHON)
+  list(APPEND _packages python3-angio)
+endif()
+foreach(_package ${_packages})
   install(FILES ${_source}/copyright DESTINATION share/doc/${_package} COMPONENT ${_package}-doc EXCLUDE_FROM_ALL)
   install(FILES ${_folder}/changelog.gz ${_folder}/changelog.Debian.gz DESTINATION share/doc/${_package}
           COMPONENT ${_package}-doc EXCLUDE_FROM_ALL OPTIONAL)
@@ -90,9 +94,12 @@ set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_OUTPUT_FILE_PREFIX ${_folder})
 set(CPACK_STRIP_FILES ON)
+if(ANGIO_HAVE_PYTHON)
+  set(_python_components python python3-angio-doc)
+endif()
 set(CPACK_GENERATOR DEB)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
-set(CPACK_COMPONENTS_ALL programs data angio-tools-doc package ${_modules} libangio-dev-doc)
+set(CPACK_COMPONENTS_ALL programs data angio-tools-doc package ${_modules} libangio-dev-doc ${_python_components})
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 
@@ -118,7 +125,28 @@ finds a module and those under it. What the component registration links is
 in this package's dependencies. What other components link (VTK, DCMTK, ITK,
 LCM and others) is recommended, and only who asks for them needs it.")
 
+if(ANGIO_HAVE_PYTHON)
+  # The compiled part is of one version of Python.
+  set(_python ${Python3_VERSION_MAJOR}.${Python3_VERSION_MINOR})
+  math(EXPR _python_after "${Python3_VERSION_MINOR} + 1")
+  set(CPACK_DEBIAN_PYTHON3_PACKAGE_NAME python3-angio)
+  set(CPACK_DEBIAN_PYTHON3_PACKAGE_SECTION python)
+  set(CPACK_DEBIAN_PYTHON3_PACKAGE_SHLIBDEPS ON)
+  set(CPACK_DEBIAN_PYTHON3_PACKAGE_DEPENDS "python3 (>= ${_python}), python3 (<< 3.${_python_after}), python3-numpy")
+  set(CPACK_DEBIAN_PYTHON3_PACKAGE_SUGGESTS "angio-tools, python3-matplotlib")
+  set(CPACK_DEBIAN_PYTHON3_DESCRIPTION "AngioServo for Python: trees, cameras and poses as numpy arrays, registration,
+certificates, evaluation, calibration, the closed loop frame by frame, and
+the messages, bus and logs by which programs and machines talk. Results are
+those of the programs in angio-tools, bit for bit.")
+endif()
+
 include(CPack)
+if(ANGIO_HAVE_PYTHON)
+  cpack_add_component_group(python3)
+  foreach(_component python python3-angio-doc)
+    cpack_add_component(${_component} GROUP python3)
+  endforeach()
+endif()
 cpack_add_component_group(tools)
 cpack_add_component_group(dev)
 foreach(_component programs data angio-tools-doc)

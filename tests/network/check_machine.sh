@@ -29,17 +29,7 @@ both() {
   check simulated --bus "$simulated" --move || true
   wait "$first" || true
   wait "${started[spy]}" || true
-  python3 - "$folder/own.json" "$folder/simulated.json" <<'CHECK' || return 1
-import json, sys
-for path in sys.argv[1:]:
-    rows = {row["name"]: row for row in json.load(open(path))}
-    joints = ["primary", "secondary", "table x", "table y", "table z"]
-    asked = [f"{joint} by {what}" for joint in joints for what in ("its encoder", "the X-ray")]
-    asked += ["joints", "frame geometry", "image orientation", "NaN", "CARM_STATE clock", "XRAY_FRAME clock"]
-    wrong = [rows.get(name, name) for name in asked if name not in rows or rows[name]["verdict"] != "pass"]
-    assert not wrong, (path, wrong)
-    assert {"watchdog", "stop", "latency", "velocities", "frame age"} <= rows.keys(), (path, rows.keys())
-CHECK
+  python3 "$sources/tests/network/check_rows.py" "$folder/own.json" "$folder/simulated.json" || return 1
   # A command every 20 ms, and none in answer to its own that come round.
   python3 - "$folder/spy.json" <<'CHECK' || return 1
 import json, sys

@@ -16,7 +16,7 @@ packages=$(realpath "$1")
 here=$(realpath "$(dirname "$0")")
 [ "$(id -u)" -eq 0 ] || { echo "deb.sh needs root: it makes a root folder of its own and changes into it" >&2; exit 1; }
 command -v debootstrap >/dev/null || { echo "deb.sh needs debootstrap" >&2; exit 1; }
-for name in angio-tools libangio-dev; do
+for name in angio-tools libangio-dev python3-angio; do
   [ "$(find "$packages" -name "${name}_*.deb" | wc -l)" -eq 1 ] || { echo "$packages: there is not one $name package" >&2; exit 1; }
 done
 if [ $# -ge 2 ]; then
@@ -42,8 +42,8 @@ LIST
 cp /etc/resolv.conf "$root/etc/resolv.conf"
 rm -rf "$root/given"
 mkdir "$root/given"
-cp "$packages"/angio-tools_*.deb "$packages"/libangio-dev_*.deb "$root/given"
-cp -r "$here/registration" "$here/everything" "$here/../../examples/02_find_package" "$root/given"
+cp "$packages"/angio-tools_*.deb "$packages"/libangio-dev_*.deb "$packages"/python3-angio_*.deb "$root/given"
+cp -r "$here/registration" "$here/everything" "$here/../../examples/02_find_package" "$here/../../examples/10_python" "$root/given"
 
 cat >"$root/given/inside.sh" <<'INSIDE'
 set -euo pipefail
@@ -56,7 +56,7 @@ mkdir -p /given/home
 chown nobody /given/home
 chmod 755 /given
 
-dpkg --purge angio-tools libangio-dev >/dev/null 2>&1 || true  # Of a run that failed.
+dpkg --purge angio-tools libangio-dev python3-angio >/dev/null 2>&1 || true  # Of a run that failed.
 get update
 step "angio-tools: installed with what it depends on, nothing recommended"
 get install --no-install-recommends /given/angio-tools_*.deb
@@ -75,6 +75,13 @@ grep -q '"status": *"converged"' /given/home/registered.json
 user angio-servo --simulate --duration-s 1 --out servo >/given/home/servo.txt
 tail -n 3 /given/home/servo.txt
 [ -s /given/home/servo/summary.json ]
+
+step "python3-angio: registers, and draws what came of it"
+get install --no-install-recommends /given/python3-angio_*.deb python3-matplotlib
+dpkg -s python3-angio | grep -E '^(Section|Installed-Size|Depends):'
+dpkg -L python3-angio >>/given/files.txt
+user python3 /given/10_python/register_and_plot.py $data .
+[ -s /given/home/registered.png ] && [ -s /given/home/uncertainty.png ]
 
 step "libangio-dev: the component registration in a project of one's own, without what the others need"
 get install --no-install-recommends /given/libangio-dev_*.deb g++ cmake make
@@ -100,7 +107,7 @@ if [ "$1" = yes ]; then
 fi
 
 step "purged"
-get purge angio-tools libangio-dev
+get purge angio-tools libangio-dev python3-angio
 left=0
 while read -r path; do
   # A folder that other packages have too stays.

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/simulation/nodes.hpp"
+#include "fields.hpp"
+#include "settings.hpp"
+#include "unlocked.hpp"
+
+namespace angio::python {
+namespace {
+
+using GuardedXray = Guarded<SimulatedXrayNode>;
+
+std::unique_ptr<GuardedXray> xrayOf(const VesselTree& tree, const CArmGeometry& carm, const Numbers& T_patient_model,
+                                    const py::object& settings, const std::optional<XrayCamera>& claimed_camera) {
+  const auto patient = withFields(SimulatedPatientSettings{}, settings, "settings");
+  return std::make_unique<GuardedXray>(tree, patient, carm, poseOf(T_patient_model, "T_patient_model"), claimed_camera);
+}
+
+}  // namespace
+
+void bindSimulation(py::module_& m) {
+  BoundStruct<IgnoredCommands>(m, "IgnoredCommands")
+      .shows("not_finite", &IgnoredCommands::not_finite)
+      .shows("bad_validity", &IgnoredCommands::bad_validity)
+      .shows("out_of_sequence", &IgnoredCommands::out_of_sequence)
+      .shows("jumped", &IgnoredCommands::jumped)
+      .shows("other_sender", &IgnoredCommands::other_sender)
+      .shows("too_old", &IgnoredCommands::too_old)
+      .shows("wrong_unit", &IgnoredCommands::wrong_unit);
+  py::class_<SimulatedCArm>(m, "SimulatedCArm", doc("SimulatedCArm"))
+      .def(py::init([](const CArmLimits& limits, const CArmJoints& start, std::int64_t now_us) {
+             return std::make_unique<SimulatedCArm>(limits, start, now_us);
+           }),
+           doc("SimulatedCArm.SimulatedCArm"), "limits"_a, "start"_a, "now_us"_a = 0)
+      .def("obey", &SimulatedCArm::obey, doc("SimulatedCArm.obey"), "command"_a, "now_us"_a, "sender"_a = "")
+      .def("advance", &SimulatedCArm::advance, doc("SimulatedCArm.advance"), "now_us"_a)
+      .def("state", &SimulatedCArm::state, doc("SimulatedCArm.state"))
+      .def_property_readonly(
+          "ignored", [](const SimulatedCArm& arm) { return arm.ignored(); }, doc("IgnoredCommands"))
+      .def_property_readonly("ran_out", &SimulatedCArm::ranOut, doc("SimulatedCArm.ranOut"));
+  py::class_<GuardedXray>(m, "SimulatedXray", doc("SimulatedXrayNode"))
+      .def(py::init(&xrayOf),
+           "How the patient really lies is `T_patient_model`, 4 x 4. Settings are a dict or a file of what a simulated "
+           "X-ray run can be told; frames say their true camera, or the claimed one.",
+           "tree"_a, "carm"_a, "T_patient_model"_a, py::kw_only(), "settings"_a = py::none(),
+           "claimed_camera"_a = py::none())
+      .def(
+          "render",
+          [](GuardedXray& xray, std::int64_t now_us, const CArmJoints& joints) {
+            return xray.use([&](auto& x) { return x.render(now_us, joints); });
+          },
+          doc("SimulatedXrayNode.render"), "now_us"_a, "joints"_a)
+      .def(
+          "in_camera",
+          [](GuardedXray& xray, const Eigen::Vector3d& p_model, const CArmJoints& joints, std::int64_t now_us) {
+            return xray.use([&](auto& x) { return x.inCamera(p_model, joints, now_us); });
+          },
+          doc("SimulatedXrayNode.inCamera"), "p_model"_a, "joints"_a, "now_us"_a)
+      .def(
+          "T_camera_model",
+          [](GuardedXray& xray, const CArmJoints& joints) {
+            return arrayOf(xray.use([&](auto& x) { return x.T_camera_model(joints); }));
+          },
+          doc("SimulatedXrayNode.T_camera_model"), "joints"_a);
+}
+
+}  // namespace angio::python

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Evaluation and calibration give what the programs write."""
+import json
+import subprocess
+
+import numpy as np
+
+import angio
+from program import without_times
+
+
+def cases_of(results, method):
+    return {name: without_times(case) for name, case in results["methods"][method]["cases"].items()}
+
+
+def test_cases(programs, data, tmp_path):
+    cases, out = str(data / "static-phantom/cases.yaml"), tmp_path / "out.json"
+    subprocess.run([str(programs / "angio-evaluate"), "cases", cases, "--method", "oriented_kernel", "--out", str(out)], check=True, capture_output=True)
+    said, done = json.loads(out.read_text()), []
+    found = angio.evaluate_cases(cases, progress=done.append)
+    assert cases_of(found, "oriented_kernel") == cases_of(said, "oriented_kernel") and found["settings"] == said["settings"]
+    assert done == [1, 2, 3, 4]
+
+
+def test_simulation(programs, data, tmp_path):
+    tree_path, out = str(data / "hepatic-tace/tree.csv"), tmp_path / "out.json"
+    subprocess.run([str(programs / "angio-evaluate"), "simulation", "--tree", tree_path, "--trials", "4", "--filled", "0.5", "--noise-px", "1", "--spurious", "5",
+                    "--out", str(out)], check=True, capture_output=True)
+    said = json.loads(out.read_text())
+    tree = angio.read_vessel_tree(tree_path)
+    world = {"trials": 4, "filled": 0.5, "noise_px": 1, "spurious": 5}
+    found = angio.evaluate_simulation([tree], simulation=world)
+    assert cases_of(found, "oriented_kernel") == cases_of(said, "oriented_kernel")
+    # One of its trials, taken out and registered by itself, is the same again.
+    trial = angio.simulated_trial(tree, 2, world)
+    alone = without_times(angio.Registration(tree).search(trial.views, trial.start).as_dict())
+    third = cases_of(said, "oriented_kernel")[sorted(said["methods"]["oriented_kernel"]["cases"])[2]]
+    assert third.pop("usable_for") == [] and alone.pop("usable_for")  # A simulation does not ask for what it is usable.
+    assert alone == third
+    error = angio.pose_error(tree, trial.views[0].camera, trial.start, trial.truth)
+    assert error.mtre_m > 1e-4
+
+
+def test_camera_calibration(data):
+    """Zhang's own views: points as arrays and the file give the same camera, which is that of his paper."""
+    folder = data / "calib-zhang"
+    by_file = angio.calibrate_camera_views(str(folder / "views.yaml"), settings={"distortion": "radial", "skew": True})
+    assert abs(by_file.camera.fx_px - 832.5) < 1 and abs(by_file.camera.cy_px - 206.6) < 1  # Zhang 2000, table 1: 832.50, 206.59.
+    assert len(by_file.T_camera_phantom) == 5 and len(by_file.record["views"]) == 5
+
+
+def test_camera_calibration_of_arrays():
+    """Views of a known camera give that camera."""
+    random = np.random.default_rng(1)
+    camera = angio.XrayCamera(1024, 1024, 4000, 4000, 512, 500)
+    points = random.uniform(-0.06, 0.06, (40, 3))
+    views = []
+    for _ in range(6):
+        T = angio.exp_se3([0, 0, 0, *random.normal(0, 0.4, 3)])
+        seen = camera.project(points @ T[:3, :3].T + [0, 0, 0.8])
+        views.append((list(range(40)), seen))
+    found = angio.calibrate_camera(points, views, 1024, 1024)
+    assert abs(found.camera.fx_px - 4000) < 1e-3 and abs(found.camera.cy_px - 500) < 1e-3
+
+
+def test_hand_eye():
+    """Exact poses give the transform that they were made with."""
+    random = np.random.default_rng(2)
+    X, Z = angio.exp_se3(random.normal(0, 0.3, 6)), angio.exp_se3(random.normal(0, 0.3, 6))
+    hands = [angio.exp_se3(random.normal(0, 0.5, 6)) for _ in range(12)]
+    cameras = [np.linalg.inv(hand @ X) @ Z for hand in hands]
+    found = angio.calibrate_hand_eye(hands, cameras)
+    assert np.allclose(found["T_hand_camera"], X, atol=1e-6) and np.allclose(found["T_base_object"], Z, atol=1e-6)
