@@ -10,7 +10,7 @@ packages=(
   libopencv-dev libeigen3-dev libceres-dev libnanoflann-dev libhwy-dev
   liblcm-dev liblcm-bin
   libyaml-cpp-dev nlohmann-json3-dev libcli11-dev
-  libexpat1-dev libdcmtk-dev libpng-dev libtiff-dev libjpeg62-turbo-dev zlib1g-dev libssl-dev
+  libexpat1-dev libdcmtk-dev libpng-dev libtiff-dev libjpeg62-turbo-dev zlib1g-dev libzstd-dev libssl-dev
   libgtest-dev libgmock-dev libbenchmark-dev
 )
 # Volumes, the Python module, the API reference, and tests.

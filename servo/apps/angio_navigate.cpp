@@ -33,11 +33,13 @@ int navigate(const Options& o) {
   const VesselTree tree = readVesselTree(o.tree);
   const TreeTopology map(tree);
   const TreeLocation start = o.way.start(map), target = o.way.target(map);
-  const CArmSetup stage = settings.stage(readCArmCalibration(o.calibration, tree));
+  const CArmCalibration calibration = readCArmCalibration(o.calibration, tree);
+  const CArmSetup stage = settings.stage(calibration);
   const auto bus = openSharedBus(o.bus, o.disturb, o.key_file, "angio-navigate");
   if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-navigate: " << *warning << "\n";
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-navigate: " << *warning << "\n";
-  RunLog log(*bus, o.record, "angio-navigate");
+  RunLog log(*bus, o.record, "angio-navigate",
+             [&] { return recordedRun(tree, calibration, o.tree, o.calibration, navigateSettingsAsYaml(o.settings)); });
   CatheterNode node(log.bus(), stage, tree, start, target, settings.controller);
   std::optional<Operator> starter;
   if (o.autostart) {
@@ -102,7 +104,8 @@ int main(int argc, char** argv) {
   app.addOption("--key-file", o.key_file, angio::cli::kKeyFileHelp);
   app.addFlag("--ask-for-views", o.ask_for_views,
               "Ask the C-arm for views of the way (VIEW_REQUEST); angio-servo --view-from bus goes there");
-  app.addOption("--record", o.record, "Log of all that is heard and said (.lcm)");
+  app.addOption("--record", o.record,
+                "Log of all that is heard and said (.lcm; .mcap, for Foxglove too), for angio-replay");
   app.addOption("--disturb", o.disturb, "What happens to commands on their way (.yaml): loss, delay, jitter, ...");
   angio::apps::addSettingsOptions(
       app, o.settings, "Settings (.yaml): navigator, tracer, localiser, supervisor, states, freshness, limits, ...",

@@ -11,14 +11,17 @@
 #include "angio/cli/data_folder.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
+#include "angio/io/settings_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/navigation/catheter_node.hpp"
+#include "angio/recording/log_conversion.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/replay.hpp"
 #include "angio/servo/servo_node.hpp"
 #include "navigate_options.hpp"
 #include "operated_devices.hpp"
+#include "recorded_run.hpp"
 #include "servo_settings.hpp"
 
 namespace angio::apps {
@@ -29,7 +32,7 @@ constexpr int kBarSteps = 1000;
 struct Options {
   std::string log, tree = exampleDataFile("hepatic-tace/tree.csv"),
                    calibration = exampleDataFile("hepatic-tace/carm.yaml");
-  std::string settings, out;
+  std::string settings, out, to_mcap, to_lcm, compression = "zstd";
   OperatedMachine machine = OperatedMachine::kCArm;
   LoopOptions loop;
   RouteOptions way;
@@ -101,14 +104,48 @@ Replayed replayMachine(const Options& o) {
   return drive ? replayDrive(o, bar) : replayCArm(o, bar);
 }
 
+std::string settingsInForce(const Options& o) {
+  if (o.machine == OperatedMachine::kCatheter) return navigateSettingsAsYaml(o.settings);
+  ServoSettings settings = readServoSettings(o.settings);
+  o.loop.applyTo(settings);
+  return settingsAsYaml(settings);
+}
+
+void warnOf(const Options& o, std::int64_t skipped_bytes, bool whole) {
+  if (skipped_bytes > 0) {
+    std::cerr << "angio-replay: " << o.log << ": " << skipped_bytes << " bytes are no messages\n";
+  }
+  if (!whole) std::cerr << "angio-replay: " << o.log << ": its recording was cut: it has no end\n";
+}
+
+int convertLog(const Options& o) {
+  const std::string& out = o.to_mcap.empty() ? o.to_lcm : o.to_mcap;
+  requireFolderOf(out);
+  ProgressBar bar("converting", kBarSteps);
+  const auto progress = [&bar](double part) { bar.show(static_cast<int>(kBarSteps * part)); };
+  recording::Converted converted;
+  if (o.to_mcap.empty()) {
+    converted = recording::convertToLcm(o.log, out, progress);
+  } else {
+    const VesselTree tree = readVesselTree(o.tree);
+    const RecordedRun run =
+        recordedRun(tree, readCArmCalibration(o.calibration, tree), o.tree, o.calibration, settingsInForce(o));
+    mcap::WriterSettings settings;
+    if (o.compression == "none") settings.compression = mcap::Compression::kNone;
+    converted = recording::convertToMcap(o.log, out, run.scene, run.attachments, settings, progress);
+  }
+  warnOf(o, converted.skipped_bytes, converted.whole);
+  std::cout << out << ": " << converted.messages << " messages\n";
+  return 0;
+}
+
 int replayLog(const Options& o) {
+  if (!o.to_mcap.empty() || !o.to_lcm.empty()) return convertLog(o);
   requireFolderOf(o.out);
   const Replayed replayed = replayMachine(o);
   const ReplaySummary& summary = replayed.summary;
   if (!o.out.empty()) writeWholeFile(o.out, replayed.table);
-  if (summary.skipped_bytes > 0) {
-    std::cerr << "angio-replay: " << o.log << ": " << summary.skipped_bytes << " bytes are no messages\n";
-  }
+  warnOf(o, summary.skipped_bytes, summary.whole);
   if (!summary.knew_inputs) {
     std::cerr << "angio-replay: " << o.log
               << ": no SERVO_INPUT or CATHETER_INPUT: states are those heard before each frame\n";
@@ -125,13 +162,15 @@ int replayLog(const Options& o) {
 
 int main(int argc, char** argv) {
   angio::cli::Command app(
-      "Sends a log of the bus (lcm-logger, or --record of angio-servo or angio-navigate) through the loop again. Given "
+      "Sends a log of the bus (lcm-logger, or --record of angio-servo or angio-navigate) through the loop again, or "
+      "makes "
+      "an MCAP file of it for Foxglove. Given "
       "the same tree, "
       "calibration and settings, the commands are the same, bit for bit.",
       "angio-replay");
   angio::apps::describeProgram(app, "angio-replay run.lcm --compare --out commands.csv");
   angio::apps::Options o;
-  app.addOption("log", o.log, "Log of the bus")->required();
+  app.addOption("log", o.log, "Log of the bus (.lcm, .mcap)")->required();
   app.addOption("--tree", o.tree, "Vessel tree (.csv, .swc, .vtp, HMM .txt)");
   app.addOption("--calibration", o.calibration, "C-arm geometry and T_dsa_cb (.yaml)");
   angio::apps::addMachineOption(app, o.machine, "Whose loop: angio-servo's, or with --to-branch angio-navigate's");
@@ -145,5 +184,16 @@ int main(int argc, char** argv) {
   app.addFlag("--ask-for-views", o.ask_for_views, "As angio-navigate was run");
   app.addOption("--out", o.out, "File for the commands (.csv)");
   app.addFlag("--compare", o.compare, "Fail at the first command that is not the logged one");
+  auto* to_mcap = app.addOption("--to-mcap", o.to_mcap,
+                                "Instead: the log as an MCAP file for Foxglove, with tree, calibration and settings")
+                      ->excludes("--out")
+                      ->excludes("--compare");
+  app.addOption("--to-lcm", o.to_lcm, "Instead: the LCM messages of an MCAP file as a log of LCM's, the same bytes")
+      ->excludes("--out")
+      ->excludes("--compare")
+      ->excludes("--to-mcap");
+  app.addOption("--compression", o.compression, "Of the MCAP file")
+      ->check(angio::cli::oneOf({"zstd", "none"}))
+      ->needs(to_mcap);
   return angio::apps::runProgram(app, argc, argv, [&] { return angio::apps::replayLog(o); });
 }

@@ -14,6 +14,7 @@
 #include "angio/base/monotonic_clock.hpp"
 #include "angio/cli/run_time.hpp"
 #include "angio/io/claimed_folder.hpp"
+#include "angio/io/settings_files.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/servo/operator.hpp"
 #include "angio/servo/servo_node.hpp"
@@ -57,7 +58,8 @@ int serve(const ServoProgramOptions& o, const ServoSettings& settings, const Ves
   const auto bus = openSharedBus(o.bus, o.disturb, o.key_file, "angio-servo");
   if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-servo: " << *warning << "\n";
   if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-servo: " << *warning << "\n";
-  RunLog log(*bus, o.record, "angio-servo");
+  RunLog log(*bus, o.record, "angio-servo",
+             [&] { return recordedRun(tree, calibration, o.tree, o.calibration, settingsAsYaml(settings)); });
   ServoNode node(log.bus(), loop, tree);
   std::optional<Operator> starter;
   if (o.autostart) {

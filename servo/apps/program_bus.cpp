@@ -61,11 +61,15 @@ std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& se
   return withKeyFile(std::move(bus), key_path, tell);
 }
 
-RunLog::RunLog(Bus& bus, const std::string& path, const std::string& program)
+RunLog::RunLog(Bus& bus, const std::string& path, const std::string& program, const std::function<RecordedRun()>& run)
     : bus_(bus), path_(path), program_(program) {
   if (path.empty()) return;
   std::signal(SIGXFSZ, SIG_IGN);  // A limit on the size of files is an error of the log, not the end of the loop.
-  recording_.emplace(bus, path);
+  if (namesMcap(path)) {
+    recording_.emplace(bus, openMcap(path, run()));
+  } else {
+    recording_.emplace(bus, path);
+  }
 }
 
 void RunLog::watch() {

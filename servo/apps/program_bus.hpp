@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +11,7 @@
 #include "angio/messaging/authenticated_bus.hpp"
 #include "angio/messaging/bus.hpp"
 #include "angio/messaging/recording_bus.hpp"
+#include "recorded_run.hpp"
 
 namespace angio::apps {
 
@@ -27,8 +29,9 @@ std::unique_ptr<Bus> openSharedBus(const std::string& url, const std::string& se
 /// program nor its loop: the user is told at once, and by the exit code.
 class RunLog {
  public:
-  /// Borrows the bus. @param path  Empty: no log. Throws InputError when it cannot be written.
-  RunLog(Bus& bus, const std::string& path, const std::string& program);
+  /// Borrows the bus. @param path  Empty: no log; .mcap: an MCAP file. @param run  What stands in it beside the
+  /// messages, asked for where it is one. Throws InputError when it cannot be written, and as `run` does.
+  RunLog(Bus& bus, const std::string& path, const std::string& program, const std::function<RecordedRun()>& run);
 
   /// What the program is to use: all that it hears and says there is in the log.
   Bus& bus() { return recording_ ? static_cast<Bus&>(*recording_) : bus_; }

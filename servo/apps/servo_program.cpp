@@ -25,7 +25,9 @@ void ServoProgramOptions::addTo(cli::Command& app) {
   app.addFlag("--autostart", autostart,
               "Arm and start at once, without an operator: for simulations and tests, as --simulate does")
       ->excludes("--wait-for-operator");
-  app.addOption("--record", record, "Log of all that is heard and said (.lcm), for angio-replay")->excludes(simulated);
+  app.addOption("--record", record,
+                "Log of all that is heard and said (.lcm; .mcap, for Foxglove too), for angio-replay")
+      ->excludes(simulated);
   app.addFlag("--point-covariance", point_covariance,
               "Say of each frame also how uncertain each point of the tree is: REGISTRATION_POINTS")
       ->excludes(simulated)

@@ -33,6 +33,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/xa_files.hpp"
+#include "angio/mcap/reader.hpp"
 #include "angio/messaging/bus_monitor.hpp"
 #include "angio/messaging/lcm_datagrams.hpp"
 #include "angio/messaging/log_reader.hpp"
@@ -86,6 +87,18 @@ void readLog(const std::string& path) {
   std::int64_t counted = monitor.unlisted();
   for (const ChannelReport& channel : monitor.report(now_us)) counted += channel.messages;
   promised(counted == messages, "each message is counted");
+}
+
+void readMcap(const std::string& path) {
+  mcap::Reader reader(path);
+  for (auto m = reader.next(); m; m = reader.next()) {
+    promised(m->channel && m->position_bytes < reader.position_bytes(), "a message has a channel and a place");
+  }
+  promised(reader.position_bytes() == reader.size_bytes(), "an MCAP file ends");
+  (void)reader.attachments();
+  LogReader log(path);
+  while (log.next()) {
+  }
 }
 
 // Datagrams one after another: a byte for the sender, two for the size, and the datagram.
@@ -271,6 +284,7 @@ std::vector<FileReader> listedReaders() {
       {"bead_phantom", "input.yaml", readPhantom},
       {"bead_table", "input.csv", readBeads},
       {"bus_log", "input.lcm", readLog},
+      {"mcap_log", "input.mcap", readMcap},
       {"lcm_datagrams", "input.bin", readDatagrams},
   };
 #ifdef ANGIO_HAVE_VOLUMES

@@ -113,6 +113,8 @@ refuses angio-servo "${on_bus[@]}" --preview @/preview
 refuses angio-navigate "${on_bus[@]}" --autostart --to-branch 13 --record @/run.lcm
 refuses angio-operator arm --bus 'file://@/run.lcm?mode=w'
 refuses angio-replay made/run.lcm --tree "$tree" --calibration "$carm" --out @/commands.csv
+refuses angio-replay made/run.lcm --tree "$tree" --calibration "$carm" --to-mcap @/run.mcap
+refuses angio-replay made/run.lcm --to-lcm @/again.lcm
 
 carm_and_tree=(--tree "$tree" --calibration "$carm")
 refuses angio-best-view "${carm_and_tree[@]}" --branch 13 --out @/best.json --picture "$(beside best.png)"
@@ -175,7 +177,7 @@ for program in "$bin"/angio-* "$bin"/example-*; do
   [ -L "$program" ] || [ "$name" = angio-benchmark ] || [ "$name" = angio-servo-simulated ] && continue
   timeout 10 "$program" --help-all 2> /dev/null < /dev/null | awk -v program="$name" '
     /^[a-z][a-z-]*$/ { command = " " $1 }
-    $1 ~ /^--(out|out-pose|record|film|overlay|picture|preview|report|sheet|json|write-.*)$/ && $2 ~ /^TEXT/ {
+    $1 ~ /^--(out|out-pose|to-.*|record|film|overlay|picture|preview|report|sheet|json|write-.*)$/ && $2 ~ /^TEXT/ {
       print program command " " $1
     }' > options
   while read -r option; do grep -qxe "$option" tried || failed "not tried: $option"; done < options

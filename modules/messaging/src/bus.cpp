@@ -58,6 +58,9 @@ void requireOpenable(const std::string& url) {
     const std::filesystem::path path(place), folder = path.has_parent_path() ? path.parent_path() : ".";
     std::error_code ignored;
     if (!std::filesystem::exists(writes ? folder : path, ignored)) throw InputError("bus", "url", url, ruleFor(url));
+    if (path.extension() == ".mcap") {
+      throw InputError("bus", "url", url, "is MCAP, no log of LCM's: angio-replay --to-lcm makes one of it");
+    }
   } else if (url != "memq://") {
     throw InputError("bus", "url", url, "must be memq://, udpm://group:port or file://path");
   }

@@ -1,9 +1,4 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include <fcntl.h>
-#include <sys/file.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <array>
 #include <cerrno>
 #include <chrono>
@@ -11,10 +6,10 @@
 #include <limits>
 #include <string_view>
 #include <system_error>
-#include <utility>
 
 #include "angio/base/big_endian.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/mcap/reader.hpp"
 #include "angio/messaging/log_reader.hpp"
 #include "angio/messaging/log_writer.hpp"
 
@@ -29,20 +24,6 @@ constexpr std::size_t kLogHeader_bytes = 28;
 // A channel is shorter than this in LCM's own reader.
 constexpr std::size_t kLogMaxChannel_bytes = 1000;
 
-std::string causeOf(int error) { return std::generic_category().message(error); }
-
-// Returns 0 or the error.
-int writeAll(int file, const char* bytes, std::size_t size) {
-  while (size > 0) {
-    const ssize_t written = ::write(file, bytes, size);
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) return errno;
-    bytes += written;
-    size -= static_cast<std::size_t>(written);
-  }
-  return 0;
-}
-
 void appendBigEndian(std::string& text, std::uint64_t number, int bytes) {
   while (bytes-- > 0) text += static_cast<char>(number >> (8 * bytes) & 0xFF);
 }
@@ -56,9 +37,42 @@ LogReader::LogReader(const std::string& path) {
   size_ = static_cast<std::int64_t>(std::filesystem::file_size(path, error));
   file_.open(path, std::ios::binary);
   if (error || !file_) throw InputError(path, "", "", "cannot be read");
+  if (!mcap::isMcap(path)) return;
+  mcap_ = std::make_unique<mcap::Reader>(path);
+  size_ = mcap_->size_bytes();
+  skipped_ = mcap_->skipped_bytes();
+}
+
+LogReader::~LogReader() = default;
+
+bool LogReader::whole() const { return !mcap_ || mcap_->whole(); }
+
+void LogReader::seek(std::int64_t position_bytes) {
+  position_ = position_bytes;
+  if (mcap_) mcap_->seek(position_bytes);
+}
+
+std::optional<LogEvent> LogReader::nextOfMcap() {
+  std::optional<LogEvent> event;
+  while (!event) {
+    auto placed = mcap_->next();
+    if (!placed) break;
+    if (placed->channel->message_encoding != mcap::kLcmEncoding) continue;
+    const mcap::Message& m = placed->message;
+    event.emplace();
+    event->number = m.sequence;
+    event->time_us = static_cast<std::int64_t>(m.log_time_ns / 1000);
+    event->position_bytes = placed->position_bytes;
+    event->channel = placed->channel->topic;
+    event->bytes.assign(m.data.begin(), m.data.end());
+  }
+  position_ = mcap_->position_bytes();
+  skipped_ = mcap_->skipped_bytes();
+  return event;
 }
 
 std::optional<LogEvent> LogReader::next() {
+  if (mcap_) return nextOfMcap();
   std::array<char, kLogHeader_bytes> header{};
   while (size_ - position_ >= static_cast<std::int64_t>(kLogHeader_bytes)) {
     file_.seekg(position_);
@@ -75,6 +89,7 @@ std::optional<LogEvent> LogReader::next() {
     }
     LogEvent event;
     event.position_bytes = position_;
+    event.number = bigEndian<std::int64_t>(&header[4]);
     event.time_us = bigEndian<std::int64_t>(&header[12]);
     event.channel.resize(static_cast<std::size_t>(channel_length));
     event.bytes.resize(static_cast<std::size_t>(data_length));
@@ -111,63 +126,46 @@ std::optional<std::string> logFileOf(const std::string& url) {
   return url.substr(scheme.size(), options - scheme.size());
 }
 
-LogWriter::LogWriter(const std::string& path) : path_(path) {
-  struct stat info {};
-  const bool is_new = ::lstat(path.c_str(), &info) != 0;
-  if (::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
-    throw InputError(path, "", "", "must be a regular file, or none yet");
-  }
-  // Cut only when it is ours: another program may be recording into it.
-  file_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
-  if (file_ < 0) throw InputError(path, "", "", "cannot be written: " + causeOf(errno));
-  const bool taken = ::flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-  // An empty file comes to be on a full disk, too: a byte is tried.
-  const auto empty = [this] { return ::ftruncate(file_, 0) == 0; };
-  if (!taken && empty() && ::pwrite(file_, "", 1, 0) == 1 && empty()) return;
-  const std::string cause = taken ? "is being written by another program" : "cannot be written: " + causeOf(errno);
-  ::close(std::exchange(file_, -1));
-  if (!taken && is_new) ::unlink(path.c_str());
-  throw InputError(path, "", "", cause);
+std::int64_t wallClock_us() {
+  using namespace std::chrono;
+  return duration_cast<microseconds>(system_clock::now().time_since_epoch()).count();
 }
 
-void LogWriter::write(const std::string& channel, const std::uint8_t* data, std::size_t size) {
-  if (file_ < 0) return;
+void LogWriter::append(std::int64_t number, std::int64_t time_us, const std::string& channel, const std::uint8_t* data,
+                       std::size_t size) {
+  if (!file_.isOpen()) return;
   if (channel.empty() || channel.size() >= kLogMaxChannel_bytes || size > std::numeric_limits<std::int32_t>::max()) {
-    return fail(EMSGSIZE);
+    (void)file_.finish();
+    return fail(std::generic_category().message(EMSGSIZE));
   }
-  using namespace std::chrono;
-  const auto now_us = duration_cast<microseconds>(system_clock::now().time_since_epoch()).count();
   std::string head;
   appendBigEndian(head, kLogMagic, 4);
-  appendBigEndian(head, static_cast<std::uint64_t>(messages_), 8);
-  appendBigEndian(head, static_cast<std::uint64_t>(now_us), 8);
+  appendBigEndian(head, static_cast<std::uint64_t>(number), 8);
+  appendBigEndian(head, static_cast<std::uint64_t>(time_us), 8);
   appendBigEndian(head, channel.size(), 4);
   appendBigEndian(head, size, 4);
   head += channel;
-  int error = writeAll(file_, head.data(), head.size());
-  if (error == 0) error = writeAll(file_, reinterpret_cast<const char*>(data), size);
-  if (error != 0) return fail(error);
+  if (const auto cause = file_.append({head, {reinterpret_cast<const char*>(data), size}})) return fail(*cause);
   ++messages_;
-  bytes_ += static_cast<std::int64_t>(head.size() + size);
+}
+
+void LogWriter::write(const std::string& channel, const std::uint8_t* data, std::size_t size) {
+  append(messages_, wallClock_us(), channel, data, size);
+}
+
+void LogWriter::write(const LogEvent& event) {
+  append(event.number, event.time_us, event.channel, event.bytes.data(), event.bytes.size());
 }
 
 std::optional<std::string> LogWriter::finish() {
-  if (file_ >= 0 && ::fsync(file_) != 0) fail(errno);
-  close();
+  if (const auto cause = file_.finish()) fail(*cause);
   return failure_;
 }
 
-void LogWriter::close() {
-  const int file = std::exchange(file_, -1);
-  if (file >= 0 && ::close(file) != 0 && !failure_) fail(errno);
-}
-
-void LogWriter::fail(int error) {
+void LogWriter::fail(const std::string& cause) {
   // When the file cannot be cut either, a reader skips the piece of a message at its end.
-  const bool cut = file_ >= 0 && ::ftruncate(file_, bytes_) == 0;
-  failure_ = path_ + ": recording ended: " + causeOf(error) + "; it holds the first " + std::to_string(messages_) +
-             " messages" + (cut ? "" : ", and perhaps a piece of the next");
-  close();
+  failure_ = file_.path() + ": recording ended: " + cause + "; it holds the first " + std::to_string(messages_) +
+             " messages" + (file_.endsWhole() ? "" : ", and perhaps a piece of the next");
 }
 
 }  // namespace angio::messaging

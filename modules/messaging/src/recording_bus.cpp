@@ -3,9 +3,13 @@
 
 #include <utility>
 
+#include "angio/messaging/log_writer.hpp"
+
 namespace angio::messaging {
-RecordingBus::RecordingBus(Bus& bus, const std::string& path) : bus_(bus), record_(std::make_shared<Record>()) {
-  record_->log = std::make_unique<LogWriter>(path);
+RecordingBus::RecordingBus(Bus& bus, const std::string& path) : RecordingBus(bus, std::make_unique<LogWriter>(path)) {}
+
+RecordingBus::RecordingBus(Bus& bus, std::unique_ptr<LogSink> log) : bus_(bus), record_(std::make_shared<Record>()) {
+  record_->log = std::move(log);
 }
 
 void RecordingBus::publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) {

@@ -22,6 +22,7 @@ struct ReplaySummary {
   std::int64_t equal = 0;     ///< Among them, bit for bit.
   bool knew_inputs = false;   ///< Whether the log says which joints went with which frame.
   std::int64_t skipped_bytes = 0;  ///< Of the file, that were no messages.
+  bool whole = true;               ///< Whether the file has its end.
   /// What first went another way than in the log: frame, field and both values, or what the log lacks.
   std::optional<std::string> first_difference;
 
@@ -139,6 +140,7 @@ ReplaySummary replay(const std::string& log_path, const ReplayWatcher<Loop>& wat
   summary.frames = static_cast<std::int64_t>(run.frames.all().size());
   summary.commands = static_cast<std::int64_t>(run.commands.size());
   summary.skipped_bytes = run.skipped_bytes;
+  summary.whole = log.whole();
   summary.knew_inputs = run.knew_inputs;
   std::optional<Loop> loop;
   double done = 0;

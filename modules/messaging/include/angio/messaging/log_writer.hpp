@@ -6,37 +6,38 @@
 #include <optional>
 #include <string>
 
-#include "angio/messaging/namespace.hpp"
+#include "angio/base/appended_file.hpp"
+#include "angio/messaging/log_sink.hpp"
 
 namespace angio::messaging {
 
+struct LogEvent;
+
 /// Writes a log of messages that LogReader, lcm-logplayer and angio-replay read. Every write is checked. When one
 /// fails, the log is cut back to its last whole message, and no more are written.
-class LogWriter {
+class LogWriter final : public LogSink {
  public:
   /// Replaces a file. Throws InputError that names it: not writable, a full disk, or written by another LogWriter.
-  explicit LogWriter(const std::string& path);
+  explicit LogWriter(const std::string& path) : file_(path) {}
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
-  ~LogWriter() { (void)finish(); }
+  ~LogWriter() override { (void)finish(); }
 
-  /// Appends a message, with the present time of the wall clock. Does nothing after a failure or finish().
-  void write(const std::string& channel, const std::uint8_t* data, std::size_t size);
+  void write(const std::string& channel, const std::uint8_t* data, std::size_t size) override;
 
-  /// Waits until the log is on its disk, and closes it. Returns failure().
-  [[nodiscard]] std::optional<std::string> finish();
+  /// Appends a message of another log, with its number and time.
+  void write(const LogEvent& event);
 
-  /// Why messages are missing from the log: one line that names the file, the cause, and how many messages it holds.
-  /// Nothing while all were written.
-  const std::optional<std::string>& failure() const { return failure_; }
+  [[nodiscard]] std::optional<std::string> finish() override;
+  const std::optional<std::string>& failure() const override { return failure_; }
 
  private:
-  void close();
-  void fail(int error);
+  void fail(const std::string& cause);
+  void append(std::int64_t number, std::int64_t time_us, const std::string& channel, const std::uint8_t* data,
+              std::size_t size);
 
-  std::string path_;
-  int file_ = -1;  // Negative once it is closed.
-  std::int64_t messages_ = 0, bytes_ = 0;
+  AppendedFile file_;
+  std::int64_t messages_ = 0;
   std::optional<std::string> failure_;
 };
 

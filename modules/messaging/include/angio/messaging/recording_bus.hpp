@@ -9,12 +9,12 @@
 #include <vector>
 
 #include "angio/messaging/bus.hpp"
-#include "angio/messaging/log_writer.hpp"
+#include "angio/messaging/log_sink.hpp"
 
 namespace angio::messaging {
 
-/// Writes all that one party hears and says, in that order, into a log that lcm-logplayer and angio-replay read. A
-/// channel counts as heard while somebody listens to it through this bus.
+/// Writes all that one party hears and says, in that order, into a log that angio-replay reads. A channel counts as
+/// heard while somebody listens to it through this bus.
 ///
 /// When the log can no longer be written, recording ends and the bus goes on: ask failure() after each handle().
 class RecordingBus : public Bus {
@@ -22,6 +22,9 @@ class RecordingBus : public Bus {
   /// Borrows the bus, which must outlive it; a log of this name is replaced. Throws InputError when it cannot be
   /// written.
   RecordingBus(Bus& bus, const std::string& path);
+
+  /// The same into any log.
+  RecordingBus(Bus& bus, std::unique_ptr<LogSink> log);
   RecordingBus(const RecordingBus&) = delete;
   RecordingBus& operator=(const RecordingBus&) = delete;
 
@@ -47,7 +50,7 @@ class RecordingBus : public Bus {
 
  private:
   struct Record {
-    std::unique_ptr<LogWriter> log;  // None once this object has ended.
+    std::unique_ptr<LogSink> log;    // None once this object has ended.
     std::set<std::string> channels;  // Those that have a recording handler of their own.
     bool all = false;
     void write(const std::string& channel, const std::uint8_t* data, std::size_t size) {
