@@ -8,7 +8,7 @@ packages=(
   g++ cmake ninja-build pkg-config
   libvisp-core-dev libvisp-visual-features-dev libvisp-vs-dev libvisp-robot-dev libvisp-vision-dev libvisp-gui-dev
   libopencv-dev libeigen3-dev libceres-dev libnanoflann-dev libhwy-dev
-  liblcm-dev liblcm-bin
+  liblcm-dev liblcm-bin libopenigtlink-dev
   libyaml-cpp-dev nlohmann-json3-dev libcli11-dev
   libexpat1-dev libdcmtk-dev libpng-dev libtiff-dev libjpeg62-turbo-dev zlib1g-dev libzstd-dev libssl-dev
   libgtest-dev libgmock-dev libbenchmark-dev

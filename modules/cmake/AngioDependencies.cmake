@@ -38,6 +38,7 @@ angio_find_package(DCMTK DCMTK:: 3.6.7 CONFIG)
 angio_find_package(EXPAT EXPAT::)
 angio_find_package(VispLibraries visp:: COMPONENTS core visual_features vs robot vision gui)
 angio_find_package(LCM lcm::)
+angio_find_package(OpenIGTLink openigtlink::)
 
 # Of volumes, and of tests that read what VTK writes: half of all that has to be installed, so that who builds no more than the
 # demo needs neither. Behind the others, which VTK finds for itself only.

@@ -80,6 +80,7 @@ configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/angioConfig.cmake.in ${P
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/angioConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/angioConfig.cmake ${PROJECT_BINARY_DIR}/angioConfigVersion.cmake
               ${CMAKE_CURRENT_LIST_DIR}/FindVispLibraries.cmake ${CMAKE_CURRENT_LIST_DIR}/FindLCM.cmake
+              ${CMAKE_CURRENT_LIST_DIR}/FindOpenIGTLink.cmake
               ${CMAKE_CURRENT_LIST_DIR}/FindItkLibraries.cmake
         DESTINATION ${_package_dir} COMPONENT package)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples/data/ DESTINATION share/angio/data COMPONENT data)

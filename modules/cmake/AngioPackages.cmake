@@ -25,6 +25,7 @@ set(_debian_DCMTK libdcmtk-dev)
 set(_debian_EXPAT libexpat1-dev)
 set(_debian_VTK libvtk9-dev)
 set(_debian_LCM liblcm-dev)
+set(_debian_OpenIGTLink libopenigtlink-dev)
 set(_debian_ItkLibraries libinsighttoolkit5-dev)
 
 # angio_debian_packages(out modules...): what the modules and those under them need, sorted.

@@ -71,6 +71,7 @@ TEST(CommandLine, HelpIsShortAndPrintable) {
                                                           {"angio-simulate-loop", "view"},
                                                           {"angio-simulate-loop", "navigate"},
                                                           {"angio-simulate-loop"},
+                                                          {"angio-slicer"},
                                                           {"angio-spy"},
                                                           {"angio-view"}};
   for (const auto& words : programs) {
