@@ -53,6 +53,33 @@ std::optional<double> unbentRadius(const RadialBend& bend, double wanted) {
   return r;
 }
 
+constexpr int kGridSteps = 16;  // Along each side of a detector whose polynomial is checked.
+constexpr double kSolved_px = 1e-9;
+
+// Newton's method, with shorter steps where a full one leads away; nothing where it does not end.
+std::optional<Eigen::Vector2d> solvedPinhole(const DetectorDistortion& distortion, const Eigen::Vector2d& image_px) {
+  Eigen::Vector2d at = image_px;
+  Eigen::Matrix2d J;
+  Eigen::Vector2d error = distortion.distorted(at, &J) - image_px;
+  for (int i = 0; i < 60 && error.norm() > kSolved_px; ++i) {
+    if (!(J.determinant() > 0)) return std::nullopt;
+    const Eigen::Vector2d step = J.inverse() * error;
+    double share = 1;
+    for (; share > 1e-3; share *= 0.5) {
+      Eigen::Matrix2d J_next;
+      const Eigen::Vector2d next = at - share * step, error_next = distortion.distorted(next, &J_next) - image_px;
+      if (!(error_next.norm() < error.norm())) continue;
+      at = next;
+      error = error_next;
+      J = J_next;
+      break;
+    }
+    if (!(share > 1e-3)) break;
+  }
+  if (!(error.norm() <= 1e3 * kSolved_px) || !(J.determinant() > 0)) return std::nullopt;
+  return at;
+}
+
 }  // namespace
 
 Eigen::Vector2d RadialBend::bent(const Eigen::Vector2d& p, Eigen::Matrix2d* J_point,
@@ -88,12 +115,17 @@ std::optional<Eigen::Vector2d> RadialBend::unbent(const Eigen::Vector2d& q) cons
 
 DetectorDistortion DetectorDistortion::radial(const XrayCamera& camera, double k1, double k2, double skew_px) {
   const auto& p = camera.parameters();
-  return {Model::kRadial, {p.cx_px, p.cy_px}, {p.fx_px, p.fy_px}, {k1, k2, 0, 0}, skew_px};
+  return {Model::kRadial, {p.cx_px, p.cy_px}, {p.fx_px, p.fy_px}, {k1, k2, 0, 0}, skew_px, {}};
 }
 
 DetectorDistortion DetectorDistortion::intensifier(const XrayCamera& camera, const RadialBend& bend) {
   const Eigen::Vector2d center_px(0.5 * (camera.width_px() - 1), 0.5 * (camera.height_px() - 1));
-  return {Model::kIntensifier, center_px, Eigen::Vector2d::Constant(0.5 * camera.width_px()), bend, 0};
+  return {Model::kIntensifier, center_px, Eigen::Vector2d::Constant(0.5 * camera.width_px()), bend, 0, {}};
+}
+
+DetectorDistortion DetectorDistortion::polynomial(const Eigen::Vector2d& center_px, double unit_px,
+                                                  const DisplacementPolynomial& shift) {
+  return {Model::kPolynomial, center_px, Eigen::Vector2d::Constant(unit_px), {}, 0, shift};
 }
 
 void DetectorDistortion::check(const std::string& place, int width_px, int height_px) const {
@@ -106,18 +138,29 @@ void DetectorDistortion::check(const std::string& place, int width_px, int heigh
     requireFinite(place, "centre_px", center_px[i]);
     requirePositive(place, "unit_px", unit_px[i]);
   }
-  for (const double x : {-0.5, width_px - 0.5}) {
-    for (const double y : {-0.5, height_px - 0.5}) {
-      const Eigen::Vector2d corner(x, y);
-      if (undistorted(corner)) continue;
-      throw InputError(place, "distortion", formatValue(bend.k1) + ", " + formatValue(bend.k2),
-                       "must be one-to-one out to the detector's corners");
+  const bool polynomial = model == Model::kPolynomial;
+  if (polynomial) shift.check(place);
+  const int steps = polynomial ? kGridSteps : 1;
+  for (int i = 0; i <= steps; ++i) {
+    for (int j = 0; j <= steps; ++j) {
+      const Eigen::Vector2d at(-0.5 + static_cast<double>(i * width_px) / steps,
+                               -0.5 + static_cast<double>(j * height_px) / steps);
+      if (undistorted(at)) continue;
+      throw InputError(
+          place, "distortion",
+          polynomial ? "order " + std::to_string(shift.order) : formatValue(bend.k1) + ", " + formatValue(bend.k2),
+          "must be one-to-one out to the detector's corners");
     }
   }
 }
 
 Eigen::Vector2d DetectorDistortion::distorted(const Eigen::Vector2d& pinhole_px, Eigen::Matrix2d* J) const {
   const Eigen::Vector2d p = (pinhole_px - center_px).cwiseQuotient(unit_px);
+  if (model == Model::kPolynomial) {
+    const Eigen::Vector2d moved_px = pinhole_px + shift.at(p, J);
+    if (J) *J = Eigen::Matrix2d::Identity() + *J * unit_px.cwiseInverse().asDiagonal();
+    return moved_px;
+  }
   const Eigen::Vector2d q = bend.bent(p, J);
   Eigen::Matrix2d A;
   A << unit_px.x(), skew_px, 0, unit_px.y();
@@ -127,14 +170,18 @@ Eigen::Vector2d DetectorDistortion::distorted(const Eigen::Vector2d& pinhole_px,
 
 std::optional<Eigen::Vector2d> DetectorDistortion::undistorted(const Eigen::Vector2d& image_px,
                                                                Eigen::Matrix2d* J) const {
-  const Eigen::Vector2d offset = image_px - center_px;
-  const double y = offset.y() / unit_px.y();
-  const auto p = bend.unbent({(offset.x() - skew_px * y) / unit_px.x(), y});
-  if (!p) return std::nullopt;
-  const Eigen::Vector2d pinhole_px = center_px + p->cwiseProduct(unit_px);
-  if (J) {
+  std::optional<Eigen::Vector2d> pinhole_px;
+  if (model == Model::kPolynomial) {
+    pinhole_px = solvedPinhole(*this, image_px);
+  } else {
+    const Eigen::Vector2d offset = image_px - center_px;
+    const double y = offset.y() / unit_px.y();
+    const auto p = bend.unbent({(offset.x() - skew_px * y) / unit_px.x(), y});
+    if (p) pinhole_px = center_px + p->cwiseProduct(unit_px);
+  }
+  if (pinhole_px && J) {
     Eigen::Matrix2d forward;
-    distorted(pinhole_px, &forward);
+    distorted(*pinhole_px, &forward);
     *J = forward.inverse();
   }
   return pinhole_px;

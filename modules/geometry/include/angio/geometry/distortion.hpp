@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "angio/geometry/displacement_polynomial.hpp"
 #include "angio/geometry/xray_camera.hpp"
 
 namespace angio::geometry {
@@ -24,23 +25,27 @@ struct RadialBend {
 
 /// Where a detector shows what a pinhole camera would see elsewhere.
 ///
-/// Two models, of one form: image = centre + [unit_x, skew; 0, unit_y] bend((pinhole - centre) / unit).
+/// The first two models have one form: image = centre + [unit_x, skew; 0, unit_y] bend((pinhole - centre) / unit).
 /// - Radial, of lenses and flat panels: the centre is the principal point and the units are the focal lengths, so that
 ///   r is the tangent of the angle from the principal ray. Source: Zhang, A flexible new technique for camera
 ///   calibration, PAMI 22 (2000), eq. 11, 12.
 /// - Intensifier: r counts half widths of the detector from its middle; k1 is pincushion, s1 the S-shaped turn in the
 ///   earth's field.
+/// - Polynomial, of an intensifier whose grid was seen: image = pinhole + shift((pinhole - centre) / unit).
 struct DetectorDistortion {
-  enum class Model { kRadial, kIntensifier };
+  enum class Model { kRadial, kIntensifier, kPolynomial };
 
   Model model = Model::kRadial;
   Eigen::Vector2d center_px{0, 0};
   Eigen::Vector2d unit_px{1, 1};
   RadialBend bend;
-  double skew_px = 0;  ///< How far columns lean: u moves by skew_px for each unit of y.
+  double skew_px = 0;            ///< How far columns lean: u moves by skew_px for each unit of y.
+  DisplacementPolynomial shift;  ///< Of the polynomial model alone.
 
   static DetectorDistortion radial(const XrayCamera& camera, double k1, double k2, double skew_px = 0);
   static DetectorDistortion intensifier(const XrayCamera& camera, const RadialBend& bend);
+  static DetectorDistortion polynomial(const Eigen::Vector2d& center_px, double unit_px,
+                                       const DisplacementPolynomial& shift);
 
   /// Throws InputError that names the field when a number is not finite, a unit not positive, or the detector is not
   /// one-to-one out to its corners.

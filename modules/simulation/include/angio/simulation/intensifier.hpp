@@ -8,14 +8,15 @@
 
 namespace angio::simulation {
 
-/// Where an image intensifier shows what a flat detector would see elsewhere: what truth has to go through. A pincushion
-/// has no fold, so that every pixel comes from one of the flat detector.
+/// Where an image intensifier shows what a flat detector would see elsewhere: what truth has to go through. A
+/// pincushion has no fold, so that every pixel comes from one of the flat detector.
 inline DetectorDistortion intensifierDistortion(const IntensifierSettings& settings, int width_px, int height_px) {
   return {DetectorDistortion::Model::kIntensifier,
           {0.5 * (width_px - 1), 0.5 * (height_px - 1)},
           Eigen::Vector2d::Constant(0.5 * width_px),
           {settings.pincushion, 0, degToRad(settings.s_distortion_deg), 0},
-          0};
+          0,
+          {}};
 }
 
 }  // namespace angio::simulation
