@@ -40,6 +40,22 @@ TEST(CameraFiles, DistortionAndDistanceLawComeBack) {
   EXPECT_FALSE(writtenAndRead({kCamera, {}, {}}).distortion);
 }
 
+TEST(CameraFiles, APolynomialsCoefficientsComeBack) {
+  DisplacementPolynomial shift{2, Eigen::Matrix2Xd(2, 6)};
+  shift.coefficients_px << 1, 2, -3, 4, 5, 6, 0.5, -1, 7, 2, 1, -2;
+  CameraFile file{kCamera, DetectorDistortion::polynomial({500, 450}, 640.5, shift), CameraDistanceLaw{1e-3, {0, 0}}};
+  const CameraFile back = writtenAndRead(file);
+  ASSERT_TRUE(back.distortion && back.distance_law);
+  EXPECT_EQ(back.distortion->shift.coefficients_px, shift.coefficients_px);
+  EXPECT_EQ(back.distortion->unit_px.x(), 640.5);
+  const test::TemporaryFolder folder;
+  const std::string path = folder.write(
+      "c.yaml", kPlain +
+                    "distortion: {model: polynomial, order: 1, centre_px: [1, 2], unit_px: 9, shift_x_px: [1, 2], "
+                    "shift_y_px: [1, 2, 3]}\n");
+  EXPECT_NE(test::refusalOf([&] { readCameraFile(path); }).find("shift_x_px"), std::string::npos);
+}
+
 TEST(CameraFiles, AnotherDistanceStretchesByTheTrueLengths) {
   const CameraFile file{kCamera, DetectorDistortion::radial(kCamera, 0.8, 0), CameraDistanceLaw{-13e-3, {10, -20}}};
   const CameraFile far = file.at(1.213);

@@ -6,6 +6,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/io/format_table.hpp"
+#include "angio/io/mayacam_files.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/io/xml.hpp"
@@ -33,12 +34,27 @@ bool isNoDistortion(const YamlField& distortion) {
   return true;
 }
 
+DetectorDistortion polynomialIn(const YamlField& field, YamlMap& map, const XrayCamera& camera) {
+  DisplacementPolynomial shift;
+  shift.order = map.need("order").integer(1, DisplacementPolynomial::kMaxOrder);
+  const auto count = static_cast<std::size_t>(DisplacementPolynomial::termCount(shift.order));
+  const std::vector<double> center = map.need("centre_px").numbers(2);
+  const std::vector<double> x = map.need("shift_x_px").numbers(count), y = map.need("shift_y_px").numbers(count);
+  shift.coefficients_px.resize(2, static_cast<Eigen::Index>(count));
+  for (std::size_t k = 0; k < count; ++k) shift.coefficients_px.col(static_cast<Eigen::Index>(k)) << x[k], y[k];
+  const auto distortion = DetectorDistortion::polynomial({center[0], center[1]}, map.need("unit_px").positive(), shift);
+  map.refuseOthers();
+  distortion.check(field.place(), camera.width_px(), camera.height_px());
+  return distortion;
+}
+
 std::optional<DetectorDistortion> distortionIn(const YamlField& field, const XrayCamera& camera) {
   if (isNoDistortion(field)) return std::nullopt;
   YamlMap map(field.path, *field.node, field.key);
   const YamlField model = map.need("model");
+  if (model.text() == "polynomial") return polynomialIn(field, map, camera);
   const bool radial = model.text() == "radial";
-  if (!radial && model.text() != "intensifier") model.refuse("must be one of radial, intensifier");
+  if (!radial && model.text() != "intensifier") model.refuse("must be one of radial, intensifier, polynomial");
   const auto number = [&](const char* key) {
     const auto found = map.find(key);
     return found ? found->number() : 0;
@@ -174,15 +190,41 @@ CameraFile readXmlCamera(const std::string& path) {
   }
 }
 
+nlohmann::ordered_json distortionAsJson(const DetectorDistortion& d) {
+  const std::vector<double> center = {d.center_px.x(), d.center_px.y()};
+  switch (d.model) {
+    case DetectorDistortion::Model::kRadial:
+      return {{"model", "radial"}, {"k1", d.bend.k1}, {"k2", d.bend.k2}, {"skew_px", d.skew_px}};
+    case DetectorDistortion::Model::kIntensifier:
+      return {{"model", "intensifier"},
+              {"k1", d.bend.k1},
+              {"k2", d.bend.k2},
+              {"s1_deg", radToDeg(d.bend.s1_rad)},
+              {"s2_deg", radToDeg(d.bend.s2_rad)},
+              {"centre_px", center}};
+    case DetectorDistortion::Model::kPolynomial:
+      break;
+  }
+  const Eigen::Matrix2Xd& c = d.shift.coefficients_px;
+  return {{"model", "polynomial"},
+          {"order", d.shift.order},
+          {"centre_px", center},
+          {"unit_px", d.unit_px.x()},
+          {"shift_x_px", std::vector<double>(c.row(0).begin(), c.row(0).end())},
+          {"shift_y_px", std::vector<double>(c.row(1).begin(), c.row(1).end())}};
+}
+
+// Of the pose, which is there as well, a camera file has no use, and so none of its unit of length.
+CameraFile readMayaCamera(const std::string& path) { return {readMayaCam(path, 1).camera, {}, {}}; }
+
 struct CameraFormat {
   const char* extension;
   CameraFile (*read)(const std::string& path);
 };
 
 constexpr CameraFormat kCameraFormats[] = {
-    {".yaml", readYamlCamera},
-    {".yml", readYamlCamera},
-    {".xml", readXmlCamera},
+    {".yaml", readYamlCamera}, {".yml", readYamlCamera}, {".xml", readXmlCamera},
+    {".txt", readMayaCamera},  {".csv", readMayaCamera},
 };
 
 }  // namespace
@@ -225,18 +267,7 @@ nlohmann::ordered_json cameraAsJson(const CameraFile& file) {
                                  {"cy_px", p.cy_px}};
   if (p.pixel_spacing_m) json["pixel_spacing_mm"] = millimetres(*p.pixel_spacing_m);
   if (p.source_detector_distance_m) json["source_detector_distance_mm"] = millimetres(*p.source_detector_distance_m);
-  if (const auto& d = file.distortion) {
-    auto& map = json["distortion"];
-    const bool radial = d->model == DetectorDistortion::Model::kRadial;
-    map = {{"model", radial ? "radial" : "intensifier"}, {"k1", d->bend.k1}, {"k2", d->bend.k2}};
-    if (radial) {
-      map["skew_px"] = d->skew_px;
-    } else {
-      map["s1_deg"] = radToDeg(d->bend.s1_rad);
-      map["s2_deg"] = radToDeg(d->bend.s2_rad);
-      map["centre_px"] = {d->center_px.x(), d->center_px.y()};
-    }
-  }
+  if (file.distortion) json["distortion"] = distortionAsJson(*file.distortion);
   if (const auto& law = file.distance_law) {
     const Eigen::Vector2d slope = 1e-3 * law->principal_point_slope_px_per_m;
     json["source_detector_distance"] = {{"offset_mm", 1e3 * law->offset_m},

@@ -34,9 +34,11 @@ struct CameraFile {
 ///   `pixel_spacing_mm`, `source_detector_distance_mm`,
 ///   `distortion: {model: radial, k1, k2, skew_px}` or `{model: intensifier, k1, k2, s1_deg, s2_deg, centre_px: [x,
 ///   y]}` (see DetectorDistortion; what is missing is zero, the centre the detector's middle; `none`, 0 and lists of
-///   zeros are none), `source_detector_distance: {offset_mm, principal_point_slope_px_per_mm: [x, y]}`, `calibration`
-///   (its record, which is the calibration module's to read).
+///   zeros are none) or `{model: polynomial, order, centre_px, unit_px, shift_x_px: [...], shift_y_px: [...]}` (see
+///   DisplacementPolynomial), `source_detector_distance: {offset_mm, principal_point_slope_px_per_mm: [x, y]}`,
+///   `calibration` (its record, which is the calibration module's to read).
 /// - `.xml`: ViSP's camera parameters, with one camera and a model without distortion.
+/// - `.txt`, `.csv`: MayaCam 2.0 and 1.0, as XMALab and Autoscoper have them, of which K is taken (see readMayaCam()).
 ///
 /// Throws InputError that names file, line, key, value and rule; an unknown key is refused.
 CameraFile readCameraFile(const std::string& path);
