@@ -58,7 +58,13 @@ Eigen::Vector2d LensModel::seen(const LensNumbers& lens, double distance_m, cons
       J_lens->middleCols<2>(kSlopeX) = step_m * by_c;
     }
   }
-  return tube ? Eigen::Vector2d(middle_px + A * q) : Eigen::Vector2d(c + A * q);
+  const Eigen::Vector2d shown_px = tube ? Eigen::Vector2d(middle_px + A * q) : Eigen::Vector2d(c + A * q);
+  if (!known) return shown_px;
+  Eigen::Matrix2d J_known;
+  const Eigen::Vector2d image_px = known->distorted(shown_px, derive ? &J_known : nullptr);
+  if (J_point) *J_point = J_known * *J_point;
+  if (J_lens) *J_lens = J_known * *J_lens;
+  return image_px;
 }
 
 LensParameters freeParameters(const CameraCalibrationSettings& settings, bool several_distances) {

@@ -11,6 +11,7 @@
 #include "angio/calibration/bead_phantom.hpp"
 #include "angio/calibration/camera_calibration.hpp"
 #include "angio/calibration/direct_linear.hpp"
+#include "angio/geometry/distortion.hpp"
 
 namespace angio::calibration {
 
@@ -24,7 +25,8 @@ struct LensModel {
   LensKind kind = LensKind::kNone;
   Eigen::Vector2d middle_px{0, 0};  ///< Of the detector.
   double half_width_px = 1;
-  double reference_distance_m = 1;  ///< Source-detector distance of fx to cy, by the encoder.
+  double reference_distance_m = 1;               ///< Source-detector distance of fx to cy, by the encoder.
+  std::optional<DetectorDistortion> known = {};  ///< Of the image that all of the above make.
 
   /// Where a point in front of the camera is seen, at a source-detector distance; with derivatives by point and lens.
   Eigen::Vector2d seen(const LensNumbers& lens, double distance_m, const Eigen::Vector3d& p_camera,

@@ -141,6 +141,7 @@ std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<B
 struct JointCovariance {
   Eigen::MatrixXd lens;
   Eigen::RowVectorXd mean_depth;  // With the lens, then its own variance.
+  std::vector<Matrix6d> poses;    // Of each view.
 };
 
 // Of K and the phantom's mean depth, from the normal equations in blocks: Cov(K) is the inverse of the Schur complement
@@ -162,6 +163,7 @@ JointCovariance jointCovariance(const CameraBundle& bundle, const Eigen::Vector3
     const Eigen::MatrixXd G = P_inverse * all[v].cross.transpose();
     Vector6d depth;  // d(centre's z) / d(pose).
     depth << 0, 0, 1, -skew(bundle.views[v].T_camera_phantom.linear() * center_m).row(2).transpose();
+    joint.poses.push_back(variance * P_inverse + G * joint.lens * G.transpose());
     depth_by_lens -= depth.transpose() * G;
     own += variance * depth.dot(P_inverse * depth);
   }
@@ -220,7 +222,7 @@ CameraFile cameraOfBundle(const CameraBundle& bundle, const DetectorOfViews& det
   if (std::any_of(views.begin(), views.end(), [](const BeadView& v) { return v.source_detector_distance_m; })) {
     p.source_detector_distance_m = bundle.model.reference_distance_m;
   }
-  CameraFile file{XrayCamera(p), {}, {}};
+  CameraFile file{XrayCamera(p), detector.distortion, {}};
   if (bundle.model.kind == LensKind::kIntensifier) {
     file.distortion = DetectorDistortion::intensifier(file.camera, {lens[kK1], lens[kK2], lens[kS1], lens[kS2]});
   } else if (bundle.model.kind == LensKind::kRadial || lens[kSkew] != 0) {
@@ -298,6 +300,7 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
     if (!took_part) view.T_camera_phantom = fittedPose(all, view);
     result.views.push_back(calibratedView(views[view.index], bundle, took_part ? *used : view));
     CalibratedView& calibrated = result.views.back();
+    if (took_part) calibrated.covariance = joint.poses[static_cast<std::size_t>(used - bundle.views.begin())];
     calibrated.left_out = std::count(left_out.begin(), left_out.end(), view.index) > 0;
     if (calibrated.held_out) held_out_squared += heldOutSquared(all, view, held_out_points);
     record.views.push_back(

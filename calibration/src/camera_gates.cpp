@@ -50,6 +50,10 @@ void requireDifferentViews(const std::vector<BeadView>& views) {
 void checkViews(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
                 const CameraCalibrationSettings& settings) {
   checkSettings("camera calibration", settings);
+  if (detector.distortion && (settings.distortion != LensKind::kNone || settings.skew)) {
+    throw InputError("camera calibration", "distortion, skew", "",
+                     "must be none where the detector's distortion is known by a grid");
+  }
   const bool flat = phantom.isPlanar();
   const std::size_t fewest_beads = flat ? kMinMarks : kMinSeenBeads, fewest_views = flat ? 3 : 1;
   std::size_t used = 0;

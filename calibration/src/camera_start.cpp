@@ -216,10 +216,28 @@ void requireUnits(const CameraBundle& bundle, const DetectorOfViews& detector, c
   }
 }
 
+// The views as a pinhole camera sees them, where the detector's distortion is known. Throws InputError that names the
+// view and the bead where no pinhole's pixel comes to be.
+std::vector<BeadView> pinholeViews(const DetectorOfViews& detector, std::vector<BeadView> views) {
+  if (!detector.distortion) return views;
+  for (BeadView& view : views) {
+    for (SeenBead& bead : view.beads) {
+      const auto pinhole_px = detector.distortion->undistorted(bead.center_px);
+      if (!pinhole_px) {
+        throw InputError(view.name, "bead", std::to_string(bead.bead),
+                         "is seen where the detector's map has no inverse");
+      }
+      bead.center_px = *pinhole_px;
+    }
+  }
+  return views;
+}
+
 }  // namespace
 
-CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& views,
+CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector, const std::vector<BeadView>& given,
                      const CameraCalibrationSettings& settings) {
+  const std::vector<BeadView> views = pinholeViews(detector, given);
   const bool flat = phantom.isPlanar();
   const std::optional<Pose> T_plane_phantom = flat ? std::optional(planeFrame(phantom)) : std::nullopt;
   std::vector<ViewProjection> projections;
@@ -227,6 +245,7 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
   std::vector<double> stretches;
   CameraBundle bundle;
   bundle.model.kind = settings.distortion;
+  bundle.model.known = detector.distortion;
   bundle.model.middle_px = {0.5 * (detector.width_px - 1), 0.5 * (detector.height_px - 1)};
   bundle.model.half_width_px = 0.5 * detector.width_px;
   bundle.model.reference_distance_m = mostUsedDistance_m(views);
@@ -265,7 +284,7 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
     for (Eigen::Index i = 0; i < count; ++i) {
       const SeenBead& seen = views[v].beads[i];
       view.points_m.col(i) = phantom.beads[seen.bead].position_m;
-      view.seen_px.col(i) = seen.center_px;
+      view.seen_px.col(i) = given[v].beads[i].center_px;
       view.stds_px[i] = seen.std_px;
     }
     view.use = projections[v].fits;

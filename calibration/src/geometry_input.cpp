@@ -112,7 +112,7 @@ GeometryInput readGeometryInput(const std::string& views_path, const std::string
   input.phantom = readBeadPhantom(set.phantom_path);
   const CameraFile file = readCameraFile(camera_path);
   input.records = readRecords(camera_path);
-  const bool stretched = file.distortion && file.distortion->model == DetectorDistortion::Model::kIntensifier;
+  const bool stretched = file.distortion && file.distortion->model != DetectorDistortion::Model::kRadial;
   const BeadDetectionSettings shadows = stretched ? detection.throughIntensifier() : detection;
   const SeenViewSet seen = seenViews(set, input.phantom, shadows, [&](int done) {
     if (tell) tell(done, static_cast<int>(set.views.size()));

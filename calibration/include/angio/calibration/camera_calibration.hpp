@@ -65,6 +65,9 @@ struct CalibratedView {
   double rms_px = 0;              ///< Of both axes together, over the beads that are no outliers.
   bool held_out = false;
   bool left_out = false;  ///< It does not agree with the others.
+  /// Of the pose, K's uncertainty included: a change of its translation [m] and a small turn about the camera's axes
+  /// [rad]. Absent for a view that took no part.
+  std::optional<Matrix6d> covariance;
 };
 
 /// K with its uncertainty, and where the phantom stood.
@@ -80,6 +83,7 @@ struct CameraCalibration {
 struct DetectorOfViews {
   int width_px = 0, height_px = 0;
   std::optional<double> pixel_spacing_m;
+  std::optional<DetectorDistortion> distortion = {};  ///< Known, as by a grid's image; taken as exact.
 };
 
 /// Calibrates a camera from views of one phantom: K, distortion if asked for, K's change with the source-detector
