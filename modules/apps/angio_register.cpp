@@ -29,6 +29,7 @@
 #include "angio/types/channels.hpp"
 #include "angio/vessel/model_id.hpp"
 #include "program_settings.hpp"
+#include "register_dicom.hpp"
 #include "register_summary.hpp"
 #include "register_views.hpp"
 
@@ -44,6 +45,7 @@ struct BusOptions {
 
 struct Options {
   std::string tree, method = OrientedKernelSettings::kName, settings, out, out_pose, overlay;
+  DicomOutputs dicom;
   ViewFiles files;
   std::string extractor, polarity = "dark";
   int starts = 0;
@@ -59,8 +61,9 @@ struct Options {
     if (!files.cameras.empty() || !files.centerlines.empty() || !files.images.empty()) {
       cli::refuseBoth("--bus", "files of a camera, a centreline or an image");
     }
-    if (!settings.empty() || !out.empty() || !out_pose.empty() || !overlay.empty() || nonrigid || certify) {
-      cli::refuseBoth("--bus", "--settings, --nonrigid, --certify, --out, --out-pose and --overlay");
+    if (!settings.empty() || !out.empty() || !out_pose.empty() || !overlay.empty() || nonrigid || certify ||
+        dicom.given()) {
+      cli::refuseBoth("--bus", "--settings, --nonrigid, --certify, and files to write");
     }
   }
 
@@ -144,7 +147,7 @@ void warnOfOldCameras(const Options& o) {
 }
 
 int registerOne(const Options& o) {
-  for (const auto& path : {o.out, o.out_pose}) requireFolderOf(path);
+  for (const auto& path : {o.out, o.out_pose, o.dicom.registration, o.dicom.overlay}) requireFolderOf(path);
   requireImagePath(o.overlay);
   ProgramSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
@@ -198,6 +201,8 @@ int registerOne(const Options& o) {
     writePose(o.out_pose, {outcome.result.T_camera_model, outcome.result.covariance, modelId(tree)});
   }
   if (!o.overlay.empty()) writeImage(o.overlay, pictureOf(views, tree, initial, outcome));
+  o.dicom.write(tree, o.method, outcome, o.files.images.empty() ? "" : o.files.images.front(),
+                [&] { return pictureOf(views, tree, initial, outcome); });
   if (!o.out.empty()) writeWholeFile(o.out, json.dump(2) + "\n");
   if (o.json) std::cout << json.dump(2) << "\n";
 
@@ -213,7 +218,9 @@ int registerOne(const Options& o) {
   }
   std::ostream& said = o.json ? std::cerr : std::cout;
   said << summaryOf(outcome, tried) << "\n";
-  if (!o.out_pose.empty() && !converged) said << o.out_pose << " is not written: the registration did not converge\n";
+  for (const auto& path : {o.out_pose, o.dicom.registration}) {
+    if (!path.empty() && !converged) said << path << " is not written: the registration did not converge\n";
+  }
   if (certificate) said << certificateLine(*certificate, asked) << "\n";
   return converged ? 0 : kExitNotReached;
 }
@@ -347,6 +354,7 @@ int main(int argc, char** argv) {
   app.addFlag("--json", o.json, "The result to stdout, and what is said of it to stderr");
   app.addOption("--out-pose", o.out_pose, "Pose of the model in the camera (.yaml), of a result that converged");
   app.addOption("--overlay", o.overlay, "Picture of the result (.png, .jpg)");
+  o.dicom.addTo(app);
   auto* bus =
       seen->addOption("--bus", o.live.bus, angio::cli::busHelp("Register the frames of a bus, and say so there"));
   app.addOption("--key-file", o.live.key_file, "With --bus: key that the programs on the bus share")

@@ -23,6 +23,7 @@
 #include "angio/io/camera_files.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/centerline_files.hpp"
+#include "angio/io/dicom_registration.hpp"
 #include "angio/io/dicom_slices.hpp"
 #include "angio/io/displacement_files.hpp"
 #include "angio/io/image_files.hpp"
@@ -100,6 +101,8 @@ void readMcap(const std::string& path) {
   while (log.next()) {
   }
 }
+
+void readDicomPose(const std::string& path) { checkPose(readDicomRegistration(path).T_camera_model); }
 
 // Datagrams one after another: a byte for the sender, two for the size, and the datagram.
 void readDatagrams(const std::string& path) {
@@ -272,6 +275,7 @@ std::vector<FileReader> listedReaders() {
       {"projection", "input.yaml", readAProjection},
       {"rtk_geometry", "input.xml", readGeometry},
       {"itk_transform", "input.tfm", readTransform},
+      {"dicom_registration", "input.dcm", readDicomPose},
       {"settings", "input.yaml", readSomeSettings},
       {"case_set", "input.yaml", readCases, {"camera.yaml", "pose.yaml", "tree.csv", "line.csv"}},
       {"coco_polygons", "input.json", readPolygons},

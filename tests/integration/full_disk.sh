@@ -88,6 +88,8 @@ run=(--tree "$phantom/tree.csv" --image "$phantom/dicom/im5.dcm" --frame 2 --t-d
 refuses angio-register "${run[@]}" --out @/result.json --overlay "$(beside overlay.png)"
 refuses angio-register "${run[@]}" --overlay @/overlay.png --out "$(beside result.json)"
 refuses angio-register "${run[@]}" --out-pose @/pose.yaml --out "$(beside result.json)"
+refuses angio-register "${run[@]}" --dicom-registration @/pose.dcm --out "$(beside result.json)"
+refuses angio-register "${run[@]}" --dicom-overlay @/overlay.dcm --out "$(beside result.json)"
 stops angio-register "${run[@]}" --overlay @/overlay.png
 
 seen=(angio-extract-centerline "$phantom/dicom/im5.dcm" --frame 2)
@@ -177,7 +179,7 @@ for program in "$bin"/angio-* "$bin"/example-*; do
   [ -L "$program" ] || [ "$name" = angio-benchmark ] || [ "$name" = angio-servo-simulated ] && continue
   timeout 10 "$program" --help-all 2> /dev/null < /dev/null | awk -v program="$name" '
     /^[a-z][a-z-]*$/ { command = " " $1 }
-    $1 ~ /^--(out|out-pose|to-.*|record|film|overlay|picture|preview|report|sheet|json|write-.*)$/ && $2 ~ /^TEXT/ {
+    $1 ~ /^--(out|out-pose|to-.*|dicom-.*|record|film|overlay|picture|preview|report|sheet|json|write-.*)$/ && $2 ~ /^TEXT/ {
       print program command " " $1
     }' > options
   while read -r option; do grep -qxe "$option" tried || failed "not tried: $option"; done < options

@@ -7,8 +7,10 @@
 #include "angio/base/errors.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "angio/io/case_files.hpp"
+#include "angio/io/dicom_registration.hpp"
 #include "angio/io/text.hpp"
 #include "angio/io/whole_file.hpp"
+#include "angio/io/xa_files.hpp"
 #include "angio/io/yaml.hpp"
 
 namespace angio::io {
@@ -74,6 +76,10 @@ Eigen::Matrix3d readRotation(const YamlField& field) {
 }
 
 PoseFile readPose(const std::string& path) {
+  if (isDicom(path)) {
+    const DicomRegistration read = readDicomRegistration(path);
+    return {read.T_camera_model, std::nullopt, read.model_id};
+  }
   const YamlNode root = readYaml(path);
   YamlMap map(path, root, "pose");
   PoseFile result;

@@ -25,6 +25,8 @@ struct PoseFile {
 /// Reads a pose from YAML: `rotation` (9 numbers, row-major), `translation_mm`, optional `covariance` (36 numbers, flat
 /// or as six rows), `model_id` (as angio-inspect prints it), `parent: camera` and `child: model`.
 ///
+/// A DICOM file is read as a Spatial Registration, by readDicomRegistration().
+///
 /// A rotation that is off by rounding (rotationDefect below 1e-3) is made exact. Throws InputError that names file,
 /// line, key, value and rule: no rotation, a translation beyond 100 m, a covariance that is not symmetric and positive
 /// semidefinite, other frames, unknown keys.
