@@ -6,12 +6,16 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
 namespace angio::recording {
 namespace {
 
 // Of a live image as it is looked at; the pixels themselves stand beside it.
-constexpr int kJpegQuality = 60;
+constexpr int kJpegQuality = 50;
+
+// Of the smoothing before: noise is most of a JPEG's bytes, and none of what is looked at.
+constexpr double kSmoothing_px = 0.8;
 
 constexpr double kDarkest = 0.005, kBrightest = 0.995;
 constexpr int kSampledPixel = 7;  // Every so many pixels tell the range.
@@ -107,8 +111,10 @@ Json lineEntityJson(std::int64_t time_us, const char* frame, const char* id, con
 }
 
 std::string jpegBase64(const cv::Mat& image) {
+  cv::Mat shown;
+  cv::GaussianBlur(as8Bit(image), shown, {3, 3}, kSmoothing_px);
   std::vector<std::uint8_t> jpeg;
-  cv::imencode(".jpg", as8Bit(image), jpeg, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
+  cv::imencode(".jpg", shown, jpeg, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
   std::string text(4 * ((jpeg.size() + 2) / 3) + 1, '\0');
   const int length =
       EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()), jpeg.data(), static_cast<int>(jpeg.size()));

@@ -33,7 +33,7 @@ using Line = std::vector<Eigen::Vector3d>;
 Json lineEntityJson(std::int64_t time_us, const char* frame, const char* id, const std::vector<Line>& lines,
                     int decimals, const Json& color);
 
-/// An image as 8 bit, JPEG and base64, for people: of 16 bit the range that 99 % of the pixels are in.
+/// An image as 8 bit, smoothed, as JPEG and base64, for people: of 16 bit the range that 99 % of the pixels are in.
 std::string jpegBase64(const cv::Mat& image);
 
 }  // namespace angio::recording

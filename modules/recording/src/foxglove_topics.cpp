@@ -21,7 +21,7 @@ constexpr FoxgloveTopic kImage{"/camera/image", "foxglove.CompressedImage"},
 constexpr std::size_t kMaxFrameTimes = 256, kMaxTips = 100;
 
 // A branch is drawn within this of where it is.
-constexpr double kMaxDrawingError_px = 0.4;
+constexpr double kMaxDrawingError_px = 0.75;
 
 // Foxglove's LogLevel.
 enum Level { kInfo = 2, kWarning = 3, kError = 4 };
@@ -150,24 +150,27 @@ void FoxgloveTopics::showProjected(const RegistrationMessage& seen, std::int64_t
   const auto& p = camera_->parameters();
   const double depth_m = p.source_detector_distance_m.value_or(scene_->carm.source_detector_distance_m);
   const Json color = colorOf(seen);
-  Json annotations = Json::array();
+  // Pairs that are joined, in one list: an annotation for each branch would be twice as long.
+  Json pixels = Json::array();
   std::vector<Line> lines;
   for (const auto& line : projected(scene_->tree, seen.T_camera_model, *camera_)) {
-    Json pixels = Json::array();
     Line& points = lines.emplace_back();
-    for (const Eigen::Vector2d& pixel : line) {
-      pixels.push_back(pointJson(pixel));
-      points.emplace_back(depth_m * camera_->ray(pixel));
+    for (std::size_t i = 0; i < line.size(); ++i) {
+      points.emplace_back(depth_m * camera_->ray(line[i]));
+      if (i == 0) continue;
+      pixels.push_back(pointJson(line[i - 1]));
+      pixels.push_back(pointJson(line[i]));
     }
-    annotations.push_back({{"timestamp", timeJson(time_us)},
-                           {"type", 3},  // LINE_STRIP
-                           {"points", std::move(pixels)},
-                           {"outline_color", color},
-                           {"outline_colors", Json::array()},
-                           {"fill_color", {{"r", 0}, {"g", 0}, {"b", 0}, {"a", 0}}},
-                           {"thickness", 1.5}});
   }
-  emit(kAnnotations, Json{{"circles", Json::array()}, {"points", annotations}, {"texts", Json::array()}}.dump());
+  const Json annotation{{"timestamp", timeJson(time_us)},
+                        {"type", 4},  // LINE_LIST
+                        {"points", std::move(pixels)},
+                        {"outline_color", color},
+                        {"outline_colors", Json::array()},
+                        {"fill_color", {{"r", 0}, {"g", 0}, {"b", 0}, {"a", 0}}},
+                        {"thickness", 1.5}};
+  emit(kAnnotations,
+       Json{{"circles", Json::array()}, {"points", Json::array({annotation})}, {"texts", Json::array()}}.dump());
   const Json entity = lineEntityJson(time_us, "camera", "on the detector", lines, 4, color);
   emit(kProjected, Json{{"deletions", Json::array()}, {"entities", Json::array({entity})}}.dump());
 }
