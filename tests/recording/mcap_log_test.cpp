@@ -216,6 +216,14 @@ TEST(McapLog, RecordsABusAndSaysWhenTheDiskIsFull) {
   EXPECT_THAT(*failure, testing::HasSubstr("the first " + std::to_string(read) + " messages"));
 }
 
+TEST(McapLog, ADiskThatHoldsNotEvenTheAttachmentsIsRefused) {
+  const TemporaryFolder folder;
+  const FileSizeLimit full(10'000);
+  EXPECT_THROW(McapLog(folder.path("run.mcap"), {}, {{0, "tree.csv", "text/csv", std::string(20'000, 'x')}}),
+               InputError);
+  EXPECT_EQ(folder.files(), 0u);
+}
+
 TEST(McapLog, AConversionThatFailsLeavesNoFile) {
   const TemporaryFolder folder;
   writeRecordedLog(folder.path("run.lcm"));

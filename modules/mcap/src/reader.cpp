@@ -32,12 +32,6 @@ std::optional<std::pair<std::uint16_t, Channel>> channelOf(std::string_view cont
   return std::make_pair(id, std::move(channel));
 }
 
-std::string printable(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return c < 0x20 || c > 0x7e; }, '?');
-  return text;
-}
-
 }  // namespace
 
 bool isMcap(const std::string& path) {
@@ -88,7 +82,7 @@ void Reader::enterChunk(std::int64_t record, std::int64_t length) {
   block.file_bytes = record + length - behind;
   block.packed = compression == "zstd";
   if (!fields.broken() && !block.packed && !compression.empty()) {
-    throw InputError(path_, "compression", printable(compression), "must be zstd or none");
+    throw InputError(path_, "compression", compression, "must be zstd or none");
   }
   const bool sound = !fields.broken() && behind >= 0 && stored_bytes == static_cast<std::uint64_t>(behind) &&
                      unpacked_bytes <= kMaxChunk_bytes && (block.packed || unpacked_bytes == stored_bytes);

@@ -3,10 +3,12 @@
 
 #include <condition_variable>
 #include <deque>
+#include <filesystem>
 #include <limits>
 #include <map>
 #include <mutex>
 #include <stdexcept>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -83,6 +85,8 @@ struct McapLog::State {
 
 McapLog::McapLog(const std::string& path, std::optional<RecordedScene> scene, std::vector<mcap::Attachment> attachments,
                  mcap::WriterSettings settings) {
+  std::error_code ignored;
+  const bool is_new = !std::filesystem::exists(path, ignored);
   try {
     state_ = std::make_unique<State>(path, std::move(scene), std::move(settings));
     for (mcap::Attachment& attachment : attachments) {
@@ -92,6 +96,7 @@ McapLog::McapLog(const std::string& path, std::optional<RecordedScene> scene, st
   } catch (const InputError&) {
     throw;
   } catch (const std::runtime_error& error) {
+    if (is_new) std::filesystem::remove(path, ignored);
     throw InputError(path, "", "", std::string("cannot be written: ") + error.what());
   }
 }
