@@ -57,6 +57,7 @@ struct ReceivedTransform {
   std::string device;
   Pose T = Pose::Identity();  ///< L, P, S, metres.
 };
+/// Text that comes from a client.
 struct ReceivedString {
   std::string device, text;
 };

@@ -25,6 +25,7 @@ struct Channel {
   std::map<std::string, std::string> metadata;
 };
 
+/// One message of a channel.
 struct Message {
   std::uint16_t channel_id = 0;
   std::uint32_t sequence = 0;
