@@ -13,41 +13,8 @@ namespace {
 // A line begins at the border when its end is so near to it [working px].
 constexpr float kAtBorder = 9;
 
-// Edges and overlaps of bones and organs absorb less than this; a line that absorbs more is a vessel, however dilute.
-constexpr float kBone = 0.15f;
-
-// A line that stands alone must have this many times the density that the others must.
-constexpr float kAloneFactor = 1.37f;
-
-// An end so near to another line [working px] is a branch's.
-constexpr float kHeld = 2;
-
 // The image resolves no radius below this one [working px]: blur takes what is missing from the contrast.
 constexpr float kThinnest = 0.5f;
-
-// Whether an end of a line is at another one.
-bool isBranch(const CentreLine& line, const std::vector<CentreLine>& lines, const std::vector<cv::Rect2f>& around) {
-  const auto touches = [&](const cv::Point2f& end) {
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-      if (&lines[i] == &line || !around[i].contains(end)) continue;
-      const auto near = [&](const cv::Point2f& p) { return cv::norm(p - end) < kHeld; };
-      if (std::any_of(lines[i].line.begin(), lines[i].line.end(), near)) return true;
-    }
-    return false;
-  };
-  return touches(line.line.front()) || touches(line.line.back());
-}
-
-// Where something that touches a line can be.
-cv::Rect2f around(const CentreLine& line) {
-  cv::Point2f least = line.line.front(), most = least;
-  for (const cv::Point2f& p : line.line) {
-    least = {std::min(least.x, p.x), std::min(least.y, p.y)};
-    most = {std::max(most.x, p.x), std::max(most.y, p.y)};
-  }
-  const cv::Point2f margin(kHeld, kHeld);
-  return {least - margin, most + margin};
-}
 
 // Whether a point is so near to the border of the open part that a line which ends there comes in from outside.
 bool atBorder(const cv::Point2f& p, const std::vector<RowRange>& open) {
@@ -219,27 +186,6 @@ void dropAlongBorder(std::vector<CentreLine>& lines, const std::vector<RowRange>
     return 2 * static_cast<std::size_t>(near) > line.line.size();
   };
   lines.erase(std::remove_if(lines.begin(), lines.end(), follows), lines.end());
-}
-
-void dropDilute(std::vector<CentreLine>& lines, float least) {
-  std::vector<float> of_vessels;
-  for (const CentreLine& line : lines) {
-    if (line.kind == CurveKind::kDevice) continue;
-    const std::vector<float> own = densitiesOf(line, line.line.size());
-    of_vessels.insert(of_vessels.end(), own.begin(), own.end());
-  }
-  if (of_vessels.empty()) return;
-  const float usual = medianOf(std::move(of_vessels));
-  std::vector<cv::Rect2f> places;
-  for (const CentreLine& line : lines) places.push_back(around(line));
-  const auto dilute = [&](const CentreLine& line) {
-    if (medianOf(line.contrast) >= kBone) return false;
-    const float density = medianOf(densitiesOf(line, line.line.size()));
-    return density < least * usual || (density < kAloneFactor * least * usual && !isBranch(line, lines, places));
-  };
-  std::vector<CentreLine> kept;
-  std::remove_copy_if(lines.begin(), lines.end(), std::back_inserter(kept), dilute);
-  lines = std::move(kept);
 }
 
 void tellDevices(std::vector<CentreLine>& lines, const std::vector<RowRange>& open, float shortest) {

@@ -11,14 +11,6 @@ namespace angio::imaging {
 /// Drops lines that follow the border of the open part: what is left of its shadow's edge.
 void dropAlongBorder(std::vector<CentreLine>& lines, const std::vector<RowRange>& open);
 
-/// Drops faint lines that are too wide for their contrast: ribs, vertebrae and the edges of organs.
-///
-/// Density is alike wherever contrast agent has come. A line goes when its own (median) is below `least` times that of
-/// all points of vessels, unless no bone is so dark. One with neither end at another line must be denser: nothing else
-/// says that it is a vessel. Devices, where they have been told, have no part in it: beside steel all vessels would be
-/// dilute.
-void dropDilute(std::vector<CentreLine>& lines, float least);
-
 /// Finds catheters and guidewires among the lines of one image and sets their kind; a line that is a device first and a
 /// vessel then is cut in two.
 ///

@@ -8,6 +8,7 @@
 #include "field_outline.hpp"
 #include "flatten.hpp"
 #include "hysteresis.hpp"
+#include "line_evidence.hpp"
 #include "line_kinds.hpp"
 #include "make_extractors.hpp"
 #include "quantile.hpp"
@@ -40,6 +41,10 @@ constexpr float kBlurredEdge = 3;
 // Pixels at the border of the open field whose mean goes on beyond it.
 constexpr int kEdgeMean = 4;
 
+// What has this part of the evidence that a clean image asks for is fitted: whether it is a vessel, the fit and the
+// rest of the image say.
+constexpr float kFitted = 0.4f;
+
 // Length of a catheter that is told from a vessel, in the image's shorter side.
 constexpr float kMinDevice = 0.12f;
 
@@ -71,8 +76,9 @@ class RidgeExtractor final : public CenterlineExtractor {
     clean(graph, grid.scale);
     std::vector<CentreLine> lines = (*fitting_)(graph, *scales_);
     dropAlongBorder(lines, open_);
-    tellDevices(lines, open_, kMinDevice * static_cast<float>(std::min(grid.size.width, grid.size.height)));
-    dropDilute(lines, static_cast<float>(settings_.relative_density));
+    const float side = static_cast<float>(std::min(grid.size.width, grid.size.height));
+    tellDevices(lines, open_, kMinDevice * side);
+    dropUnlikely(lines, side, static_cast<float>(settings_.relative_density));
     return sampled(lines, grid, settings_.spacing_px);
   }
 
@@ -154,7 +160,7 @@ class RidgeExtractor final : public CenterlineExtractor {
     // Tips are clean only now: what forked off there pointed elsewhere.
     closeGaps(graph, radius, static_cast<float>(settings_.max_gap_px) / scale, owner_);
     dropWeak(graph, scales_->salienceMat(), radius,
-             {static_cast<float>(settings_.evidence), static_cast<float>(settings_.min_line_px) / scale});
+             {kFitted * static_cast<float>(settings_.evidence), static_cast<float>(settings_.min_line_px) / scale});
     settleRadii(graph, radius);
     passJunctions(graph, radius);
   }

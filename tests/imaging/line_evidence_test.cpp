@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "line_evidence.hpp"
+
+#include <gtest/gtest.h>
+
+#include "angio/test/namespace.hpp"
+
+namespace angio::test {
+namespace {
+
+constexpr float kSide = 512;
+
+// A line of this radius, uncertainty and contrast with a gentle bend, a point a pixel.
+CentreLine lineFrom(const cv::Point2f& from, int length, float radius, float sigma, float contrast) {
+  CentreLine line;
+  for (int i = 0; i < length; ++i) {
+    const float s = static_cast<float>(i);
+    line.line.push_back(from + cv::Point2f(s, 0.002f * s * s));
+  }
+  const auto n = static_cast<std::size_t>(length);
+  line.radius.assign(n, radius);
+  line.sigma.assign(n, sigma);
+  line.contrast.assign(n, contrast);
+  return line;
+}
+
+std::vector<CentreLine> keptOf(std::vector<CentreLine> lines) {
+  dropUnlikely(lines, kSide, 0);
+  return lines;
+}
+
+const CentreLine kTrunk = lineFrom({60, 200}, 300, 4, 0.3f, 0.4f);
+
+TEST(LineEvidence, AFragmentIsAVesselBesideATreeAndClutterFarFromIt) {
+  const auto fragment = [](const cv::Point2f& at) { return lineFrom(at, 60, 2, 0.3f, 0.22f); };
+  EXPECT_EQ(keptOf({kTrunk, fragment({130, 210})}).size(), 2U);
+  const auto alone = keptOf({kTrunk, fragment({300, 30})});
+  ASSERT_EQ(alone.size(), 1U);
+  EXPECT_EQ(alone[0].line, kTrunk.line);
+}
+
+// The same picture with half of the contrast and half of the noise has the same vessels.
+TEST(LineEvidence, FollowsTheImagesOwnContrast) {
+  for (const float sigma : {0.2f, 0.3f, 0.45f, 0.7f}) {
+    for (const float contrast : {0.08f, 0.15f, 0.25f}) {
+      std::vector<CentreLine> lines = {kTrunk, lineFrom({130, 215}, 60, 2, sigma, contrast)};
+      const std::size_t kept = keptOf(lines).size();
+      for (CentreLine& line : lines) {
+        for (float& c : line.contrast) c *= 0.5f;
+      }
+      EXPECT_EQ(keptOf(lines).size(), kept) << sigma << " " << contrast;
+    }
+  }
+}
+
+TEST(LineEvidence, NoiseAboutALineSpeaksAgainstIt) {
+  const auto keeps = [](float sigma) { return keptOf({kTrunk, lineFrom({130, 215}, 60, 2, sigma, 0.2f)}).size() == 2; };
+  EXPECT_TRUE(keeps(0.15f));
+  EXPECT_FALSE(keeps(1.5f));
+}
+
+TEST(LineEvidence, DevicesStayAndAreNoMeasure) {
+  CentreLine wire = lineFrom({300, 30}, 40, 1, 2, 0.05f), steel = lineFrom({60, 400}, 300, 1, 0.1f, 5);
+  wire.kind = steel.kind = CurveKind::kDevice;
+  EXPECT_EQ(keptOf({kTrunk, wire, steel}).size(), 3U);
+}
+
+}  // namespace
+}  // namespace angio::test
