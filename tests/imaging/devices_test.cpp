@@ -64,6 +64,26 @@ TEST(Devices, CatheterAloneOrNoDenserThanTheVesselsIsTakenForAVessel) {
       ofKind(extractRidges(clinicalScene({test::randomTree(2, 1024, 1024), catheter})), CurveKind::kDevice).size(), 0);
 }
 
+// What angiograms show: a catheter filled with the contrast agent that it gives, as dense as the vessels, whose tip
+// lies where a wider vessel begins. A branch of the same width and way, whose parent goes on to both sides, is a
+// vessel.
+TEST(Devices, CatheterAsDenseAsItsVesselIsToldByItsWidthAndItsTip) {
+  const auto line = test::straightTube({110, 0}, {150, 170}, 3.5);
+  const Vessel vessel = {test::straightTube({150, 170}, {330, 300}, 6), test::straightTube({210, 213}, {370, 180}, 3),
+                         test::straightTube({330, 300}, {450, 270}, 4), test::straightTube({330, 300}, {370, 450}, 4)};
+  Vessel as_catheter = vessel, as_branch = vessel;
+  as_catheter.push_back(line);
+  as_branch.push_back(line);
+  as_branch.push_back(test::straightTube({150, 170}, {30, 83}, 6));
+  Scene scene;
+  scene.vessels = {as_catheter};
+  const Told what = told(extractRidges(scene), {{line}});
+  EXPECT_GT(what.of_devices, 0.8);
+  EXPECT_LT(what.of_others, 0.05);
+  scene.vessels = {as_branch};
+  EXPECT_EQ(ofKind(extractRidges(scene), CurveKind::kDevice).size(), 0);
+}
+
 // A field of view inside of a tree: vessels of even width from border to border, without branches.
 TEST(Devices, VesselsThatCrossTheFieldOfViewStayVessels) {
   Scene scene;

@@ -152,17 +152,75 @@ int branchesOff(const std::vector<CentreLine>& lines, std::size_t own, std::size
   return found;
 }
 
+// A catheter that is no denser than the vessels is told by its shape: as wide all along, over this many times the
+// length that a dense one needs, with hardly anything that ends at it, and wide enough for its width to be seen
+// [working px].
+constexpr float kSteadyLength = 1.2f, kMinSteadyRadius = 2.2f;
+constexpr int kMaxCrossings = 1;
+// The collimator's edge changes the width of the first points.
+constexpr std::size_t kEdgePoints = 12;
+// At its tip begins a vessel that is so much wider.
+constexpr float kOstium = 1.25f;
+// A vessel begins at a tip where its own end is so near [working px], beyond the radius.
+constexpr float kTip = 5;
+
+// Points from the line's beginning on over which it is as wide as a catheter: vessels taper.
+std::size_t steadyPart(const CentreLine& line, std::size_t shortest) {
+  const std::size_t n = line.line.size();
+  if (n < kEdgePoints + shortest || n < kEdgePoints + 2 * kWindow) return 0;
+  const float radius = medianWithin(line.radius, kEdgePoints, kEdgePoints + shortest);
+  if (radius < kMinSteadyRadius) return 0;
+  std::size_t end = 0;
+  for (std::size_t from = kEdgePoints; from + kWindow <= n; from += kWindow / 4) {
+    if (std::abs(medianWithin(line.radius, from, from + kWindow) - radius) > kEvenRadius * radius) break;
+    end = from + (from + kWindow + kWindow / 4 <= n ? kWindow / 2 : kWindow);
+  }
+  return n - end < kRest ? n : end;
+}
+
+// Whether a wider vessel begins at the end of a line's first `part` points: the line's own rest, or another line, which
+// ends there as well. What a branch ends at goes on to both sides.
+bool endsAtOstium(const std::vector<CentreLine>& lines, std::size_t own, std::size_t part) {
+  const CentreLine& line = lines[own];
+  const float width = medianWithin(line.radius, part - std::min(part, 2 * kWindow), part);
+  // The tip lies some way within the vessel.
+  const auto widens = [&](const std::vector<float>& radius, std::size_t from) {
+    for (std::size_t i = 0; i < 3 && from + kRest <= radius.size(); ++i, from += kWindow) {
+      if (medianWithin(radius, from, std::min(radius.size(), from + kWindow)) > kOstium * width) return true;
+    }
+    return false;
+  };
+  if (part < line.line.size()) return widens(line.radius, part + kWindow / 2);
+  const cv::Point2f tip = line.line.back();
+  for (std::size_t other = 0; other < lines.size(); ++other) {
+    const float reach = kTip + width, begin = static_cast<float>(cv::norm(lines[other].line.front() - tip)),
+                end = static_cast<float>(cv::norm(lines[other].line.back() - tip));
+    if (other == own || std::min(begin, end) > reach) continue;
+    std::vector<float> radius = lines[other].radius;
+    if (end < begin) std::reverse(radius.begin(), radius.end());
+    if (widens(radius, 0)) return true;
+  }
+  return false;
+}
+
 // How much of a line from the border on is a catheter [points].
 std::size_t catheterPart(std::vector<CentreLine>& lines, std::size_t own, const std::vector<LineProfile>& profiles,
                          const std::vector<RowRange>& open, std::size_t shortest) {
   CentreLine& line = lines[own];
   if (!atBorder(line.line.front(), open) && atBorder(line.line.back(), open)) reverse(line);
   if (!atBorder(line.line.front(), open)) return 0;
-  const std::size_t part = evenPart(line, shortest);
-  if (part < shortest || branchesOff(lines, own, part) > kMaxBranches) return 0;
-  const float others = densityOf(
-      profiles, part, [&](std::size_t other) { return other != own && lines[other].kind == CurveKind::kVessel; });
-  return others > 0 && profileOf(line, part).density > kCatheterDensity * others ? part : 0;
+  const std::size_t part = evenPart(line, shortest), steady = steadyPart(line, shortest);
+  if (std::max(part, steady) < shortest) return 0;
+  const float others = densityOf(profiles, std::max(part, steady), [&](std::size_t other) {
+    return other != own && lines[other].kind == CurveKind::kVessel;
+  });
+  if (!(others > 0)) return 0;
+  const bool dense = part >= shortest && branchesOff(lines, own, part) <= kMaxBranches &&
+                     profileOf(line, part).density > kCatheterDensity * others;
+  if (dense) return part;
+  const bool shaped = static_cast<float>(steady) > kSteadyLength * static_cast<float>(shortest) &&
+                      branchesOff(lines, own, steady) <= kMaxCrossings && endsAtOstium(lines, own, steady);
+  return shaped ? steady : 0;
 }
 
 CentreLine cut(CentreLine& line, std::size_t at) {

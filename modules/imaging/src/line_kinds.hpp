@@ -19,11 +19,12 @@ void dropAlongBorder(std::vector<CentreLine>& lines, const std::vector<RowRange>
 /// and it is steady along a device, as its width is. Two kinds are told:
 ///
 /// - wires, as thin as the image resolves and nearly twice as dense as the wider lines, wherever they are;
-/// - catheters, which come in at the border of the open part (a range for each row), are half as dense again as the
-///   other lines over `shortest` working pixels at least, and have hardly a branch.
+/// - catheters, which come in at the border of the open part (a range for each row) and have hardly a branch: half as
+///   dense again as the other lines over `shortest` working pixels at least, or as wide all along over a fifth more, to
+///   a tip at which a wider vessel begins.
 ///
 /// A vessel lost costs a registration more than a device kept, which is one stray curve: what could be either, such as
-/// a catheter no denser than the vessels, or one in a frame without vessels, stays a vessel.
+/// a catheter no denser than the vessels whose tip is in none, or one in a frame without vessels, stays a vessel.
 void tellDevices(std::vector<CentreLine>& lines, const std::vector<RowRange>& open, float shortest);
 
 }  // namespace angio::imaging
