@@ -2,6 +2,7 @@
 #include "angio/recording/mcap_log.hpp"
 
 #include <gmock/gmock.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <map>
@@ -222,6 +223,25 @@ TEST(McapLog, ADiskThatHoldsNotEvenTheAttachmentsIsRefused) {
   EXPECT_THROW(McapLog(folder.path("run.mcap"), {}, {{0, "tree.csv", "text/csv", std::string(20'000, 'x')}}),
                InputError);
   EXPECT_EQ(folder.files(), 0u);
+}
+
+TEST(McapLog, AConversionReplacesFilesAlone) {
+  const TemporaryFolder folder;
+  writeRecordedLog(folder.path("run.lcm"));
+  const auto convert = [&](const std::string& name) {
+    convertToMcap(folder.path("run.lcm"), folder.path(name), {}, {});
+  };
+  std::filesystem::create_directory(folder.path("folder"));
+  ASSERT_EQ(::mkfifo(folder.path("pipe").c_str(), 0600), 0);
+  for (const char* name : {"folder", "pipe"}) {
+    EXPECT_THAT(([&] { convert(name); }),
+                testing::ThrowsMessage<InputError>(testing::HasSubstr("must be a regular file")));
+  }
+  EXPECT_TRUE(std::filesystem::is_fifo(folder.path("pipe")));
+  std::filesystem::create_symlink(folder.write("run.mcap", "old"), folder.path("link"));
+  convert("link");
+  EXPECT_TRUE(std::filesystem::is_symlink(folder.path("link")));
+  EXPECT_TRUE(mcap::isMcap(folder.path("run.mcap")));
 }
 
 TEST(McapLog, AConversionThatFailsLeavesNoFile) {

@@ -12,11 +12,23 @@
 namespace angio::recording {
 namespace {
 
+// The file that is written under this name: of a link the one that it leads to. Devices and folders are none.
+std::string fileNamed(const std::string& path) {
+  std::error_code ignored;
+  const std::filesystem::path file = std::filesystem::is_symlink(path, ignored)
+                                         ? std::filesystem::weakly_canonical(path, ignored)
+                                         : std::filesystem::path(path);
+  if (std::filesystem::exists(file, ignored) && !std::filesystem::is_regular_file(file, ignored)) {
+    throw InputError(path, "", "", "must be a regular file, or none yet");
+  }
+  return file.string();
+}
+
 // A file under another name until it is whole; taken away otherwise.
 class UnfinishedFile {
  public:
-  explicit UnfinishedFile(std::string path)
-      : path_(std::move(path)), unfinished_(path_ + ".part-" + std::to_string(::getpid())) {}
+  explicit UnfinishedFile(const std::string& path)
+      : path_(fileNamed(path)), unfinished_(path_ + ".part-" + std::to_string(::getpid())) {}
   UnfinishedFile(const UnfinishedFile&) = delete;
   UnfinishedFile& operator=(const UnfinishedFile&) = delete;
   ~UnfinishedFile() {
