@@ -94,6 +94,7 @@ stops angio-register "${run[@]}" --overlay @/overlay.png
 
 seen=(angio-extract-centerline "$phantom/dicom/im5.dcm" --frame 2)
 refuses "${seen[@]}" --out @/line.csv --overlay "$(beside overlay.png)"
+refuses "${seen[@]}" --overlay @/overlay.png --out "$(beside line.csv)"
 stops "${seen[@]}" --out @/line.csv
 stops "${seen[@]}" --out made/line.csv --overlay @/overlay.png
 
@@ -138,6 +139,9 @@ views=$data/calib-zhang/views.yaml
 refuses angio-calibrate camera "$views" --out @/camera.yaml --report "$(beside report)"
 refuses angio-calibrate camera "$views" --report @/report --out "$(beside camera.yaml)"
 stops angio-calibrate camera "$views" --report @/report
+picture=("$phantom/frames/im5.png" --phantom "$tree" --any-reading)
+refuses angio-calibrate camera "${picture[@]}" --out-pose @/pose.yaml --out "$(beside camera.yaml)"
+refuses angio-calibrate camera "${picture[@]}" --mayacam @/camera.txt --out "$(beside camera.yaml)"
 views=(made/geometry/views.yaml --camera "$data/hepatic-tace/camera.yaml")
 refuses angio-calibrate geometry "${views[@]}" --out @/carm.yaml --report "$(beside report)"
 refuses angio-calibrate geometry "${views[@]}" --report @/report --out "$(beside carm.yaml)"
@@ -167,6 +171,7 @@ if [ -x "$bin/angio-extract-tree" ]; then  # With ITK.
   refuses angio-extract-tree made/tube.stl --picture @/tree.png --out "$(beside tree.csv)"
   stops angio-extract-tree made/tube.stl --picture @/tree.png --out "$(beside tree.csv)"
 fi
+refuses angio-training-pairs --trees 1000000 --out @/pairs.bin
 refuses example-03-write-case-set --tree "$tree" --cases 100000 --image --out @/cases
 
 ends crowded angio-evaluate simulation --trials 100000 --tree "$tree" --out @/results.json

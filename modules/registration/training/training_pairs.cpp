@@ -11,6 +11,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
+#include "angio/io/whole_file.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "image_gradient.hpp"
 #include "image_pair.hpp"
@@ -159,6 +160,7 @@ void writePairs(const Options& o, int index, std::ofstream& file) {
 }
 
 int writeAll(const Options& o) {
+  requireFolderOf(o.out);
   // Gigabytes, which grow beside the name that they get once they are whole.
   const std::string growing = o.out + ".part";
   std::ofstream file(growing, std::ios::binary);
@@ -173,7 +175,7 @@ int writeAll(const Options& o) {
   if (file) std::filesystem::rename(growing, o.out, failed);
   if (file && !failed) return 0;
   std::filesystem::remove(growing, failed);
-  throw InputError(o.out, "", "", "could not be written");
+  throw InputError(o.out, "", "", "cannot be written whole");
 }
 
 }  // namespace
