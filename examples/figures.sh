@@ -211,6 +211,8 @@ seeing() {
   "$bin"/angio-evaluate extraction --cases examples/data/static-phantom/cases.yaml --extractor otsu --settings "$work/plain.yaml"
   if [ -d "$shared/arcade-sample" ]; then
     echo; "$bin"/angio-evaluate extraction --annotations "$shared/arcade-sample/annotations.json"
+    echo; echo "ten of its angiograms with all vessels marked by hand"
+    examples/marked_angiograms.py "$bin"/angio-extract-centerline "$shared/arcade-sample/images"
   fi
   echo; echo "### Registration from images (the rows of registration: 1 px of noise is the dose's here, curves are wires)"
   for tree_of in liver coronary ${brains:+brains}; do

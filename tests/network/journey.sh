@@ -52,6 +52,8 @@ messages() {
 print(json.load(open(sys.argv[1]))["channels"].get(sys.argv[2], {"messages": 0})["messages"])' "$work/spy.json" "$1"
 }
 "$programs/angio-spy" --bus "file://$work/carm.lcm?speed=0" --json "$work/spy.json" >/dev/null
-[ "$(messages REGISTRATION)" -gt 0 ] && [ "$(messages REGISTRATION_POINTS)" -eq "$(messages REGISTRATION)" ] ||
+# A frame in which nothing was found, as when contrast agent washes out, has no covariance: one in a hundred may.
+[ "$(messages REGISTRATION)" -gt 0 ] &&
+  [ $((100 * $(messages REGISTRATION_POINTS))) -ge $((99 * $(messages REGISTRATION))) ] ||
   fail "$(messages REGISTRATION_POINTS) of $(messages REGISTRATION) registrations said how uncertain their points are"
 echo "arrived in branch $branch over $views views; both logs are replayed bit for bit"

@@ -29,6 +29,10 @@ constexpr float kFainter = 0.9f;
 // Lines hang together where an end of one is so near to the other [working px].
 constexpr float kJoined = 3;
 
+// Vessels wider than this [working px] were not among those that the odds were learnt from, and a wide line's place is
+// less sure: it owes less. Most lines of an aortic arch have -2 and more, a step's edge below -3.
+constexpr float kWide = 6, kWideOdds = -2;
+
 // A line of these log odds is no bone, however dilute.
 constexpr float kNoBone = 3;
 
@@ -179,8 +183,10 @@ void dropUnlikely(std::vector<CentreLine>& lines, float side, float least_densit
     const LineEvidence evidence(lines, side);
     for (std::size_t i = 0; i < lines.size(); ++i) {
       const bool device = lines[i].kind == CurveKind::kDevice;
+      const bool wide = !device && medianOf(lines[i].radius) > kWide;
       const float log_odds = device ? 0 : evidence.logOdds(i);
-      keep.push_back(device || (log_odds > 0 && (log_odds > kNoBone || !evidence.isDilute(i, least_density))));
+      const bool likely = log_odds > (wide ? kWideOdds : 0);
+      keep.push_back(device || (likely && (log_odds > kNoBone || !evidence.isDilute(i, least_density))));
     }
   }
   std::vector<CentreLine> kept;
