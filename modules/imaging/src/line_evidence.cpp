@@ -6,6 +6,7 @@
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 
+#include "line_density.hpp"
 #include "quantile.hpp"
 
 namespace angio::imaging {
@@ -43,9 +44,6 @@ constexpr float kBone = 0.15f, kBonePart = 0.5f;
 // A line that stands alone must have this many times the density that the others must.
 constexpr float kAloneFactor = 1.37f;
 
-// The image resolves no radius below this one [working px]: blur takes what is missing from the contrast.
-constexpr float kMinRadius = 0.5f;
-
 // An end so near to another line [working px] is a branch's.
 constexpr float kHolds = 2;
 
@@ -55,15 +53,6 @@ float lengthOf(const CentreLine& line) {
     length += static_cast<float>(cv::norm(line.line[i] - line.line[i - 1]));
   }
   return length;
-}
-
-// Contrast over radius [1/working px]: what a line's content absorbs per length, up to a factor.
-std::vector<float> densitiesAlong(const CentreLine& line) {
-  std::vector<float> densities(line.contrast.size());
-  for (std::size_t i = 0; i < densities.size(); ++i) {
-    densities[i] = line.contrast[i] / std::max(line.radius[i], kMinRadius);
-  }
-  return densities;
 }
 
 // The median of radius over standard deviation across the line.
@@ -89,7 +78,7 @@ class LineEvidence {
       lengths_.push_back(lengthOf(line));
       if (line.kind == CurveKind::kDevice) continue;
       contrasts.insert(contrasts.end(), line.contrast.begin(), line.contrast.end());
-      const std::vector<float> own = densitiesAlong(line);
+      const std::vector<float> own = densitiesAlong(line, line.line.size());
       densities.insert(densities.end(), own.begin(), own.end());
     }
     if (contrasts.empty()) return;
@@ -111,7 +100,7 @@ class LineEvidence {
 
   bool isDilute(std::size_t i, float least) const {
     if (medianOf(lines_[i].contrast) >= std::min(kBone, kBonePart * strong_contrast_)) return false;
-    const float density = medianOf(densitiesAlong(lines_[i]));
+    const float density = medianOf(densitiesAlong(lines_[i], lines_[i].line.size()));
     return density < least * usual_density_ || (density < kAloneFactor * least * usual_density_ && !isBranch(i));
   }
 

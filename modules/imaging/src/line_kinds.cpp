@@ -5,6 +5,7 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
+#include "line_density.hpp"
 #include "quantile.hpp"
 
 namespace angio::imaging {
@@ -12,9 +13,6 @@ namespace {
 
 // A line begins at the border when its end is so near to it [working px].
 constexpr float kAtBorder = 9;
-
-// The image resolves no radius below this one [working px]: blur takes what is missing from the contrast.
-constexpr float kThinnest = 0.5f;
 
 // Whether a point is so near to the border of the open part that a line which ends there comes in from outside.
 bool atBorder(const cv::Point2f& p, const std::vector<RowRange>& open) {
@@ -26,13 +24,6 @@ bool atBorder(const cv::Point2f& p, const std::vector<RowRange>& open) {
   const int reach = static_cast<int>(kAtBorder);
   return p.x - static_cast<float>(open[y].begin) < kAtBorder || static_cast<float>(open[y].end) - p.x < kAtBorder ||
          !lit(y - reach) || !lit(y + reach);
-}
-
-// Contrast over radius at a line's first points [1/working px]: what its content absorbs per length, up to a factor.
-std::vector<float> densitiesOf(const CentreLine& line, std::size_t count) {
-  std::vector<float> densities(count);
-  for (std::size_t i = 0; i < count; ++i) densities[i] = line.contrast[i] / std::max(line.radius[i], kThinnest);
-  return densities;
 }
 
 // Guidewires (0.36 mm) have fitted radii of 0.9 to 1.5 working pixels in 99 of 100 simulated images, the coronary
@@ -82,7 +73,7 @@ struct LineProfile {
 
 LineProfile profileOf(const CentreLine& line, std::size_t count) {
   return {medianWithin(line.radius, 0, count), medianWithin(line.contrast, 0, count),
-          medianOf(densitiesOf(line, count)), count};
+          medianOf(densitiesAlong(line, count)), count};
 }
 
 // Median density, by length, of the profiles that take part; 0 when they bring less than `length`.
