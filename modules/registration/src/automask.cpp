@@ -5,17 +5,11 @@
 #include <opencv2/core/optim.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "angio/base/stopwatch.hpp"
-#include "angio/registration/alignment_score.hpp"
 #include "angio/tubes/tubes.hpp"
 #include "angio/vessel/plausible_radii.hpp"
 #include "drawn_tubes.hpp"
-#include "fit_classification.hpp"
-#include "image_gradient.hpp"
-#include "image_needed.hpp"
+#include "image_registration.hpp"
 #include "methods.hpp"
-#include "nearest_covariance.hpp"
-#include "pose_prior_term.hpp"
 #include "projected_motion.hpp"
 
 namespace angio::registration {
@@ -146,29 +140,16 @@ class MaskedMismatch final : public cv::MinProblemSolver::Function {
   mutable std::vector<float> drawn_;
 };
 
-class AutoMask final : public Registration {
+class AutoMask final : public ImageRegistration {
  public:
   AutoMask(const AutoMaskSettings& settings, const VesselTree& tree)
-      : settings_(settings),
-        tree_(tree),
-        points_centered_(tree.points().colwise() - tree.centroid()),
-        tubes_(TubeTree(withPlausibleRadii(tree, 1e-3 * settings.end_radius_mm)).tubes(points_centered_, {})) {}
+      : ImageRegistration(AutoMaskSettings::kName, tree),
+        settings_(settings),
+        tubes_(TubeTree(withPlausibleRadii(tree, 1e-3 * settings.end_radius_mm)).tubes(pointsCentered(), {})) {}
 
-  using Registration::align;
-
-  RegistrationResult align(const XrayViews& views, const PosePrior&, const Pose& start) override {
-    requireImages(views, AutoMaskSettings::kName);
-    const Stopwatch began;
-    RegistrationResult result = resultAt(start, tree_.size(), views);
-    result.prior = PriorInForce::kNone;  // Nothing holds the pose at its start, and the covariance counts nothing.
-    if (tooFewPoints(result)) return result;
-    std::vector<cv::Mat> attenuations;
-    for (const XrayView& view : views) attenuations.push_back(vesselAttenuation(*view.image));
-    result.times.prepare_s = began.seconds();
-
-    const Stopwatch rigid_began;
-    const Eigen::Translation3d to_center(tree_.centroid());
-    Pose T_camera_centered = start * to_center;
+ private:
+  void fit(const XrayViews& views, const std::vector<cv::Mat>& attenuations, Pose& T_camera_centered,
+           RegistrationResult& result) override {
     double margin_m = 1e-3 * settings_.mask_margin_mm, step = 1;
     for (const int binning : kBinnings) {
       alignAt(binning, margin_m, step, views, attenuations, T_camera_centered, result);
@@ -178,20 +159,9 @@ class AutoMask final : public Registration {
     // A simplex has no gradient that says that it is at rest: a second one that begins where the first has ended does.
     const Pose rested = T_camera_centered;
     alignAt(kBinnings[std::size(kBinnings) - 1], margin_m, step, views, attenuations, T_camera_centered, result);
-    result.last_step_px = projectedMotion_px(points_centered_, views.front(), rested, T_camera_centered);
-    result.T_camera_model = T_camera_centered * to_center.inverse();
-    result.times.rigid_s = rigid_began.seconds();
-    result.covariance = covarianceByNearest(points_centered_, views, T_camera_centered,
-                                            PosePriorTerm{T_camera_centered}, tree_.centroid());
-    result.alignment = alignmentScore(tree_, tree_.points(), views, result.T_camera_model);
-    classify(tree_, result);
-    result.times.total_s = began.seconds();
-    return result;
+    result.last_step_px = projectedMotion_px(pointsCentered(), views.front(), rested, T_camera_centered);
   }
 
-  const VesselTree& tree() const override { return tree_; }
-
- private:
   void alignAt(int binning, double margin_m, double step, const XrayViews& views,
                const std::vector<cv::Mat>& attenuations, Pose& T_camera_centered, RegistrationResult& result) {
     std::vector<MaskedView> masked;
@@ -215,8 +185,6 @@ class AutoMask final : public Registration {
   }
 
   AutoMaskSettings settings_;
-  VesselTree tree_;
-  Eigen::Matrix3Xd points_centered_;
   std::vector<Tube> tubes_;
 };
 

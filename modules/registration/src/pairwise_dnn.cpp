@@ -3,13 +3,10 @@
 #include <opencv2/core.hpp>
 #include <opencv2/dnn.hpp>
 
-#include "angio/base/stopwatch.hpp"
 #include "angio/geometry/decompositions.hpp"
-#include "angio/registration/alignment_score.hpp"
 #include "fit_classification.hpp"
-#include "image_gradient.hpp"
-#include "image_needed.hpp"
 #include "image_pair.hpp"
+#include "image_registration.hpp"
 #include "methods.hpp"
 #include "projected_motion.hpp"
 #include "rigid_step.hpp"
@@ -50,57 +47,41 @@ Matrix6d motionByTwist(const PairWindow& window, const Pose& T_view_first, const
   return J;
 }
 
-class PairwiseDnn final : public Registration {
+class PairwiseDnn final : public ImageRegistration {
  public:
   explicit PairwiseDnn(const VesselTree& tree)
-      : tree_(tree),
+      : ImageRegistration(PairwiseDnnSettings::kName, tree),
         drawing_(tree, 1e-3 * PairwiseDnnSettings::end_radius_mm),
         network_(cv::dnn::readNetFromONNX(angio_pairwise_dnn,
                                           static_cast<std::size_t>(angio_pairwise_dnn_end - angio_pairwise_dnn))) {}
 
-  using Registration::align;
-
-  RegistrationResult align(const XrayViews& views, const PosePrior&, const Pose& start) override {
-    requireImages(views, PairwiseDnnSettings::kName);
-    const Stopwatch began;
-    RegistrationResult result = resultAt(start, tree_.size(), views);
-    result.prior = PriorInForce::kNone;  // Nothing holds the pose at its start, and the covariance counts nothing.
-    if (tooFewPoints(result)) return result;
-    std::vector<cv::Mat> attenuations;
-    for (const XrayView& view : views) attenuations.push_back(vesselAttenuation(*view.image));
-    result.times.prepare_s = began.seconds();
-
-    const Stopwatch rigid_began;
-    const Eigen::Translation3d to_center(tree_.centroid());
-    Pose T_camera_centered = start * to_center;
-    NormalEquations answer;
+ private:
+  void fit(const XrayViews& views, const std::vector<cv::Mat>& attenuations, Pose& T_camera_centered,
+           RegistrationResult& result) override {
+    answer_ = {};
     while (result.rigid_iterations < PairwiseDnnSettings::max_iterations) {
-      answer = answerAt(views, attenuations, T_camera_centered);
-      if (!isFullRank(answer.H)) {
+      answer_ = answerAt(views, attenuations, T_camera_centered);
+      if (!isFullRank(answer_.H)) {
         result.last_step_px = kPairSide_px;  // Not at rest: there is nothing to compare.
-        break;
+        return;
       }
-      Pose next = T_camera_centered * expSE3(solveSymmetric(answer.H, answer.g));
+      Pose next = T_camera_centered * expSE3(solveSymmetric(answer_.H, answer_.g));
       next.linear() = nearestRotation(next.linear());
-      result.last_step_px = projectedMotion_px(drawing_.pointsCentered(), views.front(), T_camera_centered, next);
+      result.last_step_px = projectedMotion_px(pointsCentered(), views.front(), T_camera_centered, next);
       T_camera_centered = next;
       ++result.rigid_iterations;
-      if (result.last_step_px < kStepRest_px) break;
+      if (result.last_step_px < kStepRest_px) return;
     }
-    result.T_camera_model = T_camera_centered * to_center.inverse();
-    result.times.rigid_s = rigid_began.seconds();
-    if (isFullRank(answer.H)) {
-      result.covariance = covarianceOfResult(inverseOfSymmetric(answer.H), result.T_camera_model, tree_.centroid());
-    }
-    result.alignment = alignmentScore(tree_, tree_.points(), views, result.T_camera_model);
-    classify(tree_, result);
-    result.times.total_s = began.seconds();
-    return result;
   }
 
-  const VesselTree& tree() const override { return tree_; }
+  // What the network's last answer is worth.
+  std::optional<Matrix6d> covarianceAt(const XrayViews&, const Pose& T_camera_centered) const override {
+    if (!isFullRank(answer_.H)) return std::nullopt;
+    const Eigen::Translation3d to_center(tree().centroid());
+    return covarianceOfResult(inverseOfSymmetric(answer_.H), T_camera_centered * to_center.inverse(),
+                              tree().centroid());
+  }
 
- private:
   // All views' answers about the twist of the centred tree, weighed by what the network knows.
   NormalEquations answerAt(const XrayViews& views, const std::vector<cv::Mat>& attenuations,
                            const Pose& T_camera_centered) {
@@ -108,7 +89,7 @@ class PairwiseDnn final : public Registration {
     const Vector6d weights = kNearStd_px.array().square().inverse();
     for (std::size_t v = 0; v < views.size(); ++v) {
       const Pose T_view_centered = views[v].T_view_first * T_camera_centered;
-      const auto window = PairWindow::about(drawing_.pointsCentered(), views[v], T_view_centered);
+      const auto window = PairWindow::about(pointsCentered(), views[v], T_view_centered);
       if (!window) continue;
       const PairMotion motion = ask(drawing_.pair(attenuations[v], views[v], *window, T_view_centered));
       const Matrix6d J = motionByTwist(*window, views[v].T_view_first, T_camera_centered);
@@ -133,9 +114,9 @@ class PairwiseDnn final : public Registration {
     return motion;
   }
 
-  VesselTree tree_;
   PairDrawing drawing_;
   cv::dnn::Net network_;
+  NormalEquations answer_;  // The last one.
 };
 
 }  // namespace

@@ -4,16 +4,11 @@
 #include <opencv2/core.hpp>
 #include <random>
 
-#include "angio/base/stopwatch.hpp"
 #include "angio/geometry/decompositions.hpp"
-#include "angio/registration/alignment_score.hpp"
 #include "angio/vessel/plausible_radii.hpp"
-#include "fit_classification.hpp"
 #include "image_gradient.hpp"
-#include "image_needed.hpp"
+#include "image_registration.hpp"
 #include "methods.hpp"
-#include "nearest_covariance.hpp"
-#include "pose_prior_term.hpp"
 
 namespace angio::registration {
 namespace {
@@ -41,14 +36,13 @@ struct SilhouetteMatch {
 
 // A tree's points with a direction and a radius.
 struct SurfacePoints {
-  Eigen::Matrix3Xd points_centered, tangents;
+  Eigen::Matrix3Xd tangents;
   Eigen::VectorXd radii_m;
 };
 
 // All radii of the tree must be known.
 SurfacePoints surfaceOf(const VesselTree& tree) {
-  SurfacePoints surface{tree.points().colwise() - tree.centroid(), Eigen::Matrix3Xd::Zero(3, tree.size()),
-                        Eigen::VectorXd::Zero(tree.size())};
+  SurfacePoints surface{Eigen::Matrix3Xd::Zero(3, tree.size()), Eigen::VectorXd::Zero(tree.size())};
   for (int i = 0; i < tree.size(); ++i) {
     if (tree.parents()[i] < 0) continue;
     const Eigen::Vector3d edge = tree.points().col(i) - tree.points().col(tree.parents()[i]);
@@ -58,29 +52,19 @@ SurfacePoints surfaceOf(const VesselTree& tree) {
   return surface;
 }
 
-class Rgrb final : public Registration {
+class Rgrb final : public ImageRegistration {
  public:
   Rgrb(const RgrbSettings& settings, const VesselTree& tree)
-      : settings_(settings),
-        tree_(tree),
+      : ImageRegistration(RgrbSettings::kName, tree),
+        settings_(settings),
         surface_(surfaceOf(withPlausibleRadii(tree, 1e-3 * settings.end_radius_mm))),
-        radius_m_(std::sqrt(surface_.points_centered.colwise().squaredNorm().mean())) {}
+        radius_m_(std::sqrt(pointsCentered().colwise().squaredNorm().mean())) {}
 
-  using Registration::align;
-
-  RegistrationResult align(const XrayViews& views, const PosePrior&, const Pose& start) override {
-    requireImages(views, RgrbSettings::kName);
-    const Stopwatch began;
-    RegistrationResult result = resultAt(start, tree_.size(), views);
-    result.prior = PriorInForce::kNone;  // Nothing holds the pose at its start, and the covariance counts nothing.
-    if (tooFewPoints(result)) return result;
+ private:
+  void fit(const XrayViews& views, const std::vector<cv::Mat>& attenuations, Pose& T_camera_centered,
+           RegistrationResult& result) override {
     std::vector<ImageGradient> gradients;
-    for (const XrayView& view : views) gradients.emplace_back(vesselAttenuation(*view.image), kGradientSmoothing_px);
-    result.times.prepare_s = began.seconds();
-
-    const Stopwatch rigid_began;
-    const Eigen::Translation3d to_center(tree_.centroid());
-    Pose T_camera_centered = start * to_center;
+    for (const cv::Mat& attenuation : attenuations) gradients.emplace_back(attenuation, kGradientSmoothing_px);
     std::mt19937_64 engine(static_cast<std::uint64_t>(settings_.seed));
     double reach_px = 0;
     for (const XrayView& view : views) {
@@ -91,36 +75,25 @@ class Rgrb final : public Registration {
       const std::vector<SilhouetteMatch> matches = matched(views, gradients, T_camera_centered, reach_px);
       if (static_cast<int>(matches.size()) < kMinMatches) {
         result.last_step_px = reach_px;  // Not at rest: there is nothing that could hold it.
-        break;
+        return;
       }
       const Twist dx = agreedMotion(matches, std::max(kMinAgree_px, kAgreeShare * reach_px), engine);
       T_camera_centered = T_camera_centered * expSE3(dx);
       T_camera_centered.linear() = nearestRotation(T_camera_centered.linear());
       ++result.rigid_iterations;
       result.last_step_px = movedBy(matches, dx);
-      if (reach_px <= kMinReach_px && result.last_step_px < kGradientRest_px) break;
+      if (reach_px <= kMinReach_px && result.last_step_px < kGradientRest_px) return;
       reach_px = std::max(kMinReach_px, reach_px / 1.5);
     }
-    result.T_camera_model = T_camera_centered * to_center.inverse();
-    result.times.rigid_s = rigid_began.seconds();
-    result.covariance = covarianceByNearest(surface_.points_centered, views, T_camera_centered,
-                                            PosePriorTerm{T_camera_centered}, tree_.centroid());
-    result.alignment = alignmentScore(tree_, tree_.points(), views, result.T_camera_model);
-    classify(tree_, result);
-    result.times.total_s = began.seconds();
-    return result;
   }
 
-  const VesselTree& tree() const override { return tree_; }
-
- private:
   std::vector<SilhouetteMatch> matched(const XrayViews& views, const std::vector<ImageGradient>& gradients,
                                        const Pose& T_camera_centered, double reach_px) const {
     std::vector<SilhouetteMatch> matches;
     for (std::size_t v = 0; v < views.size(); ++v) {
       const Pose T = views[v].T_view_first * T_camera_centered;
-      for (Eigen::Index i = 0; i < surface_.points_centered.cols(); ++i) {
-        const Eigen::Vector3d p = surface_.points_centered.col(i), at = T * p;
+      for (Eigen::Index i = 0; i < pointsCentered().cols(); ++i) {
+        const Eigen::Vector3d p = pointsCentered().col(i), at = T * p;
         Eigen::Matrix<double, 2, 3> J;
         const auto pixel = views[v].camera.project(at, &J);
         if (!pixel || !views[v].sees(*pixel)) continue;
@@ -217,7 +190,6 @@ class Rgrb final : public Registration {
   }
 
   RgrbSettings settings_;
-  VesselTree tree_;
   SurfacePoints surface_;
   double radius_m_;
 };
