@@ -34,9 +34,16 @@ double valueOf(const CalibrationRecord& record, const std::string& name) {
 
 TEST(CameraBundle, JacobiansAreThoseOfDifferences) {
   test::Random random(1);
-  for (const LensKind kind : {LensKind::kNone, LensKind::kRadial, LensKind::kIntensifier}) {
+  // A grid's map, of the second order, of dozens of pixels; differences stay within its circle.
+  DisplacementPolynomial map{2, Eigen::Matrix2Xd(2, DisplacementPolynomial::termCount(2))};
+  for (Eigen::Index k = 0; k < map.coefficients_px.cols(); ++k)
+    map.coefficients_px.col(k) = random.vector(20).head<2>();
+  const auto grid = DetectorDistortion::polynomial({500, 520}, 900, map);
+  const std::pair<LensKind, std::optional<DetectorDistortion>> lenses[] = {
+      {LensKind::kNone, {}}, {LensKind::kRadial, {}}, {LensKind::kIntensifier, {}}, {LensKind::kNone, grid}};
+  for (const auto& [kind, known] : lenses) {
     CameraBundle bundle;
-    bundle.model = {kind, {511.5, 511.5}, 512, 1.1};
+    bundle.model = {kind, {511.5, 511.5}, 512, 1.1, known};
     CameraCalibrationSettings settings;
     settings.distortion = kind;
     settings.skew = true;
