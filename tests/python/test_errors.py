@@ -83,3 +83,11 @@ def test_arrays(data):
     camera = angio.XrayCamera.centered(64, 64, 1e-3, 1)
     assert line_of(lambda: angio.XrayView.of_image(np.zeros((64, 32), np.uint8), camera)).startswith("image = 64 x 32: must be of the camera's 64 x 64")
     assert line_of(lambda: camera.project([[0, 0, 1], [0, 0, -1]])).startswith("points[1].z = -1")
+
+
+def test_sizes_that_cannot_be(data):
+    tree = angio.read_vessel_tree(str(data / "static-phantom/tree.csv"))
+    assert "spacing_m = -1" in line_of(lambda: angio.resampled(tree, -1))
+    assert "spacing_m = nan" in line_of(lambda: angio.resampled(tree, float("nan")))
+    assert "max_points = 1" in line_of(lambda: angio.resampled(tree, 1e-3, 1))
+    assert "index = -1" in line_of(lambda: angio.simulated_trial(tree, -1))

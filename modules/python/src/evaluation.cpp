@@ -102,6 +102,7 @@ void bindTrial(py::module_& m) {
   m.def(
       "simulated_trial",
       [](const VesselTree& tree, int index, const py::object& simulation, const std::optional<XrayCamera>& camera) {
+        if (index < 0) throw InputError("", "index", std::to_string(index), "must not be negative");
         const SimulationSettings world = simulationSettings(simulation);
         checkSettings("simulation", world);
         return unlocked([&] { return simulatedTrial(tree, camera, world, index); });

@@ -64,6 +64,8 @@ void bindTree(py::module_& m) {
   m.def(
       "resampled",
       [](const VesselTree& tree, double spacing_m, int max_points) {
+        if (!(spacing_m >= 0)) throw InputError("", "spacing_m", formatValue(spacing_m), "must not be negative");
+        if (max_points < 2) throw InputError("", "max_points", std::to_string(max_points), "must be at least 2");
         return std::make_shared<VesselTree>(resampled(tree, spacing_m, max_points).tree);
       },
       doc("resampled"), "tree"_a, "spacing_m"_a, "max_points"_a = 1'000'000);
