@@ -35,8 +35,10 @@ struct Misfit {
 constexpr Misfit kSmoothMisfit = {1, 15}, kLocalMisfit = {0.3, 4};
 constexpr Misfit kLinesAloneMisfit = {0.5, 4};  // One curve in a large tree: every bend of it counts.
 
-// How often the image is matched for the posterior, which decides in the end.
-constexpr int kPosteriorRounds = 2;
+// How often the image is matched for the posterior, which decides in the end: in several views, which pull a tree
+// straight that was matched with neighbours, once more and from further away.
+constexpr int kPosteriorRounds = 2, kViewsRounds = 3;
+constexpr double kLastViewsGate_px = 6;
 
 // When the image has less than this of the length of model in view, most vessels have no image and must not be pulled
 // to one.
@@ -200,7 +202,10 @@ class DeformationFit::Run {
   // Pose and displacements become their posterior means given the matches, which are made again where those are.
   void conclude() {
     const bool one_view = frame_.viewCount() == 1;
-    for (int round = 0; round < kPosteriorRounds; ++round) {
+    const int rounds = one_view ? kPosteriorRounds : kViewsRounds;
+    for (int round = 0; round < rounds; ++round) {
+      const bool last = round + 1 == rounds;
+      if (last && !one_view) gate_px_ = kLastViewsGate_px;
       if (!pullLines(kLocalMisfit, true)) return;
       std::vector<MatchedView> views;
       for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
@@ -210,11 +215,12 @@ class DeformationFit::Run {
           residualGroups(views, fit_.model_, displaced_, tolerance_px_, one_view ? kOneViewGroups : kViewsGroups);
       if (groups.size() < static_cast<std::size_t>(kMinGroups)) return;
       const auto posterior = std::make_shared<DeformationPosterior>(
-          groups, belief_, T_, 1e-3 * fit_.settings_.length_mm, one_view ? kOneViewShape : kViewsShape);
+          groups, belief_, T_, 1e-3 * fit_.settings_.length_mm, one_view ? kOneViewShape : kViewsShape,
+          one_view ? DeformationPosterior::kTails : DeformationPosterior::kViewsTails);
       if (!posterior->known()) return;
       result_.posterior = posterior;
       result_.pose_covariance = posterior->twistCovariance();
-      if (round + 1 == kPosteriorRounds && one_view) {
+      if (last && one_view) {
         result_.groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kCoarseGroups);
         result_.T_groups_camera_centered = T_;
       }

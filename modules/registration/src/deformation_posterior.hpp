@@ -25,6 +25,8 @@ class DeformationPosterior final : public TreeError {
  public:
   /// Measured deformations are not drawn from the process: the errors' tails are wider than a normal distribution's.
   static constexpr double kTails = 2.2;
+  /// Several views tell how large it is: what else is off is seen place by place (LocalMisfit).
+  static constexpr double kViewsTails = 1;
 
   /// @param groups    About T_camera_centered and no displacement; at least kMinGroups.
   /// @param belief    Of the pose before the image.

@@ -25,8 +25,7 @@ struct ProcessShape {
   double growth;  ///< Of a growth alike on all axes, at the radius of gyration.
   /// Of the smooth part what goes together over L, L / 2 and L / 6; their sum is 1.
   double over_long, over_half, over_short;
-  /// Factor on what is claimed: vessels that are matched with their neighbours are off by more than any process says,
-  /// and several views leave little else open.
+  /// Factor on what is claimed: several views leave little open, less than any process gets right.
   double claims = 1;
 };
 
@@ -38,7 +37,7 @@ inline constexpr ProcessShape kOneViewShape{8, 0.5, 0.5, 0};
 /// Of a fit to several views, which tell depth. Measured motions of lungs carried over to brains, less a linear map:
 /// differences over 4, 9, 17, 31 and 52 mm have 0.03, 0.10, 0.30, 0.68 and 1.0 of their variance, as a Matern 5/2 over
 /// 10 mm has it.
-inline constexpr ProcessShape kViewsShape{8, 0.1, 0.1, 0.8, 1.6};
+inline constexpr ProcessShape kViewsShape{8, 0.1, 0.1, 0.8, 1.4};
 
 /// What is expected of a tree's deformation before an image is looked at, for an amplitude of 1.
 ///

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "angio/registration/result.hpp"
+#include "local_misfit.hpp"
 #include "tree_error.hpp"
 
 namespace angio::registration {
@@ -12,7 +13,9 @@ namespace angio::registration {
 /// were when the fit came to rest.
 ///
 /// @param points_centered  The tree's, 3 x N, about the centroid; the spread is that of a few of them.
+/// @param misfit           What single points are off by besides; null: nothing is known of that.
 void setUncertainty(const std::shared_ptr<const TreeError>& error, const Eigen::Matrix3Xd& points_centered,
-                    const Pose& T_camera_centered, const Eigen::Vector3d& centroid, RegistrationResult& result);
+                    const Pose& T_camera_centered, const Eigen::Vector3d& centroid, RegistrationResult& result,
+                    std::shared_ptr<const LocalMisfit> misfit = nullptr);
 
 }  // namespace angio::registration

@@ -358,7 +358,12 @@ class OrientedKernel final : public Registration {
       result.T_camera_model = deformed_pose;
       result.displacements_m = model_.resampled.ofOriginal(fit.displacements_m);
       if (fit.posterior) {
-        setUncertainty(fit.posterior, model_.points, centered(result.T_camera_model), model_.centroid, result);
+        // In one view the tails are wide enough, and a loop would hold for a vessel that a frame does not show.
+        const auto misfit = frame_.viewCount() > 1 ? std::make_shared<LocalMisfit>(frame_.views(), model_,
+                                                                                   model_.points + fit.displacements_m,
+                                                                                   fit.T_camera_centered)
+                                                   : nullptr;
+        setUncertainty(fit.posterior, model_.points, centered(result.T_camera_model), model_.centroid, result, misfit);
         keepEvidence(fit.groups, fit.T_groups_camera_centered, model_.points + fit.displacements_m, result);
       } else {
         result.covariance = covarianceOfResult(fit.pose_covariance, result.T_camera_model, model_.centroid);

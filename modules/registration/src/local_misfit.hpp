@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+
+#include "angio/registration/xray_view.hpp"
+#include "oriented_model.hpp"
+
+namespace angio::registration {
+
+/// How far a fitted tree is from what the images show of it, place by place.
+///
+/// A posterior is of the matches that were made. Where a vessel was matched with its neighbour, or with nothing, the
+/// tree is off by more than the posterior says, and no image point stands where the vessel is said to be. The distance
+/// to the nearest image point that runs along the vessel counts as a standard deviation across the beam of that view,
+/// beside the posterior's. A vessel without contrast agent has no image either: what is claimed of it is wider, too.
+class LocalMisfit {
+ public:
+  /// @param model              The tree, about its centroid.
+  /// @param displaced          The model's points as they have been fitted, 3 x N [m].
+  /// @param T_camera_centered  Pose of the fit.
+  LocalMisfit(const XrayViews& views, const OrientedModel& model, const Eigen::Matrix3Xd& displaced,
+              const Pose& T_camera_centered);
+
+  /// Returns what is to be added to the covariance of the error of a place of the tree before it is displaced, model
+  /// axes [m^2]: a mean over some millimetres of vessel; zero far from the tree.
+  Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& at) const;
+
+ private:
+  Eigen::Matrix3Xd points_;                                 // The model's.
+  Eigen::Matrix<double, 6, Eigen::Dynamic> covariance_m2_;  // Of each: xx, xy, xz, yy, yz, zz.
+};
+
+}  // namespace angio::registration
