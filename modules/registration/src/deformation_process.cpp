@@ -61,12 +61,20 @@ void addMatern(double share, const Eigen::ArrayXXd& apart_m, double length_m, Ei
   to += share * ((1 + d + d.square() / 3) * (-d).exp());
 }
 
-// Element by element, what residuals see of displacements that go together like that.
-void asResiduals(const ResidualArrays& groups, Eigen::MatrixXd& together) {
-  inColumns(together.cols(), [&](Eigen::Index first, Eigen::Index count) {
-    const Eigen::MatrixXd seen = groups.gradient.transpose() * groups.gradient.middleCols(first, count);
-    together.middleCols(first, count).array() *= seen.array();
+// What residuals see of displacements that go together as `together` says of two sets of places: its lower triangle,
+// which is all that a factor asks for, and zeros above. `add` adds to some columns of it, from a row on.
+template <typename Together, typename Add>
+Eigen::MatrixXd lowerOfResiduals(const ResidualArrays& groups, Together&& together, Add&& add) {
+  const Eigen::Index n = groups.at.cols();
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(n, n);
+  inColumns(n, [&](Eigen::Index first, Eigen::Index count) {
+    const Eigen::Index rows = n - first;
+    Eigen::MatrixXd block = groups.gradient.rightCols(rows).transpose() * groups.gradient.middleCols(first, count);
+    block.array() *= together(groups.at.rightCols(rows).eval(), groups.at.middleCols(first, count).eval()).array();
+    add(first, count, block);
+    result.block(first, first, rows, count) = block;
   });
+  return result;
 }
 
 // Jacobians and residuals, in columns of like size for the determinant's sake.
@@ -160,10 +168,12 @@ Eigen::Matrix3d DeformationProcess::covariance(const Eigen::Vector3d& at) const 
 }
 
 Eigen::MatrixXd DeformationProcess::ofResiduals(const ResidualArrays& groups) const {
-  Eigen::MatrixXd result = alike(groups.at, groups.at);
-  asResiduals(groups, result);
-  result += growth() * groups.outwards * groups.outwards.transpose();
-  return result;
+  return lowerOfResiduals(
+      groups, [&](const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) { return alike(a, b); },
+      [&](Eigen::Index first, Eigen::Index count, Eigen::MatrixXd& block) {
+        const Eigen::Index rows = block.rows();
+        block += growth() * groups.outwards.tail(rows) * groups.outwards.segment(first, count).transpose();
+      });
 }
 
 Eigen::Matrix<double, Eigen::Dynamic, 3> DeformationProcess::withPlace(const ResidualArrays& groups,
@@ -181,9 +191,7 @@ Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3
 }
 
 Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups) {
-  Eigen::MatrixXd result = localCorrelation(groups.at, groups.at);
-  asResiduals(groups, result);
-  return result;
+  return lowerOfResiduals(groups, localCorrelation, [](Eigen::Index, Eigen::Index, Eigen::MatrixXd&) {});
 }
 
 ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGroup> all) {

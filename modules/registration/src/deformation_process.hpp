@@ -37,7 +37,7 @@ inline constexpr ProcessShape kOneViewShape{8, 0.5, 0.5, 0};
 /// Of a fit to several views, which tell depth. Measured motions of lungs carried over to brains, less a linear map:
 /// differences over 4, 9, 17, 31 and 52 mm have 0.03, 0.10, 0.30, 0.68 and 1.0 of their variance, as a Matern 5/2 over
 /// 10 mm has it.
-inline constexpr ProcessShape kViewsShape{8, 0.1, 0.1, 0.8, 1.4};
+inline constexpr ProcessShape kViewsShape{8, 0.1, 0.1, 0.8, 1.6};
 
 /// What is expected of a tree's deformation before an image is looked at, for an amplitude of 1.
 ///
@@ -60,7 +60,7 @@ class DeformationProcess {
   /// Returns the covariance of the displacement of one place.
   Eigen::Matrix3d covariance(const Eigen::Vector3d& at) const;
 
-  /// Returns the covariance of the groups' residuals, n x n [px^2/m^2].
+  /// Returns the covariance of the groups' residuals, n x n [px^2/m^2]: the lower triangle, and zeros above.
   Eigen::MatrixXd ofResiduals(const ResidualArrays& groups) const;
 
   /// Returns the covariance of the groups' residuals with the displacement of a place, n x 3 [px/m].
@@ -75,7 +75,8 @@ class DeformationProcess {
 /// places, 3 x n and 3 x m: n x m.
 Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b);
 
-/// Returns the covariance of the groups' residuals by it, for an amplitude of 1, n x n [px^2/m^2].
+/// Returns the covariance of the groups' residuals by it, for an amplitude of 1, n x n [px^2/m^2]: the lower triangle,
+/// and zeros above.
 Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups);
 
 /// Moments at which a tree was seen, and how its displacements at them go together before they are looked at: the same
@@ -100,7 +101,7 @@ struct ErrorSizes {
 /// about 64 are asked.
 ErrorSizes errorSizes(const DeformationProcess& process, std::vector<ResidualGroup> groups);
 
-/// Returns the covariance of the groups' residuals without the image's noise [px^2].
+/// Returns the covariance of the groups' residuals without the image's noise [px^2]: the lower triangle.
 ///
 /// @param amplitude_m  Of the deformation.
 Eigen::MatrixXd covarianceOfResiduals(const DeformationProcess& process, const ResidualArrays& groups,

@@ -17,7 +17,8 @@ ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d&
   if (n < kMinGroups) return;
   groups_ = ResidualArrays(groups);
   process_ = DeformationProcess(groups, length_m, kRigidShape);
-  const Eigen::MatrixXd deformed = process_.ofResiduals(groups_);
+  Eigen::MatrixXd deformed = process_.ofResiduals(groups_);
+  deformed.triangularView<Eigen::StrictlyUpper>() = deformed.transpose();
   Eigen::Matrix<double, 6, Eigen::Dynamic> pull(6, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const ResidualGroup& group = groups[i];
