@@ -2,19 +2,21 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "angio/apps/namespace.hpp"
+#include "angio/campaign/program.hpp"
 #include "angio/cli/command_line_fwd.hpp"
 #include "evaluate_results.hpp"
 
 namespace angio::apps {
 
 // Each adds its sub-command to the program, and becomes its work when the command line chooses it.
-void addEvaluateSimulation(cli::Command& app, Work& work);
-void addEvaluatePaper(cli::Command& app, Work& work);
-void addEvaluateExtraction(cli::Command& app, Work& work);
+void addEvaluateSimulation(cli::Command& app, Work& work, const Campaigns& campaigns);
+void addEvaluatePaper(cli::Command& app, Work& work, const Campaigns& campaigns);
+void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campaigns);
 void addEvaluateCatheter(cli::Command& app, Work& work);
 
 /// What all of them ask of methods.
@@ -32,7 +34,11 @@ struct MethodOptions : EntrantsAsked {
 /// The option --model-axes; `axes` is its default.
 cli::Option* addModelAxes(cli::Command& command, ModelAxes& axes);
 
-/// Ends a sub-command: writes the results with the machine where `out` names a file, and prints the text. Returns 0.
-int reported(Json json, const std::string& out, const std::string& text);
+/// Adds the fingerprints of all that a case set names, and of its cameras and poses.
+void addInputs(std::map<std::string, std::string>& inputs, const std::string& path, const CaseSet& set);
+
+/// Ends a sub-command: writes the results with the machine, unless it is null, where `out` names a file, and prints
+/// the text. Returns 0.
+int reported(Json json, const std::string& out, const std::string& text, const Json& machine);
 
 }  // namespace angio::apps

@@ -337,7 +337,7 @@ int evaluateCatheter(const CatheterOptions& o) {
   }
   json["settings"] = settingsAsJson(file);
   if (!o.sheet.empty()) writeImage(o.sheet, catheterSheet(all, frames, set, o.columns, o.side_px));
-  return reported(json, o.out, text);
+  return reported(json, o.out, text, machineAsJson());
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-evaluate extraction: how well centrelines are found in X-ray images.
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -18,6 +19,7 @@ namespace angio::apps {
 namespace {
 
 struct ExtractionOptions {
+  CampaignOptions campaign;
   std::vector<std::string> extractors = {RidgeSettings::kName, OtsuSettings::kName};
   std::vector<std::string> trees, images;
   std::string cases, annotations, camera, settings, out, sheet;
@@ -73,11 +75,8 @@ std::vector<Source> sourcesOf(const ExtractionOptions& o, const ExtractionFile& 
   return sources;
 }
 
-int evaluateExtraction(const ExtractionOptions& o) {
-  requireFolderOf(o.out);
-  requireImagePath(o.sheet);
-  ExtractionFile file;
-  if (!o.settings.empty()) file = readSettings(o.settings, file);
+int evaluateExtraction(const ExtractionOptions& o, const ExtractionFile& file, const std::vector<Source>& sources,
+                       const CampaignRun& run) {
   std::vector<ExtractionEntrant> entrants;
   Json json;
   for (const auto& name : o.extractors) {
@@ -85,31 +84,52 @@ int evaluateExtraction(const ExtractionOptions& o) {
     entrants.push_back({name, file.methods.extractors.named(name)});
     json["settings"].update(extractorAsJson(entrants.back().settings));
   }
-  const std::vector<Source> sources = sourcesOf(o, file);
   int total = 0, done = 0;
   for (const auto& source : sources) total += source.samples.count * static_cast<int>(entrants.size());
-  ProgressBar bar("extracting", total);
+  ProgressBar bar("extracting", run.share(total));
   std::vector<SheetPicture> pictures;
   std::string tables;
   for (const auto& source : sources) {
     const bool goes_on = finishPart(!tables.empty(), [&] {
       const double tolerance_px = o.tolerance_px > 0 ? o.tolerance_px : source.usual_tolerance_px;
-      const auto runs =
-          runExtraction(source.samples, entrants, tolerance_px, o.sheet.empty() ? Pictures::kNone : Pictures::kKeep,
-                        [&](int) { bar.show(++done, source.name); });
+      const auto runs = runExtraction(
+          source.samples, entrants, tolerance_px, o.sheet.empty() ? Pictures::kNone : Pictures::kKeep,
+          [&](int) { bar.show(++done, source.name); }, run.rows);
       pictures.insert(pictures.end(), runs.front().pictures.begin(), runs.front().pictures.end());
-      json["sources"][source.name] = extractionSummaries(runs);
+      json["sources"][source.name] = run.shown(extractionSummaries(runs));
       tables += (tables.empty() ? "" : "\n") + source.name + "\n\n" + extractionTable(json["sources"][source.name]);
     });
     if (!goes_on) break;
   }
+  if (!run.done()) return 0;
   if (!o.sheet.empty()) writeImage(o.sheet, contactSheet(pictures, o.columns, o.side_px));
-  return reported(json, o.out, tables);
+  return reported(json, o.out, tables, run.machine);
+}
+
+int evaluateExtraction(const ExtractionOptions& o, const Campaigns& campaigns) {
+  requireFolderOf(o.out);
+  requireImagePath(o.sheet);
+  ExtractionFile file;
+  if (!o.settings.empty()) file = readSettings(o.settings, file);
+  const std::vector<Source> sources = sourcesOf(o, file);
+  int most = 0;
+  for (const Source& source : sources) most = std::max(most, source.samples.count);
+  CampaignJob job{
+      o.campaign, o.out, most, {}, [&](const CampaignRun& run) { return evaluateExtraction(o, file, sources, run); }};
+  for (const auto& path : {o.settings, o.camera, o.annotations}) addInput(job.inputs, path);
+  for (const auto& paths : {o.trees, o.images}) {
+    for (const std::string& path : paths) addInput(job.inputs, path);
+  }
+  if (!o.cases.empty()) addInputs(job.inputs, o.cases, readCaseSet(o.cases));
+  if (!o.annotations.empty()) {
+    for (const AnnotatedImage& image : readCocoPolygons(o.annotations)) addInput(job.inputs, image.image_path);
+  }
+  return campaigns.run(job);
 }
 
 }  // namespace
 
-void addEvaluateExtraction(cli::Command& app, Work& work) {
+void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campaigns) {
   const auto o = std::make_shared<ExtractionOptions>();
   auto* command = app.addSubcommand("extraction", "Compare extracted centrelines with what X-ray images show");
   command->footer(
@@ -141,10 +161,12 @@ void addEvaluateExtraction(cli::Command& app, Work& work) {
   addSettingsOptions(*command, o->settings, "Settings (.yaml), sections by extractor, and fluoroscopy",
                      settingsInForce<ExtractionFile>);
   command->addOption("--out", o->out, "Scores (.json)");
-  command->addOption("--sheet", o->sheet, "Picture of what the first extractor found in each image (.png, .jpg)");
+  auto* sheet =
+      command->addOption("--sheet", o->sheet, "Picture of what the first extractor found in each image (.png, .jpg)");
   command->addOption("--columns", o->columns, "Of the sheet")->check(cli::wholeBetween(1, 100));
   command->addOption("--side-px", o->side_px, "Of each picture on it")->check(cli::wholeBetween(50, 2000));
-  command->onChosen([o, &work] { work = [o] { return evaluateExtraction(*o); }; });
+  o->campaign.addTo(*command, {sheet});
+  command->onChosen([o, &work, &campaigns] { work = [o, &campaigns] { return evaluateExtraction(*o, campaigns); }; });
 }
 
 }  // namespace angio::apps

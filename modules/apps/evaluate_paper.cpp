@@ -30,8 +30,13 @@ constexpr int kTrialsForStart = 4;
 
 const std::string kLoss = "loss", kVisibleFraction = "visible-fraction", kPointSets = "3d-3d";
 
+// The data that stand in for the paper's in Table II.
+const std::string kPhantomCases = "static-phantom/cases.yaml", kCatheterCases = "hepatic-tace/cases.yaml";
+const std::string kRealCases[] = {kPhantomCases, kCatheterCases};
+
 struct PaperOptions {
   MethodOptions method;
+  CampaignOptions campaign;
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), out, report;
   std::vector<int> tables;
   std::vector<std::string> figures;
@@ -58,9 +63,11 @@ std::vector<Entrant> deformed(const std::vector<Entrant>& entrants, Deformation 
 // The experiments that are asked for, one after the other, and what they say.
 class PaperExperiments {
  public:
-  explicit PaperExperiments(const PaperOptions& o)
+  PaperExperiments(const PaperOptions& o, const CampaignRun& campaign)
       : o_(o),
+        campaign_(campaign),
         file_(o.method.settings.empty() ? ProgramSettings() : readSettings(o.method.settings, ProgramSettings())) {
+    setup_.campaign = campaign.rows;
     setup_.trees.push_back(resampled(readVesselTree(o.tree), kTreeSpacing_m, kMaxTreePoints).tree);
     const std::vector<Entrant> entrants = o.method.entrants(file_);
     rigid_ = deformed(entrants, Deformation::kRigid);
@@ -79,28 +86,32 @@ class PaperExperiments {
   }
 
   int report() {
-    bar_.emplace("registering", total_);
+    bar_.emplace("registering", campaign_.share(total_));
     const bool goes_on = (!o_.asksFor(1) && !o_.asksFor(3)) || tables1And3();
     if (goes_on && o_.asksFor(2)) table2();
     if (!interrupted() && o_.asksFor(kLoss)) losses();
     if (!interrupted() && o_.asksFor(kVisibleFraction)) visible();
     if (!interrupted() && o_.asksFor(kPointSets)) {
-      paper_["point_sets"] = pointSetStudy(setup_.trees.front(), o_.trials, o_.seed, [&](int) { bar_->show(++done_); });
+      paper_["point_sets"] = pointSetStudy(
+          setup_.trees.front(), o_.trials, o_.seed, [&](int) { bar_->show(++done_); }, campaign_.rows);
     }
+    if (!campaign_.done()) return 0;
+    paper_ = campaign_.shown(std::move(paper_));
 
     Json json;
     if (!table1_.empty()) {
       json = runsAsJson(table1_, simulationSummaries(table1_, simulatedCamera().parameters().pixel_spacing_m));
     }
+    json = campaign_.shown(std::move(json));
     json["paper"] = paper_;
     json["settings"] = entrantsAsJson(both_);
     json["settings"]["simulation"] = settingsAsJson(protocol(paperTable1Start()));
     json["settings"]["simulation"]["tree"] = std::filesystem::path(o_.tree).filename().string();
     if (!o_.report.empty()) {
-      writeWholeFile(o_.report,
-                     paperReportHtml({table1_, paper_, json["settings"]["simulation"]["tree"], json["settings"]}));
+      writeWholeFile(o_.report, paperReportHtml({table1_, paper_, json["settings"]["simulation"]["tree"],
+                                                 json["settings"], campaign_.machine}));
     }
-    return reported(json, o_.out, tables());
+    return reported(json, o_.out, tables(), campaign_.machine);
   }
 
  private:
@@ -133,21 +144,22 @@ class PaperExperiments {
     return !interrupted();
   }
 
-  // The data that stand in for the paper's.
   std::vector<RealCases> realCases() const {
     const CaseSet phantom =
-        withDrawnStarts(readCaseSet(exampleDataFile("static-phantom/cases.yaml")), paperTable1Start().rotation_std_deg,
+        withDrawnStarts(readCaseSet(exampleDataFile(kPhantomCases)), paperTable1Start().rotation_std_deg,
                         paperTable1Start().translation_std_mm, std::max(1, o_.trials / kTrialsForStart), o_.seed);
     return {{"static phantom, its centrelines", phantom, true},
             {"static phantom, by the extractor", seenByImages(phantom), true},
-            {"clinical catheter run", readCaseSet(exampleDataFile("hepatic-tace/cases.yaml")), false}};
+            {"clinical catheter run", readCaseSet(exampleDataFile(kCatheterCases)), false}};
   }
   void table2() {
     const ExtractorSettings extractor = chosenExtractor(file_, o_.method.extractor);
     std::vector<RealRuns> all;
     for (const RealCases& cases : real_) {
-      const bool goes_on = finishPart(
-          true, [&] { all.push_back(runRealCases(cases, both_, extractor, [&](int) { bar_->show(++done_); })); });
+      const bool goes_on = finishPart(true, [&] {
+        all.push_back(runRealCases(
+            cases, both_, extractor, [&](int) { bar_->show(++done_); }, campaign_.rows));
+      });
       if (!goes_on) break;
     }
     paper_["table2"] = paperTable2AsJson(all);
@@ -182,6 +194,7 @@ class PaperExperiments {
   }
 
   const PaperOptions& o_;
+  const CampaignRun& campaign_;
   ProgramSettings file_;
   SimulationSetup setup_;
   std::vector<Entrant> rigid_, both_;
@@ -192,15 +205,24 @@ class PaperExperiments {
   Json paper_ = Json::object();
 };
 
-int evaluatePaper(PaperOptions o) {
+int evaluatePaper(PaperOptions o, const Campaigns& campaigns) {
   for (const auto& path : {o.out, o.report}) requireFolderOf(path);
   if (o.tables.empty() && o.figures.empty()) o.tables = {1, 3};
-  return PaperExperiments(o).report();
+  CampaignJob job{
+      o.campaign, o.out, o.trials, {}, [&](const CampaignRun& run) { return PaperExperiments(o, run).report(); }};
+  for (const auto& path : {o.method.settings, o.tree}) addInput(job.inputs, path);
+  if (o.asksFor(2)) {
+    for (const std::string& name : kRealCases) {
+      const std::string path = exampleDataFile(name);
+      addInputs(job.inputs, path, readCaseSet(path));
+    }
+  }
+  return campaigns.run(job);
 }
 
 }  // namespace
 
-void addEvaluatePaper(cli::Command& app, Work& work) {
+void addEvaluatePaper(cli::Command& app, Work& work, const Campaigns& campaigns) {
   const auto o = std::make_shared<PaperOptions>();
   const std::string papers = IterativePnpSettings::kName;
   o->method.methods = {AutoMaskSettings::kName,
@@ -239,8 +261,9 @@ void addEvaluatePaper(cli::Command& app, Work& work) {
   command->addOption("--seed", o->seed, "Seed of all draws")->check(cli::wholeBetween(0, 2147483647));
   o->method.addTo(*command, settingsInForce<ProgramSettings>);
   command->addOption("--out", o->out, "All results (.json)");
-  command->addOption("--report", o->report, "Report with curves (.html)");
-  command->onChosen([o, &work] { work = [o] { return evaluatePaper(*o); }; });
+  auto* report = command->addOption("--report", o->report, "Report with curves (.html)");
+  o->campaign.addTo(*command, {report});
+  command->onChosen([o, &work, &campaigns] { work = [o, &campaigns] { return evaluatePaper(*o, campaigns); }; });
 }
 
 }  // namespace angio::apps

@@ -39,8 +39,8 @@ Json casesResults(const CaseSet& set, const CasesAsked& asked, const EntrantProg
   Json json, methods;
   int done = 0;
   for (const auto& entrant : asked.entrants) {
-    const CaseRunSettings settings{entrant.registration, entrant.starts,         asked.extractor,
-                                   asked.tracker,        asked.point_covariance, asked.nonrigid};
+    const CaseRunSettings settings{entrant.registration,   entrant.starts, asked.extractor, asked.tracker,
+                                   asked.point_covariance, asked.nonrigid, asked.campaign};
     const bool goes_on = finishPart(!methods.empty(), [&] {
       const auto outcomes = runCases(set, settings, [&](int) {
         ++done;

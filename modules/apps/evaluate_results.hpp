@@ -36,6 +36,7 @@ struct CasesAsked {
   ExtractorSettings extractor;
   PatientTrackerSettings tracker;
   bool point_covariance = false, nonrigid = false;
+  Campaign* campaign = nullptr;  ///< As CaseRunSettings has it.
 };
 
 /// Called with how many registrations are done, and whose the last one was.

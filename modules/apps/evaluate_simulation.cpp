@@ -22,6 +22,7 @@ namespace {
 
 struct SimulationOptions {
   MethodOptions method;
+  CampaignOptions campaign;
   std::vector<std::string> trees, motions;
   std::string camera, sweep, out, report;
   ModelAxes model_axes = SimulationSettings().model_axes;
@@ -44,17 +45,9 @@ struct SimulationFile {
   }
 };
 
-int evaluateSimulation(const SimulationOptions& o) {
-  SimulationFile file;
-  for (const auto& path : {o.out, o.report}) requireFolderOf(path);
-  if (!o.method.settings.empty()) file = readSettings(o.method.settings, file);
-  for (const auto& set : o.given) set(file.simulation);
-  const SimulationSettings& settings = file.simulation;
-  checkSettings("simulation", settings);
-
-  SimulationSetup setup;
-  setup.entrants = o.method.entrants(file.methods);
-  setup.extractor = chosenExtractor(file.methods, o.method.extractor);
+int evaluateSimulation(const SimulationOptions& o, const SimulationSettings& settings, SimulationSetup setup,
+                       const CampaignRun& run) {
+  setup.campaign = run.rows;
   std::vector<std::string> tree_names;
   for (const auto& path : o.trees) {
     setup.trees.push_back(readVesselTree(path));
@@ -74,26 +67,46 @@ int evaluateSimulation(const SimulationOptions& o) {
   const int run_size = settings.trials * static_cast<int>(setup.entrants.size());
   int total = run_size, done = 0;
   for (const auto& sweep : sweeps) total += run_size * static_cast<int>(sweep.points.size());
-  ProgressBar bar("registering", total);
+  ProgressBar bar("registering", run.share(total));
   const auto runs = runSimulation(setup, settings, [&](int) { bar.show(++done); });
   const auto spacing_m = setup.camera.value_or(simulatedCamera()).parameters().pixel_spacing_m;
-  const auto summaries = simulationSummaries(runs, spacing_m);
+  const auto summaries = run.shown(simulationSummaries(runs, spacing_m));
   std::vector<Json> swept;
   for (const auto& sweep : sweeps) {
     if (interrupted()) break;
-    swept.push_back(runSweep(setup, sweep, [&](int) { bar.show(++done, sweep.name); }));
+    swept.push_back(run.shown(runSweep(setup, sweep, [&](int) { bar.show(++done, sweep.name); })));
   }
+  if (!run.done()) return 0;
 
-  auto json = simulationResults(setup, settings, runs, summaries);
+  Json json = run.shown(simulationResults(setup, settings, runs, summaries));
   for (const Json& sweep : swept) json["sweeps"][sweep["name"].get<std::string>()] = sweep;
   json["settings"]["simulation"]["trees"] = tree_names;
   if (!o.report.empty()) {
-    writeWholeFile(o.report,
-                   simulationReportHtml({setup, settings, runs, summaries, swept, json["settings"], tree_names}));
+    writeWholeFile(o.report, simulationReportHtml(
+                                 {setup, settings, runs, summaries, swept, json["settings"], tree_names, run.machine}));
   }
   std::string tables = simulationTable(summaries);
   for (const Json& sweep : swept) tables += "\n" + sweepTable(sweep);
-  return reported(json, o.out, tables);
+  return reported(json, o.out, tables, run.machine);
+}
+
+int evaluateSimulation(const SimulationOptions& o, const Campaigns& campaigns) {
+  SimulationFile file;
+  for (const auto& path : {o.out, o.report}) requireFolderOf(path);
+  if (!o.method.settings.empty()) file = readSettings(o.method.settings, file);
+  for (const auto& set : o.given) set(file.simulation);
+  checkSettings("simulation", file.simulation);
+  SimulationSetup setup;
+  setup.entrants = o.method.entrants(file.methods);
+  setup.extractor = chosenExtractor(file.methods, o.method.extractor);
+  CampaignJob job{o.campaign, o.out, file.simulation.trials, {}, [&](const CampaignRun& run) {
+                    return evaluateSimulation(o, file.simulation, setup, run);
+                  }};
+  for (const auto& path : {o.method.settings, o.camera}) addInput(job.inputs, path);
+  for (const auto& paths : {o.trees, o.motions}) {
+    for (const std::string& path : paths) addInput(job.inputs, path);
+  }
+  return campaigns.run(job);
 }
 
 // The range of one field, by its key.
@@ -175,7 +188,7 @@ void addFields(cli::Command& command, const std::shared_ptr<SimulationOptions>& 
 
 }  // namespace
 
-void addEvaluateSimulation(cli::Command& app, Work& work) {
+void addEvaluateSimulation(cli::Command& app, Work& work, const Campaigns& campaigns) {
   const auto o = std::make_shared<SimulationOptions>();
   auto* command = app.addSubcommand("simulation", "Run simulated trials with known truth");
   command->footer(
@@ -213,11 +226,12 @@ void addEvaluateSimulation(cli::Command& app, Work& work) {
   for (const auto& name : sweepNames()) names += name + ", ";
   command->addOption("--sweep", o->sweep, "Besides, over a range of: " + names + "or all");
   command->addOption("--out", o->out, "All results (.json)");
-  command->addOption("--report", o->report, "Report with curves and pictures (.html)");
-  command->onChosen([o, axes, from, &work] {
+  auto* report = command->addOption("--report", o->report, "Report with curves and pictures (.html)");
+  o->campaign.addTo(*command, {report});
+  command->onChosen([o, axes, from, &work, &campaigns] {
     if (from->given()) o->given.push_back([o](SimulationSettings& s) { s.from = o->from; });
     if (axes->given()) o->given.push_back([o](SimulationSettings& s) { s.model_axes = o->model_axes; });
-    work = [o] { return evaluateSimulation(*o); };
+    work = [o, &campaigns] { return evaluateSimulation(*o, campaigns); };
   });
 }
 

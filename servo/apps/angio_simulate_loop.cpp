@@ -25,6 +25,7 @@ struct ExperimentOptions {
   std::string tree = exampleDataFile("hepatic-tace/tree.csv"), calibration = exampleDataFile("hepatic-tace/carm.yaml");
   std::string t_dsa_cb, settings, out, machine = "both";
   PatientOptions patient;
+  CampaignOptions campaign;
   Runs runs;
   CenterExperimentSettings center;
   double center_duration_s = 30;
@@ -37,25 +38,26 @@ struct Experiment {
   VesselTree tree;
   CArmCalibration nominal;
   Runs runs;
+  const CampaignRun& campaign;
 
   LoopParts parts() const { return {tree, nominal, settings.scenario, settings.loop(nominal), settings.patient}; }
 
-  int report(Json json, const std::string& table) const {
+  // `table` makes text of what is reported; nothing is when a part of the runs is all there is.
+  int report(Json json, std::string (*table)(const Json& json)) const {
+    if (!campaign.done()) return 0;
+    json = campaign.shown(std::move(json));
+    const std::string text = table(json);
     if (!options.patient.deformation_field.empty()) json["deformation_field"] = options.patient.deformation_field;
-    return apps::report(std::move(json), table, settingsAsJson(settings), options.out);
+    return apps::report(std::move(json), text, settingsAsJson(settings), campaign.machine, options.out);
   }
 };
 
-int simulateViews(const Experiment& e) {
-  const Json json = viewExperiment(e.parts(), e.runs);
-  return e.report(json, viewExperimentTable(json));
-}
+int simulateViews(const Experiment& e) { return e.report(viewExperiment(e.parts(), e.runs), viewExperimentTable); }
 
 int keepCentered(Experiment& e) {
   e.settings.scenario.duration_s = e.options.center_duration_s;
   const auto& center = e.settings.tasks.of<CenterTaskSettings>();
-  const Json json = centerExperiment(e.parts(), e.options.center, center, e.runs);
-  return e.report(json, centerExperimentTable(json));
+  return e.report(centerExperiment(e.parts(), e.options.center, center, e.runs), centerExperimentTable);
 }
 
 int failSafely(const Experiment& e) {
@@ -71,7 +73,7 @@ int failSafely(const Experiment& e) {
     return runFault(catheter ? OperatedMachine::kCatheter : OperatedMachine::kCArm, kind, e.tree, e.nominal, of_run);
   });
   const Json json = faultExperimentAsJson(rows);
-  e.report(json, faultExperimentTable(json));
+  e.report(json, faultExperimentTable);
   return json["unsafe"].get<int>() == 0 ? 0 : 1;
 }
 
@@ -86,8 +88,9 @@ ServoSettings experimentSettings(const std::string& path) {
 // runs do is shown while they do it.
 template <typename Run>
 std::pair<cli::Command*, std::shared_ptr<ExperimentOptions>> addExperiment(cli::Command& app, Work& work,
-                                                                           const char* name, const char* help, int runs,
-                                                                           const char* what, Run run) {
+                                                                           const Campaigns& campaigns, const char* name,
+                                                                           const char* help, int runs, const char* what,
+                                                                           Run run) {
   const auto o = std::make_shared<ExperimentOptions>();
   o->runs.count = runs;
   cli::Command* command = app.addSubcommand(name, help);
@@ -102,35 +105,43 @@ std::pair<cli::Command*, std::shared_ptr<ExperimentOptions>> addExperiment(cli::
   addSettingsOptions(*command, o->settings, "Settings (.yaml), as angio-servo's",
                      [](const std::string& path) { return settingsAsYaml(experimentSettings(path)); });
   command->addOption("--out", o->out, "All runs and the settings (.json)");
-  command->onChosen([=, &work] {
-    work = [=] {
+  o->campaign.addTo(*command);
+  command->onChosen([=, &work, &campaigns] {
+    work = [=, &campaigns] {
       requireFolderOf(o->out);
       ServoSettings settings = experimentSettings(o->settings);
       o->patient.applyTo(settings.patient);
       const VesselTree tree = readVesselTree(o->tree);
       const CArmCalibration nominal = readCalibration("angio-simulate-loop", o->calibration, o->t_dsa_cb, tree);
-      Experiment e{*o, settings, tree, nominal, o->runs};
-      ProgressBar bar(what, o->runs.count);
-      e.runs.done = [&](int done) { bar.show(done); };
-      return run(e);
+      CampaignJob job{o->campaign, o->out, o->runs.count, {}, [&](const CampaignRun& campaign) {
+                        Experiment e{*o, settings, tree, nominal, o->runs, campaign};
+                        ProgressBar bar(what, campaign.share(o->runs.count));
+                        e.runs.done = [&](int done) { bar.show(done); };
+                        e.runs.campaign = campaign.rows;
+                        return run(e);
+                      }};
+      for (const auto& path : {o->tree, o->calibration, o->settings, o->patient.deformation_field}) {
+        addInput(job.inputs, path);
+      }
+      return campaigns.run(job);
     };
   });
   return {command, o};
 }
 
-void addExperiments(cli::Command& app, Work& work) {
-  addExperiment(app, work, "view", "Reach a view: true errors, settling times, limits", 100, "reaching views",
-                simulateViews);
-  addSimulateNavigate(app, work);
+void addExperiments(cli::Command& app, Work& work, const Campaigns& campaigns) {
+  addExperiment(app, work, campaigns, "view", "Reach a view: true errors, settling times, limits", 100,
+                "reaching views", simulateViews);
+  addSimulateNavigate(app, work, campaigns);
   const auto [faults, of_faults] = addExperiment(
-      app, work, "faults",
+      app, work, campaigns, "faults",
       "Faults of network, clocks, images and programs: unsafe motions, recovery; exit code 1 on any unsafe one", 1000,
       "failing safely", failSafely);
   faults->addOption("--machine", of_faults->machine, "Whose loop: carm, catheter, or both by turns")
       ->check(cli::oneOf({"carm", "catheter", "both"}));
   const auto [centre, of_centre] =
-      addExperiment(app, work, "centre", "Keep a target centred while the patient breathes: true distances", 100,
-                    "keeping targets centred", keepCentered);
+      addExperiment(app, work, campaigns, "centre", "Keep a target centred while the patient breathes: true distances",
+                    100, "keeping targets centred", keepCentered);
   centre->addOption("--duration-s", of_centre->center_duration_s, "Of each run")->check(cli::between(1.0, 3600.0));
   centre->addOption("--learn-s", of_centre->center.learn_s, "Errors count from then on");
   centre->addOption("--breathing-mm", of_centre->center.breathing_mm, "Of the target");
@@ -139,11 +150,11 @@ void addExperiments(cli::Command& app, Work& work) {
 
 }  // namespace
 
-int report(Json json, const std::string& table, const Json& settings, const std::string& out) {
+int report(Json json, const std::string& table, const Json& settings, const Json& machine, const std::string& out) {
   std::cout << table;
   if (out.empty()) return 0;
   json["settings"] = settings;
-  json["machine"] = machineAsJson();
+  if (!machine.is_null()) json["machine"] = machine;
   writeWholeFile(out, json.dump(2) + "\n");
   return 0;
 }
@@ -151,12 +162,11 @@ int report(Json json, const std::string& table, const Json& settings, const std:
 }  // namespace angio::apps
 
 int main(int argc, char** argv) {
-  angio::cli::Command app(
-      "Runs the tasks in closed loops against the simulated lab, many times, and says how they ended.",
-      "angio-simulate-loop");
-  angio::apps::describeProgram(app, "angio-simulate-loop view --runs 100 --threads 2 --out views.json");
-  app.requireSubcommand();
-  angio::apps::Work work;
-  angio::apps::addExperiments(app, work);
-  return angio::apps::runProgram(app, argc, argv, [&] { return work(); });
+  return angio::campaign::runCampaignProgram(
+      {"angio-simulate-loop",
+       "Runs the tasks in closed loops against the simulated lab, many times, and says how they ended.",
+       "angio-simulate-loop view --runs 100 --threads 2 --out views.json",
+       angio::apps::addExperiments,
+       {}},
+      argc, argv);
 }

@@ -28,6 +28,7 @@ struct NavigateOptions {
   std::vector<double> root_mm;
   std::string calibration = exampleDataFile("hepatic-tace/carm.yaml");
   std::string settings, out, film;  // The film is of the first journey.
+  CampaignOptions campaign;
   int targets = 20, first_seed = 1, threads = 1;
   double max_edge_mm = 10;
 };
@@ -106,7 +107,8 @@ std::vector<TreeLocation> targetsOf(const std::string& file, const VesselTree& t
   return targetsAlong(tree, experiment, named, o.targets);
 }
 
-Json simulateTree(const std::string& file, const NavigateOptions& o, const NavigateSettings& s) {
+Json simulateTree(const std::string& file, const NavigateOptions& o, const NavigateSettings& s,
+                  const CampaignRun& campaign) {
   const VesselTree tree = readTree(file, o);
   const std::vector<TreeLocation> targets = targetsOf(file, tree, o, s.experiment);
   if (targets.empty()) throw InputError(file, "", "", "has no branch that is wide and far enough to go to");
@@ -116,7 +118,7 @@ Json simulateTree(const std::string& file, const NavigateOptions& o, const Navig
   const std::filesystem::path path = std::filesystem::path(file).lexically_normal();
   const std::string name = (path.has_filename() ? path : path.parent_path()).filename().string();
   const auto count = static_cast<int>(targets.size());
-  ProgressBar bar("navigating " + name, count);
+  ProgressBar bar("navigating " + name, campaign.share(count));
   const auto one = [&](int k) {
     const bool filmed = film && k == 0;
     const NavigateObserver look_on = filmed ? [&](const NavigateMoment& m) { film->show(m); } : NavigateObserver();
@@ -124,28 +126,41 @@ Json simulateTree(const std::string& file, const NavigateOptions& o, const Navig
                                    o.first_seed + k, look_on);
   };
   const auto rows = recordsOf(
-      count, o.threads, [&](int k) { return "journey of seed " + std::to_string(o.first_seed + k); }, one,
-      [&](int done) { bar.show(done); });
+      campaign.rows, count, o.threads, [&](int k) { return "journey of seed " + std::to_string(o.first_seed + k); },
+      one, [&](int done) { bar.show(done); });
   if (film) film->finish();
   return navigateExperimentAsJson(name, rows);
 }
 
-int simulateNavigation(const NavigateOptions& o) {
+int simulateNavigation(const NavigateOptions& o, const NavigateSettings& settings, const CampaignRun& campaign) {
+  Json json;
+  for (const std::string& file : o.trees) {
+    const bool goes_on =
+        finishPart(!json.empty(), [&] { json["trees"].push_back(simulateTree(file, o, settings, campaign)); });
+    if (!goes_on) break;
+  }
+  if (!campaign.done()) return 0;
+  json = campaign.shown(std::move(json));
+  const std::string table = navigateExperimentTable(json["trees"]);
+  return report(std::move(json), table, settingsAsJson(settings), campaign.machine, o.out);
+}
+
+int simulateNavigation(const NavigateOptions& o, const Campaigns& campaigns) {
   for (const auto& path : {o.out, o.film}) requireFolderOf(path);
   if (!o.film.empty() && o.trees.size() > 1) throw InputError("--film", "", o.film, "is of one tree's first journey");
   NavigateSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
-  Json json;
-  for (const std::string& file : o.trees) {
-    const bool goes_on = finishPart(!json.empty(), [&] { json["trees"].push_back(simulateTree(file, o, settings)); });
-    if (!goes_on) break;
-  }
-  return report(json, navigateExperimentTable(json["trees"]), settingsAsJson(settings), o.out);
+  CampaignJob job{o.campaign, o.out, o.targets, {}, [&](const CampaignRun& campaign) {
+                    return simulateNavigation(o, settings, campaign);
+                  }};
+  for (const auto& path : {o.calibration, o.settings}) addInput(job.inputs, path);
+  for (const std::string& path : o.trees) addInput(job.inputs, path);
+  return campaigns.run(job);
 }
 
 }  // namespace
 
-void addSimulateNavigate(cli::Command& app, Work& work) {
+void addSimulateNavigate(cli::Command& app, Work& work, const Campaigns& campaigns) {
   const auto o = std::make_shared<NavigateOptions>();
   o->trees = {exampleDataFile("hepatic-tace/tree.csv")};
   cli::Command* command =
@@ -168,10 +183,12 @@ void addSimulateNavigate(cli::Command& app, Work& work) {
   command->addOption("--first-seed", o->first_seed, "Seed of the first journey")
       ->check(cli::wholeBetween(0, 2147000000));
   command->addOption("--threads", o->threads, "Journeys at a time")->check(cli::wholeBetween(1, 256));
-  command->addOption("--film", o->film, "Film of the first journey (.mp4, or numbered pictures), of one tree");
+  auto* film =
+      command->addOption("--film", o->film, "Film of the first journey (.mp4, or numbered pictures), of one tree");
   addSettingsOptions(*command, o->settings, "Settings (.yaml)", settingsInForce<NavigateSettings>);
   command->addOption("--out", o->out, "All journeys and the settings (.json)");
-  command->onChosen([o, &work] { work = [o] { return simulateNavigation(*o); }; });
+  o->campaign.addTo(*command, {film});
+  command->onChosen([o, &work, &campaigns] { work = [o, &campaigns] { return simulateNavigation(*o, campaigns); }; });
 }
 
 }  // namespace angio::apps

@@ -262,8 +262,8 @@ TEST_F(SimulationRuns, TheReportStandsAlone) {
   Sweep sweep = sweepsNamed("noise", settings_)[0];
   sweep.points.resize(2);
   const std::vector<Json> swept = {runSweep(setup_, sweep)};
-  const std::string page =
-      simulationReportHtml({setup_, settings_, runs, summaries, swept, {{"simulation", {{"x", 1}}}}, {"a"}});
+  const std::string page = simulationReportHtml(
+      {setup_, settings_, runs, summaries, swept, {{"simulation", {{"x", 1}}}}, {"a"}, machineAsJson()});
   EXPECT_EQ(page.find("<!DOCTYPE html>"), 0u);
   EXPECT_EQ(page.find("http"), std::string::npos) << "nothing from outside";
   EXPECT_EQ(page.find("<script"), std::string::npos);

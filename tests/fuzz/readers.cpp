@@ -16,6 +16,7 @@
 #include "angio/calibration/pose_set.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
+#include "angio/campaign/shard_file.hpp"
 #include "angio/conventions/projection_files.hpp"
 #include "angio/conventions/rtk_geometry_file.hpp"
 #include "angio/conventions/tfm_file.hpp"
@@ -38,6 +39,7 @@
 #include "angio/messaging/bus_monitor.hpp"
 #include "angio/messaging/lcm_datagrams.hpp"
 #include "angio/messaging/log_reader.hpp"
+#include "angio/results/case_row.hpp"
 #include "angio/test/namespace.hpp"
 #include "value_checks.hpp"
 
@@ -188,6 +190,27 @@ void readPolygons(const std::string& path) {
   }
 }
 
+// Its rows as those of angio-evaluate simulation, which they are in the corpus.
+void readAShard(const std::string& path) {
+  const ShardFile shard = readShard(path);
+  promised(shard.shard.number >= 1 && shard.shard.number <= shard.shard.count, "a shard is one of its number");
+  for (std::size_t i = 0; i < shard.rows.size(); ++i) {
+    const std::string place = placeOfRow(shard, i);
+    promised(shard.shard.has(shard.rows[i].part, shard.rows[i].run), "a shard has its runs");
+    std::vector<CaseOutcome> outcomes;
+    fromRow(rowOfText(shard.rows[i].text, place), {place, ""}, outcomes);
+    for (const CaseOutcome& outcome : outcomes) promised(!caseAsJson(outcome).empty(), "an outcome can be reported");
+  }
+}
+
+// With the fingerprint of its rows as it should be.
+std::string withFingerprint(std::string shard) {
+  const std::string key = "\"rows_fnv1a\":\"";
+  const std::size_t end = shard.find('\n'), at = shard.find(key);
+  if (end == std::string::npos || at == std::string::npos || at + key.size() + 16 > end) return shard;
+  return shard.replace(at + key.size(), 16, campaign::fingerprintOf(shard.substr(end + 1)));
+}
+
 void readPhantom(const std::string& path) {
   const BeadPhantom phantom = readBeadPhantom(path);
   promised(phantom.beads.size() >= 4 && phantom.positions_m().allFinite(), "a phantom has beads that stand somewhere");
@@ -279,6 +302,7 @@ std::vector<FileReader> listedReaders() {
       {"settings", "input.yaml", readSomeSettings},
       {"case_set", "input.yaml", readCases, {"camera.yaml", "pose.yaml", "tree.csv", "line.csv"}},
       {"coco_polygons", "input.json", readPolygons},
+      {"campaign_shard", "input.json", readAShard, {}, withFingerprint},
       {"carm_calibration", "input.yaml", readCArm},
       {"calibration_records", "input.yaml", readSomeRecords},
       {"view_set", "input.yaml", readViews},

@@ -161,6 +161,8 @@ TEST(AllFileReaders, RefuseNestingThatWouldExhaustTheStack) {
       {"coco_polygons", nested("{\"images\":", "{\"x\":", "}", ",\"annotations\":[]}")},
       {"tree_mrk_json", nested("{\"markups\":", "[", "]", "}")},
       {"tree_mrk_json", nested("{\"markups\":[{\"type\":", "[", "]", "}]}")},
+      {"campaign_shard", nested("{\"angio_shard\":", "[", "]", "}\n")},
+      {"campaign_shard", nested("{\"angio_shard\":", "{\"x\":", "}", "}\n")},
       {"tree_vtp", nested("<VTKFile>", "<a>", "</a>", "</VTKFile>")},
       {"camera_xml", nested("<root>", "<a>", "</a>", "</root>")},
       {"camera_yaml", nested("a: ", "[", "]", "")},

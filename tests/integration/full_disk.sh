@@ -70,6 +70,9 @@ mkdir made
 "$bin/angio-servo" --bus 'file://made/run.lcm?mode=w' --tree "$tree" --calibration "$carm" --autostart \
   --duration-s 0.2 > /dev/null 2>&1
 [ -s made/run.lcm ] || failed "no log was made"
+evaluated=(simulation --tree "$tree" --trials 20) looped=(faults --tree "$tree" --calibration "$carm" --runs 1)
+"$bin/angio-evaluate" "${evaluated[@]}" --shard 1/1 --out made/evaluated.json > /dev/null || exit 1
+"$bin/angio-simulate-loop" "${looped[@]}" --shard 1/1 --out made/looped.json > /dev/null || exit 1
 # A tube as a surface.
 awk 'function facet(a, b, c) {
     print "facet normal 0 0 0\nouter loop\nvertex " a "\nvertex " b "\nvertex " c "\nendloop\nendfacet"
@@ -158,6 +161,12 @@ for command in simulation paper; do
   refuses angio-evaluate $command --trials 100000 --tree "$tree" --out @/results.json --report "$(beside report.html)"
   refuses angio-evaluate $command --trials 100000 --tree "$tree" --report @/report.html --out "$(beside results.json)"
 done
+refuses angio-evaluate simulation --trials 100000 --tree "$tree" --shard 1/2 --out @/shard.json
+stops angio-evaluate "${evaluated[@]}" --shard 1/2 --out @/shard.json
+refuses angio-evaluate merge made/evaluated.json --out @/results.json --report "$(beside report.html)"
+refuses angio-evaluate merge made/evaluated.json --report @/report.html --out "$(beside results.json)"
+stops angio-evaluate merge made/evaluated.json --out @/results.json
+refuses angio-simulate-loop merge made/looped.json --out @/runs.json
 stops angio-evaluate paper --trials 1 --tree "$tree" --report @/report.html
 extraction=(extraction --tree "$tree" --trials 100000)
 refuses angio-evaluate "${extraction[@]}" --out @/scores.json --sheet "$(beside sheet.png)"

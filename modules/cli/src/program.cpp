@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "angio/base/errors.hpp"
 #include "angio/base/interruption.hpp"
 #include "angio/cli/further_options.hpp"
 
@@ -32,8 +33,7 @@ constexpr std::pair<const char*, const char*> kFormerOptions[] = {
     {"--longest-edge-mm", "--max-edge-mm"}};
 
 // The command line with options under their present names; says so on stderr for each that was renamed.
-std::vector<std::string> withPresentNames(const Command& app, int argc, char** argv) {
-  std::vector<std::string> arguments(argv, argv + argc);
+std::vector<std::string> withPresentNames(const Command& app, std::vector<std::string> arguments) {
   for (std::string& argument : arguments) {
     const std::string name = argument.substr(0, argument.find('='));
     for (const auto& [former, present] : kFormerOptions) {
@@ -94,7 +94,7 @@ void addSettingsOptions(Command& app, std::string& path, const std::string& help
 }
 
 int runProgram(Command& app, int argc, char** argv, const Work& work) {
-  std::vector<std::string> arguments = withPresentNames(app, argc, argv);
+  std::vector<std::string> arguments = withPresentNames(app, {argv, argv + argc});
   std::vector<char*> pointers;
   for (std::string& argument : arguments) pointers.push_back(argument.data());
   shortenHelp(app.app(), std::make_shared<ShortHelp>());
@@ -114,6 +114,19 @@ int runProgram(Command& app, int argc, char** argv, const Work& work) {
     return code;
   } catch (const std::exception& error) {
     return fail(app, error.what());
+  }
+}
+
+void readArguments(Command& app, const std::string& place, std::vector<std::string> arguments) {
+  arguments = withPresentNames(app, std::move(arguments));
+  std::reverse(arguments.begin(), arguments.end());  // As CLI11 takes them.
+  try {
+    app.app().parse(std::move(arguments));
+  } catch (const CLI::ParseError& error) {
+    std::string why = std::string(error.what()).substr(0, 200);
+    std::replace_if(
+        why.begin(), why.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, ' ');
+    throw InputError(place, "arguments", "", "are not understood: " + why);
   }
 }
 

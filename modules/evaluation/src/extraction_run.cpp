@@ -56,16 +56,32 @@ double lengthOf_px(const Centerline2d& line) {
   return length_px;
 }
 
-void score(const Centerline2d& found, const ExtractionSample& sample, ExtractionRun& run) {
-  run.vessels_px.push_back(lengthOf_px(ofKind(found, CurveKind::kVessel)));
-  run.devices_px.push_back(lengthOf_px(ofKind(found, CurveKind::kDevice)));
-  if (!sample.has_truth) return;
-  ++run.scored;
+// What one extractor leaves of one image.
+struct ExtractedSample {
+  ExtractionScore score;
+  bool scored = false;
+  double time_s = 0, vessels_px = 0, devices_px = 0;
+};
+
+template <typename Fields>
+void visitRow(Fields& f, RecordOf<Fields, ExtractedSample>& one) {
+  f("score", one.score);
+  f("scored", one.scored);
+  f("time_s", one.time_s);
+  f("vessels_px", one.vessels_px);
+  f("devices_px", one.devices_px);
+}
+
+ExtractedSample scored(const Centerline2d& found, const ExtractionSample& sample, double tolerance_px) {
+  ExtractedSample one{ExtractionScore(tolerance_px), sample.has_truth, 0,
+                      lengthOf_px(ofKind(found, CurveKind::kVessel)), lengthOf_px(ofKind(found, CurveKind::kDevice))};
+  if (!sample.has_truth) return one;
   if (sample.mask.empty()) {
-    run.score.add(found, sample.required, sample.allowed, sample.own_line);
+    one.score.add(found, sample.required, sample.allowed, sample.own_line);
   } else {
-    run.score.addMask(found, sample.mask);
+    one.score.addMask(found, sample.mask);
   }
+  return one;
 }
 
 }  // namespace
@@ -147,7 +163,8 @@ ExtractionSamples imageSamples(const std::vector<std::string>& paths) {
 
 std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
                                          const std::vector<ExtractionEntrant>& entrants, double tolerance_px,
-                                         Pictures pictures, const std::function<void(int done)>& progress) {
+                                         Pictures pictures, const std::function<void(int done)>& progress,
+                                         Campaign* campaign) {
   std::vector<ExtractionRun> runs;
   std::vector<std::unique_ptr<CenterlineExtractor>> extractors;
   for (const auto& entrant : entrants) {
@@ -157,19 +174,32 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
   int done = 0;
   const auto one = [&](int i) {
     const ExtractionSample sample = samples.at(i);
+    std::vector<ExtractedSample> extracted(entrants.size());
     for (std::size_t turn = 0; turn < entrants.size(); ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants.size();
       const Stopwatch stage;
       const Centerline2d found = extractors[m]->extract(sample.image);
-      runs[m].times_s.push_back(stage.seconds());
-      score(found, sample, runs[m]);
+      const double time_s = stage.seconds();
+      extracted[m] = scored(found, sample, tolerance_px);
+      extracted[m].time_s = time_s;
       if (pictures == Pictures::kKeep) runs[m].pictures.push_back({sample.image, found, sample.name});
       if (progress) progress(++done);
     }
+    return extracted;
   };
   constexpr int kThreads = 1;  // Times of one run can be compared.
-  forEachRun(
-      samples.count, kThreads, [](int i) { return "image " + std::to_string(i); }, one);
+  const auto all = recordsOf(
+      campaign, samples.count, kThreads, [](int i) { return "image " + std::to_string(i); }, one);
+  for (const auto& of_image : all) {
+    if (of_image.size() != entrants.size()) throw InputError("images", "", "", "must have a score of each extractor");
+    for (std::size_t m = 0; m < entrants.size(); ++m) {
+      runs[m].score.add(of_image[m].score);
+      runs[m].scored += of_image[m].scored;
+      runs[m].times_s.push_back(of_image[m].time_s);
+      runs[m].vessels_px.push_back(of_image[m].vessels_px);
+      runs[m].devices_px.push_back(of_image[m].devices_px);
+    }
+  }
   return runs;
 }
 

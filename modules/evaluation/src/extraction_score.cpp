@@ -134,6 +134,26 @@ void ExtractionScore::add(const Centerline2d& found, const Centerline2d& require
   }
 }
 
+void ExtractionScore::add(const ExtractionScore& other) {
+  covered_ += other.covered_;
+  required_ += other.required_;
+  correct_ += other.correct_;
+  found_ += other.found_;
+  own_covered_ += other.own_covered_;
+  own_required_ += other.own_required_;
+  own_correct_ += other.own_correct_;
+  own_found_ += other.own_found_;
+  scored_required_ += other.scored_required_;
+  squared_ratios_ += other.squared_ratios_;
+  ratios_ += other.ratios_;
+  const auto append = [](std::vector<double>& all, const std::vector<double>& more) {
+    all.insert(all.end(), more.begin(), more.end());
+  };
+  append(errors_px_, other.errors_px_);
+  append(tangent_errors_rad_, other.tangent_errors_rad_);
+  append(distances_px_, other.distances_px_);
+}
+
 void ExtractionScore::addMask(const Centerline2d& found, const cv::Mat& mask) {
   const Centerline2d line = densified(found, kStep_px);
   cv::Mat outside, distance;

@@ -267,10 +267,11 @@ std::string paperReportHtml(const PaperReport& report) {
   }
   std::vector<std::string> sections;
   if (paper.contains("table1")) {
+    std::vector<std::string> curves = {html::errorFigure(drawn), html::startAndEndFigure(drawn),
+                                       html::captureFigure(drawn)};
+    if (!report.machine.is_null()) curves.insert(curves.begin() + 1, html::timeFigure(drawn));
     sections.push_back(html::section("Table I", html::fromMarkdown(paperTable1(paper))));
-    sections.push_back(html::section("The same, trial by trial, rigid",
-                                     html::grid({html::errorFigure(drawn), html::timeFigure(drawn),
-                                                 html::startAndEndFigure(drawn), html::captureFigure(drawn)})));
+    sections.push_back(html::section("The same, trial by trial, rigid", html::grid(curves)));
   }
   if (paper.contains("table2")) {
     sections.push_back(html::section("Table II", html::fromMarkdown(paperTable2(paper["table2"]))));
@@ -301,12 +302,12 @@ std::string paperReportHtml(const PaperReport& report) {
         html::section("The losses from 3D to 3D",
                       pointSetFigure(paper["point_sets"]) + html::fromMarkdown(pointSetTable(paper["point_sets"]))));
   }
-  sections.push_back(html::settingsSection(report.settings_shown));
+  sections.push_back(html::settingsSection(report.settings_shown, report.machine));
   return html::page("Beside the paper",
                     "Its experiments on " + report.tree_name +
                         ": noise-free, one image point per point of the tree, another view in every trial. The paper's "
                         "tree, views and the unit of lengths in its prior are not known. " +
-                        html::machineLine(),
+                        html::machineLine(report.machine),
                     sections);
 }
 

@@ -94,16 +94,17 @@ std::vector<Entrant> ableToRun(const RealCases& cases, const std::vector<Entrant
 }
 
 RealRuns runRealCases(const RealCases& cases, const std::vector<Entrant>& entrants, const ExtractorSettings& extractor,
-                      const Progress& progress) {
+                      const Progress& progress, Campaign* campaign) {
   CaseSet each = cases.set;
   each.sequence = false;
   RealRuns result{cases.name, {}};
   int done = 0;
   for (const Entrant& entrant : ableToRun(cases, entrants)) {
-    result.runs.push_back(
-        {entrant.name, runCases(each, {entrant.registration, entrant.starts, extractor, {}}, [&](int) {
-           if (progress) progress(++done);
-         })});
+    CaseRunSettings settings{entrant.registration, entrant.starts, extractor, {}};
+    settings.campaign = campaign;
+    result.runs.push_back({entrant.name, runCases(each, settings, [&](int) {
+                             if (progress) progress(++done);
+                           })});
   }
   return result;
 }

@@ -107,32 +107,39 @@ int pointSetStudySize(int trials) {
   return trials * static_cast<int>(std::size(kWorlds) * std::size(kSpreads) * std::size(kLosses));
 }
 
-Json pointSetStudy(const VesselTree& tree, int trials, int seed, const Progress& progress) {
+Json pointSetStudy(const VesselTree& tree, int trials, int seed, const Progress& progress, Campaign* campaign) {
   Json study = Json::array();
   int done = 0;
   for (std::size_t world = 0; world < std::size(kWorlds); ++world) {
     for (const Spread& spread : kSpreads) {
-      std::vector<std::vector<double>> off_mm(std::size(kLosses));
-      for (int i = 0; i < trials; ++i) {
+      // By loss.
+      const auto trial = [&](int i) {
         // The tree stays, and its copy is where the draw puts it.
         const Pose truth = drawnPose(Pose::Identity(), tree.centroid(), degToRad(spread.rotation_std_deg),
                                      1e-3 * spread.translation_std_mm, seed, i);
         const Eigen::Matrix3Xd target =
             truth * targetOf(tree.points(), world, SimulationRandom(seed, i, DrawFor::kStart, static_cast<int>(world)));
-        for (std::size_t l = 0; l < std::size(kLosses); ++l) {
-          const Pose found = alignedPointSets(tree.points(), target, Pose::Identity(), kLosses[l].second, kLast_m);
-          off_mm[l].push_back(1e3 * ((found * tree.points()) - (truth * tree.points())).colwise().norm().mean());
+        std::vector<double> off_mm;
+        for (const auto& loss : kLosses) {
+          const Pose found = alignedPointSets(tree.points(), target, Pose::Identity(), loss.second, kLast_m);
+          off_mm.push_back(1e3 * ((found * tree.points()) - (truth * tree.points())).colwise().norm().mean());
           if (progress) progress(++done);
         }
-      }
+        return off_mm;
+      };
+      constexpr int kThreads = 1;
+      const auto rows = recordsOf(
+          campaign, trials, kThreads, [](int i) { return "trial " + std::to_string(i); }, trial);
       Json row = {{"world", kWorlds[world]},
                   {"rotation_std_deg", spread.rotation_std_deg},
                   {"translation_std_mm", spread.translation_std_mm}};
       for (std::size_t l = 0; l < std::size(kLosses); ++l) {
+        std::vector<double> off_mm;
+        for (const auto& of_trial : rows) off_mm.push_back(of_trial.at(l));
         const auto good =
-            std::count_if(off_mm[l].begin(), off_mm[l].end(), [](double mm) { return mm < 1e3 * kSuccessMtre_m; });
+            std::count_if(off_mm.begin(), off_mm.end(), [](double mm) { return mm < 1e3 * kSuccessMtre_m; });
         row["losses"][kLosses[l].first] = {{"success_percent", 100.0 * static_cast<double>(good) / trials},
-                                           {"median_mm", percentile(off_mm[l], 0.5)}};
+                                           {"median_mm", percentile(off_mm, 0.5)}};
       }
       study.push_back(row);
     }

@@ -124,16 +124,17 @@ std::string sweepFigure(const Json& swept) {
   return figure("Over " + swept["name"].get<std::string>(), plot);
 }
 
-std::string machineLine() {
-  const Json m = machineAsJson();
+std::string machineLine(const Json& m) {
+  if (m.is_null()) return "";
   return m.value("processor", "unknown processor") + ", " + std::to_string(m.value("cores", 0)) + " cores, compiler " +
          m.value("compiler", "") + ", one thread.";
 }
 
-std::string settingsSection(const Json& settings_shown) {
+std::string settingsSection(const Json& settings_shown, const Json& machine) {
   std::string settings;
   for (const auto& [name, values] : settings_shown.items()) settings += details(name, values);
-  return section("Settings and machine", settings + details("machine", machineAsJson()));
+  if (machine.is_null()) return section("Settings", settings);
+  return section("Settings and machine", settings + details("machine", machine));
 }
 
 }  // namespace html
@@ -178,6 +179,9 @@ std::string pictureOf(const SimulationReport& r, const EntrantRun& run, std::siz
   const double factor = static_cast<double>(kDrawnWidth_px) / trial.cameras.front().width_px();
   Centerline2d seen = trial.centerlines.front();
   seen.points_px *= factor;
+  if (const auto shown = outcome.result.displacements_m.cols(); shown != 0 && shown != tree.size()) {
+    throw InputError("trial " + outcome.name, "displacements_m", std::to_string(shown), "must be one for each point");
+  }
   OverlayScene scene;
   scene.centerline = &seen;
   scene.trees.push_back({trial.start, {}, kStartColor, "start"});
@@ -215,7 +219,7 @@ std::string subtitle(const SimulationReport& r) {
          formatted(", starts off by %g deg", r.settings.rotation_std_deg) +
          formatted(" and %g mm per axis", r.settings.translation_std_mm) +
          (r.settings.even_starts_mm > 0 ? formatted(", scaled to 0 to %g mm mTRE", r.settings.even_starts_mm) : "") +
-         (r.settings.views == 2 ? ", two views. " : ", one view. ") + html::machineLine();
+         (r.settings.views == 2 ? ", two views. " : ", one view. ") + html::machineLine(r.machine);
 }
 
 }  // namespace
@@ -223,9 +227,10 @@ std::string subtitle(const SimulationReport& r) {
 std::string simulationReportHtml(const SimulationReport& r) {
   std::vector<std::string> sections;
   sections.push_back(html::section("At a glance", cards(r.summaries)));
-  sections.push_back(
-      html::section("From start to end", html::grid({html::captureFigure(r.runs), html::startAndEndFigure(r.runs),
-                                                     html::errorFigure(r.runs), html::timeFigure(r.runs)})));
+  std::vector<std::string> curves = {html::captureFigure(r.runs), html::startAndEndFigure(r.runs),
+                                     html::errorFigure(r.runs)};
+  if (!r.machine.is_null()) curves.push_back(html::timeFigure(r.runs));
+  sections.push_back(html::section("From start to end", html::grid(curves)));
   if (!r.sweeps.empty()) {
     std::vector<std::string> figures;
     for (const auto& sweep : r.sweeps) figures.push_back(html::sweepFigure(sweep));
@@ -245,7 +250,7 @@ std::string simulationReportHtml(const SimulationReport& r) {
     for (const auto& sweep : r.sweeps) tables += html::fromMarkdown(sweepTable(sweep));
     sections.push_back(html::section("Sweeps in figures", tables));
   }
-  sections.push_back(html::settingsSection(r.settings_shown));
+  sections.push_back(html::settingsSection(r.settings_shown, r.machine));
   return html::page("Registration in simulation", subtitle(r), sections);
 }
 

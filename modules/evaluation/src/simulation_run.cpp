@@ -12,6 +12,7 @@
 #include "angio/geometry/decompositions.hpp"
 #include "angio/perception/gated_perception.hpp"
 #include "angio/perception/patient_observation.hpp"
+#include "angio/results/case_row.hpp"
 #include "angio/results/columns.hpp"
 #include "angio/results/experiment.hpp"
 
@@ -198,6 +199,18 @@ std::string quarterTable(const Json& summaries) {
                                         {"in-plane in its 90 %", plane.c_str()}});
 }
 
+// Of trials that other programs ran: one outcome for each entrant, against the truth.
+void requireOutcomes(const SimulationSetup& setup, const std::vector<CaseOutcome>& outcomes) {
+  const auto refuse = [](const std::string& name, const char* rule) {
+    throw InputError("trial " + name, "", "", rule);
+  };
+  if (outcomes.size() != setup.entrants.size()) refuse("", "must have an outcome of each method");
+  for (const CaseOutcome& o : outcomes) {
+    if (!o.error || !o.start_error) refuse(o.name, "must have its errors");
+    if (setup.certificate.has_value() != o.certificate.has_value()) refuse(o.name, "must have what was asked for");
+  }
+}
+
 }  // namespace
 
 std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const SimulationSettings& settings,
@@ -233,6 +246,7 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
   int done = 0;
   const auto nameOf = [](int i) { return formatted("%04d", i); };
   const auto one = [&](int i) {
+    std::vector<CaseOutcome> outcomes(entrants);
     const std::size_t t = static_cast<std::size_t>(i) % trees;
     // Each tree meets each motion.
     const std::size_t turn_of_motion = static_cast<std::size_t>(i) + static_cast<std::size_t>(i) / trees;
@@ -250,16 +264,21 @@ std::vector<EntrantRun> runSimulation(const SimulationSetup& setup, const Simula
     }
     for (std::size_t turn = 0; turn < entrants; ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants;
-      runs[m].outcomes.push_back(outcomeOf(*registrations[m][t], setup.entrants[m], trial, images, settings));
-      runs[m].outcomes.back().name = nameOf(i);
-      if (setup.certificate) certifyOutcome(setup.trees[t], trial, *setup.certificate, runs[m].outcomes.back());
-      runs[m].outcomes.back().image_s = image_s;
+      outcomes[m] = outcomeOf(*registrations[m][t], setup.entrants[m], trial, images, settings);
+      outcomes[m].name = nameOf(i);
+      if (setup.certificate) certifyOutcome(setup.trees[t], trial, *setup.certificate, outcomes[m]);
+      outcomes[m].image_s = image_s;
       if (progress) progress(++done);
     }
+    return outcomes;
   };
   constexpr int kThreads = 1;  // Times of one run can be compared.
-  forEachRun(
-      settings.trials, kThreads, [&](int i) { return "trial " + nameOf(i); }, one);
+  auto trials = recordsOf(
+      setup.campaign, settings.trials, kThreads, [&](int i) { return "trial " + nameOf(i); }, one);
+  for (auto& outcomes : trials) {
+    requireOutcomes(setup, outcomes);
+    for (std::size_t m = 0; m < entrants; ++m) runs[m].outcomes.push_back(std::move(outcomes[m]));
+  }
   return runs;
 }
 

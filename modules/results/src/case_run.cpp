@@ -14,6 +14,7 @@
 #include "angio/perception/gated_perception.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/registration_gate.hpp"
+#include "angio/results/case_row.hpp"
 
 namespace angio::results {
 namespace {
@@ -54,6 +55,83 @@ Centerline2d seenIn(const View& view, const cv::Mat& image, CenterlineExtractor&
   return centerline;
 }
 
+// Runs the cases of a set, one after another.
+class CaseRunner {
+ public:
+  CaseRunner(const CaseSet& set, const CaseRunSettings& settings)
+      : set_(set), settings_(settings), extractor_(makeExtractor(settings.extractor)) {}
+
+  // Until an interruption.
+  std::vector<CaseOutcome> all(const Progress& progress) {
+    std::vector<CaseOutcome> outcomes;
+    const InterruptionGuard guard;
+    for (const auto& one : set_.cases) {
+      if (interrupted()) break;
+      outcomes.push_back(run(one, static_cast<int>(outcomes.size())));
+      if (progress) progress(static_cast<int>(outcomes.size()));
+    }
+    if (interrupted() && outcomes.empty()) throw Interrupted();
+    return outcomes;
+  }
+
+  // `frame` counts those of a sequence.
+  CaseOutcome run(const Case& one, int frame);
+
+ private:
+  const CaseSet& set_;
+  const CaseRunSettings& settings_;
+  std::map<std::string, std::unique_ptr<Registration>> registrations_;  // By their trees' files, which cases share.
+  std::unique_ptr<CenterlineExtractor> extractor_;
+  std::map<const Registration*, GatedPerception> trackers_;  // Of a sequence: one for each tree.
+};
+
+CaseOutcome CaseRunner::run(const Case& one, int frame) {
+  auto& registration = registrations_[one.tree_path];
+  if (!registration) registration = makeRegistration(settings_.registration, readVesselTree(one.tree_path));
+  const VesselTree& tree = registration->tree();
+  const XrayCamera& camera = one.views.front().camera;
+  CaseOutcome outcome;
+  outcome.name = one.name;
+  std::vector<cv::Mat> images;
+  std::vector<Centerline2d> centerlines;
+  for (const View& view : one.views) {
+    images.push_back(imageOf(view, imageNeeded(settings_.registration)));
+    centerlines.push_back(seenIn(view, images.back(), *extractor_, outcome));
+  }
+  XrayViews views;
+  for (std::size_t v = 0; v < one.views.size(); ++v) {
+    const View& view = one.views[v];
+    views.push_back(
+        {centerlines[v], view.camera, view.T_view_first, view.collimator_px, images[v].empty() ? nullptr : &images[v]});
+  }
+  PosePrior prior;
+  prior.T_camera_model = one.initial_pose;
+  if (set_.sequence) {
+    GatedPerception& tracker = trackers_.try_emplace(registration.get(), trackerOf(settings_, tree)).first->second;
+    const GatedObservation seen = tracker.observe(views, placeOf(one, static_cast<std::size_t>(frame)));
+    tracker.learn();
+    prior.T_camera_model = seen.observation.predicted.T_camera_model;
+    outcome.result = seen.observation.registration;
+    outcome.rejection = seen.rejection;
+    outcome.followed = !seen.rejection;
+  } else {
+    outcome.result = registration->search(views, prior, settings_.starts);
+  }
+  if (settings_.displacements && outcome.result.displacements_m.cols() == 0) {
+    outcome.result.displacements_m.setZero(3, tree.size());
+  }
+  outcome.pixel_at_isocenter_m = (outcome.result.T_camera_model * tree.centroid()).z() / camera.parameters().fx_px;
+  addClaims(tree, settings_.point_covariance, outcome);
+  if (one.truth_pose) {
+    const PlacedTree truth{*one.truth_pose, one.truth_displacements_path
+                                                ? readDisplacements(*one.truth_displacements_path, tree.size())
+                                                : Eigen::Matrix3Xd()};
+    outcome.start_error = poseError(tree, camera, {prior.T_camera_model, {}}, truth);
+    outcome.error = poseError(tree, camera, {outcome.result.T_camera_model, outcome.result.displacements_m}, truth);
+  }
+  return outcome;
+}
+
 }  // namespace
 
 void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome) {
@@ -82,61 +160,19 @@ void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome)
 }
 
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress) {
-  std::map<std::string, std::unique_ptr<Registration>> registrations;  // By their trees' files, which cases share.
-  const auto extractor = makeExtractor(settings.extractor);
-  std::vector<CaseOutcome> outcomes;
-  std::map<const Registration*, GatedPerception> trackers;  // Of a sequence: one for each tree.
-  const InterruptionGuard guard;
-  for (const auto& one : set.cases) {
-    if (interrupted()) break;
-    auto& registration = registrations[one.tree_path];
-    if (!registration) registration = makeRegistration(settings.registration, readVesselTree(one.tree_path));
-    const VesselTree& tree = registration->tree();
-    const XrayCamera& camera = one.views.front().camera;
-    CaseOutcome outcome;
-    outcome.name = one.name;
-    std::vector<cv::Mat> images;
-    std::vector<Centerline2d> centerlines;
-    for (const View& view : one.views) {
-      images.push_back(imageOf(view, imageNeeded(settings.registration)));
-      centerlines.push_back(seenIn(view, images.back(), *extractor, outcome));
-    }
-    XrayViews views;
-    for (std::size_t v = 0; v < one.views.size(); ++v) {
-      const View& view = one.views[v];
-      views.push_back({centerlines[v], view.camera, view.T_view_first, view.collimator_px,
-                       images[v].empty() ? nullptr : &images[v]});
-    }
-    PosePrior prior;
-    prior.T_camera_model = one.initial_pose;
-    if (set.sequence) {
-      GatedPerception& tracker = trackers.try_emplace(registration.get(), trackerOf(settings, tree)).first->second;
-      const GatedObservation seen = tracker.observe(views, placeOf(one, outcomes.size()));
-      tracker.learn();
-      prior.T_camera_model = seen.observation.predicted.T_camera_model;
-      outcome.result = seen.observation.registration;
-      outcome.rejection = seen.rejection;
-      outcome.followed = !seen.rejection;
-    } else {
-      outcome.result = registration->search(views, prior, settings.starts);
-    }
-    if (settings.displacements && outcome.result.displacements_m.cols() == 0) {
-      outcome.result.displacements_m.setZero(3, tree.size());
-    }
-    outcome.pixel_at_isocenter_m = (outcome.result.T_camera_model * tree.centroid()).z() / camera.parameters().fx_px;
-    addClaims(tree, settings.point_covariance, outcome);
-    if (one.truth_pose) {
-      const PlacedTree truth{*one.truth_pose, one.truth_displacements_path
-                                                  ? readDisplacements(*one.truth_displacements_path, tree.size())
-                                                  : Eigen::Matrix3Xd()};
-      outcome.start_error = poseError(tree, camera, {prior.T_camera_model, {}}, truth);
-      outcome.error = poseError(tree, camera, {outcome.result.T_camera_model, outcome.result.displacements_m}, truth);
-    }
-    outcomes.push_back(std::move(outcome));
-    if (progress) progress(static_cast<int>(outcomes.size()));
+  if (!settings.campaign) return CaseRunner(set, settings).all(progress);
+  constexpr int kThreads = 1;  // Times of one run can be compared.
+  if (set.sequence) {          // Each frame starts from what those before it have shown.
+    const auto whole = recordsOf(
+        settings.campaign, 1, kThreads, [](int) { return std::string("sequence"); },
+        [&](int) { return CaseRunner(set, settings).all(progress); });
+    return whole.empty() ? std::vector<CaseOutcome>() : whole.front();
   }
-  if (interrupted() && outcomes.empty()) throw Interrupted();
-  return outcomes;
+  CaseRunner runner(set, settings);
+  const auto caseOf = [&](int k) -> const Case& { return set.cases[static_cast<std::size_t>(k)]; };
+  return recordsOf(
+      settings.campaign, static_cast<int>(set.cases.size()), kThreads, [&](int k) { return "case " + caseOf(k).name; },
+      [&](int k) { return runner.run(caseOf(k), k); }, progress);
 }
 
 }  // namespace angio::results

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "angio/base/errors.hpp"
 #include "angio/experiments/observers.hpp"
 #include "angio/results/columns.hpp"
 #include "angio/robot/motion_time.hpp"
@@ -138,6 +139,16 @@ Json runCenter(LoopParts parts, const CenterExperimentSettings& experiment, Cent
   return row;
 }
 
+// Of runs that other programs made: how each ended, "succeeded" below `under`.
+void requireEnds(const std::vector<Json>& rows, const std::vector<std::string>& under) {
+  for (const Json& row : rows) {
+    for (const std::string& path : under) {
+      const Json::json_pointer at(path + "/succeeded");
+      if (!row.contains(at) || !row[at].is_boolean()) throw InputError("runs", "succeeded", "", "must be in each row");
+    }
+  }
+}
+
 LoopParts withScenario(const LoopParts& parts, const ScenarioSettings& scenario) {
   return {parts.tree, parts.nominal, scenario, parts.loop, parts.patient};
 }
@@ -147,6 +158,7 @@ LoopParts withScenario(const LoopParts& parts, const ScenarioSettings& scenario)
 Json viewExperiment(const LoopParts& parts, const Runs& runs) {
   const std::vector<Json> rows =
       runs.records(parts.scenario, [&](const ScenarioSettings& s) { return runView(withScenario(parts, s)); });
+  requireEnds(rows, {""});
   std::vector<Json> settled;
   std::copy_if(rows.begin(), rows.end(), std::back_inserter(settled), [](const Json& r) { return r["succeeded"]; });
   Json json = {{"runs", rows.size()}, {"within", {{"view_deg", kViewWithin_deg}, {"target_mm", kViewWithin_mm}}}};
@@ -189,6 +201,7 @@ Json centerExperiment(const LoopParts& parts, const CenterExperimentSettings& ex
   checkSettings("centre study", experiment);
   const std::vector<Json> rows = runs.records(
       parts.scenario, [&](const ScenarioSettings& s) { return runCenter(withScenario(parts, s), experiment, center); });
+  requireEnds(rows, {"/predicted", "/last_value"});
   Json json = {{"runs", rows.size()},
                {"within_mm", kCenterWithin_mm},
                {"breathing_mm", experiment.breathing_mm},

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "angio/cli/command_line.hpp"
 #include "angio/cli/command_line_fwd.hpp"
@@ -27,5 +28,9 @@ void addSettingsOptions(Command& app, std::string& path, const std::string& help
 /// Exit codes: 0 done, --help, --version and --print-settings; 1 wrong input or failed work, with one line on stderr (a
 /// result that stdout does not take is failed work); 2 wrong command line; 3 see kExitNotReached.
 int runProgram(Command& app, int argc, char** argv, const Work& work);
+
+/// Reads a command line that stands in a file, the words behind the program's name. Throws InputError with `place`
+/// where runProgram() would end with exit code 2, or with 0 before any work.
+void readArguments(Command& app, const std::string& place, std::vector<std::string> arguments);
 
 }  // namespace angio::cli

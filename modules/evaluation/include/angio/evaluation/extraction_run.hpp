@@ -9,6 +9,7 @@
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"
 #include "angio/io/polygon_files.hpp"
+#include "angio/results/campaign.hpp"
 #include "angio/results/overlay.hpp"
 #include "angio/results/statistics.hpp"
 
@@ -41,7 +42,7 @@ std::vector<bool> lostInAWider(const Centerline2d& vessels);
 class ExtractionScore {
  public:
   /// Within `tolerance_px` of each other a true and an extracted line are the same.
-  explicit ExtractionScore(double tolerance_px) : tolerance_px_(tolerance_px) {}
+  explicit ExtractionScore(double tolerance_px = 0) : tolerance_px_(tolerance_px) {}
 
   /// Adds an image. What must be found may be less than what may be: `required` is what the image shows, `allowed` all
   /// that is there. `own_line` (a flag for each allowed point, or empty) says which of that has a line of its own
@@ -49,6 +50,9 @@ class ExtractionScore {
   void add(const Centerline2d& found, const Centerline2d& required, const Centerline2d& allowed,
            const std::vector<bool>& own_line = {});
   void add(const Centerline2d& found, const Centerline2d& truth) { add(found, truth, truth); }
+
+  /// Adds the images of another score of the same tolerance.
+  void add(const ExtractionScore& other);
 
   /// Adds an image whose truth is a mask (CV_8UC1, zero is background): what lies within the tolerance of it is right,
   /// and its regions' thinned lines are to be found.
@@ -62,6 +66,25 @@ class ExtractionScore {
   /// of them the median distance, and the root mean square of error over the uncertainty that a point claims
   /// ("error_over_sigma", where one claimed any): 1 when it is right.
   Json asJson() const;
+
+  template <typename Fields>
+  friend void visitRow(Fields& f, RecordOf<Fields, ExtractionScore>& score) {
+    f("tolerance_px", score.tolerance_px_);
+    f("covered", score.covered_);
+    f("required", score.required_);
+    f("correct", score.correct_);
+    f("found", score.found_);
+    f("own_covered", score.own_covered_);
+    f("own_required", score.own_required_);
+    f("own_correct", score.own_correct_);
+    f("own_found", score.own_found_);
+    f("scored_required", score.scored_required_);
+    f("errors_px", score.errors_px_);
+    f("tangent_errors_rad", score.tangent_errors_rad_);
+    f("distances_px", score.distances_px_);
+    f("squared_ratios", score.squared_ratios_);
+    f("ratios", score.ratios_);
+  }
 
  private:
   double tolerance_px_;
@@ -128,9 +151,11 @@ struct ExtractionRun {
 enum class Pictures { kNone, kKeep };
 
 /// Lets every entrant extract from every image; they take turns at being the first. `progress` counts extractions.
+/// Rows of a `campaign` have no pictures.
 std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
                                          const std::vector<ExtractionEntrant>& entrants, double tolerance_px,
-                                         Pictures pictures, const std::function<void(int done)>& progress = {});
+                                         Pictures pictures, const std::function<void(int done)>& progress = {},
+                                         Campaign* campaign = nullptr);
 
 /// Scores, lengths and times by entrant, for other programs and for people (Markdown). Where no image has a truth there
 /// are no scores.

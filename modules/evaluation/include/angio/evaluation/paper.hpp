@@ -62,6 +62,7 @@ struct PaperReport {
                       ///< where they were run.
   std::string tree_name;
   Json settings_shown;
+  Json machine;  ///< Null: the report has neither times nor the machine.
 };
 
 /// One self-contained HTML page.

@@ -37,7 +37,7 @@ std::vector<Entrant> ableToRun(const RealCases& cases, const std::vector<Entrant
 
 /// Runs every entrant that can on every case of a set. `progress` counts registrations.
 RealRuns runRealCases(const RealCases& cases, const std::vector<Entrant>& entrants, const ExtractorSettings& extractor,
-                      const Progress& progress = {});
+                      const Progress& progress = {}, Campaign* campaign = nullptr);
 
 /// {"paper": {method: figures}, "here": [{"name": ..., "methods": {method: figures}}]}.
 Json paperTable2AsJson(const std::vector<RealRuns>& all);

@@ -5,7 +5,7 @@
 
 #include "angio/evaluation/namespace.hpp"
 #include "angio/registration/iterative_pnp_settings.hpp"
-#include "angio/results/experiment.hpp"
+#include "angio/results/campaign.hpp"
 #include "angio/vessel/vessel_tree.hpp"
 
 namespace angio::evaluation {
@@ -26,7 +26,8 @@ Pose alignedPointSets(const Eigen::Matrix3Xd& source, const Eigen::Matrix3Xd& ta
 /// {name:
 /// {"success_percent": mean distance below 2 mm, "median_mm": of it}}}]. Worlds are a copy of the points, one with
 /// noise, one with points that are no vessel, and one of a part of them (big-to-small).
-Json pointSetStudy(const VesselTree& tree, int trials, int seed, const Progress& progress = {});
+Json pointSetStudy(const VesselTree& tree, int trials, int seed, const Progress& progress = {},
+                   Campaign* campaign = nullptr);
 
 /// How many alignments such a study makes.
 int pointSetStudySize(int trials);

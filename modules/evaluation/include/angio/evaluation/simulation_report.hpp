@@ -19,6 +19,7 @@ struct SimulationReport {
   const std::vector<Json>& sweeps;
   Json settings_shown;  ///< All effective settings, by section.
   std::vector<std::string> tree_names;
+  Json machine;  ///< Null: the report has neither times nor the machine.
 };
 
 /// One self-contained HTML page: figures of merit, success over start, errors, times, sweeps, the best, median and
@@ -34,11 +35,11 @@ std::string startAndEndFigure(const std::vector<EntrantRun>& runs);
 std::string timeFigure(const std::vector<EntrantRun>& runs);
 std::string sweepFigure(const Json& swept);
 
-/// Processor, cores and compiler as one line.
-std::string machineLine();
+/// Processor, cores and compiler as one line; empty for null.
+std::string machineLine(const Json& machine);
 
-/// The last section of a report: all effective settings, by section, and the machine.
-std::string settingsSection(const Json& settings_shown);
+/// The last section of a report: all effective settings, by section, and the machine unless it is null.
+std::string settingsSection(const Json& settings_shown, const Json& machine);
 
 }  // namespace html
 }  // namespace angio::evaluation

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "angio/evaluation/simulation.hpp"
+#include "angio/results/campaign.hpp"
 #include "angio/results/case_run.hpp"
 #include "angio/results/statistics.hpp"
 
@@ -28,6 +29,7 @@ struct SimulationSetup {
   /// Whether every result is certified in a box about its start. Of one view and rigid trees only; takes no part in the
   /// times.
   std::optional<CertificateSettings> certificate = std::nullopt;
+  Campaign* campaign = nullptr;  ///< Where trials come from that are not all run here.
 };
 
 /// One entrant's outcomes, trial by trial.

@@ -11,7 +11,7 @@
 #include "angio/perception/patient_tracker.hpp"
 #include "angio/registration/certificate.hpp"
 #include "angio/registration/starts.hpp"
-#include "angio/results/experiment.hpp"
+#include "angio/results/campaign.hpp"
 #include "angio/results/pose_error.hpp"
 
 namespace angio::results {
@@ -24,6 +24,7 @@ struct CaseRunSettings {
   PatientTrackerSettings tracker;  ///< Of sequences.
   bool point_covariance = false;   ///< Whether the covariance of each point of the tree is wanted.
   bool displacements = false;      ///< Whether every result has displacements: of a rigid method they are zero.
+  Campaign* campaign = nullptr;    ///< Where cases come from that are not all run here; a sequence is one run.
 };
 
 /// What became of one case.

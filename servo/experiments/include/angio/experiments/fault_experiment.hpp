@@ -7,6 +7,13 @@
 
 #include "angio/experiments/closed_loop.hpp"
 #include "angio/navigation/catheter_node.hpp"
+#include "angio/results/record_row.hpp"
+
+namespace angio::servo {
+
+constexpr int choicesOf(OperatedMachine) { return 2; }
+
+}  // namespace angio::servo
 
 namespace angio::experiments {
 
@@ -46,6 +53,23 @@ struct FaultResult {
   /// nothing: there was no desired view, or where the tip was, was not known.
   std::optional<double> error_at_fault, error_at_end;
 };
+
+constexpr int choicesOf(FaultKind) { return kFaultKindCount; }
+
+template <typename Fields>
+void visitRow(Fields& f, RecordOf<Fields, FaultResult>& result) {
+  f("machine", result.machine);
+  f("seed", result.seed);
+  f("kind", result.kind);
+  f("fault", result.fault);
+  f("breach", result.breach);
+  f("unsound_commands", result.unsound_commands);
+  f("moved_before", result.moved_before);
+  f("causes", result.causes);
+  f("recovered_s", result.recovered_s);
+  f("error_at_fault", result.error_at_fault);
+  f("error_at_end", result.error_at_end);
+}
 
 /// What a run is made of, beside the anatomy.
 struct FaultParts {

@@ -7,6 +7,7 @@
 
 #include "angio/experiments/closed_loop.hpp"
 #include "angio/navigation/catheter_node.hpp"
+#include "angio/results/record_row.hpp"
 
 namespace angio::experiments {
 
@@ -82,6 +83,30 @@ struct NavigateResult {
   std::vector<double> arc_errors_m;   ///< The same along the vessels where the branch is right.
   int wrong_branch = 0;  ///< Frames that were believed with the tip in a wrong branch, 2 mm and more from it.
 };
+
+template <typename Fields>
+void visitRow(Fields& f, RecordOf<Fields, NavigateResult>& result) {
+  f("branch", result.target.branch);
+  f("arc_m", result.target.arc_m);
+  f("seed", result.seed);
+  f("reached", result.reached);
+  f("ended", result.ended);
+  f("time_s", result.time_s);
+  f("route_m", result.route_m);
+  f("forks", result.forks);
+  f("views", result.views);
+  f("misses", result.misses);
+  f("wall_contacts", result.wall_contacts);
+  f("max_force_n", result.max_force_n);
+  f("frames", result.frames);
+  f("held", result.held);
+  f("looked", result.looked);
+  f("breach", result.breach);
+  f("near_of_all", result.near_of_all);
+  f("errors_m", result.errors_m);
+  f("arc_errors_m", result.arc_errors_m);
+  f("wrong_branch", result.wrong_branch);
+}
 
 /// Where journeys of a tree go: `count` branches, spread over all that qualify; fewer when there are fewer.
 std::vector<TreeLocation> navigateTargets(const VesselTree& tree, const NavigateExperimentSettings& experiment,

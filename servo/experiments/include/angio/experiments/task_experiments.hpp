@@ -2,7 +2,7 @@
 #pragma once
 
 #include "angio/experiments/closed_loop.hpp"
-#include "angio/results/experiment.hpp"
+#include "angio/results/campaign.hpp"
 
 namespace angio::experiments {
 
@@ -10,6 +10,7 @@ namespace angio::experiments {
 struct Runs {
   int count = 100, first_seed = 1, threads = 1;
   Progress done;
+  Campaign* campaign = nullptr;  ///< Where runs come from that are not all made here.
 
   /// The record of each, in the order of their seeds.
   template <typename One>
@@ -20,7 +21,7 @@ struct Runs {
       return one(of_run);
     };
     return recordsOf(
-        count, threads, [&](int k) { return "seed " + std::to_string(first_seed + k); }, seeded, done);
+        campaign, count, threads, [&](int k) { return "seed " + std::to_string(first_seed + k); }, seeded, done);
   }
 };
 
