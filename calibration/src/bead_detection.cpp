@@ -19,6 +19,8 @@ namespace {
 constexpr double kBlobScaleStep = 1.25;  // Between the radii that are looked for.
 constexpr double kBlobOfRadius = 0.58;   // Standard deviation of the blob that answers a ball's shadow best, in radii.
 constexpr int kFieldMargin_px = 2;       // Of the open field, where its edge is soft.
+// One shadow that is fitted by two balls, nearer than so many radii: one explains it with so little more misfit.
+constexpr double kMaybeOne = 0.8, kMisfitOfOne = 1.25;
 
 // What may be a ball, and how much of a blob it is.
 struct BeadCandidate {
@@ -92,7 +94,8 @@ std::vector<BeadCandidate> blobs(const cv::Mat& above_ground, const cv::Mat& mas
   return found;
 }
 
-constexpr double kApart = 0.5;  // Centres of two balls, in radii of the larger one, at least.
+constexpr double kApart = 0.5;     // Centres of two balls, in radii of the larger one, at least.
+constexpr double kSameBall = 0.3;  // Nearer, after the fit, it is one.
 
 bool isNear(const BallShadow& a, const BallShadow& b, double radii) {
   return (a.center_px - b.center_px).norm() < radii * std::max(a.radius_px, b.radius_px);
@@ -156,7 +159,7 @@ class BeadFinder {
       groups = fitted(balls, groups);
     }
     std::vector<BeadDetection> found;
-    for (const ShadowGroup& group : groups) {
+    for (const ShadowGroup& group : onePerBall(std::move(groups))) {
       for (std::size_t k = 0; k < group.balls.size(); ++k) {
         const BallShadow& ball = group.balls[k];
         found.push_back({ball.center_px, group.stds_px[k], ball.radius_px, group.contrast(k), {}});
@@ -214,7 +217,7 @@ class BeadFinder {
       if (!group.fitted) break;
       std::vector<BallShadow> kept;
       for (std::size_t k = 0; k < group.balls.size(); ++k) {
-        const auto before = [&](const BallShadow& other) { return isNear(group.balls[k], other, 0.3); };
+        const auto before = [&](const BallShadow& other) { return isNear(group.balls[k], other, kSameBall); };
         if (isBall(group, k) && std::none_of(kept.begin(), kept.end(), before)) kept.push_back(group.balls[k]);
       }
       if (kept.size() == group.balls.size()) break;
@@ -245,6 +248,62 @@ class BeadFinder {
     return best;
   }
 
+  // With two balls in one place taken for one wherever that explains the shadows about as well: blobs of two scales in
+  // one shadow give two balls, each beside its middle, which fit it as well as the one that it is of.
+  ShadowGroup merged(ShadowGroup group) const {
+    for (std::size_t a = 0; a < group.balls.size(); ++a) {
+      for (std::size_t b = a + 1; b < group.balls.size(); ++b) {
+        if (!isNear(group.balls[a], group.balls[b], kMaybeOne)) continue;
+        ShadowGroup less = group;
+        BallShadow& one = less.balls[a];
+        one.center_px = 0.5 * (group.balls[a].center_px + group.balls[b].center_px);
+        one.radius_px = std::max(group.balls[a].radius_px, group.balls[b].radius_px);
+        less.balls.erase(less.balls.begin() + static_cast<std::ptrdiff_t>(b));
+        less = cleaned(less);
+        if (less.balls.empty() || !fits(less) || less.noise > kMisfitOfOne * group.noise) continue;
+        return merged(std::move(less));
+      }
+    }
+    return group;
+  }
+
+  // Fits of a wire's pieces may end on a bead that another group has: it is fitted anew, by itself, and the pixels that
+  // are off, as the wire's, count less.
+  std::vector<ShadowGroup> onePerBall(std::vector<ShadowGroup> groups) const {
+    std::vector<ShadowGroup> contested;
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+      for (std::size_t k = 0; k < groups[g].balls.size(); ++k) {
+        ShadowGroup alone;
+        alone.balls = {groups[g].balls[k]};
+        alone.max_stretch = settings_.max_stretch;
+        bool shared = false;
+        for (std::size_t other = g + 1; other < groups.size(); ++other) {
+          shared |= removeNear(alone.balls.front(), groups[other]);
+        }
+        if (!shared) continue;
+        ShadowGroup fit = fittedGroup(values_, mask_, alone, PixelLoss::kHuber);
+        removeNear(alone.balls.front(), groups[g]);
+        --k;
+        if (fit.fitted && isBall(fit, 0)) contested.push_back(std::move(fit));
+      }
+    }
+    groups.insert(groups.end(), contested.begin(), contested.end());
+    return groups;
+  }
+
+  // Takes the balls in one place with another out of a group; whether there were any. The other is as wide as they.
+  static bool removeNear(BallShadow& ball, ShadowGroup& group) {
+    bool removed = false;
+    for (std::size_t k = group.balls.size(); k-- > 0;) {
+      if (!isNear(ball, group.balls[k], kSameBall)) continue;
+      ball.radius_px = std::max(ball.radius_px, group.balls[k].radius_px);
+      group.balls.erase(group.balls.begin() + static_cast<std::ptrdiff_t>(k));
+      group.stds_px.erase(group.stds_px.begin() + static_cast<std::ptrdiff_t>(k));
+      removed = true;
+    }
+    return removed;
+  }
+
   // Group by group; one that is not explained is tried with a ball more, and one that was explained before stays.
   std::vector<ShadowGroup> fitted(const std::vector<BallShadow>& balls, const std::vector<ShadowGroup>& before) const {
     std::vector<ShadowGroup> groups;
@@ -260,7 +319,7 @@ class BeadFinder {
       start.max_stretch = settings_.max_stretch;
       ShadowGroup group = cleaned(start);
       if (!fits(group) && start.balls.size() < kMaxBalls) group = split(start);
-      if (fits(group)) groups.push_back(std::move(group));
+      if (fits(group)) groups.push_back(merged(std::move(group)));
     }
     return groups;
   }

@@ -17,6 +17,8 @@ namespace {
 constexpr int kShared = 7, kOfBall = 4;
 constexpr double kUsualScatter = 0.15, kScatterSpread = 0.15, kUsualBlur_px = 0.8, kBlurSpread_px = 0.4,
                  kStretchSpread = 0.05;
+constexpr int kHuberRounds = 4;
+constexpr double kHuberStds = 1.5, kMedianToStd = 1.4826;
 constexpr double kMargin_px = 4, kMargin = 0.5;  // Around a shadow, in pixels and in radii.
 
 struct Pixel {
@@ -191,6 +193,7 @@ class GroupFit {
 
 ShadowGroup fittedTo(std::vector<Pixel> pixels, ShadowGroup group) {
   const auto size = static_cast<std::size_t>(placeOf(group.balls.size()));
+  group.ground_origin_px = group.balls.front().center_px;
   const GroupFit fit(std::move(pixels), group);
   if (fit.pixels() < 3 * size) return group;
   fit.startIn(group);
@@ -229,6 +232,29 @@ ShadowGroup fittedTo(std::vector<Pixel> pixels, ShadowGroup group) {
   return group;
 }
 
+// With less weight for pixels that are far off the fit, by the median of all.
+std::vector<Pixel> huberWeighted(std::vector<Pixel> pixels, const ShadowGroup& group) {
+  std::vector<double> off;
+  for (const Pixel& pixel : pixels) {
+    double depth = 0;
+    for (std::size_t k = 0; k < group.balls.size(); ++k) {
+      depth += group.balls[k].depth * group.thickness(k, pixel.at_px);
+    }
+    const Eigen::Vector2d from = pixel.at_px - group.ground_origin_px;
+    const double ground = group.ground.dot(Eigen::Vector3d(1, from.x(), from.y()));
+    const double left = group.scatter + (1 - group.scatter) * std::exp(-depth);
+    off.push_back(pixel.weight * std::abs(ground * left - pixel.value));
+  }
+  std::vector<double> sorted = off;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  const double bound = kHuberStds * kMedianToStd * *middle;
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    if (off[i] > bound) pixels[i].weight *= std::sqrt(bound / off[i]);
+  }
+  return pixels;
+}
+
 }  // namespace
 
 double ShadowGroup::thickness(std::size_t ball, const Eigen::Vector2d& at_px) const {
@@ -240,10 +266,14 @@ double ShadowGroup::contrast(std::size_t ball) const {
   return -std::log(scatter + (1 - scatter) * std::exp(-balls[ball].depth * g));
 }
 
-ShadowGroup fittedGroup(const cv::Mat& image, const cv::Mat& mask, ShadowGroup group) {
+ShadowGroup fittedGroup(const cv::Mat& image, const cv::Mat& mask, ShadowGroup group, PixelLoss loss) {
   group.fitted = false;
-  std::vector<Pixel> pixels = pixelsOf(image, mask, group);
-  return fittedTo(std::move(pixels), std::move(group));
+  const std::vector<Pixel> pixels = pixelsOf(image, mask, group);
+  group = fittedTo(pixels, std::move(group));
+  for (int round = 0; loss == PixelLoss::kHuber && round < kHuberRounds; ++round) {
+    group = fittedTo(huberWeighted(pixels, group), std::move(group));
+  }
+  return group;
 }
 
 }  // namespace angio::calibration

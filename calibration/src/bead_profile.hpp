@@ -25,9 +25,10 @@ struct ShadowGroup {
   double blur_px = 0.8;
   Eigen::Vector2d stretch{0, 0};  ///< Of shadows by a detector's distortion: d^2 = (1 + a) x^2 + 2 b x y + (1 - a) y^2.
   double max_stretch = 0;         ///< Either way.
-  Eigen::Vector3d ground{0, 0, 0};  ///< Middle, per px of x, per px of y; about the first ball.
-  std::vector<double> stds_px;      ///< Of each ball's centre; what the fit gives.
-  double noise = 0;                 ///< Residual over the root of the grey value, rms.
+  Eigen::Vector3d ground{0, 0, 0};  ///< Middle, per px of x, per px of y; about its origin.
+  Eigen::Vector2d ground_origin_px{0, 0};
+  std::vector<double> stds_px;  ///< Of each ball's centre; what the fit gives.
+  double noise = 0;             ///< Residual over the root of the grey value, rms.
   bool fitted = false;
 
   /// How thick a ball is on the ray through a pixel, of 1 in its middle.
@@ -39,9 +40,13 @@ struct ShadowGroup {
 /// A group has no more balls than this.
 constexpr std::size_t kMaxBalls = 6;
 
+/// How much a pixel counts that is off the model: squared, or less beyond some standard deviations (Huber's weights).
+enum class PixelLoss { kSquared, kHuber };
+
 /// Fits a group of 1 to kMaxBalls balls to the grey values (CV_32FC1) around its balls, where `mask` (CV_8UC1) is not
 /// zero, by Levenberg-Marquardt with the weights of counted quanta. `fitted` is false when it has too few pixels or
 /// runs away.
-ShadowGroup fittedGroup(const cv::Mat& image, const cv::Mat& mask, ShadowGroup start);
+ShadowGroup fittedGroup(const cv::Mat& image, const cv::Mat& mask, ShadowGroup start,
+                        PixelLoss loss = PixelLoss::kSquared);
 
 }  // namespace angio::calibration

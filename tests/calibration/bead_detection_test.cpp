@@ -4,9 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/imgcodecs.hpp>
+
 #include "angio/calibration/direct_linear.hpp"
 #include "angio/geometry/distortion.hpp"
 #include "angio/test/errors.hpp"
+#include "angio/test/shared_data.hpp"
 #include "bead_scenes.hpp"
 
 namespace angio::test {
@@ -176,6 +179,23 @@ TEST_F(BeadMatching, RefusesWhatIsNoViewOfThePhantom) {
   seen.resize(4);
   EXPECT_NE(test::refusalOf([&] { matchBeads("v.csv", phantom_, seen); }).find("must be at least 12"),
             std::string::npos);
+}
+
+// Real shadows have soft, stretched rims, and wires touch some: each is one ball. 29 and 38 beads are seen whole, two
+// of them on thick wire in each picture.
+TEST(BeadDetection, ARealBeadIsOneDetection) {
+  NEED_SHARED_DATA("guide3d-calibration/cube_16709.jpg");
+  for (const auto& [name, whole] : {std::pair("16709", 27), std::pair("16710", 36)}) {
+    const cv::Mat picture = cv::imread(sharedData(std::string("guide3d-calibration/cube_") + name + ".jpg"), 0);
+    std::vector<Eigen::Vector2d> beads;
+    for (const BeadDetection& seen : detectBeads(picture, BeadDetectionSettings().throughIntensifier())) {
+      if (seen.contrast.value() > 0.8 && seen.radius_px.value() > 4) beads.push_back(seen.center_px);
+    }
+    EXPECT_GE(static_cast<int>(beads.size()), whole) << name;
+    for (std::size_t i = 0; i < beads.size(); ++i) {
+      for (std::size_t j = 0; j < i; ++j) EXPECT_GT((beads[i] - beads[j]).norm(), 8) << name << ": " << beads[i];
+    }
+  }
 }
 
 }  // namespace
