@@ -2,6 +2,8 @@
 // angio-calibrate camera with pictures: cameras from raw pictures of an undistortion grid and of equal beads.
 #include "calibrate_pictures.hpp"
 
+#include <algorithm>
+#include <array>
 #include <iostream>
 #include <map>
 #include <opencv2/core.hpp>
@@ -12,6 +14,7 @@
 #include "angio/calibration/grid_distortion.hpp"
 #include "angio/calibration/grid_pictures.hpp"
 #include "angio/calibration/picture_views.hpp"
+#include "angio/calibration/plated_cameras.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "angio/cli/further_options.hpp"
 #include "angio/cli/program.hpp"
@@ -36,8 +39,28 @@ struct PictureCamera {
   cv::Mat grid_image;
   std::vector<cv::Mat> images;
   std::vector<PictureView> views;
+  CameraViews seen;
   std::optional<CameraCalibration> result;
 };
+
+// All cameras of the command line.
+struct PictureCameras {
+  std::vector<PictureCamera> cameras;
+  std::vector<BuildTrial> trials;  // Ways to put the phantom together that were tried.
+  PhantomBuild build = PhantomBuild::kOnePiece;
+};
+
+constexpr std::array<std::pair<PhantomBuild, const char*>, 4> kBuilds{{{PhantomBuild::kOnePiece, "none"},
+                                                                       {PhantomBuild::kPlatesAlongX, "x"},
+                                                                       {PhantomBuild::kPlatesAlongY, "y"},
+                                                                       {PhantomBuild::kPlatesAlongZ, "z"}}};
+
+std::optional<PhantomBuild> buildNamed(const std::string& name) {
+  for (const auto& [build, word] : kBuilds) {
+    if (name == word) return build;
+  }
+  return std::nullopt;
+}
 
 cv::Mat readPictureFile(const std::string& path, bool mirrored) {
   cv::Mat image = readXrayImage(path);
@@ -74,16 +97,19 @@ void seeGrid(const PictureOptions& o, PictureCamera& camera) {
   camera.distortion = fitGridDistortion(camera.grid_path, *camera.grid);
 }
 
-void calibrate(const PictureOptions& o, const CameraSections& settings, const BeadPhantom& phantom,
-               PictureCamera& camera) {
+void see(const PictureOptions& o, const CameraSections& settings, const BeadPhantom& phantom, PictureCamera& camera) {
   seeGrid(o, camera);
-  DetectorOfViews detector;
+  DetectorOfViews& detector = camera.seen.detector;
   if (camera.distortion) {
-    detector = {camera.grid->width_px, camera.grid->height_px, {}, camera.distortion->distortion};
+    detector = {camera.grid->width_px,
+                camera.grid->height_px,
+                {},
+                camera.distortion->distortion,
+                camera.distortion->term_covariance_px2,
+                true};
   }
   const BeadDetectionSettings shadows =
       camera.distortion ? settings.detection.throughIntensifier() : settings.detection;
-  std::vector<BeadView> views;
   for (const std::size_t p : camera.pictures) {
     const std::string& path = o.pictures[p];
     camera.images.push_back(readPictureFile(path, o.mirrored));
@@ -95,9 +121,39 @@ void calibrate(const PictureOptions& o, const CameraSections& settings, const Be
           formatted("must be %d x %d, as the camera's other pictures", detector.width_px, detector.height_px));
     }
     camera.views.push_back(readPicture(path, image, phantom, detector.distortion, shadows, hintOf(o, p)));
-    views.push_back(camera.views.back().view);
+    camera.seen.views.push_back(camera.views.back().view);
   }
-  camera.result = calibrateCamera(phantom, detector, views, settings.camera);
+}
+
+PictureCameras calibrated(const PictureOptions& o, const CameraSections& settings, const BeadPhantom& phantom,
+                          std::vector<PictureCamera> cameras) {
+  std::vector<CameraViews> seen;
+  for (PictureCamera& camera : cameras) {
+    see(o, settings, phantom, camera);
+    seen.push_back(camera.seen);
+  }
+  // Readings that are any of those that fit do not name the plates of several pictures alike.
+  const bool one_frame = !o.any_reading;
+  const bool one_piece = o.any_reading && std::any_of(seen.begin(), seen.end(), [](const CameraViews& camera) {
+                           return camera.views.size() > 1;
+                         });
+  const auto build = one_piece ? std::optional(PhantomBuild::kOnePiece) : buildNamed(o.plates);
+  PlatedCameras found = calibrateCameras(phantom, seen, settings.camera, build, o.plate_tolerance_mm, one_frame);
+  for (std::size_t c = 0; c < cameras.size(); ++c) cameras[c].result = std::move(found.cameras[c]);
+  return {std::move(cameras), found.trials, found.build};
+}
+
+std::string buildText(const PictureCameras& all) {
+  std::vector<std::vector<std::string>> rows{
+      {"plates along", "rms px", "beads left out, rms px", "with the other camera's shifts, rms px", ""}};
+  for (const BuildTrial& trial : all.trials) {
+    const auto name =
+        std::find_if(kBuilds.begin(), kBuilds.end(), [&](const auto& b) { return b.first == trial.build; });
+    rows.push_back({name->second, formatted("%.3f", trial.rms_px), formatted("%.3f", trial.left_out_rms_px),
+                    trial.other_rms_px > 0 ? formatted("%.3f", trial.other_rms_px) : "-",
+                    trial.build == all.build ? "taken" : ""});
+  }
+  return markdownTable(rows);
 }
 
 std::string gridTable(const PictureCamera& camera) {
@@ -157,7 +213,7 @@ std::string relativeText(const PictureOptions& o, const std::vector<PictureCamer
   if (cameras.size() != 2 || o.any_reading) return "";
   const CalibratedView &first = cameras[0].result->views[0], &second = cameras[1].result->views[0];
   if (!first.covariance || !second.covariance) return "";
-  const RelativePose relative = relativePose(first, second);
+  const RelativePose relative = relativePose(first, second, cameras[0].result->plates);
   if (!o.relative.empty()) writePose(o.relative, {relative.T_second_first, relative.covariance});
   const Pose& T = relative.T_second_first;
   return transformRow("T_second_first", T, relative.covariance) +
@@ -210,6 +266,16 @@ void addPictureOptions(cli::Command& command, PictureOptions& o) {
   addEach("--near", o.near, "The phantom's pose, roughly (pose .yaml, MayaCam .txt, .csv), one for each picture")
       ->group(cli::kFurtherOptions);
   command.addFlag("--any-reading", o.any_reading, "K alone is wanted: of readings that fit equally well take any");
+  command
+      .addOption("--phantom-plates", o.plates,
+                 "Axis along which the phantom is stacked of plates, which may be shifted; found: what explains "
+                 "beads that are left out best")
+      ->check(cli::oneOf({"found", "none", "x", "y", "z"}))
+      ->group(cli::kFurtherOptions);
+  command
+      .addOption("--plate-tolerance-mm", o.plate_tolerance_mm, "Standard deviation of a plate's shift along each axis")
+      ->check(between(0.001, 10))
+      ->group(cli::kFurtherOptions);
   command.addFlag("--mirrored", o.mirrored, "The pictures are mirrored: flip them, left to right, first");
   addEach("--out-pose", o.out_poses, "The phantom's pose with its covariance (.yaml), one for each picture");
   addEach("--mayacam", o.mayacam,
@@ -243,14 +309,14 @@ int runPictures(const PictureOptions& o, const CameraSections& settings) {
     for (const std::string& file : *files) requireFolderOf(file);
   }
   const BeadPhantom phantom = readPointPhantom(o.phantom, phantomUnit_m(o));
-  std::vector<PictureCamera> cameras = camerasOf(o);
   Stopwatch watch;
-  for (PictureCamera& camera : cameras) calibrate(o, settings, phantom, camera);
+  const PictureCameras all = calibrated(o, settings, phantom, camerasOf(o));
+  const std::vector<PictureCamera>& cameras = all.cameras;
   const double all_s = watch.seconds();
   for (std::size_t c = 0; c < cameras.size(); ++c) writeCamera(o, c, cameras[c]);
   if (!o.report.empty()) writePictureReport(o, cameras);
   for (const PictureCamera& camera : cameras) std::cout << cameraText(camera) << "\n";
-  std::cout << relativeText(o, cameras) << formatted("time: %.2f s\n", all_s);
+  std::cout << buildText(all) << "\n" << relativeText(o, cameras) << formatted("time: %.2f s\n", all_s);
   return 0;
 }
 

@@ -13,7 +13,8 @@ namespace angio::apps {
 /// What `angio-calibrate camera` is told of pictures of a phantom of equal beads.
 struct PictureOptions {
   std::vector<std::string> pictures, grids, known_beads, near, out, out_poses, mayacam;
-  std::string phantom, phantom_unit, grid_shape = "hexagonal", relative, report;
+  std::string phantom, phantom_unit, grid_shape = "hexagonal", relative, report, plates = "found";
+  double plate_tolerance_mm = 0.3;
   bool mirrored = false, any_reading = false;
 };
 

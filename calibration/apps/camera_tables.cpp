@@ -67,8 +67,8 @@ std::string cameraViewsTable(const CameraCalibration& result) {
 std::string cameraTable(const CameraCalibration& result) {
   const CalibrationRecord& record = result.record;
   std::string text = valuesTable(record);
-  text += formatted("\nreprojection rms %.4g px, noise %.4g px per axis, %zu views", record.residual_rms,
-                    result.noise_px, result.views.size());
+  text += formatted("\nreprojection rms %.4g px, beads left out %.4g px, noise %.4g px per axis, %zu views",
+                    record.residual_rms, result.left_out_rms_px, result.noise_px, result.views.size());
   text += record.held_out_rms ? formatted("; held out %.4g px\n", *record.held_out_rms) : "; no view held out\n";
   text += formatted("condition %.3g; ", record.condition) + focalAndDepth(record) + "\n";
   for (const WeakDirection& weak : record.weak_directions) {

@@ -7,6 +7,7 @@
 
 #include <limits>
 
+#include "angio/base/formatted.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "angio/geometry/distortion.hpp"
 #include "angio/geometry/so3.hpp"
@@ -60,14 +61,19 @@ Eigen::Vector2d LensModel::seen(const LensNumbers& lens, double distance_m, cons
   }
   const Eigen::Vector2d shown_px = tube ? Eigen::Vector2d(middle_px + A * q) : Eigen::Vector2d(c + A * q);
   if (!known) return shown_px;
-  Eigen::Matrix2d J_known;
+  Eigen::Matrix2d J_known, J_turn;
   const Eigen::Vector2d image_px = known->distorted(shown_px, derive ? &J_known : nullptr);
+  const Eigen::Vector2d turned_px = turn.at((shown_px - known->center_px).cwiseQuotient(known->unit_px), &J_turn);
+  if (derive) J_known += lens[kS1] * J_turn * known->unit_px.cwiseInverse().asDiagonal();
   if (J_point) *J_point = J_known * *J_point;
-  if (J_lens) *J_lens = J_known * *J_lens;
-  return image_px;
+  if (J_lens) {
+    *J_lens = J_known * *J_lens;
+    J_lens->col(kS1) += turned_px;
+  }
+  return image_px + lens[kS1] * turned_px;
 }
 
-LensParameters freeParameters(const CameraCalibrationSettings& settings, bool several_distances) {
+LensParameters freeParameters(const CameraCalibrationSettings& settings, bool several_distances, bool turns_since_map) {
   LensParameters parameters;
   parameters.map.resize(kLensNumbers, 0);
   const auto add = [&](const char* name, std::initializer_list<LensNumber> numbers, double unit = 1) {
@@ -93,6 +99,7 @@ LensParameters freeParameters(const CameraCalibrationSettings& settings, bool se
     add("s1_deg", {kS1}, degToRad(1));
     add("s2_deg", {kS2}, degToRad(1));
   }
+  if (turns_since_map) add("turn_since_map_deg", {kS1}, degToRad(1));
   if (several_distances) {
     add("source_detector_offset_mm", {kOffset}, 1e-3);
     add("principal_point_slope_x_px_per_mm", {kSlopeX}, 1e3);
@@ -103,13 +110,17 @@ LensParameters freeParameters(const CameraCalibrationSettings& settings, bool se
 
 namespace {
 
+constexpr double kMillimetre = 1e-3;
+
 class BeadCost final : public ceres::CostFunction {
  public:
   BeadCost(const CameraBundle& bundle, const BundleView& view, Eigen::Index bead)
       : model_(bundle.model),
         parameters_(&bundle.parameters),
         distance_m_(view.distance_m),
-        turned_m_(view.T_camera_phantom.linear() * view.points_m.col(bead)),
+        R_(view.T_camera_phantom.linear()),
+        point_m_(view.points_m.col(bead)),
+        shift_(bundle.shiftOf(view, bead)),
         t_m_(view.T_camera_phantom.translation()),
         seen_px_(view.seen_px.col(bead)),
         weight_(1 / view.stds_px[bead]) {
@@ -121,7 +132,10 @@ class BeadCost final : public ceres::CostFunction {
     const Eigen::Index n = parameters_->map.cols();
     const LensNumbers lens = parameters_->fixed + parameters_->map * Eigen::Map<const Eigen::VectorXd>(blocks[0], n);
     const Eigen::Map<const Eigen::Vector3d> v(blocks[1]), w(blocks[1] + 3);
-    const Eigen::Vector3d turned_m = expSO3(w) * turned_m_, p_m = turned_m + t_m_ + v;
+    const Eigen::Matrix3d R = expSO3(w) * R_;
+    Eigen::Vector3d point_m = point_m_;
+    if (shift_) point_m += kMillimetre * Eigen::Map<const Eigen::Vector3d>(blocks[0] + *shift_);
+    const Eigen::Vector3d turned_m = R * point_m, p_m = turned_m + t_m_ + v;
     if (!(p_m.z() > 0)) return false;
     Eigen::Matrix<double, 2, 3> J_point;
     Eigen::Matrix<double, 2, kLensNumbers> J_lens;
@@ -131,7 +145,11 @@ class BeadCost final : public ceres::CostFunction {
     r = weight_ * (px - seen_px_);
     if (!jacobians) return r.allFinite();
     using RowMajor = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
-    if (jacobians[0]) Eigen::Map<RowMajor>(jacobians[0], 2, n).noalias() = weight_ * J_lens * parameters_->map;
+    if (jacobians[0]) {
+      Eigen::Map<RowMajor> J(jacobians[0], 2, n);
+      J.noalias() = weight_ * J_lens * parameters_->map;
+      if (shift_) J.middleCols<3>(*shift_) += kMillimetre * weight_ * J_point * R;
+    }
     if (jacobians[1]) {
       Eigen::Map<Eigen::Matrix<double, 2, 6, Eigen::RowMajor>> J(jacobians[1]);
       J.leftCols<3>() = weight_ * J_point;
@@ -144,9 +162,42 @@ class BeadCost final : public ceres::CostFunction {
   const LensModel& model_;
   const LensParameters* parameters_;
   double distance_m_;
-  Eigen::Vector3d turned_m_, t_m_;
+  Eigen::Matrix3d R_;
+  Eigen::Vector3d point_m_;
+  std::optional<Eigen::Index> shift_;
+  Eigen::Vector3d t_m_;
   Eigen::Vector2d seen_px_;
   double weight_;
+};
+
+// What is known of the plates' shifts: their deviation from it, in pixels.
+class PlateCost final : public ceres::CostFunction {
+ public:
+  explicit PlateCost(const CameraBundle& bundle)
+      : mean_mm_(bundle.plates.known.mean_mm),
+        root_(bundle.plates_noise_px *
+              Eigen::MatrixXd(inverseOfSymmetric(bundle.plates.known.covariance_mm2).llt().matrixU())),
+        values_(bundle.values.size()) {
+    set_num_residuals(static_cast<int>(mean_mm_.size()));
+    *mutable_parameter_block_sizes() = {static_cast<int>(values_)};
+  }
+
+  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+    const Eigen::Index numbers = mean_mm_.size();
+    Eigen::Map<Eigen::VectorXd>(residuals, numbers) =
+        root_ * (Eigen::Map<const Eigen::VectorXd>(blocks[0], values_).tail(numbers) - mean_mm_);
+    if (!jacobians || !jacobians[0]) return true;
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> J(jacobians[0], numbers,
+                                                                                         values_);
+    J.setZero();
+    J.rightCols(numbers) = root_;
+    return true;
+  }
+
+ private:
+  Eigen::VectorXd mean_mm_;
+  Eigen::MatrixXd root_;
+  Eigen::Index values_;
 };
 
 void moveBy(Pose& T, const Vector6d& step) {
@@ -160,11 +211,49 @@ std::unique_ptr<ceres::CostFunction> beadCost(const CameraBundle& bundle, const 
   return std::make_unique<BeadCost>(bundle, view, bead);
 }
 
+std::optional<Eigen::Index> CameraBundle::shiftOf(const BundleView& view, Eigen::Index bead) const {
+  if (view.plate.empty()) return std::nullopt;
+  return values.size() - 3 * (plates.count - view.plate[static_cast<std::size_t>(bead)]);
+}
+
+Eigen::Vector3d CameraBundle::point_m(const BundleView& view, Eigen::Index bead) const {
+  const auto shift = shiftOf(view, bead);
+  if (!shift) return view.points_m.col(bead);
+  return view.points_m.col(bead) + kMillimetre * values.segment<3>(*shift);
+}
+
+Eigen::MatrixXd CameraBundle::priorInformation() const {
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(values.size(), values.size());
+  const Eigen::Index numbers = 3 * plates.count;
+  if (numbers > 0) {
+    information.bottomRightCorner(numbers, numbers) =
+        plates_noise_px * plates_noise_px * inverseOfSymmetric(plates.known.covariance_mm2);
+  }
+  return information;
+}
+
+void CameraBundle::addPlates(const PhantomPlates& with, const std::vector<BeadView>& given) {
+  plates = with;
+  for (Eigen::Index k = 0; k < plates.count; ++k) {
+    for (const char* axis : {"x", "y", "z"}) parameters.names.push_back(formatted("plate_%td_%s_mm", k, axis));
+  }
+  const Eigen::Index numbers = 3 * plates.count;
+  parameters.map.conservativeResize(Eigen::NoChange, parameters.map.cols() + numbers);
+  parameters.map.rightCols(numbers).setZero();
+  values.conservativeResize(values.size() + numbers);
+  values.tail(numbers) = plates.known.mean_mm;
+  for (BundleView& view : views) {
+    for (const SeenBead& seen : given[view.index].beads) {
+      view.plate.push_back(plates.plate_of_bead[static_cast<std::size_t>(seen.bead)]);
+    }
+  }
+}
+
 Eigen::Matrix2Xd CameraBundle::residualsOf(const BundleView& view) const {
   const LensNumbers numbers = lens();
   Eigen::Matrix2Xd r(2, view.points_m.cols());
   for (Eigen::Index i = 0; i < r.cols(); ++i) {
-    const Eigen::Vector3d p_m = view.T_camera_phantom * view.points_m.col(i);
+    const Eigen::Vector3d p_m = view.T_camera_phantom * point_m(view, i);
     if (p_m.z() > 0) {
       r.col(i) = model.seen(numbers, view.distance_m, p_m) - view.seen_px.col(i);
     } else {
@@ -189,6 +278,9 @@ bool CameraBundle::solve(std::optional<double> robust_scale, int max_iterations,
                                robust_scale ? &cauchy : nullptr, values.data(), steps[v].data());
     }
     ordering->AddElementToGroup(steps[v].data(), 0);
+  }
+  if (!plates.isOnePiece() && problem.HasParameterBlock(values.data())) {
+    problem.AddResidualBlock(new PlateCost(*this), nullptr, values.data());
   }
   if (free == Free::kPoses && problem.HasParameterBlock(values.data()))
     problem.SetParameterBlockConstant(values.data());

@@ -27,6 +27,7 @@ struct LensModel {
   double half_width_px = 1;
   double reference_distance_m = 1;               ///< Source-detector distance of fx to cy, by the encoder.
   std::optional<DetectorDistortion> known = {};  ///< Of the image that all of the above make.
+  DisplacementPolynomial turn = {};  ///< Of the known map, by one radian of s1; no terms: it has not turned.
 
   /// Where a point in front of the camera is seen, at a source-detector distance; with derivatives by point and lens.
   Eigen::Vector2d seen(const LensNumbers& lens, double distance_m, const Eigen::Vector3d& p_camera,
@@ -42,7 +43,8 @@ struct LensParameters {
 
   LensNumbers lens(const Eigen::VectorXd& parameters) const { return fixed + map * parameters; }
 };
-LensParameters freeParameters(const CameraCalibrationSettings& settings, bool several_distances);
+LensParameters freeParameters(const CameraCalibrationSettings& settings, bool several_distances,
+                              bool turns_since_map = false);
 
 /// A view in the bundle: its beads in phantom coordinates, where they were seen, and its pose.
 struct BundleView {
@@ -52,17 +54,32 @@ struct BundleView {
   Eigen::Matrix2Xd seen_px;
   Eigen::VectorXd stds_px;  ///< Relative.
   std::vector<bool> use;    ///< Which beads count.
+  std::vector<int> plate;   ///< Of each bead; empty when the phantom is of one piece.
   Pose T_camera_phantom = Pose::Identity();
 };
 
-/// K's parameters and all poses at once.
+/// K's parameters, the shifts of the phantom's plates and all poses at once.
 struct CameraBundle {
   LensModel model;
-  LensParameters parameters;
-  Eigen::VectorXd values;
+  LensParameters parameters;  ///< Those of the plates' shifts move no lens number.
+  Eigen::VectorXd values;     ///< Last, when there are plates, their shifts [mm].
   std::vector<BundleView> views;
+  PhantomPlates plates;
+  double plates_noise_px = 0;  ///< A bead's, against which what is known of the shifts is weighed.
 
   LensNumbers lens() const { return parameters.lens(values); }
+
+  /// Where the shift of a bead's plate begins among the values; nothing for a phantom of one piece.
+  std::optional<Eigen::Index> shiftOf(const BundleView& view, Eigen::Index bead) const;
+
+  /// A bead with its plate's shift, in the phantom's frame.
+  Eigen::Vector3d point_m(const BundleView& view, Eigen::Index bead) const;
+
+  /// What is known of the shifts before, as normal equations of all values in units of a pixel's square.
+  Eigen::MatrixXd priorInformation() const;
+
+  /// Makes the shifts free, from what is known of them.
+  void addPlates(const PhantomPlates& with, const std::vector<BeadView>& given);
 
   /// Projected less seen [px], one column a bead; of beads behind the camera nothing is known, and they are infinite.
   Eigen::Matrix2Xd residualsOf(const BundleView& view) const;

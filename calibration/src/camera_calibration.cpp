@@ -9,7 +9,9 @@
 #include "angio/base/joined.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "camera_bundle.hpp"
+#include "camera_covariance.hpp"
 #include "information.hpp"
+#include "map_turn.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -19,6 +21,7 @@ constexpr double kRayleighMedian = 1.1774;  // Median length of a residual of un
 // Views do not share one camera when K's of their own explain them better than chance by this factor, and their mean
 // square falls by this factor: no real bead is so well known that the first alone says much.
 constexpr double kBeyondChance = 4, kBeyondMatter = 1.1;
+constexpr int kPlateRounds = 4;
 
 // Standard deviation per axis, in units of the beads' sigmas, whatever some beads do.
 double robustNoise(const CameraBundle& bundle) {
@@ -137,42 +140,20 @@ std::vector<std::size_t> solveRobustly(CameraBundle& bundle, const std::vector<B
   return left_out;
 }
 
-// Everything that the record's covariance is made of.
-struct JointCovariance {
-  Eigen::MatrixXd lens;
-  Eigen::RowVectorXd mean_depth;  // With the lens, then its own variance.
-  std::vector<Matrix6d> poses;    // Of each view.
-};
-
-// Of K and the phantom's mean depth, from the normal equations in blocks: Cov(K) is the inverse of the Schur complement
-// S, Cov(pose) = P^-1 + G S^-1 G^T with G = P^-1 C^T, and Cov(pose, K) = -G S^-1.
-JointCovariance jointCovariance(const CameraBundle& bundle, const Eigen::Vector3d& center_m, double variance) {
-  const Eigen::Index n = bundle.values.size();
-  std::vector<ViewInformation> all;
-  Eigen::MatrixXd S = Eigen::MatrixXd::Zero(n, n);
-  for (const BundleView& view : bundle.views) {
-    all.push_back(informationOf(bundle, view));
-    S += all.back().reducedLens();
+// Lets the phantom's plates move, from a bundle that is solved without. What is known of the shifts is weighed against
+// the beads' noise, which is measured as the shifts explain more of the residuals.
+void solvePlates(CameraBundle& bundle, const PhantomPlates& plates, const std::vector<BeadView>& views,
+                 const CameraCalibrationSettings& settings) {
+  bundle.addPlates(plates, views);
+  bundle.plates_noise_px = robustNoise(bundle);
+  for (int round = 0; round < kPlateRounds; ++round) {
+    if (settings.noise_px > 0) bundle.plates_noise_px = settings.noise_px;
+    if (!bundle.solve(std::nullopt, settings.max_iterations)) {
+      throw InputError("views", "bundle", "", "no shifts of the phantom's plates explain them");
+    }
+    chooseBeads(bundle, settings.outlier_stds * robustNoise(bundle));
+    bundle.plates_noise_px = std::sqrt(measuredVariance(bundle));
   }
-  JointCovariance joint;
-  joint.lens = variance * covarianceOf(S);
-  Eigen::RowVectorXd depth_by_lens = Eigen::RowVectorXd::Zero(n);
-  double own = 0;
-  for (std::size_t v = 0; v < bundle.views.size(); ++v) {
-    const Matrix6d P_inverse = inverseOfSymmetric(all[v].pose);
-    const Eigen::MatrixXd G = P_inverse * all[v].cross.transpose();
-    Vector6d depth;  // d(centre's z) / d(pose).
-    depth << 0, 0, 1, -skew(bundle.views[v].T_camera_phantom.linear() * center_m).row(2).transpose();
-    joint.poses.push_back(variance * P_inverse + G * joint.lens * G.transpose());
-    depth_by_lens -= depth.transpose() * G;
-    own += variance * depth.dot(P_inverse * depth);
-  }
-  const auto count = static_cast<double>(bundle.views.size());
-  depth_by_lens /= count;
-  joint.mean_depth.resize(n + 1);
-  joint.mean_depth.head(n) = depth_by_lens * joint.lens;
-  joint.mean_depth[n] = own / (count * count) + depth_by_lens * joint.lens * depth_by_lens.transpose();
-  return joint;
 }
 
 // Errors of a pose fitted to every other bead, at the beads between: what K does for beads it has not seen.
@@ -225,6 +206,8 @@ CameraFile cameraOfBundle(const CameraBundle& bundle, const DetectorOfViews& det
   CameraFile file{XrayCamera(p), detector.distortion, {}};
   if (bundle.model.kind == LensKind::kIntensifier) {
     file.distortion = DetectorDistortion::intensifier(file.camera, {lens[kK1], lens[kK2], lens[kS1], lens[kS2]});
+  } else if (bundle.model.turn.order > 0) {
+    file.distortion = turnedMap(file.distortion.value(), lens[kS1]);
   } else if (bundle.model.kind == LensKind::kRadial || lens[kSkew] != 0) {
     file.distortion = DetectorDistortion::radial(file.camera, lens[kK1], lens[kK2], lens[kSkew]);
   }
@@ -245,7 +228,7 @@ void recordParameters(const CameraBundle& bundle, const JointCovariance& joint, 
   record.values.resize(n + 1);
   record.values << bundle.values, 1e3 * mean_depth_m;
   record.covariance.resize(n + 1, n + 1);
-  record.covariance.topLeftCorner(n, n) = 0.5 * (joint.lens + joint.lens.transpose());
+  record.covariance.topLeftCorner(n, n) = 0.5 * (joint.values + joint.values.transpose());
   record.covariance.row(n).head(n) = 1e3 * joint.mean_depth.head(n);
   record.covariance.col(n).head(n) = 1e3 * joint.mean_depth.head(n).transpose();
   record.covariance(n, n) = 1e6 * joint.mean_depth[n];
@@ -255,7 +238,8 @@ void recordParameters(const CameraBundle& bundle, const JointCovariance& joint, 
 }  // namespace
 
 CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfViews& detector,
-                                  const std::vector<BeadView>& views, const CameraCalibrationSettings& settings) {
+                                  const std::vector<BeadView>& views, const CameraCalibrationSettings& settings,
+                                  const PhantomPlates& plates) {
   checkViews(phantom, detector, views, settings);
   CameraBundle all = startOf(phantom, detector, views, settings);
   requireObservable(all, phantom, views, settings);
@@ -265,25 +249,26 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
     if (!views[view.index].held_out) bundle.views.push_back(view);
   }
   const std::vector<std::size_t> left_out = solveRobustly(bundle, views, settings);
+  if (!plates.isOnePiece()) solvePlates(bundle, plates, views, settings);
 
-  CameraCalibration result{cameraOfBundle(bundle, detector, views), {}, {}, 0};
-  double squared = 0, weighted = 0, mean_depth_m = 0;
+  CameraCalibration result{cameraOfBundle(bundle, detector, views), {}, {}, 0, 0, {}};
+  double squared = 0, mean_depth_m = 0;
   int points = 0;
   for (const BundleView& view : bundle.views) {
-    const ViewInformation at = informationOf(bundle, view);
-    weighted += at.squared;
-    points += at.residuals / 2;
     mean_depth_m += (view.T_camera_phantom * phantom.center_m()).z() / static_cast<double>(bundle.views.size());
     const Eigen::Matrix2Xd r = bundle.residualsOf(view);
     for (Eigen::Index i = 0; i < r.cols(); ++i) {
-      if (view.use[i]) squared += r.col(i).squaredNorm();
+      if (!view.use[i]) continue;
+      squared += r.col(i).squaredNorm();
+      ++points;
     }
   }
-  const double freedom = 2.0 * points - static_cast<double>(bundle.values.size() + 6 * bundle.views.size());
-  const double measured = weighted / std::max(1.0, freedom);
-  result.noise_px = std::sqrt(squared / std::max(1.0, freedom));
-  const JointCovariance joint = jointCovariance(
-      bundle, phantom.center_m(), settings.noise_px > 0 ? settings.noise_px * settings.noise_px : measured);
+  const JointCovariance joint =
+      jointCovariance(bundle, phantom.center_m(), settings.noise_px, detector.map_covariance_px2);
+  result.noise_px = std::sqrt(squared / joint.freedom);
+  result.left_out_rms_px = std::sqrt(joint.left_out_squared_px2 / points);
+  const Eigen::Index shifts = 3 * bundle.plates.count;
+  result.plates = {bundle.values.tail(shifts), joint.values.bottomRightCorner(shifts, shifts)};
 
   CalibrationRecord& record = result.record;
   record.kind = "camera";
@@ -292,6 +277,7 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
   record.residual_rms = std::sqrt(squared / points);
   double held_out_squared = 0;
   int held_out_points = 0;
+  if (!plates.isOnePiece()) all.addPlates(plates, views);
   for (BundleView& view : all.views) {
     const auto used = std::find_if(bundle.views.begin(), bundle.views.end(),
                                    [&](const BundleView& other) { return other.index == view.index; });
@@ -300,7 +286,11 @@ CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfVi
     if (!took_part) view.T_camera_phantom = fittedPose(all, view);
     result.views.push_back(calibratedView(views[view.index], bundle, took_part ? *used : view));
     CalibratedView& calibrated = result.views.back();
-    if (took_part) calibrated.covariance = joint.poses[static_cast<std::size_t>(used - bundle.views.begin())];
+    if (took_part) {
+      const Eigen::MatrixXd& of_view = joint.views[static_cast<std::size_t>(used - bundle.views.begin())];
+      calibrated.covariance = of_view.bottomRightCorner<6, 6>();
+      calibrated.plate_covariance_mm = of_view.bottomRows<6>().middleCols(bundle.values.size() - shifts, shifts);
+    }
     calibrated.left_out = std::count(left_out.begin(), left_out.end(), view.index) > 0;
     if (calibrated.held_out) held_out_squared += heldOutSquared(all, view, held_out_points);
     record.views.push_back(

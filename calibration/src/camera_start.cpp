@@ -13,6 +13,7 @@
 #include "angio/base/joined.hpp"
 #include "angio/geometry/decompositions.hpp"
 #include "information.hpp"
+#include "map_turn.hpp"
 
 namespace angio::calibration {
 namespace {
@@ -246,6 +247,7 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
   CameraBundle bundle;
   bundle.model.kind = settings.distortion;
   bundle.model.known = detector.distortion;
+  if (detector.turns_since_map) bundle.model.turn = turnOf(detector.distortion.value());
   bundle.model.middle_px = {0.5 * (detector.width_px - 1), 0.5 * (detector.height_px - 1)};
   bundle.model.half_width_px = 0.5 * detector.width_px;
   bundle.model.reference_distance_m = mostUsedDistance_m(views);
@@ -263,7 +265,7 @@ CameraBundle startOf(const BeadPhantom& phantom, const DetectorOfViews& detector
   if (flat) requireTilts(projections, used, detector);
   const Eigen::Matrix3d K = flat ? planarStart(phantom, *T_plane_phantom, views, projections, detector)
                                  : solidStart(projections, used, stretches);
-  bundle.parameters = freeParameters(settings, farthest_m - nearest_m > kSameDistance_m);
+  bundle.parameters = freeParameters(settings, farthest_m - nearest_m > kSameDistance_m, detector.turns_since_map);
   bundle.values = Eigen::VectorXd::Zero(bundle.parameters.map.cols());
   for (Eigen::Index k = 0; k < bundle.values.size(); ++k) {
     const std::string& name = bundle.parameters.names[k];

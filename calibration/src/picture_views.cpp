@@ -7,6 +7,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/geometry/decompositions.hpp"
 #include "angio/imaging/collimator_opening.hpp"
 
 namespace angio::calibration {
@@ -111,7 +112,7 @@ PictureView readPicture(const std::string& path, const cv::Mat& picture, const B
   return result;
 }
 
-RelativePose relativePose(const CalibratedView& first, const CalibratedView& second) {
+RelativePose relativePose(const CalibratedView& first, const CalibratedView& second, const PlateShifts& plates) {
   RelativePose relative;
   relative.T_second_first = second.T_camera_phantom * first.T_camera_phantom.inverse();
   const Eigen::Matrix3d R = relative.T_second_first.linear();
@@ -123,6 +124,12 @@ RelativePose relativePose(const CalibratedView& first, const CalibratedView& sec
   by_second.topRightCorner<3, 3>() = arm;
   relative.covariance = by_first * first.covariance.value() * by_first.transpose() +
                         by_second * second.covariance.value() * by_second.transpose();
+  if (plates.covariance_mm2.size() > 0) {
+    // Poses have errors in common as far as both follow the shifts.
+    const Matrix6d common = by_first * first.plate_covariance_mm * inverseOfSymmetric(plates.covariance_mm2) *
+                            second.plate_covariance_mm.transpose() * by_second.transpose();
+    relative.covariance += common + common.transpose();
+  }
   return relative;
 }
 

@@ -20,6 +20,7 @@
 #include "angio/test/temporary_folder.hpp"
 #include "camera_bundle.hpp"
 #include "camera_scenes.hpp"
+#include "map_turn.hpp"
 
 namespace angio::test {
 namespace {
@@ -44,10 +45,11 @@ TEST(CameraBundle, JacobiansAreThoseOfDifferences) {
   for (const auto& [kind, known] : lenses) {
     CameraBundle bundle;
     bundle.model = {kind, {511.5, 511.5}, 512, 1.1, known};
+    if (known) bundle.model.turn = turnOf(*known);
     CameraCalibrationSettings settings;
     settings.distortion = kind;
     settings.skew = true;
-    bundle.parameters = freeParameters(settings, true);
+    bundle.parameters = freeParameters(settings, true, known.has_value());
     bundle.values = Eigen::VectorXd::Constant(bundle.parameters.map.cols(), 0.02);
     bundle.values.head<4>() << 4400, 4410, 500, 520;
     BundleView view;
@@ -57,6 +59,11 @@ TEST(CameraBundle, JacobiansAreThoseOfDifferences) {
     view.stds_px = Eigen::VectorXd::Constant(1, 0.5);
     view.T_camera_phantom.linear() = test::anyRotation(random);
     view.T_camera_phantom.translation() = Eigen::Vector3d(0.01, -0.02, 0.8);
+    // The bead is of the second of two plates, and they are shifted by millimetres.
+    bundle.views = {view};
+    bundle.addPlates({{1}, 2, {Eigen::VectorXd::LinSpaced(6, -2, 3), Eigen::MatrixXd::Identity(6, 6)}},
+                     {{"view", {{0, {0, 0}, 1}}, {}, false, CArmJoints::Zero()}});
+    view = bundle.views.front();
     const auto cost = beadCost(bundle, view, 0);
     const Vector6d step = random.twist(0.01, 0.3);
     const double* const blocks[] = {bundle.values.data(), step.data()};

@@ -7,6 +7,7 @@
 
 #include "angio/base/settings.hpp"
 #include "angio/calibration/bead_phantom.hpp"
+#include "angio/calibration/phantom_plates.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/geometry/carm.hpp"
 #include "angio/io/camera_files.hpp"
@@ -68,6 +69,7 @@ struct CalibratedView {
   /// Of the pose, K's uncertainty included: a change of its translation [m] and a small turn about the camera's axes
   /// [rad]. Absent for a view that took no part.
   std::optional<Matrix6d> covariance;
+  Eigen::MatrixXd plate_covariance_mm;  ///< Of the pose (rows) with the plates' shifts [mm]; no columns without plates.
 };
 
 /// K with its uncertainty, and where the phantom stood.
@@ -76,6 +78,10 @@ struct CameraCalibration {
   CalibrationRecord record;  ///< Kind "camera"; without inputs, machine and date, which the library does not know.
   std::vector<CalibratedView> views;  ///< In the order they were given.
   double noise_px = 0;                ///< Standard deviation of a bead's centre per axis, as measured.
+  /// Of each bead by K, poses and plates without it (to first order), root mean square as residual_rms: a model that
+  /// only follows the noise makes it larger.
+  double left_out_rms_px = 0;
+  PlateShifts plates;  ///< As estimated; none of a phantom of one piece.
 };
 
 /// The detector that took the views. Where spacing and distance are known, a focal length that is off them by more than
@@ -83,7 +89,12 @@ struct CameraCalibration {
 struct DetectorOfViews {
   int width_px = 0, height_px = 0;
   std::optional<double> pixel_spacing_m;
-  std::optional<DetectorDistortion> distortion = {};  ///< Known, as by a grid's image; taken as exact.
+  std::optional<DetectorDistortion> distortion = {};  ///< Known, as by a grid's image.
+  /// Of each axis' coefficients of a known polynomial, the axes independent; empty: taken as exact.
+  Eigen::MatrixXd map_covariance_px2 = {};
+  /// The known polynomial may have turned since by an angle that grows with the square of the radius, as an
+  /// intensifier's image does in another magnetic field: the angle at the rim is estimated, and is in the result's map.
+  bool turns_since_map = false;
 };
 
 /// Calibrates a camera from views of one phantom: K, distortion if asked for, K's change with the source-detector
@@ -93,7 +104,10 @@ struct DetectorOfViews {
 /// be: too few views or beads, a plane seen at one tilt only, too little depth to tell focal length from depth, views
 /// that are mirrored against the phantom, beads that are swapped or do not fit any projection, a bead named twice or
 /// not in the phantom, centres off the detector, and, after solving, views that do not share one camera.
+///
+/// With `plates`, the phantom's plates are shifted too, held by what is known of the shifts.
 CameraCalibration calibrateCamera(const BeadPhantom& phantom, const DetectorOfViews& detector,
-                                  const std::vector<BeadView>& views, const CameraCalibrationSettings& settings = {});
+                                  const std::vector<BeadView>& views, const CameraCalibrationSettings& settings = {},
+                                  const PhantomPlates& plates = {});
 
 }  // namespace angio::calibration

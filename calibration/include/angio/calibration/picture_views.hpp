@@ -42,7 +42,8 @@ struct RelativePose {
   Matrix6d covariance = Matrix6d::Zero();
 };
 
-/// The relative pose of two calibrated views; their errors are independent. Both must have a covariance.
-RelativePose relativePose(const CalibratedView& first, const CalibratedView& second);
+/// The relative pose of two calibrated views; their errors are independent but for what both have of the phantom's
+/// shifted plates, whose covariance is that of `plates`. Both must have a covariance.
+RelativePose relativePose(const CalibratedView& first, const CalibratedView& second, const PlateShifts& plates = {});
 
 }  // namespace angio::calibration
